@@ -1,0 +1,129 @@
+"""Plenoptic cameras, simulated physically: rays from sensor pixels through microlenses and a real lens into a scene.
+
+Names are loaded on first use (PEP 562), so that importing the package imports nothing else.
+"""
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from plenoptic import images as images
+    from plenoptic import sampling as sampling
+    from plenoptic.camera.camera import PlenopticCamera as PlenopticCamera
+    from plenoptic.camera.pose import Pose as Pose
+    from plenoptic.errors import FileError as FileError
+    from plenoptic.errors import InvalidValueError as InvalidValueError
+    from plenoptic.errors import PlenopticError as PlenopticError
+    from plenoptic.errors import PrescriptionError as PrescriptionError
+    from plenoptic.errors import SceneError as SceneError
+    from plenoptic.exposure import Exposure as Exposure
+    from plenoptic.exposure import RenderStats as RenderStats
+    from plenoptic.film import Film as Film
+    from plenoptic.optics import paraxial as paraxial
+    from plenoptic.optics.lens import LensStack as LensStack
+    from plenoptic.optics.media import AIR as AIR
+    from plenoptic.optics.media import ConstantMedium as ConstantMedium
+    from plenoptic.optics.media import Medium as Medium
+    from plenoptic.optics.media import ModelGlass as ModelGlass
+    from plenoptic.optics.media import Schott as Schott
+    from plenoptic.optics.media import Sellmeier as Sellmeier
+    from plenoptic.optics.microlenses import ConvexSide as ConvexSide
+    from plenoptic.optics.microlenses import Lattice as Lattice
+    from plenoptic.optics.microlenses import MicrolensArray as MicrolensArray
+    from plenoptic.optics.microlenses import MicrolensModel as MicrolensModel
+    from plenoptic.optics.paraxial import CardinalPoints as CardinalPoints
+    from plenoptic.optics.prescriptions import lens_names as lens_names
+    from plenoptic.optics.prescriptions import load_lens as load_lens
+    from plenoptic.optics.prescriptions import save_lens as save_lens
+    from plenoptic.optics.sensor import Sensor as Sensor
+    from plenoptic.optics.stops import CircularStop as CircularStop
+    from plenoptic.optics.stops import PolygonStop as PolygonStop
+    from plenoptic.optics.surface import Surface as Surface
+    from plenoptic.planning import Decision as Decision
+    from plenoptic.planning import Plan as Plan
+    from plenoptic.planning import Stage as Stage
+    from plenoptic.planning import plan as plan
+    from plenoptic.plots.exposure import plot_exposure as plot_exposure
+    from plenoptic.plots.lens import plot_lens as plot_lens
+    from plenoptic.rays import RayBundle as RayBundle
+    from plenoptic.rays import RayStatus as RayStatus
+    from plenoptic.rendering import render as render
+    from plenoptic.rendering import render_white as render_white
+    from plenoptic.scene.environment import ConstantBackground as ConstantBackground
+    from plenoptic.scene.light import QuadLight as QuadLight
+    from plenoptic.scene.loading import load_meshes as load_meshes
+    from plenoptic.scene.material import Emissive as Emissive
+    from plenoptic.scene.material import Lambertian as Lambertian
+    from plenoptic.scene.mesh import Mesh as Mesh
+    from plenoptic.scene.procedural import box as box
+    from plenoptic.scene.procedural import check_scene as check_scene
+    from plenoptic.scene.procedural import checkerboard as checkerboard
+    from plenoptic.scene.procedural import objects_scene as objects_scene
+    from plenoptic.scene.procedural import quad as quad
+    from plenoptic.scene.procedural import sphere as sphere
+    from plenoptic.scene.procedural import still_life as still_life
+    from plenoptic.scene.procedural import turned as turned
+    from plenoptic.scene.procedural import white_plane as white_plane
+    from plenoptic.scene.scene import Scene as Scene
+    from plenoptic.scene.texture import Texture as Texture
+else:
+    import importlib
+
+    _MODULES = {
+        "images": "plenoptic.images",
+        "paraxial": "plenoptic.optics.paraxial",
+        "sampling": "plenoptic.sampling",
+    }
+    _NAMES = {
+        "plenoptic.camera.camera": ("PlenopticCamera",),
+        "plenoptic.camera.pose": ("Pose",),
+        "plenoptic.errors": ("FileError", "InvalidValueError", "PlenopticError", "PrescriptionError", "SceneError"),
+        "plenoptic.exposure": ("Exposure", "RenderStats"),
+        "plenoptic.film": ("Film",),
+        "plenoptic.optics.lens": ("LensStack",),
+        "plenoptic.optics.media": ("AIR", "ConstantMedium", "Medium", "ModelGlass", "Schott", "Sellmeier"),
+        "plenoptic.optics.microlenses": ("ConvexSide", "Lattice", "MicrolensArray", "MicrolensModel"),
+        "plenoptic.optics.paraxial": ("CardinalPoints",),
+        "plenoptic.optics.prescriptions": ("lens_names", "load_lens", "save_lens"),
+        "plenoptic.optics.sensor": ("Sensor",),
+        "plenoptic.optics.stops": ("CircularStop", "PolygonStop"),
+        "plenoptic.optics.surface": ("Surface",),
+        "plenoptic.planning": ("Decision", "Plan", "Stage", "plan"),
+        "plenoptic.plots.exposure": ("plot_exposure",),
+        "plenoptic.plots.lens": ("plot_lens",),
+        "plenoptic.rays": ("RayBundle", "RayStatus"),
+        "plenoptic.rendering": ("render", "render_white"),
+        "plenoptic.scene.environment": ("ConstantBackground",),
+        "plenoptic.scene.light": ("QuadLight",),
+        "plenoptic.scene.loading": ("load_meshes",),
+        "plenoptic.scene.material": ("Emissive", "Lambertian"),
+        "plenoptic.scene.mesh": ("Mesh",),
+        "plenoptic.scene.procedural": (
+            "box",
+            "check_scene",
+            "checkerboard",
+            "objects_scene",
+            "quad",
+            "sphere",
+            "still_life",
+            "turned",
+            "white_plane",
+        ),
+        "plenoptic.scene.scene": ("Scene",),
+        "plenoptic.scene.texture": ("Texture",),
+    }
+    _HOMES = {name: module for module, names in _NAMES.items() for name in names}
+
+    def __getattr__(name):
+        if name in _MODULES:
+            found = importlib.import_module(_MODULES[name])
+        elif name in _HOMES:
+            found = getattr(importlib.import_module(_HOMES[name]), name)
+        else:
+            raise AttributeError(f"module 'plenoptic' has no attribute {name!r}")
+        globals()[name] = found
+        return found
+
+    def __dir__():
+        return sorted([*_MODULES, *_HOMES])
+
+    __all__ = [*_MODULES, *_HOMES]  # noqa: PLE0604

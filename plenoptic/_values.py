@@ -1,0 +1,150 @@
+"""Immutable values: frozen dataclasses whose arrays are read-only, comparable and picklable."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import sys
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from plenoptic.errors import InvalidValueError
+
+if sys.version_info >= (3, 11):
+    from typing import dataclass_transform
+else:
+
+    def dataclass_transform(**_: Any) -> Callable[[Any], Any]:
+        return lambda decorated: decorated
+
+
+T = TypeVar("T")
+
+
+def read_only(array: NDArray[Any]) -> NDArray[Any]:
+    """A read-only view of an array; the array itself stays as it is."""
+    view = array.view()
+    view.flags.writeable = False
+    return view
+
+
+def frozen_array(
+    values: ArrayLike, *, name: str, shape: tuple[int | None, ...], dtype: Any = np.float64
+) -> NDArray[Any]:
+    """A read-only copy of `values`, of the given shape (None: any length)."""
+    try:
+        array = np.array(values, dtype=dtype)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise InvalidValueError(f"{name} is not an array of numbers: {error}") from None
+    fits = array.ndim == len(shape) and all(
+        want is None or have == want for have, want in zip(array.shape, shape, strict=True)
+    )
+    if not fits:
+        wanted = "(" + ", ".join("n" if n is None else str(n) for n in shape) + ")"
+        raise InvalidValueError(f"{name} has shape {array.shape}; it must have shape {wanted}")
+    array.flags.writeable = False
+    return array
+
+
+def finite(value: float, name: str) -> float:
+    """`value` as a float, or an error that names it where it is not a finite number."""
+    try:
+        number = float(value)
+    except (TypeError, ValueError, OverflowError):
+        raise InvalidValueError(f"{name} is {value!r}; it must be a number") from None
+    if not math.isfinite(number):
+        raise InvalidValueError(f"{name} is {number}; it must be finite")
+    return number
+
+
+def positive(value: float, name: str, unit: str = "") -> float:
+    """`value` as a float, or an error that names it where it is not above zero and finite."""
+    number = finite(value, name)
+    if number <= 0:
+        raise InvalidValueError(f"{name} is {number:g}{unit and ' ' + unit}; it must be above 0")
+    return number
+
+
+def whole(value: int, name: str, *, at_least: int) -> int:
+    """`value` as an int, or an error where it is no whole number or too small."""
+    if isinstance(value, bool) or not isinstance(value, int | np.integer):
+        raise InvalidValueError(f"{name} is {value!r}; it must be a whole number")
+    if value < at_least:
+        raise InvalidValueError(f"{name} is {value}; it must be at least {at_least}")
+    return int(value)
+
+
+def _same(a: Any, b: Any) -> bool:
+    if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
+        return (
+            isinstance(a, np.ndarray)
+            and isinstance(b, np.ndarray)
+            and a.shape == b.shape
+            and a.dtype == b.dtype
+            and np.array_equal(a, b, equal_nan=a.dtype.kind in "fc")
+        )
+    return bool(a == b)
+
+
+def _hashable(item: Any) -> Any:
+    if not isinstance(item, np.ndarray):
+        return item
+    if item.dtype.kind in "fc":  # what compares equal must hash equal: both zeros, and every NaN
+        item = np.where(np.isnan(item), np.nan, item) + 0.0
+    return item.shape, item.tobytes()
+
+
+def _short(item: Any) -> str:
+    if isinstance(item, np.ndarray):
+        return f"<{' x '.join(map(str, item.shape))} {item.dtype}>"
+    return repr(item)
+
+
+def _equal(self: Any, other: object) -> Any:
+    fields = dataclasses.fields(self)
+    if type(self) is not type(other):
+        return NotImplemented
+    return all(_same(getattr(self, f.name), getattr(other, f.name)) for f in fields if f.compare)
+
+
+def _hash(self: Any) -> int:
+    return hash((type(self), *(_hashable(getattr(self, f.name)) for f in dataclasses.fields(self) if f.compare)))
+
+
+def _repr(self: Any) -> str:
+    shown = []
+    for field in dataclasses.fields(self):
+        item = getattr(self, field.name)
+        if field.repr and not (field.default is not dataclasses.MISSING and _same(item, field.default)):
+            shown.append(f"{field.name}={_short(item)}")
+    return f"{type(self).__name__}({', '.join(shown)})"
+
+
+def _restore(self: Any, state: dict[str, Any]) -> None:
+    # Pickling forgets that an array was read-only.
+    for name, item in state.items():
+        if isinstance(item, np.ndarray):
+            item.flags.writeable = False
+        object.__setattr__(self, name, item)
+
+
+@dataclass_transform(frozen_default=True, field_specifiers=(dataclasses.field,))
+def value(cls: type[T]) -> type[T]:
+    """Make a class a frozen dataclass that also compares, hashes, prints and pickles with arrays in it."""
+    has_own_repr = "__repr__" in cls.__dict__
+    made: Any = dataclasses.dataclass(frozen=True, eq=False, repr=False)(cls)
+    made.__eq__ = _equal
+    made.__hash__ = _hash
+    made.__setstate__ = _restore
+    if not has_own_repr:
+        made.__repr__ = _repr
+    finished: type[T] = made
+    return finished
+
+
+def set_field(instance: Any, name: str, item: Any) -> None:
+    """Set a field of a frozen value from its own `__post_init__`, where it is brought into its final form."""
+    object.__setattr__(instance, name, item)

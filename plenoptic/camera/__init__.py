@@ -1,0 +1,1 @@
+"""Main lens, microlenses and sensor put together, placed in the world."""

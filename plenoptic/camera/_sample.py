@@ -1,0 +1,167 @@
+"""Where paths start: a point on a pixel and a point in the region that feeds it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from plenoptic._jit import device, kernel
+from plenoptic._sobol import mix, reversed_point, scramble_reversed, set_key, stream, to_unit
+from plenoptic.optics._trace import BLOCK, MISSED, RAY, STATUS, WEIGHT, L, M, N, X, Y, Z
+
+
+@device
+def path_place(path, samples, replicates):
+    """Pixel, replicate and number in the replicate of path `path` of a tile.
+
+    Paths run over pixels, in a pixel over replicates, in a replicate over its samples; the first
+    `samples % replicates` replicates have one sample more than the others.
+    """
+    pixel = path // samples
+    rest = path - pixel * samples
+    each, more = samples // replicates, samples % replicates
+    long = more * (each + 1)
+    if rest < long:
+        replicate = rest // (each + 1)
+        return pixel, replicate, rest - replicate * (each + 1)
+    replicate = more + (rest - long) // each
+    return pixel, replicate, rest - long - (replicate - more) * each
+
+
+@device
+def _find(triangles, low, high, area):
+    """The triangle whose share of the summed area holds `area`."""
+    while low < high:
+        middle = (low + high) // 2
+        if triangles[middle, 6] > area:
+            high = middle
+        else:
+            low = middle + 1
+    return low
+
+
+@device
+def aim(ray, i, triangles, low, high, sx, sy, u, v):
+    """Point of the region by areas: u finds the triangle and, stretched, with v the point in it."""
+    total = triangles[high - 1, 6]
+    wanted = u * total
+    k = _find(triangles, low, high - 1, wanted)
+    before = triangles[k - 1, 6] if k > low else 0.0
+    u = min(max((wanted - before) / (triangles[k, 6] - before), 0.0), 1.0)
+    root = math.sqrt(u)
+    a, b = root * (1.0 - v), root * v
+    mx = triangles[k, 0] + a * triangles[k, 2] + b * triangles[k, 4]
+    my = triangles[k, 1] + a * triangles[k, 3] + b * triangles[k, 5]
+    ray[X + i] = mx
+    ray[Y + i] = my
+    ray[L + i] = mx - sx
+    ray[M + i] = my - sy
+    ray[Z + i] = triangles[k, 7]
+    ray[N + i] = triangles[k, 8]
+    ray[WEIGHT + i] = total
+    ray[STATUS + i] = 0.0
+
+
+@device
+def pad(blocks, n):
+    """Fill the last block from ray n on with rays that are lost already."""
+    for path in range(n, blocks.size // 8):
+        ray = blocks[(path // BLOCK) * RAY : (path // BLOCK + 1) * RAY]
+        i = path % BLOCK
+        for row in range(8):
+            ray[row * BLOCK + i] = 0.0
+        ray[STATUS + i] = MISSED
+
+
+@kernel
+def fill_camera_samples(blocks, first_path, n, samples, replicates, seed, pixels, number, pitch, triangles, first):
+    """Start paths first_path ... first_path + n - 1 of a tile.
+
+    `pixels` (p, 2) are the centres of the tile's lit pixels, `number` their numbers on the whole sensor,
+    the triangles of pixel i are those from first[i] to first[i + 1].
+    """
+    path = first_path
+    end = first_path + n
+    while path < end:
+        pixel, replicate, index = path_place(path, samples, replicates)
+        run = samples // replicates + (1 if replicate < samples % replicates else 0) - index
+        run = min(run, end - path)
+        key = set_key(stream(seed, number[pixel], replicate), 0)
+        seed_x, seed_y = np.uint32(mix(key, np.uint64(0))), np.uint32(mix(key, np.uint64(1)))
+        seed_u, seed_v = np.uint32(mix(key, np.uint64(2))), np.uint32(mix(key, np.uint64(3)))
+        low, high = first[pixel], first[pixel + 1]
+        corner_x = pixels[pixel, 0] - 0.5 * pitch
+        corner_y = pixels[pixel, 1] - 0.5 * pitch
+        for k in range(run):
+            at = path - first_path + k
+            j = np.uint32(index + k)
+            sx = corner_x + pitch * to_unit(scramble_reversed(reversed_point(j, 0), seed_x))
+            sy = corner_y + pitch * to_unit(scramble_reversed(reversed_point(j, 1), seed_y))
+            u = to_unit(scramble_reversed(reversed_point(j, 2), seed_u))
+            v = to_unit(scramble_reversed(reversed_point(j, 3), seed_v))
+            base = (at // BLOCK) * RAY
+            aim(blocks[base : base + RAY], at % BLOCK, triangles, low, high, sx, sy, u, v)
+        path += run
+    pad(blocks, n)
+
+
+@kernel
+def fill_path_keys(keys, indices, first_path, samples, replicates, seed, number):
+    """The random stream of each path of a bundle and the path's number in it."""
+    for k in range(keys.size):
+        pixel, replicate, index = path_place(first_path + k, samples, replicates)
+        keys[k] = stream(seed, number[pixel], replicate)
+        indices[k] = index
+
+
+@kernel
+def fill_sums(sums, blocks, radiance, first_path, n, samples, replicates):
+    """Add what the paths of a bundle bring to sums (pixels, replicates, channels), in the order of their numbers.
+
+    `radiance` is (n, channels), or None for 1 everywhere: a white image. Returns how many contributions were not
+    finite; these are left out.
+    """
+    broken = 0
+    for k in range(n):
+        pixel, replicate, _ = path_place(first_path + k, samples, replicates)
+        weight = blocks[(k // BLOCK) * RAY + WEIGHT + k % BLOCK]
+        for c in range(sums.shape[2]):
+            light = weight if radiance is None else weight * radiance[k, c]
+            if light - light == 0.0:
+                sums[pixel, replicate, c] += light
+            else:
+                broken += 1
+    return broken
+
+
+@kernel
+def fill_status_counts(counts, blocks, n):
+    """Count the rays of a bundle by their status."""
+    for k in range(n):
+        counts[int(blocks[(k // BLOCK) * RAY + STATUS + k % BLOCK])] += 1
+
+
+@kernel
+def fill_world_rays(rays, lanes, blocks, n, rotation, position):
+    """The rays of a bundle that left the lens, as rows of origin and direction in the world; returns how many.
+
+    `rotation` and `position` are None where the world is the camera's frame.
+    """
+    found = 0
+    for k in range(n):
+        base = (k // BLOCK) * RAY + k % BLOCK
+        if blocks[base + STATUS] != 0.0:
+            continue
+        x, y, z = blocks[base + X], blocks[base + Y], blocks[base + Z]
+        l, m, n_z = blocks[base + L], blocks[base + M], blocks[base + N]
+        row = rays[found]
+        if rotation is None:
+            row[0], row[1], row[2], row[3], row[4], row[5] = x, y, z, l, m, n_z
+        else:
+            for axis in range(3):
+                row[axis] = rotation[axis, 0] * x + rotation[axis, 1] * y + rotation[axis, 2] * z + position[axis]
+                row[3 + axis] = rotation[axis, 0] * l + rotation[axis, 1] * m + rotation[axis, 2] * n_z
+        lanes[found] = k
+        found += 1
+    return found

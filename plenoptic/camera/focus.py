@@ -1,0 +1,44 @@
+"""Focus by paraxial conjugates."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from plenoptic.errors import InvalidValueError
+from plenoptic.optics import paraxial
+
+if TYPE_CHECKING:
+    from plenoptic.camera.camera import PlenopticCamera
+
+
+def image_behind_array(camera: PlenopticCamera) -> float:
+    """How far behind the array the main lens must form the image that is sharp on the sensor, in mm.
+
+    With microlenses of focal length f at distance b from the sensor, light that meets on the sensor comes,
+    seen in front of the microlenses, from the distance a with 1/a + 1/b = 1/f; the image then lies at -a
+    behind the array. At b = f the microlenses see infinity, and a plenoptic camera of the first kind
+    focuses its main lens on the array itself: 0.
+    """
+    array = camera.microlenses
+    if array is None:
+        return 0.0
+    b, f = camera.microlenses_to_sensor, array.focal_length
+    # Rounding of b or f in the last digits must not send the image to infinity.
+    if math.isclose(b, f, rel_tol=1e-9):
+        return 0.0
+    return b * f / (f - b)
+
+
+def focused_stop_to_microlenses(camera: PlenopticCamera, z: float) -> float:
+    """The distance from iris to array at which the plane z of the camera's frame is sharp, in mm."""
+    if math.isnan(z) or not z < 0:
+        raise InvalidValueError(f"z is {z} mm; the plane must lie in front of the camera, at z below 0")
+    image = paraxial.image_position(camera.lens, z, camera.wavelength)
+    focus = paraxial.cardinal_points(camera.lens, camera.wavelength).front_focus
+    if not math.isfinite(image) or z >= focus:
+        raise InvalidValueError(
+            f"the plane z = {z:g} mm has no real image behind the lens; it must lie beyond the front focus "
+            f"at z = {focus:g} mm"
+        )
+    return image - image_behind_array(camera)

@@ -1,0 +1,86 @@
+"""Where a camera stands in the world and which way it looks."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from plenoptic._values import frozen_array, set_field, value
+from plenoptic.errors import InvalidValueError
+
+
+@value
+class Pose:
+    """A rigid motion from the camera's frame to the world: world = rotation @ camera + position.
+
+    Parameters
+    ----------
+    rotation : (3, 3) array
+        Columns are the camera's x (right), y (up) and z (backwards, against the view) in the world.
+    position : (3,) array
+        The camera's origin, the centre of its iris, in the world in mm.
+
+    Raises
+    ------
+    InvalidValueError
+        Where the rotation is not orthonormal and right-handed, or a number is not finite.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> pose = pl.Pose.look_at(position=(0, 0, 900), target=(0, 0, 0))
+    >>> pose.to_world([[0.0, 0.0, -400.0]])
+    array([[  0.,   0., 500.]])
+    """
+
+    rotation: NDArray[np.float64]
+    position: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        set_field(self, "rotation", frozen_array(self.rotation, name="rotation", shape=(3, 3)))
+        set_field(self, "position", frozen_array(self.position, name="position", shape=(3,)))
+        if not (np.isfinite(self.rotation).all() and np.isfinite(self.position).all()):
+            raise InvalidValueError("a pose holds a number that is not finite; give finite rotation and position")
+        defect = np.abs(self.rotation @ self.rotation.T - np.eye(3)).max()
+        if defect > 1e-9 or np.linalg.det(self.rotation) < 0:
+            raise InvalidValueError(
+                f"rotation is not a right-handed orthonormal matrix (defect {defect:.3g}, limit 1e-9); "
+                "scaling and mirroring belong to the scene"
+            )
+
+    @classmethod
+    def look_at(cls, position: ArrayLike, target: ArrayLike, up: ArrayLike = (0.0, 1.0, 0.0)) -> Pose:
+        """A camera at `position` that looks at `target` with `up` towards the top of its image.
+
+        Parameters
+        ----------
+        position, target : (3,) arrays
+            World points in mm.
+        up : (3,) array
+            Any direction that is not along the view.
+
+        Returns
+        -------
+        Pose
+        """
+        start = frozen_array(position, name="position", shape=(3,))
+        backwards = start - frozen_array(target, name="look_at", shape=(3,))
+        upwards = frozen_array(up, name="up", shape=(3,))
+        distance = float(np.linalg.norm(backwards))
+        if not np.isfinite(distance) or distance == 0.0:
+            raise InvalidValueError(f"position and look_at are {distance} mm apart; give distinct finite points")
+        z = backwards / distance
+        x = np.cross(upwards, z)
+        sine = float(np.linalg.norm(x))
+        if not sine > 1e-9 * float(np.linalg.norm(upwards)):
+            raise InvalidValueError(f"up {tuple(upwards.tolist())} lies along the view; choose another direction")
+        x = x / sine
+        return cls(rotation=np.stack([x, np.cross(z, x), z], axis=1), position=start)
+
+    def to_world(self, points: ArrayLike) -> NDArray[np.float64]:
+        """World coordinates of points (..., 3) of the camera's frame, in mm."""
+        return np.asarray(np.asarray(points, dtype=np.float64) @ self.rotation.T + self.position)
+
+    def to_camera(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Coordinates in the camera's frame of world points (..., 3), in mm."""
+        return np.asarray((np.asarray(points, dtype=np.float64) - self.position) @ self.rotation)

@@ -1,0 +1,374 @@
+"""Exposure: the image, its error, the ground truth, the camera and the statistics of one rendering."""
+
+from __future__ import annotations
+
+import base64
+import importlib.metadata
+import io
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic import images
+from plenoptic._description import describe, restore
+from plenoptic._values import finite, frozen_array, positive, set_field, value, whole
+from plenoptic.errors import FileError, InvalidValueError
+
+__all__ = ["Exposure", "RenderStats"]
+
+_NAMES = {1: ("Y",), 3: ("R", "G", "B")}
+_FULL = 65535  # the largest 16-bit value
+_KEPT_AS_TEXT = ("samples", "replicates", "seed", "region", "camera", "stats")
+_PREVIEW_PIXELS = 1024
+
+
+@value
+class RenderStats:
+    """What a rendering took and where its paths went.
+
+    Parameters
+    ----------
+    seconds : float
+        Wall-clock time, s.
+    cpu_seconds : float
+        Processor time of all threads together, s.
+    paths : int
+        Paths sampled.
+    paths_through_lens : int
+        Paths that left the lens towards the scene.
+    lost : tuple of (str, int or None, int)
+        Cause, index of the lens element (None where no element is to blame) and number of paths.
+        Causes are "outside_microlens", "missed", "clipped", "total_reflection" and "not_finite".
+    nonfinite : int
+        Contributions that were not finite and were left out of the image.
+    threads : int
+        Threads that worked.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> stats = pl.RenderStats(
+    ...     seconds=2.0, cpu_seconds=3.9, paths=1000, paths_through_lens=800,
+    ...     lost=(("clipped", 0, 150), ("clipped", 5, 50)), threads=2,
+    ... )
+    >>> stats.fraction_through_lens, stats.lost_by_cause
+    (0.8, {'clipped': 200})
+    """
+
+    seconds: float = 0.0
+    cpu_seconds: float = 0.0
+    paths: int = 0
+    paths_through_lens: int = 0
+    lost: tuple[tuple[str, int | None, int], ...] = ()
+    nonfinite: int = 0
+    threads: int = 1
+
+    def __post_init__(self) -> None:
+        for name in ("seconds", "cpu_seconds"):
+            seconds = finite(getattr(self, name), name)
+            if seconds < 0:
+                raise InvalidValueError(f"{name} is {seconds:g} s; it must be at least 0")
+            set_field(self, name, seconds)
+        for name, least in (("paths", 0), ("paths_through_lens", 0), ("nonfinite", 0), ("threads", 1)):
+            set_field(self, name, whole(getattr(self, name), name, at_least=least))
+        if self.paths_through_lens > self.paths:
+            raise InvalidValueError(
+                f"paths_through_lens is {self.paths_through_lens}; it must be at most paths, {self.paths}"
+            )
+        lost = tuple(
+            (
+                str(cause),
+                None if element is None else whole(element, "lost: element", at_least=0),
+                whole(count, "lost: count", at_least=0),
+            )
+            for cause, element, count in self.lost
+        )
+        set_field(self, "lost", lost)
+
+    @property
+    def fraction_through_lens(self) -> float:
+        """The part of the sampled paths that left the lens towards the scene; nan where none were sampled."""
+        return self.paths_through_lens / self.paths if self.paths else float("nan")
+
+    @property
+    def lost_by_cause(self) -> dict[str, int]:
+        """The number of lost paths for each cause, over all elements."""
+        causes: dict[str, int] = {}
+        for cause, _, count in self.lost:
+            causes[cause] = causes.get(cause, 0) + count
+        return causes
+
+    def __repr__(self) -> str:
+        lost = ", ".join(f"{count} {cause.replace('_', ' ')}" for cause, count in self.lost_by_cause.items())
+        facts = [f"{self.seconds:.3g} s", f"{self.threads} threads" if self.threads > 1 else "1 thread"]
+        facts.append(f"{self.paths} paths")
+        if self.paths:
+            facts.append(f"{100 * self.fraction_through_lens:.3g} % through the lens")
+        if lost:
+            facts.append(f"lost: {lost}")
+        if self.nonfinite:
+            facts.append(f"{self.nonfinite} not finite")
+        return f"RenderStats({', '.join(facts)})"
+
+
+@value
+class Exposure:
+    """What one rendering gives: image, standard error, ground truth, camera and statistics.
+
+    Parameters
+    ----------
+    image : (H, W, C) array_like
+        Irradiance integral of radiance over a pixel's solid angle, averaged over its area, in scene
+        units; linear; row 0 at the top; C is 1 or 3. Kept as float32.
+    standard_error : (H, W, C) array_like, optional
+        One standard deviation of `image`'s Monte Carlo error. Kept as float32.
+    depth : (H, W) array_like, optional
+        Ground truth: -z in the camera's frame, mm; inf where nothing is met. Kept as float64.
+    samples : int, optional
+        Paths per pixel; None where it is not known.
+    replicates : int, optional
+        Independent scramblings from which the standard error was found; None where it is not known.
+    seed : int, optional
+        Of the random numbers; None where it is not known.
+    camera : PlenopticCamera, optional
+        The camera that took it.
+    region : (int, int, int, int), optional
+        First row, end row, first column, end column on the sensor; None: the whole sensor.
+    stats : RenderStats, optional
+        What it took.
+
+    Raises
+    ------
+    InvalidValueError
+        Where a shape does not fit the image's, or a count is impossible.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import plenoptic as pl
+    >>> shot = pl.Exposure(np.ones((2, 3, 1)), standard_error=np.full((2, 3, 1), 0.01), samples=64)
+    >>> shot
+    Exposure(2 x 3 x 1, 64 samples per pixel, relative error 1 %)
+    """
+
+    image: NDArray[np.float32]
+    standard_error: NDArray[np.float32] | None = None
+    depth: NDArray[np.float64] | None = None
+    samples: int | None = None
+    replicates: int | None = None
+    seed: int | None = None
+    camera: Any = None
+    region: tuple[int, int, int, int] | None = None
+    stats: RenderStats | None = None
+
+    def __post_init__(self) -> None:
+        image = frozen_array(self.image, name="image", shape=(None, None, None), dtype=np.float32)
+        if image.shape[2] not in _NAMES or 0 in image.shape:
+            raise InvalidValueError(f"image has shape {image.shape}; it must be (H, W, 1) or (H, W, 3), not empty")
+        set_field(self, "image", image)
+        if self.standard_error is not None:
+            error = frozen_array(self.standard_error, name="standard_error", shape=image.shape, dtype=np.float32)
+            set_field(self, "standard_error", error)
+        if self.depth is not None:
+            set_field(self, "depth", frozen_array(self.depth, name="depth", shape=image.shape[:2]))
+        for name in ("samples", "replicates", "seed"):
+            number = getattr(self, name)
+            if number is not None:
+                set_field(self, name, whole(number, name, at_least=0))
+        if self.region is not None:
+            set_field(self, "region", _checked_region(self.region, image.shape[:2]))
+        if self.stats is not None and not isinstance(self.stats, RenderStats):
+            raise InvalidValueError(f"stats is a {type(self.stats).__name__}; it must be a RenderStats or None")
+
+    @property
+    def relative_error(self) -> float | None:
+        """The root mean square of the standard error over the image's mean; None without standard error."""
+        if self.standard_error is None:
+            return None
+        error = float(np.sqrt(np.mean(np.square(self.standard_error, dtype=np.float64))))
+        mean = float(np.mean(self.image, dtype=np.float64))
+        if error == 0:
+            return 0.0
+        return error / abs(mean) if mean != 0 else float("inf")
+
+    def save(self, path: str | os.PathLike[str], *, scale: float | None = None) -> None:
+        """Write the exposure to a file, in the format that the path's ending names.
+
+        The file appears whole or not at all.
+
+        Parameters
+        ----------
+        path : path-like
+            `.exr` keeps everything, as float32: the depth too is rounded from float64. `.tif`,
+            `.tiff` (linear) and `.png` (sRGB-encoded) keep the image in 16 bits, with the scale,
+            samples, seed and region, and neither error, depth, camera nor statistics.
+        scale : float, optional
+            For 16 bits: the value in the image that becomes 65535, by default the image's maximum.
+            Values above it are cut, and so are negative ones.
+
+        Raises
+        ------
+        FileError
+            Where the file cannot be written or the ending is unknown.
+        InvalidValueError
+            Where the scale is not above 0, or the camera is made of things that cannot be described.
+
+        Examples
+        --------
+        >>> import pathlib, tempfile
+        >>> import numpy as np
+        >>> import plenoptic as pl
+        >>> shot = pl.Exposure(np.ones((2, 3, 1)), samples=64, seed=0)
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     path = pathlib.Path(folder) / "shot.exr"
+        ...     shot.save(path)
+        ...     pl.Exposure.load(path) == shot
+        True
+        """
+        ending = Path(path).suffix.lower()
+        if ending == ".exr":
+            if scale is not None:
+                raise InvalidValueError(f"scale is {scale:g}, but EXR files keep the values as they are; leave it out")
+            images.write_channels(path, self._channels(), self._texts(_KEPT_AS_TEXT))
+        elif ending in (".tif", ".tiff", ".png"):
+            self._save_16bit(path, images.SRGB if ending == ".png" else images.LINEAR, scale)
+        else:
+            raise FileError(f"{os.fspath(path)!r} ends in {ending!r}; it must end in .exr, .tif, .tiff or .png")
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Exposure:
+        """Read an exposure that `save` wrote, or the image of any other file.
+
+        Parameters
+        ----------
+        path : path-like
+            An EXR file gives back everything; depth returns as float64 of float32 precision. Another
+            image file gives the linear image, times its scale if it has one. A file from elsewhere
+            gives what it holds.
+
+        Returns
+        -------
+        Exposure
+
+        Raises
+        ------
+        FileError
+            Where the file is missing, damaged or no image, or its metadata cannot be understood.
+
+        Examples
+        --------
+        See `save`.
+        """
+        channels, metadata = images.read_channels(path)
+        kept = {name: restore(metadata[key]) for name in _KEPT_AS_TEXT if (key := f"plenoptic:{name}") in metadata}
+        image = images.read_linear(path)
+        planes = [channels.get(f"error.{name}") for name in _NAMES[image.shape[2]]]
+        errors = [plane for plane in planes if plane is not None]
+        try:
+            if "plenoptic:scale" in metadata:
+                image = image * np.float32(positive(restore(metadata["plenoptic:scale"]), "scale"))
+            return cls(
+                image,
+                standard_error=np.stack(errors, axis=-1) if len(errors) == len(planes) else None,
+                depth=channels["depth.Z"].astype(np.float64) if "depth.Z" in channels else None,
+                **kept,
+            )
+        except InvalidValueError as error:
+            raise FileError(f"{os.fspath(path)!r} holds no possible exposure: {error}") from error
+
+    def _channels(self) -> Mapping[str, NDArray[Any]]:
+        names = _NAMES[self.image.shape[2]]
+        channels: dict[str, NDArray[Any]] = {name: self.image[:, :, i] for i, name in enumerate(names)}
+        if self.standard_error is not None:
+            channels |= {f"error.{name}": self.standard_error[:, :, i] for i, name in enumerate(names)}
+        if self.depth is not None:
+            channels["depth.Z"] = self.depth
+        return channels
+
+    def _texts(self, names: tuple[str, ...]) -> dict[str, str]:
+        texts = {"Software": f"plenoptic {_version()}"}
+        texts |= {f"plenoptic:{name}": describe(kept) for name in names if (kept := getattr(self, name)) is not None}
+        if "camera" in names and self.depth is not None:
+            texts["plenoptic:note"] = (
+                "depth.Z is -z in the camera's frame, mm, inf where nothing is met; computed in float64, "
+                "rounded to float32 in this file"
+            )
+        return texts
+
+    def _save_16bit(self, path: str | os.PathLike[str], encoding: str, scale: float | None) -> None:
+        image = np.nan_to_num(self.image.astype(np.float64), nan=0.0, posinf=np.inf, neginf=0.0)
+        if scale is None:
+            brightest = float(np.max(image, initial=0.0, where=np.isfinite(image)))
+            scale = brightest if brightest > 0 else 1.0
+        scale = positive(scale, "scale")
+        relative: NDArray[np.floating[Any]] = np.clip(image / scale, 0.0, 1.0)
+        if encoding == images.SRGB:
+            relative = images.linear_to_srgb(relative)
+        texts = self._texts(("samples", "replicates", "seed", "region"))
+        texts |= {"plenoptic:scale": describe(scale), images.COLOR_SPACE: encoding}
+        images.write_16bit(path, np.rint(relative * _FULL).astype(np.uint16), texts)
+
+    def __repr__(self) -> str:
+        return f"Exposure({self._facts()})"
+
+    def _facts(self) -> str:
+        facts = [" x ".join(map(str, self.image.shape))]
+        if self.samples is not None:
+            facts.append(f"{self.samples} samples per pixel")
+        if self.relative_error is not None:
+            facts.append(f"relative error {100 * self.relative_error:.3g} %")
+        if self.depth is not None:
+            facts.append("with depth")
+        if self.region is not None:
+            first_row, end_row, first_column, end_column = self.region
+            facts.append(f"rows {first_row}:{end_row}, columns {first_column}:{end_column}")
+        if self.stats is not None:
+            facts.append(f"{self.stats.seconds:.3g} s")
+        return ", ".join(facts)
+
+    def _repr_html_(self) -> str:
+        """The picture, its brightest 0.1 % cut, with one line of facts, for notebooks."""
+        png = base64.b64encode(_preview(self.image)).decode()
+        return f'<figure><img src="data:image/png;base64,{png}"/><figcaption>{self._facts()}</figcaption></figure>'
+
+
+def _checked_region(region: tuple[int, ...], shape: tuple[int, ...]) -> tuple[int, ...]:
+    if not isinstance(region, tuple | list) or len(region) != 4:
+        raise InvalidValueError(f"region is {region!r}; it must be (first row, end row, first column, end column)")
+    checked = tuple(whole(number, "region", at_least=0) for number in region)
+    first_row, end_row, first_column, end_column = checked
+    if (end_row - first_row, end_column - first_column) != shape:
+        raise InvalidValueError(
+            f"region {checked} has {end_row - first_row} x {end_column - first_column} pixels; "
+            f"it must have the image's {shape[0]} x {shape[1]}"
+        )
+    return checked
+
+
+def _preview(image: NDArray[np.float32]) -> bytes:
+    """An 8-bit sRGB PNG of at most 1024 pixels along a side, averaged linearly over whole blocks."""
+    from PIL import Image
+
+    block = -(-max(image.shape[:2]) // _PREVIEW_PIXELS)
+    brightest = float(np.max(image, initial=0, where=np.isfinite(image)))
+    shown = np.clip(np.nan_to_num(image, posinf=brightest), 0, brightest).astype(np.float64)
+    rows, columns = (max(length // block, 1) for length in image.shape[:2])
+    shown = shown[: rows * block, : columns * block]
+    rows_per, columns_per = shown.shape[0] // rows, shown.shape[1] // columns
+    shown = shown.reshape(rows, rows_per, columns, columns_per, -1).mean(axis=(1, 3))
+    white = float(np.percentile(shown, 99.9)) or float(shown.max()) or 1.0
+    pixels = np.rint(255 * images.linear_to_srgb(np.minimum(shown / white, 1.0))).astype(np.uint8)
+    stream = io.BytesIO()
+    Image.fromarray(pixels[:, :, 0] if pixels.shape[2] == 1 else pixels).save(stream, format="PNG")
+    return stream.getvalue()
+
+
+def _version() -> str:
+    try:
+        return importlib.metadata.version("plenoptic")
+    except importlib.metadata.PackageNotFoundError:  # run from its sources
+        return "(not installed)"

@@ -1,0 +1,1 @@
+"""Lenses: what they are made of, how they are described, and how light goes through them."""

@@ -1,0 +1,299 @@
+"""The lens: a stack of surfaces and stops on one axis."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic._values import finite, read_only, set_field, value, whole
+from plenoptic.errors import PrescriptionError
+from plenoptic.optics.media import AIR, Medium
+from plenoptic.optics.stops import CircularStop, PolygonStop, Stop
+from plenoptic.optics.surface import Surface
+from plenoptic.rays import RayBundle
+
+Element: TypeAlias = Surface | Stop
+"""What a lens is made of."""
+
+
+def _checked_elements(elements: Sequence[Element]) -> tuple[Element, ...]:
+    try:
+        stack = tuple(elements)
+    except TypeError:
+        raise PrescriptionError(f"elements is {elements!r}; it must be a sequence of surfaces and stops") from None
+    for i, element in enumerate(stack):
+        if not isinstance(element, Surface | CircularStop | PolygonStop):
+            raise PrescriptionError(
+                f"element {i} is {element!r}; a lens is made of Surface, CircularStop and PolygonStop: "
+                "remove it or describe it as one of these"
+            )
+    surfaces = [i for i, element in enumerate(stack) if isinstance(element, Surface)]
+    if not surfaces:
+        raise PrescriptionError(f"the lens has {len(stack)} elements and no surface; add at least one Surface")
+    if len(surfaces) == len(stack):
+        raise PrescriptionError(
+            f"the lens has {len(stack)} surfaces and no stop; add a CircularStop or PolygonStop where the iris stands"
+        )
+    last = stack[surfaces[-1]]
+    if isinstance(last, Surface) and last.medium != AIR:
+        raise PrescriptionError(
+            f"element {surfaces[-1]}, the last surface, is followed by {last.medium!r}; the sensor is in air: "
+            "its medium must be pl.AIR"
+        )
+    # The gap behind the last element belongs to the camera.
+    return (*stack[:-1], dataclasses.replace(stack[-1], thickness=0.0))
+
+
+def _is_stop(element: Element) -> bool:
+    return not isinstance(element, Surface)
+
+
+@value
+class LensStack:
+    """A centred lens: surfaces and stops in the order in which light from the scene meets them.
+
+    The lens has its own frame: z along the axis towards the sensor, z = 0 at the iris, lengths in mm. Scene and
+    sensor are in air. Lenses are equal when their elements, iris, name and source are.
+
+    Parameters
+    ----------
+    elements : sequence of Surface, CircularStop and PolygonStop
+        From the scene (-z) to the sensor (+z); at least one surface and one stop. Each one's `thickness` is the gap
+        to the next. Kept as a tuple; the gap behind the last one belongs to the camera and is set to 0.
+    iris : int, optional
+        Index in `elements` of the stop that is the iris; the first stop if it is left out.
+    name : str, optional
+        For people and for figures.
+    source : str, optional
+        Where the numbers come from: patent, book and page.
+
+    Raises
+    ------
+    PrescriptionError
+        If there is no surface or no stop, an element is neither, `iris` is not a stop, the gaps add up to no finite
+        length, or the last medium is not air.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> singlet = pl.LensStack([pl.CircularStop(semi_diameter=5.0, thickness=2.0),
+    ...                         pl.Surface(51.68, thickness=4.0, medium=pl.ConstantMedium(1.5168), semi_diameter=12.0),
+    ...                         pl.Surface(float("inf"), semi_diameter=12.0)], name="plano-convex")
+    >>> singlet
+    <LensStack 'plano-convex': 2 surfaces, 1 stop, 6 mm long>
+    >>> singlet.vertices
+    array([0., 2., 6.])
+    """
+
+    elements: Sequence[Element]
+    iris: int | None = None
+    name: str = ""
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        set_field(self, "elements", _checked_elements(self.elements))
+        stops = [i for i, element in enumerate(self.elements) if _is_stop(element)]
+        iris = stops[0] if self.iris is None else whole(self.iris, "iris", at_least=0)
+        if iris not in stops:
+            raise PrescriptionError(f"iris is element {iris}, which is not a stop; the stops are elements {stops}")
+        set_field(self, "iris", iris)
+        if not np.isfinite(sum(element.thickness for element in self.elements)):
+            raise PrescriptionError("the gaps add up to no finite length; reduce their thickness")
+
+    @property
+    def iris_index(self) -> int:
+        """Index in `elements` of the iris."""
+        assert self.iris is not None
+        return self.iris
+
+    @property
+    def stop(self) -> Stop:
+        """The iris."""
+        element = self.elements[self.iris_index]
+        assert not isinstance(element, Surface)
+        return element
+
+    @property
+    def vertices(self) -> NDArray[np.float64]:
+        """Position z of each element in mm, (n,), never decreasing; exactly 0 at the iris."""
+        gaps = [element.thickness for element in self.elements]
+        iris = self.iris_index
+        # Summed outwards from the iris, as prescriptions are read.
+        before = -np.cumsum([0.0, *gaps[:iris][::-1]])[::-1]
+        after = np.cumsum([0.0, *gaps[iris:-1]])
+        return read_only(np.concatenate([before[:-1], after]))
+
+    @property
+    def length(self) -> float:
+        """Distance from the first to the last element in mm."""
+        return float(self.vertices[-1] - self.vertices[0])
+
+    @property
+    def gap_media(self) -> tuple[Medium, ...]:
+        """The medium before the first element and behind each of them, n + 1 in all."""
+        media: list[Medium] = [AIR]
+        for element in self.elements:
+            media.append(element.medium if isinstance(element, Surface) else media[-1])
+        return tuple(media)
+
+    def indices(self, wavelength: float = 587.6) -> NDArray[np.float64]:
+        """Refractive index before the first element and behind each of them.
+
+        Parameters
+        ----------
+        wavelength : float, optional
+            nm.
+
+        Returns
+        -------
+        ndarray
+            (n + 1,); a stop has the index of the gap in which it stands.
+
+        Raises
+        ------
+        InvalidValueError
+            If a medium is not defined at that wavelength; a PrescriptionError if it answers with an index that is
+            below 1 or not finite.
+
+        Examples
+        --------
+        >>> import plenoptic as pl
+        >>> pl.load_lens("singlet-100mm-f4").indices(587.6).round(4)
+        array([1.    , 1.    , 1.5168, 1.    ])
+        """
+        found = np.array([float(medium.index(wavelength)) for medium in self.gap_media])
+        for i in np.flatnonzero(~((found >= 1.0) & (found < np.inf))):
+            raise PrescriptionError(
+                f"the medium behind element {i - 1} has the refractive index {found[i]:g} at {wavelength:g} nm; "
+                "it must be finite and at least 1: use another medium"
+            )
+        return read_only(found)
+
+    def with_stop(self, stop: Stop) -> LensStack:
+        """The same lens with another iris in the same place; the gap behind the iris stays.
+
+        Examples
+        --------
+        >>> import plenoptic as pl
+        >>> lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.PolygonStop(blades=6, semi_diameter=5.0))
+        >>> lens.stop
+        PolygonStop(blades=6, semi_diameter=5.0, thickness=9.0)
+        """
+        if not isinstance(stop, CircularStop | PolygonStop):
+            raise PrescriptionError(f"stop is {stop!r}; it must be a CircularStop or a PolygonStop")
+        elements = list(self.elements)
+        elements[self.iris_index] = dataclasses.replace(stop, thickness=self.stop.thickness)
+        return dataclasses.replace(self, elements=elements)
+
+    def inserted(self, stop: Stop, z: float) -> LensStack:
+        """The same lens with one more stop, in an air gap, in front of the lens or behind it; the iris stays.
+
+        Parameters
+        ----------
+        stop : Stop
+            Its own thickness is replaced by what is left of the gap.
+        z : float
+            Position in the lens frame, mm; z = 0 is the iris.
+
+        Raises
+        ------
+        PrescriptionError
+            If `z` lies inside glass.
+
+        Examples
+        --------
+        >>> import plenoptic as pl
+        >>> lens = pl.load_lens("double-gauss-100mm-f2")
+        >>> lens.inserted(pl.CircularStop(18.0), z=31.0).vertices[-2:]
+        array([30.31, 31.  ])
+        """
+        if not isinstance(stop, CircularStop | PolygonStop):
+            raise PrescriptionError(f"stop is {stop!r}; it must be a CircularStop or a PolygonStop")
+        place, vertices, elements = finite(z, "z"), self.vertices, list(self.elements)
+        bounds = [-np.inf, *vertices.tolist(), np.inf]
+        gaps = [i for i, (low, high) in enumerate(pairwise(bounds)) if low <= place <= high]
+        in_air = [i for i in gaps if self.gap_media[i] == AIR]
+        if not in_air:
+            low, high = bounds[gaps[0]], bounds[gaps[0] + 1]
+            raise PrescriptionError(
+                f"z {place:g} mm lies in glass, which reaches from {low:g} to {high:g} mm; place the stop in an air gap"
+            )
+        gap = in_air[0]
+        if gap > 0:
+            elements[gap - 1] = dataclasses.replace(elements[gap - 1], thickness=place - float(vertices[gap - 1]))
+        behind = float(vertices[gap]) - place if gap < len(elements) else 0.0
+        elements.insert(gap, dataclasses.replace(stop, thickness=behind))
+        return dataclasses.replace(self, elements=elements, iris=self.iris_index + (gap <= self.iris_index))
+
+    def profiles(self, points: int = 41) -> tuple[NDArray[np.float64], ...]:
+        """The section of each element in the plane x = 0, up to its semi-diameter: (points, 2) arrays of z, y in mm."""
+        sections = []
+        for z, element in zip(self.vertices, self.elements, strict=True):
+            y = np.linspace(-element.semi_diameter, element.semi_diameter, whole(points, "points", at_least=2))
+            sag = element.sag(y) if isinstance(element, Surface) else np.zeros_like(y)
+            sections.append(np.stack([z + sag, y], axis=1))
+        return tuple(sections)
+
+    @property
+    def glasses(self) -> tuple[tuple[int, int], ...]:
+        """The pairs of surfaces (indices in `elements`) that have glass between them."""
+        surfaces = [i for i, element in enumerate(self.elements) if not _is_stop(element)]
+        return tuple((i, j) for i, j in pairwise(surfaces) if self.gap_media[i + 1] != AIR)
+
+    def __repr__(self) -> str:
+        stops = sum(map(_is_stop, self.elements))
+        surfaces = len(self.elements) - stops
+        counts = f"{surfaces} surface{'s' * (surfaces != 1)}, {stops} stop{'s' * (stops != 1)}"
+        return f"<LensStack {self.name!r}: {counts}, {self.length:g} mm long>"
+
+    def _repr_svg_(self) -> str:
+        from plenoptic.plots.lens import lens_svg
+
+        return lens_svg(self)
+
+    def trace(self, rays: RayBundle, *, threads: int | None = None) -> RayBundle:
+        """Trace rays through the lens towards the sensor.
+
+        Parameters
+        ----------
+        rays : RayBundle
+            In the lens frame. Where a ray's origin lies on it does not matter.
+        threads : int, optional
+            Threads for large bundles; None: one for each processor.
+
+        Returns
+        -------
+        RayBundle
+            Origins on the last element. A ray that was lost has weight 0, a status, the element at which
+            it was lost, and NaN for origin and direction.
+
+        Examples
+        --------
+        >>> import plenoptic as pl
+        >>> lens = pl.load_lens("double-gauss-100mm-f2")
+        >>> out = lens.trace(pl.RayBundle([[0, 0, -404.0], [0, 30, -404]], [[0, 0, 1.0], [0, 0, 1]]))
+        >>> [pl.RayStatus(s).name for s in out.status], out.lost_at.tolist()
+        (['OK', 'CLIPPED'], [-1, 0])
+        """
+        from plenoptic.optics.tracing import traced
+
+        return traced(self, rays, reverse=False, threads=threads)
+
+    def trace_reverse(self, rays: RayBundle, *, threads: int | None = None) -> RayBundle:
+        """Trace rays through the lens towards the scene; otherwise as `trace`.
+
+        Examples
+        --------
+        >>> import plenoptic as pl
+        >>> lens = pl.load_lens("double-gauss-100mm-f2")
+        >>> lens.trace_reverse(pl.RayBundle([[0, 0, 123.3]], [[0, 0, -1.0]])).at_z(-404.0)
+        array([[   0.,    0., -404.]])
+        """
+        from plenoptic.optics.tracing import traced
+
+        return traced(self, rays, reverse=True, threads=threads)

@@ -1,0 +1,189 @@
+"""From where on a plane behind the lens light can come: bounds on the exit pupil, found by tracing.
+
+For points at a distance rho from the axis, rays are traced in reverse through a grid of points on the
+plane of the lens's last vertex, and the convex outline of those that reach the scene is kept (after
+E. Hanika et al. and pbrt's RealisticCamera, Pharr, Jakob, Humphreys, 3rd ed., section 6.4.5, with polygons of
+16 sides in place of boxes). The outline is widened by one step of the grid, so it is conservative: it
+decides where samples are drawn, never how they are weighed.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.optics.lens import LensStack
+from plenoptic.optics.paraxial import cardinal_points
+from plenoptic.optics.tables import LensTables, lens_tables
+
+SIDES = 16
+"""Sides of an outline: a circle's circumscribed 16-gon is 1.3 % larger than the circle."""
+
+_COARSE, _FINE = 64, 128
+_RADII = 25
+
+
+class PupilBounds(NamedTuple):
+    """Outlines for cells whose centres lie at distances [i step, (i + 1) step] from the axis.
+
+    An outline is a polygon on the plane of the last vertex, in axes turned so that the cell's centre
+    lies on +x. It holds all rays that pass the lens from any point of the cell.
+    """
+
+    normals: NDArray[np.float64]
+    """(SIDES, 2) outward normals."""
+    support: NDArray[np.float64]
+    """(n, SIDES) distances of the sides from the axis in mm; -inf where no light passes."""
+    corners: NDArray[np.float64]
+    """(n, SIDES, 2) corners in mm, counter-clockwise."""
+    reach: NDArray[np.float64]
+    """(n,) largest distance of an outline from the axis in mm."""
+    step: float
+    """Width of an interval in mm."""
+    z: float
+    """Plane of the outlines in the lens frame in mm."""
+
+
+def _normals() -> NDArray[np.float64]:
+    angle = 2 * math.pi * np.arange(SIDES) / SIDES
+    return np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
+def passing_points(
+    tables: LensTables, origin: NDArray[np.float64], points: NDArray[np.float64], z: float
+) -> NDArray[np.bool_]:
+    """Which of the rays from `origin` (3,) through `points` (n, 2) of the plane z leave the lens; tables in reverse."""
+    from plenoptic.optics._trace import BLOCK, fill_traced
+
+    n = len(points)
+    along = np.column_stack([points, np.full(n, z)]) - origin
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    padded = np.zeros((8, -(-n // BLOCK) * BLOCK))
+    padded[:3] = origin[:, None]
+    padded[5] = -1.0
+    padded[3:6, :n] = along.T
+    blocks = np.ascontiguousarray(padded.reshape(8, -1, BLOCK).transpose(1, 0, 2))
+    fill_traced(blocks.reshape(-1), *tables)
+    return np.asarray(blocks[:, 7].reshape(-1)[:n] == 0)
+
+
+def _grid(low: NDArray[np.float64], high: NDArray[np.float64], n: int) -> tuple[NDArray[np.float64], float]:
+    """Points of an n x n grid over a box and the diagonal of its mesh."""
+    x, y = (np.linspace(low[k], high[k], n) for k in range(2))
+    points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    return points, float(np.hypot(*((high - low) / (n - 1))))
+
+
+def _passing_box(
+    tables: LensTables, origin: NDArray[np.float64], z: float, guesses: list[tuple[float, float]], rim: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    """A box around all points that pass. It starts from a guess (centre x, half width) and grows up to the rim."""
+    for centre, half_width in guesses:
+        low = np.array([centre - half_width, -half_width])
+        high = np.array([centre + half_width, half_width])
+        while True:
+            points, mesh = _grid(low, high, _COARSE)
+            passing = points[passing_points(tables, origin, points, z)]
+            if not len(passing):
+                break
+            found_low, found_high = passing.min(axis=0) - mesh, passing.max(axis=0) + mesh
+            grow_low = (found_low < low) & (low > -rim)
+            grow_high = (found_high > high) & (high < rim)
+            if not (grow_low.any() or grow_high.any()):
+                return found_low, found_high
+            width = high - low
+            low = np.where(grow_low, np.maximum(low - width, -rim), low)
+            high = np.where(grow_high, np.minimum(high + width, rim), high)
+    return None
+
+
+def _outline(
+    tables: LensTables, origin: NDArray[np.float64], z: float, guesses: list[tuple[float, float]], rim: float
+) -> NDArray[np.float64]:
+    """Support distances of the passing points as seen from one origin, (SIDES,)."""
+    box = _passing_box(tables, origin, z, guesses, rim)
+    if box is None:
+        return np.full(SIDES, -np.inf)
+    points, mesh = _grid(*box, _FINE)
+    passing = points[passing_points(tables, origin, points, z)]
+    if not len(passing):
+        passing, mesh = np.array(box), 0.0
+    return np.asarray((passing @ _normals().T).max(axis=0) + mesh)
+
+
+def _corners(support: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Corners (n, SIDES, 2) of polygons given by (n, SIDES) support distances: neighbouring sides intersected."""
+    normals = _normals()
+    after = np.roll(normals, -1, axis=0)
+    turn = normals[:, 0] * after[:, 1] - normals[:, 1] * after[:, 0]
+    next_support = np.roll(support, -1, axis=-1)
+    x = (support * after[:, 1] - next_support * normals[:, 1]) / turn
+    y = (next_support * normals[:, 0] - support * after[:, 0]) / turn
+    return np.stack([x, y], axis=-1)
+
+
+def pupil_bounds(
+    lens: LensStack, *, z_plane: float, largest_radius: float, cell_radius: float, wavelength: float
+) -> PupilBounds:
+    """Outlines of the exit pupil for cells of a plane behind the lens.
+
+    Parameters
+    ----------
+    lens : LensStack
+    z_plane : float
+        Plane of the cells in the lens frame in mm, behind the last vertex.
+    largest_radius : float
+        Distance from the axis up to which cells matter, in mm.
+    cell_radius : float
+        Largest distance of a cell's points from its centre in mm.
+    wavelength : float
+        nm.
+    """
+    tables = lens_tables(lens, wavelength, reverse=True, round_stops=True)
+    z = float(lens.vertices[-1])
+    rim = 1.05 * math.sqrt(float(tables.clear[0]))
+    points = cardinal_points(lens, wavelength)
+    rho = np.linspace(0.0, largest_radius + cell_radius, _RADII)
+    spacing = rho[1] - rho[0]
+    support = np.empty((_RADII, SIDES))
+    for i, radius in enumerate(rho):
+        guesses = [(0.0, rim)]
+        if math.isfinite(points.exit_pupil) and points.exit_pupil < z_plane:
+            # The paraxial pupil as seen from the cell, on the plane of the last vertex.
+            share = (z_plane - z) / (z_plane - points.exit_pupil)
+            guesses.append((radius * (1 - share), 1.5 * share * points.exit_pupil_semi_diameter))
+        support[i] = _outline(tables, np.array([radius, 0.0, z_plane]), z, guesses, rim)
+    return _widened(rho, spacing, support, cell_radius, largest_radius, z)
+
+
+def _widened(
+    rho: NDArray[np.float64],
+    spacing: float,
+    support: NDArray[np.float64],
+    cell_radius: float,
+    largest_radius: float,
+    z: float,
+) -> PupilBounds:
+    """Union of the outlines of all points of a cell, for intervals of the distance of its centre."""
+    normals = _normals()
+    bins = _RADII - 1
+    step = largest_radius / bins if largest_radius > 0 else 1.0
+    lit = np.isfinite(support[:, 0])
+    corners = _corners(np.where(lit[:, None], support, 0.0))
+    wide = np.full((bins, SIDES), -np.inf)
+    for b in range(bins):
+        low, high = b * step - cell_radius, (b + 1) * step + cell_radius
+        near = lit & (rho >= low - spacing) & (rho <= high + spacing)
+        if not near.any():
+            continue
+        turn = math.pi if b * step <= cell_radius else math.asin(cell_radius / (b * step))
+        for angle in np.linspace(-turn, turn, 16 if turn > 0.3 else 3):
+            rotation = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+            reached = corners[near].reshape(-1, 2) @ rotation.T @ normals.T
+            wide[b] = np.maximum(wide[b], reached.max(axis=0))
+    outline = _corners(np.where(np.isfinite(wide), wide, 0.0))
+    reach = np.where(np.isfinite(wide[:, 0]), np.linalg.norm(outline, axis=-1).max(axis=-1), 0.0)
+    return PupilBounds(normals, wide, outline, reach, step, z)

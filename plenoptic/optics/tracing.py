@@ -1,0 +1,34 @@
+"""Bundles of rays through a lens, large ones on several threads."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from plenoptic._threads import run_in_order, thread_count
+from plenoptic.optics.lens import LensStack
+from plenoptic.optics.tables import lens_tables
+from plenoptic.rays import RayBundle
+
+CHUNK = 1 << 15
+"""Rays that one thread takes at a time: a few milliseconds of work."""
+
+
+def traced(lens: LensStack, rays: RayBundle, *, reverse: bool, threads: int | None = None) -> RayBundle:
+    """Trace a bundle one way or the other; see `LensStack.trace`."""
+    from plenoptic.optics._trace import fill_traced_rows
+
+    tables = lens_tables(lens, rays.wavelength, reverse=reverse)
+    n = len(rays)
+    origin, direction, weight = np.empty((n, 3)), np.empty((n, 3)), np.empty(n)
+    status, lost_at = np.empty(n, dtype=np.uint8), np.empty(n, dtype=np.int16)
+    made = (origin, direction, weight, status, lost_at)
+    given = (rays.origin, rays.direction, rays.weight, rays.status, rays.lost_at)
+
+    def trace_chunk(start: int) -> None:
+        at = slice(start, min(start + CHUNK, n))
+        fill_traced_rows(*(array[at] for array in made), *(array[at] for array in given), *tables)
+
+    workers = min(thread_count(threads), -(-n // CHUNK))
+    for _ in run_in_order(trace_chunk, range(0, n, CHUNK), threads=workers):
+        pass
+    return RayBundle._made(origin, direction, rays.wavelength, weight, status, lost_at)

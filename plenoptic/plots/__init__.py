@@ -1,0 +1,1 @@
+"""Figures: arrays in, figure out. Matplotlib is imported on first use."""

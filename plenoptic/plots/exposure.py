@@ -1,0 +1,99 @@
+"""Image, standard error and depth of an exposure, side by side."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.images import linear_to_srgb
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from plenoptic.exposure import Exposure
+
+CLIPPED_ABOVE = 99.8
+"""Percentile at which brightness scales end: a few bright pixels must not darken all others."""
+
+_IRRADIANCE = "scene radiance x sr"
+
+
+def _upper(values: NDArray[np.floating[Any]]) -> float:
+    """End of a brightness scale that starts at 0: the percentile, the maximum, or 1, whichever is first above 0."""
+    seen = values[np.isfinite(values)]
+    if seen.size == 0:
+        return 1.0
+    return float(np.percentile(seen, CLIPPED_ABOVE)) or float(seen.max()) or 1.0
+
+
+def _panel(figure: Figure, ax: Axes, values: NDArray[Any], title: str, unit: str, **shown: Any) -> None:
+    drawn = ax.imshow(values, interpolation="nearest", **shown)
+    figure.colorbar(drawn, ax=ax, label=unit, extend="max" if "vmax" in shown else "neither", shrink=0.8)
+    ax.set_title(title)
+
+
+def _colour_picture(ax: Axes, image: NDArray[np.float32], extent: tuple[float, float, float, float]) -> None:
+    white = _upper(image)
+    encoded = linear_to_srgb(np.clip(np.nan_to_num(image / white), 0.0, 1.0))
+    ax.imshow(encoded, interpolation="nearest", extent=extent)
+    ax.set_title(f"image (white: {white:.3g} {_IRRADIANCE})")
+
+
+def plot_exposure(exposure: Exposure, *, figure: Figure | None = None) -> Figure:
+    """Draw an exposure's image, standard error and depth side by side; what it lacks is left out.
+
+    Parameters
+    ----------
+    exposure : Exposure
+    figure : matplotlib.figure.Figure, optional
+        Where to draw; a new figure if it is left out.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        One panel each, with rows and columns of the sensor as axes (pixel centres are whole numbers). A grey
+        image is shown linearly from 0; a coloured one is encoded for the screen (sRGB). Scales of image and
+        error end at the 99.8th percentile. The error of a coloured image is the root mean square over its
+        channels. Depth is in mm and blank where nothing is met.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import plenoptic as pl
+    >>> shot = pl.Exposure(np.ones((4, 6, 1)), standard_error=np.full((4, 6, 1), 0.01))
+    >>> figure = pl.plot_exposure(shot)
+    >>> [ax.get_title() for ax in figure.axes if ax.get_title()]
+    ['image', 'standard error']
+    """
+    import matplotlib.pyplot as plt
+
+    rows, columns, channels = exposure.image.shape
+    panels = 1 + (exposure.standard_error is not None) + (exposure.depth is not None)
+    if figure is None:
+        figure = plt.figure(figsize=(5.4 * panels, 4.6), layout="constrained")
+    axes = list(figure.subplots(1, panels, sharex=True, sharey=True, squeeze=False)[0])
+    row, column = (exposure.region[0], exposure.region[2]) if exposure.region is not None else (0, 0)
+    extent = (column - 0.5, column + columns - 0.5, row + rows - 0.5, row - 0.5)
+    for ax in axes:
+        ax.set_xlabel("column / pixel")
+    axes[0].set_ylabel("row / pixel")
+
+    ax = axes.pop(0)
+    if channels == 1:
+        top = _upper(exposure.image)
+        grey = exposure.image[:, :, 0]
+        _panel(figure, ax, grey, "image", _IRRADIANCE, extent=extent, cmap="gray", vmin=0.0, vmax=top)
+    else:
+        _colour_picture(ax, exposure.image, extent)
+    if exposure.standard_error is not None:
+        error = np.sqrt(np.mean(np.square(exposure.standard_error, dtype=np.float64), axis=2))
+        top = _upper(error)
+        title = "standard error"
+        _panel(figure, axes.pop(0), error, title, _IRRADIANCE, extent=extent, cmap="magma", vmin=0.0, vmax=top)
+    if exposure.depth is not None:
+        depth = np.ma.masked_invalid(exposure.depth)
+        _panel(figure, axes.pop(0), depth, "depth", "mm", extent=extent, cmap="viridis")
+    return figure

@@ -1,0 +1,121 @@
+"""Sections of a lens, true to scale."""
+
+from __future__ import annotations
+
+import html
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from plenoptic.optics.lens import LensStack
+
+_GLASS = "#cfe3f3"
+_EDGE = "#31566f"
+_STOP = "#222222"
+_OTHER_STOP = "#888888"
+
+
+def _stop_indices(lens: LensStack) -> list[int]:
+    return [i for i, element in enumerate(lens.elements) if not hasattr(element, "medium")]
+
+
+def _glass_sections(lens: LensStack, profiles: tuple[NDArray[np.float64], ...]) -> list[NDArray[np.float64]]:
+    return [np.concatenate([profiles[i], profiles[j][::-1]]) for i, j in lens.glasses]
+
+
+def _bars(lens: LensStack, reach: float) -> list[tuple[int, float, float, float]]:
+    """Element index, z, y at the hole and y at the outer end of the upper bar of each stop."""
+    return [
+        (i, float(lens.vertices[i]), lens.elements[i].semi_diameter, max(reach, 1.15 * lens.elements[i].semi_diameter))
+        for i in _stop_indices(lens)
+    ]
+
+
+def _path(points: NDArray[np.float64], close: str = "") -> str:
+    return "M" + " L".join(f"{z:.5g},{-y:.5g}" for z, y in points) + close
+
+
+def lens_svg(lens: LensStack, width: int = 480) -> str:
+    """A small drawing of a lens as SVG text: glass filled, stops as bars, the iris darkest, one scale for z and y.
+
+    Parameters
+    ----------
+    lens : LensStack
+    width : int, optional
+        Width of the picture in pixels.
+
+    Returns
+    -------
+    str
+        A complete `<svg>` element whose user unit is 1 mm; light runs from left to right.
+    """
+    profiles = lens.profiles()
+    bars = _bars(lens, 1.05 * max(element.semi_diameter for element in lens.elements))
+    ends = [np.array([[z, -outer], [z, outer]]) for _, z, _, outer in bars]
+    points = np.concatenate([*profiles, *ends])
+    low, size = points.min(axis=0), np.ptp(points, axis=0)
+    margin, line = 0.04 * float(size.max()), float(size.max()) / 300
+    box = (low[0] - margin, low[1] - margin, size[0] + 2 * margin, size[1] + 2 * margin)
+    height = width * box[3] / box[2]
+    scale = min(1.0, width / height)
+    parts = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width * scale:.0f}" height="{height * scale:.0f}" '
+        f'viewBox="{box[0]:.5g} {box[1]:.5g} {box[2]:.5g} {box[3]:.5g}" fill="none" stroke-width="{line:.4g}">',
+        f"<title>{html.escape(lens.name or 'lens')}</title>",
+        f'<path d="M{box[0]:.5g},0 h{box[2]:.5g}" stroke="{_OTHER_STOP}" stroke-dasharray="{6 * line:.4g}"/>',
+    ]
+    parts += [f'<path d="{_path(section, " Z")}" fill="{_GLASS}"/>' for section in _glass_sections(lens, profiles)]
+    stops = set(_stop_indices(lens))
+    parts += [f'<path d="{_path(p)}" stroke="{_EDGE}"/>' for i, p in enumerate(profiles) if i not in stops]
+    for i, z, inner, outer in bars:
+        colour = _STOP if i == lens.iris_index else _OTHER_STOP
+        bar = f"M{z:.5g},{-outer:.5g} V{-inner:.5g} M{z:.5g},{inner:.5g} V{outer:.5g}"
+        parts.append(f'<path d="{bar}" stroke="{colour}" stroke-width="{3 * line:.4g}"/>')
+    return "".join([*parts, "</svg>"])
+
+
+def plot_lens(lens: LensStack, ax: Axes | None = None) -> Axes:
+    """Draw the section of a lens, true to scale.
+
+    Parameters
+    ----------
+    lens : LensStack
+    ax : matplotlib.axes.Axes, optional
+        Where to draw; a new figure if it is left out.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        z in mm to the right, towards the sensor, y in mm upwards; the iris is at z = 0 and darkest.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> ax = pl.plot_lens(pl.load_lens("double-gauss-100mm-f2"))
+    >>> ax.get_xlabel()
+    'z / mm'
+    """
+    import matplotlib.pyplot as plt
+
+    if ax is None:
+        _, ax = plt.subplots(figsize=(7.0, 5.0), layout="constrained")
+    profiles = lens.profiles()
+    for section in _glass_sections(lens, profiles):
+        ax.fill(section[:, 0], section[:, 1], facecolor=_GLASS, edgecolor="none")
+    stops = set(_stop_indices(lens))
+    for i, profile in enumerate(profiles):
+        if i not in stops:
+            ax.plot(profile[:, 0], profile[:, 1], color=_EDGE, linewidth=1.0)
+    for i, z, inner, outer in _bars(lens, 1.05 * max(element.semi_diameter for element in lens.elements)):
+        colour = _STOP if i == lens.iris_index else _OTHER_STOP
+        ax.plot([z, z, np.nan, z, z], [-outer, -inner, np.nan, inner, outer], color=colour, linewidth=2.5)
+    ax.axhline(0.0, color=_OTHER_STOP, linewidth=0.6, linestyle="--")
+    ax.set_aspect("equal")
+    ax.set_xlabel("z / mm")
+    ax.set_ylabel("y / mm")
+    ax.set_title(lens.name or "lens")
+    return ax

@@ -1,0 +1,1 @@
+"""What the camera looks at: meshes, materials, textures, lights and backgrounds, and the tables made of them."""

@@ -1,0 +1,48 @@
+"""Print timings as Markdown tables: ``python tests/benchmarks [--quick] [--only tracing,starting]``."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import importlib.metadata
+import os
+import platform
+import time
+
+BENCHMARKS = ("tracing", "images", "threads", "error_time", "starting", "memory", "omissions")
+PROGRAMS = ("plenoptic", "numpy", "numba", "embreex", "trimesh", "OpenImageIO", "batoid")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="python tests/benchmarks", description="Print timings as Markdown tables.")
+    parser.add_argument("--only", default=",".join(BENCHMARKS), help=f"some of {','.join(BENCHMARKS)}")
+    parser.add_argument("--quick", action="store_true", help="small sizes: shows that all works, not how fast")
+    options = parser.parse_args()
+    chosen = options.only.split(",")
+    unknown = sorted(set(chosen) - set(BENCHMARKS))
+    if unknown:
+        parser.error(f"--only has {', '.join(unknown)}; it may have {', '.join(BENCHMARKS)}")
+    print(f"{surroundings()}\n", flush=True)
+    for name in chosen:
+        begin = time.perf_counter()
+        for table in importlib.import_module(name).tables(quick=options.quick):
+            print(table.markdown(), flush=True)
+        print(f"`{name}` took {time.perf_counter() - begin:.0f} s.\n", flush=True)
+
+
+def surroundings() -> str:
+    """Versions, processors and how busy these are with other things."""
+    versions = [f"Python {platform.python_version()}", *map(_version, PROGRAMS)]
+    load = f", load average {os.getloadavg()[0]:.1f} at the start" if hasattr(os, "getloadavg") else ""
+    return f"{', '.join(versions)}; {platform.system()} {platform.machine()}, {os.cpu_count()} processors{load}"
+
+
+def _version(program: str) -> str:
+    try:
+        return f"{program} {importlib.metadata.version(program)}"
+    except importlib.metadata.PackageNotFoundError:
+        return f"{program} (not installed)"
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,144 @@
+"""Error against time on a crop of the reference scenes, beside what Blender needs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+import reference
+from numpy.typing import NDArray
+from table import Table
+from timing import Task, cost_of, median
+
+import plenoptic as pl
+
+CROP = np.s_[224:288, 224:288]  # the central 64 x 64 pixels
+PIXELS = 64 * 64
+LIT = 0.5  # of the reference's 99th percentile
+REFERENCE_SEED = 1_000_003
+GOAL = 0.01
+WANTED, AIM = 500, 1000
+
+BLENDER = ((256, 0.85, 0.104), (1024, 3.2, 0.041), (4096, 12.7, 0.0173), (10_000, 31.0, 0.01))
+"""Paths per pixel, CPU ms per pixel and relative RMS error of `white` in Blender 3.4; the last one extrapolated."""
+
+
+class Measured(NamedTuple):
+    """One row: what a number of samples costs per pixel and how far it is off."""
+
+    samples: int
+    ms: float
+    error: float
+    true_over_standard: float | None
+
+
+def tables(*, quick: bool) -> Iterator[Table]:
+    numbers = (16, 32, 64) if quick else (16, 32, 64, 128, 256, 512, 1024)
+    converged, seeds = (256, 2) if quick else (1 << 14, 8)
+    camera = reference.camera()
+    for name, scene in (("white", None), ("check", pl.check_scene())):
+        truth = Truth(scene, camera, converged)
+        setup = _setup_seconds(scene, camera)
+        runs = {k: [measured(scene, camera, truth, setup, n, k, seeds) for n in numbers] for k in (8, 1)}
+        yield _error_table(name, runs, truth, setup, seeds)
+        if name == "white":
+            yield _blender_table(runs)
+
+
+class Truth:
+    """A converged crop with its own relative variance, and which pixels count."""
+
+    def __init__(self, scene: pl.Scene | None, camera: pl.PlenopticCamera, samples: int) -> None:
+        shot = reference.exposed(scene, camera, samples=samples, region=CROP, seed=REFERENCE_SEED, depth=False)
+        image = shot.image.astype(np.float64)
+        self.samples = samples
+        self.lit = image > LIT * np.percentile(image, 99)
+        self.image = image[self.lit]
+        self.variance = float(np.mean((shot.standard_error[self.lit] / self.image) ** 2))
+
+    def relative(self, image: NDArray[np.float32]) -> NDArray[np.float64]:
+        """What lies on the lit pixels, in units of the truth."""
+        return image[self.lit] / self.image
+
+
+def _setup_seconds(scene: pl.Scene | None, camera: pl.PlenopticCamera) -> float:
+    """CPU seconds of a call that renders next to nothing."""
+    nothing = Task(lambda _: reference.exposed(scene, camera, samples=1, region=np.s_[256:257, 256:257], threads=1, depth=False))
+    cost_of(nothing)
+    return median([cost_of(nothing) for _ in range(11)]).cpu
+
+
+def measured(
+    scene: pl.Scene | None,
+    camera: pl.PlenopticCamera,
+    truth: Truth,
+    setup: float,
+    samples: int,
+    replicates: int,
+    seeds: int,
+) -> Measured:
+    """Render the crop with several seeds: the median of the costs, the root of the mean of squared errors."""
+    costs, squares, variances = [], [], []
+    for seed in range(seeds):
+        shots: list[pl.Exposure] = []
+        settings = {"samples": samples, "region": CROP, "seed": seed, "replicates": replicates, "threads": 1}
+        costs.append(cost_of(Task(lambda _, s=settings, to=shots: to.append(reference.exposed(scene, camera, depth=False, **s)))))
+        shot = shots[0]
+        squares.append(np.mean((truth.relative(shot.image) - 1.0) ** 2) - truth.variance)
+        if shot.standard_error is not None:
+            variances.append(np.mean(truth.relative(shot.standard_error) ** 2))
+    error = float(np.sqrt(max(np.mean(squares), 0.0)))
+    ms = 1e3 * (median(costs).cpu - setup) / PIXELS
+    return Measured(samples, ms, error, error / float(np.sqrt(np.mean(variances))) if variances else None)
+
+
+def time_at(rows: list[Measured], error: float) -> float | None:
+    """CPU ms per pixel at an error, straight between two rows in logarithms; None outside the rows."""
+    errors, ms = np.array([r.error for r in rows]), np.array([r.ms for r in rows])
+    if not errors.min() <= error <= errors.max():
+        return None
+    order = np.argsort(errors)
+    return float(np.exp(np.interp(np.log(error), np.log(errors[order]), np.log(ms[order]))))
+
+
+def _error_table(name: str, runs: dict[int, list[Measured]], truth: Truth, setup: float, seeds: int) -> Table:
+    rows = [
+        (samples, eight.ms, 100 * eight.error, eight.true_over_standard, one.ms, 100 * one.error, time_ratio(eight, runs[1]))
+        for (samples, *_), eight, one in zip(runs[8], runs[8], runs[1], strict=True)
+    ]
+    columns = ("samples", "8 replicates: CPU ms per pixel", "relative RMS error %", "true error over standard error",
+               "1 replicate: CPU ms per pixel", "relative RMS error %", "time of 8 over time of 1 at equal error")  # fmt: skip
+    return Table(
+        f"Error against time: `{name}`, mode 2.0, central 64 x 64 pixels",
+        columns,
+        rows,
+        [
+            f"{np.count_nonzero(truth.lit)} lit pixels, {seeds} seeds a row, reference of {truth.samples} samples with "
+            f"another seed; its own error, {100 * truth.variance**0.5:.2g} %, is subtracted. Setting up costs "
+            f"{1e3 * setup:.2g} CPU ms a call and is left out. One thread, without depth."
+        ],
+    )
+
+
+def time_ratio(row: Measured, others: list[Measured]) -> float | None:
+    """Time of a row over the time in which other rows reach its error."""
+    other = time_at(others, row.error)
+    return None if other is None else row.ms / other
+
+
+def _blender_table(runs: dict[int, list[Measured]]) -> Table:
+    rows: list[tuple[object, ...]] = []
+    for paths, ms, error in BLENDER:
+        eight, one = time_at(runs[8], error), time_at(runs[1], error)
+        rows.append(
+            (f"{100 * error:.3g}", paths, ms, eight, eight and ms / eight, one, one and ms / one,
+             f"{WANTED}, aim {AIM}" if error == GOAL else None)
+        )  # fmt: skip
+    columns = ("relative RMS error %", "Blender: paths", "CPU ms per pixel", "8 replicates: CPU ms per pixel",
+               "Blender's time over it", "1 replicate: CPU ms per pixel", "Blender's time over it", "wanted")  # fmt: skip
+    remark = (
+        "Blender's figures are quoted, not measured here (Cycles on a processor, Blender 3.4; 1 % extrapolated). "
+        "Times at an error are interpolated; cells are empty where the table above does not reach it."
+    )
+    return Table("`white` at the errors that Blender reaches", columns, rows, [remark])

@@ -1,0 +1,86 @@
+"""Paths per second of whole renderings with the reference camera."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import reference
+from reference import Mode
+from table import Table
+from timing import Task, median, taking_turns
+
+import plenoptic as pl
+
+WANTED = {"white": "5, aim 8", "check": "3.5, aim 5"}
+
+
+def tables(*, quick: bool) -> Iterator[Table]:
+    samples, rounds = (1, 1) if quick else (64, 3)
+    yield reference_scenes(samples, rounds=rounds)
+    yield scenes_with_shading(samples, rounds=rounds)
+
+
+def reference_scenes(samples: int, *, rounds: int) -> Table:
+    """`white` and `check`, both modes, one and two threads."""
+    cases = {
+        (name, mode, threads): (scene, mode, threads)
+        for name, scene in (("white", None), ("check", pl.check_scene()))
+        for mode in Mode
+        for threads in (1, 2)
+    }
+    through: dict[object, tuple[float, float]] = {}
+
+    def task(key: object, scene: pl.Scene | None, mode: Mode, threads: int) -> Task:
+        def run(camera: pl.PlenopticCamera) -> None:
+            stats = reference.exposed(scene, camera, samples=samples, threads=threads).stats
+            through[key] = (1e-6 * stats.paths_through_lens, stats.fraction_through_lens)
+
+        return Task(run, lambda: reference.camera(mode))
+
+    costs = taking_turns({key: task(key, *case) for key, case in cases.items()}, rounds=rounds)
+    rows = []
+    for key in cases:
+        name, mode, threads = key
+        (million, fraction), cost = through[key], median(costs[key])
+        rows.append(
+            (name, mode.title, threads, cost.wall, cost.cpu, 100 * fraction, million / cost.wall, million / cost.cpu,
+             WANTED[name])
+        )  # fmt: skip
+    columns = ("scene", "mode", "threads", "wall s", "CPU s", "% of paths leave the lens", "million of these per wall second",
+               "per CPU-second", "wanted")  # fmt: skip
+    return Table(
+        f"Rendering the reference camera, 512 x 512 pixels, {samples} samples",
+        columns,
+        rows,
+        ["At least 60 % of the paths are to leave the lens. Setting up, depth and standard error are included."],
+    )
+
+
+def scenes_with_shading(samples: int, *, rounds: int) -> Table:
+    """Scattering and shadow rays: with and without depth, 8 replicates and 1."""
+    scenes = {"check": pl.check_scene(), "objects": pl.objects_scene(), "still life": pl.still_life()}
+    camera = reference.camera()
+    through: dict[object, float] = {}
+
+    def task(key: tuple[str, bool, int]) -> Task:
+        name, depth, replicates = key
+
+        def run(_: None) -> None:
+            shot = reference.exposed(
+                scenes[name], camera, samples=samples, threads=1, depth=depth, replicates=replicates
+            )
+            through[key] = 1e-6 * shot.stats.paths_through_lens
+
+        return Task(run)
+
+    keys = [(name, depth, replicates) for name in scenes for depth, replicates in ((True, 8), (False, 8), (False, 1))]
+    costs = taking_turns({key: task(key) for key in keys}, rounds=rounds)
+    rows = []
+    for key in keys:
+        name, depth, replicates = key
+        cost = median(costs[key])
+        rows.append(
+            (name, "yes" if depth else "no", replicates, cost.wall, cost.cpu, through[key] / cost.cpu)
+        )
+    columns = ("scene", "depth", "replicates", "wall s", "CPU s", "million paths through the lens per CPU-second")
+    return Table(f"Rendering scenes, mode 2.0, 512 x 512 pixels, {samples} samples, one thread", columns, rows)

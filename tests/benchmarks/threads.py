@@ -1,0 +1,78 @@
+"""Two threads against one, beside a loop that shows what the machine gives."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+
+import numba
+import reference
+from table import Table
+from timing import Cost, Task, best, cost_of, taking_turns
+
+import plenoptic as pl
+
+WANTED = 1.8
+LEAST_SECONDS = 10.0
+
+
+def tables(*, quick: bool) -> Iterator[Table]:
+    yield two_against_one(LEAST_SECONDS * (0.02 if quick else 1.0), rounds=1 if quick else 5)
+
+
+@numba.njit(nogil=True)
+def _logistic(steps: int) -> float:
+    """Pure computation: one chain of multiplications, no memory."""
+    x = 0.4
+    for _ in range(steps):
+        x = 3.9 * x * (1.0 - x)
+    return x
+
+
+def control(amount: int, threads: int) -> None:
+    """The same amount of computing, divided among threads."""
+    with ThreadPoolExecutor(threads) as pool:
+        list(pool.map(_logistic, [amount // threads] * threads))
+
+
+def rendering(scene: pl.Scene | None, camera: pl.PlenopticCamera, samples: int, threads: int) -> None:
+    reference.exposed(scene, camera, samples=samples, threads=threads)
+
+
+def two_against_one(seconds: float, *, rounds: int) -> Table:
+    camera, check = reference.camera(), pl.check_scene()
+    works: dict[str, tuple[Callable[[int, int], None], int]] = {
+        "white": (lambda samples, threads: rendering(None, camera, samples, threads), 1),
+        "check": (lambda samples, threads: rendering(check, camera, samples, threads), 1),
+        "control loop": (control, 10_000_000),
+    }
+    tasks: dict[tuple[str, int], Task] = {}
+    for name, (work, least) in works.items():
+        amount = _enough(work, least, seconds)
+        for threads in (1, 2):
+            tasks[name, threads] = Task(lambda _, w=work, a=amount, t=threads: w(a, t))
+    costs = taking_turns(tasks, rounds=rounds)
+    rows = [_row(name, best(costs[name, 1]), best(costs[name, 2])) for name in works]
+    columns = ("work", "wall s, 1 thread", "wall s, 2 threads", "CPU s, 1 thread", "CPU s, 2 threads", "times as fast",
+               "wanted")  # fmt: skip
+    return Table(
+        f"Two threads against one, best of {rounds}",
+        columns,
+        rows,
+        [f"Runs were sized to take at least {seconds:g} s with two threads. The control loop is pure computation "
+         "without the GIL: no program gains more than it does here."],
+    )  # fmt: skip
+
+
+def _enough(work: Callable[[int, int], None], least: int, seconds: float) -> int:
+    """How much work one thread does in twice that time, and a little more."""
+    work(least, 1)
+    amount = least
+    while (measured := cost_of(Task(lambda _: work(amount, 1))).wall) < 0.1 * seconds:
+        amount *= 2
+    return max(least, int(2.2 * seconds / measured * amount) // 2 * 2)
+
+
+def _row(name: str, one: Cost, two: Cost) -> tuple[object, ...]:
+    wanted = WANTED if name != "control loop" else None
+    return name, one.wall, two.wall, one.cpu, two.cpu, one.wall / two.wall, wanted

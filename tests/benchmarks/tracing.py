@@ -1,0 +1,141 @@
+"""Lens tracing in float64, arrays in and arrays out, beside batoid."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+from collections.abc import Iterator
+from functools import partial
+
+import numpy as np
+from table import Table
+from timing import Cost, Task, cost_of, median, taking_turns
+
+import plenoptic as pl
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # before batoid is imported: one thread for both programs
+
+LENSES = ("double-gauss-100mm-f2", "double-gauss-105mm-f1.4")
+WANTED, AIM = 12, 16
+TOLERANCE = 1e-9  # mm; a dozen refractions at 100 mm leave some 1e-12 of rounding, a wrong surface leaves much more
+OURS, BARE, CLIPPING = "plenoptic", "batoid", "batoid, with semi-diameters and stop"
+
+
+def tables(*, quick: bool) -> Iterator[Table]:
+    yield beside_batoid(10_000 if quick else 1_000_000, rounds=2 if quick else 7)
+    yield directions_and_sizes(10_000 if quick else 1_000_000, rounds=2 if quick else 7)
+
+
+def rays_towards(lens: pl.LensStack, n: int, *, z: float = -404.0, field: float = 5.0) -> pl.RayBundle:
+    """Random rays from a square in front of the lens that fill its first surface's middle half."""
+    random = np.random.default_rng(0)
+    origin = np.column_stack([random.uniform(-field, field, (n, 2)), np.full(n, z)])
+    reach = 0.5 * lens.elements[0].semi_diameter
+    target = np.column_stack([random.uniform(-reach, reach, (n, 2)), np.full(n, lens.vertices[0])])
+    along = target - origin
+    return pl.RayBundle(origin, along / np.linalg.norm(along, axis=1, keepdims=True))
+
+
+def refracting(lens: pl.LensStack) -> int:
+    return sum(isinstance(element, pl.Surface) for element in lens.elements)
+
+
+def beside_batoid(n: int, *, rounds: int) -> Table:
+    installed = importlib.util.find_spec("batoid") is not None
+    rows: list[tuple[object, ...]] = []
+    for name in LENSES:
+        lens = pl.load_lens(name)
+        rays = rays_towards(lens, n)
+        tasks = {OURS: Task(lambda _, lens=lens, rays=rays: lens.trace(rays, threads=1))}
+        if installed:
+            bare, clipping = batoid_lens(lens, clips=False), batoid_lens(lens, clips=True)
+            _check_agreement(lens, rays, clipping)
+            # batoid overwrites its rays; the copy is not timed.
+            tasks[BARE] = Task(bare.trace, partial(batoid_rays, rays))
+            tasks[CLIPPING] = Task(clipping.trace, partial(batoid_rays, rays))
+        costs = {program: median(cost) for program, cost in taking_turns(tasks, rounds=rounds).items()}
+        work = 1e-6 * n * refracting(lens)
+        rows += [
+            (name, refracting(lens), program, cost.wall, cost.cpu, work / cost.cpu, cost.cpu / costs[OURS].cpu)
+            for program, cost in costs.items()
+        ]
+    columns = ("lens", "refracting surfaces", "program", "wall s", "CPU s", "million ray-surfaces per CPU-second",
+               "times plenoptic's CPU time")  # fmt: skip
+    agreement = f"Both programs' rays end within {TOLERANCE:g} mm of each other, and the same ones are clipped."
+    return Table(
+        f"Lens tracing, {n:,} rays, float64, one thread",
+        columns,
+        rows,
+        [
+            f"Wanted: {WANTED} times batoid, aim {AIM}. Only refracting surfaces count; the stop comes on top in "
+            f"`{OURS}` and in `{CLIPPING}`, while `{BARE}` clips nothing and is timed without the copy of its rays, "
+            "which it overwrites. Medians of alternating runs.",
+            agreement if installed else "batoid is not installed: pip install '.[validation]' adds it to this table.",
+        ],
+    )
+
+
+def batoid_lens(lens: pl.LensStack, *, clips: bool):  # type: ignore[no-untyped-def]
+    """The same surfaces for batoid, in mm; with `clips` their semi-diameters and the stop too."""
+    import batoid
+
+    indices = lens.indices(587.6)
+    items = []
+    for i, (z, element) in enumerate(zip(lens.vertices, lens.elements, strict=True)):
+        place = batoid.CoordSys([0.0, 0.0, float(z)])
+        opening = batoid.ObscNegation(batoid.ObscCircle(element.semi_diameter)) if clips else None
+        media = {
+            "inMedium": batoid.ConstMedium(float(indices[i])),
+            "outMedium": batoid.ConstMedium(float(indices[i + 1])),
+        }
+        if isinstance(element, pl.Surface):
+            shape = batoid.Plane() if np.isinf(element.radius) else batoid.Sphere(element.radius)
+            items.append(
+                batoid.RefractiveInterface(shape, obscuration=opening, name=str(i), coordSys=place, **media)
+            )
+        elif clips:
+            items.append(batoid.Baffle(batoid.Plane(), obscuration=opening, name=str(i), coordSys=place, **media))
+    return batoid.CompoundOptic(items, name="lens")
+
+
+def batoid_rays(rays: pl.RayBundle):  # type: ignore[no-untyped-def]
+    import batoid
+
+    wavelength = 1e-9 * rays.wavelength
+    return batoid.RayVector(*rays.origin.T.copy(), *rays.direction.T.copy(), wavelength=wavelength)
+
+
+def _check_agreement(lens: pl.LensStack, rays: pl.RayBundle, optic) -> None:  # type: ignore[no-untyped-def]
+    ours, theirs = lens.trace(rays), optic.trace(batoid_rays(rays))
+    arrived = ours.status == pl.RayStatus.OK
+    assert arrived.mean() > 0.5, "most rays are to pass the lens"
+    np.testing.assert_array_equal(arrived, ~(theirs.vignetted | theirs.failed))
+    ends = theirs.r[arrived] + [0.0, 0.0, lens.vertices[-1]]  # batoid's z begins at the last vertex
+    np.testing.assert_allclose(ours.origin[arrived], ends, rtol=0, atol=TOLERANCE)
+    # batoid's rays have velocities; in air of index 1 these are directions.
+    np.testing.assert_allclose(ours.direction[arrived], theirs.v[arrived], rtol=0, atol=TOLERANCE)
+
+
+def directions_and_sizes(most: int, *, rounds: int) -> Table:
+    """Both ways through the lens, small bundles and large ones, on one thread and on two."""
+    lens = pl.load_lens(LENSES[0])
+    rows = []
+    for n in sorted({1, 100, 10_000, most}):
+        rays = rays_towards(lens, n)
+        out = lens.trace(rays)
+        back = pl.RayBundle(out.origin, -out.direction)  # as many as came through; the others stay lost
+        calls = max(1, min(1000, 100_000 // n))
+        for way, trace, bundle in (("forward", lens.trace, rays), ("reverse", lens.trace_reverse, back)):
+            for threads in (1, 2) if n == most else (1,):
+                task = Task(lambda _, t=trace, b=bundle, k=threads: t(b, threads=k))
+                cost_of(task)
+                cost = median([cost_of(task, calls=calls) for _ in range(rounds)])
+                rows.append((f"{n:,}", way, threads, *_rates(cost, n, lens)))
+    columns = ("rays", "way", "threads", "microseconds per call", "million ray-surfaces per wall second",
+               "per CPU-second")  # fmt: skip
+    return Table(f"Lens tracing: {lens.name}, both ways, small bundles and two threads", columns, rows)
+
+
+def _rates(cost: Cost, n: int, lens: pl.LensStack) -> tuple[float, float, float]:
+    work = 1e-6 * n * refracting(lens)
+    return 1e6 * cost.wall, work / cost.wall, work / cost.cpu

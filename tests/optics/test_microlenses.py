@@ -1,0 +1,291 @@
+import math
+import pickle
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import plenoptic as pl
+from plenoptic.camera.tables import _fill_spherical
+from plenoptic.optics import _lattice
+from plenoptic.optics._trace import BLOCK
+
+EPS = np.finfo(float).eps
+LATTICES = st.sampled_from(list(pl.Lattice))
+SPHERICAL = pl.MicrolensModel.SPHERICAL
+
+
+def array_of(pitch: float, lattice: pl.Lattice) -> pl.MicrolensArray:
+    return pl.MicrolensArray(pitch=pitch, focal_lengths=(2.0,), lattice=lattice)
+
+
+def plano_convex(side: pl.ConvexSide, **changes) -> pl.MicrolensArray:
+    given_fields = {"pitch": 0.2, "focal_lengths": (2.0,), "thickness": 0.3, "index": 1.5} | changes
+    return pl.MicrolensArray(model=SPHERICAL, convex_side=side, **given_fields)
+
+
+def all_centres(array: pl.MicrolensArray, around: int = 4) -> np.ndarray:
+    i, j = np.mgrid[-around : around + 1, -around : around + 1]
+    return np.stack([i.ravel(), j.ravel()], axis=1) @ array.basis
+
+
+# Geometry
+
+
+@settings(max_examples=20, deadline=None)
+@given(pitch=st.floats(1e-3, 10.0), lattice=LATTICES)
+def test_neighbours_are_a_pitch_apart(pitch: float, lattice: pl.Lattice) -> None:
+    centres = all_centres(array_of(pitch, lattice))
+    distance = np.sort(np.linalg.norm(centres, axis=1))
+    neighbours = 6 if lattice is pl.Lattice.HEXAGONAL else 4
+    assert distance[0] == 0
+    assert distance[1 : neighbours + 1] == pytest.approx(pitch, rel=8 * EPS)
+    assert distance[neighbours + 1] > 1.4 * pitch
+    # Nearest neighbours along y in both lattices.
+    assert np.any(np.all(np.isclose(centres, [0, pitch], rtol=8 * EPS, atol=0), axis=1))
+
+
+@settings(max_examples=20, deadline=None)
+@given(pitch=st.floats(1e-3, 10.0), lattice=LATTICES)
+def test_corners_edges_and_area_belong_together(pitch: float, lattice: pl.Lattice) -> None:
+    array = array_of(pitch, lattice)
+    corners, edges = array.cell_corners, array.cell_edges
+    x, y = corners.T
+    area = 0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)
+    # Sums of up to six products with angles good to a few eps; counter-clockwise, so positive.
+    assert area == pytest.approx(array.cell_area, rel=32 * EPS)
+    per_pitch = math.sqrt(3) / 2 if lattice is pl.Lattice.HEXAGONAL else 1.0
+    assert array.cell_area == pytest.approx(per_pitch * pitch**2, rel=16 * EPS)
+    assert np.linalg.norm(corners, axis=1) == pytest.approx(array.cell_radius, rel=8 * EPS)
+    assert np.linalg.norm(edges[:, :2], axis=1) == pytest.approx(1.0, rel=4 * EPS)
+    # Every corner lies on two edges and within the others.
+    over = corners @ edges[:, :2].T - edges[:, 2]
+    assert np.all(np.sum(np.abs(over) <= 32 * EPS * pitch, axis=1) == 2)
+    assert over.max() <= 32 * EPS * pitch
+
+
+@settings(max_examples=20, deadline=None)
+@given(lattice=LATTICES, seed=st.integers(0, 1000))
+def test_cells_are_what_is_nearest(lattice: pl.Lattice, seed: int) -> None:
+    array = array_of(0.217, lattice)
+    points = np.random.default_rng(seed).uniform(-0.5, 0.5, (500, 2))
+    centres = all_centres(array)
+    distance = np.linalg.norm(points[:, None] - centres, axis=2)
+    nearest = centres[distance.argmin(axis=1)]
+    # Where two centres are equally near, rounding decides.
+    clear = np.diff(np.sort(distance, axis=1)[:, :2], axis=1)[:, 0] > 1e-12
+    assert array.nearest(points)[clear] == pytest.approx(nearest[clear], abs=1e-14)
+    # The edges hold exactly the points that are nearer to the centre than to any other: the Voronoi cell.
+    inside = np.all(points @ array.cell_edges[:, :2].T <= array.cell_edges[:, 2], axis=1)
+    assert np.array_equal(inside[clear], (np.abs(nearest).max(axis=1) < 1e-12)[clear])
+
+
+def test_nearest_of_centres_are_the_centres() -> None:
+    for lattice in pl.Lattice:
+        array = array_of(0.217, lattice)
+        centres = all_centres(array, around=50)
+        # Whole multiples of two vectors, up to 50 of each.
+        assert array.nearest(centres) == pytest.approx(centres, abs=100 * EPS * 20)
+
+
+# Values
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"pitch": 0.0}, "pitch is 0 mm; it must be above 0"),
+        ({"pitch": -0.2}, "pitch is -0.2 mm; it must be above 0"),
+        ({"pitch": math.nan}, "pitch is nan; it must be finite"),
+        ({"pitch": "wide"}, "pitch is 'wide'; it must be a number"),
+        ({"focal_lengths": (0.0,)}, "focal length of 0 mm is impossible"),
+        ({"focal_lengths": ()}, "focal_lengths has 0 entries"),
+        ({"focal_lengths": (1.0, 2.0)}, "focal_lengths has 2 entries"),
+        ({"focal_lengths": (math.inf,)}, "focal_lengths is inf; it must be finite"),
+        ({"thickness": 0.0}, "thickness of the microlenses is 0 mm; it must be above 0"),
+        ({"index": 1.0}, "index of the microlenses is 1.0; it must be above 1"),
+        ({"index": math.nan}, "index of the microlenses is nan; it must be above 1"),
+        ({"index": math.inf}, "index of the microlenses is inf"),
+        ({"model": SPHERICAL, "focal_lengths": (-2.0,)}, "focal length -2 mm: a plano-convex microlens collects light"),
+        ({"model": SPHERICAL, "focal_lengths": (0.2,)}, "radius of curvature 0.1 mm is below the cell's corner at 0.115"),
+        ({"model": SPHERICAL, "focal_lengths": (0.3,), "thickness": 0.03}, "thickness 0.03 mm is below the sag 0.0543"),
+    ],
+)
+def test_impossible_arrays(changes: dict, message: str) -> None:
+    fields = {"pitch": 0.2, "focal_lengths": (2.0,)} | changes
+    with pytest.raises(pl.InvalidValueError, match=message):
+        pl.MicrolensArray(**fields)
+
+
+@pytest.mark.parametrize(("name", "item"), [("lattice", 7), ("model", 5), ("convex_side", 2)])
+def test_choices_outside_the_enums(name: str, item: int) -> None:
+    with pytest.raises(ValueError, match=f"{item} is not a valid"):
+        pl.MicrolensArray(pitch=0.2, focal_lengths=(2.0,), **{name: item})
+
+
+def test_principal_planes() -> None:
+    assert array_of(0.2, pl.Lattice.SQUARE).principal_separation == 0
+    for side in pl.ConvexSide:
+        # d (1 - 1/n), two roundings.
+        assert plano_convex(side).principal_separation == pytest.approx(0.3 / 3, rel=4 * EPS)
+        assert plano_convex(side).radius == 1.0
+
+
+def test_an_array_is_a_value() -> None:
+    array = plano_convex(pl.ConvexSide.SENSOR)
+    assert array == plano_convex(pl.ConvexSide.SENSOR, focal_lengths=[2])
+    assert array == plano_convex(pl.ConvexSide.SENSOR, focal_lengths=2.0)
+    assert array != plano_convex(pl.ConvexSide.SCENE)
+    assert pickle.loads(pickle.dumps(array)) == array
+    assert hash(pickle.loads(pickle.dumps(array))) == hash(array)
+    for item in (array.basis, array.cell_edges, array.cell_corners):
+        assert not item.flags.writeable
+
+
+# Rays
+
+
+def as_blocks(points: np.ndarray, sensor: np.ndarray, centres: np.ndarray, weight: float) -> np.ndarray:
+    """Aimed samples as `_lattice` wants them."""
+    n = len(points)
+    rows = np.zeros((8, -(-n // BLOCK) * BLOCK))
+    rows[:, :n] = np.column_stack(
+        [points, centres[:, 0], points - sensor, centres[:, 1], np.full(n, weight), np.zeros(n)]
+    ).T
+    return np.ascontiguousarray(rows.reshape(8, -1, BLOCK).transpose(1, 0, 2)).reshape(-1)
+
+
+def from_blocks(blocks: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Points, directions, weights and statuses."""
+    rows = blocks.reshape(-1, 8, BLOCK).transpose(1, 0, 2).reshape(8, -1)[:, :n]
+    return rows[:3].T, rows[3:6].T, rows[6], rows[7]
+
+
+def aimed(array: pl.MicrolensArray, n: int, *, height: float, slope: float, distance: float):
+    """Random points of three cells and sensor points below them."""
+    rng = np.random.default_rng(8)
+    centres = (rng.integers(-2, 3, (n, 2)) @ array.basis) * 1.0
+    points = centres + rng.uniform(-height, height, (n, 2))
+    sensor = points + rng.uniform(-slope, slope, (n, 2)) * distance
+    return points, sensor, centres
+
+
+@pytest.mark.parametrize("side", list(pl.ConvexSide))
+def test_exact_microlenses_are_lenses_of_two_surfaces(side: pl.ConvexSide) -> None:
+    array = plano_convex(side)
+    distance, z_array, n = 1.7, 123.3, 1000
+    points, sensor, centres = aimed(array, n, height=0.1, slope=0.3, distance=distance)
+    blocks = as_blocks(points, sensor, centres, 1.0)
+    _fill_spherical(blocks, array, distance, z_array, np.zeros((0, 3)))
+    found, along, _, status = from_blocks(blocks, n)
+
+    glass = pl.ConstantMedium(array.index)
+    wide = {"semi_diameter": 0.9}
+    if side is pl.ConvexSide.SCENE:
+        z_first, z_rear = z_array, z_array + array.principal_separation
+        surfaces = [pl.Surface(array.radius, array.thickness, glass, **wide), pl.Surface(math.inf, **wide)]
+    else:
+        z_first = z_array - array.thickness / array.index
+        z_rear = z_first + array.thickness
+        surfaces = [pl.Surface(math.inf, array.thickness, glass, **wide), pl.Surface(-array.radius, **wide)]
+    # A lens's frame starts at its stop: 100 mm before the array.
+    lens = pl.LensStack([pl.CircularStop(1e3, 100.0), *surfaces])
+    start = np.column_stack([sensor - centres, np.full(n, z_rear - z_first + 100 + distance)])
+    aim = np.column_stack([points - centres, np.full(n, z_rear - z_first + 100)])
+    out = lens.trace_reverse(pl.RayBundle(start, aim - start))
+    assert np.all(status == 0) and np.all(out.status == 0)
+    # Slopes are good to a few eps of what they are computed from: sensor points and aims of 1 mm, 1.7 mm apart; heights
+    # on the stop, 100 mm on, to as much times 100 mm.
+    assert np.abs(along - out.direction).max() <= 32 * EPS
+    t = (z_first - 100 - found[:, 2]) / along[:, 2]
+    on_stop = found[:, :2] + t[:, None] * along[:, :2] - centres
+    assert np.abs(on_stop - out.origin[:, :2]).max() <= 32 * EPS * 100
+
+
+@pytest.mark.parametrize("side", list(pl.ConvexSide))
+def test_focal_length_and_principal_planes_in_the_paraxial_limit(side: pl.ConvexSide) -> None:
+    array = plano_convex(side, focal_lengths=(1.8,), index=1.6)
+    distance, z_array, n = 1.3, 50.0, 200
+
+    def slope_errors(h: float) -> float:
+        points, sensor, centres = aimed(array, n, height=h, slope=h, distance=distance)
+        blocks = as_blocks(points, sensor, centres, 1.0)
+        _fill_spherical(blocks, array, distance, z_array, np.zeros((0, 3)))
+        found, along, _, _ = from_blocks(blocks, n)
+        # Through the front principal plane at the height of the rear one, bent by height over focal length.
+        t = (z_array - found[:, 2]) / along[:, 2]
+        at_front = found[:, :2] + t[:, None] * along[:, :2]
+        bent = (points - sensor) / distance - (points - centres) / array.focal_length
+        return max(np.abs(at_front - points).max(), np.abs(along[:, :2] / -along[:, 2:] - bent).max())
+
+    # Third-order aberrations: errors are O(h^3) with coefficients of order 1 / f^2.
+    sizes = np.array([0.08, 0.04, 0.02, 0.01])
+    errors = [slope_errors(h) for h in sizes]
+    assert np.polyfit(np.log(sizes), np.log(errors), 1)[0] == pytest.approx(3.0, abs=0.1)
+    assert errors[-1] < 1e-5
+
+
+def test_thin_microlenses_bend_by_height_over_focal_length() -> None:
+    array = array_of(0.2, pl.Lattice.HEXAGONAL)
+    points, sensor, centres = aimed(array, 300, height=0.1, slope=0.3, distance=1.7)
+    blocks = as_blocks(points, sensor, centres, 2.5)
+    _lattice.fill_thin(blocks, 1.7, 1 / 2.0, 123.3)
+    found, along, weight, status = from_blocks(blocks, 300)
+    assert np.array_equal(found, np.column_stack([points, np.full(300, 123.3)]))
+    assert np.all(status == 0)
+    bent = (points - sensor) / 1.7 - (points - centres) / 2.0
+    assert np.abs(along[:, :2] / -along[:, 2:] - bent).max() <= 8 * EPS
+    assert np.abs(np.linalg.norm(along, axis=1) - 1).max() <= 4 * EPS
+    # Projected solid angle of an area A at distance r under cos: A cos^2 / r^2 = A cos^4 / b^2.
+    cos = 1.7 / np.sqrt(((points - sensor) ** 2).sum(axis=1) + 1.7**2)
+    assert weight == pytest.approx(2.5 * cos**4 / 1.7**2, rel=16 * EPS)
+
+
+def test_without_microlenses_rays_go_straight_on() -> None:
+    points, sensor, centres = aimed(array_of(0.2, pl.Lattice.SQUARE), 300, height=2.0, slope=0.3, distance=90.0)
+    blocks = as_blocks(points, sensor, centres, 1.0)
+    _lattice.fill_straight(blocks, 90.0, 30.3)
+    found, along, weight, _ = from_blocks(blocks, 300)
+    assert np.array_equal(found[:, :2], points) and np.all(found[:, 2] == 30.3)
+    way = np.column_stack([points - sensor, np.full(300, -90.0)])
+    length = np.linalg.norm(way, axis=1)
+    assert np.abs(along - way / length[:, None]).max() <= 4 * EPS
+    assert weight == pytest.approx(90.0**2 / length**4, rel=16 * EPS)
+
+
+@pytest.mark.parametrize("side", list(pl.ConvexSide))
+def test_rays_beside_their_own_sphere_are_another_microlens_s(side: pl.ConvexSide) -> None:
+    array = plano_convex(side, pitch=0.6, thickness=0.3, focal_lengths=(2.0,))
+    points, sensor, centres = aimed(array, 2000, height=0.4, slope=0.5, distance=1.7)
+    n = len(points)
+    with_edges, without = (as_blocks(points, sensor, centres, 1.0) for _ in range(2))
+    _fill_spherical(with_edges, array, 1.7, 40.0, array.cell_edges)
+    _fill_spherical(without, array, 1.7, 40.0, np.zeros((0, 3)))
+    found, along, _, status = from_blocks(with_edges, n)
+    free_found, free_along, _, free_status = from_blocks(without, n)
+    assert np.array_equal(found, free_found) and np.array_equal(along, free_along)
+    assert np.all(free_status == 0)
+    assert set(status.tolist()) == {0.0, float(pl.RayStatus.OUTSIDE_MICROLENS)}
+    if side is pl.ConvexSide.SCENE:
+        # The curved side is met last: rays end on it.
+        on_sphere = found[:, :2] - centres
+    else:
+        # It is met first: the straight line from the sensor, with its vertex on the rear principal plane.
+        line = points - sensor
+        start = points - centres
+        sphere = array.radius
+        # Depth w below the vertex plane: |start - line w / 1.7|^2 + (w - R)^2 = R^2, the centre towards the scene.
+        u = line / 1.7
+        a = 1 + (u**2).sum(axis=1)
+        b = (start * u).sum(axis=1) + sphere
+        c = (start**2).sum(axis=1)
+        w = c / (b + np.sqrt(b * b - a * c))
+        on_sphere = start - 0 * u
+        # Towards the scene z falls: the sphere lies at z = -w, where the line has moved on by +u w.
+        a2, b2 = 1 + (u**2).sum(axis=1), sphere - (start * u).sum(axis=1)
+        w = c / (b2 + np.sqrt(b2 * b2 - a2 * c))
+        on_sphere = start + u * w[:, None]
+    inside = np.all(on_sphere @ array.cell_edges[:, :2].T <= array.cell_edges[:, 2], axis=1)
+    margin = np.abs((on_sphere @ array.cell_edges[:, :2].T - array.cell_edges[:, 2]).max(axis=1)) > 1e-12
+    assert np.array_equal((status == 0)[margin], inside[margin])

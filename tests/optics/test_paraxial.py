@@ -1,0 +1,279 @@
+import dataclasses
+import math
+import warnings
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from plenoptic.errors import InvalidValueError
+from plenoptic.optics import paraxial
+from plenoptic.optics.lens import LensStack
+from plenoptic.optics.media import ConstantMedium
+from plenoptic.optics.prescriptions import lens_names, load_lens
+from plenoptic.optics.stops import CircularStop
+from plenoptic.optics.surface import Surface
+
+GLASS = ConstantMedium(1.5)
+
+
+@pytest.fixture(autouse=True)
+def no_warnings() -> Iterator[None]:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        yield
+
+
+def thin(f: float, gap: float = 0.0) -> list[Surface]:
+    """A lens without thickness of focal length f: (n - 1) (1 / R1 - 1 / R2) = 1 / f with R2 = -R1 and n = 1.5."""
+    return [Surface(f, 0.0, GLASS, semi_diameter=0.2), Surface(-f, gap, semi_diameter=0.2)]
+
+
+# ---- numbers ----
+
+
+def test_the_reference_lens() -> None:
+    """The table of the reference camera; its last digit."""
+    lens = load_lens("double-gauss-100mm-f2")
+    points = paraxial.cardinal_points(lens)
+    assert points.efl == pytest.approx(100.72, abs=0.005)
+    assert points.rear_principal == pytest.approx(1.805, abs=0.0005)
+    assert points.rear_focus == pytest.approx(102.52, abs=0.005)
+    assert points.exit_pupil == pytest.approx(-5.23, abs=0.005)
+    assert points.pupil_magnification == pytest.approx(1.552, abs=0.0005)
+    assert points.f_number == pytest.approx(2.03, abs=0.005)
+    assert paraxial.image_position(lens, -404.0) == pytest.approx(134.624, abs=0.0005)
+    assert paraxial.magnification(lens, -404.0) == pytest.approx(-0.3187, abs=0.00005)
+
+
+def test_the_achromat_of_the_catalogue() -> None:
+    """Thorlabs AC254-100-A: efl 100.1, bfl 97.1, from radii rounded to 0.1 mm, some 0.2 % of the powers."""
+    lens = load_lens("achromat-100mm-f4.4")
+    assert paraxial.cardinal_points(lens).efl == pytest.approx(100.1, abs=0.2)
+    assert paraxial.cardinal_points(lens).bfl == pytest.approx(97.1, abs=0.2)
+    blue, red = (paraxial.cardinal_points(lens, line).efl for line in (486.1327, 656.2725))
+    singlet = load_lens("singlet-100mm-f4")
+    single_blue, single_red = (paraxial.cardinal_points(singlet, line).efl for line in (486.1327, 656.2725))
+    # f / V between F and C for the singlet; an achromat brings it to a few percent of that.
+    assert single_red - single_blue == pytest.approx(100.0 / 64.17, rel=0.01)
+    assert abs(red - blue) < 0.1 * (single_red - single_blue)
+
+
+# ---- closed forms ----
+
+
+@given(
+    r1=st.one_of(st.floats(20.0, 1e4), st.floats(-1e4, -20.0)),
+    r2=st.one_of(st.floats(20.0, 1e4), st.floats(-1e4, -20.0)),
+    n=st.floats(1.3, 2.0),
+    d=st.floats(0.0, 15.0),
+)
+def test_the_thick_lens(r1: float, r2: float, n: float, d: float) -> None:
+    """Hecht, Optics, 5th ed., eqs. 6.1 to 6.4."""
+    power = (n - 1) * (1 / r1 - 1 / r2 + (n - 1) * d / (n * r1 * r2))
+    # Near the afocal case power is a small difference of terms up to 0.1, which takes its digits.
+    assume(abs(power) > 1e-6)
+    glass = ConstantMedium(n)
+    lens = LensStack([CircularStop(1.0), Surface(r1, d, glass, semi_diameter=5.0), Surface(r2, semi_diameter=5.0)])
+    points = paraxial.cardinal_points(lens)
+    # 10 eps * 0.1 / 1e-6 = 2e-10.
+    f = 1 / power
+    assert points.efl == pytest.approx(f, rel=1e-9)
+    assert points.front_principal == pytest.approx(-f * (n - 1) * d / (n * r2), rel=1e-9, abs=1e-9 * abs(f))
+    assert points.rear_principal == pytest.approx(d - f * (n - 1) * d / (n * r1), rel=1e-9, abs=1e-9 * abs(f))
+    assert points.rear_focus == pytest.approx(points.rear_principal + f, rel=1e-9, abs=1e-9 * abs(f))
+    assert points.front_focus == pytest.approx(points.front_principal - f, rel=1e-9, abs=1e-9 * abs(f))
+    assert points.bfl == pytest.approx(points.rear_focus - d, rel=1e-9, abs=1e-9 * abs(f))
+    assert points.ffl == pytest.approx(points.front_focus, rel=1e-9, abs=1e-9 * abs(f))
+
+
+@given(f1=st.floats(20.0, 500.0), f2=st.floats(20.0, 500.0), d=st.floats(0.0, 300.0))
+def test_two_thin_lenses(f1: float, f2: float, d: float) -> None:
+    """Gullstrand: 1 / f = 1 / f1 + 1 / f2 - d / (f1 f2)."""
+    assume(abs(f1 + f2 - d) > 0.01)
+    points = paraxial.cardinal_points(LensStack([CircularStop(1.0), *thin(f1, d), *thin(f2)]))
+    # The difference f1 + f2 - d of numbers up to 1000 keeps 0.01: 1e5 of some 10 eps.
+    assert points.efl == pytest.approx(f1 * f2 / (f1 + f2 - d), rel=1e-9)
+    assert points.bfl == pytest.approx(f2 * (f1 - d) / (f1 + f2 - d), rel=1e-9, abs=1e-8)
+
+
+@given(n=st.floats(1.3, 2.5), radius=st.floats(0.1, 100.0))
+def test_the_ball_lens(n: float, radius: float) -> None:
+    """efl = n R / (2 (n - 1)), principal planes in its middle."""
+    ball = LensStack(
+        [
+            Surface(radius, radius, ConstantMedium(n), semi_diameter=radius),
+            CircularStop(radius / 2, radius),
+            Surface(-radius, semi_diameter=radius),
+        ]
+    )
+    points = paraxial.cardinal_points(ball)
+    assert points.efl == pytest.approx(n * radius / (2 * (n - 1)), rel=1e-13)
+    assert points.front_principal == pytest.approx(0.0, abs=1e-12 * radius)
+    assert points.rear_principal == pytest.approx(0.0, abs=1e-12 * radius)
+
+
+# ---- laws ----
+
+
+@pytest.mark.parametrize("name", lens_names())
+def test_the_determinant_is_one(name: str) -> None:
+    # Terms up to some 10^2 in 2 n products.
+    assert np.linalg.det(paraxial.system_matrix(load_lens(name))) == pytest.approx(1.0, abs=1e-11)
+
+
+@pytest.mark.parametrize("name", lens_names())
+@pytest.mark.parametrize("z", [-1e7, -4000.0, -700.0])
+def test_newton(name: str, z: float) -> None:
+    """x x' = -f^2 and m = f / x for distances from the foci."""
+    lens = load_lens(name)
+    points = paraxial.cardinal_points(lens)
+    image = paraxial.image_position(lens, z)
+    # x' is a difference of numbers near 100 that may be as small as 1e-3.
+    assert image - points.rear_focus == pytest.approx(-(points.efl**2) / (z - points.front_focus), rel=1e-7)
+    assert paraxial.magnification(lens, z) == pytest.approx(points.efl / (z - points.front_focus), rel=1e-12)
+    assert paraxial.object_position(lens, image) == pytest.approx(z, rel=1e-7)
+
+
+@given(z=st.floats(-1e5, 1e5))
+def test_conjugates_are_each_others_inverse(z: float) -> None:
+    lens = load_lens("double-gauss-100mm-f2")
+    image = paraxial.image_position(lens, z)
+    assume(abs(image) < 1e6)
+    # dz / dz' = -(x / f)^2, at most 1e6, times the rounding of z', some 1e-13.
+    assert paraxial.object_position(lens, image) == pytest.approx(z, rel=1e-9, abs=1e-6)
+
+
+@pytest.mark.parametrize("name", lens_names())
+def test_principal_planes_are_imaged_one_to_one(name: str) -> None:
+    lens = load_lens(name)
+    points = paraxial.cardinal_points(lens)
+    assert paraxial.magnification(lens, points.front_principal) == pytest.approx(1.0, rel=1e-10)
+    assert paraxial.image_position(lens, points.front_principal) == pytest.approx(points.rear_principal, abs=1e-7)
+
+
+@pytest.mark.parametrize("name", lens_names())
+def test_the_lens_images_one_pupil_to_the_other(name: str) -> None:
+    lens = load_lens(name)
+    points = paraxial.cardinal_points(lens)
+    assert paraxial.image_position(lens, points.entrance_pupil) == pytest.approx(points.exit_pupil, rel=1e-9, abs=1e-9)
+    ratio = points.exit_pupil_semi_diameter / points.entrance_pupil_semi_diameter
+    assert abs(paraxial.magnification(lens, points.entrance_pupil)) == pytest.approx(ratio, rel=1e-10)
+    assert points.exit_pupil_semi_diameter == pytest.approx(
+        abs(points.pupil_magnification) * lens.stop.semi_diameter, rel=1e-15
+    )
+
+
+@given(factor=st.floats(0.01, 100.0))
+def test_lengths_scale(factor: float) -> None:
+    lens = load_lens("double-gauss-100mm-f2")
+    scaled = LensStack(
+        [
+            dataclasses.replace(e, thickness=e.thickness * factor, semi_diameter=e.semi_diameter * factor)
+            if not isinstance(e, Surface)
+            else Surface(e.radius * factor, e.thickness * factor, e.medium, semi_diameter=e.semi_diameter * factor)
+            for e in lens.elements
+        ]
+    )
+    before, after = paraxial.cardinal_points(lens), paraxial.cardinal_points(scaled)
+    # Some 40 products of rounded numbers.
+    assert after.efl == pytest.approx(before.efl * factor, rel=1e-12)
+    assert after.exit_pupil == pytest.approx(before.exit_pupil * factor, rel=1e-11)
+    assert after.f_number == pytest.approx(before.f_number, rel=1e-12)
+
+
+def test_a_symmetric_lens_has_symmetric_pupils() -> None:
+    points = paraxial.cardinal_points(
+        LensStack(
+            [
+                Surface(30.0, 5.0, GLASS, semi_diameter=10.0),
+                Surface(80.0, 7.0, semi_diameter=10.0),
+                CircularStop(4.0, 7.0),
+                Surface(-80.0, 5.0, GLASS, semi_diameter=10.0),
+                Surface(-30.0, semi_diameter=10.0),
+            ]
+        )
+    )
+    assert points.exit_pupil == pytest.approx(-points.entrance_pupil, rel=1e-13)
+    assert points.exit_pupil_semi_diameter == pytest.approx(points.entrance_pupil_semi_diameter, rel=1e-13)
+    assert points.rear_focus == pytest.approx(-points.front_focus, rel=1e-13)
+    # Pupils of a symmetric lens lie in its principal planes.
+    assert points.exit_pupil == pytest.approx(points.rear_principal, rel=1e-12)
+
+
+# ---- limits ----
+
+
+@pytest.mark.parametrize(("f1", "f2"), [(100.0, 50.0), (93.7, 31.1), (1 / 3, 0.7), (1000.0, 10.0)])
+def test_an_afocal_lens(f1: float, f2: float) -> None:
+    """Kepler's telescope: the lateral magnification is -f2 / f1 wherever the object is."""
+    lens = LensStack([CircularStop(0.1, 0.0), *thin(f1, f1 + f2), *thin(f2)])
+    points = paraxial.cardinal_points(lens)
+    assert points.efl == points.bfl == points.rear_focus == points.rear_principal == points.f_number == math.inf
+    assert points.ffl == points.front_focus == points.front_principal == -math.inf
+    assert paraxial.image_position(lens, -math.inf) == math.inf
+    assert paraxial.object_position(lens, math.inf) == -math.inf
+    for z in (-math.inf, -700.0, 3.0):
+        assert paraxial.magnification(lens, z) == pytest.approx(-f2 / f1, rel=1e-12)
+    # Longitudinal magnification is the square of the lateral one.
+    move = paraxial.image_position(lens, -100.0) - paraxial.image_position(lens, -101.0)
+    assert move == pytest.approx((f2 / f1) ** 2, rel=1e-8, abs=1e-11)
+
+
+def test_a_plane_plate_is_afocal() -> None:
+    plate = LensStack(
+        [CircularStop(1.0), Surface(math.inf, 6.0, GLASS, semi_diameter=9.0), Surface(math.inf, semi_diameter=9.0)]
+    )
+    assert paraxial.cardinal_points(plate).efl == math.inf
+    # It moves an image by d (1 - 1 / n).
+    assert paraxial.image_position(plate, -50.0) == pytest.approx(-50.0 + 6.0 * (1 - 1 / 1.5), rel=1e-14)
+    assert paraxial.magnification(plate, -50.0) == 1.0
+
+
+@pytest.mark.parametrize("f", [100.0, 93.7, 1 / 3, 77.77])
+def test_telecentric_lenses(f: float) -> None:
+    lens = thin(f)
+    image_side = paraxial.cardinal_points(LensStack([CircularStop(0.1, f), *lens]))
+    assert image_side.exit_pupil == image_side.exit_pupil_semi_diameter == math.inf
+    assert image_side.entrance_pupil == 0.0
+    assert image_side.entrance_pupil_semi_diameter == 0.1
+    object_side = paraxial.cardinal_points(
+        LensStack([lens[0], dataclasses.replace(lens[1], thickness=f), CircularStop(0.1)])
+    )
+    assert object_side.entrance_pupil == object_side.entrance_pupil_semi_diameter == math.inf
+    assert (object_side.exit_pupil, object_side.pupil_magnification) == (0.0, 1.0)
+
+
+def test_a_negative_lens() -> None:
+    lens = LensStack([CircularStop(1.0), *thin(-100.0)])
+    points = paraxial.cardinal_points(lens)
+    assert points.efl == pytest.approx(-100.0, rel=1e-14)
+    assert points.rear_focus == pytest.approx(-100.0, rel=1e-14)
+    assert points.f_number == pytest.approx(50.0, rel=1e-14)
+
+
+def test_the_focus_and_the_horizon() -> None:
+    lens = load_lens("double-gauss-100mm-f2")
+    points = paraxial.cardinal_points(lens)
+    assert paraxial.image_position(lens, -math.inf) == points.rear_focus
+    assert paraxial.object_position(lens, math.inf) == points.front_focus
+    assert paraxial.magnification(lens, -math.inf) == 0.0
+    thin_lens = LensStack([CircularStop(1.0), *thin(100.0)])
+    assert paraxial.image_position(thin_lens, -100.0) == paraxial.magnification(thin_lens, -100.0) == math.inf
+    assert paraxial.object_position(thin_lens, 100.0) == -math.inf
+
+
+@pytest.mark.parametrize("function", [paraxial.image_position, paraxial.object_position, paraxial.magnification])
+def test_nan_is_no_position(function) -> None:  # type: ignore[no-untyped-def]
+    with pytest.raises(InvalidValueError, match="is nan"):
+        function(load_lens("singlet-100mm-f4"), math.nan)
+
+
+def test_other_stops_have_no_part_in_it() -> None:
+    lens = load_lens("double-gauss-100mm-f2")
+    before, after = (paraxial.cardinal_points(x) for x in (lens, lens.inserted(CircularStop(1.0), 40.0)))
+    for field in dataclasses.fields(before):
+        # The exit pupil is counted from another last element: rounding of 40.
+        assert getattr(after, field.name) == pytest.approx(getattr(before, field.name), rel=1e-13, abs=1e-13)

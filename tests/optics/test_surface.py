@@ -1,0 +1,98 @@
+import math
+import pickle
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from plenoptic.errors import InvalidValueError, PrescriptionError
+from plenoptic.optics.media import AIR, ConstantMedium
+from plenoptic.optics.surface import Surface
+
+EPS = np.finfo(float).eps
+RADII = st.one_of(st.floats(1e-3, 1e9), st.floats(-1e9, -1e-3))
+
+
+@given(radius=RADII, fraction=st.floats(0.0, 1.0))
+def test_sag_lies_on_the_sphere(radius: float, fraction: float) -> None:
+    r = fraction * abs(radius)
+    z = float(Surface(radius, semi_diameter=abs(radius)).sag(r))
+    # r^2 + (z - R)^2 = R^2, divided by R^2; a handful of roundings of terms not above 1.
+    u, v = r / radius, z / radius
+    assert u * u + v * (v - 2) == pytest.approx(0.0, abs=16 * EPS)
+    assert z * radius >= 0
+
+
+@given(radius=RADII, fraction=st.floats(0.0, 1e-3))
+def test_sag_is_a_parabola_near_the_vertex(radius: float, fraction: float) -> None:
+    r = fraction * abs(radius)
+    # The next term of the series is (r / R)^2 / 4 of the first.
+    assert float(Surface(radius, semi_diameter=abs(radius)).sag(r)) == pytest.approx(
+        r * r / (2 * radius), rel=0.26e-6, abs=1e-300
+    )
+
+
+def test_a_plane_has_no_curvature_and_no_sag() -> None:
+    plane = Surface(math.inf, semi_diameter=10.0)
+    assert plane.curvature == 0.0
+    assert plane.sag([0.0, 5.0, 1e9]).tolist() == [0.0, 0.0, 0.0]
+    assert Surface(-math.inf, semi_diameter=10.0) == plane
+
+
+def test_a_hemisphere_reaches_its_equator() -> None:
+    assert float(Surface(-7.3, semi_diameter=7.3).sag(7.3)) == pytest.approx(-7.3, rel=4 * EPS)
+
+
+def test_sag_keeps_the_shape() -> None:
+    assert Surface(50.0, semi_diameter=10.0).sag(np.zeros((3, 2))).shape == (3, 2)
+
+
+def test_sag_beyond_the_sphere_is_refused() -> None:
+    with pytest.raises(PrescriptionError, match="r reaches 11 mm"):
+        Surface(10.0, semi_diameter=5.0).sag([1.0, 11.0])
+
+
+def test_defaults() -> None:
+    surface = Surface(50.0, semi_diameter=10.0)
+    assert (surface.thickness, surface.medium) == (0.0, AIR)
+
+
+def test_a_surface_is_a_value() -> None:
+    surface = Surface(50.0, 3.0, ConstantMedium(1.5), semi_diameter=10)
+    assert pickle.loads(pickle.dumps(surface)) == surface
+    assert hash(surface) == hash(Surface(50, 3, ConstantMedium(1.5), semi_diameter=10.0))
+    assert eval(repr(surface)) == surface
+
+
+@pytest.mark.parametrize("radius", [0.0, -0.0, math.nan, 5e-324, None, "flat", 10**400])
+def test_an_impossible_radius_names_the_remedy(radius: float) -> None:
+    with pytest.raises(PrescriptionError, match=r"radius is .*math\.inf"):
+        Surface(radius, semi_diameter=1.0)
+
+
+@pytest.mark.parametrize("semi_diameter", [0.0, -1.0, math.nan, math.inf, 10.0001])
+def test_an_impossible_semi_diameter_is_refused(semi_diameter: float) -> None:
+    with pytest.raises(InvalidValueError, match="semi_diameter"):
+        Surface(-10.0, semi_diameter=semi_diameter)
+
+
+@pytest.mark.parametrize("thickness", [-1e-9, math.nan, math.inf])
+def test_an_impossible_gap_is_refused(thickness: float) -> None:
+    with pytest.raises(InvalidValueError, match="thickness is"):
+        Surface(10.0, thickness, semi_diameter=1.0)
+
+
+def test_a_medium_must_have_an_index() -> None:
+    with pytest.raises(PrescriptionError, match=r"medium is 1\.5; .*ConstantMedium"):
+        Surface(10.0, medium=1.5, semi_diameter=1.0)  # type: ignore[arg-type]
+
+
+@given(radius=st.floats(), thickness=st.floats(), semi_diameter=st.floats())
+def test_what_is_accepted_is_usable(radius: float, thickness: float, semi_diameter: float) -> None:
+    try:
+        surface = Surface(radius, thickness, semi_diameter=semi_diameter)
+    except InvalidValueError:
+        return
+    assert math.isfinite(surface.curvature)
+    assert np.isfinite(surface.sag(surface.semi_diameter))

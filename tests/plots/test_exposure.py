@@ -1,0 +1,92 @@
+"""Figures of exposures: what is there is drawn, what is not is left out."""
+
+import matplotlib
+import numpy as np
+import pytest
+
+import plenoptic as pl
+
+matplotlib.use("Agg")
+
+import matplotlib.pyplot as plt  # noqa: E402
+
+
+@pytest.fixture(autouse=True)
+def _closed():
+    yield
+    plt.close("all")
+
+
+def _shot(channels=1, *, error=True, depth=True, region=None):
+    shape = (6, 8, channels)
+    image = np.arange(np.prod(shape), dtype=float).reshape(shape)
+    where = np.full(shape[:2], 400.0)
+    where[0] = np.inf
+    return pl.Exposure(
+        image,
+        standard_error=0.01 * image if error else None,
+        depth=where if depth else None,
+        region=region,
+    )
+
+
+def _panels(figure):
+    return {ax.get_title().split(" (")[0]: ax for ax in figure.axes if ax.get_title()}
+
+
+@pytest.mark.parametrize("channels", [1, 3])
+@pytest.mark.parametrize("error", [False, True])
+@pytest.mark.parametrize("depth", [False, True])
+def test_panels_are_those_that_exist(channels, error, depth):
+    panels = _panels(pl.plot_exposure(_shot(channels, error=error, depth=depth)))
+    assert list(panels) == ["image"] + ["standard error"] * error + ["depth"] * depth
+
+
+def test_axes_count_pixels_of_the_sensor():
+    panels = _panels(pl.plot_exposure(_shot(region=(100, 106, 200, 208))))
+    for ax in panels.values():
+        assert ax.images[0].get_extent() == pytest.approx([199.5, 207.5, 105.5, 99.5])
+        assert ax.get_xlabel() == "column / pixel"
+
+
+def test_row_0_is_at_the_top():
+    ax = _panels(pl.plot_exposure(_shot()))["image"]
+    bottom, top = ax.get_ylim()
+    assert bottom > top
+
+
+def test_depth_is_blank_where_nothing_is_met():
+    drawn = _panels(pl.plot_exposure(_shot()))["depth"].images[0].get_array()
+    assert drawn.mask[0].all() and not drawn.mask[1:].any()
+
+
+def test_depth_that_is_infinite_everywhere_is_drawn():
+    shot = pl.Exposure(np.zeros((2, 2, 1)), depth=np.full((2, 2), np.inf))
+    pl.plot_exposure(shot).canvas.draw()
+
+
+def test_a_bright_pixel_does_not_darken_the_others():
+    image = np.ones((40, 40, 1))
+    image[3, 4] = 1e6
+    drawn = _panels(pl.plot_exposure(pl.Exposure(image)))["image"].images[0]
+    assert drawn.get_clim() == (0.0, 1.0)
+
+
+def test_error_of_colours_is_their_root_mean_square():
+    error = np.broadcast_to([3.0, 4.0, 0.0], (2, 2, 3))
+    drawn = _panels(pl.plot_exposure(pl.Exposure(np.ones((2, 2, 3)), standard_error=error)))["standard error"]
+    np.testing.assert_allclose(drawn.images[0].get_array(), np.sqrt(25 / 3), rtol=1e-7)
+
+
+def test_colours_are_encoded_for_the_screen():
+    # IEC 61966-2-1: linear 0.5 is shown as 0.7354.
+    image = np.full((4, 4, 3), 1.0)
+    image[0, 0] = 0.5
+    drawn = _panels(pl.plot_exposure(pl.Exposure(image)))["image"].images[0].get_array()
+    np.testing.assert_allclose(drawn[0, 0], 0.7354, atol=1e-4)
+
+
+def test_draws_into_a_given_figure():
+    given = plt.figure()
+    assert pl.plot_exposure(_shot(), figure=given) is given
+    given.canvas.draw()

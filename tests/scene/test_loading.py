@@ -1,0 +1,427 @@
+import json
+import os
+import struct
+from pathlib import Path
+
+import numpy as np
+import PIL.Image
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import plenoptic as pl
+
+ASSETS = Path(os.environ.get("PLENOPTIC_SHARED", Path(__file__).resolve().parents[2].parent / "shared")) / "assets"
+
+
+def volume(mesh):
+    """Positive where the fronts are outside."""
+    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
+    return (np.cross(a, b) * c).sum() / 6
+
+
+RED, GREEN, BLUE, WHITE = (255, 0, 0), (0, 255, 0), (0, 0, 255), (255, 255, 255)
+
+
+def four_colours():
+    """Red at the top left, green at the top right, blue at the bottom left, white at the bottom right."""
+    image = PIL.Image.new("RGB", (2, 2))
+    for place, colour in (((0, 0), RED), ((1, 0), GREEN), ((0, 1), BLUE), ((1, 1), WHITE)):
+        image.putpixel(place, colour)
+    return image
+
+
+OBJ = """mtllib quad.mtl
+v 0 0 0
+v 1 0 0
+v 1 1 0
+v 0 1 0
+vt 0 0
+vt 1 0
+vt 1 1
+vt 0 1
+usemtl skin
+f 1/1 2/2 3/3
+f 1/1 3/3 4/4
+"""
+
+
+def write_obj(folder, *, mtl="newmtl skin\nKd 1 1 1\nmap_Kd skin.png\n", obj=OBJ):
+    (folder / "quad.obj").write_text(obj)
+    (folder / "quad.mtl").write_text(mtl)
+    four_colours().save(folder / "skin.png")
+    return folder / "quad.obj"
+
+
+def colour_at(mesh, corner):
+    """The texel next to where the mesh has a corner, by the uv convention of `Texture`."""
+    (vertex,) = np.flatnonzero((mesh.vertices == corner).all(axis=1))
+    u, v = np.clip(mesh.uv[vertex], 0.01, 0.99)
+    texels = mesh.material.albedo.texels
+    return texels[int((1 - v) * texels.shape[0]), int(u * texels.shape[1])].tolist()
+
+
+def assert_upright(mesh):
+    assert colour_at(mesh, (0, 0, 0)) == [0, 0, 1]
+    assert colour_at(mesh, (1, 0, 0)) == [1, 1, 1]
+    assert colour_at(mesh, (1, 1, 0)) == [0, 1, 0]
+    assert colour_at(mesh, (0, 1, 0)) == [1, 0, 0]
+
+
+def trimesh_quad(material=None):
+    trimesh = pytest.importorskip("trimesh")
+    uv = [[0, 0], [1, 0], [1, 1], [0, 1]]
+    visual = trimesh.visual.TextureVisuals(uv=uv, material=material)
+    corners = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
+    return trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3]], visual=visual, process=False)
+
+
+def write_glb(path, **described):
+    import trimesh
+
+    material = trimesh.visual.material.PBRMaterial(name="skin", **described)
+    path.write_bytes(trimesh.Scene(trimesh_quad(material)).export(file_type="glb"))
+    return path
+
+
+def edit_glb(path, edit):
+    """Change the JSON part of a GLB file."""
+    content = path.read_bytes()
+    end = 20 + struct.unpack("<I", content[12:16])[0]
+    header = json.loads(content[20:end])
+    edit(header)
+    text = json.dumps(header).encode()
+    text += b" " * (-len(text) % 4)
+    rest = content[end:]
+    head = content[:8] + struct.pack("<II", 20 + len(text) + len(rest), len(text)) + b"JSON"
+    path.write_bytes(head + text + rest)
+    return path
+
+
+def test_the_texture_of_an_obj_is_upright(tmp_path):
+    (mesh,) = pl.load_meshes(write_obj(tmp_path))
+    assert_upright(mesh)
+    assert mesh.normals is None
+
+
+def test_the_texture_of_a_glb_is_upright(tmp_path):
+    (mesh,) = pl.load_meshes(write_glb(tmp_path / "quad.glb", baseColorTexture=four_colours()))
+    assert_upright(mesh)
+
+
+def test_the_texture_of_a_gltf_is_upright(tmp_path):
+    import trimesh
+
+    material = trimesh.visual.material.PBRMaterial(baseColorTexture=four_colours())
+    for name, content in trimesh.exchange.gltf.export_gltf(trimesh.Scene(trimesh_quad(material))).items():
+        (tmp_path / name).write_bytes(content)
+    (mesh,) = pl.load_meshes(tmp_path / "model.gltf")
+    assert_upright(mesh)
+
+
+def test_the_texture_of_a_ply_is_upright(tmp_path):
+    four_colours().save(tmp_path / "skin.png")
+    rows = ["0 0 0 0 0", "1 0 0 1 0", "1 1 0 1 1", "0 1 0 0 1", "3 0 1 2", "3 0 2 3"]
+    head = ["ply", "format ascii 1.0", "comment TextureFile skin.png", "element vertex 4"]
+    head += [f"property float {name}" for name in "xyzst"]
+    head += ["element face 2", "property list uchar int vertex_indices", "end_header"]
+    (tmp_path / "quad.ply").write_text("\n".join(head + rows) + "\n")
+    (mesh,) = pl.load_meshes(tmp_path / "quad.ply")
+    assert_upright(mesh)
+    (tmp_path / "skin.png").write_bytes(b"no image")
+    with pytest.raises(pl.FileError, match=r"quad\.ply.*skin\.png"):
+        pl.load_meshes(tmp_path / "quad.ply")
+    assert pl.load_meshes(tmp_path / "quad.ply", material=pl.Emissive())[0].material == pl.Emissive()
+
+
+def test_the_colours_of_files_keep_their_digits(tmp_path):
+    (mesh,) = pl.load_meshes(write_obj(tmp_path, mtl="newmtl skin\nKd 0.123456 0.2 0.3\n"))
+    assert mesh.material == pl.Lambertian((0.123456, 0.2, 0.3))
+    glb = write_glb(tmp_path / "quad.glb", baseColorFactor=[0.5, 0.5, 0.5, 1.0])
+    edit_glb(glb, lambda h: h["materials"][0]["pbrMetallicRoughness"].update(baseColorFactor=[0.123456, 0.2, 0.3, 1]))
+    (mesh,) = pl.load_meshes(glb)
+    assert mesh.material == pl.Lambertian((0.123456, 0.2, 0.3))
+
+
+def test_colour_times_texture(tmp_path):
+    (mesh,) = pl.load_meshes(write_obj(tmp_path, mtl="newmtl skin\nKd 0.5 0.25 1\nmap_Kd skin.png\n"))
+    assert colour_at(mesh, (1, 0, 0)) == [0.5, 0.25, 1.0]
+
+
+def test_emission_is_read(tmp_path):
+    (mesh,) = pl.load_meshes(write_obj(tmp_path, mtl="newmtl skin\nKd 1 1 1\nKe 3 2 1\n"))
+    assert mesh.material == pl.Emissive((3.0, 2.0, 1.0))
+    glb = write_glb(tmp_path / "quad.glb", emissiveFactor=[1.0, 0.5, 0.25], doubleSided=True)
+    strong = {"KHR_materials_emissive_strength": {"emissiveStrength": 8.0}}
+    edit_glb(glb, lambda h: h["materials"][0].update(extensions=strong))
+    (mesh,) = pl.load_meshes(glb)
+    assert mesh.material == pl.Emissive((8.0, 4.0, 2.0), two_sided=True)
+
+
+def test_glow_by_a_texture_is_left_out_with_a_warning(tmp_path):
+    glb = write_glb(tmp_path / "quad.glb", emissiveFactor=[1.0, 1.0, 1.0], emissiveTexture=four_colours())
+    with pytest.warns(UserWarning, match="glow is left out"):
+        (mesh,) = pl.load_meshes(glb)
+    assert isinstance(mesh.material, pl.Lambertian)
+
+
+@pytest.mark.parametrize(("code", "linear"), [(255, 1.0), (188, 0.5029)])
+def test_a_single_colour_without_a_material_is_decoded(tmp_path, code, linear):
+    import trimesh
+
+    mesh = trimesh.creation.box()
+    mesh.visual.vertex_colors = [code, code, code, 255]
+    mesh.export(tmp_path / "box.ply")
+    (loaded,) = pl.load_meshes(tmp_path / "box.ply")
+    np.testing.assert_allclose(loaded.material.albedo, linear, atol=1e-4)
+    mesh.visual.vertex_colors[0] = [1, 2, 3, 255]
+    mesh.export(tmp_path / "box.ply")
+    assert pl.load_meshes(tmp_path / "box.ply")[0].material == pl.Lambertian(0.5)
+
+
+@pytest.mark.parametrize(
+    ("unit", "length"),
+    [("um", 1e-3), ("mm", 1.0), ("cm", 10.0), ("m", 1e3), ("km", 1e6), ("inch", 25.4), ("foot", 304.8)],
+)
+def test_units(tmp_path, unit, length):
+    (mesh,) = pl.load_meshes(write_obj(tmp_path), unit=unit)
+    np.testing.assert_array_equal(mesh.bounds[1], [length, length, 0])
+
+
+def test_an_unknown_unit_is_refused_with_the_list(tmp_path):
+    with pytest.raises(pl.InvalidValueError, match="'yard'.*mm, cm"):
+        pl.load_meshes(write_obj(tmp_path), unit="yard")
+    with pytest.raises(pl.InvalidValueError, match="material"):
+        pl.load_meshes(write_obj(tmp_path), material="red")
+
+
+def test_the_scene_graph_is_applied_and_winding_survives_a_mirror(tmp_path):
+    import trimesh
+
+    box = trimesh.creation.box((1, 1, 1))
+    box.vertex_normals  # noqa: B018  makes trimesh export them
+    scene = trimesh.Scene()
+    scene.add_geometry(box, transform=trimesh.transformations.translation_matrix([5, 0, 0]))
+    scene.add_geometry(box, transform=np.diag([-2.0, 1, 1, 1]))
+    scene.add_geometry(box, transform=np.diag([1.0, 1, 0, 1]))
+    (tmp_path / "two.glb").write_bytes(scene.export(file_type="glb"))
+    meshes = pl.load_meshes(tmp_path / "two.glb", unit="cm")
+    assert len(meshes) == 2  # the flattened one cannot be seen
+    by_place = sorted(meshes, key=lambda m: m.bounds[0, 0])
+    np.testing.assert_allclose(by_place[0].bounds[:, 0], [-10, 10])
+    np.testing.assert_allclose(by_place[1].bounds[:, 0], [45, 55])
+    assert volume(by_place[0]) == pytest.approx(2000)
+    for mesh in meshes:
+        middle = mesh.bounds.mean(axis=0)
+        assert (((mesh.vertices - middle) * mesh.normals).sum(axis=1) > 0).all()
+
+
+@pytest.mark.parametrize("kind", ["obj", "ply", "stl", "glb"])
+def test_every_kind_is_read_closed_and_outside_out(tmp_path, kind):
+    trimesh = pytest.importorskip("trimesh")
+    trimesh.creation.icosphere(subdivisions=2).export(tmp_path / f"ball.{kind}")
+    (mesh,) = pl.load_meshes(tmp_path / f"ball.{kind}")
+    assert len(mesh.faces) == 320 and volume(mesh) == pytest.approx(4.05, abs=0.03)
+    assert mesh.material == pl.Lambertian(0.5)
+
+
+@pytest.mark.parametrize("with_normals", [True, False])
+def test_normals_only_where_the_file_has_them(tmp_path, with_normals):
+    lines = ["v 0 0 0", "v 1 0 0", "v 0 1 0", "vn 0 0.6 0.8"]
+    lines.append("f 1//1 2//1 3//1" if with_normals else "f 1 2 3")
+    (tmp_path / "t.obj").write_text("\n".join(lines) + "\n")
+    (mesh,) = pl.load_meshes(tmp_path / "t.obj")
+    if with_normals:
+        np.testing.assert_allclose(mesh.normals, np.tile([0, 0.6, 0.8], (3, 1)), atol=1e-15)
+    else:
+        assert mesh.normals is None
+
+
+# Bad files
+
+BAD = {
+    "empty.obj": b"",
+    "words.obj": b"this is not a mesh",
+    "broken.obj": b"v 0 0 0\nv 1 0 0\nv 0 one 0\nf 1 2 3\n",
+    "beyond.obj": b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n",
+    "nan.obj": b"v 0 0 0\nv 1 0 nan\nv 0 1 0\nf 1 2 3\n",
+    "flat.obj": b"v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n",
+    "points.obj": b"v 0 0 0\nv 1 0 0\n",
+    "backwards.obj": b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf -3 -2 -1\nv 5 5 5\nv 6 5 5\nv 5 6 5\nf -3 -2 -1\n",
+    "two.obj": b"mtllib a.mtl\nmtllib b.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n",
+    "absent.obj": b"mtllib absent.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n",
+    "empty.ply": b"",
+    "cut.ply": b"ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\n",
+    "short.ply": b"ply\nformat binary_little_endian 1.0\nelement vertex 9\nproperty float x\nproperty float y\n"
+    b"property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n1234",
+    "empty.stl": b"",
+    "words.stl": b"solid nothing\nendsolid",
+    "short.stl": bytes(80) + (1000).to_bytes(4, "little") + bytes(50),
+    "empty.glb": b"",
+    "words.glb": b"certainly no glTF file, but long enough to look at",
+    "cut.glb": b"glTF\x02\0\0\0\xff\0\0\0\xff\0\0\0JSON{",
+    "words.gltf": b"{",
+    "list.gltf": b"[1, 2]",
+    "nothing.gltf": b'{"asset": {"version": "2.0"}}',
+    "old.gltf": b'{"asset": {"version": "1.0"}}',
+}
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("name", BAD)
+def test_a_bad_file_is_a_file_error_that_names_it(tmp_path, name):
+    (tmp_path / name).write_bytes(BAD[name])
+    with pytest.raises(pl.FileError, match=name.replace(".", r"\.")):
+        pl.load_meshes(tmp_path / name)
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.sampled_from(["obj", "ply", "stl", "glb", "gltf"]), st.binary(max_size=300))
+@pytest.mark.filterwarnings("ignore")
+def test_noise_is_a_file_error(tmp_path_factory, kind, noise):
+    path = tmp_path_factory.mktemp("noise") / f"noise.{kind}"
+    path.write_bytes(noise)
+    with pytest.raises(pl.FileError):
+        pl.load_meshes(path)
+
+
+@pytest.mark.filterwarnings("ignore")
+@settings(max_examples=50, deadline=None)
+@given(st.integers(0, 2000))
+def test_a_glb_that_was_cut_off_is_a_file_error(tmp_path_factory, cut):
+    whole = write_glb(tmp_path_factory.mktemp("cut") / "quad.glb", baseColorTexture=four_colours())
+    content = whole.read_bytes()
+    whole.write_bytes(content[: min(cut, len(content) - 1)])
+    with pytest.raises(pl.FileError):
+        pl.load_meshes(whole)
+
+
+def test_missing_files_folders_and_other_endings(tmp_path):
+    with pytest.raises(pl.FileError, match=r"absent\.obj is missing"):
+        pl.load_meshes(tmp_path / "absent.obj")
+    (tmp_path / "folder.obj").mkdir()
+    with pytest.raises(pl.FileError, match="is a folder"):
+        pl.load_meshes(tmp_path / "folder.obj")
+    (tmp_path / "mesh.blend").write_bytes(b"")
+    with pytest.raises(pl.FileError, match=r"'\.blend'.*\.glb, \.gltf, \.obj"):
+        pl.load_meshes(str(tmp_path / "mesh.blend"))
+    assert len(pl.load_meshes(write_obj(tmp_path).rename(tmp_path / "QUAD.OBJ"))) == 1
+
+
+@pytest.mark.parametrize("damage", ["missing", "broken", "options"])
+def test_a_texture_that_an_obj_lacks_is_a_file_error(tmp_path, damage):
+    mtl = "newmtl skin\nmap_Kd -s 2 2 1 skin.png\n" if damage == "options" else "newmtl skin\nmap_Kd skin.png\n"
+    path = write_obj(tmp_path, mtl=mtl)
+    if damage == "missing":
+        (tmp_path / "skin.png").unlink()
+    elif damage == "broken":
+        (tmp_path / "skin.png").write_bytes(b"no image")
+    with pytest.raises(pl.FileError, match=r"quad\.obj.*skin\.png.*material="):
+        pl.load_meshes(path)
+    (mesh,) = pl.load_meshes(path, material=pl.Lambertian(0.3))
+    assert mesh.material == pl.Lambertian(0.3) and mesh.uv is not None
+
+
+def test_a_material_file_that_an_obj_lacks_is_a_file_error(tmp_path):
+    path = write_obj(tmp_path)
+    (tmp_path / "quad.mtl").unlink()
+    with pytest.raises(pl.FileError, match=r"quad\.obj.*quad\.mtl"):
+        pl.load_meshes(path)
+
+
+def test_impossible_colours_in_a_file_name_it(tmp_path):
+    with pytest.raises(pl.FileError, match=r"quad\.obj.*albedo"):
+        pl.load_meshes(write_obj(tmp_path, mtl="newmtl skin\nKd 2 2 2\n"))
+
+
+def spoil_image(header):
+    # The image's bytes are now those of the first buffer view: numbers, not an image.
+    header["images"][0]["bufferView"] = 0
+
+
+def point_nowhere(header):
+    header["images"][0] = {"uri": "absent.png"}
+
+
+def move_texture(header):
+    texture = header["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"]
+    texture["extensions"] = {"KHR_texture_transform": {"scale": [2, 2]}}
+
+
+def need_extension(header):
+    header["extensionsRequired"] = ["EXT_meshopt_compression"]
+
+
+def quantise(header):
+    header["accessors"][header["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_0"]]["componentType"] = 5123
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize(
+    ("edit", "said"),
+    [
+        (spoil_image, "'skin' is missing or not an image"),
+        (point_nowhere, "'skin' is missing or not an image"),
+        (move_texture, "moves its texture"),
+        (need_extension, "EXT_meshopt_compression"),
+        (quantise, "TEXCOORD_0"),
+    ],
+)
+def test_what_would_be_read_wrongly_from_a_glb_is_refused(tmp_path, edit, said):
+    glb = edit_glb(write_glb(tmp_path / "quad.glb", baseColorTexture=four_colours()), edit)
+    with pytest.raises(pl.FileError, match=rf"quad\.glb.*{said}"):
+        pl.load_meshes(glb)
+
+
+# Well-known meshes
+
+
+def asset(name):
+    path = ASSETS / name
+    if not path.exists():
+        pytest.skip(f"{name} is not there")
+    return path
+
+
+def test_spot_keeps_its_seams():
+    path = asset("spot_triangulated.obj")
+    (mesh,) = pl.load_meshes(path, unit="m", material=pl.Lambertian(pl.Texture.load(asset("spot_texture.png"))))
+    words = [line.split() for line in path.read_text().splitlines()]
+    v = np.array([w[1:] for w in words if w[:1] == ["v"]], dtype=float) * 1000
+    vt = np.array([w[1:] for w in words if w[:1] == ["vt"]], dtype=float)
+    corners = np.array([[c.split("/")[:2] for c in w[1:]] for w in words if w[:1] == ["f"]], dtype=int) - 1
+    expected = np.concatenate([v[corners[..., 0]], vt[corners[..., 1]]], axis=-1)
+    found = np.concatenate([mesh.vertices, mesh.uv], axis=1)[mesh.faces]
+    np.testing.assert_allclose(found, expected, rtol=1e-15)
+    assert pl.Scene([mesh]).tables().texture_shape[0, 0] == 0
+
+
+def test_duck():
+    (mesh,) = pl.load_meshes(asset("Duck.glb"), unit="cm")
+    assert len(mesh.faces) == 4212 and mesh.normals is not None
+    assert mesh.material.albedo.texels.shape == (512, 512, 3)
+    # The node scales by 0.01; the beak and the body are yellow wherever uv points.
+    np.testing.assert_allclose(mesh.bounds[1] - mesh.bounds[0], [16.55, 15.40, 11.50], atol=0.01)
+    u, v = mesh.uv[:, 0] % 1, mesh.uv[:, 1] % 1
+    seen = mesh.material.albedo.texels[((1 - v) * 511).astype(int), (u * 511).astype(int)]
+    red, _, blue = np.median(seen, axis=0)
+    assert red > 0.5 and blue < 0.2
+
+
+def test_textured_box():
+    (mesh,) = pl.load_meshes(asset("BoxTextured.glb"))
+    assert len(mesh.faces) == 12 and mesh.material.albedo.texels.shape == (256, 256, 3)
+    np.testing.assert_allclose(mesh.bounds, [[-0.5] * 3, [0.5] * 3])
+    assert volume(mesh) == pytest.approx(1)
+
+
+def test_bunny():
+    (mesh,) = pl.load_meshes(asset("stanford-bunny.obj"), unit="m")
+    assert len(mesh.faces) == 69451 and mesh.normals is None and mesh.uv is None
+    assert mesh.material == pl.Lambertian(0.5)
+
+
+def test_scene_load_invents_no_light(tmp_path):
+    scene = pl.Scene.load(write_obj(tmp_path), unit="cm")
+    assert scene.lights == () and scene.background is None and scene.tables().emission is None
+    assert pl.Scene.load(write_obj(tmp_path), material=pl.Emissive(), background=0.5).background.radiance == 0.5

@@ -1,0 +1,214 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from plenoptic.errors import InvalidValueError
+from plenoptic.scene.material import Emissive, Lambertian
+from plenoptic.scene.procedural import (
+    box,
+    check_scene,
+    checkerboard,
+    objects_scene,
+    quad,
+    sphere,
+    still_life,
+    turned,
+    white_plane,
+)
+
+LENGTH = st.floats(1e-3, 1e3)
+
+
+def crosses(mesh):
+    """Twice the area of each triangle, along its front's normal."""
+    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
+    return np.cross(b - a, c - a)
+
+
+def middles(mesh):
+    return mesh.vertices[mesh.faces].mean(axis=1)
+
+
+def area(mesh):
+    return 0.5 * np.linalg.norm(crosses(mesh), axis=1).sum()
+
+
+def volume(mesh):
+    return (middles(mesh) * crosses(mesh)).sum() / 6
+
+
+# Bodies
+
+
+@given(LENGTH, LENGTH)
+def test_a_quad_has_its_area_and_front(width, height):
+    mesh = quad((1, 2, 3), (width, 0, 0), (0, height, 0))
+    assert area(mesh) == pytest.approx(width * height, rel=1e-9)
+    assert (crosses(mesh)[:, 2] > 0).all()
+    np.testing.assert_array_equal(mesh.vertices[np.flatnonzero((mesh.uv == 0).all(axis=1))], [[1, 2, 3]])
+
+
+@given(LENGTH, LENGTH, LENGTH)
+def test_a_box_has_its_volume_and_its_front_outside(x, y, z):
+    mesh = box((x, y, z))
+    # Sums of twelve products.
+    assert volume(mesh) == pytest.approx(x * y * z, rel=1e-13)
+    assert area(mesh) == pytest.approx(2 * (x * y + y * z + z * x), rel=1e-13)
+    assert ((middles(mesh) * crosses(mesh)).sum(axis=1) > 0).all()
+    assert sorted(np.unique(mesh.uv)) == [0, 1]
+
+
+@given(LENGTH, st.integers(3, 40), st.integers(2, 40))
+def test_a_sphere_has_its_corners_and_normals_on_it(radius, around, along):
+    mesh = sphere(radius, segments=(around, along))
+    # Two roundings of cosine and sine each.
+    np.testing.assert_allclose(np.linalg.norm(mesh.vertices, axis=1), radius, rtol=1e-14)
+    assert len(mesh.faces) == 2 * around * (along - 1)
+    assert (np.linalg.norm(crosses(mesh), axis=1) > 0).all()
+    assert ((middles(mesh) * crosses(mesh)).sum(axis=1) > 0).all()
+    assert ((middles(mesh)[:, None] * mesh.normals[mesh.faces]).sum(axis=-1) > 0).all()
+    assert mesh.uv.min() == 0 and mesh.uv.max() == 1
+
+
+def test_the_normals_of_a_sphere_are_radial():
+    mesh = sphere(2.5)
+    assert len(mesh.faces) == 16128
+    # Normals may come from differences of the outline, exact for evenly spaced points to rounding, except at the poles.
+    ring = np.abs(mesh.vertices[:, 1]) < 2.5 * (1 - 1e-9)
+    np.testing.assert_allclose(mesh.normals[ring], mesh.vertices[ring] / 2.5, atol=1e-12)
+    np.testing.assert_allclose(mesh.normals[~ring], mesh.vertices[~ring] / 2.5, atol=0.03)
+
+
+def test_the_facets_of_a_sphere_come_closer_with_the_square_of_their_number():
+    lacks = [4 / 3 * np.pi - volume(sphere(1.0, segments=(2 * n, n))) for n in (32, 64)]
+    assert lacks[0] / lacks[1] == pytest.approx(4, rel=0.01)
+
+
+@pytest.mark.parametrize("up", [False, True])
+def test_a_turned_outline_fronts_outside(up):
+    outline = np.array([[0.5, -1.0], [2.0, 0.0], [0.5, 1.0 + up]])
+    mesh = turned(outline, segments=24)
+    outside = middles(mesh) * [1, 0, 1]
+    assert ((crosses(mesh) * outside).sum(axis=1) > 0).all()
+    np.testing.assert_allclose(mesh.bounds[:, 1], outline[[0, 2], 1])
+
+
+# Boards
+
+
+@given(st.floats(2, 9), st.floats(2, 9), st.floats(0.5, 1.5), st.floats(-3, 3), st.floats(-3, 3))
+def test_squares_are_where_floor_says(width, height, square, x, y):
+    even, odd = checkerboard((width, height), square, offset=(x, y))
+    assert area(even) + area(odd) == pytest.approx(width * height, rel=1e-12)
+    for mesh, parity in ((even, 0), (odd, 1)):
+        # Slivers at the border are thinner than rounding lets floor decide.
+        whole = np.linalg.norm(crosses(mesh), axis=1) > 1e-9
+        place = (middles(mesh)[whole, :2] - [x, y]) / square
+        assert (np.floor(place).sum(axis=1) % 2 == parity).all()
+        assert (crosses(mesh)[:, 2] > 0).all() and not mesh.vertices[:, 2].any()
+
+
+# Scenes
+
+
+def test_white_is_a_plane_of_radiance_1():
+    (mesh,) = white_plane().meshes
+    assert mesh.material == Emissive(1.0) and area(mesh) == 160_000
+    assert mesh.bounds.tolist() == [[-200, -200, -404], [200, 200, -404]]
+    assert (crosses(mesh)[:, 2] > 0).all()
+
+
+def test_check_follows_its_formula_with_exact_edges():
+    scene = check_scene()
+    assert scene.tables().albedo is None and scene.background is None
+    total = 0.0
+    for mesh in scene.meshes:
+        x, y = middles(mesh)[:, 0], middles(mesh)[:, 1]
+        bright = (np.floor(x + 0.05) + np.floor(0.1 - y)) % 2 == 1
+        radiance = mesh.material.radiance if isinstance(mesh.material, Emissive) else 0.0
+        assert (bright == (radiance == 1.0)).all()
+        assert (crosses(mesh)[:, 2] > 0).all()
+        total += area(mesh)
+        for axis, offset in ((0, -0.05), (1, 0.1)):
+            lines = np.unique(mesh.vertices[:, axis])
+            inner = lines[np.abs(lines) < 200]
+            # One rounding of offset + k, of size 200.
+            np.testing.assert_allclose(inner, offset + np.round(inner - offset), rtol=0, atol=200 * np.finfo(float).eps)
+    assert total == pytest.approx(160_000, rel=1e-12)
+    np.testing.assert_array_equal(scene.bounds, [[-200, -200, -404], [200, 200, -404]])
+
+
+def test_objects_are_those_of_the_reference():
+    scene = objects_scene()
+    bright, dark, cube, metal, glass = scene.meshes
+    assert scene.background.radiance == 0.1
+    assert {bright.material, dark.material} == {Lambertian(0.8), Lambertian(0.2)}
+    assert bright.bounds.tolist() == dark.bounds.tolist() == [[-30, -30, -416], [30, 30, -416]]
+    assert area(bright) == area(dark) == 1800
+    for ball, centre, radius in ((metal, (3, -2, -404), 2.5), (glass, (0, 3, -398), 2.0)):
+        np.testing.assert_allclose(np.linalg.norm(ball.vertices - centre, axis=1), radius, rtol=1e-12)
+        assert ball.material == Lambertian(0.9) and ball.normals is not None
+
+    # Ry(30) Rx(10) Rz(20) by hand
+    def turn(axis, angle):
+        c, s = np.cos(np.radians(angle)), np.sin(np.radians(angle))
+        matrix, i, j = np.eye(3), (axis + 1) % 3, (axis + 2) % 3
+        matrix[i, i] = matrix[j, j] = c
+        matrix[i, j], matrix[j, i] = -s, s
+        return matrix
+
+    corners = 2.0 * np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    expected = corners @ (turn(1, 30) @ turn(0, 10) @ turn(2, 20)).T + [-3.5, -2, -404]
+    distances = np.linalg.norm(cube.vertices[:, None] - expected, axis=-1)
+    # Numbers of size 404.
+    assert distances.min(axis=0).max() < 1e-12 and distances.min(axis=1).max() < 1e-12
+    (light,) = scene.lights
+    assert light.two_sided and light.radiance == 10.0 and light.area == pytest.approx(1600)
+    np.testing.assert_allclose(light.normal, np.array([0, -60, -44]) / np.hypot(60, 44), atol=1e-15)
+
+
+def by_hue(scene, channel):
+    """The reflecting mesh in which a channel outweighs the others most."""
+
+    def excess(mesh):
+        albedo = np.broadcast_to(mesh.material.albedo, 3)
+        return albedo[channel] - np.delete(albedo, channel).max()
+
+    return max((mesh for mesh in scene.meshes if isinstance(mesh.material, Lambertian)), key=excess)
+
+
+def test_the_still_life_tells_left_from_right_and_up_from_down():
+    scene = still_life()
+    red, blue = by_hue(scene, 0).bounds.mean(axis=0), by_hue(scene, 2).bounds.mean(axis=0)
+    # 15.6 mm are seen at z = -404, in proportion elsewhere.
+    assert all(abs(place[:2]).max() < 7.8 * place[2] / -404 for place in (red, blue))
+    assert red[0] > 1 and blue[0] < -1 and red[1] < blue[1]
+    assert scene.lights and scene.tables().channels == 3
+    assert scene.lights[0].center[0] < 0 < scene.lights[0].center[1]
+    assert len(scene.tables().triangles) < 200_000
+
+
+# Refusals
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: quad((0, 0, 0), (1, 0, 0), (2, 0, 0)),
+        lambda: quad((0, 0), (1, 0, 0), (0, 1, 0)),
+        lambda: box(0),
+        lambda: box((1, 2, -3)),
+        lambda: sphere(-1),
+        lambda: sphere(1, segments=(2, 8)),
+        lambda: sphere(1, segments=(8, 1)),
+        lambda: sphere(np.nan),
+        lambda: turned([[1, 0]]),
+        lambda: turned([[-1, 0], [1, 1]]),
+        lambda: checkerboard((4, 4), 0),
+        lambda: checkerboard((0, 4), 1),
+    ],
+)
+def test_impossible_bodies_are_refused(make):
+    with pytest.raises(InvalidValueError):
+        make()

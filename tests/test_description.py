@@ -1,0 +1,153 @@
+import enum
+import json
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import plenoptic
+from plenoptic._description import describe, restore
+from plenoptic._values import frozen_array, set_field, value
+from plenoptic.errors import FileError, InvalidValueError
+
+
+class Weave(enum.IntEnum):
+    PLAIN = 0
+    TWILL = 1
+
+
+@value
+class Cloth:
+    weave: Weave
+    threads: np.ndarray
+    parts: tuple = ()
+    area: float = 0.0
+
+    def __post_init__(self):
+        set_field(self, "threads", frozen_array(self.threads, name="threads", shape=(None, 2)))
+        if self.area < 0:
+            raise InvalidValueError(f"area is {self.area}; it must be at least 0")
+
+
+class NotAValue:
+    made = 0
+
+    def __init__(self, **_):
+        NotAValue.made += 1
+
+
+@pytest.fixture
+def public(monkeypatch):
+    """Two kinds of values and a plain class, as if this package made them public."""
+    for kind in (Weave, Cloth, NotAValue):
+        monkeypatch.setattr(kind, "__module__", "plenoptic.cloth")
+        monkeypatch.setattr(plenoptic, kind.__name__, kind, raising=False)
+
+
+scalars = st.none() | st.booleans() | st.integers() | st.floats() | st.text()
+
+
+@given(st.recursive(scalars, lambda inner: st.lists(inner, max_size=4).map(tuple)))
+def test_plain_values_come_back_exactly(given_value):
+    again = restore(describe(given_value))
+    assert repr(again) == repr(given_value)  # unlike ==, tells -0.0 from 0.0, 1 from 1.0, and finds nan the same
+
+
+@pytest.mark.parametrize("number", [0.1, -0.0, 5e-324, 1.7976931348623157e308, math.inf, -math.inf, math.nan])
+def test_floats_keep_every_bit(number):
+    np.testing.assert_array_equal(np.float64(restore(describe(number))).view(np.uint64), np.float64(number).view("u8"))
+
+
+@pytest.mark.parametrize(
+    "array",
+    [
+        np.array([[1.5, -0.0, np.inf], [np.nan, 0.1, -np.inf]]),
+        np.array([0.1, 1e38, np.nan], dtype=np.float32),
+        np.array(7),
+        np.zeros((0, 3)),
+        np.array([True, False]),
+        np.array([0, 2**64 - 1], dtype=np.uint64),
+        np.arange(6, dtype=np.int8).reshape(3, 2).T,
+    ],
+)
+def test_arrays_come_back_exactly(array):
+    again = restore(describe(array))
+    assert again.dtype == array.dtype and again.shape == array.shape
+    assert again.tobytes() == array.tobytes()
+
+
+def test_numpys_scalars_become_pythons():
+    assert restore(describe((np.float64(0.1), np.int32(3), np.bool_(True)))) == (0.1, 3, True)
+
+
+def test_values_and_enums_come_back(public):
+    cloth = Cloth(Weave.TWILL, [[0.1, np.nan]], parts=(None, Cloth(Weave.PLAIN, [[1, 2]])), area=math.inf)
+    again = restore(describe(cloth))
+    assert again == cloth
+    assert type(again.weave) is Weave
+    assert not again.threads.flags.writeable
+
+
+def test_the_text_is_strict_json_in_ascii(public):
+    text = describe((Cloth(Weave.TWILL, [[np.inf, 1]]), "é", math.nan))
+    assert text.isascii()
+
+    def refuse(constant):
+        raise AssertionError(constant)
+
+    json.loads(text, parse_constant=refuse)
+
+
+def test_what_is_not_public_is_not_described():
+    with pytest.raises(InvalidValueError, match="Cloth cannot be described in a file: it is no public value"):
+        describe(Cloth(Weave.PLAIN, [[1, 2]]))
+
+
+@pytest.mark.parametrize("thing", [object(), {1: 2}, [1], 1j, np.array([1j]), np.array(["a"]), Cloth, len])
+def test_what_cannot_be_described(public, thing):
+    with pytest.raises(InvalidValueError, match="cannot be described in a file"):
+        describe(thing)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "not json",
+        "{}",
+        '{"float": "inf", "enum": []}',
+        '{"float": "wide"}',
+        '{"object": 1}',
+        '{"value": ["Unknown", {}]}',
+        '{"value": ["NotAValue", {}]}',
+        '{"value": ["os", {}]}',
+        '{"value": ["__class__", {}]}',
+        '{"value": ["errors.FileError", {}]}',
+        '{"value": [["Cloth"], {}]}',
+        '{"value": ["Cloth", 5]}',
+        '{"value": ["Cloth", {}]}',
+        '{"value": ["Cloth", {"colour": 1}]}',
+        '{"value": ["Weave", {}]}',
+        '{"enum": ["Weave", "SATIN"]}',
+        '{"enum": ["Cloth", "PLAIN"]}',
+        '{"enum": "Weave"}',
+        '{"array": {"dtype": "object", "shape": [1], "values": [1]}}',
+        '{"array": {"dtype": "float64", "shape": [2], "values": [1]}}',
+        '{"array": {"dtype": "int8", "shape": [1], "values": [300]}}',
+        '{"array": [1]}',
+        "[" * 100_000,
+    ],
+)
+def test_what_cannot_be_restored(public, text):
+    made = NotAValue.made
+    with pytest.raises(FileError, match="a description cannot be understood"):
+        restore(text)
+    assert NotAValue.made == made
+
+
+def test_a_value_that_cannot_be_says_why(public):
+    text = describe(Cloth(Weave.PLAIN, [[1, 2]], area=1.0)).replace("1.0}", "-1.0}")
+    with pytest.raises(FileError, match="area is -1.0; it must be at least 0"):
+        restore(text)

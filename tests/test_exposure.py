@@ -1,0 +1,232 @@
+import base64
+import io
+import pickle
+import re
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import plenoptic as pl
+from plenoptic import images
+from plenoptic.errors import FileError, InvalidValueError
+
+STATS = {
+    "seconds": 1.5,
+    "cpu_seconds": 2.75,
+    "paths": 1000,
+    "paths_through_lens": 640,
+    "lost": (("clipped", 3, 300), ("clipped", 7, 50), ("missed", None, 10)),
+    "nonfinite": 1,
+    "threads": 2,
+}
+
+
+def exposure(channels=1, **changes):
+    random = np.random.default_rng(3)
+    shape = (4, 6, channels)
+    depth = random.uniform(100, 900, shape[:2])
+    depth[0, 0] = np.inf
+    fields = {
+        "image": random.uniform(0, 2, shape),
+        "standard_error": random.uniform(0, 0.1, shape),
+        "depth": depth,
+        "samples": 64,
+        "replicates": 8,
+        "seed": 5,
+        "region": (10, 14, 20, 26),
+        "stats": pl.RenderStats(**STATS),
+    }
+    return pl.Exposure(**{**fields, **changes})
+
+
+def test_stats_add_up():
+    stats = pl.RenderStats(**STATS)
+    assert stats.fraction_through_lens == 0.64
+    assert stats.lost_by_cause == {"clipped": 350, "missed": 10}
+    assert np.isnan(pl.RenderStats().fraction_through_lens)
+    assert repr(stats) == (
+        "RenderStats(1.5 s, 2 threads, 1000 paths, 64 % through the lens, lost: 350 clipped, 10 missed, 1 not finite)"
+    )
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"seconds": -1}, "seconds is -1 s; it must be at least 0"),
+        ({"paths": 10}, "paths_through_lens is 640; it must be at most paths, 10"),
+        ({"threads": 0}, "threads is 0; it must be at least 1"),
+        ({"lost": (("missed", None, -1),)}, "lost: count is -1"),
+    ],
+)
+def test_impossible_stats(change, sentence):
+    with pytest.raises(InvalidValueError, match=sentence):
+        pl.RenderStats(**{**STATS, **change})
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"image": np.ones((4, 6))}, r"image has shape \(4, 6\)"),
+        ({"image": np.ones((4, 6, 2))}, r"it must be \(H, W, 1\) or \(H, W, 3\)"),
+        ({"image": np.ones((0, 6, 1))}, "not empty"),
+        ({"standard_error": np.ones((4, 6, 3))}, r"standard_error has shape \(4, 6, 3\)"),
+        ({"depth": np.ones((4, 6, 1))}, r"depth has shape \(4, 6, 1\)"),
+        ({"samples": 1.5}, "samples is 1.5; it must be a whole number"),
+        ({"region": (0, 4, 0, 5)}, "has 4 x 5 pixels; it must have the image's 4 x 6"),
+        ({"region": (0, 4)}, "it must be .first row, end row"),
+        ({"stats": 3}, "stats is a int; it must be a RenderStats or None"),
+    ],
+)
+def test_impossible_exposures(change, sentence):
+    with pytest.raises(InvalidValueError, match=sentence):
+        exposure(**change)
+
+
+def test_relative_error_is_rms_over_mean():
+    shot = pl.Exposure(np.full((2, 2, 1), 4.0), standard_error=[[[3.0], [1.0]], [[3.0], [1.0]]])
+    assert shot.relative_error == pytest.approx(np.sqrt(5) / 4)
+    assert pl.Exposure(np.ones((2, 2, 1))).relative_error is None
+    black = np.zeros((2, 2, 1))
+    assert pl.Exposure(black, standard_error=black).relative_error == 0
+    assert pl.Exposure(black, standard_error=black + 1).relative_error == np.inf
+
+
+def test_types_and_pickling():
+    shot = exposure(3)
+    assert (shot.image.dtype, shot.standard_error.dtype, shot.depth.dtype) == (np.float32, np.float32, np.float64)
+    again = pickle.loads(pickle.dumps(shot))
+    assert again == shot and not again.image.flags.writeable
+
+
+@pytest.mark.parametrize("channels", [1, 3])
+def test_exr_keeps_everything(tmp_path, channels):
+    shot = exposure(channels)
+    shot.save(tmp_path / "shot.exr")
+    again = pl.Exposure.load(tmp_path / "shot.exr")
+    # Depth is float32 in the file; everything else has every bit.
+    rounded = shot.depth.astype(np.float32).astype(np.float64)
+    assert again == exposure(channels, depth=rounded)
+    names, metadata = images.read_channels(tmp_path / "shot.exr")
+    assert set(names) == {*("Y" if channels == 1 else "RGB"), "depth.Z"} | {
+        f"error.{name}" for name in ("Y" if channels == 1 else "RGB")
+    }
+    assert metadata["Software"].startswith("plenoptic ")
+    assert "float32" in metadata["plenoptic:note"]
+
+
+def test_exr_keeps_the_camera(tmp_path):
+    shot = exposure(camera=pl.Sensor(shape=(24, 30), pixel_pitch=0.01))
+    shot.save(tmp_path / "shot.exr")
+    assert pl.Exposure.load(tmp_path / "shot.exr").camera == shot.camera
+
+
+def test_an_image_alone(tmp_path):
+    shot = pl.Exposure(np.ones((2, 3, 1)))
+    shot.save(tmp_path / "shot.exr")
+    assert pl.Exposure.load(tmp_path / "shot.exr") == shot
+
+
+@pytest.mark.parametrize("ending", [".tif", ".tiff", ".png"])
+@pytest.mark.parametrize("channels", [1, 3])
+@pytest.mark.parametrize("scale", [None, 5.0])
+def test_16_bits_keep_the_image_to_half_a_step(tmp_path, ending, channels, scale):
+    shot = exposure(channels)
+    shot.save(tmp_path / f"shot{ending}", scale=scale)
+    again = pl.Exposure.load(tmp_path / f"shot{ending}")
+    # Half a step of 65535, times the steepest slope of the decoding curve (2.4 / 1.055 for sRGB), and float32.
+    slope = 2.4 / 1.055 if ending == ".png" else 1.0
+    largest = shot.image.max() if scale is None else scale
+    np.testing.assert_allclose(again.image, shot.image, rtol=0, atol=largest * (slope * 0.5 / 65535 + 1e-6))
+    assert (again.samples, again.seed, again.region) == (64, 5, (10, 14, 20, 26))
+    assert again.standard_error is None and again.depth is None
+
+
+def test_16_bits_cut_what_does_not_fit(tmp_path):
+    shot = pl.Exposure(np.array([-1.0, 0.5, 2.0, np.inf, np.nan]).reshape(1, 5, 1))
+    shot.save(tmp_path / "shot.tif", scale=1.0)
+    again = pl.Exposure.load(tmp_path / "shot.tif").image.ravel()
+    np.testing.assert_allclose(again, [0, 0.5, 1, 1, 0], atol=1 / 65535)
+    shot.save(tmp_path / "shot.tif")
+    np.testing.assert_allclose(pl.Exposure.load(tmp_path / "shot.tif").image.max(), 2.0)
+
+
+def test_a_black_image_is_saved(tmp_path):
+    pl.Exposure(np.zeros((2, 2, 3))).save(tmp_path / "black.png")
+    assert pl.Exposure.load(tmp_path / "black.png").image.max() == 0
+
+
+def test_other_programs_see_an_srgb_picture(tmp_path):
+    pl.Exposure(np.full((2, 2, 3), 0.214)).save(tmp_path / "grey.png", scale=1.0)
+    codes = np.asarray(Image.open(tmp_path / "grey.png").convert("RGB"))
+    assert abs(int(codes[0, 0, 0]) - 128) <= 1
+
+
+@pytest.mark.parametrize("names", ["Y", "RGB", "RGBA"])
+def test_foreign_exr_files_load_with_what_they_have(tmp_path, names):
+    images.write_channels(tmp_path / "a.exr", {name: np.full((2, 3), 0.5) for name in names})
+    shot = pl.Exposure.load(tmp_path / "a.exr")
+    assert shot == pl.Exposure(np.full((2, 3, 1 if names == "Y" else 3), 0.5))
+
+
+def test_foreign_pictures_load_as_linear_images(tmp_path):
+    Image.new("RGB", (3, 2), (255, 128, 0)).save(tmp_path / "a.jpg", quality=100, subsampling=0)
+    shot = pl.Exposure.load(tmp_path / "a.jpg")
+    assert shot.image.shape == (2, 3, 3)
+    # JPEG may be off by a code or two of 255, sRGB's slope is below 2.4.
+    np.testing.assert_allclose(shot.image[0, 0], [1, 0.2158, 0], atol=2.4 * 2 / 255)
+
+
+def test_what_cannot_be_saved_or_loaded(tmp_path):
+    shot = exposure()
+    with pytest.raises(FileError, match="must end in .exr, .tif, .tiff or .png"):
+        shot.save(tmp_path / "shot.jpg")
+    with pytest.raises(FileError, match="does not exist; make it first"):
+        shot.save(tmp_path / "none" / "shot.exr")
+    with pytest.raises(InvalidValueError, match="leave it out"):
+        shot.save(tmp_path / "shot.exr", scale=1.0)
+    with pytest.raises(InvalidValueError, match="scale is 0; it must be above 0"):
+        shot.save(tmp_path / "shot.png", scale=0.0)
+    with pytest.raises(InvalidValueError, match="cannot be described in a file"):
+        exposure(camera=object()).save(tmp_path / "shot.exr")
+    with pytest.raises(FileError, match="does not exist"):
+        pl.Exposure.load(tmp_path / "shot.exr")
+
+
+@pytest.mark.parametrize(
+    ("texts", "sentence"),
+    [
+        ({"plenoptic:samples": "-1"}, "holds no possible exposure: samples is -1"),
+        ({"plenoptic:camera": "nonsense"}, "a description cannot be understood"),
+        ({"plenoptic:scale": "0"}, "holds no possible exposure: scale is 0"),
+    ],
+)
+def test_damaged_texts(tmp_path, texts, sentence):
+    images.write_channels(tmp_path / "a.exr", {"Y": np.ones((2, 2))}, texts)
+    with pytest.raises(FileError, match=sentence):
+        pl.Exposure.load(tmp_path / "a.exr")
+
+
+def test_repr_is_one_line_of_facts():
+    assert re.fullmatch(
+        r"Exposure\(4 x 6 x 1, 64 samples per pixel, relative error \S+ %, with depth, "
+        r"rows 10:14, columns 20:26, 1.5 s\)",
+        repr(exposure()),
+    )
+
+
+@pytest.mark.parametrize("shape", [(4, 6, 3), (1500, 3000, 1), (2, 5000, 3)])
+def test_notebooks_show_a_picture_of_bounded_size(shape):
+    image = np.random.default_rng(4).uniform(0, 1, shape)
+    image[0, 0] = [np.nan] * shape[2]
+    image[0, 1] = [np.inf] * shape[2]
+    page = pl.Exposure(image)._repr_html_()
+    png = base64.b64decode(re.search(r"base64,([^\"]+)", page).group(1))
+    picture = Image.open(io.BytesIO(png))
+    assert max(picture.size) <= 1024
+    assert np.asarray(picture).max() == 255
+    assert " x ".join(map(str, shape)) in page
+
+
+def test_notebooks_show_a_black_image():
+    assert "base64" in pl.Exposure(np.zeros((2, 2, 1)))._repr_html_()

@@ -1,0 +1,116 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import plenoptic as pl
+
+EPS = np.finfo(float).eps
+EPS32 = float(np.finfo(np.float32).eps)
+COUNTS = st.lists(st.integers(1, 9), min_size=1, max_size=8)
+
+
+def film_of(samples: list[np.ndarray]) -> pl.Film:
+    """A film of one pixel and one channel from the samples of each replicate."""
+    film = pl.Film((1, 1, 1), counts=np.array([len(s) for s in samples]))
+    film.add(0, 0, np.array([s.sum() for s in samples]).reshape(1, 1, -1, 1))
+    return film
+
+
+@settings(max_examples=60, deadline=None)
+@given(counts=COUNTS, seed=st.integers(0, 10**6))
+def test_mean_and_squares_are_those_of_numpy(counts: list[int], seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    n = np.array(counts)
+    sums = rng.normal(1.0, 3.0, (3, 4, len(counts), 2)) * n[:, None]
+    film = pl.Film((3, 4, 2), counts=n)
+    film.add(0, 0, sums)
+    means = sums / n[:, None]
+    mean = np.average(means, axis=2, weights=n)
+    # Sums of at most 8 terms.
+    scale = np.abs(means).max()
+    assert film.mean == pytest.approx(mean, abs=16 * EPS * scale)
+    assert (film.samples, film.replicates) == (n.sum(), len(counts))
+    if len(counts) == 1:
+        assert film.squares is None and film.standard_error() is None
+        return
+    squares = np.einsum("hwrc,r->hwc", (means - mean[:, :, None]) ** 2, n)
+    assert film.squares == pytest.approx(squares, abs=64 * EPS * scale**2 * n.sum())
+    error = np.sqrt(squares / (len(counts) - 1) / n.sum())
+    assert film.standard_error() == pytest.approx(error, rel=1e-6, abs=4 * EPS32 * scale)
+
+
+@settings(max_examples=30, deadline=None)
+@given(r=st.integers(2, 9), each=st.integers(1, 7), seed=st.integers(0, 10**6))
+def test_equal_counts_give_the_textbook_error(r: int, each: int, seed: int) -> None:
+    means = np.random.default_rng(seed).normal(size=r)
+    film = pl.Film((1, 1, 1), counts=np.full(r, each))
+    film.add(0, 0, (means * each).reshape(1, 1, r, 1))
+    assert film.standard_error()[0, 0, 0] == pytest.approx(means.std(ddof=1) / math.sqrt(r), rel=8 * EPS32)
+
+
+def test_the_error_is_unbiased_with_unequal_counts() -> None:
+    # Replicates of n_r independent samples of variance 1: the squared standard error must be 1 / n on average.
+    counts = np.array([1, 2, 3, 7, 20])
+    trials = 20000
+    rng = np.random.default_rng(1)
+    sums = rng.normal(size=(trials, 1, 5, 1)) * np.sqrt(counts)[:, None]
+    film = pl.Film((trials, 1, 1), counts=counts)
+    film.add(0, 0, sums)
+    assert film.squares is not None
+    squared = film.squares / 4 / counts.sum()
+    spread = squared.std(ddof=1) / math.sqrt(trials)
+    assert squared.mean() == pytest.approx(1 / counts.sum(), abs=4 * spread)
+    # And it is the error of the mean: 20 000 means have a variance good to sqrt(2 / trials).
+    assert film.mean.var() == pytest.approx(1 / counts.sum(), rel=4 * math.sqrt(2 / trials))
+
+
+@settings(max_examples=40, deadline=None)
+@given(first=COUNTS, second=COUNTS, seed=st.integers(0, 10**6))
+def test_merged_films_are_one_film_of_all(first: list[int], second: list[int], seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    samples = [rng.normal(5.0, 1.0, n) for n in (*first, *second)]
+    both = film_of(samples[: len(first)]).merged(film_of(samples[len(first) :]))
+    whole = film_of(samples)
+    assert (both.samples, both.replicates) == (whole.samples, whole.replicates)
+    assert both.mean == pytest.approx(whole.mean, rel=32 * EPS)
+    # Squares are differences of terms of size n mean^2, mean about 5.
+    assert both.squares == pytest.approx(whole.squares, abs=64 * EPS * 36 * whole.samples)
+    # A root of what is good to 64 eps of 36 n, divided by n.
+    assert both.standard_error() == pytest.approx(whole.standard_error(), rel=1e-5, abs=math.sqrt(64 * EPS * 36))
+
+
+def test_merging_leaves_both_films_and_needs_one_shape() -> None:
+    a, b = film_of([np.ones(2), np.zeros(2)]), film_of([np.ones(4), np.zeros(1)])
+    before = a.mean.copy(), b.mean.copy()
+    a.merged(b)
+    assert np.array_equal(a.mean, before[0]) and np.array_equal(b.mean, before[1])
+    with pytest.raises(pl.InvalidValueError, match=r"\(1, 1, 1\) and \(2, 1, 1\)"):
+        a.merged(pl.Film((2, 1, 1), counts=np.array([1])))
+
+
+def test_tiles_go_where_they_belong() -> None:
+    film = pl.Film((4, 5, 1), counts=np.array([2, 2]))
+    film.add(1, 2, np.full((2, 3, 2, 1), 6.0))
+    expected = np.zeros((4, 5))
+    expected[1:3, 2:5] = 3.0
+    assert np.array_equal(film.mean[:, :, 0], expected)
+    assert film.image().dtype == np.float32 and film.standard_error().dtype == np.float32
+
+
+def test_replicates_without_samples_do_not_count() -> None:
+    film = pl.Film((1, 1, 1), counts=np.array([1, 1, 0, 0]))
+    film.add(0, 0, np.array([2.0, 4.0, 0.0, 0.0]).reshape(1, 1, 4, 1))
+    assert film.replicates == 2
+    assert film.mean[0, 0, 0] == 3.0
+    assert film.standard_error()[0, 0, 0] == 1.0
+
+
+def test_one_replicate_has_no_error() -> None:
+    film = film_of([np.array([1.0, 2.0, 3.0])])
+    assert film.mean[0, 0, 0] == 2.0
+    assert film.standard_error() is None
+    # Two such films have one.
+    assert film.merged(film_of([np.array([4.0, 4.0, 4.0])])).standard_error()[0, 0, 0] == 1.0

@@ -1,0 +1,193 @@
+import os
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from plenoptic import images
+from plenoptic.errors import FileError, InvalidValueError
+
+# One step of 16 bits, halved: what rounding to the nearest may cost. float32 adds its own eps.
+HALF_STEP = 0.5 / 65535 + np.finfo(np.float32).eps
+
+
+@pytest.fixture
+def ramp():
+    return np.random.default_rng(1).integers(0, 65536, (5, 7, 3)).astype(np.uint16)
+
+
+def left_over(folder):
+    return [name for name in os.listdir(folder) if name.startswith(".")]
+
+
+def test_srgb_and_back_is_the_identity():
+    # Each way rounds a power of 2.4 at most: a few eps, relative.
+    linear = np.concatenate([np.linspace(-2, 2, 1001), [1e-9, 0.0031308]])
+    np.testing.assert_allclose(images.srgb_to_linear(images.linear_to_srgb(linear)), linear, rtol=1e-14, atol=0)
+
+
+def test_srgb_pieces_meet():
+    # The standard's rounded constants leave a step below 1e-7 in value.
+    below, above = images.srgb_to_linear(np.nextafter(0.04045, [0.0, 1.0]))
+    assert abs(above - below) < 1e-7
+
+
+def test_srgb_known_values():
+    # IEC 61966-2-1: 18 % grey is code 117.6 of 255, full is full.
+    np.testing.assert_allclose(images.linear_to_srgb([0.0, 0.18, 1.0]) * 255, [0, 117.64, 255], atol=0.02)
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_srgb_keeps_the_floating_type(dtype):
+    assert images.srgb_to_linear(np.ones(2, dtype)).dtype == dtype
+    assert images.linear_to_srgb(np.ones(2, dtype)).dtype == dtype
+
+
+@pytest.mark.parametrize("ending", [".png", ".tif"])
+def test_8_bit_colours_are_decoded_from_srgb(tmp_path, ending):
+    codes = np.arange(48, dtype=np.uint8).reshape(4, 4, 3) * 5
+    Image.fromarray(codes).save(tmp_path / f"a{ending}")
+    read = images.read_linear(tmp_path / f"a{ending}")
+    assert read.dtype == np.float32
+    np.testing.assert_allclose(read, images.srgb_to_linear(codes / 255), rtol=4 * np.finfo(np.float32).eps)
+
+
+def test_grey_has_one_channel(tmp_path):
+    Image.fromarray(np.full((4, 6), 128, np.uint8)).save(tmp_path / "grey.jpg")
+    assert images.read_linear(tmp_path / "grey.jpg").shape == (4, 6, 1)
+
+
+@pytest.mark.parametrize("mode", ["RGBA", "LA"])
+def test_alpha_is_dropped_and_does_not_darken(tmp_path, mode):
+    Image.new(mode, (3, 2), (255,) * (len(mode) - 1) + (64,)).save(tmp_path / "a.png")
+    read = images.read_linear(tmp_path / "a.png")
+    assert read.shape == (2, 3, 3 if mode == "RGBA" else 1)
+    assert (read == 1).all()
+
+
+@pytest.mark.parametrize("ending", [".png", ".tif", ".tiff", ".PNG"])
+@pytest.mark.parametrize("encoding", ["Linear", "sRGB"])
+@pytest.mark.parametrize("channels", [1, 3])
+def test_16_bits_come_back(tmp_path, ramp, ending, encoding, channels):
+    path = tmp_path / f"a{ending}"
+    written = ramp[:, :, :channels]
+    images.write_16bit(path, written, {images.COLOR_SPACE: encoding, "note": 'é "quoted"'})
+    stored, metadata = images.read_channels(path)
+    np.testing.assert_array_equal(np.rint(np.stack(list(stored.values()), -1) * 65535), written)
+    assert metadata["note"] == 'é "quoted"'
+    expected = written / 65535 if encoding == "Linear" else images.srgb_to_linear(written / 65535)
+    np.testing.assert_allclose(images.read_linear(path), expected, atol=4 * np.finfo(np.float32).eps)
+    assert not left_over(tmp_path)
+
+
+def test_channels_keep_names_values_and_texts(tmp_path):
+    random = np.random.default_rng(2)
+    names = ["R", "G", "B", "error.R", "error.G", "error.B", "depth.Z"]
+    written = {name: random.normal(size=(3, 5)).astype(np.float32) for name in names}
+    written["depth.Z"][0, 0] = np.inf
+    images.write_channels(tmp_path / "a.exr", written, {"plenoptic:camera": "é" * 100_000})
+    read, metadata = images.read_channels(tmp_path / "a.exr")
+    assert set(read) == set(names)
+    for name in names:
+        np.testing.assert_array_equal(read[name], written[name])
+    assert metadata["plenoptic:camera"] == "é" * 100_000
+    np.testing.assert_array_equal(
+        images.read_linear(tmp_path / "a.exr"), np.stack([written[name] for name in "RGB"], axis=-1)
+    )
+
+
+def test_doubles_are_rounded_to_float32(tmp_path):
+    images.write_channels(tmp_path / "a.exr", {"Z": np.full((2, 2), np.pi)})
+    assert images.read_channels(tmp_path / "a.exr")[0]["Z"][0, 0] == np.float32(np.pi)
+
+
+def test_a_single_channel_of_any_name_is_a_picture(tmp_path):
+    images.write_channels(tmp_path / "a.exr", {"Z": np.ones((2, 3)), "A": np.zeros((2, 3))})
+    assert images.read_linear(tmp_path / "a.exr").shape == (2, 3, 1)
+
+
+def test_channels_that_make_no_picture_are_named(tmp_path):
+    images.write_channels(tmp_path / "a.exr", {"U": np.ones((2, 3)), "V": np.ones((2, 3))})
+    with pytest.raises(FileError, match="holds the channels U, V; a picture needs R, G, B"):
+        images.read_linear(tmp_path / "a.exr")
+
+
+def test_a_missing_file_and_a_folder(tmp_path):
+    with pytest.raises(FileError, match="does not exist"):
+        images.read_linear(tmp_path / "none.png")
+    with pytest.raises(FileError, match="is a folder"):
+        images.read_linear(tmp_path)
+
+
+@pytest.mark.parametrize("ending", [".png", ".exr", ".tif", ".jpg", ".hdr", ".xyz", ""])
+@pytest.mark.parametrize("content", [b"", b"not an image"])
+def test_what_is_no_image(tmp_path, ending, content):
+    (tmp_path / f"a{ending}").write_bytes(content)
+    with pytest.raises(FileError, match="cannot be read as an image"):
+        images.read_linear(tmp_path / f"a{ending}")
+
+
+@pytest.mark.parametrize("ending", [".png", ".exr"])
+def test_a_truncated_file_is_damaged(tmp_path, ramp, ending):
+    path = tmp_path / f"a{ending}"
+    if ending == ".exr":
+        images.write_channels(path, {"Y": ramp[:, :, 0]})
+    else:
+        images.write_16bit(path, ramp)
+    path.write_bytes(path.read_bytes()[:-40])
+    with pytest.raises(FileError, match="is damaged"):
+        images.read_linear(path)
+
+
+def test_places_that_cannot_be_written(tmp_path):
+    plane = {"Y": np.ones((2, 2))}
+    with pytest.raises(FileError, match="does not exist; make it first"):
+        images.write_channels(tmp_path / "none" / "a.exr", plane)
+    with pytest.raises(FileError, match=r"ends in '.xyz'; it must end in .exr"):
+        images.write_channels(tmp_path / "a.xyz", plane)
+    with pytest.raises(FileError, match="must end in .png or .tif or .tiff"):
+        images.write_16bit(tmp_path / "a.exr", np.ones((2, 2, 1), np.uint16))
+    (tmp_path / "folder.exr").mkdir()
+    with pytest.raises(FileError, match="is a folder"):
+        images.write_channels(tmp_path / "folder.exr", plane)
+
+
+def test_a_folder_without_rights(tmp_path, monkeypatch):
+    monkeypatch.setattr(os, "access", lambda *_: False)
+    with pytest.raises(FileError, match="is not writable; choose another one"):
+        images.write_channels(tmp_path / "a.exr", {"Y": np.ones((2, 2))})
+
+
+def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path, monkeypatch):
+    path = tmp_path / "a.exr"
+    images.write_channels(path, {"Y": np.ones((2, 2))})
+    before = path.read_bytes()
+
+    def fail(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "replace", fail)
+    with pytest.raises(FileError, match="No space left"):
+        images.write_channels(path, {"Y": np.zeros((2, 2))})
+    assert path.read_bytes() == before
+    assert os.listdir(tmp_path) == ["a.exr"]
+
+
+def test_a_link_stays_a_link(tmp_path):
+    images.write_channels(tmp_path / "real.exr", {"Y": np.ones((2, 2))})
+    (tmp_path / "link.exr").symlink_to(tmp_path / "real.exr")
+    images.write_channels(tmp_path / "link.exr", {"Y": np.zeros((2, 2))})
+    assert (tmp_path / "link.exr").is_symlink()
+    assert images.read_linear(tmp_path / "real.exr").max() == 0
+
+
+def test_shapes_that_are_no_image(tmp_path):
+    with pytest.raises(InvalidValueError, match="give at least one"):
+        images.write_channels(tmp_path / "a.exr", {})
+    with pytest.raises(InvalidValueError, match="all of one shape"):
+        images.write_channels(tmp_path / "a.exr", {"R": np.ones((2, 2)), "G": np.ones((2, 3))})
+    with pytest.raises(InvalidValueError, match="uint16"):
+        images.write_16bit(tmp_path / "a.png", np.ones((2, 2, 3)))
+    with pytest.raises(InvalidValueError, match="write an EXR file instead"):
+        images.write_16bit(tmp_path / "a.png", np.ones((2, 2, 1), np.uint16), {"note": "x" * 70_000})
+    assert not os.listdir(tmp_path)

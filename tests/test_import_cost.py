@@ -1,0 +1,20 @@
+import json
+import subprocess
+import sys
+
+HEAVY = {"numba", "llvmlite", "trimesh", "embreex", "OpenImageIO", "matplotlib", "PIL", "tqdm", "scipy", "batoid"}
+
+
+def loaded_by(code):
+    listing = f"{code}\nimport json, sys\nprint(json.dumps(sorted({{name.partition('.')[0] for name in sys.modules}})))"
+    done = subprocess.run([sys.executable, "-c", listing], capture_output=True, text=True, check=True)
+    return set(json.loads(done.stdout.splitlines()[-1]))
+
+
+def test_importing_the_package_loads_nothing_heavy():
+    assert not loaded_by("import plenoptic") & HEAVY
+
+
+def test_an_exposure_needs_neither_kernels_nor_libraries():
+    code = "import numpy as np, plenoptic as pl; repr(pl.Exposure(np.ones((2, 2, 1))))"
+    assert not loaded_by(code) & HEAVY

@@ -1,0 +1,104 @@
+"""The cache of compiled kernels, each time in processes of their own, with a kernel of one line."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+KERNEL = """
+from plenoptic._jit import device, kernel
+
+@device
+def twice(x):
+    return 2.0 * x
+
+@kernel
+def fill_twice(x, out):
+    for i in range(x.size):
+        out[i] = twice(x[i])
+"""
+USE = """
+import numpy as np
+from one_kernel import fill_twice
+from plenoptic._jit import cache_folder
+out = np.empty(3)
+fill_twice(np.arange(3.0), out)
+assert out.tolist() == [0.0, 2.0, 4.0], out
+hits = sum(fill_twice.stats.cache_hits.values()) if getattr(fill_twice, "_cache", None) else 0
+print(hits, cache_folder())
+"""
+
+
+@pytest.fixture
+def run(tmp_path):
+    """Run USE in a new process; returns the number of cache hits and the folder of the cache."""
+    (tmp_path / "one_kernel.py").write_text(KERNEL)
+
+    def use(cache, code=USE):
+        paths = [str(tmp_path), *filter(None, [os.environ.get("PYTHONPATH")])]
+        environment = {**os.environ, "NUMBA_CACHE_DIR": str(cache), "PYTHONPATH": os.pathsep.join(paths)}
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment)
+        assert done.returncode == 0, done.stderr
+        hits, folder = done.stdout.strip().split(" ", 1)
+        return int(hits), folder
+
+    return use
+
+
+def cached_files(folder, ending):
+    return [path for path in folder.rglob(f"*{ending}")]
+
+
+def test_a_second_process_loads_what_the_first_compiled(run, tmp_path):
+    cache = tmp_path / "cache"
+    hits, folder = run(cache)
+    assert hits == 0
+    assert folder.startswith(str(cache))
+    assert len(cached_files(cache, ".nbi")) == 1
+    assert run(cache) == (1, folder)
+
+
+def test_an_edited_kernel_is_compiled_anew(run, tmp_path):
+    cache = tmp_path / "cache"
+    run(cache)
+    (tmp_path / "one_kernel.py").write_text(KERNEL.replace("2.0", "(1.0 + 1.0)"))
+    assert run(cache)[0] == 0
+
+
+def test_where_no_cache_can_be_written_kernels_still_compile(run, tmp_path):
+    # A path below a regular file: nobody, whatever his rights, can make a folder there.
+    (tmp_path / "file").write_text("")
+    assert run(tmp_path / "file" / "cache") == (0, "None")
+
+
+@pytest.mark.parametrize("ending", [".nbi", ".nbc"])
+@pytest.mark.parametrize("damage", [b"", b"\x80\x04", b"garbage", b"\x80\x04cno_such_module\nThing\n."])
+def test_a_damaged_cache_is_survived_and_repaired(run, tmp_path, ending, damage):
+    cache = tmp_path / "cache"
+    run(cache)
+    for path in cached_files(cache, ending):
+        path.write_bytes(damage)
+    assert run(cache)[0] == 0
+    assert run(cache)[0] == 1
+
+
+def test_two_processes_never_write_the_same_file(run, tmp_path):
+    cache = tmp_path / "cache"
+    run(cache)
+    (index,) = cached_files(cache, ".nbi")
+    index.unlink()  # as a process sees it that began before the first one ended
+    run(cache)
+    assert len(cached_files(cache, ".nbc")) == 2
+
+
+def test_kernels_release_the_gil_divide_as_ieee_and_contract():
+    from plenoptic._jit import kernel
+
+    @kernel
+    def ratio(x, y):
+        return x / y
+
+    assert ratio.targetoptions["nogil"] is True
+    assert ratio.targetoptions["fastmath"] == {"contract"}
+    assert ratio(1.0, 0.0) == float("inf")

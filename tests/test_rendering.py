@@ -1,0 +1,512 @@
+"""Rendering: laws of light, closed forms, honest errors, and bits that do not depend on scheduling."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+
+import plenoptic as pl
+
+ALL = np.s_[:, :]
+
+
+def reference_camera(b=1.7, stop=5.0, shape=(512, 512), pitch=0.010, **array):
+    """The camera of the reference scenes; mode 2.0 by default, 1.0 with b = 2.0 and stop = 4.25."""
+    return pl.PlenopticCamera(
+        lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=stop)),
+        microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,), **array),
+        sensor=pl.Sensor(shape=shape, pixel_pitch=pitch),
+        stop_to_microlenses=123.3,
+        microlenses_to_sensor=b,
+    )
+
+
+def hexagon_solid_angle(pitch, distance):
+    """Projected solid angle of a hexagonal cell seen from the point below its centre: Lambert's polygon formula.
+
+    E = 1/2 sum over edges of (angle subtended by the edge) times (normal of its plane) . (normal of the receiver).
+    """
+    angle = math.pi / 3 * np.arange(7)
+    corners = np.stack([np.cos(angle), np.sin(angle), np.full(7, distance / (pitch / math.sqrt(3)))], axis=1)
+    corners /= np.linalg.norm(corners, axis=1, keepdims=True)
+    total = 0.0
+    for a, b in itertools.pairwise(corners):
+        across = np.cross(a, b)
+        total += math.acos(a @ b) * across[2] / np.linalg.norm(across)
+    return abs(total) / 2
+
+
+# ---- closed forms ----
+
+
+def test_white_pixel_is_projected_solid_angle_of_its_cell():
+    # The pixel on the axis (odd sensor) is shrunk until its extent does not matter: the solid angle is stationary at
+    # the centre, so a pixel of 1e-4 mm is off by O((1e-4 / 1.7)^2) = 3e-9 of it.
+    expected = hexagon_solid_angle(0.217, 1.7)
+    assert expected == pytest.approx(0.0140472, abs=5e-8)
+    camera = reference_camera(shape=(1, 1), pitch=1e-4)
+    white = pl.render_white(camera, samples=1 << 14, progress=False)
+    error = float(white.standard_error[0, 0, 0])
+    assert error < 1e-6
+    # 5 standard errors with 7 degrees of freedom, and float32.
+    assert white.image[0, 0, 0] == pytest.approx(expected, abs=5 * error + 1e-7 * expected)
+
+
+def test_conventional_camera_measures_projected_solid_angle_of_its_pupil():
+    # On the axis, the exit pupil is a disc of semi-diameter a at distance d: E = pi a^2 / (a^2 + d^2), exactly where
+    # pupil imaging is perfect. A narrow stop makes it so up to its spherical aberration, O((stop / 100)^2).
+    lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=1.0))
+    camera = pl.PlenopticCamera(lens=lens, sensor=pl.Sensor(shape=(1, 1), pixel_pitch=1e-3), stop_to_microlenses=134.6)
+    points = pl.paraxial.cardinal_points(lens)
+    a, d = points.exit_pupil_semi_diameter, 134.6 - points.exit_pupil
+    white = pl.render_white(camera, samples=1 << 14, progress=False)
+    expected = math.pi * a * a / (a * a + d * d)
+    assert abs(white.image[0, 0, 0] - expected) < 5 * white.standard_error[0, 0, 0] + 1e-4 * expected
+
+
+@pytest.mark.parametrize("lattice", list(pl.Lattice))
+@pytest.mark.parametrize("mode", [(1.7, 5.0), (2.0, 4.25)])
+def test_uniform_scene_is_its_radiance_times_white(mode, lattice):
+    camera = reference_camera(*mode, lattice=lattice)
+    region = np.s_[240:272, 300:332]
+    white = pl.render_white(camera, samples=64, region=region, seed=1, progress=False)
+    scene = pl.Scene(background=2.5)
+    shot = pl.render(scene, camera, samples=64, region=region, seed=2, progress=False)
+    deviation = shot.image - 2.5 * white.image
+    joint = np.hypot(shot.standard_error, 2.5 * white.standard_error)
+    lit = joint > 0
+    # Sum over pixels: independent errors. 4 standard errors.
+    assert abs(deviation.sum(dtype=np.float64)) < 4 * math.sqrt(np.square(joint, dtype=np.float64).sum())
+    assert np.sqrt(np.mean((deviation[lit] / joint[lit]) ** 2)) < 1.6  # t with 7 degrees of freedom: RMS 1.2
+
+
+def test_same_seed_makes_uniform_scene_exactly_radiance_times_white():
+    camera = reference_camera()
+    region = np.s_[250:260, 250:260]
+    white = pl.render_white(camera, samples=16, region=region, progress=False)
+    shot = pl.render(pl.Scene(background=4.0), camera, samples=16, region=region, progress=False)
+    np.testing.assert_array_equal(shot.image, 4.0 * white.image)
+
+
+def test_emissive_plane_of_radiance_one_is_white_where_it_fills_the_view():
+    camera = reference_camera()
+    region = np.s_[250:260, 250:260]
+    white = pl.render_white(camera, samples=16, region=region, progress=False)
+    shot = pl.render(pl.white_plane(), camera, samples=16, region=region, progress=False)
+    np.testing.assert_array_equal(shot.image, white.image)
+
+
+# ---- geometry ----
+
+
+def microlens_image_pitch(camera):
+    """Pitch in pixels, from the centroids of white microlens images at the two ends of the sensor along y."""
+    # Along the column of lenses through x = 0 (nearest neighbours along y).
+    middle = camera.sensor.shape[1] // 2
+    white = pl.render_white(camera, samples=64, region=np.s_[:, middle - 11 : middle + 11], progress=False)
+    image = white.image[:, :, 0].astype(np.float64)
+    rows = np.arange(camera.sensor.shape[0]) + 0.5
+    expected = 0.217 / 0.010 * (1 + camera.microlenses_to_sensor / 128.5)
+    centre = camera.sensor.shape[0] / 2
+    found = []
+    for k in range(-11, 12):
+        place = centre + k * expected
+        # A window of one pitch: what leaks in from the neighbours is the same on both sides.
+        weight = np.clip(expected / 2 + 0.5 - np.abs(rows - place), 0, 1)
+        profile = image.sum(axis=1) * weight
+        found.append((k, (profile * rows).sum() / profile.sum()))
+    k, place = np.array(found).T
+    return np.polyfit(k, place, 1)[0]
+
+
+@pytest.mark.parametrize(("mode", "expected"), [((1.7, 5.0), 21.987), ((2.0, 4.25), 22.038)])
+def test_microlens_images_repeat_at_the_reference_pitch(mode, expected):
+    assert microlens_image_pitch(reference_camera(*mode)) == pytest.approx(expected, abs=0.01)
+
+
+def small_light(x, y, z, size):
+    return pl.Scene([pl.quad((x - size / 2, y - size / 2, z), (size, 0, 0), (0, size, 0), material=pl.Emissive(1.0))])
+
+
+def spots_by_microlens(camera, scene, scale, samples=256):
+    """Centroid (x, y on the sensor, mm) and flux of a small light in each microlens image, keyed by the cell.
+
+    Pixels count for the microlens whose centre times `scale` is nearest.
+    """
+    shot = pl.render(scene, camera, samples=samples, progress=False, depth=False)
+    rows, columns = np.nonzero(shot.image[:, :, 0])
+    light = shot.image[rows, columns, 0].astype(np.float64)
+    places = camera.sensor.centre_of(rows, columns)
+    cells = camera.microlenses.nearest(places / scale)
+    found = {}
+    for cell in np.unique(cells.round(9), axis=0):
+        mine = np.all(np.abs(cells - cell) < 1e-6, axis=1)
+        found[tuple(cell)] = ((places[mine] * light[mine, None]).sum(axis=0) / light[mine].sum(), light[mine].sum())
+    return found
+
+
+def test_disparity_between_neighbouring_microlenses_in_mode_2():
+    # An on-axis point of the plane in focus: its main-lens image lies a = 11.33 behind the array, and seen through
+    # the centre of the microlens at c it falls on the sensor at c (1 - b / a), b = 1.7: disparity of
+    # neighbours relative to the lens centres p b / a = 3.255 pixels, relative to the chief-ray centres
+    # c (1 + b / L) it is p b (1 / a + 1 / L) = 3.542 pixels.
+    camera = reference_camera(shape=(192, 192))
+    points = pl.paraxial.cardinal_points(camera.lens)
+    image = pl.paraxial.image_position(camera.lens, -404.0)
+    a = image - 123.3
+    spots = spots_by_microlens(camera, small_light(0, 0, -404, 0.2), 1 - 1.7 / a)
+    along_y = sorted((c[1], s[0][1]) for c, s in spots.items() if abs(c[0]) < 1e-6)
+    assert len(along_y) >= 5
+    cell, spot = np.array([pair for pair in along_y if abs(pair[0]) < 0.5]).T
+    step = np.polyfit(cell / 0.217, spot / 0.010, 1)[0]
+    relative_to_lenses = 21.7 - step
+    distance = 123.3 - points.exit_pupil
+    assert relative_to_lenses == pytest.approx(21.7 * 1.7 / a, abs=0.02)
+    assert relative_to_lenses == pytest.approx(3.255, abs=0.02)
+    assert 21.7 * (1 + 1.7 / distance) - step == pytest.approx(3.542, abs=0.02)
+
+
+def test_direction_in_mode_1_decides_the_place_under_the_microlens():
+    # With the sensor in the focal plane, a point imaged on the array (a = 0) lights the whole image of the one
+    # microlens above it; one imaged behind spreads over its neighbours.
+    camera = reference_camera(2.0, 4.25, shape=(64, 64)).focused_at(z=-404.0)
+    spots = spots_by_microlens(camera, small_light(0, 0, -404, 0.2), 1.0)
+    brightest = max(spots.values(), key=lambda s: s[1])
+    assert brightest[1] / sum(s[1] for s in spots.values()) > 0.99
+    np.testing.assert_allclose(brightest[0], 0.0, atol=0.002)
+
+
+def test_image_stands_upright_and_is_not_mirrored():
+    # A light up and to the right of the axis appears in the upper right of the image, with and without microlenses.
+    conventional = pl.PlenopticCamera(
+        lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=2.0)),
+        sensor=pl.Sensor(shape=(32, 32), pixel_pitch=0.16),
+        stop_to_microlenses=130.0,
+    ).focused_at(z=-404.0)
+    for camera in (conventional, reference_camera()):
+        shot = pl.render(small_light(5.0, 3.0, -404, 0.5), camera, samples=16, progress=False)
+        row, column = np.argwhere(shot.image[:, :, 0] > 0).mean(axis=0)
+        height, width = camera.sensor.shape
+        assert row < 0.4 * height and column > 0.6 * width
+        # Magnification -0.328 of the double Gauss at this distance.
+        assert (column + 0.5 - width / 2) * camera.sensor.pixel_pitch == pytest.approx(5.0 * 0.33, abs=0.25)
+
+
+def test_pose_moves_the_camera_and_not_the_picture():
+    camera = reference_camera()
+    region = np.s_[200:220, 300:320]
+    # Without onward rays: the frame in which their directions are drawn would turn with the scene.
+    scene = pl.Scene(pl.objects_scene().meshes, pl.objects_scene().lights)
+    here = pl.render(scene, camera, samples=16, region=region, max_bounces=1, progress=False)
+    # The same scene and camera turned and shifted together.
+    turn = pl.Pose.look_at((300, -200, 500), (0, 0, 0), up=(0.3, 1, 0.1))
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = turn.rotation, turn.position
+    moved = pl.Scene([mesh.transformed(matrix) for mesh in (*scene.meshes, *(light.mesh() for light in scene.lights))])
+    posed = camera.posed(position=(300, -200, 500), look_at=(0, 0, 0), up=(0.3, 1, 0.1))
+    there = pl.render(moved, posed, samples=16, region=region, max_bounces=1, progress=False)
+    # The same random numbers: only float32 rounding at edges decides otherwise, for a few paths.
+    joint = np.hypot(here.standard_error, there.standard_error)
+    assert np.mean(np.abs(there.image - here.image) < 0.2 * joint + 1e-6) > 0.9
+    np.testing.assert_allclose(there.depth, here.depth, rtol=1e-9)
+
+
+# ---- depth ----
+
+
+def test_depth_of_a_plane_is_exact():
+    shot = pl.render(pl.white_plane(), reference_camera(), samples=1, region=np.s_[200:232, 200:232], progress=False)
+    finite = np.isfinite(shot.depth)
+    assert finite.mean() > 0.95
+    # A few roundings of coordinates near 404.
+    np.testing.assert_allclose(shot.depth[finite], 404.0, rtol=8 * np.finfo(float).eps)
+
+
+def test_depth_of_a_tilted_plane_is_where_the_main_ray_meets_it():
+    # z = -404 + 0.5 y: the ray through the centre pixel's microlens on the axis runs along the axis.
+    plane = pl.quad((-200, -100, -454), (400, 0, 0), (0, 200, 100), material=pl.Emissive(1.0))
+    camera = reference_camera(shape=(511, 511))
+    shot = pl.render(pl.Scene([plane]), camera, samples=1, region=np.s_[230:281, 255:256], progress=False)
+    assert shot.depth[25, 0] == pytest.approx(404.0, abs=1e-9)
+    # Within one microlens image, pixels further up see points further up, which lie nearer.
+    within = shot.depth[18:33, 0]
+    assert np.all(np.diff(within) > 0)
+
+
+def test_nothing_in_view_is_infinitely_far():
+    behind = pl.Scene([pl.box(10.0, center=(0, 0, 500), material=pl.Emissive(1.0))])
+    shot = pl.render(behind, reference_camera(), samples=1, region=np.s_[:8, :8], progress=False)
+    assert np.all(np.isinf(shot.depth)) and not shot.image.any()
+
+
+def test_depth_is_left_out_on_request_and_without_meshes():
+    camera, region = reference_camera(), np.s_[:4, :4]
+    assert pl.render(pl.white_plane(), camera, samples=1, region=region, depth=False, progress=False).depth is None
+    assert pl.render(pl.Scene(background=1.0), camera, samples=1, region=region, progress=False).depth is None
+
+
+# ---- the same bits, however the work is done ----
+
+
+@pytest.mark.parametrize("scene", [None, "check", "objects"])
+def test_bits_do_not_depend_on_threads_tiles_or_region(scene):
+    camera = reference_camera()
+    made = {"check": pl.check_scene, "objects": pl.objects_scene}
+    region = np.s_[100:133, 200:241]
+
+    def render(region, **how):
+        if scene is None:
+            return pl.render_white(camera, samples=20, region=region, progress=False, **how)
+        return pl.render(made[scene](), camera, samples=20, region=region, progress=False, **how)
+
+    whole = render(region, threads=1)
+    for how in ({"threads": 2}, {"threads": 2, "tile_side": 7}, {"threads": 1, "tile_side": 33}):
+        other = render(region, **how)
+        np.testing.assert_array_equal(other.image, whole.image)
+        np.testing.assert_array_equal(other.standard_error, whole.standard_error)
+        if whole.depth is not None:
+            np.testing.assert_array_equal(other.depth, whole.depth)
+    crop = render(np.s_[110:120, 210:215])
+    np.testing.assert_array_equal(crop.image, whole.image[10:20, 10:15])
+    assert crop.region == (110, 120, 210, 215)
+
+
+def test_seeds_give_other_bits_and_the_same_picture():
+    camera, region = reference_camera(), np.s_[250:270, 250:270]
+    one = pl.render_white(camera, samples=32, region=region, seed=1, progress=False)
+    two = pl.render_white(camera, samples=32, region=region, seed=2, progress=False)
+    assert np.any(one.image != two.image)
+    joint = np.hypot(one.standard_error, two.standard_error)
+    assert abs((one.image - two.image).sum()) < 4 * np.sqrt(np.square(joint).sum())
+
+
+# ---- error ----
+
+
+def test_standard_error_is_honest_on_check():
+    camera = reference_camera()
+    region = np.s_[240:288, 240:288]
+    reference = pl.render(
+        pl.check_scene(), camera, samples=1 << 12, region=region, seed=99, depth=False, progress=False
+    )
+    true, stated = [], []
+    lit = reference.image > 0.5 * np.percentile(reference.image, 99)
+    for seed in range(4):
+        shot = pl.render(pl.check_scene(), camera, samples=64, region=region, seed=seed, depth=False, progress=False)
+        # The reference's own variance is part of the difference.
+        true.append(np.mean((shot.image - reference.image)[lit] ** 2) - np.mean(reference.standard_error[lit] ** 2))
+        stated.append(np.mean(shot.standard_error[lit] ** 2))
+    assert 0.9 < math.sqrt(np.mean(true) / np.mean(stated)) < 1.1
+
+
+def test_error_needs_two_replicates():
+    camera, region = reference_camera(), np.s_[:4, :4]
+    assert pl.render_white(camera, samples=1, region=region, progress=False).standard_error is None
+    assert pl.render_white(camera, samples=8, replicates=1, region=region, progress=False).standard_error is None
+    shot = pl.render_white(camera, samples=3, region=region, progress=False)
+    assert shot.standard_error is not None and shot.replicates == 3
+
+
+def test_statistics_count_every_path():
+    camera = reference_camera()
+    shot = pl.render_white(camera, samples=16, region=np.s_[240:272, 240:272], progress=False)
+    stats = shot.stats
+    assert stats.paths_through_lens + sum(count for _, _, count in stats.lost) == stats.paths
+    assert stats.paths <= 32 * 32 * 16 and stats.nonfinite == 0
+    assert stats.fraction_through_lens > 0.6
+    assert {cause for cause, _, _ in stats.lost} <= {"clipped", "missed"}
+
+
+# ---- light ----
+
+
+def irradiated_plane(material, light, background=None):
+    floor = pl.quad((-50, -50, -404), (100, 0, 0), (0, 100, 0), material=material)
+    return pl.Scene([floor], [light] if light else [], background=background)
+
+
+def test_lambertian_under_a_small_light_follows_the_inverse_square():
+    # A small square light at height h on the axis, facing the plane: radiance of the plane on the axis is
+    # albedo / pi * L A / h^2, within O((extent / h)^2) = 1e-3 of the light, and the spot of view.
+    camera = pl.PlenopticCamera(
+        lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=1.0)),
+        sensor=pl.Sensor(shape=(4, 4), pixel_pitch=0.01),
+        stop_to_microlenses=130.0,
+    ).focused_at(z=-404.0)
+    # Off the line of sight: seen under 45 degrees from above, cos^2 = 1/2 at both ends, distance^2 = 2 h^2.
+    h = 60.0
+    light = pl.QuadLight(center=(0, h, -404 + h), edge_u=(3, 0, 0), edge_v=(0, 0, 3), radiance=50.0, two_sided=True)
+    shot = pl.render(irradiated_plane(pl.Lambertian(0.6), light), camera, samples=512, progress=False)
+    white = pl.render_white(camera, samples=512, progress=False)
+    radiance = shot.image.mean(dtype=np.float64) / white.image.mean(dtype=np.float64)
+    cosine = math.sqrt(0.5)
+    expected = 0.6 / math.pi * 50.0 * 9.0 * cosine * cosine / (2 * h * h)
+    assert radiance == pytest.approx(expected, rel=4e-3)
+
+
+def test_lambertian_in_a_uniform_world_returns_its_albedo():
+    camera, region = reference_camera(), np.s_[250:262, 250:262]
+    scene = irradiated_plane(pl.Lambertian(0.6), None, background=2.0)
+    shot = pl.render(scene, camera, samples=64, region=region, progress=False)
+    white = pl.render_white(camera, samples=64, region=region, progress=False)
+    # Every path ends in the same background, after one scattering: the estimate has no noise beyond white's own.
+    np.testing.assert_allclose(shot.image, 1.2 * white.image, rtol=1e-6)
+
+
+def test_two_plates_face_to_face_exchange_light():
+    # The plane of albedo rho sees an infinite-like ceiling of albedo sigma that hides the world; light is the ceiling's
+    # emission. One bounce: rho E; the view passes a slit that is too small to matter.
+    camera, region = reference_camera(), np.s_[250:258, 250:258]
+    floor = pl.quad((-5000, -5000, -404), (10000, 0, 0), (0, 10000, 0), material=pl.Lambertian(0.5))
+    hole = 20.0
+    ceiling = [
+        pl.quad((x, y, -350), (0, h, 0), (w, 0, 0), material=pl.Emissive(2.0))
+        for x, y, w, h in (
+            (-5000, -5000, 10000, 5000 - hole),
+            (-5000, hole, 10000, 5000 - hole),
+            (-5000, -hole, 5000 - hole, 2 * hole),
+            (hole, -hole, 5000 - hole, 2 * hole),
+        )
+    ]
+    shot = pl.render(pl.Scene([floor, *ceiling]), camera, samples=256, region=region, max_bounces=1, progress=False)
+    white = pl.render_white(camera, samples=256, region=region, progress=False)
+    # View factor of the square hole from the floor's centre (Lambert): what is missing of the full hemisphere.
+    a = hole / math.hypot(hole, 54.0)
+    missing = 4 / math.pi * a * math.atan(hole / math.hypot(hole, 54.0))
+    expected = 0.5 * 2.0 * (1 - missing)
+    measured = shot.image.sum(dtype=np.float64) / white.image.sum(dtype=np.float64)
+    error = math.sqrt(np.square(shot.standard_error, dtype=np.float64).sum()) / white.image.sum(dtype=np.float64)
+    # Large triangles drawn by area seen from nearby: noisy; 4 standard errors, and the finite ceiling (1e-4).
+    assert abs(measured - expected) < 4 * error + 1e-3
+
+
+def test_shadow_is_black_without_further_bounces():
+    camera, region = reference_camera(), np.s_[250:258, 250:258]
+    light = pl.QuadLight.facing((0, 200, -204), (0, 0, -404), (5, 5), radiance=10.0)
+    blocker = pl.quad((-50, 40, -380), (100, 0, 0), (0, 0, 60), material=pl.Lambertian(0.0))
+    scene = irradiated_plane(pl.Lambertian(1.0), light)
+    lit = pl.render(scene, camera, samples=16, region=region, progress=False)
+    assert lit.image.max() > 0
+    shadow = pl.Scene([*scene.meshes, pl.box((100, 1, 200), center=(0, 60, -344))], [light])
+    dark = pl.render(shadow, camera, samples=16, region=region, max_bounces=1, progress=False)
+    assert not dark.image.any()
+    assert blocker.bounds.shape == (2, 3)
+
+
+def test_texture_lies_the_right_way_up():
+    # Four texels: red upper left, green upper right, blue lower left, white lower right.
+    texture = pl.Texture([[[1, 0, 0], [0, 1, 0]], [[0, 0, 1], [1, 1, 1]]])
+    picture = pl.quad((-8, -8, -404), (16, 0, 0), (0, 16, 0), material=pl.Lambertian(texture))
+    camera = pl.PlenopticCamera(
+        lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=1.0)),
+        sensor=pl.Sensor(shape=(8, 8), pixel_pitch=0.5),
+        stop_to_microlenses=130.0,
+    ).focused_at(z=-404.0)
+    shot = pl.render(pl.Scene([picture], background=1.0), camera, samples=64, progress=False)
+    white = pl.render_white(camera, samples=64, progress=False)
+    colour = shot.image / white.image
+    for row, column, expected in ((1, 1, (1, 0, 0)), (1, 6, (0, 1, 0)), (6, 1, (0, 0, 1)), (6, 6, (1, 1, 1))):
+        # Pixel centres 1.25 mm from the axis see points 3.8 mm from it, pixels 1.5 mm: of the 8 mm between texel
+        # centres (4 mm from the axis), light from 3.05 mm mixes in 0.12 of the neighbour.
+        np.testing.assert_allclose(colour[row, column], expected, atol=0.12)
+
+
+def test_fallback_intersector_gives_the_same_picture(monkeypatch):
+    from plenoptic import rendering
+    from plenoptic.scene._embree_run import SceneRunTriangles
+
+    camera, region = reference_camera(), np.s_[300:316, 160:176]
+    scene = pl.objects_scene()
+    direct = pl.render(scene, camera, samples=16, region=region, progress=False)
+    monkeypatch.setattr(rendering, "build_intersector", SceneRunTriangles)
+    run = pl.render(scene, camera, samples=16, region=region, progress=False)
+    # Both are Embree: only rays that graze an edge may be decided otherwise.
+    assert np.mean(np.isclose(run.image, direct.image, rtol=1e-6)) > 0.97
+    np.testing.assert_allclose(run.depth, direct.depth, rtol=1e-9)
+
+
+# ---- models of microlenses ----
+
+
+@pytest.mark.parametrize("side", list(pl.ConvexSide))
+def test_spherical_microlenses_approach_thin_ones(side):
+    # A higher index makes the same focal length with a flatter sphere. What differs from the thin lens under the middle
+    # of a microlens is where its edge stands: at the sag h = r^2 / (2 R) above or below the plane, which changes the
+    # solid angle by about 2 h / b: 0.9 % for index 1.5 and a tenth of it for index 6.
+    region = np.s_[250:262, 250:262]
+    thin = pl.render_white(reference_camera(), samples=512, region=region, progress=False)
+    off = []
+    for index in (1.5, 6.0):
+        camera = reference_camera(model=pl.MicrolensModel.SPHERICAL, thickness=0.05, index=index, convex_side=side)
+        spherical = pl.render_white(camera, samples=512, region=region, progress=False)
+        off.append(abs(spherical.image.sum(dtype=np.float64) / thin.image.sum(dtype=np.float64) - 1))
+        assert spherical.stats.lost_by_cause["outside_microlens"] < 0.05 * spherical.stats.paths
+    assert 0.003 < off[0] < 0.011
+    assert off[1] < 0.2 * off[0]
+
+
+def test_crosstalk_pixels_are_fed_by_several_microlenses():
+    # With the aperture opened up, microlens images overlap: the white image rises above one cell's solid angle.
+    one = hexagon_solid_angle(0.217, 1.7)
+    wide = pl.render_white(reference_camera(stop=10.0), samples=64, region=np.s_[200:300, 200:300], progress=False)
+    assert wide.image.max() > 1.8 * one
+    narrow = pl.render_white(reference_camera(stop=2.0), samples=64, region=np.s_[200:300, 200:300], progress=False)
+    assert narrow.image.max() < 1.001 * one and np.mean(narrow.image == 0) > 0.5
+
+
+def test_all_light_through_an_array_arrives_somewhere():
+    # Thin microlenses of any focal length only redistribute: the sum over a large patch of the sensor equals the
+    # projected solid angle of the exit pupil at the array, per area of the sensor, scaled by magnification of the
+    # patch. Compared between two focal lengths: the same to within edge effects of the patch.
+    patch = np.s_[156:356, 156:356]
+    sums = []
+    for focal_length in (2.0, 1.2):
+        camera = pl.PlenopticCamera(
+            lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=5.0)),
+            microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(focal_length,)),
+            sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.010),
+            stop_to_microlenses=123.3,
+            microlenses_to_sensor=1.7,
+        )
+        sums.append(pl.render_white(camera, samples=16, region=patch, progress=False).image.mean(dtype=np.float64))
+    assert sums[0] == pytest.approx(sums[1], rel=0.01)
+
+
+# ---- bad input ----
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"samples": 0}, "samples is 0; it must be at least 1"),
+        ({"samples": 1.5}, "samples is 1.5; it must be a whole number"),
+        ({"samples": 1, "seed": -1}, "seed is -1"),
+        ({"samples": 1, "replicates": 0}, "replicates is 0"),
+        ({"samples": 1, "threads": 0}, "threads is 0"),
+        ({"samples": 1, "region": np.s_[600:700, 0:4]}, "rows"),
+        ({"samples": 1, "region": 3}, "two slices"),
+    ],
+)
+def test_impossible_arguments_are_refused_before_anything_runs(arguments, message):
+    with pytest.raises(pl.InvalidValueError, match=message):
+        pl.render_white(reference_camera(), progress=False, **arguments)
+
+
+def test_scene_and_camera_cannot_be_exchanged():
+    with pytest.raises(pl.InvalidValueError, match="it must be a Scene"):
+        pl.render(reference_camera(), pl.white_plane(), samples=1)
+
+
+def test_exposure_of_a_rendering_survives_saving(tmp_path):
+    camera = reference_camera().posed((1, 2, 900), (0, 0, 0))
+    shot = pl.render(pl.objects_scene(), reference_camera(), samples=4, region=np.s_[:8, :12], progress=False)
+    shot.save(tmp_path / "shot.exr")
+    back = pl.Exposure.load(tmp_path / "shot.exr")
+    assert back.camera == shot.camera and back.stats == shot.stats and back.region == shot.region
+    np.testing.assert_array_equal(back.image, shot.image)
+    np.testing.assert_array_equal(back.standard_error, shot.standard_error)
+    np.testing.assert_allclose(back.depth, shot.depth, rtol=1e-7)
+    posed = pl.render_white(camera, samples=2, region=np.s_[:4, :4], progress=False)
+    posed.save(tmp_path / "posed.exr")
+    assert pl.Exposure.load(tmp_path / "posed.exr").camera == camera

@@ -1,0 +1,171 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import plenoptic as pl
+from plenoptic._sobol import _direction_numbers
+from plenoptic.sampling import sobol_points
+
+KEYS = {"seed": st.integers(0, 2**40), "pixel": st.integers(0, 2**25), "replicate": st.integers(0, 64)}
+
+
+def bits_of_sobol(index: int, numbers: list[int]) -> int:
+    """A coordinate from its definition: XOR of the direction numbers of the index's bits."""
+    x = 0
+    for k, v in enumerate(numbers):
+        if (index >> k) & 1:
+            x ^= v
+    return x
+
+
+def test_direction_numbers_are_those_of_joe_and_kuo() -> None:
+    # new-joe-kuo-6.21201, dimensions 2 to 4 (d s a m): 2 1 0 1; 3 2 1 1 3; 4 3 1 1 3 1, by their recurrence on m.
+    found = _direction_numbers()
+    polynomials = {1: ([1], [1]), 2: ([1, 1], [1, 3]), 3: ([0, 1, 1], [1, 3, 1])}
+    for dimension, (a, m) in polynomials.items():
+        m = list(m)
+        s = len(m)
+        for k in range(s, 32):
+            term = m[k - s] ^ (m[k - s] << s)
+            for j in range(1, s):
+                term ^= (a[j - 1] * m[k - j]) << j
+            m.append(term)
+        assert found[dimension].tolist() == [m[k] << (31 - k) for k in range(32)]
+    assert found[0].tolist() == [1 << (31 - k) for k in range(32)]
+
+
+@settings(max_examples=25, deadline=None)
+@given(**KEYS, set_number=st.integers(0, 5), k=st.integers(0, 8), block=st.integers(0, 3))
+def test_aligned_powers_of_two_are_stratified(
+    seed: int, pixel: int, replicate: int, set_number: int, k: int, block: int
+) -> None:
+    points = sobol_points((block + 1) << k, seed=seed, pixel=pixel, replicate=replicate, set_number=set_number)
+    part = points[block << k :]
+    assert part.shape == (1 << k, 4)
+    strata = np.sort(np.floor(part * (1 << k)), axis=0)
+    assert np.array_equal(strata, np.tile(np.arange(1 << k)[:, None], (1, 4)))
+
+
+@settings(max_examples=25, deadline=None)
+@given(**KEYS, set_number=st.integers(0, 3), m=st.integers(1, 9))
+def test_the_first_two_dimensions_form_a_net(seed: int, pixel: int, replicate: int, set_number: int, m: int) -> None:
+    points = sobol_points(1 << m, seed=seed, pixel=pixel, replicate=replicate, set_number=set_number)
+    for a in range(m + 1):
+        boxes = np.floor(points[:, 0] * 2**a) * 2 ** (m - a) + np.floor(points[:, 1] * 2 ** (m - a))
+        assert len(np.unique(boxes)) == 1 << m
+
+
+def test_scrambling_keeps_the_tree_of_the_sobol_points() -> None:
+    # Nested scrambling: two points share their first b bits after it exactly where they did before.
+    numbers = _direction_numbers().tolist()
+    n = 128
+    points = np.round(sobol_points(n, seed=9) * 2.0**32).astype(np.uint64)
+    for dimension in range(4):
+        plain = np.array([bits_of_sobol(i, numbers[dimension]) for i in range(n)], dtype=np.uint64)
+        for shift in (31, 28, 25, 20):
+            before = (plain[:, None] ^ plain) >> np.uint64(shift) == 0
+            after = (points[:, None, dimension] ^ points[:, dimension]) >> np.uint64(shift) == 0
+            assert np.array_equal(before, after)
+
+
+def test_prefixes_and_repetition() -> None:
+    points = sobol_points(1000, seed=3, pixel=5, replicate=2, set_number=1)
+    for n in (0, 1, 17, 256, 999):
+        assert np.array_equal(sobol_points(n, seed=3, pixel=5, replicate=2, set_number=1), points[:n])
+    assert points.min() >= 0 and points.max() < 1
+    # Beyond two bytes of the index, where the tables' upper half takes part.
+    many = sobol_points(70000, seed=3)
+    strata = np.sort(np.floor(many[: 1 << 16] * (1 << 16)), axis=0)
+    assert np.array_equal(strata, np.tile(np.arange(1 << 16)[:, None], (1, 4)))
+    assert len(np.unique(many[:, 0])) == 70000
+
+
+def chi_square(values: np.ndarray, bins: int) -> float:
+    """Chi-square of values in [0, 1) over equal bins, less its mean, in its standard deviations."""
+    counts = np.bincount((values * bins).astype(int), minlength=bins)
+    expected = len(values) / bins
+    freedom = bins - 1
+    return float((((counts - expected) ** 2).sum() / expected - freedom) / math.sqrt(2 * freedom))
+
+
+@pytest.mark.parametrize("key", ["seed", "pixel", "replicate"])
+def test_each_coordinate_is_uniform_over_scramblings(key: str) -> None:
+    # One point of each of many scramblings is a sample of independent uniform numbers.
+    first = np.concatenate([sobol_points(8, **{key: i})[None] for i in range(3000)])
+    for index in (0, 1, 5):
+        for dimension in range(4):
+            # 24 comparisons: 4.5 standard deviations of a chi-square with 63 degrees of freedom is a chance of 1e-4.
+            assert abs(chi_square(first[:, index, dimension], 64)) < 4.5
+    # In pairs of dimensions too, on an 8 x 8 grid.
+    for a in range(4):
+        for b in range(a):
+            pairs = (np.floor(first[:, 3, a] * 8) + first[:, 3, b]) / 8
+            assert abs(chi_square(pairs, 64)) < 4.5
+
+
+@pytest.mark.parametrize(
+    "other",
+    [{"seed": 1}, {"pixel": 1}, {"replicate": 1}, {"set_number": 1}, {"set_number": 2}, {"seed": 1, "pixel": 1}],
+)
+def test_streams_are_uncorrelated(other: dict[str, int]) -> None:
+    # Correlation over 2000 pixels of one point of two streams; its standard error is 1 / sqrt(n).
+    def of_pixels(offset: dict[str, int]) -> np.ndarray:
+        keys = {"seed": 0, "pixel": 0, "replicate": 0, "set_number": 0}
+        rows = []
+        for i in range(2000):
+            step = {k: keys[k] + offset.get(k, 0) for k in keys}
+            step["pixel"] += 2 * i
+            rows.append(sobol_points(4, **step)[3])
+        return np.array(rows)
+
+    a, b = of_pixels({}), of_pixels(other)
+    correlation = np.corrcoef(a.T, b.T)[:4, 4:]
+    # 16 of them: 4.5 standard errors.
+    assert np.abs(correlation).max() < 4.5 / math.sqrt(2000)
+
+
+@pytest.mark.parametrize(("first", "second"), [(0, 1), (0, 2), (1, 2), (1, 5)])
+def test_sets_of_one_path_are_uncorrelated_within_a_pixel(first: int, second: int) -> None:
+    # Bounces take their points in another order. Over 1024 points of 40 replicates, sums of products have the
+    # standard error 1 / sqrt(40960) that independent uniform numbers would have at most.
+    a, b = (
+        np.concatenate([sobol_points(1024, replicate=r, set_number=k) for r in range(40)]) for k in (first, second)
+    )
+    assert np.abs(np.corrcoef(a.T, b.T)[:4, 4:]).max() < 4.5 / math.sqrt(40960)
+
+
+def test_smooth_integrands_converge_faster_than_one_over_n() -> None:
+    # exp(-|x|^2 / 2) over the unit cube, in closed form from the error function; RMS over 64 scramblings.
+    def f(points: np.ndarray) -> np.ndarray:
+        return np.exp(-0.5 * (points**2).sum(axis=-1))
+
+    exact = (math.sqrt(math.pi / 2) * math.erf(1 / math.sqrt(2))) ** 4
+    sizes = 2 ** np.arange(4, 11)
+    errors = np.array(
+        [[f(sobol_points(int(n), replicate=r)).mean() - exact for r in range(64)] for n in sizes]
+    )
+    slope = np.polyfit(np.log(sizes), 0.5 * np.log((errors**2).mean(axis=1)), 1)[0]
+    # Owen scrambling gives n^-1.5 for smooth integrands (A. B. Owen, Ann. Stat. 25, 1541 (1997)).
+    assert slope < -1.2
+    # Unbiased at every size: within 4 standard errors of the mean over the scramblings.
+    spread = errors.std(axis=1, ddof=1) / math.sqrt(64)
+    assert np.all(np.abs(errors.mean(axis=1)) < 4 * spread)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"n": -1}, "n is -1; it must be at least 0"),
+        ({"n": 1.5}, "n is 1.5; it must be a whole number"),
+        ({"n": 1, "seed": -1}, "seed is -1"),
+        ({"n": 1, "pixel": -1}, "pixel is -1"),
+        ({"n": 1, "set_number": 0.5}, "set_number is 0.5"),
+    ],
+)
+def test_impossible_arguments(arguments: dict, message: str) -> None:
+    n = arguments.pop("n")
+    with pytest.raises(pl.InvalidValueError, match=message):
+        sobol_points(n, **arguments)

@@ -1,0 +1,112 @@
+import copy
+import dataclasses
+import pickle
+
+import numpy as np
+import pytest
+
+from plenoptic._values import finite, frozen_array, positive, read_only, set_field, value, whole
+from plenoptic.errors import InvalidValueError
+
+
+@value
+class Plate:
+    corners: np.ndarray
+    index: float = 1.5
+    label: str | None = None
+
+    def __post_init__(self) -> None:
+        set_field(self, "corners", frozen_array(self.corners, name="corners", shape=(None, 2)))
+
+
+@value
+class Named:
+    name: str
+
+    def __repr__(self) -> str:
+        return f"<{self.name}>"
+
+
+def plate(**changes):
+    return Plate(**{"corners": [[0, 1], [2, np.nan]], **changes})
+
+
+def test_fields_cannot_be_set():
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        plate().index = 2.0
+
+
+def test_arrays_are_read_only_copies():
+    corners = np.zeros((1, 2))
+    made = Plate(corners)
+    corners[0, 0] = 7
+    assert made.corners[0, 0] == 0
+    with pytest.raises(ValueError, match="read-only"):
+        made.corners[0, 0] = 1
+
+
+def test_equal_values_are_equal_and_hash_alike():
+    assert plate() == plate()
+    assert hash(plate()) == hash(plate())
+    assert len({plate(), plate(), plate(index=1.6)}) == 2
+
+
+@pytest.mark.parametrize(
+    "change", [{"corners": [[0, 1]]}, {"corners": [[0, 1], [2, 3]]}, {"index": 1.6}, {"label": "x"}]
+)
+def test_a_changed_field_makes_another_value(change):
+    assert plate() != plate(**change)
+    assert plate() != dataclasses.replace(plate(), **change)
+
+
+def test_zeros_of_either_sign_are_equal_and_hash_alike():
+    assert Plate([[0.0, 1]]) == Plate([[-0.0, 1]])
+    assert hash(Plate([[0.0, 1]])) == hash(Plate([[-0.0, 1]]))
+
+
+def test_values_of_other_classes_are_not_equal():
+    assert plate() != Named("plate")
+    assert plate() != "plate"
+
+
+@pytest.mark.parametrize("copied", [copy.copy, copy.deepcopy, lambda made: pickle.loads(pickle.dumps(made))])
+def test_copies_are_equal_and_stay_read_only(copied):
+    again = copied(plate())
+    assert again == plate()
+    assert hash(again) == hash(plate())
+    assert not again.corners.flags.writeable
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        again.index = 2.0
+
+
+def test_repr_is_short_and_leaves_defaults_out():
+    assert repr(plate()) == "Plate(corners=<2 x 2 float64>)"
+    assert repr(plate(label="left")) == "Plate(corners=<2 x 2 float64>, label='left')"
+    assert repr(Named("left")) == "<left>"
+
+
+def test_read_only_leaves_the_original_writable():
+    original = np.zeros(3)
+    view = read_only(original)
+    assert original.flags.writeable and not view.flags.writeable
+    assert np.shares_memory(original, view)
+
+
+@pytest.mark.parametrize(
+    ("check", "sentence"),
+    [
+        (lambda: finite(np.inf, "gap"), "gap is inf; it must be finite"),
+        (lambda: finite("wide", "gap"), "gap is 'wide'; it must be a number"),
+        (lambda: finite(10**400, "gap"), "gap is 1000.*; it must be a number"),
+        (lambda: positive(0, "pitch", "mm"), "pitch is 0 mm; it must be above 0"),
+        (lambda: whole(1.0, "samples", at_least=1), "samples is 1.0; it must be a whole number"),
+        (lambda: whole(True, "samples", at_least=1), "samples is True; it must be a whole number"),
+        (lambda: whole(0, "samples", at_least=1), "samples is 0; it must be at least 1"),
+        (lambda: frozen_array([1, 2], name="axis", shape=(3,)), r"axis has shape \(2,\); it must have shape \(3\)"),
+        (lambda: frozen_array(["a"], name="axis", shape=(1,)), "axis is not an array of numbers"),
+        (lambda: frozen_array([300], name="mask", shape=(1,), dtype=np.uint8), "mask is not an array of numbers"),
+    ],
+)
+def test_what_cannot_be_is_named(check, sentence):
+    with pytest.raises(InvalidValueError, match=sentence):
+        check()
