@@ -93,7 +93,9 @@ for z, radiance in profiles.items():
     ax.plot(np.arange(len(radiance)) - len(radiance) // 2, radiance, marker=".", label=f"{-z:.0f} mm")
 for centre in centres:
     ax.axvline(centre, color="grey", linewidth=0.8, linestyle="--")
-ax.set(xlabel="row - middle / pixel", ylabel="radiance", title="along the column on the axis; dashed: microlens centres")
+ax.set(
+    xlabel="row - middle / pixel", ylabel="radiance", title="along the column on the axis; dashed: microlens centres"
+)
 ax.legend(title="distance")
 figure.savefig(output / "disparity.png", dpi=100)
 print("written:", output / "disparity.exr", output / "disparity.png", sep="\n  ")

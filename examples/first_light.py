@@ -13,13 +13,14 @@ from pathlib import Path
 import matplotlib
 
 matplotlib.use("Agg")  # pictures go to files; leave this out in a notebook
+import matplotlib.pyplot as plt
 import numpy as np
 
 import plenoptic as pl
 
 SMALL = os.environ.get("PLENOPTIC_EXAMPLE_SIZE") == "small"
 PIXELS = 48 if SMALL else 512
-SAMPLES = 16 if SMALL else 256
+SAMPLES = 16 if SMALL else 128
 
 output = Path("output/first_light")
 output.mkdir(parents=True, exist_ok=True)
@@ -70,17 +71,36 @@ print(f"white: relative error {100 * white.relative_error:.2f} %, {white.stats.s
 # gives them back. PNG files of 16 bits are for looking at.
 
 # %%
-written = [output / name for name in ("raw.exr", "raw.png", "white.exr", "white.png", "depth.png", "overview.png")]
-for exposure, paths in ((shot, written[0:2]), (white, written[2:4])):
-    for path in paths:
-        exposure.save(path)
+names = ("raw.exr", "raw.png", "white.exr", "white.png", "depth.png", "overview.png", "first_light.png")
+raw_exr, raw_png, white_exr, white_png, depth_png, overview_png, picture_png = (output / name for name in names)
+shot.save(raw_exr)
+shot.save(raw_png, scale=float(np.percentile(shot.image, 99.9)))
+white.save(white_exr)
+white.save(white_png)
 
-# Depth as a picture: near is bright, and black where nothing is met.
+# Depth as a picture: near is bright, and black is where nothing is met.
 met = np.isfinite(shot.depth)
 near, far = shot.depth[met].min(), shot.depth[met].max()
-nearness = np.where(met, 0.1 + 0.9 * (far - shot.depth) / max(far - near, 1e-9), 0.0)
-pl.Exposure(nearness[:, :, np.newaxis]).save(written[4], scale=1.0)
-
-pl.plot_exposure(shot).savefig(written[5], dpi=110)
 print(f"depth: {near:.2f} mm to {far:.2f} mm")
-print("written:", *(path.resolve() for path in written), sep="\n  ")
+nearness = np.where(met, 0.1 + 0.9 * (far - shot.depth) / max(far - near, 1e-9), 0.0)
+pl.Exposure(nearness[:, :, np.newaxis]).save(depth_png, scale=1.0)
+
+pl.plot_exposure(shot).savefig(overview_png, dpi=110)
+
+# %% [markdown]
+# ## Raw image, a detail of it, and depth
+
+# %%
+seen = pl.images.linear_to_srgb(np.clip(shot.image / np.percentile(shot.image, 99.9), 0, 1))
+low, high = 3 * PIXELS // 8, 5 * PIXELS // 8
+figure, axes = plt.subplots(1, 3, figsize=(9.6, 3.3), layout="constrained")
+axes[0].imshow(seen)
+axes[0].add_patch(plt.Rectangle((low, low), high - low, high - low, fill=False, edgecolor="white"))
+axes[1].imshow(seen[low:high, low:high], interpolation="nearest")
+axes[2].imshow(np.ma.masked_invalid(shot.depth), interpolation="nearest", cmap="viridis_r")
+for ax, title in zip(axes, ("raw image", "detail", "depth"), strict=True):
+    ax.set(xticks=[], yticks=[], title=title)
+figure.savefig(picture_png, dpi=100)
+
+# %%
+print("written:", *((output / name).resolve() for name in names), sep="\n  ")

@@ -5,6 +5,9 @@
 # script writes a small labelled tin as an OBJ file and renders it; another file can be named on the command line:
 #
 #     python examples/textured_mesh.py spot.obj cm
+#     python examples/textured_mesh.py spot.obj cm spot.png
+#
+# The unit is that of the file; the image replaces the materials of the file.
 
 # %%
 import os
@@ -57,8 +60,10 @@ for i in range(1, segments + 1):
 (output / "tin.obj").write_text("\n".join(lines) + "\n")
 (output / "tin.mtl").write_text("newmtl label\nKd 1 1 1\nmap_Kd label.png\n")
 
-named = [argument for argument in sys.argv[1:] if Path(argument).suffix.lower() in (".obj", ".glb", ".ply", ".stl")]
-path, unit = (named[0], sys.argv[-1]) if named else (output / "tin.obj", "cm")
+# A notebook has arguments of its own.
+named = sys.argv[1:] if len(sys.argv) > 2 and not sys.argv[1].startswith("-") else [output / "tin.obj", "cm"]
+path, unit = named[:2]
+material = pl.Lambertian(pl.Texture.load(named[2])) if len(named) > 2 else None
 
 # %% [markdown]
 # ## The scene
@@ -67,11 +72,11 @@ path, unit = (named[0], sys.argv[-1]) if named else (output / "tin.obj", "cm")
 # lamp above on the left, and a dim world.
 
 # %%
-meshes = pl.load_meshes(path, unit=unit)
+meshes = pl.load_meshes(path, unit=unit, material=material)
 low, high = pl.Scene(meshes).bounds
 middle, size = (low + high) / 2, float((high - low).max())
 lamp = pl.QuadLight.facing(middle + size * np.array([-1.5, 2.0, 2.0]), middle, (size, size), radiance=25.0)
-scene = pl.Scene.load(path, unit=unit, lights=[lamp], background=(0.10, 0.12, 0.15))
+scene = pl.Scene.load(path, unit=unit, material=material, lights=[lamp], background=(0.10, 0.12, 0.15))
 print(scene, f"size {size:.1f} mm")
 
 # %% [markdown]

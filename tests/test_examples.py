@@ -13,8 +13,18 @@ import plenoptic as pl
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 
 FILES = {
-    "first_light": {"raw.exr", "raw.png", "white.exr", "white.png", "depth.png", "overview.png"},
-    "paper_camera": {"check_2.0.exr", "check_1.0.exr", "objects_2.0.exr", "objects_1.0.exr", "check.png", "objects.png"},
+    "first_light": {
+        *("raw.exr", "raw.png", "white.exr", "white.png", "depth.png"),
+        *("overview.png", "first_light.png"),
+    },
+    "paper_camera": {
+        "check_2.0.exr",
+        "check_1.0.exr",
+        "objects_2.0.exr",
+        "objects_1.0.exr",
+        "check.png",
+        "objects.png",
+    },
     "stop_shapes": {
         *(
             f"{stop}_{place}.exr"

@@ -97,8 +97,8 @@ class PlenopticCamera:
                 )
         if not front > behind:
             raise InvalidValueError(
-                f"stop_to_microlenses is {self.stop_to_microlenses:g} mm; the last lens vertex is at z = {behind:g}, so "
-                f"it must be above {self.stop_to_microlenses - front + behind:g}"
+                f"stop_to_microlenses is {self.stop_to_microlenses:g} mm; the last lens vertex is at z = {behind:g}, "
+                f"so it must be above {self.stop_to_microlenses - front + behind:g}"
             )
 
     @property

@@ -200,7 +200,7 @@ def _check_primitive(primitive: Mapping[str, Any], accessors: Sequence[Mapping[s
 
 
 def _plain_obj(content: bytes) -> bytes:
-    """An OBJ file without comments, indents and tabs, which mislead trimesh; refused where it would be misread still."""
+    """An OBJ file without comments, indents and tabs, which mislead trimesh; refused where others still would."""
     content = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n").replace(b"\t", b" ")
     content = re.sub(rb"^ +", b"", content, flags=re.MULTILINE)
     content = re.sub(rb"^((?:(?:f|v|vt|vn) [^#\n]*)?)#[^\n]*", rb"\1", content, flags=re.MULTILINE)
@@ -239,19 +239,14 @@ def _obj_images(content: bytes, folder: Path) -> Mapping[str, str | None]:
 
 def _ply_texture(content: bytes, folder: Path) -> Lambertian | None:
     """The texture that the header of a PLY file names, if it does."""
-    from PIL import Image
-
     header = content[: content.find(b"end_header")].decode(errors="replace")
     named = re.search(r"^comment\s+texturefile\s+(.+?)\s*$", header, re.MULTILINE | re.IGNORECASE)
     if named is None:
         return None
     try:
-        with Image.open(folder / named[1]) as image:
-            return Lambertian(Texture.from_image(image))
-    except Exception as error:  # Pillow raises OSError, SyntaxError, ValueError, ... for damaged data
-        raise FileError(
-            f"its texture {named[1]!r} is missing or not an image ({error}); save it again, or {_REPLACE}"
-        ) from None
+        return Lambertian(Texture.load(folder / named[1]))
+    except PlenopticError as error:
+        raise FileError(f"its texture cannot be used: {error}, or {_REPLACE}") from None
 
 
 def _coloured(visual: Any, *, encoded: bool) -> Lambertian:

@@ -64,7 +64,9 @@ class Truth:
 
 def _setup_seconds(scene: pl.Scene | None, camera: pl.PlenopticCamera) -> float:
     """CPU seconds of a call that renders next to nothing."""
-    nothing = Task(lambda _: reference.exposed(scene, camera, samples=1, region=np.s_[256:257, 256:257], threads=1, depth=False))
+    nothing = Task(
+        lambda _: reference.exposed(scene, camera, samples=1, region=np.s_[256:257, 256:257], threads=1, depth=False)
+    )
     cost_of(nothing)
     return median([cost_of(nothing) for _ in range(11)]).cpu
 
@@ -83,7 +85,9 @@ def measured(
     for seed in range(seeds):
         shots: list[pl.Exposure] = []
         settings = {"samples": samples, "region": CROP, "seed": seed, "replicates": replicates, "threads": 1}
-        costs.append(cost_of(Task(lambda _, s=settings, to=shots: to.append(reference.exposed(scene, camera, depth=False, **s)))))
+        costs.append(
+            cost_of(Task(lambda _, s=settings, to=shots: to.append(reference.exposed(scene, camera, depth=False, **s))))
+        )
         shot = shots[0]
         squares.append(np.mean((truth.relative(shot.image) - 1.0) ** 2) - truth.variance)
         if shot.standard_error is not None:
@@ -104,7 +108,15 @@ def time_at(rows: list[Measured], error: float) -> float | None:
 
 def _error_table(name: str, runs: dict[int, list[Measured]], truth: Truth, setup: float, seeds: int) -> Table:
     rows = [
-        (samples, eight.ms, 100 * eight.error, eight.true_over_standard, one.ms, 100 * one.error, time_ratio(eight, runs[1]))
+        (
+            samples,
+            eight.ms,
+            100 * eight.error,
+            eight.true_over_standard,
+            one.ms,
+            100 * one.error,
+            time_ratio(eight, runs[1]),
+        )
         for (samples, *_), eight, one in zip(runs[8], runs[8], runs[1], strict=True)
     ]
     columns = ("samples", "8 replicates: CPU ms per pixel", "relative RMS error %", "true error over standard error",
@@ -116,7 +128,7 @@ def _error_table(name: str, runs: dict[int, list[Measured]], truth: Truth, setup
         [
             f"{np.count_nonzero(truth.lit)} lit pixels, {seeds} seeds a row, reference of {truth.samples} samples with "
             f"another seed; its own error, {100 * truth.variance**0.5:.2g} %, is subtracted. Setting up costs "
-            f"{1e3 * setup:.2g} CPU ms a call and is left out. One thread, without depth."
+            f"{1e3 * setup:.0f} CPU ms a call and is left out. One thread, without depth."
         ],
     )
 

@@ -79,8 +79,6 @@ def scenes_with_shading(samples: int, *, rounds: int) -> Table:
     for key in keys:
         name, depth, replicates = key
         cost = median(costs[key])
-        rows.append(
-            (name, "yes" if depth else "no", replicates, cost.wall, cost.cpu, through[key] / cost.cpu)
-        )
+        rows.append((name, "yes" if depth else "no", replicates, cost.wall, cost.cpu, through[key] / cost.cpu))
     columns = ("scene", "depth", "replicates", "wall s", "CPU s", "million paths through the lens per CPU-second")
     return Table(f"Rendering scenes, mode 2.0, 512 x 512 pixels, {samples} samples, one thread", columns, rows)

@@ -32,9 +32,7 @@ def tables(*, quick: bool) -> Iterator[Table]:
 
 def white_variants(camera: pl.PlenopticCamera) -> dict[str, Variant]:
     spherical = dataclasses.replace(camera.microlenses, model=pl.MicrolensModel.SPHERICAL)
-    bare = dataclasses.replace(
-        camera, microlenses=None, microlenses_to_sensor=0.0, stop_to_microlenses=camera.z_sensor
-    )
+    bare = dataclasses.replace(camera, microlenses=None, microlenses_to_sensor=0.0, stop_to_microlenses=camera.z_sensor)
     return {
         "reference: thin microlenses, round stop, 8 replicates": Variant(camera, None),
         "spherical microlenses": Variant(dataclasses.replace(camera, microlenses=spherical), None),

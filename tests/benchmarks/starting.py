@@ -28,7 +28,12 @@ scene = {scene}
 reference.exposed(scene, reference.camera(), samples=8, region=np.s_[240:272, 240:272])
 print(json.dumps([time.perf_counter() - wall, time.process_time() - cpu]))
 """
-SCENES = {"white": "None", "check": "pl.check_scene()", "objects": "pl.objects_scene()", "still life": "pl.still_life()"}
+SCENES = {
+    "white": "None",
+    "check": "pl.check_scene()",
+    "objects": "pl.objects_scene()",
+    "still life": "pl.still_life()",
+}
 
 
 def tables(*, quick: bool) -> Iterator[Table]:
@@ -62,7 +67,9 @@ def starting(*, runs: int, scenes: tuple[str, ...]) -> Table:
         "Starting, in new processes",
         ("what", "runs", "wall s", "CPU s", "wanted: wall s below"),
         rows,
-        ["Renderings have 32 x 32 pixels and 8 samples; importing the package and making camera and scene are included."],
+        [
+            "Renderings have 32 x 32 pixels and 8 samples; importing the package and making camera and scene are included."
+        ],
     )
 
 

@@ -9,7 +9,9 @@ from pathlib import Path
 import pytest
 
 HERE = Path(__file__).resolve().parent
-BENCHMARKS = sorted(path.stem for path in HERE.glob("*.py") if "def tables(" in path.read_text() and path != Path(__file__))
+BENCHMARKS = sorted(
+    path.stem for path in HERE.glob("*.py") if "def tables(" in path.read_text() and path != Path(__file__)
+)
 
 pytestmark = pytest.mark.benchmark
 

@@ -90,9 +90,7 @@ def batoid_lens(lens: pl.LensStack, *, clips: bool):  # type: ignore[no-untyped-
         }
         if isinstance(element, pl.Surface):
             shape = batoid.Plane() if np.isinf(element.radius) else batoid.Sphere(element.radius)
-            items.append(
-                batoid.RefractiveInterface(shape, obscuration=opening, name=str(i), coordSys=place, **media)
-            )
+            items.append(batoid.RefractiveInterface(shape, obscuration=opening, name=str(i), coordSys=place, **media))
         elif clips:
             items.append(batoid.Baffle(batoid.Plane(), obscuration=opening, name=str(i), coordSys=place, **media))
     return batoid.CompoundOptic(items, name="lens")

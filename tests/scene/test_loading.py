@@ -193,6 +193,8 @@ def test_an_unknown_unit_is_refused_with_the_list(tmp_path):
         pl.load_meshes(write_obj(tmp_path), unit="yard")
     with pytest.raises(pl.InvalidValueError, match="material"):
         pl.load_meshes(write_obj(tmp_path), material="red")
+    with pytest.raises(pl.InvalidValueError, match="unit"):
+        pl.load_meshes(write_obj(tmp_path), unit=["mm"])
 
 
 def test_the_scene_graph_is_applied_and_winding_survives_a_mirror(tmp_path):
@@ -352,6 +354,14 @@ def need_extension(header):
     header["extensionsRequired"] = ["EXT_meshopt_compression"]
 
 
+def make_fans(header):
+    header["meshes"][0]["primitives"][0]["mode"] = 6
+
+
+def make_sparse(header):
+    header["accessors"][header["meshes"][0]["primitives"][0]["attributes"]["POSITION"]]["sparse"] = {}
+
+
 def quantise(header):
     header["accessors"][header["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_0"]]["componentType"] = 5123
 
@@ -365,12 +375,146 @@ def quantise(header):
         (move_texture, "moves its texture"),
         (need_extension, "EXT_meshopt_compression"),
         (quantise, "TEXCOORD_0"),
+        (make_fans, "fans"),
+        (make_sparse, "POSITION are sparse"),
     ],
 )
 def test_what_would_be_read_wrongly_from_a_glb_is_refused(tmp_path, edit, said):
     glb = edit_glb(write_glb(tmp_path / "quad.glb", baseColorTexture=four_colours()), edit)
     with pytest.raises(pl.FileError, match=rf"quad\.glb.*{said}"):
         pl.load_meshes(glb)
+
+
+# What trimesh would read wrongly
+
+CORNER = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nvn 0 0 1\n"
+
+
+def write(path, text):
+    path.write_text(text)
+    return path
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.lists(st.tuples(*[st.floats(-1e9, 1e9)] * 3), min_size=3, max_size=9, unique=True))
+def test_an_obj_is_read_to_the_last_bit(tmp_path_factory, corners):
+    lines = ["v " + " ".join(map(repr, c)) for c in corners] + [f"f 1 {k + 2} {k + 3}" for k in range(len(corners) - 2)]
+    path = write(tmp_path_factory.mktemp("bits") / "fan.obj", "\n".join(lines) + "\n")
+    fan = [[0, k + 1, k + 2] for k in range(len(corners) - 2)]
+    expected = np.array(corners)[fan]
+    a, b, c = (expected[:, k] for k in range(3))
+    if not np.cross(b - a, c - a).any():
+        with pytest.raises(pl.FileError, match="area"):
+            pl.load_meshes(path)
+        return
+    (mesh,) = pl.load_meshes(path)
+    np.testing.assert_array_equal(mesh.vertices[mesh.faces], expected)
+
+
+@pytest.mark.parametrize(
+    "faces", ["f 1/1 2/2 3/3 4/4\n", "f 1/1/1 2/2/1 3/3/1 4/4/1\n", "f 1/1 2/2 3/3\nf 3/3 4/4 1/1\n"]
+)
+def test_polygons_keep_uv_and_order(tmp_path, faces):
+    (mesh,) = pl.load_meshes(write(tmp_path / "t.obj", CORNER + faces))
+    assert len(mesh.faces) == 2 and (mesh.normals is not None) == ("/1/1" in faces)
+    np.testing.assert_array_equal(mesh.uv, mesh.vertices[:, :2])
+    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
+    assert np.cross(b - a, c - a)[:, 2].tolist() == [1, 1]
+
+
+def test_a_seam_splits_vertices(tmp_path):
+    (mesh,) = pl.load_meshes(write(tmp_path / "t.obj", CORNER + "f 1/1 2/2 3/3\nf 1/4 3/1 4/2\n"))
+    uv = np.array([[[0, 0], [1, 0], [1, 1]], [[0, 1], [0, 0], [1, 0]]])
+    np.testing.assert_array_equal(mesh.uv[mesh.faces], uv)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        CORNER + "f 1 2 3 # a comment\n",
+        "# mtllib absent.mtl\n" + CORNER + "f 1 2 3\n",
+        CORNER.replace(" ", "\t") + "\tf\t1\t2\t3\n",
+        (CORNER + "f 1 2 3\n").replace("\n", "\r\n"),
+        (CORNER + "f 1 2 3\n").replace("\n", "\r"),
+        CORNER + "f -4 -3 -2\n",
+        CORNER + "l 1 2\nf 1 2 3\np 1\n",
+    ],
+)
+def test_every_way_to_write_an_obj_is_read(tmp_path, text):
+    (tmp_path / "t.obj").write_bytes(text.encode())
+    (mesh,) = pl.load_meshes(tmp_path / "t.obj")
+    assert mesh.vertices[mesh.faces].tolist() == [[[0, 0, 0], [1, 0, 0], [1, 1, 0]]]
+
+
+def test_faces_with_uv_only_and_normals_only_cannot_be_told_apart(tmp_path):
+    path = write(tmp_path / "t.obj", CORNER + "f 1/1 2/2 3/3\nf 1//1 3//1 4//1\n")
+    with pytest.raises(pl.FileError, match=r"t\.obj.*alike"):
+        pl.load_meshes(path)
+
+
+def test_uv_without_a_material_makes_no_texture(tmp_path):
+    (mesh,) = pl.load_meshes(write(tmp_path / "t.obj", CORNER + "f 1/1 2/2 3/3\n"))
+    assert mesh.material == pl.Lambertian(0.5) and mesh.uv is not None
+
+
+def test_each_part_of_an_obj_has_its_material(tmp_path):
+    write(tmp_path / "two.mtl", "newmtl red one\nKd 1 0 0\nnewmtl lamp\nKe 5 5 5\n")
+    text = "mtllib two.mtl\n" + CORNER + "usemtl red one\nf 1 2 3\nusemtl lamp\nf 1 3 4\nusemtl (null)\nf 2 3 4\n"
+    meshes = pl.load_meshes(write(tmp_path / "two.obj", text))
+    found = {tuple(mesh.vertices[mesh.faces[0]].ravel()): mesh.material for mesh in meshes}
+    assert found == {
+        (0, 0, 0, 1, 0, 0, 1, 1, 0): pl.Lambertian((1.0, 0.0, 0.0)),
+        (0, 0, 0, 1, 1, 0, 0, 1, 0): pl.Emissive((5.0, 5.0, 5.0)),
+        (1, 0, 0, 1, 1, 0, 0, 1, 0): pl.Lambertian(0.5),
+    }
+
+
+def test_a_material_file_that_trimesh_cannot_parse_is_not_lost_in_silence(tmp_path):
+    path = write_obj(tmp_path, mtl="newmtl skin\nKd 0.5 0.4\n")
+    with pytest.raises(pl.FileError, match=r"quad\.obj.*material file.*correct it"):
+        pl.load_meshes(path)
+
+
+def hang_on_a_camera(header):
+    header["cameras"] = [{"type": "perspective", "perspective": {"yfov": 1.0, "znear": 1.0}}]
+    header["nodes"] = [{"camera": 0, "translation": [5, 0, 0], "children": [1]}, {"mesh": 0, "scale": [2, 2, 2]}]
+    header["scenes"] = [{"nodes": [0]}]
+
+
+def test_what_hangs_on_a_camera_stays_in_its_place(tmp_path):
+    glb = edit_glb(write_glb(tmp_path / "quad.glb", baseColorTexture=four_colours()), hang_on_a_camera)
+    (mesh,) = pl.load_meshes(glb, unit="m")
+    assert mesh.bounds.tolist() == [[5000, 0, 0], [7000, 2000, 0]]
+
+
+def test_instances_share_a_material_and_have_their_own_places(tmp_path):
+    def twice(header):
+        mesh = next(number for number, node in enumerate(header["nodes"]) if "mesh" in node)
+        header["nodes"].append({**header["nodes"][mesh], "name": "second", "translation": [0, 0, 3]})
+        header["scenes"][0]["nodes"] = [mesh, len(header["nodes"]) - 1]
+
+    glb = edit_glb(write_glb(tmp_path / "quad.glb", baseColorTexture=four_colours()), twice)
+    first, second = pl.load_meshes(glb)
+    assert first.material is second.material
+    assert sorted([first.bounds[0, 2], second.bounds[0, 2]]) == [0, 3]
+
+
+def test_one_vertex_colour_of_a_glb_is_linear(tmp_path):
+    trimesh = pytest.importorskip("trimesh")
+    box = trimesh.creation.box()
+    box.visual.vertex_colors = [51, 102, 255, 255]
+    (tmp_path / "box.glb").write_bytes(trimesh.Scene(box).export(file_type="glb"))
+    (mesh,) = pl.load_meshes(tmp_path / "box.glb")
+    np.testing.assert_allclose(mesh.material.albedo, [0.2, 0.4, 1.0], atol=1e-15)
+
+
+def test_a_file_that_may_not_be_read_is_a_file_error(tmp_path):
+    path = write_obj(tmp_path)
+    path.chmod(0)
+    if os.access(path, os.R_OK):
+        pytest.skip("this user may read everything")
+    with pytest.raises(pl.FileError, match=r"quad\.obj.*rights"):
+        pl.load_meshes(path)
 
 
 # Well-known meshes
@@ -386,6 +530,7 @@ def asset(name):
 def test_spot_keeps_its_seams():
     path = asset("spot_triangulated.obj")
     (mesh,) = pl.load_meshes(path, unit="m", material=pl.Lambertian(pl.Texture.load(asset("spot_texture.png"))))
+    assert mesh.uv.min() > -0.1 and mesh.uv.max() < 1.01  # the head's chart ends beyond the image
     words = [line.split() for line in path.read_text().splitlines()]
     v = np.array([w[1:] for w in words if w[:1] == ["v"]], dtype=float) * 1000
     vt = np.array([w[1:] for w in words if w[:1] == ["vt"]], dtype=float)
@@ -400,8 +545,11 @@ def test_duck():
     (mesh,) = pl.load_meshes(asset("Duck.glb"), unit="cm")
     assert len(mesh.faces) == 4212 and mesh.normals is not None
     assert mesh.material.albedo.texels.shape == (512, 512, 3)
-    # The node scales by 0.01; the beak and the body are yellow wherever uv points.
-    np.testing.assert_allclose(mesh.bounds[1] - mesh.bounds[0], [16.55, 15.40, 11.50], atol=0.01)
+    # What the file says of its positions, in cm: the node scales by a float32 of 0.01, whose eps is 6e-8.
+    low, high = [-69.298500, 9.929370, -61.328197], [96.179901, 163.970001, 53.925198]
+    np.testing.assert_allclose(mesh.bounds, np.array([low, high]) * 0.1, rtol=2e-7)
+    assert mesh.uv.min() >= 0 and mesh.uv.max() <= 1
+    # The beak and the body are yellow wherever uv points.
     u, v = mesh.uv[:, 0] % 1, mesh.uv[:, 1] % 1
     seen = mesh.material.albedo.texels[((1 - v) * 511).astype(int), (u * 511).astype(int)]
     red, _, blue = np.median(seen, axis=0)

@@ -1,0 +1,134 @@
+import math
+
+import numpy as np
+import pytest
+
+import plenoptic as pl
+from plenoptic.optics.pupil import SIDES, PupilBounds, passing_points, pupil_bounds
+from plenoptic.optics.tables import lens_tables
+
+
+def stopped(name: str, semi_diameter: float | None) -> pl.LensStack:
+    lens = pl.load_lens(name)
+    return lens if semi_diameter is None else lens.with_stop(pl.CircularStop(semi_diameter))
+
+
+LENSES = [
+    ("double-gauss-100mm-f2", 5.0),
+    ("double-gauss-100mm-f2", 0.05),
+    ("double-gauss-100mm-f2", None),
+    ("double-gauss-105mm-f1.4", None),
+    ("telephoto-100mm-f2.8", None),
+    ("topogon-100mm-f6.3", None),
+    ("topogon-100mm-f6.3", 1.0),
+    ("singlet-100mm-f4", None),
+]
+CELL = 0.125
+RADIUS = 20.0
+
+
+def behind(lens: pl.LensStack) -> float:
+    """A plane of cells somewhat behind the rear focus."""
+    return 1.1 * pl.paraxial.cardinal_points(lens).rear_focus
+
+
+def bounds_of(lens: pl.LensStack, *, cell: float = CELL, radius: float = RADIUS) -> PupilBounds:
+    return pupil_bounds(lens, z_plane=behind(lens), largest_radius=radius, cell_radius=cell, wavelength=587.6)
+
+
+def polygon_area(corners: np.ndarray) -> float:
+    x, y = corners.T
+    return float(0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
+
+
+def rays_at_the_rear(lens: pl.LensStack, start: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Points on the plane of the last vertex, half of them over the whole rear and half around the pupil, and whether
+    the rays to them from `start` reach the scene."""
+    z, n = float(lens.vertices[-1]), len(start)
+    # Rays may leave the rear vertex plane outside the rim of a surface that bulges backwards.
+    rim = 1.05 * lens.elements[-1].semi_diameter
+    radius, angle = rim * np.sqrt(rng.uniform(size=n)), rng.uniform(0, 2 * math.pi, n)
+    aim = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
+    points = pl.paraxial.cardinal_points(lens)
+    share = (start[:, 2] - z) / (start[:, 2] - points.exit_pupil)
+    near = np.arange(n) % 2 == 0
+    in_pupil = aim / rim * 1.3 * points.exit_pupil_semi_diameter
+    through_pupil = start[:, :2] + share[:, None] * (in_pupil - start[:, :2])
+    aim[near] = through_pupil[near]
+    out = lens.trace_reverse(pl.RayBundle(start, np.column_stack([aim, np.full(n, z)]) - start))
+    return aim, out.status == pl.RayStatus.OK
+
+
+@pytest.mark.parametrize(("name", "stop"), LENSES)
+@pytest.mark.parametrize("cell", [CELL, 0.6])
+def test_every_ray_that_passes_is_inside_its_outline(name: str, stop: float | None, cell: float) -> None:
+    lens = stopped(name, stop)
+    bounds = bounds_of(lens, cell=cell)
+    rng = np.random.default_rng(17)
+    n = 60000
+    # Cells at all distances, more of them near the axis, where outlines turn fastest.
+    rho = RADIUS * rng.uniform(size=n) ** 2
+    turn = rng.uniform(0, 2 * math.pi, n)
+    centre = np.stack([rho * np.cos(turn), rho * np.sin(turn)], axis=1)
+    away, angle = cell * np.sqrt(rng.uniform(size=n)), rng.uniform(0, 2 * math.pi, n)
+    # Corners are the hardest: a third of the points lie on the cell's rim.
+    away[::3] = cell
+    start = np.column_stack([centre + np.stack([away * np.cos(angle), away * np.sin(angle)], axis=1), np.full(n, behind(lens))])
+    aim, passed = rays_at_the_rear(lens, start, rng)
+    assert np.count_nonzero(passed) > 2000
+    interval = np.minimum((rho / bounds.step).astype(int), len(bounds.support) - 1)
+    # In axes turned so that the centre lies on +x.
+    x = np.cos(turn) * aim[:, 0] + np.sin(turn) * aim[:, 1]
+    y = np.cos(turn) * aim[:, 1] - np.sin(turn) * aim[:, 0]
+    over = (np.stack([x, y], axis=1) @ bounds.normals.T - bounds.support[interval]).max(axis=1)
+    assert np.all(over[passed] <= 0)
+    # And within its largest distance from the axis, which sorts cells out beforehand.
+    assert np.all(np.hypot(x, y)[passed] <= bounds.reach[interval][passed])
+
+
+@pytest.mark.parametrize(("name", "stop"), [lens for lens in LENSES if lens[1] != 0.05])
+def test_outlines_waste_little_on_the_axis(name: str, stop: float | None) -> None:
+    lens = stopped(name, stop)
+    bounds = bounds_of(lens)
+    z = float(lens.vertices[-1])
+    half = bounds.reach[0]
+    side = 400
+    x = (np.arange(side) + 0.5) / side * 2 * half - half
+    grid = np.stack(np.meshgrid(x, x), axis=-1).reshape(-1, 2)
+    tables = lens_tables(lens, 587.6, reverse=True)
+    passing = passing_points(tables, np.array([0, 0, behind(lens)]), grid, z)
+    area = np.count_nonzero(passing) * (2 * half / side) ** 2
+    # The circle's 16-gon (1.013), one step of the grid of 128 (about 1.05), and what the cell and the interval of
+    # 0.8 mm move: with a stop of 1 mm that is most of it. Counting cells of the grid is good to 2 / 400.
+    limit = 1.6 if stop is None or stop >= 5.0 else 4.0
+    assert area * 0.99 < polygon_area(bounds.corners[0]) < limit * area
+
+
+@pytest.mark.parametrize(("name", "stop"), LENSES)
+def test_corners_lie_on_two_neighbouring_sides(name: str, stop: float | None) -> None:
+    bounds = bounds_of(stopped(name, stop))
+    for support, corners in zip(bounds.support, bounds.corners, strict=True):
+        if not np.isfinite(support[0]):
+            continue
+        over = corners @ bounds.normals.T - support
+        for k in range(SIDES):
+            # Numbers of up to 50 mm, divided by the sine of 22.5 degrees.
+            assert np.abs(over[k, [k, (k + 1) % SIDES]]).max() < 1e-12
+    assert bounds.reach == pytest.approx(np.linalg.norm(bounds.corners, axis=2).max(axis=1), rel=1e-12)
+
+
+@pytest.mark.parametrize("blades", [3, 4, 6])
+def test_polygonal_stops_are_bounded_by_the_circle_around_them(blades: int) -> None:
+    lens = pl.load_lens("double-gauss-100mm-f2")
+    polygon = lens.with_stop(pl.PolygonStop(blades=blades, semi_diameter=5.0, rotation=0.3))
+    circle = lens.with_stop(pl.CircularStop(5.0))
+    assert all(np.array_equal(a, b) for a, b in zip(bounds_of(polygon), bounds_of(circle), strict=True))
+
+
+def test_a_plane_that_sees_no_light_has_no_outline() -> None:
+    # 300 mm from the axis of a telephoto the barrel cuts everything off.
+    lens = pl.load_lens("telephoto-100mm-f2.8")
+    bounds = bounds_of(lens, radius=300.0)
+    assert bounds.reach[0] > 0
+    assert bounds.reach[-1] == 0
+    assert np.all(bounds.support[-1] == -np.inf)
