@@ -85,7 +85,8 @@ for z in (-380.0, -404.0, -430.0):
 # %% [markdown]
 # ## Profiles
 #
-# Away from z = -404 mm the edges are blurred, about the same place.
+# The edge in the middle stays; those in the neighbours move with the distance of the half plane. What lies between
+# two microlens images is where both feed a pixel.
 
 # %%
 figure, ax = plt.subplots(figsize=(8, 4), layout="constrained")
@@ -96,6 +97,6 @@ for centre in centres:
 ax.set(
     xlabel="row - middle / pixel", ylabel="radiance", title="along the column on the axis; dashed: microlens centres"
 )
-ax.legend(title="distance")
+figure.legend(loc="outside right upper", title="distance")
 figure.savefig(output / "disparity.png", dpi=100)
 print("written:", output / "disparity.exr", output / "disparity.png", sep="\n  ")

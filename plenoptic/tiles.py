@@ -16,8 +16,9 @@ from plenoptic.scene.accel import Intersector
 from plenoptic.scene.tables import SceneTables
 from plenoptic.transport import Settings, Transport
 
-BUNDLE = 1 << 12
-"""Paths that go through the stages together: half a megabyte of rays, which stays in a second-level cache."""
+BUNDLE = 1 << 13
+"""Paths that go through the stages together. From 2^11 to 2^14 the time was the same to within 3 %, and long bundles
+let go of the GIL for longer."""
 
 
 class Tile(NamedTuple):

@@ -1,6 +1,7 @@
 """Every example runs, at small size and in a folder of its own, and leaves files that load."""
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -10,7 +11,8 @@ import pytest
 
 import plenoptic as pl
 
-EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
+ROOT = Path(__file__).resolve().parents[1]
+EXAMPLES = ROOT / "examples"
 
 FILES = {
     "first_light": {
@@ -41,6 +43,16 @@ FILES = {
 }
 
 
+def _run(script, folder):
+    """Run a script in a folder; returns what it printed."""
+    surroundings = {**os.environ, "PLENOPTIC_EXAMPLE_SIZE": "small", "MPLBACKEND": "Agg"}
+    process = subprocess.run(
+        [sys.executable, str(script)], cwd=folder, env=surroundings, capture_output=True, text=True, timeout=300
+    )
+    assert process.returncode == 0, process.stderr
+    return process.stdout
+
+
 @pytest.fixture(scope="module")
 def ran(tmp_path_factory):
     """Run an example once; returns its output folder and what it printed."""
@@ -49,17 +61,7 @@ def ran(tmp_path_factory):
     def run(name):
         if name not in done:
             folder = tmp_path_factory.mktemp(name)
-            surroundings = {**os.environ, "PLENOPTIC_EXAMPLE_SIZE": "small", "MPLBACKEND": "Agg"}
-            process = subprocess.run(
-                [sys.executable, str(EXAMPLES / f"{name}.py")],
-                cwd=folder,
-                env=surroundings,
-                capture_output=True,
-                text=True,
-                timeout=300,
-            )
-            assert process.returncode == 0, process.stderr
-            done[name] = folder / "output" / name, process.stdout
+            done[name] = folder / "output" / name, _run(EXAMPLES / f"{name}.py", folder)
         return done[name]
 
     return run
@@ -78,6 +80,15 @@ def test_example_leaves_its_files_and_says_where(ran, name):
         if file.endswith((".exr", ".png")):
             image = pl.Exposure.load(folder / file).image
             assert np.isfinite(image).all() and image.max() > 0
+
+
+def test_readme_runs(tmp_path):
+    (code,) = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), flags=re.DOTALL)
+    script = tmp_path / "readme.py"
+    script.write_text(code, encoding="utf-8")
+    _run(script, tmp_path)
+    assert pl.Exposure.load(tmp_path / "shot.exr").image.shape == (64, 64, 3)
+    assert (tmp_path / "shot.png").exists()
 
 
 def test_first_light_keeps_everything(ran):

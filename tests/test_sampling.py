@@ -131,9 +131,7 @@ def test_streams_are_uncorrelated(other: dict[str, int]) -> None:
 def test_sets_of_one_path_are_uncorrelated_within_a_pixel(first: int, second: int) -> None:
     # Bounces take their points in another order. Over 1024 points of 40 replicates, sums of products have the
     # standard error 1 / sqrt(40960) that independent uniform numbers would have at most.
-    a, b = (
-        np.concatenate([sobol_points(1024, replicate=r, set_number=k) for r in range(40)]) for k in (first, second)
-    )
+    a, b = (np.concatenate([sobol_points(1024, replicate=r, set_number=k) for r in range(40)]) for k in (first, second))
     assert np.abs(np.corrcoef(a.T, b.T)[:4, 4:]).max() < 4.5 / math.sqrt(40960)
 
 
@@ -144,9 +142,7 @@ def test_smooth_integrands_converge_faster_than_one_over_n() -> None:
 
     exact = (math.sqrt(math.pi / 2) * math.erf(1 / math.sqrt(2))) ** 4
     sizes = 2 ** np.arange(4, 11)
-    errors = np.array(
-        [[f(sobol_points(int(n), replicate=r)).mean() - exact for r in range(64)] for n in sizes]
-    )
+    errors = np.array([[f(sobol_points(int(n), replicate=r)).mean() - exact for r in range(64)] for n in sizes])
     slope = np.polyfit(np.log(sizes), 0.5 * np.log((errors**2).mean(axis=1)), 1)[0]
     # Owen scrambling gives n^-1.5 for smooth integrands (A. B. Owen, Ann. Stat. 25, 1541 (1997)).
     assert slope < -1.2

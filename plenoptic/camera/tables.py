@@ -78,7 +78,7 @@ def camera_tables(camera: PlenopticCamera) -> CameraTables:
         distance, z_plane = camera.microlenses_to_sensor, camera.stop_to_microlenses
         ratio = (z_plane - z_last) / distance
         # Rays that pass the rear rim and end on the sensor's corner cross the array no farther out than this.
-        rim = lens.elements[-1].semi_diameter
+        rim = 1.2 * lens.elements[-1].semi_diameter
         bend = 1.0 + (z_plane - z_last) * (1.0 / distance - 1.0 / array.focal_length)
         widest = (ratio * corner + rim + abs(bend) * array.cell_radius) / (1.0 + ratio) + array.cell_radius
         bounds = pupil_bounds(

@@ -90,6 +90,8 @@ def load_meshes(path: str | PathLike[str], *, unit: str = "mm", material: Materi
         meshes = tuple(_parts(source, kind, content, UNITS[unit], material))
     except PlenopticError as error:
         raise FileError(f"{source}: {error}") from error
+    except ImportError as error:  # trimesh asks for another package where text is not UTF-8
+        raise FileError(f"{source} is cut off, or holds text that is not UTF-8; export it again") from error
     except Exception as error:  # trimesh and what it calls raise whatever the damage leads to
         raise FileError(
             f"{source} cannot be read as .{kind} ({error or type(error).__name__}); export it again"
@@ -189,18 +191,17 @@ def _check_primitive(primitive: Mapping[str, Any], accessors: Sequence[Mapping[s
     """Refuse what trimesh would read wrongly or leave out in silence."""
     if primitive.get("mode") == _TRIANGLE_FAN:
         raise FileError("it holds triangle fans, which are not read; export triangles")
-    used = {name: primitive["attributes"].get(name) for name in ("POSITION", "NORMAL", "TEXCOORD_0")}
-    for name, index in {**used, "indices": primitive.get("indices")}.items():
-        if index is None:
-            continue
-        if "sparse" in accessors[index]:
-            raise FileError(f"its {name} are sparse, which are not read; export without sparse accessors")
-        if name != "indices" and accessors[index]["componentType"] != _FLOAT32:
+    attributes = primitive["attributes"]
+    for name in {"POSITION", "NORMAL", "TEXCOORD_0"} & set(attributes):
+        if accessors[attributes[name]]["componentType"] != _FLOAT32:
             raise FileError(f"its {name} are not float32; export without quantisation")
+        if "sparse" in accessors[attributes[name]]:
+            raise FileError(f"its {name} are sparse, which are not read; export without sparse accessors")
 
 
 def _plain_obj(content: bytes) -> bytes:
     """An OBJ file without comments, indents and tabs, which mislead trimesh; refused where others still would."""
+    content = content.decode(errors="replace").encode()
     content = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n").replace(b"\t", b" ")
     content = re.sub(rb"^ +", b"", content, flags=re.MULTILINE)
     content = re.sub(rb"^((?:(?:f|v|vt|vn) [^#\n]*)?)#[^\n]*", rb"\1", content, flags=re.MULTILINE)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import statistics
+import time
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -39,8 +41,10 @@ def tables(*, quick: bool) -> Iterator[Table]:
     camera = reference.camera()
     for name, scene in (("white", None), ("check", pl.check_scene())):
         truth = Truth(scene, camera, converged)
-        setup = _setup_seconds(scene, camera)
-        runs = {k: [measured(scene, camera, truth, setup, n, k, seeds) for n in numbers] for k in (8, 1)}
+        nothing = _next_to_nothing(scene, camera)
+        cost_of(nothing)
+        setup = median([cost_of(nothing) for _ in range(11)]).cpu
+        runs = {k: [measured(scene, camera, truth, n, k, seeds) for n in numbers] for k in (8, 1)}
         yield _error_table(name, runs, truth, setup, seeds)
         if name == "white":
             yield _blender_table(runs)
@@ -62,38 +66,35 @@ class Truth:
         return image[self.lit] / self.image
 
 
-def _setup_seconds(scene: pl.Scene | None, camera: pl.PlenopticCamera) -> float:
-    """CPU seconds of a call that renders next to nothing."""
-    nothing = Task(
-        lambda _: reference.exposed(scene, camera, samples=1, region=np.s_[256:257, 256:257], threads=1, depth=False)
-    )
-    cost_of(nothing)
-    return median([cost_of(nothing) for _ in range(11)]).cpu
+def _next_to_nothing(scene: pl.Scene | None, camera: pl.PlenopticCamera) -> Task:
+    """A call that sets everything up and renders a single path."""
+    settings = {"samples": 1, "region": np.s_[256:257, 256:257], "threads": 1, "depth": False}
+    return Task(lambda _: reference.exposed(scene, camera, **settings))
 
 
 def measured(
     scene: pl.Scene | None,
     camera: pl.PlenopticCamera,
     truth: Truth,
-    setup: float,
     samples: int,
     replicates: int,
     seeds: int,
 ) -> Measured:
     """Render the crop with several seeds: the median of the costs, the root of the mean of squared errors."""
-    costs, squares, variances = [], [], []
+    nothing = _next_to_nothing(scene, camera)
+    seconds, squares, variances = [], [], []
     for seed in range(seeds):
-        shots: list[pl.Exposure] = []
-        settings = {"samples": samples, "region": CROP, "seed": seed, "replicates": replicates, "threads": 1}
-        costs.append(
-            cost_of(Task(lambda _, s=settings, to=shots: to.append(reference.exposed(scene, camera, depth=False, **s))))
+        setup = cost_of(nothing).cpu  # beside each run, because it is as long as a run of few samples
+        begin = time.process_time()
+        shot = reference.exposed(
+            scene, camera, samples=samples, region=CROP, seed=seed, replicates=replicates, threads=1, depth=False
         )
-        shot = shots[0]
+        seconds.append(time.process_time() - begin - setup)
         squares.append(np.mean((truth.relative(shot.image) - 1.0) ** 2) - truth.variance)
         if shot.standard_error is not None:
             variances.append(np.mean(truth.relative(shot.standard_error) ** 2))
     error = float(np.sqrt(max(np.mean(squares), 0.0)))
-    ms = 1e3 * (median(costs).cpu - setup) / PIXELS
+    ms = 1e3 * statistics.median(seconds) / PIXELS
     return Measured(samples, ms, error, error / float(np.sqrt(np.mean(variances))) if variances else None)
 
 
@@ -119,8 +120,15 @@ def _error_table(name: str, runs: dict[int, list[Measured]], truth: Truth, setup
         )
         for (samples, *_), eight, one in zip(runs[8], runs[8], runs[1], strict=True)
     ]
-    columns = ("samples", "8 replicates: CPU ms per pixel", "relative RMS error %", "true error over standard error",
-               "1 replicate: CPU ms per pixel", "relative RMS error %", "time of 8 over time of 1 at equal error")  # fmt: skip
+    columns = (
+        "samples",
+        "8 replicates: CPU ms per pixel",
+        "relative RMS error %",
+        "true error over standard error",
+        "1 replicate: CPU ms per pixel",
+        "relative RMS error %",
+        "time of 8 over time of 1 at equal error",
+    )
     return Table(
         f"Error against time: `{name}`, mode 2.0, central 64 x 64 pixels",
         columns,
@@ -144,11 +152,27 @@ def _blender_table(runs: dict[int, list[Measured]]) -> Table:
     for paths, ms, error in BLENDER:
         eight, one = time_at(runs[8], error), time_at(runs[1], error)
         rows.append(
-            (f"{100 * error:.3g}", paths, ms, eight, eight and ms / eight, one, one and ms / one,
-             f"{WANTED}, aim {AIM}" if error == GOAL else None)
-        )  # fmt: skip
-    columns = ("relative RMS error %", "Blender: paths", "CPU ms per pixel", "8 replicates: CPU ms per pixel",
-               "Blender's time over it", "1 replicate: CPU ms per pixel", "Blender's time over it", "wanted")  # fmt: skip
+            (
+                f"{100 * error:.3g}",
+                paths,
+                ms,
+                eight,
+                eight and ms / eight,
+                one,
+                one and ms / one,
+                f"{WANTED}, aim {AIM}" if error == GOAL else None,
+            )
+        )
+    columns = (
+        "relative RMS error %",
+        "Blender: paths",
+        "CPU ms per pixel",
+        "8 replicates: CPU ms per pixel",
+        "Blender's time over it",
+        "1 replicate: CPU ms per pixel",
+        "Blender's time over it",
+        "wanted",
+    )
     remark = (
         "Blender's figures are quoted, not measured here (Cycles on a processor, Blender 3.4; 1 % extrapolated). "
         "Times at an error are interpolated; cells are empty where the table above does not reach it."

@@ -43,11 +43,29 @@ def reference_scenes(samples: int, *, rounds: int) -> Table:
         name, mode, threads = key
         (million, fraction), cost = through[key], median(costs[key])
         rows.append(
-            (name, mode.title, threads, cost.wall, cost.cpu, 100 * fraction, million / cost.wall, million / cost.cpu,
-             WANTED[name])
-        )  # fmt: skip
-    columns = ("scene", "mode", "threads", "wall s", "CPU s", "% of paths leave the lens", "million of these per wall second",
-               "per CPU-second", "wanted")  # fmt: skip
+            (
+                name,
+                mode.title,
+                threads,
+                cost.wall,
+                cost.cpu,
+                100 * fraction,
+                million / cost.wall,
+                million / cost.cpu,
+                WANTED[name],
+            )
+        )
+    columns = (
+        "scene",
+        "mode",
+        "threads",
+        "wall s",
+        "CPU s",
+        "% of paths leave the lens",
+        "million of these per wall second",
+        "per CPU-second",
+        "wanted",
+    )
     return Table(
         f"Rendering the reference camera, 512 x 512 pixels, {samples} samples",
         columns,

@@ -92,9 +92,19 @@ def compared(title: str, variants: dict[str, Variant], *, samples: int, rounds: 
         cost, million = median(costs[name]), 1e-6 * stats[name].paths
         first = cost.cpu / million if first is None else first
         rows.append(
-            (name, cost.wall / million, cost.cpu / million, 100 * stats[name].fraction_through_lens,
-             cost.cpu / million / first)
-        )  # fmt: skip
-    columns = ("variant", "wall s per million paths", "CPU s per million paths", "% of paths leave the lens",
-               "CPU time over the reference's")  # fmt: skip
+            (
+                name,
+                cost.wall / million,
+                cost.cpu / million,
+                100 * stats[name].fraction_through_lens,
+                cost.cpu / million / first,
+            )
+        )
+    columns = (
+        "variant",
+        "wall s per million paths",
+        "CPU s per million paths",
+        "% of paths leave the lens",
+        "CPU time over the reference's",
+    )
     return Table(f"What leaving out saves: {title}, 512 x 512 pixels, {samples} samples, one thread", columns, rows)

@@ -67,9 +67,7 @@ def starting(*, runs: int, scenes: tuple[str, ...]) -> Table:
         "Starting, in new processes",
         ("what", "runs", "wall s", "CPU s", "wanted: wall s below"),
         rows,
-        [
-            "Renderings have 32 x 32 pixels and 8 samples; importing the package and making camera and scene are included."
-        ],
+        ["Renderings have 32 x 32 pixels and 8 samples; importing and making camera and scene included."],
     )
 
 

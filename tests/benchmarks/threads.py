@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 
 import numba
 import reference
@@ -53,24 +54,33 @@ def two_against_one(seconds: float, *, rounds: int) -> Table:
             tasks[name, threads] = Task(lambda _, w=work, a=amount, t=threads: w(a, t))
     costs = taking_turns(tasks, rounds=rounds)
     rows = [_row(name, best(costs[name, 1]), best(costs[name, 2])) for name in works]
-    columns = ("work", "wall s, 1 thread", "wall s, 2 threads", "CPU s, 1 thread", "CPU s, 2 threads", "times as fast",
-               "wanted")  # fmt: skip
+    columns = (
+        "work",
+        "wall s, 1 thread",
+        "wall s, 2 threads",
+        "CPU s, 1 thread",
+        "CPU s, 2 threads",
+        "times as fast",
+        "wanted",
+    )
     return Table(
         f"Two threads against one, best of {rounds}",
         columns,
         rows,
-        [f"Runs were sized to take at least {seconds:g} s with two threads. The control loop is pure computation "
-         "without the GIL: no program gains more than it does here."],
-    )  # fmt: skip
+        [
+            f"Runs were sized to take at least {seconds:g} s with two threads. The control loop is pure computation "
+            "without the GIL: no program gains more than it does here."
+        ],
+    )
 
 
 def _enough(work: Callable[[int, int], None], least: int, seconds: float) -> int:
-    """How much work one thread does in twice that time, and a little more."""
+    """How much work takes one thread at least twice that time: two threads then need at least that time."""
     work(least, 1)
     amount = least
-    while (measured := cost_of(Task(lambda _: work(amount, 1))).wall) < 0.1 * seconds:
-        amount *= 2
-    return max(least, int(2.2 * seconds / measured * amount) // 2 * 2)
+    while (wall := cost_of(Task(lambda given: work(given, 1), partial(int, amount))).wall) < 2 * seconds:
+        amount = 2 * max(amount, int(1.1 * seconds / wall * amount))
+    return amount
 
 
 def _row(name: str, one: Cost, two: Cost) -> tuple[object, ...]:

@@ -59,8 +59,15 @@ def beside_batoid(n: int, *, rounds: int) -> Table:
             (name, refracting(lens), program, cost.wall, cost.cpu, work / cost.cpu, cost.cpu / costs[OURS].cpu)
             for program, cost in costs.items()
         ]
-    columns = ("lens", "refracting surfaces", "program", "wall s", "CPU s", "million ray-surfaces per CPU-second",
-               "times plenoptic's CPU time")  # fmt: skip
+    columns = (
+        "lens",
+        "refracting surfaces",
+        "program",
+        "wall s",
+        "CPU s",
+        "million ray-surfaces per CPU-second",
+        "times plenoptic's CPU time",
+    )
     agreement = f"Both programs' rays end within {TOLERANCE:g} mm of each other, and the same ones are clipped."
     return Table(
         f"Lens tracing, {n:,} rays, float64, one thread",
@@ -129,8 +136,14 @@ def directions_and_sizes(most: int, *, rounds: int) -> Table:
                 cost_of(task)
                 cost = median([cost_of(task, calls=calls) for _ in range(rounds)])
                 rows.append((f"{n:,}", way, threads, *_rates(cost, n, lens)))
-    columns = ("rays", "way", "threads", "microseconds per call", "million ray-surfaces per wall second",
-               "per CPU-second")  # fmt: skip
+    columns = (
+        "rays",
+        "way",
+        "threads",
+        "microseconds per call",
+        "million ray-surfaces per wall second",
+        "per CPU-second",
+    )
     return Table(f"Lens tracing: {lens.name}, both ways, small bundles and two threads", columns, rows)
 
 

@@ -108,8 +108,14 @@ def test_nearest_of_centres_are_the_centres() -> None:
         ({"index": math.nan}, "index of the microlenses is nan; it must be above 1"),
         ({"index": math.inf}, "index of the microlenses is inf"),
         ({"model": SPHERICAL, "focal_lengths": (-2.0,)}, "focal length -2 mm: a plano-convex microlens collects light"),
-        ({"model": SPHERICAL, "focal_lengths": (0.2,)}, "radius of curvature 0.1 mm is below the cell's corner at 0.115"),
-        ({"model": SPHERICAL, "focal_lengths": (0.3,), "thickness": 0.03}, "thickness 0.03 mm is below the sag 0.0542573"),
+        (
+            {"model": SPHERICAL, "focal_lengths": (0.2,)},
+            "radius of curvature 0.1 mm is below the cell's corner at 0.115",
+        ),
+        (
+            {"model": SPHERICAL, "focal_lengths": (0.3,), "thickness": 0.03},
+            "thickness 0.03 mm is below the sag 0.0542573",
+        ),
     ],
 )
 def test_impossible_arrays(changes: dict, message: str) -> None:

@@ -73,7 +73,9 @@ def test_every_ray_that_passes_is_inside_its_outline(name: str, stop: float | No
     away, angle = cell * np.sqrt(rng.uniform(size=n)), rng.uniform(0, 2 * math.pi, n)
     # Corners are the hardest: a third of the points lie on the cell's rim.
     away[::3] = cell
-    start = np.column_stack([centre + np.stack([away * np.cos(angle), away * np.sin(angle)], axis=1), np.full(n, behind(lens))])
+    start = np.column_stack(
+        [centre + np.stack([away * np.cos(angle), away * np.sin(angle)], axis=1), np.full(n, behind(lens))]
+    )
     aim, passed = rays_at_the_rear(lens, start, rng)
     assert np.count_nonzero(passed) > 2000
     interval = np.minimum((rho / bounds.step).astype(int), len(bounds.support) - 1)

@@ -124,7 +124,10 @@ def test_a_ray_through_the_centre_of_a_ball_goes_straight_on() -> None:
 @settings(max_examples=30, deadline=None)
 @given(angle=st.floats(-1.3, 1.3), thickness=st.floats(0.01, 50.0), n=st.floats(1.0, 3.0))
 def test_a_plate_shifts_rays_sideways(angle: float, thickness: float, n: float) -> None:
-    plate = [pl.Surface(math.inf, thickness, pl.ConstantMedium(n), semi_diameter=1e6), pl.Surface(math.inf, semi_diameter=1e6)]
+    plate = [
+        pl.Surface(math.inf, thickness, pl.ConstantMedium(n), semi_diameter=1e6),
+        pl.Surface(math.inf, semi_diameter=1e6),
+    ]
     lens = pl.LensStack([pl.CircularStop(1e6, 1.0), *plate])
     d = np.array([math.sin(angle), 0.0, math.cos(angle)])
     out = lens.trace(pl.RayBundle(-3.0 * d[None], d[None]))
@@ -268,7 +271,11 @@ def pair(*, stop=5.0):
     """A plano-convex lens behind a stop; elements 0, 1, 2."""
     glass = pl.ConstantMedium(1.5)
     return pl.LensStack(
-        [pl.CircularStop(stop, 2.0), pl.Surface(20.0, 4.0, glass, semi_diameter=6.0), pl.Surface(math.inf, semi_diameter=6.0)]
+        [
+            pl.CircularStop(stop, 2.0),
+            pl.Surface(20.0, 4.0, glass, semi_diameter=6.0),
+            pl.Surface(math.inf, semi_diameter=6.0),
+        ]
     )
 
 
@@ -297,7 +304,13 @@ def test_the_reference_is_clipped_by_its_stop() -> None:
 
 
 def test_a_ray_beside_the_sphere_misses() -> None:
-    lens = pl.LensStack([pl.CircularStop(30.0, 2.0), pl.Surface(10.0, 1.0, pl.ConstantMedium(1.5), semi_diameter=10.0), pl.Surface(math.inf, semi_diameter=50.0)])
+    lens = pl.LensStack(
+        [
+            pl.CircularStop(30.0, 2.0),
+            pl.Surface(10.0, 1.0, pl.ConstantMedium(1.5), semi_diameter=10.0),
+            pl.Surface(math.inf, semi_diameter=50.0),
+        ]
+    )
     out = lens.trace(pl.RayBundle([[9.0, 0, -5], [10.5, 0, -5]], [[0, 0, 1.0], [0, 0, 1]]))
     assert status_of(out) == [(OK, -1), (MISSED, 1)]
 
@@ -331,7 +344,9 @@ def test_the_first_cause_stays() -> None:
     assert status_of(lens.trace_reverse(out))[:2] == status_of(out)[:2]
 
 
-WILD = st.sampled_from([0.0, -0.0, 1.0, -3.0, 1e-300, 5e-324, 1e150, 1e160, 1e300, -1e300, math.inf, -math.inf, math.nan])
+WILD = st.sampled_from(
+    [0.0, -0.0, 1.0, -3.0, 1e-300, 5e-324, 1e150, 1e160, 1e300, -1e300, math.inf, -math.inf, math.nan]
+)
 
 
 @settings(max_examples=150, deadline=None)
