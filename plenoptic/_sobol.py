@@ -123,6 +123,14 @@ def sample(index, dimension, key):
 
 
 @kernel
+def fill_net(net):
+    """Bit-reversed Sobol points 0 ... n-1 before scrambling, (4, n)."""
+    for dimension in range(DIMENSIONS):
+        for i in range(net.shape[1]):
+            net[dimension, i] = reversed_point(i, dimension)
+
+
+@kernel
 def fill_points(points, seed, pixel, replicate, set_number):
     """Points 0 ... n-1 of one set of one pixel's replicate, shape (n, 4)."""
     key = set_key(stream(seed, pixel, replicate), set_number)

@@ -54,6 +54,7 @@ def render_tile(
     settings: Settings,
 ) -> TileResult:
     """All samples of a tile's pixels: a pure function of its arguments."""
+    from plenoptic import _sobol
     from plenoptic.camera import _sample
     from plenoptic.optics._trace import BLOCK, RAY, fill_traced
 
@@ -68,13 +69,26 @@ def render_tile(
     sums = np.zeros((lit.size, replicates, channels))
     counts = np.zeros(status_codes(tables), dtype=np.int64)
     paths, nonfinite = lit.size * samples, 0
+    net = np.empty((_sobol.DIMENSIONS, -(-samples // replicates)), dtype=np.uint32)
+    _sobol.fill_net(net)
     blocks = np.empty(-(-min(BUNDLE, paths) // BLOCK) * RAY)
     scene_stage = None if scene is None else Transport(tables, scene, intersector, settings, min(BUNDLE, paths))
     for start in range(0, paths, BUNDLE):
         n = min(BUNDLE, paths - start)
         bundle = blocks[: -(-n // BLOCK) * RAY]
         _sample.fill_camera_samples(
-            bundle, start, n, samples, replicates, settings.seed, lit_pixels, number, tables.pitch, triangles, lit_first
+            bundle,
+            start,
+            n,
+            samples,
+            replicates,
+            settings.seed,
+            net,
+            lit_pixels,
+            number,
+            tables.pitch,
+            triangles,
+            lit_first,
         )
         fill_through_array(bundle, tables)
         fill_traced(bundle, *tables.lens)

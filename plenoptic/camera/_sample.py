@@ -7,8 +7,10 @@ import math
 import numpy as np
 
 from plenoptic._jit import device, kernel
-from plenoptic._sobol import mix, reversed_point, scramble_reversed, set_key, stream, to_unit
+from plenoptic._sobol import DIMENSIONS, mix, scramble_reversed, set_key, stream, to_unit
 from plenoptic.optics._trace import BLOCK, MISSED, RAY, STATUS, WEIGHT, L, M, N, X, Y, Z
+
+_FEW = 8
 
 
 @device
@@ -30,15 +32,25 @@ def path_place(path, samples, replicates):
 
 
 @device
+def replicate_size(replicate, samples, replicates):
+    """Samples of a replicate of a pixel."""
+    return samples // replicates + (1 if replicate < samples % replicates else 0)
+
+
+@device
 def _find(triangles, low, high, area):
-    """The triangle whose share of the summed area holds `area`."""
-    while low < high:
+    """The triangle between low and high - 1 whose share of the summed area holds `area`."""
+    while high - low > _FEW:
         middle = (low + high) // 2
-        if triangles[middle, 6] > area:
+        if triangles[middle - 1, 6] > area:
             high = middle
         else:
-            low = middle + 1
-    return low
+            low = middle
+    # Counting has no branch that a processor could guess wrong.
+    k = low
+    for i in range(low, high - 1):
+        k += 1 if triangles[i, 6] <= area else 0
+    return k
 
 
 @device
@@ -46,10 +58,9 @@ def aim(ray, i, triangles, low, high, sx, sy, u, v):
     """Point of the region by areas: u finds the triangle and, stretched, with v the point in it."""
     total = triangles[high - 1, 6]
     wanted = u * total
-    k = _find(triangles, low, high - 1, wanted)
+    k = _find(triangles, low, high, wanted)
     before = triangles[k - 1, 6] if k > low else 0.0
-    u = min(max((wanted - before) / (triangles[k, 6] - before), 0.0), 1.0)
-    root = math.sqrt(u)
+    root = math.sqrt(min(max((wanted - before) / (triangles[k, 6] - before), 0.0), 1.0))
     a, b = root * (1.0 - v), root * v
     mx = triangles[k, 0] + a * triangles[k, 2] + b * triangles[k, 4]
     my = triangles[k, 1] + a * triangles[k, 3] + b * triangles[k, 5]
@@ -74,34 +85,39 @@ def pad(blocks, n):
         ray[STATUS + i] = MISSED
 
 
+@device
+def _fill_coordinates(u, net, dimension, index, run, key):
+    """Scrambled coordinates of points index ... index + run - 1 of a net."""
+    seed = np.uint32(mix(key, np.uint64(dimension)))
+    for k in range(run):
+        u[dimension, k] = to_unit(scramble_reversed(net[dimension, index + k], seed))
+
+
 @kernel
-def fill_camera_samples(blocks, first_path, n, samples, replicates, seed, pixels, number, pitch, triangles, first):
+def fill_camera_samples(blocks, first_path, n, samples, replicates, seed, net, pixels, number, pitch, triangles, first):
     """Start paths first_path ... first_path + n - 1 of a tile.
 
-    `pixels` (p, 2) are the centres of the tile's lit pixels, `number` their numbers on the whole sensor,
-    the triangles of pixel i are those from first[i] to first[i + 1].
+    `net` (4, points) are the bit-reversed Sobol points that all replicates scramble, `pixels` (p, 2) the centres of the
+    tile's lit pixels, `number` their numbers on the whole sensor; the triangles of pixel i are those from first[i] to
+    first[i + 1].
     """
+    u = np.empty((DIMENSIONS, net.shape[1]))
     path = first_path
     end = first_path + n
     while path < end:
         pixel, replicate, index = path_place(path, samples, replicates)
-        run = samples // replicates + (1 if replicate < samples % replicates else 0) - index
-        run = min(run, end - path)
+        run = min(replicate_size(replicate, samples, replicates) - index, end - path)
         key = set_key(stream(seed, number[pixel], replicate), 0)
-        seed_x, seed_y = np.uint32(mix(key, np.uint64(0))), np.uint32(mix(key, np.uint64(1)))
-        seed_u, seed_v = np.uint32(mix(key, np.uint64(2))), np.uint32(mix(key, np.uint64(3)))
+        for dimension in range(DIMENSIONS):
+            _fill_coordinates(u, net, dimension, index, run, key)
         low, high = first[pixel], first[pixel + 1]
         corner_x = pixels[pixel, 0] - 0.5 * pitch
         corner_y = pixels[pixel, 1] - 0.5 * pitch
         for k in range(run):
             at = path - first_path + k
-            j = np.uint32(index + k)
-            sx = corner_x + pitch * to_unit(scramble_reversed(reversed_point(j, 0), seed_x))
-            sy = corner_y + pitch * to_unit(scramble_reversed(reversed_point(j, 1), seed_y))
-            u = to_unit(scramble_reversed(reversed_point(j, 2), seed_u))
-            v = to_unit(scramble_reversed(reversed_point(j, 3), seed_v))
             base = (at // BLOCK) * RAY
-            aim(blocks[base : base + RAY], at % BLOCK, triangles, low, high, sx, sy, u, v)
+            sx, sy = corner_x + pitch * u[0, k], corner_y + pitch * u[1, k]
+            aim(blocks[base : base + RAY], at % BLOCK, triangles, low, high, sx, sy, u[2, k], u[3, k])
         path += run
     pad(blocks, n)
 
@@ -123,15 +139,23 @@ def fill_sums(sums, blocks, radiance, first_path, n, samples, replicates):
     finite; these are left out.
     """
     broken = 0
-    for k in range(n):
-        pixel, replicate, _ = path_place(first_path + k, samples, replicates)
-        weight = blocks[(k // BLOCK) * RAY + WEIGHT + k % BLOCK]
+    path = first_path
+    end = first_path + n
+    while path < end:
+        pixel, replicate, index = path_place(path, samples, replicates)
+        run = min(replicate_size(replicate, samples, replicates) - index, end - path)
         for c in range(sums.shape[2]):
-            light = weight if radiance is None else weight * radiance[k, c]
-            if light - light == 0.0:
-                sums[pixel, replicate, c] += light
-            else:
-                broken += 1
+            total = sums[pixel, replicate, c]
+            for k in range(path - first_path, path - first_path + run):
+                light = blocks[(k // BLOCK) * RAY + WEIGHT + k % BLOCK]
+                if radiance is not None:
+                    light *= radiance[k, c]
+                if light - light == 0.0:
+                    total += light
+                else:
+                    broken += 1
+            sums[pixel, replicate, c] = total
+        path += run
     return broken
 
 

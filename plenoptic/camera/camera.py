@@ -68,6 +68,8 @@ class PlenopticCamera:
         for name, kind in (("lens", LensStack), ("sensor", Sensor)):
             if not isinstance(getattr(self, name), kind):
                 raise InvalidValueError(f"{name} is {getattr(self, name)!r}; it must be a {kind.__name__}")
+        if self.pose is not None and not isinstance(self.pose, Pose):
+            raise InvalidValueError(f"pose is {self.pose!r}; it must be a Pose or None, see posed()")
         set_field(self, "wavelength", positive(self.wavelength, "wavelength", "nm"))
         set_field(self, "stop_to_microlenses", finite(self.stop_to_microlenses, "stop_to_microlenses"))
         set_field(self, "microlenses_to_sensor", finite(self.microlenses_to_sensor, "microlenses_to_sensor"))

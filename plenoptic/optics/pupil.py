@@ -9,12 +9,14 @@ decides where samples are drawn, never how they are weighed.
 
 from __future__ import annotations
 
+import functools
 import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic._values import read_only
 from plenoptic.optics.lens import LensStack
 from plenoptic.optics.paraxial import cardinal_points
 from plenoptic.optics.tables import LensTables, lens_tables
@@ -125,10 +127,11 @@ def _corners(support: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.stack([x, y], axis=-1)
 
 
+@functools.lru_cache(maxsize=16)
 def pupil_bounds(
     lens: LensStack, *, z_plane: float, largest_radius: float, cell_radius: float, wavelength: float
 ) -> PupilBounds:
-    """Outlines of the exit pupil for cells of a plane behind the lens.
+    """Outlines of the exit pupil for cells of a plane behind the lens; remembered for the cameras used last.
 
     Parameters
     ----------
@@ -186,4 +189,4 @@ def _widened(
             wide[b] = np.maximum(wide[b], reached.max(axis=0))
     outline = _corners(np.where(np.isfinite(wide), wide, 0.0))
     reach = np.where(np.isfinite(wide[:, 0]), np.linalg.norm(outline, axis=-1).max(axis=-1), 0.0)
-    return PupilBounds(normals, wide, outline, reach, step, z)
+    return PupilBounds(read_only(normals), read_only(wide), read_only(outline), read_only(reach), step, z)

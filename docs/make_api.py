@@ -1,0 +1,49 @@
+"""Write docs/api.md: every public name with the first line of its docstring. Run it after adding a name."""
+
+import inspect
+from pathlib import Path
+
+import plenoptic as pl
+
+GROUPS = (
+    ("Rendering", ("plenoptic.rendering", "plenoptic.planning", "plenoptic.exposure", "plenoptic.film")),
+    ("Camera", ("plenoptic.camera",)),
+    ("Optics", ("plenoptic.optics", "plenoptic.rays")),
+    ("Scene", ("plenoptic.scene",)),
+    ("Figures", ("plenoptic.plots",)),
+    ("Modules, sampling and images", ("plenoptic.images", "plenoptic.sampling")),
+    ("Errors", ("plenoptic.errors",)),
+)
+
+
+def home(name: str) -> str:
+    found = getattr(pl, name)
+    if inspect.ismodule(found):
+        return found.__name__
+    return getattr(found, "__module__", type(found).__module__)
+
+
+def line(name: str) -> str:
+    found = getattr(pl, name)
+    if not (inspect.ismodule(found) or callable(found)):
+        return f"`{found!r}`"
+    return (inspect.getdoc(found) or "").split("\n", 1)[0]
+
+
+def main() -> None:
+    names = sorted(pl.__all__, key=str.lower)
+    text = [
+        "# Public names",
+        "",
+        "Written by `python docs/make_api.py`. Each has a docstring with an example: `help(pl.render)`.",
+    ]
+    for title, modules in GROUPS:
+        text += ["", f"## {title}", "", "| name | |", "|---|---|"]
+        text += [f"| `pl.{name}` | {line(name)} |" for name in names if home(name).startswith(modules)]
+    Path(__file__).with_name("api.md").write_text("\n".join(text) + "\n", encoding="utf-8")
+    left = [name for name in names if not any(home(name).startswith(modules) for _, modules in GROUPS)]
+    assert not left, left
+
+
+if __name__ == "__main__":
+    main()
