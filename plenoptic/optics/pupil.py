@@ -26,6 +26,7 @@ SIDES = 16
 
 _COARSE, _FINE = 64, 128
 _RADII = 25
+_BISECTIONS = 12
 
 
 class PupilBounds(NamedTuple):
@@ -127,7 +128,6 @@ def _corners(support: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.stack([x, y], axis=-1)
 
 
-@functools.lru_cache(maxsize=16)
 def pupil_bounds(
     lens: LensStack, *, z_plane: float, largest_radius: float, cell_radius: float, wavelength: float
 ) -> PupilBounds:
@@ -146,20 +146,78 @@ def pupil_bounds(
         nm.
     """
     tables = lens_tables(lens, wavelength, reverse=True, round_stops=True)
-    z = float(lens.vertices[-1])
-    rim = 1.05 * math.sqrt(float(tables.clear[0]))
     points = cardinal_points(lens, wavelength)
+    pupil = (points.exit_pupil, points.exit_pupil_semi_diameter)
+    columns = tuple(tuple(column.ravel().tolist()) for column in tables[:-1])
+    return _traced_bounds(columns, pupil, float(lens.vertices[-1]), z_plane, largest_radius, cell_radius)
+
+
+@functools.lru_cache(maxsize=16)
+def _traced_bounds(
+    columns: tuple[tuple[float, ...], ...],
+    pupil: tuple[float, float],
+    z: float,
+    z_plane: float,
+    largest_radius: float,
+    cell_radius: float,
+) -> PupilBounds:
+    """The bounds as a function of numbers alone: those of the lenses used last are remembered."""
+    kind, z_vertex, curvature, index_ratio, clear, number, edges, first_edge = (np.array(column) for column in columns)
+    tables = LensTables(
+        kind, z_vertex, curvature, index_ratio, clear, number, edges.reshape(-1, 3), first_edge, direction=-1.0
+    )
+    rim = 1.05 * math.sqrt(float(tables.clear[0]))
     rho = np.linspace(0.0, largest_radius + cell_radius, _RADII)
-    spacing = rho[1] - rho[0]
-    support = np.empty((_RADII, SIDES))
-    for i, radius in enumerate(rho):
+    support = _followed_outlines(tables, rho, pupil, z, z_plane, rim)
+    return _widened(rho, rho[1] - rho[0], support, cell_radius, largest_radius, z)
+
+
+def _followed_outlines(
+    tables: LensTables, rho: NDArray[np.float64], pupil: tuple[float, float], z: float, z_plane: float, rim: float
+) -> NDArray[np.float64]:
+    """Support distances (n, SIDES) as seen from points at the distances rho from the axis; -inf where it is dark.
+
+    A small pupil that a grid over the whole rim would miss is looked for where the paraxial pupil lies and where it
+    was heading. Beside a dark point, the outline from the end of the light is taken instead of none.
+    """
+    exit_pupil, semi_diameter = pupil
+
+    def outline(radius: float, heading: tuple[float, float] | None) -> NDArray[np.float64]:
         guesses = [(0.0, rim)]
-        if math.isfinite(points.exit_pupil) and points.exit_pupil < z_plane:
+        if math.isfinite(exit_pupil) and exit_pupil < z_plane:
             # The paraxial pupil as seen from the cell, on the plane of the last vertex.
-            share = (z_plane - z) / (z_plane - points.exit_pupil)
-            guesses.append((radius * (1 - share), 1.5 * share * points.exit_pupil_semi_diameter))
-        support[i] = _outline(tables, np.array([radius, 0.0, z_plane]), z, guesses, rim)
-    return _widened(rho, spacing, support, cell_radius, largest_radius, z)
+            share = (z_plane - z) / (z_plane - exit_pupil)
+            guesses.append((radius * (1 - share), 1.5 * share * semi_diameter))
+        if heading is not None:
+            guesses.append(heading)
+        return _outline(tables, np.array([radius, 0.0, z_plane]), z, guesses, rim)
+
+    support = np.empty((len(rho), SIDES))
+    centre, heading = None, None
+    for i, radius in enumerate(rho):
+        support[i] = outline(radius, heading)
+        if np.isfinite(support[i, 0]):
+            middle, half_width = _middle(support[i])
+            step = 0.0 if centre is None else middle - centre
+            centre, heading = middle, (middle + step, 3 * half_width + abs(step))
+        elif centre is not None:
+            lit, dark = rho[i - 1], radius
+            support[i] = support[i - 1]
+            for _ in range(_BISECTIONS):
+                between = 0.5 * (lit + dark)
+                found = outline(between, (_middle(support[i])[0], 4 * _middle(support[i])[1]))
+                if np.isfinite(found[0]):
+                    lit, support[i] = between, found
+                else:
+                    dark = between
+            centre, heading = None, None
+    return support
+
+
+def _middle(support: NDArray[np.float64]) -> tuple[float, float]:
+    """Middle along x and half width of an outline."""
+    left, right, up = -support[SIDES // 2], support[0], support[SIDES // 4]
+    return 0.5 * float(left + right), float(max(0.5 * (right - left), up))
 
 
 def _widened(

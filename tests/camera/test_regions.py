@@ -108,7 +108,7 @@ def test_every_ray_that_passes_starts_in_its_cell_s_region(name: str) -> None:
         sensor = pixel + rng.uniform(-0.5, 0.5, (n, 2)) * SENSOR.pixel_pitch
         rays = towards_the_lens(camera, sensor, points)
         if camera.microlenses.model is pl.MicrolensModel.SPHERICAL:
-            # Aims in the overlap of widened cells belong to the neighbour too: let each be tried with its own cell only.
+            # An aim in the overlap of widened cells belongs to the neighbour too: try each with its own cell only.
             points, rays = points[rays.status == 0], rays.selected(rays.status == 0)
         passed = camera.lens.trace_reverse(rays).status == 0
         points = points[passed]
@@ -204,12 +204,13 @@ def test_triangles_stay_in_their_cell_and_never_overlap(name: str) -> None:
         assert not np.any(rivals & (depth > 1e-12))
 
 
-@BY_NAME
+@pytest.mark.parametrize(
+    "name", ["2.0", "1.0", "2.0 square", "spherical towards the scene", "spherical towards the sensor"]
+)
 def test_a_region_wastes_little(name: str) -> None:
-    # On most pixels, 60 % of the samples must leave the lens; here over pixels of the middle of the sensor.
+    # At least 60 % of the samples must leave the lens; here over pixels of the middle of the sensor, where nothing
+    # vignettes.
     camera = CAMERAS[name]
-    if camera.lens.stop.semi_diameter > 5.0 or isinstance(camera.lens.stop, pl.PolygonStop):
-        pytest.skip("outlines are those of round stops without vignetting")
     tables = camera_tables(camera)
     rng = np.random.default_rng(6)
     pixels = SENSOR.centre_of(*rng.integers(200, 312, (2, 60)))

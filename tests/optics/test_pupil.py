@@ -134,3 +134,15 @@ def test_a_plane_that_sees_no_light_has_no_outline() -> None:
     assert bounds.reach[0] > 0
     assert bounds.reach[-1] == 0
     assert np.all(bounds.support[-1] == -np.inf)
+
+
+def test_tiny_pupils_are_bounded_up_to_the_end_of_the_field() -> None:
+    lens = stopped("telephoto-100mm-f2.8", 0.1)
+    z, rng, n = 42.5, np.random.default_rng(4), 200000
+    bounds = pupil_bounds(lens, z_plane=z, largest_radius=25.0, cell_radius=1.5, wavelength=587.6)
+    rho = rng.uniform(8.0, 16.0, n)
+    start = np.column_stack([rho + rng.uniform(-1.0, 1.0, n), rng.uniform(-1.0, 1.0, n), np.full(n, z)])
+    aim, passed = rays_at_the_rear(lens, start, rng)
+    assert np.count_nonzero(passed) > 100
+    over = (aim @ bounds.normals.T - bounds.support[(rho / bounds.step).astype(int)]).max(axis=1)
+    assert np.all(over[passed] <= 0)

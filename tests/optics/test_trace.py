@@ -100,7 +100,7 @@ def test_a_ball_turns_every_ray_by_twice_i_minus_r(s: float) -> None:
     aside = np.cross(d, rng.normal(size=(4096, 3)))
     aside *= (radius * np.sqrt(rng.uniform(0, 0.98, 4096)) / np.linalg.norm(aside, axis=1))[:, None]
     tables = surface_tables([s / radius, -s / radius], [1 / n, n], [0.0, s * 2 * radius], s=s)
-    _, out, status, _ = through(tables, aside + [0, 0, s * radius] - 40 * d, d)
+    _, out, status, _ = through(tables, aside + np.array([0, 0, s * radius]) - 40 * d, d)
     assert np.all(status == OK)
     sine = np.linalg.norm(aside, axis=1) / radius
     expected = 2 * (np.arcsin(sine) - np.arcsin(sine / n))
