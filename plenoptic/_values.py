@@ -43,7 +43,7 @@ def frozen_array(
         want is None or have == want for have, want in zip(array.shape, shape, strict=True)
     )
     if not fits:
-        wanted = "(" + ", ".join("n" if n is None else str(n) for n in shape) + ")"
+        wanted = "(" + ", ".join("n" if n is None else str(n) for n in shape) + ("," if len(shape) == 1 else "") + ")"
         raise InvalidValueError(f"{name} has shape {array.shape}; it must have shape {wanted}")
     array.flags.writeable = False
     return array

@@ -176,6 +176,8 @@ class RayBundle:
     def selected(self, mask: ArrayLike) -> RayBundle:
         """The rays that a mask (n,) or an array of row numbers selects."""
         mask = np.asarray(mask)
+        if mask.size == 0:
+            mask = mask.astype(np.intp)
         return RayBundle(
             self.origin[mask],
             self.direction[mask],

@@ -102,7 +102,7 @@ def test_read_only_leaves_the_original_writable():
         (lambda: whole(1.0, "samples", at_least=1), "samples is 1.0; it must be a whole number"),
         (lambda: whole(True, "samples", at_least=1), "samples is True; it must be a whole number"),
         (lambda: whole(0, "samples", at_least=1), "samples is 0; it must be at least 1"),
-        (lambda: frozen_array([1, 2], name="axis", shape=(3,)), r"axis has shape \(2,\); it must have shape \(3\)"),
+        (lambda: frozen_array([1, 2], name="axis", shape=(3,)), r"axis has shape \(2,\); it must have shape \(3,\)"),
         (lambda: frozen_array(["a"], name="axis", shape=(1,)), "axis is not an array of numbers"),
         (lambda: frozen_array([300], name="mask", shape=(1,), dtype=np.uint8), "mask is not an array of numbers"),
     ],

@@ -72,7 +72,7 @@ class Pose:
         z = backwards / distance
         x = np.cross(upwards, z)
         sine = float(np.linalg.norm(x))
-        if not sine > 1e-9 * float(np.linalg.norm(upwards)):
+        if not sine > 1e-6 * float(np.linalg.norm(upwards)):
             raise InvalidValueError(f"up {tuple(upwards.tolist())} lies along the view; choose another direction")
         x = x / sine
         return cls(rotation=np.stack([x, np.cross(z, x), z], axis=1), position=start)

@@ -79,8 +79,8 @@ def _enough(work: Callable[[int, int], None], least: int, seconds: float) -> int
     """How much work takes one thread at least twice that time: two threads then need at least that time."""
     work(least, 1)
     amount = least
-    while (wall := cost_of(Task(lambda given: work(given, 1), partial(int, amount))).wall) < 2 * seconds:
-        amount = 2 * max(amount, int(1.1 * seconds / wall * amount))
+    while (spent := cost_of(Task(lambda given: work(given, 1), partial(int, amount))).cpu) < 2.2 * seconds:
+        amount = 2 * max(amount, int(1.1 * seconds / spent * amount))
     return amount
 
 
