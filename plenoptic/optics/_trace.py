@@ -81,8 +81,7 @@ def refract_block(ray, c, mu, clear, s, code):
         lost = 0.0 if cos2 >= 0.0 else code + TOTAL_REFLECTION
         lost = lost if r2 <= clear else code + CLIPPED
         lost = lost if r2 < math.inf else code + NOT_FINITE
-        lost = lost if q2 >= 0.0 else code + MISSED
-        lost = lost if q2 < math.inf else code + NOT_FINITE
+        lost = code + MISSED if q2 < 0.0 else lost
         was = ray[STATUS + i]
         ray[STATUS + i] = was if was != 0.0 else lost
 
