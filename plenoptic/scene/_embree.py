@@ -148,6 +148,29 @@ def _aligned(rows, spare):
     return rows[shift : rows.size - spare + shift]
 
 
+@device
+def _pack(packet, valid, rays, start, far):
+    """Put rays start ... start + 15 into a packet; lanes beyond the last ray are switched off."""
+    number = packet.view(np.uint32)
+    for lane in range(PACKET):
+        inside = start + lane < rays.shape[0]
+        i = start + lane if inside else start
+        valid[lane] = -1 if inside else 0
+        packet[_ORG_X + lane] = rays[i, 0]
+        packet[_ORG_Y + lane] = rays[i, 1]
+        packet[_ORG_Z + lane] = rays[i, 2]
+        packet[_DIR_X + lane] = rays[i, 3]
+        packet[_DIR_Y + lane] = rays[i, 4]
+        packet[_DIR_Z + lane] = rays[i, 5]
+        packet[_NEAR + lane] = 0.0
+        packet[_TIME + lane] = 0.0
+        packet[_FAR + lane] = far
+        number[_MASK + lane] = _INVALID
+        number[_FLAGS + lane] = np.uint32(0)
+        number[_GEOMETRY + lane] = _INVALID
+        number[_INSTANCE + lane] = _INVALID
+
+
 @kernel
 def _fill_closest(hits, rays, scene, arguments):
     packet = _aligned(np.zeros(_RAYHIT + 16, np.float32), 16)
@@ -155,23 +178,7 @@ def _fill_closest(hits, rays, scene, arguments):
     number = packet.view(np.uint32)
     n = rays.shape[0]
     for start in range(0, n, PACKET):
-        for lane in range(PACKET):
-            inside = start + lane < n
-            i = start + lane if inside else start
-            valid[lane] = -1 if inside else 0
-            packet[_ORG_X + lane] = rays[i, 0]
-            packet[_ORG_Y + lane] = rays[i, 1]
-            packet[_ORG_Z + lane] = rays[i, 2]
-            packet[_DIR_X + lane] = rays[i, 3]
-            packet[_DIR_Y + lane] = rays[i, 4]
-            packet[_DIR_Z + lane] = rays[i, 5]
-            packet[_NEAR + lane] = 0.0
-            packet[_TIME + lane] = 0.0
-            packet[_FAR + lane] = np.inf
-            number[_MASK + lane] = _INVALID
-            number[_FLAGS + lane] = np.uint32(0)
-            number[_GEOMETRY + lane] = _INVALID
-            number[_INSTANCE + lane] = _INVALID
+        _pack(packet, valid, rays, start, np.inf)
         _intersect16(valid.ctypes.data, scene, packet.ctypes.data, arguments)
         for lane in range(min(PACKET, n - start)):
             hit = number[_GEOMETRY + lane] != _INVALID
@@ -182,24 +189,9 @@ def _fill_closest(hits, rays, scene, arguments):
 def _fill_blocked(blocked, rays, scene, arguments):
     packet = _aligned(np.zeros(_RAYHIT + 16, np.float32), 16)
     valid = _aligned(np.zeros(PACKET + 16, np.int32), 16)
-    number = packet.view(np.uint32)
     n = rays.shape[0]
     for start in range(0, n, PACKET):
-        for lane in range(PACKET):
-            inside = start + lane < n
-            i = start + lane if inside else start
-            valid[lane] = -1 if inside else 0
-            packet[_ORG_X + lane] = rays[i, 0]
-            packet[_ORG_Y + lane] = rays[i, 1]
-            packet[_ORG_Z + lane] = rays[i, 2]
-            packet[_DIR_X + lane] = rays[i, 3]
-            packet[_DIR_Y + lane] = rays[i, 4]
-            packet[_DIR_Z + lane] = rays[i, 5]
-            packet[_NEAR + lane] = 0.0
-            packet[_TIME + lane] = 0.0
-            packet[_FAR + lane] = 1.0
-            number[_MASK + lane] = _INVALID
-            number[_FLAGS + lane] = np.uint32(0)
+        _pack(packet, valid, rays, start, 1.0)
         _occluded16(valid.ctypes.data, scene, packet.ctypes.data, arguments)
         for lane in range(min(PACKET, n - start)):
             # Embree marks an occluded ray by a far end of minus infinity.
