@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import enum
 
-from plenoptic._values import value
+from plenoptic._values import value, whole
 from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.errors import InvalidValueError
 from plenoptic.optics.microlenses import MicrolensModel
 from plenoptic.optics.stops import PolygonStop
 from plenoptic.scene.scene import Scene
@@ -113,8 +114,27 @@ def plan(
     runs      lens                   11 elements, 10 of them refracting
     ...
     """
+    check_arguments(scene, camera, samples=samples, replicates=replicates, max_bounces=max_bounces)
     tables = None if scene is None else scene.tables()
     return plan_stages(tables, camera, samples=samples, replicates=replicates, max_bounces=max_bounces, depth=depth)
+
+
+def check_arguments(
+    scene: Scene | None, camera: PlenopticCamera, *, samples: int, replicates: int, max_bounces: int
+) -> None:
+    """Raise where a rendering with these arguments is impossible."""
+    if scene is not None and not isinstance(scene, Scene):
+        raise InvalidValueError(f"scene is a {type(scene).__name__}; it must be a Scene")
+    if not isinstance(camera, PlenopticCamera):
+        raise InvalidValueError(f"camera is a {type(camera).__name__}; it must be a PlenopticCamera")
+    whole(samples, "samples", at_least=1)
+    whole(replicates, "replicates", at_least=1)
+    whole(max_bounces, "max_bounces", at_least=0)
+
+
+def is_dark(tables: SceneTables) -> bool:
+    """Whether nothing in a scene shines: its image is black."""
+    return tables.emission is None and tables.background is None
 
 
 def plan_stages(
@@ -164,7 +184,11 @@ def _camera_decisions(camera: PlenopticCamera) -> list[Decision]:
             none if array is None else f"microlenses are {array.model.name}",
         ),
         Decision(Stage.LENS, True, f"{len(camera.lens.elements)} elements, {refracting} of them refracting"),
-        Decision(Stage.POLYGON_STOPS, bool(stops), f"{len(stops)} polygonal stops" if stops else "all stops are round"),
+        Decision(
+            Stage.POLYGON_STOPS,
+            bool(stops),
+            f"{len(stops)} polygonal stop{'s' * (len(stops) != 1)}" if stops else "all stops are round",
+        ),
         Decision(
             Stage.POSE, camera.pose is not None, "the world is the camera's frame" if camera.pose is None else "posed"
         ),
@@ -186,7 +210,11 @@ def _scene_decisions(tables: SceneTables | None, max_bounces: int) -> list[Decis
         Decision(
             Stage.EMISSION,
             meshes and tables.emission is not None,
-            "something emits" if tables.emission is not None else "nothing emits",
+            _why(
+                tables.emission is not None,
+                "nothing emits" + ", and the image will be black" * is_dark(tables),
+                "something emits",
+            ),
         ),
         Decision(Stage.BACKGROUND, background, "the world is bright" if background else "the world is black"),
         Decision(

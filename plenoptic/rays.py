@@ -167,6 +167,12 @@ class RayBundle:
         -------
         (n, 3) array
             Not finite for rays that run parallel to the plane.
+
+        Examples
+        --------
+        >>> import plenoptic as pl
+        >>> pl.RayBundle([[0, 0, -100]], [[0, 0.6, 0.8]]).at_z(-92.0)
+        array([[  0.,   6., -92.]])
         """
         with np.errstate(divide="ignore", invalid="ignore"):
             points = self.at((z - self.origin[:, 2]) / self.direction[:, 2])
@@ -189,7 +195,7 @@ class RayBundle:
 
     def __repr__(self) -> str:
         arrived = int(np.count_nonzero(self.status == 0))
-        return f"RayBundle({len(self)} rays, {arrived} OK, {self.wavelength:g} nm)"
+        return f"RayBundle({len(self)} ray{'s' * (len(self) != 1)}, {arrived} OK, {self.wavelength:g} nm)"
 
 
 def _normalised(direction: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+import warnings
 from collections.abc import Iterator
 
 import numpy as np
@@ -16,7 +17,7 @@ from plenoptic.camera.tables import camera_tables
 from plenoptic.errors import InvalidValueError
 from plenoptic.exposure import Exposure, RenderStats
 from plenoptic.film import Film
-from plenoptic.planning import Stage, plan_stages
+from plenoptic.planning import Stage, check_arguments, is_dark, plan_stages
 from plenoptic.rays import RayStatus
 from plenoptic.scene.accel import build_intersector
 from plenoptic.scene.scene import Scene
@@ -143,16 +144,19 @@ def _render(
     progress: bool,
 ) -> Exposure:
     begin, begin_cpu = time.perf_counter(), time.process_time()
-    if not isinstance(camera, PlenopticCamera):
-        raise InvalidValueError(f"camera is a {type(camera).__name__}; it must be a PlenopticCamera")
-    whole(samples, "samples", at_least=1)
-    whole(replicates, "replicates", at_least=1)
+    check_arguments(scene, camera, samples=samples, replicates=replicates, max_bounces=max_bounces)
     whole(seed, "seed", at_least=0)
-    whole(max_bounces, "max_bounces", at_least=0)
+    if seed >= 1 << 64:
+        raise InvalidValueError(f"seed is {seed}; it must be below 2^64")
     workers = thread_count(threads)
     first_row, end_row, first_column, end_column = sensor_region(camera.sensor.shape, region)
 
     scene_tables = None if scene is None else scene.tables()
+    if scene_tables is not None and is_dark(scene_tables):
+        warnings.warn(
+            "nothing in the scene shines and its image will be black; give it lights=[...] or a background=",
+            stacklevel=3,
+        )
     plan = plan_stages(
         scene_tables, camera, samples=samples, replicates=replicates, max_bounces=max_bounces, depth=depth
     )

@@ -510,3 +510,18 @@ def test_exposure_of_a_rendering_survives_saving(tmp_path):
     posed = pl.render_white(camera, samples=2, region=np.s_[:4, :4], progress=False)
     posed.save(tmp_path / "posed.exr")
     assert pl.Exposure.load(tmp_path / "posed.exr").camera == camera
+
+
+def test_a_scene_without_light_is_announced():
+    dark = pl.Scene([pl.box(4.0, center=(0, 0, -404))])
+    with pytest.warns(UserWarning, match="nothing in the scene shines"):
+        shot = pl.render(dark, reference_camera(), samples=1, region=np.s_[:4, :4], progress=False)
+    assert not shot.image.any()
+    assert "black" in repr(pl.plan(dark, reference_camera()))
+
+
+def test_plan_refuses_what_render_refuses():
+    with pytest.raises(pl.InvalidValueError, match="it must be a Scene"):
+        pl.plan(reference_camera(), pl.white_plane())
+    with pytest.raises(pl.InvalidValueError, match="samples is 0"):
+        pl.plan(pl.white_plane(), reference_camera(), samples=0)

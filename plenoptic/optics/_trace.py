@@ -24,6 +24,9 @@ X, Y, Z, L, M, N, WEIGHT, STATUS = (row * BLOCK for row in range(8))
 RAY = 8 * BLOCK
 """Length of a block in float64."""
 
+EQUATOR_TOLERANCE = 1e-12
+"""A rim that is the equator itself belongs to the surface."""
+
 CAUSES = 8
 MISSED, CLIPPED, TOTAL_REFLECTION, NOT_FINITE, OUTSIDE_MICROLENS = 1.0, 2.0, 3.0, 4.0, 5.0
 
@@ -48,9 +51,11 @@ def refract_block(ray, c, mu, clear, s, code):
 
     Closest-approach form: with the ray's point nearest to the vertex as its start, F and G suffer no
     cancellation on flat surfaces, tiny radii or distant origins. `s` is the direction of travel along
-    the stack, `mu` the ratio of indices, `clear` the squared semi-diameter.
+    the stack, `mu` the ratio of indices, `clear` the squared semi-diameter: a surface that has one is the part of the
+    sphere on the vertex's side of the equator, and a ray that could only meet the other half has missed it.
     """
     bend = 1.0 - mu * mu
+    equator = 1.0 + EQUATOR_TOLERANCE if clear < math.inf else math.inf
     for i in range(BLOCK):
         x, y, z = ray[X + i], ray[Y + i], ray[Z + i]
         l, m, n = ray[L + i], ray[M + i], ray[N + i]
@@ -81,7 +86,7 @@ def refract_block(ray, c, mu, clear, s, code):
         lost = 0.0 if cos2 >= 0.0 else code + TOTAL_REFLECTION
         lost = lost if r2 <= clear else code + CLIPPED
         lost = lost if r2 < math.inf else code + NOT_FINITE
-        lost = code + MISSED if q2 < 0.0 else lost
+        lost = code + MISSED if q2 < 0.0 or c * z > equator else lost
         was = ray[STATUS + i]
         ray[STATUS + i] = was if was != 0.0 else lost
 

@@ -29,7 +29,9 @@ _TRIANGLE_FAN = 6
 _HARMLESS = ("KHR_materials", "KHR_texture_transform", "EXT_texture_webp", "KHR_lights_punctual")
 
 
-def load_meshes(path: str | PathLike[str], *, unit: str = "mm", material: Material | None = None) -> tuple[Mesh, ...]:
+def load_meshes(
+    path: str | PathLike[str], *, unit: str | None = None, material: Material | None = None
+) -> tuple[Mesh, ...]:
     """Read all triangles of a file, one mesh for each part of it, in its place in the file's scene graph.
 
     Normals and texture coordinates are read where the file has them; triangles are flat where it has no normals.
@@ -42,8 +44,9 @@ def load_meshes(path: str | PathLike[str], *, unit: str = "mm", material: Materi
     ----------
     path : str or path
         A .glb, .gltf, .obj, .ply or .stl file.
-    unit : str
-        Length of one unit of the file: "um", "mm", "cm", "m", "km", "inch" or "foot". glTF files are in "m".
+    unit : str, optional
+        Length of one unit of the file: "um", "mm", "cm", "m", "km", "inch" or "foot". None: "m" for glTF files, whose
+        standard says so, and "mm" for all others.
     material : Lambertian, Emissive or None
         Replaces all materials of the file, which are not looked at then.
 
@@ -73,7 +76,7 @@ def load_meshes(path: str | PathLike[str], *, unit: str = "mm", material: Materi
     [10.0, 20.0, 0.0]
     """
     source = Path(path)
-    if not isinstance(unit, str) or unit not in UNITS:
+    if unit is not None and (not isinstance(unit, str) or unit not in UNITS):
         raise InvalidValueError(f"unit is {unit!r}; it must be one of {', '.join(UNITS)}")
     if material is not None and not isinstance(material, Lambertian | Emissive):
         raise InvalidValueError(f"material is {material!r}; it must be Lambertian, Emissive or None")
@@ -86,8 +89,9 @@ def load_meshes(path: str | PathLike[str], *, unit: str = "mm", material: Materi
         content = source.read_bytes()
     except OSError as error:
         raise FileError(f"{source} cannot be opened ({error.strerror}); check the rights to read it") from error
+    scale = UNITS[_standard_unit(kind) if unit is None else unit]
     try:
-        meshes = tuple(_parts(source, kind, content, UNITS[unit], material))
+        meshes = tuple(_parts(source, kind, content, scale, material))
     except PlenopticError as error:
         raise FileError(f"{source}: {error}") from error
     except ImportError as error:  # trimesh asks for another package where text is not UTF-8
@@ -99,6 +103,10 @@ def load_meshes(path: str | PathLike[str], *, unit: str = "mm", material: Materi
     if not meshes:
         raise FileError(f"{source} holds no triangles that have an area; export a mesh")
     return meshes
+
+
+def _standard_unit(kind: str) -> str:
+    return "m" if kind in ("glb", "gltf") else "mm"
 
 
 def _parts(source: Path, kind: str, content: bytes, scale: float, material: Material | None) -> Iterator[Mesh]:

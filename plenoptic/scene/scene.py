@@ -89,7 +89,7 @@ class Scene:
         cls,
         path: str | PathLike[str],
         *,
-        unit: str = "mm",
+        unit: str | None = None,
         material: Material | None = None,
         lights: Iterable[Light] = (),
         background: ConstantBackground | Colour | None = None,
@@ -103,8 +103,9 @@ class Scene:
         ----------
         path : str or path
             A .glb, .gltf, .obj, .ply or .stl file.
-        unit : str
-            Length of one unit of the file: "um", "mm", "cm", "m", "km", "inch" or "foot". glTF files are in "m".
+        unit : str, optional
+            Length of one unit of the file: "um", "mm", "cm", "m", "km", "inch" or "foot". None: "m" for glTF files,
+            whose standard says so, and "mm" for all others.
         material : Lambertian, Emissive or None
             Replaces all materials of the file.
         lights, background : sequence of QuadLight, ConstantBackground

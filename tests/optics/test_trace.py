@@ -486,3 +486,16 @@ def test_tables_of_a_lens_are_in_the_order_of_travel() -> None:
     assert np.array_equal(there.curvature[::-1], back.curvature)
     assert (there.direction, back.direction) == (1.0, -1.0)
     assert there.number.tolist() == list(range(11)) == back.number[::-1].tolist()
+
+
+@pytest.mark.parametrize("name", pl.lens_names())
+@pytest.mark.parametrize("reverse", [False, True])
+def test_rays_that_go_the_other_way_are_lost(name, reverse):
+    # A sphere's far half, which such rays would meet, is not part of the surface.
+    lens = pl.load_lens(name)
+    height = np.linspace(0, 0.5 * lens.elements[0].semi_diameter, 50)
+    origin = np.column_stack([np.zeros(50), height, np.full(50, 500.0 if reverse else -500.0)])
+    rays = pl.RayBundle(origin, np.tile([0.0, 0.0, 1.0 if reverse else -1.0], (50, 1)))
+    out = lens.trace_reverse(rays) if reverse else lens.trace(rays)
+    assert np.all(out.status != pl.RayStatus.OK)
+    assert np.all(np.isnan(out.origin)) and not out.weight.any()

@@ -105,7 +105,7 @@ def test_the_texture_of_an_obj_is_upright(tmp_path):
 
 
 def test_the_texture_of_a_glb_is_upright(tmp_path):
-    (mesh,) = pl.load_meshes(write_glb(tmp_path / "quad.glb", baseColorTexture=four_colours()))
+    (mesh,) = pl.load_meshes(write_glb(tmp_path / "quad.glb", baseColorTexture=four_colours()), unit="mm")
     assert_upright(mesh)
 
 
@@ -115,7 +115,7 @@ def test_the_texture_of_a_gltf_is_upright(tmp_path):
     material = trimesh.visual.material.PBRMaterial(baseColorTexture=four_colours())
     for name, content in trimesh.exchange.gltf.export_gltf(trimesh.Scene(trimesh_quad(material))).items():
         (tmp_path / name).write_bytes(content)
-    (mesh,) = pl.load_meshes(tmp_path / "model.gltf")
+    (mesh,) = pl.load_meshes(tmp_path / "model.gltf", unit="mm")
     assert_upright(mesh)
 
 
@@ -222,7 +222,7 @@ def test_the_scene_graph_is_applied_and_winding_survives_a_mirror(tmp_path):
 def test_every_kind_is_read_closed_and_outside_out(tmp_path, kind):
     trimesh = pytest.importorskip("trimesh")
     trimesh.creation.icosphere(subdivisions=2).export(tmp_path / f"ball.{kind}")
-    (mesh,) = pl.load_meshes(tmp_path / f"ball.{kind}")
+    (mesh,) = pl.load_meshes(tmp_path / f"ball.{kind}", unit="mm")
     assert len(mesh.faces) == 320 and volume(mesh) == pytest.approx(4.05, abs=0.03)
     assert mesh.material == pl.Lambertian(0.5)
 
@@ -510,7 +510,7 @@ def test_instances_share_a_material_and_have_their_own_places(tmp_path):
         header["scenes"][0]["nodes"] = [mesh, len(header["nodes"]) - 1]
 
     glb = edit_glb(write_glb(tmp_path / "quad.glb", baseColorTexture=four_colours()), twice)
-    first, second = pl.load_meshes(glb)
+    first, second = pl.load_meshes(glb, unit="mm")
     assert first.material is second.material
     assert sorted([first.bounds[0, 2], second.bounds[0, 2]]) == [0, 3]
 
@@ -573,7 +573,7 @@ def test_duck():
 
 
 def test_textured_box():
-    (mesh,) = pl.load_meshes(asset("BoxTextured.glb"))
+    (mesh,) = pl.load_meshes(asset("BoxTextured.glb"), unit="mm")
     assert len(mesh.faces) == 12 and mesh.material.albedo.texels.shape == (256, 256, 3)
     np.testing.assert_allclose(mesh.bounds, [[-0.5] * 3, [0.5] * 3])
     assert volume(mesh) == pytest.approx(1)
@@ -589,3 +589,13 @@ def test_scene_load_invents_no_light(tmp_path):
     scene = pl.Scene.load(write_obj(tmp_path), unit="cm")
     assert scene.lights == () and scene.background is None and scene.tables().emission is None
     assert pl.Scene.load(write_obj(tmp_path), material=pl.Emissive(), background=0.5).background.radiance == 0.5
+
+
+def test_gltf_is_in_metres_and_other_files_in_millimetres_unless_said_otherwise(tmp_path):
+    import trimesh
+
+    box = trimesh.creation.box((2.0, 2.0, 2.0))
+    for kind, scale in (("glb", 1e3), ("ply", 1.0), ("stl", 1.0), ("obj", 1.0)):
+        box.export(tmp_path / f"box.{kind}")
+        (mesh,) = pl.load_meshes(tmp_path / f"box.{kind}")
+        np.testing.assert_allclose(mesh.bounds, scale * np.array([[-1.0] * 3, [1.0] * 3]), rtol=1e-6)
