@@ -1,4 +1,7 @@
-"""Write docs/api.md: every public name with the first line of its docstring. Run it after adding a name."""
+"""Write docs/api.md: every public name, and every function of a public module, with the first line of its docstring.
+
+Run it after adding a name.
+"""
 
 import inspect
 from pathlib import Path
@@ -23,10 +26,20 @@ def home(name: str) -> str:
     return getattr(found, "__module__", type(found).__module__)
 
 
-def line(name: str) -> str:
+def lines(name: str) -> list[str]:
+    """The row of a name; a module's functions follow it."""
     found = getattr(pl, name)
     if not (inspect.ismodule(found) or callable(found)):
-        return f"`{found!r}`"
+        return [f"| `pl.{name}` | `{found!r}` |"]
+    rows = [f"| `pl.{name}` | {summary(found)} |"]
+    if inspect.ismodule(found):
+        parts = inspect.getmembers(found, inspect.isfunction)
+        own = [(part, made) for part, made in parts if made.__module__ == found.__name__ and not part.startswith("_")]
+        rows += [f"| `pl.{name}.{part}` | {summary(made)} |" for part, made in own]
+    return rows
+
+
+def summary(found: object) -> str:
     return (inspect.getdoc(found) or "").split("\n", 1)[0]
 
 
@@ -39,7 +52,7 @@ def main() -> None:
     ]
     for title, modules in GROUPS:
         text += ["", f"## {title}", "", "| name | |", "|---|---|"]
-        text += [f"| `pl.{name}` | {line(name)} |" for name in names if home(name).startswith(modules)]
+        text += [row for name in names if home(name).startswith(modules) for row in lines(name)]
     Path(__file__).with_name("api.md").write_text("\n".join(text) + "\n", encoding="utf-8")
     left = [name for name in names if not any(home(name).startswith(modules) for _, modules in GROUPS)]
     assert not left, left

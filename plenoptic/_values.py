@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import enum
 import math
 import sys
 from collections.abc import Callable
@@ -22,6 +23,10 @@ else:
 
 
 T = TypeVar("T")
+Choice = TypeVar("Choice", bound=enum.Enum)
+
+_SHOWN = 9
+"""Numbers that an array may have to be shown in full: those of a rotation."""
 
 
 def read_only(array: NDArray[Any]) -> NDArray[Any]:
@@ -32,15 +37,15 @@ def read_only(array: NDArray[Any]) -> NDArray[Any]:
 
 
 def frozen_array(
-    values: ArrayLike, *, name: str, shape: tuple[int | None, ...], dtype: Any = np.float64
+    values: ArrayLike, *, name: str, shape: tuple[int | str | None, ...], dtype: Any = np.float64
 ) -> NDArray[Any]:
-    """A read-only copy of `values`, of the given shape (None: any length)."""
+    """A read-only copy of `values`, of the given shape (None, or a name for the message: any length)."""
     try:
         array = np.array(values, dtype=dtype)
     except (TypeError, ValueError, OverflowError) as error:
         raise InvalidValueError(f"{name} is not an array of numbers: {error}") from None
     fits = array.ndim == len(shape) and all(
-        want is None or have == want for have, want in zip(array.shape, shape, strict=True)
+        not isinstance(want, int) or have == want for have, want in zip(array.shape, shape, strict=True)
     )
     if not fits:
         wanted = "(" + ", ".join("n" if n is None else str(n) for n in shape) + ("," if len(shape) == 1 else "") + ")"
@@ -49,23 +54,28 @@ def frozen_array(
     return array
 
 
-def finite(value: float, name: str) -> float:
-    """`value` as a float, or an error that names it where it is not a finite number."""
+def number(value: float, name: str) -> float:
+    """`value` as a float, which may be infinite or nan, or an error that names it where it is no number."""
     try:
-        number = float(value)
+        return float(value)
     except (TypeError, ValueError, OverflowError):
         raise InvalidValueError(f"{name} is {value!r}; it must be a number") from None
-    if not math.isfinite(number):
-        raise InvalidValueError(f"{name} is {number}; it must be finite")
-    return number
+
+
+def finite(value: float, name: str) -> float:
+    """`value` as a float, or an error that names it where it is not a finite number."""
+    given = number(value, name)
+    if not math.isfinite(given):
+        raise InvalidValueError(f"{name} is {given}; it must be finite")
+    return given
 
 
 def positive(value: float, name: str, unit: str = "") -> float:
     """`value` as a float, or an error that names it where it is not above zero and finite."""
-    number = finite(value, name)
-    if number <= 0:
-        raise InvalidValueError(f"{name} is {number:g}{unit and ' ' + unit}; it must be above 0")
-    return number
+    given = finite(value, name)
+    if given <= 0:
+        raise InvalidValueError(f"{name} is {given:g}{unit and ' ' + unit}; it must be above 0")
+    return given
 
 
 def whole(value: int, name: str, *, at_least: int) -> int:
@@ -75,6 +85,25 @@ def whole(value: int, name: str, *, at_least: int) -> int:
     if value < at_least:
         raise InvalidValueError(f"{name} is {value}; it must be at least {at_least}")
     return int(value)
+
+
+def choice(value: Any, kind: type[Choice], name: str) -> Choice:
+    """`value` as a member of an enum, or an error that lists its members."""
+    try:
+        return kind(value)
+    except (TypeError, ValueError):
+        members = " or ".join(f"{kind.__name__}.{member.name}" for member in kind)
+        raise InvalidValueError(f"{name} is {value!r}; it must be {members}") from None
+
+
+def wrong_kind(value: object, name: str, wanted: str, such_as: str) -> InvalidValueError:
+    """The error for an argument of another type than `wanted`, with a way to one that fits."""
+    given = _with_article(type(value).__name__)
+    return InvalidValueError(f"{name} is {given}; give {_with_article(wanted)}, such as {such_as}")
+
+
+def _with_article(noun: str) -> str:
+    return f"an {noun}" if noun[0] in "AEIOaeio" or noun.startswith("nd") else f"a {noun}"
 
 
 def _same(a: Any, b: Any) -> bool:
@@ -99,6 +128,8 @@ def _hashable(item: Any) -> Any:
 
 def _short(item: Any) -> str:
     if isinstance(item, np.ndarray):
+        if 1 <= item.size <= _SHOWN and item.ndim <= 2:
+            return repr(item.tolist())
         return f"<{' x '.join(map(str, item.shape))} {item.dtype}>"
     return repr(item)
 

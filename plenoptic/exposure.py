@@ -8,15 +8,18 @@ import io
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from plenoptic import images
 from plenoptic._description import describe, restore
 from plenoptic._values import finite, frozen_array, positive, set_field, value, whole
 from plenoptic.errors import FileError, InvalidValueError
+
+if TYPE_CHECKING:
+    from plenoptic.camera.camera import PlenopticCamera
 
 __all__ = ["Exposure", "RenderStats"]
 
@@ -161,12 +164,27 @@ class Exposure:
     samples: int | None = None
     replicates: int | None = None
     seed: int | None = None
-    camera: Any = None
+    camera: PlenopticCamera | None = None
     region: tuple[int, int, int, int] | None = None
     stats: RenderStats | None = None
 
+    if TYPE_CHECKING:
+
+        def __init__(
+            self,
+            image: ArrayLike,
+            standard_error: ArrayLike | None = None,
+            depth: ArrayLike | None = None,
+            samples: int | None = None,
+            replicates: int | None = None,
+            seed: int | None = None,
+            camera: PlenopticCamera | None = None,
+            region: tuple[int, int, int, int] | None = None,
+            stats: RenderStats | None = None,
+        ) -> None: ...
+
     def __post_init__(self) -> None:
-        image = frozen_array(self.image, name="image", shape=(None, None, None), dtype=np.float32)
+        image = frozen_array(self.image, name="image", shape=("rows", "columns", "channels"), dtype=np.float32)
         if image.shape[2] not in _NAMES or 0 in image.shape:
             raise InvalidValueError(f"image has shape {image.shape}; it must be (H, W, 1) or (H, W, 3), not empty")
         set_field(self, "image", image)
@@ -186,14 +204,17 @@ class Exposure:
 
     @property
     def relative_error(self) -> float | None:
-        """The root mean square of the standard error over the image's mean; None without standard error."""
+        """The root mean square of the standard error over the image's mean; None without standard error.
+
+        nan for an image that is black everywhere and has no error, inf for one that has.
+        """
         if self.standard_error is None:
             return None
         error = float(np.sqrt(np.mean(np.square(self.standard_error, dtype=np.float64))))
         mean = float(np.mean(self.image, dtype=np.float64))
-        if error == 0:
-            return 0.0
-        return error / abs(mean) if mean != 0 else float("inf")
+        if mean == 0:
+            return float("nan") if error == 0 else float("inf")
+        return error / abs(mean)
 
     def save(self, path: str | os.PathLike[str], *, scale: float | None = None) -> None:
         """Write the exposure to a file, in the format that the path's ending names.
@@ -319,7 +340,9 @@ class Exposure:
         facts = [" x ".join(map(str, self.image.shape))]
         if self.samples is not None:
             facts.append(f"{self.samples} samples per pixel")
-        if self.relative_error is not None:
+        if not self.image.any():
+            facts.append("black")
+        elif self.relative_error is not None:
             facts.append(f"relative error {100 * self.relative_error:.3g} %")
         if self.depth is not None:
             facts.append("with depth")

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from plenoptic._threads import run_in_order, thread_count
 from plenoptic._values import whole
 from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.camera.regions import cells_per_pixel
 from plenoptic.camera.tables import camera_tables
 from plenoptic.errors import InvalidValueError
 from plenoptic.exposure import Exposure, RenderStats
@@ -26,6 +27,8 @@ from plenoptic.transport import Settings
 
 PATHS_PER_TILE = 1 << 17
 _SMALLEST_SIDE, _LARGEST_SIDE = 16, 256
+_CELLS_PER_TILE = 1 << 18
+"""Microlenses that feed the pixels of a tile, all pixels together: some 70 MB of triangles."""
 
 
 def render(
@@ -145,7 +148,8 @@ def _render(
 ) -> Exposure:
     begin, begin_cpu = time.perf_counter(), time.process_time()
     check_arguments(scene, camera, samples=samples, replicates=replicates, max_bounces=max_bounces)
-    whole(seed, "seed", at_least=0)
+    samples, replicates, max_bounces = int(samples), int(replicates), int(max_bounces)
+    seed = whole(seed, "seed", at_least=0)
     if seed >= 1 << 64:
         raise InvalidValueError(f"seed is {seed}; it must be below 2^64")
     workers = thread_count(threads)
@@ -165,8 +169,10 @@ def _render(
     if plan.runs(Stage.INTERSECTION) and scene_tables is not None:
         assert scene_tables.vertices is not None and scene_tables.triangles is not None
         intersector = build_intersector(scene_tables.vertices, scene_tables.triangles)
-    settings = Settings(samples, replicates, seed, max_bounces, plan)
-    side = _tile_side(samples) if tile_side is None else whole(tile_side, "tile_side", at_least=1)
+    settings = Settings(samples, replicates, np.uint64(seed), max_bounces, plan)
+    side = (
+        _tile_side(samples, cells_per_pixel(tables)) if tile_side is None else whole(tile_side, "tile_side", at_least=1)
+    )
     tiles = list(_tiles(first_row, end_row, first_column, end_column, side))
 
     shape = (end_row - first_row, end_column - first_column)
@@ -236,8 +242,10 @@ def replicate_counts(samples: int, replicates: int) -> NDArray[np.int64]:
     return counts
 
 
-def _tile_side(samples: int) -> int:
-    return min(max(int(math.sqrt(PATHS_PER_TILE / samples)), _SMALLEST_SIDE), _LARGEST_SIDE)
+def _tile_side(samples: int, cells: float) -> int:
+    """Pixels along a tile: by its paths, but no more than the triangles of its regions have room for."""
+    by_paths = min(max(int(math.sqrt(PATHS_PER_TILE / samples)), _SMALLEST_SIDE), _LARGEST_SIDE)
+    return max(1, min(by_paths, int(math.sqrt(_CELLS_PER_TILE / cells))))
 
 
 def _tiles(first_row: int, end_row: int, first_column: int, end_column: int, side: int) -> Iterator[Tile]:

@@ -18,7 +18,7 @@ class Settings(NamedTuple):
 
     samples: int
     replicates: int
-    seed: int
+    seed: np.uint64
     max_bounces: int
     plan: Plan
 
@@ -114,6 +114,7 @@ class Transport:
         """Add direct light and return the rays onwards, their paths and throughputs."""
         from plenoptic.scene import _shade
 
+        assert self._intersector is not None
         scene = self._scene
         room = len(path_of) if onward else 0
         next_rays = np.empty((room, 6))
@@ -147,8 +148,9 @@ class Transport:
             scene.light_triangles,
             scene.light_cdf,
             scene.light_area_pdf,
+            self._intersector.middle,
         )
-        if shadows and self._intersector is not None:
+        if shadows:
             self._intersector.fill_blocked(self._blocked[:shadows], self._shadow_rays[:shadows])
             _shade.fill_direct(radiance, self._blocked, self._shadow_path[:shadows], self._shadow_radiance)
         return next_rays[:onwards], next_path[:onwards], next_throughput[:onwards]

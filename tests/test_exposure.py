@@ -67,7 +67,7 @@ def test_impossible_stats(change, sentence):
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [
-        ({"image": np.ones((4, 6))}, r"image has shape \(4, 6\)"),
+        ({"image": np.ones((4, 6))}, r"image has shape \(4, 6\); it must have shape \(rows, columns, channels\)"),
         ({"image": np.ones((4, 6, 2))}, r"it must be \(H, W, 1\) or \(H, W, 3\)"),
         ({"image": np.ones((0, 6, 1))}, "not empty"),
         ({"standard_error": np.ones((4, 6, 3))}, r"standard_error has shape \(4, 6, 3\)"),
@@ -88,7 +88,8 @@ def test_relative_error_is_rms_over_mean():
     assert shot.relative_error == pytest.approx(np.sqrt(5) / 4)
     assert pl.Exposure(np.ones((2, 2, 1))).relative_error is None
     black = np.zeros((2, 2, 1))
-    assert pl.Exposure(black, standard_error=black).relative_error == 0
+    assert np.isnan(pl.Exposure(black, standard_error=black).relative_error)
+    assert pl.Exposure(black + 1, standard_error=black).relative_error == 0
     assert pl.Exposure(black, standard_error=black + 1).relative_error == np.inf
 
 
@@ -212,6 +213,13 @@ def test_repr_is_one_line_of_facts():
         r"Exposure\(4 x 6 x 1, 64 samples per pixel, relative error \S+ %, with depth, "
         r"rows 10:14, columns 20:26, 1.5 s\)",
         repr(exposure()),
+    )
+
+
+def test_a_black_image_has_no_error_to_speak_of():
+    black = np.zeros((2, 2, 1))
+    assert (
+        repr(pl.Exposure(black, standard_error=black, samples=4)) == "Exposure(2 x 2 x 1, 4 samples per pixel, black)"
     )
 
 

@@ -49,3 +49,16 @@ def test_every_public_name_has_an_example(name):
     for part in parts:
         text = inspect.getdoc(part) or ""
         assert ">>>" in text or "See `" in text, f"{part.__qualname__} has no example"
+
+
+def test_the_list_in_the_documents_has_every_name():
+    listed = (Path(__file__).parents[1] / "docs" / "api.md").read_text(encoding="utf-8")
+    functions = [
+        f"{name}.{part}"
+        for name in NAMES
+        if inspect.ismodule(found := getattr(pl, name))
+        for part, made in inspect.getmembers(found, inspect.isfunction)
+        if made.__module__ == found.__name__ and not part.startswith("_")
+    ]
+    assert len(functions) > 10
+    assert [name for name in NAMES + functions if f"| `pl.{name}` |" not in listed] == []

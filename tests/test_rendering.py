@@ -525,3 +525,147 @@ def test_plan_refuses_what_render_refuses():
         pl.plan(reference_camera(), pl.white_plane())
     with pytest.raises(pl.InvalidValueError, match="samples is 0"):
         pl.plan(pl.white_plane(), reference_camera(), samples=0)
+
+
+# ---- scales ----
+
+
+def wide_view():
+    return pl.PlenopticCamera(
+        lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=5.0)),
+        sensor=pl.Sensor(shape=(8, 8), pixel_pitch=0.4),
+        stop_to_microlenses=134.6,
+    )
+
+
+def test_light_does_not_depend_on_how_far_the_floor_goes_on():
+    # A block on a floor under a lamp 2 mm above it: what the camera sees does not change with the size of the floor,
+    # whose coordinates along itself must not enter the distance by which shadow rays leave it.
+    seen = []
+    for half in (500.0, 1e5, 1e7):
+        floor = pl.quad((-half, -half, -404), (2 * half, 0, 0), (0, 2 * half, 0), material=pl.Lambertian(0.7))
+        lamp = pl.QuadLight((10, 0, -402), (0, 10, 0), (10, 0, 0), radiance=100.0)
+        block = pl.box((4, 4, 4), center=(0, 0, -402), material=pl.Lambertian(0.7))
+        shot = pl.render(pl.Scene([floor, block], [lamp], 0.5), wide_view(), samples=256, progress=False)
+        seen.append(shot.image.mean(dtype=np.float64))
+    # The same random numbers: only rays within float32 rounding of an edge are decided otherwise.
+    np.testing.assert_allclose(seen[1:], seen[0], rtol=2e-3)
+
+
+@pytest.mark.parametrize("far", [1e6, 1e9])
+def test_camera_and_scene_far_from_the_origin_see_the_same(far):
+    camera = wide_view()
+    floor = pl.quad((-500, -500, -404), (1000, 0, 0), (0, 1000, 0), material=pl.Lambertian(0.7))
+    block = pl.box((4, 4, 4), center=(0, 0, -402), material=pl.Lambertian(0.7))
+    here = pl.render(pl.Scene([floor, block], background=1.0), camera, samples=64, progress=False)
+    place = np.array([far, -far, 0.5 * far])
+    moved = pl.Scene([floor.translated(*place), block.translated(*place)], background=1.0)
+    there = pl.render(moved, camera.posed(place, place - [0, 0, 1]), samples=64, progress=False)
+    assert there.image.mean() == pytest.approx(here.image.mean(), rel=2e-3)
+    np.testing.assert_allclose(there.depth, here.depth, atol=8 * far * np.finfo(float).eps)
+
+
+@pytest.mark.parametrize("half", [50.0, 1e4, 1e7])
+@pytest.mark.parametrize("tilt", [0, 30, 61, 80])
+def test_surfaces_do_not_shadow_themselves(half, tilt):
+    # A Lambertian plane in a uniform world returns its albedo exactly, however large and tilted it is.
+    plane = pl.quad((-half, -half, 0), (2 * half, 0, 0), (0, 2 * half, 0), material=pl.Lambertian(0.7))
+    plane = plane.rotated_deg((0, 0, 1), 33).rotated_deg((1, 0, 0), tilt).rotated_deg((0, 0, 1), 20)
+    camera = wide_view()
+    shot = pl.render(
+        pl.Scene([plane.translated(z=-404)], background=1.0), camera, samples=32, max_bounces=3, progress=False
+    )
+    white = pl.render_white(camera, samples=32, progress=False)
+    met = np.isfinite(shot.depth)
+    assert met.mean() > 0.5
+    # Pixels in which some paths pass beside the small plane see the background too.
+    inside = met if half > 100 else met & (np.abs(shot.image[:, :, 0] / white.image[:, :, 0] - 0.7) < 1e-3)
+    np.testing.assert_allclose((shot.image / white.image)[inside], 0.7, rtol=1e-5)
+
+
+@pytest.mark.parametrize("size", [1e3, 1e6])
+def test_closed_rooms_are_dark_inside(size):
+    room = pl.box(size, center=(0, 0, -0.3 * size), material=pl.Lambertian(0.9))
+    shell = pl.box(1.002 * size, center=(0, 0, -0.3 * size), material=pl.Emissive(1.0, two_sided=True))
+    shot = pl.render(pl.Scene([room, shell]), wide_view(), samples=32, progress=False)
+    assert not shot.image.any()
+
+
+# ---- pupils far off the axis ----
+
+
+def brute_force_irradiance(camera, x, n=400_000):
+    """Projected solid angle of the lens as seen from (x, 0) on the sensor: uniform points on the plane of its rim."""
+    lens, z = camera.lens, camera.z_sensor
+    last = lens.elements[-1]
+    plane = lens.vertices[-1] + min(0.0, float(last.sag(last.semi_diameter)))
+    half = 1.05 * last.semi_diameter
+    points = np.random.default_rng(5).uniform(-half, half, (n, 2))
+    along = np.column_stack([points, np.full(n, plane)]) - [x, 0.0, z]
+    passed = lens.trace_reverse(pl.RayBundle(np.tile([x, 0.0, z], (n, 1)), along)).status == pl.RayStatus.OK
+    weight = (z - plane) ** 2 / np.sum(along**2, axis=1) ** 2
+    light = np.where(passed, weight, 0.0) * (2 * half) ** 2
+    return light.mean(), light.std() / math.sqrt(n)
+
+
+@pytest.mark.parametrize("x", [60.0, 75.0, 85.0])
+def test_steep_rear_surfaces_are_seen_to_their_rim(x):
+    # The Topogon's last surface is a deep cap: from far off the axis, light that passes near its rim crosses the plane
+    # of its vertex far outside the semi-diameter.
+    lens = pl.load_lens("topogon-100mm-f6.3")
+    camera = pl.PlenopticCamera(lens=lens, sensor=pl.Sensor(shape=(1, 241), pixel_pitch=1.0), stop_to_microlenses=95.1)
+    column = round(-x + 120)
+    shot = pl.render_white(camera, samples=4096, region=np.s_[:, column : column + 1], progress=False)
+    expected, error = brute_force_irradiance(camera, x)
+    joint = math.hypot(error, float(shot.standard_error[0, 0, 0]))
+    # Within a pixel of 1 mm the irradiance is linear to 2e-3.
+    assert abs(shot.image[0, 0, 0] - expected) < 4 * joint + 2e-3 * expected
+
+
+def test_fast_spherical_microlenses_lose_no_light_to_the_bounds(monkeypatch):
+    # f/1.4 plano-convex lenses, strongly aberrated: pixels between the microlens images are fed by rays whose ideal
+    # counterparts miss the pupil. Widening all margins must not change the image.
+    from plenoptic.camera import tables
+
+    camera = pl.PlenopticCamera(
+        lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=17.1)),
+        microlenses=pl.MicrolensArray(
+            pitch=0.217, focal_lengths=(0.3,), model=pl.MicrolensModel.SPHERICAL, thickness=0.2
+        ),
+        sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.010),
+        stop_to_microlenses=123.3,
+        microlenses_to_sensor=0.3,
+    )
+    region = np.s_[100:108, 0:8]
+    shot = pl.render_white(camera, samples=1024, region=region, progress=False)
+    margins = tables.strays
+    monkeypatch.setattr(tables, "strays", lambda *arguments: tuple(3 * margin for margin in margins(*arguments)))
+    wide = pl.render_white(camera, samples=4096, region=region, seed=1, progress=False)
+    joint = np.square(np.hypot(shot.standard_error, wide.standard_error), dtype=np.float64).sum()
+    assert abs(float((shot.image - wide.image).sum(dtype=np.float64))) < 4 * math.sqrt(joint)
+
+
+# ---- what would not end ----
+
+
+def test_overlap_without_limit_is_refused():
+    camera = pl.PlenopticCamera(
+        lens=pl.load_lens("double-gauss-100mm-f2"),
+        microlenses=pl.MicrolensArray(pitch=1e-5, focal_lengths=(1e-3,)),
+        sensor=pl.Sensor(shape=(4, 4), pixel_pitch=0.01),
+        stop_to_microlenses=123.3,
+        microlenses_to_sensor=1.7,
+    )
+    with pytest.raises(pl.InvalidValueError, match="each pixel sees about"):
+        pl.render_white(camera, samples=1, progress=False)
+
+
+def test_numbers_may_come_from_numpy():
+    camera, region = reference_camera(), np.s_[:4, :4]
+    one = pl.render_white(camera, samples=np.int64(8), replicates=np.int32(4), region=region, progress=False)
+    two = pl.render_white(camera, samples=8, replicates=4, region=region, progress=False)
+    np.testing.assert_array_equal(one.image, two.image)
+    top = pl.render_white(camera, samples=2, seed=2**64 - 1, region=region, progress=False)
+    assert top.seed == 2**64 - 1
+    with pytest.raises(pl.InvalidValueError, match="below 2"):
+        pl.render_white(camera, samples=2, seed=2**64, region=region, progress=False)

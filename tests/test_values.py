@@ -1,11 +1,23 @@
 import copy
 import dataclasses
+import enum
 import pickle
 
 import numpy as np
 import pytest
 
-from plenoptic._values import finite, frozen_array, positive, read_only, set_field, value, whole
+from plenoptic._values import (
+    choice,
+    finite,
+    frozen_array,
+    number,
+    positive,
+    read_only,
+    set_field,
+    value,
+    whole,
+    wrong_kind,
+)
 from plenoptic.errors import InvalidValueError
 
 
@@ -17,6 +29,11 @@ class Plate:
 
     def __post_init__(self) -> None:
         set_field(self, "corners", frozen_array(self.corners, name="corners", shape=(None, 2)))
+
+
+class Side(enum.IntEnum):
+    LEFT = 0
+    RIGHT = 1
 
 
 @value
@@ -80,9 +97,15 @@ def test_copies_are_equal_and_stay_read_only(copied):
 
 
 def test_repr_is_short_and_leaves_defaults_out():
-    assert repr(plate()) == "Plate(corners=<2 x 2 float64>)"
-    assert repr(plate(label="left")) == "Plate(corners=<2 x 2 float64>, label='left')"
+    assert repr(plate()) == "Plate(corners=[[0.0, 1.0], [2.0, nan]])"
+    assert repr(plate(label="left")) == "Plate(corners=[[0.0, 1.0], [2.0, nan]], label='left')"
+    assert repr(plate(corners=np.zeros((5, 2)))) == "Plate(corners=<5 x 2 float64>)"
+    assert repr(plate(corners=np.zeros((0, 2)))) == "Plate(corners=<0 x 2 float64>)"
     assert repr(Named("left")) == "<left>"
+
+
+def test_a_choice_is_a_member_or_its_number():
+    assert choice(1, Side, "side") is choice(Side.RIGHT, Side, "side") is Side.RIGHT
 
 
 def test_read_only_leaves_the_original_writable():
@@ -103,6 +126,14 @@ def test_read_only_leaves_the_original_writable():
         (lambda: whole(True, "samples", at_least=1), "samples is True; it must be a whole number"),
         (lambda: whole(0, "samples", at_least=1), "samples is 0; it must be at least 1"),
         (lambda: frozen_array([1, 2], name="axis", shape=(3,)), r"axis has shape \(2,\); it must have shape \(3,\)"),
+        (
+            lambda: frozen_array([1, 2], name="image", shape=("rows", "columns", 3)),
+            r"image has shape \(2,\); it must have shape \(rows, columns, 3\)",
+        ),
+        (lambda: number(None, "z"), "z is None; it must be a number"),
+        (lambda: choice("left", Side, "side"), "side is 'left'; it must be Side.LEFT or Side.RIGHT"),
+        (lambda: choice(2, Side, "side"), "side is 2; it must be Side.LEFT or Side.RIGHT"),
+        (lambda: choice([], Side, "side"), r"side is \[\]; it must be Side.LEFT or Side.RIGHT"),
         (lambda: frozen_array(["a"], name="axis", shape=(1,)), "axis is not an array of numbers"),
         (lambda: frozen_array([300], name="mask", shape=(1,), dtype=np.uint8), "mask is not an array of numbers"),
     ],
@@ -110,3 +141,12 @@ def test_read_only_leaves_the_original_writable():
 def test_what_cannot_be_is_named(check, sentence):
     with pytest.raises(InvalidValueError, match=sentence):
         check()
+
+
+def test_another_kind_is_named_with_a_way_out():
+    assert str(wrong_kind(plate(), "plate", "Sensor", "plate.sensor")) == (
+        "plate is a Plate; give a Sensor, such as plate.sensor"
+    )
+    assert str(wrong_kind(np.zeros(3), "shot", "Exposure", "Exposure(image)")).startswith(
+        "shot is an ndarray; give an "
+    )

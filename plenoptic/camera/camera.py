@@ -40,7 +40,8 @@ class PlenopticCamera:
     Raises
     ------
     InvalidValueError
-        Where the array or the sensor would lie inside the lens or in each other.
+        Where the array or the sensor would lie inside the lens or in each other, or a medium of the lens is not
+        defined at the wavelength.
 
     Examples
     --------
@@ -71,6 +72,10 @@ class PlenopticCamera:
         if self.pose is not None and not isinstance(self.pose, Pose):
             raise InvalidValueError(f"pose is {self.pose!r}; it must be a Pose or None, see posed()")
         set_field(self, "wavelength", positive(self.wavelength, "wavelength", "nm"))
+        try:
+            self.lens.indices(self.wavelength)
+        except InvalidValueError as error:
+            raise type(error)(f"{error} (wavelengths are in nanometres)") from None
         set_field(self, "stop_to_microlenses", finite(self.stop_to_microlenses, "stop_to_microlenses"))
         set_field(self, "microlenses_to_sensor", finite(self.microlenses_to_sensor, "microlenses_to_sensor"))
         self._check_distances()
@@ -124,11 +129,23 @@ class PlenopticCamera:
         Returns
         -------
         PlenopticCamera
+
+        Examples
+        --------
+        >>> import plenoptic as pl
+        >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
+        ...     sensor=pl.Sensor(shape=(16, 16), pixel_pitch=0.01), stop_to_microlenses=130.0)
+        >>> camera.posed(position=(0, 0, 900), look_at=(0, 0, 0)).pose.position.tolist()
+        [0.0, 0.0, 900.0]
         """
         return dataclasses.replace(self, pose=Pose.look_at(position, look_at, up))
 
     def focused_at(self, z: float) -> PlenopticCamera:
-        """The same camera with its back moved so that a plane is sharp; see `focused_distance` for the rule.
+        """The same camera with its back moved so that a plane is sharp, by paraxial optics.
+
+        With microlenses of focal length f at b = microlenses_to_sensor, the main lens images the plane onto the
+        array itself if b = f, and otherwise onto the plane that the microlenses image onto the sensor: at
+        b f / (f - b) behind the array, in front of it where b > f. A conventional camera images it onto its sensor.
 
         Parameters
         ----------
@@ -143,7 +160,7 @@ class PlenopticCamera:
         Raises
         ------
         InvalidValueError
-            Where no position of the back behind the lens is sharp.
+            Where no position of the back behind the lens is sharp, or z is no number.
 
         Examples
         --------

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from plenoptic._values import number
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics import paraxial
 
@@ -32,7 +33,8 @@ def image_behind_array(camera: PlenopticCamera) -> float:
 
 def focused_stop_to_microlenses(camera: PlenopticCamera, z: float) -> float:
     """The distance from iris to array at which the plane z of the camera's frame is sharp, in mm."""
-    if math.isnan(z) or not z < 0:
+    z = number(z, "z")
+    if not z < 0:
         raise InvalidValueError(f"z is {z} mm; the plane must lie in front of the camera, at z below 0")
     image = paraxial.image_position(camera.lens, z, camera.wavelength)
     focus = paraxial.cardinal_points(camera.lens, camera.wavelength).front_focus

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -36,6 +38,10 @@ class Pose:
     rotation: NDArray[np.float64]
     position: NDArray[np.float64]
 
+    if TYPE_CHECKING:
+
+        def __init__(self, rotation: ArrayLike, position: ArrayLike) -> None: ...
+
     def __post_init__(self) -> None:
         set_field(self, "rotation", frozen_array(self.rotation, name="rotation", shape=(3, 3)))
         set_field(self, "position", frozen_array(self.position, name="position", shape=(3,)))
@@ -62,6 +68,17 @@ class Pose:
         Returns
         -------
         Pose
+
+        Raises
+        ------
+        InvalidValueError
+            Where the two points are one or not finite, or `up` lies along the view.
+
+        Examples
+        --------
+        >>> import plenoptic as pl
+        >>> pl.Pose.look_at(position=(0, 0, 900), target=(0, 0, 0))
+        Pose(rotation=[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], position=[0.0, 0.0, 900.0])
         """
         start = frozen_array(position, name="position", shape=(3,))
         backwards = start - frozen_array(target, name="look_at", shape=(3,))

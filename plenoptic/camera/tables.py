@@ -9,13 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.optics.microlenses import ConvexSide, MicrolensArray, MicrolensModel
-from plenoptic.optics.pupil import PupilBounds, pupil_bounds
+from plenoptic.camera.strays import fill_spherical, strays
+from plenoptic.optics.microlenses import MicrolensArray, MicrolensModel
+from plenoptic.optics.pupil import PupilBounds, pupil_bounds, rear_reach
 from plenoptic.optics.tables import LensTables, lens_tables
-
-_NO_EDGES = np.zeros((0, 3))
-_SAFETY = 1.25
-"""Margins found on a grid of rays are widened by this factor."""
 
 
 class CellTables(NamedTuple):
@@ -77,18 +74,8 @@ def camera_tables(camera: PlenopticCamera) -> CameraTables:
     else:
         distance, z_plane = camera.microlenses_to_sensor, camera.stop_to_microlenses
         ratio = (z_plane - z_last) / distance
-        # Rays that pass the rear rim and end on the sensor's corner cross the array no farther out than this.
-        rim = 1.2 * lens.elements[-1].semi_diameter
         bend = 1.0 + (z_plane - z_last) * (1.0 / distance - 1.0 / array.focal_length)
-        widest = (ratio * corner + rim + abs(bend) * array.cell_radius) / (1.0 + ratio) + array.cell_radius
-        bounds = pupil_bounds(
-            lens,
-            z_plane=z_plane,
-            largest_radius=widest,
-            cell_radius=array.cell_radius,
-            wavelength=camera.wavelength,
-        )
-        slack, stray = _strays(array, distance, z_plane, z_last, ratio, bend, float(bounds.reach.max()), widest)
+        bounds, slack, stray = _cell_bounds(camera, array, ratio, bend)
         cells = CellTables(
             basis=array.basis,
             inverse=np.asarray(np.linalg.inv(array.basis), dtype=np.float64),
@@ -124,59 +111,31 @@ def fill_through_array(blocks: NDArray[np.float64], tables: CameraTables) -> Non
     elif array.model is MicrolensModel.THIN:
         _lattice.fill_thin(blocks, tables.distance, 1.0 / array.focal_length, tables.z_plane)
     else:
-        _fill_spherical(blocks, array, tables.distance, tables.z_plane, tables.cells.edges)
+        fill_spherical(blocks, array, tables.distance, tables.z_plane, tables.cells.edges)
 
 
-def _fill_spherical(
-    blocks: NDArray[np.float64], array: MicrolensArray, distance: float, z_plane: float, edges: NDArray[np.float64]
-) -> None:
-    from plenoptic.optics import _lattice
+def _cell_bounds(
+    camera: PlenopticCamera, array: MicrolensArray, ratio: float, bend: float
+) -> tuple[PupilBounds, float, float]:
+    """Outlines of the pupil for all cells that matter, and how far the rays of real microlenses stray.
 
-    curved_first = array.convex_side is ConvexSide.SENSOR
-    curvature = (-1.0 if curved_first else 1.0) / array.radius
-    _lattice.fill_plano_convex(blocks, distance, z_plane, curved_first, curvature, array.thickness, array.index, edges)
-
-
-def _strays(
-    array: MicrolensArray,
-    distance: float,
-    z_plane: float,
-    z_last: float,
-    ratio: float,
-    bend: float,
-    reach: float,
-    widest: float,
-) -> tuple[float, float]:
-    """How far real rays stray from ideal ones on the plane of the outlines, and on the curved side.
-
-    Found by tracing a grid of aims over a cell from a grid of sensor points that can see the pupil through it.
+    A ray from the sensor at s crosses the plane of the outlines at c + ratio (c - s) + bend d, to within the slack,
+    and passes the lens no farther from the axis than a + b |c| there.
     """
-    if array.model is MicrolensModel.THIN:
-        return 0.0, 0.0
-    from plenoptic.optics._trace import BLOCK
-
-    offset = (reach + widest + abs(bend) * array.cell_radius) / ratio
-    aims = np.linspace(-array.cell_radius, array.cell_radius, 13)
-    points = np.linspace(-offset, offset, 13)
-    dx, dy, sx, sy = (g.ravel() for g in np.meshgrid(aims, aims, points, points, indexing="ij"))
-    fields = np.zeros((8, -(-dx.size // BLOCK) * BLOCK))
-    for row, column in enumerate((dx, dy, None, dx - sx, dy - sy)):
-        if column is not None:
-            fields[row, : dx.size] = column
-    blocks = np.ascontiguousarray(fields.reshape(8, -1, BLOCK).transpose(1, 0, 2))
-    _fill_spherical(blocks.reshape(-1), array, distance, z_plane, _NO_EDGES)
-    x, y, z, u, v, w, _, status = blocks.transpose(1, 0, 2).reshape(8, -1)[:, : dx.size]
-    inside = (np.hypot(dx, dy) <= array.cell_radius) & (status == 0)
-    ideal_x, ideal_y = -ratio * sx + bend * dx, -ratio * sy + bend * dy
-    seen = inside & (np.hypot(ideal_x, ideal_y) <= reach + widest)
-    if not seen.any():
-        seen = inside
-    t = (z_last - z) / w
-    slack = float(np.hypot(x + t * u - ideal_x, y + t * v - ideal_y)[seen].max())
-    if array.convex_side is ConvexSide.SCENE:
-        stray = float(np.hypot(x - dx, y - dy)[seen].max())
-    else:
-        slope = float((np.hypot(dx - sx, dy - sy) / distance)[seen].max())
-        sag = array.radius - math.sqrt(array.radius**2 - array.cell_radius**2)
-        stray = slope * sag
-    return _SAFETY * slack, _SAFETY * stray
+    a, b = rear_reach(camera.lens, camera.stop_to_microlenses)
+    slack = stray = 0.0
+    rounds = 1 if array.model is MicrolensModel.THIN else 2
+    while True:
+        farthest = ratio * camera.sensor.half_diagonal + a + abs(bend) * array.cell_radius + slack
+        widest = 1.02 * farthest / max(1.0 + ratio - b, 0.1 * (1.0 + ratio)) + array.cell_radius + stray
+        bounds = pupil_bounds(
+            camera.lens,
+            z_plane=camera.stop_to_microlenses,
+            largest_radius=widest,
+            cell_radius=array.cell_radius + stray,
+            wavelength=camera.wavelength,
+        )
+        rounds -= 1
+        if rounds == 0:
+            return bounds, slack, stray
+        slack, stray = strays(camera, array, ratio, bend, float(bounds.reach.max()) + widest)

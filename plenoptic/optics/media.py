@@ -21,6 +21,10 @@ G_LINE = 435.8343
 MODEL_GLASS_RANGE = (360.0, 1100.0)
 """Wavelengths, nm, within which Conrady's formula follows real glasses to a few units of the fourth decimal."""
 
+# No glass is beyond these, which have 1.4 to 2.2 and 15 to 100; nd and vd in the wrong order are.
+_LARGEST_ND = 4.0
+_SMALLEST_VD = 5.0
+
 
 @runtime_checkable
 class Medium(Protocol):
@@ -37,7 +41,14 @@ class Medium(Protocol):
     """
 
     def index(self, wavelength: float) -> float:
-        """Refractive index, relative to air, at a wavelength in nm."""
+        """Refractive index, relative to air, at a wavelength in nm.
+
+        Examples
+        --------
+        >>> import plenoptic as pl
+        >>> pl.AIR.index(587.6)
+        1.0
+        """
         ...
 
 
@@ -114,7 +125,15 @@ class ConstantMedium:
         set_field(self, "refractive_index", number)
 
     def index(self, wavelength: float) -> float:
-        """Refractive index; the wavelength (nm) makes no difference."""
+        """Refractive index; the wavelength (nm) makes no difference.
+
+        Examples
+        --------
+        >>> import plenoptic as pl
+        >>> water = pl.ConstantMedium(1.333)
+        >>> water.index(450.0) == water.index(650.0) == 1.333
+        True
+        """
         return self.refractive_index
 
 
@@ -137,9 +156,9 @@ class ModelGlass:
     Parameters
     ----------
     nd : float
-        Index at 587.5618 nm, above 1.
+        Index at 587.5618 nm, above 1 and at most 4.
     vd : float
-        Abbe number, above 0.
+        Abbe number, at least 5.
     name : str, optional
         For people; "BAF10", for instance.
 
@@ -171,6 +190,15 @@ class ModelGlass:
         if self.nd <= 1.0:
             raise InvalidValueError(f"nd is {self.nd:g}; a glass must have an index above 1: for air use pl.AIR")
         set_field(self, "vd", positive(self.vd, "vd"))
+        if self.nd > _LARGEST_ND:
+            raise InvalidValueError(
+                f"nd is {self.nd:g}; it must be at most {_LARGEST_ND:g}: give the index first and the Abbe number "
+                "second, as in ModelGlass(1.5168, 64.17)"
+            )
+        if self.vd < _SMALLEST_VD:
+            raise InvalidValueError(
+                f"vd is {self.vd:g}; it must be at least {_SMALLEST_VD:g}: real glasses have 15 to 100"
+            )
         shortest, longest = (self.index(wavelength) for wavelength in MODEL_GLASS_RANGE)
         if not shortest > longest:
             raise InvalidValueError(
@@ -178,7 +206,14 @@ class ModelGlass:
             )
 
     def index(self, wavelength: float) -> float:
-        """Refractive index at a wavelength of 360 to 1100 nm; an InvalidValueError outside."""
+        """Refractive index at a wavelength of 360 to 1100 nm; an InvalidValueError outside.
+
+        Examples
+        --------
+        >>> import plenoptic as pl
+        >>> round(pl.ModelGlass(1.5168, 64.17, "BK7").index(486.1327), 4)
+        1.5224
+        """
         lam = _wavelength_within(wavelength, MODEL_GLASS_RANGE, self.name or "this model glass")
         # Differences of the two basis functions over F - C and g - F; two equations for b and c.
         dispersion = (self.nd - 1.0) / self.vd
@@ -240,7 +275,15 @@ class Sellmeier:
             self.index(wavelength)
 
     def index(self, wavelength: float) -> float:
-        """Refractive index at a wavelength in nm; an InvalidValueError outside `wavelength_range`."""
+        """Refractive index at a wavelength in nm; an InvalidValueError outside `wavelength_range`.
+
+        Examples
+        --------
+        >>> import plenoptic as pl
+        >>> silica = pl.Sellmeier((0.6961663, 0.4079426, 0.8974794), (0.0684043**2, 0.1162414**2, 9.896161**2))
+        >>> round(silica.index(587.5618), 5)                           # I. H. Malitson, 1965: 1.45846
+        1.45846
+        """
         name = self.name or "this Sellmeier medium"
         square = (_wavelength_within(wavelength, self.wavelength_range, name) * 1e-3) ** 2
         try:
@@ -289,7 +332,15 @@ class Schott:
             self.index(wavelength)
 
     def index(self, wavelength: float) -> float:
-        """Refractive index at a wavelength in nm; an InvalidValueError outside `wavelength_range`."""
+        """Refractive index at a wavelength in nm; an InvalidValueError outside `wavelength_range`.
+
+        Examples
+        --------
+        >>> import plenoptic as pl
+        >>> bk7 = pl.Schott((2.2718929, -1.0108077e-2, 1.0592509e-2, 2.0816965e-4, -7.6472538e-6, 4.9240991e-7))
+        >>> bk7.index(486.1327) > bk7.index(656.2725)
+        True
+        """
         name = self.name or "this Schott medium"
         square = (_wavelength_within(wavelength, self.wavelength_range, name) * 1e-3) ** 2
         n2 = sum(a * square**power for a, power in zip(self.coefficients, (0, 1, -1, -2, -3, -4), strict=True))

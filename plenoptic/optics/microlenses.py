@@ -8,7 +8,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic._values import finite, positive, read_only, set_field, value
+from plenoptic._values import choice, finite, positive, read_only, set_field, value
 from plenoptic.errors import InvalidValueError
 
 
@@ -81,8 +81,8 @@ class MicrolensArray:
     Raises
     ------
     InvalidValueError
-        For a pitch or thickness that is not positive, a focal length of 0, an index that is not above 1, or
-        a sphere too small to cover its cell.
+        For a pitch or thickness that is not positive, a focal length of 0, an index that is not above 1,
+        a sphere too small to cover its cell, or a lattice, model or side that is none.
 
     Examples
     --------
@@ -111,9 +111,9 @@ class MicrolensArray:
         if focal_lengths[0] == 0:
             raise InvalidValueError("a focal length of 0 mm is impossible; give the focal length in mm, such as 2.0")
         set_field(self, "focal_lengths", focal_lengths)
-        set_field(self, "lattice", Lattice(self.lattice))
-        set_field(self, "model", MicrolensModel(self.model))
-        set_field(self, "convex_side", ConvexSide(self.convex_side))
+        set_field(self, "lattice", choice(self.lattice, Lattice, "lattice"))
+        set_field(self, "model", choice(self.model, MicrolensModel, "model"))
+        set_field(self, "convex_side", choice(self.convex_side, ConvexSide, "convex_side"))
         set_field(self, "thickness", positive(self.thickness, "thickness of the microlenses", "mm"))
         if not self.index > 1 or not math.isfinite(self.index):
             raise InvalidValueError(f"index of the microlenses is {self.index}; it must be above 1")

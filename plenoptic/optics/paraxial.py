@@ -7,17 +7,20 @@ nodal points are the principal points.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic._values import value
+from plenoptic._values import number, value, wrong_kind
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens import LensStack
 from plenoptic.optics.surface import Surface
 
 _EPS = float(np.finfo(np.float64).eps)
+
+_LONGEST = len("entrance_pupil_semi_diameter")
 
 
 @value
@@ -69,6 +72,14 @@ class CardinalPoints:
     f_number: float
     wavelength: float
 
+    def __repr__(self) -> str:
+        lines = [f"CardinalPoints at {self.wavelength:g} nm"]
+        for field in dataclasses.fields(self):
+            if field.name != "wavelength":
+                unit = "" if field.name in ("pupil_magnification", "f_number") else " mm"
+                lines.append(f"  {field.name:<{_LONGEST}} {getattr(self, field.name):>12.6g}{unit}")
+        return "\n".join(lines)
+
 
 def _without_rounding(total: float, *terms: float, steps: int = 4) -> float:
     """`total`, or exactly 0 where it is no more than what rounding leaves of the terms it was summed from."""
@@ -100,6 +111,8 @@ def _matrix(lens: LensStack, wavelength: float, first: int, last: int) -> NDArra
 
 
 def _end_surfaces(lens: LensStack) -> tuple[int, int]:
+    if not isinstance(lens, LensStack):
+        raise wrong_kind(lens, "lens", "LensStack", "camera.lens")
     surfaces = [i for i, element in enumerate(lens.elements) if isinstance(element, Surface)]
     return surfaces[0], surfaces[-1]
 
@@ -164,8 +177,8 @@ def cardinal_points(lens: LensStack, wavelength: float = 587.6) -> CardinalPoint
     >>> round(pl.paraxial.cardinal_points(pl.load_lens("double-gauss-100mm-f2"), wavelength=587.6).efl, 2)
     100.72
     """
-    z = lens.vertices
     first, last = _end_surfaces(lens)
+    z = lens.vertices
     ((a, _), (c, d)) = system_matrix(lens, wavelength).tolist()
     focal = c != 0
     efl = -1.0 / c if focal else math.inf
@@ -199,10 +212,10 @@ def cardinal_points(lens: LensStack, wavelength: float = 587.6) -> CardinalPoint
 
 
 def _position(z: float, name: str) -> float:
-    number = float(z)
-    if math.isnan(number):
+    position = number(z, name)
+    if math.isnan(position):
         raise InvalidValueError(f"{name} is nan; it must be a position in mm, math.inf for infinitely far away")
-    return number
+    return position
 
 
 def image_position(lens: LensStack, z_object: float, wavelength: float = 587.6) -> float:

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from plenoptic._values import read_only
 from plenoptic.optics.lens import LensStack
 from plenoptic.optics.paraxial import cardinal_points
+from plenoptic.optics.surface import Surface
 from plenoptic.optics.tables import LensTables, lens_tables
 
 SIDES = 16
@@ -26,7 +27,9 @@ SIDES = 16
 
 _COARSE, _FINE = 64, 128
 _RADII = 25
+_MOST_RADII = 225
 _BISECTIONS = 12
+_LARGEST_SHARE = 10.0
 
 
 class PupilBounds(NamedTuple):
@@ -149,31 +152,69 @@ def pupil_bounds(
     points = cardinal_points(lens, wavelength)
     pupil = (points.exit_pupil, points.exit_pupil_semi_diameter)
     columns = tuple(tuple(column.ravel().tolist()) for column in tables[:-1])
-    return _traced_bounds(columns, pupil, float(lens.vertices[-1]), z_plane, largest_radius, cell_radius)
+    rear = rear_reach(lens, z_plane)
+    return _traced_bounds(columns, pupil, rear, float(lens.vertices[-1]), z_plane, largest_radius, cell_radius)
+
+
+def rear_reach(lens: LensStack, z_plane: float) -> tuple[float, float]:
+    """How far from the axis light can cross the plane of the last vertex: (a, b) in a + b rho, in mm.
+
+    rho is the distance from the axis of the point of the plane z_plane to which the light goes. It must cross the
+    last surface inside its semi-diameter, at the rim by the sag in front of the vertex's plane or behind it; seen
+    from rho, the rim is projected onto that plane.
+    """
+    last = lens.elements[-1]
+    sag = float(last.sag(last.semi_diameter)) if isinstance(last, Surface) else 0.0
+    gap = z_plane - float(lens.vertices[-1])
+    share = min(gap / max(gap - sag, 1e-3 * gap), _LARGEST_SHARE)
+    return max(share, 1.0) * last.semi_diameter, abs(1.0 - share)
 
 
 @functools.lru_cache(maxsize=16)
 def _traced_bounds(
     columns: tuple[tuple[float, ...], ...],
     pupil: tuple[float, float],
+    rear: tuple[float, float],
     z: float,
     z_plane: float,
     largest_radius: float,
     cell_radius: float,
 ) -> PupilBounds:
-    """The bounds as a function of numbers alone: those of the lenses used last are remembered."""
+    """The bounds as a function of numbers alone: those of the lenses used last are remembered.
+
+    A pupil that moves by more than its size from one radius to the next would get outlines much too large; then
+    there are more radii.
+    """
     kind, z_vertex, curvature, index_ratio, clear, number, edges, first_edge = (np.array(column) for column in columns)
     tables = LensTables(
         kind, z_vertex, curvature, index_ratio, clear, number, edges.reshape(-1, 3), first_edge, direction=-1.0
     )
-    rim = 1.05 * math.sqrt(float(tables.clear[0]))
-    rho = np.linspace(0.0, largest_radius + cell_radius, _RADII)
-    support = _followed_outlines(tables, rho, pupil, z, z_plane, rim)
-    return _widened(rho, rho[1] - rho[0], support, cell_radius, largest_radius, z)
+    radii = _RADII
+    while True:
+        rho = np.linspace(0.0, largest_radius + cell_radius, radii)
+        support = _followed_outlines(tables, rho, pupil, z, z_plane, rear)
+        if radii >= _MOST_RADII or _largest_step(support) < 0.5:
+            return _widened(rho, support, cell_radius, largest_radius, z)
+        radii *= 3
+
+
+def _largest_step(support: NDArray[np.float64]) -> float:
+    """How far an outline's middle moves from one radius to the next, over its half width."""
+    middle = np.array([_middle(row) for row in support[np.isfinite(support[:, 0])]])
+    if len(middle) < 2:
+        return 0.0
+    # Where vignetting ends the field, outlines shrink to nothing: that is no reason for more radii.
+    half_width = np.maximum(middle[1:, 1], 0.3 * middle[:, 1].max())
+    return float((np.abs(np.diff(middle[:, 0])) / half_width).max())
 
 
 def _followed_outlines(
-    tables: LensTables, rho: NDArray[np.float64], pupil: tuple[float, float], z: float, z_plane: float, rim: float
+    tables: LensTables,
+    rho: NDArray[np.float64],
+    pupil: tuple[float, float],
+    z: float,
+    z_plane: float,
+    rear: tuple[float, float],
 ) -> NDArray[np.float64]:
     """Support distances (n, SIDES) as seen from points at the distances rho from the axis; -inf where it is dark.
 
@@ -183,6 +224,7 @@ def _followed_outlines(
     exit_pupil, semi_diameter = pupil
 
     def outline(radius: float, heading: tuple[float, float] | None) -> NDArray[np.float64]:
+        rim = 1.02 * (rear[0] + rear[1] * radius)
         guesses = [(0.0, rim)]
         if math.isfinite(exit_pupil) and exit_pupil < z_plane:
             # The paraxial pupil as seen from the cell, on the plane of the last vertex.
@@ -222,7 +264,6 @@ def _middle(support: NDArray[np.float64]) -> tuple[float, float]:
 
 def _widened(
     rho: NDArray[np.float64],
-    spacing: float,
     support: NDArray[np.float64],
     cell_radius: float,
     largest_radius: float,
@@ -230,7 +271,7 @@ def _widened(
 ) -> PupilBounds:
     """Union of the outlines of all points of a cell, for intervals of the distance of its centre."""
     normals = _normals()
-    bins = _RADII - 1
+    bins, spacing = len(rho) - 1, rho[1] - rho[0]
     step = largest_radius / bins if largest_radius > 0 else 1.0
     lit = np.isfinite(support[:, 0])
     corners = _corners(np.where(lit[:, None], support, 0.0))

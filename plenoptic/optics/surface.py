@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -73,9 +74,11 @@ less
                 f"semi_diameter {self.semi_diameter:g} mm exceeds the radius of curvature {abs(self.radius):g} mm; "
                 f"reduce it to {abs(self.radius):g} or less"
             )
-        if not callable(getattr(self.medium, "index", None)):
+        # A text or a list has an index() too, which finds things in it; a class has one without an instance.
+        if isinstance(self.medium, Sequence | type) or not callable(getattr(self.medium, "index", None)):
             raise PrescriptionError(
-                f"medium is {self.medium!r}; it must be a medium such as pl.AIR or pl.ConstantMedium(1.5)"
+                f"medium is {self.medium!r}; it must be a medium: pl.AIR, pl.ConstantMedium(1.5) or a glass, such as "
+                'pl.ModelGlass(1.5168, 64.17, "BK7")'
             )
 
     def _checked_radius(self) -> float:
@@ -127,8 +130,8 @@ less
                 f"r reaches {np.max(np.abs(distance)):g} mm, where the sphere of radius {self.radius:g} mm has no "
                 "point; stay within the radius"
             )
-        # The same in terms of the radius, which is exact at the equator too; roots apart, so that no square overflows.
-        size, out = abs(self.radius), np.abs(distance)
-        with np.errstate(over="ignore"):
-            depth = size + np.sqrt(size - out) * np.sqrt(size + out)
-        return np.asarray(np.copysign(out * (out / depth), self.radius))
+        # The same in terms of the radius, which is exact at the equator too; roots apart and all lengths over 4, which
+        # is exact, so that neither a square nor a sum overflows.
+        size, out = abs(self.radius) / 4, np.abs(distance) / 4
+        depth = size + np.sqrt(size - out) * np.sqrt(size + out)
+        return np.asarray(np.copysign(np.abs(distance) * (out / depth), self.radius))

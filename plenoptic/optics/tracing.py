@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from plenoptic._threads import run_in_order, thread_count
+from plenoptic._values import wrong_kind
 from plenoptic.optics.lens import LensStack
 from plenoptic.optics.tables import lens_tables
 from plenoptic.rays import RayBundle
@@ -17,6 +18,8 @@ def traced(lens: LensStack, rays: RayBundle, *, reverse: bool, threads: int | No
     """Trace a bundle one way or the other; see `LensStack.trace`."""
     from plenoptic.optics._trace import fill_traced_rows
 
+    if not isinstance(rays, RayBundle):
+        raise wrong_kind(rays, "rays", "RayBundle", "pl.RayBundle([[0, 0, -100]], [[0, 0, 1]])")
     tables = lens_tables(lens, rays.wavelength, reverse=reverse)
     n = len(rays)
     origin, direction, weight = np.empty((n, 3)), np.empty((n, 3)), np.empty(n)

@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic._values import wrong_kind
 from plenoptic.images import linear_to_srgb
+from plenoptic.plots import _pyplot
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -59,6 +61,13 @@ def plot_exposure(exposure: Exposure, *, figure: Figure | None = None) -> Figure
         error end at the 99.8th percentile. The error of a coloured image is the root mean square over its
         channels. Depth is in mm and blank where nothing is met.
 
+    Raises
+    ------
+    InvalidValueError
+        If `exposure` is no Exposure.
+    PlenopticError
+        Which is an ImportError too: without matplotlib.
+
     Examples
     --------
     >>> import numpy as np
@@ -68,8 +77,10 @@ def plot_exposure(exposure: Exposure, *, figure: Figure | None = None) -> Figure
     >>> [ax.get_title() for ax in figure.axes if ax.get_title()]
     ['image', 'standard error']
     """
-    import matplotlib.pyplot as plt
-
+    # By what it has, since figures know no exposures.
+    if not hasattr(exposure, "standard_error"):
+        raise wrong_kind(exposure, "exposure", "Exposure", "pl.Exposure(image)")
+    plt = _pyplot()
     rows, columns, channels = exposure.image.shape
     panels = 1 + (exposure.standard_error is not None) + (exposure.depth is not None)
     if figure is None:

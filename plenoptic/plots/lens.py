@@ -8,6 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic._values import wrong_kind
+from plenoptic.plots import _pyplot
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
@@ -92,6 +95,13 @@ def plot_lens(lens: LensStack, ax: Axes | None = None) -> Axes:
     matplotlib.axes.Axes
         z in mm to the right, towards the sensor, y in mm upwards; the iris is at z = 0 and darkest.
 
+    Raises
+    ------
+    InvalidValueError
+        If `lens` is no LensStack.
+    PlenopticError
+        Which is an ImportError too: without matplotlib.
+
     Examples
     --------
     >>> import plenoptic as pl
@@ -99,8 +109,10 @@ def plot_lens(lens: LensStack, ax: Axes | None = None) -> Axes:
     >>> ax.get_xlabel()
     'z / mm'
     """
-    import matplotlib.pyplot as plt
-
+    # By what it has, since figures know no optics.
+    if not hasattr(lens, "profiles"):
+        raise wrong_kind(lens, "lens", "LensStack", "camera.lens")
+    plt = _pyplot()
     if ax is None:
         _, ax = plt.subplots(figsize=(7.0, 5.0), layout="constrained")
     profiles = lens.profiles()

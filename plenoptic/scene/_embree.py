@@ -18,6 +18,8 @@ from numba import types
 from numpy.typing import NDArray
 
 from plenoptic._jit import device, kernel
+from plenoptic.scene._hit import SHADOW_END
+from plenoptic.scene.accel import middle_of
 
 PACKET = 16
 
@@ -99,9 +101,10 @@ class EmbreeTriangles:
     """A committed Embree scene of one triangle mesh; it owns its buffers and frees the scene with itself."""
 
     def __init__(self, vertices: NDArray[np.float64], triangles: NDArray[np.int32]) -> None:
+        self.middle = middle_of(vertices)
         # Embree reads 16 bytes at a time: buffers end with room to spare.
         self._vertices = np.zeros(vertices.size + _PADDING, dtype=np.float32)
-        self._vertices[: vertices.size] = vertices.ravel()
+        self._vertices[: vertices.size] = (vertices - self.middle).ravel()
         self._triangles = np.zeros(triangles.size + _PADDING, dtype=np.uint32)
         self._triangles[: triangles.size] = triangles.ravel()
         self._device = _library.rtcNewDevice(None)
@@ -129,11 +132,11 @@ class EmbreeTriangles:
     def fill_closest(self, hits: NDArray[np.int32], rays: NDArray[np.float64], *, coherent: bool) -> None:
         """Triangle that each ray (origin and direction, (n, 6)) meets first, or -1."""
         arguments = self._coherent if coherent else self._incoherent
-        _fill_closest(hits, rays, self._scene, ctypes.addressof(arguments))
+        _fill_closest(hits, rays, self.middle, self._scene, ctypes.addressof(arguments))
 
     def fill_blocked(self, blocked: NDArray[np.uint8], rays: NDArray[np.float64]) -> None:
         """1 where something lies between a ray's origin and origin + direction, else 0."""
-        _fill_blocked(blocked, rays, self._scene, ctypes.addressof(self._incoherent))
+        _fill_blocked(blocked, rays, self.middle, self._scene, ctypes.addressof(self._incoherent))
 
 
 def _release(scene: int, device: int) -> None:
@@ -149,16 +152,16 @@ def _aligned(rows, spare):
 
 
 @device
-def _pack(packet, valid, rays, start, far):
+def _pack(packet, valid, rays, middle, start, far):
     """Put rays start ... start + 15 into a packet; lanes beyond the last ray are switched off."""
     number = packet.view(np.uint32)
     for lane in range(PACKET):
         inside = start + lane < rays.shape[0]
         i = start + lane if inside else start
         valid[lane] = -1 if inside else 0
-        packet[_ORG_X + lane] = rays[i, 0]
-        packet[_ORG_Y + lane] = rays[i, 1]
-        packet[_ORG_Z + lane] = rays[i, 2]
+        packet[_ORG_X + lane] = rays[i, 0] - middle[0]
+        packet[_ORG_Y + lane] = rays[i, 1] - middle[1]
+        packet[_ORG_Z + lane] = rays[i, 2] - middle[2]
         packet[_DIR_X + lane] = rays[i, 3]
         packet[_DIR_Y + lane] = rays[i, 4]
         packet[_DIR_Z + lane] = rays[i, 5]
@@ -172,13 +175,13 @@ def _pack(packet, valid, rays, start, far):
 
 
 @kernel
-def _fill_closest(hits, rays, scene, arguments):
+def _fill_closest(hits, rays, middle, scene, arguments):
     packet = _aligned(np.zeros(_RAYHIT + 16, np.float32), 16)
     valid = _aligned(np.zeros(PACKET + 16, np.int32), 16)
     number = packet.view(np.uint32)
     n = rays.shape[0]
     for start in range(0, n, PACKET):
-        _pack(packet, valid, rays, start, np.inf)
+        _pack(packet, valid, rays, middle, start, np.inf)
         _intersect16(valid.ctypes.data, scene, packet.ctypes.data, arguments)
         for lane in range(min(PACKET, n - start)):
             hit = number[_GEOMETRY + lane] != _INVALID
@@ -186,12 +189,12 @@ def _fill_closest(hits, rays, scene, arguments):
 
 
 @kernel
-def _fill_blocked(blocked, rays, scene, arguments):
+def _fill_blocked(blocked, rays, middle, scene, arguments):
     packet = _aligned(np.zeros(_RAYHIT + 16, np.float32), 16)
     valid = _aligned(np.zeros(PACKET + 16, np.int32), 16)
     n = rays.shape[0]
     for start in range(0, n, PACKET):
-        _pack(packet, valid, rays, start, 1.0)
+        _pack(packet, valid, rays, middle, start, SHADOW_END)
         _occluded16(valid.ctypes.data, scene, packet.ctypes.data, arguments)
         for lane in range(min(PACKET, n - start)):
             # Embree marks an occluded ray by a far end of minus infinity.

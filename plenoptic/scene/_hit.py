@@ -6,10 +6,18 @@ import math
 
 from plenoptic._jit import device
 
-OFFSET = 2.0**-18
-"""Secondary rays start this far off the surface, relative to the largest coordinate involved: some 32 units in
-the last place of the float32 in which Embree holds the triangles (after C. Waechter and N. Binder, Ray Tracing
-Gems, 2019, ch. 6, with one length in place of one shift a component)."""
+OFFSET = 2.0**-20
+"""Secondary rays start off the surface by this much of the coordinates that float32 has rounded: 16 units of
+rounding of the numbers in which Embree holds the triangles (after C. Waechter and N. Binder, Ray Tracing Gems,
+2019, ch. 6, with a length along the normal in place of one shift a component)."""
+
+
+OFFSET_64 = 2.0**-42
+"""And by this much of all coordinates, for the rounding of the hit point itself in float64."""
+
+
+SHADOW_END = 1.0 - 2.0**-18
+"""Where shadow rays end, as a part of the way to the light: float32 must not find the light itself in between."""
 
 
 @device
@@ -44,13 +52,22 @@ def distance_and_facing(ray, vertices, triangles, k):
 
 
 @device
-def clearance(px, py, pz, vertices, triangles, k):
-    """How far off triangle k a ray must start so that float32 cannot put it behind the triangle."""
-    largest = max(abs(px), abs(py), abs(pz))
+def clearance(px, py, pz, nx, ny, nz, vertices, triangles, k, middle):
+    """How far off triangle k, at a point of it with the unit normal n, a ray must start to be in front of it.
+
+    In float32 the triangle lies off its place by the rounding of its corners, relative to the `middle` of the scene,
+    along the normal: coordinates along the surface, large as they may be, do not count.
+    """
+    ax, ay, az = abs(nx), abs(ny), abs(nz)
+    across = ax * abs(px - middle[0]) + ay * abs(py - middle[1]) + az * abs(pz - middle[2])
+    along = abs(px) + abs(py) + abs(pz)
     for corner in range(3):
-        for axis in range(3):
-            largest = max(largest, abs(vertices[triangles[k, corner], axis]))
-    return OFFSET * largest
+        v = vertices[triangles[k, corner]]
+        size = ax * abs(v[0] - middle[0]) + ay * abs(v[1] - middle[1]) + az * abs(v[2] - middle[2])
+        reach = ax * abs(v[0] - px) + ay * abs(v[1] - py) + az * abs(v[2] - pz)
+        across = max(across, size + reach)
+        along = max(along, abs(v[0]) + abs(v[1]) + abs(v[2]))
+    return OFFSET * across + OFFSET_64 * along
 
 
 @device

@@ -99,13 +99,15 @@ def fill_scattered(
     light_triangles,
     light_cdf,
     light_area_pdf,
+    middle,
 ):
     """Lambertian scattering: one shadow ray towards a light and one ray onwards for each ray that hits.
 
     Returns the numbers of shadow rays and of rays onwards. `next_rays` is None where none are wanted,
     `light_triangles` None where there are no lights, `throughput` None for rays straight from the camera.
     Direct light is emission albedo / pi cos cos / distance^2 / density; a ray onwards is drawn by its cosine, so that
-    its weight is the albedo.
+    its weight is the albedo. Secondary rays start in front of the surface by the clearance that float32 needs; direct
+    light's geometry is that of the hit itself.
     """
     channels = albedo.shape[1]
     colour = np.empty(channels)
@@ -138,8 +140,8 @@ def fill_scattered(
             if sx * ray[3] + sy * ray[4] + sz * ray[5] < 0.0:
                 nx, ny, nz = sx, sy, sz
         px, py, pz = ray[0] + t * ray[3], ray[1] + t * ray[4], ray[2] + t * ray[5]
-        off = clearance(px, py, pz, vertices, triangles, k)
-        px, py, pz = px + off * gx, py + off * gy, pz + off * gz
+        off = clearance(px, py, pz, gx, gy, gz, vertices, triangles, k, middle)
+        qx, qy, qz = px + off * gx, py + off * gy, pz + off * gz
         path = path_of[i]
         key = set_key(path_key[path], bounce + 1)
         index = set_index(path_index[path], key, bounce + 1)
@@ -157,10 +159,11 @@ def fill_scattered(
             if visible and at_surface > 0.0 and at_light != 0.0 and r2 > 0.0:
                 twice_area = math.sqrt(hx * hx + hy * hy + hz * hz)
                 geometry = at_surface * abs(at_light) / (twice_area * r2 * r2 * math.pi * light_area_pdf[light])
-                off = facing * clearance(lx, ly, lz, vertices, triangles, lit) / twice_area
+                hx, hy, hz = facing * hx / twice_area, facing * hy / twice_area, facing * hz / twice_area
+                off = clearance(lx, ly, lz, hx, hy, hz, vertices, triangles, lit, middle)
                 row = shadow_rays[shadows]
-                row[0], row[1], row[2] = px, py, pz
-                row[3], row[4], row[5] = wx + off * hx, wy + off * hy, wz + off * hz
+                row[0], row[1], row[2] = qx, qy, qz
+                row[3], row[4], row[5] = lx + off * hx - qx, ly + off * hy - qy, lz + off * hz - qz
                 shadow_path[shadows] = path
                 for c in range(channels):
                     through = 1.0 if throughput is None else throughput[i, c]
@@ -175,7 +178,7 @@ def fill_scattered(
             dx, dy, dz = a * ax + b * bx + up * nx, a * ay + b * by + up * ny, a * az + b * bz + up * nz
             if dx * gx + dy * gy + dz * gz > 0.0:
                 row = next_rays[onwards]
-                row[0], row[1], row[2] = px, py, pz
+                row[0], row[1], row[2] = qx, qy, qz
                 row[3], row[4], row[5] = dx, dy, dz
                 next_path[onwards] = path
                 for c in range(channels):

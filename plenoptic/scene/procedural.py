@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic._values import frozen_array, positive, whole
+from plenoptic._values import finite, frozen_array, positive, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.scene.light import QuadLight
 from plenoptic.scene.material import Emissive, Lambertian, Material
@@ -68,9 +68,7 @@ def box(size: ArrayLike, *, center: ArrayLike = (0.0, 0.0, 0.0), material: Mater
     >>> pl.box(4).bounds.tolist()
     [[-2.0, -2.0, -2.0], [2.0, 2.0, 2.0]]
     """
-    edges = np.broadcast_to(np.asarray(size, dtype=np.float64), 3)
-    for edge in edges:
-        positive(edge, "size of the box", "mm")
+    edges = np.array([positive(edge, "size of the box", "mm") for edge in _edge_lengths(size)])
     middle = frozen_array(center, name="center", shape=(3,))
     corners: list[NDArray[np.float64]] = []
     faces: list[list[int]] = []
@@ -117,10 +115,14 @@ def sphere(
     >>> pl.sphere(2.5)
     Mesh(8385 vertices, 16128 triangles, Lambertian())
     """
-    angle = np.linspace(-math.pi / 2, math.pi / 2, whole(segments[1], "segments from pole to pole", at_least=2) + 1)
+    try:
+        around, along = segments
+    except (TypeError, ValueError):
+        raise InvalidValueError(f"segments is {segments!r}; it must be (around, from pole to pole)") from None
+    angle = np.linspace(-math.pi / 2, math.pi / 2, whole(along, "segments from pole to pole", at_least=2) + 1)
     profile = positive(radius, "radius", "mm") * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     profile[[0, -1], 0] = 0.0
-    return turned(profile, segments=segments[0], material=material).translated(
+    return turned(profile, segments=around, material=material).translated(
         *frozen_array(center, name="center", shape=(3,)).tolist()
     )
 
@@ -211,9 +213,10 @@ def checkerboard(
     >>> len(even.faces), len(odd.faces)
     (4, 4)
     """
-    positive(square, "square", "mm")
+    square = positive(square, "square", "mm")
+    extents, starts = _pair(size, "size", "(width, height)"), _pair(offset, "offset", "(x, y)")
     lines = []
-    for extent, start in zip(size, offset, strict=True):
+    for extent, start in zip(extents, starts, strict=True):
         half = positive(extent, "size of the checkerboard", "mm") / 2
         first, last = math.floor((-half - start) / square), math.ceil((half - start) / square)
         places = np.clip(start + square * np.arange(first, last + 1), -half, half)
@@ -223,7 +226,7 @@ def checkerboard(
     (x, column), (y, row) = lines
     grid = np.stack(np.broadcast_arrays(x, y[:, None], 0.0), axis=-1).reshape(-1, 3)
     faces = _grid_faces(len(y), len(x)).reshape(2, len(y) - 1, len(x) - 1, 3)
-    parity = _squares_below(row, y, offset[1], square)[:, None] + _squares_below(column, x, offset[0], square)
+    parity = _squares_below(row, y, starts[1], square)[:, None] + _squares_below(column, x, starts[0], square)
     is_odd = parity % 2 == 1
     meshes = []
     for chosen, material in ((~is_odd, even or Lambertian(0.8)), (is_odd, odd or Lambertian(0.2))):
@@ -246,6 +249,21 @@ def _grid_faces(rows: int, columns: int) -> NDArray[np.int64]:
     i = np.arange(rows * columns).reshape(rows, columns)
     a, b, c, d = i[:-1, :-1].ravel(), i[:-1, 1:].ravel(), i[1:, :-1].ravel(), i[1:, 1:].ravel()
     return np.concatenate([np.stack([a, b, d], axis=1), np.stack([a, d, c], axis=1)])
+
+
+def _edge_lengths(size: ArrayLike) -> list[float]:
+    try:
+        return [float(edge) for edge in np.broadcast_to(np.asarray(size, dtype=np.float64), 3)]
+    except (TypeError, ValueError, OverflowError):
+        raise InvalidValueError(f"size of the box is {size!r}; it must be one edge or (x, y, z) in mm") from None
+
+
+def _pair(values: tuple[float, float], name: str, wanted: str) -> tuple[float, float]:
+    try:
+        first, second = values
+    except (TypeError, ValueError):
+        raise InvalidValueError(f"{name} is {values!r}; it must be {wanted} in mm") from None
+    return finite(first, name), finite(second, name)
 
 
 def _or_grey(material: Material | None) -> Material:

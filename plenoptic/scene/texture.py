@@ -6,7 +6,7 @@ from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from plenoptic._values import frozen_array, set_field, value
 from plenoptic.errors import FileError, InvalidValueError, SceneError
@@ -46,6 +46,10 @@ class Texture:
     """
 
     texels: NDArray[np.float32]
+
+    if TYPE_CHECKING:
+
+        def __init__(self, texels: ArrayLike) -> None: ...
 
     def __post_init__(self) -> None:
         if isinstance(self.texels, np.ndarray) and self.texels.dtype.kind in "iub":

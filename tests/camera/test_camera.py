@@ -53,6 +53,10 @@ def test_the_sensor_lies_behind_both_principal_planes() -> None:
         ({"microlenses": "hexagonal"}, "microlenses is 'hexagonal'; it must be a MicrolensArray or None"),
         ({"lens": None}, "lens is None; it must be a LensStack"),
         ({"sensor": (512, 512)}, r"sensor is \(512, 512\); it must be a Sensor"),
+        (
+            {"wavelength": 0.55},
+            r"wavelength 0.55 nm is outside 360 to 1100 nm, .*another medium \(wavelengths are in nanometres\)",
+        ),
         ({"wavelength": 0.0}, "wavelength is 0 nm; it must be above 0"),
     ],
 )

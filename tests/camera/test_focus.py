@@ -89,6 +89,12 @@ def test_planes_that_are_not_in_front(z: float) -> None:
         camera_with(1.7).focused_at(z)
 
 
+@pytest.mark.parametrize("z", ["x", None, [1.0, 2.0]])
+def test_what_is_no_distance(z) -> None:
+    with pytest.raises(pl.InvalidValueError, match="z is .*; it must be a number"):
+        camera_with(1.7).focused_at(z)
+
+
 @pytest.mark.parametrize("z", [-1.0, -50.0, -63.0])
 def test_planes_within_the_front_focus(z: float) -> None:
     focus = pl.paraxial.cardinal_points(LENS).front_focus

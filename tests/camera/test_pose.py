@@ -94,3 +94,4 @@ def test_a_pose_is_a_value() -> None:
     copy = pickle.loads(pickle.dumps(pose))
     assert copy == pose and hash(copy) == hash(pose)
     assert not copy.rotation.flags.writeable
+    assert eval(repr(pose), {"Pose": pl.Pose}) == pose

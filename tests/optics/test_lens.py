@@ -199,3 +199,9 @@ def test_the_plot_is_to_scale() -> None:
 
 def test_air_is_recognised_whatever_made_it() -> None:
     assert LensStack([STOP, FRONT, dataclasses.replace(BACK, medium=ConstantMedium(1))]).gap_media[-1] == AIR
+
+
+def test_only_rays_are_traced() -> None:
+    for trace in (two_lenses().trace, two_lenses().trace_reverse):
+        with pytest.raises(InvalidValueError, match=r"rays is a list; give a RayBundle, such as pl\.RayBundle"):
+            trace([[0, 0, -1]])  # type: ignore[arg-type]

@@ -104,6 +104,13 @@ def test_an_impossible_model_glass_is_refused(nd: float, vd: float) -> None:
         ModelGlass(nd, vd)
 
 
+def test_index_and_abbe_number_in_the_wrong_order_are_refused() -> None:
+    with pytest.raises(InvalidValueError, match=r"nd is 64\.17; .*give the index first"):
+        ModelGlass(64.17, 1.5168)
+    with pytest.raises(InvalidValueError, match="vd is 4.9; it must be at least 5"):
+        ModelGlass(1.5, 4.9)
+
+
 @given(nd=st.floats(), vd=st.floats(), wavelength=st.floats())
 def test_a_model_glass_never_answers_with_an_impossible_index(nd: float, vd: float, wavelength: float) -> None:
     try:

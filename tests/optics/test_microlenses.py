@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import plenoptic as pl
-from plenoptic.camera.tables import _fill_spherical
+from plenoptic.camera.strays import fill_spherical
 from plenoptic.optics import _lattice
 from plenoptic.optics._trace import BLOCK
 
@@ -106,6 +106,9 @@ def test_nearest_of_centres_are_the_centres() -> None:
         ({"thickness": 0.0}, "thickness of the microlenses is 0 mm; it must be above 0"),
         ({"index": 1.0}, "index of the microlenses is 1.0; it must be above 1"),
         ({"index": math.nan}, "index of the microlenses is nan; it must be above 1"),
+        ({"lattice": "hexagonal"}, "lattice is 'hexagonal'; it must be Lattice.HEXAGONAL or Lattice.SQUARE"),
+        ({"model": 2}, "model is 2; it must be MicrolensModel.THIN or MicrolensModel.SPHERICAL"),
+        ({"convex_side": "scene"}, "convex_side is 'scene'; it must be ConvexSide.SCENE or ConvexSide.SENSOR"),
         ({"index": math.inf}, "index of the microlenses is inf"),
         ({"model": SPHERICAL, "focal_lengths": (-2.0,)}, "focal length -2 mm: a plano-convex microlens collects light"),
         (
@@ -126,7 +129,7 @@ def test_impossible_arrays(changes: dict, message: str) -> None:
 
 @pytest.mark.parametrize(("name", "item"), [("lattice", 7), ("model", 5), ("convex_side", 2)])
 def test_choices_outside_the_enums(name: str, item: int) -> None:
-    with pytest.raises(ValueError, match=f"{item} is not a valid"):
+    with pytest.raises(pl.InvalidValueError, match=f"{name} is {item}; it must be .* or "):
         pl.MicrolensArray(pitch=0.2, focal_lengths=(2.0,), **{name: item})
 
 
@@ -183,7 +186,7 @@ def test_exact_microlenses_are_lenses_of_two_surfaces(side: pl.ConvexSide) -> No
     distance, z_array, n = 1.7, 123.3, 1000
     points, sensor, centres = aimed(array, n, height=0.1, slope=0.3, distance=distance)
     blocks = as_blocks(points, sensor, centres, 1.0)
-    _fill_spherical(blocks, array, distance, z_array, np.zeros((0, 3)))
+    fill_spherical(blocks, array, distance, z_array, np.zeros((0, 3)))
     found, along, _, status = from_blocks(blocks, n)
 
     glass = pl.ConstantMedium(array.index)
@@ -217,7 +220,7 @@ def test_focal_length_and_principal_planes_in_the_paraxial_limit(side: pl.Convex
     def slope_errors(h: float) -> float:
         points, sensor, centres = aimed(array, n, height=h, slope=h, distance=distance)
         blocks = as_blocks(points, sensor, centres, 1.0)
-        _fill_spherical(blocks, array, distance, z_array, np.zeros((0, 3)))
+        fill_spherical(blocks, array, distance, z_array, np.zeros((0, 3)))
         found, along, _, _ = from_blocks(blocks, n)
         # Through the front principal plane at the height of the rear one, bent by height over focal length.
         t = (z_array - found[:, 2]) / along[:, 2]
@@ -266,8 +269,8 @@ def test_rays_beside_their_own_sphere_are_another_microlens_s(side: pl.ConvexSid
     points, sensor, centres = aimed(array, 2000, height=0.35, slope=0.3, distance=1.7)
     n = len(points)
     with_edges, without = (as_blocks(points, sensor, centres, 1.0) for _ in range(2))
-    _fill_spherical(with_edges, array, 1.7, 40.0, array.cell_edges)
-    _fill_spherical(without, array, 1.7, 40.0, np.zeros((0, 3)))
+    fill_spherical(with_edges, array, 1.7, 40.0, array.cell_edges)
+    fill_spherical(without, array, 1.7, 40.0, np.zeros((0, 3)))
     found, along, _, status = from_blocks(with_edges, n)
     free_found, free_along, _, free_status = from_blocks(without, n)
     assert np.array_equal(found, free_found) and np.array_equal(along, free_along)

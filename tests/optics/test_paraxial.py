@@ -277,3 +277,40 @@ def test_other_stops_have_no_part_in_it() -> None:
     for field in dataclasses.fields(before):
         # The exit pupil is counted from another last element: rounding of 40.
         assert getattr(after, field.name) == pytest.approx(getattr(before, field.name), rel=1e-13, abs=1e-13)
+
+
+def test_a_camera_is_no_lens() -> None:
+    @dataclasses.dataclass
+    class Camera:
+        lens: LensStack
+
+    camera = Camera(load_lens("double-gauss-100mm-f2"))
+    asked = [
+        lambda: paraxial.system_matrix(camera),  # type: ignore[arg-type]
+        lambda: paraxial.cardinal_points(camera),  # type: ignore[arg-type]
+        lambda: paraxial.image_position(camera, -404.0),  # type: ignore[arg-type]
+        lambda: paraxial.object_position(camera, 134.0),  # type: ignore[arg-type]
+        lambda: paraxial.magnification(camera, -404.0),  # type: ignore[arg-type]
+    ]
+    for ask in asked:
+        with pytest.raises(InvalidValueError, match=r"lens is a Camera; give a LensStack, such as camera\.lens"):
+            ask()
+
+
+@pytest.mark.parametrize("z", ["near", None, math.nan])
+def test_what_is_no_position(z: float) -> None:
+    with pytest.raises(InvalidValueError, match="z_object is"):
+        paraxial.image_position(load_lens("double-gauss-100mm-f2"), z)
+
+
+def test_cardinal_points_are_shown_one_a_line_with_their_units() -> None:
+    points = paraxial.cardinal_points(load_lens("double-gauss-100mm-f2"), 546.1)
+    title, *lines = repr(points).splitlines()
+    assert title == "CardinalPoints at 546.1 nm"
+    shown = {name: (float(number), unit) for name, number, *unit in map(str.split, lines)}
+    fields = [field.name for field in dataclasses.fields(points) if field.name != "wavelength"]
+    assert list(shown) == fields
+    for name, (number, unit) in shown.items():
+        # Six significant digits.
+        assert number == pytest.approx(getattr(points, name), rel=5e-6)
+        assert unit == ([] if name in ("pupil_magnification", "f_number") else ["mm"])

@@ -1,9 +1,10 @@
 import math
 import pickle
+import sys
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from plenoptic.errors import InvalidValueError, PrescriptionError
@@ -88,6 +89,21 @@ def test_a_medium_must_have_an_index() -> None:
         Surface(10.0, medium=1.5, semi_diameter=1.0)  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize("medium", ["BK7", b"BK7", [1.5], (1.5, 64.0), ConstantMedium])
+def test_what_only_finds_things_by_index_is_no_medium(medium: object) -> None:
+    with pytest.raises(PrescriptionError, match=r"medium is .*BK7|medium is .*1\.5|medium is .*pl\.ModelGlass\("):
+        Surface(50, 5, medium, semi_diameter=10)  # type: ignore[arg-type]
+
+
+def test_sag_is_as_exact_at_the_ends_of_the_numbers() -> None:
+    # Four times the radius would overflow; powers of two change no bit.
+    small, large = Surface(1.3, semi_diameter=1.3), Surface(1.3 * 2.0**1023, semi_diameter=1.0)
+    for fraction in (0.25, 0.75, 1.0):
+        assert float(large.sag(1.3 * fraction * 2.0**1023)) == float(small.sag(1.3 * fraction)) * 2.0**1023
+
+
+@example(radius=8.98846567431158e307, thickness=0.0, semi_diameter=8.98846567431158e307)
+@example(radius=-sys.float_info.max, thickness=0.0, semi_diameter=sys.float_info.max)
 @given(radius=st.floats(), thickness=st.floats(), semi_diameter=st.floats())
 def test_what_is_accepted_is_usable(radius: float, thickness: float, semi_diameter: float) -> None:
     try:

@@ -1,5 +1,7 @@
 """Figures of exposures: what is there is drawn, what is not is left out."""
 
+import sys
+
 import matplotlib
 import numpy as np
 import pytest
@@ -90,3 +92,23 @@ def test_draws_into_a_given_figure():
     given = plt.figure()
     assert pl.plot_exposure(_shot(), figure=given) is given
     given.canvas.draw()
+
+
+def test_what_is_no_exposure_is_named():
+    with pytest.raises(pl.InvalidValueError, match=r"exposure is an ndarray; give an Exposure, such as pl\.Exposure"):
+        pl.plot_exposure(np.zeros((4, 4, 1)))
+
+
+def test_what_is_no_lens_is_named():
+    with pytest.raises(pl.InvalidValueError, match=r"lens is an Exposure; give a LensStack, such as camera\.lens"):
+        pl.plot_lens(_shot())
+
+
+@pytest.mark.parametrize(
+    "draw", [lambda: pl.plot_exposure(_shot()), lambda: pl.plot_lens(pl.load_lens("singlet-100mm-f4"))]
+)
+def test_without_matplotlib_the_extra_is_named(draw, monkeypatch):
+    monkeypatch.setitem(sys.modules, "matplotlib.pyplot", None)
+    with pytest.raises(pl.PlenopticError, match=r'pip install "plenoptic\[plot\]"') as caught:
+        draw()
+    assert isinstance(caught.value, ImportError)

@@ -207,8 +207,25 @@ def test_the_still_life_tells_left_from_right_and_up_from_down():
         lambda: turned([[-1, 0], [1, 1]]),
         lambda: checkerboard((4, 4), 0),
         lambda: checkerboard((0, 4), 1),
+        lambda: checkerboard((4, 4), 1, offset=(np.nan, 0)),
     ],
 )
 def test_impossible_bodies_are_refused(make):
     with pytest.raises(InvalidValueError):
+        make()
+
+
+@pytest.mark.parametrize(
+    ("make", "sentence"),
+    [
+        (lambda: box((1, 2)), r"size of the box is \(1, 2\); it must be one edge or \(x, y, z\) in mm"),
+        (lambda: box("big"), "size of the box is 'big'"),
+        (lambda: checkerboard(4, 1), r"size is 4; it must be \(width, height\) in mm"),
+        (lambda: checkerboard((4, "x"), 1), "size is 'x'; it must be a number"),
+        (lambda: checkerboard((4, 4), 1, offset=0.5), r"offset is 0.5; it must be \(x, y\) in mm"),
+        (lambda: sphere(1, segments=8), r"segments is 8; it must be \(around, from pole to pole\)"),
+    ],
+)
+def test_the_wrong_number_of_numbers_is_named(make, sentence):
+    with pytest.raises(InvalidValueError, match=sentence):
         make()
