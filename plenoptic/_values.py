@@ -5,14 +5,16 @@ from __future__ import annotations
 import dataclasses
 import enum
 import math
+import os
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.errors import InvalidValueError
+from plenoptic.errors import FileError, InvalidValueError
 
 if sys.version_info >= (3, 11):
     from typing import dataclass_transform
@@ -174,6 +176,20 @@ def value(cls: type[T]) -> type[T]:
         made.__repr__ = _repr
     finished: type[T] = made
     return finished
+
+
+def flag(value: bool, name: str) -> bool:
+    """`value` as a bool, or an error where it is something else."""
+    if not isinstance(value, bool | np.bool_):
+        raise InvalidValueError(f"{name} is {value!r}; it must be True or False")
+    return bool(value)
+
+
+def file_path(path: Any) -> Path:
+    """A path, or an error where it cannot be one."""
+    if not isinstance(path, str | os.PathLike) or isinstance(os.fspath(path), bytes):
+        raise FileError(f"{path!r} is not a path; give the name of a file as a text or a Path")
+    return Path(path)
 
 
 def set_field(instance: Any, name: str, item: Any) -> None:

@@ -7,7 +7,6 @@ import importlib.metadata
 import io
 import os
 from collections.abc import Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from plenoptic import images
 from plenoptic._description import describe, restore
-from plenoptic._values import finite, frozen_array, positive, set_field, value, whole
+from plenoptic._values import file_path, finite, frozen_array, positive, set_field, value, whole
 from plenoptic.errors import FileError, InvalidValueError
 
 if TYPE_CHECKING:
@@ -250,7 +249,7 @@ class Exposure:
         ...     pl.Exposure.load(path) == shot
         True
         """
-        ending = Path(path).suffix.lower()
+        ending = file_path(path).suffix.lower()
         if ending == ".exr":
             if scale is not None:
                 raise InvalidValueError(f"scale is {scale:g}, but EXR files keep the values as they are; leave it out")

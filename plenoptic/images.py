@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from plenoptic._values import file_path
 from plenoptic.errors import FileError, InvalidValueError
 
 __all__ = ["linear_to_srgb", "read_channels", "read_linear", "srgb_to_linear", "write_16bit", "write_channels"]
@@ -274,7 +275,7 @@ def _picture(channels: Mapping[str, NDArray[np.float32]], path: str | os.PathLik
 def _read(path: str | os.PathLike[str]) -> tuple[dict[str, NDArray[np.float32]], dict[str, Any], bool]:
     import OpenImageIO as oiio
 
-    name = os.fspath(path)
+    name = os.fspath(file_path(path))
     if not os.path.exists(name):
         raise FileError(f"{name!r} does not exist; check the path")
     if os.path.isdir(name):
@@ -287,11 +288,11 @@ def _read(path: str | os.PathLike[str]) -> tuple[dict[str, NDArray[np.float32]],
     try:
         spec = source.spec()
         pixels = source.read_image(oiio.FLOAT)
-        trouble = source.geterror()
+        trouble = _reason(source)
     finally:
         source.close()
     if pixels is None:
-        raise FileError(f"{name!r} is damaged: {' '.join(trouble.split())}; restore it from its origin")
+        raise FileError(f"{name!r} is damaged: {trouble}; restore it from its origin")
     pixels = pixels.reshape(spec.height, spec.width, spec.nchannels)
     channels = {channel: np.ascontiguousarray(pixels[:, :, i]) for i, channel in enumerate(spec.channelnames)}
     metadata: dict[str, Any] = {item.name: item.value for item in spec.extra_attribs}
@@ -302,15 +303,20 @@ def _read(path: str | os.PathLike[str]) -> tuple[dict[str, NDArray[np.float32]],
 
 
 def _writable(path: str | os.PathLike[str], endings: tuple[str, ...]) -> Path:
-    target = Path(path)
+    target = file_path(path)
     if target.suffix.lower() not in endings:
         raise FileError(f"{str(target)!r} ends in {target.suffix!r}; it must end in {' or '.join(endings)}")
-    if target.is_dir():
+    if os.path.isdir(target):  # unlike Path.is_dir, it is silent about names that no file can have
         raise FileError(f"{str(target)!r} is a folder; give the path of a file")
-    if not target.parent.is_dir():
+    if not os.path.isdir(target.parent):
         raise FileError(f"the folder {str(target.parent)!r} does not exist; make it first")
     if not os.access(target.parent, os.W_OK):
         raise FileError(f"the folder {str(target.parent)!r} is not writable; choose another one")
+    try:
+        with suppress(FileNotFoundError):
+            os.lstat(target)
+    except (OSError, ValueError) as error:  # too long, or with a zero byte
+        raise FileError(f"{str(target)!r} cannot be a file: {error}; choose another name") from error
     return target
 
 
@@ -327,14 +333,22 @@ def _write(target: Path, pixels: NDArray[Any], names: tuple[str, ...], metadata:
         if sink is None:
             raise FileError(f"{str(target)!r} cannot be written: {_said(oiio)}; choose another ending")
         written = sink.open(str(temporary), spec) and sink.write_image(np.ascontiguousarray(pixels))
-        trouble = sink.geterror()
+        trouble = _reason(sink)
         if not (sink.close() and written):
-            reason = " ".join((trouble or sink.geterror()).split())
+            reason = trouble or _reason(sink)
             raise FileError(f"{str(target)!r} cannot be written: {reason}; check the folder's rights and free space")
 
 
 def _said(oiio: Any) -> str:
-    return " ".join(oiio.geterror().split()) or "no reason given"
+    return _reason(oiio) or "no reason given"
+
+
+def _reason(speaker: Any) -> str:
+    """What OpenImageIO says went wrong; its text may quote bytes of a damaged file that are no text."""
+    try:
+        return " ".join(str(speaker.geterror()).split())
+    except UnicodeDecodeError:
+        return "it is damaged"
 
 
 @contextmanager

@@ -60,8 +60,8 @@ class RayBundle:
     Raises
     ------
     InvalidValueError
-        Where shapes do not fit or the wavelength is not positive. A row that is not finite, or a direction
-        of length 0, is no error but a ray with status `NOT_FINITE`.
+        Where shapes do not fit, the wavelength is not positive or a weight is not finite. An origin or direction
+        that is not finite, or a direction of length 0, is no error but a ray with status `NOT_FINITE`.
 
     Examples
     --------
@@ -105,6 +105,8 @@ class RayBundle:
                 raise InvalidValueError(f"status {state.max()} is not one of RayStatus; use 0 to {max(RayStatus):d}")
             state[broken & (state == 0)] = RayStatus.NOT_FINITE
         load = np.ones(n) if weight is None else np.array(frozen_array(weight, name="weight", shape=(n,)))
+        if not np.isfinite(load).all():
+            raise InvalidValueError("weight holds a number that is not finite; give 0 to rays that carry nothing")
         load[state != 0] = 0.0
         where = np.full(n, -1, np.int16) if lost_at is None else lost_at
         set_field(self, "origin", start)

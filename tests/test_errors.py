@@ -1,7 +1,9 @@
 import pickle
 
+import numpy as np
 import pytest
 
+import plenoptic as pl
 from plenoptic import errors
 
 KINDS = [errors.InvalidValueError, errors.PrescriptionError, errors.SceneError, errors.FileError]
@@ -22,3 +24,21 @@ def test_errors_are_also_what_python_calls_them():
 def test_the_sentence_survives_pickling(kind):
     sentence = "radius is 0 mm; it must not be 0"
     assert str(pickle.loads(pickle.dumps(kind(sentence)))) == sentence
+
+
+def test_what_is_no_path_no_flag_and_no_number_is_refused(tmp_path):
+    image = np.ones((2, 2, 1))
+    for call, kind in (
+        (lambda: pl.Exposure.load(None), pl.FileError),
+        (lambda: pl.Exposure(image).save(5), pl.FileError),
+        (lambda: pl.images.read_linear(None), pl.FileError),
+        (lambda: pl.Emissive(1.0, two_sided="no"), pl.InvalidValueError),
+        (lambda: pl.QuadLight((0, 0, 0), (1, 0, 0), (0, 1, 0), two_sided=[1]), pl.InvalidValueError),
+        (lambda: pl.Mesh(np.eye(3), [[0, 1, 2]], name=[]), pl.InvalidValueError),
+        (lambda: pl.Scene(meshes=np.array(1.0)), pl.InvalidValueError),
+        (lambda: pl.RayBundle(np.zeros((1, 3)), [[0, 0, 1.0]], weight=[np.nan]), pl.InvalidValueError),
+        (lambda: pl.MicrolensArray(pitch=0.2, focal_lengths=(2.0,), index="x"), pl.InvalidValueError),
+        (lambda: pl.MicrolensArray(pitch=0.2, focal_lengths=(2.0,), index=None), pl.InvalidValueError),
+    ):
+        with pytest.raises(kind):
+            call()

@@ -238,3 +238,11 @@ def test_notebooks_show_a_picture_of_bounded_size(shape):
 
 def test_notebooks_show_a_black_image():
     assert "base64" in pl.Exposure(np.zeros((2, 2, 1)))._repr_html_()
+
+
+@pytest.mark.parametrize("path", [None, 5, b"shot.exr"])
+def test_what_is_no_path(path):
+    with pytest.raises(FileError, match="is not a path; give the name of a file"):
+        pl.Exposure.load(path)
+    with pytest.raises(FileError, match="is not a path; give the name of a file"):
+        exposure().save(path)

@@ -139,6 +139,37 @@ def test_a_truncated_file_is_damaged(tmp_path, ramp, ending):
         images.read_linear(path)
 
 
+def test_damage_that_is_quoted_as_no_text_is_damage(tmp_path):
+    # OpenImageIO quotes the type of a header attribute as it stands in the file: 0xff is in no UTF-8 text.
+    path = tmp_path / "a.exr"
+    images.write_channels(path, {"Y": np.ones((2, 2))})
+    path.write_bytes(path.read_bytes().replace(b"chlist", b"chl\xffst"))
+    for read in (images.read_linear, images.read_channels):
+        with pytest.raises(FileError, match="a.exr' cannot be read as an image: it is damaged"):
+            read(path)
+
+
+@pytest.mark.parametrize("path", [None, 5, 1.5, b"a.exr", ["a.exr"], np.zeros(3)])
+def test_what_is_no_path(path):
+    for call in (
+        lambda: images.read_linear(path),
+        lambda: images.read_channels(path),
+        lambda: images.write_channels(path, {"Y": np.ones((2, 2))}),
+        lambda: images.write_16bit(path, np.ones((2, 2, 1), np.uint16)),
+    ):
+        with pytest.raises(FileError, match="is not a path; give the name of a file"):
+            call()
+
+
+@pytest.mark.parametrize("name", ["a\0b", "a" * 5000])
+def test_names_that_no_file_can_have(tmp_path, name):
+    with pytest.raises(FileError, match="does not exist"):
+        images.read_linear(tmp_path / f"{name}.exr")
+    with pytest.raises(FileError, match="cannot be a file: .*; choose another name"):
+        images.write_channels(tmp_path / f"{name}.exr", {"Y": np.ones((2, 2))})
+    assert not list(tmp_path.iterdir())
+
+
 def test_places_that_cannot_be_written(tmp_path):
     plane = {"Y": np.ones((2, 2))}
     with pytest.raises(FileError, match="does not exist; make it first"):

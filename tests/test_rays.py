@@ -110,6 +110,8 @@ def test_wrong_shapes(arguments: tuple, message: str) -> None:
     ("name", "item", "message"),
     [
         ("weight", [1.0, 2.0], r"weight has shape \(2,\); it must have shape \(1"),
+        ("weight", [math.nan], "weight holds a number that is not finite"),
+        ("weight", [-math.inf], "weight holds a number that is not finite"),
         ("status", [0, 0], r"status has shape \(2,\)"),
         ("lost_at", [[0]], r"lost_at has shape \(1, 1\)"),
         ("status", [77], "status 77 is not one of RayStatus"),

@@ -115,7 +115,8 @@ class MicrolensArray:
         set_field(self, "model", choice(self.model, MicrolensModel, "model"))
         set_field(self, "convex_side", choice(self.convex_side, ConvexSide, "convex_side"))
         set_field(self, "thickness", positive(self.thickness, "thickness of the microlenses", "mm"))
-        if not self.index > 1 or not math.isfinite(self.index):
+        set_field(self, "index", finite(self.index, "index of the microlenses"))
+        if not self.index > 1:
             raise InvalidValueError(f"index of the microlenses is {self.index}; it must be above 1")
         if self.model is MicrolensModel.SPHERICAL:
             self._check_sphere()

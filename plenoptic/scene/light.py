@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic._values import frozen_array, positive, set_field, value
+from plenoptic._values import flag, frozen_array, positive, set_field, value
 from plenoptic.errors import SceneError
 from plenoptic.scene.material import Colour, Emissive, as_colour
 from plenoptic.scene.mesh import MAX_COORDINATE, Mesh
@@ -33,7 +33,7 @@ class QuadLight:
     Raises
     ------
     InvalidValueError
-        Of another shape, or a radiance that is not finite.
+        Of another shape, a radiance that is not finite, or a `two_sided` that is not True or False.
     SceneError
         Edges that span no area, coordinates that are not finite, a negative radiance.
 
@@ -74,7 +74,7 @@ class QuadLight:
                 "they must be longer than 0 mm and not parallel"
             )
         set_field(self, "radiance", as_colour(self.radiance, "radiance"))
-        set_field(self, "two_sided", bool(self.two_sided))
+        set_field(self, "two_sided", flag(self.two_sided, "two_sided"))
 
     @classmethod
     def facing(

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from plenoptic._values import file_path
 from plenoptic.errors import FileError, InvalidValueError, PlenopticError
 from plenoptic.scene.material import Emissive, Lambertian, Material, gltf_material, obj_material
 from plenoptic.scene.mesh import Mesh, has_area
@@ -75,7 +76,7 @@ def load_meshes(
     >>> meshes[0].bounds[1].tolist()
     [10.0, 20.0, 0.0]
     """
-    source = Path(path)
+    source = file_path(path)
     if unit is not None and (not isinstance(unit, str) or unit not in UNITS):
         raise InvalidValueError(f"unit is {unit!r}; it must be one of {', '.join(UNITS)}")
     if material is not None and not isinstance(material, Lambertian | Emissive):

@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from plenoptic._values import finite, set_field, value
+from plenoptic._values import finite, flag, set_field, value
 from plenoptic.errors import FileError, InvalidValueError, SceneError
 from plenoptic.scene.texture import Texture
 
@@ -66,7 +66,7 @@ class Emissive:
     Raises
     ------
     InvalidValueError
-        Not a number or three of them, or not finite.
+        Not a number or three of them, or not finite; a `two_sided` that is not True or False.
     SceneError
         Negative.
 
@@ -82,7 +82,7 @@ class Emissive:
 
     def __post_init__(self) -> None:
         set_field(self, "radiance", as_colour(self.radiance, "radiance"))
-        set_field(self, "two_sided", bool(self.two_sided))
+        set_field(self, "two_sided", flag(self.two_sided, "two_sided"))
 
 
 Material: TypeAlias = Lambertian | Emissive

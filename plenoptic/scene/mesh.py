@@ -47,7 +47,7 @@ class Mesh:
     Raises
     ------
     InvalidValueError
-        Arrays of another shape.
+        Arrays of another shape, another material, or a name that is not a str.
     SceneError
         No triangles, no area, numbers that are not finite, indices out of range, a texture without `uv`.
 
@@ -86,6 +86,8 @@ class Mesh:
             raise SceneError(f"all {len(faces)} triangles have zero area; spread the vertices or leave the mesh out")
         if not isinstance(self.material, Lambertian | Emissive):
             raise InvalidValueError(f"material is {self.material!r}; it must be Lambertian or Emissive")
+        if not isinstance(self.name, str):
+            raise InvalidValueError(f"name is {self.name!r}; it must be a text")
         if self.normals is not None:
             normals = frozen_array(self.normals, name="normals", shape=(len(vertices), 3))
             _check_range(normals, "normals", "give None for flat triangles")

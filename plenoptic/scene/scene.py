@@ -193,7 +193,7 @@ class Scene:
 
 
 def _tuple_of(items: Any, kind: type, name: str) -> tuple[Any, ...]:
-    if isinstance(items, Iterable):
+    if isinstance(items, Iterable) and not (isinstance(items, np.ndarray) and items.ndim == 0):
         items = list(items)
         wrong = [item for item in items if not isinstance(item, kind)]
         if not wrong:

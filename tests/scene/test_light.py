@@ -74,3 +74,12 @@ def test_impossible_lights_are_refused(arguments, kind, said):
 def test_a_light_cannot_face_its_own_middle_or_be_without_size(target, size, said):
     with pytest.raises(pl.InvalidValueError, match=said):
         pl.QuadLight.facing((0, 0, 0), target, size)
+
+
+@pytest.mark.parametrize("two_sided", ["no", 1, None, [True]])
+def test_two_sided_is_yes_or_no(two_sided):
+    with pytest.raises(pl.InvalidValueError, match="two_sided is .*; it must be True or False"):
+        pl.QuadLight((0, 0, 0), (1, 0, 0), (0, 1, 0), two_sided=two_sided)
+    with pytest.raises(pl.InvalidValueError, match="two_sided is .*; it must be True or False"):
+        pl.QuadLight.facing((0, 0, 0), (0, 0, 1), (4, 2), two_sided=two_sided)
+    assert pl.QuadLight((0, 0, 0), (1, 0, 0), (0, 1, 0), two_sided=np.bool_(True)).two_sided is True

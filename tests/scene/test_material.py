@@ -55,3 +55,10 @@ def test_arrays_and_lists_become_plain_numbers():
     assert pl.Lambertian(np.array([0.1, 0.2, 0.3])) == pl.Lambertian([0.1, 0.2, 0.3]) == pl.Lambertian((0.1, 0.2, 0.3))
     assert type(pl.Emissive(np.float32(2)).radiance) is float
     assert pl.Emissive(1) == pl.Emissive(1.0) != pl.Emissive(1.0, two_sided=True)
+
+
+@pytest.mark.parametrize("two_sided", ["no", 1, None, [True], np.array([True, False])])
+def test_two_sided_is_yes_or_no(two_sided):
+    with pytest.raises(pl.InvalidValueError, match="two_sided is .*; it must be True or False"):
+        pl.Emissive(1.0, two_sided=two_sided)
+    assert pl.Emissive(1.0, np.bool_(True)).two_sided is True

@@ -186,3 +186,9 @@ def test_bounds_are_those_of_the_triangles():
 def test_impossible_moves_are_refused(move):
     with pytest.raises(pl.InvalidValueError):
         move(tetrahedron())
+
+
+@pytest.mark.parametrize("name", [None, 5, b"box", ["box"]])
+def test_a_name_is_a_text(name):
+    with pytest.raises(pl.InvalidValueError, match="name is .*; it must be a text"):
+        tetrahedron(name=name)

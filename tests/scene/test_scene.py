@@ -47,6 +47,8 @@ def test_merging_adds_up():
         (([LAMP],), pl.InvalidValueError, "Mesh only"),
         (([square()], LAMP), pl.InvalidValueError, "sequence of QuadLight"),
         (([square()], [square()]), pl.InvalidValueError, "QuadLight only"),
+        ((np.array(1.0),), pl.InvalidValueError, "meshes is ndarray; it must be a sequence of Mesh"),
+        (([square()], np.array(1.0)), pl.InvalidValueError, "lights is ndarray; it must be a sequence of QuadLight"),
         (([square()], (), -1.0), pl.SceneError, "radiance"),
         (([square()], (), "sky"), pl.InvalidValueError, "radiance"),
     ],
