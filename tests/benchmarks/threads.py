@@ -80,7 +80,7 @@ def _enough(work: Callable[[int, int], None], least: int, seconds: float) -> int
     work(least, 1)
     amount = least
     while (spent := cost_of(Task(lambda given: work(given, 1), partial(int, amount))).cpu) < 2.2 * seconds:
-        amount = 2 * max(amount, int(1.1 * seconds / spent * amount))
+        amount = max(amount + 1, int(2.3 * seconds / spent * amount))
     return amount
 
 

@@ -105,7 +105,7 @@ def test_nearest_of_centres_are_the_centres() -> None:
         ({"focal_lengths": (math.inf,)}, "focal_lengths is inf; it must be finite"),
         ({"thickness": 0.0}, "thickness of the microlenses is 0 mm; it must be above 0"),
         ({"index": 1.0}, "index of the microlenses is 1.0; it must be above 1"),
-        ({"index": math.nan}, "index of the microlenses is nan; it must be above 1"),
+        ({"index": math.nan}, "index of the microlenses is nan; it must be finite"),
         ({"lattice": "hexagonal"}, "lattice is 'hexagonal'; it must be Lattice.HEXAGONAL or Lattice.SQUARE"),
         ({"model": 2}, "model is 2; it must be MicrolensModel.THIN or MicrolensModel.SPHERICAL"),
         ({"convex_side": "scene"}, "convex_side is 'scene'; it must be ConvexSide.SCENE or ConvexSide.SENSOR"),
