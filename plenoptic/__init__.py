@@ -30,7 +30,9 @@ if TYPE_CHECKING:
     from plenoptic.optics.microlenses import Lattice as Lattice
     from plenoptic.optics.microlenses import MicrolensArray as MicrolensArray
     from plenoptic.optics.microlenses import MicrolensModel as MicrolensModel
+    from plenoptic.optics.models import LensModel as LensModel
     from plenoptic.optics.paraxial import CardinalPoints as CardinalPoints
+    from plenoptic.optics.placement import Placement as Placement
     from plenoptic.optics.prescriptions import lens_names as lens_names
     from plenoptic.optics.prescriptions import load_lens as load_lens
     from plenoptic.optics.prescriptions import save_lens as save_lens
@@ -82,7 +84,9 @@ else:
         "plenoptic.optics.lens": ("LensStack",),
         "plenoptic.optics.media": ("AIR", "ConstantMedium", "Medium", "ModelGlass", "Schott", "Sellmeier"),
         "plenoptic.optics.microlenses": ("ConvexSide", "Lattice", "MicrolensArray", "MicrolensModel"),
+        "plenoptic.optics.models": ("LensModel",),
         "plenoptic.optics.paraxial": ("CardinalPoints",),
+        "plenoptic.optics.placement": ("Placement",),
         "plenoptic.optics.prescriptions": ("lens_names", "load_lens", "save_lens"),
         "plenoptic.optics.sensor": ("Sensor",),
         "plenoptic.optics.stops": ("CircularStop", "PolygonStop"),

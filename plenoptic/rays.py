@@ -35,6 +35,8 @@ class RayStatus(enum.IntEnum):
     """The ray's numbers are infinite or not numbers."""
     OUTSIDE_MICROLENS = 5
     """The ray lands in another microlens than the one it was aimed at (and is counted there)."""
+    NOT_CONVERGED = 6
+    """The point on an aspheric surface was not found within the limit of iterations."""
 
 
 @value

@@ -56,7 +56,8 @@ def render_tile(
     """All samples of a tile's pixels: a pure function of its arguments."""
     from plenoptic import _sobol
     from plenoptic.camera import _sample
-    from plenoptic.optics._trace import BLOCK, RAY, fill_traced
+    from plenoptic.optics._blocks import BLOCK, RAY
+    from plenoptic.optics._trace import fill_traced
 
     samples, replicates = settings.samples, min(settings.replicates, settings.samples)
     channels = 1 if scene is None else scene.channels

@@ -8,7 +8,7 @@ import numpy as np
 
 from plenoptic._jit import device, kernel
 from plenoptic._sobol import DIMENSIONS, mix, scramble_reversed, set_key, stream, to_unit
-from plenoptic.optics._trace import BLOCK, MISSED, RAY, STATUS, WEIGHT, L, M, N, X, Y, Z
+from plenoptic.optics._blocks import BLOCK, MISSED, RAY, STATUS, WEIGHT, L, M, N, X, Y, Z
 
 _FEW = 8
 

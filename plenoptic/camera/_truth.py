@@ -6,7 +6,7 @@ import numpy as np
 
 from plenoptic._jit import device, kernel
 from plenoptic.camera._sample import aim, pad
-from plenoptic.optics._trace import BLOCK, MISSED, RAY, STATUS, WEIGHT, L, M, N, X, Y, Z
+from plenoptic.optics._blocks import BLOCK, MISSED, RAY, STATUS, WEIGHT, L, M, N, X, Y, Z
 
 PROBES = 16
 """Rays that look for the lit part of the microlenses over a pixel."""

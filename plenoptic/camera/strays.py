@@ -51,7 +51,7 @@ def _strays_from(
     camera: PlenopticCamera, array: MicrolensArray, ratio: float, bend: float, reach: float, offset: float
 ) -> tuple[float, float] | None:
     """The same for sensor points up to `offset` from the lens's axis; None where no ray counts."""
-    from plenoptic.optics._trace import BLOCK
+    from plenoptic.optics._blocks import BLOCK
 
     distance, z_last = camera.microlenses_to_sensor, float(camera.lens.vertices[-1])
     aims = np.linspace(-1.5 * array.cell_radius, 1.5 * array.cell_radius, _AIMS)

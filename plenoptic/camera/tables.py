@@ -122,7 +122,7 @@ def _cell_bounds(
     A ray from the sensor at s crosses the plane of the outlines at c + ratio (c - s) + bend d, to within the slack,
     and passes the lens no farther from the axis than a + b |c| there.
     """
-    a, b = rear_reach(camera.lens, camera.stop_to_microlenses)
+    a, b = rear_reach(camera.lens, camera.stop_to_microlenses, camera.wavelength)
     slack = stray = 0.0
     rounds = 1 if array.model is MicrolensModel.THIN else 2
     while True:

@@ -16,7 +16,8 @@ def main_rays(tables: CameraTables, pixels: NDArray[np.float64]) -> NDArray[np.f
     with a fixed set of probes and so without noise; see `_truth`. A pixel without light has a lost ray.
     """
     from plenoptic.camera import _truth
-    from plenoptic.optics._trace import BLOCK, RAY, fill_traced
+    from plenoptic.optics._blocks import BLOCK, RAY
+    from plenoptic.optics._trace import fill_traced
 
     n = len(pixels)
     triangles, first = feeding_regions(tables, pixels, 0.0)

@@ -13,7 +13,8 @@ import math
 import numpy as np
 
 from plenoptic._jit import device, kernel
-from plenoptic.optics._trace import BLOCK, OUTSIDE_MICROLENS, RAY, STATUS, WEIGHT, L, M, N, X, Y, Z, refract_block
+from plenoptic.optics._blocks import BLOCK, OUTSIDE_MICROLENS, RAY, STATUS, WEIGHT, L, M, N, X, Y, Z
+from plenoptic.optics._trace import refract_block
 
 
 @device
@@ -93,16 +94,16 @@ def fill_plano_convex(blocks, distance, z_array, curved_first, curvature, thickn
             ray[M + i] = v * n
             ray[N + i] = -distance * n
         if curved_first:
-            refract_block(ray, curvature, 1.0 / index, math.inf, -1.0, 0.0)
+            refract_block(ray, curvature, 1.0 / index, math.inf, math.inf, -1.0, 0.0)
             _keep_inside(ray, edges)
         else:
-            refract_block(ray, 0.0, 1.0 / index, math.inf, -1.0, 0.0)
+            refract_block(ray, 0.0, 1.0 / index, math.inf, math.inf, -1.0, 0.0)
         for i in range(BLOCK):
             ray[Z + i] += thickness
         if curved_first:
-            refract_block(ray, 0.0, index, math.inf, -1.0, 0.0)
+            refract_block(ray, 0.0, index, math.inf, math.inf, -1.0, 0.0)
         else:
-            refract_block(ray, curvature, index, math.inf, -1.0, 0.0)
+            refract_block(ray, curvature, index, math.inf, math.inf, -1.0, 0.0)
             _keep_inside(ray, edges)
         # Vertex met last: the front vertex, from which the front principal plane lies 0 or thickness/index.
         z_front = z_array - (thickness / index if curved_first else 0.0)

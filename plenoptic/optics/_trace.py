@@ -1,13 +1,4 @@
-"""Rays through a stack of spheres, planes and stops: the kernels.
-
-A bundle lies in memory as blocks of `BLOCK` rays; in a block, the eight fields of a ray (position,
-direction, weight, status) are eight rows one behind the other. All rays of a block go through one element
-before the next element is looked at: the inner loops have a fixed length, no branch and no calls, so that
-the compiler turns them into vector instructions, and a ray's result does not depend on its neighbours.
-
-A status is 0 for a ray that is on its way and otherwise `cause + CAUSES * (element + 1)`; the first
-cause stays. A lost ray is carried along as numbers without meaning.
-"""
+"""Rays through a stack of surfaces and stops: the kernels."""
 
 from __future__ import annotations
 
@@ -16,21 +7,26 @@ import math
 import numpy as np
 
 from plenoptic._jit import device, kernel
+from plenoptic.optics._blocks import (
+    BLOCK,
+    CAUSES,
+    CLIPPED,
+    MISSED,
+    NOT_FINITE,
+    RAY,
+    STATUS,
+    TOTAL_REFLECTION,
+    WEIGHT,
+    L,
+    M,
+    N,
+    X,
+    Y,
+    Z,
+)
+from plenoptic.optics._conic import refract_asphere_block, refract_conic_block
 
-BLOCK = 256
-"""Rays in a block. Its 8 rows of 256 float64 are 16 KiB: half a first-level cache."""
-
-X, Y, Z, L, M, N, WEIGHT, STATUS = (row * BLOCK for row in range(8))
-RAY = 8 * BLOCK
-"""Length of a block in float64."""
-
-EQUATOR_TOLERANCE = 1e-12
-"""A rim that is the equator itself belongs to the surface."""
-
-CAUSES = 8
-MISSED, CLIPPED, TOTAL_REFLECTION, NOT_FINITE, OUTSIDE_MICROLENS = 1.0, 2.0, 3.0, 4.0, 5.0
-
-SURFACE, CIRCLE, POLYGON = 0, 1, 2
+SURFACE, CIRCLE, POLYGON, CONIC, ASPHERE, IDEAL = range(6)
 
 
 @device
@@ -46,16 +42,16 @@ def _enter(ray, z_first):
 
 
 @device
-def refract_block(ray, c, mu, clear, s, code):
+def refract_block(ray, c, mu, clear, rim, s, code):
     """Through one sphere or plane of curvature c, whose vertex is the origin of the rays' z.
 
     Closest-approach form: with the ray's point nearest to the vertex as its start, F and G suffer no
     cancellation on flat surfaces, tiny radii or distant origins. `s` is the direction of travel along
-    the stack, `mu` the ratio of indices, `clear` the squared semi-diameter: a surface that has one is the part of the
-    sphere on the vertex's side of the equator, and a ray that could only meet the other half has missed it.
+    the stack, `mu` the ratio of indices, `clear` the squared semi-diameter, and `rim` how deep the surface reaches:
+    up to c z = 1 it is the part of the sphere on the vertex's side of the equator, and a ray that could only meet the
+    other half has missed it.
     """
     bend = 1.0 - mu * mu
-    equator = 1.0 + EQUATOR_TOLERANCE if clear < math.inf else math.inf
     for i in range(BLOCK):
         x, y, z = ray[X + i], ray[Y + i], ray[Z + i]
         l, m, n = ray[L + i], ray[M + i], ray[N + i]
@@ -86,7 +82,7 @@ def refract_block(ray, c, mu, clear, s, code):
         lost = 0.0 if cos2 >= 0.0 else code + TOTAL_REFLECTION
         lost = lost if r2 <= clear else code + CLIPPED
         lost = lost if r2 < math.inf else code + NOT_FINITE
-        lost = code + MISSED if q2 < 0.0 or c * z > equator else lost
+        lost = code + MISSED if q2 < 0.0 or c * z > rim else lost
         was = ray[STATUS + i]
         ray[STATUS + i] = was if was != 0.0 else lost
 
@@ -120,6 +116,49 @@ def _clip_edge(ray, nx, ny, apothem, code):
 
 
 @device
+def _through_ideal_lens(ray, power, shift):
+    """A thick lens without aberrations: slopes change by height times power between the two principal planes."""
+    _to_plane(ray)
+    for i in range(BLOCK):
+        # The slope is per length of travel, and so is the bend towards the axis.
+        ahead = abs(ray[N + i])
+        u = ray[L + i] / ahead - ray[X + i] * power
+        v = ray[M + i] / ahead - ray[Y + i] * power
+        cos = 1.0 / math.sqrt(1.0 + u * u + v * v)
+        ray[Z + i] = shift
+        ray[L + i] = u * cos
+        ray[M + i] = v * cos
+        ray[N + i] = math.copysign(cos, ray[N + i])
+
+
+@device
+def _into_frame(ray, frame):
+    """Rays in the axes of an element that is shifted and turned: `frame` as in `LensTables`."""
+    for i in range(BLOCK):
+        x, y, z = ray[X + i] - frame[9], ray[Y + i] - frame[10], ray[Z + i] - frame[11]
+        l, m, n = ray[L + i], ray[M + i], ray[N + i]
+        ray[X + i] = frame[0] * x + frame[3] * y + frame[6] * z
+        ray[Y + i] = frame[1] * x + frame[4] * y + frame[7] * z
+        ray[Z + i] = frame[2] * x + frame[5] * y + frame[8] * z
+        ray[L + i] = frame[0] * l + frame[3] * m + frame[6] * n
+        ray[M + i] = frame[1] * l + frame[4] * m + frame[7] * n
+        ray[N + i] = frame[2] * l + frame[5] * m + frame[8] * n
+
+
+@device
+def _out_of_frame(ray, frame):
+    for i in range(BLOCK):
+        x, y, z = ray[X + i], ray[Y + i], ray[Z + i]
+        l, m, n = ray[L + i], ray[M + i], ray[N + i]
+        ray[X + i] = frame[0] * x + frame[1] * y + frame[2] * z + frame[9]
+        ray[Y + i] = frame[3] * x + frame[4] * y + frame[5] * z + frame[10]
+        ray[Z + i] = frame[6] * x + frame[7] * y + frame[8] * z + frame[11]
+        ray[L + i] = frame[0] * l + frame[1] * m + frame[2] * n
+        ray[M + i] = frame[3] * l + frame[4] * m + frame[5] * n
+        ray[N + i] = frame[6] * l + frame[7] * m + frame[8] * n
+
+
+@device
 def _leave(ray, z_last):
     for i in range(BLOCK):
         ray[Z + i] += z_last
@@ -127,7 +166,7 @@ def _leave(ray, z_last):
 
 
 @device
-def trace_block(ray, kind, z, c, mu, clear, number, edges, first_edge, s):
+def trace_block(ray, kind, z, c, mu, clear, rim, number, edges, first_edge, conic, aspheric, frames, s):
     """One block through all elements, in the order of travel; see `LensTables` for the columns."""
     _enter(ray, z[0])
     for k in range(kind.size):
@@ -136,22 +175,37 @@ def trace_block(ray, kind, z, c, mu, clear, number, edges, first_edge, s):
             for i in range(BLOCK):
                 ray[Z + i] -= gap
         code = CAUSES * (number[k] + 1.0)
+        if frames is not None:  # noqa: SIM102 - alone, so that it is pruned
+            if frames[k, 12] != 0.0:
+                _into_frame(ray, frames[k])
         if kind[k] == SURFACE:
-            refract_block(ray, c[k], mu[k], clear[k], s, code)
-        else:
+            refract_block(ray, c[k], mu[k], clear[k], rim[k], s, code)
+        elif kind[k] == CIRCLE or kind[k] == POLYGON:
             _to_plane(ray)
             _clip_circle(ray, clear[k], code)
             if kind[k] == POLYGON:
                 for j in range(first_edge[k], first_edge[k + 1]):
                     _clip_edge(ray, edges[j, 0], edges[j, 1], edges[j, 2], code)
+        elif kind[k] == IDEAL:
+            _through_ideal_lens(ray, c[k], rim[k])
+        elif conic is not None:
+            if kind[k] == CONIC:
+                refract_conic_block(ray, c[k], conic[k], mu[k], clear[k], rim[k], s, code)
+            elif aspheric is not None:
+                heights = np.empty((2, BLOCK))
+                refract_asphere_block(ray, heights, c[k], conic[k], aspheric[k], mu[k], clear[k], s, code)
+        if frames is not None:  # noqa: SIM102 - alone, so that it is pruned
+            if frames[k, 12] != 0.0:
+                _out_of_frame(ray, frames[k])
     _leave(ray, z[kind.size - 1])
 
 
 @kernel
-def fill_traced(blocks, kind, z, c, mu, clear, number, edges, first_edge, s):
+def fill_traced(blocks, kind, z, c, mu, clear, rim, number, edges, first_edge, conic, aspheric, frames, s):
     """Trace a bundle, shape (n_blocks * RAY,), in place."""
     for b in range(blocks.size // RAY):
-        trace_block(blocks[b * RAY : (b + 1) * RAY], kind, z, c, mu, clear, number, edges, first_edge, s)
+        ray = blocks[b * RAY : (b + 1) * RAY]
+        trace_block(ray, kind, z, c, mu, clear, rim, number, edges, first_edge, conic, aspheric, frames, s)
 
 
 @kernel
@@ -171,9 +225,13 @@ def fill_traced_rows(
     c,
     mu,
     clear,
+    rim,
     number,
     edges,
     first_edge,
+    conic,
+    aspheric,
+    frames,
     s,
 ):
     """Trace rays given as rows of points and directions. Lost rays end as NaN with weight 0 and a status."""
@@ -191,7 +249,7 @@ def fill_traced_rows(
             ray[N + i] = direction[j, 2]
             ray[WEIGHT + i] = weight[j]
             ray[STATUS + i] = 0.0 if status[j] == 0 else status[j] + CAUSES * (lost_at[j] + 1.0)
-        trace_block(ray, kind, z, c, mu, clear, number, edges, first_edge, s)
+        trace_block(ray, kind, z, c, mu, clear, rim, number, edges, first_edge, conic, aspheric, frames, s)
         for i in range(filled):
             j = start + i
             code = int(ray[STATUS + i])

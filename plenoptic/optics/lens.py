@@ -5,23 +5,29 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic._values import finite, read_only, set_field, value, whole
+from plenoptic._values import choice, finite, read_only, set_field, value, whole
 from plenoptic.errors import PrescriptionError
 from plenoptic.optics.media import AIR, Medium
+from plenoptic.optics.models import LensModel
+from plenoptic.optics.moving import moved_group
+from plenoptic.optics.sections import placed, section
 from plenoptic.optics.stops import CircularStop, PolygonStop, Stop
 from plenoptic.optics.surface import Surface
 from plenoptic.rays import RayBundle
+
+if TYPE_CHECKING:
+    from plenoptic.optics.checking import Finding
 
 Element: TypeAlias = Surface | Stop
 """What a lens is made of."""
 
 
-def _checked_elements(elements: Sequence[Element]) -> tuple[Element, ...]:
+def _checked_elements(elements: Sequence[Element], ambient: Medium) -> tuple[Element, ...]:
     try:
         stack = tuple(elements)
     except TypeError:
@@ -40,10 +46,10 @@ def _checked_elements(elements: Sequence[Element]) -> tuple[Element, ...]:
             f"the lens has {len(stack)} surfaces and no stop; add a CircularStop or PolygonStop where the iris stands"
         )
     last = stack[surfaces[-1]]
-    if isinstance(last, Surface) and last.medium != AIR:
+    if isinstance(last, Surface) and last.medium != ambient:
+        around = "air: its medium must be pl.AIR" if ambient == AIR else f"{ambient!r}: give it that medium"
         raise PrescriptionError(
-            f"element {surfaces[-1]}, the last surface, is followed by {last.medium!r}; the sensor is in air: "
-            "its medium must be pl.AIR"
+            f"element {surfaces[-1]}, the last surface, is followed by {last.medium!r}; the sensor is in {around}"
         )
     # The gap behind the last element belongs to the camera.
     return (*stack[:-1], dataclasses.replace(stack[-1], thickness=0.0))
@@ -55,10 +61,10 @@ def _is_stop(element: Element) -> bool:
 
 @value
 class LensStack:
-    """A centred lens: surfaces and stops in the order in which light from the scene meets them.
+    """A lens: surfaces and stops in the order in which light from the scene meets them.
 
     The lens has its own frame: z along the axis towards the sensor, z = 0 at the iris, lengths in mm. Scene and
-    sensor are in air. Lenses are equal when their elements, iris, name and source are.
+    sensor are in the same medium, mostly air. Lenses are equal when all their fields are.
 
     Parameters
     ----------
@@ -71,12 +77,17 @@ class LensStack:
         For people and for figures.
     source : str, optional
         Where the numbers come from: patent, book and page.
+    ambient : Medium, optional
+        What is before the first surface and behind the last one; keyword only. AIR means that all indices are relative
+        to air, as in glass catalogues. For a lens in vacuum, or in real air with absolute indices, see `Absolute`.
+    model : LensModel, optional
+        How faithfully rays are followed; keyword only. EXACT: through every surface.
 
     Raises
     ------
     PrescriptionError
         If there is no surface or no stop, an element is neither, `iris` is not a stop, the gaps add up to no finite
-        length, or the last medium is not air.
+        length, or the last medium is not the ambient one.
 
     Examples
     --------
@@ -94,9 +105,14 @@ class LensStack:
     iris: int | None = None
     name: str = ""
     source: str = ""
+    ambient: Medium = dataclasses.field(default=AIR, kw_only=True)
+    model: LensModel = dataclasses.field(default=LensModel.EXACT, kw_only=True)
 
     def __post_init__(self) -> None:
-        set_field(self, "elements", _checked_elements(self.elements))
+        if isinstance(self.ambient, Sequence | type) or not callable(getattr(self.ambient, "index", None)):
+            raise PrescriptionError(f"ambient is {self.ambient!r}; it must be a medium, such as pl.AIR")
+        set_field(self, "model", choice(self.model, LensModel, "model"))
+        set_field(self, "elements", _checked_elements(self.elements, self.ambient))
         stops = [i for i, element in enumerate(self.elements) if _is_stop(element)]
         iris = stops[0] if self.iris is None else whole(self.iris, "iris", at_least=0)
         if iris not in stops:
@@ -136,7 +152,7 @@ class LensStack:
     @property
     def gap_media(self) -> tuple[Medium, ...]:
         """The medium before the first element and behind each of them, n + 1 in all."""
-        media: list[Medium] = [AIR]
+        media: list[Medium] = [self.ambient]
         for element in self.elements:
             media.append(element.medium if isinstance(element, Surface) else media[-1])
         return tuple(media)
@@ -174,6 +190,74 @@ class LensStack:
             )
         return read_only(found)
 
+    def with_model(self, model: LensModel) -> LensStack:
+        """The same lens, followed more or less faithfully.
+
+        Parameters
+        ----------
+        model : LensModel
+
+        Returns
+        -------
+        LensStack
+            Its elements stay; `trace` and cameras treat it as the model says.
+
+        Examples
+        --------
+        >>> import plenoptic as pl
+        >>> lens = pl.load_lens("double-gauss-100mm-f2").with_model(pl.LensModel.THIN)
+        >>> out = lens.trace(pl.RayBundle([[0, 5, -400.0]], [[0, 0, 1.0]]))
+        >>> bool(abs(out.at_z(pl.paraxial.cardinal_points(lens).rear_focus)[0, 1]) < 1e-12)
+        True
+        """
+        return dataclasses.replace(self, model=model)
+
+    def moved(
+        self,
+        which: int | slice | Sequence[int],
+        *,
+        shift: Sequence[float] = (0.0, 0.0, 0.0),
+        tilt: Sequence[float] = (0.0, 0.0, 0.0),
+        pivot: float | None = None,
+    ) -> LensStack:
+        """The same lens with one element, or several as one rigid group, decentred and tilted.
+
+        Moves add up: each one acts on the lens as the ones before left it. The paraxial description stays that of the
+        centred lens.
+
+        Parameters
+        ----------
+        which : int, slice or sequence of int
+            Indices in `elements` of what moves.
+        shift : (3,) sequence of float, optional
+            Along x, y and z in mm.
+        tilt : (3,) sequence of float, optional
+            About the axes through the pivot parallel to x, y and z, one after the other, radians. A positive tilt about
+            x turns y towards z.
+        pivot : float, optional
+            z in the lens frame of the point of the axis about which the group is turned, mm; the vertex of its first
+            element if it is left out.
+
+        Returns
+        -------
+        LensStack
+
+        Raises
+        ------
+        PrescriptionError
+            If `which` names no element.
+
+        Examples
+        --------
+        >>> import plenoptic as pl
+        >>> lens = pl.load_lens("singlet-100mm-f4")
+        >>> lens.moved(slice(1, 3), shift=(0.2, 0, 0)).elements[1].placement.shift.tolist()
+        [0.2, 0.0, 0.0]
+        """
+        place = None if pivot is None else finite(pivot, "pivot")
+        moved = moved_group(self.elements, self.vertices, which, shift=shift, tilt=tilt, pivot=place)
+        return dataclasses.replace(self, elements=moved)
+
     def with_stop(self, stop: Stop) -> LensStack:
         """The same lens with another iris in the same place; the gap behind the iris stays.
 
@@ -187,7 +271,8 @@ class LensStack:
         if not isinstance(stop, CircularStop | PolygonStop):
             raise PrescriptionError(f"stop is {stop!r}; it must be a CircularStop or a PolygonStop")
         elements = list(self.elements)
-        elements[self.iris_index] = dataclasses.replace(stop, thickness=self.stop.thickness)
+        placement = self.stop.placement if stop.placement is None else stop.placement
+        elements[self.iris_index] = dataclasses.replace(stop, thickness=self.stop.thickness, placement=placement)
         return dataclasses.replace(self, elements=elements)
 
     def inserted(self, stop: Stop, z: float) -> LensStack:
@@ -217,7 +302,7 @@ class LensStack:
         place, vertices, elements = finite(z, "z"), self.vertices, list(self.elements)
         bounds = [-np.inf, *vertices.tolist(), np.inf]
         gaps = [i for i, (low, high) in enumerate(pairwise(bounds)) if low <= place <= high]
-        in_air = [i for i in gaps if self.gap_media[i] == AIR]
+        in_air = [i for i in gaps if self.gap_media[i] == self.ambient]
         if not in_air:
             low, high = bounds[gaps[0]], bounds[gaps[0] + 1]
             raise PrescriptionError(
@@ -231,19 +316,21 @@ class LensStack:
         return dataclasses.replace(self, elements=elements, iris=self.iris_index + (gap <= self.iris_index))
 
     def profiles(self, points: int = 41) -> tuple[NDArray[np.float64], ...]:
-        """The section of each element in the plane x = 0, up to its semi-diameter: (points, 2) arrays of z, y in mm."""
-        sections = []
-        for z, element in zip(self.vertices, self.elements, strict=True):
-            y = np.linspace(-element.semi_diameter, element.semi_diameter, whole(points, "points", at_least=2))
-            sag = element.sag(y) if isinstance(element, Surface) else np.zeros_like(y)
-            sections.append(np.stack([z + sag, y], axis=1))
-        return tuple(sections)
+        """The section of each element in the plane x = 0, up to its rim: (points, 2) arrays of z, y in mm.
+
+        Of an element that is tilted out of that plane, the projection of its own section.
+        """
+        count = whole(points, "points", at_least=2)
+        return tuple(
+            placed(section(element, count), float(z), element.placement)
+            for z, element in zip(self.vertices, self.elements, strict=True)
+        )
 
     @property
     def glasses(self) -> tuple[tuple[int, int], ...]:
         """The pairs of surfaces (indices in `elements`) that have glass between them."""
         surfaces = [i for i, element in enumerate(self.elements) if not _is_stop(element)]
-        return tuple((i, j) for i, j in pairwise(surfaces) if self.gap_media[i + 1] != AIR)
+        return tuple((i, j) for i, j in pairwise(surfaces) if self.gap_media[i + 1] != self.ambient)
 
     def __repr__(self) -> str:
         stops = sum(map(_is_stop, self.elements))
@@ -255,6 +342,29 @@ class LensStack:
         from plenoptic.plots.lens import lens_svg
 
         return lens_svg(self)
+
+    def check(self, wavelength: float = 587.6) -> tuple[Finding, ...]:
+        """What looks wrong with the lens: edges that overlap, rays that cannot pass, total reflection at the rims.
+
+        Parameters
+        ----------
+        wavelength : float, optional
+            nm.
+
+        Returns
+        -------
+        tuple of Finding
+            Empty for a lens with which nothing looks wrong.
+
+        Examples
+        --------
+        >>> import plenoptic as pl
+        >>> pl.load_lens("double-gauss-100mm-f2").check()
+        ()
+        """
+        from plenoptic.optics.checking import findings
+
+        return findings(self, wavelength)
 
     def trace(self, rays: RayBundle, *, threads: int | None = None) -> RayBundle:
         """Trace rays through the lens towards the sensor.

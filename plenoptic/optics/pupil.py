@@ -11,16 +11,17 @@ from __future__ import annotations
 
 import functools
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic._values import read_only
 from plenoptic.optics.lens import LensStack
+from plenoptic.optics.models import LensModel
 from plenoptic.optics.paraxial import cardinal_points
 from plenoptic.optics.surface import Surface
-from plenoptic.optics.tables import LensTables, lens_tables
+from plenoptic.optics.tables import CIRCLE, LensTables, lens_tables
 
 SIDES = 16
 """Sides of an outline: a circle's circumscribed 16-gon is 1.3 % larger than the circle."""
@@ -30,6 +31,7 @@ _RADII = 25
 _MOST_RADII = 225
 _BISECTIONS = 12
 _LARGEST_SHARE = 10.0
+_AZIMUTHS = 16
 
 
 class PupilBounds(NamedTuple):
@@ -62,7 +64,8 @@ def passing_points(
     tables: LensTables, origin: NDArray[np.float64], points: NDArray[np.float64], z: float
 ) -> NDArray[np.bool_]:
     """Which of the rays from `origin` (3,) through `points` (n, 2) of the plane z leave the lens; tables in reverse."""
-    from plenoptic.optics._trace import BLOCK, fill_traced
+    from plenoptic.optics._blocks import BLOCK
+    from plenoptic.optics._trace import fill_traced
 
     n = len(points)
     along = np.column_stack([points, np.full(n, z)]) - origin
@@ -151,28 +154,44 @@ def pupil_bounds(
     tables = lens_tables(lens, wavelength, reverse=True, round_stops=True)
     points = cardinal_points(lens, wavelength)
     pupil = (points.exit_pupil, points.exit_pupil_semi_diameter)
-    columns = tuple(tuple(column.ravel().tolist()) for column in tables[:-1])
-    rear = rear_reach(lens, z_plane)
+    columns = tuple(None if column is None else (column.shape, *column.ravel().tolist()) for column in tables[:-1])
+    rear = rear_reach(lens, z_plane, wavelength)
     return _traced_bounds(columns, pupil, rear, float(lens.vertices[-1]), z_plane, largest_radius, cell_radius)
 
 
-def rear_reach(lens: LensStack, z_plane: float) -> tuple[float, float]:
+def rear_reach(lens: LensStack, z_plane: float, wavelength: float) -> tuple[float, float]:
     """How far from the axis light can cross the plane of the last vertex: (a, b) in a + b rho, in mm.
 
     rho is the distance from the axis of the point of the plane z_plane to which the light goes. It must cross the
     last surface inside its semi-diameter, at the rim by the sag in front of the vertex's plane or behind it; seen
     from rho, the rim is projected onto that plane.
     """
-    last = lens.elements[-1]
-    sag = float(last.sag(last.semi_diameter)) if isinstance(last, Surface) else 0.0
-    gap = z_plane - float(lens.vertices[-1])
-    share = min(gap / max(gap - sag, 1e-3 * gap), _LARGEST_SHARE)
-    return max(share, 1.0) * last.semi_diameter, abs(1.0 - share)
+    last, z_last = lens.elements[-1], float(lens.vertices[-1])
+    gap = z_plane - z_last
+    if lens.model is not LensModel.EXACT:
+        tables = lens_tables(lens, wavelength, reverse=True, round_stops=True)
+        stop = int(np.flatnonzero(tables.kind == CIRCLE)[0])
+        return _projected(gap, float(tables.z[stop]) - z_last, math.sqrt(tables.clear[stop]))
+    depth, reach, tilted = 0.0, last.semi_diameter, 0.0
+    if isinstance(last, Surface):
+        depth = float(last.sag(reach)) if last.depth is None else math.copysign(last.depth, last.radius)
+    if last.placement is not None:
+        shift, turn = np.asarray(last.placement.shift), np.asarray(last.placement.rotation)
+        tilted = reach * float(np.hypot(turn[2, 0], turn[2, 1]))
+        depth, reach = depth + float(shift[2]), reach + float(np.hypot(shift[0], shift[1]))
+    near, far = (_projected(gap, depth + side, reach) for side in (tilted, -tilted))
+    return max(near[0], far[0]), max(near[1], far[1])
+
+
+def _projected(gap: float, ahead: float, reach: float) -> tuple[float, float]:
+    """A disc of radius `reach`, `ahead` of the plane of outlines, as (a, b) of `rear_reach`."""
+    share = min(gap / max(gap - ahead, 1e-3 * gap), _LARGEST_SHARE)
+    return max(share, 1.0) * reach, abs(1.0 - share)
 
 
 @functools.lru_cache(maxsize=16)
 def _traced_bounds(
-    columns: tuple[tuple[float, ...], ...],
+    columns: tuple[tuple[Any, ...] | None, ...],
     pupil: tuple[float, float],
     rear: tuple[float, float],
     z: float,
@@ -185,14 +204,13 @@ def _traced_bounds(
     A pupil that moves by more than its size from one radius to the next would get outlines much too large; then
     there are more radii.
     """
-    kind, z_vertex, curvature, index_ratio, clear, number, edges, first_edge = (np.array(column) for column in columns)
-    tables = LensTables(
-        kind, z_vertex, curvature, index_ratio, clear, number, edges.reshape(-1, 3), first_edge, direction=-1.0
-    )
+    arrays = [None if column is None else np.array(column[1:]).reshape(column[0]) for column in columns]
+    kind, first_edge = (np.asarray(arrays[LensTables._fields.index(name)], np.int64) for name in ("kind", "first_edge"))
+    tables = LensTables._make([*arrays, -1.0])._replace(kind=kind, first_edge=first_edge)
     radii = _RADII
     while True:
         rho = np.linspace(0.0, largest_radius + cell_radius, radii)
-        support = _followed_outlines(tables, rho, pupil, z, z_plane, rear)
+        support = _all_round(tables, rho, pupil, z, z_plane, rear)
         if radii >= _MOST_RADII or _largest_step(support) < 0.5:
             return _widened(rho, support, cell_radius, largest_radius, z)
         radii *= 3
@@ -206,6 +224,42 @@ def _largest_step(support: NDArray[np.float64]) -> float:
     # Where vignetting ends the field, outlines shrink to nothing: that is no reason for more radii.
     half_width = np.maximum(middle[1:, 1], 0.3 * middle[:, 1].max())
     return float((np.abs(np.diff(middle[:, 0])) / half_width).max())
+
+
+def _all_round(
+    tables: LensTables,
+    rho: NDArray[np.float64],
+    pupil: tuple[float, float],
+    z: float,
+    z_plane: float,
+    rear: tuple[float, float],
+) -> NDArray[np.float64]:
+    """Support distances as seen from all points at the distances rho, in axes turned with them.
+
+    A centred lens looks the same from everywhere on a circle. Of a lens with elements out of place, the union of
+    outlines from several azimuths is taken, and widened by what may lie between them.
+    """
+    if tables.frames is None:
+        return _followed_outlines(tables, rho, pupil, z, z_plane, rear)
+    angles = 2 * math.pi * np.arange(_AZIMUTHS) / _AZIMUTHS
+    found = np.array([_followed_outlines(_turned(tables, a), rho, pupil, z, z_plane, rear) for a in angles])
+    largest = found.max(axis=0)
+    smallest = np.where(np.isfinite(found), found, np.inf).min(axis=0)
+    # A change like cos(azimuth) reaches at most (1 - cos(pi / n)) of its amplitude beyond the samples.
+    spread = np.where(np.isfinite(largest), largest - smallest, 0.0)
+    return np.asarray(largest + (1.0 - math.cos(math.pi / _AZIMUTHS)) * spread)
+
+
+def _turned(tables: LensTables, angle: float) -> LensTables:
+    """The lens turned about the axis by -angle, which is the same as looking at it from the azimuth `angle`."""
+    assert tables.frames is not None
+    cos, sin = math.cos(angle), math.sin(angle)
+    turn = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    frames = tables.frames.copy()
+    for frame in frames:
+        frame[:9] = (turn @ frame[:9].reshape(3, 3)).ravel()
+        frame[9:12] = turn @ frame[9:12]
+    return tables._replace(frames=frames)
 
 
 def _followed_outlines(

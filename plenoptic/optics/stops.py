@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from itertools import pairwise
 from typing import TypeAlias
@@ -10,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plenoptic._values import finite, positive, read_only, set_field, value, whole
+from plenoptic.optics.placement import Placement, kept_placement
 from plenoptic.optics.surface import checked_gap
 
 
@@ -23,6 +25,8 @@ class CircularStop:
         Radius of the hole in mm, above 0.
     thickness : float, optional
         Axial gap to the next element in mm, at least 0. The stop itself is infinitely thin.
+    placement : Placement, optional
+        Decentre and tilt; see `LensStack.moved`. None: centred.
 
     Raises
     ------
@@ -39,10 +43,12 @@ class CircularStop:
 
     semi_diameter: float
     thickness: float = 0.0
+    placement: Placement | None = dataclasses.field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         set_field(self, "semi_diameter", positive(self.semi_diameter, "semi_diameter", "mm"))
         set_field(self, "thickness", checked_gap(self.thickness))
+        set_field(self, "placement", kept_placement(self.placement))
 
     def contains(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.bool_]:
         """Whether points (x, y), mm, lie in the hole or on its edge; the shape is that of x and y broadcast."""
@@ -69,6 +75,8 @@ class PolygonStop:
         Angle of the first corner from +x towards +y, radians.
     thickness : float, optional
         Axial gap to the next element in mm, at least 0.
+    placement : Placement, optional
+        Decentre and tilt; see `LensStack.moved`. None: centred.
 
     Raises
     ------
@@ -89,12 +97,14 @@ class PolygonStop:
     semi_diameter: float
     rotation: float = 0.0
     thickness: float = 0.0
+    placement: Placement | None = dataclasses.field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         set_field(self, "blades", whole(self.blades, "blades", at_least=3))
         set_field(self, "semi_diameter", positive(self.semi_diameter, "semi_diameter", "mm"))
         set_field(self, "rotation", finite(self.rotation, "rotation"))
         set_field(self, "thickness", checked_gap(self.thickness))
+        set_field(self, "placement", kept_placement(self.placement))
 
     @property
     def apothem(self) -> float:

@@ -2,75 +2,218 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.optics.stops import PolygonStop
+from plenoptic.errors import PrescriptionError
+from plenoptic.optics.lens import Element, LensStack
+from plenoptic.optics.models import LensModel
+from plenoptic.optics.paraxial import cardinal_points
+from plenoptic.optics.stops import CircularStop, PolygonStop, Stop
 from plenoptic.optics.surface import Surface
 
-if TYPE_CHECKING:
-    from plenoptic.optics.lens import LensStack
+SURFACE, CIRCLE, POLYGON, CONIC, ASPHERE, IDEAL = range(6)
 
-SURFACE, CIRCLE, POLYGON = 0, 1, 2
+FRAME = 13
+"""Numbers of a placement: the rotation row by row, the shift, and 1 if there is one."""
+
+EQUATOR_TOLERANCE = 1e-12
+"""A rim that is the equator itself belongs to the surface."""
+
+_SLOPES = 257
+"""Places at which the slope of an asphere is looked at to find the steepest, and how much is added for what may lie
+between them."""
+_BETWEEN = 1.05
 
 
 class LensTables(NamedTuple):
     """Columns, one entry an element, in the order in which light meets them."""
 
     kind: NDArray[np.int64]
-    """SURFACE, CIRCLE or POLYGON."""
+    """SURFACE (sphere or plane), CIRCLE, POLYGON, CONIC, ASPHERE or IDEAL (a thick lens without aberrations)."""
     z: NDArray[np.float64]
     """Vertices in mm."""
     curvature: NDArray[np.float64]
-    """1 / radius in 1/mm; 0 for planes and stops."""
+    """1 / radius in 1/mm; 0 for planes and stops. IDEAL: 1 / focal length."""
     index_ratio: NDArray[np.float64]
     """Index before over index behind, in the direction of travel."""
     clear: NDArray[np.float64]
     """Squared semi-diameter in mm^2."""
+    rim: NDArray[np.float64]
+    """Largest c (1 + k) z of a point of the surface: 1 is the equator, inf no limit. IDEAL: from the principal plane
+    that light meets to the one that it leaves from, in mm."""
     number: NDArray[np.float64]
     """Index of the element in the lens."""
     edges: NDArray[np.float64]
     """(k, 3): outward normal x, y and distance from the axis of the edges of all polygonal stops."""
     first_edge: NDArray[np.int64]
     """(n + 1,): the edges of element i are first_edge[i] to first_edge[i + 1]."""
+    conic: NDArray[np.float64] | None
+    """Conic constants; None where all surfaces are spheres and planes."""
+    aspheric: NDArray[np.float64] | None
+    """(n, 3 + terms): the largest slope, the largest second derivative by r and the largest sag of an asphere, in size,
+    and its coefficients of r^2, r^4, ...; None without aspheres."""
+    frames: NDArray[np.float64] | None
+    """(n, FRAME) placements; None where all elements are centred."""
     direction: float
     """+1 towards the sensor, -1 towards the scene."""
 
 
-def lens_tables(lens: LensStack, wavelength: float, *, reverse: bool, round_stops: bool = False) -> LensTables:
+class _Row(NamedTuple):
+    """One element's entries."""
+
+    kind: int
+    z: float
+    number: int
+    clear: float
+    curvature: float = 0.0
+    index_ratio: float = 1.0
+    rim: float = math.inf
+    edges: tuple[tuple[float, float, float], ...] = ()
+    conic: float = 0.0
+    aspheric: tuple[float, ...] = ()
+    frame: tuple[float, ...] = (0.0,) * FRAME
+
+
+def lens_tables(
+    lens: LensStack,
+    wavelength: float,
+    *,
+    reverse: bool,
+    round_stops: bool = False,
+    first: int | None = None,
+    last: int | None = None,
+    clipping: bool = True,
+) -> LensTables:
     """Tables for one wavelength (nm) and one direction of travel.
 
-    With `round_stops`, polygonal stops become the circles around them: what bounds on pupils are made of.
+    With `round_stops`, polygonal stops become the circles around them: what bounds on pupils are made of. `first` and
+    `last` choose a part of the lens, both included, always traced exactly. Without `clipping`, neither semi-diameters
+    nor stops stop a ray.
     """
-    order = list(range(len(lens.elements)))
-    index = np.asarray(lens.indices(wavelength), dtype=np.float64)
-    ratio = index[:-1] / index[1:]
-    if reverse:
-        order.reverse()
-        ratio = 1.0 / ratio
-    elements = [lens.elements[i] for i in order]
-    edges: list[tuple[float, float, float]] = []
-    first_edge = [0]
-    kind = []
-    for element in elements:
-        if isinstance(element, Surface):
-            kind.append(SURFACE)
-        elif isinstance(element, PolygonStop) and not round_stops:
-            kind.append(POLYGON)
-            edges.extend((float(nx), float(ny), element.apothem) for nx, ny in element.normals)
-        else:
-            kind.append(CIRCLE)
-        first_edge.append(len(edges))
+    if first is None and last is None and lens.model is not LensModel.EXACT:
+        rows = _ideal_rows(lens, wavelength, reverse=reverse)
+    else:
+        begin = 0 if first is None else first
+        end = len(lens.elements) - 1 if last is None else last
+        rows = _exact_rows(lens, wavelength, begin, end, reverse=reverse)
+    if round_stops or not clipping:
+        rows = [row._replace(kind=CIRCLE, edges=()) if row.kind == POLYGON else row for row in rows]
+    if not clipping:
+        rows = [row._replace(clear=math.inf) for row in rows]
+    return _columns(rows, -1.0 if reverse else 1.0)
+
+
+def _columns(rows: list[_Row], direction: float) -> LensTables:
+    edges = [edge for row in rows for edge in row.edges]
+    terms = max(len(row.aspheric) for row in rows)
+    aspheric = None
+    if terms:
+        aspheric = np.zeros((len(rows), terms))
+        for i, row in enumerate(rows):
+            aspheric[i, : len(row.aspheric)] = row.aspheric
+    placed = any(row.frame[-1] for row in rows)
     return LensTables(
-        kind=np.array(kind, dtype=np.int64),
-        z=np.ascontiguousarray(lens.vertices[order]),
-        curvature=np.array([e.curvature if isinstance(e, Surface) else 0.0 for e in elements]),
-        index_ratio=np.ascontiguousarray(ratio[order]),
-        clear=np.array([e.semi_diameter**2 for e in elements]),
-        number=np.array(order, dtype=np.float64),
+        kind=np.array([row.kind for row in rows], dtype=np.int64),
+        z=np.array([row.z for row in rows]),
+        curvature=np.array([row.curvature for row in rows]),
+        index_ratio=np.array([row.index_ratio for row in rows]),
+        clear=np.array([row.clear for row in rows]),
+        rim=np.array([row.rim for row in rows]),
+        number=np.array([row.number for row in rows], dtype=np.float64),
         edges=np.array(edges, dtype=np.float64).reshape(-1, 3),
-        first_edge=np.array(first_edge, dtype=np.int64),
-        direction=-1.0 if reverse else 1.0,
+        first_edge=np.cumsum([0, *(len(row.edges) for row in rows)], dtype=np.int64),
+        conic=np.array([row.conic for row in rows]) if any(row.kind in (CONIC, ASPHERE) for row in rows) else None,
+        aspheric=aspheric,
+        frames=np.array([row.frame for row in rows]) if placed else None,
+        direction=direction,
     )
+
+
+def _exact_rows(lens: LensStack, wavelength: float, first: int, last: int, *, reverse: bool) -> list[_Row]:
+    index = np.asarray(lens.indices(wavelength), dtype=np.float64)
+    vertices = lens.vertices
+    rows = []
+    for i in range(first, last + 1):
+        element, z = lens.elements[i], float(vertices[i])
+        if isinstance(element, Surface):
+            ratio = index[i + 1] / index[i] if reverse else index[i] / index[i + 1]
+            rows.append(_surface_row(element, z, i, float(ratio)))
+        else:
+            rows.append(_stop_row(element, z, i))
+        rows[-1] = rows[-1]._replace(frame=_frame(element))
+    return rows[::-1] if reverse else rows
+
+
+def _surface_row(surface: Surface, z: float, number: int, ratio: float) -> _Row:
+    rim, clear = 1.0 + EQUATOR_TOLERANCE, surface.semi_diameter**2
+    if surface.depth is not None:
+        # Only the depth ends a surface that goes beyond its equator.
+        rim, clear = abs(surface.curvature) * (1.0 + surface.conic) * surface.depth + EQUATOR_TOLERANCE, math.inf
+    row = _Row(SURFACE, z, number, clear, surface.curvature, ratio, rim, conic=surface.conic)
+    if surface.aspheric:
+        r = np.linspace(0.0, surface.semi_diameter, _SLOPES)
+        slope = surface.slope(r)
+        with np.errstate(invalid="ignore"):
+            sizes = [_BETWEEN * float(np.abs(a).max()) for a in (slope, np.gradient(slope, r), surface.sag(r))]
+        bounds = [size if size < math.inf else math.inf for size in sizes]
+        return row._replace(kind=ASPHERE, aspheric=(*bounds, *surface.aspheric))
+    return row if surface.conic == 0 or surface.curvature == 0 else row._replace(kind=CONIC)
+
+
+def _stop_row(stop: Stop, z: float, number: int) -> _Row:
+    clear = stop.semi_diameter**2
+    if isinstance(stop, PolygonStop):
+        edges = tuple((float(nx), float(ny), stop.apothem) for nx, ny in stop.normals)
+        return _Row(POLYGON, z, number, clear, edges=edges)
+    return _Row(CIRCLE, z, number, clear)
+
+
+def _frame(element: Element) -> tuple[float, ...]:
+    placement = element.placement
+    if placement is None:
+        return (0.0,) * FRAME
+    return (*np.ravel(placement.rotation).tolist(), *np.asarray(placement.shift).tolist(), 1.0)
+
+
+def _ideal_rows(lens: LensStack, wavelength: float, *, reverse: bool) -> list[_Row]:
+    """What stands for the lens in the models NONE, THIN and PARAXIAL, from scene to sensor unless `reverse`."""
+    if lens.model is LensModel.NONE:
+        stops = [i for i, element in enumerate(lens.elements) if not isinstance(element, Surface)]
+        rows = [_stop_row(_as_stop(lens.elements[i]), float(lens.vertices[i]), i) for i in stops]
+        return rows[::-1] if reverse else rows
+    points = cardinal_points(lens, wavelength)
+    if not math.isfinite(points.efl):
+        raise PrescriptionError(
+            f"the lens {lens.name!r} has no focal length at {wavelength:g} nm and so no principal planes; "
+            "use LensModel.EXACT"
+        )
+    rear, iris = points.rear_principal, lens.iris_index
+    front = rear if lens.model is LensModel.THIN else points.front_principal
+    met, left = (rear, front) if reverse else (front, rear)
+    ideal = _Row(IDEAL, met, iris, math.inf, 1.0 / points.efl, rim=left - met)
+    if lens.model is LensModel.THIN:
+        z_stop, scale, behind = rear, points.entrance_pupil_semi_diameter / lens.stop.semi_diameter, True
+    elif math.isfinite(points.exit_pupil):
+        z_stop, scale, behind = points.exit_pupil, points.pupil_magnification, True
+    else:
+        z_stop, scale = points.entrance_pupil, points.entrance_pupil_semi_diameter / lens.stop.semi_diameter
+        behind = False
+    stop = _stop_row(_scaled(lens.stop, scale), z_stop, iris)
+    return [ideal, stop] if behind != reverse else [stop, ideal]
+
+
+def _as_stop(element: Element) -> Stop:
+    assert not isinstance(element, Surface)
+    return element
+
+
+def _scaled(stop: Stop, scale: float) -> Stop:
+    """The stop as its paraxial image shows it: larger or smaller, and turned by half a turn where it is inverted."""
+    if isinstance(stop, CircularStop):
+        return CircularStop(abs(scale) * stop.semi_diameter)
+    turn = math.pi if scale < 0 else 0.0
+    return PolygonStop(stop.blades, abs(scale) * stop.semi_diameter, stop.rotation + turn)

@@ -7,7 +7,7 @@ import numpy as np
 from plenoptic._threads import run_in_order, thread_count
 from plenoptic._values import wrong_kind
 from plenoptic.optics.lens import LensStack
-from plenoptic.optics.tables import lens_tables
+from plenoptic.optics.tables import LensTables, lens_tables
 from plenoptic.rays import RayBundle
 
 CHUNK = 1 << 15
@@ -16,11 +16,26 @@ CHUNK = 1 << 15
 
 def traced(lens: LensStack, rays: RayBundle, *, reverse: bool, threads: int | None = None) -> RayBundle:
     """Trace a bundle one way or the other; see `LensStack.trace`."""
-    from plenoptic.optics._trace import fill_traced_rows
-
     if not isinstance(rays, RayBundle):
         raise wrong_kind(rays, "rays", "RayBundle", "pl.RayBundle([[0, 0, -100]], [[0, 0, 1]])")
-    tables = lens_tables(lens, rays.wavelength, reverse=reverse)
+    return traced_by(lens_tables(lens, rays.wavelength, reverse=reverse), rays, threads=threads)
+
+
+def traced_part(
+    lens: LensStack, rays: RayBundle, first: int, last: int, *, reverse: bool = False, clipping: bool = True
+) -> RayBundle:
+    """Trace a bundle exactly through the elements `first` to `last`, both included; without `clipping` to no rim.
+
+    The origins come to lie on the element met last: `last`, or `first` in reverse.
+    """
+    tables = lens_tables(lens, rays.wavelength, reverse=reverse, first=first, last=last, clipping=clipping)
+    return traced_by(tables, rays)
+
+
+def traced_by(tables: LensTables, rays: RayBundle, *, threads: int | None = None) -> RayBundle:
+    """Trace a bundle through what tables describe."""
+    from plenoptic.optics._trace import fill_traced_rows
+
     n = len(rays)
     origin, direction, weight = np.empty((n, 3)), np.empty((n, 3)), np.empty(n)
     status, lost_at = np.empty(n, dtype=np.uint8), np.empty(n, dtype=np.int16)

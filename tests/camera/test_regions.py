@@ -10,7 +10,7 @@ import plenoptic as pl
 from plenoptic.camera.regions import feeding_regions
 from plenoptic.camera.strays import fill_spherical
 from plenoptic.camera.tables import CameraTables, camera_tables
-from plenoptic.optics._trace import BLOCK
+from plenoptic.optics._blocks import BLOCK
 
 LENS = pl.load_lens("double-gauss-100mm-f2")
 SENSOR = pl.Sensor(shape=(512, 512), pixel_pitch=0.01)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 import plenoptic as pl
 from plenoptic.camera.strays import fill_spherical
 from plenoptic.optics import _lattice
-from plenoptic.optics._trace import BLOCK
+from plenoptic.optics._blocks import BLOCK
 
 EPS = np.finfo(float).eps
 LATTICES = st.sampled_from(list(pl.Lattice))

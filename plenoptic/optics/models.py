@@ -1,0 +1,29 @@
+"""How faithfully the main lens is followed."""
+
+from __future__ import annotations
+
+import enum
+
+
+class LensModel(enum.IntEnum):
+    """What a ray meets where the lens stands; `LensStack.with_model` chooses it.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> lens = pl.load_lens("double-gauss-100mm-f2").with_model(pl.LensModel.PARAXIAL)
+    >>> lens.model.name
+    'PARAXIAL'
+    """
+
+    NONE = 0
+    """No lens: the stops stay, the glass is left out."""
+    THIN = 1
+    """An ideal thin lens of the focal length of the lens, in the plane of its rear principal point, with the iris in
+    the same plane, as large as the entrance pupil: the same f-number. Both principal planes are one, so that the scene
+    seems farther away or nearer by their distance."""
+    PARAXIAL = 2
+    """An ideal thick lens: rays meet the front principal plane, leave from the rear one at the same height, and pass
+    the paraxial exit pupil. No aberrations, no vignetting by the rims of the glass."""
+    EXACT = 3
+    """Every surface and stop."""
