@@ -19,8 +19,18 @@ if TYPE_CHECKING:
     from plenoptic.exposure import RenderStats as RenderStats
     from plenoptic.film import Film as Film
     from plenoptic.optics import paraxial as paraxial
+    from plenoptic.optics.air import Absolute as Absolute
+    from plenoptic.optics.air import Air as Air
+    from plenoptic.optics.air import AirFormula as AirFormula
+    from plenoptic.optics.dispersion import DispersionFormula as DispersionFormula
+    from plenoptic.optics.dispersion import Formula as Formula
+    from plenoptic.optics.glasses import GlassCatalogue as GlassCatalogue
+    from plenoptic.optics.glasses import glass as glass
+    from plenoptic.optics.glasses import glass_names as glass_names
+    from plenoptic.optics.glasses import load_glasses as load_glasses
     from plenoptic.optics.lens import LensStack as LensStack
     from plenoptic.optics.media import AIR as AIR
+    from plenoptic.optics.media import VACUUM as VACUUM
     from plenoptic.optics.media import ConstantMedium as ConstantMedium
     from plenoptic.optics.media import Medium as Medium
     from plenoptic.optics.media import ModelGlass as ModelGlass
@@ -81,8 +91,11 @@ else:
         "plenoptic.errors": ("FileError", "InvalidValueError", "PlenopticError", "PrescriptionError", "SceneError"),
         "plenoptic.exposure": ("Exposure", "RenderStats"),
         "plenoptic.film": ("Film",),
+        "plenoptic.optics.air": ("Absolute", "Air", "AirFormula"),
+        "plenoptic.optics.dispersion": ("DispersionFormula", "Formula"),
+        "plenoptic.optics.glasses": ("GlassCatalogue", "glass", "glass_names", "load_glasses"),
         "plenoptic.optics.lens": ("LensStack",),
-        "plenoptic.optics.media": ("AIR", "ConstantMedium", "Medium", "ModelGlass", "Schott", "Sellmeier"),
+        "plenoptic.optics.media": ("AIR", "VACUUM", "ConstantMedium", "Medium", "ModelGlass", "Schott", "Sellmeier"),
         "plenoptic.optics.microlenses": ("ConvexSide", "Lattice", "MicrolensArray", "MicrolensModel"),
         "plenoptic.optics.models": ("LensModel",),
         "plenoptic.optics.paraxial": ("CardinalPoints",),

@@ -7,7 +7,6 @@ import enum
 from plenoptic._values import value, whole
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.microlenses import MicrolensModel
 from plenoptic.optics.stops import PolygonStop
 from plenoptic.scene.scene import Scene
 from plenoptic.scene.tables import SceneTables
@@ -24,7 +23,7 @@ class Stage(enum.IntEnum):
     """
 
     MICROLENSES = 0
-    SPHERICAL_MICROLENSES = 1
+    MICROLENS_PLATES = 1
     LENS = 2
     POLYGON_STOPS = 3
     POSE = 4
@@ -110,7 +109,7 @@ def plan(
     ...     sensor=pl.Sensor(shape=(16, 16), pixel_pitch=0.01), stop_to_microlenses=130.0)
     >>> print(pl.plan(None, camera))          # doctest: +ELLIPSIS
     left out  microlenses            the camera has none
-    left out  spherical microlenses  the camera has none
+    left out  microlens plates       the camera has none
     runs      lens                   11 elements, 10 of them refracting
     ...
     """
@@ -172,15 +171,15 @@ def _why(*conditions: object) -> str:
 
 def _camera_decisions(camera: PlenopticCamera) -> list[Decision]:
     array = camera.microlenses
-    spherical = array is not None and array.model is MicrolensModel.SPHERICAL
+    plates = array is not None and array.is_plate
     stops = [e for e in camera.lens.elements if isinstance(e, PolygonStop)]
     refracting = sum(1 for e in camera.lens.elements if hasattr(e, "radius"))
     none = "the camera has none"
     return [
         Decision(Stage.MICROLENSES, array is not None, none if array is None else f"pitch {array.pitch:g} mm"),
         Decision(
-            Stage.SPHERICAL_MICROLENSES,
-            spherical,
+            Stage.MICROLENS_PLATES,
+            plates,
             none if array is None else f"microlenses are {array.model.name}",
         ),
         Decision(Stage.LENS, True, f"{len(camera.lens.elements)} elements, {refracting} of them refracting"),

@@ -446,6 +446,32 @@ def test_spherical_microlenses_approach_thin_ones(side):
     assert off[1] < 0.2 * off[0]
 
 
+@pytest.mark.parametrize("side", list(pl.ConvexSide))
+def test_flat_plates_of_high_index_give_the_thin_image(side):
+    region = np.s_[240:284, 240:284]
+    thin = pl.render_white(reference_camera(), samples=256, region=region, progress=False)
+    plate = {"model": pl.MicrolensModel.FLAT_HIGH_INDEX, "thickness": 0.01, "index": 200.0, "convex_side": side}
+    flat = pl.render_white(reference_camera(**plate), samples=256, region=region, progress=False)
+    # The plate is as deep as 0.01 / 200 mm; third-order aberrations move rays by some (0.125 / 2)^2 / 2 of the pupil's
+    # rim: some 0.3 % of the light is elsewhere.
+    assert flat.image.sum(dtype=np.float64) == pytest.approx(thin.image.sum(dtype=np.float64), rel=5e-3)
+    assert np.abs(flat.image - thin.image).mean() < 0.02 * thin.image.mean()
+
+
+def test_pinholes_show_the_pupil_under_every_microlens():
+    # Microlens images are the exit pupil seen through a point: at b = 1.7 from pinholes at 128.5 from the pupil they
+    # have the semi-diameter 7.76 * 1.7 / 128.5 = 0.1027 mm; the light is that of the cell where they are lit.
+    # 22 rows and 38 columns are a period of the hexagonal lattice: two microlens images.
+    white = pl.render_white(
+        reference_camera(model=pl.MicrolensModel.PINHOLE), samples=64, region=np.s_[245:267, 237:275], progress=False
+    )
+    points = pl.paraxial.cardinal_points(reference_camera().lens)
+    radius = points.exit_pupil_semi_diameter * 1.7 / (123.3 - points.exit_pupil)
+    lit = white.image.sum(dtype=np.float64) * 0.01**2 / hexagon_solid_angle(0.217, 1.7) / 2
+    # cos^4 falls by 0.7 % to the rim; the pupil's spherical aberration is some 0.25 % of its size.
+    assert lit == pytest.approx(math.pi * radius**2, rel=0.02)
+
+
 def test_crosstalk_pixels_are_fed_by_several_microlenses():
     # With the aperture opened up, microlens images overlap: the white image rises above one cell's solid angle.
     one = hexagon_solid_angle(0.217, 1.7)

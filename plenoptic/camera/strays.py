@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.optics.microlenses import ConvexSide, MicrolensArray
+from plenoptic.optics.microlenses import ConvexSide, MicrolensArray, MicrolensModel
 
 _AIMS, _OFFSETS = 33, 49
 _SAFETY = 1.25
@@ -14,15 +14,18 @@ _SAFETY = 1.25
 _NO_EDGES = np.zeros((0, 3))
 
 
-def fill_spherical(
+def fill_plates(
     blocks: NDArray[np.float64], array: MicrolensArray, distance: float, z_plane: float, edges: NDArray[np.float64]
 ) -> None:
-    """Aimed samples become rays through exact plano-convex lenses."""
+    """Aimed samples become rays through plano-convex lenses, exact or flat with a high index."""
     from plenoptic.optics import _lattice
 
     curved_first = array.convex_side is ConvexSide.SENSOR
+    flat = array.model is MicrolensModel.FLAT_HIGH_INDEX
     curvature = (-1.0 if curved_first else 1.0) / array.radius
-    _lattice.fill_plano_convex(blocks, distance, z_plane, curved_first, curvature, array.thickness, array.index, edges)
+    _lattice.fill_plano_convex(
+        blocks, distance, z_plane, curved_first, flat, curvature, array.thickness, array.index, edges
+    )
 
 
 def strays(
@@ -60,11 +63,13 @@ def _strays_from(
     for row, column in ((0, dx), (1, dy), (3, dx - sx), (4, dy)):
         fields[row, : dx.size] = column
     blocks = np.ascontiguousarray(fields.reshape(8, -1, BLOCK).transpose(1, 0, 2))
-    fill_spherical(blocks.reshape(-1), array, distance, camera.stop_to_microlenses, _NO_EDGES)
+    fill_plates(blocks.reshape(-1), array, distance, camera.stop_to_microlenses, _NO_EDGES)
     x, y, z, u, v, w, _, status = blocks.transpose(1, 0, 2).reshape(8, -1)[:, : dx.size]
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         if array.convex_side is ConvexSide.SCENE:
             land_x, land_y = x, y
+        elif array.model is MicrolensModel.FLAT_HIGH_INDEX:
+            land_x, land_y = dx, dy
         else:
             land_x, land_y = _landing(array, dx, dy, (dx - sx) / distance, dy / distance)
         t = (z_last - z) / w

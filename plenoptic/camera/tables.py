@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.camera.strays import fill_spherical, strays
+from plenoptic.camera.strays import fill_plates, strays
 from plenoptic.optics.microlenses import MicrolensArray, MicrolensModel
 from plenoptic.optics.pupil import PupilBounds, pupil_bounds, rear_reach
 from plenoptic.optics.tables import LensTables, lens_tables
@@ -75,6 +75,8 @@ def camera_tables(camera: PlenopticCamera) -> CameraTables:
         distance, z_plane = camera.microlenses_to_sensor, camera.stop_to_microlenses
         ratio = (z_plane - z_last) / distance
         bend = 1.0 + (z_plane - z_last) * (1.0 / distance - 1.0 / array.focal_length)
+        if array.model is MicrolensModel.PINHOLE:
+            bend = 0.0
         bounds, slack, stray = _cell_bounds(camera, array, ratio, bend)
         cells = CellTables(
             basis=array.basis,
@@ -108,10 +110,12 @@ def fill_through_array(blocks: NDArray[np.float64], tables: CameraTables) -> Non
     array = tables.array
     if array is None or tables.cells is None:
         _lattice.fill_straight(blocks, tables.distance, tables.z_plane)
+    elif array.model is MicrolensModel.PINHOLE:
+        _lattice.fill_pinholes(blocks, tables.distance, tables.z_plane)
     elif array.model is MicrolensModel.THIN:
         _lattice.fill_thin(blocks, tables.distance, 1.0 / array.focal_length, tables.z_plane)
     else:
-        fill_spherical(blocks, array, tables.distance, tables.z_plane, tables.cells.edges)
+        fill_plates(blocks, array, tables.distance, tables.z_plane, tables.cells.edges)
 
 
 def _cell_bounds(
@@ -124,7 +128,7 @@ def _cell_bounds(
     """
     a, b = rear_reach(camera.lens, camera.stop_to_microlenses, camera.wavelength)
     slack = stray = 0.0
-    rounds = 1 if array.model is MicrolensModel.THIN else 2
+    rounds = 2 if array.is_plate else 1
     while True:
         farthest = ratio * camera.sensor.half_diagonal + a + abs(bend) * array.cell_radius + slack
         widest = 1.02 * farthest / max(1.0 + ratio - b, 0.1 * (1.0 + ratio)) + array.cell_radius + stray

@@ -41,7 +41,7 @@ class Medium(Protocol):
     """
 
     def index(self, wavelength: float) -> float:
-        """Refractive index, relative to air, at a wavelength in nm.
+        """Refractive index at a wavelength in nm: relative to air, and of `Air` and `Absolute` to vacuum.
 
         Examples
         --------
@@ -100,7 +100,7 @@ class ConstantMedium:
     Parameters
     ----------
     refractive_index : float
-        Relative to air, at least 1.
+        Relative to air as all indices (to vacuum, beside `Air` and `Absolute`), at least 1.
 
     Raises
     ------
@@ -139,6 +139,9 @@ class ConstantMedium:
 
 AIR = ConstantMedium(1.0)
 """Air: all indices are relative to it, so its own is 1."""
+
+VACUUM = ConstantMedium(1.0)
+"""Vacuum, around a lens whose glasses are `Absolute`. By value it is `AIR`, and equal to it: the name says which."""
 
 
 @value
@@ -285,10 +288,11 @@ class Sellmeier:
         1.45846
         """
         name = self.name or "this Sellmeier medium"
-        square = (_wavelength_within(wavelength, self.wavelength_range, name) * 1e-3) ** 2
+        micrometres = _wavelength_within(wavelength, self.wavelength_range, name) * 1e-3
+        square = micrometres * micrometres
         try:
             n2 = 1.0 + sum(b * square / (square - c) for b, c in zip(self.b, self.c, strict=True))
-        except ZeroDivisionError:
+        except (ZeroDivisionError, OverflowError):
             n2 = math.inf
         return _checked_index(math.sqrt(n2) if n2 >= 0 else math.nan, wavelength, name)
 
@@ -342,6 +346,10 @@ class Schott:
         True
         """
         name = self.name or "this Schott medium"
-        square = (_wavelength_within(wavelength, self.wavelength_range, name) * 1e-3) ** 2
-        n2 = sum(a * square**power for a, power in zip(self.coefficients, (0, 1, -1, -2, -3, -4), strict=True))
+        micrometres = _wavelength_within(wavelength, self.wavelength_range, name) * 1e-3
+        square = micrometres * micrometres
+        try:
+            n2 = sum(a * square**power for a, power in zip(self.coefficients, (0, 1, -1, -2, -3, -4), strict=True))
+        except (ZeroDivisionError, OverflowError):
+            n2 = math.inf
         return _checked_index(math.sqrt(n2) if n2 >= 0 else math.nan, wavelength, name)

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from plenoptic._values import choice, finite, positive, read_only, set_field, value
 from plenoptic.errors import InvalidValueError
 
+_HIGH_INDEX = 10.0
+
 
 class Lattice(enum.IntEnum):
     """How the microlenses lie; one microlens is on the axis.
@@ -34,13 +36,19 @@ class MicrolensModel(enum.IntEnum):
     Examples
     --------
     >>> import plenoptic as pl
-    >>> pl.MicrolensModel.SPHERICAL
-    <MicrolensModel.SPHERICAL: 1>
+    >>> [model.name for model in pl.MicrolensModel]
+    ['PINHOLE', 'THIN', 'FLAT_HIGH_INDEX', 'SPHERICAL']
     """
 
-    THIN = 0
+    PINHOLE = 0
+    """All light that reaches the cell passes its centre, undeviated: every depth is sharp. It counts as if the whole
+    cell were open, so that images are as bright as with the other models."""
+    THIN = 1
     """Ideal thin lens in one plane."""
-    SPHERICAL = 1
+    FLAT_HIGH_INDEX = 2
+    """Two planes of a medium of high index; on one of them light is refracted by the normals of the sphere of radius
+    f (index - 1), as if the lens had its curvature but no height (Michels et al. 2018, section 4)."""
+    SPHERICAL = 3
     """Exact plano-convex lens: a sphere and a plane of glass."""
 
 
@@ -67,21 +75,21 @@ class MicrolensArray:
     pitch : float
         Distance between nearest neighbours in mm.
     focal_lengths : tuple of float
-        Focal length in mm, at 587.6 nm; positive for convex lenses, and in the model THIN also negative.
+        Focal length in mm, at 587.6 nm; positive for convex lenses, and in the models THIN and PINHOLE also negative.
     lattice : Lattice
     model : MicrolensModel
-        THIN, or SPHERICAL with the fields below.
+        PINHOLE, THIN, or one of the plates FLAT_HIGH_INDEX and SPHERICAL with the fields below.
     thickness : float
-        SPHERICAL: axial thickness of the plate in mm, from the vertex of the curved side to the flat side.
+        Plates: axial thickness in mm, from the vertex of the curved side to the flat side.
     index : float
-        SPHERICAL: refractive index at 587.6 nm; the radius of curvature is f (index - 1).
+        Plates: refractive index at 587.6 nm; the radius of curvature is f (index - 1). FLAT_HIGH_INDEX: at least 10.
     convex_side : ConvexSide
-        SPHERICAL: where the curved side faces.
+        Plates: where the curved side faces.
 
     Raises
     ------
     InvalidValueError
-        For a pitch or thickness that is not positive, a focal length of 0, an index that is not above 1,
+        For a pitch or thickness that is not positive, a focal length of 0, an index that is too low,
         a sphere too small to cover its cell, or a lattice, model or side that is none.
 
     Examples
@@ -118,10 +126,10 @@ class MicrolensArray:
         set_field(self, "index", finite(self.index, "index of the microlenses"))
         if not self.index > 1:
             raise InvalidValueError(f"index of the microlenses is {self.index}; it must be above 1")
-        if self.model is MicrolensModel.SPHERICAL:
-            self._check_sphere()
+        if self.is_plate:
+            self._check_plate()
 
-    def _check_sphere(self) -> None:
+    def _check_plate(self) -> None:
         if self.focal_lengths[0] < 0:
             raise InvalidValueError(
                 f"focal length {self.focal_lengths[0]:g} mm: a plano-convex microlens collects light; use one above 0"
@@ -131,6 +139,13 @@ class MicrolensArray:
                 f"radius of curvature {self.radius:g} mm is below the cell's corner at {self.cell_radius:g} mm; "
                 "increase the focal length or the index, or reduce the pitch"
             )
+        if self.model is MicrolensModel.FLAT_HIGH_INDEX:
+            if self.index < _HIGH_INDEX:
+                raise InvalidValueError(
+                    f"index of the microlenses is {self.index:g}; FLAT_HIGH_INDEX stands for a nearly flat lens and "
+                    f"needs at least {_HIGH_INDEX:g}: give index=100.0, or choose SPHERICAL"
+                )
+            return
         sag = self.cell_radius**2 / (self.radius + math.sqrt(self.radius**2 - self.cell_radius**2))
         if sag > self.thickness:
             raise InvalidValueError(
@@ -143,14 +158,19 @@ class MicrolensArray:
         return self.focal_lengths[0]
 
     @property
+    def is_plate(self) -> bool:
+        """Whether rays pass two surfaces of glass, so that thickness, index and convex side matter."""
+        return self.model in (MicrolensModel.FLAT_HIGH_INDEX, MicrolensModel.SPHERICAL)
+
+    @property
     def radius(self) -> float:
-        """SPHERICAL: radius of curvature in mm, f (index - 1)."""
+        """Plates: radius of curvature in mm, f (index - 1)."""
         return self.focal_length * (self.index - 1.0)
 
     @property
     def principal_separation(self) -> float:
         """Distance from the front to the rear principal plane in mm: 0 for a thin lens."""
-        return 0.0 if self.model is MicrolensModel.THIN else self.thickness * (1.0 - 1.0 / self.index)
+        return self.thickness * (1.0 - 1.0 / self.index) if self.is_plate else 0.0
 
     @property
     def basis(self) -> NDArray[np.float64]:

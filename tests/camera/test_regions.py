@@ -8,7 +8,7 @@ import pytest
 
 import plenoptic as pl
 from plenoptic.camera.regions import feeding_regions
-from plenoptic.camera.strays import fill_spherical
+from plenoptic.camera.strays import fill_plates
 from plenoptic.camera.tables import CameraTables, camera_tables
 from plenoptic.optics._blocks import BLOCK
 
@@ -70,7 +70,7 @@ def towards_the_lens(camera: pl.PlenopticCamera, sensor: np.ndarray, points: np.
     rows[:6, :n] = np.column_stack([points, centres[:, 0], points - sensor, centres[:, 1]]).T
     blocks = np.ascontiguousarray(rows.reshape(8, -1, BLOCK).transpose(1, 0, 2))
     # A ray belongs to the microlens on whose curved side it lands.
-    fill_spherical(blocks.reshape(-1), array, b, z, array.cell_edges)
+    fill_plates(blocks.reshape(-1), array, b, z, array.cell_edges)
     x, y, z_out, l, m, n_out, _, status = blocks.transpose(1, 0, 2).reshape(8, -1)[:, :n]
     origin, along = np.stack([x, y, z_out], axis=1), np.stack([l, m, n_out], axis=1)
     return pl.RayBundle(origin, along, status=status.astype(np.uint8))
@@ -146,7 +146,7 @@ def test_aims_beyond_the_cell_that_land_on_its_sphere_are_held_too(side: pl.Conv
         rows = np.zeros((8, -(-n // BLOCK) * BLOCK))
         rows[:6, :n] = np.column_stack([points, centres[:, 0], points - sensor, centres[:, 1]]).T
         blocks = np.ascontiguousarray(rows.reshape(8, -1, BLOCK).transpose(1, 0, 2))
-        fill_spherical(blocks.reshape(-1), array, camera.microlenses_to_sensor, tables.z_plane, array.cell_edges)
+        fill_plates(blocks.reshape(-1), array, camera.microlenses_to_sensor, tables.z_plane, array.cell_edges)
         fields = blocks.transpose(1, 0, 2).reshape(8, -1)[:, :n]
         rays = pl.RayBundle(fields[:3].T, fields[3:6].T, status=fields[7].astype(np.uint8))
         passed = camera.lens.trace_reverse(rays).status == 0

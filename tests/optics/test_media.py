@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from plenoptic.errors import InvalidValueError
+from plenoptic.optics.dispersion import COEFFICIENT_COUNTS, DispersionFormula, Formula
 from plenoptic.optics.media import (
     AIR,
     C_LINE,
@@ -13,6 +14,7 @@ from plenoptic.optics.media import (
     F_LINE,
     G_LINE,
     MODEL_GLASS_RANGE,
+    VACUUM,
     ConstantMedium,
     Medium,
     ModelGlass,
@@ -67,7 +69,7 @@ def test_a_constant_medium_is_constant() -> None:
     assert AIR.index(587.6) == 1.0
 
 
-@pytest.mark.parametrize("medium", [AIR, ModelGlass(1.67, 47.1, "BAF10"), N_BK7, BK7])
+@pytest.mark.parametrize("medium", [AIR, VACUUM, ModelGlass(1.67, 47.1, "BAF10"), N_BK7, BK7])
 def test_media_are_values(medium: Medium) -> None:
     assert isinstance(medium, Medium)
     assert pickle.loads(pickle.dumps(medium)) == medium
@@ -140,3 +142,146 @@ def test_a_resonance_inside_the_range_is_an_error_and_not_a_number() -> None:
 def test_an_impossible_range_is_refused(limits: tuple[float, float]) -> None:
     with pytest.raises(InvalidValueError, match="wavelength_range"):
         Schott(BK7.coefficients, wavelength_range=limits)
+
+
+EXTREME = st.sampled_from(
+    [0.0, -0.0, 1e-320, 1e-160, 1e-12, 1.0, 500.0, 1e154, 1e200, 1.7e308, -1e200, math.nan, math.inf]
+)
+
+
+@given(b=st.lists(EXTREME, min_size=1, max_size=3), data=st.data(), wavelength=EXTREME)
+def test_extreme_coefficients_never_give_an_impossible_index(
+    b: list[float], data: st.DataObject, wavelength: float
+) -> None:
+    c = data.draw(st.lists(EXTREME, min_size=len(b), max_size=len(b)))
+    limits = data.draw(st.tuples(EXTREME, EXTREME))
+    powers = data.draw(st.lists(EXTREME, min_size=6, max_size=6))
+    for make in (lambda: Sellmeier(b, c, "", limits), lambda: Schott(powers, "", limits)):
+        try:
+            index = make().index(wavelength)
+        except InvalidValueError:
+            continue
+        assert 1.0 <= index < math.inf
+
+
+# ---- the formulas of catalogues ----
+
+# Entries of catalogues that come with Zemax, by their source in these: coefficients, range, n_d and V_d as stated.
+STATED = [
+    (
+        Formula.HERZBERGER,  # zinc sulphide, data sheet of Morton
+        (2.2596285, 3.11097853e-2, 1.0251756e-3, -5.94355286e-4, 4.49796618e-7, -4.12852834e-9),
+        (334.0, 2325.0),
+        2.367678,
+        15.282309,
+    ),
+    (Formula.CONRADY, (1.57410327, 1.39786149e-2, 8.3004511e-4), (334.0, 2325.0), 1.603233, 42.504788),  # BASF5, Laikin
+    (
+        Formula.SELLMEIER_3,  # calcite, ordinary ray: Handbook of Optics, vol. II
+        (0.8559, 3.45744e-3, 0.8391, 1.9881e-2, 9e-4, 3.8809e-2, 0.6845, 49.070025),
+        (200.0, 2200.0),
+        1.658643,
+        48.541403,
+    ),
+    (Formula.HANDBOOK_OF_OPTICS_1, (2.7405, 0.0184, 0.0179, 0.0155), (220.0, 1060.0), 1.670737, 52.593907),  # BBO
+    (Formula.SELLMEIER_4, (3.1399, 1.3786, 2.941e-2, 3.861, 225.9009), (220.0, 5000.0), 2.154291, 50.733102),  # AlN
+]
+
+
+@pytest.mark.parametrize(("formula", "coefficients", "limits", "nd", "vd"), STATED)
+def test_a_formula_gives_the_n_d_and_v_d_that_a_catalogue_states(
+    formula: Formula, coefficients: tuple[float, ...], limits: tuple[float, float], nd: float, vd: float
+) -> None:
+    medium = DispersionFormula(formula, coefficients, wavelength_range=limits)
+    # To the last of the six decimals. Catalogues differ in the lines by up to 0.0001 nm: slope 5e-7 per 0.0001 nm.
+    assert medium.index(D_LINE) == pytest.approx(nd, abs=1.1e-6)
+    assert (nd - 1) / (medium.index(F_LINE) - medium.index(C_LINE)) == pytest.approx(vd, rel=1e-5)
+
+
+NUMBER = st.floats(0.01, 1.0)
+WAVELENGTHS = st.floats(400.0, 1000.0)
+
+
+def _same(one: Medium, other: Medium, wavelength: float) -> None:
+    # Ten terms of order 1e10 at most would be 1e-6; these have |w^-12| < 6e4 and coefficients below 1, so 10 * 6e4 eps.
+    assert one.index(wavelength) == pytest.approx(other.index(wavelength), rel=2e-10)
+
+
+@given(k=st.tuples(*[NUMBER] * 8), wavelength=WAVELENGTHS)
+def test_the_power_series_are_one_another(k: tuple[float, ...], wavelength: float) -> None:
+    k = (1.0 + k[0], *k[1:])
+    schott, extended = Schott(k[:6]), DispersionFormula(Formula.EXTENDED, k)
+    _same(DispersionFormula(Formula.SCHOTT, k[:6]), schott, wavelength)
+    _same(DispersionFormula(Formula.EXTENDED, (*k[:6], 0.0, 0.0)), schott, wavelength)
+    _same(DispersionFormula(Formula.EXTENDED_2, (*k[:6], 0.0, 0.0)), schott, wavelength)
+    _same(DispersionFormula(Formula.EXTENDED_3, (k[0], k[1], 0.0, *k[2:])), extended, wavelength)
+    # The two terms that only EXTENDED_2 has.
+    w = wavelength * 1e-3
+    added = DispersionFormula(Formula.EXTENDED_2, k).index(wavelength) ** 2 - schott.index(wavelength) ** 2
+    # n^2 is below 2e3 here, rounded to eps, twice.
+    assert added == pytest.approx(k[6] * w**4 + k[7] * w**6, abs=2e-12, rel=1e-9)
+    # The term in w^4 of EXTENDED_3.
+    fourth = DispersionFormula(Formula.EXTENDED_3, (*k[:2], k[6], *k[2:6], 0.0, 0.0))
+    _same(fourth, DispersionFormula(Formula.EXTENDED_2, (*k[:6], k[6], 0.0)), wavelength)
+
+
+@given(k=st.tuples(*[NUMBER] * 5), wavelength=WAVELENGTHS)
+def test_the_resonance_formulas_are_one_another(k: tuple[float, ...], wavelength: float) -> None:
+    a, b, c, d, e = k[0] + 1.0, k[1], k[2] * 0.1, k[3], k[4] * 0.1
+    handbook = DispersionFormula(Formula.HANDBOOK_OF_OPTICS_2, (a + 1.0, b, c, d * 0.1))
+    # b w^2 / (w^2 - c) = b + b c / (w^2 - c)
+    _same(DispersionFormula(Formula.HANDBOOK_OF_OPTICS_1, (a + b + 1.0, b * c, c, d * 0.1)), handbook, wavelength)
+    fourth = DispersionFormula(Formula.SELLMEIER_4, (a, b, c, d, e))
+    _same(DispersionFormula(Formula.SELLMEIER_1, (b, c, d, e, a - 1.0, 0.0)), fourth, wavelength)
+    _same(DispersionFormula(Formula.SELLMEIER_3, (b, c, d, e, a - 1.0, 0.0, 0.0, 0.0)), fourth, wavelength)
+    five = (b, c, d, e, 0.0, 0.0, 0.0, 0.0, a - 1.0, 0.0)
+    _same(DispersionFormula(Formula.SELLMEIER_5, five), fourth, wavelength)
+    _same(Sellmeier((b, d, a - 1.0), (c, e, 0.0)), fourth, wavelength)
+    # d e / (w^2 - e) = d w^2 / (w^2 - e) - d
+    second = DispersionFormula(Formula.SELLMEIER_2, (a + d - 1.0, b, math.sqrt(c), d * e, math.sqrt(e)))
+    _same(second, DispersionFormula(Formula.SELLMEIER_4, (a, b, c, d, e)), wavelength)
+
+
+def test_formulas_are_values() -> None:
+    basf5 = DispersionFormula(Formula.CONRADY, [1.57410327, 1.39786149e-2, 8.3004511e-4], "BASF5", [334, 2325])  # type: ignore[arg-type]
+    assert isinstance(basf5, Medium)
+    assert isinstance(basf5.coefficients, tuple)
+    assert pickle.loads(pickle.dumps(basf5)) == basf5
+    assert hash(pickle.loads(pickle.dumps(basf5))) == hash(basf5)
+    assert DispersionFormula(5, basf5.coefficients, "BASF5", (334.0, 2325.0)) == basf5  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("formula", Formula)
+def test_a_formula_has_its_number_of_coefficients(formula: Formula) -> None:
+    count = COEFFICIENT_COUNTS[formula]
+    for wrong in (count - 1, count + 1, 0):
+        with pytest.raises(InvalidValueError, match="coefficients has"):
+            DispersionFormula(formula, (0.5,) * wrong)
+
+
+@pytest.mark.parametrize("formula", [0, 14, "schott", None])
+def test_an_unknown_formula_is_refused(formula: Formula) -> None:
+    with pytest.raises(InvalidValueError, match=r"formula is .*; it must be Formula\.SCHOTT"):
+        DispersionFormula(formula, (1.5, 0.0, 0.0))
+
+
+def test_a_formula_ends_with_its_range() -> None:
+    basf5 = DispersionFormula(*STATED[1][:2], "BASF5", STATED[1][2])  # type: ignore[arg-type]
+    for wavelength in (333.9, 2325.1, math.nan):
+        with pytest.raises(InvalidValueError, match="wavelength"):
+            basf5.index(wavelength)
+    with pytest.raises(InvalidValueError, match="name is"):
+        DispersionFormula(Formula.CONRADY, (1.5, 0.0, 0.0), 5)  # type: ignore[arg-type]
+
+
+@given(formula=st.sampled_from(Formula), data=st.data(), wavelength=st.floats())
+def test_a_formula_never_answers_with_an_impossible_index(
+    formula: Formula, data: st.DataObject, wavelength: float
+) -> None:
+    k = data.draw(st.tuples(*[st.floats()] * COEFFICIENT_COUNTS[formula]))
+    limits = data.draw(st.tuples(st.floats(), st.floats()))
+    try:
+        index = DispersionFormula(formula, k, "", limits).index(wavelength)
+    except InvalidValueError:
+        return
+    assert 1.0 <= index < math.inf

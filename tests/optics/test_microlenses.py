@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import plenoptic as pl
-from plenoptic.camera.strays import fill_spherical
+from plenoptic.camera.strays import fill_plates
 from plenoptic.optics import _lattice
 from plenoptic.optics._blocks import BLOCK
 
@@ -107,7 +107,7 @@ def test_nearest_of_centres_are_the_centres() -> None:
         ({"index": 1.0}, "index of the microlenses is 1.0; it must be above 1"),
         ({"index": math.nan}, "index of the microlenses is nan; it must be finite"),
         ({"lattice": "hexagonal"}, "lattice is 'hexagonal'; it must be Lattice.HEXAGONAL or Lattice.SQUARE"),
-        ({"model": 2}, "model is 2; it must be MicrolensModel.THIN or MicrolensModel.SPHERICAL"),
+        ({"model": 4}, "model is 4; it must be MicrolensModel.PINHOLE or MicrolensModel.THIN or"),
         ({"convex_side": "scene"}, "convex_side is 'scene'; it must be ConvexSide.SCENE or ConvexSide.SENSOR"),
         ({"index": math.inf}, "index of the microlenses is inf"),
         ({"model": SPHERICAL, "focal_lengths": (-2.0,)}, "focal length -2 mm: a plano-convex microlens collects light"),
@@ -186,7 +186,7 @@ def test_exact_microlenses_are_lenses_of_two_surfaces(side: pl.ConvexSide) -> No
     distance, z_array, n = 1.7, 123.3, 1000
     points, sensor, centres = aimed(array, n, height=0.1, slope=0.3, distance=distance)
     blocks = as_blocks(points, sensor, centres, 1.0)
-    fill_spherical(blocks, array, distance, z_array, np.zeros((0, 3)))
+    fill_plates(blocks, array, distance, z_array, np.zeros((0, 3)))
     found, along, _, status = from_blocks(blocks, n)
 
     glass = pl.ConstantMedium(array.index)
@@ -220,7 +220,7 @@ def test_focal_length_and_principal_planes_in_the_paraxial_limit(side: pl.Convex
     def slope_errors(h: float) -> float:
         points, sensor, centres = aimed(array, n, height=h, slope=h, distance=distance)
         blocks = as_blocks(points, sensor, centres, 1.0)
-        fill_spherical(blocks, array, distance, z_array, np.zeros((0, 3)))
+        fill_plates(blocks, array, distance, z_array, np.zeros((0, 3)))
         found, along, _, _ = from_blocks(blocks, n)
         # Through the front principal plane at the height of the rear one, bent by height over focal length.
         t = (z_array - found[:, 2]) / along[:, 2]
@@ -269,8 +269,8 @@ def test_rays_beside_their_own_sphere_are_another_microlens_s(side: pl.ConvexSid
     points, sensor, centres = aimed(array, 2000, height=0.35, slope=0.3, distance=1.7)
     n = len(points)
     with_edges, without = (as_blocks(points, sensor, centres, 1.0) for _ in range(2))
-    fill_spherical(with_edges, array, 1.7, 40.0, array.cell_edges)
-    fill_spherical(without, array, 1.7, 40.0, np.zeros((0, 3)))
+    fill_plates(with_edges, array, 1.7, 40.0, array.cell_edges)
+    fill_plates(without, array, 1.7, 40.0, np.zeros((0, 3)))
     found, along, _, status = from_blocks(with_edges, n)
     free_found, free_along, _, free_status = from_blocks(without, n)
     assert np.array_equal(found, free_found) and np.array_equal(along, free_along)
@@ -289,3 +289,67 @@ def test_rays_beside_their_own_sphere_are_another_microlens_s(side: pl.ConvexSid
     inside = np.all(on_sphere @ array.cell_edges[:, :2].T <= array.cell_edges[:, 2], axis=1)
     margin = np.abs((on_sphere @ array.cell_edges[:, :2].T - array.cell_edges[:, 2]).max(axis=1)) > 1e-12
     assert np.array_equal((status == 0)[margin], inside[margin])
+
+
+def test_pinholes_let_light_through_their_centres() -> None:
+    array = array_of(0.2, pl.Lattice.HEXAGONAL)
+    points, sensor, centres = aimed(array, 300, height=0.1, slope=0.3, distance=1.7)
+    blocks, thin = as_blocks(points, sensor, centres, 2.5), as_blocks(points, sensor, centres, 2.5)
+    _lattice.fill_pinholes(blocks, 1.7, 123.3)
+    _lattice.fill_thin(thin, 1.7, 1 / 2.0, 123.3)
+    found, along, weight, status = from_blocks(blocks, 300)
+    assert np.array_equal(found, np.column_stack([centres, np.full(300, 123.3)])) and np.all(status == 0)
+    assert np.abs(along[:, :2] / -along[:, 2:] - (centres - sensor) / 1.7).max() <= 8 * EPS
+    # As bright as an open cell.
+    assert np.array_equal(weight, from_blocks(thin, 300)[2])
+
+
+def flat_plates(side: pl.ConvexSide, index: float, thickness: float) -> pl.MicrolensArray:
+    return pl.MicrolensArray(
+        pitch=0.2,
+        focal_lengths=(2.0,),
+        model=pl.MicrolensModel.FLAT_HIGH_INDEX,
+        index=index,
+        thickness=thickness,
+        convex_side=side,
+    )
+
+
+@pytest.mark.parametrize("side", list(pl.ConvexSide))
+def test_flat_plates_of_high_index_tend_to_thin_lenses(side: pl.ConvexSide) -> None:
+    # f = R / (n - 1). What differs is the plate's depth, thickness / n, and the aberrations of a flat lens, O(h^2) of
+    # the slope, which tend to those of a thin lens that keeps slopes in sines: they stay.
+    def off(index: float, thickness: float, height: float) -> float:
+        array = flat_plates(side, index, thickness)
+        points, sensor, centres = aimed(array, 400, height=height, slope=height, distance=1.7)
+        blocks = as_blocks(points, sensor, centres, 1.0)
+        fill_plates(blocks, array, 1.7, 123.3, np.zeros((0, 3)))
+        found, along, _, status = from_blocks(blocks, 400)
+        assert np.all(status == 0)
+        bent = (points - sensor) / 1.7 - (points - centres) / 2.0
+        at_front = found[:, :2] + ((123.3 - found[:, 2]) / along[:, 2])[:, None] * along[:, :2]
+        return max(np.abs(at_front - points).max(), np.abs(along[:, :2] / -along[:, 2:] - bent).max())
+
+    errors = [off(1000.0, 0.1, h) for h in (0.08, 0.04, 0.02)]
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(3.0, abs=0.2)
+    assert np.log2(errors[1] / errors[2]) == pytest.approx(3.0, abs=0.2)
+    assert errors[2] < 2e-5
+
+
+@pytest.mark.parametrize("side", list(pl.ConvexSide))
+def test_a_flat_plate_has_the_cells_of_its_curved_side(side: pl.ConvexSide) -> None:
+    array = flat_plates(side, 100.0, 0.1)
+    points, sensor, centres = aimed(array, 4000, height=0.2, slope=0.1, distance=1.7)
+    blocks = as_blocks(points, sensor, centres, 1.0)
+    fill_plates(blocks, array, 1.7, 123.3, array.cell_edges)
+    status = from_blocks(blocks, 4000)[3]
+    inside = np.all((points - centres) @ array.cell_edges[:, :2].T <= array.cell_edges[:, 2], axis=1)
+    # On the sensor's side the curved plane is the plane of aims; on the other, thickness / n = 1e-3 mm away.
+    near = np.abs(((points - centres) @ array.cell_edges[:, :2].T).max(axis=1) - 0.1) < 2e-3
+    assert np.array_equal((status == 0)[~near], inside[~near])
+    assert np.all(status[~inside & ~near] == pl.RayStatus.OUTSIDE_MICROLENS)
+
+
+def test_a_flat_plate_of_low_index_is_refused() -> None:
+    with pytest.raises(pl.InvalidValueError, match="give index=100.0, or choose SPHERICAL"):
+        flat_plates(pl.ConvexSide.SCENE, 1.5, 0.1)

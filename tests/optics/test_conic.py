@@ -1,0 +1,232 @@
+"""Conics, even aspheres and surfaces beyond their equator: laws of refraction and stigmatic surfaces."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import plenoptic as pl
+from plenoptic.optics.tables import lens_tables
+from plenoptic.optics.tracing import traced_part
+
+EPS = np.finfo(float).eps
+OK, MISSED, CLIPPED = pl.RayStatus.OK, pl.RayStatus.MISSED, pl.RayStatus.CLIPPED
+
+
+def one_surface(radius: float, index: float, *, ahead: float = 1.0, **shape) -> pl.LensStack:
+    """A surface from a medium of index `ahead` to one of `index`; its vertex is at z = 0."""
+    medium, before = pl.ConstantMedium(index), pl.ConstantMedium(ahead)
+    surface = pl.Surface(radius, thickness=1e4, medium=medium, **shape)
+    # Stop and plane in front are there to make it a lens; tests trace element 2 alone.
+    front = [pl.CircularStop(1e5), pl.Surface(math.inf, 0.0, before, semi_diameter=1e4)]
+    return pl.LensStack([*front, surface, pl.Surface(math.inf, semi_diameter=1e5)])
+
+
+def refracted(lens: pl.LensStack, origin, direction, *, reverse: bool = False) -> pl.RayBundle:
+    """Through the surface alone."""
+    return traced_part(lens, pl.RayBundle(origin, direction), 2, 2, reverse=reverse)
+
+
+SHAPES = [
+    {"radius": 50.0, "semi_diameter": 20.0, "conic": -0.5, "aspheric": (0.0, 1e-5, -1e-8)},
+    {"radius": math.inf, "semi_diameter": 8.0, "aspheric": (1e-3, 1e-4, -1e-7)},
+    {"radius": 40.0, "semi_diameter": 15.0, "conic": 2.0},
+    {"radius": 30.0, "semi_diameter": 25.0, "conic": -3.0},
+    {"radius": -25.0, "semi_diameter": 14.0, "conic": -1.0, "aspheric": (0.0, -3e-5, 2e-8)},
+    {"radius": -1e9, "semi_diameter": 14.0, "conic": -1e3, "aspheric": (0.0, 0.0, 1e-9)},
+    {"radius": 1e-3, "semi_diameter": 5e-4, "conic": -0.7, "aspheric": (0.0, 1e7)},
+]
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("reverse", [False, True])
+def test_snell_and_the_way_back(shape, reverse):
+    lens, surface = one_surface(index=1.6, **shape), pl.Surface(**shape)
+    rng, n, size = np.random.default_rng(3), 4000, shape["semi_diameter"]
+    s = -1.0 if reverse else 1.0
+    target = np.column_stack([rng.uniform(-size, size, (n, 2)), np.zeros(n)])
+    start = np.column_stack([rng.uniform(-size, size, (n, 2)), np.full(n, -s * 4 * size)])
+    rays = pl.RayBundle(start, target - start)
+    out = refracted(lens, rays.origin, rays.direction, reverse=reverse)
+    kept = out.status == OK
+    assert kept.mean() > 0.3 and out.status.max() <= pl.RayStatus.TOTAL_REFLECTION
+    p, d, bent = out.origin[kept], rays.direction[kept], out.direction[kept]
+    r = np.hypot(p[:, 0], p[:, 1])
+    assert r.max() <= size * (1 + 4 * EPS)
+    normal = np.column_stack([-surface.slope(r)[:, None] * p[:, :2] / r[:, None], np.ones(len(p))])
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    # A point is good to a few eps of its coordinates, and its height over the surface to that over cos i.
+    scale = np.abs(p).max(axis=1) + np.abs(surface.sag(r))
+    cos_i = np.abs(np.einsum("ij,ij->i", normal, d))
+    assert np.all(np.abs(p[:, 2] - surface.sag(r)) <= 16 * EPS * scale / cos_i)
+    n_before, n_behind = (1.6, 1.0) if reverse else (1.0, 1.6)
+    off = n_behind * np.cross(normal, bent) - n_before * np.cross(normal, d)
+    assert np.abs(off).max() <= 32 * EPS
+    # Back: from a point further on.
+    there = p + size * bent
+    back = refracted(lens, there, -bent, reverse=not reverse)
+    assert np.all(back.status == OK)
+    assert np.all(np.abs(back.origin - p).max(axis=1) <= 64 * EPS * (size + scale) / cos_i)
+
+
+@settings(max_examples=30, deadline=None)
+@given(index=st.floats(1.1, 3.0), radius=st.floats(1.0, 1e4), aperture=st.floats(0.01, 0.95), seed=st.integers(0, 1000))
+def test_an_ellipsoid_collects_parallel_light_in_its_focus(index, radius, aperture, seed):
+    # Descartes: k = -1 / n^2 takes light parallel to the axis, from air into glass, to n R / (n - 1) exactly.
+    conic = -1.0 / index**2
+    equator = radius / math.sqrt(1.0 + conic)
+    lens = one_surface(radius, index, conic=conic, semi_diameter=aperture * equator)
+    rng = np.random.default_rng(seed)
+    r, turn = aperture * equator * np.sqrt(rng.uniform(size=256)), rng.uniform(0, 2 * math.pi, 256)
+    start = np.column_stack([r * np.cos(turn), r * np.sin(turn), np.full(256, -3 * radius)])
+    out = refracted(lens, start, np.broadcast_to([0.0, 0, 1], (256, 3)))
+    ok = out.status == OK
+    assert ok.mean() > 0.9
+    focus = index * radius / (index - 1)
+    t = (focus - out.origin[ok, 2]) / out.direction[ok, 2]
+    miss = np.abs(out.origin[ok, :2] + t[:, None] * out.direction[ok, :2]).max(axis=1)
+    # The conic constant and the index are rounded; the error of a direction grows as 1 / cos i towards the equator.
+    assert np.all(miss <= 200 * EPS * np.abs(t) / (1 - aperture**2))
+
+
+@settings(max_examples=30, deadline=None)
+@given(index=st.floats(1.1, 3.0), radius=st.floats(1.0, 1e4), aperture=st.floats(0.01, 3.0))
+def test_a_hyperboloid_collects_parallel_light_out_of_glass(index, radius, aperture):
+    # k = -n^2 from glass into air: focus at R / (n - 1) behind, for a surface of radius -R.
+    size = aperture * radius
+    lens = one_surface(-radius, 1.0, ahead=index, conic=-(index**2), semi_diameter=size)
+    h = np.linspace(0.01, 0.999, 256) * size
+    start = np.column_stack([0 * h, h, np.full(256, -6 * size)])
+    out = refracted(lens, start, np.broadcast_to([0.0, 0, 1], (256, 3)))
+    assert np.all(out.status == OK)
+    t = (radius / (index - 1) - out.origin[:, 2]) / out.direction[:, 2]
+    miss = np.abs(out.origin[:, 1] + t * out.direction[:, 1])
+    assert np.all(miss <= 400 * EPS * (np.abs(t) + size) * (1 + aperture**2) / (index - 1))
+
+
+@pytest.mark.parametrize("way", ["aplanatic", "from the centre"])
+def test_a_hyper_hemisphere_is_stigmatic(way):
+    # Weierstrass: rays from the point R / n beyond the centre leave the sphere as if from n R beyond it; and those from
+    # the centre leave undeviated. The rays go beyond the equator, which a hemisphere's root does not reach.
+    radius, index = 5.0, 1.8
+    depth = radius * (1 + 1 / index)
+    lens = one_surface(radius, index, semi_diameter=radius, depth=depth)
+    inside = radius * (1 + 1 / index) if way == "aplanatic" else radius
+    angle = np.linspace(-1.54 if way == "aplanatic" else -2.0, 1.54 if way == "aplanatic" else 2.0, 401)
+    # In reverse: from within the glass towards -z and beyond.
+    along = np.column_stack([0 * angle, np.sin(angle), -np.cos(angle)])
+    out = refracted(lens, np.broadcast_to([0.0, 0.0, inside], (401, 3)), along, reverse=True)
+    reached = radius - np.sqrt(radius**2 - np.where(np.abs(out.origin[:, 1]) <= radius, out.origin[:, 1], 0.0) ** 2)
+    expected = out.status == OK
+    assert expected.mean() > 0.95 and np.nanmax(out.origin[expected, 2]) > 1.2 * radius
+    assert np.all(np.isfinite(reached))
+    source = radius + (index * radius if way == "aplanatic" else 0.0)
+    p, d = out.origin[expected], out.direction[expected]
+    # Distance of the rays' lines from the point they seem to come from.
+    off = np.linalg.norm(np.cross(p - [0, 0, source], d), axis=1)
+    assert off.max() <= 64 * EPS * source
+    # What meets the sphere deeper than its rim has missed it.
+    assert np.all(out.status[~expected] == MISSED)
+
+
+def test_light_enters_a_hyper_hemisphere_beyond_its_equator():
+    lens = one_surface(5.0, 1.5, semi_diameter=5.0, depth=9.0)
+    # Aimed from behind the equator's plane, steeply, at a point of the sphere 3 mm behind its equator.
+    target = np.array([0.0, 4.0, 8.0])
+    outward = np.array([0.0, 0.8, 0.6])
+    out = refracted(lens, [target + 2 * outward], [-outward])
+    assert out.status[0] == OK
+    # Going by the normal it is not bent; and the crossing is the one where light comes in, not the far side.
+    assert out.origin[0] == pytest.approx(target, abs=1e-14)
+    assert out.direction[0] == pytest.approx(-outward, abs=1e-15)
+    hemisphere = one_surface(5.0, 1.5, semi_diameter=5.0)
+    assert refracted(hemisphere, [target + 2 * outward], [-outward]).status[0] == MISSED
+
+
+@settings(max_examples=30, deadline=None)
+@given(radius=st.floats(10.0, 1e6), seed=st.integers(0, 100))
+def test_a_paraboloid_is_a_paraboloid_however_it_is_written(radius, seed):
+    size = min(0.9 * radius, 30.0)
+    conic = one_surface(radius, 1.5, conic=-1.0, semi_diameter=size)
+    asphere = one_surface(math.inf, 1.5, aspheric=(0.5 / radius,), semi_diameter=size)
+    rng = np.random.default_rng(seed)
+    target = np.column_stack([rng.uniform(-0.7, 0.7, (300, 2)) * size, np.zeros(300)])
+    start = np.column_stack([rng.uniform(-1, 1, (300, 2)) * size, np.full(300, -5 * size)])
+    a, b = (refracted(lens, start, target - start) for lens in (conic, asphere))
+    assert np.array_equal(a.status, b.status)
+    ok = a.status == OK
+    # Two evaluations of the same crossing, each good to a few eps of its coordinates.
+    assert np.abs(a.origin - b.origin)[ok].max() <= 64 * EPS * 6 * size
+    assert np.abs(a.direction - b.direction)[ok].max() <= 64 * EPS * (1 + 6 * size / radius)
+
+
+def test_the_first_of_three_crossings_is_taken():
+    # A ray nearly along a ripple of z = 0.2 r^2 - 0.01 r^4: at a slant it enters, leaves and enters again.
+    lens = one_surface(math.inf, 1.5, aspheric=(0.2, -0.01), semi_diameter=4.4)
+    surface = lens.elements[2]
+    y0, y1 = -4.2, 4.2
+    slope = 0.05
+    y = np.linspace(y0, y1, 200001)
+    height = (0.3 + slope * y) - surface.sag(y)
+    crossings = y[:-1][np.diff(np.sign(height)) != 0]
+    assert len(crossings) == 3
+    along = np.array([0.0, 1.0, slope]) / math.hypot(1.0, slope)
+    out = refracted(lens, [[0.0, y0, 0.3 + slope * y0]], [along])
+    # Height over the surface rises through 0 where light goes the way of the stack.
+    rising = y[:-1][np.diff(np.sign(height)) > 0]
+    assert out.status[0] == OK
+    assert out.origin[0, 1] == pytest.approx(rising[0], abs=1e-4)
+
+
+@pytest.mark.parametrize("origin", [1e300, math.inf, math.nan, 5e-324])
+def test_extreme_numbers_have_a_status(origin):
+    for shape in SHAPES:
+        lens = one_surface(index=1.6, **shape)
+        out = refracted(lens, [[origin, 0.0, -5.0], [0.0, 0.0, -origin]], [[0.0, 0.0, 1.0], [0.0, 0.0, 1.0]])
+        finite = np.isfinite(out.origin).all(axis=1) & np.isfinite(out.direction).all(axis=1)
+        assert np.all(finite | (out.status != OK))
+        assert np.all(out.weight[out.status != OK] == 0)
+
+
+def test_spherical_lenses_have_no_columns_for_what_they_lack():
+    tables = lens_tables(pl.load_lens("double-gauss-100mm-f2"), 587.6, reverse=True)
+    assert tables.conic is None and tables.aspheric is None and tables.frames is None
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"conic": math.nan}, "conic is nan"),
+        ({"conic": 0.5}, "exceeds the semi-axis of the ellipsoid, 8.16497 mm"),
+        ({"aspheric": (0.0, math.inf)}, "aspheric.1. is inf"),
+        ({"aspheric": 1e-5}, "must be a sequence of coefficients"),
+        ({"aspheric": (1e300,) * 30}, "gives no finite height"),
+        ({"depth": 4.0}, "has a depth from 10 to 20"),
+        ({"depth": 12.0}, "a semi_diameter of 10"),
+        ({"depth": 12.0, "conic": -1.0}, "surface without equator"),
+        ({"placement": (0, 0, 1)}, "must be a Placement"),
+    ],
+)
+def test_impossible_surfaces_are_refused(fields, message):
+    with pytest.raises(pl.PlenopticError, match=message):
+        pl.Surface(10.0, semi_diameter=9.0, **fields)
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    radius=st.floats(1.0, 1e6),
+    conic=st.floats(-5, 5),
+    a=st.floats(-1e-6, 1e-6),
+    share=st.floats(0.01, 0.9),
+    sign=st.sampled_from([1, -1]),
+)
+def test_slope_is_the_derivative_of_sag(radius, conic, a, share, sign):
+    size = share * min(radius / math.sqrt(max(1.0 + conic, 1e-3)), 50.0)
+    surface = pl.Surface(sign * radius, semi_diameter=size, conic=conic, aspheric=(0.0, a))
+    h = 1e-4 * size
+    difference = (surface.sag(size + h) - surface.sag(size - h)) / (2 * h)
+    # Central differences: h^2 / 6 times a third derivative that grows as (1 - share^2)^-5/2, plus rounding.
+    assert surface.slope(size) == pytest.approx(float(difference), rel=1e-5, abs=1e-9 / h * EPS * size + 1e-9)
+    assert surface.vertex_curvature == surface.curvature

@@ -1,0 +1,449 @@
+import math
+import pickle
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from plenoptic.errors import FileError, InvalidValueError, PrescriptionError
+from plenoptic.optics.air import Absolute, Air
+from plenoptic.optics.dispersion import DispersionFormula, Formula
+from plenoptic.optics.glasses import GlassCatalogue, GlassEntry, bundled_glasses, glass, glass_names, load_glasses
+from plenoptic.optics.lens import LensStack
+from plenoptic.optics.media import AIR, C_LINE, D_LINE, F_LINE, VACUUM, Medium, ModelGlass, Schott, Sellmeier
+from plenoptic.optics.paraxial import cardinal_points
+from plenoptic.optics.prescriptions import lens_names, load_lens
+from plenoptic.optics.stops import CircularStop
+from plenoptic.optics.surface import Surface
+from plenoptic.rays import RayBundle
+
+# n_d, n_C and n_F as the makers' data sheets print them, to five decimals: Schott, Hoya.
+DATA_SHEETS = {
+    "BAF10": (1.67003, 1.66579, 1.67999),
+    "BED5": (1.65844, 1.65454, 1.66749),
+    "BK7": (1.51680, 1.51432, 1.52238),
+    "F2": (1.62004, 1.61503, 1.63208),
+    "F5": (1.60342, 1.59875, 1.61461),
+    "FCD1": (1.49700, 1.49514, 1.50123),
+    "FK5": (1.48749, 1.48535, 1.49227),
+    "K10": (1.50137, 1.49867, 1.50756),
+    "K7": (1.51112, 1.50854, 1.51700),
+    "LAF2": (1.74400, 1.73906, 1.75563),
+    "LAF21": (1.78800, 1.78301, 1.79960),
+    "LAF3": (1.71700, 1.71251, 1.72745),
+    "LAFN7": (1.74950, 1.74319, 1.76464),
+    "LF5": (1.58144, 1.57723, 1.59146),
+    "LLF1": (1.54814, 1.54457, 1.55655),
+    "N-BAF10": (1.67003, 1.66578, 1.68000),
+    "N-BAF4": (1.60568, 1.60157, 1.61542),
+    "N-BAK4": (1.56883, 1.56575, 1.57591),
+    "N-BK7": (1.51680, 1.51432, 1.52238),
+    "N-F2": (1.62005, 1.61506, 1.63208),
+    "N-FK5": (1.48749, 1.48535, 1.49227),
+    "N-FK51A": (1.48656, 1.48480, 1.49056),
+    "N-LAF21": (1.78800, 1.78301, 1.79960),
+    "N-LAF34": (1.77250, 1.76780, 1.78337),
+    "N-LAK10": (1.72003, 1.71572, 1.72995),
+    "N-LAK14": (1.69680, 1.69297, 1.70554),
+    "N-LAK22": (1.65113, 1.64760, 1.65925),
+    "N-LASF9": (1.85025, 1.84255, 1.86898),
+    "N-SF11": (1.78472, 1.77596, 1.80651),
+    "N-SF5": (1.67271, 1.66664, 1.68750),
+    "N-SF6": (1.80518, 1.79608, 1.82783),
+    "N-SK16": (1.62041, 1.61727, 1.62756),
+    "SF1": (1.71736, 1.71031, 1.73462),
+    "SF10": (1.72825, 1.72085, 1.74648),
+    "SF11": (1.78472, 1.77599, 1.80645),
+    "SF15": (1.69895, 1.69221, 1.71546),
+    "SF5": (1.67270, 1.66661, 1.68750),
+    "SF56": (1.78470, 1.77605, 1.80615),
+    "SF56A": (1.78470, 1.77605, 1.80615),
+    "SILICA": (1.45846, 1.45637, 1.46313),  # I. H. Malitson, J. Opt. Soc. Am. 55, 1205 (1965), table 1
+    "TAF2": (1.79450, 1.78925, 1.80675),
+}
+
+# n_d and V_d of catalogues, where no indices at C and F were found: Schott, Sumita, Nikon-Hikari, Handbook of Optics.
+CATALOGUES = {
+    "BASF6": (1.667551, 42.00945),
+    "CAF2": (1.433849, 94.995854),
+    "K3": (1.518230, 58.909268),
+    "LAK11": (1.65830, 57.3),
+    "LASFN9": (1.85025, 32.17),
+    "N-SF64": (1.70591, 30.23),
+    "PMMA": (1.491756, 57.440791),
+    "POLYCARB": (1.585470, 29.909185),
+    "POLYSTYR": (1.590481, 30.866877),
+    "SAPPHIRE": (1.768172, 72.308589),
+    "SK16": (1.620409, 60.280874),
+}
+
+# As the lens tables print them; no coefficients were found.
+MODELS = {"BSF52": (1.702, 26.1), "SFN64": (1.706, 30.3), "SFS5": (1.762, 27.1)}
+
+
+def test_every_bundled_glass_is_checked_here() -> None:
+    assert sorted([*DATA_SHEETS, *CATALOGUES, *MODELS]) == list(glass_names())
+
+
+@pytest.mark.parametrize("name", DATA_SHEETS)
+def test_indices_at_d_c_and_f_are_those_of_the_data_sheet(name: str) -> None:
+    for wavelength, index in zip((D_LINE, C_LINE, F_LINE), DATA_SHEETS[name], strict=True):
+        assert glass(name).index(wavelength) == pytest.approx(index, abs=1e-5, rel=0)
+
+
+@pytest.mark.parametrize("name", CATALOGUES | MODELS)
+def test_index_and_dispersion_are_those_of_the_catalogue(name: str) -> None:
+    nd, vd = (CATALOGUES | MODELS)[name]
+    medium = glass(name)
+    assert medium.index(D_LINE) == pytest.approx(nd, abs=1e-5, rel=0)
+    assert medium.index(F_LINE) - medium.index(C_LINE) == pytest.approx((nd - 1) / vd, abs=1e-5, rel=0)
+
+
+@pytest.mark.parametrize("name", glass_names())
+def test_the_table_states_the_n_d_and_v_d_of_its_coefficients(name: str) -> None:
+    entry, medium = bundled_glasses().entry(name), glass(name)
+    assert medium.index(D_LINE) == pytest.approx(entry.nd, abs=1e-5, rel=0)
+    assert medium.index(F_LINE) - medium.index(C_LINE) == pytest.approx((entry.nd - 1) / entry.vd, abs=1e-5, rel=0)
+    assert entry.source
+    assert entry.source.startswith("MODEL") == (name in MODELS) == isinstance(medium, ModelGlass)
+    assert medium.name == name  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("name", glass_names())
+def test_dispersion_is_normal_in_the_whole_range(name: str) -> None:
+    low, high = bundled_glasses().entry(name).wavelength_range or (360.0, 1100.0)
+    assert low < C_LINE < high
+    indices = [glass(name).index(low + (high - low) * i / 200) for i in range(201)]
+    assert all(one > next_one for one, next_one in pairwise(indices))
+    for outside in (low * 0.999, high * 1.001):
+        with pytest.raises(InvalidValueError, match=r"wavelength .* is outside"):
+            glass(name).index(outside)
+
+
+def _named(lens: LensStack) -> set[str]:
+    return {getattr(medium, "name", "") for medium in lens.gap_media} - {""}
+
+
+def test_the_bundled_lenses_name_bundled_glasses_and_their_indices() -> None:
+    named = {(name, medium) for lens in map(load_lens, lens_names()) for name in _named(lens)
+             for medium in lens.gap_media if getattr(medium, "name", "") == name}  # fmt: skip
+    assert {name for name, _ in named} <= set(glass_names())
+    for name, medium in named:
+        # Lens tables have three decimals, of other makers' melts at times.
+        assert glass(name).index(D_LINE) == pytest.approx(medium.index(D_LINE), abs=1.1e-3), name
+
+
+# ---- names ----
+
+
+@given(name=st.sampled_from(glass_names()), data=st.data())
+def test_case_and_signs_in_a_name_make_no_difference(name: str, data: st.DataObject) -> None:
+    plain = name.replace("-", "")
+    signs = data.draw(st.lists(st.sampled_from(["", "-", "_", " "]), min_size=len(plain), max_size=len(plain)))
+    upper = data.draw(st.lists(st.booleans(), min_size=len(plain), max_size=len(plain)))
+    written = "".join(s + (c if u else c.lower()) for s, c, u in zip(signs, plain, upper, strict=True))
+    assert glass(written) == glass(name)
+    assert written in bundled_glasses()
+
+
+def test_an_n_makes_another_glass() -> None:
+    assert glass("N-BK7") != glass("BK7")
+    assert isinstance(glass("nbk7"), Sellmeier)
+    assert isinstance(glass("bk7"), Schott)
+
+
+def test_an_unknown_name_is_told_what_is_near_and_where_to_find_more() -> None:
+    with pytest.raises(InvalidValueError, match=r"no glass 'SF12'.*near to it are .*SF1.*load_glasses"):
+        glass("SF12")
+    for name in ("", "ZZZZZZZZ", 7, None, b"SF10"):
+        with pytest.raises(InvalidValueError, match=r"no glass|name of a glass"):
+            glass(name)  # type: ignore[arg-type]
+        assert name not in bundled_glasses()
+
+
+@given(name=st.text())
+def test_any_text_is_a_glass_or_an_error(name: str) -> None:
+    try:
+        assert glass(name).index(D_LINE) > 1
+    except InvalidValueError:
+        assert name not in bundled_glasses()
+
+
+# ---- chromatic laws ----
+
+
+def _bfl(lens: LensStack, wavelength: float) -> float:
+    return cardinal_points(lens, wavelength=wavelength).bfl
+
+
+def test_the_axial_colour_of_a_singlet_is_its_focal_length_over_v() -> None:
+    crown = glass("N-BK7")
+    lens = LensStack(
+        [CircularStop(5.0, 1.0), Surface(100.0, 0.0, crown, semi_diameter=9), Surface(-100.0, semi_diameter=9)]
+    )
+    red, blue = _bfl(lens, C_LINE), _bfl(lens, F_LINE)
+    # Thin: f_C - f_F = f_C f_F / f_d / V_d, exactly; blue focuses nearer.
+    vd = (crown.index(D_LINE) - 1) / (crown.index(F_LINE) - crown.index(C_LINE))
+    assert red - blue == pytest.approx(red * blue / _bfl(lens, D_LINE) / vd, rel=1e-9)
+    assert red > blue
+
+
+def test_the_axial_colour_of_an_achromat_is_its_secondary_spectrum() -> None:
+    # The thin cemented achromat of two glasses: powers in the ratio of the V numbers, see Kingslake, section 5.3.
+    crown, flint = glass("N-BK7"), glass("SF5")
+    v = [(g.index(D_LINE) - 1) / (g.index(F_LINE) - g.index(C_LINE)) for g in (crown, flint)]
+    powers = [v[0] / (v[0] - v[1]) / 100.0, -v[1] / (v[0] - v[1]) / 100.0]
+    first = 60.0
+    second = 1 / (1 / first - powers[0] / (crown.index(D_LINE) - 1))
+    third = 1 / (1 / second - powers[1] / (flint.index(D_LINE) - 1))
+    surfaces = [Surface(first, 0.0, crown, semi_diameter=9), Surface(second, 0.0, flint, semi_diameter=9)]
+    lens = LensStack([CircularStop(5.0, 1.0), *surfaces, Surface(third, semi_diameter=9)])
+    yellow, blue, red = (_bfl(lens, wavelength) for wavelength in (D_LINE, F_LINE, C_LINE))
+    assert yellow == pytest.approx(100.0, rel=1e-12)
+    # Powers at F and C are equal by construction; their reciprocals to rounding.
+    assert blue == pytest.approx(red, rel=1e-12)
+    partial = [(g.index(F_LINE) - g.index(D_LINE)) / (g.index(F_LINE) - g.index(C_LINE)) for g in (crown, flint)]
+    # Yellow focuses nearer, by f times the difference of the partial dispersions over that of the V numbers; exact but
+    # for the second order, f_F / f_d = 1 + 5e-4.
+    assert blue - yellow == pytest.approx(100.0 * (partial[1] - partial[0]) / (v[0] - v[1]), rel=1e-3)
+    # About f / 2000, as for every pair of normal glasses.
+    assert 100.0 / (blue - yellow) == pytest.approx(2000.0, rel=0.15)
+
+
+def test_the_bundled_achromat_is_one() -> None:
+    lens = load_lens("achromat-100mm-f4.4")
+    yellow, blue, red = (_bfl(lens, wavelength) for wavelength in (D_LINE, F_LINE, C_LINE))
+    # A singlet of this focal length would have f / V = 1.5 mm between blue and red, and an achromat 0.05 mm to yellow.
+    assert abs(blue - red) < 0.15
+    assert 0 < max(blue, red) - yellow < 0.15
+
+
+def _biconvex(medium: Medium, around: Medium) -> LensStack:
+    front, back = Surface(50.0, 5.0, medium, semi_diameter=10.0), Surface(-50.0, 0.0, around, semi_diameter=10.0)
+    return LensStack([CircularStop(5.0, 1.0), front, back], ambient=around)
+
+
+def test_in_its_own_air_a_lens_of_absolute_indices_traces_as_one_of_relative_ones() -> None:
+    crown = glass("N-BK7")
+    origin = [[x, 1.0, -5.0] for x in (0.0, 1.0, 2.0, 3.0, 4.0)]
+    rays = RayBundle(origin, [[0.0, 0.0, 1.0]] * 5, wavelength=D_LINE)
+    relative, absolute = _biconvex(crown, AIR).trace(rays), _biconvex(Absolute(crown), Air()).trace(rays)
+    assert (relative.status == 0).all()
+    # Snell's law sees the ratio of two indices, which differs by some eps; heights are below 10 mm.
+    assert np.abs(absolute.direction - relative.direction).max() < 2e-15
+    assert np.abs(absolute.origin - relative.origin).max() < 2e-14
+
+
+def test_in_vacuum_a_lens_is_stronger() -> None:
+    crown = glass("N-BK7")
+    relative = cardinal_points(_biconvex(crown, AIR), wavelength=D_LINE).efl
+    vacuum = cardinal_points(_biconvex(Absolute(crown), VACUUM), wavelength=D_LINE).efl
+    # Of a thin lens (n_abs - 1) / (n_rel - 1) = 1.0008; the thickness counts by d / 6 r = 1/60 of the change.
+    stronger = (Absolute(crown).index(D_LINE) - 1) / (crown.index(D_LINE) - 1)
+    assert relative / vacuum - 1 == pytest.approx(stronger - 1, rel=0.03)
+
+
+# ---- AGF files ----
+
+MINE = """\
+CC made for this test
+NM MY-BK7 2 517642.251 1.5168 64.17 0 1
+GC step 0.5; Größe
+ED 7.1 8.3 2.51 -0.0009 0
+CD 1.039612120E+00 6.000698670E-03 2.317923440E-01 2.001791440E-02 1.010469450E+00 1.035606530E+02 0 0 0 0
+TD 1.860000E-06 1.310000E-08 -1.370000E-11 4.340000E-07 6.270000E-10 1.700000E-01 2.000000E+01
+OD - 1.0000 0.0000 1.0000 2.3000 2.3000
+LD 3.00000E-01 2.50000E+00
+IT 3.00000E-01 5.00000E-02 2.50000E+01
+
+NM OLD 1 1 1.51680 64.17
+CD 2.2718929 -1.0108077e-2 1.0592509e-2 2.0816965e-4 -7.6472538e-6 4.9240991e-7
+LD .365 1.014
+NM ALN 9 1 2.154291 50.733102 0 0 0
+CD 3.1399 1.3786 2.941E-002 3.861 225.9009
+LD 0.22 5.
+NM INFRARED 7 1 1.000000 0.000000 0 0 0
+CD 6.364 0.342 0.09 0.0011
+LD 0.59 4.6
+"""
+
+
+def _written(folder: Path, content: str | bytes, name: str = "mine.agf") -> GlassCatalogue:
+    file = folder / name
+    file.write_bytes(content if isinstance(content, bytes) else content.encode("utf-8"))
+    return load_glasses(file)
+
+
+def test_a_catalogue_is_a_mapping_from_names_to_media(tmp_path: Path) -> None:
+    mine = _written(tmp_path, MINE)
+    assert mine.names == tuple(mine) == ("MY-BK7", "OLD", "ALN", "INFRARED")
+    assert len(mine) == 4
+    assert repr(mine) == "<GlassCatalogue 'mine.agf': 4 glasses>"
+    assert "my bk7" in mine
+    assert "BK7" not in mine
+    assert mine["my_bk7"] == Sellmeier(
+        (1.03961212, 0.231792344, 1.01046945), (0.00600069867, 0.0200179144, 103.560653), "MY-BK7", (300.0, 2500.0)
+    )
+    assert mine["old"] == Schott(glass("BK7").coefficients, "OLD", (365.0, 1014.0))  # type: ignore[attr-defined]
+    aln = DispersionFormula(Formula.SELLMEIER_4, (3.1399, 1.3786, 0.02941, 3.861, 225.9009), "ALN", (220.0, 5000.0))
+    assert mine["ALN"] == aln
+    assert mine["infrared"].index(1000.0) > 2.5
+    assert mine.entry("my-bk7").source == "step 0.5; Größe"
+    assert pickle.loads(pickle.dumps(mine)) == mine
+    assert hash(pickle.loads(pickle.dumps(mine))) == hash(mine)
+    assert pickle.loads(pickle.dumps(mine))["aln"] == aln
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "latin-1"])
+@pytest.mark.parametrize("newline", ["\n", "\r\n", "\r"])
+def test_encodings_and_line_ends_make_no_difference(tmp_path: Path, encoding: str, newline: str) -> None:
+    content = MINE.replace("\n", newline).encode(encoding)
+    assert _written(tmp_path, content) == _written(tmp_path, MINE)
+
+
+def test_tabs_are_as_good_as_spaces(tmp_path: Path) -> None:
+    assert _written(tmp_path, MINE.replace(" ", "\t").replace("\t0.5;\tG", " 0.5; G")) == _written(tmp_path, MINE)
+
+
+def test_big_endian_utf16_is_read(tmp_path: Path) -> None:
+    assert _written(tmp_path, b"\xfe\xff" + MINE.encode("utf-16-be")) == _written(tmp_path, MINE)
+
+
+@pytest.mark.parametrize("formula", Formula)
+def test_every_formula_has_its_medium(tmp_path: Path, formula: Formula) -> None:
+    # Long lines are cut, short ones filled up, with zeros.
+    text = f"NM X {int(formula)} 0 1 0\nCD 2.25 0.01 0.01\nLD 0.4 0.7\n"
+    medium = _written(tmp_path, text)["X"]
+    kinds: dict[int, type] = {1: Schott, 2: Sellmeier, 6: Sellmeier, 11: Sellmeier}
+    assert type(medium) is kinds.get(formula, DispersionFormula)
+    assert _written(tmp_path, text.replace("0.01\n", "0.01" + 7 * " 0" + "\n"))["X"] == medium
+
+
+def _with(line: str, at: str) -> str:
+    assert at in MINE
+    return MINE.replace(at, line)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("", "mine.agf has no line NM"),
+        ("CC nothing\n", "has no line NM"),
+        ("CD 1 2 3\n" + MINE, "line 1: CD stands before the first NM"),
+        (_with("NM MY-BK7 2 517642.251", "NM MY-BK7 2 517642.251 1.5168 64.17 0 1"), "line 2: NM has 3 words"),
+        (_with("NM OLD 1.5 1 1.5 64", "NM OLD 1 1 1.51680 64.17"), "line 11: formula is 1.5"),
+        (_with("NM OLD -1 1 1.5 64", "NM OLD 1 1 1.51680 64.17"), "line 11: formula is -1"),
+        (_with("NM OLD one 1 1.5 64", "NM OLD 1 1 1.51680 64.17"), "line 11: formula is 'one'"),
+        (_with("NM OLD 1 1 1,5168 64", "NM OLD 1 1 1.51680 64.17"), "line 11: n_d is '1,5168'"),
+        (_with("NM OLD 1 1 1.5168 nan", "NM OLD 1 1 1.51680 64.17"), "line 11: V_d is 'nan'"),
+        (_with("LD 0.365", "LD .365 1.014"), "line 13: LD has 1 numbers"),
+        (_with("LD 0.365 1e999", "LD .365 1.014"), "line 13: LD is 1e999, too large"),
+        (_with("LD .365 1.014\nLD .365 1.014", "LD .365 1.014"), "line 14: LD stands twice for OLD"),
+        (_with("CD 2.27 x", "CD 2.2718929 -1.0108077e-2"), "line 12: CD is 'x'"),
+    ],
+)
+def test_a_line_that_cannot_be_understood_is_named(tmp_path: Path, content: str, message: str) -> None:
+    with pytest.raises(PrescriptionError, match="mine.agf.*") as caught:
+        _written(tmp_path, content)
+    assert message in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (_with("NM OLD 1 1 1.51880 64.17", "NM OLD 1 1 1.51680 64.17"), "its formula gives n_d 1.5168 and its line NM"),
+        (
+            _with("NM OLD 14 1 1.51680 64.17", "NM OLD 1 1 1.51680 64.17"),
+            "formula is 14; those that are known are 1 to 13",
+        ),
+        (_with("IT", "LD .365 1.014"), "it has no line CD or no line LD"),
+        (_with("LD 1.014 0.365", "LD .365 1.014"), "wavelength_range (1014, 365) is empty"),
+        (_with("LD 0 1.014", "LD .365 1.014"), "wavelength_range is 0 nm"),
+        (_with("CD 0.99", "CD 2.2718929"), "must be finite and at least 1"),
+    ],
+)
+def test_a_glass_that_makes_no_sense_is_an_error_when_it_is_asked_for(
+    tmp_path: Path, content: str, message: str
+) -> None:
+    mine = _written(tmp_path, content)
+    with pytest.raises(PrescriptionError, match=r"^mine.agf, line 11, glass OLD: ") as caught:
+        mine["OLD"]
+    assert message in str(caught.value)
+    assert mine["ALN"].index(D_LINE) > 2
+
+
+def test_rounding_of_a_stated_index_is_no_error(tmp_path: Path) -> None:
+    mine = _written(tmp_path, _with("NM OLD 1 1 1.517 64.17", "NM OLD 1 1 1.51680 64.17"))
+    assert mine["OLD"].index(D_LINE) == glass("BK7").index(D_LINE)
+
+
+def test_names_that_differ_by_a_sign_are_told_apart_by_it(tmp_path: Path) -> None:
+    text = "NM A-B1 5 0 1 0\nCD 1.5\nLD 0.4 0.7\nNM AB1 5 0 1 0\nCD 1.6\nLD 0.4 0.7\n"
+    mine = _written(tmp_path, text)
+    assert mine["a-b1"].index(500.0) == 1.5
+    assert mine["AB1"].index(500.0) == 1.6
+    with pytest.raises(PrescriptionError, match="A-B1 on line 1 and AB1 on line 4, which differ"):
+        mine["AB-1"]
+    # Twice the same is no harm.
+    assert _written(tmp_path, text[: text.index("NM AB1")] * 2)["ab 1"].index(500.0) == 1.5
+
+
+def test_entries_are_checked_values() -> None:
+    entry = GlassEntry("X", 5, 1.5, 60, [1.5, 0, 0], [400, 700])  # type: ignore[arg-type]
+    assert pickle.loads(pickle.dumps(entry)) == entry == GlassEntry("X", 5, 1.5, 60.0, (1.5, 0.0, 0.0), (400.0, 700.0))
+    assert GlassCatalogue("mine", [entry])["x"].index(500.0) == 1.5
+    for wrong in ({"name": 5}, {"formula": 2.5}, {"nd": "a"}, {"vd": math.nan}, {"coefficients": [math.inf]}):
+        with pytest.raises(InvalidValueError):
+            GlassEntry(**{"name": "X", "formula": 5, "nd": 1.5, "vd": 60.0, **wrong})  # type: ignore[arg-type]
+    with pytest.raises(InvalidValueError, match="an entry is a"):
+        GlassCatalogue("mine", ["X"])  # type: ignore[list-item]
+
+
+@pytest.mark.parametrize("path", ["nowhere.agf", ".", "\0", 7, None])
+def test_a_file_that_cannot_be_read_is_a_file_error(tmp_path: Path, path: Any) -> None:
+    with pytest.raises(FileError):
+        load_glasses(tmp_path / path if path == "nowhere.agf" else path)
+
+
+def test_half_a_utf16_character_is_a_file_error(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match="cannot read .*mine.agf"):
+        _written(tmp_path, MINE.encode("utf-16")[:-1])
+
+
+EDITS = st.lists(
+    st.tuples(st.integers(0, 2000), st.integers(0, 12), st.one_of(st.binary(max_size=12), st.sampled_from(
+        [b"\nNM ", b"\nCD ", b"\nLD ", b" 1e308 ", b" -1 ", b" 0 ", b"nan", b"\xff\xfe", b" 1e-320", b"_", b",", b"\0"]
+    ))),
+    min_size=1, max_size=6,
+)  # fmt: skip
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=300, deadline=None)
+@given(edits=EDITS, encoding=st.sampled_from(["utf-8", "utf-16", "latin-1"]), wavelength=st.floats(100.0, 6000.0))
+def test_a_mangled_file_raises_only_the_package_s_own_errors(
+    tmp_path: Path, edits: list[tuple[int, int, bytes]], encoding: str, wavelength: float
+) -> None:
+    content = MINE.encode(encoding)
+    for at, removed, inserted in edits:
+        at %= len(content) + 1
+        content = content[:at] + inserted + content[at + removed :]
+    try:
+        mine = _written(tmp_path, content)
+    except (FileError, PrescriptionError) as error:
+        assert "mine.agf" in str(error)
+        return
+    for name in mine:
+        assert name in mine
+        try:
+            medium = mine[name]
+        except PrescriptionError as error:
+            assert "mine.agf" in str(error)
+            continue
+        try:
+            assert 1.0 <= medium.index(wavelength) < math.inf
+        except InvalidValueError:
+            continue

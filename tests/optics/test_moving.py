@@ -1,0 +1,196 @@
+"""Decentred and tilted elements."""
+
+import dataclasses
+import math
+import pickle
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import plenoptic as pl
+from plenoptic.optics.placement import rotation_about_axes
+from plenoptic.optics.pupil import pupil_bounds
+
+EPS = np.finfo(float).eps
+LENS = pl.load_lens("double-gauss-100mm-f2")
+EVERYTHING = slice(None)
+SMALL = st.floats(-0.05, 0.05)
+
+
+def rays_into(lens: pl.LensStack, n: int = 500, seed: int = 0) -> pl.RayBundle:
+    rng = np.random.default_rng(seed)
+    start = np.column_stack([rng.uniform(-30, 30, (n, 2)), np.full(n, -400.0)])
+    target = np.column_stack([rng.uniform(-12, 12, (n, 2)), np.full(n, lens.vertices[0])])
+    return pl.RayBundle(start, target - start)
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    tilt=st.tuples(SMALL, SMALL, st.floats(-3, 3)),
+    shift=st.tuples(SMALL, SMALL, SMALL),
+    pivot=st.one_of(st.none(), st.floats(-200, 200)),
+    reverse=st.booleans(),
+)
+def test_moving_everything_is_moving_the_rays(tilt, shift, pivot, reverse):
+    moved = LENS.moved(EVERYTHING, shift=shift, tilt=tilt, pivot=pivot)
+    turn = rotation_about_axes(tilt)
+    centre = np.array([0, 0, LENS.vertices[0] if pivot is None else pivot])
+    rays = rays_into(LENS)
+    if reverse:
+        out = LENS.trace(rays)
+        rays = pl.RayBundle(out.at_z(130.0), -out.direction, status=out.status)
+        trace, trace_moved = LENS.trace_reverse, moved.trace_reverse
+    else:
+        trace, trace_moved = LENS.trace, moved.trace
+    out = trace(rays)
+    origin = (rays.origin - centre) @ turn.T + centre + np.asarray(shift)
+    found = trace_moved(pl.RayBundle(origin, rays.direction @ turn.T, status=rays.status))
+    clear = np.isin(out.status, [pl.RayStatus.OK])
+    # A ray within rounding of a rim may fall to either side.
+    assert np.count_nonzero(out.status != found.status) <= 2
+    clear &= found.status == 0
+    assert clear.sum() > 100
+    expected = (out.origin[clear] - centre) @ turn.T + centre + np.asarray(shift)
+    # Rounding of 400 mm in each of the two frames, magnified by some ten surfaces.
+    assert np.abs(found.origin[clear] - expected).max() <= 1e4 * EPS * 400
+    assert np.abs(found.direction[clear] - out.direction[clear] @ turn.T).max() <= 1e4 * EPS
+
+
+def test_a_decentred_lens_shifts_its_image_by_its_own_share():
+    # A thin lens shifted across the axis by s images the axial point at infinity at s.
+    lens = pl.LensStack(
+        [
+            pl.CircularStop(1.0),
+            pl.Surface(100.0, 0.0, pl.ConstantMedium(1.5), semi_diameter=10.0),
+            pl.Surface(-100.0, semi_diameter=10.0),
+        ]
+    )
+    moved = lens.moved(slice(1, 3), shift=(0.3, -0.2, 0.0))
+    ray = moved.trace(pl.RayBundle([[0, 0, -10.0]], [[0, 0, 1.0]]))
+    assert ray.at_z(100.0)[0, :2] == pytest.approx([0.3, -0.2], abs=2e-5)  # third order: s (s / R)^2
+
+
+def test_a_tilted_plate_shifts_rays_sideways():
+    # t sin(a) (1 - cos a / sqrt(n^2 - sin^2 a)), exactly.
+    n, t, a = 1.5168, 4.0, 0.4
+    plate = pl.LensStack(
+        [
+            pl.Surface(math.inf, t, pl.ConstantMedium(n), semi_diameter=20.0),
+            pl.Surface(math.inf, 5.0, semi_diameter=20.0),
+            pl.CircularStop(20.0),
+        ]
+    ).moved([0, 1], tilt=(a, 0.0, 0.0))
+    out = plate.trace(pl.RayBundle([[0, 0, -50.0]], [[0, 0, 1.0]]))
+    shift = t * math.sin(a) * (1 - math.cos(a) / math.sqrt(n * n - math.sin(a) ** 2))
+    assert out.direction[0] == pytest.approx([0, 0, 1], abs=4 * EPS)
+    # A positive tilt about x turns y towards z, so that the upper edge lies further on: light goes up along... the
+    # normal turns towards -y, and the ray inside with it.
+    assert out.origin[0, 1] == pytest.approx(-shift, abs=1e-14)
+    back = plate.trace_reverse(pl.RayBundle([[0, -shift, 50.0]], [[0, 0, -1.0]]))
+    assert back.origin[0, 1] == pytest.approx(0.0, abs=1.0) and back.at_z(-50.0)[0, 1] == pytest.approx(0, abs=1e-14)
+
+
+def test_a_wedge_deviates():
+    # A plane tilted by a behind a plane: sin(a + d) = n sin(a).
+    n, a = 1.5, 0.2
+    wedge = pl.LensStack(
+        [
+            pl.CircularStop(5.0, 1.0),
+            pl.Surface(math.inf, 3.0, pl.ConstantMedium(n), semi_diameter=20.0),
+            pl.Surface(math.inf, semi_diameter=20.0),
+        ]
+    ).moved(2, tilt=(0.0, a, 0.0))
+    out = wedge.trace(pl.RayBundle([[0, 0, -5.0]], [[0, 0, 1.0]]))
+    # Tilt about y turns z towards x: the normal is (sin a, 0, cos a), and light leaves farther from it.
+    deviation = math.asin(n * math.sin(a)) - a
+    assert math.atan2(out.direction[0, 0], out.direction[0, 2]) == pytest.approx(-deviation, abs=8 * EPS)
+
+
+def test_moves_add_up_and_go_back():
+    there = LENS.moved([2, 3, 4], shift=(0.1, 0.2, 0.05), tilt=(0.01, -0.02, 0.3), pivot=-20.0)
+    assert [e.placement is not None for e in there.elements] == [i in (2, 3, 4) for i in range(11)]
+    turn = rotation_about_axes((0.01, -0.02, 0.3))
+    element = there.elements[3]
+    again = there.moved(3, tilt=(0.0, 0.0, 1.0))
+    assert again.elements[3].placement != element.placement
+    # The inverse motion leaves nothing but rounding.
+    placement = element.placement
+    assert np.abs(np.asarray(placement.rotation) - turn).max() <= 2 * EPS
+    home = LENS.moved(5, shift=(1.0, 0, 0)).moved(5, shift=(-1.0, 0, 0))
+    assert home == LENS and home.elements[5].placement is None
+
+
+def test_with_stop_keeps_the_place_of_the_iris():
+    moved = LENS.moved(LENS.iris_index, shift=(0.5, 0.0, 0.0))
+    other = moved.with_stop(pl.PolygonStop(blades=5, semi_diameter=3.0))
+    assert other.stop.placement.shift.tolist() == [0.5, 0.0, 0.0]
+    assert pickle.loads(pickle.dumps(other)) == other and hash(other) != hash(LENS)
+
+
+def test_a_decentred_stop_lets_through_what_it_should():
+    stop = pl.LensStack([pl.PolygonStop(4, 2.0), pl.Surface(math.inf, semi_diameter=50.0)])
+    moved = stop.moved(0, shift=(5.0, 1.0, 0.0), tilt=(0, 0, math.pi / 4))
+    x, y = np.random.default_rng(1).uniform(-4, 9, (2, 4000))
+    rays = pl.RayBundle(np.column_stack([x, y, np.full(4000, -9.0)]), np.broadcast_to([0, 0, 1.0], (4000, 3)))
+    inside = (np.abs(x - 5) <= math.sqrt(2)) & (np.abs(y - 1) <= math.sqrt(2))
+    assert np.array_equal(moved.trace(rays).status == 0, inside)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        ({"which": 40}, "which is 40; it must name elements, from 0 to 10"),
+        ({"which": []}, "must name elements"),
+        ({"which": 1, "tilt": (0.1, 0.2)}, "three angles"),
+        ({"which": 1, "shift": (0.1, math.nan, 0)}, "not finite"),
+        ({"which": 1, "pivot": math.inf}, "pivot is inf"),
+    ],
+)
+def test_impossible_moves_are_refused(call, message):
+    with pytest.raises(pl.PlenopticError, match=message):
+        LENS.moved(**call)
+
+
+def test_a_matrix_that_is_no_rotation_is_refused():
+    with pytest.raises(pl.PrescriptionError, match="orthonormal"):
+        pl.Placement(rotation=np.diag([1.0, 1.0, 1.001]))
+    with pytest.raises(pl.PrescriptionError, match="determinant 1"):
+        pl.Placement(rotation=np.diag([1.0, 1.0, -1.0]))
+
+
+@pytest.mark.parametrize("which", [slice(0, 5), 3, slice(6, 11), 5])
+def test_bounds_of_a_lens_out_of_place_hold_all_light(which):
+    lens = LENS.with_stop(pl.CircularStop(5.0)).moved(which, shift=(0.6, -0.3, 0.0), tilt=(0.02, 0.03, 0.0))
+    z_plane, cell, radius = 123.3, 0.125, 12.0
+    bounds = pupil_bounds(lens, z_plane=z_plane, largest_radius=radius, cell_radius=cell, wavelength=587.6)
+    rng, n = np.random.default_rng(5), 200_000
+    rho, turn = radius * rng.uniform(size=n), rng.uniform(0, 2 * math.pi, n)
+    away, angle = cell * np.sqrt(rng.uniform(size=n)), rng.uniform(0, 2 * math.pi, n)
+    start = np.column_stack(
+        [rho * np.cos(turn) + away * np.cos(angle), rho * np.sin(turn) + away * np.sin(angle), np.full(n, z_plane)]
+    )
+    aim = rng.uniform(-21, 21, (n, 2))
+    z = float(lens.vertices[-1])
+    out = lens.trace_reverse(pl.RayBundle(start, np.column_stack([aim, np.full(n, z)]) - start))
+    passed = out.status == 0
+    assert passed.sum() > 5000
+    x = np.cos(turn) * aim[:, 0] + np.sin(turn) * aim[:, 1]
+    y = np.cos(turn) * aim[:, 1] - np.sin(turn) * aim[:, 0]
+    interval = np.minimum((rho / bounds.step).astype(int), len(bounds.support) - 1)
+    over = (np.stack([x, y], axis=1) @ bounds.normals.T - bounds.support[interval]).max(axis=1)
+    assert np.all(over[passed] <= 0)
+
+
+def test_a_shifted_iris_moves_the_image_of_its_opening():
+    # Without microlenses, a pixel sees the exit pupil; where the iris moves by s = 1 mm its image moves by 1.552 s. The
+    # light on the axis changes to second order: by cos^4, -2 (1.552 s / 140)^2 = -0.02 %, and by what spherical
+    # aberration does to the pupil's magnification, some (s / 25)^2 = 0.2 %.
+    lens = LENS.with_stop(pl.CircularStop(2.0))
+    sensor = pl.Sensor(shape=(1, 1), pixel_pitch=1e-3)
+    plain = pl.PlenopticCamera(lens=lens, sensor=sensor, stop_to_microlenses=134.6)
+    moved = dataclasses.replace(plain, lens=lens.moved(lens.iris_index, shift=(1.0, 0.0, 0.0)))
+    a, b = (pl.render_white(camera, samples=4096, progress=False) for camera in (plain, moved))
+    ratio = float(b.image[0, 0, 0]) / float(a.image[0, 0, 0])
+    assert ratio == pytest.approx(1.0, abs=4e-3)
