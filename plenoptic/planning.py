@@ -7,7 +7,9 @@ import enum
 from plenoptic._values import value, whole
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.errors import InvalidValueError
+from plenoptic.optics.models import LensModel
 from plenoptic.optics.stops import PolygonStop
+from plenoptic.optics.surface import Surface
 from plenoptic.scene.scene import Scene
 from plenoptic.scene.tables import SceneTables
 
@@ -25,19 +27,21 @@ class Stage(enum.IntEnum):
     MICROLENSES = 0
     MICROLENS_PLATES = 1
     LENS = 2
-    POLYGON_STOPS = 3
-    POSE = 4
-    INTERSECTION = 5
-    EMISSION = 6
-    BACKGROUND = 7
-    SCATTERING = 8
-    DIRECT_LIGHT = 9
-    ONWARD_RAYS = 10
-    VERTEX_NORMALS = 11
-    TEXTURES = 12
-    COLOUR = 13
-    DEPTH = 14
-    STANDARD_ERROR = 15
+    ASPHERES = 3
+    PLACEMENTS = 4
+    POLYGON_STOPS = 5
+    POSE = 6
+    INTERSECTION = 7
+    EMISSION = 8
+    BACKGROUND = 9
+    SCATTERING = 10
+    DIRECT_LIGHT = 11
+    ONWARD_RAYS = 12
+    VERTEX_NORMALS = 13
+    TEXTURES = 14
+    COLOUR = 15
+    DEPTH = 16
+    STANDARD_ERROR = 17
 
 
 @value
@@ -48,7 +52,7 @@ class Decision:
     --------
     >>> import plenoptic as pl
     >>> pl.Decision(pl.Stage.DEPTH, runs=False, reason="not asked for")
-    Decision(stage=<Stage.DEPTH: 14>, runs=False, reason='not asked for')
+    Decision(stage=<Stage.DEPTH: 16>, runs=False, reason='not asked for')
     """
 
     stage: Stage
@@ -172,8 +176,13 @@ def _why(*conditions: object) -> str:
 def _camera_decisions(camera: PlenopticCamera) -> list[Decision]:
     array = camera.microlenses
     plates = array is not None and array.is_plate
-    stops = [e for e in camera.lens.elements if isinstance(e, PolygonStop)]
-    refracting = sum(1 for e in camera.lens.elements if hasattr(e, "radius"))
+    lens = camera.lens
+    exact = lens.model is LensModel.EXACT
+    stops = [e for e in lens.elements if isinstance(e, PolygonStop)]
+    surfaces = [e for e in lens.elements if isinstance(e, Surface)]
+    shaped = sum(1 for e in surfaces if e.aspheric or e.conic)
+    moved = sum(1 for e in lens.elements if e.placement is not None)
+    ideal = f"{lens.model.name} stands for the lens"
     none = "the camera has none"
     return [
         Decision(Stage.MICROLENSES, array is not None, none if array is None else f"pitch {array.pitch:g} mm"),
@@ -182,7 +191,27 @@ def _camera_decisions(camera: PlenopticCamera) -> list[Decision]:
             plates,
             none if array is None else f"microlenses are {array.model.name}",
         ),
-        Decision(Stage.LENS, True, f"{len(camera.lens.elements)} elements, {refracting} of them refracting"),
+        Decision(
+            Stage.LENS, True, f"{len(lens.elements)} elements, {len(surfaces)} of them refracting" if exact else ideal
+        ),
+        Decision(
+            Stage.ASPHERES,
+            exact and shaped > 0,
+            _why(
+                exact,
+                ideal,
+                shaped > 0,
+                "all surfaces are spheres or planes",
+                f"{shaped} conic or aspheric surface{'s' * (shaped != 1)}",
+            ),
+        ),
+        Decision(
+            Stage.PLACEMENTS,
+            exact and moved > 0,
+            _why(
+                exact, ideal, moved > 0, "all elements are centred", f"{moved} element{'s' * (moved != 1)} out of place"
+            ),
+        ),
         Decision(
             Stage.POLYGON_STOPS,
             bool(stops),

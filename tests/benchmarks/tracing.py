@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import importlib.util
 import os
 from collections.abc import Iterator
@@ -18,11 +19,13 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")  # before batoid is imported: one 
 LENSES = ("double-gauss-100mm-f2", "double-gauss-105mm-f1.4")
 WANTED, AIM = 12, 16
 TOLERANCE = 1e-9  # mm; a dozen refractions at 100 mm leave some 1e-12 of rounding, a wrong surface leaves much more
+SPHERES = "spheres"
 OURS, BARE, CLIPPING = "plenoptic", "batoid", "batoid, with semi-diameters and stop"
 
 
 def tables(*, quick: bool) -> Iterator[Table]:
     yield beside_batoid(10_000 if quick else 1_000_000, rounds=2 if quick else 7)
+    yield shapes(10_000 if quick else 1_000_000, rounds=2 if quick else 9)
     yield directions_and_sizes(10_000 if quick else 1_000_000, rounds=2 if quick else 7)
 
 
@@ -80,6 +83,45 @@ def beside_batoid(n: int, *, rounds: int) -> Table:
             agreement if installed else "batoid is not installed: pip install '.[validation]' adds it to this table.",
         ],
     )
+
+
+def shapes(n: int, *, rounds: int) -> Table:
+    """What conics, aspheres and places out of the axis cost a lens of which one surface has them."""
+    lens = pl.load_lens(LENSES[0])
+    rays = rays_towards(lens, n)
+    variants = {
+        SPHERES: lens,
+        "one conic": _shaped(lens, conic=-0.5),
+        "one asphere, r^4 to r^8": _shaped(lens, conic=-0.5, aspheric=(0.0, 1e-8, 1e-12, 1e-16)),
+        "one asphere, r^4 to r^16": _shaped(lens, conic=-0.5, aspheric=(0.0, 1e-8, 1e-12, 1e-16, 0, 0, 0, 1e-30)),
+        "one surface tilted": lens.moved(0, tilt=(0.001, 0.0, 0.0)),
+        "all tilted": lens.moved(slice(None), tilt=(0.001, 0.0, 0.0)),
+        "LensModel.PARAXIAL": lens.with_model(pl.LensModel.PARAXIAL),
+    }
+    tasks = {name: Task(lambda _, lens=lens: lens.trace(rays, threads=1)) for name, lens in variants.items()}
+    costs = {name: median(cost) for name, cost in taking_turns(tasks, rounds=rounds).items()}
+    rows = [
+        (
+            name,
+            float(np.mean(variants[name].trace(rays).status == 0)),
+            cost.wall,
+            cost.cpu,
+            cost.cpu / costs[SPHERES].cpu,
+        )
+        for name, cost in costs.items()
+    ]
+    return Table(
+        f"Lens tracing: shapes and places, {n:,} rays, one thread",
+        ("lens", "share of rays that pass", "wall s", "CPU s", "times the CPU time of spheres alone"),
+        rows,
+        ["Wanted: one asphere at most 1.5 times the time of spheres alone. Medians of alternating runs."],
+    )
+
+
+def _shaped(lens: pl.LensStack, **fields: object) -> pl.LensStack:
+    """The lens with another shape for its first surface."""
+    changed = dataclasses.replace(lens.elements[0], **fields)  # type: ignore[arg-type]
+    return dataclasses.replace(lens, elements=[changed, *lens.elements[1:]])
 
 
 def batoid_lens(lens: pl.LensStack, *, clips: bool):  # type: ignore[no-untyped-def]
