@@ -14,6 +14,7 @@ GROUPS = (
     ("Optics", ("plenoptic.optics", "plenoptic.rays")),
     ("Scene", ("plenoptic.scene",)),
     ("Figures", ("plenoptic.plots",)),
+    ("Studies", ("plenoptic.study",)),
     ("Modules, sampling and images", ("plenoptic.images", "plenoptic.sampling")),
     ("Errors", ("plenoptic.errors",)),
 )
@@ -33,10 +34,17 @@ def lines(name: str) -> list[str]:
         return [f"| `pl.{name}` | `{found!r}` |"]
     rows = [f"| `pl.{name}` | {summary(found)} |"]
     if inspect.ismodule(found):
-        parts = inspect.getmembers(found, inspect.isfunction)
-        own = [(part, made) for part, made in parts if made.__module__ == found.__name__ and not part.startswith("_")]
-        rows += [f"| `pl.{name}.{part}` | {summary(made)} |" for part, made in own]
+        rows += [f"| `pl.{name}.{part}` | {summary(made)} |" for part, made in parts_of(found)]
     return rows
+
+
+def parts_of(module: object) -> list[tuple[str, object]]:
+    """What a module lists as its own, or the functions that it defines."""
+    listed = getattr(module, "__all__", None)
+    if listed is not None:
+        return [(part, getattr(module, part)) for part in sorted(listed, key=str.lower)]
+    parts = inspect.getmembers(module, inspect.isfunction)
+    return [(part, made) for part, made in parts if made.__module__ == module.__name__ and not part.startswith("_")]
 
 
 def summary(found: object) -> str:

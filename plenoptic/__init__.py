@@ -18,12 +18,17 @@ if TYPE_CHECKING:
     from plenoptic.exposure import Exposure as Exposure
     from plenoptic.exposure import RenderStats as RenderStats
     from plenoptic.film import Film as Film
+    from plenoptic.optics import aberrations as aberrations
     from plenoptic.optics import paraxial as paraxial
     from plenoptic.optics.air import Absolute as Absolute
     from plenoptic.optics.air import Air as Air
     from plenoptic.optics.air import AirFormula as AirFormula
+    from plenoptic.optics.analysis import aiming as aiming
+    from plenoptic.optics.analysis.focusing import FocusCriterion as FocusCriterion
     from plenoptic.optics.dispersion import DispersionFormula as DispersionFormula
     from plenoptic.optics.dispersion import Formula as Formula
+    from plenoptic.optics.finding import Finding as Finding
+    from plenoptic.optics.finding import FindingKind as FindingKind
     from plenoptic.optics.glasses import GlassCatalogue as GlassCatalogue
     from plenoptic.optics.glasses import glass as glass
     from plenoptic.optics.glasses import glass_names as glass_names
@@ -55,7 +60,19 @@ if TYPE_CHECKING:
     from plenoptic.planning import Stage as Stage
     from plenoptic.planning import plan as plan
     from plenoptic.plots.exposure import plot_exposure as plot_exposure
+    from plenoptic.plots.fields import plot_coma as plot_coma
+    from plenoptic.plots.fields import plot_depth_distortion as plot_depth_distortion
+    from plenoptic.plots.fields import plot_distortion as plot_distortion
+    from plenoptic.plots.fields import plot_field_curvature as plot_field_curvature
+    from plenoptic.plots.fields import plot_relative_illumination as plot_relative_illumination
+    from plenoptic.plots.fields import plot_vignetting as plot_vignetting
     from plenoptic.plots.lens import plot_lens as plot_lens
+    from plenoptic.plots.seidel import plot_chromatic_shift as plot_chromatic_shift
+    from plenoptic.plots.seidel import plot_seidel as plot_seidel
+    from plenoptic.plots.spots import plot_mtf as plot_mtf
+    from plenoptic.plots.spots import plot_point_spread as plot_point_spread
+    from plenoptic.plots.spots import plot_ray_fan as plot_ray_fan
+    from plenoptic.plots.spots import plot_spots as plot_spots
     from plenoptic.rays import RayBundle as RayBundle
     from plenoptic.rays import RayStatus as RayStatus
     from plenoptic.rendering import render as render
@@ -81,6 +98,8 @@ else:
     import importlib
 
     _MODULES = {
+        "aberrations": "plenoptic.optics.aberrations",
+        "aiming": "plenoptic.optics.analysis.aiming",
         "images": "plenoptic.images",
         "paraxial": "plenoptic.optics.paraxial",
         "sampling": "plenoptic.sampling",
@@ -93,6 +112,8 @@ else:
         "plenoptic.film": ("Film",),
         "plenoptic.optics.air": ("Absolute", "Air", "AirFormula"),
         "plenoptic.optics.dispersion": ("DispersionFormula", "Formula"),
+        "plenoptic.optics.finding": ("Finding", "FindingKind"),
+        "plenoptic.optics.analysis.focusing": ("FocusCriterion",),
         "plenoptic.optics.glasses": ("GlassCatalogue", "glass", "glass_names", "load_glasses"),
         "plenoptic.optics.lens": ("LensStack",),
         "plenoptic.optics.media": ("AIR", "VACUUM", "ConstantMedium", "Medium", "ModelGlass", "Schott", "Sellmeier"),
@@ -106,7 +127,17 @@ else:
         "plenoptic.optics.surface": ("Surface",),
         "plenoptic.planning": ("Decision", "Plan", "Stage", "plan"),
         "plenoptic.plots.exposure": ("plot_exposure",),
+        "plenoptic.plots.fields": (
+            "plot_coma",
+            "plot_depth_distortion",
+            "plot_distortion",
+            "plot_field_curvature",
+            "plot_relative_illumination",
+            "plot_vignetting",
+        ),
         "plenoptic.plots.lens": ("plot_lens",),
+        "plenoptic.plots.seidel": ("plot_chromatic_shift", "plot_seidel"),
+        "plenoptic.plots.spots": ("plot_mtf", "plot_point_spread", "plot_ray_fan", "plot_spots"),
         "plenoptic.rays": ("RayBundle", "RayStatus"),
         "plenoptic.rendering": ("render", "render_white"),
         "plenoptic.scene.environment": ("ConstantBackground",),

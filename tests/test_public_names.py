@@ -11,6 +11,14 @@ import plenoptic as pl
 NAMES = sorted(set(pl.__all__))
 
 
+def parts_of(module):
+    """The functions and classes that a public module offers: those it lists, or the functions it defines."""
+    if hasattr(module, "__all__"):
+        return {name: getattr(module, name) for name in module.__all__}
+    functions = inspect.getmembers(module, inspect.isfunction)
+    return {name: part for name, part in functions if part.__module__ == module.__name__ and name[0] != "_"}
+
+
 def test_type_checkers_see_the_same_names():
     tree = ast.parse(Path(pl.__file__).read_text(encoding="utf-8"))
     guarded = next(node for node in tree.body if isinstance(node, ast.If)).body
@@ -40,8 +48,7 @@ def test_unknown_names_are_attribute_errors():
 def test_every_public_name_has_an_example(name):
     found = getattr(pl, name)
     if inspect.ismodule(found):
-        parts = [part for _, part in inspect.getmembers(found, inspect.isfunction) if part.__module__ == found.__name__]
-        parts = [part for part in parts if not part.__name__.startswith("_")]
+        parts = list(parts_of(found).values())
     elif inspect.isclass(found) or inspect.isfunction(found):
         parts = [found]
     else:
@@ -54,11 +61,7 @@ def test_every_public_name_has_an_example(name):
 def test_the_list_in_the_documents_has_every_name():
     listed = (Path(__file__).parents[1] / "docs" / "api.md").read_text(encoding="utf-8")
     functions = [
-        f"{name}.{part}"
-        for name in NAMES
-        if inspect.ismodule(found := getattr(pl, name))
-        for part, made in inspect.getmembers(found, inspect.isfunction)
-        if made.__module__ == found.__name__ and not part.startswith("_")
+        f"{name}.{part}" for name in NAMES if inspect.ismodule(found := getattr(pl, name)) for part in parts_of(found)
     ]
     assert len(functions) > 10
     assert [name for name in NAMES + functions if f"| `pl.{name}` |" not in listed] == []

@@ -9,8 +9,9 @@ from numpy.typing import ArrayLike
 from plenoptic._values import finite, positive, set_field, value
 from plenoptic.camera.pose import Pose
 from plenoptic.errors import InvalidValueError
+from plenoptic.optics.analysis.focusing import FocusCriterion
 from plenoptic.optics.lens import LensStack
-from plenoptic.optics.microlenses import ConvexSide, MicrolensArray, MicrolensModel
+from plenoptic.optics.microlenses import ConvexSide, MicrolensArray
 from plenoptic.optics.sensor import Sensor
 
 
@@ -93,7 +94,7 @@ class PlenopticCamera:
         else:
             if not isinstance(array, MicrolensArray):
                 raise InvalidValueError(f"microlenses is {array!r}; it must be a MicrolensArray or None")
-            plate = array.thickness / array.index if array.model is MicrolensModel.SPHERICAL else 0.0
+            plate = array.thickness / array.index if array.is_plate else 0.0
             towards_scene = plate if array.convex_side is ConvexSide.SENSOR else 0.0
             towards_sensor = plate if array.convex_side is ConvexSide.SCENE else 0.0
             front = self.stop_to_microlenses - towards_scene
@@ -140,8 +141,8 @@ class PlenopticCamera:
         """
         return dataclasses.replace(self, pose=Pose.look_at(position, look_at, up))
 
-    def focused_at(self, z: float) -> PlenopticCamera:
-        """The same camera with its back moved so that a plane is sharp, by paraxial optics.
+    def focused_at(self, z: float, *, criterion: FocusCriterion = FocusCriterion.PARAXIAL) -> PlenopticCamera:
+        """The same camera with its back moved so that a plane is sharp, by paraxial optics or by the best spot.
 
         With microlenses of focal length f at b = microlenses_to_sensor, the main lens images the plane onto the
         array itself if b = f, and otherwise onto the plane that the microlenses image onto the sensor: at
@@ -151,6 +152,10 @@ class PlenopticCamera:
         ----------
         z : float
             The plane in the camera's frame in mm, negative: in front of the camera. -inf focuses at infinity.
+        criterion : FocusCriterion, optional
+            What the main lens images as sharply as it can: rays close to the axis (PARAXIAL), or all rays that pass it
+            from the axial point of the plane (RMS_SPOT, GEOMETRIC_SPOT). The lens is followed as its `model` says: a
+            THIN one images about one plane, a PARAXIAL one by its cardinal points.
 
         Returns
         -------
@@ -160,7 +165,8 @@ class PlenopticCamera:
         Raises
         ------
         InvalidValueError
-            Where no position of the back behind the lens is sharp, or z is no number.
+            Where no position of the back behind the lens is sharp, z is no number, or the lens has LensModel.NONE,
+            which images nothing.
 
         Examples
         --------
@@ -169,7 +175,11 @@ class PlenopticCamera:
         ...     sensor=pl.Sensor(shape=(16, 16), pixel_pitch=0.01), stop_to_microlenses=130.0)
         >>> f"{camera.focused_at(z=-404.0).stop_to_microlenses:.3f} mm"
         '134.624 mm'
+        >>> least_confused = camera.focused_at(z=-404.0, criterion=pl.FocusCriterion.GEOMETRIC_SPOT)
+        >>> f"{least_confused.stop_to_microlenses:.2f} mm"
+        '134.86 mm'
         """
         from plenoptic.camera.focus import focused_stop_to_microlenses
 
-        return dataclasses.replace(self, stop_to_microlenses=focused_stop_to_microlenses(self, z))
+        moved = focused_stop_to_microlenses(self, z, criterion)
+        return dataclasses.replace(self, stop_to_microlenses=moved)

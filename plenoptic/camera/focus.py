@@ -1,4 +1,4 @@
-"""Focus by paraxial conjugates."""
+"""Focus: the plane that is sharp, and where the back of the camera then is."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from plenoptic._values import number
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics import paraxial
+from plenoptic.optics.analysis.focusing import FocusCriterion, best_focus, front_focus
 
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera
@@ -31,16 +31,20 @@ def image_behind_array(camera: PlenopticCamera) -> float:
     return b * f / (f - b)
 
 
-def focused_stop_to_microlenses(camera: PlenopticCamera, z: float) -> float:
-    """The distance from iris to array at which the plane z of the camera's frame is sharp, in mm."""
+def focused_stop_to_microlenses(camera: PlenopticCamera, z: float, criterion: FocusCriterion) -> float:
+    """The distance from iris to array at which the plane z of the camera's frame is sharp on its axis, in mm."""
     z = number(z, "z")
     if not z < 0:
         raise InvalidValueError(f"z is {z} mm; the plane must lie in front of the camera, at z below 0")
-    image = paraxial.image_position(camera.lens, z, camera.wavelength)
-    focus = paraxial.cardinal_points(camera.lens, camera.wavelength).front_focus
-    if not math.isfinite(image) or z >= focus:
+    focus = front_focus(camera.lens, camera.wavelength)
+    if z >= focus:
         raise InvalidValueError(
             f"the plane z = {z:g} mm has no real image behind the lens; it must lie beyond the front focus "
             f"at z = {focus:g} mm"
+        )
+    image = best_focus(camera.lens, z_object=z, wavelength=camera.wavelength, criterion=criterion)
+    if not math.isfinite(image):
+        raise InvalidValueError(
+            f"the plane z = {z:g} mm has its image at infinity; choose another plane or a lens with a focal length"
         )
     return image - image_behind_array(camera)

@@ -32,6 +32,8 @@ MOST_STEPS = 100
 
 EPS = 2.220446049250313e-16
 TINY = 1e-300
+AT_VERTEX = 1e-20
+"""How far from the surface, over its largest sag, a point may be at its vertex."""
 
 STEEPEST, SHARPEST, TALLEST, FIRST_TERM = range(4)
 """Where a row of aspheric numbers has the largest slope, second derivative and sag inside the semi-diameter, and where
@@ -112,8 +114,10 @@ def _first_crossing(x, y, z, l, m, n, c, kz, aspheric, clear, s):
     """Where a ray first crosses the surface within the clear cylinder, going the way of the stack.
 
     Returns the distance along the ray and a status: NOT_CONVERGED where the limit of iterations is reached, CLIPPED
-    where the ray does not come into the cylinder or passes it without a crossing.
+    where the ray does not come into the cylinder or passes it without a crossing, MISSED where there is no cylinder.
     """
+    if clear == math.inf:
+        return 0.0, MISSED
     sin2 = l * l + m * m
     half = x * l + y * m
     apart = half * half - sin2 * (x * x + y * y - clear)
@@ -165,7 +169,8 @@ def _bracketed(low, high, x, y, z, l, m, n, c, kz, aspheric, clear, s):
             low = t
         step = -f / (s * (n - 2.0 * bend * (px * l + py * m)))
         close = EPS * (abs(px) + abs(py) + abs(pz)) + TINY
-        if abs(step) <= close or abs(f) <= _rounding(r2, pz, c, kz, aspheric) or high - low <= close:
+        done = abs(step) <= close or abs(f) <= _rounding(r2, pz, c, kz, aspheric) or high - low <= close
+        if done or t + step == t:
             return t, 0.0
         t = t + step if low < t + step < high else 0.5 * (low + high)
     return t, NOT_CONVERGED
@@ -246,6 +251,8 @@ def _settle(ray, heights, c, kz, aspheric, clear, s, code):
     """
     _fill_heights(heights, ray, c, kz, aspheric)
     steepest2 = aspheric[STEEPEST] * aspheric[STEEPEST]
+    # At the vertex itself all coordinates vanish, and what is relative to them.
+    at_vertex = AT_VERTEX * aspheric[TALLEST]
     unsettled = 0
     for i in range(BLOCK):
         x, y, z = ray[X + i], ray[Y + i], ray[Z + i]
@@ -253,8 +260,9 @@ def _settle(ray, heights, c, kz, aspheric, clear, s, code):
         bend = heights[1, i]
         slope = n - 2.0 * bend * (x * l + y * m)
         out = abs(x) + abs(y)
-        close = abs(z - heights[0, i]) <= 8.0 * EPS * (out + abs(z)) * (1.0 + 2.0 * abs(bend) * out)
-        alone = n * n > steepest2 * (l * l + m * m)
+        close = abs(z - heights[0, i]) <= 8.0 * EPS * (out + abs(z)) * (1.0 + 2.0 * abs(bend) * out) + at_vertex
+        # Without a rim the surface goes on where its slope is not known: what Newton's method finds is taken.
+        alone = n * n > steepest2 * (l * l + m * m) or clear == math.inf
         settled = close and x * x + y * y <= clear and s * slope > 0.0 and alone
         heights[0, i] = 1.0 if settled or ray[STATUS + i] != 0.0 else 0.0
         unsettled += 0 if settled or ray[STATUS + i] != 0.0 else 1

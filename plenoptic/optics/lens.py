@@ -5,10 +5,10 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from plenoptic._values import choice, finite, read_only, set_field, value, whole
 from plenoptic.errors import PrescriptionError
@@ -16,47 +16,15 @@ from plenoptic.optics.media import AIR, Medium
 from plenoptic.optics.models import LensModel
 from plenoptic.optics.moving import moved_group
 from plenoptic.optics.sections import placed, section
+from plenoptic.optics.stacking import Element, checked_elements, is_stop, with_inserted
 from plenoptic.optics.stops import CircularStop, PolygonStop, Stop
 from plenoptic.optics.surface import Surface
 from plenoptic.rays import RayBundle
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from plenoptic.optics.checking import Finding
-
-Element: TypeAlias = Surface | Stop
-"""What a lens is made of."""
-
-
-def _checked_elements(elements: Sequence[Element], ambient: Medium) -> tuple[Element, ...]:
-    try:
-        stack = tuple(elements)
-    except TypeError:
-        raise PrescriptionError(f"elements is {elements!r}; it must be a sequence of surfaces and stops") from None
-    for i, element in enumerate(stack):
-        if not isinstance(element, Surface | CircularStop | PolygonStop):
-            raise PrescriptionError(
-                f"element {i} is {element!r}; a lens is made of Surface, CircularStop and PolygonStop: "
-                "remove it or describe it as one of these"
-            )
-    surfaces = [i for i, element in enumerate(stack) if isinstance(element, Surface)]
-    if not surfaces:
-        raise PrescriptionError(f"the lens has {len(stack)} elements and no surface; add at least one Surface")
-    if len(surfaces) == len(stack):
-        raise PrescriptionError(
-            f"the lens has {len(stack)} surfaces and no stop; add a CircularStop or PolygonStop where the iris stands"
-        )
-    last = stack[surfaces[-1]]
-    if isinstance(last, Surface) and last.medium != ambient:
-        around = "air: its medium must be pl.AIR" if ambient == AIR else f"{ambient!r}: give it that medium"
-        raise PrescriptionError(
-            f"element {surfaces[-1]}, the last surface, is followed by {last.medium!r}; the sensor is in {around}"
-        )
-    # The gap behind the last element belongs to the camera.
-    return (*stack[:-1], dataclasses.replace(stack[-1], thickness=0.0))
-
-
-def _is_stop(element: Element) -> bool:
-    return not isinstance(element, Surface)
 
 
 @value
@@ -112,8 +80,8 @@ class LensStack:
         if isinstance(self.ambient, Sequence | type) or not callable(getattr(self.ambient, "index", None)):
             raise PrescriptionError(f"ambient is {self.ambient!r}; it must be a medium, such as pl.AIR")
         set_field(self, "model", choice(self.model, LensModel, "model"))
-        set_field(self, "elements", _checked_elements(self.elements, self.ambient))
-        stops = [i for i, element in enumerate(self.elements) if _is_stop(element)]
+        set_field(self, "elements", checked_elements(self.elements, self.ambient))
+        stops = [i for i, element in enumerate(self.elements) if is_stop(element)]
         iris = stops[0] if self.iris is None else whole(self.iris, "iris", at_least=0)
         if iris not in stops:
             raise PrescriptionError(f"iris is element {iris}, which is not a stop; the stops are elements {stops}")
@@ -299,21 +267,8 @@ class LensStack:
         """
         if not isinstance(stop, CircularStop | PolygonStop):
             raise PrescriptionError(f"stop is {stop!r}; it must be a CircularStop or a PolygonStop")
-        place, vertices, elements = finite(z, "z"), self.vertices, list(self.elements)
-        bounds = [-np.inf, *vertices.tolist(), np.inf]
-        gaps = [i for i, (low, high) in enumerate(pairwise(bounds)) if low <= place <= high]
-        in_air = [i for i in gaps if self.gap_media[i] == self.ambient]
-        if not in_air:
-            low, high = bounds[gaps[0]], bounds[gaps[0] + 1]
-            raise PrescriptionError(
-                f"z {place:g} mm lies in glass, which reaches from {low:g} to {high:g} mm; place the stop in an air gap"
-            )
-        gap = in_air[0]
-        if gap > 0:
-            elements[gap - 1] = dataclasses.replace(elements[gap - 1], thickness=place - float(vertices[gap - 1]))
-        behind = float(vertices[gap]) - place if gap < len(elements) else 0.0
-        elements.insert(gap, dataclasses.replace(stop, thickness=behind))
-        return dataclasses.replace(self, elements=elements, iris=self.iris_index + (gap <= self.iris_index))
+        elements, at = with_inserted(self.elements, self.vertices, self.gap_media, stop, finite(z, "z"))
+        return dataclasses.replace(self, elements=elements, iris=self.iris_index + (at <= self.iris_index))
 
     def profiles(self, points: int = 41) -> tuple[NDArray[np.float64], ...]:
         """The section of each element in the plane x = 0, up to its rim: (points, 2) arrays of z, y in mm.
@@ -329,11 +284,11 @@ class LensStack:
     @property
     def glasses(self) -> tuple[tuple[int, int], ...]:
         """The pairs of surfaces (indices in `elements`) that have glass between them."""
-        surfaces = [i for i, element in enumerate(self.elements) if not _is_stop(element)]
+        surfaces = [i for i, element in enumerate(self.elements) if not is_stop(element)]
         return tuple((i, j) for i, j in pairwise(surfaces) if self.gap_media[i + 1] != self.ambient)
 
     def __repr__(self) -> str:
-        stops = sum(map(_is_stop, self.elements))
+        stops = sum(map(is_stop, self.elements))
         surfaces = len(self.elements) - stops
         counts = f"{surfaces} surface{'s' * (surfaces != 1)}, {stops} stop{'s' * (stops != 1)}"
         return f"<LensStack {self.name!r}: {counts}, {self.length:g} mm long>"
@@ -365,6 +320,49 @@ class LensStack:
         from plenoptic.optics.checking import findings
 
         return findings(self, wavelength)
+
+    def layout(
+        self,
+        *,
+        fields: ArrayLike | None = None,
+        z_object: float | None = None,
+        rays: int = 7,
+        wavelength: float = 587.6,
+        z_image: float | None = None,
+        ax: Axes | None = None,
+    ) -> Axes:
+        """Draw the lens with a fan of real rays for each of some fields, true to scale.
+
+        Parameters
+        ----------
+        fields : (n,) array, optional
+            Along +y: half angles in radians, or heights in mm in the plane `z_object`; three that are worth drawing if
+            left out.
+        z_object : float, optional
+            mm; -inf: infinitely far. If left out, that, or the front focus of a lens whose rear focus does not lie
+            behind it.
+        rays : int, optional
+            Rays of each fan, evenly over the iris. Those that a rim stops end there.
+        wavelength : float, optional
+            nm.
+        z_image : float, optional
+            Where rays end, mm; the paraxial image plane if left out.
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure if left out.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Examples
+        --------
+        >>> import plenoptic as pl
+        >>> pl.load_lens("double-gauss-100mm-f2").layout(fields=[0.0, 0.2]).get_xlabel()
+        'z / mm'
+        """
+        from plenoptic.optics.analysis.layout import layout
+
+        return layout(self, fields=fields, z_object=z_object, rays=rays, wavelength=wavelength, z_image=z_image, ax=ax)
 
     def trace(self, rays: RayBundle, *, threads: int | None = None) -> RayBundle:
         """Trace rays through the lens towards the sensor.

@@ -1,8 +1,9 @@
-"""Gaussian optics of a lens: focal length, cardinal points, pupils and conjugates.
+"""Gaussian optics of a lens: focal length, cardinal points, pupils, conjugates, marginal and chief ray.
 
 Everything follows from the matrix that takes height and reduced angle (y, n u) of a paraxial ray from one element to
-another. Positions are z in the lens frame: mm, z = 0 at the iris, light towards +z. Scene and sensor are in air, so the
-nodal points are the principal points.
+another. Positions are z in the lens frame: mm, z = 0 at the iris, light towards +z. Scene and sensor are in the same
+medium, `lens.ambient`, so the nodal points are the principal points. Aspheres count with the curvature of their vertex.
+Elements out of place count as if they were centred, and `lens.model` does not matter.
 """
 
 from __future__ import annotations
@@ -13,12 +14,28 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic._values import number, value, wrong_kind
-from plenoptic.errors import InvalidValueError
+from plenoptic._values import value
+from plenoptic.optics.conjugates import conjugates, numerical_apertures, working_f_number
 from plenoptic.optics.lens import LensStack
-from plenoptic.optics.surface import Surface
+from plenoptic.optics.matrices import end_surfaces, over, position, transfer_matrix, without_rounding
+from plenoptic.optics.paraxial_rays import ParaxialRay, chief_ray, lagrange_invariant, marginal_ray, paraxial_ray
 
-_EPS = float(np.finfo(np.float64).eps)
+__all__ = [
+    "CardinalPoints",
+    "ParaxialRay",
+    "cardinal_points",
+    "chief_ray",
+    "conjugates",
+    "image_position",
+    "lagrange_invariant",
+    "magnification",
+    "marginal_ray",
+    "numerical_apertures",
+    "object_position",
+    "paraxial_ray",
+    "system_matrix",
+    "working_f_number",
+]
 
 _LONGEST = len("entrance_pupil_semi_diameter")
 
@@ -81,47 +98,11 @@ class CardinalPoints:
         return "\n".join(lines)
 
 
-def _without_rounding(total: float, *terms: float, steps: int = 4) -> float:
-    """`total`, or exactly 0 where it is no more than what rounding leaves of the terms it was summed from."""
-    return 0.0 if abs(total) <= 2 * steps * _EPS * sum(map(abs, terms)) else total
-
-
-def _over(numerator: float, denominator: float) -> float:
-    return numerator / denominator if denominator != 0 else math.inf
-
-
-def _matrix(lens: LensStack, wavelength: float, first: int, last: int) -> NDArray[np.float64]:
-    """From before element `first` to behind element `last`; what is zero but for rounding is zero."""
-    n = lens.indices(wavelength)
-    matrix, magnitude = np.eye(2), np.eye(2)
-    for i in range(first, last + 1):
-        element = lens.elements[i]
-        curvature = element.curvature if isinstance(element, Surface) else 0.0
-        gap = element.thickness if i < last else 0.0
-        refraction = np.array([[1.0, 0.0], [(n[i] - n[i + 1]) * curvature, 1.0]])
-        transfer = np.array([[1.0, gap / n[i + 1]], [0.0, 1.0]])
-        step = transfer @ refraction
-        matrix, magnitude = step @ matrix, np.abs(transfer) @ np.abs(refraction) @ magnitude
-    steps = 4 * (last - first + 1)
-    cleaned = [
-        _without_rounding(entry, size, steps=steps)
-        for entry, size in zip(matrix.ravel().tolist(), magnitude.ravel().tolist(), strict=True)
-    ]
-    return np.array(cleaned).reshape(2, 2)
-
-
-def _end_surfaces(lens: LensStack) -> tuple[int, int]:
-    if not isinstance(lens, LensStack):
-        raise wrong_kind(lens, "lens", "LensStack", "camera.lens")
-    surfaces = [i for i, element in enumerate(lens.elements) if isinstance(element, Surface)]
-    return surfaces[0], surfaces[-1]
-
-
 def system_matrix(lens: LensStack, wavelength: float = 587.6) -> NDArray[np.float64]:
     """The matrix [[A, B], [C, D]] from the vertex of the first surface to that of the last.
 
     It takes (height in mm, angle in radians) of a paraxial ray in front of the lens to those behind it. Since there
-    is air on both sides, its determinant is 1 and C is -1 / efl.
+    is the same medium on both sides, its determinant is 1 and C is -1 / efl.
 
     Parameters
     ----------
@@ -146,7 +127,9 @@ def system_matrix(lens: LensStack, wavelength: float = 587.6) -> NDArray[np.floa
     >>> round(float(np.linalg.det(matrix)), 12)
     1.0
     """
-    return _matrix(lens, wavelength, *_end_surfaces(lens))
+    around = float(lens.indices(wavelength)[0])
+    ((a, b), (c, d)) = transfer_matrix(lens, wavelength, *end_surfaces(lens)).tolist()
+    return np.array([[a, b * around], [c / around, d]])
 
 
 def cardinal_points(lens: LensStack, wavelength: float = 587.6) -> CardinalPoints:
@@ -177,7 +160,7 @@ def cardinal_points(lens: LensStack, wavelength: float = 587.6) -> CardinalPoint
     >>> round(pl.paraxial.cardinal_points(pl.load_lens("double-gauss-100mm-f2"), wavelength=587.6).efl, 2)
     100.72
     """
-    first, last = _end_surfaces(lens)
+    first, last = end_surfaces(lens)
     z = lens.vertices
     ((a, _), (c, d)) = system_matrix(lens, wavelength).tolist()
     focal = c != 0
@@ -186,13 +169,14 @@ def cardinal_points(lens: LensStack, wavelength: float = 587.6) -> CardinalPoint
     front_focus, rear_focus = float(z[first]) + ffl, float(z[last]) + bfl
 
     # The iris, at z = 0, seen through what stands before it and behind it.
-    front = _matrix(lens, wavelength, 0, lens.iris_index)
-    rear = _matrix(lens, wavelength, lens.iris_index, len(z) - 1)
-    entrance_pupil = float(z[0]) + _over(float(front[0, 1]), float(front[0, 0]))
-    exit_pupil = float(z[-1]) + _over(-float(rear[0, 1]), float(rear[1, 1]))
-    magnification = _over(1.0, float(rear[1, 1]))
+    front = transfer_matrix(lens, wavelength, 0, lens.iris_index)
+    rear = transfer_matrix(lens, wavelength, lens.iris_index, len(z) - 1)
+    around = float(lens.indices(wavelength)[0])
+    entrance_pupil = float(z[0]) + over(around * float(front[0, 1]), float(front[0, 0]))
+    exit_pupil = float(z[-1]) + over(-around * float(rear[0, 1]), float(rear[1, 1]))
+    magnification = over(1.0, float(rear[1, 1]))
     semi_diameter = lens.stop.semi_diameter
-    entrance_semi_diameter = abs(_over(semi_diameter, float(front[0, 0])))
+    entrance_semi_diameter = abs(over(semi_diameter, float(front[0, 0])))
     return CardinalPoints(
         efl=efl,
         bfl=bfl,
@@ -206,16 +190,9 @@ def cardinal_points(lens: LensStack, wavelength: float = 587.6) -> CardinalPoint
         entrance_pupil_semi_diameter=entrance_semi_diameter,
         exit_pupil_semi_diameter=abs(magnification) * semi_diameter,
         pupil_magnification=magnification,
-        f_number=abs(efl) / (2 * entrance_semi_diameter) if focal else math.inf,
+        f_number=over(abs(efl), 2 * entrance_semi_diameter) if focal else math.inf,
         wavelength=float(wavelength),
     )
-
-
-def _position(z: float, name: str) -> float:
-    position = number(z, name)
-    if math.isnan(position):
-        raise InvalidValueError(f"{name} is nan; it must be a position in mm, math.inf for infinitely far away")
-    return position
 
 
 def image_position(lens: LensStack, z_object: float, wavelength: float = 587.6) -> float:
@@ -241,12 +218,12 @@ def image_position(lens: LensStack, z_object: float, wavelength: float = 587.6) 
     >>> round(pl.paraxial.image_position(pl.load_lens("double-gauss-100mm-f2"), -404.0), 3)
     134.624
     """
-    first, last = _end_surfaces(lens)
+    first, last = end_surfaces(lens)
     ((a, b), (c, d)) = system_matrix(lens, wavelength).tolist()
-    z_last, distance = float(lens.vertices[last]), float(lens.vertices[first]) - _position(z_object, "z_object")
+    z_last, distance = float(lens.vertices[last]), float(lens.vertices[first]) - position(z_object, "z_object")
     if math.isinf(distance):
-        return z_last + _over(-a, c)
-    return z_last + _over(-(a * distance + b), _without_rounding(c * distance + d, c * distance, d))
+        return z_last + over(-a, c)
+    return z_last + over(-(a * distance + b), without_rounding(c * distance + d, c * distance, d))
 
 
 def object_position(lens: LensStack, z_image: float, wavelength: float = 587.6) -> float:
@@ -272,12 +249,12 @@ def object_position(lens: LensStack, z_image: float, wavelength: float = 587.6) 
     >>> round(pl.paraxial.object_position(lens, pl.paraxial.image_position(lens, -404.0)), 9)
     -404.0
     """
-    first, last = _end_surfaces(lens)
+    first, last = end_surfaces(lens)
     ((a, b), (c, d)) = system_matrix(lens, wavelength).tolist()
-    z_first, distance = float(lens.vertices[first]), _position(z_image, "z_image") - float(lens.vertices[last])
+    z_first, distance = float(lens.vertices[first]), position(z_image, "z_image") - float(lens.vertices[last])
     if math.isinf(distance):
-        return z_first - _over(-d, c)
-    return z_first - _over(-(b + distance * d), _without_rounding(a + distance * c, a, distance * c))
+        return z_first - over(-d, c)
+    return z_first - over(-(b + distance * d), without_rounding(a + distance * c, a, distance * c))
 
 
 def magnification(lens: LensStack, z_object: float, wavelength: float = 587.6) -> float:
@@ -302,9 +279,9 @@ def magnification(lens: LensStack, z_object: float, wavelength: float = 587.6) -
     >>> round(pl.paraxial.magnification(pl.load_lens("double-gauss-100mm-f2"), -404.0), 4)
     -0.3187
     """
-    first, _ = _end_surfaces(lens)
+    first, _ = end_surfaces(lens)
     c, d = system_matrix(lens, wavelength)[1].tolist()
-    distance = float(lens.vertices[first]) - _position(z_object, "z_object")
+    distance = float(lens.vertices[first]) - position(z_object, "z_object")
     if math.isinf(distance):
         return 0.0 if c != 0 else 1.0 / d
-    return _over(1.0, _without_rounding(c * distance + d, c * distance, d))
+    return over(1.0, without_rounding(c * distance + d, c * distance, d))

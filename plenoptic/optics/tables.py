@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.errors import PrescriptionError
-from plenoptic.optics.lens import Element, LensStack
+from plenoptic.optics.lens import LensStack
 from plenoptic.optics.models import LensModel
 from plenoptic.optics.paraxial import cardinal_points
+from plenoptic.optics.stacking import Element
 from plenoptic.optics.stops import CircularStop, PolygonStop, Stop
 from plenoptic.optics.surface import Surface
 
@@ -149,7 +150,7 @@ def _exact_rows(lens: LensStack, wavelength: float, first: int, last: int, *, re
 
 
 def _surface_row(surface: Surface, z: float, number: int, ratio: float) -> _Row:
-    rim, clear = 1.0 + EQUATOR_TOLERANCE, surface.semi_diameter**2
+    rim, clear = 1.0 + EQUATOR_TOLERANCE, surface.semi_diameter * surface.semi_diameter
     if surface.depth is not None:
         # Only the depth ends a surface that goes beyond its equator.
         rim, clear = abs(surface.curvature) * (1.0 + surface.conic) * surface.depth + EQUATOR_TOLERANCE, math.inf
@@ -165,7 +166,7 @@ def _surface_row(surface: Surface, z: float, number: int, ratio: float) -> _Row:
 
 
 def _stop_row(stop: Stop, z: float, number: int) -> _Row:
-    clear = stop.semi_diameter**2
+    clear = stop.semi_diameter * stop.semi_diameter
     if isinstance(stop, PolygonStop):
         edges = tuple((float(nx), float(ny), stop.apothem) for nx, ny in stop.normals)
         return _Row(POLYGON, z, number, clear, edges=edges)

@@ -7,6 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import plenoptic as pl
+from plenoptic.optics.analysis.focusing import FocusCriterion, best_focus
+from plenoptic.optics.analysis.spots import spot_diagram
 
 LENS = pl.load_lens("double-gauss-100mm-f2")
 SENSOR = pl.Sensor(shape=(512, 512), pixel_pitch=0.01)
@@ -107,3 +109,78 @@ def test_a_back_inside_the_lens_is_out_of_reach() -> None:
     # b = 1.96: a = 98 mm; infinity would want the array at 102.5 - 98 = 4.5 mm, inside the lens.
     with pytest.raises(pl.InvalidValueError, match="must be above 30.31"):
         camera_with(1.96).focused_at(-math.inf)
+
+
+# ---- by the best spot, and by models of the lens ----
+
+SPOTS = (FocusCriterion.RMS_SPOT, FocusCriterion.GEOMETRIC_SPOT)
+
+
+@pytest.mark.parametrize("criterion", SPOTS)
+@pytest.mark.parametrize("b", [1.7, 2.0, 2.4])
+def test_the_best_spot_moves_the_back_as_far_as_the_image(b: float, criterion: FocusCriterion) -> None:
+    camera = camera_with(b)
+    moved = camera.focused_at(-404.0, criterion=criterion).stop_to_microlenses
+    image = best_focus(LENS, z_object=-404.0, criterion=criterion)
+    assert abs(image - IMAGE) > 1e-3
+    # Sums of numbers below 150.
+    assert moved - camera.focused_at(-404.0).stop_to_microlenses == pytest.approx(image - IMAGE, abs=4 * EPS * 150)
+
+
+def test_the_best_spot_makes_the_smallest_blur_on_the_sensor() -> None:
+    camera = camera_with(0.0, microlenses=None)
+    radius = {}
+    for criterion in FocusCriterion:
+        z = camera.focused_at(-404.0, criterion=criterion).z_sensor
+        spot = spot_diagram(LENS, z_object=-404.0, z_image=z, rays=1 << 14)
+        radius[criterion] = (spot.rms_radius, spot.geometric_radius)
+    assert min(radius, key=lambda c: radius[c][0]) is FocusCriterion.RMS_SPOT
+    assert min(radius, key=lambda c: radius[c][1]) is FocusCriterion.GEOMETRIC_SPOT
+
+
+@pytest.mark.parametrize("criterion", list(FocusCriterion))
+def test_a_thin_lens_focuses_by_its_focal_length(criterion: FocusCriterion) -> None:
+    points = pl.paraxial.cardinal_points(LENS)
+    camera = camera_with(0.0, microlenses=None, lens=LENS.with_model(pl.LensModel.THIN))
+    z = camera.focused_at(-404.0, criterion=criterion).z_sensor
+    # 1 / image - 1 / object = 1 / f, both measured from the one plane of the model.
+    image = 1.0 / (1.0 / points.efl + 1.0 / (-404.0 - points.rear_principal))
+    assert z == pytest.approx(points.rear_principal + image, abs=1e-11)
+    assert camera.focused_at(-math.inf, criterion=criterion).z_sensor == pytest.approx(points.rear_focus, abs=1e-11)
+
+
+@pytest.mark.parametrize("criterion", list(FocusCriterion))
+def test_a_paraxial_lens_focuses_by_its_cardinal_points(criterion: FocusCriterion) -> None:
+    camera = camera_with(0.0, microlenses=None, lens=LENS.with_model(pl.LensModel.PARAXIAL))
+    assert camera.focused_at(-404.0, criterion=criterion).z_sensor == pytest.approx(IMAGE, abs=1e-11)
+
+
+@pytest.mark.parametrize("model", [pl.LensModel.THIN, pl.LensModel.PARAXIAL])
+def test_rays_of_a_perfect_lens_meet_on_the_focused_sensor(model: pl.LensModel) -> None:
+    camera = camera_with(0.0, microlenses=None, lens=LENS.with_model(model)).focused_at(-404.0)
+    slopes = np.linspace(-0.05, 0.05, 5)
+    rays = pl.RayBundle([[3.0, 0, -404.0]] * 5, np.column_stack([slopes, 0 * slopes, np.ones(5)]))
+    out = camera.lens.trace(rays)
+    assert np.all(out.status == 0)
+    assert np.ptp(out.at_z(camera.z_sensor)[:, 0]) < 1e-12
+
+
+@pytest.mark.parametrize("criterion", list(FocusCriterion))
+def test_without_a_lens_nothing_is_focused(criterion: FocusCriterion) -> None:
+    camera = camera_with(0.0, microlenses=None, lens=LENS.with_model(pl.LensModel.NONE))
+    with pytest.raises(pl.InvalidValueError, match=r"LensModel\.NONE, which bends no ray, so no plane is its image"):
+        camera.focused_at(-404.0, criterion=criterion)
+
+
+def test_a_thin_lens_has_its_own_front_focus() -> None:
+    points = pl.paraxial.cardinal_points(LENS)
+    camera = camera_with(0.0, microlenses=None, lens=LENS.with_model(pl.LensModel.THIN))
+    focus = points.rear_principal - points.efl
+    assert focus < -95.0 < points.front_focus
+    with pytest.raises(pl.InvalidValueError, match=f"no real image behind the lens; .* z = {focus:g} mm"):
+        camera.focused_at(-95.0)
+
+
+def test_what_is_no_criterion() -> None:
+    with pytest.raises(pl.InvalidValueError, match="criterion is 'best'; it must be FocusCriterion.PARAXIAL or"):
+        camera_with(1.7).focused_at(-404.0, criterion="best")

@@ -230,3 +230,15 @@ def test_slope_is_the_derivative_of_sag(radius, conic, a, share, sign):
     # Central differences: h^2 / 6 times a third derivative that grows as (1 - share^2)^-5/2, plus rounding.
     assert surface.slope(size) == pytest.approx(float(difference), rel=1e-5, abs=1e-9 / h * EPS * size + 1e-9)
     assert surface.vertex_curvature == surface.curvature
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("reverse", [False, True])
+def test_rays_along_the_axis_meet_the_vertex(shape, reverse):
+    lens = one_surface(index=1.6, **shape)
+    s = -1.0 if reverse else 1.0
+    starts = np.array([[0.0, 0.0, -s * z] for z in (0.0, 1e-16, 3e-9, 0.1, 17.3, 1e9)])
+    out = refracted(lens, starts, np.broadcast_to([0.0, 0.0, s], starts.shape), reverse=reverse)
+    assert np.all(out.status == OK)
+    assert np.abs(out.direction - [0.0, 0.0, s]).max() <= 2 * EPS
+    assert np.all(np.abs(out.origin) <= 1e-20 * shape["semi_diameter"])

@@ -9,9 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from plenoptic.errors import InvalidValueError, PrescriptionError
-from plenoptic.optics.lens import Element, LensStack
+from plenoptic.optics.lens import LensStack
 from plenoptic.optics.media import AIR, ConstantMedium, ModelGlass
 from plenoptic.optics.prescriptions import load_lens
+from plenoptic.optics.stacking import Element
 from plenoptic.optics.stops import CircularStop, PolygonStop
 from plenoptic.optics.surface import Surface
 

@@ -1,0 +1,68 @@
+"""Aberrations of a lens: third-order sums, and what exact rays say of spots, fans, fields and contrast.
+
+All of it in one place, for those who type `pl.aberrations`; each function is described where it is defined.
+"""
+
+from plenoptic.optics.analysis.astigmatic import Foci, foci
+from plenoptic.optics.analysis.depth import DepthDistortion, depth_distortion
+from plenoptic.optics.analysis.fields import (
+    Coma,
+    Distortion,
+    FieldCurvature,
+    Projection,
+    coma,
+    distortion,
+    field_curvature,
+)
+from plenoptic.optics.analysis.focusing import FocusCriterion, best_focus
+from plenoptic.optics.analysis.illumination import (
+    RelativeIllumination,
+    Vignetting,
+    largest_field,
+    relative_illumination,
+    vignetting,
+)
+from plenoptic.optics.analysis.mtf import Mtf, PointSpread, diffraction_mtf, mtf, point_spread
+from plenoptic.optics.analysis.seidel import (
+    ChromaticShift,
+    SeidelSums,
+    chromatic_shift,
+    colour_sums,
+    seidel_sums,
+)
+from plenoptic.optics.analysis.spots import RayFan, SpotDiagram, ray_fan, spot_diagram
+
+__all__ = [
+    "ChromaticShift",
+    "Coma",
+    "DepthDistortion",
+    "Distortion",
+    "FieldCurvature",
+    "Foci",
+    "FocusCriterion",
+    "Mtf",
+    "PointSpread",
+    "Projection",
+    "RayFan",
+    "RelativeIllumination",
+    "SeidelSums",
+    "SpotDiagram",
+    "Vignetting",
+    "best_focus",
+    "chromatic_shift",
+    "colour_sums",
+    "coma",
+    "depth_distortion",
+    "diffraction_mtf",
+    "distortion",
+    "field_curvature",
+    "foci",
+    "largest_field",
+    "mtf",
+    "point_spread",
+    "ray_fan",
+    "relative_illumination",
+    "seidel_sums",
+    "spot_diagram",
+    "vignetting",
+]

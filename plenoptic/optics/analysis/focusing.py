@@ -1,0 +1,267 @@
+"""Where the image is sharpest."""
+
+from __future__ import annotations
+
+import enum
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic._values import choice
+from plenoptic.errors import InvalidValueError
+from plenoptic.optics.analysis.pencils import checked_point, checked_wavelengths, passing_light
+from plenoptic.optics.lens import LensStack
+from plenoptic.optics.models import LensModel
+from plenoptic.optics.paraxial import cardinal_points, image_position, magnification
+
+_GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
+_SEARCH_STEPS = 80
+"""Golden sections: 0.618^80 is 2e-17 of the first interval."""
+
+
+class FocusCriterion(enum.IntEnum):
+    """What is meant by sharp.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> pl.FocusCriterion.RMS_SPOT.name
+    'RMS_SPOT'
+    """
+
+    PARAXIAL = 0
+    """Where rays close to the axis meet."""
+    RMS_SPOT = 1
+    """Where the root mean square distance of the rays from their centroid is smallest."""
+    GEOMETRIC_SPOT = 2
+    """Where the largest distance of a ray from the centroid is smallest: the circle of least confusion."""
+
+
+def _needs_a_lens(lens: LensStack) -> None:
+    if lens.model is LensModel.NONE:
+        raise InvalidValueError(
+            "the lens has the model LensModel.NONE, which bends no ray, so no plane is its image; "
+            "use LensModel.THIN, PARAXIAL or EXACT"
+        )
+
+
+def front_focus(lens: LensStack, wavelength: float = 587.6) -> float:
+    """Where the front focus of a lens is, as its model has it: z in mm; objects beyond it have a real image.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> from plenoptic.optics.analysis.focusing import front_focus
+    >>> lens = pl.load_lens("double-gauss-100mm-f2")
+    >>> round(front_focus(lens), 2), round(front_focus(lens.with_model(pl.LensModel.THIN)), 2)
+    (-88.01, -98.91)
+    """
+    _needs_a_lens(lens)
+    points = cardinal_points(lens, wavelength)
+    return points.rear_principal - points.efl if lens.model is LensModel.THIN else points.front_focus
+
+
+def paraxial_focus(lens: LensStack, z_object: float, wavelength: float = 587.6) -> float:
+    """Where a lens images a plane by Gaussian optics, as its model has it: z in mm.
+
+    THIN has both principal planes at the rear principal point; PARAXIAL and EXACT image by the cardinal points.
+
+    Parameters
+    ----------
+    lens : LensStack
+    z_object : float
+        z of the object plane in the lens frame, mm; -inf for an object at infinity.
+    wavelength : float, optional
+        nm.
+
+    Returns
+    -------
+    float
+        inf where the rays leave parallel; in front of the lens for a virtual image.
+
+    Raises
+    ------
+    InvalidValueError
+        For a lens with LensModel.NONE.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> from plenoptic.optics.analysis.focusing import paraxial_focus
+    >>> lens = pl.load_lens("double-gauss-100mm-f2")
+    >>> round(paraxial_focus(lens, -404.0), 3)
+    134.624
+    >>> round(paraxial_focus(lens.with_model(pl.LensModel.THIN), -404.0), 3)
+    135.77
+    """
+    _needs_a_lens(lens)
+    if lens.model is not LensModel.THIN:
+        return image_position(lens, z_object, wavelength)
+    points = cardinal_points(lens, wavelength)
+    if math.isinf(z_object):
+        return points.rear_focus
+    distance = points.rear_principal - z_object
+    if distance == points.efl:
+        return math.inf
+    # Newton's form, which has no difference of reciprocals.
+    return points.rear_focus + points.efl**2 / (distance - points.efl)
+
+
+def working_f_number(lens: LensStack, z_object: float = -math.inf, wavelength: float = 587.6) -> float:
+    """1 over twice the paraxial angle of the marginal ray in the image of an axial object point.
+
+    Parameters
+    ----------
+    lens : LensStack
+    z_object : float, optional
+        mm; -inf for an object at infinity.
+    wavelength : float, optional
+        nm.
+
+    Returns
+    -------
+    float
+        NaN where it is not defined: for LensModel.NONE, and for lenses without a focal length.
+
+    References
+    ----------
+    W. J. Smith, Modern Optical Engineering, 4th ed., section 9.7.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> from plenoptic.optics.analysis.focusing import working_f_number
+    >>> lens = pl.load_lens("double-gauss-100mm-f2")
+    >>> round(working_f_number(lens), 2), round(working_f_number(lens, -404.0), 2)
+    (2.03, 2.63)
+    """
+    points = cardinal_points(lens, wavelength)
+    if lens.model is LensModel.NONE or not math.isfinite(points.efl):
+        return math.nan
+    if math.isinf(z_object):
+        return points.f_number
+    if lens.model is LensModel.THIN:
+        size, pupil = points.entrance_pupil_semi_diameter, points.rear_principal
+    elif math.isfinite(points.exit_pupil):
+        size, pupil = points.exit_pupil_semi_diameter, points.exit_pupil
+    else:
+        size, distance = points.entrance_pupil_semi_diameter, points.entrance_pupil - z_object
+        return abs(magnification(lens, z_object, wavelength) * distance) / (2.0 * size)
+    return abs(paraxial_focus(lens, z_object, wavelength) - pupil) / (2.0 * size)
+
+
+def best_focus(
+    lens: LensStack,
+    *,
+    field: Sequence[float] = (0.0, 0.0),
+    z_object: float = -math.inf,
+    wavelength: float | Sequence[float] = 587.6,
+    criterion: FocusCriterion = FocusCriterion.RMS_SPOT,
+    rays: int = 1 << 14,
+    seed: int = 0,
+) -> float:
+    """Where the image of an object point is sharpest: z in mm, in the lens frame.
+
+    Rays behind the lens are straight, so the variance of the spot is a quadratic in z, whose minimum is taken; the
+    largest distance from the centroid is convex in z and is searched by golden section.
+
+    Parameters
+    ----------
+    lens : LensStack
+    field : (2,) sequence of float, optional
+        x and y of the object point: angles in radians for an object at infinity, otherwise mm. PARAXIAL ignores it.
+    z_object : float, optional
+        z of the object plane, mm; -inf for an object at infinity.
+    wavelength : float or sequence of float, optional
+        nm. Several carry equal light; PARAXIAL takes the first.
+    criterion : FocusCriterion, optional
+    rays : int, optional
+        For each wavelength; at least this many are traced.
+    seed : int, optional
+        Chooses the sampling points.
+
+    Returns
+    -------
+    float
+        In front of the lens for a virtual image; inf where the rays leave parallel.
+
+    Raises
+    ------
+    InvalidValueError
+        For a lens with LensModel.NONE, and where fewer than two rays pass the lens.
+
+    References
+    ----------
+    For third-order spherical aberration the best RMS focus lies 2/3 of the way from the paraxial to the marginal focus,
+    the circle of least confusion 3/4: V. N. Mahajan, Optical Imaging and Aberrations, part I, section 4.3.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> lens = pl.load_lens("singlet-100mm-f4")
+    >>> kinds = [pl.FocusCriterion.PARAXIAL, pl.FocusCriterion.RMS_SPOT, pl.FocusCriterion.GEOMETRIC_SPOT]
+    >>> [round(pl.aberrations.best_focus(lens, criterion=kind), 2) for kind in kinds]
+    [102.7, 101.55, 101.4]
+    """
+    _needs_a_lens(lens)
+    point, z = checked_point(lens, field, z_object)
+    wavelengths = checked_wavelengths(wavelength)
+    first_guess = paraxial_focus(lens, z, wavelengths[0])
+    kind = choice(criterion, FocusCriterion, "criterion")
+    if kind is FocusCriterion.PARAXIAL:
+        return first_guess
+    # Near the image, heights and slopes are not correlated much, and nothing cancels.
+    z_near = first_guess if math.isfinite(first_guess) else float(lens.vertices[-1])
+    light = passing_light(lens, field=point, z_object=z, z_image=z_near, wavelengths=wavelengths, rays=rays, seed=seed)
+    if len(light.points) < 2:
+        raise InvalidValueError(
+            f"{len(light.points)} of {light.emitted} rays from the field {point} pass the lens; give a field that the "
+            "lens images, or more rays"
+        )
+    total = light.weight.sum()
+    heights = light.points - light.weight @ light.points / total
+    slopes = light.slopes - light.weight @ light.slopes / total
+    spread = float(light.weight @ np.einsum("ij,ij->i", slopes, slopes))
+    if spread <= (1e-12) ** 2 * total:
+        return math.inf
+    shift = -float(light.weight @ np.einsum("ij,ij->i", heights, slopes)) / spread
+    if kind is FocusCriterion.GEOMETRIC_SPOT:
+        shift = _least_radius(heights, slopes, shift, spread=spread, weight=light.weight)
+    return z_near + shift
+
+
+def _least_radius(
+    heights: NDArray[np.float64],
+    slopes: NDArray[np.float64],
+    shift: float,
+    *,
+    spread: float,
+    weight: NDArray[np.float64],
+) -> float:
+    """Where the largest distance from the centroid, a convex function of z, is smallest; `shift` has the least RMS."""
+
+    def radius2(z: float) -> float:
+        offsets = heights + z * slopes
+        return float(np.einsum("ij,ij->i", offsets, offsets).max())
+
+    # Around the best RMS focus, as far as the ray with the largest distance there needs to come to the centroid if it
+    # has the RMS slope; doubled until the smallest radius lies inside.
+    reach = math.sqrt(radius2(shift) * float(weight.sum()) / spread)
+    low, high = shift - reach, shift + reach
+    while radius2(low) < radius2(shift) or radius2(high) < radius2(shift):
+        reach *= 2.0
+        low, high = shift - reach, shift + reach
+    left, right = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
+    at_left, at_right = radius2(left), radius2(right)
+    for _ in range(_SEARCH_STEPS):
+        if at_left <= at_right:
+            high, right, at_right = right, left, at_left
+            left = high - _GOLDEN * (high - low)
+            at_left = radius2(left)
+        else:
+            low, left, at_left = left, right, at_right
+            right = low + _GOLDEN * (high - low)
+            at_right = radius2(right)
+    return 0.5 * (low + high)

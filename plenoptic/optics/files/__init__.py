@@ -1,0 +1,1 @@
+"""Lenses in files: tables, the package's own JSON, and Zemax prescriptions."""

@@ -1,0 +1,287 @@
+"""What varies over the field, as lens design programs draw it: the field upwards, what it does to the right."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic._values import wrong_kind
+from plenoptic.plots import _pyplot
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from plenoptic.optics.analysis.depth import DepthDistortion
+    from plenoptic.optics.analysis.fields import Coma, Distortion, FieldCurvature
+    from plenoptic.optics.analysis.illumination import RelativeIllumination, Vignetting
+
+_SAGITTAL, _TANGENTIAL, _OTHER = "#1f5fbf", "#c23b2c", "#888888"
+
+
+def _axes(ax: Axes | None, size: tuple[float, float]) -> Axes:
+    if ax is not None:
+        return ax
+    made: Axes = _pyplot().subplots(figsize=size, layout="constrained")[1]
+    return made
+
+
+def _checked(result: Any, attribute: str, kind: str) -> None:
+    # By what it has, since figures know no optics.
+    if not hasattr(result, attribute):
+        raise wrong_kind(result, "result", kind, f"what pl.{kind.lower()}(...) returns")
+
+
+def _field_axis(result: Any) -> tuple[NDArray[np.float64], str]:
+    """Fields as figures show them, and their label: degrees of an object infinitely far away, otherwise mm."""
+    if result.z_object == -np.inf:
+        return np.degrees(result.fields), "half field / °"
+    return np.asarray(result.fields), "object height / mm"
+
+
+def _upwards(ax: Axes, fields: NDArray[np.float64], field_label: str, label: str, title: str) -> Axes:
+    """Dress axes whose field runs upwards from 0."""
+    ax.axvline(0.0, color=_OTHER, linewidth=0.8, zorder=0)
+    ax.set_ylim(min(0.0, float(np.min(fields))), max(float(np.max(fields)), 1e-9))
+    ax.margins(x=0.15)
+    ax.set_xlabel(label)
+    ax.set_ylabel(field_label)
+    ax.set_title(title)
+    return ax
+
+
+def plot_distortion(result: Distortion, ax: Axes | None = None) -> Axes:
+    """Draw distortion in percent to the right, the field upwards.
+
+    Parameters
+    ----------
+    result : Distortion
+    ax : matplotlib.axes.Axes, optional
+        Where to draw; a new figure if it is left out.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+
+    Raises
+    ------
+    InvalidValueError
+        If the result is another one.
+    PlenopticError
+        Which is an ImportError too: without matplotlib.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> ax = pl.plot_distortion(pl.aberrations.distortion(pl.load_lens("singlet-100mm-f4"), [0.0, 0.1, 0.2]))
+    >>> ax.get_xlabel(), ax.get_ylabel()
+    ('distortion / %', 'half field / °')
+    """
+    _checked(result, "projection", "Distortion")
+    ax = _axes(ax, (3.6, 4.6))
+    fields, field_label = _field_axis(result)
+    percent = 100.0 * result.relative
+    ax.plot(percent, fields, color=_TANGENTIAL)
+    reach = 1.15 * max(float(np.nanmax(np.abs(percent), initial=0.0)), 0.1)
+    ax.set_xlim(-reach, reach)
+    return _upwards(ax, fields, field_label, "distortion / %", f"distortion, {result.projection.name.lower()}")
+
+
+def plot_field_curvature(result: FieldCurvature, ax: Axes | None = None) -> Axes:
+    """Draw the shifts of the sagittal and the tangential focus to the right, the field upwards.
+
+    Parameters
+    ----------
+    result : FieldCurvature
+    ax : matplotlib.axes.Axes, optional
+        Where to draw; a new figure if it is left out.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        Shifts from the paraxial image plane in mm, the lens on the left; what lies between is the astigmatism.
+
+    Raises
+    ------
+    InvalidValueError
+        If the result is another one.
+    PlenopticError
+        Which is an ImportError too: without matplotlib.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> ax = pl.plot_field_curvature(pl.aberrations.field_curvature(pl.load_lens("singlet-100mm-f4"), [0.0, 0.1, 0.2]))
+    >>> [text.get_text() for text in ax.get_legend().get_texts()]
+    ['sagittal', 'tangential']
+    """
+    _checked(result, "astigmatism", "FieldCurvature")
+    ax = _axes(ax, (3.6, 4.6))
+    fields, field_label = _field_axis(result)
+    ax.plot(result.sagittal, fields, color=_SAGITTAL, label="sagittal")
+    ax.plot(result.tangential, fields, color=_TANGENTIAL, linestyle="--", label="tangential")
+    ax.legend(frameon=False, fontsize="small")
+    return _upwards(ax, fields, field_label, "focus shift / mm", "field curvature")
+
+
+def plot_coma(result: Coma, ax: Axes | None = None) -> Axes:
+    """Draw sagittal and tangential coma to the right, the field upwards.
+
+    Parameters
+    ----------
+    result : Coma
+    ax : matplotlib.axes.Axes, optional
+        Where to draw; a new figure if it is left out.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+
+    Raises
+    ------
+    InvalidValueError
+        If the result is another one.
+    PlenopticError
+        Which is an ImportError too: without matplotlib.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> ax = pl.plot_coma(pl.aberrations.coma(pl.load_lens("singlet-100mm-f4"), [0.0, 0.1], zone=0.5))
+    >>> ax.get_title()
+    'coma, zone 0.5'
+    """
+    _checked(result, "zone", "Coma")
+    ax = _axes(ax, (3.6, 4.6))
+    fields, field_label = _field_axis(result)
+    ax.plot(result.sagittal, fields, color=_SAGITTAL, label="sagittal")
+    ax.plot(result.tangential, fields, color=_TANGENTIAL, linestyle="--", label="tangential")
+    ax.legend(frameon=False, fontsize="small")
+    return _upwards(ax, fields, field_label, "coma / mm", f"coma, zone {result.zone:g}")
+
+
+def plot_vignetting(result: Vignetting, ax: Axes | None = None) -> Axes:
+    """Draw the part of the iris that is filled, and the rim rays, against the field.
+
+    Parameters
+    ----------
+    result : Vignetting
+    ax : matplotlib.axes.Axes, optional
+        Where to draw; a new figure if it is left out.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The field to the right. The rim rays are y on the iris in units of its semi-diameter.
+
+    Raises
+    ------
+    InvalidValueError
+        If the result is another one.
+    PlenopticError
+        Which is an ImportError too: without matplotlib.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> ax = pl.plot_vignetting(pl.aberrations.vignetting(pl.load_lens("double-gauss-100mm-f2"), [0.0, 0.2, 0.35]))
+    >>> [text.get_text() for text in ax.get_legend().get_texts()]
+    ['part of the iris filled', 'rim rays']
+    """
+    _checked(result, "fraction", "Vignetting")
+    ax = _axes(ax, (5.4, 4.0))
+    fields, field_label = _field_axis(result)
+    ax.fill_between(fields, result.lower, result.upper, color=_OTHER, alpha=0.2, linewidth=0, label="rim rays")
+    (line,) = ax.plot(fields, result.fraction, color=_SAGITTAL, label="part of the iris filled")
+    ax.legend(handles=[line, ax.collections[-1]], frameon=False, fontsize="small")
+    ax.set_ylim(-1.05, 1.05)
+    ax.set_xlabel(field_label)
+    ax.set_ylabel("part, or y / semi-diameter of the iris")
+    ax.set_title("vignetting")
+    return ax
+
+
+def plot_relative_illumination(result: RelativeIllumination, ax: Axes | None = None) -> Axes:
+    """Draw the illumination of the image plane against that on the axis, with the fourth power of the cosine.
+
+    Parameters
+    ----------
+    result : RelativeIllumination
+    ax : matplotlib.axes.Axes, optional
+        Where to draw; a new figure if it is left out.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The field to the right. cos^4 of the half field is drawn where that is an angle below 90 degrees.
+
+    Raises
+    ------
+    InvalidValueError
+        If the result is another one.
+    PlenopticError
+        Which is an ImportError too: without matplotlib.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> found = pl.aberrations.relative_illumination(pl.load_lens("double-gauss-100mm-f2"), [0.0, 0.2, 0.35])
+    >>> ax = pl.plot_relative_illumination(found)
+    >>> ax.get_title()
+    'relative illumination'
+    """
+    _checked(result, "projected_solid_angle", "RelativeIllumination")
+    ax = _axes(ax, (5.4, 4.0))
+    fields, field_label = _field_axis(result)
+    ax.plot(fields, result.relative, color=_SAGITTAL, label="lens")
+    if result.z_object == -np.inf and np.all(np.abs(result.fields) < np.pi / 2):
+        angle = np.linspace(float(np.min(result.fields)), float(np.max(result.fields)), 101)
+        ax.plot(np.degrees(angle), np.cos(angle) ** 4, color=_OTHER, linestyle=":", label="cos⁴")
+        ax.legend(frameon=False, fontsize="small")
+    ax.set_ylim(0.0, 1.05 * max(1.0, float(np.nanmax(result.relative, initial=1.0))))
+    ax.set_xlabel(field_label)
+    ax.set_ylabel("illumination / that on the axis")
+    ax.set_title("relative illumination")
+    return ax
+
+
+def plot_depth_distortion(result: DepthDistortion, ax: Axes | None = None) -> Axes:
+    """Draw by how much the sharp distance differs from that on the axis, against the height on the sensor.
+
+    Parameters
+    ----------
+    result : DepthDistortion
+    ax : matplotlib.axes.Axes, optional
+        Where to draw; a new figure if it is left out.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        One line a sensor plane: z of the medial focus minus z of the paraxial object plane in percent of that z.
+
+    Raises
+    ------
+    InvalidValueError
+        If the result is another one.
+    PlenopticError
+        Which is an ImportError too: without matplotlib.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> lens = pl.load_lens("double-gauss-100mm-f2")
+    >>> ax = pl.plot_depth_distortion(pl.aberrations.depth_distortion(lens, [0.0, 10.0, 20.0], z_image=[120.0, 134.6]))
+    >>> [text.get_text() for text in ax.get_legend().get_texts()]
+    ['-668.4 mm', '-404.2 mm']
+    """
+    _checked(result, "medial", "DepthDistortion")
+    ax = _axes(ax, (5.4, 4.0))
+    for plane, medial in zip(result.z_object.tolist(), result.medial, strict=True):
+        ax.plot(result.heights, 100.0 * (medial / plane - 1.0), label=f"{plane:.4g} mm")
+    ax.axhline(0.0, color=_OTHER, linewidth=0.8, zorder=0)
+    ax.legend(title="z of the object", frameon=False, fontsize="small")
+    ax.set_xlabel("height on the sensor / mm")
+    ax.set_ylabel("change of the sharp distance / %")
+    ax.set_title("depth distortion")
+    return ax

@@ -1,0 +1,354 @@
+"""Spot diagrams, ray fans, point-spread functions and modulation transfer."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic._values import wrong_kind
+from plenoptic.errors import InvalidValueError
+from plenoptic.plots import _pyplot
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from plenoptic.optics.analysis.mtf import Mtf, PointSpread
+    from plenoptic.optics.analysis.spots import RayFan, SpotDiagram
+
+_MICROMETRES = 1e3
+_MOST_DOTS = 3000
+"""Dots of one panel: more of them are one blot, and a slow file."""
+_LIMIT = "#777777"
+_BLUE = 0.61
+"""Hue; red is 0."""
+_SMALLEST_SPOT = 0.1
+"""um; a panel of a perfect image still needs an extent."""
+
+
+def _colours(wavelengths: Sequence[float]) -> list[Any]:
+    """One colour a wavelength, evenly from blue for the shortest to red for the longest."""
+    if len(wavelengths) == 1:
+        return ["#1f4e79"]
+    from matplotlib.colors import hsv_to_rgb
+
+    place = np.argsort(np.argsort(wavelengths)) / (len(wavelengths) - 1)
+    return [tuple(hsv_to_rgb((_BLUE * (1.0 - share), 0.9, 0.75))) for share in place]
+
+
+def _field_label(field: NDArray[np.float64], z_object: float) -> str:
+    x, y = (float(component) for component in field)
+    if math.isinf(z_object):
+        x, y, unit = math.degrees(x), math.degrees(y), "°"
+    else:
+        unit = " mm"
+    shown = f"{y:.3g}{unit}" if x == 0 else f"({x:.3g}, {y:.3g}){unit}"
+    return f"field {shown}"
+
+
+def _rows(spots: Any) -> list[list[SpotDiagram]]:
+    """The diagrams as a rectangle: one row where a plain sequence is given."""
+    if hasattr(spots, "rms_radius"):
+        return [[spots]]
+    try:
+        rows = [[row] if hasattr(row, "rms_radius") else list(row) for row in spots]
+    except TypeError:
+        rows = []
+    if rows and all(len(row) == 1 for row in rows):
+        rows = [[row[0] for row in rows]]
+    if not rows or not all(hasattr(spot, "rms_radius") for row in rows for spot in row):
+        raise wrong_kind(spots, "spots", "SpotDiagram or a sequence", "pl.aberrations.spot_diagram(lens)")
+    if len({len(row) for row in rows}) != 1 or not rows[0]:
+        raise InvalidValueError(f"spots has rows of {[len(row) for row in rows]} diagrams; give rows of equal length")
+    return rows
+
+
+def _same(values: list[float]) -> bool:
+    return all(value == values[0] for value in values)
+
+
+def _rms_label(spot: SpotDiagram) -> str:
+    radius = _MICROMETRES * spot.rms_radius
+    return f"RMS {radius:.3g} µm" if radius >= 1e-3 else "RMS < 0.001 µm"
+
+
+def _draw_spot(ax: Axes, spot: SpotDiagram, half: float, *, airy: bool) -> None:
+    if len(spot.x):
+        centre = spot.centroid
+        shown = np.arange(0, len(spot.x), -(-len(spot.x) // _MOST_DOTS))
+        # In an order that lets no wavelength lie on top of the others.
+        shown = np.random.default_rng(0).permutation(shown)
+        colours = np.array([np.array(_rgba(colour)) for colour in _colours(spot.wavelengths)])
+        x, y = spot.x[shown] - centre[0], spot.y[shown] - centre[1]
+        size = 5.0 if len(shown) < 1000 else 2.0
+        ax.scatter(
+            _MICROMETRES * x, _MICROMETRES * y, s=size, c=colours[spot.colour[shown]], linewidths=0, rasterized=True
+        )
+        ax.text(0.03, 0.03, _rms_label(spot), transform=ax.transAxes, fontsize="small")
+    else:
+        ax.text(0.5, 0.5, "no light", transform=ax.transAxes, ha="center", va="center")
+    if airy and math.isfinite(spot.airy_radius):
+        angle = np.linspace(0.0, 2.0 * math.pi, 181)
+        radius = _MICROMETRES * spot.airy_radius
+        ax.plot(radius * np.cos(angle), radius * np.sin(angle), color=_LIMIT, linewidth=0.9)
+    ax.set_xlim(-half, half)
+    ax.set_ylim(-half, half)
+    ax.locator_params(nbins=4)
+    ax.set_aspect("equal")
+
+
+def _rgba(colour: Any) -> Any:
+    from matplotlib.colors import to_rgba
+
+    return to_rgba(colour)
+
+
+def _wavelength_legend(figure: Figure, wavelengths: Sequence[float], **shown: Any) -> None:
+    from matplotlib.lines import Line2D
+
+    handles = [
+        Line2D([], [], color=colour, label=f"{w:g} nm", **shown)
+        for w, colour in zip(wavelengths, _colours(wavelengths), strict=True)
+    ]
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), frameon=False)
+
+
+def plot_spots(
+    spots: SpotDiagram | Sequence[SpotDiagram] | Sequence[Sequence[SpotDiagram]],
+    *,
+    airy: bool = False,
+    figure: Figure | None = None,
+) -> Figure:
+    """Draw spot diagrams side by side, or in rows and columns, all at one scale.
+
+    Parameters
+    ----------
+    spots : SpotDiagram, or a sequence of them, or a sequence of rows of them
+        For example one row for each field and one column for each defocus.
+    airy : bool, optional
+        Draw a circle of the radius of the Airy disc, for comparison, around the centroid.
+    figure : matplotlib.figure.Figure, optional
+        Where to draw; a new figure if it is left out.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        x and y on the image plane in micrometres from the centroid of the light, with equal axes; one colour for
+        each wavelength. What is the same in a row or a column is written once. Of many rays, every k-th is drawn.
+
+    Raises
+    ------
+    InvalidValueError
+        If `spots` holds no spot diagrams, or rows of different lengths.
+    PlenopticError
+        Which is an ImportError too: without matplotlib.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> from plenoptic.plots.spots import plot_spots
+    >>> lens, spot = pl.load_lens("double-gauss-100mm-f2"), pl.aberrations.spot_diagram
+    >>> grid = [[spot(lens, field=(0, y), z_image=z) for z in (102, 102.5)] for y in (0, 0.1)]
+    >>> figure = plot_spots(grid)
+    >>> len(figure.axes), figure.axes[0].get_title()
+    (4, 'z = 102 mm')
+    """
+    rows = _rows(spots)
+    plt = _pyplot()
+    count = len(rows), len(rows[0])
+    if figure is None:
+        figure = plt.figure(figsize=(1.0 + 2.3 * count[1], 1.1 + 2.3 * count[0]), layout="constrained")
+    axes = figure.subplots(*count, sharex=True, sharey=True, squeeze=False)
+    radii = [spot.geometric_radius for row in rows for spot in row] + [
+        spot.airy_radius for row in rows for spot in row if airy
+    ]
+    largest = max((radius for radius in radii if math.isfinite(radius)), default=0.0)
+    half = 1.15 * max(_MICROMETRES * largest, _SMALLEST_SPOT)
+    by_row = all(_same([tuple(spot.field) for spot in row]) for row in rows) and count[0] > 1  # type: ignore[misc]
+    by_column = all(_same([row[j].z_image for row in rows]) for j in range(count[1])) and count[0] > 1
+    for i, row in enumerate(rows):
+        for j, spot in enumerate(row):
+            ax = axes[i, j]
+            _draw_spot(ax, spot, half, airy=airy)
+            title = [] if by_row else [_field_label(spot.field, spot.z_object)]
+            if not by_column or i == 0:
+                title.append(f"z = {spot.z_image:.6g} mm")
+            ax.set_title("\n".join(title), fontsize="medium")
+        label = "y / µm"
+        axes[i, 0].set_ylabel(f"{_field_label(row[0].field, row[0].z_object)}\n{label}" if by_row else label)
+    for ax in axes[-1]:
+        ax.set_xlabel("x / µm")
+    if len(rows[0][0].wavelengths) > 1:
+        _wavelength_legend(figure, rows[0][0].wavelengths, marker="o", markersize=4, linestyle="")
+    return figure
+
+
+def plot_ray_fan(fan: RayFan, *, figure: Figure | None = None) -> Figure:
+    """Draw transverse aberrations against the coordinate in the iris.
+
+    Parameters
+    ----------
+    fan : RayFan
+    figure : matplotlib.figure.Figure, optional
+        Where to draw; a new figure if it is left out.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Left the tangential component of the tangential fan, right the sagittal component of the sagittal fan, in
+        micrometres at one scale; blank where rays are lost.
+
+    Raises
+    ------
+    InvalidValueError
+        If `fan` is no RayFan.
+    PlenopticError
+        Which is an ImportError too: without matplotlib.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> from plenoptic.plots.spots import plot_ray_fan
+    >>> figure = plot_ray_fan(pl.aberrations.ray_fan(pl.load_lens("double-gauss-100mm-f2"), field=(0, 0.1)))
+    >>> [ax.get_title() for ax in figure.axes]
+    ['tangential fan', 'sagittal fan']
+    """
+    if not hasattr(fan, "tangential") or not hasattr(fan, "pupil"):
+        raise wrong_kind(fan, "fan", "RayFan", "pl.aberrations.ray_fan(lens)")
+    plt = _pyplot()
+    if figure is None:
+        figure = plt.figure(figsize=(7.6, 3.6), layout="constrained")
+    axes = figure.subplots(1, 2, sharex=True, sharey=True)
+    for ax, curves, title in (
+        (axes[0], fan.tangential[:, :, 1], "tangential fan"),
+        (axes[1], fan.sagittal[:, :, 0], "sagittal fan"),
+    ):
+        ax.axhline(0.0, color=_LIMIT, linewidth=0.6)
+        ax.axvline(0.0, color=_LIMIT, linewidth=0.6)
+        for curve, colour in zip(curves, _colours(fan.wavelengths), strict=True):
+            ax.plot(fan.pupil, _MICROMETRES * curve, color=colour, linewidth=1.3)
+        ax.set_title(title)
+        ax.set_xlabel("coordinate in the iris")
+        ax.set_xlim(-1.0, 1.0)
+    axes[0].set_ylabel("transverse aberration / µm")
+    figure.suptitle(f"{_field_label(fan.field, fan.z_object)}, z = {fan.z_image:.6g} mm", fontsize="medium")
+    if len(fan.wavelengths) > 1:
+        _wavelength_legend(figure, fan.wavelengths)
+    return figure
+
+
+def plot_point_spread(spread: PointSpread, ax: Axes | None = None) -> Axes:
+    """Draw a geometric point-spread function.
+
+    Parameters
+    ----------
+    spread : PointSpread
+    ax : matplotlib.axes.Axes, optional
+        Where to draw; a new figure if it is left out.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        Share of the light per square micrometre, x and y in micrometres from the middle of the picture.
+
+    Raises
+    ------
+    InvalidValueError
+        If `spread` is no PointSpread.
+    PlenopticError
+        Which is an ImportError too: without matplotlib.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> from plenoptic.plots.spots import plot_point_spread
+    >>> ax = plot_point_spread(pl.aberrations.point_spread(pl.load_lens("double-gauss-100mm-f2")))
+    >>> ax.get_xlabel()
+    'x / µm'
+    """
+    if not hasattr(spread, "pixel_size") or not hasattr(spread, "outside"):
+        raise wrong_kind(spread, "spread", "PointSpread", "pl.aberrations.point_spread(lens)")
+    plt = _pyplot()
+    if ax is None:
+        _, ax = plt.subplots(figsize=(5.6, 4.6), layout="constrained")
+    size = _MICROMETRES * spread.pixel_size
+    rows, columns = spread.image.shape
+    half_x, half_y = 0.5 * columns * size, 0.5 * rows * size
+    drawn = ax.imshow(
+        spread.image / size**2,
+        extent=(-half_x, half_x, -half_y, half_y),
+        interpolation="nearest",
+        cmap="magma",
+        vmin=0.0,
+    )
+    ax.figure.colorbar(drawn, ax=ax, label="share of the light per µm²")
+    ax.set_xlabel("x / µm")
+    ax.set_ylabel("y / µm")
+    title = f"{_field_label(spread.field, spread.z_object)}, z = {spread.z_image:.6g} mm"
+    if spread.outside > 0:
+        title += f"\n{100 * spread.outside:.2g} % outside"
+    ax.set_title(title, fontsize="medium")
+    return ax
+
+
+def plot_mtf(mtfs: Mtf | Sequence[Mtf], ax: Axes | None = None) -> Axes:
+    """Draw geometric modulation transfer functions, and the limit by diffraction.
+
+    Parameters
+    ----------
+    mtfs : Mtf or a sequence of them
+        For example one for each field.
+    ax : matplotlib.axes.Axes, optional
+        Where to draw; a new figure if it is left out.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        Tangential solid, sagittal dotted, each with a band of one standard error; grey and dashed the limit by
+        diffraction of the first, which the other curves do not contain.
+
+    Raises
+    ------
+    InvalidValueError
+        If `mtfs` holds no Mtf.
+    PlenopticError
+        Which is an ImportError too: without matplotlib.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import plenoptic as pl
+    >>> from plenoptic.plots.spots import plot_mtf
+    >>> lens = pl.load_lens("double-gauss-100mm-f2")
+    >>> ax = plot_mtf([pl.aberrations.mtf(lens, np.linspace(0, 50, 11), field=(0, y)) for y in (0, 0.1)])
+    >>> ax.get_ylabel()
+    'modulation'
+    """
+    curves: list[Any] = [mtfs] if hasattr(mtfs, "diffraction") else list(mtfs) if isinstance(mtfs, Sequence) else []
+    if not curves or not all(hasattr(curve, "diffraction") for curve in curves):
+        raise wrong_kind(mtfs, "mtfs", "Mtf or a sequence", "pl.aberrations.mtf(lens, [10, 20])")
+    plt = _pyplot()
+    if ax is None:
+        _, ax = plt.subplots(figsize=(6.4, 4.2), layout="constrained")
+    for i, curve in enumerate(curves):
+        colour = f"C{i % 10}"
+        label = _field_label(curve.field, curve.z_object)
+        for values, error, line, name in (
+            (curve.tangential, curve.tangential_error, "-", f"{label}, tangential"),
+            (curve.sagittal, curve.sagittal_error, ":", f"{label}, sagittal"),
+        ):
+            ax.plot(curve.frequencies, values, linestyle=line, color=colour, label=name)
+            ax.fill_between(curve.frequencies, values - error, values + error, color=colour, alpha=0.2, linewidth=0)
+    first = curves[0]
+    if np.isfinite(first.diffraction).all():
+        ax.plot(first.frequencies, first.diffraction, linestyle="--", color=_LIMIT, label="limit by diffraction")
+    ax.set_ylim(0.0, 1.02)
+    ax.set_xlim(float(first.frequencies.min()), float(max(first.frequencies.max(), 1e-9)))
+    ax.set_xlabel("spatial frequency / (cycles/mm)")
+    ax.set_ylabel("modulation")
+    ax.legend(fontsize="small", frameon=False)
+    return ax

@@ -1,0 +1,268 @@
+"""Distortion, field curvature, coma and depth distortion: laws, third-order limits, closed forms."""
+
+import math
+
+import numpy as np
+import pytest
+
+import plenoptic as pl
+from plenoptic.optics.analysis.aiming import aimed_rays, aimed_rays_reverse, chief_ray
+from plenoptic.optics.analysis.astigmatic import foci
+from plenoptic.optics.analysis.depth import depth_distortion
+from plenoptic.optics.analysis.fields import Projection, coma, distortion, field_curvature
+from plenoptic.optics.analysis.seidel import seidel_sums
+from plenoptic.optics.tracing import traced_part
+
+BUNDLED = sorted(pl.lens_names())
+
+GLASS = pl.ConstantMedium(1.6)
+IN_GLASS = pl.LensStack(
+    [pl.Surface(40.0, 12.0, GLASS, semi_diameter=20.0), pl.CircularStop(4.0, thickness=5.0),
+     pl.Surface(-90.0, semi_diameter=25.0)],
+    name="stop in glass",
+)  # fmt: skip
+ASPHERIC = pl.LensStack(
+    [pl.Surface(45.0, 6.0, GLASS, semi_diameter=14.0, conic=-0.7, aspheric=(1e-4, 2e-6, -1e-9)),
+     pl.Surface(-200.0, 9.0, semi_diameter=14.0, conic=2.0), pl.CircularStop(4.0, thickness=5.0),
+     pl.Surface(-60.0, 4.0, GLASS, semi_diameter=14.0), pl.Surface(-50.0, semi_diameter=14.0, conic=-3.0)],
+    name="aspheric",
+)  # fmt: skip
+
+
+def seidel(lens: pl.LensStack, theta: float, height: float) -> tuple[np.ndarray, float]:
+    """S_II to S_V of a lens of spheres for a distant object at +theta and a marginal ray at `height` on the iris, and
+    n' u' behind the lens (W. T. Welford, Aberrations of Optical Systems, 1986, chapter 8)."""
+    points, n = pl.paraxial.cardinal_points(lens), lens.indices()
+    y = height * points.entrance_pupil_semi_diameter / lens.stop.semi_diameter
+    ybar, u, ubar = -math.tan(theta) * (lens.vertices[0] - points.entrance_pupil), 0.0, -math.tan(theta)
+    invariant, sums = y * ubar, np.zeros(4)
+    for i, element in enumerate(lens.elements):
+        c = element.vertex_curvature if isinstance(element, pl.Surface) else 0.0
+        a, abar = n[i] * (u + y * c), n[i] * (ubar + ybar * c)
+        u_new, ubar_new = ((n[i] * v - h * c * (n[i + 1] - n[i])) / n[i + 1] for v, h in ((u, y), (ubar, ybar)))
+        if isinstance(element, pl.Surface):
+            bend, petzval = y * (u_new / n[i + 1] - u / n[i]), c * (1 / n[i + 1] - 1 / n[i])
+            sums -= [a * abar * bend, abar**2 * bend, invariant**2 * petzval,
+                     abar / a * (abar**2 * bend + invariant**2 * petzval)]  # fmt: skip
+        u, ubar = u_new, ubar_new
+        y, ybar = y + u * element.thickness, ybar + ubar * element.thickness
+    return sums, n[-1] * u
+
+
+THIRD_ORDER = [IN_GLASS, *map(pl.load_lens, ["double-gauss-100mm-f2", "topogon-100mm-f6.3", "achromat-100mm-f4.4"])]
+
+
+@pytest.mark.parametrize("lens", THIRD_ORDER, ids=lambda lens: lens.name)
+def test_field_curvature_converges_to_third_order(lens: pl.LensStack) -> None:
+    angles = np.array([0.08, 0.04, 0.02])
+    found = field_curvature(lens, angles)
+    # The next order is the fourth in the field: halving it leaves a sixteenth of what is left. The order after it
+    # disturbs this by some tens of per cent at 0.08 and a quarter of that at 0.04.
+    for exact, weights in ((found.sagittal, [0, 1, 1, 0]), (found.tangential, [0, 3, 1, 0])):
+        third = []
+        for angle in angles:
+            sums, slope = seidel(lens, angle, 0.01)
+            third.append(-np.dot(weights, sums) / (2 * slope**2))
+        left = exact - np.array(third)
+        assert left[0] / left[1] == pytest.approx(16.0, rel=0.25)
+        assert left[1] / left[2] == pytest.approx(16.0, rel=0.08)
+
+
+@pytest.mark.parametrize(("lens", "z_object"), [
+    (ASPHERIC, -math.inf), (ASPHERIC, -300.0), (THIRD_ORDER[1], -400.0), (THIRD_ORDER[2], -60.0),
+], ids=lambda item: getattr(item, "name", str(item)))  # fmt: skip
+def test_seidel_sums_are_the_limit_for_aspheres_and_near_objects_too(lens: pl.LensStack, z_object: float) -> None:
+    fields = np.array([0.08, 0.04, 0.02]) * (1.0 if z_object == -math.inf else -z_object)
+    shifts, heights = field_curvature(lens, fields, z_object=z_object), distortion(lens, fields, z_object=z_object)
+    left = []
+    for i, field in enumerate(fields.tolist()):
+        sums = seidel_sums(lens, field=field, z_object=z_object)
+        sagittal, tangential = sums.total @ [[0, 0], [0, 0], [1, 3], [1, 1], [0, 0]] / (-2 * sums.aperture**2)
+        distorted = sums.total[4] / (2 * sums.aperture)
+        left.append([shifts.sagittal[i] - sagittal, shifts.tangential[i] - tangential,
+                     heights.height[i] - heights.ideal[i] - distorted])  # fmt: skip
+    # Fourth order in the field for the shifts, fifth for the height; the orders after these disturb the ratios.
+    assert np.divide(*left[:2]) == pytest.approx([16.0, 16.0, 32.0], rel=0.25)
+    assert np.divide(*left[1:]) == pytest.approx([16.0, 16.0, 32.0], rel=0.08)
+
+
+@pytest.mark.parametrize("lens", THIRD_ORDER, ids=lambda lens: lens.name)
+def test_distortion_converges_to_third_order(lens: pl.LensStack) -> None:
+    angles = np.array([0.2, 0.1, 0.05])
+    found = distortion(lens, angles)
+    third = np.array([sums[3] / (2 * slope) for sums, slope in (seidel(lens, angle, 0.01) for angle in angles)])
+    left = found.height - found.ideal - third
+    # Fifth order: a 32nd.
+    assert left[0] / left[1] == pytest.approx(32.0, rel=0.25)
+    assert left[1] / left[2] == pytest.approx(32.0, rel=0.08)
+
+
+@pytest.mark.parametrize("lens", THIRD_ORDER, ids=lambda lens: lens.name)
+def test_coma_converges_to_third_order(lens: pl.LensStack) -> None:
+    zone = 0.05
+    found = coma(lens, [0.01], zone=zone)
+    sums, slope = seidel(lens, 0.01, zone * lens.stop.semi_diameter)
+    # What follows is smaller by the squares of field and zone, 1e-4 and 1e-3, times coefficients of some 10.
+    assert found.sagittal[0] == pytest.approx(sums[0] / (2 * slope), rel=0.03)
+    assert found.tangential[0] == pytest.approx(3 * sums[0] / (2 * slope), rel=0.03)
+
+
+def close_foci(lens: pl.LensStack, angle: float, step: float) -> tuple[np.ndarray, np.ndarray]:
+    """Sagittal and tangential focus by rays a step of the iris away from the chief ray."""
+    rays = aimed_rays(lens, field=(0.0, angle), pupil=[[step, 0.0], [0.0, step], [0.0, -step]])
+    out = traced_part(lens, rays, 0, len(lens.elements) - 1, clipping=False)
+    (side, up, down), (d_side, d_up, d_down) = out.origin, out.direction
+    t = np.linalg.solve(np.column_stack([d_up, -d_down])[1:], (down - up)[1:])[0]
+    return side - d_side * side[0] / d_side[0], up + t * d_up
+
+
+@pytest.mark.parametrize("lens", [*map(pl.load_lens, BUNDLED), ASPHERIC], ids=lambda lens: lens.name)
+@pytest.mark.parametrize("angle", [0.0, 0.1, 0.3])
+def test_coddington_is_the_limit_of_close_rays(lens: pl.LensStack, angle: float) -> None:
+    found = field_curvature(lens, [angle])
+    exact = np.array([found.sagittal[0], found.tangential[0]]) + found.z_image
+    coarse, fine = (np.array([focus[2] for focus in close_foci(lens, angle, step)]) for step in (4e-3, 2e-3))
+    # Both rays' means leave an error of the second order, which Richardson's extrapolation takes away. Rounding of
+    # some 1e-13 mm is divided by the angle between the rays, 1e-3 of 0.1, squared for the two lengths: 1e-8.
+    assert (4 * fine - coarse) / 3 == pytest.approx(exact, abs=1e-7 * abs(exact[0]) + 1e-3 * abs(fine - coarse).max())
+
+
+def test_an_aspheric_vertex_has_its_own_curvature() -> None:
+    found = field_curvature(ASPHERIC, [0.0, 1e-9])
+    # On the axis both foci are the paraxial one, which the r^2 term bends too.
+    assert np.abs([found.sagittal, found.tangential]).max() < 1e-11
+
+
+def test_a_sphere_around_its_stop_has_no_astigmatism() -> None:
+    # All chief rays go through the centre: the image of the horizon is a sphere around it.
+    lens = pl.LensStack([pl.Surface(30.0, 30.0, GLASS, semi_diameter=30.0), pl.CircularStop(2.0, thickness=30.0),
+                         pl.Surface(-30.0, semi_diameter=30.0)])  # fmt: skip
+    angles = np.array([0.0, 0.3, 0.9])
+    found = field_curvature(lens, angles)
+    assert np.abs(found.astigmatism).max() < 1e-12
+    assert found.sagittal == pytest.approx(found.z_image * (np.cos(angles) - 1.0), abs=1e-12)
+
+
+@pytest.mark.parametrize("function", [distortion, coma])
+def test_a_symmetric_lens_at_unit_magnification(function: object) -> None:
+    # The second half undoes what the first does to chief rays, and to each other's upper and lower rays.
+    lens = pl.load_lens("topogon-100mm-f6.3")
+    points = pl.paraxial.cardinal_points(lens)
+    z_object = points.front_focus - points.efl
+    assert pl.paraxial.magnification(lens, z_object) == pytest.approx(-1.0, abs=1e-12)
+    found = function(lens, [0.0, 40.0, 120.0], z_object=z_object)
+    if function is distortion:
+        assert np.abs(found.relative).max() < 1e-12
+        assert found.height == pytest.approx([0.0, -40.0, -120.0], abs=1e-10)
+    else:
+        # At the zone 1 its rays come off the image plane by spherical aberration, but symmetrically.
+        assert np.abs([found.sagittal[0], found.tangential[0]]).max() < 1e-12
+
+
+def test_ideal_models_have_no_aberrations() -> None:
+    lens = pl.load_lens("double-gauss-100mm-f2").with_model(pl.LensModel.PARAXIAL)
+    assert np.abs(distortion(lens, [0.0, 0.2, 0.4]).relative).max() < 1e-13
+    assert np.abs(coma(lens, [0.1, 0.3], zone=0.5).tangential).max() < 1e-12
+    with pytest.raises(pl.InvalidValueError, match="PARAXIAL, which has no aberrations"):
+        field_curvature(lens, [0.1])
+
+
+def test_the_fisheye_images_angles_not_tangents() -> None:
+    lens = pl.load_lens("fisheye-100mm-f8")
+    angles = np.radians([0.0, 30.0, 60.0, 85.4, 91.0])
+    by_angle = distortion(lens, angles, projection=Projection.EQUIDISTANT)
+    # Miyamoto, J. Opt. Soc. Am. 54, 1964: close to f theta.
+    assert np.abs(by_angle.relative).max() < 0.05
+    assert abs(distortion(lens, angles[:3]).relative[2]) > 0.3
+    with pytest.raises(pl.InvalidValueError, match="RECTILINEAR image"):
+        distortion(lens, angles)
+
+
+def test_projections_agree_in_the_middle() -> None:
+    theta = 1e-4
+    # Third order: theta^3 / 3 at most.
+    for projection in Projection:
+        assert projection.height(50.0, theta) == pytest.approx(50.0 * theta, abs=50 * theta**3 / 2.9)
+        assert projection.height(50.0, -0.5) == -projection.height(50.0, 0.5)
+    assert Projection.STEREOGRAPHIC.height(1.0, math.pi / 2) == pytest.approx(2.0)
+    assert Projection.EQUISOLID.height(1.0, math.pi / 3) == pytest.approx(1.0)
+    assert Projection.ORTHOGRAPHIC.height(1.0, math.pi / 2) == pytest.approx(1.0)
+
+
+def test_finite_distances_converge_to_infinite_ones() -> None:
+    lens, angles, distance = pl.load_lens("double-gauss-100mm-f2"), np.array([0.1, 0.3]), 1e7
+    # The entrance pupil lies some 30 mm from the origin: 3e-6 of the distance.
+    z, heights = -distance, distance * np.tan(angles)
+    far, near = distortion(lens, angles), distortion(lens, heights, z_object=z)
+    assert near.height == pytest.approx(far.height, rel=1e-4)
+    far, near = field_curvature(lens, angles), field_curvature(lens, heights, z_object=z)
+    # The paraxial image moves by f^2 / distance = 1e-3 mm, and its surface with it.
+    assert near.sagittal == pytest.approx(far.sagittal, abs=2e-4)
+    assert near.tangential == pytest.approx(far.tangential, abs=2e-4)
+
+
+@pytest.mark.parametrize("name", ["double-gauss-100mm-f2", "singlet-100mm-f4", "topogon-100mm-f6.3"])
+def test_depth_distortion_is_the_conjugate_of_field_curvature(name: str) -> None:
+    lens = pl.load_lens(name)
+    plane = 1.3 * pl.paraxial.cardinal_points(lens).rear_focus
+    found = depth_distortion(lens, [0.0, 5.0, 15.0], z_image=plane)
+    assert found.sagittal.shape == (1, 3)
+    assert found.sagittal[0, 0] == pytest.approx(found.z_object[0], rel=1e-10)
+    for kind in ("sagittal", "tangential"):
+        for j in (1, 2):
+            z = float(getattr(found, kind)[0, j])
+            # The object point lies on the chief ray backwards from the sensor; forwards again, it is sharp there.
+            back = lens.trace_reverse(pl.RayBundle([[0.0, found.heights[j], plane]], [_to_iris(lens, j, found, plane)]))
+            point = back.at_z(z)[0]
+            ray = chief_ray(lens, field=point[:2], z_object=z)
+            focus = getattr(foci(lens, ray, parallel=False), kind)[0]
+            # Rounding of 1e-12 in the object's z of 400 mm, magnified little.
+            assert focus[2] == pytest.approx(plane, abs=1e-8)
+
+
+def _to_iris(lens: pl.LensStack, j: int, found: object, plane: float) -> np.ndarray:
+    return aimed_rays_reverse(lens, image_point=(0.0, found.heights[j]), z_image=plane, pupil=[[0, 0]]).direction[0]
+
+
+def test_depth_distortion_grows_with_the_square_of_the_height() -> None:
+    lens = pl.load_lens("double-gauss-100mm-f2")
+    found = depth_distortion(lens, [2.0, 1.0, 0.5], z_image=[110.0, 134.6])
+    left = found.medial - found.z_object[:, None]
+    assert left[:, 0] / left[:, 1] == pytest.approx(4.0, rel=0.02)
+    assert left[:, 1] / left[:, 2] == pytest.approx(4.0, rel=0.005)
+    # The same curvature is a greater depth where the longitudinal magnification is smaller: z^2 / f^2.
+    assert abs(left[0, 0]) > abs(left[1, 0])
+
+
+def test_a_field_without_a_chief_ray_is_nan() -> None:
+    lens = pl.load_lens("double-gauss-100mm-f2")
+    angles = [0.1, 1.5]
+    assert np.isnan(distortion(lens, angles).height).tolist() == [False, True]
+    found = field_curvature(lens, angles)
+    assert np.isnan(found.sagittal).tolist() == np.isnan(found.height).tolist() == [False, True]
+    assert np.isnan(coma(lens, angles).tangential).tolist() == [False, True]
+
+
+def test_results_are_values() -> None:
+    lens = pl.load_lens("singlet-100mm-f4")
+    found = field_curvature(lens, [0.0, 0.1])
+    assert found == field_curvature(lens, [0.0, 0.1]) and found != field_curvature(lens, [0.0, 0.11])
+    with pytest.raises(ValueError, match="read-only"):
+        found.sagittal[0] = 1.0
+    assert found.medial == pytest.approx((found.sagittal + found.tangential) / 2)
+
+
+@pytest.mark.parametrize(("call", "message"), [
+    (lambda lens: distortion(lens, [4.0]), "below pi"),
+    (lambda lens: distortion(lens, [math.nan]), "below pi"),
+    (lambda lens: distortion(lens, 0.1), "shape"),
+    (lambda lens: distortion(lens, [5.0], z_object=-400.0, projection=Projection.EQUIDISTANT), "RECTILINEAR"),
+    (lambda lens: distortion(lens, [0.1], projection=7), "Projection.RECTILINEAR or"),
+    (lambda lens: field_curvature(lens.moved(1, shift=(0.1, 0, 0)), [0.1]), "decentred or tilted"),
+    (lambda lens: coma(lens, [0.1], zone=0.0), "zone"),
+    (lambda lens: depth_distortion(lens, [1.0], z_image=0.0), "behind the last element"),
+    (lambda lens: field_curvature(lens, [0.0], z_object=pl.paraxial.cardinal_points(lens).front_focus), "infinity"),
+])  # fmt: skip
+def test_what_makes_no_sense_is_refused(call: object, message: str) -> None:
+    with pytest.raises(pl.InvalidValueError, match=message):
+        call(pl.load_lens("double-gauss-100mm-f2"))

@@ -1,0 +1,174 @@
+"""Where the image is sharpest: third-order theory, quadratics, and the models of a lens."""
+
+import math
+
+import numpy as np
+import pytest
+
+from plenoptic.errors import InvalidValueError
+from plenoptic.optics import paraxial
+from plenoptic.optics.analysis.focusing import FocusCriterion, best_focus, front_focus, paraxial_focus, working_f_number
+from plenoptic.optics.analysis.spots import spot_diagram
+from plenoptic.optics.lens import LensStack
+from plenoptic.optics.media import ConstantMedium
+from plenoptic.optics.models import LensModel
+from plenoptic.optics.prescriptions import load_lens
+from plenoptic.optics.stops import CircularStop
+from plenoptic.optics.surface import Surface
+from plenoptic.rays import RayBundle
+
+GAUSS = load_lens("double-gauss-100mm-f2")
+SINGLET = load_lens("singlet-100mm-f4")
+PARAXIAL, THIN, NONE = (GAUSS.with_model(kind) for kind in (LensModel.PARAXIAL, LensModel.THIN, LensModel.NONE))
+RMS, GEOMETRIC = FocusCriterion.RMS_SPOT, FocusCriterion.GEOMETRIC_SPOT
+
+
+# ---- laws ----
+
+
+@pytest.mark.parametrize("z", [-math.inf, -1e6, -404.0])
+@pytest.mark.parametrize("lens", [PARAXIAL, THIN])
+@pytest.mark.parametrize("criterion", list(FocusCriterion))
+def test_a_perfect_lens_is_sharp_at_its_paraxial_image(lens, z, criterion) -> None:
+    found = best_focus(lens, z_object=z, criterion=criterion)
+    # Positions of 1e-13 mm over slopes of 1/4; an object 1e6 mm away has the digits of its distance.
+    assert found == pytest.approx(paraxial_focus(lens, z), abs=1e-8 if z == -1e6 else 1e-11)
+
+
+@pytest.mark.parametrize("field", [(0.0, 0.0), (0.0, 0.15)])
+def test_the_square_of_the_rms_radius_is_a_parabola(field) -> None:
+    best = best_focus(GAUSS, field=field, rays=4096)
+    at = [spot_diagram(GAUSS, field=field, z_image=best + dz, rays=4096).rms_radius ** 2 for dz in (-0.2, 0.0, 0.2)]
+    # The same rays, so it is exact: rounding of 1e-4 mm^2 in squares of some 10 mm^2 before centring.
+    assert at[0] == pytest.approx(at[2], rel=1e-9)
+    assert at[0] > at[1]
+
+
+@pytest.mark.parametrize("field", [(0.0, 0.0), (0.0, 0.15)])
+def test_the_circle_of_least_confusion_is_the_smallest(field) -> None:
+    best = best_focus(GAUSS, field=field, criterion=GEOMETRIC, rays=4096)
+    radius = spot_diagram(GAUSS, field=field, z_image=best, rays=4096).geometric_radius
+    for dz in (-1.0, -0.1, -1e-3, 1e-3, 0.1, 1.0):
+        assert spot_diagram(GAUSS, field=field, z_image=best + dz, rays=4096).geometric_radius >= radius
+
+
+def test_colours_compromise() -> None:
+    lines = (486.1, 656.3)
+    alone = [best_focus(SINGLET, wavelength=line) for line in lines]
+    together = best_focus(SINGLET, wavelength=lines)
+    # A singlet: blue focuses first. Both carry the same light, in cones that differ by 1.5 %.
+    assert alone[0] < together < alone[1]
+    assert together == pytest.approx(np.mean(alone), abs=0.02 * (alone[1] - alone[0]))
+
+
+# ---- limits ----
+
+
+def test_third_order_spherical_aberration() -> None:
+    """2/3 of the way to the marginal focus for the RMS radius, 3/4 for the largest."""
+    glass = ConstantMedium(1.5)
+    lens = LensStack(
+        [
+            CircularStop(1.5, thickness=1.0),
+            Surface(50.0, 4.0, glass, semi_diameter=20.0),
+            Surface(math.inf, semi_diameter=20.0),
+        ]
+    )
+    out = lens.trace(RayBundle([[0.0, 1.5, -10.0]], [[0.0, 0.0, 1.0]]))
+    (_, y, z), (_, m, n) = out.origin[0], out.direction[0]
+    marginal = float(z - y * n / m)
+    gaussian = best_focus(lens, criterion=FocusCriterion.PARAXIAL)
+    assert gaussian == paraxial.image_position(lens, -math.inf)
+    for criterion, share in ((RMS, 2 / 3), (GEOMETRIC, 3 / 4)):
+        found = best_focus(lens, criterion=criterion, rays=1 << 15)
+        # Fifth order: (1.5 / 50)^2 = 1e-3 with a factor of a few; the outermost rays lie within 5e-4 of the rim.
+        assert (found - gaussian) / (marginal - gaussian) == pytest.approx(share, abs=5e-3)
+
+
+def test_a_small_stop_focuses_paraxially() -> None:
+    offsets = []
+    for stop in (4.0, 2.0, 1.0):
+        lens = GAUSS.with_stop(CircularStop(stop))
+        offsets.append(best_focus(lens, z_object=-404.0) - paraxial.image_position(lens, -404.0))
+    # Spherical aberration of third order: the square of the aperture; the next order is some (4 / 40)^2 of it.
+    assert offsets[0] / offsets[1] == pytest.approx(4.0, rel=0.1)
+    assert offsets[1] / offsets[2] == pytest.approx(4.0, rel=0.03)
+
+
+# ---- models ----
+
+
+def test_models_image_by_their_own_planes() -> None:
+    points = paraxial.cardinal_points(GAUSS)
+    assert paraxial_focus(PARAXIAL, -404.0) == paraxial_focus(GAUSS, -404.0) == paraxial.image_position(GAUSS, -404.0)
+    # 1 / image - 1 / object = 1 / f about the rear principal point.
+    image = 1.0 / (1.0 / points.efl + 1.0 / (-404.0 - points.rear_principal))
+    assert paraxial_focus(THIN, -404.0) - points.rear_principal == pytest.approx(image, rel=1e-14)
+    assert paraxial_focus(THIN, -math.inf) == points.rear_focus
+    assert paraxial_focus(THIN, points.rear_principal - points.efl) == math.inf
+    assert front_focus(THIN) == points.rear_principal - points.efl
+    assert front_focus(PARAXIAL) == front_focus(GAUSS) == points.front_focus
+
+
+@pytest.mark.parametrize("lens", [GAUSS.with_stop(CircularStop(0.01)), PARAXIAL, THIN])
+@pytest.mark.parametrize("z", [-math.inf, -404.0])
+def test_the_working_f_number_is_the_slope_of_the_marginal_ray(lens, z) -> None:
+    spot = spot_diagram(lens, z_object=z, z_image=paraxial_focus(lens, z) + 1.0, rays=1 << 13)
+    # Rays at 1 mm from the focus: the outermost of 8000 lies within 1e-3 of the rim.
+    assert spot.geometric_radius == pytest.approx(1.0 / (2 * working_f_number(lens, z)), rel=2e-3)
+
+
+def test_the_working_f_number_of_a_telecentric_lens() -> None:
+    glass = ConstantMedium(1.5)
+    single = LensStack(
+        [
+            CircularStop(5.0, thickness=0.0),
+            Surface(50.0, 2.0, glass, semi_diameter=20.0),
+            Surface(-50.0, semi_diameter=20.0),
+        ]
+    )
+    focus = paraxial.cardinal_points(single).front_focus
+    lens = LensStack([CircularStop(5.0, thickness=-focus), *single.elements[1:]])
+    assert math.isinf(paraxial.cardinal_points(lens).exit_pupil) or paraxial.cardinal_points(lens).exit_pupil > 1e10
+    points = paraxial.cardinal_points(lens)
+    # Behind a stop in the front focus, the rim of the stop is seen at 5 mm / f from any axial image point.
+    assert working_f_number(lens, -300.0) == pytest.approx(points.efl / 10.0, rel=1e-9)
+    assert working_f_number(lens) == pytest.approx(points.efl / 10.0, rel=1e-12)
+
+
+def test_nothing_is_focused_without_a_lens() -> None:
+    for call in (lambda: best_focus(NONE), lambda: paraxial_focus(NONE, -404.0), lambda: front_focus(NONE)):
+        with pytest.raises(InvalidValueError, match=r"LensModel\.NONE, which bends no ray, so no plane is its image"):
+            call()
+    assert math.isnan(working_f_number(NONE))
+
+
+# ---- edges ----
+
+
+@pytest.mark.parametrize("criterion", [FocusCriterion.PARAXIAL, RMS])
+def test_an_object_in_the_front_focus_is_imaged_at_infinity(criterion) -> None:
+    z = paraxial.cardinal_points(PARAXIAL).front_focus
+    assert paraxial_focus(PARAXIAL, z) == math.inf
+    assert best_focus(PARAXIAL, z_object=z, criterion=criterion) == math.inf
+
+
+def test_a_virtual_image_lies_before_the_lens() -> None:
+    z = 0.5 * (paraxial.cardinal_points(PARAXIAL).front_focus + float(PARAXIAL.vertices[0]))
+    assert best_focus(PARAXIAL, z_object=z) == pytest.approx(paraxial_focus(PARAXIAL, z), rel=1e-12)
+    assert paraxial_focus(PARAXIAL, z) < z
+
+
+def test_no_light_has_no_focus() -> None:
+    with pytest.raises(InvalidValueError, match=r"0 of 0 rays from the field \(0.0, 1.3\) pass the lens"):
+        best_focus(GAUSS, field=(0.0, 1.3))
+
+
+def test_what_is_no_criterion() -> None:
+    with pytest.raises(InvalidValueError, match=r"criterion is 'rms'; it must be FocusCriterion\.PARAXIAL or"):
+        best_focus(GAUSS, criterion="rms")
+
+
+def test_field_curvature_moves_the_focus() -> None:
+    axis, edge = best_focus(GAUSS), best_focus(GAUSS, field=(0.0, 0.2))
+    assert abs(edge - axis) > 0.05

@@ -1,0 +1,316 @@
+"""Spot diagrams and ray fans: perfect lenses, third-order theory, and counting rays without any aiming."""
+
+import math
+import pickle
+import time
+
+import numpy as np
+import pytest
+
+from plenoptic.errors import InvalidValueError
+from plenoptic.optics import paraxial
+from plenoptic.optics.analysis.focusing import working_f_number
+from plenoptic.optics.analysis.pencils import REPLICATES
+from plenoptic.optics.analysis.spots import AIRY, SpotDiagram, ray_fan, spot_diagram
+from plenoptic.optics.lens import LensStack
+from plenoptic.optics.media import ConstantMedium
+from plenoptic.optics.models import LensModel
+from plenoptic.optics.prescriptions import load_lens
+from plenoptic.optics.stops import CircularStop, PolygonStop
+from plenoptic.optics.surface import Surface
+from plenoptic.optics.tracing import traced_part
+from plenoptic.rays import RayBundle
+
+GAUSS = load_lens("double-gauss-100mm-f2")
+PERFECT = [GAUSS.with_model(LensModel.PARAXIAL), GAUSS.with_model(LensModel.THIN)]
+
+
+def plano_convex(stop: float) -> LensStack:
+    """Focal length 100, spherical aberration, iris in front."""
+    glass = ConstantMedium(1.5)
+    return LensStack(
+        [
+            CircularStop(stop, thickness=1.0),
+            Surface(50.0, 4.0, glass, semi_diameter=20.0),
+            Surface(math.inf, semi_diameter=20.0),
+        ]
+    )
+
+
+# ---- laws ----
+
+
+@pytest.mark.parametrize("lens", PERFECT)
+@pytest.mark.parametrize(("z", "field"), [(-math.inf, (0.0, 0.1)), (-404.0, (10.0, -30.0)), (-1e6, (0.0, 0.0))])
+def test_a_perfect_lens_has_points_for_spots(lens, z, field) -> None:
+    spot = spot_diagram(lens, field=field, z_object=z)
+    # Some 20 roundings of lengths of 130 mm; an origin 1e6 mm away has the digits of that, and slopes of 1e-4 of it.
+    assert spot.geometric_radius < 20 * 2.0**-52 * (1e5 if z == -1e6 else 130.0)
+    assert spot.fraction == pytest.approx(1.0, rel=1e-14)
+    assert spot.centroid == pytest.approx(spot.chief[0], abs=1e-10)
+
+
+def test_an_object_at_infinity_is_imaged_at_efl_tan_field() -> None:
+    efl = paraxial.cardinal_points(GAUSS).efl
+    for lens in PERFECT:
+        spot = spot_diagram(lens, field=(0.0, 0.2))
+        assert spot.chief[0] == pytest.approx([0.0, -efl * math.tan(0.2)], abs=1e-12)
+
+
+def test_the_lens_is_round() -> None:
+    along_y = spot_diagram(GAUSS, field=(0.0, 0.15), rays=1 << 14)
+    along_x = spot_diagram(GAUSS, field=(-0.15, 0.0), rays=1 << 14)
+    error = math.hypot(along_x.rms_radius_error, along_y.rms_radius_error)
+    assert along_x.rms_radius == pytest.approx(along_y.rms_radius, abs=5 * error)
+    assert error < 3e-3 * along_y.rms_radius
+    assert along_x.chief[0] == pytest.approx([-along_y.chief[0, 1], 0.0], abs=1e-9)
+
+
+def test_moving_the_whole_lens_moves_the_spot() -> None:
+    moved = GAUSS.moved(slice(None), shift=(0.3, -0.2, 0.0))
+    spot, other = (spot_diagram(lens, field=(0.0, 0.1), rays=1 << 13) for lens in (GAUSS, moved))
+    assert other.chief[0] - spot.chief[0] == pytest.approx([0.3, -0.2], abs=1e-9)
+    error = math.hypot(spot.rms_radius_error, other.rms_radius_error)
+    assert other.rms_radius == pytest.approx(spot.rms_radius, abs=5 * error)
+
+
+@pytest.mark.parametrize(("field", "z"), [((0.0, 0.2), -math.inf), ((20.0, 60.0), -404.0)])
+def test_against_rays_that_are_not_aimed(field, z) -> None:
+    """A wide, evenly filled beam in which only the lens chooses: the same spot, and the same vignetting."""
+    n, batches = 1 << 18, 16
+    rng = np.random.default_rng(5)
+    spot = spot_diagram(GAUSS, field=field, z_object=z, rays=1 << 15)
+    if math.isinf(z):
+        along = np.array([0.0, -math.sin(0.2), math.cos(0.2)])
+        offsets = rng.uniform(-45.0, 45.0, (n, 2))
+        origin = np.column_stack([offsets[:, 0], offsets[:, 1] * along[2], -offsets[:, 1] * along[1]]) - 100.0 * along
+        rays = RayBundle(origin, np.broadcast_to(along, (n, 3)))
+    else:
+        # Direction cosines around those of the axis point at the front: uniform, as a Lambertian patch sends them.
+        l, m = rng.uniform(-0.14, 0.06, n), rng.uniform(-0.27, 0.0, n)
+        rays = RayBundle(np.broadcast_to([*field, z], (n, 3)), np.column_stack([l, m, np.sqrt(1 - l * l - m * m)]))
+    out = GAUSS.trace(rays)
+    met = out.at_z(spot.z_image)[:, :2].reshape(batches, -1, 2)
+    rms = [math.sqrt(float(np.nanvar(part, axis=0).sum())) for part in met]
+    brute, error = np.mean(rms), np.std(rms, ddof=1) / math.sqrt(batches)
+    assert error < 0.01 * brute
+    # A batch of 2^14 wide rays has some 3000 that pass; the bias of its standard deviation is some 1 / 3000.
+    assert spot.rms_radius == pytest.approx(brute, abs=4 * math.hypot(error, spot.rms_radius_error) + 1e-3 * brute)
+
+    iris = GAUSS.iris_index
+    at_iris = traced_part(GAUSS, traced_part(GAUSS, rays, 0, iris - 1, clipping=False), iris, iris)
+    reached = np.count_nonzero(at_iris.status == 0)
+    fraction = np.count_nonzero(out.status == 0) / reached
+    binomial = math.sqrt(fraction * (1 - fraction) / reached)
+    assert 0.3 < fraction < 0.9
+    assert spot.fraction == pytest.approx(fraction, abs=4 * math.hypot(binomial, spot.fraction_error))
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.7, 1.4])
+def test_a_fisheye_is_filled_and_few_rays_are_wasted(angle: float) -> None:
+    lens = load_lens("fisheye-100mm-f8")
+    spot = spot_diagram(lens, field=(0.0, angle), rays=4096)
+    assert spot.fraction > 0.99
+    # The margin of 1 % and the polygon of 48 sides cost 2.2 % of the area, its ellipse-like shape little more.
+    assert len(spot.x) > 0.95 * 4096
+
+
+def test_same_seed_same_bits() -> None:
+    one, same, other = (spot_diagram(GAUSS, field=(0, 0.1), seed=seed) for seed in (3, 3, 4))
+    assert one == same and hash(one) == hash(same)
+    assert pickle.loads(pickle.dumps(one)) == one
+    assert one != other
+    with pytest.raises(ValueError, match="read-only"):
+        one.x[0] = 1.0
+
+
+# ---- limits ----
+
+
+def test_third_order_spherical_aberration_grows_with_the_cube_of_the_aperture() -> None:
+    small, large = (spot_diagram(plano_convex(h), rays=1 << 13) for h in (1.0, 2.0))
+    # The next order changes the ratio by some 4 times its share, (h / R)^2 = 1.6e-3 of the larger one.
+    assert large.rms_radius / small.rms_radius == pytest.approx(8.0, rel=0.01)
+    # a rho^3 over the disc has RMS a / 2; the largest of 8000 rays lies within 1e-3 of the rim, its cube 3e-3.
+    assert small.rms_radius == pytest.approx(0.5 * small.geometric_radius, rel=0.005)
+
+
+def test_out_of_focus_the_spot_is_the_stop() -> None:
+    lens = PERFECT[0].with_stop(CircularStop(10.0))
+    points = paraxial.cardinal_points(lens)
+    spot = spot_diagram(lens, z_image=points.rear_focus + 2.0, rays=1 << 13)
+    radius = 2.0 / (2 * working_f_number(lens))
+    assert spot.geometric_radius == pytest.approx(radius, rel=2e-3)
+    assert spot.rms_radius == pytest.approx(radius / math.sqrt(2), abs=5 * spot.rms_radius_error)
+    assert spot.rms_radius_error < 1e-3 * radius
+
+
+def test_a_hexagonal_stop() -> None:
+    lens = PERFECT[0].with_stop(PolygonStop(blades=6, semi_diameter=10.0))
+    points = paraxial.cardinal_points(lens)
+    spot = spot_diagram(lens, z_image=points.rear_focus + 2.0, rays=1 << 14)
+    radius = 2.0 / (2 * working_f_number(lens))
+    # Polar moment of a hexagon with corners at R: 5/8 sqrt(3) R^4, its area 3/2 sqrt(3) R^2.
+    assert spot.rms_radius == pytest.approx(radius * math.sqrt(5 / 12), abs=5 * spot.rms_radius_error)
+    assert spot.fraction == pytest.approx(1.0, rel=1e-14)
+    assert len(spot.x) > 0.9 * (1 << 14)
+
+
+def test_a_finite_object_is_lambertian() -> None:
+    """Even in direction cosines: sin^2 of the angle with the axis is uniform up to that of the rim of a near stop."""
+    lens = LensStack([CircularStop(20.0, thickness=1.0), Surface(math.inf, semi_diameter=50.0)], model=LensModel.NONE)
+    spot = spot_diagram(lens, z_object=-30.0, z_image=0.0, rays=1 << 14)
+    r2 = spot.x**2 + spot.y**2
+    sin2 = np.sort(r2 / (r2 + 900.0))
+    uniform = sin2 / (400.0 / 1300.0)
+    # Kolmogorov's distance of n independent points is below 1.63 / sqrt(n) in 99 % of cases, and of even ones smaller.
+    assert np.abs(uniform - (np.arange(len(sin2)) + 0.5) / len(sin2)).max() < 1.63 / math.sqrt(len(sin2))
+
+
+def test_the_error_is_honest() -> None:
+    lens = PERFECT[0].with_stop(CircularStop(10.0))
+    z = paraxial.cardinal_points(lens).rear_focus + 2.0
+    true = 2.0 / (2 * working_f_number(lens)) / math.sqrt(2)
+    spots = [spot_diagram(lens, z_image=z, rays=512, seed=seed) for seed in range(60)]
+    scores = np.array([(spot.rms_radius - true) / spot.rms_radius_error for spot in spots])
+    # Student's t with 7 degrees of freedom has variance 7/5 and kurtosis 5: 60 squares have an error of 0.36.
+    assert 0.4 < np.mean(scores**2) < 2.9
+
+
+# ---- numbers and shapes ----
+
+
+def test_several_wavelengths_share_a_diagram() -> None:
+    lines = (486.1, 587.6, 656.3)
+    spot = spot_diagram(GAUSS, field=(0, 0.1), wavelength=lines, rays=512)
+    assert spot.wavelengths == lines and spot.chief.shape == (3, 2)
+    assert spot.weight.sum() == pytest.approx(1.0, rel=1e-13)
+    for i, line in enumerate(lines):
+        alone = spot_diagram(GAUSS, field=(0, 0.1), wavelength=line, rays=512, z_image=spot.z_image)
+        assert np.array_equal(spot.x[spot.colour == i], alone.x)
+        assert np.array_equal(spot.chief[i], alone.chief[0])
+    assert spot.airy_radius == pytest.approx(AIRY * 486.1e-6 * working_f_number(GAUSS, wavelength=486.1))
+    assert spot.z_image == paraxial.image_position(GAUSS, -math.inf, 486.1)
+
+
+@pytest.mark.parametrize("field", [(0.0, 1.2), (0.0, 2.0)])
+def test_no_light_is_no_error(field) -> None:
+    spot = spot_diagram(GAUSS, field=field, wavelength=(500.0, 600.0))
+    assert len(spot.x) == 0 and spot.fraction == 0.0
+    assert math.isnan(spot.rms_radius) and math.isnan(spot.geometric_radius) and np.isnan(spot.centroid).all()
+    assert math.isnan(spot.rms_radius_error)
+    assert repr(spot) == f"<SpotDiagram: 0 rays from (0, {field[1]:g}) rad on z = 102.472 mm, RMS radius nan um>"
+
+
+def test_few_rays() -> None:
+    spot = spot_diagram(GAUSS, rays=1)
+    assert len(spot.x) <= REPLICATES
+    assert isinstance(spot, SpotDiagram) and spot.rms_radius > 0
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"field": 0.1}, "field is 0.1; it must be a pair"),
+        ({"field": (0.0, math.nan)}, "field y is nan"),
+        ({"z_object": math.nan}, "z_object is nan; it must be a position"),
+        ({"z_object": math.inf}, "z_object is inf; it must be a position"),
+        ({"z_object": 5.0}, "z_object is 5"),
+        ({"z_image": math.inf}, "z_image is inf; it must be finite"),
+        ({"rays": 0}, "rays is 0; it must be at least 1"),
+        ({"seed": -1}, "seed is -1"),
+        ({"wavelength": ()}, "wavelength is an empty sequence"),
+        ({"wavelength": (500.0, -1.0)}, "wavelength is -1 nm"),
+        ({"wavelength": [500.0] * 300}, "wavelength has 300 entries"),
+    ],
+)
+def test_what_is_no_spot(change, message) -> None:
+    with pytest.raises(InvalidValueError, match=message):
+        spot_diagram(GAUSS, **change)
+
+
+def test_an_image_at_infinity_needs_a_plane() -> None:
+    lens = GAUSS.with_model(LensModel.PARAXIAL)
+    focus = paraxial.cardinal_points(lens).front_focus
+    with pytest.raises(InvalidValueError, match="has its paraxial image at infinity; give z_image"):
+        spot_diagram(lens, z_object=focus)
+    with pytest.raises(InvalidValueError, match=r"LensModel\.NONE, which bends no ray"):
+        spot_diagram(GAUSS.with_model(LensModel.NONE))
+    with pytest.raises(InvalidValueError, match="lens is a str; give a LensStack"):
+        spot_diagram("lens")
+
+
+# ---- ray fans ----
+
+
+def test_on_the_axis_fans_are_odd_and_alike() -> None:
+    fan = ray_fan(GAUSS)
+    tangential, sagittal = fan.tangential[0], fan.sagittal[0]
+    # Rays are aimed to 1e-9 mm of the iris, and aberrations change by at most 0.1 mm per mm there.
+    assert np.nan_to_num(tangential[:, 1]) == pytest.approx(-np.nan_to_num(tangential[::-1, 1]), abs=1e-9)
+    assert np.nan_to_num(tangential[:, 1]) == pytest.approx(np.nan_to_num(sagittal[:, 0]), abs=1e-9)
+    assert np.nanmax(np.abs(tangential[:, 0])) < 1e-12
+
+
+def test_the_sagittal_fan_is_symmetric() -> None:
+    fan = ray_fan(GAUSS, field=(0.0, 0.1))
+    x, y = fan.sagittal[0].T
+    passes = np.isfinite(x) & np.isfinite(x[::-1])
+    assert passes.sum() > 40
+    assert x[passes] == pytest.approx(-x[::-1][passes], abs=1e-9)
+    assert y[passes] == pytest.approx(y[::-1][passes], abs=1e-9)
+    assert np.nanmax(np.abs(y)) > 5e-4
+
+
+def test_fans_turn_with_the_field() -> None:
+    upright = ray_fan(GAUSS, field=(0.0, 0.12))
+    turned = ray_fan(GAUSS, field=(0.12 * math.sin(0.7), 0.12 * math.cos(0.7)))
+    for one, other in ((upright.tangential, turned.tangential), (upright.sagittal, turned.sagittal)):
+        assert np.array_equal(np.isnan(one), np.isnan(other))
+        assert np.nan_to_num(other) == pytest.approx(np.nan_to_num(one), abs=1e-9)
+
+
+def test_a_fan_of_third_order() -> None:
+    fan = ray_fan(plano_convex(1.0))
+    # The aberration of fifth order is (h / R)^2 = 4e-4 of that of third order, with a factor of a few.
+    cube = fan.tangential[0, -1, 1] * fan.pupil**3
+    assert fan.tangential[0, :, 1] == pytest.approx(cube, abs=3e-3 * abs(cube[-1]))
+    # Undercorrected: the marginal ray crosses the axis before the paraxial focus.
+    assert cube[-1] < 0
+
+
+def test_a_fan_lies_in_its_spot_and_shows_lateral_colour() -> None:
+    colours = (587.6, 656.3)
+    fan = ray_fan(GAUSS, field=(0.0, 0.05), wavelength=colours)
+    spot = spot_diagram(GAUSS, field=(0.0, 0.05), wavelength=colours)
+    assert np.array_equal(fan.chief, spot.chief[0])
+    assert fan.tangential[0, 32] == pytest.approx([0.0, 0.0], abs=1e-9)
+    assert fan.tangential[1, 32] == pytest.approx(spot.chief[1] - spot.chief[0], abs=1e-9)
+    reach = np.nanmax(np.linalg.norm(fan.tangential - (spot.centroid - spot.chief[0]), axis=2))
+    assert reach == pytest.approx(spot.geometric_radius, rel=0.1)
+
+
+@pytest.mark.parametrize("lens", PERFECT)
+def test_a_perfect_lens_has_flat_fans(lens) -> None:
+    fan = ray_fan(lens, field=(3.0, -20.0), z_object=-404.0, points=9)
+    assert np.abs(fan.tangential).max() < 1e-12 and np.abs(fan.sagittal).max() < 1e-12
+    assert fan == pickle.loads(pickle.dumps(fan))
+
+
+def test_what_is_no_fan() -> None:
+    with pytest.raises(InvalidValueError, match="points is 1; it must be at least 2"):
+        ray_fan(GAUSS, points=1)
+
+
+# ---- speed ----
+
+
+@pytest.mark.benchmark
+def test_a_million_rays_take_well_under_a_second() -> None:
+    spot_diagram(GAUSS)
+    seconds = []
+    for seed in range(3):
+        start = time.perf_counter()
+        spot_diagram(GAUSS, field=(0.0, 0.1), rays=1_000_000, seed=seed)
+        seconds.append(time.perf_counter() - start)
+    assert min(seconds) < 0.8

@@ -1,0 +1,519 @@
+"""Zemax files: constructs written here as text, whose focal lengths are known in closed form."""
+
+import dataclasses
+import math
+import re
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from plenoptic.errors import FileError, InvalidValueError, PlenopticError, PrescriptionError
+from plenoptic.optics.glasses import glass, load_glasses
+from plenoptic.optics.lens import LensStack
+from plenoptic.optics.media import AIR, C_LINE, D_LINE, F_LINE, ConstantMedium, ModelGlass, Sellmeier
+from plenoptic.optics.paraxial import cardinal_points
+from plenoptic.optics.prescriptions import lens_names, load_lens, save_lens
+from plenoptic.optics.stops import CircularStop, PolygonStop
+from plenoptic.optics.surface import Surface
+
+HEAD = """VERS 140124 258 36214
+MODE SEQ
+NAME A test lens
+NOTE 0 Written for a test
+UNIT MM X W X CM MR CPMM
+ENPD 1.0E+1 0
+GCAT SCHOTT OHARA
+FTYP 0 0 2 3 0 0 0
+XFLN 0 0
+YFLN 0 5.0
+WAVM 1 4.861327E-1 1
+WAVM 2 5.875618E-1 1
+WAVM 3 6.562725E-1 1
+PWAV 2
+"""
+OBJECT = ("DISZ INFINITY",)
+IMAGE = ("TYPE STANDARD", "CURV 0.0", "DIAM 3.2 0 0 0 1")
+REL = 1e-12  # some ten roundings, each of 1.1e-16, times the cancellation of powers of opposite signs
+
+
+def zmx(*surfaces: tuple[str, ...], head: str = HEAD, first: tuple[str, ...] = OBJECT) -> str:
+    blocks = [("TYPE STANDARD", "CURV 0.0", *first), *surfaces, IMAGE]
+    lines = [[f"SURF {i}", *(f"  {line}" for line in block)] for i, block in enumerate(blocks)]
+    return head + "\n".join(line for block in lines for line in block) + "\nTOL TOFF   0   0\nMNUM 1 1\n"
+
+
+def load(folder: Path, text: str, **options: object) -> LensStack:
+    path = folder / "lens.zmx"
+    path.write_bytes(text.encode("utf-8"))
+    return load_lens(path, **options)  # type: ignore[arg-type]
+
+
+def refused(folder: Path, text: str, message: str, line: str | None = None) -> None:
+    """The file is refused with the message, on a line that contains `line`."""
+    rows = enumerate(text.split("\n"), start=1)
+    number = r"\d+" if line is None else "|".join(str(i) for i, row in rows if line in row)
+    with pytest.raises(PrescriptionError, match=rf"^lens\.zmx, line ({number}): .*{message}"):
+        load(folder, text)
+
+
+def efl(lens: LensStack) -> float:
+    return cardinal_points(lens, D_LINE).efl
+
+
+def thick(n: float, c1: float, c2: float, t: float) -> float:
+    """Focal length of a thick lens; E. Hecht, Optics, eq. 6.2."""
+    return 1 / ((n - 1) * (c1 - c2 + (n - 1) * t * c1 * c2 / n))
+
+
+def cemented(n: tuple[float, float], c: tuple[float, float, float], t: tuple[float, float]) -> float:
+    """Focal length of three surfaces, by their powers p and reduced gaps d."""
+    p1, p2, p3 = (n[0] - 1) * c[0], (n[1] - n[0]) * c[1], (1 - n[1]) * c[2]
+    d1, d2 = t[0] / n[0], t[1] / n[1]
+    return 1 / (p1 + p2 + p3 - d1 * p1 * (p2 + p3) - d2 * (p1 + p2) * p3 + d1 * d2 * p1 * p2 * p3)
+
+
+def blank(nd: float, vd: float = 0.0) -> str:
+    return f"GLAS ___BLANK 1 0 {nd} {vd} 0 0 0 0 0 0"
+
+
+STOP = ("STOP", "DISZ 2.0", "DIAM 4.0 1 0 0 1")
+FRONT = ("CURV 2.0E-2 0 0 0 0", "DISZ 4.0", blank(1.5), "DIAM 1.0E+1 1 0 0 1")
+BACK = ("CURV -0.01", "DISZ 96.0", "DIAM 10")
+SINGLET = thick(1.5, 0.02, -0.01, 4.0)
+
+# ---- what is read ----
+
+
+def test_a_singlet_with_a_stop_in_front(tmp_path: Path) -> None:
+    lens = load(tmp_path, zmx(STOP, FRONT, BACK))
+    glass_between = ConstantMedium(1.5)
+    assert lens.elements == (
+        CircularStop(4.0, 2.0),
+        Surface(50.0, 4.0, glass_between, semi_diameter=10.0),
+        Surface(-100.0, 0.0, AIR, semi_diameter=10.0),
+    )
+    assert (lens.name, lens.source, lens.ambient) == ("A test lens", "lens.zmx; Written for a test", AIR)
+    assert efl(lens) == pytest.approx(SINGLET, rel=REL)
+
+
+def test_a_doublet_with_glasses_by_name(tmp_path: Path) -> None:
+    lens = load(
+        tmp_path,
+        zmx(
+            STOP,
+            ("CURV 0.015923566", "DISZ 4.0", "GLAS N-BK7 0 0 1.5 40.0 0 0 0 0 0 0", "DIAM 12.7"),
+            ("CURV -0.021881838", "DISZ 2.5", "GLAS SF5 0 0", "DIAM 12.7"),
+            ("CURV -0.007800312", "DISZ 97.0", "DIAM 12.7"),
+        ),
+    )
+    assert (lens.elements[1].medium, lens.elements[2].medium) == (glass("N-BK7"), glass("SF5"))  # type: ignore[union-attr]
+    n = (glass("N-BK7").index(D_LINE), glass("SF5").index(D_LINE))
+    expected = cemented(n, (0.015923566, -0.021881838, -0.007800312), (4.0, 2.5))
+    assert efl(lens) == pytest.approx(expected, rel=REL)
+    assert expected == pytest.approx(100.0, rel=0.01)  # Thorlabs AC254-100-A
+
+
+def test_a_model_glass(tmp_path: Path) -> None:
+    lens = load(tmp_path, zmx(STOP, ("CURV 0.02", "DISZ 5", blank(1.67, 47.1), "DIAM 9"), ("DIAM 9",)))
+    assert lens.elements[1].medium == ModelGlass(1.67, 47.1)  # type: ignore[union-attr]
+    assert efl(lens) == pytest.approx(1 / (0.67 * 0.02), rel=REL)
+
+
+def test_an_asphere_with_a_conic_constant(tmp_path: Path) -> None:
+    asphere = (
+        *("TYPE EVENASPH", "CURV 0.02", "CONI -1.5", "DISZ 4.0", blank(1.5), "DIAM 8"),
+        *("PARM 1 1.0E-4", "PARM 2 -2e-6", "PARM 3 0", "PARM 4 3.0E-12"),
+    )
+    lens = load(tmp_path, zmx(STOP, asphere, ("DIAM 8",)))
+    assert lens.elements[1] == Surface(
+        50.0, 4.0, ConstantMedium(1.5), semi_diameter=8.0, conic=-1.5, aspheric=(1e-4, -2e-6, 0.0, 3e-12)
+    )
+    # The r^2 term adds twice itself to the curvature.
+    assert efl(lens) == pytest.approx(1 / (0.5 * (0.02 + 2e-4)), rel=REL)
+
+
+def test_what_type_says_holds_wherever_it_stands(tmp_path: Path) -> None:
+    asphere = ("PARM 2 -2e-6", "CURV 0.02", "DISZ 4.0", blank(1.5), "DIAM 8")
+    last = load(tmp_path, zmx(STOP, (*asphere, "TYPE EVENASPH"), ("DIAM 8",)))
+    assert last.elements[1].aspheric == (0.0, -2e-6)  # type: ignore[union-attr]
+    none = load(tmp_path, zmx(STOP, (*asphere, "TYPE STANDARD"), ("DIAM 8",)))
+    assert none.elements[1].aspheric == ()  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize(("name", "size"), [("MM", 1.0), ("CM", 10.0), ("IN", 25.4), ("METER", 1000.0), ("M", 1000.0)])
+def test_units_scale_the_whole_lens(tmp_path: Path, name: str, size: float) -> None:
+    asphere = ("TYPE EVENASPH", "CURV 0.5", "DISZ 0.3", blank(1.5), "DIAM 0.4", "PARM 2 0.02", "PARM 3 -0.003")
+    text = zmx(("STOP", "DISZ 0.1", "DIAM 0.2"), asphere, ("CURV -0.2", "DIAM 0.4"))
+    lens = load(tmp_path, text.replace("UNIT MM", f"UNIT {name}"))
+    assert efl(lens) == pytest.approx(size * thick(1.5, 0.5, -0.2, 0.3), rel=REL)
+    surface = lens.elements[1]
+    assert isinstance(surface, Surface)
+    # A shape scales as a whole: z(size r) = size z(r).
+    r = 0.37
+    in_file = Surface(2.0, 0.3, semi_diameter=0.4, aspheric=(0.0, 0.02, -0.003))
+    assert float(surface.sag(size * r)) == pytest.approx(size * float(in_file.sag(r)), rel=1e-14)
+    assert (lens.stop.semi_diameter, surface.semi_diameter) == pytest.approx((0.2 * size, 0.4 * size), rel=1e-15)
+
+
+def test_a_stop_on_a_surface_stands_in_the_plane_of_its_vertex(tmp_path: Path) -> None:
+    lens = load(tmp_path, zmx(("STOP", *FRONT), BACK))
+    assert lens.elements[0] == CircularStop(10.0, 0.0)
+    assert lens.iris_index == 0
+    assert efl(lens) == pytest.approx(SINGLET, rel=REL)
+    rear = load(tmp_path, zmx(FRONT, ("STOP", *BACK)))
+    assert rear.iris_index == 1
+    assert rear.vertices.tolist() == [-4.0, 0.0, 0.0]
+    assert rear.gap_media[2] == ConstantMedium(1.5)
+    assert efl(rear) == pytest.approx(SINGLET, rel=REL)
+
+
+def test_dummy_planes_vanish_and_their_gaps_stay(tmp_path: Path) -> None:
+    back = ("CURV -0.01", "DISZ 7.0", "DIAM 10")
+    dummy = ("DISZ 3.0", "DIAM 20")
+    in_glass = ("DISZ 1.5", blank(1.5), "DIAM 20")
+    short_front = (FRONT[0], "DISZ 2.5", *FRONT[2:])
+    plain = load(tmp_path, zmx(FRONT, ("CURV -0.01", "DISZ 10.0", "DIAM 10"), STOP, FRONT, BACK))
+    # The one in front and the one behind change nothing at all.
+    assert load(tmp_path, zmx(dummy, short_front, in_glass, back, dummy, STOP, FRONT, BACK, dummy)) == plain
+    distance = 10.0 + 2.0  # from back to front, over the stop
+    single = thick(1.5, 0.02, -0.01, 4.0)
+    # From the rear principal plane of one to the front one of the other; Hecht, eq. 6.3.
+    front_plane = -single * 0.5 * -0.01 * 4.0 / 1.5
+    rear_plane = -single * 0.5 * 0.02 * 4.0 / 1.5
+    d = distance + front_plane - rear_plane
+    assert efl(plain) == pytest.approx(1 / (2 / single - d / single**2), rel=REL)
+
+
+def test_a_dummy_with_an_aperture_is_a_stop_but_not_the_iris(tmp_path: Path) -> None:
+    for keyword in ("CLAP 0 6.5 0", "FLAP 0 6.5 0"):
+        lens = load(tmp_path, zmx(("DISZ 1.0", "DIAM 20", keyword), STOP, FRONT, BACK))
+        assert lens.elements[:2] == (CircularStop(6.5, 1.0), CircularStop(4.0, 2.0))
+        assert lens.iris_index == 1
+        assert efl(lens) == pytest.approx(SINGLET, rel=REL)
+    curved = load(tmp_path, zmx(("CURV 0.01", "DISZ 1.0", "DIAM 20", "CLAP 0 6.5 0"), STOP, FRONT, BACK))
+    assert curved.elements[0] == Surface(100.0, 1.0, AIR, semi_diameter=6.5)
+
+
+def test_an_aperture_goes_before_a_diameter(tmp_path: Path) -> None:
+    lens = load(tmp_path, zmx(STOP, (*FRONT, "CLAP 0.0 8.5 0", "MEMA 12 0 0 0 1"), BACK))
+    assert [element.semi_diameter for element in lens.elements] == [4.0, 8.5, 10.0]
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-8-sig", "latin-1"])
+@pytest.mark.parametrize("newline", ["\n", "\r\n", "\r"])
+def test_encodings_and_line_ends(tmp_path: Path, encoding: str, newline: str) -> None:
+    text = zmx(STOP, FRONT, BACK).replace("A test lens", "Gauß")
+    path = tmp_path / "lens.ZMX"
+    path.write_bytes(text.replace("\n", newline).encode(encoding))
+    lens = load_lens(path)
+    assert lens.name == "Gauß"
+    assert efl(lens) == pytest.approx(SINGLET, rel=REL)
+
+
+def test_without_indentation_or_with_tabs(tmp_path: Path) -> None:
+    text = zmx(STOP, FRONT, BACK)
+    expected = load(tmp_path, text)
+    assert load(tmp_path, re.sub(r"(?m)^ +", "", text)) == expected
+    assert load(tmp_path, re.sub(r"(?m)^ +(\w+) ", "\t\\1\t", text)) == expected
+
+
+def test_an_immersed_object_fills_both_sides(tmp_path: Path) -> None:
+    last = ("CURV -0.01", "DISZ 96.0", blank(1.33), "DIAM 10")
+    lens = load(tmp_path, zmx(("STOP", "DISZ 2", "DIAM 4", blank(1.33)), FRONT, last, first=(*OBJECT, blank(1.33))))
+    assert lens.ambient == ConstantMedium(1.33)
+    power = (0.17 * 0.02) + (-0.17 * -0.01) - 4.0 / 1.5 * (0.17 * 0.02) * (-0.17 * -0.01)
+    front, back = lens.elements[1], lens.elements[2]
+    assert isinstance(front, Surface)
+    assert isinstance(back, Surface)
+    # Angle of a ray of height 1 behind the lens, times the index there: minus the power.
+    bent = -0.17 * front.curvature
+    assert -(bent + 0.17 * back.curvature * (1 + bent * 4.0 / 1.5)) == pytest.approx(power, rel=REL)
+
+
+def test_glasses_of_ones_own_come_first(tmp_path: Path) -> None:
+    agf = tmp_path / "mine.agf"
+    agf.write_text(
+        "NM N-BK7 2 0 1.6 60\nCD 1.56 0 0 0 0 0\nLD 0.3 2.5\nNM ODD 2 0 1.7 60\nCD 1.89 0 0 0 0 0\nLD 0.3 2.5\n"
+    )
+    text = zmx(STOP, ("CURV 0.02", "DISZ 5", "GLAS N-BK7 0 0", "DIAM 9"), ("DIAM 9",))
+    assert efl(load(tmp_path, text)) == pytest.approx(1 / ((glass("N-BK7").index(D_LINE) - 1) * 0.02), rel=REL)
+    own = load_glasses(agf)
+    assert efl(load(tmp_path, text, glasses=own)) == pytest.approx(1 / (0.6 * 0.02), rel=REL)
+    assert efl(load(tmp_path, text, glasses={"N-BK7": ConstantMedium(1.8)})) == pytest.approx(62.5, rel=REL)
+    odd = text.replace("N-BK7", "ODD")
+    assert efl(load(tmp_path, odd, glasses=own)) == pytest.approx(1 / (0.7 * 0.02), rel=REL)
+    refused(tmp_path, odd, "no glass 'ODD'.*catalogues SCHOTT OHARA.*glasses=pl.load_glasses", "GLAS ODD")
+    with pytest.raises(InvalidValueError, match="glasses is a"):
+        load(tmp_path, text, glasses="schott")
+
+
+# ---- semi-diameters that are missing ----
+
+UNSIZED = (("STOP", "DISZ 20.0"), ("CURV 0.02", "DISZ 4.0", blank(1.5)), ("CURV -0.01", "DISZ 96.0", "DIAM 0"))
+
+
+def test_missing_diameters_are_those_of_the_beam(tmp_path: Path) -> None:
+    lens = load(tmp_path, zmx(*UNSIZED))
+    # From infinity through the stop: 5 mm of the marginal ray, and 20 tan 5 deg of the chief ray at the first surface.
+    slope = math.tan(math.radians(5.0))
+    first = 5.0 + 20.0 * slope
+    marginal = 5.0 * (1 - 4.0 / 1.5 * 0.01)
+    chief = 20.0 * slope + 4.0 / 1.5 * (slope - 0.5 * 0.02 * 20.0 * slope)
+    sizes = [element.semi_diameter for element in lens.elements]
+    assert sizes == pytest.approx([5.0, first, marginal + chief], rel=1e-12)
+    assert cardinal_points(lens, D_LINE).entrance_pupil_semi_diameter == pytest.approx(5.0, rel=1e-12)
+    assert efl(lens) == pytest.approx(SINGLET, rel=REL)
+
+
+def test_the_f_number_or_the_stop_give_the_beam_too(tmp_path: Path) -> None:
+    expected = load(tmp_path, zmx(*UNSIZED))
+    by_number = load(tmp_path, zmx(*UNSIZED, head=HEAD.replace("ENPD 1.0E+1", f"FNUM {SINGLET / 10!r}")))
+    stop = ("STOP", "DISZ 20.0", "DIAM 5.0")
+    by_stop = load(tmp_path, zmx(stop, *UNSIZED[1:], head=HEAD.replace("ENPD 1.0E+1 0", "FLOA")))
+    for lens in (by_number, by_stop):
+        sizes = [element.semi_diameter for element in lens.elements]
+        assert sizes == pytest.approx([element.semi_diameter for element in expected.elements], rel=1e-12)
+
+
+def test_fields_may_be_heights(tmp_path: Path) -> None:
+    # An object of 30 mm, 100 mm in front of the stop, 10 mm of which are a dummy's gap.
+    head = HEAD.replace("FTYP 0", "FTYP 1").replace("YFLN 0 5.0", "YFLN 0 30.0")
+    lens = load(tmp_path, zmx(("DISZ 10.0",), *UNSIZED, head=head, first=("DISZ 90.0",)))
+    marginal, chief = 5.0 * 1.2, 0.3 * 20.0
+    assert lens.stop.semi_diameter == pytest.approx(5.0, rel=1e-12)
+    assert lens.elements[1].semi_diameter == pytest.approx(marginal + chief, rel=1e-12)
+    # An image height of f tan 5 deg is a field of 5 deg.
+    height = SINGLET * math.tan(math.radians(5.0))
+    of_image = HEAD.replace("FTYP 0", "FTYP 2").replace("YFLN 0 5.0", f"YFLN 0 {height!r}")
+    sizes = [element.semi_diameter for element in load(tmp_path, zmx(*UNSIZED, head=of_image)).elements]
+    expected = [element.semi_diameter for element in load(tmp_path, zmx(*UNSIZED)).elements]
+    assert sizes == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("ENPD 1.0E+1 0\n", ""),
+        ("ENPD 1.0E+1 0", "OBNA 0.1 0"),
+        ("XFLN 0 0\nYFLN 0 5.0\n", ""),
+        ("FTYP 0", "FTYP 1"),
+        ("FTYP 0", "FTYP 7"),
+    ],
+)
+def test_missing_diameters_without_a_beam_are_named(tmp_path: Path, old: str, new: str) -> None:
+    text = zmx(*UNSIZED, head=HEAD.replace(old, new))
+    refused(tmp_path, text, r"surface 1 has no semi-diameter \(DIAM\)", "SURF 1")
+
+
+# ---- what is refused ----
+
+
+@pytest.mark.parametrize(
+    ("surface", "message"),
+    [
+        (("TYPE COORDBRK", "DISZ 1", "PARM 3 5.0"), "surface 2 is a coordinate break"),
+        (("TYPE TOROIDAL", "CURV 0.02", "DISZ 1", "DIAM 5"), "surface 2 is of type TOROIDAL"),
+        (("CURV -0.001", "DISZ 5", "GLAS MIRROR 0 0", "DIAM 5"), "the surface is a mirror"),
+        (("CURV 0.02", "DISZ 1", "GLAS UNOBTAINIUM 0 0", "DIAM 5"), "no glass 'UNOBTAINIUM'"),
+        (("CURV 0.02", "DISZ 1", "GLAS ___BLANK 1 0", "DIAM 5"), "GLAS has 3 entries; it must have at least 4"),
+        (("CURV 0.02", "DISZ 1", blank(0.5), "DIAM 5"), "refractive_index is 0.5"),
+        (("CURV 0.02", "DISZ 1", blank(1.5, 2.0), "DIAM 5"), "vd is 2"),
+        ((blank(1.6), "CURV 0.02", "DIAM 5", "DISZ -1.0"), "thickness is -1 mm"),
+        ((blank(1.6), "CURV 0.02", "DIAM 5", "DISZ INFINITY"), "thickness is inf"),
+        ((blank(1.5), "CURV 0.02", "DISZ 1", "DIAM 51"), "semi_diameter 51 mm exceeds the radius"),
+        ((blank(1.5), "CURV 0.02", "DISZ 1", "DIAM -5"), "semi_diameter is -5"),
+        ((blank(1.5), "CURV 0.02", "DISZ 1", "DIAM 5", "CLAP 0 0 0"), "semi_diameter is 0"),
+        (("DISZ 1", "DIAM 5", "OBSC 0 2 0"), "OBSC: obscurations cannot be read"),
+        (("DISZ 1", "DIAM 5", "SQAP 2 3 0"), "SQAP: rectangular apertures"),
+        (("DISZ 1", "DIAM 5", "CLAP 1 2 0"), "CLAP has an inner radius of 1"),
+        (("DISZ 1", "DIAM 5", "OBDC 0 0.5"), "the aperture is decentred"),
+        (("DISZ 1", "DIAM 5", "SCBD 1 0 0.0 0.0 5.0 0.0 0.0"), "the surface is decentred or tilted"),
+        (("DISZ 1", "DIAM 5", "CURV 0,02"), "CURV has '0,02'"),
+        (("DISZ 1", "DIAM 5", "CURV 1e999"), "CURV is inf"),
+        (("DISZ 1", "DIAM 5", "CURV"), "CURV has 0 entries"),
+        (("DISZ 1", "DIAM 5", "STOP"), "surface 2 is a second STOP"),
+        (("TYPE EVENASPH", "DISZ 1", "DIAM 5", "PARM 9 1e-9"), "PARM 9 is 1e-09"),
+    ],
+)
+def test_what_cannot_be_is_refused_by_name_and_line(tmp_path: Path, surface: tuple[str, ...], message: str) -> None:
+    text = zmx(STOP, surface, FRONT, BACK)
+    keyword = {"thickness": "DISZ", "semi_diameter": "CLAP" if "CLAP 0 0 0" in surface else "DIAM"}.get(
+        message.split()[0]
+    )
+    line = next((f"  {line}" for line in surface if line.split()[0] == keyword), None)
+    refused(tmp_path, text, message, line)
+
+
+def test_the_line_of_an_error_is_right(tmp_path: Path) -> None:
+    text = zmx(STOP, ("TYPE COORDBRK", "DISZ 1"), FRONT, BACK)
+    refused(tmp_path, text, "coordinate break", "TYPE COORDBRK")
+    refused(tmp_path, text.replace("\n", "\r\n"), "coordinate break", "TYPE COORDBRK")
+    refused(tmp_path, zmx(STOP, (*FRONT, "GLAS MIRROR 0 0"), BACK), "mirror", "GLAS MIRROR")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("MODE SEQ", "MODE NSC", "MODE is 'NSC'"),
+        ("UNIT MM", "UNIT FT", "UNIT is 'FT'"),
+        ("UNIT MM X W X CM MR CPMM", "UNIT", "UNIT has 0 entries"),
+        ("SURF 2", "SURF 3", "SURF is '3'; the next surface has number 2"),
+        ("ENPD 1.0E+1", "ENPD ten", "ENPD has 'ten'"),
+    ],
+)
+def test_a_wrong_head_is_refused(tmp_path: Path, old: str, new: str, message: str) -> None:
+    refused(tmp_path, zmx(STOP, FRONT, BACK).replace(old, new, 1), re.escape(message), new)
+
+
+def test_a_file_without_a_lens_is_refused(tmp_path: Path) -> None:
+    refused(tmp_path, "", "there are 0 surfaces")
+    refused(tmp_path, HEAD + "SURF 0\nSURF 1\n", "there are 2 surfaces", "SURF 1")
+    refused(tmp_path, zmx(STOP), "no surface", "SURF 1")
+    refused(tmp_path, zmx(FRONT, BACK, first=("STOP", *OBJECT)), "the object or the image is the STOP", "STOP")
+    refused(tmp_path, zmx(FRONT, ("CURV -0.01", "DIAM 10", blank(1.7))), "the sensor is in air")
+
+
+def test_without_a_stop_the_rule_places_one(tmp_path: Path) -> None:
+    lens = load(tmp_path, zmx(FRONT, BACK, FRONT, BACK))
+    assert lens.source.endswith("stop placed by rule")
+    assert lens.vertices.tolist() == [-52.0, -48.0, 0.0, 48.0, 52.0]
+    refused(tmp_path, zmx(("CLAP 0 3 0", "DISZ 1"), FRONT, BACK), "no surface is the STOP")
+
+
+# ---- mangled files ----
+
+WHOLE = zmx(STOP, FRONT, ("CURV -0.01", "DISZ 1", "GLAS N-BK7 0 0", "DIAM 9", "CLAP 0 8 0"), BACK, *UNSIZED[1:])
+
+
+@st.composite
+def mangled(draw: st.DrawFn) -> str:
+    """The text with some lines dropped, doubled or exchanged, and some stretches replaced."""
+    lines = WHOLE.split("\n")
+    for _ in range(draw(st.integers(0, 3))):
+        i, j = draw(st.integers(0, len(lines) - 1)), draw(st.integers(0, len(lines) - 1))
+        change = draw(st.integers(0, 2))
+        if change == 0:
+            lines[i], lines[j] = lines[j], lines[i]
+        elif change == 1:
+            lines.insert(i, lines[j])
+        else:
+            del lines[i]
+    text = "\n".join(lines)
+    pieces = [
+        "",
+        " ",
+        "\n",
+        "0",
+        "-",
+        "1e308",
+        "1e-308",
+        "9" * 5000,
+        "INFINITY",
+        "SURF",
+        "STOP",
+        "GLAS",
+        "MIRROR",
+        "\0",
+    ]
+    for _ in range(draw(st.integers(0, 4))):
+        start, length = draw(st.integers(0, len(text))), draw(st.integers(0, 6))
+        text = (
+            text[:start]
+            + draw(st.one_of(st.sampled_from(pieces), st.text("a0.E\tß\u2028\U0001f4f7", max_size=3)))
+            + text[start + length :]
+        )
+    return text
+
+
+@given(text=mangled(), encoding=st.sampled_from(["utf-8", "utf-16", "latin-1"]))
+def test_a_mangled_file_is_a_lens_or_a_named_error(
+    tmp_path_factory: pytest.TempPathFactory, text: str, encoding: str
+) -> None:
+    path = tmp_path_factory.getbasetemp() / "mangled.zmx"
+    path.write_bytes(text.encode(encoding, errors="replace"))
+    try:
+        assert isinstance(load_lens(path), LensStack)
+    except PlenopticError as error:
+        assert re.match(r"mangled\.zmx, line \d+: ", str(error))
+
+
+@given(data=st.binary(max_size=200))
+def test_bytes_are_no_lens(tmp_path_factory: pytest.TempPathFactory, data: bytes) -> None:
+    path = tmp_path_factory.getbasetemp() / "bytes.zmx"
+    path.write_bytes(data)
+    with pytest.raises(PrescriptionError, match=r"^bytes\.zmx, line \d+: "):
+        load_lens(path)
+
+
+# ---- what is written ----
+
+
+@pytest.mark.parametrize("name", lens_names())
+def test_a_written_lens_is_read_back(tmp_path: Path, name: str) -> None:
+    lens = load_lens(name)
+    save_lens(lens, tmp_path / "lens.zmx")
+    again = load_lens(tmp_path / "lens.zmx")
+    assert (again.name, again.iris_index) == (lens.name, lens.iris_index)
+    for old, new in zip(lens.elements, again.elements, strict=True):
+        assert (new.thickness, new.semi_diameter) == (old.thickness, old.semi_diameter)
+        if isinstance(old, Surface):
+            # A radius by way of its curvature: two roundings.
+            assert new.radius == pytest.approx(old.radius, rel=3e-16)  # type: ignore[union-attr]
+    for line in (F_LINE, D_LINE, C_LINE):
+        # Glasses by name agree to 1e-6, as the writer promises; the others have the same n_d and V_d.
+        assert again.indices(line) == pytest.approx(lens.indices(line), abs=1e-6)
+
+
+def test_a_glass_of_no_catalogue_is_written_as_a_model_glass(tmp_path: Path) -> None:
+    medium = Sellmeier((1.04, 0.23, 1.01), (0.006, 0.02, 103.0), name="MINE")
+    lens = LensStack(
+        [CircularStop(2.0), Surface(20.0, 3.0, medium, semi_diameter=5.0), Surface(-20.0, semi_diameter=5.0)]
+    )
+    save_lens(lens, tmp_path / "lens.zmx")
+    read = load_lens(tmp_path / "lens.zmx").gap_media[2]
+    assert isinstance(read, ModelGlass)
+    # n_d is written with all digits, and so is V_d, of which a model glass makes the same n_F - n_C.
+    dispersion = read.index(F_LINE) - read.index(C_LINE)
+    assert read.index(D_LINE) == pytest.approx(medium.index(D_LINE), rel=1e-15)
+    assert dispersion == pytest.approx(medium.index(F_LINE) - medium.index(C_LINE), rel=1e-9)
+
+
+def test_aspheres_and_further_stops_are_written(tmp_path: Path) -> None:
+    lens = LensStack(
+        [
+            CircularStop(6.0, 1.0),
+            Surface(25.0, 3.0, ConstantMedium(1.5), semi_diameter=5.0, conic=-0.7, aspheric=(1e-4, 0.0, 1e-9)),
+            Surface(math.inf, 2.0, semi_diameter=5.0),
+            CircularStop(2.0, 1.0),
+            Surface(math.inf, 0.5, ModelGlass(1.6, 40.0), semi_diameter=4.0, conic=2.0),
+            Surface(-30.0, semi_diameter=4.0),
+        ],
+        iris=3,
+        name="two\nlines",
+    )
+    save_lens(lens, tmp_path / "lens.zmx")
+    again = load_lens(tmp_path / "lens.zmx")
+    assert again.elements == lens.elements
+    assert (again.iris_index, again.name) == (3, "two lines")
+
+
+def test_what_zemax_files_cannot_hold_is_refused(tmp_path: Path) -> None:
+    lens = load_lens("singlet-100mm-f4")
+    stop, front, back = lens.elements
+    ball = [Surface(5.0, 7.5, ConstantMedium(1.5), semi_diameter=5.0, depth=7.5), Surface(math.inf, semi_diameter=1.0)]
+    water = ConstantMedium(1.33)
+    refusals = [
+        (lens.moved(1, shift=(0.1, 0, 0)), "element 1 is decentred"),
+        (lens.with_stop(PolygonStop(6, 3.0)), "element 0 is PolygonStop"),
+        (LensStack([stop, *ball]), "element 1 goes beyond its equator"),
+        (LensStack([stop, front, dataclasses.replace(back, aspheric=(1e-30,) * 9)]), "element 2 has more than 8"),
+        (LensStack([stop, front, dataclasses.replace(back, medium=water)], ambient=water), "only lenses in air"),
+    ]
+    for wrong, message in refusals:
+        with pytest.raises(PrescriptionError, match=message):
+            save_lens(wrong, tmp_path / "lens.zmx")
+    assert not (tmp_path / "lens.zmx").exists()
+    with pytest.raises(FileError, match=r"\.json or \.zmx"):
+        save_lens(lens, tmp_path / "lens.seq")
