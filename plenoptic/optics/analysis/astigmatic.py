@@ -23,7 +23,12 @@ Floats = NDArray[np.float64]
 
 
 class Foci(NamedTuple):
-    """The foci of narrow beams around rays; nan where a ray does not exist."""
+    """The foci of narrow beams around rays; nan where a ray does not exist.
+
+    Examples
+    --------
+    See `foci`.
+    """
 
     ray: RayBundle
     """(n) rays behind the lens, origins on the last element met."""

@@ -30,6 +30,10 @@ class DepthDistortion:
     sagittal, tangential : (m, n) array
         z in mm of the object points on the chief rays that are sharp; above 0 where the lens is focused beyond
         infinity.
+
+    Examples
+    --------
+    See `depth_distortion`.
     """
 
     heights: Floats

@@ -119,6 +119,10 @@ class Distortion:
         The paraxial image plane, mm.
     z_object : float
         mm; -inf: infinitely far away.
+
+    Examples
+    --------
+    See `distortion`.
     """
 
     fields: Floats
@@ -216,6 +220,10 @@ class FieldCurvature:
         The paraxial image plane, mm.
     z_object : float
         mm; -inf: infinitely far away.
+
+    Examples
+    --------
+    See `field_curvature`.
     """
 
     fields: Floats
@@ -305,6 +313,10 @@ class Coma:
         The paraxial image plane, mm.
     z_object : float
         mm; -inf: infinitely far away.
+
+    Examples
+    --------
+    See `coma`.
     """
 
     fields: Floats

@@ -109,6 +109,10 @@ class Vignetting:
         whose rays pass; nan where none does.
     z_object : float
         mm; -inf: infinitely far away.
+
+    Examples
+    --------
+    See `vignetting`.
     """
 
     fields: Floats
@@ -218,6 +222,10 @@ class RelativeIllumination:
         mm.
     z_object : float
         mm; -inf: infinitely far away.
+
+    Examples
+    --------
+    See `relative_illumination`.
     """
 
     fields: Floats
