@@ -9,7 +9,11 @@ if TYPE_CHECKING:
     from plenoptic import images as images
     from plenoptic import sampling as sampling
     from plenoptic.camera.camera import PlenopticCamera as PlenopticCamera
+    from plenoptic.camera.forward import landing_points as landing_points
+    from plenoptic.camera.forward import point_spread as point_spread
     from plenoptic.camera.pose import Pose as Pose
+    from plenoptic.camera.spread import CameraSpread as CameraSpread
+    from plenoptic.camera.spread import LandingPoints as LandingPoints
     from plenoptic.errors import FileError as FileError
     from plenoptic.errors import InvalidValueError as InvalidValueError
     from plenoptic.errors import PlenopticError as PlenopticError
@@ -66,6 +70,7 @@ if TYPE_CHECKING:
     from plenoptic.plots.fields import plot_field_curvature as plot_field_curvature
     from plenoptic.plots.fields import plot_relative_illumination as plot_relative_illumination
     from plenoptic.plots.fields import plot_vignetting as plot_vignetting
+    from plenoptic.plots.forward import plot_camera_spread as plot_camera_spread
     from plenoptic.plots.lens import plot_lens as plot_lens
     from plenoptic.plots.seidel import plot_chromatic_shift as plot_chromatic_shift
     from plenoptic.plots.seidel import plot_seidel as plot_seidel
@@ -106,7 +111,9 @@ else:
     }
     _NAMES = {
         "plenoptic.camera.camera": ("PlenopticCamera",),
+        "plenoptic.camera.forward": ("landing_points", "point_spread"),
         "plenoptic.camera.pose": ("Pose",),
+        "plenoptic.camera.spread": ("CameraSpread", "LandingPoints"),
         "plenoptic.errors": ("FileError", "InvalidValueError", "PlenopticError", "PrescriptionError", "SceneError"),
         "plenoptic.exposure": ("Exposure", "RenderStats"),
         "plenoptic.film": ("Film",),
@@ -135,6 +142,7 @@ else:
             "plot_relative_illumination",
             "plot_vignetting",
         ),
+        "plenoptic.plots.forward": ("plot_camera_spread",),
         "plenoptic.plots.lens": ("plot_lens",),
         "plenoptic.plots.seidel": ("plot_chromatic_shift", "plot_seidel"),
         "plenoptic.plots.spots": ("plot_mtf", "plot_point_spread", "plot_ray_fan", "plot_spots"),

@@ -40,6 +40,7 @@ FILES = {
         *(f"{name}{ending}" for name in ("raw", "conventional") for ending in (".exr", ".png", "_overview.png")),
     },
     "disparity": {"disparity.exr", "disparity.png"},
+    "lens_report": {"contrast.png", "fans.png", "field.png", "layout.png", "spots.png", "third_order.png"},
 }
 
 
