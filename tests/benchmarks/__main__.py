@@ -9,7 +9,9 @@ import os
 import platform
 import time
 
-BENCHMARKS = ("tracing", "images", "threads", "error_time", "starting", "memory", "omissions")
+BENCHMARKS = (
+    *("tracing", "analysis", "fidelity", "images", "threads", "error_time", "starting", "memory", "omissions"),
+)
 PROGRAMS = ("plenoptic", "numpy", "numba", "embreex", "trimesh", "OpenImageIO", "batoid")
 
 
