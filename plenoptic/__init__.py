@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from plenoptic import images as images
     from plenoptic import sampling as sampling
+    from plenoptic import study as study
     from plenoptic.camera.camera import PlenopticCamera as PlenopticCamera
     from plenoptic.camera.forward import landing_points as landing_points
     from plenoptic.camera.forward import point_spread as point_spread
@@ -108,6 +109,7 @@ else:
         "images": "plenoptic.images",
         "paraxial": "plenoptic.optics.paraxial",
         "sampling": "plenoptic.sampling",
+        "study": "plenoptic.study",
     }
     _NAMES = {
         "plenoptic.camera.camera": ("PlenopticCamera",),

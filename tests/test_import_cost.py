@@ -2,7 +2,19 @@ import json
 import subprocess
 import sys
 
-HEAVY = {"numba", "llvmlite", "trimesh", "embreex", "OpenImageIO", "matplotlib", "PIL", "tqdm", "scipy", "batoid"}
+HEAVY = {
+    "mpmath",
+    "numba",
+    "llvmlite",
+    "trimesh",
+    "embreex",
+    "OpenImageIO",
+    "matplotlib",
+    "PIL",
+    "tqdm",
+    "scipy",
+    "batoid",
+}
 
 
 def loaded_by(code):

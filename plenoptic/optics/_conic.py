@@ -24,11 +24,8 @@ from plenoptic.optics._blocks import (
 NEWTON_STEPS = 12
 """Steps that all rays of a block may take together; those that need more are looked at one by one."""
 
-PIECES = 32
-"""Parts of a ray's way through the clear cylinder that are searched for its first crossing."""
-
-MOST_STEPS = 100
-"""Iterations that one ray may take in the end: bisection alone needs some 60."""
+MOST_STEPS = 400
+"""Steps that one ray may take in the search for its first crossing; each is as long as is surely safe."""
 
 EPS = 2.220446049250313e-16
 TINY = 1e-300
@@ -82,7 +79,7 @@ def refract_conic_block(ray, c, conic, mu, clear, rim, s, code):
         lost = 0.0 if cos2 >= 0.0 else code + TOTAL_REFLECTION
         lost = lost if r2 <= clear else code + CLIPPED
         lost = lost if r2 < math.inf else code + NOT_FINITE
-        lost = code + MISSED if q2 < 0.0 or c * kz * z > rim else lost
+        lost = code + MISSED if q2 <= 0.0 or c * kz * z > rim else lost
         was = ray[STATUS + i]
         ray[STATUS + i] = was if was != 0.0 else lost
 
@@ -133,52 +130,82 @@ def _first_crossing(x, y, z, l, m, n, c, kz, aspheric, clear, s):
         begin, end = max(begin, min(near, far)), min(end, max(near, far))
     if not begin <= end:
         return 0.0, CLIPPED
-    # The surface is crossed where s f goes from below 0 to above.
-    low = begin
-    f_low = s * _distance(low, x, y, z, l, m, n, c, kz, aspheric, clear)
-    pieces = 1 if abs(n) > aspheric[STEEPEST] * math.sqrt(sin2) else PIECES
-    for j in range(1, pieces + 1):
-        high = begin + (end - begin) * (j / pieces)
-        f_high = s * _distance(high, x, y, z, l, m, n, c, kz, aspheric, clear)
-        if f_low <= 0.0 <= f_high:
-            return _bracketed(low, high, x, y, z, l, m, n, c, kz, aspheric, clear, s)
-        low, f_low = high, f_high
-    return 0.0, CLIPPED
+    return _climb(begin, end, x, y, z, l, m, n, c, kz, aspheric, clear, s)
 
 
 @device
-def _distance(t, x, y, z, l, m, n, c, kz, aspheric, clear):
-    """Height over the surface of a point of a ray inside the clear cylinder, whose rim it may miss by rounding."""
-    x, y = x + t * l, y + t * m
-    sag, _ = height(min(x * x + y * y, clear), c, kz, aspheric)
-    return (z + t * n) - sag
+def _bend_ahead(r, half, sin2, c, kz, aspheric, clear):
+    """How far ahead a bound on the second derivative of the sag along a ray holds, and that bound.
+
+    Along a ray it is at most sin^2 times the second derivative by r, since sag' / r is a mean of that. Both parts are
+    largest at the largest r: inwards that of the ray's point, until it is as far from the axis again; outwards, half of
+    what is left to the rim is looked ahead.
+    """
+    edge = math.sqrt(clear)
+    outwards = half >= 0.0
+    ahead = 0.5 * (edge - r) / math.sqrt(sin2) if outwards else -2.0 * half / sin2
+    r2 = (0.5 * (r + edge)) ** 2 if outwards else r * r
+    w2 = max(min(1.0 - kz * c * c * r2, 1.0), 0.0)
+    terms = 0.0
+    for j in range(aspheric.size - 1, FIRST_TERM - 1, -1):
+        power = 2.0 * (j - FIRST_TERM) + 2.0
+        terms = terms * r2 + power * (power - 1.0) * abs(aspheric[j])
+    return ahead, sin2 * (abs(c) / (w2 * math.sqrt(w2)) + terms)
 
 
 @device
-def _bracketed(low, high, x, y, z, l, m, n, c, kz, aspheric, clear, s):
-    """Newton's method that halves its bracket where a step would leave it."""
-    t = 0.5 * (low + high)
+def _safe_step(gap, rate, sharp):
+    """How far a gap surely stays open that closes at a rate which changes by at most `sharp` per length."""
+    root = math.sqrt(rate * rate + 2.0 * sharp * gap)
+    return 2.0 * gap / (rate + root) if rate > 0.0 else (root - rate) / sharp
+
+
+@device
+def _climb(begin, end, x, y, z, l, m, n, c, kz, aspheric, clear, s):
+    """From `begin` on, step by step, to where s (z - sag) first comes from below 0 to above.
+
+    With f and g the function and its derivative and M a bound on its second derivative, f + g h + M h^2 / 2 is an upper
+    bound: no step to its zero passes a crossing, and near a simple one it is Newton's step. Where a ray begins above
+    the surface, it first goes down in the same way, and on by -g / M, where it is surely below. Of the bounds ahead and
+    on the whole surface, the one that allows the longer step is taken.
+    """
+    sin2 = l * l + m * m
+    whole = sin2 * aspheric[SHARPEST]
+    below = False
+    t = begin
     for _ in range(MOST_STEPS):
         px, py, pz = x + t * l, y + t * m, z + t * n
-        r2 = min(px * px + py * py, clear)
+        # At the equator itself the sag has no derivative.
+        r2 = min(px * px + py * py, clear * (1.0 - 16.0 * EPS))
+        half = px * l + py * m
         sag, bend = height(r2, c, kz, aspheric)
         f = s * (pz - sag)
-        if f > 0.0:
-            high = t
-        else:
-            low = t
-        step = -f / (s * (n - 2.0 * bend * (px * l + py * m)))
+        g = s * (n - 2.0 * bend * half)
         close = EPS * (abs(px) + abs(py) + abs(pz)) + TINY
-        done = abs(step) <= close or abs(f) <= _rounding(r2, pz, c, kz, aspheric) or high - low <= close
-        if done or t + step == t:
-            return t, 0.0
-        t = t + step if low < t + step < high else 0.5 * (low + high)
+        rounding = _rounding(r2, pz, c, kz, aspheric)
+        ahead, sharp = _bend_ahead(math.sqrt(r2), half, sin2, c, kz, aspheric, clear)
+        if abs(f) <= rounding:
+            if below or g > 0.0:
+                return t, 0.0
+            step = max(min(-g / sharp, ahead), -g / whole)
+        else:
+            if below and f > 0.0:
+                return t, 0.0
+            rate = -g if f > 0.0 else g
+            step = min(_safe_step(abs(f), rate, sharp), ahead)
+            step = max(step, _safe_step(abs(f), rate, whole)) if whole < math.inf else step
+            if below and step <= close:
+                return t, 0.0
+            below = f < 0.0
+        t += max(step, close)
+        if not t <= end:
+            return 0.0, CLIPPED
     return t, NOT_CONVERGED
 
 
 @device
-def _to_conic_of_asphere(ray, c, kz):
-    """Move rays to the crossing of the asphere's conic, or to their closest approach where there is none."""
+def _to_conic_of_asphere(ray, heights, c, kz):
+    """Move rays to the crossing of the asphere's conic, or to their closest approach where there is none; keep that."""
     for i in range(BLOCK):
         x, y, z = ray[X + i], ray[Y + i], ray[Z + i]
         l, m, n = ray[L + i], ray[M + i], ray[N + i]
@@ -186,6 +213,7 @@ def _to_conic_of_asphere(ray, c, kz):
         x += e * l
         y += e * m
         z += e * n
+        heights[2, i], heights[3, i], heights[4, i] = x, y, z
         f = c * (x * x + y * y + kz * z * z) - 2.0 * z
         g = n - c * (x * l + y * m + kz * z * n)
         q2 = g * g - c * (1.0 + (kz - 1.0) * n * n) * f
@@ -271,15 +299,17 @@ def _settle(ray, heights, c, kz, aspheric, clear, s, code):
     for i in range(BLOCK):
         if heights[0, i] == 1.0:
             continue
-        x, y, z = ray[X + i], ray[Y + i], ray[Z + i]
+        # From the closest approach: wide steps of Newton's method lead off the ray by their own rounding.
+        x, y, z = heights[2, i], heights[3, i], heights[4, i]
         l, m, n = ray[L + i], ray[M + i], ray[N + i]
-        e = -(x * l + y * m + z * n)
-        x, y, z = x + e * l, y + e * m, z + e * n
         t, lost = _first_crossing(x, y, z, l, m, n, c, kz, aspheric, clear, s)
         ray[X + i] = x + t * l
         ray[Y + i] = y + t * m
         ray[Z + i] = z + t * n
-        _, heights[1, i] = height(ray[X + i] ** 2 + ray[Y + i] ** 2, c, kz, aspheric)
+        r2 = ray[X + i] ** 2 + ray[Y + i] ** 2
+        _, heights[1, i] = height(r2, c, kz, aspheric)
+        # A direction so near the axis that its square is 0 says nothing about where the cylinder is left.
+        lost = lost if r2 <= clear * (1.0 + 16.0 * EPS) or lost != 0.0 else CLIPPED
         if lost != 0.0:
             finite = x - x == 0.0 and y - y == 0.0 and z - z == 0.0
             ray[STATUS + i] = code + (lost if finite else NOT_FINITE)
@@ -287,14 +317,14 @@ def _settle(ray, heights, c, kz, aspheric, clear, s, code):
 
 @device
 def refract_asphere_block(ray, heights, c, conic, aspheric, mu, clear, s, code):
-    """Through one even asphere; `aspheric` as in `LensTables`, `heights` (2, BLOCK) to work in.
+    """Through one even asphere; `aspheric` as in `LensTables`, `heights` (5, BLOCK) to work in.
 
     A ray steeper against the vertex plane than the surface is anywhere crosses it at most once, and the crossing that
     Newton's method finds is that one. All others are searched for their first crossing inside the semi-diameter.
     """
     kz = 1.0 + conic
     bend_index = 1.0 - mu * mu
-    _to_conic_of_asphere(ray, c, kz)
+    _to_conic_of_asphere(ray, heights, c, kz)
     _newton(ray, heights, c, kz, aspheric, clear)
     _settle(ray, heights, c, kz, aspheric, clear, s, code)
     for i in range(BLOCK):

@@ -82,7 +82,7 @@ def refract_block(ray, c, mu, clear, rim, s, code):
         lost = 0.0 if cos2 >= 0.0 else code + TOTAL_REFLECTION
         lost = lost if r2 <= clear else code + CLIPPED
         lost = lost if r2 < math.inf else code + NOT_FINITE
-        lost = code + MISSED if q2 < 0.0 or c * z > rim else lost
+        lost = code + MISSED if q2 <= 0.0 or c * z > rim else lost
         was = ray[STATUS + i]
         ray[STATUS + i] = was if was != 0.0 else lost
 
@@ -192,7 +192,7 @@ def trace_block(ray, kind, z, c, mu, clear, rim, number, edges, first_edge, coni
             if kind[k] == CONIC:
                 refract_conic_block(ray, c[k], conic[k], mu[k], clear[k], rim[k], s, code)
             elif aspheric is not None:
-                heights = np.empty((2, BLOCK))
+                heights = np.empty((5, BLOCK))
                 refract_asphere_block(ray, heights, c[k], conic[k], aspheric[k], mu[k], clear[k], s, code)
         if frames is not None:  # noqa: SIM102 - alone, so that it is pruned
             if frames[k, 12] != 0.0:

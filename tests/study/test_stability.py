@@ -1,0 +1,278 @@
+"""Rounding errors of ray tracing against 50 digits, every ray held to its own bound."""
+
+import math
+import subprocess
+import sys
+
+import mpmath
+import numpy as np
+import pytest
+
+import plenoptic as pl
+from plenoptic.study import QUICK, stability
+from plenoptic.study.__main__ import main
+from plenoptic.study.exact_asphere import exact_sag, first_crossing
+from plenoptic.study.reference import DIGITS, exact_rays, normal_at, refracted
+from plenoptic.study.rounding_bounds import EPS, LENS_DIRECTION, LENS_POSITION, Law, bounds_of
+from plenoptic.study.stability_cases import GLASS, WIDE, single, stability_cases
+from plenoptic.study.stability_table import StabilityRow, StabilityTable, stability_row
+
+CASES = {case.name: case for case in stability_cases()}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_every_ray_is_within_its_bounds(name):
+    row = stability_row(CASES[name], rays=QUICK)
+    assert row.holds, row
+    assert sum(count for _, count in row.returned) == QUICK
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", CASES)
+def test_every_one_of_many_rays_is_within_its_bounds(name):
+    row = stability_row(CASES[name], rays=2000, seed=1)
+    assert row.holds, row
+
+
+# That the cases are what their names say
+
+
+def returned(name):
+    return dict(stability_row(CASES[name], rays=QUICK, seed=3).returned)
+
+
+def test_cases_return_what_they_are_about():
+    assert returned("miss") == {"MISSED": QUICK}
+    for name in ("backward rays: the wrong way", "backward rays: the wrong way, plane"):
+        assert "OK" not in returned(name)
+    for name in ("total reflection, sphere", "exact tangent", "hyper-hemisphere, in reverse"):
+        assert len(returned(name)) >= 2 and "OK" in returned(name)
+    for k in range(2, 8):
+        assert returned(f"grazing, cos i 1e-{k}") == {"OK": QUICK}
+    assert returned("radius 1e9, then 1e-3, scene 1 km away") == {"OK": QUICK}
+    assert {"OK", "NOT_FINITE"} <= set(returned("wild numbers, double Gauss"))
+
+
+def exact_of(name, n=QUICK):
+    case = CASES[name]
+    lens, rays, first, last, reverse = case.setup(np.random.default_rng(5), n)
+    return exact_rays(lens, rays, first, last, reverse=reverse, digits=case.digits)
+
+
+@pytest.mark.parametrize("k", range(2, 8))
+def test_grazing_rays_graze(k):
+    # cos^2 i is off by some ten eps, those of coordinates of up to 10 mm over the radius of 10 mm: 10 % of it at 1e-7.
+    cosines = [float(ray.crossings[0].cos_i) for ray in exact_of(f"grazing, cos i 1e-{k}")]
+    assert cosines == pytest.approx([10.0**-k] * QUICK, rel=0.3)
+
+
+def test_reflections_lie_on_both_sides_of_the_critical_angle_down_to_rounding():
+    beside = np.array([float(ray.crossings[0].cos2_t) for ray in exact_of("total reflection, sphere", 200)])
+    for side in (beside[beside > 0], -beside[beside < 0]):
+        assert side.size > 50 and side.min() < 1e-13 and side.max() > 1e-3
+
+
+@pytest.mark.parametrize("shape", ["a ring", "gull wings", "ripples"])
+def test_some_rays_cross_their_asphere_several_times(shape):
+    lens, rays, k, _, _ = CASES[f"asphere crossed several times: {shape}"].setup(np.random.default_rng(5), 200)
+    surface = lens.elements[k]
+    t = np.linspace(0.0, 20.0, 4001)
+    points = rays.origin[:, None] + t[:, None] * rays.direction[:, None]
+    r = np.hypot(points[..., 0], points[..., 1])
+    inside = r <= surface.semi_diameter
+    above = points[..., 2] - lens.vertices[k] > surface.sag(np.minimum(r, surface.semi_diameter))
+    crossings = np.count_nonzero((above[:, 1:] != above[:, :-1]) & inside[:, 1:] & inside[:, :-1], axis=1)
+    assert np.count_nonzero(crossings >= 3) >= 5
+
+
+def test_the_axis_case_is_near_the_axis():
+    for ray in exact_of("near the axis, 1e-4"):
+        assert math.hypot(*map(float, ray.crossings[0].hit[:2])) <= 1.1e-4
+
+
+# The reference itself
+
+
+def residual(surface, hit):
+    """How far a point is from the surface's own equation, in 50 digits."""
+    squash, radius = 1 + mpmath.mpf(surface.conic), mpmath.mpf(surface.radius)
+    return abs(hit[0] ** 2 + hit[1] ** 2 + squash * hit[2] ** 2 - 2 * radius * hit[2]) / abs(radius)
+
+
+@pytest.mark.parametrize("name", ["radius 50", "conic -1", "conic -3", "conic +2", "hyper-hemisphere", "asphere"])
+def test_exact_points_lie_on_the_surface_and_obey_snell(name):
+    lens, rays, k, _, _ = CASES[name].setup(np.random.default_rng(5), 20)
+    surface = lens.elements[k]
+    with mpmath.workdps(DIGITS):
+        for ray in exact_rays(lens, rays, k, k):
+            (crossing,) = ray.crossings
+            if surface.aspheric:
+                off = abs(crossing.hit[2] - exact_sag(mpmath.mp, surface, crossing.hit)[0])
+            else:
+                off = residual(surface, crossing.hit)
+            # All digits but a few, and the condition 1 / cos i, at most 1e3 here.
+            assert off < mpmath.mpf(10) ** -43
+            normal, _ = normal_at(surface, crossing.hit)
+            across = [_cross(normal, v) for v in (crossing.incident, ray.direction)]
+            sideways = [a - crossing.mu * b for a, b in zip(across[1], across[0], strict=True)]
+            assert mpmath.norm(sideways) < mpmath.mpf(10) ** -45
+            assert abs(mpmath.norm(ray.direction) - 1) < mpmath.mpf(10) ** -45
+
+
+def _cross(a, b):
+    return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+
+
+def test_normals_of_an_asphere_are_gradients_of_its_sag():
+    surface = pl.Surface(20.0, semi_diameter=4.0, conic=-0.5, aspheric=(0.0, 1e-3, -1e-5))
+    normal, curvature = normal_at(surface, [mpmath.mpf(3), mpmath.mpf(0), mpmath.mpf(0)])
+    assert float(-normal[0] / normal[2]) == pytest.approx(float(surface.slope(3.0)), rel=1e-14)
+    # The larger of the curvatures of meridian and parallel; second derivative by differences, O(h^2).
+    slope, h = float(surface.slope(3.0)), 1e-4
+    second = float(surface.slope(3.0 + h) - surface.slope(3.0 - h)) / (2 * h)
+    both = (second / (1 + slope**2) ** 1.5, slope / 3.0 / math.sqrt(1 + slope**2))
+    assert curvature == pytest.approx(max(both), rel=1e-6)
+
+
+def test_total_reflection_has_no_direction():
+    assert refracted([0.8, 0, 0.6], [0, 0, 1], 1.5, s=1) is None
+
+
+def test_a_hill_that_float64_only_touches_is_no_crossing():
+    # Across the ring's lowest points, of r^2 = -a_0 / (2 a_1), by less than float64 can tell.
+    ring = pl.Surface(math.inf, semi_diameter=2.5, aspheric=(-0.2, 0.05))
+    a, b = (mpmath.mpf(x) for x in ring.aspheric)
+    with mpmath.workdps(DIGITS):
+        low = -a * a / (4 * b)
+        for lift in (-(mpmath.mpf(10) ** -30), mpmath.mpf(10) ** -10):
+            start = [mpmath.mpf(0), mpmath.mpf(0), low + lift]
+            crossed = first_crossing(mpmath.mp, ring, start, [mpmath.mpf(1), 0, 0], 1)
+            if lift < 0:
+                assert crossed is None
+            else:
+                # The first of four: sag - low = b (r^2 - r_low^2)^2 = lift.
+                assert abs(crossed + mpmath.sqrt(-a / (2 * b) + mpmath.sqrt(lift / b))) < mpmath.mpf(10) ** -40
+
+
+# Bounds
+
+
+def test_bounds_of_one_surface_are_those_of_the_book():
+    lens, k = single(pl.Surface(50.0, semi_diameter=45.0), 1.0, GLASS)
+    rays = pl.RayBundle([[0, 0.0, -100.0], [20.0, 0.0, -60.0]], [[0, 0, 1.0], [0, 0.1, 1.0]])
+    for ray in exact_rays(lens, rays, k, k):
+        found, crossing = bounds_of(ray, [lens.elements[k]]), ray.crossings[0]
+        cos_i, cos_t, mu = float(crossing.cos_i), math.sqrt(float(crossing.cos2_t)), float(crossing.mu)
+        size = float(mpmath.norm(crossing.hit))
+        assert found.position == pytest.approx(4 * EPS * size / cos_i, rel=1e-12, abs=1e-29)
+        assert found.direction == found.snell == pytest.approx(4 * EPS * (1 + mu * mu) / cos_t, rel=1e-12)
+
+
+def test_bounds_grow_from_surface_to_surface():
+    lens = pl.load_lens("double-gauss-100mm-f2")
+    (ray,) = exact_rays(lens, pl.RayBundle([[0, 10.0, -404.0]], [[0, 0, 1.0]]))
+    surfaces = [element for element in lens.elements if isinstance(element, pl.Surface)]
+    bounds = [bounds_of(ray._replace(crossings=ray.crossings[:k]), surfaces[:k]) for k in range(1, len(surfaces) + 1)]
+    assert bounds[-1].direction > max(bound.snell for bound in bounds) and bounds[-1].position > bounds[0].position
+    # The whole lens is held to less than what its surfaces might add up to.
+    assert bounds[-1].position > LENS_POSITION and bounds[-1].direction > LENS_DIRECTION
+    assert CASES["double Gauss, full field"].law == Law.LENS
+
+
+def test_polygons_and_placements_are_refused():
+    lens = pl.load_lens("singlet-100mm-f4")
+    rays = pl.RayBundle([[0, 0, -100.0]], [[0, 0, 1.0]])
+    for unknown in (lens.with_stop(pl.PolygonStop(blades=6, semi_diameter=3.0)), lens.moved(1, shift=(0.1, 0, 0))):
+        with pytest.raises(pl.PrescriptionError, match="centred surfaces and circular stops"):
+            exact_rays(unknown, rays)
+
+
+def test_a_bare_surface_stands_between_its_indices():
+    lens, k = single(pl.Surface(10.0, semi_diameter=5.0), 1.7, 1.5, iris=3.0)
+    assert lens.indices()[k : k + 2].tolist() == [1.7, 1.5]
+    assert lens.vertices[k] == -3.0 and lens.stop.semi_diameter == WIDE
+
+
+# Tables
+
+
+def made_up(**changed):
+    row = {
+        "case": "made up",
+        "rays": 3,
+        "position_error": 1e-15,
+        "position_ulps": 1.0,
+        "position_ratio": 0.5,
+        "direction_error": 0.0,
+        "direction_ratio": None,
+        "snell_ratio": None,
+        "returned": [("OK", 2), ("MISSED", 1)],
+        "wrong": 0,
+        "seconds": 0.1,
+    }
+    return StabilityRow(**(row | changed))
+
+
+def test_a_row_beyond_a_bound_is_named():
+    assert made_up().holds
+    for changed in ({"position_ratio": 1.01}, {"snell_ratio": math.nan}, {"direction_ratio": 2.0}, {"wrong": 1}):
+        table = StabilityTable([made_up(), made_up(case="bad", **changed)])
+        assert not table.holds and "1 beyond their bounds: bad" in repr(table)
+
+
+def test_a_table_prints_itself():
+    table = StabilityTable([made_up(), made_up(case="another", position_error=None, position_ratio=None)])
+    lines = table.to_markdown().splitlines()
+    assert len(lines) == 4 and len({line.count("|") for line in lines}) == 1
+    assert "2 OK, 1 MISSED" in lines[2]
+    assert str(table).splitlines()[1].startswith("made up") and len(str(table).splitlines()) == 3
+    assert table == StabilityTable(list(table.rows)) and hash(table)
+
+
+def test_the_command_prints_the_table():
+    done = subprocess.run(
+        [sys.executable, "-m", "plenoptic.study", "stability", "--quick", "--only", "radius", "--markdown"],
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    lines = done.stdout.splitlines()
+    assert lines[0].startswith("| case") and "| radius 1e-3" in done.stdout and f" {QUICK} OK" in done.stdout
+    assert len(lines) == 2 + sum(name.startswith("radius") for name in CASES)
+
+
+def test_the_command_says_what_is_wrong(capsys, monkeypatch):
+    assert main(["stability", "--rays", "0"]) == 2
+    assert "rays is 0; it must be at least 1" in capsys.readouterr().err
+    assert main(["stability", "--only", "spheres"]) == 2
+    assert "no case begins so; the cases are 'double Gauss" in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        main([])
+    monkeypatch.setattr(
+        "plenoptic.study.stability_table.stability_row", lambda case, **_: made_up(case=case.name, wrong=1)
+    )
+    assert main(["stability", "--only", "plane"]) == 1
+    assert "beyond their bounds: plane" in capsys.readouterr().err
+
+
+def test_without_mpmath_it_says_how_to_get_it(monkeypatch):
+    monkeypatch.setitem(sys.modules, "mpmath", None)
+    with pytest.raises(pl.PlenopticError, match=r'pip install "plenoptic\[study\]"') as caught:
+        stability(rays=1, only=["plane"])
+    assert isinstance(caught.value, ImportError)
+
+
+def test_the_study_loads_mpmath_only_when_it_runs():
+    code = "import sys, plenoptic, plenoptic.study; print(sorted({'mpmath', 'numba'} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+    code = "import sys, plenoptic; print('plenoptic.study' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"
+
+
+def test_the_same_seed_gives_the_same_numbers_whatever_else_runs():
+    alone, among = stability(rays=10, only=["plane"]), stability(rays=10, only=["radius 50", "plane"])
+    same = [row for row in among.rows if row.case.startswith("plane")]
+    assert [row.cells[:-1] for row in alone.rows] == [row.cells[:-1] for row in same]
+    assert stability(rays=10, seed=1, only=["plane"]).rows[0].position_error != alone.rows[0].position_error
