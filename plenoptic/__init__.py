@@ -79,6 +79,7 @@ if TYPE_CHECKING:
     from plenoptic.plots.spots import plot_point_spread as plot_point_spread
     from plenoptic.plots.spots import plot_ray_fan as plot_ray_fan
     from plenoptic.plots.spots import plot_spots as plot_spots
+    from plenoptic.plots.spots import plot_through_focus as plot_through_focus
     from plenoptic.rays import RayBundle as RayBundle
     from plenoptic.rays import RayStatus as RayStatus
     from plenoptic.rendering import render as render
@@ -147,7 +148,7 @@ else:
         "plenoptic.plots.forward": ("plot_camera_spread",),
         "plenoptic.plots.lens": ("plot_lens",),
         "plenoptic.plots.seidel": ("plot_chromatic_shift", "plot_seidel"),
-        "plenoptic.plots.spots": ("plot_mtf", "plot_point_spread", "plot_ray_fan", "plot_spots"),
+        "plenoptic.plots.spots": ("plot_mtf", "plot_point_spread", "plot_ray_fan", "plot_spots", "plot_through_focus"),
         "plenoptic.rays": ("RayBundle", "RayStatus"),
         "plenoptic.rendering": ("render", "render_white"),
         "plenoptic.scene.environment": ("ConstantBackground",),

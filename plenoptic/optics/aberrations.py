@@ -14,7 +14,7 @@ from plenoptic.optics.analysis.fields import (
     distortion,
     field_curvature,
 )
-from plenoptic.optics.analysis.focusing import FocusCriterion, best_focus
+from plenoptic.optics.analysis.focusing import FocusCriterion, ThroughFocus, best_focus, through_focus
 from plenoptic.optics.analysis.illumination import (
     RelativeIllumination,
     Vignetting,
@@ -47,6 +47,7 @@ __all__ = [
     "RelativeIllumination",
     "SeidelSums",
     "SpotDiagram",
+    "ThroughFocus",
     "Vignetting",
     "best_focus",
     "chromatic_shift",
@@ -64,5 +65,6 @@ __all__ = [
     "relative_illumination",
     "seidel_sums",
     "spot_diagram",
+    "through_focus",
     "vignetting",
 ]

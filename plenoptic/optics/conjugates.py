@@ -7,8 +7,8 @@ import math
 from plenoptic._values import finite
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens import LensStack
-from plenoptic.optics.matrices import end_surfaces, over, transfer_matrix
-from plenoptic.optics.paraxial_rays import marginal_ray
+from plenoptic.optics.matrices import end_surfaces, over, transfer_matrix, without_rounding
+from plenoptic.optics.paraxial_rays import ParaxialRay, marginal_ray
 
 
 def conjugates(lens: LensStack, magnification: float, wavelength: float = 587.6) -> tuple[float, float]:
@@ -35,7 +35,7 @@ def conjugates(lens: LensStack, magnification: float, wavelength: float = 587.6)
 
     References
     ----------
-    E. Hecht, Optics, 5th ed., section 5.2.3: the object is f / m from the front focus, the image -f m from the rear one.
+    E. Hecht, Optics, 5th ed., section 5.2.3: object f / m from the front focus, image -f m from the rear one.
 
     Examples
     --------
@@ -97,7 +97,23 @@ def numerical_apertures(lens: LensStack, z_object: float = -math.inf, wavelength
     (0.0605, 0.1898)
     """
     ray = marginal_ray(lens, z_object, wavelength)
-    return abs(float(ray.index[0] * ray.angle[0])), abs(float(ray.index[-1] * ray.angle[-1]))
+    return abs(float(ray.index[0] * ray.angle[0])), abs(leaving_aperture(lens, ray, wavelength))
+
+
+def leaving_aperture(lens: LensStack, marginal: ParaxialRay, wavelength: float = 587.6) -> float:
+    """N' u' of a marginal ray behind the lens: negative where light converges, exactly 0 where it leaves parallel.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> from plenoptic.optics.conjugates import leaving_aperture
+    >>> lens = pl.load_lens("double-gauss-100mm-f2")
+    >>> round(leaving_aperture(lens, pl.paraxial.marginal_ray(lens)), 4)
+    -0.2463
+    """
+    c, d = transfer_matrix(lens, wavelength, 0, len(lens.elements) - 1)[1].tolist()
+    by_height, by_angle = c * float(marginal.height[0]), d * float(marginal.index[0] * marginal.angle[0])
+    return without_rounding(by_height + by_angle, by_height, by_angle)
 
 
 def working_f_number(lens: LensStack, z_object: float = -math.inf, wavelength: float = 587.6) -> float:

@@ -47,7 +47,7 @@ class CardinalPoints:
     Attributes
     ----------
     efl : float
-        Effective focal length, mm, positive for a lens that collects; inf for an afocal one.
+        Effective focal length in the ambient medium, mm, positive for a lens that collects; inf for an afocal one.
     bfl, ffl : float
         Back and front focal length, mm: z of the rear focus minus z of the last surface, and z of the front focus
         minus z of the first surface. A camera lens mostly has bfl > 0 and ffl < 0.
@@ -127,8 +127,9 @@ def system_matrix(lens: LensStack, wavelength: float = 587.6) -> NDArray[np.floa
     >>> round(float(np.linalg.det(matrix)), 12)
     1.0
     """
+    first, last = end_surfaces(lens)
     around = float(lens.indices(wavelength)[0])
-    ((a, b), (c, d)) = transfer_matrix(lens, wavelength, *end_surfaces(lens)).tolist()
+    ((a, b), (c, d)) = transfer_matrix(lens, wavelength, first, last).tolist()
     return np.array([[a, b * around], [c / around, d]])
 
 

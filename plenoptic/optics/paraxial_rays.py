@@ -87,7 +87,7 @@ def paraxial_ray(lens: LensStack, *, height: float, angle: float, wavelength: fl
 
 
 def _to_iris(lens: LensStack, wavelength: float) -> tuple[float, float]:
-    """Height at the iris of the rays (height, angle) = (1, 0) and (0, 1) at the first element, exactly 0 where it is 0."""
+    """Height at the iris of the rays that have (height, angle) = (1, 0) and (0, 1) at the first element; 0 is exact."""
     end_surfaces(lens)
     per_height, per_reduced_angle = transfer_matrix(lens, wavelength, 0, lens.iris_index)[0].tolist()
     return per_height, per_reduced_angle * float(lens.indices(wavelength)[0])
@@ -214,7 +214,7 @@ def lagrange_invariant(marginal: ParaxialRay, chief: ParaxialRay) -> float:
 
     References
     ----------
-    W. T. Welford, Aberrations of Optical Systems, 1986, section 3.3.
+    W. T. Welford, Aberrations of Optical Systems, 1986: the Lagrange invariant.
 
     Examples
     --------

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from plenoptic._values import wrong_kind
 from plenoptic.plots import _pyplot
 
 if TYPE_CHECKING:
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
 
 _NAMES = ("spherical", "coma", "astigmatism", "Petzval", "distortion")
 _COLOURS = ("#31566f", "#c8553d", "#5b8e7d", "#8f8f8f", "#d9a441")
+_RULE = "#888888"
 
 
 def plot_seidel(sums: SeidelSums, ax: Axes | None = None) -> Axes:
@@ -30,7 +32,12 @@ def plot_seidel(sums: SeidelSums, ax: Axes | None = None) -> Axes:
     Returns
     -------
     matplotlib.axes.Axes
-        Elements by their index to the right, the sum last; sums in mm upwards.
+        Elements that have sums, by their index, to the right, the sum of all last; sums in mm upwards.
+
+    Raises
+    ------
+    InvalidValueError
+        If `sums` is something else.
 
     Examples
     --------
@@ -39,16 +46,20 @@ def plot_seidel(sums: SeidelSums, ax: Axes | None = None) -> Axes:
     >>> ax.get_ylabel()
     'Seidel sum / mm'
     """
-    plt = _pyplot()
+    if not hasattr(sums, "petzval"):
+        raise wrong_kind(sums, "sums", "SeidelSums", "what pl.aberrations.seidel_sums(lens, field=0.2) returns")
     if ax is None:
-        _, ax = plt.subplots(figsize=(8.0, 4.0), layout="constrained")
+        _, ax = _pyplot().subplots(figsize=(8.0, 4.0), layout="constrained")
     rows = [i for i, row in enumerate(sums.table) if row.any()]
     table = np.vstack([sums.table[rows], sums.total])
     place, width = np.arange(len(table)), 0.16
     for k, (name, colour) in enumerate(zip(_NAMES, _COLOURS, strict=True)):
         ax.bar(place + (k - 2) * width, table[:, k], width, color=colour, label=name)
+    for i in range(1, len(rows), 2):
+        ax.axvspan(i - 0.5, i + 0.5, color="#f1f1f1", linewidth=0, zorder=0)
     ax.axhline(0.0, color="black", linewidth=0.6)
-    ax.axvline(len(rows) - 0.5, color="#888888", linewidth=0.8, linestyle="--")
+    ax.axvline(len(rows) - 0.5, color=_RULE, linewidth=0.8, linestyle="--")
+    ax.set_xlim(-0.6, len(rows) + 0.6)
     ax.set_xticks(place, [*map(str, rows), "sum"])
     ax.set_xlabel("element")
     ax.set_ylabel("Seidel sum / mm")
@@ -58,7 +69,7 @@ def plot_seidel(sums: SeidelSums, ax: Axes | None = None) -> Axes:
 
 
 def plot_chromatic_shift(shift: ChromaticShift, ax: Axes | None = None) -> Axes:
-    """The paraxial focus against the wavelength.
+    """The paraxial focus against the wavelength, and the height of the image where it was asked for.
 
     Parameters
     ----------
@@ -70,7 +81,13 @@ def plot_chromatic_shift(shift: ChromaticShift, ax: Axes | None = None) -> Axes:
     Returns
     -------
     matplotlib.axes.Axes
-        Shift of the focus against that of the reference wavelength in mm to the right, wavelength in nm upwards.
+        Shifts against the reference wavelength in mm to the right, wavelength in nm upwards. The height is drawn if
+        `shift` was made with a field.
+
+    Raises
+    ------
+    InvalidValueError
+        If `shift` is something else.
 
     Examples
     --------
@@ -80,14 +97,21 @@ def plot_chromatic_shift(shift: ChromaticShift, ax: Axes | None = None) -> Axes:
     >>> pl.plot_chromatic_shift(shift).get_ylabel()
     'wavelength / nm'
     """
-    plt = _pyplot()
+    if not hasattr(shift, "focus"):
+        raise wrong_kind(shift, "shift", "ChromaticShift", "what pl.aberrations.chromatic_shift(lens) returns")
     if ax is None:
-        _, ax = plt.subplots(figsize=(5.0, 4.0), layout="constrained")
+        _, ax = _pyplot().subplots(figsize=(5.0, 4.0), layout="constrained")
     order = np.argsort(shift.wavelengths)
-    at_reference = shift.focus[np.flatnonzero(shift.wavelengths == shift.reference)[0]]
-    ax.plot(shift.focus[order] - at_reference, shift.wavelengths[order], color=_COLOURS[0], marker=".")
-    ax.axvline(0.0, color="#888888", linewidth=0.8, linestyle="--")
-    ax.set_xlabel("shift of the focus / mm")
+    middle = int(np.flatnonzero(shift.wavelengths == shift.reference)[0])
+    lateral = bool(shift.height.any())
+    curves = [("focus", shift.focus, "-"), *([("height of the image", shift.height, "--")] if lateral else [])]
+    for (name, values, style), colour in zip(curves, _COLOURS, strict=False):
+        moved = (values - values[middle])[order]
+        ax.plot(moved, shift.wavelengths[order], style, color=colour, marker=".", label=name)
+    ax.axvline(0.0, color=_RULE, linewidth=0.8, linestyle="--", zorder=0)
+    ax.set_xlabel("shift / mm" if lateral else "shift of the focus / mm")
     ax.set_ylabel("wavelength / nm")
-    ax.set_title(f"Axial colour, against {shift.reference:g} nm")
+    ax.set_title(f"{'Colour' if lateral else 'Axial colour'}, against {shift.reference:.5g} nm")
+    if lateral:
+        ax.legend(frameon=False, fontsize="small")
     return ax

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from plenoptic.optics.analysis.focusing import ThroughFocus
     from plenoptic.optics.analysis.mtf import Mtf, PointSpread
     from plenoptic.optics.analysis.spots import RayFan, SpotDiagram
 
@@ -351,4 +352,40 @@ def plot_mtf(mtfs: Mtf | Sequence[Mtf], ax: Axes | None = None) -> Axes:
     ax.set_xlabel("spatial frequency / (cycles/mm)")
     ax.set_ylabel("modulation")
     ax.legend(fontsize="small", frameon=False)
+    return ax
+
+
+def plot_through_focus(found: ThroughFocus, ax: Axes | None = None) -> Axes:
+    """The radius of the spot against the plane in which it is looked at.
+
+    Parameters
+    ----------
+    found : ThroughFocus
+        From `aberrations.through_focus`.
+    ax : matplotlib.axes.Axes, optional
+        Where to draw; a new figure if it is left out.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        z in mm to the right, RMS and largest radius in micrometres upwards; the best RMS focus is dashed.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> ax = pl.plot_through_focus(pl.aberrations.through_focus(pl.load_lens("singlet-100mm-f4")))
+    >>> ax.get_xlabel()
+    'z / mm'
+    """
+    plt = _pyplot()
+    if ax is None:
+        _, ax = plt.subplots(figsize=(6.0, 4.0), layout="constrained")
+    ax.plot(found.z, 1e3 * found.rms_radius, color="#31566f", label="RMS")
+    ax.plot(found.z, 1e3 * found.geometric_radius, color="#c8553d", linestyle="--", label="largest")
+    ax.axvline(found.best, color="#888888", linewidth=0.8, linestyle=":")
+    ax.set_ylim(bottom=0.0)
+    ax.set_xlabel("z / mm")
+    ax.set_ylabel("radius of the spot / µm")
+    ax.set_title(f"Through focus, best RMS at z = {found.best:.3f} mm")
+    ax.legend(frameon=False)
     return ax

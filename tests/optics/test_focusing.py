@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+import plenoptic as pl
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics import paraxial
 from plenoptic.optics.analysis.focusing import FocusCriterion, best_focus, front_focus, paraxial_focus, working_f_number
@@ -172,3 +173,22 @@ def test_what_is_no_criterion() -> None:
 def test_field_curvature_moves_the_focus() -> None:
     axis, edge = best_focus(GAUSS), best_focus(GAUSS, field=(0.0, 0.2))
     assert abs(edge - axis) > 0.05
+
+
+def test_through_focus_has_its_minimum_at_the_best_focus():
+    lens = pl.load_lens("double-gauss-100mm-f2")
+    found = pl.aberrations.through_focus(lens, field=(0.0, 0.1))
+    assert found.best == pl.aberrations.best_focus(lens, field=(0.0, 0.1))
+    # The square of the RMS radius is a parabola in z: the same three numbers everywhere, to rounding.
+    fit = np.polynomial.Polynomial.fit(found.z - found.best, found.rms_radius**2, 2)
+    assert np.abs(fit(found.z - found.best) - found.rms_radius**2).max() <= 1e-12 * (found.rms_radius**2).max()
+    assert np.all(found.geometric_radius >= found.rms_radius)
+    one = pl.aberrations.spot_diagram(lens, field=(0.0, 0.1), z_image=float(found.z[80]), rays=1 << 14)
+    assert one.rms_radius == pytest.approx(found.rms_radius[80], abs=4 * one.rms_radius_error)
+
+
+def test_an_afocal_beam_has_no_through_focus():
+    lens = pl.load_lens("singlet-100mm-f4").with_model(pl.LensModel.PARAXIAL)
+    z = pl.paraxial.cardinal_points(lens).front_focus
+    with pytest.raises(pl.InvalidValueError, match="parallel"):
+        pl.aberrations.through_focus(lens, z_object=z)

@@ -82,7 +82,7 @@ CATALOGUES = {
 }
 
 # As the lens tables print them; no coefficients were found.
-MODELS = {"BSF52": (1.702, 26.1), "SFN64": (1.706, 30.3), "SFS5": (1.762, 27.1)}
+MODELS = {"BSF52": (1.702, 26.1), "F4": (1.61659, 36.63), "SFN64": (1.706, 30.3), "SFS5": (1.762, 27.1)}
 
 
 def test_every_bundled_glass_is_checked_here() -> None:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics import paraxial
 from plenoptic.optics.lens import LensStack
-from plenoptic.optics.media import ConstantMedium
+from plenoptic.optics.media import AIR, ConstantMedium
 from plenoptic.optics.prescriptions import lens_names, load_lens
 from plenoptic.optics.stops import CircularStop
 from plenoptic.optics.surface import Surface
@@ -48,17 +48,79 @@ def test_the_reference_lens() -> None:
     assert paraxial.magnification(lens, -404.0) == pytest.approx(-0.3187, abs=0.00005)
 
 
-def test_the_achromat_of_the_catalogue() -> None:
-    """Thorlabs AC254-100-A: efl 100.1, bfl 97.1, from radii rounded to 0.1 mm, some 0.2 % of the powers."""
+def test_the_achromat_is_one() -> None:
     lens = load_lens("achromat-100mm-f4.4")
-    assert paraxial.cardinal_points(lens).efl == pytest.approx(100.1, abs=0.2)
-    assert paraxial.cardinal_points(lens).bfl == pytest.approx(97.1, abs=0.2)
     blue, red = (paraxial.cardinal_points(lens, line).efl for line in (486.1327, 656.2725))
     singlet = load_lens("singlet-100mm-f4")
     single_blue, single_red = (paraxial.cardinal_points(singlet, line).efl for line in (486.1327, 656.2725))
     # f / V between F and C for the singlet; an achromat brings it to a few percent of that.
     assert single_red - single_blue == pytest.approx(100.0 / 64.17, rel=0.01)
     assert abs(red - blue) < 0.1 * (single_red - single_blue)
+
+
+@dataclasses.dataclass
+class Published:
+    """Of a lens, with half a unit of the last digit to which its lengths and its indices are printed."""
+
+    name: str
+    efl: float | None
+    bfl: float
+    f_number: float
+    length_digit: float = 0.0005
+    index_digit: float = 0.0005
+
+
+PUBLISHED = [
+    # W. J. Smith, Modern Lens Design, 1992, pages 312, 351, 166, 178 and 186: scaled to 100 mm (Mandler's is not), the
+    # last distance of the table, and the aperture of the title.
+    Published("double-gauss-100mm-f2", 100.0, 72.228, 2.0),
+    Published("double-gauss-105mm-f1.4", None, 62.112, 1.4),
+    Published("fisheye-100mm-f8", 100.0, 150.119, 8.0),
+    Published("telephoto-100mm-f2.8", 100.0, 22.862, 2.8),
+    Published("topogon-100mm-f6.3", 100.0, 77.809, 6.3),
+    # Thorlabs AC254-100-A, catalogue: f = 100.1 mm, f_b = 97.1 mm, 90 % of 25.4 mm.
+    Published("achromat-100mm-f4.4", 100.1, 97.1, 4.38, length_digit=0.05, index_digit=0.0),
+]
+
+
+def as_printed(lens: LensStack, length_digit: float, index_digit: float) -> list[LensStack]:
+    """The same lens with one number after the other larger by half a unit of its last printed digit."""
+    made = []
+    for i, element in enumerate(lens.elements):
+        changes: list[dict[str, object]] = []
+        if isinstance(element, Surface):
+            if lens.gap_media[i + 1] != AIR and index_digit > 0:
+                nd = element.medium.index(587.5618) + index_digit
+                changes.append({"medium": ConstantMedium(nd)})
+            if math.isfinite(element.radius):
+                changes.append({"radius": element.radius + length_digit})
+        if i + 1 < len(lens.elements) and element.thickness > 0:
+            changes.append({"thickness": element.thickness + length_digit})
+        for change in changes:
+            elements = [*lens.elements[:i], dataclasses.replace(element, **change), *lens.elements[i + 1 :]]  # type: ignore[arg-type]
+            made.append(dataclasses.replace(lens, elements=elements))
+    return made
+
+
+@pytest.mark.parametrize("published", PUBLISHED, ids=lambda published: published.name)
+def test_published_values(published: Published) -> None:
+    lens = load_lens(published.name)
+    points = paraxial.cardinal_points(lens, 587.5618)
+    others = [
+        paraxial.cardinal_points(other, 587.5618)
+        for other in as_printed(lens, published.length_digit, published.index_digit)
+    ]
+    # What digits that are not printed leave open: each one even within half a unit, so sqrt(1/3) of it; two deviations.
+    open_bfl = 2 * math.sqrt(sum((other.bfl - points.bfl) ** 2 for other in others) / 3)
+    open_efl = 2 * math.sqrt(sum((other.efl - points.efl) ** 2 for other in others) / 3)
+    assert open_bfl < 1.0
+    assert points.bfl == pytest.approx(published.bfl, abs=open_bfl + published.length_digit)
+    if published.efl is not None:
+        # What is scaled to 100 mm is so to a unit of the third digit.
+        last_digit = published.length_digit if published.index_digit == 0 else 1.0
+        assert points.efl == pytest.approx(published.efl, abs=open_efl + last_digit)
+    # Apertures are round numbers of the usual series; 6.3 stands for 2^(8/3) = 6.35.
+    assert points.f_number == pytest.approx(published.f_number, rel=0.03)
 
 
 # ---- closed forms ----

@@ -5,11 +5,12 @@ from __future__ import annotations
 import enum
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from plenoptic._values import choice
+from plenoptic._values import choice, frozen_array, set_field, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.analysis.pencils import checked_point, checked_wavelengths, passing_light
 from plenoptic.optics.lens import LensStack
@@ -206,14 +207,49 @@ def best_focus(
     [102.7, 101.55, 101.4]
     """
     _needs_a_lens(lens)
-    point, z = checked_point(lens, field, z_object)
-    wavelengths = checked_wavelengths(wavelength)
-    first_guess = paraxial_focus(lens, z, wavelengths[0])
     kind = choice(criterion, FocusCriterion, "criterion")
     if kind is FocusCriterion.PARAXIAL:
-        return first_guess
+        _, z = checked_point(lens, field, z_object)
+        return paraxial_focus(lens, z, checked_wavelengths(wavelength)[0])
+    beam = _beam(lens, field, z_object, wavelength, rays, seed)
+    if beam.spread <= (1e-12) ** 2 * beam.weight.sum():
+        return math.inf
+    if kind is FocusCriterion.GEOMETRIC_SPOT:
+        return beam.z + _least_radius(beam.heights, beam.slopes, beam.sharpest, spread=beam.spread, weight=beam.weight)
+    return beam.z + beam.sharpest
+
+
+class _Beam(NamedTuple):
+    """Straight rays behind the lens, heights and slopes from their centroid's, in a plane near the image."""
+
+    z: float
+    heights: NDArray[np.float64]
+    slopes: NDArray[np.float64]
+    weight: NDArray[np.float64]
+
+    @property
+    def spread(self) -> float:
+        return float(self.weight @ np.einsum("ij,ij->i", self.slopes, self.slopes))
+
+    @property
+    def sharpest(self) -> float:
+        """How far behind z the mean square of the heights is least."""
+        return -float(self.weight @ np.einsum("ij,ij->i", self.heights, self.slopes)) / self.spread
+
+
+def _beam(
+    lens: LensStack,
+    field: Sequence[float],
+    z_object: float,
+    wavelength: float | Sequence[float],
+    rays: int,
+    seed: int,
+) -> _Beam:
+    point, z = checked_point(lens, field, z_object)
+    wavelengths = checked_wavelengths(wavelength)
+    guess = paraxial_focus(lens, z, wavelengths[0])
     # Near the image, heights and slopes are not correlated much, and nothing cancels.
-    z_near = first_guess if math.isfinite(first_guess) else float(lens.vertices[-1])
+    z_near = guess if math.isfinite(guess) else float(lens.vertices[-1])
     light = passing_light(lens, field=point, z_object=z, z_image=z_near, wavelengths=wavelengths, rays=rays, seed=seed)
     if len(light.points) < 2:
         raise InvalidValueError(
@@ -223,13 +259,99 @@ def best_focus(
     total = light.weight.sum()
     heights = light.points - light.weight @ light.points / total
     slopes = light.slopes - light.weight @ light.slopes / total
-    spread = float(light.weight @ np.einsum("ij,ij->i", slopes, slopes))
-    if spread <= (1e-12) ** 2 * total:
-        return math.inf
-    shift = -float(light.weight @ np.einsum("ij,ij->i", heights, slopes)) / spread
-    if kind is FocusCriterion.GEOMETRIC_SPOT:
-        shift = _least_radius(heights, slopes, shift, spread=spread, weight=light.weight)
-    return z_near + shift
+    return _Beam(z_near, heights, slopes, light.weight)
+
+
+@value
+class ThroughFocus:
+    """Size of the spot in planes around the focus; made by `through_focus`.
+
+    Attributes
+    ----------
+    z : (n,) array
+        Planes in the lens frame, mm.
+    rms_radius, geometric_radius : (n,) array
+        Of the spot in each plane about its centroid, mm.
+    best : float
+        z of the least RMS radius, mm.
+    field : (2,) array
+        The object point: radians for an object at infinity, otherwise mm.
+    z_object : float
+        mm.
+
+    Examples
+    --------
+    See `through_focus`.
+    """
+
+    z: NDArray[np.float64]
+    rms_radius: NDArray[np.float64]
+    geometric_radius: NDArray[np.float64]
+    best: float
+    field: NDArray[np.float64]
+    z_object: float
+
+    def __post_init__(self) -> None:
+        for name in ("z", "rms_radius", "geometric_radius", "field"):
+            set_field(self, name, frozen_array(getattr(self, name), name=name, shape=(None,)))
+
+
+def through_focus(
+    lens: LensStack,
+    z: ArrayLike | None = None,
+    *,
+    field: Sequence[float] = (0.0, 0.0),
+    z_object: float = -math.inf,
+    wavelength: float | Sequence[float] = 587.6,
+    rays: int = 1 << 14,
+    seed: int = 0,
+) -> ThroughFocus:
+    """The size of the spot in planes around the focus: what `best_focus` finds the minimum of.
+
+    Parameters
+    ----------
+    lens : LensStack
+    z : (n,) array, optional
+        Planes in the lens frame, mm; 101 around the best focus if left out, to where the spot is some four times as
+        large.
+    field, z_object, wavelength, rays, seed
+        As for `best_focus`.
+
+    Returns
+    -------
+    ThroughFocus
+
+    Raises
+    ------
+    InvalidValueError
+        As `best_focus`, and where the rays leave parallel.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> found = pl.aberrations.through_focus(pl.load_lens("singlet-100mm-f4"))
+    >>> round(found.best, 2), round(float(found.z[found.rms_radius.argmin()]), 1)
+    (101.55, 101.6)
+    """
+    _needs_a_lens(lens)
+    beam = _beam(lens, field, z_object, wavelength, rays, seed)
+    if beam.spread <= (1e-12) ** 2 * beam.weight.sum():
+        raise InvalidValueError("the rays leave the lens parallel and have no focus; give another z_object")
+    best = beam.z + beam.sharpest
+    total = float(beam.weight.sum())
+    if z is None:
+        offsets = beam.heights + beam.sharpest * beam.slopes
+        least = float(beam.weight @ np.einsum("ij,ij->i", offsets, offsets))
+        reach = max(4.0 * math.sqrt(least / beam.spread), 1e-9 * max(abs(best), 1.0))
+        z = np.linspace(best - reach, best + reach, 101)
+    planes = np.atleast_1d(np.asarray(z, dtype=np.float64))
+    rms, geometric = np.empty(len(planes)), np.empty(len(planes))
+    for i, plane in enumerate(planes - beam.z):
+        offsets = beam.heights + plane * beam.slopes
+        r2 = np.einsum("ij,ij->i", offsets, offsets)
+        rms[i], geometric[i] = math.sqrt(float(beam.weight @ r2) / total), math.sqrt(float(r2.max()))
+    point, place = checked_point(lens, field, z_object)
+    return ThroughFocus(planes, rms, geometric, best, np.asarray(point), place)
 
 
 def _least_radius(

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from plenoptic._values import finite, frozen_array, set_field, value
 from plenoptic.errors import InvalidValueError
+from plenoptic.optics.conjugates import leaving_aperture
 from plenoptic.optics.media import C_LINE, D_LINE, F_LINE
 from plenoptic.optics.paraxial import image_position
 from plenoptic.optics.paraxial_rays import ParaxialRay, chief_ray, lagrange_invariant, marginal_ray
@@ -78,7 +79,7 @@ class SeidelSums:
     def wavefront(self) -> NDArray[np.float64]:
         """(5,): wavefront coefficients W040, W131, W222, W220 and W311 at the rim of pupil and field, in mm.
 
-        S_I / 8, S_II / 2, S_III / 2, (S_III + S_IV) / 4 and S_V / 2 (Welford, section 8.5): W220 is the sagittal field
+        S_I / 8, S_II / 2, S_III / 2, (S_III + S_IV) / 4 and S_V / 2 (Welford, chapter 8): W220 is the sagittal field
         curvature, and W220 + W222 the tangential one.
         """
         s1, s2, s3, s4, s5 = self.total
@@ -161,7 +162,7 @@ def seidel_sums(lens: LensStack, *, field: float, z_object: float = -math.inf, w
             table[i] = _spherical_part(element.vertex_curvature, marginal, chief, invariant, i)
             table[i] += _aspheric_part(element, marginal, chief, i)
     spherical, coma, astigmatism, petzval, distortion = table.T
-    aperture = float(marginal.index[-1] * marginal.angle[-1])
+    aperture = leaving_aperture(lens, marginal, wavelength)
     return SeidelSums(spherical, coma, astigmatism, petzval, distortion, aperture, float(wavelength))
 
 

@@ -1,0 +1,110 @@
+"""Paraxial colour: sizes known from the glasses, sums as the first order of shifts."""
+
+import math
+
+import numpy as np
+import pytest
+
+import plenoptic as pl
+from plenoptic.optics.analysis.seidel import seidel_sums
+
+GAUSS = pl.load_lens("double-gauss-100mm-f2")
+PLATE = pl.LensStack(
+    [
+        pl.CircularStop(5.0, 1.0),
+        pl.Surface(math.inf, 4.0, pl.ModelGlass(1.5, 60.0), semi_diameter=9.0),
+        pl.Surface(math.inf, semi_diameter=9.0),
+    ]
+)
+
+
+def test_a_singlet_spreads_the_focus_by_f_over_v() -> None:
+    singlet = pl.load_lens("singlet-100mm-f4")
+    medium = singlet.elements[1].medium
+    blue, yellow, red = (medium.index(w) for w in (486.1327, 587.5618, 656.2725))
+    shift = pl.aberrations.chromatic_shift(singlet)
+    abbe = (yellow - 1) / (blue - red)
+    # The back focus R / (n - 1) - d / n of the plano-convex lens, to the first order; the second is dn / n of it.
+    points = pl.paraxial.cardinal_points(singlet, 587.5618)
+    expected = points.efl / abbe - 5.0 * (blue - red) / yellow**2
+    assert shift.axial == pytest.approx(expected, rel=0.01)
+    assert shift.focus[1] == points.rear_focus
+
+
+def test_the_achromat_has_the_colour_of_its_glasses() -> None:
+    """Thorlabs AC254-100-A, designed for F, d and C; the secondary spectrum is f (P1 - P2) / (V1 - V2)."""
+    lens = pl.load_lens("achromat-100mm-f4.4")
+    single = pl.aberrations.chromatic_shift(pl.load_lens("singlet-100mm-f4")).axial
+    shift = pl.aberrations.chromatic_shift(lens)
+    # Radii rounded to 0.1 mm leave 0.2 % of each power, of f / V = 3.1 of the crown and of the flint together 6 mm,
+    # and design balances F and C for the zone: of a singlet's colour less than a tenth is left.
+    assert 0 < shift.axial < 0.1 * single
+    crown, flint = lens.elements[1].medium, lens.elements[2].medium
+    n1, n2 = (np.array([m.index(w) for w in (486.1327, 587.5618, 656.2725)]) for m in (crown, flint))
+    v1, v2 = ((n[1] - 1) / (n[0] - n[2]) for n in (n1, n2))
+    p1, p2 = ((n[0] - n[1]) / (n[0] - n[2]) for n in (n1, n2))
+    secondary = 100.1 * (p2 - p1) / (v1 - v2)
+    assert secondary == pytest.approx(100.1 / 2000, rel=0.05)
+    # The mean of F and C less d: the axial colour that is left adds its own curvature, (P1 + P2) / 2 - 1 / 2 of it.
+    mixed = secondary - (0.5 * (p1 + p2) - 0.5) * shift.axial
+    assert shift.secondary_spectrum == pytest.approx(mixed, rel=0.15)
+    # Its focus turns within the visible: blue and deep red lie behind the nearest colour.
+    lines = np.arange(420.0, 761.0, 10.0)
+    focus = pl.aberrations.chromatic_shift(lens, wavelengths=lines).focus
+    assert 480 < lines[focus.argmin()] < 600
+    assert focus[0] > focus.min() + 0.1 < focus[-1]
+
+
+@pytest.mark.parametrize(("z_object", "field"), [(-math.inf, 0.1), (-400.0, 40.0)])
+@pytest.mark.parametrize("lens", [GAUSS, pl.load_lens("topogon-100mm-f6.3")], ids=lambda lens: lens.name)
+def test_sums_of_colour_are_the_first_order_of_the_shifts(lens, z_object, field) -> None:
+    left = []
+    for half in (4.0, 2.0):
+        lines = (587.6 - half, 587.6, 587.6 + half)
+        found = pl.aberrations.chromatic_shift(lens, field=field, z_object=z_object, wavelengths=lines)
+        axial, lateral = pl.aberrations.colour_sums(lens, field=field, z_object=z_object, wavelengths=lines).sum(axis=0)
+        aperture = seidel_sums(lens, field=field, z_object=z_object).aperture
+        assert axial / aperture**2 == pytest.approx(found.axial, rel=1e-3)
+        assert -lateral / aperture == pytest.approx(found.lateral, rel=1e-3)
+        left.append([axial / aperture**2 - found.axial, -lateral / aperture - found.lateral])
+    # Differences about a middle are wrong in the third order.
+    assert np.divide(*left) == pytest.approx(8.0, rel=0.1)
+
+
+def test_lateral_colour_vanishes_on_the_axis_and_at_a_thin_stop() -> None:
+    assert not pl.aberrations.chromatic_shift(GAUSS).height.any()
+    medium = pl.ModelGlass(1.5, 60.0)
+    surfaces = [pl.Surface(50.0, 0.0, medium, semi_diameter=9.0), pl.Surface(-150.0, semi_diameter=9.0)]
+    at_lens, before = (pl.LensStack([pl.CircularStop(2.0, gap), *surfaces]) for gap in (0.0, 10.0))
+    assert pl.aberrations.chromatic_shift(at_lens, field=0.2).lateral == pytest.approx(0.0, abs=1e-13)
+    # A chief ray that meets a collecting lens below the axis is bent up, blue more: its (negative) height is less.
+    assert pl.aberrations.chromatic_shift(before, field=0.2).lateral < -1e-3
+
+
+def test_a_shift_keeps_the_order_and_the_reference() -> None:
+    lines = [656.0, 500.0, 587.6]
+    shift = pl.aberrations.chromatic_shift(GAUSS, wavelengths=lines, reference=656.0, field=0.2)
+    assert shift.wavelengths.tolist() == lines
+    assert shift.reference == 656.0
+    for w, focus in zip(lines, shift.focus, strict=True):
+        assert focus == pl.paraxial.image_position(GAUSS, -math.inf, w)
+    ideal = -pl.paraxial.cardinal_points(GAUSS, 656.0).efl * math.tan(0.2)
+    assert shift.height[0] == pytest.approx(ideal, rel=1e-13)
+    assert shift.axial == shift.focus[2] - shift.focus[0]
+    assert shift.secondary_spectrum == pytest.approx(np.mean(shift.focus[[0, 2]]) - shift.focus[0], rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: pl.aberrations.chromatic_shift(GAUSS, reference=500.0), "one of the wavelengths"),
+        (lambda: pl.aberrations.chromatic_shift(GAUSS, wavelengths=[]), "wavelengths is empty"),
+        (lambda: pl.aberrations.chromatic_shift(GAUSS, wavelengths=["blue"]), "wavelengths is not"),
+        (lambda: pl.aberrations.chromatic_shift(GAUSS, wavelengths=[100.0]), "100"),
+        (lambda: pl.aberrations.colour_sums(GAUSS, field=0.1, wavelengths=(500.0,)), "must be three"),
+        (lambda: pl.aberrations.chromatic_shift(PLATE, field=0.1), "light leaves the lens parallel"),
+    ],
+)
+def test_impossible_questions_of_colour_are_refused(call, message) -> None:
+    with pytest.raises(pl.InvalidValueError, match=message):
+        call()

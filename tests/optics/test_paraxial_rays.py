@@ -1,0 +1,318 @@
+"""Marginal and chief ray, apertures, conjugates for a magnification; lenses in media and with aspheres."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+import plenoptic as pl
+from plenoptic.optics import paraxial
+from plenoptic.optics.tracing import traced_part
+
+GLASS = pl.ConstantMedium(1.5)
+GAUSS = pl.load_lens("double-gauss-100mm-f2")
+WATER = pl.ConstantMedium(1.333)
+IN_WATER = pl.LensStack(
+    [
+        pl.Surface(60.0, 6.0, pl.ConstantMedium(1.9), semi_diameter=14.0, conic=-0.7),
+        pl.Surface(-300.0, 9.0, WATER, semi_diameter=14.0, aspheric=(1e-3, 1e-6)),
+        pl.CircularStop(4.0, thickness=5.0),
+        pl.Surface(-60.0, 4.0, pl.ConstantMedium(1.6), semi_diameter=14.0),
+        pl.Surface(-50.0, 0.0, WATER, semi_diameter=14.0),
+    ],
+    name="in water",
+    ambient=WATER,
+)
+LENSES = [*map(pl.load_lens, pl.lens_names()), IN_WATER]
+SYMMETRIC = pl.LensStack(
+    [
+        pl.Surface(30.0, 5.0, GLASS, semi_diameter=10.0),
+        pl.Surface(80.0, 7.0, semi_diameter=10.0),
+        pl.CircularStop(4.0, 7.0),
+        pl.Surface(-80.0, 5.0, GLASS, semi_diameter=10.0),
+        pl.Surface(-30.0, semi_diameter=10.0),
+    ]
+)
+
+
+def thin(f: float, gap: float = 0.0) -> list[pl.Surface]:
+    """A lens without thickness of focal length f: (n - 1) (1 / R1 - 1 / R2) = 1 / f with R2 = -R1 and n = 1.5."""
+    return [pl.Surface(f, 0.0, GLASS, semi_diameter=0.2), pl.Surface(-f, gap, semi_diameter=0.2)]
+
+
+# ---- the rays ----
+
+
+@pytest.mark.parametrize("lens", LENSES, ids=lambda lens: lens.name)
+def test_a_paraxial_ray_goes_as_the_matrix_says(lens) -> None:
+    surfaces = [i for i, e in enumerate(lens.elements) if isinstance(e, pl.Surface)]
+    first, last = surfaces[0], surfaces[-1]
+    for height, angle in ((1.0, 0.0), (0.0, 0.01), (3.0, -0.02)):
+        ray = paraxial.paraxial_ray(lens, height=height, angle=angle)
+        found = paraxial.system_matrix(lens) @ [ray.height[first], ray.angle[first]]
+        # Some 40 products of heights up to some 10 mm.
+        assert found == pytest.approx([ray.height[last], ray.angle[last + 1]], rel=1e-12, abs=1e-12)
+
+
+@pytest.mark.parametrize("lens", LENSES, ids=lambda lens: lens.name)
+def test_exact_rays_tend_to_paraxial_ones(lens) -> None:
+    left = []
+    for scale in (0.02, 0.01):
+        height, angle = 0.5 * lens.stop.semi_diameter * scale, -0.05 * scale
+        direction = [0.0, math.sin(math.atan(angle)), math.cos(math.atan(angle))]
+        rays = pl.RayBundle([[0.0, height, lens.vertices[0]]], [direction])
+        out = traced_part(lens, rays, 0, len(lens.elements) - 1, clipping=False)
+        ray = paraxial.paraxial_ray(lens, height=height, angle=angle)
+        slope = out.direction[0, 1] / out.direction[0, 2]
+        left.append([out.at_z(lens.vertices[-1])[0, 1] - ray.height[-1], slope - ray.angle[-1]])
+    # What is left is of the third order: an eighth, but for the fifth.
+    assert np.divide(*left) == pytest.approx(8.0, rel=0.02)
+
+
+@pytest.mark.parametrize("lens", LENSES, ids=lambda lens: lens.name)
+@pytest.mark.parametrize("z_object", [-math.inf, -5000.0, -2000.0])
+def test_marginal_and_chief_ray_end_in_image_and_field(lens, z_object) -> None:
+    far = math.isinf(z_object)
+    field = 0.2 if far else 50.0
+    marginal = paraxial.marginal_ray(lens, z_object)
+    chief = paraxial.chief_ray(lens, field, z_object)
+    i = lens.iris_index
+    # Rounding of heights up to some 500 mm in front of the fisheye.
+    assert marginal.height[i] == pytest.approx(lens.stop.semi_diameter, rel=1e-12)
+    assert marginal.height[0] > 0
+    assert abs(chief.height[i]) < 1e-11
+    if far:
+        assert marginal.angle[0] == 0.0
+        assert -chief.angle[0] == pytest.approx(math.tan(field), rel=1e-14)
+    else:
+        before = lens.vertices[0] - z_object
+        assert marginal.height[0] - before * marginal.angle[0] == pytest.approx(0.0, abs=1e-12)
+        assert chief.height[0] - before * chief.angle[0] == pytest.approx(field, rel=1e-12)
+    behind = paraxial.image_position(lens, z_object) - lens.vertices[-1]
+    scale = -paraxial.cardinal_points(lens).efl if far else paraxial.magnification(lens, z_object)
+    ideal = scale * (math.tan(field) if far else field)
+    assert marginal.height[-1] + behind * marginal.angle[-1] == pytest.approx(0.0, abs=1e-10)
+    assert chief.height[-1] + behind * chief.angle[-1] == pytest.approx(ideal, rel=1e-11)
+
+
+@pytest.mark.parametrize("lens", LENSES, ids=lambda lens: lens.name)
+@pytest.mark.parametrize("z_object", [-math.inf, -2000.0])
+def test_the_chief_ray_points_at_the_pupils(lens, z_object) -> None:
+    points = paraxial.cardinal_points(lens)
+    chief = paraxial.chief_ray(lens, 0.2 if math.isinf(z_object) else 50.0, z_object)
+    entrance = chief.height[0] + chief.angle[0] * (points.entrance_pupil - lens.vertices[0])
+    leaving = chief.height[-1] + chief.angle[-1] * (points.exit_pupil - lens.vertices[-1])
+    assert [entrance, leaving] == pytest.approx([0.0, 0.0], abs=1e-10)
+    marginal = paraxial.marginal_ray(lens, z_object)
+    at_entrance = marginal.height[0] + marginal.angle[0] * (points.entrance_pupil - lens.vertices[0])
+    at_exit = marginal.height[-1] + marginal.angle[-1] * (points.exit_pupil - lens.vertices[-1])
+    assert abs(at_entrance) == pytest.approx(points.entrance_pupil_semi_diameter, rel=1e-11)
+    assert abs(at_exit) == pytest.approx(points.exit_pupil_semi_diameter, rel=1e-11)
+
+
+@pytest.mark.parametrize("lens", LENSES, ids=lambda lens: lens.name)
+@pytest.mark.parametrize(("z_object", "field"), [(-math.inf, 0.3), (-2000.0, 70.0)])
+def test_the_invariant_of_lagrange(lens, z_object, field) -> None:
+    marginal, chief = paraxial.marginal_ray(lens, z_object), paraxial.chief_ray(lens, field, z_object)
+    invariant = paraxial.lagrange_invariant(marginal, chief)
+    everywhere = marginal.index[1:] * (marginal.angle[1:] * chief.height - chief.angle[1:] * marginal.height)
+    assert everywhere == pytest.approx(invariant, rel=1e-10)
+    # In the image n' u' times its height; in the object plane n u times the field, which is positive.
+    behind = paraxial.image_position(lens, z_object) - lens.vertices[-1]
+    height = chief.height[-1] + behind * chief.angle[-1]
+    assert invariant == pytest.approx(marginal.index[-1] * marginal.angle[-1] * height, rel=1e-10)
+    assert invariant > 0
+    assert paraxial.lagrange_invariant(chief, marginal) == -invariant
+
+
+def test_fields_add_up() -> None:
+    one, two = paraxial.chief_ray(GAUSS, 10.0, -404.0), paraxial.chief_ray(GAUSS, -25.0, -404.0)
+    assert two.height == pytest.approx(-2.5 * one.height, rel=1e-13, abs=1e-13)
+    assert not paraxial.chief_ray(GAUSS, 0.0).height.any()
+
+
+# ---- apertures ----
+
+
+@pytest.mark.parametrize("lens", LENSES, ids=lambda lens: lens.name)
+def test_apertures_from_infinity(lens) -> None:
+    points = paraxial.cardinal_points(lens)
+    before, behind = paraxial.numerical_apertures(lens)
+    n = float(lens.indices()[0])
+    assert before == 0.0
+    assert behind == pytest.approx(n * points.entrance_pupil_semi_diameter / points.efl, rel=1e-11)
+    assert paraxial.working_f_number(lens) == pytest.approx(points.f_number / n, rel=1e-11)
+
+
+@pytest.mark.parametrize("lens", LENSES, ids=lambda lens: lens.name)
+@pytest.mark.parametrize("z_object", [-5000.0, -1500.0])
+def test_apertures_of_near_objects(lens, z_object) -> None:
+    points, m = paraxial.cardinal_points(lens), paraxial.magnification(lens, z_object)
+    before, behind = paraxial.numerical_apertures(lens, z_object)
+    n = float(lens.indices()[0])
+    # Abbe's sine condition, paraxially.
+    assert before == pytest.approx(abs(m) * behind, rel=1e-11)
+    slope = points.entrance_pupil_semi_diameter / (points.entrance_pupil - z_object)
+    assert before == pytest.approx(n * slope, rel=1e-11)
+    # N (1 - m / p) with the pupils' magnification p (Smith, Modern Optical Engineering, 4th ed., section 9.7).
+    pupils = paraxial.magnification(lens, points.entrance_pupil)
+    expected = points.f_number / n * (1 - m / pupils)
+    assert paraxial.working_f_number(lens, z_object) == pytest.approx(expected, rel=1e-10)
+
+
+def test_a_symmetric_lens_at_unit_magnification_stops_down_by_two() -> None:
+    z_object, _ = paraxial.conjugates(SYMMETRIC, -1.0)
+    before, behind = paraxial.numerical_apertures(SYMMETRIC, z_object)
+    assert before == pytest.approx(behind, rel=1e-12)
+    ratio = paraxial.working_f_number(SYMMETRIC, z_object) / paraxial.cardinal_points(SYMMETRIC).f_number
+    assert ratio == pytest.approx(2.0, rel=1e-12)
+
+
+# ---- conjugates ----
+
+
+@pytest.mark.parametrize("lens", LENSES, ids=lambda lens: lens.name)
+@pytest.mark.parametrize("m", [-30.0, -1.0, -0.3187, 0.5, 1.0, 7.0])
+def test_conjugates_have_their_magnification(lens, m) -> None:
+    z_object, z_image = paraxial.conjugates(lens, m)
+    points = paraxial.cardinal_points(lens)
+    assert paraxial.magnification(lens, z_object) == pytest.approx(m, rel=1e-10)
+    # Newton; differences of numbers up to the focal length times m.
+    size = abs(points.efl) * max(1.0, abs(m), 1 / abs(m)) + abs(lens.vertices[0])
+    assert z_object == pytest.approx(points.front_focus + points.efl / m, rel=0, abs=1e-13 * size)
+    assert z_image == pytest.approx(points.rear_focus - points.efl * m, rel=0, abs=1e-13 * size)
+
+
+def test_the_conjugates_of_one_are_the_principal_planes() -> None:
+    points = paraxial.cardinal_points(GAUSS)
+    assert paraxial.conjugates(GAUSS, 1.0) == pytest.approx((points.front_principal, points.rear_principal), abs=1e-12)
+
+
+@given(f=st.floats(10.0, 500.0), m=st.floats(-20.0, -0.05))
+def test_the_distance_of_object_and_image(f, m) -> None:
+    """A thin lens: f (2 - m - 1 / m), at least 4 f."""
+    z_object, z_image = paraxial.conjugates(pl.LensStack([pl.CircularStop(0.1), *thin(f)]), m)
+    assert z_image - z_object == pytest.approx(f * (2 - m - 1 / m), rel=1e-12)
+    assert z_image - z_object >= 4 * f * (1 - 1e-12)
+
+
+# ---- media around the lens, aspheres ----
+
+
+@given(
+    n0=st.floats(1.0, 1.8),
+    n=st.floats(1.3, 2.2),
+    r1=st.one_of(st.floats(20.0, 1e3), st.floats(-1e3, -20.0)),
+    r2=st.one_of(st.floats(20.0, 1e3), st.floats(-1e3, -20.0)),
+    d=st.floats(0.0, 15.0),
+)
+def test_the_thick_lens_in_a_medium(n0, n, r1, r2, d) -> None:
+    """Hecht, Optics, 5th ed., eqs. 6.1 to 6.4, with the relative index."""
+    around, m = pl.ConstantMedium(n0), n / n0
+    power = (m - 1) * (1 / r1 - 1 / r2 + (m - 1) * d / (m * r1 * r2))
+    # The difference of indices keeps 1e-3 / 2 of its digits, the power 1e-6 of terms of up to 0.1: 10 eps / 5e-9.
+    assume(abs(power) > 1e-6 and abs(m - 1) > 1e-3)
+    lens = pl.LensStack(
+        [pl.CircularStop(1.0), pl.Surface(r1, d, pl.ConstantMedium(n), semi_diameter=5.0),
+         pl.Surface(r2, 0.0, around, semi_diameter=5.0)], ambient=around
+    )  # fmt: skip
+    points, f = paraxial.cardinal_points(lens), 1 / power
+    close = {"rel": 1e-9, "abs": 1e-9 * abs(f)}
+    assert points.efl == pytest.approx(f, rel=1e-9)
+    assert points.front_principal == pytest.approx(-f * (m - 1) * d / (m * r2), **close)
+    assert points.rear_principal == pytest.approx(d - f * (m - 1) * d / (m * r1), **close)
+    assert points.exit_pupil == pytest.approx(paraxial.image_position(lens, 0.0), rel=1e-9)
+    assert np.linalg.det(paraxial.system_matrix(lens)) == pytest.approx(1.0, rel=1e-12)
+    assert points.rear_focus - points.rear_principal == pytest.approx(points.efl, rel=1e-12)
+
+
+def test_only_ratios_of_indices_matter() -> None:
+    """The double Gauss in water, its glasses 1.333 times as dense: angles, places and sizes are the same."""
+    n0 = WATER.index(587.6)
+    elements = [
+        dataclasses.replace(e, medium=pl.ConstantMedium(n0 * e.medium.index(587.6))) if isinstance(e, pl.Surface) else e
+        for e in GAUSS.elements
+    ]
+    wet = pl.LensStack(elements, ambient=pl.ConstantMedium(n0))
+    dry_points, wet_points = paraxial.cardinal_points(GAUSS), paraxial.cardinal_points(wet)
+    for field in dataclasses.fields(dry_points):
+        assert getattr(wet_points, field.name) == pytest.approx(getattr(dry_points, field.name), rel=1e-11)
+    for z in (-404.0, -math.inf):
+        assert paraxial.image_position(wet, z) == pytest.approx(paraxial.image_position(GAUSS, z), rel=1e-12)
+        assert paraxial.marginal_ray(wet, z).angle == pytest.approx(paraxial.marginal_ray(GAUSS, z).angle, abs=1e-13)
+        ratio = np.divide(paraxial.numerical_apertures(wet, z)[1], paraxial.numerical_apertures(GAUSS, z)[1])
+        assert ratio == pytest.approx(n0, rel=1e-12)
+
+
+def test_a_ball_in_water() -> None:
+    """efl = m R / (2 (m - 1)) with the relative index m, from its middle."""
+    m, radius = 1.7 / 1.333, 3.0
+    ball = pl.LensStack(
+        [
+            pl.Surface(radius, radius, pl.ConstantMedium(1.7), semi_diameter=radius),
+            pl.CircularStop(1.0, radius),
+            pl.Surface(-radius, 0.0, WATER, semi_diameter=radius),
+        ],
+        ambient=WATER,
+    )
+    points = paraxial.cardinal_points(ball)
+    assert points.efl == pytest.approx(m * radius / (2 * (m - 1)), rel=1e-13)
+    assert [points.front_principal, points.rear_principal] == pytest.approx([0.0, 0.0], abs=1e-13)
+
+
+def test_only_the_curvature_of_the_vertex_matters() -> None:
+    def lens(radius, **shape) -> pl.LensStack:
+        front = pl.Surface(radius, 5.0, GLASS, semi_diameter=8.0, **shape)
+        return pl.LensStack([front, pl.CircularStop(3.0, 2.0), pl.Surface(-90.0, semi_diameter=8.0)])
+
+    # The r^2 coefficient 0.002 is a curvature of 0.004: 1 / 50 in all.
+    plain = paraxial.cardinal_points(lens(50.0))
+    for other in (lens(50.0, conic=-3.0, aspheric=(0.0, 1e-5, 1e-8)), lens(1 / 0.016, aspheric=(0.002, 1e-5))):
+        found = paraxial.cardinal_points(other)
+        for field in dataclasses.fields(plain):
+            assert getattr(found, field.name) == pytest.approx(getattr(plain, field.name), rel=1e-12, abs=1e-12)
+
+
+# ---- what has no answer ----
+
+
+def test_telecentric_lenses() -> None:
+    telecentric = pl.LensStack([*thin(77.77, 77.77), pl.CircularStop(0.1)])
+    with pytest.raises(pl.InvalidValueError, match="the entrance pupil is infinitely far; give an object plane"):
+        paraxial.chief_ray(telecentric, 0.1)
+    with pytest.raises(pl.InvalidValueError, match="onto its iris"):
+        paraxial.marginal_ray(telecentric)
+    chief = paraxial.chief_ray(telecentric, 5.0, -200.0)
+    assert chief.angle[0] == 0.0
+    assert chief.height[-1] == pytest.approx(0.0, abs=1e-14)
+
+
+def test_an_afocal_lens_has_no_planes_for_a_magnification() -> None:
+    telescope = pl.LensStack([pl.CircularStop(0.1), *thin(100.0, 150.0), *thin(50.0)])
+    with pytest.raises(pl.InvalidValueError, match=r"afocal, so its magnification is -0\.5 for all planes"):
+        paraxial.conjugates(telescope, -1.0)
+    assert paraxial.working_f_number(telescope) == math.inf
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: paraxial.conjugates(GAUSS, 0.0), "magnification is 0"),
+        (lambda: paraxial.conjugates(GAUSS, math.inf), "magnification is inf"),
+        (lambda: paraxial.marginal_ray(GAUSS, 5.0), "must lie in front of the first element"),
+        (lambda: paraxial.marginal_ray(GAUSS, math.inf), "must lie in front of the first element"),
+        (lambda: paraxial.marginal_ray(GAUSS, math.nan), "z_object is nan"),
+        (lambda: paraxial.chief_ray(GAUSS, math.nan), "field is nan"),
+        (lambda: paraxial.chief_ray(GAUSS, math.pi / 2), "less than pi / 2"),
+        (lambda: paraxial.paraxial_ray(GAUSS, height=math.inf, angle=0.0), "height is inf"),
+        (lambda: paraxial.numerical_apertures(5), "lens is an int; give a LensStack"),  # type: ignore[arg-type]
+        (lambda: paraxial.chief_ray(None, 0.1), "give a LensStack"),  # type: ignore[arg-type]
+        (lambda: paraxial.ParaxialRay([1.0], [1.0], [1.0, 1.0]), "angle has shape"),  # type: ignore[arg-type]
+    ],
+)
+def test_impossible_questions_are_refused(call, message) -> None:
+    with pytest.raises(pl.InvalidValueError, match=message):
+        call()

@@ -1,0 +1,72 @@
+"""Figures of third-order aberrations and of colour."""
+
+import matplotlib
+import numpy as np
+import pytest
+
+import plenoptic as pl
+from plenoptic.plots.seidel import plot_chromatic_shift, plot_seidel
+
+matplotlib.use("Agg")
+
+import matplotlib.pyplot as plt  # noqa: E402
+
+LENS = pl.load_lens("double-gauss-100mm-f2")
+SUMS = pl.aberrations.seidel_sums(LENS, field=0.2)
+
+
+@pytest.fixture(autouse=True)
+def _closed():
+    yield
+    plt.close("all")
+
+
+def test_bars_are_the_sums_of_each_surface_and_of_the_lens() -> None:
+    ax = plot_seidel(SUMS)
+    surfaces = [i for i, e in enumerate(LENS.elements) if isinstance(e, pl.Surface)]
+    assert [label.get_text() for label in ax.get_xticklabels()] == [*map(str, surfaces), "sum"]
+    assert len(ax.containers) == 5
+    for k, bars in enumerate(ax.containers):
+        heights = [bar.get_height() for bar in bars]
+        assert heights == pytest.approx([*SUMS.table[surfaces, k], SUMS.total[k]])
+    # Bars of one surface do not reach those of the next.
+    left = min(bar[1].get_x() for bar in ax.containers)
+    right = max(bar[0].get_x() + bar[0].get_width() for bar in ax.containers)
+    assert right < left
+    names = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert names == ["spherical", "coma", "astigmatism", "Petzval", "distortion"]
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("element", "Seidel sum / mm")
+    assert "587.6 nm" in ax.get_title()
+
+
+def test_the_focus_is_drawn_against_the_reference() -> None:
+    lines = [656.3, 486.1, 587.6]
+    shift = pl.aberrations.chromatic_shift(LENS, wavelengths=lines, reference=587.6)
+    ax = plot_chromatic_shift(shift)
+    (curve,) = [line for line in ax.lines if len(line.get_ydata()) == 3]
+    assert curve.get_ydata().tolist() == sorted(lines)
+    assert curve.get_xdata() == pytest.approx((shift.focus - shift.focus[2])[[1, 2, 0]])
+    assert ax.get_xlabel() == "shift of the focus / mm"
+    assert ax.get_legend() is None
+
+
+def test_the_height_is_drawn_where_there_is_a_field() -> None:
+    shift = pl.aberrations.chromatic_shift(LENS, wavelengths=np.arange(440.0, 681.0, 40.0), field=0.2)
+    ax = plot_chromatic_shift(shift)
+    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["focus", "height of the image"]
+    height = next(line for line in ax.lines if line.get_label() == "height of the image")
+    assert height.get_xdata() == pytest.approx(shift.height - shift.height[3])
+
+
+@pytest.mark.parametrize("draw", [plot_seidel, plot_chromatic_shift])
+def test_axes_that_are_given_are_used(draw) -> None:
+    result = SUMS if draw is plot_seidel else pl.aberrations.chromatic_shift(LENS)
+    _, ax = plt.subplots()
+    assert draw(result, ax) is ax
+    assert len(plt.get_fignums()) == 1
+
+
+@pytest.mark.parametrize(("draw", "wanted"), [(plot_seidel, "SeidelSums"), (plot_chromatic_shift, "ChromaticShift")])
+def test_something_else_is_refused(draw, wanted) -> None:
+    with pytest.raises(pl.InvalidValueError, match=f"LensStack; give a {wanted}"):
+        draw(LENS)
