@@ -230,7 +230,7 @@ def bundled_glasses() -> GlassCatalogue:
     --------
     >>> from plenoptic.optics.glasses import bundled_glasses
     >>> bundled_glasses()
-    <GlassCatalogue 'the bundled table': 55 glasses>
+    <GlassCatalogue 'the bundled table': 56 glasses>
     """
     file = importlib.resources.files("plenoptic.optics") / "data" / "glasses.agf"
     return _from_agf(file.read_text(encoding="utf-8"), "the bundled table")
