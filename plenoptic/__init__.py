@@ -5,6 +5,8 @@ Names are loaded on first use (PEP 562), so that importing the package imports n
 
 from typing import TYPE_CHECKING
 
+__version__ = "0.1.0"
+
 if TYPE_CHECKING:
     from plenoptic import images as images
     from plenoptic import sampling as sampling
@@ -46,6 +48,7 @@ if TYPE_CHECKING:
     from plenoptic.optics.media import ModelGlass as ModelGlass
     from plenoptic.optics.media import Schott as Schott
     from plenoptic.optics.media import Sellmeier as Sellmeier
+    from plenoptic.optics.media import abbe_number as abbe_number
     from plenoptic.optics.microlenses import ConvexSide as ConvexSide
     from plenoptic.optics.microlenses import Lattice as Lattice
     from plenoptic.optics.microlenses import MicrolensArray as MicrolensArray
@@ -126,7 +129,16 @@ else:
         "plenoptic.optics.analysis.focusing": ("FocusCriterion",),
         "plenoptic.optics.glasses": ("GlassCatalogue", "glass", "glass_names", "load_glasses"),
         "plenoptic.optics.lens": ("LensStack",),
-        "plenoptic.optics.media": ("AIR", "VACUUM", "ConstantMedium", "Medium", "ModelGlass", "Schott", "Sellmeier"),
+        "plenoptic.optics.media": (
+            "AIR",
+            "VACUUM",
+            "ConstantMedium",
+            "Medium",
+            "ModelGlass",
+            "Schott",
+            "Sellmeier",
+            "abbe_number",
+        ),
         "plenoptic.optics.microlenses": ("ConvexSide", "Lattice", "MicrolensArray", "MicrolensModel"),
         "plenoptic.optics.models": ("LensModel",),
         "plenoptic.optics.paraxial": ("CardinalPoints",),

@@ -27,6 +27,9 @@ else:
 T = TypeVar("T")
 Choice = TypeVar("Choice", bound=enum.Enum)
 
+SHORTEST, LONGEST = 10.0, 1e6
+"""Wavelengths in nm, from ultraviolet to far infrared; 0.55, meant as micrometres, is none."""
+
 _SHOWN = 9
 """Numbers that an array may have to be shown in full: those of a rotation."""
 
@@ -59,6 +62,8 @@ def frozen_array(
 def number(value: float, name: str) -> float:
     """`value` as a float, which may be infinite or nan, or an error that names it where it is no number."""
     try:
+        if isinstance(value, str | bytes | bool):
+            raise TypeError
         return float(value)
     except (TypeError, ValueError, OverflowError):
         raise InvalidValueError(f"{name} is {value!r}; it must be a number") from None
@@ -69,6 +74,16 @@ def finite(value: float, name: str) -> float:
     given = number(value, name)
     if not math.isfinite(given):
         raise InvalidValueError(f"{name} is {given}; it must be finite")
+    return given
+
+
+def wavelength_in_nm(value: float, name: str = "wavelength") -> float:
+    """`value` as a float, or an error where it cannot be a wavelength in nm."""
+    given = positive(value, name, "nm")
+    if not SHORTEST <= given <= LONGEST:
+        raise InvalidValueError(
+            f"{name} is {given:g} nm; it must be from {SHORTEST:g} to {LONGEST:g} nm: wavelengths are in nanometres"
+        )
     return given
 
 

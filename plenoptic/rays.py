@@ -7,7 +7,7 @@ import enum
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic._values import frozen_array, positive, read_only, set_field, value
+from plenoptic._values import frozen_array, read_only, set_field, value, wavelength_in_nm
 from plenoptic.errors import InvalidValueError
 
 UNIT_TOLERANCE = 8 * np.finfo(np.float64).eps
@@ -113,7 +113,7 @@ class RayBundle:
         where = np.full(n, -1, np.int16) if lost_at is None else lost_at
         set_field(self, "origin", start)
         set_field(self, "direction", read_only(along))
-        set_field(self, "wavelength", positive(wavelength, "wavelength", "nm"))
+        set_field(self, "wavelength", wavelength_in_nm(wavelength))
         set_field(self, "weight", read_only(load))
         set_field(self, "status", read_only(state))
         set_field(self, "lost_at", frozen_array(where, name="lost_at", shape=(n,), dtype=np.int16))

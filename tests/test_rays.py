@@ -161,3 +161,9 @@ def test_traced_bundles_are_values_too() -> None:
     out = lens.trace(pl.RayBundle([[0, 0, -50.0], [0, 90.0, -50.0]], [[0, 0, 1.0]] * 2))
     assert pickle.loads(pickle.dumps(out)) == out
     assert not out.origin.flags.writeable
+
+
+@pytest.mark.parametrize("wavelength", [0.5876, 5.876e-7, 1e7])
+def test_wavelengths_in_other_units_are_refused(wavelength):
+    with pytest.raises(pl.InvalidValueError, match="wavelengths are in nanometres"):
+        pl.RayBundle([[0, 0, 0]], [[0, 0, 1]], wavelength=wavelength)

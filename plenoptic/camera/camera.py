@@ -6,7 +6,7 @@ import dataclasses
 
 from numpy.typing import ArrayLike
 
-from plenoptic._values import finite, positive, set_field, value
+from plenoptic._values import finite, set_field, value, wavelength_in_nm
 from plenoptic.camera.pose import Pose
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.analysis.focusing import FocusCriterion
@@ -72,11 +72,8 @@ class PlenopticCamera:
                 raise InvalidValueError(f"{name} is {getattr(self, name)!r}; it must be a {kind.__name__}")
         if self.pose is not None and not isinstance(self.pose, Pose):
             raise InvalidValueError(f"pose is {self.pose!r}; it must be a Pose or None, see posed()")
-        set_field(self, "wavelength", positive(self.wavelength, "wavelength", "nm"))
-        try:
-            self.lens.indices(self.wavelength)
-        except InvalidValueError as error:
-            raise type(error)(f"{error} (wavelengths are in nanometres)") from None
+        set_field(self, "wavelength", wavelength_in_nm(self.wavelength))
+        self.lens.indices(self.wavelength)
         set_field(self, "stop_to_microlenses", finite(self.stop_to_microlenses, "stop_to_microlenses"))
         set_field(self, "microlenses_to_sensor", finite(self.microlenses_to_sensor, "microlenses_to_sensor"))
         self._check_distances()

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from itertools import combinations, pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from plenoptic._values import positive, wrong_kind
 from plenoptic.errors import InvalidValueError
@@ -17,6 +18,7 @@ from plenoptic.optics.glasses import glass
 from plenoptic.optics.lens import LensStack
 from plenoptic.optics.media import C_LINE, D_LINE, F_LINE, Medium
 from plenoptic.optics.paraxial import cardinal_points
+from plenoptic.optics.stacking import Element
 from plenoptic.optics.surface import Surface
 
 _PLACES = 257
@@ -30,8 +32,8 @@ _INDEX_TOLERANCE, _ABBE_TOLERANCE = 0.01, 0.10
 def findings(lens: LensStack, wavelength: float = 587.6) -> tuple[Finding, ...]:
     """What looks wrong in a lens; see `FindingKind` for what is looked at.
 
-    Nothing of it keeps a lens from being traced. Edges are compared as if all elements were centred; rays go through
-    the lens as it stands, also where `LensStack.model` says otherwise.
+    Nothing of it keeps a lens from being traced. Rays go through the lens as it stands, also where `LensStack.model`
+    says otherwise.
 
     Parameters
     ----------
@@ -63,6 +65,7 @@ def findings(lens: LensStack, wavelength: float = 587.6) -> tuple[Finding, ...]:
     with np.errstate(all="ignore"):  # of numbers near the largest and smallest there are
         found = [
             *_edges(lens),
+            *_collisions(lens),
             *_stop_planes(lens),
             *_shapes(lens),
             *_glass_numbers(lens),
@@ -88,6 +91,8 @@ def _edges(lens: LensStack) -> Iterator[Finding]:
     z = lens.vertices
     for (i, front), (j, rear) in pairwise(_surfaces(lens)):
         between = "air" if lens.gap_media[i + 1] == lens.ambient else "glass"
+        if front.placement != rear.placement:
+            continue  # seen by _collisions
         gap = float(z[j] - z[i])
         r = np.linspace(0.0, min(front.semi_diameter, rear.semi_diameter), _PLACES)
         room = gap + rear.sag(r) - front.sag(r)
@@ -121,6 +126,53 @@ def _thin_edge(i: int, front: Surface, j: int, rear: Surface, gap: float) -> Ite
             f"the lens between surfaces {i} and {j} is {edge:.3g} mm thick at its edge, {outermost:.4g} mm from the "
             f"axis, where it should be at least {smallest:.3g} mm; reduce a semi-diameter or make it thicker",
         )
+
+
+def _collisions(lens: LensStack) -> Iterator[Finding]:
+    """Neighbours out of place against each other that reach through each other, on a grid over the first one."""
+    for i, j in pairwise(range(len(lens.elements))):
+        first, second = lens.elements[i], lens.elements[j]
+        if first.placement == second.placement:
+            continue
+        points = _points_on(first) + np.array([0.0, 0.0, lens.vertices[i]])
+        local = _axes_of(second, points, float(lens.vertices[j]))
+        r = np.hypot(local[:, 0], local[:, 1])
+        inside = r <= (second.semi_diameter if isinstance(second, Surface) else math.inf)
+        if isinstance(second, Surface):
+            ahead = second.sag(np.minimum(r, second.semi_diameter)) - local[:, 2]
+        else:
+            # A stop is in the way outside its opening.
+            inside, ahead = ~second.contains(local[:, 0], local[:, 1]), -local[:, 2]
+        if not inside.any():
+            yield Finding(FindingKind.OVERLAP, (i, j), f"elements {i} and {j} stand beside each other; move one back")
+        elif float(ahead[inside].min()) < -1e-9 * float(np.abs(points).max()):
+            yield Finding(
+                FindingKind.OVERLAP,
+                (i, j),
+                f"element {i} reaches up to {-float(ahead[inside].min()):.3g} mm through element {j}, one of which is "
+                "out of place; reduce its shift or tilt",
+            )
+
+
+def _points_on(element: Element) -> NDArray[np.float64]:
+    """Points (n, 3) on a surface or on the plane of a stop, in the lens's axes, from the element's place."""
+    across = np.linspace(-1.0, 1.0, 41) * element.semi_diameter
+    x, y = (g.ravel() for g in np.meshgrid(across, across))
+    kept = np.hypot(x, y) <= element.semi_diameter
+    x, y = x[kept], y[kept]
+    z = element.sag(np.hypot(x, y)) if isinstance(element, Surface) else np.zeros_like(x)
+    points = np.column_stack([x, y, z])
+    if element.placement is not None:
+        points = points @ np.asarray(element.placement.rotation).T + np.asarray(element.placement.shift)
+    return points
+
+
+def _axes_of(element: Element, points: NDArray[np.float64], z: float) -> NDArray[np.float64]:
+    """Points of the lens frame in the axes of an element whose place is z."""
+    local = points - [0.0, 0.0, z]
+    if element.placement is not None:
+        local = (local - np.asarray(element.placement.shift)) @ np.asarray(element.placement.rotation)
+    return np.asarray(local)
 
 
 def _stop_planes(lens: LensStack) -> Iterator[Finding]:

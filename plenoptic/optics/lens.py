@@ -291,7 +291,10 @@ class LensStack:
         stops = sum(map(is_stop, self.elements))
         surfaces = len(self.elements) - stops
         counts = f"{surfaces} surface{'s' * (surfaces != 1)}, {stops} stop{'s' * (stops != 1)}"
-        return f"<LensStack {self.name!r}: {counts}, {self.length:g} mm long>"
+        moved = sum(element.placement is not None for element in self.elements)
+        out = f", {moved} element{'s' * (moved != 1)} out of place" if moved else ""
+        model = "" if self.model is LensModel.EXACT else f", as {self.model.name}"
+        return f"<LensStack {self.name!r}: {counts}, {self.length:g} mm long{out}{model}>"
 
     def _repr_svg_(self) -> str:
         from plenoptic.plots.lens import lens_svg

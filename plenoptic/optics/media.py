@@ -67,7 +67,7 @@ def _wavelength_within(wavelength: float, limits: tuple[float, float], medium: s
     if not limits[0] <= number <= limits[1]:
         raise InvalidValueError(
             f"wavelength {number:g} nm is outside {limits[0]:g} to {limits[1]:g} nm, where {medium} is defined; "
-            "choose one inside, or another medium"
+            "choose one inside, in nanometres, or another medium"
         )
     return number
 
@@ -91,6 +91,19 @@ def _coefficients(values: Sequence[float], name: str, count: int | None = None) 
     if not numbers or (count is not None and len(numbers) != count):
         raise InvalidValueError(f"{name} has {len(numbers)} numbers; it must have {count or 'at least 1'}")
     return numbers
+
+
+def abbe_number(medium: Medium) -> float:
+    """The Abbe number V_d = (n_d - 1) / (n_F - n_C) of a medium; inf where the index is the same at F and C.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> round(pl.abbe_number(pl.glass("N-BK7")), 2)
+    64.17
+    """
+    spread = medium.index(F_LINE) - medium.index(C_LINE)
+    return (medium.index(D_LINE) - 1.0) / spread if spread != 0 else math.inf
 
 
 @value

@@ -33,6 +33,10 @@ class Lattice(enum.IntEnum):
 class MicrolensModel(enum.IntEnum):
     """How a microlens refracts.
 
+    PINHOLE: all light of a cell passes its centre, undeviated. THIN: an ideal thin lens in one plane. FLAT_HIGH_INDEX:
+    two planes of high index, one with the normals of a sphere, as published Blender models have it. SPHERICAL: an
+    exact plano-convex lens of glass.
+
     Examples
     --------
     >>> import plenoptic as pl

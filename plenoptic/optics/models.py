@@ -8,6 +8,11 @@ import enum
 class LensModel(enum.IntEnum):
     """What a ray meets where the lens stands; `LensStack.with_model` chooses it.
 
+    NONE: the stops alone, without glass. THIN: one plane with the lens's focal length, in its rear principal point,
+    with the iris in it as large as the entrance pupil. PARAXIAL: an ideal thick lens with the principal planes and the
+    exit pupil of the lens; no aberrations, no vignetting by rims. EXACT: every surface and stop. Gaussian optics,
+    Seidel sums, `check` and `layout` describe the prescription, whatever the model.
+
     Examples
     --------
     >>> import plenoptic as pl

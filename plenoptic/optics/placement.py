@@ -28,6 +28,11 @@ def rotation_about_axes(tilt: Sequence[float]) -> NDArray[np.float64]:
         angles = []
     if len(angles) != 3:
         raise PrescriptionError(f"tilt is {tilt!r}; it must be three angles in radians, about x, y and z")
+    if not max(abs(angles[0]), abs(angles[1])) < math.pi / 2:
+        raise PrescriptionError(
+            f"tilt is {tuple(tilt)!r} rad; about x and y it must be below pi / 2, or light meets the back of the "
+            "element: give radians, such as math.radians(2.0)"
+        )
     matrix = np.eye(3)
     for axis, angle in enumerate(angles):
         i, j = (axis + 1) % 3, (axis + 2) % 3

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence, Set
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic._values import finite, positive, set_field, value
-from plenoptic.errors import PrescriptionError
+from plenoptic._values import finite, number, positive, set_field, value
+from plenoptic.errors import InvalidValueError, PrescriptionError
 from plenoptic.optics.media import AIR, Medium
 from plenoptic.optics.placement import Placement, kept_placement
 
@@ -104,13 +104,13 @@ class Surface:
         if isinstance(self.medium, Sequence | type) or not callable(getattr(self.medium, "index", None)):
             raise PrescriptionError(
                 f"medium is {self.medium!r}; it must be a medium: pl.AIR, pl.ConstantMedium(1.5) or a glass, such as "
-                'pl.ModelGlass(1.5168, 64.17, "BK7")'
+                'pl.glass("N-BK7") or pl.ModelGlass(1.5168, 64.17)'
             )
 
     def _checked_radius(self) -> float:
         try:
-            radius = float(self.radius)
-        except (TypeError, ValueError, OverflowError):
+            radius = number(self.radius, "radius")
+        except InvalidValueError:
             raise PrescriptionError(f"radius is {self.radius!r}; it must be a number, math.inf for a plane") from None
         if math.isinf(radius):
             return math.inf
@@ -121,6 +121,8 @@ class Surface:
 
     def _checked_coefficients(self) -> tuple[float, ...]:
         try:
+            if isinstance(self.aspheric, str | bytes | Mapping | Set):
+                raise TypeError
             terms = [finite(a, f"aspheric[{i}]") for i, a in enumerate(self.aspheric)]
         except TypeError:
             raise PrescriptionError(

@@ -30,7 +30,7 @@ def _axes(ax: Axes | None, size: tuple[float, float]) -> Axes:
 def _checked(result: Any, attribute: str, kind: str) -> None:
     # By what it has, since figures know no optics.
     if not hasattr(result, attribute):
-        raise wrong_kind(result, "result", kind, f"what pl.{kind.lower()}(...) returns")
+        raise wrong_kind(result, "result", kind, f"what pl.aberrations.{_maker(kind)}(lens, fields) returns")
 
 
 def _field_axis(result: Any) -> tuple[NDArray[np.float64], str]:
@@ -49,6 +49,11 @@ def _upwards(ax: Axes, fields: NDArray[np.float64], field_label: str, label: str
     ax.set_ylabel(field_label)
     ax.set_title(title)
     return ax
+
+
+def _maker(kind: str) -> str:
+    """The function that makes results of a kind: FieldCurvature is made by field_curvature."""
+    return "".join(f"_{letter.lower()}" if letter.isupper() else letter for letter in kind).lstrip("_")
 
 
 def plot_distortion(result: Distortion, ax: Axes | None = None) -> Axes:

@@ -107,5 +107,5 @@ def plot_layout(
         reach = 1.05 * reach or lens.stop.semi_diameter
         ax.plot([z_image, z_image], [-reach, reach], color=_IMAGE, linewidth=1.2)
     if labels:
-        ax.legend(title="field", loc="best", frameon=False, fontsize="small")
+        ax.legend(title="field", loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False, fontsize="small")
     return ax

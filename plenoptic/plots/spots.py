@@ -122,6 +122,7 @@ def plot_spots(
     spots: SpotDiagram | Sequence[SpotDiagram] | Sequence[Sequence[SpotDiagram]],
     *,
     airy: bool = False,
+    titles: Sequence[str] = (),
     figure: Figure | None = None,
 ) -> Figure:
     """Draw spot diagrams side by side, or in rows and columns, all at one scale.
@@ -132,6 +133,8 @@ def plot_spots(
         For example one row for each field and one column for each defocus.
     airy : bool, optional
         Draw a circle of the radius of the Airy disc, for comparison, around the centroid.
+    titles : sequence of str, optional
+        Of the diagrams, row by row, in place of their fields and planes.
     figure : matplotlib.figure.Figure, optional
         Where to draw; a new figure if it is left out.
 
@@ -159,10 +162,16 @@ def plot_spots(
     (4, 'z = 102 mm')
     """
     rows = _rows(spots)
+    if len(titles) not in (0, len(rows) * len(rows[0])):
+        raise InvalidValueError(
+            f"there are {len(titles)} titles for {len(rows) * len(rows[0])} diagrams; give one each"
+        )
     plt = _pyplot()
     count = len(rows), len(rows[0])
     if figure is None:
-        figure = plt.figure(figsize=(1.0 + 2.3 * count[1], 1.1 + 2.3 * count[0]), layout="constrained")
+        several = len(rows[0][0].wavelengths) > 1
+        size = (1.0 + 2.3 * count[1], 1.1 + 0.35 * several + 2.3 * count[0])
+        figure = plt.figure(figsize=size, layout="constrained")
     axes = figure.subplots(*count, sharex=True, sharey=True, squeeze=False)
     radii = [spot.geometric_radius for row in rows for spot in row] + [
         spot.airy_radius for row in rows for spot in row if airy
@@ -178,7 +187,8 @@ def plot_spots(
             title = [] if by_row else [_field_label(spot.field, spot.z_object)]
             if not by_column or i == 0:
                 title.append(f"z = {spot.z_image:.6g} mm")
-            ax.set_title("\n".join(title), fontsize="medium")
+            own = titles[i * count[1] + j] if titles else "\n".join(title)
+            ax.set_title(own, fontsize="medium")
         label = "y / µm"
         axes[i, 0].set_ylabel(f"{_field_label(row[0].field, row[0].z_object)}\n{label}" if by_row else label)
     for ax in axes[-1]:
@@ -276,6 +286,8 @@ def plot_point_spread(spread: PointSpread, ax: Axes | None = None) -> Axes:
     plt = _pyplot()
     if ax is None:
         _, ax = plt.subplots(figsize=(5.6, 4.6), layout="constrained")
+    from matplotlib.colors import PowerNorm
+
     size = _MICROMETRES * spread.pixel_size
     rows, columns = spread.image.shape
     half_x, half_y = 0.5 * columns * size, 0.5 * rows * size
@@ -284,13 +296,13 @@ def plot_point_spread(spread: PointSpread, ax: Axes | None = None) -> Axes:
         extent=(-half_x, half_x, -half_y, half_y),
         interpolation="nearest",
         cmap="magma",
-        vmin=0.0,
+        norm="linear" if not spread.image.any() else PowerNorm(0.5, vmin=0.0),
     )
     ax.figure.colorbar(drawn, ax=ax, label="share of the light per µm²")
     ax.set_xlabel("x / µm")
     ax.set_ylabel("y / µm")
     title = f"{_field_label(spread.field, spread.z_object)}, z = {spread.z_image:.6g} mm"
-    if spread.outside > 0:
+    if spread.outside > 1e-9:
         title += f"\n{100 * spread.outside:.2g} % outside"
     ax.set_title(title, fontsize="medium")
     return ax
@@ -351,6 +363,7 @@ def plot_mtf(mtfs: Mtf | Sequence[Mtf], ax: Axes | None = None) -> Axes:
     ax.set_xlim(float(first.frequencies.min()), float(max(first.frequencies.max(), 1e-9)))
     ax.set_xlabel("spatial frequency / (cycles/mm)")
     ax.set_ylabel("modulation")
+    ax.set_title("Geometric MTF, without diffraction")
     ax.legend(fontsize="small", frameon=False)
     return ax
 

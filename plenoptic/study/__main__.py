@@ -29,6 +29,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     >>> main(["stability", "--rays", "2", "--only", "plane, in"])
     case ...
     plane, in reverse  2 ...
+    <StabilityTable: 1 cases, all within their bounds>
     0
     """
     options = _parser().parse_args(arguments)
@@ -56,7 +57,9 @@ def _stability(options: argparse.Namespace) -> int:
     count = options.rays if options.rays is not None else QUICK if options.quick else THOROUGH
     table = stability(rays=count, seed=options.seed, only=options.only)
     print(table.to_markdown() if options.markdown else table)
-    if not table.holds:
+    if not options.markdown:
+        print(repr(table))
+    elif not table.holds:
         print(repr(table), file=sys.stderr)
     return 0 if table.holds else 1
 

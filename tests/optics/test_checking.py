@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import plenoptic as pl
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.checking import Finding, FindingKind, findings
 from plenoptic.optics.lens import LensStack
@@ -327,7 +328,7 @@ def any_lens(draw: st.DrawFn) -> LensStack:
     if not math.isfinite(sum(element.thickness for element in elements)):
         return REFERENCE
     lens = LensStack(elements)
-    move = st.floats(-2.0, 2.0)
+    move = st.floats(-1.5, 1.5)
     return lens.moved(0, shift=(0, draw(move), 0), tilt=(draw(move), 0, 0)) if draw(st.booleans()) else lens
 
 
@@ -338,3 +339,22 @@ def test_any_lens_can_be_checked(lens: LensStack) -> None:
         assert isinstance(finding.kind, FindingKind)
         assert all(0 <= i < len(lens.elements) for i in finding.elements)
         assert ";" in finding.message  # what is wrong; what to do
+
+
+@pytest.mark.parametrize(
+    ("name", "which", "shift"),
+    [
+        ("double-gauss-100mm-f2", slice(0, 2), (0, 0, 20)),
+        ("double-gauss-100mm-f2", slice(0, 2), (0, 30, 0)),
+        ("singlet-100mm-f4", [1, 2], (0, 0, -30)),
+    ],
+)
+def test_elements_moved_through_each_other_are_found(name, which, shift):
+    found = pl.load_lens(name).moved(which, shift=shift).check()
+    assert FindingKind.OVERLAP in {finding.kind for finding in found}
+
+
+def test_small_moves_are_no_collisions():
+    lens = pl.load_lens("double-gauss-100mm-f2")
+    for moved in (lens.moved(slice(0, 2), tilt=(0.004, 0, 0)), lens.moved(slice(0, 5), shift=(0.3, 0, 0))):
+        assert FindingKind.OVERLAP not in {finding.kind for finding in moved.check()}

@@ -255,7 +255,7 @@ def test_results_are_values() -> None:
 @pytest.mark.parametrize(("call", "message"), [
     (lambda lens: distortion(lens, [4.0]), "below pi"),
     (lambda lens: distortion(lens, [math.nan]), "below pi"),
-    (lambda lens: distortion(lens, 0.1), "shape"),
+    (lambda lens: distortion(lens, [[0.1]]), "shape"),
     (lambda lens: distortion(lens, [5.0], z_object=-400.0, projection=Projection.EQUIDISTANT), "RECTILINEAR"),
     (lambda lens: distortion(lens, [0.1], projection=7), "Projection.RECTILINEAR or"),
     (lambda lens: field_curvature(lens.moved(1, shift=(0.1, 0, 0)), [0.1]), "decentred or tilted"),

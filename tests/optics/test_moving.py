@@ -144,6 +144,7 @@ def test_a_decentred_stop_lets_through_what_it_should():
         ({"which": 40}, "which is 40; it must name elements, from 0 to 10"),
         ({"which": []}, "must name elements"),
         ({"which": 1, "tilt": (0.1, 0.2)}, "three angles"),
+        ({"which": 1, "tilt": (2.0, 0.0, 0.0)}, "give radians"),
         ({"which": 1, "shift": (0.1, math.nan, 0)}, "not finite"),
         ({"which": 1, "pivot": math.inf}, "pivot is inf"),
     ],

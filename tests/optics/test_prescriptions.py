@@ -229,7 +229,7 @@ def lenses(draw: st.DrawFn) -> LensStack:
     placements = st.one_of(
         st.none(),
         st.tuples(numbers, numbers, numbers).map(lambda shift: Placement(shift=shift)),
-        st.tuples(numbers, st.floats(-3.0, 3.0)).map(
+        st.tuples(numbers, st.floats(-1.5, 1.5)).map(
             lambda move: Placement(shift=(0.0, move[0], 0.0), rotation=rotation_about_axes((move[1], 0.1, 0.0)))
         ),
     )

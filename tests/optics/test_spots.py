@@ -7,6 +7,7 @@ import time
 import numpy as np
 import pytest
 
+import plenoptic as pl
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics import paraxial
 from plenoptic.optics.analysis.focusing import working_f_number
@@ -211,7 +212,7 @@ def test_few_rays() -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"field": 0.1}, "field is 0.1; it must be a pair"),
+        ({"field": (0.1,)}, "field is .0.1,.; it must be a pair"),
         ({"field": (0.0, math.nan)}, "field y is nan"),
         ({"z_object": math.nan}, "z_object is nan; it must be a position"),
         ({"z_object": math.inf}, "z_object is inf; it must be a position"),
@@ -314,3 +315,18 @@ def test_a_million_rays_take_well_under_a_second() -> None:
         spot_diagram(GAUSS, field=(0.0, 0.1), rays=1_000_000, seed=seed)
         seconds.append(time.perf_counter() - start)
     assert min(seconds) < 0.8
+
+
+@pytest.mark.parametrize("stop", [1.0, 2.0, 5.0, 15.0])
+def test_the_rays_of_a_fan_through_the_rim_of_the_iris_pass(stop):
+    lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(stop))
+    assert np.isfinite(pl.aberrations.ray_fan(lens, points=5).tangential).all()
+
+
+def test_a_field_may_be_y_alone():
+    lens = pl.load_lens("singlet-100mm-f4")
+    a, b = (pl.aberrations.spot_diagram(lens, field=field, rays=256) for field in (0.1, (0.0, 0.1)))
+    assert np.array_equal(a.x, b.x)
+    assert np.array_equal(
+        pl.aiming.chief_ray(lens, field=0.1).origin, pl.aiming.chief_ray(lens, field=(0.0, 0.1)).origin
+    )

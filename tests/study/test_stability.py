@@ -252,7 +252,7 @@ def test_the_command_says_what_is_wrong(capsys, monkeypatch):
         "plenoptic.study.stability_table.stability_row", lambda case, **_: made_up(case=case.name, wrong=1)
     )
     assert main(["stability", "--only", "plane"]) == 1
-    assert "beyond their bounds: plane" in capsys.readouterr().err
+    assert "beyond their bounds: plane" in capsys.readouterr().out
 
 
 def test_without_mpmath_it_says_how_to_get_it(monkeypatch):

@@ -126,8 +126,8 @@ def _ideal_rays(lens: LensStack, wavelength: float, pupil: Floats, aim: Floats, 
     return _bundle(points + back[:, None] * towards, direction, wavelength, np.zeros(len(points), dtype=bool))
 
 
-def _checked_pair(values: Sequence[float] | Floats, name: str) -> Floats:
-    pair = frozen_array(values, name=name, shape=(2,))
+def _checked_pair(values: float | Sequence[float] | Floats, name: str) -> Floats:
+    pair = frozen_array(np.array([0.0, values]) if np.ndim(values) == 0 else values, name=name, shape=(2,))  # type: ignore[arg-type]
     if not np.isfinite(pair).all():
         raise InvalidValueError(f"{name} is {pair.tolist()}; it must be two finite numbers")
     return pair
@@ -190,7 +190,8 @@ def aimed_rays(
         -z, at the azimuth atan2(y, x). A positive y sends rays downwards. 90 degrees and more are possible. Of an
         object at a finite distance, its x and y in mm.
     pupil : (n, 2) array
-        Points of the iris, x and y in units of its semi-diameter; see `hexapolar`, `square_grid` and `fan`.
+        Points of the iris, x and y in units of its semi-diameter; see `hexapolar`, `square_grid` and `fan`. A ray aimed
+        at the rim itself may be clipped there by rounding: for the marginal ray take 1 - 1e-9.
     z_object : float, optional
         z of the object in the lens frame, mm, before the first vertex; -inf: infinitely far away.
     wavelength : float, optional

@@ -118,13 +118,20 @@ def foci(lens: LensStack, rays: RayBundle, *, parallel: bool, reverse: bool = Fa
     return Foci(here, points[0], points[1])
 
 
-def _require_centred(lens: LensStack) -> None:
+def require_axis(lens: LensStack, what: str) -> None:
+    """An error where a lens has no axis of symmetry, or is left out, so that `what` means nothing."""
     moved = [i for i, element in enumerate(lens.elements) if element.placement is not None]
     if moved:
         raise InvalidValueError(
-            f"element {moved[0]} of {lens.name!r} is decentred or tilted; sagittal and tangential foci are those of a "
-            "centred lens: leave out its placement"
+            f"element {moved[0]} of {lens.name!r} is decentred or tilted; {what} that of a centred lens: leave out its "
+            "placement, or look at spot diagrams"
         )
+    if lens.model is LensModel.NONE:
+        raise InvalidValueError(f"the model of {lens.name!r} is NONE, which images nothing; use lens.with_model(EXACT)")
+
+
+def _require_centred(lens: LensStack) -> None:
+    require_axis(lens, "astigmatism is")
     if lens.model is not LensModel.EXACT:
         raise InvalidValueError(
             f"the model of {lens.name!r} is {lens.model.name}, which has no aberrations; use lens.with_model(EXACT)"

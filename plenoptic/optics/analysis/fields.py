@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from plenoptic._values import choice, frozen_array, positive, set_field, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.analysis.aiming import aimed_rays, chief_ray
-from plenoptic.optics.analysis.astigmatic import foci
+from plenoptic.optics.analysis.astigmatic import foci, require_axis
 from plenoptic.optics.lens import LensStack
 from plenoptic.optics.models import LensModel
 from plenoptic.optics.paraxial import cardinal_points, image_position, magnification
@@ -28,6 +28,9 @@ Floats = NDArray[np.float64]
 
 class Projection(enum.IntEnum):
     """How an ideal lens of focal length f images the half angle theta.
+
+    RECTILINEAR: f tan(theta). EQUIDISTANT: f theta. STEREOGRAPHIC: 2 f tan(theta / 2). EQUISOLID: 2 f sin(theta / 2).
+    ORTHOGRAPHIC: f sin(theta).
 
     Examples
     --------
@@ -69,7 +72,7 @@ def freeze(instance: object) -> None:
 
 def checked_fields(fields: ArrayLike, z_object: float, *, name: str = "fields") -> Floats:
     """Fields (n,): finite, angles below pi."""
-    radii = frozen_array(fields, name=name, shape=(None,))
+    radii = frozen_array(np.atleast_1d(np.asarray(fields, dtype=object)), name=name, shape=(None,))
     limit = math.pi if z_object == -math.inf else math.inf
     if not np.all(np.abs(radii) < limit):
         unit = "angles below pi, in rad" if z_object == -math.inf else "finite heights in mm"
@@ -185,6 +188,7 @@ def distortion(
     [0.0, -0.3, -1.08]
     """
     radii, ideal = checked_fields(fields, z_object), choice(projection, Projection, "projection")
+    require_axis(lens, "distortion is")
     z_image = image_plane(lens, z_object, wavelength)
     if z_object != -math.inf:
         if ideal is not Projection.RECTILINEAR:
@@ -374,6 +378,7 @@ def coma(
     True
     """
     radii, size = checked_fields(fields, z_object), positive(zone, "zone")
+    require_axis(lens, "coma here is")
     z_image = image_plane(lens, z_object, wavelength)
     pupil = size * np.array([[0.0, 0.0], [1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
     y = np.empty((len(radii), 5))

@@ -25,6 +25,9 @@ _SEARCH_STEPS = 80
 class FocusCriterion(enum.IntEnum):
     """What is meant by sharp.
 
+    PARAXIAL: where rays close to the axis meet. RMS_SPOT: the least root mean square distance of all rays from their
+    centroid. GEOMETRIC_SPOT: the least largest distance, the circle of least confusion.
+
     Examples
     --------
     >>> import plenoptic as pl

@@ -27,6 +27,9 @@ Floats = NDArray[np.float64]
 _LEAD = 0.35
 """Length of the rays that are drawn before the lens, over that of the lens."""
 
+_LEAD_OF_ALL = 0.15
+"""The same over the distance from the lens's first vertex to the image: what a short lens needs."""
+
 _SHARP, _OPEN, _TRIED = 0.05, 1.0 / 3.0, 25
 """A field is worth drawing, out of 25 tried, where both foci are within 5 % of the focal length of the image plane and
 a third of the diameter of the iris gets light."""
@@ -205,7 +208,8 @@ def layout(
     for field in radii.tolist():
         aimed = aimed_rays(exact, field=(0.0, field), pupil=pupil, z_object=place, wavelength=wavelength)
         first = traced_part(lens, aimed, 0, 0, clipping=False).origin
-        started = _started(aimed, first, _LEAD * max(lens.length, 1.0), parallel=parallel)
+        lead = max(_LEAD * lens.length, _LEAD_OF_ALL * (z_end - float(lens.vertices[0])))
+        started = _started(aimed, first, lead, parallel=parallel)
         ways = ray_paths(exact, started, z_end=z_end)
         # Rays that pass beside the lens are not drawn.
         paths.append(ways[np.isfinite(ways[:, 2, 2])])

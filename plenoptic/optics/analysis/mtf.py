@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic._values import frozen_array, number, positive, read_only, set_field, value, whole
+from plenoptic._values import frozen_array, number, positive, read_only, set_field, value, wavelength_in_nm, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.analysis.focusing import working_f_number
 from plenoptic.optics.analysis.pencils import REPLICATES, meridian
@@ -274,7 +274,9 @@ def mtf(
         sagittal=sagittal,
         tangential_error=tangential_error,
         sagittal_error=sagittal_error,
-        diffraction=diffraction_mtf(f_number, spot.wavelengths[0], given) if limited else np.full(len(given), np.nan),
+        diffraction=diffraction_mtf(given, f_number=f_number, wavelength=spot.wavelengths[0])
+        if limited
+        else np.full(len(given), np.nan),
         field=spot.field,
         z_object=spot.z_object,
         z_image=spot.z_image,
@@ -304,17 +306,17 @@ def _modulus(
     return np.minimum(modulus, 1.0), error
 
 
-def diffraction_mtf(f_number: float, wavelength: float, frequencies: ArrayLike) -> NDArray[np.float64]:
+def diffraction_mtf(frequencies: ArrayLike, *, f_number: float, wavelength: float = 587.6) -> NDArray[np.float64]:
     """Modulation transfer of a perfect lens with a round, evenly filled pupil: the limit by diffraction.
 
     Parameters
     ----------
-    f_number : float
-        Working f-number: 1 over twice the sine of the marginal angle in the image.
-    wavelength : float
-        nm.
     frequencies : (k,) array
         Cycles per mm on the image plane.
+    f_number : float
+        Working f-number: 1 over twice the sine of the marginal angle in the image.
+    wavelength : float, optional
+        nm.
 
     Returns
     -------
@@ -328,10 +330,10 @@ def diffraction_mtf(f_number: float, wavelength: float, frequencies: ArrayLike) 
     Examples
     --------
     >>> import plenoptic as pl
-    >>> pl.aberrations.diffraction_mtf(4.0, 500.0, [0.0, 250.0, 500.0]).round(4).tolist()
+    >>> pl.aberrations.diffraction_mtf([0.0, 250.0, 500.0], f_number=4.0, wavelength=500.0).round(4).tolist()
     [1.0, 0.391, 0.0]
     """
     stop = positive(number(f_number, "f_number"), "f_number")
-    s = np.abs(_checked_frequencies(frequencies)) * (stop * positive(wavelength, "wavelength", "nm") * 1e-6)
+    s = np.abs(_checked_frequencies(frequencies)) * (stop * wavelength_in_nm(wavelength) * 1e-6)
     s = np.minimum(s, 1.0)
     return np.asarray((2.0 / math.pi) * (np.arccos(s) - s * np.sqrt(1.0 - s * s)))

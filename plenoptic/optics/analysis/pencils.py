@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic._values import finite, number, positive, whole, wrong_kind
+from plenoptic._values import finite, number, wavelength_in_nm, whole, wrong_kind
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens import LensStack
 from plenoptic.optics.models import LensModel
@@ -80,13 +80,13 @@ def checked_point(lens: LensStack, field: Sequence[float], z_object: float) -> t
     if not isinstance(lens, LensStack):
         raise wrong_kind(lens, "lens", "LensStack", "camera.lens")
     try:
-        x, y = field
+        x, y = (0.0, field) if np.ndim(field) == 0 else field  # type: ignore[misc]
     except (TypeError, ValueError):
-        raise InvalidValueError(f"field is {field!r}; it must be a pair (x, y), such as (0, 0.1)") from None
+        raise InvalidValueError(f"field is {field!r}; it must be a pair (x, y), such as (0, 0.1), or y alone") from None
     z = number(z_object, "z_object")
     if math.isnan(z) or z == math.inf:
         raise InvalidValueError(f"z_object is {z}; it must be a position in mm, -math.inf for an object at infinity")
-    return (finite(x, "field x"), finite(y, "field y")), z
+    return (finite(x, "field x"), finite(y, "field y")), z  # type: ignore[arg-type]
 
 
 def checked_wavelengths(wavelength: float | Sequence[float]) -> tuple[float, ...]:
@@ -94,7 +94,7 @@ def checked_wavelengths(wavelength: float | Sequence[float]) -> tuple[float, ...
     given: list[Any] = list(wavelength) if isinstance(wavelength, Sequence | np.ndarray) else [wavelength]
     if not given:
         raise InvalidValueError("wavelength is an empty sequence; give at least one, in nm")
-    return tuple(positive(w, "wavelength", "nm") for w in given)
+    return tuple(wavelength_in_nm(w) for w in given)
 
 
 def meridian(field: Sequence[float] | NDArray[np.float64]) -> NDArray[np.float64]:

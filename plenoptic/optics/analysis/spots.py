@@ -20,6 +20,9 @@ from plenoptic.optics.analysis.pencils import (
 )
 from plenoptic.optics.lens import LensStack
 
+_INSIDE = 1.0 - 1e-9
+"""Rays of a fan through the rim of the iris pass this much inside, so that rounding does not clip them."""
+
 AIRY = 1.2196698912665045
 """First zero of J1 over pi: radius of the Airy disc over wavelength and f-number."""
 
@@ -335,7 +338,8 @@ def ray_fan(
     along = meridian(point)
     # One row of the matrix each: the axes of the image plane, sagittal and tangential.
     axes = np.array([[along[1], -along[0]], along])
-    lines = np.concatenate([np.zeros((1, 2)), pupil[:, None] * axes[1], pupil[:, None] * axes[0]])
+    inside = _INSIDE * pupil[:, None]
+    lines = np.concatenate([np.zeros((1, 2)), inside * axes[1], inside * axes[0]])
     met = []
     for w in wavelengths:
         rays = aimed_rays(lens, field=point, pupil=lines, z_object=z, wavelength=w)
