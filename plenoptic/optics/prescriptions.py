@@ -46,8 +46,8 @@ def load_lens(
     - `.zmx`: a sequential Zemax file; what is read of it, and how, stands in `plenoptic.optics.files.zemax`.
     - `.csv`: a table with the columns `radius;thickness;material;index;v-no;sa`, mm, one row per element from the scene
       to the sensor. An empty radius is a plane, and a plane with air on both sides is a stop: the first is the iris. A
-      row with index and V-number is a `ModelGlass`, one with an index only a `ConstantMedium`; the thickness of the
-      last row, the distance to the image, is not part of the lens.
+      row with index and V-number is a `ModelGlass`, one with an index only a `ConstantMedium`, one with neither one of
+      `glass_names`; the thickness of the last row, the distance to the image, is not part of the lens.
 
     A file that does not mark its stop gets one by a rule, which is not the designer's choice and is named in
     `source`: a round stop in the middle of the longest air gap between two surfaces (of a lens without one: at its

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from plenoptic.errors import FileError, PlenopticError, PrescriptionError
 from plenoptic.optics.air import Absolute, Air, AirFormula
 from plenoptic.optics.dispersion import DispersionFormula, Formula
+from plenoptic.optics.glasses import glass
 from plenoptic.optics.lens import LensStack
 from plenoptic.optics.media import AIR, ConstantMedium, ModelGlass, Schott, Sellmeier
 from plenoptic.optics.models import LensModel
@@ -429,3 +430,14 @@ def test_a_lens_is_saved_where_it_can_be(tmp_path: Path) -> None:
         save_lens(EVERYTHING, tmp_path / "lens.csv")
     with pytest.raises(FileError, match="cannot write"):
         save_lens(dataclasses.replace(EVERYTHING), tmp_path / "no" / "lens.json")
+
+
+def test_a_table_may_name_bundled_glasses_without_their_numbers(tmp_path):
+    rows = ["radius;thickness;material;index;v-no;sa", ";2;air;;;5", "50;4;N-BK7;;;9", "-50;90;air;;;9"]
+    (tmp_path / "one.csv").write_text("\n".join(rows))
+    lens = load_lens(tmp_path / "one.csv")
+    assert lens.elements[1].medium == glass("N-BK7")
+    for cells in ("50;4;XY99;;;9", "50;4;N-BK7;;60;9"):
+        (tmp_path / "bad.csv").write_text("\n".join([*rows[:2], cells, rows[3]]))
+        with pytest.raises(PrescriptionError, match="bad.csv, line 3: .*index"):
+            load_lens(tmp_path / "bad.csv")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Sequence
 
 import numpy as np
@@ -205,7 +206,7 @@ def spot_diagram(
     Examples
     --------
     >>> import plenoptic as pl
-    >>> spot = pl.aberrations.spot_diagram(pl.load_lens("double-gauss-100mm-f2"), field=(0, 0.1), rays=4096)
+    >>> spot = pl.aberrations.spot_diagram(pl.load_lens("double-gauss-100mm-f2"), field=0.1, rays=4096)
     >>> spot.rms_radius_error < 0.01 * spot.rms_radius < spot.geometric_radius
     True
     """
@@ -214,6 +215,9 @@ def spot_diagram(
     z_spot = image_plane(lens, z_image, z, wavelengths[0])
     light = passing_light(lens, field=point, z_object=z, z_image=z_spot, wavelengths=wavelengths, rays=rays, seed=seed)
     total = float(light.weight.sum())
+    if total == 0:
+        unit = "rad, not degrees" if math.isinf(z) else "mm"
+        warnings.warn(f"no light from the field {point} ({unit}) passes {lens.name or 'the lens'}", stacklevel=2)
     passing, through_iris = without_one([light.weight], light.replicate)[0], light.through_iris
     emitted = float(through_iris.sum())
     others = emitted - through_iris

@@ -7,6 +7,7 @@ import re
 
 from plenoptic.errors import InvalidValueError, PrescriptionError
 from plenoptic.optics.files.completing import with_inferred_stop
+from plenoptic.optics.glasses import glass
 from plenoptic.optics.lens import LensStack
 from plenoptic.optics.media import AIR, ConstantMedium, Medium, ModelGlass
 from plenoptic.optics.stacking import Element
@@ -76,8 +77,15 @@ def _medium(material: str, index: str, abbe: str) -> Medium:
         if index or abbe:
             raise PrescriptionError(f"air has index {index[:40]!r} and V-number {abbe[:40]!r}; leave both empty")
         return AIR
+    if not index and not abbe:
+        try:
+            return glass(material)
+        except InvalidValueError:
+            raise PrescriptionError(
+                f"material {material[:40]!r} has no index and is no bundled glass; give its index, or write air"
+            ) from None
     if not index:
-        raise PrescriptionError(f"material {material[:40]!r} has no index; give it, or write air")
+        raise PrescriptionError(f"material {material[:40]!r} has a V-number and no index; give it, or leave both empty")
     number = _number(index, "index")
     return ModelGlass(number, _number(abbe, "v-no"), material) if abbe else ConstantMedium(number)
 
