@@ -38,8 +38,8 @@ class Entrance(NamedTuple):
     """(2,) middle of the first element in mm."""
     reach: float
     """Its semi-diameter, seen along the axis, in mm."""
-    pupil: tuple[float, float]
-    """Position and semi-diameter of the paraxial entrance pupil in mm."""
+    pupil: tuple[float, float, NDArray[np.float64]]
+    """Position, semi-diameter and middle (2,) of the paraxial entrance pupil in mm."""
     tables: LensTables
     """The lens forwards, its stops round."""
 
@@ -48,7 +48,9 @@ def entrance(lens: LensStack, wavelength: float) -> Entrance:
     """Where light enters a lens, as its model has it."""
     tables = lens_tables(lens, wavelength, reverse=False, round_stops=True)
     points = cardinal_points(lens, wavelength)
-    pupil = (points.entrance_pupil, points.entrance_pupil_semi_diameter)
+    size, placed = points.entrance_pupil_semi_diameter, lens.stop.placement
+    shift = np.zeros(2) if placed is None else np.asarray(placed.shift)[:2] * (size / lens.stop.semi_diameter)
+    pupil = (points.entrance_pupil, size, shift)
     z, axis = float(tables.z[0]), np.zeros(2)
     if lens.model is not LensModel.EXACT:
         return Entrance(z, 0.0, axis, math.sqrt(float(tables.clear[0])), pupil, tables)
@@ -171,9 +173,9 @@ def _ideal_opening(tables: LensTables, point: NDArray[np.float64]) -> tuple[NDAr
 
 def _pupil_box(where: Entrance, point: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
     """A box around the paraxial entrance pupil as seen from the point: a small one lies between a grid's rays."""
-    z, semi_diameter = where.pupil
+    z, semi_diameter, shift = where.pupil
     if not (math.isfinite(z) and math.isfinite(semi_diameter)) or z <= point[2]:
         return None
     share = (where.z - point[2]) / (z - point[2])
-    middle = (1.0 - share) * point[:2]
+    middle = (1.0 - share) * point[:2] + share * shift
     return middle - 1.5 * share * semi_diameter, middle + 1.5 * share * semi_diameter

@@ -190,7 +190,8 @@ def _climb(begin, end, x, y, z, l, m, n, c, kz, aspheric, clear, s):
             step = max(min(-g / sharp, ahead), -g / whole)
         else:
             if below and f > 0.0:
-                return t, 0.0
+                # Only rounding leads past the zero of an upper bound.
+                return t, 0.0 if f <= 16.0 * (rounding + abs(g) * close) else NOT_CONVERGED
             rate = -g if f > 0.0 else g
             step = min(_safe_step(abs(f), rate, sharp), ahead)
             step = max(step, _safe_step(abs(f), rate, whole)) if whole < math.inf else step

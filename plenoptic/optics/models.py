@@ -10,8 +10,8 @@ class LensModel(enum.IntEnum):
 
     NONE: the stops alone, without glass. THIN: one plane with the lens's focal length, in its rear principal point,
     with the iris in it as large as the entrance pupil. PARAXIAL: an ideal thick lens with the principal planes and the
-    exit pupil of the lens; no aberrations, no vignetting by rims. EXACT: every surface and stop. Gaussian optics,
-    Seidel sums, `check` and `layout` describe the prescription, whatever the model.
+    exit pupil of the lens; no aberrations, no vignetting by rims or further stops, nothing out of place. EXACT: every
+    surface and stop. Gaussian optics, Seidel sums, `check` and `layout` describe the prescription, whatever the model.
 
     Examples
     --------

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import functools
 import math
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,11 +26,24 @@ from plenoptic.optics.tables import CIRCLE, LensTables, lens_tables
 SIDES = 16
 """Sides of an outline: a circle's circumscribed 16-gon is 1.3 % larger than the circle."""
 
-_COARSE, _FINE = 64, 128
+_WHOLE, _COARSE, _FINE = 128, 64, 128
 _RADII = 25
 _MOST_RADII = 225
 _BISECTIONS = 12
 _LARGEST_SHARE = 10.0
+
+Guess: TypeAlias = tuple[float, float, float]
+"""Where light may pass the plane of the outlines: x, y and half the width of a square."""
+
+
+def _rings() -> NDArray[np.float64]:
+    """Points (n, 2) near the rim of the unit disc, denser outwards: grazing light passes in crescents."""
+    radius = 1.0 - np.geomspace(1e-3, 0.6, 32)
+    angle = 2 * math.pi * (np.arange(160) + 0.5) / 160
+    return np.stack([np.outer(radius, np.cos(angle)), np.outer(radius, np.sin(angle))], axis=-1).reshape(-1, 2)
+
+
+_GRAZING = _rings()
 _AZIMUTHS = 16
 
 
@@ -68,13 +81,17 @@ def passing_points(
     from plenoptic.optics._trace import fill_traced
 
     n = len(points)
-    along = np.column_stack([points, np.full(n, z)]) - origin
-    along /= np.linalg.norm(along, axis=1, keepdims=True)
-    padded = np.zeros((8, -(-n // BLOCK) * BLOCK))
-    padded[:3] = origin[:, None]
-    padded[5] = -1.0
-    padded[3:6, :n] = along.T
-    blocks = np.ascontiguousarray(padded.reshape(8, -1, BLOCK).transpose(1, 0, 2))
+    count = -(-n // BLOCK)
+    x, y = np.zeros((2, count * BLOCK))
+    x[:n], y[:n] = points[:, 0] - origin[0], points[:, 1] - origin[1]
+    dz = float(z - origin[2])
+    per_length = 1.0 / np.sqrt(x * x + y * y + dz * dz)
+    blocks = np.empty((count, 8, BLOCK))
+    blocks[:, :3] = origin[:, None]
+    blocks[:, 3] = (x * per_length).reshape(count, BLOCK)
+    blocks[:, 4] = (y * per_length).reshape(count, BLOCK)
+    blocks[:, 5] = (dz * per_length).reshape(count, BLOCK)
+    blocks[:, 6:] = 0.0
     fill_traced(blocks.reshape(-1), *tables)
     return np.asarray(blocks[:, 7].reshape(-1)[:n] == 0)
 
@@ -87,17 +104,20 @@ def _grid(low: NDArray[np.float64], high: NDArray[np.float64], n: int) -> tuple[
 
 
 def _passing_box(
-    tables: LensTables, origin: NDArray[np.float64], z: float, guesses: list[tuple[float, float]], rim: float
+    tables: LensTables, origin: NDArray[np.float64], z: float, guesses: list[Guess], rim: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-    """A box around all points that pass. It starts from a guess (centre x, half width) and grows up to the rim."""
-    for centre, half_width in guesses:
-        low = np.array([centre - half_width, -half_width])
-        high = np.array([centre + half_width, half_width])
+    """A box around all points that pass. It starts from a guess (centre x, y, half width) and grows up to the rim."""
+    grazing = rim * _GRAZING
+    grazing = grazing[passing_points(tables, origin, grazing, z)]
+    for x, y, half_width in guesses:
+        low = np.array([x - half_width, y - half_width])
+        high = np.array([x + half_width, y + half_width])
         while True:
-            points, mesh = _grid(low, high, _COARSE)
+            points, mesh = _grid(low, high, _WHOLE if half_width >= rim else _COARSE)
             passing = points[passing_points(tables, origin, points, z)]
             if not len(passing):
                 break
+            passing = np.concatenate([passing, grazing])
             found_low, found_high = passing.min(axis=0) - mesh, passing.max(axis=0) + mesh
             grow_low = (found_low < low) & (low > -rim)
             grow_high = (found_high > high) & (high < rim)
@@ -110,13 +130,14 @@ def _passing_box(
 
 
 def _outline(
-    tables: LensTables, origin: NDArray[np.float64], z: float, guesses: list[tuple[float, float]], rim: float
+    tables: LensTables, origin: NDArray[np.float64], z: float, guesses: list[Guess], rim: float
 ) -> NDArray[np.float64]:
     """Support distances of the passing points as seen from one origin, (SIDES,)."""
     box = _passing_box(tables, origin, z, guesses, rim)
     if box is None:
         return np.full(SIDES, -np.inf)
     points, mesh = _grid(*box, _FINE)
+    points = np.concatenate([points, rim * _GRAZING])
     passing = points[passing_points(tables, origin, points, z)]
     if not len(passing):
         passing, mesh = np.array(box), 0.0
@@ -153,7 +174,12 @@ def pupil_bounds(
     """
     tables = lens_tables(lens, wavelength, reverse=True, round_stops=True)
     points = cardinal_points(lens, wavelength)
-    pupil = (points.exit_pupil, points.exit_pupil_semi_diameter)
+    # Where the iris is, its image is: shifted with it, magnified.
+    placed = lens.stop.placement
+    across = (
+        (0.0, 0.0) if placed is None else tuple((points.pupil_magnification * np.asarray(placed.shift)[:2]).tolist())
+    )
+    pupil = (points.exit_pupil, points.exit_pupil_semi_diameter, *across)
     columns = tuple(None if column is None else (column.shape, *column.ravel().tolist()) for column in tables[:-1])
     rear = rear_reach(lens, z_plane, wavelength)
     return _traced_bounds(columns, pupil, rear, float(lens.vertices[-1]), z_plane, largest_radius, cell_radius)
@@ -192,7 +218,7 @@ def _projected(gap: float, ahead: float, reach: float) -> tuple[float, float]:
 @functools.lru_cache(maxsize=16)
 def _traced_bounds(
     columns: tuple[tuple[Any, ...] | None, ...],
-    pupil: tuple[float, float],
+    pupil: tuple[float, ...],
     rear: tuple[float, float],
     z: float,
     z_plane: float,
@@ -222,14 +248,14 @@ def _largest_step(support: NDArray[np.float64]) -> float:
     if len(middle) < 2:
         return 0.0
     # Where vignetting ends the field, outlines shrink to nothing: that is no reason for more radii.
-    half_width = np.maximum(middle[1:, 1], 0.3 * middle[:, 1].max())
+    half_width = np.maximum(middle[1:, 2], 0.3 * middle[:, 2].max())
     return float((np.abs(np.diff(middle[:, 0])) / half_width).max())
 
 
 def _all_round(
     tables: LensTables,
     rho: NDArray[np.float64],
-    pupil: tuple[float, float],
+    pupil: tuple[float, ...],
     z: float,
     z_plane: float,
     rear: tuple[float, float],
@@ -242,7 +268,9 @@ def _all_round(
     if tables.frames is None:
         return _followed_outlines(tables, rho, pupil, z, z_plane, rear)
     angles = 2 * math.pi * np.arange(_AZIMUTHS) / _AZIMUTHS
-    found = np.array([_followed_outlines(_turned(tables, a), rho, pupil, z, z_plane, rear) for a in angles])
+    found = np.array(
+        [_followed_outlines(_turned(tables, a), rho, _turned_pupil(pupil, a), z, z_plane, rear) for a in angles]
+    )
     largest = found.max(axis=0)
     smallest = np.where(np.isfinite(found), found, np.inf).min(axis=0)
     # A change like cos(azimuth) reaches at most (1 - cos(pi / n)) of its amplitude beyond the samples.
@@ -262,10 +290,16 @@ def _turned(tables: LensTables, angle: float) -> LensTables:
     return tables._replace(frames=frames)
 
 
+def _turned_pupil(pupil: tuple[float, ...], angle: float) -> tuple[float, ...]:
+    z, size, x, y = pupil
+    cos, sin = math.cos(angle), math.sin(angle)
+    return z, size, cos * x + sin * y, cos * y - sin * x
+
+
 def _followed_outlines(
     tables: LensTables,
     rho: NDArray[np.float64],
-    pupil: tuple[float, float],
+    pupil: tuple[float, ...],
     z: float,
     z_plane: float,
     rear: tuple[float, float],
@@ -275,15 +309,16 @@ def _followed_outlines(
     A small pupil that a grid over the whole rim would miss is looked for where the paraxial pupil lies and where it
     was heading. Beside a dark point, the outline from the end of the light is taken instead of none.
     """
-    exit_pupil, semi_diameter = pupil
+    exit_pupil, semi_diameter, *across = pupil
 
-    def outline(radius: float, heading: tuple[float, float] | None) -> NDArray[np.float64]:
+    def outline(radius: float, heading: Guess | None) -> NDArray[np.float64]:
         rim = 1.02 * (rear[0] + rear[1] * radius)
-        guesses = [(0.0, rim)]
+        guesses = [(0.0, 0.0, rim)]
         if math.isfinite(exit_pupil) and exit_pupil < z_plane:
             # The paraxial pupil as seen from the cell, on the plane of the last vertex.
             share = (z_plane - z) / (z_plane - exit_pupil)
-            guesses.append((radius * (1 - share), 1.5 * share * semi_diameter))
+            x, y = (share * shift for shift in across)
+            guesses.append((radius * (1 - share) + x, y, 1.5 * share * semi_diameter))
         if heading is not None:
             guesses.append(heading)
         return _outline(tables, np.array([radius, 0.0, z_plane]), z, guesses, rim)
@@ -293,15 +328,16 @@ def _followed_outlines(
     for i, radius in enumerate(rho):
         support[i] = outline(radius, heading)
         if np.isfinite(support[i, 0]):
-            middle, half_width = _middle(support[i])
-            step = 0.0 if centre is None else middle - centre
-            centre, heading = middle, (middle + step, 3 * half_width + abs(step))
+            x, y, half_width = _middle(support[i])
+            step = 0.0 if centre is None else x - centre
+            centre, heading = x, (x + step, y, 3 * half_width + abs(step))
         elif centre is not None:
             lit, dark = rho[i - 1], radius
             support[i] = support[i - 1]
             for _ in range(_BISECTIONS):
                 between = 0.5 * (lit + dark)
-                found = outline(between, (_middle(support[i])[0], 4 * _middle(support[i])[1]))
+                x, y, half_width = _middle(support[i])
+                found = outline(between, (x, y, 4 * half_width))
                 if np.isfinite(found[0]):
                     lit, support[i] = between, found
                 else:
@@ -310,10 +346,10 @@ def _followed_outlines(
     return support
 
 
-def _middle(support: NDArray[np.float64]) -> tuple[float, float]:
-    """Middle along x and half width of an outline."""
-    left, right, up = -support[SIDES // 2], support[0], support[SIDES // 4]
-    return 0.5 * float(left + right), float(max(0.5 * (right - left), up))
+def _middle(support: NDArray[np.float64]) -> Guess:
+    """Middle and half width of an outline."""
+    left, right, up, down = -support[SIDES // 2], support[0], support[SIDES // 4], -support[3 * SIDES // 4]
+    return 0.5 * float(left + right), 0.5 * float(up + down), 0.5 * float(max(right - left, up - down))
 
 
 def _widened(

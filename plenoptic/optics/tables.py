@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.errors import PrescriptionError
+from plenoptic.optics.bounds import asphere_bounds
 from plenoptic.optics.lens import LensStack
 from plenoptic.optics.models import LensModel
 from plenoptic.optics.paraxial import cardinal_points
@@ -23,11 +24,6 @@ FRAME = 13
 
 EQUATOR_TOLERANCE = 1e-12
 """A rim that is the equator itself belongs to the surface."""
-
-_SLOPES = 257
-"""Places at which the slope of an asphere is looked at to find the steepest, and how much is added for what may lie
-between them."""
-_BETWEEN = 1.05
 
 
 class LensTables(NamedTuple):
@@ -156,12 +152,7 @@ def _surface_row(surface: Surface, z: float, number: int, ratio: float) -> _Row:
         rim, clear = abs(surface.curvature) * (1.0 + surface.conic) * surface.depth + EQUATOR_TOLERANCE, math.inf
     row = _Row(SURFACE, z, number, clear, surface.curvature, ratio, rim, conic=surface.conic)
     if surface.aspheric:
-        r = np.linspace(0.0, surface.semi_diameter, _SLOPES)
-        slope = surface.slope(r)
-        with np.errstate(invalid="ignore"):
-            sizes = [_BETWEEN * float(np.abs(a).max()) for a in (slope, np.gradient(slope, r), surface.sag(r))]
-        bounds = [size if size < math.inf else math.inf for size in sizes]
-        return row._replace(kind=ASPHERE, aspheric=(*bounds, *surface.aspheric))
+        return row._replace(kind=ASPHERE, aspheric=(*asphere_bounds(surface), *surface.aspheric))
     return row if surface.conic == 0 or surface.curvature == 0 else row._replace(kind=CONIC)
 
 

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import plenoptic as pl
+from plenoptic.optics.bounds import asphere_bounds
 from plenoptic.optics.tables import lens_tables
 from plenoptic.optics.tracing import traced_part
 
@@ -245,3 +246,43 @@ def test_rays_along_the_axis_meet_the_vertex(shape, reverse):
     assert np.all(out.status == OK)
     assert np.abs(out.direction - [0.0, 0.0, s]).max() <= 2 * EPS
     assert np.all(np.abs(out.origin) <= 1e-20 * shape["semi_diameter"])
+
+
+CHEBYSHEV = tuple(0.1 * np.polynomial.chebyshev.cheb2poly(np.eye(17)[16])[2::2] / 5.0 ** np.arange(2, 17, 2))
+STEEP = [
+    *({"radius": -10.0, "semi_diameter": 10.0 * share, "aspheric": (0.0, 1e-5, -1e-7)} for share in (0.9, 0.97, 0.99)),
+    {"radius": 10.0, "semi_diameter": 14.14, "conic": -0.5, "aspheric": (0.0, 1e-5)},
+    {"radius": math.inf, "semi_diameter": 5.0, "aspheric": CHEBYSHEV},
+    {"radius": math.inf, "semi_diameter": 5.0, "aspheric": (0.0,) * 19 + (1e-28,)},
+]
+
+
+@pytest.mark.parametrize("shape", STEEP)
+def test_bounds_on_aspheres_are_bounds_and_not_much_more(shape):
+    surface = pl.Surface(**shape)
+    steepest, sharpest, tallest = asphere_bounds(surface)
+    r = np.linspace(0.0, surface.semi_diameter, 200_001)
+    slope = np.abs(surface.slope(r)).max()
+    # A chord's slope is a mean of the second derivative, so never above its largest size but for rounding.
+    bend = np.abs(np.diff(surface.slope(r)) / np.diff(r)).max()
+    assert slope <= steepest * (1 + 1e-9) <= 1.2 * slope
+    assert bend <= sharpest * (1 + 1e-6) <= 1.5 * bend
+    assert np.abs(surface.sag(r)).max() <= tallest * (1 + 1e-9)
+
+
+@pytest.mark.parametrize("shape", STEEP)
+@pytest.mark.parametrize("reverse", [False, True])
+def test_grazing_rays_end_on_the_asphere(shape, reverse):
+    lens, surface = one_surface(index=1.5, **shape), pl.Surface(**shape)
+    rng, n = np.random.default_rng(4), 20_000
+    radius = surface.semi_diameter * rng.uniform(0.5, 1.0, n)
+    target = np.column_stack([np.zeros(n), radius, surface.sag(radius)])
+    tilt = rng.uniform(1.2, 1.57, n) * rng.choice([-1, 1], n)
+    along = np.column_stack([np.zeros(n), np.sin(tilt), np.cos(tilt)]) * (-1.0 if reverse else 1.0)
+    out = refracted(lens, target, along, reverse=reverse)
+    ok = out.status == OK
+    # The rounding of the sag is that of the sum of its terms' sizes, over the sine of how flatly the ray meets it.
+    r = np.minimum(np.hypot(out.origin[ok, 0], out.origin[ok, 1]), surface.semi_diameter)
+    size = r + sum(abs(a) * r ** (2 * i + 2) for i, a in enumerate(surface.aspheric))
+    assert ok.sum() > 1000
+    assert np.all(np.abs(out.origin[ok, 2] - surface.sag(r)) <= 200 * EPS * size * (1 + np.abs(surface.slope(r))))

@@ -1,5 +1,6 @@
 """Where the image is sharpest: third-order theory, quadratics, and the models of a lens."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -192,3 +193,20 @@ def test_an_afocal_beam_has_no_through_focus():
     z = pl.paraxial.cardinal_points(lens).front_focus
     with pytest.raises(pl.InvalidValueError, match="parallel"):
         pl.aberrations.through_focus(lens, z_object=z)
+
+
+def test_the_working_f_number_is_that_of_the_numerical_aperture_in_any_medium():
+    lens = pl.load_lens("double-gauss-100mm-f2")
+    water = pl.ConstantMedium(1.33)
+    elements = [
+        dataclasses.replace(e, medium=pl.ConstantMedium(1.33 * e.medium.index(587.6)))
+        if isinstance(e, pl.Surface)
+        else e
+        for e in lens.elements
+    ]
+    wet = pl.LensStack(elements, ambient=water)
+    for z in (-math.inf, -404.0):
+        _, aperture = pl.paraxial.numerical_apertures(wet, z)
+        assert working_f_number(wet, z) == pytest.approx(1 / (2 * aperture), rel=1e-12)
+    a, b = (pl.aberrations.spot_diagram(one, rays=256).airy_radius for one in (lens, wet))
+    assert a / b == pytest.approx(1.33, rel=1e-12)

@@ -61,7 +61,8 @@ def test_a_polygonal_iris_counts_its_own_area() -> None:
 def test_vignetting_is_symmetric_and_falls() -> None:
     lens = pl.load_lens("double-gauss-100mm-f2")
     found = vignetting(lens, [-0.3, 0.0, 0.2, 0.3, 0.4])
-    assert found.fraction[0] == found.fraction[3]
+    # The grid of points is not symmetric, so that what is symmetric is counted twice.
+    assert abs(found.fraction[0] - found.fraction[3]) < 4 * math.hypot(*found.standard_error[[0, 3]])
     assert found.lower[0] == pytest.approx(-found.upper[3], abs=2e-6)
     assert np.all(np.diff(found.fraction[1:]) < 0)
 

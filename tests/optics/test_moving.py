@@ -195,3 +195,45 @@ def test_a_shifted_iris_moves_the_image_of_its_opening():
     a, b = (pl.render_white(camera, samples=4096, progress=False) for camera in (plain, moved))
     ratio = float(b.image[0, 0, 0]) / float(a.image[0, 0, 0])
     assert ratio == pytest.approx(1.0, abs=4e-3)
+
+
+@pytest.mark.parametrize("microlenses", [None, pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,))])
+def test_a_small_iris_far_from_the_axis_is_not_overlooked(microlenses):
+    # As bright as in the middle, to the 10 % by which cos^4 and the pupil's aberrations may change it.
+    lens = LENS.with_stop(pl.CircularStop(0.05))
+    sensor = pl.Sensor(shape=(32, 32), pixel_pitch=0.1)
+    place = {"stop_to_microlenses": 123.3, "microlenses_to_sensor": 0.0 if microlenses is None else 1.7}
+    cameras = [
+        pl.PlenopticCamera(lens=one, sensor=sensor, microlenses=microlenses, **place)
+        for one in (lens, lens.moved(lens.iris_index, shift=(3.0, -1.0, 0)))
+    ]
+    centred, moved = (pl.render_white(camera, samples=2048, progress=False).image.mean() for camera in cameras)
+    # Few of the samples pass so small an opening: some 10 % of noise.
+    assert moved == pytest.approx(centred, rel=0.4)
+
+
+def test_light_in_thin_crescents_is_found():
+    # A strong lens whose pupil has a second part: grazing rays beside those that are totally reflected.
+    lens = pl.LensStack(
+        [
+            pl.CircularStop(2.0, 2.0),
+            pl.Surface(10.0, 14.0, pl.ConstantMedium(1.5), semi_diameter=8.0),
+            pl.Surface(-8.0, semi_diameter=7.84),
+        ]
+    )
+    z = float(lens.vertices[-1]) + 4.0
+    sensor = pl.Sensor(shape=(1, 57), pixel_pitch=0.1)
+    camera = pl.PlenopticCamera(lens=lens, sensor=sensor, stop_to_microlenses=z)
+    white = pl.render_white(camera, samples=1 << 13, region=np.s_[0:1, 0:1], progress=False)
+    x = float(sensor.centre_of(0, 0)[0])
+    rng, n = np.random.default_rng(0), 1 << 19
+    l, m = rng.uniform(-1, 1, (2, n))
+    real = l * l + m * m < 1
+    cosines = np.column_stack([l, m, -np.sqrt(np.maximum(1 - l * l - m * m, 0))])[real]
+    passed = lens.trace_reverse(pl.RayBundle(np.broadcast_to([x, 0, z], cosines.shape), cosines)).status == 0
+    brute = 4 * passed.sum() / n
+    error = 4 * math.sqrt(passed.sum()) / n
+    # The pixel has an extent, over which light changes by some 0.5 %.
+    assert abs(float(white.image[0, 0, 0]) - brute) < 5 * math.hypot(error, float(white.standard_error[0, 0, 0])) + (
+        0.01 * brute
+    )

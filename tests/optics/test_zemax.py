@@ -517,3 +517,29 @@ def test_what_zemax_files_cannot_hold_is_refused(tmp_path: Path) -> None:
     assert not (tmp_path / "lens.zmx").exists()
     with pytest.raises(FileError, match=r"\.json or \.zmx"):
         save_lens(lens, tmp_path / "lens.seq")
+
+
+def test_a_stop_in_glass_keeps_its_glass(tmp_path):
+    import plenoptic as pl
+
+    glass = pl.ConstantMedium(1.5)
+    lens = pl.LensStack(
+        [
+            pl.Surface(50.0, 5, glass, semi_diameter=10),
+            pl.CircularStop(8.0, 5),
+            pl.Surface(-50.0, semi_diameter=10),
+        ]
+    )
+    pl.save_lens(lens, tmp_path / "x.zmx")
+    found = pl.paraxial.cardinal_points(pl.load_lens(tmp_path / "x.zmx")).efl
+    assert found == pytest.approx(pl.paraxial.cardinal_points(lens).efl, rel=1e-12)
+
+
+@pytest.mark.parametrize("radius", [0.9, 1.1, 4.9, 13.7, 199.9])
+def test_spheres_used_to_their_equator_come_back(tmp_path, radius):
+    import plenoptic as pl
+
+    ball = [pl.Surface(radius, 2 * radius, pl.glass("N-BK7"), semi_diameter=radius)]
+    lens = pl.LensStack([pl.CircularStop(0.1 * radius), *ball, pl.Surface(-radius, semi_diameter=radius)])
+    pl.save_lens(lens, tmp_path / "x.zmx")
+    assert pl.load_lens(tmp_path / "x.zmx").elements[1].semi_diameter == pytest.approx(radius, rel=1e-12)

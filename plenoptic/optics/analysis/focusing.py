@@ -114,7 +114,7 @@ def paraxial_focus(lens: LensStack, z_object: float, wavelength: float = 587.6) 
 
 
 def working_f_number(lens: LensStack, z_object: float = -math.inf, wavelength: float = 587.6) -> float:
-    """1 over twice the paraxial angle of the marginal ray in the image of an axial object point.
+    """1 over twice the paraxial numerical aperture in the image of an axial object point, as the lens's model has it.
 
     Parameters
     ----------
@@ -141,19 +141,19 @@ def working_f_number(lens: LensStack, z_object: float = -math.inf, wavelength: f
     >>> round(working_f_number(lens), 2), round(working_f_number(lens, -404.0), 2)
     (2.03, 2.63)
     """
-    points = cardinal_points(lens, wavelength)
+    points, around = cardinal_points(lens, wavelength), float(lens.indices(wavelength)[0])
     if lens.model is LensModel.NONE or not math.isfinite(points.efl):
         return math.nan
     if math.isinf(z_object):
-        return points.f_number
+        return points.f_number / around
     if lens.model is LensModel.THIN:
         size, pupil = points.entrance_pupil_semi_diameter, points.rear_principal
     elif math.isfinite(points.exit_pupil):
         size, pupil = points.exit_pupil_semi_diameter, points.exit_pupil
     else:
         size, distance = points.entrance_pupil_semi_diameter, points.entrance_pupil - z_object
-        return abs(magnification(lens, z_object, wavelength) * distance) / (2.0 * size)
-    return abs(paraxial_focus(lens, z_object, wavelength) - pupil) / (2.0 * size)
+        return abs(magnification(lens, z_object, wavelength) * distance) / (2.0 * size * around)
+    return abs(paraxial_focus(lens, z_object, wavelength) - pupil) / (2.0 * size * around)
 
 
 def best_focus(

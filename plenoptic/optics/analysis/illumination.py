@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plenoptic._values import value, whole
-from plenoptic.optics.analysis.aiming import aimed_rays, aimed_rays_reverse, hexapolar, square_grid
+from plenoptic.optics.analysis.aiming import aimed_rays, aimed_rays_reverse, hexapolar
 from plenoptic.optics.analysis.fields import checked_fields, chief_rays, freeze, image_plane, unclipped
 from plenoptic.optics.lens import LensStack
+from plenoptic.optics.stops import PolygonStop, Stop
 from plenoptic.optics.tracing import traced_part
 from plenoptic.rays import RayBundle
 
@@ -165,8 +166,12 @@ def vignetting(
     [0.98, 0.68, 0.35]
     """
     radii, stop = checked_fields(fields, z_object), lens.stop
-    pupil = square_grid(whole(grid, "grid", at_least=2))
+    side = whole(grid, "grid", at_least=2)
+    # Off the centre, so that what is symmetric does not meet the grid symmetrically.
+    x, y = (-1.0 + 2.0 / side * (np.arange(side) + 0.5 + off) for off in (-0.13, 0.29))
+    pupil = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     pupil = pupil[stop.contains(*(stop.semi_diameter * pupil.T))]
+    share = 4.0 / side**2 / _area(stop)
 
     fraction, error, lower, upper = np.empty((4, len(radii)))
     for i, field in enumerate(radii.tolist()):
@@ -176,11 +181,18 @@ def vignetting(
             return np.asarray(lens.trace(rays).status == 0)
 
         count = int(np.count_nonzero(passing(pupil)))
-        fraction[i] = count / len(pupil)
-        # Where all points pass, what passes is the iris itself.
-        error[i] = 0.0 if count == len(pupil) else fraction[i] * _COUNTING / max(count, 1) ** 0.75
+        # Where all points pass, what passes is the iris itself; where none does, less than one of them may.
+        fraction[i] = 1.0 if count == len(pupil) else min(count * share, 1.0)
+        error[i] = 0.0 if count == len(pupil) else share * _COUNTING * max(count, 1) ** 0.25
         lower[i], upper[i] = _rim_rays(passing)
     return Vignetting(radii, fraction, error, lower, upper, z_object)
+
+
+def _area(stop: Stop) -> float:
+    """Of the opening of a stop, over the square of its semi-diameter."""
+    if isinstance(stop, PolygonStop):
+        return 0.5 * stop.blades * math.sin(2 * math.pi / stop.blades)
+    return math.pi
 
 
 def _rim_rays(passing: Callable[[Floats], NDArray[np.bool_]]) -> tuple[float, float]:
@@ -215,7 +227,7 @@ class RelativeIllumination:
     projected_solid_angle : (n,) array
         Of all rays that reach the point from the scene, sr: the irradiance at radiance 1, and the white image.
     relative : (n,) array
-        The same over that on the axis.
+        The same over that on the axis; nan where the axis itself is dark.
     standard_error : (n,) array
         Of `relative`, from counting points of a grid.
     z_image : float
@@ -288,7 +300,8 @@ def relative_illumination(
     points = unclipped(lens, chief_rays(lens, with_axis, z_object, wavelength)).at_z(z_image)
     areas = np.array([_projected_solid_angle(lens, point, cells, wavelength) for point in points])
     (on_axis, axis_error), (area, error) = areas[0], areas[1:].T
-    relative = area / on_axis
+    with np.errstate(divide="ignore", invalid="ignore"):
+        relative = area / on_axis
     combined = relative * np.hypot(error, axis_error)
     return RelativeIllumination(
         radii, points[1:, 1], area, relative, np.where(radii == 0, 0.0, combined), z_image, z_object

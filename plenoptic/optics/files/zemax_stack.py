@@ -16,6 +16,8 @@ from plenoptic.optics.stacking import Element
 from plenoptic.optics.stops import CircularStop
 from plenoptic.optics.surface import Surface
 
+_ROUNDING = 1e-12
+
 _UNKNOWN_SIZE = 1e-9
 """Stands for a semi-diameter, in mm, until it is known; relative to the radius of curvature where that is smaller."""
 
@@ -133,6 +135,9 @@ def _piece(row: Row, as_stop: bool, gap: float, where: str) -> _Piece:
     try:
         if as_stop:
             return _Piece(CircularStop(size, gap), row, known)
+        if row.conic > -1 and size <= abs(radius) / math.sqrt(1.0 + row.conic) * (1.0 + _ROUNDING):
+            # A curvature that was written from a radius gives it back to rounding only.
+            size = min(size, abs(radius) if row.conic == 0 else abs(radius) / math.sqrt(1.0 + row.conic))
         surface = Surface(radius, gap, row.medium, semi_diameter=size, conic=row.conic, aspheric=row.aspheric)
         return _Piece(surface, row, known)
     except InvalidValueError as error:

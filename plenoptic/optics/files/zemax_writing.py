@@ -59,6 +59,9 @@ def zmx_of_lens(lens: LensStack) -> bytes:
         gap = element.thickness if i < len(lens.elements) - 1 else to_image
         lines.append(f"SURF {i + 1}")
         lines += [f"  {line}" for line in _element_lines(element, i, is_iris=i == lens.iris_index)]
+        if isinstance(element, CircularStop):
+            # A stop in glass has the glass on both sides.
+            lines += [f"  {line}" for line in _glass_lines(lens.gap_media[i + 1], i)]
         lines.append(f"  DISZ {gap!r}")
     lines += [f"SURF {len(lens.elements) + 1}", "  TYPE STANDARD", "  CURV 0.0", "  DISZ 0.0"]
     return codecs.BOM_UTF16_LE + "".join(f"{line}\r\n" for line in lines).encode("utf-16-le", errors="replace")
@@ -93,6 +96,11 @@ def _glass_lines(medium: Medium, i: int) -> list[str]:
     except InvalidValueError as error:
         raise PrescriptionError(f"the medium behind element {i} has no n_d and V_d: {error}") from None
     vd = (nd - 1.0) / (blue - red) if blue != red else 0.0
+    if vd < 0:
+        raise PrescriptionError(
+            f"the index of the medium behind element {i} rises with the wavelength, which cannot be written as .zmx; "
+            "use .json"
+        )
     name = getattr(medium, "name", "")
     if name and " " not in name and not isinstance(medium, ModelGlass) and _is_bundled(name, (nd, blue, red)):
         return [f"GLAS {name} 0 0 {nd:.5f} {vd:.2f}"]
