@@ -163,7 +163,7 @@ def vignetting(
     >>> import plenoptic as pl
     >>> found = pl.aberrations.vignetting(pl.load_lens("double-gauss-100mm-f2"), [0.0, 0.2, 0.35])
     >>> found.fraction.round(2).tolist()
-    [0.98, 0.68, 0.35]
+    [0.99, 0.68, 0.36]
     """
     radii, stop = checked_fields(fields, z_object), lens.stop
     side = whole(grid, "grid", at_least=2)
