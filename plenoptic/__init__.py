@@ -67,6 +67,8 @@ if TYPE_CHECKING:
     from plenoptic.planning import Plan as Plan
     from plenoptic.planning import Stage as Stage
     from plenoptic.planning import plan as plan
+    from plenoptic.plots.contrast import plot_mtf as plot_mtf
+    from plenoptic.plots.contrast import plot_point_spread as plot_point_spread
     from plenoptic.plots.exposure import plot_exposure as plot_exposure
     from plenoptic.plots.fields import plot_coma as plot_coma
     from plenoptic.plots.fields import plot_depth_distortion as plot_depth_distortion
@@ -78,8 +80,6 @@ if TYPE_CHECKING:
     from plenoptic.plots.lens import plot_lens as plot_lens
     from plenoptic.plots.seidel import plot_chromatic_shift as plot_chromatic_shift
     from plenoptic.plots.seidel import plot_seidel as plot_seidel
-    from plenoptic.plots.spots import plot_mtf as plot_mtf
-    from plenoptic.plots.spots import plot_point_spread as plot_point_spread
     from plenoptic.plots.spots import plot_ray_fan as plot_ray_fan
     from plenoptic.plots.spots import plot_spots as plot_spots
     from plenoptic.plots.spots import plot_through_focus as plot_through_focus
@@ -160,7 +160,8 @@ else:
         "plenoptic.plots.forward": ("plot_camera_spread",),
         "plenoptic.plots.lens": ("plot_lens",),
         "plenoptic.plots.seidel": ("plot_chromatic_shift", "plot_seidel"),
-        "plenoptic.plots.spots": ("plot_mtf", "plot_point_spread", "plot_ray_fan", "plot_spots", "plot_through_focus"),
+        "plenoptic.plots.contrast": ("plot_mtf", "plot_point_spread"),
+        "plenoptic.plots.spots": ("plot_ray_fan", "plot_spots", "plot_through_focus"),
         "plenoptic.rays": ("RayBundle", "RayStatus"),
         "plenoptic.rendering": ("render", "render_white"),
         "plenoptic.scene.environment": ("ConstantBackground",),

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from plenoptic.optics.lens import LensStack
 from plenoptic.optics.models import LensModel
 from plenoptic.optics.paraxial import cardinal_points
-from plenoptic.optics.pupil import passing_points
+from plenoptic.optics.pupil import grid, passing_points
 from plenoptic.optics.surface import Surface
 from plenoptic.optics.tables import IDEAL, LensTables, lens_tables
 
@@ -98,7 +98,7 @@ def _lit_box(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
     """A box around the points of an n x n grid that pass; where they reach its border, it grows up to the rim."""
     while True:
-        points, mesh = _grid(near, far, n)
+        points, mesh = grid(near, far, n)
         passing = points[passing_points(where.tables, point, points, where.z)]
         if not len(passing):
             return None
@@ -115,7 +115,7 @@ def _outline(
     where: Entrance, point: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """The polygon of 16 sides around the points of a box that pass, widened by one step of the grid."""
-    points, mesh = _grid(low, high, _FINE)
+    points, mesh = grid(low, high, _FINE)
     passing = points[passing_points(where.tables, point, points, where.z)]
     if not len(passing):
         passing = np.array([low, [low[0], high[1]], high, [high[0], low[1]]])
@@ -128,12 +128,6 @@ def _outline(
     return np.asarray(
         support[:, None] * normals + ((after - support * math.cos(turn)) / math.sin(turn))[:, None] * along
     )
-
-
-def _grid(low: NDArray[np.float64], high: NDArray[np.float64], n: int) -> tuple[NDArray[np.float64], float]:
-    """Points of an n x n grid over a box and the diagonal of its mesh."""
-    x, y = (np.linspace(low[k], high[k], n) for k in range(2))
-    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2), float(np.hypot(*((high - low) / (n - 1))))
 
 
 def _rim_box(where: Entrance, point: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

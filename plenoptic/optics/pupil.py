@@ -96,7 +96,7 @@ def passing_points(
     return np.asarray(blocks[:, 7].reshape(-1)[:n] == 0)
 
 
-def _grid(low: NDArray[np.float64], high: NDArray[np.float64], n: int) -> tuple[NDArray[np.float64], float]:
+def grid(low: NDArray[np.float64], high: NDArray[np.float64], n: int) -> tuple[NDArray[np.float64], float]:
     """Points of an n x n grid over a box and the diagonal of its mesh."""
     x, y = (np.linspace(low[k], high[k], n) for k in range(2))
     points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
@@ -113,7 +113,7 @@ def _passing_box(
         low = np.array([x - half_width, y - half_width])
         high = np.array([x + half_width, y + half_width])
         while True:
-            points, mesh = _grid(low, high, _WHOLE if half_width >= rim else _COARSE)
+            points, mesh = grid(low, high, _WHOLE if half_width >= rim else _COARSE)
             passing = points[passing_points(tables, origin, points, z)]
             if not len(passing):
                 break
@@ -136,7 +136,7 @@ def _outline(
     box = _passing_box(tables, origin, z, guesses, rim)
     if box is None:
         return np.full(SIDES, -np.inf)
-    points, mesh = _grid(*box, _FINE)
+    points, mesh = grid(*box, _FINE)
     points = np.concatenate([points, rim * _GRAZING])
     passing = points[passing_points(tables, origin, points, z)]
     if not len(passing):

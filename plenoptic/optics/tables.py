@@ -13,6 +13,7 @@ from plenoptic.optics.bounds import asphere_bounds
 from plenoptic.optics.lens import LensStack
 from plenoptic.optics.models import LensModel
 from plenoptic.optics.paraxial import cardinal_points
+from plenoptic.optics.placement import Placement
 from plenoptic.optics.stacking import Element
 from plenoptic.optics.stops import CircularStop, PolygonStop, Stop
 from plenoptic.optics.surface import Surface
@@ -141,7 +142,8 @@ def _exact_rows(lens: LensStack, wavelength: float, first: int, last: int, *, re
             rows.append(_surface_row(element, z, i, float(ratio)))
         else:
             rows.append(_stop_row(element, z, i))
-        rows[-1] = rows[-1]._replace(frame=_frame(element))
+        if element.placement is not None:
+            rows[-1] = rows[-1]._replace(frame=_frame(element.placement))
     return rows[::-1] if reverse else rows
 
 
@@ -164,10 +166,7 @@ def _stop_row(stop: Stop, z: float, number: int) -> _Row:
     return _Row(CIRCLE, z, number, clear)
 
 
-def _frame(element: Element) -> tuple[float, ...]:
-    placement = element.placement
-    if placement is None:
-        return (0.0,) * FRAME
+def _frame(placement: Placement) -> tuple[float, ...]:
     return (*np.ravel(placement.rotation).tolist(), *np.asarray(placement.shift).tolist(), 1.0)
 
 

@@ -18,13 +18,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from plenoptic.optics.analysis.focusing import ThroughFocus
-    from plenoptic.optics.analysis.mtf import Mtf, PointSpread
     from plenoptic.optics.analysis.spots import RayFan, SpotDiagram
 
-_MICROMETRES = 1e3
+MICROMETRES = 1e3
 _MOST_DOTS = 3000
 """Dots of one panel: more of them are one blot, and a slow file."""
-_LIMIT = "#777777"
+LIMIT = "#777777"
 _BLUE = 0.61
 """Hue; red is 0."""
 _SMALLEST_SPOT = 0.1
@@ -41,7 +40,8 @@ def _colours(wavelengths: Sequence[float]) -> list[Any]:
     return [tuple(hsv_to_rgb((_BLUE * (1.0 - share), 0.9, 0.75))) for share in place]
 
 
-def _field_label(field: NDArray[np.float64], z_object: float) -> str:
+def field_label(field: NDArray[np.float64], z_object: float) -> str:
+    """How an object point is named in titles: by its angle, or by its height."""
     x, y = (float(component) for component in field)
     if math.isinf(z_object):
         x, y, unit = math.degrees(x), math.degrees(y), "°"
@@ -73,7 +73,7 @@ def _same(values: list[float]) -> bool:
 
 
 def _rms_label(spot: SpotDiagram) -> str:
-    radius = _MICROMETRES * spot.rms_radius
+    radius = MICROMETRES * spot.rms_radius
     return f"RMS {radius:.3g} µm" if radius >= 1e-3 else "RMS < 0.001 µm"
 
 
@@ -87,15 +87,15 @@ def _draw_spot(ax: Axes, spot: SpotDiagram, half: float, *, airy: bool) -> None:
         x, y = spot.x[shown] - centre[0], spot.y[shown] - centre[1]
         size = 5.0 if len(shown) < 1000 else 2.0
         ax.scatter(
-            _MICROMETRES * x, _MICROMETRES * y, s=size, c=colours[spot.colour[shown]], linewidths=0, rasterized=True
+            MICROMETRES * x, MICROMETRES * y, s=size, c=colours[spot.colour[shown]], linewidths=0, rasterized=True
         )
         ax.text(0.03, 0.03, _rms_label(spot), transform=ax.transAxes, fontsize="small")
     else:
         ax.text(0.5, 0.5, "no light", transform=ax.transAxes, ha="center", va="center")
     if airy and math.isfinite(spot.airy_radius):
         angle = np.linspace(0.0, 2.0 * math.pi, 181)
-        radius = _MICROMETRES * spot.airy_radius
-        ax.plot(radius * np.cos(angle), radius * np.sin(angle), color=_LIMIT, linewidth=0.9)
+        radius = MICROMETRES * spot.airy_radius
+        ax.plot(radius * np.cos(angle), radius * np.sin(angle), color=LIMIT, linewidth=0.9)
     ax.set_xlim(-half, half)
     ax.set_ylim(-half, half)
     ax.locator_params(nbins=4)
@@ -177,20 +177,20 @@ def plot_spots(
         spot.airy_radius for row in rows for spot in row if airy
     ]
     largest = max((radius for radius in radii if math.isfinite(radius)), default=0.0)
-    half = 1.15 * max(_MICROMETRES * largest, _SMALLEST_SPOT)
+    half = 1.15 * max(MICROMETRES * largest, _SMALLEST_SPOT)
     by_row = all(_same([tuple(spot.field) for spot in row]) for row in rows) and count[0] > 1  # type: ignore[misc]
     by_column = all(_same([row[j].z_image for row in rows]) for j in range(count[1])) and count[0] > 1
     for i, row in enumerate(rows):
         for j, spot in enumerate(row):
             ax = axes[i, j]
             _draw_spot(ax, spot, half, airy=airy)
-            title = [] if by_row else [_field_label(spot.field, spot.z_object)]
+            title = [] if by_row else [field_label(spot.field, spot.z_object)]
             if not by_column or i == 0:
                 title.append(f"z = {spot.z_image:.6g} mm")
             own = titles[i * count[1] + j] if titles else "\n".join(title)
             ax.set_title(own, fontsize="medium")
         label = "y / µm"
-        axes[i, 0].set_ylabel(f"{_field_label(row[0].field, row[0].z_object)}\n{label}" if by_row else label)
+        axes[i, 0].set_ylabel(f"{field_label(row[0].field, row[0].z_object)}\n{label}" if by_row else label)
     for ax in axes[-1]:
         ax.set_xlabel("x / µm")
     if len(rows[0][0].wavelengths) > 1:
@@ -238,134 +238,18 @@ def plot_ray_fan(fan: RayFan, *, figure: Figure | None = None) -> Figure:
         (axes[0], fan.tangential[:, :, 1], "tangential fan"),
         (axes[1], fan.sagittal[:, :, 0], "sagittal fan"),
     ):
-        ax.axhline(0.0, color=_LIMIT, linewidth=0.6)
-        ax.axvline(0.0, color=_LIMIT, linewidth=0.6)
+        ax.axhline(0.0, color=LIMIT, linewidth=0.6)
+        ax.axvline(0.0, color=LIMIT, linewidth=0.6)
         for curve, colour in zip(curves, _colours(fan.wavelengths), strict=True):
-            ax.plot(fan.pupil, _MICROMETRES * curve, color=colour, linewidth=1.3)
+            ax.plot(fan.pupil, MICROMETRES * curve, color=colour, linewidth=1.3)
         ax.set_title(title)
         ax.set_xlabel("coordinate in the iris")
         ax.set_xlim(-1.0, 1.0)
     axes[0].set_ylabel("transverse aberration / µm")
-    figure.suptitle(f"{_field_label(fan.field, fan.z_object)}, z = {fan.z_image:.6g} mm", fontsize="medium")
+    figure.suptitle(f"{field_label(fan.field, fan.z_object)}, z = {fan.z_image:.6g} mm", fontsize="medium")
     if len(fan.wavelengths) > 1:
         _wavelength_legend(figure, fan.wavelengths)
     return figure
-
-
-def plot_point_spread(spread: PointSpread, ax: Axes | None = None) -> Axes:
-    """Draw a geometric point-spread function.
-
-    Parameters
-    ----------
-    spread : PointSpread
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; a new figure if it is left out.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        Share of the light per square micrometre, x and y in micrometres from the middle of the picture.
-
-    Raises
-    ------
-    InvalidValueError
-        If `spread` is no PointSpread.
-    PlenopticError
-        Which is an ImportError too: without matplotlib.
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> from plenoptic.plots.spots import plot_point_spread
-    >>> ax = plot_point_spread(pl.aberrations.point_spread(pl.load_lens("double-gauss-100mm-f2")))
-    >>> ax.get_xlabel()
-    'x / µm'
-    """
-    if not hasattr(spread, "pixel_size") or not hasattr(spread, "outside"):
-        raise wrong_kind(spread, "spread", "PointSpread", "pl.aberrations.point_spread(lens)")
-    plt = _pyplot()
-    if ax is None:
-        _, ax = plt.subplots(figsize=(5.6, 4.6), layout="constrained")
-    from matplotlib.colors import PowerNorm
-
-    size = _MICROMETRES * spread.pixel_size
-    rows, columns = spread.image.shape
-    half_x, half_y = 0.5 * columns * size, 0.5 * rows * size
-    drawn = ax.imshow(
-        spread.image / size**2,
-        extent=(-half_x, half_x, -half_y, half_y),
-        interpolation="nearest",
-        cmap="magma",
-        norm="linear" if not spread.image.any() else PowerNorm(0.5, vmin=0.0),
-    )
-    ax.figure.colorbar(drawn, ax=ax, label="share of the light per µm²")
-    ax.set_xlabel("x / µm")
-    ax.set_ylabel("y / µm")
-    title = f"{_field_label(spread.field, spread.z_object)}, z = {spread.z_image:.6g} mm"
-    if spread.outside > 1e-9:
-        title += f"\n{100 * spread.outside:.2g} % outside"
-    ax.set_title(title, fontsize="medium")
-    return ax
-
-
-def plot_mtf(mtfs: Mtf | Sequence[Mtf], ax: Axes | None = None) -> Axes:
-    """Draw geometric modulation transfer functions, and the limit by diffraction.
-
-    Parameters
-    ----------
-    mtfs : Mtf or a sequence of them
-        For example one for each field.
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; a new figure if it is left out.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        Tangential solid, sagittal dotted, each with a band of one standard error; grey and dashed the limit by
-        diffraction of the first, which the other curves do not contain.
-
-    Raises
-    ------
-    InvalidValueError
-        If `mtfs` holds no Mtf.
-    PlenopticError
-        Which is an ImportError too: without matplotlib.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import plenoptic as pl
-    >>> from plenoptic.plots.spots import plot_mtf
-    >>> lens = pl.load_lens("double-gauss-100mm-f2")
-    >>> ax = plot_mtf([pl.aberrations.mtf(lens, np.linspace(0, 50, 11), field=(0, y)) for y in (0, 0.1)])
-    >>> ax.get_ylabel()
-    'modulation'
-    """
-    curves: list[Any] = [mtfs] if hasattr(mtfs, "diffraction") else list(mtfs) if isinstance(mtfs, Sequence) else []
-    if not curves or not all(hasattr(curve, "diffraction") for curve in curves):
-        raise wrong_kind(mtfs, "mtfs", "Mtf or a sequence", "pl.aberrations.mtf(lens, [10, 20])")
-    plt = _pyplot()
-    if ax is None:
-        _, ax = plt.subplots(figsize=(6.4, 4.2), layout="constrained")
-    for i, curve in enumerate(curves):
-        colour = f"C{i % 10}"
-        label = _field_label(curve.field, curve.z_object)
-        for values, error, line, name in (
-            (curve.tangential, curve.tangential_error, "-", f"{label}, tangential"),
-            (curve.sagittal, curve.sagittal_error, ":", f"{label}, sagittal"),
-        ):
-            ax.plot(curve.frequencies, values, linestyle=line, color=colour, label=name)
-            ax.fill_between(curve.frequencies, values - error, values + error, color=colour, alpha=0.2, linewidth=0)
-    first = curves[0]
-    if np.isfinite(first.diffraction).all():
-        ax.plot(first.frequencies, first.diffraction, linestyle="--", color=_LIMIT, label="limit by diffraction")
-    ax.set_ylim(0.0, 1.02)
-    ax.set_xlim(float(first.frequencies.min()), float(max(first.frequencies.max(), 1e-9)))
-    ax.set_xlabel("spatial frequency / (cycles/mm)")
-    ax.set_ylabel("modulation")
-    ax.set_title("Geometric MTF, without diffraction")
-    ax.legend(fontsize="small", frameon=False)
-    return ax
 
 
 def plot_through_focus(found: ThroughFocus, ax: Axes | None = None) -> Axes:

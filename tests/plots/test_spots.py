@@ -9,7 +9,8 @@ import pytest
 import plenoptic as pl
 from plenoptic.optics.analysis.mtf import mtf, point_spread
 from plenoptic.optics.analysis.spots import ray_fan, spot_diagram
-from plenoptic.plots.spots import plot_mtf, plot_point_spread, plot_ray_fan, plot_spots
+from plenoptic.plots.contrast import plot_mtf, plot_point_spread
+from plenoptic.plots.spots import plot_ray_fan, plot_spots
 
 matplotlib.use("Agg")
 
@@ -138,3 +139,15 @@ def test_modulation_without_a_limit() -> None:
 def test_what_is_no_mtf(mtfs) -> None:
     with pytest.raises(pl.InvalidValueError, match="mtfs is .*; give an? Mtf"):
         plot_mtf(mtfs)
+
+
+def test_through_focus_shows_both_radii_around_the_best_plane():
+    import plenoptic as pl
+
+    found = pl.aberrations.through_focus(pl.load_lens("singlet-100mm-f4"))
+    ax = pl.plot_through_focus(found)
+    assert ax.lines[0].get_ydata() == pytest.approx(1e3 * found.rms_radius)
+    assert ax.lines[1].get_ydata() == pytest.approx(1e3 * found.geometric_radius)
+    assert ax.lines[2].get_xdata()[0] == found.best
+    with pytest.raises(pl.InvalidValueError, match="1 titles for 2 diagrams"):
+        pl.plot_spots([pl.aberrations.spot_diagram(pl.load_lens("singlet-100mm-f4"), rays=64)] * 2, titles=["one"])

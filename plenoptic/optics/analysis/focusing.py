@@ -12,10 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from plenoptic._values import choice, frozen_array, set_field, value
 from plenoptic.errors import InvalidValueError
+from plenoptic.optics import conjugates
 from plenoptic.optics.analysis.pencils import checked_point, checked_wavelengths, passing_light
 from plenoptic.optics.lens import LensStack
 from plenoptic.optics.models import LensModel
-from plenoptic.optics.paraxial import cardinal_points, image_position, magnification
+from plenoptic.optics.paraxial import cardinal_points, image_position
 
 _GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 _SEARCH_STEPS = 80
@@ -141,19 +142,18 @@ def working_f_number(lens: LensStack, z_object: float = -math.inf, wavelength: f
     >>> round(working_f_number(lens), 2), round(working_f_number(lens, -404.0), 2)
     (2.03, 2.63)
     """
-    points, around = cardinal_points(lens, wavelength), float(lens.indices(wavelength)[0])
+    points = cardinal_points(lens, wavelength)
     if lens.model is LensModel.NONE or not math.isfinite(points.efl):
         return math.nan
-    if math.isinf(z_object):
-        return points.f_number / around
     if lens.model is LensModel.THIN:
-        size, pupil = points.entrance_pupil_semi_diameter, points.rear_principal
-    elif math.isfinite(points.exit_pupil):
-        size, pupil = points.exit_pupil_semi_diameter, points.exit_pupil
-    else:
-        size, distance = points.entrance_pupil_semi_diameter, points.entrance_pupil - z_object
-        return abs(magnification(lens, z_object, wavelength) * distance) / (2.0 * size * around)
-    return abs(paraxial_focus(lens, z_object, wavelength) - pupil) / (2.0 * size * around)
+        # The iris is in the plane of the lens, as large as the entrance pupil.
+        reach = abs(paraxial_focus(lens, z_object, wavelength) - points.rear_principal)
+        return reach / (2.0 * points.entrance_pupil_semi_diameter * float(lens.indices(wavelength)[0]))
+    try:
+        found = conjugates.working_f_number(lens, z_object, wavelength)
+    except InvalidValueError:
+        return math.nan
+    return found if math.isfinite(found) else math.nan
 
 
 def best_focus(
