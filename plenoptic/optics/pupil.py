@@ -144,7 +144,7 @@ def _outline(
     return np.asarray((passing @ _normals().T).max(axis=0) + mesh)
 
 
-def _corners(support: NDArray[np.float64]) -> NDArray[np.float64]:
+def outline_corners(support: NDArray[np.float64]) -> NDArray[np.float64]:
     """Corners (n, SIDES, 2) of polygons given by (n, SIDES) support distances: neighbouring sides intersected."""
     normals = _normals()
     after = np.roll(normals, -1, axis=0)
@@ -364,7 +364,7 @@ def _widened(
     bins, spacing = len(rho) - 1, rho[1] - rho[0]
     step = largest_radius / bins if largest_radius > 0 else 1.0
     lit = np.isfinite(support[:, 0])
-    corners = _corners(np.where(lit[:, None], support, 0.0))
+    corners = outline_corners(np.where(lit[:, None], support, 0.0))
     wide = np.full((bins, SIDES), -np.inf)
     for b in range(bins):
         low, high = b * step - cell_radius, (b + 1) * step + cell_radius
@@ -376,6 +376,6 @@ def _widened(
             rotation = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
             reached = corners[near].reshape(-1, 2) @ rotation.T @ normals.T
             wide[b] = np.maximum(wide[b], reached.max(axis=0))
-    outline = _corners(np.where(np.isfinite(wide), wide, 0.0))
+    outline = outline_corners(np.where(np.isfinite(wide), wide, 0.0))
     reach = np.where(np.isfinite(wide[:, 0]), np.linalg.norm(outline, axis=-1).max(axis=-1), 0.0)
     return PupilBounds(read_only(normals), read_only(wide), read_only(outline), read_only(reach), step, z)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from plenoptic._values import positive, set_field, value, whole
 from plenoptic.errors import InvalidValueError
+from plenoptic.optics.angular import AngularResponse
 
 
 @value
@@ -18,12 +19,17 @@ class Sensor:
     shape : (int, int)
         Rows and columns.
     pixel_pitch : float
-        Distance between the centres of neighbouring pixels in mm; pixels have no gaps.
+        Distance between the centres of neighbouring pixels in mm.
+    pixel_aperture : (float, float), optional
+        Width and height of the part in the middle of a pixel that sees light, over the pitch, above 0 and at most 1.
+        The rest sees nothing, so that images get darker by their product, the fill factor.
+    angular_response : AngularResponse, optional
+        How a pixel's response depends on direction; None: not at all.
 
     Raises
     ------
     InvalidValueError
-        For a sensor without pixels or a pitch that is not positive.
+        For a sensor without pixels, a pitch that is not positive or an aperture out of range.
 
     Examples
     --------
@@ -35,6 +41,8 @@ class Sensor:
 
     shape: tuple[int, int]
     pixel_pitch: float
+    pixel_aperture: tuple[float, float] = (1.0, 1.0)
+    angular_response: AngularResponse | None = None
 
     def __post_init__(self) -> None:
         try:
@@ -47,6 +55,24 @@ class Sensor:
             (whole(rows, "rows of the sensor", at_least=1), whole(columns, "columns of the sensor", at_least=1)),
         )
         set_field(self, "pixel_pitch", positive(self.pixel_pitch, "pixel_pitch", "mm"))
+        try:
+            width, height = (positive(side, "pixel_aperture") for side in self.pixel_aperture)
+        except (TypeError, ValueError):
+            raise InvalidValueError(
+                f"pixel_aperture is {self.pixel_aperture!r}; it must be (width, height) over the pitch, above 0"
+            ) from None
+        if max(width, height) > 1:
+            raise InvalidValueError(f"pixel_aperture is {(width, height)}; no side can be larger than the pitch, 1")
+        set_field(self, "pixel_aperture", (width, height))
+        if self.angular_response is not None and not isinstance(self.angular_response, AngularResponse):
+            raise InvalidValueError(
+                f"angular_response is {self.angular_response!r}; it must be an AngularResponse or None"
+            )
+
+    @property
+    def fill_factor(self) -> float:
+        """The part of a pixel's area that sees light."""
+        return self.pixel_aperture[0] * self.pixel_aperture[1]
 
     @property
     def size(self) -> tuple[float, float]:
@@ -81,3 +107,28 @@ class Sensor:
         x = -(np.asarray(column) + 0.5 - columns / 2) * self.pixel_pitch
         y = (np.asarray(row) + 0.5 - rows / 2) * self.pixel_pitch
         return np.stack(np.broadcast_arrays(x, y), axis=-1)
+
+    def pixel_of(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Row and column of points on the sensor, as fractions: the inverse of `centre_of`.
+
+        Parameters
+        ----------
+        points : (..., 2) array
+            x and y in mm.
+
+        Returns
+        -------
+        (..., 2) array
+            Row and column; whole numbers are centres of pixels.
+
+        Examples
+        --------
+        >>> import plenoptic as pl
+        >>> pl.Sensor(shape=(4, 4), pixel_pitch=1.0).pixel_of((1.5, -1.5))
+        array([0., 0.])
+        """
+        rows, columns = self.shape
+        given = np.asarray(points, dtype=np.float64)
+        row = given[..., 1] / self.pixel_pitch + rows / 2 - 0.5
+        column = -given[..., 0] / self.pixel_pitch + columns / 2 - 0.5
+        return np.stack([row, column], axis=-1)

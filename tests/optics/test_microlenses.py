@@ -10,14 +10,29 @@ import plenoptic as pl
 from plenoptic.camera.strays import fill_plates
 from plenoptic.optics import _lattice
 from plenoptic.optics._blocks import BLOCK
+from plenoptic.optics.lenslet_tables import array_tables
 
 EPS = np.finfo(float).eps
-LATTICES = st.sampled_from(list(pl.Lattice))
+REGULAR = [pl.Lattice.HEXAGONAL, pl.Lattice.SQUARE, pl.Lattice.RECTANGULAR]
 SPHERICAL = pl.MicrolensModel.SPHERICAL
+RECTANGULAR, FREE = pl.Lattice.RECTANGULAR, pl.Lattice.FREE
 
 
 def array_of(pitch: float, lattice: pl.Lattice) -> pl.MicrolensArray:
-    return pl.MicrolensArray(pitch=pitch, focal_lengths=(2.0,), lattice=lattice)
+    """An array of thin lenses; rectangular ones are 1.25 times as wide as high."""
+    both = (1.25 * pitch, pitch) if lattice is pl.Lattice.RECTANGULAR else pitch
+    return pl.MicrolensArray(pitch=both, focal_lengths=(2.0,), lattice=lattice)
+
+
+def fill_uncut(blocks: np.ndarray, array: pl.MicrolensArray, distance: float, z_array: float) -> None:
+    """Plates of which each lens goes on for ever."""
+    fill_plates(blocks, array, distance, None, z_array, 1.0 / array.focal_length)
+
+
+def fill_cut(blocks: np.ndarray, array: pl.MicrolensArray, distance: float, z_array: float) -> None:
+    """Plates whose lenses end at their cells."""
+    tables = array_tables(array, turn=np.eye(2), origin=np.zeros(2), reach=1.0, stray=0.0)
+    fill_plates(blocks, array, distance, None, z_array, 1.0 / array.focal_length, None, tables)
 
 
 def plano_convex(side: pl.ConvexSide, **changes) -> pl.MicrolensArray:
@@ -34,20 +49,22 @@ def all_centres(array: pl.MicrolensArray, around: int = 4) -> np.ndarray:
 
 
 @settings(max_examples=20, deadline=None)
-@given(pitch=st.floats(1e-3, 10.0), lattice=LATTICES)
+@given(pitch=st.floats(1e-3, 10.0), lattice=st.sampled_from(REGULAR))
 def test_neighbours_are_a_pitch_apart(pitch: float, lattice: pl.Lattice) -> None:
     centres = all_centres(array_of(pitch, lattice))
     distance = np.sort(np.linalg.norm(centres, axis=1))
-    neighbours = 6 if lattice is pl.Lattice.HEXAGONAL else 4
+    neighbours = {pl.Lattice.HEXAGONAL: 6, pl.Lattice.SQUARE: 4, pl.Lattice.RECTANGULAR: 2}[lattice]
     assert distance[0] == 0
     assert distance[1 : neighbours + 1] == pytest.approx(pitch, rel=8 * EPS)
-    assert distance[neighbours + 1] > 1.4 * pitch
-    # Nearest neighbours along y in both lattices.
+    assert distance[neighbours + 1] > 1.2 * pitch
+    # Nearest neighbours along y in all lattices.
     assert np.any(np.all(np.isclose(centres, [0, pitch], rtol=8 * EPS, atol=0), axis=1))
+    if lattice is pl.Lattice.RECTANGULAR:
+        assert distance[3:5] == pytest.approx(1.25 * pitch, rel=8 * EPS)
 
 
 @settings(max_examples=20, deadline=None)
-@given(pitch=st.floats(1e-3, 10.0), lattice=LATTICES)
+@given(pitch=st.floats(1e-3, 10.0), lattice=st.sampled_from(REGULAR))
 def test_corners_edges_and_area_belong_together(pitch: float, lattice: pl.Lattice) -> None:
     array = array_of(pitch, lattice)
     corners, edges = array.cell_corners, array.cell_edges
@@ -55,7 +72,7 @@ def test_corners_edges_and_area_belong_together(pitch: float, lattice: pl.Lattic
     area = 0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)
     # Sums of up to six products with angles good to a few eps; counter-clockwise, so positive.
     assert area == pytest.approx(array.cell_area, rel=32 * EPS)
-    per_pitch = math.sqrt(3) / 2 if lattice is pl.Lattice.HEXAGONAL else 1.0
+    per_pitch = {pl.Lattice.HEXAGONAL: math.sqrt(3) / 2, pl.Lattice.SQUARE: 1.0, pl.Lattice.RECTANGULAR: 1.25}[lattice]
     assert array.cell_area == pytest.approx(per_pitch * pitch**2, rel=16 * EPS)
     assert np.linalg.norm(corners, axis=1) == pytest.approx(array.cell_radius, rel=8 * EPS)
     assert np.linalg.norm(edges[:, :2], axis=1) == pytest.approx(1.0, rel=4 * EPS)
@@ -66,7 +83,7 @@ def test_corners_edges_and_area_belong_together(pitch: float, lattice: pl.Lattic
 
 
 @settings(max_examples=20, deadline=None)
-@given(lattice=LATTICES, seed=st.integers(0, 1000))
+@given(lattice=st.sampled_from(REGULAR), seed=st.integers(0, 1000))
 def test_cells_are_what_is_nearest(lattice: pl.Lattice, seed: int) -> None:
     array = array_of(0.217, lattice)
     points = np.random.default_rng(seed).uniform(-0.5, 0.5, (500, 2))
@@ -82,7 +99,7 @@ def test_cells_are_what_is_nearest(lattice: pl.Lattice, seed: int) -> None:
 
 
 def test_nearest_of_centres_are_the_centres() -> None:
-    for lattice in pl.Lattice:
+    for lattice in REGULAR:
         array = array_of(0.217, lattice)
         centres = all_centres(array, around=50)
         # Whole multiples of two vectors, up to 50 of each.
@@ -99,9 +116,30 @@ def test_nearest_of_centres_are_the_centres() -> None:
         ({"pitch": -0.2}, "pitch is -0.2 mm; it must be above 0"),
         ({"pitch": math.nan}, "pitch is nan; it must be finite"),
         ({"pitch": "wide"}, "pitch is 'wide'; it must be a number"),
-        ({"focal_lengths": (0.0,)}, "focal length of 0 mm is impossible"),
-        ({"focal_lengths": ()}, "focal_lengths has 0 entries"),
-        ({"focal_lengths": (1.0, 2.0)}, "focal_lengths has 2 entries"),
+        ({"focal_lengths": (0.0,)}, "focal_lengths is .0.0,.; give one in mm for each type, not 0"),
+        ({"focal_lengths": ()}, "focal_lengths is ..; give one in mm for each type"),
+        ({"pitch": (0.2, 0.3)}, "pitch is .0.2, 0.3.; only Lattice.RECTANGULAR has two"),
+        ({"lattice": RECTANGULAR}, "pitch is 0.2; Lattice.RECTANGULAR needs two in mm"),
+        ({"lattice": RECTANGULAR, "pitch": (1.0, 2.0, 3.0)}, "pitch is .1.0, 2.0, 3.0.; Lattice.RECTANGULAR needs two"),
+        ({"lattice": RECTANGULAR, "pitch": (1.0, -2.0)}, "pitch along y is -2 mm; it must be above 0"),
+        ({"lattice": FREE}, "the lattice is FREE and has no centres; give centres"),
+        ({"lattice": FREE, "centres": np.zeros((0, 2))}, "centres is empty or holds"),
+        ({"lattice": FREE, "centres": [(0, math.nan)]}, "centres is empty or holds a number that is not finite"),
+        ({"lattice": FREE, "centres": [(0, 1), (2, 0), (0, 1)]}, "centres lists a place twice"),
+        ({"lattice": FREE, "centres": [(0, 1)], "pattern": [[0]]}, "pattern is given for the lattice FREE; list types"),
+        ({"lattice": FREE, "centres": [(0, 1)], "types": [0, 0]}, r"types has shape \(2,\); it must have shape \(1,\)"),
+        ({"lattice": FREE, "centres": [(0, 1)], "types": [1]}, "types holds types outside 0 to 0"),
+        ({"centres": [(0, 1)]}, "centres is given for the lattice HEXAGONAL; it belongs to Lattice.FREE"),
+        ({"types": [0]}, "types is given for the lattice HEXAGONAL"),
+        ({"pattern": [[0, 1]]}, "pattern holds types outside 0 to 0; give each a focal length"),
+        ({"pattern": [[-1]]}, "pattern holds types outside 0 to 0"),
+        ({"pattern": [0]}, r"pattern has shape \(1,\); it must have shape"),
+        ({"aperture": 0.5}, "aperture is 0.5; it must be a MicrolensAperture or None"),
+        ({"imperfections": 3}, "imperfections is 3; it must be a MicrolensImperfections or None"),
+        (
+            {"model": pl.MicrolensModel.PINHOLE, "aperture": pl.MicrolensAperture(fill_factor=0.5, gaps=pl.Gaps.CLEAR)},
+            "light passes a PINHOLE only at its centre; give gaps=Gaps.OPAQUE",
+        ),
         ({"focal_lengths": (math.inf,)}, "focal_lengths is inf; it must be finite"),
         ({"thickness": 0.0}, "thickness of the microlenses is 0 mm; it must be above 0"),
         ({"index": 1.0}, "index of the microlenses is 1.0; it must be above 1"),
@@ -113,7 +151,7 @@ def test_nearest_of_centres_are_the_centres() -> None:
         ({"model": SPHERICAL, "focal_lengths": (-2.0,)}, "focal length -2 mm: a plano-convex microlens collects light"),
         (
             {"model": SPHERICAL, "focal_lengths": (0.2,)},
-            "radius of curvature 0.1 mm is below the cell's corner at 0.115",
+            "radius of curvature 0.1 mm is below the corner of the opening at 0.115",
         ),
         (
             {"model": SPHERICAL, "focal_lengths": (0.3,), "thickness": 0.03},
@@ -186,7 +224,7 @@ def test_exact_microlenses_are_lenses_of_two_surfaces(side: pl.ConvexSide) -> No
     distance, z_array, n = 1.7, 123.3, 1000
     points, sensor, centres = aimed(array, n, height=0.1, slope=0.3, distance=distance)
     blocks = as_blocks(points, sensor, centres, 1.0)
-    fill_plates(blocks, array, distance, z_array, np.zeros((0, 3)))
+    fill_uncut(blocks, array, distance, z_array)
     found, along, _, status = from_blocks(blocks, n)
 
     glass = pl.ConstantMedium(array.index)
@@ -220,7 +258,7 @@ def test_focal_length_and_principal_planes_in_the_paraxial_limit(side: pl.Convex
     def slope_errors(h: float) -> float:
         points, sensor, centres = aimed(array, n, height=h, slope=h, distance=distance)
         blocks = as_blocks(points, sensor, centres, 1.0)
-        fill_plates(blocks, array, distance, z_array, np.zeros((0, 3)))
+        fill_uncut(blocks, array, distance, z_array)
         found, along, _, _ = from_blocks(blocks, n)
         # Through the front principal plane at the height of the rear one, bent by height over focal length.
         t = (z_array - found[:, 2]) / along[:, 2]
@@ -239,7 +277,7 @@ def test_thin_microlenses_bend_by_height_over_focal_length() -> None:
     array = array_of(0.2, pl.Lattice.HEXAGONAL)
     points, sensor, centres = aimed(array, 300, height=0.1, slope=0.3, distance=1.7)
     blocks = as_blocks(points, sensor, centres, 2.5)
-    _lattice.fill_thin(blocks, 1.7, 1 / 2.0, 123.3)
+    _lattice.fill_thin(blocks, 1.7, None, 1 / 2.0, None, 123.3)
     found, along, weight, status = from_blocks(blocks, 300)
     assert np.array_equal(found, np.column_stack([points, np.full(300, 123.3)]))
     assert np.all(status == 0)
@@ -254,7 +292,7 @@ def test_thin_microlenses_bend_by_height_over_focal_length() -> None:
 def test_without_microlenses_rays_go_straight_on() -> None:
     points, sensor, centres = aimed(array_of(0.2, pl.Lattice.SQUARE), 300, height=2.0, slope=0.3, distance=90.0)
     blocks = as_blocks(points, sensor, centres, 1.0)
-    _lattice.fill_straight(blocks, 90.0, 30.3)
+    _lattice.fill_straight(blocks, 90.0, None, 30.3)
     found, along, weight, _ = from_blocks(blocks, 300)
     assert np.array_equal(found[:, :2], points) and np.all(found[:, 2] == 30.3)
     way = np.column_stack([points - sensor, np.full(300, -90.0)])
@@ -269,8 +307,8 @@ def test_rays_beside_their_own_sphere_are_another_microlens_s(side: pl.ConvexSid
     points, sensor, centres = aimed(array, 2000, height=0.35, slope=0.3, distance=1.7)
     n = len(points)
     with_edges, without = (as_blocks(points, sensor, centres, 1.0) for _ in range(2))
-    fill_plates(with_edges, array, 1.7, 40.0, array.cell_edges)
-    fill_plates(without, array, 1.7, 40.0, np.zeros((0, 3)))
+    fill_cut(with_edges, array, 1.7, 40.0)
+    fill_uncut(without, array, 1.7, 40.0)
     found, along, _, status = from_blocks(with_edges, n)
     free_found, free_along, _, free_status = from_blocks(without, n)
     assert np.array_equal(found, free_found) and np.array_equal(along, free_along)
@@ -295,8 +333,8 @@ def test_pinholes_let_light_through_their_centres() -> None:
     array = array_of(0.2, pl.Lattice.HEXAGONAL)
     points, sensor, centres = aimed(array, 300, height=0.1, slope=0.3, distance=1.7)
     blocks, thin = as_blocks(points, sensor, centres, 2.5), as_blocks(points, sensor, centres, 2.5)
-    _lattice.fill_pinholes(blocks, 1.7, 123.3)
-    _lattice.fill_thin(thin, 1.7, 1 / 2.0, 123.3)
+    _lattice.fill_pinholes(blocks, 1.7, None, 123.3)
+    _lattice.fill_thin(thin, 1.7, None, 1 / 2.0, None, 123.3)
     found, along, weight, status = from_blocks(blocks, 300)
     assert np.array_equal(found, np.column_stack([centres, np.full(300, 123.3)])) and np.all(status == 0)
     assert np.abs(along[:, :2] / -along[:, 2:] - (centres - sensor) / 1.7).max() <= 8 * EPS
@@ -323,7 +361,7 @@ def test_flat_plates_of_high_index_tend_to_thin_lenses(side: pl.ConvexSide) -> N
         array = flat_plates(side, index, thickness)
         points, sensor, centres = aimed(array, 400, height=height, slope=height, distance=1.7)
         blocks = as_blocks(points, sensor, centres, 1.0)
-        fill_plates(blocks, array, 1.7, 123.3, np.zeros((0, 3)))
+        fill_uncut(blocks, array, 1.7, 123.3)
         found, along, _, status = from_blocks(blocks, 400)
         assert np.all(status == 0)
         bent = (points - sensor) / 1.7 - (points - centres) / 2.0
@@ -341,7 +379,7 @@ def test_a_flat_plate_has_the_cells_of_its_curved_side(side: pl.ConvexSide) -> N
     array = flat_plates(side, 100.0, 0.1)
     points, sensor, centres = aimed(array, 4000, height=0.2, slope=0.1, distance=1.7)
     blocks = as_blocks(points, sensor, centres, 1.0)
-    fill_plates(blocks, array, 1.7, 123.3, array.cell_edges)
+    fill_cut(blocks, array, 1.7, 123.3)
     status = from_blocks(blocks, 4000)[3]
     inside = np.all((points - centres) @ array.cell_edges[:, :2].T <= array.cell_edges[:, 2], axis=1)
     # On the sensor's side the curved plane is the plane of aims; on the other, thickness / n = 1e-3 mm away.

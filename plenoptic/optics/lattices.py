@@ -1,0 +1,90 @@
+"""How microlenses lie on their plane: lattices, their cells, and patterns of types."""
+
+from __future__ import annotations
+
+import enum
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class Lattice(enum.IntEnum):
+    """How the microlenses lie; in all but FREE one microlens is at the array's centre.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> [lattice.name for lattice in pl.Lattice]
+    ['HEXAGONAL', 'SQUARE', 'RECTANGULAR', 'FREE']
+    """
+
+    HEXAGONAL = 0
+    """Nearest neighbours along y; columns pitch sqrt(3)/2 apart along x."""
+    SQUARE = 1
+    """Neighbours along x and y."""
+    RECTANGULAR = 2
+    """Neighbours along x and y at two distances: pitch is (x, y)."""
+    FREE = 3
+    """Listed centres; the cell of each is what lies nearer to it than to any other, and no farther along x and y than
+    the pitch."""
+
+
+def lattice_basis(lattice: Lattice, pitch: tuple[float, float]) -> NDArray[np.float64]:
+    """(2, 2): rows are the lattice vectors in mm, for pitches along x and y (the same but for RECTANGULAR)."""
+    if lattice is Lattice.HEXAGONAL:
+        return np.array([[pitch[1] * math.sqrt(3) / 2, pitch[1] / 2], [0.0, pitch[1]]])
+    return np.array([[pitch[0], 0.0], [0.0, pitch[1]]])
+
+
+def cell_polygon(lattice: Lattice, pitch: tuple[float, float]) -> NDArray[np.float64]:
+    """(k, 2): corners of the cell around a lattice point in mm, counter-clockwise; of FREE ones, the largest cell."""
+    if lattice is Lattice.HEXAGONAL:
+        return regular_polygon(6, pitch[1] / math.sqrt(3), 0.0)
+    x, y = pitch if lattice is Lattice.FREE else (pitch[0] / 2, pitch[1] / 2)
+    return np.array([[x, y], [-x, y], [-x, -y], [x, -y]])
+
+
+def regular_polygon(sides: int, radius: float, first: float) -> NDArray[np.float64]:
+    """(sides, 2): corners of a regular polygon, counter-clockwise, the first one at an angle in radians from +x."""
+    angle = first + 2 * math.pi * np.arange(sides) / sides
+    return radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
+def polygon_edges(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(k, 3): outward normal x, y and distance from the origin of the edges of a counter-clockwise polygon."""
+    along = np.roll(corners, -1, axis=0) - corners
+    normals = np.stack([along[:, 1], -along[:, 0]], axis=1) / np.linalg.norm(along, axis=1)[:, None]
+    return np.column_stack([normals, np.einsum("ij,ij->i", normals, corners)])
+
+
+def polygon_area(corners: NDArray[np.float64]) -> float:
+    """Area of a counter-clockwise polygon in mm^2."""
+    x, y = corners.T
+    return 0.5 * float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
+
+
+def cut_polygon(corners: NDArray[np.float64], edges: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The part of a convex polygon inside all edges (k, 3); may be empty."""
+    kept = [tuple(corner) for corner in corners.tolist()]
+    for a, b, limit in edges.tolist():
+        before, kept = kept, []
+        for (x, y), (next_x, next_y) in zip(before, before[1:] + before[:1], strict=True):
+            here, there = limit - (a * x + b * y), limit - (a * next_x + b * next_y)
+            if here >= 0:
+                kept.append((x, y))
+            if (here >= 0) != (there >= 0):
+                share = here / (here - there)
+                kept.append((x + share * (next_x - x), y + share * (next_y - y)))
+    return np.array(kept).reshape(-1, 2)
+
+
+def default_pattern(types: int) -> NDArray[np.int64]:
+    """(types, types): the type of lens (i, j) is (i - j) mod types.
+
+    On the hexagonal lattice with three types, all six neighbours of a lens are of the other two types, as in the
+    multi-focus cameras of Perwass and Wietzke 2012 (doi 10.1117/12.909882); on the square one with two, it is a
+    checkerboard.
+    """
+    i, j = np.meshgrid(np.arange(types), np.arange(types), indexing="ij")
+    return np.asarray((i - j) % types, dtype=np.int64)

@@ -1,0 +1,42 @@
+"""What stands in for the main lens of a camera that has none."""
+
+from __future__ import annotations
+
+import math
+
+from plenoptic._values import positive
+from plenoptic.optics.lens import LensStack
+from plenoptic.optics.models import LensModel
+from plenoptic.optics.stops import CircularStop
+from plenoptic.optics.surface import Surface
+
+
+def no_lens(semi_diameter: float = 1000.0) -> LensStack:
+    """An opening and no lens: an array of microlenses behind it is an array of cameras.
+
+    Parameters
+    ----------
+    semi_diameter : float, optional
+        Radius in mm of the round opening at z = 0; the array stands behind it. What it cuts off is not seen.
+
+    Returns
+    -------
+    LensStack
+        A stop and a plane of air, with LensModel.NONE.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> array = pl.MicrolensArray(pitch=10.0, focal_lengths=(8.0,), lattice=pl.Lattice.SQUARE,
+    ...     aperture=pl.MicrolensAperture(pl.ApertureShape.CIRCLE, fill_factor=0.01))
+    >>> cameras = pl.PlenopticCamera(lens=pl.no_lens(), microlenses=array, stop_to_microlenses=1.0,
+    ...     microlenses_to_sensor=8.1, sensor=pl.Sensor(shape=(300, 300), pixel_pitch=0.1))
+    >>> cameras.report().kind.name
+    'CAMERA_ARRAY'
+    """
+    radius = positive(semi_diameter, "semi_diameter", "mm")
+    return LensStack(
+        [CircularStop(radius), Surface(radius=math.inf, semi_diameter=2.0 * radius)],
+        name="no lens",
+        model=LensModel.NONE,
+    )

@@ -1,0 +1,134 @@
+import math
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import plenoptic as pl
+from plenoptic.optics.apertures import opening_of
+from plenoptic.optics.lattices import cell_polygon, polygon_area, polygon_edges
+
+EPS = np.finfo(float).eps
+Shape = pl.ApertureShape
+PITCHES = {pl.Lattice.HEXAGONAL: (1.0, 1.0), pl.Lattice.SQUARE: (1.0, 1.0), pl.Lattice.RECTANGULAR: (0.7, 1.1)}
+LARGEST = {
+    # A circle touches sides; a square of side a fits a hexagon of apothem p / 2 as a (1 + 1 / sqrt 3) = 2 p / sqrt 3.
+    (pl.Lattice.HEXAGONAL, Shape.CIRCLE): math.pi / math.sqrt(12),
+    (pl.Lattice.SQUARE, Shape.CIRCLE): math.pi / 4,
+    (pl.Lattice.RECTANGULAR, Shape.CIRCLE): math.pi / 4 * 0.7 / 1.1,
+    (pl.Lattice.HEXAGONAL, Shape.SQUARE): (2 / math.sqrt(3) / (1 + 1 / math.sqrt(3))) ** 2 / (math.sqrt(3) / 2),
+    (pl.Lattice.SQUARE, Shape.SQUARE): 1.0,
+    (pl.Lattice.RECTANGULAR, Shape.SQUARE): 0.7 / 1.1,
+    # A hexagon with corners on the x-axis is 2 R wide and sqrt(3) R high; its area is 1.5 sqrt(3) R^2.
+    (pl.Lattice.HEXAGONAL, Shape.HEXAGON): 1.0,
+    (pl.Lattice.SQUARE, Shape.HEXAGON): 1.5 * math.sqrt(3) / 4,
+    (pl.Lattice.RECTANGULAR, Shape.HEXAGON): 1.5 * math.sqrt(3) * 0.35**2 / (0.7 * 1.1),
+    (pl.Lattice.HEXAGONAL, Shape.CELL): 1.0,
+    (pl.Lattice.SQUARE, Shape.CELL): 1.0,
+    (pl.Lattice.RECTANGULAR, Shape.CELL): 1.0,
+}
+
+
+def cell_of(lattice: pl.Lattice, size: float = 1.0) -> np.ndarray:
+    x, y = PITCHES[lattice]
+    return cell_polygon(lattice, (size * x, size * y))
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    lattice=st.sampled_from(list(PITCHES)),
+    shape=st.sampled_from(list(Shape)),
+    part=st.floats(1e-6, 1.0),
+    size=st.sampled_from([1e-6, 1.0, 1e6]),
+)
+def test_openings_have_their_area_and_fit_their_cell(
+    lattice: pl.Lattice, shape: pl.ApertureShape, part: float, size: float
+) -> None:
+    cell, fill_factor = cell_of(lattice, size), part * LARGEST[lattice, shape]
+    opening = opening_of(pl.MicrolensAperture(shape, fill_factor), cell)
+    round_one = shape is Shape.CIRCLE
+    area = math.pi * opening.radius**2 if round_one else polygon_area(opening.corners)
+    assert area == pytest.approx(fill_factor * polygon_area(cell), rel=32 * EPS)
+    assert opening.reach == pytest.approx(opening.radius if round_one else np.hypot(*opening.corners.T).max(), rel=EPS)
+    # Inside the cell to the tolerance with which openings are accepted, 1e-9 of the cell.
+    edges = polygon_edges(cell)
+    farthest = np.full(len(edges), opening.radius) if round_one else (opening.corners @ edges[:, :2].T).max(axis=0)
+    assert np.all(farthest <= edges[:, 2] * (1 + 2e-9))
+    if round_one:
+        # The polygon in which rays are drawn holds the circle and touches it.
+        assert polygon_edges(opening.corners)[:, 2] == pytest.approx(opening.radius, rel=64 * EPS * 24)
+        assert len(opening.edges) == 0
+    else:
+        assert math.isinf(opening.radius)
+        assert np.array_equal(opening.edges, polygon_edges(opening.corners))
+
+
+@pytest.mark.parametrize(("lattice", "shape"), [key for key in LARGEST if LARGEST[key] < 1])
+def test_what_sticks_out_of_its_cell_is_refused(lattice: pl.Lattice, shape: pl.ApertureShape) -> None:
+    cell, largest = cell_of(lattice), LARGEST[lattice, shape]
+    opening_of(pl.MicrolensAperture(shape, largest * (1 - 1e-12)), cell)
+    with pytest.raises(pl.InvalidValueError, match=f"makes the {shape.name.lower()} stick out of its cell") as error:
+        opening_of(pl.MicrolensAperture(shape, largest * (1 + 1e-6)), cell)
+    # The error names a fill factor that is accepted, and hardly less than the largest.
+    named = float(re.search(r"that fits is ([0-9.]+)", str(error.value))[1])
+    assert largest - 1.01e-5 < named <= largest
+    opening_of(pl.MicrolensAperture(shape, named), cell)
+
+
+def test_shapes_lie_as_documented() -> None:
+    square = opening_of(pl.MicrolensAperture(Shape.SQUARE, 0.25), cell_of(pl.Lattice.SQUARE)).corners
+    assert np.abs(square) == pytest.approx(np.full((4, 2), 0.25), abs=4 * EPS)
+    hexagon = opening_of(pl.MicrolensAperture(Shape.HEXAGON, 0.5), cell_of(pl.Lattice.HEXAGONAL)).corners
+    on_axis = np.abs(hexagon[:, 1]) < 8 * EPS
+    assert on_axis.sum() == 2
+    # The whole cell of the hexagonal lattice is such a hexagon.
+    whole = opening_of(pl.MicrolensAperture(Shape.HEXAGON), cell_of(pl.Lattice.HEXAGONAL)).corners
+    assert whole == pytest.approx(cell_of(pl.Lattice.HEXAGONAL), abs=8 * EPS)
+
+
+def test_openings_shaped_as_cells_are_similar_to_them() -> None:
+    for lattice in PITCHES:
+        opening = opening_of(pl.MicrolensAperture(Shape.CELL, 0.49), cell_of(lattice))
+        assert opening.corners == pytest.approx(0.7 * cell_of(lattice), rel=8 * EPS, abs=8 * EPS)
+
+
+def test_arrays_have_openings() -> None:
+    bare = pl.MicrolensArray(pitch=0.2, focal_lengths=(2.0,))
+    assert np.array_equal(bare.opening.corners, bare.cell_corners) and bare.opening.reach == bare.cell_radius
+    circle = pl.MicrolensAperture(Shape.CIRCLE, 0.6)
+    assert pl.MicrolensArray(pitch=0.2, focal_lengths=(2.0,), aperture=circle).opening.reach == pytest.approx(
+        math.sqrt(0.6 * bare.cell_area / math.pi), rel=8 * EPS
+    )
+    # Listed lenses: of a square of the pitch, whatever their cells are.
+    free = pl.MicrolensArray(
+        pitch=0.2, focal_lengths=(2.0,), lattice=pl.Lattice.FREE, centres=[(0, 0), (0.3, 0.1)], aperture=circle
+    )
+    assert free.opening.radius == pytest.approx(math.sqrt(0.6 * 0.04 / math.pi), rel=8 * EPS)
+    with pytest.raises(pl.InvalidValueError, match="makes the circle stick out of its cell"):
+        pl.MicrolensArray(pitch=0.2, focal_lengths=(2.0,), aperture=pl.MicrolensAperture(Shape.CIRCLE, 0.95))
+
+
+def test_a_small_opening_allows_a_strong_plate() -> None:
+    # A radius of curvature of 0.1 mm is less than the cell's corner at 0.115 mm, and more than a pinhole's.
+    strong = {"pitch": 0.2, "focal_lengths": (0.2,), "model": pl.MicrolensModel.SPHERICAL}
+    with pytest.raises(pl.InvalidValueError, match="below the corner of the opening at 0.115"):
+        pl.MicrolensArray(**strong)
+    opened = pl.MicrolensArray(**strong, aperture=pl.MicrolensAperture(Shape.CIRCLE, 0.5))
+    assert opened.opening.reach < opened.radius == pytest.approx(0.1, rel=4 * EPS)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"shape": 9}, "shape of the aperture is 9; it must be ApertureShape.CELL or"),
+        ({"gaps": "dark"}, "gaps is 'dark'; it must be Gaps.OPAQUE or Gaps.CLEAR"),
+        ({"fill_factor": 0.0}, "fill_factor is 0; it must be above 0"),
+        ({"fill_factor": 1.01}, "fill_factor is 1.01; an opening covers at most the whole cell"),
+        ({"fill_factor": math.nan}, "fill_factor is nan; it must be finite"),
+    ],
+)
+def test_impossible_apertures(changes: dict, message: str) -> None:
+    with pytest.raises(pl.InvalidValueError, match=message):
+        pl.MicrolensAperture(**changes)

@@ -1,0 +1,350 @@
+import dataclasses
+import math
+import pickle
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import plenoptic as pl
+from plenoptic.optics._blemishes import fill_dimmed_aims, fill_dimmed_rays
+from plenoptic.optics._blocks import BLOCK
+from plenoptic.optics.blemishes import Blemishes, BlemishSite, blemish_tables, plane_axes
+
+EPS = np.finfo(float).eps
+SENSOR = BlemishSite.SENSOR
+
+
+def blocks_of(columns: np.ndarray) -> np.ndarray:
+    """Rows of rays (n, 8) as kernels want them."""
+    n = len(columns)
+    rows = np.zeros((8, -(-n // BLOCK) * BLOCK))
+    rows[:, :n] = columns.T
+    return np.ascontiguousarray(rows.reshape(8, -1, BLOCK).transpose(1, 0, 2)).reshape(-1)
+
+
+def weights_of(blocks: np.ndarray, n: int) -> np.ndarray:
+    return blocks.reshape(-1, 8, BLOCK)[:, 6].reshape(-1)[:n]
+
+
+def aims(points: np.ndarray, sensor: np.ndarray) -> np.ndarray:
+    n = len(points)
+    return blocks_of(np.column_stack([points, np.zeros(n), points - sensor, np.zeros(n), np.ones(n), np.zeros(n)]))
+
+
+def dimmed(
+    blemishes: Blemishes,
+    points: np.ndarray,
+    sensor: np.ndarray,
+    *,
+    distance: float,
+    lean: np.ndarray | None = None,
+    height: float | None = None,
+    frame2: np.ndarray | None = None,
+) -> np.ndarray:
+    """Weights of paths of weight 1."""
+    blocks = aims(points, sensor)
+    fill_dimmed_aims(blocks, distance, lean, height, frame2, *blemish_tables(blemishes))
+    return weights_of(blocks, len(points))
+
+
+def distances(blemishes: Blemishes, points: np.ndarray) -> np.ndarray:
+    """(n, m): of points from the segments of blemishes."""
+    along = blemishes.end - blemishes.start
+    length = np.linalg.norm(along, axis=1)
+    unit = along / np.where(length > 0, length, 1.0)[:, None]
+    off = points[:, None] - blemishes.start
+    t = np.clip(np.einsum("nmk,mk->nm", off, unit), 0.0, length)
+    return np.linalg.norm(off - t[..., None] * unit, axis=2)
+
+
+def passing(blemishes: Blemishes, points: np.ndarray) -> np.ndarray:
+    """What passes, blemish by blemish without a grid."""
+    return np.where(distances(blemishes, points) < blemishes.radius, blemishes.transmission, 1.0).prod(axis=1)
+
+
+def clear_of_edges(blemishes: Blemishes, points: np.ndarray, off: float) -> np.ndarray:
+    return (np.abs(distances(blemishes, points) - blemishes.radius) > off).all(axis=1)
+
+
+def some_blemishes(rng: np.random.Generator, n: int, *, size: float, spread: float, **fields) -> Blemishes:
+    """Grains and scratches of radii and lengths over several powers of ten."""
+    start = rng.uniform(-size, size, (n, 2))
+    long = rng.integers(0, 2, n) * size * 10.0 ** rng.uniform(-spread, 0.5, n)
+    angle = rng.uniform(0, 2 * math.pi, n)
+    end = start + long[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    radius = size * 10.0 ** rng.uniform(-spread, 0, n)
+    return Blemishes(SENSOR, start, end, radius, rng.uniform(0, 1, n), **fields)
+
+
+# Laws
+
+
+def test_a_grain_on_the_pixels_removes_its_area() -> None:
+    radius, side, n = 0.3, 2.0, 100_000
+    grain = Blemishes(SENSOR, [(0.1, -0.2)], [(0.1, -0.2)], [radius], [0.0], height=0.0)
+    rng = np.random.default_rng(1)
+    sensor = rng.uniform(-side / 2, side / 2, (n, 2))
+    # On the pixels it does not matter where paths are aimed.
+    weight = dimmed(grain, sensor + rng.uniform(-1, 1, (n, 2)), sensor, distance=1.7, height=0.0)
+    assert set(weight.tolist()) == {0.0, 1.0}
+    share = math.pi * radius**2 / side**2
+    # Binomial.
+    assert abs((1 - weight).mean() - share) < 4 * math.sqrt(share * (1 - share) / n)
+
+
+@pytest.mark.parametrize("length", [0.0, 0.5, 1.2])
+def test_the_area_of_a_scratch(length: float) -> None:
+    radius, side, n = 0.1, 2.0, 100_000
+    angle = 0.7
+    end = 0.5 * length * np.array([math.cos(angle), math.sin(angle)])
+    scratch = Blemishes(SENSOR, [-end], [end], [radius], [0.25])
+    points = np.random.default_rng(2).uniform(-side / 2, side / 2, (n, 2))
+    share = (math.pi * radius**2 + 2 * radius * length) / side**2
+    lost = (1 - scratch.at(points)).mean() / 0.75
+    assert abs(lost - share) < 4 * math.sqrt(share * (1 - share) / n)
+
+
+def test_transmissions_multiply() -> None:
+    pile = Blemishes(SENSOR, [(0, 0)] * 3, [(0, 0), (1, 0), (0, 0)], [0.5, 0.25, 0.125], [0.5, 0.25, 0.75])
+    points = [(0, 0), (0.2, 0), (0, 0.3), (0.8, 0.1), (3, 3)]
+    # Products of a few powers of two: exact.
+    assert pile.at(points).tolist() == [0.5 * 0.25 * 0.75, 0.5 * 0.25, 0.5, 0.25, 1.0]
+    one_by_one = np.ones(5)
+    for k in range(3):
+        part = Blemishes(SENSOR, pile.start[k : k + 1], pile.end[k : k + 1], pile.radius[k], pile.transmission[k])
+        one_by_one *= part.at(points)
+    assert np.array_equal(one_by_one, pile.at(points))
+
+
+def overlap(r: float, rho: float, d: float) -> float:
+    """Area that discs of radii r and rho share, centres d apart."""
+    if d >= r + rho:
+        return 0.0
+    if d <= abs(r - rho):
+        return math.pi * min(r, rho) ** 2
+    a = math.acos((d * d + r * r - rho * rho) / (2 * d * r))
+    b = math.acos((d * d + rho * rho - r * r) / (2 * d * rho))
+    return r * r * (a - math.sin(2 * a) / 2) + rho * rho * (b - math.sin(2 * b) / 2)
+
+
+@pytest.mark.parametrize("height", [0.2, 0.6])
+def test_dust_at_a_height_has_a_penumbra(height: float) -> None:
+    # A cone from a disc of radius a, at a distance D, is at a height g a disc of radius rho = g a / D: what a grain
+    # takes of it is the overlap of two discs. The penumbra is 2 rho wide.
+    aperture, distance, radius, n = 0.3, 2.0, 0.05, 40_000
+    grain = Blemishes(SENSOR, [(0, 0)], [(0, 0)], [radius], [0.0], height=height)
+    rng = np.random.default_rng(3)
+    rho = height * aperture / distance
+    for d in (0.0, 0.5 * rho, abs(radius - rho), radius, max(radius, rho), radius + 0.5 * rho, radius + 1.01 * rho):
+        sensor = np.tile((d, 0.0), (n, 1))
+        r, angle = aperture * np.sqrt(rng.uniform(0, 1, n)), rng.uniform(0, 2 * math.pi, n)
+        points = sensor + np.stack([r * np.cos(angle), r * np.sin(angle)], axis=1)
+        lost = 1 - dimmed(grain, points, sensor, distance=distance, height=height).mean()
+        share = overlap(radius, rho, d) / (math.pi * rho**2)
+        # Binomial, and none at all beyond the penumbra.
+        assert abs(lost - share) <= 4 * math.sqrt(share * (1 - share) / n) + 1e-12
+
+
+@pytest.mark.parametrize("height", [0.0, 0.5, 1.5])
+def test_a_cone_carries_as_much_away_at_every_height(height: float) -> None:
+    # Over a plane of sensor points the shadow is blurred, not weakened: the lost share is the grain's area.
+    radius, side, n = 0.2, 3.0, 100_000
+    grain = Blemishes(SENSOR, [(0, 0)], [(0, 0)], [radius], [0.0], height=height)
+    rng = np.random.default_rng(4)
+    sensor = rng.uniform(-side / 2, side / 2, (n, 2))
+    points = sensor + rng.uniform(-0.4, 0.4, (n, 2))
+    lost = 1 - dimmed(grain, points, sensor, distance=2.0, height=height).mean()
+    share = math.pi * radius**2 / side**2
+    assert abs(lost - share) < 4 * math.sqrt(share * (1 - share) / n)
+
+
+# Geometry
+
+
+def test_the_array_s_plane_is_where_paths_are_aimed() -> None:
+    rng = np.random.default_rng(5)
+    listed = some_blemishes(rng, 200, size=1.0, spread=2.0)
+    points, sensor = rng.uniform(-1, 1, (2, 1000, 2))
+    assert np.array_equal(dimmed(listed, points, sensor, distance=1.7), listed.at(points))
+    # A plane at the array's distance is the same one, to rounding.
+    clear = clear_of_edges(listed, points, 8 * EPS)
+    assert np.array_equal(dimmed(listed, points, sensor, distance=1.7, height=1.7)[clear], listed.at(points)[clear])
+
+
+@settings(max_examples=30, deadline=None)
+@given(seed=st.integers(0, 10_000), height=st.floats(0.0, 0.9))
+def test_a_tilted_and_decentred_sensor(seed: int, height: float) -> None:
+    rng = np.random.default_rng(seed)
+    axis = rng.normal(size=3)
+    axis /= np.linalg.norm(axis)
+    angle = rng.uniform(-0.3, 0.3)
+    cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
+    turn = np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
+    shift = np.array([0.3, -0.2, 2.0])
+    listed = some_blemishes(rng, 50, size=1.0, spread=1.0, height=height)
+
+    flat = np.column_stack([rng.uniform(-1, 1, (300, 2)), np.zeros(300)])
+    start = flat @ turn.T + shift
+    aim = np.column_stack([start[:, :2] + rng.uniform(-1, 1, (300, 2)), np.zeros(300)])
+    # Where the straight line meets the plane z = -height of the sensor's own axes.
+    ahead = (aim - shift) @ turn
+    t = -height / ahead[:, 2]
+    own = flat[:, :2] + t[:, None] * (ahead[:, :2] - flat[:, :2])
+    clear = clear_of_edges(listed, own, 64 * EPS)
+
+    slopes = -turn[:2, 2] / turn[2, 2]
+    found = dimmed(
+        listed,
+        aim[:, :2],
+        start[:, :2],
+        distance=shift[2] - slopes @ shift[:2],
+        lean=slopes,
+        height=height,
+        frame2=plane_axes(turn, shift, height=height),
+    )
+    # Points of a few mm through some twenty operations; products of up to 50 numbers.
+    assert found[clear] == pytest.approx(passing(listed, own)[clear], rel=64 * EPS)
+    assert clear.sum() > 290
+
+
+def test_axes_that_are_the_same_are_none() -> None:
+    assert plane_axes(np.eye(3), np.array([0.0, 0.0, 5.0]), height=1.0) is None
+    moved = plane_axes(np.eye(3), np.array([0.5, 0.0, 5.0]), height=1.0)
+    assert moved is not None and moved.tolist() == [[1, 0, -0.5], [0, 1, 0]]
+
+
+def test_rays_are_dimmed_where_they_cross_a_plane() -> None:
+    rng = np.random.default_rng(6)
+    listed = some_blemishes(rng, 300, size=1.0, spread=2.0)
+    n, z = 1000, 3.0
+    origin = rng.uniform(-1, 1, (n, 3)) + np.array([0.0, 0.0, 5.0])
+    along = np.column_stack([rng.uniform(-0.3, 0.3, (n, 2)), -np.ones(n)])
+    along /= np.linalg.norm(along, axis=1)[:, None]
+    weight = rng.uniform(0.5, 2.0, n)
+    status = np.zeros(n)
+    lost = rng.uniform(size=n) < 0.1
+    status[lost] = pl.RayStatus.MISSED
+    origin[lost] = rng.choice([np.nan, np.inf, -np.inf, 1e300], (lost.sum(), 3))
+    along[lost] = rng.choice([np.nan, 0.0, 1.0], (lost.sum(), 3))
+    rays = np.column_stack([origin, along, weight, status])
+    turned = np.array([[0.8, -0.6, 0.1], [0.6, 0.8, -0.2]])
+    blocks = blocks_of(rays)
+    fill_dimmed_rays(blocks, z, turned, *blemish_tables(listed))
+    with np.errstate(all="ignore"):  # of lost rays
+        crossing = origin + ((z - origin[:, 2]) / along[:, 2])[:, None] * along
+        own = crossing[:, :2] @ turned[:, :2].T + turned[:, 2]
+    clear = ~lost
+    clear[~lost] = clear_of_edges(listed, own[~lost], 64 * EPS)
+    expected = weight[clear] * passing(listed, own[clear])
+    assert weights_of(blocks, n)[clear] == pytest.approx(expected, rel=64 * EPS)
+    # Nothing but weights changes.
+    kept = blocks.reshape(-1, 8, BLOCK).transpose(1, 0, 2).reshape(8, -1)[:, :n].T
+    assert np.array_equal(np.delete(kept, 6, axis=1), np.delete(rays, 6, axis=1), equal_nan=True)
+
+
+# The grid
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    seed=st.integers(0, 10_000),
+    n=st.integers(0, 120),
+    size=st.sampled_from([1e-6, 1.0, 1e6]),
+    spread=st.sampled_from([0.0, 1.0, 4.0]),
+    far=st.sampled_from([0.0, 1e3]),
+)
+def test_bins_find_what_a_search_of_all_finds(seed: int, n: int, size: float, spread: float, far: float) -> None:
+    rng = np.random.default_rng(seed)
+    listed = some_blemishes(rng, n, size=size, spread=spread)
+    offset = far * size * rng.uniform(-1, 1, 2)
+    listed = Blemishes(SENSOR, listed.start + offset, listed.end + offset, listed.radius, listed.transmission)
+    points = offset + rng.uniform(-3 * size, 3 * size, (200, 2))
+    if n:
+        # Close to segments and edges too, where the bins' own edges matter.
+        k = rng.integers(0, n, 400)
+        t, angle = rng.uniform(0, 1, 400)[:, None], rng.uniform(0, 2 * math.pi, 400)
+        beside = np.stack([np.cos(angle), np.sin(angle)], axis=1) * (listed.radius[k] * rng.uniform(0, 1, 400))[:, None]
+        points = np.concatenate([points, listed.start[k] + t * (listed.end[k] - listed.start[k]) + beside])
+    clear = clear_of_edges(listed, points, 32 * EPS * size * (1 + far))
+    assert listed.at(points)[clear] == pytest.approx(passing(listed, points)[clear], rel=2 * max(n, 1) * EPS)
+
+
+@pytest.mark.parametrize("radius", [1e-4, 0.02, 5.0])
+def test_the_grid_stays_small(radius: float) -> None:
+    rng = np.random.default_rng(7)
+    n = 20_000
+    start = rng.uniform(-5, 5, (n, 2))
+    tables = blemish_tables(
+        Blemishes(SENSOR, start, start + [[8.0, 3.0]] * (rng.uniform(size=(n, 1)) < 0.01), radius, 0)
+    )
+    # At most 2 n bins, one more along each side of the grid, at most 2 n long; 16 entries for each blemish.
+    assert tables.bin_first.size <= 6 * n + 2
+    assert tables.members.size == tables.bin_first[-1] <= 16 * n
+    if radius == 1e-4:
+        # A bin on average holds less than its share of grains and the scratches that cross it.
+        assert np.diff(tables.bin_first).mean() < 4
+
+
+def test_a_row_of_grains_makes_a_row_of_bins() -> None:
+    start = np.column_stack([np.arange(1000.0), np.zeros(1000)])
+    row = Blemishes(SENSOR, start, start, 1e-3, 0.5)
+    assert blemish_tables(row).bin_first.size <= 6002
+    assert row.at(start).tolist() == [0.5] * 1000 and row.at(start + np.array([0.5, 0.0])).tolist() == [1.0] * 1000
+
+
+@pytest.mark.parametrize("site", list(BlemishSite))
+def test_no_blemishes_dim_nothing(site: BlemishSite) -> None:
+    none = Blemishes(site, [], [], [], [])
+    assert len(none) == 0
+    rng = np.random.default_rng(8)
+    points, sensor = rng.uniform(-1, 1, (2, 300, 2))
+    assert np.all(dimmed(none, points, sensor, distance=1.0, height=0.3) == 1.0)
+    blocks = aims(points, sensor)
+    fill_dimmed_rays(blocks, 0.0, None, *blemish_tables(none))
+    assert np.all(weights_of(blocks, 300) == 1.0)
+
+
+def test_one_grain_larger_than_the_sensor() -> None:
+    cap = Blemishes(SENSOR, [(0, 0)], [(0, 0)], 100.0, 0.5)
+    assert cap.at([(0, 0), (99.9, 0), (100.1, 0), (-1e9, 1e9)]).tolist() == [0.5, 0.5, 1.0, 1.0]
+
+
+# Values
+
+
+def test_blemishes_are_values() -> None:
+    listed = some_blemishes(np.random.default_rng(10), 20, size=1.0, spread=1.0, height=0.5)
+    again = pickle.loads(pickle.dumps(listed))
+    assert again == listed and hash(again) == hash(listed)
+    assert not listed.start.flags.writeable and not again.radius.flags.writeable
+    assert listed != dataclasses.replace(listed, height=0.6)
+    assert listed.height == 0.5 and listed.site is SENSOR
+    assert Blemishes(2, [(0, 0)], [(0, 0)], 1, 1).site is BlemishSite.LENS_REAR
+
+
+GRAIN = {"site": SENSOR, "start": [(0, 0)], "end": [(0, 0)], "radius": [0.1], "transmission": [0.5]}
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"site": 9}, "site of the blemishes is 9; it must be BlemishSite.SENSOR or"),
+        ({"start": [(0, 0, 0)]}, r"start of the blemishes has shape \(1, 3\)"),
+        ({"start": [(0, 0), (1,)]}, "start of the blemishes is not an array"),
+        ({"start": 3.0}, r"start of the blemishes has shape \(\)"),
+        ({"end": []}, r"end of the blemishes has shape \(0, 2\); it must have shape \(1, 2\)"),
+        ({"end": [(0, math.inf)]}, "end of the blemishes holds a number that is not finite"),
+        ({"radius": [0.0]}, "radius of a blemish is 0 mm; it must be above 0"),
+        ({"radius": -1.0}, "radius of a blemish is -1 mm"),
+        ({"radius": [0.1, 0.1]}, "radius of the blemishes has shape"),
+        ({"transmission": [1.5]}, "transmission of the blemishes holds a number outside 0 to 1"),
+        ({"transmission": math.nan}, "transmission of the blemishes holds a number that is not finite"),
+        ({"height": -0.1}, "height of the blemishes is -0.1 mm; it must be at least 0"),
+        ({"height": 0.1, "site": BlemishSite.ARRAY}, "height of the blemishes is 0.1 mm at the site ARRAY"),
+    ],
+)
+def test_impossible_blemishes(changes: dict, message: str) -> None:
+    with pytest.raises(pl.InvalidValueError, match=message):
+        Blemishes(**(GRAIN | changes))

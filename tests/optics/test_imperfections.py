@@ -1,0 +1,235 @@
+import math
+import pickle
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import plenoptic as pl
+from plenoptic.optics.imperfections import deviations_of, largest_offset
+
+ALL = {
+    "pitch_jitter": 0.01,
+    "decentre": 0.02,
+    "focal_length_spread": 0.05,
+    "missing": 0.1,
+    "dark": 0.2,
+}
+
+
+def indices(around: int) -> np.ndarray:
+    """(n, 2): all lenses up to `around` from the centre."""
+    i, j = np.mgrid[-around : around + 1, -around : around + 1]
+    return np.stack([i.ravel(), j.ravel()], axis=1)
+
+
+def drawn(around: int = 100, **changes) -> pl.MicrolensDeviations:
+    return pl.MicrolensImperfections(**(ALL | changes)).deviations(indices(around))
+
+
+def normal_columns(found: pl.MicrolensDeviations) -> np.ndarray:
+    """(5, n) standard normal numbers."""
+    return np.concatenate(
+        [found.shift.T / ALL["pitch_jitter"], found.decentre.T / ALL["decentre"], [found.focal_length_factor - 1]]
+    ) / np.array([1, 1, 1, 1, ALL["focal_length_spread"]]).reshape(-1, 1)
+
+
+# Statistics
+
+
+@pytest.mark.parametrize("seed", [0, 1, 12345])
+def test_deviations_are_normal(seed: int) -> None:
+    z = normal_columns(drawn(seed=seed, missing=0.0))
+    n = z.shape[1]
+    # Means and variances of n independent normal numbers.
+    assert np.all(np.abs(z.mean(axis=1)) < 4 / math.sqrt(n))
+    assert np.all(np.abs(z.var(axis=1) - 1) < 4 * math.sqrt(2 / n))
+    # Chi-square over 32 equally likely classes: mean 31, variance 62; five numbers each.
+    classes = np.array([math.erf(v / math.sqrt(2)) for v in z.ravel()]).reshape(z.shape)
+    counts = np.stack([np.bincount(np.minimum((16 * (row + 1)).astype(int), 31), minlength=32) for row in classes])
+    chi2 = ((counts - n / 32) ** 2 / (n / 32)).sum(axis=1)
+    assert np.all(chi2 < 31 + 5 * math.sqrt(62))
+
+
+def test_deviations_are_cut_at_four_standard_deviations() -> None:
+    # Of 2.5 million numbers, 63 per million lie beyond: some 160 are cut.
+    z = normal_columns(drawn(around=350, missing=0.0))
+    assert np.abs(z).max() == pytest.approx(4.0, rel=1e-12)
+    at_limit = (np.abs(z) > 4 - 1e-12).sum()
+    expected = z.size * math.erfc(4 / math.sqrt(2))
+    assert abs(at_limit - expected) < 4 * math.sqrt(expected)
+
+
+@pytest.mark.parametrize("seed", [0, 7])
+def test_neither_numbers_nor_neighbours_are_correlated(seed: int) -> None:
+    around = 60
+    z = normal_columns(drawn(around, seed=seed, missing=0.0)).reshape(5, 2 * around + 1, 2 * around + 1)
+    # The circular correlation of n independent pairs has a standard deviation of 1 / sqrt(n); 5 x 5 x 17 x 17 of them
+    # (7225) exceed 5.5 standard deviations with a probability of 3e-4.
+    limit = 5.5 / math.sqrt(z[0].size)
+    spectra = np.fft.fft2(z - z.mean(axis=(1, 2), keepdims=True))
+    near = np.arange(-8, 9)
+    for a in range(5):
+        for b in range(a + 1):
+            correlation = np.fft.ifft2(spectra[a] * spectra[b].conj()).real / z[0].size
+            found = correlation[np.ix_(near, near)]
+            if a == b:
+                assert found[8, 8] == pytest.approx(1.0, abs=4 * math.sqrt(2 / z[0].size))
+                found[8, 8] = 0.0
+            assert np.abs(found).max() < limit
+
+
+def test_missing_and_dark_lenses_are_a_fraction_of_all_and_never_both() -> None:
+    found = drawn(seed=3)
+    n = len(found)
+    missing, dark = np.isinf(found.focal_length_factor), found.transmission == 0
+    for lost, share in ((missing, ALL["missing"]), (dark, ALL["dark"])):
+        assert abs(lost.mean() - share) < 4 * math.sqrt(share * (1 - share) / n)
+    assert not (missing & dark).any()
+    assert set(found.transmission.tolist()) == {0.0, 1.0}
+    # Whether a lens is dark says nothing about its neighbours.
+    square = dark.reshape(201, 201) - dark.mean()
+    for step in ((0, 1), (1, 0), (1, 1), (2, 0), (4, 0)):
+        correlation = (square * np.roll(square, step, axis=(0, 1))).mean() / square.var()
+        assert abs(correlation) < 4.5 / math.sqrt(n)
+
+
+@pytest.mark.parametrize(("missing", "dark"), [(1.0, 0.0), (0.0, 1.0), (0.3, 0.7)])
+def test_all_lenses_can_be_lost(missing: float, dark: float) -> None:
+    found = drawn(20, missing=missing, dark=dark)
+    lost = np.isinf(found.focal_length_factor)
+    if found.transmission is not None:
+        lost = lost | (found.transmission == 0)
+    assert lost.all()
+
+
+def test_what_is_not_there_takes_no_memory() -> None:
+    found = pl.MicrolensImperfections(seed=1).deviations(indices(3))
+    assert found.shift is found.decentre is found.focal_length_factor is found.transmission is None
+    assert pl.MicrolensImperfections(dark=0.1).deviations(indices(3)).shift is None
+    assert pl.MicrolensImperfections(missing=0.1).deviations(indices(3)).focal_length_factor is not None
+
+
+# Reproducible
+
+
+@settings(max_examples=30, deadline=None)
+@given(seed=st.integers(0, 2**80), choice=st.integers(0, 10_000))
+def test_a_lens_s_numbers_depend_on_the_seed_and_its_index_alone(seed: int, choice: int) -> None:
+    spoiled = pl.MicrolensImperfections(**ALL, seed=seed)
+    index = np.random.default_rng(choice).permutation(indices(6))[:20]
+    together = spoiled.deviations(index)
+    for k in range(20):
+        alone = spoiled.deviations(index[k : k + 1])
+        for name in ("shift", "decentre", "focal_length_factor", "transmission"):
+            assert np.array_equal(getattr(alone, name)[0], getattr(together, name)[k])
+
+
+def test_effects_are_switched_on_and_off_alone() -> None:
+    index = indices(5)
+    whole = pl.MicrolensImperfections(**ALL, seed=4).deviations(index)
+    jitter = pl.MicrolensImperfections(pitch_jitter=ALL["pitch_jitter"], seed=4).deviations(index)
+    assert np.array_equal(jitter.shift, whole.shift)
+    dark = pl.MicrolensImperfections(dark=ALL["dark"], seed=4).deviations(index)
+    assert np.array_equal(dark.transmission, whole.transmission)
+
+
+def test_another_seed_is_another_array() -> None:
+    a, b = normal_columns(drawn(seed=1, missing=0.0)), normal_columns(drawn(seed=2, missing=0.0))
+    assert np.all(np.abs((a * b).mean(axis=1)) < 4 / math.sqrt(a.shape[1]))
+
+
+def test_far_lenses_have_numbers_too() -> None:
+    far = [(-(2**62), 2**62), (2**62, -(2**62)), (0, -1), (-1, 0)]
+    found = pl.MicrolensImperfections(**ALL).deviations(far)
+    assert np.isfinite(found.shift).all() and len(np.unique(found.shift)) == 8
+
+
+# Listed deviations
+
+
+def test_listed_deviations_concern_listed_lenses_only() -> None:
+    listed = pl.MicrolensDeviations(
+        index=[(2, -1), (0, 3)],
+        shift=[(0.1, 0.2), (0.3, 0.4)],
+        focal_length_factor=[math.inf, 1.5],
+        transmission=[0.5, 0.0],
+    )
+    index = np.array([(0, 0), (0, 3), (2, -1), (-1, 2)])
+    found = deviations_of(listed, index)
+    assert np.array_equal(found.index, index)
+    assert found.shift.tolist() == [[0, 0], [0.3, 0.4], [0.1, 0.2], [0, 0]]
+    assert found.focal_length_factor.tolist() == [1, 1.5, math.inf, 1]
+    assert found.transmission.tolist() == [1, 0, 0.5, 1]
+    assert found.decentre is None
+
+
+def test_an_empty_list_changes_nothing() -> None:
+    empty = pl.MicrolensDeviations(np.zeros((0, 2)), shift=np.zeros((0, 2)), transmission=[])
+    found = deviations_of(empty, indices(2))
+    assert len(empty) == 0 and len(found) == 25
+    assert found.shift is found.transmission is None
+    assert largest_offset(empty) == 0.0
+
+
+def test_drawn_deviations_can_be_listed() -> None:
+    # What is drawn, written down and read again is the same, lens for lens.
+    spoiled, index = pl.MicrolensImperfections(**ALL, seed=9), indices(7)
+    again = deviations_of(spoiled.deviations(index), index[::-1])
+    assert again == spoiled.deviations(index[::-1])
+
+
+def test_no_axis_lies_farther_off_than_the_largest_offset() -> None:
+    found = drawn(around=350)
+    off = np.hypot(*(found.shift + found.decentre).T)
+    limit = largest_offset(pl.MicrolensImperfections(**ALL))
+    assert limit == pytest.approx(4 * math.sqrt(2) * 0.03, rel=1e-15)
+    assert off.max() <= largest_offset(found) <= limit
+
+
+# Values
+
+
+def test_imperfections_are_values() -> None:
+    for made in (pl.MicrolensImperfections(**ALL, seed=2), drawn(3)):
+        again = pickle.loads(pickle.dumps(made))
+        assert again == made and hash(again) == hash(made)
+    assert drawn(3, seed=1) != drawn(3, seed=2)
+    assert not drawn(3).shift.flags.writeable
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"pitch_jitter": -0.1}, "pitch_jitter is -0.1; it must be at least 0"),
+        ({"decentre": math.inf}, "decentre is inf; it must be finite"),
+        ({"focal_length_spread": 0.3}, "focal_length_spread is 0.3; it must be from 0 to 0.2"),
+        ({"missing": 1.1}, "missing is 1.1; it must be from 0 to 1"),
+        ({"dark": math.nan}, "dark is nan; it must be finite"),
+        ({"missing": 0.6, "dark": 0.6}, "missing and dark add up to 1.2; at most 1 is possible"),
+        ({"seed": -1}, "seed is -1; it must be at least 0"),
+        ({"seed": 1.5}, "seed is 1.5; it must be a whole number"),
+    ],
+)
+def test_impossible_imperfections(changes: dict, message: str) -> None:
+    with pytest.raises(pl.InvalidValueError, match=message):
+        pl.MicrolensImperfections(**changes)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"index": [(0, 0), (0, 0)]}, "index lists a microlens twice"),
+        ({"index": [0, 1]}, r"index has shape \(2,\); it must have shape \(n, 2\)"),
+        ({"shift": [(0, 0)]}, r"shift has shape \(1, 2\); it must have shape \(2, 2\)"),
+        ({"decentre": [(0, math.inf), (0, 0)]}, "decentre holds a number that is not finite"),
+        ({"focal_length_factor": [1.0, math.nan]}, "focal_length_factor holds a number that is not finite"),
+        ({"focal_length_factor": [1.0, -2.0]}, "focal_length_factor is -2; it must be above 0"),
+        ({"transmission": [1.0, 1.1]}, "transmission holds a number outside 0 to 1"),
+        ({"transmission": [1.0]}, r"transmission has shape \(1,\)"),
+    ],
+)
+def test_impossible_deviations(changes: dict, message: str) -> None:
+    with pytest.raises(pl.InvalidValueError, match=message):
+        pl.MicrolensDeviations(**({"index": [(0, 0), (1, 0)]} | changes))

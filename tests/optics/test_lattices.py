@@ -1,0 +1,171 @@
+import itertools
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import plenoptic as pl
+from plenoptic.optics._polygons import cut
+from plenoptic.optics.lattices import (
+    cell_polygon,
+    cut_polygon,
+    default_pattern,
+    lattice_basis,
+    polygon_area,
+    polygon_edges,
+    regular_polygon,
+)
+
+EPS = np.finfo(float).eps
+HEXAGONAL, SQUARE, RECTANGULAR = pl.Lattice.HEXAGONAL, pl.Lattice.SQUARE, pl.Lattice.RECTANGULAR
+LATTICES = [(HEXAGONAL, (1.0, 1.0)), (SQUARE, (1.0, 1.0)), (RECTANGULAR, (0.4, 1.7)), (RECTANGULAR, (3.0, 0.2))]
+NEIGHBOURS = {
+    HEXAGONAL: [(0, 1), (1, 0), (1, -1), (0, -1), (-1, 0), (-1, 1)],
+    SQUARE: [(0, 1), (1, 0), (0, -1), (-1, 0)],
+}
+
+
+# Cells
+
+
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
+@pytest.mark.parametrize(("lattice", "pitch"), LATTICES)
+def test_a_cell_has_the_area_of_the_basis(lattice: pl.Lattice, pitch: tuple[float, float], size: float) -> None:
+    pitches = (size * pitch[0], size * pitch[1])
+    basis, cell = lattice_basis(lattice, pitches), cell_polygon(lattice, pitches)
+    assert polygon_area(cell) == pytest.approx(abs(np.linalg.det(basis)), rel=32 * EPS)
+    # All sizes have the same shape: scaling a cell or a basis costs a rounding for each of some four factors.
+    assert cell == pytest.approx(size * cell_polygon(lattice, pitch), rel=8 * EPS, abs=8 * EPS * size)
+    assert basis == pytest.approx(size * lattice_basis(lattice, pitch), rel=8 * EPS)
+
+
+@pytest.mark.parametrize(("lattice", "pitch"), LATTICES)
+def test_cells_tile_the_plane(lattice: pl.Lattice, pitch: tuple[float, float]) -> None:
+    basis, edges = lattice_basis(lattice, pitch), polygon_edges(cell_polygon(lattice, pitch))
+    i, j = np.mgrid[-4:5, -4:5]
+    centres = np.stack([i.ravel(), j.ravel()], axis=1) @ basis
+    # Points of one period of the lattice, wherever its corner is.
+    points = np.random.default_rng(1).uniform(-0.5, 0.5, (3000, 2)) @ basis
+    over = ((points[:, None] - centres) @ edges[:, :2].T - edges[:, 2]).max(axis=2)
+    clear = np.abs(over).min(axis=1) > 1e-12
+    assert np.all((over[clear] < 0).sum(axis=1) == 1)
+    assert clear.mean() > 0.99
+
+
+@pytest.mark.parametrize(("lattice", "pitch"), LATTICES)
+def test_edges_are_half_way_to_neighbours(lattice: pl.Lattice, pitch: tuple[float, float]) -> None:
+    basis = lattice_basis(lattice, pitch)
+    offsets = np.array(NEIGHBOURS.get(lattice, NEIGHBOURS[SQUARE])) @ basis
+    edges = polygon_edges(cell_polygon(lattice, pitch))
+    half_way = {tuple(np.round(o / 2, 12) + 0.0) for o in offsets}
+    assert {tuple(np.round(n * d, 12) + 0.0) for n, d in zip(edges[:, :2], edges[:, 2], strict=True)} == half_way
+
+
+def test_the_largest_cell_of_listed_lenses_reaches_a_pitch() -> None:
+    corners = cell_polygon(pl.Lattice.FREE, (0.3, 0.3))
+    assert sorted(map(tuple, corners.tolist())) == [(-0.3, -0.3), (-0.3, 0.3), (0.3, -0.3), (0.3, 0.3)]
+    assert polygon_area(corners) == pytest.approx(0.36, rel=4 * EPS)
+
+
+# Patterns
+
+
+@pytest.mark.parametrize("types", [3, 4, 5, 7])
+def test_neighbours_of_a_hexagonal_lattice_differ(types: int) -> None:
+    pattern = default_pattern(types)
+    for (i, j), (di, dj) in itertools.product(np.ndindex(types, types), NEIGHBOURS[HEXAGONAL]):
+        assert pattern[i, j] != pattern[(i + di) % types, (j + dj) % types]
+    # All types are equally frequent.
+    assert np.bincount(pattern.ravel()).tolist() == [types] * types
+
+
+def test_three_types_surround_each_other_in_turn() -> None:
+    # As in the multi-focus cameras of Raytrix: around each lens the two other types alternate.
+    pattern = default_pattern(3)
+    for i, j in np.ndindex(3, 3):
+        ring = [pattern[(i + di) % 3, (j + dj) % 3] for di, dj in NEIGHBOURS[HEXAGONAL]]
+        assert ring[0::2] == [ring[0]] * 3 and ring[1::2] == [ring[1]] * 3
+        assert {ring[0], ring[1], pattern[i, j]} == {0, 1, 2}
+
+
+def test_two_types_are_a_checkerboard() -> None:
+    pattern = default_pattern(2)
+    for (i, j), (di, dj) in itertools.product(np.ndindex(2, 2), NEIGHBOURS[SQUARE]):
+        assert pattern[i, j] != pattern[(i + di) % 2, (j + dj) % 2]
+
+
+@pytest.mark.parametrize("lattice", [HEXAGONAL, SQUARE])
+def test_a_pattern_repeats_over_the_array(lattice: pl.Lattice) -> None:
+    given_pattern = [[0, 1, 1], [2, 0, 2]]
+    array = pl.MicrolensArray(pitch=1.0, focal_lengths=(1.0, 2.0, 3.0), lattice=lattice, pattern=given_pattern)
+    found = array.lenses((-6.0, -6.0), (6.0, 6.0))
+    assert found.index.min() < 0
+    assert found.type.tolist() == [given_pattern[i % 2][j % 3] for i, j in found.index.tolist()]
+    assert found.power.tolist() == [1.0 / (1.0 + t) for t in found.type.tolist()]
+    assert array.focal_length == 1.0
+
+
+def test_the_lens_on_the_axis_is_of_the_pattern_s_first_type() -> None:
+    array = pl.MicrolensArray(pitch=1.0, focal_lengths=(1.0, 2.0), lattice=SQUARE, pattern=[[1, 0]])
+    assert array.focal_length == 2.0
+    assert array.lenses((-0.1, -0.1), (0.1, 0.1)).power.tolist() == [0.5]
+
+
+# Polygons
+
+
+@settings(max_examples=50, deadline=None)
+@given(sides=st.integers(3, 24), radius=st.floats(1e-6, 1e6), first=st.floats(-7.0, 7.0))
+def test_regular_polygons(sides: int, radius: float, first: float) -> None:
+    corners = regular_polygon(sides, radius, first)
+    area = 0.5 * sides * radius**2 * math.sin(2 * math.pi / sides)
+    # Angles of up to 13 radians are good to an eps of that.
+    assert polygon_area(corners) == pytest.approx(area, rel=64 * sides * EPS)
+    edges = polygon_edges(corners)
+    assert edges[:, 2] == pytest.approx(radius * math.cos(math.pi / sides), rel=256 * EPS * sides)
+    assert np.hypot(*edges[:, :2].T) == pytest.approx(1.0, rel=4 * EPS)
+    assert corners[0] == pytest.approx(radius * np.array([math.cos(first), math.sin(first)]), abs=4 * EPS * radius)
+
+
+@settings(max_examples=100, deadline=None)
+@given(
+    sides=st.integers(3, 12),
+    angle=st.floats(0.0, 6.3),
+    offset=st.floats(-1.5, 1.5),
+    size=st.sampled_from([1e-6, 1.0, 1e6]),
+)
+def test_the_two_parts_of_a_cut_polygon_add_up(sides: int, angle: float, offset: float, size: float) -> None:
+    corners = regular_polygon(sides, size, 0.3)
+    normal = np.array([math.cos(angle), math.sin(angle)])
+    kept = cut_polygon(corners, np.array([[*normal, offset * size]]))
+    rest = cut_polygon(corners, np.array([[*-normal, -offset * size]]))
+    areas = [polygon_area(part) if len(part) else 0.0 for part in (kept, rest)]
+    assert sum(areas) == pytest.approx(polygon_area(corners), rel=64 * EPS)
+    assert min(areas) >= -64 * EPS * size**2
+    if len(kept):
+        assert (kept @ normal).max() <= offset * size + 4 * EPS * size
+        assert np.all(kept @ polygon_edges(corners)[:, :2].T <= polygon_edges(corners)[:, 2] + 16 * EPS * size)
+    # A cut polygon has at most one corner more.
+    assert len(kept) <= sides + 1 and len(rest) <= sides + 1
+
+
+def test_cutting_everything_away_leaves_nothing() -> None:
+    assert cut_polygon(regular_polygon(6, 1.0, 0.0), np.array([[1.0, 0.0, -2.0], [0.0, 1.0, 0.5]])).shape == (0, 2)
+
+
+@settings(max_examples=30, deadline=None)
+@given(seed=st.integers(0, 10_000))
+def test_the_kernel_cuts_as_the_function_does(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    corners = regular_polygon(int(rng.integers(3, 9)), 1.0, rng.uniform(0, 6))
+    x, y, xs, ys = np.zeros((4, 32))
+    n = len(corners)
+    x[:n], y[:n] = corners.T
+    for a, b, limit in rng.normal(size=(4, 3)):
+        corners = cut_polygon(corners, np.array([[a, b, limit]]))
+        n = cut(x, y, n, a, b, limit, xs, ys)
+        assert n == len(corners)
+        # The same steps; the kernel may fuse a multiplication and an addition.
+        assert np.stack([x, y], axis=1)[:n] == pytest.approx(corners, abs=1e-12)

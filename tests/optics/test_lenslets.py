@@ -1,0 +1,271 @@
+import dataclasses
+import math
+import pickle
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import plenoptic as pl
+from plenoptic import _description
+from plenoptic.optics.lattices import polygon_area
+from plenoptic.optics.lenslet_tables import array_tables
+
+EPS = np.finfo(float).eps
+REGULAR = [pl.Lattice.HEXAGONAL, pl.Lattice.SQUARE, pl.Lattice.RECTANGULAR]
+SPOILED = pl.MicrolensImperfections(
+    pitch_jitter=0.02, decentre=0.01, focal_length_spread=0.1, missing=0.1, dark=0.1, seed=5
+)
+
+
+def array_of(lattice: pl.Lattice, size: float = 1.0, **fields) -> pl.MicrolensArray:
+    both = (1.5 * size, size) if lattice is pl.Lattice.RECTANGULAR else size
+    return pl.MicrolensArray(pitch=both, **({"focal_lengths": (2.0,), "lattice": lattice} | fields))
+
+
+def free_array(n: int, seed: int, **fields) -> pl.MicrolensArray:
+    centres = np.random.default_rng(seed).uniform(-2, 2, (n, 2))
+    return array_of(pl.Lattice.FREE, 0.5, centres=centres, **fields)
+
+
+def tables_of(array: pl.MicrolensArray, reach: float):
+    return array_tables(array, turn=np.eye(2), origin=np.zeros(2), reach=reach, stray=0.0)
+
+
+# Which lenses
+
+
+@settings(max_examples=40, deadline=None)
+@given(lattice=st.sampled_from(REGULAR), size=st.sampled_from([1e-6, 1.0, 1e6]), seed=st.integers(0, 1000))
+def test_a_box_holds_the_lenses_whose_centres_lie_in_it(lattice: pl.Lattice, size: float, seed: int) -> None:
+    array = array_of(lattice, size)
+    low, high = np.sort(np.random.default_rng(seed).uniform(-6 * size, 6 * size, (2, 2)), axis=0)
+    i, j = np.mgrid[-20:21, -20:21]
+    index = np.stack([i.ravel(), j.ravel()], axis=1)
+    centres = index @ array.basis
+    inside = ((centres >= low) & (centres <= high)).all(axis=1)
+    found = array.lenses(low, high)
+    # Ordered by their indices, as the grid is; centres on the border to 1e-9 of a pitch cannot be drawn by chance.
+    assert np.array_equal(found.index, index[inside])
+    assert np.array_equal(found.design, centres[inside])
+    assert len(found) == inside.sum()
+    # Lenses as designed.
+    assert np.array_equal(found.centre, found.design) and np.array_equal(found.axis, found.design)
+    assert np.all(found.power == 0.5) and np.all(found.transmission == 1.0) and np.all(found.type == 0)
+
+
+@pytest.mark.parametrize("lattice", REGULAR)
+@pytest.mark.parametrize("size", [1e-6, 0.217, 1e6])
+def test_lenses_on_the_border_belong_to_the_box(lattice: pl.Lattice, size: float) -> None:
+    array = array_of(lattice, size)
+    for corner in np.array([(3, 1), (-7, 2), (11, -5), (0, 0)]) @ array.basis:
+        for found in (array.lenses(corner, corner), array.lenses(corner, corner + size / 3)):
+            assert found.centre.tolist() == [corner.tolist()]
+
+
+def test_a_box_between_lenses_is_empty() -> None:
+    for array in (array_of(pl.Lattice.SQUARE, imperfections=SPOILED), free_array(5, 1, imperfections=SPOILED)):
+        found = array.lenses((0.4, 100.4), (0.6, 100.6))
+        assert len(found) == 0 and found.centre.shape == (0, 2) and found.power.shape == (0,)
+    assert len(array_of(pl.Lattice.SQUARE).lenses((1.0, 1.0), (-1.0, -1.0))) == 0
+
+
+@pytest.mark.parametrize("lattice", REGULAR)
+def test_boxes_side_by_side_list_the_same_lenses_as_one(lattice: pl.Lattice) -> None:
+    array = array_of(lattice, 0.217, imperfections=SPOILED, focal_lengths=(1.0, 2.0, 3.0))
+    whole = array.lenses((-2.0, -2.0), (2.0, 2.0))
+    cut = 0.1234
+    parts = [array.lenses((-2.0, -2.0), (cut, 2.0)), array.lenses((cut, -2.0), (2.0, 2.0))]
+    index = np.concatenate([part.index for part in parts])
+    order = np.lexsort(index.T[::-1])
+    for field in dataclasses.fields(whole):
+        together = np.concatenate([getattr(part, field.name) for part in parts])
+        assert np.array_equal(together[order], getattr(whole, field.name))
+
+
+def test_two_unequal_pitches_of_any_size() -> None:
+    # 12 powers of ten apart: the box is as exact along the narrow axis as along the wide one.
+    array = pl.MicrolensArray(pitch=(1e-6, 1e6), focal_lengths=(2.0,), lattice=pl.Lattice.RECTANGULAR)
+    found = array.lenses((-3.5e-6, -1.0), (3.5e-6, 1.0))
+    assert found.index.tolist() == [[i, 0] for i in range(-3, 4)]
+
+
+def test_too_many_lenses_and_no_box() -> None:
+    array = array_of(pl.Lattice.HEXAGONAL, 1e-6)
+    with pytest.raises(pl.InvalidValueError, match="the box holds some .* microlenses, and the limit is 20000000"):
+        array.lenses((-1.0, -1.0), (1.0, 1.0))
+    for lattice in REGULAR:
+        with pytest.raises(pl.InvalidValueError, match="is infinite, and so is the lattice; take a smaller one"):
+            array_of(lattice).lenses((0.0, 0.0), (math.inf, 1.0))
+    assert len(free_array(5, 1).lenses((-math.inf, -math.inf), (math.inf, math.inf))) == 5
+    for any_array in (array, free_array(5, 1)):
+        with pytest.raises(pl.InvalidValueError, match="has a corner that is no number"):
+            any_array.lenses((math.nan, 0.0), (1.0, 1.0))
+    with pytest.raises(pl.InvalidValueError, match=r"low has shape \(3,\); it must have shape \(2,\)"):
+        array.lenses((0, 0, 0), (1, 1))
+
+
+# What is individual about them
+
+
+def test_listed_deviations_change_their_lenses_and_no_others() -> None:
+    listed = pl.MicrolensDeviations(
+        index=[(1, 0), (0, -1)],
+        shift=[(0.01, 0.02), (0.0, 0.0)],
+        decentre=[(0.0, 0.04), (-0.03, 0.0)],
+        focal_length_factor=[2.0, math.inf],
+        transmission=[0.25, 1.0],
+    )
+    plain, changed = (
+        array_of(pl.Lattice.SQUARE, imperfections=which).lenses((-1.5, -1.5), (1.5, 1.5)) for which in (None, listed)
+    )
+    first, second = (plain.index.tolist().index(pair) for pair in ([1, 0], [0, -1]))
+    others = np.delete(np.arange(len(plain)), [first, second])
+    for field in dataclasses.fields(plain):
+        assert np.array_equal(getattr(changed, field.name)[others], getattr(plain, field.name)[others])
+    assert np.array_equal(changed.design, plain.design)
+    # The shift takes the opening and its axis along, the decentre the axis alone.
+    assert changed.centre[[first, second]].tolist() == [[1.01, 0.02], [0.0, -1.0]]
+    assert changed.axis[[first, second]].tolist() == [[1.01, 0.06], [-0.03, -1.0]]
+    assert changed.power[[first, second]].tolist() == [0.25, 0.0]
+    assert changed.transmission[[first, second]].tolist() == [0.25, 1.0]
+
+
+def test_drawn_deviations_are_those_of_their_index() -> None:
+    array = array_of(pl.Lattice.HEXAGONAL, focal_lengths=(1.0, 2.0, 4.0), imperfections=SPOILED)
+    found = array.lenses((-5, -5), (5, 5))
+    drawn = SPOILED.deviations(found.index)
+    assert np.array_equal(found.centre, found.design + drawn.shift)
+    assert np.array_equal(found.axis, found.centre + drawn.decentre)
+    # A spread of focal lengths multiplies that of the type; missing lenses have no power.
+    assert np.array_equal(found.power, 1.0 / np.array([1.0, 2.0, 4.0])[found.type] / drawn.focal_length_factor)
+    assert np.array_equal(found.power == 0, np.isinf(drawn.focal_length_factor))
+    assert np.array_equal(found.transmission, drawn.transmission)
+
+
+def test_free_lenses_are_numbered() -> None:
+    array = free_array(50, 2, types=np.arange(50) % 2, focal_lengths=(1.0, -4.0), imperfections=SPOILED)
+    inside = ((array.centres >= -1) & (array.centres <= 1)).all(axis=1)
+    found = array.lenses((-1, -1), (1, 1))
+    assert found.index.tolist() == [[k, 0] for k in np.flatnonzero(inside)]
+    assert np.array_equal(found.design, array.centres[inside])
+    assert np.array_equal(found.type, np.flatnonzero(inside) % 2)
+    drawn = SPOILED.deviations(found.index)
+    assert np.array_equal(found.centre, found.design + drawn.shift)
+    assert array.focal_length == 1.0
+
+
+@settings(max_examples=20, deadline=None)
+@given(seed=st.integers(0, 1000), n=st.integers(1, 60))
+def test_free_cells_hold_what_is_nearest(seed: int, n: int) -> None:
+    array = free_array(n, seed)
+    points = np.random.default_rng(seed + 1).uniform(-2.5, 2.5, (400, 2))
+    off = points[:, None] - array.centres
+    distance = np.linalg.norm(off, axis=2)
+    order = np.sort(distance, axis=1)
+    assert array.nearest(points) == pytest.approx(array.centres[distance.argmin(axis=1)], abs=0)
+    # A cell is what is nearest, and no farther along x and y than the pitch.
+    held = (distance == order[:, :1]) & (np.abs(off) <= 0.5).all(axis=2)
+    cells = tables_of(array, 4.0).listed
+    inside = (np.einsum("mkc,nmc->nmk", cells.cells[..., :2], off) <= cells.cells[..., 2]).all(axis=2)
+    clear = np.abs(np.abs(off) - 0.5).min(axis=(1, 2)) > 1e-9
+    if n > 1:
+        clear &= order[:, 1] - order[:, 0] > 1e-9
+    assert np.array_equal(inside[clear], held[clear])
+    # Their polygons have the areas of the cells: a share of the points' square. Seeds are drawn: 6.5 standard errors.
+    area = sum(polygon_area(corners[0, : count[0]]) for corners, count in zip(cells.corners, cells.counts, strict=True))
+    share = min(area / 25.0, 1.0)
+    assert abs(held.any(axis=1).mean() - share) <= 6.5 * math.sqrt(share * (1 - share) / 400) + 1e-12
+
+
+# Memory
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {},
+        {"focal_lengths": (1.0, 2.0, 3.0)},
+        {"aperture": pl.MicrolensAperture(pl.ApertureShape.CIRCLE, 0.5)},
+        {"aperture": pl.MicrolensAperture(pl.ApertureShape.SQUARE, 0.5, pl.Gaps.CLEAR)},
+    ],
+)
+def test_arrays_take_no_memory_for_each_lens(fields: dict) -> None:
+    # The same 30 mm of an array with some 20 000 and with some 2e10 microlenses.
+    coarse, fine = (array_of(pl.Lattice.HEXAGONAL, size, **fields) for size in (0.217, 0.000217))
+    sizes = [len(pickle.dumps(tables_of(array, 15.0))) for array in (coarse, fine)]
+    assert tables_of(fine, 15.0).listed is None
+    assert sizes[0] == sizes[1] < 4000
+    assert len(pickle.dumps(coarse)) == len(pickle.dumps(fine)) < 2000
+
+
+def test_individual_lenses_are_listed_as_far_as_they_matter() -> None:
+    array = array_of(pl.Lattice.SQUARE, imperfections=pl.MicrolensDeviations([(0, 0)], transmission=[0.5]))
+    near, far = (tables_of(array, reach).listed for reach in (3.0, 30.0))
+    assert 7**2 <= len(near.lenses) < 11**2 and 61**2 <= len(far.lenses) < 65**2
+    with pytest.raises(pl.InvalidValueError, match="have imperfections, and the limit is 20000000"):
+        tables_of(array, 3000.0)
+
+
+# Values
+
+
+FULL = [
+    array_of(
+        pl.Lattice.HEXAGONAL,
+        0.2,
+        focal_lengths=(1.0, 2.0, 3.0),
+        pattern=[[0, 1, 2], [2, 1, 0]],
+        aperture=pl.MicrolensAperture(pl.ApertureShape.CIRCLE, 0.6, pl.Gaps.CLEAR),
+        imperfections=SPOILED,
+    ),
+    array_of(
+        pl.Lattice.RECTANGULAR,
+        0.2,
+        model=pl.MicrolensModel.SPHERICAL,
+        thickness=0.3,
+        index=1.6,
+        convex_side=pl.ConvexSide.SENSOR,
+        imperfections=pl.MicrolensDeviations(
+            [(0, 0), (2, -3)],
+            shift=[(0.01, 0.0), (0.0, -0.0)],
+            decentre=[(0.0, 0.01), (0.0, 0.0)],
+            focal_length_factor=[math.inf, 1.1],
+            transmission=[0.0, 0.5],
+        ),
+    ),
+    free_array(20, 3, types=np.arange(20) % 2, focal_lengths=(1.0, -2.0)),
+]
+
+
+@pytest.mark.parametrize("array", FULL, ids=["hexagonal", "rectangular", "free"])
+def test_arrays_are_values_with_all_their_fields(array: pl.MicrolensArray) -> None:
+    for again in (pickle.loads(pickle.dumps(array)), _description.restore(_description.describe(array))):
+        assert again == array and hash(again) == hash(array) and repr(again) == repr(array)
+        assert again.lenses((-2, -2), (2, 2)) == array.lenses((-2, -2), (2, 2))
+        for field in dataclasses.fields(array):
+            item = getattr(again, field.name)
+            assert not isinstance(item, np.ndarray) or not item.flags.writeable
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"pattern": [[0, 1, 2], [2, 1, 1]]},
+        {"pattern": None},
+        {"aperture": None},
+        {"aperture": pl.MicrolensAperture(pl.ApertureShape.CIRCLE, 0.6)},
+        {"imperfections": None},
+        {"imperfections": dataclasses.replace(SPOILED, seed=6)},
+        {"pitch": 0.3},
+    ],
+)
+def test_arrays_that_differ_in_one_field_differ(changes: dict) -> None:
+    assert dataclasses.replace(FULL[0], **changes) != FULL[0]
+
+
+def test_lenslets_are_values() -> None:
+    found = FULL[0].lenses((-1, -1), (1, 1))
+    again = pickle.loads(pickle.dumps(found))
+    assert again == found and hash(again) == hash(found)
