@@ -38,14 +38,14 @@ its coefficients begin."""
 
 
 @device
-def refract_conic_block(ray, c, conic, mu, clear, rim, s, code):
+def refract_conic_block(ray, c, conic, mu, mus, clear, rim, s, code):
     """Through one conic: as `refract_block`, with the factor 1 + k where z is squared.
 
     The normal (-c x, -c y, 1 - c (1 + k) z) has the squared length 1 - k c^2 (x^2 + y^2).
     """
-    bend = 1.0 - mu * mu
     kz = 1.0 + conic
     for i in range(BLOCK):
+        ratio = mu if mus is None else mus[i]
         x, y, z = ray[X + i], ray[Y + i], ray[Z + i]
         l, m, n = ray[L + i], ray[M + i], ray[N + i]
         e = -(x * l + y * m + z * n)
@@ -66,16 +66,16 @@ def refract_conic_block(ray, c, conic, mu, clear, rim, s, code):
         steep2 = 1.0 - conic * c * c * r2
         per_length = 1.0 / math.sqrt(max(steep2, 0.0))
         cos_i = q * per_length
-        cos2 = 1.0 - mu * mu * (1.0 - cos_i * cos_i)
+        cos2 = 1.0 - ratio * ratio * (1.0 - cos_i * cos_i)
         cos_t = math.sqrt(max(cos2, 0.0))
-        a = s * (bend / (cos_t + mu * cos_i)) * per_length
+        a = s * ((1.0 - ratio * ratio) / (cos_t + ratio * cos_i)) * per_length
         ac = a * c
         ray[X + i] = x
         ray[Y + i] = y
         ray[Z + i] = z
-        ray[L + i] = mu * l - ac * x
-        ray[M + i] = mu * m - ac * y
-        ray[N + i] = mu * n + (a - ac * kz * z)
+        ray[L + i] = ratio * l - ac * x
+        ray[M + i] = ratio * m - ac * y
+        ray[N + i] = ratio * n + (a - ac * kz * z)
         lost = 0.0 if cos2 >= 0.0 else code + TOTAL_REFLECTION
         lost = lost if r2 <= clear else code + CLIPPED
         lost = lost if r2 < math.inf else code + NOT_FINITE
@@ -317,18 +317,18 @@ def _settle(ray, heights, c, kz, aspheric, clear, s, code):
 
 
 @device
-def refract_asphere_block(ray, heights, c, conic, aspheric, mu, clear, s, code):
+def refract_asphere_block(ray, heights, c, conic, aspheric, mu, mus, clear, s, code):
     """Through one even asphere; `aspheric` as in `LensTables`, `heights` (5, BLOCK) to work in.
 
     A ray steeper against the vertex plane than the surface is anywhere crosses it at most once, and the crossing that
     Newton's method finds is that one. All others are searched for their first crossing inside the semi-diameter.
     """
     kz = 1.0 + conic
-    bend_index = 1.0 - mu * mu
     _to_conic_of_asphere(ray, heights, c, kz)
     _newton(ray, heights, c, kz, aspheric, clear)
     _settle(ray, heights, c, kz, aspheric, clear, s, code)
     for i in range(BLOCK):
+        ratio = mu if mus is None else mus[i]
         x, y = ray[X + i], ray[Y + i]
         l, m, n = ray[L + i], ray[M + i], ray[N + i]
         bend = heights[1, i]
@@ -336,12 +336,12 @@ def refract_asphere_block(ray, heights, c, conic, aspheric, mu, clear, s, code):
         nz = 1.0 / math.sqrt(1.0 + 4.0 * bend * bend * r2)
         nx, ny = -2.0 * bend * x * nz, -2.0 * bend * y * nz
         cos_i = s * (nx * l + ny * m + nz * n)
-        cos2 = 1.0 - mu * mu * (1.0 - cos_i * cos_i)
+        cos2 = 1.0 - ratio * ratio * (1.0 - cos_i * cos_i)
         cos_t = math.sqrt(max(cos2, 0.0))
-        a = s * (bend_index / (cos_t + mu * cos_i))
-        ray[L + i] = mu * l + a * nx
-        ray[M + i] = mu * m + a * ny
-        ray[N + i] = mu * n + a * nz
+        a = s * ((1.0 - ratio * ratio) / (cos_t + ratio * cos_i))
+        ray[L + i] = ratio * l + a * nx
+        ray[M + i] = ratio * m + a * ny
+        ray[N + i] = ratio * n + a * nz
         lost = 0.0 if cos2 >= 0.0 else code + TOTAL_REFLECTION
         lost = lost if r2 < math.inf else code + NOT_FINITE
         was = ray[STATUS + i]

@@ -25,8 +25,9 @@ from plenoptic.optics._blocks import (
     Z,
 )
 from plenoptic.optics._conic import refract_asphere_block, refract_conic_block
+from plenoptic.optics._stops import clip_circle, clip_shape
 
-SURFACE, CIRCLE, POLYGON, CONIC, ASPHERE, IDEAL = range(6)
+SURFACE, CIRCLE, POLYGON, CONIC, ASPHERE, IDEAL, ARCS, STAR, MASK = range(9)
 
 
 @device
@@ -42,17 +43,17 @@ def _enter(ray, z_first):
 
 
 @device
-def refract_block(ray, c, mu, clear, rim, s, code):
+def refract_block(ray, c, mu, mus, clear, rim, s, code):
     """Through one sphere or plane of curvature c, whose vertex is the origin of the rays' z.
 
     Closest-approach form: with the ray's point nearest to the vertex as its start, F and G suffer no
     cancellation on flat surfaces, tiny radii or distant origins. `s` is the direction of travel along
-    the stack, `mu` the ratio of indices, `clear` the squared semi-diameter, and `rim` how deep the surface reaches:
-    up to c z = 1 it is the part of the sphere on the vertex's side of the equator, and a ray that could only meet the
-    other half has missed it.
+    the stack, `mu` the ratio of indices or `mus` that of each ray, `clear` the squared semi-diameter, and `rim` how
+    deep the surface reaches: up to c z = 1 it is the part of the sphere on the vertex's side of the equator, and a ray
+    that could only meet the other half has missed it.
     """
-    bend = 1.0 - mu * mu
     for i in range(BLOCK):
+        ratio = mu if mus is None else mus[i]
         x, y, z = ray[X + i], ray[Y + i], ray[Z + i]
         l, m, n = ray[L + i], ray[M + i], ray[N + i]
         e = -(x * l + y * m + z * n)
@@ -68,17 +69,17 @@ def refract_block(ray, c, mu, clear, rim, s, code):
         x += t * l
         y += t * m
         z += t * n
-        cos2 = 1.0 - mu * mu * (1.0 - q * q)
+        cos2 = 1.0 - ratio * ratio * (1.0 - q * q)
         cos_t = math.sqrt(max(cos2, 0.0))
         r2 = x * x + y * y
-        a = s * (bend / (cos_t + mu * q))
+        a = s * ((1.0 - ratio * ratio) / (cos_t + ratio * q))
         ac = a * c
         ray[X + i] = x
         ray[Y + i] = y
         ray[Z + i] = z
-        ray[L + i] = mu * l - ac * x
-        ray[M + i] = mu * m - ac * y
-        ray[N + i] = mu * n + (a - ac * z)
+        ray[L + i] = ratio * l - ac * x
+        ray[M + i] = ratio * m - ac * y
+        ray[N + i] = ratio * n + (a - ac * z)
         lost = 0.0 if cos2 >= 0.0 else code + TOTAL_REFLECTION
         lost = lost if r2 <= clear else code + CLIPPED
         lost = lost if r2 < math.inf else code + NOT_FINITE
@@ -98,32 +99,18 @@ def _to_plane(ray):
 
 
 @device
-def _clip_circle(ray, clear, code):
-    for i in range(BLOCK):
-        r2 = ray[X + i] * ray[X + i] + ray[Y + i] * ray[Y + i]
-        lost = 0.0 if r2 <= clear else code + CLIPPED
-        lost = lost if r2 < math.inf else code + NOT_FINITE
-        was = ray[STATUS + i]
-        ray[STATUS + i] = was if was != 0.0 else lost
+def _through_ideal_lens(ray, power, mus, shift):
+    """A thick lens without aberrations: slopes change by height times power between the two principal planes.
 
-
-@device
-def _clip_edge(ray, nx, ny, apothem, code):
-    for i in range(BLOCK):
-        inside = nx * ray[X + i] + ny * ray[Y + i] <= apothem
-        was = ray[STATUS + i]
-        ray[STATUS + i] = was if was != 0.0 or inside else code + CLIPPED
-
-
-@device
-def _through_ideal_lens(ray, power, shift):
-    """A thick lens without aberrations: slopes change by height times power between the two principal planes."""
+    `mus` is how much stronger the lens is for each ray than `power`.
+    """
     _to_plane(ray)
     for i in range(BLOCK):
+        bend = power if mus is None else power * mus[i]
         # The slope is per length of travel, and so is the bend towards the axis.
         ahead = abs(ray[N + i])
-        u = ray[L + i] / ahead - ray[X + i] * power
-        v = ray[M + i] / ahead - ray[Y + i] * power
+        u = ray[L + i] / ahead - ray[X + i] * bend
+        v = ray[M + i] / ahead - ray[Y + i] * bend
         cos = 1.0 / math.sqrt(1.0 + u * u + v * v)
         ray[Z + i] = shift
         ray[L + i] = u * cos
@@ -166,8 +153,39 @@ def _leave(ray, z_last):
 
 
 @device
-def trace_block(ray, kind, z, c, mu, clear, rim, number, edges, first_edge, conic, aspheric, frames, s):
-    """One block through all elements, in the order of travel; see `LensTables` for the columns."""
+def _fill_ratios(mus, ratios, waves, first):
+    """The ratio of indices for each ray of a block: `ratios` holds one for each wavelength."""
+    for i in range(BLOCK):
+        mus[i] = ratios[waves[first + i]]
+
+
+@device
+def trace_block(
+    ray,
+    mus,
+    ratios,
+    waves,
+    first,
+    kind,
+    z,
+    c,
+    mu,
+    clear,
+    rim,
+    number,
+    edges,
+    first_edge,
+    conic,
+    aspheric,
+    frames,
+    masks,
+    s,
+):
+    """One block through all elements, in the order of travel; see `LensTables` for the columns.
+
+    With `waves`, rays have wavelengths of their own: ray i of the block that of number waves[first + i]; `ratios` has a
+    column for each, in place of `mu`, and `mus` is room for a block.
+    """
     _enter(ray, z[0])
     for k in range(kind.size):
         if k > 0:
@@ -175,25 +193,26 @@ def trace_block(ray, kind, z, c, mu, clear, rim, number, edges, first_edge, coni
             for i in range(BLOCK):
                 ray[Z + i] -= gap
         code = CAUSES * (number[k] + 1.0)
+        if waves is not None:
+            _fill_ratios(mus, ratios[k], waves, first)
         if frames is not None:  # noqa: SIM102 - alone, so that it is pruned
             if frames[k, 12] != 0.0:
                 _into_frame(ray, frames[k])
         if kind[k] == SURFACE:
-            refract_block(ray, c[k], mu[k], clear[k], rim[k], s, code)
-        elif kind[k] == CIRCLE or kind[k] == POLYGON:
+            refract_block(ray, c[k], mu[k], mus, clear[k], rim[k], s, code)
+        elif kind[k] == CIRCLE or kind[k] == POLYGON or kind[k] >= ARCS:
             _to_plane(ray)
-            _clip_circle(ray, clear[k], code)
-            if kind[k] == POLYGON:
-                for j in range(first_edge[k], first_edge[k + 1]):
-                    _clip_edge(ray, edges[j, 0], edges[j, 1], edges[j, 2], code)
+            clip_circle(ray, clear[k], code)
+            if kind[k] != CIRCLE:
+                clip_shape(ray, kind[k], edges[first_edge[k] : first_edge[k + 1]], masks, k, code)
         elif kind[k] == IDEAL:
-            _through_ideal_lens(ray, c[k], rim[k])
+            _through_ideal_lens(ray, c[k], mus, rim[k])
         elif conic is not None:
             if kind[k] == CONIC:
-                refract_conic_block(ray, c[k], conic[k], mu[k], clear[k], rim[k], s, code)
+                refract_conic_block(ray, c[k], conic[k], mu[k], mus, clear[k], rim[k], s, code)
             elif aspheric is not None:
                 heights = np.empty((5, BLOCK))
-                refract_asphere_block(ray, heights, c[k], conic[k], aspheric[k], mu[k], clear[k], s, code)
+                refract_asphere_block(ray, heights, c[k], conic[k], aspheric[k], mu[k], mus, clear[k], s, code)
         if frames is not None:  # noqa: SIM102 - alone, so that it is pruned
             if frames[k, 12] != 0.0:
                 _out_of_frame(ray, frames[k])
@@ -201,11 +220,62 @@ def trace_block(ray, kind, z, c, mu, clear, rim, number, edges, first_edge, coni
 
 
 @kernel
-def fill_traced(blocks, kind, z, c, mu, clear, rim, number, edges, first_edge, conic, aspheric, frames, s):
+def fill_traced(blocks, kind, z, c, mu, clear, rim, number, edges, first_edge, conic, aspheric, frames, masks, s):
     """Trace a bundle, shape (n_blocks * RAY,), in place."""
     for b in range(blocks.size // RAY):
         ray = blocks[b * RAY : (b + 1) * RAY]
-        trace_block(ray, kind, z, c, mu, clear, rim, number, edges, first_edge, conic, aspheric, frames, s)
+        trace_block(
+            ray,
+            None,
+            None,
+            None,
+            0,
+            kind,
+            z,
+            c,
+            mu,
+            clear,
+            rim,
+            number,
+            edges,
+            first_edge,
+            conic,
+            aspheric,
+            frames,
+            masks,
+            s,
+        )
+
+
+@kernel
+def fill_traced_waves(
+    blocks, waves, kind, z, c, mu, clear, rim, number, edges, first_edge, conic, aspheric, frames, masks, s
+):
+    """Trace a bundle whose rays have wavelengths of their own: `waves` (rays,) are columns of `mu`."""
+    mus, common = np.empty(BLOCK), mu[:, 0].copy()
+    for b in range(blocks.size // RAY):
+        ray = blocks[b * RAY : (b + 1) * RAY]
+        trace_block(
+            ray,
+            mus,
+            mu,
+            waves,
+            b * BLOCK,
+            kind,
+            z,
+            c,
+            common,
+            clear,
+            rim,
+            number,
+            edges,
+            first_edge,
+            conic,
+            aspheric,
+            frames,
+            masks,
+            s,
+        )
 
 
 @kernel
@@ -232,6 +302,7 @@ def fill_traced_rows(
     conic,
     aspheric,
     frames,
+    masks,
     s,
 ):
     """Trace rays given as rows of points and directions. Lost rays end as NaN with weight 0 and a status."""
@@ -249,7 +320,27 @@ def fill_traced_rows(
             ray[N + i] = direction[j, 2]
             ray[WEIGHT + i] = weight[j]
             ray[STATUS + i] = 0.0 if status[j] == 0 else status[j] + CAUSES * (lost_at[j] + 1.0)
-        trace_block(ray, kind, z, c, mu, clear, rim, number, edges, first_edge, conic, aspheric, frames, s)
+        trace_block(
+            ray,
+            None,
+            None,
+            None,
+            0,
+            kind,
+            z,
+            c,
+            mu,
+            clear,
+            rim,
+            number,
+            edges,
+            first_edge,
+            conic,
+            aspheric,
+            frames,
+            masks,
+            s,
+        )
         for i in range(filled):
             j = start + i
             code = int(ray[STATUS + i])

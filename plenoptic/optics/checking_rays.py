@@ -14,7 +14,8 @@ from plenoptic.optics.finding import Finding, FindingKind
 from plenoptic.optics.lens import LensStack
 from plenoptic.optics.models import LensModel
 from plenoptic.optics.paraxial import cardinal_points
-from plenoptic.optics.stops import PolygonStop
+from plenoptic.optics.stop_shapes import MaskStop, StarStop
+from plenoptic.optics.stops import CircularStop, PolygonStop
 from plenoptic.optics.surface import Surface
 from plenoptic.optics.tracing import traced_part
 from plenoptic.rays import RayBundle, RayStatus
@@ -35,7 +36,7 @@ def ray_findings(lens: LensStack, wavelength: float) -> Iterator[Finding]:
     """What rays in the plane x = 0 show: a beam on the axis, and chief rays to both sides.
 
     The beam comes from infinity, or from the front focus of a lens of positive focal length whose rear focus does not
-    lie behind it.
+    lie behind it. Masks are taken as the circles around them.
 
     Examples
     --------
@@ -44,7 +45,7 @@ def ray_findings(lens: LensStack, wavelength: float) -> Iterator[Finding]:
     >>> list(ray_findings(pl.load_lens("telephoto-100mm-f2.8"), 587.6))
     []
     """
-    exact = lens if lens.model is LensModel.EXACT else lens.with_model(LensModel.EXACT)
+    exact = _without_masks(lens if lens.model is LensModel.EXACT else lens.with_model(LensModel.EXACT))
     rays, origin = _axial_beam(exact, wavelength)
     if rays is not None:
         whole = exact.trace(rays)
@@ -83,7 +84,22 @@ def _axial_beam(lens: LensStack, wavelength: float) -> tuple[RayBundle | None, s
 
 
 def _iris_radius(lens: LensStack) -> float:
+    if isinstance(lens.stop, StarStop):
+        return lens.stop.inner_semi_diameter
     return lens.stop.apothem if isinstance(lens.stop, PolygonStop) else lens.stop.semi_diameter
+
+
+def _without_masks(lens: LensStack) -> LensStack:
+    """The lens with circles around its masks: rays in one plane say little of the holes of a mask."""
+    if not any(isinstance(element, MaskStop) for element in lens.elements):
+        return lens
+    elements = [
+        CircularStop(element.semi_diameter, element.thickness, placement=element.placement)
+        if isinstance(element, MaskStop)
+        else element
+        for element in lens.elements
+    ]
+    return dataclasses.replace(lens, elements=elements)
 
 
 def _axial_findings(lens: LensStack, rays: RayBundle, whole: RayBundle, origin: str) -> Iterator[Finding]:

@@ -17,7 +17,7 @@ from plenoptic.optics.models import LensModel
 from plenoptic.optics.moving import moved_group
 from plenoptic.optics.sections import placed, section
 from plenoptic.optics.stacking import Element, checked_elements, is_stop, with_inserted
-from plenoptic.optics.stops import CircularStop, PolygonStop, Stop
+from plenoptic.optics.stops import Stop
 from plenoptic.optics.surface import Surface
 from plenoptic.rays import RayBundle
 
@@ -36,7 +36,7 @@ class LensStack:
 
     Parameters
     ----------
-    elements : sequence of Surface, CircularStop and PolygonStop
+    elements : sequence of Surface and stops: CircularStop, PolygonStop, StarStop, MaskStop
         From the scene (-z) to the sensor (+z); at least one surface and one stop. Each one's `thickness` is the gap
         to the next. Kept as a tuple; the gap behind the last one belongs to the camera and is set to 0.
     iris : int, optional
@@ -236,8 +236,8 @@ class LensStack:
         >>> lens.stop
         PolygonStop(blades=6, semi_diameter=5.0, thickness=9.0)
         """
-        if not isinstance(stop, CircularStop | PolygonStop):
-            raise PrescriptionError(f"stop is {stop!r}; it must be a CircularStop or a PolygonStop")
+        if not isinstance(stop, Stop):
+            raise PrescriptionError(f"stop is {stop!r}; it must be a stop, such as a CircularStop")
         elements = list(self.elements)
         placement = self.stop.placement if stop.placement is None else stop.placement
         elements[self.iris_index] = dataclasses.replace(stop, thickness=self.stop.thickness, placement=placement)
@@ -265,8 +265,8 @@ class LensStack:
         >>> lens.inserted(pl.CircularStop(18.0), z=31.0).vertices[-2:]
         array([30.31, 31.  ])
         """
-        if not isinstance(stop, CircularStop | PolygonStop):
-            raise PrescriptionError(f"stop is {stop!r}; it must be a CircularStop or a PolygonStop")
+        if not isinstance(stop, Stop):
+            raise PrescriptionError(f"stop is {stop!r}; it must be a stop, such as a CircularStop")
         elements, at = with_inserted(self.elements, self.vertices, self.gap_media, stop, finite(z, "z"))
         return dataclasses.replace(self, elements=elements, iris=self.iris_index + (at <= self.iris_index))
 

@@ -11,21 +11,22 @@ from numpy.typing import NDArray
 
 from plenoptic.errors import PrescriptionError
 from plenoptic.optics.placement import Placement, rotation_about_axes
-from plenoptic.optics.stops import CircularStop, PolygonStop
+from plenoptic.optics.stop_shapes import MaskStop, StarStop
+from plenoptic.optics.stops import CircularStop, PolygonStop, Stop
 from plenoptic.optics.surface import Surface
 
-Kind = TypeVar("Kind", Surface, CircularStop, PolygonStop)
+Kind = TypeVar("Kind", Surface, CircularStop, PolygonStop, StarStop, MaskStop)
 
 
 def moved_group(
-    elements: Sequence[Surface | CircularStop | PolygonStop],
+    elements: Sequence[Surface | Stop],
     vertices: NDArray[np.float64],
     which: int | slice | Sequence[int],
     *,
     shift: Sequence[float],
     tilt: Sequence[float],
     pivot: float | None,
-) -> list[Surface | CircularStop | PolygonStop]:
+) -> list[Surface | Stop]:
     """The elements of a lens, some of them moved; see `LensStack.moved`."""
     n = len(elements)
     try:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from plenoptic.errors import PrescriptionError
 from plenoptic.optics.media import AIR, Medium
-from plenoptic.optics.stops import CircularStop, PolygonStop, Stop
+from plenoptic.optics.stops import Stop
 from plenoptic.optics.surface import Surface
 
 Element: TypeAlias = Surface | Stop
@@ -31,17 +31,19 @@ def checked_elements(elements: Sequence[Element], ambient: Medium) -> tuple[Elem
     except TypeError:
         raise PrescriptionError(f"elements is {elements!r}; it must be a sequence of surfaces and stops") from None
     for i, element in enumerate(stack):
-        if not isinstance(element, Surface | CircularStop | PolygonStop):
+        if not isinstance(element, Element):
             raise PrescriptionError(
-                f"element {i} is {element!r}; a lens is made of Surface, CircularStop and PolygonStop: "
-                "remove it or describe it as one of these"
+                f"element {i} is {element!r}; a lens is made of Surface, CircularStop, PolygonStop, "
+                "StarStop and MaskStop: remove it or describe it as one of these"
             )
     surfaces = [i for i, element in enumerate(stack) if isinstance(element, Surface)]
     if not surfaces:
-        raise PrescriptionError(f"the lens has {len(stack)} elements and no surface; add at least one Surface")
+        raise PrescriptionError(
+            f"the lens has {len(stack)} elements and no surface; add at least one Surface, or take pl.no_lens()"
+        )
     if len(surfaces) == len(stack):
         raise PrescriptionError(
-            f"the lens has {len(stack)} surfaces and no stop; add a CircularStop or PolygonStop where the iris stands"
+            f"the lens has {len(stack)} surfaces and no stop; add one, such as a CircularStop, where the iris stands"
         )
     last = stack[surfaces[-1]]
     if isinstance(last, Surface) and last.medium != ambient:

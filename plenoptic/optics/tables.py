@@ -15,13 +15,20 @@ from plenoptic.optics.models import LensModel
 from plenoptic.optics.paraxial import cardinal_points
 from plenoptic.optics.placement import Placement
 from plenoptic.optics.stacking import Element
+from plenoptic.optics.stop_shapes import MaskStop, StarStop
 from plenoptic.optics.stops import CircularStop, PolygonStop, Stop
 from plenoptic.optics.surface import Surface
 
-SURFACE, CIRCLE, POLYGON, CONIC, ASPHERE, IDEAL = range(6)
+SURFACE, CIRCLE, POLYGON, CONIC, ASPHERE, IDEAL, ARCS, STAR, MASK = range(9)
+
+SHAPED = (POLYGON, ARCS, STAR, MASK)
+"""Kinds of stops that are more than the circle around them."""
 
 FRAME = 13
 """Numbers of a placement: the rotation row by row, the shift, and 1 if there is one."""
+
+MASK_HEAD = 4
+"""Numbers of a mask before its cells: where they begin in `masks`, rows, columns, and cells per mm."""
 
 EQUATOR_TOLERANCE = 1e-12
 """A rim that is the equator itself belongs to the surface."""
@@ -31,13 +38,15 @@ class LensTables(NamedTuple):
     """Columns, one entry an element, in the order in which light meets them."""
 
     kind: NDArray[np.int64]
-    """SURFACE (sphere or plane), CIRCLE, POLYGON, CONIC, ASPHERE or IDEAL (a thick lens without aberrations)."""
+    """SURFACE (sphere or plane), CONIC, ASPHERE, IDEAL (a thick lens without aberrations), or a stop: CIRCLE, POLYGON,
+    ARCS (curved blades), STAR or MASK."""
     z: NDArray[np.float64]
     """Vertices in mm."""
     curvature: NDArray[np.float64]
     """1 / radius in 1/mm; 0 for planes and stops. IDEAL: 1 / focal length."""
     index_ratio: NDArray[np.float64]
-    """Index before over index behind, in the direction of travel."""
+    """Index before over index behind, in the direction of travel; of several wavelengths (n, wavelengths). IDEAL: the
+    power over that at the first wavelength."""
     clear: NDArray[np.float64]
     """Squared semi-diameter in mm^2."""
     rim: NDArray[np.float64]
@@ -46,7 +55,8 @@ class LensTables(NamedTuple):
     number: NDArray[np.float64]
     """Index of the element in the lens."""
     edges: NDArray[np.float64]
-    """(k, 3): outward normal x, y and distance from the axis of the edges of all polygonal stops."""
+    """(k, 4): a, b, p and q of the edges of all stops, a x + b y + q (x^2 + y^2) <= p; see `PolygonStop.edges` and
+    `StarStop.edges`. Straight ones: outward normal x, y, distance from the axis, and 0."""
     first_edge: NDArray[np.int64]
     """(n + 1,): the edges of element i are first_edge[i] to first_edge[i + 1]."""
     conic: NDArray[np.float64] | None
@@ -56,6 +66,8 @@ class LensTables(NamedTuple):
     and its coefficients of r^2, r^4, ...; None without aspheres."""
     frames: NDArray[np.float64] | None
     """(n, FRAME) placements; None where all elements are centred."""
+    masks: NDArray[np.float64] | None
+    """MASK_HEAD numbers for each element, then the cells of all masks, row by row; None without masks."""
     direction: float
     """+1 towards the sensor, -1 towards the scene."""
 
@@ -70,15 +82,16 @@ class _Row(NamedTuple):
     curvature: float = 0.0
     index_ratio: float = 1.0
     rim: float = math.inf
-    edges: tuple[tuple[float, float, float], ...] = ()
+    edges: tuple[tuple[float, ...], ...] = ()
     conic: float = 0.0
     aspheric: tuple[float, ...] = ()
     frame: tuple[float, ...] = (0.0,) * FRAME
+    mask: MaskStop | None = None
 
 
 def lens_tables(
     lens: LensStack,
-    wavelength: float,
+    wavelength: float | NDArray[np.float64],
     *,
     reverse: bool,
     round_stops: bool = False,
@@ -86,12 +99,35 @@ def lens_tables(
     last: int | None = None,
     clipping: bool = True,
 ) -> LensTables:
-    """Tables for one wavelength (nm) and one direction of travel.
+    """Tables for one wavelength (nm), or an array of several, and one direction of travel.
 
-    With `round_stops`, polygonal stops become the circles around them: what bounds on pupils are made of. `first` and
+    With `round_stops`, all stops become the circles around them: what bounds on pupils are made of. `first` and
     `last` choose a part of the lens, both included, always traced exactly. Without `clipping`, neither semi-diameters
     nor stops stop a ray.
     """
+    if not isinstance(wavelength, np.ndarray):
+        return _tables_at(lens, float(wavelength), reverse, round_stops, first, last, clipping)
+    found = _tables_at(lens, float(wavelength[0]), reverse, round_stops, first, last, clipping)
+    if IDEAL in found.kind:
+        ratio = np.ones((len(found.kind), len(wavelength)))
+        power = 1.0 / np.array([cardinal_points(lens, float(each)).efl for each in wavelength])
+        ratio[found.kind == IDEAL] = power / power[0]
+        return found._replace(index_ratio=ratio)
+    index = np.array([lens.indices(float(each)) for each in wavelength]).T
+    ahead, behind = index[found.number.astype(int)], index[found.number.astype(int) + 1]
+    return found._replace(index_ratio=np.ascontiguousarray(behind / ahead if reverse else ahead / behind))
+
+
+def _tables_at(
+    lens: LensStack,
+    wavelength: float,
+    reverse: bool,
+    round_stops: bool,
+    first: int | None,
+    last: int | None,
+    clipping: bool,
+) -> LensTables:
+    """Tables for one wavelength."""
     if first is None and last is None and lens.model is not LensModel.EXACT:
         rows = _ideal_rows(lens, wavelength, reverse=reverse)
     else:
@@ -99,7 +135,7 @@ def lens_tables(
         end = len(lens.elements) - 1 if last is None else last
         rows = _exact_rows(lens, wavelength, begin, end, reverse=reverse)
     if round_stops or not clipping:
-        rows = [row._replace(kind=CIRCLE, edges=()) if row.kind == POLYGON else row for row in rows]
+        rows = [row._replace(kind=CIRCLE, edges=(), mask=None) if row.kind in SHAPED else row for row in rows]
     if not clipping:
         rows = [row._replace(clear=math.inf) for row in rows]
     return _columns(rows, -1.0 if reverse else 1.0)
@@ -122,13 +158,27 @@ def _columns(rows: list[_Row], direction: float) -> LensTables:
         clear=np.array([row.clear for row in rows]),
         rim=np.array([row.rim for row in rows]),
         number=np.array([row.number for row in rows], dtype=np.float64),
-        edges=np.array(edges, dtype=np.float64).reshape(-1, 3),
+        edges=np.array(edges, dtype=np.float64).reshape(-1, 4),
         first_edge=np.cumsum([0, *(len(row.edges) for row in rows)], dtype=np.int64),
         conic=np.array([row.conic for row in rows]) if any(row.kind in (CONIC, ASPHERE) for row in rows) else None,
         aspheric=aspheric,
         frames=np.array([row.frame for row in rows]) if placed else None,
+        masks=_masks([row.mask for row in rows]),
         direction=direction,
     )
+
+
+def _masks(masks: list[MaskStop | None]) -> NDArray[np.float64] | None:
+    if all(mask is None for mask in masks):
+        return None
+    heads, cells, begin = np.zeros((len(masks), MASK_HEAD)), [], MASK_HEAD * len(masks)
+    for head, mask in zip(heads, masks, strict=True):
+        if mask is not None:
+            image = np.asarray(mask.transmission)
+            head[:] = begin, *image.shape, 1.0 / mask.cell_size
+            cells.append(image.ravel())
+            begin += image.size
+    return np.concatenate([heads.ravel(), *cells])
 
 
 def _exact_rows(lens: LensStack, wavelength: float, first: int, last: int, *, reverse: bool) -> list[_Row]:
@@ -160,10 +210,13 @@ def _surface_row(surface: Surface, z: float, number: int, ratio: float) -> _Row:
 
 def _stop_row(stop: Stop, z: float, number: int) -> _Row:
     clear = stop.semi_diameter * stop.semi_diameter
-    if isinstance(stop, PolygonStop):
-        edges = tuple((float(nx), float(ny), stop.apothem) for nx, ny in stop.normals)
-        return _Row(POLYGON, z, number, clear, edges=edges)
-    return _Row(CIRCLE, z, number, clear)
+    if isinstance(stop, CircularStop):
+        return _Row(CIRCLE, z, number, clear)
+    if isinstance(stop, MaskStop):
+        return _Row(MASK, z, number, clear, mask=stop)
+    straight = isinstance(stop, PolygonStop) and math.isinf(stop.blade_radius)
+    kind = STAR if isinstance(stop, StarStop) else POLYGON if straight else ARCS
+    return _Row(kind, z, number, clear, edges=tuple(map(tuple, stop.edges.tolist())))
 
 
 def _frame(placement: Placement) -> tuple[float, ...]:
@@ -204,7 +257,13 @@ def _as_stop(element: Element) -> Stop:
 
 def _scaled(stop: Stop, scale: float) -> Stop:
     """The stop as its paraxial image shows it: larger or smaller, and turned by half a turn where it is inverted."""
+    size, turn = abs(scale), math.pi if scale < 0 else 0.0
+    semi_diameter = size * stop.semi_diameter
     if isinstance(stop, CircularStop):
-        return CircularStop(abs(scale) * stop.semi_diameter)
-    turn = math.pi if scale < 0 else 0.0
-    return PolygonStop(stop.blades, abs(scale) * stop.semi_diameter, stop.rotation + turn)
+        return CircularStop(semi_diameter)
+    if isinstance(stop, PolygonStop):
+        return PolygonStop(stop.blades, semi_diameter, stop.rotation + turn, blade_radius=size * stop.blade_radius)
+    if isinstance(stop, StarStop):
+        return StarStop(stop.points, semi_diameter, size * stop.inner_semi_diameter, stop.rotation + turn)
+    cells = np.asarray(stop.transmission)
+    return MaskStop(cells[::-1, ::-1] if scale < 0 else cells, semi_diameter)

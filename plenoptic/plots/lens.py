@@ -1,4 +1,4 @@
-"""Sections of a lens, true to scale."""
+"""Sections of a lens and holes of its stops, true to scale."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from plenoptic.optics.lens import LensStack
+    from plenoptic.optics.stops import Stop
 
 _GLASS = "#cfe3f3"
 _EDGE = "#31566f"
@@ -130,4 +131,56 @@ def plot_lens(lens: LensStack, ax: Axes | None = None) -> Axes:
     ax.set_xlabel("z / mm")
     ax.set_ylabel("y / mm")
     ax.set_title(lens.name or "lens")
+    return ax
+
+
+def plot_stop(stop: Stop, ax: Axes | None = None) -> Axes:
+    """Draw the hole of a stop as seen from behind, from the sensor: opaque is dark, and the circle around it dashed.
+
+    Parameters
+    ----------
+    stop : Stop
+        Its placement is left out.
+    ax : matplotlib.axes.Axes, optional
+        Where to draw; a new figure if it is left out.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        x in mm to the right, y in mm upwards.
+
+    Raises
+    ------
+    InvalidValueError
+        If `stop` is no stop.
+    PlenopticError
+        Which is an ImportError too: without matplotlib.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> from plenoptic.plots.lens import plot_stop
+    >>> ax = plot_stop(pl.PolygonStop(blades=6, semi_diameter=5.0, blade_radius=8.0))
+    >>> ax.get_xlabel()
+    'x / mm'
+    """
+    # By what it has, since figures know no optics.
+    if not hasattr(stop, "outline"):
+        raise wrong_kind(stop, "stop", "stop", "camera.lens.stop")
+    plt = _pyplot()
+    if ax is None:
+        _, ax = plt.subplots(figsize=(4.0, 4.0), layout="constrained")
+    reach = 1.15 * stop.semi_diameter
+    ax.set_facecolor(_STOP)
+    if hasattr(stop, "transmission"):
+        rows, columns = np.shape(stop.transmission)
+        x, y = 0.5 * columns * stop.cell_size, 0.5 * rows * stop.cell_size  # type: ignore[union-attr]
+        ax.imshow(stop.transmission, cmap="gray", vmin=0.0, vmax=1.0, extent=(-x, x, -y, y), interpolation="nearest")
+    else:
+        ax.fill(*stop.outline(256).T, facecolor="white", edgecolor="none")
+    angle = np.linspace(0.0, 2 * np.pi, 129)
+    circle = stop.semi_diameter * np.stack([np.cos(angle), np.sin(angle)])
+    ax.plot(*circle, color=_OTHER_STOP, linewidth=0.8, linestyle="--")
+    ax.set(xlim=(-reach, reach), ylim=(-reach, reach), xlabel="x / mm", ylabel="y / mm", title=type(stop).__name__)
+    ax.set_aspect("equal")
     return ax

@@ -315,7 +315,7 @@ def test_a_saved_lens_has_one_element_per_line(tmp_path: Path) -> None:
         ({"format": "other"}, "format is 'other'"),
         ({"elements": 3}, "elements is 3"),
         ({"elements": [3]}, "element 0: it has 3"),
-        ({"elements": [{"stop": "star", "semi_diameter": 1, "thickness": 0}]}, "element 0: stop is 'star'"),
+        ({"elements": [{"stop": "square", "semi_diameter": 1, "thickness": 0}]}, "element 0: stop is 'square'"),
         ({"elements": [{"stop": "circle", "semi_diameter": True, "thickness": 0}]}, "semi_diameter is True"),
         ({"elements": [{"stop": "circle", "semi_diameter": 1, "thicknes": 0}]}, "element 0: it has .*thicknes"),
         ({"elements": [{"stop": "circle", "semi_diameter": 10**400, "thickness": 0}]}, "too large"),

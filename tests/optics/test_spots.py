@@ -11,12 +11,13 @@ import plenoptic as pl
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics import paraxial
 from plenoptic.optics.analysis.focusing import working_f_number
-from plenoptic.optics.analysis.pencils import REPLICATES
+from plenoptic.optics.analysis.pencils import REPLICATES, passing_light
 from plenoptic.optics.analysis.spots import AIRY, SpotDiagram, ray_fan, spot_diagram
 from plenoptic.optics.lens import LensStack
 from plenoptic.optics.media import ConstantMedium
 from plenoptic.optics.models import LensModel
 from plenoptic.optics.prescriptions import load_lens
+from plenoptic.optics.stop_shapes import MaskStop
 from plenoptic.optics.stops import CircularStop, PolygonStop
 from plenoptic.optics.surface import Surface
 from plenoptic.optics.tracing import traced_part
@@ -330,3 +331,73 @@ def test_a_field_may_be_y_alone():
     assert np.array_equal(
         pl.aiming.chief_ray(lens, field=0.1).origin, pl.aiming.chief_ray(lens, field=(0.0, 0.1)).origin
     )
+
+
+# ---- grey masks ----
+
+
+def masked(cells, size: float, lens: LensStack = GAUSS) -> LensStack:
+    return lens.with_stop(MaskStop.of_cells(np.asarray(cells, dtype=float), size))
+
+
+def test_a_mask_of_one_half_halves_the_light_and_changes_no_spot() -> None:
+    clear, grey = (masked([[t]], 20.0) for t in (1.0, 0.5))
+    field = (0.02, 0.3)
+    assert spot_diagram(grey, field=field) == spot_diagram(clear, field=field)
+    assert spot_diagram(clear, field=field).fraction < 0.95
+    assert pl.aberrations.mtf(grey, [10.0, 40.0], field=field) == pl.aberrations.mtf(clear, [10.0, 40.0], field=field)
+    full, half = (
+        passing_light(lens, field=field, z_object=-math.inf, z_image=100.0, wavelengths=(587.6,), rays=1024, seed=0)
+        for lens in (clear, grey)
+    )
+    # Products with 0.5 are exact.
+    assert np.array_equal(half.weight, 0.5 * full.weight)
+    assert np.array_equal(half.through_iris, 0.5 * full.through_iris)
+
+
+@pytest.mark.parametrize("lens", PERFECT)
+def test_out_of_focus_a_grey_spot_is_the_image_of_the_mask(lens) -> None:
+    """Columns of 1 and 1/2 and width a: the centroid of the light in the iris lies at x = -a / 6."""
+    two = masked([[1.0, 0.5]], 10.0, lens)
+    points = paraxial.cardinal_points(two)
+    spot = spot_diagram(two, z_image=points.rear_focus + 2.0, rays=1 << 14)
+    # Rays from infinity are as high at the principal plane as in the entrance pupil.
+    height = -10.0 / 6.0 * points.entrance_pupil_semi_diameter / two.stop.semi_diameter
+    # Sobol points in the square, cut once: some n^(-3/4) of 10 mm for n = 2^11 of a replicate.
+    assert spot.centroid == pytest.approx([-height * 2.0 / points.efl, 0.0], abs=0.03 * 2.0 / points.efl)
+    assert spot.fraction == pytest.approx(1.0, rel=1e-12)
+    x2 = (1.0 + 0.5) / 1.5 * 100.0 / 3.0 - (10.0 / 6.0 * 2.0) ** 2 * 0.25
+    y2 = 100.0 / 12.0
+    scale = (height / (-10.0 / 6.0)) * 2.0 / points.efl
+    assert spot.rms_radius == pytest.approx(scale * math.sqrt(x2 + y2), rel=2e-3)
+
+
+@pytest.mark.parametrize("cells", [[[0.1], [1.0]], [[1.0], [0.1]]])
+def test_the_passing_part_of_a_grey_iris_is_that_of_its_light(cells) -> None:
+    lens, field, n = masked(cells, 10.0), 0.32, 1 << 17
+    spot = spot_diagram(lens, field=field, rays=1 << 14)
+    # A wide, evenly filled beam in which only the lens chooses, as above.
+    along = np.array([0.0, -math.sin(field), math.cos(field)])
+    offsets = np.random.default_rng(5).uniform(-20.0, 20.0, (n, 2))
+    origin = np.column_stack([offsets[:, 0], offsets[:, 1] * along[2], -offsets[:, 1] * along[1]]) - 100.0 * along
+    rays = RayBundle(origin, np.broadcast_to(along, (n, 3)))
+    iris = lens.iris_index
+    through = traced_part(lens, traced_part(lens, rays, 0, iris - 1, clipping=False), iris, iris).weight
+    passing = lens.trace(rays).weight
+    # Each ray counts once: the error of the sum of its light less its part of what passes the iris.
+    expected = passing.sum() / through.sum()
+    error = math.sqrt(np.sum((passing - expected * through) ** 2)) / through.sum()
+    assert error < 3e-3
+    assert spot.fraction == pytest.approx(expected, abs=4 * math.hypot(error, spot.fraction_error))
+    # The rims cut one side: clear, it would be another part.
+    clear = spot_diagram(masked([[1.0], [1.0]], 10.0), field=field, rays=1 << 14)
+    assert abs(clear.fraction - spot.fraction) > 0.02
+
+
+def test_a_grey_stop_before_or_behind_the_iris_dims_what_passes_it() -> None:
+    for plain in (GAUSS, masked([[1.0, 0.5]], 10.0)):
+        expected = 0.25 * spot_diagram(plain, rays=1 << 12).fraction
+        for z in (-40.0, 40.0):
+            dimmed = plain.inserted(MaskStop.of_cells([[0.25]], 200.0), z)
+            # The same rays, but for those that rounding moves across the edge of the iris: at most a few of 2^12.
+            assert spot_diagram(dimmed, rays=1 << 12).fraction == pytest.approx(expected, rel=1e-3)

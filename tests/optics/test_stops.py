@@ -35,6 +35,7 @@ def test_a_polygon_has_the_area_of_its_triangles(stop: PolygonStop) -> None:
     # Sums of `blades` terms, and angles of up to 14 that are good to an eps of 14.
     assert enclosed_area(stop.outline(3)) == pytest.approx(area, rel=2000 * EPS)
     assert len(stop.outline(3)) == stop.blades
+    assert stop.area == pytest.approx(area, rel=16 * EPS)
 
 
 @given(stop=POLYGONS)
@@ -61,6 +62,10 @@ def test_many_blades_are_a_circle() -> None:
     # cos(pi / n) = 1 - pi^2 / (2 n^2).
     assert PolygonStop(1000, 5.0).apothem == pytest.approx(5.0, rel=math.pi**2 / 2e6 * 1.001)
     assert enclosed_area(CircularStop(5.0).outline(10000)) == pytest.approx(25 * math.pi, rel=1e-6)
+    # sin(x) / x = 1 - x^2 / 6 with x = 2 pi / 1000.
+    assert PolygonStop(1000, 5.0).area == pytest.approx(
+        CircularStop(5.0).area, rel=(2 * math.pi / 1000) ** 2 / 6 * 1.001
+    )
 
 
 def test_the_first_corner_is_at_the_rotation() -> None:

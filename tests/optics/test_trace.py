@@ -27,11 +27,12 @@ def surface_tables(curvatures, ratios, vertices, *, clear=math.inf, s=1.0):
         clear=np.full(n, clear),
         rim=np.full(n, 1.0 + 1e-12 if clear < math.inf else math.inf),
         number=np.arange(n, dtype=np.float64),
-        edges=np.zeros((0, 3)),
+        edges=np.zeros((0, 4)),
         first_edge=np.zeros(n + 1, dtype=np.int64),
         conic=None,
         aspheric=None,
         frames=None,
+        masks=None,
         direction=s,
     )
 

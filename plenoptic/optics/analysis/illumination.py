@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plenoptic._values import value, whole
+from plenoptic.errors import InvalidValueError
 from plenoptic.optics.analysis.aiming import aimed_rays, aimed_rays_reverse, hexapolar
 from plenoptic.optics.analysis.fields import checked_fields, chief_rays, freeze, image_plane, unclipped
 from plenoptic.optics.lens import LensStack
-from plenoptic.optics.stops import PolygonStop, Stop
+from plenoptic.optics.stop_shapes import MaskStop
 from plenoptic.optics.tracing import traced_part
 from plenoptic.rays import RayBundle
 
@@ -102,7 +103,7 @@ class Vignetting:
     fields : (n,) array
         rad, or mm.
     fraction : (n,) array
-        Part of the area of the iris whose rays pass all rims and stops.
+        Part of what the iris lets through that passes all rims and stops too: of its area, for all but grey masks.
     standard_error : (n,) array
         Of the fraction, from counting points of a grid.
     lower, upper : (n,) array
@@ -156,7 +157,7 @@ def vignetting(
     Raises
     ------
     InvalidValueError
-        If a field is out of range or the object is not before the lens.
+        If a field is out of range, the object is not before the lens, or the grid is too coarse for the iris.
 
     Examples
     --------
@@ -171,31 +172,31 @@ def vignetting(
     x, y = (-1.0 + 2.0 / side * (np.arange(side) + 0.5 + off) for off in (-0.13, 0.29))
     pupil = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     pupil = pupil[stop.contains(*(stop.semi_diameter * pupil.T))]
-    share = 4.0 / side**2 / _area(stop)
+    if not len(pupil):
+        raise InvalidValueError(f"grid is {side}; none of its points falls into the opening of the iris: increase it")
+    share, full = 4.0 / side**2 * stop.semi_diameter**2 / stop.area, np.ones(len(pupil))
+    if isinstance(stop, MaskStop):
+        full = stop.transmission_at(*(stop.semi_diameter * pupil.T))
+        share = 1.0 / float(full.sum())
 
     fraction, error, lower, upper = np.empty((4, len(radii)))
     for i, field in enumerate(radii.tolist()):
 
-        def passing(points: Floats, field: float = field) -> NDArray[np.bool_]:
+        def passing(points: Floats, field: float = field) -> Floats:
             rays = aimed_rays(lens, field=(0.0, field), pupil=points, z_object=z_object, wavelength=wavelength)
-            return np.asarray(lens.trace(rays).status == 0)
+            return lens.trace(rays).weight
 
-        count = int(np.count_nonzero(passing(pupil)))
+        light = passing(pupil)
+        count = int(np.count_nonzero(light))
         # Where all points pass, what passes is the iris itself; where none does, less than one of them may.
-        fraction[i] = 1.0 if count == len(pupil) else min(count * share, 1.0)
-        error[i] = 0.0 if count == len(pupil) else share * _COUNTING * max(count, 1) ** 0.25
+        entire = bool(np.all(light == full))
+        fraction[i] = 1.0 if entire else min(float(light.sum()) * share, 1.0)
+        error[i] = 0.0 if entire else share * _COUNTING * max(count, 1) ** 0.25
         lower[i], upper[i] = _rim_rays(passing)
     return Vignetting(radii, fraction, error, lower, upper, z_object)
 
 
-def _area(stop: Stop) -> float:
-    """Of the opening of a stop, over the square of its semi-diameter."""
-    if isinstance(stop, PolygonStop):
-        return 0.5 * stop.blades * math.sin(2 * math.pi / stop.blades)
-    return math.pi
-
-
-def _rim_rays(passing: Callable[[Floats], NDArray[np.bool_]]) -> tuple[float, float]:
+def _rim_rays(passing: Callable[[Floats], Floats]) -> tuple[float, float]:
     """The smallest and the largest y on the diameter along y at which rays pass."""
     limits = []
     for end in (-_INSIDE, _INSIDE):
@@ -323,12 +324,12 @@ def _projected_solid_angle(lens: LensStack, point: Floats, cells: int, wavelengt
         real = l * l + m * m < 1
         cosines = np.column_stack([l, m, -np.sqrt(np.maximum(1.0 - l * l - m * m, 0.0))])[real]
         out = lens.trace_reverse(RayBundle(np.broadcast_to(point, cosines.shape), cosines, wavelength))
-        passed = cosines[out.status == 0, :2]
+        passed, light = cosines[out.status == 0, :2], float(out.weight.sum())
         step = (high - low) / n
         if len(passed) == 0:
             return 0.0, 0.0
         low, high = passed.min(axis=0) - step, passed.max(axis=0) + step
-    return len(passed) * float(step[0] * step[1]), _COUNTING / len(passed) ** 0.75
+    return light * float(step[0] * step[1]), _COUNTING / len(passed) ** 0.75
 
 
 def _box(points: Floats, share: float) -> tuple[Floats, Floats]:

@@ -19,6 +19,7 @@ from plenoptic._values import finite, number, wavelength_in_nm, whole, wrong_kin
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens import LensStack
 from plenoptic.optics.models import LensModel
+from plenoptic.optics.stop_shapes import MaskStop
 from plenoptic.rays import RayBundle
 from plenoptic.sampling import sobol_points
 
@@ -149,13 +150,13 @@ class PassingLight(NamedTuple):
     slopes: NDArray[np.float64]
     """(m, 2) change of x and y with z."""
     weight: NDArray[np.float64]
-    """(m,) relative light."""
+    """(m,) relative light: less than of other rays where grey masks take some of it."""
     colour: NDArray[np.uint8]
     """(m,) which wavelength."""
     replicate: NDArray[np.uint8]
     """(m,) which of the `REPLICATES`."""
     through_iris: NDArray[np.float64]
-    """(REPLICATES,) light that passes the iris where nothing else stops it."""
+    """(REPLICATES,) light that passes the iris where nothing else stops or dims it."""
     chief: NDArray[np.float64]
     """(wavelengths, 2) where the chief rays meet the image plane in mm; NaN for those that are lost."""
     emitted: int
@@ -209,40 +210,44 @@ def _passing_part(lens: LensStack, beam: Pencil, z_image: float, colour: int) ->
     direction, origin = out.direction[passes], out.origin[passes]
     slopes = direction[:, :2] / direction[:, 2:]
     each = np.full(len(out), beam.extent / len(out))
-    reached = np.flatnonzero(reaches_iris(lens, beam))
+    at_iris = light_at_iris(lens, beam)
+    reached = np.flatnonzero(at_iris)
     replicate = np.repeat(np.arange(REPLICATES, dtype=np.uint8), len(out) // REPLICATES)
     return PassingLight(
         points=origin[:, :2] + (z_image - origin[:, 2:]) * slopes,
         slopes=slopes,
-        weight=each[passes],
+        weight=each[passes] * out.weight[passes],
         colour=np.full(len(passes), colour, np.uint8),
         replicate=replicate[passes],
         through_iris=np.asarray(
-            np.bincount(replicate[reached], weights=each[reached], minlength=REPLICATES), dtype=np.float64
+            np.bincount(replicate[reached], weights=(each * at_iris)[reached], minlength=REPLICATES), dtype=np.float64
         ),
         chief=beam.chief.at_z(z_image)[:, :2],
         emitted=len(out),
     )
 
 
-def reaches_iris(lens: LensStack, beam: Pencil) -> NDArray[np.bool_]:
-    """Which rays of a pencil pass the opening of the iris if nothing else stops them, (n,).
+def light_at_iris(lens: LensStack, beam: Pencil) -> NDArray[np.float64]:
+    """What part of each ray of a pencil the iris lets pass if nothing else stops or dims it, (n,).
 
-    Rays lost behind the iris have passed it; those lost before it are traced again to the iris, through surfaces and
-    stops without rims.
+    Rays lost behind the iris have passed it; those lost before it, and all but those lost at it where the iris is a
+    mask, are traced again to the iris, through surfaces and stops without rims.
     """
     from plenoptic.optics.tracing import traced_part
 
+    if lens.model in (LensModel.THIN, LensModel.PARAXIAL):  # they have no other stop
+        return beam.leaving.weight
     iris, lost_at = lens.iris_index, beam.leaving.lost_at
     passes = beam.leaving.status == 0
-    reached = passes | (lost_at > iris)
-    before = np.flatnonzero(~passes & (lost_at < iris))
-    if len(before):
-        again = beam.entering.selected(before)
+    light = np.where(passes | (lost_at > iris), 1.0, 0.0)
+    grey = isinstance(lens.stop, MaskStop)
+    unknown = np.flatnonzero(passes | (lost_at != iris) if grey else ~passes & (lost_at < iris))
+    if len(unknown):
+        again = beam.entering.selected(unknown)
         if iris > 0 and lens.model is LensModel.EXACT:
             again = traced_part(lens, again, 0, iris - 1, clipping=False)
-        reached[before] = traced_part(lens, again, iris, iris).status == 0
-    return np.asarray(reached)
+        light[unknown] = traced_part(lens, again, iris, iris).weight
+    return light
 
 
 def _launch(aimed: RayBundle, *, finite_object: bool) -> _Launch:

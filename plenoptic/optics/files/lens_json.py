@@ -1,8 +1,9 @@
 """The package's own lens files: JSON with one element per line.
 
 A file is an object with `format`, `name`, `source`, `iris` (index of the element that is the iris), and `elements`.
-What is at its default is left out, so `ambient`, `model`, `conic`, `aspheric`, `depth` and `placement` stand only where
-they say something. A medium is one of
+What is at its default is left out, so `ambient`, `model`, `conic`, `aspheric`, `depth`, `blade_radius` and `placement`
+stand only where they say something. Stops are circle, polygon, star or mask; the `transmission` of a mask is a list of
+its rows. A medium is one of
 
     "air"
     {"index": 1.5}
@@ -19,6 +20,8 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
 from plenoptic._description import describe, restore
 from plenoptic.errors import FileError, InvalidValueError, PrescriptionError
 from plenoptic.optics.lens import LensStack
@@ -26,7 +29,8 @@ from plenoptic.optics.media import AIR, ConstantMedium, Medium, ModelGlass, Scho
 from plenoptic.optics.models import LensModel
 from plenoptic.optics.placement import Placement
 from plenoptic.optics.stacking import Element
-from plenoptic.optics.stops import CircularStop, PolygonStop
+from plenoptic.optics.stop_shapes import MaskStop, StarStop
+from plenoptic.optics.stops import CircularStop, PolygonStop, Stop
 from plenoptic.optics.surface import Surface
 
 _FORMAT = "plenoptic-lens-1"
@@ -139,6 +143,12 @@ def _numbers(data: Any, name: str) -> tuple[float, ...]:
     return tuple(_number(item, name) for item in data)
 
 
+def _rows(data: Any, name: str) -> list[tuple[float, ...]]:
+    if not isinstance(data, list):
+        raise PrescriptionError(f"{name} is {data!r:.40}; it must be a list of lists of numbers")
+    return [_numbers(row, name) for row in data]
+
+
 def _text(data: Any, name: str) -> str:
     if not isinstance(data, str):
         raise PrescriptionError(f"{name} is {data!r:.40}; it must be a text")
@@ -237,10 +247,8 @@ def _element_to_json(element: Element, i: int) -> dict[str, Any]:
         row |= {"conic": element.conic} if element.conic != 0 else {}
         row |= {"aspheric": element.aspheric} if element.aspheric else {}
         row |= {"depth": element.depth} if element.depth is not None else {}
-    elif isinstance(element, CircularStop):
-        row = {"stop": "circle", **size}
     else:
-        row = {"stop": "polygon", **size, "blades": element.blades, "rotation": element.rotation}
+        row = _stop_to_json(element, size)
     if element.placement is not None:
         # frozen_array keeps both as arrays.
         shift, rotation = element.placement.shift, element.placement.rotation
@@ -248,22 +256,54 @@ def _element_to_json(element: Element, i: int) -> dict[str, Any]:
     return row
 
 
-def _element_from_json(data: Any) -> Element:
-    kind = data.get("stop") if isinstance(data, dict) else None
-    wanted = {"circle": "stop thickness semi_diameter", "polygon": "stop thickness semi_diameter blades rotation"}
-    if isinstance(data, dict) and "stop" in data and not (isinstance(kind, str) and kind in wanted):
-        raise PrescriptionError(f'stop is {kind!r:.40}; it must be "circle" or "polygon"')
-    if isinstance(kind, str):
-        row = _fields(data, "it", wanted[kind], "placement")
-    else:
-        row = _fields(data, "it", "radius thickness semi_diameter medium", "conic aspheric depth placement")
+def _stop_to_json(stop: Stop, size: dict[str, float]) -> dict[str, Any]:
+    if isinstance(stop, CircularStop):
+        return {"stop": "circle", **size}
+    if isinstance(stop, PolygonStop):
+        row = {"stop": "polygon", **size, "blades": stop.blades, "rotation": stop.rotation}
+        return row if math.isinf(stop.blade_radius) else row | {"blade_radius": stop.blade_radius}
+    if isinstance(stop, StarStop):
+        inner = {"inner_semi_diameter": stop.inner_semi_diameter}
+        return {"stop": "star", **size, "points": stop.points, **inner, "rotation": stop.rotation}
+    # Black and white, as most masks are, takes 3 letters a cell.
+    cells = [[int(cell) if cell in (0, 1) else cell for cell in row] for row in np.asarray(stop.transmission).tolist()]
+    return {"stop": "mask", **size, "transmission": cells}
+
+
+_STOPS = {
+    "circle": "",
+    "polygon": "blades rotation",
+    "star": "points inner_semi_diameter rotation",
+    "mask": "transmission",
+}
+
+
+def _stop_from_json(data: Mapping[str, Any]) -> Stop:
+    kind = data["stop"]
+    if not (isinstance(kind, str) and kind in _STOPS):
+        raise PrescriptionError(f'stop is {kind!r:.40}; it must be "circle", "polygon", "star" or "mask"')
+    also = "placement blade_radius" if kind == "polygon" else "placement"
+    row = _fields(data, "it", f"stop thickness semi_diameter {_STOPS[kind]}", also)
     thickness, semi_diameter = _number(row["thickness"], "thickness"), _number(row["semi_diameter"], "semi_diameter")
     placement = _placement(row["placement"]) if "placement" in row else None
     if kind == "circle":
         return CircularStop(semi_diameter, thickness, placement=placement)
-    if kind == "polygon":
-        rotation = _number(row["rotation"], "rotation")
-        return PolygonStop(row["blades"], semi_diameter, rotation, thickness, placement=placement)
+    if kind == "mask":
+        return MaskStop(_rows(row["transmission"], "transmission"), semi_diameter, thickness, placement=placement)
+    rotation = _number(row["rotation"], "rotation")
+    if kind == "star":
+        inner = _number(row["inner_semi_diameter"], "inner_semi_diameter")
+        return StarStop(row["points"], semi_diameter, inner, rotation, thickness, placement=placement)
+    bulge = _number(row.get("blade_radius", math.inf), "blade_radius")
+    return PolygonStop(row["blades"], semi_diameter, rotation, thickness, blade_radius=bulge, placement=placement)
+
+
+def _element_from_json(data: Any) -> Element:
+    if isinstance(data, dict) and "stop" in data:
+        return _stop_from_json(data)
+    row = _fields(data, "it", "radius thickness semi_diameter medium", "conic aspheric depth placement")
+    thickness, semi_diameter = _number(row["thickness"], "thickness"), _number(row["semi_diameter"], "semi_diameter")
+    placement = _placement(row["placement"]) if "placement" in row else None
     return Surface(
         math.inf if row["radius"] is None else _number(row["radius"], "radius"),
         thickness,
@@ -278,7 +318,4 @@ def _element_from_json(data: Any) -> Element:
 
 def _placement(data: Any) -> Placement:
     fields = _fields(data, "placement", "shift rotation")
-    if not isinstance(fields["rotation"], list):
-        raise PrescriptionError(f"rotation is {fields['rotation']!r:.40}; it must be three lists of three numbers")
-    rotation = [_numbers(row, "rotation") for row in fields["rotation"]]
-    return Placement(_numbers(fields["shift"], "shift"), rotation)
+    return Placement(_numbers(fields["shift"], "shift"), _rows(fields["rotation"], "rotation"))

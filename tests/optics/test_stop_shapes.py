@@ -1,0 +1,413 @@
+"""Curved blades, stars and masks: their openings, and lenses that have them."""
+
+import dataclasses
+import json
+import math
+import pickle
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import plenoptic as pl
+from plenoptic.errors import FileError, InvalidValueError, PrescriptionError
+from plenoptic.optics.files.lens_json import json_of_lens, lens_from_json
+from plenoptic.optics.stop_shapes import MaskStop, StarStop
+from plenoptic.optics.stops import Stop
+from plenoptic.optics.tables import CIRCLE, lens_tables
+from plenoptic.optics.tracing import traced_part
+from plenoptic.plots.lens import plot_stop
+
+EPS = np.finfo(float).eps
+GAUSS = pl.load_lens("double-gauss-100mm-f2")
+RNG = np.random.default_rng(4)
+HALF = np.array([[0.0, 1.0, 0.25], [1.0, 0.5, 0.0]])
+
+
+def curved(blades: int, size: float, rotation: float, beyond: float, sign: float) -> pl.PolygonStop:
+    """Blades whose radius is `beyond` times the smallest one."""
+    least = size if sign > 0 else size * math.tan(math.pi / blades)
+    return pl.PolygonStop(blades, size, rotation, blade_radius=sign * least * beyond)
+
+
+SIZES, TURNS = st.floats(1e-3, 1e3), st.floats(-7.0, 7.0)
+CURVED = st.builds(curved, st.integers(3, 20), SIZES, TURNS, st.floats(1.0, 1e6), st.sampled_from([1.0, -1.0]))
+STARS = st.builds(
+    lambda n, size, share, turn: StarStop(n, size, share * size * math.cos(math.pi / n), turn),
+    *(st.integers(3, 20), SIZES, st.floats(0.05, 1.0), TURNS),
+)
+
+
+def any_mask(seed: int, rows: int, columns: int, size: float) -> MaskStop:
+    cells = np.random.default_rng(seed).choice([0.0, 0.3, 1.0], (rows, columns))
+    return MaskStop(cells if cells.any() else 1.0 - cells, size)
+
+
+MASKS = st.builds(any_mask, st.integers(0, 1000), st.integers(1, 9), st.integers(1, 9), SIZES)
+SHAPES = {
+    "curved outwards": pl.PolygonStop(5, 4.0, 0.3, blade_radius=6.0),
+    "curved inwards": pl.PolygonStop(7, 4.0, 0.3, blade_radius=-9.0),
+    "star": StarStop(5, 4.0, 2.0, 0.3),
+    "mask": MaskStop(RNG.choice([0.0, 0.4, 1.0], (13, 9)), 4.0),
+}
+
+
+def enclosed_area(points: np.ndarray) -> float:
+    x, y = points.T
+    return float(0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
+
+
+# ---- openings ----
+
+
+@given(stop=st.one_of(CURVED, STARS))
+def test_the_outline_is_the_border(stop: Stop) -> None:
+    outline = stop.outline(50)
+    # Along the radius: points are off by a few eps of size and angle, over the cosine between border and radius, at
+    # least sin(pi / 20) (1 - 0.05) for a star and vanishing only at the tips of blades that touch, which are left out.
+    radius = np.hypot(*outline.T)
+    inner = outline[radius < 0.999 * stop.semi_diameter]
+    assert stop.contains(*(outline * (1 - 1e-12)).T).sum() >= len(inner)
+    assert stop.contains(*(inner * (1 - 1e-12)).T).all()
+    assert not stop.contains(*(outline * (1 + 1e-12)).T).any()
+    assert radius.max() == pytest.approx(stop.semi_diameter, rel=8 * EPS)
+
+
+@given(stop=STARS)
+def test_a_star_has_the_area_of_its_outline(stop: StarStop) -> None:
+    # Sums of 40 terms, and angles of up to 14 that are good to an eps of 14, over a share of 0.05.
+    assert enclosed_area(stop.outline(3)) == pytest.approx(stop.area, rel=1e4 * EPS)
+    assert len(stop.outline(3)) == 2 * stop.points
+
+
+@given(stop=CURVED)
+def test_curved_blades_have_the_area_of_their_outline(stop: pl.PolygonStop) -> None:
+    # Chords of an arc of the angle a that is divided by n cut off (a / n)^2 / 6 of the segment, relatively, at
+    # most; a < 2 pi / 3 for outward blades, pi for inward ones; the segment is below the square of the semi-diameter.
+    n = 200
+    most = stop.blades * (math.pi / n) ** 2 / 6 * stop.semi_diameter**2
+    assert enclosed_area(stop.outline(n * stop.blades)) == pytest.approx(stop.area, abs=most)
+
+
+@pytest.mark.parametrize("name", list(SHAPES))
+def test_the_area_is_what_a_grid_counts(name: str) -> None:
+    stop, n = SHAPES[name], 1000
+    at = stop.semi_diameter * ((np.arange(n) + 0.37) * (2 / n) - 1)
+    x, y = np.meshgrid(at, at)
+    inside = stop.transmission_at(x, y) if isinstance(stop, MaskStop) else stop.contains(x, y)
+    # Cells on the border, of at most 60 semi-diameters (the mask's), decide by chance: 60 n / 2 of 0.5 each, 5 sigma.
+    cell = (2 * stop.semi_diameter / n) ** 2
+    assert np.sum(inside) * cell == pytest.approx(stop.area, abs=5 * 0.5 * math.sqrt(30 * n) * cell)
+
+
+@given(blades=st.integers(3, 12), size=SIZES, rotation=TURNS)
+def test_blades_of_the_radius_of_the_stop_are_a_circle(blades: int, size: float, rotation: float) -> None:
+    stop, circle = pl.PolygonStop(blades, size, rotation, blade_radius=size), pl.CircularStop(size)
+    assert stop.area == pytest.approx(circle.area, rel=64 * EPS)
+    assert stop.apothem == pytest.approx(size, rel=8 * EPS)
+    ring = circle.outline(97)
+    assert stop.contains(*(ring * (1 - 64 * EPS)).T).all()
+    assert not stop.contains(*(ring * (1 + 64 * EPS)).T).any()
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_blades_become_straight_with_order_1_of_the_curvature(sign: float) -> None:
+    straight = pl.PolygonStop(6, 5.0)
+    radii = np.geomspace(1e3, 1e9, 7)
+    # The height of an arc over its half chord h is h^2 / 2 R, and its area 2 / 3 of height times chord.
+    high = np.array([pl.PolygonStop(6, 5.0, blade_radius=sign * r).apothem for r in radii]) - straight.apothem
+    assert high * radii == pytest.approx(np.full(7, sign * 2.5**2 / 2), rel=1e-5, abs=8 * EPS * 5e9)
+    area = np.array([pl.PolygonStop(6, 5.0, blade_radius=sign * r).area for r in radii]) - straight.area
+    assert area * radii == pytest.approx(np.full(7, sign * 6 * 5 * 2 / 3 * 2.5**2 / 2), rel=1e-5, abs=64 * EPS * 65e9)
+    assert pl.PolygonStop(6, 5.0, blade_radius=-math.inf) == straight
+
+
+def test_inward_blades_touch_at_the_least_radius() -> None:
+    # Of three blades, tangent to each other at the corners: the area between three circles of radius r that touch is
+    # r^2 (sqrt(3) - pi / 2).
+    radius = 2.0 * math.tan(math.pi / 3)
+    stop = pl.PolygonStop(3, 2.0, blade_radius=-radius)
+    assert stop.area == pytest.approx(radius**2 * (math.sqrt(3) - math.pi / 2), rel=64 * EPS)
+    with pytest.raises(InvalidValueError, match=r"blade_radius is -3\.4 mm; for 3 blades it must be at least 2 mm"):
+        pl.PolygonStop(3, 2.0, blade_radius=-3.4)
+
+
+def test_the_blunt_star_is_a_polygon() -> None:
+    star, polygon = StarStop(5, 3.0, 3.0 * math.cos(math.pi / 5), 0.2), pl.PolygonStop(5, 3.0, 0.2)
+    x, y = RNG.uniform(-3, 3, (2, 5000))
+    clear = np.abs(np.max(np.stack([x, y], axis=1) @ polygon.normals.T, axis=1) - polygon.apothem) > 1e-12
+    assert np.array_equal(star.contains(x, y)[clear], polygon.contains(x, y)[clear])
+    assert star.area == pytest.approx(polygon.area, rel=16 * EPS)
+
+
+# ---- masks ----
+
+
+def test_a_mask_looks_like_its_image_from_behind() -> None:
+    # From the sensor along -z, with y up, x runs to the right: row 0 is up, column 0 on the left.
+    mask = MaskStop([[1.0, 0.0], [0.25, 0.5]], semi_diameter=2 * math.sqrt(2))
+    assert mask.cell_size == pytest.approx(2.0, rel=4 * EPS)
+    assert mask.transmission_at([-1, 1, -1, 1], [1, 1, -1, -1]).tolist() == [1.0, 0.0, 0.25, 0.5]
+    assert mask.contains([-1, 1, -2.1], [1, 1, 1]).tolist() == [True, False, False]
+    assert mask.area == pytest.approx(4 * 1.75, rel=8 * EPS)
+    assert not mask.contains(math.nan, 0.0)
+
+
+def test_the_semi_diameter_is_that_of_the_opening() -> None:
+    bare, framed = MaskStop(HALF, 3.0), MaskStop(np.pad(HALF, ((1, 1), (3, 3))), 3.0)
+    assert bare.cell_size == framed.cell_size
+    x, y = RNG.uniform(-4, 4, (2, 1000))
+    assert np.array_equal(bare.transmission_at(x, y), framed.transmission_at(x, y))
+    assert MaskStop.of_cells(HALF, 0.5).cell_size == pytest.approx(0.5, rel=4 * EPS)
+    # The outermost corner of an open cell: 1 cell up and 1.5 to the right.
+    assert MaskStop.of_cells(HALF, 0.5).semi_diameter == pytest.approx(0.5 * math.hypot(1.0, 1.5), rel=4 * EPS)
+
+
+@given(mask=MASKS)
+def test_the_outline_of_a_mask_holds_its_opening(mask: MaskStop) -> None:
+    outline = mask.outline(20)
+    assert np.hypot(*outline.T).max() == pytest.approx(mask.semi_diameter, rel=8 * EPS)
+    rows, columns = np.nonzero(mask.transmission)
+    height, width = np.shape(mask.transmission)
+    centres = mask.cell_size * np.stack([columns + 0.5 - width / 2, height / 2 - rows - 0.5], axis=1)
+    along = np.roll(outline, -1, axis=0) - outline
+    # Half a cell inside each side of a convex polygon that runs counter-clockwise.
+    to = centres[:, None] - outline[None]
+    away = (along[:, 0] * to[..., 1] - along[:, 1] * to[..., 0]) / np.hypot(*along.T)
+    assert away.min() >= 0.5 * mask.cell_size * (1 - 1e-9)
+
+
+def test_masks_come_from_images(tmp_path) -> None:
+    grey = np.array([[0, 65535], [32768, 65535]], dtype=np.uint16)[..., None]
+    pl.images.write_16bit(tmp_path / "mask.png", np.repeat(grey, 3, axis=2))
+    mask = MaskStop.load(tmp_path / "mask.png", 5.0, thickness=1.0)
+    assert mask.transmission.tolist() == [[0.0, 1.0], [pytest.approx(0.214, abs=1e-3), 1.0]]
+    assert (mask.semi_diameter, mask.thickness) == (5.0, 1.0)
+    pl.images.write_channels(tmp_path / "mask.exr", {"Y": 2.0 * np.ones((2, 2))})
+    with pytest.raises(InvalidValueError, match="transmission holds 2; it must be from 0"):
+        MaskStop.load(tmp_path / "mask.exr", 5.0)
+    with pytest.raises(FileError, match="does not exist"):
+        MaskStop.load(tmp_path / "none.png", 5.0)
+
+
+# ---- values ----
+
+
+@given(stop=st.one_of(CURVED, STARS, MASKS))
+@settings(max_examples=50)
+def test_stops_are_values(stop: Stop) -> None:
+    again = pickle.loads(pickle.dumps(stop))
+    assert again == stop and hash(again) == hash(stop) and repr(again) == repr(stop)
+    assert dataclasses.replace(stop, semi_diameter=2000.0 if not isinstance(stop, pl.PolygonStop) else 1e-4) != stop
+
+
+@pytest.mark.parametrize(
+    "make, message",
+    [
+        (lambda: StarStop(2, 5.0, 2.0), "points is 2; it must be at least 3"),
+        (
+            lambda: StarStop(5, 5.0, 4.1),
+            r"inner_semi_diameter is 4\.1 mm; a star of 5 points .* has at most 4\.04508 mm",
+        ),
+        (lambda: StarStop(5, 5.0, 0.0), "inner_semi_diameter is 0 mm"),
+        (
+            lambda: pl.PolygonStop(6, 5.0, blade_radius=4.9),
+            r"blade_radius is 4\.9 mm; for 6 blades it must be at least 5",
+        ),
+        (lambda: pl.PolygonStop(6, 5.0, blade_radius=math.nan), "blade_radius is nan mm"),
+        (lambda: pl.PolygonStop(6, 5.0, blade_radius="5"), "blade_radius is '5'; it must be a number"),
+        (lambda: MaskStop(np.zeros((2, 2)), 5.0), "transmission is 0 everywhere"),
+        (lambda: MaskStop([[math.nan]], 5.0), "transmission holds nan; it must be from 0"),
+        (lambda: MaskStop([[-0.1]], 5.0), r"transmission holds -0\.1; it must be from 0"),
+        (lambda: MaskStop([1.0, 1.0], 5.0), r"transmission has shape \(2,\)"),
+        (lambda: MaskStop(np.ones((0, 3)), 5.0), "transmission is 0 everywhere"),
+        (lambda: MaskStop([[1.0]], 0.0), "semi_diameter is 0 mm"),
+    ],
+)
+def test_what_cannot_be_is_refused(make, message: str) -> None:
+    with pytest.raises(InvalidValueError, match=message):
+        make()
+
+
+# ---- lenses ----
+
+
+def plate(stop: Stop) -> pl.LensStack:
+    """A stop and a surface that does nothing."""
+    return pl.LensStack([stop, pl.Surface(math.inf, semi_diameter=50.0)])
+
+
+def along_axis(x: np.ndarray, y: np.ndarray, z: float) -> pl.RayBundle:
+    along = np.tile([0.0, 0.0, -math.copysign(1.0, z)], (len(x), 1))
+    return pl.RayBundle(np.column_stack([x, y, np.full(len(x), z)]), along, weight=np.full(len(x), 3.0))
+
+
+def transmission(stop: Stop, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    return stop.transmission_at(x, y) if isinstance(stop, MaskStop) else stop.contains(x, y).astype(float)
+
+
+def far_from_borders(stop: Stop, x: np.ndarray, y: np.ndarray, by: float) -> np.ndarray:
+    """Where the transmission does not change within `by` mm."""
+    around = [transmission(stop, x + by * dx, y + by * dy) for dx in (-1, 0, 1) for dy in (-1, 0, 1)]
+    return np.ptp(around, axis=0) == 0
+
+
+@pytest.mark.parametrize("name", list(SHAPES))
+def test_rays_pass_where_the_stop_is_open(name: str) -> None:
+    stop = SHAPES[name]
+    x, y = RNG.uniform(-5, 5, (2, 5000))
+    expected = transmission(stop, x, y)
+    # Axial rays reach the stop at the very x, y of their origin: only rounding in the border decides otherwise.
+    sure = far_from_borders(stop, x, y, 1e-12)
+    assert np.count_nonzero(~sure) < 5 and np.count_nonzero(expected) > 500
+    for reverse in (False, True):
+        rays, lens = along_axis(x, y, 3.0 if reverse else -3.0), plate(stop)
+        out = lens.trace_reverse(rays) if reverse else lens.trace(rays)
+        assert np.array_equal(out.weight[sure], 3.0 * expected[sure])
+        assert np.array_equal(out.status[sure] == 0, expected[sure] > 0)
+        assert set(out.status[out.status != 0].tolist()) == {int(pl.RayStatus.CLIPPED)}
+
+
+@pytest.mark.parametrize("name", list(SHAPES))
+def test_a_moved_stop_is_open_elsewhere(name: str) -> None:
+    stop, turn = SHAPES[name], 0.4
+    lens = plate(stop).moved(0, shift=(0.5, -0.3, 0.0), tilt=(0.0, 0.0, turn))
+    x, y = RNG.uniform(-5, 5, (2, 3000))
+    u, v = x - 0.5, y + 0.3
+    own = math.cos(turn) * u + math.sin(turn) * v, math.cos(turn) * v - math.sin(turn) * u
+    sure = far_from_borders(stop, *own, 1e-12)
+    out = lens.trace(along_axis(x, y, -3.0))
+    assert np.array_equal(out.weight[sure], 3.0 * transmission(stop, *own)[sure])
+
+
+@pytest.mark.parametrize("name", list(SHAPES))
+def test_irises_and_further_stops_of_any_shape(name: str) -> None:
+    stop = SHAPES[name]
+    lens = GAUSS.with_stop(stop).inserted(stop, z=31.0)
+    assert lens.stop == dataclasses.replace(stop, thickness=lens.stop.thickness)
+    x, y = RNG.uniform(-8, 8, (2, 3000))
+    rays = along_axis(x, y, -100.0)
+    open_lens = GAUSS.with_stop(pl.CircularStop(12.0))
+    at_iris = pl.RayBundle(rays.origin, rays.direction)
+    first = traced_part(open_lens, at_iris, 0, open_lens.iris_index)
+    second = open_lens.trace(at_iris).at_z(31.0)
+    here, there = first.origin[:, :2].T, second[:, :2].T
+    expected = transmission(stop, *here) * transmission(stop, *there)
+    sure = far_from_borders(stop, *here, 1e-10) & far_from_borders(stop, *there, 1e-10)
+    assert np.count_nonzero(expected[sure]) > 100
+    assert lens.trace(rays).weight[sure] == pytest.approx(3.0 * expected[sure], rel=4 * EPS)
+
+
+@pytest.mark.parametrize("name", list(SHAPES))
+@pytest.mark.parametrize("model", [pl.LensModel.THIN, pl.LensModel.PARAXIAL, pl.LensModel.NONE])
+def test_ideal_lenses_show_the_image_of_the_iris(name: str, model: pl.LensModel) -> None:
+    lens = GAUSS.with_stop(SHAPES[name])
+    ideal, points = lens.with_model(model), pl.paraxial.cardinal_points(lens)
+    tables = lens_tables(ideal, 587.6, reverse=True)
+    at = np.flatnonzero(tables.clear < math.inf)
+    scale = 1.0 if model is pl.LensModel.NONE else math.sqrt(tables.clear[at[0]]) / lens.stop.semi_diameter
+    plane, x, y = float(tables.z[at[0]]), *(scale * RNG.uniform(-4, 4, (2, 2000)))
+    # Rays towards the scene that cross the plane of the iris's image at (x, y).
+    aim = np.column_stack([x, y, np.full(2000, plane)])
+    direction = aim - [0.0, 0.0, plane + 60.0]
+    out = ideal.trace_reverse(pl.RayBundle(aim - 0.5 * direction, direction))
+    sure = far_from_borders(lens.stop, x / scale, y / scale, 1e-11)
+    expected = transmission(lens.stop, x / scale, y / scale)
+    assert np.count_nonzero(expected) > 400 and points.efl > 0
+    assert np.array_equal(out.weight[sure], expected[sure])
+
+
+@pytest.mark.parametrize("name", list(SHAPES))
+def test_an_inverted_image_of_the_iris_is_turned(name: str) -> None:
+    # The iris stands two focal lengths before a thin lens: its image stands as far behind, inverted.
+    stop, glass = SHAPES[name], pl.ConstantMedium(1.5)
+    surfaces = [pl.Surface(100.0, 1e-9, glass, semi_diameter=40.0), pl.Surface(-100.0, semi_diameter=40.0)]
+    lens = pl.LensStack([dataclasses.replace(stop, thickness=200.0), *surfaces], model=pl.LensModel.PARAXIAL)
+    x, y = RNG.uniform(-4, 4, (2, 2000))
+    aim = np.column_stack([x, y, np.full(2000, 400.0)])
+    direction = np.tile([0.0, 0.0, -1.0], (2000, 1))
+    out = lens.trace_reverse(pl.RayBundle(aim, direction))
+    # The magnification is -1 to 1e-11, by the thickness of the lens.
+    sure = far_from_borders(stop, -x, -y, 1e-8)
+    assert np.array_equal(out.weight[sure], transmission(stop, -x, -y)[sure])
+
+
+@pytest.mark.parametrize("name", list(SHAPES))
+def test_bounds_are_made_of_the_circle_around(name: str) -> None:
+    lens = GAUSS.with_stop(SHAPES[name])
+    round_lens = GAUSS.with_stop(pl.CircularStop(4.0))
+    wanted = lens_tables(round_lens, 587.6, reverse=True)
+    for options in ({"round_stops": True}, {"clipping": False}):
+        made = lens_tables(lens, 587.6, reverse=True, **options)
+        assert made.masks is None and made.kind[5] == CIRCLE and not len(made.edges)
+    made = lens_tables(lens, 587.6, reverse=True, round_stops=True)
+    assert all(a is b is None or np.array_equal(a, b) for a, b in zip(made, wanted, strict=True))
+
+
+@settings(max_examples=20)
+@given(stop=st.one_of(CURVED, STARS, MASKS))
+def test_files_keep_every_bit(stop: Stop) -> None:
+    lens = plate(dataclasses.replace(stop, thickness=0.7)).moved(0, shift=(0.1, 0.0, 0.0), tilt=(0.0, 0.0, 0.3))
+    assert lens_from_json(json_of_lens(lens), "it.json") == lens
+
+
+@pytest.mark.parametrize(
+    "change, message",
+    [
+        ({"stop": "oval"}, 'stop is \'oval\'; it must be "circle", "polygon", "star" or "mask"'),
+        ({"stop": "mask"}, "it must have semi_diameter, stop, thickness, transmission"),
+        ({"stop": "mask", "transmission": [1.0]}, "transmission is 1.0; it must be a list of numbers"),
+        ({"stop": "mask", "transmission": 1.0}, "transmission is 1.0; it must be a list of lists of numbers"),
+        ({"stop": "mask", "transmission": [[1.0], [1.0, 0.0]]}, "transmission is not an array of numbers"),
+        ({"stop": "star", "points": 5, "inner_semi_diameter": 9.0, "rotation": 0.0}, "inner_semi_diameter is 9 mm"),
+    ],
+)
+def test_wrong_entries_of_files_are_named(change: dict, message: str) -> None:
+    data = json.loads(json_of_lens(plate(pl.CircularStop(5.0))))
+    data["elements"][0] |= change
+    with pytest.raises(PrescriptionError) as caught:
+        lens_from_json(json.dumps(data), "it.json")
+    assert "element 0: " in str(caught.value) and message in str(caught.value)
+
+
+@pytest.mark.parametrize("name", list(SHAPES))
+def test_lenses_draw_and_check_with_any_stop(name: str) -> None:
+    lens = GAUSS.with_stop(SHAPES[name])
+    assert lens._repr_svg_().startswith("<svg")
+    assert lens.check() == ()
+    pl.plot_lens(lens)
+    assert plot_stop(lens.stop).get_title() == type(lens.stop).__name__
+    ax = lens.layout(fields=[0.0, 0.1])
+    # Bars of the iris end where the circle around the opening begins.
+    ends = {round(abs(float(y)), 9) for line in ax.lines for y in np.asarray(line.get_ydata(), dtype=float)}
+    assert 4.0 in ends
+
+
+# ---- light ----
+
+
+@pytest.mark.parametrize("name", list(SHAPES))
+def test_on_the_axis_all_of_the_iris_is_filled(name: str) -> None:
+    found = pl.aberrations.vignetting(GAUSS.with_stop(SHAPES[name]), [0.0], grid=64)
+    assert (found.fraction[0], found.standard_error[0]) == (1.0, 0.0)
+
+
+def test_a_grey_mask_dims() -> None:
+    clear, grey = (GAUSS.with_stop(MaskStop(t * np.ones((3, 3)), 6.0)) for t in (1.0, 0.25))
+    fields = [0.0, 0.1]
+    white, dim = (pl.aberrations.relative_illumination(lens, fields, grid=24) for lens in (clear, grey))
+    # Every ray is dimmed alike; 0.25 is a power of 2, so that no bit is lost.
+    assert np.array_equal(dim.projected_solid_angle, 0.25 * white.projected_solid_angle)
+    # A second filter of 0.25 behind the lens takes as much of what the iris lets through.
+    both = grey.inserted(MaskStop(0.25 * np.ones((1, 1)), 60.0), z=31.0)
+    found = pl.aberrations.vignetting(both, [0.0], grid=32)
+    assert found.fraction[0] == pytest.approx(0.25, rel=4 * EPS)
+    assert pl.aberrations.vignetting(grey, [0.0], grid=32).fraction[0] == 1.0
+
+
+def test_a_grid_that_misses_the_opening_is_refused() -> None:
+    cells = np.zeros((401, 401))
+    cells[0, 0] = 1.0
+    with pytest.raises(InvalidValueError, match="grid is 8; none of its points"):
+        pl.aberrations.vignetting(GAUSS.with_stop(MaskStop(cells, 6.0)), [0.0], grid=8)
