@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.camera.tables import CameraTables
-from plenoptic.planning import Plan, Stage
 from plenoptic.scene.accel import Intersector
 from plenoptic.scene.tables import SceneTables
+from plenoptic.stages import Plan, Stage
 
 
 class Settings(NamedTuple):
@@ -35,7 +35,9 @@ class Transport:
         most: int,
     ) -> None:
         self._camera, self._scene, self._intersector, self._settings = tables, scene, intersector, settings
-        plan, channels = settings.plan, scene.channels
+        self._basis = None if tables.colour is None else tables.colour.basis
+        self._channels = channels = scene.channels if tables.colour is None else 1
+        plan = settings.plan
         self._radiance = np.empty((most, channels))
         self._rays = np.empty((most, 6))
         self._lanes = np.empty(most, dtype=np.int64)
@@ -49,9 +51,17 @@ class Transport:
             self._blocked = np.empty(most if lights else 0, dtype=np.uint8)
 
     def radiance(
-        self, blocks: NDArray[np.float64], start: int, n: int, number: NDArray[np.int64]
+        self,
+        blocks: NDArray[np.float64],
+        start: int,
+        n: int,
+        number: NDArray[np.int64],
+        waves: NDArray[np.int64] | None,
     ) -> NDArray[np.float64]:
-        """What the paths of a bundle see, (n, channels); 0 for those that did not leave the lens."""
+        """What the paths of a bundle see, (n, channels); 0 for those that did not leave the lens.
+
+        With `waves`, the number of each path's wavelength, there is one channel.
+        """
         from plenoptic.camera import _sample
         from plenoptic.scene import _shade
 
@@ -90,12 +100,14 @@ class Transport:
                 emission,
                 scene.two_sided,
                 scene.background,
+                waves,
+                self._basis,
             )
             if bounce == settings.max_bounces or not plan.runs(Stage.SCATTERING):
                 break
             more = bounce + 1 < settings.max_bounces or plan.runs(Stage.BACKGROUND)
             rays, path_of, throughput = self._scatter(
-                radiance, hits, rays, path_of, throughput, bounce, more and plan.runs(Stage.ONWARD_RAYS)
+                radiance, hits, rays, path_of, throughput, bounce, more and plan.runs(Stage.ONWARD_RAYS), waves
             )
             if not len(path_of):
                 break
@@ -110,6 +122,7 @@ class Transport:
         throughput: NDArray[np.float64] | None,
         bounce: int,
         onward: bool,
+        waves: NDArray[np.int64] | None,
     ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
         """Add direct light and return the rays onwards, their paths and throughputs."""
         from plenoptic.scene import _shade
@@ -119,7 +132,7 @@ class Transport:
         room = len(path_of) if onward else 0
         next_rays = np.empty((room, 6))
         next_path = np.empty(room, dtype=np.int64)
-        next_throughput = np.empty((room, scene.channels))
+        next_throughput = np.empty((room, self._channels))
         shadows, onwards = _shade.fill_scattered(
             next_rays if onward else None,
             next_path,
@@ -149,6 +162,8 @@ class Transport:
             scene.light_cdf,
             scene.light_area_pdf,
             self._intersector.middle,
+            waves,
+            self._basis,
         )
         if shadows:
             self._intersector.fill_blocked(self._blocked[:shadows], self._shadow_rays[:shadows])

@@ -16,14 +16,40 @@ from plenoptic.scene._hit import clearance, distance_and_facing, interpolated_no
 from plenoptic.scene._lights import choose, point_on_triangle
 
 
+@device
+def _channel(colour, c, basis, wave):
+    """Channel c of a colour of the scene or, with a basis (wavelengths, 3), what the colour is at a wavelength."""
+    if basis is None or colour.size == 1:
+        return colour[c]
+    return colour[0] * basis[wave, 0] + colour[1] * basis[wave, 1] + colour[2] * basis[wave, 2]
+
+
+@device
+def _wave(waves, path):
+    return 0 if waves is None else waves[path]
+
+
 @kernel
 def fill_emitted(
-    radiance, throughput, path_of, hits, rays, vertices, triangles, triangle_material, emission, two_sided, background
+    radiance,
+    throughput,
+    path_of,
+    hits,
+    rays,
+    vertices,
+    triangles,
+    triangle_material,
+    emission,
+    two_sided,
+    background,
+    waves,
+    basis,
 ):
     """Add what the surfaces that rays meet emit, and the background where they meet nothing.
 
     `throughput` is None for rays straight from the camera, `emission` None where nothing emits or
-    lights are drawn directly instead, `background` None where the world is black.
+    lights are drawn directly instead, `background` None where the world is black. With a `basis`, paths have one
+    channel each, at the wavelength that `waves` names.
     """
     for i in range(path_of.size):
         k = hits[i]
@@ -31,7 +57,8 @@ def fill_emitted(
         if k < 0:
             if background is not None:
                 for c in range(radiance.shape[1]):
-                    radiance[path, c] += background[c] * (1.0 if throughput is None else throughput[i, c])
+                    seen_there = _channel(background, c, basis, _wave(waves, path))
+                    radiance[path, c] += seen_there * (1.0 if throughput is None else throughput[i, c])
         elif emission is not None:
             material = triangle_material[k]
             seen = two_sided[material] != 0
@@ -39,7 +66,8 @@ def fill_emitted(
                 _, seen = distance_and_facing(rays[i], vertices, triangles, k)
             if seen:
                 for c in range(radiance.shape[1]):
-                    radiance[path, c] += emission[material, c] * (1.0 if throughput is None else throughput[i, c])
+                    emitted = _channel(emission[material], c, basis, _wave(waves, path))
+                    radiance[path, c] += emitted * (1.0 if throughput is None else throughput[i, c])
 
 
 @device
@@ -52,19 +80,23 @@ def _across(nx, ny, nz):
 
 
 @device
-def _fill_albedo(colour, k, u, v, albedo, material, triangles, uv, material_texture, texels, texture_shape):
-    """Fill `colour` (channels,) with the albedo at a hit; returns its largest channel."""
+def _fill_albedo(
+    colour, texel, k, u, v, albedo, material, triangles, uv, material_texture, texels, texture_shape, basis, wave
+):
+    """Fill `colour` (channels,) with the albedo at a hit; returns its largest channel. `texel` is room for one."""
     largest = 0.0
     for c in range(colour.shape[0]):
-        colour[c] = albedo[c]
+        colour[c] = _channel(albedo, c, basis, wave)
     if texels is not None:
         row = material_texture[material]
         if row >= 0:
             p00, p01, p10, p11, fx, fy = texel_weights(uv, triangles, k, u, v, texture_shape[row])
-            for c in range(colour.shape[0]):
+            for c in range(texels.shape[1]):
                 top = texels[p00, c] + fx * (texels[p01, c] - texels[p00, c])
                 bottom = texels[p10, c] + fx * (texels[p11, c] - texels[p10, c])
-                colour[c] = top + fy * (bottom - top)
+                texel[c] = top + fy * (bottom - top)
+            for c in range(colour.shape[0]):
+                colour[c] = _channel(texel, c, basis, wave)
     for c in range(colour.shape[0]):
         largest = max(largest, colour[c])
     return largest
@@ -100,6 +132,8 @@ def fill_scattered(
     light_cdf,
     light_area_pdf,
     middle,
+    waves,
+    basis,
 ):
     """Lambertian scattering: one shadow ray towards a light and one ray onwards for each ray that hits.
 
@@ -109,8 +143,8 @@ def fill_scattered(
     its weight is the albedo. Secondary rays start in front of the surface by the clearance that float32 needs; direct
     light's geometry is that of the hit itself.
     """
-    channels = albedo.shape[1]
-    colour = np.empty(channels)
+    channels = shadow_radiance.shape[1]
+    colour, texel = np.empty(channels), np.empty(albedo.shape[1])
     shadows = 0
     onwards = 0
     for i in range(path_of.size):
@@ -122,8 +156,22 @@ def fill_scattered(
         t, u, v, gx, gy, gz = meet(ray, vertices, triangles, k)
         if not t > 0.0 or not t < math.inf:
             continue
+        wave = _wave(waves, path_of[i])
         largest = _fill_albedo(
-            colour, k, u, v, albedo[material], material, triangles, uv, material_texture, texels, texture_shape
+            colour,
+            texel,
+            k,
+            u,
+            v,
+            albedo[material],
+            material,
+            triangles,
+            uv,
+            material_texture,
+            texels,
+            texture_shape,
+            basis,
+            wave,
         )
         if not largest > 0.0:
             continue
@@ -167,7 +215,8 @@ def fill_scattered(
                 shadow_path[shadows] = path
                 for c in range(channels):
                     through = 1.0 if throughput is None else throughput[i, c]
-                    shadow_radiance[shadows, c] = through * colour[c] * emission[source, c] * geometry
+                    emitted = _channel(emission[source], c, basis, wave)
+                    shadow_radiance[shadows, c] = through * colour[c] * emitted * geometry
                 shadows += 1
         if next_rays is not None:
             radius = math.sqrt(sample(index, 2, key))

@@ -1,0 +1,172 @@
+"""Renderings wavelength by wavelength: in one pass what many monochrome renderings say."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+import plenoptic as pl
+
+LENS = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(5.0))
+CAMERA = pl.PlenopticCamera(
+    lens=LENS,
+    microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
+    sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.010),
+    stop_to_microlenses=123.3,
+    microlenses_to_sensor=1.7,
+)
+REGION = np.s_[200:224, 230:262]
+LINES = pl.Sensitivity.lines((640.0, 550.0, 450.0))
+
+
+def coloured_scene() -> pl.Scene:
+    floor = pl.quad((-30, -30, -404), (60, 0, 0), (0, 60, 0), material=pl.Lambertian((0.8, 0.5, 0.1)))
+    wall = pl.quad((-3, -3, -402), (3, 0, 1), (0, 6, 0), material=pl.Lambertian((0.1, 0.3, 0.9)))
+    light = pl.QuadLight((0, 30, -360), (20, 0, 0), (0, 12, -16), radiance=(3.0, 5.0, 9.0), two_sided=True)
+    lamp = pl.quad((1, -3, -403), (2, 0, 0), (0, 6, 0), material=pl.Emissive((0.5, 0.2, 0.05)))
+    return pl.Scene(meshes=[floor, wall, lamp], lights=[light], background=(0.2, 0.1, 0.3))
+
+
+def joint_error(a: pl.Exposure, b: pl.Exposure, channel: int = 0) -> float:
+    errors = (np.square(s.standard_error[..., min(channel, s.image.shape[2] - 1)], dtype=float).sum() for s in (a, b))
+    return math.sqrt(sum(errors))
+
+
+@pytest.mark.parametrize("bounces", [0, 1, 3])
+def test_lines_are_three_monochrome_renderings(bounces: int) -> None:
+    scene = coloured_scene()
+    lines = dataclasses.replace(CAMERA, sensitivity=LINES)
+    shot = pl.render(scene, lines, samples=768, region=REGION, max_bounces=bounces, progress=False)
+    for channel, wavelength in enumerate((640.0, 550.0, 450.0)):
+        at = dataclasses.replace(CAMERA, wavelength=wavelength)
+        alone = pl.render(scene, at, samples=256, region=REGION, max_bounces=bounces, seed=1, progress=False)
+        difference = float((shot.image[..., channel] - alone.image[..., channel]).sum(dtype=float))
+        assert abs(difference) < 4 * joint_error(shot, alone, channel)
+
+
+def test_one_spectral_pass_is_the_weighted_sum_of_monochrome_ones() -> None:
+    # Smooth responses from 420 to 680 nm, and an image that changes smoothly with wavelength: 14 nodes of Gauss and
+    # Legendre integrate both far below the noise.
+    wavelengths = np.linspace(420.0, 680.0, 27)
+    peaks, widths = np.array([600.0, 540.0, 470.0]), np.array([40.0, 40.0, 30.0])
+    response = np.exp(-0.5 * ((wavelengths[:, None] - peaks) / widths) ** 2)
+    seen = pl.Sensitivity(wavelengths, response)
+    scene, region = coloured_scene(), np.s_[8:24, 16:40]
+    shot = pl.render(
+        scene, dataclasses.replace(CAMERA, sensitivity=seen), samples=1024, region=region, max_bounces=2, progress=False
+    )
+    nodes, weights = np.polynomial.legendre.leggauss(14)
+    nodes, weights = 550.0 + 130.0 * nodes, 130.0 * weights
+    share = weights[:, None] * seen.normalised.at(nodes)
+    total, variance = np.zeros(3), np.zeros(3)
+    for k, wavelength in enumerate(nodes):
+        # A monochrome camera sees the scene's lift at its wavelength: as a grey scene of these values.
+        grey = grey_at(float(wavelength))
+        at = dataclasses.replace(CAMERA, wavelength=float(wavelength))
+        alone = pl.render(grey, at, samples=256, region=region, max_bounces=2, seed=k + 1, progress=False)
+        total += share[k] * float(alone.image.sum(dtype=float))
+        variance += share[k] ** 2 * float(np.square(alone.standard_error, dtype=float).sum())
+    error = np.sqrt(variance + np.square(shot.standard_error, dtype=float).sum(axis=(0, 1)))
+    # The responses are piecewise linear between samples 10 nm apart: the nodes see them to some 0.5 %.
+    difference = shot.image.sum(axis=(0, 1), dtype=float) - total
+    assert np.all(np.abs(difference) < 4 * error + 5e-3 * total)
+    assert np.all(error < 0.02 * total)
+
+
+def grey_at(wavelength: float) -> pl.Scene:
+    """`coloured_scene` as it looks at one wavelength."""
+    scene = coloured_scene()
+
+    def value(colour) -> float:
+        return float(pl.rgb_to_spectrum(np.broadcast_to(colour, 3), np.array([wavelength]))[..., 0].ravel()[0])
+
+    def grey(material):
+        if isinstance(material, pl.Emissive):
+            return pl.Emissive(value(material.radiance))
+        return pl.Lambertian(value(material.albedo))
+
+    meshes = [dataclasses.replace(m, material=grey(m.material)) for m in scene.meshes]
+    lights = [dataclasses.replace(light, radiance=value(light.radiance)) for light in scene.lights]
+    return pl.Scene(meshes=meshes, lights=lights, background=value((0.2, 0.1, 0.3)))
+
+
+def test_white_stays_white() -> None:
+    # Radiance 1 is 1 at every wavelength, and sensitivities are normalised: channels differ by vignetting alone.
+    seen = pl.Sensitivity(
+        np.array([450.0, 550.0, 650.0]), np.array([[0.0, 0.2, 1.0], [0.3, 1.0, 0.1], [1.0, 0.1, 0.0]])
+    )
+    shot = pl.render_white(dataclasses.replace(CAMERA, sensitivity=seen), samples=1024, region=REGION, progress=False)
+    plain = pl.render_white(CAMERA, samples=256, region=REGION, seed=1, progress=False)
+    ratio = shot.image.sum(axis=(0, 1), dtype=float) / float(plain.image.sum(dtype=float))
+    error = np.sqrt(np.square(shot.standard_error, dtype=float).sum(axis=(0, 1))) / float(plain.image.sum(dtype=float))
+    # The exit pupil's size changes with wavelength by less than 1 %.
+    assert np.all(np.abs(ratio - 1) < 4 * error + 0.01)
+
+
+def test_lateral_colour_is_that_of_the_chief_rays() -> None:
+    # A small white emitter near the edge of the field of a conventional camera, stopped down so far that coma does not
+    # matter: the channels' centroids part as the chief rays of their wavelengths do.
+    wavelengths = (650.0, 540.0, 450.0)
+    singlet = pl.LensStack(
+        [
+            pl.CircularStop(0.6, thickness=8.0),
+            pl.Surface(radius=60.0, thickness=5.0, medium=pl.glass("N-SF6"), semi_diameter=12.0),
+            pl.Surface(radius=-400.0, semi_diameter=12.0),
+        ]
+    )
+    base = pl.PlenopticCamera(lens=singlet, sensor=pl.Sensor((400, 400), 0.004), stop_to_microlenses=100.0)
+    base = base.focused_at(z=-900.0)
+    side, x = 0.4, 90.0
+    emitter = pl.quad((x - side / 2, -side / 2, -900.0), (side, 0, 0), (0, side, 0), material=pl.Emissive(1.0))
+    middle = chief_height(singlet, base, x, 540.0)
+    moved = base.moved(pl.CameraPart.SENSOR, shift=(middle, 0.0, 0.0))
+    landed = [
+        float(pl.point_spread(dataclasses.replace(moved, wavelength=w), (x, 0.0, -900.0)).centroid[0]) + middle
+        for w in wavelengths
+    ]
+    seen = dataclasses.replace(moved, sensitivity=pl.Sensitivity.lines(wavelengths))
+    shot = pl.render(pl.Scene(meshes=[emitter]), seen, samples=384, truth=pl.Truth.NONE, progress=False)
+    rows, columns = np.mgrid[:400, :400]
+    along = base.sensor.centre_of(rows, columns)[..., 0] + middle
+    light = shot.image.astype(float)
+    total = light.sum(axis=(0, 1))
+    centroid = np.einsum("ijc,ij->c", light, along) / total
+    leverage = np.square(shot.standard_error.astype(float)) * np.square(along[..., None] - centroid)
+    error = np.sqrt(leverage.sum(axis=(0, 1))) / total
+    chief = [chief_height(singlet, base, x, wavelength) for wavelength in wavelengths]
+    # Differences between channels: coma moves all centroids alike to some 1e-4 mm.
+    assert np.all(np.abs(np.diff(centroid) - np.diff(chief)) < 3 * np.hypot(error[1:], error[:-1]) + 1e-4)
+    # Traced bundles and the rendering agree in absolute place, too.
+    assert np.all(np.abs(centroid - landed) < 4 * error + 2e-4)
+    assert abs(landed[0] - landed[2]) > 20 * error.max()
+
+
+def chief_height(lens: pl.LensStack, camera: pl.PlenopticCamera, x: float, wavelength: float) -> float:
+    """Where the chief ray from (x, 0, -900) meets the sensor's plane."""
+    out = lens.trace(pl.aiming.chief_ray(lens, field=(x, 0.0), z_object=-900.0, wavelength=wavelength))
+    t = (camera.z_sensor - out.origin[0, 2]) / out.direction[0, 2]
+    return float(out.origin[0, 0] + t * out.direction[0, 0])
+
+
+def test_the_same_bits_in_regions_and_on_threads() -> None:
+    camera = dataclasses.replace(CAMERA, sensitivity=LINES)
+    scene = coloured_scene()
+    whole = pl.render(scene, camera, samples=16, region=REGION, progress=False, threads=1)
+    part = pl.render(scene, camera, samples=16, region=np.s_[206:220, 240:250], progress=False, threads=2, tile_side=5)
+    assert np.array_equal(whole.image[6:20, 10:20], part.image)
+
+
+def test_sensitivities_out_of_the_glass_s_range_are_refused() -> None:
+    with pytest.raises(pl.PlenopticError, match="nm"):
+        dataclasses.replace(
+            CAMERA, lens=with_catalogue_glass(), sensitivity=pl.Sensitivity.lines((9000.0, 550.0, 450.0))
+        )
+
+
+def with_catalogue_glass() -> pl.LensStack:
+    elements = [
+        dataclasses.replace(e, medium=pl.glass("N-BK7")) if isinstance(e, pl.Surface) and e.medium != pl.AIR else e
+        for e in LENS.elements
+    ]
+    return pl.LensStack(elements)

@@ -1,0 +1,482 @@
+"""Colour by wavelength: laws of the basis and of the tables, round trips, and the table's own optimisation."""
+
+import copy
+import pickle
+
+import matplotlib
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import plenoptic
+from plenoptic import _rgb_basis, sensitivities
+from plenoptic._description import describe, restore
+from plenoptic.errors import InvalidValueError
+from plenoptic.plots.spectra import plot_sensitivity
+from plenoptic.spectra import Sensitivity, colour_tables, rgb_basis, rgb_to_spectrum
+
+matplotlib.use("Agg")
+
+EPS = np.finfo(float).eps
+PRESETS = {name: getattr(sensitivities, name) for name in sensitivities.__all__}
+LINES = (610.0, 550.0, 465.0)
+ANYWHERE = st.floats(300.0, 1100.0)
+UNIT = st.floats(0.0, 1.0)
+EVERYWHERE = np.linspace(300.0, 1000.0, 7001)
+
+
+def product_integral(sensitivity, spectra, nodes):
+    """Integrals (C, K) of the normalised response times spectra (wavelengths -> (m, K)), both linear between `nodes`.
+
+    Simpson's rule is exact for the product of two linear functions. Middles are taken as means of the ends, so that
+    nothing depends on what either function is at a jump.
+    """
+    r, s = sensitivity.normalised.at(nodes), spectra(nodes)
+    ends = np.einsum("ic,ik->ick", r, s)
+    middle = np.einsum("ic,ik->ick", r[1:] + r[:-1], s[1:] + s[:-1])
+    return np.einsum("i,ick->ck", np.diff(nodes) / 6.0, ends[1:] + ends[:-1] + middle)
+
+
+def exact(sensitivity, spectra=rgb_basis):
+    return product_integral(sensitivity, spectra, np.union1d(sensitivity.wavelengths, _rgb_basis.WAVELENGTHS))
+
+
+def probability(tables):
+    return np.diff(tables.cdf, prepend=0.0)
+
+
+# Sensitivities
+
+
+def test_response_is_linear_between_samples_and_zero_beyond():
+    made = Sensitivity([500.0, 520.0, 600.0], [[1.0, 0.0, -1.0], [3.0, 1.0, 2.0], [2.0, 0.5, 2.0]])
+    found = made.at([499.9, 500.0, 505.0, 560.0, 600.0, 600.1])
+    assert found == pytest.approx(
+        np.array([[0, 0, 0], [1, 0, -1], [1.5, 0.25, -0.25], [2.5, 0.75, 2], [2, 0.5, 2], [0, 0, 0]])
+    )
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_normalised_channels_integrate_to_one(name):
+    made = PRESETS[name]()
+    scaled = made.normalised
+    integral = np.diff(scaled.wavelengths) @ (scaled.response[1:] + scaled.response[:-1]) / 2
+    # A sum of n positive numbers errs by n eps at most; those of linear_srgb cancel by a factor below 3.
+    assert integral == pytest.approx(1.0, abs=3 * len(made.wavelengths) * EPS)
+    assert scaled.response == pytest.approx(scaled.normalised.response, rel=1e-12)
+    shape = made.response / made.response.max(axis=0)
+    assert scaled.response / scaled.response.max(axis=0) == pytest.approx(shape, abs=1e-12)
+
+
+def test_one_column_is_one_channel():
+    flat, column = Sensitivity([400.0, 700.0], [1.0, 2.0]), Sensitivity([400.0, 700.0], [[1.0], [2.0]])
+    assert flat == column
+    assert flat.channels == 1
+    assert PRESETS["silicon"]().channels == 1
+    assert PRESETS["colour_camera"]().channels == 3
+
+
+def test_the_range_ends_where_nothing_is_seen():
+    table = np.zeros((7, 3))
+    table[2, 0] = table[3, 1] = table[4, 2] = 1.0
+    assert Sensitivity(np.arange(400.0, 540.0, 20.0), table).wavelength_range == (420.0, 500.0)
+    assert Sensitivity([400.0, 700.0], [1.0, 1.0]).wavelength_range == (400.0, 700.0)
+    assert Sensitivity.lines(LINES).wavelength_range == (465.0, 610.0)
+
+
+@pytest.mark.parametrize("made", [*(make() for make in PRESETS.values()), Sensitivity.lines(LINES)])
+def test_sensitivities_are_values(made, monkeypatch):
+    assert pickle.loads(pickle.dumps(made)) == made == copy.deepcopy(made)
+    assert len({made, copy.deepcopy(made), made.normalised}) in (1, 2)
+    with pytest.raises(ValueError, match="read-only"):
+        made.wavelengths[0] = 1.0
+    monkeypatch.setattr(plenoptic, "Sensitivity", Sensitivity, raising=False)
+    again = restore(describe(made))
+    assert again == made
+    assert type(again) is Sensitivity
+
+
+@pytest.mark.parametrize(
+    ("wavelengths", "response", "message"),
+    [
+        ([0.4, 0.7], [1.0, 1.0], "0.4 nm; it must be from 10"),
+        ([500.0, 400.0], [1.0, 1.0], "ascend"),
+        ([500.0, 500.0], [1.0, 1.0], "ascend"),
+        ([500.0], [1.0], "2 or more"),
+        ([400.0, 500.0], [1.0, 1.0, 1.0], "shape"),
+        ([400.0, 500.0], [[1.0, 1.0], [1.0, 1.0]], "2 channels; it must have 1 or 3"),
+        ([400.0, 500.0], [1.0, np.nan], "not finite"),
+        ([400.0, 500.0], [[1.0], [2.0, 3.0]], "not an array of numbers"),
+        ([400.0, 500.0], [0.0, 0.0], "channel 0 has the integral 0"),
+        ([400.0, 500.0], [[1.0, 1.0, 1.0], [1.0, -1.0, 1.0]], "channel 1 has the integral 0"),
+        ([400.0, 500.0], [-1.0, 0.0], "must be above 0"),
+        ([400.0, 500.0], None, "lines have 1 or 3"),
+        ([[400.0]], None, "shape"),
+        ([400.0, np.inf], [1.0, 1.0], "finite"),
+    ],
+)
+def test_what_cannot_be_is_refused(wavelengths, response, message):
+    with pytest.raises(InvalidValueError, match=message):
+        Sensitivity(wavelengths, response)
+
+
+def test_lines_have_no_response():
+    lines = Sensitivity.lines(LINES)
+    assert lines.channels == 3
+    assert lines.normalised is lines
+    with pytest.raises(InvalidValueError, match="no response"):
+        lines.at([500.0])
+
+
+# The basis
+
+
+def test_the_basis_is_a_partition_of_unity_within_bounds():
+    basis = rgb_basis(EVERYWHERE)
+    assert basis.min() >= 0.0
+    assert basis.max() <= 1.0
+    # Three interpolations and their sum, each rounded to 1/2 eps of at most 1.
+    assert np.abs(basis.sum(axis=1) - 1.0).max() <= 3 * EPS
+    assert (_rgb_basis.PARTS.sum(axis=1) == 1e6).all()
+
+
+def test_the_basis_is_constant_beyond_the_table():
+    assert (rgb_basis([100.0, 379.0]) == rgb_basis([380.0])).all()
+    assert (rgb_basis([731.0, 2000.0]) == rgb_basis([730.0])).all()
+
+
+def test_the_basis_is_smooth():
+    # From 0 to 1 in no less than 40 nm, with the slope changing by less than a third of its largest in a step.
+    slope = np.diff(rgb_basis(_rgb_basis.WAVELENGTHS), axis=0) / 5.0
+    assert np.abs(slope).max() < 1 / 40
+    assert np.abs(np.diff(slope, axis=0)).max() < 1 / 3 / 40
+
+
+@given(st.tuples(UNIT, UNIT, UNIT), st.lists(ANYWHERE, min_size=1, max_size=5))
+def test_reflectances_are_energy_conserving(rgb, wavelengths):
+    spectrum = rgb_to_spectrum(rgb, wavelengths)
+    assert spectrum.shape == (len(wavelengths),)
+    # Convex combinations, up to the rounding of three products and their sum.
+    assert (spectrum >= min(rgb) * (1 - 6 * EPS)).all()
+    assert (spectrum <= max(rgb) * (1 + 6 * EPS)).all()
+
+
+@given(st.tuples(UNIT, UNIT, UNIT), st.tuples(UNIT, UNIT, UNIT), st.floats(0.0, 100.0))
+def test_spectra_are_linear_in_the_colour(a, b, scale):
+    wavelengths = [380.0, 487.0, 541.3, 666.0, 730.0]
+    together = rgb_to_spectrum(np.add(a, np.multiply(scale, b)), wavelengths)
+    apart = rgb_to_spectrum(a, wavelengths) + scale * rgb_to_spectrum(b, wavelengths)
+    assert together == pytest.approx(apart, rel=1e-14, abs=1e-300)
+
+
+@pytest.mark.parametrize("shape", [(3,), (5, 3), (2, 4, 3), (0, 3)])
+def test_images_of_colours_become_images_of_spectra(shape):
+    rgb = np.random.default_rng(1).random(shape)
+    spectra = rgb_to_spectrum(rgb, [450.0, 550.0])
+    assert spectra.shape == (*shape[:-1], 2)
+    for place in np.ndindex(shape[:-1]):
+        assert spectra[place] == pytest.approx(rgb_to_spectrum(rgb[place], [450.0, 550.0]), rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("rgb", "wavelengths", "message"),
+    [
+        (0.5, [500.0], "last axis must be 3"),
+        ((0.5, 0.5), [500.0], "last axis must be 3"),
+        ((0.5, np.nan, 0.5), [500.0], "not finite"),
+        ("red", [500.0], "not an array of numbers"),
+        ((0.5, 0.5, 0.5), 500.0, "shape"),
+        ((0.5, 0.5, 0.5), [0.55], "nanometres"),
+    ],
+)
+def test_what_is_no_colour_or_wavelength_is_refused(rgb, wavelengths, message):
+    with pytest.raises(InvalidValueError, match=message):
+        rgb_to_spectrum(rgb, wavelengths)
+
+
+def test_colours_come_back_through_linear_srgb():
+    # Millionths in the table, times integrals of |response| below 2.1: about 1e-6 at worst.
+    assert exact(sensitivities.linear_srgb()) == pytest.approx(np.eye(3), abs=1e-6)
+    tables = colour_tables(sensitivities.linear_srgb())
+    seen = np.einsum("w,wc,wk->ck", probability(tables), tables.weights, tables.basis)
+    # With steps of 1 nm, midpoints err by h^2/12 times the integral of the product of both slopes: 4e-5 here.
+    assert seen == pytest.approx(np.eye(3), abs=1e-4)
+
+
+def test_colours_keep_their_chromaticity():
+    # X, Y and Z of the primaries are those of sRGB for daylight, adapted to equal energy: their chromaticities lie
+    # where red, green and blue are, and the sum is the white (1, 1, 1).
+    tristimulus = exact(sensitivities.cie_1931())
+    assert tristimulus.sum(axis=1) == pytest.approx(np.ones(3), abs=1e-12)
+    x, y, _ = tristimulus / tristimulus.sum(axis=0)
+    assert x[0] > 0.6 and y[1] > 0.55 and x[2] < 0.2 and y[2] < 0.1
+    # Luminances of the primaries under daylight are 0.2126, 0.7152, 0.0722; the adaptation shifts them a little.
+    assert tristimulus[1] == pytest.approx([0.2126, 0.7152, 0.0722], abs=0.012)
+
+
+def solved():
+    """The problem in `_rgb_basis` by the active-set method: its solution (71, 3), what measures it, multipliers."""
+    nodes = _rgb_basis.WAVELENGTHS
+    n = len(nodes)
+    fine = np.arange(380.0, 781.0)
+    hats = np.stack([np.interp(fine, nodes, e) for e in np.eye(n)], axis=-1)
+    measure = product_integral(sensitivities.linear_srgb(), lambda _: hats, fine)
+    slopes = np.diff(np.eye(n), axis=0)
+    cost = np.kron(np.eye(3), slopes.T @ slopes)
+    # What blue measures follows from the sums and from what red and green measure.
+    laws = np.vstack([np.kron(np.eye(3), measure)[:6], np.tile(np.eye(n), 3)])
+    wanted = np.append(np.eye(3).ravel()[:6], np.ones(n))
+    zero = np.zeros(3 * n, bool)
+    for _ in range(30):
+        kkt = np.block([[cost[~zero][:, ~zero], laws[:, ~zero].T], [laws[:, ~zero], np.zeros((len(laws),) * 2)]])
+        found = np.linalg.solve(kkt, np.append(np.zeros((~zero).sum()), wanted))
+        x = np.zeros(3 * n)
+        x[~zero] = found[: (~zero).sum()]
+        pull = cost @ x + laws.T @ found[(~zero).sum() :]
+        negative, released = x < -1e-13, zero & (pull < -1e-12)
+        if not negative.any() and not released.any():
+            return x.reshape(3, n).T, laws @ x - wanted, pull, zero
+        zero = (zero | negative) & ~released
+    raise AssertionError("the active set does not settle")
+
+
+def test_the_table_is_the_smoothest_that_measures_right():
+    x, broken, pull, zero = solved()
+    # First the conditions of Karush, Kuhn and Tucker: sufficient, since the problem is convex.
+    assert np.abs(broken).max() < 1e-12
+    assert x.min() >= -1e-13
+    assert np.abs(pull[~zero]).max() < 1e-12
+    assert pull[zero].min() > -1e-12
+    # Then the table, in whole millionths; the largest remainders are rounded up, so each is off by less than one.
+    assert np.abs(_rgb_basis.PARTS - 1e6 * x).max() < 1.0
+    assert (np.round(_rgb_basis.PARTS) == _rgb_basis.PARTS).all()
+
+
+# Tables to draw from
+
+SAMPLED = [
+    *(make() for make in PRESETS.values()),
+    Sensitivity([500.0, 500.4, 700.0], [0.0, 1.0, 0.0]),
+    Sensitivity(
+        [400.0, 450.0, 451.0, 600.0, 601.0, 700.0], [[1, 0, 0], [1, 0, 0], [0, 0, 0], [0, 0, 0], [0, 1, 1], [0, 1, 2]]
+    ),
+]
+
+
+@pytest.mark.parametrize("sensitivity", SAMPLED)
+@pytest.mark.parametrize("step", [0.3, 1.0, 7.0, 1000.0])
+def test_white_is_measured_as_one_in_every_channel(sensitivity, step):
+    tables = colour_tables(sensitivity, step=step)
+    assert tables.cdf[-1] == 1.0
+    assert (probability(tables) > 0).all()
+    drawn = probability(tables)
+    # Sums of n terms of at most `most` together.
+    most = np.abs(drawn[:, None] * tables.weights).sum()
+    assert drawn @ tables.weights == pytest.approx(1.0, abs=len(drawn) * EPS * most)
+    assert (drawn[:, None] * tables.weights).T @ tables.basis.sum(axis=1) == pytest.approx(1.0, abs=1e-12)
+    low, high = sensitivity.wavelength_range
+    assert low < tables.wavelengths[0] and tables.wavelengths[-1] < high
+    assert (np.diff(tables.wavelengths) > 0).all()
+    assert tables.basis == pytest.approx(rgb_basis(tables.wavelengths), abs=0.0)
+
+
+@pytest.mark.parametrize("sensitivity", SAMPLED)
+def test_no_weight_exceeds_the_sum_of_all_magnitudes(sensitivity):
+    tables = colour_tables(sensitivity)
+    shares = probability(tables)[:, None] * tables.weights
+    total = np.abs(shares).sum()
+    # The cdf is rounded by eps, which is 1e-6 of the probability of the rarest bins (1e-7 / 400).
+    assert np.abs(tables.weights).sum(axis=1) == pytest.approx(total, rel=1e-5)
+    if sensitivity.response.min() >= 0:
+        assert total == pytest.approx(sensitivity.channels, rel=1e-12)
+
+
+@pytest.mark.parametrize("sensitivity", SAMPLED)
+def test_shares_are_integrals_over_bins(sensitivity):
+    tables = colour_tables(sensitivity, step=5.0)
+    low, high = sensitivity.wavelength_range
+    width = (high - low) / np.ceil((high - low) / 5.0)
+    fine = low + (np.arange(round((high - low) / width) * 2000) + 0.5) * width / 2000
+    shares = probability(tables)[:, None] * tables.weights
+    heights = sensitivity.normalised.at(fine).reshape(-1, 2000, sensitivity.channels)
+    middles = fine.reshape(-1, 2000).mean(axis=1)
+    kept = np.abs(middles[:, None] - tables.wavelengths).min(axis=1) < 0.5 * width
+    assert kept.sum() == len(tables.wavelengths)
+    # A midpoint sum errs by its step times the height of a kink's cell: width / 2000 squared times the steepest slope.
+    steepest = np.abs(
+        np.diff(sensitivity.normalised.response, axis=0) / np.diff(sensitivity.wavelengths)[:, None]
+    ).max()
+    expected = heights.mean(axis=1)[kept] * width
+    assert shares == pytest.approx(expected, abs=1e-6 + (width / 2000) ** 2 * steepest)
+
+
+@pytest.mark.parametrize("sensitivity", SAMPLED[:4])
+def test_the_mean_is_what_channels_see_of_any_spectrum(sensitivity):
+    def smooth(wavelengths):
+        return np.stack([1 + np.sin(wavelengths / 25.0), np.exp(-(((wavelengths - 540.0) / 30.0) ** 2))], axis=-1)
+
+    fine = np.linspace(*sensitivity.wavelength_range, 200001)
+    right = np.einsum("ic,ik->ck", sensitivity.normalised.at(fine), smooth(fine)) * (fine[1] - fine[0])
+    errors = []
+    for step in (4.0, 2.0, 1.0):
+        tables = colour_tables(sensitivity, step=step)
+        found = np.einsum("w,wc,wk->ck", probability(tables), tables.weights, smooth(tables.wavelengths))
+        errors.append(np.abs(found - right).max())
+    # A middle stands for its bin: h^2 / 24 times the second derivative, at most 1 / 25^2 and 2 / 30^2 here, over |s|.
+    magnitude = np.abs(sensitivity.normalised.at(fine)).mean(axis=0).max() * (fine[-1] - fine[0])
+    assert errors[2] < 1.0 / 24 * 2 / 30**2 * magnitude * 3
+    assert errors[0] / errors[2] == pytest.approx(16.0, rel=0.3)
+
+
+@given(st.tuples(UNIT, UNIT, UNIT))
+def test_the_mean_is_what_channels_see_of_a_colour(rgb):
+    for sensitivity, tables, seen in COMPILED:
+        found = (probability(tables)[:, None] * tables.weights).T @ (tables.basis @ np.asarray(rgb))
+        # See test_colours_come_back_through_linear_srgb, for each of three colours.
+        assert found == pytest.approx(seen @ np.asarray(rgb), abs=3e-4)
+        if sensitivity.response.min() >= 0:
+            assert (found >= min(rgb) - 1e-12).all() and (found <= max(rgb) + 1e-12).all()
+
+
+COMPILED = [(s, colour_tables(s), exact(s)) for s in (make() for make in PRESETS.values())]
+
+
+def test_a_channel_of_lines_sees_the_channel_of_the_scene():
+    tables = colour_tables(Sensitivity.lines(LINES))
+    assert tables.wavelengths.tolist() == list(LINES)
+    assert tables.cdf[-1] == 1.0
+    assert probability(tables) == pytest.approx(1 / 3)
+    assert (tables.basis == np.eye(3)).all()
+    rgb = np.array([0.2, 0.5, 3.0])
+    assert (probability(tables)[:, None] * tables.weights).T @ (tables.basis @ rgb) == pytest.approx(rgb, rel=4 * EPS)
+
+
+def test_lines_may_share_a_wavelength():
+    tables = colour_tables(Sensitivity.lines((550.0, 550.0, 550.0)))
+    assert (tables.basis == np.eye(3)).all()
+    assert probability(tables) @ tables.weights == pytest.approx(1.0)
+
+
+def test_a_single_line_sees_the_spectrum():
+    tables = colour_tables(Sensitivity.lines([632.8]))
+    assert tables.weights.tolist() == [[1.0]]
+    assert (tables.basis == rgb_basis([632.8])).all()
+
+
+@pytest.mark.parametrize("channels", [1, 3])
+def test_tables_are_what_kernels_take(channels):
+    made = Sensitivity([450.0, 650.0], np.ones((2, channels)))
+    for sensitivity in (made, Sensitivity.lines(LINES[:channels])):
+        tables = colour_tables(sensitivity)
+        w = len(tables.wavelengths)
+        assert [part.shape for part in tables] == [(w,), (w,), (w, channels), (w, 3)]
+        for part in tables:
+            assert part.dtype == np.float64 and part.flags.c_contiguous and not part.flags.writeable
+        assert w == (200 if sensitivity is made else channels)
+
+
+def test_tables_of_presets_stay_small():
+    assert max(len(tables.wavelengths) for _, tables, _ in COMPILED) <= 400
+
+
+@pytest.mark.parametrize("step", [0.0, -1.0, np.nan])
+def test_a_step_is_positive(step):
+    with pytest.raises(InvalidValueError, match="step"):
+        colour_tables(PRESETS["silicon"](), step=step)
+
+
+def test_tables_are_of_sensitivities():
+    with pytest.raises(InvalidValueError, match="give a Sensitivity"):
+        colour_tables((400.0, 700.0))
+
+
+# What comes with the package
+
+
+def test_the_observer_follows_the_tables_of_the_cie():
+    # CIE 15:2018, table of the 1931 observer at 400, 450, ... 700 nm.
+    table = [
+        *([0.01431, 0.000396, 0.06785], [0.3362, 0.0380, 1.7721], [0.0049, 0.3230, 0.2720], [0.4334, 0.9950, 0.0087]),
+        *([1.0622, 0.6310, 0.0008], [0.2835, 0.1070, 0.0], [0.01136, 0.0041, 0.0]),
+    ]
+    assert sensitivities.cie_1931().at(np.arange(400.0, 701.0, 50.0)) == pytest.approx(np.array(table), abs=0.01)
+
+
+def test_linear_srgb_is_a_mixture_of_the_observer():
+    observer, rgb = sensitivities.cie_1931().response, sensitivities.linear_srgb().response
+    mixture, *_ = np.linalg.lstsq(observer, rgb, rcond=None)
+    assert observer @ mixture == pytest.approx(rgb, abs=1e-14)
+    # Without the adaptation the matrix is that of the standard (IEC 61966-2-1), X, Y, Z to R, G, B for D65; Bradford
+    # moves its rows by some per cent of their largest entries.
+    standard = np.array([[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]])
+    integrals = 0.5 * (observer[1:] + observer[:-1]).sum(axis=0)
+    per_white = mixture.T * integrals
+    assert per_white.sum(axis=1) == pytest.approx(1.0, abs=1e-12)
+    assert np.abs(per_white - standard).max() < 0.25
+
+
+def test_camera_channels_peak_where_they_should():
+    made = sensitivities.colour_camera(peaks=(610.0, 540.0, 450.0), widths=(60.0, 100.0, 80.0))
+    assert made.wavelengths[made.response.argmax(axis=0)].tolist() == [610.0, 540.0, 450.0]
+    assert made.at([580.0, 490.0, 490.0])[[0, 1, 2], [0, 1, 2]] == pytest.approx(0.5, abs=1e-12)
+
+
+@pytest.mark.parametrize("make", [sensitivities.colour_camera, sensitivities.silicon])
+def test_cut_filters_transmit_half_at_their_limits(make):
+    wide, narrow = make(band=(400.0, 1000.0)), make(band=(500.0, 600.0))
+    assert narrow.wavelength_range == (490.0, 610.0)
+    ratio = narrow.at([500.0, 510.0, 550.0, 590.0, 600.0]) / wide.at([500.0, 510.0, 550.0, 590.0, 600.0])
+    inside = ratio[2]
+    assert ratio == pytest.approx(np.array([0.5, 1.0, 1.0, 1.0, 0.5])[:, None] * inside, rel=1e-9)
+
+
+def test_silicon_absorbs_less_red_than_blue():
+    thin, thick = (sensitivities.silicon(depth=depth, band=(400.0, 1000.0)) for depth in (1e-6, 10.0))
+    # A thick layer absorbs every photon: the response to energy is the wavelength itself.
+    inside = np.arange(420.0, 981.0, 40.0)
+    assert thick.at(inside)[:, 0] / thick.at([700.0]) == pytest.approx(inside[None] / 700.0, rel=1e-12)
+    # A thin one absorbs depth alpha = 4 pi k depth / wavelength: the response is k, which falls all the way.
+    assert (np.diff(thin.at(inside)[:, 0]) < 0).all()
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: sensitivities.silicon(depth=0.0), "depth"),
+        (lambda: sensitivities.silicon(band=(365.0, 700.0)), "within 370 to 1090 nm"),
+        (lambda: sensitivities.silicon(band=(700.0, 400.0)), "ascend"),
+        (lambda: sensitivities.colour_camera(band=(500.0, 510.0)), "at least 20 nm wide"),
+        (lambda: sensitivities.colour_camera(widths=(1.0, 0.0, 1.0)), "a width"),
+        (lambda: sensitivities.colour_camera(peaks=(0.6, 0.5, 0.4)), "nanometres"),
+    ],
+)
+def test_impossible_sensors_are_refused(make, message):
+    with pytest.raises(InvalidValueError, match=message):
+        make()
+
+
+# The figure
+
+
+@pytest.mark.parametrize("made", [*(make() for make in PRESETS.values()), Sensitivity.lines(LINES)])
+def test_a_figure_draws_each_channel(made):
+    import matplotlib.pyplot as plt
+
+    ax = plot_sensitivity(made)
+    curves = [line for line in ax.lines if line.get_label().startswith("channel")]
+    assert len(curves) == made.channels
+    assert (ax.get_legend() is not None) == (made.channels == 3)
+    for channel, curve in enumerate(curves):
+        if made.response is None:
+            assert set(curve.get_xdata()) == {made.wavelengths[channel]}
+        else:
+            assert (curve.get_xdata() == made.wavelengths).all()
+            assert (curve.get_ydata() == made.normalised.response[:, channel]).all()
+    assert plot_sensitivity(made, ax) is ax
+    plt.close("all")
+
+
+def test_a_figure_is_of_a_sensitivity():
+    with pytest.raises(InvalidValueError, match="give a Sensitivity"):
+        plot_sensitivity((400.0, 700.0))
