@@ -253,6 +253,33 @@ def write_16bit(
     _write(target, pixels, names, {COLOR_SPACE: said[COLOR_SPACE], "ImageDescription": description})
 
 
+def bayer_to_rgb(mosaic: NDArray[np.floating[Any]], *, layout: str, algorithm: str) -> NDArray[np.float32]:
+    """All channels of a Bayer mosaic at all pixels, through OpenImageIO.
+
+    Parameters
+    ----------
+    mosaic : (H, W) ndarray
+        At least 2 x 2, linear.
+    layout : str
+        The first two pixels of row 0, then those of row 1: RGGB, BGGR, GRBG or GBRG.
+    algorithm : str
+        As OpenImageIO calls it: linear or MHC.
+
+    Returns
+    -------
+    (H, W, 3) float32 ndarray
+    """
+    import OpenImageIO as oiio
+
+    source = oiio.ImageBuf(np.ascontiguousarray(mosaic, dtype=np.float32)[:, :, np.newaxis])
+    made = oiio.ImageBufAlgo.demosaic(source, pattern="bayer", algorithm=algorithm, layout=layout)
+    if made.has_error:
+        raise InvalidValueError(
+            f"the mosaic cannot be demosaiced: {_said(made)}; check layout {layout} and {algorithm}"
+        )
+    return np.asarray(made.get_pixels(oiio.FLOAT), dtype=np.float32)
+
+
 def _floating(values: ArrayLike) -> NDArray[np.floating[Any]]:
     array = np.asarray(values)
     return array if array.dtype.kind == "f" else array.astype(np.float64)

@@ -1,0 +1,345 @@
+"""What a sensor makes of light: one effect at a time against its closed form, reproducibility, and refusals."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+import plenoptic as pl
+from plenoptic.errors import InvalidValueError
+from plenoptic.sensing.developing import develop
+from plenoptic.sensing.filters import BayerPattern
+from plenoptic.sensing.model import SensorModel, ShotNoise
+
+FIVE_SIGMA = 5.0
+SIDE = 300
+PIXELS = SIDE * SIDE
+
+NOISELESS = SensorModel(photon_rate=1.0, shot_noise=ShotNoise.NONE, bits=None)
+"""Electrons in, the same numbers out: every effect is off."""
+
+EVERYTHING = SensorModel(
+    photon_rate=(3000.0, 5000.0, 4000.0),
+    exposure_time=0.5,
+    quantum_efficiency=(0.4, 0.6, 0.5),
+    gain=0.7,
+    black_level=100,
+    bits=12,
+    full_well=4000,
+    colour_filters=BayerPattern.GRBG,
+    read_noise=4.0,
+    row_noise=1.5,
+    dark_current=20.0,
+    prnu=0.02,
+    dsnu=3.0,
+    column_dsnu=2.0,
+    dead=0.01,
+    hot=0.01,
+    hot_current=3000.0,
+    pattern_seed=9,
+)
+
+
+def even(level, channels=1, shape=(SIDE, SIDE)):
+    return pl.Exposure(np.full((*shape, channels), level))
+
+
+def numbers(model, level=100.0, seed=0):
+    return develop(even(level), model, seed=seed).data.astype(np.float64)
+
+
+def with_(model=NOISELESS, **changes):
+    return dataclasses.replace(model, **changes)
+
+
+def picture(channels=3, shape=(40, 60)):
+    return np.random.default_rng(1).uniform(0, 1, (*shape, channels)).astype(np.float32)
+
+
+def near(found, expected, variance, n=PIXELS):
+    """Whether a mean of n numbers of this variance is within five standard errors."""
+    return abs(found - expected) < FIVE_SIGMA * math.sqrt(variance / n)
+
+
+# What belongs together: bits, seeds, regions, threads
+
+
+def test_same_seed_same_bits_and_another_seed_others():
+    shot = pl.Exposure(picture())
+    one = develop(shot, EVERYTHING, seed=3)
+    assert one == develop(shot, EVERYTHING, seed=3)
+    # Half a DN is far below the noise: most pixels change.
+    assert np.mean(one.data != develop(shot, EVERYTHING, seed=4).data) > 0.7
+    assert np.mean(one.data != develop(shot, with_(EVERYTHING, pattern_seed=10), seed=3).data) > 0.7
+
+
+@pytest.mark.parametrize("filters", [None, BayerPattern.RGGB, ((0, 1, 2), (1, 2, 0), (2, 0, 1))])
+@pytest.mark.parametrize("corner", [(0, 0), (7, 12), (8, 13)])
+def test_a_region_has_the_bits_of_the_whole(filters, corner):
+    image = picture()
+    model = with_(EVERYTHING, colour_filters=filters, dead=[(9, 15), (30, 2)], hot=0.05)
+    whole = develop(pl.Exposure(image), model, seed=3).data
+    row, column = corner
+    rows, columns = slice(row, row + 20), slice(column, column + 31)
+    part = pl.Exposure(image[rows, columns], region=(row, row + 20, column, column + 31))
+    assert np.array_equal(develop(part, model, seed=3).data, whole[rows, columns])
+
+
+def test_bits_do_not_depend_on_threads_or_bands(monkeypatch):
+    shot = pl.Exposure(picture())
+    whole = develop(shot, EVERYTHING, seed=3, threads=1)
+    monkeypatch.setattr("plenoptic.sensing.developing._BAND", 500)
+    assert develop(shot, EVERYTHING, seed=3, threads=1) == whole
+    assert develop(shot, EVERYTHING, seed=3, threads=3) == whole
+
+
+def test_the_fixed_pattern_stays_and_the_noise_does_not():
+    model = with_(EVERYTHING, colour_filters=None, photon_rate=3000.0, quantum_efficiency=0.5, dead=0.0, hot=0.0)
+    one, two = (numbers(model, 1.0, seed) for seed in (1, 2))
+    fixed = np.corrcoef(one.ravel(), two.ravel())[0, 1]
+    mean = 750.0 + 10.0
+    pattern = (0.02 * 750) ** 2 + 3**2 + 2**2
+    share = pattern / (pattern + mean + 4**2 + 1.5**2 + 1 / (12 * 0.7**2))
+    # The standard error of a correlation coefficient r of n pairs is (1 - r^2) / sqrt(n). Patterns of columns and
+    # rows have only 300 numbers each: their share of the variance, 0.4 and 0.2 %, is known to a twelfth.
+    assert abs(fixed - share) < FIVE_SIGMA * ((1 - share**2) / SIDE + 0.006 * math.sqrt(2 / SIDE))
+
+
+# One effect at a time
+
+
+def test_without_effects_light_comes_out_as_it_went_in():
+    image = picture()
+    assert np.array_equal(develop(pl.Exposure(image), NOISELESS).data, image.astype(np.float64))
+
+
+def test_electrons_are_photons_times_efficiency_and_time():
+    model = with_(photon_rate=(10.0, 20.0, 30.0), quantum_efficiency=(0.5, 0.25, 1.0), exposure_time=0.1)
+    assert develop(even(2.0, 3), model).data[0, 0].tolist() == pytest.approx([1.0, 1.0, 6.0], rel=1e-14)
+
+
+@pytest.mark.parametrize("electrons", [0.1, 1.0, 10.0, 1000.0])
+def test_shot_noise_has_the_mean_as_variance(electrons):
+    found = numbers(with_(shot_noise=ShotNoise.POISSON, photon_rate=electrons), 1.0)
+    assert np.array_equal(found, np.rint(found))
+    assert near(found.mean(), electrons, electrons)
+    # The fourth central moment of Poisson is m + 3 m^2, so the variance of the sample variance is (m + 2 m^2) / n.
+    assert near(found.var(), electrons, electrons + 2 * electrons**2)
+    # exp(-m) of the pixels stay empty.
+    empty = math.exp(-electrons)
+    assert near(np.mean(found == 0), empty, max(empty * (1 - empty), 1 / PIXELS))
+
+
+@pytest.mark.parametrize("name", ["read_noise", "dsnu"])
+def test_normal_noise_of_pixels(name):
+    off = numbers(with_(**{name: 3.0})) - 100.0
+    assert near(off.mean(), 0, 9)
+    assert near(off.var(), 9, 2 * 81)
+    assert near(np.mean(np.abs(off) > 6), 0.0455003, 0.0455)
+
+
+def test_dsnu_stays_where_read_noise_does_not():
+    assert np.array_equal(numbers(with_(dsnu=3.0), seed=1), numbers(with_(dsnu=3.0), seed=2))
+    assert not np.any(numbers(with_(read_noise=3.0), seed=1) == numbers(with_(read_noise=3.0), seed=2))
+
+
+@pytest.mark.parametrize(("name", "axis", "stays"), [("row_noise", 1, False), ("column_dsnu", 0, True)])
+def test_offsets_of_rows_and_columns(name, axis, stays):
+    off = numbers(with_(**{name: 3.0})) - 100.0
+    assert np.all(np.ptp(off, axis=axis) == 0)
+    line = off.mean(axis=axis)
+    assert near(line.mean(), 0, 9, SIDE)
+    assert near(line.var(), 9, 2 * 81, SIDE)
+    assert np.array_equal(off + 100.0, numbers(with_(**{name: 3.0}), seed=1)) == stays
+
+
+def test_prnu_scales_with_the_light_and_leaves_the_dark_alone():
+    model = with_(prnu=0.05, dark_current=7.0)
+    gains = (numbers(model, 1000.0) - 7.0) / 1000.0
+    np.testing.assert_allclose((numbers(model, 10.0) - 7.0) / 10.0, gains, rtol=1e-12)
+    assert near(gains.mean(), 1, 0.05**2)
+    assert near(gains.var(), 0.05**2, 2 * 0.05**4)
+    assert np.all(numbers(model, 0.0) == 7.0)
+
+
+def test_dark_current_collects_with_time_and_has_shot_noise():
+    assert np.all(numbers(with_(dark_current=6.0, exposure_time=0.5), 0.0) == 3.0)
+    found = numbers(with_(dark_current=6.0, exposure_time=0.5, shot_noise=ShotNoise.POISSON), 0.0)
+    assert near(found.mean(), 3, 3)
+    assert near(found.var(), 3, 3 + 2 * 9)
+
+
+def test_light_and_dark_current_together_are_one_poisson_variable():
+    found = numbers(with_(dark_current=4.0, shot_noise=ShotNoise.POISSON), 5.0)
+    assert near(found.mean(), 9, 9)
+    assert near(found.var(), 9, 9 + 2 * 81)
+
+
+def test_full_well_in_closed_form():
+    # Poisson of mean m cut at w: E min(N, w) = sum over k of P(N > k), k = 0 ... w - 1.
+    mean, well = 20.0, 22
+    probability = np.array([math.exp(-mean + k * math.log(mean) - math.lgamma(k + 1)) for k in range(well)])
+    above = 1 - np.cumsum(probability)
+    found = numbers(with_(full_well=well, shot_noise=ShotNoise.POISSON), mean)
+    assert found.max() == well
+    assert near(found.mean(), above.sum(), mean)
+    full = above[well - 1]
+    assert near(np.mean(found == well), full, full * (1 - full))
+
+
+def test_noise_comes_after_the_full_well_and_dark_levels_may_be_below_0():
+    found = numbers(with_(full_well=50.0, read_noise=2.0), 1e6)
+    assert near(found.mean(), 50, 4)
+    assert numbers(with_(read_noise=2.0), 0.0).min() < -5
+
+
+@pytest.mark.parametrize("bits", range(8, 17))
+def test_a_ramp_is_quantised_to_half_a_step(bits):
+    largest = 2**bits - 1
+    ramp = np.linspace(0, largest, 300 * 301).reshape(300, 301, 1).astype(np.float32)
+    data = develop(pl.Exposure(ramp), with_(bits=bits)).data
+    assert data.dtype == np.uint16
+    assert data.min() == 0 and data.max() == largest
+    error = data - ramp[:, :, 0].astype(np.float64)
+    assert np.abs(error).max() <= 0.5
+    if bits <= 12:  # at least 22 points for each step: a sum in place of the integral errs by 1 / (points per step)^2
+        assert np.mean(error**2) == pytest.approx(1 / 12, rel=0.01)
+
+
+def test_converter_cuts_at_both_ends():
+    model = with_(bits=10, black_level=3, read_noise=5.0)
+    assert numbers(model, 1e30).min() == 1023
+    dark = numbers(model, 0.0)
+    assert dark.min() == 0
+    # Below 0.5 DN all is 0: a normal variable below -2.5 / 5.
+    assert near(np.mean(dark == 0), 0.3085375, 0.3085 * 0.6915)
+
+
+def test_gain_and_black_level():
+    assert np.all(numbers(with_(gain=0.25, black_level=64.0), 100.0) == 89.0)
+
+
+@pytest.mark.parametrize("pattern", list(BayerPattern))
+def test_each_filter_passes_its_channel(pattern):
+    shot = pl.Exposure(np.broadcast_to([10.0, 20.0, 30.0], (4, 6, 3)))
+    data = develop(shot, with_(colour_filters=pattern)).data
+    letters = {10.0: "R", 20.0: "G", 30.0: "B"}
+    for row in range(4):
+        for column in range(6):
+            assert letters[data[row, column]] == pattern.name[2 * (row % 2) + column % 2]
+
+
+def test_any_pattern_repeats():
+    pattern = [[0, 1, 1], [2, 1, 0]]
+    shot = pl.Exposure(np.broadcast_to([0.0, 1.0, 2.0], (5, 7, 3)))
+    data = develop(shot, with_(colour_filters=pattern)).data
+    assert all(data[i, j] == pattern[i % 2][j % 3] for i in range(5) for j in range(7))
+
+
+def test_a_grey_exposure_stands_for_three_equal_channels():
+    model = with_(EVERYTHING)
+    assert develop(even(0.5, 1, (8, 8)), model) == develop(even(0.5, 3, (8, 8)), model)
+    assert develop(even(0.5, 1, (8, 8)), with_(photon_rate=(1.0, 2.0, 3.0))).data.shape == (8, 8, 3)
+    assert develop(even(0.5, 1, (8, 8)), NOISELESS).data.shape == (8, 8)
+
+
+def test_layers_have_noise_of_their_own():
+    data = develop(even(100.0, 3), with_(read_noise=1.0)).data.reshape(-1, 3)
+    # Correlation coefficients of independent numbers scatter by 1 / sqrt(n).
+    assert np.abs(np.corrcoef(data.T)[np.triu_indices(3, 1)]).max() < FIVE_SIGMA / math.sqrt(PIXELS)
+
+
+@pytest.mark.parametrize(("name", "level"), [("dead", 0.0), ("hot", 250.0)])
+def test_listed_pixels_fail_and_no_others(name, level):
+    listed = [(0, 0), (5, 7), (299, 299), (1000, 3)]
+    data = numbers(with_(full_well=250.0, **{name: listed}))
+    wrong = np.argwhere(data != 100.0)
+    assert wrong.tolist() == [[0, 0], [5, 7], [299, 299]]
+    assert all(data[tuple(place)] == level for place in wrong)
+
+
+@pytest.mark.parametrize(("name", "level"), [("dead", 0.0), ("hot", 250.0)])
+def test_a_fraction_fails_and_always_the_same(name, level):
+    model = with_(full_well=250.0, **{name: 0.02})
+    data = numbers(model)
+    assert near(np.mean(data == level), 0.02, 0.02 * 0.98)
+    assert np.all((data == level) | (data == 100.0))
+    assert np.array_equal(data, numbers(model, seed=5))
+    assert not np.array_equal(data, numbers(with_(model, pattern_seed=1)))
+    assert np.all(numbers(with_(model, **{name: 1.0})) == level)
+
+
+def test_hot_pixels_collect_their_current_and_dead_ones_win():
+    assert np.all(numbers(with_(hot=1.0, hot_current=30.0, exposure_time=2.0)) == 2 * 130.0)
+    assert np.all(numbers(with_(hot=1.0, dead=1.0, hot_current=30.0)) == 0.0)
+
+
+# Each effect alone off
+
+
+@pytest.mark.parametrize(
+    ("name", "off"),
+    [
+        ("bits", None),
+        ("full_well", None),
+        ("shot_noise", ShotNoise.NONE),
+        ("read_noise", 0.0),
+        ("row_noise", 0.0),
+        ("dark_current", 0.0),
+        ("prnu", 0.0),
+        ("dsnu", 0.0),
+        ("column_dsnu", 0.0),
+        ("dead", 0.0),
+        ("hot", 0.0),
+        ("black_level", 0.0),
+        ("colour_filters", None),
+    ],
+)
+def test_every_effect_can_be_left_out_alone(name, off):
+    shot = pl.Exposure(4 * picture(3, (60, 60)))
+    everything = with_(EVERYTHING, full_well=3000)
+    changed = develop(shot, with_(everything, **{name: off}), seed=1).data
+    assert np.isfinite(changed).all()
+    data = develop(shot, everything, seed=1).data
+    assert changed.shape != data.shape or not np.array_equal(changed, data)
+
+
+def test_draws_of_one_effect_do_not_move_those_of_another():
+    # Shot noise with and without read noise: the difference is the read noise alone.
+    quiet = with_(shot_noise=ShotNoise.POISSON)
+    difference = numbers(with_(quiet, read_noise=2.0)) - numbers(quiet)
+    np.testing.assert_allclose(difference, numbers(with_(read_noise=2.0)) - 100.0, atol=1e-12)
+
+
+# Extremes and refusals
+
+
+def test_extreme_light():
+    largest = float(np.finfo(np.float32).max)
+    for rate in (1.0, 1e290):
+        data = develop(even(largest, shape=(9, 9)), with_(EVERYTHING, colour_filters=None, photon_rate=rate)).data
+        assert data.max() <= 0.7 * 4000 + 100 + 10 * 0.7 * 6
+    assert np.all(numbers(with_(bits=16, shot_noise=ShotNoise.POISSON), largest) == 65535)
+    assert np.all(numbers(with_(bits=16, shot_noise=ShotNoise.POISSON), 0.0) == 0)
+    assert np.all(numbers(with_(bits=16, shot_noise=ShotNoise.POISSON), 1e-45) == 0)
+    assert develop(even(1.0, shape=(1, 1)), EVERYTHING).data.shape == (1, 1)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -1e-6])
+def test_impossible_light_is_refused(bad):
+    image = np.ones((3, 4, 1))
+    image[1, 2] = bad
+    with pytest.raises(InvalidValueError, match=r"at row 1, column 2, and 1 such values in all; light must be finite"):
+        develop(pl.Exposure(image), NOISELESS)
+
+
+def test_other_things_are_refused():
+    with pytest.raises(InvalidValueError, match="exposure is an ndarray; give an Exposure"):
+        develop(np.ones((2, 2, 1)), NOISELESS)
+    with pytest.raises(InvalidValueError, match="model is an int"):
+        develop(even(1.0), 3)
+    for seed in (-1, 1 << 64, 0.5):
+        with pytest.raises(InvalidValueError, match="seed is"):
+            develop(even(1.0), NOISELESS, seed=seed)
+    assert develop(even(1.0), NOISELESS, seed=(1 << 64) - 1).seed == (1 << 64) - 1

@@ -1,0 +1,109 @@
+"""Sensor models: what they say of themselves, what they refuse, and radiometry."""
+
+import math
+import pickle
+
+import numpy as np
+import pytest
+
+from plenoptic.errors import InvalidValueError
+from plenoptic.sensing.filters import BayerPattern, bayer_from
+from plenoptic.sensing.model import SensorModel
+from plenoptic.sensing.radiometry import dark_current_at, photon_rate
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"photon_rate": 0.0}, "photon_rate is 0; it must be above 0"),
+        ({"photon_rate": (1.0, 2.0)}, "photon_rate has 2 numbers; give one, or one for each of red, green and blue"),
+        ({"photon_rate": 1e300, "exposure_time": 1e300}, "overflows"),
+        ({"exposure_time": -1.0}, "exposure_time is -1 s; it must be above 0"),
+        ({"quantum_efficiency": 1.1}, "quantum_efficiency is 1.1; it must be at most 1"),
+        ({"quantum_efficiency": (0.5, 0.5, math.nan)}, "quantum_efficiency is nan"),
+        ({"gain": 0.0}, "gain is 0 DN per electron"),
+        ({"bits": 7}, "bits is 7; it must be at least 8"),
+        ({"bits": 17}, "bits is 17; it must be at most 16"),
+        ({"bits": 8.5}, "bits is 8.5; it must be a whole number"),
+        ({"black_level": -1.0}, "black_level is -1 DN; it must be at least 0"),
+        ({"black_level": 4095.0}, "black_level is 4095 DN; it must be below 4095, the largest of 12 bits"),
+        ({"full_well": 0.0}, "full_well is 0 electrons"),
+        ({"read_noise": -1.0}, "read_noise is -1 electrons"),
+        ({"dark_current": math.inf}, "dark_current is inf; it must be finite"),
+        ({"prnu": -0.1}, "prnu is -0.1; it must be at least 0"),
+        ({"shot_noise": 2}, "shot_noise is 2; it must be ShotNoise.NONE or ShotNoise.POISSON"),
+        ({"colour_filters": 4}, "colour_filters is 4; it must be BayerPattern.RGGB"),
+        ({"colour_filters": "RGGB"}, "colour_filters is 'RGGB'; it must be BayerPattern.RGGB"),
+        ({"colour_filters": [[0, 3]]}, "its entries must be channels"),
+        ({"colour_filters": [[0, 0.5]]}, "its entries must be channels"),
+        ({"colour_filters": [0, 1]}, "colour_filters has shape"),
+        ({"dead": 1.5}, "dead is 1.5; a fraction of the pixels must be at most 1"),
+        ({"dead": [(1, -1)]}, "whole numbers from 0 on"),
+        ({"dead": [(1.0, 1.5)]}, "whole numbers from 0 on"),
+        ({"hot": [1, 2, 3]}, "hot has shape"),
+        ({"hot_current": -1.0}, "hot_current is -1 electrons/s"),
+        ({"hot": 0.1, "bits": None}, "hot_current is inf, but neither full_well nor bits limits"),
+        ({"pattern_seed": -1}, "pattern_seed is -1"),
+    ],
+)
+def test_what_no_sensor_has_is_refused(change, sentence):
+    with pytest.raises(InvalidValueError) as caught:
+        SensorModel(**{"photon_rate": 1.0, **change})
+    assert sentence in str(caught.value)
+
+
+def test_saturation_is_that_of_what_comes_first():
+    assert SensorModel(1.0).white_level == 4095
+    assert SensorModel(1.0, bits=None).white_level == math.inf
+    assert SensorModel(1.0, full_well=1000, gain=0.5, black_level=64).white_level == 564
+    assert SensorModel(1.0, full_well=1e9).white_level == 4095
+    assert SensorModel(1.0, full_well=1e300, gain=1e300).white_level == 4095
+    assert SensorModel(1.0, full_well=1000, gain=0.5, bits=None).white_level == 500
+
+
+def test_a_value_that_compares_hashes_and_pickles():
+    def make(dead):
+        return SensorModel((1.0, 2.0, 3.0), colour_filters=[[0, 1], [1, 2]], dead=dead, hot=())
+
+    one = make([(1, 2)])
+    assert one == make([(1, 2)]) == pickle.loads(pickle.dumps(one))
+    assert hash(one) == hash(make([(1, 2)]))
+    assert one != make([(1, 3)])
+    assert not one.dead.flags.writeable and not one.colour_filters.flags.writeable
+    assert repr(SensorModel(2.0, read_noise=3.0)) == "SensorModel(photon_rate=2.0, read_noise=3.0)"
+
+
+@pytest.mark.parametrize("pattern", list(BayerPattern))
+def test_bayer_patterns_are_found_again_wherever_they_begin(pattern):
+    assert bayer_from(pattern, (0, 0)) == pattern
+    assert bayer_from(np.tile(pattern.channels, (2, 3)), (4, 6)) == pattern
+    shifted = bayer_from(pattern, (1, 1))
+    assert {pattern.name, shifted.name} in ({"RGGB", "BGGR"}, {"GRBG", "GBRG"})
+    assert bayer_from(pattern, (0, 1)).name[0] == pattern.name[1]
+
+
+@pytest.mark.parametrize("pattern", [[[0, 1], [2, 1]], [[0]], [[0, 1, 1], [1, 2, 1]], [[0, 1, 1, 1], [1, 2, 1, 2]]])
+def test_other_patterns_are_no_bayer_pattern(pattern):
+    assert bayer_from(np.array(pattern), (0, 0)) is None
+
+
+def test_photons_carry_the_energy_that_falls():
+    # Energy per photon times photons is the power on the pixel, for all wavelengths.
+    for wavelength in (400.0, 550.0, 700.0):
+        rate = photon_rate(radiance=3.0, pixel_pitch=0.005, wavelength=wavelength)
+        joules = 6.62607015e-34 * 299792458.0 / (wavelength * 1e-9)
+        assert rate * joules == pytest.approx(3.0 * (5e-6) ** 2, rel=1e-14)
+    # EMVA 1288: 50.34 photons per um^2, ms, um and uW/cm^2; a micrometre of wavelength, 1e-2 W/m^2, 1 um^2, 1 ms.
+    assert photon_rate(radiance=0.01, pixel_pitch=0.001, wavelength=1000.0) * 1e-3 == pytest.approx(50.34, abs=0.005)
+
+
+def test_dark_current_doubles():
+    def at(celsius):
+        return dark_current_at(celsius, rate=5.0, reference_temperature=25.0, doubling_temperature=8.0)
+
+    assert at(25.0) == 5.0
+    assert [at(33.0), at(17.0)] == pytest.approx([10.0, 2.5], rel=1e-14)
+    with pytest.raises(InvalidValueError, match="rate is -1 electrons/s"):
+        dark_current_at(20.0, rate=-1.0, reference_temperature=20.0, doubling_temperature=8.0)
+    with pytest.raises(InvalidValueError, match="wavelength is 0.55 nm"):
+        photon_rate(radiance=1.0, pixel_pitch=0.01, wavelength=0.55)

@@ -1,0 +1,149 @@
+"""Raw images: the way back to light, files, notebooks, refusals."""
+
+import base64
+import dataclasses
+import io
+import pickle
+import re
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import plenoptic as pl
+from plenoptic import images
+from plenoptic.errors import FileError, InvalidValueError
+from plenoptic.sensing.developing import develop
+from plenoptic.sensing.filters import BayerPattern
+from plenoptic.sensing.model import SensorModel, ShotNoise
+from plenoptic.sensing.raw import RawImage
+
+SENSOR = SensorModel(
+    photon_rate=(3e4, 5e4, 4e4),
+    quantum_efficiency=0.5,
+    gain=2.0,
+    black_level=256.0,
+    bits=16,
+    full_well=30000.0,
+    colour_filters=BayerPattern.GBRG,
+    read_noise=3.0,
+    dead=[(1, 2)],
+)
+
+
+def raw(model=SENSOR, channels=3, region=(10, 16, 21, 30)):
+    image = np.random.default_rng(2).uniform(0, 1.2, (6, 9, channels))
+    return develop(pl.Exposure(image, region=region, samples=64), model, seed=7)
+
+
+@pytest.mark.parametrize("filters", [None, BayerPattern.RGGB, [[0, 1, 2]]])
+def test_the_way_back_is_the_inverse_of_the_way_there(filters):
+    model = dataclasses.replace(
+        SENSOR, bits=None, full_well=None, read_noise=0.0, dark_current=50.0, dead=0.0, shot_noise=ShotNoise.NONE
+    )
+    model = dataclasses.replace(model, colour_filters=filters)
+    image = np.random.default_rng(2).uniform(0, 1.2, (6, 9, 3)).astype(np.float32)
+    made = develop(pl.Exposure(image, region=(11, 17, 22, 31)), model)
+    seen = image
+    if filters is not None:
+        seen = np.take_along_axis(image, made.channels[:, :, np.newaxis], axis=2)[:, :, 0]
+    # Adding and taking away a dark signal of 356 from at least 2e-3 costs 2e5 eps.
+    np.testing.assert_allclose(made.linear(), seen, rtol=1e-10, atol=1e-14)
+
+
+def test_quantisation_bounds_the_error_of_the_way_back():
+    model = dataclasses.replace(SENSOR, read_noise=0.0, dead=0.0, shot_noise=ShotNoise.NONE, colour_filters=None)
+    image = np.random.default_rng(2).uniform(0, 1.0, (6, 9, 3)).astype(np.float32)
+    error = np.abs(develop(pl.Exposure(image), model).linear() - image)
+    assert np.all(error <= 0.5 / (model.gain * model.electrons_per_unit) * (1 + 1e-9))
+
+
+def test_it_knows_its_levels_and_filters():
+    made = raw()
+    assert (made.black_level, made.white_level) == (256.0, 60256.0)
+    assert made.colour_filters == BayerPattern.GBRG
+    # Row 10 is even and column 21 odd: the second filter of the first row.
+    assert made.channels[:2, :2].tolist() == [[2, 1], [1, 0]]
+    assert (made.samples, made.seed, made.region) == (64, 7, (10, 16, 21, 30))
+    bright = develop(pl.Exposure(np.full((4, 4, 1), 100.0)), dataclasses.replace(SENSOR, read_noise=0.0, dead=0.0))
+    assert bright.fraction_saturated == 1.0
+    assert repr(bright) == "RawImage(4 x 4, GBRG, 16 bits, 100 % saturated)"
+
+
+def test_it_is_a_value():
+    made = raw()
+    assert made == raw() == pickle.loads(pickle.dumps(made))
+    assert not made.data.flags.writeable
+    assert dataclasses.replace(made, seed=8) != made
+
+
+@pytest.fixture
+def _public(monkeypatch):
+    # Files name public values only.
+    for kind in (SensorModel, BayerPattern, ShotNoise):
+        monkeypatch.setattr(pl, kind.__name__, kind, raising=False)
+
+
+@pytest.mark.usefixtures("_public")
+@pytest.mark.parametrize("ending", [".tif", ".tiff", ".png"])
+@pytest.mark.parametrize("filters", [None, BayerPattern.GBRG, [[0, 1, 2]]])
+def test_files_give_back_every_bit(tmp_path, ending, filters):
+    made = raw(dataclasses.replace(SENSOR, colour_filters=filters))
+    made.save(tmp_path / f"raw{ending}")
+    assert RawImage.load(tmp_path / f"raw{ending}") == made
+
+
+@pytest.mark.usefixtures("_public")
+def test_all_numbers_of_16_bits_survive_a_file(tmp_path):
+    made = RawImage(np.arange(65536).reshape(256, 256), SensorModel(1.0, bits=16))
+    made.save(tmp_path / "raw.png")
+    assert RawImage.load(tmp_path / "raw.png") == made
+    assert np.array_equal(np.asarray(Image.open(tmp_path / "raw.png")), made.data)
+
+
+@pytest.mark.usefixtures("_public")
+def test_files_that_are_no_raw_images_are_refused(tmp_path):
+    images.write_16bit(tmp_path / "other.png", np.zeros((2, 2, 1), np.uint16))
+    with pytest.raises(FileError, match="names no sensor model"):
+        RawImage.load(tmp_path / "other.png")
+    with pytest.raises(FileError, match="does not exist"):
+        RawImage.load(tmp_path / "none.png")
+    made = RawImage([[4095]], SensorModel(1.0))
+    made.save(tmp_path / "raw.png")
+    _, metadata = images.read_channels(tmp_path / "raw.png")
+    spoilt = {"plenoptic:model": metadata["plenoptic:model"]}
+    images.write_16bit(tmp_path / "spoilt.png", np.full((1, 1, 1), 4096, np.uint16), spoilt)
+    with pytest.raises(FileError, match="no possible raw image: data must be whole numbers from 0 to 4095"):
+        RawImage.load(tmp_path / "spoilt.png")
+    with pytest.raises(FileError, match="must end in"):
+        made.save(tmp_path / "raw.exr")
+    with pytest.raises(InvalidValueError, match="not quantised"):
+        RawImage([[0.5]], SensorModel(1.0, bits=None)).save(tmp_path / "raw.png")
+
+
+def test_notebooks_see_a_picture_and_the_facts():
+    html = raw()._repr_html_()
+    assert "6 x 9, GBRG, 16 bits" in html and "rows 10:16, columns 21:30" in html
+    png = base64.b64decode(re.search(r"base64,([^\"]+)", html)[1])
+    assert Image.open(io.BytesIO(png)).size == (9, 6)
+
+
+@pytest.mark.parametrize(
+    ("data", "sentence"),
+    [
+        ([[-1]], "whole numbers from 0 to 65535"),
+        ([[65536]], "whole numbers from 0 to 65535"),
+        ([[0.5]], "whole numbers from 0 to 65535"),
+        ([[np.nan]], "whole numbers from 0 to 65535"),
+        ([1, 2], "data has shape (2,)"),
+        (np.zeros((2, 2, 2)), "data has shape (2, 2, 2)"),
+        (np.zeros((0, 2)), "not empty"),
+        (np.zeros((2, 2, 3)), "behind colour filters it must be (H, W)"),
+    ],
+)
+def test_impossible_data_are_refused(data, sentence):
+    with pytest.raises(InvalidValueError) as caught:
+        RawImage(data, SENSOR)
+    assert sentence in str(caught.value)
+    with pytest.raises(InvalidValueError, match="model is a list"):
+        RawImage([[1]], [])
