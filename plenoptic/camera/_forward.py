@@ -12,15 +12,16 @@ from plenoptic.camera._sample import aim, pad
 from plenoptic.optics._blocks import BLOCK, RAY, STATUS, WEIGHT, L, M, N, X, Y, Z
 
 LANDED = 7
-"""Numbers of a ray that arrives: x, y on the sensor, weight, centre x, y of its microlens, row and column."""
+"""Numbers of a ray that arrives: x, y on the sensor, weight, lattice index of its microlens, row and column."""
 
 
 @kernel
-def fill_source_rays(blocks, first, n, seed, number, replicate, triangles, point, z, ideal):
+def fill_source_rays(blocks, first, n, seed, number, replicate, triangles, point, z, ideal, facing):
     """Rays first ... first + n - 1 of a replicate from a point to the plane z, which `triangles` cover.
 
     WEIGHT is the projected solid angle that a ray would stand for if it were the only one, area cos^4 / height^2;
-    before an `ideal` lens it is du dv = area / height^2 instead (see `optics._lattice_forward`).
+    before an `ideal` lens it is du dv = area / height^2 instead (see `optics._lattice_forward`). Both are for a unit of
+    area across the z-axis; `facing` is the direction across which it lies where that is another one, or None.
     """
     key = set_key(stream(seed, number, replicate), 0)
     height = z - point[2]
@@ -37,13 +38,19 @@ def fill_source_rays(blocks, first, n, seed, number, replicate, triangles, point
         ray[M + i] = v * cos
         ray[N + i] = cos
         ray[WEIGHT + i] *= (1.0 if ideal else cos2 * cos2) / (height * height)
+        if facing is not None:
+            ray[WEIGHT + i] *= max(facing[0] * u + facing[1] * v + facing[2], 0.0)
     pad(blocks, n)
 
 
 @kernel
-def fill_landed(landed, blocks, n, rows, columns, pitch):
-    """What arrives on the sensor, as rows of LANDED numbers; returns how many, and how many pass beside the sensor."""
-    found = beside = 0
+def fill_landed(landed, blocks, n, rows, columns, pitch, opening):
+    """What arrives on the sensor, as rows of LANDED numbers.
+
+    Returns how many rays arrive, how many pass beside the sensor, and how many meet a pixel beside its `opening`: half
+    its height and half its width over the pitch; None where pixels are open all over.
+    """
+    found = beside = shut = 0
     for k in range(n):
         base = (k // BLOCK) * RAY + k % BLOCK
         if blocks[base + STATUS] != 0.0:
@@ -51,13 +58,18 @@ def fill_landed(landed, blocks, n, rows, columns, pitch):
         x, y = blocks[base + X], blocks[base + Y]
         column, row = 0.5 * columns - x / pitch, 0.5 * rows + y / pitch
         if 0.0 <= row < rows and 0.0 <= column < columns:
+            if opening is not None:
+                down, across = row - math.floor(row) - 0.5, column - math.floor(column) - 0.5
+                if abs(down) > opening[0] or abs(across) > opening[1]:
+                    shut += 1
+                    continue
             out = landed[found]
             out[0], out[1], out[2], out[3], out[4] = x, y, blocks[base + WEIGHT], blocks[base + Z], blocks[base + N]
             out[5], out[6] = math.floor(row), math.floor(column)
             found += 1
         else:
             beside += 1
-    return found, beside
+    return found, beside, shut
 
 
 @kernel

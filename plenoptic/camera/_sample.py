@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from plenoptic._jit import device, kernel
-from plenoptic._sobol import DIMENSIONS, mix, scramble_reversed, set_key, stream, to_unit
+from plenoptic._sobol import DIMENSIONS, mix, reversed_point, scramble_reversed, set_index, set_key, stream, to_unit
 from plenoptic.optics._blocks import BLOCK, MISSED, RAY, STATUS, WEIGHT, L, M, N, X, Y, Z
 
 _FEW = 8
@@ -55,7 +55,7 @@ def _find(triangles, low, high, area):
 
 @device
 def aim(ray, i, triangles, low, high, sx, sy, u, v):
-    """Point of the region by areas: u finds the triangle and, stretched, with v the point in it."""
+    """Point of the region by areas: u finds the triangle, which is returned, and, stretched, with v the point in it."""
     total = triangles[high - 1, 6]
     wanted = u * total
     k = _find(triangles, low, high, wanted)
@@ -72,6 +72,7 @@ def aim(ray, i, triangles, low, high, sx, sy, u, v):
     ray[N + i] = triangles[k, 8]
     ray[WEIGHT + i] = total
     ray[STATUS + i] = 0.0
+    return k
 
 
 @device
@@ -94,14 +95,18 @@ def _fill_coordinates(u, net, dimension, index, run, key):
 
 
 @kernel
-def fill_camera_samples(blocks, first_path, n, samples, replicates, seed, net, pixels, number, pitch, triangles, first):
+def fill_camera_samples(
+    blocks, lanes, first_path, n, samples, replicates, seed, net, pixels, number, edges, skew, triangles, details, first
+):
     """Start paths first_path ... first_path + n - 1 of a tile.
 
     `net` (4, points) are the bit-reversed Sobol points that all replicates scramble, `pixels` (p, 2) the centres of the
-    tile's lit pixels, `number` their numbers on the whole sensor; the triangles of pixel i are those from first[i] to
-    first[i + 1].
+    tile's lit pixels, `number` their numbers on the whole sensor, `edges` the width and height of a pixel; a pixel that
+    is turned has the sides (edges[0], skew[1]) and (skew[0], edges[1]). The triangles of pixel i are those from
+    first[i] to first[i + 1]. `lanes` gets the rows of `details` of the triangles, where there are any.
     """
     u = np.empty((DIMENSIONS, net.shape[1]))
+    width, height = edges[0], edges[1]
     path = first_path
     end = first_path + n
     while path < end:
@@ -111,13 +116,18 @@ def fill_camera_samples(blocks, first_path, n, samples, replicates, seed, net, p
         for dimension in range(DIMENSIONS):
             _fill_coordinates(u, net, dimension, index, run, key)
         low, high = first[pixel], first[pixel + 1]
-        corner_x = pixels[pixel, 0] - 0.5 * pitch
-        corner_y = pixels[pixel, 1] - 0.5 * pitch
+        corner_x = pixels[pixel, 0] - 0.5 * width
+        corner_y = pixels[pixel, 1] - 0.5 * height
         for k in range(run):
             at = path - first_path + k
             base = (at // BLOCK) * RAY
-            sx, sy = corner_x + pitch * u[0, k], corner_y + pitch * u[1, k]
-            aim(blocks[base : base + RAY], at % BLOCK, triangles, low, high, sx, sy, u[2, k], u[3, k])
+            sx, sy = corner_x + width * u[0, k], corner_y + height * u[1, k]
+            if skew is not None:
+                sx += skew[0] * (u[1, k] - 0.5)
+                sy += skew[1] * (u[0, k] - 0.5)
+            chosen = aim(blocks[base : base + RAY], at % BLOCK, triangles, low, high, sx, sy, u[2, k], u[3, k])
+            if details is not None:
+                lanes[at] = details[chosen]
         path += run
     pad(blocks, n)
 
@@ -131,12 +141,42 @@ def fill_path_keys(keys, indices, first_path, samples, replicates, seed, number)
         indices[k] = index
 
 
+COLOUR_SET = 1 << 20
+"""Set of the sampling points that draws wavelengths: beyond those of all bounces."""
+
+
 @kernel
-def fill_sums(sums, blocks, radiance, first_path, n, samples, replicates):
+def fill_waves(waves, first_path, n, samples, replicates, seed, number, cdf, guide):
+    """Number of the wavelength of each path of a bundle, drawn by the cumulative probabilities `cdf`.
+
+    `guide` says from which wavelength on to look for a number u between 0 and 1: guide[int(u guide.size)] is the first
+    whose cdf is above the beginning of that interval (H.-C. Chen, Y. Asau, AIIE Transactions 6, 1974).
+    """
+    path, end = first_path, first_path + n
+    while path < end:
+        pixel, replicate, index = path_place(path, samples, replicates)
+        run = min(replicate_size(replicate, samples, replicates) - index, end - path)
+        key = set_key(stream(seed, number[pixel], replicate), COLOUR_SET)
+        scrambling = np.uint32(mix(key, np.uint64(0)))
+        for k in range(run):
+            point = set_index(index + k, key, COLOUR_SET)
+            u = to_unit(scramble_reversed(reversed_point(point, 0), scrambling))
+            wave = guide[int(u * guide.size)]
+            while cdf[wave] <= u:
+                wave += 1
+            waves[path - first_path + k] = wave
+        path += run
+    for k in range(n, waves.size):
+        waves[k] = 0
+
+
+@kernel
+def fill_sums(sums, blocks, radiance, waves, weights, first_path, n, samples, replicates):
     """Add what the paths of a bundle bring to sums (pixels, replicates, channels), in the order of their numbers.
 
-    `radiance` is (n, channels), or None for 1 everywhere: a white image. Returns how many contributions were not
-    finite; these are left out.
+    `radiance` is (n, channels), or None for 1 everywhere: a white image. With `weights` (wavelengths, channels), each
+    path has a wavelength, its radiance is one number, and the weights are what that adds to the channels. Returns how
+    many contributions were not finite; these are left out.
     """
     broken = 0
     path = first_path
@@ -148,7 +188,11 @@ def fill_sums(sums, blocks, radiance, first_path, n, samples, replicates):
             total = sums[pixel, replicate, c]
             for k in range(path - first_path, path - first_path + run):
                 light = blocks[(k // BLOCK) * RAY + WEIGHT + k % BLOCK]
-                if radiance is not None:
+                if weights is not None:
+                    light *= weights[waves[k], c]
+                    if radiance is not None:
+                        light *= radiance[k, 0]
+                elif radiance is not None:
                     light *= radiance[k, c]
                 if light - light == 0.0:
                     total += light

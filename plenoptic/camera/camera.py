@@ -1,23 +1,50 @@
-"""The plenoptic camera: main lens, microlens array and sensor on one axis."""
+"""The plenoptic camera: main lens, microlens array and sensor."""
 
 from __future__ import annotations
 
 import dataclasses
+import enum
+from typing import TYPE_CHECKING
 
+import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic._values import finite, set_field, value, wavelength_in_nm
+from plenoptic._values import choice, finite, set_field, value, wavelength_in_nm
+from plenoptic.camera.assembly import assembly, sensor_corners
 from plenoptic.camera.pose import Pose
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.analysis.focusing import FocusCriterion
+from plenoptic.optics.blemishes import Blemishes, BlemishSite
 from plenoptic.optics.lens import LensStack
 from plenoptic.optics.microlenses import ConvexSide, MicrolensArray
+from plenoptic.optics.placement import Placement, kept_placement, rotation_about_axes
 from plenoptic.optics.sensor import Sensor
+from plenoptic.spectra import Sensitivity
+
+if TYPE_CHECKING:
+    from plenoptic.camera.projection import Projection
+    from plenoptic.camera.report import CameraReport
+    from plenoptic.scene.scene import Scene
+
+
+class CameraPart(enum.IntEnum):
+    """The parts of a camera that can stand elsewhere than designed.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> [part.name for part in pl.CameraPart]
+    ['LENS', 'MICROLENSES', 'SENSOR']
+    """
+
+    LENS = 0
+    MICROLENSES = 1
+    SENSOR = 2
 
 
 @value
 class PlenopticCamera:
-    """Main lens, microlens array and sensor, centred on one axis.
+    """Main lens, microlens array and sensor, designed to stand centred on one axis.
 
     The camera's frame has its origin at the centre of the iris, x to the right, y up, and looks along -z;
     the sensor lies at z > 0.
@@ -37,6 +64,15 @@ class PlenopticCamera:
         Where the camera stands in the world; None: the world is the camera's frame.
     wavelength : float
         Vacuum wavelength at which the camera is traced in nm.
+    lens_placement, microlenses_placement, sensor_placement : Placement, optional
+        How the parts stand as built, against the design: decentred, turned about the axis, tilted. The lens turns about
+        the centre of its iris, the array about the middle of its front principal plane, the sensor about its centre.
+        None: as designed.
+    blemishes : tuple of Blemishes
+        Dust and scratches on the parts.
+    sensitivity : Sensitivity, optional
+        What the sensor's channels see, traced wavelength by wavelength; None: everything at `wavelength`, and the
+        channels are those of the scene.
 
     Raises
     ------
@@ -65,6 +101,11 @@ class PlenopticCamera:
     microlenses_to_sensor: float = 0.0
     pose: Pose | None = None
     wavelength: float = 587.6
+    lens_placement: Placement | None = dataclasses.field(default=None, kw_only=True)
+    microlenses_placement: Placement | None = dataclasses.field(default=None, kw_only=True)
+    sensor_placement: Placement | None = dataclasses.field(default=None, kw_only=True)
+    blemishes: tuple[Blemishes, ...] = dataclasses.field(default=(), kw_only=True)
+    sensitivity: Sensitivity | None = dataclasses.field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         for name, kind in (("lens", LensStack), ("sensor", Sensor)):
@@ -76,7 +117,21 @@ class PlenopticCamera:
         self.lens.indices(self.wavelength)
         set_field(self, "stop_to_microlenses", finite(self.stop_to_microlenses, "stop_to_microlenses"))
         set_field(self, "microlenses_to_sensor", finite(self.microlenses_to_sensor, "microlenses_to_sensor"))
+        for name in ("lens_placement", "microlenses_placement", "sensor_placement"):
+            set_field(self, name, kept_placement(getattr(self, name)))
+        if self.microlenses is None and self.microlenses_placement is not None:
+            raise InvalidValueError("microlenses_placement is given without microlenses; leave it out")
+        set_field(self, "blemishes", tuple(self.blemishes))
+        if not all(isinstance(part, Blemishes) for part in self.blemishes):
+            raise InvalidValueError(f"blemishes is {self.blemishes!r}; it must be a tuple of Blemishes")
+        self._check_blemishes()
+        if self.sensitivity is not None:
+            if not isinstance(self.sensitivity, Sensitivity):
+                raise InvalidValueError(f"sensitivity is {self.sensitivity!r}; it must be a Sensitivity or None")
+            for wavelength in self.sensitivity.wavelength_range:
+                self.lens.indices(wavelength)
         self._check_distances()
+        self._check_assembly()
 
     def _check_distances(self) -> None:
         behind = float(self.lens.vertices[-1])
@@ -106,9 +161,99 @@ class PlenopticCamera:
                 f"so it must be above {self.stop_to_microlenses - front + behind:g}"
             )
 
+    def _check_assembly(self) -> None:
+        """No corner of the sensor may touch the array, and neither may be inside the lens."""
+        if self.lens_placement is None and self.microlenses_placement is None and self.sensor_placement is None:
+            return
+        parts = assembly(self)
+        nearest = float(sensor_corners(self, parts)[:, 2].min())
+        if parts.sensor_to_local.turn[2, 2] <= 0 or not nearest > 0:
+            raise InvalidValueError(
+                f"as built, a corner of the sensor is {nearest:g} mm behind what stands in front of it; it must be "
+                "above 0: reduce tilts and shifts, or give them in radians and mm"
+            )
+        behind = float(self.lens.vertices[-1])
+        if self.microlenses is not None and not parts.z_plane > behind:
+            raise InvalidValueError(
+                f"as built, the array is at z = {parts.z_plane:g} mm of the lens, whose last vertex is at {behind:g}; "
+                "reduce the shift along the axis"
+            )
+
+    def _check_blemishes(self) -> None:
+        ahead = self.microlenses_to_sensor if self.microlenses else self.z_sensor - float(self.lens.vertices[-1])
+        for blemishes in self.blemishes:
+            if blemishes.site is BlemishSite.ARRAY and self.microlenses is None:
+                raise InvalidValueError("blemishes lie on the array, and the camera has none; choose another site")
+            if blemishes.height >= ahead:
+                raise InvalidValueError(
+                    f"blemishes lie {blemishes.height:g} mm in front of the sensor, and what comes next is "
+                    f"{ahead:g} mm away; reduce their height"
+                )
+
+    @property
+    def design(self) -> PlenopticCamera:
+        """The same camera without what differs from its design: placements, imperfections and blemishes."""
+        array = self.microlenses
+        return dataclasses.replace(
+            self,
+            microlenses=array if array is None else dataclasses.replace(array, imperfections=None),
+            lens_placement=None,
+            microlenses_placement=None,
+            sensor_placement=None,
+            blemishes=(),
+        )
+
+    def moved(
+        self,
+        part: CameraPart,
+        *,
+        shift: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        tilt: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    ) -> PlenopticCamera:
+        """The same camera with one part moved from where it stands: decentred, tilted or turned about the axis.
+
+        Parameters
+        ----------
+        part : CameraPart
+            LENS, MICROLENSES or SENSOR.
+        shift : (float, float, float), optional
+            mm along the axes of the camera.
+        tilt : (float, float, float), optional
+            Angles in radians about x, then y, then z, through the part's own centre: of the iris, of the array's front
+            principal plane, of the sensor.
+
+        Returns
+        -------
+        PlenopticCamera
+            `design` is as before; movements add up.
+
+        Raises
+        ------
+        InvalidValueError
+            Where the part is missing, or would touch another one.
+
+        Examples
+        --------
+        >>> import math, plenoptic as pl
+        >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
+        ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
+        ...     sensor=pl.Sensor(shape=(64, 64), pixel_pitch=0.010),
+        ...     stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
+        >>> tilted = camera.moved(pl.CameraPart.SENSOR, shift=(0.01, 0.0, 0.0), tilt=(math.radians(1.0), 0.0, 0.0))
+        >>> tilted.sensor_placement.shift.tolist(), tilted.design == camera
+        ([0.01, 0.0, 0.0], True)
+        """
+        name = f"{choice(part, CameraPart, 'part').name.lower()}_placement"
+        turn, before = rotation_about_axes(tilt), getattr(self, name)
+        step = np.array([finite(length, f"shift[{k}]") for k, length in enumerate(shift)])
+        if before is not None:
+            turn, step = turn @ np.asarray(before.rotation), step + np.asarray(before.shift)
+        changes: dict[str, Placement] = {name: Placement(shift=step, rotation=turn)}
+        return dataclasses.replace(self, **changes)  # type: ignore[arg-type]
+
     @property
     def z_sensor(self) -> float:
-        """Position of the sensor in the camera's frame in mm."""
+        """Position of the sensor's centre in the camera's frame in mm, as designed."""
         separation = 0.0 if self.microlenses is None else self.microlenses.principal_separation
         return self.stop_to_microlenses + separation + self.microlenses_to_sensor
 
@@ -138,7 +283,58 @@ class PlenopticCamera:
         """
         return dataclasses.replace(self, pose=Pose.look_at(position, look_at, up))
 
-    def focused_at(self, z: float, *, criterion: FocusCriterion = FocusCriterion.PARAXIAL) -> PlenopticCamera:
+    def project(self, points: ArrayLike, scene: Scene | None = None) -> Projection:
+        """Where world points appear on the sensor: in the image of every microlens that sees them.
+
+        Parameters
+        ----------
+        points : (n, 3) array
+            World positions in mm.
+        scene : Scene, optional
+            What may stand in the way; None: nothing.
+
+        Returns
+        -------
+        Projection
+            See there; the same as `project` with its defaults.
+
+        Examples
+        --------
+        See `project`.
+        """
+        from plenoptic.camera.projection import project
+
+        return project(self, points, scene=scene)
+
+    def report(self) -> CameraReport:
+        """What the camera is and does, as numbers, and what users of such cameras trip over; print it.
+
+        Returns
+        -------
+        CameraReport
+            See there; the same as `camera_report`.
+
+        Examples
+        --------
+        >>> import plenoptic as pl
+        >>> lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(5.0))
+        >>> camera = pl.PlenopticCamera(lens=lens, microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
+        ...     sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.010),
+        ...     stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
+        >>> camera.report().kind.name
+        'GALILEAN'
+        """
+        from plenoptic.camera.report import camera_report
+
+        return camera_report(self)
+
+    def focused_at(
+        self,
+        z: float,
+        *,
+        criterion: FocusCriterion = FocusCriterion.PARAXIAL,
+        microlens_type: int | None = None,
+    ) -> PlenopticCamera:
         """The same camera with its back moved so that a plane is sharp, by paraxial optics or by the best spot.
 
         With microlenses of focal length f at b = microlenses_to_sensor, the main lens images the plane onto the
@@ -153,6 +349,8 @@ class PlenopticCamera:
             What the main lens images as sharply as it can: rays close to the axis (PARAXIAL), or all rays that pass it
             from the axial point of the plane (RMS_SPOT, GEOMETRIC_SPOT). The lens is followed as its `model` says: a
             THIN one images about one plane, a PARAXIAL one by its cardinal points.
+        microlens_type : int, optional
+            For which microlenses, where their focal lengths differ: a row of `focal_lengths`.
 
         Returns
         -------
@@ -162,8 +360,8 @@ class PlenopticCamera:
         Raises
         ------
         InvalidValueError
-            Where no position of the back behind the lens is sharp, z is no number, or the lens has LensModel.NONE,
-            which images nothing.
+            Where no position of the back behind the lens is sharp, z is no number, the lens has LensModel.NONE,
+            which images nothing, or the type of several is not named.
 
         Examples
         --------
@@ -178,5 +376,5 @@ class PlenopticCamera:
         """
         from plenoptic.camera.focus import focused_stop_to_microlenses
 
-        moved = focused_stop_to_microlenses(self, z, criterion)
+        moved = focused_stop_to_microlenses(self, z, criterion, microlens_type)
         return dataclasses.replace(self, stop_to_microlenses=moved)

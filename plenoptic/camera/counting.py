@@ -26,7 +26,7 @@ class Crop(NamedTuple):
     moments: NDArray[np.float64]
     """(3,) sums of the weight, and of weight times x and y."""
     counts: NDArray[np.int64]
-    """Rays by status code, and at the end those beside the sensor and those that landed."""
+    """Rays by status code, and at the end those beside the openings of pixels, beside the sensor, and landed."""
 
 
 class Spot(NamedTuple):
@@ -44,7 +44,7 @@ def _counted(tables: ForwardTables, task: Task, seed: np.uint64) -> Crop:
     from plenoptic.camera._forward import extent, fill_crop
 
     result = landed(tables, task, seed)
-    counts = np.append(result.counts, [result.beside, len(result.rows)])
+    counts = np.append(result.counts, [result.shut, result.beside, len(result.rows)])
     moments = np.zeros(3)
     if not len(result.rows):
         return Crop(0, 0, np.zeros((0, 0)), moments, counts)
@@ -121,7 +121,7 @@ def assembled(
     image, error = np.zeros((n, rows, columns)), np.zeros((n, rows, columns))
     corner = np.tile([(height - rows) // 2, (width - columns) // 2], (n, 1))
     moments = np.zeros((n, replicates, 3))
-    counts = np.zeros((n, CAUSES * (len(camera.lens.elements) + 1) + 2), dtype=np.int64)
+    counts = np.zeros((n, CAUSES * (len(camera.lens.elements) + 1) + 3), dtype=np.int64)
     for number, spot in spots.items():
         counts[number], moments[number] = spot.crop.counts, spot.moments
         if spot.crop.sums.size:
@@ -159,10 +159,13 @@ def _centroids(moments: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArr
 
 def _fates(counts: NDArray[np.int64], rays: int) -> tuple[tuple[tuple[str, int | None], ...], NDArray[np.float64]]:
     """Names and elements of what became of rays, and the part of them."""
-    beside, arrived = counts.shape[1] - 2, counts.shape[1] - 1
+    shut, beside, arrived = (counts.shape[1] - k for k in (3, 2, 1))
     names: list[tuple[str, int | None]] = [("landed", None), ("beside_sensor", None)]
     kept = [arrived, beside]
-    for code in np.flatnonzero(counts[:, 1:beside].any(axis=0)) + 1:
+    if counts[:, shut].any():
+        names.append(("beside_opening", None))
+        kept.append(shut)
+    for code in np.flatnonzero(counts[:, 1:shut].any(axis=0)) + 1:
         element, cause = divmod(int(code), CAUSES)
         names.append((RayStatus(cause).name.lower(), element - 1 if element else None))
         kept.append(int(code))

@@ -7,7 +7,7 @@ What is measured is what `render` measures. For the radiance L of a small emitte
 
 Where all refraction is real, etendue is the same at the emitter: dA times cos(theta) dOmega. So E / (L dA) is the
 integral of cos(theta) dOmega over the directions that end in the pixel, over the pixel's area. Ideal elements change
-etendue; see `optics._lattice_forward` for their factors.
+etendue; see `optics._lattice_forward` for their factors. Dust and pixels dim the light as they do in `render`.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from plenoptic._threads import run_in_order, thread_count
 from plenoptic._values import frozen_array, whole, wrong_kind
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.counting import assembled, spots_of
-from plenoptic.camera.landing import ForwardTables, Task, forward_tables, landed, tasks_of
+from plenoptic.camera.landing import ForwardTables, Task, landed, measuring_tables, tasks_of
 from plenoptic.camera.spread import CameraSpread, LandingPoints
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.microlenses import MicrolensModel
@@ -37,7 +37,9 @@ def point_spread(
     """Trace the light of points through lens and microlenses and see where it lands on the sensor.
 
     The image of a point is what `render` makes, as its area goes to zero, of a Lambertian emitter that stands at the
-    point and faces along the camera's axis, for each unit of radiance and mm^2. Diffraction is not included.
+    point and faces along the camera's axis, for each unit of radiance and mm^2. What the camera's pixels make of light
+    (`Sensor.pixel_aperture`, `Sensor.angular_response`) and its `blemishes` count; all light has its `wavelength`.
+    Diffraction is not included.
 
     Parameters
     ----------
@@ -80,7 +82,7 @@ def point_spread(
     replicates = whole(replicates, "replicates", at_least=1)
     each = -(-whole(rays, "rays", at_least=1) // replicates)
     scrambling, workers = _checked_seed(seed), thread_count(threads)
-    tables = forward_tables(camera)
+    tables = measuring_tables(camera)
     tasks = tasks_of(tables, _in_front(tables, given), replicates, each)
     spots = dict(spots_of(tables, tasks, each, scrambling, workers))
     spread = assembled(camera, given, spots, replicates, each)
@@ -96,6 +98,9 @@ def landing_points(
     threads: int | None = None,
 ) -> LandingPoints:
     """Single rays of points: where they land on the sensor and through which microlens, such as calibration needs it.
+
+    Rays beside the opening of a pixel (`Sensor.pixel_aperture`) do not land. Those that dust or an opaque microlens
+    stops do, with the weight 0.
 
     Parameters
     ----------
@@ -125,7 +130,7 @@ def landing_points(
     given, _ = _checked_points(camera, points)
     each = whole(rays, "rays", at_least=1)
     scrambling, workers = _checked_seed(seed), thread_count(threads)
-    tables = forward_tables(camera)
+    tables = measuring_tables(camera)
     tasks = tasks_of(tables, _in_front(tables, given), 1, each)
 
     def work(task: Task) -> NDArray[np.float64]:
@@ -134,8 +139,12 @@ def landing_points(
     found = list(run_in_order(work, tasks, threads=min(workers, max(len(tasks), 1))))
     rows = np.concatenate([np.empty((0, 7)), *found])
     source = np.repeat([task.number for task in tasks], [len(part) for part in found]).astype(np.int64)
-    microlens = None if camera.microlenses is None else rows[:, 3:5].copy()
-    return LandingPoints(rows[:, :2].copy(), rows[:, 2] / each, source, microlens)
+    array = camera.microlenses
+    if array is None:
+        return LandingPoints(rows[:, :2].copy(), rows[:, 2] / each, source, None, None)
+    index = rows[:, 3:5].astype(np.int64)
+    microlens = index @ array.basis if array.centres is None else array.centres[index[:, 0]]
+    return LandingPoints(rows[:, :2].copy(), rows[:, 2] / each, source, microlens, index)
 
 
 def _checked_seed(seed: int) -> np.uint64:
@@ -168,13 +177,14 @@ def _checked_points(camera: PlenopticCamera, points: ArrayLike) -> tuple[NDArray
 
 
 def _in_front(tables: ForwardTables, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """World points in the camera's frame, or an error where one does not lie in front of the lens."""
-    pose = tables.camera.pose
+    """World points in the lens's axes, or an error where one does not lie in front of the lens."""
+    pose, placed = tables.camera.pose, tables.array.parts.lens_to_camera
     seen = points if pose is None else pose.to_camera(points)
+    seen = seen if placed is None else placed.inverse().points(seen)
     behind = np.flatnonzero(~(seen[:, 2] < tables.entrance.z))
     if len(behind):
         raise InvalidValueError(
-            f"point {behind[0]} lies at z = {seen[behind[0], 2]:g} mm of the camera's frame, and the lens begins at "
+            f"point {behind[0]} lies at z = {seen[behind[0], 2]:g} mm as seen from the iris, and the lens begins at "
             f"z = {tables.entrance.z:g} mm; points must lie in front of it, at smaller z"
         )
     return seen

@@ -1,4 +1,8 @@
-"""From a point to the sensor: the stages that rays pass, one task after the other."""
+"""From a point to the sensor: the stages that rays pass, one task after the other.
+
+Dust, the openings of pixels and their response to directions count where the tables come from `measuring_tables`; the
+stages are then those of the renderer, in the opposite order.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +11,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic.camera.assembly import Assembly, assembly
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.entrance import Entrance, entering_polygon, entrance
-from plenoptic.optics.microlenses import ConvexSide, MicrolensModel
+from plenoptic.camera.forward_array import ForwardArray, fill_through_array_forward, forward_array
+from plenoptic.camera.tables import PlacedBlemishes, fill_before_array, fill_dimmed_at_lens
+from plenoptic.camera.tables import _placed as placed_blemishes
+from plenoptic.optics.angular import AngularResponse
+from plenoptic.optics.blemishes import BlemishSite
 from plenoptic.optics.models import LensModel
 from plenoptic.optics.tables import LensTables, lens_tables
 
@@ -19,6 +28,20 @@ CHUNK = 1 << 17
 """Rays of a point and replicate that one thread takes at a time; they take some 7 MB."""
 
 
+class Dimming(NamedTuple):
+    """What dims light that lens and microlenses let pass; the first five are those of `CameraTables`."""
+
+    parts: Assembly
+    distance: float
+    lean: NDArray[np.float64] | None
+    response: AngularResponse | None
+    blemishes: tuple[PlacedBlemishes, ...]
+    placed: NDArray[np.float64] | None
+    """(2, 3): from x, y, 1 on the sensor to the local axes; None where they are the same."""
+    by_aim: bool
+    """Whether something of it lies between sensor and array."""
+
+
 class ForwardTables(NamedTuple):
     """A camera forwards, as numbers."""
 
@@ -26,9 +49,14 @@ class ForwardTables(NamedTuple):
     lens: LensTables
     ideal: bool
     """Whether an ideal lens stands for the main lens."""
+    facing: NDArray[np.float64] | None
+    """(3,) the camera's axis, along which emitters face, in the lens's axes; None where it is the lens's."""
     entrance: Entrance
-    inverse: NDArray[np.float64] | None
-    """Of the lattice's basis; None without microlenses."""
+    array: ForwardArray
+    opening: NDArray[np.float64] | None = None
+    """(2,) half the height and half the width of what is open of a pixel, over the pitch; None: all of it."""
+    dimming: Dimming | None = None
+    """None where nothing dims."""
 
 
 class Task(NamedTuple):
@@ -43,27 +71,69 @@ class Task(NamedTuple):
 
 
 class Landed(NamedTuple):
-    """Rows of the rays that land (see `_forward.LANDED`), rays by status code, and rays beside the sensor."""
+    """Rows of the rays that land (see `_forward.LANDED`), rays by status code, beside the sensor, beside openings."""
 
     rows: NDArray[np.float64]
     counts: NDArray[np.int64]
     beside: int
+    shut: int
 
 
 def forward_tables(camera: PlenopticCamera) -> ForwardTables:
-    """Compile a camera for light that travels forwards."""
-    lens = camera.lens
+    """Compile a camera for light that travels forwards, whatever its dust and its pixels make of it."""
+    lens, parts = camera.lens, assembly(camera)
+    placed = parts.lens_to_camera
     return ForwardTables(
         camera,
         lens_tables(lens, camera.wavelength, reverse=False),
         lens.model in (LensModel.THIN, LensModel.PARAXIAL),
+        None if placed is None or placed.turn[2, 2] == 1.0 else placed.turn[2].copy(),
         entrance(lens, camera.wavelength),
-        None if camera.microlenses is None else np.asarray(np.linalg.inv(camera.microlenses.basis), dtype=np.float64),
+        forward_array(camera, parts),
     )
 
 
+def measuring_tables(camera: PlenopticCamera) -> ForwardTables:
+    """The same with all that dims what `render` measures: dust, openings of pixels, their response to directions."""
+    tables, sensor = forward_tables(camera), camera.sensor
+    opening = None if sensor.fill_factor == 1 else 0.5 * np.array(sensor.pixel_aperture[::-1])
+    return tables._replace(opening=opening, dimming=_dimming(camera, tables.array.parts))
+
+
+def _dimming(camera: PlenopticCamera, parts: Assembly) -> Dimming | None:
+    response, given = camera.sensor.angular_response, [part for part in camera.blemishes if len(part)]
+    if response is None and not given:
+        return None
+    vertices, turn, shift = camera.lens.vertices, parts.sensor_to_local.turn[:2, :2], parts.sensor_to_local.shift[:2]
+    same = np.array_equal(turn, np.eye(2)) and not shift.any()
+    return Dimming(
+        parts,
+        parts.distance,
+        parts.lean,
+        response,
+        tuple(placed_blemishes(part, parts, float(vertices[0]), float(vertices[-1])) for part in given),
+        None if same else np.column_stack([turn, shift]),
+        response is not None or any(part.site in (BlemishSite.SENSOR, BlemishSite.ARRAY) for part in given),
+    )
+
+
+def _fill_dimmed_at_lens(blocks: NDArray[np.float64], dimming: Dimming | None, site: BlemishSite) -> None:
+    if dimming is not None:
+        fill_dimmed_at_lens(blocks, dimming, site)  # type: ignore[arg-type]  # reads `blemishes` alone
+
+
+def _fill_dimmed_behind_array(blocks: NDArray[np.float64], aims: NDArray[np.float64], dimming: Dimming | None) -> None:
+    """Rays that have landed, dimmed as the renderer dims samples before the array; `aims` is room for them."""
+    from plenoptic.optics import _lattice_forward
+
+    if dimming is not None and dimming.by_aim:
+        _lattice_forward.fill_aims(aims, blocks, dimming.distance, dimming.lean, dimming.placed)
+        fill_before_array(aims, dimming)  # type: ignore[arg-type]  # reads the first five fields alone
+        _lattice_forward.fill_weights(blocks, aims)
+
+
 def tasks_of(tables: ForwardTables, points: NDArray[np.float64], replicates: int, each: int) -> list[Task]:
-    """All there is to trace from points (n, 3) of the camera's frame, in the order of points, replicates and rays.
+    """All there is to trace from points (n, 3) in the lens's axes, in the order of points, replicates and rays.
 
     Points out of sight have no tasks.
     """
@@ -97,56 +167,33 @@ def landed(tables: ForwardTables, task: Task, seed: np.uint64) -> Landed:
     """One task through all stages: a pure function of its arguments."""
     from plenoptic.camera import _forward
     from plenoptic.camera._sample import fill_status_counts
+    from plenoptic.optics import _lattice_forward
     from plenoptic.optics._blocks import BLOCK, CAUSES, RAY
     from plenoptic.optics._trace import fill_traced
 
-    sensor = tables.camera.sensor
+    sensor, facing, dimming = tables.camera.sensor, tables.facing, tables.dimming
     rows = np.empty((task.n, _forward.LANDED))
     counts = np.zeros(CAUSES * (len(tables.camera.lens.elements) + 1), dtype=np.int64)
     blocks = np.empty(-(-min(BUNDLE, task.n) // BLOCK) * RAY)
-    arrived = beside = 0
+    aims = np.empty(0 if dimming is None else blocks.size)
+    arrived = beside = shut = 0
     for start in range(0, task.n, BUNDLE):
         n = min(BUNDLE, task.n - start)
         bundle = blocks[: -(-n // BLOCK) * RAY]
         first, z = task.first + start, tables.entrance.z
         _forward.fill_source_rays(
-            bundle, first, n, seed, task.number, task.replicate, task.triangles, task.point, z, tables.ideal
+            bundle, first, n, seed, task.number, task.replicate, task.triangles, task.point, z, tables.ideal, facing
         )
+        _fill_dimmed_at_lens(bundle, dimming, BlemishSite.LENS_FRONT)
         fill_traced(bundle, *tables.lens)
-        _fill_through_array(bundle, tables)
+        if tables.ideal:
+            _lattice_forward.fill_ideal_weights(bundle)
+        _fill_dimmed_at_lens(bundle, dimming, BlemishSite.LENS_REAR)
+        fill_through_array_forward(bundle, tables.array)
+        _fill_dimmed_behind_array(bundle, aims[: bundle.size], dimming)
         fill_status_counts(counts, bundle, n)
-        found, missed = _forward.fill_landed(rows[arrived:], bundle, n, *sensor.shape, sensor.pixel_pitch)
-        arrived, beside = arrived + found, beside + missed
-    return Landed(rows[:arrived], counts, beside)
-
-
-def _fill_through_array(blocks: NDArray[np.float64], tables: ForwardTables) -> None:
-    """Rays behind the lens become points on the sensor; see `_lattice_forward`."""
-    from plenoptic.optics import _lattice_forward
-
-    camera, array = tables.camera, tables.camera.microlenses
-    if tables.ideal:
-        _lattice_forward.fill_ideal_weights(blocks)
-    if array is None:
-        _lattice_forward.fill_straight_forward(blocks, camera.z_sensor)
-        return
-    basis, inverse = array.basis, tables.inverse
-    z_array, distance = camera.stop_to_microlenses, camera.microlenses_to_sensor
-    if array.model is MicrolensModel.THIN:
-        _lattice_forward.fill_thin_forward(blocks, z_array, distance, 1.0 / array.focal_length, basis, inverse)
-        return
-    curved_first = array.convex_side is ConvexSide.SCENE
-    z_front = z_array - (0.0 if curved_first else array.thickness / array.index)
-    _lattice_forward.fill_plano_convex_forward(
-        blocks,
-        z_front,
-        curved_first,
-        array.model is MicrolensModel.FLAT_HIGH_INDEX,
-        (1.0 if curved_first else -1.0) / array.radius,
-        array.thickness,
-        array.index,
-        camera.z_sensor - z_front,
-        basis,
-        inverse,
-        array.cell_edges,
-    )
+        found, missed, between = _forward.fill_landed(
+            rows[arrived:], bundle, n, *sensor.shape, sensor.pixel_pitch, tables.opening
+        )
+        arrived, beside, shut = arrived + found, beside + missed, shut + between
+    return Landed(rows[:arrived], counts, beside, shut)

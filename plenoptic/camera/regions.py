@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.camera.tables import CameraTables
 from plenoptic.errors import InvalidValueError
+from plenoptic.optics.microlenses import MicrolensModel
 
 
 def pixel_centres(tables: CameraTables, rows: tuple[int, int], columns: tuple[int, int]) -> NDArray[np.float64]:
-    """(n, 2): centres in mm on the sensor of the pixels of a rectangle (first and end row and column), row by row."""
+    """(n, 2): centres of the pixels of a rectangle (first and end row and column), row by row: local x and y in mm."""
     x = -(np.arange(*columns) + 0.5 - tables.columns / 2) * tables.pitch
     y = (np.arange(*rows) + 0.5 - tables.rows / 2) * tables.pitch
-    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    on_sensor = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    placed = tables.parts.sensor_to_local
+    return np.ascontiguousarray(on_sensor @ placed.turn[:2, :2].T + placed.shift[:2])
 
 
 MOST_CELLS = 100_000
@@ -31,10 +36,17 @@ def cells_per_pixel(tables: CameraTables) -> float:
     cells = tables.cells
     if cells is None:
         return 1.0
-    radius = float(np.hypot(*cells.corners.T).max())
-    reach = float(tables.bounds.reach.max()) + cells.slack + abs(cells.bend) * radius
-    search = (reach + tables.ratio * tables.pitch) / (1.0 + tables.ratio)
-    count = 1.0 + np.pi * search**2 / abs(float(np.linalg.det(cells.basis)))
+    gap = tables.z_plane - tables.bounds.z
+    ratio = gap / tables.distance
+    bend = 0.0
+    if cells.model is not MicrolensModel.PINHOLE:
+        bend = float(np.abs(1.0 + ratio - gap * cells.powers).max())
+    reach = float(tables.bounds.reach.max()) + tables.slack + bend * cells.radius
+    search = (reach + ratio * tables.pitch) / (1.0 + ratio) + cells.radius
+    area = abs(float(np.linalg.det(cells.basis)))
+    if cells.listed is not None:
+        area = float(cells.listed.bins[2] ** 2 * (len(cells.listed.bin_first) - 1) / max(len(cells.listed.lenses), 1))
+    count = 1.0 + np.pi * search**2 / area
     if count > MOST_CELLS:
         raise InvalidValueError(
             f"each pixel sees about {count:.3g} microlenses, and the limit is {MOST_CELLS}; their pitch is too small, "
@@ -43,39 +55,65 @@ def cells_per_pixel(tables: CameraTables) -> float:
     return count
 
 
-def feeding_regions(
-    tables: CameraTables, pixels: NDArray[np.float64], margin: float
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Triangles that cover what feeds each pixel, and where each pixel's triangles begin.
+class Regions(NamedTuple):
+    """What feeds pixels."""
+
+    triangles: NDArray[np.float64]
+    """(n, TRIANGLE); see `_regions`."""
+    first: NDArray[np.int64]
+    """(pixels + 1,): where each pixel's triangles begin."""
+    details: NDArray[np.float64] | None
+    """(n, LANE): what paths keep of their microlens (see `_lattice`); None where these do not differ."""
+
+
+_NO_BINS = (None, None, None, np.zeros((0, 10)), np.zeros((0, 1, 0, 2)), np.zeros((0, 1), np.int64))
+
+
+def feeding_regions(tables: CameraTables, pixels: NDArray[np.float64], margin: float) -> Regions:
+    """Triangles that cover what feeds each pixel.
 
     `margin` is the distance from a pixel's centre to the points of it that matter, in mm.
     """
     from plenoptic.camera import _regions
+    from plenoptic.optics._lattice import LANE
 
     first = np.zeros(len(pixels) + 1, dtype=np.int64)
     cells, bounds = tables.cells, tables.bounds
     room = 16 * len(pixels)
     while True:
         triangles = np.empty((room, _regions.TRIANGLE))
+        details = None
         if cells is None:
             needed = _regions.fill_pupil_regions(triangles, first, pixels, bounds.corners, bounds.reach, bounds.step)
         else:
+            details = np.empty((room, LANE)) if cells.differs else None
             needed = _regions.fill_cell_regions(
                 triangles,
+                details,
                 first,
                 pixels,
                 margin,
+                tables.distance,
+                tables.lean,
+                tables.gap,
+                tables.frame,
+                cells.model is MicrolensModel.PINHOLE,
+                cells.origin,
                 cells.basis,
                 cells.inverse,
                 cells.corners,
-                tables.ratio,
-                cells.bend,
-                cells.slack,
+                cells.powers,
+                cells.pattern,
+                cells.clip,
+                *(_NO_BINS if cells.listed is None else cells.listed[:6]),
+                cells.radius,
+                cells.cell if cells.walls else None,
+                tables.slack,
                 bounds.normals,
                 bounds.support,
                 bounds.reach,
                 bounds.step,
             )
         if needed <= room:
-            return triangles[:needed], first
+            return Regions(triangles[:needed], first, None if details is None else details[:needed])
         room = needed

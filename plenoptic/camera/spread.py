@@ -34,14 +34,15 @@ class CameraSpread:
     light_error : float or None
         Standard error of `light`.
     centroid : (2,) array
-        Mean x and y on the sensor of the light that lands on it, mm; NaN where none does.
+        Mean x and y on the sensor, in its own axes, of the light that lands on it, mm; NaN where none does.
     centroid_error : (2,) array or None
         Its standard error.
     fates : tuple of (str, int or None)
-        What can become of a ray, and the lens element that stops it: "landed", "beside_sensor", or a lower-case name of
-        `RayStatus`.
+        What can become of a ray, and the lens element that stops it: "landed", "beside_sensor", "beside_opening" (on a
+        pixel, but beside the part of it that sees light) or a lower-case name of `RayStatus`.
     fractions : (fates,) array
-        The part of the rays that met each fate. They were aimed closely around the lens's opening, not everywhere.
+        The part of the rays that met each fate. They were aimed closely around the lens's opening, not everywhere. Rays
+        are counted, not light: one that lands through dust or a grey mask has landed.
     sensor : Sensor
     rays : int
         Rays of each point.
@@ -169,14 +170,18 @@ class LandingPoints:
     Attributes
     ----------
     position : (m, 2) array
-        x and y on the sensor of the rays that land on it, mm.
+        x and y on the sensor, in its own axes, of the rays that land on it, mm.
     weight : (m,) array
         Projected solid angle at the point that each ray stands for, sr; at ideal thin lenses and microlenses as it is
-        on the sensor, see `point_spread`.
+        on the sensor, see `point_spread`. Less where dust, a mask, an opaque microlens or the pixel's response to
+        directions takes some of its light: 0 where they take all.
     source : (m,) array of int
         Which of the points each ray comes from.
     microlens : (m, 2) array or None
-        Centre of the microlens that each ray passed, mm; None without microlenses.
+        Centre of the microlens that each ray passed, as designed, on the plane of the array, mm; None without
+        microlenses.
+    index : (m, 2) array of int or None
+        Its lattice indices, those of `MicrolensArray.lenses`; in FREE lattices (number, 0).
 
     Examples
     --------
@@ -186,7 +191,7 @@ class LandingPoints:
     ...     sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.01),
     ...     stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
     >>> landed = pl.landing_points(camera, (0.0, 0.0, -404.0))
-    >>> middle = landed.microlens @ [1, 1] == 0          # through the microlens on the axis
+    >>> middle = (landed.index == 0).all(axis=1)          # through the microlens on the axis
     >>> bool(np.abs(landed.position[middle]).max() < 0.03)
     True
     """
@@ -195,9 +200,10 @@ class LandingPoints:
     weight: NDArray[np.float64]
     source: NDArray[np.int64]
     microlens: NDArray[np.float64] | None
+    index: NDArray[np.int64] | None
 
     def __post_init__(self) -> None:
-        for name in ("position", "weight", "source", "microlens"):
+        for name in ("position", "weight", "source", "microlens", "index"):
             given = getattr(self, name)
             if given is not None:
                 set_field(self, name, read_only(np.asarray(given)))

@@ -11,6 +11,7 @@ from plenoptic.camera.regions import feeding_regions
 from plenoptic.camera.strays import fill_plates
 from plenoptic.camera.tables import CameraTables, camera_tables
 from plenoptic.optics._blocks import BLOCK
+from plenoptic.optics.lenslet_tables import array_tables
 
 LENS = pl.load_lens("double-gauss-100mm-f2")
 SENSOR = pl.Sensor(shape=(512, 512), pixel_pitch=0.01)
@@ -70,18 +71,24 @@ def towards_the_lens(camera: pl.PlenopticCamera, sensor: np.ndarray, points: np.
     rows[:6, :n] = np.column_stack([points, centres[:, 0], points - sensor, centres[:, 1]]).T
     blocks = np.ascontiguousarray(rows.reshape(8, -1, BLOCK).transpose(1, 0, 2))
     # A ray belongs to the microlens on whose curved side it lands.
-    fill_plates(blocks.reshape(-1), array, b, z, array.cell_edges)
+    fill_plates(blocks.reshape(-1), array, b, None, z, 1 / array.focal_length, None, cell_of(array))
     x, y, z_out, l, m, n_out, _, status = blocks.transpose(1, 0, 2).reshape(8, -1)[:, :n]
     origin, along = np.stack([x, y, z_out], axis=1), np.stack([l, m, n_out], axis=1)
     return pl.RayBundle(origin, along, status=status.astype(np.uint8))
 
 
+def cell_of(array: pl.MicrolensArray):
+    """The numbers of the array alone, as designed and where designed."""
+    return array_tables(array, turn=np.eye(2), origin=np.zeros(2), reach=1.0, stray=0.0)
+
+
 def aims_around(tables: CameraTables, pixel: np.ndarray, camera: pl.PlenopticCamera, n: int, rng) -> np.ndarray:
     """Points of the array over much more than what can see the lens's rear from a pixel."""
-    ratio = tables.ratio
+    ratio = tables.gap / tables.distance
+    bend = 1 + ratio - tables.gap / camera.microlenses.focal_length
     middle = pixel * ratio / (1 + ratio)
     rim = camera.lens.elements[-1].semi_diameter
-    spread = abs(tables.cells.bend) * camera.microlenses.cell_radius
+    spread = abs(bend) * camera.microlenses.cell_radius
     half = min((rim + spread) / (1 + ratio) * 1.1, 1.2) + camera.microlenses.pitch
     return middle + rng.uniform(-half, half, (n, 2))
 
@@ -101,7 +108,7 @@ def test_every_ray_that_passes_starts_in_its_cell_s_region(name: str) -> None:
     tables = camera_tables(camera)
     rng = np.random.default_rng(23)
     pixels = some_pixels(rng, 8)
-    triangles, first = feeding_regions(tables, pixels, HALF_PIXEL)
+    triangles, first, _ = feeding_regions(tables, pixels, HALF_PIXEL)
     passed_in_all = 0
     for p, pixel in enumerate(pixels):
         n = 40000
@@ -133,7 +140,7 @@ def test_aims_beyond_the_cell_that_land_on_its_sphere_are_held_too(side: pl.Conv
     array, tables = camera.microlenses, camera_tables(camera)
     rng = np.random.default_rng(5)
     pixels = some_pixels(rng, 6)
-    triangles, first = feeding_regions(tables, pixels, HALF_PIXEL)
+    triangles, first, _ = feeding_regions(tables, pixels, HALF_PIXEL)
     n, seen = 60000, 0
     for p, pixel in enumerate(pixels):
         centres = array.nearest(aims_around(tables, pixel, camera, n, rng))
@@ -146,7 +153,8 @@ def test_aims_beyond_the_cell_that_land_on_its_sphere_are_held_too(side: pl.Conv
         rows = np.zeros((8, -(-n // BLOCK) * BLOCK))
         rows[:6, :n] = np.column_stack([points, centres[:, 0], points - sensor, centres[:, 1]]).T
         blocks = np.ascontiguousarray(rows.reshape(8, -1, BLOCK).transpose(1, 0, 2))
-        fill_plates(blocks.reshape(-1), array, camera.microlenses_to_sensor, tables.z_plane, array.cell_edges)
+        b = camera.microlenses_to_sensor
+        fill_plates(blocks.reshape(-1), array, b, None, tables.z_plane, 1 / array.focal_length, None, tables.cells)
         fields = blocks.transpose(1, 0, 2).reshape(8, -1)[:, :n]
         rays = pl.RayBundle(fields[:3].T, fields[3:6].T, status=fields[7].astype(np.uint8))
         passed = camera.lens.trace_reverse(rays).status == 0
@@ -167,12 +175,12 @@ def test_triangles_stay_in_their_cell_and_never_overlap(name: str) -> None:
     tables = camera_tables(camera)
     rng = np.random.default_rng(31)
     pixels = some_pixels(rng, 60)
-    triangles, first = feeding_regions(tables, pixels, HALF_PIXEL)
+    triangles, first, _ = feeding_regions(tables, pixels, HALF_PIXEL)
     assert len(triangles) > 60
     corner, a, b = triangles[:, 0:2], triangles[:, 2:4], triangles[:, 4:6]
     # In the widened cell: its edges are those of the cell, moved out.
     edges = camera.microlenses.cell_edges
-    wider = np.linalg.norm(tables.cells.corners[0]) / camera.microlenses.cell_radius
+    wider = np.linalg.norm(tables.cells.corners[0, 0]) / camera.microlenses.cell_radius
     assert wider >= 1.0 - 1e-15
     if camera.microlenses.model is pl.MicrolensModel.THIN:
         assert wider == pytest.approx(1.0, abs=1e-15)
@@ -215,7 +223,7 @@ def test_a_region_wastes_little(name: str) -> None:
     tables = camera_tables(camera)
     rng = np.random.default_rng(6)
     pixels = SENSOR.centre_of(*rng.integers(200, 312, (2, 60)))
-    triangles, first = feeding_regions(tables, pixels, HALF_PIXEL)
+    triangles, first, _ = feeding_regions(tables, pixels, HALF_PIXEL)
     area = np.array([triangles[first[p + 1] - 1, 6] if first[p + 1] > first[p] else 0.0 for p in range(60)])
     passing = np.zeros(60)
     for p, pixel in enumerate(pixels):
@@ -234,7 +242,7 @@ def test_without_microlenses_the_region_is_the_pupil_s_outline() -> None:
     tables = camera_tables(camera)
     rng = np.random.default_rng(12)
     pixels = some_pixels(rng, 20)
-    triangles, first = feeding_regions(tables, pixels, HALF_PIXEL)
+    triangles, first, _ = feeding_regions(tables, pixels, HALF_PIXEL)
     z = tables.z_plane
     rim = camera.lens.elements[-1].semi_diameter
     for p, pixel in enumerate(pixels):
@@ -254,7 +262,7 @@ def test_little_room_is_not_overrun() -> None:
     camera = camera_of(array, 0.45, 17.1, 123.3)
     tables = camera_tables(camera)
     pixels = SENSOR.centre_of(*np.mgrid[250:254, 250:254].reshape(2, -1))
-    triangles, first = feeding_regions(tables, pixels, HALF_PIXEL)
+    triangles, first, _ = feeding_regions(tables, pixels, HALF_PIXEL)
     one_by_one = [feeding_regions(tables, pixels[p : p + 1], HALF_PIXEL)[0] for p in range(16)]
     assert np.array_equal(triangles, np.concatenate(one_by_one))
     assert first[-1] == len(triangles)

@@ -1,0 +1,127 @@
+"""A camera as built beside its design: where the parts stand, and what distances follow."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic._values import value
+from plenoptic.camera.assembly import assembly, sensor_corners
+from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.optics.placement import Placement
+
+
+@value
+class BuiltValue:
+    """One length or angle of a camera, as designed and as built.
+
+    Parameters
+    ----------
+    name : str
+    design, built : float
+    unit : str
+        "mm" or "mrad".
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> pl.BuiltValue("sensor: shift x", 0.0, 0.02, "mm")
+    sensor: shift x: 0 mm designed, 0.02 mm built
+    """
+
+    name: str
+    design: float
+    built: float
+    unit: str
+
+    def __repr__(self) -> str:
+        return f"{self.name}: {self.design:.6g} {self.unit} designed, {self.built:.6g} {self.unit} built"
+
+
+@value
+class AsBuilt:
+    """What `as_built` says; printing it shows a table.
+
+    Parameters
+    ----------
+    values : tuple of BuiltValue
+
+    Examples
+    --------
+    See `as_built`.
+    """
+
+    values: tuple[BuiltValue, ...]
+
+    def __getitem__(self, name: str) -> BuiltValue:
+        """The value of that name."""
+        for each in self.values:
+            if each.name == name:
+                return each
+        raise KeyError(f"there is no value {name!r}; there are {', '.join(each.name for each in self.values)}")
+
+    def __repr__(self) -> str:
+        rows = [f"{'':<44}{'design':>12}{'as built':>12}"]
+        rows += [f"{each.name + ', ' + each.unit:<44}{each.design:>12.6g}{each.built:>12.6g}" for each in self.values]
+        return "\n".join(rows)
+
+
+def as_built(camera: PlenopticCamera) -> AsBuilt:
+    """A camera's placements and distances beside those of its design.
+
+    Parameters
+    ----------
+    camera : PlenopticCamera
+
+    Returns
+    -------
+    AsBuilt
+        For each part that stands elsewhere its shift, its tilt (the angles of its axis towards x and y) and its turn
+        about the axis; the distance between array and sensor, or last lens vertex and sensor, in the middle and its
+        least and largest over the sensor's corners, measured along the array's normal.
+
+    Examples
+    --------
+    >>> import math, plenoptic as pl
+    >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
+    ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
+    ...     sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.010),
+    ...     stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
+    >>> print(pl.as_built(camera.moved(pl.CameraPart.SENSOR, tilt=(0.0, 0.01, 0.0))))
+                                                      design    as built
+    sensor: tilt towards x, mrad                           0          10
+    array to sensor, mm                                  1.7         1.7
+    array to sensor, least at a corner, mm               1.7      1.6744
+    array to sensor, largest at a corner, mm             1.7      1.7256
+    """
+    parts = (
+        ("lens", camera.lens_placement),
+        ("array", camera.microlenses_placement),
+        ("sensor", camera.sensor_placement),
+    )
+    found = [each for name, placement in parts if placement is not None for each in _moves(name, placement)]
+    behind = "lens to sensor" if camera.microlenses is None else "array to sensor"
+    design, built = (_distances(each) for each in (camera.design, camera))
+    for k, what in enumerate(("", ", least at a corner", ", largest at a corner")):
+        found.append(BuiltValue(behind + what, design[k], built[k], "mm"))
+    return AsBuilt(tuple(found))
+
+
+def _moves(name: str, placement: Placement) -> list[BuiltValue]:
+    """What a placement changes."""
+    shift, turn = np.asarray(placement.shift), np.asarray(placement.rotation)
+    given = [(f"{name}: shift {axis}", float(step), "mm") for axis, step in zip("xyz", shift, strict=True)]
+    # The axis of the part is the third column; the turn about it is read off what is left of x.
+    given.append((f"{name}: tilt towards x", 1e3 * math.atan2(turn[0, 2], turn[2, 2]), "mrad"))
+    given.append((f"{name}: tilt towards y", 1e3 * math.atan2(turn[1, 2], turn[2, 2]), "mrad"))
+    given.append((f"{name}: turn about the axis", 1e3 * math.atan2(turn[1, 0], turn[0, 0]), "mrad"))
+    return [BuiltValue(what, 0.0, amount, unit) for what, amount, unit in given if abs(amount) > 1e-12]
+
+
+def _distances(camera: PlenopticCamera) -> NDArray[np.float64]:
+    """(3,): to the sensor's centre, and the least and largest to its corners."""
+    parts = assembly(camera)
+    corners = sensor_corners(camera, parts)[:, 2]
+    return np.array([float(parts.sensor_to_local.shift[2]), corners.min(), corners.max()])

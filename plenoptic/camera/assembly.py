@@ -1,0 +1,118 @@
+"""How lens, array and sensor stand to each other: from their placements to the axes in which rays are traced.
+
+Placements lead from a part's own axes to those of its place in the design: a point p of the part lies at
+shift + rotation @ p from there. The lens turns about the centre of its iris, the array about the point where the
+axis meets its front principal plane, the sensor about its centre.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.optics.placement import Placement
+
+if TYPE_CHECKING:
+    from plenoptic.camera.camera import PlenopticCamera
+
+_UPRIGHT = 1e-14
+"""Sine of a tilt that is rounding alone."""
+
+
+class Rigid(NamedTuple):
+    """A rigid motion: p goes to turn @ p + shift."""
+
+    turn: NDArray[np.float64]
+    shift: NDArray[np.float64]
+
+    def of(self, inner: Rigid) -> Rigid:
+        """This motion after another one."""
+        return Rigid(self.turn @ inner.turn, self.turn @ inner.shift + self.shift)
+
+    def inverse(self) -> Rigid:
+        """The motion back."""
+        return Rigid(self.turn.T, -self.turn.T @ self.shift)
+
+    def points(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Points (..., 3) moved."""
+        return np.asarray(points @ self.turn.T + self.shift)
+
+    def directions(self, directions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Directions (..., 3) turned."""
+        return np.asarray(directions @ self.turn.T)
+
+
+def rigid(placement: Placement | None, z: float) -> Rigid:
+    """From a part's own axes to the camera's, for a part whose place in the design is (0, 0, z)."""
+    if placement is None:
+        return Rigid(np.eye(3), np.array([0.0, 0.0, z]))
+    return Rigid(np.asarray(placement.rotation), np.asarray(placement.shift) + np.array([0.0, 0.0, z]))
+
+
+class Assembly(NamedTuple):
+    """The camera's parts in the axes in which its array is traced: the *local* axes.
+
+    Where the array's plane is perpendicular to the lens's axis, the local axes are those of the lens, with z = 0 at the
+    array; otherwise they are the array's own.
+    """
+
+    lens_to_camera: Rigid | None
+    """None where the lens stands as designed."""
+    frame: NDArray[np.float64] | None
+    """(12,) rotation row by row and shift from local to lens axes; None where they are the same but for `z_plane`."""
+    z_plane: float
+    """The array's front principal plane in the lens's axes; where that is tilted, its centre."""
+    array_turn: NDArray[np.float64]
+    """(2, 2): the array's axes in the local ones."""
+    array_origin: NDArray[np.float64]
+    """(2,) the array's centre there."""
+    sensor_to_local: Rigid
+    """z is measured from the array's rear principal plane."""
+    distance: float
+    """From the rear principal plane to the sensor along the local axis, in mm."""
+    lean: NDArray[np.float64] | None
+    """(2,): how that distance grows with local x and y; None for a sensor parallel to the array."""
+
+
+def assembly(camera: PlenopticCamera) -> Assembly:
+    """Where the parts of a camera stand; without microlenses, local axes are those of the lens at its last vertex."""
+    lens = rigid(camera.lens_placement, 0.0)
+    sensor = lens.inverse().of(rigid(camera.sensor_placement, camera.z_sensor))
+    frame, turn, origin = None, np.eye(2), np.zeros(2)
+    if camera.microlenses is None:
+        z_plane = float(camera.lens.vertices[-1])
+        local_from_lens, behind = Rigid(np.eye(3), np.array([0.0, 0.0, -z_plane])), 0.0
+    else:
+        array = lens.inverse().of(rigid(camera.microlenses_placement, camera.stop_to_microlenses))
+        z_plane, behind = float(array.shift[2]), camera.microlenses.principal_separation
+        if math.hypot(array.turn[0, 2], array.turn[1, 2]) < _UPRIGHT:
+            local_from_lens = Rigid(np.eye(3), np.array([0.0, 0.0, -z_plane]))
+            turn, origin = array.turn[:2, :2].copy(), array.shift[:2].copy()
+        else:
+            local_from_lens = array.inverse()
+            frame = np.concatenate([array.turn.ravel(), array.shift])
+    sensor = local_from_lens.of(sensor)
+    sensor = sensor._replace(shift=sensor.shift - np.array([0.0, 0.0, behind]))
+    distance, lean = _plane(sensor)
+    return Assembly(
+        None if camera.lens_placement is None else lens, frame, z_plane, turn, origin, sensor, distance, lean
+    )
+
+
+def _plane(sensor: Rigid) -> tuple[float, NDArray[np.float64] | None]:
+    """A plane as distance and slopes: z = distance + lean . (x, y)."""
+    normal = sensor.turn[:, 2]
+    slopes = -normal[:2] / normal[2]
+    if float(np.hypot(*slopes)) < _UPRIGHT:
+        return float(sensor.shift[2]), None
+    return float(sensor.shift[2] - slopes @ sensor.shift[:2]), np.ascontiguousarray(slopes)
+
+
+def sensor_corners(camera: PlenopticCamera, parts: Assembly) -> NDArray[np.float64]:
+    """(4, 3): corners of the sensor in local axes, in mm."""
+    height, width = camera.sensor.size
+    corners = np.array([[x, y, 0.0] for x in (-width / 2, width / 2) for y in (-height / 2, height / 2)])
+    return parts.sensor_to_local.points(corners)

@@ -1,0 +1,21 @@
+"""The exit pupil of the main lens, as its model has it."""
+
+from __future__ import annotations
+
+from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.optics.models import LensModel
+from plenoptic.optics.paraxial import cardinal_points
+
+
+def model_pupil(camera: PlenopticCamera) -> tuple[float, float]:
+    """Where the exit pupil is, z in the lens's axes in mm, inf for a telecentric lens, and its size over the iris's.
+
+    The size is negative where the pupil stands upside down.
+    """
+    lens = camera.lens
+    if lens.model is LensModel.NONE:
+        return 0.0, 1.0
+    points = cardinal_points(lens, camera.wavelength)
+    if lens.model is LensModel.THIN:
+        return points.rear_principal, points.entrance_pupil_semi_diameter / lens.stop.semi_diameter
+    return points.exit_pupil, points.pupil_magnification

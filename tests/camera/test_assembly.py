@@ -1,0 +1,194 @@
+"""Cameras as built: what moves together changes nothing, what moves alone changes what geometry says."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+import plenoptic as pl
+from plenoptic.camera import tables as camera_tables_module
+from plenoptic.camera.assembly import assembly
+from plenoptic.optics.placement import rotation_about_axes
+
+LENS = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(5.0))
+CAMERA = pl.PlenopticCamera(
+    lens=LENS,
+    microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
+    sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.010),
+    stop_to_microlenses=123.3,
+    microlenses_to_sensor=1.7,
+)
+REGION = np.s_[200:224, 230:262]
+LENS_PART, ARRAY, SENSOR = pl.CameraPart
+
+
+def white(camera: pl.PlenopticCamera, samples: int = 64, region=REGION, seed: int = 0) -> pl.Exposure:
+    return pl.render_white(camera, samples=samples, region=region, seed=seed, progress=False)
+
+
+def together(camera: pl.PlenopticCamera, shift, tilt) -> pl.PlenopticCamera:
+    """All parts moved as one body about the centre of the iris."""
+    turn = rotation_about_axes(tilt)
+
+    def placed(z: float) -> pl.Placement:
+        place = np.array([0.0, 0.0, z])
+        return pl.Placement(shift=turn @ place - place + np.asarray(shift), rotation=turn)
+
+    return dataclasses.replace(
+        camera,
+        lens_placement=placed(0.0),
+        microlenses_placement=None if camera.microlenses is None else placed(camera.stop_to_microlenses),
+        sensor_placement=placed(camera.z_sensor),
+    )
+
+
+def agree(a: pl.Exposure, b: pl.Exposure) -> None:
+    """Totals within 4 joint standard errors; single pixels at the rims of images have no honest error of their own."""
+    joint = np.square(np.hypot(a.standard_error, b.standard_error), dtype=np.float64).sum()
+    assert abs(float((a.image - b.image).sum(dtype=np.float64))) < 4 * math.sqrt(joint)
+
+
+# ---- laws ----
+
+
+def test_what_shifts_together_changes_no_bit():
+    assert np.array_equal(white(together(CAMERA, (1.0, -2.0, 4.0), (0, 0, 0))).image, white(CAMERA).image)
+
+
+@pytest.mark.parametrize("tilt", [(0.2, 0.1, 0.0), (0.0, 0.0, 1.0), (-0.3, 0.2, 0.5)])
+def test_what_turns_together_changes_nothing(tilt):
+    # Rounding moves single paths over rims; where none is near, pixels agree to rounding of float32.
+    turned, plain = white(together(CAMERA, (0, 0, 0), tilt)).image, white(CAMERA).image
+    difference = np.abs(turned - plain) / plain.max()
+    assert np.median(difference) < 1e-6
+    assert abs(turned.sum(dtype=np.float64) / plain.sum(dtype=np.float64) - 1) < 2e-3
+
+
+def test_turned_and_posed_cameras_see_the_same():
+    # A camera whose parts all turn by the motion T is the camera posed by T.
+    scene = pl.check_scene()
+    tilt, shift = (0.004, -0.003, 0.0), (0.3, 0.2, 1.0)
+    built = together(CAMERA, shift, tilt)
+    posed = dataclasses.replace(CAMERA, pose=pl.Pose(rotation_about_axes(tilt), np.array(shift)))
+    a = pl.render(scene, built, samples=32, region=REGION, progress=False)
+    b = pl.render(scene, posed, samples=32, region=REGION, progress=False)
+    assert np.median(np.abs(a.image - b.image)) < 1e-6 * b.image.max()
+    agree(a, b)
+
+
+def test_a_lattice_is_the_same_after_a_step_and_a_sixth_of_a_turn():
+    basis = CAMERA.microlenses.basis
+    stepped = CAMERA.moved(ARRAY, shift=(*(2 * basis[0] - basis[1]), 0.0))
+    assert np.allclose(white(stepped).image, white(CAMERA).image, rtol=1e-4, atol=1e-6)
+    agree(white(CAMERA.moved(ARRAY, tilt=(0, 0, math.pi / 3)), 256), white(CAMERA, 256))
+
+
+def test_a_sensor_turned_by_a_quarter_shows_a_turned_image():
+    whole = np.s_[240:272, 240:272]
+    square = dataclasses.replace(CAMERA, microlenses=dataclasses.replace(CAMERA.microlenses, lattice=pl.Lattice.SQUARE))
+    turned = white(square.moved(SENSOR, tilt=(0, 0, math.pi / 2)), 256, whole)
+    # The square lattice looks the same after a quarter turn, and so does the centred lens.
+    agree(turned, white(square, 256, whole))
+    shifted = square.moved(SENSOR, shift=(0.05, 0.0, 0.0))
+    assert np.allclose(
+        white(shifted, 64, np.s_[240:272, 245:267]).image,
+        white(square, 64, np.s_[240:272, 240:262]).image,
+        rtol=0.6,
+        atol=1e-3,
+    )
+
+
+def test_tilts_tend_to_none():
+    for part in (ARRAY, SENSOR, LENS_PART):
+        agree(white(CAMERA.moved(part, tilt=(1e-7, -1e-7, 0.0)), 256), white(CAMERA, 256))
+
+
+def test_a_tilted_sensor_is_nearer_on_one_side():
+    tilt = math.radians(2.0)
+    parts = assembly(CAMERA.moved(SENSOR, tilt=(0.0, tilt, 0.0)))
+    # About y, z turns towards x: the plane is z = 1.7 - x tan(tilt).
+    assert parts.distance == pytest.approx(1.7, rel=1e-12)
+    assert parts.lean == pytest.approx((-math.tan(tilt), 0.0), abs=1e-15)
+
+
+def test_a_tilted_conventional_camera_weighs_light_by_both_cosines():
+    # The pupil is far away compared with its size: E = L A cos(sensor) cos(axis) / r^2 for each pixel.
+    lens = LENS.with_model(pl.LensModel.THIN).with_stop(pl.CircularStop(2.0))
+    camera = pl.PlenopticCamera(lens=lens, sensor=pl.Sensor(shape=(64, 64), pixel_pitch=0.2), stop_to_microlenses=134.6)
+    tilted = camera.moved(SENSOR, tilt=(math.radians(20.0), math.radians(-10.0), 0.0))
+    shot, turn = white(tilted, 256, None), rotation_about_axes((math.radians(20.0), math.radians(-10.0), 0.0))
+    rows, columns = np.mgrid[:64, :64]
+    points = np.concatenate([camera.sensor.centre_of(rows, columns), np.zeros((64, 64, 1))], axis=-1) @ turn.T
+    points[..., 2] += camera.z_sensor
+    principal = pl.paraxial.cardinal_points(lens, 587.6)
+    pupil = np.array([0.0, 0.0, principal.rear_principal])
+    way = pupil - points
+    r2 = (way**2).sum(axis=-1)
+    area = math.pi * principal.entrance_pupil_semi_diameter**2
+    expected = area * (-way @ turn[:, 2]) * (-way[..., 2]) / r2**2
+    # The pupil is 4 mm wide at 130 mm: corrections of second order, (2/130)^2. Blocks of 16 x 16 pixels by their
+    # errors.
+    image, error = shot.image[..., 0].astype(float), shot.standard_error[..., 0].astype(float)
+    sums, wanted = (a.reshape(4, 16, 4, 16).sum(axis=(1, 3)) for a in (image, expected))
+    joint = np.sqrt((error**2).reshape(4, 16, 4, 16).sum(axis=(1, 3)))
+    assert np.all(np.abs(sums - wanted) < 4 * joint + 5e-4 * wanted)
+    assert np.all(joint < 2e-3 * wanted)
+
+
+# ---- bounds: nothing that passes is left out ----
+
+
+@pytest.mark.parametrize(
+    "moves",
+    [
+        [(ARRAY, (0.5, -0.3, 0.2), (0.05, -0.03, 1.0))],
+        [(SENSOR, (0.5, -0.3, 0.1), (0.14, -0.09, 0.3))],
+        [(LENS_PART, (0.5, -0.3, 0.2), (0.05, -0.03, 1.0))],
+        [(ARRAY, (0, 0, 0), (0.14, 0.0, 0.0)), (SENSOR, (0, 0, 0), (0.1, 0.05, 0.0))],
+    ],
+)
+@pytest.mark.parametrize("model", [pl.MicrolensModel.THIN, pl.MicrolensModel.SPHERICAL])
+def test_wider_margins_change_no_image(moves, model, monkeypatch):
+    camera = dataclasses.replace(CAMERA, microlenses=dataclasses.replace(CAMERA.microlenses, model=model))
+    for part, shift, tilt in moves:
+        camera = camera.moved(part, shift=shift, tilt=tilt)
+    region = np.s_[200:216, 20:44]
+    narrow = white(camera, 512, region)
+    compiled = camera_tables_module.camera_tables
+    monkeypatch.setattr("plenoptic.rendering.camera_tables", lambda c: (t := compiled(c))._replace(slack=t.slack + 1.0))
+    wide = white(camera, 1024, region, seed=1)
+    agree(narrow, wide)
+
+
+# ---- design against as built ----
+
+
+def test_the_design_is_kept_beside_what_was_built():
+    built = (
+        CAMERA.moved(ARRAY, shift=(0.02, 0.0, 0.0))
+        .moved(ARRAY, tilt=(0.0, 0.0, 0.01))
+        .moved(SENSOR, shift=(0, 0.01, 0))
+    )
+    assert built != CAMERA and built.design == CAMERA
+    assert built.microlenses_placement.shift.tolist() == [0.02, 0.0, 0.0]
+    spoiled = dataclasses.replace(
+        CAMERA,
+        microlenses=dataclasses.replace(
+            CAMERA.microlenses, imperfections=pl.MicrolensImperfections(pitch_jitter=0.001)
+        ),
+    )
+    assert spoiled.design == CAMERA
+
+
+def test_impossible_assemblies_are_refused():
+    with pytest.raises(pl.InvalidValueError, match="behind what stands in front"):
+        CAMERA.moved(SENSOR, tilt=(math.radians(50.0), 0.0, 0.0))
+    with pytest.raises(pl.InvalidValueError, match="last vertex"):
+        CAMERA.moved(ARRAY, shift=(0.0, 0.0, -100.0))
+    with pytest.raises(pl.InvalidValueError, match="without microlenses"):
+        dataclasses.replace(
+            CAMERA, microlenses=None, microlenses_to_sensor=0.0, microlenses_placement=pl.Placement(shift=(0.1, 0, 0))
+        )
+    with pytest.raises(pl.InvalidValueError, match="CameraPart"):
+        CAMERA.moved(7)

@@ -1,0 +1,378 @@
+"""Centres of microlens images: closed forms of thin lenses, laws, agreement with aiming and with white images."""
+
+import dataclasses
+import math
+import pickle
+
+import numpy as np
+import pytest
+
+import plenoptic as pl
+from plenoptic.camera import centroids
+from plenoptic.camera.array_axes import array_axes
+from plenoptic.camera.camera import CameraPart
+from plenoptic.camera.centres import CentreMethod, microlens_centres
+from plenoptic.camera.centroids import centroids_at, opening_points
+from plenoptic.camera.chiefs import aimed_slopes
+
+ORTHOGONAL, CHIEF_RAY, CENTROID = CentreMethod
+PIXEL = 0.010
+
+
+def the_lens(stop=4.25, model=pl.LensModel.EXACT):
+    return pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(stop)).with_model(model)
+
+
+def the_camera(lens=None, shape=(200, 300), b=2.0, z=123.3, **array):
+    """The reference camera in mode 1.0."""
+    return pl.PlenopticCamera(
+        lens=the_lens() if lens is None else lens,
+        microlenses=pl.MicrolensArray(**({"pitch": 0.217, "focal_lengths": (2.0,)} | array)),
+        sensor=pl.Sensor(shape=shape, pixel_pitch=PIXEL),
+        stop_to_microlenses=z,
+        microlenses_to_sensor=b,
+    )
+
+
+def pupil_of(lens):
+    points = pl.paraxial.cardinal_points(lens)
+    return {pl.LensModel.NONE: 0.0, pl.LensModel.THIN: points.rear_principal}.get(lens.model, points.exit_pupil)
+
+
+def by_index(centres):
+    return {tuple(index): row for row, index in enumerate(centres.index.tolist())}
+
+
+def pairs(one, other):
+    """Rows of the microlenses that both know."""
+    first, second = by_index(one), by_index(other)
+    common = sorted(first.keys() & second.keys())
+    assert len(common) > 10
+    return [first[key] for key in common], [second[key] for key in common]
+
+
+# ---- closed forms ----
+
+
+@pytest.mark.parametrize("lattice", [pl.Lattice.HEXAGONAL, pl.Lattice.SQUARE])
+@pytest.mark.parametrize("model", [pl.LensModel.NONE, pl.LensModel.THIN, pl.LensModel.PARAXIAL])
+def test_ideal_lenses_project_the_array_from_the_pupils_middle(model, lattice):
+    camera = the_camera(the_lens(model=model), lattice=lattice)
+    centres = microlens_centres(camera)
+    gap = camera.stop_to_microlenses - pupil_of(camera.lens)
+    # The polynomial reproduces a straight line to some rounding errors of the largest coordinate.
+    np.testing.assert_allclose(centres.position, centres.on_array * (1 + 2.0 / gap), atol=1e-13)
+    assert len(centres) > 100
+    np.testing.assert_allclose(centres.on_array, centres.index @ camera.microlenses.basis, atol=1e-14)
+
+
+def test_orthogonal_centres_lie_behind_the_microlenses():
+    centres = microlens_centres(the_camera(), ORTHOGONAL)
+    np.testing.assert_array_equal(centres.position, centres.on_array)
+
+
+def test_images_of_the_reference_repeat_every_22_038_pixels():
+    """Paraxial, from the reference scenes: 21.7 (1 + 2 / (123.3 + 5.23)); near the axis."""
+    camera = the_camera(shape=(70, 70), lattice=pl.Lattice.SQUARE)
+    centres = microlens_centres(camera)
+    apart = np.diff(np.unique(centres.pixel[:, 0].round(6)))
+    # Pupil aberrations grow with the square of the radius: 1e-4 at 0.2 mm of 128 mm are generous.
+    np.testing.assert_allclose(apart, 22.038, atol=5e-4)
+
+
+def test_thin_lenses_have_their_centroids_where_the_chief_rays_land():
+    """A small stop sends every part of a cell the same light, but for cos^4: 4 d u d theta ... of second order."""
+    camera = the_camera(the_lens(0.1, pl.LensModel.THIN), b=1.7)
+    chief, centroid = microlens_centres(camera), microlens_centres(camera, CENTROID)
+    here, there = pairs(chief, centroid)
+    # cos^4 behind a lens of power 1/f varies by 4 u d / f across the cell (u < 0.02, d / f < 0.06), and rays through d
+    # land (1 - b / f) d beside the middle: 4 u <d^2> / f (1 - b / f) < 4 x 0.02 x 0.0025 / 2 x 0.15 = 1.5e-5 mm.
+    assert np.abs(centroid.position[there] - chief.position[here]).max() < 2e-5
+
+
+def test_a_telecentric_pupil_projects_along_the_axis():
+    lens = pl.LensStack(
+        [
+            pl.CircularStop(1.0, thickness=97.0),
+            pl.Surface(100.0, 4.0, pl.ConstantMedium(1.5), semi_diameter=30.0),
+            pl.Surface(-100.0, 0.0, pl.AIR, semi_diameter=30.0),
+        ]
+    )
+    gap = pl.paraxial.cardinal_points(lens).exit_pupil
+    camera = the_camera(lens, z=150.0)
+    centres = microlens_centres(camera)
+    # Wherever the pupil is, far away, on either side: its spherical aberration grows with the cube of the radius
+    # (2.5e-6 mm at 1 mm here), and nothing else may.
+    off = np.linalg.norm(centres.position - centres.on_array * (1 + 2.0 / (150.0 - gap)), axis=1)
+    assert (off <= 4e-6 * np.linalg.norm(centres.on_array, axis=1) ** 3 + 1e-12).all()
+
+
+@pytest.mark.parametrize("side", list(pl.ConvexSide))
+@pytest.mark.parametrize("index", [1.5, 1.9])
+def test_plates_are_traced(side, index):
+    """A single large plano-convex lens, followed surface by surface, leads the same ray to the same place."""
+    kind = {"model": pl.MicrolensModel.SPHERICAL, "thickness": 0.8, "index": index, "convex_side": side}
+    camera = the_camera(shape=(3000, 3000), b=2.0, pitch=0.5, **kind)
+    axes, centres = array_axes(camera), microlens_centres(camera)
+    rows = [int(np.argmax(centres.on_array @ direction)) for direction in ((1, 0), (1, 1), (-1, 2))]
+    slopes = aimed_slopes(axes, centres.on_array[rows])
+    glass, radius = pl.ConstantMedium(index), 2.0 * (index - 1)
+    curved = side is pl.ConvexSide.SCENE
+    first, last = (radius, math.inf) if curved else (math.inf, -radius)
+    plate = pl.LensStack(
+        [
+            pl.CircularStop(5.0, thickness=1.0),
+            pl.Surface(first, 0.8, glass, semi_diameter=0.3),
+            pl.Surface(last, 0.0, pl.AIR, semi_diameter=0.3),
+        ]
+    )
+    for row, (u, v) in zip(rows, slopes, strict=True):
+        # Through the vertex of the curved side, at z = 1 or 1.8 of the stack; inside, Snell's law.
+        outside = math.hypot(u, v)
+        inside = math.tan(math.asin(math.sin(math.atan(outside)) / index)) / outside
+        start = (0.0 if curved else -0.8 * inside) * np.array([u, v])
+        ray = pl.RayBundle([[*(start - np.array([u, v])), 0.0]], [[u, v, 1.0]])
+        # The sensor lies 2 mm behind the rear principal plane: in the vertex, or thickness / n before the flat side.
+        landed = plate.trace(ray).at_z(1.8 + (2.0 - 0.8 / index if curved else 2.0))[0, :2]
+        # Rounding of coordinates of 15 mm, and the chief ray of a point moved by 1e-6.
+        np.testing.assert_allclose(centres.position[row] - centres.on_array[row], landed, atol=1e-8)
+
+
+# ---- the traced chief ray ----
+
+
+@pytest.mark.parametrize("name, z", [("double-gauss-100mm-f2", 123.3), ("fisheye-100mm-f8", 120.0)])
+def test_interpolated_chief_rays_are_those_that_are_aimed_at(name, z):
+    lens = pl.load_lens(name)
+    z = max(z, float(lens.vertices[-1]) + 5)
+    camera = the_camera(lens, shape=(2400, 3600), z=z, pitch=0.4)
+    centres = microlens_centres(camera)
+    rows = np.random.default_rng(3).choice(len(centres), 40, replace=False)
+    aimed = centres.on_array[rows] + 2.0 * aimed_slopes(array_axes(camera), centres.on_array[rows])
+    # As documented; the iris is met to 1e-9 mm, which the lever of the sensor makes smaller.
+    assert np.abs(centres.position[rows] - aimed).max() < 1e-9
+
+
+def test_a_decentred_lens_is_interpolated_in_two_dimensions():
+    lens = the_lens().moved(slice(8, 10), shift=(0.3, -0.1, 0.0), tilt=(0.01, 0.0, 0.0))
+    camera = the_camera(lens, shape=(1000, 1400))
+    centres = microlens_centres(camera)
+    rows = np.random.default_rng(4).choice(len(centres), 20, replace=False)
+    aimed = centres.on_array[rows] + 2.0 * aimed_slopes(array_axes(camera), centres.on_array[rows])
+    assert np.abs(centres.position[rows] - aimed).max() < 1e-9
+    straight = microlens_centres(the_camera(shape=(1000, 1400)))
+    here, there = pairs(centres, straight)
+    assert np.abs(centres.position[here] - straight.position[there]).max() > 1e-3
+
+
+# ---- centroids ----
+
+
+def half_shut(stop=3.6):
+    """A camera with a stop behind the lens that cuts microlens images away from the axis."""
+    return the_camera(the_lens(stop).inserted(pl.CircularStop(3.5), 60.0), shape=(1200, 1200))
+
+
+def test_centroids_converge_with_finer_lines():
+    camera = half_shut()
+    axes, points = array_axes(camera), np.array([[0.0, 0.0], [2.0, 1.0], [4.0, -3.0], [-5.0, 2.0]])
+    coarse, fine = (
+        centroids_at(axes, camera.microlenses, points, 0.5, lines=n, places=m) for n, m in ((32, 24), (160, 60))
+    )
+    # Documented: some 0.01 pixels.
+    assert np.abs(coarse - fine).max() < 0.02 * PIXEL
+    assert np.abs(fine[0]).max() < 1e-5  # on the axis, by symmetry; halving eight times leaves some 1e-5
+
+
+def test_vignetting_draws_centroids_away_from_chief_rays_towards_the_axis_or_from_it_but_not_across():
+    camera = half_shut()
+    points = np.array([[4.0, 0.0], [0.0, 4.0], [2.8, 2.8]])
+    axes = array_axes(camera)
+    centroid = centroids_at(axes, camera.microlenses, points, 0.5)
+    beside = centroid - (points + 2.0 * aimed_slopes(axes, points))
+    outwards = points / np.linalg.norm(points, axis=1)[:, None]
+    along = np.sum(beside * outwards, axis=1)
+    across = beside[:, 0] * outwards[:, 1] - beside[:, 1] * outwards[:, 0]
+    assert (np.abs(along) > 0.5 * PIXEL).all()
+    assert np.abs(across).max() < 0.02 * PIXEL
+    assert np.ptp(along) < 0.05 * PIXEL  # round lens, round stops: the same at all azimuths
+
+
+def test_interpolated_centroids_are_those_of_the_quadrature(monkeypatch):
+    monkeypatch.setattr(centroids, "FIELDS", 21)  # fewer than usual: quicker, and a stricter test
+    camera = half_shut()
+    found = microlens_centres(camera, CENTROID)
+    assert len(found) > 33 * 33
+    rows = np.random.default_rng(5).choice(np.flatnonzero(np.abs(found.on_array).max(axis=1) < 5), 30, replace=False)
+    direct = centroids_at(array_axes(camera), camera.microlenses, found.on_array[rows], 0.5)
+    assert np.abs(found.position[rows] - direct).max() < 0.02 * PIXEL
+
+
+@pytest.mark.parametrize(
+    "lattice, part",
+    [(pl.Lattice.SQUARE, None), *((pl.Lattice.HEXAGONAL, part) for part in (None, *CameraPart))],
+)
+def test_centroids_of_a_rendered_white_image_are_those_of_the_geometry(lattice, part):
+    camera = dataclasses.replace(half_shut(), microlenses=pl.MicrolensArray(0.217, (2.0,), lattice))
+    if part is not None:
+        camera = camera.moved(part, shift=(0.03, 0.05, -0.02), tilt=(0.01, -0.015, 0.02))
+    white = pl.render_white(camera, samples=128, region=np.s_[560:650, 150:260], seed=5, progress=False)
+    seen, chief = microlens_centres(camera, CENTROID, white=white), microlens_centres(camera)
+    assert len(seen) >= 6
+    computed = centroids_at(array_axes(camera), camera.microlenses, seen.on_array, 0.5)
+    rows, columns = np.mgrid[560:650, 150:260]
+    for key, row in by_index(seen).items():
+        place = seen.position[row]
+        offset = camera.sensor.centre_of(rows, columns) - place
+        own = np.hypot(offset[..., 0], offset[..., 1]) < 0.11
+        error = white.standard_error[own, 0].astype(float)
+        sigma = math.sqrt(np.sum((error * np.hypot(*offset[own].T)) ** 2)) / white.image[own].sum(dtype=float)
+        # Five standard errors, and the 0.02 pixels of the computed one.
+        assert np.linalg.norm(place - computed[row]) < 5 * sigma + 0.02 * PIXEL
+        assert np.linalg.norm(place - chief.position[by_index(chief)[key]]) > 0.2 * PIXEL  # vignetted: it can fail
+
+
+def test_four_points_have_the_moments_of_the_opening():
+    for lattice, width in ((pl.Lattice.SQUARE, 1.0 / 12), (pl.Lattice.HEXAGONAL, 5.0 / 72)):
+        # Of a square of side 1: 1/12; of a hexagon of apothem 1/2, side 1/sqrt(3): 5 side^2 / 24.
+        points = opening_points(pl.MicrolensArray(1.0, (2.0,), lattice))
+        np.testing.assert_allclose((points**2).mean(axis=0), width, rtol=1e-12)
+        np.testing.assert_allclose(points.mean(axis=0), 0.0, atol=1e-15)
+
+
+# ---- what is listed ----
+
+
+def test_only_centres_on_the_sensor_and_its_margin_are_listed():
+    camera = the_camera(shape=(90, 150))
+    few, many = microlens_centres(camera), microlens_centres(camera, margin=0.3)
+    for centres, margin in ((few, 0.0), (many, 0.3)):
+        assert (np.abs(centres.position) <= np.array([0.75, 0.45]) + margin + 1e-9).all()
+    assert by_index(few).keys() < by_index(many).keys()
+    # Every lattice point whose image is on the sensor is there: the area over that of an image's cell, to the rim.
+    assert len(many) == pytest.approx((1.5 + 0.6) * (0.9 + 0.6) / (camera.microlenses.cell_area * 1.0157**2), rel=0.15)
+    np.testing.assert_allclose(camera.sensor.pixel_of(few.position), few.pixel, atol=1e-12)
+    assert len(microlens_centres(camera, margin=-5.0)) == 0
+
+
+def test_types_follow_the_array():
+    camera = the_camera(focal_lengths=(1.8, 2.0, 2.2))
+    centres = microlens_centres(camera)
+    assert set(centres.type.tolist()) == {0, 1, 2}
+    low, high = centres.on_array.min(axis=0), centres.on_array.max(axis=0)
+    lenses = camera.microlenses.lenses(low - 0.01, high + 0.01)
+    types = dict(zip(map(tuple, lenses.index.tolist()), lenses.type.tolist(), strict=True))
+    assert all(types[tuple(i)] == t for i, t in zip(centres.index.tolist(), centres.type.tolist(), strict=True))
+
+
+def test_jitter_moves_centres():
+    lens = the_lens(model=pl.LensModel.THIN)
+    spoiled = the_camera(lens, imperfections=pl.MicrolensImperfections(pitch_jitter=0.01, seed=3))
+    for method in CentreMethod:
+        moved, straight = microlens_centres(spoiled, method), microlens_centres(the_camera(lens), method)
+        here, there = pairs(moved, straight)
+        shift = moved.on_array[here] - straight.on_array[there]
+        assert shift.std() == pytest.approx(0.01, rel=0.15)
+        scale = 1.0 if method is ORTHOGONAL else 1 + 2.0 / (123.3 - pupil_of(lens))
+        step = moved.position[here] - straight.position[there]
+        np.testing.assert_allclose(step, scale * shift, atol=1e-12 if method is not CENTROID else 0.01 * PIXEL)
+
+
+def test_dark_microlenses_have_no_centroid():
+    dark = pl.MicrolensDeviations(index=[(0, 0)], transmission=[0.0])
+    camera = the_camera(shape=(70, 70), imperfections=dark)
+    assert (0, 0) in by_index(microlens_centres(camera))
+    found = microlens_centres(camera, CENTROID)
+    assert (0, 0) not in by_index(found) and len(found) > 4
+
+
+def test_centres_are_values():
+    centres = microlens_centres(the_camera(shape=(64, 64)))
+    assert pickle.loads(pickle.dumps(centres)) == centres
+    assert "CHIEF_RAY" in repr(centres)
+    with pytest.raises(ValueError, match="read-only"):
+        centres.position[0] = 0
+
+
+# ---- parts out of place ----
+
+
+@pytest.mark.parametrize("part", ["LENS", "MICROLENSES", "SENSOR"])
+@pytest.mark.parametrize("tilt", [(0.0, 0.0, 0.03), (0.02, -0.03, 0.01)])
+def test_parts_out_of_place_project_through_space(part, tilt):
+    """The line from the pupil's middle through each microlens meets the sensor: computed with points in space."""
+    camera = the_camera(the_lens(model=pl.LensModel.THIN), shape=(200, 300))
+    shift = (0.05, -0.04, 0.1)
+    moved = camera.moved(CameraPart[part], shift=shift, tilt=tilt)
+    turn = pl.Placement(rotation=_rotation(tilt)).rotation
+    poses = {
+        name: (np.eye(3), np.array([0.0, 0.0, z]))
+        for name, z in (("LENS", 0.0), ("MICROLENSES", 123.3), ("SENSOR", 125.3))
+    }
+    poses[part] = (np.asarray(turn), poses[part][1] + shift)
+    pupil = poses["LENS"][0] @ [0.0, 0.0, pupil_of(camera.lens)] + poses["LENS"][1]
+    for method in (CHIEF_RAY, ORTHOGONAL):
+        centres = microlens_centres(moved, method)
+        assert len(centres) > 100
+        space = (
+            np.column_stack([centres.on_array, np.zeros(len(centres))]) @ poses["MICROLENSES"][0].T
+            + poses["MICROLENSES"][1]
+        )
+        along = space - pupil if method is CHIEF_RAY else np.broadcast_to(poses["MICROLENSES"][0][:, 2], space.shape)
+        rotation, origin = poses["SENSOR"]
+        normal = rotation[:, 2]
+        t = ((origin - space) @ normal) / (along @ normal)
+        met = (space + t[:, None] * along - origin) @ rotation
+        np.testing.assert_allclose(centres.position, met[:, :2], atol=1e-10)
+
+
+def _rotation(tilt):
+    matrix = np.eye(3)
+    for axis, angle in enumerate(tilt):
+        i, j = (axis + 1) % 3, (axis + 2) % 3
+        turn = np.eye(3)
+        turn[i, i] = turn[j, j] = math.cos(angle)
+        turn[j, i], turn[i, j] = math.sin(angle), -math.sin(angle)
+        matrix = turn @ matrix
+    return matrix
+
+
+@pytest.mark.parametrize("part", ["MICROLENSES", "SENSOR"])
+def test_centroids_of_a_small_pupil_follow_chief_rays_where_parts_are_tilted(part):
+    camera = the_camera(the_lens(0.05), shape=(120, 160)).moved(CameraPart[part], tilt=(0.02, -0.03, 0.1))
+    chief, centroid = microlens_centres(camera), microlens_centres(camera, CENTROID)
+    here, there = pairs(chief, centroid)
+    # A tilted sensor cuts the cone of a cell obliquely: (1 - b / f) is no longer 0, b differs by 0.03 x 0.1 mm along
+    # the cell; <d^2> 0.03 / f = 0.0025 x 0.015 = 4e-5 mm.
+    assert np.abs(centroid.position[there] - chief.position[here]).max() < 1e-4
+
+
+# ---- errors ----
+
+
+def test_impossible_questions_say_what_to_do():
+    bare = pl.PlenopticCamera(lens=the_lens(), sensor=pl.Sensor((8, 8), 0.01), stop_to_microlenses=130.0)
+    with pytest.raises(pl.InvalidValueError, match="no microlenses"):
+        microlens_centres(bare)
+    camera = the_camera(shape=(64, 64))
+    white = pl.Exposure(np.ones((64, 64, 1)))
+    with pytest.raises(pl.InvalidValueError, match="does not look at it"):
+        microlens_centres(camera, white=white)
+    with pytest.raises(pl.InvalidValueError, match="render it with this camera"):
+        microlens_centres(camera, CENTROID, white=pl.Exposure(np.ones((64, 63, 1))))
+    with pytest.raises(pl.InvalidValueError, match="method is 7"):
+        microlens_centres(camera, 7)
+    free = the_camera(shape=(64, 64), lattice=pl.Lattice.FREE, centres=[[0.0, 0.0], [0.2, 0.1]])
+    assert len(microlens_centres(free)) == 2
+    with pytest.raises(pl.InvalidValueError, match="FREE"):
+        microlens_centres(free, CENTROID)
+
+
+def test_free_lattices_split_a_white_image_between_neighbours():
+    free = the_camera(shape=(160, 160), lattice=pl.Lattice.FREE, centres=[[-0.1, 0.0], [0.12, 0.0]])
+    chief = microlens_centres(free)
+    image = np.zeros((160, 160, 1))
+    spots = np.rint(chief.pixel).astype(int) + np.eye(2, dtype=int)
+    image[tuple(spots.T)] = 1.0
+    found = microlens_centres(free, CENTROID, white=pl.Exposure(image))
+    np.testing.assert_allclose(found.pixel, spots, atol=1e-9)

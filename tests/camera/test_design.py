@@ -1,0 +1,275 @@
+import math
+import pickle
+from itertools import pairwise
+
+import pytest
+
+import plenoptic as pl
+from plenoptic.camera.design import design_camera
+from plenoptic.camera.report import CameraKind, camera_report
+from plenoptic.optics.analysis.focusing import best_focus
+
+LENS = pl.load_lens("double-gauss-100mm-f2")
+THIN = LENS.with_model(pl.LensModel.THIN)
+NONE = LENS.with_model(pl.LensModel.NONE)
+POINTS = pl.paraxial.cardinal_points(LENS)
+SENSOR = pl.Sensor(shape=(512, 512), pixel_pitch=0.01)
+GALILEAN, KEPLERIAN, FIRST = CameraKind.GALILEAN, CameraKind.KEPLERIAN, CameraKind.PLENOPTIC_1
+RMS = pl.FocusCriterion.RMS_SPOT
+
+
+def design(lens=LENS, **wishes):
+    return design_camera(lens, sensor=SENSOR, **wishes)
+
+
+@pytest.mark.parametrize(("kind", "sign"), [(GALILEAN, 1.0), (KEPLERIAN, -1.0)])
+@pytest.mark.parametrize("v", [1.5, 4.0, 20.0])
+def test_closed_forms_of_thin_lenses(kind: CameraKind, sign: float, v: float) -> None:
+    # s = +-v b and 1/b - 1/f = 1/s: b = f (1 -+ 1/v). The image lies where the lens equation puts it, and the iris,
+    # in the plane of the lens, has D / (2 R) = b / p (1 + b / D) for images that touch.
+    made = design(THIN, kind=kind, z=-404.0, pitch=0.217, focal_length=2.0, virtual_depth=v)
+    camera = made.camera
+    b = 2.0 * (1 - sign / v)
+    assert camera.microlenses_to_sensor == pytest.approx(b, rel=1e-13)
+    image = POINTS.rear_principal + 1 / (1 / POINTS.efl - 1 / (POINTS.rear_principal + 404.0))
+    # The search ends at 1e-8 of the distance, and of the fill.
+    assert camera.stop_to_microlenses == pytest.approx(image - sign * v * b, rel=1.1e-8)
+    distance = camera.stop_to_microlenses - POINTS.rear_principal
+    per_iris = POINTS.entrance_pupil_semi_diameter / LENS.stop.semi_diameter
+    radius = 0.217 * (1 + b / distance) * distance / (2 * b)
+    assert camera.lens.stop.semi_diameter == pytest.approx(radius / per_iris, rel=3e-8)
+    assert made.solved_for == ("semi_diameter", "stop_to_microlenses", "microlenses_to_sensor")
+
+
+@pytest.mark.parametrize(
+    "wishes",
+    [
+        {"kind": GALILEAN, "pitch": 0.217, "focal_length": 2.0, "virtual_depth": 4.0},
+        {"kind": KEPLERIAN, "pitch": 0.217, "focal_length": 2.0, "virtual_depth": 4.0, "image_fill": 0.9},
+        {"kind": GALILEAN, "pitch": 0.217, "focal_length": 2.0, "disparity": 3.0},
+        {"kind": GALILEAN, "pitch": 0.217, "microlenses_to_sensor": 1.7, "virtual_depth": 5.0},
+        {"kind": GALILEAN, "pitch": 0.217, "semi_diameter": 5.0, "disparity": 3.0},
+        {"kind": GALILEAN, "focal_length": 2.0, "semi_diameter": 5.0, "virtual_depth": 5.0},
+        {"kind": GALILEAN, "focal_length": 2.0, "microlenses_to_sensor": 1.7, "disparity": 3.0},
+        {"kind": GALILEAN, "focal_length": 2.0, "semi_diameter": 5.0, "disparity": 3.0},
+        {"kind": KEPLERIAN, "focal_length": 2.0, "semi_diameter": 5.0, "disparity": 3.0},
+        {"kind": GALILEAN, "pitch": 0.217, "stop_to_microlenses": 123.3, "virtual_depth": 5.0},
+        {"kind": KEPLERIAN, "pitch": 0.217, "focal_length": 2.0, "stop_to_microlenses": 150.0},
+        {"kind": GALILEAN, "pitch": 0.217, "focal_length": 2.0, "virtual_depth": 3.0, "lattice": pl.Lattice.SQUARE},
+        {"kind": FIRST, "pitch": 0.217, "focal_length": 2.0},
+        {"kind": FIRST, "focal_length": 2.0, "semi_diameter": 5.0},
+        {"kind": FIRST, "pitch": 0.217, "semi_diameter": 5.0},
+        {"kind": FIRST, "pitch": 0.217, "semi_diameter": 5.0, "focal_length": 2.0, "image_fill": None},
+    ],
+)
+def test_reports_of_designs_say_what_was_wished_for(wishes: dict) -> None:
+    made = design(z=-404.0, **wishes)
+    report, camera = camera_report(made.camera), made.camera
+    (focus,) = report.focus
+    assert report.kind is wishes["kind"]
+    # The search ends at 1e-8 of the array's distance, times the longitudinal magnification 1 / 0.319^2.
+    assert focus.z_traced == pytest.approx(-404.0, abs=1e-8 * 150 * 10 * 2)
+    if wishes.get("image_fill", 1.0) is not None:
+        assert report.image_fill == pytest.approx(wishes.get("image_fill", 1.0), abs=1.1e-8)
+    for name in ("virtual_depth", "disparity"):
+        if name in wishes:
+            assert getattr(focus, name) == pytest.approx(wishes[name], rel=1e-9)
+    # What is given is kept, to the bit.
+    kept = {
+        "pitch": camera.microlenses.pitch,
+        "focal_length": camera.microlenses.focal_length,
+        "semi_diameter": camera.lens.stop.semi_diameter,
+        "stop_to_microlenses": camera.stop_to_microlenses,
+        "microlenses_to_sensor": camera.microlenses_to_sensor,
+    }
+    for name, has in kept.items():
+        assert (name in made.solved_for) == (name not in wishes) or name == "semi_diameter"
+        assert name not in wishes or has == wishes[name]
+
+
+@pytest.mark.parametrize("kind", [GALILEAN, KEPLERIAN, FIRST])
+@pytest.mark.parametrize("lens", [LENS, THIN, LENS.with_model(pl.LensModel.PARAXIAL)])
+def test_designs_recover_a_camera_from_its_report(kind: CameraKind, lens: pl.LensStack) -> None:
+    b, place = {GALILEAN: (1.7, 123.3), KEPLERIAN: (2.4, 150.0), FIRST: (2.0, 134.0)}[kind]
+    camera = pl.PlenopticCamera(
+        lens=lens.with_stop(pl.CircularStop(5.0)),
+        sensor=SENSOR,
+        stop_to_microlenses=place,
+        microlenses=pl.MicrolensArray(0.217, (2.0,)),
+        microlenses_to_sensor=b,
+    )
+    report = camera_report(camera)
+    (focus,) = report.focus
+    depth = {} if kind is FIRST else {"virtual_depth": focus.virtual_depth}
+    made = design(
+        lens, kind=kind, z=focus.z_traced, pitch=0.217, focal_length=2.0, image_fill=report.image_fill, **depth
+    )
+    assert made.camera.microlenses_to_sensor == pytest.approx(b, rel=1e-12)
+    assert made.camera.stop_to_microlenses == pytest.approx(place, rel=3e-8)
+    assert made.camera.lens.stop.semi_diameter == pytest.approx(5.0, rel=3e-8)
+
+
+def test_the_first_step_is_paraxial_and_errors_fall() -> None:
+    made = design(kind=GALILEAN, z=-404.0, pitch=0.217, focal_length=2.0, virtual_depth=4.0)
+    first, last = made.history[0], made.history[-1]
+    assert first.stop_to_microlenses == pytest.approx(pl.paraxial.image_position(LENS, -404.0) - 6.0, rel=1e-13)
+    cone = (first.stop_to_microlenses - POINTS.exit_pupil) / (2 * POINTS.pupil_magnification * first.semi_diameter)
+    distance = first.stop_to_microlenses - POINTS.exit_pupil
+    assert 1.5 / cone == pytest.approx(0.217 * (1 + 1.5 / distance), rel=1e-12)
+    # The aberrations of this lens: spherical aberration moves the focus by a tenth of a millimetre.
+    assert abs(first.focus_error) > 0.05 and abs(first.fill_error) > 1e-4
+    assert abs(last.focus_error) < 1e-8 * last.stop_to_microlenses and abs(last.fill_error) < 1e-8
+    sizes = [abs(step.focus_error) for step in made.history]
+    assert all(later < 0.3 * before for before, later in pairwise(sizes))
+
+
+def test_a_paraxial_criterion_focuses_paraxially() -> None:
+    made = design(kind=FIRST, z=-404.0, pitch=0.217, focal_length=2.0, criterion=pl.FocusCriterion.PARAXIAL)
+    assert made.camera.stop_to_microlenses == pl.paraxial.image_position(LENS, -404.0)
+    assert camera_report(made.camera).image_fill == pytest.approx(1.0, abs=1.1e-8)
+
+
+@pytest.mark.parametrize(
+    ("kind", "fixed"), [(GALILEAN, False), (KEPLERIAN, False), (FIRST, False), (GALILEAN, True), (KEPLERIAN, True)]
+)
+def test_disparity_in_another_plane(kind: CameraKind, fixed: bool) -> None:
+    # By the traced images of both planes: s = image of the other plane behind the array.
+    wanted = 0.4 if kind is FIRST else 3.0
+    free = {"focal_length": 2.0, "semi_diameter": 5.0} if kind is FIRST else {"focal_length": 2.0, "pitch": 0.217}
+    fill = None if kind is FIRST else 1.0
+    if fixed:
+        free = {"microlenses_to_sensor": 1.7, "pitch": 0.217}
+    made = design(kind=kind, z=-404.0, disparity=wanted, depth_at=-390.0, image_fill=fill, **free)
+    camera = made.camera
+    image = best_focus(camera.lens, z_object=-390.0, criterion=RMS)
+    s, b, p = image - camera.stop_to_microlenses, camera.microlenses_to_sensor, camera.microlenses.pitch
+    found = s * 0.01 / (b * p) if kind is FIRST else p * b / abs(s) / 0.01
+    assert found == pytest.approx(wanted, rel=1e-7)
+    assert camera_report(camera).focus[0].z_traced == pytest.approx(-404.0, abs=1e-5)
+
+
+def test_virtual_depth_in_the_plane_in_focus_is_the_default() -> None:
+    wishes = {"kind": GALILEAN, "z": -404.0, "pitch": 0.217, "focal_length": 2.0, "virtual_depth": 5.0}
+    assert design(**wishes, depth_at=-404.0).camera == design(**wishes).camera
+
+
+def test_a_camera_array_looks_at_its_plane() -> None:
+    made = design(
+        NONE, kind=CameraKind.CAMERA_ARRAY, z=-404.0, pitch=0.217, focal_length=2.0, stop_to_microlenses=100.0
+    )
+    # 1/b = 1/f - 1/504, and the iris at 100 mm fills images that touch.
+    assert made.camera.microlenses_to_sensor == pytest.approx(1 / (1 / 2.0 - 1 / 504.0), rel=1e-12)
+    b = made.camera.microlenses_to_sensor
+    assert made.camera.lens.stop.semi_diameter == pytest.approx(0.217 * (1 + b / 100) * 100 / (2 * b), rel=2e-8)
+    assert camera_report(made.camera).focus[0].z == pytest.approx(-404.0, rel=1e-11)
+
+
+def test_focus_at_the_horizon() -> None:
+    made = design(kind=FIRST, z=-math.inf, pitch=0.217, focal_length=2.0)
+    assert camera_report(made.camera).focus[0].z_traced == -math.inf
+
+
+def test_the_stop_keeps_its_shape_and_the_array_what_it_has() -> None:
+    array = pl.MicrolensArray(0.217, (2.4, 2.0), pl.Lattice.SQUARE, aperture=pl.MicrolensAperture(fill_factor=0.8))
+    lens = LENS.with_stop(pl.PolygonStop(blades=5, semi_diameter=9.0, rotation=0.3))
+    made = design(lens, kind=GALILEAN, z=-404.0, microlenses=array, virtual_depth=4.0, wavelength=550.0)
+    stop = made.camera.lens.stop
+    assert made.camera.microlenses == array and made.camera.wavelength == 550.0
+    assert (stop.blades, stop.rotation) == (5, 0.3) and 0 < stop.semi_diameter < 9.0
+    assert made.camera.microlenses_to_sensor == pytest.approx(2.4 * 0.75, rel=1e-12)
+    focused = made.camera.focused_at(-404.0, criterion=RMS, microlens_type=0)
+    assert focused.stop_to_microlenses == pytest.approx(made.camera.stop_to_microlenses, rel=2e-8)
+
+
+def test_negative_microlenses_are_galilean() -> None:
+    # v = 0.5: b = f (1 - 2), so f is negative.
+    made = design(THIN, kind=GALILEAN, z=-404.0, pitch=0.217, microlenses_to_sensor=1.0, virtual_depth=0.5)
+    assert made.camera.microlenses.focal_length == pytest.approx(-1.0, rel=1e-12)
+    assert camera_report(made.camera).focus[0].virtual_depth == pytest.approx(0.5, rel=1e-12)
+
+
+def test_micrometre_lenses_and_kilometres() -> None:
+    for scale in (1e-3, 1e3):
+        lens = pl.LensStack(
+            [
+                pl.CircularStop(4.0 * scale, thickness=1.0 * scale),
+                pl.Surface(50.0 * scale, 4.0 * scale, pl.ConstantMedium(1.5), semi_diameter=12.0 * scale),
+                pl.Surface(-80.0 * scale, semi_diameter=12.0 * scale),
+            ]
+        )
+        made = design_camera(
+            lens,
+            sensor=pl.Sensor((100, 100), 1e-2 * scale),
+            kind=GALILEAN,
+            z=-1e6 * scale,
+            pitch=0.2 * scale,
+            focal_length=2.0 * scale,
+            virtual_depth=3.0,
+        )
+        assert made.camera.microlenses_to_sensor == pytest.approx(4.0 / 3.0 * scale, rel=1e-12)
+        report = camera_report(made.camera)
+        assert report.image_fill == pytest.approx(1.0, abs=2e-8)
+        # 1e-8 of the image distance, times (1e6 / 61)^2.
+        assert report.focus[0].z_traced == pytest.approx(-1e6 * scale, rel=2e-8 * 60 * (1e6 / 61) ** 2 / 1e6)
+
+
+def test_a_design_is_a_value_and_prints_its_numbers() -> None:
+    made = design(kind=FIRST, z=-404.0, pitch=0.217, focal_length=2.0)
+    assert pickle.loads(pickle.dumps(made)) == made and hash(made) == hash(pickle.loads(pickle.dumps(made)))
+    assert "stop_to_microlenses" in repr(made) and "mm" in repr(made)
+
+
+PLAIN = {"kind": GALILEAN, "z": -404.0, "pitch": 0.217, "focal_length": 2.0, "virtual_depth": 4.0}
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"semi_diameter": 5.0}, "too many; leave out 1"),
+        ({"virtual_depth": None, "image_fill": None}, "too few; give 1 more"),
+        ({"pitch": None, "focal_length": None}, "too few"),
+        ({"disparity": 3.0}, "say the same"),
+        ({"virtual_depth": 0.9}, "virtual depth above 1"),
+        ({"virtual_depth": -4.0}, "above 0"),
+        ({"virtual_depth": None, "disparity": 30.0, "pitch": None, "semi_diameter": 5.0}, "smaller disparity"),
+        ({"z": 404.0}, "in front of the camera"),
+        ({"z": math.nan}, "in front of the camera"),
+        ({"z": POINTS.front_focus}, "image at infinity"),
+        ({"depth_at": 0.0}, "in front of the camera"),
+        ({"virtual_depth": None, "depth_at": -300.0, "stop_to_microlenses": 120.0}, "depth_at says where"),
+        ({"kind": FIRST}, "another plane depth_at"),
+        ({"kind": CameraKind.CONVENTIONAL}, "focused_at"),
+        ({"kind": CameraKind.CAMERA_ARRAY}, "LensModel.NONE"),
+        ({"kind": 7}, "kind is 7"),
+        ({"lens": NONE}, "LensModel.NONE"),
+        ({"lens": 3}, "lens is"),
+        ({"lattice": pl.Lattice.FREE}, "give microlenses"),
+        ({"microlenses": pl.MicrolensArray(0.2, (2.0,))}, "leave out pitch"),
+        ({"pitch": -0.2}, "pitch is -0.2"),
+        ({"virtual_depth": 100.0}, "cannot be|last lens vertex"),
+        ({"virtual_depth": 60.0}, "last lens vertex"),
+        # The iris may be opened as one likes: the rims of the lens end the light at f/2.6.
+        ({"pitch": 1.0}, "image_fill 1 cannot be had"),
+        ({"lens": LENS.inserted(pl.CircularStop(3.0), z=40.0)}, "image_fill 1 cannot be had"),
+        ({"virtual_depth": None, "stop_to_microlenses": 150.0}, "needs its image behind the array"),
+        ({"tolerance": 0.0}, "tolerance"),
+    ],
+)
+def test_impossible_wishes(changes: dict, says: str) -> None:
+    wishes = PLAIN | changes
+    with pytest.raises(pl.InvalidValueError, match=says):
+        design(wishes.pop("lens", LENS), **wishes)
+
+
+def test_wishes_that_fit_in_number_but_not_together() -> None:
+    # Focus is given twice, and nothing says the pitch.
+    with pytest.raises(pl.InvalidValueError, match="nothing left to choose|cannot be found"):
+        design(
+            kind=GALILEAN,
+            z=-404.0,
+            stop_to_microlenses=123.3,
+            microlenses_to_sensor=1.7,
+            focal_length=2.0,
+            semi_diameter=5.0,
+            image_fill=None,
+        )

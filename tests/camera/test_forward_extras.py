@@ -1,0 +1,257 @@
+"""Forward tracing through dust, onto pixels that do not see all light, and through grey masks: laws and hand sums."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+import plenoptic as pl
+from plenoptic.camera.array_axes import array_axes
+from plenoptic.camera.centroids import centroids_at
+from plenoptic.camera.forward import landing_points, point_spread
+from plenoptic.camera.report_optics import corner_light
+from plenoptic.optics.angular import AngularResponse
+from plenoptic.optics.blemishes import Blemishes, BlemishSite
+from plenoptic.optics.stop_shapes import MaskStop
+
+GAUSS = pl.load_lens("double-gauss-100mm-f2")
+POINT = (5.0, 3.0, -380.0)
+PIXEL = 0.01
+
+
+def the_camera(stop=5.0, lens=GAUSS, b=1.7, pixels=None, **changes):
+    stop = pl.CircularStop(stop) if isinstance(stop, float) else stop
+    return pl.PlenopticCamera(
+        lens=lens.with_stop(stop),
+        microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
+        sensor=pl.Sensor(shape=(512, 512), pixel_pitch=PIXEL, **(pixels or {})),
+        stop_to_microlenses=123.3,
+        microlenses_to_sensor=b,
+        **changes,
+    )
+
+
+def camera_obscura(**changes):
+    """A hole in the iris, no lens: the ray that lands at s on the sensor, at z = 125, crosses the plane z at s z / 125.
+
+    The microlenses hardly bend.
+    """
+    camera = the_camera(1e-4, GAUSS.with_model(pl.LensModel.NONE), **changes)
+    return dataclasses.replace(camera, microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(1e9,)))
+
+
+def sources(n=400):
+    """Points whose images through the hole lie all over the sensor."""
+    places = np.random.default_rng(1).uniform(-8.0, 8.0, (n, 2))
+    return np.column_stack([places, np.full(n, -404.0)])
+
+
+# ---- pixels ----
+
+
+def test_light_lands_in_the_openings_of_pixels_only():
+    plain = landing_points(the_camera(), POINT, rays=1 << 14)
+    found = landing_points(the_camera(pixels={"pixel_aperture": (0.4, 0.9)}), POINT, rays=1 << 14)
+    # Row and column are whole at the centres of pixels.
+    row, column = the_camera().sensor.pixel_of(plain.position).T
+    inside = (np.abs(column - np.rint(column)) <= 0.2) & (np.abs(row - np.rint(row)) <= 0.45)
+    np.testing.assert_array_equal(found.position, plain.position[inside])
+    np.testing.assert_array_equal(found.weight, plain.weight[inside])
+    assert 0.3 < inside.mean() < 0.42
+
+
+def test_light_beside_openings_is_a_fate():
+    given = the_camera(pixels={"pixel_aperture": (0.5, 0.6)})
+    spread = point_spread(given, [(1.0, 0.5, -250.0), (8.5, 0.0, -404.0)], rays=1 << 14)
+    assert ("beside_opening", None) in spread.fates
+    np.testing.assert_allclose(spread.fractions.sum(axis=1), 1.0, rtol=1e-12)
+    found, plain = (
+        spread.fraction_by_fate,
+        point_spread(the_camera(), (1.0, 0.5, -250.0), rays=1 << 14).fraction_by_fate,
+    )
+    # The light of a point covers some thousand pixels: 0.3 of it to a few per cent.
+    assert found["landed"][0] / plain["landed"] == pytest.approx(0.3, abs=0.03)
+    assert found["landed"][0] + found["beside_opening"][0] == pytest.approx(plain["landed"], rel=1e-12)
+    assert "beside_opening" not in plain
+
+
+def test_response_is_that_to_the_direction_of_each_ray():
+    response = AngularResponse(well_depth=2.0, index=1.3, pupil_distance=60.0, exponent=3.0)
+    plain = landing_points(camera_obscura(), sources(), rays=4)
+    found = landing_points(camera_obscura(pixels={"angular_response": response}), sources(), rays=4)
+    x, y = found.position.T
+    expected = response.at(-x / 125.0, -y / 125.0, x=x, y=y)
+    # The hole is 1e-4 mm wide, 125 mm away; the response changes by some 3 per unit of slope.
+    np.testing.assert_allclose(found.weight / plain.weight, expected, atol=1e-5)
+    assert np.ptp(expected) > 0.02
+
+
+# ---- dust ----
+
+
+@pytest.mark.parametrize(
+    ("site", "height", "z"),
+    [
+        (BlemishSite.SENSOR, 0.0, 125.0),
+        (BlemishSite.SENSOR, 0.8, 124.2),
+        (BlemishSite.ARRAY, 0.0, 123.3),
+        (BlemishSite.LENS_REAR, 0.0, float(GAUSS.vertices[-1])),
+        (BlemishSite.LENS_FRONT, 0.0, float(GAUSS.vertices[0])),
+    ],
+)
+def test_dust_takes_its_part_where_rays_cross_its_plane(site, height, z):
+    scale = z / 125.0
+    rng = np.random.default_rng(4)
+    start = scale * rng.uniform(-2.6, 2.6, (40, 2))
+    grains = Blemishes(
+        site,
+        start,
+        start + scale * rng.uniform(-0.5, 0.5, (40, 2)),
+        radius=abs(scale) * rng.uniform(0.05, 0.2, 40),
+        transmission=rng.uniform(0.0, 0.9, 40),
+        height=height,
+    )
+    plain = landing_points(camera_obscura(), sources(), rays=4)
+    found = landing_points(camera_obscura(blemishes=(grains,)), sources(), rays=4)
+    np.testing.assert_array_equal(found.position, plain.position)
+    passing = grains.at(scale * found.position)
+    ratio = found.weight / plain.weight
+    # At the edge of a grain, the width of the hole decides: 1e-4 mm of some 0.1 mm.
+    assert (np.abs(ratio - passing) < 1e-12).mean() > 0.99
+    assert 0.05 < (passing < 1).mean() < 0.9
+
+
+def test_dust_moves_with_what_it_lies_on():
+    grain = Blemishes(BlemishSite.SENSOR, [(0.4, -0.3)], [(0.4, -0.3)], radius=0.6, transmission=0.0)
+    for part, site in ((pl.CameraPart.SENSOR, BlemishSite.SENSOR), (pl.CameraPart.MICROLENSES, BlemishSite.ARRAY)):
+        camera = camera_obscura(blemishes=(dataclasses.replace(grain, site=site),))
+        moved = camera.moved(part, shift=(0.2, 0.1, 0.0), tilt=(0.0, 0.0, 0.5))
+        found = landing_points(moved, sources(), rays=1)
+        turn = np.array([[math.cos(0.5), -math.sin(0.5)], [math.sin(0.5), math.cos(0.5)]])
+        # On the sensor in its own axes; on the array as its shadow, 1.7 mm behind it.
+        centre = np.array([0.4, -0.3])
+        if site is BlemishSite.ARRAY:
+            centre = (turn @ centre + (0.2, 0.1)) * 125.0 / 123.3
+        dark = np.hypot(*(found.position - centre).T) < 0.6 * (125.0 / 123.3 if site is BlemishSite.ARRAY else 1.0)
+        assert dark.sum() > 10
+        np.testing.assert_array_equal(found.weight == 0.0, dark)
+
+
+def test_rays_that_dust_stops_have_landed():
+    everywhere = Blemishes(BlemishSite.ARRAY, [(0.0, 0.0)], [(0.0, 0.0)], radius=50.0, transmission=0.0)
+    spread = point_spread(the_camera(blemishes=(everywhere,)), POINT, rays=1 << 12)
+    assert spread.light == 0 and not spread.image.any() and np.isnan(spread.centroid).all()
+    assert spread.fates == point_spread(the_camera(), POINT, rays=1 << 12).fates
+
+
+# ---- absence ----
+
+
+def test_what_dims_nothing_changes_nothing():
+    plain = point_spread(the_camera(), POINT, rays=1 << 12)
+    none = Blemishes(BlemishSite.SENSOR, [], [], [], [])
+    assert point_spread(
+        the_camera(blemishes=(none,), pixels={"pixel_aperture": (1, 1)}), POINT, rays=1 << 12
+    ).light == (plain.light)
+    clear = tuple(Blemishes(site, [POINT[:2]], [(0.0, 0.0)], radius=30.0, transmission=1.0) for site in BlemishSite)
+    found = point_spread(
+        the_camera(blemishes=clear, pixels={"angular_response": AngularResponse()}), POINT, rays=1 << 12
+    )
+    np.testing.assert_allclose(found.image, plain.image, rtol=1e-13)
+
+
+def test_projections_leave_out_what_dims():
+    dusty = Blemishes.scattered(BlemishSite.ARRAY, half_size=(3.0, 3.0), dust_per_mm2=40.0, dust_radius=0.03)
+    pixels = {"pixel_aperture": (0.5, 0.5), "angular_response": AngularResponse(well_depth=3.0)}
+    plain = pl.project(the_camera(), POINT, rays=256)
+    assert plain == pl.project(the_camera(blemishes=(dusty,), pixels=pixels), POINT, rays=256)
+
+
+# ---- grey masks ----
+
+
+def mask(cells, size):
+    return MaskStop.of_cells(np.asarray(cells, dtype=float), size)
+
+
+def test_a_mask_of_one_half_halves_the_light_and_moves_nothing():
+    clear, grey = (point_spread(the_camera(mask([[t]], 8.0)), POINT, rays=1 << 13) for t in (1.0, 0.5))
+    # Products with 0.5 are exact.
+    np.testing.assert_array_equal(grey.image, 0.5 * clear.image)
+    np.testing.assert_array_equal(grey.centroid, clear.centroid)
+    assert grey.light == 0.5 * clear.light and grey.fates == clear.fates
+
+
+def centroid_on_axis(stop):
+    """Of the white image of the microlens on the axis, without a main lens; the iris is 123.3 mm before the array."""
+    camera = the_camera(stop, GAUSS.with_model(pl.LensModel.NONE), b=2.0)
+    return centroids_at(array_axes(camera), camera.microlenses, np.zeros((1, 2)), 0.5)[0]
+
+
+@pytest.mark.parametrize("upright", [False, True])
+def test_the_centroid_of_two_greys_is_their_mean(upright):
+    # Two squares of 4 mm, column 0 at negative x and row 0 at positive y: the iris's light lies at
+    # (1 (-2) + 0.5 (2)) / 1.5 = -2/3 mm. Through the microlens's centre it lands at -b / D of it.
+    cells, towards = ([[0.5], [1.0]], np.array([0.0, 1.0])) if upright else ([[1.0, 0.5]], np.array([1.0, 0.0]))
+    expected = 2.0 / 3.0 * 2.0 / 123.3 * towards
+    # cos^4 varies by 2 (4 / 123.3)^2 over the iris, which is 2e-3 of 0.011 mm; edges are found to 8 / 23 / 2^8 mm of
+    # the iris: 2e-5 mm.
+    np.testing.assert_allclose(centroid_on_axis(mask(cells, 4.0)), expected, atol=5e-5)
+
+
+@pytest.mark.parametrize("cells", [3, 10, 100])
+def test_the_centroid_of_a_wedge(cells):
+    # Transmission (k + 1/2) / n: the mean of x is w / 6 (1 - 1 / n^2) for the width w = 8.
+    wedge = mask(np.tile((np.arange(cells) + 0.5) / cells, (cells, 1)), 8.0 / cells)
+    expected = -8.0 / 6.0 * (1 - 1 / cells**2) * 2.0 / 123.3
+    # As documented for centroids, some 0.01 pixels.
+    np.testing.assert_allclose(centroid_on_axis(wedge), [expected, 0.0], atol=0.02 * PIXEL)
+
+
+def test_centroids_through_a_constant_mask_are_those_without_it():
+    lens = GAUSS.inserted(pl.CircularStop(3.5), 60.0)
+    points = np.array([[0.0, 0.0], [2.0, 1.0], [-2.0, 0.5]])
+    found = []
+    for t in (1.0, 0.5):
+        camera = the_camera(mask([[t]], 5.0), lens)
+        found.append(centroids_at(array_axes(camera), camera.microlenses, points, 0.5))
+    # The rays are the same, and the weights are halved exactly.
+    np.testing.assert_allclose(found[1], found[0], rtol=1e-13, atol=1e-16)
+
+
+def test_centroids_through_a_grey_mask_are_those_of_the_white_image():
+    camera = the_camera(mask([[1.0, 0.3], [0.1, 0.6]], 2.5), GAUSS.inserted(pl.CircularStop(3.5), 60.0), b=2.0)
+    white = pl.render_white(camera, samples=128, region=np.s_[60:130, 60:130], seed=5, progress=False)
+    seen = pl.microlens_centres(camera, pl.CentreMethod.CENTROID, white=white)
+    assert len(seen) >= 2
+    computed = centroids_at(array_axes(camera), camera.microlenses, seen.on_array, 0.5)
+    rows, columns = np.mgrid[60:130, 60:130]
+    for place, expected in zip(seen.position, computed, strict=True):
+        offset = camera.sensor.centre_of(rows, columns) - place
+        own = np.hypot(offset[..., 0], offset[..., 1]) < 0.11
+        error = white.standard_error[own, 0].astype(float)
+        sigma = math.sqrt(np.sum((error * np.hypot(*offset[own].T)) ** 2)) / white.image[own].sum(dtype=float)
+        # Five standard errors, and the 0.02 pixels of the computed one.
+        assert np.linalg.norm(place - expected) < 5 * sigma + 0.02 * PIXEL
+
+
+# ---- the corner of the sensor ----
+
+
+def test_the_corner_sees_the_same_part_of_a_grey_iris():
+    corner, z = (24.0, 16.0), 123.3
+    clear, grey = (corner_light(GAUSS.with_stop(mask([[t]], 25.0)), corner, z, 587.6) for t in (1.0, 0.5))
+    assert grey == clear
+    assert 0.2 < clear.pupil_fraction < 0.95
+
+
+def test_the_corner_sees_what_is_left_of_the_light_of_the_iris():
+    bare = GAUSS.with_model(pl.LensModel.NONE)
+    # A second mask dims to a half what the iris lets through, whatever the iris is.
+    for stop in (pl.CircularStop(5.0), mask([[1.0, 0.5]], 4.0)):
+        dimmed = bare.with_stop(stop).inserted(mask([[0.5]], 40.0), 5.0)
+        assert corner_light(dimmed, (2.0, 1.0), 123.3, 587.6).pupil_fraction == pytest.approx(0.5, rel=1e-12)
+    # Half shut just behind the iris: the clear half lets 1 of 1.5 pass. 15 points across: 7 or 8 in one half.
+    shut = bare.with_stop(mask([[1.0, 0.5]], 4.0)).inserted(mask([[1.0, 0.0]], 4.0), 1e-3)
+    assert corner_light(shut, (2.0, 1.0), 123.3, 587.6).pupil_fraction == pytest.approx(2 / 3, abs=0.06)

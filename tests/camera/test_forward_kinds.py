@@ -1,0 +1,482 @@
+"""Forward tracing through every kind of camera: agreement with rendering, limits, and which microlens is which."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+import plenoptic as pl
+from plenoptic.camera.camera import CameraPart
+from plenoptic.camera.forward import landing_points, point_spread
+from plenoptic.camera.forward_array import fill_through_array_forward
+from plenoptic.camera.landing import forward_tables
+from plenoptic.camera.truth import Truth
+from plenoptic.optics._blocks import BLOCK
+from plenoptic.optics.angular import AngularResponse
+from plenoptic.optics.apertures import ApertureShape, Gaps, MicrolensAperture
+from plenoptic.optics.blemishes import Blemishes, BlemishSite
+from plenoptic.optics.imperfections import MicrolensDeviations, MicrolensImperfections
+from plenoptic.optics.placement import rotation_about_axes
+
+THIN, FLAT, SPHERICAL = pl.MicrolensModel.THIN, pl.MicrolensModel.FLAT_HIGH_INDEX, pl.MicrolensModel.SPHERICAL
+LENS, ARRAY, SENSOR = CameraPart.LENS, CameraPart.MICROLENSES, CameraPart.SENSOR
+TO_SENSOR = {"model": SPHERICAL, "convex_side": pl.ConvexSide.SENSOR}
+PLATES = {
+    "thin": {},
+    "spherical": {"model": SPHERICAL},
+    "spherical to the sensor": TO_SENSOR,
+    "flat": {"model": FLAT, "index": 100.0},
+}
+MULTI = {"focal_lengths": (1.7, 2.0, 2.4)}
+RECTANGLES = {"lattice": pl.Lattice.RECTANGULAR, "pitch": (0.26, 0.18)}
+SPOILED = MicrolensImperfections(
+    pitch_jitter=0.012, decentre=0.008, focal_length_spread=0.06, missing=0.05, dark=0.1, seed=3
+)
+ROUND = MicrolensAperture(ApertureShape.CIRCLE, 0.7)
+POINT = (5.0, 3.0, -380.0)
+
+
+def camera_with(b=1.7, stop=5.0, shape=(512, 512), lens=None, moved=(), pixels=None, blemishes=(), **array):
+    """The camera of the reference scenes with another array; `moved` are parts with their shift and tilt."""
+    given = {"pitch": 0.217, "focal_lengths": (2.0,), **array}
+    camera = pl.PlenopticCamera(
+        lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=stop))
+        if lens is None
+        else lens,
+        microlenses=pl.MicrolensArray(**given),
+        sensor=pl.Sensor(shape=shape, pixel_pitch=0.010, **(pixels or {})),
+        stop_to_microlenses=123.3,
+        microlenses_to_sensor=b,
+        blemishes=blemishes,
+    )
+    for part, shift, tilt in moved:
+        camera = camera.moved(part, shift=shift, tilt=tilt)
+    return camera
+
+
+def hexagonal(reach=3.2, pitch=0.217):
+    """The centres of a hexagonal lattice, in an order of their own."""
+    found = pl.MicrolensArray(pitch=pitch, focal_lengths=(2.0,)).lenses((-reach, -reach), (reach, reach))
+    order = np.random.default_rng(8).permutation(len(found))
+    return found.centre[order], found.index[order]
+
+
+def scattered(n=500, reach=2.9, least=0.16):
+    """Centres drawn one by one, no two of them closer than `least`."""
+    rng = np.random.default_rng(7)
+    kept = np.zeros((0, 2))
+    for point in rng.uniform(-reach, reach, (20 * n, 2)):
+        if len(kept) < n and (np.hypot(*(kept - point).T) > least).all():
+            kept = np.concatenate([kept, point[None]])
+    return kept
+
+
+FREE = {
+    "lattice": pl.Lattice.FREE,
+    "centres": scattered(),
+    "pitch": 0.18,
+    "focal_lengths": (1.8, 2.2),
+    "types": np.arange(500) % 2,
+}
+
+
+# ---- agreement with the renderer ----
+
+
+def in_world(camera, points):
+    return np.asarray(points, dtype=float) if camera.pose is None else camera.pose.to_world(points)
+
+
+def compared(camera, centre=POINT, *, side=0.8, across=4, groups=16, rays=1024, samples=256):
+    """A square emitter of radiance 1 over its area, forwards and rendered: images of the lit pixels, and errors."""
+    rng = np.random.default_rng(3)
+    grid = np.stack(np.meshgrid(np.arange(across), np.arange(across)), axis=-1).reshape(-1, 2)
+    offsets = ((np.tile(grid, (groups, 1)) + rng.random((groups * across**2, 2))) / across - 0.5) * side
+    points = np.column_stack([offsets, np.zeros(len(offsets))]) + centre
+    spread = point_spread(camera, in_world(camera, points), rays=rays, replicates=1, seed=3)
+    images = np.zeros((groups, *camera.sensor.shape))
+    for k, (image, region) in enumerate(zip(spread.image, spread.regions, strict=True)):
+        images[k // across**2][region] += image / across**2
+    lit = np.argwhere(images.any(axis=0))
+    region = tuple(slice(max(a - 3, 0), b + 4) for a, b in zip(lit.min(axis=0), lit.max(axis=0), strict=True))
+    square = np.array([[-0.5, -0.5, 0], [0.5, -0.5, 0], [-0.5, 0.5, 0]])
+    ends = in_world(camera, centre + side * square)
+    quad = pl.quad(ends[0], ends[1] - ends[0], ends[2] - ends[0], material=pl.Emissive(1.0))
+    shot = pl.render(
+        pl.Scene([quad]),
+        camera,
+        samples=samples,
+        region=region,
+        replicates=16,
+        seed=5,
+        truth=Truth.NONE,
+        progress=False,
+    )
+    rendered, error = (a[:, :, 0].astype(float) / side**2 for a in (shot.image, shot.standard_error))
+    return images[(slice(None), *region)], rendered, error
+
+
+def deviations(camera, centre=POINT, **how):
+    """Root mean square over pixels, and of total and centroid (3,), of the deviation over the joint error."""
+    images, rendered, error = compared(camera, centre, **how)
+    root = math.sqrt(len(images))
+    mean, spread = images.mean(axis=0), images.std(axis=0, ddof=1) / root
+    seen = mean > 0.1 * mean.max()
+    z = (rendered - mean)[seen] / np.hypot(error, spread)[seen]
+    rows, columns = np.indices(rendered.shape)
+    moments = np.stack([np.ones_like(rendered), rows, columns])
+    forward = np.einsum("gij,kij->gk", images, moments)
+    forward[:, 1:] /= forward[:, :1]
+    backward = np.einsum("ij,kij->k", rendered, moments)
+    backward[1:] /= backward[0]
+    moments[1:] -= backward[1:, None, None]
+    own = np.sqrt(np.einsum("ij,kij->k", error**2, moments**2))
+    own[1:] /= backward[0]
+    joint = np.hypot(own, forward.std(axis=0, ddof=1) / root)
+    off = (backward - forward.mean(axis=0)) / joint
+    return float(np.sqrt(np.mean(z * z))), off, joint[0] / backward[0], backward[0] / forward[:, 0].mean() - 1
+
+
+def assert_agrees(camera, centre=POINT, *, precision, **how):
+    """The errors of 16 groups and replicates have 15 degrees of freedom; those of pixels go together (see
+    `test_forward`). Total and centroid: 3.5 standard errors, which 15 degrees of freedom exceed once in 300."""
+    pixels, off, error, _ = deviations(camera, centre, **how)
+    assert pixels < 1.07 + 3 / math.sqrt(20)
+    assert (np.abs(off) < 3.5).all()
+    assert error < precision
+
+
+SQUARES, ROUND_CLEAR = (
+    MicrolensAperture(ApertureShape.SQUARE, 0.5, Gaps.CLEAR),
+    MicrolensAperture(ApertureShape.CIRCLE, 0.5, Gaps.CLEAR),
+)
+ALL_MOVED = (
+    (LENS, (0.5, 0.3, 0.2), (0.02, -0.03, 0.3)),
+    (ARRAY, (0.1, -0.1, -0.05), (0.04, -0.03, 0.1)),
+    (SENSOR, (0.3, -0.2, 0.05), (0.03, -0.05, 0.2)),
+)
+STEEP = (
+    (LENS, (1.0, 0.5, 0.3), (0.2, -0.15, 0.3)),
+    (ARRAY, (0.1, -0.1, -0.05), (0.2, -0.25, 0.1)),
+    (SENSOR, (0.3, -0.2, 0.05), (0.2, -0.25, 0.2)),
+)
+OPEN_IN_PART = {"pixel_aperture": (0.6, 0.8)}
+# Light arrives some 6 degrees off the axis at most; a deep well, shifted for another pupil, loses a fifth of it.
+DEEP = {"angular_response": AngularResponse(well_depth=3.0, index=1.2, pupil_distance=40.0, exponent=2.0)}
+
+
+def dust(site, **how):
+    """Grains and scratches that take a tenth of a point's light or more; wider where its beam is wide."""
+    wide = site in (BlemishSite.LENS_REAR, BlemishSite.LENS_FRONT)
+    size = {"half_size": (20.0, 20.0), "dust_per_mm2": 0.15, "dust_radius": 0.6, "scratch_length": 9.0}
+    if not wide:
+        size = {"half_size": (3.0, 3.0), "dust_per_mm2": 60.0, "dust_radius": 0.025, "scratch_length": 1.5}
+    return Blemishes.scattered(
+        site, **size, scratches=20, scratch_width=1.2 * size["dust_radius"], transmission=0.2, seed=site + 1, **how
+    )
+
+
+DUSTY = {
+    "on pixels": dust(BlemishSite.SENSOR),
+    "over the sensor": dust(BlemishSite.SENSOR, height=0.7),
+    "on the array": dust(BlemishSite.ARRAY),
+    "on the lens's rear": dust(BlemishSite.LENS_REAR),
+    "on the lens's front": dust(BlemishSite.LENS_FRONT),
+}
+DIMMED = {
+    "pixels open in part": {"pixels": OPEN_IN_PART},
+    "deep pixels": {"pixels": DEEP},
+    **{f"dust {place}": {"blemishes": (grains,)} for place, grains in DUSTY.items()},
+}
+ALL_DIMMED = {"pixels": OPEN_IN_PART | DEEP, "blemishes": tuple(DUSTY.values())}
+QUICK = {
+    "multi-focus, spoiled, round, all moved": {
+        **MULTI,
+        "imperfections": SPOILED,
+        "aperture": ROUND,
+        "moved": ALL_MOVED,
+    },
+    "rectangular, flat, clear gaps, array turned": {
+        **RECTANGLES,
+        **PLATES["flat"],
+        "aperture": SQUARES,
+        "moved": ((ARRAY, (0.3, -0.2, -0.05), (0.0, 0.0, 0.2)),),
+    },
+    "free, spoiled, turned": {**FREE, "imperfections": SPOILED, "moved": ((ARRAY, (0.2, 0.1, 0.0), (0.0, 0.0, 0.4)),)},
+    "multi-focus, spherical, sensor tilted": {
+        **MULTI,
+        **PLATES["spherical"],
+        "moved": ((SENSOR, (0.3, -0.2, 0.05), (0.03, -0.05, 0.2)),),
+    },
+}
+LONG = {
+    **QUICK,
+    **DIMMED,
+    **{f"multi-focus, {name}": {**MULTI, **plate} for name, plate in PLATES.items()},
+    **{f"free, {name}": {**FREE, **plate} for name, plate in PLATES.items()},
+    **{f"round, clear gaps, {name}": {**plate, "aperture": ROUND_CLEAR} for name, plate in PLATES.items()},
+    **{f"spoiled, {name}": {**plate, "imperfections": SPOILED} for name, plate in PLATES.items()},
+    **{f"all moved, {name}": {**plate, "moved": ALL_MOVED} for name, plate in PLATES.items()},
+    **{
+        f"everything, {name}": {
+            **FREE,
+            **plate,
+            "imperfections": SPOILED,
+            "aperture": MicrolensAperture(ApertureShape.HEXAGON, 0.5),
+            "moved": ALL_MOVED,
+        }
+        for name, plate in PLATES.items()
+    },
+}
+
+
+@pytest.mark.parametrize("given", QUICK.values(), ids=QUICK)
+def test_every_kind_is_what_is_rendered(given):
+    assert_agrees(camera_with(**given), side=1.0, rays=512, samples=64, precision=0.006)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("given", LONG.values(), ids=LONG)
+def test_every_kind_is_what_is_rendered_to_more_digits(given):
+    assert_agrees(camera_with(**given), precision=0.005)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("model", [pl.LensModel.THIN, pl.LensModel.EXACT])
+def test_without_microlenses_what_dims_is_what_is_rendered(model):
+    camera = dataclasses.replace(
+        camera_with(pixels=OPEN_IN_PART | DEEP),
+        lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=5.0)).with_model(model),
+        microlenses=None,
+        stop_to_microlenses=128.0,
+        microlenses_to_sensor=0.0,
+        blemishes=tuple(grains for grains in DUSTY.values() if grains.site is not BlemishSite.ARRAY),
+    )
+    assert_agrees(camera.moved(SENSOR, shift=(0.3, -0.2, 0.05), tilt=(0.03, -0.05, 0.2)), precision=0.005)
+
+
+def test_all_that_dims_together_is_what_is_rendered():
+    # A sixth of the light is left, with more noise.
+    camera = camera_with(**TO_SENSOR, **ALL_DIMMED, moved=ALL_MOVED)
+    assert_agrees(camera, side=1.0, rays=512, samples=64, precision=0.012)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("plate", PLATES.values(), ids=PLATES)
+def test_all_that_dims_together_is_what_is_rendered_to_more_digits(plate):
+    assert_agrees(camera_with(**plate, **ALL_DIMMED, moved=ALL_MOVED), rays=2048, samples=512, precision=0.007)
+
+
+@pytest.mark.parametrize("given", DIMMED.values(), ids=DIMMED)
+def test_what_dims_takes_more_light_than_agreement_could_hide(given):
+    # Otherwise the comparison with the renderer, to some 0.5 %, could not fail.
+    plain, dimmed = (point_spread(camera_with(**how), POINT, rays=1 << 14).light for how in ({}, given))
+    assert dimmed < 0.93 * plain
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("plate", PLATES.values(), ids=PLATES)
+@pytest.mark.parametrize("model", [pl.LensModel.THIN, pl.LensModel.PARAXIAL, pl.LensModel.EXACT])
+def test_steep_tilts_are_what_is_rendered(model, plate):
+    # cos(0.25) is 3 % below 1: a cosine about the wrong axis would show.
+    lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=8.0)).with_model(model)
+    assert_agrees(camera_with(lens=lens, moved=STEEP, **plate), (2.0, -0.5, -404.0), samples=512, precision=0.004)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["thin", "spherical"])
+def test_strong_single_lenses_are_what_is_rendered(name):
+    # On a small sensor, all of whose lenses have 0.3 of their focal length.
+    index = pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)).lenses((-1.0, -1.0), (1.0, 1.0)).index
+    strong = MicrolensDeviations(index=index, focal_length_factor=np.full(len(index), 0.3))
+    camera = camera_with(shape=(40, 40), imperfections=strong, **PLATES[name])
+    assert_agrees(camera, (0.0, 0.0, -404.0), side=8.0, across=16, rays=512, samples=1024, precision=0.006)
+
+
+# ---- laws of the kernels ----
+
+
+def forwards(camera, x, y, u, v):
+    """Place on the sensor, slopes, weight, index and status of rays of weight 1, at z = 122.5 of the lens's axes."""
+    fields = np.zeros((8, -(-x.size // BLOCK) * BLOCK))
+    fields[5] = 1.0
+    n = 1 / np.sqrt(1 + u * u + v * v)
+    fields[:7, : x.size] = x, y, np.full(x.size, 122.5), u * n, v * n, n, np.ones(x.size)
+    blocks = np.ascontiguousarray(fields.reshape(8, -1, BLOCK).transpose(1, 0, 2))
+    fill_through_array_forward(blocks.reshape(-1), forward_tables(camera).array)
+    out = blocks.transpose(1, 0, 2).reshape(8, -1)[:, : x.size]
+    return out[:2], out[3:5], out[6], out[[2, 5]], out[7]
+
+
+@pytest.mark.parametrize("plate", PLATES.values(), ids=PLATES)
+def test_weight_behind_a_tilted_array_of_lenses_that_differ_is_etendue(plate):
+    # The Jacobian of the map of phase space (x, y, u, v) from a plane 1 mm before the array, across the lens's axis, to
+    # the sensor, which is tilted with the array, by central differences of h = 1e-5. Truncation is h^2 over the square
+    # of the shortest length, 1 mm: 1e-10; rounding eps * 10 mm / h = 2e-10 for each of four factors. Etendue is
+    # dx dy du dv cos^4.
+    tilt = (0.15, -0.2, 0.3)
+    camera = camera_with(
+        **{**MULTI, **plate},
+        imperfections=MicrolensImperfections(pitch_jitter=0.01, decentre=0.01, focal_length_spread=0.1),
+        moved=((ARRAY, (0.1, 0.2, 0.0), tilt), (SENSOR, (0.0, 0.0, 0.1), tilt)),
+    )
+    rng = np.random.default_rng(2)
+    state = np.concatenate([rng.uniform(-1.0, 1.0, (256, 2)), rng.uniform(-0.05, 0.05, (256, 2))], axis=1)
+    h = 1e-5
+    _, _, _, cell, _ = forwards(camera, *state.T)
+    columns, kept = [], np.ones(len(state), dtype=bool)
+    for k in range(4):
+        ends = []
+        for sign in (1, -1):
+            moved = state.copy()
+            moved[:, k] += sign * h
+            place, slope, _, index, lost = forwards(camera, *moved.T)
+            # Neither lost beside a shifted lens nor in another cell.
+            kept &= (lost == 0) & (index == cell).all(axis=0)
+            ends.append(np.concatenate([place, slope]))
+        columns.append((ends[0] - ends[1]) / (2 * h))
+    assert kept.sum() > 150
+    jacobian = np.abs(np.linalg.det(np.stack(columns, axis=-1).transpose(1, 0, 2)))
+    _, slope, weight, _, _ = forwards(camera, *state.T)
+    before, after = (1 / (1 + (s * s).sum(axis=0)) for s in (state[:, 2:].T, slope))
+    np.testing.assert_allclose(weight[kept], (jacobian * after**2 / before**2)[kept], rtol=1e-7)
+
+
+# ---- limits ----
+
+
+def assert_same_landing(found, expected, atol=1e-11):
+    np.testing.assert_array_equal(found.source, expected.source)
+    # Coordinates of some 100 mm, divided by focal lengths of 2 mm.
+    np.testing.assert_allclose(found.position, expected.position, atol=atol)
+    np.testing.assert_allclose(found.weight, expected.weight, rtol=1e-9)
+    np.testing.assert_allclose(found.microlens, expected.microlens, atol=1e-12)
+
+
+@pytest.mark.parametrize("plate", PLATES.values(), ids=PLATES)
+def test_small_imperfections_tend_to_none(plate):
+    slight = MicrolensImperfections(pitch_jitter=1e-15, decentre=1e-15, focal_length_spread=1e-15)
+    plain = camera_with(**plate)
+    spoiled = dataclasses.replace(plain, microlenses=dataclasses.replace(plain.microlenses, imperfections=slight))
+    expected, found = landing_points(plain, POINT), landing_points(spoiled, POINT)
+    assert_same_landing(found, expected)
+    np.testing.assert_array_equal(found.index, expected.index)
+    # What becomes of the other rays is the same, too.
+    assert point_spread(spoiled, POINT, rays=4096).fates == point_spread(plain, POINT, rays=4096).fates
+
+
+@pytest.mark.parametrize("plate", PLATES.values(), ids=PLATES)
+def test_free_centres_of_a_hexagonal_lattice_are_the_lattice(plate):
+    centres, index = hexagonal()
+    expected = landing_points(camera_with(**plate), POINT)
+    found = landing_points(camera_with(**plate, lattice=pl.Lattice.FREE, centres=centres), POINT)
+    assert_same_landing(found, expected)
+    np.testing.assert_array_equal(index[found.index[:, 0]], expected.index)
+    assert not found.index[:, 1].any()
+
+
+def test_types_are_those_of_the_pattern():
+    # A camera focused for one of three types: light of a point through its lenses meets in one point of the sensor.
+    lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=5.0))
+    ideal = camera_with(lens=lens.with_model(pl.LensModel.PARAXIAL)).focused_at(z=-404.0)
+    camera = dataclasses.replace(ideal, microlenses=dataclasses.replace(ideal.microlenses, **MULTI))
+    array = camera.microlenses
+    landed = landing_points(camera, (1.0, 2.0, -404.0), rays=1 << 14)
+    kinds = array.type_pattern[landed.index[:, 0] % 3, landed.index[:, 1] % 3]
+    lenses, number = np.unique(landed.index, axis=0, return_inverse=True)
+    for k in range(len(lenses)):
+        mine = number.ravel() == k
+        width = np.ptp(landed.position[mine], axis=0).max()
+        if kinds[mine][0] == 1:
+            assert width < 1e-10
+        elif mine.sum() > 50:
+            assert width > 1e-3
+    np.testing.assert_allclose(landed.microlens, array.nearest(landed.microlens), atol=1e-12)
+
+
+def test_a_camera_moved_as_a_whole_is_a_posed_camera():
+    # All parts turned about the iris and shifted; only that emitters face along the axis of the design differs.
+    camera = camera_with(stop=0.05, **MULTI, imperfections=SPOILED, aperture=ROUND)
+    turn, shift = rotation_about_axes((0.1, -0.2, 0.4)), np.array([3.0, -2.0, 5.0])
+    whole = {}
+    for name, z in (("lens", 0.0), ("microlenses", camera.stop_to_microlenses), ("sensor", camera.z_sensor)):
+        place = np.array([0.0, 0.0, z])
+        whole[f"{name}_placement"] = pl.Placement(shift=turn @ place + shift - place, rotation=turn)
+    moved = dataclasses.replace(camera, **whole)
+    posed = dataclasses.replace(camera, pose=pl.Pose(rotation=turn, position=shift))
+    point = posed.pose.to_world((5.0, 3.0, -380.0))
+    expected, found = landing_points(posed, point), landing_points(moved, point)
+    np.testing.assert_allclose(found.position, expected.position, atol=1e-9)
+    np.testing.assert_array_equal(found.index, expected.index)
+    # Towards the pupil, which is 0.1 mm wide and some 410 mm away.
+    pupil = pl.paraxial.cardinal_points(camera.lens).entrance_pupil
+    towards = posed.pose.to_world((0.0, 0.0, pupil)) - point
+    np.testing.assert_allclose(found.weight / expected.weight, towards[2] / (towards @ turn[:, 2]), rtol=2e-3)
+
+
+# ---- single lenses ----
+
+
+@pytest.mark.parametrize("lattice", [{}, FREE], ids=["hexagonal", "free"])
+def test_deviations_belong_to_the_lens_that_is_listed(lattice):
+    plain = camera_with(**lattice)
+    expected = landing_points(plain, POINT)
+    lenses, count = np.unique(expected.index, axis=0, return_counts=True)
+    dim, gone, off = lenses[np.argsort(-count)[:3]]
+    listed = MicrolensDeviations(
+        index=[dim, gone, off],
+        transmission=[0.25, 1.0, 1.0],
+        focal_length_factor=[1.0, math.inf, 1.0],
+        decentre=[(0.0, 0.0), (0.0, 0.0), (0.03, -0.01)],
+    )
+    spoiled = dataclasses.replace(plain, microlenses=dataclasses.replace(plain.microlenses, imperfections=listed))
+    found = landing_points(spoiled, POINT)
+    np.testing.assert_array_equal(found.index, expected.index)
+    is_dim, is_gone, is_off = ((found.index == lens).all(axis=1) for lens in (dim, gone, off))
+    np.testing.assert_allclose(found.weight[is_dim], 0.25 * expected.weight[is_dim], rtol=1e-12)
+    others = ~(is_dim | is_gone | is_off)
+    # Coordinates of some 2 mm.
+    np.testing.assert_allclose(found.position[others], expected.position[others], atol=1e-14)
+    # Flat glass: where the rays land without an array.
+    bare = pl.PlenopticCamera(lens=plain.lens, sensor=plain.sensor, stop_to_microlenses=plain.z_sensor)
+    straight = landing_points(bare, POINT)
+    assert straight.index is None and straight.microlens is None
+    away = found.position[is_gone][:, None] - straight.position
+    assert np.hypot(away[..., 0], away[..., 1]).min(axis=1).max() < 1e-11
+    # A thin lens that is shifted by s moves where all its rays land by s b / f.
+    f = spoiled.microlenses.lenses((-4.0, -4.0), (4.0, 4.0))
+    power = f.power[(f.index == off).all(axis=1)][0]
+    step = found.position[is_off] - expected.position[is_off]
+    np.testing.assert_allclose(step, np.tile([0.03 * 1.7 * power, -0.01 * 1.7 * power], (len(step), 1)), atol=1e-11)
+
+
+@pytest.mark.parametrize("name", ["thin", "flat"])
+def test_light_beside_the_openings_is_lost_or_not_bent(name):
+    closed = camera_with(**PLATES[name], aperture=ROUND)
+    gaps = dataclasses.replace(closed.microlenses, aperture=dataclasses.replace(ROUND, gaps=Gaps.CLEAR))
+    opened = dataclasses.replace(closed, microlenses=gaps)
+    rays = 1 << 14
+    lens, both = landing_points(closed, POINT, rays=rays), landing_points(opened, POINT, rays=rays)
+    # 0.7 of the area of the array is open; a point's light covers some 60 cells.
+    assert len(lens.position) / len(both.position) == pytest.approx(0.7, abs=0.03)
+    mine = set(map(tuple, lens.position.tolist()))
+    through = np.array([tuple(place) in mine for place in both.position.tolist()])
+    assert through.sum() == len(lens.position)
+    if name == "thin":
+        bare = pl.PlenopticCamera(lens=closed.lens, sensor=closed.sensor, stop_to_microlenses=closed.z_sensor)
+        straight = landing_points(bare, POINT, rays=rays)
+        np.testing.assert_allclose(both.position[~through], straight.position[~through], atol=1e-11)
+    lost = point_spread(closed, POINT, rays=rays).fraction_by_fate["outside_microlens"]
+    assert lost == pytest.approx(0.3, abs=0.05)
+
+
+def test_free_lenses_end_at_the_pitch():
+    # One lens alone: light lands through the square of +- pitch around it, and nowhere else.
+    camera = camera_with(lattice=pl.Lattice.FREE, centres=[(0.1, 0.0)], pitch=0.3)
+    expected = landing_points(camera_with(), (0.0, 0.0, -404.0), rays=1 << 14)
+    landed = landing_points(camera, (0.0, 0.0, -404.0), rays=1 << 14)
+    # The disc of light on the array is some 1 mm wide.
+    assert 0.05 < len(landed.position) / len(expected.position) < 1.0
+    np.testing.assert_array_equal(landed.index, np.zeros_like(landed.index))
+    np.testing.assert_array_equal(landed.microlens, np.tile([0.1, 0.0], (len(landed.index), 1)))

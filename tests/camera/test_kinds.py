@@ -1,0 +1,313 @@
+"""Kinds of arrays in white images: limits in which one kind becomes another, and closed forms."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+import plenoptic as pl
+
+LENS = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(5.0))
+ARRAY = pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,))
+CAMERA = pl.PlenopticCamera(
+    lens=LENS,
+    microlenses=ARRAY,
+    sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.010),
+    stop_to_microlenses=123.3,
+    microlenses_to_sensor=1.7,
+)
+REGION = np.s_[196:256, 160:220]
+CELL = pl.ApertureShape.CELL
+
+
+def with_array(camera: pl.PlenopticCamera = CAMERA, **changes) -> pl.PlenopticCamera:
+    return dataclasses.replace(camera, microlenses=dataclasses.replace(camera.microlenses, **changes))
+
+
+def white(camera: pl.PlenopticCamera, samples: int = 64, region=REGION, seed: int = 0) -> pl.Exposure:
+    return pl.render_white(camera, samples=samples, region=region, seed=seed, progress=False)
+
+
+def total(shot: pl.Exposure) -> tuple[float, float]:
+    """Sum over the pixels and its standard error."""
+    return float(shot.image.sum(dtype=np.float64)), float(np.sqrt(np.square(shot.standard_error, dtype=float).sum()))
+
+
+def agree(a: pl.Exposure, b: pl.Exposure, factor: float = 1.0, relative: float = 0.0) -> None:
+    (sum_a, error_a), (sum_b, error_b) = total(a), total(b)
+    assert abs(sum_a - factor * sum_b) < 4 * math.hypot(error_a, factor * error_b) + relative * sum_a
+
+
+# ---- one kind is another ----
+
+
+def test_equal_types_are_one_type():
+    assert np.allclose(white(with_array(focal_lengths=(2.0, 2.0 + 1e-12))).image, white(CAMERA).image, rtol=1e-5)
+
+
+def test_listed_centres_of_a_lattice_are_the_lattice():
+    centres = ARRAY.lenses((-4.0, -4.0), (4.0, 4.0)).centre
+    free = with_array(lattice=pl.Lattice.FREE, centres=centres)
+    agree(white(free, 256), white(CAMERA, 256, seed=1))
+
+
+def test_rectangles_of_equal_sides_are_squares():
+    square = with_array(lattice=pl.Lattice.SQUARE)
+    assert np.array_equal(
+        white(with_array(lattice=pl.Lattice.RECTANGULAR, pitch=(0.217, 0.217))).image, white(square).image
+    )
+
+
+@pytest.mark.parametrize(
+    "model", [pl.MicrolensModel.THIN, pl.MicrolensModel.FLAT_HIGH_INDEX, pl.MicrolensModel.SPHERICAL]
+)
+def test_no_imperfection_is_none(model):
+    index = 100.0 if model is pl.MicrolensModel.FLAT_HIGH_INDEX else 1.5
+    camera = with_array(model=model, index=index)
+    listed = with_array(camera, imperfections=pl.MicrolensImperfections(pitch_jitter=1e-12))
+    agree(white(listed, 256), white(camera, 256, seed=1))
+    types = with_array(camera, focal_lengths=(2.0, 2.0, 2.0 + 1e-12))
+    assert np.allclose(white(types).image, white(camera).image, rtol=1e-4, atol=1e-7)
+
+
+def test_an_array_whose_lenses_are_all_missing_is_a_conventional_camera():
+    camera = with_array(imperfections=pl.MicrolensImperfections(missing=1.0))
+    plain = pl.PlenopticCamera(lens=LENS, sensor=CAMERA.sensor, stop_to_microlenses=CAMERA.z_sensor)
+    agree(white(camera, 256), white(plain, 256, seed=1))
+
+
+def test_dark_lenses_are_black():
+    dark = with_array(imperfections=pl.MicrolensImperfections(dark=1.0))
+    assert not white(dark, 16).image.any()
+    # One dark lens on the axis: its image disappears, others stay as they are.
+    one = with_array(imperfections=pl.MicrolensDeviations(index=[(0, 0)], transmission=[0.0]))
+    shot, whole = white(one, 256, np.s_[230:282, 230:282]), white(CAMERA, 256, np.s_[230:282, 230:282], seed=1)
+    assert shot.image[26, 26, 0] == 0 < whole.image[26, 26, 0]
+    corner = np.s_[:8, :8]
+    joint = np.hypot(shot.standard_error[corner], whole.standard_error[corner])
+    assert abs((shot.image[corner] - whole.image[corner]).sum()) < 4 * math.sqrt(np.square(joint).sum())
+
+
+def test_half_transparent_lenses_halve_the_light():
+    index = ARRAY.lenses((-4.0, -4.0), (4.0, 4.0)).index
+    half = with_array(imperfections=pl.MicrolensDeviations(index=index, transmission=np.full(len(index), 0.5)))
+    agree(white(half, 256), white(CAMERA, 256, seed=1), 0.5)
+
+
+@pytest.mark.parametrize("model", [pl.MicrolensModel.THIN, pl.MicrolensModel.SPHERICAL])
+def test_each_type_images_as_an_array_of_its_own(model):
+    focal_lengths = (1.6, 2.0, 2.5)
+    several = with_array(model=model, focal_lengths=focal_lengths)
+    # In mode 2.0 with a small stop, images do not overlap: pixels under a lens are its own.
+    several = dataclasses.replace(several, lens=LENS.with_stop(pl.CircularStop(3.0)))
+    shot = white(several, 256)
+    lenses = several.microlenses.lenses((-2.0, -2.0), (2.0, 2.0))
+    rows, columns = np.mgrid[REGION]
+    points = several.sensor.centre_of(rows, columns).reshape(-1, 2) * (123.3 + 5.23) / (125.0 + 5.23)
+    owner = np.linalg.norm(points[:, None] - lenses.centre, axis=-1).argmin(axis=1)
+    kind = lenses.type[owner].reshape(rows.shape)
+    assert set(np.unique(kind)) == {0, 1, 2}
+    for number, f in enumerate(focal_lengths):
+        alone = white(with_array(several, focal_lengths=(f,)), 256, seed=1)
+        where = kind == number
+        joint = np.hypot(shot.standard_error, alone.standard_error)[where]
+        difference = float((shot.image - alone.image)[where].sum(dtype=np.float64))
+        assert abs(difference) < 4 * math.sqrt(np.square(joint, dtype=float).sum())
+
+
+# ---- openings ----
+
+
+@pytest.mark.parametrize("shape", list(pl.ApertureShape))
+@pytest.mark.parametrize("model", [pl.MicrolensModel.THIN, pl.MicrolensModel.SPHERICAL])
+def test_opaque_gaps_take_their_area_s_part_of_the_light(shape, model):
+    # In mode 1.0 each point of a cell sends as much light to the image below it: a wide stop, far from its rims.
+    camera = dataclasses.replace(CAMERA, microlenses_to_sensor=2.0, lens=LENS.with_stop(pl.CircularStop(3.0)))
+    camera = with_array(camera, model=model)
+    narrow = with_array(camera, aperture=pl.MicrolensAperture(shape, 0.6))
+    region = np.s_[206:250, 206:250]
+    # Images are cut by the region's border: twice the pixels' row of 172, at most 2 % of their light unequal.
+    agree(white(narrow, 256, region), white(camera, 256, region, seed=1), 0.6, relative=0.02)
+
+
+@pytest.mark.parametrize("model", [pl.MicrolensModel.THIN, pl.MicrolensModel.SPHERICAL])
+def test_clear_gaps_pass_what_opaque_ones_stop(model):
+    # All light of the cells arrives somewhere: with clear gaps, the mean over a large region is that of full lenses.
+    full = with_array(model=model)
+    clear = with_array(full, aperture=pl.MicrolensAperture(pl.ApertureShape.CIRCLE, 0.5, pl.Gaps.CLEAR))
+    opaque = with_array(full, aperture=pl.MicrolensAperture(pl.ApertureShape.CIRCLE, 0.5, pl.Gaps.OPAQUE))
+    region = np.s_[180:290, 180:290]
+    agree(white(clear, 64, region), white(full, 64, region, seed=1), relative=0.01)
+    # What passes beside the openings is what flat glass would pass there.
+    flat = with_array(opaque, imperfections=pl.MicrolensImperfections(missing=1.0))
+    plain = with_array(full, imperfections=pl.MicrolensImperfections(missing=1.0))
+    beside = total(white(clear, 64, region))[0] - total(white(opaque, 64, region))[0]
+    expected = total(white(plain, 64, region))[0] - total(white(flat, 64, region))[0]
+    assert beside == pytest.approx(expected, rel=0.02)
+
+
+def test_pinholes_have_no_clear_gaps():
+    with pytest.raises(pl.InvalidValueError, match="PINHOLE"):
+        with_array(model=pl.MicrolensModel.PINHOLE, aperture=pl.MicrolensAperture(CELL, 0.5, pl.Gaps.CLEAR))
+
+
+# ---- an array of cameras ----
+
+
+def camera_array(**changes) -> pl.PlenopticCamera:
+    """3 x 3 cameras of 10 mm with openings of 1 mm radius."""
+    given = {
+        "pitch": 10.0,
+        "focal_lengths": (8.0,),
+        "lattice": pl.Lattice.SQUARE,
+        "aperture": pl.MicrolensAperture(pl.ApertureShape.CIRCLE, math.pi / 100),
+        "walls": pl.Walls.OPAQUE,
+    }
+    return pl.PlenopticCamera(
+        lens=pl.no_lens(),
+        microlenses=pl.MicrolensArray(**(given | changes)),
+        sensor=pl.Sensor(shape=(60, 60), pixel_pitch=0.5),
+        stop_to_microlenses=1.0,
+        microlenses_to_sensor=8.2,
+    )
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{}, {"lattice": pl.Lattice.FREE, "centres": [(10.0 * i, 10.0 * j) for i in (-1, 0, 1) for j in (-1, 0, 1)]}],
+)
+def test_each_camera_of_an_array_lights_its_own_part(changes) -> None:
+    # Without a main lens and with walls, each camera is a thin lens over a dark box: E = A cos^4 / b^2.
+    camera = camera_array(**changes)
+    shot = white(camera, 256, None)
+    rows, columns = np.mgrid[:60, :60]
+    points = camera.sensor.centre_of(rows, columns)
+    off = points - 10.0 * np.round(points / 10.0)
+    cos2 = 1.0 / (1.0 + (off**2).sum(axis=-1) / 8.2**2)
+    expected = math.pi * cos2**2 / 8.2**2
+    middle = np.hypot(*off.transpose(2, 0, 1)) < 2.5
+    # cos^4 is 1 - 2 r^2 / b^2: averaged over the opening, where r^2 is 1/2 on average, it is 1.5 % lower.
+    assert shot.image[middle, 0].sum() == pytest.approx(0.985 * expected[middle].sum(), rel=0.005)
+    # Single pixels: 256 points on a disc of which half or less are hit scatter by some 2 %, and rarely by 5 times that.
+    assert shot.image[middle, 0] == pytest.approx(expected[middle], rel=0.15)
+    parts = shot.image[..., 0].reshape(3, 20, 3, 20)
+    joint = float(np.sqrt(np.square(shot.standard_error, dtype=float).sum() / 9))
+    sums = parts.sum(axis=(1, 3), dtype=float)
+    assert np.ptp(sums) < 6 * joint
+    without = white(camera_array(**changes | {"walls": pl.Walls.NONE}), 64, None)
+    assert without.image.sum() > 1.5 * shot.image.sum()
+
+
+def test_cameras_of_an_array_see_points_with_the_disparity_of_their_baseline() -> None:
+    # A small emitter 500 mm in front of the array: images shift against the centres by baseline times b / distance.
+    camera = camera_array()
+    camera = dataclasses.replace(camera, sensor=pl.Sensor(shape=(600, 600), pixel_pitch=0.05))
+    emitter = pl.quad((-2.0, -2.0, -499.0), (4.0, 0, 0), (0, 4.0, 0), material=pl.Emissive(1.0))
+    shot = pl.render(pl.Scene(meshes=[emitter]), camera, samples=64, truth=pl.Truth.NONE, progress=False)
+    rows, columns = np.mgrid[:600, :600]
+    points = camera.sensor.centre_of(rows, columns)
+    light = shot.image[..., 0].astype(float)
+    for i in (-1, 0, 1):
+        for j in (-1, 0, 1):
+            own = (np.abs(points - 10.0 * np.array([i, j])) < 5.0).all(axis=-1)
+            centroid = (light[own, None] * points[own]).sum(axis=0) / light[own].sum()
+            # The pixel raster cuts an image 1.3 pixels wide: a tenth of a pixel.
+            assert centroid == pytest.approx(10.0 * np.array([i, j]) * (1 + 8.2 / 500.0), abs=0.005)
+
+
+# ---- pixels ----
+
+
+def test_small_pixel_openings_see_the_middle_and_their_share():
+    half = dataclasses.replace(CAMERA, sensor=dataclasses.replace(CAMERA.sensor, pixel_aperture=(0.5, 0.8)))
+    agree(white(half, 256), white(CAMERA, 256, seed=1), 0.4, relative=2e-3)
+    # A pixel four times as fine and in the middle of a coarse one sees what the coarse one's opening sees.
+    third = dataclasses.replace(CAMERA, sensor=dataclasses.replace(CAMERA.sensor, pixel_aperture=(1 / 3, 1 / 3)))
+    fine = dataclasses.replace(CAMERA, sensor=pl.Sensor(shape=(1536, 1536), pixel_pitch=0.010 / 3))
+    coarse_shot = white(third, 1024, np.s_[230:250, 230:250])
+    fine_shot = white(fine, 1024, np.s_[690:750, 690:750], seed=1)
+    a, b = 9 * coarse_shot.image, fine_shot.image[1::3, 1::3]
+    joint = np.hypot(9 * coarse_shot.standard_error, fine_shot.standard_error[1::3, 1::3])
+    assert abs(float((a - b).sum())) < 4 * math.sqrt(float(np.square(joint).sum()))
+
+
+@pytest.mark.parametrize("moved", [False, True])
+def test_angular_response_weighs_directions(moved):
+    # A tiny pupil: each pixel is lit from one direction.
+    response = pl.AngularResponse(well_depth=1.2, index=1.4, pupil_distance=90.0, exponent=2.0)
+    lens = LENS.with_model(pl.LensModel.THIN).with_stop(pl.CircularStop(1.0))
+    camera = pl.PlenopticCamera(lens=lens, sensor=pl.Sensor(shape=(24, 24), pixel_pitch=2.0), stop_to_microlenses=60.0)
+    seeing = dataclasses.replace(camera, sensor=dataclasses.replace(camera.sensor, angular_response=response))
+    if moved:
+        step = {"shift": (1.0, -2.0, 3.0), "tilt": (0.1, -0.2, 0.4)}
+        camera, seeing = (c.moved(pl.CameraPart.SENSOR, **step) for c in (camera, seeing))
+    plain, weighed = white(camera, 1024, None), white(seeing, 1024, None)
+    pupil = np.array([0.0, 0.0, pl.paraxial.cardinal_points(lens, 587.6).rear_principal])
+    turn = np.eye(3) if not moved else np.asarray(camera.sensor_placement.rotation)
+    shift = np.zeros(3) if not moved else np.asarray(camera.sensor_placement.shift)
+    rows, columns = np.mgrid[:24, :24]
+    own = camera.sensor.centre_of(rows, columns)
+    points = np.concatenate([own, np.zeros((24, 24, 1))], axis=-1) @ turn.T + shift + [0, 0, camera.z_sensor]
+    way = (pupil - points) @ turn
+    expected = response.at(way[..., 0] / -way[..., 2], way[..., 1] / -way[..., 2], x=own[..., 0], y=own[..., 1])
+    measured = weighed.image[..., 0] / plain.image[..., 0]
+    # Pixels are 2 mm wide at 60 mm and the response is not linear across them: a few tenths of a per cent.
+    inner = expected > 0.2
+    assert inner.sum() > 300
+    assert measured[inner] == pytest.approx(expected[inner], rel=0.02)
+
+
+# ---- dust ----
+
+
+def test_dust_on_the_rear_lens_is_an_obstacle_in_the_pupil():
+    # A conventional camera, stop at the rear: an opaque grain on the last vertex's plane takes its share of the beam.
+    grain = pl.Blemishes(pl.BlemishSite.LENS_REAR, [(0.0, 0.0)], [(0.0, 0.0)], [2.0], [0.0])
+    camera = pl.PlenopticCamera(lens=LENS, sensor=pl.Sensor((8, 8), 0.01), stop_to_microlenses=134.6)
+    clean, dusty = white(camera, 1024, None), white(dataclasses.replace(camera, blemishes=(grain,)), 1024, None)
+    # As seen from the axial point, the cone through the exit pupil (radius 5 x 1.552 at -5.23) is cut at 30.31.
+    share = (camera.z_sensor - 30.31) / (camera.z_sensor + 5.233)
+    beam = 5.0 * 1.5521 * share
+    assert total(dusty)[0] / total(clean)[0] == pytest.approx(1 - (2.0 / beam) ** 2, rel=0.01)
+
+
+def test_dust_on_the_front_lens_dims_as_its_transmission_says():
+    grain = pl.Blemishes(pl.BlemishSite.LENS_FRONT, [(0.0, 0.0)], [(0.0, 0.0)], [30.0], [0.25])
+    shot = white(dataclasses.replace(CAMERA, blemishes=(grain,)))
+    assert np.allclose(shot.image, 0.25 * white(CAMERA).image, rtol=1e-6)
+
+
+def test_dust_on_pixels_and_array_covers_its_area():
+    half = pl.Blemishes(pl.BlemishSite.SENSOR, [(-100.0, 50.0)], [(100.0, 50.0)], [50.0], [0.0])
+    shot, plain = (
+        white(dataclasses.replace(CAMERA, blemishes=(half,)), region=np.s_[250:262, :]),
+        white(CAMERA, region=np.s_[250:262, :]),
+    )
+    # Row r lies at y = (r + 1/2 - 256) pitch: rows from 256 on are covered.
+    assert not shot.image[6:].any() and np.array_equal(shot.image[:6], plain.image[:6])
+    lens = pl.Blemishes(pl.BlemishSite.ARRAY, [(0.0, 0.0)], [(0.0, 0.0)], [0.108], [0.0])
+    covered = white(dataclasses.replace(CAMERA, blemishes=(lens,)), region=np.s_[246:266, 246:266])
+    assert covered.image.sum() < 0.25 * white(CAMERA, region=np.s_[246:266, 246:266]).image.sum()
+
+
+def test_dust_above_the_sensor_blurs():
+    # A grain of 0.02 mm radius at 1 mm under microlenses at f/7.8: the shadow is 0.13 mm wider, and lighter.
+    def shadow(height: float) -> np.ndarray:
+        grain = pl.Blemishes(pl.BlemishSite.SENSOR, [(0.0, 0.0)], [(0.0, 0.0)], [0.02], [0.0], height=height)
+        region = np.s_[236:276, 236:276]
+        dusty = dataclasses.replace(CAMERA, blemishes=(grain,))
+        clean = white(CAMERA, 256, region).image
+        lit = clean > 0.5 * clean.max()
+        return (1 - white(dusty, 256, region).image / np.maximum(clean, 1e-9))[lit]
+
+    sharp, blurred = shadow(0.0), shadow(1.0)
+    assert sharp.max() > 0.99 > 0.9 > blurred.max() > 0.02
+    assert (sharp > 0.01).sum() < (blurred > 0.01).sum()
+
+
+def test_clean_cameras_are_as_they_were():
+    nothing = pl.Blemishes(pl.BlemishSite.SENSOR, [], [], [], [])
+    assert np.array_equal(white(dataclasses.replace(CAMERA, blemishes=(nothing,))).image, white(CAMERA).image)
+    with pytest.raises(pl.InvalidValueError, match="in front of the sensor"):
+        dataclasses.replace(CAMERA, blemishes=(pl.Blemishes(pl.BlemishSite.SENSOR, [], [], [], [], height=1.8),))

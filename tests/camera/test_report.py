@@ -1,0 +1,488 @@
+import dataclasses
+import math
+import pickle
+
+import numpy as np
+import pytest
+
+import plenoptic as pl
+from plenoptic.camera.report import CameraFindingKind, CameraKind, camera_report
+from plenoptic.camera.report_optics import (
+    images_on_sensor,
+    lateral_magnification,
+    neighbour_distance,
+    object_plane,
+    paraxial_cone,
+    traced_slope,
+)
+
+LENS = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=5.0))
+THIN = LENS.with_model(pl.LensModel.THIN)
+POINTS = pl.paraxial.cardinal_points(LENS)
+SENSOR = pl.Sensor(shape=(512, 512), pixel_pitch=0.01)
+PITCH, FOCAL = 0.217, 2.0
+EPS = 2.0**-52
+
+
+def camera_with(b: float, place: float = 123.3, lens=LENS, microlenses=None, **changes) -> pl.PlenopticCamera:
+    array = pl.MicrolensArray(pitch=PITCH, focal_lengths=(FOCAL,)) if microlenses is None else microlenses
+    return pl.PlenopticCamera(
+        lens=lens, sensor=SENSOR, stop_to_microlenses=place, microlenses=array, microlenses_to_sensor=b, **changes
+    )
+
+
+REFERENCE = camera_with(1.7)
+NO_LENS = pl.LensStack(
+    [
+        pl.CircularStop(1.0, thickness=0.5),
+        pl.Surface(50.0, 0.5, pl.ConstantMedium(1.5), semi_diameter=4.0),
+        pl.Surface(math.inf, semi_diameter=4.0),
+    ],
+    model=pl.LensModel.NONE,
+)
+KINDS = {
+    # b > f: the image stands in front of the array, b < f: behind it.
+    CameraKind.GALILEAN: camera_with(1.7, lens=THIN),
+    CameraKind.KEPLERIAN: camera_with(2.4, 150.0, lens=THIN),
+    CameraKind.PLENOPTIC_1: camera_with(2.0, 130.0, lens=THIN),
+    # Without a lens, with an iris: 1/13 + 1/b = 1/f, in focus at 13 - 3 before the iris.
+    CameraKind.CAMERA_ARRAY: camera_with(1 / (1 / FOCAL - 1 / 13), 3.0, lens=NO_LENS),
+    CameraKind.CONVENTIONAL: pl.PlenopticCamera(lens=THIN, sensor=SENSOR, stop_to_microlenses=135.0),
+}
+WITH_ARRAY = [kind for kind in CameraKind if kind is not CameraKind.CONVENTIONAL]
+
+
+def fan_from(z: float, lens, half_width: float, n: int = 41) -> pl.RayBundle:
+    """Rays of the axial point z that meet the plane of the iris at evenly spaced heights y."""
+    y = np.linspace(-half_width, half_width, n)
+    return pl.RayBundle([[0, 0, z]] * n, np.column_stack([0 * y, y, np.full(n, -z)]))
+
+
+def behind_lens(camera: pl.PlenopticCamera, z: float, half_width: float | None = None, n: int = 41):
+    """Heights on the array and slopes there of rays that pass."""
+    half_width = 0.8 * camera.lens.stop.semi_diameter if half_width is None else half_width
+    out = camera.lens.trace(fan_from(z, camera.lens, half_width, n))
+    out = out.selected(out.status == 0)
+    return out.at_z(camera.stop_to_microlenses)[:, 1], out.direction[:, 1] / out.direction[:, 2]
+
+
+def on_sensor(camera: pl.PlenopticCamera, y, slope, centre):
+    """Through a thin microlens at `centre` to the sensor."""
+    return y + camera.microlenses_to_sensor * (slope - (y - centre) / camera.microlenses.focal_length)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_kinds(kind: CameraKind) -> None:
+    report = camera_report(KINDS[kind])
+    assert report.kind is kind
+    assert [focus.kind for focus in report.focus] == [kind]
+    assert report.focus[0].z < 0 and report.focus[0].z_far < report.focus[0].z < report.focus[0].z_near
+    assert (report.image_pitch is None) == (kind is CameraKind.CONVENTIONAL)
+
+
+def test_reference_camera_in_mode_2() -> None:
+    # The reference: 1.7 mm, stop 10 mm: images every 21.987 pixels, a = 11.33 behind the array, z = -404 to within 0.1;
+    # 12 % of its pixels are fed by several microlenses, here counted on 1024 points of a cell (+- 1.5 %).
+    report = camera_report(REFERENCE)
+    (focus,) = report.focus
+    assert report.kind is CameraKind.GALILEAN
+    assert report.image_pitch_pixels == pytest.approx(21.987, abs=5e-4)
+    assert focus.image_distance == pytest.approx(34 / 3, rel=1e-14)
+    assert focus.virtual_depth == pytest.approx(20 / 3, rel=1e-14)
+    assert focus.disparity == pytest.approx(3.255, rel=1e-12)
+    assert focus.z == pytest.approx(-404.0, abs=0.1)
+    assert report.overlap_fraction == pytest.approx(0.12, abs=0.02)
+    assert [finding.kind for finding in report.warnings] == [CameraFindingKind.OVERLAP]
+
+
+def test_reference_camera_in_mode_1() -> None:
+    report = camera_report(camera_with(2.0, lens=LENS.with_stop(pl.CircularStop(semi_diameter=4.25))))
+    assert report.kind is CameraKind.PLENOPTIC_1
+    assert report.image_pitch_pixels == pytest.approx(22.038, abs=5e-4)
+    assert report.focus[0].image_distance == report.focus[0].virtual_depth == 0.0
+    assert report.focus[0].z == pytest.approx(pl.paraxial.object_position(LENS, 123.3), rel=1e-14)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_rays_of_the_plane_in_focus_meet_on_the_sensor(kind: CameraKind) -> None:
+    # The law behind focus and disparity, by rays through ideal lenses: all rays of the axial point that pass the
+    # microlens at c land at c - c b/s, with b/s from the disparity; in a plenoptic 1.0 they meet on the array.
+    camera, report = KINDS[kind], camera_report(KINDS[kind])
+    (focus,) = report.focus
+    y, slope = behind_lens(camera, focus.z)
+    # Rounding of positions near 100 mm and slopes, over distances near 100 mm.
+    error = 1e4 * EPS * 100
+    if kind in (CameraKind.PLENOPTIC_1, CameraKind.CONVENTIONAL):
+        np.testing.assert_allclose(y, 0.0, atol=error)
+        return
+    centre = PITCH * np.round(y / PITCH)
+    landed = on_sensor(camera, y, slope, centre)
+    per_neighbour = focus.disparity * SENSOR.pixel_pitch / PITCH
+    sign = 1.0 if kind is CameraKind.GALILEAN else -1.0
+    np.testing.assert_allclose(landed, centre * (1.0 - sign * per_neighbour), atol=error)
+
+
+@pytest.mark.parametrize("kind", [CameraKind.GALILEAN, CameraKind.KEPLERIAN, CameraKind.CAMERA_ARRAY])
+@pytest.mark.parametrize("limit", ["z_far", "z_near"])
+def test_depth_of_field_ends_where_the_blur_is_a_pixel(kind: CameraKind, limit: str) -> None:
+    camera, focus = KINDS[kind], camera_report(KINDS[kind]).focus[0]
+    y, slope = behind_lens(camera, getattr(focus, limit))
+    # Linear in the height on the array, so that two rays tell of the whole opening of the microlens at 0.
+    ends = on_sensor(camera, y[[0, -1]], slope[[0, -1]], 0.0)
+    blur = abs(np.diff(ends)[0] / np.diff(y[[0, -1]])[0]) * PITCH
+    assert blur == pytest.approx(SENSOR.pixel_pitch, rel=1e-9)
+    assert focus.z_far < focus.z < focus.z_near
+
+
+def test_depth_of_field_of_a_conventional_camera() -> None:
+    # The spread of the marginal rays, of the thin lens with the iris as large as the entrance pupil, is a pixel.
+    camera, focus = KINDS[CameraKind.CONVENTIONAL], camera_report(KINDS[CameraKind.CONVENTIONAL]).focus[0]
+    for z in (focus.z_far, focus.z_near):
+        reach = POINTS.entrance_pupil_semi_diameter * z / (z - POINTS.rear_principal)
+        y, _ = behind_lens(camera, z, (1 - 1e-12) * reach, 2)
+        assert np.ptp(y) == pytest.approx(SENSOR.pixel_pitch, rel=1e-8)
+
+
+def test_depth_of_field_of_a_plenoptic_1() -> None:
+    # |s| = p b / q = 43.4 mm behind and before the array at 130: before it lies the rear focus, so far is the horizon.
+    camera, focus = KINDS[CameraKind.PLENOPTIC_1], camera_report(KINDS[CameraKind.PLENOPTIC_1]).focus[0]
+    assert focus.z_far == -math.inf
+    image = pl.paraxial.cardinal_points(LENS).rear_focus
+    near = POINTS.rear_principal - 1 / (1 / POINTS.efl - 1 / (130 + PITCH * 2.0 / 0.01 - POINTS.rear_principal))
+    assert focus.z_near == pytest.approx(near, rel=1e-12)
+    assert focus.disparity == 0 and focus.disparity_near == pytest.approx(1.0, rel=1e-9)
+    assert focus.disparity_far == pytest.approx((image - 130) * 0.01 / (PITCH * 2.0), rel=1e-9)
+    # Views of neighbouring pixels, by rays: through the pixel q off the axis, a point at z_near is on the microlens
+    # that lies one pitch farther. The ray leaves pixel q through the centre of that microlens, c - q / b slopes.
+    y, slope = behind_lens(camera, focus.z_near)
+    height = np.interp(0.01 / 2.0, *(array[np.argsort(slope)] for array in (slope, y)))
+    assert abs(height) == pytest.approx(PITCH, rel=1e-6)
+
+
+@pytest.mark.parametrize("kind", [CameraKind.GALILEAN, CameraKind.KEPLERIAN])
+def test_light_of_a_point_covers_as_many_microlenses_as_said(kind: CameraKind) -> None:
+    camera, focus = KINDS[kind], camera_report(KINDS[kind]).focus[0]
+    reach = POINTS.entrance_pupil_semi_diameter * focus.z / (focus.z - POINTS.rear_principal)
+    y, _ = behind_lens(camera, focus.z, (1 - 1e-12) * reach, 2)
+    assert np.ptp(y) / PITCH == pytest.approx(focus.lenses_across, rel=1e-9)
+    area = math.pi / 4 * np.ptp(y) ** 2
+    assert focus.lenses_seeing == pytest.approx(area / camera.microlenses.cell_area, rel=1e-9)
+
+
+@pytest.mark.parametrize("b", [0.5, 1.99, 2.01, 6.0])
+@pytest.mark.parametrize("f", [0.3, 2.0, 5.0])
+def test_closed_forms_of_thin_lenses(b: float, f: float) -> None:
+    camera = camera_with(b, 160.0, lens=THIN, microlenses=pl.MicrolensArray(pitch=PITCH, focal_lengths=(f,)))
+    (focus,) = camera_report(camera).focus
+    if b == f:
+        assert focus.kind is CameraKind.PLENOPTIC_1
+        return
+    s = 1 / (1 / b - 1 / f)
+    # 1/b - 1/f loses digits where they are close: eps s / b.
+    error = 8 * EPS * (1 + abs(s) / b)
+    assert focus.kind is (CameraKind.GALILEAN if s > 0 else CameraKind.KEPLERIAN)
+    assert focus.image_distance == pytest.approx(s, rel=error)
+    assert focus.virtual_depth == pytest.approx(abs(s) / b, rel=error)
+    assert focus.disparity == pytest.approx(PITCH * b / abs(s) / 0.01, rel=error)
+    assert focus.effective_resolution == pytest.approx(min(1.0, b / abs(s)), rel=error)
+    image = 160.0 + s - POINTS.rear_principal
+    if not image > POINTS.efl * 1.001:
+        assert math.isnan(focus.z) or image < 0
+        return
+    z = POINTS.rear_principal - 1 / (1 / POINTS.efl - 1 / image)
+    assert focus.z == pytest.approx(z, rel=1e-9)
+    assert focus.magnification == pytest.approx(image / (z - POINTS.rear_principal), rel=1e-9)
+    # What neighbouring pixels under a microlens see is a pixel's pitch, back through microlens and lens.
+    assert focus.object_sampling == pytest.approx(0.01 * abs(s) / b / abs(focus.magnification), rel=1e-9)
+
+
+def test_traced_focus_is_what_focused_at_inverts() -> None:
+    for z in (-300.0, -5000.0):
+        focused = REFERENCE.focused_at(z, criterion=pl.FocusCriterion.RMS_SPOT)
+        # The search ends at 1e-11 of the image distance, times the longitudinal magnification (z / efl)^2.
+        error = 1e-11 * 150 * (z / 50) ** 2
+        assert camera_report(focused).focus[0].z_traced == pytest.approx(z, abs=error)
+        assert camera_report(REFERENCE.focused_at(z)).focus[0].z == pytest.approx(z, rel=1e-9)
+
+
+def test_disparity_of_the_real_lens() -> None:
+    # Rays that fill the iris, from the plane in focus as traced: where neighbouring microlenses, on average over
+    # all that see the point, put its image. Rays of a microlens at c land at c (1 - b/s) on average, up to the
+    # aberrations of the lens and to how evenly the rays of a microlens lie in it.
+    focus = camera_report(REFERENCE).focus[0]
+    rays = pl.aiming.aimed_rays(LENS, field=(0.0, 0.0), z_object=focus.z_traced, pupil=pl.aiming.square_grid(129))
+    out = LENS.trace(rays)
+    out = out.selected(out.status == 0)
+    at, slope = out.at_z(123.3)[:, :2], out.direction[:, :2] / out.direction[:, 2:]
+    centre = REFERENCE.microlenses.nearest(at)
+    landed = on_sensor(REFERENCE, at, slope, centre)
+    moved = float(((landed - centre) * centre).sum() / (centre**2).sum())
+    assert -moved * PITCH / SENSOR.pixel_pitch == pytest.approx(focus.disparity, rel=5e-3)
+
+
+def test_focus_at_the_horizon() -> None:
+    for lens in (THIN, LENS):
+        camera = camera_with(2.0, lens=lens).focused_at(-math.inf, criterion=pl.FocusCriterion.RMS_SPOT)
+        report = camera_report(camera)
+        assert report.focus[0].z_traced == report.focus[0].z_far == -math.inf
+        assert CameraFindingKind.FOCUS_OUT_OF_REACH not in [finding.kind for finding in report.warnings]
+
+
+@pytest.mark.parametrize("model", pl.LensModel)
+def test_traced_f_number_tends_to_the_paraxial_one(model: pl.LensModel) -> None:
+    # Aberrations of the pupil change the slope by a part that falls with the square of the stop.
+    off = []
+    for semi_diameter in (4.0, 2.0, 1.0):
+        lens = LENS.with_model(model).with_stop(pl.CircularStop(semi_diameter))
+        cone = paraxial_cone(lens, 123.3, 587.6)
+        off.append(traced_slope(lens, 123.3, 587.6) / cone.slope - 1.0)
+    if model is not pl.LensModel.EXACT:
+        np.testing.assert_allclose(off, 0.0, atol=1e-9)
+        return
+    assert off[0] / off[1] == pytest.approx(4.0, rel=0.1) and off[1] / off[2] == pytest.approx(4.0, rel=0.1)
+
+
+def test_f_numbers_and_images_follow_the_exit_pupil() -> None:
+    report = camera_report(REFERENCE)
+    distance, diameter = 123.3 - POINTS.exit_pupil, 2 * POINTS.exit_pupil_semi_diameter
+    assert report.exit_pupil_distance == pytest.approx(distance, rel=1e-12)
+    assert report.working_f_number_paraxial == pytest.approx(distance / diameter, rel=1e-12)
+    assert report.microlens_f_number == pytest.approx(1.7 / PITCH, rel=1e-14)
+    assert report.image_diameter == pytest.approx(1.7 / report.working_f_number, rel=1e-12)
+    assert report.f_number_match == pytest.approx(report.microlens_f_number / report.working_f_number, rel=1e-12)
+    assert report.image_pitch == pytest.approx(PITCH * (1 + 1.7 / distance), rel=1e-12)
+    assert report.image_fill == pytest.approx(report.image_diameter / report.image_pitch, rel=1e-14)
+
+
+def test_a_telecentric_lens_repeats_images_at_the_pitch() -> None:
+    # The iris in the front focus of a singlet: its exit pupil is infinitely far, and the cone at the array is that of
+    # the iris over the focal length.
+    surfaces = pl.load_lens("singlet-100mm-f4").elements[1:]
+    plain = pl.LensStack([pl.CircularStop(4.0, thickness=50.0), *surfaces])
+    points = pl.paraxial.cardinal_points(plain)
+    lens = pl.LensStack([pl.CircularStop(4.0, thickness=50.0 - points.front_focus), *surfaces])
+    place = pl.paraxial.cardinal_points(lens).rear_focus
+    for model in (pl.LensModel.EXACT, pl.LensModel.PARAXIAL):
+        report = camera_report(camera_with(2.0, place, lens=lens.with_model(model)))
+        assert abs(report.exit_pupil_distance) > 1e12
+        assert report.image_pitch == pytest.approx(PITCH, rel=1e-12)
+        assert report.working_f_number_paraxial == pytest.approx(points.efl / 8.0, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("lattice", "dark"), [(pl.Lattice.HEXAGONAL, math.pi / 12**0.5), (pl.Lattice.SQUARE, math.pi / 4)]
+)
+def test_round_images_that_touch_leave_the_corners_dark(lattice: pl.Lattice, dark: float) -> None:
+    array = pl.MicrolensArray(PITCH, (FOCAL,), lattice, pl.MicrolensModel.PINHOLE)
+    report = camera_report(camera_with(2.0, microlenses=array))
+    touching = LENS.with_stop(pl.CircularStop(5.0 / report.image_fill))
+    report = camera_report(camera_with(2.0, microlenses=array, lens=touching))
+    # Counted on a grid of 1024 points, along borders that take some 4 x 32 of them: sqrt(128) / 1024 times 2.
+    assert report.dark_fraction == pytest.approx(1 - dark, abs=0.022)
+    assert report.overlap_fraction < 0.022
+    wide = camera_report(camera_with(2.0, microlenses=array, lens=LENS.with_stop(pl.CircularStop(11.0))))
+    assert wide.dark_fraction == 0.0 and wide.overlap_fraction > 0.9
+
+
+def test_microlenses_that_image_the_pupil_onto_the_sensor_light_it_as_pinholes_do() -> None:
+    # 1/f = 1/b + 1/D. The iris is near, so that images lie far from their microlenses: 1 + b / D = 5/3.
+    b, f = 2.0, 1 / (1 / 2.0 + 1 / 3.0)
+    thin = pl.MicrolensArray(PITCH, (f,))
+    wide = camera_report(camera_with(b, 3.0, lens=NO_LENS, microlenses=thin))
+    assert wide.image_pitch == pytest.approx(PITCH * 5 / 3, rel=1e-12)
+    assert wide.image_border_pixels == pytest.approx(0.0, abs=1e-9)
+    for fill in (0.7, 1.3):
+        lens = NO_LENS.with_stop(pl.CircularStop(fill / wide.image_fill))
+        reports = [
+            camera_report(camera_with(b, 3.0, lens=lens, microlenses=array))
+            for array in (thin, dataclasses.replace(thin, model=pl.MicrolensModel.PINHOLE))
+        ]
+        assert reports[0].dark_fraction == pytest.approx(reports[1].dark_fraction, abs=1e-2)
+        assert reports[0].overlap_fraction == pytest.approx(reports[1].overlap_fraction, abs=1e-2)
+        # Discs of 0.7 of their distance leave 1 - 0.49 pi / (2 sqrt(3)); larger than 2 / sqrt(3), they leave nothing.
+        dark = max(0.0, 1 - fill**2 * math.pi / 12**0.5) if fill < 1 else 0.0
+        assert reports[1].dark_fraction == pytest.approx(dark, abs=0.022)
+
+
+def test_the_corner_sees_the_iris_at_an_angle() -> None:
+    # The corner of the sensor belongs to the microlens at corner / (1 + b / D), D from the pupil.
+    for model, pupil in ((pl.LensModel.NONE, 0.0), (pl.LensModel.PARAXIAL, POINTS.exit_pupil)):
+        report = camera_report(camera_with(2.2, lens=LENS.with_model(model)))
+        distance = 123.3 - pupil
+        reach = SENSOR.half_diagonal / (1 + 2.2 / distance)
+        assert math.tan(report.corner_chief_angle) == pytest.approx(reach / distance, rel=1e-9)
+        assert report.corner_pupil_fraction == 1.0
+
+
+def test_several_types_are_each_what_they_are_alone() -> None:
+    together = camera_report(camera_with(1.7, microlenses=pl.MicrolensArray(PITCH, (1.7, 2.0, 2.4))))
+    for focus, f in zip(together.focus, (1.7, 2.0, 2.4), strict=True):
+        (alone,) = camera_report(camera_with(1.7, microlenses=pl.MicrolensArray(PITCH, (f,)))).focus
+        assert dataclasses.replace(focus, type=0) == alone
+    assert [focus.kind.name for focus in together.focus] == ["PLENOPTIC_1", "GALILEAN", "GALILEAN"]
+
+
+@pytest.mark.parametrize(
+    "array",
+    [
+        pl.MicrolensArray(0.217, (2.0,)),
+        pl.MicrolensArray(0.32, (2.0,), pl.Lattice.SQUARE),
+        pl.MicrolensArray((0.3, 0.1), (2.0,), pl.Lattice.RECTANGULAR),
+        pl.MicrolensArray(0.7, (2.0,), pl.Lattice.FREE, centres=[(0, 0), (0.5, 0), (0, 0.6), (4, 4), (2.5, -2.5)]),
+    ],
+)
+@pytest.mark.parametrize("vergence", [0.0, 1 / 128.5, -0.01])
+def test_microlenses_are_counted_as_listed(array: pl.MicrolensArray, vergence: float) -> None:
+    camera = camera_with(1.7, microlenses=array)
+    half = 2.56 / (1 + 1.7 * vergence)
+    assert images_on_sensor(camera, vergence) == len(array.lenses((-half, -half), (half, half)))
+
+
+def test_distance_of_neighbours() -> None:
+    hexagonal = pl.MicrolensArray(0.2, (2.0,))
+    centres = hexagonal.lenses((-2, -2), (2, 2)).centre
+    free = pl.MicrolensArray(0.2, (2.0,), pl.Lattice.FREE, centres=centres)
+    assert neighbour_distance(free) == pytest.approx(0.2, rel=1e-12)
+    assert neighbour_distance(pl.MicrolensArray((0.3, 0.1), (2.0,), pl.Lattice.RECTANGULAR)) == 0.1
+    report = camera_report(camera_with(1.7, microlenses=free))
+    assert report.image_pitch == pytest.approx(camera_report(camera_with(1.7, microlenses=hexagonal)).image_pitch)
+
+
+def test_thin_lens_planes_are_inverse_and_magnify_as_rays_do() -> None:
+    z = -404.0
+    image = pl.paraxial.cardinal_points(LENS).rear_principal + 1 / (1 / POINTS.efl - 1 / (POINTS.rear_principal - z))
+    assert object_plane(THIN, image, 587.6) == pytest.approx(z, rel=1e-12)
+    out = THIN.trace(pl.RayBundle([[0, 1.0, z]], [[0, -1.0, -z]]))
+    assert out.at_z(image)[0, 1] == pytest.approx(lateral_magnification(THIN, z, 587.6), rel=1e-12)
+
+
+def kinds_of(camera: pl.PlenopticCamera) -> set[str]:
+    return {finding.kind.name for finding in camera_report(camera).warnings}
+
+
+def test_findings() -> None:
+    # An ideal lens, whose report costs less, where rims do not matter.
+    ideal = LENS.with_model(pl.LensModel.PARAXIAL)
+    assert {"DARK_GAPS", "F_NUMBER_MISMATCH"} <= kinds_of(camera_with(1.7, lens=ideal.with_stop(pl.CircularStop(3.0))))
+    open_iris = kinds_of(camera_with(1.7, lens=ideal.with_stop(pl.CircularStop(8.0))))
+    assert {"OVERLAP", "F_NUMBER_MISMATCH"} <= open_iris and "DARK_GAPS" not in open_iris
+    assert "TOUCHES_LENS" in kinds_of(camera_with(1.7, 30.35, lens=ideal))
+    assert "TOUCHES_LENS" not in kinds_of(camera_with(1.7, 31.0, lens=ideal))
+    assert "FOCUS_OUT_OF_REACH" in kinds_of(camera_with(1.7, 60.0, lens=ideal))
+    assert "FEW_VIEWS" in kinds_of(camera_with(0.9, 133.0, lens=ideal))
+    assert "FOCUSED_AT_INFINITY" in kinds_of(camera_with(1.99, 110.0, lens=ideal))
+    assert "FEW_PIXELS" in kinds_of(camera_with(1.7, lens=ideal, microlenses=pl.MicrolensArray(0.03, (2.0,))))
+    assert "CUT_OFF_IMAGES" in kinds_of(camera_with(1.7, lens=LENS.inserted(pl.CircularStop(4.5), z=60.0)))
+    assert "DEPTH_GAP" in kinds_of(camera_with(1.7, lens=ideal, microlenses=pl.MicrolensArray(PITCH, (1.8, 2.4))))
+    # 51.2 mm hold 235.9 microlenses and 232.9 images: 1.7 / 128.5 of them fewer.
+    large = dataclasses.replace(REFERENCE, sensor=pl.Sensor((5120, 512), 0.01))
+    assert "PERSPECTIVE" in kinds_of(large) and "PERSPECTIVE" not in kinds_of(REFERENCE)
+    message = next(f for f in camera_report(large).warnings if f.kind is CameraFindingKind.PERSPECTIVE)
+    assert "3.1 fewer images" in str(message)
+
+
+def test_array_inside_a_concave_last_surface() -> None:
+    # The vertex is at 5 mm, the rim of radius 20 at 5 + 20 - sqrt(400 - 144) = 9 mm.
+    lens = pl.LensStack(
+        [
+            pl.CircularStop(3.0, thickness=1.0),
+            pl.Surface(30.0, 4.0, pl.ConstantMedium(1.7), semi_diameter=12.0),
+            pl.Surface(20.0, semi_diameter=12.0),
+        ]
+    )
+    report = camera_report(camera_with(1.7, 7.0, lens=lens))
+    assert report.clearance == pytest.approx(-2.0, abs=1e-9)
+    assert CameraFindingKind.INSIDE_LENS in [finding.kind for finding in report.warnings]
+
+
+def test_matching_iris_of_the_findings_matches() -> None:
+    small = camera_report(camera_with(1.7, lens=LENS.with_stop(pl.CircularStop(3.0))))
+    matched = LENS.with_stop(pl.CircularStop(3.0 / small.image_fill))
+    assert camera_report(camera_with(1.7, lens=matched)).image_fill == pytest.approx(1.0, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("model", "array_model"),
+    [
+        *((model, pl.MicrolensModel.THIN) for model in pl.LensModel),
+        *((pl.LensModel.PARAXIAL, array_model) for array_model in pl.MicrolensModel),
+    ],
+)
+def test_every_model_has_a_report(model: pl.LensModel, array_model: pl.MicrolensModel) -> None:
+    index = 100.0 if array_model is pl.MicrolensModel.FLAT_HIGH_INDEX else 1.5
+    array = pl.MicrolensArray(PITCH, (FOCAL,), model=array_model, index=index)
+    report = camera_report(camera_with(2.004, lens=LENS.with_model(model), microlenses=array))
+    assert (report.efl is None) == (model is pl.LensModel.NONE)
+    assert report.working_f_number == pytest.approx(report.working_f_number_paraxial, rel=0.01)
+    if array_model is pl.MicrolensModel.PINHOLE:
+        assert report.image_border_pixels == 0.0
+        assert (report.focus[0].z_far, report.focus[0].z_near) == (-math.inf, LENS.vertices[0])
+
+
+def test_polygons_count_as_their_circles() -> None:
+    hexagon = camera_report(camera_with(1.7, lens=LENS.with_stop(pl.PolygonStop(6, 5.0))))
+    circle = camera_report(REFERENCE)
+    assert hexagon.working_f_number == circle.working_f_number
+    assert hexagon.dark_fraction > circle.dark_fraction + 0.03
+
+
+def test_microlenses_of_micrometres_and_focus_at_kilometres() -> None:
+    # Everything in units of 1e-3: a camera of a thousandth of the size says the same.
+    def scaled(k: float) -> pl.PlenopticCamera:
+        lens = pl.LensStack(
+            [
+                pl.CircularStop(4.0 * k, thickness=1.0 * k),
+                pl.Surface(50.0 * k, 4.0 * k, pl.ConstantMedium(1.5), semi_diameter=12.0 * k),
+                pl.Surface(-80.0 * k, semi_diameter=12.0 * k),
+            ]
+        )
+        array = pl.MicrolensArray(0.2 * k, (2.0 * k,))
+        camera = pl.PlenopticCamera(lens, pl.Sensor((400, 300), 0.01 * k), 60.0 * k, array, 1.7 * k)
+        return camera.focused_at(-1e6 * k, criterion=pl.FocusCriterion.RMS_SPOT)
+
+    large, small = camera_report(scaled(1.0)), camera_report(scaled(1e-3))
+    assert small.focus[0].z_traced == pytest.approx(-1e3, rel=1e-4)
+    for name in ("working_f_number", "image_fill", "image_pitch_pixels", "dark_fraction", "microlenses"):
+        assert getattr(small, name) == pytest.approx(getattr(large, name), rel=1e-9)
+    assert small.focus[0].disparity == pytest.approx(large.focus[0].disparity, rel=1e-12)
+    assert small.focus[0].z_near == pytest.approx(1e-3 * large.focus[0].z_near, rel=1e-6)
+    assert {f.kind for f in small.warnings} == {f.kind for f in large.warnings}
+
+
+def test_a_report_is_a_value_and_prints_as_a_table() -> None:
+    report = camera_report(REFERENCE)
+    assert report == camera_report(REFERENCE) and hash(report) == hash(camera_report(REFERENCE))
+    assert pickle.loads(pickle.dumps(report)) == report
+    text = repr(report)
+    for words in ("Galilean", "mm", "pixels", "virtual depth", "6.66667", "OVERLAP", "12 %"):
+        assert words in text
+    assert max(map(len, text.splitlines())) <= 110
+    plain = repr(camera_report(KINDS[CameraKind.CONVENTIONAL]))
+    assert "virtual depth" not in plain and "microlens" not in plain and "no warnings" in plain
+
+
+def test_errors() -> None:
+    with pytest.raises(pl.InvalidValueError, match="camera is a"):
+        camera_report(LENS)
+
+
+def test_the_figure_draws_what_the_report_says() -> None:
+    plt = pytest.importorskip("matplotlib.pyplot")
+    from plenoptic.plots.camera import plot_camera
+
+    report = camera_report(REFERENCE)
+    section, microlenses = plot_camera(REFERENCE, report).axes
+    lines = {line.get_label(): line for line in section.lines}
+    assert set(lines["array"].get_xdata()) == {123.3} and set(lines["sensor"].get_xdata()) == {125.0}
+    # The light under the microlens on the axis ends on the sensor as wide as its image; the next one is a pitch away.
+    ends = [patch.get_xy() for patch in microlenses.patches if patch.get_xy()[:, 0].max() > 0]
+    widths = [np.ptp(corners[:, 1][corners[:, 0] == 1.7]) for corners in ends]
+    np.testing.assert_allclose(widths, report.image_diameter, rtol=1e-12)
+    middles = [corners[:, 1][corners[:, 0] == 1.7].mean() for corners in ends]
+    np.testing.assert_allclose(np.diff(middles), report.image_pitch, rtol=1e-12)
+    conventional = KINDS[CameraKind.CONVENTIONAL]
+    assert len(plot_camera(conventional, camera_report(conventional)).axes) == 1
+    for given in ((LENS, report), (REFERENCE, 3)):
+        with pytest.raises(pl.InvalidValueError):
+            plot_camera(*given)
+    plt.close("all")

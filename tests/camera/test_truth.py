@@ -1,0 +1,108 @@
+"""Ground truth as a value: its parts, what stands for nothing, and what files call it."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+import plenoptic as pl
+from plenoptic.camera.truth import (
+    KINDS,
+    NO_MICROLENS,
+    GroundTruth,
+    Truth,
+    available_truth,
+    checked_truth,
+    empty_truth,
+    truth_names,
+)
+from plenoptic.camera.truth_channels import truth_channels, truth_in, truth_note
+
+
+def everything(rows=2, columns=3):
+    rng = np.random.default_rng(5)
+    made = {}
+    for name, kind in KINDS.items():
+        shape = (rows, columns, *kind.shape)
+        whole = kind.dtype is np.int32
+        made[name] = rng.integers(-5, 5, shape) if whole else rng.uniform(-5, 5, shape)
+    return GroundTruth(**made)
+
+
+def test_all_is_everything_and_each_array_has_a_kind_of_it():
+    union = Truth.NONE
+    for kind in KINDS.values():
+        union |= kind.flag
+    assert union == Truth.ALL == Truth(sum(flag.value for flag in Truth))
+
+
+def test_what_is_wanted_is_what_is_made():
+    wanted = Truth.NORMAL | Truth.MICROLENS
+    made = empty_truth(wanted, (4, 5))
+    assert {name: (a.shape, a.dtype) for name, a in made.items()} == {
+        "normal": ((4, 5, 3), np.float64),
+        "microlens": ((4, 5, 2), np.int32),
+        "microlens_type": ((4, 5), np.int32),
+    }
+    assert np.isnan(made["normal"]).all() and (made["microlens"] == NO_MICROLENS).all()
+    assert GroundTruth(**made).kinds == wanted
+    assert empty_truth(Truth.NONE, (4, 5)) == {}
+
+
+def test_a_scene_without_meshes_and_a_camera_without_microlenses_have_less():
+    assert available_truth(Truth.ALL, meshes=True, microlenses=True) == Truth.ALL
+    assert available_truth(Truth.ALL, meshes=False, microlenses=True) == Truth.MICROLENS
+    assert available_truth(Truth.ALL, meshes=False, microlenses=False) == Truth.NONE
+    bare = available_truth(Truth.ALL, meshes=True, microlenses=False)
+    assert bare == Truth.ALL & ~(Truth.MICROLENS | Truth.VIRTUAL_DEPTH | Truth.DISPARITY)
+    assert truth_names(Truth.VIRTUAL_DEPTH | Truth.DEPTH) == "depth, virtual depth"
+
+
+@pytest.mark.parametrize("given", [True, 1, "DEPTH", None])
+def test_what_is_wanted_is_said_by_flags(given):
+    with pytest.raises(pl.InvalidValueError, match=r"truth is .* give a Truth, such as pl.Truth.DEPTH"):
+        checked_truth(given)
+
+
+def test_it_is_a_value():
+    truth = everything()
+    again = pickle.loads(pickle.dumps(truth))
+    assert again == truth and hash(again) == hash(truth) and not again.normal.flags.writeable
+    assert truth.shape == (2, 3) and truth.kinds == Truth.ALL
+    assert repr(GroundTruth(depth=truth.depth, object=truth.object)) == "GroundTruth(2 x 3, depth, object)"
+
+
+@pytest.mark.parametrize(
+    ("arrays", "sentence"),
+    [
+        ({}, "a ground truth holds nothing; give it at least one array, such as depth"),
+        ({"depth": np.ones(3)}, r"depth has shape \(3,\); it must have shape \(rows, columns\)"),
+        ({"depth": np.ones((2, 3)), "normal": np.ones((2, 2, 3))}, r"normal has shape \(2, 2, 3\)"),
+        ({"microlens": np.ones((2, 3))}, r"microlens has shape \(2, 3\); it must have shape \(rows, columns, 2\)"),
+    ],
+)
+def test_impossible_ones(arrays, sentence):
+    with pytest.raises(pl.InvalidValueError, match=sentence):
+        GroundTruth(**arrays)
+
+
+def test_disparity_of_views_is_that_of_microlenses_upside_down():
+    truth = GroundTruth(disparity=[[2.0, -0.5, np.inf, np.nan]])
+    np.testing.assert_array_equal(truth.view_disparity, [[0.5, -2.0, 0.0, np.nan]])
+    assert GroundTruth(depth=[[1.0]]).view_disparity is None
+
+
+def test_channels_of_files_lead_back():
+    truth = everything()
+    channels = truth_channels(truth)
+    assert len(channels) == sum(int(np.prod(kind.shape)) for kind in KINDS.values())
+    assert all(plane.shape == (2, 3) for plane in channels.values())
+    assert truth_in(channels) == truth
+    assert truth_in({"depth.Z": truth.depth, "truth.normal.X": truth.depth}) == GroundTruth(depth=truth.depth)
+    assert truth_in({"Y": truth.depth}) is None
+    for name in channels:
+        assert name.rsplit(".", 1)[0] in truth_note(truth)
+
+
+def test_no_microlens_is_kept_by_single_precision():
+    assert int(np.float32(NO_MICROLENS)) == NO_MICROLENS == np.iinfo(np.int32).min
