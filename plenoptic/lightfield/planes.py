@@ -1,0 +1,110 @@
+"""Raw image and white image of the same pixels, and reading between them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic._values import value
+from plenoptic.errors import InvalidValueError
+from plenoptic.exposure import Exposure
+
+Floats = NDArray[np.float64]
+
+_BRIGHT = 99.0
+"""Percentile of the white image that counts as full light."""
+
+
+@value
+class RawPlanes:
+    """A shot and its white image on the same pixels.
+
+    Parameters
+    ----------
+    shot, white : (H, W, C) arrays
+    variance, white_variance : (H, W, C) arrays or None
+        Of their errors.
+    first : (int, int)
+        Row and column of the first pixel on the sensor.
+    least : float
+        Below it the white image counts as dark.
+    """
+
+    shot: Floats
+    white: Floats
+    variance: Floats | None
+    white_variance: Floats | None
+    first: tuple[int, int]
+    least: float
+
+    def read(self, pixel: Floats) -> tuple[Floats, Floats | None]:
+        """Radiance (n, C) and its variance at places (n, 2), row and column; nan where it is dark or outside.
+
+        The quotient of two sums of light over the same four pixels: where the white image falls off, bright pixels
+        count more, and a white image read by itself is 1.
+        """
+        row, column, weight = _corners(pixel - np.array(self.first), self.shot.shape[:2])
+
+        def between(plane: Floats, shares: Floats) -> Floats:
+            return np.asarray(np.einsum("nk,nkc->nc", shares, plane[row, column]))
+
+        light = between(self.white, weight)
+        with np.errstate(invalid="ignore"):
+            light = np.where(light >= self.least, light, np.nan)
+        radiance = between(self.shot, weight) / light
+        if self.variance is None:
+            return radiance, None
+        spread = between(self.variance, weight**2)
+        if self.white_variance is not None:
+            spread = spread + radiance**2 * between(self.white_variance, weight**2)
+        return radiance, spread / light**2
+
+
+def _corners(place: Floats, shape: tuple[int, ...]) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats]:
+    """Rows, columns and bilinear weights (n, 4) of the pixels around places; weights are nan outside the image."""
+    high = np.array(shape) - 1
+    # Rounding of a place on the last pixel must not lose it.
+    outside = ((place < -1e-9) | (place > high + 1e-9)).any(axis=1)
+    place = np.clip(place, 0, high)
+    base = np.minimum(np.floor(place).astype(np.int64), np.maximum(high - 1, 0))
+    down, right = (place - base).T
+    shares = np.stack([(1 - down) * (1 - right), (1 - down) * right, down * (1 - right), down * right], axis=1)
+    shares[outside] = np.nan
+    rows = np.minimum(base[:, :1] + [0, 0, 1, 1], high[0])
+    columns = np.minimum(base[:, 1:] + [0, 1, 0, 1], high[1])
+    return rows, columns, shares
+
+
+def raw_planes(shot: Exposure, white: Exposure, least_light: float) -> RawPlanes:
+    """Cut the white image to the pixels of the shot; its dark parts are below `least_light` of its 99th percentile."""
+    rows, columns, channels = shot.image.shape
+    first = (0, 0) if shot.region is None else (shot.region[0], shot.region[2])
+    start = (0, 0) if white.region is None else (white.region[0], white.region[2])
+    top, left = first[0] - start[0], first[1] - start[1]
+    if top < 0 or left < 0 or top + rows > white.image.shape[0] or left + columns > white.image.shape[1]:
+        raise InvalidValueError(
+            f"the white image holds {white.image.shape[0]} x {white.image.shape[1]} pixels from row {start[0]}, column "
+            f"{start[1]}, and not all {rows} x {columns} of the shot from row {first[0]}, column {first[1]}; render it "
+            "of the same region"
+        )
+    if white.image.shape[2] not in (1, channels):
+        raise InvalidValueError(
+            f"the white image has {white.image.shape[2]} channels and the shot {channels}; render one with 1 or "
+            f"{channels}"
+        )
+    cut = np.s_[top : top + rows, left : left + columns]
+
+    def plane(image: NDArray[np.float32]) -> Floats:
+        return np.asarray(np.broadcast_to(image[cut].astype(np.float64), shot.image.shape))
+
+    bright = float(np.percentile(white.image, _BRIGHT))
+    if not bright > 0:
+        raise InvalidValueError("the white image is black; render it with render_white(camera, samples=...)")
+    return RawPlanes(
+        shot=shot.image.astype(np.float64),
+        white=plane(white.image),
+        variance=None if shot.standard_error is None else np.square(shot.standard_error, dtype=np.float64),
+        white_variance=None if white.standard_error is None else plane(white.standard_error) ** 2,
+        first=first,
+        least=least_light * bright,
+    )

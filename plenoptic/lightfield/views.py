@@ -1,0 +1,153 @@
+"""A light field as sub-aperture views: pictures of the scene from many points of the pupil."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic._values import number, value
+from plenoptic.camera.model_pupil import model_pupil
+from plenoptic.errors import InvalidValueError
+from plenoptic.optics.models import LensModel
+from plenoptic.optics.paraxial import cardinal_points, image_position
+
+if TYPE_CHECKING:
+    from plenoptic.camera.camera import PlenopticCamera
+
+Floats = NDArray[np.float64]
+
+
+@value
+class LightField:
+    """Sub-aperture views of a plenoptic 1.0 camera; `decode` makes them.
+
+    A view holds the light that passes one part of the main lens's pupil: what lies at the same offset from the centre
+    of every microlens image. Views are upright; the view of u = 1 is seen from a place farther to the right than that
+    of u = 0, the view of v = 1 from farther down.
+
+    Parameters
+    ----------
+    views : (U, V, rows, columns, C) array of float32
+        Radiance; nan where no light comes from, or where the raw image ends.
+    standard_error : (U, V, rows, columns, C) array of float32, or None
+        One standard deviation.
+    u, v : (U,) and (V,) arrays
+        Offsets from the centres of the microlens images along columns (to the right) and rows (down) of the raw image,
+        in pixels.
+    exit_pupil : (U, V, 2) array
+        x and y, in mm, at which the light of a view passes the exit pupil, from its centre (paraxial).
+    pupil : (U, V, 2) array
+        The same as a point of the iris in units of its semi-diameter; nan where the lens has no exit pupil at a finite
+        distance.
+    origin : (2,) array
+        x and y of the first pixel of a view on the array of microlenses, in mm.
+    spacing : (float, float)
+        Distance of the pixels of a view on the array along x and y, in mm; columns run towards -x, rows towards +y.
+    object_spacing : (float, float)
+        The same in the plane in focus, mm; nan where there is none in front of the lens.
+    z_focus : float
+        The plane in focus, which the lens images onto the array, in mm of the camera's frame (paraxial).
+    camera : PlenopticCamera
+
+    Examples
+    --------
+    See `decode`.
+    """
+
+    views: NDArray[np.float32]
+    standard_error: NDArray[np.float32] | None
+    u: Floats
+    v: Floats
+    exit_pupil: Floats
+    pupil: Floats
+    origin: Floats
+    spacing: tuple[float, float]
+    object_spacing: tuple[float, float]
+    z_focus: float
+    camera: PlenopticCamera
+
+    def view(self, u: int, v: int) -> NDArray[np.float32]:
+        """The view that is `u` places to the right of the central one and `v` below it: (rows, columns, C).
+
+        Parameters
+        ----------
+        u, v : int
+            From -(U - 1) / 2 to (U - 1) / 2.
+
+        Raises
+        ------
+        InvalidValueError
+            Where there is no such view.
+        """
+        place = (self._row_of(u, len(self.u), "u"), self._row_of(v, len(self.v), "v"))
+        return np.asarray(self.views[place])
+
+    @property
+    def centre(self) -> NDArray[np.float32]:
+        """The view through the middle of the pupil: (rows, columns, C)."""
+        return self.view(0, 0)
+
+    @staticmethod
+    def _row_of(which: int, count: int, name: str) -> int:
+        most = count // 2
+        if isinstance(which, bool) or not isinstance(which, int | np.integer) or abs(which) > most:
+            raise InvalidValueError(f"{name} is {which!r}; it must be a whole number from {-most} to {most}")
+        return int(which) + most
+
+    def disparity_at(self, z: float) -> tuple[float, float]:
+        """How far the image of a plane moves from one view to the next, by Gaussian optics.
+
+        With the exit pupil a distance D before the array and the image of the plane e behind it, light that passes the
+        pupil at P meets the array at P e / (D + e) beside where light through its middle does, and P grows by D / b
+        times the pitch of a pixel for each pixel of u. Offsets count from the chief rays' places here;
+        `GroundTruth.view_disparity` counts them from the microlenses' centres and so has e for D e / (D + e).
+
+        Parameters
+        ----------
+        z : float
+            The plane in the camera's frame, mm.
+
+        Returns
+        -------
+        (float, float)
+            Pixels of a view along columns for each pixel of u, and along rows for each pixel of v; 0 in focus, positive
+            nearer than that, where points move against the step (to the left in views farther right), negative beyond.
+
+        Examples
+        --------
+        See `decode`.
+        """
+        place = number(z, "z")
+        if not place < 0:
+            raise InvalidValueError(f"z is {place:g} mm; the plane must lie in front of the camera, at z below 0")
+        camera = self.camera
+        behind = imaged_at(camera, place) - camera.stop_to_microlenses
+        pupil, _ = model_pupil(camera)
+        gap = camera.stop_to_microlenses - pupil
+        # e / (D + e) times D, with both at any distance.
+        lever = gap * _share(behind, gap) if math.isfinite(gap) else behind
+        per_pixel = lever * camera.sensor.pixel_pitch / camera.microlenses_to_sensor
+        return per_pixel / self.spacing[0], per_pixel / self.spacing[1]
+
+    def __repr__(self) -> str:
+        across, down, rows, columns, channels = self.views.shape
+        return f"LightField({across} x {down} views of {rows} x {columns} x {channels})"
+
+
+def _share(behind: float, gap: float) -> float:
+    return 1.0 if math.isinf(behind) else behind / (gap + behind)
+
+
+def imaged_at(camera: PlenopticCamera, z: float) -> float:
+    """Where the main lens, as its model has it, images a plane: z in mm."""
+    lens = camera.lens
+    if lens.model is LensModel.NONE:
+        return z
+    if lens.model is LensModel.THIN:
+        # One plane stands for both principal planes.
+        points = cardinal_points(lens, camera.wavelength)
+        return image_position(lens, z - (points.rear_principal - points.front_principal), camera.wavelength)
+    return image_position(lens, z, camera.wavelength)

@@ -1,0 +1,369 @@
+"""Sub-aperture views: white images, resampling, one picture from everywhere in focus, disparity beside it."""
+
+import dataclasses
+import math
+import pickle
+
+import numpy as np
+import pytest
+
+import plenoptic as pl
+from plenoptic.camera.centres import microlens_centres
+from plenoptic.lightfield import decode, refocus
+from plenoptic.lightfield.planes import raw_planes
+from plenoptic.lightfield.resampling import resampling
+
+HEXAGONAL, SQUARE, RECTANGULAR = pl.Lattice.HEXAGONAL, pl.Lattice.SQUARE, pl.Lattice.RECTANGULAR
+
+
+def the_camera(shape=(242, 242), model=pl.LensModel.THIN, stop=4.25, **array):
+    """The reference camera in mode 1.0, focused at z = -404."""
+    lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(stop)).with_model(model)
+    return pl.PlenopticCamera(
+        lens=lens,
+        microlenses=pl.MicrolensArray(**({"pitch": 0.217, "focal_lengths": (2.0,), "lattice": SQUARE} | array)),
+        sensor=pl.Sensor(shape=shape, pixel_pitch=0.010),
+        stop_to_microlenses=130.0,
+        microlenses_to_sensor=2.0,
+    ).focused_at(z=-404.0)
+
+
+def white_of(camera, samples=64, seed=11, **more):
+    return pl.render_white(camera, samples=samples, seed=seed, progress=False, **more)
+
+
+def tiles(radiance, side, z):
+    """A scene of square emitters: radiance (n, m) with row 0 at the top, centred on the axis."""
+    n, m = radiance.shape
+    meshes = []
+    for i in range(n):
+        for j in range(m):
+            if radiance[i, j] > 0:
+                corner = ((j - m / 2) * side, (n / 2 - i - 1) * side, z)
+                shine = pl.Emissive(float(radiance[i, j]))
+                meshes.append(pl.quad(corner, (side, 0, 0), (0, side, 0), material=shine))
+    return pl.Scene(meshes)
+
+
+def shot_of(scene, camera, samples=64, seed=3, **more):
+    return pl.render(scene, camera, samples=samples, seed=seed, max_bounces=0, progress=False, **more)
+
+
+def blob(n, sigma, centre=(0.0, 0.0)):
+    """A Gaussian of (n, n) tiles, sigma and centre (down, right) in tiles."""
+    y, x = (np.arange(n) - (n - 1) / 2 - c for c in centre)
+    return np.exp(-(y[:, None] ** 2 + x[None] ** 2) / (2 * sigma**2))
+
+
+# ---- white images ----
+
+
+@pytest.mark.parametrize("lattice", [HEXAGONAL, SQUARE, RECTANGULAR])
+@pytest.mark.parametrize("model", [pl.LensModel.THIN, pl.LensModel.EXACT])
+def test_white_decodes_to_one_wherever_it_is_lit(lattice, model):
+    camera = the_camera((190, 210), model, lattice=lattice, pitch=(0.217, 0.24) if lattice is RECTANGULAR else 0.217)
+    white = white_of(camera, samples=16)
+    field = decode(white, white)
+    lit = np.isfinite(field.views)
+    # Float32 rounding of 1.
+    np.testing.assert_allclose(field.views[lit], 1.0, rtol=1e-6)
+    inside = np.hypot(*np.moveaxis(field.pupil, -1, 0)) < 0.85
+    middle = np.s_[:, 2:-2, 2:-2]  # the border of a hexagonal lattice is ragged
+    assert lit[inside][middle].all() and lit[inside][middle].size > 1000
+    assert not lit[np.hypot(*np.moveaxis(field.pupil, -1, 0)) > 1.25].any()
+
+
+def test_errors_are_those_of_independent_pixels():
+    """Of two white images the quotient scatters around 1 by its standard error."""
+    camera = the_camera((242, 242), lattice=HEXAGONAL)
+    field = decode(white_of(camera, samples=64, seed=1), white_of(camera, samples=64, seed=2), views=11)
+    off = (field.views - 1.0) / field.standard_error
+    off = off[np.isfinite(off)]
+    assert off.size > 5000
+    # Standard errors from 8 replicates: t with 7 degrees of freedom has variance 7/5, less after averaging several
+    # pixels; neighbouring views share pixels, so that the sample counts as some 1000.
+    assert 0.85 < np.sqrt(np.mean(off**2)) < 1.3
+    assert abs(np.median(off)) < 0.15
+
+
+def test_an_exact_white_image_leaves_the_error_of_the_shot():
+    camera = the_camera((70, 70))
+    image = np.full((70, 70, 1), 0.5)
+    shot = pl.Exposure(image, standard_error=np.full_like(image, 0.03), camera=camera)
+    white = pl.Exposure(np.ones_like(image))
+    field = decode(shot, white, views=3)
+    known = np.isfinite(field.views)
+    np.testing.assert_allclose(field.views[known], 0.5, rtol=1e-6)
+    # Centres fall between pixels: bilinear weights w have a sum of squares from 1/4 to 1.
+    assert (field.standard_error[known] <= 0.03 * (1 + 1e-6)).all()
+    assert (field.standard_error[known] >= 0.015 * (1 - 1e-6)).all()
+    assert decode(dataclasses.replace(shot, standard_error=None), white, views=3).standard_error is None
+
+
+# ---- reading and resampling ----
+
+
+def test_reading_between_pixels_reproduces_linear_functions_exactly():
+    rows, columns = np.mgrid[0:9, 0:12]
+    shot = pl.Exposure((2.0 + 0.5 * rows - 0.25 * columns)[:, :, None] + 10)
+    planes = raw_planes(shot, pl.Exposure(np.ones((9, 12, 1))), 0.05)
+    places = np.random.default_rng(1).uniform((0, 0), (8, 11), (200, 2))
+    found, _ = planes.read(places)
+    np.testing.assert_allclose(found[:, 0], 12 + 0.5 * places[:, 0] - 0.25 * places[:, 1], rtol=1e-12)
+    assert np.isnan(planes.read(np.array([[-0.1, 3.0], [3.0, 11.2]]))[0]).all()
+    assert np.isfinite(planes.read(np.array([[0.0, 0.0], [8.0, 11.0]]))[0]).all()
+
+
+def grid_of(array, half, spacing=None):
+    lenses = array.lenses((-half, -half), (half, half))
+    grid = resampling(array, lenses.index, spacing)
+    x = grid.origin[0] - grid.spacing[0] * np.arange(grid.columns)
+    y = grid.origin[1] + grid.spacing[1] * np.arange(grid.rows)
+    return lenses.design, grid, *np.meshgrid(x, y)
+
+
+@pytest.mark.parametrize("lattice", [HEXAGONAL, SQUARE])
+@pytest.mark.parametrize("spacing", [None, 0.037])
+def test_resampling_reproduces_linear_functions_exactly(lattice, spacing):
+    design, grid, x, y = grid_of(pl.MicrolensArray(0.1, (1.0,), lattice), 1.0, spacing)
+    seen = grid.mixed((3.0 + 2.0 * design[:, 0] - 5.0 * design[:, 1])[:, None])[:, :, 0]
+    known = np.isfinite(seen)
+    # The lattice is known a row beyond all but the ragged border.
+    assert known[2:-2, 2:-2].all()
+    np.testing.assert_allclose(seen[known], (3.0 + 2.0 * x - 5.0 * y)[known], atol=1e-12)
+
+
+def test_resampling_of_a_smooth_function_errs_by_the_square_of_the_pitch():
+    """Linear interpolation on equilateral triangles of side h errs by at most h^2 / 6 times the second derivative."""
+    largest = []
+    for pitch in (0.1, 0.05):
+        design, grid, x, y = grid_of(pl.MicrolensArray(pitch, (1.0,), HEXAGONAL), 1.0, 0.0137)
+        seen = grid.mixed(np.sin(3 * design[:, :1]) * np.cos(2 * design[:, 1:]))[:, :, 0]
+        error = np.abs(seen - np.sin(3 * x) * np.cos(2 * y))
+        largest.append(np.nanmax(error))
+        # Second derivatives are at most 9 + 4 in sum of the main directions.
+        assert largest[-1] < pitch**2 / 6 * 13
+    assert largest[0] / largest[1] == pytest.approx(4.0, rel=0.15)
+
+
+def test_weights_are_shares():
+    for lattice in (HEXAGONAL, SQUARE):
+        _, grid, _, _ = grid_of(pl.MicrolensArray(0.1, (1.0,), lattice), 0.7, 0.031)
+        assert (grid.weight >= 0).all()
+        np.testing.assert_allclose(grid.weight.sum(axis=1), 1.0, rtol=1e-14)
+
+
+def test_square_lattices_are_taken_as_they_are():
+    camera = the_camera((110, 154))
+    white = white_of(camera, samples=8)
+    raw = np.random.default_rng(2).uniform(1, 2, (110, 154, 3)).astype(np.float32)
+    field = decode(pl.Exposure(raw, camera=camera), dataclasses.replace(white, image=np.ones((110, 154, 1))), views=1)
+    centres = microlens_centres(camera)
+    x = np.rint((field.origin[0] - centres.on_array[:, 0]) / 0.217).astype(int)
+    y = np.rint((centres.on_array[:, 1] - field.origin[1]) / 0.217).astype(int)
+    for row, column, (r, c) in zip(y, x, centres.pixel, strict=True):
+        i, j = int(r), int(c)
+        if 0 <= r < 109 and 0 <= c < 153:
+            s, t = r - i, c - j
+            wanted = (1 - s) * ((1 - t) * raw[i, j] + t * raw[i, j + 1]) + s * (
+                (1 - t) * raw[i + 1, j] + t * raw[i + 1, j + 1]
+            )
+            np.testing.assert_allclose(field.centre[row, column], wanted, rtol=1e-6)
+
+
+# ---- scenes ----
+
+
+@pytest.fixture(scope="module")
+def in_focus():
+    """A pattern in the plane in focus, upright in no way symmetrical."""
+    pattern = 0.3 + np.random.default_rng(6).uniform(0, 1, (14, 14))
+    camera = the_camera((242, 242))
+    side = 0.25 / 0.217 * decode(white_of(camera, 8), white_of(camera, 8), views=1).object_spacing[0]
+    scene = tiles(pattern, side, -404.0)
+    return pattern, decode(shot_of(scene, camera, 128), white_of(camera, 128), views=13)
+
+
+def test_in_focus_all_views_show_the_same_picture(in_focus):
+    _, field = in_focus
+    inside = np.hypot(*np.moveaxis(field.pupil, -1, 0)) < 0.75
+    views, error = field.views[inside], field.standard_error[inside]
+    middle = np.s_[:, 1:-1, 1:-1]
+    views, error = views[middle], error[middle]
+    assert np.isfinite(views).all() and len(views) > 60
+    mean = views.mean(axis=0)
+    chi2 = ((views - mean) / error) ** 2
+    # Expected near 1 (7/5 at most, for 7 degrees of freedom); a picture that moved by a tenth of a microlens would
+    # differ by a tenth of the contrast.
+    assert 0.7 < np.median(chi2) / 0.455 < 1.5
+    assert np.sqrt(np.mean((views - mean) ** 2)) < 0.03 * mean.std() + 1.2 * np.sqrt(np.mean(error**2))
+
+
+def test_views_are_upright(in_focus):
+    """The picture correlates with the pattern as the camera sees it, and with no mirrored or turned one."""
+    pattern, field = in_focus
+    seen = field.centre[:, :, 0]
+    rows, columns = seen.shape
+    # Centre of each view pixel on the pattern: 0.217 / 0.25 tiles apart, the axis in the middle.
+    step = 0.217 / 0.25
+    down = (field.origin[1] / 0.217 + np.arange(rows)) * step + 7
+    right = (-field.origin[0] / 0.217 + np.arange(columns)) * step + 7
+    fits = {}
+    for name, turned in {
+        "upright": pattern,
+        "flipped": pattern[::-1],
+        "mirrored": pattern[:, ::-1],
+        "turned": pattern[::-1, ::-1],
+    }.items():
+        shown = turned[np.clip(down.astype(int), 0, 13)][:, np.clip(right.astype(int), 0, 13)]
+        inner = np.s_[1:-1, 1:-1]
+        fits[name] = np.corrcoef(shown[inner].ravel(), seen[inner].ravel())[0, 1]
+    assert fits["upright"] > 0.7
+    assert max(value for name, value in fits.items() if name != "upright") < 0.5
+
+
+@pytest.mark.parametrize("z, lattice", [(-330.0, SQUARE), (-520.0, SQUARE), (-330.0, HEXAGONAL)])
+def test_points_out_of_focus_move_by_the_disparity_of_a_thin_lens(z, lattice):
+    """Closed form, from the lens formula alone: f = 100.72, both principal planes in one."""
+    camera = the_camera((352, 352), lattice=lattice)
+    white = white_of(camera, 64)
+    points = pl.paraxial.cardinal_points(camera.lens)
+    f, plane = points.efl, points.rear_principal
+    # Beside the axis, up and to the right; a spot of 1.3 microlenses, so that sampling by cells leaves no ripple
+    # (exp(-2 pi^2 1.3^2) is 1e-15).
+    size = 1.3 * 0.217 / 0.318
+    scene = tiles(blob(21, 3.0, centre=(2.0, -2.0)), size / 3.0, z)
+    field = decode(shot_of(scene, camera, 128), white, views=13)
+    image = 1 / (1 / f - 1 / (plane - z))
+    behind = plane + image - camera.stop_to_microlenses
+    gap = camera.stop_to_microlenses - plane
+    wanted = -0.010 * gap / (field.spacing[0] * 2.0) * behind / (gap + behind)
+    moved = []
+    for u in range(-5, 6):
+        for v in (-3, 0, 3):
+            picture = field.view(u, v)[:, :, 0].astype(float)
+            picture = np.where(np.isfinite(picture), picture, 0.0)
+            total = picture.sum()
+            rows, columns = np.indices(picture.shape)
+            moved.append((u, v, (picture * columns).sum() / total, (picture * rows).sum() / total))
+    u, v, right, down = np.array(moved).T
+    across, along = np.polyfit(u, right, 1)[0], np.polyfit(v, down, 1)[0]
+    # Noise: a spot of 1.3 pixels seen with some percent in each of 20 pixels has its centre to 0.01 pixels, and slopes
+    # over 33 views some 0.001.
+    assert across == pytest.approx(wanted, abs=0.004)
+    assert along == pytest.approx(wanted, abs=0.006)
+    np.testing.assert_allclose(field.disparity_at(z), (-wanted, -wanted), rtol=1e-9)
+    # Nearer than the focus, what the right view sees lies farther left.
+    assert math.copysign(1, wanted) == (-1 if z > -404 else 1)
+
+
+def test_refocusing_gathers_what_lies_beside_the_focus():
+    camera = the_camera((242, 242))
+    scene = tiles(np.ones((1, 1)), 1.0, -330.0)
+    field = decode(shot_of(scene, camera, 64), white_of(camera, 64), views=13)
+    near, design = (np.nan_to_num(refocus(field, z)) for z in (-330.0, -404.0))
+    assert near.max() > 2 * design.max()
+    # Shift and add loses no light: the sums agree as long as all of it is in the picture.
+    assert near.sum() == pytest.approx(design.sum(), rel=0.1)
+
+
+# ---- parts of the sensor ----
+
+
+@pytest.mark.parametrize("lattice", [HEXAGONAL, SQUARE])
+def test_a_region_decodes_to_a_part_of_the_whole(lattice):
+    camera = the_camera((200, 240), lattice=lattice)
+    region = np.s_[40:150, 30:170]
+    white, scene = white_of(camera, 16), pl.Scene([pl.sphere(12.0, center=(3, 2, -404), material=pl.Emissive(2.0))])
+    whole, part = decode(shot_of(scene, camera, 16), white, views=5), None
+    cut = shot_of(scene, camera, 16, region=region)
+    for whites in (white, white_of(camera, 16, region=region)):
+        # The same dark level, which is a percentile of the white image, is not needed here: all of it is bright.
+        part = decode(cut, whites, views=5, least_light=1e-3)
+        down = round((part.origin[1] - whole.origin[1]) / whole.spacing[1])
+        right = round((whole.origin[0] - part.origin[0]) / whole.spacing[0])
+        rows, columns = part.views.shape[2:4]
+        there = whole.views[:, :, down : down + rows, right : right + columns]
+        known = np.isfinite(part.views)
+        assert known.mean() > 0.6
+        np.testing.assert_array_equal(part.views[known], there[known])
+
+
+# ---- values, errors, figures ----
+
+
+def test_pupil_coordinates_and_object_space_follow_gaussian_optics():
+    camera = the_camera((110, 110), pl.LensModel.EXACT)
+    white = white_of(camera, 8)
+    field = decode(white, white, views=5, step=2.0)
+    assert field.u.tolist() == field.v.tolist() == [-4.0, -2.0, 0.0, 2.0, 4.0]
+    points = pl.paraxial.cardinal_points(camera.lens)
+    gap = camera.stop_to_microlenses - points.exit_pupil
+    np.testing.assert_allclose(field.exit_pupil[4, 2], [0.04 * gap / 2.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(field.exit_pupil[2, 4], [0.0, -0.04 * gap / 2.0], atol=1e-12)
+    np.testing.assert_allclose(field.pupil, field.exit_pupil / (points.pupil_magnification * 4.25))
+    assert field.z_focus == pytest.approx(-404.0, abs=1e-6)
+    enlarged = abs(pl.paraxial.magnification(camera.lens, -404.0))
+    assert field.object_spacing == pytest.approx((0.217 / enlarged, 0.217 / enlarged))
+    assert field.disparity_at(-404.0) == pytest.approx((0.0, 0.0), abs=1e-9)
+
+
+def test_light_fields_are_values():
+    camera = the_camera((70, 70))
+    white = white_of(camera, 8)
+    field = decode(white, white, views=3)
+    assert pickle.loads(pickle.dumps(field)) == field
+    assert repr(field).startswith("LightField(3 x 3 views of")
+    np.testing.assert_array_equal(field.view(1, -1), field.views[2, 0])
+    for wrong in (2, -2, 0.5, True):
+        with pytest.raises(pl.InvalidValueError, match="from -1 to 1"):
+            field.view(wrong, 0)
+    with pytest.raises(pl.InvalidValueError, match="in front of the camera"):
+        field.disparity_at(3.0)
+
+
+def test_impossible_calls_say_what_to_do():
+    camera = the_camera((70, 70))
+    white = white_of(camera, 8)
+    small = white_of(camera, 8, region=np.s_[0:40, 0:40])
+    for call, message in (
+        (lambda: decode(white, small), "render it of the same region"),
+        (lambda: decode(white, white, views=4), "take 5"),
+        (lambda: decode(white, white, least_light=0.0), "above 0"),
+        (lambda: decode(dataclasses.replace(white, camera=None), white), "give camera="),
+        (lambda: decode(white.image, white), "shot is an ndarray"),
+        (lambda: decode(white, dataclasses.replace(white, image=np.zeros((70, 70, 1)))), "black"),
+        (lambda: refocus(white, -400.0), "field is an Exposure"),
+    ):
+        with pytest.raises(pl.InvalidValueError, match=message):
+            call()
+    bare = dataclasses.replace(camera, microlenses=None, microlenses_to_sensor=0.0)
+    with pytest.raises(pl.InvalidValueError, match="no microlenses"):
+        decode(white, white, camera=bare)
+    free = the_camera((70, 70), lattice=pl.Lattice.FREE, centres=[[0.0, 0.0], [0.2, 0.0]])
+    with pytest.raises(pl.InvalidValueError, match="no lattice"):
+        decode(white, white, camera=free)
+
+
+def test_views_are_drawn_as_they_lie_in_the_pupil():
+    matplotlib = pytest.importorskip("matplotlib")
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    from plenoptic.plots.lightfield import plot_views
+
+    camera = the_camera((110, 154))
+    white = white_of(camera, 8)
+    field = decode(white, white, views=5)
+    rows, columns = field.centre.shape[:2]
+    bright = np.full_like(field.views, 0.1)
+    bright[4, 1] = 1.0  # u = 2, v = -1: right, above the middle
+    ax = plot_views(dataclasses.replace(field, views=bright))
+    drawn = ax.images[0].get_array()
+    assert drawn.shape == (5 * (rows + 1), 5 * (columns + 1), 3)
+    where = np.argwhere(drawn[:, :, 0] > 0.9)
+    assert (where.min(axis=0) == [rows + 1, 4 * (columns + 1)]).all()
+    assert plot_views(field, every=2).images[0].get_array().shape[0] == 3 * (rows + 1)
+    with pytest.raises(pl.InvalidValueError, match="LightField"):
+        plot_views(white)
+    plt.close("all")
