@@ -9,21 +9,42 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from plenoptic import images as images
+    from plenoptic import lightfield as lightfield
     from plenoptic import sampling as sampling
+    from plenoptic import sensitivities as sensitivities
     from plenoptic import study as study
+    from plenoptic.camera.as_built import AsBuilt as AsBuilt
+    from plenoptic.camera.as_built import BuiltValue as BuiltValue
+    from plenoptic.camera.as_built import as_built as as_built
+    from plenoptic.camera.camera import CameraPart as CameraPart
     from plenoptic.camera.camera import PlenopticCamera as PlenopticCamera
+    from plenoptic.camera.centres import CentreMethod as CentreMethod
+    from plenoptic.camera.centres import MicrolensCentres as MicrolensCentres
+    from plenoptic.camera.centres import microlens_centres as microlens_centres
+    from plenoptic.camera.design import design_camera as design_camera
+    from plenoptic.camera.design_search import CameraDesign as CameraDesign
+    from plenoptic.camera.design_search import DesignStep as DesignStep
     from plenoptic.camera.forward import landing_points as landing_points
     from plenoptic.camera.forward import point_spread as point_spread
     from plenoptic.camera.pose import Pose as Pose
+    from plenoptic.camera.projection import Projection as Projection
+    from plenoptic.camera.projection import project as project
+    from plenoptic.camera.report import CameraReport as CameraReport
+    from plenoptic.camera.report import camera_report as camera_report
+    from plenoptic.camera.report_findings import CameraFinding as CameraFinding
+    from plenoptic.camera.report_findings import CameraFindingKind as CameraFindingKind
+    from plenoptic.camera.report_focus import CameraKind as CameraKind
+    from plenoptic.camera.report_focus import MicrolensFocus as MicrolensFocus
     from plenoptic.camera.spread import CameraSpread as CameraSpread
     from plenoptic.camera.spread import LandingPoints as LandingPoints
+    from plenoptic.camera.truth import GroundTruth as GroundTruth
+    from plenoptic.camera.truth import Truth as Truth
     from plenoptic.errors import FileError as FileError
     from plenoptic.errors import InvalidValueError as InvalidValueError
     from plenoptic.errors import PlenopticError as PlenopticError
     from plenoptic.errors import PrescriptionError as PrescriptionError
     from plenoptic.errors import SceneError as SceneError
     from plenoptic.exposure import Exposure as Exposure
-    from plenoptic.exposure import RenderStats as RenderStats
     from plenoptic.film import Film as Film
     from plenoptic.optics import aberrations as aberrations
     from plenoptic.optics import paraxial as paraxial
@@ -32,6 +53,14 @@ if TYPE_CHECKING:
     from plenoptic.optics.air import AirFormula as AirFormula
     from plenoptic.optics.analysis import aiming as aiming
     from plenoptic.optics.analysis.focusing import FocusCriterion as FocusCriterion
+    from plenoptic.optics.angular import AngularResponse as AngularResponse
+    from plenoptic.optics.apertures import ApertureShape as ApertureShape
+    from plenoptic.optics.apertures import Gaps as Gaps
+    from plenoptic.optics.apertures import MicrolensAperture as MicrolensAperture
+    from plenoptic.optics.apertures import Opening as Opening
+    from plenoptic.optics.apertures import Walls as Walls
+    from plenoptic.optics.blemishes import Blemishes as Blemishes
+    from plenoptic.optics.blemishes import BlemishSite as BlemishSite
     from plenoptic.optics.dispersion import DispersionFormula as DispersionFormula
     from plenoptic.optics.dispersion import Formula as Formula
     from plenoptic.optics.finding import Finding as Finding
@@ -40,7 +69,11 @@ if TYPE_CHECKING:
     from plenoptic.optics.glasses import glass as glass
     from plenoptic.optics.glasses import glass_names as glass_names
     from plenoptic.optics.glasses import load_glasses as load_glasses
+    from plenoptic.optics.imperfections import MicrolensDeviations as MicrolensDeviations
+    from plenoptic.optics.imperfections import MicrolensImperfections as MicrolensImperfections
+    from plenoptic.optics.lattices import Lattice as Lattice
     from plenoptic.optics.lens import LensStack as LensStack
+    from plenoptic.optics.lenslets import Lenslets as Lenslets
     from plenoptic.optics.media import AIR as AIR
     from plenoptic.optics.media import VACUUM as VACUUM
     from plenoptic.optics.media import ConstantMedium as ConstantMedium
@@ -50,23 +83,23 @@ if TYPE_CHECKING:
     from plenoptic.optics.media import Sellmeier as Sellmeier
     from plenoptic.optics.media import abbe_number as abbe_number
     from plenoptic.optics.microlenses import ConvexSide as ConvexSide
-    from plenoptic.optics.microlenses import Lattice as Lattice
     from plenoptic.optics.microlenses import MicrolensArray as MicrolensArray
     from plenoptic.optics.microlenses import MicrolensModel as MicrolensModel
     from plenoptic.optics.models import LensModel as LensModel
+    from plenoptic.optics.no_lens import no_lens as no_lens
     from plenoptic.optics.paraxial import CardinalPoints as CardinalPoints
     from plenoptic.optics.placement import Placement as Placement
     from plenoptic.optics.prescriptions import lens_names as lens_names
     from plenoptic.optics.prescriptions import load_lens as load_lens
     from plenoptic.optics.prescriptions import save_lens as save_lens
     from plenoptic.optics.sensor import Sensor as Sensor
+    from plenoptic.optics.stop_shapes import MaskStop as MaskStop
+    from plenoptic.optics.stop_shapes import StarStop as StarStop
     from plenoptic.optics.stops import CircularStop as CircularStop
     from plenoptic.optics.stops import PolygonStop as PolygonStop
     from plenoptic.optics.surface import Surface as Surface
-    from plenoptic.planning import Decision as Decision
-    from plenoptic.planning import Plan as Plan
-    from plenoptic.planning import Stage as Stage
     from plenoptic.planning import plan as plan
+    from plenoptic.plots.camera import plot_camera as plot_camera
     from plenoptic.plots.contrast import plot_mtf as plot_mtf
     from plenoptic.plots.contrast import plot_point_spread as plot_point_spread
     from plenoptic.plots.exposure import plot_exposure as plot_exposure
@@ -78,13 +111,18 @@ if TYPE_CHECKING:
     from plenoptic.plots.fields import plot_vignetting as plot_vignetting
     from plenoptic.plots.forward import plot_camera_spread as plot_camera_spread
     from plenoptic.plots.lens import plot_lens as plot_lens
+    from plenoptic.plots.lens import plot_stop as plot_stop
+    from plenoptic.plots.lightfield import plot_views as plot_views
     from plenoptic.plots.seidel import plot_chromatic_shift as plot_chromatic_shift
     from plenoptic.plots.seidel import plot_seidel as plot_seidel
+    from plenoptic.plots.sensing import plot_photon_transfer as plot_photon_transfer
+    from plenoptic.plots.spectra import plot_sensitivity as plot_sensitivity
     from plenoptic.plots.spots import plot_ray_fan as plot_ray_fan
     from plenoptic.plots.spots import plot_spots as plot_spots
     from plenoptic.plots.spots import plot_through_focus as plot_through_focus
     from plenoptic.rays import RayBundle as RayBundle
     from plenoptic.rays import RayStatus as RayStatus
+    from plenoptic.render_stats import RenderStats as RenderStats
     from plenoptic.rendering import render as render
     from plenoptic.rendering import render_white as render_white
     from plenoptic.scene.environment import ConstantBackground as ConstantBackground
@@ -104,10 +142,28 @@ if TYPE_CHECKING:
     from plenoptic.scene.procedural import white_plane as white_plane
     from plenoptic.scene.scene import Scene as Scene
     from plenoptic.scene.texture import Texture as Texture
+    from plenoptic.sensing.demosaicing import DemosaicMethod as DemosaicMethod
+    from plenoptic.sensing.filters import BayerPattern as BayerPattern
+    from plenoptic.sensing.model import SensorModel as SensorModel
+    from plenoptic.sensing.model import ShotNoise as ShotNoise
+    from plenoptic.sensing.radiometry import dark_current_at as dark_current_at
+    from plenoptic.sensing.radiometry import photon_rate as photon_rate
+    from plenoptic.sensing.raw import RawImage as RawImage
+    from plenoptic.sensing.transfer import PhotonTransfer as PhotonTransfer
+    from plenoptic.sensing.transfer import photon_transfer as photon_transfer
+    from plenoptic.spectra import Sensitivity as Sensitivity
+    from plenoptic.spectra import rgb_basis as rgb_basis
+    from plenoptic.spectra import rgb_to_spectrum as rgb_to_spectrum
+    from plenoptic.stages import Decision as Decision
+    from plenoptic.stages import Plan as Plan
+    from plenoptic.stages import Stage as Stage
+    from plenoptic.truth import ground_truth as ground_truth
 else:
     import importlib
 
     _MODULES = {
+        "sensitivities": "plenoptic.sensitivities",
+        "lightfield": "plenoptic.lightfield",
         "aberrations": "plenoptic.optics.aberrations",
         "aiming": "plenoptic.optics.analysis.aiming",
         "images": "plenoptic.images",
@@ -116,12 +172,50 @@ else:
         "study": "plenoptic.study",
     }
     _NAMES = {
-        "plenoptic.camera.camera": ("PlenopticCamera",),
+        "plenoptic.render_stats": ("RenderStats",),
+        "plenoptic.optics.no_lens": ("no_lens",),
+        "plenoptic.optics.stop_shapes": ("MaskStop", "StarStop"),
+        "plenoptic.camera.as_built": ("AsBuilt", "BuiltValue", "as_built"),
+        "plenoptic.camera.projection": ("Projection", "project"),
+        "plenoptic.truth": ("ground_truth",),
+        "plenoptic.camera.truth": ("GroundTruth", "Truth"),
+        "plenoptic.plots.spectra": ("plot_sensitivity",),
+        "plenoptic.camera.report_focus": ("CameraKind", "MicrolensFocus"),
+        "plenoptic.camera.report_findings": ("CameraFinding", "CameraFindingKind"),
+        "plenoptic.camera.design_search": ("CameraDesign", "DesignStep"),
+        "plenoptic.plots.camera": ("plot_camera",),
+        "plenoptic.camera.design": ("design_camera",),
+        "plenoptic.camera.report": (
+            "CameraFinding",
+            "CameraFindingKind",
+            "CameraKind",
+            "CameraReport",
+            "MicrolensFocus",
+            "camera_report",
+        ),
+        "plenoptic.spectra": ("Sensitivity", "rgb_basis", "rgb_to_spectrum"),
+        "plenoptic.plots.lightfield": ("plot_views",),
+        "plenoptic.camera.centres": ("CentreMethod", "MicrolensCentres", "microlens_centres"),
+        "plenoptic.plots.sensing": ("plot_photon_transfer",),
+        "plenoptic.sensing.transfer": ("PhotonTransfer", "photon_transfer"),
+        "plenoptic.sensing.demosaicing": ("DemosaicMethod",),
+        "plenoptic.sensing.raw": ("RawImage",),
+        "plenoptic.sensing.radiometry": ("dark_current_at", "photon_rate"),
+        "plenoptic.sensing.filters": ("BayerPattern",),
+        "plenoptic.sensing.model": ("SensorModel", "ShotNoise"),
+        "plenoptic.optics.blemishes": ("BlemishSite", "Blemishes"),
+        "plenoptic.stages": ("Decision", "Plan", "Stage"),
+        "plenoptic.optics.angular": ("AngularResponse",),
+        "plenoptic.optics.lenslets": ("Lenslets",),
+        "plenoptic.optics.imperfections": ("MicrolensDeviations", "MicrolensImperfections"),
+        "plenoptic.optics.apertures": ("ApertureShape", "Gaps", "MicrolensAperture", "Opening", "Walls"),
+        "plenoptic.optics.lattices": ("Lattice",),
+        "plenoptic.camera.camera": ("CameraPart", "PlenopticCamera"),
         "plenoptic.camera.forward": ("landing_points", "point_spread"),
         "plenoptic.camera.pose": ("Pose",),
         "plenoptic.camera.spread": ("CameraSpread", "LandingPoints"),
         "plenoptic.errors": ("FileError", "InvalidValueError", "PlenopticError", "PrescriptionError", "SceneError"),
-        "plenoptic.exposure": ("Exposure", "RenderStats"),
+        "plenoptic.exposure": ("Exposure",),
         "plenoptic.film": ("Film",),
         "plenoptic.optics.air": ("Absolute", "Air", "AirFormula"),
         "plenoptic.optics.dispersion": ("DispersionFormula", "Formula"),
@@ -139,7 +233,7 @@ else:
             "Sellmeier",
             "abbe_number",
         ),
-        "plenoptic.optics.microlenses": ("ConvexSide", "Lattice", "MicrolensArray", "MicrolensModel"),
+        "plenoptic.optics.microlenses": ("ConvexSide", "MicrolensArray", "MicrolensModel"),
         "plenoptic.optics.models": ("LensModel",),
         "plenoptic.optics.paraxial": ("CardinalPoints",),
         "plenoptic.optics.placement": ("Placement",),
@@ -147,7 +241,7 @@ else:
         "plenoptic.optics.sensor": ("Sensor",),
         "plenoptic.optics.stops": ("CircularStop", "PolygonStop"),
         "plenoptic.optics.surface": ("Surface",),
-        "plenoptic.planning": ("Decision", "Plan", "Stage", "plan"),
+        "plenoptic.planning": ("plan",),
         "plenoptic.plots.exposure": ("plot_exposure",),
         "plenoptic.plots.fields": (
             "plot_coma",
@@ -158,7 +252,7 @@ else:
             "plot_vignetting",
         ),
         "plenoptic.plots.forward": ("plot_camera_spread",),
-        "plenoptic.plots.lens": ("plot_lens",),
+        "plenoptic.plots.lens": ("plot_lens", "plot_stop"),
         "plenoptic.plots.seidel": ("plot_chromatic_shift", "plot_seidel"),
         "plenoptic.plots.contrast": ("plot_mtf", "plot_point_spread"),
         "plenoptic.plots.spots": ("plot_ray_fan", "plot_spots", "plot_through_focus"),

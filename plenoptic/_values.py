@@ -49,6 +49,10 @@ def frozen_array(
         array = np.array(values, dtype=dtype)
     except (TypeError, ValueError, OverflowError) as error:
         raise InvalidValueError(f"{name} is not an array of numbers: {error}") from None
+    if array.dtype.kind in "iu":
+        given = np.asarray(values)
+        if given.dtype.kind == "f" and not np.array_equal(given, array):
+            raise InvalidValueError(f"{name} holds fractions; it must hold whole numbers")
     fits = array.ndim == len(shape) and all(
         not isinstance(want, int) or have == want for have, want in zip(array.shape, shape, strict=True)
     )

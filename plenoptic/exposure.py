@@ -14,107 +14,21 @@ from numpy.typing import ArrayLike, NDArray
 
 from plenoptic import images
 from plenoptic._description import describe, restore
-from plenoptic._values import file_path, finite, frozen_array, positive, set_field, value, whole
+from plenoptic._values import file_path, frozen_array, positive, set_field, value, whole, wrong_kind
+from plenoptic.camera.truth import GroundTruth, truth_names
+from plenoptic.camera.truth_channels import truth_channels, truth_in, truth_note
 from plenoptic.errors import FileError, InvalidValueError
+from plenoptic.render_stats import RenderStats
 
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera
-
-__all__ = ["Exposure", "RenderStats"]
+    from plenoptic.sensing.model import SensorModel
+    from plenoptic.sensing.raw import RawImage
 
 _NAMES = {1: ("Y",), 3: ("R", "G", "B")}
 _FULL = 65535  # the largest 16-bit value
 _KEPT_AS_TEXT = ("samples", "replicates", "seed", "region", "camera", "stats")
 _PREVIEW_PIXELS = 1024
-
-
-@value
-class RenderStats:
-    """What a rendering took and where its paths went.
-
-    Parameters
-    ----------
-    seconds : float
-        Wall-clock time, s.
-    cpu_seconds : float
-        Processor time of all threads together, s.
-    paths : int
-        Paths sampled.
-    paths_through_lens : int
-        Paths that left the lens towards the scene.
-    lost : tuple of (str, int or None, int)
-        Cause, index of the lens element (None where no element is to blame) and number of paths.
-        Causes are "outside_microlens", "missed", "clipped", "total_reflection" and "not_finite".
-    nonfinite : int
-        Contributions that were not finite and were left out of the image.
-    threads : int
-        Threads that worked.
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> stats = pl.RenderStats(
-    ...     seconds=2.0, cpu_seconds=3.9, paths=1000, paths_through_lens=800,
-    ...     lost=(("clipped", 0, 150), ("clipped", 5, 50)), threads=2,
-    ... )
-    >>> stats.fraction_through_lens, stats.lost_by_cause
-    (0.8, {'clipped': 200})
-    """
-
-    seconds: float = 0.0
-    cpu_seconds: float = 0.0
-    paths: int = 0
-    paths_through_lens: int = 0
-    lost: tuple[tuple[str, int | None, int], ...] = ()
-    nonfinite: int = 0
-    threads: int = 1
-
-    def __post_init__(self) -> None:
-        for name in ("seconds", "cpu_seconds"):
-            seconds = finite(getattr(self, name), name)
-            if seconds < 0:
-                raise InvalidValueError(f"{name} is {seconds:g} s; it must be at least 0")
-            set_field(self, name, seconds)
-        for name, least in (("paths", 0), ("paths_through_lens", 0), ("nonfinite", 0), ("threads", 1)):
-            set_field(self, name, whole(getattr(self, name), name, at_least=least))
-        if self.paths_through_lens > self.paths:
-            raise InvalidValueError(
-                f"paths_through_lens is {self.paths_through_lens}; it must be at most paths, {self.paths}"
-            )
-        lost = tuple(
-            (
-                str(cause),
-                None if element is None else whole(element, "lost: element", at_least=0),
-                whole(count, "lost: count", at_least=0),
-            )
-            for cause, element, count in self.lost
-        )
-        set_field(self, "lost", lost)
-
-    @property
-    def fraction_through_lens(self) -> float:
-        """The part of the sampled paths that left the lens towards the scene; nan where none were sampled."""
-        return self.paths_through_lens / self.paths if self.paths else float("nan")
-
-    @property
-    def lost_by_cause(self) -> dict[str, int]:
-        """The number of lost paths for each cause, over all elements."""
-        causes: dict[str, int] = {}
-        for cause, _, count in self.lost:
-            causes[cause] = causes.get(cause, 0) + count
-        return causes
-
-    def __repr__(self) -> str:
-        lost = ", ".join(f"{count} {cause.replace('_', ' ')}" for cause, count in self.lost_by_cause.items())
-        facts = [f"{self.seconds:.3g} s", f"{self.threads} threads" if self.threads > 1 else "1 thread"]
-        facts.append(f"{self.paths} paths")
-        if self.paths:
-            facts.append(f"{100 * self.fraction_through_lens:.3g} % through the lens")
-        if lost:
-            facts.append(f"lost: {lost}")
-        if self.nonfinite:
-            facts.append(f"{self.nonfinite} not finite")
-        return f"RenderStats({', '.join(facts)})"
 
 
 @value
@@ -128,8 +42,8 @@ class Exposure:
         units; linear; row 0 at the top; C is 1 or 3. Kept as float32.
     standard_error : (H, W, C) array_like, optional
         One standard deviation of `image`'s Monte Carlo error. Kept as float32.
-    depth : (H, W) array_like, optional
-        Ground truth: -z in the camera's frame, mm; inf where nothing is met. Kept as float64.
+    truth : GroundTruth, optional
+        What the pixels show: depth, normals, objects, ...
     samples : int, optional
         Paths per pixel; None where it is not known.
     replicates : int, optional
@@ -159,7 +73,7 @@ class Exposure:
 
     image: NDArray[np.float32]
     standard_error: NDArray[np.float32] | None = None
-    depth: NDArray[np.float64] | None = None
+    truth: GroundTruth | None = None
     samples: int | None = None
     replicates: int | None = None
     seed: int | None = None
@@ -173,7 +87,7 @@ class Exposure:
             self,
             image: ArrayLike,
             standard_error: ArrayLike | None = None,
-            depth: ArrayLike | None = None,
+            truth: GroundTruth | None = None,
             samples: int | None = None,
             replicates: int | None = None,
             seed: int | None = None,
@@ -190,8 +104,14 @@ class Exposure:
         if self.standard_error is not None:
             error = frozen_array(self.standard_error, name="standard_error", shape=image.shape, dtype=np.float32)
             set_field(self, "standard_error", error)
-        if self.depth is not None:
-            set_field(self, "depth", frozen_array(self.depth, name="depth", shape=image.shape[:2]))
+        if self.truth is not None:
+            if not isinstance(self.truth, GroundTruth):
+                raise wrong_kind(self.truth, "truth", "GroundTruth", "pl.GroundTruth(depth=...)")
+            if self.truth.shape != image.shape[:2]:
+                raise InvalidValueError(
+                    f"truth has {self.truth.shape[0]} x {self.truth.shape[1]} pixels; "
+                    f"it must have the image's {image.shape[0]} x {image.shape[1]}"
+                )
         for name in ("samples", "replicates", "seed"):
             number = getattr(self, name)
             if number is not None:
@@ -200,6 +120,11 @@ class Exposure:
             set_field(self, "region", _checked_region(self.region, image.shape[:2]))
         if self.stats is not None and not isinstance(self.stats, RenderStats):
             raise InvalidValueError(f"stats is a {type(self.stats).__name__}; it must be a RenderStats or None")
+
+    @property
+    def depth(self) -> NDArray[np.float64] | None:
+        """(H, W): -z in the camera's frame in mm, inf where nothing is met; None where it was not asked for."""
+        return None if self.truth is None else self.truth.depth
 
     @property
     def relative_error(self) -> float | None:
@@ -215,6 +140,36 @@ class Exposure:
             return float("nan") if error == 0 else float("inf")
         return error / abs(mean)
 
+    def develop(self, sensor: SensorModel, *, seed: int = 0) -> RawImage:
+        """What a sensor reads out when exposed to this image: electrons, noise and digital numbers.
+
+        Light transport is over here: one rendering serves many sensors, exposure times and seeds. The Monte Carlo error
+        of the image is no noise of the sensor and adds to it; render until it is well below the shot noise.
+
+        Parameters
+        ----------
+        sensor : SensorModel
+            Exposure time, gain, colour filters, noise, full well, bits; each effect can be absent.
+        seed : int
+            Of shot and read noise, at least 0; the same seed gives the same bits.
+
+        Returns
+        -------
+        RawImage
+
+        Examples
+        --------
+        >>> import numpy as np, plenoptic as pl
+        >>> flat = pl.Exposure(np.full((4, 4, 1), 0.5))
+        >>> sensor = pl.SensorModel(photon_rate=2000.0, exposure_time=1.0, quantum_efficiency=0.5, gain=1.0, bits=12)
+        >>> raw = flat.develop(sensor, seed=1)
+        >>> raw.data.dtype, bool(abs(raw.electrons().mean() - 500.0) < 30.0)
+        (dtype('uint16'), True)
+        """
+        from plenoptic.sensing.developing import develop
+
+        return develop(self, sensor, seed=seed)
+
     def save(self, path: str | os.PathLike[str], *, scale: float | None = None) -> None:
         """Write the exposure to a file, in the format that the path's ending names.
 
@@ -223,9 +178,10 @@ class Exposure:
         Parameters
         ----------
         path : path-like
-            `.exr` keeps everything, as float32: the depth too is rounded from float64. `.tif`,
-            `.tiff` (linear) and `.png` (sRGB-encoded) keep the image in 16 bits, with the scale,
-            samples, seed and region, and neither error, depth, camera nor statistics.
+            `.exr` keeps everything, as float32: ground truth is rounded from float64, and its whole
+            numbers are exact up to 2^24. `.tif`, `.tiff` (linear) and `.png` (sRGB-encoded) keep
+            the image in 16 bits, with the scale, samples, seed and region, and neither error, truth,
+            camera nor statistics.
         scale : float, optional
             For 16 bits: the value in the image that becomes 65535, by default the image's maximum.
             Values above it are cut, and so are negative ones.
@@ -266,7 +222,7 @@ class Exposure:
         Parameters
         ----------
         path : path-like
-            An EXR file gives back everything; depth returns as float64 of float32 precision. Another
+            An EXR file gives back everything; truth returns as float64 of float32 precision. Another
             image file gives the linear image, times its scale if it has one. A file from elsewhere
             gives what it holds.
 
@@ -294,7 +250,7 @@ class Exposure:
             return cls(
                 image,
                 standard_error=np.stack(errors, axis=-1) if len(errors) == len(planes) else None,
-                depth=channels["depth.Z"].astype(np.float64) if "depth.Z" in channels else None,
+                truth=truth_in(channels),
                 **kept,
             )
         except InvalidValueError as error:
@@ -305,18 +261,15 @@ class Exposure:
         channels: dict[str, NDArray[Any]] = {name: self.image[:, :, i] for i, name in enumerate(names)}
         if self.standard_error is not None:
             channels |= {f"error.{name}": self.standard_error[:, :, i] for i, name in enumerate(names)}
-        if self.depth is not None:
-            channels["depth.Z"] = self.depth
+        if self.truth is not None:
+            channels |= truth_channels(self.truth)
         return channels
 
     def _texts(self, names: tuple[str, ...]) -> dict[str, str]:
         texts = {"Software": f"plenoptic {_version()}"}
         texts |= {f"plenoptic:{name}": describe(kept) for name in names if (kept := getattr(self, name)) is not None}
-        if "camera" in names and self.depth is not None:
-            texts["plenoptic:note"] = (
-                "depth.Z is -z in the camera's frame, mm, inf where nothing is met; computed in float64, "
-                "rounded to float32 in this file"
-            )
+        if "camera" in names and self.truth is not None:
+            texts["plenoptic:note"] = truth_note(self.truth)
         return texts
 
     def _save_16bit(self, path: str | os.PathLike[str], encoding: str, scale: float | None) -> None:
@@ -343,8 +296,8 @@ class Exposure:
             facts.append("black")
         elif self.relative_error is not None:
             facts.append(f"relative error {100 * self.relative_error:.3g} %")
-        if self.depth is not None:
-            facts.append("with depth")
+        if self.truth is not None:
+            facts.append(f"with {truth_names(self.truth.kinds)}")
         if self.region is not None:
             first_row, end_row, first_column, end_column = self.region
             facts.append(f"rows {first_row}:{end_row}, columns {first_column}:{end_column}")

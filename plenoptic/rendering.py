@@ -15,15 +15,19 @@ from plenoptic._values import whole
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.regions import cells_per_pixel
 from plenoptic.camera.tables import camera_tables
+from plenoptic.camera.truth import GroundTruth, Truth, available_truth, empty_truth
 from plenoptic.errors import InvalidValueError
-from plenoptic.exposure import Exposure, RenderStats
+from plenoptic.exposure import Exposure
 from plenoptic.film import Film
-from plenoptic.planning import Stage, check_arguments, is_dark, plan_stages
+from plenoptic.planning import check_arguments, is_dark, plan_stages, sensor_region
 from plenoptic.rays import RayStatus
+from plenoptic.render_stats import RenderStats
 from plenoptic.scene.accel import build_intersector
 from plenoptic.scene.scene import Scene
-from plenoptic.tiles import Tile, TileResult, render_tile, status_codes
+from plenoptic.stages import Stage
+from plenoptic.tiles import Tile, TileResult, film_channels, render_tile, status_codes
 from plenoptic.transport import Settings
+from plenoptic.truth import truth_tables
 
 PATHS_PER_TILE = 1 << 17
 _SMALLEST_SIDE, _LARGEST_SIDE = 16, 256
@@ -40,12 +44,12 @@ def render(
     seed: int = 0,
     replicates: int = 8,
     max_bounces: int = 4,
-    depth: bool = True,
+    truth: Truth = Truth.DEPTH,
     threads: int | None = None,
     tile_side: int | None = None,
     progress: bool = True,
 ) -> Exposure:
-    """Render the raw image of a scene, with its standard error and its depth.
+    """Render the raw image of a scene, with its standard error and its ground truth.
 
     Parameters
     ----------
@@ -63,8 +67,9 @@ def render(
         At equal error 8 replicates cost more time than one (docs/error_and_time.md).
     max_bounces : int
         How often a path may be scattered; 0 shows only what emits.
-    depth : bool
-        Whether to find the depth of every pixel too.
+    truth : Truth
+        What of the ground truth of every pixel is found too, such as ``Truth.DEPTH | Truth.NORMAL``; what is not asked
+        for is neither computed nor kept. See `GroundTruth`.
     threads : int, optional
         None: one for each processor. The image does not depend on it.
     tile_side : int, optional
@@ -94,7 +99,7 @@ def render(
     """
     if not isinstance(scene, Scene):
         raise InvalidValueError(f"scene is a {type(scene).__name__}; it must be a Scene")
-    return _render(scene, camera, samples, region, seed, replicates, max_bounces, depth, threads, tile_side, progress)
+    return _render(scene, camera, samples, region, seed, replicates, max_bounces, truth, threads, tile_side, progress)
 
 
 def render_white(
@@ -115,7 +120,7 @@ def render_white(
     Returns
     -------
     Exposure
-        C = 1, without depth. The value of a pixel is the projected solid angle from which light reaches
+        C = 1, without ground truth. The value of a pixel is the projected solid angle from which light reaches
         it, averaged over its area.
 
     Examples
@@ -130,7 +135,7 @@ def render_white(
     >>> f"{white.image[0, 0, 0]:.4f}"
     '0.0140'
     """
-    return _render(None, camera, samples, region, seed, replicates, 0, False, threads, tile_side, progress)
+    return _render(None, camera, samples, region, seed, replicates, 0, Truth.NONE, threads, tile_side, progress)
 
 
 def _render(
@@ -141,7 +146,7 @@ def _render(
     seed: int,
     replicates: int,
     max_bounces: int,
-    depth: bool,
+    truth: Truth,
     threads: int | None,
     tile_side: int | None,
     progress: bool,
@@ -162,7 +167,7 @@ def _render(
             stacklevel=3,
         )
     plan = plan_stages(
-        scene_tables, camera, samples=samples, replicates=replicates, max_bounces=max_bounces, depth=depth
+        scene_tables, camera, samples=samples, replicates=replicates, max_bounces=max_bounces, truth=truth
     )
     tables = camera_tables(camera)
     intersector = None
@@ -176,21 +181,22 @@ def _render(
     tiles = list(_tiles(first_row, end_row, first_column, end_column, side))
 
     shape = (end_row - first_row, end_column - first_column)
-    channels = 1 if scene_tables is None else scene_tables.channels
+    channels = film_channels(tables, scene_tables)
     film = Film((*shape, channels), counts=replicate_counts(samples, replicates))
-    depths = np.full(shape, np.inf) if plan.runs(Stage.DEPTH) else None
+    kept = available_truth(truth, meshes=intersector is not None, microlenses=camera.microlenses is not None)
+    finding, truths = truth_tables(camera, tables, kept), empty_truth(kept, shape)
     counts = np.zeros(status_codes(tables), dtype=np.int64)
     paths = nonfinite = 0
 
     def work(tile: Tile) -> TileResult:
-        return render_tile(tables, scene_tables, intersector, tile, settings)
+        return render_tile(tables, scene_tables, intersector, tile, settings, finding)
 
     with _progress_bar(shape[0] * shape[1], progress) as bar:
         for result in run_in_order(work, tiles, threads=min(workers, len(tiles))):
             row, column = result.tile.row - first_row, result.tile.column - first_column
             film.add(row, column, result.sums)
-            if depths is not None and result.depth is not None:
-                depths[row : row + result.tile.rows, column : column + result.tile.columns] = result.depth
+            for name, array in (result.truth or {}).items():
+                truths[name][row : row + result.tile.rows, column : column + result.tile.columns] = array
             counts += result.counts
             paths += result.paths
             nonfinite += result.nonfinite
@@ -208,7 +214,7 @@ def _render(
     return Exposure(
         image=film.image(),
         standard_error=film.standard_error(),
-        depth=depths,
+        truth=GroundTruth(**truths) if truths else None,
         samples=samples,
         replicates=film.replicates,
         seed=seed,
@@ -216,23 +222,6 @@ def _render(
         region=None if region is None else (first_row, end_row, first_column, end_column),
         stats=stats,
     )
-
-
-def sensor_region(shape: tuple[int, int], region: tuple[slice, slice] | None) -> tuple[int, int, int, int]:
-    """First and end row, first and end column of a region given as slices."""
-    if region is None:
-        return 0, shape[0], 0, shape[1]
-    if not (isinstance(region, tuple) and len(region) == 2 and all(isinstance(part, slice) for part in region)):
-        raise InvalidValueError(f"region is {region!r}; it must be two slices, such as np.s_[0:64, 0:64]")
-    bounds: list[int] = []
-    for part, length, name in zip(region, shape, ("rows", "columns"), strict=True):
-        first, end, step = part.indices(length)
-        if step != 1 or end <= first:
-            raise InvalidValueError(
-                f"region has {name} {part}; of the sensor's {length} {name} it must take at least one, with step 1"
-            )
-        bounds += [first, end]
-    return bounds[0], bounds[1], bounds[2], bounds[3]
 
 
 def replicate_counts(samples: int, replicates: int) -> NDArray[np.int64]:

@@ -9,6 +9,7 @@ from PIL import Image
 
 import plenoptic as pl
 from plenoptic import images
+from plenoptic.camera.truth import NO_MICROLENS, GroundTruth
 from plenoptic.errors import FileError, InvalidValueError
 
 STATS = {
@@ -30,7 +31,7 @@ def exposure(channels=1, **changes):
     fields = {
         "image": random.uniform(0, 2, shape),
         "standard_error": random.uniform(0, 0.1, shape),
-        "depth": depth,
+        "truth": GroundTruth(depth=depth),
         "samples": 64,
         "replicates": 8,
         "seed": 5,
@@ -71,7 +72,8 @@ def test_impossible_stats(change, sentence):
         ({"image": np.ones((4, 6, 2))}, r"it must be \(H, W, 1\) or \(H, W, 3\)"),
         ({"image": np.ones((0, 6, 1))}, "not empty"),
         ({"standard_error": np.ones((4, 6, 3))}, r"standard_error has shape \(4, 6, 3\)"),
-        ({"depth": np.ones((4, 6, 1))}, r"depth has shape \(4, 6, 1\)"),
+        ({"truth": np.ones((4, 6))}, "truth is an ndarray; give a GroundTruth"),
+        ({"truth": GroundTruth(depth=np.ones((4, 5)))}, "truth has 4 x 5 pixels; it must have the image's 4 x 6"),
         ({"samples": 1.5}, "samples is 1.5; it must be a whole number"),
         ({"region": (0, 4, 0, 5)}, "has 4 x 5 pixels; it must have the image's 4 x 6"),
         ({"region": (0, 4)}, "it must be .first row, end row"),
@@ -107,13 +109,37 @@ def test_exr_keeps_everything(tmp_path, channels):
     again = pl.Exposure.load(tmp_path / "shot.exr")
     # Depth is float32 in the file; everything else has every bit.
     rounded = shot.depth.astype(np.float32).astype(np.float64)
-    assert again == exposure(channels, depth=rounded)
+    assert again == exposure(channels, truth=GroundTruth(depth=rounded))
     names, metadata = images.read_channels(tmp_path / "shot.exr")
     assert set(names) == {*("Y" if channels == 1 else "RGB"), "depth.Z"} | {
         f"error.{name}" for name in ("Y" if channels == 1 else "RGB")
     }
     assert metadata["Software"].startswith("plenoptic ")
     assert "float32" in metadata["plenoptic:note"]
+
+
+def test_exr_keeps_all_ground_truth(tmp_path):
+    random = np.random.default_rng(8)
+    largest = 2**24
+    truth = GroundTruth(
+        distance=np.full((4, 6), np.inf),
+        position=random.uniform(-1e3, 1e3, (4, 6, 3)).astype(np.float32),
+        normal=np.full((4, 6, 3), np.nan),
+        object=random.integers(-1, largest, (4, 6)),
+        material=np.full((4, 6), largest),
+        microlens=np.where(random.random((4, 6, 2)) < 0.2, NO_MICROLENS, random.integers(-largest, largest, (4, 6, 2))),
+        microlens_type=np.full((4, 6), -1),
+        virtual_depth=random.uniform(-9, 9, (4, 6)).astype(np.float32),
+        disparity=random.uniform(-9, 9, (4, 6)).astype(np.float32),
+    )
+    shot = exposure(truth=truth)
+    shot.save(tmp_path / "shot.exr")
+    again = pl.Exposure.load(tmp_path / "shot.exr")
+    assert again.truth == truth and again.depth is None
+    names, metadata = images.read_channels(tmp_path / "shot.exr")
+    assert {"truth.position.X", "truth.microlens.I", "truth.microlens.type"} < set(names)
+    assert "depth.Z" not in names and "2^24" in metadata["plenoptic:note"]
+    assert "with distance, position, normal, object, material, microlens, virtual depth, disparity" in repr(shot)
 
 
 def test_exr_keeps_the_camera(tmp_path):

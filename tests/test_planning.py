@@ -28,12 +28,12 @@ def aspheric(lens: pl.LensStack) -> pl.LensStack:
         (CAMERA.lens.moved(3, shift=(0.1, 0, 0)), {pl.Stage.PLACEMENTS}),
         (aspheric(CAMERA.lens).moved(0, tilt=(0.1, 0, 0)), {pl.Stage.ASPHERES, pl.Stage.PLACEMENTS}),
         (aspheric(CAMERA.lens).with_model(pl.LensModel.THIN), set()),
-        (CAMERA.lens.with_stop(pl.PolygonStop(6, 5.0)), {pl.Stage.POLYGON_STOPS}),
+        (CAMERA.lens.with_stop(pl.PolygonStop(6, 5.0)), {pl.Stage.SHAPED_STOPS}),
     ],
 )
 def test_a_lens_runs_what_it_has(lens, running):
     plan = pl.plan(None, dataclasses.replace(CAMERA, lens=lens))
-    choices = {pl.Stage.ASPHERES, pl.Stage.PLACEMENTS, pl.Stage.POLYGON_STOPS}
+    choices = {pl.Stage.ASPHERES, pl.Stage.PLACEMENTS, pl.Stage.SHAPED_STOPS}
     assert {stage for stage in choices if plan.runs(stage)} == running
     assert plan.runs(pl.Stage.LENS)
 

@@ -14,6 +14,7 @@ from table import Table
 from timing import Task, cost_of, median
 
 import plenoptic as pl
+from plenoptic.camera.truth import Truth
 
 CROP = np.s_[224:288, 224:288]  # the central 64 x 64 pixels
 PIXELS = 64 * 64
@@ -40,7 +41,7 @@ def tables(*, quick: bool) -> Iterator[Table]:
     converged, seeds = (256, 2) if quick else (1 << 14, 8)
     camera = reference.camera()
     for name, scene in (("white", None), ("check", pl.check_scene())):
-        truth = Truth(scene, camera, converged)
+        truth = Converged(scene, camera, converged)
         nothing = _next_to_nothing(scene, camera)
         cost_of(nothing)
         setup = median([cost_of(nothing) for _ in range(11)]).cpu
@@ -50,11 +51,11 @@ def tables(*, quick: bool) -> Iterator[Table]:
             yield _blender_table(runs)
 
 
-class Truth:
+class Converged:
     """A converged crop with its own relative variance, and which pixels count."""
 
     def __init__(self, scene: pl.Scene | None, camera: pl.PlenopticCamera, samples: int) -> None:
-        shot = reference.exposed(scene, camera, samples=samples, region=CROP, seed=REFERENCE_SEED, depth=False)
+        shot = reference.exposed(scene, camera, samples=samples, region=CROP, seed=REFERENCE_SEED, truth=Truth.NONE)
         image = shot.image.astype(np.float64)
         self.samples = samples
         self.lit = image > LIT * np.percentile(image, 99)
@@ -68,14 +69,14 @@ class Truth:
 
 def _next_to_nothing(scene: pl.Scene | None, camera: pl.PlenopticCamera) -> Task:
     """A call that sets everything up and renders a single path."""
-    settings = {"samples": 1, "region": np.s_[256:257, 256:257], "threads": 1, "depth": False}
+    settings = {"samples": 1, "region": np.s_[256:257, 256:257], "threads": 1, "truth": Truth.NONE}
     return Task(lambda _: reference.exposed(scene, camera, **settings))
 
 
 def measured(
     scene: pl.Scene | None,
     camera: pl.PlenopticCamera,
-    truth: Truth,
+    truth: Converged,
     samples: int,
     replicates: int,
     seeds: int,
@@ -87,7 +88,7 @@ def measured(
         setup = cost_of(nothing).cpu  # beside each run, because it is as long as a run of few samples
         begin = time.process_time()
         shot = reference.exposed(
-            scene, camera, samples=samples, region=CROP, seed=seed, replicates=replicates, threads=1, depth=False
+            scene, camera, samples=samples, region=CROP, seed=seed, replicates=replicates, threads=1, truth=Truth.NONE
         )
         seconds.append(time.process_time() - begin - setup)
         squares.append(np.mean((truth.relative(shot.image) - 1.0) ** 2) - truth.variance)
@@ -107,7 +108,7 @@ def time_at(rows: list[Measured], error: float) -> float | None:
     return float(np.exp(np.interp(np.log(error), np.log(errors[order]), np.log(ms[order]))))
 
 
-def _error_table(name: str, runs: dict[int, list[Measured]], truth: Truth, setup: float, seeds: int) -> Table:
+def _error_table(name: str, runs: dict[int, list[Measured]], truth: Converged, setup: float, seeds: int) -> Table:
     rows = [
         (
             samples,

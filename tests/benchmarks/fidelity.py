@@ -11,6 +11,7 @@ from table import Table
 from timing import Task, median, taking_turns
 
 import plenoptic as pl
+from plenoptic.camera.truth import Truth
 
 EXACT = pl.LensModel.EXACT
 PLATE = {"thickness": 0.1, "index": 1.5}
@@ -53,7 +54,9 @@ def biases(title: str, scene: pl.Scene | None, *, samples: int, rounds: int) -> 
 
     def task(name: str) -> Task:
         def run(_: None) -> None:
-            shots[name] = reference.exposed(scene, cameras[name], samples=samples, region=crop, depth=False, threads=1)
+            shots[name] = reference.exposed(
+                scene, cameras[name], samples=samples, region=crop, truth=Truth.NONE, threads=1
+            )
 
         return Task(run)
 

@@ -10,6 +10,7 @@ from table import Table
 from timing import Task, median, taking_turns
 
 import plenoptic as pl
+from plenoptic.camera.truth import Truth
 
 WANTED = {"white": "5, aim 8", "check": "3.5, aim 5"}
 
@@ -85,7 +86,7 @@ def scenes_with_shading(samples: int, *, rounds: int) -> Table:
 
         def run(_: None) -> None:
             shot = reference.exposed(
-                scenes[name], camera, samples=samples, threads=1, depth=depth, replicates=replicates
+                scenes[name], camera, samples=samples, threads=1, truth=Truth(depth), replicates=replicates
             )
             through[key] = 1e-6 * shot.stats.paths_through_lens
 

@@ -7,10 +7,12 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import reference
+from parts import part_costs
 from table import Table
 from timing import Task, median, taking_turns
 
 import plenoptic as pl
+from plenoptic.camera.truth import Truth
 
 
 class Variant(NamedTuple):
@@ -19,7 +21,7 @@ class Variant(NamedTuple):
     camera: pl.PlenopticCamera
     scene: pl.Scene | None
     replicates: int = 8
-    depth: bool = False
+    truth: Truth = Truth.NONE
 
 
 def tables(*, quick: bool) -> Iterator[Table]:
@@ -28,6 +30,7 @@ def tables(*, quick: bool) -> Iterator[Table]:
     yield compared("white image", white_variants(camera), samples=samples, rounds=rounds)
     yield compared("`check`", check_variants(camera, check), samples=samples, rounds=rounds)
     yield compared("`objects`", objects_variants(camera), samples=samples, rounds=rounds)
+    yield part_costs(quick=quick)
 
 
 def white_variants(camera: pl.PlenopticCamera) -> dict[str, Variant]:
@@ -48,7 +51,8 @@ def check_variants(camera: pl.PlenopticCamera, check: pl.Scene) -> dict[str, Var
     return {
         "reference: no pose, no depth, 8 replicates": Variant(camera, check),
         "no scene: a white image": Variant(camera, None),
-        "depth": Variant(camera, check, depth=True),
+        "depth": Variant(camera, check, truth=Truth.DEPTH),
+        "all truth": Variant(camera, check, truth=Truth.ALL),
         "pose": Variant(posed, check),
         "1 replicate: no standard error": Variant(camera, check, replicates=1),
     }
@@ -60,7 +64,7 @@ def objects_variants(camera: pl.PlenopticCamera) -> dict[str, Variant]:
         "reference: light and background": Variant(camera, scene),
         "no background": Variant(camera, dataclasses.replace(scene, background=None)),
         "no light": Variant(camera, dataclasses.replace(scene, lights=())),
-        "depth": Variant(camera, scene, depth=True),
+        "depth": Variant(camera, scene, truth=Truth.DEPTH),
     }
 
 
@@ -79,7 +83,7 @@ def compared(title: str, variants: dict[str, Variant], *, samples: int, rounds: 
                 variant.camera,
                 samples=samples,
                 replicates=variant.replicates,
-                depth=variant.depth,
+                truth=variant.truth,
                 threads=1,
             )
             stats[name] = shot.stats

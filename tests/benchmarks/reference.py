@@ -32,8 +32,8 @@ def camera(mode: Mode = Mode.FOCUSED, *, sensor: pl.Sensor | None = None) -> pl.
 
 
 def exposed(scene: pl.Scene | None, camera: pl.PlenopticCamera, **settings: object) -> pl.Exposure:
-    """`render`, or `render_white` where the scene is None, which neither knows depth."""
+    """`render`, or `render_white` where the scene is None, which knows no truth."""
     if scene is None:
-        settings.pop("depth", None)
+        settings.pop("truth", None)
         return pl.render_white(camera, progress=False, **settings)
     return pl.render(scene, camera, progress=False, **settings)

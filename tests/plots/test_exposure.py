@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
+from plenoptic.camera.truth import GroundTruth
 
 matplotlib.use("Agg")
 
@@ -27,7 +28,7 @@ def _shot(channels=1, *, error=True, depth=True, region=None):
     return pl.Exposure(
         image,
         standard_error=0.01 * image if error else None,
-        depth=where if depth else None,
+        truth=GroundTruth(depth=where) if depth else None,
         region=region,
     )
 
@@ -63,7 +64,7 @@ def test_depth_is_blank_where_nothing_is_met():
 
 
 def test_depth_that_is_infinite_everywhere_is_drawn():
-    shot = pl.Exposure(np.zeros((2, 2, 1)), depth=np.full((2, 2), np.inf))
+    shot = pl.Exposure(np.zeros((2, 2, 1)), truth=GroundTruth(depth=np.full((2, 2), np.inf)))
     pl.plot_exposure(shot).canvas.draw()
 
 

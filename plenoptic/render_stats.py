@@ -1,0 +1,95 @@
+"""What a rendering took and where its paths went."""
+
+from __future__ import annotations
+
+from plenoptic._values import finite, set_field, value, whole
+from plenoptic.errors import InvalidValueError
+
+
+@value
+class RenderStats:
+    """What a rendering took and where its paths went.
+
+    Parameters
+    ----------
+    seconds : float
+        Wall-clock time, s.
+    cpu_seconds : float
+        Processor time of all threads together, s.
+    paths : int
+        Paths sampled.
+    paths_through_lens : int
+        Paths that left the lens towards the scene.
+    lost : tuple of (str, int or None, int)
+        Cause, index of the lens element (None where no element is to blame) and number of paths.
+        Causes are "outside_microlens", "missed", "clipped", "total_reflection" and "not_finite".
+    nonfinite : int
+        Contributions that were not finite and were left out of the image.
+    threads : int
+        Threads that worked.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> stats = pl.RenderStats(
+    ...     seconds=2.0, cpu_seconds=3.9, paths=1000, paths_through_lens=800,
+    ...     lost=(("clipped", 0, 150), ("clipped", 5, 50)), threads=2,
+    ... )
+    >>> stats.fraction_through_lens, stats.lost_by_cause
+    (0.8, {'clipped': 200})
+    """
+
+    seconds: float = 0.0
+    cpu_seconds: float = 0.0
+    paths: int = 0
+    paths_through_lens: int = 0
+    lost: tuple[tuple[str, int | None, int], ...] = ()
+    nonfinite: int = 0
+    threads: int = 1
+
+    def __post_init__(self) -> None:
+        for name in ("seconds", "cpu_seconds"):
+            seconds = finite(getattr(self, name), name)
+            if seconds < 0:
+                raise InvalidValueError(f"{name} is {seconds:g} s; it must be at least 0")
+            set_field(self, name, seconds)
+        for name, least in (("paths", 0), ("paths_through_lens", 0), ("nonfinite", 0), ("threads", 1)):
+            set_field(self, name, whole(getattr(self, name), name, at_least=least))
+        if self.paths_through_lens > self.paths:
+            raise InvalidValueError(
+                f"paths_through_lens is {self.paths_through_lens}; it must be at most paths, {self.paths}"
+            )
+        lost = tuple(
+            (
+                str(cause),
+                None if element is None else whole(element, "lost: element", at_least=0),
+                whole(count, "lost: count", at_least=0),
+            )
+            for cause, element, count in self.lost
+        )
+        set_field(self, "lost", lost)
+
+    @property
+    def fraction_through_lens(self) -> float:
+        """The part of the sampled paths that left the lens towards the scene; nan where none were sampled."""
+        return self.paths_through_lens / self.paths if self.paths else float("nan")
+
+    @property
+    def lost_by_cause(self) -> dict[str, int]:
+        """The number of lost paths for each cause, over all elements."""
+        causes: dict[str, int] = {}
+        for cause, _, count in self.lost:
+            causes[cause] = causes.get(cause, 0) + count
+        return causes
+
+    def __repr__(self) -> str:
+        lost = ", ".join(f"{count} {cause.replace('_', ' ')}" for cause, count in self.lost_by_cause.items())
+        facts = [f"{self.seconds:.3g} s", f"{self.threads} threads" if self.threads > 1 else "1 thread"]
+        facts.append(f"{self.paths} paths")
+        if self.paths:
+            facts.append(f"{100 * self.fraction_through_lens:.3g} % through the lens")
+        if lost:
+            facts.append(f"lost: {lost}")
+        if self.nonfinite:
+            facts.append(f"{self.nonfinite} not finite")
+        return f"RenderStats({', '.join(facts)})"

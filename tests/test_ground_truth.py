@@ -1,0 +1,390 @@
+"""Ground truth of pixels: geometry, identities, images of points in closed form, and bits."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+import plenoptic as pl
+from plenoptic.camera.projection import project
+from plenoptic.camera.truth import NO_MICROLENS, Truth
+from plenoptic.truth import ground_truth
+
+THIN_LENS = pl.LensModel.THIN
+
+
+def the_lens(model=pl.LensModel.EXACT, stop=5.0):
+    lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=stop))
+    return lens if model is pl.LensModel.EXACT else lens.with_model(model)
+
+
+def reference_camera(b=1.7, lens=None, shape=(512, 512), to_array=123.3, pitch=0.217, focal_lengths=(2.0,), **array):
+    return pl.PlenopticCamera(
+        lens=the_lens() if lens is None else lens,
+        microlenses=pl.MicrolensArray(pitch=pitch, focal_lengths=focal_lengths, **array),
+        sensor=pl.Sensor(shape=shape, pixel_pitch=0.010),
+        stop_to_microlenses=to_array,
+        microlenses_to_sensor=b,
+    )
+
+
+def plane(z, size=4000.0):
+    return pl.Scene([pl.quad((-size / 2, -size / 2, z), (size, 0, 0), (0, size, 0), material=pl.Emissive(1.0))])
+
+
+def thin_image(lens, z):
+    """Where a thin lens images the plane z, by the lens formula from its principal plane."""
+    points = pl.paraxial.cardinal_points(lens)
+    s = points.rear_principal - z
+    return points.rear_principal + 1.0 / (1.0 / points.efl - 1.0 / s)
+
+
+# ---- geometry ----
+
+SOME = np.s_[100:116, 300:316]
+POSE = {"position": (30.0, -20.0, 50.0), "look_at": (10.0, 5.0, -350.0), "up": (0.2, 1.0, 0.1)}
+
+
+@pytest.mark.parametrize("placed", [False, True])
+@pytest.mark.parametrize("posed", [False, True])
+def test_depth_distance_and_position_are_one_point(placed, posed):
+    camera = reference_camera()
+    if placed:
+        camera = camera.moved(pl.CameraPart.LENS, shift=(0.5, -0.3, 0.2), tilt=(0.01, -0.02, 0.3))
+    if posed:
+        camera = camera.posed(**POSE)
+    truth = ground_truth(pl.objects_scene(), camera, region=SOME)
+    seen = truth.position if camera.pose is None else camera.pose.to_camera(truth.position)
+    met = np.isfinite(truth.depth)
+    assert met.mean() > 0.9
+    # Some ten roundings of coordinates below 1000 mm: 1e-12.
+    np.testing.assert_allclose(truth.depth[met], -seen[met][:, 2], rtol=0, atol=1e-11)
+    np.testing.assert_allclose(truth.distance[met], np.linalg.norm(seen[met], axis=1), rtol=0, atol=1e-11)
+    assert np.isnan(truth.position[~met]).all() and np.isinf(truth.distance[~met]).all()
+
+
+@pytest.mark.parametrize("placed", [False, True])
+def test_position_lies_on_the_plane_that_is_seen(placed):
+    camera = reference_camera()
+    if placed:
+        camera = camera.moved(pl.CameraPart.LENS, tilt=(0.02, 0.01, 0.0)).posed((5, 5, 9), (0, 0, -400), (0, 1, 0))
+    truth = ground_truth(plane(-404.0), camera, region=SOME)
+    met = np.isfinite(truth.depth)
+    np.testing.assert_allclose(truth.position[met][:, 2], -404.0, rtol=1e-14)
+    np.testing.assert_allclose(truth.normal[met], np.broadcast_to([0.0, 0.0, 1.0], truth.position[met].shape))
+
+
+def test_normals_of_a_sphere_are_those_of_its_facets():
+    # Facets of 128 x 64 segments are turned from the sphere by at most half their diagonal, 0.5 hypot(2 pi / 128,
+    # pi / 64) = 0.035.
+    ball = pl.sphere(60.0, center=(5.0, -3.0, -500.0), material=pl.Lambertian(0.5))
+    truth = ground_truth(pl.Scene([ball], background=1.0), reference_camera(), region=np.s_[::1, 250:262])
+    met = np.isfinite(truth.depth)
+    outwards = (truth.position[met] - [5.0, -3.0, -500.0]) / 60.0
+    normal = truth.normal[met]
+    np.testing.assert_allclose(np.linalg.norm(normal, axis=1), 1.0, rtol=1e-15)
+    assert np.all(np.einsum("ij,ij->i", outwards, normal) > math.cos(0.036) * 0.999)
+    # Towards the camera, and of the triangle, not of its vertices: many pixels share a facet's.
+    assert np.all(normal[:, 2] > 0)
+    assert len(np.unique(normal.round(9), axis=0)) < 0.5 * len(normal)
+
+
+def test_normals_face_the_camera_from_either_side():
+    for order in ((4000, 0, 0), (0, 4000, 0)), ((0, 4000, 0), (4000, 0, 0)):
+        sheet = pl.quad((-2000, -2000, -404), *order, material=pl.Lambertian(0.5))
+        truth = ground_truth(pl.Scene([sheet], background=1.0), reference_camera(), region=np.s_[250:252, 250:252])
+        np.testing.assert_array_equal(truth.normal[0, 0], [0.0, 0.0, 1.0])
+
+
+def test_objects_and_materials_have_the_numbers_of_the_scene():
+    grey, red = pl.Lambertian(0.5), pl.Lambertian((0.8, 0.1, 0.1))
+    quads = [
+        pl.quad((x, y, -404.0), (200, 0, 0), (0, 200, 0), material=material)
+        for x, y, material in ((0, 0, grey), (-200, 0, red), (-200, -200, grey))
+    ]
+    lamp = pl.QuadLight((0, -200, -404.0), (200, 0, 0), (0, 200, 0), radiance=1.0)
+    truth = ground_truth(pl.Scene(quads, lights=[lamp]), reference_camera())
+    met = np.isfinite(truth.depth)
+    x, y = truth.position[..., 0], truth.position[..., 1]
+    expected = np.select([(x > 0) & (y > 0), (x < 0) & (y > 0), (x < 0) & (y < 0)], [0, 1, 2], 3)
+    inside = met & (np.abs(x) > 1e-6) & (np.abs(y) > 1e-6)
+    assert inside.mean() > 0.7
+    np.testing.assert_array_equal(truth.object[inside], expected[inside])
+    np.testing.assert_array_equal(truth.material[inside], np.array([0, 1, 0, 2])[expected[inside]])
+    assert (truth.object[~met] == -1).all() and (truth.material[~met] == -1).all()
+
+
+# ---- microlenses ----
+
+
+@pytest.mark.parametrize(
+    "array",
+    [
+        {"focal_lengths": (1.7, 2.0, 2.4)},
+        {"lattice": pl.Lattice.SQUARE},
+        {"lattice": pl.Lattice.RECTANGULAR, "pitch": (0.3, 0.2)},
+        {"imperfections": pl.MicrolensImperfections(pitch_jitter=0.004, decentre=0.004, seed=3)},
+        {"model": pl.MicrolensModel.SPHERICAL},
+        {"model": pl.MicrolensModel.PINHOLE},
+        {"aperture": pl.MicrolensAperture(pl.ApertureShape.CIRCLE, 0.6)},
+    ],
+    ids=str,
+)
+def test_a_pixel_belongs_to_the_microlens_whose_image_is_nearest(array):
+    # The exit pupil lies 128.5 mm before the array: images of centres are enlarged by 1 + b / 128.5, to within
+    # the pupil's aberrations. Halfway between images either may give more light.
+    camera = reference_camera(**array)
+    made = camera.microlenses
+    truth = ground_truth(None, camera, region=np.s_[40:60, 40:60])
+    assert truth.kinds == Truth.MICROLENS
+    rows, columns = np.mgrid[40:60, 40:60]
+    on_array = camera.sensor.centre_of(rows, columns) / (1 + 1.7 / 128.5)
+    lit = truth.microlens_type >= 0
+    assert lit.mean() > 0.4
+    index = truth.microlens[lit].astype(int)
+    np.testing.assert_array_equal(truth.microlens[~lit], NO_MICROLENS)
+    off = np.hypot(*(index @ made.basis - on_array[lit]).T)
+    nearest = np.hypot(*(made.nearest(on_array[lit]) - on_array[lit]).T)
+    assert np.all(off < nearest + 0.04)
+    types = made.type_pattern
+    np.testing.assert_array_equal(
+        truth.microlens_type[lit], types[index[:, 0] % types.shape[0], index[:, 1] % types.shape[1]]
+    )
+    assert len(np.unique(index, axis=0)) >= 2
+
+
+def test_free_microlenses_have_their_numbers():
+    regular = pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,))
+    found = regular.lenses((-4.0, -4.0), (4.0, 4.0))
+    order = np.random.default_rng(1).permutation(len(found))
+    # Lenses far outside take part in the numbering only.
+    centres = np.concatenate([found.centre[order], [[50.0, 0.0], [0.0, -50.0]]])[::-1]
+    types = np.arange(len(centres)) % 2
+    free = reference_camera(lattice=pl.Lattice.FREE, centres=centres, types=types, focal_lengths=(2.0, 2.0), pitch=0.2)
+    region = np.s_[60:90, 400:420]
+    here, there = ground_truth(None, reference_camera(), region=region), ground_truth(None, free, region=region)
+    lit = here.microlens_type >= 0
+    # Cells and outlines are cut in another order, and a probe on the edge of the light may be on either side of it.
+    other = there.microlens_type >= 0
+    assert np.mean(other != lit) < 0.02
+    lit &= other
+    number = there.microlens[..., 0][lit]
+    assert (there.microlens[..., 1][lit] == 0).all()
+    # A pixel between two microlenses may go to either.
+    same = np.hypot(*(centres[number] - here.microlens[lit] @ regular.basis).T) < 1e-6
+    assert same.mean() > 0.97
+    np.testing.assert_array_equal(there.microlens_type[lit], types[number])
+
+
+# ---- images of points ----
+
+KINDS = {
+    "Galilean": {"b": 1.7},
+    "Keplerian": {"b": 2.4},
+    "1.0": {"b": 2.0},
+}
+
+
+@pytest.mark.parametrize("z", [-300.0, -404.0, -1000.0, -1e6])
+@pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)
+def test_virtual_depth_and_disparity_of_a_thin_lens_are_closed_forms(kind, z):
+    # A thin lens images planes onto planes without aberrations. Derivatives are good to 1e-9 (see `truth._TURN`).
+    lens = the_lens(THIN_LENS)
+    camera = reference_camera(lens=lens, to_array=112.0 if kind["b"] > 2 else 123.3, **kind)
+    truth = ground_truth(plane(z, size=-z), camera, region=np.s_[200:216, 240:272])
+    a = thin_image(lens, z) - camera.stop_to_microlenses
+    met = np.isfinite(truth.depth)
+    assert met.mean() > 0.8
+    np.testing.assert_allclose(truth.virtual_depth[met], a / kind["b"], rtol=3e-9)
+    np.testing.assert_allclose(truth.disparity[met], 21.7 * kind["b"] / a, rtol=3e-9)
+    np.testing.assert_allclose(truth.view_disparity[met], a / (21.7 * kind["b"]), rtol=3e-9)
+    assert np.isnan(truth.virtual_depth[~met]).all()
+
+
+def test_a_point_imaged_on_the_array_has_no_virtual_depth_and_stands_still_in_views():
+    lens = the_lens(THIN_LENS)
+    camera = reference_camera(lens=lens, b=2.0, to_array=thin_image(lens, -404.0))
+    truth = ground_truth(plane(-404.0), camera, region=np.s_[250:262, 250:262])
+    met = np.isfinite(truth.depth)
+    np.testing.assert_allclose(truth.virtual_depth[met], 0.0, atol=1e-9)
+    np.testing.assert_allclose(truth.view_disparity[met], 0.0, atol=1e-9)
+    assert not np.isnan(truth.disparity[met]).any()
+
+
+def test_without_main_lens_the_scene_is_its_own_image():
+    # A camera array: a is minus the distance from the array to the plane.
+    camera = reference_camera(lens=the_lens(pl.LensModel.NONE, stop=16.0), to_array=40.0, b=2.0)
+    truth = ground_truth(plane(-404.0), camera, region=np.s_[250:262, 250:262])
+    met = np.isfinite(truth.depth)
+    assert met.any()
+    np.testing.assert_allclose(truth.virtual_depth[met], -444.0 / 2.0, rtol=3e-9)
+
+
+def test_virtual_depth_on_a_tilted_array_and_sensor():
+    # Both distances are along the array's normal: a from its plane to the image point, b to the pixel.
+    lens = the_lens(THIN_LENS)
+    tilt = 0.05
+    camera = reference_camera(lens=lens).moved(pl.CameraPart.MICROLENSES, tilt=(0.0, tilt, 0.0))
+    truth = ground_truth(plane(-404.0), camera, region=np.s_[250:262, 40:472])
+    met = np.isfinite(truth.depth)
+    rows, columns = np.mgrid[250:262, 40:472]
+    x = camera.sensor.centre_of(rows, columns)[met][:, 0]
+    sensor_point = np.column_stack([x, np.zeros(len(x)), np.full(len(x), 125.0)])
+    normal = np.array([math.sin(tilt), 0.0, math.cos(tilt)])
+    b = (sensor_point - [0, 0, 123.3]) @ normal
+    # A thin lens images points along rays through its centre.
+    z_image, principal = thin_image(lens, -404.0), pl.paraxial.cardinal_points(lens).rear_principal
+    share = (z_image - principal) / (-404.0 - principal)
+    image = truth.position[met][:, :2] * share
+    a = (np.column_stack([image, np.full(len(image), z_image)]) - [0, 0, 123.3]) @ normal
+    np.testing.assert_allclose(truth.virtual_depth[met], a / b, rtol=1e-8)
+    assert np.ptp(truth.virtual_depth[met]) > 0.02
+
+
+def test_disparity_of_the_real_lens_is_that_of_neighbouring_projections():
+    # Over one pitch the aberrations of the f/10 lens change the image's distance by about 0.1 %.
+    camera = reference_camera()
+    truth = ground_truth(plane(-404.0), camera, region=np.s_[256:257, 256:257])
+    seen = project(camera, truth.position[0, 0])
+    at = {tuple(index): k for k, index in enumerate(seen.index.tolist())}
+    steps = [((0, 1), (0, 0)), ((0, 0), (0, -1)), ((1, 0), (0, 0)), ((0, 0), (-1, 0))]
+    basis = camera.microlenses.basis
+    found = []
+    for after, before in steps:
+        step = (np.array(after) - before) @ basis
+        moved = seen.position[at[after]] - seen.position[at[before]] - step
+        found.append(-(moved @ step) / (step @ step) * 21.7)
+    np.testing.assert_allclose(np.mean(found), truth.disparity[0, 0], rtol=2e-3)
+
+
+# ---- projecting back ----
+
+PINHOLES = {
+    "exact": {},
+    "rectangular": {"lattice": pl.Lattice.RECTANGULAR, "pitch": (0.25, 0.2)},
+    "jitter": {"imperfections": pl.MicrolensImperfections(pitch_jitter=0.005, decentre=0.005, seed=2)},
+}
+
+
+@pytest.mark.parametrize("placed", [False, True])
+@pytest.mark.parametrize("array", PINHOLES.values(), ids=PINHOLES)
+def test_what_a_pixel_sees_through_a_pinhole_is_projected_onto_its_centre(array, placed):
+    # Its ray passes the microlens's centre: it is the chief ray itself. 1e-9 mm behind the lens is 1e-7 pixels.
+    camera = reference_camera(model=pl.MicrolensModel.PINHOLE, **array)
+    if placed:
+        camera = (
+            camera.moved(pl.CameraPart.LENS, shift=(0.2, 0.1, 0.1), tilt=(0.01, 0.02, 0.1))
+            .moved(pl.CameraPart.MICROLENSES, shift=(0.03, 0.02, 0.1), tilt=(0.01, -0.01, 0.05))
+            .moved(pl.CameraPart.SENSOR, shift=(0.05, 0.02, -0.05), tilt=(-0.01, 0.02, -0.03))
+            .posed(**POSE)
+        )
+    region = np.s_[130:134, 400:406]
+    truth = ground_truth(pl.objects_scene(), camera, region=region)
+    met = np.isfinite(truth.depth)
+    assert met.mean() > 0.5
+    seen = project(camera, truth.position[met])
+    rows, columns = np.mgrid[region]
+    for k, (row, column, index) in enumerate(zip(rows[met], columns[met], truth.microlens[met], strict=True)):
+        here = (seen.point == k) & (seen.index == index).all(axis=1)
+        assert here.sum() == 1 and seen.passes[here].all() and seen.visible[here].all()
+        np.testing.assert_allclose(seen.pixel[here][0], [row, column], rtol=0, atol=1e-6)
+
+
+def test_what_a_pixel_sees_sharply_is_projected_onto_it():
+    # The plane -404 is the one in focus of the reference camera: blur is below a pixel, whatever point of the
+    # microlens the main ray passes.
+    camera = reference_camera()
+    region = np.s_[256:267, 256:267]
+    truth = ground_truth(plane(-404.0), camera, region=region)
+    met = np.isfinite(truth.depth)
+    seen = project(camera, truth.position[met])
+    rows, columns = np.mgrid[region]
+    for k, (row, column, index) in enumerate(zip(rows[met], columns[met], truth.microlens[met], strict=True)):
+        here = (seen.point == k) & (seen.index == index).all(axis=1)
+        np.testing.assert_allclose(seen.pixel[here][0], [row, column], rtol=0, atol=0.5)
+
+
+# ---- arguments, bits and renderings ----
+
+
+def test_regions_and_threads_have_the_same_bits_as_the_whole():
+    camera = reference_camera(shape=(64, 64), focal_lengths=(1.7, 2.0, 2.4))
+    scene = pl.objects_scene()
+    whole = ground_truth(scene, camera, threads=1)
+    part = ground_truth(scene, camera, region=np.s_[11:40, 5:23], threads=2)
+    for name, array in part.arrays().items():
+        np.testing.assert_array_equal(array, getattr(whole, name)[11:40, 5:23])
+
+
+def test_a_rendering_has_the_same_truth_and_only_what_is_asked_for():
+    camera, scene, region = reference_camera(), pl.objects_scene(), np.s_[230:250, 240:280]
+    whole = ground_truth(scene, camera, region=region)
+    wanted = Truth.NORMAL | Truth.DISPARITY
+    shot = pl.render(scene, camera, samples=1, region=region, truth=wanted, tile_side=7, progress=False)
+    assert shot.truth.kinds == wanted and shot.depth is None
+    np.testing.assert_array_equal(shot.truth.normal, whole.normal)
+    np.testing.assert_array_equal(shot.truth.disparity, whole.disparity)
+    without = pl.render(scene, camera, samples=1, region=region, truth=Truth.NONE, tile_side=7, progress=False)
+    assert without.truth is None
+    np.testing.assert_array_equal(without.image, shot.image)
+
+
+def test_a_scene_without_meshes_shows_microlenses_only():
+    camera, region = reference_camera(), np.s_[250:254, 250:254]
+    shot = pl.render(pl.Scene(background=1.0), camera, samples=1, region=region, truth=Truth.ALL, progress=False)
+    assert shot.truth == ground_truth(None, camera, region=region)
+    with pytest.raises(pl.InvalidValueError, match="nothing of .*DEPTH.* can be found"):
+        ground_truth(None, camera, truth=Truth.DEPTH)
+
+
+def test_a_conventional_camera_has_no_microlenses():
+    camera = pl.PlenopticCamera(lens=the_lens(), sensor=pl.Sensor((32, 32), 0.1), stop_to_microlenses=134.6)
+    truth = ground_truth(plane(-404.0), camera)
+    assert truth.kinds == Truth.ALL & ~(Truth.MICROLENS | Truth.VIRTUAL_DEPTH | Truth.DISPARITY)
+    np.testing.assert_allclose(truth.depth, 404.0, rtol=1e-14)
+    with pytest.raises(pl.InvalidValueError, match="it takes a scene with meshes"):
+        ground_truth(None, camera)
+
+
+def test_depth_stays_exact_far_away_and_close_by():
+    for z in (-1e6, -60.0):
+        truth = ground_truth(plane(z, size=abs(z)), reference_camera(), region=np.s_[250:258, 250:258])
+        met = np.isfinite(truth.depth)
+        assert met.any()
+        np.testing.assert_allclose(truth.depth[met], -z, rtol=8 * np.finfo(float).eps)
+        assert np.isfinite(truth.virtual_depth[met]).all()
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"truth": True}, "truth is a bool; give a Truth"),
+        ({"region": np.s_[0:0, :]}, "region has rows"),
+        ({"threads": 0}, "threads"),
+        ({"scene": 3}, "scene is a int; it must be a Scene"),
+        ({"camera": 3}, "camera is a int; it must be a PlenopticCamera"),
+    ],
+)
+def test_impossible_arguments(change, sentence):
+    arguments = {"scene": pl.white_plane(), "camera": reference_camera(shape=(4, 4)), **change}
+    with pytest.raises(pl.InvalidValueError, match=sentence):
+        ground_truth(arguments.pop("scene"), arguments.pop("camera"), **arguments)
+
+
+def test_the_plan_names_what_is_found():
+    plan = pl.plan(pl.white_plane(), reference_camera(), truth=Truth.DEPTH | Truth.OBJECT)
+    decision = next(d for d in plan.decisions if d.stage is pl.Stage.TRUTH)
+    assert decision.runs and decision.reason == "depth, object"
+    for scene, camera, truth, reason in (
+        (pl.white_plane(), reference_camera(), Truth.NONE, "not asked for"),
+        (pl.Scene(background=1.0), reference_camera(), Truth.DEPTH, "there is no mesh"),
+        (pl.white_plane(), bare_camera(), Truth.DISPARITY, "there are no microlenses"),
+    ):
+        decision = next(d for d in pl.plan(scene, camera, truth=truth).decisions if d.stage is pl.Stage.TRUTH)
+        assert not decision.runs and decision.reason == reason
+
+
+def bare_camera():
+    camera = reference_camera()
+    return dataclasses.replace(camera, microlenses=None, microlenses_to_sensor=0.0)
