@@ -9,10 +9,24 @@ from pathlib import Path
 import plenoptic as pl
 
 GROUPS = (
-    ("Rendering", ("plenoptic.rendering", "plenoptic.planning", "plenoptic.exposure", "plenoptic.film")),
+    (
+        "Rendering",
+        (
+            "plenoptic.rendering",
+            "plenoptic.planning",
+            "plenoptic.stages",
+            "plenoptic.exposure",
+            "plenoptic.render_stats",
+            "plenoptic.truth",
+            "plenoptic.film",
+        ),
+    ),
     ("Camera", ("plenoptic.camera",)),
     ("Optics", ("plenoptic.optics", "plenoptic.rays")),
     ("Scene", ("plenoptic.scene",)),
+    ("Colour", ("plenoptic.spectra", "plenoptic.sensitivities")),
+    ("Sensors", ("plenoptic.sensing",)),
+    ("Light fields", ("plenoptic.lightfield",)),
     ("Figures", ("plenoptic.plots",)),
     ("Studies", ("plenoptic.study",)),
     ("Modules, sampling and images", ("plenoptic.images", "plenoptic.sampling")),
