@@ -42,7 +42,7 @@ def forward_array(camera: PlenopticCamera, parts: Assembly) -> ForwardArray:
     reach = 0.0 if array.lattice is not Lattice.FREE and array.imperfections is None else _reach(camera, parts, array)
     cells = array_tables(array, turn=parts.array_turn, origin=parts.array_origin, reach=reach, stray=0.0)
     edges = None if array.aperture is None else cells.opening
-    plain = edges is None and cells.pattern is None and cells.listed is None
+    plain = edges is None and cells.pattern is None and cells.listed is None and not cells.walls
     return ForwardArray(parts, array, cells, None if plain else _lattice(array, cells), edges, sensor)
 
 
@@ -130,6 +130,7 @@ def fill_through_array_forward(blocks: NDArray[np.float64], made: ForwardArray) 
         None if listed is None else listed.cells,
         None if listed is None else listed.lenses,
         made.lattice,
+        made.lattice if cells.walls else None,
     )
     if array.model is MicrolensModel.THIN:
         _lattice_forward.fill_thin_forward(blocks, z, parts.distance, parts.lean, made.sensor, *equal, *different)

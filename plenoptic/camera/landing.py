@@ -15,8 +15,7 @@ from plenoptic.camera.assembly import Assembly, assembly
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.entrance import Entrance, entering_polygon, entrance
 from plenoptic.camera.forward_array import ForwardArray, fill_through_array_forward, forward_array
-from plenoptic.camera.tables import PlacedBlemishes, fill_before_array, fill_dimmed_at_lens
-from plenoptic.camera.tables import _placed as placed_blemishes
+from plenoptic.camera.tables import PlacedBlemishes, fill_before_array, fill_dimmed_at_lens, placed_blemishes
 from plenoptic.optics.angular import AngularResponse
 from plenoptic.optics.blemishes import BlemishSite
 from plenoptic.optics.models import LensModel
@@ -119,7 +118,7 @@ def _dimming(camera: PlenopticCamera, parts: Assembly) -> Dimming | None:
 
 def _fill_dimmed_at_lens(blocks: NDArray[np.float64], dimming: Dimming | None, site: BlemishSite) -> None:
     if dimming is not None:
-        fill_dimmed_at_lens(blocks, dimming, site)  # type: ignore[arg-type]  # reads `blemishes` alone
+        fill_dimmed_at_lens(blocks, dimming, site)
 
 
 def _fill_dimmed_behind_array(blocks: NDArray[np.float64], aims: NDArray[np.float64], dimming: Dimming | None) -> None:
@@ -128,7 +127,7 @@ def _fill_dimmed_behind_array(blocks: NDArray[np.float64], aims: NDArray[np.floa
 
     if dimming is not None and dimming.by_aim:
         _lattice_forward.fill_aims(aims, blocks, dimming.distance, dimming.lean, dimming.placed)
-        fill_before_array(aims, dimming)  # type: ignore[arg-type]  # reads the first five fields alone
+        fill_before_array(aims, dimming)
         _lattice_forward.fill_weights(blocks, aims)
 
 

@@ -22,6 +22,7 @@ from plenoptic.camera.report_optics import (
     paraxial_cone,
     traced_slope,
 )
+from plenoptic.optics.apertures import Walls
 from plenoptic.optics.models import LensModel
 from plenoptic.optics.paraxial import cardinal_points
 
@@ -203,5 +204,9 @@ def _image_numbers(camera: PlenopticCamera, cone: Cone, slope: float) -> dict[st
     # The exit pupil is at -D: blur d b |1/b - 1/f + 1/D|, see MicrolensFocus.
     border = opening_width(array) * max(abs(stretch - b / f) for f in array.focal_lengths)
     dark, overlap = coverage(camera, cone)
+    if camera.microlenses is not None and camera.microlenses.walls is Walls.OPAQUE:
+        overlap = 0.0
+    if camera.microlenses is not None and camera.microlenses.walls is Walls.OPAQUE:
+        overlap = 0.0
     numbers = (b / p, diameter / p, diameter, diameter / q, pitch, pitch / q, diameter / pitch, border / q)
     return dict(zip(_IMAGES, (*numbers, dark, overlap, images_on_sensor(camera, cone.vergence)), strict=True))

@@ -12,6 +12,7 @@ from plenoptic._values import choice, set_field, value
 from plenoptic.camera.report_focus import CameraKind, MicrolensFocus
 from plenoptic.camera.report_optics import neighbour_distance, opening_width
 from plenoptic.errors import InvalidValueError
+from plenoptic.optics.apertures import Walls
 
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera
@@ -137,14 +138,15 @@ def _images(camera: PlenopticCamera, report: CameraReport) -> Iterator[CameraFin
             f"microlens images are {fill:.2f} as wide as their distance and leave {100 * report.dark_fraction:.0f} % "
             f"of the sensor dark; open the iris to {matching:.4g} mm for images that touch",
         )
-    if fill > 1.0 + OVERLAPPING or report.overlap_fraction > OVERLAPPING:
+    walls = camera.microlenses is not None and camera.microlenses.walls is Walls.OPAQUE
+    if not walls and (fill > 1.0 + OVERLAPPING or report.overlap_fraction > OVERLAPPING):
         yield CameraFinding(
             CameraFindingKind.OVERLAP,
             f"{100 * report.overlap_fraction:.0f} % of the sensor get light through several microlenses (images are "
             f"{fill:.2f} as wide as their distance, with a border of {report.image_border_pixels:.1f} pixels); stop "
             "down to avoid it",
         )
-    if abs(match - 1.0) > MATCHED:
+    if not walls and abs(match - 1.0) > MATCHED:
         yield CameraFinding(
             CameraFindingKind.F_NUMBER_MISMATCH,
             f"at the array the main lens works at f/{report.working_f_number:.3g} and the microlenses at "

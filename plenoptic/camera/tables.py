@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -101,7 +101,7 @@ def camera_tables(camera: PlenopticCamera) -> CameraTables:
         fill_factor=camera.sensor.fill_factor,
         response=camera.sensor.angular_response,
         blemishes=tuple(
-            _placed(blemishes, parts, float(lens.vertices[0]), z_last)
+            placed_blemishes(blemishes, parts, float(lens.vertices[0]), z_last)
             for blemishes in camera.blemishes
             if len(blemishes)
         ),
@@ -129,7 +129,7 @@ def _pixel_sides(camera: PlenopticCamera, parts: Assembly) -> NDArray[np.float64
     return np.asarray(parts.sensor_to_local.turn[:2, :2] * sides)
 
 
-def _sensor_frame(tables: CameraTables) -> NDArray[np.float64] | None:
+def _sensor_frame(tables: Dims) -> NDArray[np.float64] | None:
     """(12,) from the sensor's axes to the local ones; None where they differ along the axis only."""
     placed = tables.parts.sensor_to_local
     if np.array_equal(placed.turn, np.eye(3)) and not placed.shift[:2].any():
@@ -137,7 +137,31 @@ def _sensor_frame(tables: CameraTables) -> NDArray[np.float64] | None:
     return np.concatenate([placed.turn.ravel(), placed.shift])
 
 
-def fill_before_array(blocks: NDArray[np.float64], tables: CameraTables) -> None:
+class Dims(Protocol):
+    """What dims light besides lens and microlenses: of a camera's tables, these fields are read."""
+
+    @property
+    def parts(self) -> Assembly:
+        """How the parts stand."""
+
+    @property
+    def distance(self) -> float:
+        """From the array to the sensor."""
+
+    @property
+    def lean(self) -> NDArray[np.float64] | None:
+        """How that grows with x and y."""
+
+    @property
+    def response(self) -> AngularResponse | None:
+        """Of the pixels."""
+
+    @property
+    def blemishes(self) -> tuple[PlacedBlemishes, ...]:
+        """Dust and scratches."""
+
+
+def fill_before_array(blocks: NDArray[np.float64], tables: Dims) -> None:
     """What happens to aimed samples between the sensor and the array."""
     from plenoptic.optics import _blemishes, _lattice
 
@@ -162,7 +186,7 @@ def fill_before_array(blocks: NDArray[np.float64], tables: CameraTables) -> None
             _blemishes.fill_dimmed_aims(blocks, tables.distance, tables.lean, None, placed.axes, *placed.tables)
 
 
-def fill_dimmed_at_lens(blocks: NDArray[np.float64], tables: CameraTables, site: BlemishSite) -> None:
+def fill_dimmed_at_lens(blocks: NDArray[np.float64], tables: Dims, site: BlemishSite) -> None:
     """Dust on the lens: LENS_REAR before, LENS_FRONT behind the lens as seen from the sensor."""
     from plenoptic.optics import _blemishes
 
@@ -171,7 +195,7 @@ def fill_dimmed_at_lens(blocks: NDArray[np.float64], tables: CameraTables, site:
             _blemishes.fill_dimmed_rays(blocks, placed.height, placed.axes, *placed.tables)
 
 
-def _placed(blemishes: Blemishes, parts: Assembly, z_first: float, z_last: float) -> PlacedBlemishes:
+def placed_blemishes(blemishes: Blemishes, parts: Assembly, z_first: float, z_last: float) -> PlacedBlemishes:
     """Blemishes with the axes of their plane; the height of those on the lens is their z there."""
     site, axes, height = blemishes.site, None, blemishes.height
     if site is BlemishSite.SENSOR:

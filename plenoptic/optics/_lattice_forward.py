@@ -33,7 +33,7 @@ from plenoptic.optics._blocks import (
     Y,
     Z,
 )
-from plenoptic.optics._cells import AXIS_X, AXIS_Y, BEND, FIRST, PLACE, SECOND, find_cells, find_lenses
+from plenoptic.optics._cells import AXIS_X, AXIS_Y, BEND, FIRST, PLACE, SECOND, find_cells, find_lenses, own_lens
 from plenoptic.optics._lattice import refract_flat_block
 from plenoptic.optics._trace import refract_block
 
@@ -154,10 +154,11 @@ def _refract_curved_each(ray, place, bow, mu, towards_scene, flat, clear, edges,
 
 
 @device
-def _land(ray, z, lean, sensor, place):
+def _land(ray, z, lean, sensor, place, walls):
     """Move rays to the sensor; keep the indices of their microlenses. What is lost carries nothing.
 
-    The sensor is the plane z + lean . (x, y); `sensor` (2, 3) leads from x, y, 1 there to its own axes.
+    The sensor is the plane z + lean . (x, y); `sensor` (2, 3) leads from x, y, 1 there to its own axes. With `walls`,
+    the lattice (see `_cells`), rays are lost that land behind the cell of another microlens.
     """
     for i in range(BLOCK):
         n = ray[N + i]
@@ -168,6 +169,11 @@ def _land(ray, z, lean, sensor, place):
             t = (t + lean[0] * x + lean[1] * y) / towards
             ray[STATUS + i] = ray[STATUS + i] if ray[STATUS + i] != 0.0 or towards > 0.0 else MISSED
         x, y = x + t * u, y + t * v
+        if walls is not None:  # noqa: SIM102 - alone, so that it is pruned
+            if ray[STATUS + i] == 0.0:
+                first, second, _, _, _, _ = own_lens(x, y, *walls)
+                own = first == place[FIRST + i] and second == place[SECOND + i]
+                ray[STATUS + i] = 0.0 if own else OUTSIDE_MICROLENS
         if sensor is not None:
             x, y = (
                 sensor[0, 0] * x + sensor[0, 1] * y + sensor[0, 2],
@@ -247,7 +253,7 @@ def fill_straight_forward(blocks, z_sensor, lean, sensor):
     """No microlenses."""
     place = np.zeros(PLACE * BLOCK)
     for b in range(blocks.size // RAY):
-        _land(blocks[b * RAY : (b + 1) * RAY], z_sensor, lean, sensor, place)
+        _land(blocks[b * RAY : (b + 1) * RAY], z_sensor, lean, sensor, place, None)
 
 
 @kernel
@@ -267,11 +273,13 @@ def fill_thin_forward(
     cells,
     lenses,
     lattice,
+    walls,
 ):
     """Ideal thin lenses: slopes change by height over focal length (power = 1/f).
 
     Equal lenses fill the cells of the lattice `origin`, `basis`; those that differ are found in `lattice`, which is
-    None otherwise. For the arguments from `clear` on see `_cells.find_lenses`.
+    None otherwise, and is `walls` too where walls stand between the cells. For the arguments from `clear` on see
+    `_cells.find_lenses`.
     """
     place = np.empty(PLACE * BLOCK)
     for b in range(blocks.size // RAY):
@@ -292,7 +300,7 @@ def fill_thin_forward(
             ray[L + i] = u * after
             ray[M + i] = v * after
             ray[N + i] = after
-        _land(ray, distance, lean, sensor, place)
+        _land(ray, distance, lean, sensor, place, walls)
 
 
 @kernel
@@ -317,6 +325,7 @@ def fill_plano_convex_forward(
     cells,
     lenses,
     lattice,
+    walls,
 ):
     """Plano-convex lenses: a plane and a sphere of radius (index - 1) / power, or a plane with its normals (`flat`).
 
@@ -340,4 +349,4 @@ def fill_plano_convex_forward(
             for i in range(BLOCK):
                 ray[Z + i] -= thickness
             refract_block(ray, 0.0, index, None, math.inf, math.inf, 1.0, 0.0)
-        _land(ray, distance, lean, sensor, place)
+        _land(ray, distance, lean, sensor, place, walls)

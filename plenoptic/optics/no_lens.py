@@ -11,13 +11,14 @@ from plenoptic.optics.stops import CircularStop
 from plenoptic.optics.surface import Surface
 
 
-def no_lens(semi_diameter: float = 1000.0) -> LensStack:
+def no_lens(semi_diameter: float = 100.0) -> LensStack:
     """An opening and no lens: an array of microlenses behind it is an array of cameras.
 
     Parameters
     ----------
     semi_diameter : float, optional
-        Radius in mm of the round opening at z = 0; the array stands behind it. What it cuts off is not seen.
+        Radius in mm of the round opening at z = 0; the array stands behind it. What it cuts off is not seen; point
+        sources send their rays over all of it, so that it should not be much larger than the array.
 
     Returns
     -------

@@ -165,7 +165,7 @@ def camera_array(**changes) -> pl.PlenopticCamera:
         "walls": pl.Walls.OPAQUE,
     }
     return pl.PlenopticCamera(
-        lens=pl.no_lens(),
+        lens=pl.no_lens(30.0),
         microlenses=pl.MicrolensArray(**(given | changes)),
         sensor=pl.Sensor(shape=(60, 60), pixel_pitch=0.5),
         stop_to_microlenses=1.0,
@@ -214,6 +214,15 @@ def test_cameras_of_an_array_see_points_with_the_disparity_of_their_baseline() -
             centroid = (light[own, None] * points[own]).sum(axis=0) / light[own].sum()
             # The pixel raster cuts an image 1.3 pixels wide: a tenth of a pixel.
             assert centroid == pytest.approx(10.0 * np.array([i, j]) * (1 + 8.2 / 500.0), abs=0.005)
+    # Forwards, light lands where it is seen: nine images, and nothing behind other cells.
+    landed = pl.landing_points(camera, (0.0, 0.0, -499.0), rays=1 << 15)
+    assert len(np.unique(landed.index, axis=0)) == 9
+    assert np.abs(landed.position - 10.0 * landed.index).max() < 5.0
+    open_camera = dataclasses.replace(camera, microlenses=dataclasses.replace(camera.microlenses, walls=pl.Walls.NONE))
+    assert np.abs(pl.landing_points(open_camera, (0.0, 0.0, -20.0)).position).max() > 5.0
+    seen = camera.project((0.0, 0.0, -499.0))
+    seen = seen.selected(seen.visible)
+    assert len(seen) == 9 and np.allclose(seen.position, 10.0 * seen.index * (1 + 8.2 / 500.0))
 
 
 # ---- pixels ----

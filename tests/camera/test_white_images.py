@@ -165,3 +165,31 @@ def test_the_stop_s_shape_appears_under_each_microlens(name: str, offset) -> Non
     # The cell's corners see s under other angles: cos^4 changes by 4 slope (cell / 2 b), 2 %, on either side.
     assert shot[lit] == pytest.approx(full[lit], rel=0.03)
     assert np.all(shot[dark] == 0)
+
+
+@pytest.mark.parametrize("name", ["6 blades", "star"])
+@pytest.mark.parametrize("height", [1.3, 2.0])
+def test_images_are_cut_off_where_the_second_stop_cuts(name: str, height: float) -> None:
+    # Two stops and no lens: the beam of a pixel, as wide as the cell, crosses both. It is fully lit where all of it is
+    # open in both, and dark where all of it is closed in one of them.
+    stop, near = dataclasses.replace(STOPS[name], thickness=40.0), pl.CircularStop(2.2, thickness=1.0)
+    tube = pl.LensStack([stop, near, *plane_plate()], iris=0).with_model(pl.LensModel.NONE)
+    distance, pitch = 70.0, 0.1
+    camera = camera_of(tube, distance, pitch)
+    centre = np.round(np.array([0.8, 0.6]) * height / pitch) * pitch
+    region, places = around(camera, centre * (1 + FOCAL / distance), 0.22)
+    shot = pl.render_white(alone(camera, centre), samples=128, region=region, progress=False).image[..., 0]
+    slope = (places - centre) / FOCAL
+    steps = np.mgrid[-1:1:9j, -1:1:9j].reshape(2, -1).T
+    lit, dark, cut = np.ones(slope.shape[:2], bool), np.zeros(slope.shape[:2], bool), np.zeros(slope.shape[:2], bool)
+    for hole, away in ((stop, distance), (near, distance - 40.0)):
+        reach = 0.5 * (pitch + camera.sensor.pixel_pitch * away / FOCAL)
+        inside = [hole.contains(*(centre - slope * away + reach * step).transpose(2, 0, 1)) for step in steps]
+        cut |= ~np.any(inside, axis=0) & ~dark if hole is near else False
+        lit, dark = lit & np.all(inside, axis=0), dark | ~np.any(inside, axis=0)
+    full = pitch**2 / FOCAL**2 * (1 + (slope**2).sum(axis=-1)) ** -2
+    assert lit.sum() > 20 and dark.sum() > 20
+    # The second stop really cuts: pixels that the first one alone would light are dark.
+    assert cut.sum() > 5
+    assert shot[lit] == pytest.approx(full[lit], rel=0.03)
+    assert np.all(shot[dark] == 0)
