@@ -136,6 +136,41 @@ def test_a_tilted_conventional_camera_weighs_light_by_both_cosines():
     assert np.all(joint < 2e-3 * wanted)
 
 
+def test_a_tilted_sensor_sees_a_tilted_plane_sharply():
+    # Scheimpflug: a thin lens images the plane z = -404 + k y onto a plane, and a sensor in it sees points as points.
+    lens = LENS.with_model(pl.LensModel.THIN)
+    camera = pl.PlenopticCamera(lens=lens, sensor=pl.Sensor((400, 400), 0.02), stop_to_microlenses=130.0)
+    camera = camera.focused_at(-404.0)
+    points = pl.paraxial.cardinal_points(lens, 587.6)
+    f, k, y = points.efl, 0.3, np.linspace(-8.0, 8.0, 5)
+    ahead, behind = 404.0 + points.rear_principal - k * y, camera.z_sensor - points.rear_principal
+    image = f * ahead / (ahead - f)
+    slope = np.polyfit(-y * image / ahead, image - behind, 1)[0]
+
+    def blur(tilt: float) -> float:
+        seen = camera.moved(SENSOR, tilt=(math.atan(tilt), 0.0, 0.0))
+        landed = [pl.landing_points(seen, (0.0, each, -404.0 + k * each), rays=512).position for each in y]
+        return max(float(np.ptp(place, axis=0).max()) for place in landed)
+
+    assert blur(slope) < 1e-9 < 1e-3 < blur(0.0) < blur(-slope)
+
+
+@pytest.mark.parametrize(("shift", "row", "column"), [((1.0, 0.0, 0.0), 0.0, 1.0), ((0.0, 1.0, 0.0), -1.0, 0.0)])
+def test_what_is_shifted_moves_the_picture_the_right_way(shift, row, column):
+    # The sensor reads out rotated by 180 degrees: moved to +x, it sees the picture move right; moved to +y, up. The
+    # lens takes the image with it by 1 - magnification.
+    lens = LENS.with_model(pl.LensModel.THIN)
+    camera = pl.PlenopticCamera(lens=lens, sensor=pl.Sensor((400, 400), 0.02), stop_to_microlenses=130.0)
+    camera = camera.focused_at(-404.0)
+    middle, pixels = camera.project((0.0, 0.0, -404.0)).pixel[0], 1.0 / 0.02
+    by_sensor = camera.moved(SENSOR, shift=shift).project((0.0, 0.0, -404.0)).pixel[0] - middle
+    assert by_sensor == pytest.approx([row * pixels, column * pixels], abs=1e-9)
+    principal = pl.paraxial.cardinal_points(lens, 587.6).rear_principal
+    magnification = -(camera.z_sensor - principal) / (404.0 + principal)
+    by_lens = camera.moved(LENS_PART, shift=shift).project((0.0, 0.0, -404.0)).pixel[0] - middle
+    assert by_lens == pytest.approx([-row * pixels * (1 - magnification), -column * pixels * (1 - magnification)])
+
+
 # ---- bounds: nothing that passes is left out ----
 
 
