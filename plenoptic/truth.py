@@ -252,7 +252,9 @@ def ground_truth(
     finding = truth_tables(camera, tables, wanted)
     if finding is None:
         raise InvalidValueError(
-            f"nothing of {truth!r} can be found; it takes a scene with meshes or, for Truth.MICROLENS, microlenses"
+            f"nothing of {truth!r} can be found: the scene has {'' if meshes else 'no '}meshes and the camera "
+            f"{'' if camera.microlenses is not None else 'no '}microlenses; MICROLENS, VIRTUAL_DEPTH and DISPARITY "
+            "need microlenses, all but MICROLENS need meshes"
         )
     intersector = None
     if compiled is not None and wanted & ~Truth.MICROLENS:

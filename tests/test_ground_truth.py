@@ -343,7 +343,7 @@ def test_a_conventional_camera_has_no_microlenses():
     truth = ground_truth(plane(-404.0), camera)
     assert truth.kinds == Truth.ALL & ~(Truth.MICROLENS | Truth.VIRTUAL_DEPTH | Truth.DISPARITY)
     np.testing.assert_allclose(truth.depth, 404.0, rtol=1e-14)
-    with pytest.raises(pl.InvalidValueError, match="it takes a scene with meshes"):
+    with pytest.raises(pl.InvalidValueError, match="no meshes and the camera no microlenses"):
         ground_truth(None, camera)
 
 

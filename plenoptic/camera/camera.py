@@ -69,7 +69,7 @@ class PlenopticCamera:
         the centre of its iris, the array about the middle of its front principal plane, the sensor about its centre.
         None: as designed.
     blemishes : tuple of Blemishes
-        Dust and scratches on the parts.
+        Dust and scratches on the parts; one may be given alone.
     sensitivity : Sensitivity, optional
         What the sensor's channels see, traced wavelength by wavelength; None: everything at `wavelength`, and the
         channels are those of the scene.
@@ -121,7 +121,8 @@ class PlenopticCamera:
             set_field(self, name, kept_placement(getattr(self, name)))
         if self.microlenses is None and self.microlenses_placement is not None:
             raise InvalidValueError("microlenses_placement is given without microlenses; leave it out")
-        set_field(self, "blemishes", tuple(self.blemishes))
+        given = (self.blemishes,) if isinstance(self.blemishes, Blemishes) else self.blemishes
+        set_field(self, "blemishes", tuple(given) if isinstance(given, tuple | list) else (given,))
         if not all(isinstance(part, Blemishes) for part in self.blemishes):
             raise InvalidValueError(f"blemishes is {self.blemishes!r}; it must be a tuple of Blemishes")
         self._check_blemishes()
@@ -245,6 +246,8 @@ class PlenopticCamera:
         """
         name = f"{choice(part, CameraPart, 'part').name.lower()}_placement"
         turn, before = rotation_about_axes(tilt), getattr(self, name)
+        if np.shape(shift) != (3,):
+            raise InvalidValueError(f"shift is {shift!r}; it must be three lengths in mm, along x, y and z")
         step = np.array([finite(length, f"shift[{k}]") for k, length in enumerate(shift)])
         if before is not None:
             turn, step = turn @ np.asarray(before.rotation), step + np.asarray(before.shift)

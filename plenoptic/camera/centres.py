@@ -17,6 +17,7 @@ from plenoptic.camera.chiefs import chief_slopes
 from plenoptic.camera.model_pupil import model_pupil
 from plenoptic.camera.white_centroids import white_centroids
 from plenoptic.errors import InvalidValueError
+from plenoptic.optics.apertures import Walls
 from plenoptic.optics.lenslets import Lenslets
 from plenoptic.optics.microlenses import ConvexSide, MicrolensArray
 
@@ -121,7 +122,8 @@ def microlens_centres(
     ------
     InvalidValueError
         Without microlenses; where a white image is given for another method than CENTROID or does not fit the camera;
-        for CENTROID with a FREE lattice, whose cells all have other shapes, unless it has an `aperture`.
+        for CENTROID with walls, and with a FREE lattice, whose cells all have other shapes, unless it has an
+        `aperture`.
 
     Notes
     -----
@@ -137,6 +139,7 @@ def microlens_centres(
     ideal ones between their principal planes, with the focal length of their type, and their aberrations do not.
 
     Deviations of single microlenses (`imperfections`) move their centres, and parts stand as they are built.
+    Microlenses between walls (`Walls.OPAQUE`) are cameras of their own: their chief rays run along the array's normal.
 
     Examples
     --------
@@ -166,7 +169,14 @@ def microlens_centres(
     if not len(lenses):
         return _kept(camera, lenses, np.zeros((0, 2)), method, margin)
     centres = axes.local(lenses.axis)
-    slopes = np.zeros_like(centres) if method is CentreMethod.ORTHOGONAL else chief_slopes(axes, centres)
+    walls = array.walls is Walls.OPAQUE
+    if walls and method is CentreMethod.CENTROID:
+        raise InvalidValueError(
+            "walls end the image of each microlens at its cell, and centroids are not defined for them; take "
+            "CentreMethod.CHIEF_RAY"
+        )
+    straight = walls or method is CentreMethod.ORTHOGONAL
+    slopes = np.zeros_like(centres) if straight else chief_slopes(axes, centres)
     position = axes.on_sensor(*_through_centres(array, centres, slopes))
     if method is CentreMethod.CENTROID:
         if white is None:
@@ -195,6 +205,9 @@ def _through_centres(array: MicrolensArray, centres: Floats, slopes: Floats) -> 
 
 def _images_apart(axes: ArrayAxes) -> float:
     """Distance between neighbouring microlens images over that of the microlenses, by the paraxial exit pupil."""
+    array = axes.camera.microlenses
+    if array is not None and array.walls is Walls.OPAQUE:
+        return 1.0
     pupil, _ = model_pupil(axes.camera)
     gap = axes.parts.z_plane - pupil if math.isfinite(pupil) else math.inf
     return 1.0 + axes.parts.distance / gap if gap != 0 else math.inf

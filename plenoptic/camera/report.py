@@ -6,13 +6,13 @@ Main lens by Gaussian optics and by traced rays, microlenses by their focal leng
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 from plenoptic._values import value, wrong_kind
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.report_findings import CameraFinding, CameraFindingKind, camera_findings
 from plenoptic.camera.report_focus import CameraKind, MicrolensFocus, microlens_focus
 from plenoptic.camera.report_optics import (
+    Cone,
     clearance,
     corner_light,
     coverage,
@@ -25,9 +25,6 @@ from plenoptic.camera.report_optics import (
 from plenoptic.optics.apertures import Walls
 from plenoptic.optics.models import LensModel
 from plenoptic.optics.paraxial import cardinal_points
-
-if TYPE_CHECKING:
-    from plenoptic.camera.report_optics import Cone
 
 __all__ = ["CameraFinding", "CameraFindingKind", "CameraKind", "CameraReport", "MicrolensFocus", "camera_report"]
 
@@ -125,7 +122,9 @@ def camera_report(camera: PlenopticCamera) -> CameraReport:
     Parameters
     ----------
     camera : PlenopticCamera
-        With any model of its lens and microlenses; placements of its parts do not matter.
+        With any model of its lens and microlenses. Placements of its parts do not count: the report is on the design.
+        Microlenses between walls are cameras of their own, and the f-number of what lies before them is that of the
+        field that the walls leave.
 
     Returns
     -------
@@ -156,9 +155,15 @@ def camera_report(camera: PlenopticCamera) -> CameraReport:
     z = camera.stop_to_microlenses
     cone = paraxial_cone(lens, z, wavelength)
     slope = traced_slope(lens, z, wavelength)
+    if array is not None and array.walls is Walls.OPAQUE:
+        # Each microlens is a camera of its own, whose field ends at the walls.
+        cone = Cone(0.0, neighbour_distance(array) / (2 * camera.microlenses_to_sensor))
+        slope = cone.slope
     stretch = 1.0 if array is None else 1.0 + camera.microlenses_to_sensor * cone.vergence
     corner = (camera.sensor.size[1] / (2 * stretch), camera.sensor.size[0] / (2 * stretch))
     light = corner_light(lens, corner, z, wavelength)
+    if array is not None and array.walls is Walls.OPAQUE:
+        light = light._replace(pupil_fraction=1.0, chief_angle=0.0)
     points = None if lens.model is LensModel.NONE else cardinal_points(lens, wavelength)
     types = (0,) if array is None else range(len(array.focal_lengths))
     focus = tuple(microlens_focus(camera, type_, cone) for type_ in types)
@@ -204,9 +209,7 @@ def _image_numbers(camera: PlenopticCamera, cone: Cone, slope: float) -> dict[st
     # The exit pupil is at -D: blur d b |1/b - 1/f + 1/D|, see MicrolensFocus.
     border = opening_width(array) * max(abs(stretch - b / f) for f in array.focal_lengths)
     dark, overlap = coverage(camera, cone)
-    if camera.microlenses is not None and camera.microlenses.walls is Walls.OPAQUE:
-        overlap = 0.0
-    if camera.microlenses is not None and camera.microlenses.walls is Walls.OPAQUE:
-        overlap = 0.0
+    if array.walls is Walls.OPAQUE:
+        dark = overlap = 0.0
     numbers = (b / p, diameter / p, diameter, diameter / q, pitch, pitch / q, diameter / pitch, border / q)
     return dict(zip(_IMAGES, (*numbers, dark, overlap, images_on_sensor(camera, cone.vergence)), strict=True))

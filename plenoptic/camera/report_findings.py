@@ -65,6 +65,8 @@ class CameraFindingKind(enum.IntEnum):
     """A microlens image has few pixels across."""
     CUT_OFF_IMAGES = 10
     """Rims cut off microlens images at the corner of the sensor."""
+    OUT_OF_PLACE = 12
+    """Parts stand elsewhere than designed, and the report is on the design."""
     DEPTH_GAP = 11
     """Between the depths of field of the types of microlenses lies a range that is sharp for none."""
 
@@ -100,10 +102,19 @@ class CameraFinding:
 
 def camera_findings(camera: PlenopticCamera, report: CameraReport) -> tuple[CameraFinding, ...]:
     """What a report warns of, in the order of the kinds."""
-    found = [*_lens(camera, report), *_focus(report)]
+    found = [*_lens(camera, report), *_focus(report), *_placed(camera)]
     if camera.microlenses is not None:
         found += [*_images(camera, report), *_types(camera, report)]
     return tuple(sorted(found, key=lambda finding: finding.kind))
+
+
+def _placed(camera: PlenopticCamera) -> Iterator[CameraFinding]:
+    places = (camera.lens_placement, camera.microlenses_placement, camera.sensor_placement)
+    if any(place is not None for place in places):
+        yield CameraFinding(
+            CameraFindingKind.OUT_OF_PLACE,
+            "parts stand elsewhere than designed, and this report is on the design; see pl.as_built(camera)",
+        )
 
 
 def _lens(camera: PlenopticCamera, report: CameraReport) -> Iterator[CameraFinding]:

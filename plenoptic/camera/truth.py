@@ -17,7 +17,7 @@ NO_MICROLENS = -(2**31)
 
 
 class Truth(enum.IntFlag):
-    """What of the ground truth is wanted; joined by ``|``. See `GroundTruth` for what each is.
+    """What of the ground truth is wanted; joined by ``|``. `GroundTruth` says what each is, docs/conventions.md more.
 
     Examples
     --------

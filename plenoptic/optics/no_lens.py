@@ -11,14 +11,14 @@ from plenoptic.optics.stops import CircularStop
 from plenoptic.optics.surface import Surface
 
 
-def no_lens(semi_diameter: float = 100.0) -> LensStack:
+def no_lens(semi_diameter: float) -> LensStack:
     """An opening and no lens: an array of microlenses behind it is an array of cameras.
 
     Parameters
     ----------
-    semi_diameter : float, optional
-        Radius in mm of the round opening at z = 0; the array stands behind it. What it cuts off is not seen; point
-        sources send their rays over all of it, so that it should not be much larger than the array.
+    semi_diameter : float
+        Radius in mm of the round opening at z = 0; the array stands behind it. What it cuts off is not seen. Rays
+        are drawn over all of it, so that it should be just large enough for the array and its field.
 
     Returns
     -------
@@ -29,8 +29,8 @@ def no_lens(semi_diameter: float = 100.0) -> LensStack:
     --------
     >>> import plenoptic as pl
     >>> array = pl.MicrolensArray(pitch=10.0, focal_lengths=(8.0,), lattice=pl.Lattice.SQUARE,
-    ...     aperture=pl.MicrolensAperture(pl.ApertureShape.CIRCLE, fill_factor=0.01))
-    >>> cameras = pl.PlenopticCamera(lens=pl.no_lens(), microlenses=array, stop_to_microlenses=1.0,
+    ...     aperture=pl.MicrolensAperture(pl.ApertureShape.CIRCLE, fill_factor=0.01), walls=pl.Walls.OPAQUE)
+    >>> cameras = pl.PlenopticCamera(lens=pl.no_lens(25.0), microlenses=array, stop_to_microlenses=1.0,
     ...     microlenses_to_sensor=8.1, sensor=pl.Sensor(shape=(300, 300), pixel_pitch=0.1))
     >>> cameras.report().kind.name
     'CAMERA_ARRAY'

@@ -39,7 +39,7 @@ def checked_elements(elements: Sequence[Element], ambient: Medium) -> tuple[Elem
     surfaces = [i for i, element in enumerate(stack) if isinstance(element, Surface)]
     if not surfaces:
         raise PrescriptionError(
-            f"the lens has {len(stack)} elements and no surface; add at least one Surface, or take pl.no_lens()"
+            f"the lens has {len(stack)} elements and no surface; add at least one Surface, or take pl.no_lens(...)"
         )
     if len(surfaces) == len(stack):
         raise PrescriptionError(

@@ -25,14 +25,14 @@ _BULGE = 0.06
 """Drawn height of a microlens over its width: a symbol, not its sag."""
 
 
-def plot_camera(camera: PlenopticCamera, report: CameraReport) -> Figure:
+def plot_camera(camera: PlenopticCamera, report: CameraReport | None = None) -> Figure:
     """Draw a camera in section, and the light under the microlenses around the axis.
 
     Parameters
     ----------
     camera : PlenopticCamera
-    report : CameraReport
-        Of that camera.
+    report : CameraReport, optional
+        Of that camera; None: it is made.
 
     Returns
     -------
@@ -62,6 +62,7 @@ def plot_camera(camera: PlenopticCamera, report: CameraReport) -> Figure:
     # By what they have, since figures know no cameras.
     if not hasattr(camera, "stop_to_microlenses"):
         raise wrong_kind(camera, "camera", "PlenopticCamera", "pl.PlenopticCamera(...)")
+    report = camera.report() if report is None else report
     if not hasattr(report, "working_f_number"):
         raise wrong_kind(report, "report", "CameraReport", "camera.report()")
     plt = _pyplot()

@@ -227,3 +227,23 @@ def test_impossible_assemblies_are_refused():
         )
     with pytest.raises(pl.InvalidValueError, match="CameraPart"):
         CAMERA.moved(7)
+
+
+def test_reports_say_that_they_are_on_the_design():
+    moved = CAMERA.moved(SENSOR, shift=(0.0, 0.0, 0.1))
+    kinds = {finding.kind for finding in moved.report().warnings}
+    assert pl.CameraFindingKind.OUT_OF_PLACE in kinds
+    assert pl.CameraFindingKind.OUT_OF_PLACE not in {finding.kind for finding in CAMERA.report().warnings}
+    with pytest.raises(pl.InvalidValueError, match="three lengths"):
+        CAMERA.moved(SENSOR, shift=0.1)
+
+
+def test_built_values_stand_beside_those_of_the_design():
+    built = pl.as_built(CAMERA.moved(SENSOR, shift=(0.02, 0.0, 0.1), tilt=(0.0, 0.01, 0.0)))
+    assert built["sensor: shift x"].built == pytest.approx(0.02)
+    assert built["sensor: tilt towards x"].built == pytest.approx(10.0)
+    assert (built["array to sensor"].design, built["array to sensor"].built) == pytest.approx((1.7, 1.8))
+    # Its edges lie 2.56 mm from the middle.
+    assert built["array to sensor, least at a corner"].built == pytest.approx(1.8 - 2.56 * math.sin(0.01))
+    with pytest.raises(KeyError, match="there are sensor"):
+        built["sensor: shift y"]

@@ -199,6 +199,18 @@ def test_each_camera_of_an_array_lights_its_own_part(changes) -> None:
     assert without.image.sum() > 1.5 * shot.image.sum()
 
 
+def test_reports_and_centres_know_an_array_of_cameras() -> None:
+    camera = camera_array()
+    report = camera.report()
+    assert report.kind is pl.CameraKind.CAMERA_ARRAY
+    assert (report.microlenses, report.image_pitch_pixels, report.overlap_fraction) == (9, pytest.approx(20.0), 0.0)
+    assert report.warnings == ()
+    straight, chief = (pl.microlens_centres(camera, m) for m in (pl.CentreMethod.ORTHOGONAL, pl.CentreMethod.CHIEF_RAY))
+    assert len(chief) == 9 and np.array_equal(chief.position, straight.position)
+    with pytest.raises(pl.InvalidValueError, match="walls"):
+        pl.microlens_centres(camera, pl.CentreMethod.CENTROID)
+
+
 def test_cameras_of_an_array_see_points_with_the_disparity_of_their_baseline() -> None:
     # A small emitter 500 mm in front of the array: images shift against the centres by baseline times b / distance.
     camera = camera_array()
@@ -318,5 +330,7 @@ def test_dust_above_the_sensor_blurs():
 def test_clean_cameras_are_as_they_were():
     nothing = pl.Blemishes(pl.BlemishSite.SENSOR, [], [], [], [])
     assert np.array_equal(white(dataclasses.replace(CAMERA, blemishes=(nothing,))).image, white(CAMERA).image)
+    grain = pl.Blemishes(pl.BlemishSite.SENSOR, [(0.0, 0.0)], [(0.0, 0.0)], [0.1], [0.0])
+    assert dataclasses.replace(CAMERA, blemishes=grain).blemishes == (grain,)
     with pytest.raises(pl.InvalidValueError, match="in front of the sensor"):
         dataclasses.replace(CAMERA, blemishes=(pl.Blemishes(pl.BlemishSite.SENSOR, [], [], [], [], height=1.8),))
