@@ -19,7 +19,7 @@ from plenoptic._threads import run_in_order, thread_count
 from plenoptic._values import frozen_array, whole, wrong_kind
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.counting import assembled, spots_of
-from plenoptic.camera.landing import ForwardTables, Task, landed, measuring_tables, tasks_of
+from plenoptic.camera.landing import Task, in_lens_axes, landed, measuring_tables, tasks_of
 from plenoptic.camera.spread import CameraSpread, LandingPoints
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.microlenses import MicrolensModel
@@ -83,7 +83,7 @@ def point_spread(
     each = -(-whole(rays, "rays", at_least=1) // replicates)
     scrambling, workers = _checked_seed(seed), thread_count(threads)
     tables = measuring_tables(camera)
-    tasks = tasks_of(tables, _in_front(tables, given), replicates, each)
+    tasks = tasks_of(tables, in_lens_axes(tables, given), replicates, each)
     spots = dict(spots_of(tables, tasks, each, scrambling, workers))
     spread = assembled(camera, given, spots, replicates, each)
     return spread if several else spread.of(0)
@@ -131,7 +131,7 @@ def landing_points(
     each = whole(rays, "rays", at_least=1)
     scrambling, workers = _checked_seed(seed), thread_count(threads)
     tables = measuring_tables(camera)
-    tasks = tasks_of(tables, _in_front(tables, given), 1, each)
+    tasks = tasks_of(tables, in_lens_axes(tables, given), 1, each)
 
     def work(task: Task) -> NDArray[np.float64]:
         return landed(tables, task, scrambling).rows
@@ -174,17 +174,3 @@ def _checked_points(camera: PlenopticCamera, points: ArrayLike) -> tuple[NDArray
     if not np.isfinite(given).all():
         raise InvalidValueError(f"points holds {given[~np.isfinite(given)][0]}; all coordinates must be finite, in mm")
     return given, several
-
-
-def _in_front(tables: ForwardTables, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """World points in the lens's axes, or an error where one does not lie in front of the lens."""
-    pose, placed = tables.camera.pose, tables.array.parts.lens_to_camera
-    seen = points if pose is None else pose.to_camera(points)
-    seen = seen if placed is None else placed.inverse().points(seen)
-    behind = np.flatnonzero(~(seen[:, 2] < tables.entrance.z))
-    if len(behind):
-        raise InvalidValueError(
-            f"point {behind[0]} lies at z = {seen[behind[0], 2]:g} mm as seen from the iris, and the lens begins at "
-            f"z = {tables.entrance.z:g} mm; points must lie in front of it, at smaller z"
-        )
-    return seen

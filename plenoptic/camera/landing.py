@@ -16,6 +16,7 @@ from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.entrance import Entrance, entering_polygon, entrance
 from plenoptic.camera.forward_array import ForwardArray, fill_through_array_forward, forward_array
 from plenoptic.camera.tables import PlacedBlemishes, fill_before_array, fill_dimmed_at_lens, placed_blemishes
+from plenoptic.errors import InvalidValueError
 from plenoptic.optics.angular import AngularResponse
 from plenoptic.optics.blemishes import BlemishSite
 from plenoptic.optics.models import LensModel
@@ -129,6 +130,20 @@ def _fill_dimmed_behind_array(blocks: NDArray[np.float64], aims: NDArray[np.floa
         _lattice_forward.fill_aims(aims, blocks, dimming.distance, dimming.lean, dimming.placed)
         fill_before_array(aims, dimming)
         _lattice_forward.fill_weights(blocks, aims)
+
+
+def in_lens_axes(tables: ForwardTables, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """World points in the lens's axes, or an error where one does not lie in front of the lens."""
+    pose, placed = tables.camera.pose, tables.array.parts.lens_to_camera
+    seen = points if pose is None else pose.to_camera(points)
+    seen = seen if placed is None else placed.inverse().points(seen)
+    behind = np.flatnonzero(~(seen[:, 2] < tables.entrance.z))
+    if len(behind):
+        raise InvalidValueError(
+            f"point {behind[0]} lies at z = {seen[behind[0], 2]:g} mm of the lens's axes, and the lens begins at "
+            f"z = {tables.entrance.z:g} mm; points must lie in front of it, at smaller z"
+        )
+    return seen
 
 
 def tasks_of(tables: ForwardTables, points: NDArray[np.float64], replicates: int, each: int) -> list[Task]:

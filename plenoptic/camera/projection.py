@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from plenoptic._threads import thread_count
 from plenoptic._values import frozen_array, read_only, set_field, value, whole, wrong_kind
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.camera.landing import ForwardTables, forward_tables, tasks_of
+from plenoptic.camera.landing import ForwardTables, forward_tables, in_lens_axes, tasks_of
 from plenoptic.camera.projection_light import REPLICATES, centroid_and_error, light_and_error, light_of
 from plenoptic.camera.projection_rows import lenses_of
 from plenoptic.camera.projection_tracing import Rows, rows_through_iris, rows_through_microlenses
@@ -180,7 +180,7 @@ def project(
     each = -(-whole(rays, "rays", at_least=1) // REPLICATES)
     workers = thread_count(threads)
     tables = forward_tables(camera)
-    seen = _in_lens(tables, given)
+    seen = in_lens_axes(tables, given)
     tasks = tasks_of(tables, seen, REPLICATES, each)
     pinhole = camera.microlenses is not None and camera.microlenses.model is MicrolensModel.PINHOLE
     light = light_of(tables, [] if pinhole else tasks, each, workers)
@@ -204,20 +204,6 @@ def _checked(camera: PlenopticCamera, points: ArrayLike) -> Floats:
     if not np.isfinite(given).all():
         raise InvalidValueError(f"points holds {given[~np.isfinite(given)][0]}; all coordinates must be finite, in mm")
     return given
-
-
-def _in_lens(tables: ForwardTables, points: Floats) -> Floats:
-    """World points in the lens's axes, or an error where one does not lie in front of the lens."""
-    pose, placed = tables.camera.pose, tables.array.parts.lens_to_camera
-    seen = points if pose is None else pose.to_camera(points)
-    seen = seen if placed is None else placed.inverse().points(seen)
-    behind = np.flatnonzero(~(seen[:, 2] < tables.entrance.z))
-    if len(behind):
-        raise InvalidValueError(
-            f"point {behind[0]} lies at z = {seen[behind[0], 2]:g} mm of the lens's axes, and the lens begins at "
-            f"z = {tables.entrance.z:g} mm; points must lie in front of it, at smaller z"
-        )
-    return seen
 
 
 def _assembled(tables: ForwardTables, given: Floats, rows: Rows, pinhole: bool) -> Projection:

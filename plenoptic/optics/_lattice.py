@@ -28,7 +28,7 @@ from plenoptic.optics._blocks import (
     Y,
     Z,
 )
-from plenoptic.optics._trace import refract_block
+from plenoptic.optics._trace import out_of_frame, refract_block
 
 LANE = 8
 """Numbers that a path keeps of its microlens where lenses differ or have openings of their own (see below)."""
@@ -362,13 +362,4 @@ def fill_plano_convex(
 def fill_in_lens_axes(blocks, frame):
     """Rays from the array's axes to the lens's: `frame` is the rotation row by row and the shift."""
     for b in range(blocks.size // RAY):
-        ray = blocks[b * RAY : (b + 1) * RAY]
-        for i in range(BLOCK):
-            x, y, z = ray[X + i], ray[Y + i], ray[Z + i]
-            l, m, n = ray[L + i], ray[M + i], ray[N + i]
-            ray[X + i] = frame[0] * x + frame[1] * y + frame[2] * z + frame[9]
-            ray[Y + i] = frame[3] * x + frame[4] * y + frame[5] * z + frame[10]
-            ray[Z + i] = frame[6] * x + frame[7] * y + frame[8] * z + frame[11]
-            ray[L + i] = frame[0] * l + frame[1] * m + frame[2] * n
-            ray[M + i] = frame[3] * l + frame[4] * m + frame[5] * n
-            ray[N + i] = frame[6] * l + frame[7] * m + frame[8] * n
+        out_of_frame(blocks[b * RAY : (b + 1) * RAY], frame)

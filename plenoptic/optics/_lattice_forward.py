@@ -35,7 +35,7 @@ from plenoptic.optics._blocks import (
 )
 from plenoptic.optics._cells import AXIS_X, AXIS_Y, BEND, FIRST, PLACE, SECOND, find_cells, find_lenses, own_lens
 from plenoptic.optics._lattice import refract_flat_block
-from plenoptic.optics._trace import refract_block
+from plenoptic.optics._trace import into_frame, refract_block
 
 
 @device
@@ -236,15 +236,8 @@ def fill_in_array_axes(blocks, frame):
     """Rays from the lens's axes to the array's, from which `frame` leads: the rotation row by row and the shift."""
     for b in range(blocks.size // RAY):
         ray = blocks[b * RAY : (b + 1) * RAY]
+        into_frame(ray, frame)
         for i in range(BLOCK):
-            x, y, z = ray[X + i] - frame[9], ray[Y + i] - frame[10], ray[Z + i] - frame[11]
-            l, m, n = ray[L + i], ray[M + i], ray[N + i]
-            ray[X + i] = frame[0] * x + frame[3] * y + frame[6] * z
-            ray[Y + i] = frame[1] * x + frame[4] * y + frame[7] * z
-            ray[Z + i] = frame[2] * x + frame[5] * y + frame[8] * z
-            ray[L + i] = frame[0] * l + frame[3] * m + frame[6] * n
-            ray[M + i] = frame[1] * l + frame[4] * m + frame[7] * n
-            ray[N + i] = frame[2] * l + frame[5] * m + frame[8] * n
             ray[STATUS + i] = ray[STATUS + i] if ray[STATUS + i] != 0.0 or ray[N + i] > 0.0 else MISSED
 
 

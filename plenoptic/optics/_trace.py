@@ -119,7 +119,7 @@ def _through_ideal_lens(ray, power, mus, shift):
 
 
 @device
-def _into_frame(ray, frame):
+def into_frame(ray, frame):
     """Rays in the axes of an element that is shifted and turned: `frame` as in `LensTables`."""
     for i in range(BLOCK):
         x, y, z = ray[X + i] - frame[9], ray[Y + i] - frame[10], ray[Z + i] - frame[11]
@@ -133,7 +133,7 @@ def _into_frame(ray, frame):
 
 
 @device
-def _out_of_frame(ray, frame):
+def out_of_frame(ray, frame):
     for i in range(BLOCK):
         x, y, z = ray[X + i], ray[Y + i], ray[Z + i]
         l, m, n = ray[L + i], ray[M + i], ray[N + i]
@@ -197,7 +197,7 @@ def trace_block(
             _fill_ratios(mus, ratios[k], waves, first)
         if frames is not None:  # noqa: SIM102 - alone, so that it is pruned
             if frames[k, 12] != 0.0:
-                _into_frame(ray, frames[k])
+                into_frame(ray, frames[k])
         if kind[k] == SURFACE:
             refract_block(ray, c[k], mu[k], mus, clear[k], rim[k], s, code)
         elif kind[k] == CIRCLE or kind[k] == POLYGON or kind[k] >= ARCS:
@@ -215,7 +215,7 @@ def trace_block(
                 refract_asphere_block(ray, heights, c[k], conic[k], aspheric[k], mu[k], mus, clear[k], s, code)
         if frames is not None:  # noqa: SIM102 - alone, so that it is pruned
             if frames[k, 12] != 0.0:
-                _out_of_frame(ray, frames[k])
+                out_of_frame(ray, frames[k])
     _leave(ray, z[kind.size - 1])
 
 
