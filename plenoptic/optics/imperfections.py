@@ -105,7 +105,7 @@ class MicrolensImperfections:
     missing : float
         Fraction of lenses that are flat glass.
     dark : float
-        Fraction of lenses that let nothing pass.
+        Fraction of lenses that let nothing pass, clear gaps of their cells included.
     seed : int
         The same seed gives the same array.
 
