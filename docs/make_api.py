@@ -19,6 +19,7 @@ GROUPS = (
             "plenoptic.render_stats",
             "plenoptic.truth",
             "plenoptic.film",
+            "plenoptic.transport",
         ),
     ),
     ("Camera", ("plenoptic.camera",)),
@@ -29,7 +30,7 @@ GROUPS = (
     ("Light fields", ("plenoptic.lightfield",)),
     ("Figures", ("plenoptic.plots",)),
     ("Studies", ("plenoptic.study",)),
-    ("Modules, sampling and images", ("plenoptic.images", "plenoptic.sampling")),
+    ("Modules, sampling and images", ("plenoptic.images", "plenoptic.srgb", "plenoptic.sampling")),
     ("Errors", ("plenoptic.errors",)),
 )
 

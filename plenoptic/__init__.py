@@ -125,23 +125,42 @@ if TYPE_CHECKING:
     from plenoptic.render_stats import RenderStats as RenderStats
     from plenoptic.rendering import render as render
     from plenoptic.rendering import render_white as render_white
+    from plenoptic.scene import bsdf as bsdf
+    from plenoptic.scene import targets as targets
+    from plenoptic.scene.diffuse import Lambertian as Lambertian
+    from plenoptic.scene.diffuse import RoughDiffuse as RoughDiffuse
+    from plenoptic.scene.emissive import Emissive as Emissive
     from plenoptic.scene.environment import ConstantBackground as ConstantBackground
-    from plenoptic.scene.light import QuadLight as QuadLight
+    from plenoptic.scene.environment import EnvironmentMap as EnvironmentMap
+    from plenoptic.scene.glass import Dielectric as Dielectric
+    from plenoptic.scene.glass import ThinGlass as ThinGlass
+    from plenoptic.scene.instance import Instances as Instances
+    from plenoptic.scene.loading import FileContents as FileContents
+    from plenoptic.scene.loading import load_file as load_file
     from plenoptic.scene.loading import load_meshes as load_meshes
-    from plenoptic.scene.material import Emissive as Emissive
-    from plenoptic.scene.material import Lambertian as Lambertian
     from plenoptic.scene.mesh import Mesh as Mesh
+    from plenoptic.scene.metal import Conductor as Conductor
+    from plenoptic.scene.metallic_roughness import MetallicRoughness as MetallicRoughness
+    from plenoptic.scene.point_light import PointLight as PointLight
     from plenoptic.scene.procedural import box as box
     from plenoptic.scene.procedural import check_scene as check_scene
     from plenoptic.scene.procedural import checkerboard as checkerboard
     from plenoptic.scene.procedural import objects_scene as objects_scene
     from plenoptic.scene.procedural import quad as quad
     from plenoptic.scene.procedural import sphere as sphere
-    from plenoptic.scene.procedural import still_life as still_life
     from plenoptic.scene.procedural import turned as turned
     from plenoptic.scene.procedural import white_plane as white_plane
+    from plenoptic.scene.quad_light import QuadLight as QuadLight
     from plenoptic.scene.scene import Scene as Scene
+    from plenoptic.scene.sphere_light import SphereLight as SphereLight
+    from plenoptic.scene.spot_light import SpotLight as SpotLight
+    from plenoptic.scene.still_life import still_life as still_life
+    from plenoptic.scene.sun_light import SunLight as SunLight
+    from plenoptic.scene.target import Target as Target
     from plenoptic.scene.texture import Texture as Texture
+    from plenoptic.scene.texture import TextureFilter as TextureFilter
+    from plenoptic.scene.texture import Wrap as Wrap
+    from plenoptic.scene.view import View as View
     from plenoptic.sensing.demosaicing import DemosaicMethod as DemosaicMethod
     from plenoptic.sensing.filters import BayerPattern as BayerPattern
     from plenoptic.sensing.model import SensorModel as SensorModel
@@ -154,14 +173,18 @@ if TYPE_CHECKING:
     from plenoptic.spectra import Sensitivity as Sensitivity
     from plenoptic.spectra import rgb_basis as rgb_basis
     from plenoptic.spectra import rgb_to_spectrum as rgb_to_spectrum
+    from plenoptic.srgb import Encoding as Encoding
     from plenoptic.stages import Decision as Decision
     from plenoptic.stages import Plan as Plan
     from plenoptic.stages import Stage as Stage
+    from plenoptic.transport import Caustics as Caustics
     from plenoptic.truth import ground_truth as ground_truth
 else:
     import importlib
 
     _MODULES = {
+        "targets": "plenoptic.scene.targets",
+        "bsdf": "plenoptic.scene.bsdf",
         "sensitivities": "plenoptic.sensitivities",
         "lightfield": "plenoptic.lightfield",
         "aberrations": "plenoptic.optics.aberrations",
@@ -172,6 +195,22 @@ else:
         "study": "plenoptic.study",
     }
     _NAMES = {
+        "plenoptic.scene.view": ("View",),
+        "plenoptic.scene.still_life": ("still_life",),
+        "plenoptic.scene.target": ("Target",),
+        "plenoptic.transport": ("Caustics",),
+        "plenoptic.srgb": ("Encoding",),
+        "plenoptic.scene.sphere_light": ("SphereLight",),
+        "plenoptic.scene.sun_light": ("SunLight",),
+        "plenoptic.scene.spot_light": ("SpotLight",),
+        "plenoptic.scene.point_light": ("PointLight",),
+        "plenoptic.scene.quad_light": ("QuadLight",),
+        "plenoptic.scene.instance": ("Instances",),
+        "plenoptic.scene.metallic_roughness": ("MetallicRoughness",),
+        "plenoptic.scene.glass": ("Dielectric", "ThinGlass"),
+        "plenoptic.scene.metal": ("Conductor",),
+        "plenoptic.scene.emissive": ("Emissive",),
+        "plenoptic.scene.diffuse": ("Lambertian", "RoughDiffuse"),
         "plenoptic.render_stats": ("RenderStats",),
         "plenoptic.optics.no_lens": ("no_lens",),
         "plenoptic.optics.stop_shapes": ("MaskStop", "StarStop"),
@@ -258,10 +297,8 @@ else:
         "plenoptic.plots.spots": ("plot_ray_fan", "plot_spots", "plot_through_focus"),
         "plenoptic.rays": ("RayBundle", "RayStatus"),
         "plenoptic.rendering": ("render", "render_white"),
-        "plenoptic.scene.environment": ("ConstantBackground",),
-        "plenoptic.scene.light": ("QuadLight",),
-        "plenoptic.scene.loading": ("load_meshes",),
-        "plenoptic.scene.material": ("Emissive", "Lambertian"),
+        "plenoptic.scene.environment": ("ConstantBackground", "EnvironmentMap"),
+        "plenoptic.scene.loading": ("FileContents", "load_file", "load_meshes"),
         "plenoptic.scene.mesh": ("Mesh",),
         "plenoptic.scene.procedural": (
             "box",
@@ -270,12 +307,11 @@ else:
             "objects_scene",
             "quad",
             "sphere",
-            "still_life",
             "turned",
             "white_plane",
         ),
         "plenoptic.scene.scene": ("Scene",),
-        "plenoptic.scene.texture": ("Texture",),
+        "plenoptic.scene.texture": ("Texture", "TextureFilter", "Wrap"),
     }
     _HOMES = {name: module for module, names in _NAMES.items() for name in names}
 

@@ -111,6 +111,9 @@ def whole(value: int, name: str, *, at_least: int) -> int:
 def choice(value: Any, kind: type[Choice], name: str) -> Choice:
     """`value` as a member of an enum, or an error that lists its members."""
     try:
+        # True would pass as the number 1.
+        if isinstance(value, bool | np.bool_):
+            raise TypeError
         return kind(value)
     except (TypeError, ValueError):
         members = " or ".join(f"{kind.__name__}.{member.name}" for member in kind)

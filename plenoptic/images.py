@@ -1,8 +1,8 @@
 """Reading and writing images: the only module that knows OpenImageIO, which it loads on first use.
 
 Images are `(rows, columns, channels)` float32 arrays, linear, row 0 at the top. What a file holds is
-converted on the way in: integers of 8 or 16 bits are taken as sRGB-encoded unless the file says that
-they are linear; floating-point files (EXR, HDR) are taken as they are.
+converted on the way in: integers of 8 or 16 bits are taken as sRGB-encoded unless the caller or the file
+says that they are linear; floating-point files (EXR, HDR) are taken as they are.
 """
 
 from __future__ import annotations
@@ -18,8 +18,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic._values import file_path
+from plenoptic._values import choice, file_path, whole
 from plenoptic.errors import FileError, InvalidValueError
+from plenoptic.srgb import Encoding, linear_to_srgb, srgb_to_linear
 
 __all__ = ["linear_to_srgb", "read_channels", "read_linear", "srgb_to_linear", "write_16bit", "write_channels"]
 
@@ -27,94 +28,45 @@ COLOR_SPACE = "oiio:ColorSpace"  # the metadata key under which OpenImageIO keep
 LINEAR = "Linear"
 SRGB = "sRGB"
 
-# IEC 61966-2-1: a straight piece near black, a power elsewhere; the two meet at these values.
-_SRGB_KNEE = 0.04045
-_LINEAR_KNEE = 0.0031308
-
 _LONGEST_DESCRIPTION = 65535  # OpenImageIO cuts a TIFF text off beyond this many characters
 
-
-def srgb_to_linear(encoded: ArrayLike) -> NDArray[np.floating[Any]]:
-    """Decode sRGB values in 0..1 to linear values in 0..1.
-
-    The curve is continued above 1 and, as an odd function, below 0.
-
-    Parameters
-    ----------
-    encoded : array_like
-        Values of any shape; integers are not rescaled.
-
-    Returns
-    -------
-    ndarray
-        Of the same shape, in the floating-point type of the input (float64 for integers).
-
-    References
-    ----------
-    IEC 61966-2-1:1999, section 5.2.
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> float(pl.images.srgb_to_linear(0.5).round(4))
-    0.214
-    """
-    given = _floating(encoded)
-    size = np.abs(given)
-    decoded = np.where(size <= _SRGB_KNEE, size / 12.92, ((size + 0.055) / 1.055) ** 2.4)
-    signed: NDArray[np.floating[Any]] = np.copysign(decoded, given)
-    return signed
+ALPHA = 3
+"""The number of the channel that says how opaque a pixel is."""
 
 
-def linear_to_srgb(linear: ArrayLike) -> NDArray[np.floating[Any]]:
-    """Encode linear values in 0..1 as sRGB values in 0..1, the inverse of `srgb_to_linear`.
-
-    Parameters
-    ----------
-    linear : array_like
-        Values of any shape; integers are not rescaled.
-
-    Returns
-    -------
-    ndarray
-        Of the same shape, in the floating-point type of the input (float64 for integers).
-
-    References
-    ----------
-    IEC 61966-2-1:1999, section 5.2.
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> float(pl.images.linear_to_srgb(0.214).round(3))
-    0.5
-    """
-    given = _floating(linear)
-    size = np.abs(given)
-    encoded = np.where(size <= _LINEAR_KNEE, size * 12.92, 1.055 * size ** (1 / 2.4) - 0.055)
-    signed: NDArray[np.floating[Any]] = np.copysign(encoded, given)
-    return signed
-
-
-def read_linear(path: str | os.PathLike[str]) -> NDArray[np.float32]:
+def read_linear(
+    path: str | os.PathLike[str],
+    *,
+    encoding: Encoding = Encoding.SRGB,
+    channel: int | None = None,
+    max_pixels: int | None = None,
+) -> NDArray[np.float32]:
     """Read an image file as linear values.
 
     Parameters
     ----------
     path : path-like
         PNG, JPEG, TIFF, EXR, HDR, or anything else that OpenImageIO reads.
+    encoding : Encoding
+        What integers mean: SRGB decodes them unless the file's metadata says that they are linear, LINEAR
+        never does. A gamma other than these two is decoded as sRGB.
+    channel : int, optional
+        One channel alone: 0, 1, 2 for red, green, blue (of a grey image, its grey), 3 for alpha, which is
+        never sRGB and 1 where the file has none. By default all but alpha.
+    max_pixels : int, optional
+        An image of more pixels is refused before they are read.
 
     Returns
     -------
     (H, W, C) float32 ndarray
-        C is 1 or 3. Alpha is dropped; colours are not multiplied by it. Integers are scaled to
-        0..1 and decoded from sRGB unless the file's metadata says that they are linear. A gamma
-        other than these two is decoded as sRGB.
+        C is 1 or 3. Colours are not multiplied by alpha. Integers are scaled to 0..1.
 
     Raises
     ------
     FileError
-        Where the file is missing, damaged, no image, or holds neither grey nor RGB.
+        Where the file is missing, damaged, no image, too large, or holds neither grey nor RGB.
+    InvalidValueError
+        Where there is no such encoding or channel.
 
     Examples
     --------
@@ -127,11 +79,30 @@ def read_linear(path: str | os.PathLike[str]) -> NDArray[np.float32]:
     ...     pl.images.read_linear(path)[0, 0].round(3)
     array([0.214], dtype=float32)
     """
-    channels, metadata, is_integer = _read(path)
+    encoding, channel = choice(encoding, Encoding, "encoding"), channel_number(channel)
+    channels, metadata, is_integer = _read(path, max_pixels)
+    if channel == ALPHA:
+        opaque = np.ones_like(next(iter(channels.values())))
+        return channels.get("A", opaque)[:, :, np.newaxis]
     image = _picture(channels, path)
-    if is_integer and "lin" not in str(metadata.get(COLOR_SPACE, SRGB)).lower():
+    if channel is not None and image.shape[2] > 1:
+        image = image[:, :, channel : channel + 1]
+    if encoding is Encoding.SRGB and is_integer and "lin" not in str(metadata.get(COLOR_SPACE, SRGB)).lower():
         image = srgb_to_linear(image).astype(np.float32)
-    return image
+    return np.ascontiguousarray(image)
+
+
+def channel_number(channel: int | None) -> int | None:
+    """`channel`, or an error where it is not None and no channel of an image.
+
+    Examples
+    --------
+    >>> channel_number(3)
+    3
+    """
+    if channel is None or whole(channel, "channel", at_least=0) <= ALPHA:
+        return channel
+    raise InvalidValueError(f"channel is {channel}; it must be 0, 1, 2 (red, green, blue), 3 (alpha) or None")
 
 
 def read_channels(path: str | os.PathLike[str]) -> tuple[dict[str, NDArray[np.float32]], dict[str, Any]]:
@@ -280,11 +251,6 @@ def bayer_to_rgb(mosaic: NDArray[np.floating[Any]], *, layout: str, algorithm: s
     return np.asarray(made.get_pixels(oiio.FLOAT), dtype=np.float32)
 
 
-def _floating(values: ArrayLike) -> NDArray[np.floating[Any]]:
-    array = np.asarray(values)
-    return array if array.dtype.kind == "f" else array.astype(np.float64)
-
-
 def _picture(channels: Mapping[str, NDArray[np.float32]], path: str | os.PathLike[str]) -> NDArray[np.float32]:
     """The (H, W, 3) or (H, W, 1) picture among the channels of a file: R, G, B, or Y, or the only one."""
     for names in (("R", "G", "B"), ("Y",)):
@@ -299,7 +265,9 @@ def _picture(channels: Mapping[str, NDArray[np.float32]], path: str | os.PathLik
     return others[0][:, :, np.newaxis]
 
 
-def _read(path: str | os.PathLike[str]) -> tuple[dict[str, NDArray[np.float32]], dict[str, Any], bool]:
+def _read(
+    path: str | os.PathLike[str], max_pixels: int | None = None
+) -> tuple[dict[str, NDArray[np.float32]], dict[str, Any], bool]:
     import OpenImageIO as oiio
 
     name = os.fspath(file_path(path))
@@ -314,6 +282,11 @@ def _read(path: str | os.PathLike[str]) -> tuple[dict[str, NDArray[np.float32]],
         raise FileError(f"{name!r} cannot be read as an image: {_said(oiio)}; give an image file")
     try:
         spec = source.spec()
+        if max_pixels is not None and spec.width * spec.height > max_pixels:
+            raise FileError(
+                f"{name!r} has {spec.height} x {spec.width} pixels; it must have at most {max_pixels} here, "
+                "so scale it down"
+            )
         pixels = source.read_image(oiio.FLOAT)
         trouble = _reason(source)
     finally:

@@ -9,6 +9,7 @@ from plenoptic.camera_stages import camera_decisions
 from plenoptic.errors import InvalidValueError
 from plenoptic.scene.scene import Scene
 from plenoptic.scene.tables import SceneTables
+from plenoptic.scene_stages import scene_decisions
 from plenoptic.stages import Decision, Plan, Stage, first_reason
 
 
@@ -18,7 +19,7 @@ def plan(
     *,
     samples: int = 64,
     replicates: int = 8,
-    max_bounces: int = 4,
+    max_bounces: int = 8,
     truth: Truth = Truth.DEPTH,
 ) -> Plan:
     """What `render` would run for a scene and a camera, what it would leave out, and why.
@@ -86,11 +87,6 @@ def sensor_region(shape: tuple[int, int], region: tuple[slice, slice] | None) ->
     return bounds[0], bounds[1], bounds[2], bounds[3]
 
 
-def is_dark(tables: SceneTables) -> bool:
-    """Whether nothing in a scene shines: its image is black."""
-    return tables.emission is None and tables.background is None
-
-
 def plan_stages(
     tables: SceneTables | None,
     camera: PlenopticCamera,
@@ -101,7 +97,7 @@ def plan_stages(
     truth: Truth,
 ) -> Plan:
     """`plan` for a scene that is compiled already."""
-    decisions = [*camera_decisions(camera), *_scene_decisions(tables, max_bounces)]
+    decisions = [*camera_decisions(camera), *scene_decisions(tables, max_bounces)]
     meshes = tables is not None and tables.triangles is not None
     asked = checked_truth(truth)
     found = available_truth(asked, meshes=meshes, microlenses=camera.microlenses is not None)
@@ -116,68 +112,3 @@ def plan_stages(
         )
     )
     return Plan(tuple(decisions))
-
-
-def _scene_decisions(tables: SceneTables | None, max_bounces: int) -> list[Decision]:
-    if tables is None:
-        white = "a white image has no scene"
-        return [Decision(Stage(stage), False, white) for stage in range(Stage.INTERSECTION, Stage.COLOUR + 1)]
-    meshes = tables.triangles is not None
-    background = tables.background is not None
-    reflects = tables.albedo is not None
-    scatters = meshes and reflects and max_bounces > 0
-    lights = scatters and tables.light_triangles is not None
-    onward = scatters and (background or (lights and max_bounces > 1))
-    return [
-        Decision(Stage.INTERSECTION, meshes, "there are meshes" if meshes else "there is no mesh"),
-        Decision(
-            Stage.EMISSION,
-            meshes and tables.emission is not None,
-            first_reason(
-                tables.emission is not None,
-                "nothing emits" + ", and the image will be black" * is_dark(tables),
-                "something emits",
-            ),
-        ),
-        Decision(Stage.BACKGROUND, background, "the world is bright" if background else "the world is black"),
-        Decision(
-            Stage.SCATTERING,
-            scatters,
-            first_reason(
-                meshes,
-                "there is no mesh",
-                reflects,
-                "nothing reflects",
-                max_bounces > 0,
-                "0 bounces",
-                "something reflects",
-            ),
-        ),
-        Decision(
-            Stage.DIRECT_LIGHT,
-            lights,
-            first_reason(scatters, "nothing scatters", lights, "there are no lights", "there are lights"),
-        ),
-        Decision(
-            Stage.ONWARD_RAYS,
-            onward,
-            first_reason(scatters, "nothing scatters", onward, "no light could be met", f"up to {max_bounces} bounces"),
-        ),
-        Decision(
-            Stage.VERTEX_NORMALS,
-            scatters and tables.normals is not None,
-            first_reason(
-                scatters, "nothing scatters", tables.normals is not None, "meshes are flat", "meshes have normals"
-            ),
-        ),
-        Decision(
-            Stage.TEXTURES,
-            scatters and tables.texels is not None,
-            first_reason(
-                scatters, "nothing scatters", tables.texels is not None, "no textures", "materials have textures"
-            ),
-        ),
-        Decision(
-            Stage.COLOUR, tables.channels == 3, "colours differ" if tables.channels == 3 else "all colours are grey"
-        ),
-    ]

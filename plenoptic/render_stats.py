@@ -27,6 +27,8 @@ class RenderStats:
         Contributions that were not finite and were left out of the image.
     threads : int
         Threads that worked.
+    clamped : float
+        Share of all light that `clamp` took away, in [0, 1]: the bias of the mean image.
 
     Examples
     --------
@@ -46,6 +48,7 @@ class RenderStats:
     lost: tuple[tuple[str, int | None, int], ...] = ()
     nonfinite: int = 0
     threads: int = 1
+    clamped: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("seconds", "cpu_seconds"):
@@ -55,6 +58,10 @@ class RenderStats:
             set_field(self, name, seconds)
         for name, least in (("paths", 0), ("paths_through_lens", 0), ("nonfinite", 0), ("threads", 1)):
             set_field(self, name, whole(getattr(self, name), name, at_least=least))
+        share = finite(self.clamped, "clamped")
+        if not 0 <= share <= 1:
+            raise InvalidValueError(f"clamped is {share:g}; it must be within 0 and 1")
+        set_field(self, "clamped", share)
         if self.paths_through_lens > self.paths:
             raise InvalidValueError(
                 f"paths_through_lens is {self.paths_through_lens}; it must be at most paths, {self.paths}"
@@ -92,4 +99,6 @@ class RenderStats:
             facts.append(f"lost: {lost}")
         if self.nonfinite:
             facts.append(f"{self.nonfinite} not finite")
+        if self.clamped:
+            facts.append(f"{100 * self.clamped:.2g} % of the light clamped away")
         return f"RenderStats({', '.join(facts)})"

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic._threads import run_in_order, thread_count
-from plenoptic._values import whole
+from plenoptic._values import choice, positive, whole
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.regions import cells_per_pixel
 from plenoptic.camera.tables import camera_tables
@@ -19,14 +19,15 @@ from plenoptic.camera.truth import GroundTruth, Truth, available_truth, empty_tr
 from plenoptic.errors import InvalidValueError
 from plenoptic.exposure import Exposure
 from plenoptic.film import Film
-from plenoptic.planning import check_arguments, is_dark, plan_stages, sensor_region
+from plenoptic.planning import check_arguments, plan_stages, sensor_region
 from plenoptic.rays import RayStatus
 from plenoptic.render_stats import RenderStats
 from plenoptic.scene.accel import build_intersector
 from plenoptic.scene.scene import Scene
+from plenoptic.scene_stages import is_dark
 from plenoptic.stages import Stage
 from plenoptic.tiles import Tile, TileResult, film_channels, render_tile, status_codes
-from plenoptic.transport import Settings
+from plenoptic.transport import Caustics, Settings
 from plenoptic.truth import truth_tables
 
 PATHS_PER_TILE = 1 << 17
@@ -43,7 +44,9 @@ def render(
     region: tuple[slice, slice] | None = None,
     seed: int = 0,
     replicates: int = 8,
-    max_bounces: int = 4,
+    max_bounces: int = 8,
+    caustics: Caustics = Caustics.KEPT,
+    clamp: float | None = None,
     truth: Truth = Truth.DEPTH,
     threads: int | None = None,
     tile_side: int | None = None,
@@ -66,7 +69,15 @@ def render(
         error comes from their spread with replicates - 1 degrees of freedom, and is None with fewer than 2.
         At equal error 8 replicates cost more time than one (docs/error_and_time.md).
     max_bounces : int
-        How often a path may be scattered; 0 shows only what emits.
+        How often a path may be scattered, reflected or refracted; 0 shows only what emits. Light that is scattered more
+        often is missing.
+    caustics : Caustics
+        ``Caustics.LEFT_OUT``: light that mirrors or polished glass throw onto rough surfaces does not count. It is
+        noisy, since paths find it by chance only; the difference of the variances with and without it is its share of
+        the noise.
+    clamp : float, optional
+        Paths that bring more radiance than this are scaled down to it. It takes away noise and light:
+        `shot.stats.clamped` is the share that is missing. None: nothing is taken away.
     truth : Truth
         What of the ground truth of every pixel is found too, such as ``Truth.DEPTH | Truth.NORMAL``; what is not asked
         for is neither computed nor kept. See `GroundTruth`.
@@ -99,7 +110,8 @@ def render(
     """
     if not isinstance(scene, Scene):
         raise InvalidValueError(f"scene is a {type(scene).__name__}; it must be a Scene")
-    return _render(scene, camera, samples, region, seed, replicates, max_bounces, truth, threads, tile_side, progress)
+    light = (max_bounces, choice(caustics, Caustics, "caustics"), None if clamp is None else positive(clamp, "clamp"))
+    return _render(scene, camera, samples, region, seed, replicates, light, truth, threads, tile_side, progress)
 
 
 def render_white(
@@ -135,7 +147,8 @@ def render_white(
     >>> f"{white.image[0, 0, 0]:.4f}"
     '0.0140'
     """
-    return _render(None, camera, samples, region, seed, replicates, 0, Truth.NONE, threads, tile_side, progress)
+    light = (0, Caustics.KEPT, None)
+    return _render(None, camera, samples, region, seed, replicates, light, Truth.NONE, threads, tile_side, progress)
 
 
 def _render(
@@ -145,13 +158,14 @@ def _render(
     region: tuple[slice, slice] | None,
     seed: int,
     replicates: int,
-    max_bounces: int,
+    light: tuple[int, Caustics, float | None],
     truth: Truth,
     threads: int | None,
     tile_side: int | None,
     progress: bool,
 ) -> Exposure:
     begin, begin_cpu = time.perf_counter(), time.process_time()
+    max_bounces, caustics, clamp = light
     check_arguments(scene, camera, samples=samples, replicates=replicates, max_bounces=max_bounces)
     samples, replicates, max_bounces = int(samples), int(replicates), int(max_bounces)
     seed = whole(seed, "seed", at_least=0)
@@ -173,8 +187,8 @@ def _render(
     intersector = None
     if plan.runs(Stage.INTERSECTION) and scene_tables is not None:
         assert scene_tables.vertices is not None and scene_tables.triangles is not None
-        intersector = build_intersector(scene_tables.vertices, scene_tables.triangles)
-    settings = Settings(samples, replicates, np.uint64(seed), max_bounces, plan)
+        intersector = build_intersector(scene_tables.vertices, scene_tables.triangles, scene_tables.instances)
+    settings = Settings(samples, replicates, np.uint64(seed), max_bounces, plan, caustics, clamp)
     side = (
         _tile_side(samples, cells_per_pixel(tables)) if tile_side is None else whole(tile_side, "tile_side", at_least=1)
     )
@@ -186,7 +200,7 @@ def _render(
     kept = available_truth(truth, meshes=intersector is not None, microlenses=camera.microlenses is not None)
     finding, truths = truth_tables(camera, tables, kept), empty_truth(kept, shape)
     counts = np.zeros(status_codes(tables), dtype=np.int64)
-    paths = nonfinite = 0
+    paths, nonfinite, met, brought, clamped = 0, 0, 0, 0.0, 0.0
 
     def work(tile: Tile) -> TileResult:
         return render_tile(tables, scene_tables, intersector, tile, settings, finding)
@@ -200,8 +214,17 @@ def _render(
             counts += result.counts
             paths += result.paths
             nonfinite += result.nonfinite
+            met += result.met
+            brought, clamped = brought + result.light, clamped + result.clamped
             bar.update(result.tile.rows * result.tile.columns)
 
+    if scene is not None and intersector is not None and not met and counts[0]:
+        low, high = np.asarray(scene.bounds).round(3).tolist()
+        warnings.warn(
+            f"no path met the scene, which lies between {low} and {high} mm; move it, or the camera, which without a "
+            "pose looks from the origin along -z",
+            stacklevel=3,
+        )
     stats = RenderStats(
         seconds=time.perf_counter() - begin,
         cpu_seconds=time.process_time() - begin_cpu,
@@ -210,6 +233,7 @@ def _render(
         lost=_lost(counts),
         nonfinite=nonfinite,
         threads=workers,
+        clamped=clamped / brought if brought > 0 else 0.0,
     )
     return Exposure(
         image=film.image(),

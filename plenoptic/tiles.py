@@ -43,6 +43,12 @@ class TileResult(NamedTuple):
     """(rows, columns, ...) by name; None where nothing of it is wanted."""
     paths: int
     nonfinite: int
+    met: int
+    """Paths that met the scene."""
+    light: float
+    """Sum of what paths brought."""
+    clamped: float
+    """Sum of what clamping took away."""
 
 
 def status_codes(tables: CameraTables) -> int:
@@ -86,7 +92,7 @@ def render_tile(
     lit_pixels = np.ascontiguousarray(pixels[lit])
     sums = np.zeros((lit.size, replicates, channels))
     counts = np.zeros(status_codes(tables), dtype=np.int64)
-    paths, nonfinite = lit.size * samples, 0
+    paths, nonfinite, light, clamped = lit.size * samples, 0, 0.0, 0.0
     net = np.empty((_sobol.DIMENSIONS, -(-samples // replicates)), dtype=np.uint32)
     _sobol.fill_net(net)
     blocks = np.empty(-(-min(BUNDLE, paths) // BLOCK) * RAY)
@@ -130,6 +136,9 @@ def render_tile(
             fill_dimmed_at_lens(bundle, tables, BlemishSite.LENS_FRONT)
         _sample.fill_status_counts(counts, bundle, n)
         radiance = None if scene_stage is None else scene_stage.radiance(bundle, start, n, number, waves)
+        if settings.clamp is not None and radiance is not None:
+            kept, removed = _sample.fill_clamped(radiance, bundle, n, settings.clamp)
+            light, clamped = light + kept + removed, clamped + removed
         nonfinite += _sample.fill_sums(
             sums, bundle, radiance, waves, None if colour is None else colour.weights, start, n, samples, replicates
         )
@@ -139,5 +148,6 @@ def render_tile(
     if truth is not None:
         flat = truth_of(tables, scene, intersector, truth, pixels)
         found = {name: array.reshape(tile.rows, tile.columns, *array.shape[1:]) for name, array in flat.items()}
+    met = 0 if scene_stage is None else scene_stage.met
     shape = (tile.rows, tile.columns, replicates, channels)
-    return TileResult(tile, whole_sums.reshape(shape), counts, found, paths, nonfinite)
+    return TileResult(tile, whole_sums.reshape(shape), counts, found, paths, nonfinite, met, light, clamped)

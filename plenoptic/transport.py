@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import enum
 from typing import NamedTuple
 
 import numpy as np
@@ -9,8 +10,23 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.tables import CameraTables
 from plenoptic.scene.accel import Intersector
+from plenoptic.scene.met import MetSurfaces, PathRays
+from plenoptic.scene.passing import SALTS, medium_at, pass_through, thin_out
 from plenoptic.scene.tables import SceneTables
+from plenoptic.scene_stages import ROULETTE
 from plenoptic.stages import Plan, Stage
+
+
+class Caustics(enum.IntEnum):
+    """Whether light counts that mirrors or polished glass throw onto rough surfaces.
+
+    Examples
+    --------
+    See `render`.
+    """
+
+    KEPT = 0
+    LEFT_OUT = 1
 
 
 class Settings(NamedTuple):
@@ -21,6 +37,8 @@ class Settings(NamedTuple):
     seed: np.uint64
     max_bounces: int
     plan: Plan
+    caustics: Caustics = Caustics.KEPT
+    clamp: float | None = None
 
 
 class Transport:
@@ -39,16 +57,33 @@ class Transport:
         self._channels = channels = scene.channels if tables.colour is None else 1
         plan = settings.plan
         self._radiance = np.empty((most, channels))
-        self._rays = np.empty((most, 6))
-        self._lanes = np.empty(most, dtype=np.int64)
+        self.met = 0
+        """Paths that met a triangle."""
         self._hits = np.full(most, -1, dtype=np.int32)
-        if plan.runs(Stage.SCATTERING):
+        self._placed = None if scene.instances is None else np.full(most, -1, dtype=np.int32)
+        self._matrices = None if intersector is None else intersector.placements
+        scattering, telling = plan.runs(Stage.SCATTERING), settings.caustics is Caustics.LEFT_OUT
+        pair = [
+            PathRays(most, channels, scene, onward=plan.runs(Stage.ONWARD_RAYS), telling=telling)
+            for _ in range(2 if scattering else 1)
+        ]
+        self._now, self._next = pair[0], pair[-1]
+        if scene.opacity is not None:
+            self._travelled = np.empty(most)
+        if scene.absorption is not None and intersector is not None:
+            self._medium = medium_at(scene, intersector, np.zeros(3) if tables.position is None else tables.position)
+        if scattering or scene.opacity is not None:
             self._keys, self._indices = np.empty(most, dtype=np.uint64), np.empty(most, dtype=np.uint32)
+        if scattering:
+            assert intersector is not None
             lights = plan.runs(Stage.DIRECT_LIGHT)
-            self._shadow_rays = np.empty((most if lights else 0, 6))
-            self._shadow_path = np.empty(most if lights else 0, dtype=np.int64)
-            self._shadow_radiance = np.empty((most if lights else 0, channels))
-            self._blocked = np.empty(most if lights else 0, dtype=np.uint8)
+            self._met = MetSurfaces(scene, intersector, self._basis, most, channels, lights=lights)
+            self._from = np.empty(most, dtype=np.int64)
+            room = most if lights else 0
+            self._shadow_rays = np.empty((room, 6))
+            self._shadow_path = np.empty(room, dtype=np.int64)
+            self._shadow_radiance = np.empty((room, channels))
+            self._blocked = np.empty(room, dtype=np.uint8)
 
     def radiance(
         self,
@@ -63,17 +98,13 @@ class Transport:
         With `waves`, the number of each path's wavelength, there is one channel.
         """
         from plenoptic.camera import _sample
-        from plenoptic.scene import _shade
 
         scene, settings, plan = self._scene, self._settings, self._settings.plan
         radiance = self._radiance[:n]
         radiance[:] = 0.0
-        found = _sample.fill_world_rays(
-            self._rays, self._lanes, blocks, n, self._camera.rotation, self._camera.position
-        )
-        rays, path_of = self._rays[:found], self._lanes[:found]
-        throughput = None
-        if plan.runs(Stage.SCATTERING):
+        now = self._now
+        found = _sample.fill_world_rays(now.rays, now.path_of, blocks, n, self._camera.rotation, self._camera.position)
+        if plan.runs(Stage.SCATTERING) or scene.opacity is not None:
             _sample.fill_path_keys(
                 self._keys[:n],
                 self._indices[:n],
@@ -83,89 +114,177 @@ class Transport:
                 settings.seed,
                 number,
             )
+        if scene.absorption is not None:
+            assert now.throughput is not None and now.medium is not None
+            now.throughput[:found], now.medium[:found] = 1.0, self._medium
+        if now.rough is not None:
+            now.rough[:found] = 0
         for bounce in range(settings.max_bounces + 1):
-            hits = self._hits[: len(path_of)]
-            if self._intersector is not None:
-                self._intersector.fill_closest(hits, rays, coherent=bounce == 0)
-            emission = scene.emission if bounce == 0 or not plan.runs(Stage.DIRECT_LIGHT) else None
-            _shade.fill_emitted(
-                radiance,
-                throughput,
+            self._meet(found, bounce)
+            if bounce == 0:
+                self.met += int(np.count_nonzero(self._hits[:found] >= 0))
+            self._see(radiance, found, bounce, waves)
+            if bounce == settings.max_bounces or not plan.runs(Stage.SCATTERING):
+                break
+            # After the last bounce only what a ray meets by chance is missing.
+            found = self._scatter(radiance, found, bounce, plan.runs(Stage.ONWARD_RAYS), waves)
+            self._now, self._next = self._next, self._now
+            if not found:
+                break
+        return radiance
+
+    def _meet(self, found: int, bounce: int) -> None:
+        """Find what rays meet, through surfaces that are not there for their paths."""
+        if self._intersector is None:
+            return
+        now, hits = self._now, self._hits[:found]
+        placed = None if self._placed is None else self._placed[:found]
+        self._intersector.fill_closest(hits, now.rays[:found], coherent=bounce == 0, placed=placed)
+        if self._scene.opacity is not None:
+            pass_through(
+                self._scene,
+                self._intersector,
+                now.rays[:found],
+                self._travelled,
+                hits,
+                placed,
+                now.path_of,
+                self._keys,
+                self._indices,
+                bounce * SALTS,
+            )
+
+    def _see(self, radiance: NDArray[np.float64], found: int, bounce: int, waves: NDArray[np.int64] | None) -> None:
+        """Add what rays meet that shines, and weaken them by what they have come through."""
+        from plenoptic.scene import _shade
+
+        scene, now, lights, sky = self._scene, self._now, self._scene.lights, self._scene.environment
+        hits, rays, path_of = self._hits[:found], now.rays[:found], now.path_of[:found]
+        travelled = None if scene.opacity is None else self._travelled
+        if scene.absorption is not None:
+            from plenoptic.scene import _media
+
+            _media.fill_absorbed(
+                now.throughput,
+                now.medium,
                 path_of,
                 hits,
+                self._placed,
                 rays,
                 scene.vertices,
                 scene.triangles,
                 scene.triangle_material,
-                emission,
-                scene.two_sided,
-                scene.background,
+                self._matrices,
+                scene.bsdf.glass_index,
+                scene.absorption,
+                travelled,
                 waves,
                 self._basis,
             )
-            if bounce == settings.max_bounces or not plan.runs(Stage.SCATTERING):
-                break
-            more = bounce + 1 < settings.max_bounces or plan.runs(Stage.BACKGROUND)
-            rays, path_of, throughput = self._scatter(
-                radiance, hits, rays, path_of, throughput, bounce, more and plan.runs(Stage.ONWARD_RAYS), waves
-            )
-            if not len(path_of):
-                break
-        return radiance
-
-    def _scatter(
-        self,
-        radiance: NDArray[np.float64],
-        hits: NDArray[np.int32],
-        rays: NDArray[np.float64],
-        path_of: NDArray[np.int64],
-        throughput: NDArray[np.float64] | None,
-        bounce: int,
-        onward: bool,
-        waves: NDArray[np.int64] | None,
-    ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
-        """Add direct light and return the rays onwards, their paths and throughputs."""
-        from plenoptic.scene import _shade
-
-        assert self._intersector is not None
-        scene = self._scene
-        room = len(path_of) if onward else 0
-        next_rays = np.empty((room, 6))
-        next_path = np.empty(room, dtype=np.int64)
-        next_throughput = np.empty((room, self._channels))
-        shadows, onwards = _shade.fill_scattered(
-            next_rays if onward else None,
-            next_path,
-            next_throughput,
-            self._shadow_rays,
-            self._shadow_path,
-            self._shadow_radiance,
-            hits,
-            rays,
+        weighed = bounce > 0 or scene.absorption is not None
+        if scene.emission is None and scene.background is None and lights.suns is None and sky is None:
+            return
+        _shade.fill_emitted(
+            radiance,
+            now.throughput if weighed else None,
+            now.density if bounce > 0 else None,
+            now.rough,
             path_of,
-            throughput,
-            self._keys,
-            self._indices,
-            bounce,
+            hits,
+            self._placed,
+            rays,
             scene.vertices,
             scene.triangles,
             scene.triangle_material,
-            scene.normals,
             scene.uv,
-            scene.albedo,
-            scene.material_texture,
-            scene.texels,
-            scene.texture_shape,
+            self._matrices,
             scene.emission,
             scene.two_sided,
-            scene.light_triangles,
-            scene.light_cdf,
-            scene.light_area_pdf,
-            self._intersector.middle,
+            scene.emission_texture,
+            scene.texels,
+            scene.texture_rows,
+            lights.material_density,
+            scene.background,
+            lights.suns,
+            lights.sun_colours,
+            None if sky is None else sky.texels,
+            None if sky is None else sky.density,
+            None if sky is None else sky.rotation,
+            lights.environment_share,
+            travelled,
             waves,
             self._basis,
         )
+
+    def _scatter(
+        self, radiance: NDArray[np.float64], found: int, bounce: int, onward: bool, waves: NDArray[np.int64] | None
+    ) -> int:
+        """Add direct light and send the rays onwards; returns how many there are."""
+        from plenoptic.scene import _shade
+
+        scene, now, then, met = self._scene, self._now, self._next, self._met
+        placed = None if self._placed is None else self._placed[:found]
+        met.describe(now, self._hits[:found], placed, self._keys, self._indices, bounce, waves)
+        lights = self._settings.plan.runs(Stage.DIRECT_LIGHT)
+        if lights:
+            met.draw_lights(now, waves)
+        weighed = bounce > 0 or scene.absorption is not None
+        traced = scene.absorption is not None or now.rough is not None
+        shadows, onwards = _shade.fill_scattered(
+            then.rays if onward else None,
+            then.path_of,
+            then.throughput,
+            then.density,
+            self._from if traced else None,
+            self._shadow_rays,
+            self._shadow_path,
+            self._shadow_radiance,
+            met.rows,
+            met.base,
+            met.lane_of,
+            met.material_of,
+            now.rays,
+            now.path_of,
+            now.throughput if weighed else None,
+            met.keys,
+            met.indices,
+            bounce >= ROULETTE,
+            *scene.bsdf,
+            met.drawn if lights else None,
+            met.lit,
+            waves,
+            self._basis,
+        )
+        if traced and onwards:
+            self._hand_on(onwards)
         if shadows:
-            self._intersector.fill_blocked(self._blocked[:shadows], self._shadow_rays[:shadows])
-            _shade.fill_direct(radiance, self._blocked, self._shadow_path[:shadows], self._shadow_radiance)
-        return next_rays[:onwards], next_path[:onwards], next_throughput[:onwards]
+            self._add_direct(radiance, shadows)
+        return int(onwards)
+
+    def _hand_on(self, onwards: int) -> None:
+        """Tell rays onwards what they are in and what they come from."""
+        now, then, scene, met = self._now, self._next, self._scene, self._met
+        came = self._from[:onwards]
+        if scene.absorption is not None:
+            from plenoptic.scene import _media
+
+            _media.fill_next_media(
+                then.medium, came, now.medium, met.rows, met.lane_of, met.material_of, scene.bsdf.glass_index
+            )
+        if now.rough is not None:
+            assert then.rough is not None and then.density is not None
+            surface = np.where(came < 0, -1 - came, came)
+            # A negative density is that of a direction without choice: a mirror's.
+            then.rough[:onwards] = now.rough[met.lane_of[surface]] | (then.density[:onwards] > 0)
+
+    def _add_direct(self, radiance: NDArray[np.float64], shadows: int) -> None:
+        """Add the drawn lights that nothing hides."""
+        from plenoptic.scene import _shade
+
+        assert self._intersector is not None
+        blocked, rays = self._blocked[:shadows], self._shadow_rays[:shadows]
+        if self._scene.opacity is None:
+            self._intersector.fill_blocked(blocked, rays)
+        else:
+            thin_out(self._scene, self._intersector, rays, blocked, self._shadow_radiance)
+        _shade.fill_direct(radiance, blocked, self._shadow_path[:shadows], self._shadow_radiance)

@@ -20,6 +20,7 @@ from plenoptic.optics.lenslets import lattice_types
 from plenoptic.optics.tables import LensTables, lens_tables
 from plenoptic.planning import check_scene_and_camera, sensor_region
 from plenoptic.scene.accel import Intersector, build_intersector
+from plenoptic.scene.passing import pass_through
 from plenoptic.scene.scene import Scene
 from plenoptic.scene.tables import SceneTables
 
@@ -128,7 +129,7 @@ def _fill_hits(
     pixels: NDArray[np.float64],
 ) -> None:
     from plenoptic.camera import _sample, _truth
-    from plenoptic.scene import _shade, _surfaces
+    from plenoptic.scene import _surfaces
 
     assert scene.triangle_mesh is not None and scene.triangle_material is not None
     n = len(pixels)
@@ -136,8 +137,14 @@ def _fill_hits(
     sent = _sample.fill_world_rays(rays, lane_of, main.blocks, n, tables.rotation, tables.position)
     rays, lane_of = rays[:sent], lane_of[:sent]
     hits, reached = np.full(sent, -1, dtype=np.int32), np.empty(sent)
-    intersector.fill_closest(hits, rays, coherent=True)
-    _shade.fill_distances(reached, hits, rays, scene.vertices, scene.triangles)
+    placed = None if scene.instances is None else np.full(sent, -1, dtype=np.int32)
+    intersector.fill_closest(hits, rays, coherent=True, placed=placed)
+    come = np.zeros(sent)
+    if scene.opacity is not None:
+        pass_through(scene, intersector, rays, come, hits, placed)
+    matrices = intersector.placements
+    _surfaces.fill_distances(reached, hits, placed, rays, scene.vertices, scene.triangles, matrices)
+    reached += come
     _truth.fill_points(
         into.get("depth"),
         into.get("distance"),
@@ -153,7 +160,10 @@ def _fill_hits(
     met = np.isfinite(reached)
     lanes, triangle = lane_of[met], hits[met]
     if "normal" in into:
-        _surfaces.fill_normals(into["normal"], lanes, triangle, rays[met], scene.vertices, scene.triangles)
+        where = None if placed is None else placed[met]
+        _surfaces.fill_normals(
+            into["normal"], lanes, triangle, where, rays[met], scene.vertices, scene.triangles, matrices
+        )
     if "object" in into:
         into["object"][lanes] = scene.triangle_mesh[triangle]
     if "material" in into:
@@ -259,7 +269,7 @@ def ground_truth(
     intersector = None
     if compiled is not None and wanted & ~Truth.MICROLENS:
         assert compiled.vertices is not None and compiled.triangles is not None
-        intersector = build_intersector(compiled.vertices, compiled.triangles)
+        intersector = build_intersector(compiled.vertices, compiled.triangles, compiled.instances)
     rows = max(1, _STRIP // (end_column - first_column))
 
     def work(row: int) -> Arrays:

@@ -40,6 +40,8 @@ FILES = {
         *(f"{name}{ending}" for name in ("raw", "conventional") for ending in (".exr", ".png", "_overview.png")),
     },
     "disparity": {"disparity.exr", "disparity.png"},
+    "file_gallery": {"card.png", "card.gltf", "card.exr", "file_gallery.png"},
+    "targets": {"edge.exr", "star.exr", "bars.exr", "targets.png"},
     "fine_structure": {"star_2.0.exr", "star_1.0.exr", "fine_structure.png"},
     "sub_aperture": {"raw.exr", "white.exr", "sub_aperture.png", "views.png"},
     "chromatic": {

@@ -6,6 +6,7 @@ from PIL import Image
 
 from plenoptic import images
 from plenoptic.errors import FileError, InvalidValueError
+from plenoptic.srgb import Encoding
 
 # One step of 16 bits, halved: what rounding to the nearest may cost. float32 adds its own eps.
 HALF_STEP = 0.5 / 65535 + np.finfo(np.float32).eps
@@ -110,6 +111,31 @@ def test_channels_that_make_no_picture_are_named(tmp_path):
     images.write_channels(tmp_path / "a.exr", {"U": np.ones((2, 3)), "V": np.ones((2, 3))})
     with pytest.raises(FileError, match="holds the channels U, V; a picture needs R, G, B"):
         images.read_linear(tmp_path / "a.exr")
+
+
+def test_one_channel_of_a_file(tmp_path):
+    planes = {name: np.full((2, 3), 0.25 * k) for k, name in enumerate("RGBA", 1)}
+    images.write_channels(tmp_path / "colours.exr", planes)
+    images.write_channels(tmp_path / "grey.exr", {"Z": planes["G"]})
+    for channel in range(4):
+        colours = images.read_linear(tmp_path / "colours.exr", channel=channel)
+        assert colours.shape == (2, 3, 1) and (colours == 0.25 * (channel + 1)).all()
+        grey = images.read_linear(tmp_path / "grey.exr", channel=channel)
+        assert grey.shape == (2, 3, 1) and (grey == (1 if channel == 3 else 0.5)).all()
+
+
+def test_data_are_not_decoded_whatever_the_file_says(tmp_path, ramp):
+    for said in ("Linear", "sRGB"):
+        images.write_16bit(tmp_path / "a.png", ramp, {images.COLOR_SPACE: said})
+        read = images.read_linear(tmp_path / "a.png", encoding=Encoding.LINEAR)
+        np.testing.assert_array_equal(np.rint(read * 65535), ramp)
+
+
+def test_a_limit_on_pixels(tmp_path):
+    images.write_channels(tmp_path / "a.exr", {"Y": np.ones((3, 4))})
+    assert images.read_linear(tmp_path / "a.exr", max_pixels=12).shape == (3, 4, 1)
+    with pytest.raises(FileError, match="a.exr' has 3 x 4 pixels; it must have at most 11 here, so scale it down"):
+        images.read_linear(tmp_path / "a.exr", max_pixels=11)
 
 
 def test_a_missing_file_and_a_folder(tmp_path):

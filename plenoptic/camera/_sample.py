@@ -204,6 +204,26 @@ def fill_sums(sums, blocks, radiance, waves, weights, first_path, n, samples, re
 
 
 @kernel
+def fill_clamped(radiance, blocks, n, limit):
+    """Scale down what paths bring that is brighter than a limit; returns the light that is kept and that is not."""
+    kept, removed = 0.0, 0.0
+    for k in range(n):
+        brightest, mean = 0.0, 0.0
+        for c in range(radiance.shape[1]):
+            brightest = max(brightest, radiance[k, c])
+            mean += radiance[k, c] / radiance.shape[1]
+        light = mean * blocks[(k // BLOCK) * RAY + WEIGHT + k % BLOCK]
+        share = 1.0
+        if brightest > limit:
+            share = limit / brightest
+            for c in range(radiance.shape[1]):
+                radiance[k, c] *= share
+        kept += share * light
+        removed += (1.0 - share) * light
+    return kept, removed
+
+
+@kernel
 def fill_status_counts(counts, blocks, n):
     """Count the rays of a bundle by their status."""
     for k in range(n):

@@ -244,6 +244,7 @@ def _assembled(tables: ForwardTables, given: Floats, rows: Rows, pinhole: bool) 
 def _unhidden(tables: ForwardTables, found: Projection, entering: Floats, scene: Scene) -> Projection:
     """Rows whose points are hidden from the place (k, 2) where their rays enter the lens are no longer visible."""
     from plenoptic.scene.accel import build_intersector
+    from plenoptic.scene.passing import thin_out
     from plenoptic.scene.scene import Scene
 
     if not isinstance(scene, Scene):
@@ -260,7 +261,12 @@ def _unhidden(tables: ForwardTables, found: Projection, entering: Floats, scene:
     way = through - start
     rays = np.ascontiguousarray(np.column_stack([start + _CLEAR * way, (1.0 - _CLEAR) * way]))
     blocked = np.zeros(len(rows), dtype=np.uint8)
-    build_intersector(surfaces.vertices, surfaces.triangles).fill_blocked(blocked, rays)
+    intersector = build_intersector(surfaces.vertices, surfaces.triangles, surfaces.instances)
+    left = np.ones((len(rows), 1))
+    if surfaces.opacity is None:
+        intersector.fill_blocked(blocked, rays)
+    else:
+        thin_out(surfaces, intersector, rays, blocked, left)
     visible = found.visible.copy()
-    visible[rows] = blocked == 0
+    visible[rows] = (blocked == 0) & (left[:, 0] > 0.5)
     return dataclasses.replace(found, visible=visible)

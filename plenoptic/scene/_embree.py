@@ -19,11 +19,13 @@ from numpy.typing import NDArray
 
 from plenoptic._jit import device, kernel
 from plenoptic.scene._hit import SHADOW_END
-from plenoptic.scene.accel import middle_of
+from plenoptic.scene.accel import distinct_meshes, middle_of, part_of, placements_of, suits_float32
+from plenoptic.scene.instance import InstanceTables
 
 PACKET = 16
 
-_VERTEX, _INDEX, _FLOAT3, _UINT3, _TRIANGLE = 1, 0, 0x9003, 0x5003, 0
+_VERTEX, _INDEX, _FLOAT3, _UINT3, _FLOAT3X4 = 1, 0, 0x9003, 0x5003, 0x9134
+_TRIANGLE, _PLACED = 0, 121
 _SCENE_ROBUST = 4
 _COHERENT = 1 << 16
 _ALL_FEATURES = 0xFFFFFFFF
@@ -33,8 +35,9 @@ _INVALID = np.uint32(0xFFFFFFFF)
 # float32 rows of 16 lanes in RTCRay16 and, behind it, RTCHit16 (embree4/rtcore_ray.h).
 _ORG_X, _ORG_Y, _ORG_Z, _NEAR, _DIR_X, _DIR_Y, _DIR_Z, _TIME, _FAR, _MASK, _ID, _FLAGS = (16 * k for k in range(12))
 _PRIMITIVE, _GEOMETRY, _INSTANCE = 16 * 17, 16 * 18, 16 * 19
-_RAYHIT = 16 * 21
-"""Instance ids take one or two rows, depending on how the library was built: room for both."""
+_RAYHIT = 16 * 35
+"""Instance ids take two rows for each level that the library was built for, one by default: room for eight levels.
+The first row is that of the only level here."""
 
 _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "rtcNewDevice": (ctypes.c_void_p, (ctypes.c_char_p,)),
@@ -60,7 +63,9 @@ _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
         ),
     ),
     "rtcCommitGeometry": (None, (ctypes.c_void_p,)),
-    "rtcAttachGeometry": (ctypes.c_uint, (ctypes.c_void_p, ctypes.c_void_p)),
+    "rtcAttachGeometryByID": (None, (ctypes.c_void_p, ctypes.c_void_p, ctypes.c_uint)),
+    "rtcSetGeometryInstancedScene": (None, (ctypes.c_void_p, ctypes.c_void_p)),
+    "rtcSetGeometryTransform": (None, (ctypes.c_void_p, ctypes.c_uint, ctypes.c_int, ctypes.c_void_p)),
 }
 
 
@@ -98,49 +103,130 @@ class _Arguments(ctypes.Structure):
 
 
 class EmbreeTriangles:
-    """A committed Embree scene of one triangle mesh; it owns its buffers and frees the scene with itself."""
+    """A committed Embree scene of triangles and instances; it owns its buffers and frees the scenes with itself."""
 
-    def __init__(self, vertices: NDArray[np.float64], triangles: NDArray[np.int32]) -> None:
-        self.middle = middle_of(vertices)
-        # Embree reads 16 bytes at a time: buffers end with room to spare.
-        self._vertices = np.zeros(vertices.size + _PADDING, dtype=np.float32)
-        self._vertices[: vertices.size] = (vertices - self.middle).ravel()
-        self._triangles = np.zeros(triangles.size + _PADDING, dtype=np.uint32)
-        self._triangles[: triangles.size] = triangles.ravel()
+    def __init__(
+        self,
+        vertices: NDArray[np.float64],
+        triangles: NDArray[np.int32],
+        instances: InstanceTables | None = None,
+    ) -> None:
+        self.middle = middle_of(vertices, triangles, instances)
+        self.placements = placements_of(instances)
+        self._first = None if instances is None else instances.first
+        self._buffers: list[NDArray[Any]] = []
+        self._scenes: list[int] = []
         self._device = _library.rtcNewDevice(None)
         if not self._device:
             raise RuntimeError("Embree gave no device")
-        geometry = _library.rtcNewGeometry(self._device, _TRIANGLE)
-        for kind, layout, buffer, width, count in (
-            (_VERTEX, _FLOAT3, self._vertices, 12, len(vertices)),
-            (_INDEX, _UINT3, self._triangles, 12, len(triangles)),
-        ):
-            _library.rtcSetSharedGeometryBuffer(geometry, kind, 0, layout, buffer.ctypes.data, 0, width, count)
-        _library.rtcCommitGeometry(geometry)
-        self._scene = _library.rtcNewScene(self._device)
-        _library.rtcSetSceneFlags(self._scene, _SCENE_ROBUST)
-        _library.rtcAttachGeometry(self._scene, geometry)
-        _library.rtcReleaseGeometry(geometry)
+        weakref.finalize(self, _release, self._scenes, self._device)
+        self._scene = self._new_scene()
+        if instances is None:
+            self._attach(self._scene, self._triangles(vertices, triangles, self.middle), 0)
+        else:
+            # An instance is known by its row; plain triangles come behind.
+            if instances.plain:
+                plain = self._triangles(vertices, triangles[: instances.plain], self.middle)
+                self._attach(self._scene, plain, len(instances.first))
+            self._place(vertices, triangles, instances)
         _library.rtcCommitScene(self._scene)
         error = _library.rtcGetDeviceError(self._device)
-        if error or not self._scene:
+        if error:
             raise RuntimeError(f"Embree could not build the scene (error {error})")
         self._coherent = _Arguments(flags=_COHERENT, feature_mask=_ALL_FEATURES)
         self._incoherent = _Arguments(flags=0, feature_mask=_ALL_FEATURES)
-        weakref.finalize(self, _release, self._scene, self._device)
 
-    def fill_closest(self, hits: NDArray[np.int32], rays: NDArray[np.float64], *, coherent: bool) -> None:
-        """Triangle that each ray (origin and direction, (n, 6)) meets first, or -1."""
+    def fill_closest(
+        self,
+        hits: NDArray[np.int32],
+        rays: NDArray[np.float64],
+        *,
+        coherent: bool,
+        placed: NDArray[np.int32] | None = None,
+    ) -> None:
+        """Triangle that each ray (origin and direction, (n, 6)) meets first, or -1; and its instance, or -1."""
         arguments = self._coherent if coherent else self._incoherent
-        _fill_closest(hits, rays, self.middle, self._scene, ctypes.addressof(arguments))
+        _fill_closest(hits, placed, self._first, rays, self.middle, self._scene, ctypes.addressof(arguments))
 
     def fill_blocked(self, blocked: NDArray[np.uint8], rays: NDArray[np.float64]) -> None:
         """1 where something lies between a ray's origin and origin + direction, else 0."""
         _fill_blocked(blocked, rays, self.middle, self._scene, ctypes.addressof(self._incoherent))
 
+    def _new_scene(self) -> int:
+        scene: int = _library.rtcNewScene(self._device)
+        self._scenes.append(scene)
+        _library.rtcSetSceneFlags(scene, _SCENE_ROBUST)
+        return scene
 
-def _release(scene: int, device: int) -> None:
-    _library.rtcReleaseScene(scene)
+    def _triangles(
+        self, vertices: NDArray[np.float64], triangles: NDArray[np.int32], middle: NDArray[np.float64]
+    ) -> int:
+        """A geometry of triangles, in float32 relative to a point."""
+        corners, faces = part_of(vertices, triangles)
+        # Embree reads 16 bytes at a time: buffers end with room to spare.
+        points = np.zeros(corners.size + _PADDING, dtype=np.float32)
+        np.subtract(corners, middle, out=points[: corners.size].reshape(-1, 3), casting="same_kind")
+        rows = np.zeros(faces.size + _PADDING, dtype=np.uint32)
+        rows[: faces.size] = faces.ravel()
+        self._buffers += points, rows
+        geometry: int = _library.rtcNewGeometry(self._device, _TRIANGLE)
+        for kind, layout, buffer, count in (
+            (_VERTEX, _FLOAT3, points, len(corners)),
+            (_INDEX, _UINT3, rows, len(faces)),
+        ):
+            _library.rtcSetSharedGeometryBuffer(geometry, kind, 0, layout, buffer.ctypes.data, 0, 12, count)
+        return geometry
+
+    def _attach(self, scene: int, geometry: int, number: int) -> None:
+        _library.rtcCommitGeometry(geometry)
+        _library.rtcAttachGeometryByID(scene, geometry, number)
+        _library.rtcReleaseGeometry(geometry)
+
+    def _child(self, vertices: NDArray[np.float64], triangles: NDArray[np.int32], middle: NDArray[np.float64]) -> int:
+        scene = self._new_scene()
+        self._attach(scene, self._triangles(vertices, triangles, middle), 0)
+        _library.rtcCommitScene(scene)
+        return scene
+
+    def _place(self, vertices: NDArray[np.float64], triangles: NDArray[np.int32], instances: InstanceTables) -> None:
+        """Attach the instances, each mesh in float32 relative to its own middle."""
+        for first, count, places in distinct_meshes(instances):
+            corners, faces = part_of(vertices, triangles[first : first + count])
+            matrices = instances.matrices[places].reshape(-1, 3, 4)
+            fits = suits_float32(matrices[:, :, :3])
+            if fits.any():
+                middle = np.median(corners, axis=0)
+                child = self._child(corners, faces, middle)
+                self._attach_copies(child, middle, matrices[fits], places[fits])
+            for matrix, place in zip(matrices[~fits], np.flatnonzero(~fits), strict=True):
+                turned = corners @ matrix[:, :3].T + matrix[:, 3]
+                middle = np.median(turned, axis=0)
+                self._attach_copies(self._child(turned, faces, middle), middle, np.eye(4)[None, :3], places[[place]])
+
+    def _attach_copies(
+        self,
+        child: int,
+        middle: NDArray[np.float64],
+        matrices: NDArray[np.float64],
+        places: NDArray[np.intp],
+    ) -> None:
+        # p - M = A (q - m) + (A m + t - M), for points p of the world and q of the mesh and their middles M and m.
+        relative = matrices.copy()
+        relative[:, :, 3] += matrices[:, :, :3] @ middle - self.middle
+        assert self.placements is not None
+        self.placements[places, 12] = np.abs(relative[:, :, 3]).sum(axis=1)
+        transforms = np.ascontiguousarray(relative, dtype=np.float32)
+        address = transforms.ctypes.data
+        for k, place in enumerate(places.tolist()):
+            geometry = _library.rtcNewGeometry(self._device, _PLACED)
+            _library.rtcSetGeometryInstancedScene(geometry, child)
+            _library.rtcSetGeometryTransform(geometry, 0, _FLOAT3X4, address + 48 * k)
+            self._attach(self._scene, geometry, place)
+
+
+def _release(scenes: list[int], device: int) -> None:
+    for scene in scenes:
+        _library.rtcReleaseScene(scene)
     _library.rtcReleaseDevice(device)
 
 
@@ -175,7 +261,7 @@ def _pack(packet, valid, rays, middle, start, far):
 
 
 @kernel
-def _fill_closest(hits, rays, middle, scene, arguments):
+def _fill_closest(hits, placed, first, rays, middle, scene, arguments):
     packet = _aligned(np.zeros(_RAYHIT + 16, np.float32), 16)
     valid = _aligned(np.zeros(PACKET + 16, np.int32), 16)
     number = packet.view(np.uint32)
@@ -185,7 +271,14 @@ def _fill_closest(hits, rays, middle, scene, arguments):
         _intersect16(valid.ctypes.data, scene, packet.ctypes.data, arguments)
         for lane in range(min(PACKET, n - start)):
             hit = number[_GEOMETRY + lane] != _INVALID
-            hits[start + lane] = np.int32(number[_PRIMITIVE + lane]) if hit else np.int32(-1)
+            row = np.int32(number[_PRIMITIVE + lane])
+            place = np.int32(-1)
+            if first is not None and hit and number[_INSTANCE + lane] != _INVALID:
+                place = np.int32(number[_INSTANCE + lane])
+                row += first[place]
+            if placed is not None:
+                placed[start + lane] = place
+            hits[start + lane] = row if hit else np.int32(-1)
 
 
 @kernel

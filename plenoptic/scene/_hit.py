@@ -21,16 +21,52 @@ SHADOW_END = 1.0 - 2.0**-18
 
 
 @device
-def meet(ray, vertices, triangles, k):
-    """Distance along the ray to the plane of triangle k, two barycentric coordinates there, and its normal.
+def corners(vertices, triangles, k, matrices, place):
+    """The nine coordinates of the corners of triangle k in the world.
+
+    `place` is the row of `matrices` (n, 13) that brings the triangle into the world, -1 where it is there already;
+    `matrices` is None in scenes without instances.
+    """
+    a, b, c = vertices[triangles[k, 0]], vertices[triangles[k, 1]], vertices[triangles[k, 2]]
+    ax, ay, az, bx, by, bz, cx, cy, cz = a[0], a[1], a[2], b[0], b[1], b[2], c[0], c[1], c[2]
+    if matrices is not None:
+        if place >= 0:
+            m = matrices[place]
+            ax, ay, az = moved(m, ax, ay, az)
+            bx, by, bz = moved(m, bx, by, bz)
+            cx, cy, cz = moved(m, cx, cy, cz)
+    return ax, ay, az, bx, by, bz, cx, cy, cz
+
+
+@device
+def reach_of(matrices, place):
+    """How far the middle of an instance's mesh is from that of the scene, as `clearance` wants it; -1 for others."""
+    if matrices is not None:
+        if place >= 0:
+            return matrices[place, 12]
+    return -1.0
+
+
+@device
+def moved(m, x, y, z):
+    """A point through the rows of a 3 x 4 matrix, the first 12 of its numbers."""
+    return (
+        m[0] * x + m[1] * y + m[2] * z + m[3],
+        m[4] * x + m[5] * y + m[6] * z + m[7],
+        m[8] * x + m[9] * y + m[10] * z + m[11],
+    )
+
+
+@device
+def meet(ray, ax, ay, az, bx, by, bz, cx, cy, cz):
+    """Distance along the ray to the plane of a triangle, two barycentric coordinates there, and its normal.
 
     The normal is not normalised. All in float64 from the float64 vertices; a triangle without area gives NaN.
     """
-    a, b, c = vertices[triangles[k, 0]], vertices[triangles[k, 1]], vertices[triangles[k, 2]]
-    e1x, e1y, e1z = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-    e2x, e2y, e2z = c[0] - a[0], c[1] - a[1], c[2] - a[2]
+    e1x, e1y, e1z = bx - ax, by - ay, bz - az
+    e2x, e2y, e2z = cx - ax, cy - ay, cz - az
     nx, ny, nz = e1y * e2z - e1z * e2y, e1z * e2x - e1x * e2z, e1x * e2y - e1y * e2x
-    ox, oy, oz = ray[0] - a[0], ray[1] - a[1], ray[2] - a[2]
+    ox, oy, oz = ray[0] - ax, ray[1] - ay, ray[2] - az
     t = -(nx * ox + ny * oy + nz * oz) / (nx * ray[3] + ny * ray[4] + nz * ray[5])
     px, py, pz = ox + t * ray[3], oy + t * ray[4], oz + t * ray[5]
     n2 = nx * nx + ny * ny + nz * nz
@@ -40,34 +76,25 @@ def meet(ray, vertices, triangles, k):
 
 
 @device
-def distance_and_facing(ray, vertices, triangles, k):
-    """Distance along the ray to the plane of triangle k, and whether its front is seen."""
-    a, b, c = vertices[triangles[k, 0]], vertices[triangles[k, 1]], vertices[triangles[k, 2]]
-    e1x, e1y, e1z = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-    e2x, e2y, e2z = c[0] - a[0], c[1] - a[1], c[2] - a[2]
-    nx, ny, nz = e1y * e2z - e1z * e2y, e1z * e2x - e1x * e2z, e1x * e2y - e1y * e2x
-    along = nx * ray[3] + ny * ray[4] + nz * ray[5]
-    t = -(nx * (ray[0] - a[0]) + ny * (ray[1] - a[1]) + nz * (ray[2] - a[2])) / along
-    return t, along < 0.0
-
-
-@device
-def clearance(px, py, pz, nx, ny, nz, vertices, triangles, k, middle):
-    """How far off triangle k, at a point of it with the unit normal n, a ray must start to be in front of it.
+def clearance(px, py, pz, nx, ny, nz, ax, ay, az, bx, by, bz, cx, cy, cz, middle, reach):
+    """How far off a triangle, at a point of it with the unit normal n, a ray must start to be in front of it.
 
     In float32 the triangle lies off its place by the rounding of its corners, relative to the `middle` of the scene,
-    along the normal: coordinates along the surface, large as they may be, do not count.
+    along the normal: coordinates along the surface, large as they may be, do not count. For an instance, the ray was
+    turned in float32, and they all count, as does `reach`, how far its mesh's own middle is from that of the scene; it
+    is negative for other triangles.
     """
-    ax, ay, az = abs(nx), abs(ny), abs(nz)
-    across = ax * abs(px - middle[0]) + ay * abs(py - middle[1]) + az * abs(pz - middle[2])
-    along = abs(px) + abs(py) + abs(pz)
-    for corner in range(3):
-        v = vertices[triangles[k, corner]]
-        size = ax * abs(v[0] - middle[0]) + ay * abs(v[1] - middle[1]) + az * abs(v[2] - middle[2])
-        reach = ax * abs(v[0] - px) + ay * abs(v[1] - py) + az * abs(v[2] - pz)
-        across = max(across, size + reach)
-        along = max(along, abs(v[0]) + abs(v[1]) + abs(v[2]))
-    return OFFSET * across + OFFSET_64 * along
+    mx, my, mz = abs(nx), abs(ny), abs(nz)
+    if reach >= 0.0:
+        mx, my, mz = 1.0, 1.0, 1.0
+    x, y, z = middle[0], middle[1], middle[2]
+    across = mx * abs(px - x) + my * abs(py - y) + mz * abs(pz - z)
+    a = mx * (abs(ax - x) + abs(ax - px)) + my * (abs(ay - y) + abs(ay - py)) + mz * (abs(az - z) + abs(az - pz))
+    b = mx * (abs(bx - x) + abs(bx - px)) + my * (abs(by - y) + abs(by - py)) + mz * (abs(bz - z) + abs(bz - pz))
+    c = mx * (abs(cx - x) + abs(cx - px)) + my * (abs(cy - y) + abs(cy - py)) + mz * (abs(cz - z) + abs(cz - pz))
+    largest = max(abs(ax) + abs(ay) + abs(az), abs(bx) + abs(by) + abs(bz), abs(cx) + abs(cy) + abs(cz))
+    along = max(abs(px) + abs(py) + abs(pz), largest)
+    return OFFSET * max(across, a, b, c, reach) + OFFSET_64 * along
 
 
 @device
@@ -85,22 +112,8 @@ def interpolated_normal(normals, triangles, k, u, v):
 
 
 @device
-def texel_weights(uv, triangles, k, u, v, shape):
-    """Four rows of `texels` around a point and their bilinear weights; the image repeats, v points up."""
+def interpolated_uv(uv, triangles, k, u, v):
+    """Texture coordinates in between."""
     a, b, c = uv[triangles[k, 0]], uv[triangles[k, 1]], uv[triangles[k, 2]]
     w = 1.0 - u - v
-    start, rows, columns = shape[0], shape[1], shape[2]
-    x = (w * a[0] + u * b[0] + v * c[0]) * columns - 0.5
-    y = (1.0 - (w * a[1] + u * b[1] + v * c[1])) * rows - 0.5
-    left, top = math.floor(x), math.floor(y)
-    fx, fy = x - left, y - top
-    c0, r0 = int(left) % columns, int(top) % rows
-    c1, r1 = (c0 + 1) % columns, (r0 + 1) % rows
-    return (
-        start + r0 * columns + c0,
-        start + r0 * columns + c1,
-        start + r1 * columns + c0,
-        start + r1 * columns + c1,
-        fx,
-        fy,
-    )
+    return w * a[0] + u * b[0] + v * c[0], w * a[1] + u * b[1] + v * c[1]

@@ -1,33 +1,257 @@
-"""A point on a light, drawn by power: device functions."""
+"""Points on lights, drawn by power: kernels and device functions.
+
+Lights are one table: each item is a triangle that emits, a point, a sun or the environment, with a cumulative
+probability. Its columns are those of `light_tables`; kinds that a scene has not are None.
+"""
 
 from __future__ import annotations
 
 import math
 
-from plenoptic._jit import device
+import numpy as np
+
+from plenoptic._jit import device, kernel
+from plenoptic._sobol import sample
+from plenoptic.scene._bsdf import one_channel
+from plenoptic.scene._choice import choose
+from plenoptic.scene._colours import opacity_at, wave_of
+from plenoptic.scene._environment import draw_environment, environment_texel
+from plenoptic.scene._hit import clearance, corners, interpolated_uv, reach_of
+from plenoptic.scene._surfaces import mirrors
+from plenoptic.scene._textures import fill_texel
+from plenoptic.scene._turn import turn
+
+TRIANGLE, POINT, SUN, ENVIRONMENT = range(4)
+WIDTH = 7
+"""Numbers of a drawn light: unit direction to it, the point at which its shadow ray ends, the density."""
+ALONE = -1.0
+"""The density of light that comes from one direction only: that of a point, or of a sun without extent."""
 
 
 @device
-def choose(cdf, u):
-    """Index of the entry of a cumulative distribution that holds u, and u stretched to [0, 1) within it."""
-    low, high = 0, cdf.size - 1
-    while low < high:
-        middle = (low + high) // 2
-        if cdf[middle] > u:
-            high = middle
-        else:
-            low = middle + 1
-    before = cdf[low - 1] if low > 0 else 0.0
-    return low, min(max((u - before) / (cdf[low] - before), 0.0), 1.0)
+def across(nx, ny, nz):
+    """Two unit vectors across a unit normal (T. Duff et al., J. Comput. Graph. Tech. 6(1), 2017)."""
+    sign = math.copysign(1.0, nz)
+    a = -1.0 / (sign + nz)
+    b = nx * ny * a
+    return 1.0 + sign * nx * nx * a, sign * b, -sign * nx, b, sign + ny * ny * a, -ny
 
 
 @device
-def point_on_triangle(vertices, triangles, k, u, v):
-    """Uniformly distributed point of triangle k and its normal times twice its area."""
-    a, b, c = vertices[triangles[k, 0]], vertices[triangles[k, 1]], vertices[triangles[k, 2]]
-    root = math.sqrt(u)
-    s, t = root * (1.0 - v), root * v
-    e1x, e1y, e1z = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-    e2x, e2y, e2z = c[0] - a[0], c[1] - a[1], c[2] - a[2]
-    nx, ny, nz = e1y * e2z - e1z * e2y, e1z * e2x - e1x * e2z, e1x * e2y - e1y * e2x
-    return a[0] + s * e1x + t * e2x, a[1] + s * e1y + t * e2y, a[2] + s * e1z + t * e2z, nx, ny, nz
+def spot_share(sx, sy, sz, wx, wy, wz, cos_outer, cos_inner):
+    """What a spot sends along -w, of what it sends along its axis s (KHR_lights_punctual)."""
+    cosine = -(sx * wx + sy * wy + sz * wz)
+    if cosine >= cos_inner:
+        return 1.0
+    if cosine <= cos_outer:
+        return 0.0
+    share = (cosine - cos_outer) / (cos_inner - cos_outer)
+    return share * share
+
+
+@kernel
+def fill_drawn_lights(
+    drawn,
+    lit,
+    surface,
+    lane_of,
+    material_of,
+    takes_light,
+    path_of,
+    set_keys,
+    set_indices,
+    vertices,
+    triangles,
+    triangle_material,
+    uv,
+    matrices,
+    middle,
+    channels,
+    emission,
+    two_sided,
+    emission_texture,
+    opacity,
+    cutoff,
+    opacity_texture,
+    texels,
+    texture_rows,
+    light_cdf,
+    light_row,
+    light_kind,
+    light_place,
+    material_density,
+    points,
+    point_colours,
+    suns,
+    sun_colours,
+    environment_texels,
+    environment_rows,
+    environment_columns,
+    environment_densities,
+    environment_rotation,
+    environment_share,
+    far,
+    waves,
+    basis,
+):
+    """Draw one light for each surface; `lit` is its radiance over the density by which it was drawn.
+
+    0 where the light shines the other way, or where the material takes no light that is drawn directly. For lights from
+    one direction only, `lit` is their irradiance over the probability, and the density ALONE. `light_kind` and what
+    belongs to kinds is None where all lights are triangles. `channels` is the number of the scene's.
+    """
+    colour, share = np.empty(channels), np.empty(1)
+    for i in range(material_of.size):
+        for c in range(lit.shape[1]):
+            lit[i, c] = 0.0
+        if takes_light[material_of[i]] == 0:
+            continue
+        row, out = surface[i], drawn[i]
+        path = path_of[lane_of[i]]
+        key, index = set_keys[i], set_indices[i]
+        light, u = choose(light_cdf, sample(index, 0, key))
+        v = sample(index, 1, key)
+        px, py, pz = row[0], row[1], row[2]
+        kind = TRIANGLE if light_kind is None else light_kind[light]
+        value = 0.0
+        if emission is not None and kind == TRIANGLE:
+            k = light_row[light]
+            place = -1 if light_place is None else light_place[light]
+            ax, ay, az, bx, by, bz, cx, cy, cz = corners(vertices, triangles, k, matrices, place)
+            root = math.sqrt(u)
+            s, t = root * (1.0 - v), root * v
+            e1x, e1y, e1z = bx - ax, by - ay, bz - az
+            e2x, e2y, e2z = cx - ax, cy - ay, cz - az
+            hx, hy, hz = e1y * e2z - e1z * e2y, e1z * e2x - e1x * e2z, e1x * e2y - e1y * e2x
+            lx, ly, lz = ax + s * e1x + t * e2x, ay + s * e1y + t * e2y, az + s * e1z + t * e2z
+            wx, wy, wz = lx - px, ly - py, lz - pz
+            r2 = wx * wx + wy * wy + wz * wz
+            twice_area = math.sqrt(hx * hx + hy * hy + hz * hz)
+            r = math.sqrt(r2)
+            at_light = -(hx * wx + hy * wy + hz * wz) / (twice_area * r)
+            facing = 1.0 if at_light > 0.0 else -1.0
+            front = facing
+            if matrices is not None:
+                if place >= 0 and mirrors(matrices[place]):
+                    front = -facing
+            source = triangle_material[k]
+            if not (front > 0.0 or two_sided[source] != 0) or not abs(at_light) > 0.0 or not r2 > 0.0:
+                continue
+            hx, hy, hz = facing * hx / twice_area, facing * hy / twice_area, facing * hz / twice_area
+            reach = reach_of(matrices, place)
+            off = clearance(lx, ly, lz, hx, hy, hz, ax, ay, az, bx, by, bz, cx, cy, cz, middle, reach)
+            out[0], out[1], out[2] = wx / r, wy / r, wz / r
+            out[3], out[4], out[5] = lx + off * hx, ly + off * hy, lz + off * hz
+            out[6] = material_density[source] * r2 / abs(at_light)
+            value = 1.0 / out[6]
+            for c in range(colour.size):
+                colour[c] = emission[source, c]
+            if emission_texture is not None:
+                texture = emission_texture[source]
+                if texture >= 0:
+                    tu, tv = interpolated_uv(uv, triangles, k, s, t)
+                    fill_texel(colour, texels, texture_rows[texture], tu, tv)
+            if opacity is not None:
+                if opacity[source] < 1.0:
+                    value *= opacity_at(
+                        share, source, k, s, t, triangles, uv, opacity, cutoff, opacity_texture, texels, texture_rows
+                    )
+        if points is not None and kind == POINT:
+            lamp = points[light_row[light]]
+            wx, wy, wz = lamp[0] - px, lamp[1] - py, lamp[2] - pz
+            r2 = wx * wx + wy * wy + wz * wz
+            if not r2 > 0.0:
+                continue
+            r = math.sqrt(r2)
+            wx, wy, wz = wx / r, wy / r, wz / r
+            out[0], out[1], out[2], out[3], out[4], out[5] = wx, wy, wz, lamp[0], lamp[1], lamp[2]
+            out[6] = ALONE
+            chance = light_cdf[light] - (light_cdf[light - 1] if light > 0 else 0.0)
+            value = spot_share(lamp[3], lamp[4], lamp[5], wx, wy, wz, lamp[6], lamp[7]) / (r2 * chance)
+            for c in range(colour.size):
+                colour[c] = point_colours[light_row[light], c]
+        if suns is not None and kind == SUN:
+            sun = suns[light_row[light]]
+            wx, wy, wz = sun[0], sun[1], sun[2]
+            out[6] = ALONE
+            value = 1.0 / sun[4]
+            if sun[3] > 0.0:
+                # Uniform over the disc; sun[3] is 1 - cosine of its angular radius.
+                high = u * sun[3]
+                low = math.sqrt(high * (2.0 - high))
+                c, s = turn(v)
+                a, b = low * c, low * s
+                x1, y1, z1, x2, y2, z2 = across(wx, wy, wz)
+                up = 1.0 - high
+                wx, wy, wz = up * wx + a * x1 + b * x2, up * wy + a * y1 + b * y2, up * wz + a * z1 + b * z2
+                out[6] = sun[4] / (2.0 * math.pi * sun[3])
+                value = 1.0 / out[6]
+            out[0], out[1], out[2] = wx, wy, wz
+            out[3], out[4], out[5] = px + far * wx, py + far * wy, pz + far * wz
+            for c in range(colour.size):
+                colour[c] = sun_colours[light_row[light], c]
+        if environment_texels is not None and kind == ENVIRONMENT:
+            wx, wy, wz, r0, c0 = draw_environment(u, v, environment_rows, environment_columns, environment_rotation)
+            out[0], out[1], out[2] = wx, wy, wz
+            out[3], out[4], out[5] = px + far * wx, py + far * wy, pz + far * wz
+            out[6] = environment_share * environment_densities[r0, c0]
+            if not out[6] > 0.0:
+                continue
+            value = 1.0 / out[6]
+            for c in range(colour.size):
+                colour[c] = environment_texels[r0, c0, c]
+        wave = wave_of(waves, path)
+        for c in range(lit.shape[1]):
+            lit[i, c] = one_channel(colour, c, basis, wave) * value
+
+
+@device
+def weight(density, other):
+    """How much a direction counts that was drawn by `density` and could have been by `other` (power heuristic)."""
+    if density < 0.0 or other <= 0.0:
+        return 1.0
+    if not density > 0.0:
+        return 0.0
+    ratio = other / density
+    return 1.0 / (1.0 + ratio * ratio)
+
+
+@device
+def fill_sky(
+    colour,
+    dx,
+    dy,
+    dz,
+    density,
+    background,
+    suns,
+    sun_colours,
+    environment_texels,
+    environment_densities,
+    environment_rotation,
+    environment_share,
+):
+    """Fill `colour` with what a ray sees that meets nothing.
+
+    `density` is that of its direction, ALONE if it is certain. A constant background is not drawn directly, and counts
+    in full.
+    """
+    for c in range(colour.size):
+        colour[c] = 0.0 if background is None else background[c]
+    if suns is not None:
+        for s in range(suns.shape[0]):
+            sun = suns[s]
+            if sun[3] > 0.0:
+                x, y, z = dx - sun[0], dy - sun[1], dz - sun[2]
+                # |d - s|^2 = 2 (1 - cos), without the cancellation of 1 - cos.
+                if 0.5 * (x * x + y * y + z * z) < sun[3]:
+                    counts = weight(density, sun[4] / (2.0 * math.pi * sun[3]))
+                    for c in range(colour.size):
+                        colour[c] += counts * sun_colours[s, c]
+    if environment_texels is not None:
+        row, column = environment_texel(
+            dx, dy, dz, environment_texels.shape[0], environment_texels.shape[1], environment_rotation
+        )
+        counts = weight(density, environment_share * environment_densities[row, column])
+        for c in range(colour.size):
+            colour[c] += counts * environment_texels[row, column, c]

@@ -11,95 +11,131 @@ import math
 import numpy as np
 
 from plenoptic._jit import device, kernel
-from plenoptic._sobol import sample, set_index, set_key
-from plenoptic.scene._hit import clearance, distance_and_facing, interpolated_normal, meet, texel_weights
-from plenoptic.scene._lights import choose, point_on_triangle
+from plenoptic._sobol import mix, sample
+from plenoptic.scene._bsdf import EXACT, draw, evaluate, one_channel
+from plenoptic.scene._colours import wave_of
+from plenoptic.scene._hit import corners, interpolated_uv, meet
+from plenoptic.scene._lights import across, fill_sky, weight
+from plenoptic.scene._surfaces import mirrors
+from plenoptic.scene._textures import fill_texel
 
-
-@device
-def _channel(colour, c, basis, wave):
-    """Channel c of a colour of the scene or, with a basis (wavelengths, 3), what the colour is at a wavelength."""
-    if basis is None or colour.size == 1:
-        return colour[c]
-    return colour[0] * basis[wave, 0] + colour[1] * basis[wave, 1] + colour[2] * basis[wave, 2]
-
-
-@device
-def _wave(waves, path):
-    return 0 if waves is None else waves[path]
+_LOTTERY, _LOBE = np.uint64(311), np.uint64(312)
+_UNIT_53 = 2.0**-53
 
 
 @kernel
 def fill_emitted(
     radiance,
     throughput,
+    density,
+    rough,
     path_of,
     hits,
+    placed,
     rays,
     vertices,
     triangles,
     triangle_material,
+    uv,
+    matrices,
     emission,
     two_sided,
+    emission_texture,
+    texels,
+    texture_rows,
+    material_density,
     background,
+    suns,
+    sun_colours,
+    environment_texels,
+    environment_densities,
+    environment_rotation,
+    environment_share,
+    travelled,
     waves,
     basis,
 ):
-    """Add what the surfaces that rays meet emit, and the background where they meet nothing.
+    """Add what the surfaces that rays meet emit, and the world where they meet nothing.
 
-    `throughput` is None for rays straight from the camera, `emission` None where nothing emits or
-    lights are drawn directly instead, `background` None where the world is black. With a `basis`, paths have one
-    channel each, at the wavelength that `waves` names.
+    `throughput` and `density` are None for rays straight from the camera, `emission` None where nothing emits.
+    `density` is that by which the ray's direction was drawn: what could have been drawn as a light too counts in part.
+    Where `rough` is given (1 for paths that a rough surface has scattered), what mirrors throw on rough surfaces does
+    not count.
     """
+    channels = 1
+    if emission is not None:
+        channels = emission.shape[1]
+    if background is not None:
+        channels = background.size
+    if sun_colours is not None:
+        channels = sun_colours.shape[1]
+    if environment_texels is not None:
+        channels = environment_texels.shape[2]
+    seen = np.empty(channels)
     for i in range(path_of.size):
         k = hits[i]
         path = path_of[i]
+        drawn = EXACT if density is None else density[i]
+        ray = rays[i]
+        if rough is not None:
+            if rough[i] != 0 and drawn < 0.0:
+                continue
         if k < 0:
-            if background is not None:
-                for c in range(radiance.shape[1]):
-                    seen_there = _channel(background, c, basis, _wave(waves, path))
-                    radiance[path, c] += seen_there * (1.0 if throughput is None else throughput[i, c])
-        elif emission is not None:
+            if background is None and suns is None and environment_texels is None:
+                continue
+            fill_sky(
+                seen,
+                ray[3],
+                ray[4],
+                ray[5],
+                drawn,
+                background,
+                suns,
+                sun_colours,
+                environment_texels,
+                environment_densities,
+                environment_rotation,
+                environment_share,
+            )
+        else:
+            if emission is None:
+                continue
             material = triangle_material[k]
-            seen = two_sided[material] != 0
-            if not seen:
-                _, seen = distance_and_facing(rays[i], vertices, triangles, k)
-            if seen:
-                for c in range(radiance.shape[1]):
-                    emitted = _channel(emission[material], c, basis, _wave(waves, path))
-                    radiance[path, c] += emitted * (1.0 if throughput is None else throughput[i, c])
+            brightest = 0.0
+            for c in range(channels):
+                seen[c] = emission[material, c]
+                brightest = max(brightest, seen[c])
+            if not brightest > 0.0:
+                continue
+            place = -1 if placed is None else placed[i]
+            t, u, v, nx, ny, nz = meet(ray, *corners(vertices, triangles, k, matrices, place))
+            along = nx * ray[3] + ny * ray[4] + nz * ray[5]
+            front = along < 0.0
+            if matrices is not None:
+                if place >= 0 and mirrors(matrices[place]):
+                    front = not front
+            if (not front and two_sided[material] == 0) or not t > 0.0:
+                continue
+            if emission_texture is not None:
+                texture = emission_texture[material]
+                if texture >= 0:
+                    tu, tv = interpolated_uv(uv, triangles, k, u, v)
+                    fill_texel(seen, texels, texture_rows[texture], tu, tv)
+            if material_density is not None and drawn > 0.0:
+                far = t if travelled is None else t + travelled[i]
+                cosine = abs(along) / math.sqrt(nx * nx + ny * ny + nz * nz)
+                counts = weight(drawn, material_density[material] * far * far / cosine)
+                for c in range(channels):
+                    seen[c] *= counts
+        wave = wave_of(waves, path)
+        for c in range(radiance.shape[1]):
+            radiance[path, c] += one_channel(seen, c, basis, wave) * (1.0 if throughput is None else throughput[i, c])
 
 
 @device
-def _across(nx, ny, nz):
-    """Two unit vectors across a unit normal (T. Duff et al., J. Comput. Graph. Tech. 6(1), 2017)."""
-    sign = math.copysign(1.0, nz)
-    a = -1.0 / (sign + nz)
-    b = nx * ny * a
-    return 1.0 + sign * nx * nx * a, sign * b, -sign * nx, b, sign + ny * ny * a, -ny
-
-
-@device
-def _fill_albedo(
-    colour, texel, k, u, v, albedo, material, triangles, uv, material_texture, texels, texture_shape, basis, wave
-):
-    """Fill `colour` (channels,) with the albedo at a hit; returns its largest channel. `texel` is room for one."""
-    largest = 0.0
-    for c in range(colour.shape[0]):
-        colour[c] = _channel(albedo, c, basis, wave)
-    if texels is not None:
-        row = material_texture[material]
-        if row >= 0:
-            p00, p01, p10, p11, fx, fy = texel_weights(uv, triangles, k, u, v, texture_shape[row])
-            for c in range(texels.shape[1]):
-                top = texels[p00, c] + fx * (texels[p01, c] - texels[p00, c])
-                bottom = texels[p10, c] + fx * (texels[p11, c] - texels[p10, c])
-                texel[c] = top + fy * (bottom - top)
-            for c in range(colour.shape[0]):
-                colour[c] = _channel(texel, c, basis, wave)
-    for c in range(colour.shape[0]):
-        largest = max(largest, colour[c])
-    return largest
+def _number(key, index, salt):
+    """A random number in [0, 1) beside those of the Sobol points."""
+    return np.float64(mix(mix(key, salt), np.uint64(index)) >> np.uint64(11)) * _UNIT_53
 
 
 @kernel
@@ -107,133 +143,159 @@ def fill_scattered(
     next_rays,
     next_path,
     next_throughput,
+    next_density,
+    next_from,
     shadow_rays,
     shadow_path,
     shadow_radiance,
-    hits,
+    surface,
+    base,
+    lane_of,
+    material_of,
     rays,
     path_of,
     throughput,
-    path_key,
-    path_index,
-    bounce,
-    vertices,
-    triangles,
-    triangle_material,
-    normals,
-    uv,
-    albedo,
-    material_texture,
-    texels,
-    texture_shape,
-    emission,
-    two_sided,
-    light_triangles,
-    light_cdf,
-    light_area_pdf,
-    middle,
+    set_keys,
+    set_indices,
+    lottery,
+    kinds,
+    metal_index,
+    glass_index,
+    pane_index,
+    coupling,
+    coupling_mean,
+    drawn,
+    lit,
     waves,
     basis,
 ):
-    """Lambertian scattering: one shadow ray towards a light and one ray onwards for each ray that hits.
+    """Weigh the lights that were drawn and draw the rays onwards; returns how many shadow rays and rays there are.
 
-    Returns the numbers of shadow rays and of rays onwards. `next_rays` is None where none are wanted,
-    `light_triangles` None where there are no lights, `throughput` None for rays straight from the camera.
-    Direct light is emission albedo / pi cos cos / distance^2 / density; a ray onwards is drawn by its cosine, so that
-    its weight is the albedo. Secondary rays start in front of the surface by the clearance that float32 needs; direct
-    light's geometry is that of the hit itself.
+    `next_rays` is None where none are wanted, `drawn` None where there are no lights, `throughput` None for rays
+    straight from the camera, `kinds` None where all materials are Lambertian. `next_from` names the surface each ray
+    comes from, and is negative (-1 - surface) where the ray has gone through it. With `lottery`, paths go on with a
+    probability of what their surface gives back.
     """
-    channels = shadow_radiance.shape[1]
-    colour, texel = np.empty(channels), np.empty(albedo.shape[1])
+    channels = base.shape[1]
+    f = np.empty(channels)
     shadows = 0
     onwards = 0
-    for i in range(path_of.size):
-        k = hits[i]
-        if k < 0:
-            continue
-        material = triangle_material[k]
-        ray = rays[i]
-        t, u, v, gx, gy, gz = meet(ray, vertices, triangles, k)
-        if not t > 0.0 or not t < math.inf:
-            continue
-        wave = _wave(waves, path_of[i])
-        largest = _fill_albedo(
-            colour,
-            texel,
-            k,
-            u,
-            v,
-            albedo[material],
-            material,
-            triangles,
-            uv,
-            material_texture,
-            texels,
-            texture_shape,
-            basis,
-            wave,
-        )
-        if not largest > 0.0:
-            continue
-        # The geometric normal towards the side that the ray comes from; the shading normal beside it.
-        scale = 1.0 / math.sqrt(gx * gx + gy * gy + gz * gz)
-        if gx * ray[3] + gy * ray[4] + gz * ray[5] > 0.0:
-            scale = -scale
-        gx, gy, gz = gx * scale, gy * scale, gz * scale
-        nx, ny, nz = gx, gy, gz
-        if normals is not None:
-            sx, sy, sz = interpolated_normal(normals, triangles, k, u, v)
-            side = 1.0 if sx * gx + sy * gy + sz * gz >= 0.0 else -1.0
-            sx, sy, sz = side * sx, side * sy, side * sz
-            if sx * ray[3] + sy * ray[4] + sz * ray[5] < 0.0:
-                nx, ny, nz = sx, sy, sz
-        px, py, pz = ray[0] + t * ray[3], ray[1] + t * ray[4], ray[2] + t * ray[5]
-        off = clearance(px, py, pz, gx, gy, gz, vertices, triangles, k, middle)
-        qx, qy, qz = px + off * gx, py + off * gy, pz + off * gz
-        path = path_of[i]
-        key = set_key(path_key[path], bounce + 1)
-        index = set_index(path_index[path], key, bounce + 1)
-        if light_triangles is not None:
-            light, stretched = choose(light_cdf, sample(index, 0, key))
-            lit = light_triangles[light]
-            lx, ly, lz, hx, hy, hz = point_on_triangle(vertices, triangles, lit, stretched, sample(index, 1, key))
-            wx, wy, wz = lx - px, ly - py, lz - pz
-            r2 = wx * wx + wy * wy + wz * wz
-            source = triangle_material[lit]
-            at_light = -(hx * wx + hy * wy + hz * wz)
-            facing = 1.0 if at_light > 0.0 else -1.0
-            at_surface = nx * wx + ny * wy + nz * wz
-            visible = (facing > 0.0 or two_sided[source] != 0) and gx * wx + gy * wy + gz * wz > 0.0
-            if visible and at_surface > 0.0 and at_light != 0.0 and r2 > 0.0:
-                twice_area = math.sqrt(hx * hx + hy * hy + hz * hz)
-                geometry = at_surface * abs(at_light) / (twice_area * r2 * r2 * math.pi * light_area_pdf[light])
-                hx, hy, hz = facing * hx / twice_area, facing * hy / twice_area, facing * hz / twice_area
-                off = clearance(lx, ly, lz, hx, hy, hz, vertices, triangles, lit, middle)
-                row = shadow_rays[shadows]
-                row[0], row[1], row[2] = qx, qy, qz
-                row[3], row[4], row[5] = lx + off * hx - qx, ly + off * hy - qy, lz + off * hz - qz
-                shadow_path[shadows] = path
-                for c in range(channels):
-                    through = 1.0 if throughput is None else throughput[i, c]
-                    emitted = _channel(emission[source], c, basis, wave)
-                    shadow_radiance[shadows, c] = through * colour[c] * emitted * geometry
-                shadows += 1
+    for i in range(material_of.size):
+        row, ray, material = surface[i], rays[lane_of[i]], material_of[i]
+        path = path_of[lane_of[i]]
+        gx, gy, gz, nx, ny, nz = row[3], row[4], row[5], row[6], row[7], row[8]
+        ax, ay, az, bx, by, bz = across(nx, ny, nz)
+        dx, dy, dz = -ray[3], -ray[4], -ray[5]
+        ox, oy, oz = dx * ax + dy * ay + dz * az, dx * bx + dy * by + dz * bz, dx * nx + dy * ny + dz * nz
+        kind = 0
+        roughness, metallic, front, wave = 0.0, 0.0, True, 0
+        if kinds is not None:
+            kind = kinds[material]
+            roughness, metallic, front = row[12], row[13], row[11] > 0.0
+            wave = wave_of(waves, path)
+        if drawn is not None:
+            light, bright = drawn[i], 0.0
+            for c in range(channels):
+                bright = max(bright, lit[i, c])
+            if bright > 0.0:
+                wx, wy, wz = light[0], light[1], light[2]
+                ix, iy, iz = wx * ax + wy * ay + wz * az, wx * bx + wy * by + wz * bz, wx * nx + wy * ny + wz * nz
+                beyond = wx * gx + wy * gy + wz * gz
+                if beyond * iz > 0.0:
+                    chance = evaluate(
+                        f,
+                        kind,
+                        base[i],
+                        roughness,
+                        metallic,
+                        front,
+                        material,
+                        ox,
+                        oy,
+                        oz,
+                        ix,
+                        iy,
+                        iz,
+                        basis,
+                        wave,
+                        metal_index,
+                        glass_index,
+                        coupling,
+                        coupling_mean,
+                    )
+                    counts = 1.0 if light[6] < 0.0 else weight(light[6], chance)
+                    spread = 1.0
+                    if glass_index is not None:
+                        if iz < 0.0:
+                            eta = glass_index[material, 0] / glass_index[material, 1]
+                            spread = 1.0 / (eta * eta) if front else eta * eta
+                    brightest = 0.0
+                    for c in range(channels):
+                        through = 1.0 if throughput is None else throughput[lane_of[i], c]
+                        shadow_radiance[shadows, c] = through * f[c] * lit[i, c] * counts * spread
+                        brightest = max(brightest, shadow_radiance[shadows, c])
+                    if brightest > 0.0:
+                        off = row[9] if beyond > 0.0 else -row[9]
+                        qx, qy, qz = row[0] + off * gx, row[1] + off * gy, row[2] + off * gz
+                        out = shadow_rays[shadows]
+                        out[0], out[1], out[2] = qx, qy, qz
+                        out[3], out[4], out[5] = light[3] - qx, light[4] - qy, light[5] - qz
+                        shadow_path[shadows] = path
+                        shadows += 1
         if next_rays is not None:
-            radius = math.sqrt(sample(index, 2, key))
-            angle = 2.0 * math.pi * sample(index, 3, key)
-            a, b = radius * math.cos(angle), radius * math.sin(angle)
-            up = math.sqrt(max(0.0, 1.0 - radius * radius))
-            ax, ay, az, bx, by, bz = _across(nx, ny, nz)
-            dx, dy, dz = a * ax + b * bx + up * nx, a * ay + b * by + up * ny, a * az + b * bz + up * nz
-            if dx * gx + dy * gy + dz * gz > 0.0:
-                row = next_rays[onwards]
-                row[0], row[1], row[2] = qx, qy, qz
-                row[3], row[4], row[5] = dx, dy, dz
-                next_path[onwards] = path
-                for c in range(channels):
-                    through = 1.0 if throughput is None else throughput[i, c]
-                    next_throughput[onwards, c] = through * colour[c]
-                onwards += 1
+            key, index = set_keys[i], set_indices[i]
+            lobe = 0.0
+            if glass_index is not None:
+                if glass_index[material, 0] > 0.0 and roughness > 0.0:
+                    lobe = _number(key, index, _LOBE)
+            ix, iy, iz, chance, spread = draw(
+                f,
+                kind,
+                base[i],
+                roughness,
+                metallic,
+                front,
+                material,
+                ox,
+                oy,
+                oz,
+                sample(index, 2, key),
+                sample(index, 3, key),
+                lobe,
+                basis,
+                wave,
+                metal_index,
+                glass_index,
+                pane_index,
+                coupling,
+                coupling_mean,
+            )
+            wx, wy, wz = ix * ax + iy * bx + iz * nx, ix * ay + iy * by + iz * ny, ix * az + iy * bz + iz * nz
+            beyond = wx * gx + wy * gy + wz * gz
+            largest = 0.0
+            for c in range(channels):
+                largest = max(largest, f[c])
+            if chance == 0.0 or beyond * iz <= 0.0 or not largest > 0.0:
+                continue
+            if lottery and largest < 1.0:
+                if _number(key, index, _LOTTERY) >= largest:
+                    continue
+                spread /= largest
+            off = row[9] if beyond > 0.0 else -row[9]
+            # Rays stay at unit length however often they turn.
+            scale = 1.0 / math.sqrt(wx * wx + wy * wy + wz * wz)
+            out = next_rays[onwards]
+            out[0], out[1], out[2] = row[0] + off * gx, row[1] + off * gy, row[2] + off * gz
+            out[3], out[4], out[5] = wx * scale, wy * scale, wz * scale
+            next_path[onwards] = path
+            for c in range(channels):
+                through = 1.0 if throughput is None else throughput[lane_of[i], c]
+                next_throughput[onwards, c] = through * f[c] * spread
+            if next_density is not None:
+                next_density[onwards] = chance
+            if next_from is not None:
+                next_from[onwards] = i if beyond > 0.0 else -1 - i
+            onwards += 1
     return shadows, onwards
 
 
@@ -244,14 +306,3 @@ def fill_direct(radiance, blocked, shadow_path, shadow_radiance):
         if blocked[i] == 0:
             for c in range(radiance.shape[1]):
                 radiance[shadow_path[i], c] += shadow_radiance[i, c]
-
-
-@kernel
-def fill_distances(distances, hits, rays, vertices, triangles):
-    """Distance along each ray to the triangle it meets, in float64 from the float64 vertices; inf without one."""
-    for i in range(hits.size):
-        distances[i] = math.inf
-        if hits[i] >= 0:
-            t, _ = distance_and_facing(rays[i], vertices, triangles, hits[i])
-            if t > 0.0:
-                distances[i] = t

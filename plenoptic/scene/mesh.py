@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from math import cos, radians, sin
+from math import radians
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,12 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from plenoptic._values import finite, frozen_array, positive, set_field, value
 from plenoptic.errors import InvalidValueError, SceneError
-from plenoptic.scene.material import (
-    Emissive,
-    Lambertian,
-    Material,
-)
-from plenoptic.scene.texture import Texture
+from plenoptic.scene.diffuse import Lambertian
+from plenoptic.scene.material import MATERIALS, Material, textures_of
+from plenoptic.scene.rotation import rotation_about
 
 MAX_COORDINATE = 1e15
 """mm: Embree, in float32, drops vertices beyond 1.8e18, and areas must stay finite in float32 too."""
@@ -34,8 +31,9 @@ class Mesh:
         Corners, mm, finite.
     faces : (m, 3) array of int
         The rows of `vertices` that make up each triangle. Triangles without area may be among them, not all of them.
-    material : Lambertian or Emissive
-        A textured one needs `uv`.
+    material : Material
+        `Lambertian`, `RoughDiffuse`, `Conductor`, `Dielectric`, `ThinGlass`, `MetallicRoughness` or `Emissive`; a
+        textured one needs `uv`.
     normals : (n, 3) array or None
         Smooth shading normals at the vertices, brought to unit length; rows of zeros stay and mean a flat
         surface there. None: flat triangles.
@@ -84,8 +82,9 @@ class Mesh:
         _check_range(vertices, "vertices", "repair the mesh, or check its unit")
         if not has_area(vertices, faces):
             raise SceneError(f"all {len(faces)} triangles have zero area; spread the vertices or leave the mesh out")
-        if not isinstance(self.material, Lambertian | Emissive):
-            raise InvalidValueError(f"material is {self.material!r}; it must be Lambertian or Emissive")
+        if not isinstance(self.material, MATERIALS):
+            names = ", ".join(kind.__name__ for kind in MATERIALS)
+            raise InvalidValueError(f"material is {self.material!r}; it must be one of {names}")
         if not isinstance(self.name, str):
             raise InvalidValueError(f"name is {self.name!r}; it must be a text")
         if self.normals is not None:
@@ -96,8 +95,8 @@ class Mesh:
             uv = frozen_array(self.uv, name="uv", shape=(len(vertices), 2))
             _check_range(uv, "uv", "map the mesh again")
             set_field(self, "uv", uv)
-        elif isinstance(self.material, Lambertian) and isinstance(self.material.albedo, Texture):
-            raise SceneError("the material has a texture and uv is None; give uv, or an albedo without a texture")
+        elif textures_of(self.material):
+            raise SceneError("the material has a texture and uv is None; give uv, or a material without a texture")
         set_field(self, "vertices", vertices)
         set_field(self, "faces", faces)
 
@@ -193,16 +192,8 @@ class Mesh:
         >>> pl.box((4, 2, 1)).rotated((0, 0, 1), np.pi / 2).bounds[1].round(12).tolist()
         [1.0, 2.0, 0.5]
         """
-        direction = frozen_array(axis, name="axis", shape=(3,))
-        length = float(np.linalg.norm(direction))
-        if not 0 < length < np.inf:
-            raise InvalidValueError(f"axis {direction.tolist()} has length {length:g}; it must be finite and above 0")
-        x, y, z = direction / length
-        cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-        # Rodrigues' formula
-        angle = finite(angle, "angle")
         matrix = np.eye(4)
-        matrix[:3, :3] += sin(angle) * cross + (1 - cos(angle)) * (cross @ cross)
+        matrix[:3, :3] = rotation_about(axis, angle)
         return self.transformed(matrix)
 
     def rotated_deg(self, axis: ArrayLike, angle_deg: float) -> Mesh:

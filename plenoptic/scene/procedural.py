@@ -1,4 +1,4 @@
-"""Meshes and scenes made from numbers: simple bodies, checkerboards, the reference scenes and a still life."""
+"""Meshes and scenes made from numbers: simple bodies, checkerboards and the reference scenes."""
 
 from __future__ import annotations
 
@@ -9,9 +9,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from plenoptic._values import finite, frozen_array, positive, whole
 from plenoptic.errors import InvalidValueError
+from plenoptic.scene.diffuse import Lambertian
+from plenoptic.scene.emissive import Emissive
+from plenoptic.scene.glass import Dielectric
 from plenoptic.scene.light import QuadLight
-from plenoptic.scene.material import Emissive, Lambertian, Material
+from plenoptic.scene.material import Material
 from plenoptic.scene.mesh import Mesh
+from plenoptic.scene.metal import Conductor
 from plenoptic.scene.scene import Scene
 
 _BLACK = Lambertian(0.0)
@@ -26,7 +30,7 @@ def quad(corner: ArrayLike, edge_u: ArrayLike, edge_v: ArrayLike, *, material: M
         mm; texture coordinate (0, 0).
     edge_u, edge_v : (3,) array
         mm; towards texture coordinates (1, 0) and (0, 1).
-    material : Lambertian or Emissive, optional
+    material : Material, optional
         Lambertian(0.5) by default, as for all bodies here.
 
     Returns
@@ -55,7 +59,7 @@ def box(size: ArrayLike, *, center: ArrayLike = (0.0, 0.0, 0.0), material: Mater
         Edge lengths in mm.
     center : (3,) array
         mm.
-    material : Lambertian or Emissive, optional
+    material : Material, optional
 
     Returns
     -------
@@ -103,7 +107,7 @@ def sphere(
         mm.
     segments : (int, int)
         Facets around the axis and from pole to pole.
-    material : Lambertian or Emissive, optional
+    material : Material, optional
 
     Returns
     -------
@@ -137,7 +141,7 @@ def turned(profile: ArrayLike, *, segments: int = 128, material: Material | None
         the right of this line.
     segments : int
         Facets around the axis.
-    material : Lambertian or Emissive, optional
+    material : Material, optional
 
     Returns
     -------
@@ -195,7 +199,7 @@ def checkerboard(
         Width along x and height along y in mm; squares at the border are cut.
     square : float
         Edge of a square in mm.
-    even, odd : Lambertian or Emissive, optional
+    even, odd : Material, optional
         Materials of the squares whose column and row numbers have an even or odd sum; Lambertian 0.8 and 0.2
         by default. Square (0, 0) has its lower left corner at `offset`.
     offset : (float, float)
@@ -299,7 +303,7 @@ def check_scene() -> Scene:
 
 
 def objects_scene() -> Scene:
-    """The reference scene `objects`, in the camera's frame; its metal and glass spheres are Lambertian (0.9) so far.
+    """The reference scene `objects`, in the camera's frame: a cube, a metal and a glass ball before a checkerboard.
 
     Examples
     --------
@@ -311,39 +315,7 @@ def objects_scene() -> Scene:
     cube = box(4, material=Lambertian((0.8, 0.3, 0.2)))
     for axis, angle in (((0, 0, 1), 20), ((1, 0, 0), 10), ((0, 1, 0), 30)):
         cube = cube.rotated_deg(axis, angle)
-    metal = sphere(2.5, center=(3, -2, -404), material=Lambertian(0.9))
-    glass = sphere(2.0, center=(0, 3, -398), material=Lambertian(0.9))
+    metal = sphere(2.5, center=(3, -2, -404), material=Conductor(0.9, alpha=0.1))
+    glass = sphere(2.0, center=(0, 3, -398), material=Dielectric(1.5))
     light = QuadLight.facing((0, 60, -360), (0, 0, -404), (40, 40), radiance=10.0, two_sided=True)
     return Scene([*back, cube.translated(-3.5, -2, -404), metal, glass], [light], background=0.1)
-
-
-def still_life() -> Scene:
-    """A small Lambertian still life around z = -404 in the camera's frame, 16 mm wide: what the first example renders.
-
-    On a chequered table, from the left: a blue vase, a block with a small yellow ball on it, a red ball in front
-    on the right; a grey wall behind.
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> pl.still_life()
-    Scene(7 meshes, 46582 triangles, 1 light, background 0.25)
-    """
-    table = [
-        mesh.rotated_deg((1, 0, 0), -90).translated(0, -5, -400)
-        for mesh in checkerboard((44, 90), 2.0, even=Lambertian((0.75, 0.7, 0.6)), odd=Lambertian((0.2, 0.15, 0.12)))
-    ]
-    t = np.linspace(0, 1, 49)
-    swell = 1.1 + 0.9 * np.sin(1.15 * math.pi * t + 0.35) ** 2
-    vase = turned(np.stack([swell, 7.5 * t], axis=1), material=Lambertian((0.12, 0.25, 0.7))).translated(-4.2, -5, -412)
-    block = box(3.4, material=Lambertian((0.35, 0.6, 0.3))).rotated_deg((0, 1, 0), 32).translated(0.7, -3.3, -404)
-    ball = sphere(1.0, center=(0.7, -0.6, -404), material=Lambertian((0.9, 0.75, 0.15)))
-    front = sphere(1.6, center=(4.0, -3.4, -393), material=Lambertian((0.8, 0.12, 0.1)))
-    # The table leans towards the camera, which sees its top that way.
-    leaning = [
-        mesh.translated(y=3, z=404).rotated_deg((1, 0, 0), 15).translated(y=-3, z=-404)
-        for mesh in (*table, vase, block, ball, front)
-    ]
-    wall = quad((-22, -30, -446), (44, 0, 0), (0, 70, 0), material=Lambertian((0.55, 0.6, 0.62)))
-    light = QuadLight.facing((-35, 55, -350), (0, -2, -404), (30, 30), radiance=12.0)
-    return Scene([*leaning, wall], [light], background=0.25)

@@ -8,16 +8,22 @@ from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from plenoptic._values import set_field, value
 from plenoptic.errors import InvalidValueError, SceneError
-from plenoptic.scene.environment import ConstantBackground
-from plenoptic.scene.light import Light, QuadLight
-from plenoptic.scene.loading import load_meshes
-from plenoptic.scene.material import Colour, Material
+from plenoptic.scene.colour import Colour
+from plenoptic.scene.environment import ConstantBackground, EnvironmentMap
+from plenoptic.scene.instance import Instances
+from plenoptic.scene.light import LIGHTS, Light
+from plenoptic.scene.loading import load_file
+from plenoptic.scene.material import Material
 from plenoptic.scene.mesh import Mesh
+from plenoptic.scene.placing import placed_environment, placed_light, placed_view, similarity
+from plenoptic.scene.quad_light import QuadLight
+from plenoptic.scene.sphere_light import SphereLight
 from plenoptic.scene.tables import SceneTables, build_tables
+from plenoptic.scene.view import View
 
 
 @value
@@ -26,13 +32,15 @@ class Scene:
 
     Parameters
     ----------
-    meshes : sequence of Mesh
+    meshes : sequence of Mesh or Instances
         Surfaces, in mm, in one frame: the world.
-    lights : sequence of QuadLight
+    lights : sequence of QuadLight, SphereLight, PointLight, SpotLight or SunLight
         Light sources besides emissive meshes.
-    background : ConstantBackground, float, (float, float, float) or None
+    background : ConstantBackground, EnvironmentMap, float, (float, float, float) or None
         What rays see that meet no surface; a bare number or (red, green, blue) becomes a `ConstantBackground`,
         None is a black world.
+    views : sequence of View
+        Cameras of the file that the scene comes from, for `camera.posed`. They are no part of the image.
 
     Raises
     ------
@@ -52,36 +60,50 @@ class Scene:
     [[0.8, 0.3, 0.2]]
     """
 
-    meshes: tuple[Mesh, ...] = ()
+    meshes: tuple[Mesh | Instances, ...] = ()
     lights: tuple[Light, ...] = ()
-    background: ConstantBackground | None = None
+    background: ConstantBackground | EnvironmentMap | None = None
+    views: tuple[View, ...] = ()
 
     if TYPE_CHECKING:
 
         def __init__(
             self,
-            meshes: Iterable[Mesh] = (),
+            meshes: Iterable[Mesh | Instances] = (),
             lights: Iterable[Light] = (),
-            background: ConstantBackground | Colour | None = None,
+            background: ConstantBackground | EnvironmentMap | Colour | None = None,
+            views: Iterable[View] = (),
         ) -> None: ...
 
     def __post_init__(self) -> None:
-        set_field(self, "meshes", _tuple_of(self.meshes, Mesh, "meshes"))
-        set_field(self, "lights", _tuple_of(self.lights, QuadLight, "lights"))
-        if self.background is not None and not isinstance(self.background, ConstantBackground):
+        set_field(self, "meshes", _tuple_of(self.meshes, (Mesh, Instances), "meshes"))
+        set_field(self, "lights", _tuple_of(self.lights, LIGHTS, "lights"))
+        set_field(self, "views", _tuple_of(self.views, View, "views"))
+        if self.background is not None and not isinstance(self.background, ConstantBackground | EnvironmentMap):
+            if np.ndim(self.background) > 1:
+                raise InvalidValueError(
+                    f"background is an array of shape {np.shape(self.background)}; give an image as pl.EnvironmentMap"
+                )
             set_field(self, "background", ConstantBackground(self.background))
         if not self.meshes and not self.lights and self.background is None:
             raise SceneError("the scene has no mesh, no light and no background; give it at least one of them")
 
     def __repr__(self) -> str:
-        triangles = sum(len(mesh.faces) for mesh in self.meshes)
+        plain = [mesh for mesh in self.meshes if isinstance(mesh, Mesh)]
+        repeated = [mesh for mesh in self.meshes if isinstance(mesh, Instances)]
+        triangles = sum(len(mesh.faces) for mesh in (*plain, *(instances.mesh for instances in repeated)))
         parts = [f"{_count(len(self.meshes), 'mesh', 'meshes')}, {_count(triangles, 'triangle', 'triangles')}"]
         if not self.meshes:
             parts = ["no meshes"]
+        if repeated:
+            parts.append(_count(sum(map(len, repeated)), "instance", "instances"))
         if self.lights:
             parts.append(_count(len(self.lights), "light", "lights"))
         if self.background is not None:
-            parts.append(f"background {self.background.radiance}")
+            constant = isinstance(self.background, ConstantBackground)
+            parts.append(f"background {self.background.radiance}" if constant else repr(self.background))
+        if self.views:
+            parts.append(_count(len(self.views), "view", "views"))
         return f"Scene({', '.join(parts)})"
 
     @classmethod
@@ -92,12 +114,12 @@ class Scene:
         unit: str | None = None,
         material: Material | None = None,
         lights: Iterable[Light] = (),
-        background: ConstantBackground | Colour | None = None,
+        background: ConstantBackground | EnvironmentMap | Colour | None = None,
     ) -> Scene:
-        """Read a scene from a mesh file; see `load_meshes` for what is read.
+        """Read a scene from a file, with its lights and its cameras as `views`; see `load_file` for what is read.
 
-        No light is invented: a file without emissive materials stays black unless `lights` or `background` are
-        given.
+        No light is invented: a file without lights and emissive materials stays black unless `lights` or `background`
+        are given.
 
         Parameters
         ----------
@@ -106,10 +128,10 @@ class Scene:
         unit : str, optional
             Length of one unit of the file: "um", "mm", "cm", "m", "km", "inch" or "foot". None: "m" for glTF files,
             whose standard says so, and "mm" for all others.
-        material : Lambertian, Emissive or None
+        material : Material, optional
             Replaces all materials of the file.
-        lights, background : sequence of QuadLight, ConstantBackground
-            As in `Scene`.
+        lights, background
+            As in `Scene`; lights are added to those of the file.
 
         Raises
         ------
@@ -124,7 +146,8 @@ class Scene:
         >>> pl.Scene.load("duck.glb", unit="cm", background=1.0)  # doctest: +SKIP
         Scene(1 mesh, 4212 triangles, background 1.0)
         """
-        return cls(load_meshes(path, unit=unit, material=material), lights, background)
+        contents = load_file(path, unit=unit, material=material)
+        return cls(contents.meshes, (*contents.lights, *lights), background, contents.views)
 
     @property
     def bounds(self) -> NDArray[np.float64] | None:
@@ -136,7 +159,8 @@ class Scene:
         >>> pl.white_plane().bounds.tolist()
         [[-200.0, -200.0, -404.0], [200.0, 200.0, -404.0]]
         """
-        boxes = [mesh.bounds for mesh in self._surfaces()]
+        shapes = [light.mesh() for light in self.lights if isinstance(light, QuadLight | SphereLight)]
+        boxes = [mesh.bounds for mesh in (*self.meshes, *shapes)]
         if not boxes:
             return None
         return np.array([np.min(boxes, axis=0)[0], np.max(boxes, axis=0)[1]])
@@ -158,11 +182,56 @@ class Scene:
         """
         if self.background is not None and other.background is not None and self.background != other.background:
             raise SceneError(
-                f"the scenes have different backgrounds, {self.background.radiance} and {other.background.radiance}; "
+                f"the scenes have different backgrounds, {self.background!r} and {other.background!r}; "
                 "remove one by dataclasses.replace(scene, background=None)"
             )
         background = other.background if self.background is None else self.background
-        return Scene(self.meshes + other.meshes, self.lights + other.lights, background)
+        return Scene(self.meshes + other.meshes, self.lights + other.lights, background, self.views + other.views)
+
+    def transformed(self, matrix: ArrayLike) -> Scene:
+        """The scene moved by an affine map, p' = M p: meshes, lights, views and the environment.
+
+        Radiance stays as it is, and so does irradiance: intensities of points and spots grow with the square of the
+        scale.
+
+        Parameters
+        ----------
+        matrix : (4, 4) array
+            For column vectors, lengths in mm. Where there are lights, views or an environment map, it must turn, shift
+            and scale equally in all directions.
+
+        Raises
+        ------
+        InvalidValueError
+            Not 4 x 4.
+        SceneError
+            Not finite, projective or flattening; uneven or mirroring where there are lights, views or a map.
+
+        Examples
+        --------
+        From a file in metres to a model 400 mm before the camera:
+
+        >>> import numpy as np
+        >>> import plenoptic as pl
+        >>> model = pl.Scene([pl.box(2000)], [pl.PointLight((0, 5000, 0), intensity=4e6)])
+        >>> low, high = model.bounds
+        >>> size = 10.0 / (high - low).max()
+        >>> matrix = np.diag([size, size, size, 1.0])
+        >>> matrix[:3, 3] = np.array([0, 0, -400]) - size * (low + high) / 2
+        >>> model.transformed(matrix).bounds.round(9).tolist(), model.transformed(matrix).lights[0].intensity
+        ([[-5.0, -5.0, -405.0], [5.0, 5.0, -395.0]], 100.0)
+        """
+        meshes = tuple(mesh.transformed(matrix) for mesh in self.meshes)
+        world = self.background
+        if not self.lights and not self.views and not isinstance(world, EnvironmentMap):
+            return dataclasses.replace(self, meshes=meshes)
+        full, scale = similarity(matrix)
+        return Scene(
+            meshes,
+            tuple(placed_light(light, full, scale) for light in self.lights),
+            placed_environment(world, full, scale) if isinstance(world, EnvironmentMap) else world,
+            tuple(placed_view(view, full) for view in self.views),
+        )
 
     def with_lights(self, lights: Iterable[Light]) -> Scene:
         """The same scene under other lights, which replace those it has; emissive meshes stay.
@@ -174,7 +243,7 @@ class Scene:
         >>> pl.Scene([pl.box(4)]).with_lights([lamp])
         Scene(1 mesh, 12 triangles, 1 light)
         """
-        return dataclasses.replace(self, lights=_tuple_of(lights, QuadLight, "lights"))
+        return dataclasses.replace(self, lights=_tuple_of(lights, LIGHTS, "lights"))
 
     def tables(self) -> SceneTables:
         """The scene as plain arrays for the kernels; see `SceneTables`.
@@ -186,20 +255,19 @@ class Scene:
         >>> tables.background.tolist(), tables.triangles is None
         ([0.5], True)
         """
-        return build_tables(self._surfaces(), None if self.background is None else self.background.radiance)
-
-    def _surfaces(self) -> tuple[Mesh, ...]:
-        return self.meshes + tuple(light.mesh() for light in self.lights)
+        return build_tables(self.meshes, self.lights, self.background)
 
 
-def _tuple_of(items: Any, kind: type, name: str) -> tuple[Any, ...]:
+def _tuple_of(items: Any, kinds: type | tuple[type, ...], name: str) -> tuple[Any, ...]:
+    allowed = kinds if isinstance(kinds, tuple) else (kinds,)
+    names = " or ".join(kind.__name__ for kind in allowed)
     if isinstance(items, Iterable) and not (isinstance(items, np.ndarray) and items.ndim == 0):
         items = list(items)
-        wrong = [item for item in items if not isinstance(item, kind)]
+        wrong = [item for item in items if not isinstance(item, allowed)]
         if not wrong:
             return tuple(items)
-        raise InvalidValueError(f"{name} holds {type(wrong[0]).__name__}; it may hold {kind.__name__} only")
-    raise InvalidValueError(f"{name} is {type(items).__name__}; it must be a sequence of {kind.__name__}, as in [item]")
+        raise InvalidValueError(f"{name} holds {type(wrong[0]).__name__}; it may hold {names} only")
+    raise InvalidValueError(f"{name} is {type(items).__name__}; it must be a sequence of {names}, as in [item]")
 
 
 def _count(number: int, one: str, many: str) -> str:

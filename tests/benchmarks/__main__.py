@@ -11,8 +11,9 @@ import time
 
 BENCHMARKS = (
     *("tracing", "analysis", "fidelity", "images", "threads", "error_time", "starting", "memory", "omissions"),
+    *("transport", "large_scenes", "against_mitsuba"),
 )
-PROGRAMS = ("plenoptic", "numpy", "numba", "embreex", "trimesh", "OpenImageIO", "batoid")
+PROGRAMS = ("plenoptic", "numpy", "numba", "embreex", "trimesh", "OpenImageIO", "batoid", "mitsuba")
 
 
 def main() -> None:

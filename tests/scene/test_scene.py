@@ -10,10 +10,16 @@ FACES = np.array([[0, 1, 2], [1, 3, 2]])
 UV = np.array([[0.0, 0], [1, 0], [0, 1], [1, 1]])
 LAMP = pl.QuadLight((0, 0, 9), (3, 0, 0), (0, 4, 0), radiance=2.0)
 GREY = pl.Lambertian()
+SKY = pl.EnvironmentMap(np.ones((2, 4, 1)))
 
 
 def square(material=GREY, **more):
     return pl.Mesh(CORNERS, FACES, material, **more)
+
+
+PLACES = np.tile(np.eye(4), (3, 1, 1))
+PLACES[:, 0, 3] = 0, 10, 20
+ROW = pl.Instances(square(), PLACES)
 
 
 def test_scenes_compare_pickle_and_take_bare_backgrounds():
@@ -24,9 +30,29 @@ def test_scenes_compare_pickle_and_take_bare_backgrounds():
     assert pl.Scene(mesh for mesh in [square()]).meshes == (square(),)
 
 
-def test_bounds_hold_meshes_and_lights():
+def test_scenes_hold_all_kinds_of_lights_worlds_and_instances():
+    lights = [LAMP, pl.SphereLight((0, 0, 9), 1.0), pl.PointLight((0, 0, 9)), pl.SunLight((0, 0, -1))]
+    lights.append(pl.SpotLight((0, 0, 9), (0, 0, -1)))
+    scene = pl.Scene([square(), ROW], lights, SKY)
+    again = pickle.loads(pickle.dumps(scene))
+    assert again == scene and hash(again) == hash(scene)
+    assert (
+        repr(scene) == "Scene(2 meshes, 4 triangles, 3 instances, 5 lights, EnvironmentMap(texels=<2 x 4 x 1 float32>))"
+    )
+    assert scene != pl.Scene([square(), ROW], lights, SKY.rotated((0, 1, 0), 1.0))
+    assert scene != pl.Scene([square(), ROW], lights[::-1], SKY)
+    assert repr(pl.Scene([ROW])) == "Scene(1 mesh, 2 triangles, 3 instances)"
+
+
+def test_bounds_hold_meshes_instances_and_lights_with_a_surface():
     assert pl.Scene(background=1.0).bounds is None
     np.testing.assert_array_equal(pl.Scene([square()], [LAMP]).bounds, [[-1.5, -2, 0], [2, 2, 9]])
+    np.testing.assert_array_equal(pl.Scene([square(), ROW]).bounds, [[0, 0, 0], [22, 2, 0]])
+    # 642 corners of a nearly round body, 0.24 % outside the sphere.
+    ball = pl.Scene(lights=[pl.SphereLight((9, 0, 0), 2.0)]).bounds
+    np.testing.assert_allclose(ball, [[7, -2, -2], [11, 2, 2]], rtol=0, atol=0.01)
+    # Points and suns have none.
+    assert pl.Scene(lights=[pl.PointLight((1, 2, 3)), pl.SunLight((0, 0, -1))]).bounds is None
 
 
 def test_merging_adds_up():
@@ -37,6 +63,15 @@ def test_merging_adds_up():
     with pytest.raises(pl.SceneError, match="different backgrounds"):
         both.merged(pl.Scene(background=0.3))
     assert both.with_lights([]).lights == ()
+    assert both.with_lights(light for light in [LAMP, LAMP]).lights == (LAMP, LAMP)
+
+
+def test_maps_merge_as_other_backgrounds_do():
+    mapped = pl.Scene([square()], background=SKY)
+    assert mapped.merged(pl.Scene([ROW])).background == SKY
+    assert mapped.merged(pl.Scene([ROW], background=SKY)).meshes == (square(), ROW)
+    with pytest.raises(pl.SceneError, match="different backgrounds"):
+        mapped.merged(pl.Scene([ROW], background=SKY.rotated((0, 1, 0), 1.0)))
 
 
 @pytest.mark.parametrize(
@@ -44,11 +79,16 @@ def test_merging_adds_up():
     [
         ((), pl.SceneError, "at least one"),
         ((square(),), pl.InvalidValueError, r"\[item\]"),
-        (([LAMP],), pl.InvalidValueError, "Mesh only"),
+        (([LAMP],), pl.InvalidValueError, "holds QuadLight; it may hold Mesh or Instances only"),
         (([square()], LAMP), pl.InvalidValueError, "sequence of QuadLight"),
-        (([square()], [square()]), pl.InvalidValueError, "QuadLight only"),
+        (([square()], [square()]), pl.InvalidValueError, "holds Mesh; it may hold QuadLight or .* or SunLight only"),
         ((np.array(1.0),), pl.InvalidValueError, "meshes is ndarray; it must be a sequence of Mesh"),
         (([square()], np.array(1.0)), pl.InvalidValueError, "lights is ndarray; it must be a sequence of QuadLight"),
+        (([PLACES],), pl.InvalidValueError, "meshes holds ndarray"),
+        (([[square()]],), pl.InvalidValueError, "meshes holds list"),
+        (([square()], [SKY]), pl.InvalidValueError, "lights holds EnvironmentMap"),
+        (([square()], (), np.ones((2, 4, 1))), pl.InvalidValueError, "radiance has shape"),
+        (([square()], (), LAMP), pl.InvalidValueError, "radiance"),
         (([square()], (), -1.0), pl.SceneError, "radiance"),
         (([square()], (), "sky"), pl.InvalidValueError, "radiance"),
     ],

@@ -1,42 +1,118 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 import plenoptic as pl
 
 CORNERS = np.array([[0.0, 0, 0], [2, 0, 0], [0, 2, 0], [2, 2, 0]])
 FACES = np.array([[0, 1, 2], [1, 3, 2]])
 UV = np.array([[0.0, 0], [1, 0], [0, 1], [1, 1]])
+UP = np.tile([0.0, 0.0, 1.0], (4, 1))
 LAMP = pl.QuadLight((0, 0, 9), (3, 0, 0), (0, 4, 0), radiance=2.0)
 GREY = pl.Lambertian()
+GREY_MAP = pl.Texture(np.full((2, 2, 1), 0.5))
+SKY = pl.EnvironmentMap(np.ones((2, 4, 1)))
+PLACES = np.array([np.eye(4), np.diag([-1.0, 1.0, 1.0, 1.0])])
 
 
 def square(material=GREY, **more):
     return pl.Mesh(CORNERS, FACES, material, **more)
 
 
-def test_what_is_absent_is_none():
-    nothing = pl.Scene(background=0.0).tables()
-    assert nothing.channels == 1 and nothing.background.tolist() == [0.0]
-    assert all(entry is None for entry in nothing[1:-1])
-
-    dark = pl.Scene([square()]).tables()
-    assert dark.background is None and dark.emission is None and dark.two_sided is None
-    assert dark.normals is None and dark.uv is None and dark.texels is None and dark.light_triangles is None
-
-    mapped = pl.Scene([square(uv=UV, normals=np.tile([0, 0, 1], (4, 1)))]).tables()
-    assert mapped.uv is None and mapped.material_texture is None and mapped.normals is not None
-
-    shining = pl.Scene([square(pl.Emissive(1.0)), square(pl.Lambertian(0.0))]).tables()
-    assert shining.albedo is None and shining.light_triangles is None
-    assert shining.emission.tolist() == [[1.0], [0.0]]
+def layered(**fields):
+    return square(pl.MetallicRoughness(**fields), uv=UV)
 
 
-def test_lights_need_something_that_emits_and_something_that_reflects():
-    assert pl.Scene([square()], [LAMP]).tables().light_triangles.tolist() == [2, 3]
-    assert pl.Scene([square(pl.Lambertian(0.0))], [LAMP]).tables().light_triangles is None
-    assert pl.Scene([square(pl.Emissive(0.0)), square()]).tables().light_triangles is None
+# ---- what is there ----
+
+
+def arrays(tables, before=""):
+    """All arrays by name, those of nested tables too; everything else is None or a number."""
+    found = {}
+    for name, entry in zip(tables._fields, tables, strict=True):
+        if hasattr(entry, "_fields"):
+            found |= arrays(entry, f"{before}{name}.")
+        elif isinstance(entry, np.ndarray):
+            found[before + name] = entry
+        else:
+            assert entry is None or isinstance(entry, int | float)
+    return found
+
+
+MESHES = {"vertices", "triangles", "triangle_material", "triangle_mesh"}
+REFLECTING = {"scatters", "takes_light", "albedo"}
+EMITTING = {"emission", "two_sided"}
+DRAWN = {"lights.cdf", "lights.row"}
+KINDS = {"bsdf.kinds", "roughness"}
+LAYERED = KINDS | {"bsdf.coupling", "bsdf.coupling_mean", "metallic"}
+TEXTURED = {"uv", "texels", "texture_rows"}
+INSTANCES = {f"instances.{name}" for name in ("matrices", "first", "count", "mirrored")}
+WORLD = {f"environment.{name}" for name in ("texels", "rows_cdf", "columns_cdf", "density")}
+POINTS = {"lights.kind", "lights.points", "lights.point_colours"}
+SUNS = {"lights.suns", "lights.sun_colours"}
+PLAIN = MESHES | REFLECTING
+
+SCENES = {
+    "black world": (pl.Scene(background=0.0), set()),
+    "bright world": (pl.Scene(background=0.5), {"background"}),
+    "black map": (pl.Scene(background=pl.EnvironmentMap(np.zeros((2, 4, 1)))), set()),
+    "map": (pl.Scene(background=SKY), WORLD),
+    "turned map": (pl.Scene(background=SKY.rotated((0, 1, 0), 1.0)), WORLD | {"environment.rotation"}),
+    "sun": (pl.Scene(lights=[pl.SunLight((0, 0, -1))]), SUNS),
+    "matt": (pl.Scene([square()]), PLAIN),
+    "black": (pl.Scene([square(pl.Lambertian(0.0))]), MESHES),
+    "uv without a texture": (pl.Scene([square(uv=UV)]), PLAIN),
+    "normals": (pl.Scene([square(normals=UP), square()]), PLAIN | {"normals"}),
+    "only emissive": (pl.Scene([square(pl.Emissive(1.0)), square(pl.Lambertian(0.0))]), MESHES | EMITTING),
+    "black emitter": (pl.Scene([square(pl.Emissive(0.0)), square()]), PLAIN),
+    "lamp": (pl.Scene([square()], [LAMP]), PLAIN | EMITTING | DRAWN | {"lights.material_density"}),
+    "lamp in black": (pl.Scene([square(pl.Lambertian(0.0))], [LAMP]), MESHES | EMITTING),
+    "point": (pl.Scene([square()], [pl.PointLight((0, 0, 9))]), PLAIN | DRAWN | POINTS),
+    "dark point": (pl.Scene([square()], [pl.PointLight((0, 0, 9), 0.0)]), PLAIN | POINTS - {"lights.kind"}),
+    "matt under a sun": (pl.Scene([square()], [pl.SunLight((0, 0, -1))]), PLAIN | DRAWN | SUNS | {"lights.kind"}),
+    "matt under a map": (pl.Scene([square()], (), SKY), PLAIN | DRAWN | WORLD | {"lights.kind"}),
+    "instances": (pl.Scene([pl.Instances(square(), PLACES)]), PLAIN | INSTANCES),
+    "rough": (pl.Scene([square(pl.RoughDiffuse())]), PLAIN | KINDS),
+    "metal": (pl.Scene([square(pl.Conductor())]), PLAIN | KINDS | {"bsdf.metal_index"}),
+    "glass": (pl.Scene([square(pl.Dielectric())]), PLAIN | KINDS | {"bsdf.glass_index"}),
+    "dark glass": (
+        pl.Scene([square(pl.Dielectric(absorption=0.1))]),
+        PLAIN | KINDS | {"bsdf.glass_index", "absorption"},
+    ),
+    "pane": (pl.Scene([square(pl.ThinGlass())]), PLAIN | KINDS | {"bsdf.pane_index"}),
+    "layered": (pl.Scene([layered()]), PLAIN | LAYERED),
+    "opacity": (pl.Scene([layered(opacity=0.5)]), PLAIN | LAYERED | {"opacity", "cutoff"}),
+    "cutoff without opacity": (pl.Scene([layered(cutoff=0.5)]), PLAIN | LAYERED),
+    "texture": (pl.Scene([square(pl.Lambertian(GREY_MAP), uv=UV)]), PLAIN | TEXTURED | {"base_texture"}),
+    "roughness map": (pl.Scene([layered(roughness=GREY_MAP)]), PLAIN | LAYERED | TEXTURED | {"roughness_texture"}),
+    "metallic map": (pl.Scene([layered(metallic=GREY_MAP)]), PLAIN | LAYERED | TEXTURED | {"metallic_texture"}),
+    "normal map": (
+        pl.Scene([layered(normal_map=pl.Texture(np.ones((1, 1, 3))))]),
+        PLAIN | LAYERED | TEXTURED | {"normal_texture"},
+    ),
+    "opacity map": (
+        pl.Scene([layered(opacity=GREY_MAP)]),
+        PLAIN | LAYERED | TEXTURED | {"opacity_texture", "opacity", "cutoff"},
+    ),
+    "emission map": (
+        pl.Scene([square(pl.Emissive(GREY_MAP), uv=UV)]),
+        MESHES | EMITTING | TEXTURED | {"emission_texture"},
+    ),
+}
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_what_is_absent_is_none(name):
+    scene, expected = SCENES[name]
+    assert set(arrays(scene.tables())) == expected
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_tables_are_read_only_and_contiguous(name):
+    for table in arrays(SCENES[name][0].tables()).values():
+        assert table.flags.c_contiguous and not table.flags.writeable
+
+
+# ---- triangles ----
 
 
 def test_indices_are_global_and_lights_come_last():
@@ -49,6 +125,28 @@ def test_indices_are_global_and_lights_come_last():
     assert tables.triangle_material.tolist() == [0, 0, 1, 1, 2, 2]
 
 
+def test_instanced_triangles_come_after_lights_once_each():
+    red, blue = square(pl.Lambertian((1, 0, 0))), square(pl.Lambertian((0, 0, 1))).translated(z=1)
+    scene = pl.Scene([pl.Instances(red, PLACES), square(), pl.Instances(blue, PLACES), pl.Instances(red, PLACES[:1])])
+    tables = scene.with_lights([LAMP, pl.SphereLight((9, 9, 9), 1.0)]).tables()
+    # Meshes 0 to 3, then the two lights: plain ones first, then each instanced mesh under its first number.
+    assert tables.triangle_mesh.tolist() == [1, 1, 4, 4, *[5] * 1280, 0, 0, 2, 2]
+    plain = 2 + 2 + 1280
+    assert tables.instances.plain == plain
+    assert tables.instances.first.tolist() == [plain, plain, plain + 2, plain + 2, plain]
+    assert tables.instances.mirrored.tolist() == [0, 1, 0, 1, 0]
+    np.testing.assert_array_equal(tables.vertices[tables.triangles[-2:]], blue.vertices[blue.faces])
+    np.testing.assert_array_equal(tables.albedo[tables.triangle_material[-4:]], [[1, 0, 0]] * 2 + [[0, 0, 1]] * 2)
+
+
+def test_a_mesh_without_normals_has_rows_of_zeros():
+    tables = pl.Scene([square(), square(normals=UP)]).tables()
+    np.testing.assert_array_equal(tables.normals, np.concatenate([np.zeros((4, 3)), UP]))
+
+
+# ---- materials ----
+
+
 def test_equal_materials_are_one_row():
     texture = pl.Lambertian(pl.Texture(np.full((2, 3, 1), 0.5)))
     copy = pl.Lambertian(pl.Texture(np.full((2, 3, 1), 0.5)))
@@ -56,7 +154,33 @@ def test_equal_materials_are_one_row():
     tables = pl.Scene(meshes).tables()
     assert tables.triangle_material.tolist() == [0, 0, 1, 1, 0, 0, 1, 1]
     assert tables.albedo.tolist() == [[1.0], [0.2]]
-    assert tables.texture_shape.tolist() == [[0, 2, 3]] and len(tables.texels) == 6
+    assert tables.texture_rows[:, :3].tolist() == [[0, 2, 3]] and len(tables.texels) == 6
+
+
+def test_materials_keep_their_numbers():
+    kinds = [
+        pl.Lambertian(0.1),
+        pl.RoughDiffuse(0.2, roughness=0.9),
+        pl.Conductor(0.3, alpha=0.25),
+        pl.Conductor(0.4, index=1.5 + 3j),
+        pl.Dielectric(1.6, alpha=0.5, absorption=0.7, exterior=1.3),
+        pl.ThinGlass(1.7, transmittance=0.6),
+        pl.MetallicRoughness(0.7, 0.8, 0.9, emission=2.0, two_sided=True, opacity=0.25, cutoff=0.125),
+        pl.Emissive(3.0),
+    ]
+    tables = pl.Scene([square(material) for material in kinds]).tables()
+    assert tables.bsdf.kinds.tolist() == [0, 1, 2, 2, 3, 4, 5, 0]
+    assert tables.albedo[:, 0].tolist() == [0.1, 0.2, 0.3, 0.4, 1.0, 0.6, 0.7, 0.0]
+    assert tables.roughness.tolist() == [0.0, 0.9, 0.25, 0.0, 0.5, 0.0, 0.9, 0.0]
+    assert tables.metallic.tolist() == [0.0] * 6 + [0.8, 0.0]
+    assert tables.scatters.tolist() == [1] * 7 + [0]
+    assert tables.takes_light.tolist() == [1, 1, 1, 0, 1, 0, 1, 0]
+    assert tables.absorption[:, 0].tolist() == [0.0] * 4 + [0.7, 0.0, 0.0, 0.0]
+    assert tables.opacity.tolist() == [1.0] * 6 + [0.25, 1.0] and tables.cutoff.tolist() == [-1.0] * 6 + [0.125, -1.0]
+    assert tables.emission[:, 0].tolist() == [0.0] * 6 + [2.0, 3.0] and tables.two_sided.tolist() == [0] * 6 + [1, 0]
+    assert tables.bsdf.metal_index[:, 0].tolist() == [[0, 0]] * 3 + [[1.5, 3.0]] + [[0, 0]] * 4
+    assert tables.bsdf.glass_index.tolist() == [[0, 0]] * 4 + [[1.6, 1.3]] + [[0, 0]] * 3
+    assert tables.bsdf.pane_index.tolist() == [0] * 5 + [1.7, 0, 0]
 
 
 def test_textures_lie_one_after_the_other_row_by_row():
@@ -64,17 +188,28 @@ def test_textures_lie_one_after_the_other_row_by_row():
     two = np.arange(12, dtype=np.float32).reshape(2, 2, 3) / 20
     meshes = [square(pl.Lambertian(pl.Texture(t)), uv=UV) for t in (one, two)] + [square(pl.Lambertian(0.3))]
     tables = pl.Scene(meshes).tables()
-    assert tables.channels == 3 and tables.material_texture.tolist() == [0, 1, -1]
-    assert tables.texture_shape.tolist() == [[0, 2, 3], [6, 2, 2]]
-    np.testing.assert_array_equal(tables.texels[:6], np.repeat(one.reshape(-1, 1), 3, axis=1))
-    np.testing.assert_array_equal(tables.texels[6:], two.reshape(-1, 3))
+    assert tables.channels == 3 and tables.base_texture.tolist() == [0, 1, -1]
+    # Start, rows, columns and channels: what is grey keeps one channel.
+    assert tables.texture_rows[:, :4].tolist() == [[0, 2, 3, 1], [6, 2, 2, 3]]
+    np.testing.assert_array_equal(tables.texels, np.concatenate([one.ravel(), two.ravel()]))
     np.testing.assert_array_equal(tables.uv, np.concatenate([UV, UV, np.zeros((4, 2))]))
 
 
-def test_a_mesh_without_normals_has_rows_of_zeros():
-    up = np.tile([0.0, 0.0, 1.0], (4, 1))
-    tables = pl.Scene([square(), square(normals=up)]).tables()
-    np.testing.assert_array_equal(tables.normals, np.concatenate([np.zeros((4, 3)), up]))
+def test_each_use_of_a_texture_names_its_row_and_equal_ones_share_it():
+    bump, shine = pl.Texture(np.full((1, 1, 3), 0.75)), pl.Texture(np.full((2, 2, 3), [1.0, 2.0, 6.0]))
+    material = pl.MetallicRoughness(GREY_MAP, GREY_MAP, GREY_MAP, normal_map=bump, emission=shine, opacity=GREY_MAP)
+    tables = pl.Scene([square(), square(material, uv=UV)]).tables()
+    assert len(tables.texture_rows) == 3
+    grey = int(tables.base_texture[1])
+    for column in (tables.metallic_texture, tables.roughness_texture, tables.opacity_texture):
+        assert column.tolist() == [-1, grey]
+    assert tables.base_texture[0] == -1
+    assert {grey, int(tables.normal_texture[1]), int(tables.emission_texture[1])} == {0, 1, 2}
+    # Lights are drawn by the mean of a texture.
+    assert tables.emission.tolist() == [[0, 0, 0], [1, 2, 6]]
+
+
+# ---- colours ----
 
 
 @pytest.mark.parametrize(
@@ -82,68 +217,40 @@ def test_a_mesh_without_normals_has_rows_of_zeros():
     [
         (pl.Scene([square(pl.Lambertian((0.5, 0.5, 0.5)))], background=(1, 1, 1)), 1),
         (pl.Scene([square(pl.Lambertian(pl.Texture(np.full((2, 2, 3), 0.25))), uv=UV)]), 1),
+        (pl.Scene([square(pl.Conductor(index=(2 + 1j, 2 + 1j, 2 + 1j)))]), 1),
+        (pl.Scene([layered(normal_map=pl.Texture(np.array([[[0.5, 0.5, 1.0]]])))]), 1),
+        (pl.Scene([square()], background=pl.EnvironmentMap(np.full((1, 2, 3), 0.5))), 1),
         (pl.Scene([square()], background=(1, 1, 0.9)), 3),
+        (pl.Scene([square()], background=pl.EnvironmentMap(np.array([[[0.5, 0.5, 0.4]]]))), 3),
         (pl.Scene([square(pl.Emissive((1, 2, 3)))]), 3),
         (pl.Scene([square()], [pl.QuadLight((0, 0, 9), (1, 0, 0), (0, 1, 0), (1, 0, 0))]), 3),
+        (pl.Scene([square()], [pl.SphereLight((0, 0, 9), 1.0, (1, 0, 0))]), 3),
+        (pl.Scene([square()], [pl.PointLight((0, 0, 9), (1, 0, 0))]), 3),
+        (pl.Scene([square()], [pl.SpotLight((0, 0, 9), (0, 0, -1), (1, 0, 0))]), 3),
+        (pl.Scene([square()], [pl.SunLight((0, 0, -1), (1, 0, 0))]), 3),
         (pl.Scene([square(pl.Lambertian(pl.Texture(np.array([[[0, 0, 0.1]]]))), uv=UV)]), 3),
+        (pl.Scene([square(pl.RoughDiffuse((0.5, 0.5, 0.4)))]), 3),
+        (pl.Scene([square(pl.Conductor((0.5, 0.5, 0.4)))]), 3),
+        (pl.Scene([square(pl.Conductor(index=(2 + 1j, 2 + 1j, 2 + 2j)))]), 3),
+        (pl.Scene([square(pl.Dielectric(absorption=(0, 0, 1)))]), 3),
+        (pl.Scene([square(pl.ThinGlass(transmittance=(1, 1, 0.5)))]), 3),
+        (pl.Scene([layered(emission=(0, 0, 1))]), 3),
+        (pl.Scene([pl.Instances(square(pl.Lambertian((0.5, 0.5, 0.4))), PLACES)]), 3),
     ],
 )
 def test_three_channels_only_where_something_is_coloured(scene, channels):
     tables = scene.tables()
+    found = arrays(tables)
     assert tables.channels == channels
-    for table in (tables.albedo, tables.emission, tables.texels):
-        assert table is None or table.shape[1] == channels
-    assert tables.background is None or tables.background.shape == (channels,)
+    for name in ("albedo", "absorption", "emission", "lights.point_colours", "lights.sun_colours", "background"):
+        assert name not in found or found[name].shape[-1] == channels
+    if "environment.texels" in found:
+        assert found["environment.texels"].shape[2] == channels
+    if "bsdf.metal_index" in found:
+        assert found["bsdf.metal_index"].shape[1] == channels
 
 
-# Far from where a power that is computed by hand underflows.
-radiance = st.just(0.0) | st.floats(1e-100, 1e3)
-radiances = st.lists(
-    st.tuples(radiance | st.tuples(*[radiance] * 3), st.booleans(), st.floats(0.1, 10)),
-    min_size=1,
-    max_size=5,
-)
-
-
-@settings(max_examples=50, deadline=None)
-@given(radiances)
-def test_lights_are_drawn_by_the_power_they_emit(kinds):
-    meshes = [square(pl.Lambertian(0.5))]
-    meshes += [square(pl.Emissive(radiance, two_sided)).scaled(size) for radiance, two_sided, size in kinds]
-    tables = pl.Scene(meshes).tables()
-    # By hand: two triangles of area 2 size^2 each.
-    power = [np.mean(r) * 2 * s**2 * (2 if both else 1) for r, both, s in kinds for _ in range(2)]
-    if not any(power):
-        assert tables.light_triangles is None
-        return
-    lit = np.flatnonzero(power)
-    assert tables.light_triangles.tolist() == (lit + 2).tolist()
-    expected = np.array(power)[lit] / sum(power)
-    # A sum of some ten terms, a few eps each.
-    np.testing.assert_allclose(tables.light_pdf, expected, rtol=1e-13)
-    np.testing.assert_allclose(np.diff(tables.light_cdf, prepend=0), expected, atol=1e-14)
-    assert tables.light_cdf[-1] == 1.0
-    areas = np.array([2 * s**2 for _, _, s in kinds for _ in range(2)])[lit]
-    np.testing.assert_allclose(tables.light_area_pdf * areas, expected, rtol=1e-13)
-
-
-def test_triangles_without_area_can_be_met_but_are_no_lights():
-    mesh = pl.Mesh(CORNERS, [[0, 1, 1], [0, 1, 2], [3, 3, 3]], pl.Emissive(1.0))
-    tables = pl.Scene([square(), mesh]).tables()
-    assert len(tables.triangles) == 5
-    assert tables.light_triangles.tolist() == [3] and tables.light_cdf.tolist() == [1.0]
-
-
-def test_extreme_radiances_give_finite_probabilities():
-    tables = pl.Scene([square(), square(pl.Emissive(1e308)), square(pl.Emissive(1e308, True))]).tables()
-    np.testing.assert_allclose(tables.light_pdf, [1 / 6, 1 / 6, 1 / 3, 1 / 3])
-
-
-def test_tables_are_read_only_and_contiguous():
-    meshes = [square(pl.Lambertian(pl.Texture(np.full((1, 1, 1), 0.5))), uv=UV, normals=np.tile([0, 0, 1], (4, 1)))]
-    for table in pl.Scene(meshes, [LAMP], 0.1).tables()[1:]:
-        assert table is not None
-        assert table.flags.c_contiguous and not table.flags.writeable
+# ---- size ----
 
 
 def test_a_large_mesh_compiles_without_a_loop_per_triangle():
@@ -153,6 +260,6 @@ def test_a_large_mesh_compiles_without_a_loop_per_triangle():
     vertices = np.stack([x, y, 0 * x], axis=-1).reshape(-1, 3)
     a = (side * np.arange(side - 1)[:, None] + np.arange(side - 1)).ravel()
     faces = np.concatenate([np.column_stack([a, a + 1, a + side]), np.column_stack([a + 1, a + side + 1, a + side])])
-    tables = pl.Scene([pl.Mesh(vertices, faces, pl.Emissive(1.0)), square()]).tables()
-    assert len(tables.light_triangles) == 500_000 and tables.light_cdf[-1] == 1.0
-    np.testing.assert_allclose(tables.light_area_pdf, 1 / 250_000)
+    lights = pl.Scene([pl.Mesh(vertices, faces, pl.Emissive(1.0)), square()]).tables().lights
+    assert len(lights.row) == 500_000 and lights.cdf[-1] == 1.0
+    np.testing.assert_allclose(lights.material_density, [1 / 250_000, 0.0])

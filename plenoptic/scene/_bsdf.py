@@ -1,0 +1,349 @@
+"""What surfaces do with light, in a frame whose z is the shading normal: device functions.
+
+o is the unit direction to the viewer, z above 0; i that to the light, z below 0 behind the surface. `f` (channels,) is
+filled with f |cos i|; densities are per steradian. Columns are those of `bsdf_tables`; one that no material of a scene
+has is None.
+"""
+
+from __future__ import annotations
+
+import math
+
+from plenoptic._jit import device
+from plenoptic.scene._fresnel import conductor, dielectric, schlick
+from plenoptic.scene._grooves import groove_albedo, groove_terms
+from plenoptic.scene._microfacets import distribution, hidden, visible_normal
+from plenoptic.scene._turn import turn
+
+LAMBERTIAN, GROOVES, METAL, GLASS, PANE, LAYERED = range(6)
+EXACT = -1.0
+"""The density of a direction that is the only one: a mirror's."""
+SMOOTH = 1e-4
+PLASTIC = 0.04
+"""Reflectance of the layer of LAYERED materials at normal incidence (glTF 2.0, appendix B)."""
+
+
+@device
+def one_channel(colour, c, basis, wave):
+    """Channel c of a colour of the scene or, with a basis (wavelengths, 3), what the colour is at a wavelength."""
+    if basis is None or colour.size == 1:
+        return colour[c]
+    return colour[0] * basis[wave, 0] + colour[1] * basis[wave, 1] + colour[2] * basis[wave, 2]
+
+
+@device
+def _metal_reflectance(f, base, cosine, metal_index, material, basis, wave):
+    """Fill f with the reflectance of small mirrors."""
+    for c in range(f.size):
+        f[c] = base[c]
+    if metal_index is None:
+        return
+    index = metal_index[material]
+    if index[0, 0] > 0.0:
+        if basis is None or index.shape[0] == 1:
+            for c in range(f.size):
+                k = min(c, index.shape[0] - 1)
+                f[c] *= conductor(cosine, index[k, 0], index[k, 1])
+        else:
+            lifted = 0.0
+            for k in range(3):
+                lifted += basis[wave, k] * conductor(cosine, index[k, 0], index[k, 1])
+            f[0] *= lifted
+
+
+@device
+def layer_albedo(coupling, cosine, roughness):
+    """Share that the layer of a LAYERED material does not reflect, seen at a cosine; bilinear in a table.
+
+    Columns are at equal steps of the root of the cosine, rows at equal steps of the root of the roughness.
+    """
+    x = math.sqrt(min(max(cosine, 0.0), 1.0)) * (coupling.shape[1] - 1)
+    y = math.sqrt(min(max(roughness, 0.0), 1.0)) * (coupling.shape[0] - 1)
+    i, j = min(int(x), coupling.shape[1] - 2), min(int(y), coupling.shape[0] - 2)
+    fx, fy = x - i, y - j
+    low = coupling[j, i] + fx * (coupling[j, i + 1] - coupling[j, i])
+    high = coupling[j + 1, i] + fx * (coupling[j + 1, i + 1] - coupling[j + 1, i])
+    return low + fy * (high - low)
+
+
+@device
+def _mean_row(coupling_mean, roughness):
+    y = math.sqrt(min(max(roughness, 0.0), 1.0)) * (coupling_mean.size - 1)
+    j = min(int(y), coupling_mean.size - 2)
+    return coupling_mean[j] + (y - j) * (coupling_mean[j + 1] - coupling_mean[j])
+
+
+@device
+def _layer_share(base, metallic, oz, inward):
+    """Probability of drawing the layer of a LAYERED material, not what is below."""
+    largest = 0.0
+    for c in range(base.size):
+        largest = max(largest, base[c])
+    below = (1.0 - metallic) * largest * inward
+    if not below > 0.0:
+        return 1.0
+    above = schlick(PLASTIC + metallic * (largest - PLASTIC), oz)
+    return min(max(above / (above + below), 0.1), 0.9)
+
+
+@device
+def evaluate(
+    f,
+    kind,
+    base,
+    roughness,
+    metallic,
+    front,
+    material,
+    ox,
+    oy,
+    oz,
+    ix,
+    iy,
+    iz,
+    basis,
+    wave,
+    metal_index,
+    glass_index,
+    coupling,
+    coupling_mean,
+):
+    """Fill f with f |cos i| and return the density by which `draw` would draw i; 0 for exact directions."""
+    for c in range(f.size):
+        f[c] = 0.0
+    if kind <= GROOVES:
+        if iz <= 0.0:
+            return 0.0
+        if kind == LAMBERTIAN:
+            for c in range(f.size):
+                f[c] = base[c] * iz / math.pi
+        else:
+            single, multiple, mean = groove_terms(ox, oy, oz, ix, iy, iz, roughness)
+            for c in range(f.size):
+                f[c] = (base[c] * single + groove_albedo(base[c], mean) * multiple) * iz / math.pi
+        return iz / math.pi
+    if metal_index is not None and kind == METAL:
+        if iz <= 0.0 or roughness < SMOOTH:
+            return 0.0
+        cosine, d = _half_way(ox, oy, oz, ix, iy, iz, roughness)
+        if not d > 0.0:
+            return 0.0
+        _metal_reflectance(f, base, cosine, metal_index, material, basis, wave)
+        hidden_o, hidden_i = hidden(ox, oy, oz, roughness), hidden(ix, iy, iz, roughness)
+        for c in range(f.size):
+            f[c] *= d / (4.0 * oz * (1.0 + hidden_o + hidden_i))
+        return d / (4.0 * oz * (1.0 + hidden_o))
+    if glass_index is not None and kind == GLASS:
+        if roughness < SMOOTH:
+            return 0.0
+        return _evaluate_rough_glass(f, base, roughness, front, glass_index[material], ox, oy, oz, ix, iy, iz)
+    if coupling is not None and kind == LAYERED:
+        if iz <= 0.0:
+            return 0.0
+        alpha = max(roughness * roughness, 1e-3)
+        cosine, d = _half_way(ox, oy, oz, ix, iy, iz, alpha)
+        hidden_o, hidden_i = hidden(ox, oy, oz, alpha), hidden(ix, iy, iz, alpha)
+        inward = layer_albedo(coupling, oz, roughness)
+        below = (1.0 - metallic) * inward * layer_albedo(coupling, iz, roughness) / _mean_row(coupling_mean, roughness)
+        above = d / (4.0 * oz * (1.0 + hidden_o + hidden_i))
+        for c in range(f.size):
+            normal = PLASTIC + metallic * (base[c] - PLASTIC)
+            f[c] = schlick(normal, cosine) * above + base[c] * below * iz / math.pi
+        share = _layer_share(base, metallic, oz, inward)
+        return share * d / (4.0 * oz * (1.0 + hidden_o)) + (1.0 - share) * iz / math.pi
+    return 0.0
+
+
+@device
+def _half_way(ox, oy, oz, ix, iy, iz, alpha):
+    """Cosine between a direction and the normal half-way between both, and D of that normal; 0 where there is none."""
+    hx, hy, hz = ox + ix, oy + iy, oz + iz
+    length = math.sqrt(hx * hx + hy * hy + hz * hz)
+    if not length > 0.0 or not hz > 0.0:
+        return 0.0, 0.0
+    hx, hy, hz = hx / length, hy / length, hz / length
+    return min(ox * hx + oy * hy + oz * hz, 1.0), distribution(hx, hy, hz, alpha)
+
+
+@device
+def _evaluate_rough_glass(f, base, alpha, front, indices, ox, oy, oz, ix, iy, iz):
+    """Reflected or refracted by small facets; the change of radiance between media is left to the caller."""
+    eta = indices[0] / indices[1] if front else indices[1] / indices[0]
+    if iz == 0.0:
+        return 0.0
+    reflected = iz > 0.0
+    scale = 1.0 if reflected else eta
+    hx, hy, hz = ox + scale * ix, oy + scale * iy, oz + scale * iz
+    length = math.sqrt(hx * hx + hy * hy + hz * hz)
+    if not length > 0.0:
+        return 0.0
+    if hz < 0.0:
+        length = -length
+    hx, hy, hz = hx / length, hy / length, hz / length
+    at_o, at_i = ox * hx + oy * hy + oz * hz, ix * hx + iy * hy + iz * hz
+    # Facets seen from behind do not count.
+    if not hz > 0.0 or at_o <= 0.0 or at_i * iz <= 0.0:
+        return 0.0
+    share, _ = dielectric(min(at_o, 1.0), eta)
+    d = distribution(hx, hy, hz, alpha)
+    hidden_o, hidden_i = hidden(ox, oy, oz, alpha), hidden(ix, iy, iz, alpha)
+    if reflected:
+        density = share * d / (4.0 * oz * (1.0 + hidden_o))
+        value = share * d / (4.0 * oz * (1.0 + hidden_o + hidden_i))
+    else:
+        spread = at_i + at_o / eta
+        jacobian = abs(at_i) / (spread * spread)
+        density = (1.0 - share) * d * at_o / (oz * (1.0 + hidden_o)) * jacobian
+        value = density / (1.0 + hidden_i)
+    for c in range(f.size):
+        f[c] = base[c] * value
+    return density
+
+
+@device
+def draw(
+    f,
+    kind,
+    base,
+    roughness,
+    metallic,
+    front,
+    material,
+    ox,
+    oy,
+    oz,
+    u,
+    v,
+    w,
+    basis,
+    wave,
+    metal_index,
+    glass_index,
+    pane_index,
+    coupling,
+    coupling_mean,
+):
+    """Draw a direction i by three numbers; fills f with f |cos i| / density.
+
+    Returns i, its density (EXACT for a mirror's direction, 0 where the path ends), and 1 / eta^2 where light changes
+    into another medium (1 otherwise), by which radiance is to be multiplied besides.
+    """
+    if glass_index is not None and kind == GLASS:
+        return _draw_glass(f, base, roughness, front, glass_index[material], ox, oy, oz, u, v, w)
+    if pane_index is not None and kind == PANE:
+        once, _ = dielectric(min(oz, 1.0), pane_index[material])
+        if u < 2.0 * once / (1.0 + once):
+            for c in range(f.size):
+                f[c] = 1.0
+            return -ox, -oy, oz, EXACT, 1.0
+        for c in range(f.size):
+            f[c] = base[c]
+        return -ox, -oy, -oz, EXACT, 1.0
+    if metal_index is not None and kind == METAL:
+        if roughness < SMOOTH:
+            _metal_reflectance(f, base, oz, metal_index, material, basis, wave)
+            return -ox, -oy, oz, EXACT, 1.0
+        ix, iy, iz, cosine, density = _draw_reflected(ox, oy, oz, roughness, u, v)
+        if not iz > 0.0:
+            return 0.0, 0.0, 1.0, 0.0, 1.0
+        hidden_o, hidden_i = hidden(ox, oy, oz, roughness), hidden(ix, iy, iz, roughness)
+        _metal_reflectance(f, base, cosine, metal_index, material, basis, wave)
+        for c in range(f.size):
+            f[c] *= (1.0 + hidden_o) / (1.0 + hidden_o + hidden_i)
+        return ix, iy, iz, density, 1.0
+    if coupling is not None and kind == LAYERED:
+        share = _layer_share(base, metallic, oz, layer_albedo(coupling, oz, roughness))
+        if u < share:
+            ix, iy, iz, _, _ = _draw_reflected(ox, oy, oz, max(roughness * roughness, 1e-3), u / share, v)
+        else:
+            ix, iy, iz = _draw_cosine((u - share) / (1.0 - share), v)
+        if not iz > 0.0:
+            return 0.0, 0.0, 1.0, 0.0, 1.0
+        density = evaluate(
+            f,
+            kind,
+            base,
+            roughness,
+            metallic,
+            front,
+            material,
+            ox,
+            oy,
+            oz,
+            ix,
+            iy,
+            iz,
+            basis,
+            wave,
+            metal_index,
+            glass_index,
+            coupling,
+            coupling_mean,
+        )
+        for c in range(f.size):
+            f[c] = f[c] / density if density > 0.0 else 0.0
+        return ix, iy, iz, density, 1.0
+    ix, iy, iz = _draw_cosine(u, v)
+    if kind == GROOVES:
+        single, multiple, mean = groove_terms(ox, oy, oz, ix, iy, iz, roughness)
+        for c in range(f.size):
+            f[c] = base[c] * single + groove_albedo(base[c], mean) * multiple
+    else:
+        for c in range(f.size):
+            f[c] = base[c]
+    return ix, iy, iz, iz / math.pi, 1.0
+
+
+@device
+def _draw_cosine(u, v):
+    """A direction drawn by the cosine."""
+    radius = math.sqrt(u)
+    c, s = turn(v)
+    return radius * c, radius * s, math.sqrt(max(0.0, 1.0 - u))
+
+
+@device
+def _draw_reflected(ox, oy, oz, alpha, u, v):
+    """The direction reflected by a facet that is seen, the cosine at the facet, and the density of the direction."""
+    hx, hy, hz = visible_normal(ox, oy, oz, alpha, u, v)
+    cosine = min(max(ox * hx + oy * hy + oz * hz, 0.0), 1.0)
+    density = distribution(hx, hy, hz, alpha) / (4.0 * oz * (1.0 + hidden(ox, oy, oz, alpha)))
+    return 2.0 * cosine * hx - ox, 2.0 * cosine * hy - oy, 2.0 * cosine * hz - oz, cosine, density
+
+
+@device
+def _draw_glass(f, base, alpha, front, indices, ox, oy, oz, u, v, w):
+    """Reflect or refract at the surface, or at a facet of it that is seen."""
+    eta = indices[0] / indices[1] if front else indices[1] / indices[0]
+    for c in range(f.size):
+        f[c] = base[c]
+    rough = alpha >= SMOOTH
+    hx, hy, hz = 0.0, 0.0, 1.0
+    lot = u
+    if rough:
+        hx, hy, hz = visible_normal(ox, oy, oz, alpha, u, v)
+        lot = w
+    cosine = min(max(ox * hx + oy * hy + oz * hz, 0.0), 1.0)
+    share, behind = dielectric(cosine, eta)
+    if lot < share:
+        ix, iy, iz = 2.0 * cosine * hx - ox, 2.0 * cosine * hy - oy, 2.0 * cosine * hz - oz
+        if not rough:
+            return ix, iy, iz, EXACT, 1.0
+        if not iz > 0.0:
+            return 0.0, 0.0, 1.0, 0.0, 1.0
+        hidden_o, hidden_i = hidden(ox, oy, oz, alpha), hidden(ix, iy, iz, alpha)
+        for c in range(f.size):
+            f[c] *= (1.0 + hidden_o) / (1.0 + hidden_o + hidden_i)
+        return ix, iy, iz, share * distribution(hx, hy, hz, alpha) / (4.0 * oz * (1.0 + hidden_o)), 1.0
+    along = cosine / eta - behind
+    ix, iy, iz = along * hx - ox / eta, along * hy - oy / eta, along * hz - oz / eta
+    if not rough:
+        return ix, iy, iz, EXACT, 1.0 / (eta * eta)
+    if not iz < 0.0:
+        return 0.0, 0.0, 1.0, 0.0, 1.0
+    hidden_o, hidden_i = hidden(ox, oy, oz, alpha), hidden(ix, iy, iz, alpha)
+    spread = -behind + cosine / eta
+    density = (1.0 - share) * distribution(hx, hy, hz, alpha) * cosine / (oz * (1.0 + hidden_o)) * behind
+    for c in range(f.size):
+        f[c] /= 1.0 + hidden_i
+    return ix, iy, iz, density / (spread * spread), 1.0 / (eta * eta)

@@ -1,0 +1,96 @@
+"""What the codes of an image mean: sRGB and linear values."""
+
+from __future__ import annotations
+
+import enum
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+# IEC 61966-2-1: a straight piece near black, a power elsewhere; the two meet at these values.
+_SRGB_KNEE = 0.04045
+_LINEAR_KNEE = 0.0031308
+
+
+class Encoding(enum.IntEnum):
+    """What the integer codes of an image mean; floating-point images are always linear.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> [encoding.name for encoding in pl.Encoding]
+    ['SRGB', 'LINEAR']
+    """
+
+    SRGB = 0
+    """Colours, as screens show them (IEC 61966-2-1); linear where the file says so."""
+    LINEAR = 1
+    """Proportional to what they stand for: normals, roughness, opacity and other data."""
+
+
+def srgb_to_linear(encoded: ArrayLike) -> NDArray[np.floating[Any]]:
+    """Decode sRGB values in 0..1 to linear values in 0..1.
+
+    The curve is continued above 1 and, as an odd function, below 0.
+
+    Parameters
+    ----------
+    encoded : array_like
+        Values of any shape; integers are not rescaled.
+
+    Returns
+    -------
+    ndarray
+        Of the same shape, in the floating-point type of the input (float64 for integers).
+
+    References
+    ----------
+    IEC 61966-2-1:1999, section 5.2.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> float(pl.images.srgb_to_linear(0.5).round(4))
+    0.214
+    """
+    given = _floating(encoded)
+    size = np.abs(given)
+    decoded = np.where(size <= _SRGB_KNEE, size / 12.92, ((size + 0.055) / 1.055) ** 2.4)
+    signed: NDArray[np.floating[Any]] = np.copysign(decoded, given)
+    return signed
+
+
+def linear_to_srgb(linear: ArrayLike) -> NDArray[np.floating[Any]]:
+    """Encode linear values in 0..1 as sRGB values in 0..1, the inverse of `srgb_to_linear`.
+
+    Parameters
+    ----------
+    linear : array_like
+        Values of any shape; integers are not rescaled.
+
+    Returns
+    -------
+    ndarray
+        Of the same shape, in the floating-point type of the input (float64 for integers).
+
+    References
+    ----------
+    IEC 61966-2-1:1999, section 5.2.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> float(pl.images.linear_to_srgb(0.214).round(3))
+    0.5
+    """
+    given = _floating(linear)
+    size = np.abs(given)
+    encoded = np.where(size <= _LINEAR_KNEE, size * 12.92, 1.055 * size ** (1 / 2.4) - 0.055)
+    signed: NDArray[np.floating[Any]] = np.copysign(encoded, given)
+    return signed
+
+
+def _floating(values: ArrayLike) -> NDArray[np.floating[Any]]:
+    array = np.asarray(values)
+    return array if array.dtype.kind == "f" else array.astype(np.float64)

@@ -1,0 +1,142 @@
+"""Scenes of up to five million triangles, and of many more by instances: seconds and memory to build, rays a second."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+from starting import in_new_process
+from table import Table
+
+import plenoptic as pl
+from plenoptic.scene.accel import Intersector, build_intersector
+from plenoptic.scene.instance import Instances
+
+# Triangles are some 2 x side^2 for terrain, 5000 a ball for the others.
+FULL = (
+    *(("terrain", 158), ("terrain", 500), ("terrain", 1582)),
+    *(("balls, copied", 1000), ("balls, instances", 1000), ("balls, instances", 100_000)),
+)
+SMALL = (("terrain", 20), ("balls, copied", 3), ("balls, instances", 3))
+CODE = "import json, large_scenes; print(json.dumps(large_scenes.measured({name!r}, {size}, {rays})))"
+BUNDLE = 4096
+
+
+def tables(*, quick: bool) -> Iterator[Table]:
+    rows: list[tuple[object, ...]] = []
+    for name, size in SMALL if quick else FULL:
+        side = 64 if quick else 512
+        met, stored, *costs = in_new_process(CODE.format(name=name, size=size, rays=side))
+        rows.append((name, int(met), int(stored), *costs))
+    yield Table(
+        "Large scenes, each in a process of its own",
+        (
+            *("scene", "triangles", "stored", "tables: s", "MB", "Embree: wall s", "CPU s", "MB"),
+            *("peak MB", "million rays a CPU-second: first", "random", "shadow"),
+        ),
+        rows,
+        [
+            "MB are what the process holds more afterwards. Tables: `Scene.tables()`; Embree: float32 copies and the "
+            "tree. First rays come from one point, those of neighbouring pixels together; random ones go on from where "
+            "these end, in all directions above the surface; shadow rays go from there to a lamp of 40 x 40 mm. One "
+            f"thread, bundles of {BUNDLE}, the best of 5."
+        ],
+    )
+
+
+def measured(name: str, size: int, side: int) -> list[float]:
+    """Triangles met and stored, costs of tables and Embree scene, peak memory, rays a second of the three kinds."""
+    build_intersector(np.eye(3), np.arange(3, dtype=np.int32)[None])  # loads the library
+    scene = terrain(size) if name == "terrain" else balls(size, copied="copied" in name)
+    start, before = time.perf_counter(), memory()
+    compiled = scene.tables()
+    spent = [time.perf_counter() - start, memory() - before]
+    assert compiled.vertices is not None and compiled.triangles is not None
+    wall, cpu, before = time.perf_counter(), time.process_time(), memory()
+    intersector = build_intersector(compiled.vertices, compiled.triangles, compiled.instances)
+    spent += [time.perf_counter() - wall, time.process_time() - cpu, memory() - before, memory("VmHWM")]
+    stored = len(compiled.triangles)
+    met = stored if compiled.instances is None else compiled.instances.plain + int(compiled.instances.count.sum())
+    first = from_a_point(side)
+    random, shadow = onwards(intersector, first)
+    rates = [speed(intersector, rays, kind) for kind, rays in (("first", first), ("random", random))]
+    return [met, stored, *spent, *rates, speed(intersector, shadow, "shadow")]
+
+
+def terrain(side: int) -> pl.Scene:
+    """A rough ground of some 2 x side^2 triangles, 400 x 400 mm, across the axis at z = -404."""
+    rng = np.random.default_rng(0)
+    x = np.linspace(-200, 200, side + 1)
+    across, up = np.meshgrid(x, x)
+    z = -404 + 5 * np.sin(across / 7) * np.cos(up / 9) + rng.normal(scale=20 / side, size=up.shape)
+    row = np.arange((side + 1) ** 2).reshape(side + 1, side + 1)
+    a, b, c, d = (part.ravel() for part in (row[:-1, :-1], row[:-1, 1:], row[1:, 1:], row[1:, :-1]))
+    faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+    return pl.Scene([pl.Mesh(np.stack([across, up, z], axis=-1).reshape(-1, 3), faces)])
+
+
+def balls(count: int, *, copied: bool) -> pl.Scene:
+    """Balls of 4900 triangles, turned and scaled, whose volumes fill a tenth of a box of 200 mm about z = -404."""
+    rng = np.random.default_rng(0)
+    places = np.tile(np.eye(4), (count, 1, 1))
+    radius = (0.1 * 200**3 / (4.19 * count)) ** (1 / 3)
+    places[:, :3, :3] = np.linalg.qr(rng.normal(size=(count, 3, 3)))[0] * rng.uniform(0.5, 1.2, (count, 1, 1)) * radius
+    places[:, :3, 3] = rng.uniform(-100, 100, (count, 3)) - [0, 0, 404]
+    some = Instances(pl.sphere(1, segments=(50, 50)), places)
+    return pl.Scene(some.meshes() if copied else [some])
+
+
+def from_a_point(side: int) -> NDArray[np.float64]:
+    """(side^2, 6): from the origin through a square of 160 mm at z = -404, in blocks of 4 x 4."""
+    x = np.linspace(-80, 80, side)
+    grid = np.stack(np.meshgrid(x, x), axis=-1).reshape(side // 4, 4, side // 4, 4, 2).swapaxes(1, 2).reshape(-1, 2)
+    through = np.column_stack([grid, np.full(len(grid), -404.0)])
+    direction = through / np.linalg.norm(through, axis=1, keepdims=True)
+    return np.concatenate([np.zeros_like(direction), direction], axis=1)
+
+
+def onwards(intersector: Intersector, first: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """As many rays from where those end that meet something: in random directions back, and to a lamp."""
+    rng = np.random.default_rng(1)
+    low, high = np.full(len(first), 200.0), np.full(len(first), 700.0)
+    blocked = np.empty(len(first), dtype=np.uint8)
+    for _ in range(24):  # where a shadow ray begins to be blocked, 700 mm / 2^24 off at most
+        reached = (low + high) / 2
+        rays = first.copy()
+        rays[:, 3:] *= reached[:, None]
+        intersector.fill_blocked(blocked, rays)
+        low, high = np.where(blocked, low, reached), np.where(blocked, reached, high)
+    points = (first[:, :3] + low[:, None] * first[:, 3:])[low < 699] + [0, 0, 1e-3]
+    points = points[rng.integers(0, len(points), len(first))]
+    direction = rng.normal(size=points.shape)
+    direction *= np.sign(direction[:, 2:]) / np.linalg.norm(direction, axis=1, keepdims=True)
+    lamp = np.column_stack([rng.uniform(-20, 20, (len(points), 2)), np.full(len(points), -200.0)])
+    return np.concatenate([points, direction], axis=1), np.concatenate([points, lamp - points], axis=1)
+
+
+def speed(intersector: Intersector, rays: NDArray[np.float64], kind: str) -> float:
+    """Million rays a CPU-second, the best of five rounds."""
+    hits, placed, blocked = np.empty(BUNDLE, np.int32), np.empty(BUNDLE, np.int32), np.empty(BUNDLE, np.uint8)
+    times = []
+    for _ in range(6):
+        begin = time.process_time()
+        for start in range(0, len(rays), BUNDLE):
+            part = rays[start : start + BUNDLE]
+            if kind == "shadow":
+                intersector.fill_blocked(blocked[: len(part)], part)
+            else:
+                n, coherent = len(part), kind == "first"
+                intersector.fill_closest(hits[:n], part, coherent=coherent, placed=placed[:n])
+        times.append(time.process_time() - begin)
+    return 1e-6 * len(rays) / min(times[1:])
+
+
+def memory(which: str = "VmRSS") -> float:
+    """MB that this process holds, or with VmHWM has held at most; 0 where the system does not tell."""
+    try:
+        with open("/proc/self/status") as status:
+            return next(int(line.split()[1]) for line in status if line.startswith(which)) / 1024
+    except OSError:
+        return 0.0

@@ -1,0 +1,341 @@
+"""Environment maps: which way they lie, and directions drawn by their light."""
+
+import math
+import pickle
+
+import numpy as np
+import pytest
+
+import plenoptic as pl
+from plenoptic._jit import kernel
+from plenoptic.scene._choice import choose
+from plenoptic.scene._environment import choose_nearby, draw_environment, environment_density, environment_texel
+from plenoptic.scene.environment import MAX_TEXELS, EnvironmentMap
+from plenoptic.scene.environment_tables import build_environment, texel_solid_angles
+
+LAST = 1 - 2.0**-32
+"""The largest coordinate of a sampling point."""
+AHEAD, RIGHT, UP = np.array([0.0, 0, -1]), np.array([1.0, 0, 0]), np.array([0.0, 1, 0])
+
+
+@kernel
+def fill_draws(directions, cells, points, rows_cdf, columns_cdf, rotation):
+    for i in range(points.shape[0]):
+        x, y, z, row, column = draw_environment(points[i, 0], points[i, 1], rows_cdf, columns_cdf, rotation)
+        directions[i, 0], directions[i, 1], directions[i, 2] = x, y, z
+        cells[i, 0], cells[i, 1] = row, column
+
+
+@kernel
+def fill_lookups(cells, densities, directions, density, rotation):
+    for i in range(directions.shape[0]):
+        x, y, z = directions[i]
+        cells[i] = environment_texel(x, y, z, density.shape[0], density.shape[1], rotation)
+        densities[i] = environment_density(x, y, z, density, rotation)
+
+
+@kernel
+def count_differences(cdf, u):
+    differences = 0
+    for i in range(u.size):
+        if choose(cdf, u[i]) != choose_nearby(cdf, u[i]):
+            differences += 1
+    return differences
+
+
+def draws(tables, points):
+    directions, cells = np.empty((len(points), 3)), np.empty((len(points), 2), dtype=np.int64)
+    fill_draws(directions, cells, points, tables.rows_cdf, tables.columns_cdf, tables.rotation)
+    return directions, cells
+
+
+def lookups(tables, directions):
+    cells, densities = np.empty((len(directions), 2), dtype=np.int64), np.empty(len(directions))
+    fill_lookups(cells, densities, np.asarray(directions, dtype=np.float64), tables.density, tables.rotation)
+    return cells, densities
+
+
+def some_rotation(rng):
+    rotation, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    return rotation * np.sign(np.linalg.det(rotation))
+
+
+def some_map(seed, *, shape=None, rotated=True):
+    """Radiances over six orders of magnitude, with black texels, black rows and coloured channels."""
+    rng = np.random.default_rng(seed)
+    rows, columns = rng.integers(1, 9, size=2) if shape is None else shape
+    texels = 10 ** rng.uniform(-3, 3, size=(rows, columns, 3)) * (rng.random((rows, columns, 1)) < 0.7)
+    texels[rng.random(rows) < 0.2] = 0.0
+    texels[rng.integers(rows), rng.integers(columns)] += 1.0
+    return EnvironmentMap(texels, some_rotation(rng) if rotated else None)
+
+
+def name(world):
+    rows, columns, _ = world.texels.shape
+    return f"{rows}x{columns}{'' if world.rotation is None else ' turned'}"
+
+
+MAPS = [some_map(seed, rotated=seed % 2 == 0) for seed in range(12)]
+LARGE = some_map(99, shape=(1024, 2048))
+SINGLE = EnvironmentMap(np.full((1, 1, 1), 2.0))
+
+
+# Which way it lies
+
+
+@pytest.mark.parametrize(
+    ("direction", "row", "column"),
+    [
+        ((0, 1, 0), 0, None),
+        ((0, -1, 0), 3, None),
+        # A little to the right and to the left of straight ahead, above and below the horizon.
+        ((0.1, 0.1, -1), 1, 4),
+        ((-0.1, -0.1, -1), 2, 3),
+        ((1, 0.1, -0.1), 1, 5),
+        ((1, 0.1, 0.1), 1, 6),
+        ((-1, 0.1, -0.1), 1, 2),
+        # The borders of the image lie behind.
+        ((0.1, 0.1, 1), 1, 7),
+        ((-0.1, 0.1, 1), 1, 0),
+    ],
+)
+def test_the_middle_lies_ahead_and_columns_run_to_the_right(direction, row, column):
+    texels = np.arange(1.0, 33).reshape(4, 8, 1)
+    world = EnvironmentMap(texels)
+    cells, _ = lookups(build_environment(world, 1), [direction, 7.5 * np.array(direction)])
+    assert cells[:, 0].tolist() == [row, row]
+    if column is not None:
+        assert cells[:, 1].tolist() == [column, column]
+        assert world.radiance([direction]).tolist() == [[texels[row, column, 0]]]
+
+
+def test_an_odd_number_of_columns_has_one_in_the_middle():
+    world = EnvironmentMap(np.array([[[1.0], [2.0], [3.0]]]))
+    assert world.radiance([AHEAD, AHEAD + 1.7 * RIGHT, AHEAD + 1.8 * RIGHT]).tolist() == [[2], [2], [3]]
+
+
+def test_rotations_take_the_map_to_the_world():
+    # Columns are where the map's axes go: its x to the world's y, its y to z, its z to x.
+    rotation = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])
+    texels = np.ones((4, 8, 3))
+    texels[0] = 5.0
+    world = EnvironmentMap(texels, rotation)
+    assert world.radiance([rotation @ UP, UP])[:, 0].tolist() == [5.0, 1.0]
+    # And the other way to turn there: about -z, then as by hand.
+    turned = EnvironmentMap(texels).rotated(UP, math.pi / 2)
+    assert turned.rotation @ AHEAD == pytest.approx(-RIGHT)
+    assert turned.rotated(AHEAD, 0.3).rotation == pytest.approx(
+        EnvironmentMap(texels).rotated_deg(AHEAD, math.degrees(0.3)).rotation @ turned.rotation
+    )
+
+
+@pytest.mark.parametrize("world", [*MAPS[1::2], LARGE], ids=name)
+def test_turning_the_map_turns_what_is_seen_and_drawn(world):
+    world = EnvironmentMap(world.texels)
+    rng = np.random.default_rng(1)
+    rotation = some_rotation(rng)
+    turned = EnvironmentMap(world.texels, rotation)
+    directions = rng.normal(size=(1000, 3))
+    np.testing.assert_array_equal(world.radiance(directions), turned.radiance(directions @ rotation.T))
+    tables, turned_tables = build_environment(world, 3), build_environment(turned, 3)
+    points = rng.random((1000, 2))
+    straight, cells = draws(tables, points)
+    found, turned_cells = draws(turned_tables, points)
+    np.testing.assert_array_equal(cells, turned_cells)
+    # Nine products of numbers up to 1.
+    np.testing.assert_allclose(found, straight @ rotation.T, atol=1e-15)
+
+
+# The distribution
+
+
+@pytest.mark.parametrize("world", [*MAPS, LARGE, SINGLE], ids=name)
+def test_the_density_integrates_to_one_and_is_proportional_to_the_light(world):
+    rows, columns, channels = world.texels.shape
+    tables = build_environment(world, channels)
+    solid_angle = texel_solid_angles(rows, columns)[:, None]
+    share = tables.density * solid_angle
+    # Sums of up to 2e6 steps of cumulative sums: each is right to an eps of the sum, and they telescope.
+    assert share.sum() == pytest.approx(1.0, abs=1e-12)
+    light = world.texels.mean(axis=2, dtype=np.float64) * solid_angle
+    assert tables.total == pytest.approx(light.sum(), rel=1e-12)
+    np.testing.assert_allclose(share, light / light.sum(), atol=1e-13)
+    assert not share[light == 0].any()
+    # Mean over the draws of radiance / density, by the probability of each texel, is the integral of radiance.
+    drawn = share > 0
+    estimate = np.where(drawn, world.texels.mean(axis=2, dtype=np.float64), 0) / np.where(drawn, tables.density, 1)
+    assert (share * estimate).sum() == pytest.approx(light.sum(), rel=1e-12)
+    assert (solid_angle * np.ones(columns)).sum() == pytest.approx(4 * math.pi, rel=1e-13)
+
+
+def test_solid_angles_are_those_between_circles_of_latitude():
+    for rows, columns in ((1, 1), (2, 3), (7, 5)):
+        edges = np.cos(np.pi * np.arange(rows + 1) / rows)
+        np.testing.assert_allclose(texel_solid_angles(rows, columns), 2 * np.pi / columns * -np.diff(edges), rtol=1e-14)
+
+
+@pytest.mark.parametrize("world", [*MAPS, SINGLE], ids=name)
+def test_draws_follow_the_density_between_texels_and_within(world):
+    n = 200_000
+    directions, _ = draws(build_environment(world, 3), np.random.default_rng(7).random((n, 2)))
+    x, y, z = (directions if world.rotation is None else directions @ world.rotation).T
+    rows, columns, _ = world.texels.shape
+    # Each texel in 2 x 2 parts of equal solid angle, by another formula than the kernel's.
+    edges = np.cos(np.pi * np.arange(rows + 1) / rows)
+    halves = np.sort(np.concatenate([edges, 0.5 * (edges[1:] + edges[:-1])]))
+    row = 2 * rows - np.searchsorted(halves, y).clip(1, 2 * rows)
+    column = np.floor((np.angle(-z + 1j * x) / (2 * np.pi) + 0.5) * 2 * columns).astype(int).clip(0, 2 * columns - 1)
+    counts = np.zeros((2 * rows, 2 * columns))
+    np.add.at(counts, (row, column), 1)
+    light = world.texels.mean(axis=2, dtype=np.float64) * -np.diff(edges)[:, None]
+    expected = np.kron(n * light / light.sum(), np.full((2, 2), 0.25))
+    assert not counts[expected == 0].any()
+    # Where few are expected, a count is not normal: these are counted together, as Poisson numbers are.
+    rare = expected < 20
+    total = expected[rare].sum()
+    assert abs(counts[rare].sum() - total) < 5 * math.sqrt(total) + 5
+    # The cube root of chi-square over its degrees of freedom k is normal, with mean 1 - 2/(9k) and variance 2/(9k)
+    # (E. B. Wilson and M. M. Hilferty, 1931): 5 standard deviations.
+    chi2 = ((counts - expected)[~rare] ** 2 / expected[~rare]).sum()
+    spread = 2 / (9 * ((~rare).sum() - 1))
+    assert ((~rare).sum() - 1) > 2 and (chi2 * 4.5 * spread) ** (1 / 3) < 1 - spread + 5 * math.sqrt(spread)
+
+
+@pytest.mark.parametrize("entries", [1, 2, 3, 5, 17, 300, 4096])
+@pytest.mark.parametrize("power", [0, 1, 30])
+def test_both_ways_to_search_a_table_find_the_same(entries, power):
+    rng = np.random.default_rng(entries)
+    # From all alike to a few that hold nearly everything; a third is 0, and both ends are at times.
+    share = rng.random(entries) ** power * (rng.random(entries) < 0.67)
+    share[rng.integers(entries)] = 1.0
+    cdf = np.cumsum(share) / share.sum()
+    cdf[np.flatnonzero(share)[-1] :] = 1.0
+    # Random numbers, all borders, and what lies just beside them.
+    u = np.concatenate([rng.random(20_000), cdf, np.nextafter(cdf, 0), np.nextafter(cdf, 1), [0.0, LAST]])
+    assert count_differences(cdf, u[u < 1]) == 0
+
+
+@pytest.mark.parametrize("world", [*MAPS, LARGE, SINGLE], ids=name)
+def test_lookups_find_the_texels_that_were_drawn(world):
+    tables = build_environment(world, 3)
+    points = np.random.default_rng(3).random((20_000, 2))
+    # All combinations of the ends of both intervals, where rounding counts.
+    ends = np.array([0.0, 2.0**-32, 0.25, 0.5, LAST])
+    points[:25] = np.stack(np.meshgrid(ends, ends), axis=-1).reshape(-1, 2)
+    directions, cells = draws(tables, points)
+    found, densities = lookups(tables, directions)
+    # Beside the pole of a turned map the azimuth loses all digits: draws within 1e-5 of it come once in 1e10.
+    np.testing.assert_array_equal(found, cells)
+    np.testing.assert_array_equal(densities, tables.density[cells[:, 0], cells[:, 1]])
+    assert (densities > 0).all()
+    np.testing.assert_array_equal(world.radiance(directions), world.texels[cells[:, 0], cells[:, 1]])
+    np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1.0, atol=2e-15)
+
+
+def test_a_texel_at_the_pole_keeps_its_digits():
+    texels = np.zeros((8192, 4, 1))
+    texels[[0, -1]] = 1.0
+    directions, cells = draws(build_environment(EnvironmentMap(texels), 1), np.random.default_rng(5).random((1000, 2)))
+    up = cells[:, 0] == 0
+    assert np.isin(cells[:, 0], [0, 8191]).all() and 400 < up.sum() < 600
+    np.testing.assert_array_equal(directions[:, 1] > 0, up)
+    # Uniform in solid angle: the squared sine, here angle^2, is uniform from 0 to (pi / 8192)^2; 5 standard errors.
+    part = (directions[:, 0] ** 2 + directions[:, 2] ** 2) / math.sin(math.pi / 8192) ** 2
+    assert part.max() <= 1.0 + 1e-6
+    assert part.mean() == pytest.approx(0.5, abs=5 / math.sqrt(12 * 1000))
+
+
+@pytest.mark.parametrize(
+    "direction", [UP, -UP, AHEAD, -AHEAD, RIGHT, -RIGHT, [0, 0, 1.0], [-0.0, 0, 1.0], [0, 1, -0.0]]
+)
+def test_lookups_on_axes_and_borders_stay_inside(direction):
+    for world in (*MAPS[1::2], SINGLE):
+        rows, columns, _ = world.texels.shape
+        (row, column), _ = (a[0] for a in lookups(build_environment(EnvironmentMap(world.texels), 3), [direction]))
+        assert 0 <= row < rows and 0 <= column < columns
+        np.testing.assert_array_equal(world.radiance([direction])[0], world.texels[row, column])
+
+
+# Tables
+
+
+def test_tables_have_the_channels_of_the_scene_and_nothing_they_need_not():
+    grey = EnvironmentMap(np.ones((2, 4, 3)))
+    assert grey.is_grey and not MAPS[0].is_grey
+    assert build_environment(grey, 1).texels.shape == (2, 4, 1)
+    single = build_environment(SINGLE, 3)
+    assert single.texels.tolist() == [[[2.0, 2.0, 2.0]]] and single.total == pytest.approx(8 * math.pi)
+    assert single.rotation is None and EnvironmentMap(SINGLE.texels, np.eye(3)) == SINGLE
+    turned = build_environment(MAPS[0], 3)
+    np.testing.assert_array_equal(turned.rotation, MAPS[0].rotation.ravel())
+    for array in turned[:-1]:
+        assert array.flags.c_contiguous and not array.flags.writeable
+    assert build_environment(EnvironmentMap(np.zeros((3, 4, 3))), 3) is None
+
+
+@pytest.mark.parametrize("brightness", [1e-38, 1e38])
+def test_brightness_changes_nothing_but_the_total(brightness):
+    texels = np.random.default_rng(4).random((3, 5, 1)).astype(np.float32)
+    plain, scaled = (build_environment(EnvironmentMap(texels * np.float32(f)), 1) for f in (1, brightness))
+    # 1e-38 is next to float32's denormals, which have fewer digits.
+    np.testing.assert_allclose(scaled.density, plain.density, rtol=1e-5)
+    assert scaled.total == pytest.approx(plain.total * brightness, rel=1e-5)
+
+
+# Values
+
+
+def test_environments_compare_pickle_and_are_read_only():
+    world = MAPS[0]
+    again = pickle.loads(pickle.dumps(world))
+    assert again == world and hash(again) == hash(world)
+    assert not again.texels.flags.writeable and not again.rotation.flags.writeable
+    assert world != world.rotated((1, 0, 0), 0.1)
+
+
+@pytest.mark.parametrize(
+    ("texels", "rotation", "kind", "said"),
+    [
+        (np.zeros((2, 2)), None, pl.InvalidValueError, "shape"),
+        (np.zeros((2, 2, 4)), None, pl.InvalidValueError, "drop alpha"),
+        (np.zeros((2, 2, 3), dtype=np.uint8), None, pl.InvalidValueError, "EnvironmentMap.load"),
+        (np.zeros((0, 2, 3)), None, pl.SceneError, "0 rows"),
+        (np.broadcast_to(np.float32(0), (MAX_TEXELS // 2 + 1, 2, 1)), None, pl.SceneError, "texels"),
+        (np.full((1, 1, 1), -0.1), None, pl.SceneError, "0 or more"),
+        (np.full((1, 2, 1), np.nan), None, pl.SceneError, "finite"),
+        (np.full((1, 1, 3), 1e39), None, pl.SceneError, "finite"),
+        (np.ones((1, 1, 3)), np.eye(4), pl.InvalidValueError, "shape"),
+        (np.ones((1, 1, 3)), 2 * np.eye(3), pl.InvalidValueError, "orthonormal"),
+        (np.ones((1, 1, 3)), np.diag([1.0, 1, -1]), pl.InvalidValueError, "right-handed"),
+        (np.ones((1, 1, 3)), np.full((3, 3), np.nan), pl.InvalidValueError, "orthonormal"),
+        (np.ones((1, 1, 3)), np.full((3, 3), np.inf), pl.InvalidValueError, "orthonormal"),
+    ],
+)
+def test_impossible_environments_are_refused(texels, rotation, kind, said):
+    with pytest.raises(kind, match=said):
+        EnvironmentMap(texels, rotation)
+
+
+def test_directions_and_axes_have_a_length():
+    for directions in ([[0, 0, 0]], [[np.nan, 0, 1]], [[np.inf, 0, 1]]):
+        with pytest.raises(pl.SceneError, match="directions"):
+            SINGLE.radiance(directions)
+    with pytest.raises(pl.InvalidValueError, match="shape"):
+        SINGLE.radiance([0, 0, 1])
+    with pytest.raises(pl.InvalidValueError, match="axis"):
+        SINGLE.rotated((0, 0, 0), 1.0)
+    with pytest.raises(pl.InvalidValueError, match="angle"):
+        SINGLE.rotated((0, 0, 1), np.nan)
+
+
+def test_environments_come_from_image_files(tmp_path):
+    texels = np.random.default_rng(6).random((2, 4, 3)).astype(np.float32)
+    path = tmp_path / "sky.exr"
+    pl.images.write_channels(path, {name: texels[..., k] for k, name in enumerate("RGB")})
+    rotation = some_rotation(np.random.default_rng(1))
+    assert EnvironmentMap.load(path, rotation) == EnvironmentMap(texels, rotation)
+    pl.images.write_channels(path, {name: texels[..., k] - 0.5 for k, name in enumerate("RGB")})
+    with pytest.raises(pl.FileError, match=r"sky\.exr: texels lie between -.*0 or more"):
+        EnvironmentMap.load(path)
+    with pytest.raises(pl.FileError):
+        EnvironmentMap.load(tmp_path / "missing.hdr")

@@ -1,0 +1,135 @@
+import pickle
+
+import numpy as np
+import pytest
+
+import plenoptic as pl
+from plenoptic.scene.instance import Instances, instance_tables
+
+LAST = np.diag([0, 0, 0, 1])
+BEYOND = pl.SceneError, "within .*1e15 mm"
+
+
+def turned(rng, count, *, reach=100.0, mirrored=False):
+    """Random rotations after scalings along the axes of the mesh, (count, 4, 4)."""
+    matrices = np.tile(np.eye(4), (count, 1, 1))
+    rotation = np.linalg.qr(rng.normal(size=(count, 3, 3)))[0]
+    rotation[:, :, 0] *= np.sign(np.linalg.det(rotation) * (-1 if mirrored else 1))[:, None]
+    matrices[:, :3, :3] = rotation * rng.uniform(0.3, 2, (count, 1, 3))
+    matrices[:, :3, 3] = rng.uniform(-reach, reach, (count, 3))
+    return matrices
+
+
+def volume(mesh):
+    """Positive where the fronts are outside."""
+    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
+    return (np.cross(a, b) * c).sum() / 6
+
+
+# What instances are
+
+
+def test_instances_are_a_read_only_copy_that_compares_hashes_and_pickles():
+    matrices = turned(np.random.default_rng(1), 3)
+    some = Instances(pl.box(2), matrices)
+    again = pickle.loads(pickle.dumps(some))
+    first = matrices[0].copy()
+    matrices[:] = 0
+    assert again == some and hash(again) == hash(some) and some != Instances(pl.box(3), some.matrices)
+    assert some.matrices[0].tolist() == first.tolist() and not again.matrices.flags.writeable
+    assert len(some) == 3 and repr(some) == f"Instances(3 of {pl.box(2)!r})"
+
+
+@pytest.mark.parametrize(
+    ("matrices", "kind", "said"),
+    [
+        (np.eye(4), pl.InvalidValueError, r"matrices has shape \(4, 4\)"),
+        (np.zeros((0, 4, 4)), pl.SceneError, "at least one place"),
+        (np.tile(np.eye(3), (2, 1, 1)), pl.InvalidValueError, "shape"),
+        ([np.eye(4), np.diag([1, 1, np.nan, 1])], pl.SceneError, "matrix 1 .*finite"),
+        ([np.eye(4), np.eye(4)[[0, 1, 2, 2]]], pl.SceneError, "matrix 1 .*0, 0, 0, 1"),
+        ([np.eye(4), np.diag([1, 0, 1, 1])], pl.SceneError, "matrix 1 .*flattens"),
+        ([np.diag([1e16, 1, 1, 1])], *BEYOND),
+        ([np.pad([[1e308, -1e308, 1e308], [1e308, 1e308, -1e308], [-1e308, 1e308, 1e308]], (0, 1)) + LAST], *BEYOND),
+        ([np.diag([1e308, 1e308, 1e-300, 1])], *BEYOND),
+    ],
+)
+def test_impossible_places_are_named(matrices, kind, said):
+    with pytest.raises(kind, match=said):
+        Instances(pl.box(2), matrices)
+
+
+def test_only_meshes_are_repeated():
+    with pytest.raises(pl.InvalidValueError, match="mesh is a tuple; give a Mesh"):
+        Instances((pl.box(2),), [np.eye(4)])
+
+
+# Where they are
+
+
+def test_bounds_are_those_of_the_copies():
+    rng = np.random.default_rng(2)
+    far = pl.Mesh(np.vstack([pl.box(2).vertices, [[1e3, 0, 0]]]), pl.box(2).faces)  # the last vertex is in no triangle
+    corner = pl.Mesh([[0, 0, 0], [5, 0, 0], [0, 5, 0], [0, 0, 5]], [[0, 1, 2], [0, 2, 3], [0, 3, 1]])
+    for mesh in (pl.sphere(3, segments=(16, 8)), far, corner, pl.quad((1, 2, 3), (4, 0, 0), (0, 5, 0))):
+        for reach in (100.0, 0.1):  # far apart, and all but at one place
+            places = np.concatenate([turned(rng, 30, reach=reach), turned(rng, 30, reach=reach, mirrored=True)])
+            some = Instances(mesh, places)
+            boxes = np.array([copy.bounds for copy in some.meshes()])
+            # Coordinates up to 100 with some ten roundings each.
+            whole = [boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)]
+            np.testing.assert_allclose(some.bounds, whole, rtol=0, atol=2e-13)
+
+
+def test_mirrored_copies_keep_their_front():
+    mesh = pl.sphere(3, segments=(16, 8))
+    matrices = turned(np.random.default_rng(3), 5, mirrored=True)
+    for copy, matrix in zip(Instances(mesh, matrices).meshes(), matrices, strict=True):
+        # A volume scales with the determinant, whose sign is the mirror's.
+        assert volume(copy) == pytest.approx(volume(mesh) * abs(np.linalg.det(matrix)), rel=1e-10)
+        middle = matrix[:3, 3]
+        assert (((copy.vertices - middle) * copy.normals).sum(axis=1) > 0).all()
+
+
+def test_moving_instances_moves_every_copy():
+    rng = np.random.default_rng(4)
+    some, matrix = Instances(pl.box((1, 2, 3)), turned(rng, 4)), turned(rng, 1, mirrored=True)[0]
+    for moved, copy in zip(some.transformed(matrix).meshes(), some.meshes(), strict=True):
+        twice = copy.transformed(matrix)
+        assert moved.faces.tolist() == twice.faces.tolist()
+        # Coordinates up to 300 after two maps of some ten roundings each.
+        np.testing.assert_allclose(moved.vertices, twice.vertices, rtol=0, atol=1e-12)
+    for moved, copy in zip(some.translated(1, -2, z=30).meshes(), some.meshes(), strict=True):
+        np.testing.assert_allclose(moved.vertices, copy.vertices + np.array([1, -2, 30]), rtol=0, atol=1e-13)
+    with pytest.raises(pl.SceneError, match="flattens"):
+        some.transformed(np.diag([1, 1, 0, 1]))
+    with pytest.raises(pl.InvalidValueError, match="z is nan"):
+        some.translated(z=np.nan)
+
+
+def test_a_material_belongs_to_all_copies():
+    lit = Instances(pl.box(2), turned(np.random.default_rng(5), 2)).with_material(pl.Emissive(2.0))
+    assert {copy.material for copy in lit.meshes()} == {pl.Emissive(2.0)}
+
+
+# As tables
+
+
+def test_tables_name_the_triangles_of_each_place():
+    rng = np.random.default_rng(6)
+    box, ball = pl.box(2), pl.sphere(1, segments=(8, 4))
+    groups = [
+        Instances(box, turned(rng, 2)),
+        Instances(ball, turned(rng, 1, mirrored=True)),
+        Instances(box, turned(rng, 1)),
+    ]
+    tables = instance_tables(groups, [100, 112, 100])
+    assert tables.plain == 100
+    assert tables.first.tolist() == [100, 100, 112, 100]
+    assert tables.count.tolist() == [12, 12, len(ball.faces), 12]
+    assert tables.mirrored.tolist() == [0, 0, 1, 0]
+    rows = tables.matrices.reshape(-1, 3, 4)
+    for k, matrix in enumerate(matrix for group in groups for matrix in group.matrices):
+        assert rows[k].tolist() == matrix[:3].tolist()
+    assert all(not array.flags.writeable for array in tables[:4])
+    assert instance_tables([], []) is None

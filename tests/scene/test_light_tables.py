@@ -1,0 +1,251 @@
+"""Which light is drawn how often."""
+
+import math
+import time
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import plenoptic as pl
+from plenoptic.scene.light_tables import ENVIRONMENT, POINT, SUN, TRIANGLE
+
+CORNERS = np.array([[0.0, 0, 0], [2, 0, 0], [0, 2, 0], [2, 2, 0]])
+FACES = np.array([[0, 1, 2], [1, 3, 2]])
+GREY = pl.Lambertian(0.5)
+
+
+def square(material=GREY):
+    return pl.Mesh(CORNERS, FACES, material)
+
+
+def lights_of(meshes=(), lights=(), background=None, floor=GREY):
+    return pl.Scene([square(floor), *meshes], lights, background).tables().lights
+
+
+def shares(lights):
+    """Probability of each item."""
+    return np.diff(lights.cdf, prepend=0.0)
+
+
+# ---- by power ----
+
+# Far from where a power that is computed by hand underflows.
+radiance = st.just(0.0) | st.floats(1e-100, 1e3)
+emitters = st.lists(
+    st.tuples(radiance | st.tuples(*[radiance] * 3), st.booleans(), st.floats(0.1, 10)), min_size=1, max_size=5
+)
+
+
+@settings(max_examples=50, deadline=None)
+@given(emitters)
+def test_triangles_are_drawn_by_the_power_they_emit(kinds):
+    meshes = [square(pl.Emissive(radiance, two_sided)).scaled(size) for radiance, two_sided, size in kinds]
+    lights = lights_of(meshes)
+    # By hand: two triangles of area 2 size^2 each; the floor has rows 0 and 1.
+    power = np.array([np.mean(r) * 2 * s**2 * (2 if both else 1) for r, both, s in kinds for _ in range(2)])
+    if not any(power):
+        assert lights.cdf is None and lights.material_density is None
+        return
+    lit = np.flatnonzero(power)
+    assert lights.row.tolist() == (lit + 2).tolist() and lights.kind is None and lights.place is None
+    expected = power[lit] / power.sum()
+    # A sum of some ten terms, a few eps each.
+    np.testing.assert_allclose(shares(lights), expected, atol=1e-14)
+    assert lights.cdf[-1] == 1.0
+    tables = pl.Scene([square(), *meshes]).tables()
+    areas = np.array([2 * s**2 for _, _, s in kinds for _ in range(2)])[lit]
+    np.testing.assert_allclose(
+        tables.lights.material_density[tables.triangle_material[lit + 2]] * areas, expected, rtol=1e-13
+    )
+
+
+ONE_OF_EACH = [
+    pl.PointLight((0, 0, 5), (3.0, 6.0, 9.0)),
+    pl.SpotLight((0, 0, 5), (0, 0, -1), 40.0, 0.3, 0.9),
+    pl.QuadLight((0, 0, 9), (3, 0, 0), (0, 4, 0), radiance=2.0, two_sided=True),
+    pl.SphereLight((9, 0, 9), 0.5, radiance=(1.0, 2.0, 3.0)),
+]
+
+
+def test_near_lights_of_all_kinds_are_drawn_by_their_power():
+    lights = lights_of(lights=ONE_OF_EACH)
+    # Radiance mm^2 sr: pi L A for each side that shines, 4 pi I, and what `power` says.
+    expected = [math.pi * 2.0 * 12.0 * 2, ONE_OF_EACH[3].power, 4 * math.pi * 6.0, ONE_OF_EACH[1].power]
+    drawn = shares(lights)
+    triangles = lights.kind == TRIANGLE
+    quad = triangles & (lights.row < 4)
+    found = [drawn[quad].sum(), drawn[triangles & ~quad].sum(), *drawn[lights.kind == POINT]]
+    assert lights.kind.tolist() == [TRIANGLE] * 1282 + [POINT] * 2
+    # The mesh of a sphere has the sphere's area to rounding: 1280 triangles.
+    np.testing.assert_allclose(found, np.array(expected) / np.sum(expected), rtol=1e-11)
+
+
+def test_points_and_spots_keep_their_places_axes_and_colours():
+    lights = lights_of(lights=ONE_OF_EACH[:2])
+    np.testing.assert_allclose(lights.points[0], [0, 0, 5, 0, 0, 0, -2, -2])
+    np.testing.assert_allclose(lights.points[1], [0, 0, 5, 0, 0, -1, math.cos(0.9), math.cos(0.3)], rtol=1e-15)
+    assert lights.point_colours.tolist() == [[3, 6, 9], [40, 40, 40]]
+    assert lights.row.tolist() == [0, 1]
+
+
+def test_triangles_without_area_can_be_met_but_are_no_lights():
+    mesh = pl.Mesh(CORNERS, [[0, 1, 1], [0, 1, 2], [3, 3, 3]], pl.Emissive(1.0))
+    tables = pl.Scene([square(), mesh]).tables()
+    assert len(tables.triangles) == 5
+    assert tables.lights.row.tolist() == [3] and tables.lights.cdf.tolist() == [1.0]
+
+
+@pytest.mark.parametrize("brightest", [1e300, 1e308])
+def test_extreme_radiances_give_finite_probabilities(brightest):
+    lights = lights_of([square(pl.Emissive(brightest)), square(pl.Emissive(brightest, two_sided=True))])
+    np.testing.assert_allclose(shares(lights), [1 / 6, 1 / 6, 1 / 3, 1 / 3])
+    assert np.isfinite(lights.material_density).all()
+
+
+def test_faint_lights_are_drawn_if_there_are_no_others():
+    lights = lights_of([square(pl.Emissive(1e-300)).scaled(10)], [pl.PointLight((0, 0, 5), 0.0)])
+    drawn = shares(lights)
+    np.testing.assert_allclose(drawn[lights.kind == TRIANGLE], 0.5)
+    assert drawn[lights.kind == POINT].tolist() == [0.0]
+
+
+# ---- near and distant ----
+
+
+@pytest.mark.parametrize("irradiance", [1e-9, 1e9])
+def test_neither_near_nor_distant_lights_go_without_draws(irradiance):
+    lights = lights_of(lights=[pl.PointLight((0, 0, 5), 7.0), pl.SunLight((0, 0, -1), irradiance)])
+    assert lights.kind.tolist() == [POINT, SUN]
+    # A tenth of the draws, at least, goes to either.
+    np.testing.assert_allclose(shares(lights), [0.9, 0.1] if irradiance < 1 else [0.1, 0.9])
+    np.testing.assert_allclose(lights.suns[0, 4], shares(lights)[1])
+
+
+def test_in_between_the_share_of_the_sun_is_what_it_sends_through_the_scene():
+    point, sun = pl.PointLight((0, 0, 1), 2.0), pl.SunLight((0, 0, -1), 3.0)
+    scene = pl.Scene([square()], [point, sun])
+    # Irradiance on a disc around the box of meshes and lamps: 2 x 2 x 1, diagonal 3.
+    through = 3.0 * math.pi * 1.5**2
+    expected = np.array([point.power, through]) / (point.power + through)
+    np.testing.assert_allclose(shares(scene.tables().lights), expected, rtol=1e-13)
+    # From any point of the scene that far leads beyond it.
+    assert scene.tables().lights.far > 3.0
+
+
+def test_suns_and_worlds_share_the_distant_draws_by_irradiance():
+    suns = [pl.SunLight((0, 0, -1), 1.0), pl.SunLight((0, -1, 0), (2.0, 4.0, 3.0), 0.0), pl.SunLight((0, 1, 0), 0.0)]
+    world = pl.EnvironmentMap(np.full((4, 8, 1), 0.25))
+    lights = lights_of(lights=suns, background=world)
+    assert lights.kind.tolist() == [SUN] * 3 + [ENVIRONMENT]
+    # A world of radiance 1/4 all around sends pi, as irradiance all around: 4 pi / 4.
+    expected = np.array([1.0, 3.0, 0.0, math.pi]) / (4 + math.pi)
+    np.testing.assert_allclose(shares(lights), expected, rtol=1e-12, atol=1e-15)
+    np.testing.assert_allclose([*lights.suns[:, 4], lights.environment_share], expected, rtol=1e-12, atol=1e-15)
+    # Towards the sun; radiance of the disc, or the irradiance where there is none.
+    np.testing.assert_allclose(lights.suns[:, :3], [[0, 0, 1], [0, 1, 0], [0, -1, 0]])
+    angle = suns[0].angular_radius
+    np.testing.assert_allclose(lights.suns[:, 3], [1 - math.cos(angle), 0, 1 - math.cos(angle)], rtol=1e-10)
+    np.testing.assert_allclose(lights.sun_colours[0], 1 / (math.pi * math.sin(angle) ** 2), rtol=1e-12)
+    assert lights.sun_colours[1].tolist() == [2, 4, 3]
+
+
+def test_a_constant_world_is_not_drawn():
+    assert lights_of(background=1.0).cdf is None
+    lights = lights_of(lights=[pl.PointLight((0, 0, 5))], background=1.0)
+    assert lights.cdf.tolist() == [1.0] and lights.environment_share == 0
+
+
+# ---- nothing ----
+
+
+NOTHING = [
+    pl.PointLight((0, 0, 5), 0.0),
+    pl.SpotLight((0, 0, 5), (0, 0, -1), 0.0),
+    pl.SunLight((0, 0, -1), 0.0),
+    pl.QuadLight((0, 0, 9), (3, 0, 0), (0, 4, 0), radiance=0.0),
+]
+
+
+def test_lights_without_light_are_not_drawn():
+    lights = lights_of(lights=NOTHING)
+    assert lights.cdf is None and lights.row is None and lights.kind is None
+    assert lights_of().cdf is None
+    lights = lights_of(lights=[*NOTHING, pl.PointLight((0, 0, 5), 1e-12)])
+    drawn = shares(lights)
+    assert drawn[lights.row == 2].tolist() == [1.0] and drawn.sum() == 1.0 and lights.cdf[-1] == 1.0
+
+
+@pytest.mark.parametrize("light", [*ONE_OF_EACH, pl.SunLight((0, 0, -1))])
+def test_where_nothing_reflects_lights_are_only_seen(light):
+    lights = lights_of(lights=[light], floor=pl.Lambertian(0.0))
+    assert lights.cdf is None and lights.material_density is None and lights.points is None
+    assert (lights.suns is not None) == isinstance(light, pl.SunLight)
+
+
+# ---- instances ----
+
+
+def test_instanced_emitters_are_lights_at_every_place():
+    rng = np.random.default_rng(3)
+    matrices = np.tile(np.eye(4), (3, 1, 1))
+    matrices[:, :3, :3] = rng.normal(size=(3, 3, 3))
+    matrices[:, :3, 3] = rng.uniform(-9, 9, (3, 3))
+    bulb = pl.sphere(1.0, segments=(6, 4), material=pl.Emissive(2.0))
+    plain = square(pl.Emissive(2.0))
+    group = pl.Instances(bulb, matrices)
+    tables = pl.Scene([square(), pl.Instances(square(), matrices[:2]), group, plain]).tables()
+    lights = tables.lights
+    copies = [copy for copy in group.meshes()]
+    areas = [mesh_areas(mesh) for mesh in (plain, *copies)]
+    expected = np.concatenate(areas) / np.concatenate(areas).sum()
+    np.testing.assert_allclose(shares(lights), expected, rtol=0, atol=1e-14)
+    # Floor, plain emitter, then the two meshes that are repeated; places 0 and 1 are those of the grey square.
+    n = len(bulb.faces)
+    assert lights.row.tolist() == [2, 3, *3 * list(range(6, 6 + n))]
+    assert lights.place.tolist() == [-1, -1, *[2] * n, *[3] * n, *[4] * n]
+    # One density for one material, at all places.
+    density = lights.material_density[tables.triangle_material[lights.row]]
+    np.testing.assert_allclose(density * np.concatenate(areas), expected, rtol=1e-12)
+
+
+def mesh_areas(mesh):
+    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
+    return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+
+
+def test_places_of_what_does_not_shine_cost_nothing_for_each_triangle():
+    # 10^4 places of 16 128 triangles that do not emit are 1.6e8 to look at one by one: more than a second.
+    matrices = np.tile(np.eye(4), (10_000, 1, 1))
+    matrices[:, 0, 3] = np.arange(10_000)
+    scene = pl.Scene([pl.Instances(pl.sphere(0.4), matrices)], ONE_OF_EACH)
+    begin = time.process_time()
+    lights = scene.tables().lights
+    assert time.process_time() - begin < 1.0
+    assert (lights.place == -1).all()
+
+
+# ---- very many ----
+
+
+def test_ten_thousand_lights_keep_their_shares():
+    rng = np.random.default_rng(4)
+    power = rng.random(10_000) ** 8
+    power[::7] = 0.0
+    many = [pl.PointLight(place, p) for place, p in zip(rng.uniform(-50, 50, (10_000, 3)), power, strict=True)]
+    begin = time.process_time()
+    lights = lights_of(lights=many)
+    # Some 0.1 s; a quadratic search through them would take minutes.
+    assert time.process_time() - begin < 5.0
+    # Each share is a difference of two sums of about 1: some 10^4 roundings of eps / 2, mostly cancelling.
+    np.testing.assert_allclose(shares(lights), power / power.sum(), rtol=0, atol=1e-13)
+    assert (np.diff(lights.cdf) >= 0).all() and lights.cdf[-1] == 1.0
+
+
+def test_nothing_is_drawn_beyond_the_last_light_that_shines():
+    # The largest random number below 1 must not draw a light of no power, nor divide by its probability.
+    many = [pl.PointLight((0, 0, 5), 0.1) for _ in range(1000)] + [pl.PointLight((0, 0, 5), 0.0)] * 10
+    lights = lights_of(lights=many)
+    assert np.searchsorted(lights.cdf, np.nextafter(1.0, 0.0), side="right") == 999
+    assert lights.cdf[999] == 1.0

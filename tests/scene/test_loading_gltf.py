@@ -1,0 +1,362 @@
+"""glTF: triangles, the scene graph, instances, lights and cameras. Files are written here, number by number."""
+
+import base64
+import json
+
+import numpy as np
+import pytest
+
+import plenoptic as pl
+from plenoptic.scene.gltf_meshes import INSTANCED_FROM
+from plenoptic.scene.instance import Instances
+from plenoptic.scene.loading import FileContents, load_file
+from plenoptic.scene.point_light import PointLight
+from plenoptic.scene.spot_light import SpotLight
+from plenoptic.scene.sun_light import SunLight
+
+COMPONENTS = {"<i1": 5120, "<u1": 5121, "<i2": 5122, "<u2": 5123, "<u4": 5125, "<f4": 5126}
+TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
+POINTS = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]
+
+
+class Writer:
+    """A glTF file in one text, with its arrays as accessors."""
+
+    def __init__(self):
+        self.header = {"asset": {"version": "2.0"}, "bufferViews": [], "accessors": [], "meshes": [], "nodes": []}
+        self.bytes = b""
+
+    def view(self, content, **more):
+        self.header["bufferViews"].append(
+            {"buffer": 0, "byteOffset": len(self.bytes), "byteLength": len(content), **more}
+        )
+        self.bytes += content + bytes(-len(content) % 4)
+        return len(self.header["bufferViews"]) - 1
+
+    def array(self, numbers, kind="<f4", **more):
+        array = np.asarray(numbers, dtype=kind)
+        width = 1 if array.ndim == 1 else array.shape[1]
+        entry = {"componentType": COMPONENTS[kind], "count": len(array), "type": TYPES[width]}
+        self.header["accessors"].append({**entry, "bufferView": self.view(array.tobytes()), **more})
+        return len(self.header["accessors"]) - 1
+
+    def mesh(self, points, indices=None, material=None, mode=None, name=None, **attributes):
+        primitive = {"attributes": {"POSITION": self.array(points), **attributes}}
+        if indices is not None:
+            primitive["indices"] = self.array(np.ravel(indices), "<u2")
+        primitive |= {} if material is None else {"material": material}
+        primitive |= {} if mode is None else {"mode": mode}
+        self.header["meshes"].append({"primitives": [primitive]} | ({} if name is None else {"name": name}))
+        return len(self.header["meshes"]) - 1
+
+    def node(self, **described):
+        self.header["nodes"].append(described)
+        return len(self.header["nodes"]) - 1
+
+    def save(self, path, **more):
+        uri = "data:application/octet-stream;base64," + base64.b64encode(self.bytes).decode()
+        buffers = [{"uri": uri, "byteLength": len(self.bytes)}]
+        path.write_text(json.dumps(self.header | {"buffers": buffers} | more))
+        return path
+
+
+def corners(mesh):
+    return mesh.vertices[mesh.faces]
+
+
+def area_vectors(mesh):
+    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
+    return 0.5 * np.cross(b - a, c - a)
+
+
+def quad_file(tmp_path, **more):
+    writer = Writer()
+    writer.node(mesh=writer.mesh(POINTS, [[0, 1, 2], [0, 2, 3]]))
+    return writer.save(tmp_path / "quad.gltf", **more)
+
+
+# Triangles
+
+
+def test_a_file_in_one_text(tmp_path):
+    (mesh,) = pl.load_meshes(quad_file(tmp_path), unit="mm")
+    assert corners(mesh).tolist() == np.array(POINTS, dtype=float)[[[0, 1, 2], [0, 2, 3]]].tolist()
+    assert mesh.normals is None and mesh.uv is None and mesh.material == pl.Lambertian(0.5)
+    assert mesh.name == "quad.gltf"
+
+
+def test_arrays_beside_the_file(tmp_path):
+    writer = Writer()
+    writer.node(mesh=writer.mesh(POINTS, [[0, 1, 2]], name="corner"))
+    (tmp_path / "the arrays.bin").write_bytes(writer.bytes)
+    path = writer.save(tmp_path / "a.gltf")
+    header = json.loads(path.read_text())
+    header["buffers"] = [{"uri": "the%20arrays.bin", "byteLength": len(writer.bytes)}]
+    path.write_text(json.dumps(header))
+    assert pl.load_meshes(path)[0].name == "corner"
+    (tmp_path / "the arrays.bin").unlink()
+    with pytest.raises(pl.FileError, match=r"a\.gltf.*'the arrays\.bin'.*beside it"):
+        pl.load_meshes(path)
+
+
+@pytest.mark.parametrize("indices", ["<u1", "<u2", "<u4", None])
+def test_every_kind_of_index(tmp_path, indices):
+    writer = Writer()
+    number = writer.mesh([*POINTS[:3], POINTS[0], *POINTS[2:]])
+    if indices is not None:
+        writer.header["meshes"][0]["primitives"][0]["indices"] = writer.array(range(6), indices)
+    writer.node(mesh=number)
+    (mesh,) = pl.load_meshes(writer.save(tmp_path / "a.gltf"), unit="mm")
+    assert area_vectors(mesh).sum(axis=0).tolist() == [0, 0, 1]
+
+
+@pytest.mark.parametrize(("mode", "order"), [(5, [0, 1, 3, 2]), (6, [0, 1, 2, 3])])
+def test_strips_and_fans_have_the_area_and_front_of_their_triangles(tmp_path, mode, order):
+    writer = Writer()
+    writer.node(mesh=writer.mesh(POINTS, order, mode=mode))
+    (mesh,) = pl.load_meshes(writer.save(tmp_path / "a.gltf"), unit="mm")
+    assert area_vectors(mesh).tolist() == [[0, 0, 0.5]] * 2
+
+
+def test_points_and_lines_are_left_out(tmp_path):
+    writer = Writer()
+    for mode in (0, 1, 2, 3, 4):
+        writer.node(mesh=writer.mesh(POINTS, [0, 1, 2], mode=mode))
+    assert len(pl.load_meshes(writer.save(tmp_path / "a.gltf"))) == 1
+
+
+def test_quantised_positions_normals_and_uv(tmp_path):
+    writer = Writer()
+    more = {
+        "NORMAL": writer.array([(0, 0, 127, 0)] * 4, "<i1", normalized=True, type="VEC3"),
+        "TEXCOORD_0": writer.array([(0, 65535), (65535, 65535), (65535, 0), (0, 0)], "<u2", normalized=True),
+    }
+    # Bytes in threes lie four apart.
+    view = writer.header["bufferViews"][writer.header["accessors"][0]["bufferView"]]
+    view["byteStride"] = 4
+    number = writer.mesh(POINTS, [[0, 1, 2], [0, 2, 3]], **more)
+    primitive = writer.header["meshes"][0]["primitives"][0]
+    primitive["attributes"]["POSITION"] = writer.array(np.array(POINTS) * 300, "<i2")
+    writer.node(mesh=number, scale=[1 / 300] * 3)
+    path = writer.save(tmp_path / "a.gltf", extensionsRequired=["KHR_mesh_quantization"])
+    (mesh,) = pl.load_meshes(path, unit="mm")
+    # The product of 300 and 1 / 300 is right to one rounding.
+    np.testing.assert_allclose(mesh.bounds, [[0, 0, 0], [1, 1, 0]], atol=3e-16)
+    np.testing.assert_array_equal(mesh.normals, [[0, 0, 1]] * 4)
+    np.testing.assert_array_equal(mesh.uv, np.array(POINTS)[:, :2])
+
+
+def test_arrays_that_lie_between_others_and_sparse_ones(tmp_path):
+    writer = Writer()
+    mixed = np.concatenate([np.array(POINTS), np.tile([0, 0, 1], (4, 1))], axis=1)
+    number = writer.mesh(POINTS, [[0, 1, 2], [0, 2, 3]])
+    view = writer.view(mixed.astype("<f4").tobytes(), byteStride=24)
+    both = [
+        {"bufferView": view, "byteOffset": 12 * k, "componentType": 5126, "count": 4, "type": "VEC3"} for k in (0, 1)
+    ]
+    both[0]["sparse"] = {
+        "count": 1,
+        "indices": {"bufferView": writer.view(np.array([2], "<u2").tobytes()), "componentType": 5123},
+        "values": {"bufferView": writer.view(np.array([5, 5, 0], "<f4").tobytes())},
+    }
+    writer.header["accessors"] += both
+    count = len(writer.header["accessors"])
+    writer.header["meshes"][0]["primitives"][0]["attributes"] = {"POSITION": count - 2, "NORMAL": count - 1}
+    writer.node(mesh=number)
+    (mesh,) = pl.load_meshes(writer.save(tmp_path / "a.gltf"), unit="mm")
+    assert mesh.vertices.tolist() == [[0, 0, 0], [1, 0, 0], [5, 5, 0], [0, 1, 0]]
+    assert mesh.normals.tolist() == [[0, 0, 1]] * 4
+
+
+def test_parts_keep_only_the_vertices_that_they_use(tmp_path):
+    writer = Writer()
+    number = writer.mesh([(9, 9, 9), *POINTS], [[1, 2, 3]])
+    first = writer.header["meshes"][0]["primitives"][0]
+    writer.header["meshes"][0]["primitives"].append({**first, "indices": writer.array([1, 3, 4], "<u2")})
+    writer.node(mesh=number)
+    meshes = pl.load_meshes(writer.save(tmp_path / "a.gltf"), unit="mm")
+    assert [len(mesh.vertices) for mesh in meshes] == [3, 3]
+    assert corners(meshes[1]).tolist() == [[[0, 0, 0], [1, 1, 0], [0, 1, 0]]]
+
+
+# The scene graph
+
+
+def turned(quarter):
+    """A quaternion, x y z w: a quarter turn about z, so many times."""
+    return [0.0, 0.0, float(np.sin(quarter * np.pi / 4)), float(np.cos(quarter * np.pi / 4))]
+
+
+def test_scale_then_rotation_then_translation_then_the_parent(tmp_path):
+    writer = Writer()
+    child = writer.node(
+        mesh=writer.mesh(POINTS, [[0, 1, 2]]), translation=[0, 0, 5], rotation=turned(1), scale=[2, 1, 1]
+    )
+    # By columns: this shifts by x = 10 and doubles everything.
+    writer.node(matrix=[2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 2, 0, 10, 0, 0, 1], children=[child])
+    (mesh,) = pl.load_meshes(writer.save(tmp_path / "a.gltf"), unit="mm")
+    # (1, 1, 0) is stretched to (2, 1, 0), turned to (-1, 2, 0), lifted to z = 5, doubled and shifted.
+    np.testing.assert_allclose(corners(mesh)[0], [[10, 0, 10], [10, 4, 10], [8, 4, 10]], atol=1e-14)
+
+
+def test_the_scene_to_show_is_shown(tmp_path):
+    writer = Writer()
+    number = writer.mesh(POINTS, [[0, 1, 2]])
+    for x in (0, 10, 20):
+        writer.node(mesh=number, translation=[x, 0, 0])
+    scenes = {"scenes": [{"nodes": [0]}, {"nodes": [1, 2]}], "scene": 1}
+    found = pl.load_meshes(writer.save(tmp_path / "a.gltf", **scenes), unit="mm")
+    assert [mesh.bounds[0, 0] for mesh in found] == [10, 20]
+    assert len(pl.load_meshes(writer.save(tmp_path / "all.gltf"))) == 3
+
+
+def test_a_skinned_mesh_is_shown_unbent_with_a_warning(tmp_path):
+    writer = Writer()
+    writer.node(mesh=writer.mesh(POINTS, [[0, 1, 2]]), skin=0, name="arm")
+    with pytest.warns(UserWarning, match=r"'arm' bends its mesh"):
+        pl.load_meshes(writer.save(tmp_path / "a.gltf"))
+
+
+# Instances
+
+
+def many(writer, triangles, **more):
+    """A mesh of so many triangles: a strip."""
+    points = [(k // 2, 1 - k % 2, 0.1 * (k % 3)) for k in range(triangles + 2)]
+    return writer.mesh(points, mode=5, **more)
+
+
+def test_a_large_mesh_in_several_places_is_kept_once(tmp_path):
+    writer = Writer()
+    number = many(writer, INSTANCED_FROM)
+    writer.node(mesh=number)
+    writer.node(mesh=number, scale=[1, 1, -2], translation=[0, 0, 50])
+    writer.node(mesh=number, scale=[1, 0, 1])  # flattened: it cannot be seen
+    path = writer.save(tmp_path / "a.gltf")
+    (found,) = pl.load_meshes(path, unit="cm")
+    assert isinstance(found, Instances) and len(found) == 2 and len(found.mesh.faces) == INSTANCED_FROM
+    one, other = found.meshes()
+    x = (INSTANCED_FROM + 1) // 2 * 10
+    np.testing.assert_allclose(one.bounds, [[0, 0, 0], [x, 10, 2]], atol=1e-6)
+    np.testing.assert_allclose(other.bounds, [[0, 0, 496], [x, 10, 500]], atol=1e-4)
+    # The front stays the front: what faced +z faces -z in the mirror.
+    assert (area_vectors(one)[:, 2] > 0).all() and (area_vectors(other)[:, 2] < 0).all()
+
+
+def test_small_meshes_are_copied(tmp_path):
+    writer = Writer()
+    number = many(writer, INSTANCED_FROM - 1, material=0)
+    writer.node(mesh=number)
+    writer.node(mesh=number, translation=[0, 0, 3])
+    found = pl.load_meshes(writer.save(tmp_path / "a.gltf", materials=[{}]), unit="mm")
+    assert [type(one) for one in found] == [pl.Mesh] * 2
+    assert [one.bounds[0, 2] for one in found] == [0, 3]
+    assert found[0].material is found[1].material
+
+
+def test_one_node_may_have_many_places(tmp_path):
+    writer = Writer()
+    places = {
+        "TRANSLATION": writer.array([(0, 0, 0), (10, 0, 0), (20, 0, 0)]),
+        "ROTATION": writer.array([turned(0), turned(1), turned(2)]),
+    }
+    instancing = {"EXT_mesh_gpu_instancing": {"attributes": places}}
+    writer.node(mesh=writer.mesh(POINTS, [[0, 1, 2]]), extensions=instancing, translation=[0, 0, 7])
+    found = pl.load_meshes(writer.save(tmp_path / "a.gltf"), unit="mm")
+    # The lower right corner (1, 0) goes to (1, 0), (0, 1) and (-1, 0); float32 holds the quaternion to 6e-8.
+    expected = [[1, 0, 7], [10, 1, 7], [19, 0, 7]]
+    np.testing.assert_allclose([corners(mesh)[0, 1] for mesh in found], expected, atol=1e-6)
+
+
+# Lights
+
+
+def lit(tmp_path, light, **node):
+    writer = Writer()
+    writer.node(extensions={"KHR_lights_punctual": {"light": 0}}, **node)
+    return writer.save(tmp_path / "a.gltf", extensions={"KHR_lights_punctual": {"lights": [light]}})
+
+
+@pytest.mark.parametrize(("unit", "mm"), [(None, 1000.0), ("mm", 1.0), ("inch", 25.4)])
+def test_the_irradiance_of_a_point_light_is_intensity_over_distance_squared_in_the_units_of_the_file(
+    tmp_path, unit, mm
+):
+    path = lit(tmp_path, {"type": "point", "intensity": 8.0, "color": [1.0, 0.5, 0.25]}, translation=[1, 2, 3])
+    (light,) = load_file(path, unit=unit).lights
+    assert isinstance(light, PointLight)
+    distance = 2.0 * mm
+    np.testing.assert_allclose(np.array(light.intensity) / distance**2, [2.0, 1.0, 0.5], rtol=1e-15)
+    np.testing.assert_allclose(light.position, [mm, 2 * mm, 3 * mm], rtol=1e-15)
+
+
+def test_a_spot_shines_along_the_minus_z_of_its_node_whatever_its_scale(tmp_path):
+    about_y = [0.0, float(np.sin(np.pi / 4)), 0.0, float(np.cos(np.pi / 4))]  # -z goes to -x
+    cone = {"innerConeAngle": 0.1, "outerConeAngle": 0.3}
+    path = lit(tmp_path, {"type": "spot", "spot": cone}, rotation=about_y, scale=[3, 4, 5])
+    (light,) = load_file(path, unit="mm").lights
+    assert isinstance(light, SpotLight)
+    np.testing.assert_allclose(light.direction, [-1, 0, 0], atol=1e-15)
+    assert (light.intensity, light.inner_angle, light.outer_angle) == (1.0, 0.1, 0.3)
+
+
+def test_a_spot_without_angles_has_those_of_the_standard_and_a_sharp_one_is_read(tmp_path):
+    (light,) = load_file(lit(tmp_path, {"type": "spot"})).lights
+    assert (light.inner_angle, light.outer_angle) == (0.0, np.pi / 4)
+    cone = {"innerConeAngle": 0.5, "outerConeAngle": 0.5}
+    (light,) = load_file(lit(tmp_path, {"type": "spot", "spot": cone})).lights
+    assert light.outer_angle == 0.5 and light.inner_angle == pytest.approx(0.5, rel=2e-4)
+
+
+def test_a_directional_light_is_parallel_and_the_same_in_all_units(tmp_path):
+    path = lit(tmp_path, {"type": "directional", "intensity": 3.0})
+    assert load_file(path).lights == (SunLight((0, 0, -1), 3.0, 0.0),)
+    assert load_file(path, unit="mm").lights == load_file(path).lights
+
+
+def test_dark_lights_are_left_out_and_lights_alone_are_contents(tmp_path):
+    with pytest.raises(pl.FileError, match=r"a\.gltf holds no triangles.*no lights"):
+        load_file(lit(tmp_path, {"type": "point", "intensity": 0.0}))
+    path = lit(tmp_path, {"type": "point"})
+    assert load_file(path).meshes == ()
+    with pytest.raises(pl.FileError, match=r"a\.gltf holds no triangles"):
+        pl.load_meshes(path)
+
+
+# Cameras
+
+
+def test_a_view_puts_a_camera_where_the_node_of_the_file_stands(tmp_path):
+    rotation = np.array([0.3, -0.2, 0.5, 0.7])
+    rotation /= np.linalg.norm(rotation)
+    writer = Writer()
+    writer.node(mesh=writer.mesh(POINTS, [[0, 1, 2]]))
+    writer.node(camera=0, translation=[1, 2, 3], rotation=rotation.tolist(), scale=[2, 2, 2])
+    described = [{"name": "left", "type": "perspective", "perspective": {"yfov": 0.6, "aspectRatio": 1.5, "znear": 1}}]
+    (view,) = load_file(writer.save(tmp_path / "a.gltf", cameras=described), unit="cm").views
+    assert (view.name, view.vertical_field_of_view, view.aspect_ratio) == ("left", 0.6, 1.5)
+    pose = pl.Pose.look_at(view.position, view.look_at, view.up)
+    axis, w = rotation[:3], rotation[3]
+
+    def turn(vector):  # v + 2 w (q x v) + 2 q x (q x v)
+        return vector + 2 * w * np.cross(axis, vector) + 2 * np.cross(axis, np.cross(axis, vector))
+
+    expected = np.stack([turn(column) for column in np.eye(3)], axis=1)
+    # look_at is 10 mm ahead of 37 mm: the direction keeps 4 eps.
+    np.testing.assert_allclose(pose.rotation, expected, atol=2e-15)
+    np.testing.assert_allclose(pose.position, [10, 20, 30], rtol=1e-15)
+    assert np.linalg.norm(view.look_at - view.position) == pytest.approx(10, rel=1e-14)
+
+
+def test_an_orthographic_view_has_no_angle(tmp_path):
+    writer = Writer()
+    writer.node(mesh=writer.mesh(POINTS, [[0, 1, 2]]))
+    writer.node(camera=0, name="map")
+    described = [{"type": "orthographic", "orthographic": {"xmag": 3.0, "ymag": 2.0, "znear": 0, "zfar": 1}}]
+    (view,) = load_file(writer.save(tmp_path / "a.gltf", cameras=described)).views
+    assert (view.name, view.vertical_field_of_view, view.aspect_ratio) == ("map", None, 1.5)
+
+
+def test_contents_are_a_value(tmp_path):
+    path = quad_file(tmp_path)
+    assert load_file(path) == load_file(path) and hash(load_file(path)) == hash(load_file(path))
+    assert load_file(path) != FileContents() and load_file(path).meshes == pl.load_meshes(path)

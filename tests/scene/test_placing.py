@@ -1,0 +1,101 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+import plenoptic as pl
+from plenoptic.scene.rotation import rotation_about
+
+
+def similar(scale=2.5, angle=0.7, shift=(30.0, -20.0, 50.0)):
+    matrix = np.eye(4)
+    matrix[:3, :3] = scale * rotation_about((1, 2, -1), angle)
+    matrix[:3, 3] = shift
+    return matrix
+
+
+BALL = pl.sphere(0.5, segments=(8, 4), center=(3, 2, -40))
+SCENE = pl.Scene(
+    [pl.box(2.0, center=(0, 0, -40)), pl.Instances(BALL, [np.eye(4), np.diag([1, -1, 1, 1])])],
+    [
+        pl.QuadLight((0, 9, -40), (2, 0, 0), (0, 0, 2), radiance=4.0),
+        pl.SphereLight((9, 0, -40), 1.0, 3.0),
+        pl.PointLight((-9, 0, -30), (50.0, 60.0, 70.0)),
+        pl.SpotLight((0, -9, -30), (0, 0.5, -0.5), 80.0),
+        pl.SunLight((0.2, -1.0, -0.4), 0.5),
+    ],
+    pl.EnvironmentMap(np.random.default_rng(0).random((4, 8, 1))).rotated((0, 0, 1), 0.4),
+    [pl.View("front", (0, 0, 0), (0, 0, -1))],
+)
+
+
+def test_a_scene_and_its_camera_moved_together_show_the_same():
+    # Radiance is left as it is by turns, shifts and scales; the pinhole's light does not grow with its scale. Rounding
+    # in other places; float32 decides on hits at edges.
+    camera = pl.PlenopticCamera(
+        lens=pl.no_lens(1e-4), sensor=pl.Sensor(shape=(8, 8), pixel_pitch=0.1), stop_to_microlenses=1.0
+    )
+    matrix = similar()
+    moved = SCENE.transformed(matrix)
+    (view,) = moved.views
+    np.testing.assert_allclose(np.linalg.norm(view.look_at - view.position), 2.5)
+    other = camera.posed(position=view.position, look_at=view.look_at, up=view.up)
+    settings = {"samples": 256, "max_bounces": 3, "truth": pl.Truth.NONE, "progress": False}
+    here, there = pl.render(SCENE, camera, **settings), pl.render(moved, other, **settings)
+    error = np.hypot(here.standard_error, there.standard_error)
+    # The same random numbers: nearly all paths are the same.
+    assert np.mean(np.abs(here.image - there.image) > 0.1 * error + 1e-5 * here.image) < 0.1
+    assert abs((here.image - there.image).sum(dtype=float)) < 2 * np.sqrt((error.astype(float) ** 2).sum())
+
+
+def test_moving_there_and_back_is_the_identity():
+    matrix = similar()
+    back = SCENE.transformed(matrix).transformed(np.linalg.inv(matrix))
+    np.testing.assert_allclose(back.bounds, SCENE.bounds, atol=1e-12)
+    for one, other in zip(SCENE.lights, back.lights, strict=True):
+        for field in dataclasses.fields(one):
+            np.testing.assert_allclose(getattr(one, field.name), getattr(other, field.name), rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(back.background.rotation, SCENE.background.rotation, atol=1e-14)
+
+
+def test_meshes_alone_may_be_stretched_and_mirrored():
+    stretched = pl.Scene([pl.box(2.0)], background=1.0).transformed(np.diag([1, 2, -3, 1]))
+    assert stretched.bounds[1].tolist() == [1, 2, 3] and stretched.background.radiance == 1.0
+
+
+@pytest.mark.parametrize(
+    ("matrix", "sentence"),
+    [
+        (np.diag([1, 2, 1, 1]), "equally"),
+        (np.diag([1, 1, -1, 1]), "mirrors"),
+        (np.diag([1, 1, 1, 2]), "must"),
+        (np.zeros((4, 4)), "must"),
+        (np.full((4, 4), np.nan), "must"),
+    ],
+)
+def test_uneven_moves_are_refused_where_there_are_lights(matrix, sentence):
+    with pytest.raises(pl.SceneError, match=sentence):
+        SCENE.transformed(matrix)
+
+
+def test_a_scene_out_of_sight_is_said_to_be():
+    camera = pl.PlenopticCamera(
+        lens=pl.no_lens(1e-4), sensor=pl.Sensor(shape=(2, 2), pixel_pitch=0.1), stop_to_microlenses=1.0
+    )
+    behind = pl.Scene([pl.box(2.0, center=(0, 0, 50))], background=1.0)
+    with pytest.warns(UserWarning, match="no path met the scene.*49"):
+        pl.render(behind, camera, samples=8, progress=False)
+
+
+def test_points_seen_through_holes_are_visible():
+    there = np.ones((4, 4, 1))
+    there[1:3, 1:3] = 0.0
+    leaf = pl.MetallicRoughness(0.5, opacity=pl.Texture(there, filter=pl.TextureFilter.NEAREST), cutoff=0.5)
+    camera = pl.PlenopticCamera(
+        lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(0.5)),
+        sensor=pl.Sensor(shape=(16, 16), pixel_pitch=0.3),
+        stop_to_microlenses=134.6,
+    )
+    scene = pl.Scene([pl.quad((-10, -10, -404), (20, 0, 0), (0, 20, 0), material=leaf)], background=1.0)
+    points = [(0, 0, -412), (7, 0, -412)]
+    assert camera.project(points, scene).visible.tolist() == [True, False]

@@ -1,0 +1,395 @@
+import pickle
+from collections import Counter
+
+import numpy as np
+import pytest
+
+from plenoptic.errors import InvalidValueError, SceneError
+from plenoptic.scene import targets
+from plenoptic.scene.diffuse import Lambertian
+from plenoptic.scene.emissive import Emissive
+from plenoptic.scene.scene import Scene
+from plenoptic.scene.target import Target
+from plenoptic.scene.tilings import free_rectangles
+
+EPS = np.finfo(np.float64).eps
+
+
+def regular_polygon(sides, radius):
+    return sides / 2 * np.sin(2 * np.pi / sides) * radius**2
+
+
+def bars(chart):
+    """Area of six bars of 5 w by w for each element."""
+    return float(np.sum(30 * (0.5 / chart.frequencies) ** 2))
+
+
+USAF = targets.usaf_1951(range(-1, 5), scale=2.0, margin=3.0)
+
+CASES = {
+    # target: area of all, area of what is dark
+    "board": (targets.checkerboard(5, 4, square=1.5), 45.0, 22.5),
+    "board with margin": (targets.checkerboard(5, 3, square=2.0, margin=0.7), 11.4 * 7.4, 8 * 4.0),
+    "dots": (targets.point_grid(4, 3, pitch=1.7, radius=0.4, sides=30), 12 * 1.7**2, 12 * np.pi * 0.16),
+    "square dots": (targets.point_grid(1, 2, pitch=2.0, radius=0.7, sides=4), 8.0, 2 * np.pi * 0.49),
+    "dots of five sides": (targets.point_grid(2, 1, pitch=2.0, radius=0.7, sides=5), 8.0, 2 * np.pi * 0.49),
+    "star": (targets.siemens_star(3.0, 7), regular_polygon(14, 3.0), regular_polygon(14, 3.0) / 2),
+    "star on a square": (targets.siemens_star(3.0, 8, margin=0.5), 49.0, regular_polygon(16, 3.0) / 2),
+    "star with a hole": (
+        targets.siemens_star(3.0, 9, inner_radius=1.0, margin=0.5),
+        49.0,
+        (regular_polygon(18, 3.0) - regular_polygon(18, 1.0)) / 2,
+    ),
+    "edge": (targets.slanted_edge(10.0, angle_deg=-12.0), 100.0, 50.0),
+    "USAF": (USAF, float(np.prod(np.ptp(USAF.meshes[1].bounds, axis=0)[:2])), bars(USAF)),
+    "USAF without margin": (
+        chart := targets.usaf_1951([-2, 0, 1, 9], margin=0.0),
+        np.prod(np.ptp(chart.meshes[1].bounds, axis=0)[:2]),
+        bars(chart),
+    ),
+    "USAF, one group": (
+        chart := targets.usaf_1951([2]),
+        np.prod(np.ptp(chart.meshes[1].bounds, axis=0)[:2]),
+        bars(chart),
+    ),
+}
+TARGETS = {name: case[0] for name, case in CASES.items()}
+
+
+def crosses(mesh):
+    a, b, c = (mesh.vertices[mesh.faces[:, k], :2] for k in range(3))
+    return (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
+
+
+def area(mesh):
+    return 0.5 * float(np.sum(crosses(mesh)))
+
+
+def counted(mesh, points):
+    """How many triangles of a mesh each point (n, 2) lies in."""
+    corner = mesh.vertices[mesh.faces, :2]
+    inside = np.ones((len(points), len(mesh.faces)), dtype=bool)
+    for k in range(3):
+        a, b = corner[:, k], corner[:, (k + 1) % 3]
+        from_a = points[:, None] - a
+        inside &= (b - a)[:, 0] * from_a[..., 1] - (b - a)[:, 1] * from_a[..., 0] >= 0
+    return inside.sum(axis=1)
+
+
+def is_dark(target, points):
+    """Whether points (n, 2) lie on the first mesh; each must lie on exactly one."""
+    dark, bright = (counted(mesh, np.atleast_2d(points)) > 0 for mesh in target.meshes)
+    assert (dark ^ bright).all()
+    return dark
+
+
+# Tilings
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_dark_and_bright_have_their_areas(name):
+    target, whole, dark = CASES[name]
+    # Sums of less than 1e4 products, each rounded a few times.
+    assert area(target.meshes[0]) == pytest.approx(dark, rel=1e4 * EPS)
+    assert area(target.meshes[0]) + area(target.meshes[1]) == pytest.approx(whole, rel=1e4 * EPS)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_triangles_face_the_camera_in_one_plane(name):
+    for mesh in TARGETS[name].meshes:
+        assert (crosses(mesh) > 0).all() and not mesh.vertices[:, 2].any()
+        assert len(np.unique(mesh.faces)) == len(mesh.vertices)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_every_point_lies_in_exactly_one_triangle(name):
+    target = TARGETS[name]
+    low, high = (f([m.bounds[k, :2] for m in target.meshes], axis=0) for k, f in enumerate((np.min, np.max)))
+    points = np.random.default_rng(5).uniform(low, high, (2000, 2))
+    if name == "star":
+        points = points[np.linalg.norm(points, axis=1) < 3.0 * np.cos(np.pi / 14)]
+    # A random point lies on an edge with a probability of some 1e-13.
+    assert (sum(counted(mesh, points) for mesh in target.meshes) == 1).all()
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_triangles_share_whole_edges_so_that_nothing_can_crack(name):
+    target = TARGETS[name]
+    edges = Counter()
+    for mesh in target.meshes:
+        for k in range(3):
+            for a, b in zip(mesh.faces[:, k], mesh.faces[:, (k + 1) % 3], strict=True):
+                edges[tuple(mesh.vertices[a, :2]), tuple(mesh.vertices[b, :2])] += 1
+    assert set(edges.values()) == {1}
+    rim = [edge for edge in edges if edge[::-1] not in edges]
+    # What has no neighbour is the outline: a chain around everything, and no more.
+    assert Counter(a for a, _ in rim) == Counter(b for _, b in rim)
+    corners = np.array(rim)
+    enclosed = 0.5 * np.sum(corners[:, 0, 0] * corners[:, 1, 1] - corners[:, 1, 0] * corners[:, 0, 1])
+    assert enclosed == pytest.approx(CASES[name][1], rel=1e4 * EPS)
+    at_end = np.abs(corners).max(axis=2) >= np.abs(corners).max(axis=(0, 1)).min() - 1e-9
+    assert name == "star" or at_end.all()
+
+
+def test_free_rectangles_fill_what_is_left():
+    taken = np.array([[1.0, 1.0, 3.0, 2.0], [4.0, 0.0, 5.0, 4.0], [2.0, 3.0, 3.0, 4.0]])
+    free = free_rectangles((0, 0, 6, 5), taken)
+    points = np.random.default_rng(2).uniform([0, 0], [6, 5], (2000, 2))
+    inside = [
+        (p[0] < points).all(axis=1) & (points < p[1]).all(axis=1)
+        for p in np.concatenate([free, taken]).reshape(-1, 2, 2)
+    ]
+    assert (np.sum(inside, axis=0) == 1).all()
+    # Strips of the same stretch are one rectangle: the column on the right goes from below to above.
+    assert [5.0, 0.0, 6.0, 4.0] in free.tolist()
+
+
+# What is known
+
+
+def test_corners_are_where_four_squares_meet():
+    board = TARGETS["board"]
+    assert len(board.points) == 12 and board.index.tolist()[:5] == [[0, 0], [0, 1], [0, 2], [0, 3], [1, 0]]
+    np.testing.assert_array_equal(board.points[:, 0], 1.5 * (board.index[:, 1] - 1.5))
+    np.testing.assert_array_equal(board.points[:, 1], 1.5 * (1.0 - board.index[:, 0]))
+    assert set(map(tuple, board.points)) <= set(map(tuple, board.meshes[0].vertices))
+    step = 1e-9
+    # Upper left of the first corner lies the dark first square.
+    for (x, y, _), parity in zip(board.points, board.index.sum(axis=1) % 2 == 0, strict=True):
+        around = [(x - step, y + step), (x + step, y - step), (x + step, y + step), (x - step, y - step)]
+        assert is_dark(board, around).tolist() == [parity, parity, not parity, not parity]
+
+
+def test_dots_are_round_their_points():
+    dots = TARGETS["dots"]
+    angle = np.linspace(0, 2 * np.pi, 17)
+    ring = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    # The rim of a polygon of n sides of the area of a circle lies within (pi / n)^2 of it.
+    near, far = 0.4 * (1 - (np.pi / 30) ** 2), 0.4 * (1 + (np.pi / 30) ** 2)
+    for centre in dots.points[:, :2]:
+        assert is_dark(dots, centre + near * ring).all() and not is_dark(dots, centre + far * ring).any()
+    assert dots.points[0].tolist() == pytest.approx([-1.5 * 1.7, 1.7, 0]) and dots.index[-1].tolist() == [2, 3]
+
+
+@pytest.mark.parametrize(("name", "inner"), [("star", 0.0), ("star on a square", 0.0), ("star with a hole", 1.0)])
+def test_spokes_change_at_their_known_edges(name, inner):
+    star = TARGETS[name]
+    assert star.points[0].tolist() == [0, 0, 0] and star.index[0].tolist() == [0, 0]
+    ends = star.points[star.index[:, 0] == star.index[:, 0].max(), :2]
+    np.testing.assert_allclose(np.linalg.norm(ends, axis=1), 3.0, rtol=4 * EPS)
+    if inner:
+        np.testing.assert_allclose(star.points[star.index[:, 0] == 1, :2], ends / 3.0, atol=4 * EPS)
+    sideways = ends[:, ::-1] * [-1, 1]
+    for share in (max(inner / 3.0, 0.1) * 1.01, 0.6, 0.9):
+        after, before = is_dark(star, share * ends + 1e-9 * sideways), is_dark(star, share * ends - 1e-9 * sideways)
+        assert after[::2].all() and not after[1::2].any() and (before != after).all()
+    if inner:
+        assert not is_dark(star, 0.9 * inner / 3.0 * ends).any()
+
+
+@pytest.mark.parametrize("angle", [0.0, 5.0, -30.0])
+def test_an_edge_is_straight_from_end_to_end(angle):
+    edge = targets.slanted_edge(8.0, angle_deg=angle)
+    upper, lower = edge.points
+    assert (upper[1], lower[1]) == (4.0, -4.0) and (upper + lower == 0).all()
+    assert np.degrees(np.arctan2(-upper[0], upper[1])) == pytest.approx(angle, abs=1e-12)
+    along = lower[:2] + np.linspace(0.01, 0.99, 50)[:, None] * (upper - lower)[:2]
+    beside = np.array([1e-12, 0.0])
+    assert is_dark(edge, along - beside).all() and not is_dark(edge, along + beside).any()
+
+
+@pytest.mark.parametrize(
+    ("group", "element", "frequency"),
+    # From tables of the chart, rounded.
+    [(-2, 1, 0.250), (-1, 2, 0.561), (0, 4, 1.41), (1, 6, 3.56), (2, 3, 5.04), (4, 2, 17.96), (7, 6, 228.1)],
+)
+def test_frequencies_are_those_of_the_standard(group, element, frequency):
+    chart = targets.usaf_1951([group])
+    (row,) = np.flatnonzero((chart.index == [group, element]).all(axis=1))
+    assert chart.frequencies[row] == pytest.approx(frequency, rel=3e-3)
+    assert targets.usaf_1951([group], scale=4.0).frequencies[row] == chart.frequencies[row] / 4
+
+
+def test_bars_are_as_wide_as_their_frequency_says():
+    assert USAF.frequencies[0] == 0.25
+    for (x, y, _), frequency in zip(USAF.points, USAF.frequencies, strict=True):
+        w, near = 0.5 / frequency, 0.5 - 1e-6
+        # A gap, three bars with gaps between them, a gap: just inside both ends of each.
+        across = (np.arange(-3, 4)[:, None] + [-near, near]).ravel() * w
+        bar = np.repeat([False, True, False, True, False, True, False], 2)
+        along = np.array([-2.5 - 1e-6, -2.5 + 1e-6, 2.5 - 1e-6, 2.5 + 1e-6]) * w
+        upright, lying = np.array([x - 3.5 * w, y]), np.array([x + 3.5 * w, y])
+        for middle, turn in ((upright, np.eye(2)), (lying, np.eye(2)[::-1])):
+            # Beside the middle, where triangles meet.
+            assert (is_dark(USAF, middle + across[:, None] * turn[0] + 0.3 * w * turn[1]) == bar).all()
+            for offset in (-2.2, 0.3, 2.1):
+                ends = middle + along[:, None] * turn[1] + offset * w * turn[0]
+                assert is_dark(USAF, ends).tolist() == [False, True, True, False]
+
+
+def test_groups_lie_in_pairs_inside_each_other():
+    chart = targets.usaf_1951(range(-2, 4))
+    place = {tuple(index): point for index, point in zip(chart.index.tolist(), chart.points, strict=True)}
+    for pair in (-2, 0, 2):
+        left = [place[pair, element] for element in range(2, 7)]
+        right = [place[pair + 1, element] for element in range(1, 7)]
+        last = place[pair, 1]
+        assert all((np.diff(column, axis=0)[:, 1] < 0).all() for column in (left, [*right, last]))
+        assert max(p[0] for p in left) < last[0] < min(p[0] for p in right) + 12
+        assert max(p[0] for p in left) < min(p[0] for p in right)
+        for inner in (point for (group, _), point in place.items() if group > pair + 1):
+            assert max(p[0] for p in left) < inner[0] < min(p[0] for p in right) and inner[1] > last[1]
+    # The same picture four times smaller, about one point.
+    steps = [np.diff([place[pair, 2], place[pair + 1, 6]], axis=0) for pair in (-2, 0, 2)]
+    np.testing.assert_allclose(steps[0], 4 * steps[1], rtol=1e-13)
+    np.testing.assert_allclose(steps[1], 4 * steps[2], rtol=1e-13)
+    assert sum(mesh.bounds for mesh in chart.meshes)[:, :2].sum(axis=0) == pytest.approx([0, 0], abs=2)
+    np.testing.assert_allclose(chart.meshes[1].bounds.sum(axis=0), 0, atol=1e-12)
+
+
+def test_random_dots_lie_where_their_points_say():
+    board = targets.random_dots(40, 30, dot=0.25, density=0.3, seed=7, dark=(0.1, 0.0, 0.0), bright=0.9)
+    (mesh,) = board.meshes
+    texels = mesh.material.albedo.texels
+    assert texels.shape == (30, 40, 3) and mesh.bounds.tolist() == [[-5, -3.75, 0], [5, 3.75, 0]]
+    # The picture's corners: uv (0, 1), the upper left one, at -x, +y.
+    (upper_left,) = np.flatnonzero((mesh.uv == [0, 1]).all(axis=1))
+    assert mesh.vertices[upper_left].tolist() == [-5, 3.75, 0]
+    column, row = ((board.points[:, 0] + 5) / 0.25, (3.75 - board.points[:, 1]) / 0.25)
+    np.testing.assert_allclose(np.stack([row, column], axis=1), board.index + 0.5, atol=1e-12)
+    dark = np.zeros((30, 40), dtype=bool)
+    dark[tuple(board.index.T)] = True
+    np.testing.assert_array_equal(texels, np.where(dark[..., None], [0.1, 0, 0], 0.9).astype(np.float32))
+
+
+def test_random_dots_have_their_density_and_no_pattern():
+    n = 300
+    dark = targets.random_dots(n, n, dot=0.1, density=0.3, seed=1).meshes[0].material.albedo.texels[..., 0] < 0.5
+    # Four standard errors of n^2 draws, and of n (n - 1) products of neighbours.
+    assert abs(dark.mean() - 0.3) < 4 * np.sqrt(0.3 * 0.7 / n**2)
+    for shifted, still in ((dark[1:], dark[:-1]), (dark[:, 1:], dark[:, :-1])):
+        assert abs(np.mean((shifted - 0.3) * (still - 0.3))) < 4 * 0.3 * 0.7 / n
+    other = targets.random_dots(n, n, dot=0.1, density=0.3, seed=2).meshes[0].material.albedo.texels[..., 0] < 0.5
+    assert abs(np.mean((dark - 0.3) * (other - 0.3))) < 4 * 0.3 * 0.7 / n
+    assert targets.random_dots(4, 4, dot=1, density=1).points.shape == (16, 3)
+    assert targets.random_dots(4, 4, dot=1, density=0).points.shape == (0, 3)
+
+
+def test_random_dots_stay_the_same():
+    # Regression: PCG64 of seed 0, whose raw numbers NumPy promises to keep.
+    expected = [[0, 1], [0, 2], [0, 3], [1, 3], [1, 5], [1, 7]]
+    assert targets.random_dots(8, 2, dot=1.0).index.tolist() == expected
+
+
+# Moving
+
+
+@pytest.mark.parametrize("name", ["board with margin", "star with a hole", "edge", "USAF"])
+@pytest.mark.parametrize(
+    "move",
+    [
+        lambda t: t.translated(1.5, -2.0, -404.0),
+        lambda t: t.rotated((1.0, 2.0, -0.5), 0.7),
+        lambda t: t.rotated_deg((0, 1, 0), 25).translated(z=-404),
+        lambda t: t.transformed([[0, -3, 0, 1], [3, 0, 0, 2], [0, 0, -3, 5], [0, 0, 0, 1]]),
+    ],
+)
+def test_meshes_and_points_move_together(name, move):
+    target = TARGETS[name]
+    moved = move(target)
+    assert (moved.index is None and target.index is None) or (moved.index == target.index).all()
+    corner = {tuple(v): (k, row) for k, mesh in enumerate(target.meshes) for row, v in enumerate(mesh.vertices)}
+    at_corners = [
+        (point, corner[tuple(old)])
+        for point, old in zip(moved.points, target.points, strict=True)
+        if tuple(old) in corner
+    ]
+    assert len(at_corners) == len(target.points) or name == "USAF"
+    for point, (k, row) in at_corners:
+        # Three products and sums of numbers of size 404.
+        np.testing.assert_allclose(point, moved.meshes[k].vertices[row], rtol=0, atol=404 * 4 * EPS)
+    # A map keeps combinations of vertices whose weights sum to 1: each point by three far vertices of the plane.
+    far, there = (np.concatenate([mesh.vertices for mesh in t.meshes]) for t in (target, moved))
+    chosen = [np.argmin(far @ axis) for axis in ([1, 1, 0], [1, -1, 0], [-1, 0, 0])]
+    weights = np.linalg.solve(
+        np.vstack([far[chosen, :2].T, np.ones(3)]), np.vstack([target.points[:, :2].T, np.ones(len(target.points))])
+    )
+    np.testing.assert_allclose(moved.points, weights.T @ there[chosen], rtol=0, atol=404 * 100 * EPS)
+
+
+def test_frequencies_follow_the_scale_and_nothing_else():
+    chart = TARGETS["USAF, one group"]
+    turned = chart.rotated_deg((1, 1, 0), 40).translated(z=-300)
+    np.testing.assert_array_equal(turned.frequencies, chart.frequencies)
+    matrix = np.eye(4)
+    matrix[:3, :3] = 2.5 * np.array([[0.6, -0.8, 0], [0.8, 0.6, 0], [0, 0, -1]])
+    np.testing.assert_allclose(chart.transformed(matrix).frequencies, chart.frequencies / 2.5, rtol=1e-14)
+    with pytest.raises(InvalidValueError, match="stretches or shears bars of known frequency"):
+        chart.transformed(np.diag([1, 2, 1, 1]))
+    assert TARGETS["board"].transformed(np.diag([1, 2, 1, 1])).points[0, 1] == 2 * TARGETS["board"].points[0, 1]
+
+
+# Values
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_targets_are_values(name):
+    target = TARGETS[name]
+    again = pickle.loads(pickle.dumps(target))
+    assert again == target and hash(again) == hash(target) and not again.points.flags.writeable
+    assert target.translated(x=1.0) != target and repr(target).startswith("Target(")
+    with pytest.raises(ValueError, match="read-only"):
+        target.points[0] = 0.0
+
+
+def test_materials_are_those_given():
+    lamp, black = Emissive(3.0), Emissive(0.0)
+    for target in (
+        targets.checkerboard(3, 3, square=1.0, dark=lamp, bright=black),
+        targets.point_grid(3, 3, pitch=1.0, radius=0.2, dark=lamp, bright=black),
+        targets.siemens_star(1.0, 5, dark=lamp, bright=black),
+        targets.slanted_edge(1.0, dark=lamp, bright=black),
+        targets.usaf_1951([0], dark=lamp, bright=black),
+    ):
+        assert [mesh.material for mesh in target.meshes] == [lamp, black]
+    assert {mesh.material for mesh in TARGETS["board"].meshes} == {Lambertian(0.05), Lambertian(0.8)}
+    assert Scene([*TARGETS["board"].meshes, *TARGETS["star"].translated(z=-3).meshes]).bounds[0, 2] == -3
+
+
+# Refusals
+
+
+@pytest.mark.parametrize(
+    ("make", "sentence"),
+    [
+        (lambda: targets.checkerboard(1, 4, square=1), "columns is 1; it must be at least 2"),
+        (lambda: targets.checkerboard(4, 4, square=0), "square is 0 mm; it must be above 0"),
+        (lambda: targets.checkerboard(4, 4, square=1, margin=-1), "margin is -1 mm; it must be 0 or more"),
+        (lambda: targets.point_grid(4, 4, pitch=1, radius=0.5), r"reduce radius 0\.5 mm until that is below half"),
+        (lambda: targets.point_grid(4, 4, pitch=1, radius=0.1, sides=3), "sides is 3; it must be at least 4"),
+        (lambda: targets.random_dots(4, 4, dot=1, density=1.5), "density is 1.5; it must be within 0 and 1"),
+        (lambda: targets.random_dots(4, 4, dot=1, seed=-1), "seed is -1; it must be at least 0"),
+        (lambda: targets.siemens_star(1, 1), "spokes is 1; it must be at least 2"),
+        (lambda: targets.siemens_star(1, 9, inner_radius=1), "inner_radius is 1 mm; it must be 0 or more, and below"),
+        (lambda: targets.slanted_edge(1, angle_deg=45), "angle_deg is 45; it must be within -45 and 45"),
+        (lambda: targets.usaf_1951([]), "give one or more, each once"),
+        (lambda: targets.usaf_1951([1, 1]), r"groups are \[1, 1\]; give one or more, each once"),
+        (lambda: targets.usaf_1951(3), "groups is 3; it must be a sequence of whole numbers"),
+        (lambda: targets.usaf_1951([0.5]), "group is 0.5; it must be a whole number"),
+        (lambda: targets.usaf_1951([11]), "from -10 to 10"),
+        (lambda: Target([], np.zeros((1, 3))), "it must be one Mesh or more"),
+        (lambda: Target(TARGETS["board"].meshes, [[0, 0]]), "points has shape"),
+        (lambda: Target(TARGETS["board"].meshes, [[0, 0, np.nan]]), "not finite"),
+        (lambda: Target(TARGETS["board"].meshes, [[0, 0, 0]], index=[[1, 2], [3, 4]]), "index has shape"),
+        (lambda: Target(TARGETS["board"].meshes, [[0, 0, 0]], frequencies=[0.0]), "frequencies hold numbers"),
+        (lambda: Target(TARGETS["board"].meshes, [[0, 0, 0]], name=3), "name is 3; it must be a text"),
+    ],
+)
+def test_impossible_targets_are_refused(make, sentence):
+    with pytest.raises(InvalidValueError, match=sentence):
+        make()
+
+
+def test_albedos_above_1_are_refused():
+    with pytest.raises(SceneError, match="dark is 1.5; it must be within 0 and 1"):
+        targets.random_dots(4, 4, dot=1, dark=1.5)

@@ -1,0 +1,237 @@
+"""Textures at points, against exact arithmetic."""
+
+import math
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import plenoptic as pl
+from plenoptic._jit import kernel
+from plenoptic.scene import _textures
+from plenoptic.scene._textures import fill_texel
+from plenoptic.scene.atlas import FIELDS, atlas
+from plenoptic.scene.texture import TextureFilter, Wrap
+
+WRAPS = [(u, v) for u in Wrap for v in Wrap]
+
+
+@kernel
+def fill_all(values, texels, row, points):
+    for i in range(points.shape[0]):
+        fill_texel(values[i], texels, row, points[i, 0], points[i, 1])
+
+
+def looked_up(texture, points, *, channels=3):
+    """(n, channels): the texture between two others in an atlas, whose neighbours no lookup may see."""
+    fence = pl.Texture(np.full((3, 5, 3), 1e30) * [1, 2, 3])
+    texels, rows = atlas([fence, texture, fence])
+    points = np.array(points, dtype=np.float64).reshape(-1, 2)
+    values = np.full((len(points), channels), np.nan)
+    fill_all(values, texels, rows[1], points)
+    return values
+
+
+def folded(i, n, wrap):
+    """The index of the texel that stands at place i of an endless row."""
+    if wrap == Wrap.REPEAT:
+        return i % n
+    if wrap == Wrap.CLAMP:
+        return min(max(i, 0), n - 1)
+    i %= 2 * n
+    return i if i < n else 2 * n - 1 - i
+
+
+def exact(texture, s, t):
+    """The texture at (s, t) in rational arithmetic, texel by texel as the wrap modes define it."""
+    rows, columns, channels = texture.texels.shape
+    wrap_u, wrap_v = texture.wraps
+
+    def texel(i, j):  # column and row from below, on an endless plane
+        return texture.texels[rows - 1 - folded(j, rows, wrap_v), folded(i, columns, wrap_u)]
+
+    x, y = Fraction(s) * columns, Fraction(t) * rows
+    if texture.filter is TextureFilter.NEAREST:
+        return texel(math.floor(x), math.floor(y)).astype(np.float64)
+    x, y = x - Fraction(1, 2), y - Fraction(1, 2)
+    i, j = math.floor(x), math.floor(y)
+    fx, fy = x - i, y - j
+    found = []
+    for k in range(channels):
+        p = [[Fraction(float(texel(i + a, j + b)[k])) for a in (0, 1)] for b in (0, 1)]
+        found.append(float((1 - fy) * ((1 - fx) * p[0][0] + fx * p[0][1]) + fy * ((1 - fx) * p[1][0] + fx * p[1][1])))
+    return np.array(found)
+
+
+def random_texture(seed, shape, **how):
+    return pl.Texture(np.random.default_rng(seed).uniform(size=shape), **how)
+
+
+# In between the borders of texels, of which there are up to 8, and without rounding.
+inside = st.integers(-(2**50), 2**50).map(lambda k: (2 * k + 1) * 2.0**-31)
+borders = st.integers(-24, 24).map(lambda k: k / 8)
+near = st.floats(-3, 3) | borders
+anywhere = near | st.floats(-1e15, 1e15) | st.integers(-(2**40), 2**40).map(lambda k: k / 16)
+
+
+@settings(max_examples=400, deadline=None)
+@given(
+    s=anywhere,
+    t=anywhere,
+    wrap=st.sampled_from(WRAPS),
+    shape=st.tuples(st.integers(1, 5), st.integers(1, 5), st.sampled_from([1, 3])),
+)
+def test_bilinear_lookups_are_exact(s, t, wrap, shape):
+    texture = random_texture(1, shape, wrap=wrap)
+    # Each coordinate costs a rounding of s - floor(s) and one of the place, which n scales: n eps each. A texture
+    # in [0, 1] changes by 1 from one texel to the next at most; the interpolation adds a few eps.
+    tolerance = (2 * shape[0] + 2 * shape[1] + 6) * np.finfo(float).eps
+    expected = np.broadcast_to(exact(texture, s, t), 3)
+    np.testing.assert_allclose(looked_up(texture, (s, t))[0], expected, rtol=0, atol=tolerance)
+
+
+POWERS_OF_TWO = st.tuples(st.sampled_from([1, 2, 4, 8]), st.sampled_from([1, 2, 4]), st.sampled_from([1, 3]))
+
+
+def check_nearest(s, t, wrap, shape):
+    # Powers of two scale without rounding.
+    texture = random_texture(2, shape, wrap=wrap, filter=TextureFilter.NEAREST)
+    np.testing.assert_array_equal(looked_up(texture, (s, t))[0], np.broadcast_to(exact(texture, s, t), 3))
+
+
+@settings(max_examples=300, deadline=None)
+@given(s=inside, t=inside, wrap=st.sampled_from(WRAPS), shape=POWERS_OF_TWO)
+def test_nearest_lookups_are_exact(s, t, wrap, shape):
+    check_nearest(s, t, wrap, shape)
+
+
+@settings(max_examples=100, deadline=None)
+@given(s=borders, t=borders, wrap=st.sampled_from([Wrap.REPEAT, Wrap.CLAMP]), shape=POWERS_OF_TWO)
+def test_borders_belong_to_the_texel_above_and_to_the_right(s, t, wrap, shape):
+    check_nearest(s, t, wrap, shape)
+
+
+@pytest.mark.parametrize("between", list(TextureFilter))
+@pytest.mark.parametrize("wrap", WRAPS)
+def test_a_texel_is_itself_at_its_centre(wrap, between):
+    rows, columns = 16, 32
+    texture = random_texture(3, (rows, columns, 3), wrap=wrap, filter=between)
+    row, column = np.mgrid[:rows, :columns]
+    centres = np.stack([(column + 0.5) / columns, 1 - (row + 0.5) / rows], axis=-1)
+    # Sizes that are powers of two: no rounding.
+    np.testing.assert_array_equal(looked_up(texture, centres), texture.texels.reshape(-1, 3))
+
+
+@pytest.mark.parametrize("between", list(TextureFilter))
+def test_corners(between):
+    texture = pl.Texture([[[1.0], [2.0]], [[3.0], [4.0]]], wrap=Wrap.CLAMP, filter=between)
+    corners = looked_up(texture, [(0, 0), (1, 0), (0, 1), (1, 1)], channels=1)
+    assert corners[:, 0].tolist() == [3, 4, 1, 2]
+
+
+@pytest.mark.parametrize("wrap", WRAPS)
+def test_bilinear_is_continuous_everywhere(wrap):
+    rows, columns = 3, 5
+    texture = random_texture(4, (rows, columns, 3), wrap=wrap)
+    h = 2.0**-30
+    # Across all borders of texels, and half-way between them, where the four neighbours change.
+    x, y = np.meshgrid(np.arange(-20, 21) / (2 * columns), np.arange(-12, 13) / (2 * rows))
+    points = np.stack([x, y], axis=-1)
+    for step in ((h, 0.0), (0.0, h)):
+        jump = np.abs(looked_up(texture, points + step) - looked_up(texture, points - step))
+        # Texels in [0, 1] are 1 / columns or 1 / rows apart: slopes are at most `columns`; some eps of rounding.
+        assert jump.max() <= 2 * h * columns + 64 * np.finfo(float).eps
+
+
+def test_repeats_repeat_and_mirrors_mirror():
+    points = np.random.default_rng(5).integers(0, 2**20, (200, 2)) / 2**20
+    periods = np.random.default_rng(6).integers(-(2**20), 2**20, (200, 2))
+    for between in TextureFilter:
+        texture = random_texture(7, (4, 8, 3), filter=between)
+        np.testing.assert_array_equal(looked_up(texture, points + periods), looked_up(texture, points))
+        mirrored = random_texture(7, (4, 8, 3), wrap=Wrap.MIRROR, filter=between)
+        np.testing.assert_array_equal(looked_up(mirrored, points + 2 * periods), looked_up(mirrored, points))
+        between_borders = points + 2.0**-21  # off the borders of texels, which belong to one side
+        np.testing.assert_array_equal(looked_up(mirrored, -between_borders), looked_up(mirrored, between_borders))
+        np.testing.assert_array_equal(looked_up(mirrored, 2 - between_borders), looked_up(mirrored, between_borders))
+        clamped = random_texture(7, (4, 8, 3), wrap=Wrap.CLAMP, filter=between)
+        np.testing.assert_array_equal(
+            looked_up(clamped, 3 * points - 1), looked_up(clamped, np.clip(3 * points - 1, 0, 1))
+        )
+
+
+@pytest.mark.parametrize("wrap", [Wrap.REPEAT, Wrap.MIRROR])
+@pytest.mark.parametrize("shape", [(4, 8, 3), (3, 5, 1), (1, 1, 3), (1, 7, 3)])
+def test_the_mean_of_a_texture_is_the_mean_of_its_texels(wrap, shape):
+    rows, columns, _ = shape
+    texture = random_texture(8, shape, wrap=wrap)
+    # Between the lines of half texels a bilinear texture is a polynomial of degree (1, 1): one point in the middle
+    # of each of its rectangles is exact.
+    s, t = (np.arange(2 * columns) + 0.5) / (2 * columns), (np.arange(2 * rows) + 0.5) / (2 * rows)
+    values = looked_up(texture, np.stack(np.meshgrid(s, t), axis=-1))
+    expected = np.broadcast_to(texture.texels.mean(axis=(0, 1), dtype=np.float64), 3)
+    np.testing.assert_allclose(values.mean(axis=0), expected, rtol=64 * np.finfo(float).eps)
+
+
+WILD = [math.nan, math.inf, -math.inf, 1e15, -1e15, 1e300, -1e300, 5e-324, -5e-324, -1e-20, 0.0, -0.0, 1.0]
+WILD += [np.nextafter(1.0, 0.0), np.nextafter(1.0, 2.0), 2.0**31, -(2.0**63), 2.0**64 + 1e5, 0.1 - 1e15]
+
+
+@pytest.mark.parametrize("between", list(TextureFilter))
+@pytest.mark.parametrize("wrap", list(Wrap))
+@pytest.mark.parametrize("shape", [(1, 1, 3), (3, 5, 1), (1, 4, 3), (257, 1, 3)])
+def test_any_number_gives_a_value_of_the_texture(shape, wrap, between):
+    texture = random_texture(9, shape, wrap=wrap, filter=between)
+    values = looked_up(texture, [(s, t) for s in WILD for t in WILD])
+    # Interpolation may leave the range of its corners by rounding alone.
+    assert (values >= texture.texels.min() - 1e-15).all() and (values <= texture.texels.max() + 1e-15).all()
+
+
+def test_a_constant_texture_is_constant_to_the_last_bit():
+    texture = pl.Texture(np.full((3, 7, 3), 0.3))
+    points = np.random.default_rng(10).normal(size=(1000, 2)) * 10
+    assert (looked_up(texture, points) == np.float32(0.3)).all()
+
+
+@pytest.mark.parametrize("between", list(TextureFilter))
+def test_grey_among_colours(between):
+    points = np.random.default_rng(11).uniform(-2, 2, (50, 2))
+    grey = random_texture(12, (4, 3, 1), filter=between)
+    colours = pl.Texture(np.repeat(grey.texels, 3, axis=2), filter=between)
+    expected = looked_up(grey, points, channels=1)
+    for texture in (grey, colours):
+        np.testing.assert_array_equal(looked_up(texture, points, channels=1), expected)
+        np.testing.assert_array_equal(looked_up(texture, points), np.repeat(expected, 3, axis=1))
+
+
+def test_a_colour_in_a_row_of_one_is_its_first_channel():
+    texture = random_texture(13, (4, 3, 3))
+    points = np.random.default_rng(14).uniform(-2, 2, (50, 2))
+    np.testing.assert_array_equal(looked_up(texture, points, channels=1), looked_up(texture, points)[:, :1])
+
+
+def test_the_kernels_numbers_are_those_of_the_enums():
+    assert list(Wrap) == [_textures.REPEAT, _textures.CLAMP, _textures.MIRROR]
+    assert _textures.NEAREST == TextureFilter.NEAREST and _textures.FILTER + 1 == FIELDS
+
+
+def test_an_atlas_holds_every_texel_once():
+    random = np.random.default_rng(15)
+    textures = [
+        pl.Texture(random.uniform(size=(2, 3, 3)), wrap=(Wrap.CLAMP, Wrap.MIRROR)),
+        pl.Texture(random.uniform(size=(4, 1, 1)), filter=TextureFilter.NEAREST),
+        pl.Texture(np.repeat(random.uniform(size=(2, 2, 1)), 3, axis=2)),
+    ]
+    texels, rows = atlas(textures)
+    assert rows.tolist() == [[0, 2, 3, 3, 1, 2, 1], [18, 4, 1, 1, 0, 0, 0], [22, 2, 2, 1, 0, 0, 1]]
+    assert (texels.dtype, rows.dtype) == (np.float32, np.int64)
+    assert texels.flags.c_contiguous and rows.flags.c_contiguous
+    assert not texels.flags.writeable and not rows.flags.writeable
+    joined = [textures[0].texels.ravel(), textures[1].texels.ravel(), textures[2].texels[..., 0].ravel()]
+    np.testing.assert_array_equal(texels, np.concatenate(joined))
+
+
+def test_no_textures_are_none():
+    assert atlas([]) == (None, None)

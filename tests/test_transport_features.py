@@ -1,0 +1,612 @@
+"""What light transport can do beside bouncing, each feature against something that must look the same."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+import plenoptic as pl
+from plenoptic.camera.truth import Truth
+
+# ---- helpers ----
+
+
+def pinhole(half=0.2, pixels=8):
+    """A camera without a lens, with a tiny opening, that looks along -z and sees tangents up to `half` to each side."""
+    return pl.PlenopticCamera(
+        lens=pl.no_lens(1e-4),
+        sensor=pl.Sensor(shape=(pixels, pixels), pixel_pitch=20.0 * half / pixels),
+        stop_to_microlenses=10.0,
+    )
+
+
+CAMERA = pinhole()
+
+
+def shoot(scene, camera=CAMERA, samples=512, truth=Truth.NONE, **options):
+    shot = pl.render(scene, camera, samples=samples, truth=truth, progress=False, **options)
+    assert shot.stats.nonfinite == 0
+    return shot
+
+
+def brightness(camera=CAMERA, samples=512):
+    """(H, W, 1) what radiance 1 is, in images of the same seed."""
+    return pl.render_white(camera, samples=samples, progress=False).image.astype(float)
+
+
+def mixed(shots, weights):
+    """Images and squared errors of a weighted sum, the weights of which are numbers or (H, W, 1)."""
+    image = sum(w * shot.image.astype(float) for shot, w in zip(shots, weights, strict=True))
+    variance = sum((w * shot.standard_error.astype(float)) ** 2 for shot, w in zip(shots, weights, strict=True))
+    return image, variance
+
+
+def assert_same(one, other, rounding=3e-6, most_error=0.02):
+    """Two renderings, or pairs of images and squared errors, within joint standard errors.
+
+    8 replicates give an error 7 degrees of freedom, that of a difference up to 14: beyond 8 once in 1e6 (twice that
+    where one of them alone is noisy). 4.5 for the sum. `rounding` is that of images to float32, and of what was before.
+    """
+    (a, va), (b, vb) = (x if isinstance(x, tuple) else mixed([x], [1.0]) for x in (one, other))
+    error, allowed = np.sqrt(va + vb), rounding * np.abs(b).max()
+    assert np.all(np.abs(a - b) < 12 * error + allowed), np.abs(a - b).max()
+    axes = (0, 1)
+    whole = np.sqrt(np.square(error).sum(axis=axes))
+    difference = (a - b).sum(axis=axes)
+    assert np.all(np.abs(difference) < 4.5 * whole + rounding * np.abs(b).sum()), (difference, whole, b.sum(axis=axes))
+    # An error bar so long that everything agrees would show nothing.
+    assert np.all(whole < most_error * np.abs(b).sum(axis=axes) + allowed)
+
+
+def plate(z, material, half=100.0):
+    """Fronts towards the camera."""
+    return pl.quad((-half, -half, z), (2 * half, 0, 0), (0, 2 * half, 0), material=material)
+
+
+def nearest(values):
+    """A texture of squares, one channel."""
+    return pl.Texture(np.asarray(values, dtype=np.float32)[..., None], filter=pl.TextureFilter.NEAREST)
+
+
+MATT = pl.Lambertian(0.6)
+BLACK = pl.Lambertian(0.0)
+POINT = pl.PointLight((14.0, 3.0, -20.0), 500.0)
+
+
+# ---- opacity ----
+
+QUARTERS = np.array([[0.0, 0.3], [0.7, 1.0]])
+
+
+def opacity_of_pixels(values, pixels=8):
+    """(H, W, 1): a texture of 2 x 2 squares over the whole view."""
+    return np.kron(np.asarray(values), np.ones((pixels // 2, pixels // 2)))[..., None]
+
+
+@pytest.mark.parametrize("kind", ["constant", "textured", "cut off"])
+def test_what_is_half_there_looks_like_the_mean_of_there_and_not_there(kind):
+    # The plate fills the view exactly, so that the squares of its texture are quarters of the image. No light crosses
+    # it but that of the wall to the camera.
+    fields = {
+        "constant": {"opacity": 0.3},
+        "textured": {"opacity": nearest(QUARTERS)},
+        "cut off": {"opacity": nearest(QUARTERS), "cutoff": 0.5},
+    }[kind]
+    share = {"constant": 0.3, "textured": opacity_of_pixels(QUARTERS), "cut off": opacity_of_pixels(QUARTERS >= 0.5)}
+    wall = plate(-60.0, pl.Emissive(nearest(np.arange(16.0).reshape(4, 4))), half=12.0)
+    front = plate(-30.0, pl.MetallicRoughness(0.8, 0.2, 0.5), half=6.0)
+    light = pl.PointLight((5.0, 3.0, -10.0), 3000.0)
+    there, absent = (shoot(pl.Scene(m, [light]), max_bounces=1) for m in ([wall, front], [wall]))
+    half = front.with_material(dataclasses.replace(front.material, **fields))
+    seen = shoot(pl.Scene([wall, half], [light]), max_bounces=1, seed=1)
+    expected = mixed([there, absent], [share[kind], 1 - np.asarray(share[kind])])
+    # Pixels at the border between squares: the pinhole blurs by 1e-4 of 5 mm.
+    assert_same(seen, expected, rounding=2e-3)
+    assert 0.1 < there.image.mean() / absent.image.mean() < 10
+
+
+SHEET = pl.MetallicRoughness(0.0, 1.0, 1.0)  # black but for grazing angles
+
+
+@pytest.mark.parametrize(
+    "opacities", [[0.5], [0.3, 0.3], [0.2, 0.5, 0.75], [0.1] * 12, [1e-9, 0.5], [0.5, 1.0], [0.0, 0.25]]
+)
+@pytest.mark.parametrize("gap", [1.0, 1e-3])
+def test_shadows_of_layers_multiply(opacities, gap):
+    # Between a floor and a point light, beside the view. What shadow rays lose is not drawn but multiplied: no noise.
+    sheets = [
+        pl.quad((9.0, -90, -34.0 + k * gap), (180, 0, 0), (0, 180, 0), material=dataclasses.replace(SHEET, opacity=o))
+        for k, o in enumerate(opacities)
+    ]
+    floor = plate(-40.0, MATT)
+    light = pl.PointLight((120.0, 3.0, -10.0), 5e5)
+    options = {"samples": 16, "max_bounces": 1, "replicates": 1}
+    lit = shoot(pl.Scene([floor], [light]), **options).image
+    shadow = shoot(pl.Scene([floor, *sheets], [light]), **options).image
+    np.testing.assert_allclose(shadow, lit * np.prod(1 - np.array(opacities)), rtol=2e-6)
+    assert lit.min() > 0
+
+
+def test_a_stack_of_layers_lets_pass_what_all_of_them_do():
+    # Seen through 1, 2, 4 and 8 layers in the four quarters of the view: 0.7 to that power. 1e-3 mm apart.
+    layers = []
+    for k in range(8):
+        there = [[0.3, 0.3 * (k < 4)], [0.3 * (k < 2), 0.3 * (k < 1)]]
+        material = dataclasses.replace(SHEET, opacity=nearest(there))
+        layers.append(plate(-30.0 - 1e-3 * k, material, half=6.0))
+    wall = plate(-60.0, pl.Emissive(2.0))
+    seen = shoot(pl.Scene([*layers, wall]), samples=2048, max_bounces=1)
+    expected = brightness(samples=2048) * 2.0 * 0.7 ** opacity_of_pixels([[8, 4], [2, 1]])
+    assert_same(seen, (expected, 0.0), rounding=2e-3)
+
+
+@pytest.mark.parametrize("way", ["seen", "as a light"])
+def test_what_shines_and_is_half_there_shines_half(way):
+    if way == "seen":
+        mesh, others = plate(-30.0, dataclasses.replace(SHEET, emission=5.0)), []
+    else:
+        lamp = pl.quad((9, -2, -30), (0, 4, 0), (4, 0, 0), material=dataclasses.replace(SHEET, emission=50.0))
+        mesh, others = lamp, [plate(-40.0, MATT)]
+    whole = shoot(pl.Scene([mesh, *others]), max_bounces=1)
+    half = mesh.with_material(dataclasses.replace(mesh.material, opacity=0.4))
+    seen = shoot(pl.Scene([half, *others]), max_bounces=1, seed=1)
+    assert_same(seen, mixed([whole], [0.4]))
+
+
+@pytest.mark.parametrize(("opacity", "there"), [(0.49, False), (0.5, True), (0.51, True), (0.0, False), (1.0, True)])
+def test_truth_goes_through_what_is_less_than_half_there(opacity, there):
+    material = dataclasses.replace(SHEET, opacity=opacity)
+    scene = pl.Scene([plate(-30.0, material), plate(-35.0, material), plate(-40.0, MATT)])
+    truth = pl.ground_truth(scene, CAMERA, truth=Truth.DEPTH | Truth.OBJECT | Truth.DISTANCE | Truth.NORMAL)
+    depth = 30.0 if there else 40.0
+    # Two steps onto what is behind: some eps of 40 mm. The opening of the pinhole is 1e-4 of 10 mm wide.
+    np.testing.assert_allclose(truth.depth, depth, rtol=1e-14)
+    np.testing.assert_allclose(truth.distance[3, 3], depth * math.sqrt(1 + 2 * 0.025**2), rtol=1e-7)
+    assert (truth.object == (0 if there else 2)).all() and (truth.normal == (0, 0, 1)).all()
+
+
+def test_truth_follows_textures_of_opacity_and_cutoffs():
+    options = {"truth": Truth.DEPTH}
+    for cutoff, there in ((None, QUARTERS >= 0.5), (0.25, QUARTERS >= 0.25), (0.75, QUARTERS >= 0.75)):
+        front = plate(-30.0, dataclasses.replace(SHEET, opacity=nearest(QUARTERS), cutoff=cutoff), half=6.0)
+        depth = pl.ground_truth(pl.Scene([front, plate(-60.0, MATT)]), CAMERA, **options).depth
+        np.testing.assert_allclose(depth, np.where(opacity_of_pixels(there)[..., 0], 30.0, 60.0), rtol=1e-14)
+
+
+# ---- absorption ----
+
+
+def test_light_and_view_inside_an_absorbing_body_are_both_dimmed():
+    # A floor at the bottom of a pool of index 1, 10 mm deep, with a point light in it: exp(-a (way in + way out)).
+    a, place = 0.13, np.array([3.0, 1.0, -33.0])
+    pool = pl.box((80, 80, 20), center=(0, 0, -40), material=pl.Dielectric(1.0, absorption=a))
+    light = pl.PointLight(place, 300.0)
+    floor = plate(-40.0, MATT, half=30.0)
+    options = {"samples": 512, "max_bounces": 2}
+    dry, wet = shoot(pl.Scene([floor], [light]), **options), shoot(pl.Scene([pool, floor], [light]), **options)
+    # Middles of pixels see x, y = 40 tan; ways within a pixel differ by some 0.5 mm, the mean of exp by 0.5 (a d)^2.
+    tangent = (np.arange(8) - 3.5) * 0.05
+    x, y = np.meshgrid(40 * tangent, -40 * tangent)
+    out = 10 * np.sqrt(1 + np.square(x / 40) + np.square(y / 40))
+    into = np.sqrt(np.square(x - place[0]) + np.square(y - place[1]) + 49)
+    expected = dry.image[..., 0] * np.exp(-a * (out + into))
+    np.testing.assert_allclose(wet.image[..., 0], expected, rtol=0.03)
+    assert wet.image.sum() == pytest.approx(expected.sum(), rel=5e-3)
+
+
+def test_a_camera_in_an_absorbing_body_sees_what_is_in_it_dimmed():
+    # exp(-a t) from the first ray on, whatever it meets.
+    pool = pl.box(100.0, material=pl.Dielectric(1.0, absorption=0.1))
+    lamp = plate(-30.0, pl.Emissive(2.0), half=20.0)
+    camera = pinhole(half=0.002, pixels=2)
+    seen = shoot(pl.Scene([pool, lamp]), camera, samples=64, max_bounces=2).image / brightness(camera, 64)
+    np.testing.assert_allclose(seen, 2.0 * math.exp(-3.0), rtol=1e-5)
+
+
+def test_what_is_not_there_at_all_changes_nothing():
+    # Sheets across all light, seen, drawn and met by chance, inside an absorbing body.
+    pool = pl.box((80, 80, 35), center=(0, 0, -35), material=pl.Dielectric(1.0, absorption=0.05))
+    floor = plate(-40.0, pl.Conductor(0.9, alpha=0.3), half=30.0)
+    lamp = pl.quad((9, -8, -38), (6, 0, 14), (0, 16, 0), material=pl.Emissive(30.0))
+    sheets = [plate(z, dataclasses.replace(SHEET, opacity=1e-12), half=35.0) for z in (-20.0, -30.0, -39.0, -39.9)]
+    options = {"samples": 2048, "max_bounces": 3}
+    without, within = (
+        shoot(pl.Scene([pool, floor, lamp]), **options),
+        shoot(pl.Scene([pool, floor, lamp, *sheets]), seed=1, **options),
+    )
+    assert_same(within, without)
+
+
+def framed(opening, z=-60.0, half=200.0):
+    """A black wall with a square hole of the width 2 `opening`, and what fills it."""
+    h = half - opening
+    edges = [
+        pl.quad((-half, -half, z), (2 * half, 0, 0), (0, h, 0), material=BLACK),
+        pl.quad((-half, opening, z), (2 * half, 0, 0), (0, h, 0), material=BLACK),
+        pl.quad((-half, -opening, z), (h, 0, 0), (0, 2 * opening, 0), material=BLACK),
+        pl.quad((opening, -opening, z), (h, 0, 0), (0, 2 * opening, 0), material=BLACK),
+    ]
+    return edges, pl.quad((-opening, -opening, z), (2 * opening, 0, 0), (0, 2 * opening, 0), material=pl.Emissive(3.0))
+
+
+@pytest.mark.parametrize("absorption", [0.0, 0.4])
+def test_light_through_frosted_glass_is_the_same_drawn_or_met(absorption):
+    # A window in a black wall behind a frosted plate, with a bright world behind, which is never drawn directly, or
+    # with a light in it, which is. All else is black: the plate is as large as the wall.
+    wall, window = framed(10.0)
+    glass = pl.box((400, 400, 2), center=(0, 0, -40), material=pl.Dielectric(1.3, alpha=0.4, absorption=absorption))
+    behind = pl.quad((-200, -200, 5), (0, 400, 0), (400, 0, 0), material=BLACK)  # behind the camera
+    room = [behind, glass, *wall, shroud()]
+    met = shoot(pl.Scene(room, background=3.0), samples=2048, max_bounces=16)
+    drawn = shoot(pl.Scene([*room, window]), samples=2048, max_bounces=16, seed=1)
+    assert_same(drawn, met)
+
+
+def shroud():
+    """Four black sides between z = 5 and z = -60, 200 mm from the axis."""
+    body = pl.box((400, 400, 65), center=(0, 0, -27.5), material=BLACK)
+    facing = np.abs(
+        np.cross(*(body.vertices[body.faces[:, k]] - body.vertices[body.faces[:, 0]] for k in (1, 2)))[:, 2]
+    )
+    return pl.Mesh(body.vertices, body.faces[facing == 0], BLACK)
+
+
+# ---- instances ----
+
+
+def flat(mesh):
+    return pl.Mesh(mesh.vertices, mesh.faces, mesh.material, uv=mesh.uv)
+
+
+def places(*shifts, mirrored=()):
+    """Turned and stretched along the axes of the mesh, some of them mirrored."""
+    rng = np.random.default_rng(6)
+    matrices = np.tile(np.eye(4), (len(shifts), 1, 1))
+    turn = np.linalg.qr(rng.normal(size=(len(shifts), 3, 3)))[0]
+    turn[:, :, 0] *= np.sign(np.linalg.det(turn))[:, None]
+    for k in mirrored:
+        turn[k, :, 1] *= -1
+    matrices[:, :3, :3] = turn * rng.uniform(0.8, 1.3, (len(shifts), 1, 3))
+    matrices[:, :3, 3] = shifts
+    return matrices
+
+
+SQUARES = np.kron([[0.2, 0.9, 0.4], [0.9, 0.1, 0.6], [0.3, 0.8, 0.9]], np.ones((2, 2)))
+
+
+def groups():
+    """Glass, a bulb that shines outwards, an open box whose front shines, and one with holes in it."""
+    bulb = flat(pl.sphere(0.8, segments=(8, 6), material=pl.Emissive(20.0)))
+    glass = flat(pl.sphere(2.0, segments=(12, 8), material=pl.Dielectric(1.5, absorption=0.2)))
+    square = pl.quad((-2, -2, 0), (4, 0, 0), (0, 4, 0), material=pl.Emissive(nearest(10 * SQUARES)))
+    paint = pl.MetallicRoughness(nearest(SQUARES), 0.2, 0.4, opacity=nearest(1 - SQUARES / 2))
+    return [
+        pl.Instances(glass, places((-3.0, 2.5, -38), (3.5, -3.0, -36), mirrored=[1])),
+        pl.Instances(bulb, places((-5.0, -4.0, -36), (0.5, 6.0, -35), mirrored=[0])),
+        pl.Instances(square, places((5.0, 4.0, -37), (-5.5, 5.0, -36), mirrored=[1])),
+        pl.Instances(pl.quad((-2, -2, 0), (4, 0, 0), (0, 4, 0), material=paint), places((0, 0, -35), mirrored=[0])),
+    ]
+
+
+def test_instances_look_as_copies_do():
+    floor = plate(-42.0, MATT)
+    copies = [copy for group in groups() for copy in group.meshes()]
+    truth = Truth.DEPTH | Truth.NORMAL | Truth.MATERIAL
+    options = {"truth": truth, "samples": 2048, "max_bounces": 6}
+    one = shoot(pl.Scene([floor, *groups()]), **options)
+    other = shoot(pl.Scene([floor, *copies]), seed=1, **options)
+    assert_same(one, other)
+    # Rays at borders between triangles may find the other one, whose depth is the same.
+    np.testing.assert_allclose(one.truth.depth, other.truth.depth, rtol=1e-12)
+    np.testing.assert_allclose(one.truth.normal, other.truth.normal, rtol=0, atol=1e-12)
+    assert np.array_equal(one.truth.material, other.truth.material) and len(np.unique(one.truth.material)) == 5
+    # Each kind of them matters.
+    assert one.image.max() > 3 * one.image.min() > 0
+
+
+def test_instances_of_one_mesh_are_one_object():
+    truth = pl.ground_truth(pl.Scene([plate(-42.0, MATT), *groups()]), CAMERA, truth=Truth.OBJECT).object
+    assert set(np.unique(truth)) == {0, 1, 2, 3, 4}
+
+
+# ---- textures that shine ----
+
+
+CORNER, RIGHT, ABOVE = np.array([9.0, -8, -38]), np.array([6.0, 0, 14]), np.array([0.0, 16, 0])
+
+
+def screen(texels):
+    """Beside the view, facing it."""
+    return pl.quad(CORNER, RIGHT, ABOVE, material=pl.Emissive(texels))
+
+
+SCREEN = np.array([[0.0, 5.0, 1.0, 0.0], [30.0, 0.0, 0.0, 2.0], [0.0, 0.0, 8.0, 0.0]])
+
+
+def test_a_screen_is_seen_as_its_texture_says():
+    # 8 x 8 pixels are 4 x 4 squares of 2 x 2: exact but at their borders.
+    values = np.arange(16.0).reshape(4, 4) + 1
+    wall = plate(-60.0, pl.Emissive(nearest(values)), half=12.0)
+    seen = shoot(pl.Scene([wall]), samples=64).image / brightness(samples=64)
+    # A pinhole of 1e-4 blurs by 7 / 10 of it, of 2.5 mm.
+    np.testing.assert_allclose(seen[..., 0], np.kron(values, np.ones((2, 2))), rtol=1e-3)
+
+
+def pieces_of(values):
+    """`screen`, each texel a piece of its own: rows count downwards."""
+    rows, columns = values.shape
+    u, v = RIGHT / columns, ABOVE / rows
+    return [
+        pl.quad(CORNER + j * u + (rows - 1 - i) * v, u, v, material=pl.Emissive(float(values[i, j])))
+        for i in range(rows)
+        for j in range(columns)
+    ]
+
+
+@pytest.mark.parametrize("material", [MATT, pl.Conductor(0.9, alpha=0.05), pl.Conductor(0.9, alpha=0.4)])
+def test_light_from_a_screen_is_that_of_its_pieces(material):
+    # Drawn over the whole screen alike, or texel by texel by their power; met by chance and weighed, too.
+    floor = plate(-40.0, material)
+    one = shoot(pl.Scene([floor, screen(nearest(SCREEN))]), samples=4096, max_bounces=1)
+    other = shoot(pl.Scene([floor, *pieces_of(SCREEN)]), samples=4096, max_bounces=1, seed=1)
+    assert_same(one, other)
+
+
+@pytest.mark.parametrize("material", [MATT, pl.Conductor(0.9, alpha=0.1), pl.MetallicRoughness(0.7, 0.3, 0.4)])
+def test_lights_that_are_drawn_bring_what_they_bring_by_chance(material):
+    # A window in a black room, above the camera: with the bright world behind it, which is never drawn directly, or a
+    # light in it.
+    wall, window = framed(20.0, half=300.0)
+    *wall, window = (mesh.rotated_deg((1, 0, 0), 180).translated(y=25, z=-58) for mesh in (*wall, window))
+    room = [*wall, shroud()]
+    floor = plate(-40.0, material)
+    met = shoot(pl.Scene([floor, *room], background=3.0), samples=4096, max_bounces=1)
+    drawn = shoot(pl.Scene([floor, *room, window]), samples=4096, max_bounces=1, seed=1)
+    assert_same(drawn, met)
+    assert drawn.standard_error.mean() < 0.9 * met.standard_error.mean()
+
+
+@pytest.mark.parametrize("name", ["base", "metallic", "roughness", "opacity", "emission"])
+def test_a_texture_of_one_value_is_that_value(name):
+    # Each of them alone: what one of them needs is there without the others.
+    value = 0.25
+    plain, textured = (
+        plate(-40.0, pl.MetallicRoughness(**{name: x})) for x in (value, pl.Texture(np.full((2, 2, 1), value)))
+    )
+    # The same random numbers for the same things; float32 holds a quarter exactly.
+    images = [shoot(pl.Scene([mesh], [POINT], 0.5), samples=64, max_bounces=2).image for mesh in (plain, textured)]
+    np.testing.assert_allclose(images[1], images[0], rtol=1e-6)
+
+
+# ---- worlds and suns ----
+
+
+def still(material=MATT):
+    """A floor with a ball of another material and a wall on it."""
+    ball = flat(pl.sphere(3.0, center=(-2, 1, -37), segments=(24, 12), material=pl.MetallicRoughness(0.8, 0.5, 0.3)))
+    wall = pl.quad((4, -6, -40), (0, 0, 5), (0, 12, 0), material=MATT)
+    return [plate(-40.0, material), ball, wall]
+
+
+def test_a_map_of_one_colour_is_a_constant_world():
+    constant = shoot(pl.Scene(still(), background=0.7), samples=1024, max_bounces=4)
+    for shape in ((1, 1, 1), (3, 5, 1)):
+        mapped = pl.EnvironmentMap(np.full(shape, 0.7))
+        assert_same(shoot(pl.Scene(still(), background=mapped), samples=1024, max_bounces=4, seed=1), constant)
+
+
+def test_a_sun_is_a_disc_of_a_map():
+    # Row 0 of a map of 12 rows is the disc of angular radius pi / 12 around its pole, which is turned to the sun.
+    rows, irradiance = 12, 3.0
+    towards = np.array([0.48, 0.36, 0.8])
+    sun = pl.SunLight(-towards, irradiance, math.pi / rows)
+    texels = np.zeros((rows, 4, 1))
+    texels[0] = sun.radiance
+    x = np.cross(towards, [0, 0, 1.0])
+    x /= np.linalg.norm(x)
+    world = pl.EnvironmentMap(texels, rotation=np.column_stack([x, towards, np.cross(x, towards)]))
+    assert world.radiance(towards[None])[0, 0] == pytest.approx(sun.radiance)
+    drawn = shoot(pl.Scene(still(), [sun]), samples=1024, max_bounces=3)
+    assert_same(drawn, shoot(pl.Scene(still(), background=world), samples=1024, max_bounces=3, seed=1))
+
+
+def test_small_suns_are_parallel_light():
+    # Shading of a floor changes by the square of the radius, but for directions that are drawn: the first order.
+    floor = [plate(-40.0, MATT)]
+    images = [
+        shoot(pl.Scene(floor, [pl.SunLight((-0.48, -0.36, -0.8), 3.0, r)]), samples=64, max_bounces=1).image
+        for r in (0.0, 1e-6, 1e-5, 1e-4)
+    ]
+    for radius, image in zip((1e-6, 1e-5, 1e-4), images[1:], strict=True):
+        np.testing.assert_allclose(image, images[0], rtol=2e-6 + radius)
+    expected = 0.6 / math.pi * 3.0 * 0.8
+    np.testing.assert_allclose(images[0] / brightness(samples=64), expected, rtol=3e-6)
+
+
+def test_far_balls_are_points_and_spots_are_points_within_their_inner_cone():
+    place = np.array([1000.0, 500.0, 3000.0])
+    point = shoot(pl.Scene(still()[:1], [pl.PointLight(place, 1e8)]), samples=64, max_bounces=1)
+    # The same light is drawn with the same numbers: the same but for rounding.
+    spot = pl.SpotLight.facing(place, (0, 0, -40), intensity=1e8, inner_angle=0.02, outer_angle=0.03)
+    seen = shoot(pl.Scene(still()[:1], [spot]), samples=64, max_bounces=1)
+    np.testing.assert_allclose(seen.image, point.image, rtol=1e-6)
+    # 3 mm at 3200: cosines and distances differ by 1e-3 over the light, some 1e-6 in the mean. Half of the draws are
+    # on its far side, so that 64 pixels of 2048 paths err by 0.3 %.
+    ball = pl.SphereLight(place, 3.0, 1e8 / (math.pi * 9.0))
+    seen = shoot(pl.Scene(still()[:1], [ball]), samples=2048, max_bounces=1)
+    assert_same(
+        seen,
+        mixed([shoot(pl.Scene(still()[:1], [pl.PointLight(place, 1e8)]), samples=2048, max_bounces=1)], [1.0]),
+        1e-4,
+    )
+
+
+# ---- everything at once ----
+
+
+def everything():
+    """Coloured materials of all kinds, textures of all uses, instances and lights of all kinds."""
+    rng = np.random.default_rng(7)
+    paint = pl.Texture(rng.random((5, 7, 3)) * 0.9)
+    bumps = np.concatenate([rng.uniform(-0.3, 0.3, (4, 4, 2)), np.ones((4, 4, 1))], axis=2)
+    tile = pl.MetallicRoughness(
+        paint,
+        nearest(SQUARES),
+        nearest(SQUARES / 2 + 0.4),
+        normal_map=pl.Texture((bumps / np.linalg.norm(bumps, axis=2, keepdims=True) + 1) / 2),
+        emission=pl.Texture(0.2 * rng.random((3, 3, 3))),
+        opacity=nearest(1 - SQUARES / 2),
+    )
+    glass, bulb, screen_, _ = groups()
+    glass = glass.with_material(pl.Dielectric(1.5, absorption=(0.05, 0.2, 0.4)))
+    frosted = pl.sphere(1.5, center=(-4, -3, -38), segments=(16, 8), material=pl.Dielectric(1.4, 0.2, (0.3, 0.1, 0)))
+    gold = pl.sphere(1.5, center=(3, 2, -39), segments=(16, 8), material=pl.Conductor(index=GOLD, alpha=0.15))
+    mirror = pl.quad((-7, 3, -41), (5, 0, 0), (0, 4, 1), material=pl.Conductor((0.9, 0.8, 0.7)))
+    pane = pl.quad((-1, -7, -37), (5, 0, 0), (0, 4, -1), material=pl.ThinGlass(transmittance=(0.9, 0.5, 0.8)))
+    floor = plate(-42.0, pl.RoughDiffuse((0.6, 0.5, 0.3), 0.7))
+    tiles = pl.Instances(pl.quad((-2, -2, 0), (4, 0, 0), (0, 4, 0), material=tile), places((0, 0, -36), (6, -5, -39)))
+    lights = [
+        pl.SunLight((-0.3, -0.5, -1.0), (0.5, 0.4, 0.3), 0.05),
+        pl.SunLight((0.3, -0.5, -1.0), (0.1, 0.2, 0.3), 0.0),
+        pl.PointLight((3, 8, -25), (90, 60, 30)),
+        pl.SpotLight((-8, 0, -20), (0.4, 0, -1.0), (50, 90, 70), 0.2, 0.5),
+        pl.QuadLight((0, 15, -20), (0, 4, 0), (6, 0, 0), (5, 5, 9)),
+        pl.SphereLight((12, 4, -30), 1.0, (20, 9, 5)),
+    ]
+    world = pl.EnvironmentMap(rng.random((4, 8, 3)) * 0.3).rotated((1, 2, 3), 0.7)
+    return pl.Scene([floor, glass, bulb, screen_, tiles, frosted, gold, mirror, pane], lights, world)
+
+
+GOLD = (0.18 + 3.4j, 0.42 + 2.35j, 1.37 + 1.77j)
+
+
+@pytest.mark.parametrize(
+    "options", [{}, {"clamp": 2.0, "caustics": pl.Caustics.LEFT_OUT}], ids=["as it is", "clamped, without caustics"]
+)
+def test_the_same_bits_for_any_threads_tiles_and_regions(options):
+    # Bundles of 8192 paths: of many pixels, and of parts of some.
+    scene, options = everything(), {"samples": 160, "truth": Truth.ALL, **options}
+    whole = shoot(scene, threads=1, **options)
+    other = shoot(scene, threads=3, tile_side=3, **options)
+    assert np.array_equal(whole.image, other.image) and np.array_equal(whole.standard_error, other.standard_error)
+    part = shoot(scene, threads=2, tile_side=2, region=np.s_[2:7, 1:4], **options)
+    assert np.array_equal(whole.image[2:7, 1:4], part.image)
+    for name in ("depth", "normal", "position", "object", "material"):
+        assert np.array_equal(getattr(whole.truth, name), getattr(other.truth, name))
+        assert np.array_equal(getattr(whole.truth, name)[2:7, 1:4], getattr(part.truth, name))
+    assert whole.image.min() > 0
+
+
+def test_other_seeds_agree_within_their_errors():
+    assert_same(shoot(everything(), samples=1024), shoot(everything(), samples=1024, seed=1), most_error=0.05)
+
+
+def test_wavelengths_see_what_channels_see():
+    # At these wavelengths colours are lifted to spectra by their own channel, but for 3 % of red at 450 nm.
+    lines = pl.Sensitivity.lines((640.0, 550.0, 450.0))
+    own = pl.rgb_basis(np.array([640.0, 550.0, 450.0]))
+    assert own[:2].tolist() == np.eye(3)[:2].tolist() and np.abs(own[2] - (0, 0, 1)).max() < 0.03
+    one = shoot(everything(), dataclasses.replace(CAMERA, sensitivity=lines), samples=3072)
+    assert_same(one, shoot(everything(), samples=1024, seed=1), np.array([1e-5, 1e-5, 0.05]), most_error=0.05)
+
+
+# ---- taking light away on purpose ----
+
+
+def test_what_is_clamped_away_is_what_is_missing():
+    scene = everything()
+    free = shoot(scene, samples=256)
+    for clamp in (0.1, 1.0, 10.0):
+        less = shoot(scene, samples=256, clamp=clamp)
+        left = less.image.sum(dtype=float) / free.image.sum(dtype=float)
+        # The same paths; images are rounded to float32.
+        assert left == pytest.approx(1 - less.stats.clamped, rel=1e-6)
+        assert 0 < less.stats.clamped < 1 and np.all(less.image <= free.image)
+        assert less.standard_error.sum() < free.standard_error.sum()
+        # No path brings more than the clamp, and so no mean of paths does.
+        assert np.all(less.image <= clamp * brightness(samples=256) * (1 + 1e-6))
+    beyond = shoot(scene, samples=256, clamp=1e30)
+    assert np.array_equal(beyond.image, free.image)
+    assert beyond.stats.clamped == free.stats.clamped == 0.0
+
+
+@pytest.mark.parametrize("clamp", [0.0, -1.0, float("nan"), float("inf"), "some"])
+def test_impossible_clamps_are_refused(clamp):
+    with pytest.raises(pl.InvalidValueError, match="clamp"):
+        shoot(pl.Scene(background=1.0), clamp=clamp)
+
+
+def test_without_mirrors_and_glass_there_are_no_caustics():
+    lit = pl.Scene(still(), [POINT, pl.QuadLight((12, 0, -30), (0, 4, 0), (0, 0, 8), 5.0)], background=0.3)
+    kept, left_out = (shoot(lit, samples=64, caustics=caustics) for caustics in pl.Caustics)
+    assert np.array_equal(kept.image, left_out.image)
+    with pytest.raises(pl.InvalidValueError, match="caustics is 'none'; it must be Caustics.KEPT or Caustics.LEFT_OUT"):
+        shoot(lit, samples=64, caustics="none")
+
+
+@pytest.mark.parametrize("bounces", [0, 1, 2])
+def test_leaving_caustics_out_needs_no_rays_onwards(bounces):
+    # Under a point light nothing is met by chance, so that with 1 bounce no ray is sent on.
+    scene = pl.Scene([plate(-40.0, MATT)], [POINT])
+    kept, left_out = (shoot(scene, samples=16, max_bounces=bounces, caustics=c) for c in pl.Caustics)
+    assert np.array_equal(kept.image, left_out.image)
+
+
+def test_what_is_seen_in_mirrors_is_no_caustic():
+    ball = pl.sphere(5.0, center=(0, 0, -35), segments=(256, 128), material=pl.Conductor(0.9))
+    scene = pl.Scene([plate(-40.0, BLACK, half=30.0), ball], background=1.0)
+    kept, left_out = (shoot(scene, samples=64, max_bounces=2, caustics=caustics) for caustics in pl.Caustics)
+    assert np.array_equal(kept.image, left_out.image) and kept.image.any()
+
+
+def test_caustics_are_the_light_that_a_mirror_throws_onto_a_floor():
+    # A mirror ball above a small part of the floor, in a world of radiance 1. With two bounces, what the ball adds is
+    # the share of directions, by their cosine, that meet it and are reflected past the floor.
+    centre, radius, rho = np.array([4.0, 0.0, -35.0]), 3.0, 0.6
+    ball = pl.sphere(radius, center=centre, segments=(256, 128), material=pl.Conductor())
+    camera = pinhole(half=0.002, pixels=2)
+    scene = pl.Scene([plate(-40.0, MATT, half=1e6), ball], background=1.0)
+    kept, left_out = (shoot(scene, camera, 1 << 15, max_bounces=2, caustics=c) for c in pl.Caustics)
+    shadow = shoot(
+        pl.Scene([scene.meshes[0], ball.with_material(BLACK)], background=1.0), camera, 1 << 15, max_bounces=2
+    )
+    # What is left out is all that the ball brings; the same paths but for those.
+    np.testing.assert_allclose(left_out.image, shadow.image, rtol=1e-6)
+    rng = np.random.default_rng(1)
+    n = 1_000_000
+    square, around = rng.random(n), 2 * math.pi * rng.random(n)
+    way = np.column_stack([np.sqrt(square) * np.cos(around), np.sqrt(square) * np.sin(around), np.sqrt(1 - square)])
+    away = np.array([0.0, 0.0, -40.0]) - centre
+    b = way @ away
+    root = b * b - away @ away + radius**2
+    met = (root > 0) & (b < 0)
+    normal = (away + (-b - np.sqrt(np.maximum(root, 0)))[:, None] * way) / radius
+    reflected = way - 2 * np.sum(way * normal, axis=1, keepdims=True) * normal
+    share = (met & (reflected[:, 2] > 0)).mean()
+    found = (kept.image.astype(float) - left_out.image) / brightness(camera, 1 << 15)
+    # 2^17 paths, and a million directions: sqrt(share (1 - share) / n), 1 % together. The view is 0.16 mm wide.
+    error = math.sqrt(share * (1 - share) * (1 / (4 << 15) + 1 / n))
+    assert 0.01 < share < 0.3 and error < 0.02 * share
+    assert found.mean() == pytest.approx(rho * share, abs=4.5 * rho * error + 1e-3 * share)
+
+
+def test_the_caustic_of_a_glass_ball_lies_under_it():
+    # A lamp above a glass ball above a floor: a bright spot on its axis, next to nothing far from it; the ball itself,
+    # and the floor seen through it, stay.
+    ball = pl.sphere(2.0, center=(0, 0, -35), segments=(64, 32), material=pl.Dielectric(1.5))
+    lamp = pl.QuadLight((0, 0, 30), (0, 16, 0), (16, 0, 0), radiance=30.0)
+    camera = pinhole(0.6, 12).posed((18.0, 0, -20), (0, 0, -40))
+    scene = pl.Scene([plate(-40.0, MATT), ball], [lamp])
+    kept, left_out = (shoot(scene, camera, 2048, max_bounces=4, caustics=c) for c in pl.Caustics)
+    # The same paths, some of which bring nothing now.
+    difference = kept.image[..., 0].astype(float) - left_out.image[..., 0]
+    assert np.all(difference >= -1e-6 * kept.image.max())
+    row, column = np.unravel_index(difference.argmax(), difference.shape)
+    truth = pl.ground_truth(scene, camera, truth=Truth.POSITION | Truth.OBJECT)
+    bright = difference > 0.5 * difference.max()
+    assert np.linalg.norm(truth.position[bright][:, :2], axis=1).max() < 3.0
+    far = (truth.object == 0) & (np.linalg.norm(truth.position[..., :2], axis=-1) > 10.0)
+    assert difference[far].mean() < 0.02 * difference[row, column]
+    # The whole noise is that of the caustic.
+    assert left_out.standard_error[row, column] < 0.5 * kept.standard_error[row, column]

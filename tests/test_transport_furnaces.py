@@ -1,0 +1,252 @@
+"""White furnaces: in a world of radiance 1, what absorbs nothing cannot be seen."""
+
+import dataclasses
+import functools
+import math
+
+import numpy as np
+import pytest
+
+import plenoptic as pl
+from plenoptic.camera.truth import Truth
+
+WHITE = {
+    "lambertian": pl.Lambertian(1.0),
+    "rough diffuse": pl.RoughDiffuse(1.0, roughness=0.8),
+    "plastic": pl.MetallicRoughness(1.0, 0.0, 0.4),
+    "polished plastic": pl.MetallicRoughness(1.0, 0.0, 0.05),
+    "half there": pl.MetallicRoughness(1.0, 0.0, 0.5, opacity=0.5),
+    "mirror": pl.Conductor(),
+    "glass": pl.Dielectric(1.5),
+    "bubble in water": pl.Dielectric(1.0, exterior=1.33),
+    "pane": pl.ThinGlass(1.5),
+}
+
+
+def pinhole(half=0.2, pixels=8):
+    """A camera without a lens, with a tiny opening, that looks along -z and sees tangents up to `half` to each side."""
+    return pl.PlenopticCamera(
+        lens=pl.no_lens(1e-4),
+        sensor=pl.Sensor(shape=(pixels, pixels), pixel_pitch=20.0 * half / pixels),
+        stop_to_microlenses=10.0,
+    )
+
+
+@functools.lru_cache(maxsize=64)
+def white_image(camera, samples, seed):
+    return pl.render_white(camera, samples=samples, seed=seed, replicates=1, progress=False).image
+
+
+def radiance(scene, camera, samples=64, seeds=8, max_bounces=300):
+    """(H, W, C) mean radiance and its standard error, from independent renderings.
+
+    Divided by the white image of the same seed: the same rays, so that the noise of the camera cancels. What enters a
+    body of glass near its rim can be caught between facets for long: 64 bounces lose 2e-3, 256 nothing.
+    """
+    shots = []
+    for seed in range(seeds):
+        shot = pl.render(
+            scene,
+            camera,
+            samples=samples,
+            seed=seed,
+            replicates=1,
+            max_bounces=max_bounces,
+            truth=Truth.NONE,
+            progress=False,
+        )
+        assert shot.stats.nonfinite == 0
+        shots.append(shot.image.astype(np.float64) / white_image(camera, samples, seed))
+    return np.mean(shots, axis=0), np.std(shots, axis=0, ddof=1) / math.sqrt(seeds)
+
+
+def flat(mesh):
+    """The mesh without smooth normals: what they lose is no matter of materials."""
+    return pl.Mesh(mesh.vertices, mesh.faces, mesh.material)
+
+
+def body(material, radius=6.0, segments=(24, 12), center=(0.0, 0.0, -40.0)):
+    return flat(pl.sphere(radius, center=center, segments=segments, material=material))
+
+
+def shell(radiance_of_it):
+    """A world of radiance 1 as a light: it is drawn, and met by chance, with weights that add up to 1."""
+    return pl.box(300.0, material=pl.Emissive(radiance_of_it, two_sided=True))
+
+
+WORLDS = {
+    "constant": lambda meshes: pl.Scene(meshes, background=1.0),
+    "mapped": lambda meshes: pl.Scene(meshes, background=pl.EnvironmentMap(np.ones((3, 5, 1)))),
+    "shell": lambda meshes: pl.Scene([*meshes, shell(1.0)]),
+}
+
+
+def assert_all_is(value, measured, errors=4.5, least=1e-5, most_error=5e-3):
+    """All pixels together within standard errors, and an error of the whole that means something.
+
+    `least` is the rounding of images to float32, and of the sums before it.
+    """
+    mean, error = measured
+    whole = math.sqrt(np.square(error).sum()) / error.size
+    assert whole < most_error
+    assert abs(mean.mean() - value) < errors * whole + least, (mean.mean(), whole)
+    # Pixel by pixel, with Student's t for 8 renderings: beyond 11 once in 1e5. Pixels that hardly vary: to 0.01.
+    assert np.all(np.abs(mean - value) < 11 * error + max(least, 0.01))
+
+
+@pytest.mark.parametrize("world", WORLDS)
+@pytest.mark.parametrize("name", WHITE)
+def test_white_bodies_vanish(name, world):
+    measured = radiance(WORLDS[world]([body(WHITE[name])]), pinhole())
+    assert_all_is(1.0, measured)
+
+
+@pytest.mark.parametrize("name", ["lambertian", "rough diffuse", "mirror"])
+def test_what_is_reflected_once_has_no_noise(name):
+    # A convex body in a constant world: every path ends in it after one reflection with weight 1 (rough diffuse
+    # surfaces: with a weight that varies by their shape).
+    mean, _ = radiance(WORLDS["constant"]([body(WHITE[name])]), pinhole(), seeds=2)
+    np.testing.assert_allclose(mean, 1.0, rtol=0.1 if name == "rough diffuse" else 2e-6)
+
+
+def test_a_crowd_of_white_bodies_vanishes():
+    # Light goes from one to the other and back.
+    places = [(x, y, z) for x in (-4.2, 0.1, 4.1) for y in (-4.1, 0.2, 4.3) for z in (-44.0, -39.0)]
+    materials = list(WHITE.values())
+    scene = [body(materials[i % len(materials)], 1.8, (12, 6), place) for i, place in enumerate(places)]
+    assert_all_is(1.0, radiance(pl.Scene(scene, background=1.0), pinhole(), samples=128))
+
+
+def test_white_bodies_vanish_at_every_wavelength():
+    # Paths with wavelengths of their own: what is white in linear sRGB is white everywhere, and metals of one index
+    # lose the same in all channels.
+    seen_by = pl.Sensitivity.lines((640.0, 550.0, 450.0))
+    camera = dataclasses.replace(pinhole(), sensitivity=seen_by)
+    places = [(x, y, -40.0) for x in (-4.2, 0.1, 4.1) for y in (-4.1, 0.2, 4.3)]
+    scene = [body(WHITE[name], 1.8, (12, 6), place) for name, place in zip(WHITE, places, strict=True)]
+    mean, error = radiance(pl.Scene(scene, background=(1.0, 1.0, 1.0)), camera, samples=256)
+    assert mean.shape[2] == 3
+    assert_all_is(1.0, (mean, error))
+
+
+@pytest.mark.parametrize("inner", [1.33, 1.0, 1.8])
+def test_bodies_within_glass_vanish(inner):
+    scene = [body(pl.Dielectric(1.5)), body(pl.Dielectric(inner, exterior=1.5), 3.5, (20, 10))]
+    assert_all_is(1.0, radiance(pl.Scene(scene, background=1.0), pinhole(), samples=128))
+
+
+@pytest.mark.parametrize("index", [1.33, 1.5])
+def test_inside_a_medium_the_world_is_brighter_by_the_square_of_its_index(index):
+    # A camera off the middle of a ball by 0.4 r: sines of incidence stay below 0.4, far from total reflection, by which
+    # rays would be caught for ever.
+    ball = flat(pl.sphere(10.0, segments=(48, 24), material=pl.Dielectric(index)))
+    camera = pinhole(0.6).posed((2.0, 1.0, 3.3), (0.0, 5.0, -8.0))
+    assert_all_is(index**2, radiance(pl.Scene([ball], background=1.0), camera))
+
+
+def test_absorbing_bodies_do_not_vanish():
+    # The tests above can fail.
+    for material in (pl.Lambertian(0.98), pl.Conductor(0.98), pl.Dielectric(1.5, absorption=0.005)):
+        mean, _ = radiance(pl.Scene([body(material)], background=1.0), pinhole(), seeds=2)
+        assert 0.7 < mean[3:5, 3:5].mean() < 0.99
+        assert mean[0, 0, 0] == 1.0
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+@pytest.mark.parametrize("name", ["lambertian", "polished plastic", "glass"])
+def test_instances_vanish(name, mirrored):
+    # Stretched, turned, and mirrored: a mirrored body still has its inside within.
+    stretch = np.diag([-1.3 if mirrored else 1.3, 0.8, 1.1, 1.0])
+    turn = np.eye(4)
+    turn[:3, :3] = [[0.6, 0.8, 0.0], [-0.8, 0.6, 0.0], [0.0, 0.0, 1.0]]
+    there = [np.eye(4), np.eye(4)]
+    there[0][:3, 3], there[1][:3, 3] = (-3.0, -1.0, -40.0), (3.5, 2.0, -44.0)
+    matrices = np.array([place @ turn @ stretch for place in there])
+    group = pl.Instances(body(WHITE[name], 2.5, (16, 8), (0.0, 0.0, 0.0)), matrices)
+    assert_all_is(1.0, radiance(pl.Scene([group], background=1.0), pinhole()))
+
+
+# ---- rough surfaces: what they lose ----
+
+
+def smith(z, alpha):
+    """Smith's Lambda for GGX: (sqrt(1 + alpha^2 tan^2) - 1) / 2."""
+    return 0.5 * (np.sqrt(1 + alpha**2 * (1 / z**2 - 1)) - 1)
+
+
+def rough_mirror_albedo(cosine, alpha, n=512):
+    """Share that leaves after one reflection: facets as often as area shows them (tan^2 = alpha^2 u / (1 - u)).
+
+    Integral of D (v m) / cos v / (1 + Lambda_v + Lambda_l) over facets whose mirrored direction l rises.
+    """
+    u, v = np.meshgrid(*[(np.arange(n) + 0.5) / n] * 2)
+    z = 1 / np.sqrt(1 + alpha**2 * u / (1 - u))
+    along = np.maximum(np.sqrt(1 - z * z) * np.cos(2 * math.pi * v) * math.sqrt(1 - cosine**2) + z * cosine, 0)
+    up = 2 * along * z - cosine
+    kept = along / (z * cosine) / (1 + smith(cosine, alpha) + smith(np.where(up > 0, up, 1.0), alpha))
+    return float(np.mean(kept * (up > 0)))
+
+
+@pytest.mark.parametrize("tilt_deg", [0.0, 50.0, 80.0])
+@pytest.mark.parametrize("alpha", [0.1, 0.5, 1.0])
+@pytest.mark.parametrize("world", ["constant", "shell"])
+def test_rough_mirrors_keep_what_leaves_their_first_facet(world, alpha, tilt_deg):
+    plate = pl.quad((-50, -50, 0), (100, 0, 0), (0, 100, 0), material=pl.Conductor(alpha=alpha))
+    plate = plate.rotated_deg((1, 0, 0), tilt_deg).translated(z=-40)
+    measured = radiance(WORLDS[world]([plate]), pinhole(0.002), samples=256)
+    # Quadrature with kinks: 1e-3.
+    assert_all_is(rough_mirror_albedo(math.cos(math.radians(tilt_deg)), alpha), measured, least=1e-3)
+
+
+@pytest.mark.parametrize("world", ["constant", "shell"])
+@pytest.mark.parametrize("alpha", [0.1, 0.4])
+def test_rough_glass_loses_little_and_makes_no_light(world, alpha):
+    # Each of two or three surfaces met loses what a rough mirror of alpha loses at the most.
+    mean, error = radiance(WORLDS[world]([body(pl.Dielectric(1.5, alpha=alpha))]), pinhole(0.05), samples=256)
+    whole = math.sqrt(np.square(error).sum()) / error.size
+    assert mean.mean() < 1 + 4.5 * whole
+    assert mean.mean() > rough_mirror_albedo(0.3, alpha) ** 4
+
+
+# ---- worlds that are not uniform ----
+
+
+def test_environment_maps_light_and_are_seen_as_they_say():
+    # A Lambertian plate of albedo 1 returns 1 / pi times the integral of radiance and cosine; a mirror and the empty
+    # view show the map itself. 64 x 32 texels, dark but for a few; quadrature over 1024 x 512 directions.
+    rng = np.random.default_rng(2)
+    texels = rng.random((32, 64, 1)) ** 8 * 20
+    turn = np.array([[0.8, 0.0, 0.6], [0.0, 1.0, 0.0], [-0.6, 0.0, 0.8]])
+    world = pl.EnvironmentMap(texels, rotation=turn)
+    up, around = (np.arange(512) + 0.5) / 256 - 1, (np.arange(1024) + 0.5) * math.pi / 512
+    s = np.sqrt(1 - up * up)[:, None]
+    way = np.stack(np.broadcast_arrays(s * np.cos(around), s * np.sin(around), up[:, None]), axis=-1).reshape(-1, 3)
+    shone = world.radiance(way)[:, 0]
+    irradiance = (shone * np.maximum(way[:, 2], 0)).mean() * 4 * math.pi
+    plate = pl.quad((-50, -50, -40), (100, 0, 0), (0, 100, 0), material=pl.Lambertian(1.0))
+    measured = radiance(pl.Scene([plate], background=world), pinhole(), samples=256)
+    assert_all_is(irradiance / math.pi, measured, least=5e-3)
+    # Pixels much smaller than texels, away from their borders: one texel.
+    mirror = plate.with_material(pl.Conductor())
+    for x, y in ((0.2, -0.07), (-0.6, 0.3), (0.03, 0.5)):
+        camera = pinhole(1e-4).posed((0, 0, 0), (x, y, -1))
+        seen = radiance(pl.Scene(background=world), camera, 4, seeds=2)[0]
+        np.testing.assert_allclose(seen, world.radiance(np.array([[x, y, -1.0]]))[0, 0], rtol=1e-6)
+        seen = radiance(pl.Scene([mirror], background=world), camera, 4, seeds=2)[0]
+        np.testing.assert_allclose(seen, world.radiance(np.array([[x, y, 1.0]]))[0, 0], rtol=1e-6)
+
+
+def test_errors_that_are_reported_are_those_that_are_made():
+    # A Lambertian body in a mapped world, against the mean of many renderings: deviations over the reported errors
+    # follow Student's t with 7 degrees of freedom, RMS sqrt(7 / 5) = 1.18. 64 pixels x 4 seeds: 6 % of it.
+    world = pl.EnvironmentMap(np.random.default_rng(4).random((16, 32, 1)) ** 6)
+    scene = pl.Scene([body(pl.MetallicRoughness(0.8, 0.3, 0.3), 12.0)], background=world)
+    camera = pinhole()
+    shots = [
+        pl.render(scene, camera, samples=128, seed=seed, truth=Truth.NONE, max_bounces=4, progress=False)
+        for seed in range(16)
+    ]
+    mean = np.mean([shot.image for shot in shots], axis=0)
+    z = np.array([(shot.image - mean) / shot.standard_error for shot in shots])
+    # The mean of 16 takes away 1/16 of the variance.
+    assert math.sqrt(np.mean(z**2)) == pytest.approx(math.sqrt(7 / 5 * 15 / 16), rel=0.12)

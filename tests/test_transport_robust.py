@@ -1,0 +1,332 @@
+"""Light transport where geometry is unkind: tiny, huge, far away, broken, touching, by the thousand."""
+
+import functools
+import math
+
+import numpy as np
+import pytest
+
+import plenoptic as pl
+from plenoptic.camera.truth import Truth
+
+SCALES = [1e-3, 1.0, 1e3, 1e6]
+
+
+def pinhole(half=0.2, pixels=8, opening=1e-4):
+    """A camera without a lens, with a tiny opening, that looks along -z and sees tangents up to `half` to each side."""
+    return pl.PlenopticCamera(
+        lens=pl.no_lens(opening),
+        sensor=pl.Sensor(shape=(pixels, pixels), pixel_pitch=20.0 * half / pixels),
+        stop_to_microlenses=10.0,
+    )
+
+
+@functools.lru_cache(maxsize=64)
+def white_image(camera, samples, seed):
+    return pl.render_white(camera, samples=samples, seed=seed, replicates=1, progress=False).image
+
+
+def radiance(scene, camera, samples=64, seed=0, max_bounces=32):
+    """(H, W, C) radiance; the noise of the camera cancels, since the white image has the same rays."""
+    shot = pl.render(
+        scene,
+        camera,
+        samples=samples,
+        seed=seed,
+        replicates=1,
+        max_bounces=max_bounces,
+        truth=Truth.NONE,
+        progress=False,
+    )
+    assert shot.stats.nonfinite == 0
+    assert np.isfinite(shot.image).all()
+    return shot.image.astype(np.float64) / white_image(camera, samples, seed)
+
+
+def flat(mesh):
+    return pl.Mesh(mesh.vertices, mesh.faces, mesh.material)
+
+
+def turned_about(mesh):
+    """Turned so that nothing lies along an axis."""
+    return mesh.rotated_deg((1, 0, 0), 33).rotated_deg((0, 1, 0), 21).rotated_deg((0, 0, 1), 74)
+
+
+BODIES = {
+    "box": lambda size, material: pl.box(size, material=material),
+    "flat box": lambda size, material: pl.box((size, 0.01 * size, size), material=material),
+    "ball": lambda size, material: flat(pl.sphere(0.5 * size, segments=(24, 12), material=material)),
+}
+
+
+# ---- surfaces and themselves ----
+
+
+@pytest.mark.parametrize("size", SCALES)
+@pytest.mark.parametrize("shape", BODIES)
+def test_convex_bodies_do_not_shadow_themselves(shape, size):
+    # Albedo 1 in a world of radiance 1: exactly 1 where a ray reflected off a convex body never meets it again.
+    camera = pinhole(opening=1e-6 * size)
+    for material in (pl.Lambertian(1.0), pl.Conductor()):
+        mesh = turned_about(BODIES[shape](size, material)).translated(z=-4 * size)
+        seen = radiance(pl.Scene([mesh], background=1.0), camera)
+        np.testing.assert_allclose(seen, 1.0, rtol=3e-6)
+
+
+@pytest.mark.parametrize("place", [(0.0, 0.0, 0.0), (1e5, -2e5, 3e5)])
+@pytest.mark.parametrize("size", SCALES)
+def test_instances_do_not_shadow_themselves(size, place):
+    # A body of 1 mm, or of 1e-3 or 1e3 mm, brought to its size and place by its matrix.
+    for own in (1e-3, 1.0, 1e3):
+        body = turned_about(pl.box(own, material=pl.Lambertian(1.0)))
+        matrix = np.diag([size / own, size / own, size / own, 1.0])
+        matrix[:3, 3] = np.multiply(place, size)
+        camera = pinhole(opening=1e-6 * size).posed(matrix[:3, 3] + np.array([0, 0, 4 * size]), matrix[:3, 3])
+        seen = radiance(pl.Scene([pl.Instances(body, matrix[None])], background=1.0), camera)
+        np.testing.assert_allclose(seen, 1.0, rtol=3e-6)
+
+
+@pytest.mark.parametrize("size", SCALES)
+@pytest.mark.parametrize("shape", BODIES)
+def test_glass_is_entered_and_left_at_all_scales(shape, size):
+    # Nothing is absorbed: 1, but for paths that are cut off after 500 bounces: total reflection keeps rays inside a
+    # box for ever in some directions, which none enters. 64 pixels x 256 paths; weights are 1 but for the bookkeeping
+    # of radiance (n^2), so that only Russian roulette makes noise: below 1e-2.
+    mesh = turned_about(BODIES[shape](size, pl.Dielectric(1.5))).translated(z=-4 * size)
+    seen = radiance(pl.Scene([mesh], background=1.0), pinhole(opening=1e-6 * size), 256, max_bounces=500)
+    assert seen.mean() == pytest.approx(1.0, abs=1e-2)
+    assert np.median(seen) == pytest.approx(1.0, abs=1e-2)
+
+
+@pytest.mark.parametrize("size", SCALES)
+def test_light_does_not_leak_out_of_closed_boxes(size):
+    room = turned_about(pl.box(size, material=pl.Lambertian(0.9))).translated(z=-4 * size)
+    lamp = pl.QuadLight((0, 0, -4 * size), (0.3 * size, 0, 0), (0, 0.3 * size, 0), radiance=1e6, two_sided=True)
+    camera = pinhole(opening=1e-6 * size)
+    assert not radiance(pl.Scene([room], [lamp]), camera, 256).any()
+    # It does shine: one face fewer, and there is light.
+    opened = pl.Mesh(room.vertices, room.faces[2:], room.material)
+    assert radiance(pl.Scene([opened], [lamp]), camera, 16).any()
+
+
+@pytest.mark.parametrize("size", SCALES)
+@pytest.mark.parametrize("shape", BODIES)
+def test_light_does_not_leak_into_closed_bodies(shape, size):
+    mesh = turned_about(BODIES[shape](size, pl.Lambertian(0.9)))
+    sun = pl.SunLight((0.3, -1.0, 0.2), 1e6)
+    lamp = pl.PointLight((2 * size, size, 0.0), 1e6 * size**2)
+    camera = pinhole(0.5, opening=1e-6 * size).posed((1e-3 * size, 2e-3 * size, 1e-3 * size), (0, -size, -size))
+    seen = radiance(pl.Scene([mesh], [sun, lamp], background=1e3), camera, 256)
+    assert not seen.any()
+
+
+@pytest.mark.parametrize("size", SCALES)
+def test_light_does_not_leak_past_the_foot_of_a_wall(size):
+    # Two rooms side by side under one lid, a lamp in the left one: the right one is black. Where the lamp touches the
+    # wall between them, shadow rays that end 4e-6 of their way before the light can miss the wall: that much leaks, and
+    # walls of 0.9 make up to ten times as much of it.
+    wall = pl.quad((0, -size, -size), (0, 2 * size, 0), (0, 0, 2 * size), material=pl.Lambertian(0.9))
+    both = pl.box((4 * size, 2 * size, 2 * size), material=pl.Lambertian(0.9))
+    right = pinhole(0.8, opening=1e-6 * size).posed((1.5 * size, 0.1 * size, 0), (0, -0.9 * size, 0))
+    left = right.posed((-1.5 * size, 0.1 * size, 0), (0, -0.9 * size, 0))
+    for gap, share in ((0.0, 4e-5), (1e-3 * size, 0.0)):
+        lamp = pl.QuadLight((-size - gap, 0, 0), (2 * size, 0, 0), (0, 0, 2 * size), radiance=1.0, two_sided=True)
+        dark, lit = (radiance(pl.Scene([both, wall], [lamp]), camera, 256) for camera in (right, left))
+        assert dark.mean() <= share * lit.mean()
+        assert lit.all()
+
+
+# ---- far and large ----
+
+
+@pytest.mark.parametrize("name", ["lambertian", "mirror", "glass"])
+def test_a_small_body_far_from_the_origin_on_a_huge_floor(name):
+    # 1e-2 mm at 1e6 mm, and a black floor that is 1e6 mm large: the middle of the vertices, from which float32 counts,
+    # lies at the detail. All is seen as beside the origin.
+    size, place = 1e-2, np.array([1e6, -1e6, 5e5])
+    material = {"lambertian": pl.Lambertian(1.0), "mirror": pl.Conductor(), "glass": pl.Dielectric(1.5)}[name]
+    ball = flat(pl.sphere(0.5 * size, segments=(24, 12), material=material)).translated(*place)
+    ground = pl.quad((-1e6, 0, 1e6), (2e6, 0, 0), (0, 0, -2e6), material=pl.Lambertian(0.0))
+    ground = ground.translated(*(place - np.array([0, 0.5 * size, 0])))
+    camera = pinhole(opening=1e-6 * size).posed(place + np.array([0, 0, 4 * size]), place)
+    alone = radiance(pl.Scene([ball], background=1.0), camera, 256, max_bounces=200)
+    # Hit points are known to 1e-10 of 1e6 mm: 1e-4 of the body's size.
+    assert alone.mean() == pytest.approx(1.0, abs=1e-2)
+    standing = radiance(pl.Scene([ball, ground], background=1.0), camera, 256, max_bounces=200)
+    here = pl.Scene([ball.translated(*-place), ground.translated(*-place)], background=1.0)
+    near = radiance(here, camera.posed((0, 0, 4 * size), (0, 0, 0)), 256, max_bounces=200)
+    assert standing.mean() == pytest.approx(near.mean(), rel=0.02)
+    assert 0.3 < near.mean() < 0.98
+
+
+def test_details_a_million_millimetres_from_the_rest_are_at_least_finite():
+    # Float32 knows the far body to 0.06 mm only, and it is 1e-3 mm large: whatever is found, it is no light.
+    far = pl.box(1e-3, center=(1e6, 0, 0), material=pl.Lambertian(1.0))
+    near = [pl.box(1.0, center=(3.0 * i, 0, 0), material=pl.Lambertian(1.0)) for i in range(-2, 3)]
+    camera = pinhole(0.2, opening=1e-9).posed((1e6, 0, 4e-3), (1e6, 0, 0))
+    for scene in (
+        pl.Scene([far, *near], background=1.0),
+        pl.Scene([far.with_material(pl.Dielectric(1.5)), *near], (), 1.0),
+    ):
+        seen = radiance(scene, camera)
+        assert np.all(seen < 1.5)
+        assert seen.mean() > 0.3
+
+
+@pytest.mark.parametrize("half", [1e3, 1e9, 1e12])
+@pytest.mark.parametrize("name", ["lambertian", "mirror"])
+def test_huge_triangles(half, name):
+    # A plane that fills the lower half of the view, seen at a grazing angle: 1 above and below.
+    material = {"lambertian": pl.Lambertian(1.0), "mirror": pl.Conductor()}[name]
+    ground = pl.quad((-half, -1, half), (2 * half, 0, 0), (0, 0, -2 * half), material=material)
+    block = pl.box(0.5, center=(0, -0.75, -10), material=material)
+    seen = radiance(pl.Scene([ground], background=1.0), pinhole())
+    np.testing.assert_allclose(seen, 1.0, rtol=3e-6)
+    seen = radiance(pl.Scene([ground, block], background=1.0), pinhole(), max_bounces=100)
+    # Between block and ground light goes to and fro: Russian roulette only.
+    np.testing.assert_allclose(seen, 1.0, rtol=1e-2)
+
+
+# ---- broken meshes ----
+
+
+def broken(mesh, how):
+    rng = np.random.default_rng(9)
+    vertices, faces = mesh.vertices, mesh.faces
+    if how == "triangles without area":
+        i = rng.integers(len(vertices), size=(50, 1))
+        j = rng.integers(len(vertices), size=(50, 1))
+        faces = np.concatenate([faces, np.hstack([i, i, j]), np.hstack([i, j, j]), np.hstack([i, i, i])])
+    elif how == "slivers":
+        # Along edges, some 1e-9 to 1e-18 of their length wide.
+        a, b = vertices[faces[:, 0]], vertices[faces[:, 1]]
+        aside = (a + b) / 2 * (1 + 10.0 ** -rng.uniform(9, 18, size=(len(a), 1)))
+        count = len(vertices)
+        new = np.column_stack([faces[:, 0], faces[:, 1], count + np.arange(len(faces))])
+        vertices, faces = np.concatenate([vertices, aside]), np.concatenate([faces, new])
+    elif how == "faces twice":
+        faces = np.concatenate([faces, faces])
+    elif how == "faces twice, both ways":
+        faces = np.concatenate([faces, faces[:, ::-1]])
+    elif how == "winding at random":
+        faces = np.where(rng.random((len(faces), 1)) < 0.5, faces, faces[:, ::-1])
+    return pl.Mesh(vertices, rng.permutation(faces), mesh.material)
+
+
+BREAKS = ["triangles without area", "slivers", "faces twice", "faces twice, both ways", "winding at random"]
+
+
+@pytest.mark.parametrize("how", BREAKS)
+def test_broken_opaque_meshes_reflect_as_whole_ones(how):
+    for material in (pl.Lambertian(1.0), pl.Conductor(), pl.MetallicRoughness(1.0, 0.0, 0.05)):
+        ball = flat(pl.sphere(6.0, segments=(24, 12), material=material))
+        seen = radiance(pl.Scene([broken(ball, how).translated(z=-40)], background=1.0), pinhole(), 128)
+        # Plastic's weights vary: 64 x 128 paths, far below 1e-2.
+        np.testing.assert_allclose(seen.mean(), 1.0, rtol=1e-2)
+        if not isinstance(material, pl.MetallicRoughness):
+            np.testing.assert_allclose(seen, 1.0, rtol=3e-6)
+
+
+@pytest.mark.parametrize("how", BREAKS)
+def test_broken_glass_stays_finite(how):
+    ball = flat(pl.sphere(6.0, segments=(24, 12), material=pl.Dielectric(1.5, absorption=0.01)))
+    seen = radiance(pl.Scene([broken(ball, how).translated(z=-40)], background=1.0), pinhole(), 128)
+    assert seen.min() > 0
+    if how in ("triangles without area", "slivers"):
+        whole = radiance(pl.Scene([ball.translated(z=-40)], background=1.0), pinhole(), 128)
+        assert seen.mean() == pytest.approx(whole.mean(), rel=1e-2)
+
+
+def test_lights_without_area_and_crossing_everything():
+    # Emissive triangles without area beside real ones are never drawn; a light that cuts through a wall shines on both
+    # sides of it, as each of its halves would.
+    wall = pl.quad((-20, -20, -40), (40, 0, 0), (0, 40, 0), material=pl.Lambertian(0.6))
+    through = pl.quad((9, -2, -44), (0, 0, 8), (0, 4, 0), material=pl.Emissive(5.0, two_sided=True))
+    before = pl.quad((9, -2, -40), (0, 0, 4), (0, 4, 0), material=pl.Emissive(5.0, two_sided=True))
+    useless = pl.Mesh(through.vertices, np.concatenate([through.faces, [[0, 0, 1], [2, 2, 2]]]), through.material)
+    # Half of the draws miss: 64 pixels of 4096 paths, some 1 %.
+    seen = [radiance(pl.Scene([wall, lamp]), pinhole(), 4096, max_bounces=1) for lamp in (through, before, useless)]
+    assert seen[0].mean() == pytest.approx(seen[1].mean(), rel=1e-2)
+    assert seen[2].mean() == pytest.approx(seen[1].mean(), rel=1e-2)
+
+
+def test_a_light_that_lies_in_a_wall_is_finite():
+    wall = pl.quad((-20, -20, -40), (40, 0, 0), (0, 40, 0), material=pl.Lambertian(0.6))
+    lamp = pl.QuadLight((0, 0, -40), (10, 0, 0), (0, 10, 0), radiance=5.0)
+    seen = radiance(pl.Scene([wall], [lamp]), pinhole(), 64)
+    # What is nearer is a matter of rounding; light reaches the wall beside the lamp from nowhere.
+    assert np.all((seen >= 0) & (seen <= 5.0 * (1 + 1e-6)))
+    assert not seen[0, 0].any()
+
+
+# ---- lights: none, very many, very small ----
+
+
+def test_without_lights_all_is_black():
+    with pytest.warns(UserWarning, match="nothing in the scene shines"):
+        assert not radiance(pl.Scene([pl.box(10, center=(0, 0, -40))]), pinhole()).any()
+
+
+@pytest.mark.parametrize("kind", ["points", "quads"])
+def test_ten_thousand_lights(kind):
+    # Lights of different power in a plane above the view, as one sum over all of them. Small quads are points of
+    # intensity L A cos: 0.2 of 10 wide, (0.02)^2.
+    rng = np.random.default_rng(1)
+    n = 10_000
+    places = np.column_stack([rng.uniform(-40, 40, (n, 2)), np.full(n, -20.0)])
+    places = places[np.abs(places[:, :2]).max(axis=1) > 5]  # not in the view
+    power = rng.random(len(places)) ** 4
+    if kind == "points":
+        lights = [pl.PointLight(place, 3.0 * p) for place, p in zip(places, power, strict=True)]
+    else:
+        lights = [
+            pl.QuadLight(place, (0, 0.2, 0), (0.2, 0, 0), radiance=3.0 / 0.04 * p)
+            for place, p in zip(places, power, strict=True)
+        ]
+    ground = pl.quad((-100, -100, -40), (200, 0, 0), (0, 200, 0), material=pl.Lambertian(0.6))
+    mean = radiance(pl.Scene([ground], lights), pinhole(0.02), 1024, max_bounces=1).mean()
+    d2 = np.square(places[:, 0]) + np.square(places[:, 1]) + 400.0
+    sum_of_all = (3.0 * power * (20.0 / d2**1.5) * (1.0 if kind == "points" else 20.0 / np.sqrt(d2))).sum()
+    # The view is 0.8 of 20 wide: second order. 65536 paths, whose lights differ by a factor of some 3: 1.5 %.
+    assert mean == pytest.approx(0.6 / math.pi * sum_of_all, rel=0.015)
+
+
+@pytest.mark.parametrize("alpha", [0.0, 1e-5, 2e-4, 1e-3])
+def test_nearly_perfect_mirrors_show_what_perfect_ones_do(alpha):
+    # A light whose mirror image fills columns 5 and 6; blurred by some alpha of 0.05 a pixel.
+    ground = pl.quad((-50, -50, -40), (100, 0, 0), (0, 100, 0), material=pl.Conductor(0.9, alpha=alpha))
+    lamp = pl.QuadLight((7.5, 0.0, -5.0), (0, 15.0, 0), (7.5, 0, 0), radiance=4.0)
+    seen = radiance(pl.Scene([ground], [lamp]), pinhole(), 256)[:, :, 0]
+    expected = np.zeros((8, 8))
+    expected[2:6, 5:7] = 3.6
+    # GGX has long tails: the share of normals beyond t alpha is 1 / (1 + t^2), so that 2 alpha / 0.05 of the light of a
+    # pixel leaves it at each edge, or so.
+    assert np.abs(seen - expected).max() < 3.6 * (1e-3 + 10 * alpha / 0.05)
+    assert seen.sum() == pytest.approx(expected.sum(), rel=1e-3 + 2 * alpha / 0.05)
+
+
+@pytest.mark.parametrize("alpha", [1e-5, 1e-3, 0.1])
+def test_nearly_perfect_mirrors_under_tiny_lights_are_finite(alpha):
+    lights = [
+        pl.SphereLight((7.0, 0, -20), 1e-6, radiance=1e15),
+        pl.QuadLight((9.0, 0.1, -15), (0, 1e-6, 0), (1e-6, 0, 0), radiance=1e15),
+        pl.SunLight((0.3, 0.0, -1.0), 1.0, angular_radius=1e-6),
+        pl.PointLight((8.0, 1.0, -10), 100.0),
+    ]
+    ground = pl.quad((-50, -50, -40), (100, 0, 0), (0, 100, 0), material=pl.Conductor(0.9, alpha=alpha))
+    ball = pl.sphere(1.0, center=(0, 0, -35), material=pl.Dielectric(1.5, alpha=alpha))
+    seen = radiance(pl.Scene([ground, ball], lights), pinhole(), 256)
+    assert np.all(seen >= 0)
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
+def test_brightness_scales_with_the_lights(scale):
+    # The same paths, whatever the unit of radiance.
+    ground = pl.quad((-50, -50, -40), (100, 0, 0), (0, 100, 0), material=pl.MetallicRoughness(0.5, 0.5, 0.3))
+    seen = [
+        radiance(
+            pl.Scene([ground], [pl.SphereLight((12, 0, -30), 1.0, radiance=5.0 * s)], background=0.1 * s), pinhole(), 16
+        )
+        for s in (1.0, scale)
+    ]
+    np.testing.assert_allclose(seen[1], scale * seen[0], rtol=2e-6)
