@@ -18,7 +18,7 @@ from plenoptic.stages import Plan, Stage
 
 
 class Caustics(enum.IntEnum):
-    """Whether light counts that mirrors or polished glass throw onto rough surfaces.
+    """Whether light counts that mirrors, polished glass or panes throw onto rough surfaces.
 
     Examples
     --------

@@ -37,7 +37,7 @@ class BsdfTables(NamedTuple):
     kinds: NDArray[np.int64] | None
     """(nm,): what they are. None where all are Lambertian or black."""
     metal_index: NDArray[np.float64] | None
-    """(nm, C, 2): n and k; 0 where the reflectance is constant. None where no material has an index."""
+    """(nm, C, 2): n and k; 0 where the reflectance is constant. None where there is no metal."""
     glass_index: NDArray[np.float64] | None
     """(nm, 2): index behind the front and before it; 0 for what is no body. None where there is none."""
     pane_index: NDArray[np.float64] | None
