@@ -140,6 +140,15 @@ def fill_points(points, seed, pixel, replicate, set_number):
             points[i, dimension] = sample(j, dimension, key)
 
 
+@kernel
+def fill_drawn(points, keys, indices, n):
+    """Points (4, n) of the sets that keys name; a loop of its own, which the compiler turns into vector instructions."""
+    for dimension in range(DIMENSIONS):
+        row = points[dimension]
+        for i in range(n):
+            row[i] = sample(indices[i], dimension, keys[i])
+
+
 @device
 def set_key(key, set_number):
     """Key of set 0 (the camera) or of a later one (bounce 1, 2, ...)."""

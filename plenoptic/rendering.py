@@ -72,9 +72,9 @@ def render(
         How often a path may be scattered, reflected or refracted; 0 shows only what emits. Light that is scattered more
         often is missing.
     caustics : Caustics
-        ``Caustics.LEFT_OUT``: light that mirrors, polished glass or panes throw onto rough surfaces does not count. It is
-        noisy, since paths find it by chance only; the difference of the variances with and without it is its share of
-        the noise.
+        ``Caustics.LEFT_OUT``: light that mirrors, polished glass or panes throw onto rough surfaces does not count. It
+        is noisy, since paths find it by chance only; the difference of the variances with and without it is its share
+        of the noise.
     clamp : float, optional
         Paths that bring more radiance than this are scaled down to it. It takes away noise and light:
         `shot.stats.clamped` is the share that is missing. None: nothing is taken away.

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from plenoptic.camera.tables import CameraTables
 from plenoptic.scene.accel import Intersector
 from plenoptic.scene.met import MetSurfaces, PathRays
-from plenoptic.scene.passing import SALTS, medium_at, pass_through, thin_out
+from plenoptic.scene.passing import SALTS, media_at, pass_through, thin_out
 from plenoptic.scene.tables import SceneTables
 from plenoptic.scene_stages import ROULETTE
 from plenoptic.stages import Plan, Stage
@@ -71,7 +71,7 @@ class Transport:
         if scene.opacity is not None:
             self._travelled = np.empty(most)
         if scene.absorption is not None and intersector is not None:
-            self._medium = medium_at(scene, intersector, np.zeros(3) if tables.position is None else tables.position)
+            self._media = media_at(scene, intersector, np.zeros(3) if tables.position is None else tables.position)
         if scattering or scene.opacity is not None:
             self._keys, self._indices = np.empty(most, dtype=np.uint64), np.empty(most, dtype=np.uint32)
         if scattering:
@@ -115,8 +115,8 @@ class Transport:
                 number,
             )
         if scene.absorption is not None:
-            assert now.throughput is not None and now.medium is not None
-            now.throughput[:found], now.medium[:found] = 1.0, self._medium
+            assert now.throughput is not None and now.media is not None
+            now.throughput[:found], now.media[:found] = 1.0, self._media
         if now.rough is not None:
             now.rough[:found] = 0
         for bounce in range(settings.max_bounces + 1):
@@ -126,8 +126,7 @@ class Transport:
             self._see(radiance, found, bounce, waves)
             if bounce == settings.max_bounces or not plan.runs(Stage.SCATTERING):
                 break
-            # After the last bounce only what a ray meets by chance is missing.
-            found = self._scatter(radiance, found, bounce, plan.runs(Stage.ONWARD_RAYS), waves)
+            found = self._scatter(radiance, found, bounce, waves)
             self._now, self._next = self._next, self._now
             if not found:
                 break
@@ -166,7 +165,7 @@ class Transport:
 
             _media.fill_absorbed(
                 now.throughput,
-                now.medium,
+                now.media,
                 path_of,
                 hits,
                 self._placed,
@@ -216,26 +215,27 @@ class Transport:
             self._basis,
         )
 
-    def _scatter(
-        self, radiance: NDArray[np.float64], found: int, bounce: int, onward: bool, waves: NDArray[np.int64] | None
-    ) -> int:
+    def _scatter(self, radiance: NDArray[np.float64], found: int, bounce: int, waves: NDArray[np.int64] | None) -> int:
         """Add direct light and send the rays onwards; returns how many there are."""
-        from plenoptic.scene import _shade
-
-        scene, now, then, met = self._scene, self._now, self._next, self._met
+        scene, now, met, plan = self._scene, self._now, self._met, self._settings.plan
         placed = None if self._placed is None else self._placed[:found]
         met.describe(now, self._hits[:found], placed, self._keys, self._indices, bounce, waves)
-        lights = self._settings.plan.runs(Stage.DIRECT_LIGHT)
-        if lights:
+        throughput = now.throughput if bounce > 0 or scene.absorption is not None else None
+        if plan.runs(Stage.DIRECT_LIGHT):
             met.draw_lights(now, waves)
-        weighed = bounce > 0 or scene.absorption is not None
-        traced = scene.absorption is not None or now.rough is not None
-        shadows, onwards = _shade.fill_scattered(
-            then.rays if onward else None,
-            then.path_of,
-            then.throughput,
-            then.density,
-            self._from if traced else None,
+            self._add_direct(radiance, throughput, waves)
+        # After the last bounce only what a ray meets by chance is missing.
+        return self._send_on(throughput, bounce, waves) if plan.runs(Stage.ONWARD_RAYS) else 0
+
+    def _add_direct(
+        self, radiance: NDArray[np.float64], throughput: NDArray[np.float64] | None, waves: NDArray[np.int64] | None
+    ) -> None:
+        """Add the drawn lights that nothing hides."""
+        from plenoptic.scene import _shade
+
+        assert self._intersector is not None
+        scene, now, met = self._scene, self._now, self._met
+        shadows = _shade.fill_lit(
             self._shadow_rays,
             self._shadow_path,
             self._shadow_radiance,
@@ -245,20 +245,51 @@ class Transport:
             met.material_of,
             now.rays,
             now.path_of,
-            now.throughput if weighed else None,
-            met.keys,
-            met.indices,
-            bounce >= ROULETTE,
+            throughput,
             *scene.bsdf,
-            met.drawn if lights else None,
+            met.drawn,
             met.lit,
             waves,
             self._basis,
         )
-        if traced and onwards:
-            self._hand_on(onwards)
-        if shadows:
-            self._add_direct(radiance, shadows)
+        if not shadows:
+            return
+        blocked, rays = self._blocked[:shadows], self._shadow_rays[:shadows]
+        if scene.opacity is None:
+            self._intersector.fill_blocked(blocked, rays)
+        else:
+            thin_out(scene, self._intersector, rays, blocked, self._shadow_radiance)
+        _shade.fill_direct(radiance, blocked, self._shadow_path[:shadows], self._shadow_radiance)
+
+    def _send_on(self, throughput: NDArray[np.float64] | None, bounce: int, waves: NDArray[np.int64] | None) -> int:
+        """Draw the rays onwards; returns how many there are."""
+        from plenoptic.scene import _shade
+
+        scene, now, then, met = self._scene, self._now, self._next, self._met
+        traced = scene.absorption is not None or now.rough is not None
+        onwards = _shade.fill_onward(
+            then.rays,
+            then.path_of,
+            then.throughput,
+            then.density,
+            self._from if traced else None,
+            met.rows,
+            met.base,
+            met.lane_of,
+            met.material_of,
+            now.rays,
+            now.path_of,
+            throughput,
+            met.random,
+            met.keys,
+            met.indices,
+            bounce >= ROULETTE,
+            *scene.bsdf,
+            waves,
+            self._basis,
+        )
+        if traced:
+            self._hand_on(int(onwards))
         return int(onwards)
 
     def _hand_on(self, onwards: int) -> None:
@@ -269,22 +300,10 @@ class Transport:
             from plenoptic.scene import _media
 
             _media.fill_next_media(
-                then.medium, came, now.medium, met.rows, met.lane_of, met.material_of, scene.bsdf.glass_index
+                then.media, came, now.media, met.rows, met.lane_of, met.material_of, scene.bsdf.glass_index
             )
         if now.rough is not None:
             assert then.rough is not None and then.density is not None
             surface = np.where(came < 0, -1 - came, came)
             # A negative density is that of a direction without choice: a mirror's.
             then.rough[:onwards] = now.rough[met.lane_of[surface]] | (then.density[:onwards] > 0)
-
-    def _add_direct(self, radiance: NDArray[np.float64], shadows: int) -> None:
-        """Add the drawn lights that nothing hides."""
-        from plenoptic.scene import _shade
-
-        assert self._intersector is not None
-        blocked, rays = self._blocked[:shadows], self._shadow_rays[:shadows]
-        if self._scene.opacity is None:
-            self._intersector.fill_blocked(blocked, rays)
-        else:
-            thin_out(self._scene, self._intersector, rays, blocked, self._shadow_radiance)
-        _shade.fill_direct(radiance, blocked, self._shadow_path[:shadows], self._shadow_radiance)

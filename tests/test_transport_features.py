@@ -610,3 +610,53 @@ def test_the_caustic_of_a_glass_ball_lies_under_it():
     assert difference[far].mean() < 0.02 * difference[row, column]
     # The whole noise is that of the caustic.
     assert left_out.standard_error[row, column] < 0.5 * kept.standard_error[row, column]
+
+
+# ---- bodies within bodies, lights without light, faces that repeat each other ----
+
+
+def nest(inner_index=1.33):
+    """A lamp seen through 1.5 mm, an inner body of 2 mm that absorbs nothing, and 2 mm more of a pool."""
+    pool = pl.box((60, 60, 40), center=(0, 0, -30), material=pl.Dielectric(1.33, absorption=0.3))
+    inner = pl.box((20, 20, 2), center=(0, 0, -12.5), material=pl.Dielectric(inner_index, exterior=1.33))
+    lamp = plate(-15.5, pl.Emissive(2.0), half=15.0)
+    return pl.Scene([pool, inner, lamp])
+
+
+def test_absorption_goes_on_behind_a_body_within_a_body():
+    # From the pool's front at z = -10: 1.5 mm to the inner body, which absorbs nothing, and 2 mm behind it.
+    camera = pinhole(half=0.002, pixels=2)
+    seen = (shoot(nest(), camera, samples=1 << 14, max_bounces=8).image / brightness(camera, 1 << 14)).mean()
+    reflected = ((1.33 - 1.0) / 2.33) ** 2
+    # Radiance leaves the pool with 1 / n^2; the lamp is black, so that nothing is reflected to and fro.
+    np.testing.assert_allclose(seen, 2.0 * (1 - reflected) / 1.33**2 * math.exp(-0.3 * 3.5), rtol=5e-3)
+
+
+def test_a_camera_in_a_body_knows_it_whatever_other_bodies_stand_in_the_way():
+    pool = pl.box(100.0, material=pl.Dielectric(1.0, absorption=0.1))
+    # In the direction by which the camera's medium is found.
+    cube = pl.box(2.0, center=(3.6, 4.8, 8.0), material=pl.Dielectric(1.5))
+    lamp = plate(-30.0, pl.Emissive(2.0), half=20.0)
+    camera = pinhole(half=0.002, pixels=2)
+    seen = shoot(pl.Scene([pool, cube, lamp]), camera, samples=64, max_bounces=2).image / brightness(camera, 64)
+    np.testing.assert_allclose(seen, 2.0 * math.exp(-3.0), rtol=1e-5)
+
+
+def test_lights_without_light_change_nothing():
+    quad = pl.QuadLight((0, 0, -30), (4, 0, 0), (0, -4, 0), radiance=5.0)
+    floor = plate(-40.0, MATT)
+    alone = shoot(pl.Scene([floor], [quad]), max_bounces=1)
+    for dark in (pl.SunLight((0, 0, -1), 0.0), pl.SunLight((0, 0, -1), 0.0, 0.0), pl.PointLight((5, 5, -30), 0.0)):
+        assert np.array_equal(shoot(pl.Scene([floor], [quad, dark]), max_bounces=1).image, alone.image)
+
+
+def test_emitters_that_repeat_each_other_shine_once():
+    lamp = pl.quad((-2, 2, -30), (0, -4, 0), (4, 0, 0), material=pl.Emissive(5.0))
+    assert lamp.vertices[lamp.faces[0]].shape == (3, 3)
+    again = pl.Mesh(lamp.vertices, np.concatenate([lamp.faces, lamp.faces[:, [1, 2, 0]]]), lamp.material)
+    floor = plate(-40.0, MATT)
+    once, twice = (shoot(pl.Scene([floor, body]), samples=2048, max_bounces=1) for body in (lamp, again))
+    assert_same(once, twice)
+    # Two that face away from each other are two.
+    back = pl.Mesh(lamp.vertices, np.concatenate([lamp.faces, lamp.faces[:, ::-1]]), lamp.material)
+    assert len(pl.Scene([floor, back]).tables().lights.row) == 4

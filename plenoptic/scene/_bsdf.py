@@ -19,6 +19,7 @@ LAMBERTIAN, GROOVES, METAL, GLASS, PANE, LAYERED = range(6)
 EXACT = -1.0
 """The density of a direction that is the only one: a mirror's."""
 SMOOTH = 1e-4
+_OVER_PI = 1.0 / math.pi
 PLASTIC = 0.04
 """Reflectance of the layer of LAYERED materials at normal incidence (glTF 2.0, appendix B)."""
 
@@ -116,12 +117,12 @@ def evaluate(
             return 0.0
         if kind == LAMBERTIAN:
             for c in range(f.size):
-                f[c] = base[c] * iz / math.pi
+                f[c] = base[c] * (iz * _OVER_PI)
         else:
             single, multiple, mean = groove_terms(ox, oy, oz, ix, iy, iz, roughness)
             for c in range(f.size):
-                f[c] = (base[c] * single + groove_albedo(base[c], mean) * multiple) * iz / math.pi
-        return iz / math.pi
+                f[c] = (base[c] * single + groove_albedo(base[c], mean) * multiple) * (iz * _OVER_PI)
+        return iz * _OVER_PI
     if metal_index is not None and kind == METAL:
         if iz <= 0.0 or roughness < SMOOTH:
             return 0.0
@@ -130,8 +131,9 @@ def evaluate(
             return 0.0
         _metal_reflectance(f, base, cosine, metal_index, material, basis, wave)
         hidden_o, hidden_i = hidden(ox, oy, oz, roughness), hidden(ix, iy, iz, roughness)
+        seen = d / (4.0 * oz * (1.0 + hidden_o + hidden_i))
         for c in range(f.size):
-            f[c] *= d / (4.0 * oz * (1.0 + hidden_o + hidden_i))
+            f[c] *= seen
         return d / (4.0 * oz * (1.0 + hidden_o))
     if glass_index is not None and kind == GLASS:
         if roughness < SMOOTH:
@@ -148,9 +150,9 @@ def evaluate(
         above = d / (4.0 * oz * (1.0 + hidden_o + hidden_i))
         for c in range(f.size):
             normal = PLASTIC + metallic * (base[c] - PLASTIC)
-            f[c] = schlick(normal, cosine) * above + base[c] * below * iz / math.pi
+            f[c] = schlick(normal, cosine) * above + base[c] * below * (iz * _OVER_PI)
         share = _layer_share(base, metallic, oz, inward)
-        return share * d / (4.0 * oz * (1.0 + hidden_o)) + (1.0 - share) * iz / math.pi
+        return share * d / (4.0 * oz * (1.0 + hidden_o)) + (1.0 - share) * iz * _OVER_PI
     return 0.0
 
 
@@ -161,7 +163,8 @@ def _half_way(ox, oy, oz, ix, iy, iz, alpha):
     length = math.sqrt(hx * hx + hy * hy + hz * hz)
     if not length > 0.0 or not hz > 0.0:
         return 0.0, 0.0
-    hx, hy, hz = hx / length, hy / length, hz / length
+    over = 1.0 / length
+    hx, hy, hz = hx * over, hy * over, hz * over
     return min(ox * hx + oy * hy + oz * hz, 1.0), distribution(hx, hy, hz, alpha)
 
 
@@ -248,8 +251,9 @@ def draw(
             return 0.0, 0.0, 1.0, 0.0, 1.0
         hidden_o, hidden_i = hidden(ox, oy, oz, roughness), hidden(ix, iy, iz, roughness)
         _metal_reflectance(f, base, cosine, metal_index, material, basis, wave)
+        seen = (1.0 + hidden_o) / (1.0 + hidden_o + hidden_i)
         for c in range(f.size):
-            f[c] *= (1.0 + hidden_o) / (1.0 + hidden_o + hidden_i)
+            f[c] *= seen
         return ix, iy, iz, density, 1.0
     if coupling is not None and kind == LAYERED:
         share = _layer_share(base, metallic, oz, layer_albedo(coupling, oz, roughness))
@@ -291,7 +295,7 @@ def draw(
     else:
         for c in range(f.size):
             f[c] = base[c]
-    return ix, iy, iz, iz / math.pi, 1.0
+    return ix, iy, iz, iz * _OVER_PI, 1.0
 
 
 @device

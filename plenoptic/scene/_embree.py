@@ -238,24 +238,33 @@ def _aligned(rows, spare):
 
 
 @device
+def _prepare(packet):
+    """What is the same for all rays of a call, and what Embree leaves as it is."""
+    number = packet.view(np.uint32)
+    for lane in range(PACKET):
+        packet[_NEAR + lane] = 0.0
+        packet[_TIME + lane] = 0.0
+        number[_MASK + lane] = _INVALID
+        number[_FLAGS + lane] = np.uint32(0)
+
+
+@device
 def _pack(packet, valid, rays, middle, start, far):
     """Put rays start ... start + 15 into a packet; lanes beyond the last ray are switched off."""
     number = packet.view(np.uint32)
+    x, y, z = middle[0], middle[1], middle[2]
+    n = rays.shape[0]
     for lane in range(PACKET):
-        inside = start + lane < rays.shape[0]
+        inside = start + lane < n
         i = start + lane if inside else start
         valid[lane] = -1 if inside else 0
-        packet[_ORG_X + lane] = rays[i, 0] - middle[0]
-        packet[_ORG_Y + lane] = rays[i, 1] - middle[1]
-        packet[_ORG_Z + lane] = rays[i, 2] - middle[2]
+        packet[_ORG_X + lane] = rays[i, 0] - x
+        packet[_ORG_Y + lane] = rays[i, 1] - y
+        packet[_ORG_Z + lane] = rays[i, 2] - z
         packet[_DIR_X + lane] = rays[i, 3]
         packet[_DIR_Y + lane] = rays[i, 4]
         packet[_DIR_Z + lane] = rays[i, 5]
-        packet[_NEAR + lane] = 0.0
-        packet[_TIME + lane] = 0.0
         packet[_FAR + lane] = far
-        number[_MASK + lane] = _INVALID
-        number[_FLAGS + lane] = np.uint32(0)
         number[_GEOMETRY + lane] = _INVALID
         number[_INSTANCE + lane] = _INVALID
 
@@ -266,6 +275,7 @@ def _fill_closest(hits, placed, first, rays, middle, scene, arguments):
     valid = _aligned(np.zeros(PACKET + 16, np.int32), 16)
     number = packet.view(np.uint32)
     n = rays.shape[0]
+    _prepare(packet)
     for start in range(0, n, PACKET):
         _pack(packet, valid, rays, middle, start, np.inf)
         _intersect16(valid.ctypes.data, scene, packet.ctypes.data, arguments)
@@ -286,6 +296,7 @@ def _fill_blocked(blocked, rays, middle, scene, arguments):
     packet = _aligned(np.zeros(_RAYHIT + 16, np.float32), 16)
     valid = _aligned(np.zeros(PACKET + 16, np.int32), 16)
     n = rays.shape[0]
+    _prepare(packet)
     for start in range(0, n, PACKET):
         _pack(packet, valid, rays, middle, start, SHADOW_END)
         _occluded16(valid.ctypes.data, scene, packet.ctypes.data, arguments)

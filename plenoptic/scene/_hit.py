@@ -69,9 +69,9 @@ def meet(ray, ax, ay, az, bx, by, bz, cx, cy, cz):
     ox, oy, oz = ray[0] - ax, ray[1] - ay, ray[2] - az
     t = -(nx * ox + ny * oy + nz * oz) / (nx * ray[3] + ny * ray[4] + nz * ray[5])
     px, py, pz = ox + t * ray[3], oy + t * ray[4], oz + t * ray[5]
-    n2 = nx * nx + ny * ny + nz * nz
-    u = (nx * (py * e2z - pz * e2y) + ny * (pz * e2x - px * e2z) + nz * (px * e2y - py * e2x)) / n2
-    v = (nx * (e1y * pz - e1z * py) + ny * (e1z * px - e1x * pz) + nz * (e1x * py - e1y * px)) / n2
+    over = 1.0 / (nx * nx + ny * ny + nz * nz)
+    u = (nx * (py * e2z - pz * e2y) + ny * (pz * e2x - px * e2z) + nz * (px * e2y - py * e2x)) * over
+    v = (nx * (e1y * pz - e1z * py) + ny * (e1z * px - e1x * pz) + nz * (e1x * py - e1y * px)) * over
     return t, min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0), nx, ny, nz
 
 
@@ -108,7 +108,8 @@ def interpolated_normal(normals, triangles, k, u, v):
     length = math.sqrt(x * x + y * y + z * z)
     if not length > 0.0:
         return 0.0, 0.0, 0.0
-    return x / length, y / length, z / length
+    over = 1.0 / length
+    return x * over, y * over, z * over
 
 
 @device

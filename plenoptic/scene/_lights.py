@@ -11,7 +11,6 @@ import math
 import numpy as np
 
 from plenoptic._jit import device, kernel
-from plenoptic._sobol import sample
 from plenoptic.scene._bsdf import one_channel
 from plenoptic.scene._choice import choose
 from plenoptic.scene._colours import opacity_at, wave_of
@@ -49,6 +48,80 @@ def spot_share(sx, sy, sz, wx, wy, wz, cos_outer, cos_inner):
     return share * share
 
 
+@device
+def _to_triangle(out, px, py, pz, u, v, k, place, shines_back, density, vertices, triangles, matrices, middle):
+    """Fill `out` for a point drawn on a triangle; 1 / density per steradian, 0 where it shines away, and the point."""
+    ax, ay, az, bx, by, bz, cx, cy, cz = corners(vertices, triangles, k, matrices, place)
+    # Uniform over the triangle.
+    root = math.sqrt(u)
+    s, t = root * (1.0 - v), root * v
+    e1x, e1y, e1z = bx - ax, by - ay, bz - az
+    e2x, e2y, e2z = cx - ax, cy - ay, cz - az
+    hx, hy, hz = e1y * e2z - e1z * e2y, e1z * e2x - e1x * e2z, e1x * e2y - e1y * e2x
+    lx, ly, lz = ax + s * e1x + t * e2x, ay + s * e1y + t * e2y, az + s * e1z + t * e2z
+    wx, wy, wz = lx - px, ly - py, lz - pz
+    r2 = wx * wx + wy * wy + wz * wz
+    # One division each: they take most of the time here.
+    over_r, over_area = 1.0 / math.sqrt(r2), 1.0 / math.sqrt(hx * hx + hy * hy + hz * hz)
+    at_light = -(hx * wx + hy * wy + hz * wz) * over_area * over_r
+    facing = 1.0 if at_light > 0.0 else -1.0
+    front = facing > 0.0
+    if matrices is not None:
+        if place >= 0 and mirrors(matrices[place]):
+            front = not front
+    if not (front or shines_back) or not abs(at_light) > 0.0 or not r2 > 0.0:
+        return 0.0, s, t
+    over_area *= facing
+    hx, hy, hz = hx * over_area, hy * over_area, hz * over_area
+    reach = reach_of(matrices, place)
+    off = clearance(lx, ly, lz, hx, hy, hz, ax, ay, az, bx, by, bz, cx, cy, cz, middle, reach)
+    out[0], out[1], out[2] = wx * over_r, wy * over_r, wz * over_r
+    out[3], out[4], out[5] = lx + off * hx, ly + off * hy, lz + off * hz
+    out[6] = density * r2 / abs(at_light)
+    return 1.0 / out[6], s, t
+
+
+@device
+def _to_point(out, px, py, pz, lamp):
+    """Fill `out` for a point light; what it sends here of its intensity, over the squared distance."""
+    wx, wy, wz = lamp[0] - px, lamp[1] - py, lamp[2] - pz
+    r2 = wx * wx + wy * wy + wz * wz
+    if not r2 > 0.0:
+        return 0.0
+    r = math.sqrt(r2)
+    wx, wy, wz = wx / r, wy / r, wz / r
+    out[0], out[1], out[2], out[3], out[4], out[5] = wx, wy, wz, lamp[0], lamp[1], lamp[2]
+    out[6] = ALONE
+    return spot_share(lamp[3], lamp[4], lamp[5], wx, wy, wz, lamp[6], lamp[7]) / r2
+
+
+@device
+def _to_sun(out, px, py, pz, u, v, sun, far):
+    """Fill `out` for a direction drawn uniformly over a sun's disc; 1 / density, or 1 / probability without a disc."""
+    wx, wy, wz = sun[0], sun[1], sun[2]
+    out[6] = ALONE
+    value = 1.0 / sun[4]
+    if sun[3] > 0.0:
+        # sun[3] is 1 - cosine of the angular radius.
+        high = u * sun[3]
+        low = math.sqrt(high * (2.0 - high))
+        c, s = turn(v)
+        a, b, up = low * c, low * s, 1.0 - high
+        x1, y1, z1, x2, y2, z2 = across(wx, wy, wz)
+        wx, wy, wz = up * wx + a * x1 + b * x2, up * wy + a * y1 + b * y2, up * wz + a * z1 + b * z2
+        out[6] = sun[4] / (2.0 * math.pi * sun[3])
+        value = 1.0 / out[6]
+    _send_far(out, px, py, pz, wx, wy, wz, far)
+    return value
+
+
+@device
+def _send_far(out, px, py, pz, wx, wy, wz, far):
+    """A direction, and an end of its shadow ray beyond the scene."""
+    out[0], out[1], out[2] = wx, wy, wz
+    out[3], out[4], out[5] = px + far * wx, py + far * wy, pz + far * wz
+
+
 @kernel
 def fill_drawn_lights(
     drawn,
@@ -58,8 +131,7 @@ def fill_drawn_lights(
     material_of,
     takes_light,
     path_of,
-    set_keys,
-    set_indices,
+    random,
     vertices,
     triangles,
     triangle_material,
@@ -94,7 +166,7 @@ def fill_drawn_lights(
     waves,
     basis,
 ):
-    """Draw one light for each surface; `lit` is its radiance over the density by which it was drawn.
+    """Draw one light for each surface by rows 0 and 1 of `random`; `lit` is its radiance over the density by which it was drawn.
 
     0 where the light shines the other way, or where the material takes no light that is drawn directly. For lights from
     one direction only, `lit` is their irradiance over the probability, and the density ALONE. `light_kind` and what
@@ -108,42 +180,20 @@ def fill_drawn_lights(
             continue
         row, out = surface[i], drawn[i]
         path = path_of[lane_of[i]]
-        key, index = set_keys[i], set_indices[i]
-        light, u = choose(light_cdf, sample(index, 0, key))
-        v = sample(index, 1, key)
+        light, u = choose(light_cdf, random[0, i])
+        v = random[1, i]
         px, py, pz = row[0], row[1], row[2]
         kind = TRIANGLE if light_kind is None else light_kind[light]
         value = 0.0
         if emission is not None and kind == TRIANGLE:
             k = light_row[light]
             place = -1 if light_place is None else light_place[light]
-            ax, ay, az, bx, by, bz, cx, cy, cz = corners(vertices, triangles, k, matrices, place)
-            root = math.sqrt(u)
-            s, t = root * (1.0 - v), root * v
-            e1x, e1y, e1z = bx - ax, by - ay, bz - az
-            e2x, e2y, e2z = cx - ax, cy - ay, cz - az
-            hx, hy, hz = e1y * e2z - e1z * e2y, e1z * e2x - e1x * e2z, e1x * e2y - e1y * e2x
-            lx, ly, lz = ax + s * e1x + t * e2x, ay + s * e1y + t * e2y, az + s * e1z + t * e2z
-            wx, wy, wz = lx - px, ly - py, lz - pz
-            r2 = wx * wx + wy * wy + wz * wz
-            twice_area = math.sqrt(hx * hx + hy * hy + hz * hz)
-            r = math.sqrt(r2)
-            at_light = -(hx * wx + hy * wy + hz * wz) / (twice_area * r)
-            facing = 1.0 if at_light > 0.0 else -1.0
-            front = facing
-            if matrices is not None:
-                if place >= 0 and mirrors(matrices[place]):
-                    front = -facing
             source = triangle_material[k]
-            if not (front > 0.0 or two_sided[source] != 0) or not abs(at_light) > 0.0 or not r2 > 0.0:
-                continue
-            hx, hy, hz = facing * hx / twice_area, facing * hy / twice_area, facing * hz / twice_area
-            reach = reach_of(matrices, place)
-            off = clearance(lx, ly, lz, hx, hy, hz, ax, ay, az, bx, by, bz, cx, cy, cz, middle, reach)
-            out[0], out[1], out[2] = wx / r, wy / r, wz / r
-            out[3], out[4], out[5] = lx + off * hx, ly + off * hy, lz + off * hz
-            out[6] = material_density[source] * r2 / abs(at_light)
-            value = 1.0 / out[6]
+            shines_back = two_sided[source] != 0
+            density = material_density[source]
+            value, s, t = _to_triangle(
+                out, px, py, pz, u, v, k, place, shines_back, density, vertices, triangles, matrices, middle
+            )
             for c in range(colour.size):
                 colour[c] = emission[source, c]
             if emission_texture is not None:
@@ -157,49 +207,23 @@ def fill_drawn_lights(
                         share, source, k, s, t, triangles, uv, opacity, cutoff, opacity_texture, texels, texture_rows
                     )
         if points is not None and kind == POINT:
-            lamp = points[light_row[light]]
-            wx, wy, wz = lamp[0] - px, lamp[1] - py, lamp[2] - pz
-            r2 = wx * wx + wy * wy + wz * wz
-            if not r2 > 0.0:
-                continue
-            r = math.sqrt(r2)
-            wx, wy, wz = wx / r, wy / r, wz / r
-            out[0], out[1], out[2], out[3], out[4], out[5] = wx, wy, wz, lamp[0], lamp[1], lamp[2]
-            out[6] = ALONE
             chance = light_cdf[light] - (light_cdf[light - 1] if light > 0 else 0.0)
-            value = spot_share(lamp[3], lamp[4], lamp[5], wx, wy, wz, lamp[6], lamp[7]) / (r2 * chance)
+            value = _to_point(out, px, py, pz, points[light_row[light]]) / chance
             for c in range(colour.size):
                 colour[c] = point_colours[light_row[light], c]
         if suns is not None and kind == SUN:
-            sun = suns[light_row[light]]
-            wx, wy, wz = sun[0], sun[1], sun[2]
-            out[6] = ALONE
-            value = 1.0 / sun[4]
-            if sun[3] > 0.0:
-                # Uniform over the disc; sun[3] is 1 - cosine of its angular radius.
-                high = u * sun[3]
-                low = math.sqrt(high * (2.0 - high))
-                c, s = turn(v)
-                a, b = low * c, low * s
-                x1, y1, z1, x2, y2, z2 = across(wx, wy, wz)
-                up = 1.0 - high
-                wx, wy, wz = up * wx + a * x1 + b * x2, up * wy + a * y1 + b * y2, up * wz + a * z1 + b * z2
-                out[6] = sun[4] / (2.0 * math.pi * sun[3])
-                value = 1.0 / out[6]
-            out[0], out[1], out[2] = wx, wy, wz
-            out[3], out[4], out[5] = px + far * wx, py + far * wy, pz + far * wz
+            value = _to_sun(out, px, py, pz, u, v, suns[light_row[light]], far)
             for c in range(colour.size):
                 colour[c] = sun_colours[light_row[light], c]
         if environment_texels is not None and kind == ENVIRONMENT:
             wx, wy, wz, r0, c0 = draw_environment(u, v, environment_rows, environment_columns, environment_rotation)
-            out[0], out[1], out[2] = wx, wy, wz
-            out[3], out[4], out[5] = px + far * wx, py + far * wy, pz + far * wz
+            _send_far(out, px, py, pz, wx, wy, wz, far)
             out[6] = environment_share * environment_densities[r0, c0]
-            if not out[6] > 0.0:
-                continue
-            value = 1.0 / out[6]
+            value = 1.0 / out[6] if out[6] > 0.0 else 0.0
             for c in range(colour.size):
                 colour[c] = environment_texels[r0, c0, c]
+        if not value > 0.0:
+            continue
         wave = wave_of(waves, path)
         for c in range(lit.shape[1]):
             lit[i, c] = one_channel(colour, c, basis, wave) * value

@@ -1,10 +1,15 @@
-"""Light in absorbing bodies: kernels. A ray's medium is the material of the body that it is in, -1 in none."""
+"""Light in absorbing bodies: kernels.
+
+A ray's media are the materials of the bodies that it is in, (rays, n): the outermost first, -1 behind the last.
+"""
 
 from __future__ import annotations
 
 import math
 
-from plenoptic._jit import kernel
+import numpy as np
+
+from plenoptic._jit import device, kernel
 from plenoptic.scene._bsdf import one_channel
 from plenoptic.scene._colours import wave_of
 from plenoptic.scene._hit import corners, meet
@@ -14,7 +19,7 @@ from plenoptic.scene._surfaces import mirrors
 @kernel
 def fill_absorbed(
     throughput,
-    medium,
+    media,
     path_of,
     hits,
     placed,
@@ -45,10 +50,11 @@ def fill_absorbed(
             if place >= 0 and mirrors(matrices[place]):
                 behind = not behind
         material = triangle_material[k]
-        inside = material if behind and glass_index[material, 0] > 0.0 else medium[i]
+        if behind and glass_index[material, 0] > 0.0 and not holds(media[i], material):
+            enter(media[i], material)
+        inside = innermost(media[i])
         if inside < 0 or not t > 0.0:
             continue
-        medium[i] = inside
         if travelled is not None:
             t += travelled[i]
         wave = wave_of(waves, path_of[i])
@@ -56,34 +62,80 @@ def fill_absorbed(
             throughput[i, c] *= math.exp(-t * one_channel(absorption[inside], c, basis, wave))
 
 
+@device
+def innermost(row):
+    """The innermost body of a row of media, -1 in none."""
+    inside = -1
+    for k in range(row.size):
+        if row[k] >= 0:
+            inside = row[k]
+    return inside
+
+
+@device
+def holds(row, material):
+    """Whether a material is among a row of media."""
+    found = False
+    for k in range(row.size):
+        found = found or row[k] == material
+    return found
+
+
+@device
+def enter(row, material):
+    """Add a body inside those of a row; where there is no room, it takes the place of the innermost one."""
+    for k in range(row.size):
+        if row[k] < 0 or k == row.size - 1:
+            row[k] = material
+            return
+
+
+@device
+def leave(row, material):
+    """Take the innermost body of a material out of a row; those within it move up."""
+    last = -1
+    for k in range(row.size):
+        if row[k] == material:
+            last = k
+    if last < 0:
+        return
+    for k in range(last, row.size - 1):
+        row[k] = row[k + 1]
+    row[row.size - 1] = -1
+
+
 @kernel
-def fill_next_media(next_medium, next_from, medium, surface, lane_of, material_of, glass_index):
-    """The media of rays onwards: that of the ray before, the body entered, or none behind it."""
+def fill_next_media(next_media, next_from, media, surface, lane_of, material_of, glass_index):
+    """The media of rays onwards: those of the ray before, with the body that was entered or without the one left."""
     for i in range(next_from.size):
         came = next_from[i]
-        if came >= 0:
-            next_medium[i] = medium[lane_of[came]]
-            continue
-        came = -1 - came
-        material = material_of[came]
-        if not glass_index[material, 0] > 0.0:
-            # Through a pane.
-            next_medium[i] = medium[lane_of[came]]
-        else:
-            next_medium[i] = material if surface[came, 11] > 0.0 else -1
+        met = came if came >= 0 else -1 - came
+        for k in range(media.shape[1]):
+            next_media[i, k] = media[lane_of[met], k]
+        material = material_of[met]
+        # Through a pane nothing changes.
+        if came < 0 and glass_index[material, 0] > 0.0:
+            if surface[met, 11] > 0.0:
+                enter(next_media[i], material)
+            else:
+                leave(next_media[i], material)
 
 
 @kernel
-def fill_dimmed_lights(
-    lit, medium, drawn, surface, lane_of, material_of, path_of, glass_index, absorption, waves, basis
-):
+def fill_dimmed_lights(lit, media, drawn, surface, lane_of, material_of, path_of, absorption, waves, basis):
     """Weaken the lights that were drawn by the medium between them and the surface."""
+    beyond = np.empty(media.shape[1], np.int32)
     for i in range(material_of.size):
-        row, inside = surface[i], medium[lane_of[i]]
+        row, inside = surface[i], innermost(media[lane_of[i]])
         if drawn[i, 0] * row[3] + drawn[i, 1] * row[4] + drawn[i, 2] * row[5] < 0.0:
             # The light is on the other side.
-            material = material_of[i]
-            inside = material if row[11] > 0.0 and glass_index[material, 0] > 0.0 else -1
+            for k in range(beyond.size):
+                beyond[k] = media[lane_of[i], k]
+            if row[11] > 0.0:
+                enter(beyond, material_of[i])
+            else:
+                leave(beyond, material_of[i])
+            inside = innermost(beyond)
         if inside >= 0:
             dx, dy, dz = drawn[i, 3] - surface[i, 0], drawn[i, 4] - surface[i, 1], drawn[i, 5] - surface[i, 2]
             way = math.sqrt(dx * dx + dy * dy + dz * dz)

@@ -28,8 +28,8 @@ def hidden(x, y, z, alpha):
 def visible_normal(x, y, z, alpha, u, v):
     """A normal drawn from those that the direction (x, y, z), z > 0, sees (J. Dupuy and A. Benyoub, 2023)."""
     x, y = alpha * x, alpha * y
-    length = math.sqrt(x * x + y * y + z * z)
-    x, y, z = x / length, y / length, z / length
+    over = 1.0 / math.sqrt(x * x + y * y + z * z)
+    x, y, z = x * over, y * over, z * over
     # A point of the spherical cap that the stretched direction sees, then the normal half-way to it.
     cap = (1.0 - v) * (1.0 + z) - z
     radius = math.sqrt(max(0.0, 1.0 - cap * cap))
@@ -38,4 +38,5 @@ def visible_normal(x, y, z, alpha, u, v):
     length = math.sqrt(hx * hx + hy * hy + hz * hz)
     if not length > 0.0:
         return 0.0, 0.0, 1.0
-    return hx / length, hy / length, hz / length
+    over = 1.0 / length
+    return hx * over, hy * over, hz * over

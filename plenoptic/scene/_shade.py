@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from plenoptic._jit import device, kernel
-from plenoptic._sobol import mix, sample
+from plenoptic._sobol import mix
 from plenoptic.scene._bsdf import EXACT, draw, evaluate, one_channel
 from plenoptic.scene._colours import wave_of
 from plenoptic.scene._hit import corners, interpolated_uv, meet
@@ -138,13 +138,26 @@ def _number(key, index, salt):
     return np.float64(mix(mix(key, salt), np.uint64(index)) >> np.uint64(11)) * _UNIT_53
 
 
+@device
+def _seen(row, ray):
+    """Two unit vectors across a surface's shading normal, and the direction to the viewer along them and it."""
+    nx, ny, nz = row[6], row[7], row[8]
+    ax, ay, az, bx, by, bz = across(nx, ny, nz)
+    dx, dy, dz = -ray[3], -ray[4], -ray[5]
+    along_a, along_b = dx * ax + dy * ay + dz * az, dx * bx + dy * by + dz * bz
+    return ax, ay, az, bx, by, bz, along_a, along_b, dx * nx + dy * ny + dz * nz
+
+
+@device
+def _kind_of(kinds, material, row, waves, path):
+    """Kind, roughness, share of metal, whether the front is seen, and the wavelength; all Lambertian without kinds."""
+    if kinds is None:
+        return 0, 0.0, 0.0, True, wave_of(waves, path)
+    return kinds[material], row[12], row[13], row[11] > 0.0, wave_of(waves, path)
+
+
 @kernel
-def fill_scattered(
-    next_rays,
-    next_path,
-    next_throughput,
-    next_density,
-    next_from,
+def fill_lit(
     shadow_rays,
     shadow_path,
     shadow_radiance,
@@ -155,9 +168,6 @@ def fill_scattered(
     rays,
     path_of,
     throughput,
-    set_keys,
-    set_indices,
-    lottery,
     kinds,
     metal_index,
     glass_index,
@@ -169,134 +179,169 @@ def fill_scattered(
     waves,
     basis,
 ):
-    """Weigh the lights that were drawn and draw the rays onwards; returns how many shadow rays and rays there are.
+    """Weigh the lights that were drawn for surfaces; returns how many shadow rays there are to follow.
 
-    `next_rays` is None where none are wanted, `drawn` None where there are no lights, `throughput` None for rays
-    straight from the camera, `kinds` None where all materials are Lambertian. `next_from` names the surface each ray
-    comes from, and is negative (-1 - surface) where the ray has gone through it. With `lottery`, paths go on with a
-    probability of what their surface gives back.
+    `throughput` is None for rays straight from the camera, `kinds` None where all materials are Lambertian. Light that
+    the ray onwards could have found too counts in part.
     """
     channels = base.shape[1]
     f = np.empty(channels)
     shadows = 0
+    for i in range(material_of.size):
+        bright = 0.0
+        for c in range(channels):
+            bright = max(bright, lit[i, c])
+        if not bright > 0.0:
+            continue
+        row, light, material = surface[i], drawn[i], material_of[i]
+        path = path_of[lane_of[i]]
+        wx, wy, wz = light[0], light[1], light[2]
+        ax, ay, az, bx, by, bz, ox, oy, oz = _seen(row, rays[lane_of[i]])
+        ix, iy, iz = wx * ax + wy * ay + wz * az, wx * bx + wy * by + wz * bz, wx * row[6] + wy * row[7] + wz * row[8]
+        beyond = wx * row[3] + wy * row[4] + wz * row[5]
+        if not beyond * iz > 0.0:
+            continue
+        kind, roughness, metallic, front, wave = _kind_of(kinds, material, row, waves, path)
+        chance = evaluate(
+            f,
+            kind,
+            base[i],
+            roughness,
+            metallic,
+            front,
+            material,
+            ox,
+            oy,
+            oz,
+            ix,
+            iy,
+            iz,
+            basis,
+            wave,
+            metal_index,
+            glass_index,
+            coupling,
+            coupling_mean,
+        )
+        counts = 1.0 if light[6] < 0.0 else weight(light[6], chance)
+        if glass_index is not None:
+            if iz < 0.0:
+                eta = glass_index[material, 0] / glass_index[material, 1]
+                counts *= 1.0 / (eta * eta) if front else eta * eta
+        brightest = 0.0
+        for c in range(channels):
+            through = 1.0 if throughput is None else throughput[lane_of[i], c]
+            shadow_radiance[shadows, c] = through * f[c] * lit[i, c] * counts
+            brightest = max(brightest, shadow_radiance[shadows, c])
+        if brightest > 0.0:
+            out = shadow_rays[shadows]
+            _leave(out, row, beyond)
+            out[3], out[4], out[5] = light[3] - out[0], light[4] - out[1], light[5] - out[2]
+            shadow_path[shadows] = path
+            shadows += 1
+    return shadows
+
+
+@device
+def _leave(out, row, beyond):
+    """Where a ray leaves a surface: off it on the side where `beyond`, its direction along the normal, is positive."""
+    off = row[9] if beyond > 0.0 else -row[9]
+    out[0], out[1], out[2] = row[0] + off * row[3], row[1] + off * row[4], row[2] + off * row[5]
+
+
+@kernel
+def fill_onward(
+    next_rays,
+    next_path,
+    next_throughput,
+    next_density,
+    next_from,
+    surface,
+    base,
+    lane_of,
+    material_of,
+    rays,
+    path_of,
+    throughput,
+    random,
+    set_keys,
+    set_indices,
+    lottery,
+    kinds,
+    metal_index,
+    glass_index,
+    pane_index,
+    coupling,
+    coupling_mean,
+    waves,
+    basis,
+):
+    """Draw the rays onwards by what materials scatter and rows 2 and 3 of `random`; returns how many there are.
+
+    `throughput` is None for rays straight from the camera, `kinds` None where all materials are Lambertian.
+    `next_from`, where it is wanted, names the surface each ray comes from, and is negative (-1 - surface) where the ray
+    has gone through it. With `lottery`, paths go on with a probability of what their surface gives back.
+    """
+    channels = base.shape[1]
+    f = np.empty(channels)
     onwards = 0
     for i in range(material_of.size):
-        row, ray, material = surface[i], rays[lane_of[i]], material_of[i]
+        row, material = surface[i], material_of[i]
         path = path_of[lane_of[i]]
-        gx, gy, gz, nx, ny, nz = row[3], row[4], row[5], row[6], row[7], row[8]
-        ax, ay, az, bx, by, bz = across(nx, ny, nz)
-        dx, dy, dz = -ray[3], -ray[4], -ray[5]
-        ox, oy, oz = dx * ax + dy * ay + dz * az, dx * bx + dy * by + dz * bz, dx * nx + dy * ny + dz * nz
-        kind = 0
-        roughness, metallic, front, wave = 0.0, 0.0, True, 0
-        if kinds is not None:
-            kind = kinds[material]
-            roughness, metallic, front = row[12], row[13], row[11] > 0.0
-            wave = wave_of(waves, path)
-        if drawn is not None:
-            light, bright = drawn[i], 0.0
-            for c in range(channels):
-                bright = max(bright, lit[i, c])
-            if bright > 0.0:
-                wx, wy, wz = light[0], light[1], light[2]
-                ix, iy, iz = wx * ax + wy * ay + wz * az, wx * bx + wy * by + wz * bz, wx * nx + wy * ny + wz * nz
-                beyond = wx * gx + wy * gy + wz * gz
-                if beyond * iz > 0.0:
-                    chance = evaluate(
-                        f,
-                        kind,
-                        base[i],
-                        roughness,
-                        metallic,
-                        front,
-                        material,
-                        ox,
-                        oy,
-                        oz,
-                        ix,
-                        iy,
-                        iz,
-                        basis,
-                        wave,
-                        metal_index,
-                        glass_index,
-                        coupling,
-                        coupling_mean,
-                    )
-                    counts = 1.0 if light[6] < 0.0 else weight(light[6], chance)
-                    spread = 1.0
-                    if glass_index is not None:
-                        if iz < 0.0:
-                            eta = glass_index[material, 0] / glass_index[material, 1]
-                            spread = 1.0 / (eta * eta) if front else eta * eta
-                    brightest = 0.0
-                    for c in range(channels):
-                        through = 1.0 if throughput is None else throughput[lane_of[i], c]
-                        shadow_radiance[shadows, c] = through * f[c] * lit[i, c] * counts * spread
-                        brightest = max(brightest, shadow_radiance[shadows, c])
-                    if brightest > 0.0:
-                        off = row[9] if beyond > 0.0 else -row[9]
-                        qx, qy, qz = row[0] + off * gx, row[1] + off * gy, row[2] + off * gz
-                        out = shadow_rays[shadows]
-                        out[0], out[1], out[2] = qx, qy, qz
-                        out[3], out[4], out[5] = light[3] - qx, light[4] - qy, light[5] - qz
-                        shadow_path[shadows] = path
-                        shadows += 1
-        if next_rays is not None:
-            key, index = set_keys[i], set_indices[i]
-            lobe = 0.0
-            if glass_index is not None:
-                if glass_index[material, 0] > 0.0 and roughness > 0.0:
-                    lobe = _number(key, index, _LOBE)
-            ix, iy, iz, chance, spread = draw(
-                f,
-                kind,
-                base[i],
-                roughness,
-                metallic,
-                front,
-                material,
-                ox,
-                oy,
-                oz,
-                sample(index, 2, key),
-                sample(index, 3, key),
-                lobe,
-                basis,
-                wave,
-                metal_index,
-                glass_index,
-                pane_index,
-                coupling,
-                coupling_mean,
-            )
-            wx, wy, wz = ix * ax + iy * bx + iz * nx, ix * ay + iy * by + iz * ny, ix * az + iy * bz + iz * nz
-            beyond = wx * gx + wy * gy + wz * gz
-            largest = 0.0
-            for c in range(channels):
-                largest = max(largest, f[c])
-            if chance == 0.0 or beyond * iz <= 0.0 or not largest > 0.0:
+        ax, ay, az, bx, by, bz, ox, oy, oz = _seen(row, rays[lane_of[i]])
+        kind, roughness, metallic, front, wave = _kind_of(kinds, material, row, waves, path)
+        key, index = set_keys[i], set_indices[i]
+        lobe = 0.0
+        if glass_index is not None:
+            if glass_index[material, 0] > 0.0 and roughness > 0.0:
+                lobe = _number(key, index, _LOBE)
+        ix, iy, iz, chance, spread = draw(
+            f,
+            kind,
+            base[i],
+            roughness,
+            metallic,
+            front,
+            material,
+            ox,
+            oy,
+            oz,
+            random[2, i],
+            random[3, i],
+            lobe,
+            basis,
+            wave,
+            metal_index,
+            glass_index,
+            pane_index,
+            coupling,
+            coupling_mean,
+        )
+        wx, wy, wz = ix * ax + iy * bx + iz * row[6], ix * ay + iy * by + iz * row[7], ix * az + iy * bz + iz * row[8]
+        beyond = wx * row[3] + wy * row[4] + wz * row[5]
+        largest = 0.0
+        for c in range(channels):
+            largest = max(largest, f[c])
+        if chance == 0.0 or beyond * iz <= 0.0 or not largest > 0.0:
+            continue
+        if lottery and largest < 1.0:
+            if _number(key, index, _LOTTERY) >= largest:
                 continue
-            if lottery and largest < 1.0:
-                if _number(key, index, _LOTTERY) >= largest:
-                    continue
-                spread /= largest
-            off = row[9] if beyond > 0.0 else -row[9]
-            # Rays stay at unit length however often they turn.
-            scale = 1.0 / math.sqrt(wx * wx + wy * wy + wz * wz)
-            out = next_rays[onwards]
-            out[0], out[1], out[2] = row[0] + off * gx, row[1] + off * gy, row[2] + off * gz
-            out[3], out[4], out[5] = wx * scale, wy * scale, wz * scale
-            next_path[onwards] = path
-            for c in range(channels):
-                through = 1.0 if throughput is None else throughput[lane_of[i], c]
-                next_throughput[onwards, c] = through * f[c] * spread
-            if next_density is not None:
-                next_density[onwards] = chance
-            if next_from is not None:
-                next_from[onwards] = i if beyond > 0.0 else -1 - i
-            onwards += 1
-    return shadows, onwards
+            spread /= largest
+        out = next_rays[onwards]
+        _leave(out, row, beyond)
+        # A step of Newton's towards unit length, so that it stays however often a path turns.
+        scale = 1.5 - 0.5 * (wx * wx + wy * wy + wz * wz)
+        out[3], out[4], out[5] = wx * scale, wy * scale, wz * scale
+        next_path[onwards] = path
+        for c in range(channels):
+            through = 1.0 if throughput is None else throughput[lane_of[i], c]
+            next_throughput[onwards, c] = through * f[c] * spread
+        next_density[onwards] = chance
+        if next_from is not None:
+            next_from[onwards] = i if beyond > 0.0 else -1 - i
+        onwards += 1
+    return onwards
 
 
 @kernel

@@ -89,7 +89,10 @@ def evaluate(material: Material, to_viewer: ArrayLike, to_light: ArrayLike, *, f
     """
     from plenoptic.scene import _bsdf_rows
 
-    viewers, lights = np.broadcast_arrays(_directions(to_viewer, "to_viewer"), _directions(to_light, "to_light"))
+    viewers, lights = _directions(to_viewer, "to_viewer"), _directions(to_light, "to_light")
+    if 1 not in (len(viewers), len(lights)) and len(viewers) != len(lights):
+        raise InvalidValueError(f"to_viewer has {len(viewers)} rows and to_light {len(lights)}; give as many, or one")
+    viewers, lights = np.broadcast_arrays(viewers, lights)
     _check_side(viewers)
     colour, numbers, tables = _row(material)
     scattered = Scattered(np.empty((len(viewers), colour.size)), np.empty(len(viewers)))
@@ -166,7 +169,8 @@ def draw(material: Material, to_viewer: ArrayLike, points: ArrayLike, *, front: 
 
 
 def _directions(directions: ArrayLike, name: str) -> NDArray[np.float64]:
-    rows = frozen_array(np.atleast_2d(np.asarray(directions, dtype=np.float64)), name=name, shape=(None, 3))
+    given = frozen_array(directions, name=name, shape=(3,) if np.ndim(directions) == 1 else (None, 3))
+    rows = np.atleast_2d(given)
     length = np.linalg.norm(rows, axis=1, keepdims=True)
     if not np.all((length > 0) & np.isfinite(length)):
         raise InvalidValueError(f"{name} has directions without length; all must be finite and not 0, 0, 0")

@@ -229,6 +229,8 @@ Background: TypeAlias = ConstantBackground | EnvironmentMap
 
 def _radiances(texels: ArrayLike) -> NDArray[np.float32]:
     """(rows, columns, 1 or 3), read-only, finite and 0 or more."""
+    if isinstance(texels, str | PathLike):
+        raise InvalidValueError(f"texels are {texels!r}; use EnvironmentMap.load for files")
     if isinstance(texels, np.ndarray):
         if texels.dtype.kind in "iub":
             raise InvalidValueError(

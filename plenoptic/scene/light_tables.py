@@ -145,10 +145,26 @@ def _triangle_powers(
             rows.append(found)
             places.append(np.full(found.size, place, np.int32))
             areas.append(_areas(emitters, found, instances.matrices[place].reshape(3, 4)[:, :3]))
-    row, area = np.concatenate(rows), np.concatenate(areas)
+    row, where, area = np.concatenate(rows), np.concatenate(places), np.concatenate(areas)
     power = area * exitance[emitters.triangle_material[row]]
-    kept = power > 0
-    return row[kept], np.concatenate(places)[kept], power[kept], exitance
+    kept = (power > 0) & ~_repeated(emitters, row, where)
+    return row[kept], where[kept], power[kept], exitance
+
+
+def _repeated(emitters: Emitters, row: NDArray[np.int64], place: NDArray[np.int32]) -> NDArray[np.bool_]:
+    """Which triangles lie exactly on an earlier one, facing the same way: rays meet one of them, not both."""
+    corners = emitters.vertices[emitters.triangles[row]]
+    # A number for each triangle that does not depend on its first corner; equal ones are compared in full.
+    number = np.sort(corners @ np.array([0.8654, 0.4211, 0.2718]), axis=1) @ np.array([1.0, 0.5773, 0.3183])
+    _, group, count = np.unique(number, return_inverse=True, return_counts=True)
+    repeated = np.zeros(len(row), dtype=bool)
+    seen: set[bytes] = set()
+    for k in np.flatnonzero(count[group] > 1):
+        first = min(range(3), key=lambda corner: corners[k, corner].tolist())
+        key = np.roll(corners[k], -first, axis=0).tobytes() + place[k].tobytes()
+        repeated[k] = key in seen
+        seen.add(key)
+    return repeated
 
 
 def _areas(emitters: Emitters, rows: NDArray[np.int64], linear: NDArray[np.float64] | None) -> NDArray[np.float64]:
@@ -167,7 +183,7 @@ def _shared(near: NDArray[np.float64], distant: NDArray[np.float64]) -> tuple[ND
         return np.empty(0), 0.0
     sums = [(part / largest).sum() for part in (near, distant)]
     share = sums[1] / (sums[0] + sums[1])
-    if near.size and distant.size:
+    if sums[0] > 0 and sums[1] > 0:
         share = min(max(share, _FEWEST), _MOST)
     scales = [
         (kept / total if total > 0 else 0.0) / largest for kept, total in zip((1 - share, share), sums, strict=True)

@@ -6,11 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.scene.accel import Intersector
-from plenoptic.scene.passing import geometry
+from plenoptic.scene.passing import NESTED, geometry
 from plenoptic.scene.tables import SceneTables
 
-_SURFACE, _DRAWN = 16, 7
-"""Numbers that kernels know of a surface and of a light that was drawn: `_surfaces.WIDTH`, `_lights.WIDTH`."""
+_SURFACE, _DRAWN, _DIMENSIONS = 16, 7, 4
+"""Numbers that kernels know of a surface and of a light that was drawn, and of a Sobol point: `_surfaces.WIDTH`,
+`_lights.WIDTH`, `_sobol.DIMENSIONS`."""
 
 
 class PathRays:
@@ -22,7 +23,7 @@ class PathRays:
         weighed = onward or scene.absorption is not None
         self.throughput = np.empty((most, channels)) if weighed else None
         self.density = np.empty(most) if onward else None
-        self.medium = None if scene.absorption is None else np.empty(most, dtype=np.int32)
+        self.media = None if scene.absorption is None else np.empty((most, NESTED), dtype=np.int32)
         self.rough = np.empty(most, dtype=np.uint8) if telling else None
 
 
@@ -46,6 +47,7 @@ class MetSurfaces:
         self.rows = np.empty((most, _SURFACE))
         self.base = np.empty((most, channels))
         self.keys, self.indices = np.empty(most, dtype=np.uint64), np.empty(most, dtype=np.uint32)
+        self.random = np.empty((_DIMENSIONS, most))
         self._lanes, self._materials = np.empty(most, dtype=np.int64), np.empty(most, dtype=np.int64)
         self.lane_of, self.material_of = self._lanes[:0], self._materials[:0]
         room = most if lights else 0
@@ -62,6 +64,7 @@ class MetSurfaces:
         waves: NDArray[np.int64] | None,
     ) -> None:
         """Find out what the surfaces are like that rays meet."""
+        from plenoptic import _sobol
         from plenoptic.scene import _colours, _surfaces
 
         scene, matrices = self._scene, self._intersector.placements
@@ -90,6 +93,7 @@ class MetSurfaces:
             scene.metallic,
         )
         self.lane_of, self.material_of = lanes, materials = self._lanes[:met], self._materials[:met]
+        _sobol.fill_drawn(self.random, self.keys, self.indices, met)
         _colours.fill_base(self.base, lanes, materials, now.path_of, scene.albedo, waves, self._basis)
         textures = (scene.base_texture, scene.roughness_texture, scene.metallic_texture)
         if any(column is not None for column in textures):
@@ -136,8 +140,7 @@ class MetSurfaces:
             self.material_of,
             scene.takes_light,
             now.path_of,
-            self.keys,
-            self.indices,
+            self.random,
             *geometry(scene, self._intersector),
             scene.channels,
             scene.emission,
@@ -172,13 +175,12 @@ class MetSurfaces:
 
             _media.fill_dimmed_lights(
                 self.lit,
-                now.medium,
+                now.media,
                 self.drawn,
                 self.rows,
                 self.lane_of,
                 self.material_of,
                 now.path_of,
-                scene.bsdf.glass_index,
                 scene.absorption,
                 waves,
                 self._basis,

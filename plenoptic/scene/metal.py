@@ -12,6 +12,7 @@ from plenoptic.scene.colour import Colour, as_colour
 
 Index: TypeAlias = complex | tuple[complex, complex, complex]
 
+_LARGEST = 1e6
 SMOOTH = 1e-4
 """Below this width of the distribution of normals a surface reflects as if it were perfectly smooth."""
 
@@ -84,6 +85,6 @@ def _as_index(index: Any) -> Index:
     if parts.shape not in ((), (3,)):
         raise InvalidValueError(f"index is {index!r}; it must be one complex number n + k j, or one each for r, g, b")
     listed = [complex(part) for part in parts.ravel()]
-    if not all(0 < part.real < np.inf and 0 <= part.imag < np.inf for part in listed):
-        raise SceneError(f"index is {index!r}; it must have a finite n above 0 and a finite k of 0 or more")
+    if not all(0 < part.real <= _LARGEST and 0 <= part.imag <= _LARGEST for part in listed):
+        raise SceneError(f"index is {index!r}; it must have n above 0 and k of 0 or more, both at most {_LARGEST:g}")
     return listed[0] if parts.shape == () else (listed[0], listed[1], listed[2])

@@ -46,7 +46,8 @@ class MetallicRoughness:
     -----
     Khronos, glTF 2.0 specification, appendix B. There, base and layer together can reflect more than all at grazing
     angles. Here the base is darkened by what the layer reflects on the way in and out (Cs. Kelemen and
-    L. Szirmay-Kalos, Eurographics 2001), so that a white base reflects exactly all.
+    L. Szirmay-Kalos, Eurographics 2001), so that a white base reflects all: to 0.2 % up to 87 degrees from the normal,
+    to 1 % beyond.
 
     Examples
     --------

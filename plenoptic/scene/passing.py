@@ -11,6 +11,9 @@ from plenoptic.scene.tables import SceneTables
 SALTS = 1 << 10
 """Surfaces that one path can meet without being stopped, until random numbers repeat."""
 
+NESTED = 4
+"""Bodies of glass, one in the other, that a path knows it is in."""
+
 
 def pass_through(
     scene: SceneTables,
@@ -82,32 +85,42 @@ def thin_out(
         _meet_again(intersector, hits, placed, rays, which)
 
 
-def medium_at(scene: SceneTables, intersector: Intersector, point: NDArray[np.float64]) -> int:
-    """Material of the body of glass that a point is in, -1 in none.
+def media_at(scene: SceneTables, intersector: Intersector, point: NDArray[np.float64]) -> NDArray[np.int32]:
+    """(NESTED,): materials of the bodies of glass that a point is in, the outermost first; -1 behind the last.
 
-    That is the first body whose surface a ray from there meets from behind.
+    Those are the bodies that a ray from there leaves without having entered them.
     """
     from plenoptic.scene import _surfaces
 
+    media = np.full(NESTED, -1, dtype=np.int32)
     glass = scene.bsdf.glass_index
     if glass is None or scene.triangle_material is None:
-        return -1
+        return media
     # A direction that no mesh has edges along.
     ray = np.array([[*point, 0.36, 0.48, 0.8]])
     hits, reached = np.empty(1, np.int32), np.empty(1)
     placed = None if scene.instances is None else np.empty(1, np.int32)
     corners = (scene.vertices, scene.triangles, intersector.placements)
+    entered: list[int] = []
+    left: list[int] = []
     for _ in range(SALTS):
         intersector.fill_closest(hits, ray, coherent=False, placed=placed)
         if hits[0] < 0:
-            return -1
+            break
         material = int(scene.triangle_material[hits[0]])
         if glass[material, 0] > 0:
-            return material if _surfaces.behind(ray[0], hits[0], -1 if placed is None else placed[0], *corners) else -1
+            if not _surfaces.behind(ray[0], hits[0], -1 if placed is None else placed[0], *corners):
+                entered.append(material)
+            elif material in entered:
+                entered.remove(material)
+            else:
+                left.append(material)
         _surfaces.fill_distances(reached, hits, placed, ray, *corners)
-        step = max(float(reached[0]), 0.0)
+        step = float(reached[0]) if np.isfinite(reached[0]) else 0.0
         ray[0, :3] += (step + 1e-5 * (step + np.abs(ray[0, :3]).max())) * ray[0, 3:]
-    return -1
+    outermost_first = left[::-1][:NESTED]
+    media[: len(outermost_first)] = outermost_first
+    return media
 
 
 def geometry(scene: SceneTables, intersector: Intersector):  # type: ignore[no-untyped-def]

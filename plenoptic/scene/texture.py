@@ -114,6 +114,8 @@ class Texture:
         ) -> None: ...
 
     def __post_init__(self) -> None:
+        if isinstance(self.texels, str | PathLike):
+            raise InvalidValueError(f"texels are {self.texels!r}; use Texture.load for files")
         if isinstance(self.texels, np.ndarray):
             if self.texels.dtype.kind in "iub":
                 raise InvalidValueError(

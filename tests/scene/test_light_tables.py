@@ -41,7 +41,10 @@ emitters = st.lists(
 @settings(max_examples=50, deadline=None)
 @given(emitters)
 def test_triangles_are_drawn_by_the_power_they_emit(kinds):
-    meshes = [square(pl.Emissive(radiance, two_sided)).scaled(size) for radiance, two_sided, size in kinds]
+    meshes = [
+        square(pl.Emissive(radiance, two_sided)).scaled(size).translated(z=k)
+        for k, (radiance, two_sided, size) in enumerate(kinds)
+    ]
     lights = lights_of(meshes)
     # By hand: two triangles of area 2 size^2 each; the floor has rows 0 and 1.
     power = np.array([np.mean(r) * 2 * s**2 * (2 if both else 1) for r, both, s in kinds for _ in range(2)])
@@ -99,7 +102,8 @@ def test_triangles_without_area_can_be_met_but_are_no_lights():
 
 @pytest.mark.parametrize("brightest", [1e300, 1e308])
 def test_extreme_radiances_give_finite_probabilities(brightest):
-    lights = lights_of([square(pl.Emissive(brightest)), square(pl.Emissive(brightest, two_sided=True))])
+    back = square(pl.Emissive(brightest, two_sided=True)).translated(z=-1)
+    lights = lights_of([square(pl.Emissive(brightest)), back])
     np.testing.assert_allclose(shares(lights), [1 / 6, 1 / 6, 1 / 3, 1 / 3])
     assert np.isfinite(lights.material_density).all()
 
