@@ -140,15 +140,6 @@ def fill_points(points, seed, pixel, replicate, set_number):
             points[i, dimension] = sample(j, dimension, key)
 
 
-@kernel
-def fill_drawn(points, keys, indices, n):
-    """Points (4, n) of the sets that keys name; a loop of its own, which the compiler turns into vector instructions."""
-    for dimension in range(DIMENSIONS):
-        row = points[dimension]
-        for i in range(n):
-            row[i] = sample(indices[i], dimension, keys[i])
-
-
 @device
 def set_key(key, set_number):
     """Key of set 0 (the camera) or of a later one (bounce 1, 2, ...)."""
@@ -159,3 +150,17 @@ def set_key(key, set_number):
 def set_index(index, key, set_number):
     """Later sets take their points in another order, so that sets do not correlate."""
     return np.uint32(index) if set_number == 0 else shuffled(index, np.uint32(mix(key, np.uint64(77))))
+
+
+@kernel
+def fill_drawn(points, keys, indices, lane_of, path_of, path_key, path_index, set_number):
+    """Keys, indices and points (4, n) of a set for lanes of paths: loops of their own become vector instructions."""
+    n = lane_of.size
+    for i in range(n):
+        path = path_of[lane_of[i]]
+        keys[i] = set_key(path_key[path], set_number)
+        indices[i] = set_index(path_index[path], keys[i], set_number)
+    for dimension in range(DIMENSIONS):
+        row = points[dimension]
+        for i in range(n):
+            row[i] = sample(indices[i], dimension, keys[i])

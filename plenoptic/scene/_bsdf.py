@@ -25,6 +25,14 @@ PLASTIC = 0.04
 
 
 @device
+def row_channel(colours, k, c, basis, wave):
+    """Channel c of row k of colours of the scene, as `one_channel` sees it."""
+    if basis is None or colours.shape[1] == 1:
+        return colours[k, c]
+    return colours[k, 0] * basis[wave, 0] + colours[k, 1] * basis[wave, 1] + colours[k, 2] * basis[wave, 2]
+
+
+@device
 def one_channel(colour, c, basis, wave):
     """Channel c of a colour of the scene or, with a basis (wavelengths, 3), what the colour is at a wavelength."""
     if basis is None or colour.size == 1:
@@ -33,23 +41,30 @@ def one_channel(colour, c, basis, wave):
 
 
 @device
-def _metal_reflectance(f, base, cosine, metal_index, material, basis, wave):
+def _metal_reflectance(f, base, i, cosine, metal_index, material, basis, wave):
     """Fill f with the reflectance of small mirrors."""
     for c in range(f.size):
-        f[c] = base[c]
+        f[c] = base[i, c]
     if metal_index is None:
         return
-    index = metal_index[material]
-    if index[0, 0] > 0.0:
-        if basis is None or index.shape[0] == 1:
+    if metal_index[material, 0, 0] > 0.0:
+        channels = metal_index.shape[1]
+        if basis is None or channels == 1:
             for c in range(f.size):
-                k = min(c, index.shape[0] - 1)
-                f[c] *= conductor(cosine, index[k, 0], index[k, 1])
+                k = min(c, channels - 1)
+                f[c] *= conductor(cosine, metal_index[material, k, 0], metal_index[material, k, 1])
         else:
             lifted = 0.0
             for k in range(3):
-                lifted += basis[wave, k] * conductor(cosine, index[k, 0], index[k, 1])
+                lifted += basis[wave, k] * conductor(cosine, metal_index[material, k, 0], metal_index[material, k, 1])
             f[0] *= lifted
+
+
+@device
+def _relative_index(glass_index, material, front):
+    """Index behind the surface over that on the viewer's side."""
+    inside, outside = glass_index[material, 0], glass_index[material, 1]
+    return inside / outside if front else outside / inside
 
 
 @device
@@ -75,11 +90,11 @@ def _mean_row(coupling_mean, roughness):
 
 
 @device
-def _layer_share(base, metallic, oz, inward):
+def _layer_share(base, i, metallic, oz, inward):
     """Probability of drawing the layer of a LAYERED material, not what is below."""
     largest = 0.0
-    for c in range(base.size):
-        largest = max(largest, base[c])
+    for c in range(base.shape[1]):
+        largest = max(largest, base[i, c])
     below = (1.0 - metallic) * largest * inward
     if not below > 0.0:
         return 1.0
@@ -92,6 +107,7 @@ def evaluate(
     f,
     kind,
     base,
+    i,
     roughness,
     metallic,
     front,
@@ -117,11 +133,11 @@ def evaluate(
             return 0.0
         if kind == LAMBERTIAN:
             for c in range(f.size):
-                f[c] = base[c] * (iz * _OVER_PI)
+                f[c] = base[i, c] * (iz * _OVER_PI)
         else:
             single, multiple, mean = groove_terms(ox, oy, oz, ix, iy, iz, roughness)
             for c in range(f.size):
-                f[c] = (base[c] * single + groove_albedo(base[c], mean) * multiple) * (iz * _OVER_PI)
+                f[c] = (base[i, c] * single + groove_albedo(base[i, c], mean) * multiple) * (iz * _OVER_PI)
         return iz * _OVER_PI
     if metal_index is not None and kind == METAL:
         if iz <= 0.0 or roughness < SMOOTH:
@@ -129,7 +145,7 @@ def evaluate(
         cosine, d = _half_way(ox, oy, oz, ix, iy, iz, roughness)
         if not d > 0.0:
             return 0.0
-        _metal_reflectance(f, base, cosine, metal_index, material, basis, wave)
+        _metal_reflectance(f, base, i, cosine, metal_index, material, basis, wave)
         hidden_o, hidden_i = hidden(ox, oy, oz, roughness), hidden(ix, iy, iz, roughness)
         seen = d / (4.0 * oz * (1.0 + hidden_o + hidden_i))
         for c in range(f.size):
@@ -138,7 +154,9 @@ def evaluate(
     if glass_index is not None and kind == GLASS:
         if roughness < SMOOTH:
             return 0.0
-        return _evaluate_rough_glass(f, base, roughness, front, glass_index[material], ox, oy, oz, ix, iy, iz)
+        return _evaluate_rough_glass(
+            f, base, i, roughness, _relative_index(glass_index, material, front), ox, oy, oz, ix, iy, iz
+        )
     if coupling is not None and kind == LAYERED:
         if iz <= 0.0:
             return 0.0
@@ -149,9 +167,9 @@ def evaluate(
         below = (1.0 - metallic) * inward * layer_albedo(coupling, iz, roughness) / _mean_row(coupling_mean, roughness)
         above = d / (4.0 * oz * (1.0 + hidden_o + hidden_i))
         for c in range(f.size):
-            normal = PLASTIC + metallic * (base[c] - PLASTIC)
-            f[c] = schlick(normal, cosine) * above + base[c] * below * (iz * _OVER_PI)
-        share = _layer_share(base, metallic, oz, inward)
+            normal = PLASTIC + metallic * (base[i, c] - PLASTIC)
+            f[c] = schlick(normal, cosine) * above + base[i, c] * below * (iz * _OVER_PI)
+        share = _layer_share(base, i, metallic, oz, inward)
         return share * d / (4.0 * oz * (1.0 + hidden_o)) + (1.0 - share) * iz * _OVER_PI
     return 0.0
 
@@ -169,9 +187,8 @@ def _half_way(ox, oy, oz, ix, iy, iz, alpha):
 
 
 @device
-def _evaluate_rough_glass(f, base, alpha, front, indices, ox, oy, oz, ix, iy, iz):
+def _evaluate_rough_glass(f, base, i, alpha, eta, ox, oy, oz, ix, iy, iz):
     """Reflected or refracted by small facets; the change of radiance between media is left to the caller."""
-    eta = indices[0] / indices[1] if front else indices[1] / indices[0]
     if iz == 0.0:
         return 0.0
     reflected = iz > 0.0
@@ -199,7 +216,7 @@ def _evaluate_rough_glass(f, base, alpha, front, indices, ox, oy, oz, ix, iy, iz
         density = (1.0 - share) * d * at_o / (oz * (1.0 + hidden_o)) * jacobian
         value = density / (1.0 + hidden_i)
     for c in range(f.size):
-        f[c] = base[c] * value
+        f[c] = base[i, c] * value
     return density
 
 
@@ -208,6 +225,7 @@ def draw(
     f,
     kind,
     base,
+    i,
     roughness,
     metallic,
     front,
@@ -232,7 +250,7 @@ def draw(
     into another medium (1 otherwise), by which radiance is to be multiplied besides.
     """
     if glass_index is not None and kind == GLASS:
-        return _draw_glass(f, base, roughness, front, glass_index[material], ox, oy, oz, u, v, w)
+        return _draw_glass(f, base, i, roughness, _relative_index(glass_index, material, front), ox, oy, oz, u, v, w)
     if pane_index is not None and kind == PANE:
         once, _ = dielectric(min(oz, 1.0), pane_index[material])
         if u < 2.0 * once / (1.0 + once):
@@ -240,23 +258,23 @@ def draw(
                 f[c] = 1.0
             return -ox, -oy, oz, EXACT, 1.0
         for c in range(f.size):
-            f[c] = base[c]
+            f[c] = base[i, c]
         return -ox, -oy, -oz, EXACT, 1.0
     if metal_index is not None and kind == METAL:
         if roughness < SMOOTH:
-            _metal_reflectance(f, base, oz, metal_index, material, basis, wave)
+            _metal_reflectance(f, base, i, oz, metal_index, material, basis, wave)
             return -ox, -oy, oz, EXACT, 1.0
         ix, iy, iz, cosine, density = _draw_reflected(ox, oy, oz, roughness, u, v)
         if not iz > 0.0:
             return 0.0, 0.0, 1.0, 0.0, 1.0
         hidden_o, hidden_i = hidden(ox, oy, oz, roughness), hidden(ix, iy, iz, roughness)
-        _metal_reflectance(f, base, cosine, metal_index, material, basis, wave)
+        _metal_reflectance(f, base, i, cosine, metal_index, material, basis, wave)
         seen = (1.0 + hidden_o) / (1.0 + hidden_o + hidden_i)
         for c in range(f.size):
             f[c] *= seen
         return ix, iy, iz, density, 1.0
     if coupling is not None and kind == LAYERED:
-        share = _layer_share(base, metallic, oz, layer_albedo(coupling, oz, roughness))
+        share = _layer_share(base, i, metallic, oz, layer_albedo(coupling, oz, roughness))
         if u < share:
             ix, iy, iz, _, _ = _draw_reflected(ox, oy, oz, max(roughness * roughness, 1e-3), u / share, v)
         else:
@@ -267,6 +285,7 @@ def draw(
             f,
             kind,
             base,
+            i,
             roughness,
             metallic,
             front,
@@ -291,10 +310,10 @@ def draw(
     if kind == GROOVES:
         single, multiple, mean = groove_terms(ox, oy, oz, ix, iy, iz, roughness)
         for c in range(f.size):
-            f[c] = base[c] * single + groove_albedo(base[c], mean) * multiple
+            f[c] = base[i, c] * single + groove_albedo(base[i, c], mean) * multiple
     else:
         for c in range(f.size):
-            f[c] = base[c]
+            f[c] = base[i, c]
     return ix, iy, iz, iz * _OVER_PI, 1.0
 
 
@@ -316,11 +335,10 @@ def _draw_reflected(ox, oy, oz, alpha, u, v):
 
 
 @device
-def _draw_glass(f, base, alpha, front, indices, ox, oy, oz, u, v, w):
+def _draw_glass(f, base, i, alpha, eta, ox, oy, oz, u, v, w):
     """Reflect or refract at the surface, or at a facet of it that is seen."""
-    eta = indices[0] / indices[1] if front else indices[1] / indices[0]
     for c in range(f.size):
-        f[c] = base[c]
+        f[c] = base[i, c]
     rough = alpha >= SMOOTH
     hx, hy, hz = 0.0, 0.0, 1.0
     lot = u

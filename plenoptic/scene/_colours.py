@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from plenoptic._jit import device, kernel
-from plenoptic.scene._bsdf import one_channel
+from plenoptic.scene._bsdf import one_channel, row_channel
 from plenoptic.scene._hit import corners, interpolated_uv
 from plenoptic.scene._textures import fill_texel
 
@@ -23,7 +23,7 @@ def fill_base(base, lane_of, material_of, path_of, albedo, waves, basis):
     for i in range(material_of.size):
         wave = wave_of(waves, path_of[lane_of[i]])
         for c in range(base.shape[1]):
-            base[i, c] = one_channel(albedo[material_of[i]], c, basis, wave)
+            base[i, c] = row_channel(albedo, material_of[i], c, basis, wave)
 
 
 @kernel
@@ -46,24 +46,23 @@ def fill_textured(
     texel, share = np.empty(channels), np.empty(1)
     for i in range(material_of.size):
         material = material_of[i]
-        row = surface[i]
         if base_texture is not None:
             texture = base_texture[material]
             if texture >= 0:
-                fill_texel(texel, texels, texture_rows[texture], row[14], row[15])
+                fill_texel(texel, texels, texture_rows[texture], surface[i, 14], surface[i, 15])
                 wave = wave_of(waves, path_of[lane_of[i]])
                 for c in range(base.shape[1]):
                     base[i, c] = one_channel(texel, c, basis, wave)
         if roughness_texture is not None:
             texture = roughness_texture[material]
             if texture >= 0:
-                fill_texel(share, texels, texture_rows[texture], row[14], row[15])
-                row[12] = share[0]
+                fill_texel(share, texels, texture_rows[texture], surface[i, 14], surface[i, 15])
+                surface[i, 12] = share[0]
         if metallic_texture is not None:
             texture = metallic_texture[material]
             if texture >= 0:
-                fill_texel(share, texels, texture_rows[texture], row[14], row[15])
-                row[13] = share[0]
+                fill_texel(share, texels, texture_rows[texture], surface[i, 14], surface[i, 15])
+                surface[i, 13] = share[0]
 
 
 @kernel

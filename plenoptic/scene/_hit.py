@@ -27,8 +27,11 @@ def corners(vertices, triangles, k, matrices, place):
     `place` is the row of `matrices` (n, 13) that brings the triangle into the world, -1 where it is there already;
     `matrices` is None in scenes without instances.
     """
-    a, b, c = vertices[triangles[k, 0]], vertices[triangles[k, 1]], vertices[triangles[k, 2]]
-    ax, ay, az, bx, by, bz, cx, cy, cz = a[0], a[1], a[2], b[0], b[1], b[2], c[0], c[1], c[2]
+    # Rows are not taken out of arrays: a view costs two atomic counts of references.
+    i, j, k = triangles[k, 0], triangles[k, 1], triangles[k, 2]
+    ax, ay, az = vertices[i, 0], vertices[i, 1], vertices[i, 2]
+    bx, by, bz = vertices[j, 0], vertices[j, 1], vertices[j, 2]
+    cx, cy, cz = vertices[k, 0], vertices[k, 1], vertices[k, 2]
     if matrices is not None:
         if place >= 0:
             m = matrices[place]
@@ -58,17 +61,18 @@ def moved(m, x, y, z):
 
 
 @device
-def meet(ray, ax, ay, az, bx, by, bz, cx, cy, cz):
-    """Distance along the ray to the plane of a triangle, two barycentric coordinates there, and its normal.
+def meet(rays, i, ax, ay, az, bx, by, bz, cx, cy, cz):
+    """Distance along ray i to the plane of a triangle, two barycentric coordinates there, and its normal.
 
     The normal is not normalised. All in float64 from the float64 vertices; a triangle without area gives NaN.
     """
     e1x, e1y, e1z = bx - ax, by - ay, bz - az
     e2x, e2y, e2z = cx - ax, cy - ay, cz - az
     nx, ny, nz = e1y * e2z - e1z * e2y, e1z * e2x - e1x * e2z, e1x * e2y - e1y * e2x
-    ox, oy, oz = ray[0] - ax, ray[1] - ay, ray[2] - az
-    t = -(nx * ox + ny * oy + nz * oz) / (nx * ray[3] + ny * ray[4] + nz * ray[5])
-    px, py, pz = ox + t * ray[3], oy + t * ray[4], oz + t * ray[5]
+    ox, oy, oz = rays[i, 0] - ax, rays[i, 1] - ay, rays[i, 2] - az
+    dx, dy, dz = rays[i, 3], rays[i, 4], rays[i, 5]
+    t = -(nx * ox + ny * oy + nz * oz) / (nx * dx + ny * dy + nz * dz)
+    px, py, pz = ox + t * dx, oy + t * dy, oz + t * dz
     over = 1.0 / (nx * nx + ny * ny + nz * nz)
     u = (nx * (py * e2z - pz * e2y) + ny * (pz * e2x - px * e2z) + nz * (px * e2y - py * e2x)) * over
     v = (nx * (e1y * pz - e1z * py) + ny * (e1z * px - e1x * pz) + nz * (e1x * py - e1y * px)) * over
@@ -100,11 +104,11 @@ def clearance(px, py, pz, nx, ny, nz, ax, ay, az, bx, by, bz, cx, cy, cz, middle
 @device
 def interpolated_normal(normals, triangles, k, u, v):
     """Vertex normals in between, of unit length; zeros where the triangle has none."""
-    a, b, c = normals[triangles[k, 0]], normals[triangles[k, 1]], normals[triangles[k, 2]]
+    i, j, k = triangles[k, 0], triangles[k, 1], triangles[k, 2]
     w = 1.0 - u - v
-    x = w * a[0] + u * b[0] + v * c[0]
-    y = w * a[1] + u * b[1] + v * c[1]
-    z = w * a[2] + u * b[2] + v * c[2]
+    x = w * normals[i, 0] + u * normals[j, 0] + v * normals[k, 0]
+    y = w * normals[i, 1] + u * normals[j, 1] + v * normals[k, 1]
+    z = w * normals[i, 2] + u * normals[j, 2] + v * normals[k, 2]
     length = math.sqrt(x * x + y * y + z * z)
     if not length > 0.0:
         return 0.0, 0.0, 0.0
@@ -115,6 +119,6 @@ def interpolated_normal(normals, triangles, k, u, v):
 @device
 def interpolated_uv(uv, triangles, k, u, v):
     """Texture coordinates in between."""
-    a, b, c = uv[triangles[k, 0]], uv[triangles[k, 1]], uv[triangles[k, 2]]
+    i, j, k = triangles[k, 0], triangles[k, 1], triangles[k, 2]
     w = 1.0 - u - v
-    return w * a[0] + u * b[0] + v * c[0], w * a[1] + u * b[1] + v * c[1]
+    return w * uv[i, 0] + u * uv[j, 0] + v * uv[k, 0], w * uv[i, 1] + u * uv[j, 1] + v * uv[k, 1]

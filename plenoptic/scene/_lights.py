@@ -49,8 +49,8 @@ def spot_share(sx, sy, sz, wx, wy, wz, cos_outer, cos_inner):
 
 
 @device
-def _to_triangle(out, px, py, pz, u, v, k, place, shines_back, density, vertices, triangles, matrices, middle):
-    """Fill `out` for a point drawn on a triangle; 1 / density per steradian, 0 where it shines away, and the point."""
+def _to_triangle(drawn, i, px, py, pz, u, v, k, place, shines_back, density, vertices, triangles, matrices, middle):
+    """Fill row i of `drawn` for a point of a triangle; 1 / density per sr, 0 where it shines away, and the point."""
     ax, ay, az, bx, by, bz, cx, cy, cz = corners(vertices, triangles, k, matrices, place)
     # Uniform over the triangle.
     root = math.sqrt(u)
@@ -75,31 +75,31 @@ def _to_triangle(out, px, py, pz, u, v, k, place, shines_back, density, vertices
     hx, hy, hz = hx * over_area, hy * over_area, hz * over_area
     reach = reach_of(matrices, place)
     off = clearance(lx, ly, lz, hx, hy, hz, ax, ay, az, bx, by, bz, cx, cy, cz, middle, reach)
-    out[0], out[1], out[2] = wx * over_r, wy * over_r, wz * over_r
-    out[3], out[4], out[5] = lx + off * hx, ly + off * hy, lz + off * hz
-    out[6] = density * r2 / abs(at_light)
-    return 1.0 / out[6], s, t
+    drawn[i, 0], drawn[i, 1], drawn[i, 2] = wx * over_r, wy * over_r, wz * over_r
+    drawn[i, 3], drawn[i, 4], drawn[i, 5] = lx + off * hx, ly + off * hy, lz + off * hz
+    drawn[i, 6] = density * r2 / abs(at_light)
+    return 1.0 / drawn[i, 6], s, t
 
 
 @device
-def _to_point(out, px, py, pz, lamp):
-    """Fill `out` for a point light; what it sends here of its intensity, over the squared distance."""
+def _to_point(drawn, i, px, py, pz, lamp):
+    """Fill row i of `drawn` for a point light; what it sends here of its intensity, over the squared distance."""
     wx, wy, wz = lamp[0] - px, lamp[1] - py, lamp[2] - pz
     r2 = wx * wx + wy * wy + wz * wz
     if not r2 > 0.0:
         return 0.0
     r = math.sqrt(r2)
     wx, wy, wz = wx / r, wy / r, wz / r
-    out[0], out[1], out[2], out[3], out[4], out[5] = wx, wy, wz, lamp[0], lamp[1], lamp[2]
-    out[6] = ALONE
+    drawn[i, 0], drawn[i, 1], drawn[i, 2], drawn[i, 3], drawn[i, 4], drawn[i, 5] = wx, wy, wz, lamp[0], lamp[1], lamp[2]
+    drawn[i, 6] = ALONE
     return spot_share(lamp[3], lamp[4], lamp[5], wx, wy, wz, lamp[6], lamp[7]) / r2
 
 
 @device
-def _to_sun(out, px, py, pz, u, v, sun, far):
-    """Fill `out` for a direction drawn uniformly over a sun's disc; 1 / density, or 1 / probability without a disc."""
+def _to_sun(drawn, i, px, py, pz, u, v, sun, far):
+    """Fill row i of `drawn` for a direction of a sun's disc; 1 / density, or 1 / probability without a disc."""
     wx, wy, wz = sun[0], sun[1], sun[2]
-    out[6] = ALONE
+    drawn[i, 6] = ALONE
     value = 1.0 / sun[4]
     if sun[3] > 0.0:
         # sun[3] is 1 - cosine of the angular radius.
@@ -109,17 +109,17 @@ def _to_sun(out, px, py, pz, u, v, sun, far):
         a, b, up = low * c, low * s, 1.0 - high
         x1, y1, z1, x2, y2, z2 = across(wx, wy, wz)
         wx, wy, wz = up * wx + a * x1 + b * x2, up * wy + a * y1 + b * y2, up * wz + a * z1 + b * z2
-        out[6] = sun[4] / (2.0 * math.pi * sun[3])
-        value = 1.0 / out[6]
-    _send_far(out, px, py, pz, wx, wy, wz, far)
+        drawn[i, 6] = sun[4] / (2.0 * math.pi * sun[3])
+        value = 1.0 / drawn[i, 6]
+    _send_far(drawn, i, px, py, pz, wx, wy, wz, far)
     return value
 
 
 @device
-def _send_far(out, px, py, pz, wx, wy, wz, far):
+def _send_far(drawn, i, px, py, pz, wx, wy, wz, far):
     """A direction, and an end of its shadow ray beyond the scene."""
-    out[0], out[1], out[2] = wx, wy, wz
-    out[3], out[4], out[5] = px + far * wx, py + far * wy, pz + far * wz
+    drawn[i, 0], drawn[i, 1], drawn[i, 2] = wx, wy, wz
+    drawn[i, 3], drawn[i, 4], drawn[i, 5] = px + far * wx, py + far * wy, pz + far * wz
 
 
 @kernel
@@ -166,7 +166,7 @@ def fill_drawn_lights(
     waves,
     basis,
 ):
-    """Draw one light for each surface by rows 0 and 1 of `random`; `lit` is its radiance over the density by which it was drawn.
+    """Draw one light for each surface by rows 0 and 1 of `random`; `lit` is its radiance over its density.
 
     0 where the light shines the other way, or where the material takes no light that is drawn directly. For lights from
     one direction only, `lit` is their irradiance over the probability, and the density ALONE. `light_kind` and what
@@ -178,11 +178,10 @@ def fill_drawn_lights(
             lit[i, c] = 0.0
         if takes_light[material_of[i]] == 0:
             continue
-        row, out = surface[i], drawn[i]
         path = path_of[lane_of[i]]
         light, u = choose(light_cdf, random[0, i])
         v = random[1, i]
-        px, py, pz = row[0], row[1], row[2]
+        px, py, pz = surface[i, 0], surface[i, 1], surface[i, 2]
         kind = TRIANGLE if light_kind is None else light_kind[light]
         value = 0.0
         if emission is not None and kind == TRIANGLE:
@@ -192,7 +191,7 @@ def fill_drawn_lights(
             shines_back = two_sided[source] != 0
             density = material_density[source]
             value, s, t = _to_triangle(
-                out, px, py, pz, u, v, k, place, shines_back, density, vertices, triangles, matrices, middle
+                drawn, i, px, py, pz, u, v, k, place, shines_back, density, vertices, triangles, matrices, middle
             )
             for c in range(colour.size):
                 colour[c] = emission[source, c]
@@ -208,18 +207,18 @@ def fill_drawn_lights(
                     )
         if points is not None and kind == POINT:
             chance = light_cdf[light] - (light_cdf[light - 1] if light > 0 else 0.0)
-            value = _to_point(out, px, py, pz, points[light_row[light]]) / chance
+            value = _to_point(drawn, i, px, py, pz, points[light_row[light]]) / chance
             for c in range(colour.size):
                 colour[c] = point_colours[light_row[light], c]
         if suns is not None and kind == SUN:
-            value = _to_sun(out, px, py, pz, u, v, suns[light_row[light]], far)
+            value = _to_sun(drawn, i, px, py, pz, u, v, suns[light_row[light]], far)
             for c in range(colour.size):
                 colour[c] = sun_colours[light_row[light], c]
         if environment_texels is not None and kind == ENVIRONMENT:
             wx, wy, wz, r0, c0 = draw_environment(u, v, environment_rows, environment_columns, environment_rotation)
-            _send_far(out, px, py, pz, wx, wy, wz, far)
-            out[6] = environment_share * environment_densities[r0, c0]
-            value = 1.0 / out[6] if out[6] > 0.0 else 0.0
+            _send_far(drawn, i, px, py, pz, wx, wy, wz, far)
+            drawn[i, 6] = environment_share * environment_densities[r0, c0]
+            value = 1.0 / drawn[i, 6] if drawn[i, 6] > 0.0 else 0.0
             for c in range(colour.size):
                 colour[c] = environment_texels[r0, c0, c]
         if not value > 0.0:

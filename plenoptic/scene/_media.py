@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from plenoptic._jit import device, kernel
-from plenoptic.scene._bsdf import one_channel
+from plenoptic.scene._bsdf import row_channel
 from plenoptic.scene._colours import wave_of
 from plenoptic.scene._hit import corners, meet
 from plenoptic.scene._surfaces import mirrors
@@ -43,9 +43,8 @@ def fill_absorbed(
         if k < 0:
             continue
         place = -1 if placed is None else placed[i]
-        ray = rays[i]
-        t, _, _, nx, ny, nz = meet(ray, *corners(vertices, triangles, k, matrices, place))
-        behind = nx * ray[3] + ny * ray[4] + nz * ray[5] > 0.0
+        t, _, _, nx, ny, nz = meet(rays, i, *corners(vertices, triangles, k, matrices, place))
+        behind = nx * rays[i, 3] + ny * rays[i, 4] + nz * rays[i, 5] > 0.0
         if matrices is not None:
             if place >= 0 and mirrors(matrices[place]):
                 behind = not behind
@@ -59,7 +58,7 @@ def fill_absorbed(
             t += travelled[i]
         wave = wave_of(waves, path_of[i])
         for c in range(throughput.shape[1]):
-            throughput[i, c] *= math.exp(-t * one_channel(absorption[inside], c, basis, wave))
+            throughput[i, c] *= math.exp(-t * row_channel(absorption, inside, c, basis, wave))
 
 
 @device
@@ -141,4 +140,4 @@ def fill_dimmed_lights(lit, media, drawn, surface, lane_of, material_of, path_of
             way = math.sqrt(dx * dx + dy * dy + dz * dz)
             wave = wave_of(waves, path_of[lane_of[i]])
             for c in range(lit.shape[1]):
-                lit[i, c] *= math.exp(-way * one_channel(absorption[inside], c, basis, wave))
+                lit[i, c] *= math.exp(-way * row_channel(absorption, inside, c, basis, wave))

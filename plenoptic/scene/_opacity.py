@@ -52,9 +52,8 @@ def fill_passed(
         if not opacity[material] < 1.0:
             continue
         place = -1 if placed is None else placed[i]
-        ray = rays[i]
         ax, ay, az, bx, by, bz, cx, cy, cz = corners(vertices, triangles, k, matrices, place)
-        t, u, v, nx, ny, nz = meet(ray, ax, ay, az, bx, by, bz, cx, cy, cz)
+        t, u, v, nx, ny, nz = meet(rays, i, ax, ay, az, bx, by, bz, cx, cy, cz)
         if not t > 0.0:
             continue
         there = opacity_at(
@@ -67,8 +66,12 @@ def fill_passed(
             key = mix(mix(path_key[path_of[i]], _THERE + np.uint64(salt)), np.uint64(path_index[path_of[i]]))
             if np.float64(key >> np.uint64(11)) * _UNIT_53 < there:
                 continue
-        way = t + beyond(ray, t, nx, ny, nz, ax, ay, az, bx, by, bz, cx, cy, cz, middle, reach_of(matrices, place))
-        ray[0], ray[1], ray[2] = ray[0] + way * ray[3], ray[1] + way * ray[4], ray[2] + way * ray[5]
+        way = t + beyond(rays, i, t, nx, ny, nz, ax, ay, az, bx, by, bz, cx, cy, cz, middle, reach_of(matrices, place))
+        rays[i, 0], rays[i, 1], rays[i, 2] = (
+            rays[i, 0] + way * rays[i, 3],
+            rays[i, 1] + way * rays[i, 4],
+            rays[i, 2] + way * rays[i, 5],
+        )
         travelled[i] += way
         again[passed] = i
         passed += 1
@@ -76,14 +79,14 @@ def fill_passed(
 
 
 @device
-def beyond(ray, t, nx, ny, nz, ax, ay, az, bx, by, bz, cx, cy, cz, middle, reach):
+def beyond(rays, i, t, nx, ny, nz, ax, ay, az, bx, by, bz, cx, cy, cz, middle, reach):
     """How much farther along a ray it is behind the triangle that it meets at t, as float32 sees it."""
     length = np.sqrt(nx * nx + ny * ny + nz * nz)
     nx, ny, nz = nx / length, ny / length, nz / length
-    px, py, pz = ray[0] + t * ray[3], ray[1] + t * ray[4], ray[2] + t * ray[5]
+    px, py, pz = rays[i, 0] + t * rays[i, 3], rays[i, 1] + t * rays[i, 4], rays[i, 2] + t * rays[i, 5]
     off = clearance(px, py, pz, nx, ny, nz, ax, ay, az, bx, by, bz, cx, cy, cz, middle, reach)
-    speed = np.sqrt(ray[3] * ray[3] + ray[4] * ray[4] + ray[5] * ray[5])
-    slope = abs(nx * ray[3] + ny * ray[4] + nz * ray[5]) / speed
+    speed = np.sqrt(rays[i, 3] * rays[i, 3] + rays[i, 4] * rays[i, 4] + rays[i, 5] * rays[i, 5])
+    slope = abs(nx * rays[i, 3] + ny * rays[i, 4] + nz * rays[i, 5]) / speed
     # At grazing incidence the way through the gap is long, but never longer than a hundred times its width.
     return off / (max(slope, 0.01) * speed)
 
@@ -118,9 +121,8 @@ def fill_thinned(
         if k < 0:
             continue
         place = -1 if placed is None else placed[i]
-        ray = rays[i]
         ax, ay, az, bx, by, bz, cx, cy, cz = corners(vertices, triangles, k, matrices, place)
-        t, u, v, nx, ny, nz = meet(ray, ax, ay, az, bx, by, bz, cx, cy, cz)
+        t, u, v, nx, ny, nz = meet(rays, i, ax, ay, az, bx, by, bz, cx, cy, cz)
         if not t < SHADOW_END:
             continue
         material = triangle_material[k]
@@ -134,12 +136,16 @@ def fill_thinned(
             continue
         for c in range(shadow_radiance.shape[1]):
             shadow_radiance[i, c] *= 1.0 - there
-        way = t + beyond(ray, t, nx, ny, nz, ax, ay, az, bx, by, bz, cx, cy, cz, middle, reach_of(matrices, place))
+        way = t + beyond(rays, i, t, nx, ny, nz, ax, ay, az, bx, by, bz, cx, cy, cz, middle, reach_of(matrices, place))
         if not way < SHADOW_END:
             continue
         left = 1.0 - way
-        ray[0], ray[1], ray[2] = ray[0] + way * ray[3], ray[1] + way * ray[4], ray[2] + way * ray[5]
-        ray[3], ray[4], ray[5] = left * ray[3], left * ray[4], left * ray[5]
+        rays[i, 0], rays[i, 1], rays[i, 2] = (
+            rays[i, 0] + way * rays[i, 3],
+            rays[i, 1] + way * rays[i, 4],
+            rays[i, 2] + way * rays[i, 5],
+        )
+        rays[i, 3], rays[i, 4], rays[i, 5] = left * rays[i, 3], left * rays[i, 4], left * rays[i, 5]
         again[passed] = i
         passed += 1
     return passed

@@ -76,7 +76,6 @@ def fill_emitted(
         k = hits[i]
         path = path_of[i]
         drawn = EXACT if density is None else density[i]
-        ray = rays[i]
         if rough is not None:
             if rough[i] != 0 and drawn < 0.0:
                 continue
@@ -85,9 +84,9 @@ def fill_emitted(
                 continue
             fill_sky(
                 seen,
-                ray[3],
-                ray[4],
-                ray[5],
+                rays[i, 3],
+                rays[i, 4],
+                rays[i, 5],
                 drawn,
                 background,
                 suns,
@@ -108,8 +107,8 @@ def fill_emitted(
             if not brightest > 0.0:
                 continue
             place = -1 if placed is None else placed[i]
-            t, u, v, nx, ny, nz = meet(ray, *corners(vertices, triangles, k, matrices, place))
-            along = nx * ray[3] + ny * ray[4] + nz * ray[5]
+            t, u, v, nx, ny, nz = meet(rays, i, *corners(vertices, triangles, k, matrices, place))
+            along = nx * rays[i, 3] + ny * rays[i, 4] + nz * rays[i, 5]
             front = along < 0.0
             if matrices is not None:
                 if place >= 0 and mirrors(matrices[place]):
@@ -139,21 +138,21 @@ def _number(key, index, salt):
 
 
 @device
-def _seen(row, ray):
+def _seen(surface, i, rays, lane):
     """Two unit vectors across a surface's shading normal, and the direction to the viewer along them and it."""
-    nx, ny, nz = row[6], row[7], row[8]
+    nx, ny, nz = surface[i, 6], surface[i, 7], surface[i, 8]
     ax, ay, az, bx, by, bz = across(nx, ny, nz)
-    dx, dy, dz = -ray[3], -ray[4], -ray[5]
+    dx, dy, dz = -rays[lane, 3], -rays[lane, 4], -rays[lane, 5]
     along_a, along_b = dx * ax + dy * ay + dz * az, dx * bx + dy * by + dz * bz
     return ax, ay, az, bx, by, bz, along_a, along_b, dx * nx + dy * ny + dz * nz
 
 
 @device
-def _kind_of(kinds, material, row, waves, path):
+def _kind_of(kinds, material, surface, i, waves, path):
     """Kind, roughness, share of metal, whether the front is seen, and the wavelength; all Lambertian without kinds."""
     if kinds is None:
         return 0, 0.0, 0.0, True, wave_of(waves, path)
-    return kinds[material], row[12], row[13], row[11] > 0.0, wave_of(waves, path)
+    return kinds[material], surface[i, 12], surface[i, 13], surface[i, 11] > 0.0, wave_of(waves, path)
 
 
 @kernel
@@ -193,19 +192,24 @@ def fill_lit(
             bright = max(bright, lit[i, c])
         if not bright > 0.0:
             continue
-        row, light, material = surface[i], drawn[i], material_of[i]
+        material = material_of[i]
         path = path_of[lane_of[i]]
-        wx, wy, wz = light[0], light[1], light[2]
-        ax, ay, az, bx, by, bz, ox, oy, oz = _seen(row, rays[lane_of[i]])
-        ix, iy, iz = wx * ax + wy * ay + wz * az, wx * bx + wy * by + wz * bz, wx * row[6] + wy * row[7] + wz * row[8]
-        beyond = wx * row[3] + wy * row[4] + wz * row[5]
+        wx, wy, wz = drawn[i, 0], drawn[i, 1], drawn[i, 2]
+        ax, ay, az, bx, by, bz, ox, oy, oz = _seen(surface, i, rays, lane_of[i])
+        ix, iy, iz = (
+            wx * ax + wy * ay + wz * az,
+            wx * bx + wy * by + wz * bz,
+            wx * surface[i, 6] + wy * surface[i, 7] + wz * surface[i, 8],
+        )
+        beyond = wx * surface[i, 3] + wy * surface[i, 4] + wz * surface[i, 5]
         if not beyond * iz > 0.0:
             continue
-        kind, roughness, metallic, front, wave = _kind_of(kinds, material, row, waves, path)
+        kind, roughness, metallic, front, wave = _kind_of(kinds, material, surface, i, waves, path)
         chance = evaluate(
             f,
             kind,
-            base[i],
+            base,
+            i,
             roughness,
             metallic,
             front,
@@ -223,7 +227,7 @@ def fill_lit(
             coupling,
             coupling_mean,
         )
-        counts = 1.0 if light[6] < 0.0 else weight(light[6], chance)
+        counts = 1.0 if drawn[i, 6] < 0.0 else weight(drawn[i, 6], chance)
         if glass_index is not None:
             if iz < 0.0:
                 eta = glass_index[material, 0] / glass_index[material, 1]
@@ -234,19 +238,20 @@ def fill_lit(
             shadow_radiance[shadows, c] = through * f[c] * lit[i, c] * counts
             brightest = max(brightest, shadow_radiance[shadows, c])
         if brightest > 0.0:
-            out = shadow_rays[shadows]
-            _leave(out, row, beyond)
-            out[3], out[4], out[5] = light[3] - out[0], light[4] - out[1], light[5] - out[2]
+            _leave(shadow_rays, shadows, surface, i, beyond)
+            for axis in range(3):
+                shadow_rays[shadows, 3 + axis] = drawn[i, 3 + axis] - shadow_rays[shadows, axis]
             shadow_path[shadows] = path
             shadows += 1
     return shadows
 
 
 @device
-def _leave(out, row, beyond):
+def _leave(out, k, surface, i, beyond):
     """Where a ray leaves a surface: off it on the side where `beyond`, its direction along the normal, is positive."""
-    off = row[9] if beyond > 0.0 else -row[9]
-    out[0], out[1], out[2] = row[0] + off * row[3], row[1] + off * row[4], row[2] + off * row[5]
+    off = surface[i, 9] if beyond > 0.0 else -surface[i, 9]
+    for axis in range(3):
+        out[k, axis] = surface[i, axis] + off * surface[i, 3 + axis]
 
 
 @kernel
@@ -286,10 +291,10 @@ def fill_onward(
     f = np.empty(channels)
     onwards = 0
     for i in range(material_of.size):
-        row, material = surface[i], material_of[i]
+        material = material_of[i]
         path = path_of[lane_of[i]]
-        ax, ay, az, bx, by, bz, ox, oy, oz = _seen(row, rays[lane_of[i]])
-        kind, roughness, metallic, front, wave = _kind_of(kinds, material, row, waves, path)
+        ax, ay, az, bx, by, bz, ox, oy, oz = _seen(surface, i, rays, lane_of[i])
+        kind, roughness, metallic, front, wave = _kind_of(kinds, material, surface, i, waves, path)
         key, index = set_keys[i], set_indices[i]
         lobe = 0.0
         if glass_index is not None:
@@ -298,7 +303,8 @@ def fill_onward(
         ix, iy, iz, chance, spread = draw(
             f,
             kind,
-            base[i],
+            base,
+            i,
             roughness,
             metallic,
             front,
@@ -317,8 +323,12 @@ def fill_onward(
             coupling,
             coupling_mean,
         )
-        wx, wy, wz = ix * ax + iy * bx + iz * row[6], ix * ay + iy * by + iz * row[7], ix * az + iy * bz + iz * row[8]
-        beyond = wx * row[3] + wy * row[4] + wz * row[5]
+        wx, wy, wz = (
+            ix * ax + iy * bx + iz * surface[i, 6],
+            ix * ay + iy * by + iz * surface[i, 7],
+            ix * az + iy * bz + iz * surface[i, 8],
+        )
+        beyond = wx * surface[i, 3] + wy * surface[i, 4] + wz * surface[i, 5]
         largest = 0.0
         for c in range(channels):
             largest = max(largest, f[c])
@@ -328,11 +338,10 @@ def fill_onward(
             if _number(key, index, _LOTTERY) >= largest:
                 continue
             spread /= largest
-        out = next_rays[onwards]
-        _leave(out, row, beyond)
+        _leave(next_rays, onwards, surface, i, beyond)
         # A step of Newton's towards unit length, so that it stays however often a path turns.
         scale = 1.5 - 0.5 * (wx * wx + wy * wy + wz * wz)
-        out[3], out[4], out[5] = wx * scale, wy * scale, wz * scale
+        next_rays[onwards, 3], next_rays[onwards, 4], next_rays[onwards, 5] = wx * scale, wy * scale, wz * scale
         next_path[onwards] = path
         for c in range(channels):
             through = 1.0 if throughput is None else throughput[lane_of[i], c]

@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 
 from plenoptic._jit import device, kernel
-from plenoptic._sobol import set_index, set_key
 from plenoptic.scene._hit import clearance, corners, interpolated_normal, interpolated_uv, meet, reach_of
 
 POINT, GEOMETRIC, SHADING = 0, 3, 6
@@ -22,15 +21,9 @@ def fill_surfaces(
     surface,
     lane_of,
     material_of,
-    set_keys,
-    set_indices,
     hits,
     placed,
     rays,
-    path_of,
-    path_key,
-    path_index,
-    bounce,
     vertices,
     triangles,
     triangle_material,
@@ -44,8 +37,7 @@ def fill_surfaces(
 ):
     """Fill a row for each ray that meets a surface that scatters; returns how many there are.
 
-    `lane_of` names their rays and `material_of` their materials; `set_keys` and `set_indices` are those of the Sobol
-    points for this bounce. `normals`, `uv`, `placed` and `matrices` are None in
+    `lane_of` names their rays and `material_of` their materials. `normals`, `uv`, `placed` and `matrices` are None in
     scenes without, `roughness` and `metallic` (materials,) where no material has any.
     """
     found = 0
@@ -56,26 +48,24 @@ def fill_surfaces(
         material = triangle_material[k]
         if scatters[material] == 0:
             continue
-        ray = rays[i]
         place = -1 if placed is None else placed[i]
         ax, ay, az, bx, by, bz, cx, cy, cz = corners(vertices, triangles, k, matrices, place)
-        t, u, v, gx, gy, gz = meet(ray, ax, ay, az, bx, by, bz, cx, cy, cz)
+        t, u, v, gx, gy, gz = meet(rays, i, ax, ay, az, bx, by, bz, cx, cy, cz)
         if not t > 0.0 or not t < math.inf:
             continue
         # The geometric normal towards the side that the ray comes from; the shading normal beside it.
         scale = 1.0 / math.sqrt(gx * gx + gy * gy + gz * gz)
         front = 1.0
-        if gx * ray[3] + gy * ray[4] + gz * ray[5] > 0.0:
+        if gx * rays[i, 3] + gy * rays[i, 4] + gz * rays[i, 5] > 0.0:
             scale, front = -scale, 0.0
         if matrices is not None:
             if place >= 0 and mirrors(matrices[place]):
                 front = 1.0 - front
         gx, gy, gz = gx * scale, gy * scale, gz * scale
-        px, py, pz = ray[0] + t * ray[3], ray[1] + t * ray[4], ray[2] + t * ray[5]
-        row = surface[found]
-        row[0], row[1], row[2] = px, py, pz
-        row[3], row[4], row[5] = gx, gy, gz
-        row[6], row[7], row[8] = gx, gy, gz
+        px, py, pz = rays[i, 0] + t * rays[i, 3], rays[i, 1] + t * rays[i, 4], rays[i, 2] + t * rays[i, 5]
+        surface[found, 0], surface[found, 1], surface[found, 2] = px, py, pz
+        surface[found, 3], surface[found, 4], surface[found, 5] = gx, gy, gz
+        surface[found, 6], surface[found, 7], surface[found, 8] = gx, gy, gz
         if normals is not None:
             sx, sy, sz = interpolated_normal(normals, triangles, k, u, v)
             if matrices is not None:
@@ -83,23 +73,19 @@ def fill_surfaces(
                     sx, sy, sz = turned_normal(matrices[place], sx, sy, sz)
             side = 1.0 if sx * gx + sy * gy + sz * gz >= 0.0 else -1.0
             sx, sy, sz = side * sx, side * sy, side * sz
-            if sx * ray[3] + sy * ray[4] + sz * ray[5] < 0.0:
-                row[6], row[7], row[8] = sx, sy, sz
+            if sx * rays[i, 3] + sy * rays[i, 4] + sz * rays[i, 5] < 0.0:
+                surface[found, 6], surface[found, 7], surface[found, 8] = sx, sy, sz
         reach = reach_of(matrices, place)
-        row[9] = clearance(px, py, pz, gx, gy, gz, ax, ay, az, bx, by, bz, cx, cy, cz, middle, reach)
-        row[10], row[11] = t, front
+        surface[found, 9] = clearance(px, py, pz, gx, gy, gz, ax, ay, az, bx, by, bz, cx, cy, cz, middle, reach)
+        surface[found, 10], surface[found, 11] = t, front
         if roughness is not None:
-            row[12] = roughness[material]
+            surface[found, 12] = roughness[material]
         if metallic is not None:
-            row[13] = metallic[material]
+            surface[found, 13] = metallic[material]
         if uv is not None:
-            row[14], row[15] = interpolated_uv(uv, triangles, k, u, v)
+            surface[found, 14], surface[found, 15] = interpolated_uv(uv, triangles, k, u, v)
         lane_of[found] = i
         material_of[found] = material
-        path = path_of[i]
-        key = set_key(path_key[path], bounce + 1)
-        set_keys[found] = key
-        set_indices[found] = set_index(path_index[path], key, bounce + 1)
         found += 1
     return found
 
@@ -126,10 +112,10 @@ def turned_normal(m, x, y, z):
 
 
 @kernel
-def behind(ray, k, place, vertices, triangles, matrices):
-    """Whether a ray meets triangle k from behind."""
-    _, _, _, x, y, z = meet(ray, *corners(vertices, triangles, k, matrices, place))
-    back = x * ray[3] + y * ray[4] + z * ray[5] > 0.0
+def behind(rays, k, place, vertices, triangles, matrices):
+    """Whether the first of some rays meets triangle k from behind."""
+    _, _, _, x, y, z = meet(rays, 0, *corners(vertices, triangles, k, matrices, place))
+    back = x * rays[0, 3] + y * rays[0, 4] + z * rays[0, 5] > 0.0
     if matrices is not None:
         if place >= 0 and mirrors(matrices[place]):
             back = not back
@@ -141,12 +127,12 @@ def fill_normals(normals, lane_of, hits, placed, rays, vertices, triangles, matr
     """Unit normal of the triangle that each ray meets, towards where the ray comes from; by rows `lane_of`."""
     for i in range(hits.size):
         place = -1 if placed is None else placed[i]
-        _, _, _, x, y, z = meet(rays[i], *corners(vertices, triangles, hits[i], matrices, place))
+        _, _, _, x, y, z = meet(rays, i, *corners(vertices, triangles, hits[i], matrices, place))
         length = math.sqrt(x * x + y * y + z * z)
         if x * rays[i, 3] + y * rays[i, 4] + z * rays[i, 5] > 0.0:
             length = -length
-        row = normals[lane_of[i]]
-        row[0], row[1], row[2] = x / length, y / length, z / length
+        lane = lane_of[i]
+        normals[lane, 0], normals[lane, 1], normals[lane, 2] = x / length, y / length, z / length
 
 
 @kernel
@@ -156,6 +142,6 @@ def fill_distances(distances, hits, placed, rays, vertices, triangles, matrices)
         distances[i] = math.inf
         if hits[i] >= 0:
             place = -1 if placed is None else placed[i]
-            t, _, _, _, _, _ = meet(rays[i], *corners(vertices, triangles, hits[i], matrices, place))
+            t, _, _, _, _, _ = meet(rays, i, *corners(vertices, triangles, hits[i], matrices, place))
             if t > 0.0:
                 distances[i] = t

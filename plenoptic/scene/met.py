@@ -72,15 +72,9 @@ class MetSurfaces:
             self.rows,
             self._lanes,
             self._materials,
-            self.keys,
-            self.indices,
             hits,
             placed,
             now.rays,
-            now.path_of,
-            path_key,
-            path_index,
-            bounce,
             scene.vertices,
             scene.triangles,
             scene.triangle_material,
@@ -93,7 +87,7 @@ class MetSurfaces:
             scene.metallic,
         )
         self.lane_of, self.material_of = lanes, materials = self._lanes[:met], self._materials[:met]
-        _sobol.fill_drawn(self.random, self.keys, self.indices, met)
+        _sobol.fill_drawn(self.random, self.keys, self.indices, lanes, now.path_of, path_key, path_index, bounce + 1)
         _colours.fill_base(self.base, lanes, materials, now.path_of, scene.albedo, waves, self._basis)
         textures = (scene.base_texture, scene.roughness_texture, scene.metallic_texture)
         if any(column is not None for column in textures):

@@ -109,7 +109,7 @@ def media_at(scene: SceneTables, intersector: Intersector, point: NDArray[np.flo
             break
         material = int(scene.triangle_material[hits[0]])
         if glass[material, 0] > 0:
-            if not _surfaces.behind(ray[0], hits[0], -1 if placed is None else placed[0], *corners):
+            if not _surfaces.behind(ray, hits[0], -1 if placed is None else placed[0], *corners):
                 entered.append(material)
             elif material in entered:
                 entered.remove(material)

@@ -82,7 +82,7 @@ def rates(*, samples: int, rounds: int) -> Table:
 
 def stages(*, samples: int) -> Table:
     """Processor time by stage, one thread."""
-    from plenoptic import tiles
+    from plenoptic import _sobol, tiles
     from plenoptic.camera import _sample
     from plenoptic.optics import _trace
     from plenoptic.scene import _colours, _embree, _lights, _shade, _surfaces
@@ -96,7 +96,9 @@ def stages(*, samples: int) -> Table:
         (_surfaces, "fill_surfaces", "points and normals"),
         (_colours, "fill_base", "colours"),
         (_lights, "fill_drawn_lights", "points on lights"),
-        (_shade, "fill_scattered", "materials, rays onwards"),
+        (_sobol, "fill_drawn", "random numbers of surfaces"),
+        (_shade, "fill_lit", "materials under these lights"),
+        (_shade, "fill_onward", "materials, rays onwards"),
         (_embree.EmbreeTriangles, "fill_blocked", "Embree, shadow rays"),
     )
     render(8, threads=1)

@@ -11,7 +11,7 @@ import plenoptic as pl
 SHARE = st.floats(0, 1)
 RADIANCE = st.floats(0, 1e300)
 POSITIVE = st.floats(1e-300, 1e300)
-INDEX = st.builds(complex, POSITIVE, RADIANCE)
+INDEX = st.builds(complex, st.floats(1e-30, 1e30), st.floats(0, 1e30))
 GREY_MAP = pl.Texture(np.full((2, 3, 1), 0.5))
 COLOUR_MAP = pl.Texture(np.full((2, 3, 3), [0.25, 0.5, 1.0]))
 
