@@ -13,6 +13,7 @@ import plenoptic as pl
 
 ROOT = Path(__file__).resolve().parents[1]
 EXAMPLES = ROOT / "examples"
+SLOW = pytest.mark.slow
 
 FILES = {
     "first_light": {
@@ -97,7 +98,8 @@ def test_every_example_is_tested():
     assert {path.stem for path in EXAMPLES.glob("*.py")} == set(FILES)
 
 
-@pytest.mark.parametrize("name", FILES)
+# Each takes some seconds: all but the first run with the slow tests.
+@pytest.mark.parametrize("name", [name if name == "first_light" else pytest.param(name, marks=SLOW) for name in FILES])
 def test_example_leaves_its_files_and_says_where(ran, name):
     folder, said = ran(name)
     assert {path.name for path in folder.iterdir()} == FILES[name]
@@ -126,6 +128,7 @@ def test_first_light_keeps_everything(ran):
     assert "relative error" in said and str(folder.resolve()) in said
 
 
+@SLOW
 def test_stop_behind_the_lens_cuts_microlens_images_off_in_the_corner_only(ran):
     folder, _ = ran("stop_shapes")
 
@@ -140,6 +143,7 @@ def test_stop_behind_the_lens_cuts_microlens_images_off_in_the_corner_only(ran):
     assert light("circle", "upper_left_corner")[0] < 0.8 * light("circle_nothing_behind", "upper_left_corner")[0]
 
 
+@SLOW
 def test_blades_and_star_pass_the_share_of_the_circle_that_their_hole_has(ran):
     folder, _ = ran("stop_shapes")
     # The microlens on the axis alone: its image ends 10.3 pixels from the centre, its neighbours' begin at 11.8.
@@ -170,6 +174,7 @@ def _numbers(said, line):
     return np.array([[float(n) for n in re.findall(r"[-+]?\d+\.\d+", end)] for end in ends])
 
 
+@SLOW
 def test_contrast_in_microlens_images_is_that_of_opening_and_pixel(ran):
     _, said = ran("fine_structure")
     found = _numbers(said, r"  (?=.*\+-)")
@@ -179,6 +184,7 @@ def test_contrast_in_microlens_images_is_that_of_opening_and_pixel(ran):
     assert (np.abs(rendered - expected) < 4 * error + 0.03).all()
 
 
+@SLOW
 def test_edges_move_between_views_as_geometry_says(ran):
     _, said = ran("sub_aperture")
     found = _numbers(said, r" +\d+ mm ")
@@ -186,6 +192,7 @@ def test_edges_move_between_views_as_geometry_says(ran):
     assert len(found) == 3 and np.allclose(found[:, 0], found[:, 1], rtol=0, atol=0.04)
 
 
+@SLOW
 def test_lateral_colour_is_that_of_chief_rays(ran):
     _, said = ran("chromatic")
     found = _numbers(said, r" +\d+ +[RGB] ")
@@ -194,6 +201,7 @@ def test_lateral_colour_is_that_of_chief_rays(ran):
     assert red - blue > 20  # at the border: 26 pixels
 
 
+@SLOW
 def test_demosaicing_errs_at_the_rims_of_microlens_images(ran):
     _, said = ran("sensor_noise")
     for rims, inside in _numbers(said, r"colour filters, no noise, \w+ (?=.*\d +\d)"):
@@ -203,6 +211,7 @@ def test_demosaicing_errs_at_the_rims_of_microlens_images(ran):
     assert abs(measured / gain - 1) < 5 * np.sqrt(2 / 4096)
 
 
+@SLOW
 def test_white_image_loses_what_dust_covers(ran):
     _, said = ran("imperfections")
     ((lost, covered, expected),) = _numbers(said, "light lost to dust on pixels")
@@ -213,6 +222,7 @@ def test_white_image_loses_what_dust_covers(ran):
     assert abs(tilted - by_slope) < 0.05
 
 
+@SLOW
 def test_each_type_of_microlens_sees_another_plane_best(ran):
     _, said = ran("multi_focus")
     planes = _numbers(said, r" +(?=-\d+\.\d .*,)")
@@ -220,6 +230,7 @@ def test_each_type_of_microlens_sees_another_plane_best(ran):
     assert planes[:, 2::2].argmax(axis=0).tolist() == [0, 1, 2]
 
 
+@SLOW
 def test_microlens_images_lie_apart_as_reported(ran):
     _, said = ran("main_lenses")
     found = _numbers(said, "|".join(pl.lens_names()[:2]))
@@ -227,6 +238,7 @@ def test_microlens_images_lie_apart_as_reported(ran):
     assert len(found) == 2 and (np.abs(found[:, 2] - found[:, 3]) < 0.01).all()
 
 
+@SLOW
 def test_detected_corners_lie_where_projected(ran):
     _, said = ran("calibration_points")
     rows, columns, row_spread, column_spread = _numbers(said, "detected minus true")[0]

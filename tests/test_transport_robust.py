@@ -9,6 +9,8 @@ import pytest
 import plenoptic as pl
 from plenoptic.camera.truth import Truth
 
+pytestmark = pytest.mark.slow
+
 SCALES = [1e-3, 1.0, 1e3, 1e6]
 
 

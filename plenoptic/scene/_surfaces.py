@@ -1,6 +1,8 @@
 """What surfaces are like where rays meet them: the kernels.
 
-What is known of a hit is a row of WIDTH numbers, at the places named here.
+What is known of a hit is a row of WIDTH numbers: 0 to 2 the point, 3 to 5 the triangle's unit normal on the side of the
+ray, 6 to 8 the shading normal, 9 the clearance, 10 the distance, 11 whether the front is seen (1 or 0), 12 roughness,
+13 the share of metal, 14 and 15 texture coordinates.
 """
 
 from __future__ import annotations
@@ -10,9 +12,6 @@ import math
 from plenoptic._jit import device, kernel
 from plenoptic.scene._hit import clearance, corners, interpolated_normal, interpolated_uv, meet, reach_of
 
-POINT, GEOMETRIC, SHADING = 0, 3, 6
-"""Where three numbers begin: the point; the triangle's unit normal on the side of the ray; the shading normal."""
-CLEARANCE, DISTANCE, FRONT, ROUGHNESS, METALLIC, S, T = 9, 10, 11, 12, 13, 14, 15
 WIDTH = 16
 
 

@@ -9,6 +9,9 @@ import pytest
 import plenoptic as pl
 from plenoptic.camera.truth import Truth
 
+# Variants of kernels that nothing else needs: half a minute of compiling.
+pytestmark = pytest.mark.slow
+
 CORNERS = np.array([[-1.0, -1, 0], [1, -1, 0], [-1, 1, 0], [1, 1, 0]])
 FACES = [[0, 1, 2], [1, 3, 2]]
 UV = np.array([[0.0, 0], [1, 0], [0, 1], [1, 1]])

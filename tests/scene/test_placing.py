@@ -29,6 +29,7 @@ SCENE = pl.Scene(
 )
 
 
+@pytest.mark.slow
 def test_a_scene_and_its_camera_moved_together_show_the_same():
     # Radiance is left as it is by turns, shifts and scales; the pinhole's light does not grow with its scale. Rounding
     # in other places; float32 decides on hits at edges.
