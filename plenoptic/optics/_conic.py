@@ -20,6 +20,7 @@ from plenoptic.optics._blocks import (
     Y,
     Z,
 )
+from plenoptic.optics._conditions import NEWTON, STEPS
 
 NEWTON_STEPS = 12
 """Steps that all rays of a block may take together; those that need more are looked at one by one."""
@@ -58,7 +59,8 @@ def refract_conic_block(ray, c, conic, mu, mus, clear, rim, s, code):
         q2 = g * g - quadratic * f
         q = math.sqrt(max(q2, 0.0))
         along = s * g >= 0.0
-        t = (f if along else g - s * q) / (g + s * q if along else quadratic)
+        divisor = g + s * q if along else quadratic
+        t = (f if along else g - s * q) / divisor
         x += t * l
         y += t * m
         z += t * n
@@ -79,7 +81,7 @@ def refract_conic_block(ray, c, conic, mu, mus, clear, rim, s, code):
         lost = 0.0 if cos2 >= 0.0 else code + TOTAL_REFLECTION
         lost = lost if r2 <= clear else code + CLIPPED
         lost = lost if r2 < math.inf else code + NOT_FINITE
-        lost = code + MISSED if q2 <= 0.0 or c * kz * z > rim else lost
+        lost = code + MISSED if q2 <= 0.0 or (divisor == 0.0 and g == g) or c * kz * z > rim else lost
         was = ray[STATUS + i]
         ray[STATUS + i] = was if was != 0.0 else lost
 
@@ -107,7 +109,7 @@ def _rounding(r2, z, c, kz, aspheric):
 
 
 @device
-def _first_crossing(x, y, z, l, m, n, c, kz, aspheric, clear, s):
+def _first_crossing(x, y, z, l, m, n, c, kz, aspheric, clear, s, steps):
     """Where a ray first crosses the surface within the clear cylinder, going the way of the stack.
 
     Returns the distance along the ray and a status: NOT_CONVERGED where the limit of iterations is reached, CLIPPED
@@ -130,7 +132,7 @@ def _first_crossing(x, y, z, l, m, n, c, kz, aspheric, clear, s):
         begin, end = max(begin, min(near, far)), min(end, max(near, far))
     if not begin <= end:
         return 0.0, CLIPPED
-    return _climb(begin, end, x, y, z, l, m, n, c, kz, aspheric, clear, s)
+    return _climb(begin, end, x, y, z, l, m, n, c, kz, aspheric, clear, s, steps)
 
 
 @device
@@ -161,7 +163,7 @@ def _safe_step(gap, rate, sharp):
 
 
 @device
-def _climb(begin, end, x, y, z, l, m, n, c, kz, aspheric, clear, s):
+def _climb(begin, end, x, y, z, l, m, n, c, kz, aspheric, clear, s, steps):
     """From `begin` on, step by step, to where s (z - sag) first comes from below 0 to above.
 
     With f and g the function and its derivative and M a bound on its second derivative, f + g h + M h^2 / 2 is an upper
@@ -174,6 +176,8 @@ def _climb(begin, end, x, y, z, l, m, n, c, kz, aspheric, clear, s):
     below = False
     t = begin
     for _ in range(MOST_STEPS):
+        if steps is not None:
+            steps[0] += 1.0
         px, py, pz = x + t * l, y + t * m, z + t * n
         # At the equator itself the sag has no derivative.
         r2 = min(px * px + py * py, clear * (1.0 - 16.0 * EPS))
@@ -248,8 +252,11 @@ def _fill_heights(heights, ray, c, kz, aspheric):
 
 
 @device
-def _newton(ray, heights, c, kz, aspheric, clear):
-    """Newton's method for all rays of a block together, until the next step would be below rounding."""
+def _newton(ray, heights, c, kz, aspheric, clear, told):
+    """Newton's method for all rays of a block together, until the next step would be below rounding.
+
+    With `told`, each ray's own steps are counted: up to the first one of its own after which that is so.
+    """
     sharpest = aspheric[SHARPEST]
     for _ in range(NEWTON_STEPS):
         _fill_heights(heights, ray, c, kz, aspheric)
@@ -268,12 +275,15 @@ def _newton(ray, heights, c, kz, aspheric, clear):
             ray[Y + i] = y + step * m
             ray[Z + i] = z + step * n
             far += 1 if going and left > 0.0 else 0
+            if told is not None:  # noqa: SIM102 - alone, so that it is pruned
+                if going:
+                    told[NEWTON, i] = min(max(told[NEWTON, i], 1.0) + (1.0 if left > 0.0 else 0.0), NEWTON_STEPS)
         if far == 0:
             return
 
 
 @device
-def _settle(ray, heights, c, kz, aspheric, clear, s, code):
+def _settle(ray, heights, c, kz, aspheric, clear, s, code, told):
     """Look at the rays one by one for which Newton's method did not surely find the first crossing.
 
     It did where the point lies on the surface, in the clear cylinder, and the ray can cross only once.
@@ -303,7 +313,8 @@ def _settle(ray, heights, c, kz, aspheric, clear, s, code):
         # From the closest approach: wide steps of Newton's method lead off the ray by their own rounding.
         x, y, z = heights[2, i], heights[3, i], heights[4, i]
         l, m, n = ray[L + i], ray[M + i], ray[N + i]
-        t, lost = _first_crossing(x, y, z, l, m, n, c, kz, aspheric, clear, s)
+        steps = None if told is None else told[STEPS, i : i + 1]
+        t, lost = _first_crossing(x, y, z, l, m, n, c, kz, aspheric, clear, s, steps)
         ray[X + i] = x + t * l
         ray[Y + i] = y + t * m
         ray[Z + i] = z + t * n
@@ -317,16 +328,18 @@ def _settle(ray, heights, c, kz, aspheric, clear, s, code):
 
 
 @device
-def refract_asphere_block(ray, heights, c, conic, aspheric, mu, mus, clear, s, code):
+def refract_asphere_block(ray, heights, c, conic, aspheric, mu, mus, clear, s, code, told):
     """Through one even asphere; `aspheric` as in `LensTables`, `heights` (5, BLOCK) to work in.
+
+    With `told` (TOLD, BLOCK), steps are counted; see `_conditions`.
 
     A ray steeper against the vertex plane than the surface is anywhere crosses it at most once, and the crossing that
     Newton's method finds is that one. All others are searched for their first crossing inside the semi-diameter.
     """
     kz = 1.0 + conic
     _to_conic_of_asphere(ray, heights, c, kz)
-    _newton(ray, heights, c, kz, aspheric, clear)
-    _settle(ray, heights, c, kz, aspheric, clear, s, code)
+    _newton(ray, heights, c, kz, aspheric, clear, told)
+    _settle(ray, heights, c, kz, aspheric, clear, s, code, told)
     for i in range(BLOCK):
         ratio = mu if mus is None else mus[i]
         x, y = ray[X + i], ray[Y + i]

@@ -24,6 +24,7 @@ from plenoptic.optics._blocks import (
     Y,
     Z,
 )
+from plenoptic.optics._conditions import CAME, begin_way, keep_way, note_asphere, note_conic, note_plane
 from plenoptic.optics._conic import refract_asphere_block, refract_conic_block
 from plenoptic.optics._stops import clip_circle, clip_shape
 
@@ -65,7 +66,8 @@ def refract_block(ray, c, mu, mus, clear, rim, s, code):
         q2 = g * g - c * f
         q = math.sqrt(max(q2, 0.0))
         along = s * g >= 0.0
-        t = (f if along else g - s * q) / (g + s * q if along else c)
+        divisor = g + s * q if along else c
+        t = (f if along else g - s * q) / divisor
         x += t * l
         y += t * m
         z += t * n
@@ -83,7 +85,7 @@ def refract_block(ray, c, mu, mus, clear, rim, s, code):
         lost = 0.0 if cos2 >= 0.0 else code + TOTAL_REFLECTION
         lost = lost if r2 <= clear else code + CLIPPED
         lost = lost if r2 < math.inf else code + NOT_FINITE
-        lost = code + MISSED if q2 <= 0.0 or c * z > rim else lost
+        lost = code + MISSED if q2 <= 0.0 or (divisor == 0.0 and g == g) or c * z > rim else lost
         was = ray[STATUS + i]
         ray[STATUS + i] = was if was != 0.0 else lost
 
@@ -180,12 +182,17 @@ def trace_block(
     frames,
     masks,
     s,
+    told,
 ):
     """One block through all elements, in the order of travel; see `LensTables` for the columns.
 
     With `waves`, rays have wavelengths of their own: ray i of the block that of number waves[first + i]; `ratios` has a
-    column for each, in place of `mu`, and `mus` is room for a block.
+    column for each, in place of `mu`, and `mus` is room for a block. With `told`
+    (elements, TOLD, BLOCK), notes are taken; see `_conditions`.
     """
+    if told is not None:
+        came = np.empty((CAME, BLOCK))
+        begin_way(came, ray)
     _enter(ray, z[0])
     for k in range(kind.size):
         if k > 0:
@@ -198,6 +205,8 @@ def trace_block(
         if frames is not None:  # noqa: SIM102 - alone, so that it is pruned
             if frames[k, 12] != 0.0:
                 into_frame(ray, frames[k])
+        if told is not None:
+            keep_way(came, told[k], ray)
         if kind[k] == SURFACE:
             refract_block(ray, c[k], mu[k], mus, clear[k], rim[k], s, code)
         elif kind[k] == CIRCLE or kind[k] == POLYGON or kind[k] >= ARCS:
@@ -212,7 +221,17 @@ def trace_block(
                 refract_conic_block(ray, c[k], conic[k], mu[k], mus, clear[k], rim[k], s, code)
             elif aspheric is not None:
                 heights = np.empty((5, BLOCK))
-                refract_asphere_block(ray, heights, c[k], conic[k], aspheric[k], mu[k], mus, clear[k], s, code)
+                noted = None if told is None else told[k]
+                refract_asphere_block(ray, heights, c[k], conic[k], aspheric[k], mu[k], mus, clear[k], s, code, noted)
+        if told is not None:
+            place = abs(z[k]) if k == 0 or k == kind.size - 1 else 0.0
+            kz = 1.0 if conic is None else 1.0 + conic[k]
+            if kind[k] == SURFACE or kind[k] == CONIC:
+                note_conic(told[k], came, ray, c[k], kz, mu[k], mus, place)
+            elif kind[k] != ASPHERE:
+                note_plane(told[k], came, ray, kind[k] == IDEAL, place)
+            elif aspheric is not None:
+                note_asphere(told[k], came, ray, c[k], kz, aspheric[k], mu[k], mus, place)
         if frames is not None:  # noqa: SIM102 - alone, so that it is pruned
             if frames[k, 12] != 0.0:
                 out_of_frame(ray, frames[k])
@@ -244,6 +263,7 @@ def fill_traced(blocks, kind, z, c, mu, clear, rim, number, edges, first_edge, c
             frames,
             masks,
             s,
+            None,
         )
 
 
@@ -275,6 +295,7 @@ def fill_traced_waves(
             frames,
             masks,
             s,
+            None,
         )
 
 
@@ -340,6 +361,7 @@ def fill_traced_rows(
             frames,
             masks,
             s,
+            None,
         )
         for i in range(filled):
             j = start + i

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from plenoptic._values import positive, wrong_kind
 from plenoptic.errors import InvalidValueError
+from plenoptic.optics.checking_conditions import condition_findings
 from plenoptic.optics.checking_rays import ray_findings
 from plenoptic.optics.finding import Finding as Finding
 from plenoptic.optics.finding import FindingKind as FindingKind
@@ -63,7 +64,7 @@ def findings(lens: LensStack, wavelength: float = 587.6) -> tuple[Finding, ...]:
     wave = positive(wavelength, "wavelength", "nm")
     lens.indices(wave)
     with np.errstate(all="ignore"):  # of numbers near the largest and smallest there are
-        found = [
+        found: list[Finding] = [
             *_edges(lens),
             *_collisions(lens),
             *_stop_planes(lens),
@@ -72,6 +73,8 @@ def findings(lens: LensStack, wavelength: float = 587.6) -> tuple[Finding, ...]:
             *_places(lens, wave),
             *ray_findings(lens, wave),
         ]
+        reflecting = {i for finding in found if finding.kind is FindingKind.TOTAL_REFLECTION for i in finding.elements}
+        found += condition_findings(lens, wave, leave_out=reflecting)
     return tuple(sorted(found, key=lambda finding: (finding.kind, finding.elements)))
 
 

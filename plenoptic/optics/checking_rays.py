@@ -29,6 +29,10 @@ _WIDEST = 88.0
 _WIDEST_OUTSIDE = 60.0
 """The same where the iris stands outside the lens, so that no rim between it and the scene, or the sensor, sets a
 limit."""
+_WIDEST_FREE = 45.0
+"""The same for `passing_rays`: what lies further out is hardly what the lens is for."""
+_FANS, _FAN = 9, 257
+"""Points of the iris, and rays through each of them, of `passing_rays`."""
 _LOST_IN_THE_LENS = (RayStatus.TOTAL_REFLECTION, RayStatus.MISSED)
 
 
@@ -59,6 +63,33 @@ def ray_findings(lens: LensStack, wavelength: float) -> Iterator[Finding]:
                 "x = 0; check decentres, tilts and semi-diameters",
             )
     yield from _chief_findings(exact, wavelength)
+
+
+def passing_rays(lens: LensStack, wavelength: float) -> RayBundle:
+    """Rays of the plane x = 0, from all over the iris and in all directions, that pass the lens.
+
+    They start on the first element, on their way to the sensor; masks are taken as the circles around them.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> from plenoptic.optics.checking_rays import passing_rays
+    >>> lens = pl.load_lens("double-gauss-100mm-f2")
+    >>> bool((lens.trace(passing_rays(lens, 587.6)).status == 0).all())
+    True
+    """
+    exact = _without_masks(lens if lens.model is LensModel.EXACT else lens.with_model(LensModel.EXACT))
+    widest = math.radians(_WIDEST_FREE if _iris_is_outside(exact) else _WIDEST)
+    angle = np.linspace(-widest, widest, _FAN)
+    heights = np.linspace(-0.98, 0.98, _FANS) * _iris_radius(exact)
+    fans = [_fan(exact, angle, wavelength, reverse=True, height=float(height)) for height in heights]
+    rays = RayBundle(
+        np.concatenate([fan.origin for fan in fans]), np.concatenate([fan.direction for fan in fans]), wavelength
+    )
+    ahead = traced_part(exact, rays, 0, exact.iris_index, reverse=True)
+    ahead = ahead.selected(ahead.status == RayStatus.OK)
+    there = RayBundle(ahead.origin, -ahead.direction, wavelength)
+    return there.selected(exact.trace(there).status == RayStatus.OK)
 
 
 def _axial_beam(lens: LensStack, wavelength: float) -> tuple[RayBundle | None, str]:

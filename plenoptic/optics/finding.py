@@ -41,6 +41,13 @@ class FindingKind(enum.IntEnum):
     """No ray of those tried passes the lens."""
     TOTAL_REFLECTION = 9
     """Rays are totally reflected, or miss a surface, that neither a rim nor a stop has stopped before."""
+    GRAZING = 10
+    """Rays that pass the lens meet a surface at more than 84.3 degrees from its normal: 1 / cos i is above 10."""
+    NEAR_TOTAL_REFLECTION = 11
+    """Rays that pass the lens are nearly totally reflected: d i' / d i = n cos i / (n' cos i') is above 10."""
+    CANCELLATION = 12
+    """Lengths above 10^4 times the size of an element are added up on the way to points on it, so that more than 4 of
+    the 15.7 decimal digits of float64 are lost."""
 
 
 @value
@@ -62,8 +69,7 @@ class Finding:
     >>> lens = pl.LensStack([pl.CircularStop(4.0, thickness=1.0),
     ...                      pl.Surface(10.0, 2.0, pl.ConstantMedium(1.5), semi_diameter=8.0),
     ...                      pl.Surface(-10.0, semi_diameter=8.0)])
-    >>> for finding in findings(lens):
-    ...     print(finding)
+    >>> print(findings(lens)[0])
     surfaces 1 and 2 cross 4.36 mm from the axis: at 8 mm there is -6 mm of glass between them; reduce a semi-diameter
     """
 

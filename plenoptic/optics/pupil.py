@@ -215,7 +215,11 @@ def _projected(gap: float, ahead: float, reach: float) -> tuple[float, float]:
     return max(share, 1.0) * reach, abs(1.0 - share)
 
 
-@functools.lru_cache(maxsize=16)
+_REMEMBERED = 64
+"""Bounds of some kilobytes each; a camera in colour with tilted plates of glass needs 12."""
+
+
+@functools.lru_cache(maxsize=_REMEMBERED)
 def _traced_bounds(
     columns: tuple[tuple[Any, ...] | None, ...],
     pupil: tuple[float, ...],

@@ -36,7 +36,7 @@ def cell_of(lattice: pl.Lattice, size: float = 1.0) -> np.ndarray:
     return cell_polygon(lattice, (size * x, size * y))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     lattice=st.sampled_from(list(PITCHES)),
     shape=st.sampled_from(list(Shape)),

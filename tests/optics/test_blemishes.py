@@ -173,7 +173,7 @@ def test_the_array_s_plane_is_where_paths_are_aimed() -> None:
     assert np.array_equal(dimmed(listed, points, sensor, distance=1.7, height=1.7)[clear], listed.at(points)[clear])
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(seed=st.integers(0, 10_000), height=st.floats(0.0, 0.9))
 def test_a_tilted_and_decentred_sensor(seed: int, height: float) -> None:
     rng = np.random.default_rng(seed)
@@ -247,7 +247,7 @@ def test_rays_are_dimmed_where_they_cross_a_plane() -> None:
 # The grid
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     seed=st.integers(0, 10_000),
     n=st.integers(0, 120),

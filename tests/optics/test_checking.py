@@ -6,7 +6,7 @@ import pickle
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import plenoptic as pl
@@ -109,6 +109,7 @@ def test_surfaces_that_cross() -> None:
     assert math.sqrt(19.0) == pytest.approx(4.36, abs=0.005)
 
 
+@pytest.mark.slow
 def test_aspheres_cross_by_their_shape() -> None:
     back = Surface(math.inf, semi_diameter=8.0, aspheric=(0.0, -5e-4))
     assert ("OVERLAP", (1, 2)) in kinds(singlet(Surface(math.inf, 2.0, GLASS, semi_diameter=8.0), back))
@@ -332,7 +333,6 @@ def any_lens(draw: st.DrawFn) -> LensStack:
     return lens.moved(0, shift=(0, draw(move), 0), tilt=(draw(move), 0, 0)) if draw(st.booleans()) else lens
 
 
-@settings(deadline=None)  # kernels are compiled on first use
 @given(lens=any_lens())
 def test_any_lens_can_be_checked(lens: LensStack) -> None:
     for finding in findings(lens):

@@ -72,7 +72,7 @@ def test_snell_and_the_way_back(shape, reverse):
     assert np.all(np.abs(back.origin - p).max(axis=1) <= 64 * EPS * (size + scale) / cos_i)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(index=st.floats(1.1, 3.0), radius=st.floats(1.0, 1e4), aperture=st.floats(0.01, 0.95), seed=st.integers(0, 1000))
 def test_an_ellipsoid_collects_parallel_light_in_its_focus(index, radius, aperture, seed):
     # Descartes: k = -1 / n^2 takes light parallel to the axis, from air into glass, to n R / (n - 1) exactly.
@@ -92,7 +92,7 @@ def test_an_ellipsoid_collects_parallel_light_in_its_focus(index, radius, apertu
     assert np.all(miss <= 200 * EPS * np.abs(t) / (1 - aperture**2))
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(index=st.floats(1.1, 3.0), radius=st.floats(1.0, 1e4), aperture=st.floats(0.01, 3.0))
 def test_a_hyperboloid_collects_parallel_light_out_of_glass(index, radius, aperture):
     # k = -n^2 from glass into air: focus at R / (n - 1) behind, for a surface of radius -R.
@@ -146,7 +146,7 @@ def test_light_enters_a_hyper_hemisphere_beyond_its_equator():
     assert refracted(hemisphere, [target + 2 * outward], [-outward]).status[0] == MISSED
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(radius=st.floats(10.0, 1e6), seed=st.integers(0, 100))
 def test_a_paraboloid_is_a_paraboloid_however_it_is_written(radius, seed):
     size = min(0.9 * radius, 30.0)
@@ -218,7 +218,7 @@ def test_impossible_surfaces_are_refused(fields, message):
         pl.Surface(10.0, semi_diameter=9.0, **fields)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     radius=st.floats(1.0, 1e6),
     conic=st.floats(-5, 5),

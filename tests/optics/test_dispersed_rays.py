@@ -31,7 +31,7 @@ LENSES = {
 }
 
 
-@pytest.mark.parametrize("name", list(LENSES))
+@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] * (name == "moved")) for name in LENSES])
 @pytest.mark.parametrize("reverse", [True, False])
 def test_dispersed_rays_are_monochrome_rays_together(name: str, reverse: bool) -> None:
     lens, rng = LENSES[name], np.random.default_rng(3)

@@ -422,7 +422,7 @@ EDITS = st.lists(
 )  # fmt: skip
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=300, deadline=None)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=300)
 @given(edits=EDITS, encoding=st.sampled_from(["utf-8", "utf-16", "latin-1"]), wavelength=st.floats(100.0, 6000.0))
 def test_a_mangled_file_raises_only_the_package_s_own_errors(
     tmp_path: Path, edits: list[tuple[int, int, bytes]], encoding: str, wavelength: float

@@ -114,7 +114,7 @@ def test_what_is_not_there_takes_no_memory() -> None:
 # Reproducible
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(seed=st.integers(0, 2**80), choice=st.integers(0, 10_000))
 def test_a_lens_s_numbers_depend_on_the_seed_and_its_index_alone(seed: int, choice: int) -> None:
     spoiled = pl.MicrolensImperfections(**ALL, seed=seed)

@@ -116,7 +116,7 @@ def test_the_lens_on_the_axis_is_of_the_pattern_s_first_type() -> None:
 # Polygons
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(sides=st.integers(3, 24), radius=st.floats(1e-6, 1e6), first=st.floats(-7.0, 7.0))
 def test_regular_polygons(sides: int, radius: float, first: float) -> None:
     corners = regular_polygon(sides, radius, first)
@@ -129,7 +129,7 @@ def test_regular_polygons(sides: int, radius: float, first: float) -> None:
     assert corners[0] == pytest.approx(radius * np.array([math.cos(first), math.sin(first)]), abs=4 * EPS * radius)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(
     sides=st.integers(3, 12),
     angle=st.floats(0.0, 6.3),
@@ -155,7 +155,7 @@ def test_cutting_everything_away_leaves_nothing() -> None:
     assert cut_polygon(regular_polygon(6, 1.0, 0.0), np.array([[1.0, 0.0, -2.0], [0.0, 1.0, 0.5]])).shape == (0, 2)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(seed=st.integers(0, 10_000))
 def test_the_kernel_cuts_as_the_function_does(seed: int) -> None:
     rng = np.random.default_rng(seed)

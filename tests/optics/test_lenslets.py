@@ -36,7 +36,7 @@ def tables_of(array: pl.MicrolensArray, reach: float):
 # Which lenses
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(lattice=st.sampled_from(REGULAR), size=st.sampled_from([1e-6, 1.0, 1e6]), seed=st.integers(0, 1000))
 def test_a_box_holds_the_lenses_whose_centres_lie_in_it(lattice: pl.Lattice, size: float, seed: int) -> None:
     array = array_of(lattice, size)
@@ -48,7 +48,7 @@ def test_a_box_holds_the_lenses_whose_centres_lie_in_it(lattice: pl.Lattice, siz
     found = array.lenses(low, high)
     # Ordered by their indices, as the grid is; centres on the border to 1e-9 of a pitch cannot be drawn by chance.
     assert np.array_equal(found.index, index[inside])
-    assert np.array_equal(found.design, centres[inside])
+    np.testing.assert_allclose(found.design, centres[inside], rtol=0, atol=60 * EPS * size)
     assert len(found) == inside.sum()
     # Lenses as designed.
     assert np.array_equal(found.centre, found.design) and np.array_equal(found.axis, found.design)
@@ -61,7 +61,8 @@ def test_lenses_on_the_border_belong_to_the_box(lattice: pl.Lattice, size: float
     array = array_of(lattice, size)
     for corner in np.array([(3, 1), (-7, 2), (11, -5), (0, 0)]) @ array.basis:
         for found in (array.lenses(corner, corner), array.lenses(corner, corner + size / 3)):
-            assert found.centre.tolist() == [corner.tolist()]
+            # Products of matrices are rounded differently on different processors: sums of two products up to 11 size.
+            np.testing.assert_allclose(found.centre, [corner], rtol=0, atol=30 * EPS * size)
 
 
 def test_a_box_between_lenses_is_empty() -> None:
@@ -156,7 +157,7 @@ def test_free_lenses_are_numbered() -> None:
     assert array.focal_length == 1.0
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(seed=st.integers(0, 1000), n=st.integers(1, 60))
 def test_free_cells_hold_what_is_nearest(seed: int, n: int) -> None:
     array = free_array(n, seed)
@@ -204,7 +205,7 @@ def test_individual_lenses_are_listed_as_far_as_they_matter() -> None:
     array = array_of(pl.Lattice.SQUARE, imperfections=pl.MicrolensDeviations([(0, 0)], transmission=[0.5]))
     near, far = (tables_of(array, reach).listed for reach in (3.0, 30.0))
     assert 7**2 <= len(near.lenses) < 11**2 and 61**2 <= len(far.lenses) < 65**2
-    with pytest.raises(pl.InvalidValueError, match="have imperfections, and the limit is 20000000"):
+    with pytest.raises(pl.InvalidValueError, match="have imperfections, and the limit is 4000000"):
         tables_of(array, 3000.0)
 
 

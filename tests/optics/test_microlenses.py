@@ -48,7 +48,7 @@ def all_centres(array: pl.MicrolensArray, around: int = 4) -> np.ndarray:
 # Geometry
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(pitch=st.floats(1e-3, 10.0), lattice=st.sampled_from(REGULAR))
 def test_neighbours_are_a_pitch_apart(pitch: float, lattice: pl.Lattice) -> None:
     centres = all_centres(array_of(pitch, lattice))
@@ -63,7 +63,7 @@ def test_neighbours_are_a_pitch_apart(pitch: float, lattice: pl.Lattice) -> None
         assert distance[3:5] == pytest.approx(1.25 * pitch, rel=8 * EPS)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(pitch=st.floats(1e-3, 10.0), lattice=st.sampled_from(REGULAR))
 def test_corners_edges_and_area_belong_together(pitch: float, lattice: pl.Lattice) -> None:
     array = array_of(pitch, lattice)
@@ -82,7 +82,7 @@ def test_corners_edges_and_area_belong_together(pitch: float, lattice: pl.Lattic
     assert over.max() <= 32 * EPS * pitch
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(lattice=st.sampled_from(REGULAR), seed=st.integers(0, 1000))
 def test_cells_are_what_is_nearest(lattice: pl.Lattice, seed: int) -> None:
     array = array_of(0.217, lattice)

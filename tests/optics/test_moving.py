@@ -26,7 +26,7 @@ def rays_into(lens: pl.LensStack, n: int = 500, seed: int = 0) -> pl.RayBundle:
     return pl.RayBundle(start, target - start)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     tilt=st.tuples(SMALL, SMALL, st.floats(-3, 3)),
     shift=st.tuples(SMALL, SMALL, SMALL),
@@ -106,6 +106,19 @@ def test_a_wedge_deviates():
     # Tilt about y turns z towards x: the normal is (sin a, 0, cos a), and light leaves farther from it.
     deviation = math.asin(n * math.sin(a)) - a
     assert math.atan2(out.direction[0, 0], out.direction[0, 2]) == pytest.approx(-deviation, abs=8 * EPS)
+
+
+@pytest.mark.parametrize("form", [{}, {"conic": 2.0}])
+def test_rays_behind_a_tilted_plane_miss_it(form):
+    plane = pl.Surface(math.inf, 5.0, pl.ConstantMedium(1.5), semi_diameter=20.0, **form)
+    lens = pl.LensStack([plane, pl.Surface(math.inf, 5.0, semi_diameter=20.0), pl.CircularStop(20.0)])
+    tilted = lens.moved(0, tilt=(0.0, math.radians(70.0), 0.0))
+    # The normal is 70 degrees from the axis, and a ray 20.1 degrees to the other side sees the plane's back.
+    slopes = np.tan(np.radians([-60.0, -30.0, -20.1, -19.9, 0.0, 60.0]))
+    rays = pl.RayBundle(np.tile([0.0, 0.0, -1.0], (6, 1)), np.stack([slopes, 0 * slopes, 1 + 0 * slopes], axis=1))
+    out = tilted.trace(rays)
+    assert ((out.status == pl.RayStatus.MISSED) & (out.lost_at == 0)).tolist() == [True] * 3 + [False] * 3
+    assert pl.RayStatus.NOT_FINITE not in out.status
 
 
 def test_moves_add_up_and_go_back():

@@ -117,7 +117,7 @@ def test_an_object_on_the_other_side_of_the_axis() -> None:
     assert np.array_equal(up.table * [1, -1, 1, 1, -1], down.table)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(shift=st.floats(-6.0, 8.0), field=st.floats(0.01, 0.4), far=st.booleans())
 def test_stop_shift(shift, field, far) -> None:
     """Welford, chapter 8: with chief' = chief + E marginal for a stop that passes the same axial beam elsewhere."""

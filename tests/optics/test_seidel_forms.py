@@ -35,7 +35,7 @@ def thin_lens(focal_length: float, index: float, shape: float, stop: float) -> p
     )
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(
     f=st.sampled_from([100.0, -70.0]),
     n=st.floats(1.3, 2.5),

@@ -11,7 +11,7 @@ import plenoptic as pl
 EPS = np.finfo(float).eps
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(rows=st.integers(1, 9), columns=st.integers(1, 9), pitch=st.floats(1e-4, 1.0))
 def test_pixels_tile_the_sensor_around_the_axis(rows: int, columns: int, pitch: float) -> None:
     sensor = pl.Sensor(shape=(rows, columns), pixel_pitch=pitch)

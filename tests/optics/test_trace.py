@@ -59,7 +59,7 @@ def random_directions(rng, n, widest):
 # Laws
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     curvature=st.one_of(st.just(0.0), st.floats(-0.2, 0.2), st.sampled_from([1e-9, -1e-9, 20.0])),
     mu=st.floats(0.4, 2.5),
@@ -125,7 +125,7 @@ def test_a_ray_through_the_centre_of_a_ball_goes_straight_on() -> None:
     assert np.abs(out.origin - ([0, 0, 10.0] + 10 * d)).max() <= 16 * EPS * 10
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(angle=st.floats(-1.3, 1.3), thickness=st.floats(0.01, 50.0), n=st.floats(1.0, 3.0))
 def test_a_plate_shifts_rays_sideways(angle: float, thickness: float, n: float) -> None:
     plate = [
@@ -255,7 +255,7 @@ WILD = st.sampled_from(
 )
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(rows=st.lists(st.tuples(*[WILD] * 6), min_size=1, max_size=8), reverse=st.booleans())
 def test_no_numbers_break_a_trace(rows: list[tuple[float, ...]], reverse: bool) -> None:
     numbers = np.array(rows)
@@ -286,7 +286,7 @@ def test_a_ray_along_a_stop_is_lost() -> None:
 # Stops
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(blades=st.integers(3, 12), rotation=st.floats(-4, 4), seed=st.integers(0, 100))
 def test_polygon_stops_pass_what_they_contain(blades: int, rotation: float, seed: int) -> None:
     stop = pl.PolygonStop(blades=blades, semi_diameter=4.0, rotation=rotation)

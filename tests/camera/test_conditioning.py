@@ -1,0 +1,83 @@
+"""Condition numbers of the paths of a camera: those that are rendered."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import plenoptic as pl
+from plenoptic.camera.conditioning import camera_conditioning
+from plenoptic.camera.tables import camera_tables
+from plenoptic.errors import InvalidValueError
+
+CAMERA = pl.PlenopticCamera(
+    lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=10.0)),
+    microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
+    sensor=pl.Sensor(shape=(64, 48), pixel_pitch=0.01),
+    stop_to_microlenses=123.3,
+    microlenses_to_sensor=1.7,
+)
+TABLES = camera_tables(CAMERA)
+
+
+@pytest.mark.parametrize("pixel", [(32, 24), (3, 40)])
+def test_paths_are_those_that_are_rendered(pixel):
+    # All paths of a pixel and of a single replicate: the same rays, and so the same ones lost where.
+    row, column = pixel
+    white = pl.render_white(
+        CAMERA, samples=1024, replicates=1, seed=7, region=np.s_[row : row + 1, column : column + 1], progress=False
+    )
+    found = camera_conditioning(TABLES, (row, row + 1, column, column + 1), seed=7, rays=1024)
+    assert found.rays == white.stats.paths == 1024
+    assert found.lost == white.stats.lost and len(found.lost) >= 1
+
+
+def test_pixels_are_spread_over_the_region():
+    found = camera_conditioning(TABLES, seed=3)
+    assert 900 <= found.rays <= 1024
+    assert found.elements.tolist() == list(range(10, -1, -1))
+    assert found.reached[0] == found.rays - sum(found.lost_at(None).values())
+    assert found == camera_conditioning(TABLES, (0, 64, 0, 48), seed=3)
+    assert found != camera_conditioning(TABLES, seed=4)
+    # As many lost as in the image, within five standard deviations of as many independent paths.
+    stats = pl.render_white(CAMERA, samples=8, seed=3, progress=False).stats
+    share = 1.0 - stats.fraction_through_lens
+    lost = sum(found.lost_by_cause.values())
+    assert abs(lost - share * found.rays) < 5 * np.sqrt(found.rays * share * (1 - share))
+
+
+def test_digits_are_lost_on_the_way_from_the_array():
+    # 93 mm from the array to the last surface, of semi-diameter 18 mm, twice, and the terms of its equation and its
+    # place, 30.31 mm: about 220 / 20 mm.
+    found = camera_conditioning(TABLES)
+    last = CAMERA.lens.elements[10].semi_diameter
+    assert found.cancellation[0, 1] * last == pytest.approx(2 * (123.3 - 30.31) + 30.31, rel=0.05)
+    assert found.worst.element == 10 and found.worst.condition.name == "CANCELLATION"
+
+
+def test_dark_pixels_have_no_rays():
+    # Behind a small iris, microlens images are small, and some pixels of a row lie between them.
+    lens = CAMERA.lens.with_stop(pl.CircularStop(semi_diameter=0.5))
+    small = dataclasses.replace(CAMERA, lens=lens)
+    tables = camera_tables(small)
+    rays = []
+    for column in range(24):
+        found = camera_conditioning(tables, (32, 33, column, column + 1), rays=16)
+        region = np.s_[32:33, column : column + 1]
+        assert found.rays == pl.render_white(small, samples=16, region=region, progress=False).stats.paths
+        assert (found.worst is None) == (found.rays == 0)
+        rays.append(found.rays)
+    assert set(rays) == {0, 16}
+    with pytest.raises(InvalidValueError, match="rays is 0"):
+        camera_conditioning(TABLES, rays=0)
+
+
+@pytest.mark.slow
+def test_paths_of_colour_cameras_have_their_wavelengths():
+    colour = dataclasses.replace(CAMERA, sensitivity=pl.sensitivities.cie_1931())
+    region = np.s_[32:33, 24:25]
+    white = pl.render_white(colour, samples=1024, replicates=1, seed=7, region=region, progress=False)
+    found = camera_conditioning(camera_tables(colour), (32, 33, 24, 25), seed=7, rays=1024)
+    assert found.lost == white.stats.lost
+    # Red and blue meet the surfaces otherwise than the camera's own wavelength.
+    assert found.refraction[0].tolist() != camera_conditioning(TABLES, (32, 33, 24, 25), seed=7).refraction[0].tolist()

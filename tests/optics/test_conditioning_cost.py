@@ -1,0 +1,88 @@
+"""What is noted only on request costs nothing otherwise: kernels are those of a source without it."""
+
+import ast
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import plenoptic as pl
+
+NOTED = {"trace_block", "refract_asphere_block", "_newton", "_settle", "_first_crossing", "_climb"}
+"""Functions whose last argument is what is noted."""
+
+COUNT = """
+import numpy as np
+import plenoptic as pl
+from plenoptic.optics import _trace
+from plenoptic.optics.tables import lens_tables
+
+glass = pl.ConstantMedium(1.5)
+asphere = pl.Surface(50.0, 5.0, glass, semi_diameter=20.0, conic=-0.5, aspheric=(0.0, 1e-5))
+other = pl.LensStack([pl.CircularStop(9.0), asphere, pl.Surface(-60.0, semi_diameter=20.0)])
+lenses = pl.load_lens("double-gauss-100mm-f2"), other
+y = np.linspace(-9.0, 9.0, 300)
+rays = pl.RayBundle(np.stack([0.1 * y, y, 0 * y - 50.0], axis=1), np.stack([0 * y, 0.01 * y, 0 * y + 1.0], axis=1))
+bits = []
+for lens in lenses:
+    out = lens.trace(rays)
+    bits += [out.origin.tobytes().hex(), out.direction.tobytes().hex()]
+    _trace.fill_traced(np.zeros(2048), *lens_tables(lens, 587.6, reverse=True))
+for kernel in (_trace.fill_traced_rows, _trace.fill_traced):
+    for code in kernel.inspect_asm().values():
+        print(sum(line.startswith("\\t") and not line.lstrip().startswith(".") for line in code.splitlines()))
+print("".join(bits))
+"""
+
+
+class Without(ast.NodeTransformer):
+    """Takes out of a source what has to do with notes."""
+
+    def visit_FunctionDef(self, node):
+        self.generic_visit(node)
+        if node.name in NOTED:
+            del node.args.args[-1]
+        return node
+
+    def visit_Call(self, node):
+        self.generic_visit(node)
+        if isinstance(node.func, ast.Name) and node.func.id in NOTED:
+            del node.args[-1]
+        return node
+
+    def visit_If(self, node):
+        self.generic_visit(node)
+        return None if ast.unparse(node.test) in ("told is not None", "steps is not None") else node
+
+    def visit_Assign(self, node):
+        self.generic_visit(node)
+        return None if ast.unparse(node.targets[0]) in ("noted", "steps") else node
+
+
+def counted(root: Path, cache: Path) -> tuple[list[int], str]:
+    environment = os.environ | {"PYTHONPATH": str(root), "NUMBA_CACHE_DIR": str(cache)}
+    run = subprocess.run([sys.executable, "-c", COUNT], cwd=root, env=environment, capture_output=True, text=True)
+    assert run.returncode == 0, run.stderr
+    *counts, bits = run.stdout.split()
+    return [int(count) for count in counts], bits
+
+
+@pytest.mark.slow
+def test_tracing_is_that_of_a_source_without_notes(tmp_path):
+    package = Path(pl.__file__).parent
+    shutil.copytree(package, tmp_path / "without" / "plenoptic", ignore=shutil.ignore_patterns("__pycache__"))
+    for name in ("_trace.py", "_conic.py"):
+        path = tmp_path / "without" / "plenoptic" / "optics" / name
+        bare = ast.unparse(Without().visit(ast.parse(path.read_text())))
+        assert "told" not in bare.replace("`told`", "")
+        path.write_text(bare)
+    ours, bits = counted(package.parent, tmp_path / "cache")
+    theirs, bare_bits = counted(tmp_path / "without", tmp_path / "cache")
+    assert len(ours) == len(theirs) == 4 and min(theirs) > 1000
+    # A function that is not inlined is handed one argument more: a move for each of its calls.
+    for with_notes, without in zip(ours, theirs, strict=True):
+        assert 0 <= with_notes - without <= 8
+    assert bits == bare_bits
