@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from plenoptic.errors import SceneError as SceneError
     from plenoptic.exposure import Exposure as Exposure
     from plenoptic.film import Film as Film
+    from plenoptic.lit import lit_pixels as lit_pixels
     from plenoptic.optics import aberrations as aberrations
     from plenoptic.optics import paraxial as paraxial
     from plenoptic.optics.air import Absolute as Absolute
@@ -61,6 +62,9 @@ if TYPE_CHECKING:
     from plenoptic.optics.apertures import Walls as Walls
     from plenoptic.optics.blemishes import Blemishes as Blemishes
     from plenoptic.optics.blemishes import BlemishSite as BlemishSite
+    from plenoptic.optics.conditioning import Condition as Condition
+    from plenoptic.optics.conditioning import Conditioning as Conditioning
+    from plenoptic.optics.conditioning import conditioning as conditioning
     from plenoptic.optics.dispersion import DispersionFormula as DispersionFormula
     from plenoptic.optics.dispersion import Formula as Formula
     from plenoptic.optics.finding import Finding as Finding
@@ -102,6 +106,8 @@ if TYPE_CHECKING:
     from plenoptic.plots.camera import plot_camera as plot_camera
     from plenoptic.plots.contrast import plot_mtf as plot_mtf
     from plenoptic.plots.contrast import plot_point_spread as plot_point_spread
+    from plenoptic.plots.error_time import plot_error_against_time as plot_error_against_time
+    from plenoptic.plots.error_time import plot_error_studies as plot_error_studies
     from plenoptic.plots.exposure import plot_exposure as plot_exposure
     from plenoptic.plots.fields import plot_coma as plot_coma
     from plenoptic.plots.fields import plot_depth_distortion as plot_depth_distortion
@@ -122,9 +128,17 @@ if TYPE_CHECKING:
     from plenoptic.plots.spots import plot_through_focus as plot_through_focus
     from plenoptic.rays import RayBundle as RayBundle
     from plenoptic.rays import RayStatus as RayStatus
+    from plenoptic.render_settings import Caustics as Caustics
+    from plenoptic.render_settings import RenderSettings as RenderSettings
+    from plenoptic.render_settings import Sampler as Sampler
     from plenoptic.render_stats import RenderStats as RenderStats
+    from plenoptic.render_stats import StopReason as StopReason
     from plenoptic.rendering import render as render
     from plenoptic.rendering import render_white as render_white
+    from plenoptic.replaying.ending import PathEnding as PathEnding
+    from plenoptic.replaying.replay import Replay as Replay
+    from plenoptic.replaying.retracing import replay as replay
+    from plenoptic.replaying.retracing import replay_all as replay_all
     from plenoptic.scene import bsdf as bsdf
     from plenoptic.scene import targets as targets
     from plenoptic.scene.diffuse import Lambertian as Lambertian
@@ -177,7 +191,6 @@ if TYPE_CHECKING:
     from plenoptic.stages import Decision as Decision
     from plenoptic.stages import Plan as Plan
     from plenoptic.stages import Stage as Stage
-    from plenoptic.transport import Caustics as Caustics
     from plenoptic.truth import ground_truth as ground_truth
 else:
     import importlib
@@ -195,10 +208,16 @@ else:
         "study": "plenoptic.study",
     }
     _NAMES = {
+        "plenoptic.plots.error_time": ("plot_error_against_time", "plot_error_studies"),
+        "plenoptic.optics.conditioning": ("Condition", "Conditioning", "conditioning"),
+        "plenoptic.replaying.ending": ("PathEnding",),
+        "plenoptic.replaying.replay": ("Replay",),
+        "plenoptic.replaying.retracing": ("replay", "replay_all"),
+        "plenoptic.lit": ("lit_pixels",),
+        "plenoptic.render_settings": ("Caustics", "RenderSettings", "Sampler"),
         "plenoptic.scene.view": ("View",),
         "plenoptic.scene.still_life": ("still_life",),
         "plenoptic.scene.target": ("Target",),
-        "plenoptic.transport": ("Caustics",),
         "plenoptic.srgb": ("Encoding",),
         "plenoptic.scene.sphere_light": ("SphereLight",),
         "plenoptic.scene.sun_light": ("SunLight",),
@@ -211,7 +230,7 @@ else:
         "plenoptic.scene.metal": ("Conductor",),
         "plenoptic.scene.emissive": ("Emissive",),
         "plenoptic.scene.diffuse": ("Lambertian", "RoughDiffuse"),
-        "plenoptic.render_stats": ("RenderStats",),
+        "plenoptic.render_stats": ("RenderStats", "StopReason"),
         "plenoptic.optics.no_lens": ("no_lens",),
         "plenoptic.optics.stop_shapes": ("MaskStop", "StarStop"),
         "plenoptic.camera.as_built": ("AsBuilt", "BuiltValue", "as_built"),

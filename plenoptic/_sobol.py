@@ -123,11 +123,11 @@ def sample(index, dimension, key):
 
 
 @kernel
-def fill_net(net):
-    """Bit-reversed Sobol points 0 ... n-1 before scrambling, (4, n)."""
+def fill_net(net, first):
+    """Bit-reversed Sobol points first ... first + n - 1 before scrambling, (4, n)."""
     for dimension in range(DIMENSIONS):
         for i in range(net.shape[1]):
-            net[dimension, i] = reversed_point(i, dimension)
+            net[dimension, i] = reversed_point(first + i, dimension)
 
 
 @kernel

@@ -22,11 +22,13 @@ def thread_count(threads: int | None) -> int:
     return len(affinity(0)) if affinity is not None else os.cpu_count() or 1
 
 
-def run_in_order(function: Callable[[_Task], _Result], tasks: Iterable[_Task], *, threads: int) -> Iterator[_Result]:
+def run_in_order(
+    function: Callable[[_Task], _Result], tasks: Iterable[_Task], *, threads: int, ahead: int = 4
+) -> Iterator[_Result]:
     """Results of `function` for all tasks, in their order, computed by a number of threads.
 
-    Only a few results wait to be taken at any time, however many tasks there are. The first exception
-    ends the iteration; tasks that have not begun then never begin.
+    Only `ahead` tasks for each thread are taken before their results are, however many tasks there are. The first
+    exception ends the iteration; tasks that have not begun then never begin.
     """
     if threads <= 1:
         yield from map(function, tasks)
@@ -36,7 +38,7 @@ def run_in_order(function: Callable[[_Task], _Result], tasks: Iterable[_Task], *
         try:
             for task in tasks:
                 waiting.append(pool.submit(function, task))
-                if len(waiting) >= 4 * threads:
+                if len(waiting) >= ahead * threads:
                     yield waiting.popleft().result()
             while waiting:
                 yield waiting.popleft().result()

@@ -6,18 +6,17 @@ import dataclasses
 import enum
 import math
 import os
-import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.errors import FileError, InvalidValueError
 
-if sys.version_info >= (3, 11):
-    from typing import dataclass_transform
+if TYPE_CHECKING:
+    from typing_extensions import dataclass_transform
 else:
 
     def dataclass_transform(**_: Any) -> Callable[[Any], Any]:
@@ -66,7 +65,7 @@ def frozen_array(
 def number(value: float, name: str) -> float:
     """`value` as a float, which may be infinite or nan, or an error that names it where it is no number."""
     try:
-        if isinstance(value, str | bytes | bool):
+        if isinstance(value, str | bytes | bool | np.bool_):
             raise TypeError
         return float(value)
     except (TypeError, ValueError, OverflowError):
@@ -101,7 +100,7 @@ def positive(value: float, name: str, unit: str = "") -> float:
 
 def whole(value: int, name: str, *, at_least: int) -> int:
     """`value` as an int, or an error where it is no whole number or too small."""
-    if isinstance(value, bool) or not isinstance(value, int | np.integer):
+    if isinstance(value, bool | np.bool_) or not isinstance(value, int | np.integer):
         raise InvalidValueError(f"{name} is {value!r}; it must be a whole number")
     if value < at_least:
         raise InvalidValueError(f"{name} is {value}; it must be at least {at_least}")

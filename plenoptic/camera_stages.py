@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from plenoptic.camera.assembly import assembly
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.optics.apertures import ApertureShape, Gaps
+from plenoptic.optics.apertures import ApertureShape, Gaps, Walls
 from plenoptic.optics.lattices import Lattice
 from plenoptic.optics.microlenses import MicrolensArray
 from plenoptic.optics.models import LensModel
@@ -31,6 +31,8 @@ def _counted(number: int, noun: str) -> str:
 
 def _sensor_decisions(camera: PlenopticCamera) -> list[Decision]:
     seen, sensor = camera.sensitivity, camera.sensor
+    axes = assembly(camera).sensor_to_local.turn
+    turned = bool(axes[0, 1] != 0 or axes[1, 0] != 0)
     return [
         Decision(
             Stage.WAVELENGTHS,
@@ -45,6 +47,11 @@ def _sensor_decisions(camera: PlenopticCamera) -> list[Decision]:
             "pixels see all directions alike" if sensor.angular_response is None else "it depends on direction",
         ),
         Decision(
+            Stage.TURNED_PIXELS,
+            turned,
+            "their sides lie askew to x and y" if turned else "their sides are along x and y",
+        ),
+        Decision(
             Stage.BLEMISHES,
             bool(camera.blemishes),
             f"{sum(map(len, camera.blemishes))} grains of dust or scratches"
@@ -57,13 +64,18 @@ def _sensor_decisions(camera: PlenopticCamera) -> list[Decision]:
 def _array_decisions(camera: PlenopticCamera) -> list[Decision]:
     array = camera.microlenses
     if array is None:
-        absent = (Stage.MICROLENSES, Stage.MICROLENS_TYPES, Stage.OPENINGS, Stage.LISTED_LENSES, Stage.MICROLENS_PLATES)
-        return [Decision(stage, False, _NONE) for stage in absent]
+        stages = range(Stage.MICROLENSES, Stage.MICROLENS_PLATES + 1)
+        return [Decision(Stage(stage), False, _NONE) for stage in stages]
     types = len(set(array.focal_lengths))
     return [
         Decision(Stage.MICROLENSES, True, f"pitch {' x '.join(f'{p:g}' for p in dict.fromkeys(array.pitches))} mm"),
         Decision(Stage.MICROLENS_TYPES, types > 1, _counted(types, "focal length")),
         Decision(Stage.OPENINGS, *_opening(array)),
+        Decision(
+            Stage.WALLS,
+            array.walls is Walls.OPAQUE,
+            "each lens lights its own cell" if array.walls is Walls.OPAQUE else "lenses light all of the sensor",
+        ),
         Decision(
             Stage.LISTED_LENSES,
             array.lattice is Lattice.FREE or array.imperfections is not None,
@@ -147,6 +159,11 @@ def _lens_decisions(camera: PlenopticCamera) -> list[Decision]:
             f"{_counted(len(stops), 'stop')} that {'is' if len(stops) == 1 else 'are'} not round"
             if stops
             else "all stops are round",
+        ),
+        Decision(
+            Stage.DISPLACED_LENS,
+            camera.lens_placement is not None,
+            "it stands as designed" if camera.lens_placement is None else "its axes are not the camera's",
         ),
         Decision(
             Stage.POSE, camera.pose is not None, "the world is the camera's frame" if camera.pose is None else "posed"

@@ -18,7 +18,9 @@ from plenoptic._values import file_path, frozen_array, positive, set_field, valu
 from plenoptic.camera.truth import GroundTruth, truth_names
 from plenoptic.camera.truth_channels import truth_channels, truth_in, truth_note
 from plenoptic.errors import FileError, InvalidValueError
-from plenoptic.render_stats import RenderStats
+from plenoptic.lit import relative_error
+from plenoptic.render_settings import RenderSettings
+from plenoptic.render_stats import RenderStats, StopReason
 
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera
@@ -27,7 +29,8 @@ if TYPE_CHECKING:
 
 _NAMES = {1: ("Y",), 3: ("R", "G", "B")}
 _FULL = 65535  # the largest 16-bit value
-_KEPT_AS_TEXT = ("samples", "replicates", "seed", "region", "camera", "stats")
+_KEPT_AS_TEXT = ("samples", "replicates", "seed", "region", "camera", "stats", "settings")
+_SAMPLES = "samples"
 _PREVIEW_PIXELS = 1024
 
 
@@ -56,6 +59,10 @@ class Exposure:
         First row, end row, first column, end column on the sensor; None: the whole sensor.
     stats : RenderStats, optional
         What it took.
+    sample_counts : (H, W) array_like of int, optional
+        Paths of each pixel; None where all have `samples`, which is otherwise the most that a pixel has.
+    settings : RenderSettings, optional
+        How it was rendered: what `replay` needs to know.
 
     Raises
     ------
@@ -80,6 +87,8 @@ class Exposure:
     camera: PlenopticCamera | None = None
     region: tuple[int, int, int, int] | None = None
     stats: RenderStats | None = None
+    sample_counts: NDArray[np.int32] | None = None
+    settings: RenderSettings | None = None
 
     if TYPE_CHECKING:
 
@@ -94,6 +103,8 @@ class Exposure:
             camera: PlenopticCamera | None = None,
             region: tuple[int, int, int, int] | None = None,
             stats: RenderStats | None = None,
+            sample_counts: ArrayLike | None = None,
+            settings: RenderSettings | None = None,
         ) -> None: ...
 
     def __post_init__(self) -> None:
@@ -112,6 +123,14 @@ class Exposure:
                     f"truth has {self.truth.shape[0]} x {self.truth.shape[1]} pixels; "
                     f"it must have the image's {image.shape[0]} x {image.shape[1]}"
                 )
+        if self.sample_counts is not None:
+            counts = frozen_array(self.sample_counts, name="sample_counts", shape=image.shape[:2], dtype=np.int32)
+            if counts.min() < 0 or (self.samples is not None and counts.max() > self.samples):
+                raise InvalidValueError(
+                    f"sample_counts go from {counts.min()} to {counts.max()}; they must be within 0 and samples, "
+                    f"{self.samples}"
+                )
+            set_field(self, "sample_counts", counts)
         for name in ("samples", "replicates", "seed"):
             number = getattr(self, name)
             if number is not None:
@@ -120,6 +139,8 @@ class Exposure:
             set_field(self, "region", _checked_region(self.region, image.shape[:2]))
         if self.stats is not None and not isinstance(self.stats, RenderStats):
             raise InvalidValueError(f"stats is a {type(self.stats).__name__}; it must be a RenderStats or None")
+        if self.settings is not None and not isinstance(self.settings, RenderSettings):
+            raise InvalidValueError(f"settings is a {type(self.settings).__name__}; it must be RenderSettings or None")
 
     @property
     def depth(self) -> NDArray[np.float64] | None:
@@ -127,18 +148,19 @@ class Exposure:
         return None if self.truth is None else self.truth.depth
 
     @property
-    def relative_error(self) -> float | None:
-        """The root mean square of the standard error over the image's mean; None without standard error.
+    def interrupted(self) -> bool:
+        """Whether the rendering was interrupted before it had done what it was asked for."""
+        return self.stats is not None and self.stats.stopped_by is StopReason.INTERRUPTED
 
-        nan for an image that is black everywhere and has no error, inf for one that has.
+    @property
+    def relative_error(self) -> float | None:
+        """The root mean square, over lit pixels, of the standard error over the value; None without standard error.
+
+        Errors and values are those of the channels together: root mean square and mean. Lit are the pixels above a
+        tenth of the 99th percentile, see `lit_pixels`. nan for an image without light or error, inf for one that has
+        error only, or pixels without samples.
         """
-        if self.standard_error is None:
-            return None
-        error = float(np.sqrt(np.mean(np.square(self.standard_error, dtype=np.float64))))
-        mean = float(np.mean(self.image, dtype=np.float64))
-        if mean == 0:
-            return float("nan") if error == 0 else float("inf")
-        return error / abs(mean)
+        return None if self.standard_error is None else relative_error(self.image, self.standard_error)
 
     def develop(self, sensor: SensorModel, *, seed: int = 0) -> RawImage:
         """What a sensor reads out when exposed to this image: electrons, noise and digital numbers.
@@ -251,6 +273,7 @@ class Exposure:
                 image,
                 standard_error=np.stack(errors, axis=-1) if len(errors) == len(planes) else None,
                 truth=truth_in(channels),
+                sample_counts=channels.get(_SAMPLES),
                 **kept,
             )
         except InvalidValueError as error:
@@ -261,6 +284,8 @@ class Exposure:
         channels: dict[str, NDArray[Any]] = {name: self.image[:, :, i] for i, name in enumerate(names)}
         if self.standard_error is not None:
             channels |= {f"error.{name}": self.standard_error[:, :, i] for i, name in enumerate(names)}
+        if self.sample_counts is not None:
+            channels[_SAMPLES] = self.sample_counts.astype(np.float32)
         if self.truth is not None:
             channels |= truth_channels(self.truth)
         return channels
@@ -290,10 +315,20 @@ class Exposure:
 
     def _facts(self) -> str:
         facts = [" x ".join(map(str, self.image.shape))]
+        if self.interrupted:
+            facts.append("interrupted")
         if self.samples is not None:
-            facts.append(f"{self.samples} samples per pixel")
+            least = self.samples if self.sample_counts is None else int(self.sample_counts.min())
+            facts.append(
+                f"{least} to {self.samples} samples per pixel"
+                if least < self.samples
+                else f"{self.samples} samples per pixel"
+            )
+        begun = 1.0 if self.sample_counts is None else float(np.mean(self.sample_counts > 0))
         if not self.image.any():
             facts.append("black")
+        elif begun < 1:
+            facts.append(f"{100 * begun:.3g} % of the pixels rendered")
         elif self.relative_error is not None:
             facts.append(f"relative error {100 * self.relative_error:.3g} %")
         if self.truth is not None:

@@ -2,10 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.errors import InvalidValueError
+
+
+def replicate_counts(samples: int, replicates: int) -> NDArray[np.int64]:
+    """How many samples each replicate gets: as equal as can be, the first ones one more."""
+    counts = np.full(replicates, samples // replicates, dtype=np.int64)
+    counts[: samples % replicates] += 1
+    return counts
+
+
+_STRIP = 256
+_LARGEST = float(np.finfo(np.float32).max)
+_ROUNDING = 16 * np.finfo(np.float64).eps
 
 
 class Film:
@@ -24,7 +38,7 @@ class Film:
     shape : (int, int, int)
         Rows, columns and channels.
     counts : (r,) array of int
-        Samples of each replicate of a pixel.
+        Samples of each replicate of a pixel, unless `add` says otherwise.
 
     Examples
     --------
@@ -35,24 +49,55 @@ class Film:
     (np.float64(2.0), np.float32(1.0))
     """
 
-    def __init__(self, shape: tuple[int, int, int], *, counts: NDArray[np.int64]) -> None:
+    def __init__(self, shape: tuple[int, int, int], *, counts: ArrayLike) -> None:
         used = np.asarray(counts)
         self._counts = used[used > 0].astype(np.float64)
         self.samples = int(self._counts.sum())
         self.replicates = len(self._counts)
+        self.sample_counts: NDArray[np.int32] | None = None
+        """(rows, columns), once a tile was put in with its counts; None while pixels have `samples` or nothing."""
         self.mean: NDArray[np.float64] = np.zeros(shape)
         self.squares: NDArray[np.float64] | None = np.zeros(shape) if self.replicates >= 2 else None
-        self._freedom = self.replicates - 1
 
-    def add(self, row: int, column: int, sums: NDArray[np.float64]) -> None:
-        """Put in the sums (rows, columns, replicates, channels) of a tile whose upper left pixel is given."""
+    def add(
+        self,
+        row: int,
+        column: int,
+        sums: NDArray[np.float64],
+        *,
+        counts: ArrayLike | None = None,
+        where: NDArray[np.bool_] | None = None,
+    ) -> None:
+        """Put in the sums (rows, columns, replicates, channels) of a tile whose upper left pixel is given.
+
+        Parameters
+        ----------
+        row, column : int
+        sums : (rows, columns, replicates, channels) array
+        counts : (replicates,) array of int, optional
+            Samples of each replicate of these pixels, where it is not that of all.
+        where : (rows, columns) array of bool, optional
+            Pixels that are put in; the others stay as they are.
+        """
         height, width = sums.shape[:2]
         at = (slice(row, row + height), slice(column, column + width))
-        mean = sums[:, :, : self.replicates].sum(axis=2) / self.samples
-        self.mean[at] = mean
+        chosen = ... if where is None else where
+        used = self._counts if counts is None else np.asarray(counts, dtype=np.float64)
+        mean, squares = moments(sums, used)
+        self.mean[at][chosen] = mean[chosen]
         if self.squares is not None:
-            deviation = sums[:, :, : self.replicates] / self._counts[:, None] - mean[:, :, None]
-            self.squares[at] = np.einsum("hwrc,hwrc,r->hwc", deviation, deviation, self._counts)
+            self.squares[at][chosen] = squares[chosen]
+        if counts is not None:
+            if self.sample_counts is None:
+                self.sample_counts = np.zeros(self.mean.shape[:2], dtype=np.int32)
+            self.sample_counts[at][chosen] = int(used.sum())
+
+    def _divided(self) -> tuple[float | NDArray[np.int32], float | NDArray[np.int32]]:
+        """Samples and degrees of freedom, of all pixels or (rows, columns, 1) of each."""
+        if self.sample_counts is None:
+            return np.float64(self.samples), np.float64(self.replicates - 1)
+        each = self.sample_counts[:, :, None]
+        return each, np.minimum(each, self.replicates) - 1
 
     def merged(self, other: Film) -> Film:
         """Both films as one, as if their independent replicates had been rendered together (other seeds).
@@ -60,10 +105,12 @@ class Film:
         Raises
         ------
         InvalidValueError
-            Where the shapes differ.
+            Where the shapes differ, or pixels of a film have different numbers of samples.
         """
         if self.mean.shape != other.mean.shape:
             raise InvalidValueError(f"films of shapes {self.mean.shape} and {other.mean.shape} cannot be merged")
+        if self.sample_counts is not None or other.sample_counts is not None:
+            raise InvalidValueError("films whose pixels have different numbers of samples cannot be merged")
         both = Film(self.mean.shape, counts=np.concatenate([self._counts, other._counts]).astype(np.int64))
         share = other.samples / both.samples
         step = other.mean - self.mean
@@ -73,12 +120,83 @@ class Film:
         both.squares = within + step * step * (self.samples * share)
         return both
 
-    def image(self) -> NDArray[np.float32]:
-        """The mean, (rows, columns, channels) float32."""
-        return self.mean.astype(np.float32)
-
-    def standard_error(self) -> NDArray[np.float32] | None:
-        """Standard error of the mean, (rows, columns, channels) float32; None with fewer than two replicates."""
+    def agreeing(self) -> NDArray[np.bool_] | None:
+        """(rows, columns): pixels whose replicates are all the same; None with fewer than two replicates."""
         if self.squares is None:
             return None
-        return np.sqrt(self.squares / (self._freedom * self.samples)).astype(np.float32)
+        found = np.empty(self.mean.shape[:2], dtype=bool)
+        samples, _ = self._divided()
+        for rows in self._strips():
+            of_rows = samples if isinstance(samples, float) else samples[rows]
+            found[rows] = agree(self.mean[rows], self.squares[rows], of_rows).all(axis=-1)
+        return found
+
+    def _strips(self) -> Iterator[slice]:
+        """Rows that are taken together: large images are finished piece by piece, without large temporary arrays."""
+        for first in range(0, len(self.mean), _STRIP):
+            yield slice(first, first + _STRIP)
+
+    def image(self) -> NDArray[np.float32]:
+        """The mean, (rows, columns, channels) float32, at most the largest of these numbers."""
+        image = np.empty(self.mean.shape, dtype=np.float32)
+        for rows in self._strips():
+            image[rows] = np.clip(self.mean[rows], -_LARGEST, _LARGEST)
+        return image
+
+    def standard_error(self, one_sample: NDArray[np.floating] | None = None) -> NDArray[np.float32] | None:  # type: ignore[type-arg]
+        """Standard error of the mean, (rows, columns, channels) float32; None with fewer than two replicates.
+
+        Parameters
+        ----------
+        one_sample : (rows, columns) array, optional
+            What one sample brings at most. Where all replicates agree, the error is that over the number of samples:
+            a single sample could have been another.
+        """
+        if self.squares is None:
+            return None
+        error = np.empty(self.mean.shape, dtype=np.float32)
+        samples, freedom = self._divided()
+        for rows in self._strips():
+            found = spread(
+                self.mean[rows],
+                self.squares[rows],
+                samples if isinstance(samples, float) else samples[rows],
+                freedom if isinstance(freedom, float) else freedom[rows],
+                None if one_sample is None else one_sample[rows],
+            )
+            error[rows] = np.where(np.isinf(found), found, np.minimum(found, _LARGEST))
+        return error
+
+
+def moments(
+    sums: NDArray[np.float64], counts: NDArray[np.float64] | NDArray[np.int64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Mean and sum of squared deviations, (..., channels), of sums (..., replicates, channels); see `Film`."""
+    counts = counts[counts > 0]  # the first ones have most
+    used = sums[..., : counts.size, :]
+    mean = used.sum(axis=-2) / counts.sum()
+    deviation = used / counts[:, None] - mean[..., None, :]
+    return mean, np.einsum("...rc,...rc,r->...c", deviation, deviation, counts)
+
+
+def agree(
+    mean: NDArray[np.float64], squares: NDArray[np.float64], samples: float | NDArray[np.int32]
+) -> NDArray[np.bool_]:
+    """Where replicates differ by no more than rounding."""
+    return np.asarray(squares <= samples * np.square(_ROUNDING * mean))
+
+
+def spread(
+    mean: NDArray[np.float64],
+    squares: NDArray[np.float64],
+    samples: float | NDArray[np.int32],
+    freedom: float | NDArray[np.int32],
+    one_sample: NDArray[np.floating] | None,  # type: ignore[type-arg]
+) -> NDArray[np.float64]:
+    """Standard error of pixels (..., channels); see `Film.standard_error`. inf where there is no freedom."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        error = np.sqrt(squares / (np.float64(1.0) * freedom * samples))
+        if one_sample is not None:
+            floor = np.broadcast_to(one_sample[..., None] / samples, error.shape)
+            error = np.where(agree(mean, squares, samples), floor, error)
+    return np.where(np.asarray(freedom) > 0, error, np.inf)

@@ -2,8 +2,37 @@
 
 from __future__ import annotations
 
-from plenoptic._values import finite, set_field, value, whole
+import enum
+from typing import TYPE_CHECKING
+
+from plenoptic._values import choice, finite, set_field, value, whole
 from plenoptic.errors import InvalidValueError
+
+if TYPE_CHECKING:
+    from plenoptic.optics.conditioning import Conditioning
+
+
+class StopReason(enum.IntEnum):
+    """Why a rendering ended: with all its samples, after its time, at its error, or because it was interrupted.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> pl.RenderStats(stopped_by=pl.StopReason.TIME_LIMIT).stopped_by.name
+    'TIME_LIMIT'
+    """
+
+    SAMPLES = 0
+    TIME_LIMIT = 1
+    TARGET_ERROR = 2
+    INTERRUPTED = 3
+
+
+_ENDED = {
+    StopReason.TIME_LIMIT: "stopped by the time limit",
+    StopReason.TARGET_ERROR: "stopped at the target error",
+    StopReason.INTERRUPTED: "interrupted",
+}
 
 
 @value
@@ -25,10 +54,20 @@ class RenderStats:
         Causes are "outside_microlens", "missed", "clipped", "total_reflection" and "not_finite".
     nonfinite : int
         Contributions that were not finite and were left out of the image.
+    nonfinite_paths : tuple of (int, int, int)
+        Row and column on the sensor, and sample, of the first such paths; `replay` shows them.
+    zero_variance : int
+        Pixels that light could reach and whose replicates agree. Their standard error is what a single other sample
+        would have changed.
     threads : int
         Threads that worked.
     clamped : float
         Share of all light that `clamp` took away, in [0, 1]: the bias of the mean image.
+    stopped_by : StopReason
+        What ended the rendering.
+    conditioning : Conditioning, optional
+        How much the lens's surfaces magnify rounding errors, and Newton iterations, of some of the paths; only where
+        `render` was asked for it.
 
     Examples
     --------
@@ -49,6 +88,10 @@ class RenderStats:
     nonfinite: int = 0
     threads: int = 1
     clamped: float = 0.0
+    nonfinite_paths: tuple[tuple[int, int, int], ...] = ()
+    zero_variance: int = 0
+    stopped_by: StopReason = StopReason.SAMPLES
+    conditioning: Conditioning | None = None
 
     def __post_init__(self) -> None:
         for name in ("seconds", "cpu_seconds"):
@@ -56,7 +99,11 @@ class RenderStats:
             if seconds < 0:
                 raise InvalidValueError(f"{name} is {seconds:g} s; it must be at least 0")
             set_field(self, name, seconds)
-        for name, least in (("paths", 0), ("paths_through_lens", 0), ("nonfinite", 0), ("threads", 1)):
+        set_field(self, "stopped_by", choice(self.stopped_by, StopReason, "stopped_by"))
+        places = [[whole(k, "nonfinite_paths", at_least=0) for k in path] for path in self.nonfinite_paths]
+        set_field(self, "nonfinite_paths", tuple((row, column, sample) for row, column, sample in places))
+        least_of = {"paths": 0, "paths_through_lens": 0, "nonfinite": 0, "zero_variance": 0, "threads": 1}
+        for name, least in least_of.items():
             set_field(self, name, whole(getattr(self, name), name, at_least=least))
         share = finite(self.clamped, "clamped")
         if not 0 <= share <= 1:
@@ -97,6 +144,8 @@ class RenderStats:
             facts.append(f"{100 * self.fraction_through_lens:.3g} % through the lens")
         if lost:
             facts.append(f"lost: {lost}")
+        if self.stopped_by is not StopReason.SAMPLES:
+            facts.append(_ENDED[self.stopped_by])
         if self.nonfinite:
             facts.append(f"{self.nonfinite} not finite")
         if self.clamped:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from plenoptic.scene.bsdf_tables import GLASS, GROOVES, LAYERED, METAL, PANE
 from plenoptic.scene.tables import SceneTables
 from plenoptic.stages import Decision, Stage, first_reason
 
@@ -52,13 +53,38 @@ def _geometry(tables: SceneTables, meshes: bool) -> list[Decision]:
     ]
 
 
+def _drawn(tables: SceneTables) -> str:
+    """The kinds of lights that are drawn directly."""
+    lights = tables.lights
+    kinds = {
+        "surfaces": lights.material_density,
+        "points": lights.points,
+        "suns": lights.suns,
+        "the environment": tables.environment,
+    }
+    return ", ".join(name for name, part in kinds.items() if part is not None)
+
+
+def _world(tables: SceneTables) -> str:
+    """What rays see that meet nothing."""
+    kinds = {"a constant": tables.background, "a map": tables.environment, "suns": tables.lights.suns}
+    return "the world is bright: " + ", ".join(name for name, part in kinds.items() if part is not None)
+
+
+def _other_kinds(tables: SceneTables) -> str:
+    """The kinds of materials that are not Lambertian."""
+    kinds = set() if tables.bsdf.kinds is None else set(tables.bsdf.kinds.tolist())
+    names = {GROOVES: "rough diffuse", METAL: "metal", GLASS: "glass", PANE: "panes", LAYERED: "metallic-roughness"}
+    return "there are " + ", ".join(name for kind, name in names.items() if kind in kinds)
+
+
 def _emission(tables: SceneTables, meshes: bool) -> list[Decision]:
     emits = tables.emission is not None
     background = any(part is not None for part in (tables.background, tables.environment, tables.lights.suns))
     dark = ", and the image will be black" * is_dark(tables)
     return [
         Decision(Stage.EMISSION, meshes and emits, "something emits" if emits else "nothing emits" + dark),
-        Decision(Stage.BACKGROUND, background, "the world is bright" if background else "the world is black"),
+        Decision(Stage.BACKGROUND, background, _world(tables) if background else "the world is black"),
     ]
 
 
@@ -84,7 +110,7 @@ def _scattering(tables: SceneTables, meshes: bool, scatters: bool, max_bounces: 
         Decision(
             Stage.MATERIALS,
             scatters and not plain,
-            first_reason(scatters, no, not plain, "all surfaces are Lambertian", "not all surfaces are Lambertian"),
+            first_reason(scatters, no, not plain, "all surfaces are Lambertian", _other_kinds(tables)),
         ),
         Decision(
             Stage.ABSORPTION,
@@ -92,7 +118,9 @@ def _scattering(tables: SceneTables, meshes: bool, scatters: bool, max_bounces: 
             first_reason(scatters, no, tables.absorption is not None, "nothing absorbs", "some glass absorbs"),
         ),
         Decision(
-            Stage.DIRECT_LIGHT, lights, first_reason(scatters, no, lights, "there are no lights", "there are lights")
+            Stage.DIRECT_LIGHT,
+            lights,
+            first_reason(scatters, no, lights, "there are no lights", f"drawn: {_drawn(tables)}"),
         ),
         Decision(
             Stage.ONWARD_RAYS,
@@ -115,6 +143,13 @@ def _details(tables: SceneTables, scatters: bool) -> list[Decision]:
             Stage.VERTEX_NORMALS,
             scatters and tables.normals is not None,
             first_reason(scatters, no, tables.normals is not None, "meshes are flat", "meshes have normals"),
+        ),
+        Decision(
+            Stage.NORMAL_MAPS,
+            scatters and tables.normal_texture is not None,
+            first_reason(
+                scatters, no, tables.normal_texture is not None, "no material has one", "textures turn normals"
+            ),
         ),
         Decision(Stage.TEXTURES, textures, "materials have textures" if textures else "no textures"),
         Decision(

@@ -2,9 +2,17 @@
 
 from __future__ import annotations
 
+import dataclasses
 import enum
+from typing import TYPE_CHECKING
 
 from plenoptic._values import value
+from plenoptic.camera.truth import Truth
+from plenoptic.render_settings import RenderSettings
+
+if TYPE_CHECKING:
+    from plenoptic.camera.camera import PlenopticCamera
+    from plenoptic.scene.scene import Scene
 
 
 class Stage(enum.IntEnum):
@@ -17,37 +25,44 @@ class Stage(enum.IntEnum):
     'LENS'
     """
 
-    WAVELENGTHS = 0
-    PIXEL_RESPONSE = 1
-    BLEMISHES = 2
-    MICROLENSES = 3
-    MICROLENS_TYPES = 4
-    OPENINGS = 5
-    LISTED_LENSES = 6
-    MICROLENS_PLATES = 7
-    TILTED_SENSOR = 8
-    TILTED_ARRAY = 9
-    LENS = 10
-    ASPHERES = 11
-    PLACEMENTS = 12
-    SHAPED_STOPS = 13
-    POSE = 14
-    INTERSECTION = 15
-    INSTANCES = 16
-    OPACITY = 17
-    EMISSION = 18
-    BACKGROUND = 19
-    SCATTERING = 20
-    MATERIALS = 21
-    ABSORPTION = 22
-    DIRECT_LIGHT = 23
-    ONWARD_RAYS = 24
-    RUSSIAN_ROULETTE = 25
-    VERTEX_NORMALS = 26
-    TEXTURES = 27
-    COLOUR = 28
-    TRUTH = 29
-    STANDARD_ERROR = 30
+    INDEPENDENT_SAMPLES = 0
+    WAVELENGTHS = 1
+    PIXEL_RESPONSE = 2
+    TURNED_PIXELS = 3
+    BLEMISHES = 4
+    MICROLENSES = 5
+    MICROLENS_TYPES = 6
+    OPENINGS = 7
+    WALLS = 8
+    LISTED_LENSES = 9
+    MICROLENS_PLATES = 10
+    TILTED_SENSOR = 11
+    TILTED_ARRAY = 12
+    LENS = 13
+    ASPHERES = 14
+    PLACEMENTS = 15
+    SHAPED_STOPS = 16
+    DISPLACED_LENS = 17
+    POSE = 18
+    INTERSECTION = 19
+    INSTANCES = 20
+    OPACITY = 21
+    EMISSION = 22
+    BACKGROUND = 23
+    SCATTERING = 24
+    MATERIALS = 25
+    ABSORPTION = 26
+    DIRECT_LIGHT = 27
+    ONWARD_RAYS = 28
+    RUSSIAN_ROULETTE = 29
+    VERTEX_NORMALS = 30
+    NORMAL_MAPS = 31
+    TEXTURES = 32
+    COLOUR = 33
+    CAUSTICS_APART = 34
+    CLAMPING = 35
+    TRUTH = 36
+    STANDARD_ERROR = 37
 
 
 @value
@@ -58,7 +73,7 @@ class Decision:
     --------
     >>> import plenoptic as pl
     >>> pl.Decision(pl.Stage.POSE, runs=False, reason="not posed")
-    Decision(stage=<Stage.POSE: 14>, runs=False, reason='not posed')
+    Decision(stage=<Stage.POSE: 18>, runs=False, reason='not posed')
     """
 
     stage: Stage
@@ -67,8 +82,44 @@ class Decision:
 
 
 @value
+class Subject:
+    """What a plan was made for; `plan` checks it.
+
+    Parameters
+    ----------
+    scene : Scene or None
+        None: a white image.
+    camera : PlenopticCamera
+    samples, replicates : int
+    truth : Truth
+    settings : RenderSettings
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
+    ...     sensor=pl.Sensor(shape=(16, 16), pixel_pitch=0.01), stop_to_microlenses=130.0)
+    >>> pl.plan(pl.white_plane(), camera, max_bounces=3).subject.settings.max_bounces
+    3
+    """
+
+    scene: Scene | None
+    camera: PlenopticCamera
+    samples: int = 64
+    replicates: int = 8
+    truth: Truth = Truth.DEPTH
+    settings: RenderSettings = RenderSettings()
+
+
+@value
 class Plan:
     """Decisions on all stages; printing it shows them as a table.
+
+    Parameters
+    ----------
+    decisions : tuple of Decision
+    subject : Subject, optional
+        What it was made for; None for a plan that was made by hand. Plans are equal where their decisions are.
 
     Examples
     --------
@@ -76,6 +127,7 @@ class Plan:
     """
 
     decisions: tuple[Decision, ...]
+    subject: Subject | None = dataclasses.field(default=None, compare=False, repr=False)
 
     def runs(self, stage: Stage) -> bool:
         """Whether a stage runs."""

@@ -2,56 +2,72 @@
 
 from __future__ import annotations
 
-import enum
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.tables import CameraTables
-from plenoptic.scene.accel import Intersector
+from plenoptic.compiled import Compiled, Settings
+from plenoptic.render_settings import Caustics, Sampler
 from plenoptic.scene.met import MetSurfaces, PathRays
 from plenoptic.scene.passing import SALTS, media_at, pass_through, thin_out
-from plenoptic.scene.tables import SceneTables
 from plenoptic.scene_stages import ROULETTE
-from plenoptic.stages import Plan, Stage
+from plenoptic.stages import Stage
 
 
-class Caustics(enum.IntEnum):
-    """Whether light counts that mirrors, polished glass or panes throw onto rough surfaces.
+class Batch(NamedTuple):
+    """Some samples of every pixel of a tile: `first` have been rendered before.
 
-    Examples
-    --------
-    See `render`.
+    `streams` are the independent random streams among which they are divided, from number `first_stream` on; each
+    begins with its point `first_index`.
     """
 
-    KEPT = 0
-    LEFT_OUT = 1
-
-
-class Settings(NamedTuple):
-    """What a tile needs to know beside camera and scene."""
-
+    first: int
     samples: int
-    replicates: int
-    seed: np.uint64
-    max_bounces: int
-    plan: Plan
-    caustics: Caustics = Caustics.KEPT
-    clamp: float | None = None
+    streams: int
+    first_stream: int
+    first_index: int
+
+
+def batch_of(settings: Settings, first: int, samples: int) -> Batch:
+    """Samples first ... first + samples - 1; `first` must be a multiple of the replicates."""
+    if settings.how.sampler is Sampler.RANDOM:
+        return Batch(first, samples, samples, first, 0)
+    return Batch(first, samples, min(settings.replicates, samples), 0, first // settings.replicates)
+
+
+class Witness(Protocol):
+    """Is told what the paths of a bundle go through. What it is handed is used again: it copies what it keeps."""
+
+    def saw(
+        self,
+        rays: NDArray[np.float64],
+        hits: NDArray[np.int32],
+        placed: NDArray[np.int32] | None,
+        travelled: NDArray[np.float64] | None,
+        radiance: NDArray[np.float64],
+    ) -> None:
+        """Rays have met triangles, `travelled` to where they are now, and paths have collected what shines there."""
+
+    def lit(
+        self,
+        met: MetSurfaces,
+        shadow_rays: NDArray[np.float64],
+        blocked: NDArray[np.uint8],
+        shadow_radiance: NDArray[np.float64],
+    ) -> None:
+        """Lights were drawn for surfaces, and some of them could be seen."""
+
+    def scattered(self, met: MetSurfaces, then: PathRays, onwards: int, drawn: int) -> None:
+        """So many rays go on, of those that were drawn: the others ended by chance. Known where none goes on."""
 
 
 class Transport:
     """Follows the paths of a tile's bundles through the scene; its arrays are used again for each bundle."""
 
-    def __init__(
-        self,
-        tables: CameraTables,
-        scene: SceneTables,
-        intersector: Intersector | None,
-        settings: Settings,
-        most: int,
-    ) -> None:
+    def __init__(self, view: Compiled, most: int) -> None:
+        assert view.scene is not None
+        tables, scene, intersector, settings = view.camera, view.scene, view.intersector, view.settings
         self._camera, self._scene, self._intersector, self._settings = tables, scene, intersector, settings
         self._basis = None if tables.colour is None else tables.colour.basis
         self._channels = channels = scene.channels if tables.colour is None else 1
@@ -62,7 +78,7 @@ class Transport:
         self._hits = np.full(most, -1, dtype=np.int32)
         self._placed = None if scene.instances is None else np.full(most, -1, dtype=np.int32)
         self._matrices = None if intersector is None else intersector.placements
-        scattering, telling = plan.runs(Stage.SCATTERING), settings.caustics is Caustics.LEFT_OUT
+        scattering, telling = plan.runs(Stage.SCATTERING), settings.how.caustics is Caustics.LEFT_OUT
         pair = [
             PathRays(most, channels, scene, onward=plan.runs(Stage.ONWARD_RAYS), telling=telling)
             for _ in range(2 if scattering else 1)
@@ -90,8 +106,10 @@ class Transport:
         blocks: NDArray[np.float64],
         start: int,
         n: int,
+        batch: Batch,
         number: NDArray[np.int64],
         waves: NDArray[np.int64] | None,
+        witness: Witness | None = None,
     ) -> NDArray[np.float64]:
         """What the paths of a bundle see, (n, channels); 0 for those that did not leave the lens.
 
@@ -100,6 +118,7 @@ class Transport:
         from plenoptic.camera import _sample
 
         scene, settings, plan = self._scene, self._settings, self._settings.plan
+        max_bounces = settings.how.max_bounces
         radiance = self._radiance[:n]
         radiance[:] = 0.0
         now = self._now
@@ -109,8 +128,10 @@ class Transport:
                 self._keys[:n],
                 self._indices[:n],
                 start,
-                settings.samples,
-                min(settings.replicates, settings.samples),
+                batch.samples,
+                batch.streams,
+                batch.first_stream,
+                batch.first_index,
                 settings.seed,
                 number,
             )
@@ -119,14 +140,18 @@ class Transport:
             now.throughput[:found], now.media[:found] = 1.0, self._media
         if now.rough is not None:
             now.rough[:found] = 0
-        for bounce in range(settings.max_bounces + 1):
+        for bounce in range(max_bounces + 1):
             self._meet(found, bounce)
             if bounce == 0:
                 self.met += int(np.count_nonzero(self._hits[:found] >= 0))
             self._see(radiance, found, bounce, waves)
-            if bounce == settings.max_bounces or not plan.runs(Stage.SCATTERING):
+            if witness is not None:
+                placed = None if self._placed is None else self._placed[:found]
+                travelled = None if scene.opacity is None else self._travelled[:found]
+                witness.saw(self._now.rays[:found], self._hits[:found], placed, travelled, radiance)
+            if bounce == max_bounces or not plan.runs(Stage.SCATTERING):
                 break
-            found = self._scatter(radiance, found, bounce, waves)
+            found = self._scatter(radiance, found, bounce, waves, witness)
             self._now, self._next = self._next, self._now
             if not found:
                 break
@@ -215,7 +240,14 @@ class Transport:
             self._basis,
         )
 
-    def _scatter(self, radiance: NDArray[np.float64], found: int, bounce: int, waves: NDArray[np.int64] | None) -> int:
+    def _scatter(
+        self,
+        radiance: NDArray[np.float64],
+        found: int,
+        bounce: int,
+        waves: NDArray[np.int64] | None,
+        witness: Witness | None,
+    ) -> int:
         """Add direct light and send the rays onwards; returns how many there are."""
         scene, now, met, plan = self._scene, self._now, self._met, self._settings.plan
         placed = None if self._placed is None else self._placed[:found]
@@ -223,14 +255,23 @@ class Transport:
         throughput = now.throughput if bounce > 0 or scene.absorption is not None else None
         if plan.runs(Stage.DIRECT_LIGHT):
             met.draw_lights(now, waves)
-            self._add_direct(radiance, throughput, waves)
+            shadows = self._add_direct(radiance, throughput, waves)
+            if witness is not None:
+                rays, blocked = self._shadow_rays[:shadows], self._blocked[:shadows]
+                witness.lit(met, rays, blocked, self._shadow_radiance[:shadows])
         # After the last bounce only what a ray meets by chance is missing.
-        return self._send_on(throughput, bounce, waves) if plan.runs(Stage.ONWARD_RAYS) else 0
+        onwards, goes_on = 0, plan.runs(Stage.ONWARD_RAYS)
+        if goes_on:
+            onwards = self._send_on(throughput, waves, lottery=bounce >= ROULETTE)
+        if witness is not None:
+            drawn = self._send_on(throughput, waves, lottery=False) if goes_on and not onwards else onwards
+            witness.scattered(met, self._next, onwards, drawn)
+        return onwards
 
     def _add_direct(
         self, radiance: NDArray[np.float64], throughput: NDArray[np.float64] | None, waves: NDArray[np.int64] | None
-    ) -> None:
-        """Add the drawn lights that nothing hides."""
+    ) -> int:
+        """Add the drawn lights that nothing hides; returns how many shadow rays there were."""
         from plenoptic.scene import _shade
 
         assert self._intersector is not None
@@ -253,15 +294,18 @@ class Transport:
             self._basis,
         )
         if not shadows:
-            return
+            return 0
         blocked, rays = self._blocked[:shadows], self._shadow_rays[:shadows]
         if scene.opacity is None:
             self._intersector.fill_blocked(blocked, rays)
         else:
             thin_out(scene, self._intersector, rays, blocked, self._shadow_radiance)
         _shade.fill_direct(radiance, blocked, self._shadow_path[:shadows], self._shadow_radiance)
+        return int(shadows)
 
-    def _send_on(self, throughput: NDArray[np.float64] | None, bounce: int, waves: NDArray[np.int64] | None) -> int:
+    def _send_on(
+        self, throughput: NDArray[np.float64] | None, waves: NDArray[np.int64] | None, *, lottery: bool
+    ) -> int:
         """Draw the rays onwards; returns how many there are."""
         from plenoptic.scene import _shade
 
@@ -283,7 +327,7 @@ class Transport:
             met.random,
             met.keys,
             met.indices,
-            bounce >= ROULETTE,
+            lottery,
             *scene.bsdf,
             waves,
             self._basis,

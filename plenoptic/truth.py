@@ -19,8 +19,9 @@ from plenoptic.optics.lattices import Lattice
 from plenoptic.optics.lenslets import lattice_types
 from plenoptic.optics.tables import LensTables, lens_tables
 from plenoptic.planning import check_scene_and_camera, sensor_region
-from plenoptic.scene.accel import Intersector, build_intersector
+from plenoptic.scene.accel import Intersector
 from plenoptic.scene.passing import pass_through
+from plenoptic.scene.prepared import prepared_scene
 from plenoptic.scene.scene import Scene
 from plenoptic.scene.tables import SceneTables
 
@@ -254,8 +255,8 @@ def ground_truth(
     check_scene_and_camera(scene, camera)
     first_row, end_row, first_column, end_column = sensor_region(camera.sensor.shape, region)
     workers = thread_count(threads)
-    compiled = None if scene is None else scene.tables()
-    meshes = compiled is not None and compiled.triangles is not None
+    prepared = None if scene is None else prepared_scene(scene)
+    meshes = prepared is not None and prepared.tables.triangles is not None
     wanted = available_truth(checked_truth(truth), meshes=meshes, microlenses=camera.microlenses is not None)
     tables = camera_tables(camera)
     cells_per_pixel(tables)
@@ -266,15 +267,14 @@ def ground_truth(
             f"{'' if camera.microlenses is not None else 'no '}microlenses; MICROLENS, VIRTUAL_DEPTH and DISPARITY "
             "need microlenses, all but MICROLENS need meshes"
         )
-    intersector = None
-    if compiled is not None and wanted & ~Truth.MICROLENS:
-        assert compiled.vertices is not None and compiled.triangles is not None
-        intersector = build_intersector(compiled.vertices, compiled.triangles, compiled.instances)
+    surfaces = intersector = None
+    if prepared is not None and wanted & ~Truth.MICROLENS:
+        surfaces, intersector = prepared.tables, prepared.intersector
     rows = max(1, _STRIP // (end_column - first_column))
 
     def work(row: int) -> Arrays:
         pixels = pixel_centres(tables, (row, min(row + rows, end_row)), (first_column, end_column))
-        return truth_of(tables, compiled, intersector, finding, pixels)
+        return truth_of(tables, surfaces, intersector, finding, pixels)
 
     strips = list(run_in_order(work, range(first_row, end_row, rows), threads=workers))
     shape = (end_row - first_row, end_column - first_column)

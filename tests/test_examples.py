@@ -66,6 +66,7 @@ FILES = {
         "main_lenses.png",
     },
     "calibration_points": {"board.exr", "calibration_points.png"},
+    "enough_samples": {"samples.png", "error_against_time.png"},
     "lens_report": {"contrast.png", "fans.png", "field.png", "layout.png", "spots.png", "third_order.png"},
 }
 
@@ -111,7 +112,7 @@ def test_example_leaves_its_files_and_says_where(ran, name):
 
 
 def test_readme_runs(tmp_path):
-    (code,) = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), flags=re.DOTALL)
+    code, _ = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), flags=re.DOTALL)
     script = tmp_path / "readme.py"
     script.write_text(code, encoding="utf-8")
     _run(script, tmp_path)

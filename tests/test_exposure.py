@@ -85,9 +85,15 @@ def test_impossible_exposures(change, sentence):
         exposure(**change)
 
 
-def test_relative_error_is_rms_over_mean():
-    shot = pl.Exposure(np.full((2, 2, 1), 4.0), standard_error=[[[3.0], [1.0]], [[3.0], [1.0]]])
-    assert shot.relative_error == pytest.approx(np.sqrt(5) / 4)
+def test_relative_error_is_that_of_lit_pixels():
+    # The 99th percentile lies between 4 and 8: pixels above some 0.8 count.
+    image, error = [[[8.0], [4.0]], [[0.1], [0.0]]], [[[2.0], [3.0]], [[5.0], [1.0]]]
+    shot = pl.Exposure(image, standard_error=error)
+    assert shot.relative_error == pytest.approx(np.sqrt((0.25**2 + 0.75**2) / 2))
+    assert pl.lit_pixels(shot.image).tolist() == [[True, True], [False, False]]
+    # Channels count together: root mean square error over mean.
+    coloured = pl.Exposure([[[1.0, 2.0, 3.0]]], standard_error=[[[0.3, 0.4, 0.0]]])
+    assert coloured.relative_error == pytest.approx(np.sqrt(0.25 / 3) / 2)
     assert pl.Exposure(np.ones((2, 2, 1))).relative_error is None
     black = np.zeros((2, 2, 1))
     assert np.isnan(pl.Exposure(black, standard_error=black).relative_error)

@@ -19,7 +19,7 @@ def film_of(samples: list[np.ndarray]) -> pl.Film:
     return film
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(counts=COUNTS, seed=st.integers(0, 10**6))
 def test_mean_and_squares_are_those_of_numpy(counts: list[int], seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -42,7 +42,7 @@ def test_mean_and_squares_are_those_of_numpy(counts: list[int], seed: int) -> No
     assert film.standard_error() == pytest.approx(error, rel=1e-6, abs=4 * EPS32 * scale)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(r=st.integers(2, 9), each=st.integers(1, 7), seed=st.integers(0, 10**6))
 def test_equal_counts_give_the_textbook_error(r: int, each: int, seed: int) -> None:
     means = np.random.default_rng(seed).normal(size=r)
@@ -67,7 +67,7 @@ def test_the_error_is_unbiased_with_unequal_counts() -> None:
     assert film.mean.var() == pytest.approx(1 / counts.sum(), rel=4 * math.sqrt(2 / trials))
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(first=COUNTS, second=COUNTS, seed=st.integers(0, 10**6))
 def test_merged_films_are_one_film_of_all(first: list[int], second: list[int], seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -114,3 +114,33 @@ def test_one_replicate_has_no_error() -> None:
     assert film.standard_error() is None
     # Two such films have one.
     assert film.merged(film_of([np.array([4.0, 4.0, 4.0])])).standard_error()[0, 0, 0] == 1.0
+
+
+def test_pixels_may_have_different_numbers_of_samples() -> None:
+    film = pl.Film((1, 2, 1), counts=np.array([2, 2]))
+    sums = np.array([2.0, 6.0]).reshape(1, 1, 2, 1)
+    film.add(0, 0, np.tile(sums, (1, 2, 1, 1)), counts=np.array([2, 2]))
+    film.add(0, 0, np.tile(3 * sums, (1, 2, 1, 1)), counts=np.array([4, 4]), where=np.array([[False, True]]))
+    assert film.sample_counts.tolist() == [[4, 8]]
+    # Means 1 and 3 of the replicates, then 1.5 and 4.5: errors are half their difference.
+    assert film.mean.ravel().tolist() == [2.0, 3.0]
+    assert film.standard_error().ravel() == pytest.approx([1.0, 1.5])
+    with pytest.raises(pl.InvalidValueError, match="different numbers of samples"):
+        film.merged(film)
+
+
+def test_pixels_without_samples_are_not_exact() -> None:
+    film = pl.Film((1, 3, 1), counts=np.array([1, 1]))
+    film.add(0, 0, np.ones((1, 1, 2, 1)), counts=np.array([1, 1]))
+    film.add(0, 1, np.array([1.0, 0.0]).reshape(1, 1, 2, 1), counts=np.array([1, 0]))
+    assert film.standard_error().ravel().tolist() == [0.0, math.inf, math.inf]
+
+
+@settings(max_examples=40)
+@given(value=st.floats(-1e6, 1e6), counts=st.lists(st.integers(1, 9), min_size=2, max_size=8))
+def test_agreement_is_no_certainty(value: float, counts: list[int]) -> None:
+    film = pl.Film((1, 1, 1), counts=np.array(counts))
+    film.add(0, 0, (value * np.array(counts)).reshape(1, 1, -1, 1))
+    assert film.agreeing().all()
+    one_sample = np.full((1, 1), 3.0)
+    assert film.standard_error(one_sample)[0, 0, 0] == pytest.approx(3.0 / sum(counts))

@@ -72,8 +72,12 @@ def test_where_no_cache_can_be_written_kernels_still_compile(run, tmp_path):
     assert run(tmp_path / "file" / "cache") == (0, "None")
 
 
+PICKLES = (b"", b"\x80\x04", b"\x80\x04cno_such_module\nThing\n.")
+DAMAGES = [b"garbage", *(pytest.param(damage, marks=pytest.mark.slow) for damage in PICKLES)]
+
+
 @pytest.mark.parametrize("ending", [".nbi", ".nbc"])
-@pytest.mark.parametrize("damage", [b"", b"\x80\x04", b"garbage", b"\x80\x04cno_such_module\nThing\n."])
+@pytest.mark.parametrize("damage", DAMAGES)
 def test_a_damaged_cache_is_survived_and_repaired(run, tmp_path, ending, damage):
     cache = tmp_path / "cache"
     run(cache)

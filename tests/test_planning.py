@@ -193,6 +193,7 @@ def kernels_of(meshes):
     return {name.rpartition(".")[2] for name in done.stdout.split()}
 
 
+@pytest.mark.slow
 def test_scenes_load_no_kernels_of_features_they_lack():
     loaded = kernels_of("[(-40, pl.Lambertian(0.5))]")
     assert {"_shade", "_lights", "_surfaces"} <= loaded

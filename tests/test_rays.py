@@ -12,7 +12,7 @@ from plenoptic.rays import UNIT_TOLERANCE
 EPS = np.finfo(float).eps
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(
     direction=st.tuples(*[st.floats(-1e300, 1e300, allow_subnormal=False)] * 3).filter(lambda d: any(d)),
 )
@@ -28,7 +28,7 @@ def test_directions_get_unit_length(direction: tuple[float, float, float]) -> No
     assert unit / np.abs(unit).max() == pytest.approx(share, abs=4 * EPS)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(azimuth=st.floats(0, 6.3), cos=st.floats(-1, 1), off=st.floats(-7, 7))
 def test_what_is_unit_to_a_few_eps_is_left_alone(azimuth: float, cos: float, off: float) -> None:
     sin = math.sqrt(1 - cos * cos)

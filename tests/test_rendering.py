@@ -273,6 +273,26 @@ def test_bits_do_not_depend_on_threads_tiles_or_region(scene):
     assert crop.region == (110, 120, 210, 215)
 
 
+@pytest.mark.parametrize("sampler", list(pl.Sampler))
+def test_bits_do_not_depend_on_what_fits_into_a_batch(monkeypatch, sampler):
+    # Where replicates do not divide the samples, a batch with just room for all of them holds all but a few.
+    camera = pl.PlenopticCamera(
+        lens=pl.no_lens(1.0), sensor=pl.Sensor(shape=(5, 4), pixel_pitch=0.5), stop_to_microlenses=10.0
+    )
+    numbers = np.random.default_rng(5)
+    for samples, replicates in numbers.integers(1, (70, 13), size=(30, 2)).tolist():
+        how = {"samples": samples, "replicates": replicates, "sampler": sampler, "progress": False}
+        monkeypatch.setattr("plenoptic.clock.PATHS_PER_BATCH", 1 << 20)
+        whole = pl.render_white(camera, **how)
+        for room in (20 * samples, 20 * samples - 1, int(numbers.integers(1, 20 * samples + 1))):
+            monkeypatch.setattr("plenoptic.clock.PATHS_PER_BATCH", room)
+            other = pl.render_white(camera, **how)
+            np.testing.assert_array_equal(other.image, whole.image)
+            if samples > 1 and replicates > 1:
+                np.testing.assert_array_equal(other.standard_error, whole.standard_error)
+            assert other.stats.paths == whole.stats.paths
+
+
 def test_seeds_give_other_bits_and_the_same_picture():
     camera, region = reference_camera(), np.s_[250:270, 250:270]
     one = pl.render_white(camera, samples=32, region=region, seed=1, progress=False)
@@ -416,14 +436,13 @@ def test_texture_lies_the_right_way_up():
 
 
 def test_fallback_intersector_gives_the_same_picture(monkeypatch):
-    from plenoptic import rendering
     from plenoptic.scene._embree_run import SceneRunTriangles
 
     camera, region = reference_camera(), np.s_[300:316, 160:176]
     scene = pl.objects_scene()
     direct = pl.render(scene, camera, samples=16, region=region, progress=False)
-    monkeypatch.setattr(rendering, "build_intersector", SceneRunTriangles)
-    run = pl.render(scene, camera, samples=16, region=region, progress=False)
+    monkeypatch.setattr("plenoptic.scene.prepared.build_intersector", SceneRunTriangles)
+    run = pl.render(pl.objects_scene(), camera, samples=16, region=region, progress=False)
     # Both are Embree: only rays that graze an edge may be decided otherwise.
     assert np.mean(np.isclose(run.image, direct.image, rtol=1e-6)) > 0.97
     np.testing.assert_allclose(run.depth, direct.depth, rtol=1e-9)

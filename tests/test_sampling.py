@@ -37,7 +37,7 @@ def test_direction_numbers_are_those_of_joe_and_kuo() -> None:
     assert found[0].tolist() == [1 << (31 - k) for k in range(32)]
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(**KEYS, set_number=st.integers(0, 5), k=st.integers(0, 8), block=st.integers(0, 3))
 def test_aligned_powers_of_two_are_stratified(
     seed: int, pixel: int, replicate: int, set_number: int, k: int, block: int
@@ -49,7 +49,7 @@ def test_aligned_powers_of_two_are_stratified(
     assert np.array_equal(strata, np.tile(np.arange(1 << k)[:, None], (1, 4)))
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(**KEYS, set_number=st.integers(0, 3), m=st.integers(1, 9))
 def test_the_first_two_dimensions_form_a_net(seed: int, pixel: int, replicate: int, set_number: int, m: int) -> None:
     points = sobol_points(1 << m, seed=seed, pixel=pixel, replicate=replicate, set_number=set_number)

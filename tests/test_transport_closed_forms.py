@@ -243,6 +243,7 @@ GLOWING = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", GLOWING)
 def test_all_that_glows_gives_light(name):
     # Seen directly, in a mirror, and on a floor: radiance times opacity each time. One bounce: what it reflects itself

@@ -84,6 +84,7 @@ def opacity_of_pixels(values, pixels=8):
     return np.kron(np.asarray(values), np.ones((pixels // 2, pixels // 2)))[..., None]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["constant", "textured", "cut off"])
 def test_what_is_half_there_looks_like_the_mean_of_there_and_not_there(kind):
     # The plate fills the view exactly, so that the squares of its texture are quarters of the image. No light crosses
@@ -289,6 +290,7 @@ def groups():
     ]
 
 
+@pytest.mark.slow
 def test_instances_look_as_copies_do():
     floor = plate(-42.0, MATT)
     copies = [copy for group in groups() for copy in group.meshes()]
@@ -502,6 +504,7 @@ def test_other_seeds_agree_within_their_errors():
     assert_same(shoot(everything(), samples=1024), shoot(everything(), samples=1024, seed=1), most_error=0.05)
 
 
+@pytest.mark.slow
 def test_wavelengths_see_what_channels_see():
     # At these wavelengths colours are lifted to spectra by their own channel, but for 3 % of red at 450 nm.
     lines = pl.Sensitivity.lines((640.0, 550.0, 450.0))

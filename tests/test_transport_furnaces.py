@@ -117,6 +117,7 @@ def test_a_crowd_of_white_bodies_vanishes():
     assert_all_is(1.0, radiance(pl.Scene(scene, background=1.0), pinhole(), samples=128))
 
 
+@pytest.mark.slow
 def test_white_bodies_vanish_at_every_wavelength():
     # Paths with wavelengths of their own: what is white in linear sRGB is white everywhere, and metals of one index
     # lose the same in all channels.

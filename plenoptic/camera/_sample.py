@@ -96,11 +96,27 @@ def _fill_coordinates(u, net, dimension, index, run, key):
 
 @kernel
 def fill_camera_samples(
-    blocks, lanes, first_path, n, samples, replicates, seed, net, pixels, number, edges, skew, triangles, details, first
+    blocks,
+    lanes,
+    first_path,
+    n,
+    samples,
+    replicates,
+    first_replicate,
+    seed,
+    net,
+    pixels,
+    number,
+    edges,
+    skew,
+    triangles,
+    details,
+    first,
 ):
     """Start paths first_path ... first_path + n - 1 of a tile.
 
-    `net` (4, points) are the bit-reversed Sobol points that all replicates scramble, `pixels` (p, 2) the centres of the
+    `net` (4, points) are the bit-reversed Sobol points that all replicates scramble, `first_replicate` is the number of
+    the first one, `pixels` (p, 2) the centres of the
     tile's lit pixels, `number` their numbers on the whole sensor, `edges` the width and height of a pixel; a pixel that
     is turned has the sides (edges[0], skew[1]) and (skew[0], edges[1]). The triangles of pixel i are those from
     first[i] to first[i + 1]. `lanes` gets the rows of `details` of the triangles, where there are any.
@@ -112,7 +128,7 @@ def fill_camera_samples(
     while path < end:
         pixel, replicate, index = path_place(path, samples, replicates)
         run = min(replicate_size(replicate, samples, replicates) - index, end - path)
-        key = set_key(stream(seed, number[pixel], replicate), 0)
+        key = set_key(stream(seed, number[pixel], first_replicate + replicate), 0)
         for dimension in range(DIMENSIONS):
             _fill_coordinates(u, net, dimension, index, run, key)
         low, high = first[pixel], first[pixel + 1]
@@ -133,12 +149,12 @@ def fill_camera_samples(
 
 
 @kernel
-def fill_path_keys(keys, indices, first_path, samples, replicates, seed, number):
+def fill_path_keys(keys, indices, first_path, samples, replicates, first_replicate, first_index, seed, number):
     """The random stream of each path of a bundle and the path's number in it."""
     for k in range(keys.size):
         pixel, replicate, index = path_place(first_path + k, samples, replicates)
-        keys[k] = stream(seed, number[pixel], replicate)
-        indices[k] = index
+        keys[k] = stream(seed, number[pixel], first_replicate + replicate)
+        indices[k] = first_index + index
 
 
 COLOUR_SET = 1 << 20
@@ -146,7 +162,7 @@ COLOUR_SET = 1 << 20
 
 
 @kernel
-def fill_waves(waves, first_path, n, samples, replicates, seed, number, cdf, guide):
+def fill_waves(waves, first_path, n, samples, replicates, first_replicate, first_index, seed, number, cdf, guide):
     """Number of the wavelength of each path of a bundle, drawn by the cumulative probabilities `cdf`.
 
     `guide` says from which wavelength on to look for a number u between 0 and 1: guide[int(u guide.size)] is the first
@@ -156,10 +172,10 @@ def fill_waves(waves, first_path, n, samples, replicates, seed, number, cdf, gui
     while path < end:
         pixel, replicate, index = path_place(path, samples, replicates)
         run = min(replicate_size(replicate, samples, replicates) - index, end - path)
-        key = set_key(stream(seed, number[pixel], replicate), COLOUR_SET)
+        key = set_key(stream(seed, number[pixel], first_replicate + replicate), COLOUR_SET)
         scrambling = np.uint32(mix(key, np.uint64(0)))
         for k in range(run):
-            point = set_index(index + k, key, COLOUR_SET)
+            point = set_index(first_index + index + k, key, COLOUR_SET)
             u = to_unit(scramble_reversed(reversed_point(point, 0), scrambling))
             wave = guide[int(u * guide.size)]
             while cdf[wave] <= u:

@@ -243,14 +243,15 @@ def _assembled(tables: ForwardTables, given: Floats, rows: Rows, pinhole: bool) 
 
 def _unhidden(tables: ForwardTables, found: Projection, entering: Floats, scene: Scene) -> Projection:
     """Rows whose points are hidden from the place (k, 2) where their rays enter the lens are no longer visible."""
-    from plenoptic.scene.accel import build_intersector
     from plenoptic.scene.passing import thin_out
+    from plenoptic.scene.prepared import prepared_scene
     from plenoptic.scene.scene import Scene
 
     if not isinstance(scene, Scene):
         raise wrong_kind(scene, "scene", "Scene", "pl.Scene(...)")
-    surfaces = scene.tables()
-    if surfaces.vertices is None or surfaces.triangles is None:
+    prepared = prepared_scene(scene)
+    surfaces, intersector = prepared.tables, prepared.intersector
+    if intersector is None:
         return found
     rows = np.flatnonzero(found.visible)
     placed, pose = tables.array.parts.lens_to_camera, tables.camera.pose
@@ -261,7 +262,6 @@ def _unhidden(tables: ForwardTables, found: Projection, entering: Floats, scene:
     way = through - start
     rays = np.ascontiguousarray(np.column_stack([start + _CLEAR * way, (1.0 - _CLEAR) * way]))
     blocked = np.zeros(len(rows), dtype=np.uint8)
-    intersector = build_intersector(surfaces.vertices, surfaces.triangles, surfaces.instances)
     left = np.ones((len(rows), 1))
     if surfaces.opacity is None:
         intersector.fill_blocked(blocked, rays)

@@ -73,10 +73,16 @@ def feeding_regions(tables: CameraTables, pixels: NDArray[np.float64], margin: f
     """Triangles that cover what feeds each pixel.
 
     `margin` is the distance from a pixel's centre to the points of it that matter, in mm.
+
+    Raises
+    ------
+    InvalidValueError
+        Where far too many microlenses feed each pixel; see `cells_per_pixel`.
     """
     from plenoptic.camera import _regions
     from plenoptic.optics._lattice import LANE
 
+    cells_per_pixel(tables)
     first = np.zeros(len(pixels) + 1, dtype=np.int64)
     cells, bounds = tables.cells, tables.bounds
     room = 16 * len(pixels)

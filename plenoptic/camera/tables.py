@@ -163,10 +163,10 @@ class Dims(Protocol):
 
 def fill_before_array(blocks: NDArray[np.float64], tables: Dims) -> None:
     """What happens to aimed samples between the sensor and the array."""
-    from plenoptic.optics import _blemishes, _lattice
-
     seen = tables.response
     if seen is not None:
+        from plenoptic.optics import _lattice
+
         _lattice.fill_pixel_response(
             blocks,
             tables.distance,
@@ -177,6 +177,10 @@ def fill_before_array(blocks: NDArray[np.float64], tables: Dims) -> None:
             1.0 / seen.pupil_distance,
             seen.exponent,
         )
+    if not tables.blemishes:
+        return
+    from plenoptic.optics import _blemishes
+
     for placed in tables.blemishes:
         if placed.site is BlemishSite.SENSOR:
             _blemishes.fill_dimmed_aims(

@@ -83,7 +83,8 @@ def available_truth(truth: Truth, *, meshes: bool, microlenses: bool) -> Truth:
 
 def truth_names(truth: Truth) -> str:
     """For a message: depth, virtual depth."""
-    return ", ".join(flag.name.lower().replace("_", " ") for flag in truth if flag.name)
+    flags = dict.fromkeys(kind.flag for kind in KINDS.values() if kind.flag & truth)  # itself it can tell from 3.11 on
+    return ", ".join(str(flag.name).lower().replace("_", " ") for flag in flags)
 
 
 def empty_truth(truth: Truth, shape: tuple[int, ...]) -> dict[str, NDArray[Any]]:

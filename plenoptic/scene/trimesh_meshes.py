@@ -44,6 +44,8 @@ def trimesh_meshes(source: Path, kind: str, content: bytes, scale: float, materi
         known = {} if material is not None else _obj_materials(content, source.parent)
     elif kind == "ply" and material is None:
         material = _ply_texture(content, source.parent)
+    elif kind == "stl":
+        _check_stl(content)
     for key, part in _parts(source, kind, content, known).items():
         visible = isinstance(part, trimesh.Trimesh) and len(part.faces) > 0
         if not visible or not has_area(np.asarray(part.vertices), np.asarray(part.faces)):
@@ -97,6 +99,19 @@ def _plain_obj(content: bytes) -> bytes:
     if re.search(rb"^f +\d+//", content, re.MULTILINE) and re.search(rb"^f +\d+/\d+(?: |$)", content, re.MULTILINE):
         raise FileError("some of its faces have uv only and some normals only; export all of them alike")
     return content
+
+
+def _check_stl(content: bytes) -> None:
+    """Refuse an STL file that is not whole: trimesh takes a binary one for text, in which it finds nothing."""
+    if b"endsolid" in content.lower():
+        return
+    if content.lstrip().lower().startswith(b"solid") and content.isascii() and b"\0" not in content:
+        raise FileError("it is cut off: it has no 'endsolid'; export it again")
+    announced = 84 + 50 * int.from_bytes(content[80:84], "little")
+    if len(content) != announced:
+        raise FileError(
+            f"it is cut off, or no STL file: it has {len(content)} bytes instead of {announced}; export it again"
+        )
 
 
 def _obj_materials(content: bytes, folder: Path) -> Mapping[str, Material]:

@@ -99,6 +99,7 @@ def test_a_sensor_turned_by_a_quarter_shows_a_turned_image():
     )
 
 
+@pytest.mark.slow
 def test_tilts_tend_to_none():
     for part in (ARRAY, SENSOR, LENS_PART):
         agree(white(CAMERA.moved(part, tilt=(1e-7, -1e-7, 0.0)), 256), white(CAMERA, 256))
@@ -191,7 +192,7 @@ def test_wider_margins_change_no_image(moves, model, monkeypatch):
     region = np.s_[200:216, 20:44]
     narrow = white(camera, 512, region)
     compiled = camera_tables_module.camera_tables
-    monkeypatch.setattr("plenoptic.rendering.camera_tables", lambda c: (t := compiled(c))._replace(slack=t.slack + 1.0))
+    monkeypatch.setattr("plenoptic.compiled.camera_tables", lambda c: (t := compiled(c))._replace(slack=t.slack + 1.0))
     wide = white(camera, 1024, region, seed=1)
     agree(narrow, wide)
 

@@ -50,7 +50,7 @@ def test_a_conventional_camera_puts_the_image_on_the_sensor() -> None:
     assert camera.focused_at(-math.inf).z_sensor == pytest.approx(rear_focus, rel=1e-14)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(z=st.floats(-1e5, -200.0), b=st.floats(0.5, 5.0))
 def test_sharp_means_conjugate_through_lens_and_microlens(z: float, b: float) -> None:
     try:

@@ -113,7 +113,9 @@ def compared(camera, centre=POINT, *, side=0.8, across=4, groups=16, rays=1024, 
         truth=Truth.NONE,
         progress=False,
     )
-    rendered, error = (a[:, :, 0].astype(float) / side**2 for a in (shot.image, shot.standard_error))
+    # Pixels that no path found bright have the error of one sample, which in sums would outweigh that of the others.
+    found = shot.standard_error * (shot.image > 0)
+    rendered, error = (a[:, :, 0].astype(float) / side**2 for a in (shot.image, found))
     return images[(slice(None), *region)], rendered, error
 
 
@@ -231,7 +233,17 @@ LONG = {
 }
 
 
-@pytest.mark.parametrize("given", QUICK.values(), ids=QUICK)
+MANY_KERNELS = {
+    "multi-focus, spoiled, round, all moved",
+    "rectangular, flat, clear gaps, array turned",
+    "free, spoiled, turned",
+}
+QUICKEST = [
+    pytest.param(given, id=name, marks=[pytest.mark.slow] * (name in MANY_KERNELS)) for name, given in QUICK.items()
+]
+
+
+@pytest.mark.parametrize("given", QUICKEST)
 def test_every_kind_is_what_is_rendered(given):
     assert_agrees(camera_with(**given), side=1.0, rays=512, samples=64, precision=0.006)
 

@@ -12,7 +12,7 @@ EPS = np.finfo(float).eps
 POINT = st.tuples(*[st.floats(-1e3, 1e3)] * 3)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(position=POINT, target=POINT, up=POINT)
 def test_look_at_is_a_right_handed_frame_that_looks_along_minus_z(position, target, up) -> None:
     view = np.subtract(target, position)
@@ -33,7 +33,7 @@ def test_look_at_is_a_right_handed_frame_that_looks_along_minus_z(position, targ
     assert np.dot(up, y) > 0
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(position=POINT, points=st.lists(POINT, min_size=1, max_size=5))
 def test_there_and_back(position, points) -> None:
     pose = pl.Pose.look_at(position, (1.5e3, 1.7e3, 2e3), (0.3, 1.0, -0.2))

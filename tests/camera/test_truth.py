@@ -33,7 +33,8 @@ def test_all_is_everything_and_each_array_has_a_kind_of_it():
     union = Truth.NONE
     for kind in KINDS.values():
         union |= kind.flag
-    assert union == Truth.ALL == Truth(sum(flag.value for flag in Truth))
+    alone = [flag for flag in Truth if flag.value.bit_count() == 1]  # before Python 3.11 ALL is one of them too
+    assert union == Truth.ALL == Truth(sum(alone))
 
 
 def test_what_is_wanted_is_what_is_made():

@@ -224,12 +224,19 @@ def test_lookups_find_the_texels_that_were_drawn(world):
     points[:25] = np.stack(np.meshgrid(ends, ends), axis=-1).reshape(-1, 2)
     directions, cells = draws(tables, points)
     found, densities = lookups(tables, directions)
-    # Beside the pole of a turned map the azimuth loses all digits: draws within 1e-5 of it come once in 1e10.
+    np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1.0, atol=2e-15)
+    np.testing.assert_array_equal(found[:, 0], cells[:, 0])
+    if world.rotation is not None:
+        # An azimuth has an error of some 2 eps / sine there, and must be right to 2^-30 of a column at its borders,
+        # 3e-12 for 2048 columns. Only draws from the ends come so near to a pole.
+        local = directions @ world.rotation
+        sure = np.hypot(local[:, 0], local[:, 2]) > 5e-4
+        assert sure[25:].all()
+        directions, cells, found, densities = directions[sure], cells[sure], found[sure], densities[sure]
     np.testing.assert_array_equal(found, cells)
     np.testing.assert_array_equal(densities, tables.density[cells[:, 0], cells[:, 1]])
     assert (densities > 0).all()
     np.testing.assert_array_equal(world.radiance(directions), world.texels[cells[:, 0], cells[:, 1]])
-    np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1.0, atol=2e-15)
 
 
 def test_a_texel_at_the_pole_keeps_its_digits():

@@ -13,7 +13,7 @@ from plenoptic.scene.light import LIGHTS, PointLight, SphereLight, SpotLight, Su
 POINT = st.tuples(*[st.floats(-1e3, 1e3)] * 3)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(POINT, POINT, st.floats(0.1, 100), st.floats(0.1, 100))
 def test_a_light_that_faces_a_point_does(center, target, width, height):
     towards = np.subtract(target, center)
@@ -103,7 +103,7 @@ def test_two_sided_is_yes_or_no(two_sided):
 # Spheres
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(POINT, st.floats(1e-3, 1e3))
 def test_the_body_of_a_sphere_is_closed_convex_faces_outwards_and_has_its_area(center, radius):
     light = SphereLight(center, radius, (1, 2, 3))
@@ -146,7 +146,7 @@ def test_the_body_of_a_sphere_has_no_holes_and_no_preferred_direction():
 # Points and spots
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(st.floats(0, 3.1), st.floats(1e-2, 1))
 def test_the_power_of_a_spot_is_its_intensity_over_all_directions(inner, more):
     outer = min(inner + more, math.pi)
@@ -179,7 +179,7 @@ def test_a_spot_that_leaves_nothing_out_is_a_point():
     assert PointLight((0, 0, 0), (1, 2, 3)).power == pytest.approx(8 * math.pi)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(POINT, POINT)
 def test_a_spot_that_faces_a_point_does(position, target):
     towards = np.subtract(target, position)

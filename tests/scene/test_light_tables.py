@@ -38,7 +38,7 @@ emitters = st.lists(
 )
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(emitters)
 def test_triangles_are_drawn_by_the_power_they_emit(kinds):
     meshes = [

@@ -50,7 +50,7 @@ TEXTURED = [
 ]
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(SOME)
 def test_materials_compare_hash_and_pickle(material):
     again = pickle.loads(pickle.dumps(material))
@@ -139,7 +139,7 @@ ALBEDOS = [
 ]
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(st.sampled_from(ALBEDOS), colours(st.floats(allow_nan=True, allow_infinity=True)))
 def test_nothing_reflects_more_than_it_gets(field, albedo):
     make, name = field

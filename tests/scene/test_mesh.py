@@ -91,7 +91,7 @@ def test_a_texture_needs_coordinates():
         tetrahedron(material="red")
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(hnp.arrays(np.float64, (4, 3), elements=st.floats(-1e15, 1e15)))
 def test_normals_come_to_unit_length_and_stay(given_normals):
     mesh = tetrahedron(normals=given_normals)
@@ -110,7 +110,7 @@ angles = st.floats(-7, 7)
 axes = st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda a: np.linalg.norm(a) > 1e-3)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(axes, angles)
 def test_rotations_keep_lengths_and_turn_back(axis, angle):
     turned = tetrahedron(normals=CORNERS[::-1]).rotated(axis, angle)
@@ -126,7 +126,7 @@ def test_a_rotation_is_counter_clockwise():
     np.testing.assert_allclose(x_to_y.vertices[2], [-1, 0, 0], atol=1e-15)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(hnp.arrays(np.float64, (3, 3), elements=st.floats(-3, 3)).filter(lambda m: abs(np.linalg.det(m)) > 1e-2))
 def test_fronts_stay_outside_and_normals_stay_across(linear):
     matrix = np.eye(4)

@@ -25,7 +25,7 @@ TEXELS = hnp.arrays(
 )
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(TEXELS)
 def test_a_texture_is_a_read_only_copy_that_compares_hashes_and_pickles(texels):
     texture = pl.Texture(texels)
@@ -324,7 +324,7 @@ def overlaps(n):
     return m * np.maximum(shared, 0)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(
     hnp.arrays(
         np.float32,

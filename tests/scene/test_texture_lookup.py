@@ -76,7 +76,7 @@ near = st.floats(-3, 3) | borders
 anywhere = near | st.floats(-1e15, 1e15) | st.integers(-(2**40), 2**40).map(lambda k: k / 16)
 
 
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=400)
 @given(
     s=anywhere,
     t=anywhere,
@@ -101,13 +101,13 @@ def check_nearest(s, t, wrap, shape):
     np.testing.assert_array_equal(looked_up(texture, (s, t))[0], np.broadcast_to(exact(texture, s, t), 3))
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(s=inside, t=inside, wrap=st.sampled_from(WRAPS), shape=POWERS_OF_TWO)
 def test_nearest_lookups_are_exact(s, t, wrap, shape):
     check_nearest(s, t, wrap, shape)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(s=borders, t=borders, wrap=st.sampled_from([Wrap.REPEAT, Wrap.CLAMP]), shape=POWERS_OF_TWO)
 def test_borders_belong_to_the_texel_above_and_to_the_right(s, t, wrap, shape):
     check_nearest(s, t, wrap, shape)

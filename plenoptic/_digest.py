@@ -1,0 +1,96 @@
+"""The SHA-256 of values: what tells one camera or scene from another, in this process as in any other."""
+
+from __future__ import annotations
+
+import dataclasses
+import enum
+import hashlib
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.errors import InvalidValueError
+
+MARK = "sha256:"
+"""How a digest begins, so that no other text is taken for one."""
+
+
+def digest(value: Any, *, seen_as: Callable[[Any], Any] | None = None) -> str:
+    """A text that is the same for values of the same bits, and different for any others.
+
+    Unlike `hash` it is the same in every process, and unlike pickles it does not depend on which parts are shared.
+    It is stricter than `==`: 0.0 and -0.0 differ, and so do float32 and float64.
+
+    Parameters
+    ----------
+    value : object
+        None, a number, a text, an array of numbers, a member of an enum, a tuple or named tuple, or a frozen dataclass
+        of this package made of these.
+    seen_as : function, optional
+        Makes a value of these kinds of an object that is none of them.
+
+    Raises
+    ------
+    InvalidValueError
+        Where something is of none of these kinds.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> digest((1, None)) == digest((1, None)), digest(np.zeros(2)) == digest(np.zeros((2, 1)))
+    (True, False)
+    """
+    sha = hashlib.sha256()
+    _feed(sha, value, seen_as)
+    return MARK + sha.hexdigest()
+
+
+def little_endian(array: NDArray[Any]) -> NDArray[Any]:
+    """The same numbers in C order and with the low byte first, as files and digests have them."""
+    return np.asarray(array, dtype=array.dtype.newbyteorder("<"), order="C")
+
+
+def bytes_of(array: NDArray[Any]) -> memoryview:
+    """The bytes of an array in C order, in the same memory."""
+    return array.reshape(-1).view(np.uint8).data
+
+
+def _feed(sha: Any, value: Any, seen_as: Callable[[Any], Any] | None) -> None:
+    if isinstance(value, np.generic):
+        value = value.item()
+    kind = type(value)
+    if isinstance(value, enum.Enum):
+        _put(sha, "enum", kind.__qualname__, repr(value.value))
+    elif value is None or isinstance(value, bool | int | float | complex | str):
+        _put(sha, kind.__name__, repr(value))
+    elif isinstance(value, np.ndarray) and value.dtype.kind in "biufc":
+        plain = little_endian(value)
+        _put(sha, "array", plain.dtype.str, repr(value.shape))
+        sha.update(bytes_of(plain))
+    elif isinstance(value, tuple):
+        # The names of the fields too: a table that has moved on to another name is another table.
+        _put(sha, "tuple", kind.__qualname__, repr(getattr(value, "_fields", len(value))))
+        for item in value:
+            _feed(sha, item, seen_as)
+    elif dataclasses.is_dataclass(value) and kind.__module__.partition(".")[0] == "plenoptic":
+        fields = [field.name for field in dataclasses.fields(value) if field.init]
+        _put(sha, "value", kind.__qualname__, repr(fields))
+        for name in fields:
+            _feed(sha, getattr(value, name), seen_as)
+    elif seen_as is not None:
+        _feed(sha, seen_as(value), None)
+    else:
+        raise InvalidValueError(
+            f"a {kind.__name__} has no digest; only numbers, texts, tuples, arrays of numbers and the package's own "
+            "values have"
+        )
+
+
+def _put(sha: Any, *texts: str) -> None:
+    """Feed texts, each after its length: no two sequences of them are the same bytes."""
+    for text in texts:
+        encoded = text.encode("utf-8", "surrogatepass")
+        sha.update(len(encoded).to_bytes(8, "little"))
+        sha.update(encoded)

@@ -1,0 +1,1 @@
+"""Replaying: one path of an exposure traced again, with all that it meets."""

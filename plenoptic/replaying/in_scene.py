@@ -1,0 +1,135 @@
+"""What `transport` tells of one path, as events."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.replaying.ending import PathEnding
+from plenoptic.replaying.scene_events import DirectLight, Escape, Meeting, Vector
+from plenoptic.replaying.scene_names import SceneNames
+from plenoptic.scene.met import MetSurfaces, PathRays
+from plenoptic.scene.scene import Scene
+from plenoptic.scene.tables import SceneTables
+from plenoptic.stages import Plan, Stage
+
+
+class Recorder:
+    """A `transport.Witness` of a bundle of one path."""
+
+    def __init__(self, scene: Scene, tables: SceneTables, plan: Plan, max_bounces: int) -> None:
+        self._names, self._tables, self._plan = SceneNames(scene, tables), tables, plan
+        self._max_bounces = max_bounces
+        self._collected: Vector | None = None
+        self.events: list[Meeting | Escape] = []
+        self.ending = PathEnding.LEFT_SCENE
+
+    def saw(
+        self,
+        rays: NDArray[np.float64],
+        hits: NDArray[np.int32],
+        placed: NDArray[np.int32] | None,
+        travelled: NDArray[np.float64] | None,
+        radiance: NDArray[np.float64],
+    ) -> None:
+        """See `Witness`."""
+        if not len(rays):
+            return
+        collected = radiance[0].copy()
+        with np.errstate(all="ignore"):
+            emitted = _fixed(collected if self._collected is None else collected - self._collected)
+        self._collected = collected
+        direction = _fixed(rays[0, 3:].copy())
+        if hits[0] < 0:
+            self.events.append(Escape(direction, emitted))
+            self.ending = PathEnding.LEFT_SCENE
+            return
+        hit, instance = int(hits[0]), -1 if placed is None else int(placed[0])
+        place = self._names.place(hit, instance)
+        reached, normal = _meet(rays[0], self._names.corners(hit, instance))
+        self.events.append(
+            Meeting(
+                place=place,
+                material=self._names.material(place),
+                point=_fixed(rays[0, :3] + reached * direction),
+                distance=reached + (0.0 if travelled is None else float(travelled[0])),
+                normal=_fixed(normal),
+                shading_normal=None,
+                emitted=emitted,
+            )
+        )
+        self.ending = self._end_here(hit)
+
+    def _end_here(self, hit: int) -> PathEnding:
+        """How a path ends that is not scattered where it is."""
+        scatters, materials = self._tables.scatters, self._tables.triangle_material
+        if scatters is None or materials is None or not scatters[materials[hit]]:
+            return PathEnding.ABSORBED
+        scattered = sum(isinstance(event, Meeting) for event in self.events) - 1
+        return PathEnding.MAX_BOUNCES if scattered >= self._max_bounces else PathEnding.NO_SURFACE
+
+    def lit(
+        self,
+        met: MetSurfaces,
+        shadow_rays: NDArray[np.float64],
+        blocked: NDArray[np.uint8],
+        shadow_radiance: NDArray[np.float64],
+    ) -> None:
+        """See `Witness`."""
+        takes_light = self._tables.takes_light
+        if not len(met.lane_of) or takes_light is None or not takes_light[met.material_of[0]]:
+            return
+        kind, place, light = self._names.light(float(met.random[0, 0]))
+        shines = bool(np.any(met.lit[0] > 0))
+        sent = bool(len(shadow_rays))
+        added = np.zeros(met.lit.shape[1]) if not sent or blocked[0] else shadow_radiance[0].copy()
+        if self._collected is not None:
+            with np.errstate(all="ignore"):
+                self._collected = self._collected + added
+        self._amend(
+            light=DirectLight(
+                kind=kind,
+                place=place,
+                light=light,
+                point=_fixed(met.drawn[0, 3:6].copy()) if shines else None,
+                blocked=bool(blocked[0]) if sent else None,
+                contribution=_fixed(added),
+            )
+        )
+
+    def scattered(self, met: MetSurfaces, then: PathRays, onwards: int, drawn: int) -> None:
+        """See `Witness`."""
+        if not len(met.lane_of):
+            return
+        self._amend(shading_normal=_fixed(met.rows[0, 6:9].copy()))
+        if onwards:
+            assert then.throughput is not None
+            self._amend(direction=_fixed(then.rays[0, 3:].copy()), throughput=_fixed(then.throughput[0].copy()))
+        elif not self._plan.runs(Stage.ONWARD_RAYS):
+            self.ending = PathEnding.NOTHING_AHEAD
+        else:
+            self.ending = PathEnding.ROULETTE if drawn else PathEnding.ABSORBED
+
+    def _amend(self, **known: Any) -> None:
+        """Add to the last event what has become known of it."""
+        last = self.events[-1]
+        assert isinstance(last, Meeting)
+        self.events[-1] = dataclasses.replace(last, **known)
+
+
+def _meet(ray: NDArray[np.float64], corners: NDArray[np.float64]) -> tuple[float, Vector]:
+    """Distance along a ray to a triangle, and its unit normal on the ray's side; not finite without area."""
+    normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+    with np.errstate(all="ignore"):
+        along = normal @ ray[3:]
+        distance = float(-(normal @ (ray[:3] - corners[0])) / along)
+        normal = normal / np.sqrt(normal @ normal)
+    return distance, -normal if along > 0 else normal
+
+
+def _fixed(array: Vector) -> Vector:
+    array.flags.writeable = False
+    return array

@@ -1,0 +1,216 @@
+"""One path of an exposure, from the sensor to light, as a value and as a table."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from plenoptic._values import value
+from plenoptic.rays import RayStatus
+from plenoptic.replaying.camera_events import (
+    CameraEvent,
+    ElementPassage,
+    MicrolensPassage,
+    SensorPoint,
+    Vector,
+    WorldRay,
+)
+from plenoptic.replaying.ending import PathEnding
+from plenoptic.replaying.scene_events import DirectLight, Escape, Meeting, Place, SceneEvent
+
+Event: TypeAlias = CameraEvent | SceneEvent
+
+_INDENT = 11
+
+
+@value
+class Replay:
+    """One path of an exposure, traced again; printing it shows a table of its events.
+
+    Parameters
+    ----------
+    pixel : (int, int)
+        Row and column on the whole sensor.
+    sample : int
+        Number of the path in its pixel.
+    replicate, index : int
+        To which replicate it belongs, and the number of its sampling point there.
+    wavelength : float or None
+        nm; None where all paths have the camera's.
+    events : tuple
+        In order: `SensorPoint`, `MicrolensPassage`, an `ElementPassage` for each element of the lens, `WorldRay`, a
+        `Meeting` for each surface, and an `Escape` where the path leaves the scene. Fewer where it ends before.
+    ending : PathEnding
+    weight : float
+        What its radiance is multiplied by, sr; 0 for a lost path.
+    radiance : (c,) array
+        What it saw, after clamping; c = 1 with a wavelength, and for grey scenes.
+    clamped : float
+        Part of its radiance that `clamp` left, in (0, 1].
+    contribution : (C,) array
+        What it adds to the sum of its pixel, in units of the image: with n samples, the pixel's value is the sum of
+        their contributions over n. Channels that are not finite count as 0, as in the image.
+    finite : bool
+        Whether all channels were finite.
+
+    Examples
+    --------
+    See `replay`.
+    """
+
+    pixel: tuple[int, int]
+    sample: int
+    replicate: int
+    index: int
+    wavelength: float | None
+    events: tuple[Event, ...]
+    ending: PathEnding
+    weight: float
+    radiance: Vector
+    clamped: float
+    contribution: Vector
+    finite: bool
+
+    @property
+    def bounces(self) -> tuple[Meeting, ...]:
+        """The surfaces of the scene that the path met."""
+        return tuple(event for event in self.events if isinstance(event, Meeting))
+
+    @property
+    def camera_points(self) -> Vector:
+        """(n, 3): where the path runs in the camera, in its axes, mm: sensor, array and the elements of the lens.
+
+        `plenoptic.plots.layout.plot_layout(camera.lens, [way.camera_points[None]])` draws it.
+        """
+        points: list[Vector | None] = []
+        for event in self.events:
+            if isinstance(event, SensorPoint):
+                points.append(event.point)
+            elif isinstance(event, MicrolensPassage):
+                points += [event.aim, event.point]
+            elif isinstance(event, ElementPassage):
+                points.append(event.point)
+        return np.array([point for point in points if point is not None]).reshape(-1, 3)
+
+    @property
+    def first_nonfinite(self) -> int | None:
+        """Number of the first event that holds an infinite number or none; None where all are finite.
+
+        A path whose numbers only overflow when they are added has none either.
+        """
+        for number, event in enumerate(self.events):
+            if not _is_finite(event):
+                return number
+        return None
+
+    def __repr__(self) -> str:
+        row, column = self.pixel
+        wave = "" if self.wavelength is None else f", {self.wavelength:g} nm"
+        lines = [
+            f"sample {self.sample} of pixel ({row}, {column}): replicate {self.replicate}, point {self.index}{wave}"
+        ]
+        first = self.first_nonfinite
+        bounce = 0
+        for number, event in enumerate(self.events):
+            name, texts = _described(event, bounce)
+            bounce += isinstance(event, Meeting)
+            if number == first:
+                texts = [*texts, "not finite from here on"]
+            lines.append(f"{name:<{_INDENT}}{texts[0]}")
+            lines += [" " * _INDENT + text for text in texts[1:]]
+        lines.append(f"{'ends':<{_INDENT}}{self.ending.name.lower().replace('_', ' ')}")
+        clamped = "" if self.clamped == 1 else f", clamped to {self.clamped:.3g} of it"
+        lines.append(f"{'brings':<{_INDENT}}radiance {_numbers(self.radiance)}{clamped}, times {self.weight:.6g} sr")
+        dropped = "" if self.finite else ", not finite: left out of the image"
+        lines.append(f"{'adds':<{_INDENT}}{_numbers(self.contribution)}{dropped}")
+        return "\n".join(lines)
+
+
+def _is_finite(event: Event | DirectLight) -> bool:
+    for field in dataclasses.fields(event):
+        item = getattr(event, field.name)
+        if isinstance(item, np.ndarray | float) and not np.isfinite(item).all():
+            return False
+        if isinstance(item, DirectLight) and not _is_finite(item):
+            return False
+    return True
+
+
+def _described(event: Event, bounce: int) -> tuple[str, list[str]]:
+    """What stands in the first column, and lines for the second."""
+    if isinstance(event, SensorPoint):
+        return "sensor", [f"from {_point(event.point)}"]
+    if isinstance(event, MicrolensPassage):
+        return "array", _array_lines(event)
+    if isinstance(event, ElementPassage):
+        return "lens", [_element_line(event)]
+    if isinstance(event, WorldRay):
+        return "world", [f"from {_point(event.origin)} towards {_numbers(event.direction)}"]
+    if isinstance(event, Escape):
+        return f"bounce {bounce}", [
+            f"meets nothing towards {_numbers(event.direction)}, sees {_numbers(event.emitted)}"
+        ]
+    return f"bounce {bounce}", _meeting_lines(event)
+
+
+def _array_lines(event: MicrolensPassage) -> list[str]:
+    which = "no microlenses" if event.microlens is None else f"microlens {event.microlens}, type {event.type}"
+    lines = [f"{which}, aimed at {_point(event.aim)}, {event.weight:.6g} sr"]
+    if event.point is None or event.direction is None:
+        return [*lines, f"lost: {_cause(event.status)}"]
+    return [*lines, f"leaves {_point(event.point)} towards {_numbers(event.direction)}"]
+
+
+def _element_line(event: ElementPassage) -> str:
+    name = f"{event.element:>2} {event.kind.name.lower().replace('_', ' ')}"
+    where = "" if event.point is None else f" at {_point(event.point)}"
+    onwards = f"lost: {_cause(event.status)}" if event.after is None else f"towards {_numbers(event.after)}"
+    return f"{name}{where}, {onwards}"
+
+
+def _meeting_lines(event: Meeting) -> list[str]:
+    lines = [
+        f"{_which(event.place)}, {type(event.material).__name__}, after {event.distance:.7g} mm",
+        f"at {_point(event.point)}, normal {_numbers(event.normal)}",
+    ]
+    if event.emitted.any():
+        lines.append(f"emits {_numbers(event.emitted)}")
+    if event.light is not None:
+        lines.append(_light_line(event.light))
+    if event.direction is not None and event.throughput is not None:
+        lines.append(f"goes on towards {_numbers(event.direction)}, throughput {_numbers(event.throughput)}")
+    return lines
+
+
+def _light_line(light: DirectLight) -> str:
+    name = f"light: {light.kind.name.lower()}"
+    if light.place is not None:
+        name = f"light: {_which(light.place)}"
+    elif light.light is not None:
+        name += f" {light.light}"
+    if light.point is None:
+        return f"{name}, shines the other way"
+    if light.blocked is None:
+        return f"{name} at {_point(light.point)}, of which nothing is scattered here"
+    seen = "is blocked" if light.blocked else f"adds {_numbers(light.contribution)}"
+    return f"{name} at {_point(light.point)} {seen}"
+
+
+def _which(place: Place) -> str:
+    instance = "" if place.instance is None else f", instance {place.instance}"
+    return f"object {place.object}{instance}, triangle {place.triangle}"
+
+
+def _cause(status: RayStatus) -> str:
+    return status.name.lower().replace("_", " ")
+
+
+def _numbers(array: ArrayLike) -> str:
+    return "(" + ", ".join(f"{number:.6g}" for number in np.ravel(array)) + ")"
+
+
+def _point(array: ArrayLike) -> str:
+    return f"{_numbers(array)} mm"

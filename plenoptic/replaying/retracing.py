@@ -1,0 +1,231 @@
+"""Tracing paths of an exposure again."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.camera.tables import CameraTables
+from plenoptic.camera.truth import Truth
+from plenoptic.compiled import Compiled, compiled
+from plenoptic.errors import InvalidValueError
+from plenoptic.exposure import Exposure
+from plenoptic.planning import check_scene_and_camera
+from plenoptic.render_settings import Sampler
+from plenoptic.replaying.asked import checked, known, pair
+from plenoptic.replaying.camera_events import WorldRay
+from plenoptic.replaying.ending import PathEnding
+from plenoptic.replaying.in_camera import CameraWay, trace_camera
+from plenoptic.replaying.in_scene import Recorder
+from plenoptic.replaying.replay import Event, Replay
+from plenoptic.replaying.scene_events import Escape
+from plenoptic.scene.scene import Scene
+from plenoptic.transport import Batch, Transport
+
+
+def replay(exposure: Exposure, scene: Scene | None, *, pixel: tuple[int, int], sample: int) -> Replay:
+    """Trace exactly one path of an exposure again and tell all that it meets.
+
+    Parameters
+    ----------
+    exposure : Exposure
+        From `render` or `render_white`, or loaded from the .exr file to which it was saved.
+    scene : Scene or None
+        The one that was rendered; None for `render_white`.
+    pixel : (int, int)
+        Row and column on the whole sensor, also where a region was rendered.
+    sample : int
+        Number of the path in the pixel, from 0: replicate `sample % replicates`, there number `sample // replicates`.
+
+    Returns
+    -------
+    Replay
+
+    Raises
+    ------
+    InvalidValueError
+        Where the exposure does not know its camera, seed or settings, the pixel is outside its region, or it has fewer
+        samples there; where the image has other channels than this scene would give.
+
+    Notes
+    -----
+    The renderer's own kernels trace the path, so that on the same machine `contribution` is what the pixel's sum got,
+    bit for bit. With a fill factor below 1, which multiplies the sum in the image and each path here, that is so up to
+    rounding. Where two triangles lie at the very same place, which of them a path meets first may depend on the paths
+    traced beside it.
+
+    An exposure keeps its camera, seed and settings, but not its scene: of another scene, or another version of this
+    package, this traces the path that *it* would have had. It can be told by the image: the mean of `contribution` over
+    all samples of a pixel is its value.
+
+    Examples
+    --------
+    >>> import numpy as np, plenoptic as pl
+    >>> lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=5.0))
+    >>> camera = pl.PlenopticCamera(lens=lens.with_model(pl.LensModel.THIN),
+    ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
+    ...     sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.01),
+    ...     stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
+    >>> scene = pl.white_plane()
+    >>> shot = pl.render(scene, camera, samples=16, region=np.s_[256:257, 256:257], progress=False)
+    >>> pl.replay(shot, scene, pixel=(256, 256), sample=9)      # doctest: +ELLIPSIS
+    sample 9 of pixel (256, 256): replicate 1, point 1
+    sensor     from (...) mm
+    array      microlens (0, 0), type 0, aimed at (..., 123.3) mm, 0.01... sr
+               leaves (..., 123.3) mm towards (...)
+    lens        5 circular stop at (...) mm, towards (...)
+    lens        5 ideal lens at (...) mm, towards (...)
+    world      from (...) mm towards (...)
+    bounce 0   object 0, triangle ..., Emissive, after ... mm
+               at (..., -404) mm, normal (0, 0, 1)
+               emits (1)
+    ends       absorbed
+    brings     radiance (1), times 0.01... sr
+    adds       (0.01...)
+    >>> ways = pl.replay_all(shot, scene, [(256, 256, sample) for sample in range(16)])
+    >>> bool(abs(np.mean([way.contribution for way in ways]) / shot.image[0, 0, 0] - 1) < 1e-7)
+    True
+    """
+    return replay_all(exposure, scene, [(*pair(pixel), sample)])[0]
+
+
+def replay_all(exposure: Exposure, scene: Scene | None, paths: Iterable[tuple[int, int, int]]) -> tuple[Replay, ...]:
+    """Trace several paths of an exposure again; scene and camera are compiled once.
+
+    Parameters
+    ----------
+    exposure, scene
+        As for `replay`.
+    paths : iterable of (int, int, int)
+        Row, column and sample of each, such as `exposure.stats.nonfinite_paths`.
+
+    Returns
+    -------
+    tuple of Replay
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> camera = pl.PlenopticCamera(lens=pl.no_lens(1.0), sensor=pl.Sensor(shape=(4, 4), pixel_pitch=0.1),
+    ...     stop_to_microlenses=10.0)
+    >>> shot = pl.render_white(camera, samples=8, progress=False)
+    >>> [way.ending.name for way in pl.replay_all(shot, None, [(0, 0, 0), (3, 1, 7)])]
+    ['LEFT_SCENE', 'LEFT_SCENE']
+    """
+    prepared = _prepared(exposure, scene)
+    return tuple(_retraced(prepared, *checked(exposure, *path)) for path in paths)
+
+
+class _Prepared(NamedTuple):
+    """What all paths of an exposure share."""
+
+    exposure: Exposure
+    camera: PlenopticCamera
+    scene: Scene | None
+    view: Compiled
+
+
+def _prepared(exposure: Exposure, scene: Scene | None) -> _Prepared:
+    camera, how = known(exposure)
+    check_scene_and_camera(scene, camera)
+    assert exposure.seed is not None and exposure.replicates is not None and exposure.samples is not None
+    view = compiled(
+        scene,
+        camera,
+        how,
+        samples=exposure.samples,
+        replicates=exposure.replicates,
+        seed=exposure.seed,
+        truth=Truth.NONE,
+    )
+    if view.channels != exposure.image.shape[2]:
+        raise InvalidValueError(
+            f"the image has {exposure.image.shape[2]} channels, and "
+            f"{'a white image' if scene is None else 'this scene'} gives {view.channels}; give the scene that was "
+            f"rendered{'' if scene is None else ', or None for a white image'}"
+        )
+    return _Prepared(exposure, camera, scene, view)
+
+
+def _retraced(prepared: _Prepared, pixel: tuple[int, int], sample: int) -> Replay:
+    settings, tables = prepared.view.settings, prepared.view.camera
+    replicate, index = sample % settings.replicates, sample // settings.replicates
+    random = settings.how.sampler is Sampler.RANDOM
+    batch = Batch(sample, 1, 1, sample, 0) if random else Batch(sample, 1, 1, replicate, index)
+    way = trace_camera(prepared.camera, tables, pixel, batch, settings.seed)
+    channels = prepared.exposure.image.shape[2]
+    if way is None:
+        nothing = np.zeros(channels)
+        nothing.flags.writeable = False
+        return Replay(
+            pixel, sample, replicate, index, None, (), PathEnding.UNLIT_PIXEL, 0.0, nothing, 1.0, nothing, True
+        )
+    events, radiance, ending = _through_scene(prepared, way, batch)
+    clamped = _clamp(radiance, way, settings.how.clamp)
+    contribution, finite = _contribution(tables, way, radiance, channels)
+    seen = np.ones(1) if radiance is None else radiance[0].copy()
+    seen.flags.writeable = False
+    return Replay(
+        pixel=pixel,
+        sample=sample,
+        replicate=replicate,
+        index=index,
+        wavelength=None
+        if tables.colour is None or way.waves is None
+        else float(tables.colour.wavelengths[way.waves[0]]),
+        events=way.events + events,
+        ending=ending if finite else PathEnding.NOT_FINITE,
+        weight=way.weight,
+        radiance=seen,
+        clamped=clamped,
+        contribution=contribution,
+        finite=finite,
+    )
+
+
+def _through_scene(
+    prepared: _Prepared, way: CameraWay, batch: Batch
+) -> tuple[tuple[Event, ...], NDArray[np.float64] | None, PathEnding]:
+    """Follow a path behind the lens; its radiance is None in a white image."""
+    from plenoptic.camera import _sample
+
+    tables, scene, settings = prepared.view.camera, prepared.view.scene, prepared.view.settings
+    rays, lanes = np.empty((1, 6)), np.empty(1, dtype=np.int64)
+    left = _sample.fill_world_rays(rays, lanes, way.bundle, 1, tables.rotation, tables.position)
+    rays.flags.writeable = False
+    ray = (WorldRay(rays[0, :3], rays[0, 3:], way.weight),) if left else ()
+    if prepared.scene is None or scene is None:
+        escape = (Escape(rays[0, 3:], np.ones(1)),) if left else ()
+        return ray + escape, None, PathEnding.LEFT_SCENE if left else PathEnding.LOST
+    recorder = Recorder(prepared.scene, scene, settings.plan, settings.how.max_bounces)
+    radiance = Transport(prepared.view, 1).radiance(way.bundle, 0, 1, batch, way.number, way.waves, recorder)
+    return ray + tuple(recorder.events), radiance, recorder.ending if left else PathEnding.LOST
+
+
+def _clamp(radiance: NDArray[np.float64] | None, way: CameraWay, limit: float | None) -> float:
+    """Scale radiance down as the renderer does; returns what part is left."""
+    from plenoptic.camera import _sample
+
+    if radiance is None or limit is None:
+        return 1.0
+    brightest = float(radiance.max())
+    _sample.fill_clamped(radiance, way.bundle, 1, limit)
+    return limit / brightest if brightest > limit else 1.0
+
+
+def _contribution(
+    tables: CameraTables, way: CameraWay, radiance: NDArray[np.float64] | None, channels: int
+) -> tuple[NDArray[np.float64], bool]:
+    """What is added to the pixel's sum, and whether all of it is finite."""
+    from plenoptic.camera import _sample
+
+    sums = np.zeros((1, 1, channels))
+    weights = None if tables.colour is None else tables.colour.weights
+    dropped = _sample.fill_sums(sums, way.bundle, radiance, way.waves, weights, 0, 1, 1, 1)
+    added = sums[0, 0] if tables.fill_factor == 1 else tables.fill_factor * sums[0, 0]
+    added.flags.writeable = False
+    return added, not dropped

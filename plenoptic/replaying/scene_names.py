@@ -1,0 +1,72 @@
+"""Which parts of a scene the rows of its tables are."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.replaying.scene_events import DrawnKind, Place
+from plenoptic.scene.instance import Instances
+from plenoptic.scene.material import Material
+from plenoptic.scene.point_light import PointLight
+from plenoptic.scene.quad_light import QuadLight
+from plenoptic.scene.scene import Scene
+from plenoptic.scene.sphere_light import SphereLight
+from plenoptic.scene.spot_light import SpotLight
+from plenoptic.scene.sun_light import SunLight
+from plenoptic.scene.tables import SceneTables
+
+
+class SceneNames:
+    """Which mesh, instance, material and light of a scene the rows of its tables are."""
+
+    def __init__(self, scene: Scene, tables: SceneTables) -> None:
+        self._scene, self._tables = scene, tables
+        self._shapes = [light.mesh() for light in scene.lights if isinstance(light, QuadLight | SphereLight)]
+        self._points = [i for i, light in enumerate(scene.lights) if isinstance(light, PointLight | SpotLight)]
+        self._suns = [i for i, light in enumerate(scene.lights) if isinstance(light, SunLight)]
+        repeated = [(i, len(mesh)) for i, mesh in enumerate(scene.meshes) if isinstance(mesh, Instances)]
+        self._repeated = np.array(repeated, dtype=np.int64).reshape(-1, 2)
+
+    def place(self, triangle: int, placed: int) -> Place:
+        """Of a row of the triangles and one of the instances, -1 for plain triangles."""
+        tables = self._tables
+        assert tables.triangle_mesh is not None
+        number = int(tables.triangle_mesh[triangle])
+        if placed < 0 or tables.instances is None:
+            return Place(number, triangle - int(np.argmax(tables.triangle_mesh == number)), None)
+        ends = np.cumsum(self._repeated[:, 1])
+        which = int(np.searchsorted(ends, placed, side="right"))
+        instance = placed - int(ends[which] - self._repeated[which, 1])
+        return Place(int(self._repeated[which, 0]), triangle - int(tables.instances.first[placed]), instance)
+
+    def material(self, place: Place) -> Material:
+        """What a place is made of."""
+        meshes = self._scene.meshes
+        if place.object >= len(meshes):
+            return self._shapes[place.object - len(meshes)].material
+        mesh = meshes[place.object]
+        return mesh.mesh.material if isinstance(mesh, Instances) else mesh.material
+
+    def corners(self, triangle: int, placed: int) -> NDArray[np.float64]:
+        """(3, 3): corners of a triangle in the world."""
+        tables = self._tables
+        assert tables.vertices is not None and tables.triangles is not None
+        points = np.asarray(tables.vertices[tables.triangles[triangle]])
+        if placed < 0 or tables.instances is None:
+            return points
+        matrix = tables.instances.matrices[placed].reshape(3, 4)
+        return np.asarray(points @ matrix[:, :3].T + matrix[:, 3])
+
+    def light(self, number: float) -> tuple[DrawnKind, Place | None, int | None]:
+        """What is drawn by a random number."""
+        lights = self._tables.lights
+        assert lights.cdf is not None and lights.row is not None
+        item = min(int(np.searchsorted(lights.cdf, number, side="right")), len(lights.cdf) - 1)
+        kind = DrawnKind.TRIANGLE if lights.kind is None else DrawnKind(int(lights.kind[item]))
+        row = int(lights.row[item])
+        if kind is DrawnKind.TRIANGLE:
+            return kind, self.place(row, -1 if lights.place is None else int(lights.place[item])), None
+        if kind is DrawnKind.ENVIRONMENT:
+            return kind, None, None
+        return kind, None, (self._points if kind is DrawnKind.POINT else self._suns)[row]

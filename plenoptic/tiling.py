@@ -1,0 +1,64 @@
+"""Cutting a region of the sensor into tiles."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+from plenoptic._values import whole
+from plenoptic.budget import Budget
+from plenoptic.errors import InvalidValueError
+from plenoptic.tiles import Tile
+
+PATHS_PER_TILE = 1 << 17
+_SMALLEST_SIDE, _LARGEST_SIDE = 16, 256
+_DECIDING_SIDE, _FEWEST = 32, 2
+"""Side of tiles that grow step by step, and the least that they may have where they end by themselves."""
+_FIRST_PATHS = 1 << 15
+"""Paths of a tile with one sample of each replicate, where tiles grow step by step."""
+_CELLS_PER_TILE = 1 << 18
+"""Microlenses that feed the pixels of a tile, all pixels together: some 70 MB of triangles."""
+
+
+def cut_into_tiles(
+    region: tuple[int, int, int, int], budget: Budget, side: int | None, cells: float
+) -> tuple[int, list[Tile]]:
+    """The side of tiles, and those of a region of rows and columns; see `render` for `side`.
+
+    Tiles have no more pixels than `cells`, the microlenses that feed a pixel, leave room for.
+    """
+    least = 1 if budget.target_error is None else _FEWEST
+    wanted = _chosen_side(budget) if side is None else whole(side, "tile_side", at_least=1)
+    if wanted < least:
+        raise InvalidValueError(
+            f"tile_side is {wanted}; with a target_error it must be at least {least}, since pixels decide for each "
+            "other"
+        )
+    first_row, end_row, first_column, end_column = region
+    if budget.target_error is not None and (end_row - first_row) * (end_column - first_column) == 1:
+        raise InvalidValueError(
+            "the region is a single pixel, and with a target_error pixels decide for each other; take two, or give "
+            "samples"
+        )
+    fitting = max(least, min(wanted, int(math.sqrt(_CELLS_PER_TILE / cells))))
+    rows, columns = _cuts(first_row, end_row, fitting, least), _cuts(first_column, end_column, fitting, least)
+    return fitting, [
+        Tile(row, column, next_row - row, next_column - column)
+        for row, next_row in pairwise(rows)
+        for column, next_column in pairwise(columns)
+    ]
+
+
+def _chosen_side(budget: Budget) -> int:
+    if budget.steps:
+        side = int(math.sqrt(_FIRST_PATHS / budget.replicates))
+        return max(1 if budget.target_error is None else _FEWEST, min(_DECIDING_SIDE, side))
+    return min(max(int(math.sqrt(PATHS_PER_TILE / budget.most)), _SMALLEST_SIDE), _LARGEST_SIDE)
+
+
+def _cuts(first: int, end: int, side: int, least: int) -> list[int]:
+    """Where tiles begin, and where the last one ends; a rest below `least` belongs to the one before."""
+    cuts = [*range(first, end, side), end]
+    if len(cuts) > 2 and end - cuts[-2] < least:
+        del cuts[-2]
+    return cuts

@@ -1,0 +1,95 @@
+"""Tables and trees are kept for the scene that was compiled last, and for no other."""
+
+import dataclasses
+import gc
+import threading
+import weakref
+
+import numpy as np
+import pytest
+
+import plenoptic as pl
+from plenoptic.scene import prepared
+from plenoptic.scene.prepared import prepared_scene
+
+CAMERA = pl.PlenopticCamera(
+    lens=pl.no_lens(1.0), sensor=pl.Sensor(shape=(4, 4), pixel_pitch=0.5), stop_to_microlenses=10.0
+)
+
+
+@pytest.fixture
+def built(monkeypatch):
+    """Of how many triangles trees have been built."""
+    build, numbers = prepared.build_intersector, []
+
+    def counted(vertices, triangles, instances=None):
+        numbers.append(len(triangles))
+        return build(vertices, triangles, instances)
+
+    monkeypatch.setattr(prepared, "build_intersector", counted)
+    return numbers
+
+
+def scene(side=50.0):
+    return pl.Scene([pl.box(side, material=pl.Emissive(1.0)).translated(z=-404)])
+
+
+def test_a_scene_is_compiled_once(built):
+    one = scene()
+    first = pl.render(one, CAMERA, samples=8, progress=False)
+    again = pl.render(one, CAMERA, samples=8, progress=False)
+    pl.ground_truth(one, CAMERA)
+    pl.replay(again, one, pixel=(1, 2), sample=3)
+    assert built == [12]
+    assert first.image.any() and first.image.tobytes() == again.image.tobytes()
+
+
+def test_another_scene_is_compiled_even_if_it_is_equal(built):
+    one = scene()
+    images = [pl.render(each, CAMERA, samples=8, progress=False).image for each in (one, scene(), one, scene(20.0))]
+    assert built == [12] * 4
+    assert images[0].tobytes() == images[1].tobytes() == images[2].tobytes() != images[3].tobytes()
+    # A scene that is changed is another one.
+    brighter = dataclasses.replace(one, background=2.0)
+    assert np.all(pl.render(brighter, CAMERA, samples=8, progress=False).image >= images[0])
+
+
+def test_what_is_not_asked_for_is_not_built(built):
+    one = scene()
+    assert pl.plan(one, CAMERA).runs(pl.Stage.INTERSECTION)
+    assert prepared_scene(one).tables.triangles is not None
+    assert built == []
+
+
+def test_it_goes_when_its_scene_goes():
+    one = scene()
+    kept = weakref.ref(prepared_scene(one))
+    tree = weakref.ref(kept().intersector)
+    assert prepared_scene(one) is kept()
+    del one
+    gc.collect()
+    assert kept() is None and tree() is None
+    # And when another one comes.
+    one, other = scene(), scene()
+    kept = weakref.ref(prepared_scene(one))
+    prepared_scene(other)
+    gc.collect()
+    assert kept() is None
+
+
+def test_threads_with_scenes_of_their_own_do_not_disturb_each_other():
+    sides = [20.0, 30.0, 40.0, 50.0]
+    alone = [pl.render(scene(side), CAMERA, samples=8, progress=False).image for side in sides]
+    found = {}
+
+    def work(k):
+        for _ in range(5):
+            found[k] = pl.render(scene(sides[k]), CAMERA, samples=8, progress=False).image
+
+    threads = [threading.Thread(target=work, args=[k]) for k in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    for k in range(4):
+        assert found[k].tobytes() == alone[k].tobytes()

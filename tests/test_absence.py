@@ -1,0 +1,387 @@
+"""Absence is free: a kernel without a feature is the kernel that it would be without the feature's source.
+
+Kernels are taken as source, the branches of one feature are cut out of it and of all functions that it calls, with the
+arguments that they were for, and both are compiled alike. What counts is the number of machine instructions.
+"""
+
+import ast
+import inspect
+import json
+import re
+import subprocess
+import sys
+import textwrap
+from typing import NamedTuple
+
+import numba
+import numpy as np
+import pytest
+
+import plenoptic as pl
+from plenoptic._jit import device
+
+TOLERANCE = 0.02
+"""Of the number of instructions: registers that are assigned otherwise cost a few moves."""
+
+UNKNOWN = object()
+
+
+# ---- cutting branches out of the source of a kernel ----
+
+
+class _Cut(ast.NodeTransformer):
+    """Removes what is not reached where some arguments are None, and hands on to callees which of theirs are."""
+
+    def __init__(self, absent, scope):
+        self.absent, self.scope = absent, scope
+
+    def _known(self, test):
+        """The value that a condition must have, or UNKNOWN."""
+        if isinstance(test, ast.Compare) and isinstance(test.ops[0], ast.Is | ast.IsNot):
+            left, right = test.left, test.comparators[0]
+            if isinstance(left, ast.Name) and isinstance(right, ast.Constant) and right.value is None:
+                return isinstance(test.ops[0], ast.Is) if left.id in self.absent else UNKNOWN
+        if isinstance(test, ast.BoolOp):
+            decisive = isinstance(test.op, ast.Or)
+            values = [self._known(part) for part in test.values]
+            if decisive in values:
+                return decisive
+            return UNKNOWN if UNKNOWN in values else not decisive
+        return UNKNOWN
+
+    def _rest(self, test):
+        """A condition without the parts whose values are known."""
+        if isinstance(test, ast.BoolOp):
+            parts = [part for part in test.values if self._known(part) is UNKNOWN]
+            return parts[0] if len(parts) == 1 else ast.BoolOp(test.op, parts)
+        return test
+
+    def visit_If(self, node):
+        known = self._known(node.test)
+        if known is not UNKNOWN:
+            return self._reached(node.body if known else node.orelse)
+        node.test = self._rest(node.test)
+        return self._block(node)
+
+    def _block(self, node):
+        """Whatever holds statements."""
+        for name, field in ast.iter_fields(node):
+            if name in ("body", "orelse"):
+                setattr(node, name, self._reached(field) or ([ast.Pass()] if name == "body" else []))
+            elif isinstance(field, ast.AST):
+                setattr(node, name, self.visit(field))
+        return node
+
+    visit_FunctionDef = visit_For = visit_While = _block
+
+    def _reached(self, statements):
+        """Statements up to the first that leaves: what is behind a branch that was always taken is not reached."""
+        kept = []
+        for statement in statements:
+            made = self.visit(statement)
+            kept += made if isinstance(made, list) else [made]
+            if kept and isinstance(kept[-1], ast.Return | ast.Continue):
+                break
+        return kept
+
+    def visit_IfExp(self, node):
+        known = self._known(node.test)
+        return self.generic_visit(node) if known is UNKNOWN else self.visit(node.body if known else node.orelse)
+
+    def visit_Call(self, node):
+        called = self.scope.get(node.func.id) if isinstance(node.func, ast.Name) else None
+        if hasattr(called, "py_func"):
+            names = list(inspect.signature(called.py_func).parameters)
+            gone = {k for k, a in enumerate(node.args) if isinstance(a, ast.Name) and a.id in self.absent}
+            assert not any(isinstance(a, ast.Starred) for a in node.args[: max(gone, default=0)])
+            if gone:
+                cut = without(called, frozenset(names[k] for k in gone))
+                self.scope[cut.__name__] = cut
+                node.func = ast.Name(cut.__name__, ast.Load())
+                node.args = [a for k, a in enumerate(node.args) if k not in gone]
+        return self.generic_visit(node)
+
+
+_MADE = {}
+
+
+def without(function, absent):
+    """A compiled function without some of its arguments, which are None, and without what they were for."""
+    if (function, absent) in _MADE:
+        return _MADE[function, absent]
+    python = function.py_func
+    tree = ast.parse(textwrap.dedent(inspect.getsource(python)))
+    (definition,) = tree.body
+    definition.name = f"{python.__name__}_without_{len(_MADE)}"
+    definition.decorator_list = []
+    definition.args.args = [argument for argument in definition.args.args if argument.arg not in absent]
+    scope = dict(python.__globals__)
+    made = _Cut(absent, scope).visit(tree)
+    left = {node.id for node in ast.walk(made) if isinstance(node, ast.Name)} & absent
+    assert not left, f"{python.__name__} still uses {left}"
+    exec(compile(ast.fix_missing_locations(made), f"<{definition.name}>", "exec"), scope)
+    _MADE[function, absent] = device(scope[definition.name])
+    return _MADE[function, absent]
+
+
+# ---- counting instructions ----
+
+_LABEL, _FUNCTION = re.compile(r"^(\"[^\"]*\"|[^\s:]+):"), re.compile(r"\.type\s+(\S+),\s*[@%]function")
+
+
+def instructions(function, types):
+    """Machine instructions of a function and of what it calls; not those of Python's and C's ways into it."""
+    fresh = device(function.py_func)
+    fresh.compile(types)
+    (signature,) = fresh.signatures
+    text = fresh.inspect_asm(signature)
+    names = set(_FUNCTION.findall(text))
+    assert names, "no function in the assembly: is it in another format?"
+    bodies, inside = {}, None
+    for line in text.splitlines():
+        label = _LABEL.match(line)
+        if label:
+            name = label.group(1)
+            inside = bodies.setdefault(name, []) if name in names else inside
+        elif line.lstrip().startswith(".size"):
+            inside = None
+        elif inside is not None and line.startswith("\t") and not line.lstrip().startswith((".", "#")):
+            inside.append(line)
+    way_in = fresh.overloads[signature].fndesc.llvm_func_name
+    reached, waiting = set(), [way_in]
+    while waiting:
+        name = waiting.pop()
+        reached.add(name)
+        mentioned = {word for line in bodies[name] for word in re.findall(r"[\w.]+", line)}
+        waiting += [other for other in mentioned & set(bodies) - reached if not other.startswith("NRT_")]
+    return sum(len(bodies[name]) for name in reached)
+
+
+# ---- the kernels of a rendering that needs nothing, and what else there is ----
+
+
+class Feature(NamedTuple):
+    """Arguments of a kernel that are None where a scene or a camera has no use for them, and their types otherwise."""
+
+    module: str
+    kernel: str
+    arguments: dict[str, str]
+
+    @property
+    def name(self):
+        return f"{self.kernel}: {', '.join(self.arguments)}"
+
+
+def _column(*names, like="f8[::1]"):
+    return dict.fromkeys(names, like)
+
+
+ROWS, CUBE, BYTES, NUMBERS, PLACES = "f8[:,::1]", "f8[:,:,::1]", "u1[::1]", "i8[::1]", "i4[::1]"
+TEXTURES = {"texels": "f4[::1]", "texture_rows": "i8[:,::1]"}
+COLOUR = {"waves": NUMBERS, "basis": ROWS}
+SKY = {"environment_texels": CUBE, "environment_densities": ROWS, "environment_rotation": "f8[::1]"}
+METAL, GLASS = {"metal_index": CUBE}, {"glass_index": ROWS}
+
+SAMPLE, TRACE, LATTICE = "plenoptic.camera._sample", "plenoptic.optics._trace", "plenoptic.optics._lattice"
+SHADE, SURFACES, LIGHTS = "plenoptic.scene._shade", "plenoptic.scene._surfaces", "plenoptic.scene._lights"
+
+FEATURES = [
+    Feature(SAMPLE, "fill_camera_samples", _column("skew")),
+    Feature(SAMPLE, "fill_camera_samples", {"lanes": ROWS, "details": ROWS}),
+    Feature(SAMPLE, "fill_sums", {"radiance": ROWS}),
+    Feature(SAMPLE, "fill_sums", {"waves": NUMBERS, "weights": ROWS}),
+    Feature(SAMPLE, "fill_world_rays", {"rotation": ROWS, "position": "f8[::1]"}),
+    Feature(LATTICE, "fill_thin", _column("lean")),
+    Feature(LATTICE, "fill_thin", {"lanes": ROWS}),
+    Feature(TRACE, "fill_traced", {"conic": "f8[::1]", "aspheric": ROWS}),
+    Feature(TRACE, "fill_traced", {"frames": ROWS}),
+    Feature(TRACE, "fill_traced", _column("masks")),
+    Feature(SHADE, "fill_emitted", {"uv": ROWS, "emission_texture": PLACES, **TEXTURES}),
+    Feature(SHADE, "fill_emitted", {"placed": PLACES, "matrices": ROWS}),
+    Feature(SHADE, "fill_emitted", _column("background")),
+    Feature(SHADE, "fill_emitted", {"suns": ROWS, "sun_colours": ROWS}),
+    Feature(SHADE, "fill_emitted", SKY),
+    Feature(SHADE, "fill_emitted", {"rough": BYTES}),
+    Feature(SHADE, "fill_emitted", COLOUR),
+    Feature(SURFACES, "fill_surfaces", {"normals": ROWS}),
+    Feature(SURFACES, "fill_surfaces", {"placed": PLACES, "matrices": ROWS}),
+    Feature(SURFACES, "fill_surfaces", {"uv": ROWS}),
+    Feature(SURFACES, "fill_surfaces", _column("roughness", "metallic")),
+    Feature(LIGHTS, "fill_drawn_lights", {"light_kind": BYTES, "points": ROWS, "point_colours": ROWS}),
+    Feature(LIGHTS, "fill_drawn_lights", {"light_kind": BYTES, "suns": ROWS, "sun_colours": ROWS}),
+    Feature(LIGHTS, "fill_drawn_lights", {"opacity": "f8[::1]", "cutoff": "f8[::1]"}),
+    Feature(SHADE, "fill_lit", {"kinds": NUMBERS, **METAL}),
+    Feature(SHADE, "fill_lit", {"kinds": NUMBERS, **GLASS}),
+    Feature(SHADE, "fill_lit", {"kinds": NUMBERS, "coupling": ROWS, "coupling_mean": "f8[::1]"}),
+    Feature(SHADE, "fill_lit", COLOUR),
+    Feature(SHADE, "fill_onward", {"kinds": NUMBERS, **METAL}),
+    Feature(SHADE, "fill_onward", {"kinds": NUMBERS, **GLASS}),
+    Feature(SHADE, "fill_onward", {"kinds": NUMBERS, "pane_index": "f8[::1]"}),
+    Feature(SHADE, "fill_onward", {"kinds": NUMBERS, "coupling": ROWS, "coupling_mean": "f8[::1]"}),
+    Feature(SHADE, "fill_onward", {"next_from": NUMBERS}),
+    Feature(SHADE, "fill_onward", COLOUR),
+]
+
+LARGE = {
+    *("fill_camera_samples: lanes, details", "fill_thin: lean", "fill_thin: lanes"),
+    *("fill_traced: conic, aspheric", "fill_traced: frames", "fill_traced: masks"),
+    *("fill_emitted: uv, emission_texture, texels, texture_rows", "fill_emitted: placed, matrices"),
+    *("fill_emitted: suns, sun_colours", "fill_emitted: waves, basis", "fill_surfaces: normals"),
+    *("fill_surfaces: placed, matrices", "fill_lit: kinds, metal_index", "fill_lit: kinds, glass_index"),
+    *("fill_onward: kinds, pane_index", "fill_onward: kinds, coupling, coupling_mean"),
+}
+"""Features of some hundred instructions. Small ones may make a kernel shorter: loops are then not unrolled."""
+
+NEEDED = {"radiance"}
+"""What the plain rendering has all the same; a white image has not."""
+
+
+@pytest.fixture(scope="module")
+def plain():
+    """The types of arguments with which a rendering of a grey Lambertian floor under a lamp calls each kernel."""
+    found = {}
+    patch = pytest.MonkeyPatch()
+
+    def recorded(module, name):
+        kernel = getattr(module, name)
+
+        def record(*arguments):
+            found.setdefault(name, (kernel, [numba.typeof(argument) for argument in arguments]))
+            return kernel(*arguments)
+
+        patch.setattr(module, name, record)
+
+    for module, name in {(feature.module, feature.kernel) for feature in FEATURES}:
+        recorded(__import__(module, fromlist=["_"]), name)
+    camera = pl.PlenopticCamera(
+        lens=pl.load_lens("double-gauss-100mm-f2"),
+        microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
+        sensor=pl.Sensor(shape=(4, 4), pixel_pitch=0.01),
+        stop_to_microlenses=123.3,
+        microlenses_to_sensor=1.7,
+    )
+    lamp = pl.QuadLight((0, 30, -360), (20, 0, 0), (0, 12, -16), radiance=3.0)
+    scene = pl.Scene([pl.quad((-50, -50, -404), (100, 0, 0), (0, 100, 0))], [lamp])
+    pl.render(scene, camera, samples=8, max_bounces=2, truth=pl.Truth.NONE, progress=False)
+    patch.undo()
+    return found
+
+
+_COUNTS = {}
+
+
+def counted(kernel, types):
+    """`instructions`, kept: features of one kernel share the plain variant."""
+    key = kernel, tuple(types)
+    if key not in _COUNTS:
+        _COUNTS[key] = instructions(kernel, tuple(types))
+    return _COUNTS[key]
+
+
+def variants(feature, plain):
+    """Instructions of a kernel with the feature's arguments None, without their source, and with the feature."""
+    kernel, recorded = plain[feature.kernel]
+    names = list(inspect.signature(kernel.py_func).parameters)
+    types = dict(zip(names, recorded, strict=True))
+    absent = types | dict.fromkeys(feature.arguments, numba.none)
+    assert {name for name in feature.arguments if types[name] != numba.none} <= NEEDED
+    cut = without(kernel, frozenset(feature.arguments))
+    present = types | {name: numba.typeof(_example(text)) for name, text in feature.arguments.items()}
+    return (
+        counted(kernel, absent.values()),
+        counted(cut, [kind for name, kind in absent.items() if name not in feature.arguments]),
+        counted(kernel, present.values()),
+    )
+
+
+def _example(text):
+    """An array of a type such as f8[:,::1]."""
+    return np.empty((1,) * (text.count(",") + 1), text[:2])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("feature", FEATURES, ids=lambda feature: feature.name)
+def test_a_kernel_without_a_feature_is_one_without_its_source(feature, plain):
+    absent, cut, _ = variants(feature, plain)
+    assert abs(absent / cut - 1) <= TOLERANCE
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("feature", [f for f in FEATURES if f.name in LARGE], ids=lambda feature: feature.name)
+def test_with_the_feature_a_kernel_is_larger(feature, plain):
+    # What the test above would say if absence were not None but an empty table: the types, and so the code, are these.
+    _, cut, present = variants(feature, plain)
+    assert present / cut - 1 > 2 * TOLERANCE
+
+
+@pytest.mark.slow
+def test_what_is_pruned_in_callees_is_cut_there_too(plain):
+    # `trace_block` and what it calls lose three features at once.
+    three = Feature(TRACE, "fill_traced", {"conic": "f8[::1]", "aspheric": ROWS, "frames": ROWS, "masks": "f8[::1]"})
+    absent, cut, present = variants(three, plain)
+    assert abs(absent / cut - 1) <= TOLERANCE and present > 2 * absent
+
+
+# ---- what is neither imported, compiled nor called ----
+
+LIBRARIES = {"embreex", "trimesh", "OpenImageIO", "matplotlib", "PIL", "mpmath", "tqdm"}
+
+LOOK = """
+import json, sys
+import plenoptic as pl
+
+def look(shot):
+    kernels = [
+        f"{module.rpartition('.')[2]}.{name}"
+        for module, found in list(sys.modules.items()) if module.startswith("plenoptic.")
+        for name, part in vars(found).items()
+        if type(getattr(part, "_cache", None)).__name__ == "_KernelCache"
+        and part.signatures and part.__module__ == module
+    ]
+    parts = [name for name in ("standard_error", "truth", "sample_counts") if getattr(shot, name, None) is not None]
+    print(json.dumps([kernels, parts, sorted(sys.modules)]))
+
+camera = pl.PlenopticCamera(
+    lens=pl.load_lens("double-gauss-100mm-f2"), microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
+    sensor=pl.Sensor(shape=(4, 4), pixel_pitch=0.01), stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
+floor = pl.quad((-50, -50, -404), (100, 0, 0), (0, 100, 0))
+lamp = pl.QuadLight((0, 30, -360), (20, 0, 0), (0, 12, -16), radiance=3.0)
+look(pl.render_white(camera, samples=8, replicates=1, progress=False))
+look(pl.render(pl.Scene([floor], [lamp]), camera, samples=8, max_bounces=2, truth=pl.Truth.NONE, progress=False))
+"""
+
+OF_THE_CAMERA = {
+    *("_sobol.fill_net", "_regions.fill_cell_regions", "_lattice.fill_thin", "_trace.fill_traced"),
+    *("_sample.fill_camera_samples", "_sample.fill_sums", "_sample.fill_status_counts"),
+}
+OF_THE_SCENE = {
+    *("_sample.fill_world_rays", "_sample.fill_path_keys", "_sobol.fill_drawn", "_embree._fill_closest"),
+    *("_surfaces.fill_surfaces", "_colours.fill_base", "_lights.fill_drawn_lights"),
+    *("_shade.fill_emitted", "_shade.fill_lit", "_shade.fill_onward"),
+}
+AS_NEEDED = {"_embree._fill_blocked", "_shade.fill_direct"}
+"""Called where the few paths of the test find a lamp that shines on what they meet."""
+
+
+@pytest.fixture(scope="module")
+def seen():
+    """Kernels, parts of the exposure, and modules, after a white image and then after a Lambertian scene."""
+    done = subprocess.run([sys.executable, "-c", LOOK], capture_output=True, text=True, check=True)
+    return [tuple(map(set, json.loads(line))) for line in done.stdout.splitlines()]
+
+
+def test_a_white_image_calls_the_kernels_of_the_camera_alone(seen):
+    kernels, parts, modules = seen[0]
+    assert kernels == OF_THE_CAMERA
+    assert not parts
+    assert not modules & LIBRARIES
+    assert not [module for module in modules if module.startswith("plenoptic.scene._")]
+
+
+def test_a_lambertian_scene_calls_what_it_needs(seen):
+    kernels, parts, modules = seen[1]
+    assert kernels - AS_NEEDED == OF_THE_CAMERA | OF_THE_SCENE
+    assert parts == {"standard_error"}
+    assert modules & LIBRARIES <= {"embreex"}
+    lacking = {f"plenoptic.scene.{name}" for name in ("_media", "_opacity", "_bsdf_rows")}
+    assert not modules & lacking

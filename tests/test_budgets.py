@@ -1,0 +1,455 @@
+"""What ends a rendering: samples, time, error, an interruption. None of them may bias the image."""
+
+import dataclasses
+import math
+import os
+import signal
+import statistics
+import threading
+import time
+
+import numpy as np
+import pytest
+
+import plenoptic as pl
+from plenoptic import driving
+from plenoptic.progress import Progress
+
+
+@pytest.fixture(autouse=True)
+def ctrl_c_is_heard():
+    """Programs that a shell starts in the background ignore SIGINT."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+# ---- helpers ----
+
+LENS = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(5.0))
+CAMERA = pl.PlenopticCamera(
+    lens=LENS,
+    microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
+    sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.010),
+    stop_to_microlenses=123.3,
+    microlenses_to_sensor=1.7,
+)
+MIDDLE = np.s_[240:264, 240:264]
+LONG = 1 << 22  # samples that would take minutes
+
+
+def white(region=MIDDLE, **settings):
+    return pl.render_white(CAMERA, region=region, progress=False, **settings)
+
+
+def shoot(scene, region=MIDDLE, **settings):
+    return pl.render(scene, CAMERA, region=region, **{"truth": pl.Truth.NONE, "progress": False, **settings})
+
+
+def counts_of(shot):
+    """(H, W)"""
+    return np.full(shot.image.shape[:2], shot.samples) if shot.sample_counts is None else shot.sample_counts
+
+
+def same_bits(a, b):
+    return (
+        np.array_equal(a.image, b.image)
+        and np.array_equal(a.standard_error, b.standard_error)
+        and np.array_equal(counts_of(a), counts_of(b))
+    )
+
+
+# ---- which comes first ----
+
+
+def test_one_of_them_is_needed():
+    with pytest.raises(pl.InvalidValueError, match="give one of them"):
+        white()
+
+
+@pytest.mark.parametrize("replicates", [1, 2, 7])
+def test_a_target_needs_8_replicates(replicates):
+    with pytest.raises(pl.InvalidValueError, match=rf"replicates is {replicates}.*at least 8"):
+        white(target_error=0.1, replicates=replicates)
+
+
+def test_whichever_comes_first_ends_it():
+    few = white(samples=48, target_error=0.001, time_limit=100.0)
+    assert few.stats.stopped_by is pl.StopReason.SAMPLES
+    assert few.samples == 48 and few.sample_counts is None
+    coarse = white(samples=LONG, target_error=0.1, time_limit=100.0)
+    assert coarse.stats.stopped_by is pl.StopReason.TARGET_ERROR
+    assert coarse.relative_error < 0.11 and coarse.samples < 1000
+    short = white(samples=LONG, target_error=1e-5, time_limit=0.3)
+    assert short.stats.stopped_by is pl.StopReason.TIME_LIMIT
+    assert short.samples < LONG
+    assert not (few.interrupted or coarse.interrupted or short.interrupted)
+
+
+def test_no_number_of_samples_is_passed():
+    # 45 is on no step, and replicates do not divide it.
+    shot = white(samples=45, target_error=1e-4)
+    assert shot.samples == 45 and shot.stats.paths == 45 * 24 * 24
+    assert same_bits(shot, white(samples=45))
+
+
+def test_an_error_that_is_there_at_once_takes_the_fewest_samples():
+    shot = white(target_error=0.9)
+    assert shot.stats.stopped_by is pl.StopReason.TARGET_ERROR
+    assert same_bits(shot, white(samples=4 * 8))
+
+
+def test_a_black_scene_ends():
+    # All that there is is black: no pixel is lit, and no error is left.
+    black = pl.Scene([pl.quad((-30, -30, -404), (60, 0, 0), (0, 60, 0), material=pl.Lambertian(0.5))])
+    with pytest.warns(UserWarning, match="nothing in the scene shines"):
+        shot = shoot(black, target_error=0.02)
+    assert shot.stats.stopped_by is pl.StopReason.TARGET_ERROR
+    assert not shot.image.any() and shot.samples == 32
+
+
+def test_a_single_pixel_has_nobody_to_decide_for_it():
+    with pytest.raises(pl.InvalidValueError, match="single pixel"):
+        white(np.s_[256:257, 256:257], target_error=0.05)
+    assert white(np.s_[256:257, 256:258], target_error=0.2).stats.stopped_by is pl.StopReason.TARGET_ERROR
+
+
+def test_targets_of_a_hundred_per_cent_are_refused():
+    with pytest.raises(pl.InvalidValueError, match="500 %"):
+        white(target_error=5)
+
+
+def test_an_error_that_was_missed_is_announced():
+    # One lit pixel of a thousand: its neighbours of the other colour are black and have nothing to say.
+    lamp = pl.Scene([pl.quad((-0.4, -0.4, -404), (0.8, 0, 0), (0, 0.8, 0), material=pl.Emissive(1e3))])
+    bare = dataclasses.replace(CAMERA, microlenses=None, microlenses_to_sensor=0.0, stop_to_microlenses=CAMERA.z_sensor)
+    bare = dataclasses.replace(bare.focused_at(z=-404.0), sensor=pl.Sensor(shape=(33, 33), pixel_pitch=0.4))
+    with pytest.warns(UserWarning, match=r"instead of 0\.5 %"):
+        pl.render(lamp, bare, target_error=0.005, samples=100000, progress=False)
+
+
+# ---- bits ----
+
+
+def test_what_has_stopped_is_what_so_many_samples_give():
+    region = np.s_[240:300, 240:300]
+    shot = white(region, target_error=0.05, tile_side=16)
+    numbers = np.unique(shot.sample_counts)
+    assert len(numbers) >= 2
+    for samples in numbers:
+        there = shot.sample_counts == samples
+        plain = white(region, samples=int(samples))
+        assert np.array_equal(shot.image[there], plain.image[there])
+        assert np.array_equal(shot.standard_error[there], plain.standard_error[there])
+
+
+def test_stopping_does_not_depend_on_threads():
+    scene, region = pl.check_scene(), np.s_[240:272, 240:280]
+    one, two = (shoot(scene, region, target_error=0.06, threads=n, tile_side=16) for n in (1, 2))
+    assert len(np.unique(counts_of(one))) > 1
+    assert same_bits(one, two)
+
+
+def test_independent_samples_stop_too():
+    shot = white(target_error=0.05, sampler=pl.Sampler.RANDOM)
+    assert shot.stats.stopped_by is pl.StopReason.TARGET_ERROR
+    assert shot.relative_error < 0.055
+    assert shot.samples > white(target_error=0.05).samples
+
+
+# ---- time ----
+
+
+@pytest.mark.parametrize("limit", [1e-9, 1e-3, 0.05])
+def test_hardly_any_time(limit):
+    begin = time.perf_counter()
+    shot = shoot(pl.check_scene(), np.s_[:, :], time_limit=limit)
+    assert time.perf_counter() - begin < 60  # and not that of all 262 144 pixels over and over
+    assert shot.stats.stopped_by is pl.StopReason.TIME_LIMIT
+    counts = counts_of(shot)
+    assert np.all(np.isfinite(shot.image))
+    assert not shot.image[counts == 0].any() and np.all(np.isinf(shot.standard_error[counts == 0]))
+    assert np.all(np.isfinite(shot.standard_error[counts > 0]))
+    assert counts.sum() == shot.stats.paths
+
+
+def test_too_little_time_is_announced(monkeypatch):
+    with pytest.warns(UserWarning, match="nothing has been rendered within 1e-09 s, and the image is black"):
+        white(time_limit=1e-9)
+    original = driving.render_tile
+
+    def slow(*arguments, **named):
+        result = original(*arguments, **named)
+        time.sleep(0.8)
+        return result
+
+    monkeypatch.setattr(driving, "render_tile", slow)
+    with pytest.warns(UserWarning, match=r"rendering took [0-9.]+ s instead of 0.1 s"):
+        white(time_limit=0.1)
+
+
+def test_all_samples_of_limited_time_count():
+    shot = white(time_limit=0.3)
+    assert shot.stats.stopped_by is pl.StopReason.TIME_LIMIT
+    assert counts_of(shot).sum() == shot.stats.paths
+    for samples in np.unique(counts_of(shot)):
+        there = counts_of(shot) == samples
+        assert np.array_equal(shot.image[there], white(samples=int(samples)).image[there])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("limit", [0.5, 2.0])
+@pytest.mark.parametrize("region", [MIDDLE, np.s_[:, :]], ids=["crop", "whole"])
+@pytest.mark.parametrize("name", ["white", "check", "objects"])
+def test_a_time_limit_is_kept(name, region, limit):
+    scene = {"white": lambda: None, "check": pl.check_scene, "objects": pl.objects_scene}[name]()
+    call = (lambda **k: white(region, **k)) if scene is None else (lambda **k: shoot(scene, region, **k))
+    call(samples=8)  # compiles
+    took, told = [], []
+    for _ in range(3):
+        begin = time.perf_counter()
+        shot = call(time_limit=limit)
+        took.append(time.perf_counter() - begin)
+        assert shot.stats.stopped_by is pl.StopReason.TIME_LIMIT
+        told.append(shot.stats.seconds)
+    assert statistics.median(took) == pytest.approx(statistics.median(told), abs=0.1)
+    allowed = max(0.1 * limit, 0.5)
+    assert limit - allowed < statistics.median(took) < limit + allowed, took
+
+
+# ---- bias ----
+
+SEEDS = 96
+FIREFLIES = np.s_[310:326, 150:166]
+"""Of `objects`: beside the cube, where the glass ball throws the lamp's light: few paths that bring much."""
+
+
+def lit_groups(image, noise):
+    """Weights of lit pixels all together, and of fifths by brightness and by relative noise, (groups, H, W).
+
+    Each counts relative to its brightness. The image must be none of those that are judged: pixels that happened to
+    see much are brighter and noisier.
+    """
+    bright, lit = image.mean(axis=-1), pl.lit_pixels(image)
+    relative = np.where(lit, 1.0 / np.where(lit, bright, 1.0), 0.0)
+    groups = [lit]
+    for by in (bright, noise * relative):
+        edges = np.quantile(by[lit], np.linspace(0.0, 1.0, 6))
+        fifth = np.clip(np.searchsorted(edges, by, side="right") - 1, 0, 4)
+        groups += [lit & (fifth == k) for k in range(5)]
+    return np.array(groups) * relative
+
+
+def biases(images, truth, variance, weights):
+    """Mean errors of groups in their standard errors: those of seeds among each other, and the truth's.
+
+    images (seeds, H, W, C). With several channels the truth's error is overestimated, as if they were one.
+    """
+    errors = np.einsum("gij,sij->sg", weights, (images - truth).mean(axis=-1))
+    known = np.einsum("gij,ij->g", weights**2, variance.mean(axis=-1))
+    return errors.mean(axis=0) / np.sqrt(errors.var(axis=0, ddof=1) / len(images) + known)
+
+
+def budget_of(seed, budget):
+    """Of a seed: tiles of 4 x 4 pixels, since the fewer pixels decide, the more they would be off; or some time."""
+    if "time_limit" in budget:
+        return {"time_limit": budget["time_limit"] * (1 + seed % 3)}
+    return {**budget, "tile_side": 4}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "name, budget",
+    [
+        ("white", {"target_error": 0.06}),
+        ("check", {"target_error": 0.06}),
+        ("objects", {"target_error": 0.2}),
+        ("objects", {"time_limit": 0.16}),
+    ],
+)
+def test_stopping_does_not_bias(name, budget):
+    scene = {"white": lambda: None, "check": pl.check_scene, "objects": pl.objects_scene}[name]()
+    region = FIREFLIES if name == "objects" else np.s_[240:256, 240:256]
+    call = (lambda **k: white(region, **k)) if scene is None else (lambda **k: shoot(scene, region, **k))
+    samples = 1 << (15 if name == "objects" else 14)
+    truth, other = call(samples=samples, seed=1_000_003), call(samples=samples // 4, seed=1_000_004)
+    weights = lit_groups(other.image.astype(np.float64), np.sqrt(np.mean(other.standard_error**2, axis=-1)))
+    shots = [call(seed=seed, **budget_of(seed, budget)) for seed in range(SEEDS)]
+    # On a busy machine there may be no time for all pixels, whatever these would have seen.
+    shots = [shot for shot in shots if counts_of(shot).min() > 0]
+    assert len(shots) > SEEDS / 2
+    numbers = {int(n) for shot in shots for n in np.unique(counts_of(shot))}
+    found = biases(
+        np.array([shot.image for shot in shots], dtype=np.float64),
+        truth.image.astype(np.float64),
+        np.square(truth.standard_error, dtype=np.float64),
+        weights,
+    )
+    # A steady machine gets equally far in equal times.
+    assert len(numbers) >= (2 if "time_limit" in budget else 3), numbers
+    # Of ten groups one is beyond 3 once in forty times, beyond 4 once in 1500. Time draws other samples in each run.
+    assert abs(found[0]) < (4 if "time_limit" in budget else 3), found
+    assert np.all(np.abs(found[1:]) < 4), found
+
+
+def recorded_sums(samples_each, replicates, monkeypatch):
+    """(pixels, replicates, channels) sums of independent scramblings where few paths bring much."""
+    kept, original = [], pl.Film.add
+
+    def add(film, row, column, sums, **where):
+        kept[:] = [sums]
+        original(film, row, column, sums, **where)
+
+    monkeypatch.setattr(pl.Film, "add", add)
+    shoot(pl.objects_scene(), FIREFLIES, samples=samples_each * replicates, replicates=replicates, tile_side=16)
+    return kept[0].reshape(-1, replicates, kept[0].shape[-1])
+
+
+def stopped_images(sums, samples_each, target, *, own, trials=SEEDS):
+    """Images of tiles of 4 x 4 pixels that stop by their own errors or by those of the other colour.
+
+    Their samples are drawn from recorded ones, whose mean is then the truth; (trials, pixels, channels).
+    """
+    rng = np.random.default_rng(5)
+    pixels, there, channels = sums.shape
+    side = math.isqrt(pixels)
+    row, column = np.divmod(np.arange(pixels), side)
+    tile, colour = (row // 4) * (side // 4) + column // 4, (row + column) % 2
+    lit = pl.lit_pixels(sums.mean(axis=1).reshape(side, side, channels)).ravel()
+    group = 2 * tile + colour
+    images = np.empty((trials, pixels, channels))
+    for trial in range(trials):
+        going, total, done = np.ones(pixels, dtype=bool), np.zeros((pixels, 8, channels)), 0
+        for step in (4, 1, 1, 1, 1, 2, 2, 2, 2, 4, 4, 4, 4, 8, 8, 8, 8):
+            drawn = rng.integers(there, size=(pixels, 8, step))
+            total += sums[np.arange(pixels)[:, None, None], drawn].sum(axis=2)
+            done += step
+            mean = total.mean(axis=1) / (done * samples_each)
+            images[trial, going] = mean[going]
+            error = total.std(axis=1, ddof=1) / math.sqrt(8) / (done * samples_each)
+            square = np.where(lit, np.mean(error**2, axis=1) / np.maximum(mean.mean(axis=1), 1e-30) ** 2, 0.0)
+            pooled = np.bincount(group, weights=square) / np.maximum(np.bincount(group, weights=lit), 1)
+            going &= np.sqrt(pooled)[2 * tile + (colour if own else 1 - colour)] > target
+            if not going.any():
+                break
+    return images
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("own", [True, False])
+def test_naive_stopping_would_be_seen(own, monkeypatch):
+    # The same measure, as many images, the same scene: those that stop by their own errors fail, the others do not.
+    each = 2
+    sums = recorded_sums(each, 4096, monkeypatch)
+    truth = sums.mean(axis=1).reshape(16, 16, -1) / each
+    noise = sums.mean(axis=2).std(axis=1).reshape(16, 16)
+    images = stopped_images(sums, each, 0.2, own=own).reshape(SEEDS, 16, 16, -1)
+    found = biases(images, truth, np.zeros_like(truth), lit_groups(truth, noise))
+    if own:
+        assert found[0] < -6 and np.abs(found).max() > 6, found
+    else:
+        assert abs(found[0]) < 3 and np.all(np.abs(found[1:]) < 4), found
+
+
+# ---- interruptions ----
+
+
+@pytest.fixture
+def handler():
+    """The handler of SIGINT, which every test must leave as it was."""
+    before = signal.getsignal(signal.SIGINT)
+    yield before
+    assert signal.getsignal(signal.SIGINT) is before
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.fixture
+def interrupting(handler, monkeypatch):
+    """Ctrl-C from another thread, once some batches are there: an unfinished one does not count."""
+    taken, original = threading.Semaphore(0), Progress.take
+
+    def take(*arguments):
+        original(*arguments)
+        taken.release()
+
+    def interrupt():
+        for _ in range(6):
+            taken.acquire()
+        os.kill(os.getpid(), signal.SIGINT)
+
+    monkeypatch.setattr(Progress, "take", take)
+    thread = threading.Thread(target=interrupt, daemon=True)
+    thread.start()
+    yield
+    thread.join(timeout=10)
+
+
+@pytest.mark.parametrize("threads", [pytest.param(1, marks=pytest.mark.slow), 2])
+@pytest.mark.parametrize(
+    "budget",
+    [
+        pytest.param({"samples": LONG}, marks=pytest.mark.slow),
+        {"target_error": 1e-6},
+        pytest.param({"time_limit": 600.0}, marks=pytest.mark.slow),
+    ],
+    ids=str,
+)
+def test_ctrl_c_gives_what_is_there(interrupting, threads, budget):
+    begin = time.perf_counter()
+    shot = white(threads=threads, **budget)
+    assert time.perf_counter() - begin < 30
+    assert shot.interrupted and shot.stats.stopped_by is pl.StopReason.INTERRUPTED
+    assert "interrupted" in repr(shot)
+    counts = counts_of(shot)
+    assert 0 < counts.max() < LONG
+    there = counts == counts.max()
+    if counts.max() < 1 << 15:
+        assert np.array_equal(shot.image[there], white(samples=int(counts.max())).image[there])
+    assert counts.sum() <= shot.stats.paths
+
+
+def test_ctrl_c_before_anything_is_there(handler, monkeypatch):
+    original = driving.render_tile
+
+    def interrupted(*arguments, **named):
+        signal.raise_signal(signal.SIGINT)
+        return original(*arguments, **named)
+
+    monkeypatch.setattr(driving, "render_tile", interrupted)
+    shot = white(samples=LONG, threads=1)
+    assert shot.interrupted and not shot.image.any() and np.all(np.isinf(shot.standard_error))
+    assert not counts_of(shot).any()
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_a_second_ctrl_c_raises(handler, threads, monkeypatch):
+    # Both while the first batch is in work, on the thread that does it.
+    begun, original = [], driving.render_tile
+
+    def interrupted_twice(*arguments, **named):
+        if not begun:
+            begun.append(True)
+            for _ in range(2):
+                os.kill(os.getpid(), signal.SIGINT)
+                time.sleep(0.1)
+        return original(*arguments, **named)
+
+    monkeypatch.setattr(driving, "render_tile", interrupted_twice)
+    with pytest.raises(KeyboardInterrupt):
+        white(samples=LONG, threads=threads)
+
+
+def test_rendering_goes_on_in_other_threads(handler):
+    # Only the main thread can listen to signals.
+    shots = []
+    thread = threading.Thread(target=lambda: shots.append(white(samples=32, threads=2)))
+    thread.start()
+    thread.join()
+    assert same_bits(shots[0], white(samples=32))
+
+
+def test_an_interrupted_exposure_is_saved_as_one(tmp_path, interrupting):
+    shot = white(samples=LONG)
+    shot.save(tmp_path / "shot.exr")
+    back = pl.Exposure.load(tmp_path / "shot.exr")
+    assert back.interrupted and same_bits(back, shot)

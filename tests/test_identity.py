@@ -1,0 +1,197 @@
+"""Identities: what tells one rendering from another, the same in every process."""
+
+import dataclasses
+import json
+import os
+import pickle
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import plenoptic as pl
+from plenoptic._digest import digest
+from plenoptic.identity import differences, identity
+from plenoptic.optics.blemishes import Blemishes, BlemishSite
+
+
+def camera(**changes):
+    made = pl.PlenopticCamera(
+        lens=pl.load_lens("double-gauss-100mm-f2"),
+        microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
+        sensor=pl.Sensor(shape=(8, 8), pixel_pitch=0.010),
+        stop_to_microlenses=123.3,
+        microlenses_to_sensor=1.7,
+    )
+    return dataclasses.replace(made, **changes)
+
+
+def rich_scene(*, colour=0.25, radiance=2.0, texel=0.5, place=3.0, corner=0.0):
+    """A bit of all that a scene can have."""
+    texture = pl.Texture(np.full((2, 2, 3), texel, dtype=np.float32))
+    quad = pl.quad((corner, 0, -400), (9, 0, 0), (0, 9, 0), material=pl.Lambertian(texture))
+    glass = pl.sphere(2.0, center=(0, 0, -300), material=pl.Dielectric(1.5))
+    many = pl.Instances(pl.box(1.0, material=pl.Lambertian(colour)), [np.eye(4), np.diag([2.0, 2.0, 2.0, 1.0])])
+    lights = [
+        pl.PointLight((place, 0, -100), intensity=3.0),
+        pl.QuadLight.facing((0, 60, -360), (0, 0, -404), (4, 4), radiance=5),
+    ]
+    return pl.Scene([quad, glass, many], lights, pl.EnvironmentMap(np.full((2, 4, 3), radiance)))
+
+
+def test_identities_are_the_same_for_equal_scenes_and_their_tables():
+    one = identity(rich_scene(), camera(), seed=1)
+    assert one == identity(rich_scene(), camera(), seed=1) == identity(rich_scene().tables(), camera(), seed=1)
+    assert one == identity(*pickle.loads(pickle.dumps((rich_scene(), camera()))), seed=1)
+    assert all(isinstance(text, str) and len(text) <= 80 for text in one.values())
+
+
+IN_ANOTHER_PROCESS = """
+import json, pickle, sys
+from plenoptic.identity import identity
+print(json.dumps(identity(*pickle.load(sys.stdin.buffer), seed=1)))
+"""
+
+
+def test_identities_are_the_same_in_every_process():
+    rich = (rich_scene(), camera(sensitivity=pl.sensitivities.colour_camera()))
+    done = subprocess.run(
+        [sys.executable, "-c", IN_ANOTHER_PROCESS],
+        input=pickle.dumps(rich),
+        env={**os.environ, "PYTHONHASHSEED": "1"},  # sets and hashes have another order there
+        capture_output=True,
+    )
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout) == identity(*rich, seed=1)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"colour": np.nextafter(0.25, 1)},
+        {"radiance": 2.5},
+        {"texel": 0.75},
+        {"place": np.nextafter(3.0, 4)},
+        {"corner": 1e-300},
+        {"corner": -0.0},
+    ],
+)
+def test_another_scene_is_another_identity(changes):
+    one, other = identity(rich_scene(), camera()), identity(rich_scene(**changes), camera())
+    assert list(differences(one, other)) == ["another scene"]
+
+
+def test_no_scene_is_another_scene():
+    one, other = identity(None, camera()), identity(pl.white_plane(), camera())
+    assert list(differences(one, other)) == ["another scene"] == list(differences(other, one))
+
+
+CAMERAS = {
+    "lens": pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=5.0)),
+    "sensor": pl.Sensor(shape=(8, 9), pixel_pitch=0.010),
+    "microlenses": pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0, 2.1)),
+    "pose": pl.Pose(np.eye(3), (0, 0, 1)),
+    "lens_placement": pl.Placement(shift=(0, 0.1, 0)),
+    "blemishes": (Blemishes(BlemishSite.SENSOR, start=[(0, 0)], end=[(0, 0)], radius=[0.1], transmission=[0.25]),),
+    "sensitivity": pl.sensitivities.colour_camera(),
+}
+
+
+@pytest.mark.parametrize("name", CAMERAS)
+def test_another_camera_is_another_identity(name):
+    one, other = identity(None, camera()), identity(None, camera(**{name: CAMERAS[name]}))
+    assert list(differences(one, other)) == [f"another camera.{name}"]
+
+
+def test_lengths_of_the_camera_are_named():
+    one, other = identity(None, camera()), identity(None, camera(stop_to_microlenses=123.25, wavelength=550.0))
+    assert list(differences(one, other)) == [
+        "camera.stop_to_microlenses 123.3, not 123.25",
+        "camera.wavelength 587.6, not 550.0",
+    ]
+
+
+class Water:
+    """A medium of a user, which cannot be described in a file."""
+
+    def __init__(self, n):
+        self.n = n
+
+    def index(self, wavelength):
+        return self.n + 1e-4 * (wavelength == 486.0)
+
+
+def test_media_of_users_count_by_their_indices():
+    def wet(n, **changes):
+        first, *others = camera().lens.elements
+        lens = pl.LensStack([dataclasses.replace(first, medium=Water(n)), *others])
+        return identity(None, camera(lens=lens, **changes))
+
+    assert wet(1.63) == wet(1.63)
+    assert list(differences(wet(1.63), wet(1.64))) == ["another camera.lens"]
+    # Their indices count at all wavelengths of the camera.
+    lines = pl.Sensitivity.lines((640.0, 550.0, 486.0))
+    assert wet(1.63, sensitivity=lines)["camera.lens"] != wet(1.63)["camera.lens"]
+
+
+def test_digests_tell_apart_what_looks_alike():
+    zeros = np.zeros(4)
+    alike = [zeros, zeros.reshape(2, 2), zeros.astype(np.int64), zeros[:2], -zeros, zeros.astype(np.complex128)[:2]]
+    alike += [
+        0,
+        0.0,
+        -0.0,
+        False,
+        None,
+        "",
+        "0",
+        "None",
+        (),
+        (0,),
+        (0, ()),
+        ((0,), ()),
+        ("a", "b"),
+        ("ab", ""),
+        ("ab",),
+    ]
+    alike += [pl.Sampler.SOBOL, pl.Caustics.KEPT, pl.PointLight((0, 0, 0), intensity=1.0), pl.AIR]
+    assert len({digest(value) for value in alike}) == len(alike)
+    # How numbers lie in memory is not part of them.
+    assert digest(np.arange(6.0).reshape(2, 3).T) == digest(np.arange(6.0).reshape(2, 3).T.astype(">f8", order="C"))
+
+
+def test_facts_are_texts():
+    found = identity(
+        None,
+        camera(),
+        seed=np.int64(3),
+        clamp=None,
+        region=(0, 8, 0, 4),
+        settings=pl.RenderSettings(max_bounces=2),
+        sampler=pl.Sampler.RANDOM,
+        error=0.1,
+        far=(1.0, (2, np.zeros(3))),
+    )
+    assert {
+        name: text for name, text in found.items() if "camera" not in name and name not in ("scene", "plenoptic")
+    } == {
+        "seed": "3",
+        "clamp": "None",
+        "region": "(0, 8, 0, 4)",
+        "settings.max_bounces": "2",
+        "settings.caustics": "KEPT",
+        "settings.clamp": "None",
+        "settings.sampler": "SOBOL",
+        "sampler": "RANDOM",
+        "error": "0.1",
+        "far": found["far"],
+    }
+    assert found["plenoptic"] == pl.__version__ and found["far"].startswith("sha256:")
+
+
+def test_facts_that_cannot_be_told_apart_are_refused():
+    with pytest.raises(pl.InvalidValueError, match="an? object has no digest"):
+        identity(None, camera(), other=(object(),))
+    with pytest.raises(pl.InvalidValueError, match="leave out checkpoint="):
+        identity(None, camera(), settings=dataclasses.make_dataclass("Own", [("x", object)])(object()))

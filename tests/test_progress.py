@@ -1,0 +1,310 @@
+"""When a rendering ends: steps, decisions by the other colour, and what interruptions leave."""
+
+import itertools
+import math
+import signal
+import threading
+import time
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import plenoptic as pl
+from plenoptic.budget import Budget, checked_budget
+from plenoptic.clock import Clock
+from plenoptic.film import replicate_counts
+from plenoptic.interrupts import Interrupts
+from plenoptic.progress import Progress, Setting
+from plenoptic.tiles import Tile, TileResult
+from plenoptic.tiling import _cuts
+from plenoptic.transport import Batch
+
+
+@pytest.fixture(autouse=True)
+def ctrl_c_is_heard():
+    """Programs that a shell starts in the background ignore SIGINT."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+REPLICATES = 8
+
+# ---- steps ----
+
+
+@given(replicates=st.integers(1, 64), steps=st.integers(1, 60))
+def test_steps_add_at_most_a_quarter_and_double_in_four(replicates: int, steps: int) -> None:
+    budget = Budget(None, 1.0, None, replicates)
+    counts = [budget.following(0)]
+    for _ in range(steps):
+        counts.append(budget.following(counts[-1]))
+    assert counts[0] == 4 * replicates
+    for before, after in itertools.pairwise(counts):
+        assert before < after <= 1.25 * before and after % replicates == 0
+    for before, after in zip(counts, counts[4:], strict=False):
+        assert after == 2 * before
+
+
+@given(samples=st.integers(1, 10**6), replicates=st.integers(1, 64))
+def test_steps_end_with_the_samples(samples: int, replicates: int) -> None:
+    budget, done = Budget(samples, 1.0, None, replicates), 0
+    while (step := budget.following(done)) > done:
+        done = step
+    assert done == samples
+    assert Budget(samples, None, None, replicates).following(0) == samples  # without a reason for steps: one
+
+
+@given(error=st.floats(1e-3, 10.0), target=st.floats(1e-4, 1.0), done=st.sampled_from([32, 40, 64, 224]))
+def test_a_start_leaves_twice_the_target(error: float, target: float, done: int) -> None:
+    budget = Budget(None, None, target, REPLICATES)
+    start = budget.start_towards(done, error)
+    assert start >= done
+    if start > done:  # an error that falls like 1/n is still above twice the target
+        assert error * done / start >= 2 * target * (1 - 1e-12)
+    # A step further it would not be, or there was nothing to gain.
+    assert error * done / budget.following(start) < 2 * target * (1 + 1e-12)
+
+
+@pytest.mark.parametrize(
+    ("given_numbers", "said"),
+    [
+        ((None, None, None, 8), "all None"),
+        ((0, None, None, 8), "samples is 0"),
+        ((None, -1.0, None, 8), "time_limit"),
+        ((None, math.nan, None, 8), "time_limit"),
+        ((None, None, 0.0, 8), "target_error"),
+        ((None, None, 0.02, 7), "at least 8"),
+        ((None, None, 0.02, 0), "replicates is 0"),
+    ],
+)
+def test_impossible_budgets_are_refused(given_numbers: tuple, said: str) -> None:
+    with pytest.raises(pl.InvalidValueError, match=said):
+        checked_budget(*given_numbers)
+
+
+# ---- decisions ----
+
+TILE = Tile(0, 0, 2, 2)
+
+
+def result(tile: Tile, sums: np.ndarray, first: int, samples: int) -> TileResult:
+    """What a tile would have brought; sums (rows, columns, replicates, 1) of all samples until now."""
+    return TileResult(
+        tile, Batch(first, samples, REPLICATES, 0, 0), sums, np.ones(sums.shape[:2]), np.zeros(8, dtype=np.int64),
+        None, samples * tile.rows * tile.columns, 0, (), 0, 0.0, 0.0,
+    )  # fmt: skip
+
+
+def progress(tiles: list[Tile], shape: tuple[int, int], target: float, samples: int | None = None) -> Progress:
+    budget = Budget(samples, None, target, REPLICATES)
+    return Progress(tiles, (*shape, 1), budget, Setting(0, 0, 1.0, 1e-9), {}, 8, batches=False)
+
+
+def noisy(colour: int, samples: int, value: float = 1.0) -> np.ndarray:
+    """Sums of replicates of four pixels, of which those of one colour are noisy and the others almost not."""
+    spread = np.where(np.arange(REPLICATES) % 2, 1.0, -1.0)
+    size = np.where(np.add.outer(np.arange(2), np.arange(2)) % 2 == colour, 1.0, 1e-6)
+    return value * (1.0 + 0.5 * size[:, :, None] * spread)[..., None] * (samples / REPLICATES)
+
+
+@pytest.mark.parametrize("colour", [0, 1])
+def test_a_colour_ends_when_the_other_is_good(colour: int) -> None:
+    # Errors: 0.5 / sqrt(7) = 0.19 of the noisy colour, 1e-6 of the other, whatever the samples.
+    state = progress([TILE], (2, 2), target=0.1)
+    state.take(0, result(TILE, noisy(colour, 32), 0, 32))
+    state.all_begun()
+    assert state.open[0].tolist() == [colour == 1 - c for c in range(2)]  # the noisy one ends, the good one goes on
+    before = state.film.mean.copy()
+    state.take(0, result(TILE, noisy(colour, 40, 3.0), 32, 8))
+    changed = state.film.mean[..., 0] != before[..., 0]
+    checkered = np.add.outer(np.arange(2), np.arange(2)) % 2
+    assert np.array_equal(changed, checkered != colour)
+    assert np.array_equal(state.sample_counts(), np.where(checkered == colour, 32, 40))
+    assert state.pending() == [0]
+    state.take(0, result(TILE, noisy(1 - colour, 48), 40, 8))  # now the other way round: both have ended
+    assert state.pending() == []
+
+
+def test_nothing_is_decided_before_all_have_begun() -> None:
+    tiles = [TILE, Tile(0, 2, 2, 2)]
+    state = progress(tiles, (2, 4), target=10.0)
+    state.take(0, result(tiles[0], noisy(0, 32), 0, 32))
+    state.all_begun()
+    assert state.pending() == [1] and state.open.all()
+    state.take(1, result(tiles[1], noisy(0, 32), 0, 32))
+    state.all_begun()
+    assert state.pending() == []
+
+
+def test_a_single_lit_pixel_decides_for_itself() -> None:
+    state = progress([Tile(0, 0, 1, 1)], (1, 1), target=0.1)
+    sums = noisy(0, 32)[:1, :1]
+    state.take(0, result(state.tiles[0], sums, 0, 32))
+    state.all_begun()
+    assert state.pending() == [0]
+
+
+def test_dark_tiles_end_at_once() -> None:
+    state = progress([TILE], (2, 2), target=0.1)
+    state.take(0, result(TILE, np.zeros((2, 2, REPLICATES, 1)), 0, 32))
+    state.all_begun()
+    assert state.pending() == []
+
+
+def test_stopping_by_the_other_colour_does_not_bias() -> None:
+    # Rare bright samples: Bernoulli of probability 0.02 and value 50. Pixels that stopped by their own errors would
+    # mostly do so when they had seen few of them.
+    rng = np.random.default_rng(7)
+    side, target = 25, 0.6
+    tiles = [Tile(2 * row, 2 * column, 2, 2) for row in range(side) for column in range(side)]
+    state = progress(tiles, (2 * side, 2 * side), target, samples=512)
+    naive, stopped = np.zeros((side * side, 4)), np.zeros(side * side, dtype=bool)
+    while left := state.pending():
+        for i in left:
+            first, more = int(state.done[i]), state.next_samples(i)
+            before = state.sums_of(i)
+            drawn = 50.0 * rng.binomial(replicate_counts(more, REPLICATES), 0.02, size=(2, 2, REPLICATES))[..., None]
+            sums = drawn if before is None else before + drawn
+            state.take(i, result(tiles[i], sums, first, more))
+            if not stopped[i]:
+                naive[i] = sums.sum(axis=(2, 3)).ravel() / (first + more)
+                means = sums[..., 0] * REPLICATES / (first + more)
+                error = means.std(axis=2, ddof=1) / math.sqrt(REPLICATES)
+                stopped[i] = np.sqrt(np.mean(error**2)) < target
+        state.all_begun()
+    honest = state.film.mean.mean(), state.film.mean.std() / math.sqrt(state.film.mean.size)
+    assert abs(honest[0] - 1.0) < 3 * honest[1]
+    assert naive.mean() < 1.0 - 4 * naive.std() / math.sqrt(naive.size)
+
+
+def test_a_state_goes_on_from_what_was_kept() -> None:
+    state = progress([TILE], (2, 2), target=0.1)
+    state.take(0, result(TILE, noisy(0, 32), 0, 32))
+    state.all_begun()
+    again = progress([TILE], (2, 2), target=0.1)
+    again.restore({name: array.copy() for name, array in state.arrays().items()}, state.facts())
+    for one in (state, again):
+        one.take(0, result(TILE, noisy(0, 40, 2.0), 32, 8))
+    for name, array in state.arrays().items():
+        np.testing.assert_array_equal(array, again.arrays()[name], err_msg=name)
+    assert state.facts() == again.facts()
+
+
+@given(first=st.integers(0, 100), length=st.integers(1, 300), side=st.integers(2, 64), least=st.integers(1, 2))
+def test_tiles_cover_all_once_and_none_is_a_single_pixel(first: int, length: int, side: int, least: int) -> None:
+    cuts = _cuts(first, first + length, side, least)
+    steps = np.diff(cuts)
+    assert cuts[0] == first and cuts[-1] == first + length
+    assert steps.min() >= min(least, length) and steps.max() <= side + least - 1
+
+
+# ---- Ctrl-C ----
+
+
+def test_the_first_interrupt_is_noted_and_the_second_raised() -> None:
+    before = signal.getsignal(signal.SIGINT)
+    with Interrupts() as interrupts:
+        assert not interrupts.asked
+        signal.raise_signal(signal.SIGINT)
+        assert interrupts.asked
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_other_threads_cannot_listen_and_do_not_fail() -> None:
+    found: list[bool] = []
+
+    def enter() -> None:
+        with Interrupts() as interrupts:
+            found.append(interrupts.asked)
+
+    thread = threading.Thread(target=enter)
+    thread.start()
+    thread.join()
+    assert found == [False]
+
+
+# ---- the bar ----
+
+
+def test_the_bar_ends_with_the_error(capsys: pytest.CaptureFixture[str]) -> None:
+    camera = pl.PlenopticCamera(
+        lens=pl.load_lens("double-gauss-100mm-f2"),
+        microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
+        sensor=pl.Sensor(shape=(16, 16), pixel_pitch=0.01),
+        stop_to_microlenses=123.3,
+        microlenses_to_sensor=1.7,
+    )
+    shot = pl.render_white(camera, target_error=0.5)
+    said = capsys.readouterr().err
+    assert "100%" in said and f"error {100 * shot.relative_error:.2g} %" in said
+    pl.render_white(camera, samples=8, progress=False)
+    assert capsys.readouterr().err == ""
+
+
+def test_the_bar_shows_how_much_is_left(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    from plenoptic import progress_bar
+
+    tiles = [Tile(0, 0, 2, 2), Tile(0, 2, 2, 2), Tile(0, 4, 2, 2), Tile(0, 6, 2, 2)]
+    state = progress(tiles, (2, 8), target=1e-9, samples=32)
+    now = [100.0]
+    monkeypatch.setattr(progress_bar.time, "perf_counter", lambda: now[0])
+    bar = progress_bar.ProgressBar(state, 100.0, show=True)
+    state.take(0, result(tiles[0], noisy(0, 32), 0, 32))
+    now[0] += 1000.0  # compiling, mostly
+    bar.update()
+    # One colour of a tile is good to 0.5 / sqrt(7), the other to 1e-6: 13 % together.
+    said = capsys.readouterr().err
+    assert "25%" in said and "left" not in said and "error 13 %" in said
+    state.take(1, result(tiles[1], noisy(0, 32), 0, 32))
+    now[0] += 300.0
+    bar.update()
+    said = capsys.readouterr().err
+    assert "50%" in said and "10 min left" in said
+    bar.end()
+    said = capsys.readouterr().err
+    assert "interrupted, ending" in said and "left" not in said
+
+
+def test_the_bar_knows_the_time_limit(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    from plenoptic import progress_bar
+
+    state = Progress([TILE], (2, 2, 1), Budget(None, 50.0, None, 8), Setting(0, 0, 1.0, 1.0), {}, 8, batches=False)
+    now = [100.0]
+    monkeypatch.setattr(progress_bar.time, "perf_counter", lambda: now[0])
+    bar = progress_bar.ProgressBar(state, 80.0, show=True)  # 20 s were spent before
+    for _ in range(2):
+        now[0] += 5.0
+        bar.update()
+    said = capsys.readouterr().err
+    assert "60%" in said and "20 s left" in said
+
+
+def test_the_first_interrupt_is_told() -> None:
+    told = []
+    with Interrupts(lambda: told.append(1)):
+        signal.raise_signal(signal.SIGINT)
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+    assert told == [1]
+
+
+def test_batches_hold_as_many_samples_of_each_replicate() -> None:
+    clock = Clock(0.0, None)
+    room = clock.most_paths()
+    for pixels, replicates in ((1, 1), (100, 7), (65536, 16), (1 << 21, 8)):
+        samples = clock.most_samples(pixels, replicates)
+        assert samples % replicates == 0
+        assert samples * pixels <= room or samples == replicates
+        assert (samples + replicates) * pixels > room
+
+
+def test_a_clock_leaves_time_to_finish_large_images() -> None:
+    now = time.perf_counter()
+    assert Clock(now - 0.5, 1.0).has_time(1)
+    assert not Clock(now - 0.5, 1.0, numbers=10**9).has_time(1)  # half of the limit at most
+    assert Clock(now - 0.3, 1.0, numbers=10**9).has_time(1)

@@ -1,0 +1,236 @@
+"""Checkpoints are replaced as a whole, or not at all, whatever happens meanwhile."""
+
+import errno
+import hashlib
+import os
+import subprocess
+import sys
+import threading
+
+import numpy as np
+import pytest
+
+import plenoptic as pl
+from plenoptic._replacing import _temporary, replaced
+from plenoptic.checkpoint import load_checkpoint, save_checkpoint
+
+OURS = {"seed": "2", "scene": "sha256:abc"}
+
+
+@pytest.fixture
+def state(tmp_path):
+    """A small checkpoint."""
+    path = tmp_path / "state"
+    save_checkpoint(path, OURS, {"sums": np.arange(6.0).reshape(2, 3), "counts": np.arange(3)}, {"samples": 4})
+    return path
+
+
+def fails(monkeypatch, name, error):
+    def failing(*_):
+        raise error
+
+    monkeypatch.setattr(os, name, failing)
+
+
+@pytest.mark.parametrize("name", ["fsync", "replace"])
+@pytest.mark.parametrize("there", [True, False])
+def test_a_save_that_fails_changes_nothing(state, monkeypatch, name, there):
+    content = state.read_bytes()
+    path = state if there else state.with_name("new")
+    fails(monkeypatch, name, OSError(errno.ENOSPC, "No space left on device"))
+    with pytest.raises(pl.FileError, match=r"cannot be written .No space left on device.; check .* the free space"):
+        save_checkpoint(path, OURS, {"a": np.zeros(9)}, {})
+    assert state.read_bytes() == content and os.listdir(state.parent) == ["state"]
+
+
+def test_a_full_disk_changes_nothing(state):
+    import resource
+
+    content = state.read_bytes()
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    try:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, limits[1]))  # as when no more than this is free
+        with pytest.raises(pl.FileError, match="cannot be written .File too large"):
+            save_checkpoint(state, OURS, {"a": np.zeros(100_000)}, {})
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert state.read_bytes() == content and os.listdir(state.parent) == ["state"]
+
+
+@pytest.mark.parametrize("name", ["fsync", "replace"])
+def test_an_interrupt_changes_nothing(state, monkeypatch, name):
+    content = state.read_bytes()
+    fails(monkeypatch, name, KeyboardInterrupt())
+    with pytest.raises(KeyboardInterrupt):
+        save_checkpoint(state, OURS, {}, {})
+    assert state.read_bytes() == content and os.listdir(state.parent) == ["state"]
+
+
+@pytest.mark.parametrize("code", [errno.EINVAL, errno.EIO])
+def test_folders_that_cannot_be_flushed(state, monkeypatch, code):
+    # Some file systems cannot: then the file is as safe as can be. A failing disk is an error.
+    fsync, calls = os.fsync, []
+
+    def for_files(descriptor):
+        calls.append(descriptor)
+        if len(calls) == 2:
+            raise OSError(code, os.strerror(code))
+        fsync(descriptor)
+
+    monkeypatch.setattr(os, "fsync", for_files)
+    if code == errno.EIO:
+        with pytest.raises(pl.FileError, match="error"):
+            save_checkpoint(state, OURS, {}, {"samples": 5})
+    else:
+        save_checkpoint(state, OURS, {}, {"samples": 5})
+    assert len(calls) == 2 and load_checkpoint(state, OURS) == ({}, {"samples": 5})
+
+
+def test_it_is_flushed_before_it_is_renamed(state, monkeypatch):
+    done, fsync, replace = [], os.fsync, os.replace
+    monkeypatch.setattr(os, "fsync", lambda descriptor: (done.append("fsync"), fsync(descriptor)))
+    monkeypatch.setattr(os, "replace", lambda one, other: (done.append("replace"), replace(one, other)))
+    save_checkpoint(state, OURS, {}, {})
+    assert done == ["fsync", "replace", "fsync"]
+
+
+def test_a_file_that_comes_while_a_checkpoint_is_written_is_not_overwritten(tmp_path, monkeypatch):
+    fsync = os.fsync
+
+    def slow(descriptor):
+        (tmp_path / "state").write_text("not yours")
+        fsync(descriptor)
+
+    monkeypatch.setattr(os, "fsync", slow)
+    with pytest.raises(pl.FileError, match="is not a checkpoint"):
+        save_checkpoint(tmp_path / "state", OURS, {}, {})
+    assert (tmp_path / "state").read_text() == "not yours" and os.listdir(tmp_path) == ["state"]
+
+
+def test_left_over_files_go_and_those_that_are_being_written_stay(state):
+    with _temporary(state) as (living, _):
+        dead = living.with_name(living.name[:-10] + "00000.part")  # another one of the same target
+        others = [living.with_name(f".{'0' * 16}-{'0' * 16}.part"), state.with_name("mine.part")]
+        for path in (dead, *others):
+            path.touch()
+        save_checkpoint(state, OURS, {}, {})
+        assert living.exists() and not dead.exists() and all(path.exists() for path in others)
+    assert not living.exists()
+
+
+def test_a_temporary_file_that_is_taken_for_left_behind_is_made_again(state, monkeypatch):
+    # Between its creation and its lock, another process may remove it.
+    import fcntl
+
+    flock, removed = fcntl.flock, []
+
+    def late(file, how):
+        if not removed:
+            removed.append(file.name)
+            os.unlink(file.name)
+        flock(file, how)
+
+    monkeypatch.setattr(fcntl, "flock", late)
+    save_checkpoint(state, OURS, {}, {"samples": 5})
+    assert removed and load_checkpoint(state, OURS) == ({}, {"samples": 5}) and os.listdir(state.parent) == ["state"]
+
+
+def test_file_systems_without_locks_will_do(state, monkeypatch):
+    import fcntl
+
+    def without(*_):
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr(fcntl, "flock", without)
+    left = state.with_name(f".{hashlib.sha256(b'state').hexdigest()[:16]}-{'0' * 16}.part")
+    left.touch()
+    save_checkpoint(state, OURS, {}, {"samples": 5})
+    # Without locks nobody knows whether it lives.
+    assert load_checkpoint(state, OURS) == ({}, {"samples": 5}) and left.exists()
+
+
+def test_two_writers_and_a_reader_always_see_whole_files(tmp_path):
+    path, ends, trouble = tmp_path / "state", threading.Event(), []
+    save_checkpoint(path, OURS, {"a": np.zeros(5000)}, {"n": 0})
+
+    def writer(first):
+        try:
+            for n in range(first, 40, 2):
+                save_checkpoint(path, OURS, {"a": np.full(5000, n)}, {"n": n})
+        except BaseException as error:
+            trouble.append(error)
+
+    def reader():
+        try:
+            while not ends.is_set():
+                found, facts = load_checkpoint(path, OURS)
+                assert np.all(found["a"] == facts["n"])
+        except BaseException as error:
+            trouble.append(error)
+
+    threads = [threading.Thread(target=writer, args=(first,)) for first in (0, 1)]
+    watching = threading.Thread(target=reader)
+    for thread in (watching, *threads):
+        thread.start()
+    for thread in threads:
+        thread.join()
+    ends.set()
+    watching.join()
+    assert not trouble and load_checkpoint(path, OURS)[1]["n"] in (38, 39) and os.listdir(tmp_path) == ["state"]
+
+
+def test_the_block_of_a_replaced_file_may_fail(tmp_path):
+    path = tmp_path / "text"
+    path.write_text("old")
+    with pytest.raises(KeyError), replaced(path, check=lambda: None) as file:
+        file.write(b"new")
+        raise KeyError
+    assert path.read_text() == "old" and os.listdir(tmp_path) == ["text"]
+
+
+SAVING = """
+import os, random, signal, sys, time
+from pathlib import Path
+import numpy as np
+from plenoptic.checkpoint import load_checkpoint, save_checkpoint
+path, wanted, ours = Path(sys.argv[1]), int(sys.argv[2]), {"seed": "1"}
+random.seed(int(sys.argv[3]))
+
+def save(n):
+    save_checkpoint(path, ours, {"a": np.full(50_000, n), "b": np.full(3, n, np.int32)}, {"n": n})
+
+begin = time.perf_counter()
+for n in range(1, 5):
+    save(n)
+each = (time.perf_counter() - begin) / 4
+last, interrupted, kills = 4, 0, 0
+while interrupted < wanted and kills < 20 * wanted:
+    child = os.fork()
+    if child == 0:
+        n = last
+        while True:
+            n += 1
+            save(n)
+    time.sleep(random.uniform(0, 4 * each))
+    os.kill(child, signal.SIGKILL)
+    assert os.WTERMSIG(os.waitpid(child, 0)[1]) == signal.SIGKILL
+    left = [name for name in os.listdir(path.parent) if name != path.name]
+    assert len(left) <= 1, left
+    interrupted, kills = interrupted + len(left), kills + 1
+    arrays, facts = load_checkpoint(path, ours)
+    assert facts["n"] >= last and np.all(arrays["a"] == facts["n"]) and np.all(arrays["b"] == facts["n"])
+    last = facts["n"]
+save_checkpoint(path, ours, {}, {"n": -1})
+assert os.listdir(path.parent) == [path.name]
+print(interrupted, last)
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+def test_a_kill_at_any_moment_leaves_a_whole_file(tmp_path):
+    command = [sys.executable, "-c", SAVING, str(tmp_path / "state"), "20", "7"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=200)
+    assert done.returncode == 0, done.stderr
+    interrupted, saved = map(int, done.stdout.split())
+    # Killed while they wrote, and not all of them before they had saved once.
+    assert interrupted == 20 and saved > 4

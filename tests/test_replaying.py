@@ -1,0 +1,503 @@
+"""Paths traced again: what they bring is what the image got, and what they meet hangs together."""
+
+import collections
+import dataclasses
+import math
+import pickle
+
+import numpy as np
+import pytest
+
+import plenoptic as pl
+from plenoptic.camera.assembly import rigid
+from plenoptic.camera.truth import Truth
+from plenoptic.replaying.camera_events import ElementKind, ElementPassage, MicrolensPassage, SensorPoint, WorldRay
+from plenoptic.replaying.ending import PathEnding
+from plenoptic.replaying.replay import Replay
+from plenoptic.replaying.retracing import replay, replay_all
+from plenoptic.replaying.scene_events import DrawnKind, Escape, Meeting
+
+LENS = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=5.0))
+ARRAY = pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,))
+CAMERA = pl.PlenopticCamera(
+    lens=LENS,
+    microlenses=ARRAY,
+    sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.010),
+    stop_to_microlenses=123.3,
+    microlenses_to_sensor=1.7,
+)
+REGION = np.s_[300:302, 198:201]
+
+
+def shoot(scene, camera=CAMERA, region=REGION, **how):
+    how = {"samples": 20, "seed": 3, "progress": False, **how}
+    if scene is None:
+        return pl.render_white(camera, region=region, **how)
+    return pl.render(scene, camera, region=region, truth=Truth.NONE, **how)
+
+
+def paths_of(shot, scene, pixel):
+    """All paths of a pixel."""
+    first_row, _, first_column, _ = shot.region or (0, 0, 0, 0)
+    at = (pixel[0] - first_row, pixel[1] - first_column)
+    samples = shot.samples if shot.sample_counts is None else int(shot.sample_counts[at])
+    return replay_all(shot, scene, [(*pixel, sample) for sample in range(samples)]), shot.image[at]
+
+
+def pixels_of(shot):
+    first_row, end_row, first_column, end_column = shot.region or (0, shot.image.shape[0], 0, shot.image.shape[1])
+    return [(row, column) for row in range(first_row, end_row) for column in range(first_column, end_column)]
+
+
+def mean_of(ways):
+    """Mean of contributions, added up as the renderer does: in each replicate one after the other, then these."""
+    sums = np.zeros((1 + max(way.replicate for way in ways), len(ways[0].contribution)))
+    for way in ways:
+        sums[way.replicate] += way.contribution
+    return sums.sum(axis=0) / len(ways)
+
+
+def assert_replayed(shot, scene, pixels=None, exact=True):
+    """The law of contributions, in all pixels; returns all paths."""
+    found = []
+    for pixel in pixels_of(shot) if pixels is None else pixels:
+        ways, value = paths_of(shot, scene, pixel)
+        assert [way.sample for way in ways] == list(range(len(ways)))
+        # Otherwise sums are added in another order: float32 rounding, and some 20 additions in float64.
+        np.testing.assert_allclose(mean_of(ways).astype(np.float32), value, rtol=0 if exact else 2e-7, atol=0)
+        found += ways
+    for way in found:
+        assert_connected(way, shot.camera)
+    return found
+
+
+def assert_connected(way, camera):
+    """Each event begins where the last one led, to rounding: coordinates up to 1e3 mm, some 1e-13 of them per event."""
+    sensor, array, *rest = way.events or (None, None)
+    if sensor is None:
+        assert way.ending is PathEnding.UNLIT_PIXEL and not way.contribution.any()
+        return
+    assert isinstance(sensor, SensorPoint) and isinstance(array, MicrolensPassage)
+    assert_on_pixel(sensor, camera)
+    lens = [event for event in rest if isinstance(event, ElementPassage)]
+    world = next((event for event in rest if isinstance(event, WorldRay)), None)
+    scene = [event for event in rest if isinstance(event, Meeting | Escape)]
+    assert rest == [*lens, *([] if world is None else [world]), *scene]
+    point, direction = array.point, array.direction
+    for event in lens:
+        np.testing.assert_array_equal(event.before, direction)
+        if event.point is not None:
+            assert_along(event.point - point, direction)
+        point, direction = event.point, event.after
+        assert (event.after is None) == (event.status != pl.RayStatus.OK)
+    assert (world is None) == (way.ending is PathEnding.LOST)
+    if world is None:
+        assert direction is None and not scene and not way.contribution.any()
+        return
+    if camera.pose is None and camera.lens_placement is None:
+        # The elements' points come from traces of a part of the lens: the same bits as those of the whole trace.
+        np.testing.assert_array_equal(world.origin, point)
+        np.testing.assert_array_equal(world.direction, direction)
+    assert_in_scene(way, world, scene)
+
+
+def assert_on_pixel(event, camera):
+    placed = rigid(camera.sensor_placement, camera.z_sensor).inverse()
+    x, y, z = placed.points(event.point)
+    pitch, (rows, columns) = camera.sensor.pixel_pitch, camera.sensor.shape
+    row, column = event.pixel
+    across, along = 0.5 * pitch * np.asarray(camera.sensor.pixel_aperture)
+    assert abs(x + (column + 0.5 - columns / 2) * pitch) <= across + 1e-12
+    assert abs(y - (row + 0.5 - rows / 2) * pitch) <= along + 1e-12
+    assert abs(z) < 1e-12
+
+
+def assert_in_scene(way, world, scene):
+    point, direction = world.origin, world.direction
+    collected = np.zeros_like(way.radiance)
+    for number, event in enumerate(scene):
+        collected = collected + event.emitted
+        if isinstance(event, Escape):
+            np.testing.assert_array_equal(event.direction, direction)
+            assert number == len(scene) - 1 and way.ending is PathEnding.LEFT_SCENE
+            break
+        # Rays start off surfaces by up to 2^-20 of their coordinates, some 4e-4 mm, along the normal.
+        np.testing.assert_allclose(event.point, point + event.distance * direction, atol=2e-3)
+        assert event.normal @ direction < 0
+        assert math.isclose(np.linalg.norm(event.normal), 1.0, rel_tol=1e-12)
+        collected = collected + (0.0 if event.light is None else event.light.contribution)
+        if isinstance(event.material, pl.Dielectric) and event.direction is not None:
+            assert_refracted_or_reflected(direction, event)
+        point, direction = event.point, event.direction
+        assert (direction is None) == (number == len(scene) - 1)
+    # Differences of sums, some ten of them.
+    np.testing.assert_allclose(collected * way.clamped, way.radiance, rtol=1e-13, atol=1e-13 * np.abs(collected).max())
+
+
+def assert_refracted_or_reflected(before, event):
+    """What runs along the surface stays, or changes by the index: directions are known to some 1e-15."""
+    normal, index = event.shading_normal, event.material.index
+    was, now = (d - (d @ normal) * normal for d in (before, event.direction))
+    ratios = np.array([1.0, index, 1 / index])
+    ratio = ratios[np.argmin(np.abs(ratios - np.linalg.norm(now) / np.linalg.norm(was)))]
+    np.testing.assert_allclose(now, ratio * was, atol=1e-12)
+
+
+def assert_along(step, direction):
+    assert np.linalg.norm(np.cross(step, direction)) < 1e-12 * max(np.linalg.norm(step), 1e2)
+
+
+# ---- the law of contributions ----
+
+
+@pytest.mark.parametrize("name", ["white", "check"])
+def test_contributions_are_those_of_the_image(name):
+    scene = None if name == "white" else pl.check_scene()
+    shot = shoot(scene)
+    ways = assert_replayed(shot, scene)
+    assert shot.image.any()
+    # And paths are lost where the statistics say, as often.
+    lost = collections.Counter()
+    for way in ways:
+        if way.ending is PathEnding.LOST:
+            last = way.events[-1]
+            element = last.element if isinstance(last, ElementPassage) else None
+            lost[last.status.name.lower(), element] += 1
+    assert sorted(shot.stats.lost) == sorted((cause, element, count) for (cause, element), count in lost.items())
+    assert shot.stats.lost and shot.stats.paths == len(ways)
+
+
+def lit_room():
+    """Lights of all kinds on materials of all kinds, one of them instanced and mirrored."""
+    checker = pl.Texture(np.random.default_rng(5).random((16, 16, 3)).astype(np.float32))
+    floor = pl.quad((-30, -8, -380), (60, 0, 0), (0, 0, -60), material=pl.Lambertian(checker))
+    wall = pl.quad((-40, -40, -430), (80, 0, 0), (0, 80, 0), material=pl.MetallicRoughness(checker, 0.3, 0.4))
+    gauze = pl.quad((-30, -30, -372), (60, 0, 0), (0, 60, 0), material=pl.MetallicRoughness(0.5, 0.0, 0.5, opacity=0.4))
+    ball = pl.sphere(1.5, material=pl.Conductor(0.9, alpha=0.2))
+    places = np.tile(np.eye(4), (2, 1, 1))
+    places[:, :3, 3] = (2.0, 0.5, -395), (-2.0, 0.5, -400)
+    places[1, 0, 0] = -1.0
+    glass = pl.sphere(1.5, center=(0.0, -1.5, -392), material=pl.Dielectric(1.5, absorption=0.05))
+    pane = pl.quad((-3, -3, -385), (6, 0, 0), (0, 6, 0), material=pl.ThinGlass())
+    lights = [
+        pl.SunLight((0.1, -1.0, -0.3), 0.4, angular_radius=0.05),
+        pl.QuadLight((0, 20, -380), (6, 0, 0), (0, 0, 6), radiance=20.0, two_sided=True),
+        pl.PointLight((6, 6, -370), 150.0),
+        pl.SphereLight((-5, 8, -390), 1.0, radiance=30.0),
+        pl.SpotLight((0, 10, -370), (0, -1, -2), 300.0, outer_angle=0.5),
+    ]
+    meshes = [floor, wall, pl.Instances(ball, places), glass, pane, gauze]
+    return pl.Scene(meshes, lights, background=pl.EnvironmentMap(np.random.default_rng(6).random((8, 16, 3))))
+
+
+def textured():
+    checker = pl.Texture(np.random.default_rng(5).random((16, 16, 3)).astype(np.float32))
+    wall = pl.quad((-40, -40, -410), (80, 0, 0), (0, 80, 0), material=pl.Lambertian(checker))
+    return pl.Scene([wall], [pl.PointLight((6, 6, -370), 150.0)], background=0.1)
+
+
+SCENES = {"objects": pl.objects_scene, "textured": textured, "room": lit_room}
+HOW = {
+    "as it is": {},
+    "three replicates": {"replicates": 3},
+    "fewer samples than replicates": {"samples": 5},
+    "at random": {"sampler": pl.Sampler.RANDOM},
+    "at random, three replicates": {"sampler": pl.Sampler.RANDOM, "replicates": 3},
+    "clamped": {"clamp": 0.1},
+    "no caustics": {"caustics": pl.Caustics.LEFT_OUT},
+    "one bounce": {"max_bounces": 1},
+    "no bounces": {"max_bounces": 0},
+    "many bounces": {"max_bounces": 30},
+}
+
+
+CASES = [
+    *(("objects", how) for how in HOW),
+    ("textured", "as it is"),
+    *(("room", how) for how in ("as it is", "at random", "no caustics", "many bounces")),
+]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "how"), CASES)
+def test_scenes_and_settings(name, how):
+    scene = SCENES[name]()
+    shot = shoot(scene, region=np.s_[254:255, 256:258], **HOW[how])
+    ways = assert_replayed(shot, scene, exact="random" not in how)
+    assert shot.image.all() or how == "no bounces"
+    if how == "clamped":
+        assert any(way.clamped < 1 for way in ways) and shot.stats.clamped > 0
+    if how == "one bounce":
+        assert max(len(way.bounces) for way in ways) <= 2
+    if how == "no bounces":
+        assert {way.ending for way in ways} <= {
+            PathEnding.MAX_BOUNCES,
+            PathEnding.LEFT_SCENE,
+            PathEnding.LOST,
+            PathEnding.ABSORBED,
+        }
+
+
+ASPHERE = dataclasses.replace(LENS.elements[0], conic=-0.5, aspheric=(0.0, 1e-8))
+CAMERAS = {
+    "spectral": {"sensitivity": pl.Sensitivity.lines((640.0, 550.0, 450.0))},
+    "posed": {"pose": pl.Pose.look_at((3.0, 2.0, 1.0), (0.0, 0.0, -400.0))},
+    "aspheric": {"lens": dataclasses.replace(LENS, elements=(ASPHERE, *LENS.elements[1:]))},
+    "thin": {"lens": LENS.with_model(pl.LensModel.THIN)},
+    "none": {"lens": LENS.with_model(pl.LensModel.NONE)},
+    "polygonal stop": {"lens": LENS.with_stop(pl.PolygonStop(6, 5.0))},
+    "spherical microlenses": {
+        "microlenses": dataclasses.replace(ARRAY, model=pl.MicrolensModel.SPHERICAL, thickness=0.3, index=1.5)
+    },
+    "pinholes": {"microlenses": dataclasses.replace(ARRAY, model=pl.MicrolensModel.PINHOLE)},
+    "two types": {"microlenses": dataclasses.replace(ARRAY, focal_lengths=(2.0, 1.6))},
+    "no microlenses": {"microlenses": None, "microlenses_to_sensor": 0.0, "stop_to_microlenses": 134.0},
+    "out of place": {
+        "lens_placement": pl.Placement(shift=(0.05, 0.0, 0.02)),
+        "microlenses_placement": pl.Placement(shift=(0.01, 0.02, 0.0), rotation=[[0, -1, 0], [1, 0, 0], [0, 0, 1]]),
+    },
+    "dark gaps": {"sensor": pl.Sensor(shape=(512, 512), pixel_pitch=0.010, pixel_aperture=(0.5, 0.8))},
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", CAMERAS)
+def test_cameras(name):
+    camera = dataclasses.replace(CAMERA, **CAMERAS[name])
+    scene = pl.objects_scene()
+    for seen in (None, scene):
+        shot = shoot(seen, camera, region=np.s_[250:251, 256:258])
+        # A fill factor multiplies the sum.
+        ways = assert_replayed(shot, seen, exact=name != "dark gaps")
+        assert shot.image.all()
+    if name == "spectral":
+        assert {way.wavelength for way in ways} == {640.0, 550.0, 450.0}
+    else:
+        assert {way.wavelength for way in ways} == {None}
+    kinds = {event.kind for way in ways for event in way.events if isinstance(event, ElementPassage)}
+    assert (ElementKind.ASPHERE in kinds) == (name == "aspheric")
+    assert (ElementKind.IDEAL_LENS in kinds) == (name == "thin")
+    assert (ElementKind.POLYGON_STOP in kinds) == (name == "polygonal stop")
+
+
+@pytest.mark.slow
+def test_microlenses_have_the_numbers_that_lists_have():
+    centres = ARRAY.lenses((-2.0, -2.0), (2.0, 2.0)).centre[::-1]
+    arrays = {
+        "lattice": ARRAY,
+        "free": dataclasses.replace(ARRAY, lattice=pl.Lattice.FREE, centres=centres),
+        "imperfect": dataclasses.replace(
+            ARRAY, imperfections=pl.MicrolensImperfections(pitch_jitter=0.002, decentre=0.002, seed=1)
+        ),
+    }
+    for array in arrays.values():
+        shot = shoot(None, dataclasses.replace(CAMERA, microlenses=array), np.s_[281:283, 300:302], samples=4)
+        listed = array.lenses((-2.0, -2.0), (2.0, 2.0))
+        for way in assert_replayed(shot, None):
+            passage = way.events[1]
+            (row,) = np.flatnonzero((listed.index == passage.microlens).all(axis=1))
+            # The drawn point lies in the cell: no farther from its centre than a corner, and 3 lenses from the axis.
+            assert np.hypot(*(passage.aim[:2] - listed.centre[row])) <= array.cell_radius + 0.01
+            assert passage.type == listed.type[row]
+            assert passage.microlens != (0, 0)
+
+
+@pytest.mark.slow
+def test_pixels_of_their_own_number_of_samples():
+    scene = pl.check_scene()
+    shot = shoot(scene, region=np.s_[250:314, 200:264], samples=None, target_error=0.1)
+    assert shot.sample_counts is not None and len(np.unique(shot.sample_counts)) > 1
+    rows, columns = (places[:: len(places) // 4] for places in np.nonzero(shot.sample_counts < shot.samples))
+    few = list(zip(rows + 250, columns + 200, strict=True))
+    assert_replayed(shot, scene, pixels=[(int(row), int(column)) for row, column in few[:4]])
+    row, column = int(rows[0]), int(columns[0])
+    count = int(shot.sample_counts[row, column])
+    with pytest.raises(pl.InvalidValueError, match=f"has {count} samples"):
+        replay(shot, scene, pixel=(row + 250, column + 200), sample=count)
+
+
+@pytest.mark.slow
+def test_a_saved_exposure_is_replayed_to_the_same_bits(tmp_path):
+    scene = pl.objects_scene()
+    shot = shoot(scene, clamp=0.3)
+    shot.save(tmp_path / "shot.exr")
+    loaded = pl.Exposure.load(tmp_path / "shot.exr")
+    for sample in range(3):
+        assert replay(loaded, scene, pixel=(300, 200), sample=sample) == replay(
+            shot, scene, pixel=(300, 200), sample=sample
+        )
+
+
+# ---- what is met ----
+
+
+def pinhole(half=0.2, pixels=2):
+    return pl.PlenopticCamera(
+        lens=pl.no_lens(1e-4),
+        sensor=pl.Sensor(shape=(pixels, pixels), pixel_pitch=20.0 * half / pixels),
+        stop_to_microlenses=10.0,
+    )
+
+
+@pytest.mark.slow
+def test_the_events_of_a_room_are_what_the_scene_says():
+    scene = lit_room()
+    shot = pl.render(scene, pinhole(0.03, 4), samples=32, max_bounces=30, truth=Truth.NONE, progress=False)
+    ways = assert_replayed(shot, scene)
+    meetings = [event for way in ways for event in way.bounces]
+    drawn = {event.light.kind for event in meetings if event.light is not None}
+    assert drawn == set(DrawnKind)
+    for event in meetings:
+        place = event.place
+        corners = corners_of(scene, place)
+        # In the plane of the triangle that is named, inside it: barycentric coordinates to rounding.
+        inside = np.linalg.lstsq(np.vstack([corners.T, np.ones(3)]), np.append(event.point, 1.0), rcond=None)
+        np.testing.assert_allclose(corners.T @ inside[0], event.point, atol=1e-8)
+        assert inside[0].min() > -1e-3
+        assert event.material == material_of(scene, place)
+        if event.light is not None and event.light.light is not None:
+            light = scene.lights[event.light.light]
+            assert isinstance(light, pl.SunLight if event.light.kind is DrawnKind.SUN else pl.PointLight | pl.SpotLight)
+            if not isinstance(light, pl.SunLight) and event.light.point is not None:
+                np.testing.assert_array_equal(event.light.point, light.position)
+        if event.light is not None and event.light.blocked is not False:
+            assert not event.light.contribution.any()
+    met = {type(event.material) for event in meetings}
+    assert {pl.Dielectric, pl.ThinGlass, pl.Conductor, pl.Lambertian, pl.MetallicRoughness, pl.Emissive} <= met
+    assert {event.place.instance for event in meetings if event.place.object == 2} == {0, 1}
+    assert {event.place.instance for event in meetings if event.place.object != 2} == {None}
+    assert any(event.light is not None and event.light.blocked for event in meetings)
+    assert {PathEnding.LEFT_SCENE, PathEnding.ROULETTE, PathEnding.ABSORBED} <= {way.ending for way in ways}
+
+
+def shape_of(scene, number):
+    shapes = [light.mesh() for light in scene.lights if isinstance(light, pl.QuadLight | pl.SphereLight)]
+    return [*scene.meshes, *shapes][number]
+
+
+def corners_of(scene, place):
+    mesh = shape_of(scene, place.object)
+    if place.instance is not None:
+        mesh = mesh.meshes()[place.instance]
+    return mesh.vertices[mesh.faces[place.triangle]]
+
+
+def material_of(scene, place):
+    mesh = shape_of(scene, place.object)
+    return mesh.mesh.material if isinstance(mesh, pl.Instances) else mesh.material
+
+
+@pytest.mark.slow
+def test_mirrors_reflect():
+    mirror = pl.quad((-50, -50, -40), (100, 0, 0), (0, 100, 0), material=pl.Conductor(0.9))
+    scene = pl.Scene([mirror.rotated_deg((1, 0, 0), 20)], background=1.0)
+    shot = pl.render(scene, pinhole(), samples=4, truth=Truth.NONE, progress=False)
+    for way in assert_replayed(shot, scene):
+        (meeting,) = way.bounces
+        before, normal = next(e.direction for e in way.events if isinstance(e, WorldRay)), meeting.shading_normal
+        np.testing.assert_allclose(meeting.direction, before - 2 * (before @ normal) * normal, atol=1e-14)
+        np.testing.assert_allclose(meeting.throughput, 0.9, rtol=1e-14)
+        assert meeting.light is None and way.ending is PathEnding.LEFT_SCENE
+
+
+@pytest.mark.slow
+def test_roulette_and_the_last_bounce_end_paths():
+    # In a closed grey room whose lamp nothing hides, paths end by roulette or at the last bounce, never by leaving.
+    room = pl.box(200.0, material=pl.Lambertian(0.5))
+    scene = pl.Scene([room], [pl.SphereLight((20, 30, -50), 3.0, radiance=100.0)])
+    for most, expected in ((2, {PathEnding.MAX_BOUNCES}), (200, {PathEnding.ROULETTE})):
+        shot = pl.render(scene, pinhole(), samples=64, max_bounces=most, truth=Truth.NONE, progress=False)
+        ways = assert_replayed(shot, scene)
+        assert {way.ending for way in ways} - {PathEnding.ABSORBED, PathEnding.LOST} == expected
+        assert all(len(way.bounces) == most + 1 for way in ways if way.ending is PathEnding.MAX_BOUNCES)
+        # From the fourth surface on, half of the paths go on: 1 more of 256 paths beyond 4 + 12 once in 16.
+        assert all(4 <= len(way.bounces) <= 30 for way in ways if way.ending is PathEnding.ROULETTE)
+    shot = pl.render(scene, pinhole(), samples=8, max_bounces=1, truth=Truth.NONE, progress=False)
+    assert {way.ending for way in assert_replayed(shot, scene)} - {PathEnding.ABSORBED, PathEnding.LOST} == {
+        PathEnding.MAX_BOUNCES
+    }
+    point = pl.Scene([room], [pl.PointLight((20, 30, -50), 100.0)])
+    shot = pl.render(point, pinhole(), samples=8, max_bounces=1, truth=Truth.NONE, progress=False)
+    assert {way.ending for way in assert_replayed(shot, point)} - {PathEnding.LOST} == {PathEnding.NOTHING_AHEAD}
+
+
+@pytest.mark.slow
+def test_paths_that_are_not_finite_show_where_they_broke():
+    # A lamp of 1e307 closely above the patch of 0.16 mm that is seen: over r^2 < 0.013 that is beyond float64.
+    ground = pl.quad((-50, -50, -40), (100, 0, 0), (0, 100, 0), material=pl.Lambertian(0.8))
+    scene = pl.Scene([ground], [pl.PointLight((0, 0, -39.99), 1e307)], background=0.1)
+    shot = pl.render(scene, pinhole(0.002), samples=32, truth=Truth.NONE, progress=False)
+    assert shot.stats.nonfinite and shot.stats.nonfinite_paths and np.isfinite(shot.image).all()
+    for way in replay_all(shot, scene, shot.stats.nonfinite_paths):
+        assert not way.finite and way.ending is PathEnding.NOT_FINITE
+        assert not np.isfinite(way.radiance).all() and np.isfinite(way.contribution).all()
+        broken = way.events[way.first_nonfinite]
+        assert isinstance(broken, Meeting) and not np.isfinite(broken.light.contribution).all()
+        assert "not finite from here on" in repr(way) and "left out of the image" in repr(way)
+    ways = [way for pixel in pixels_of(shot) for way in paths_of(shot, scene, pixel)[0]]
+    assert sum(not way.finite for way in ways) == shot.stats.nonfinite == shot.stats.paths_through_lens
+
+
+# ---- as a value ----
+
+
+def test_a_replay_prints_as_a_table_and_is_a_value():
+    scene = pl.check_scene()
+    shot = shoot(scene)
+    ways = paths_of(shot, scene, (300, 199))[0]
+    through = next(way for way in ways if way.ending is not PathEnding.LOST)
+    lost = next(way for way in ways if way.ending is PathEnding.LOST)
+    lines = repr(through).splitlines()
+    names = [line[:10].strip() for line in lines]
+    expected = ["", "sensor", "array", "", *["lens"] * len(LENS.elements), "world", "bounce 0"]
+    assert [name if name else "" for name in names[1:]][: len(expected) - 1] == expected[1:]
+    assert lines[0] == f"sample {through.sample} of pixel (300, 199): replicate {through.sample % 8}, point " + str(
+        through.sample // 8
+    )
+    assert "mm" in lines[1] and "sr" in lines[2] and max(map(len, lines)) < 140
+    assert "lost: clipped" in repr(lost) and names[-3:] == ["ends", "brings", "adds"]
+    assert pickle.loads(pickle.dumps(through)) == through and isinstance(through, Replay)
+    assert through != lost and len({through, lost, through}) == 2
+    assert through.camera_points.shape == (2 + len(LENS.elements) + 1, 3)
+    with pytest.raises(ValueError, match="read-only"):
+        through.contribution[0] = 1.0
+
+
+def test_what_cannot_be_replayed_says_why():
+    scene = pl.check_scene()
+    shot = shoot(scene)
+    for pixel, message in (
+        ((10, 20), r"pixel \(10, 20\) is outside .* rows 300 to 301 and columns 198 to 200"),
+        ((302, 198), "is outside"),
+        ((-1, 198), "row of the pixel is -1; it must be at least 0"),
+        ((300, 199.5), "column of the pixel is 199.5; it must be a whole number"),
+        (300, r"pixel is 300; it must be \(row, column\)"),
+    ):
+        with pytest.raises(pl.InvalidValueError, match=message):
+            replay(shot, scene, pixel=pixel, sample=0)
+    with pytest.raises(pl.InvalidValueError, match="sample is 20, and pixel .* has 20 samples"):
+        replay(shot, scene, pixel=(300, 199), sample=20)
+    with pytest.raises(pl.InvalidValueError, match="sample is -1"):
+        replay(shot, scene, pixel=(300, 199), sample=-1)
+    with pytest.raises(pl.InvalidValueError, match="does not know its camera, settings, seed"):
+        replay(pl.Exposure(np.ones((2, 2, 1))), scene, pixel=(0, 0), sample=0)
+    with pytest.raises(pl.InvalidValueError, match="does not know its settings;"):
+        replay(dataclasses.replace(shot, settings=None), scene, pixel=(300, 199), sample=0)
+    with pytest.raises(pl.InvalidValueError, match="exposure is a Scene; give an Exposure"):
+        replay(scene, scene, pixel=(0, 0), sample=0)
+    with pytest.raises(pl.InvalidValueError, match="scene is a float"):
+        replay(shot, 1.0, pixel=(300, 199), sample=0)
+    with pytest.raises(pl.InvalidValueError, match="the image has 1 channels, and this scene gives 3"):
+        replay(shot, pl.objects_scene(), pixel=(300, 199), sample=0)
+
+
+def test_pixels_that_no_light_reaches_have_no_events():
+    # Beside the axis the pupil is gone: a sensor far wider than the images of the stop.
+    camera = dataclasses.replace(
+        CAMERA, microlenses=None, microlenses_to_sensor=0.0, sensor=pl.Sensor(shape=(8, 8), pixel_pitch=60.0)
+    )
+    shot = pl.render_white(camera, samples=4, progress=False)
+    way = replay(shot, None, pixel=(0, 0), sample=3)
+    assert shot.image[0, 0, 0] == 0 and shot.image.any()
+    assert way.ending is PathEnding.UNLIT_PIXEL and way.events == () and not way.contribution.any()
+    assert "unlit pixel" in repr(way)
