@@ -1,4 +1,4 @@
-"""Studies from the command line: ``python -m plenoptic.study stability [--quick] [--markdown]``."""
+"""Studies from the command line: ``python -m plenoptic.study stability``, ``error-against-time``, ``cost``."""
 
 from __future__ import annotations
 
@@ -7,7 +7,10 @@ import sys
 from collections.abc import Sequence
 
 from plenoptic.errors import PlenopticError
-from plenoptic.study import QUICK, THOROUGH, stability
+from plenoptic.study import QUICK, THOROUGH, cost_command, error_command, stability
+
+_INTERRUPTED = 130
+"""128 and the number of SIGINT, as shells have it."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -21,7 +24,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        0 where all is within its bounds, 1 where something is not, 2 where the study cannot run.
+        0 where all is within its bounds, 1 where something is not, 2 where the study cannot run, 130 after Ctrl-C.
 
     Examples
     --------
@@ -38,6 +41,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except PlenopticError as error:
         print(error, file=sys.stderr)
         return 2
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        return _INTERRUPTED
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -50,6 +56,8 @@ def _parser() -> argparse.ArgumentParser:
     one.add_argument("--only", action="append", help="cases whose name begins so; may be given several times")
     one.add_argument("--markdown", action="store_true", help="print a Markdown table")
     one.set_defaults(run=_stability)
+    error_command.add_command(studies)
+    cost_command.add_command(studies)
     return parser
 
 

@@ -202,9 +202,7 @@ def _may_be_lost(exact: ExactRay, status: RayStatus, law: Law) -> bool:
     if status == RayStatus.TOTAL_REFLECTION:
         # At the first surface where it is critical, whatever comes later.
         return exact.status == status or any(_is_critical(crossing) for crossing in exact.crossings)
-    # Where no crossing goes the right way, numbers tell it in one of two ways.
-    beside = (RayStatus.MISSED, RayStatus.NOT_FINITE) if exact.status == RayStatus.MISSED else (exact.status,)
-    return status in beside
+    return status == exact.status
 
 
 def _measured(numbers: Floats, exact: ExactRay, surfaces: list[Surface], law: Law, s: int) -> Found:

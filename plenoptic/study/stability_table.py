@@ -16,6 +16,7 @@ from plenoptic.rays import RayStatus
 from plenoptic.study.reference import exact_rays, mpmath_context
 from plenoptic.study.rounding_bounds import Found, compared
 from plenoptic.study.stability_cases import Setup, StabilityCase, stability_cases
+from plenoptic.study.text_table import aligned, markdown_table
 
 _COLUMNS = (
     "case",
@@ -141,22 +142,15 @@ class StabilityTable:
         -------
         str
         """
-        head, *body = self._lines(" | ")
-        rule = " | ".join("-" * len(cell) for cell in head.split(" | "))
-        return "\n".join(f"| {line} |" for line in (head, rule, *body))
+        return markdown_table(_COLUMNS, [row.cells for row in self.rows])
 
     def __str__(self) -> str:
-        return "\n".join(line.rstrip() for line in self._lines("  "))
+        return "\n".join(line.rstrip() for line in aligned(_COLUMNS, [row.cells for row in self.rows]))
 
     def __repr__(self) -> str:
         missed = [row.case for row in self.rows if not row.holds]
         how = f"{len(missed)} beyond their bounds: {', '.join(missed)}" if missed else "all within their bounds"
         return f"<StabilityTable: {len(self.rows)} cases, {how}>"
-
-    def _lines(self, between: str) -> list[str]:
-        cells = [_COLUMNS, *(row.cells for row in self.rows)]
-        widths = [max(len(row[i]) for row in cells) for i in range(len(_COLUMNS))]
-        return [between.join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)) for row in cells]
 
 
 def _size(error: float | None) -> str:

@@ -1,0 +1,63 @@
+"""Tables as text: aligned columns, Markdown, comma-separated values."""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+from collections.abc import Iterable, Sequence
+
+from plenoptic._values import file_path
+from plenoptic.errors import FileError
+
+
+def aligned(columns: Sequence[str], rows: Iterable[Sequence[str]], *, between: str = "  ") -> list[str]:
+    """Lines of a table, its head first, padded to equal widths.
+
+    Examples
+    --------
+    >>> from plenoptic.study.text_table import aligned
+    >>> aligned(("a", "bc"), [("10", "2")])
+    ['a   bc', '10  2 ']
+    """
+    cells = [tuple(columns), *map(tuple, rows)]
+    widths = [max(len(row[i]) for row in cells) for i in range(len(columns))]
+    return [between.join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)) for row in cells]
+
+
+def markdown_table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A table in Markdown, padded to equal widths.
+
+    Examples
+    --------
+    >>> from plenoptic.study.text_table import markdown_table
+    >>> print(markdown_table(("a", "b"), [("10", "2")]))
+    | a  | b |
+    | -- | - |
+    | 10 | 2 |
+    """
+    head, *body = aligned(columns, rows, between=" | ")
+    rule = " | ".join("-" * len(cell) for cell in head.split(" | "))
+    return "\n".join(f"| {line} |" for line in (head, rule, *body))
+
+
+def comma_separated(rows: Iterable[Sequence[object]], path: str | os.PathLike[str] | None) -> str:
+    """Rows as comma-separated values, None as nothing; written too where there is a path.
+
+    Examples
+    --------
+    >>> from plenoptic.study.text_table import comma_separated
+    >>> comma_separated([("name", "s"), ("a, b", None), ("c", 0.1)], None).splitlines()
+    ['name,s', '"a, b",', 'c,0.1']
+    """
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    for row in rows:
+        writer.writerow(["" if cell is None else cell for cell in row])
+    text = stream.getvalue()
+    if path is not None:
+        try:
+            file_path(path).write_text(text, encoding="utf-8")
+        except OSError as error:
+            raise FileError(f"{os.fspath(path)!r} cannot be written: {error.strerror}; choose another place") from error
+    return text
