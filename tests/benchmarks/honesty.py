@@ -1,0 +1,203 @@
+"""Is the standard error right? True errors of many seeds against a converged reference, beside what is stated."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+import reference
+from numpy.typing import NDArray
+from table import Table
+
+import plenoptic as pl
+from plenoptic.camera.truth import Truth
+
+REFERENCE_SEED = 1_000_003
+REPLICATES = 16
+TARGETS = {"white": 0.02, "`check`": 0.02, "room, 8 bounces": 0.02, "`objects`: beside the cube": 0.15}
+LIT = 0.1  # of the reference's 99th percentile of channel means
+STUDENT = 2.13145  # 95 % of Student's t distribution with 15 degrees of freedom lie within
+
+
+def tables(*, quick: bool) -> Iterator[Table]:
+    side, seeds, converged = (8, 2, 1 << 10) if quick else (24, 16, 1 << 15)
+    numbers = (64,) if quick else (64, 256, 1024)
+    fixed: list[tuple[object, ...]] = []
+    adaptive: list[tuple[object, ...]] = []
+    for subject in subjects(side):
+        truth = Converged(subject, converged)
+        for samples in numbers:
+            found = honesty(truth, range(seeds), samples=samples)
+            fixed.append((subject.name, samples, 100 * found.error, *_cells(found)))
+        if subject.name in TARGETS:
+            target = 5 * TARGETS[subject.name] if quick else TARGETS[subject.name]
+            found = honesty(truth, range(seeds), target_error=target)
+            reached = (100 * target, 100 * found.stated, 100 * found.error, round(found.samples))
+            adaptive.append((subject.name, *reached, *_cells(found)))
+    shared = (
+        "true over standard error",
+        "mean error / its standard error",
+        "95 % intervals that hold: all lit pixels %",
+        "where one sample weighs less than the true error %",
+        "these pixels %",
+    )
+    remark = (
+        f"{side} x {side} pixels, {REPLICATES} replicates, {seeds} seeds a row, references of {converged} samples with "
+        "another seed, whose own variance is subtracted. Errors are relative RMS over lit pixels. Of three channels "
+        "the mean error is that of the one that is farthest off."
+    )
+    yield Table(
+        "Is the standard error right? A fixed number of samples",
+        ("scene", "samples", "error %", *shared),
+        fixed,
+        [remark],
+    )
+    columns = ("scene", "target %", "stated error %", "true error %", "samples, mean", *shared)
+    yield Table("The same with a target error", columns, adaptive, [remark])
+
+
+def _cells(found: Honesty) -> tuple[object, ...]:
+    ratio = f"{found.ratio:.3f} ± {found.ratio_error:.3f}"
+    spread = None if math.isnan(found.covered_spread) else f"{100 * found.covered_spread:.1f}"
+    return ratio, f"{found.mean_error:+.2f}", f"{100 * found.covered:.1f}", spread, f"{100 * found.spread:.0f}"
+
+
+class Subject(NamedTuple):
+    """A crop that is rendered; a scene of None is the white image."""
+
+    name: str
+    scene: pl.Scene | None
+    camera: pl.PlenopticCamera
+    region: tuple[slice, slice]
+    options: dict[str, object] = {}
+
+
+class Honesty(NamedTuple):
+    """What stated errors are worth. Shares are of lit pixels and channels, over all seeds."""
+
+    error: float
+    """RMS over lit pixels of the true error over the brightness."""
+    stated: float
+    """`Exposure.relative_error`, RMS over the seeds."""
+    samples: float
+    """Mean over lit pixels."""
+    ratio: float
+    """RMS of the true error over RMS of the standard error."""
+    ratio_error: float
+    mean_error: float
+    """The farthest of the channels, in its standard errors."""
+    covered: float
+    """Share of 95 % intervals that hold the truth."""
+    covered_spread: float
+    """The same where the true standard error is at least mean / n."""
+    spread: float
+    """Share of these pixels."""
+
+
+def room() -> pl.Scene:
+    """Four matt walls under a ceiling that shines, open to the camera: three fifths of its light come by bounces."""
+    matt, shining = pl.Lambertian(0.7), pl.Emissive(1.0, two_sided=True)
+    left, low, back, side, deep = -7.0, -7.0, -411.0, 14.0, 24.0
+    walls = [
+        pl.quad((left, low, back), (side, 0, 0), (0, side, 0), material=matt),
+        pl.quad((left, low, back), (0, 0, deep), (side, 0, 0), material=matt),
+        pl.quad((left, low, back), (0, side, 0), (0, 0, deep), material=matt),
+        pl.quad((-left, low, back), (0, 0, deep), (0, side, 0), material=matt),
+        pl.quad((left, -low, back), (side, 0, 0), (0, 0, deep), material=shining),
+    ]
+    return pl.Scene(meshes=walls)
+
+
+def coloured() -> pl.Scene:
+    """Matt plates of two colours under a lamp of a third."""
+    floor = pl.quad((-30, -30, -404), (60, 0, 0), (0, 60, 0), material=pl.Lambertian((0.8, 0.5, 0.1)))
+    plate = pl.quad((-3, -3, -402), (3, 0, 1), (0, 6, 0), material=pl.Lambertian((0.1, 0.3, 0.9)))
+    lamp = pl.QuadLight((0, 30, -360), (20, 0, 0), (0, 12, -16), radiance=(3.0, 5.0, 9.0), two_sided=True)
+    return pl.Scene(meshes=[floor, plate], lights=[lamp], background=(0.2, 0.1, 0.3))
+
+
+def subjects(side: int) -> list[Subject]:
+    camera = reference.camera()
+    colour = dataclasses.replace(camera, sensitivity=pl.sensitivities.colour_camera())
+
+    def crop(row: int, column: int) -> tuple[slice, slice]:
+        return np.s_[row : row + side, column : column + side]
+
+    objects, direct = pl.objects_scene(), {"max_bounces": 1}
+    return [
+        Subject("white", None, camera, crop(240, 240)),
+        Subject("`check`", pl.check_scene(), camera, crop(240, 240)),
+        Subject("room, 8 bounces", room(), camera, crop(330, 120)),
+        Subject("coloured plates, spectral", coloured(), colour, crop(224, 150)),
+        Subject("`objects`: board, 1 bounce", objects, camera, crop(40, 40), direct),
+        Subject("`objects`: cube, 1 bounce", objects, camera, crop(310, 150), direct),
+        Subject("`objects`: board", objects, camera, crop(40, 40)),
+        Subject("`objects`: metal ball", objects, camera, crop(310, 340)),
+        Subject("`objects`: glass ball", objects, camera, crop(110, 200)),
+        Subject("`objects`: beside the cube", objects, camera, crop(310, 150)),
+    ]
+
+
+class Converged:
+    """The truth about a crop, as far as many samples of another seed tell."""
+
+    def __init__(self, subject: Subject, samples: int) -> None:
+        shot = expose(subject, samples=samples, replicates=REPLICATES, seed=REFERENCE_SEED)
+        assert shot.standard_error is not None
+        self.subject, self.samples = subject, samples
+        self.image = shot.image.astype(np.float64)
+        self.variance = np.square(shot.standard_error, dtype=np.float64)
+        mean = self.image.mean(axis=2)
+        self.lit: NDArray[np.bool_] = mean > LIT * np.percentile(mean, 99)
+
+
+def expose(subject: Subject, **settings: object) -> pl.Exposure:
+    return reference.exposed(
+        subject.scene, subject.camera, region=subject.region, truth=Truth.NONE, **subject.options, **settings
+    )
+
+
+def honesty(truth: Converged, seeds: range, **budget: object) -> Honesty:
+    """Errors of renderings with these seeds. Which pixels spread is judged by the other half of the seeds."""
+    shots = [expose(truth.subject, seed=seed, replicates=REPLICATES, **budget) for seed in seeds]
+    errors = np.array([(shot.image - truth.image)[truth.lit] for shot in shots])
+    stated = np.array([np.square(shot.standard_error, dtype=np.float64)[truth.lit] for shot in shots])
+    counts = np.array([counts_of(shot)[truth.lit] for shot in shots])[..., None]
+    image, uncertain = truth.image[truth.lit], truth.variance[truth.lit]
+
+    true = np.mean(errors**2, axis=0) - uncertain
+    said = np.mean(stated, axis=0)
+    ratio = math.sqrt(max(true.sum(), 0.0) / said.sum())
+    scatter = math.sqrt(np.square((true - ratio**2 * said).sum(axis=1)).sum()) / said.sum() / (2 * ratio)
+    # All seeds share the reference.
+    totals = errors.mean(axis=0).sum(axis=0)
+    mean_error = totals / np.sqrt(said.sum(axis=0) / len(shots) + uncertain.sum(axis=0))
+
+    inside = np.square(errors) <= STUDENT**2 * stated + uncertain
+    half = len(shots) // 2
+    others = np.concatenate(
+        [
+            np.broadcast_to(stated[half:].mean(axis=0), stated[:half].shape),
+            np.broadcast_to(stated[:half].mean(axis=0), stated[half:].shape),
+        ]
+    )
+    spread = others >= np.square(image / counts)
+    return Honesty(
+        error=math.sqrt(max(float(np.mean(true.mean(axis=1) / image.mean(axis=1) ** 2)), 0.0)),
+        stated=math.sqrt(np.mean([shot.relative_error**2 for shot in shots if shot.relative_error is not None])),
+        samples=float(counts.mean()),
+        ratio=ratio,
+        ratio_error=scatter,
+        mean_error=float(mean_error[np.argmax(np.abs(mean_error))]),
+        covered=float(inside.mean()),
+        covered_spread=float(inside[spread].mean()) if spread.any() else math.nan,
+        spread=float(spread.mean()),
+    )
+
+
+def counts_of(shot: pl.Exposure) -> NDArray[np.int64]:
+    """(H, W) samples of each pixel."""
+    return np.full(shot.image.shape[:2], shot.samples) if shot.sample_counts is None else shot.sample_counts
