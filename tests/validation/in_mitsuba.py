@@ -75,7 +75,9 @@ def ours(scene, camera, *, samples, replicates=16, max_bounces=8, seed=1):
         progress=False,
     )
     white = projected_solid_angles(camera)
-    return Picture(*(np.broadcast_to(a / white, (*a.shape[:2], 3)) for a in (shot.image, shot.standard_error)))
+    # Pixels that no path found bright have the error of one sample, which Mitsuba's pictures have not.
+    error = shot.standard_error * (shot.image > 0)
+    return Picture(*(np.broadcast_to(a / white, (*a.shape[:2], 3)) for a in (shot.image, error)))
 
 
 def theirs(scene, camera, *, samples, seeds=16, max_bounces=8):
