@@ -96,7 +96,8 @@ def centroids(x, reach=40):
     column = np.arange(low, high)[None, :, None]
     light = shot.image.sum(axis=(0, 1), dtype=np.float64)
     place = (shot.image * column).sum(axis=(0, 1), dtype=np.float64) / light
-    error = np.sqrt(np.sum(((column - place) * shot.standard_error) ** 2, axis=(0, 1))) / light
+    # Pixels that no path found bright have the error of one sample: far from the square it would outweigh all others.
+    error = np.sqrt(np.sum(((column - place) * shot.standard_error * (shot.image > 0)) ** 2, axis=(0, 1))) / light
     return place, error
 
 

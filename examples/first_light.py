@@ -93,11 +93,12 @@ pl.plot_exposure(shot).savefig(overview_png, dpi=110)
 # %%
 seen = pl.images.linear_to_srgb(np.clip(shot.image / np.percentile(shot.image, 99.9), 0, 1))
 low, high = 3 * PIXELS // 8, 5 * PIXELS // 8
-figure, axes = plt.subplots(1, 3, figsize=(9.6, 3.3), layout="constrained")
+figure, axes = plt.subplots(1, 3, figsize=(10.2, 3.3), layout="constrained")
 axes[0].imshow(seen)
 axes[0].add_patch(plt.Rectangle((low, low), high - low, high - low, fill=False, edgecolor="white"))
 axes[1].imshow(seen[low:high, low:high], interpolation="nearest")
-axes[2].imshow(np.ma.masked_invalid(shot.depth), interpolation="nearest", cmap="viridis_r")
+drawn = axes[2].imshow(np.ma.masked_invalid(shot.depth), interpolation="nearest", cmap="viridis")
+figure.colorbar(drawn, ax=axes[2], label="mm")
 for ax, title in zip(axes, ("raw image", "detail", "depth"), strict=True):
     ax.set(xticks=[], yticks=[], title=title)
 figure.savefig(picture_png, dpi=100)
