@@ -12,12 +12,12 @@ GROUPS = (
     (
         "Rendering",
         (
-            "plenoptic.rendering",
-            "plenoptic.planning",
-            "plenoptic.stages",
+            "plenoptic.rendering.render",
+            "plenoptic.planning.plan",
+            "plenoptic.planning.stages",
             "plenoptic.exposure",
             "plenoptic.render_stats",
-            "plenoptic.truth",
+            "plenoptic.rendering.truth",
             "plenoptic.film",
             "plenoptic.render_settings",
             "plenoptic.lit",

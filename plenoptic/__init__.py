@@ -102,7 +102,10 @@ if TYPE_CHECKING:
     from plenoptic.optics.stops import CircularStop as CircularStop
     from plenoptic.optics.stops import PolygonStop as PolygonStop
     from plenoptic.optics.surface import Surface as Surface
-    from plenoptic.planning import plan as plan
+    from plenoptic.planning.plan import plan as plan
+    from plenoptic.planning.stages import Decision as Decision
+    from plenoptic.planning.stages import Plan as Plan
+    from plenoptic.planning.stages import Stage as Stage
     from plenoptic.plots.camera import plot_camera as plot_camera
     from plenoptic.plots.contrast import plot_mtf as plot_mtf
     from plenoptic.plots.contrast import plot_point_spread as plot_point_spread
@@ -133,8 +136,9 @@ if TYPE_CHECKING:
     from plenoptic.render_settings import Sampler as Sampler
     from plenoptic.render_stats import RenderStats as RenderStats
     from plenoptic.render_stats import StopReason as StopReason
-    from plenoptic.rendering import render as render
-    from plenoptic.rendering import render_white as render_white
+    from plenoptic.rendering.render import render as render
+    from plenoptic.rendering.render import render_white as render_white
+    from plenoptic.rendering.truth import ground_truth as ground_truth
     from plenoptic.replaying.ending import PathEnding as PathEnding
     from plenoptic.replaying.replay import Replay as Replay
     from plenoptic.replaying.retracing import replay as replay
@@ -188,10 +192,6 @@ if TYPE_CHECKING:
     from plenoptic.spectra import rgb_basis as rgb_basis
     from plenoptic.spectra import rgb_to_spectrum as rgb_to_spectrum
     from plenoptic.srgb import Encoding as Encoding
-    from plenoptic.stages import Decision as Decision
-    from plenoptic.stages import Plan as Plan
-    from plenoptic.stages import Stage as Stage
-    from plenoptic.truth import ground_truth as ground_truth
 else:
     import importlib
 
@@ -235,7 +235,7 @@ else:
         "plenoptic.optics.stop_shapes": ("MaskStop", "StarStop"),
         "plenoptic.camera.as_built": ("AsBuilt", "BuiltValue", "as_built"),
         "plenoptic.camera.projection": ("Projection", "project"),
-        "plenoptic.truth": ("ground_truth",),
+        "plenoptic.rendering.truth": ("ground_truth",),
         "plenoptic.camera.truth": ("GroundTruth", "Truth"),
         "plenoptic.plots.spectra": ("plot_sensitivity",),
         "plenoptic.camera.report_focus": ("CameraKind", "MicrolensFocus"),
@@ -262,7 +262,7 @@ else:
         "plenoptic.sensing.filters": ("BayerPattern",),
         "plenoptic.sensing.model": ("SensorModel", "ShotNoise"),
         "plenoptic.optics.blemishes": ("BlemishSite", "Blemishes"),
-        "plenoptic.stages": ("Decision", "Plan", "Stage"),
+        "plenoptic.planning.stages": ("Decision", "Plan", "Stage"),
         "plenoptic.optics.angular": ("AngularResponse",),
         "plenoptic.optics.lenslets": ("Lenslets",),
         "plenoptic.optics.imperfections": ("MicrolensDeviations", "MicrolensImperfections"),
@@ -299,7 +299,7 @@ else:
         "plenoptic.optics.sensor": ("Sensor",),
         "plenoptic.optics.stops": ("CircularStop", "PolygonStop"),
         "plenoptic.optics.surface": ("Surface",),
-        "plenoptic.planning": ("plan",),
+        "plenoptic.planning.plan": ("plan",),
         "plenoptic.plots.exposure": ("plot_exposure",),
         "plenoptic.plots.fields": (
             "plot_coma",
@@ -315,7 +315,7 @@ else:
         "plenoptic.plots.contrast": ("plot_mtf", "plot_point_spread"),
         "plenoptic.plots.spots": ("plot_ray_fan", "plot_spots", "plot_through_focus"),
         "plenoptic.rays": ("RayBundle", "RayStatus"),
-        "plenoptic.rendering": ("render", "render_white"),
+        "plenoptic.rendering.render": ("render", "render_white"),
         "plenoptic.scene.environment": ("ConstantBackground", "EnvironmentMap"),
         "plenoptic.scene.loading": ("FileContents", "load_file", "load_meshes"),
         "plenoptic.scene.mesh": ("Mesh",),

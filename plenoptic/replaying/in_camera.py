@@ -15,6 +15,17 @@ from plenoptic.optics.blemishes import BlemishSite
 from plenoptic.optics.lenslets import lattice_types
 from plenoptic.optics.tables import LensTables
 from plenoptic.rays import RayStatus
+from plenoptic.rendering.tiles import (
+    FedPixels,
+    Tile,
+    fed_pixels,
+    fill_aimed,
+    fill_drawn_waves,
+    fill_through_lens,
+    wave_guide,
+)
+from plenoptic.rendering.transport import Batch
+from plenoptic.rendering.truth import truth_tables
 from plenoptic.replaying.camera_events import (
     CameraEvent,
     ElementKind,
@@ -23,9 +34,6 @@ from plenoptic.replaying.camera_events import (
     SensorPoint,
     Vector,
 )
-from plenoptic.tiles import FedPixels, Tile, fed_pixels, fill_aimed, fill_drawn_waves, fill_through_lens, wave_guide
-from plenoptic.transport import Batch
-from plenoptic.truth import truth_tables
 
 _NOWHERE = (RayStatus.MISSED, RayStatus.NOT_FINITE, RayStatus.NOT_CONVERGED)
 """Where a path is lost by these, it has no point on the element."""

@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.tables import CameraTables
 from plenoptic.camera.truth import Truth
-from plenoptic.compiled import Compiled, compiled
 from plenoptic.errors import InvalidValueError
 from plenoptic.exposure import Exposure
-from plenoptic.planning import check_scene_and_camera
+from plenoptic.planning.plan import check_scene_and_camera
 from plenoptic.render_settings import Sampler
+from plenoptic.rendering.compiled import Compiled, compiled
+from plenoptic.rendering.transport import Batch, Transport
 from plenoptic.replaying.asked import checked, known, pair
 from plenoptic.replaying.camera_events import WorldRay
 from plenoptic.replaying.ending import PathEnding
@@ -24,7 +25,6 @@ from plenoptic.replaying.in_scene import Recorder
 from plenoptic.replaying.replay import Event, Replay
 from plenoptic.replaying.scene_events import Escape
 from plenoptic.scene.scene import Scene
-from plenoptic.transport import Batch, Transport
 
 
 def replay(exposure: Exposure, scene: Scene | None, *, pixel: tuple[int, int], sample: int) -> Replay:

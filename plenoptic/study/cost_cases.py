@@ -20,7 +20,8 @@ from plenoptic.optics.microlenses import MicrolensModel
 from plenoptic.optics.sensor import Sensor
 from plenoptic.optics.stops import PolygonStop
 from plenoptic.optics.surface import Surface
-from plenoptic.planning import plan
+from plenoptic.planning.plan import plan
+from plenoptic.planning.stages import Plan
 from plenoptic.render_settings import Caustics, Sampler
 from plenoptic.scene.emissive import Emissive
 from plenoptic.scene.environment import EnvironmentMap
@@ -35,7 +36,6 @@ from plenoptic.scene.still_life import still_life
 from plenoptic.scene.sun_light import SunLight
 from plenoptic.scene.texture import Texture
 from plenoptic.sensitivities import colour_camera
-from plenoptic.stages import Plan
 from plenoptic.study.error_cases import reference_camera
 
 _SIDE = 128

@@ -7,7 +7,7 @@ import os
 from collections.abc import Sequence
 
 from plenoptic._values import set_field, value
-from plenoptic.stages import Stage
+from plenoptic.planning.stages import Stage
 from plenoptic.study.text_table import aligned, comma_separated, markdown_table
 
 _COLUMNS = ("stage", "without it", "s with", "s without", "% of CPU", "+-", "set-up s", "picture %", "stops too")
@@ -98,7 +98,7 @@ class CostTable:
 
     Examples
     --------
-    >>> from plenoptic.stages import Stage
+    >>> from plenoptic.planning.stages import Stage
     >>> from plenoptic.study.cost_table import CostRow, CostTable
     >>> row = CostRow(Stage.POSE, "the scene in the camera's frame", 2.0, 1.96, 2.0, 0.3, 0.001, 0.0)
     >>> table = CostTable([row], [], 2.0, 0.1, samples=16, rounds=5, pixels=(128, 128), threads=1)

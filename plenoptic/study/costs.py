@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from plenoptic._values import whole
 from plenoptic.errors import InvalidValueError
-from plenoptic.planning import sensor_region
-from plenoptic.rendering import render, render_white
-from plenoptic.stages import Plan, Subject
+from plenoptic.planning.plan import sensor_region
+from plenoptic.planning.stages import Plan, Subject
+from plenoptic.rendering.render import render, render_white
 from plenoptic.study.cost_table import CostRow, CostTable
 from plenoptic.study.finished import finished
 from plenoptic.study.leaving_out import Kept, Omission, omissions

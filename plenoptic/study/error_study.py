@@ -48,7 +48,7 @@ def study_of(
     progress: bool,
 ) -> ErrorTable:
     """Run a study; see `plenoptic.study.error_against_time`."""
-    from plenoptic.planning import check_scene_and_camera, sensor_region
+    from plenoptic.planning.plan import check_scene_and_camera, sensor_region
 
     check_scene_and_camera(scene, camera)
     numbers, first, workers = _checked_numbers(samples), whole(seed, "seed", at_least=0), thread_count(threads)

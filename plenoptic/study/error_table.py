@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from plenoptic._values import finite, set_field, value, whole, wrong_kind
-from plenoptic.budget import checked_target
 from plenoptic.errors import InvalidValueError
+from plenoptic.rendering.budget import checked_target
 from plenoptic.study.error_recommending import Recommendation, recommended
 from plenoptic.study.error_rows import ErrorRow
 from plenoptic.study.error_text import csv_of, markdown_of, slopes_markdown, table_in

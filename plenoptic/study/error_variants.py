@@ -140,7 +140,7 @@ class Variant:
         --------
         See `error_against_time`.
         """
-        from plenoptic.rendering import render, render_white
+        from plenoptic.rendering.render import render, render_white
 
         if scene is None:
             return render_white(
@@ -194,8 +194,8 @@ def default_variants(scene: Scene | None, camera: PlenopticCamera) -> dict[str, 
     >>> list(default_variants(None, camera))
     ['EXACT lens', 'PARAXIAL lens', 'THIN lens', 'RANDOM sampler', '1 replicate']
     """
-    from plenoptic.planning import plan
-    from plenoptic.stages import Stage
+    from plenoptic.planning.plan import plan
+    from plenoptic.planning.stages import Stage
 
     runs = plan(scene, camera).runs
     model = camera.lens.model

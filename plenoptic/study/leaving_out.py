@@ -11,10 +11,10 @@ import numpy as np
 from plenoptic._values import value
 from plenoptic.camera.truth import Truth
 from plenoptic.errors import InvalidValueError, PlenopticError
-from plenoptic.planning import plan_for
+from plenoptic.planning.plan import plan_for
+from plenoptic.planning.scene_stages import ROULETTE
+from plenoptic.planning.stages import Plan, Stage, Subject
 from plenoptic.render_settings import Caustics, Sampler
-from plenoptic.scene_stages import ROULETTE
-from plenoptic.stages import Plan, Stage, Subject
 from plenoptic.study import camera_without, scene_without
 from plenoptic.study.camera_without import with_sensor
 from plenoptic.study.scene_without import with_materials

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.stages import Plan, Stage
+from plenoptic.planning.stages import Plan, Stage
 from plenoptic.study import camera_without, costs, leaving_out, scene_without
 from plenoptic.study.cost_cases import cost_case, cost_cases, furnished_camera
 from plenoptic.study.cost_command import add_command

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from plenoptic._values import file_path, positive
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.errors import FileError
-from plenoptic.progress import Progress
+from plenoptic.rendering.progress import Progress
 from plenoptic.scene.tables import SceneTables
 
 
@@ -31,7 +31,7 @@ class Keeper:
         self, progress: Progress, scene: SceneTables | None, camera: PlenopticCamera, facts: Mapping[str, object]
     ) -> None:
         """Put into `progress` what the file holds, if there is one of a rendering with the same facts."""
-        from plenoptic.checkpoint import identity, load_checkpoint
+        from plenoptic.rendering.checkpoint import identity, load_checkpoint
 
         self._identity = identity(scene, camera, **facts)
         found = load_checkpoint(self._path, self._identity)
@@ -59,7 +59,7 @@ class Keeper:
             warnings.warn(f"the checkpoint has not been written: {error}", stacklevel=2)
 
     def _write(self, progress: Progress) -> None:
-        from plenoptic.checkpoint import save_checkpoint
+        from plenoptic.rendering.checkpoint import save_checkpoint
 
         self._time(progress)
         save_checkpoint(self._path, self._identity, progress.arrays(), progress.facts())

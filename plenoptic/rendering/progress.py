@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.budget import Budget
 from plenoptic.film import Film, moments, replicate_counts, spread
 from plenoptic.lit import brightness, lit_level, relative_error, relative_squares
-from plenoptic.tiles import NAMED, Tile, TileResult
+from plenoptic.rendering.budget import Budget
+from plenoptic.rendering.tiles import NAMED, Tile, TileResult
 
 _COUNTED = ("paths", "nonfinite", "met", "light", "clamped", "seconds", "cpu_seconds")
 

@@ -282,10 +282,10 @@ def test_bits_do_not_depend_on_what_fits_into_a_batch(monkeypatch, sampler):
     numbers = np.random.default_rng(5)
     for samples, replicates in numbers.integers(1, (70, 13), size=(30, 2)).tolist():
         how = {"samples": samples, "replicates": replicates, "sampler": sampler, "progress": False}
-        monkeypatch.setattr("plenoptic.clock.PATHS_PER_BATCH", 1 << 20)
+        monkeypatch.setattr("plenoptic.rendering.clock.PATHS_PER_BATCH", 1 << 20)
         whole = pl.render_white(camera, **how)
         for room in (20 * samples, 20 * samples - 1, int(numbers.integers(1, 20 * samples + 1))):
-            monkeypatch.setattr("plenoptic.clock.PATHS_PER_BATCH", room)
+            monkeypatch.setattr("plenoptic.rendering.clock.PATHS_PER_BATCH", room)
             other = pl.render_white(camera, **how)
             np.testing.assert_array_equal(other.image, whole.image)
             if samples > 1 and replicates > 1:

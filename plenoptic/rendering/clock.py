@@ -25,7 +25,7 @@ class Clock:
     Examples
     --------
     >>> import time
-    >>> from plenoptic.clock import Clock
+    >>> from plenoptic.rendering.clock import Clock
     >>> clock = Clock(time.perf_counter(), 0.5)
     >>> clock.note(paths=1000, seconds=0.01)
     >>> clock.has_time(1000), clock.has_time(1_000_000), clock.over

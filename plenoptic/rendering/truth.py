@@ -18,7 +18,7 @@ from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lattices import Lattice
 from plenoptic.optics.lenslets import lattice_types
 from plenoptic.optics.tables import LensTables, lens_tables
-from plenoptic.planning import check_scene_and_camera, sensor_region
+from plenoptic.planning.plan import check_scene_and_camera, sensor_region
 from plenoptic.scene.accel import Intersector
 from plenoptic.scene.passing import pass_through
 from plenoptic.scene.prepared import prepared_scene

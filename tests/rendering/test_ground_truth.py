@@ -9,7 +9,7 @@ import pytest
 import plenoptic as pl
 from plenoptic.camera.projection import project
 from plenoptic.camera.truth import NO_MICROLENS, Truth
-from plenoptic.truth import ground_truth
+from plenoptic.rendering.truth import ground_truth
 
 THIN_LENS = pl.LensModel.THIN
 

@@ -6,9 +6,9 @@ import math
 from itertools import pairwise
 
 from plenoptic._values import whole
-from plenoptic.budget import Budget
 from plenoptic.errors import InvalidValueError
-from plenoptic.tiles import Tile
+from plenoptic.rendering.budget import Budget
+from plenoptic.rendering.tiles import Tile
 
 PATHS_PER_TILE = 1 << 17
 _SMALLEST_SIDE, _LARGEST_SIDE = 16, 256

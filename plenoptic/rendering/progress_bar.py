@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from typing import Any
 
-from plenoptic.progress import Progress
+from plenoptic.rendering.progress import Progress
 
 _INTERVAL = 0.5
 _SHARE = 50

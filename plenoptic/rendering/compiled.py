@@ -9,13 +9,13 @@ import numpy as np
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.tables import CameraTables, camera_tables
 from plenoptic.camera.truth import Truth
-from plenoptic.planning import plan_stages
+from plenoptic.planning.plan import plan_stages
+from plenoptic.planning.stages import Plan
 from plenoptic.render_settings import RenderSettings
 from plenoptic.scene.accel import Intersector
 from plenoptic.scene.prepared import prepared_scene
 from plenoptic.scene.scene import Scene
 from plenoptic.scene.tables import SceneTables
-from plenoptic.stages import Plan
 
 
 class Settings(NamedTuple):

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import os
 
-from plenoptic.budget import checked_budget
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.truth import Truth
-from plenoptic.driving import Work, run
 from plenoptic.errors import InvalidValueError
 from plenoptic.exposure import Exposure
-from plenoptic.keeping import Keeper
-from plenoptic.planning import check_scene_and_camera
+from plenoptic.planning.plan import check_scene_and_camera
 from plenoptic.render_settings import Caustics, RenderSettings, Sampler
+from plenoptic.rendering.budget import checked_budget
+from plenoptic.rendering.driving import Work, run
+from plenoptic.rendering.keeping import Keeper
 from plenoptic.scene.scene import Scene
 
 

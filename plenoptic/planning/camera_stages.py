@@ -10,7 +10,7 @@ from plenoptic.optics.microlenses import MicrolensArray
 from plenoptic.optics.models import LensModel
 from plenoptic.optics.stops import CircularStop
 from plenoptic.optics.surface import Surface
-from plenoptic.stages import Decision, Stage, first_reason
+from plenoptic.planning.stages import Decision, Stage, first_reason
 
 _NONE = "the camera has none"
 

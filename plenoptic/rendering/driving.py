@@ -13,30 +13,30 @@ from numpy.typing import NDArray
 
 from plenoptic._threads import run_in_order, thread_count
 from plenoptic._values import whole
-from plenoptic.budget import Budget
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.regions import cells_per_pixel
 from plenoptic.camera.truth import GroundTruth, Truth, available_truth, empty_truth
-from plenoptic.clock import Clock
-from plenoptic.compiled import Compiled, compiled
 from plenoptic.errors import InvalidValueError
 from plenoptic.exposure import Exposure
-from plenoptic.interrupts import Interrupts
-from plenoptic.keeping import Keeper
 from plenoptic.optics.conditioning import Conditioning
-from plenoptic.planning import sensor_region
-from plenoptic.progress import Progress, Setting
-from plenoptic.progress_bar import ProgressBar
+from plenoptic.planning.plan import sensor_region
+from plenoptic.planning.scene_stages import is_dark
 from plenoptic.rays import RayStatus
 from plenoptic.render_settings import RenderSettings
 from plenoptic.render_stats import RenderStats, StopReason
+from plenoptic.rendering.budget import Budget
+from plenoptic.rendering.clock import Clock
+from plenoptic.rendering.compiled import Compiled, compiled
+from plenoptic.rendering.interrupts import Interrupts
+from plenoptic.rendering.keeping import Keeper
+from plenoptic.rendering.progress import Progress, Setting
+from plenoptic.rendering.progress_bar import ProgressBar
+from plenoptic.rendering.tiles import Tile, TileResult, render_tile, status_codes
+from plenoptic.rendering.tiling import cut_into_tiles
+from plenoptic.rendering.transport import Batch, batch_of
+from plenoptic.rendering.truth import TruthTables, truth_tables
 from plenoptic.scene.brightness import brightest_radiance
 from plenoptic.scene.scene import Scene
-from plenoptic.scene_stages import is_dark
-from plenoptic.tiles import Tile, TileResult, render_tile, status_codes
-from plenoptic.tiling import cut_into_tiles
-from plenoptic.transport import Batch, batch_of
-from plenoptic.truth import TruthTables, truth_tables
 
 _MISSED = 1.25
 """Ratio of the error reached to the one wanted that is worth a warning."""

@@ -7,14 +7,14 @@ import dataclasses
 from plenoptic._values import whole
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.truth import Truth, available_truth, checked_truth, truth_names
-from plenoptic.camera_stages import camera_decisions
 from plenoptic.errors import InvalidValueError
+from plenoptic.planning.camera_stages import camera_decisions
+from plenoptic.planning.scene_stages import scene_decisions
+from plenoptic.planning.stages import Decision, Plan, Stage, Subject, first_reason
 from plenoptic.render_settings import Caustics, RenderSettings, Sampler
 from plenoptic.scene.prepared import prepared_scene
 from plenoptic.scene.scene import Scene
 from plenoptic.scene.tables import SceneTables
-from plenoptic.scene_stages import scene_decisions
-from plenoptic.stages import Decision, Plan, Stage, Subject, first_reason
 
 
 def plan(

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic import driving
-from plenoptic.progress import Progress
+from plenoptic.rendering import driving
+from plenoptic.rendering.progress import Progress
 
 
 @pytest.fixture(autouse=True)

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from plenoptic import __version__
-from plenoptic._digest import MARK, digest
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.errors import InvalidValueError
+from plenoptic.rendering._digest import MARK, digest
 from plenoptic.scene.scene import Scene
 from plenoptic.scene.tables import SceneTables
 from plenoptic.spectra import colour_tables
@@ -44,7 +44,7 @@ def identity(scene: Scene | SceneTables | None, camera: PlenopticCamera, **facts
     Examples
     --------
     >>> import plenoptic as pl
-    >>> from plenoptic.identity import identity
+    >>> from plenoptic.rendering.identity import identity
     >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
     ...     sensor=pl.Sensor(shape=(4, 4), pixel_pitch=0.01), stop_to_microlenses=130.0)
     >>> found = identity(pl.Scene(background=1.0), camera, seed=3, settings=pl.RenderSettings())
@@ -67,7 +67,7 @@ def differences(theirs: Mapping[str, str], ours: Mapping[str, str]) -> Iterator[
 
     Examples
     --------
-    >>> from plenoptic.identity import differences
+    >>> from plenoptic.rendering.identity import differences
     >>> list(differences({"seed": "1", "clamp": "None"}, {"seed": "2", "clamp": "None"}))
     ['seed 1, not 2']
     """

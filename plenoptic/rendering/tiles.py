@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.regions import Regions, feeding_regions, pixel_centres
 from plenoptic.camera.tables import CameraTables, fill_before_array, fill_dimmed_at_lens, fill_through_array, lanes_for
-from plenoptic.compiled import Compiled
 from plenoptic.optics.blemishes import BlemishSite
 from plenoptic.optics.tables import LensTables
 from plenoptic.render_settings import Sampler
-from plenoptic.transport import Batch, Transport
-from plenoptic.truth import Arrays, TruthTables, truth_of
+from plenoptic.rendering.compiled import Compiled
+from plenoptic.rendering.transport import Batch, Transport
+from plenoptic.rendering.truth import Arrays, TruthTables, truth_of
 
 BUNDLE = 1 << 13
 """Paths that go through the stages together. From 2^11 to 2^14 the time was the same to within 3 %, and long bundles

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from plenoptic.planning.stages import Decision, Stage, first_reason
 from plenoptic.scene.bsdf_tables import GLASS, GROOVES, LAYERED, METAL, PANE
 from plenoptic.scene.tables import SceneTables
-from plenoptic.stages import Decision, Stage, first_reason
 
 ROULETTE = 3
 """Paths that were scattered this often go on with a probability of what their surface gives back."""

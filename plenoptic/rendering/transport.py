@@ -7,12 +7,12 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.compiled import Compiled, Settings
+from plenoptic.planning.scene_stages import ROULETTE
+from plenoptic.planning.stages import Stage
 from plenoptic.render_settings import Caustics, Sampler
+from plenoptic.rendering.compiled import Compiled, Settings
 from plenoptic.scene.met import MetSurfaces, PathRays
 from plenoptic.scene.passing import SALTS, media_at, pass_through, thin_out
-from plenoptic.scene_stages import ROULETTE
-from plenoptic.stages import Stage
 
 
 class Batch(NamedTuple):

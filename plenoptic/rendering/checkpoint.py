@@ -23,11 +23,11 @@ from typing import Any, BinaryIO, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic._digest import bytes_of, little_endian
-from plenoptic._replacing import check_folder, explained, is_there, real_path, replaced
 from plenoptic.errors import FileError, InvalidValueError
-from plenoptic.identity import differences
-from plenoptic.identity import identity as identity
+from plenoptic.rendering._digest import bytes_of, little_endian
+from plenoptic.rendering._replacing import check_folder, explained, is_there, real_path, replaced
+from plenoptic.rendering.identity import differences
+from plenoptic.rendering.identity import identity as identity
 
 _PREAMBLE = re.compile(rb"plenoptic checkpoint 1\n([0-9a-f]{64}) ([0-9]{16})\n")
 _PREAMBLE_BYTES = 105
@@ -93,7 +93,7 @@ def save_checkpoint(
     --------
     >>> import tempfile, numpy as np
     >>> from pathlib import Path
-    >>> from plenoptic.checkpoint import load_checkpoint, save_checkpoint
+    >>> from plenoptic.rendering.checkpoint import load_checkpoint, save_checkpoint
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = Path(folder) / "state"
     ...     save_checkpoint(path, {"seed": "3"}, {"sums": np.arange(3.0)}, {"samples": 16})
@@ -134,7 +134,7 @@ def load_checkpoint(
 
     Examples
     --------
-    >>> from plenoptic.checkpoint import load_checkpoint
+    >>> from plenoptic.rendering.checkpoint import load_checkpoint
     >>> load_checkpoint("none-yet.checkpoint", {"seed": "3"}) is None
     True
     """

@@ -17,7 +17,7 @@ class Interrupts:
     Examples
     --------
     >>> import signal
-    >>> from plenoptic.interrupts import Interrupts
+    >>> from plenoptic.rendering.interrupts import Interrupts
     >>> with Interrupts() as interrupts:
     ...     signal.raise_signal(signal.SIGINT)
     ...     interrupts.asked
