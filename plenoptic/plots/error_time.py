@@ -36,7 +36,8 @@ def plot_error_against_time(table: ErrorTable, ax: Axes | None = None) -> Axes:
     -------
     matplotlib.axes.Axes
         One line a variant, with the slope of its noise in the legend; dashed the bias floors that were found; rings and
-        a grey line mark the Pareto front: settings that no other beats in time and error.
+        a grey line mark the Pareto front: settings that no other beats in time and error, and their numbers of
+        samples.
 
     Raises
     ------
@@ -78,8 +79,19 @@ def plot_error_against_time(table: ErrorTable, ax: Axes | None = None) -> Axes:
         markerfacecolor="none",
         markeredgewidth=1.2,
         zorder=1,
-        label="Pareto front",
+        label="Pareto front, with n",
     )
+    for row in front:
+        ax.annotate(
+            str(row.samples),
+            (row.cpu_seconds, 100 * row.error),
+            xytext=(-6, -6),
+            textcoords="offset points",
+            ha="right",
+            va="top",
+            fontsize="x-small",
+            color=_FRONT,
+        )
     ax.set_xscale("log")
     ax.set_yscale("log")
     _plain_ticks(ax)

@@ -36,7 +36,9 @@ def add_command(subparsers: Any) -> None:
     one.add_argument("--quick", action="store_true", help="few pixels, seeds and samples: to see that all works")
     one.add_argument("--threads", type=int, default=1, help="of the renderings that are timed (1)")
     one.add_argument("--target", type=float, action="append", help="recommend a setting for this error, such as 0.01")
-    one.add_argument("--markdown", action="store_true", help="print tables alone, without a line on each one")
+    one.add_argument(
+        "--markdown", action="store_true", help="print Markdown alone, without pixels, threads and reference"
+    )
     one.add_argument("--document", action="store_true", help="print the document on error and time")
     one.add_argument("--csv", metavar="FILE", help="write all rows as comma-separated values")
     one.add_argument("--plot", metavar="FILE", help="draw all cases; a document refers to it as images/FILE")
@@ -70,9 +72,7 @@ def _run(options: argparse.Namespace) -> int:
         print(error_document(studies, load=load, figure=figure), end="")
         return 0
     for table in tables:
-        print(f"### `{table.title}`\n\n{table.to_markdown()}\n")
-        if not options.markdown:
-            print(f"{table!r}\n")
+        print(f"### `{table.title}`\n\n{table.to_markdown()}\n" if options.markdown else f"{table}\n")
         for target in targets:
             print(f"{_recommended(table, target)}\n")
     return 0

@@ -262,7 +262,7 @@ def test_the_figure_has_axes_units_title_slopes_floors_and_the_front():
     floor = lines["bias of THIN lens, 3 %"]
     assert floor.get_linestyle() == "--" and np.allclose(floor.get_ydata(), 3.0)
     assert not any("bias of EXACT" in label for label in lines)
-    front = lines["Pareto front"].get_xydata()
+    front = lines["Pareto front, with n"].get_xydata()
     assert np.allclose(front, [[one.cpu_seconds, 100 * one.error] for one in MADE.pareto()])
     assert len(ax.get_legend().get_texts()) == 3 + 1 + 1
 
