@@ -273,7 +273,7 @@ class Exposure:
                 image,
                 standard_error=np.stack(errors, axis=-1) if len(errors) == len(planes) else None,
                 truth=truth_in(channels),
-                sample_counts=channels.get(_SAMPLES),
+                sample_counts=_counts_in(channels.get(_SAMPLES), kept.get("samples")),
                 **kept,
             )
         except InvalidValueError as error:
@@ -344,6 +344,11 @@ class Exposure:
         """The picture, its brightest 0.1 % cut, with one line of facts, for notebooks."""
         png = base64.b64encode(_preview(self.image)).decode()
         return f'<figure><img src="data:image/png;base64,{png}"/><figcaption>{self._facts()}</figcaption></figure>'
+
+
+def _counts_in(plane: NDArray[Any] | None, samples: Any) -> NDArray[Any] | None:
+    """Counts of samples of a file, which are rounded beyond 2^24."""
+    return plane if plane is None or not isinstance(samples, int) else np.minimum(plane.astype(np.float64), samples)
 
 
 def _checked_region(region: tuple[int, ...], shape: tuple[int, ...]) -> tuple[int, ...]:

@@ -67,7 +67,7 @@ class Film:
         *,
         counts: ArrayLike | None = None,
         where: NDArray[np.bool_] | None = None,
-    ) -> None:
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Put in the sums (rows, columns, replicates, channels) of a tile whose upper left pixel is given.
 
         Parameters
@@ -78,6 +78,11 @@ class Film:
             Samples of each replicate of these pixels, where it is not that of all.
         where : (rows, columns) array of bool, optional
             Pixels that are put in; the others stay as they are.
+
+        Returns
+        -------
+        mean, squares : (rows, columns, channels) array
+            Of all pixels of the tile, whether they are put in or not.
         """
         height, width = sums.shape[:2]
         at = (slice(row, row + height), slice(column, column + width))
@@ -91,6 +96,7 @@ class Film:
             if self.sample_counts is None:
                 self.sample_counts = np.zeros(self.mean.shape[:2], dtype=np.int32)
             self.sample_counts[at][chosen] = int(used.sum())
+        return mean, squares
 
     def _divided(self) -> tuple[float | NDArray[np.int32], float | NDArray[np.int32]]:
         """Samples and degrees of freedom, of all pixels or (rows, columns, 1) of each."""

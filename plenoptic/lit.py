@@ -5,6 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from plenoptic._values import frozen_array
+from plenoptic.errors import InvalidValueError
+
 LIT = 0.1
 """Pixels are lit whose mean over the channels is above this share of the 99th percentile of all but black ones."""
 _PERCENTILE = 99
@@ -35,26 +38,32 @@ def lit_pixels(image: ArrayLike) -> NDArray[np.bool_]:
     -------
     (H, W) array of bool
 
+    Raises
+    ------
+    InvalidValueError
+        If it is no image of finite numbers.
+
     Examples
     --------
     >>> import numpy as np, plenoptic as pl
     >>> pl.lit_pixels(np.array([[[1.0], [0.05], [0.2]]]))
     array([[ True, False,  True]])
     """
-    bright = brightness(np.asarray(image))
+    numbers = frozen_array(image, name="image", shape=("H", "W", "C"))
+    if not np.isfinite(numbers).all():
+        raise InvalidValueError("image has numbers that are not finite; lit pixels are told by those that are")
+    bright = brightness(numbers)
     return np.asarray(bright > lit_level(bright))
 
 
 def relative_squares(
-    image: NDArray[np.floating],  # type: ignore[type-arg]
+    bright: NDArray[np.float64],
     error: NDArray[np.floating],  # type: ignore[type-arg]
-    level: float,
 ) -> NDArray[np.float64]:
-    """Squared relative error of each pixel brighter than a level: mean square over channels, over brightness."""
-    bright = brightness(image)
-    lit = bright > level
-    with np.errstate(over="ignore"):  # inf is what it is then
-        return np.asarray(np.mean(np.square(error[lit] / bright[lit][:, None], dtype=np.float64), axis=-1))
+    """Squared relative error (...) of pixels: mean square over the channels (..., C), over brightness; 0 where dark."""
+    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):  # inf is what it is then
+        squares = np.mean(np.square(error / bright[..., None], dtype=np.float64), axis=-1)
+    return np.where(bright > 0, squares, 0.0)
 
 
 def relative_error(
@@ -67,7 +76,8 @@ def relative_error(
     """
     if np.isinf(error).any():
         return float("inf")
-    squares = relative_squares(image, error, lit_level(brightness(image)))
-    if squares.size:
-        return float(np.sqrt(np.mean(squares)))
+    bright = brightness(image)
+    lit = bright > lit_level(bright)
+    if lit.any():
+        return float(np.sqrt(np.mean(relative_squares(bright[lit], error[lit]))))
     return float("inf") if np.any(error) else float("nan")

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 class StopReason(enum.IntEnum):
     """Why a rendering ended: with all its samples, after its time, at its error, or because it was interrupted.
 
+    TARGET_MISSED: neighbours' errors said that it was enough, and the image's own is more than 1.25 times the target.
+
     Examples
     --------
     >>> import plenoptic as pl
@@ -26,12 +28,14 @@ class StopReason(enum.IntEnum):
     TIME_LIMIT = 1
     TARGET_ERROR = 2
     INTERRUPTED = 3
+    TARGET_MISSED = 4
 
 
 _ENDED = {
     StopReason.TIME_LIMIT: "stopped by the time limit",
     StopReason.TARGET_ERROR: "stopped at the target error",
     StopReason.INTERRUPTED: "interrupted",
+    StopReason.TARGET_MISSED: "stopped above the target error",
 }
 
 

@@ -101,6 +101,12 @@ def test_relative_error_is_that_of_lit_pixels():
     assert pl.Exposure(black, standard_error=black + 1).relative_error == np.inf
 
 
+@pytest.mark.parametrize("image", [np.ones((3, 4)), 1.0, None, "abc", np.full((2, 2, 1), np.inf)])
+def test_lit_pixels_are_those_of_images(image):
+    with pytest.raises(pl.InvalidValueError, match="image"):
+        pl.lit_pixels(image)
+
+
 def test_types_and_pickling():
     shot = exposure(3)
     assert (shot.image.dtype, shot.standard_error.dtype, shot.depth.dtype) == (np.float32, np.float32, np.float64)
@@ -122,6 +128,13 @@ def test_exr_keeps_everything(tmp_path, channels):
     }
     assert metadata["Software"].startswith("plenoptic ")
     assert "float32" in metadata["plenoptic:note"]
+
+
+def test_numbers_of_samples_beyond_those_of_float32_stay_within_all_samples(tmp_path):
+    counts = [[16777219, 16777217]]
+    shot = pl.Exposure(np.ones((1, 2, 1)), samples=16777219, sample_counts=counts, seed=0, replicates=1)
+    shot.save(tmp_path / "a.exr")
+    np.testing.assert_allclose(pl.Exposure.load(tmp_path / "a.exr").sample_counts, counts, rtol=2**-24)
 
 
 def test_exr_keeps_all_ground_truth(tmp_path):

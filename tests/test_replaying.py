@@ -485,6 +485,13 @@ def test_what_cannot_be_replayed_says_why():
         replay(dataclasses.replace(shot, settings=None), scene, pixel=(300, 199), sample=0)
     with pytest.raises(pl.InvalidValueError, match="exposure is a Scene; give an Exposure"):
         replay(scene, scene, pixel=(0, 0), sample=0)
+    for paths, message in (
+        ([(300, 199)], r"a path is \(300, 199\); each must be \(row, column, sample\)"),
+        ((300, 199, 0), "a path is 300"),
+        (3, "paths is an int; give a sequence of"),
+    ):
+        with pytest.raises(pl.InvalidValueError, match=message):
+            pl.replay_all(shot, scene, paths)
     with pytest.raises(pl.InvalidValueError, match="scene is a float"):
         replay(shot, 1.0, pixel=(300, 199), sample=0)
     with pytest.raises(pl.InvalidValueError, match="the image has 1 channels, and this scene gives 3"):

@@ -96,6 +96,12 @@ def empty_truth(truth: Truth, shape: tuple[int, ...]) -> dict[str, NDArray[Any]]
     }
 
 
+def forget_truth(found: Mapping[str, NDArray[Any]], where: NDArray[np.bool_]) -> None:
+    """Put what stands for unknown into pixels that have not been looked at: nan, and numbers that are no number."""
+    for name, array in found.items():
+        array[where] = np.nan if array.dtype.kind == "f" else KINDS[name].void
+
+
 @value
 class GroundTruth:
     """What the pixels of a raw image show: of each, the point where *one ray* meets the scene.

@@ -54,8 +54,8 @@ def _reach(came, i, x, y, z, terms, place):
     ahead = came[6, i]
     fx, fy, fz = came[0, i] - ahead * came[3, i], came[1, i] - ahead * came[4, i], came[2, i] - ahead * came[5, i]
     came[6, i] = 0.0
-    way = math.sqrt((x - fx) ** 2 + (y - fy) ** 2 + (z - fz) ** 2)
-    return math.sqrt(fx * fx + fy * fy + fz * fz) + way + terms + place
+    way = math.hypot(math.hypot(x - fx, y - fy), z - fz)
+    return math.hypot(math.hypot(fx, fy), fz) + way + terms + place
 
 
 @device

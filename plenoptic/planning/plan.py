@@ -103,7 +103,10 @@ def sensor_region(shape: tuple[int, int], region: tuple[slice, slice] | None) ->
         raise InvalidValueError(f"region is {region!r}; it must be two slices, such as np.s_[0:64, 0:64]")
     bounds: list[int] = []
     for part, length, name in zip(region, shape, ("rows", "columns"), strict=True):
-        first, end, step = part.indices(length)
+        try:
+            first, end, step = part.indices(length)
+        except TypeError as error:
+            raise InvalidValueError(f"region has {name} {part}; its bounds must be whole numbers") from error
         if step != 1 or end <= first:
             raise InvalidValueError(
                 f"region has {name} {part}; of the sensor's {length} {name} it must take at least one, with step 1"

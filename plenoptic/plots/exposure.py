@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from plenoptic._values import wrong_kind
 from plenoptic.images import linear_to_srgb
+from plenoptic.lit import lit_pixels
 from plenoptic.plots import _pyplot
 
 if TYPE_CHECKING:
@@ -21,6 +22,9 @@ CLIPPED_ABOVE = 99.8
 """Percentile at which brightness scales end: a few bright pixels must not darken all others."""
 
 _IRRADIANCE = "scene radiance x sr"
+
+_NOT_RENDERED = (0.72, 0.80, 0.90)
+"""Pale blue: neither black nor a grey of the image."""
 
 
 def _upper(values: NDArray[np.floating[Any]]) -> float:
@@ -37,9 +41,12 @@ def _panel(figure: Figure, ax: Axes, values: NDArray[Any], title: str, unit: str
     ax.set_title(title)
 
 
-def _colour_picture(ax: Axes, image: NDArray[np.float32], extent: tuple[float, float, float, float]) -> None:
+def _colour_picture(
+    ax: Axes, image: NDArray[np.float32], unseen: NDArray[np.bool_], extent: tuple[float, float, float, float]
+) -> None:
     white = _upper(image)
     encoded = linear_to_srgb(np.clip(np.nan_to_num(image / white), 0.0, 1.0))
+    encoded[unseen] = _NOT_RENDERED
     ax.imshow(encoded, interpolation="nearest", extent=extent)
     ax.set_title(f"image (white: {white:.3g} {_IRRADIANCE})")
 
@@ -57,9 +64,10 @@ def plot_exposure(exposure: Exposure, *, figure: Figure | None = None) -> Figure
     -------
     matplotlib.figure.Figure
         One panel each, with rows and columns of the sensor as axes (pixel centres are whole numbers). A grey
-        image is shown linearly from 0; a coloured one is encoded for the screen (sRGB). Scales of image and
-        error end at the 99.8th percentile. The error of a coloured image is the root mean square over its
-        channels. Depth is in mm and blank where nothing is met.
+        image is shown linearly from 0; a coloured one is encoded for the screen (sRGB). Scales end at the 99.8th
+        percentile, that of the error over lit pixels (`lit_pixels`). The error of a coloured image is the root mean
+        square over its channels. Depth is in mm and blank where nothing is met. Pixels that were not rendered are pale
+        blue.
 
     Raises
     ------
@@ -92,18 +100,34 @@ def plot_exposure(exposure: Exposure, *, figure: Figure | None = None) -> Figure
         ax.set_xlabel("column / pixel")
     axes[0].set_ylabel("row / pixel")
 
+    unseen = np.zeros((rows, columns), dtype=bool) if exposure.sample_counts is None else exposure.sample_counts == 0
+    if unseen.any():
+        for ax in axes:
+            ax.set_facecolor(_NOT_RENDERED)
+        axes[0].annotate("pale blue: not rendered", (0, 1), (2, 2), "axes fraction", "offset points", fontsize="small")
     ax = axes.pop(0)
     if channels == 1:
         top = _upper(exposure.image)
-        grey = exposure.image[:, :, 0]
+        grey = np.ma.array(exposure.image[:, :, 0], mask=unseen)
         _panel(figure, ax, grey, "image", _IRRADIANCE, extent=extent, cmap="gray", vmin=0.0, vmax=top)
     else:
-        _colour_picture(ax, exposure.image, extent)
+        _colour_picture(ax, exposure.image, unseen, extent)
     if exposure.standard_error is not None:
         error = np.sqrt(np.mean(np.square(exposure.standard_error, dtype=np.float64), axis=2))
-        top = _upper(error)
-        title = "standard error"
-        _panel(figure, axes.pop(0), error, title, _IRRADIANCE, extent=extent, cmap="magma", vmin=0.0, vmax=top)
+        lit = lit_pixels(np.nan_to_num(exposure.image, posinf=0.0, neginf=0.0))
+        top = _upper(error[lit] if lit.any() else error)
+        seen = np.ma.array(error, mask=unseen)
+        _panel(
+            figure,
+            axes.pop(0),
+            seen,
+            "standard error",
+            _IRRADIANCE,
+            extent=extent,
+            cmap="magma",
+            vmin=0.0,
+            vmax=top,
+        )
     if exposure.depth is not None:
         depth = np.ma.masked_invalid(exposure.depth)
         _panel(figure, axes.pop(0), depth, "depth", "mm", extent=extent, cmap="viridis")

@@ -12,6 +12,8 @@ FEWEST_REPLICATES = 8
 _MOST_REPLICATES = 1 << 16
 _START = 4
 """Samples of each replicate before anything is decided."""
+MOST_SAMPLES = (1 << 31) - 1
+"""Of a pixel: they are counted in 32 bits, and Sobol points end at 2^32 of a replicate."""
 
 
 class Budget(NamedTuple):
@@ -30,40 +32,58 @@ class Budget(NamedTuple):
 
     @property
     def most(self) -> int:
-        """The largest number of samples of a pixel; Sobol points end at 2^32 of a replicate."""
-        return (1 << 31) - 1 if self.samples is None else self.samples
+        """The largest number of samples of a pixel."""
+        return MOST_SAMPLES if self.samples is None else self.samples
+
+    @property
+    def enough(self) -> int:
+        """Samples from which on errors are looked at."""
+        return min(_START * self.replicates, self.most)
 
     def following(self, done: int) -> int:
         """How many samples there are after the next step: at most a quarter more.
 
-        Steps are 4, 5, 6, 7 times the replicates times powers of 2, so that four of them double the samples.
+        Steps are 4, 5, 6, 7 times the replicates times powers of 2, so that four of them double the samples. With a
+        time limit 1 and 2 times come before, so that all pixels have something soon.
         """
         if not self.steps:
             return self.most
         each = done // self.replicates
         if each < _START:
-            return min(_START * self.replicates, self.most)
+            first = max(2 * each, 1) if self.time_limit is not None else _START
+            return min(first * self.replicates, self.most)
         return min((each + (1 << (each.bit_length() - 3))) * self.replicates, self.most)
 
     def start_towards(self, done: int, error: float) -> int:
         """How many samples still leave an error above twice the target, as long as it falls no faster than 1/n.
 
-        On the steps of `following`; never fewer than `done`.
+        On the steps of `following`; never fewer than `done`. With a time limit at most twice as many, or time might be
+        over when some pixels have all and others next to nothing.
         """
         if self.target_error is None or not error > 2 * self.target_error:
             return done
         wanted = min(done * error / (2 * self.target_error), float(self.most))
+        if self.time_limit is not None:
+            wanted = min(wanted, 2.0 * done)
         while (step := self.following(done)) <= wanted and step > done:
             done = step
         return done
 
 
-def checked_target(target_error: float) -> float:
+def checked_samples(samples: int) -> int:
+    """A number of samples of a pixel that can be counted."""
+    number = whole(samples, "samples", at_least=1)
+    if number > MOST_SAMPLES:
+        raise InvalidValueError(f"samples is {number}; it must be at most {MOST_SAMPLES} of a pixel")
+    return number
+
+
+def checked_target(target_error: float, name: str = "target_error") -> float:
     """A relative error that can be aimed at: above 0 and below 1."""
-    target = positive(target_error, "target_error")
+    target = positive(target_error, name)
     if target >= 1:
         raise InvalidValueError(
-            f"target_error is {target:g}, which is {100 * target:g} %; it must be below 1, and 0.02 is 2 %"
+            f"{name} is {target:g}, which is {100 * target:g} %; it must be below 1, and 0.02 is 2 %"
         )
     return target
 
@@ -79,7 +99,7 @@ def checked_budget(
         )
     limit = None if time_limit is None else positive(time_limit, "time_limit", "s")
     target = None if target_error is None else checked_target(target_error)
-    most = None if samples is None else whole(samples, "samples", at_least=1)
+    most = None if samples is None else checked_samples(samples)
     independent = whole(replicates, "replicates", at_least=1)
     if independent > _MOST_REPLICATES:
         raise InvalidValueError(f"replicates is {independent}; it must be at most {_MOST_REPLICATES}")

@@ -15,7 +15,7 @@ from plenoptic._threads import run_in_order, thread_count
 from plenoptic._values import whole
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.regions import cells_per_pixel
-from plenoptic.camera.truth import GroundTruth, Truth, available_truth, empty_truth
+from plenoptic.camera.truth import GroundTruth, Truth, available_truth, empty_truth, forget_truth
 from plenoptic.errors import InvalidValueError
 from plenoptic.exposure import Exposure
 from plenoptic.optics.conditioning import Conditioning
@@ -97,11 +97,7 @@ def run(
     interrupted = _drive(progress, view, truth_tables(camera, view.camera, kept), clock, workers, keeper, bar)
     if scene is not None and view.intersector is not None:
         _warn_where_unmet(progress, scene)
-    if budget.target_error is not None and not progress.pending() and not progress.capped:
-        _warn_where_missed(progress.error(), budget.target_error)
-    reason = StopReason.SAMPLES if progress.capped or budget.target_error is None else StopReason.TARGET_ERROR
-    if progress.pending():
-        reason = StopReason.INTERRUPTED if interrupted else StopReason.TIME_LIMIT
+    reason = _reason(progress, interrupted=interrupted)
     since = (begin, begin_cpu) if keeper is None else None
     shot = _exposure(progress, reason, camera, work, how, workers, found, since)
     if budget.time_limit is not None and not interrupted:
@@ -167,10 +163,10 @@ def _drive(
                 bar.update()
                 if interrupts.asked:
                     break
-            progress.all_begun()
+            progress.decide()
         if keeper is not None:
             keeper.save(progress)
-        bar.close(finished=not progress.pending())
+        bar.close(finished=not interrupts.asked)
         return interrupts.asked
 
 
@@ -186,19 +182,35 @@ def _warn_where_unmet(progress: Progress, scene: Scene) -> None:
 
 def _warn_where_late(progress: Progress, limit: float, took: float) -> None:
     why = "setting up and finishing the image take long, and so does compiling what is used for the first time"
-    if progress.pending() and not progress.paths:
+    begun = float((progress.done > 0).mean())
+    if not begun:
         warnings.warn(f"nothing has been rendered within {limit:g} s, and the image is black: {why}", stacklevel=4)
+    elif begun < 1:
+        warnings.warn(
+            f"only {math.floor(100 * begun)} % of the tiles were begun within {limit:g} s; the other pixels are black, "
+            "with infinite errors",
+            stacklevel=4,
+        )
     elif took > limit + max(_LATE * limit, _LATE_SECONDS):
         warnings.warn(f"rendering took {took:.3g} s instead of {limit:g} s: {why}", stacklevel=4)
 
 
-def _warn_where_missed(reached: float | None, target: float) -> None:
-    if reached is not None and _MISSED * target < reached < math.inf:
-        warnings.warn(
-            f"the error reached is {100 * reached:.2g} % instead of {100 * target:.2g} %: too few pixels are lit to "
-            "decide for each other; give samples",
-            stacklevel=4,
-        )
+def _reason(progress: Progress, *, interrupted: bool) -> StopReason:
+    """Why it has ended; a warning where that is not the error that was wanted."""
+    target = progress.budget.target_error
+    if progress.pending():
+        return StopReason.INTERRUPTED if interrupted else StopReason.TIME_LIMIT
+    if progress.capped or target is None:
+        return StopReason.SAMPLES
+    reached = progress.error()
+    if reached is None or not _MISSED * target < reached < math.inf:
+        return StopReason.TARGET_ERROR
+    warnings.warn(
+        f"the error reached is {100 * reached:.2g} % instead of {100 * target:.2g} %: light comes by rare paths, or "
+        "too few pixels are lit to decide for each other; give samples",
+        stacklevel=4,
+    )
+    return StopReason.TARGET_MISSED
 
 
 def _exposure(
@@ -213,6 +225,8 @@ def _exposure(
 ) -> Exposure:
     """What has been found; times are those that a checkpoint has kept, or `since` the begin on the clock and in CPU."""
     film, counts = progress.film, progress.sample_counts()
+    if counts is not None:
+        forget_truth(progress.truth, counts == 0)
     most = progress.budget.most if counts is None else int(counts.max())
     image, error, agreeing = film.image(), film.standard_error(progress.one_sample), _agreeing(progress, counts)
     if since is not None:

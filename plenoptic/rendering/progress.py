@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.film import Film, moments, replicate_counts, spread
+from plenoptic.film import Film, replicate_counts, spread
 from plenoptic.lit import brightness, lit_level, relative_error, relative_squares
 from plenoptic.rendering.budget import Budget
 from plenoptic.rendering.tiles import NAMED, Tile, TileResult
@@ -35,6 +35,10 @@ class Progress:
     happened to see little, and its expectation is that of a fixed number of samples. Where nothing of the other colour
     is lit, they do not go on. The samples that a colour gets after it has stopped, because the other colour goes on and
     is to be decided upon, do not count in its image.
+
+    Which pixels are lit is found anew before each round of decisions: for one colour, from what its pixels had when the
+    other one was last decided upon, so that this too is independent of what is decided. Brightness counts there less
+    its standard error, or the few first pixels that have met a rare bright path would make all others dark.
     """
 
     def __init__(
@@ -65,8 +69,8 @@ class Progress:
         """Number of samples at which it is decided whether a tile goes on."""
         self.open = np.ones((len(tiles), 2), dtype=bool)
         """Whether the pixels of each colour of a tile go on."""
-        self.levels = np.full(2, np.nan)
-        """Above what brightness pixels of a colour are lit; nan until all tiles have begun."""
+        self.seen = None if budget.target_error is None else np.zeros((2, *shape[:2]))
+        """Brightness and squared relative error of pixels, while the other colour of their tile goes on."""
         self.capped = False
         """Whether some pixels ended with all their samples."""
         self.nonfinite_paths: list[tuple[int, int, int]] = []
@@ -96,13 +100,15 @@ class Progress:
             self.sums[at] = result.sums
         where = None if self.open[i].all() else self.open[i][self._colours(tile)]
         counts = None if self.sums is None else replicate_counts(done, self.budget.replicates)
-        self.film.add(at[0].start, at[1].start, self._scaled(result.sums), counts=counts, where=where)
+        found = self.film.add(at[0].start, at[1].start, self._scaled(result.sums), counts=counts, where=where)
         if first:
             if self.one_sample is not None:
                 brought = self.setting.fill_factor * self.setting.radiance * result.weights
                 self.one_sample[at] = np.minimum(brought, np.finfo(np.float32).max)
             for name, array in (result.truth or {}).items():
                 self.truth[name][at] = array
+        if self.seen is not None:
+            self._look(i, *found)
         self.counts += result.counts
         self.paths += result.paths
         self.nonfinite += result.nonfinite
@@ -112,44 +118,47 @@ class Progress:
         if done >= self.budget.most:
             self.capped |= bool(self.open[i].any())
             self.open[i] = False
-        elif done >= self.goal[i]:
-            if self.budget.target_error is None:
-                self.goal[i] = self.budget.following(done)
-            elif not np.isnan(self.levels).any():
-                self._decide(i)
+        elif done >= self.goal[i] and (self.budget.target_error is None or done < self.budget.enough):
+            self.goal[i] = self.budget.following(done)
 
-    def all_begun(self) -> None:
-        """Decide on all tiles once each has begun, when it can be said which pixels are lit."""
-        waiting = ~self.open.any(axis=1) | (self.done >= self.goal)
-        if self.budget.target_error is None or not np.isnan(self.levels).any() or not waiting.all():
+    def decide(self) -> None:
+        """Decide which tiles go on, once all have what they were to have."""
+        going = self.open.any(axis=1)
+        if self.seen is None or not going.any() or (self.done < self.goal)[going].any():
             return
-        bright = brightness(self.film.mean)
-        colours = np.add.outer(np.arange(bright.shape[0]), np.arange(bright.shape[1])) + sum(self.setting[:2])
-        self.levels[:] = [lit_level(bright[colours % 2 == colour]) for colour in range(2)]
-        for i in np.flatnonzero(self.open.any(axis=1)):
-            self._decide(int(i))
+        colours = np.add.outer(*(np.arange(length) for length in self.seen.shape[1:])) + sum(self.setting[:2])
+        bright, squares = self.seen
+        surely = np.maximum(bright * (1.0 - np.sqrt(squares)), 0.0)
+        levels = [lit_level(surely[colours % 2 == colour]) for colour in range(2)]
+        for i in np.flatnonzero(going):
+            self._decide(int(i), levels)
 
-    def _decide(self, i: int) -> None:
-        """Close the colours of a tile whose other colour is as good as wanted."""
-        target, tile = self.budget.target_error, self.tiles[i]
-        assert target is not None and self.sums is not None and self.one_sample is not None
-        done = int(self.done[i])
-        mean, squares = moments(
-            self._scaled(self.sums[self._places(i)]), replicate_counts(done, self.budget.replicates)
-        )
+    def _look(self, i: int, mean: NDArray[np.float64], squares: NDArray[np.float64]) -> None:
+        """Keep how bright and how good pixels are, where the other colour is yet to be decided upon."""
+        assert self.seen is not None and self.one_sample is not None
+        at, done = self._places(i), int(self.done[i])
         freedom = min(done, self.budget.replicates) - 1
-        error = spread(mean, squares, float(done), float(freedom), self.one_sample[self._places(i)])
-        colours = self._colours(tile)
+        error = spread(mean, squares, float(done), float(freedom), self.one_sample[at])
+        where = self.open[i][1 - self._colours(self.tiles[i])]
+        bright = brightness(mean)
+        self.seen[0][at][where] = bright[where]
+        self.seen[1][at][where] = relative_squares(bright, error)[where]
+
+    def _decide(self, i: int, levels: list[float]) -> None:
+        """Close the colours of a tile whose other colour is as good as wanted."""
+        target, done = self.budget.target_error, int(self.done[i])
+        assert target is not None and self.seen is not None
+        bright, squares = self.seen[(slice(None), *self._places(i))]
+        colours = self._colours(self.tiles[i])
         going = []
         for colour in range(2):
-            other = colours == 1 - colour
-            squares = relative_squares(mean[other], error[other], self.levels[1 - colour])
-            found = float(np.sqrt(np.mean(squares))) if squares.size else 0.0
+            lit = (colours == 1 - colour) & (bright > levels[1 - colour])
+            found = float(np.sqrt(np.mean(squares[lit]))) if lit.any() else 0.0
             self.open[i, colour] &= found > target
             if self.open[i, colour]:
                 going.append(found)
         self.goal[i] = self.budget.following(done)
-        if going and done == self.budget.following(0):
+        if going and (done == self.budget.enough or self.budget.time_limit is not None):
             start = min(self.budget.start_towards(done, found) for found in going)
             self.goal[i] = max(self.goal[i], start)
 
@@ -174,9 +183,9 @@ class Progress:
     def arrays(self) -> dict[str, NDArray[Any]]:
         """What a checkpoint keeps, by name: views that `restore` fills."""
         kept = {"mean": self.film.mean, "counts": self.counts}
-        kept |= {"done": self.done, "goal": self.goal, "open": self.open, "levels": self.levels}
+        kept |= {"done": self.done, "goal": self.goal, "open": self.open}
         optional = {"squares": self.film.squares, "one_sample": self.one_sample}
-        optional |= {"sums": self.sums, "sample_counts": self.film.sample_counts}
+        optional |= {"sums": self.sums, "sample_counts": self.film.sample_counts, "seen": self.seen}
         kept |= {name: array for name, array in optional.items() if array is not None}
         return kept | {f"truth.{name}": array for name, array in self.truth.items()}
 
@@ -193,7 +202,7 @@ class Progress:
             setattr(self, name, facts[name])
         self.capped = bool(facts["capped"])
         self.nonfinite_paths = [tuple(path) for path in facts["nonfinite_paths"]]
-        self.all_begun()  # it may have been kept just before
+        self.decide()  # it may have been kept just before
 
     def _places(self, i: int) -> tuple[slice, slice]:
         tile = self.tiles[i]

@@ -33,6 +33,7 @@ class ProgressBar:
             from tqdm.auto import tqdm
 
             self._bar = tqdm(total=100.0, bar_format="{percentage:3.0f}%|{bar}| {elapsed}{postfix}")
+            self._bar.start_t -= time.perf_counter() - begin
 
     def update(self) -> None:
         """Show what has changed, twice a second at most."""
@@ -72,10 +73,10 @@ class ProgressBar:
         if budget.time_limit is not None:
             shares.append((time.perf_counter() - self._begin) / budget.time_limit)
         if budget.target_error is not None:
-            closed = 1 - float(progress.open.any(axis=1).mean())
+            begun, closed = float((progress.done > 0).mean()), 1 - float(progress.open.any(axis=1).mean())
             # Errors fall about as n^-0.6 to n^-0.7; see docs/benchmarks.md.
-            reached = (budget.target_error / self._error) ** 1.5 if self._error else 0.0
-            shares.append(max(closed, min(reached, 0.99)) if progress.done.all() else 0.0)
+            reached = min((budget.target_error / self._error) ** 1.5, 0.99) if self._error else 0.0
+            shares.append(max(closed, reached) if begun == 1 else begun * reached)
         return min(max(shares), 1.0)
 
     def _left(self, share: float) -> float | None:
@@ -93,7 +94,8 @@ class ProgressBar:
         if not self._ending and left is not None:
             facts.append(f"{_duration(left)} left")
         if self._error is not None and self._error == self._error:
-            facts.append(f"error {100 * self._error:.2g} %")
+            partly = "" if (self._progress.done > 0).all() else " of what is there"
+            facts.append(f"error {100 * self._error:.2g} %{partly}")
         self._bar.n = 100 * share
         self._bar.set_postfix_str(", ".join(facts), refresh=False)
         self._bar.refresh()

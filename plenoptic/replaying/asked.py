@@ -34,6 +34,13 @@ def pair(pixel: tuple[int, int]) -> tuple[int, int]:
     return pixel[0], pixel[1]
 
 
+def triple(path: tuple[int, int, int]) -> tuple[int, int, int]:
+    """Row, column and sample."""
+    if not isinstance(path, tuple | list | np.ndarray) or len(path) != 3:
+        raise InvalidValueError(f"a path is {path!r}; each must be (row, column, sample)")
+    return path[0], path[1], path[2]
+
+
 def checked(exposure: Exposure, row: int, column: int, sample: int) -> tuple[tuple[int, int], int]:
     """Pixel and sample, or an error where the exposure has no such path."""
     row, column = whole(row, "row of the pixel", at_least=0), whole(column, "column of the pixel", at_least=0)

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic._values import wrong_kind
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.tables import CameraTables
 from plenoptic.camera.truth import Truth
@@ -17,7 +18,7 @@ from plenoptic.planning.plan import check_scene_and_camera
 from plenoptic.render_settings import Sampler
 from plenoptic.rendering.compiled import Compiled, compiled
 from plenoptic.rendering.transport import Batch, Transport
-from plenoptic.replaying.asked import checked, known, pair
+from plenoptic.replaying.asked import checked, known, pair, triple
 from plenoptic.replaying.camera_events import WorldRay
 from plenoptic.replaying.ending import PathEnding
 from plenoptic.replaying.in_camera import CameraWay, trace_camera
@@ -117,7 +118,9 @@ def replay_all(exposure: Exposure, scene: Scene | None, paths: Iterable[tuple[in
     ['LEFT_SCENE', 'LEFT_SCENE']
     """
     prepared = _prepared(exposure, scene)
-    return tuple(_retraced(prepared, *checked(exposure, *path)) for path in paths)
+    if isinstance(paths, str | bytes) or not isinstance(paths, Iterable):
+        raise wrong_kind(paths, "paths", "sequence of (row, column, sample)", "exposure.stats.nonfinite_paths")
+    return tuple(_retraced(prepared, *checked(exposure, *triple(path))) for path in paths)
 
 
 class _Prepared(NamedTuple):

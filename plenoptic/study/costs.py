@@ -41,7 +41,7 @@ def cost_of(
     rounds: int = 5,
     seed: int = 0,
     threads: int = 1,
-    progress: bool = False,
+    progress: bool = True,
 ) -> CostTable:
     """Measure what each part of a rendering costs, by leaving it out, one at a time.
 
@@ -87,6 +87,7 @@ def cost_of(
     ['LENS', 'STANDARD_ERROR']
     """
     whole(rounds, "rounds", at_least=2)
+    whole(seed, "seed", at_least=0)
     if not isinstance(plan, Plan):
         raise InvalidValueError(f"plan is a {type(plan).__name__}; it must be a Plan, from pl.plan(scene, camera)")
     found = omissions(plan)

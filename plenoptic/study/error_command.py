@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from plenoptic.errors import FileError, InvalidValueError
+from plenoptic.rendering.budget import checked_target
 from plenoptic.study.error_cases import case_table, error_case, error_cases
 from plenoptic.study.error_document import error_document, load_now
 from plenoptic.study.error_table import ErrorTable
@@ -52,16 +53,17 @@ def _run(options: argparse.Namespace) -> int:
     cases = [error_case(name) for name in dict.fromkeys(options.case or error_cases())]
     targets: list[float] = options.target or []
     for target in targets:
-        if not target > 0:
-            raise InvalidValueError(f"--target is {target:g}; it must be above 0, such as 0.01 for 1 %")
-    for path in filter(None, (options.csv, options.plot)):  # before minutes are spent
+        checked_target(target, "--target")  # before minutes are spent
+    for path in filter(None, (options.csv, options.plot)):
         if not Path(path).absolute().parent.is_dir():
             raise FileError(f"{path!r} cannot be written: there is no such folder; make it first")
     load = load_now()
-    studies = [
-        (case, case_table(case, quick=options.quick, threads=options.threads, progress=options.progress))
-        for case in cases
-    ]
+    studies = []
+    for case in cases:
+        table = case_table(case, quick=options.quick, threads=options.threads, progress=options.progress)
+        studies.append((case, table))
+        if not options.document:
+            _print(table, targets, markdown=options.markdown)
     tables = [table for _, table in studies]
     if options.csv:
         csv_of(tables, options.csv)
@@ -70,12 +72,13 @@ def _run(options: argparse.Namespace) -> int:
     if options.document:
         figure = f"images/{Path(options.plot).name}" if options.plot else None
         print(error_document(studies, load=load, figure=figure), end="")
-        return 0
-    for table in tables:
-        print(f"### `{table.title}`\n\n{table.to_markdown()}\n" if options.markdown else f"{table}\n")
-        for target in targets:
-            print(f"{_recommended(table, target)}\n")
     return 0
+
+
+def _print(table: ErrorTable, targets: list[float], *, markdown: bool) -> None:
+    print(f"### `{table.title}`\n\n{table.to_markdown()}\n" if markdown else f"{table}\n")
+    for target in targets:
+        print(f"{_recommended(table, target)}\n", flush=True)
 
 
 def _recommended(table: ErrorTable, target: float) -> str:

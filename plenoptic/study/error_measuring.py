@@ -37,7 +37,7 @@ def measured_rows(
     seed: int = 0,
     repeats: int = 1,
     set_up: Callable[[str], object] = lambda name: None,
-    done: Callable[[], object] = lambda: None,
+    done: Callable[[int], object] = lambda samples: None,
 ) -> list[ErrorRow]:
     """Expose each variant with each number of samples and several seeds, and split its error.
 
@@ -54,7 +54,7 @@ def measured_rows(
     seeds, seed, repeats : int
         How many seeds a row, the first one, and how often each rendering is timed.
     set_up, done : callable, optional
-        A call that renders next to nothing; what is called after each rendering.
+        A call that renders next to nothing; what is called after each rendering, with its samples.
 
     Returns
     -------
@@ -86,7 +86,7 @@ def measured_rows(
                     costs[name].append(cost)
                     if repeat == 0:
                         shots[name].append(shot)
-                    done()
+                    done(n)
         for name in variants:
             split, cost, start = split_error(shots[name], reference), _median(costs[name]), starting[name]
             rows.append(

@@ -96,7 +96,7 @@ def reference_of(exposure: Exposure) -> Reference:
     Raises
     ------
     InvalidValueError
-        If it has no standard errors, or is black.
+        If it has no standard errors or infinite ones, or is black.
 
     Examples
     --------
@@ -108,6 +108,8 @@ def reference_of(exposure: Exposure) -> Reference:
     """
     if exposure.standard_error is None:
         raise InvalidValueError("the reference has no standard errors; render it with replicates of at least 2")
+    if not np.isfinite(exposure.standard_error).all():
+        raise InvalidValueError("the reference has infinite standard errors: some of its pixels have no samples")
     image = exposure.image.astype(np.float64)
     lit = lit_pixels(image)
     if not lit.any():
@@ -141,7 +143,7 @@ def split_error(exposures: Sequence[Exposure], reference: Reference) -> Split:
     Raises
     ------
     InvalidValueError
-        If there are fewer than 2.
+        If there are fewer than 2, or channels differ.
 
     Examples
     --------
@@ -158,6 +160,12 @@ def split_error(exposures: Sequence[Exposure], reference: Reference) -> Split:
     count = len(exposures)
     if count < 2:
         raise InvalidValueError(f"there are {count} renderings; a split needs at least 2")
+    channels = {shot.image.shape[2] for shot in exposures} | {reference.image.shape[1]}
+    if len(channels) > 1:
+        raise InvalidValueError(
+            f"renderings and reference have {' and '.join(map(str, sorted(channels)))} channels; what is compared must "
+            "have the same ones"
+        )
     images = np.stack([shot.image[reference.lit] for shot in exposures]).astype(np.float64)
     spread = np.var(images, axis=0, ddof=1)
     off = (np.mean(images, axis=0) - reference.image) ** 2 - spread / count - reference.variance

@@ -70,11 +70,12 @@ def study_of(
         "reference_samples",
         at_least=2,
     )
-    if isinstance(reference, Exposure):
-        known, converged = _given_reference(reference, window), reference.samples or converged
-    else:
-        known = _rendered_reference(scene, camera, reference, converged, first + REFERENCE_SEED, window)
-    with _progress_bar(len(chosen) * len(numbers) * count * rounds, progress) as bar:
+    with _progress_bar(converged + len(chosen) * sum(numbers) * count * rounds, progress) as bar:
+        if isinstance(reference, Exposure):
+            known = _given_reference(reference, window)
+        else:
+            known = _rendered_reference(scene, camera, reference, converged, first + REFERENCE_SEED, window)
+        bar.update(converged)
         found = measured_rows(
             expose,
             list(chosen),
@@ -93,7 +94,7 @@ def study_of(
         lit_pixels=int(known.lit.sum()),
         seeds=count,
         threads=workers,
-        reference_samples=converged,
+        reference_samples=(isinstance(reference, Exposure) and reference.samples) or converged,
         reference_error=math.sqrt(known.squared_error),
     )
 
@@ -140,7 +141,7 @@ def _rendered_reference(
     return reference_of(shot)
 
 
-def _progress_bar(renderings: int, show: bool):  # type: ignore[no-untyped-def]
+def _progress_bar(samples: int, show: bool):  # type: ignore[no-untyped-def]
     from tqdm.auto import tqdm
 
-    return tqdm(total=renderings, unit="rendering", disable=not show)
+    return tqdm(total=samples, bar_format="{percentage:3.0f}%|{bar}| {elapsed}, {remaining} left", disable=not show)

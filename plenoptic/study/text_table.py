@@ -36,7 +36,8 @@ def markdown_table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str
     | -- | - |
     | 10 | 2 |
     """
-    head, *body = aligned(columns, rows, between=" | ")
+    cells = [[" ".join(cell.replace("|", "\\|").split()) for cell in row] for row in rows]
+    head, *body = aligned(columns, cells, between=" | ")
     rule = " | ".join("-" * len(cell) for cell in head.split(" | "))
     return "\n".join(f"| {line} |" for line in (head, rule, *body))
 
@@ -56,8 +57,9 @@ def comma_separated(rows: Iterable[Sequence[object]], path: str | os.PathLike[st
         writer.writerow(["" if cell is None else cell for cell in row])
     text = stream.getvalue()
     if path is not None:
+        place = file_path(path)
         try:
-            file_path(path).write_text(text, encoding="utf-8")
+            place.write_text(text, encoding="utf-8")
         except OSError as error:
             raise FileError(f"{os.fspath(path)!r} cannot be written: {error.strerror}; choose another place") from error
     return text

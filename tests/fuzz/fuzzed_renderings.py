@@ -144,7 +144,8 @@ def check_paths(case, shot):
     assert stats.paths <= shot.samples * shot.image[:, :, 0].size
     assert stats.paths == stats.paths_through_lens + sum(count for *_, count in stats.lost)
     assert stats.nonfinite == 0
-    assert case.options.get(stats.stopped_by.name.lower()) is not None
+    asked = "target_error" if stats.stopped_by is pl.StopReason.TARGET_MISSED else stats.stopped_by.name.lower()
+    assert case.options.get(asked) is not None
     if not stats.paths_through_lens:
         assert not shot.image.any()
 

@@ -68,6 +68,32 @@ def test_depth_that_is_infinite_everywhere_is_drawn():
     pl.plot_exposure(shot).canvas.draw()
 
 
+def test_the_scale_of_errors_is_that_of_lit_pixels():
+    image, error = np.ones((20, 20, 1)), np.full((20, 20, 1), 0.01)
+    image[:, 10:], error[:, 10:] = 0.0, 7.0  # black, and told no better than one sample
+    drawn = _panels(pl.plot_exposure(pl.Exposure(image, standard_error=error)))["standard error"].images[0]
+    assert drawn.get_clim() == (0.0, pytest.approx(0.01))
+
+
+@pytest.mark.parametrize("channels", [1, 3])
+def test_what_was_not_rendered_is_neither_black_nor_grey(channels):
+    counts = np.full((6, 8), 4)
+    counts[2:] = 0
+    image = np.where(counts[..., None] > 0, np.ones((6, 8, channels)), 0.0)
+    error = np.where(counts[..., None] > 0, 0.1 * image, np.inf)
+    shot = pl.Exposure(image, standard_error=error, samples=4, sample_counts=counts)
+    panels = _panels(pl.plot_exposure(shot))
+    drawn = panels["image"].images[0].get_array()
+    blue = panels["image"].get_facecolor()[:3]
+    if channels == 1:
+        assert np.array_equal(np.ma.getmaskarray(drawn), counts == 0)
+    else:
+        np.testing.assert_allclose(drawn[2:], np.broadcast_to(blue, (4, 8, 3)), atol=1e-6)
+    assert blue[2] > blue[0]
+    assert np.ma.getmaskarray(panels["standard error"].images[0].get_array())[2:].all()
+    assert [text.get_text() for text in panels["image"].texts] == ["pale blue: not rendered"]
+
+
 def test_a_bright_pixel_does_not_darken_the_others():
     image = np.ones((40, 40, 1))
     image[3, 4] = 1e6

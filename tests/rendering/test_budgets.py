@@ -125,7 +125,8 @@ def test_an_error_that_was_missed_is_announced():
     bare = dataclasses.replace(CAMERA, microlenses=None, microlenses_to_sensor=0.0, stop_to_microlenses=CAMERA.z_sensor)
     bare = dataclasses.replace(bare.focused_at(z=-404.0), sensor=pl.Sensor(shape=(33, 33), pixel_pitch=0.4))
     with pytest.warns(UserWarning, match=r"instead of 0\.5 %"):
-        pl.render(lamp, bare, target_error=0.005, samples=100000, progress=False)
+        shot = pl.render(lamp, bare, target_error=0.005, samples=100000, progress=False)
+    assert shot.stats.stopped_by is pl.StopReason.TARGET_MISSED
 
 
 # ---- bits ----
@@ -171,6 +172,15 @@ def test_hardly_any_time(limit):
     assert not shot.image[counts == 0].any() and np.all(np.isinf(shot.standard_error[counts == 0]))
     assert np.all(np.isfinite(shot.standard_error[counts > 0]))
     assert counts.sum() == shot.stats.paths
+
+
+def test_pixels_without_time_are_unknown_and_not_far_away():
+    with pytest.warns(UserWarning, match="tiles were begun within|nothing has been rendered"):
+        shot = shoot(pl.check_scene(), np.s_[:, :], time_limit=0.05, truth=pl.Truth.DEPTH | pl.Truth.OBJECT)
+    unseen = counts_of(shot) == 0
+    assert unseen.any()
+    assert np.isnan(shot.depth[unseen]).all() and (shot.truth.object[unseen] == -1).all()
+    assert not np.isnan(shot.depth[~unseen]).any()
 
 
 def test_too_little_time_is_announced(monkeypatch):

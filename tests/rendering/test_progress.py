@@ -37,7 +37,7 @@ REPLICATES = 8
 
 @given(replicates=st.integers(1, 64), steps=st.integers(1, 60))
 def test_steps_add_at_most_a_quarter_and_double_in_four(replicates: int, steps: int) -> None:
-    budget = Budget(None, 1.0, None, replicates)
+    budget = Budget(None, None, 0.1, replicates)
     counts = [budget.following(0)]
     for _ in range(steps):
         counts.append(budget.following(counts[-1]))
@@ -46,6 +46,15 @@ def test_steps_add_at_most_a_quarter_and_double_in_four(replicates: int, steps: 
         assert before < after <= 1.25 * before and after % replicates == 0
     for before, after in zip(counts, counts[4:], strict=False):
         assert after == 2 * before
+
+
+@given(replicates=st.integers(1, 64))
+def test_with_a_time_limit_all_pixels_have_something_soon(replicates: int) -> None:
+    budget, timed = Budget(None, None, 0.1, replicates), Budget(None, 1.0, 0.1, replicates)
+    counts = list(itertools.accumulate(range(12), lambda done, _: timed.following(done), initial=0))
+    assert counts[1:4] == [replicates, 2 * replicates, 4 * replicates] and counts[3] == timed.enough
+    assert counts[4:] == [budget.following(done) for done in counts[3:-1]]
+    assert budget.start_towards(32, 1e3) > 1000 and timed.start_towards(32, 1e3) <= 64  # at most twice as many
 
 
 @given(samples=st.integers(1, 10**6), replicates=st.integers(1, 64))
@@ -73,6 +82,7 @@ def test_a_start_leaves_twice_the_target(error: float, target: float, done: int)
     [
         ((None, None, None, 8), "all None"),
         ((0, None, None, 8), "samples is 0"),
+        ((2**31, None, None, 8), "at most 2147483647"),
         ((None, -1.0, None, 8), "time_limit"),
         ((None, math.nan, None, 8), "time_limit"),
         ((None, None, 0.0, 8), "target_error"),
@@ -115,16 +125,18 @@ def test_a_colour_ends_when_the_other_is_good(colour: int) -> None:
     # Errors: 0.5 / sqrt(7) = 0.19 of the noisy colour, 1e-6 of the other, whatever the samples.
     state = progress([TILE], (2, 2), target=0.1)
     state.take(0, result(TILE, noisy(colour, 32), 0, 32))
-    state.all_begun()
+    state.decide()
     assert state.open[0].tolist() == [colour == 1 - c for c in range(2)]  # the noisy one ends, the good one goes on
     before = state.film.mean.copy()
     state.take(0, result(TILE, noisy(colour, 40, 3.0), 32, 8))
+    state.decide()
     changed = state.film.mean[..., 0] != before[..., 0]
     checkered = np.add.outer(np.arange(2), np.arange(2)) % 2
     assert np.array_equal(changed, checkered != colour)
     assert np.array_equal(state.sample_counts(), np.where(checkered == colour, 32, 40))
     assert state.pending() == [0]
     state.take(0, result(TILE, noisy(1 - colour, 48), 40, 8))  # now the other way round: both have ended
+    state.decide()
     assert state.pending() == []
 
 
@@ -132,10 +144,10 @@ def test_nothing_is_decided_before_all_have_begun() -> None:
     tiles = [TILE, Tile(0, 2, 2, 2)]
     state = progress(tiles, (2, 4), target=10.0)
     state.take(0, result(tiles[0], noisy(0, 32), 0, 32))
-    state.all_begun()
+    state.decide()
     assert state.pending() == [1] and state.open.all()
     state.take(1, result(tiles[1], noisy(0, 32), 0, 32))
-    state.all_begun()
+    state.decide()
     assert state.pending() == []
 
 
@@ -143,15 +155,28 @@ def test_a_single_lit_pixel_decides_for_itself() -> None:
     state = progress([Tile(0, 0, 1, 1)], (1, 1), target=0.1)
     sums = noisy(0, 32)[:1, :1]
     state.take(0, result(state.tiles[0], sums, 0, 32))
-    state.all_begun()
+    state.decide()
     assert state.pending() == [0]
 
 
 def test_dark_tiles_end_at_once() -> None:
     state = progress([TILE], (2, 2), target=0.1)
     state.take(0, result(TILE, np.zeros((2, 2, REPLICATES, 1)), 0, 32))
-    state.all_begun()
+    state.decide()
     assert state.pending() == []
+
+
+def test_a_few_bright_paths_do_not_make_all_other_pixels_dark() -> None:
+    # A pixel of each colour has met something a million times as bright, in one replicate of eight.
+    tiles = [TILE, Tile(0, 2, 2, 2)]
+    state = progress(tiles, (2, 4), target=0.1)
+    rare = noisy(0, 32) + noisy(1, 32) - 32 / REPLICATES
+    state.take(1, result(tiles[1], rare, 0, 32))
+    rare = rare.copy()
+    rare[0, :, 0] = 1e6
+    state.take(0, result(TILE, rare, 0, 32))
+    state.decide()
+    assert state.open.all()
 
 
 def test_stopping_by_the_other_colour_does_not_bias() -> None:
@@ -174,7 +199,7 @@ def test_stopping_by_the_other_colour_does_not_bias() -> None:
                 means = sums[..., 0] * REPLICATES / (first + more)
                 error = means.std(axis=2, ddof=1) / math.sqrt(REPLICATES)
                 stopped[i] = np.sqrt(np.mean(error**2)) < target
-        state.all_begun()
+        state.decide()
     honest = state.film.mean.mean(), state.film.mean.std() / math.sqrt(state.film.mean.size)
     assert abs(honest[0] - 1.0) < 3 * honest[1]
     assert naive.mean() < 1.0 - 4 * naive.std() / math.sqrt(naive.size)
@@ -183,7 +208,7 @@ def test_stopping_by_the_other_colour_does_not_bias() -> None:
 def test_a_state_goes_on_from_what_was_kept() -> None:
     state = progress([TILE], (2, 2), target=0.1)
     state.take(0, result(TILE, noisy(0, 32), 0, 32))
-    state.all_begun()
+    state.decide()
     again = progress([TILE], (2, 2), target=0.1)
     again.restore({name: array.copy() for name, array in state.arrays().items()}, state.facts())
     for one in (state, again):

@@ -534,6 +534,7 @@ def test_all_light_through_an_array_arrives_somewhere():
         ({"samples": 1, "threads": 0}, "threads is 0"),
         ({"samples": 1, "region": np.s_[600:700, 0:4]}, "rows"),
         ({"samples": 1, "region": 3}, "two slices"),
+        ({"samples": 1, "region": np.s_[0.0:2.0, 0:2]}, "whole numbers"),
     ],
 )
 def test_impossible_arguments_are_refused_before_anything_runs(arguments, message):

@@ -109,3 +109,8 @@ def test_what_cannot_be_split_is_refused():
         reference_of(pl.Exposure(np.ones(SHAPE)))
     with pytest.raises(pl.InvalidValueError, match="black"):
         reference_of(pl.Exposure(np.zeros(SHAPE), standard_error=np.zeros(SHAPE)))
+    with pytest.raises(pl.InvalidValueError, match="infinite standard errors"):
+        reference_of(pl.Exposure(np.ones(SHAPE), standard_error=np.full(SHAPE, np.inf)))
+    grey = pl.Exposure(np.ones((*SHAPE[:2], 1)), standard_error=np.ones((*SHAPE[:2], 1)))
+    with pytest.raises(pl.InvalidValueError, match="1 and 3 channels"):
+        split_error([grey, grey], reference)

@@ -222,6 +222,8 @@ def test_foreign_files_are_refused(tmp_path, damaged):
         ErrorTable.from_csv(tmp_path / "missing.csv")
     with pytest.raises(pl.FileError, match="cannot be written"):
         MADE.to_csv(tmp_path / "nowhere" / "study.csv")
+    with pytest.raises(pl.FileError, match="3 is not a path"):
+        MADE.to_csv(3)
 
 
 def cells(markdown):
