@@ -12,6 +12,8 @@ FEWEST_REPLICATES = 8
 _MOST_REPLICATES = 1 << 16
 _START = 4
 """Samples of each replicate before anything is decided."""
+_PART = 0.6
+"""Of what fits into a time limit: how fast the rest will go is not known exactly."""
 MOST_SAMPLES = (1 << 31) - 1
 """Of a pixel: they are counted in 32 bits, and Sobol points end at 2^32 of a replicate."""
 
@@ -53,6 +55,17 @@ class Budget(NamedTuple):
             first = max(2 * each, 1) if self.time_limit is not None else _START
             return min(first * self.replicates, self.most)
         return min((each + (1 << (each.bit_length() - 3))) * self.replicates, self.most)
+
+    def within(self, done: int, affordable: float) -> int:
+        """The number of samples of the next step, where it is time alone that counts: most of what is affordable.
+
+        Each step costs as much as some samples do, and the fewer there are the better; the last ones are small, so that
+        all pixels end with about as many.
+        """
+        step = self.following(done)
+        while self.target_error is None and step < (after := self.following(step)) <= done + _PART * affordable:
+            step = after
+        return step
 
     def start_towards(self, done: int, error: float) -> int:
         """How many samples still leave an error above twice the target, as long as it falls no faster than 1/n.

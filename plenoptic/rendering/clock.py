@@ -37,6 +37,8 @@ class Clock:
         self._end = math.inf if limit is None else begin + limit - min(_FINISHING * numbers, 0.5 * limit)
         self._batch = 0.0 if limit is None else min(max(0.02 * limit, _SHORTEST), _LONGEST)
         self._rates: deque[float] = deque(maxlen=9)
+        self._first: float | None = None
+        """When the first batch began."""
         self.over = False
 
     @property
@@ -63,6 +65,13 @@ class Clock:
             self.over |= time.perf_counter() + needed > self._end
         return not self.over
 
+    def affordable(self, paths: int) -> float:
+        """How many more paths there is time for, at the pace of all until now; 0 without a limit."""
+        if self._end == math.inf or self._first is None:
+            return 0.0
+        now = time.perf_counter()
+        return max(self._end - now, 0.0) * paths / max(now - self._first, 1e-9)
+
     def late(self) -> bool:
         """Whether a batch that is not finished yet is no longer waited for."""
         return time.perf_counter() > self._end + _LATE
@@ -71,3 +80,5 @@ class Clock:
         """Learn from a batch that was done."""
         if self._end < math.inf:
             self._rates.append(seconds / max(paths, 1))
+            if self._first is None:
+                self._first = time.perf_counter() - seconds

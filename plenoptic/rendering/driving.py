@@ -135,6 +135,7 @@ def _drive(
 ) -> bool:
     """Render batches until nothing is pending, time is over or somebody interrupts, which is returned."""
     replicates, interrupts = view.settings.replicates, Interrupts(bar.end)
+    kept, pixels = progress.paths, sum(tile.rows * tile.columns for tile in progress.tiles)
 
     def batches() -> Iterator[tuple[int, Batch]]:
         for i in progress.pending():
@@ -163,7 +164,7 @@ def _drive(
                 bar.update()
                 if interrupts.asked:
                     break
-            progress.decide()
+            progress.decide(clock.affordable(progress.paths - kept) / pixels)
         if keeper is not None:
             keeper.save(progress)
         bar.close(finished=not interrupts.asked)

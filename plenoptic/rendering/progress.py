@@ -118,13 +118,18 @@ class Progress:
         if done >= self.budget.most:
             self.capped |= bool(self.open[i].any())
             self.open[i] = False
-        elif done >= self.goal[i] and (self.budget.target_error is None or done < self.budget.enough):
-            self.goal[i] = self.budget.following(done)
 
-    def decide(self) -> None:
-        """Decide which tiles go on, once all have what they were to have."""
+    def decide(self, affordable: float = 0.0) -> None:
+        """Decide which tiles go on and how far, once all have what they were to have.
+
+        `affordable` is how many samples of every pixel still fit into the time limit; without a target error most of
+        them are the next step.
+        """
         going = self.open.any(axis=1)
-        if self.seen is None or not going.any() or (self.done < self.goal)[going].any():
+        if not going.any() or (self.done < self.goal)[going].any():
+            return
+        if self.seen is None or (self.done < self.budget.enough)[going].any():
+            self.goal[going] = [self.budget.within(int(done), affordable) for done in self.done[going]]
             return
         colours = np.add.outer(*(np.arange(length) for length in self.seen.shape[1:])) + sum(self.setting[:2])
         bright, squares = self.seen
@@ -158,7 +163,7 @@ class Progress:
             if self.open[i, colour]:
                 going.append(found)
         self.goal[i] = self.budget.following(done)
-        if going and (done == self.budget.enough or self.budget.time_limit is not None):
+        if going:
             start = min(self.budget.start_towards(done, found) for found in going)
             self.goal[i] = max(self.goal[i], start)
 

@@ -57,6 +57,15 @@ def test_with_a_time_limit_all_pixels_have_something_soon(replicates: int) -> No
     assert budget.start_towards(32, 1e3) > 1000 and timed.start_towards(32, 1e3) <= 64  # at most twice as many
 
 
+@given(done=st.sampled_from([8, 32, 56, 1024]), affordable=st.floats(0.0, 1e6))
+def test_what_is_affordable_is_most_of_the_next_step(done: int, affordable: float) -> None:
+    budget = Budget(None, 1.0, None, REPLICATES)
+    step = budget.within(done, affordable)
+    assert step == budget.following(done) or step - done <= 0.6 * affordable < budget.following(step) - done
+    assert Budget(None, 1.0, 0.1, REPLICATES).within(done, affordable) == budget.following(done)  # errors decide there
+    assert Budget(step - 1, 1.0, None, REPLICATES).within(done, affordable) == step - 1
+
+
 @given(samples=st.integers(1, 10**6), replicates=st.integers(1, 64))
 def test_steps_end_with_the_samples(samples: int, replicates: int) -> None:
     budget, done = Budget(samples, 1.0, None, replicates), 0
