@@ -112,7 +112,7 @@ def plot_error_against_time(table: ErrorTable, ax: Axes | None = None) -> Axes:
 
 
 def plot_error_studies(tables: Sequence[ErrorTable], figure: Figure | None = None) -> Figure:
-    """Draw several error studies side by side.
+    """Draw several error studies, two in a row.
 
     Parameters
     ----------
@@ -136,10 +136,12 @@ def plot_error_studies(tables: Sequence[ErrorTable], figure: Figure | None = Non
     """
     if not isinstance(tables, Sequence) or not tables:
         raise wrong_kind(tables, "tables", "sequence of ErrorTable", "[pl.study.error_against_time(scene, camera)]")
+    columns = min(len(tables), 2)
+    rows = -(-len(tables) // columns)
     if figure is None:
-        figure = _pyplot().figure(figsize=(6.4 * len(tables), 6.0), layout="constrained")
-    for ax, table in zip(figure.subplots(1, len(tables), squeeze=False)[0], tables, strict=True):
-        plot_error_against_time(table, ax)
+        figure = _pyplot().figure(figsize=(6.4 * columns, 6.0 * rows), layout="constrained")
+    for k, table in enumerate(tables):
+        plot_error_against_time(table, figure.add_subplot(rows, columns, k + 1))
     return figure
 
 

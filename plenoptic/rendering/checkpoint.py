@@ -235,8 +235,10 @@ def _damaged(target: Path, how: str) -> FileError:
 
 def _check_identity(header: _Header, identity: Mapping[str, str], target: Path) -> None:
     if header.identity != dict(identity):
-        what = ", ".join(differences(header.identity, identity))
-        raise FileError(f"{str(target)!r} belongs to another rendering, with {what}; {_ELSEWHERE}")
+        found = list(differences(header.identity, identity))
+        # The side of tiles mostly follows from something else.
+        what = [one for one in found if not one.startswith("tile_side")] or found
+        raise FileError(f"{str(target)!r} belongs to another rendering, with {', '.join(what)}; {_ELSEWHERE}")
 
 
 def _refuse_others(target: Path, identity: Mapping[str, str]) -> None:

@@ -85,8 +85,8 @@ def run(
     progress = _progress(view, budget, region, tiles, kept, clock)
     if keeper is not None:
         facts: dict[str, object] = {"seed": seed, "samples": budget.samples, "target_error": budget.target_error}
-        facts |= {"replicates": budget.replicates, "region": region, "tile_side": side, "truth": kept}
-        facts |= {"steps": budget.steps, "settings": how}
+        facts |= {"time_limit": None if budget.time_limit is None else "given", "replicates": budget.replicates}
+        facts |= {"region": region, "truth": kept, "settings": how, "tile_side": side}
         keeper.resume(progress, view.scene, camera, facts)
     found = None
     if work.conditioning is not None:

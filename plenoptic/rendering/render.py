@@ -54,7 +54,7 @@ def render(
         Seconds from the call on. What is compiled for the first time takes its time too.
     target_error : float, optional
         Wanted `Exposure.relative_error`, such as 0.02: the root mean square of the relative standard errors of lit
-        pixels. Tiles end one by one when their own lit pixels are as good, after steps that add a quarter; which
+        pixels. Tiles end when their own lit pixels are as good, after steps that add a quarter; which
         pixels go on is decided by the errors of others, so that stopping does not bias the image. Needs at least 8
         replicates and two pixels. Errors above some 10 % are too small where light comes by rare paths.
     region : (slice, slice), optional

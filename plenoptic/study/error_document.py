@@ -83,8 +83,8 @@ def error_document(
     names = " ".join(case.name for case, _ in studies)
     parts = [
         "# Error against time",
-        f"Written by `python -m plenoptic.study error-against-time --case {names} --document` on "
-        f"{datetime.date.today().isoformat()}.",
+        f"Written by `python -m plenoptic.study error-against-time --case {names} --document"
+        f"{'' if figure is None else ' --plot ' + figure.rpartition('/')[2]}` on {datetime.date.today().isoformat()}.",
         _WORDS,
         "## The machine",
         machine(load),
