@@ -2,8 +2,8 @@
 # # How many samples are enough?
 #
 # A rendering can be told when to end: after so many samples, after so much time, or when its error is small enough.
-# Here the objects of the reference scene are rendered to a target error. Tiles of pixels end one by one, a converged image
-# says whether the error that was reported is the true one, and the path that brought most noise is traced again.
+# Here the objects of the reference scene are rendered to a target error. Tiles of pixels end one by one, a converged
+# image says whether the error that was reported is the true one, and the path that brought most noise is traced again.
 
 # %%
 import os

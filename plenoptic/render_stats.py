@@ -64,7 +64,7 @@ class RenderStats:
         Pixels that light could reach and whose replicates agree. Their standard error is what a single other sample
         would have changed.
     threads : int
-        Threads that worked.
+        Threads that were there to work.
     clamped : float
         Share of all light that `clamp` took away, in [0, 1]: the bias of the mean image.
     stopped_by : StopReason

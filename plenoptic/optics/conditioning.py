@@ -176,6 +176,7 @@ class Conditioning:
         lines = ["  ".join([*map(str.rjust, row[:-1], widths), row[-1]]).rstrip() for row in rows]
         worst = self.worst
         if worst is not None:
+            lines.append("largest / median of all rays; digits lost: logarithm of the cancellation")
             lines.append(f"worst: {_named(worst)} at element {worst.element}")
         return "\n".join(lines)
 

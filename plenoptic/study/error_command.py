@@ -34,6 +34,7 @@ def add_command(subparsers: Any) -> None:
     text = "error against run time of the bundled cases"
     one = subparsers.add_parser("error-against-time", help=text, description=text)
     one.add_argument("--case", nargs="+", choices=error_cases(), help="which cases; all by default")
+    one.epilog = "Cases: " + " ".join(f"{name}: {error_case(name).what}" for name in error_cases())
     one.add_argument("--quick", action="store_true", help="few pixels, seeds and samples: to see that all works")
     one.add_argument("--threads", type=int, default=1, help="of the renderings that are timed (1)")
     one.add_argument("--target", type=float, action="append", help="recommend a setting for this error, such as 0.01")
