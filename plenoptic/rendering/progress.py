@@ -90,7 +90,7 @@ class Progress:
         return None if self.sums is None or not self.done[i] else self.sums[self._places(i)]
 
     def take(self, i: int, result: TileResult) -> None:
-        """Put in what a batch of a tile has brought, and decide on the tile."""
+        """Put in what a batch of a tile has brought."""
         at = self._places(i)
         first = not self.done[i]
         self.done[i] += result.batch.samples
@@ -107,7 +107,7 @@ class Progress:
                 self.one_sample[at] = np.minimum(brought, np.finfo(np.float32).max)
             for name, array in (result.truth or {}).items():
                 self.truth[name][at] = array
-        if self.seen is not None:
+        if self.seen is not None and done < self.budget.most:
             self._look(i, *found)
         self.counts += result.counts
         self.paths += result.paths

@@ -108,6 +108,13 @@ def test_a_black_scene_ends():
     assert not shot.image.any() and shot.samples == 32
 
 
+@pytest.mark.parametrize("samples", [1, 2, 7, 8, 9])
+def test_few_samples_come_before_any_target(samples):
+    shot = white(np.s_[240:244, 240:244], samples=samples, target_error=0.1)
+    assert shot.stats.stopped_by is pl.StopReason.SAMPLES and shot.samples == samples
+    assert np.array_equal(shot.image, white(np.s_[240:244, 240:244], samples=samples).image)
+
+
 def test_a_single_pixel_has_nobody_to_decide_for_it():
     with pytest.raises(pl.InvalidValueError, match="single pixel"):
         white(np.s_[256:257, 256:257], target_error=0.05)
