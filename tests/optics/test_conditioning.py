@@ -325,7 +325,7 @@ def test_it_is_a_value_that_files_keep(found, monkeypatch):
 
 def test_it_prints_as_a_table(found):
     lines = str(found).splitlines()
-    assert len(lines) == 1 + 3 + 1
+    assert len(lines) == 1 + 3 + 2
     assert lines[0].split()[:3] == ["element", "kind", "rays"]
     assert lines[2].split()[:3] == ["1", "asphere", str(found.reached[1])]
     assert "clipped" in lines[2] and lines[-1].startswith("worst: ")
