@@ -153,7 +153,8 @@ class Progress:
         """Close the colours of a tile whose other colour is as good as wanted."""
         target, done = self.budget.target_error, int(self.done[i])
         assert target is not None and self.seen is not None
-        bright, squares = self.seen[(slice(None), *self._places(i))]
+        rows, columns = self._places(i)
+        bright, squares = self.seen[:, rows, columns]
         colours = self._colours(self.tiles[i])
         going = []
         for colour in range(2):
