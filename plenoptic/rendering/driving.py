@@ -172,7 +172,7 @@ def _drive(
 
 
 def _warn_where_unmet(progress: Progress, scene: Scene) -> None:
-    if not progress.met and progress.counts[0]:
+    if not progress.met and progress.counts[0] and progress.done.all():
         low, high = np.asarray(scene.bounds).round(3).tolist()
         warnings.warn(
             f"no path met the scene, which lies between {low} and {high} mm; move it, or the camera, which without a "
@@ -204,11 +204,13 @@ def _reason(progress: Progress, *, interrupted: bool) -> StopReason:
     if progress.capped or target is None:
         return StopReason.SAMPLES
     reached = progress.error()
-    if reached is None or not _MISSED * target < reached < math.inf:
+    if reached is None or not _MISSED * target < reached:  # nan where nothing can be lit
         return StopReason.TARGET_ERROR
     warnings.warn(
         f"the error reached is {100 * reached:.2g} % instead of {100 * target:.2g} %: light comes by rare paths, or "
-        "too few pixels are lit to decide for each other; give samples",
+        "too few pixels are lit to decide for each other; give samples"
+        if reached < math.inf
+        else "no path has met any light, and the image is black; give samples if some can be met",
         stacklevel=4,
     )
     return StopReason.TARGET_MISSED

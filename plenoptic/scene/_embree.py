@@ -34,10 +34,13 @@ _INVALID = np.uint32(0xFFFFFFFF)
 
 # float32 rows of 16 lanes in RTCRay16 and, behind it, RTCHit16 (embree4/rtcore_ray.h).
 _ORG_X, _ORG_Y, _ORG_Z, _NEAR, _DIR_X, _DIR_Y, _DIR_Z, _TIME, _FAR, _MASK, _ID, _FLAGS = (16 * k for k in range(12))
-_PRIMITIVE, _GEOMETRY, _INSTANCE = 16 * 17, 16 * 18, 16 * 19
+_U, _V, _PRIMITIVE, _GEOMETRY, _INSTANCE = (16 * k for k in range(15, 20))
 _RAYHIT = 16 * 35
 """Instance ids take two rows for each level that the library was built for, one by default: room for eight levels.
 The first row is that of the only level here."""
+
+_EDGE = np.float32(2.0**-11)
+"""Barycentric coordinates below this are near an edge: far above their rounding errors, and one ray in 400."""
 
 _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "rtcNewDevice": (ctypes.c_void_p, (ctypes.c_char_p,)),
@@ -269,6 +272,21 @@ def _pack(packet, valid, rays, middle, start, far):
         number[_INSTANCE + lane] = _INVALID
 
 
+@device
+def _again_alone(packet, valid, lane, scene, arguments):
+    """Ask again for a lane that met a triangle near an edge: which neighbour is found depends on the other lanes."""
+    u, v = packet[_U + lane], packet[_V + lane]
+    if min(u, v, np.float32(1.0) - u - v) > _EDGE:
+        return
+    number = packet.view(np.uint32)
+    for other in range(PACKET):
+        valid[other] = -1 if other == lane else 0
+    packet[_FAR + lane] = np.inf
+    number[_GEOMETRY + lane] = _INVALID
+    number[_INSTANCE + lane] = _INVALID
+    _intersect16(valid.ctypes.data, scene, packet.ctypes.data, arguments)
+
+
 @kernel
 def _fill_closest(hits, placed, first, rays, middle, scene, arguments):
     packet = _aligned(np.zeros(_RAYHIT + 16, np.float32), 16)
@@ -280,6 +298,8 @@ def _fill_closest(hits, placed, first, rays, middle, scene, arguments):
         _pack(packet, valid, rays, middle, start, np.inf)
         _intersect16(valid.ctypes.data, scene, packet.ctypes.data, arguments)
         for lane in range(min(PACKET, n - start)):
+            if number[_GEOMETRY + lane] != _INVALID:
+                _again_alone(packet, valid, lane, scene, arguments)
             hit = number[_GEOMETRY + lane] != _INVALID
             row = np.int32(number[_PRIMITIVE + lane])
             place = np.int32(-1)

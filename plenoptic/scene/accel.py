@@ -39,7 +39,7 @@ class Intersector(Protocol):
         `hits` are rows of `triangles`, `placed` rows of the instances, -1 for plain triangles and where there is no
         hit. `coherent` says that neighbouring rays go nearly the same way, as those of a pixel do; it changes nothing
         but the time (a third less where it is so, up to three times as much where it is not), and which of two
-        triangles at the very same place is found: that may then depend on the rays beside it.
+        triangles at the very same place is found, inside both: that may then depend on the rays beside it.
         """
 
     def fill_blocked(self, blocked: NDArray[np.uint8], rays: NDArray[np.float64]) -> None:

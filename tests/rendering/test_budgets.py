@@ -115,6 +115,13 @@ def test_few_samples_come_before_any_target(samples):
     assert np.array_equal(shot.image, white(np.s_[240:244, 240:244], samples=samples).image)
 
 
+def test_light_that_no_path_has_met_is_no_target_reached():
+    behind = pl.Scene(lights=[pl.QuadLight((0, 0, 500.0), (1, 0, 0), (0, 1, 0), radiance=5.0)])
+    with pytest.warns(UserWarning, match="no path has met any light"):
+        shot = shoot(behind, target_error=0.05)
+    assert shot.stats.stopped_by is pl.StopReason.TARGET_MISSED and shot.relative_error == math.inf
+
+
 def test_a_single_pixel_has_nobody_to_decide_for_it():
     with pytest.raises(pl.InvalidValueError, match="single pixel"):
         white(np.s_[256:257, 256:257], target_error=0.05)

@@ -193,6 +193,31 @@ def test_only_instances():
         np.testing.assert_array_equal(placed[clear], places[clear])
 
 
+@pytest.mark.parametrize("coherent", [True, False])
+def test_rays_along_shared_edges_find_the_same_whatever_goes_beside_them(coherent):
+    # A board of 40 x 40 squares, and rays towards points some 1e-7 of a square beside its edges and diagonals.
+    rng = np.random.default_rng(3)
+    board = pl.Scene([pl.quad((x, y, -404.0), (1, 0, 0), (0, 1, 0)) for x in range(-20, 20) for y in range(-20, 20)])
+    tables = board.tables()
+    build = build_intersector(tables.vertices, tables.triangles)
+    count = 20_000
+    corners, along = rng.integers(-15, 15, (count, 2)).astype(float), rng.random((count, 1))
+    ways = np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, -1.0]])[rng.integers(4, size=count)]
+    points = corners + along * ways + rng.normal(scale=1e-7, size=(count, 2))
+    origins = np.column_stack([rng.normal(scale=0.5, size=(count, 2)), np.zeros(count)])
+    directions = np.column_stack([points, np.full(count, -404.0)]) - origins
+    rays = np.ascontiguousarray(np.column_stack([origins, directions / np.linalg.norm(directions, axis=1)[:, None]]))
+    together, mixed, apart = (np.empty(count, np.int32) for _ in range(3))
+    build.fill_closest(together, rays, coherent=coherent)
+    order = rng.permutation(count)
+    build.fill_closest(mixed, np.ascontiguousarray(rays[order]), coherent=coherent)
+    for k in range(count):
+        build.fill_closest(apart[k : k + 1], rays[k : k + 1], coherent=coherent)
+    assert np.array_equal(together, apart)
+    assert np.array_equal(together[order], mixed)
+    assert (together >= 0).all()
+
+
 def test_neighbours_and_threads_change_nothing():
     rng = np.random.default_rng(6)
     tables, rays = crowd(rng), random_rays(rng, 20000, reach=20)
