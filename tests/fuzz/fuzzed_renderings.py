@@ -107,7 +107,7 @@ def check_case(case, *, again):
         check_image(case, shot)
         check_paths(case, shot)
         if shot.truth is not None:
-            check_truth(shot.truth)
+            check_truth(shot.truth, counts_of(shot) > 0)
         if again and case.options.get("time_limit") is None:
             check_repeated(case, shot)
     return shot
@@ -129,13 +129,18 @@ def check_image(case, shot):
     """Finite; not negative; errors that are known where there are two replicates."""
     assert np.isfinite(shot.image).all()
     assert (shot.image >= 0).all()  # all the sensitivities here are
-    counts = np.full(shot.image.shape[:2], shot.samples) if shot.sample_counts is None else shot.sample_counts
+    counts = counts_of(shot)
     if shot.standard_error is None:
         assert min(case.options["replicates"], shot.samples) < 2
     else:
         unknown = np.isinf(shot.standard_error).any(axis=-1)
         assert (counts[unknown] < 2).all()
         assert (shot.standard_error >= 0).all()
+
+
+def counts_of(shot):
+    """(H, W)"""
+    return np.full(shot.image.shape[:2], shot.samples) if shot.sample_counts is None else shot.sample_counts
 
 
 def check_paths(case, shot):
@@ -150,27 +155,30 @@ def check_paths(case, shot):
         assert not shot.image.any()
 
 
-def check_truth(truth):
-    """Finite or what stands for nothing, and in agreement with each other."""
-    found = truth.arrays()
+def check_truth(truth, seen):
+    """Finite or what stands for nothing, and in agreement with each other; nan where nothing was looked at."""
+    arrays = truth.arrays()
+    for name, array in arrays.items():
+        assert array.dtype.kind != "f" or np.isnan(array[~seen]).all(), name
+    found = {name: array[seen] for name, array in arrays.items()}
     for name, array in found.items():
         if array.dtype.kind == "f" and name not in ("virtual_depth", "disparity"):
             known = np.isfinite(array)
             assert np.array_equal(array[~known], np.full((~known).sum(), UNKNOWN[name]), equal_nan=True), name
-    if truth.distance is not None:
-        assert (truth.distance >= 0).all()
-    if truth.normal is not None:
-        lengths = np.linalg.norm(truth.normal, axis=-1)
+    if "distance" in found:
+        assert (found["distance"] >= 0).all()
+    if "normal" in found:
+        lengths = np.linalg.norm(found["normal"], axis=-1)
         # float64: some roundings.
         np.testing.assert_allclose(lengths[np.isfinite(lengths)], 1.0, rtol=1e-12)
     for name in ("object", "material", "microlens_type"):
         assert name not in found or (found[name] >= -1).all()
-    met = [np.isfinite(a).reshape(*truth.shape, -1).all(axis=-1) for n, a in found.items() if n in GEOMETRY]
-    met += [found[name] >= 0 for name in ("object", "material") if name in found]
+    met = [np.isfinite(a).reshape(len(a), -1).all(axis=-1) for n, a in found.items() if n in GEOMETRY and a.size]
+    met += [found[name] >= 0 for name in ("object", "material") if name in found and found[name].size]
     assert all(np.array_equal(met[0], one) for one in met[1:])
-    if truth.microlens is not None:
-        unlit = (truth.microlens == NO_MICROLENS).all(axis=-1)
-        np.testing.assert_array_equal(unlit, truth.microlens_type == -1)
+    if "microlens" in found:
+        unlit = (found["microlens"] == NO_MICROLENS).all(axis=-1)
+        np.testing.assert_array_equal(unlit, found["microlens_type"] == -1)
     for name in ("virtual_depth", "disparity"):
         if name in found and met:
             assert np.isnan(found[name][~met[0]]).all(), name
