@@ -8,104 +8,108 @@ from typing import TYPE_CHECKING
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from plenoptic import images as images
     from plenoptic import lightfield as lightfield
-    from plenoptic import sampling as sampling
-    from plenoptic import sensitivities as sensitivities
     from plenoptic import study as study
     from plenoptic.camera.as_built import AsBuilt as AsBuilt
     from plenoptic.camera.as_built import BuiltValue as BuiltValue
     from plenoptic.camera.as_built import as_built as as_built
     from plenoptic.camera.camera import CameraPart as CameraPart
     from plenoptic.camera.camera import PlenopticCamera as PlenopticCamera
-    from plenoptic.camera.centres import CentreMethod as CentreMethod
-    from plenoptic.camera.centres import MicrolensCentres as MicrolensCentres
-    from plenoptic.camera.centres import microlens_centres as microlens_centres
-    from plenoptic.camera.design import design_camera as design_camera
-    from plenoptic.camera.design_search import CameraDesign as CameraDesign
-    from plenoptic.camera.design_search import DesignStep as DesignStep
-    from plenoptic.camera.forward import landing_points as landing_points
-    from plenoptic.camera.forward import point_spread as point_spread
+    from plenoptic.camera.design.design import design_camera as design_camera
+    from plenoptic.camera.design.search import CameraDesign as CameraDesign
+    from plenoptic.camera.design.search import DesignStep as DesignStep
+    from plenoptic.camera.points.centres import CentreMethod as CentreMethod
+    from plenoptic.camera.points.centres import MicrolensCentres as MicrolensCentres
+    from plenoptic.camera.points.centres import microlens_centres as microlens_centres
+    from plenoptic.camera.points.projection import Projection as Projection
+    from plenoptic.camera.points.projection import project as project
     from plenoptic.camera.pose import Pose as Pose
-    from plenoptic.camera.projection import Projection as Projection
-    from plenoptic.camera.projection import project as project
-    from plenoptic.camera.report import CameraReport as CameraReport
-    from plenoptic.camera.report import camera_report as camera_report
-    from plenoptic.camera.report_findings import CameraFinding as CameraFinding
-    from plenoptic.camera.report_findings import CameraFindingKind as CameraFindingKind
-    from plenoptic.camera.report_focus import CameraKind as CameraKind
-    from plenoptic.camera.report_focus import MicrolensFocus as MicrolensFocus
-    from plenoptic.camera.spread import CameraSpread as CameraSpread
-    from plenoptic.camera.spread import LandingPoints as LandingPoints
-    from plenoptic.camera.truth import GroundTruth as GroundTruth
-    from plenoptic.camera.truth import Truth as Truth
+    from plenoptic.camera.psf.point_spread import landing_points as landing_points
+    from plenoptic.camera.psf.point_spread import point_spread as point_spread
+    from plenoptic.camera.psf.spread import CameraSpread as CameraSpread
+    from plenoptic.camera.psf.spread import LandingPoints as LandingPoints
+    from plenoptic.camera.report.findings import CameraFinding as CameraFinding
+    from plenoptic.camera.report.findings import CameraFindingKind as CameraFindingKind
+    from plenoptic.camera.report.focus import CameraKind as CameraKind
+    from plenoptic.camera.report.focus import MicrolensFocus as MicrolensFocus
+    from plenoptic.camera.report.report import CameraReport as CameraReport
+    from plenoptic.camera.report.report import camera_report as camera_report
+    from plenoptic.core import sampling as sampling
+    from plenoptic.core.color import sensitivities as sensitivities
+    from plenoptic.core.color.spectra import Sensitivity as Sensitivity
+    from plenoptic.core.color.spectra import rgb_basis as rgb_basis
+    from plenoptic.core.color.spectra import rgb_to_spectrum as rgb_to_spectrum
+    from plenoptic.core.color.srgb import Encoding as Encoding
+    from plenoptic.core.files import images as images
+    from plenoptic.core.rays import RayBundle as RayBundle
+    from plenoptic.core.rays import RayStatus as RayStatus
+    from plenoptic.core.relative_error import lit_pixels as lit_pixels
     from plenoptic.errors import FileError as FileError
     from plenoptic.errors import InvalidValueError as InvalidValueError
     from plenoptic.errors import PlenopticError as PlenopticError
     from plenoptic.errors import PrescriptionError as PrescriptionError
     from plenoptic.errors import SceneError as SceneError
-    from plenoptic.exposure import Exposure as Exposure
-    from plenoptic.film import Film as Film
-    from plenoptic.lit import lit_pixels as lit_pixels
-    from plenoptic.optics import aberrations as aberrations
-    from plenoptic.optics import paraxial as paraxial
-    from plenoptic.optics.air import Absolute as Absolute
-    from plenoptic.optics.air import Air as Air
-    from plenoptic.optics.air import AirFormula as AirFormula
-    from plenoptic.optics.analysis import aiming as aiming
-    from plenoptic.optics.analysis.focusing import FocusCriterion as FocusCriterion
-    from plenoptic.optics.angular import AngularResponse as AngularResponse
-    from plenoptic.optics.apertures import ApertureShape as ApertureShape
-    from plenoptic.optics.apertures import Gaps as Gaps
-    from plenoptic.optics.apertures import MicrolensAperture as MicrolensAperture
-    from plenoptic.optics.apertures import Opening as Opening
-    from plenoptic.optics.apertures import Walls as Walls
-    from plenoptic.optics.blemishes import Blemishes as Blemishes
-    from plenoptic.optics.blemishes import BlemishSite as BlemishSite
-    from plenoptic.optics.conditioning import Condition as Condition
-    from plenoptic.optics.conditioning import Conditioning as Conditioning
-    from plenoptic.optics.conditioning import conditioning as conditioning
-    from plenoptic.optics.dispersion import DispersionFormula as DispersionFormula
-    from plenoptic.optics.dispersion import Formula as Formula
-    from plenoptic.optics.finding import Finding as Finding
-    from plenoptic.optics.finding import FindingKind as FindingKind
-    from plenoptic.optics.glasses import GlassCatalogue as GlassCatalogue
-    from plenoptic.optics.glasses import glass as glass
-    from plenoptic.optics.glasses import glass_names as glass_names
-    from plenoptic.optics.glasses import load_glasses as load_glasses
-    from plenoptic.optics.imperfections import MicrolensDeviations as MicrolensDeviations
-    from plenoptic.optics.imperfections import MicrolensImperfections as MicrolensImperfections
-    from plenoptic.optics.lattices import Lattice as Lattice
-    from plenoptic.optics.lens import LensStack as LensStack
-    from plenoptic.optics.lenslets import Lenslets as Lenslets
-    from plenoptic.optics.media import AIR as AIR
-    from plenoptic.optics.media import VACUUM as VACUUM
-    from plenoptic.optics.media import ConstantMedium as ConstantMedium
-    from plenoptic.optics.media import Medium as Medium
-    from plenoptic.optics.media import ModelGlass as ModelGlass
-    from plenoptic.optics.media import Schott as Schott
-    from plenoptic.optics.media import Sellmeier as Sellmeier
-    from plenoptic.optics.media import abbe_number as abbe_number
-    from plenoptic.optics.microlenses import ConvexSide as ConvexSide
-    from plenoptic.optics.microlenses import MicrolensArray as MicrolensArray
-    from plenoptic.optics.microlenses import MicrolensModel as MicrolensModel
-    from plenoptic.optics.models import LensModel as LensModel
-    from plenoptic.optics.no_lens import no_lens as no_lens
-    from plenoptic.optics.paraxial import CardinalPoints as CardinalPoints
-    from plenoptic.optics.placement import Placement as Placement
-    from plenoptic.optics.prescriptions import lens_names as lens_names
-    from plenoptic.optics.prescriptions import load_lens as load_lens
-    from plenoptic.optics.prescriptions import save_lens as save_lens
-    from plenoptic.optics.sensor import Sensor as Sensor
-    from plenoptic.optics.stop_shapes import MaskStop as MaskStop
-    from plenoptic.optics.stop_shapes import StarStop as StarStop
-    from plenoptic.optics.stops import CircularStop as CircularStop
-    from plenoptic.optics.stops import PolygonStop as PolygonStop
-    from plenoptic.optics.surface import Surface as Surface
-    from plenoptic.planning.plan import plan as plan
-    from plenoptic.planning.stages import Decision as Decision
-    from plenoptic.planning.stages import Plan as Plan
-    from plenoptic.planning.stages import Stage as Stage
+    from plenoptic.optics.glass.air import Absolute as Absolute
+    from plenoptic.optics.glass.air import Air as Air
+    from plenoptic.optics.glass.air import AirFormula as AirFormula
+    from plenoptic.optics.glass.catalogue import GlassCatalogue as GlassCatalogue
+    from plenoptic.optics.glass.catalogue import glass as glass
+    from plenoptic.optics.glass.catalogue import glass_names as glass_names
+    from plenoptic.optics.glass.catalogue import load_glasses as load_glasses
+    from plenoptic.optics.glass.dispersion import DispersionFormula as DispersionFormula
+    from plenoptic.optics.glass.dispersion import Formula as Formula
+    from plenoptic.optics.glass.media import AIR as AIR
+    from plenoptic.optics.glass.media import VACUUM as VACUUM
+    from plenoptic.optics.glass.media import ConstantMedium as ConstantMedium
+    from plenoptic.optics.glass.media import Medium as Medium
+    from plenoptic.optics.glass.media import ModelGlass as ModelGlass
+    from plenoptic.optics.glass.media import Schott as Schott
+    from plenoptic.optics.glass.media import Sellmeier as Sellmeier
+    from plenoptic.optics.glass.media import abbe_number as abbe_number
+    from plenoptic.optics.lens.analysis import aberrations as aberrations
+    from plenoptic.optics.lens.analysis.conditioning import Condition as Condition
+    from plenoptic.optics.lens.analysis.conditioning import Conditioning as Conditioning
+    from plenoptic.optics.lens.analysis.conditioning import conditioning as conditioning
+    from plenoptic.optics.lens.analysis.focus import FocusCriterion as FocusCriterion
+    from plenoptic.optics.lens.checks.finding import Finding as Finding
+    from plenoptic.optics.lens.checks.finding import FindingKind as FindingKind
+    from plenoptic.optics.lens.files.library import lens_names as lens_names
+    from plenoptic.optics.lens.files.library import load_lens as load_lens
+    from plenoptic.optics.lens.files.library import save_lens as save_lens
+    from plenoptic.optics.lens.gaussian import paraxial as paraxial
+    from plenoptic.optics.lens.gaussian.paraxial import CardinalPoints as CardinalPoints
+    from plenoptic.optics.lens.models import LensModel as LensModel
+    from plenoptic.optics.lens.no_lens import no_lens as no_lens
+    from plenoptic.optics.lens.placement import Placement as Placement
+    from plenoptic.optics.lens.pupil import ray_aiming as aiming  # noqa: F401
+    from plenoptic.optics.lens.stack import LensStack as LensStack
+    from plenoptic.optics.microlens.aperture import ApertureShape as ApertureShape
+    from plenoptic.optics.microlens.aperture import Gaps as Gaps
+    from plenoptic.optics.microlens.aperture import MicrolensAperture as MicrolensAperture
+    from plenoptic.optics.microlens.aperture import Opening as Opening
+    from plenoptic.optics.microlens.aperture import Walls as Walls
+    from plenoptic.optics.microlens.array import ConvexSide as ConvexSide
+    from plenoptic.optics.microlens.array import MicrolensArray as MicrolensArray
+    from plenoptic.optics.microlens.array import MicrolensModel as MicrolensModel
+    from plenoptic.optics.microlens.dust import Blemishes as Blemishes
+    from plenoptic.optics.microlens.dust import BlemishSite as BlemishSite
+    from plenoptic.optics.microlens.imperfections import MicrolensDeviations as MicrolensDeviations
+    from plenoptic.optics.microlens.imperfections import MicrolensImperfections as MicrolensImperfections
+    from plenoptic.optics.microlens.lattice import Lattice as Lattice
+    from plenoptic.optics.microlens.listed import Lenslets as Lenslets
+    from plenoptic.optics.sensor.angular_response import AngularResponse as AngularResponse
+    from plenoptic.optics.sensor.color_filter import BayerPattern as BayerPattern
+    from plenoptic.optics.sensor.demosaic import DemosaicMethod as DemosaicMethod
+    from plenoptic.optics.sensor.model import SensorModel as SensorModel
+    from plenoptic.optics.sensor.model import ShotNoise as ShotNoise
+    from plenoptic.optics.sensor.radiometry import dark_current_at as dark_current_at
+    from plenoptic.optics.sensor.radiometry import photon_rate as photon_rate
+    from plenoptic.optics.sensor.sensor import Sensor as Sensor
+    from plenoptic.optics.stops.shapes import MaskStop as MaskStop
+    from plenoptic.optics.stops.shapes import StarStop as StarStop
+    from plenoptic.optics.stops.stops import CircularStop as CircularStop
+    from plenoptic.optics.stops.stops import PolygonStop as PolygonStop
+    from plenoptic.optics.surfaces.surface import Surface as Surface
     from plenoptic.plots.camera import plot_camera as plot_camera
     from plenoptic.plots.contrast import plot_mtf as plot_mtf
     from plenoptic.plots.contrast import plot_point_spread as plot_point_spread
@@ -122,128 +126,124 @@ if TYPE_CHECKING:
     from plenoptic.plots.lens import plot_lens as plot_lens
     from plenoptic.plots.lens import plot_stop as plot_stop
     from plenoptic.plots.lightfield import plot_views as plot_views
+    from plenoptic.plots.photon_transfer import plot_photon_transfer as plot_photon_transfer
     from plenoptic.plots.seidel import plot_chromatic_shift as plot_chromatic_shift
     from plenoptic.plots.seidel import plot_seidel as plot_seidel
-    from plenoptic.plots.sensing import plot_photon_transfer as plot_photon_transfer
     from plenoptic.plots.spectra import plot_sensitivity as plot_sensitivity
     from plenoptic.plots.spots import plot_ray_fan as plot_ray_fan
     from plenoptic.plots.spots import plot_spots as plot_spots
     from plenoptic.plots.spots import plot_through_focus as plot_through_focus
-    from plenoptic.rays import RayBundle as RayBundle
-    from plenoptic.rays import RayStatus as RayStatus
-    from plenoptic.render_settings import Caustics as Caustics
-    from plenoptic.render_settings import RenderSettings as RenderSettings
-    from plenoptic.render_settings import Sampler as Sampler
-    from plenoptic.render_stats import RenderStats as RenderStats
-    from plenoptic.render_stats import StopReason as StopReason
+    from plenoptic.readout.photon_transfer import PhotonTransfer as PhotonTransfer
+    from plenoptic.readout.photon_transfer import photon_transfer as photon_transfer
+    from plenoptic.readout.raw import RawImage as RawImage
+    from plenoptic.rendering.exposure import Exposure as Exposure
+    from plenoptic.rendering.film import Film as Film
+    from plenoptic.rendering.plan.plan import plan as plan
+    from plenoptic.rendering.plan.stages import Decision as Decision
+    from plenoptic.rendering.plan.stages import Plan as Plan
+    from plenoptic.rendering.plan.stages import Stage as Stage
     from plenoptic.rendering.render import render as render
     from plenoptic.rendering.render import render_white as render_white
-    from plenoptic.rendering.truth import ground_truth as ground_truth
+    from plenoptic.rendering.settings import Caustics as Caustics
+    from plenoptic.rendering.settings import RenderSettings as RenderSettings
+    from plenoptic.rendering.settings import Sampler as Sampler
+    from plenoptic.rendering.stats import RenderStats as RenderStats
+    from plenoptic.rendering.stats import StopReason as StopReason
     from plenoptic.replaying.ending import PathEnding as PathEnding
     from plenoptic.replaying.replay import Replay as Replay
     from plenoptic.replaying.retracing import replay as replay
     from plenoptic.replaying.retracing import replay_all as replay_all
-    from plenoptic.scene import bsdf as bsdf
-    from plenoptic.scene import targets as targets
-    from plenoptic.scene.diffuse import Lambertian as Lambertian
-    from plenoptic.scene.diffuse import RoughDiffuse as RoughDiffuse
-    from plenoptic.scene.emissive import Emissive as Emissive
-    from plenoptic.scene.environment import ConstantBackground as ConstantBackground
-    from plenoptic.scene.environment import EnvironmentMap as EnvironmentMap
-    from plenoptic.scene.glass import Dielectric as Dielectric
-    from plenoptic.scene.glass import ThinGlass as ThinGlass
-    from plenoptic.scene.instance import Instances as Instances
-    from plenoptic.scene.loading import FileContents as FileContents
-    from plenoptic.scene.loading import load_file as load_file
-    from plenoptic.scene.loading import load_meshes as load_meshes
-    from plenoptic.scene.mesh import Mesh as Mesh
-    from plenoptic.scene.metal import Conductor as Conductor
-    from plenoptic.scene.metallic_roughness import MetallicRoughness as MetallicRoughness
-    from plenoptic.scene.point_light import PointLight as PointLight
-    from plenoptic.scene.procedural import box as box
-    from plenoptic.scene.procedural import check_scene as check_scene
-    from plenoptic.scene.procedural import checkerboard as checkerboard
-    from plenoptic.scene.procedural import objects_scene as objects_scene
-    from plenoptic.scene.procedural import quad as quad
-    from plenoptic.scene.procedural import sphere as sphere
-    from plenoptic.scene.procedural import turned as turned
-    from plenoptic.scene.procedural import white_plane as white_plane
-    from plenoptic.scene.quad_light import QuadLight as QuadLight
+    from plenoptic.scene.file_cameras import View as View
+    from plenoptic.scene.files.load import FileContents as FileContents
+    from plenoptic.scene.files.load import load_file as load_file
+    from plenoptic.scene.files.load import load_meshes as load_meshes
+    from plenoptic.scene.geometry.instance import Instances as Instances
+    from plenoptic.scene.geometry.mesh import Mesh as Mesh
+    from plenoptic.scene.lights.environment import ConstantBackground as ConstantBackground
+    from plenoptic.scene.lights.environment import EnvironmentMap as EnvironmentMap
+    from plenoptic.scene.lights.point import PointLight as PointLight
+    from plenoptic.scene.lights.quad import QuadLight as QuadLight
+    from plenoptic.scene.lights.sphere import SphereLight as SphereLight
+    from plenoptic.scene.lights.spot import SpotLight as SpotLight
+    from plenoptic.scene.lights.sun import SunLight as SunLight
+    from plenoptic.scene.materials import bsdf as bsdf
+    from plenoptic.scene.materials.conductor import Conductor as Conductor
+    from plenoptic.scene.materials.dielectric import Dielectric as Dielectric
+    from plenoptic.scene.materials.dielectric import ThinGlass as ThinGlass
+    from plenoptic.scene.materials.diffuse import Lambertian as Lambertian
+    from plenoptic.scene.materials.diffuse import RoughDiffuse as RoughDiffuse
+    from plenoptic.scene.materials.emissive import Emissive as Emissive
+    from plenoptic.scene.materials.metallic_roughness import MetallicRoughness as MetallicRoughness
     from plenoptic.scene.scene import Scene as Scene
-    from plenoptic.scene.sphere_light import SphereLight as SphereLight
-    from plenoptic.scene.spot_light import SpotLight as SpotLight
-    from plenoptic.scene.still_life import still_life as still_life
-    from plenoptic.scene.sun_light import SunLight as SunLight
-    from plenoptic.scene.target import Target as Target
-    from plenoptic.scene.texture import Texture as Texture
-    from plenoptic.scene.texture import TextureFilter as TextureFilter
-    from plenoptic.scene.texture import Wrap as Wrap
-    from plenoptic.scene.view import View as View
-    from plenoptic.sensing.demosaicing import DemosaicMethod as DemosaicMethod
-    from plenoptic.sensing.filters import BayerPattern as BayerPattern
-    from plenoptic.sensing.model import SensorModel as SensorModel
-    from plenoptic.sensing.model import ShotNoise as ShotNoise
-    from plenoptic.sensing.radiometry import dark_current_at as dark_current_at
-    from plenoptic.sensing.radiometry import photon_rate as photon_rate
-    from plenoptic.sensing.raw import RawImage as RawImage
-    from plenoptic.sensing.transfer import PhotonTransfer as PhotonTransfer
-    from plenoptic.sensing.transfer import photon_transfer as photon_transfer
-    from plenoptic.spectra import Sensitivity as Sensitivity
-    from plenoptic.spectra import rgb_basis as rgb_basis
-    from plenoptic.spectra import rgb_to_spectrum as rgb_to_spectrum
-    from plenoptic.srgb import Encoding as Encoding
+    from plenoptic.scene.shapes.procedural import box as box
+    from plenoptic.scene.shapes.procedural import check_scene as check_scene
+    from plenoptic.scene.shapes.procedural import checkerboard as checkerboard
+    from plenoptic.scene.shapes.procedural import objects_scene as objects_scene
+    from plenoptic.scene.shapes.procedural import quad as quad
+    from plenoptic.scene.shapes.procedural import sphere as sphere
+    from plenoptic.scene.shapes.procedural import turned as turned
+    from plenoptic.scene.shapes.procedural import white_plane as white_plane
+    from plenoptic.scene.shapes.still_life import still_life as still_life
+    from plenoptic.scene.shapes.targets import targets as targets
+    from plenoptic.scene.shapes.targets.target import Target as Target
+    from plenoptic.scene.textures.texture import Texture as Texture
+    from plenoptic.scene.textures.texture import TextureFilter as TextureFilter
+    from plenoptic.scene.textures.texture import Wrap as Wrap
+    from plenoptic.truth.compute import ground_truth as ground_truth
+    from plenoptic.truth.ground_truth import GroundTruth as GroundTruth
+    from plenoptic.truth.ground_truth import Truth as Truth
 else:
     import importlib
 
     _MODULES = {
-        "targets": "plenoptic.scene.targets",
-        "bsdf": "plenoptic.scene.bsdf",
-        "sensitivities": "plenoptic.sensitivities",
+        "targets": "plenoptic.scene.shapes.targets.targets",
+        "bsdf": "plenoptic.scene.materials.bsdf",
+        "sensitivities": "plenoptic.core.color.sensitivities",
         "lightfield": "plenoptic.lightfield",
-        "aberrations": "plenoptic.optics.aberrations",
-        "aiming": "plenoptic.optics.analysis.aiming",
-        "images": "plenoptic.images",
-        "paraxial": "plenoptic.optics.paraxial",
-        "sampling": "plenoptic.sampling",
+        "aberrations": "plenoptic.optics.lens.analysis.aberrations",
+        "aiming": "plenoptic.optics.lens.pupil.ray_aiming",
+        "images": "plenoptic.core.files.images",
+        "paraxial": "plenoptic.optics.lens.gaussian.paraxial",
+        "sampling": "plenoptic.core.sampling",
         "study": "plenoptic.study",
     }
     _NAMES = {
         "plenoptic.plots.error_time": ("plot_error_against_time", "plot_error_studies"),
-        "plenoptic.optics.conditioning": ("Condition", "Conditioning", "conditioning"),
+        "plenoptic.optics.lens.analysis.conditioning": ("Condition", "Conditioning", "conditioning"),
         "plenoptic.replaying.ending": ("PathEnding",),
         "plenoptic.replaying.replay": ("Replay",),
         "plenoptic.replaying.retracing": ("replay", "replay_all"),
-        "plenoptic.lit": ("lit_pixels",),
-        "plenoptic.render_settings": ("Caustics", "RenderSettings", "Sampler"),
-        "plenoptic.scene.view": ("View",),
-        "plenoptic.scene.still_life": ("still_life",),
-        "plenoptic.scene.target": ("Target",),
-        "plenoptic.srgb": ("Encoding",),
-        "plenoptic.scene.sphere_light": ("SphereLight",),
-        "plenoptic.scene.sun_light": ("SunLight",),
-        "plenoptic.scene.spot_light": ("SpotLight",),
-        "plenoptic.scene.point_light": ("PointLight",),
-        "plenoptic.scene.quad_light": ("QuadLight",),
-        "plenoptic.scene.instance": ("Instances",),
-        "plenoptic.scene.metallic_roughness": ("MetallicRoughness",),
-        "plenoptic.scene.glass": ("Dielectric", "ThinGlass"),
-        "plenoptic.scene.metal": ("Conductor",),
-        "plenoptic.scene.emissive": ("Emissive",),
-        "plenoptic.scene.diffuse": ("Lambertian", "RoughDiffuse"),
-        "plenoptic.render_stats": ("RenderStats", "StopReason"),
-        "plenoptic.optics.no_lens": ("no_lens",),
-        "plenoptic.optics.stop_shapes": ("MaskStop", "StarStop"),
+        "plenoptic.core.relative_error": ("lit_pixels",),
+        "plenoptic.rendering.settings": ("Caustics", "RenderSettings", "Sampler"),
+        "plenoptic.scene.file_cameras": ("View",),
+        "plenoptic.scene.shapes.still_life": ("still_life",),
+        "plenoptic.scene.shapes.targets.target": ("Target",),
+        "plenoptic.core.color.srgb": ("Encoding",),
+        "plenoptic.scene.lights.sphere": ("SphereLight",),
+        "plenoptic.scene.lights.sun": ("SunLight",),
+        "plenoptic.scene.lights.spot": ("SpotLight",),
+        "plenoptic.scene.lights.point": ("PointLight",),
+        "plenoptic.scene.lights.quad": ("QuadLight",),
+        "plenoptic.scene.geometry.instance": ("Instances",),
+        "plenoptic.scene.materials.metallic_roughness": ("MetallicRoughness",),
+        "plenoptic.scene.materials.dielectric": ("Dielectric", "ThinGlass"),
+        "plenoptic.scene.materials.conductor": ("Conductor",),
+        "plenoptic.scene.materials.emissive": ("Emissive",),
+        "plenoptic.scene.materials.diffuse": ("Lambertian", "RoughDiffuse"),
+        "plenoptic.rendering.stats": ("RenderStats", "StopReason"),
+        "plenoptic.optics.lens.no_lens": ("no_lens",),
+        "plenoptic.optics.stops.shapes": ("MaskStop", "StarStop"),
         "plenoptic.camera.as_built": ("AsBuilt", "BuiltValue", "as_built"),
-        "plenoptic.camera.projection": ("Projection", "project"),
-        "plenoptic.rendering.truth": ("ground_truth",),
-        "plenoptic.camera.truth": ("GroundTruth", "Truth"),
+        "plenoptic.camera.points.projection": ("Projection", "project"),
+        "plenoptic.truth.compute": ("ground_truth",),
+        "plenoptic.truth.ground_truth": ("GroundTruth", "Truth"),
         "plenoptic.plots.spectra": ("plot_sensitivity",),
-        "plenoptic.camera.report_focus": ("CameraKind", "MicrolensFocus"),
-        "plenoptic.camera.report_findings": ("CameraFinding", "CameraFindingKind"),
-        "plenoptic.camera.design_search": ("CameraDesign", "DesignStep"),
+        "plenoptic.camera.report.focus": ("CameraKind", "MicrolensFocus"),
+        "plenoptic.camera.report.findings": ("CameraFinding", "CameraFindingKind"),
+        "plenoptic.camera.design.search": ("CameraDesign", "DesignStep"),
         "plenoptic.plots.camera": ("plot_camera",),
-        "plenoptic.camera.design": ("design_camera",),
-        "plenoptic.camera.report": (
+        "plenoptic.camera.design.design": ("design_camera",),
+        "plenoptic.camera.report.report": (
             "CameraFinding",
             "CameraFindingKind",
             "CameraKind",
@@ -251,37 +251,37 @@ else:
             "MicrolensFocus",
             "camera_report",
         ),
-        "plenoptic.spectra": ("Sensitivity", "rgb_basis", "rgb_to_spectrum"),
+        "plenoptic.core.color.spectra": ("Sensitivity", "rgb_basis", "rgb_to_spectrum"),
         "plenoptic.plots.lightfield": ("plot_views",),
-        "plenoptic.camera.centres": ("CentreMethod", "MicrolensCentres", "microlens_centres"),
-        "plenoptic.plots.sensing": ("plot_photon_transfer",),
-        "plenoptic.sensing.transfer": ("PhotonTransfer", "photon_transfer"),
-        "plenoptic.sensing.demosaicing": ("DemosaicMethod",),
-        "plenoptic.sensing.raw": ("RawImage",),
-        "plenoptic.sensing.radiometry": ("dark_current_at", "photon_rate"),
-        "plenoptic.sensing.filters": ("BayerPattern",),
-        "plenoptic.sensing.model": ("SensorModel", "ShotNoise"),
-        "plenoptic.optics.blemishes": ("BlemishSite", "Blemishes"),
-        "plenoptic.planning.stages": ("Decision", "Plan", "Stage"),
-        "plenoptic.optics.angular": ("AngularResponse",),
-        "plenoptic.optics.lenslets": ("Lenslets",),
-        "plenoptic.optics.imperfections": ("MicrolensDeviations", "MicrolensImperfections"),
-        "plenoptic.optics.apertures": ("ApertureShape", "Gaps", "MicrolensAperture", "Opening", "Walls"),
-        "plenoptic.optics.lattices": ("Lattice",),
+        "plenoptic.camera.points.centres": ("CentreMethod", "MicrolensCentres", "microlens_centres"),
+        "plenoptic.plots.photon_transfer": ("plot_photon_transfer",),
+        "plenoptic.readout.photon_transfer": ("PhotonTransfer", "photon_transfer"),
+        "plenoptic.optics.sensor.demosaic": ("DemosaicMethod",),
+        "plenoptic.readout.raw": ("RawImage",),
+        "plenoptic.optics.sensor.radiometry": ("dark_current_at", "photon_rate"),
+        "plenoptic.optics.sensor.color_filter": ("BayerPattern",),
+        "plenoptic.optics.sensor.model": ("SensorModel", "ShotNoise"),
+        "plenoptic.optics.microlens.dust": ("BlemishSite", "Blemishes"),
+        "plenoptic.rendering.plan.stages": ("Decision", "Plan", "Stage"),
+        "plenoptic.optics.sensor.angular_response": ("AngularResponse",),
+        "plenoptic.optics.microlens.listed": ("Lenslets",),
+        "plenoptic.optics.microlens.imperfections": ("MicrolensDeviations", "MicrolensImperfections"),
+        "plenoptic.optics.microlens.aperture": ("ApertureShape", "Gaps", "MicrolensAperture", "Opening", "Walls"),
+        "plenoptic.optics.microlens.lattice": ("Lattice",),
         "plenoptic.camera.camera": ("CameraPart", "PlenopticCamera"),
-        "plenoptic.camera.forward": ("landing_points", "point_spread"),
+        "plenoptic.camera.psf.point_spread": ("landing_points", "point_spread"),
         "plenoptic.camera.pose": ("Pose",),
-        "plenoptic.camera.spread": ("CameraSpread", "LandingPoints"),
+        "plenoptic.camera.psf.spread": ("CameraSpread", "LandingPoints"),
         "plenoptic.errors": ("FileError", "InvalidValueError", "PlenopticError", "PrescriptionError", "SceneError"),
-        "plenoptic.exposure": ("Exposure",),
-        "plenoptic.film": ("Film",),
-        "plenoptic.optics.air": ("Absolute", "Air", "AirFormula"),
-        "plenoptic.optics.dispersion": ("DispersionFormula", "Formula"),
-        "plenoptic.optics.finding": ("Finding", "FindingKind"),
-        "plenoptic.optics.analysis.focusing": ("FocusCriterion",),
-        "plenoptic.optics.glasses": ("GlassCatalogue", "glass", "glass_names", "load_glasses"),
-        "plenoptic.optics.lens": ("LensStack",),
-        "plenoptic.optics.media": (
+        "plenoptic.rendering.exposure": ("Exposure",),
+        "plenoptic.rendering.film": ("Film",),
+        "plenoptic.optics.glass.air": ("Absolute", "Air", "AirFormula"),
+        "plenoptic.optics.glass.dispersion": ("DispersionFormula", "Formula"),
+        "plenoptic.optics.lens.checks.finding": ("Finding", "FindingKind"),
+        "plenoptic.optics.lens.analysis.focus": ("FocusCriterion",),
+        "plenoptic.optics.glass.catalogue": ("GlassCatalogue", "glass", "glass_names", "load_glasses"),
+        "plenoptic.optics.lens.stack": ("LensStack",),
+        "plenoptic.optics.glass.media": (
             "AIR",
             "VACUUM",
             "ConstantMedium",
@@ -291,15 +291,15 @@ else:
             "Sellmeier",
             "abbe_number",
         ),
-        "plenoptic.optics.microlenses": ("ConvexSide", "MicrolensArray", "MicrolensModel"),
-        "plenoptic.optics.models": ("LensModel",),
-        "plenoptic.optics.paraxial": ("CardinalPoints",),
-        "plenoptic.optics.placement": ("Placement",),
-        "plenoptic.optics.prescriptions": ("lens_names", "load_lens", "save_lens"),
-        "plenoptic.optics.sensor": ("Sensor",),
-        "plenoptic.optics.stops": ("CircularStop", "PolygonStop"),
-        "plenoptic.optics.surface": ("Surface",),
-        "plenoptic.planning.plan": ("plan",),
+        "plenoptic.optics.microlens.array": ("ConvexSide", "MicrolensArray", "MicrolensModel"),
+        "plenoptic.optics.lens.models": ("LensModel",),
+        "plenoptic.optics.lens.gaussian.paraxial": ("CardinalPoints",),
+        "plenoptic.optics.lens.placement": ("Placement",),
+        "plenoptic.optics.lens.files.library": ("lens_names", "load_lens", "save_lens"),
+        "plenoptic.optics.sensor.sensor": ("Sensor",),
+        "plenoptic.optics.stops.stops": ("CircularStop", "PolygonStop"),
+        "plenoptic.optics.surfaces.surface": ("Surface",),
+        "plenoptic.rendering.plan.plan": ("plan",),
         "plenoptic.plots.exposure": ("plot_exposure",),
         "plenoptic.plots.fields": (
             "plot_coma",
@@ -314,12 +314,12 @@ else:
         "plenoptic.plots.seidel": ("plot_chromatic_shift", "plot_seidel"),
         "plenoptic.plots.contrast": ("plot_mtf", "plot_point_spread"),
         "plenoptic.plots.spots": ("plot_ray_fan", "plot_spots", "plot_through_focus"),
-        "plenoptic.rays": ("RayBundle", "RayStatus"),
+        "plenoptic.core.rays": ("RayBundle", "RayStatus"),
         "plenoptic.rendering.render": ("render", "render_white"),
-        "plenoptic.scene.environment": ("ConstantBackground", "EnvironmentMap"),
-        "plenoptic.scene.loading": ("FileContents", "load_file", "load_meshes"),
-        "plenoptic.scene.mesh": ("Mesh",),
-        "plenoptic.scene.procedural": (
+        "plenoptic.scene.lights.environment": ("ConstantBackground", "EnvironmentMap"),
+        "plenoptic.scene.files.load": ("FileContents", "load_file", "load_meshes"),
+        "plenoptic.scene.geometry.mesh": ("Mesh",),
+        "plenoptic.scene.shapes.procedural": (
             "box",
             "check_scene",
             "checkerboard",
@@ -330,7 +330,7 @@ else:
             "white_plane",
         ),
         "plenoptic.scene.scene": ("Scene",),
-        "plenoptic.scene.texture": ("Texture", "TextureFilter", "Wrap"),
+        "plenoptic.scene.textures.texture": ("Texture", "TextureFilter", "Wrap"),
     }
     _HOMES = {name: module for module, names in _NAMES.items() for name in names}
 

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic._jit import device
+from plenoptic.core.jit import device
 
 TOLERANCE = 0.02
 """Of the number of instructions: registers that are assigned otherwise cost a few moves."""
@@ -182,8 +182,16 @@ COLOUR = {"waves": NUMBERS, "basis": ROWS}
 SKY = {"environment_texels": CUBE, "environment_densities": ROWS, "environment_rotation": "f8[::1]"}
 METAL, GLASS = {"metal_index": CUBE}, {"glass_index": ROWS}
 
-SAMPLE, TRACE, LATTICE = "plenoptic.camera._sample", "plenoptic.optics._trace", "plenoptic.optics._lattice"
-SHADE, SURFACES, LIGHTS = "plenoptic.scene._shade", "plenoptic.scene._surfaces", "plenoptic.scene._lights"
+SAMPLE, TRACE, LATTICE = (
+    "plenoptic.camera.sampling.kernels.paths",
+    "plenoptic.optics.lens.kernels.trace",
+    "plenoptic.optics.microlens.kernels.to_lens",
+)
+SHADE, SURFACES, LIGHTS = (
+    "plenoptic.rendering.integrator.kernels.shade",
+    "plenoptic.scene.geometry.kernels.interaction",
+    "plenoptic.scene.lights.kernels.sample_emitters",
+)
 
 FEATURES = [
     Feature(SAMPLE, "fill_camera_samples", _column("skew")),
@@ -351,15 +359,15 @@ look(pl.render(pl.Scene([floor], [lamp]), camera, samples=8, max_bounces=2, trut
 """
 
 OF_THE_CAMERA = {
-    *("_sobol.fill_net", "_regions.fill_cell_regions", "_lattice.fill_thin", "_trace.fill_traced"),
-    *("_sample.fill_camera_samples", "_sample.fill_sums", "_sample.fill_status_counts"),
+    *("sobol.fill_net", "pixel_regions.fill_cell_regions", "to_lens.fill_thin", "trace.fill_traced"),
+    *("paths.fill_camera_samples", "paths.fill_sums", "paths.fill_status_counts"),
 }
 OF_THE_SCENE = {
-    *("_sample.fill_world_rays", "_sample.fill_path_keys", "_sobol.fill_drawn", "_embree._fill_closest"),
-    *("_surfaces.fill_surfaces", "_colours.fill_base", "_lights.fill_drawn_lights"),
-    *("_shade.fill_emitted", "_shade.fill_lit", "_shade.fill_onward"),
+    *("paths.fill_world_rays", "paths.fill_path_keys", "sobol.fill_drawn", "_embree._fill_closest"),
+    *("interaction.fill_surfaces", "colors.fill_base", "sample_emitters.fill_drawn_lights"),
+    *("shade.fill_emitted", "shade.fill_lit", "shade.fill_onward"),
 }
-AS_NEEDED = {"_embree._fill_blocked", "_shade.fill_direct"}
+AS_NEEDED = {"_embree._fill_blocked", "shade.fill_direct"}
 """Called where the few paths of the test find a lamp that shines on what they meet."""
 
 

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import plenoptic
-from plenoptic._description import describe, restore
-from plenoptic._values import frozen_array, set_field, value
+from plenoptic.core.files.serialization import describe, restore
+from plenoptic.core.values import frozen_array, set_field, value
 from plenoptic.errors import FileError, InvalidValueError
 
 

@@ -8,9 +8,9 @@ import pytest
 from PIL import Image
 
 import plenoptic as pl
-from plenoptic import images
-from plenoptic.camera.truth import NO_MICROLENS, GroundTruth
+from plenoptic.core.files import images
 from plenoptic.errors import FileError, InvalidValueError
+from plenoptic.truth.ground_truth import NO_MICROLENS, GroundTruth
 
 STATS = {
     "seconds": 1.5,

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from plenoptic import images
+from plenoptic.core.color.srgb import Encoding
+from plenoptic.core.files import images
 from plenoptic.errors import FileError, InvalidValueError
-from plenoptic.srgb import Encoding
 
 # One step of 16 bits, halved: what rounding to the nearest may cost. float32 adds its own eps.
 HALF_STEP = 0.5 / 65535 + np.finfo(np.float32).eps

@@ -7,7 +7,7 @@ import sys
 import pytest
 
 KERNEL = """
-from plenoptic._jit import device, kernel
+from plenoptic.core.jit import device, kernel
 
 @device
 def twice(x):
@@ -21,7 +21,7 @@ def fill_twice(x, out):
 USE = """
 import numpy as np
 from one_kernel import fill_twice
-from plenoptic._jit import cache_folder
+from plenoptic.core.jit import cache_folder
 out = np.empty(3)
 fill_twice(np.arange(3.0), out)
 assert out.tolist() == [0.0, 2.0, 4.0], out
@@ -97,7 +97,7 @@ def test_two_processes_never_write_the_same_file(run, tmp_path):
 
 
 def test_kernels_release_the_gil_divide_as_ieee_and_contract():
-    from plenoptic._jit import kernel
+    from plenoptic.core.jit import kernel
 
     @kernel
     def ratio(x, y):

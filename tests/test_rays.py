@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import plenoptic as pl
-from plenoptic.rays import UNIT_TOLERANCE
+from plenoptic.core.rays import UNIT_TOLERANCE
 
 EPS = np.finfo(float).eps
 

@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import plenoptic as pl
-from plenoptic._sobol import _direction_numbers
-from plenoptic.sampling import sobol_points
+from plenoptic.core.kernels.sobol import _direction_numbers
+from plenoptic.core.sampling import sobol_points
 
 KEYS = {"seed": st.integers(0, 2**40), "pixel": st.integers(0, 2**25), "replicate": st.integers(0, 64)}
 

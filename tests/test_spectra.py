@@ -10,11 +10,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import plenoptic
-from plenoptic import _rgb_basis, sensitivities
-from plenoptic._description import describe, restore
+from plenoptic.core.color import rgb_basis as basis_table
+from plenoptic.core.color import sensitivities
+from plenoptic.core.color.spectra import Sensitivity, colour_tables, rgb_basis, rgb_to_spectrum
+from plenoptic.core.files.serialization import describe, restore
 from plenoptic.errors import InvalidValueError
 from plenoptic.plots.spectra import plot_sensitivity
-from plenoptic.spectra import Sensitivity, colour_tables, rgb_basis, rgb_to_spectrum
 
 matplotlib.use("Agg")
 
@@ -39,7 +40,7 @@ def product_integral(sensitivity, spectra, nodes):
 
 
 def exact(sensitivity, spectra=rgb_basis):
-    return product_integral(sensitivity, spectra, np.union1d(sensitivity.wavelengths, _rgb_basis.WAVELENGTHS))
+    return product_integral(sensitivity, spectra, np.union1d(sensitivity.wavelengths, basis_table.WAVELENGTHS))
 
 
 def probability(tables):
@@ -138,7 +139,7 @@ def test_the_basis_is_a_partition_of_unity_within_bounds():
     assert basis.max() <= 1.0
     # Three interpolations and their sum, each rounded to 1/2 eps of at most 1.
     assert np.abs(basis.sum(axis=1) - 1.0).max() <= 3 * EPS
-    assert (_rgb_basis.PARTS.sum(axis=1) == 1e6).all()
+    assert (basis_table.PARTS.sum(axis=1) == 1e6).all()
 
 
 def test_the_basis_is_constant_beyond_the_table():
@@ -148,7 +149,7 @@ def test_the_basis_is_constant_beyond_the_table():
 
 def test_the_basis_is_smooth():
     # From 0 to 1 in no less than 40 nm, with the slope changing by less than a third of its largest in a step.
-    slope = np.diff(rgb_basis(_rgb_basis.WAVELENGTHS), axis=0) / 5.0
+    slope = np.diff(rgb_basis(basis_table.WAVELENGTHS), axis=0) / 5.0
     assert np.abs(slope).max() < 1 / 40
     assert np.abs(np.diff(slope, axis=0)).max() < 1 / 3 / 40
 
@@ -216,8 +217,8 @@ def test_colours_keep_their_chromaticity():
 
 
 def solved():
-    """The problem in `_rgb_basis` by the active-set method: its solution (71, 3), what measures it, multipliers."""
-    nodes = _rgb_basis.WAVELENGTHS
+    """The problem in `rgb_basis` by the active-set method: its solution (71, 3), what measures it, multipliers."""
+    nodes = basis_table.WAVELENGTHS
     n = len(nodes)
     fine = np.arange(380.0, 781.0)
     hats = np.stack([np.interp(fine, nodes, e) for e in np.eye(n)], axis=-1)
@@ -249,8 +250,8 @@ def test_the_table_is_the_smoothest_that_measures_right():
     assert np.abs(pull[~zero]).max() < 1e-12
     assert pull[zero].min() > -1e-12
     # Then the table, in whole millionths; the largest remainders are rounded up, so each is off by less than one.
-    assert np.abs(_rgb_basis.PARTS - 1e6 * x).max() < 1.0
-    assert (np.round(_rgb_basis.PARTS) == _rgb_basis.PARTS).all()
+    assert np.abs(basis_table.PARTS - 1e6 * x).max() < 1.0
+    assert (np.round(basis_table.PARTS) == basis_table.PARTS).all()
 
 
 # Tables to draw from

@@ -6,7 +6,7 @@ import pickle
 import numpy as np
 import pytest
 
-from plenoptic._values import (
+from plenoptic.core.values import (
     choice,
     finite,
     frozen_array,

@@ -7,10 +7,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic._values import value
 from plenoptic.camera.assembly import assembly, sensor_corners
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.optics.placement import Placement
+from plenoptic.core.values import value
+from plenoptic.optics.lens.placement import Placement
 
 
 @value

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.optics.placement import Placement
+from plenoptic.optics.lens.placement import Placement
 
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera

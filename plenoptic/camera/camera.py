@@ -9,21 +9,21 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic._values import choice, finite, set_field, value, wavelength_in_nm
 from plenoptic.camera.assembly import assembly, sensor_corners
 from plenoptic.camera.pose import Pose
+from plenoptic.core.color.spectra import Sensitivity
+from plenoptic.core.values import choice, finite, set_field, value, wavelength_in_nm
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.analysis.focusing import FocusCriterion
-from plenoptic.optics.blemishes import Blemishes, BlemishSite
-from plenoptic.optics.lens import LensStack
-from plenoptic.optics.microlenses import ConvexSide, MicrolensArray
-from plenoptic.optics.placement import Placement, kept_placement, rotation_about_axes
-from plenoptic.optics.sensor import Sensor
-from plenoptic.spectra import Sensitivity
+from plenoptic.optics.lens.analysis.focus import FocusCriterion
+from plenoptic.optics.lens.placement import Placement, kept_placement, rotation_about_axes
+from plenoptic.optics.lens.stack import LensStack
+from plenoptic.optics.microlens.array import ConvexSide, MicrolensArray
+from plenoptic.optics.microlens.dust import Blemishes, BlemishSite
+from plenoptic.optics.sensor.sensor import Sensor
 
 if TYPE_CHECKING:
-    from plenoptic.camera.projection import Projection
-    from plenoptic.camera.report import CameraReport
+    from plenoptic.camera.points.projection import Projection
+    from plenoptic.camera.report.report import CameraReport
     from plenoptic.scene.scene import Scene
 
 
@@ -305,7 +305,7 @@ class PlenopticCamera:
         --------
         See `project`.
         """
-        from plenoptic.camera.projection import project
+        from plenoptic.camera.points.projection import project
 
         return project(self, points, scene=scene)
 
@@ -327,7 +327,7 @@ class PlenopticCamera:
         >>> camera.report().kind.name
         'GALILEAN'
         """
-        from plenoptic.camera.report import camera_report
+        from plenoptic.camera.report.report import camera_report
 
         return camera_report(self)
 

@@ -7,11 +7,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic._values import whole
-from plenoptic.camera.regions import feeding_regions, pixel_centres
-from plenoptic.camera.tables import CameraTables, fill_before_array, fill_through_array, lanes_for
-from plenoptic.optics.conditioning import Conditioning, conditioning_of
-from plenoptic.optics.conditioning_rows import noted
+from plenoptic.camera.record import CameraTables, fill_before_array, fill_through_array, lanes_for
+from plenoptic.camera.sampling.pixel_regions import feeding_regions, pixel_centres
+from plenoptic.core.values import whole
+from plenoptic.optics.lens.analysis.conditioning import Conditioning, conditioning_of
+from plenoptic.optics.lens.analysis.conditioning_rows import noted
 
 _PER_PIXEL = 4
 """Paths of a pixel where there are pixels enough: more of these say more than more paths of each."""
@@ -46,7 +46,7 @@ def camera_conditioning(
     --------
     >>> import plenoptic as pl
     >>> from plenoptic.camera.conditioning import camera_conditioning
-    >>> from plenoptic.camera.tables import camera_tables
+    >>> from plenoptic.camera.record import camera_tables
     >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
     ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
     ...     sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.01),
@@ -81,9 +81,9 @@ def _paths(
     tables: CameraTables, number: NDArray[np.int64], wanted: int, seed: np.uint64
 ) -> tuple[NDArray[np.float64], NDArray[np.int64] | None, int]:
     """Rays on their way to the lens, in blocks, the numbers of their wavelengths, and how many they are."""
-    from plenoptic import _sobol
-    from plenoptic.camera import _sample
-    from plenoptic.optics._blocks import BLOCK, RAY
+    from plenoptic.camera.sampling.kernels import paths as sample_kernels
+    from plenoptic.core.kernels import sobol
+    from plenoptic.core.kernels.ray_blocks import BLOCK, RAY
 
     places = zip(*(at.tolist() for at in np.divmod(number, tables.columns)), strict=True)
     pixels = np.concatenate([pixel_centres(tables, (row, row + 1), (column, column + 1)) for row, column in places])
@@ -95,9 +95,9 @@ def _paths(
     n, number = lit.size * samples, number[lit]
     blocks = np.empty(-(-n // BLOCK) * RAY)
     lanes = lanes_for(tables, blocks.size // 8)
-    net = np.empty((_sobol.DIMENSIONS, samples), dtype=np.uint32)
-    _sobol.fill_net(net, 0)
-    _sample.fill_camera_samples(
+    net = np.empty((sobol.DIMENSIONS, samples), dtype=np.uint32)
+    sobol.fill_net(net, 0)
+    sample_kernels.fill_camera_samples(
         blocks,
         lanes,
         0,
@@ -121,5 +121,5 @@ def _paths(
     if colour is not None and tables.dispersed is not None:
         waves = np.empty(blocks.size // 8, dtype=np.int64)
         guide = np.zeros(1, dtype=np.int64)
-        _sample.fill_waves(waves, 0, n, samples, 1, 0, 0, seed, number, colour.cdf, guide)
+        sample_kernels.fill_waves(waves, 0, n, samples, 1, 0, 0, seed, number, colour.cdf, guide)
     return blocks, waves, n

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from plenoptic._values import number, whole
+from plenoptic.core.values import number, whole
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.analysis.focusing import FocusCriterion, best_focus, front_focus
+from plenoptic.optics.lens.analysis.focus import FocusCriterion, best_focus, front_focus
 
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.optics.models import LensModel
-from plenoptic.optics.paraxial import cardinal_points
+from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
+from plenoptic.optics.lens.models import LensModel
 
 
 def model_pupil(camera: PlenopticCamera) -> tuple[float, float]:

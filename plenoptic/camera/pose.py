@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic._values import frozen_array, set_field, value
+from plenoptic.core.values import frozen_array, set_field, value
 from plenoptic.errors import InvalidValueError
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic._values import value
+from plenoptic.core.values import value
 from plenoptic.errors import InvalidValueError
-from plenoptic.exposure import Exposure
+from plenoptic.rendering.exposure import Exposure
 
 Floats = NDArray[np.float64]
 

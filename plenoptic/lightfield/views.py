@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic._values import number, value
 from plenoptic.camera.model_pupil import model_pupil
+from plenoptic.core.values import number, value
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.models import LensModel
-from plenoptic.optics.paraxial import cardinal_points, image_position
+from plenoptic.optics.lens.gaussian.paraxial import cardinal_points, image_position
+from plenoptic.optics.lens.models import LensModel
 
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from plenoptic._values import wrong_kind
+from plenoptic.core.values import wrong_kind
 from plenoptic.plots import _pyplot
 from plenoptic.plots.lens import plot_lens
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from plenoptic.camera.camera import PlenopticCamera
-    from plenoptic.camera.report import CameraReport
+    from plenoptic.camera.report.report import CameraReport
 
 _ARRAY, _SENSOR, _LIGHT = "#2c8a3d", "#222222", "#c23b2c"
 _COLOURS = ("#1f5fbf", "#b07a00")
@@ -51,7 +51,7 @@ def plot_camera(camera: PlenopticCamera, report: CameraReport | None = None) -> 
     Examples
     --------
     >>> import plenoptic as pl
-    >>> from plenoptic.camera.report import camera_report
+    >>> from plenoptic.camera.report.report import camera_report
     >>> from plenoptic.plots.camera import plot_camera
     >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(5.0)),
     ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),

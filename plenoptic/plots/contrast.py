@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from plenoptic._values import wrong_kind
+from plenoptic.core.values import wrong_kind
 from plenoptic.plots import _pyplot
 from plenoptic.plots.spots import LIMIT, MICROMETRES, field_label
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from plenoptic.optics.analysis.mtf import Mtf, PointSpread
+    from plenoptic.optics.lens.analysis.mtf import Mtf, PointSpread
 
 
 def plot_point_spread(spread: PointSpread, ax: Axes | None = None) -> Axes:

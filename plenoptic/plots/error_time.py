@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from plenoptic._values import wrong_kind
+from plenoptic.core.values import wrong_kind
 from plenoptic.plots import _pyplot
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from plenoptic.study.error_table import ErrorTable
+    from plenoptic.study.error_time.table import ErrorTable
 
 _FRONT = "0.35"
 """Grey of the Pareto front."""

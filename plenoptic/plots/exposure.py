@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic._values import wrong_kind
-from plenoptic.images import linear_to_srgb
-from plenoptic.lit import lit_pixels
+from plenoptic.core.files.images import linear_to_srgb
+from plenoptic.core.relative_error import lit_pixels
+from plenoptic.core.values import wrong_kind
 from plenoptic.plots import _pyplot
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from plenoptic.exposure import Exposure
+    from plenoptic.rendering.exposure import Exposure
 
 CLIPPED_ABOVE = 99.8
 """Percentile at which brightness scales end: a few bright pixels must not darken all others."""

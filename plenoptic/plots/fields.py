@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic._values import wrong_kind
+from plenoptic.core.values import wrong_kind
 from plenoptic.plots import _pyplot
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from plenoptic.optics.analysis.depth import DepthDistortion
-    from plenoptic.optics.analysis.fields import Coma, Distortion, FieldCurvature
-    from plenoptic.optics.analysis.illumination import RelativeIllumination, Vignetting
+    from plenoptic.optics.lens.analysis.depth import DepthDistortion
+    from plenoptic.optics.lens.analysis.fields import Coma, Distortion, FieldCurvature
+    from plenoptic.optics.lens.analysis.illumination import RelativeIllumination, Vignetting
 
 _SAGITTAL, _TANGENTIAL, _OTHER = "#1f5fbf", "#c23b2c", "#888888"
 

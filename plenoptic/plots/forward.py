@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic._values import wrong_kind
+from plenoptic.core.values import wrong_kind
 from plenoptic.plots import _pyplot
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from plenoptic.camera.spread import CameraSpread
+    from plenoptic.camera.psf.spread import CameraSpread
 
 _MARGIN = 2
 """Dark pixels left around the light of a smaller point among several."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic._values import wrong_kind
+from plenoptic.core.values import wrong_kind
 from plenoptic.errors import InvalidValueError
 from plenoptic.plots import _pyplot
 from plenoptic.plots.lens import _EDGE, _GLASS, plot_lens
@@ -16,7 +16,7 @@ from plenoptic.plots.lens import _EDGE, _GLASS, plot_lens
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from plenoptic.optics.lens import LensStack
+    from plenoptic.optics.lens.stack import LensStack
 
 _IMAGE = "#222222"
 _COLOURS = ("#1f5fbf", "#2c8a3d", "#c23b2c", "#b07a00", "#7c4fa8", "#008b8b")

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic._values import wrong_kind
+from plenoptic.core.values import wrong_kind
 from plenoptic.plots import _pyplot
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from plenoptic.optics.lens import LensStack
-    from plenoptic.optics.stops import Stop
+    from plenoptic.optics.lens.stack import LensStack
+    from plenoptic.optics.stops.stops import Stop
 
 _GLASS = "#cfe3f3"
 _EDGE = "#31566f"

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from plenoptic._values import whole, wrong_kind
+from plenoptic.core.files.images import linear_to_srgb
+from plenoptic.core.values import whole, wrong_kind
 from plenoptic.errors import InvalidValueError
-from plenoptic.images import linear_to_srgb
 from plenoptic.plots import _pyplot
 
 if TYPE_CHECKING:

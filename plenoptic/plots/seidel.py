@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from plenoptic._values import wrong_kind
+from plenoptic.core.values import wrong_kind
 from plenoptic.plots import _pyplot
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from plenoptic.optics.analysis.seidel import ChromaticShift, SeidelSums
+    from plenoptic.optics.lens.analysis.seidel import ChromaticShift, SeidelSums
 
 _NAMES = ("spherical", "coma", "astigmatism", "Petzval", "distortion")
 _COLOURS = ("#31566f", "#c8553d", "#5b8e7d", "#8f8f8f", "#d9a441")

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from plenoptic._values import wrong_kind
+from plenoptic.core.values import wrong_kind
 from plenoptic.plots import _pyplot
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from plenoptic.spectra import Sensitivity
+    from plenoptic.core.color.spectra import Sensitivity
 
 _RULE = "#888888"
 

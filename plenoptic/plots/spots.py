@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic._values import wrong_kind
+from plenoptic.core.values import wrong_kind
 from plenoptic.errors import InvalidValueError
 from plenoptic.plots import _pyplot
 
@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from plenoptic.optics.analysis.focusing import ThroughFocus
-    from plenoptic.optics.analysis.spots import RayFan, SpotDiagram
+    from plenoptic.optics.lens.analysis.focus import ThroughFocus
+    from plenoptic.optics.lens.analysis.spots import RayFan, SpotDiagram
 
 MICROMETRES = 1e3
 _MOST_DOTS = 3000

@@ -5,15 +5,15 @@ from __future__ import annotations
 import os
 
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.camera.truth import Truth
+from plenoptic.camera.checks import check_scene_and_camera
 from plenoptic.errors import InvalidValueError
-from plenoptic.exposure import Exposure
-from plenoptic.planning.plan import check_scene_and_camera
-from plenoptic.render_settings import Caustics, RenderSettings, Sampler
-from plenoptic.rendering.budget import checked_budget
-from plenoptic.rendering.driving import Work, run
-from plenoptic.rendering.keeping import Keeper
+from plenoptic.rendering.exposure import Exposure
+from plenoptic.rendering.schedule.budget import checked_budget
+from plenoptic.rendering.schedule.keeping import Keeper
+from plenoptic.rendering.schedule.scheduler import Work, run
+from plenoptic.rendering.settings import Caustics, RenderSettings, Sampler
 from plenoptic.scene.scene import Scene
+from plenoptic.truth.ground_truth import Truth
 
 
 def render(

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from itertools import pairwise
 
-from plenoptic._values import whole
+from plenoptic.core.values import whole
 from plenoptic.errors import InvalidValueError
-from plenoptic.rendering.budget import Budget
-from plenoptic.rendering.tiles import Tile
+from plenoptic.rendering.schedule.budget import Budget
+from plenoptic.rendering.tile import Tile
 
 PATHS_PER_TILE = 1 << 17
 _SMALLEST_SIDE, _LARGEST_SIDE = 16, 256

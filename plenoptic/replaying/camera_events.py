@@ -8,8 +8,8 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic._values import value
-from plenoptic.rays import RayStatus
+from plenoptic.core.rays import RayStatus
+from plenoptic.core.values import value
 
 Vector: TypeAlias = NDArray[np.float64]
 

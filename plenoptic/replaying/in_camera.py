@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.camera.regions import pixel_centres
-from plenoptic.camera.tables import CameraTables, fill_before_array, fill_dimmed_at_lens, fill_through_array, lanes_for
-from plenoptic.camera.truth import Truth
-from plenoptic.optics.blemishes import BlemishSite
-from plenoptic.optics.lenslets import lattice_types
-from plenoptic.optics.tables import LensTables
-from plenoptic.rays import RayStatus
-from plenoptic.rendering.tiles import (
+from plenoptic.camera.record import CameraTables, fill_before_array, fill_dimmed_at_lens, fill_through_array, lanes_for
+from plenoptic.camera.sampling.pixel_regions import pixel_centres
+from plenoptic.core.rays import RayStatus
+from plenoptic.optics.lens.record import LensTables
+from plenoptic.optics.microlens.dust import BlemishSite
+from plenoptic.optics.microlens.listed import lattice_types
+from plenoptic.rendering.integrator.path import Batch
+from plenoptic.rendering.tile import (
     FedPixels,
     Tile,
     fed_pixels,
@@ -24,8 +24,6 @@ from plenoptic.rendering.tiles import (
     fill_through_lens,
     wave_guide,
 )
-from plenoptic.rendering.transport import Batch
-from plenoptic.rendering.truth import truth_tables
 from plenoptic.replaying.camera_events import (
     CameraEvent,
     ElementKind,
@@ -34,6 +32,8 @@ from plenoptic.replaying.camera_events import (
     SensorPoint,
     Vector,
 )
+from plenoptic.truth.compute import truth_tables
+from plenoptic.truth.ground_truth import Truth
 
 _NOWHERE = (RayStatus.MISSED, RayStatus.NOT_FINITE, RayStatus.NOT_CONVERGED)
 """Where a path is lost by these, it has no point on the element."""
@@ -74,16 +74,16 @@ def trace_camera(
     camera: PlenopticCamera, tables: CameraTables, pixel: tuple[int, int], batch: Batch, seed: np.uint64
 ) -> CameraWay | None:
     """Follow the one path of a batch of one, as `tiles.render_tile` does; None where no light reaches the pixel."""
-    from plenoptic import _sobol
-    from plenoptic.optics._blocks import BLOCK, RAY
+    from plenoptic.core.kernels import sobol
+    from plenoptic.core.kernels.ray_blocks import BLOCK, RAY
 
     row, column = pixel
     centres = pixel_centres(tables, (row, row + 1), (column, column + 1))
     fed = fed_pixels(tables, Tile(row, column, 1, 1), centres)
     if not fed.place.size:
         return None
-    net = np.empty((_sobol.DIMENSIONS, 1), dtype=np.uint32)
-    _sobol.fill_net(net, batch.first_index)
+    net = np.empty((sobol.DIMENSIONS, 1), dtype=np.uint32)
+    sobol.fill_net(net, batch.first_index)
     bundle, lanes = np.empty(RAY), lanes_for(tables, BLOCK)
     fill_aimed(bundle, lanes, 0, 1, batch, seed, net, fed, tables)
     aimed = _row(bundle)
@@ -106,7 +106,7 @@ def trace_camera(
 
 
 def _wave(tables: CameraTables, batch: Batch, seed: np.uint64, fed: FedPixels) -> NDArray[np.int64]:
-    from plenoptic.optics._blocks import BLOCK
+    from plenoptic.core.kernels.ray_blocks import BLOCK
 
     assert tables.colour is not None
     waves, cdf = np.empty(BLOCK, dtype=np.int64), tables.colour.cdf
@@ -120,7 +120,7 @@ def _behind(tables: CameraTables) -> float:
 
 
 def _sensor_point(tables: CameraTables, aimed: _Row) -> Vector:
-    """Where an aimed sample starts, in local axes; see `optics._lattice` for its fields."""
+    """Where an aimed sample starts, in local axes; see `optics.microlens.kernels.to_lens` for its fields."""
     x, y = aimed.point[:2] - aimed.direction[:2]
     lean = 0.0 if tables.lean is None else float(tables.lean @ (x, y))
     return np.array([x, y, tables.distance + lean + _behind(tables)])
@@ -158,7 +158,7 @@ def _microlens(
     camera: PlenopticCamera, tables: CameraTables, aimed: _Row, lanes: NDArray[np.float64] | None
 ) -> tuple[tuple[int, int] | None, int | None]:
     """Indices and type of the microlens that a sample is aimed at."""
-    from plenoptic.optics._lattice import CELL_X, CELL_Y, NUMBER
+    from plenoptic.optics.microlens.kernels.to_lens import CELL_X, CELL_Y, NUMBER
 
     array, cells = tables.array, tables.cells
     if array is None or cells is None:

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.planning.stages import Plan, Stage
+from plenoptic.rendering.integrator.interaction import MetSurfaces, PathRays
+from plenoptic.rendering.plan.stages import Plan, Stage
 from plenoptic.replaying.ending import PathEnding
 from plenoptic.replaying.scene_events import DirectLight, Escape, Meeting, Vector
 from plenoptic.replaying.scene_names import SceneNames
-from plenoptic.scene.met import MetSurfaces, PathRays
+from plenoptic.scene.compile import SceneTables
 from plenoptic.scene.scene import Scene
-from plenoptic.scene.tables import SceneTables
 
 
 class Recorder:

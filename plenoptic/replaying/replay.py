@@ -8,8 +8,8 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic._values import value
-from plenoptic.rays import RayStatus
+from plenoptic.core.rays import RayStatus
+from plenoptic.core.values import value
 from plenoptic.replaying.camera_events import (
     CameraEvent,
     ElementPassage,

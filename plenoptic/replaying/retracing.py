@@ -8,24 +8,24 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic._values import wrong_kind
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.camera.tables import CameraTables
-from plenoptic.camera.truth import Truth
+from plenoptic.camera.checks import check_scene_and_camera
+from plenoptic.camera.record import CameraTables
+from plenoptic.core.values import wrong_kind
 from plenoptic.errors import InvalidValueError
-from plenoptic.exposure import Exposure
-from plenoptic.planning.plan import check_scene_and_camera
-from plenoptic.render_settings import Sampler
-from plenoptic.rendering.compiled import Compiled, compiled
-from plenoptic.rendering.transport import Batch, Transport
-from plenoptic.replaying.asked import checked, known, pair, triple
+from plenoptic.rendering.context import Compiled, compiled
+from plenoptic.rendering.exposure import Exposure
+from plenoptic.rendering.integrator.path import Batch, Transport
+from plenoptic.rendering.settings import Sampler
 from plenoptic.replaying.camera_events import WorldRay
 from plenoptic.replaying.ending import PathEnding
 from plenoptic.replaying.in_camera import CameraWay, trace_camera
 from plenoptic.replaying.in_scene import Recorder
+from plenoptic.replaying.path_id import checked, known, pair, triple
 from plenoptic.replaying.replay import Event, Replay
 from plenoptic.replaying.scene_events import Escape
 from plenoptic.scene.scene import Scene
+from plenoptic.truth.ground_truth import Truth
 
 
 def replay(exposure: Exposure, scene: Scene | None, *, pixel: tuple[int, int], sample: int) -> Replay:
@@ -194,11 +194,11 @@ def _through_scene(
     prepared: _Prepared, way: CameraWay, batch: Batch
 ) -> tuple[tuple[Event, ...], NDArray[np.float64] | None, PathEnding]:
     """Follow a path behind the lens; its radiance is None in a white image."""
-    from plenoptic.camera import _sample
+    from plenoptic.camera.sampling.kernels import paths as sample_kernels
 
     tables, scene, settings = prepared.view.camera, prepared.view.scene, prepared.view.settings
     rays, lanes = np.empty((1, 6)), np.empty(1, dtype=np.int64)
-    left = _sample.fill_world_rays(rays, lanes, way.bundle, 1, tables.rotation, tables.position)
+    left = sample_kernels.fill_world_rays(rays, lanes, way.bundle, 1, tables.rotation, tables.position)
     rays.flags.writeable = False
     ray = (WorldRay(rays[0, :3], rays[0, 3:], way.weight),) if left else ()
     if prepared.scene is None or scene is None:
@@ -211,12 +211,12 @@ def _through_scene(
 
 def _clamp(radiance: NDArray[np.float64] | None, way: CameraWay, limit: float | None) -> float:
     """Scale radiance down as the renderer does; returns what part is left."""
-    from plenoptic.camera import _sample
+    from plenoptic.camera.sampling.kernels import paths as sample_kernels
 
     if radiance is None or limit is None:
         return 1.0
     brightest = float(radiance.max())
-    _sample.fill_clamped(radiance, way.bundle, 1, limit)
+    sample_kernels.fill_clamped(radiance, way.bundle, 1, limit)
     return limit / brightest if brightest > limit else 1.0
 
 
@@ -224,11 +224,11 @@ def _contribution(
     tables: CameraTables, way: CameraWay, radiance: NDArray[np.float64] | None, channels: int
 ) -> tuple[NDArray[np.float64], bool]:
     """What is added to the pixel's sum, and whether all of it is finite."""
-    from plenoptic.camera import _sample
+    from plenoptic.camera.sampling.kernels import paths as sample_kernels
 
     sums = np.zeros((1, 1, channels))
     weights = None if tables.colour is None else tables.colour.weights
-    dropped = _sample.fill_sums(sums, way.bundle, radiance, way.waves, weights, 0, 1, 1, 1)
+    dropped = sample_kernels.fill_sums(sums, way.bundle, radiance, way.waves, weights, 0, 1, 1, 1)
     added = sums[0, 0] if tables.fill_factor == 1 else tables.fill_factor * sums[0, 0]
     added.flags.writeable = False
     return added, not dropped

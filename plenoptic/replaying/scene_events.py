@@ -8,8 +8,8 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic._values import value
-from plenoptic.scene.material import Material
+from plenoptic.core.values import value
+from plenoptic.scene.materials.registry import Material
 
 Vector: TypeAlias = NDArray[np.float64]
 

@@ -6,15 +6,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.replaying.scene_events import DrawnKind, Place
-from plenoptic.scene.instance import Instances
-from plenoptic.scene.material import Material
-from plenoptic.scene.point_light import PointLight
-from plenoptic.scene.quad_light import QuadLight
+from plenoptic.scene.compile import SceneTables
+from plenoptic.scene.geometry.instance import Instances
+from plenoptic.scene.lights.point import PointLight
+from plenoptic.scene.lights.quad import QuadLight
+from plenoptic.scene.lights.sphere import SphereLight
+from plenoptic.scene.lights.spot import SpotLight
+from plenoptic.scene.lights.sun import SunLight
+from plenoptic.scene.materials.registry import Material
 from plenoptic.scene.scene import Scene
-from plenoptic.scene.sphere_light import SphereLight
-from plenoptic.scene.spot_light import SpotLight
-from plenoptic.scene.sun_light import SunLight
-from plenoptic.scene.tables import SceneTables
 
 
 class SceneNames:

@@ -10,20 +10,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic._values import set_field, value
+from plenoptic.core.values import set_field, value
 from plenoptic.errors import InvalidValueError, SceneError
-from plenoptic.scene.colour import Colour
-from plenoptic.scene.environment import ConstantBackground, EnvironmentMap
-from plenoptic.scene.instance import Instances
-from plenoptic.scene.light import LIGHTS, Light
-from plenoptic.scene.loading import load_file
-from plenoptic.scene.material import Material
-from plenoptic.scene.mesh import Mesh
-from plenoptic.scene.placing import placed_environment, placed_light, placed_view, similarity
-from plenoptic.scene.quad_light import QuadLight
-from plenoptic.scene.sphere_light import SphereLight
-from plenoptic.scene.tables import SceneTables, build_tables
-from plenoptic.scene.view import View
+from plenoptic.scene.compile import SceneTables, build_tables
+from plenoptic.scene.file_cameras import View
+from plenoptic.scene.files.load import load_file
+from plenoptic.scene.geometry.instance import Instances
+from plenoptic.scene.geometry.mesh import Mesh
+from plenoptic.scene.geometry.transform import placed_environment, placed_light, placed_view, similarity
+from plenoptic.scene.lights.environment import ConstantBackground, EnvironmentMap
+from plenoptic.scene.lights.quad import QuadLight
+from plenoptic.scene.lights.registry import LIGHTS, Light
+from plenoptic.scene.lights.sphere import SphereLight
+from plenoptic.scene.materials.registry import Material
+from plenoptic.scene.textures.color import Colour
 
 
 @value

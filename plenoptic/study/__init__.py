@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera
-    from plenoptic.exposure import Exposure
+    from plenoptic.rendering.exposure import Exposure
     from plenoptic.scene.scene import Scene
-    from plenoptic.study.cost_table import CostRow as CostRow
-    from plenoptic.study.cost_table import CostTable as CostTable
-    from plenoptic.study.costs import cost_of as cost_of
-    from plenoptic.study.error_recommending import Recommendation as Recommendation
-    from plenoptic.study.error_rows import ErrorRow as ErrorRow
-    from plenoptic.study.error_table import ErrorTable as ErrorTable
-    from plenoptic.study.error_variants import Variant as Variant
-    from plenoptic.study.error_variants import default_variants as default_variants
-    from plenoptic.study.stability_table import StabilityTable
+    from plenoptic.study.cost.costs import cost_of as cost_of
+    from plenoptic.study.cost.table import CostRow as CostRow
+    from plenoptic.study.cost.table import CostTable as CostTable
+    from plenoptic.study.error_time.recommending import Recommendation as Recommendation
+    from plenoptic.study.error_time.rows import ErrorRow as ErrorRow
+    from plenoptic.study.error_time.table import ErrorTable as ErrorTable
+    from plenoptic.study.error_time.variants import Variant as Variant
+    from plenoptic.study.error_time.variants import default_variants as default_variants
+    from plenoptic.study.stability.table import StabilityTable
 
 __all__ = [
     "CostRow",
@@ -34,14 +34,14 @@ __all__ = [
 ]
 
 _HOMES = {
-    "CostRow": "cost_table",
-    "CostTable": "cost_table",
-    "cost_of": "costs",
-    "ErrorRow": "error_rows",
-    "ErrorTable": "error_table",
-    "Recommendation": "error_recommending",
-    "Variant": "error_variants",
-    "default_variants": "error_variants",
+    "CostRow": "cost.table",
+    "CostTable": "cost.table",
+    "cost_of": "cost.costs",
+    "ErrorRow": "error_time.rows",
+    "ErrorTable": "error_time.table",
+    "Recommendation": "error_time.recommending",
+    "Variant": "error_time.variants",
+    "default_variants": "error_time.variants",
 }
 """Where names live that are loaded on first use."""
 
@@ -135,7 +135,7 @@ def error_against_time(
     >>> table.recommend(0.02).variant
     '1 replicate'
     """
-    from plenoptic.study.error_study import study_of
+    from plenoptic.study.error_time.study import study_of
 
     return study_of(
         scene,
@@ -159,7 +159,7 @@ def stability(*, rays: int = THOROUGH, seed: int = 0, only: Sequence[str] | None
 
     The cases are ordinary lenses and what is hard for floating-point numbers: very large and very small radii, distant
     origins, grazing rays, tangents, total reflection, indices that are almost the same, strong aspheres, numbers that
-    are not finite. Every ray is held to a bound of its own; see `plenoptic.study.rounding_bounds`.
+    are not finite. Every ray is held to a bound of its own; see `plenoptic.study.stability.rounding_bounds`.
 
     Parameters
     ----------
@@ -187,7 +187,7 @@ def stability(*, rays: int = THOROUGH, seed: int = 0, only: Sequence[str] | None
     >>> table.holds, [row.case for row in table.rows][:2]
     (True, ['radius 50', 'radius 50, in reverse'])
     """
-    from plenoptic.study.stability_table import stability_table
+    from plenoptic.study.stability.table import stability_table
 
     return stability_table(rays=rays, seed=seed, only=only)
 

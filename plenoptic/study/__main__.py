@@ -7,7 +7,9 @@ import sys
 from collections.abc import Sequence
 
 from plenoptic.errors import PlenopticError
-from plenoptic.study import QUICK, THOROUGH, cost_command, error_command, stability
+from plenoptic.study import QUICK, THOROUGH, stability
+from plenoptic.study.cost import command as cost_command
+from plenoptic.study.error_time import command as error_command
 
 _INTERRUPTED = 130
 """128 and the number of SIGINT, as shells have it."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from plenoptic.exposure import Exposure
+from plenoptic.rendering.exposure import Exposure
 
 
 def finished(shot: Exposure) -> Exposure:

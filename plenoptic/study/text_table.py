@@ -7,7 +7,7 @@ import io
 import os
 from collections.abc import Iterable, Sequence
 
-from plenoptic._values import file_path
+from plenoptic.core.values import file_path
 from plenoptic.errors import FileError
 
 

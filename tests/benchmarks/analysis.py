@@ -68,7 +68,7 @@ def aiming(sizes: tuple[int, ...], *, rounds: int) -> Table:
 
 
 def _miss(lens: pl.LensStack, field: tuple[float, float], pupil: np.ndarray) -> float:
-    from plenoptic.optics.tracing import traced_part
+    from plenoptic.optics.lens.trace import traced_part
 
     rays = pl.aiming.aimed_rays(lens, field=field, pupil=pupil)
     met = traced_part(lens, rays, 0, lens.iris_index, clipping=False)

@@ -11,8 +11,8 @@ from starting import in_new_process
 from table import Table
 
 import plenoptic as pl
-from plenoptic.scene.accel import Intersector, build_intersector
-from plenoptic.scene.instance import Instances
+from plenoptic.scene.geometry.accel import Intersector, build_intersector
+from plenoptic.scene.geometry.instance import Instances
 
 # Triangles are some 2 x side^2 for terrain, 5000 a ball for the others.
 FULL = (

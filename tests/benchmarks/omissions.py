@@ -8,8 +8,8 @@ import numpy as np
 from parts import part_costs
 from table import Table
 
-from plenoptic.study.cost_cases import cost_case
-from plenoptic.study.costs import cost_of
+from plenoptic.study.cost.cases import cost_case
+from plenoptic.study.cost.costs import cost_of
 
 CASES = ("white", "check", "objects", "furnished")
 

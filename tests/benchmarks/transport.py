@@ -82,24 +82,28 @@ def rates(*, samples: int, rounds: int) -> Table:
 
 def stages(*, samples: int) -> Table:
     """Processor time by stage, one thread."""
-    from plenoptic import _sobol, tiles
-    from plenoptic.camera import _sample
-    from plenoptic.optics import _trace
-    from plenoptic.scene import _colours, _embree, _lights, _shade, _surfaces
+    from plenoptic.camera.sampling.kernels import paths as camera_paths
+    from plenoptic.core.kernels import sobol
+    from plenoptic.optics.lens.kernels import trace
+    from plenoptic.rendering import tile
+    from plenoptic.rendering.integrator.kernels import shade
+    from plenoptic.scene.geometry.kernels import embree, interaction
+    from plenoptic.scene.lights.kernels import sample_emitters
+    from plenoptic.scene.textures.kernels import colors
 
     parts: tuple[tuple[Any, str, str], ...] = (
-        (_sample, "fill_camera_samples", "points on pixels and microlenses"),
-        (tiles, "fill_through_array", "microlenses"),
-        (_trace, "fill_traced", "lens"),
-        (_embree.EmbreeTriangles, "fill_closest", "Embree, nearest triangles"),
-        (_shade, "fill_emitted", "what rays see that shines"),
-        (_surfaces, "fill_surfaces", "points and normals"),
-        (_colours, "fill_base", "colours"),
-        (_lights, "fill_drawn_lights", "points on lights"),
-        (_sobol, "fill_drawn", "random numbers of surfaces"),
-        (_shade, "fill_lit", "materials under these lights"),
-        (_shade, "fill_onward", "materials, rays onwards"),
-        (_embree.EmbreeTriangles, "fill_blocked", "Embree, shadow rays"),
+        (camera_paths, "fill_camera_samples", "points on pixels and microlenses"),
+        (tile, "fill_through_array", "microlenses"),
+        (trace, "fill_traced", "lens"),
+        (embree.EmbreeTriangles, "fill_closest", "Embree, nearest triangles"),
+        (shade, "fill_emitted", "what rays see that shines"),
+        (interaction, "fill_surfaces", "points and normals"),
+        (colors, "fill_base", "colours"),
+        (sample_emitters, "fill_drawn_lights", "points on lights"),
+        (sobol, "fill_drawn", "random numbers of surfaces"),
+        (shade, "fill_lit", "materials under these lights"),
+        (shade, "fill_onward", "materials, rays onwards"),
+        (embree.EmbreeTriangles, "fill_blocked", "Embree, shadow rays"),
     )
     render(8, threads=1)
     clock = _Clock()

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.camera import tables as camera_tables_module
+from plenoptic.camera import record as camera_tables_module
 from plenoptic.camera.assembly import assembly
-from plenoptic.optics.placement import rotation_about_axes
+from plenoptic.optics.lens.placement import rotation_about_axes
 
 LENS = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(5.0))
 CAMERA = pl.PlenopticCamera(
@@ -196,7 +196,7 @@ def test_wider_margins_change_no_image(moves, model, monkeypatch):
         tables = camera_tables_module.camera_tables(camera)
         return tables._replace(slack=tables.slack + 1.0)
 
-    monkeypatch.setattr("plenoptic.rendering.compiled.camera_tables", with_slack)
+    monkeypatch.setattr("plenoptic.rendering.context.camera_tables", with_slack)
     wide = white(camera, 1024, region, seed=1)
     agree(narrow, wide)
 

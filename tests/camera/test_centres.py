@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.camera import centroids
 from plenoptic.camera.array_axes import array_axes
 from plenoptic.camera.camera import CameraPart
-from plenoptic.camera.centres import CentreMethod, microlens_centres
-from plenoptic.camera.centroids import centroids_at, opening_points
-from plenoptic.camera.chiefs import aimed_slopes
+from plenoptic.camera.points import centroids
+from plenoptic.camera.points.centres import CentreMethod, microlens_centres
+from plenoptic.camera.points.centroids import centroids_at, opening_points
+from plenoptic.camera.points.chief_rays import aimed_slopes
 
 ORTHOGONAL, CHIEF_RAY, CENTROID = CentreMethod
 PIXEL = 0.010

@@ -7,7 +7,7 @@ import pytest
 
 import plenoptic as pl
 from plenoptic.camera.conditioning import camera_conditioning
-from plenoptic.camera.tables import camera_tables
+from plenoptic.camera.record import camera_tables
 from plenoptic.errors import InvalidValueError
 
 CAMERA = pl.PlenopticCamera(

@@ -5,9 +5,9 @@ from itertools import pairwise
 import pytest
 
 import plenoptic as pl
-from plenoptic.camera.design import design_camera
-from plenoptic.camera.report import CameraKind, camera_report
-from plenoptic.optics.analysis.focusing import best_focus
+from plenoptic.camera.design.design import design_camera
+from plenoptic.camera.report.report import CameraKind, camera_report
+from plenoptic.optics.lens.analysis.focus import best_focus
 
 LENS = pl.load_lens("double-gauss-100mm-f2")
 THIN = LENS.with_model(pl.LensModel.THIN)

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.camera import landing
-from plenoptic.camera.forward import landing_points, point_spread
-from plenoptic.camera.strays import fill_plates
-from plenoptic.camera.tables import camera_tables
-from plenoptic.camera.truth import Truth
-from plenoptic.optics import _lattice
-from plenoptic.optics._blocks import BLOCK
+from plenoptic.camera.psf import sensor_hits
+from plenoptic.camera.psf.point_spread import landing_points, point_spread
+from plenoptic.camera.record import camera_tables
+from plenoptic.camera.sampling.margins import fill_plates
+from plenoptic.core.kernels.ray_blocks import BLOCK
+from plenoptic.optics.microlens.kernels import to_lens
+from plenoptic.truth.ground_truth import Truth
 
 THIN, FLAT, SPHERICAL = pl.MicrolensModel.THIN, pl.MicrolensModel.FLAT_HIGH_INDEX, pl.MicrolensModel.SPHERICAL
 
@@ -58,7 +58,7 @@ def forwards(camera, x, y, u, v):
     n = 1 / np.sqrt(1 + u * u + v * v)
     fields[:7, : x.size] = x, y, np.full(x.size, camera.stop_to_microlenses), u * n, v * n, n, np.ones(x.size)
     blocks = np.ascontiguousarray(fields.reshape(8, -1, BLOCK).transpose(1, 0, 2))
-    landing.fill_through_array_forward(blocks.reshape(-1), landing.forward_tables(camera).array)
+    sensor_hits.fill_through_array_forward(blocks.reshape(-1), sensor_hits.forward_tables(camera).array)
     out = blocks.transpose(1, 0, 2).reshape(8, -1)[:, : x.size]
     return out[:2], out[3:5], out[6], out[[2, 5]], out[7]
 
@@ -78,7 +78,7 @@ def test_rays_of_the_renderer_come_back_to_where_they_began(array):
     fields[2], fields[5] = cells.T
     blocks = np.ascontiguousarray(fields.reshape(8, -1, BLOCK).transpose(1, 0, 2))
     if made.model is THIN:
-        _lattice.fill_thin(blocks.reshape(-1), distance, None, 1 / made.focal_length, None, camera.stop_to_microlenses)
+        to_lens.fill_thin(blocks.reshape(-1), distance, None, 1 / made.focal_length, None, camera.stop_to_microlenses)
     else:
         compiled = camera_tables(camera).cells
         fill_plates(
@@ -380,7 +380,7 @@ def test_threads_and_other_points_do_not_change_a_bit(monkeypatch):
     np.testing.assert_array_equal(alone.whole(), one.whole()[0])
     assert point_spread(camera, points[0], rays=5000, seed=1) != alone
     # More chunks sum in another order only.
-    monkeypatch.setattr(landing, "CHUNK", 100)
+    monkeypatch.setattr(sensor_hits, "CHUNK", 100)
     np.testing.assert_allclose(point_spread(camera, points[0], rays=5000).whole(), alone.whole(), rtol=1e-12)
 
 
@@ -445,7 +445,7 @@ def test_near_far_and_tiny():
 
 
 def test_polygons_around_the_light_hold_all_of_it():
-    from plenoptic.camera.entrance import entering_polygon, entrance
+    from plenoptic.optics.lens.pupil.entrance_pupil import entering_polygon, entrance
 
     rng = np.random.default_rng(4)
     near_axis = [(0, 0, -404.0), (60, 90, -404), (20, 10, -60)]

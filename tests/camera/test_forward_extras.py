@@ -8,12 +8,12 @@ import pytest
 
 import plenoptic as pl
 from plenoptic.camera.array_axes import array_axes
-from plenoptic.camera.centroids import centroids_at
-from plenoptic.camera.forward import landing_points, point_spread
-from plenoptic.camera.report_optics import corner_light
-from plenoptic.optics.angular import AngularResponse
-from plenoptic.optics.blemishes import Blemishes, BlemishSite
-from plenoptic.optics.stop_shapes import MaskStop
+from plenoptic.camera.points.centroids import centroids_at
+from plenoptic.camera.psf.point_spread import landing_points, point_spread
+from plenoptic.camera.report.optics import corner_light
+from plenoptic.optics.microlens.dust import Blemishes, BlemishSite
+from plenoptic.optics.sensor.angular_response import AngularResponse
+from plenoptic.optics.stops.shapes import MaskStop
 
 GAUSS = pl.load_lens("double-gauss-100mm-f2")
 POINT = (5.0, 3.0, -380.0)

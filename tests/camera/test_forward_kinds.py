@@ -8,16 +8,16 @@ import pytest
 
 import plenoptic as pl
 from plenoptic.camera.camera import CameraPart
-from plenoptic.camera.forward import landing_points, point_spread
-from plenoptic.camera.forward_array import fill_through_array_forward
-from plenoptic.camera.landing import forward_tables
-from plenoptic.camera.truth import Truth
-from plenoptic.optics._blocks import BLOCK
-from plenoptic.optics.angular import AngularResponse
-from plenoptic.optics.apertures import ApertureShape, Gaps, MicrolensAperture
-from plenoptic.optics.blemishes import Blemishes, BlemishSite
-from plenoptic.optics.imperfections import MicrolensDeviations, MicrolensImperfections
-from plenoptic.optics.placement import rotation_about_axes
+from plenoptic.camera.psf.forward_array import fill_through_array_forward
+from plenoptic.camera.psf.point_spread import landing_points, point_spread
+from plenoptic.camera.psf.sensor_hits import forward_tables
+from plenoptic.core.kernels.ray_blocks import BLOCK
+from plenoptic.optics.lens.placement import rotation_about_axes
+from plenoptic.optics.microlens.aperture import ApertureShape, Gaps, MicrolensAperture
+from plenoptic.optics.microlens.dust import Blemishes, BlemishSite
+from plenoptic.optics.microlens.imperfections import MicrolensDeviations, MicrolensImperfections
+from plenoptic.optics.sensor.angular_response import AngularResponse
+from plenoptic.truth.ground_truth import Truth
 
 THIN, FLAT, SPHERICAL = pl.MicrolensModel.THIN, pl.MicrolensModel.FLAT_HIGH_INDEX, pl.MicrolensModel.SPHERICAL
 LENS, ARRAY, SENSOR = CameraPart.LENS, CameraPart.MICROLENSES, CameraPart.SENSOR

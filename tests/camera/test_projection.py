@@ -9,11 +9,11 @@ import pytest
 
 import plenoptic as pl
 from plenoptic.camera.array_axes import array_axes
-from plenoptic.camera.forward import landing_points, point_spread
-from plenoptic.camera.projection import project
-from plenoptic.camera.projection_chiefs import ThroughArray, aimed, rays_from
-from plenoptic.camera.truth import Truth
-from plenoptic.optics.tables import lens_tables
+from plenoptic.camera.points.projection import project
+from plenoptic.camera.points.projection_chiefs import ThroughArray, aimed, rays_from
+from plenoptic.camera.psf.point_spread import landing_points, point_spread
+from plenoptic.optics.lens.record import lens_tables
+from plenoptic.truth.ground_truth import Truth
 
 THIN, FLAT, SPHERICAL = pl.MicrolensModel.THIN, pl.MicrolensModel.FLAT_HIGH_INDEX, pl.MicrolensModel.SPHERICAL
 

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.camera.regions import feeding_regions
-from plenoptic.camera.strays import fill_plates
-from plenoptic.camera.tables import CameraTables, camera_tables
-from plenoptic.optics._blocks import BLOCK
-from plenoptic.optics.lenslet_tables import array_tables
+from plenoptic.camera.record import CameraTables, camera_tables
+from plenoptic.camera.sampling.margins import fill_plates
+from plenoptic.camera.sampling.pixel_regions import feeding_regions
+from plenoptic.core.kernels.ray_blocks import BLOCK
+from plenoptic.optics.microlens.record import array_tables
 
 LENS = pl.load_lens("double-gauss-100mm-f2")
 SENSOR = pl.Sensor(shape=(512, 512), pixel_pitch=0.01)

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.camera.report import CameraFindingKind, CameraKind, camera_report
-from plenoptic.camera.report_optics import (
+from plenoptic.camera.report.optics import (
     images_on_sensor,
     lateral_magnification,
     neighbour_distance,
@@ -15,6 +14,7 @@ from plenoptic.camera.report_optics import (
     paraxial_cone,
     traced_slope,
 )
+from plenoptic.camera.report.report import CameraFindingKind, CameraKind, camera_report
 
 LENS = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=5.0))
 THIN = LENS.with_model(pl.LensModel.THIN)

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.camera.truth import (
+from plenoptic.truth.channels import truth_channels, truth_in, truth_note
+from plenoptic.truth.ground_truth import (
     KINDS,
     NO_MICROLENS,
     GroundTruth,
@@ -16,7 +17,6 @@ from plenoptic.camera.truth import (
     empty_truth,
     truth_names,
 )
-from plenoptic.camera.truth_channels import truth_channels, truth_in, truth_note
 
 
 def everything(rows=2, columns=3):

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.camera.centres import microlens_centres
+from plenoptic.camera.points.centres import microlens_centres
 from plenoptic.lightfield import decode, refocus
 from plenoptic.lightfield.planes import raw_planes
-from plenoptic.lightfield.resampling import resampling
+from plenoptic.lightfield.resample import resampling
 
 HEXAGONAL, SQUARE, RECTANGULAR = pl.Lattice.HEXAGONAL, pl.Lattice.SQUARE, pl.Lattice.RECTANGULAR
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.optics.analysis.aiming import (
+from plenoptic.optics.lens.pupil.ray_aiming import (
     aimed_rays,
     aimed_rays_reverse,
     chief_ray,
@@ -18,7 +18,7 @@ from plenoptic.optics.analysis.aiming import (
     hexapolar,
     square_grid,
 )
-from plenoptic.optics.tracing import traced_part
+from plenoptic.optics.lens.trace import traced_part
 
 EPS = np.finfo(float).eps
 

@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.air import AIR_WAVELENGTH_RANGE, Absolute, Air, AirFormula
-from plenoptic.optics.media import AIR, VACUUM, ConstantMedium, Medium, Sellmeier
+from plenoptic.optics.glass.air import AIR_WAVELENGTH_RANGE, Absolute, Air, AirFormula
+from plenoptic.optics.glass.media import AIR, VACUUM, ConstantMedium, Medium, Sellmeier
 
 N_BK7 = Sellmeier((1.03961212, 0.231792344, 1.01046945), (0.00600069867, 0.0200179144, 103.560653), "N-BK7")
 

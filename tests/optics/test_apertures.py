@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import plenoptic as pl
-from plenoptic.optics.apertures import opening_of
-from plenoptic.optics.lattices import cell_polygon, polygon_area, polygon_edges
+from plenoptic.optics.microlens.aperture import opening_of
+from plenoptic.optics.microlens.lattice import cell_polygon, polygon_area, polygon_edges
 
 EPS = np.finfo(float).eps
 Shape = pl.ApertureShape

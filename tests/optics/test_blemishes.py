@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import plenoptic as pl
-from plenoptic.optics._blemishes import fill_dimmed_aims, fill_dimmed_rays
-from plenoptic.optics._blocks import BLOCK
-from plenoptic.optics.blemishes import Blemishes, BlemishSite, blemish_tables, plane_axes
+from plenoptic.core.kernels.ray_blocks import BLOCK
+from plenoptic.optics.microlens.dust import Blemishes, BlemishSite, blemish_tables, plane_axes
+from plenoptic.optics.microlens.kernels.dust import fill_dimmed_aims, fill_dimmed_rays
 
 EPS = np.finfo(float).eps
 SENSOR = BlemishSite.SENSOR

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.optics.blemishes import Blemishes, BlemishSite
+from plenoptic.optics.microlens.dust import Blemishes, BlemishSite
 
 EPS = np.finfo(float).eps
 

@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 
 import plenoptic as pl
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.checking import Finding, FindingKind, findings
-from plenoptic.optics.lens import LensStack
-from plenoptic.optics.media import AIR, ConstantMedium, ModelGlass, Sellmeier
-from plenoptic.optics.models import LensModel
-from plenoptic.optics.prescriptions import lens_names, load_lens
-from plenoptic.optics.stops import CircularStop, PolygonStop
-from plenoptic.optics.surface import Surface
+from plenoptic.optics.glass.media import AIR, ConstantMedium, ModelGlass, Sellmeier
+from plenoptic.optics.lens.checks.check import Finding, FindingKind, findings
+from plenoptic.optics.lens.files.library import lens_names, load_lens
+from plenoptic.optics.lens.models import LensModel
+from plenoptic.optics.lens.stack import LensStack
+from plenoptic.optics.stops.stops import CircularStop, PolygonStop
+from plenoptic.optics.surfaces.surface import Surface
 
 SHARED = Path(os.environ.get("PLENOPTIC_SHARED", Path(__file__).resolve().parents[2].parent / "shared"))
 TABLES = {path.stem.split()[-1].split("_")[-1]: path for path in sorted((SHARED / "lenses").glob("*.csv"))}

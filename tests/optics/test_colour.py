@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.optics.analysis.seidel import seidel_sums
+from plenoptic.optics.lens.analysis.seidel import seidel_sums
 
 GAUSS = pl.load_lens("double-gauss-100mm-f2")
 PLATE = pl.LensStack(

@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic._description import describe, restore
+from plenoptic.core.files.serialization import describe, restore
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.checking import findings
-from plenoptic.optics.conditioning import Condition, Conditioning, conditioning
-from plenoptic.optics.conditioning_rows import Notes, blocks_of, noted, sizes
-from plenoptic.optics.finding import FindingKind
-from plenoptic.optics.tables import lens_tables
-from plenoptic.optics.tracing import traced_part
-from plenoptic.study.reference import exact_rays
-from plenoptic.study.stability_cases import stability_cases
+from plenoptic.optics.lens.analysis.conditioning import Condition, Conditioning, conditioning
+from plenoptic.optics.lens.analysis.conditioning_rows import Notes, blocks_of, noted, sizes
+from plenoptic.optics.lens.checks.check import findings
+from plenoptic.optics.lens.checks.finding import FindingKind
+from plenoptic.optics.lens.record import lens_tables
+from plenoptic.optics.lens.trace import traced_part
+from plenoptic.study.stability.cases import stability_cases
+from plenoptic.study.stability.reference import exact_rays
 
 EPS = float(np.finfo(float).eps)
 GLASS, INDEX = pl.ConstantMedium(1.5), 1.5

@@ -17,8 +17,8 @@ NOTED = {"trace_block", "refract_asphere_block", "_newton", "_settle", "_first_c
 COUNT = """
 import numpy as np
 import plenoptic as pl
-from plenoptic.optics import _trace
-from plenoptic.optics.tables import lens_tables
+from plenoptic.optics.lens.kernels import trace
+from plenoptic.optics.lens.record import lens_tables
 
 glass = pl.ConstantMedium(1.5)
 asphere = pl.Surface(50.0, 5.0, glass, semi_diameter=20.0, conic=-0.5, aspheric=(0.0, 1e-5))
@@ -30,8 +30,8 @@ bits = []
 for lens in lenses:
     out = lens.trace(rays)
     bits += [out.origin.tobytes().hex(), out.direction.tobytes().hex()]
-    _trace.fill_traced(np.zeros(2048), *lens_tables(lens, 587.6, reverse=True))
-for kernel in (_trace.fill_traced_rows, _trace.fill_traced):
+    trace.fill_traced(np.zeros(2048), *lens_tables(lens, 587.6, reverse=True))
+for kernel in (trace.fill_traced_rows, trace.fill_traced):
     for code in kernel.inspect_asm().values():
         print(sum(line.startswith("\\t") and not line.lstrip().startswith(".") for line in code.splitlines()))
 print("".join(bits))
@@ -74,7 +74,7 @@ def counted(root: Path, cache: Path) -> tuple[list[int], str]:
 def test_tracing_is_that_of_a_source_without_notes(tmp_path):
     package = Path(pl.__file__).parent
     shutil.copytree(package, tmp_path / "without" / "plenoptic", ignore=shutil.ignore_patterns("__pycache__"))
-    for name in ("_trace.py", "_conic.py"):
+    for name in ("trace.py", "conic_asphere.py"):
         path = tmp_path / "without" / "plenoptic" / "optics" / name
         bare = ast.unparse(Without().visit(ast.parse(path.read_text())))
         assert "told" not in bare.replace("`told`", "")

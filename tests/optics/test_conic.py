@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import plenoptic as pl
-from plenoptic.optics.bounds import asphere_bounds
-from plenoptic.optics.tables import lens_tables
-from plenoptic.optics.tracing import traced_part
+from plenoptic.optics.lens.record import lens_tables
+from plenoptic.optics.lens.trace import traced_part
+from plenoptic.optics.surfaces.sag_bounds import asphere_bounds
 
 EPS = np.finfo(float).eps
 OK, MISSED, CLIPPED = pl.RayStatus.OK, pl.RayStatus.MISSED, pl.RayStatus.CLIPPED

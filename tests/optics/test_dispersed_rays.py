@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.optics._blocks import BLOCK
-from plenoptic.optics._trace import fill_traced, fill_traced_waves
-from plenoptic.optics.tables import lens_tables
+from plenoptic.core.kernels.ray_blocks import BLOCK
+from plenoptic.optics.lens.kernels.trace import fill_traced, fill_traced_waves
+from plenoptic.optics.lens.record import lens_tables
 
 WAVELENGTHS = np.array([450.0, 486.1, 546.1, 587.6, 656.3])
 GAUSS = pl.load_lens("double-gauss-100mm-f2")

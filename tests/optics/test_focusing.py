@@ -7,17 +7,23 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
+from plenoptic.core.rays import RayBundle
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics import paraxial
-from plenoptic.optics.analysis.focusing import FocusCriterion, best_focus, front_focus, paraxial_focus, working_f_number
-from plenoptic.optics.analysis.spots import spot_diagram
-from plenoptic.optics.lens import LensStack
-from plenoptic.optics.media import ConstantMedium
-from plenoptic.optics.models import LensModel
-from plenoptic.optics.prescriptions import load_lens
-from plenoptic.optics.stops import CircularStop
-from plenoptic.optics.surface import Surface
-from plenoptic.rays import RayBundle
+from plenoptic.optics.glass.media import ConstantMedium
+from plenoptic.optics.lens.analysis.focus import (
+    FocusCriterion,
+    best_focus,
+    front_focus,
+    paraxial_focus,
+    working_f_number,
+)
+from plenoptic.optics.lens.analysis.spots import spot_diagram
+from plenoptic.optics.lens.files.library import load_lens
+from plenoptic.optics.lens.gaussian import paraxial
+from plenoptic.optics.lens.models import LensModel
+from plenoptic.optics.lens.stack import LensStack
+from plenoptic.optics.stops.stops import CircularStop
+from plenoptic.optics.surfaces.surface import Surface
 
 GAUSS = load_lens("double-gauss-100mm-f2")
 SINGLET = load_lens("singlet-100mm-f4")

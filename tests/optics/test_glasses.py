@@ -9,17 +9,24 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from plenoptic.core.rays import RayBundle
 from plenoptic.errors import FileError, InvalidValueError, PrescriptionError
-from plenoptic.optics.air import Absolute, Air
-from plenoptic.optics.dispersion import DispersionFormula, Formula
-from plenoptic.optics.glasses import GlassCatalogue, GlassEntry, bundled_glasses, glass, glass_names, load_glasses
-from plenoptic.optics.lens import LensStack
-from plenoptic.optics.media import AIR, C_LINE, D_LINE, F_LINE, VACUUM, Medium, ModelGlass, Schott, Sellmeier
-from plenoptic.optics.paraxial import cardinal_points
-from plenoptic.optics.prescriptions import lens_names, load_lens
-from plenoptic.optics.stops import CircularStop
-from plenoptic.optics.surface import Surface
-from plenoptic.rays import RayBundle
+from plenoptic.optics.glass.air import Absolute, Air
+from plenoptic.optics.glass.catalogue import (
+    GlassCatalogue,
+    GlassEntry,
+    bundled_glasses,
+    glass,
+    glass_names,
+    load_glasses,
+)
+from plenoptic.optics.glass.dispersion import DispersionFormula, Formula
+from plenoptic.optics.glass.media import AIR, C_LINE, D_LINE, F_LINE, VACUUM, Medium, ModelGlass, Schott, Sellmeier
+from plenoptic.optics.lens.files.library import lens_names, load_lens
+from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
+from plenoptic.optics.lens.stack import LensStack
+from plenoptic.optics.stops.stops import CircularStop
+from plenoptic.optics.surfaces.surface import Surface
 
 # n_d, n_C and n_F as the makers' data sheets print them, to five decimals: Schott, Hoya.
 DATA_SHEETS = {

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.optics.analysis.aiming import aimed_rays_reverse, chief_ray
-from plenoptic.optics.analysis.illumination import largest_field, relative_illumination, vignetting
+from plenoptic.optics.lens.analysis.illumination import largest_field, relative_illumination, vignetting
+from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays_reverse, chief_ray
 
 RADIUS, RIM, APART = 4.0, 6.0, 20.0
 

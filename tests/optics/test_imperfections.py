@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import plenoptic as pl
-from plenoptic.optics.imperfections import deviations_of, largest_offset
+from plenoptic.optics.microlens.imperfections import deviations_of, largest_offset
 
 ALL = {
     "pitch_jitter": 0.01,

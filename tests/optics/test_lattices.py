@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import plenoptic as pl
-from plenoptic.optics._polygons import cut
-from plenoptic.optics.lattices import (
+from plenoptic.core.kernels.polygons import cut
+from plenoptic.optics.microlens.lattice import (
     cell_polygon,
     cut_polygon,
     default_pattern,

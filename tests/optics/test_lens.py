@@ -9,12 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from plenoptic.errors import InvalidValueError, PrescriptionError
-from plenoptic.optics.lens import LensStack
-from plenoptic.optics.media import AIR, ConstantMedium, ModelGlass
-from plenoptic.optics.prescriptions import load_lens
-from plenoptic.optics.stacking import Element
-from plenoptic.optics.stops import CircularStop, PolygonStop
-from plenoptic.optics.surface import Surface
+from plenoptic.optics.glass.media import AIR, ConstantMedium, ModelGlass
+from plenoptic.optics.lens.elements import Element
+from plenoptic.optics.lens.files.library import load_lens
+from plenoptic.optics.lens.stack import LensStack
+from plenoptic.optics.stops.stops import CircularStop, PolygonStop
+from plenoptic.optics.surfaces.surface import Surface
 
 EPS = np.finfo(float).eps
 GLASS = ConstantMedium(1.5)

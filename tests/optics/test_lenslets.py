@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import plenoptic as pl
-from plenoptic import _description
-from plenoptic.optics.lattices import polygon_area
-from plenoptic.optics.lenslet_tables import array_tables
+from plenoptic.core.files import serialization
+from plenoptic.optics.microlens.lattice import polygon_area
+from plenoptic.optics.microlens.record import array_tables
 
 EPS = np.finfo(float).eps
 REGULAR = [pl.Lattice.HEXAGONAL, pl.Lattice.SQUARE, pl.Lattice.RECTANGULAR]
@@ -242,7 +242,7 @@ FULL = [
 
 @pytest.mark.parametrize("array", FULL, ids=["hexagonal", "rectangular", "free"])
 def test_arrays_are_values_with_all_their_fields(array: pl.MicrolensArray) -> None:
-    for again in (pickle.loads(pickle.dumps(array)), _description.restore(_description.describe(array))):
+    for again in (pickle.loads(pickle.dumps(array)), serialization.restore(serialization.describe(array))):
         assert again == array and hash(again) == hash(array) and repr(again) == repr(array)
         assert again.lenses((-2, -2), (2, 2)) == array.lenses((-2, -2), (2, 2))
         for field in dataclasses.fields(array):

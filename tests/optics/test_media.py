@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.dispersion import COEFFICIENT_COUNTS, DispersionFormula, Formula
-from plenoptic.optics.media import (
+from plenoptic.optics.glass.dispersion import COEFFICIENT_COUNTS, DispersionFormula, Formula
+from plenoptic.optics.glass.media import (
     AIR,
     C_LINE,
     D_LINE,

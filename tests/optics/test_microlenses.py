@@ -7,10 +7,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import plenoptic as pl
-from plenoptic.camera.strays import fill_plates
-from plenoptic.optics import _lattice
-from plenoptic.optics._blocks import BLOCK
-from plenoptic.optics.lenslet_tables import array_tables
+from plenoptic.camera.sampling.margins import fill_plates
+from plenoptic.core.kernels.ray_blocks import BLOCK
+from plenoptic.optics.microlens.kernels import to_lens
+from plenoptic.optics.microlens.record import array_tables
 
 EPS = np.finfo(float).eps
 REGULAR = [pl.Lattice.HEXAGONAL, pl.Lattice.SQUARE, pl.Lattice.RECTANGULAR]
@@ -194,7 +194,7 @@ def test_an_array_is_a_value() -> None:
 
 
 def as_blocks(points: np.ndarray, sensor: np.ndarray, centres: np.ndarray, weight: float) -> np.ndarray:
-    """Aimed samples as `_lattice` wants them."""
+    """Aimed samples as `to_lens` wants them."""
     n = len(points)
     rows = np.zeros((8, -(-n // BLOCK) * BLOCK))
     rows[:, :n] = np.column_stack(
@@ -277,7 +277,7 @@ def test_thin_microlenses_bend_by_height_over_focal_length() -> None:
     array = array_of(0.2, pl.Lattice.HEXAGONAL)
     points, sensor, centres = aimed(array, 300, height=0.1, slope=0.3, distance=1.7)
     blocks = as_blocks(points, sensor, centres, 2.5)
-    _lattice.fill_thin(blocks, 1.7, None, 1 / 2.0, None, 123.3)
+    to_lens.fill_thin(blocks, 1.7, None, 1 / 2.0, None, 123.3)
     found, along, weight, status = from_blocks(blocks, 300)
     assert np.array_equal(found, np.column_stack([points, np.full(300, 123.3)]))
     assert np.all(status == 0)
@@ -292,7 +292,7 @@ def test_thin_microlenses_bend_by_height_over_focal_length() -> None:
 def test_without_microlenses_rays_go_straight_on() -> None:
     points, sensor, centres = aimed(array_of(0.2, pl.Lattice.SQUARE), 300, height=2.0, slope=0.3, distance=90.0)
     blocks = as_blocks(points, sensor, centres, 1.0)
-    _lattice.fill_straight(blocks, 90.0, None, 30.3)
+    to_lens.fill_straight(blocks, 90.0, None, 30.3)
     found, along, weight, _ = from_blocks(blocks, 300)
     assert np.array_equal(found[:, :2], points) and np.all(found[:, 2] == 30.3)
     way = np.column_stack([points - sensor, np.full(300, -90.0)])
@@ -333,8 +333,8 @@ def test_pinholes_let_light_through_their_centres() -> None:
     array = array_of(0.2, pl.Lattice.HEXAGONAL)
     points, sensor, centres = aimed(array, 300, height=0.1, slope=0.3, distance=1.7)
     blocks, thin = as_blocks(points, sensor, centres, 2.5), as_blocks(points, sensor, centres, 2.5)
-    _lattice.fill_pinholes(blocks, 1.7, None, 123.3)
-    _lattice.fill_thin(thin, 1.7, None, 1 / 2.0, None, 123.3)
+    to_lens.fill_pinholes(blocks, 1.7, None, 123.3)
+    to_lens.fill_thin(thin, 1.7, None, 1 / 2.0, None, 123.3)
     found, along, weight, status = from_blocks(blocks, 300)
     assert np.array_equal(found, np.column_stack([centres, np.full(300, 123.3)])) and np.all(status == 0)
     assert np.abs(along[:, :2] / -along[:, 2:] - (centres - sensor) / 1.7).max() <= 8 * EPS

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import plenoptic as pl
-from plenoptic.optics.placement import rotation_about_axes
-from plenoptic.optics.pupil import pupil_bounds
+from plenoptic.optics.lens.placement import rotation_about_axes
+from plenoptic.optics.lens.pupil.exit_pupil import pupil_bounds
 
 EPS = np.finfo(float).eps
 LENS = pl.load_lens("double-gauss-100mm-f2")

@@ -9,12 +9,12 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics import paraxial
-from plenoptic.optics.lens import LensStack
-from plenoptic.optics.media import AIR, ConstantMedium
-from plenoptic.optics.prescriptions import lens_names, load_lens
-from plenoptic.optics.stops import CircularStop
-from plenoptic.optics.surface import Surface
+from plenoptic.optics.glass.media import AIR, ConstantMedium
+from plenoptic.optics.lens.files.library import lens_names, load_lens
+from plenoptic.optics.lens.gaussian import paraxial
+from plenoptic.optics.lens.stack import LensStack
+from plenoptic.optics.stops.stops import CircularStop
+from plenoptic.optics.surfaces.surface import Surface
 
 GLASS = ConstantMedium(1.5)
 

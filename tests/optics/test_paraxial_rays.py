@@ -9,8 +9,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 import plenoptic as pl
-from plenoptic.optics import paraxial
-from plenoptic.optics.tracing import traced_part
+from plenoptic.optics.lens.gaussian import paraxial
+from plenoptic.optics.lens.trace import traced_part
 
 GLASS = pl.ConstantMedium(1.5)
 GAUSS = pl.load_lens("double-gauss-100mm-f2")

@@ -10,17 +10,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from plenoptic.errors import FileError, PlenopticError, PrescriptionError
-from plenoptic.optics.air import Absolute, Air, AirFormula
-from plenoptic.optics.dispersion import DispersionFormula, Formula
-from plenoptic.optics.glasses import glass
-from plenoptic.optics.lens import LensStack
-from plenoptic.optics.media import AIR, ConstantMedium, ModelGlass, Schott, Sellmeier
-from plenoptic.optics.models import LensModel
-from plenoptic.optics.paraxial import cardinal_points
-from plenoptic.optics.placement import Placement, rotation_about_axes
-from plenoptic.optics.prescriptions import lens_names, load_lens, save_lens
-from plenoptic.optics.stops import CircularStop, PolygonStop
-from plenoptic.optics.surface import Surface
+from plenoptic.optics.glass.air import Absolute, Air, AirFormula
+from plenoptic.optics.glass.catalogue import glass
+from plenoptic.optics.glass.dispersion import DispersionFormula, Formula
+from plenoptic.optics.glass.media import AIR, ConstantMedium, ModelGlass, Schott, Sellmeier
+from plenoptic.optics.lens.files.library import lens_names, load_lens, save_lens
+from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
+from plenoptic.optics.lens.models import LensModel
+from plenoptic.optics.lens.placement import Placement, rotation_about_axes
+from plenoptic.optics.lens.stack import LensStack
+from plenoptic.optics.stops.stops import CircularStop, PolygonStop
+from plenoptic.optics.surfaces.surface import Surface
 
 SHARED = Path(os.environ.get("PLENOPTIC_SHARED", Path(__file__).resolve().parents[2].parent / "shared"))
 TABLES = sorted((SHARED / "lenses").glob("*.csv"))

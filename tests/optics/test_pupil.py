@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.optics.pupil import SIDES, PupilBounds, passing_points, pupil_bounds
-from plenoptic.optics.tables import lens_tables
+from plenoptic.optics.lens.pupil.exit_pupil import SIDES, PupilBounds, passing_points, pupil_bounds
+from plenoptic.optics.lens.record import lens_tables
 
 
 def stopped(name: str, semi_diameter: float | None) -> pl.LensStack:

@@ -14,9 +14,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import plenoptic as pl
-from plenoptic.optics.analysis.aiming import aimed_rays
-from plenoptic.optics.analysis.seidel import SeidelSums, seidel_sums
-from plenoptic.optics.tracing import traced_part
+from plenoptic.optics.lens.analysis.seidel import SeidelSums, seidel_sums
+from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays
+from plenoptic.optics.lens.trace import traced_part
 
 GAUSS = pl.load_lens("double-gauss-100mm-f2")
 GLASS = pl.ConstantMedium(1.6)

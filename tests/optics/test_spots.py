@@ -8,20 +8,20 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
+from plenoptic.core.rays import RayBundle
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics import paraxial
-from plenoptic.optics.analysis.focusing import working_f_number
-from plenoptic.optics.analysis.pencils import REPLICATES, passing_light
-from plenoptic.optics.analysis.spots import AIRY, SpotDiagram, ray_fan, spot_diagram
-from plenoptic.optics.lens import LensStack
-from plenoptic.optics.media import ConstantMedium
-from plenoptic.optics.models import LensModel
-from plenoptic.optics.prescriptions import load_lens
-from plenoptic.optics.stop_shapes import MaskStop
-from plenoptic.optics.stops import CircularStop, PolygonStop
-from plenoptic.optics.surface import Surface
-from plenoptic.optics.tracing import traced_part
-from plenoptic.rays import RayBundle
+from plenoptic.optics.glass.media import ConstantMedium
+from plenoptic.optics.lens.analysis.focus import working_f_number
+from plenoptic.optics.lens.analysis.spots import AIRY, SpotDiagram, ray_fan, spot_diagram
+from plenoptic.optics.lens.files.library import load_lens
+from plenoptic.optics.lens.gaussian import paraxial
+from plenoptic.optics.lens.models import LensModel
+from plenoptic.optics.lens.pupil.beam import REPLICATES, passing_light
+from plenoptic.optics.lens.stack import LensStack
+from plenoptic.optics.lens.trace import traced_part
+from plenoptic.optics.stops.shapes import MaskStop
+from plenoptic.optics.stops.stops import CircularStop, PolygonStop
+from plenoptic.optics.surfaces.surface import Surface
 
 GAUSS = load_lens("double-gauss-100mm-f2")
 PERFECT = [GAUSS.with_model(LensModel.PARAXIAL), GAUSS.with_model(LensModel.THIN)]

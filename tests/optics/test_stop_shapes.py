@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 
 import plenoptic as pl
 from plenoptic.errors import FileError, InvalidValueError, PrescriptionError
-from plenoptic.optics.files.lens_json import json_of_lens, lens_from_json
-from plenoptic.optics.stop_shapes import MaskStop, StarStop
-from plenoptic.optics.stops import Stop
-from plenoptic.optics.tables import CIRCLE, lens_tables
-from plenoptic.optics.tracing import traced_part
+from plenoptic.optics.lens.files.lens_json import json_of_lens, lens_from_json
+from plenoptic.optics.lens.record import CIRCLE, lens_tables
+from plenoptic.optics.lens.trace import traced_part
+from plenoptic.optics.stops.shapes import MaskStop, StarStop
+from plenoptic.optics.stops.stops import Stop
 from plenoptic.plots.lens import plot_stop
 
 EPS = np.finfo(float).eps

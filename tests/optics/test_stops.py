@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.stops import CircularStop, PolygonStop, Stop
+from plenoptic.optics.stops.stops import CircularStop, PolygonStop, Stop
 
 EPS = np.finfo(float).eps
 POLYGONS = st.builds(

@@ -8,8 +8,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from plenoptic.errors import InvalidValueError, PrescriptionError
-from plenoptic.optics.media import AIR, ConstantMedium
-from plenoptic.optics.surface import Surface
+from plenoptic.optics.glass.media import AIR, ConstantMedium
+from plenoptic.optics.surfaces.surface import Surface
 
 EPS = np.finfo(float).eps
 RADII = st.one_of(st.floats(1e-3, 1e9), st.floats(-1e9, -1e-3))

@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import plenoptic as pl
-from plenoptic.optics._trace import fill_traced_rows
-from plenoptic.optics.tables import SURFACE, LensTables, lens_tables
+from plenoptic.optics.lens.kernels.trace import fill_traced_rows
+from plenoptic.optics.lens.record import SURFACE, LensTables, lens_tables
 
 EPS = np.finfo(float).eps
 OK, MISSED, CLIPPED = pl.RayStatus.OK, pl.RayStatus.MISSED, pl.RayStatus.CLIPPED

@@ -10,13 +10,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from plenoptic.errors import FileError, InvalidValueError, PlenopticError, PrescriptionError
-from plenoptic.optics.glasses import glass, load_glasses
-from plenoptic.optics.lens import LensStack
-from plenoptic.optics.media import AIR, C_LINE, D_LINE, F_LINE, ConstantMedium, ModelGlass, Sellmeier
-from plenoptic.optics.paraxial import cardinal_points
-from plenoptic.optics.prescriptions import lens_names, load_lens, save_lens
-from plenoptic.optics.stops import CircularStop, PolygonStop
-from plenoptic.optics.surface import Surface
+from plenoptic.optics.glass.catalogue import glass, load_glasses
+from plenoptic.optics.glass.media import AIR, C_LINE, D_LINE, F_LINE, ConstantMedium, ModelGlass, Sellmeier
+from plenoptic.optics.lens.files.library import lens_names, load_lens, save_lens
+from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
+from plenoptic.optics.lens.stack import LensStack
+from plenoptic.optics.stops.stops import CircularStop, PolygonStop
+from plenoptic.optics.surfaces.surface import Surface
 
 HEAD = """VERS 140124 258 36214
 MODE SEQ

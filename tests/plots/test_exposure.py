@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.camera.truth import GroundTruth
+from plenoptic.truth.ground_truth import GroundTruth
 
 matplotlib.use("Agg")
 

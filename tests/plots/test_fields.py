@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.optics.analysis.depth import depth_distortion
-from plenoptic.optics.analysis.fields import Projection, coma, distortion, field_curvature
-from plenoptic.optics.analysis.illumination import relative_illumination, vignetting
+from plenoptic.optics.lens.analysis.depth import depth_distortion
+from plenoptic.optics.lens.analysis.fields import Projection, coma, distortion, field_curvature
+from plenoptic.optics.lens.analysis.illumination import relative_illumination, vignetting
 from plenoptic.plots.fields import (
     plot_coma,
     plot_depth_distortion,

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.optics.analysis.aiming import aimed_rays, fan
-from plenoptic.optics.analysis.layout import layout, layout_fields, ray_paths
+from plenoptic.optics.lens.analysis.layout import layout, layout_fields, ray_paths
+from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays, fan
 from plenoptic.plots.layout import plot_layout
 
 matplotlib.use("Agg")

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.optics.analysis.mtf import mtf, point_spread
-from plenoptic.optics.analysis.spots import ray_fan, spot_diagram
+from plenoptic.optics.lens.analysis.mtf import mtf, point_spread
+from plenoptic.optics.lens.analysis.spots import ray_fan, spot_diagram
 from plenoptic.plots.contrast import plot_mtf, plot_point_spread
 from plenoptic.plots.spots import plot_ray_fan, plot_spots
 

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.rendering import driving
-from plenoptic.rendering.progress import Progress
+from plenoptic.rendering.schedule import scheduler
+from plenoptic.rendering.schedule.progress import Progress
 
 
 @pytest.fixture(autouse=True)
@@ -200,14 +200,14 @@ def test_pixels_without_time_are_unknown_and_not_far_away():
 def test_too_little_time_is_announced(monkeypatch):
     with pytest.warns(UserWarning, match="nothing has been rendered within 1e-09 s, and the image is black"):
         white(time_limit=1e-9)
-    original = driving.render_tile
+    original = scheduler.render_tile
 
     def slow(*arguments, **named):
         result = original(*arguments, **named)
         time.sleep(0.8)
         return result
 
-    monkeypatch.setattr(driving, "render_tile", slow)
+    monkeypatch.setattr(scheduler, "render_tile", slow)
     with pytest.warns(UserWarning, match=r"rendering took [0-9.]+ s instead of 0.1 s"):
         white(time_limit=0.1)
 
@@ -433,13 +433,13 @@ def test_ctrl_c_gives_what_is_there(interrupting, threads, budget):
 
 
 def test_ctrl_c_before_anything_is_there(handler, monkeypatch):
-    original = driving.render_tile
+    original = scheduler.render_tile
 
     def interrupted(*arguments, **named):
         signal.raise_signal(signal.SIGINT)
         return original(*arguments, **named)
 
-    monkeypatch.setattr(driving, "render_tile", interrupted)
+    monkeypatch.setattr(scheduler, "render_tile", interrupted)
     shot = white(samples=LONG, threads=1)
     assert shot.interrupted and not shot.image.any() and np.all(np.isinf(shot.standard_error))
     assert not counts_of(shot).any()
@@ -448,7 +448,7 @@ def test_ctrl_c_before_anything_is_there(handler, monkeypatch):
 @pytest.mark.parametrize("threads", [1, 2])
 def test_a_second_ctrl_c_raises(handler, threads, monkeypatch):
     # Both while the first batch is in work, on the thread that does it.
-    begun, original = [], driving.render_tile
+    begun, original = [], scheduler.render_tile
 
     def interrupted_twice(*arguments, **named):
         if not begun:
@@ -458,7 +458,7 @@ def test_a_second_ctrl_c_raises(handler, threads, monkeypatch):
                 time.sleep(0.1)
         return original(*arguments, **named)
 
-    monkeypatch.setattr(driving, "render_tile", interrupted_twice)
+    monkeypatch.setattr(scheduler, "render_tile", interrupted_twice)
     with pytest.raises(KeyboardInterrupt):
         white(samples=LONG, threads=threads)
 

@@ -15,7 +15,7 @@ from hypothesis.extra import numpy as arrays_of
 from PIL import Image
 
 import plenoptic as pl
-from plenoptic.rendering.checkpoint import load_checkpoint, save_checkpoint
+from plenoptic.rendering.schedule.checkpoint import load_checkpoint, save_checkpoint
 
 OURS = {"seed": "2", "scene": "sha256:abc"}
 PREAMBLE = len("plenoptic checkpoint 1\n") + 64 + 1 + 16 + 1

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.camera.projection import project
-from plenoptic.camera.truth import NO_MICROLENS, Truth
-from plenoptic.rendering.truth import ground_truth
+from plenoptic.camera.points.projection import project
+from plenoptic.truth.compute import ground_truth
+from plenoptic.truth.ground_truth import NO_MICROLENS, Truth
 
 THIN_LENS = pl.LensModel.THIN
 

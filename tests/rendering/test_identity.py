@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.optics.blemishes import Blemishes, BlemishSite
-from plenoptic.rendering._digest import digest
-from plenoptic.rendering.identity import differences, identity
+from plenoptic.core.files.digest import digest
+from plenoptic.optics.microlens.dust import Blemishes, BlemishSite
+from plenoptic.rendering.schedule.identity import differences, identity
 
 
 def camera(**changes):
@@ -49,7 +49,7 @@ def test_identities_are_the_same_for_equal_scenes_and_their_tables():
 
 IN_ANOTHER_PROCESS = """
 import json, pickle, sys
-from plenoptic.rendering.identity import identity
+from plenoptic.rendering.schedule.identity import identity
 print(json.dumps(identity(*pickle.load(sys.stdin.buffer), seed=1)))
 """
 

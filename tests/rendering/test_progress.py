@@ -12,14 +12,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import plenoptic as pl
-from plenoptic.film import replicate_counts
-from plenoptic.rendering.budget import Budget, checked_budget
-from plenoptic.rendering.clock import Clock
-from plenoptic.rendering.interrupts import Interrupts
-from plenoptic.rendering.progress import Progress, Setting
-from plenoptic.rendering.tiles import Tile, TileResult
+from plenoptic.rendering.film import replicate_counts
+from plenoptic.rendering.integrator.path import Batch
+from plenoptic.rendering.schedule.budget import Budget, checked_budget
+from plenoptic.rendering.schedule.clock import Clock
+from plenoptic.rendering.schedule.interrupts import Interrupts
+from plenoptic.rendering.schedule.progress import Progress, Setting
+from plenoptic.rendering.tile import Tile, TileResult
 from plenoptic.rendering.tiling import _cuts
-from plenoptic.rendering.transport import Batch
 
 
 @pytest.fixture(autouse=True)
@@ -281,7 +281,7 @@ def test_the_bar_ends_with_the_error(capsys: pytest.CaptureFixture[str]) -> None
 
 
 def test_the_bar_shows_how_much_is_left(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    from plenoptic.rendering import progress_bar
+    from plenoptic.rendering.schedule import progress_bar
 
     tiles = [Tile(0, 0, 2, 2), Tile(0, 2, 2, 2), Tile(0, 4, 2, 2), Tile(0, 6, 2, 2)]
     state = progress(tiles, (2, 8), target=1e-9, samples=32)
@@ -305,7 +305,7 @@ def test_the_bar_shows_how_much_is_left(monkeypatch: pytest.MonkeyPatch, capsys:
 
 
 def test_the_bar_knows_the_time_limit(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    from plenoptic.rendering import progress_bar
+    from plenoptic.rendering.schedule import progress_bar
 
     state = Progress([TILE], (2, 2, 1), Budget(None, 50.0, None, 8), Setting(0, 0, 1.0, 1.0), {}, 8, batches=False)
     now = [100.0]

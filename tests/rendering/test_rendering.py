@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.camera.truth import Truth
+from plenoptic.truth.ground_truth import Truth
 
 ALL = np.s_[:, :]
 
@@ -282,10 +282,10 @@ def test_bits_do_not_depend_on_what_fits_into_a_batch(monkeypatch, sampler):
     numbers = np.random.default_rng(5)
     for samples, replicates in numbers.integers(1, (70, 13), size=(30, 2)).tolist():
         how = {"samples": samples, "replicates": replicates, "sampler": sampler, "progress": False}
-        monkeypatch.setattr("plenoptic.rendering.clock.PATHS_PER_BATCH", 1 << 20)
+        monkeypatch.setattr("plenoptic.rendering.schedule.clock.PATHS_PER_BATCH", 1 << 20)
         whole = pl.render_white(camera, **how)
         for room in (20 * samples, 20 * samples - 1, int(numbers.integers(1, 20 * samples + 1))):
-            monkeypatch.setattr("plenoptic.rendering.clock.PATHS_PER_BATCH", room)
+            monkeypatch.setattr("plenoptic.rendering.schedule.clock.PATHS_PER_BATCH", room)
             other = pl.render_white(camera, **how)
             np.testing.assert_array_equal(other.image, whole.image)
             if samples > 1 and replicates > 1:
@@ -436,12 +436,12 @@ def test_texture_lies_the_right_way_up():
 
 
 def test_fallback_intersector_gives_the_same_picture(monkeypatch):
-    from plenoptic.scene._embree_run import SceneRunTriangles
+    from plenoptic.scene.geometry.embree_run import SceneRunTriangles
 
     camera, region = reference_camera(), np.s_[300:316, 160:176]
     scene = pl.objects_scene()
     direct = pl.render(scene, camera, samples=16, region=region, progress=False)
-    monkeypatch.setattr("plenoptic.scene.prepared.build_intersector", SceneRunTriangles)
+    monkeypatch.setattr("plenoptic.scene.cache.build_intersector", SceneRunTriangles)
     run = pl.render(pl.objects_scene(), camera, samples=16, region=region, progress=False)
     # Both are Embree: only rays that graze an edge may be decided otherwise.
     assert np.mean(np.isclose(run.image, direct.image, rtol=1e-6)) > 0.97
@@ -674,7 +674,7 @@ def test_steep_rear_surfaces_are_seen_to_their_rim(x):
 def test_fast_spherical_microlenses_lose_no_light_to_the_bounds(monkeypatch):
     # f/1.4 plano-convex lenses, strongly aberrated: pixels between the microlens images are fed by rays whose ideal
     # counterparts miss the pupil. Widening all margins must not change the image.
-    from plenoptic.camera import bounding
+    from plenoptic.camera.sampling import bounds
 
     camera = pl.PlenopticCamera(
         lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=17.1)),
@@ -687,8 +687,8 @@ def test_fast_spherical_microlenses_lose_no_light_to_the_bounds(monkeypatch):
     )
     region = np.s_[100:108, 0:8]
     shot = pl.render_white(camera, samples=1024, region=region, progress=False)
-    margins = bounding.strays
-    monkeypatch.setattr(bounding, "strays", lambda *arguments: tuple(3 * margin for margin in margins(*arguments)))
+    margins = bounds.strays
+    monkeypatch.setattr(bounds, "strays", lambda *arguments: tuple(3 * margin for margin in margins(*arguments)))
     wide = pl.render_white(camera, samples=4096, region=region, seed=1, progress=False)
     joint = np.square(np.hypot(shot.standard_error, wide.standard_error), dtype=np.float64).sum()
     assert abs(float((shot.image - wide.image).sum(dtype=np.float64))) < 4 * math.sqrt(joint)

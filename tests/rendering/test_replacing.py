@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.rendering._replacing import _temporary, replaced
-from plenoptic.rendering.checkpoint import load_checkpoint, save_checkpoint
+from plenoptic.core.files.atomic_file import _temporary, replaced
+from plenoptic.rendering.schedule.checkpoint import load_checkpoint, save_checkpoint
 
 OURS = {"seed": "2", "scene": "sha256:abc"}
 
@@ -192,7 +192,7 @@ SAVING = """
 import os, random, signal, sys, time
 from pathlib import Path
 import numpy as np
-from plenoptic.rendering.checkpoint import load_checkpoint, save_checkpoint
+from plenoptic.rendering.schedule.checkpoint import load_checkpoint, save_checkpoint
 path, wanted, ours = Path(sys.argv[1]), int(sys.argv[2]), {"seed": "1"}
 random.seed(int(sys.argv[3]))
 

@@ -16,9 +16,9 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.camera.tables import camera_tables
-from plenoptic.rendering import checkpoint as checkpoints
-from plenoptic.rendering import driving
+from plenoptic.camera.record import camera_tables
+from plenoptic.rendering.schedule import checkpoint as checkpoints
+from plenoptic.rendering.schedule import scheduler
 
 
 @pytest.fixture(autouse=True)
@@ -56,7 +56,7 @@ def board(radiance=1.0):
 @pytest.fixture
 def quick(monkeypatch):
     """The same camera over and over needs its tables once, and no disk has to be waited for."""
-    monkeypatch.setattr("plenoptic.rendering.compiled.camera_tables", functools.cache(camera_tables))
+    monkeypatch.setattr("plenoptic.rendering.context.camera_tables", functools.cache(camera_tables))
     monkeypatch.setattr(os, "fsync", lambda descriptor: None)
 
 
@@ -99,7 +99,7 @@ def rendering_nothing(monkeypatch):
     def refuse(*_, **__):
         raise AssertionError("a tile has been rendered")
 
-    return lambda: monkeypatch.setattr(driving, "render_tile", refuse)
+    return lambda: monkeypatch.setattr(scheduler, "render_tile", refuse)
 
 
 BUDGETS = {
@@ -129,7 +129,7 @@ def test_every_state_that_was_saved_leads_to_the_same_bits(tmp_path, after_savin
 @pytest.mark.usefixtures("quick")
 def test_batches_of_a_tile_go_on_too(tmp_path, after_saving, monkeypatch):
     # A tile with more paths than a batch may have is rendered in several.
-    monkeypatch.setattr("plenoptic.rendering.clock.PATHS_PER_BATCH", 1024)
+    monkeypatch.setattr("plenoptic.rendering.schedule.clock.PATHS_PER_BATCH", 1024)
     path, states = tmp_path / "state", []
     unbroken = render(samples=50)
     after_saving(lambda _, path: states.append(path.read_bytes()))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.camera.truth import Truth
+from plenoptic.truth.ground_truth import Truth
 
 pytestmark = pytest.mark.slow
 

@@ -7,11 +7,16 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic._jit import kernel
-from plenoptic.scene._choice import choose
-from plenoptic.scene._environment import choose_nearby, draw_environment, environment_density, environment_texel
-from plenoptic.scene.environment import MAX_TEXELS, EnvironmentMap
-from plenoptic.scene.environment_tables import build_environment, texel_solid_angles
+from plenoptic.core.jit import kernel
+from plenoptic.scene.lights.environment import MAX_TEXELS, EnvironmentMap
+from plenoptic.scene.lights.environment_record import build_environment, texel_solid_angles
+from plenoptic.scene.lights.kernels.environment import (
+    choose_nearby,
+    draw_environment,
+    environment_density,
+    environment_texel,
+)
+from plenoptic.scene.lights.kernels.sample_cdf import choose
 
 LAST = 1 - 2.0**-32
 """The largest coordinate of a sampling point."""

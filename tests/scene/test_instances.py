@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.scene.instance import Instances, instance_tables
+from plenoptic.scene.geometry.instance import Instances, instance_tables
 
 LAST = np.diag([0, 0, 0, 1])
 BEYOND = pl.SceneError, "within .*1e15 mm"

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.scene._embree import EmbreeTriangles
-from plenoptic.scene._embree_run import SceneRunTriangles
-from plenoptic.scene._hit import OFFSET
-from plenoptic.scene.accel import build_intersector, middle_of, suits_float32
-from plenoptic.scene.instance import Instances, instance_tables
+from plenoptic.scene.geometry.accel import build_intersector, middle_of, suits_float32
+from plenoptic.scene.geometry.embree_run import SceneRunTriangles
+from plenoptic.scene.geometry.instance import Instances, instance_tables
+from plenoptic.scene.geometry.kernels.embree import EmbreeTriangles
+from plenoptic.scene.geometry.kernels.intersect import OFFSET
 
 BOTH = pytest.mark.parametrize("build", [EmbreeTriangles, SceneRunTriangles])
 

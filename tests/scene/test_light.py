@@ -8,7 +8,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import plenoptic as pl
-from plenoptic.scene.light import LIGHTS, PointLight, SphereLight, SpotLight, SunLight
+from plenoptic.scene.lights.registry import LIGHTS, PointLight, SphereLight, SpotLight, SunLight
 
 POINT = st.tuples(*[st.floats(-1e3, 1e3)] * 3)
 

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import plenoptic as pl
-from plenoptic.scene.light_tables import ENVIRONMENT, POINT, SUN, TRIANGLE
+from plenoptic.scene.lights.record import ENVIRONMENT, POINT, SUN, TRIANGLE
 
 CORNERS = np.array([[0.0, 0, 0], [2, 0, 0], [0, 2, 0], [2, 2, 0]])
 FACES = np.array([[0, 1, 2], [1, 3, 2]])

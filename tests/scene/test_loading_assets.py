@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.scene.loading import load_file
+from plenoptic.scene.files.load import load_file
 
 ASSETS = Path(os.environ.get("PLENOPTIC_SHARED", Path(__file__).resolve().parents[2].parent / "shared")) / "assets"
 

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.scene.gltf_meshes import INSTANCED_FROM
-from plenoptic.scene.instance import Instances
-from plenoptic.scene.loading import FileContents, load_file
-from plenoptic.scene.point_light import PointLight
-from plenoptic.scene.spot_light import SpotLight
-from plenoptic.scene.sun_light import SunLight
+from plenoptic.scene.files.gltf.meshes import INSTANCED_FROM
+from plenoptic.scene.files.load import FileContents, load_file
+from plenoptic.scene.geometry.instance import Instances
+from plenoptic.scene.lights.point import PointLight
+from plenoptic.scene.lights.spot import SpotLight
+from plenoptic.scene.lights.sun import SunLight
 
 COMPONENTS = {"<i1": 5120, "<u1": 5121, "<i2": 5122, "<u2": 5123, "<u4": 5125, "<f4": 5126}
 TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}

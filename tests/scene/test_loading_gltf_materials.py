@@ -8,9 +8,9 @@ import PIL.Image
 import pytest
 
 import plenoptic as pl
-from plenoptic.scene.loading import load_file
-from plenoptic.scene.texture import TextureFilter, Wrap
-from plenoptic.srgb import Encoding
+from plenoptic.core.color.srgb import Encoding
+from plenoptic.scene.files.load import load_file
+from plenoptic.scene.textures.texture import TextureFilter, Wrap
 
 POINTS = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], dtype="<f4")
 UV = np.array([(0, 1), (1, 1), (1, 0), (0, 0)], dtype="<f4")  # v down, so that the image stands upright

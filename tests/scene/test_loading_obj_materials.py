@@ -7,9 +7,9 @@ import PIL.Image
 import pytest
 
 import plenoptic as pl
-from plenoptic.scene.obj_materials import obj_material, read_mtl
-from plenoptic.scene.texture import Wrap
-from plenoptic.srgb import Encoding
+from plenoptic.core.color.srgb import Encoding
+from plenoptic.scene.files.obj import obj_material, read_mtl
+from plenoptic.scene.textures.texture import Wrap
 
 CODES = np.array([[[255, 0, 0, 255], [0, 255, 0, 128]], [[0, 0, 255, 51], [188, 100, 20, 0]]], dtype=np.uint8)
 

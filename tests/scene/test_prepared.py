@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.scene import prepared
-from plenoptic.scene.prepared import prepared_scene
+from plenoptic.scene import cache
+from plenoptic.scene.cache import prepared_scene
 
 CAMERA = pl.PlenopticCamera(
     lens=pl.no_lens(1.0), sensor=pl.Sensor(shape=(4, 4), pixel_pitch=0.5), stop_to_microlenses=10.0
@@ -20,13 +20,13 @@ CAMERA = pl.PlenopticCamera(
 @pytest.fixture
 def built(monkeypatch):
     """Of how many triangles trees have been built."""
-    build, numbers = prepared.build_intersector, []
+    build, numbers = cache.build_intersector, []
 
     def counted(vertices, triangles, instances=None):
         numbers.append(len(triangles))
         return build(vertices, triangles, instances)
 
-    monkeypatch.setattr(prepared, "build_intersector", counted)
+    monkeypatch.setattr(cache, "build_intersector", counted)
     return numbers
 
 

@@ -4,11 +4,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from plenoptic.errors import InvalidValueError
-from plenoptic.scene.diffuse import Lambertian
-from plenoptic.scene.emissive import Emissive
-from plenoptic.scene.glass import Dielectric
-from plenoptic.scene.metal import Conductor
-from plenoptic.scene.procedural import (
+from plenoptic.scene.materials.conductor import Conductor
+from plenoptic.scene.materials.dielectric import Dielectric
+from plenoptic.scene.materials.diffuse import Lambertian
+from plenoptic.scene.materials.emissive import Emissive
+from plenoptic.scene.shapes.procedural import (
     box,
     check_scene,
     checkerboard,

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.scene.still_life import still_life
+from plenoptic.scene.shapes.still_life import still_life
 
 WEIGHTS = np.concatenate([np.eye(3), np.random.default_rng(3).dirichlet(np.ones(3), 50)])
 

@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 
 from plenoptic.errors import InvalidValueError, SceneError
-from plenoptic.scene import targets
-from plenoptic.scene.diffuse import Lambertian
-from plenoptic.scene.emissive import Emissive
+from plenoptic.scene.materials.diffuse import Lambertian
+from plenoptic.scene.materials.emissive import Emissive
 from plenoptic.scene.scene import Scene
-from plenoptic.scene.target import Target
-from plenoptic.scene.tilings import free_rectangles
+from plenoptic.scene.shapes.targets import targets
+from plenoptic.scene.shapes.targets.checker_layouts import free_rectangles
+from plenoptic.scene.shapes.targets.target import Target
 
 EPS = np.finfo(np.float64).eps
 

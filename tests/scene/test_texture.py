@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 import plenoptic as pl
-from plenoptic import images
-from plenoptic._description import describe, restore
-from plenoptic.scene import texture as module
-from plenoptic.scene.texture import TextureFilter, Wrap
-from plenoptic.srgb import Encoding
+from plenoptic.core.color.srgb import Encoding
+from plenoptic.core.files import images
+from plenoptic.core.files.serialization import describe, restore
+from plenoptic.scene.textures import texture as module
+from plenoptic.scene.textures.texture import TextureFilter, Wrap
 
 EPS = float(np.finfo(np.float32).eps)
 TEXELS = hnp.arrays(

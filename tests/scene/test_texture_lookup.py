@@ -9,11 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import plenoptic as pl
-from plenoptic._jit import kernel
-from plenoptic.scene import _textures
-from plenoptic.scene._textures import fill_texel
-from plenoptic.scene.atlas import FIELDS, atlas
-from plenoptic.scene.texture import TextureFilter, Wrap
+from plenoptic.core.jit import kernel
+from plenoptic.scene.textures.atlas import FIELDS, atlas
+from plenoptic.scene.textures.kernels import lookup as textures_kernels
+from plenoptic.scene.textures.kernels.lookup import fill_texel
+from plenoptic.scene.textures.texture import TextureFilter, Wrap
 
 WRAPS = [(u, v) for u in Wrap for v in Wrap]
 
@@ -213,8 +213,8 @@ def test_a_colour_in_a_row_of_one_is_its_first_channel():
 
 
 def test_the_kernels_numbers_are_those_of_the_enums():
-    assert list(Wrap) == [_textures.REPEAT, _textures.CLAMP, _textures.MIRROR]
-    assert _textures.NEAREST == TextureFilter.NEAREST and _textures.FILTER + 1 == FIELDS
+    assert list(Wrap) == [textures_kernels.REPEAT, textures_kernels.CLAMP, textures_kernels.MIRROR]
+    assert textures_kernels.NEAREST == TextureFilter.NEAREST and textures_kernels.FILTER + 1 == FIELDS
 
 
 def test_an_atlas_holds_every_texel_once():

@@ -4,7 +4,7 @@ import pickle
 import pytest
 
 import plenoptic as pl
-from plenoptic.scene.view import View
+from plenoptic.scene.file_cameras import View
 
 
 def test_a_view_is_a_value():

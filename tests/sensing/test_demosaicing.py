@@ -7,10 +7,10 @@ import pytest
 
 import plenoptic as pl
 from plenoptic.errors import InvalidValueError
-from plenoptic.sensing.demosaicing import DemosaicMethod
-from plenoptic.sensing.developing import develop
-from plenoptic.sensing.filters import BayerPattern
-from plenoptic.sensing.model import SensorModel, ShotNoise
+from plenoptic.optics.sensor.color_filter import BayerPattern
+from plenoptic.optics.sensor.demosaic import DemosaicMethod
+from plenoptic.optics.sensor.model import SensorModel, ShotNoise
+from plenoptic.readout.develop import develop
 
 EPS = np.finfo(np.float32).eps
 REACH = {DemosaicMethod.LINEAR: 1, DemosaicMethod.MHC: 2, DemosaicMethod.WEIGHTED_MEAN: 1}

@@ -8,9 +8,9 @@ import pytest
 
 import plenoptic as pl
 from plenoptic.errors import InvalidValueError
-from plenoptic.sensing.developing import develop
-from plenoptic.sensing.filters import BayerPattern
-from plenoptic.sensing.model import SensorModel, ShotNoise
+from plenoptic.optics.sensor.color_filter import BayerPattern
+from plenoptic.optics.sensor.model import SensorModel, ShotNoise
+from plenoptic.readout.develop import develop
 
 FIVE_SIGMA = 5.0
 SIDE = 300
@@ -89,7 +89,7 @@ def test_a_region_has_the_bits_of_the_whole(filters, corner):
 def test_bits_do_not_depend_on_threads_or_bands(monkeypatch):
     shot = pl.Exposure(picture())
     whole = develop(shot, EVERYTHING, seed=3, threads=1)
-    monkeypatch.setattr("plenoptic.sensing.developing._BAND", 500)
+    monkeypatch.setattr("plenoptic.readout.develop._BAND", 500)
     assert develop(shot, EVERYTHING, seed=3, threads=1) == whole
     assert develop(shot, EVERYTHING, seed=3, threads=3) == whole
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from plenoptic.errors import InvalidValueError
-from plenoptic.sensing.filters import BayerPattern, bayer_from
-from plenoptic.sensing.model import SensorModel
-from plenoptic.sensing.radiometry import dark_current_at, photon_rate
+from plenoptic.optics.sensor.color_filter import BayerPattern, bayer_from
+from plenoptic.optics.sensor.model import SensorModel
+from plenoptic.optics.sensor.radiometry import dark_current_at, photon_rate
 
 
 @pytest.mark.parametrize(

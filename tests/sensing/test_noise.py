@@ -7,7 +7,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from plenoptic.sensing import _noise
+from plenoptic.optics.sensor.kernels import noise
 
 MASK = (1 << 64) - 1
 FIVE_SIGMA = 5.0  # one chance in 2e6 for each normal statistic
@@ -23,19 +23,19 @@ def mix(state, salt):
 
 def uniforms(shape, seed=0, purpose=1, row=0, column=0):
     out = np.empty(shape)
-    _noise.fill_uniforms(out, np.uint64(seed), purpose, row, column)
+    noise.fill_uniforms(out, np.uint64(seed), purpose, row, column)
     return out
 
 
 def normals(shape, seed=0, purpose=1, row=0, column=0):
     out = np.empty(shape)
-    _noise.fill_normals(out, np.uint64(seed), purpose, row, column)
+    noise.fill_normals(out, np.uint64(seed), purpose, row, column)
     return out
 
 
 def counts(mean, shape, seed=0):
     means, out = np.full((*shape, 1), float(mean)), np.empty((*shape, 1))
-    _noise.fill_poisson(out, means, np.uint64(seed), 1, 0, 0)
+    noise.fill_poisson(out, means, np.uint64(seed), 1, 0, 0)
     return out
 
 
@@ -132,12 +132,12 @@ def test_log_probabilities_keep_their_digits(mean):
         for k in {float(math.floor(mean + step * math.sqrt(mean))) for step in (-3, -1, 0, 0.5, 4, 12)}:
             exact = mpmath.mpf(k) * mpmath.log(mean) - mean - mpmath.loggamma(mpmath.mpf(k) + 1)
             eps = float(np.finfo(float).eps)
-            assert abs(_noise.log_probability(k, mean) - exact) <= 32 * eps * max(1, abs(exact)), k
+            assert abs(noise.log_probability(k, mean) - exact) <= 32 * eps * max(1, abs(exact)), k
 
 
 def test_limits():
     means = np.array([[0.0, np.inf, 1e-300, 1e300]])[:, :, np.newaxis]
     out = np.empty_like(means)
-    _noise.fill_poisson(out, means, np.uint64(0), 1, 0, 0)
+    noise.fill_poisson(out, means, np.uint64(0), 1, 0, 0)
     assert out.ravel()[:3].tolist() == [0.0, np.inf, 0.0]
     assert out.ravel()[3] == pytest.approx(1e300, rel=1e-12)

@@ -11,12 +11,12 @@ import pytest
 from PIL import Image
 
 import plenoptic as pl
-from plenoptic import images
+from plenoptic.core.files import images
 from plenoptic.errors import FileError, InvalidValueError
-from plenoptic.sensing.developing import develop
-from plenoptic.sensing.filters import BayerPattern
-from plenoptic.sensing.model import SensorModel, ShotNoise
-from plenoptic.sensing.raw import RawImage
+from plenoptic.optics.sensor.color_filter import BayerPattern
+from plenoptic.optics.sensor.model import SensorModel, ShotNoise
+from plenoptic.readout.develop import develop
+from plenoptic.readout.raw import RawImage
 
 SENSOR = SensorModel(
     photon_rate=(3e4, 5e4, 4e4),

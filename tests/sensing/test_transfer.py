@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 from plenoptic.errors import InvalidValueError
-from plenoptic.sensing.filters import BayerPattern
-from plenoptic.sensing.model import SensorModel, ShotNoise
-from plenoptic.sensing.transfer import photon_transfer
+from plenoptic.optics.sensor.color_filter import BayerPattern
+from plenoptic.optics.sensor.model import SensorModel, ShotNoise
+from plenoptic.readout.photon_transfer import photon_transfer
 
 matplotlib.use("Agg")
 
 import matplotlib.pyplot as plt  # noqa: E402
 
-from plenoptic.plots.sensing import plot_photon_transfer  # noqa: E402
+from plenoptic.plots.photon_transfer import plot_photon_transfer  # noqa: E402
 
 SHAPE = (200, 200)
 PIXELS = 200 * 200

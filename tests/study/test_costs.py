@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.planning.stages import Plan, Stage
-from plenoptic.study import camera_without, costs, leaving_out, scene_without
-from plenoptic.study.cost_cases import cost_case, cost_cases, furnished_camera
-from plenoptic.study.cost_command import add_command
-from plenoptic.study.costs import Picture, cost_of, picture_change, share_of
-from plenoptic.study.error_cases import reference_camera
-from plenoptic.study.leaving_out import Kept, Omission, omissions
+from plenoptic.rendering.plan.stages import Plan, Stage
+from plenoptic.study.cost import camera_without, costs, leaving_out, scene_without
+from plenoptic.study.cost.cases import cost_case, cost_cases, furnished_camera
+from plenoptic.study.cost.command import add_command
+from plenoptic.study.cost.costs import Picture, cost_of, picture_change, share_of
+from plenoptic.study.cost.leaving_out import Kept, Omission, omissions
+from plenoptic.study.error_time.cases import reference_camera
 
 CROP = np.s_[252:260, 252:260]
 

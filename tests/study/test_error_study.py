@@ -11,9 +11,9 @@ import pytest
 import plenoptic as pl
 from plenoptic.study import ErrorTable, Variant, default_variants
 from plenoptic.study.__main__ import main
-from plenoptic.study.error_cases import reference_camera, smooth_camera
-from plenoptic.study.error_measuring import measured_rows
-from plenoptic.study.error_split import reference_of
+from plenoptic.study.error_time.cases import reference_camera, smooth_camera
+from plenoptic.study.error_time.measuring import measured_rows
+from plenoptic.study.error_time.split import reference_of
 
 RANDOM, ONE = Variant(sampler=pl.Sampler.RANDOM), Variant(replicates=1)
 SIGMAS = 4

@@ -1,0 +1,131 @@
+"""Set-up by wishes: solving for iris, distances, pitch and focal length from focus, fill, depth and disparity."""
+
+from __future__ import annotations
+
+from plenoptic.camera.design.search import CameraDesign, DesignStep, Search
+from plenoptic.camera.design.wishes import check_count, checked_numbers, checked_wishes, template_array
+from plenoptic.camera.report.focus import CameraKind
+from plenoptic.camera.report.optics import neighbour_distance
+from plenoptic.core.values import choice, positive, wavelength_in_nm, wrong_kind
+from plenoptic.optics.lens.analysis.focus import FocusCriterion
+from plenoptic.optics.lens.stack import LensStack
+from plenoptic.optics.microlens.array import MicrolensArray
+from plenoptic.optics.microlens.lattice import Lattice
+from plenoptic.optics.sensor.sensor import Sensor
+
+__all__ = ["CameraDesign", "DesignStep", "design_camera"]
+
+
+def design_camera(
+    lens: LensStack,
+    *,
+    sensor: Sensor,
+    kind: CameraKind,
+    z: float | None = None,
+    image_fill: float | None = 1.0,
+    virtual_depth: float | None = None,
+    disparity: float | None = None,
+    depth_at: float | None = None,
+    microlenses: MicrolensArray | None = None,
+    pitch: float | None = None,
+    focal_length: float | None = None,
+    lattice: Lattice = Lattice.HEXAGONAL,
+    semi_diameter: float | None = None,
+    stop_to_microlenses: float | None = None,
+    microlenses_to_sensor: float | None = None,
+    criterion: FocusCriterion = FocusCriterion.RMS_SPOT,
+    wavelength: float = 587.6,
+    tolerance: float = 1e-8,
+) -> CameraDesign:
+    """Solve for what is not given of a plenoptic camera, so that traced rays meet wishes for focus, images and depth.
+
+    What is given is kept. Each wish (z, image_fill, virtual_depth or disparity, and kind=PLENOPTIC_1, which wishes for
+    microlenses_to_sensor = focal_length) determines one number that is not. The iris is solved for if `semi_diameter`
+    is left out and `image_fill` has nothing else to choose; otherwise it stays as it is.
+
+    Parameters
+    ----------
+    lens : LensStack
+        The main lens; it is traced as its model says.
+    sensor : Sensor
+    kind : CameraKind
+        PLENOPTIC_1, KEPLERIAN, GALILEAN, or CAMERA_ARRAY for a lens with LensModel.NONE.
+    z : float, optional
+        The plane in focus in the camera's frame in mm, negative; -inf: the horizon.
+    image_fill : float, optional
+        Diameter of the microlens images over their distance; 1 matches the f-numbers of main lens and microlenses.
+        None: no such wish.
+    virtual_depth : float, optional
+        Image distance from the array over microlenses_to_sensor, see `MicrolensFocus`.
+    disparity : float, optional
+        Pixels between the images of neighbouring microlenses, above 0; for PLENOPTIC_1 microlenses between the views of
+        neighbouring pixels. In place of virtual_depth.
+    depth_at : float, optional
+        The plane that virtual_depth or disparity are for, in mm; the plane in focus if left out.
+    microlenses : MicrolensArray, optional
+        Gives pitch and focal length (that of the lens on the axis), and all else that an array has.
+    pitch, focal_length : float, optional
+        Of the microlenses in mm, in place of `microlenses`.
+    lattice : Lattice, optional
+        Without `microlenses`.
+    semi_diameter : float, optional
+        Of the iris in mm.
+    stop_to_microlenses, microlenses_to_sensor : float, optional
+        As in `PlenopticCamera`, mm.
+    criterion : FocusCriterion, optional
+        What is sharp in the main lens's image.
+    wavelength : float, optional
+        nm.
+    tolerance : float, optional
+        Largest error of the traced focus over the distance of the array, and of the traced image fill.
+
+    Returns
+    -------
+    CameraDesign
+
+    Raises
+    ------
+    InvalidValueError
+        Where wishes contradict each other or what is given, leave something open, or ask for what cannot be: an image
+        on the wrong side of the array, more light than the rims of the lens let pass, a camera inside its lens.
+
+    Notes
+    -----
+    The first solution is paraxial. Then the image of the plane in focus and the slope of the rim ray at the centre of
+    the array are traced and the equations solved again with these, until nothing changes: each round corrects what
+    aberrations do.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> from plenoptic.camera.design.design import design_camera
+    >>> from plenoptic.camera.report.report import CameraKind
+    >>> design = design_camera(pl.load_lens("double-gauss-100mm-f2"), sensor=pl.Sensor((512, 512), 0.010), z=-404.0,
+    ...     kind=CameraKind.GALILEAN, pitch=0.217, focal_length=2.0, virtual_depth=4.0, image_fill=0.95)
+    >>> design.solved_for
+    ('semi_diameter', 'stop_to_microlenses', 'microlenses_to_sensor')
+    >>> camera = design.camera
+    >>> f"{camera.microlenses_to_sensor:.3f} mm, iris {camera.lens.stop.semi_diameter:.2f} mm"
+    '1.500 mm, iris 5.97 mm'
+    """
+    if not isinstance(lens, LensStack):
+        raise wrong_kind(lens, "lens", "LensStack", 'pl.load_lens("double-gauss-100mm-f2")')
+    if not isinstance(sensor, Sensor):
+        raise wrong_kind(sensor, "sensor", "Sensor", "pl.Sensor((512, 512), 0.01)")
+    wishes = checked_wishes(lens, kind, z, depth_at, image_fill, virtual_depth, disparity, sensor)
+    template = template_array(microlenses, pitch, focal_length, lattice)
+    given = checked_numbers(
+        {
+            "h": semi_diameter,
+            "L": stop_to_microlenses,
+            "b": microlenses_to_sensor,
+            "p": pitch if microlenses is None else neighbour_distance(microlenses),
+            "f": focal_length if microlenses is None else microlenses.focal_length,
+        }
+    )
+    if "h" not in given and (wishes.image_fill is None or len(wishes.names) <= 4 - len(given)):
+        given["h"] = lens.stop.semi_diameter
+    check_count(wishes, given)
+    best = choice(criterion, FocusCriterion, "criterion")
+    search = Search(lens, sensor, wishes, given, template, best, wavelength_in_nm(wavelength))
+    return search.found(positive(tolerance, "tolerance"))

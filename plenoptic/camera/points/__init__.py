@@ -1,0 +1,1 @@
+"""Where points and microlens images lie on the sensor."""

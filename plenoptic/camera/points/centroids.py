@@ -1,0 +1,259 @@
+"""Centroids of microlens images under a uniform white scene, from geometry: sums over the light of each microlens."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.camera.array_axes import ArrayAxes
+from plenoptic.core.rays import RayBundle
+from plenoptic.errors import InvalidValueError
+from plenoptic.optics.lens.pupil.exit_pupil import PupilBounds, pupil_bounds
+from plenoptic.optics.microlens.array import MicrolensArray, MicrolensModel
+from plenoptic.optics.microlens.lattice import Lattice
+from plenoptic.optics.microlens.listed import Lenslets
+
+Floats = NDArray[np.float64]
+
+FIELDS = 33
+"""Fields along x and along y for which centroids are computed; others lie between them."""
+LINES, PLACES = 32, 24
+"""Lines across the outline of the pupil, and places on each at which it is tried whether light passes."""
+_HALVINGS = 8
+_RAYS = 1 << 18
+"""Rays that are traced together."""
+
+
+def lit_centroids(axes: ArrayAxes, array: MicrolensArray, lenses: Lenslets) -> Floats:
+    """Centroids (n, 2) on the sensor of the light of a white scene through each microlens; nan where it is dark."""
+    if array.lattice is Lattice.FREE and array.aperture is None:
+        raise InvalidValueError(
+            "the lattice is FREE and its microlenses have no aperture, so that every cell has another shape; give "
+            "white=pl.render_white(camera, ...), or the array an aperture"
+        )
+    found = np.full(lenses.axis.shape, np.nan)
+    local, clear = axes.local(lenses.axis), lenses.transmission > 0
+    for kind in np.unique(lenses.type[clear]):
+        of_kind = clear & (lenses.type == kind)
+        found[of_kind] = _centroids_of_type(axes, array, local[of_kind], 1.0 / array.focal_lengths[int(kind)])
+    if array.model is MicrolensModel.PINHOLE:
+        return found
+    # Light through an opening beside the optical axis is deviated on the whole.
+    aside = (lenses.centre - lenses.axis) * (1.0 - axes.parts.distance * lenses.power)[:, None]
+    turn = axes.parts.sensor_to_local.turn[:2, :2].T @ axes.parts.array_turn
+    return np.asarray(found + aside @ turn.T)
+
+
+def _centroids_of_type(axes: ArrayAxes, array: MicrolensArray, points: Floats, power: float) -> Floats:
+    if len(points) <= FIELDS * FIELDS:
+        return centroids_at(axes, array, points, power)
+    low, high = points.min(axis=0), points.max(axis=0)
+    size = np.maximum(high - low, 1e-9)
+    knots = [np.linspace(low[k], low[k] + size[k], FIELDS) for k in range(2)]
+    grid = np.stack(np.meshgrid(*knots, indexing="ij"), axis=-1)
+    lit = centroids_at(axes, array, grid.reshape(-1, 2), power).reshape(grid.shape)
+    return _interpolated(lit, (points - low) / size * (FIELDS - 1))
+
+
+def _interpolated(values: Floats, place: Floats) -> Floats:
+    """Cubic convolution (R. Keys, IEEE Trans. ASSP 29(6), 1981) of a grid (a, b, c) at places (n, 2), in steps of it.
+
+    It reproduces quadratic functions. Linear where the cubic would need what is outside the grid or nan.
+    """
+    first = np.clip(np.floor(place).astype(np.int64), 0, np.array(values.shape[:2]) - 2)
+    t = place - first
+    wide = np.pad(values, ((1, 1), (1, 1), (0, 0)), constant_values=np.nan)
+    cubic, linear = np.zeros((2, len(place), values.shape[2]))
+    for i in range(-1, 3):
+        for j in range(-1, 3):
+            there = wide[first[:, 0] + i + 1, first[:, 1] + j + 1]
+            cubic += (_keys(t[:, 0] - i) * _keys(t[:, 1] - j))[:, None] * there
+            if i in (0, 1) and j in (0, 1):
+                linear += (np.abs(1 - i - t[:, 0]) * np.abs(1 - j - t[:, 1]))[:, None] * there
+    return np.where(np.isfinite(cubic), cubic, linear)
+
+
+def _keys(t: Floats) -> Floats:
+    t = np.abs(t)
+    return np.where(t < 1, (1.5 * t - 2.5) * t * t + 1, ((-0.5 * t + 2.5) * t - 4) * t + 2)
+
+
+class _Openings(NamedTuple):
+    """Points of the openings of some microlenses, k a microlens, and the rows of `PupilBounds` that hold for them."""
+
+    axes: ArrayAxes
+    centre: Floats
+    """(n k, 2) the microlens's centre, local."""
+    offset: Floats
+    """(n k, 2) the point, from there."""
+    start: Floats
+    """(n k, 3) the point in the lens's axes."""
+    turn: Floats
+    """(n k,) azimuth of the microlens there."""
+    low: Floats
+    high: Floats
+    """(n k, 2) a box around the pupil on the plane `z`, in axes turned with the microlens."""
+    z: float
+
+    def through(self, of: NDArray[np.int64], x: Floats, y: Floats) -> Floats:
+        """Points (m, 3), in the lens's axes, of the plane of the boxes of the points `of` (m,)."""
+        cos, sin = np.cos(self.turn[of]), np.sin(self.turn[of])
+        return np.stack([cos * x - sin * y, sin * x + cos * y, np.full(len(x), self.z)], axis=1)
+
+    def light(self, of: NDArray[np.int64], x: Floats, y: Floats) -> Floats:
+        """What part of the light comes from there: 0 or 1, or what grey masks let pass."""
+        camera = self.axes.camera
+        rays = RayBundle(self.start[of], self.through(of, x, y) - self.start[of], camera.wavelength)
+        return camera.lens.trace_reverse(rays).weight
+
+
+def centroids_at(
+    axes: ArrayAxes, array: MicrolensArray, points: Floats, power: float, *, lines: int = LINES, places: int = PLACES
+) -> Floats:
+    """Centroids (n, 2) on the sensor for microlenses of a power in 1/mm with their centres at local points (n, 2)."""
+    bounds = _bounds(axes, array, points)
+    pinhole = array.model is MicrolensModel.PINHOLE
+    offsets = np.zeros((1, 2)) if pinhole else opening_points(array) @ axes.parts.array_turn.T
+    each = max(1, _RAYS // (len(offsets) * lines * places))
+    parts = []
+    for k in range(0, len(points), each):
+        openings = _narrowed(_openings(axes, points[k : k + each], offsets, bounds))
+        sums = _sums(openings, len(offsets), 0.0 if pinhole else power, lines, places)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            parts.append(sums[:, 1:] / sums[:, :1])
+    return np.concatenate(parts)
+
+
+def _bounds(axes: ArrayAxes, array: MicrolensArray, points: Floats) -> PupilBounds:
+    """Outlines of the pupil; those of a tilted array are as seen from where its rays cross the plane of its middle."""
+    camera, z_plane = axes.camera, axes.parts.z_plane
+    x, y, z = axes.in_lens(points).T
+    radius = np.hypot(x, y)
+    steepest = (radius.max() + max(e.semi_diameter for e in camera.lens.elements)) / (
+        z_plane - float(camera.lens.vertices[-1])
+    )
+    return pupil_bounds(
+        camera.lens,
+        z_plane=z_plane,
+        largest_radius=float(radius.max()),
+        cell_radius=array.cell_radius + steepest * float(np.abs(z - z_plane).max()),
+        wavelength=camera.wavelength,
+    )
+
+
+def _openings(axes: ArrayAxes, points: Floats, offsets: Floats, bounds: PupilBounds) -> _Openings:
+    many = len(offsets)
+    x, y, _ = axes.in_lens(points).T
+    row = np.minimum((np.hypot(x, y) / bounds.step).astype(np.int64), len(bounds.corners) - 1)
+    centre, offset = np.repeat(points, many, axis=0), np.tile(offsets, (len(points), 1))
+    return _Openings(
+        axes=axes,
+        centre=centre,
+        offset=offset,
+        start=axes.in_lens(centre + offset),
+        turn=np.repeat(np.arctan2(y, x), many),
+        low=np.repeat(bounds.corners[row].min(axis=1), many, axis=0),
+        high=np.repeat(bounds.corners[row].max(axis=1), many, axis=0),
+        z=bounds.z,
+    )
+
+
+def _narrowed(openings: _Openings) -> _Openings:
+    """The same with boxes around what a grid of rays finds lit, and a step of the grid; as before where it finds none.
+
+    Boxes that hold for all points of a cell, and of an interval of the field, are large beside a small pupil.
+    """
+    n, across = len(openings.start), openings.high - openings.low
+    share = np.linspace(0.0, 1.0, PLACES)
+    places = np.stack(np.meshgrid(share, share), axis=-1).reshape(-1, 2)
+    of = np.repeat(np.arange(n), len(places))
+    tried = openings.low[of] + across[of] * np.tile(places, (n, 1))
+    lit = openings.light(of, tried[:, 0], tried[:, 1]).reshape(n, -1) > 0
+    first = np.where(lit[:, :, None], places, np.inf).min(axis=1) - 1 / (PLACES - 1)
+    last = np.where(lit[:, :, None], places, -np.inf).max(axis=1) + 1 / (PLACES - 1)
+    found = np.asarray(lit.any(axis=1))[:, None]
+    low = np.where(found, openings.low + across * np.where(found, first, 0.0), openings.low)
+    high = np.where(found, openings.low + across * np.where(found, last, 1.0), openings.high)
+    return openings._replace(low=low, high=high)
+
+
+def opening_points(array: MicrolensArray) -> Floats:
+    """Four points (4, 2) that have mean, second and third moments of the opening, which is its own mirror image.
+
+    They lie on its axes, sqrt(2) standard deviations from its centre.
+    """
+    opening = array.opening
+    if math.isfinite(opening.radius):
+        deviation = np.full(2, opening.radius / 2)
+    else:
+        here, after = opening.corners, np.roll(opening.corners, -1, axis=0)
+        cross = here[:, 0] * after[:, 1] - here[:, 1] * after[:, 0]
+        # Second moments of triangles that have a corner in the centre.
+        deviation = np.sqrt(cross @ ((here**2 + here * after + after**2) / 6) / cross.sum())
+    x, y = math.sqrt(2.0) * deviation
+    return np.array([[x, 0.0], [-x, 0.0], [0.0, y], [0.0, -y]])
+
+
+def _sums(openings: _Openings, many: int, power: float, lines: int, places: int) -> Floats:
+    """(n, 3): light, and light times x and y on the sensor, of some microlenses.
+
+    The light of a ray is its etendue at the sensor, as in `render`. With slopes u, v an ideal microlens keeps du dv and
+    not the projected solid angle, du dv cos^4; from an area dA of the plane across the lens at the distance r,
+    dA cos(lens) cos(array) / r^2 of it arrive.
+    """
+    of, first, last, y, step, passing = _lit_intervals(openings, lines, places)
+    axes, start = openings.axes, openings.start[of]
+    grey = bool((passing != 1.0).any())
+    lens = of // many
+    sums = np.zeros((len(openings.centre) // many, 3))
+    for node, weight in zip(*np.polynomial.legendre.leggauss(3), strict=True):
+        x = 0.5 * (first + last) + 0.5 * node * (last - first)
+        ray = start - openings.through(of, x, y)
+        r2 = np.sum(ray**2, axis=1)
+        before = axes.slopes_of(ray)
+        after = before - power * openings.offset[of]
+        arriving = ray[:, 2] / r2**1.5 * (1.0 + np.sum(before**2, axis=1)) ** 1.5
+        light = 0.5 * weight * (last - first) * step * arriving / (1.0 + np.sum(after**2, axis=1)) ** 2
+        if grey:
+            # The cells of a mask may be smaller than the intervals.
+            light *= openings.light(of, x, y)
+        landed = axes.on_sensor(openings.centre[of] + openings.offset[of], after)
+        for k, amount in enumerate((light, light * landed[:, 0], light * landed[:, 1])):
+            sums[:, k] += np.bincount(lens, amount, minlength=len(sums))
+    return sums
+
+
+def _lit_intervals(
+    openings: _Openings, lines: int, places: int
+) -> tuple[NDArray[np.int64], Floats, Floats, Floats, Floats, Floats]:
+    """Where light passes lines on the plane of the outlines, as seen from each point of each opening.
+
+    For every interval, in which as much light passes everywhere as far as the places tried show: number of the point,
+    its two ends along the line, the line's place across, the distance between lines, and what part of the light passes.
+    """
+    n = len(openings.start)
+    step = (openings.high - openings.low) / np.array([places - 1, lines])
+    # One place more at each end, where it is dark: every line then begins and ends in the dark.
+    x = openings.low[:, :1] + step[:, :1] * np.arange(-1, places + 1)
+    y = openings.low[:, 1:] + step[:, 1:] * (np.arange(lines) + 0.5)
+    shape = (n, lines, places)
+    of = np.broadcast_to(np.arange(n)[:, None, None], shape).ravel()
+    along, across = (np.broadcast_to(g, shape).ravel() for g in (x[:, None, 1:-1], y[:, :, None]))
+    seen = np.zeros((n, lines, places + 2))
+    seen[:, :, 1:-1] = openings.light(of, along, across).reshape(shape)
+    of, line, place = np.nonzero(seen[:, :, 1:] != seen[:, :, :-1])
+    before, after, level, next_level = x[of, place], x[of, place + 1], seen[of, line, place], seen[of, line, place + 1]
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (before + after)
+        light = openings.light(of, middle, y[of, line])
+        # Where light ends, no change of grey before the end may pass for it.
+        past = np.where(next_level == 0, light == 0, light != level)
+        before, after = np.where(past, before, middle), np.where(past, middle, after)
+    edge = 0.5 * (before + after)
+    # All lines end in the dark: light that begins, or changes, at one edge ends, or changes, at the next one.
+    begins = np.flatnonzero(next_level > 0)
+    of, line = of[begins], line[begins]
+    return of, edge[begins], edge[begins + 1], y[of, line], step[of, 1], next_level[begins]

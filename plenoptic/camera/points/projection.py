@@ -1,0 +1,272 @@
+"""Where points of the world appear on the sensor: in every microlens image that sees them."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.camera.points.projection_light import REPLICATES, centroid_and_error, light_and_error, light_of
+from plenoptic.camera.points.projection_rows import lenses_of
+from plenoptic.camera.points.projection_tracing import Rows, rows_through_iris, rows_through_microlenses
+from plenoptic.camera.psf.sensor_hits import ForwardTables, forward_tables, in_lens_axes, tasks_of
+from plenoptic.core.parallel import thread_count
+from plenoptic.core.values import frozen_array, read_only, set_field, value, whole, wrong_kind
+from plenoptic.errors import InvalidValueError
+from plenoptic.optics.microlens.array import MicrolensModel
+
+if TYPE_CHECKING:
+    from plenoptic.scene.scene import Scene
+
+Floats = NDArray[np.float64]
+
+_CLEAR = 2.0**-12
+"""What hides a point is farther from it than this part of its way to the lens: the surface that it lies on does not."""
+
+
+@value
+class Projection:
+    """Where points appear on the sensor, a row for each point and microlens; made by `project`.
+
+    Attributes
+    ----------
+    points : (n, 3) array
+        The points in the world in mm.
+    point : (k,) array of int
+        Which of them each row is about; rows are in the order of points and of lattice indices.
+    index : (k, 2) array of int or None
+        Lattice indices of the microlens; in FREE lattices (number, 0). None without microlenses, as the next one.
+    type : (k,) array of int or None
+        Type of the microlens: a row of the array's `focal_lengths`.
+    position : (k, 2) array
+        x and y on the sensor in mm of the chief ray: from the point through the microlens's optical centre; without
+        microlenses, through the centre of the iris. nan where there is no such ray, as for a point whose image lies on
+        the array beside that centre.
+    pixel : (k, 2) array
+        The same as row and column: whole numbers at the centres of pixels.
+    centroid : (k, 2) array
+        x and y on the sensor in mm of the centroid of all light of the point that lands on the sensor through the
+        microlens; nan where none does.
+    centroid_pixel : (k, 2) array
+        The same as row and column.
+    centroid_error : (k, 2) array
+        Standard error of `centroid` in mm; inf where it is not known.
+    light : (k,) array
+        Projected solid angle of that light at the point in sr, as in `point_spread`; nan for microlenses with the model
+        PINHOLE.
+    light_error : (k,) array
+        Its standard error; inf where the chief ray shows that there is light but no other ray found it.
+    passes : (k,) array of bool
+        Whether the chief ray itself passes the lens: all its stops and rims.
+    visible : (k,) array of bool
+        Whether light of the point lands on the sensor through the microlens, be it the chief ray alone, and, where a
+        scene is given, nothing hides the point.
+
+    Examples
+    --------
+    See `project`.
+    """
+
+    points: Floats
+    point: NDArray[np.int64]
+    index: NDArray[np.int64] | None
+    type: NDArray[np.int64] | None
+    position: Floats
+    pixel: Floats
+    centroid: Floats
+    centroid_pixel: Floats
+    centroid_error: Floats
+    light: Floats
+    light_error: Floats
+    passes: NDArray[np.bool_]
+    visible: NDArray[np.bool_]
+
+    def __post_init__(self) -> None:
+        for field in dataclasses.fields(self):
+            given = getattr(self, field.name)
+            if given is not None:
+                set_field(self, field.name, read_only(np.asarray(given)))
+
+    def __len__(self) -> int:
+        return len(self.point)
+
+    def selected(self, rows: ArrayLike) -> Projection:
+        """The rows that a mask (k,) or an array of row numbers selects.
+
+        Examples
+        --------
+        See `project`.
+        """
+        chosen = np.asarray(rows)
+        changes: dict[str, Any] = {}
+        for field in dataclasses.fields(self):
+            given = getattr(self, field.name)
+            if field.name != "points" and given is not None:
+                changes[field.name] = given[chosen]
+        return dataclasses.replace(self, **changes)
+
+    def __repr__(self) -> str:
+        seen = int(np.count_nonzero(self.visible))
+        return f"Projection({len(self.points)} points, {len(self)} rows, {seen} of them visible)"
+
+
+def project(
+    camera: PlenopticCamera,
+    points: ArrayLike,
+    *,
+    scene: Scene | None = None,
+    rays: int = 1 << 12,
+    threads: int | None = None,
+) -> Projection:
+    """Find where points of the world appear on the sensor, in every microlens image that sees them.
+
+    Parameters
+    ----------
+    camera : PlenopticCamera
+    points : (3,) or (n, 3) array
+        World positions in mm, in front of the lens.
+    scene : Scene, optional
+        What can hide the points; None: nothing does. What lies nearer to a point than 1/4096 of its way to the lens,
+        such as the surface that it lies on, does not hide it.
+    rays : int, optional
+        Rays of each point for `light` and `centroid`, rounded up to a multiple of 8. They do not change `position`.
+    threads : int, optional
+        None: one for each processor. The result does not depend on it.
+
+    Returns
+    -------
+    Projection
+        A row for each microlens that gets light of the point, or that the chief ray reaches through all stops and rims;
+        of the latter, those are left out that would show the point farther beside the sensor than a tenth of its size.
+
+    Raises
+    ------
+    InvalidValueError
+        Where a point is not finite or does not lie in front of the lens, or an argument is something else.
+
+    Notes
+    -----
+    Chief rays are found by Newton's method, traced through the real lens: they pass their microlens's optical centre to
+    within 1e-9 mm. In plates (SPHERICAL, FLAT_HIGH_INDEX) it is the ray through the vertex of the curved side, which
+    leaves them parallel to itself. Deviations of single microlenses (`imperfections`) and places of parts count.
+
+    Light is traced as in `point_spread`, with rays that are the same in every call. What is less than a single ray
+    stands for, a part of 1 / rays of the light that the lens takes up, may go unnoticed at microlenses that the chief
+    ray does not reach. With a scene, shadow rays run from the point towards the lens along the chief ray where it
+    passes, otherwise along a ray that passes the lens and meets the array near the microlens.
+
+    Everything is traced at the camera's `wavelength`. Dust and scratches, and what pixels make of light, do not count.
+    Light that passes beside the openings of an array with clear gaps counts to the cell that it passes.
+
+    Examples
+    --------
+    >>> import numpy as np, plenoptic as pl
+    >>> camera = pl.PlenopticCamera(
+    ...     lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=5.0)),
+    ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
+    ...     sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.01),
+    ...     stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
+    >>> seen = pl.project(camera, (0.0, 0.0, -404.0))
+    >>> seen
+    Projection(1 points, 37 rows, 37 of them visible)
+    >>> middle = seen.selected((seen.index == 0).all(axis=1))
+    >>> middle.pixel.round(6).tolist(), bool(np.abs(middle.centroid_pixel - middle.pixel).max() < 1e-3)
+    ([[255.5, 255.5]], True)
+    """
+    given = _checked(camera, points)
+    each = -(-whole(rays, "rays", at_least=1) // REPLICATES)
+    workers = thread_count(threads)
+    tables = forward_tables(camera)
+    seen = in_lens_axes(tables, given)
+    tasks = tasks_of(tables, seen, REPLICATES, each)
+    pinhole = camera.microlenses is not None and camera.microlenses.model is MicrolensModel.PINHOLE
+    light = light_of(tables, [] if pinhole else tasks, each, workers)
+    if camera.microlenses is None:
+        rows = rows_through_iris(tables, seen, light)
+    else:
+        rows = rows_through_microlenses(tables, camera.microlenses, seen, tasks, light)
+    projection = _assembled(tables, given, rows, pinhole)
+    return projection if scene is None else _unhidden(tables, projection, rows.entering, scene)
+
+
+def _checked(camera: PlenopticCamera, points: ArrayLike) -> Floats:
+    if not isinstance(camera, PlenopticCamera):
+        raise wrong_kind(camera, "camera", "PlenopticCamera", "pl.PlenopticCamera(...)")
+    try:
+        several = np.ndim(points) != 1
+    except ValueError:  # rows of different lengths, which is said below
+        several = True
+    rows = points if several else np.expand_dims(np.asarray(points), 0)
+    given = frozen_array(rows, name="points", shape=("n", 3))
+    if not np.isfinite(given).all():
+        raise InvalidValueError(f"points holds {given[~np.isfinite(given)][0]}; all coordinates must be finite, in mm")
+    return given
+
+
+def _assembled(tables: ForwardTables, given: Floats, rows: Rows, pinhole: bool) -> Projection:
+    sensor, array = tables.camera.sensor, tables.camera.microlenses
+    lenses = None if array is None or rows.lens is None else lenses_of(array, rows.lens)
+    light, light_error = light_and_error(rows.moments)
+    centroid, centroid_error = centroid_and_error(rows.moments)
+    height, width = sensor.size
+    with np.errstate(invalid="ignore"):
+        shown = rows.passes & (np.abs(rows.position) <= np.array([width, height]) / 2).all(axis=1)
+    if lenses is not None:
+        shown &= lenses.transmission > 0
+    if pinhole:
+        light, light_error = np.full((2, len(light)), np.nan)
+        centroid, centroid_error = (
+            np.where(shown[:, None], rows.position, np.nan),
+            np.where(shown[:, None], 0.0, np.inf),
+        )
+    else:
+        light_error[shown & (light == 0)] = np.inf
+    return Projection(
+        points=given,
+        point=rows.point,
+        index=rows.lens,
+        type=None if lenses is None else lenses.type,
+        position=rows.position,
+        pixel=sensor.pixel_of(rows.position),
+        centroid=centroid,
+        centroid_pixel=sensor.pixel_of(centroid),
+        centroid_error=centroid_error,
+        light=light,
+        light_error=light_error,
+        passes=rows.passes,
+        visible=shown | (light > 0),
+    )
+
+
+def _unhidden(tables: ForwardTables, found: Projection, entering: Floats, scene: Scene) -> Projection:
+    """Rows whose points are hidden from the place (k, 2) where their rays enter the lens are no longer visible."""
+    from plenoptic.scene.cache import prepared_scene
+    from plenoptic.scene.materials.alpha_mask import thin_out
+    from plenoptic.scene.scene import Scene
+
+    if not isinstance(scene, Scene):
+        raise wrong_kind(scene, "scene", "Scene", "pl.Scene(...)")
+    prepared = prepared_scene(scene)
+    surfaces, intersector = prepared.tables, prepared.intersector
+    if intersector is None:
+        return found
+    rows = np.flatnonzero(found.visible)
+    placed, pose = tables.array.parts.lens_to_camera, tables.camera.pose
+    through = np.column_stack([entering[rows], np.full(len(rows), tables.entrance.z)])
+    through = through if placed is None else placed.points(through)
+    through = through if pose is None else pose.to_world(through)
+    start = found.points[found.point[rows]]
+    way = through - start
+    rays = np.ascontiguousarray(np.column_stack([start + _CLEAR * way, (1.0 - _CLEAR) * way]))
+    blocked = np.zeros(len(rows), dtype=np.uint8)
+    left = np.ones((len(rows), 1))
+    if surfaces.opacity is None:
+        intersector.fill_blocked(blocked, rays)
+    else:
+        thin_out(surfaces, intersector, rays, blocked, left)
+    visible = found.visible.copy()
+    visible[rows] = (blocked == 0) & (left[:, 0] > 0.5)
+    return dataclasses.replace(found, visible=visible)

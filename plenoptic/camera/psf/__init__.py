@@ -1,0 +1,1 @@
+"""What light of points leaves on the sensor."""

@@ -1,0 +1,172 @@
+"""Light of points, counted on the pixels on which it lands."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import groupby
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.camera.psf.sensor_hits import ForwardTables, Task, landed
+from plenoptic.camera.psf.spread import CameraSpread
+from plenoptic.core.kernels.ray_blocks import CAUSES
+from plenoptic.core.parallel import run_in_order
+from plenoptic.core.rays import RayStatus
+
+
+class Crop(NamedTuple):
+    """Part of the sensor that rays reach, and what they bring."""
+
+    row: int
+    column: int
+    sums: NDArray[np.float64]
+    moments: NDArray[np.float64]
+    """(3,) sums of the weight, and of weight times x and y."""
+    counts: NDArray[np.int64]
+    """Rays by status code, and at the end those beside the openings of pixels, beside the sensor, and landed."""
+
+
+class Spot(NamedTuple):
+    """What is known of one point."""
+
+    crop: Crop
+    """With the mean of the replicates as sums."""
+    error: NDArray[np.float64]
+    moments: NDArray[np.float64]
+    """(replicates, 3)."""
+
+
+def _counted(tables: ForwardTables, task: Task, seed: np.uint64) -> Crop:
+    """Trace one task and count on pixels what lands."""
+    from plenoptic.camera.psf.kernels.source_rays import extent, fill_crop
+
+    result = landed(tables, task, seed)
+    counts = np.append(result.counts, [result.shut, result.beside, len(result.rows)])
+    moments = np.zeros(3)
+    if not len(result.rows):
+        return Crop(0, 0, np.zeros((0, 0)), moments, counts)
+    row, last_row, column, last_column = extent(result.rows)
+    sums = np.zeros((last_row + 1 - row, last_column + 1 - column))
+    fill_crop(sums, moments, result.rows, row, column)
+    return Crop(row, column, sums, moments, counts)
+
+
+def _added(crops: list[Crop]) -> Crop:
+    """Crops of the chunks of a replicate as one."""
+    row, column, shape = _around(crops)
+    sums = np.zeros(shape)
+    for crop in crops:
+        sums[_within(crop, row, column)] += crop.sums
+    return Crop(row, column, sums, sum(c.moments for c in crops), sum(c.counts for c in crops))  # type: ignore[arg-type]
+
+
+def _around(crops: list[Crop]) -> tuple[int, int, tuple[int, int]]:
+    """First row, first column and shape of the rectangle that holds crops."""
+    lit = [crop for crop in crops if crop.sums.size]
+    if not lit:
+        return 0, 0, (0, 0)
+    row, column = min(crop.row for crop in lit), min(crop.column for crop in lit)
+    rows = max(crop.row + crop.sums.shape[0] for crop in lit) - row
+    return row, column, (rows, max(crop.column + crop.sums.shape[1] for crop in lit) - column)
+
+
+def _within(crop: Crop, row: int, column: int) -> tuple[slice, slice]:
+    """Where a crop lies in an array whose first pixel is given."""
+    rows, columns = crop.sums.shape
+    # An empty crop lies nowhere.
+    top, left = (crop.row - row, crop.column - column) if crop.sums.size else (0, 0)
+    return slice(top, top + rows), slice(left, left + columns)
+
+
+def _spot(crops: list[Crop], each: int) -> Spot:
+    """Mean and standard error over replicates of `each` rays."""
+    row, column, shape = _around(crops)
+    mean, squares = np.zeros(shape), np.zeros(shape)
+    for k, crop in enumerate(crops, start=1):
+        image = np.zeros(shape)
+        image[_within(crop, row, column)] = crop.sums / each
+        step = image - mean
+        mean += step / k
+        squares += step * (image - mean)
+    moments = np.array([crop.moments / each for crop in crops])
+    counts = np.sum([crop.counts for crop in crops], axis=0)
+    error = np.sqrt(squares / (max(len(crops) - 1, 1) * len(crops)))
+    return Spot(Crop(row, column, mean, moments.mean(axis=0), counts), error, moments)
+
+
+def spots_of(
+    tables: ForwardTables, tasks: list[Task], each: int, seed: np.uint64, threads: int
+) -> Iterator[tuple[int, Spot]]:
+    """Number and spot of each point that has tasks."""
+
+    def work(task: Task) -> tuple[Task, Crop]:
+        return task, _counted(tables, task, seed)
+
+    results = run_in_order(work, tasks, threads=min(threads, max(len(tasks), 1)))
+    for number, of_point in groupby(results, key=lambda pair: pair[0].number):
+        replicates = groupby(of_point, key=lambda pair: pair[0].replicate)
+        yield number, _spot([_added([crop for _, crop in chunks]) for _, chunks in replicates], each)
+
+
+def assembled(
+    camera: PlenopticCamera, points: NDArray[np.float64], spots: dict[int, Spot], replicates: int, each: int
+) -> CameraSpread:
+    """Spots of several points as arrays of one shape."""
+    n, height, width = len(points), *camera.sensor.shape
+    shapes = [spot.crop.sums.shape for spot in spots.values()]
+    rows, columns = (max([1, *(shape[k] for shape in shapes)]) for k in range(2))
+    image, error = np.zeros((n, rows, columns)), np.zeros((n, rows, columns))
+    corner = np.tile([(height - rows) // 2, (width - columns) // 2], (n, 1))
+    moments = np.zeros((n, replicates, 3))
+    counts = np.zeros((n, CAUSES * (len(camera.lens.elements) + 1) + 3), dtype=np.int64)
+    for number, spot in spots.items():
+        counts[number], moments[number] = spot.crop.counts, spot.moments
+        if spot.crop.sums.size:
+            corner[number] = min(spot.crop.row, height - rows), min(spot.crop.column, width - columns)
+            at = _within(spot.crop, *corner[number])
+            image[number][at], error[number][at] = spot.crop.sums, spot.error
+    area = camera.sensor.pixel_pitch**2
+    centroid, centroid_error = _centroids(moments)
+    fates, fractions = _fates(counts, replicates * each)
+    known = replicates >= 2
+    return CameraSpread(
+        image=image / area,
+        standard_error=error / area if known else None,
+        corner=corner,
+        points=points,
+        light=moments[:, :, 0].mean(axis=1),
+        light_error=moments[:, :, 0].std(axis=1, ddof=1) / np.sqrt(replicates) if known else None,
+        centroid=centroid,
+        centroid_error=centroid_error if known else None,
+        fates=fates,
+        fractions=fractions,
+        sensor=camera.sensor,
+        rays=replicates * each,
+    )
+
+
+def _centroids(moments: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Centroids (n, 2) from moments (n, replicates, 3), and their errors, by leaving one replicate out at a time."""
+    total, count = moments.sum(axis=1), moments.shape[1]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        others = total[:, None] - moments
+        without = others[..., 1:] / others[..., :1]
+        return total[:, 1:] / total[:, :1], np.sqrt((count - 1) * without.var(axis=1))
+
+
+def _fates(counts: NDArray[np.int64], rays: int) -> tuple[tuple[tuple[str, int | None], ...], NDArray[np.float64]]:
+    """Names and elements of what became of rays, and the part of them."""
+    shut, beside, arrived = (counts.shape[1] - k for k in (3, 2, 1))
+    names: list[tuple[str, int | None]] = [("landed", None), ("beside_sensor", None)]
+    kept = [arrived, beside]
+    if counts[:, shut].any():
+        names.append(("beside_opening", None))
+        kept.append(shut)
+    for code in np.flatnonzero(counts[:, 1:shut].any(axis=0)) + 1:
+        element, cause = divmod(int(code), CAUSES)
+        names.append((RayStatus(cause).name.lower(), element - 1 if element else None))
+        kept.append(int(code))
+    return tuple(names), counts[:, kept] / rays

@@ -1,0 +1,176 @@
+"""Forward tracing: where the light of points lands on the sensor of a camera.
+
+What is measured is what `render` measures. For the radiance L of a small emitter of area dA, the value of a pixel is
+
+    E = 1/A_pixel  integral over pixel and microlens plane of L cos^4(sensor) / distance^2
+      = 1/A_pixel  L  times the etendue, at the sensor, of the rays between emitter and pixel.
+
+Where all refraction is real, etendue is the same at the emitter: dA times cos(theta) dOmega. So E / (L dA) is the
+integral of cos(theta) dOmega over the directions that end in the pixel, over the pixel's area. Ideal elements change
+etendue; see `optics.microlens.kernels.to_sensor` for their factors. Dust and pixels dim the light as in `render`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.camera.psf.histogram import assembled, spots_of
+from plenoptic.camera.psf.sensor_hits import Task, in_lens_axes, landed, measuring_tables, tasks_of
+from plenoptic.camera.psf.spread import CameraSpread, LandingPoints
+from plenoptic.core.parallel import run_in_order, thread_count
+from plenoptic.core.values import frozen_array, whole, wrong_kind
+from plenoptic.errors import InvalidValueError
+from plenoptic.optics.microlens.array import MicrolensModel
+
+
+def point_spread(
+    camera: PlenopticCamera,
+    points: ArrayLike,
+    *,
+    rays: int = 1 << 18,
+    seed: int = 0,
+    replicates: int = 8,
+    threads: int | None = None,
+) -> CameraSpread:
+    """Trace the light of points through lens and microlenses and see where it lands on the sensor.
+
+    The image of a point is what `render` makes, as its area goes to zero, of a Lambertian emitter that stands at the
+    point and faces along the camera's axis, for each unit of radiance and mm^2. What the camera's pixels make of light
+    (`Sensor.pixel_aperture`, `Sensor.angular_response`) and its `blemishes` count; all light has its `wavelength`.
+    Diffraction is not included.
+
+    Parameters
+    ----------
+    camera : PlenopticCamera
+    points : (3,) or (n, 3) array
+        World positions in mm, in front of the lens.
+    rays : int, optional
+        Rays of each point, rounded up to a multiple of `replicates`.
+    seed : int, optional
+        Of the random numbers, at least 0. Each point has its own.
+    replicates : int, optional
+        Independent scramblings of the sampling points, at least 1; errors come from their spread.
+    threads : int, optional
+        None: one for each processor. The result does not depend on it.
+
+    Returns
+    -------
+    CameraSpread
+        Of one point, or of n points with n as the first length of its arrays. All zero where no light arrives.
+
+    Raises
+    ------
+    InvalidValueError
+        If a point is not finite or does not lie in front of the lens, or a number is out of range; for microlenses
+        with the model PINHOLE, through which a point sends no light.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=5.0))
+    >>> camera = pl.PlenopticCamera(lens=lens,
+    ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
+    ...     sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.01),
+    ...     stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
+    >>> spread = pl.point_spread(camera, (0.0, 0.0, -404.0))
+    >>> f"{1e3 * spread.light:.3f} msr"
+    '0.982 msr'
+    """
+    given, several = _checked_points(camera, points)
+    replicates = whole(replicates, "replicates", at_least=1)
+    each = -(-whole(rays, "rays", at_least=1) // replicates)
+    scrambling, workers = _checked_seed(seed), thread_count(threads)
+    tables = measuring_tables(camera)
+    tasks = tasks_of(tables, in_lens_axes(tables, given), replicates, each)
+    spots = dict(spots_of(tables, tasks, each, scrambling, workers))
+    spread = assembled(camera, given, spots, replicates, each)
+    return spread if several else spread.of(0)
+
+
+def landing_points(
+    camera: PlenopticCamera,
+    points: ArrayLike,
+    *,
+    rays: int = 1 << 12,
+    seed: int = 0,
+    threads: int | None = None,
+) -> LandingPoints:
+    """Single rays of points: where they land on the sensor and through which microlens, such as calibration needs it.
+
+    Rays beside the opening of a pixel (`Sensor.pixel_aperture`) do not land. Those that dust or an opaque microlens
+    stops do, with the weight 0.
+
+    Parameters
+    ----------
+    camera, points, seed, threads : optional
+        As in `point_spread`.
+    rays : int, optional
+        Rays of each point; those that land are returned.
+
+    Returns
+    -------
+    LandingPoints
+
+    Raises
+    ------
+    InvalidValueError
+        As in `point_spread`.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
+    ...     sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.01), stop_to_microlenses=134.6)
+    >>> landed = pl.landing_points(camera, [(0, 0, -404), (3, 0, -404)], rays=256)
+    >>> f"{landed.position[landed.source == 1, 0].mean():.1f} mm"
+    '-1.0 mm'
+    """
+    given, _ = _checked_points(camera, points)
+    each = whole(rays, "rays", at_least=1)
+    scrambling, workers = _checked_seed(seed), thread_count(threads)
+    tables = measuring_tables(camera)
+    tasks = tasks_of(tables, in_lens_axes(tables, given), 1, each)
+
+    def work(task: Task) -> NDArray[np.float64]:
+        return landed(tables, task, scrambling).rows
+
+    found = list(run_in_order(work, tasks, threads=min(workers, max(len(tasks), 1))))
+    rows = np.concatenate([np.empty((0, 7)), *found])
+    source = np.repeat([task.number for task in tasks], [len(part) for part in found]).astype(np.int64)
+    array = camera.microlenses
+    if array is None:
+        return LandingPoints(rows[:, :2].copy(), rows[:, 2] / each, source, None, None)
+    index = rows[:, 3:5].astype(np.int64)
+    microlens = index @ array.basis if array.centres is None else array.centres[index[:, 0]]
+    return LandingPoints(rows[:, :2].copy(), rows[:, 2] / each, source, microlens, index)
+
+
+def _checked_seed(seed: int) -> np.uint64:
+    if whole(seed, "seed", at_least=0) >= 1 << 64:
+        raise InvalidValueError(f"seed is {seed}; it must be below 2^64")
+    return np.uint64(seed)
+
+
+def _checked_points(camera: PlenopticCamera, points: ArrayLike) -> tuple[NDArray[np.float64], bool]:
+    """The points (n, 3) in the world, and whether there may be several."""
+    if not isinstance(camera, PlenopticCamera):
+        raise wrong_kind(camera, "camera", "PlenopticCamera", "pl.PlenopticCamera(...)")
+    array = camera.microlenses
+    if array is not None and array.model is MicrolensModel.PINHOLE:
+        raise InvalidValueError(
+            "the microlenses have the model PINHOLE, and no ray from a point meets a hole without extent; render a "
+            "small emitter instead, or choose THIN"
+        )
+    try:
+        several = np.ndim(points) != 1
+    except ValueError:  # rows of different lengths, which is said below
+        several = True
+    rows = points if several else np.expand_dims(np.asarray(points), 0)
+    given = frozen_array(rows, name="points", shape=("n", 3))
+    if not len(given):
+        raise InvalidValueError("points is empty; give at least one point (x, y, z) in mm")
+    if not np.isfinite(given).all():
+        raise InvalidValueError(f"points holds {given[~np.isfinite(given)][0]}; all coordinates must be finite, in mm")
+    return given, several

@@ -1,0 +1,1 @@
+"""What a camera is and does, in numbers."""

@@ -1,0 +1,215 @@
+"""What a camera is and does, in numbers: f-numbers, microlens images, focus, depth, disparity; and what may surprise.
+
+Main lens by Gaussian optics and by traced rays, microlenses by their focal lengths, all on the axis and as designed.
+"""
+
+from __future__ import annotations
+
+import math
+
+from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.camera.report.findings import CameraFinding, CameraFindingKind, camera_findings
+from plenoptic.camera.report.focus import CameraKind, MicrolensFocus, microlens_focus
+from plenoptic.camera.report.optics import (
+    Cone,
+    clearance,
+    corner_light,
+    coverage,
+    images_on_sensor,
+    neighbour_distance,
+    opening_width,
+    paraxial_cone,
+    traced_slope,
+)
+from plenoptic.core.values import value, wrong_kind
+from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
+from plenoptic.optics.lens.models import LensModel
+from plenoptic.optics.microlens.aperture import Walls
+
+__all__ = ["CameraFinding", "CameraFindingKind", "CameraKind", "CameraReport", "MicrolensFocus", "camera_report"]
+
+
+@value
+class CameraReport:
+    """A camera in numbers; printed, it is a table. `camera_report` makes them.
+
+    What a camera lacks is None. Pixels are the sensor's.
+
+    Attributes
+    ----------
+    kind : CameraKind
+        Through the microlenses on the axis.
+    efl : float or None
+        Focal length of the main lens in mm.
+    f_number : float or None
+        Of the main lens for an object at infinity.
+    exit_pupil_distance : float
+        From the exit pupil (camera array: the iris) to the array, without microlenses to the sensor, in mm; inf for a
+        telecentric lens.
+    working_f_number_paraxial, working_f_number : float
+        Of the main lens at the array: distance over diameter of the exit pupil, 1 / (2 tan u), by Gaussian optics and
+        by rays traced from the centre of the array to the rim of the iris. Polygonal stops count as the circles
+        around them.
+    microlens_f_number : float or None
+        Array to sensor over the distance of neighbouring microlenses.
+    f_number_match : float or None
+        Microlens f-number over the working f-number: diameter of the microlens images over the pitch.
+    image_diameter, image_diameter_pixels : float or None
+        Of the image of the exit pupil through the centre of a microlens, traced, in mm and pixels.
+    image_pitch, image_pitch_pixels : float or None
+        Distance of neighbouring microlens images: pitch (1 + b / D), with b from array to sensor and D from exit pupil
+        to array.
+    image_fill : float or None
+        Their quotient: 1 for round images that touch.
+    image_border_pixels : float or None
+        Width of the border in which a microlens image fades out, since the exit pupil is not in focus on the sensor; of
+        the type that has the widest.
+    dark_fraction, overlap_fraction : float or None
+        Parts of the area around the axis that no microlens lights, and that several light.
+    microlenses : int or None
+        How many microlenses have the centre of their image on the sensor.
+    focus : tuple of MicrolensFocus
+        One for each type of microlens.
+    clearance : float
+        Along z from the lens, rims included, to array or sensor, in mm; negative inside the lens.
+    corner_pupil_fraction : float
+        Part of the iris from which light reaches the corner of the sensor, traced.
+    corner_chief_angle : float
+        Between the ray from the centre of the iris to that corner and the axis, in radians.
+    wavelength : float
+        nm.
+    warnings : tuple of CameraFinding
+        What may surprise.
+
+    Examples
+    --------
+    See `camera_report`.
+    """
+
+    kind: CameraKind
+    efl: float | None
+    f_number: float | None
+    exit_pupil_distance: float
+    working_f_number_paraxial: float
+    working_f_number: float
+    microlens_f_number: float | None
+    f_number_match: float | None
+    image_diameter: float | None
+    image_diameter_pixels: float | None
+    image_pitch: float | None
+    image_pitch_pixels: float | None
+    image_fill: float | None
+    image_border_pixels: float | None
+    dark_fraction: float | None
+    overlap_fraction: float | None
+    microlenses: int | None
+    focus: tuple[MicrolensFocus, ...]
+    clearance: float
+    corner_pupil_fraction: float
+    corner_chief_angle: float
+    wavelength: float
+    warnings: tuple[CameraFinding, ...] = ()
+
+    def __repr__(self) -> str:
+        from plenoptic.camera.report.text import report_text
+
+        return report_text(self)
+
+
+def camera_report(camera: PlenopticCamera) -> CameraReport:
+    """What a camera is and does in numbers, and what its user may trip over.
+
+    Parameters
+    ----------
+    camera : PlenopticCamera
+        With any model of its lens and microlenses. Placements of its parts do not count: the report is on the design.
+        Microlenses between walls are cameras of their own, and the f-number of what lies before them is that of the
+        field that the walls leave.
+
+    Returns
+    -------
+    CameraReport
+        Definitions are those of `CameraReport` and `MicrolensFocus`.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> from plenoptic.camera.report.report import camera_report
+    >>> camera = pl.PlenopticCamera(
+    ...     lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=5.0)),
+    ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
+    ...     sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.010),
+    ...     stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
+    >>> report = camera_report(camera)
+    >>> print(f"{report.kind.name}: images every {report.image_pitch_pixels:.3f} pixels, fill {report.image_fill:.2f}")
+    GALILEAN: images every 21.987 pixels, fill 0.94
+    >>> focus = report.focus[0]
+    >>> print(f"z = {focus.z:.1f} mm, virtual depth {focus.virtual_depth:.2f}, disparity {focus.disparity:.3f} pixels")
+    z = -403.9 mm, virtual depth 6.67, disparity 3.255 pixels
+    >>> [finding.kind.name for finding in report.warnings]
+    ['OVERLAP']
+    """
+    if not isinstance(camera, PlenopticCamera):
+        raise wrong_kind(camera, "camera", "PlenopticCamera", "pl.PlenopticCamera(...)")
+    lens, array, wavelength = camera.lens, camera.microlenses, camera.wavelength
+    z = camera.stop_to_microlenses
+    cone = paraxial_cone(lens, z, wavelength)
+    slope = traced_slope(lens, z, wavelength)
+    if array is not None and array.walls is Walls.OPAQUE:
+        # Each microlens is a camera of its own, whose field ends at the walls.
+        cone = Cone(0.0, neighbour_distance(array) / (2 * camera.microlenses_to_sensor))
+        slope = cone.slope
+    stretch = 1.0 if array is None else 1.0 + camera.microlenses_to_sensor * cone.vergence
+    corner = (camera.sensor.size[1] / (2 * stretch), camera.sensor.size[0] / (2 * stretch))
+    light = corner_light(lens, corner, z, wavelength)
+    if array is not None and array.walls is Walls.OPAQUE:
+        light = light._replace(pupil_fraction=1.0, chief_angle=0.0)
+    points = None if lens.model is LensModel.NONE else cardinal_points(lens, wavelength)
+    types = (0,) if array is None else range(len(array.focal_lengths))
+    focus = tuple(microlens_focus(camera, type_, cone) for type_ in types)
+    images = dict.fromkeys(_IMAGES) if array is None else _image_numbers(camera, cone, slope)
+    on_axis = 0 if array is None else array.focal_lengths.index(array.focal_length)
+    numbers = {
+        "kind": focus[on_axis].kind,
+        "efl": None if points is None else points.efl,
+        "f_number": None if points is None else points.f_number,
+        "exit_pupil_distance": math.inf if cone.vergence == 0 else 1.0 / cone.vergence,
+        "working_f_number_paraxial": 0.5 / cone.slope,
+        "working_f_number": 0.5 / slope,
+        "focus": focus,
+        "clearance": clearance(camera),
+        "corner_pupil_fraction": light.pupil_fraction,
+        "corner_chief_angle": light.chief_angle,
+        "wavelength": wavelength,
+    }
+    plain = CameraReport(**numbers, **images)  # type: ignore[arg-type]
+    return CameraReport(**numbers, **images, warnings=camera_findings(camera, plain))  # type: ignore[arg-type]
+
+
+_IMAGES = (
+    "microlens_f_number",
+    "f_number_match",
+    "image_diameter",
+    "image_diameter_pixels",
+    "image_pitch",
+    "image_pitch_pixels",
+    "image_fill",
+    "image_border_pixels",
+    "dark_fraction",
+    "overlap_fraction",
+    "microlenses",
+)
+
+
+def _image_numbers(camera: PlenopticCamera, cone: Cone, slope: float) -> dict[str, float | None]:
+    array, b, q = camera.microlenses, camera.microlenses_to_sensor, camera.sensor.pixel_pitch
+    assert array is not None
+    p, stretch = neighbour_distance(array), 1.0 + b * cone.vergence
+    diameter, pitch = 2.0 * b * slope, p * abs(stretch)
+    # The exit pupil is at -D: blur d b |1/b - 1/f + 1/D|, see MicrolensFocus.
+    border = opening_width(array) * max(abs(stretch - b / f) for f in array.focal_lengths)
+    dark, overlap = coverage(camera, cone)
+    if array.walls is Walls.OPAQUE:
+        dark = overlap = 0.0
+    numbers = (b / p, diameter / p, diameter, diameter / q, pitch, pitch / q, diameter / pitch, border / q)
+    return dict(zip(_IMAGES, (*numbers, dark, overlap, images_on_sensor(camera, cone.vergence)), strict=True))

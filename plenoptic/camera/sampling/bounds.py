@@ -1,0 +1,127 @@
+"""Where light can pass the exit pupil on its way to the microlenses that matter: bounds for a whole camera."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.camera.assembly import Assembly, sensor_corners
+from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.camera.sampling.margins import strays
+from plenoptic.core.values import read_only
+from plenoptic.optics.lens.pupil.exit_pupil import PupilBounds, outline_corners, pupil_bounds, rear_reach
+from plenoptic.optics.microlens.array import MicrolensArray, MicrolensModel
+
+
+class Bounds(NamedTuple):
+    """What the regions that feed pixels are made of."""
+
+    pupil: PupilBounds
+    slack: float
+    """How far a real microlens's rays stray from an ideal one's on the plane of the outlines, in mm."""
+    stray: float
+    """How far rays stray sideways between the principal plane and the curved side, in mm."""
+    reach: float
+    """How far from the lens's axis microlenses matter, in mm."""
+
+
+def sensor_bounds(camera: PlenopticCamera, parts: Assembly, wavelengths: tuple[float, ...]) -> PupilBounds:
+    """Without microlenses: outlines as seen from the sensor itself."""
+    corners = sensor_corners(camera, parts)
+    farthest = float(np.hypot(corners[:, 0], corners[:, 1]).max())
+    heights = parts.z_plane + corners[:, 2]
+    half_pixel = camera.sensor.pixel_pitch / np.sqrt(2)
+    return _united(camera, _extremes(heights), farthest, half_pixel, wavelengths)
+
+
+def array_bounds(
+    camera: PlenopticCamera,
+    array: MicrolensArray,
+    parts: Assembly,
+    powers: NDArray[np.float64],
+    wavelengths: tuple[float, ...],
+) -> Bounds:
+    """Outlines for all cells that matter, and how far the rays of real microlenses stray.
+
+    A ray from the sensor at s crosses the plane of the outlines at c + ratio (c - s) + bend d for the point d of the
+    cell at c, to within the slack, and passes the lens no farther from the axis than a + b |c| there.
+    """
+    a, b = rear_reach(camera.lens, parts.z_plane, wavelengths[0])
+    gap = parts.z_plane - float(camera.lens.vertices[-1])
+    corners = sensor_corners(camera, parts)
+    ratio = gap / float(corners[:, 2].min())
+    in_lens, tilt = corners, 0.0
+    if parts.frame is not None:
+        turn, shift = parts.frame[:9].reshape(3, 3), parts.frame[9:]
+        in_lens = corners @ turn.T + shift
+        tilt = float(np.hypot(turn[2, 0], turn[2, 1]))
+    sensor = float(np.hypot(in_lens[:, 0], in_lens[:, 1]).max())
+    bend = max(abs(_bend(array, power, gap, ratio)) for power in powers)
+    off_axis = _off_axis(array) * max(abs(gap * power) for power in (*powers, (1 + ratio) / gap))
+    slack = stray = 0.0
+    rounds = 2 if array.is_plate else 1
+    while True:
+        farthest = (1.0 + tilt) * ratio * sensor + a + bend * array.cell_radius + slack + off_axis
+        widest = 1.02 * farthest / max(1.0 + ratio - b, 0.1 * (1.0 + ratio)) + array.cell_radius + stray
+        heights = parts.z_plane + tilt * (widest + np.hypot(*in_lens[:, :2].T).max()) * np.array([-1.0, 0.0, 1.0])
+        bounds = _united(camera, _extremes(heights), widest, array.cell_radius + stray, wavelengths)
+        rounds -= 1
+        if rounds == 0:
+            return Bounds(bounds, slack, stray, widest)
+        reach = float(bounds.reach.max()) + widest
+        distance = gap / ratio
+        found = [
+            strays(array, power, distance, gap, _bend(array, power, gap, ratio), reach) for power in powers if power > 0
+        ]
+        slack, stray = (1.0 + tilt) * max(f[0] for f in found), (1.0 + tilt) * max(f[1] for f in found)
+
+
+def _bend(array: MicrolensArray, power: float, gap: float, ratio: float) -> float:
+    """How far a ray moves on the plane of the outlines when its point in the cell moves by 1."""
+    return 0.0 if array.model is MicrolensModel.PINHOLE else 1.0 + ratio - gap * power
+
+
+def _off_axis(array: MicrolensArray) -> float:
+    """How far an optical axis may lie from its cell's centre, in mm."""
+    if array.imperfections is None:
+        return 0.0
+    from plenoptic.optics.microlens.imperfections import largest_offset
+
+    return largest_offset(array.imperfections)
+
+
+def _extremes(heights: NDArray[np.float64]) -> tuple[float, ...]:
+    """Least and greatest, once where they are the same."""
+    low, high = float(heights.min()), float(heights.max())
+    return (low,) if high - low <= 1e-12 * abs(high) else (low, high)
+
+
+def _united(
+    camera: PlenopticCamera,
+    heights: tuple[float, ...],
+    largest: float,
+    cell_radius: float,
+    wavelengths: tuple[float, ...],
+) -> PupilBounds:
+    """Outlines that hold those of all heights of the plane and all wavelengths."""
+    found = [
+        pupil_bounds(camera.lens, z_plane=z, largest_radius=largest, cell_radius=cell_radius, wavelength=wavelength)
+        for z in heights
+        for wavelength in wavelengths
+    ]
+    if len(found) == 1:
+        return found[0]
+    finest = max(found, key=lambda bounds: len(bounds.support))
+    support = np.full_like(np.asarray(finest.support), -np.inf)
+    for bounds in found:
+        # An interval of the finest division lies in one or two of a coarser one.
+        first = np.floor(np.arange(len(support)) * finest.step / bounds.step + 1e-9).astype(int)
+        last = np.floor(np.arange(1, len(support) + 1) * finest.step / bounds.step - 1e-9).astype(int)
+        for rows in (first, last):
+            support = np.maximum(support, bounds.support[np.clip(rows, 0, len(bounds.support) - 1)])
+    lit = np.isfinite(support[:, 0])
+    outline = outline_corners(np.where(lit[:, None], support, 0.0))
+    reach = np.where(lit, np.linalg.norm(outline, axis=-1).max(axis=-1), 0.0)
+    return finest._replace(support=read_only(support), corners=read_only(outline), reach=read_only(reach))

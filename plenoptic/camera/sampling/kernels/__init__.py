@@ -1,0 +1,1 @@
+"""Kernels: regions that feed pixels, and the paths that start on them."""

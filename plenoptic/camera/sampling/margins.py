@@ -1,0 +1,121 @@
+"""How far the rays of real microlenses stray from those of ideal ones: margins, found by tracing."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.optics.microlens.array import ConvexSide, MicrolensArray, MicrolensModel
+from plenoptic.optics.microlens.record import ArrayTables
+
+_AIMS, _OFFSETS = 33, 49
+_SAFETY = 1.25
+"""Margins found on a grid of rays are widened by this factor."""
+_NO_EDGES = np.zeros((0, 3))
+
+
+def fill_plates(
+    blocks: NDArray[np.float64],
+    array: MicrolensArray,
+    distance: float,
+    lean: NDArray[np.float64] | None,
+    z_plane: float,
+    power: float,
+    lanes: NDArray[np.float64] | None = None,
+    tables: ArrayTables | None = None,
+) -> None:
+    """Aimed samples become rays through plano-convex lenses, exact or flat with a high index; uncut without tables."""
+    from plenoptic.optics.microlens.kernels import to_lens
+
+    cell, cells, opening, radius2 = _NO_EDGES, None, _NO_EDGES, math.inf
+    if tables is not None:
+        cell, opening, radius2 = tables.cell, tables.opening, tables.radius2
+        cells = None if tables.listed is None else tables.listed.cells
+    to_lens.fill_plano_convex(
+        blocks,
+        distance,
+        lean,
+        z_plane,
+        array.convex_side is ConvexSide.SENSOR,
+        array.model is MicrolensModel.FLAT_HIGH_INDEX,
+        power,
+        lanes,
+        array.thickness,
+        array.index,
+        cell,
+        cells,
+        opening,
+        radius2,
+    )
+
+
+def strays(
+    array: MicrolensArray, power: float, distance: float, gap: float, bend: float, reach: float
+) -> tuple[float, float]:
+    """How far real rays stray from ideal ones on the plane of the outlines, and on the curved side, in mm.
+
+    Rays of one lens are aimed from a row of sensor points at a grid of points on its rear principal plane; those
+    count that meet the curved side inside the cell and pass the plane of the outlines within `reach` of the lens's
+    own axis. A lens is round, so one row of sensor points stands for all.
+    """
+    slack = stray = 0.0
+    for _ in range(4):
+        offset = (reach + abs(bend) * array.cell_radius + slack) * distance / gap
+        found = _strays_from(array, power, distance, gap, bend, reach, offset)
+        if found is None:
+            return slack, stray
+        settled = found[0] <= 1.01 * slack
+        slack, stray = max(slack, _SAFETY * found[0]), max(stray, _SAFETY * found[1])
+        if settled:
+            break
+    return slack, stray
+
+
+def _strays_from(
+    array: MicrolensArray, power: float, distance: float, gap: float, bend: float, reach: float, offset: float
+) -> tuple[float, float] | None:
+    """The same for sensor points up to `offset` from the lens's axis; None where no ray counts."""
+    from plenoptic.core.kernels.ray_blocks import BLOCK
+
+    aims = np.linspace(-1.5 * array.cell_radius, 1.5 * array.cell_radius, _AIMS)
+    dx, dy, sx = (g.ravel() for g in np.meshgrid(aims, aims, np.linspace(0.0, offset, _OFFSETS), indexing="ij"))
+    fields = np.zeros((8, -(-dx.size // BLOCK) * BLOCK))
+    for row, column in ((0, dx), (1, dy), (3, dx - sx), (4, dy)):
+        fields[row, : dx.size] = column
+    blocks = np.ascontiguousarray(fields.reshape(8, -1, BLOCK).transpose(1, 0, 2))
+    fill_plates(blocks.reshape(-1), array, distance, None, gap, power)
+    x, y, z, u, v, w, _, status = blocks.transpose(1, 0, 2).reshape(8, -1)[:, : dx.size]
+    radius = (array.index - 1.0) / power
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        if array.convex_side is ConvexSide.SCENE:
+            land_x, land_y = x, y
+        elif array.model is MicrolensModel.FLAT_HIGH_INDEX:
+            land_x, land_y = dx, dy
+        else:
+            land_x, land_y = _landing(radius, dx, dy, (dx - sx) / distance, dy / distance)
+        t = -z / w
+        real_x, real_y = x + t * u, y + t * v
+        counts = (status == 0) & (np.hypot(land_x, land_y) <= array.cell_radius) & (np.hypot(real_x, real_y) <= reach)
+        if not counts.any():
+            return None
+        off = np.hypot(real_x - (bend * dx - gap / distance * sx), real_y - bend * dy)
+        beside = np.hypot(land_x - dx, land_y - dy)
+    return float(off[counts].max()), float(beside[counts].max())
+
+
+def _landing(
+    radius: float,
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    slope_x: NDArray[np.float64],
+    slope_y: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Where rays through (x, y) of the vertex's plane meet the curved side, which recedes by its sag."""
+    land_x, land_y = x, y
+    for _ in range(8):
+        r2 = np.minimum(land_x**2 + land_y**2, radius**2)
+        sag = r2 / (radius + np.sqrt(radius**2 - r2))
+        land_x, land_y = x + slope_x * sag, y + slope_y * sag
+    return land_x, land_y

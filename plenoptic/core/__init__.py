@@ -1,0 +1,1 @@
+"""What all rooms share: values, rays, random numbers, compilation, files."""

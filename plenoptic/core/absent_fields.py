@@ -1,0 +1,60 @@
+"""A compiler pass: members of records that are None are the constant None, so that what a scene lacks is pruned.
+
+Numba drops the branch of `if x is not None` at compile time where x is an argument, and not where it is `record.x`.
+This pass runs before that pruning, and replaces each plain chain of names that leads from an argument through
+NamedTuples to a member that is None by the constant.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from numba.core import ir, types
+from numba.core.compiler import CompilerBase, DefaultPassBuilder
+from numba.core.compiler_machinery import FunctionPass, register_pass
+from numba.core.ir_utils import get_definition, guard
+from numba.core.untyped_passes import IRProcessing
+
+
+def _type_of(state: Any, variable: Any) -> Any:
+    """The type of an argument, or of a member of one; None where neither is known before types are inferred."""
+    found = guard(get_definition, state.func_ir, variable)
+    if isinstance(found, ir.Arg):
+        return state.args[found.index] if found.index < len(state.args) else None
+    if isinstance(found, ir.Expr) and found.op == "getattr":
+        record: Any = _type_of(state, found.value)
+        fields = record.fields if isinstance(record, types.BaseNamedTuple) else ()  # type: ignore[attr-defined]
+        if found.attr in fields:
+            return record.types[fields.index(found.attr)]
+    return None
+
+
+@register_pass(mutates_CFG=False, analysis_only=False)
+class _AbsentFields(FunctionPass):
+    _name = "absent_fields"
+
+    def __init__(self) -> None:
+        FunctionPass.__init__(self)
+
+    def run_pass(self, state: Any) -> bool:
+        changed = False
+        for block in state.func_ir.blocks.values():
+            for statement in block.body:
+                if not isinstance(statement, ir.Assign) or not isinstance(statement.value, ir.Expr):
+                    continue
+                if statement.value.op == "getattr" and isinstance(_type_of(state, statement.target), types.NoneType):
+                    statement.value = ir.Const(None, statement.loc)
+                    state.func_ir._definitions[statement.target.name] = [statement.value]
+                    changed = True
+        return changed
+
+
+class RecordCompiler(CompilerBase):
+    """Numba's compiler with that pass."""
+
+    def define_pipelines(self) -> list[Any]:
+        """The passes, in their order."""
+        passes = DefaultPassBuilder.define_nopython_pipeline(self.state)
+        passes.add_pass_after(_AbsentFields, IRProcessing)
+        passes.finalize()
+        return [passes]

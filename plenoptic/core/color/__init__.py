@@ -1,0 +1,1 @@
+"""Colour by wavelength and as codes of images."""

@@ -1,0 +1,331 @@
+"""Colour by wavelength: what a sensor sees at each, and what the scene's colours are at each."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from plenoptic.core.color import rgb_basis as basis_table
+from plenoptic.core.values import frozen_array, positive, read_only, set_field, value, wavelength_in_nm, wrong_kind
+from plenoptic.errors import InvalidValueError
+
+_SMALLEST_INTEGRAL = 1e-9
+"""Of a channel, against the integral of its magnitude: below, it is rounding that would be scaled up to white."""
+
+_UNSEEN = 1e-7
+"""Part of the response that bins may have, all together, which are left out: no float32 image can tell."""
+
+
+@value
+class Sensitivity:
+    """What the channels of a sensor see: a response for each wavelength, or one wavelength for each channel.
+
+    A response is what a channel returns for spectral radiance (energy, not photons, per nm): a quantum efficiency
+    times the wavelength. Its unit is free: a camera scales every channel so that a spectrum of constant radiance 1
+    gives 1, as `normalised` does. Gains of the channels belong to the sensor's electronics. Responses may be negative,
+    as those of colour matching functions are.
+
+    Without `response` each channel is a line: channel c is traced at wavelengths[c] and sees channel c of the scene's
+    colours, as they are. A single line sees colours as `rgb_to_spectrum` makes them.
+
+    Parameters
+    ----------
+    wavelengths : (n,) array
+        Vacuum wavelengths in nm, ascending; of lines (1 or 3) in the order of the channels.
+    response : (n, C) array, optional
+        Response of the C channels (1, or 3: red, green, blue), linear between the wavelengths and 0 beyond them; (n,)
+        is one channel. None: lines.
+
+    Raises
+    ------
+    InvalidValueError
+        Where shapes do not fit, a number is not finite, wavelengths do not ascend, or the integral of a channel is
+        not above 0.
+
+    Examples
+    --------
+    A table as it comes from a file has the wavelengths in its first column:
+
+    >>> import numpy as np
+    >>> from plenoptic.core.color.spectra import Sensitivity
+    >>> table = np.array([[500, 0.0], [550, 1.0], [600, 0.0]])
+    >>> green = Sensitivity(table[:, 0], table[:, 1:])
+    >>> green.at([525.0, 700.0])
+    array([[0.5],
+           [0. ]])
+    >>> green.normalised.response.max(axis=0).tolist()
+    [0.02]
+    >>> Sensitivity.lines((610.0, 550.0, 465.0)).wavelength_range
+    (465.0, 610.0)
+    """
+
+    wavelengths: NDArray[np.float64]
+    response: NDArray[np.float64] | None = None
+
+    def __post_init__(self) -> None:
+        set_field(self, "wavelengths", _as_wavelengths(self.wavelengths))
+        n = len(self.wavelengths)
+        if self.response is None:
+            if n not in (1, 3):
+                raise InvalidValueError(f"{n} wavelengths are given without a response; lines have 1 or 3 channels")
+            return
+        given = np.asarray(self.response, dtype=object)
+        table = frozen_array(given[:, None] if given.ndim == 1 else given, name="response", shape=(n, "C"))
+        if table.shape[1] not in (1, 3):
+            raise InvalidValueError(f"response has {table.shape[1]} channels; it must have 1 or 3, one in each column")
+        if n < 2 or not (np.diff(self.wavelengths) > 0).all():
+            raise InvalidValueError("wavelengths of a response must be 2 or more and ascend; sort them, each once")
+        if not np.isfinite(table).all():
+            raise InvalidValueError("response holds a number that is not finite; give 0 where a channel sees nothing")
+        set_field(self, "response", table)
+        whole, magnitude = _integral(self.wavelengths, table), _integral(self.wavelengths, np.abs(table))
+        for channel in np.flatnonzero(~(whole > _SMALLEST_INTEGRAL * magnitude)):
+            raise InvalidValueError(
+                f"the response of channel {channel} has the integral {whole[channel]:g}; it must be above 0, so that "
+                "the channel can be scaled to see a constant spectrum as 1"
+            )
+
+    @staticmethod
+    def lines(wavelengths: ArrayLike) -> Sensitivity:
+        """One wavelength for each channel.
+
+        Parameters
+        ----------
+        wavelengths : (1,) or (3,) array_like
+            Vacuum wavelengths in nm of red, green and blue, in this order.
+
+        Returns
+        -------
+        Sensitivity
+        """
+        return Sensitivity(np.asarray(wavelengths))
+
+    @property
+    def channels(self) -> int:
+        """1 or 3."""
+        return len(self.wavelengths) if self.response is None else self.response.shape[1]
+
+    @property
+    def wavelength_range(self) -> tuple[float, float]:
+        """Shortest and longest wavelength, nm, between which any channel sees anything."""
+        if self.response is None:
+            return float(self.wavelengths.min()), float(self.wavelengths.max())
+        seen = np.flatnonzero(self.response.any(axis=1))
+        last = len(self.wavelengths) - 1
+        return float(self.wavelengths[max(seen[0] - 1, 0)]), float(self.wavelengths[min(seen[-1] + 1, last)])
+
+    @property
+    def normalised(self) -> Sensitivity:
+        """The same with channels whose integrals over the wavelength are 1, in 1/nm; lines as they are."""
+        if self.response is None:
+            return self
+        return Sensitivity(self.wavelengths, self.response / _integral(self.wavelengths, self.response))
+
+    def at(self, wavelengths: ArrayLike) -> NDArray[np.float64]:
+        """The response at wavelengths.
+
+        Parameters
+        ----------
+        wavelengths : (m,) array_like
+            nm.
+
+        Returns
+        -------
+        (m, C) array
+
+        Raises
+        ------
+        InvalidValueError
+            If the channels are lines, whose response is infinite at one wavelength.
+        """
+        if self.response is None:
+            raise InvalidValueError("the channels are lines, which have no response to tabulate; see `wavelengths`")
+        return _interpolated(_as_wavelengths(wavelengths), self.wavelengths, self.response, beyond=0.0)
+
+
+def rgb_basis(wavelengths: ArrayLike) -> NDArray[np.float64]:
+    """Spectra of the colours red, green and blue, which add up to 1 at every wavelength.
+
+    The three are the solution of a convex problem: the sum of their squared slopes is least among all that are
+    nowhere negative, add up to 1, and measure as (1, 0, 0), (0, 1, 0) and (0, 0, 1) in linear sRGB adapted to
+    equal-energy white, `sensitivities.linear_srgb`. So mixtures of colours from 0 to 1 are spectra from 0 to 1, and
+    white is constant. They are tabulated from 380 to 730 nm in steps of 5 nm, linear between and constant beyond.
+
+    Parameters
+    ----------
+    wavelengths : (n,) array_like
+        nm.
+
+    Returns
+    -------
+    (n, 3) array
+
+    Raises
+    ------
+    InvalidValueError
+        If these are not wavelengths.
+
+    Notes
+    -----
+    Spectral primary decomposition: I. Mallett, C. Yuksel, Eurographics Symposium on Rendering (2019), DOI
+    10.2312/sr.20191216. Theirs is for the white of daylight, D65; here the scene's light is what the colour of a lamp
+    says, and white is constant.
+
+    Examples
+    --------
+    >>> from plenoptic.core.color.spectra import rgb_basis
+    >>> rgb_basis([450.0, 540.0, 620.0]).round(2)
+    array([[0.03, 0.  , 0.97],
+           [0.  , 1.  , 0.  ],
+           [0.96, 0.04, 0.  ]])
+    """
+    return _interpolated(_as_wavelengths(wavelengths), basis_table.WAVELENGTHS, basis_table.PARTS, beyond=None) * 1e-6
+
+
+def rgb_to_spectrum(rgb: ArrayLike, wavelengths: ArrayLike) -> NDArray[np.float64]:
+    """Spectra of colours: smooth, linear in the colour, and no more than 1 where no channel is more than 1.
+
+    Parameters
+    ----------
+    rgb : (..., 3) array_like
+        Linear sRGB, of reflectances (0 to 1) or of radiances.
+    wavelengths : (n,) array_like
+        nm.
+
+    Returns
+    -------
+    (..., n) array
+        Reflectance, or radiance per nm relative to that of a constant spectrum which is white of radiance 1.
+
+    Raises
+    ------
+    InvalidValueError
+        If `rgb` has no last axis of 3 finite numbers, or `wavelengths` are none.
+
+    Notes
+    -----
+    rgb . `rgb_basis`; see there for the method.
+
+    Examples
+    --------
+    >>> from plenoptic.core.color.spectra import rgb_to_spectrum
+    >>> rgb_to_spectrum((0.5, 0.5, 0.5), [450.0, 550.0])
+    array([0.5, 0.5])
+    """
+    try:
+        colours = np.asarray(rgb, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InvalidValueError(f"rgb is not an array of numbers: {error}") from None
+    if colours.ndim == 0 or colours.shape[-1] != 3:
+        raise InvalidValueError(f"rgb has shape {colours.shape}; its last axis must be 3: red, green and blue")
+    if not np.isfinite(colours).all():
+        raise InvalidValueError("rgb holds a number that is not finite; give linear values of red, green and blue")
+    return np.asarray(colours @ rgb_basis(wavelengths).T)
+
+
+class ColourTables(NamedTuple):
+    """A sensitivity as wavelengths to draw from, and what each then stands for; all read-only.
+
+    With wavelength w drawn from `cdf`, channel c measures weights[w, c] (basis[w] . rgb) of a colour rgb of the
+    scene; the mean over w is what the sensor sees of it.
+    """
+
+    wavelengths: NDArray[np.float64]
+    """(W,) in nm."""
+    cdf: NDArray[np.float64]
+    """(W,) probability of this wavelength and those before; rises, and ends at exactly 1."""
+    weights: NDArray[np.float64]
+    """(W, C) share of a channel's response over the probability."""
+    basis: NDArray[np.float64]
+    """(W, 3) what of the scene's red, green and blue is seen."""
+
+
+def colour_tables(sensitivity: Sensitivity, *, step: float = 1.0) -> ColourTables:
+    """Wavelengths for a renderer to draw, in proportion to what all channels together see of them.
+
+    The range is cut into bins of equal width; a bin's wavelength is its middle, its share of channel c the integral
+    of the normalised response over it, s[w, c], and its probability p[w] = sum_c |s[w, c]| / S with S the sum over all
+    bins. The weights s / p are at most S in magnitude (C where no response is negative), and exactly 1 for a single
+    channel without negative response. Shares add up to 1 for each channel: a constant spectrum of radiance 1 has the
+    mean 1. Bins that hardly any channel sees are left out. Lines are drawn as often as each other.
+
+    Parameters
+    ----------
+    sensitivity : Sensitivity
+    step : float
+        Width of the bins in nm at most. The error of a smooth spectrum falls with its square.
+
+    Returns
+    -------
+    ColourTables
+
+    Raises
+    ------
+    InvalidValueError
+        If `step` is not above 0, or `sensitivity` is none.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from plenoptic.core.color.spectra import Sensitivity, colour_tables
+    >>> tables = colour_tables(Sensitivity([500.0, 550.0, 600.0], [0.0, 1.0, 0.0]), step=2.0)
+    >>> tables.wavelengths[:3].tolist()
+    [501.0, 503.0, 505.0]
+    >>> probability = np.diff(tables.cdf, prepend=0.0)
+    >>> f"{probability @ tables.weights[:, 0]:.12f}"
+    '1.000000000000'
+    """
+    if not isinstance(sensitivity, Sensitivity):
+        raise wrong_kind(sensitivity, "sensitivity", "Sensitivity", "sensitivities.colour_camera()")
+    if sensitivity.response is None:
+        wavelengths, shares = sensitivity.wavelengths, np.eye(sensitivity.channels)
+        basis = shares if sensitivity.channels == 3 else rgb_basis(wavelengths)
+    else:
+        wavelengths, shares = _binned(sensitivity, positive(step, "step", "nm"))
+        basis = rgb_basis(wavelengths)
+    drawn = np.abs(shares).sum(axis=1)
+    cdf = np.cumsum(drawn)
+    cdf /= cdf[-1]
+    # The probability is what the rounded cdf makes of it, so that no rounding biases the mean.
+    weights = shares / np.diff(cdf, prepend=0.0)[:, None]
+    return ColourTables(*(read_only(np.ascontiguousarray(part)) for part in (wavelengths, cdf, weights, basis)))
+
+
+def _binned(sensitivity: Sensitivity, step: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Middles of bins, and the integrals over them of the response: exact, since it is piecewise linear."""
+    low, high = sensitivity.wavelength_range
+    count = max(1, math.ceil((high - low) / step - 1e-9))
+    edges = np.linspace(low, high, count + 1)
+    inside = (sensitivity.wavelengths > low) & (sensitivity.wavelengths < high)
+    points = np.union1d(edges, sensitivity.wavelengths[inside])
+    height = sensitivity.at(points)
+    pieces = (height[1:] + height[:-1]) * (0.5 * np.diff(points))[:, None]
+    shares = np.zeros((count, sensitivity.channels))
+    np.add.at(shares, np.searchsorted(edges, points[:-1], side="right") - 1, pieces)
+    shares /= shares.sum(axis=0)
+    magnitude = np.abs(shares).sum(axis=1)
+    kept = magnitude > _UNSEEN / count * magnitude.sum()
+    middles = 0.5 * (edges[1:] + edges[:-1])
+    return middles[kept], shares[kept] / shares[kept].sum(axis=0)
+
+
+def _as_wavelengths(wavelengths: ArrayLike) -> NDArray[np.float64]:
+    given = frozen_array(wavelengths, name="wavelengths", shape=("n",))
+    for wavelength in given.tolist():
+        wavelength_in_nm(wavelength)
+    return given
+
+
+def _interpolated(
+    x: NDArray[np.float64], nodes: NDArray[np.float64], table: NDArray[np.float64], *, beyond: float | None
+) -> NDArray[np.float64]:
+    columns = [np.interp(x, nodes, column, left=beyond, right=beyond) for column in table.T]
+    return np.stack(columns, axis=-1)
+
+
+def _integral(x: NDArray[np.float64], table: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Over x, of the columns of a table that is linear between its rows."""
+    return np.asarray(0.5 * np.diff(x) @ (table[1:] + table[:-1]))

@@ -1,0 +1,158 @@
+"""A file that is replaced as a whole: temporary files beside it, their locks, and errors in words.
+
+Until the new file is complete and on the disk it is a temporary one in the same folder, ``.<digits>-<digits>.part``.
+Whoever writes one holds a lock on it, which ends with its process, however that ends; what is found without a lock has
+been left behind, and the next one to replace the same file removes it.
+"""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import os
+import re
+import secrets
+import stat
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import BinaryIO
+
+from plenoptic.core.values import file_path
+from plenoptic.errors import FileError
+
+try:
+    import fcntl
+except ImportError:  # Windows, where what has been left behind stays
+    fcntl = None  # type: ignore[assignment]
+
+_CANNOT_SYNC = (errno.EINVAL, errno.ENOTSUP, errno.EACCES, errno.EPERM, errno.EBADF)
+"""What file systems say that cannot flush a folder; the file itself is on the disk then."""
+
+
+@contextmanager
+def replaced(target: Path, *, check: Callable[[], None]) -> Iterator[BinaryIO]:
+    """A new file that takes the place of `target` when the block ends well; otherwise nothing changes.
+
+    Parameters
+    ----------
+    target : Path
+        From `real_path`.
+    check : function
+        Raises an error where the new file must not take the place of what is there; called before anything is written
+        and once more at the end.
+
+    Raises
+    ------
+    FileError
+        Where the file cannot be written or put in its place.
+    """
+    check()
+    with explained(target, "written"):
+        _remove_left_behind(target)
+        with _temporary(target) as (temporary, file):
+            yield file
+            file.flush()
+            os.fsync(file.fileno())
+            check()
+            if fcntl is None:
+                file.close()
+            os.replace(temporary, target)
+        _sync_folder(target.parent)
+
+
+def real_path(path: str | os.PathLike[str]) -> Path:
+    """Where the file itself lies: links to it stay links."""
+    given = file_path(path)
+    with explained(given, "used"):
+        return Path(os.path.realpath(given))
+
+
+def is_there(target: Path) -> bool:
+    """Whether there is a file; an error where something is there that is none."""
+    with explained(target, "read"):
+        try:
+            mode = os.stat(target).st_mode
+        except FileNotFoundError:
+            return False
+    if not stat.S_ISREG(mode):
+        raise FileError(
+            f"{str(target)!r} is {'a folder' if stat.S_ISDIR(mode) else 'no file'}; give the path of a file"
+        )
+    return True
+
+
+def check_folder(target: Path) -> None:
+    """An error where no file could be put in the folder of `target`."""
+    if not target.parent.is_dir():
+        raise FileError(f"the folder {str(target.parent)!r} does not exist; make it first")
+    if not os.access(target.parent, os.W_OK | os.X_OK):
+        raise FileError(f"the folder {str(target.parent)!r} is not writable; choose another one")
+
+
+@contextmanager
+def explained(target: Path, what: str) -> Iterator[None]:
+    """Errors of the system in this package's words."""
+    try:
+        yield
+    except FileError:
+        raise
+    except FileNotFoundError as error:
+        check_folder(target)
+        raise FileError(f"{str(target)!r} has been removed just now; try again") from error
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise FileError(
+            f"{str(target)!r} cannot be {what} ({reason}); check its name, its rights and the free space"
+        ) from error
+
+
+def _beginning(target: Path) -> str:
+    """How the names of temporary files for this target begin; short, whatever its own name."""
+    return f".{hashlib.sha256(os.fsencode(target.name)).hexdigest()[:16]}-"
+
+
+@contextmanager
+def _temporary(target: Path) -> Iterator[tuple[Path, BinaryIO]]:
+    """A new file beside the target, locked, and removed in the end unless it has been renamed."""
+    while True:
+        path = target.with_name(f"{_beginning(target)}{secrets.token_hex(8)}.part")
+        try:
+            with open(path, "xb") as file:
+                if fcntl is not None:
+                    with suppress(OSError):  # there are file systems without locks: what is left behind stays
+                        fcntl.flock(file, fcntl.LOCK_EX)
+                # Before it was locked, another process may have taken it for left behind.
+                if path.exists():
+                    yield path, file
+                    return
+        finally:
+            with suppress(OSError):
+                path.unlink()
+
+
+def _remove_left_behind(target: Path) -> None:
+    """Remove temporary files of processes that have ended while they wrote them."""
+    name = re.compile(re.escape(_beginning(target)) + r"[0-9a-f]{16}\.part")
+    if fcntl is None:
+        return
+    with suppress(PermissionError):  # a folder that may be written but not read
+        for found in filter(name.fullmatch, os.listdir(target.parent)):
+            with suppress(OSError), open(target.with_name(found), "r+b") as file:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)  # fails while the process that writes it lives
+                os.unlink(file.name)
+
+
+def _sync_folder(folder: Path) -> None:
+    """Put the new name on the disk as well."""
+    if os.name == "nt":  # folders cannot be opened there
+        return
+    try:
+        descriptor = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
+    except OSError as error:
+        if error.errno not in _CANNOT_SYNC:
+            raise

@@ -1,0 +1,366 @@
+"""Reading and writing images: the only module that knows OpenImageIO, which it loads on first use.
+
+Images are `(rows, columns, channels)` float32 arrays, linear, row 0 at the top. What a file holds is
+converted on the way in: integers of 8 or 16 bits are taken as sRGB-encoded unless the caller or the file
+says that they are linear; floating-point files (EXR, HDR) are taken as they are.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import secrets
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from plenoptic.core.color.srgb import Encoding, linear_to_srgb, srgb_to_linear
+from plenoptic.core.values import choice, file_path, whole
+from plenoptic.errors import FileError, InvalidValueError
+
+__all__ = ["linear_to_srgb", "read_channels", "read_linear", "srgb_to_linear", "write_16bit", "write_channels"]
+
+COLOR_SPACE = "oiio:ColorSpace"  # the metadata key under which OpenImageIO keeps the encoding
+LINEAR = "Linear"
+SRGB = "sRGB"
+
+_LONGEST_DESCRIPTION = 65535  # OpenImageIO cuts a TIFF text off beyond this many characters
+
+ALPHA = 3
+"""The number of the channel that says how opaque a pixel is."""
+
+
+def read_linear(
+    path: str | os.PathLike[str],
+    *,
+    encoding: Encoding = Encoding.SRGB,
+    channel: int | None = None,
+    max_pixels: int | None = None,
+) -> NDArray[np.float32]:
+    """Read an image file as linear values.
+
+    Parameters
+    ----------
+    path : path-like
+        PNG, JPEG, TIFF, EXR, HDR, or anything else that OpenImageIO reads.
+    encoding : Encoding
+        What integers mean: SRGB decodes them unless the file's metadata says that they are linear, LINEAR
+        never does. A gamma other than these two is decoded as sRGB.
+    channel : int, optional
+        One channel alone: 0, 1, 2 for red, green, blue (of a grey image, its grey), 3 for alpha, which is
+        never sRGB and 1 where the file has none. By default all but alpha.
+    max_pixels : int, optional
+        An image of more pixels is refused before they are read.
+
+    Returns
+    -------
+    (H, W, C) float32 ndarray
+        C is 1 or 3. Colours are not multiplied by alpha. Integers are scaled to 0..1.
+
+    Raises
+    ------
+    FileError
+        Where the file is missing, damaged, no image, too large, or holds neither grey nor RGB.
+    InvalidValueError
+        Where there is no such encoding or channel.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> import tempfile, pathlib
+    >>> import numpy as np
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = pathlib.Path(folder) / "grey.png"
+    ...     pl.images.write_16bit(path, np.full((2, 3, 1), 32768, dtype=np.uint16))
+    ...     pl.images.read_linear(path)[0, 0].round(3)
+    array([0.214], dtype=float32)
+    """
+    encoding, channel = choice(encoding, Encoding, "encoding"), channel_number(channel)
+    channels, metadata, is_integer = _read(path, max_pixels)
+    if channel == ALPHA:
+        opaque = np.ones_like(next(iter(channels.values())))
+        return channels.get("A", opaque)[:, :, np.newaxis]
+    image = _picture(channels, path)
+    if channel is not None and image.shape[2] > 1:
+        image = image[:, :, channel : channel + 1]
+    if encoding is Encoding.SRGB and is_integer and "lin" not in str(metadata.get(COLOR_SPACE, SRGB)).lower():
+        image = srgb_to_linear(image).astype(np.float32)
+    return np.ascontiguousarray(image)
+
+
+def channel_number(channel: int | None) -> int | None:
+    """`channel`, or an error where it is not None and no channel of an image.
+
+    Examples
+    --------
+    >>> channel_number(3)
+    3
+    """
+    if channel is None or whole(channel, "channel", at_least=0) <= ALPHA:
+        return channel
+    raise InvalidValueError(f"channel is {channel}; it must be 0, 1, 2 (red, green, blue), 3 (alpha) or None")
+
+
+def read_channels(path: str | os.PathLike[str]) -> tuple[dict[str, NDArray[np.float32]], dict[str, Any]]:
+    """Read every channel of an image file by name, with its metadata.
+
+    Parameters
+    ----------
+    path : path-like
+        An image file.
+
+    Returns
+    -------
+    channels : dict
+        Name to `(H, W)` float32 array, as stored: integers are scaled to 0..1 but not decoded. The
+        order is the library's: by name for EXR files, with R, G, B in this order.
+    metadata : dict
+        What the file says about itself.
+
+    Raises
+    ------
+    FileError
+        Where the file is missing, damaged or no image.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> import tempfile, pathlib
+    >>> import numpy as np
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = pathlib.Path(folder) / "depth.exr"
+    ...     pl.images.write_channels(path, {"Z": np.ones((2, 3))}, {"unit": "mm"})
+    ...     channels, metadata = pl.images.read_channels(path)
+    >>> list(channels), metadata["unit"]
+    (['Z'], 'mm')
+    """
+    channels, metadata, _ = _read(path)
+    return channels, metadata
+
+
+def write_channels(
+    path: str | os.PathLike[str], channels: Mapping[str, ArrayLike], metadata: Mapping[str, str] | None = None
+) -> None:
+    """Write named channels to an EXR file as float32, compressed without loss (zip).
+
+    The file appears whole or not at all.
+
+    Parameters
+    ----------
+    path : path-like
+        Must end in `.exr`; its folder must exist.
+    channels : mapping
+        Name to `(H, W)` array, all of one shape. float64 is rounded to float32: the image library
+        writes no other floating-point type of more than 16 bits.
+    metadata : mapping, optional
+        Name to text.
+
+    Raises
+    ------
+    FileError
+        Where the file cannot be written.
+    InvalidValueError
+        Where there are no channels, or their shapes differ.
+
+    Examples
+    --------
+    See `read_channels`.
+    """
+    target = _writable(path, (".exr",))
+    planes = {name: np.asarray(plane, dtype=np.float32) for name, plane in channels.items()}
+    shapes = {plane.shape for plane in planes.values()}
+    if len(shapes) != 1 or len(shape := shapes.pop()) != 2 or 0 in shape:
+        found = {name: plane.shape for name, plane in planes.items()}
+        raise InvalidValueError(f"the channels have shapes {found}; give at least one, all of one shape (H, W)")
+    _write(target, np.stack(list(planes.values()), axis=-1), tuple(planes), {"compression": "zip", **(metadata or {})})
+
+
+def write_16bit(
+    path: str | os.PathLike[str], image: NDArray[np.uint16], metadata: Mapping[str, str] | None = None
+) -> None:
+    """Write a 16-bit grey or RGB image to a TIFF or PNG file, its values as they are.
+
+    The file appears whole or not at all.
+
+    Parameters
+    ----------
+    path : path-like
+        Must end in `.png`, `.tif` or `.tiff`; its folder must exist.
+    image : (H, W, C) uint16 ndarray
+        C is 1 or 3.
+    metadata : mapping, optional
+        Name to text; kept as JSON in the image description, the one text that both formats hold.
+        The name `oiio:ColorSpace` says how values are encoded: `"Linear"` or, by default, `"sRGB"`.
+
+    Raises
+    ------
+    FileError
+        Where the file cannot be written.
+    InvalidValueError
+        Where the image has another shape or type, or the metadata exceed 65535 characters.
+
+    Examples
+    --------
+    See `read_linear`.
+    """
+    target = _writable(path, (".png", ".tif", ".tiff"))
+    pixels = np.asarray(image)
+    if pixels.dtype != np.uint16 or pixels.ndim != 3 or pixels.shape[2] not in (1, 3) or 0 in pixels.shape:
+        raise InvalidValueError(
+            f"the image has shape {pixels.shape} and type {pixels.dtype}; it must be (H, W, 1) or (H, W, 3) uint16"
+        )
+    said = {COLOR_SPACE: SRGB, **(metadata or {})}
+    description = json.dumps(said)
+    if len(description) > _LONGEST_DESCRIPTION:
+        raise InvalidValueError(
+            f"the metadata take {len(description)} characters; a description holds at most {_LONGEST_DESCRIPTION}; "
+            "write an EXR file instead"
+        )
+    names = ("Y",) if pixels.shape[2] == 1 else ("R", "G", "B")
+    _write(target, pixels, names, {COLOR_SPACE: said[COLOR_SPACE], "ImageDescription": description})
+
+
+def bayer_to_rgb(mosaic: NDArray[np.floating[Any]], *, layout: str, algorithm: str) -> NDArray[np.float32]:
+    """All channels of a Bayer mosaic at all pixels, through OpenImageIO.
+
+    Parameters
+    ----------
+    mosaic : (H, W) ndarray
+        At least 2 x 2, linear.
+    layout : str
+        The first two pixels of row 0, then those of row 1: RGGB, BGGR, GRBG or GBRG.
+    algorithm : str
+        As OpenImageIO calls it: linear or MHC.
+
+    Returns
+    -------
+    (H, W, 3) float32 ndarray
+    """
+    import OpenImageIO as oiio
+
+    source = oiio.ImageBuf(np.ascontiguousarray(mosaic, dtype=np.float32)[:, :, np.newaxis])
+    made = oiio.ImageBufAlgo.demosaic(source, pattern="bayer", algorithm=algorithm, layout=layout)
+    if made.has_error:
+        raise InvalidValueError(
+            f"the mosaic cannot be demosaiced: {_said(made)}; check layout {layout} and {algorithm}"
+        )
+    return np.asarray(made.get_pixels(oiio.FLOAT), dtype=np.float32)
+
+
+def _picture(channels: Mapping[str, NDArray[np.float32]], path: str | os.PathLike[str]) -> NDArray[np.float32]:
+    """The (H, W, 3) or (H, W, 1) picture among the channels of a file: R, G, B, or Y, or the only one."""
+    for names in (("R", "G", "B"), ("Y",)):
+        if all(name in channels for name in names):
+            return np.stack([channels[name] for name in names], axis=-1)
+    others = [plane for name, plane in channels.items() if name != "A"]
+    if len(others) != 1:
+        raise FileError(
+            f"{os.fspath(path)!r} holds the channels {', '.join(channels)}; a picture needs R, G, B, or Y, "
+            "or a single channel"
+        )
+    return others[0][:, :, np.newaxis]
+
+
+def _read(
+    path: str | os.PathLike[str], max_pixels: int | None = None
+) -> tuple[dict[str, NDArray[np.float32]], dict[str, Any], bool]:
+    import OpenImageIO as oiio
+
+    name = os.fspath(file_path(path))
+    if not os.path.exists(name):
+        raise FileError(f"{name!r} does not exist; check the path")
+    if os.path.isdir(name):
+        raise FileError(f"{name!r} is a folder; give the path of an image file")
+    wish = oiio.ImageSpec()
+    wish.attribute("oiio:UnassociatedAlpha", 1)  # otherwise colours come multiplied by alpha
+    source = oiio.ImageInput.open(name, wish)
+    if source is None:
+        raise FileError(f"{name!r} cannot be read as an image: {_said(oiio)}; give an image file")
+    try:
+        spec = source.spec()
+        if max_pixels is not None and spec.width * spec.height > max_pixels:
+            raise FileError(
+                f"{name!r} has {spec.height} x {spec.width} pixels; it must have at most {max_pixels} here, "
+                "so scale it down"
+            )
+        pixels = source.read_image(oiio.FLOAT)
+        trouble = _reason(source)
+    finally:
+        source.close()
+    if pixels is None:
+        raise FileError(f"{name!r} is damaged: {trouble}; restore it from its origin")
+    pixels = pixels.reshape(spec.height, spec.width, spec.nchannels)
+    channels = {channel: np.ascontiguousarray(pixels[:, :, i]) for i, channel in enumerate(spec.channelnames)}
+    metadata: dict[str, Any] = {item.name: item.value for item in spec.extra_attribs}
+    with suppress(ValueError):  # any other description stays a plain text
+        described = json.loads(metadata.get("ImageDescription", ""))
+        metadata |= described if isinstance(described, dict) else {}
+    return channels, metadata, str(spec.format) not in ("half", "float", "double")
+
+
+def _writable(path: str | os.PathLike[str], endings: tuple[str, ...]) -> Path:
+    target = file_path(path)
+    if target.suffix.lower() not in endings:
+        raise FileError(f"{str(target)!r} ends in {target.suffix!r}; it must end in {' or '.join(endings)}")
+    if os.path.isdir(target):  # unlike Path.is_dir, it is silent about names that no file can have
+        raise FileError(f"{str(target)!r} is a folder; give the path of a file")
+    if not os.path.isdir(target.parent):
+        raise FileError(f"the folder {str(target.parent)!r} does not exist; make it first")
+    if not os.access(target.parent, os.W_OK):
+        raise FileError(f"the folder {str(target.parent)!r} is not writable; choose another one")
+    try:
+        with suppress(FileNotFoundError):
+            os.lstat(target)
+    except (OSError, ValueError) as error:  # too long, or with a zero byte
+        raise FileError(f"{str(target)!r} cannot be a file: {error}; choose another name") from error
+    return target
+
+
+def _write(target: Path, pixels: NDArray[Any], names: tuple[str, ...], metadata: Mapping[str, str]) -> None:
+    import OpenImageIO as oiio
+
+    height, width, count = pixels.shape
+    spec = oiio.ImageSpec(width, height, count, oiio.UINT16 if pixels.dtype == np.uint16 else oiio.FLOAT)
+    spec.channelnames = names
+    for name, text in metadata.items():
+        spec.attribute(name, text)
+    with _replacing(target) as temporary:
+        sink = oiio.ImageOutput.create(str(temporary))
+        if sink is None:
+            raise FileError(f"{str(target)!r} cannot be written: {_said(oiio)}; choose another ending")
+        written = sink.open(str(temporary), spec) and sink.write_image(np.ascontiguousarray(pixels))
+        trouble = _reason(sink)
+        if not (sink.close() and written):
+            reason = trouble or _reason(sink)
+            raise FileError(f"{str(target)!r} cannot be written: {reason}; check the folder's rights and free space")
+
+
+def _said(oiio: Any) -> str:
+    return _reason(oiio) or "no reason given"
+
+
+def _reason(speaker: Any) -> str:
+    """What OpenImageIO says went wrong; its text may quote bytes of a damaged file that are no text."""
+    try:
+        return " ".join(str(speaker.geterror()).split())
+    except UnicodeDecodeError:
+        return "it is damaged"
+
+
+@contextmanager
+def _replacing(target: Path) -> Iterator[Path]:
+    """A temporary path beside the target that takes its place when the block ends well."""
+    final = Path(os.path.realpath(target))
+    temporary = final.with_name(f".{secrets.token_hex(8)}{target.suffix}")
+    try:
+        yield temporary
+        try:
+            os.replace(temporary, final)
+        except OSError as error:
+            raise FileError(f"{str(target)!r} cannot be replaced: {error.strerror}; remove it first") from error
+    finally:
+        temporary.unlink(missing_ok=True)

@@ -1,0 +1,123 @@
+"""The only Numba configuration of the package.
+
+Kernels see numbers, arrays and records of these, release the GIL, divide as IEEE 754 says, and may fuse multiply and
+add (`contract`): the intersection formula of `optics.lens.kernels.trace` needs the fused form for distant origins.
+Compiled code is kept outside site-packages in a folder named after a hash of all that kernels are compiled from (`core`
+and the folders `kernels`), because
+Numba by itself does not notice that a callee in another file has changed.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import os
+import secrets
+import tempfile
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numba
+from numba.core import caching
+
+from plenoptic.core.absent_fields import RecordCompiler
+
+
+@functools.cache
+def _sources_hash() -> str:
+    digest = hashlib.sha256()
+    root = Path(__file__).parents[1]
+    for path in sorted([*root.rglob("kernels/*.py"), *root.glob("core/*.py")]):
+        digest.update(str(path.relative_to(root)).encode())
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:20]
+
+
+@functools.cache
+def cache_folder() -> Path | None:
+    """Where compiled kernels are kept: NUMBA_CACHE_DIR, or the user's cache folder; None if not writable."""
+    chosen = os.environ.get("NUMBA_CACHE_DIR")
+    if chosen:
+        folder = Path(chosen) / "plenoptic"
+    else:
+        base = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA") or str(Path.home() / ".cache")
+        folder = Path(base) / "plenoptic" / "kernels"
+    folder /= _sources_hash()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return folder
+    except OSError:
+        return None
+
+
+class _Locator(caching._CacheLocator):
+    """Tells Numba where the compiled code of a kernel lies and what it was made from."""
+
+    def __init__(self, function: Any, folder: Path, source: bytes) -> None:
+        self._line = function.__code__.co_firstlineno
+        self._folder = folder
+        self._source = hashlib.sha256(source).hexdigest()[:12]
+
+    def get_cache_path(self) -> str:
+        return str(self._folder)
+
+    def get_source_stamp(self) -> str:
+        return "in the names of folder and file"
+
+    def get_disambiguator(self) -> str:
+        # The file's contents keep namesakes of `optics` and `scene`, and kernels of the tests, apart.
+        return f"{self._line}-{self._source}"
+
+    @classmethod
+    def from_function(cls, function: Any, source: str) -> _Locator | None:
+        folder = cache_folder()
+        try:
+            return None if folder is None else cls(function, folder, Path(source).read_bytes())
+        except OSError:  # typed in by hand: there is no file
+            return None
+
+
+class _Implementation(caching.CompileResultCacheImpl):
+    _locator_classes: list[Any] = [_Locator]
+
+
+class _KernelCache(caching.FunctionCache):
+    _impl_class = _Implementation
+
+    def __init__(self, function: Any) -> None:
+        super().__init__(function)
+        # Numba numbers its files; two processes that compile two variants at once would both write number 1.
+        file = self._cache_file
+        file._data_name_pattern = f"{self._impl.filename_base}.{secrets.token_hex(6)}.{{number:d}}.nbc"
+
+    def load_overload(self, signature: Any, context: Any) -> Any:
+        try:
+            return super().load_overload(signature, context)
+        except Exception:  # damaged bytes unpickle to any error there is: compile anew
+            return None
+
+    def save_overload(self, signature: Any, data: Any) -> None:
+        try:
+            super().save_overload(signature, data)
+        except OSError:  # a full or read-only disk: go on without a cache
+            pass
+        except Exception:  # a damaged index: begin a new one
+            with suppress(OSError):
+                self._cache_file.flush()
+                super().save_overload(signature, data)
+
+
+def kernel(function: Callable[..., Any]) -> Any:
+    """Compile a function for numbers and arrays, without the GIL, cached on disk."""
+    compiled: Any = device(function)
+    with suppress(RuntimeError):  # nowhere to write: compile in memory
+        compiled._cache = _KernelCache(function)
+    return compiled
+
+
+def device(function: Callable[..., Any]) -> Any:
+    """Compile a small function that only kernels call; it is inlined into them and cached with them."""
+    return numba.njit(nogil=True, error_model="numpy", fastmath={"contract"}, pipeline_class=RecordCompiler)(function)

@@ -1,0 +1,41 @@
+"""Points and vectors inside kernels: tuples (x, y, z), so that formulas read as they are written."""
+
+from __future__ import annotations
+
+from plenoptic.core.jit import device
+
+
+@device
+def add(a, b):
+    """A + b."""
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+@device
+def sub(a, b):
+    """A - b."""
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+@device
+def scale(a, factor):
+    """The vector times a number."""
+    return a[0] * factor, a[1] * factor, a[2] * factor
+
+
+@device
+def dot(a, b):
+    """Scalar product."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@device
+def cross(a, b):
+    """Vector product."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@device
+def vector(array, first):
+    """Three numbers of a one-dimensional array, from `first` on."""
+    return array[first], array[first + 1], array[first + 2]

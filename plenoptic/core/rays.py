@@ -1,0 +1,209 @@
+"""Bundles of rays and what became of them."""
+
+from __future__ import annotations
+
+import enum
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from plenoptic.core.values import frozen_array, read_only, set_field, value, wavelength_in_nm
+from plenoptic.errors import InvalidValueError
+
+UNIT_TOLERANCE = 8 * np.finfo(np.float64).eps
+"""A direction whose length differs from 1 by less is left as it is: normalising would add error, not remove it."""
+
+
+class RayStatus(enum.IntEnum):
+    """Why a ray was lost; `OK` is 0, so that `status == 0` or `not status` selects what arrived.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> pl.RayStatus(2).name
+    'CLIPPED'
+    """
+
+    OK = 0
+    MISSED = 1
+    """The ray passes beside a surface."""
+    CLIPPED = 2
+    """The ray is outside the semi-diameter of a surface or the opening of a stop."""
+    TOTAL_REFLECTION = 3
+    """The ray is totally reflected."""
+    NOT_FINITE = 4
+    """The ray's numbers are infinite or not numbers."""
+    OUTSIDE_MICROLENS = 5
+    """The ray lands in another microlens than the one it was aimed at (and is counted there)."""
+    NOT_CONVERGED = 6
+    """The point on an aspheric surface was not found within the limit of iterations."""
+
+
+@value
+class RayBundle:
+    """Rays as arrays: one row a ray.
+
+    Parameters
+    ----------
+    origin : (n, 3) array
+        Points on the rays in mm.
+    direction : (n, 3) array
+        Directions. Rows that are not of unit length are normalised; rows that are within 8 eps of it are
+        kept to the last bit.
+    wavelength : float
+        Vacuum wavelength of all rays in nm.
+    weight : (n,) array, optional
+        What each ray carries; 1 by default, 0 for a ray that is lost.
+    status : (n,) array, optional
+        `RayStatus` of each ray; OK by default.
+    lost_at : (n,) array, optional
+        Index of the lens element at which the ray was lost; -1 by default and where it was not lost.
+
+    Raises
+    ------
+    InvalidValueError
+        Where shapes do not fit, the wavelength is not positive or a weight is not finite. An origin or direction
+        that is not finite, or a direction of length 0, is no error but a ray with status `NOT_FINITE`.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> rays = pl.RayBundle([[0, 0, -100]], [[0, 0.6, 0.8]])
+    >>> rays.at(10.0)
+    array([[  0.,   6., -92.]])
+    """
+
+    origin: NDArray[np.float64]
+    direction: NDArray[np.float64]
+    wavelength: float = 587.6
+    weight: NDArray[np.float64] = None  # type: ignore[assignment]
+    status: NDArray[np.uint8] = None  # type: ignore[assignment]
+    lost_at: NDArray[np.int16] = None  # type: ignore[assignment]
+
+    def __init__(
+        self,
+        origin: ArrayLike,
+        direction: ArrayLike,
+        wavelength: float = 587.6,
+        *,
+        weight: ArrayLike | None = None,
+        status: ArrayLike | None = None,
+        lost_at: ArrayLike | None = None,
+    ) -> None:
+        start = frozen_array(origin, name="origin", shape=(None, 3))
+        n = len(start)
+        along = np.array(frozen_array(direction, name="direction", shape=(n, 3)))
+        with np.errstate(all="ignore"):
+            length = np.sqrt(np.einsum("ij,ij->i", along, along))
+            off = np.abs(length - 1.0) > UNIT_TOLERANCE
+            if off.any():
+                along[off] = _normalised(along[off])
+            broken = ~(np.isfinite(start).all(axis=1) & np.isfinite(along).all(axis=1))
+        if status is None:
+            state = np.where(broken, np.uint8(RayStatus.NOT_FINITE), np.uint8(0))
+        else:
+            state = np.array(frozen_array(status, name="status", shape=(n,), dtype=np.uint8))
+            if state.size and state.max() > max(RayStatus):
+                raise InvalidValueError(f"status {state.max()} is not one of RayStatus; use 0 to {max(RayStatus):d}")
+            state[broken & (state == 0)] = RayStatus.NOT_FINITE
+        load = np.ones(n) if weight is None else np.array(frozen_array(weight, name="weight", shape=(n,)))
+        if not np.isfinite(load).all():
+            raise InvalidValueError("weight holds a number that is not finite; give 0 to rays that carry nothing")
+        load[state != 0] = 0.0
+        where = np.full(n, -1, np.int16) if lost_at is None else lost_at
+        set_field(self, "origin", start)
+        set_field(self, "direction", read_only(along))
+        set_field(self, "wavelength", wavelength_in_nm(wavelength))
+        set_field(self, "weight", read_only(load))
+        set_field(self, "status", read_only(state))
+        set_field(self, "lost_at", frozen_array(where, name="lost_at", shape=(n,), dtype=np.int16))
+
+    @classmethod
+    def _made(
+        cls,
+        origin: NDArray[np.float64],
+        direction: NDArray[np.float64],
+        wavelength: float,
+        weight: NDArray[np.float64],
+        status: NDArray[np.uint8],
+        lost_at: NDArray[np.int16],
+    ) -> RayBundle:
+        """A bundle of arrays that a kernel has just filled: neither copied nor checked."""
+        made = object.__new__(cls)
+        for name, array in (
+            ("origin", origin),
+            ("direction", direction),
+            ("weight", weight),
+            ("status", status),
+            ("lost_at", lost_at),
+        ):
+            array.flags.writeable = False
+            set_field(made, name, array)
+        set_field(made, "wavelength", wavelength)
+        return made
+
+    def __len__(self) -> int:
+        return len(self.origin)
+
+    def at(self, distance: ArrayLike) -> NDArray[np.float64]:
+        """Points at a distance along the rays.
+
+        Parameters
+        ----------
+        distance : float or (n,) array
+            Distance from the origins in mm, positive along the direction.
+
+        Returns
+        -------
+        (n, 3) array
+        """
+        return self.origin + np.asarray(distance, dtype=np.float64)[..., None] * self.direction
+
+    def at_z(self, z: float) -> NDArray[np.float64]:
+        """Points at which the rays, or their extensions backwards, meet a plane across the axis.
+
+        Parameters
+        ----------
+        z : float
+            Position of the plane in mm.
+
+        Returns
+        -------
+        (n, 3) array
+            Not finite for rays that run parallel to the plane.
+
+        Examples
+        --------
+        >>> import plenoptic as pl
+        >>> pl.RayBundle([[0, 0, -100]], [[0, 0.6, 0.8]]).at_z(-92.0)
+        array([[  0.,   6., -92.]])
+        """
+        with np.errstate(divide="ignore", invalid="ignore"):
+            points = self.at((z - self.origin[:, 2]) / self.direction[:, 2])
+        points[:, 2] = z
+        return points
+
+    def selected(self, mask: ArrayLike) -> RayBundle:
+        """The rays that a mask (n,) or an array of row numbers selects."""
+        mask = np.asarray(mask)
+        if mask.size == 0:
+            mask = mask.astype(np.intp)
+        return RayBundle(
+            self.origin[mask],
+            self.direction[mask],
+            self.wavelength,
+            weight=self.weight[mask],
+            status=self.status[mask],
+            lost_at=self.lost_at[mask],
+        )
+
+    def __repr__(self) -> str:
+        arrived = int(np.count_nonzero(self.status == 0))
+        return f"RayBundle({len(self)} ray{'s' * (len(self) != 1)}, {arrived} OK, {self.wavelength:g} nm)"
+
+
+def _normalised(direction: NDArray[np.float64]) -> NDArray[np.float64]:
+    # Scaling by the largest component first keeps squares of tiny and of huge numbers in range.
+    largest = np.max(np.abs(direction), axis=1, keepdims=True)
+    scaled = direction / largest
+    return np.asarray(scaled / np.sqrt(np.einsum("ij,ij->i", scaled, scaled))[:, None])

@@ -1,0 +1,219 @@
+"""Immutable values: frozen dataclasses whose arrays are read-only, comparable and picklable."""
+
+from __future__ import annotations
+
+import dataclasses
+import enum
+import math
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from plenoptic.errors import FileError, InvalidValueError
+
+if TYPE_CHECKING:
+    from typing_extensions import dataclass_transform
+else:
+
+    def dataclass_transform(**_: Any) -> Callable[[Any], Any]:
+        """What type checkers know since Python 3.11."""
+        return lambda decorated: decorated
+
+
+T = TypeVar("T")
+Choice = TypeVar("Choice", bound=enum.Enum)
+
+SHORTEST, LONGEST = 10.0, 1e6
+"""Wavelengths in nm, from ultraviolet to far infrared; 0.55, meant as micrometres, is none."""
+
+_SHOWN = 9
+"""Numbers that an array may have to be shown in full: those of a rotation."""
+
+
+def read_only(array: NDArray[Any]) -> NDArray[Any]:
+    """A read-only view of an array; the array itself stays as it is."""
+    view = array.view()
+    view.flags.writeable = False
+    return view
+
+
+def frozen_array(
+    values: ArrayLike, *, name: str, shape: tuple[int | str | None, ...], dtype: Any = np.float64
+) -> NDArray[Any]:
+    """A read-only copy of `values`, of the given shape (None, or a name for the message: any length)."""
+    try:
+        array = np.array(values, dtype=dtype)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise InvalidValueError(f"{name} is not an array of numbers: {error}") from None
+    if array.dtype.kind in "iu":
+        given = np.asarray(values)
+        if given.dtype.kind == "f" and not np.array_equal(given, array):
+            raise InvalidValueError(f"{name} holds fractions; it must hold whole numbers")
+    fits = array.ndim == len(shape) and all(
+        not isinstance(want, int) or have == want for have, want in zip(array.shape, shape, strict=True)
+    )
+    if not fits:
+        wanted = "(" + ", ".join("n" if n is None else str(n) for n in shape) + ("," if len(shape) == 1 else "") + ")"
+        raise InvalidValueError(f"{name} has shape {array.shape}; it must have shape {wanted}")
+    array.flags.writeable = False
+    return array
+
+
+def number(value: float, name: str) -> float:
+    """`value` as a float, which may be infinite or nan, or an error that names it where it is no number."""
+    try:
+        if isinstance(value, str | bytes | bool | np.bool_):
+            raise TypeError
+        return float(value)
+    except (TypeError, ValueError, OverflowError):
+        raise InvalidValueError(f"{name} is {value!r}; it must be a number") from None
+
+
+def finite(value: float, name: str) -> float:
+    """`value` as a float, or an error that names it where it is not a finite number."""
+    given = number(value, name)
+    if not math.isfinite(given):
+        raise InvalidValueError(f"{name} is {given}; it must be finite")
+    return given
+
+
+def wavelength_in_nm(value: float, name: str = "wavelength") -> float:
+    """`value` as a float, or an error where it cannot be a wavelength in nm."""
+    given = positive(value, name, "nm")
+    if not SHORTEST <= given <= LONGEST:
+        raise InvalidValueError(
+            f"{name} is {given:g} nm; it must be from {SHORTEST:g} to {LONGEST:g} nm: wavelengths are in nanometres"
+        )
+    return given
+
+
+def positive(value: float, name: str, unit: str = "") -> float:
+    """`value` as a float, or an error that names it where it is not above zero and finite."""
+    given = finite(value, name)
+    if given <= 0:
+        raise InvalidValueError(f"{name} is {given:g}{unit and ' ' + unit}; it must be above 0")
+    return given
+
+
+def whole(value: int, name: str, *, at_least: int) -> int:
+    """`value` as an int, or an error where it is no whole number or too small."""
+    if isinstance(value, bool | np.bool_) or not isinstance(value, int | np.integer):
+        raise InvalidValueError(f"{name} is {value!r}; it must be a whole number")
+    if value < at_least:
+        raise InvalidValueError(f"{name} is {value}; it must be at least {at_least}")
+    return int(value)
+
+
+def choice(value: Any, kind: type[Choice], name: str) -> Choice:
+    """`value` as a member of an enum, or an error that lists its members."""
+    try:
+        # True would pass as the number 1.
+        if isinstance(value, bool | np.bool_):
+            raise TypeError
+        return kind(value)
+    except (TypeError, ValueError):
+        members = " or ".join(f"{kind.__name__}.{member.name}" for member in kind)
+        raise InvalidValueError(f"{name} is {value!r}; it must be {members}") from None
+
+
+def wrong_kind(value: object, name: str, wanted: str, such_as: str) -> InvalidValueError:
+    """The error for an argument of another type than `wanted`, with a way to one that fits."""
+    given = _with_article(type(value).__name__)
+    return InvalidValueError(f"{name} is {given}; give {_with_article(wanted)}, such as {such_as}")
+
+
+def _with_article(noun: str) -> str:
+    return f"an {noun}" if noun[0] in "AEIOaeio" or noun.startswith("nd") else f"a {noun}"
+
+
+def _same(a: Any, b: Any) -> bool:
+    if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
+        return (
+            isinstance(a, np.ndarray)
+            and isinstance(b, np.ndarray)
+            and a.shape == b.shape
+            and a.dtype == b.dtype
+            and np.array_equal(a, b, equal_nan=a.dtype.kind in "fc")
+        )
+    return bool(a == b)
+
+
+def _hashable(item: Any) -> Any:
+    if not isinstance(item, np.ndarray):
+        return item
+    if item.dtype.kind in "fc":  # what compares equal must hash equal: both zeros, and every NaN
+        item = np.where(np.isnan(item), np.nan, item) + 0.0
+    return item.shape, item.tobytes()
+
+
+def _short(item: Any) -> str:
+    if isinstance(item, np.ndarray):
+        if 1 <= item.size <= _SHOWN and item.ndim <= 2:
+            return repr(item.tolist())
+        return f"<{' x '.join(map(str, item.shape))} {item.dtype}>"
+    return repr(item)
+
+
+def _equal(self: Any, other: object) -> Any:
+    fields = dataclasses.fields(self)
+    if type(self) is not type(other):
+        return NotImplemented
+    return all(_same(getattr(self, f.name), getattr(other, f.name)) for f in fields if f.compare)
+
+
+def _hash(self: Any) -> int:
+    return hash((type(self), *(_hashable(getattr(self, f.name)) for f in dataclasses.fields(self) if f.compare)))
+
+
+def _repr(self: Any) -> str:
+    shown = []
+    for field in dataclasses.fields(self):
+        item = getattr(self, field.name)
+        if field.repr and not (field.default is not dataclasses.MISSING and _same(item, field.default)):
+            shown.append(f"{field.name}={_short(item)}")
+    return f"{type(self).__name__}({', '.join(shown)})"
+
+
+def _restore(self: Any, state: dict[str, Any]) -> None:
+    # Pickling forgets that an array was read-only.
+    for name, item in state.items():
+        if isinstance(item, np.ndarray):
+            item.flags.writeable = False
+        object.__setattr__(self, name, item)
+
+
+@dataclass_transform(frozen_default=True, field_specifiers=(dataclasses.field,))
+def value(cls: type[T]) -> type[T]:
+    """Make a class a frozen dataclass that also compares, hashes, prints and pickles with arrays in it."""
+    has_own_repr = "__repr__" in cls.__dict__
+    made: Any = dataclasses.dataclass(frozen=True, eq=False, repr=False)(cls)
+    made.__eq__ = _equal
+    made.__hash__ = _hash
+    made.__setstate__ = _restore
+    if not has_own_repr:
+        made.__repr__ = _repr
+    finished: type[T] = made
+    return finished
+
+
+def flag(value: bool, name: str) -> bool:
+    """`value` as a bool, or an error where it is something else."""
+    if not isinstance(value, bool | np.bool_):
+        raise InvalidValueError(f"{name} is {value!r}; it must be True or False")
+    return bool(value)
+
+
+def file_path(path: Any) -> Path:
+    """A path, or an error where it cannot be one."""
+    if not isinstance(path, str | os.PathLike) or isinstance(os.fspath(path), bytes):
+        raise FileError(f"{path!r} is not a path; give the name of a file as a text or a Path")
+    return Path(path)
+
+
+def set_field(instance: Any, name: str, item: Any) -> None:
+    """Set a field of a frozen value from its own `__post_init__`, where it is brought into its final form."""
+    object.__setattr__(instance, name, item)

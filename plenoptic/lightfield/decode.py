@@ -1,0 +1,247 @@
+"""Decoding: the raw image of a plenoptic 1.0 camera becomes sub-aperture views."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.camera.array_axes import array_axes
+from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.camera.model_pupil import model_pupil
+from plenoptic.camera.points.centres import CentreMethod, MicrolensCentres, microlens_centres
+from plenoptic.core.values import choice, finite, positive, read_only, whole, wrong_kind
+from plenoptic.errors import InvalidValueError
+from plenoptic.lightfield.planes import RawPlanes, raw_planes
+from plenoptic.lightfield.resample import Resampling, resampling
+from plenoptic.lightfield.views import LightField
+from plenoptic.optics.lens.gaussian.paraxial import magnification, object_position
+from plenoptic.optics.lens.models import LensModel
+from plenoptic.optics.microlens.array import MicrolensArray
+from plenoptic.optics.microlens.lattice import Lattice
+from plenoptic.rendering.exposure import Exposure
+
+Floats = NDArray[np.float64]
+
+
+def decode(
+    shot: Exposure,
+    white: Exposure,
+    *,
+    views: int | None = None,
+    step: float = 1.0,
+    spacing: float | None = None,
+    least_light: float = 0.05,
+    method: CentreMethod = CentreMethod.CHIEF_RAY,
+    camera: PlenopticCamera | None = None,
+) -> LightField:
+    """Take the raw image of a plenoptic 1.0 camera apart into sub-aperture views, devignetted by a white image.
+
+    At the same offset (u, v) from the centre of every microlens image, raw and white image are read between pixels
+    (bilinear), and their quotient is the radiance there. Square and rectangular lattices give views directly; on
+    hexagonal ones, a pixel of a view is interpolated linearly in the triangle of the three microlenses around it.
+
+    Parameters
+    ----------
+    shot : Exposure
+        Of a camera whose microlenses are focused on infinity: b = f. Others can be decoded, but their views are no
+        sharp pictures.
+    white : Exposure
+        The white image of the same camera, of the whole sensor or of a region that holds that of the shot.
+    views : int, optional
+        Views along u, and along v; odd. None: as many as fit into a microlens image.
+    step : float, optional
+        Pixels of the raw image between neighbouring views.
+    spacing : float, optional
+        Between the pixels of a view on the array, in mm. None: that of square and rectangular lattices; on hexagonal
+        ones the root of the area of a cell, so that there are as many pixels as microlenses.
+    least_light : float, optional
+        A view is nan where the white image is below this part of its 99th percentile: there, too little light arrives.
+        Views at offsets that belong to the image of a neighbouring microlens are nan everywhere.
+    method : CentreMethod, optional
+        What the offsets are measured from.
+    camera : PlenopticCamera, optional
+        Where the shot names none.
+
+    Returns
+    -------
+    LightField
+        Its views lie as the scene stands. Where microlenses are out of place (`imperfections`), their own centres are
+        looked at, and their light counts to the place that the lattice has for them. Places in the pupil, disparities
+        and the plane in focus are those of the design, whatever the placements of lens, array and sensor.
+
+    Raises
+    ------
+    InvalidValueError
+        Without a camera, microlenses, or a lattice (FREE ones have no neighbours to interpolate between); for a number
+        out of range, a white image that does not cover the shot, or a region without microlens images.
+
+    Notes
+    -----
+    Errors are propagated as those of independent pixels: with a shot S and a white image W between pixels, the variance
+    of r = S / W is (var S + r^2 var W) / W^2. A white image without standard error counts as exact. Render shot and
+    white image with different seeds: with the same one their errors are correlated, and what is stated is too large.
+
+    Linear interpolation reproduces linear functions of the place on the array; of others it leaves an error of
+    h^2 / 8 times the largest second derivative at most on a square mesh of side h, h^2 / 6 on triangles of side h.
+
+    Sub-aperture views after R. Ng et al., Stanford Tech Report CTSR 2005-02, section 3.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> from plenoptic.lightfield import decode
+    >>> lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=4.25))
+    >>> camera = pl.PlenopticCamera(lens=lens,
+    ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,), lattice=pl.Lattice.SQUARE),
+    ...     sensor=pl.Sensor(shape=(110, 154), pixel_pitch=0.01),
+    ...     stop_to_microlenses=123.3, microlenses_to_sensor=2.0).focused_at(z=-404.0)
+    >>> white = pl.render_white(camera, samples=16, progress=False)
+    >>> field = decode(white, white, views=9)
+    >>> field
+    LightField(9 x 9 views of 5 x 7 x 1)
+    >>> float(field.centre.min()), float(field.centre.max())
+    (1.0, 1.0)
+    >>> field.pupil[8, 4, 0].round(2).item(), [round(d, 2) for d in field.disparity_at(-300.0)]
+    (0.42, [0.33, 0.33])
+    """
+    camera, array = _checked_camera(shot, white, camera)
+    step, least = positive(step, "step", "pixels"), finite(least_light, "least_light")
+    if not 0 < least <= 1:
+        raise InvalidValueError(f"least_light is {least:g}; it must be above 0 and at most 1")
+    apart = None if spacing is None else positive(spacing, "spacing", "mm")
+    offsets = _offsets(camera, array, views, step)
+    planes = raw_planes(shot, white, least)
+    centres = _centres_in(camera, choice(method, CentreMethod, "method"), planes, float(offsets[-1]))
+    grid = resampling(array, centres.index, apart)
+    seen, error = _sampled(planes, centres.pixel, offsets, grid, _in_own_image(camera, array, offsets))
+    return _field(camera, seen, error, offsets, grid)
+
+
+def _checked_camera(
+    shot: Exposure, white: Exposure, camera: PlenopticCamera | None
+) -> tuple[PlenopticCamera, MicrolensArray]:
+    for name, given in (("shot", shot), ("white", white)):
+        if not isinstance(given, Exposure):
+            raise wrong_kind(given, name, "Exposure", "pl.render(...)" if name == "shot" else "pl.render_white(camera)")
+    found = shot.camera if camera is None else camera
+    if not isinstance(found, PlenopticCamera):
+        raise InvalidValueError("the shot names no camera that took it; give camera=")
+    array = found.microlenses
+    if array is None:
+        raise InvalidValueError("the camera has no microlenses, and its image is a single view; use shot.image")
+    if array.lattice is Lattice.FREE:
+        raise InvalidValueError(
+            "the microlenses lie on no lattice, and views are interpolated between neighbours on one; read the raw "
+            "image at microlens_centres(camera).pixel"
+        )
+    return found, array
+
+
+def _offsets(camera: PlenopticCamera, array: MicrolensArray, views: int | None, step: float) -> Floats:
+    """Offsets of the views in pixels, from -m step to m step."""
+    if views is not None:
+        if whole(views, "views", at_least=1) % 2 == 0:
+            raise InvalidValueError(f"views is {views}; it must be odd, so that one is central: take {views + 1}")
+        half = views // 2
+    else:
+        z, size = model_pupil(camera)
+        gap = camera.stop_to_microlenses - z
+        # Half an image of the pupil, or half the distance between images where they overlap.
+        pitch, b = camera.sensor.pixel_pitch, camera.microlenses_to_sensor
+        image = abs(size) * camera.lens.stop.semi_diameter * b / abs(gap) if math.isfinite(gap) else math.inf
+        half = int(min(image, 0.5 * max(array.pitches)) / (pitch * step))
+    return step * np.arange(-half, half + 1, dtype=np.float64)
+
+
+def _centres_in(camera: PlenopticCamera, method: CentreMethod, planes: RawPlanes, largest: float) -> MicrolensCentres:
+    """Microlenses of whose images the raw image may hold a view."""
+    centres = microlens_centres(camera, method, margin=largest * camera.sensor.pixel_pitch)
+    first, end = np.array(planes.first), np.array(planes.first) + planes.shot.shape[:2]
+    near = ((centres.pixel >= first - largest) & (centres.pixel <= end - 1 + largest)).all(axis=1)
+    if not near.any():
+        raise InvalidValueError("the image holds no centre of a microlens image; take a larger region")
+    return MicrolensCentres(
+        centres.index[near],
+        centres.type[near],
+        centres.on_array[near],
+        centres.position[near],
+        centres.pixel[near],
+        method,
+    )
+
+
+def _in_own_image(camera: PlenopticCamera, array: MicrolensArray, offsets: Floats) -> NDArray[np.bool_]:
+    """Which offsets (U, V) lie in the image of a microlens's own cell, and not in that of a neighbour."""
+    axes = array_axes(camera)
+    z, _ = model_pupil(camera)
+    apart = 1.0 + camera.microlenses_to_sensor / (camera.stop_to_microlenses - z)
+    u, v = np.meshgrid(offsets, offsets, indexing="ij")
+    # Columns of the image run towards -x of the sensor.
+    turn = axes.parts.sensor_to_local.turn[:2, :2].T @ axes.parts.array_turn
+    offset = np.stack([-u, v], axis=-1) * camera.sensor.pixel_pitch @ turn / apart
+    return np.asarray((offset @ array.cell_edges[:, :2].T <= array.cell_edges[:, 2]).all(axis=-1))
+
+
+def _sampled(
+    planes: RawPlanes, centres: Floats, offsets: Floats, grid: Resampling, own: NDArray[np.bool_]
+) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:
+    """Views and their standard errors (U, V, rows, columns, C), one view after the other."""
+    shape = (len(offsets), len(offsets), grid.rows, grid.columns, planes.shot.shape[2])
+    seen = np.full(shape, np.nan, dtype=np.float32)
+    error = None if planes.variance is None else np.full(shape, np.nan, dtype=np.float32)
+    for i, j in np.argwhere(own):
+        radiance, variance = planes.read(centres + np.array([offsets[j], offsets[i]]))
+        seen[i, j] = grid.mixed(radiance)
+        if error is not None and variance is not None:
+            error[i, j] = np.sqrt(grid.mixed(variance, power=2))
+    return seen, error
+
+
+def _field(
+    camera: PlenopticCamera,
+    seen: NDArray[np.float32],
+    error: NDArray[np.float32] | None,
+    offsets: Floats,
+    grid: Resampling,
+) -> LightField:
+    z, size = model_pupil(camera)
+    gap = camera.stop_to_microlenses - z
+    with np.errstate(invalid="ignore"):
+        # To the right in the image is towards -x on the sensor, and light from there passes the pupil at +x.
+        right = offsets * camera.sensor.pixel_pitch * gap / camera.microlenses_to_sensor
+        at_pupil = np.stack(np.broadcast_arrays(right[:, None], -right[None, :]), axis=-1)
+        pupil = at_pupil / (size * camera.lens.stop.semi_diameter)
+    focus, larger = _focus(camera)
+    across, down = grid.spacing
+    return LightField(
+        views=read_only(seen),
+        standard_error=None if error is None else read_only(error),
+        u=read_only(offsets),
+        v=read_only(offsets.copy()),
+        exit_pupil=read_only(at_pupil),
+        pupil=read_only(pupil if math.isfinite(gap) else np.full(at_pupil.shape, np.nan)),
+        origin=read_only(grid.origin),
+        spacing=grid.spacing,
+        object_spacing=(across * larger, down * larger),
+        z_focus=focus,
+        camera=camera,
+    )
+
+
+def _focus(camera: PlenopticCamera) -> tuple[float, float]:
+    """The plane in focus, and how much larger it is than its image; nan without one in front of the lens."""
+    lens, nothing = camera.lens, (math.nan, math.nan)
+    if lens.model is LensModel.NONE:
+        return nothing
+    z = object_position(lens, camera.stop_to_microlenses, camera.wavelength)
+    if not z < float(lens.vertices[0]):
+        return nothing
+    scale = magnification(lens, z, camera.wavelength)
+    if lens.model is LensModel.THIN:
+        from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
+
+        points = cardinal_points(lens, camera.wavelength)
+        z += points.rear_principal - points.front_principal
+    return z, 1.0 / abs(scale) if scale != 0 else math.inf

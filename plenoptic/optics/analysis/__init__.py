@@ -1,1 +1,0 @@
-"""What a lens does, computed: rays aimed at its iris, spots, fans, fields, contrast, third-order sums."""

@@ -1,1 +1,0 @@
-"""Lenses in files: tables, the package's own JSON, and Zemax prescriptions."""

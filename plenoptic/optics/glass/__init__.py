@@ -1,0 +1,1 @@
+"""Media: dispersion formulas, catalogues, air."""

@@ -1,0 +1,388 @@
+"""Glasses by name: the bundled table, and makers' catalogues in AGF files."""
+
+from __future__ import annotations
+
+import codecs
+import dataclasses
+import difflib
+import functools
+import importlib.resources
+import os
+import re
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from plenoptic.core.values import file_path, finite, set_field, value, whole, wrong_kind
+from plenoptic.errors import FileError, InvalidValueError, PrescriptionError
+from plenoptic.optics.glass.dispersion import COEFFICIENT_COUNTS, DispersionFormula, Formula
+from plenoptic.optics.glass.media import D_LINE, Medium, ModelGlass, Schott, Sellmeier
+
+_MODEL_GLASS = 0
+"""The formula number, of the bundled table only, of a glass of which no more than n_d and V_d are known."""
+
+_LARGEST_DISAGREEMENT = 1e-3
+"""Between the n_d that an entry states and the one of its formula: what rounding never makes, and misprints do."""
+
+
+@value
+class GlassEntry:
+    """What a catalogue says of a glass, before it is known whether that makes sense.
+
+    Made by `load_glasses`; `GlassCatalogue.entry` gives it.
+
+    Parameters
+    ----------
+    name : str
+        As in the file.
+    formula : int
+        Number of the dispersion formula; those that are known are the members of `Formula`.
+    nd : float
+        Index at 587.5618 nm; 1 or less where the file does not state it.
+    vd : float
+        Abbe number.
+    coefficients : sequence of float
+        As in the file, wavelengths in micrometres.
+    wavelength_range : sequence of float
+        nm; empty where the file does not state it.
+    source : str
+        The comment on the glass: its source, in the bundled table.
+    line : int
+        Where the entry begins in the file.
+
+    Examples
+    --------
+    >>> from plenoptic.optics.glass.catalogue import bundled_glasses
+    >>> entry = bundled_glasses().entry("N-BK7")
+    >>> entry.nd, entry.vd, entry.wavelength_range, entry.source
+    (1.5168, 64.17, (300.0, 2500.0), 'Schott catalogue, 2017-01-20')
+    """
+
+    name: str
+    formula: int
+    nd: float
+    vd: float
+    coefficients: Sequence[float] = ()
+    wavelength_range: Sequence[float] = ()
+    source: str = ""
+    line: int = 0
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str) or not isinstance(self.source, str):
+            raise InvalidValueError(f"name {self.name!r:.40} and source {self.source!r:.40} must be texts")
+        set_field(self, "formula", whole(self.formula, "formula", at_least=0))
+        for field in ("nd", "vd"):
+            set_field(self, field, finite(getattr(self, field), field))
+        for field in ("coefficients", "wavelength_range"):
+            set_field(self, field, tuple(finite(number, field) for number in getattr(self, field)))
+
+
+@value
+class GlassCatalogue:
+    """The glasses of a catalogue file, by name; made by `load_glasses`.
+
+    `catalogue[name]` is a medium. Names are found in upper or lower case, and whatever stands in them of '-', '_' and
+    spaces, so "n bk7" is N-BK7; BK7 is another glass. `in`, `len` and iteration, over the names, work as for a mapping.
+
+    Parameters
+    ----------
+    name : str
+        Of the file.
+    entries : sequence of GlassEntry
+        In the order of the file.
+
+    Examples
+    --------
+    >>> from plenoptic.optics.glass.catalogue import bundled_glasses
+    >>> glasses = bundled_glasses()
+    >>> "n bk7" in glasses, "BK7" in glasses, glasses["n bk7"] == glasses["BK7"]
+    (True, True, False)
+    """
+
+    name: str
+    entries: Sequence[GlassEntry]
+    _places: dict[str, tuple[int, ...]] = dataclasses.field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        set_field(self, "entries", tuple(self.entries))
+        for entry in self.entries:
+            if not isinstance(entry, GlassEntry):
+                raise wrong_kind(entry, "an entry", "GlassEntry", "those of pl.load_glasses(path).entries")
+        places: dict[str, tuple[int, ...]] = {}
+        for i, entry in enumerate(self.entries):
+            places[_key(entry.name)] = (*places.get(_key(entry.name), ()), i)
+        set_field(self, "_places", places)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the glasses, as in the file.
+
+        Examples
+        --------
+        >>> from plenoptic.optics.glass.catalogue import bundled_glasses
+        >>> bundled_glasses().names[:3]
+        ('BAF10', 'BASF6', 'BED5')
+        """
+        return tuple(entry.name for entry in self.entries)
+
+    def entry(self, name: str) -> GlassEntry:
+        """What the file says of a glass; an InvalidValueError with close names where it has none of that name.
+
+        Examples
+        --------
+        >>> from plenoptic.optics.glass.catalogue import bundled_glasses
+        >>> bundled_glasses().entry("sfn64").source
+        'MODEL: n_d and V_d of W. J. Smith, Modern Lens Design, 1992, p. 351; N-SF64 is near'
+        """
+        if not isinstance(name, str):
+            raise InvalidValueError(f"the name of a glass is {name!r:.40}; it must be a text, such as 'N-BK7'")
+        found = [self.entries[i] for i in self._places.get(_key(name), ())]
+        if not found:
+            raise InvalidValueError(f"there is no glass {name[:40]!r} in {self.name}{self._close_to(name)}")
+        # Names that differ in their signs only are told apart by these.
+        exact = [entry for entry in found if entry.name.upper() == name.strip().upper()] or found
+        if any(dataclasses.replace(entry, line=0) != dataclasses.replace(exact[0], line=0) for entry in exact):
+            places = " and ".join(f"{entry.name} on line {entry.line}" for entry in exact)
+            raise PrescriptionError(f"{self.name}: {name[:40]!r} may be {places}, which differ; write it as there")
+        return exact[0]
+
+    def __getitem__(self, name: str) -> Medium:
+        entry = self.entry(name)
+        try:
+            return _medium(entry)
+        except InvalidValueError as error:
+            raise PrescriptionError(f"{self.name}, line {entry.line}, glass {entry.name}: {error}") from None
+
+    def __contains__(self, name: object) -> bool:
+        return isinstance(name, str) and _key(name) in self._places
+
+    def __len__(self) -> int:
+        return len(self.entries)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.names)
+
+    def __repr__(self) -> str:
+        return f"<GlassCatalogue {self.name!r}: {len(self)} glass{'' if len(self) == 1 else 'es'}>"
+
+    def _close_to(self, name: str) -> str:
+        keys = difflib.get_close_matches(_key(name)[:40], self._places, n=4, cutoff=0.5)
+        close = [self.entries[self._places[key][0]].name for key in keys]
+        return f"; near to it are {', '.join(close)}" if close else ""
+
+
+def glass(name: str) -> Medium:
+    """A glass of the bundled table, by its catalogue name.
+
+    The table has the glasses of the bundled lenses and some thirty common ones, with their makers' coefficients and the
+    wavelengths these hold for; `bundled_glasses().entry(name).source` says whose. Where lens tables name a glass whose
+    coefficients were not found it is a `ModelGlass`, and its source begins with MODEL.
+
+    Parameters
+    ----------
+    name : str
+        Case, '-', '_' and spaces make no difference, but N-BK7 and BK7 are two glasses.
+
+    Returns
+    -------
+    Medium
+        Its index is relative to air at 20 deg C.
+
+    Raises
+    ------
+    InvalidValueError
+        If there is none of that name; the message has those that are near.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> round(pl.glass("N-SF11").index(587.5618), 5)
+    1.78472
+    >>> pl.glass("BAF10").name
+    'BAF10'
+    """
+    try:
+        return bundled_glasses()[name]
+    except PrescriptionError:
+        raise
+    except InvalidValueError as error:
+        raise InvalidValueError(
+            f"{error}; pl.glass_names() lists all, pl.load_glasses(path)[name] takes it from a maker's AGF file"
+        ) from None
+
+
+def glass_names() -> tuple[str, ...]:
+    """Names of the bundled glasses, in alphabetical order, for `glass`.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> "SF10" in pl.glass_names()
+    True
+    """
+    return tuple(sorted(bundled_glasses().names))
+
+
+@functools.cache
+def bundled_glasses() -> GlassCatalogue:
+    """The bundled table as a catalogue.
+
+    Examples
+    --------
+    >>> from plenoptic.optics.glass.catalogue import bundled_glasses
+    >>> bundled_glasses()
+    <GlassCatalogue 'the bundled table': 56 glasses>
+    """
+    file = importlib.resources.files("plenoptic.optics.glass") / "data" / "glasses.agf"
+    return _from_agf(file.read_text(encoding="utf-8"), "the bundled table")
+
+
+def load_glasses(path: str | os.PathLike[str]) -> GlassCatalogue:
+    """The glasses of an AGF file, the format of Zemax in which makers publish their catalogues.
+
+    Lines NM (name, formula, code, n_d, V_d), CD (coefficients), LD (range) and GC (comment) are read, all others
+    passed over: CC, and ED, TD, OD and IT, which state expansion, dn/dT, price and transmission. There are no thermal
+    terms: the index is that at the temperature of the catalogue, mostly 20 deg C, relative to air. Formulas 1 to 13 are
+    known: 1 gives a `Schott`, 2, 6 and 11 a `Sellmeier`, all others a `DispersionFormula`.
+
+    Parameters
+    ----------
+    path : str or path-like
+        A text file in UTF-8, in UTF-16 with its mark, or else in Latin-1.
+
+    Returns
+    -------
+    GlassCatalogue
+        Each glass is made when it is asked for: one that makes no sense, such as a formula that is unknown, an index
+        below 1, or one that differs by more than 0.001 from the n_d the file states, spoils none of the others.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be read.
+    PrescriptionError
+        If a line that is read cannot be understood, or there is no glass; the message names the file and the line.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> import plenoptic as pl
+    >>> text = '''NM MY-BK7 2 517642 1.5168 64.17
+    ... CD 1.03961212 6.00069867E-3 0.231792344 2.00179144E-2 1.01046945 103.560653
+    ... LD 0.3 2.5'''
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = pathlib.Path(folder) / "mine.agf"
+    ...     _ = file.write_text(text)
+    ...     mine = pl.load_glasses(file)
+    >>> mine
+    <GlassCatalogue 'mine.agf': 1 glass>
+    >>> round(mine["my bk7"].index(587.5618), 5)
+    1.5168
+    """
+    file = file_path(path)
+    try:
+        text = _decoded(file.read_bytes())
+    except (OSError, ValueError) as error:
+        raise FileError(f"cannot read {file}: {error}; give the path of an AGF file") from None
+    return _from_agf(text, file.name)
+
+
+def _key(name: str) -> str:
+    return re.sub(r"[-_\s]", "", name).upper()
+
+
+# ---- reading ----
+
+
+def _decoded(content: bytes) -> str:
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return content.decode("utf-16")
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return content.decode("latin-1")
+
+
+def _from_agf(text: str, file: str) -> GlassCatalogue:
+    entries: list[dict[str, Any]] = []
+    for number, line in enumerate(re.split(r"\r\n|\r|\n", text), start=1):
+        keyword, rest = (*line.split(maxsplit=1), "", "")[:2]
+        try:
+            if keyword == "NM":
+                entries.append({**_name_line(rest.split()), "line": number})
+            elif keyword in ("CD", "LD", "GC"):
+                if not entries:
+                    raise PrescriptionError(f"{keyword} stands before the first NM; a glass begins with its NM line")
+                _detail_line(entries[-1], keyword, rest)
+        except InvalidValueError as error:
+            raise PrescriptionError(f"{file}, line {number}: {error}") from None
+    if not entries:
+        raise PrescriptionError(f"{file} has no line NM, so no glass; give an AGF file")
+    return GlassCatalogue(file, [GlassEntry(**entry) for entry in entries])
+
+
+def _name_line(words: list[str]) -> dict[str, Any]:
+    if len(words) < 5:
+        raise PrescriptionError(f"NM has {len(words)} words; it must have name, formula, code, n_d and V_d")
+    formula = _number(words[1], "formula")
+    if not formula.is_integer() or formula < 0:
+        raise PrescriptionError(f"formula is {formula:g}; it must be a whole number, not below 0")
+    return {"name": words[0], "formula": int(formula), "nd": _number(words[3], "n_d"), "vd": _number(words[4], "V_d")}
+
+
+def _detail_line(entry: dict[str, Any], keyword: str, rest: str) -> None:
+    if keyword == "GC":
+        entry["source"] = " ".join(filter(None, (entry.get("source"), rest.strip())))
+        return
+    field = "coefficients" if keyword == "CD" else "wavelength_range"
+    if field in entry:
+        raise PrescriptionError(f"{keyword} stands twice for {entry['name']}; remove one of them")
+    numbers = [_number(word, keyword) for word in rest.split()]
+    if keyword == "LD":
+        if len(numbers) != 2:
+            raise PrescriptionError(f"LD has {len(numbers)} numbers; it must have the shortest and longest wavelength")
+        numbers = [1e3 * micrometres for micrometres in numbers]
+    entry[field] = tuple(numbers)
+
+
+def _number(word: str, name: str) -> float:
+    # Stricter than float(): no nan, no underscores, no decimal comma.
+    if not re.fullmatch(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?", word):
+        raise PrescriptionError(f"{name} is {word[:40]!r}; it must be a number with a decimal point")
+    number = float(word)
+    if abs(number) == float("inf"):
+        raise PrescriptionError(f"{name} is {word[:40]}, too large for a number; correct it")
+    return number
+
+
+# ---- from what the file says to a medium ----
+
+
+def _medium(entry: GlassEntry) -> Medium:
+    if entry.formula == _MODEL_GLASS:
+        return ModelGlass(entry.nd, entry.vd, entry.name)
+    if entry.formula not in COEFFICIENT_COUNTS:
+        raise PrescriptionError(f"formula is {entry.formula}; those that are known are 1 to {max(Formula)}")
+    if not entry.coefficients or not entry.wavelength_range:
+        raise PrescriptionError("it has no line CD or no line LD; give its coefficients and its range of wavelengths")
+    medium = _by_formula(entry, Formula(entry.formula))
+    shortest, longest = entry.wavelength_range
+    if entry.nd > 1.0 and shortest <= D_LINE <= longest:  # makers of infrared glasses write 1 for none
+        index = medium.index(D_LINE)
+        if abs(index - entry.nd) > _LARGEST_DISAGREEMENT:
+            raise PrescriptionError(
+                f"its formula gives n_d {index:.6g} and its line NM {entry.nd:.6g}; correct its coefficients or its n_d"
+            )
+    return medium
+
+
+def _by_formula(entry: GlassEntry, formula: Formula) -> Medium:
+    count = COEFFICIENT_COUNTS[formula]
+    # Files fill the line with zeros, or leave them out.
+    numbers = (*entry.coefficients, *[0.0] * count)[:count]
+    limits: Any = entry.wavelength_range
+    if formula == Formula.SCHOTT:
+        return Schott(numbers, entry.name, limits)
+    if formula in (Formula.SELLMEIER_1, Formula.SELLMEIER_3, Formula.SELLMEIER_5):
+        terms = [(b, c) for b, c in zip(numbers[::2], numbers[1::2], strict=True) if b] or [(0.0, 0.0)]
+        return Sellmeier([b for b, _ in terms], [c for _, c in terms], entry.name, limits)
+    return DispersionFormula(formula, numbers, entry.name, limits)

@@ -1,0 +1,368 @@
+"""Optical media: the refractive index as a function of the wavelength."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Protocol, runtime_checkable
+
+from plenoptic.core.values import finite, positive, set_field, value
+from plenoptic.errors import InvalidValueError
+
+F_LINE = 486.1327
+"""Blue hydrogen line, nm."""
+D_LINE = 587.5618
+"""Yellow helium line, nm: the index n_d and the Abbe number V_d refer to it."""
+C_LINE = 656.2725
+"""Red hydrogen line, nm."""
+G_LINE = 435.8343
+"""Blue mercury line, nm."""
+
+MODEL_GLASS_RANGE = (360.0, 1100.0)
+"""Wavelengths, nm, within which Conrady's formula follows real glasses to a few units of the fourth decimal."""
+
+# No glass is beyond these, which have 1.4 to 2.2 and 15 to 100; nd and vd in the wrong order are.
+_LARGEST_ND = 4.0
+_SMALLEST_VD = 5.0
+
+
+@runtime_checkable
+class Medium(Protocol):
+    """Anything that has a refractive index at a wavelength.
+
+    Any object with this one method is a medium; media that can be compared (`==`) and saved are those of this
+    package.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> isinstance(pl.AIR, pl.Medium)
+    True
+    """
+
+    def index(self, wavelength: float) -> float:
+        """Refractive index at a wavelength in nm: relative to air, and of `Air` and `Absolute` to vacuum.
+
+        Examples
+        --------
+        >>> import plenoptic as pl
+        >>> pl.AIR.index(587.6)
+        1.0
+        """
+        ...
+
+
+def _checked_index(index: float, wavelength: float, medium: str) -> float:
+    # Written so that nan fails it.
+    if not 1.0 <= index < math.inf:
+        raise InvalidValueError(
+            f"the refractive index of {medium} is {index:g} at {wavelength:g} nm; it must be finite and at least 1: "
+            "correct its coefficients"
+        )
+    return index
+
+
+def _wavelength_within(wavelength: float, limits: tuple[float, float], medium: str) -> float:
+    number = finite(wavelength, "wavelength")
+    if not limits[0] <= number <= limits[1]:
+        raise InvalidValueError(
+            f"wavelength {number:g} nm is outside {limits[0]:g} to {limits[1]:g} nm, where {medium} is defined; "
+            "choose one inside, in nanometres, or another medium"
+        )
+    return number
+
+
+def _range(limits: Sequence[float]) -> tuple[float, float]:
+    try:
+        low, high = limits
+    except (TypeError, ValueError):
+        raise InvalidValueError(f"wavelength_range is {limits!r}; it must be two wavelengths in nm") from None
+    low, high = positive(low, "wavelength_range", "nm"), positive(high, "wavelength_range", "nm")
+    if not low < high:
+        raise InvalidValueError(f"wavelength_range ({low:g}, {high:g}) is empty; put the shorter wavelength first")
+    return low, high
+
+
+def _coefficients(values: Sequence[float], name: str, count: int | None = None) -> tuple[float, ...]:
+    try:
+        numbers = tuple(finite(number, f"{name}[{i}]") for i, number in enumerate(values))
+    except TypeError:
+        raise InvalidValueError(f"{name} is {values!r}; it must be a sequence of numbers") from None
+    if not numbers or (count is not None and len(numbers) != count):
+        raise InvalidValueError(f"{name} has {len(numbers)} numbers; it must have {count or 'at least 1'}")
+    return numbers
+
+
+def abbe_number(medium: Medium) -> float:
+    """The Abbe number V_d = (n_d - 1) / (n_F - n_C) of a medium; inf where the index is the same at F and C.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> round(pl.abbe_number(pl.glass("N-BK7")), 2)
+    64.17
+    """
+    spread = medium.index(F_LINE) - medium.index(C_LINE)
+    return (medium.index(D_LINE) - 1.0) / spread if spread != 0 else math.inf
+
+
+@value
+class ConstantMedium:
+    """A medium with the same refractive index at all wavelengths.
+
+    Parameters
+    ----------
+    refractive_index : float
+        Relative to air as all indices (to vacuum, beside `Air` and `Absolute`), at least 1.
+
+    Raises
+    ------
+    InvalidValueError
+        If the index is below 1 or not finite.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> pl.ConstantMedium(1.670).index(587.6)
+    1.67
+    """
+
+    refractive_index: float
+
+    def __post_init__(self) -> None:
+        number = finite(self.refractive_index, "refractive_index")
+        if number < 1.0:
+            raise InvalidValueError(
+                f"refractive_index is {number:g}; it must be at least 1, the index of air: use 1 or more"
+            )
+        set_field(self, "refractive_index", number)
+
+    def index(self, wavelength: float) -> float:
+        """Refractive index; the wavelength (nm) makes no difference.
+
+        Examples
+        --------
+        >>> import plenoptic as pl
+        >>> water = pl.ConstantMedium(1.333)
+        >>> water.index(450.0) == water.index(650.0) == 1.333
+        True
+        """
+        return self.refractive_index
+
+
+AIR = ConstantMedium(1.0)
+"""Air: all indices are relative to it, so its own is 1."""
+
+VACUUM = ConstantMedium(1.0)
+"""Vacuum, around a lens whose glasses are `Absolute`. By value it is `AIR`, and equal to it: the name says which."""
+
+
+@value
+class ModelGlass:
+    r"""A glass known by its index n_d and its Abbe number V_d only, as in most old prescriptions.
+
+    Conrady's formula, fixed by n_d, by V_d = (n_d - 1) / (n_F - n_C) and by the normal line of the partial
+    dispersion:
+
+    .. math:: n = a + b / \lambda + c / \lambda^{3.5}, \qquad
+              P_{gF} = \frac{n_g - n_F}{n_F - n_C} = 0.6438 - 0.001682\, V_d
+
+    Glasses of anomalous partial dispersion (fluor crowns, short flints, fluorite) leave that line.
+
+    Parameters
+    ----------
+    nd : float
+        Index at 587.5618 nm, above 1 and at most 4.
+    vd : float
+        Abbe number, at least 5.
+    name : str, optional
+        For people; "BAF10", for instance.
+
+    Raises
+    ------
+    InvalidValueError
+        If a number is out of range, or gives an index that is below 1 or that rises with the wavelength
+        somewhere in 360 to 1100 nm.
+
+    References
+    ----------
+    A. E. Conrady, Applied Optics and Optical Design, part 2, 1960, p. 659; Schott, TIE-29 Refractive Index and
+    Dispersion, normal line through K7 and F2.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> glass = pl.ModelGlass(1.670, 47.1, "BAF10")
+    >>> round(glass.index(486.1327) - glass.index(656.2725), 6)       # 0.670 / 47.1
+    0.014225
+    """
+
+    nd: float
+    vd: float
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        set_field(self, "nd", finite(self.nd, "nd"))
+        if self.nd <= 1.0:
+            raise InvalidValueError(f"nd is {self.nd:g}; a glass must have an index above 1: for air use pl.AIR")
+        set_field(self, "vd", positive(self.vd, "vd"))
+        if self.nd > _LARGEST_ND:
+            raise InvalidValueError(
+                f"nd is {self.nd:g}; it must be at most {_LARGEST_ND:g}: give the index first and the Abbe number "
+                "second, as in ModelGlass(1.5168, 64.17)"
+            )
+        if self.vd < _SMALLEST_VD:
+            raise InvalidValueError(
+                f"vd is {self.vd:g}; it must be at least {_SMALLEST_VD:g}: real glasses have 15 to 100"
+            )
+        shortest, longest = (self.index(wavelength) for wavelength in MODEL_GLASS_RANGE)
+        if not shortest > longest:
+            raise InvalidValueError(
+                f"vd {self.vd:g} gives an index that rises with the wavelength; real glasses have 15 to 100"
+            )
+
+    def index(self, wavelength: float) -> float:
+        """Refractive index at a wavelength of 360 to 1100 nm; an InvalidValueError outside.
+
+        Examples
+        --------
+        >>> import plenoptic as pl
+        >>> round(pl.ModelGlass(1.5168, 64.17, "BK7").index(486.1327), 4)
+        1.5224
+        """
+        lam = _wavelength_within(wavelength, MODEL_GLASS_RANGE, self.name or "this model glass")
+        # Differences of the two basis functions over F - C and g - F; two equations for b and c.
+        dispersion = (self.nd - 1.0) / self.vd
+        partial = (0.6438 - 0.001682 * self.vd) * dispersion
+        b1, c1 = 1 / F_LINE - 1 / C_LINE, F_LINE**-3.5 - C_LINE**-3.5
+        b2, c2 = 1 / G_LINE - 1 / F_LINE, G_LINE**-3.5 - F_LINE**-3.5
+        determinant = b1 * c2 - b2 * c1
+        b = (dispersion * c2 - partial * c1) / determinant
+        c = (b1 * partial - b2 * dispersion) / determinant
+        index = self.nd + b * (1 / lam - 1 / D_LINE) + c * (lam**-3.5 - D_LINE**-3.5)
+        return _checked_index(index, lam, self.name or f"the model glass nd={self.nd:g}, vd={self.vd:g}")
+
+
+@value
+class Sellmeier:
+    r"""A glass by Sellmeier's formula, which the catalogues of today give.
+
+    .. math:: n^2 = 1 + \sum_i \frac{B_i \lambda^2}{\lambda^2 - C_i}
+
+    Parameters
+    ----------
+    b : sequence of float
+        B_i, without unit.
+    c : sequence of float
+        C_i in square micrometres, as many as `b`.
+    name : str, optional
+        For people; "N-BK7", for instance.
+    wavelength_range : (float, float), optional
+        nm; outside, asking for the index is an error.
+
+    Raises
+    ------
+    InvalidValueError
+        If the coefficients do not go together, or the index at an end of the range is not finite and at least 1.
+
+    References
+    ----------
+    Schott, TIE-29 Refractive Index and Dispersion, eq. 1.3 and the catalogue's data sheets.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> bk7 = pl.Sellmeier((1.03961212, 0.231792344, 1.01046945),
+    ...                    (0.00600069867, 0.0200179144, 103.560653), name="N-BK7")
+    >>> round(bk7.index(587.5618), 5)
+    1.5168
+    """
+
+    b: Sequence[float]
+    c: Sequence[float]
+    name: str = ""
+    wavelength_range: tuple[float, float] = (365.0, 2325.0)
+
+    def __post_init__(self) -> None:
+        set_field(self, "b", _coefficients(self.b, "b"))
+        set_field(self, "c", _coefficients(self.c, "c", len(self.b)))
+        set_field(self, "wavelength_range", _range(self.wavelength_range))
+        for wavelength in self.wavelength_range:
+            self.index(wavelength)
+
+    def index(self, wavelength: float) -> float:
+        """Refractive index at a wavelength in nm; an InvalidValueError outside `wavelength_range`.
+
+        Examples
+        --------
+        >>> import plenoptic as pl
+        >>> silica = pl.Sellmeier((0.6961663, 0.4079426, 0.8974794), (0.0684043**2, 0.1162414**2, 9.896161**2))
+        >>> round(silica.index(587.5618), 5)                           # I. H. Malitson, 1965: 1.45846
+        1.45846
+        """
+        name = self.name or "this Sellmeier medium"
+        micrometres = _wavelength_within(wavelength, self.wavelength_range, name) * 1e-3
+        square = micrometres * micrometres
+        try:
+            n2 = 1.0 + sum(b * square / (square - c) for b, c in zip(self.b, self.c, strict=True))
+        except (ZeroDivisionError, OverflowError):
+            n2 = math.inf
+        return _checked_index(math.sqrt(n2) if n2 >= 0 else math.nan, wavelength, name)
+
+
+@value
+class Schott:
+    r"""A glass by the power series that catalogues gave until the 1990s (also called Laurent's formula).
+
+    .. math:: n^2 = a_0 + a_1 \lambda^2 + a_2 \lambda^{-2} + a_3 \lambda^{-4} + a_4 \lambda^{-6} + a_5 \lambda^{-8}
+
+    Parameters
+    ----------
+    coefficients : sequence of 6 floats
+        a_0 to a_5, for wavelengths in micrometres.
+    name : str, optional
+        For people.
+    wavelength_range : (float, float), optional
+        nm; outside, asking for the index is an error.
+
+    Raises
+    ------
+    InvalidValueError
+        If there are not six finite coefficients, or the index at an end of the range is not finite and at least 1.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> bk7 = pl.Schott((2.2718929, -1.0108077e-2, 1.0592509e-2, 2.0816965e-4, -7.6472538e-6, 4.9240991e-7), name="BK7")
+    >>> round(bk7.index(587.5618), 4)
+    1.5168
+    """
+
+    coefficients: Sequence[float]
+    name: str = ""
+    wavelength_range: tuple[float, float] = (365.0, 1014.0)
+
+    def __post_init__(self) -> None:
+        set_field(self, "coefficients", _coefficients(self.coefficients, "coefficients", 6))
+        set_field(self, "wavelength_range", _range(self.wavelength_range))
+        for wavelength in self.wavelength_range:
+            self.index(wavelength)
+
+    def index(self, wavelength: float) -> float:
+        """Refractive index at a wavelength in nm; an InvalidValueError outside `wavelength_range`.
+
+        Examples
+        --------
+        >>> import plenoptic as pl
+        >>> bk7 = pl.Schott((2.2718929, -1.0108077e-2, 1.0592509e-2, 2.0816965e-4, -7.6472538e-6, 4.9240991e-7))
+        >>> bk7.index(486.1327) > bk7.index(656.2725)
+        True
+        """
+        name = self.name or "this Schott medium"
+        micrometres = _wavelength_within(wavelength, self.wavelength_range, name) * 1e-3
+        square = micrometres * micrometres
+        try:
+            n2 = sum(a * square**power for a, power in zip(self.coefficients, (0, 1, -1, -2, -3, -4), strict=True))
+        except (ZeroDivisionError, OverflowError):
+            n2 = math.inf
+        return _checked_index(math.sqrt(n2) if n2 >= 0 else math.nan, wavelength, name)

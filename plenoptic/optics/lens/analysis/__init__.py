@@ -1,0 +1,1 @@
+"""What exact and third-order rays say of a lens."""

@@ -1,0 +1,70 @@
+"""Aberrations of a lens: third-order sums, and what exact rays say of spots, fans, fields and contrast.
+
+All of it in one place, for those who type `pl.aberrations`; each function is described where it is defined.
+"""
+
+from plenoptic.optics.lens.analysis.astigmatic import Foci, foci
+from plenoptic.optics.lens.analysis.depth import DepthDistortion, depth_distortion
+from plenoptic.optics.lens.analysis.fields import (
+    Coma,
+    Distortion,
+    FieldCurvature,
+    Projection,
+    coma,
+    distortion,
+    field_curvature,
+)
+from plenoptic.optics.lens.analysis.focus import FocusCriterion, ThroughFocus, best_focus, through_focus
+from plenoptic.optics.lens.analysis.illumination import (
+    RelativeIllumination,
+    Vignetting,
+    largest_field,
+    relative_illumination,
+    vignetting,
+)
+from plenoptic.optics.lens.analysis.mtf import Mtf, PointSpread, diffraction_mtf, mtf, point_spread
+from plenoptic.optics.lens.analysis.seidel import (
+    ChromaticShift,
+    SeidelSums,
+    chromatic_shift,
+    colour_sums,
+    seidel_sums,
+)
+from plenoptic.optics.lens.analysis.spots import RayFan, SpotDiagram, ray_fan, spot_diagram
+
+__all__ = [
+    "ChromaticShift",
+    "Coma",
+    "DepthDistortion",
+    "Distortion",
+    "FieldCurvature",
+    "Foci",
+    "FocusCriterion",
+    "Mtf",
+    "PointSpread",
+    "Projection",
+    "RayFan",
+    "RelativeIllumination",
+    "SeidelSums",
+    "SpotDiagram",
+    "ThroughFocus",
+    "Vignetting",
+    "best_focus",
+    "chromatic_shift",
+    "colour_sums",
+    "coma",
+    "depth_distortion",
+    "diffraction_mtf",
+    "distortion",
+    "field_curvature",
+    "foci",
+    "largest_field",
+    "mtf",
+    "point_spread",
+    "ray_fan",
+    "relative_illumination",
+    "seidel_sums",
+    "spot_diagram",
+    "through_focus",
+    "vignetting",
+]

@@ -1,0 +1,138 @@
+"""Where a narrow beam around a ray comes to a focus: Coddington's equations along real rays.
+
+A beam has two foci, one for the plane that holds the axis and the ray (tangential) and one for the plane across it
+(sagittal). In each plane its half width h, across the ray, and its reduced angle w are carried from surface to surface;
+the focus is at -n h / w along the ray, and neither a parallel beam nor a focus on a surface is an exception.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.core.rays import RayBundle
+from plenoptic.errors import InvalidValueError
+from plenoptic.optics.lens.models import LensModel
+from plenoptic.optics.lens.stack import LensStack
+from plenoptic.optics.lens.trace import traced_part
+from plenoptic.optics.surfaces.surface import Surface
+
+Floats = NDArray[np.float64]
+
+
+class Foci(NamedTuple):
+    """The foci of narrow beams around rays; nan where a ray does not exist.
+
+    Examples
+    --------
+    See `foci`.
+    """
+
+    ray: RayBundle
+    """(n) rays behind the lens, origins on the last element met."""
+    sagittal: Floats
+    """(n, 3) points in mm; infinite where the beam leaves parallel."""
+    tangential: Floats
+    """(n, 3) points in mm."""
+
+
+def _bending(surface: Surface, at: Floats) -> tuple[Floats, Floats, Floats]:
+    """Unit normals (n, 3) and the sagittal and tangential curvatures (n,) at points (n, 3) measured from the vertex."""
+    x, y, z = at.T
+    r2, c, k = x * x + y * y, surface.curvature, surface.conic
+    if not surface.aspheric:
+        # A conic by its own height, which holds beyond an equator too.
+        normal = np.column_stack([-c * x, -c * y, 1.0 - c * (1.0 + k) * z])
+        size = np.sqrt(1.0 - k * c * c * r2)
+        return normal / size[:, None], c / size, c / size**3
+    e = np.sqrt(1.0 - (1.0 + k) * c * c * r2)
+    over_r, second = c / e, c / e**3
+    for i, a in enumerate(surface.aspheric):
+        over_r = over_r + (2 * i + 2) * a * r2**i
+        second = second + (2 * i + 2) * (2 * i + 1) * a * r2**i
+    size = np.sqrt(1.0 + over_r * over_r * r2)
+    normal = np.column_stack([-over_r * x, -over_r * y, np.ones_like(x)])
+    return normal / size[:, None], over_r / size, second / size**3
+
+
+def foci(lens: LensStack, rays: RayBundle, *, parallel: bool, reverse: bool = False) -> Foci:
+    """Follow narrow beams around rays that lie in planes with the axis through a centred lens, past all rims.
+
+    Parameters
+    ----------
+    lens : LensStack
+    rays : RayBundle
+        n rays before the lens (behind it in reverse).
+    parallel : bool
+        Whether the beams come from infinitely far away; otherwise from the origins of the rays.
+    reverse : bool, optional
+        Towards the scene.
+
+    Returns
+    -------
+    Foci
+
+    Raises
+    ------
+    InvalidValueError
+        If an element is decentred or tilted, or the lens is not LensModel.EXACT.
+
+    References
+    ----------
+    R. Kingslake and R. B. Johnson, Lens Design Fundamentals, 2nd ed., section 11.1.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> from plenoptic.optics.lens.analysis.astigmatic import foci
+    >>> lens = pl.load_lens("double-gauss-100mm-f2")
+    >>> axis = pl.RayBundle([[0.0, 0.0, -404.0]], [[0.0, 0.0, 1.0]])
+    >>> foci(lens, axis, parallel=False).sagittal.round(3).tolist()
+    [[0.0, 0.0, 134.624]]
+    """
+    _require_centred(lens)
+    order = range(len(lens.elements))
+    index, sign = lens.indices(rays.wavelength), -1.0 if reverse else 1.0
+    n = len(rays)
+    # Rows: sagittal, tangential.
+    h, w = (np.ones((2, n)), np.zeros((2, n))) if parallel else (np.zeros((2, n)), np.ones((2, n)))
+    here = rays
+    for k in reversed(order) if reverse else order:
+        before, after = (index[k + 1], index[k]) if reverse else (index[k], index[k + 1])
+        there = traced_part(lens, here, k, k, reverse=reverse, clipping=False)
+        h = h + w / before * np.einsum("ij,ij->i", there.origin - here.origin, here.direction)
+        element = lens.elements[k]
+        if isinstance(element, Surface):
+            normal, *curvature = _bending(element, there.origin - [0.0, 0.0, lens.vertices[k]])
+            cos_i, cos_t = (np.abs(np.einsum("ij,ij->i", ray.direction, normal)) for ray in (here, there))
+            power = sign * (after * cos_t - before * cos_i) * np.array(curvature)
+            # The width across the ray changes in the plane of incidence only.
+            widen = np.stack([np.ones(n), cos_t / cos_i])
+            h, w = h * widen, (w - power * h / np.stack([np.ones(n), cos_i**2])) / widen
+        here = there
+    with np.errstate(divide="ignore", invalid="ignore"):
+        distance = -index[0 if reverse else -1] * h / w
+        points = here.origin + distance[:, :, None] * here.direction
+    return Foci(here, points[0], points[1])
+
+
+def require_axis(lens: LensStack, what: str) -> None:
+    """An error where a lens has no axis of symmetry, or is left out, so that `what` means nothing."""
+    moved = [i for i, element in enumerate(lens.elements) if element.placement is not None]
+    if moved:
+        raise InvalidValueError(
+            f"element {moved[0]} of {lens.name!r} is decentred or tilted; {what} that of a centred lens: leave out its "
+            "placement, or look at spot diagrams"
+        )
+    if lens.model is LensModel.NONE:
+        raise InvalidValueError(f"the model of {lens.name!r} is NONE, which images nothing; use lens.with_model(EXACT)")
+
+
+def _require_centred(lens: LensStack) -> None:
+    require_axis(lens, "astigmatism is")
+    if lens.model is not LensModel.EXACT:
+        raise InvalidValueError(
+            f"the model of {lens.name!r} is {lens.model.name}, which has no aberrations; use lens.with_model(EXACT)"
+        )

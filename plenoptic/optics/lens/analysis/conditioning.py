@@ -1,0 +1,302 @@
+"""How well conditioned rays are at each element of a lens: what magnifies their errors, and what they cost to meet."""
+
+from __future__ import annotations
+
+import enum
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.core.rays import RayBundle, RayStatus
+from plenoptic.core.values import frozen_array, set_field, value, whole, wrong_kind
+from plenoptic.errors import InvalidValueError
+from plenoptic.optics.lens.analysis.conditioning_rows import (
+    Notes,
+    blocks_of,
+    kinds,
+    largest_and_mean,
+    largest_and_median,
+    noted,
+)
+from plenoptic.optics.lens.record import lens_tables
+from plenoptic.optics.lens.stack import LensStack
+
+_MEASURED = ("incidence", "refraction", "cancellation", "newton", "search")
+_CAUSES = 8
+
+
+class Condition(enum.IntEnum):
+    """What magnifies errors of a ray.
+
+    Examples
+    --------
+    >>> from plenoptic.optics.lens.analysis.conditioning import Condition
+    >>> Condition(1).name
+    'REFRACTION'
+    """
+
+    INCIDENCE = 0
+    """1 / cos i: how much farther apart on the surface two parallel rays are than from each other. Large at grazing
+    incidence."""
+    REFRACTION = 1
+    """d i' / d i = n cos i / (n' cos i'): how much the angle behind the surface changes by that before it. Infinite at
+    the critical angle of total reflection."""
+    CANCELLATION = 2
+    """The lengths that are added up on the way to a point, over the size of the element: 10^d where d of the 15.7
+    decimal digits of float64 are lost."""
+
+
+class Worst(NamedTuple):
+    """The largest condition number there is."""
+
+    element: int
+    """Index in `LensStack.elements`."""
+    condition: Condition
+    number: float
+
+
+@value
+class Conditioning:
+    r"""How well conditioned rays are at each element that they meet; `conditioning` makes it. Printed, it is a table.
+
+    Rays through a lens have errors: float64 rounds their numbers, and origins and directions are themselves only known
+    so well. At a point met, an error e of where a ray runs becomes e / cos i along the surface, and an error a of its
+    direction becomes a n cos i / (n' cos i') behind it, in the plane of incidence. So, with eps = 2.2e-16,
+
+        \|error of the point\| <= 4 eps incidence cancellation size
+
+    (ten times that where cos i is below 0.01) of one element, for a ray whose numbers are good to eps; `size` is the
+    semi-diameter, or the radius of curvature of a surface with a depth. Cancellation counts the distance from the
+    element's vertex to where the ray came from, from there to the point, the terms of the surface's equation and, at
+    the ends of the lens, the distance from the lens's origin: all that is rounded to eps of its own size.
+
+    Columns are [largest, median] over the rays that pass the element, nan where there are none; for the steps,
+    [largest, mean] over those that come to it.
+
+    Parameters
+    ----------
+    elements : (n,) array of int
+        Indices in `LensStack.elements`, in the order in which rays meet them. Models other than EXACT have fewer.
+    kinds : tuple of str
+        "plane", "sphere", "conic", "asphere", "stop" or "ideal lens".
+    rays : int
+        Rays traced.
+    reached : (n,) array of int
+        Rays that came to the element.
+    incidence, refraction, cancellation : (n, 2) array
+        Condition numbers, see `Condition`; at ideal lenses, refraction is cos^2 i' / cos^2 i.
+    newton : (n, 2) array
+        Steps of Newton's method on an asphere. Planes, spheres and conics take none.
+    search : (n, 2) array
+        Steps of the search for the first crossing of an asphere, for rays that may cross it more than once.
+    searched : (n,) array of int
+        Rays that were searched in that way.
+    lost : tuple of (str, int or None, int)
+        Cause, index of the element (None where no element is to blame) and number of rays, as `RenderStats.lost`.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> lens = pl.load_lens("singlet-100mm-f4")
+    >>> found = pl.conditioning(lens, pl.RayBundle([[0, 3.0, -100.0], [0, 30, -100]], [[0, 0, 1.0], [0, 0, 1]]))
+    >>> found
+    <Conditioning of 2 rays at 3 elements: worst at element 0, cancellation 16>
+    >>> found.lost
+    (('clipped', 0, 1),)
+    """
+
+    elements: NDArray[np.int64]
+    kinds: tuple[str, ...]
+    rays: int
+    reached: NDArray[np.int64]
+    incidence: NDArray[np.float64]
+    refraction: NDArray[np.float64]
+    cancellation: NDArray[np.float64]
+    newton: NDArray[np.float64]
+    search: NDArray[np.float64]
+    searched: NDArray[np.int64]
+    lost: tuple[tuple[str, int | None, int], ...] = ()
+
+    def __post_init__(self) -> None:
+        set_field(self, "elements", frozen_array(self.elements, name="elements", shape=(None,), dtype=np.int64))
+        n = len(self.elements)
+        set_field(self, "kinds", tuple(str(kind) for kind in self.kinds))
+        if len(self.kinds) != n:
+            raise InvalidValueError(f"kinds has {len(self.kinds)} entries; it must have one for each of {n} elements")
+        set_field(self, "rays", whole(self.rays, "rays", at_least=0))
+        for name in ("reached", "searched"):
+            set_field(self, name, frozen_array(getattr(self, name), name=name, shape=(n,), dtype=np.int64))
+        for name in _MEASURED:
+            set_field(self, name, frozen_array(getattr(self, name), name=name, shape=(n, 2)))
+        lost = tuple(
+            (str(cause), None if at is None else whole(at, "lost: element", at_least=0), whole(k, "lost", at_least=0))
+            for cause, at, k in self.lost
+        )
+        set_field(self, "lost", lost)
+
+    @property
+    def digits_lost(self) -> NDArray[np.float64]:
+        """(n, 2): largest and median number of decimal digits that cancellation takes, of the 15.7 of float64."""
+        return np.asarray(np.log10(np.maximum(self.cancellation, 1.0)))
+
+    @property
+    def worst(self) -> Worst | None:
+        """The element and kind of the largest condition number; None where no ray passes any element."""
+        largest = np.stack([self.incidence[:, 0], self.refraction[:, 0], self.cancellation[:, 0]])
+        if np.isnan(largest).all():
+            return None
+        kind, row = np.unravel_index(np.nanargmax(largest), largest.shape)
+        return Worst(int(self.elements[row]), Condition(int(kind)), float(largest[kind, row]))
+
+    @property
+    def lost_by_cause(self) -> dict[str, int]:
+        """The number of lost rays for each cause, over all elements."""
+        causes: dict[str, int] = {}
+        for cause, _, count in self.lost:
+            causes[cause] = causes.get(cause, 0) + count
+        return causes
+
+    def lost_at(self, element: int | None) -> dict[str, int]:
+        """The number of rays lost at an element, or (None) where no element is to blame, for each cause.
+
+        Examples
+        --------
+        >>> import plenoptic as pl
+            >>> rays = pl.RayBundle([[0, 30.0, -100.0]], [[0, 0, 1.0]])
+        >>> pl.conditioning(pl.load_lens("singlet-100mm-f4"), rays).lost_at(0)
+        {'clipped': 1}
+        """
+        return {cause: count for cause, at, count in self.lost if at == element}
+
+    def __repr__(self) -> str:
+        worst = self.worst
+        what = "" if worst is None else f": worst at element {worst.element}, {_named(worst)}"
+        return f"<Conditioning of {self.rays} rays at {len(self.elements)} elements{what}>"
+
+    def __str__(self) -> str:
+        rows = [_HEAD, *(self._row(i) for i in range(len(self.elements)))]
+        before = self.lost_at(None)
+        if before:
+            rows.append(("", "before the lens", *([""] * 7), _causes(before)))
+        widths = [max(len(row[column]) for row in rows) for column in range(len(_HEAD) - 1)]
+        lines = ["  ".join([*map(str.rjust, row[:-1], widths), row[-1]]).rstrip() for row in rows]
+        worst = self.worst
+        if worst is not None:
+            lines.append("largest / median of all rays; digits lost: logarithm of the cancellation")
+            lines.append(f"worst: {_named(worst)} at element {worst.element}")
+        return "\n".join(lines)
+
+    def _row(self, i: int) -> tuple[str, ...]:
+        asphere, last = self.kinds[i] == "asphere", self.elements[i] not in self.elements[i + 1 :]
+        shown = [_pair(numbers[i]) for numbers in (self.incidence, self.refraction, self.digits_lost)]
+        return (
+            str(self.elements[i]),
+            self.kinds[i],
+            str(self.reached[i]),
+            *shown,
+            _pair(self.newton[i]) if asphere else "",
+            _pair(self.search[i]) if self.searched[i] else "",
+            str(self.searched[i]) if asphere else "",
+            _causes(self.lost_at(int(self.elements[i]))) if last else "",
+        )
+
+
+_HEAD = (
+    "element",
+    "kind",
+    "rays",
+    "1 / cos i",
+    "n cos i / (n' cos i')",
+    "digits lost",
+    "Newton",
+    "search",
+    "searched",
+    "lost",
+)
+
+
+def _pair(numbers: NDArray[np.float64]) -> str:
+    return "" if np.isnan(numbers).any() else " / ".join(f"{number:.3g}" for number in numbers)
+
+
+def _causes(lost: dict[str, int]) -> str:
+    return ", ".join(f"{count} {cause.replace('_', ' ')}" for cause, count in lost.items())
+
+
+def _named(worst: Worst) -> str:
+    return f"{worst.condition.name.lower()} {worst.number:.3g}"
+
+
+def conditioning(lens: LensStack, rays: RayBundle, *, reverse: bool = False) -> Conditioning:
+    """How much each element of a lens magnifies errors of rays, and how many steps and rays it costs.
+
+    Takes some fifty times as long as tracing, and 40 bytes for each ray and element: for thousands of rays. They are
+    followed as `lens.model` says.
+
+    Parameters
+    ----------
+    lens : LensStack
+    rays : RayBundle
+        In the lens frame. Where origins lie on rays matters here: what is far away is known with a larger error.
+    reverse : bool, optional
+        Towards the scene, as `LensStack.trace_reverse`.
+
+    Returns
+    -------
+    Conditioning
+
+    Examples
+    --------
+    >>> import numpy as np, plenoptic as pl
+    >>> lens = pl.load_lens("double-gauss-100mm-f2")
+    >>> y = np.linspace(-12.0, 12.0, 101)
+    >>> found = pl.conditioning(lens, pl.RayBundle(np.stack([0 * y, y, 0 * y - 50.0], axis=1), [[0, 0, 1.0]] * 101))
+    >>> bool(found.incidence.max() < 2), bool(found.digits_lost.max() < 1)
+    (True, True)
+    >>> found.worst.element, found.worst.condition.name
+    (0, 'CANCELLATION')
+    """
+    if not isinstance(lens, LensStack):
+        raise wrong_kind(lens, "lens", "LensStack", 'pl.load_lens("double-gauss-100mm-f2")')
+    if not isinstance(rays, RayBundle):
+        raise wrong_kind(rays, "rays", "RayBundle", "pl.RayBundle([[0, 0, -100]], [[0, 0, 1]])")
+    return conditioning_of(noted(lens_tables(lens, rays.wavelength, reverse=reverse), blocks_of(rays), len(rays)))
+
+
+def conditioning_of(notes: Notes) -> Conditioning:
+    """What was noted of rays, brought together for each element.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> from plenoptic.optics.lens.analysis.conditioning import conditioning_of
+    >>> from plenoptic.optics.lens.analysis.conditioning_rows import blocks_of, noted
+    >>> from plenoptic.optics.lens.record import lens_tables
+    >>> lens, rays = pl.load_lens("singlet-100mm-f4"), pl.RayBundle([[0, 3.0, -100.0]], [[0, 0, 1.0]])
+    >>> conditioning_of(noted(lens_tables(lens, 587.6, reverse=False), blocks_of(rays), 1)).kinds
+    ('stop', 'sphere', 'plane')
+    """
+    tables, met = notes.tables, ~np.isnan(notes.newton)
+    return Conditioning(
+        elements=tables.number.astype(np.int64),
+        kinds=kinds(tables),
+        rays=len(notes.codes),
+        reached=met.sum(axis=1),
+        incidence=largest_and_median(notes.incidence),
+        refraction=largest_and_median(notes.refraction),
+        cancellation=largest_and_median(notes.cancellation),
+        newton=largest_and_mean(notes.newton),
+        search=largest_and_mean(notes.search),
+        searched=(notes.search > 0).sum(axis=1),
+        lost=_lost(notes.codes),
+    )
+
+
+def _lost(codes: NDArray[np.int64]) -> tuple[tuple[str, int | None, int], ...]:
+    """Causes, elements and numbers of lost rays from their codes, see `ray_blocks`."""
+    found = []
+    for code, count in zip(*np.unique(codes[codes != 0], return_counts=True), strict=True):
+        element, cause = divmod(int(code), _CAUSES)
+        found.append((RayStatus(cause).name.lower(), element - 1 if element else None, int(count)))
+    return tuple(found)

@@ -1,0 +1,388 @@
+"""Aberrations against the field, by real rays: distortion, curvature of the image, coma.
+
+Fields lie along +y: half angles in rad of objects infinitely far away, otherwise heights in mm of points in the plane
+z_object. Rays are aimed at the real iris and pass all rims; a field whose chief ray does not exist has nan. What passes
+and how bright it is, is in `illumination`.
+"""
+
+from __future__ import annotations
+
+import enum
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from plenoptic.core.rays import RayBundle
+from plenoptic.core.values import choice, frozen_array, positive, set_field, value
+from plenoptic.errors import InvalidValueError
+from plenoptic.optics.lens.analysis.astigmatic import foci, require_axis
+from plenoptic.optics.lens.gaussian.paraxial import cardinal_points, image_position, magnification
+from plenoptic.optics.lens.models import LensModel
+from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays, chief_ray
+from plenoptic.optics.lens.stack import LensStack
+from plenoptic.optics.lens.trace import traced_part
+
+Floats = NDArray[np.float64]
+
+
+class Projection(enum.IntEnum):
+    """How an ideal lens of focal length f images the half angle theta.
+
+    RECTILINEAR: f tan(theta). EQUIDISTANT: f theta. STEREOGRAPHIC: 2 f tan(theta / 2). EQUISOLID: 2 f sin(theta / 2).
+    ORTHOGRAPHIC: f sin(theta).
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> float(pl.aberrations.Projection.EQUIDISTANT.height(100.0, 0.5))
+    50.0
+    """
+
+    RECTILINEAR = 0
+    """f tan(theta): straight lines stay straight."""
+    EQUIDISTANT = 1
+    """f theta: what most fisheyes approach."""
+    STEREOGRAPHIC = 2
+    """2 f tan(theta / 2): circles stay circles."""
+    EQUISOLID = 3
+    """2 f sin(theta / 2): equal solid angles have equal areas."""
+    ORTHOGRAPHIC = 4
+    """f sin(theta): equal illumination by a uniform sky."""
+
+    def height(self, focal_length: float, angle: ArrayLike) -> Floats:
+        """Distance from the axis in mm of the image of a half angle in rad; negative angles give negative ones."""
+        theta = np.asarray(angle, dtype=np.float64)
+        scaled = {
+            Projection.RECTILINEAR: lambda: np.tan(theta),
+            Projection.EQUIDISTANT: lambda: theta,
+            Projection.STEREOGRAPHIC: lambda: 2.0 * np.tan(theta / 2.0),
+            Projection.EQUISOLID: lambda: 2.0 * np.sin(theta / 2.0),
+            Projection.ORTHOGRAPHIC: lambda: np.sin(theta),
+        }[self]()
+        return np.asarray(focal_length * scaled)
+
+
+def freeze(instance: object) -> None:
+    """Bring the arrays of a result into their final form: all of the length of `fields`."""
+    for name, item in vars(instance).items():
+        if isinstance(item, np.ndarray | list | tuple):
+            set_field(instance, name, frozen_array(item, name=name, shape=(None,)))
+
+
+def checked_fields(fields: ArrayLike, z_object: float, *, name: str = "fields") -> Floats:
+    """Fields (n,): finite, angles below pi."""
+    radii = frozen_array(np.atleast_1d(np.asarray(fields, dtype=object)), name=name, shape=(None,))
+    limit = math.pi if z_object == -math.inf else math.inf
+    if not np.all(np.abs(radii) < limit):
+        unit = "angles below pi, in rad" if z_object == -math.inf else "finite heights in mm"
+        raise InvalidValueError(f"{name} reach {np.max(np.abs(radii)):g}; with this z_object they must be {unit}")
+    return radii
+
+
+def image_plane(lens: LensStack, z_object: float, wavelength: float) -> float:
+    """The paraxial image plane, or an error where the image is infinitely far away."""
+    z = image_position(lens, z_object, wavelength)
+    if not math.isfinite(z):
+        raise InvalidValueError(
+            f"{lens.name!r} images z_object {z_object:g} mm to infinity, where there is no image plane; move the object"
+        )
+    return z
+
+
+def unclipped(lens: LensStack, rays: RayBundle) -> RayBundle:
+    """Trace a bundle past all rims; through a model that is not exact, as it is."""
+    if lens.model is not LensModel.EXACT:
+        return lens.trace(rays)
+    return traced_part(lens, rays, 0, len(lens.elements) - 1, clipping=False)
+
+
+def chief_rays(lens: LensStack, fields: Floats, z_object: float, wavelength: float) -> RayBundle:
+    """The chief rays of fields (n,) along +y, before the lens."""
+    rays = [chief_ray(lens, field=(0.0, y), z_object=z_object, wavelength=wavelength) for y in fields.tolist()]
+    origin = np.reshape([ray.origin for ray in rays], (-1, 3))
+    direction = np.reshape([ray.direction for ray in rays], (-1, 3))
+    return RayBundle(origin, direction, wavelength, status=np.ravel([ray.status for ray in rays]))
+
+
+@value
+class Distortion:
+    """Heights of chief rays in the paraxial image plane; made by `distortion`.
+
+    Attributes
+    ----------
+    fields : (n,) array
+        rad, or mm.
+    height : (n,) array
+        y of the real chief ray in mm: mostly below 0, since the image stands upside down.
+    ideal : (n,) array
+        y of the ideal image in mm.
+    projection : Projection
+    z_image : float
+        The paraxial image plane, mm.
+    z_object : float
+        mm; -inf: infinitely far away.
+
+    Examples
+    --------
+    See `distortion`.
+    """
+
+    fields: Floats
+    height: Floats
+    ideal: Floats
+    projection: Projection
+    z_image: float
+    z_object: float
+
+    def __post_init__(self) -> None:
+        freeze(self)
+
+    @property
+    def relative(self) -> Floats:
+        """(height - ideal) / ideal, (n,): negative for a barrel, positive for a cushion; 0 on the axis."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(self.ideal == 0, 0.0 * self.height, self.height / self.ideal - 1.0)
+
+
+def distortion(
+    lens: LensStack,
+    fields: ArrayLike,
+    *,
+    z_object: float = -math.inf,
+    wavelength: float = 587.6,
+    projection: Projection = Projection.RECTILINEAR,
+) -> Distortion:
+    """Where chief rays meet the paraxial image plane, against an ideal projection.
+
+    Parameters
+    ----------
+    lens : LensStack
+    fields : (n,) array
+        Along +y: half angles in rad, or heights in mm in the plane z_object.
+    z_object : float, optional
+        mm; -inf: infinitely far away.
+    wavelength : float, optional
+        nm.
+    projection : Projection, optional
+        Of an object infinitely far away. At a finite distance the ideal image is the paraxial one: RECTILINEAR.
+
+    Returns
+    -------
+    Distortion
+
+    Raises
+    ------
+    InvalidValueError
+        If the image is infinitely far away or the projection does not reach the fields.
+
+    References
+    ----------
+    W. J. Smith, Modern Optical Engineering, 4th ed., chapter 5.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> found = pl.aberrations.distortion(pl.load_lens("double-gauss-100mm-f2"), [0.0, 0.2, 0.35])
+    >>> (100 * found.relative).round(2).tolist()
+    [0.0, -0.3, -1.08]
+    """
+    radii, ideal = checked_fields(fields, z_object), choice(projection, Projection, "projection")
+    require_axis(lens, "distortion is")
+    z_image = image_plane(lens, z_object, wavelength)
+    if z_object != -math.inf:
+        if ideal is not Projection.RECTILINEAR:
+            raise InvalidValueError(
+                f"projection is {ideal.name} with z_object {z_object:g} mm; the image of a plane is RECTILINEAR: "
+                "leave it at that, or give z_object=-math.inf and angles"
+            )
+        heights = magnification(lens, z_object, wavelength) * radii
+    else:
+        if ideal is Projection.RECTILINEAR and np.any(np.abs(radii) >= math.pi / 2):
+            raise InvalidValueError(
+                f"fields reach {np.max(np.abs(radii)):g} rad, which has no RECTILINEAR image; stay below pi / 2 or use "
+                "Projection.EQUIDISTANT"
+            )
+        heights = -ideal.height(cardinal_points(lens, wavelength).efl, radii)
+    out = unclipped(lens, chief_rays(lens, radii, z_object, wavelength))
+    return Distortion(radii, out.at_z(z_image)[:, 1], heights, ideal, z_image, z_object)
+
+
+@value
+class FieldCurvature:
+    """Where narrow beams around chief rays are sharp; made by `field_curvature`.
+
+    Attributes
+    ----------
+    fields : (n,) array
+        rad, or mm.
+    sagittal, tangential : (n,) array
+        z of the foci minus z of the paraxial image plane, mm: negative towards the lens.
+    height : (n,) array
+        y of the chief ray in the paraxial image plane, mm.
+    z_image : float
+        The paraxial image plane, mm.
+    z_object : float
+        mm; -inf: infinitely far away.
+
+    Examples
+    --------
+    See `field_curvature`.
+    """
+
+    fields: Floats
+    sagittal: Floats
+    tangential: Floats
+    height: Floats
+    z_image: float
+    z_object: float
+
+    def __post_init__(self) -> None:
+        freeze(self)
+
+    @property
+    def astigmatism(self) -> Floats:
+        """Tangential minus sagittal, (n,), mm."""
+        return np.asarray(self.tangential - self.sagittal)
+
+    @property
+    def medial(self) -> Floats:
+        """Mean of sagittal and tangential, (n,), mm: where the spot is about smallest."""
+        return np.asarray((self.tangential + self.sagittal) / 2.0)
+
+
+def field_curvature(
+    lens: LensStack, fields: ArrayLike, *, z_object: float = -math.inf, wavelength: float = 587.6
+) -> FieldCurvature:
+    """Sagittal and tangential image surfaces, and so astigmatism, by Coddington's equations along real chief rays.
+
+    Parameters
+    ----------
+    lens : LensStack
+        Centred, LensModel.EXACT.
+    fields : (n,) array
+        Along +y: half angles in rad, or heights in mm in the plane z_object.
+    z_object : float, optional
+        mm; -inf: infinitely far away.
+    wavelength : float, optional
+        nm.
+
+    Returns
+    -------
+    FieldCurvature
+
+    Raises
+    ------
+    InvalidValueError
+        If the lens is not centred or not EXACT, or the image is infinitely far away.
+
+    References
+    ----------
+    R. Kingslake and R. B. Johnson, Lens Design Fundamentals, 2nd ed., section 11.1.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> found = pl.aberrations.field_curvature(pl.load_lens("singlet-100mm-f4"), [0.0, 0.1])
+    >>> found.sagittal.round(2).tolist(), found.tangential.round(2).tolist()
+    ([0.0, -0.82], [0.0, -1.8])
+    """
+    radii = checked_fields(fields, z_object)
+    z_image = image_plane(lens, z_object, wavelength)
+    chiefs = chief_rays(lens, radii, z_object, wavelength)
+    found = foci(lens, chiefs, parallel=z_object == -math.inf)
+    return FieldCurvature(
+        radii,
+        found.sagittal[:, 2] - z_image,
+        found.tangential[:, 2] - z_image,
+        found.ray.at_z(z_image)[:, 1],
+        z_image,
+        z_object,
+    )
+
+
+@value
+class Coma:
+    """Asymmetry of spots; made by `coma`.
+
+    Attributes
+    ----------
+    fields : (n,) array
+        rad, or mm.
+    sagittal, tangential : (n,) array
+        Mean y of two rays from opposite points of the zone, along x and along y, minus y of the chief ray, in mm.
+    zone : float
+        Distance of these points from the centre of the iris in units of its semi-diameter.
+    z_image : float
+        The paraxial image plane, mm.
+    z_object : float
+        mm; -inf: infinitely far away.
+
+    Examples
+    --------
+    See `coma`.
+    """
+
+    fields: Floats
+    sagittal: Floats
+    tangential: Floats
+    zone: float
+    z_image: float
+    z_object: float
+
+    def __post_init__(self) -> None:
+        freeze(self)
+
+
+def coma(
+    lens: LensStack,
+    fields: ArrayLike,
+    *,
+    zone: float = 1.0,
+    z_object: float = -math.inf,
+    wavelength: float = 587.6,
+) -> Coma:
+    """Sagittal and tangential coma of a zone of the iris, in the paraxial image plane.
+
+    Parameters
+    ----------
+    lens : LensStack
+    fields : (n,) array
+        Along +y: half angles in rad, or heights in mm in the plane z_object.
+    zone : float, optional
+        Radius of the zone in units of the semi-diameter of the iris.
+    z_object : float, optional
+        mm; -inf: infinitely far away.
+    wavelength : float, optional
+        nm.
+
+    Returns
+    -------
+    Coma
+        In third order the tangential coma is 3 times the sagittal one, and both grow with the field and with zone^2.
+
+    Raises
+    ------
+    InvalidValueError
+        If the image is infinitely far away or the zone is not above 0.
+
+    References
+    ----------
+    R. Kingslake and R. B. Johnson, Lens Design Fundamentals, 2nd ed., chapter 9.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> found = pl.aberrations.coma(pl.load_lens("singlet-100mm-f4"), [0.02], zone=0.1)
+    >>> bool(abs(found.tangential[0] / found.sagittal[0] - 3) < 0.01)
+    True
+    """
+    radii, size = checked_fields(fields, z_object), positive(zone, "zone")
+    require_axis(lens, "coma here is")
+    z_image = image_plane(lens, z_object, wavelength)
+    pupil = size * np.array([[0.0, 0.0], [1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
+    y = np.empty((len(radii), 5))
+    for i, field in enumerate(radii.tolist()):
+        rays = aimed_rays(lens, field=(0.0, field), pupil=pupil, z_object=z_object, wavelength=wavelength)
+        y[i] = unclipped(lens, rays).at_z(z_image)[:, 1]
+    return Coma(radii, (y[:, 1] + y[:, 2]) / 2 - y[:, 0], (y[:, 3] + y[:, 4]) / 2 - y[:, 0], size, z_image, z_object)

@@ -1,0 +1,392 @@
+"""Where the image is sharpest."""
+
+from __future__ import annotations
+
+import enum
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from plenoptic.core.values import choice, frozen_array, set_field, value
+from plenoptic.errors import InvalidValueError
+from plenoptic.optics.lens.gaussian import conjugates
+from plenoptic.optics.lens.gaussian.paraxial import cardinal_points, image_position
+from plenoptic.optics.lens.models import LensModel
+from plenoptic.optics.lens.pupil.beam import checked_point, checked_wavelengths, passing_light
+from plenoptic.optics.lens.stack import LensStack
+
+_GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
+_SEARCH_STEPS = 80
+"""Golden sections: 0.618^80 is 2e-17 of the first interval."""
+
+
+class FocusCriterion(enum.IntEnum):
+    """What is meant by sharp.
+
+    PARAXIAL: where rays close to the axis meet. RMS_SPOT: the least root mean square distance of all rays from their
+    centroid. GEOMETRIC_SPOT: the least largest distance, the circle of least confusion.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> pl.FocusCriterion.RMS_SPOT.name
+    'RMS_SPOT'
+    """
+
+    PARAXIAL = 0
+    """Where rays close to the axis meet."""
+    RMS_SPOT = 1
+    """Where the root mean square distance of the rays from their centroid is smallest."""
+    GEOMETRIC_SPOT = 2
+    """Where the largest distance of a ray from the centroid is smallest: the circle of least confusion."""
+
+
+def _needs_a_lens(lens: LensStack) -> None:
+    if lens.model is LensModel.NONE:
+        raise InvalidValueError(
+            "the lens has the model LensModel.NONE, which bends no ray, so no plane is its image; "
+            "use LensModel.THIN, PARAXIAL or EXACT"
+        )
+
+
+def front_focus(lens: LensStack, wavelength: float = 587.6) -> float:
+    """Where the front focus of a lens is, as its model has it: z in mm; objects beyond it have a real image.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> from plenoptic.optics.lens.analysis.focus import front_focus
+    >>> lens = pl.load_lens("double-gauss-100mm-f2")
+    >>> round(front_focus(lens), 2), round(front_focus(lens.with_model(pl.LensModel.THIN)), 2)
+    (-88.01, -98.91)
+    """
+    _needs_a_lens(lens)
+    points = cardinal_points(lens, wavelength)
+    return points.rear_principal - points.efl if lens.model is LensModel.THIN else points.front_focus
+
+
+def paraxial_focus(lens: LensStack, z_object: float, wavelength: float = 587.6) -> float:
+    """Where a lens images a plane by Gaussian optics, as its model has it: z in mm.
+
+    THIN has both principal planes at the rear principal point; PARAXIAL and EXACT image by the cardinal points.
+
+    Parameters
+    ----------
+    lens : LensStack
+    z_object : float
+        z of the object plane in the lens frame, mm; -inf for an object at infinity.
+    wavelength : float, optional
+        nm.
+
+    Returns
+    -------
+    float
+        inf where the rays leave parallel; in front of the lens for a virtual image.
+
+    Raises
+    ------
+    InvalidValueError
+        For a lens with LensModel.NONE.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> from plenoptic.optics.lens.analysis.focus import paraxial_focus
+    >>> lens = pl.load_lens("double-gauss-100mm-f2")
+    >>> round(paraxial_focus(lens, -404.0), 3)
+    134.624
+    >>> round(paraxial_focus(lens.with_model(pl.LensModel.THIN), -404.0), 3)
+    135.77
+    """
+    _needs_a_lens(lens)
+    if lens.model is not LensModel.THIN:
+        return image_position(lens, z_object, wavelength)
+    points = cardinal_points(lens, wavelength)
+    if math.isinf(z_object):
+        return points.rear_focus
+    distance = points.rear_principal - z_object
+    if distance == points.efl:
+        return math.inf
+    # Newton's form, which has no difference of reciprocals.
+    return points.rear_focus + points.efl**2 / (distance - points.efl)
+
+
+def working_f_number(lens: LensStack, z_object: float = -math.inf, wavelength: float = 587.6) -> float:
+    """1 over twice the paraxial numerical aperture in the image of an axial object point, as the lens's model has it.
+
+    Parameters
+    ----------
+    lens : LensStack
+    z_object : float, optional
+        mm; -inf for an object at infinity.
+    wavelength : float, optional
+        nm.
+
+    Returns
+    -------
+    float
+        NaN where it is not defined: for LensModel.NONE, and for lenses without a focal length.
+
+    References
+    ----------
+    W. J. Smith, Modern Optical Engineering, 4th ed., section 9.7.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> from plenoptic.optics.lens.analysis.focus import working_f_number
+    >>> lens = pl.load_lens("double-gauss-100mm-f2")
+    >>> round(working_f_number(lens), 2), round(working_f_number(lens, -404.0), 2)
+    (2.03, 2.63)
+    """
+    points = cardinal_points(lens, wavelength)
+    if lens.model is LensModel.NONE or not math.isfinite(points.efl):
+        return math.nan
+    if lens.model is LensModel.THIN:
+        # The iris is in the plane of the lens, as large as the entrance pupil.
+        reach = abs(paraxial_focus(lens, z_object, wavelength) - points.rear_principal)
+        return reach / (2.0 * points.entrance_pupil_semi_diameter * float(lens.indices(wavelength)[0]))
+    try:
+        found = conjugates.working_f_number(lens, z_object, wavelength)
+    except InvalidValueError:
+        return math.nan
+    return found if math.isfinite(found) else math.nan
+
+
+def best_focus(
+    lens: LensStack,
+    *,
+    field: Sequence[float] = (0.0, 0.0),
+    z_object: float = -math.inf,
+    wavelength: float | Sequence[float] = 587.6,
+    criterion: FocusCriterion = FocusCriterion.RMS_SPOT,
+    rays: int = 1 << 14,
+    seed: int = 0,
+) -> float:
+    """Where the image of an object point is sharpest: z in mm, in the lens frame.
+
+    Rays behind the lens are straight, so the variance of the spot is a quadratic in z, whose minimum is taken; the
+    largest distance from the centroid is convex in z and is searched by golden section.
+
+    Parameters
+    ----------
+    lens : LensStack
+    field : (2,) sequence of float, optional
+        x and y of the object point: angles in radians for an object at infinity, otherwise mm. PARAXIAL ignores it.
+    z_object : float, optional
+        z of the object plane, mm; -inf for an object at infinity.
+    wavelength : float or sequence of float, optional
+        nm. Several carry equal light; PARAXIAL takes the first.
+    criterion : FocusCriterion, optional
+    rays : int, optional
+        For each wavelength; at least this many are traced.
+    seed : int, optional
+        Chooses the sampling points.
+
+    Returns
+    -------
+    float
+        In front of the lens for a virtual image; inf where the rays leave parallel.
+
+    Raises
+    ------
+    InvalidValueError
+        For a lens with LensModel.NONE, and where fewer than two rays pass the lens.
+
+    References
+    ----------
+    For third-order spherical aberration the best RMS focus lies 2/3 of the way from the paraxial to the marginal focus,
+    the circle of least confusion 3/4: V. N. Mahajan, Optical Imaging and Aberrations, part I, section 4.3.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> lens = pl.load_lens("singlet-100mm-f4")
+    >>> kinds = [pl.FocusCriterion.PARAXIAL, pl.FocusCriterion.RMS_SPOT, pl.FocusCriterion.GEOMETRIC_SPOT]
+    >>> [round(pl.aberrations.best_focus(lens, criterion=kind), 2) for kind in kinds]
+    [102.7, 101.55, 101.4]
+    """
+    _needs_a_lens(lens)
+    kind = choice(criterion, FocusCriterion, "criterion")
+    if kind is FocusCriterion.PARAXIAL:
+        _, z = checked_point(lens, field, z_object)
+        return paraxial_focus(lens, z, checked_wavelengths(wavelength)[0])
+    beam = _beam(lens, field, z_object, wavelength, rays, seed)
+    if beam.spread <= (1e-12) ** 2 * beam.weight.sum():
+        return math.inf
+    if kind is FocusCriterion.GEOMETRIC_SPOT:
+        return beam.z + _least_radius(beam.heights, beam.slopes, beam.sharpest, spread=beam.spread, weight=beam.weight)
+    return beam.z + beam.sharpest
+
+
+class _Beam(NamedTuple):
+    """Straight rays behind the lens, heights and slopes from their centroid's, in a plane near the image."""
+
+    z: float
+    heights: NDArray[np.float64]
+    slopes: NDArray[np.float64]
+    weight: NDArray[np.float64]
+
+    @property
+    def spread(self) -> float:
+        return float(self.weight @ np.einsum("ij,ij->i", self.slopes, self.slopes))
+
+    @property
+    def sharpest(self) -> float:
+        """How far behind z the mean square of the heights is least."""
+        return -float(self.weight @ np.einsum("ij,ij->i", self.heights, self.slopes)) / self.spread
+
+
+def _beam(
+    lens: LensStack,
+    field: Sequence[float],
+    z_object: float,
+    wavelength: float | Sequence[float],
+    rays: int,
+    seed: int,
+) -> _Beam:
+    point, z = checked_point(lens, field, z_object)
+    wavelengths = checked_wavelengths(wavelength)
+    guess = paraxial_focus(lens, z, wavelengths[0])
+    # Near the image, heights and slopes are not correlated much, and nothing cancels.
+    z_near = guess if math.isfinite(guess) else float(lens.vertices[-1])
+    light = passing_light(lens, field=point, z_object=z, z_image=z_near, wavelengths=wavelengths, rays=rays, seed=seed)
+    if len(light.points) < 2:
+        raise InvalidValueError(
+            f"{len(light.points)} of {light.emitted} rays from the field {point} pass the lens; give a field that the "
+            "lens images, or more rays"
+        )
+    total = light.weight.sum()
+    heights = light.points - light.weight @ light.points / total
+    slopes = light.slopes - light.weight @ light.slopes / total
+    return _Beam(z_near, heights, slopes, light.weight)
+
+
+@value
+class ThroughFocus:
+    """Size of the spot in planes around the focus; made by `through_focus`.
+
+    Attributes
+    ----------
+    z : (n,) array
+        Planes in the lens frame, mm.
+    rms_radius, geometric_radius : (n,) array
+        Of the spot in each plane about its centroid, mm.
+    best : float
+        z of the least RMS radius, mm.
+    field : (2,) array
+        The object point: radians for an object at infinity, otherwise mm.
+    z_object : float
+        mm.
+
+    Examples
+    --------
+    See `through_focus`.
+    """
+
+    z: NDArray[np.float64]
+    rms_radius: NDArray[np.float64]
+    geometric_radius: NDArray[np.float64]
+    best: float
+    field: NDArray[np.float64]
+    z_object: float
+
+    def __post_init__(self) -> None:
+        for name in ("z", "rms_radius", "geometric_radius", "field"):
+            set_field(self, name, frozen_array(getattr(self, name), name=name, shape=(None,)))
+
+
+def through_focus(
+    lens: LensStack,
+    z: ArrayLike | None = None,
+    *,
+    field: Sequence[float] = (0.0, 0.0),
+    z_object: float = -math.inf,
+    wavelength: float | Sequence[float] = 587.6,
+    rays: int = 1 << 14,
+    seed: int = 0,
+) -> ThroughFocus:
+    """The size of the spot in planes around the focus: what `best_focus` finds the minimum of.
+
+    Parameters
+    ----------
+    lens : LensStack
+    z : (n,) array, optional
+        Planes in the lens frame, mm; 101 around the best focus if left out, to where the spot is some four times as
+        large.
+    field, z_object, wavelength, rays, seed
+        As for `best_focus`.
+
+    Returns
+    -------
+    ThroughFocus
+
+    Raises
+    ------
+    InvalidValueError
+        As `best_focus`, and where the rays leave parallel.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> found = pl.aberrations.through_focus(pl.load_lens("singlet-100mm-f4"))
+    >>> round(found.best, 2), round(float(found.z[found.rms_radius.argmin()]), 1)
+    (101.55, 101.6)
+    """
+    _needs_a_lens(lens)
+    beam = _beam(lens, field, z_object, wavelength, rays, seed)
+    if beam.spread <= (1e-12) ** 2 * beam.weight.sum():
+        raise InvalidValueError("the rays leave the lens parallel and have no focus; give another z_object")
+    best = beam.z + beam.sharpest
+    total = float(beam.weight.sum())
+    if z is None:
+        offsets = beam.heights + beam.sharpest * beam.slopes
+        least = float(beam.weight @ np.einsum("ij,ij->i", offsets, offsets))
+        reach = max(4.0 * math.sqrt(least / beam.spread), 1e-9 * max(abs(best), 1.0))
+        z = np.linspace(best - reach, best + reach, 101)
+    planes = np.atleast_1d(np.asarray(z, dtype=np.float64))
+    rms, geometric = np.empty(len(planes)), np.empty(len(planes))
+    for i, plane in enumerate(planes - beam.z):
+        offsets = beam.heights + plane * beam.slopes
+        r2 = np.einsum("ij,ij->i", offsets, offsets)
+        rms[i], geometric[i] = math.sqrt(float(beam.weight @ r2) / total), math.sqrt(float(r2.max()))
+    point, place = checked_point(lens, field, z_object)
+    return ThroughFocus(planes, rms, geometric, best, np.asarray(point), place)
+
+
+def _least_radius(
+    heights: NDArray[np.float64],
+    slopes: NDArray[np.float64],
+    shift: float,
+    *,
+    spread: float,
+    weight: NDArray[np.float64],
+) -> float:
+    """Where the largest distance from the centroid, a convex function of z, is smallest; `shift` has the least RMS."""
+
+    def radius2(z: float) -> float:
+        offsets = heights + z * slopes
+        return float(np.einsum("ij,ij->i", offsets, offsets).max())
+
+    # Around the best RMS focus, as far as the ray with the largest distance there needs to come to the centroid if it
+    # has the RMS slope; doubled until the smallest radius lies inside.
+    reach = math.sqrt(radius2(shift) * float(weight.sum()) / spread)
+    low, high = shift - reach, shift + reach
+    while radius2(low) < radius2(shift) or radius2(high) < radius2(shift):
+        reach *= 2.0
+        low, high = shift - reach, shift + reach
+    left, right = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
+    at_left, at_right = radius2(left), radius2(right)
+    for _ in range(_SEARCH_STEPS):
+        if at_left <= at_right:
+            high, right, at_right = right, left, at_left
+            left = high - _GOLDEN * (high - low)
+            at_left = radius2(left)
+        else:
+            low, left, at_left = left, right, at_right
+            right = low + _GOLDEN * (high - low)
+            at_right = radius2(right)
+    return 0.5 * (low + high)

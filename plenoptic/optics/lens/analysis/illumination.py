@@ -1,0 +1,340 @@
+"""What reaches the image: how large the field is, vignetting, illumination.
+
+Fields lie along +y: half angles in rad of objects infinitely far away, otherwise heights in mm of points in the plane
+z_object.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from plenoptic.core.rays import RayBundle
+from plenoptic.core.values import value, whole
+from plenoptic.errors import InvalidValueError
+from plenoptic.optics.lens.analysis.fields import checked_fields, chief_rays, freeze, image_plane, unclipped
+from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays, aimed_rays_reverse, hexapolar
+from plenoptic.optics.lens.stack import LensStack
+from plenoptic.optics.lens.trace import traced_part
+from plenoptic.optics.stops.shapes import MaskStop
+
+Floats = NDArray[np.float64]
+
+_INSIDE = 1.0 - 1e-9
+"""Points on the rim of the iris are taken this much inside, so that rounding does not clip them."""
+
+_ZOOMS, _ZOOM = 3, 129
+"""A limit is looked for in 129 places, then in 129 between two of them, and once more: to 1 in 2 million."""
+
+_COARSE = 48
+_AROUND = 0.15
+"""Cells a side of the first look at what reaches an image point, and how far beyond the outline of the iris it goes."""
+
+_COUNTING = math.sqrt(0.0724 * 4.0)
+"""The number N of points of a square grid that lie in an area has the variance 0.0724 b sqrt(N), with b the outline
+over the root of the area: 3.5 for a circle, about 4 for a vignetted pupil (H. J. G. Gundersen and E. B. Jensen, J.
+Microsc. 147, 229, 1987). So its relative standard error is this over N^(3/4)."""
+
+
+def largest_field(lens: LensStack, *, z_object: float = -math.inf, wavelength: float = 587.6) -> float:
+    """The field up to which chief rays pass all rims.
+
+    Found by a fan of rays from the centre of the iris, both ways, up to the first that meets a rim.
+
+    Parameters
+    ----------
+    lens : LensStack
+        Taken as LensModel.EXACT.
+    z_object : float, optional
+        mm; -inf: infinitely far away.
+    wavelength : float, optional
+        nm.
+
+    Returns
+    -------
+    float
+        Half angle in rad, or height in mm in the plane z_object. Designers mostly use less of it.
+
+    Examples
+    --------
+    >>> import math
+    >>> import plenoptic as pl
+    >>> round(math.degrees(pl.aberrations.largest_field(pl.load_lens("fisheye-100mm-f8"))), 1)
+    91.5
+    """
+    iris, last = lens.iris_index, len(lens.elements) - 1
+    low, high, field = 0.0, math.radians(89.9), 0.0
+    centre = np.zeros(3) if lens.stop.placement is None else np.asarray(lens.stop.placement.shift)
+    for _ in range(_ZOOMS):
+        angle = np.linspace(low, high, _ZOOM)
+        along = np.column_stack([np.zeros(_ZOOM), np.sin(angle), -np.cos(angle)])
+        rays = RayBundle(np.broadcast_to(centre, along.shape), along, wavelength)
+        front = traced_part(lens, rays, 0, iris - 1, reverse=True) if iris > 0 else rays
+        back = RayBundle(rays.origin, -along, wavelength)
+        rear = traced_part(lens, back, iris + 1, last) if iris < last else back
+        stopped = np.flatnonzero((front.status != 0) | (rear.status != 0))
+        beyond = int(stopped[0]) if stopped.size else _ZOOM
+        if beyond == 0:
+            break
+        field = _field_of(front.selected([beyond - 1]), z_object)
+        if beyond == _ZOOM:
+            break
+        low, high = angle[beyond - 1], angle[beyond]
+    return field
+
+
+def _field_of(ray: RayBundle, z_object: float) -> float:
+    """The field from which a ray, traced towards the scene, would come."""
+    if z_object != -math.inf:
+        return abs(float(ray.at_z(z_object)[0, 1]))
+    _, m, n = ray.direction[0].tolist()
+    return math.atan2(abs(m), -n)
+
+
+@value
+class Vignetting:
+    """How much of the iris is filled; made by `vignetting`.
+
+    Attributes
+    ----------
+    fields : (n,) array
+        rad, or mm.
+    fraction : (n,) array
+        Part of what the iris lets through that passes all rims and stops too: of its area, for all but grey masks.
+    standard_error : (n,) array
+        Of the fraction, from counting points of a grid.
+    lower, upper : (n,) array
+        The rim rays: the smallest and the largest y on the diameter along y of the iris, in units of its semi-diameter,
+        whose rays pass; nan where none does.
+    z_object : float
+        mm; -inf: infinitely far away.
+
+    Examples
+    --------
+    See `vignetting`.
+    """
+
+    fields: Floats
+    fraction: Floats
+    standard_error: Floats
+    lower: Floats
+    upper: Floats
+    z_object: float
+
+    def __post_init__(self) -> None:
+        freeze(self)
+
+
+def vignetting(
+    lens: LensStack,
+    fields: ArrayLike,
+    *,
+    z_object: float = -math.inf,
+    wavelength: float = 587.6,
+    grid: int = 64,
+) -> Vignetting:
+    """Which part of the iris is filled by light that passes all rims.
+
+    Parameters
+    ----------
+    lens : LensStack
+    fields : (n,) array
+        Along +y: half angles in rad, or heights in mm in the plane z_object.
+    z_object : float, optional
+        mm; -inf: infinitely far away.
+    wavelength : float, optional
+        nm.
+    grid : int, optional
+        Points across the iris.
+
+    Returns
+    -------
+    Vignetting
+
+    Raises
+    ------
+    InvalidValueError
+        If a field is out of range, the object is not before the lens, or the grid is too coarse for the iris.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> found = pl.aberrations.vignetting(pl.load_lens("double-gauss-100mm-f2"), [0.0, 0.2, 0.35])
+    >>> found.fraction.round(2).tolist()
+    [0.99, 0.68, 0.36]
+    """
+    radii, stop = checked_fields(fields, z_object), lens.stop
+    side = whole(grid, "grid", at_least=2)
+    # Off the centre, so that what is symmetric does not meet the grid symmetrically.
+    x, y = (-1.0 + 2.0 / side * (np.arange(side) + 0.5 + off) for off in (-0.13, 0.29))
+    pupil = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    pupil = pupil[stop.contains(*(stop.semi_diameter * pupil.T))]
+    if not len(pupil):
+        raise InvalidValueError(f"grid is {side}; none of its points falls into the opening of the iris: increase it")
+    share, full = 4.0 / side**2 * stop.semi_diameter**2 / stop.area, np.ones(len(pupil))
+    if isinstance(stop, MaskStop):
+        full = stop.transmission_at(*(stop.semi_diameter * pupil.T))
+        share = 1.0 / float(full.sum())
+
+    fraction, error, lower, upper = np.empty((4, len(radii)))
+    for i, field in enumerate(radii.tolist()):
+
+        def passing(points: Floats, field: float = field) -> Floats:
+            rays = aimed_rays(lens, field=(0.0, field), pupil=points, z_object=z_object, wavelength=wavelength)
+            return lens.trace(rays).weight
+
+        light = passing(pupil)
+        count = int(np.count_nonzero(light))
+        # Where all points pass, what passes is the iris itself; where none does, less than one of them may.
+        entire = bool(np.all(light == full))
+        fraction[i] = 1.0 if entire else min(float(light.sum()) * share, 1.0)
+        error[i] = 0.0 if entire else share * _COUNTING * max(count, 1) ** 0.25
+        lower[i], upper[i] = _rim_rays(passing)
+    return Vignetting(radii, fraction, error, lower, upper, z_object)
+
+
+def _rim_rays(passing: Callable[[Floats], Floats]) -> tuple[float, float]:
+    """The smallest and the largest y on the diameter along y at which rays pass."""
+    limits = []
+    for end in (-_INSIDE, _INSIDE):
+        low, high = -end, end
+        for _ in range(_ZOOMS):
+            y = np.linspace(low, high, _ZOOM)
+            found = np.flatnonzero(passing(np.column_stack([np.zeros(_ZOOM), y])))
+            if found.size == 0:
+                return math.nan, math.nan
+            # From the last that passes to the first beyond it that does not.
+            last = int(found[-1])
+            low, high = float(y[last]), float(y[min(last + 1, _ZOOM - 1)])
+            if low == high:
+                break
+        limits.append(low / _INSIDE)
+    return limits[0], limits[1]
+
+
+@value
+class RelativeIllumination:
+    """Illumination of the image plane by a scene of uniform radiance; made by `relative_illumination`.
+
+    Attributes
+    ----------
+    fields : (n,) array
+        rad, or mm.
+    heights : (n,) array
+        y of the image points in mm: where the chief rays meet the image plane.
+    projected_solid_angle : (n,) array
+        Of all rays that reach the point from the scene, sr: the irradiance at radiance 1, and the white image.
+    relative : (n,) array
+        The same over that on the axis; nan where the axis itself is dark.
+    standard_error : (n,) array
+        Of `relative`, from counting points of a grid.
+    z_image : float
+        mm.
+    z_object : float
+        mm; -inf: infinitely far away.
+
+    Examples
+    --------
+    See `relative_illumination`.
+    """
+
+    fields: Floats
+    heights: Floats
+    projected_solid_angle: Floats
+    relative: Floats
+    standard_error: Floats
+    z_image: float
+    z_object: float
+
+    def __post_init__(self) -> None:
+        freeze(self)
+
+
+def relative_illumination(
+    lens: LensStack,
+    fields: ArrayLike,
+    *,
+    z_object: float = -math.inf,
+    wavelength: float = 587.6,
+    grid: int = 160,
+) -> RelativeIllumination:
+    """Irradiance of the image plane against that on the axis, of a scene of the same radiance everywhere.
+
+    The rays that reach a point of the image and come from the scene are counted on a grid of equal steps in their
+    direction cosines l and m, in which the projected solid angle is the area: E = L integral dl dm.
+
+    Parameters
+    ----------
+    lens : LensStack
+    fields : (n,) array
+        Along +y: half angles in rad, or heights in mm in the plane z_object.
+    z_object : float, optional
+        mm; -inf: infinitely far away. The image plane is its paraxial image.
+    wavelength : float, optional
+        nm.
+    grid : int, optional
+        Cells of the grid across what passes.
+
+    Returns
+    -------
+    RelativeIllumination
+        0 for a field whose chief ray does not exist.
+
+    Raises
+    ------
+    InvalidValueError
+        If the image plane does not lie behind the lens.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> found = pl.aberrations.relative_illumination(pl.load_lens("double-gauss-100mm-f2"), [0.0, 0.2, 0.35])
+    >>> found.relative.round(2).tolist()
+    [1.0, 0.65, 0.29]
+    """
+    radii, cells = checked_fields(fields, z_object), whole(grid, "grid", at_least=8)
+    z_image = image_plane(lens, z_object, wavelength)
+    with_axis = np.concatenate([[0.0], radii])
+    points = unclipped(lens, chief_rays(lens, with_axis, z_object, wavelength)).at_z(z_image)
+    areas = np.array([_projected_solid_angle(lens, point, cells, wavelength) for point in points])
+    (on_axis, axis_error), (area, error) = areas[0], areas[1:].T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        relative = area / on_axis
+    combined = relative * np.hypot(error, axis_error)
+    return RelativeIllumination(
+        radii, points[1:, 1], area, relative, np.where(radii == 0, 0.0, combined), z_image, z_object
+    )
+
+
+def _projected_solid_angle(lens: LensStack, point: Floats, cells: int, wavelength: float) -> tuple[float, float]:
+    """What reaches an image point (3,) from the scene, in sr, and its relative standard error."""
+    if not np.isfinite(point).all():
+        return 0.0, 0.0
+    aimed = aimed_rays_reverse(
+        lens, image_point=point[:2], z_image=float(point[2]), pupil=hexapolar(4), wavelength=wavelength
+    )
+    low, high = _box(aimed.direction[aimed.status == 0, :2], _AROUND)
+    for n in (_COARSE, cells):
+        # Off the centre, so that a symmetric outline does not meet the grid symmetrically.
+        offsets = np.add.outer([0.5 - 0.13, 0.5 + 0.29], np.arange(n)) / n
+        l, m = (axis.ravel() for axis in np.meshgrid(*(low[:, None] + (high - low)[:, None] * offsets)))
+        real = l * l + m * m < 1
+        cosines = np.column_stack([l, m, -np.sqrt(np.maximum(1.0 - l * l - m * m, 0.0))])[real]
+        out = lens.trace_reverse(RayBundle(np.broadcast_to(point, cosines.shape), cosines, wavelength))
+        passed, light = cosines[out.status == 0, :2], float(out.weight.sum())
+        step = (high - low) / n
+        if len(passed) == 0:
+            return 0.0, 0.0
+        low, high = passed.min(axis=0) - step, passed.max(axis=0) + step
+    return light * float(step[0] * step[1]), _COUNTING / len(passed) ** 0.75
+
+
+def _box(points: Floats, share: float) -> tuple[Floats, Floats]:
+    """Corners of a box around points (n, 2), enlarged by a share of its size; of none, all direction cosines."""
+    if len(points) == 0:
+        return np.array([-1.0, -1.0]), np.array([1.0, 1.0])
+    low, high = points.min(axis=0), points.max(axis=0)
+    return low - share * (high - low), high + share * (high - low)

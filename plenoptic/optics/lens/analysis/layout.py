@@ -1,0 +1,217 @@
+"""A lens with rays, as a lens design program draws it: the ways of rays through all elements."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from plenoptic.core.rays import RayBundle
+from plenoptic.core.values import whole, wrong_kind
+from plenoptic.errors import InvalidValueError
+from plenoptic.optics.lens.analysis.fields import checked_fields, field_curvature
+from plenoptic.optics.lens.analysis.illumination import largest_field
+from plenoptic.optics.lens.gaussian.paraxial import cardinal_points, image_position
+from plenoptic.optics.lens.models import LensModel
+from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays, fan
+from plenoptic.optics.lens.stack import LensStack
+from plenoptic.optics.lens.trace import traced_part
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Floats = NDArray[np.float64]
+
+_LEAD = 0.35
+"""Length of the rays that are drawn before the lens, over that of the lens."""
+
+_LEAD_OF_ALL = 0.15
+"""The same over the distance from the lens's first vertex to the image: what a short lens needs."""
+
+_SHARP, _OPEN, _TRIED = 0.05, 1.0 / 3.0, 25
+"""A field is worth drawing, out of 25 tried, where both foci are within 5 % of the focal length of the image plane and
+a third of the diameter of the iris gets light."""
+
+_INSIDE = 1.0 - 1e-9
+"""Points on the rim of the iris are taken this much inside, so that rounding does not clip them."""
+
+
+def ray_paths(lens: LensStack, rays: RayBundle, *, z_end: float) -> Floats:
+    """The points at which rays meet the elements of a lens, one after the other.
+
+    Parameters
+    ----------
+    lens : LensStack
+        Taken as LensModel.EXACT.
+    rays : RayBundle
+        n rays before the lens.
+    z_end : float
+        Plane behind the lens to which rays that pass are followed, mm.
+
+    Returns
+    -------
+    ndarray
+        (n, k + 2, 3) for k elements: the origins, the points on the elements, and the points in the plane z_end. The
+        path of a ray that is clipped ends on the element that clips it, that of one that is lost otherwise on the one
+        before; what follows is nan.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> from plenoptic.optics.lens.analysis.layout import ray_paths
+    >>> lens = pl.load_lens("singlet-100mm-f4")
+    >>> paths = ray_paths(lens, pl.RayBundle([[0, 0, -20.0], [0, 20, -20]], [[0, 0, 1.0], [0, 0, 1]]), z_end=100.0)
+    >>> paths.shape, paths[1, :, 1].tolist()
+    ((2, 5, 3), [20.0, 20.0, nan, nan, nan])
+    """
+    elements = len(lens.elements)
+    lost_at = lens.with_model(LensModel.EXACT).trace(rays).lost_at
+    here, points = rays, [rays.origin]
+    for k in range(elements):
+        here = traced_part(lens, here, k, k, clipping=False)
+        points.append(here.origin)
+    points.append(here.at_z(z_end))
+    paths = np.stack(points, axis=1)
+    beyond = np.arange(elements + 2)[None] > lost_at[:, None] + 1
+    paths[beyond & (lost_at >= 0)[:, None]] = np.nan
+    return paths
+
+
+def layout_fields(lens: LensStack, *, z_object: float = -math.inf, wavelength: float = 587.6) -> Floats:
+    """Three fields for a figure: the axis, 0.7 of the largest field that the lens still images, and that one.
+
+    There, sagittal and tangential focus are within 5 % of the focal length of the image plane, and a third of the
+    diameter along y of the iris gets light. Sharpness is not asked of a decentred lens, or of one without an image.
+
+    Parameters
+    ----------
+    lens : LensStack
+    z_object : float, optional
+        mm; -inf: infinitely far away.
+    wavelength : float, optional
+        nm.
+
+    Returns
+    -------
+    ndarray
+        (3,) half angles in rad, or heights in mm in the plane z_object.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import plenoptic as pl
+    >>> from plenoptic.optics.lens.analysis.layout import layout_fields
+    >>> np.degrees(layout_fields(pl.load_lens("topogon-100mm-f6.3"))).round(0).tolist()
+    [0.0, 37.0, 52.0]
+    """
+    exact = lens.with_model(LensModel.EXACT)
+    tried = largest_field(exact, z_object=z_object, wavelength=wavelength) * np.linspace(0.0, 1.0, _TRIED)
+    good = np.array([_is_open(exact, field, z_object, wavelength) for field in tried.tolist()])
+    try:
+        found = field_curvature(exact, tried, z_object=z_object, wavelength=wavelength)
+        depth = _SHARP * abs(cardinal_points(lens, wavelength).efl)
+        good &= (np.abs(found.sagittal) <= depth) & (np.abs(found.tangential) <= depth)
+    except InvalidValueError:
+        pass  # No image plane, or foci in no common plane.
+    last = _TRIED - 1 if good.all() else int(np.argmin(good)) - 1
+    largest = float(tried[max(last, 1)])
+    return largest * np.array([0.0, 0.7, 1.0])
+
+
+def _is_open(lens: LensStack, field: float, z_object: float, wavelength: float) -> bool:
+    rays = aimed_rays(lens, field=(0.0, field), pupil=_INSIDE * fan(9), z_object=z_object, wavelength=wavelength)
+    return float(np.mean(lens.trace(rays).status == 0)) >= _OPEN
+
+
+def _usual_object(lens: LensStack, wavelength: float) -> float:
+    points, (first, last) = cardinal_points(lens, wavelength), lens.vertices[[0, -1]]
+    return points.front_focus if points.rear_focus <= last and points.front_focus < first else -math.inf
+
+
+def _started(rays: RayBundle, first: Floats, lead: float, *, parallel: bool) -> RayBundle:
+    """The rays from at most `lead` before their first point on the lens; parallel ones from their wavefront there."""
+    before = np.einsum("ij,ij->i", first - rays.origin, rays.direction)
+    if parallel:
+        ahead = np.full_like(before, np.nanmin(before, initial=np.inf) - lead)
+    else:
+        ahead = np.maximum(before - lead, 0.0)
+    return RayBundle(
+        rays.at(np.where(np.isfinite(ahead), ahead, 0.0)), rays.direction, rays.wavelength, status=rays.status
+    )
+
+
+def layout(
+    lens: LensStack,
+    *,
+    fields: ArrayLike | None = None,
+    z_object: float | None = None,
+    rays: int = 7,
+    wavelength: float = 587.6,
+    z_image: float | None = None,
+    ax: Axes | None = None,
+) -> Axes:
+    """Draw a lens with a fan of real rays for each of some fields, true to scale.
+
+    Parameters
+    ----------
+    lens : LensStack
+    fields : (n,) array, optional
+        Along +y: half angles in rad, or heights in mm in the plane z_object; `layout_fields` if left out.
+    z_object : float, optional
+        mm; -inf: infinitely far away. If left out, that, or the front focus of a lens whose rear focus does not lie
+        behind it, as that of a microscope objective.
+    rays : int, optional
+        Rays of each fan, evenly over the diameter along y of the iris. Those that a rim stops end there.
+    wavelength : float, optional
+        nm.
+    z_image : float, optional
+        Where rays end, mm; the paraxial image plane if left out.
+    ax : matplotlib.axes.Axes, optional
+        Where to draw; a new figure if left out.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        z in mm to the right, y in mm upwards; one colour a field.
+
+    Raises
+    ------
+    InvalidValueError
+        If a field is out of range or the object is not before the lens.
+    PlenopticError
+        Which is an ImportError too: without matplotlib.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> ax = pl.load_lens("double-gauss-100mm-f2").layout(fields=[0.0, 0.2])
+    >>> [text.get_text() for text in ax.get_legend().get_texts()]
+    ['0°', '11.5°']
+    """
+    from plenoptic.plots.layout import plot_layout
+
+    if not isinstance(lens, LensStack):
+        raise wrong_kind(lens, "lens", "LensStack", "camera.lens")
+    place = _usual_object(lens, wavelength) if z_object is None else z_object
+    parallel = place == -math.inf
+    chosen = layout_fields(lens, z_object=place, wavelength=wavelength) if fields is None else fields
+    radii = checked_fields(chosen, place)
+    pupil = _INSIDE * fan(whole(rays, "rays", at_least=2))
+    last, plane = float(lens.vertices[-1]), z_image
+    if plane is None:
+        image = image_position(lens, place, wavelength)
+        plane = image if last < image < math.inf else None
+    z_end = last + max(lens.length, 1.0) if plane is None else plane
+    exact, paths = lens.with_model(LensModel.EXACT), []
+    for field in radii.tolist():
+        aimed = aimed_rays(exact, field=(0.0, field), pupil=pupil, z_object=place, wavelength=wavelength)
+        first = traced_part(lens, aimed, 0, 0, clipping=False).origin
+        lead = max(_LEAD * lens.length, _LEAD_OF_ALL * (z_end - float(lens.vertices[0])))
+        started = _started(aimed, first, lead, parallel=parallel)
+        ways = ray_paths(exact, started, z_end=z_end)
+        # Rays that pass beside the lens are not drawn.
+        paths.append(ways[np.isfinite(ways[:, 2, 2])])
+    labels = [f"{math.degrees(field):.3g}°" if parallel else f"{field:.3g} mm" for field in radii.tolist()]
+    return plot_layout(lens, paths, labels=labels, z_image=plane, ax=ax)

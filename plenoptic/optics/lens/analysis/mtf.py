@@ -1,0 +1,339 @@
+"""Geometric point-spread function and modulation transfer function.
+
+Both are those of geometrical optics: light goes where its rays go. Diffraction is not included; where the geometric
+MTF comes near `diffraction_mtf`, or passes it, the real one is lower than either.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from plenoptic.core.values import frozen_array, number, positive, read_only, set_field, value, wavelength_in_nm, whole
+from plenoptic.errors import InvalidValueError
+from plenoptic.optics.lens.analysis.focus import working_f_number
+from plenoptic.optics.lens.analysis.spots import SpotDiagram, jackknife_error, spot_diagram, without_one
+from plenoptic.optics.lens.pupil.beam import REPLICATES, meridian
+from plenoptic.optics.lens.stack import LensStack
+
+_SPREAD = 1.25
+"""Half width of a picture over the geometric radius of the spot, where no pixel size is given."""
+_SMALLEST_PICTURE = 1e-6
+"""mm; a perfect image has no size."""
+
+
+@value
+class PointSpread:
+    """Geometric point-spread function as a picture; made by `point_spread`.
+
+    Attributes
+    ----------
+    image : (rows, columns) array
+        Part of the light that passes the lens that falls on each pixel; row 0 is at the largest y, column 0 at the
+        smallest x. With `outside`, the sum is 1.
+    standard_error : (rows, columns) array
+        Standard error of `image`.
+    outside : float
+        Part of the light that misses the picture.
+    pixel_size : float
+        mm.
+    centre : (2,) array
+        x and y on the image plane of the middle of the picture, mm.
+    field : (2,) array
+        Object point: radians for an object at infinity, otherwise mm.
+    z_object, z_image : float
+        Planes in the lens frame, mm.
+    wavelengths : tuple of float
+        nm.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> spread = pl.aberrations.point_spread(pl.load_lens("double-gauss-100mm-f2"), shape=(32, 32))
+    >>> spread.image.shape, round(float(spread.image.sum()) + spread.outside, 12)
+    ((32, 32), 1.0)
+    """
+
+    image: NDArray[np.float64]
+    standard_error: NDArray[np.float64]
+    outside: float
+    pixel_size: float
+    centre: NDArray[np.float64]
+    field: NDArray[np.float64]
+    z_object: float
+    z_image: float
+    wavelengths: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        for name in ("image", "standard_error", "centre", "field"):
+            set_field(self, name, read_only(np.asarray(getattr(self, name))))
+
+
+def point_spread(
+    lens: LensStack,
+    *,
+    field: Sequence[float] = (0.0, 0.0),
+    z_object: float = -math.inf,
+    z_image: float | None = None,
+    wavelength: float | Sequence[float] = 587.6,
+    shape: tuple[int, int] = (64, 64),
+    pixel_size: float | None = None,
+    centre: Sequence[float] | None = None,
+    rays: int = 1 << 17,
+    seed: int = 0,
+) -> PointSpread:
+    """Count the light of a spot diagram on pixels. Diffraction is not included.
+
+    Parameters
+    ----------
+    lens : LensStack
+    field, z_object, z_image, wavelength, rays, seed : optional
+        As in `spot_diagram`.
+    shape : (int, int), optional
+        Rows and columns.
+    pixel_size : float, optional
+        mm; if it is left out, the picture is 2.5 times the geometric radius wide, so that nothing falls outside.
+    centre : (2,) sequence of float, optional
+        Middle of the picture on the image plane, mm; the centroid of the light if it is left out.
+
+    Returns
+    -------
+    PointSpread
+
+    Raises
+    ------
+    InvalidValueError
+        If no light passes, or a number is out of range.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> spread = pl.aberrations.point_spread(pl.load_lens("singlet-100mm-f4"), field=(0, 0.05), pixel_size=0.01)
+    >>> 0 < spread.outside < 1
+    True
+    """
+    try:
+        rows, columns = (whole(n, name, at_least=1) for n, name in zip(shape, ("rows", "columns"), strict=True))
+    except (TypeError, ValueError) as error:
+        raise InvalidValueError(f"shape is {shape!r}; it must be a pair (rows, columns): {error}") from None
+    spot = spot_diagram(
+        lens, field=field, z_object=z_object, z_image=z_image, wavelength=wavelength, rays=rays, seed=seed
+    )
+    _needs_light(spot)
+    if pixel_size is None:
+        size = max(2.0 * _SPREAD * spot.geometric_radius, _SMALLEST_PICTURE) / min(rows, columns)
+    else:
+        size = positive(pixel_size, "pixel_size", "mm")
+    middle = spot.centroid if centre is None else frozen_array(centre, name="centre", shape=(2,))
+    counted = _counted(spot, middle, size, rows, columns)
+    image = counted.sum(axis=0)
+    return PointSpread(
+        image=image,
+        # Each replicate is an estimate of image / REPLICATES.
+        standard_error=np.std(counted, axis=0, ddof=1) * math.sqrt(REPLICATES),
+        outside=max(1.0 - float(image.sum()), 0.0),
+        pixel_size=size,
+        centre=np.array(middle),
+        field=spot.field,
+        z_object=spot.z_object,
+        z_image=spot.z_image,
+        wavelengths=spot.wavelengths,
+    )
+
+
+def _needs_light(spot: SpotDiagram) -> None:
+    if not len(spot.x):
+        raise InvalidValueError(
+            f"no ray from the field {tuple(spot.field.tolist())} passes the lens; give a field that it images, "
+            "or more rays"
+        )
+
+
+def _counted(
+    spot: SpotDiagram, centre: NDArray[np.float64], size: float, rows: int, columns: int
+) -> NDArray[np.float64]:
+    """Light on each pixel from each replicate, (REPLICATES, rows, columns)."""
+    column = np.floor((spot.x - centre[0]) / size + 0.5 * columns)
+    row = np.floor((centre[1] - spot.y) / size + 0.5 * rows)
+    inside = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
+    pixel = (spot.replicate[inside].astype(np.float64) * rows + row[inside]) * columns + column[inside]
+    n = REPLICATES * rows * columns
+    light = np.bincount(pixel.astype(np.intp), weights=spot.weight[inside], minlength=n)
+    return np.asarray(light.reshape(REPLICATES, rows, columns))
+
+
+@value
+class Mtf:
+    """Geometric modulation transfer function of one object point; made by `mtf`.
+
+    Attributes
+    ----------
+    frequencies : (k,) array
+        Cycles per mm on the image plane.
+    tangential, sagittal : (k,) array
+        Modulus of the transfer function for patterns that vary along the field (y on the axis), and across it.
+    tangential_error, sagittal_error : (k,) array
+        Their standard errors. A modulus that is not above its error is biased upwards.
+    diffraction : (k,) array
+        For comparison: the limit by diffraction on the axis, at the first wavelength and the paraxial working f-number.
+        It is not contained in the other two.
+    field : (2,) array
+        Object point: radians for an object at infinity, otherwise mm.
+    z_object, z_image : float
+        Planes in the lens frame, mm.
+    wavelengths : tuple of float
+        nm.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> float(pl.aberrations.mtf(pl.load_lens("double-gauss-100mm-f2"), [0.0, 20.0]).tangential[0])
+    1.0
+    """
+
+    frequencies: NDArray[np.float64]
+    tangential: NDArray[np.float64]
+    sagittal: NDArray[np.float64]
+    tangential_error: NDArray[np.float64]
+    sagittal_error: NDArray[np.float64]
+    diffraction: NDArray[np.float64]
+    field: NDArray[np.float64]
+    z_object: float
+    z_image: float
+    wavelengths: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        names = ("tangential", "sagittal", "tangential_error", "sagittal_error", "diffraction")
+        for name in ("frequencies", *names, "field"):
+            set_field(self, name, read_only(np.asarray(getattr(self, name))))
+
+
+def mtf(
+    lens: LensStack,
+    frequencies: ArrayLike,
+    *,
+    field: Sequence[float] = (0.0, 0.0),
+    z_object: float = -math.inf,
+    z_image: float | None = None,
+    wavelength: float | Sequence[float] = 587.6,
+    rays: int = 1 << 14,
+    seed: int = 0,
+) -> Mtf:
+    """Modulus of the Fourier transform of a spot diagram. Diffraction is not included.
+
+    Parameters
+    ----------
+    lens : LensStack
+    frequencies : (k,) array
+        Cycles per mm on the image plane, at least 0.
+    field, z_object, z_image, wavelength, rays, seed : optional
+        As in `spot_diagram`.
+
+    Returns
+    -------
+    Mtf
+
+    Raises
+    ------
+    InvalidValueError
+        If no light passes, or a number is out of range.
+
+    Notes
+    -----
+    |sum_i w_i exp(-2 pi i nu s_i)| with the light w_i of the rays and their positions s_i along one direction.
+
+    References
+    ----------
+    W. J. Smith, Modern Optical Engineering, 4th ed., chapter on image evaluation; G. D. Boreman, Modulation Transfer
+    Function in Optical and Electro-Optical Systems, SPIE 2001, chapter 1.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> found = pl.aberrations.mtf(pl.load_lens("double-gauss-100mm-f2"), [0, 10, 20], field=(0, 0.1))
+    >>> found.tangential.round(2).tolist()
+    [1.0, 0.6, 0.5]
+    """
+    given = _checked_frequencies(frequencies)
+    spot = spot_diagram(
+        lens, field=field, z_object=z_object, z_image=z_image, wavelength=wavelength, rays=rays, seed=seed
+    )
+    _needs_light(spot)
+    (x, y), (x0, y0) = meridian(spot.field), spot.centroid
+    dx, dy = spot.x - x0, spot.y - y0
+    tangential, tangential_error = _modulus(spot, x * dx + y * dy, given)
+    sagittal, sagittal_error = _modulus(spot, y * dx - x * dy, given)
+    f_number = working_f_number(lens, spot.z_object, spot.wavelengths[0])
+    limited = math.isfinite(f_number)
+    return Mtf(
+        frequencies=given,
+        tangential=tangential,
+        sagittal=sagittal,
+        tangential_error=tangential_error,
+        sagittal_error=sagittal_error,
+        diffraction=diffraction_mtf(given, f_number=f_number, wavelength=spot.wavelengths[0])
+        if limited
+        else np.full(len(given), np.nan),
+        field=spot.field,
+        z_object=spot.z_object,
+        z_image=spot.z_image,
+        wavelengths=spot.wavelengths,
+    )
+
+
+def _checked_frequencies(frequencies: ArrayLike) -> NDArray[np.float64]:
+    given = frozen_array(np.atleast_1d(frequencies), name="frequencies", shape=("k",))  # type: ignore[arg-type]
+    if not (np.isfinite(given) & (given >= 0)).all():
+        raise InvalidValueError("frequencies holds a number that is below 0 or not finite; give cycles per mm")
+    return given
+
+
+def _modulus(
+    spot: SpotDiagram, position: NDArray[np.float64], frequencies: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Modulus (k,) for patterns along one direction, and its standard error."""
+    modulus, error = np.empty(len(frequencies)), np.empty(len(frequencies))
+    for i, frequency in enumerate(frequencies):
+        phase = (2.0 * math.pi * frequency) * position
+        real, imaginary = spot.weight * np.cos(phase), spot.weight * np.sin(phase)
+        modulus[i] = math.hypot(real.sum(), imaginary.sum()) / spot.weight.sum()
+        re, im, light = without_one([real, imaginary, spot.weight], spot.replicate)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            error[i] = jackknife_error(np.hypot(re, im) / light)
+    return np.minimum(modulus, 1.0), error
+
+
+def diffraction_mtf(frequencies: ArrayLike, *, f_number: float, wavelength: float = 587.6) -> NDArray[np.float64]:
+    """Modulation transfer of a perfect lens with a round, evenly filled pupil: the limit by diffraction.
+
+    Parameters
+    ----------
+    frequencies : (k,) array
+        Cycles per mm on the image plane.
+    f_number : float
+        Working f-number: 1 over twice the sine of the marginal angle in the image.
+    wavelength : float, optional
+        nm.
+
+    Returns
+    -------
+    ndarray
+        (k,): (2 / pi) (arccos s - s sqrt(1 - s^2)) with s = frequency x wavelength x f_number, and 0 from s = 1 on.
+
+    References
+    ----------
+    J. W. Goodman, Introduction to Fourier Optics, 3rd ed., section 6.3.2, equation 6-32.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> pl.aberrations.diffraction_mtf([0.0, 250.0, 500.0], f_number=4.0, wavelength=500.0).round(4).tolist()
+    [1.0, 0.391, 0.0]
+    """
+    stop = positive(number(f_number, "f_number"), "f_number")
+    s = np.abs(_checked_frequencies(frequencies)) * (stop * wavelength_in_nm(wavelength) * 1e-6)
+    s = np.minimum(s, 1.0)
+    return np.asarray((2.0 / math.pi) * (np.arccos(s) - s * np.sqrt(1.0 - s * s)))

@@ -1,0 +1,297 @@
+"""What looks wrong in a lens: what a designer would look at again before trusting its numbers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from itertools import combinations, pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.core.values import positive, wrong_kind
+from plenoptic.errors import InvalidValueError
+from plenoptic.optics.glass.catalogue import glass
+from plenoptic.optics.glass.media import C_LINE, D_LINE, F_LINE, Medium
+from plenoptic.optics.lens.checks.conditions import condition_findings
+from plenoptic.optics.lens.checks.finding import Finding as Finding
+from plenoptic.optics.lens.checks.finding import FindingKind as FindingKind
+from plenoptic.optics.lens.checks.rays import ray_findings
+from plenoptic.optics.lens.elements import Element
+from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
+from plenoptic.optics.lens.stack import LensStack
+from plenoptic.optics.surfaces.surface import Surface
+
+_PLACES = 257
+"""Distances from the axis at which the gap between two surfaces is looked at."""
+_THIN = 0.01
+_NEAR_EQUATOR = 0.99
+_STEEPEST = math.tan(math.radians(60.0))
+_INDEX_TOLERANCE, _ABBE_TOLERANCE = 0.01, 0.10
+
+
+def findings(lens: LensStack, wavelength: float = 587.6) -> tuple[Finding, ...]:
+    """What looks wrong in a lens; see `FindingKind` for what is looked at.
+
+    Nothing of it keeps a lens from being traced. Rays go through the lens as it stands, also where `LensStack.model`
+    says otherwise.
+
+    Parameters
+    ----------
+    lens : LensStack
+    wavelength : float, optional
+        nm, of the rays.
+
+    Returns
+    -------
+    tuple of Finding
+        By kind, then by element; empty for a lens with which nothing looks wrong. Each one prints as a sentence.
+
+    Raises
+    ------
+    InvalidValueError
+        If a medium is not defined at that wavelength.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> from plenoptic.optics.lens.checks.check import findings
+    >>> findings(pl.load_lens("double-gauss-100mm-f2"))
+    ()
+    """
+    if not isinstance(lens, LensStack):
+        raise wrong_kind(lens, "lens", "LensStack", 'pl.load_lens("double-gauss-100mm-f2")')
+    wave = positive(wavelength, "wavelength", "nm")
+    lens.indices(wave)
+    with np.errstate(all="ignore"):  # of numbers near the largest and smallest there are
+        found: list[Finding] = [
+            *_edges(lens),
+            *_collisions(lens),
+            *_stop_planes(lens),
+            *_shapes(lens),
+            *_glass_numbers(lens),
+            *_places(lens, wave),
+            *ray_findings(lens, wave),
+        ]
+        reflecting = {i for finding in found if finding.kind is FindingKind.TOTAL_REFLECTION for i in finding.elements}
+        found += condition_findings(lens, wave, leave_out=reflecting)
+    return tuple(sorted(found, key=lambda finding: (finding.kind, finding.elements)))
+
+
+def _surfaces(lens: LensStack) -> list[tuple[int, Surface]]:
+    return [(i, element) for i, element in enumerate(lens.elements) if isinstance(element, Surface)]
+
+
+def _rim_depth(surface: Surface) -> float:
+    """Axial position of the rim relative to the vertex."""
+    if surface.depth is not None:
+        return math.copysign(surface.depth, surface.radius)
+    return float(surface.sag(surface.semi_diameter))
+
+
+def _edges(lens: LensStack) -> Iterator[Finding]:
+    """Neighbouring surfaces that cross, and lenses with thin edges."""
+    z = lens.vertices
+    for (i, front), (j, rear) in pairwise(_surfaces(lens)):
+        between = "air" if lens.gap_media[i + 1] == lens.ambient else "glass"
+        if front.placement != rear.placement:
+            continue  # seen by _collisions
+        gap = float(z[j] - z[i])
+        r = np.linspace(0.0, min(front.semi_diameter, rear.semi_diameter), _PLACES)
+        room = gap + rear.sag(r) - front.sag(r)
+        closes = room < -1e-9 * (gap + r[-1])  # surfaces may touch
+        if closes.any():
+            k = int(np.argmax(closes))
+            crossing = r[k] - (r[k] - r[k - 1]) * room[k] / (room[k] - room[k - 1]) if k else 0.0
+            deepest = int(np.argmin(room))
+            yield Finding(
+                FindingKind.OVERLAP,
+                (i, j),
+                f"surfaces {i} and {j} cross {crossing:.3g} mm from the axis: at {r[deepest]:.4g} mm there is "
+                f"{room[deepest]:.3g} mm of {between} between them; reduce a semi-diameter",
+            )
+        elif between == "glass":
+            yield from _thin_edge(i, front, j, rear, gap)
+
+
+def _thin_edge(i: int, front: Surface, j: int, rear: Surface, gap: float) -> Iterator[Finding]:
+    outermost = max(front.semi_diameter, rear.semi_diameter)
+    # The smaller surface ends in a flat bevel, or goes on to the edge, whichever leaves more glass.
+    edge = gap + _rim_depth(rear) - _rim_depth(front)
+    if outermost <= min(front.equator, rear.equator):
+        edge = max(edge, gap + float(rear.sag(outermost) - front.sag(outermost)))
+    smallest = 0.0 if front.depth is not None or rear.depth is not None else _THIN * outermost
+    if edge < smallest:
+        kind = FindingKind.THIN_EDGE if edge >= 0 else FindingKind.OVERLAP
+        yield Finding(
+            kind,
+            (i, j),
+            f"the lens between surfaces {i} and {j} is {edge:.3g} mm thick at its edge, {outermost:.4g} mm from the "
+            f"axis, where it should be at least {smallest:.3g} mm; reduce a semi-diameter or make it thicker",
+        )
+
+
+def _collisions(lens: LensStack) -> Iterator[Finding]:
+    """Neighbours out of place against each other that reach through each other, on a grid over the first one."""
+    for i, j in pairwise(range(len(lens.elements))):
+        first, second = lens.elements[i], lens.elements[j]
+        if first.placement == second.placement:
+            continue
+        points = _points_on(first) + np.array([0.0, 0.0, lens.vertices[i]])
+        local = _axes_of(second, points, float(lens.vertices[j]))
+        r = np.hypot(local[:, 0], local[:, 1])
+        inside = r <= (second.semi_diameter if isinstance(second, Surface) else math.inf)
+        if isinstance(second, Surface):
+            ahead = second.sag(np.minimum(r, second.semi_diameter)) - local[:, 2]
+        else:
+            # A stop is in the way outside its opening.
+            inside, ahead = ~second.contains(local[:, 0], local[:, 1]), -local[:, 2]
+        if not inside.any():
+            yield Finding(FindingKind.OVERLAP, (i, j), f"elements {i} and {j} stand beside each other; move one back")
+        elif float(ahead[inside].min()) < -1e-9 * float(np.abs(points).max()):
+            yield Finding(
+                FindingKind.OVERLAP,
+                (i, j),
+                f"element {i} reaches up to {-float(ahead[inside].min()):.3g} mm through element {j}, one of which is "
+                "out of place; reduce its shift or tilt",
+            )
+
+
+def _points_on(element: Element) -> NDArray[np.float64]:
+    """Points (n, 3) on a surface or on the plane of a stop, in the lens's axes, from the element's place."""
+    across = np.linspace(-1.0, 1.0, 41) * element.semi_diameter
+    x, y = (g.ravel() for g in np.meshgrid(across, across))
+    kept = np.hypot(x, y) <= element.semi_diameter
+    x, y = x[kept], y[kept]
+    z = element.sag(np.hypot(x, y)) if isinstance(element, Surface) else np.zeros_like(x)
+    points = np.column_stack([x, y, z])
+    if element.placement is not None:
+        points = points @ np.asarray(element.placement.rotation).T + np.asarray(element.placement.shift)
+    return points
+
+
+def _axes_of(element: Element, points: NDArray[np.float64], z: float) -> NDArray[np.float64]:
+    """Points of the lens frame in the axes of an element whose place is z."""
+    local = points - [0.0, 0.0, z]
+    if element.placement is not None:
+        local = (local - np.asarray(element.placement.shift)) @ np.asarray(element.placement.rotation)
+    return np.asarray(local)
+
+
+def _stop_planes(lens: LensStack) -> Iterator[Finding]:
+    """Surfaces that reach through the plane of a stop beside them, outside its opening."""
+    z = lens.vertices
+    for i, j in pairwise(range(len(lens.elements))):
+        first, second = lens.elements[i], lens.elements[j]
+        if isinstance(first, Surface) == isinstance(second, Surface):
+            continue
+        stop, surface, side = (second, first, -1.0) if isinstance(first, Surface) else (first, second, 1.0)
+        if not isinstance(surface, Surface) or surface.semi_diameter <= stop.semi_diameter:
+            continue
+        r = np.linspace(stop.semi_diameter, surface.semi_diameter, _PLACES)
+        room = float(z[j] - z[i]) + side * surface.sag(r)
+        if room.min() < 0:
+            at, plane = (i, j) if side < 0 else (j, i)
+            yield Finding(
+                FindingKind.OVERLAP,
+                (i, j),
+                f"surface {at}, of semi-diameter {surface.semi_diameter:.4g} mm, reaches {-room.min():.3g} mm through "
+                f"the plane of stop {plane}, whose opening ends at {stop.semi_diameter:.4g} mm; reduce the "
+                "semi-diameter or move the stop",
+            )
+
+
+def _shapes(lens: LensStack) -> Iterator[Finding]:
+    """Surfaces that go nearly to their equator, and steep aspheres."""
+    for i, surface in _surfaces(lens):
+        if surface.depth is None and surface.semi_diameter > _NEAR_EQUATOR * surface.equator:
+            yield Finding(
+                FindingKind.EQUATOR,
+                (i,),
+                f"surface {i} has a semi-diameter of {surface.semi_diameter:.5g} mm, "
+                f"{100 * surface.semi_diameter / surface.equator:.1f} % of its equator's {surface.equator:.5g} mm, "
+                "where it runs parallel to the axis; reduce it",
+            )
+        if surface.aspheric:
+            slopes = np.abs(surface.slope(np.linspace(0.0, surface.semi_diameter, _PLACES)))
+            if slopes.max() > _STEEPEST:
+                r = surface.semi_diameter * float(np.argmax(slopes)) / (_PLACES - 1)
+                yield Finding(
+                    FindingKind.STEEP,
+                    (i,),
+                    f"the aspheric surface {i} has a slope of {math.degrees(math.atan(slopes.max())):.1f} degrees "
+                    f"{r:.4g} mm from the axis; above 60 it can hardly be made: check its coefficients",
+                )
+
+
+def _glass_numbers(lens: LensStack) -> Iterator[Finding]:
+    """Glasses that differ from the bundled ones of the same name, or from each other."""
+    named: dict[str, list[tuple[int, float, float]]] = {}
+    for i, surface in _surfaces(lens):
+        name = getattr(surface.medium, "name", "")
+        if isinstance(name, str) and name:
+            numbers = _nd_vd(surface.medium)
+            if numbers is not None and numbers not in [known[1:] for known in named.get(name, [])]:
+                named.setdefault(name, []).append((i, *numbers))
+    for name, seen in named.items():
+        bundled = _bundled_numbers(name)
+        for i, nd, vd in seen if bundled is not None else []:
+            if bundled is not None and _differ((nd, vd), bundled):
+                yield Finding(
+                    FindingKind.GLASS,
+                    (i,),
+                    f"the glass {name[:40]} behind surface {i} has n_d {nd:.4f} and V_d {vd:.2f}, the bundled one of "
+                    f"that name {bundled[0]:.4f} and {bundled[1]:.2f}; it may be a misprint, or another glass",
+                )
+        for (i, nd, vd), (j, other_nd, other_vd) in combinations(seen, 2):
+            if _differ((nd, vd), (other_nd, other_vd)):
+                yield Finding(
+                    FindingKind.GLASS,
+                    (i, j),
+                    f"the glass {name[:40]} has n_d {nd:.4f} and V_d {vd:.2f} behind surface {i}, and {other_nd:.4f} "
+                    f"and {other_vd:.2f} behind surface {j}; one of them may be a misprint",
+                )
+
+
+def _nd_vd(medium: Medium) -> tuple[float, float] | None:
+    try:
+        nd, blue, red = (float(medium.index(line)) for line in (D_LINE, F_LINE, C_LINE))
+    except InvalidValueError:
+        return None  # a glass for the infrared, for instance
+    return nd, (nd - 1.0) / (blue - red) if blue != red else math.inf
+
+
+def _bundled_numbers(name: str) -> tuple[float, float] | None:
+    try:
+        return _nd_vd(glass(name))
+    except InvalidValueError:
+        return None
+
+
+def _differ(one: tuple[float, float], other: tuple[float, float]) -> bool:
+    dispersive = math.isfinite(one[1]) and math.isfinite(other[1])
+    return abs(one[0] - other[0]) > _INDEX_TOLERANCE or (
+        dispersive and abs(one[1] - other[1]) > _ABBE_TOLERANCE * other[1]
+    )
+
+
+def _places(lens: LensStack, wavelength: float) -> Iterator[Finding]:
+    """An iris far outside the lens, and an image inside it."""
+    points, z = cardinal_points(lens, wavelength), lens.vertices
+    (first, _), (last, rear) = _surfaces(lens)[0], _surfaces(lens)[-1]
+    outside = max(float(z[first]), -float(z[last]))
+    reach = max(float(z[last] - z[first]), abs(points.efl))
+    if outside > reach:
+        yield Finding(
+            FindingKind.IRIS_FAR,
+            (lens.iris_index,),
+            f"the iris, element {lens.iris_index}, stands {outside:.4g} mm outside the lens, farther than the lens is "
+            f"long and than its focal length, {points.efl:.4g} mm; check the gap",
+        )
+    if 0 < points.bfl < _rim_depth(rear):
+        yield Finding(
+            FindingKind.IMAGE_INSIDE,
+            (last,),
+            f"the image of a far object lies {points.bfl:.4g} mm behind the vertex of the last surface, {last}, whose "
+            f"rim reaches {_rim_depth(rear):.4g} mm; reduce its semi-diameter",
+        )

@@ -1,0 +1,79 @@
+"""Elements in a row: what can be one, and a stop put between them."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.errors import PrescriptionError
+from plenoptic.optics.glass.media import AIR, Medium
+from plenoptic.optics.stops.stops import Stop
+from plenoptic.optics.surfaces.surface import Surface
+
+Element: TypeAlias = Surface | Stop
+"""What a lens is made of."""
+
+
+def is_stop(element: Element) -> bool:
+    """Whether an element is a stop, not a surface."""
+    return not isinstance(element, Surface)
+
+
+def checked_elements(elements: Sequence[Element], ambient: Medium) -> tuple[Element, ...]:
+    """The elements of a lens, or an error where they cannot be one."""
+    try:
+        stack = tuple(elements)
+    except TypeError:
+        raise PrescriptionError(f"elements is {elements!r}; it must be a sequence of surfaces and stops") from None
+    for i, element in enumerate(stack):
+        if not isinstance(element, Element):
+            raise PrescriptionError(
+                f"element {i} is {element!r}; a lens is made of Surface, CircularStop, PolygonStop, "
+                "StarStop and MaskStop: remove it or describe it as one of these"
+            )
+    surfaces = [i for i, element in enumerate(stack) if isinstance(element, Surface)]
+    if not surfaces:
+        raise PrescriptionError(
+            f"the lens has {len(stack)} elements and no surface; add at least one Surface, or take pl.no_lens(...)"
+        )
+    if len(surfaces) == len(stack):
+        raise PrescriptionError(
+            f"the lens has {len(stack)} surfaces and no stop; add one, such as a CircularStop, where the iris stands"
+        )
+    last = stack[surfaces[-1]]
+    if isinstance(last, Surface) and last.medium != ambient:
+        around = "air: its medium must be pl.AIR" if ambient == AIR else f"{ambient!r}: give it that medium"
+        raise PrescriptionError(
+            f"element {surfaces[-1]}, the last surface, is followed by {last.medium!r}; the sensor is in {around}"
+        )
+    # The gap behind the last element belongs to the camera.
+    return (*stack[:-1], dataclasses.replace(stack[-1], thickness=0.0))
+
+
+def with_inserted(
+    elements: Sequence[Element],
+    vertices: NDArray[np.float64],
+    gap_media: Sequence[Medium],
+    stop: Stop,
+    z: float,
+) -> tuple[list[Element], int]:
+    """The elements with a stop at z (mm, in the lens frame), and its index; see `LensStack.inserted`."""
+    bounds = [-np.inf, *vertices.tolist(), np.inf]
+    gaps = [i for i, (low, high) in enumerate(pairwise(bounds)) if low <= z <= high]
+    in_air = [i for i in gaps if gap_media[i] == gap_media[0]]
+    if not in_air:
+        low, high = bounds[gaps[0]], bounds[gaps[0] + 1]
+        raise PrescriptionError(
+            f"z {z:g} mm lies in glass, which reaches from {low:g} to {high:g} mm; place the stop in an air gap"
+        )
+    gap, stack = in_air[0], list(elements)
+    if gap > 0:
+        stack[gap - 1] = dataclasses.replace(stack[gap - 1], thickness=z - float(vertices[gap - 1]))
+    behind = float(vertices[gap]) - z if gap < len(stack) else 0.0
+    stack.insert(gap, dataclasses.replace(stop, thickness=behind))
+    return stack, gap

@@ -1,0 +1,1 @@
+"""Lens files, read and written."""

@@ -1,0 +1,94 @@
+"""What prescriptions leave out: where the stop stands, and how large the surfaces are."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.optics.glass.media import AIR, D_LINE, Medium
+from plenoptic.optics.lens.elements import Element
+from plenoptic.optics.stops.stops import CircularStop
+from plenoptic.optics.surfaces.surface import Surface
+
+
+def basis_rays(
+    elements: Sequence[Element], *, ambient: Medium = AIR, wavelength: float = D_LINE
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Heights at all elements of two paraxial rays, and how they leave.
+
+    Parameters
+    ----------
+    elements : sequence of Surface and stops
+    ambient : Medium, optional
+        What is in front of the first one.
+    wavelength : float, optional
+        nm.
+
+    Returns
+    -------
+    heights : ndarray
+        (n, 2): at each element, of the rays that meet the first one with height 1 and angle 0, and with height 0 and
+        reduced angle (angle times index) 1.
+    leaving : ndarray
+        (2, 2): heights at the last element, and reduced angles behind it, of the same rays.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> from plenoptic.optics.lens.files.infer_stop import basis_rays
+    >>> heights, leaving = basis_rays(pl.load_lens("singlet-100mm-f4").elements)
+    >>> round(float(-1 / leaving[1, 0]), 2)               # the focal length
+    100.0
+    """
+    height, angle = np.array([1.0, 0.0]), np.array([0.0, 1.0])
+    index, heights = ambient.index(wavelength), []
+    for element in elements:
+        heights.append(height)
+        if isinstance(element, Surface):
+            behind = element.medium.index(wavelength)
+            angle = angle + (index - behind) * element.vertex_curvature * height
+            index = behind
+        height = height + angle * (element.thickness / index)
+    return np.array(heights), np.array([heights[-1], angle])
+
+
+def _axial_heights(surfaces: list[Surface]) -> list[float]:
+    """Heights at the surfaces of a paraxial axial ray: from infinity, or from the front focus if no image is behind."""
+    heights, (last, angle) = basis_rays(surfaces)
+    has_real_image = angle[0] == 0 or -last[0] / angle[0] > 0
+    start = np.array([1.0, 0.0]) if has_real_image else np.array([angle[1], -angle[0]])
+    return [abs(float(start @ pair)) for pair in heights]
+
+
+def with_inferred_stop(surfaces: list[Surface]) -> list[Element]:
+    """The surfaces, in air, with a stop in the middle of the longest air gap, as wide as the widest axial beam.
+
+    The rule is in `load_lens`.
+
+    Examples
+    --------
+    >>> import math
+    >>> import plenoptic as pl
+    >>> from plenoptic.optics.lens.files.infer_stop import with_inferred_stop
+    >>> glass = pl.ConstantMedium(1.5)
+    >>> front = [pl.Surface(math.inf, 2.0, glass, semi_diameter=9.0), pl.Surface(math.inf, 20.0, semi_diameter=9.0)]
+    >>> with_inferred_stop([*front, *front])[2]
+    CircularStop(semi_diameter=9.0, thickness=10.0)
+    """
+    with np.errstate(all="ignore"):  # what overflows ends as a stop that is refused
+        heights = _axial_heights(surfaces)
+    # A surface that the ray crosses on the axis limits nothing.
+    limits = [s.semi_diameter / height for s, height in zip(surfaces, heights, strict=True) if height > 0]
+    beam = min(limits, default=math.nan)
+    gaps = [surface.thickness if surface.medium == AIR else -1.0 for surface in surfaces[:-1]]
+    longest = max(gaps, default=-1.0)
+    if longest < 0:
+        return [CircularStop(beam * heights[0], 0.0), *surfaces]
+    i = gaps.index(longest)
+    in_front = dataclasses.replace(surfaces[i], thickness=longest / 2)
+    stop = CircularStop(beam * (heights[i] + heights[i + 1]) / 2, longest / 2)
+    return [*surfaces[:i], in_front, stop, *surfaces[i + 1 :]]

@@ -1,0 +1,321 @@
+"""The package's own lens files: JSON with one element per line.
+
+A file is an object with `format`, `name`, `source`, `iris` (index of the element that is the iris), and `elements`.
+What is at its default is left out, so `ambient`, `model`, `conic`, `aspheric`, `depth`, `blade_radius` and `placement`
+stand only where they say something. Stops are circle, polygon, star or mask; the `transmission` of a mask is a list of
+its rows. A medium is one of
+
+    "air"
+    {"index": 1.5}
+    {"name": "BAF10", "nd": 1.67, "vd": 47.1}
+    {"name": "N-BK7", "sellmeier": {"b": [...], "c": [...]}, "wavelength_range": [300.0, 2500.0]}
+    {"name": "BK7", "schott": [...], "wavelength_range": [365.0, 1014.0]}
+    {"value": ["DispersionFormula", {...}]}       any other public medium, by its fields
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from plenoptic.core.files.serialization import describe, restore
+from plenoptic.errors import FileError, InvalidValueError, PrescriptionError
+from plenoptic.optics.glass.media import AIR, ConstantMedium, Medium, ModelGlass, Schott, Sellmeier
+from plenoptic.optics.lens.elements import Element
+from plenoptic.optics.lens.models import LensModel
+from plenoptic.optics.lens.placement import Placement
+from plenoptic.optics.lens.stack import LensStack
+from plenoptic.optics.stops.shapes import MaskStop, StarStop
+from plenoptic.optics.stops.stops import CircularStop, PolygonStop, Stop
+from plenoptic.optics.surfaces.surface import Surface
+
+_FORMAT = "plenoptic-lens-1"
+
+
+def json_of_lens(lens: LensStack) -> str:
+    """A lens as the text of a JSON file; floats keep every bit.
+
+    Parameters
+    ----------
+    lens : LensStack
+
+    Raises
+    ------
+    PrescriptionError
+        If a medium is none of this package's.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> from plenoptic.optics.lens.files.lens_json import json_of_lens
+    >>> print(json_of_lens(pl.LensStack([pl.CircularStop(5.0), pl.Surface(20.0, semi_diameter=6.0)], name="nothing")))
+    {
+      "format": "plenoptic-lens-1",
+      "name": "nothing",
+      "source": "",
+      "iris": 0,
+      "elements": [
+        {"stop": "circle", "thickness": 0.0, "semi_diameter": 5.0},
+        {"radius": 20.0, "thickness": 0.0, "semi_diameter": 6.0, "medium": "air"}
+      ]
+    }
+    <BLANKLINE>
+    """
+    head: dict[str, Any] = {"format": _FORMAT, "name": lens.name, "source": lens.source, "iris": lens.iris_index}
+    if lens.ambient != AIR:
+        head["ambient"] = _medium_to_json(lens.ambient, "around the lens")
+    if lens.model is not LensModel.EXACT:
+        head["model"] = lens.model.name
+    rows = [json.dumps(_element_to_json(element, i)) for i, element in enumerate(lens.elements)]
+    lines = [*(f"  {json.dumps(key)}: {json.dumps(item)}," for key, item in head.items()), '  "elements": [']
+    return "\n".join(["{", *lines, ",\n".join(f"    {row}" for row in rows), "  ]", "}", ""])
+
+
+def lens_from_json(text: str, where: str) -> LensStack:
+    """The lens that `json_of_lens` wrote down.
+
+    Parameters
+    ----------
+    text : str
+    where : str
+        Name of the file, for messages.
+
+    Raises
+    ------
+    PrescriptionError
+        Naming the file, and the element or the entry.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> from plenoptic.optics.lens.files.lens_json import json_of_lens, lens_from_json
+    >>> lens = pl.load_lens("singlet-100mm-f4")
+    >>> lens_from_json(json_of_lens(lens), "mine.json") == lens
+    True
+    """
+    try:
+        data = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise PrescriptionError(f"{where} is not JSON: {error}; correct it there") from None
+    try:
+        head = _fields(data, "the file", "format name source iris elements", "ambient model")
+        if head["format"] != _FORMAT:
+            raise PrescriptionError(f"format is {head['format']!r:.40}; it must be {_FORMAT!r}")
+        if not isinstance(head["elements"], list):
+            raise PrescriptionError(f"elements is {head['elements']!r:.40}; it must be a list")
+        elements = []
+        for i, row in enumerate(head["elements"]):
+            try:
+                elements.append(_element_from_json(row))
+            except InvalidValueError as error:
+                raise PrescriptionError(f"element {i}: {error}") from None
+        return LensStack(
+            elements,
+            head["iris"],
+            _text(head["name"], "name"),
+            _text(head["source"], "source"),
+            ambient=_medium_from_json(head.get("ambient", "air")),
+            model=_model(head.get("model", "EXACT")),
+        )
+    except (InvalidValueError, RecursionError) as error:
+        raise PrescriptionError(f"{where}: {error}") from None
+
+
+# ---- what is checked of JSON ----
+
+
+def _number(data: Any, name: str) -> float:
+    if isinstance(data, bool) or not isinstance(data, int | float):
+        raise PrescriptionError(f"{name} is {data!r:.40}; it must be a number")
+    try:
+        return float(data)
+    except OverflowError:
+        raise PrescriptionError(f"{name} is too large for a number; correct it") from None
+
+
+def _numbers(data: Any, name: str) -> tuple[float, ...]:
+    if not isinstance(data, list):
+        raise PrescriptionError(f"{name} is {data!r:.40}; it must be a list of numbers")
+    return tuple(_number(item, name) for item in data)
+
+
+def _rows(data: Any, name: str) -> list[tuple[float, ...]]:
+    if not isinstance(data, list):
+        raise PrescriptionError(f"{name} is {data!r:.40}; it must be a list of lists of numbers")
+    return [_numbers(row, name) for row in data]
+
+
+def _text(data: Any, name: str) -> str:
+    if not isinstance(data, str):
+        raise PrescriptionError(f"{name} is {data!r:.40}; it must be a text")
+    return data
+
+
+def _fields(data: Any, name: str, wanted: str, allowed: str = "") -> Mapping[str, Any]:
+    keys, also = set(wanted.split()), set(allowed.split())
+    if not isinstance(data, dict) or not keys <= set(data) <= keys | also:
+        found = ", ".join(sorted(data)) if isinstance(data, dict) else f"{data!r:.40}"
+        may = f" and may have {', '.join(sorted(also))}" if also else ""
+        raise PrescriptionError(f"{name} has {found or 'nothing'}; it must have {', '.join(sorted(keys))}{may}")
+    return data
+
+
+# ---- media ----
+
+
+def _medium_to_json(medium: Medium, where: str) -> Any:
+    if medium == AIR:
+        return "air"
+    if isinstance(medium, ConstantMedium):
+        return {"index": medium.refractive_index}
+    if isinstance(medium, ModelGlass):
+        return {"name": medium.name, "nd": medium.nd, "vd": medium.vd}
+    if isinstance(medium, Sellmeier):
+        formula = {"sellmeier": {"b": medium.b, "c": medium.c}}
+        return {"name": medium.name, **formula, "wavelength_range": medium.wavelength_range}
+    if isinstance(medium, Schott):
+        return {"name": medium.name, "schott": medium.coefficients, "wavelength_range": medium.wavelength_range}
+    try:
+        return json.loads(describe(medium))
+    except InvalidValueError:
+        raise PrescriptionError(
+            f"the medium {where} is {medium!r}, which has no place in a lens file; "
+            "use one of this package, such as ConstantMedium, ModelGlass, Sellmeier or Schott"
+        ) from None
+
+
+def _medium_from_json(data: Any) -> Medium:
+    if data == "air":
+        return AIR
+    kinds = set(data) if isinstance(data, dict) else set()
+    if "index" in kinds:
+        return ConstantMedium(_number(_fields(data, "medium", "index")["index"], "index"))
+    if "sellmeier" in kinds:
+        glass = _fields(data, "medium", "name sellmeier wavelength_range")
+        terms = _fields(glass["sellmeier"], "sellmeier", "b c")
+        limits = _pair(glass["wavelength_range"])
+        return Sellmeier(_numbers(terms["b"], "b"), _numbers(terms["c"], "c"), _text(glass["name"], "name"), limits)
+    if "schott" in kinds:
+        glass = _fields(data, "medium", "name schott wavelength_range")
+        coefficients, limits = _numbers(glass["schott"], "schott"), _pair(glass["wavelength_range"])
+        return Schott(coefficients, _text(glass["name"], "name"), limits)
+    if "nd" in kinds:
+        glass = _fields(data, "medium", "name nd vd")
+        return ModelGlass(_number(glass["nd"], "nd"), _number(glass["vd"], "vd"), _text(glass["name"], "name"))
+    if kinds == {"value"}:
+        return _any_medium(data)
+    raise PrescriptionError(f'medium is {data!r:.40}; it must be "air" or have index, nd and vd, sellmeier, or schott')
+
+
+def _any_medium(data: Any) -> Medium:
+    try:
+        medium = restore(json.dumps(data))
+    except (FileError, ArithmeticError, IndexError) as error:
+        raise PrescriptionError(f"medium: {error}") from None
+    if not isinstance(medium, Medium):
+        raise PrescriptionError(f"medium is a {type(medium).__name__}; it must be something with a refractive index")
+    return medium
+
+
+def _pair(data: Any) -> tuple[float, float]:
+    limits = _numbers(data, "wavelength_range")
+    if len(limits) != 2:
+        raise PrescriptionError(f"wavelength_range has {len(limits)} numbers; it must have 2")
+    return limits[0], limits[1]
+
+
+def _model(data: Any) -> LensModel:
+    names = [model.name for model in LensModel]
+    if data not in names:
+        raise PrescriptionError(f"model is {data!r:.40}; it must be {' or '.join(names)}")
+    return LensModel[data]
+
+
+# ---- elements ----
+
+
+def _element_to_json(element: Element, i: int) -> dict[str, Any]:
+    size = {"thickness": element.thickness, "semi_diameter": element.semi_diameter}
+    row: dict[str, Any]
+    if isinstance(element, Surface):
+        radius = None if math.isinf(element.radius) else element.radius
+        row = {"radius": radius, **size, "medium": _medium_to_json(element.medium, f"behind element {i}")}
+        row |= {"conic": element.conic} if element.conic != 0 else {}
+        row |= {"aspheric": element.aspheric} if element.aspheric else {}
+        row |= {"depth": element.depth} if element.depth is not None else {}
+    else:
+        row = _stop_to_json(element, size)
+    if element.placement is not None:
+        # frozen_array keeps both as arrays.
+        shift, rotation = element.placement.shift, element.placement.rotation
+        row["placement"] = {"shift": shift.tolist(), "rotation": rotation.tolist()}  # type: ignore[union-attr]
+    return row
+
+
+def _stop_to_json(stop: Stop, size: dict[str, float]) -> dict[str, Any]:
+    if isinstance(stop, CircularStop):
+        return {"stop": "circle", **size}
+    if isinstance(stop, PolygonStop):
+        row = {"stop": "polygon", **size, "blades": stop.blades, "rotation": stop.rotation}
+        return row if math.isinf(stop.blade_radius) else row | {"blade_radius": stop.blade_radius}
+    if isinstance(stop, StarStop):
+        inner = {"inner_semi_diameter": stop.inner_semi_diameter}
+        return {"stop": "star", **size, "points": stop.points, **inner, "rotation": stop.rotation}
+    # Black and white, as most masks are, takes 3 letters a cell.
+    cells = [[int(cell) if cell in (0, 1) else cell for cell in row] for row in np.asarray(stop.transmission).tolist()]
+    return {"stop": "mask", **size, "transmission": cells}
+
+
+_STOPS = {
+    "circle": "",
+    "polygon": "blades rotation",
+    "star": "points inner_semi_diameter rotation",
+    "mask": "transmission",
+}
+
+
+def _stop_from_json(data: Mapping[str, Any]) -> Stop:
+    kind = data["stop"]
+    if not (isinstance(kind, str) and kind in _STOPS):
+        raise PrescriptionError(f'stop is {kind!r:.40}; it must be "circle", "polygon", "star" or "mask"')
+    also = "placement blade_radius" if kind == "polygon" else "placement"
+    row = _fields(data, "it", f"stop thickness semi_diameter {_STOPS[kind]}", also)
+    thickness, semi_diameter = _number(row["thickness"], "thickness"), _number(row["semi_diameter"], "semi_diameter")
+    placement = _placement(row["placement"]) if "placement" in row else None
+    if kind == "circle":
+        return CircularStop(semi_diameter, thickness, placement=placement)
+    if kind == "mask":
+        return MaskStop(_rows(row["transmission"], "transmission"), semi_diameter, thickness, placement=placement)
+    rotation = _number(row["rotation"], "rotation")
+    if kind == "star":
+        inner = _number(row["inner_semi_diameter"], "inner_semi_diameter")
+        return StarStop(row["points"], semi_diameter, inner, rotation, thickness, placement=placement)
+    bulge = _number(row.get("blade_radius", math.inf), "blade_radius")
+    return PolygonStop(row["blades"], semi_diameter, rotation, thickness, blade_radius=bulge, placement=placement)
+
+
+def _element_from_json(data: Any) -> Element:
+    if isinstance(data, dict) and "stop" in data:
+        return _stop_from_json(data)
+    row = _fields(data, "it", "radius thickness semi_diameter medium", "conic aspheric depth placement")
+    thickness, semi_diameter = _number(row["thickness"], "thickness"), _number(row["semi_diameter"], "semi_diameter")
+    placement = _placement(row["placement"]) if "placement" in row else None
+    return Surface(
+        math.inf if row["radius"] is None else _number(row["radius"], "radius"),
+        thickness,
+        _medium_from_json(row["medium"]),
+        semi_diameter=semi_diameter,
+        conic=_number(row.get("conic", 0.0), "conic"),
+        aspheric=_numbers(row.get("aspheric", []), "aspheric"),
+        depth=_number(row["depth"], "depth") if "depth" in row else None,
+        placement=placement,
+    )
+
+
+def _placement(data: Any) -> Placement:
+    fields = _fields(data, "placement", "shift rotation")
+    return Placement(_numbers(fields["shift"], "shift"), _rows(fields["rotation"], "rotation"))

@@ -1,0 +1,244 @@
+"""Sequential Zemax files (.zmx): what is read of them, and how.
+
+Text in UTF-16 with its mark, UTF-8 or Latin-1. Surface 0 is the object and the last one the image: neither is part of
+the lens, nor are the gaps next to them. A glass on the object is the medium around the lens.
+
+- TYPE STANDARD and EVENASPH, with CURV, CONI, PARM 1 to 8 (r^2 to r^16), DISZ and GLAS; lengths are converted from UNIT
+  to mm. All other types are refused, and so are mirrors, coordinate breaks, tilts, obscurations, and apertures that are
+  not round. Solves and pickups count with the value that the file holds, several configurations as the one that it was
+  saved in.
+- GLAS: a name is looked up in the catalogue that the caller gives, then among the bundled glasses; ___BLANK is a model
+  glass of n_d and V_d (a V_d of 0: no dispersion; the deviation of the partial dispersion is left out).
+- Semi-diameters: the radius of a round aperture (CLAP, FLAP) if there is one, otherwise DIAM. Where DIAM is 0 or
+  missing: the sum of the paraxial heights of the marginal ray (size of the stop, ENPD, or FNUM) and of the chief ray of
+  the largest field (XFLN, YFLN).
+- STOP on a surface between equal media is the iris. On a refracting surface it becomes a stop of the same size in the
+  plane of the vertex, in front of it.
+- Other surfaces between equal media vanish, and their gaps are added to the one before. With an aperture they stay:
+  planes as stops that are not the iris.
+- NAME and NOTE are kept. Wavelengths, fields and glass catalogues (GCAT) serve semi-diameters and messages only. All
+  other lines are passed over.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+
+from plenoptic.core.values import wrong_kind
+from plenoptic.errors import InvalidValueError, PrescriptionError
+from plenoptic.optics.glass.catalogue import GlassCatalogue, glass
+from plenoptic.optics.glass.media import ConstantMedium, Medium, ModelGlass
+from plenoptic.optics.lens.files.zemax_stack import Row, System, stacked
+from plenoptic.optics.lens.files.zemax_text import Line, blocks_of, naming_line, real_number
+from plenoptic.optics.lens.stack import LensStack
+
+_UNITS = {"MM": 1.0, "CM": 10.0, "IN": 25.4, "M": 1000.0, "METER": 1000.0, "METERS": 1000.0}
+_TERMS = 8
+_REFUSED = {
+    "OBSC": "obscurations",
+    "SQOB": "obscurations",
+    "ELOB": "obscurations",
+    "USOB": "obscurations",
+    "SPID": "spiders",
+    "SQAP": "rectangular apertures",
+    "ELAP": "elliptical apertures",
+    "USAP": "user-defined apertures",
+    "UDAD": "user-defined apertures",
+}
+
+
+def lens_from_zmx(text: str, where: str, *, glasses: Mapping[str, Medium] | GlassCatalogue | None = None) -> LensStack:
+    """The lens of a sequential Zemax file; see the top of this module.
+
+    Parameters
+    ----------
+    text : str
+        What stands in the file.
+    where : str
+        Name of the file, for messages and, without a NAME, for the name of the lens.
+    glasses : mapping from name to Medium, optional
+        Where glasses are looked up first.
+
+    Raises
+    ------
+    PrescriptionError
+        Naming the file and the line.
+
+    Examples
+    --------
+    >>> from plenoptic.optics.lens.files.zemax import lens_from_zmx
+    >>> lens_from_zmx('''MODE SEQ
+    ... UNIT MM
+    ... SURF 0
+    ...   DISZ INFINITY
+    ... SURF 1
+    ...   STOP
+    ...   CURV 0.02
+    ...   DISZ 4
+    ...   GLAS N-BK7 0 0
+    ...   DIAM 10
+    ... SURF 2
+    ...   DISZ 94
+    ...   DIAM 10
+    ... SURF 3
+    ... ''', "mine.zmx").elements[0]
+    CircularStop(semi_diameter=10.0)
+    """
+    head, blocks = blocks_of(text, where)
+    unit = 1.0
+    for line in head:
+        with naming_line(where, line.number):
+            if line.keyword == "MODE" and line.word(0).upper() != "SEQ":
+                raise PrescriptionError(f"MODE is {line.word(0)[:40]!r}; only sequential files, MODE SEQ, can be read")
+            if line.keyword == "UNIT":
+                unit = _unit(line.word(0))
+    media = _Glasses(glasses, " ".join(line.rest for line in head if line.keyword == "GCAT"))
+    # Of the image, nothing but a stop would matter.
+    blocks[-1] = [line for line in blocks[-1] if line.keyword in ("SURF", "STOP")]
+    rows = [_row(number, block, where, unit, media) for number, block in enumerate(blocks)]
+    names = [line.rest for line in head if line.keyword == "NAME" and line.rest]
+    notes = [line.rest.partition(" ")[2].strip() for line in head if line.keyword == "NOTE"]
+    source = "; ".join([where, *filter(None, notes)])
+    return stacked(rows, _system(head, where, unit), where, (names or [where.rpartition(".")[0]])[0], source)
+
+
+def _unit(name: str) -> float:
+    if name.upper() not in _UNITS:
+        raise PrescriptionError(f"UNIT is {name[:40]!r}; it must be one of {', '.join(_UNITS)}")
+    return _UNITS[name.upper()]
+
+
+class _Glasses:
+    """Where glasses are looked up by name, each once."""
+
+    def __init__(self, own: Mapping[str, Medium] | GlassCatalogue | None, catalogues: str) -> None:
+        if isinstance(own, str) or not (own is None or hasattr(own, "__getitem__")):
+            raise wrong_kind(own, "glasses", "mapping from names to media", 'pl.load_glasses("schott.agf")')
+        self._own: Mapping[str, Medium] | GlassCatalogue = {} if own is None else own
+        self._catalogues = catalogues
+        self._found: dict[str, Medium] = {}
+
+    def medium(self, line: Line) -> Medium:
+        """The medium of a GLAS line."""
+        name = line.word(0)
+        if name.upper() == "MIRROR":
+            raise PrescriptionError("the surface is a mirror; only lenses can be read: leave it out")
+        if name.upper() == "___BLANK":
+            nd = line.real(3)
+            vd = line.real(4) if len(line.words) > 4 else 0.0
+            if vd == 0:
+                return ConstantMedium(nd)
+            return ModelGlass(nd, vd)
+        if name not in self._found:
+            self._found[name] = self._named(name)
+        return self._found[name]
+
+    def _named(self, name: str) -> Medium:
+        if name in self._own:
+            return self._own[name]
+        try:
+            return glass(name)
+        except PrescriptionError:
+            raise
+        except InvalidValueError as error:
+            origin = f"; the file names the catalogues {self._catalogues[:80]}" if self._catalogues else ""
+            unknown = str(error).partition("; pl.glass_names()")[0]
+            raise PrescriptionError(
+                f"{unknown}{origin}: give the maker's AGF file, load_lens(path, glasses=pl.load_glasses(agf))"
+            ) from None
+
+
+def _row(number: int, block: list[Line], where: str, unit: float, glasses: _Glasses) -> Row:
+    row = Row(number, {line.keyword: line.number for line in block})
+    kind, terms = "STANDARD", [0.0] * _TERMS
+    # TYPE first, which says what PARM means.
+    for line in sorted(block, key=lambda line: line.keyword != "TYPE"):
+        with naming_line(where, line.number):
+            if line.keyword == "TYPE":
+                kind = _type(line, number)
+            elif line.keyword == "PARM" and kind == "EVENASPH":
+                _set_term(terms, line)
+            else:
+                row = _with_line(row, line, unit, glasses)
+    # z and r scale alike: a_i of r^(2 i) is in unit^(1 - 2 i).
+    return row._replace(aspheric=tuple(a * unit ** (1 - 2 * i) for i, a in enumerate(terms, start=1)))
+
+
+def _type(line: Line, number: int) -> str:
+    kind = line.word(0).upper()
+    if kind not in ("STANDARD", "EVENASPH"):
+        what = "a coordinate break" if kind == "COORDBRK" else f"of type {kind[:40]}"
+        raise PrescriptionError(f"surface {number} is {what}; only STANDARD and EVENASPH surfaces can be read")
+    return kind
+
+
+def _set_term(terms: list[float], line: Line) -> None:
+    i, coefficient = line.real(0), line.real(1)
+    if i in range(1, _TERMS + 1):
+        terms[int(i) - 1] = coefficient
+    elif coefficient != 0:
+        raise PrescriptionError(f"PARM {line.word(0)[:40]} is {coefficient:g}; an even asphere has PARM 1 to {_TERMS}")
+
+
+def _with_line(row: Row, line: Line, unit: float, glasses: _Glasses) -> Row:
+    match line.keyword:
+        case "CURV":
+            return row._replace(curvature=line.real(0) / unit)
+        case "CONI":
+            return row._replace(conic=line.real(0))
+        case "DISZ":
+            endless = line.word(0).upper() == "INFINITY"
+            return row._replace(gap=math.inf if endless else line.real(0) * unit)
+        case "GLAS":
+            return row._replace(medium=glasses.medium(line))
+        case "DIAM":
+            return row._replace(diameter=line.real(0) * unit)
+        case "CLAP" | "FLAP":
+            if line.real(0) != 0:
+                raise PrescriptionError(f"{line.keyword} has an inner radius of {line.word(0)}; rings cannot be read")
+            return row._replace(aperture=line.real(1) * unit)
+        case "STOP":
+            return row._replace(is_stop=True)
+        case "OBDC" if any(real_number(word, "OBDC") != 0 for word in line.words[:2]):
+            raise PrescriptionError("the aperture is decentred; only centred apertures can be read: leave it out")
+        case "SCBD" if any(re.fullmatch(r".*[1-9].*", word) for word in line.words[2:]):
+            raise PrescriptionError("the surface is decentred or tilted; read it centred and use lens.moved()")
+        case refused if refused in _REFUSED:
+            raise PrescriptionError(
+                f"{refused}: {_REFUSED[refused]} cannot be read, and without them more light would pass; "
+                "remove the line if that does not matter"
+            )
+    return row
+
+
+def _system(head: list[Line], where: str, unit: float) -> System:
+    """What the file says of aperture, fields and wavelengths."""
+    found = System()
+    waves: dict[int, float] = {}
+    fields: dict[str, list[float]] = {"XFLN": [], "YFLN": []}
+    primary = 1
+    for line in head:
+        with naming_line(where, line.number):
+            match line.keyword:
+                case "ENPD":
+                    found = found._replace(pupil_diameter=line.real(0) * unit)
+                case "FNUM" if len(line.words) < 2 or line.real(1) == 0:
+                    found = found._replace(f_number=line.real(0))
+                case "FTYP":
+                    found = found._replace(field_type=int(line.real(0)))
+                case "XFLN" | "YFLN":
+                    fields[line.keyword] = [real_number(word, line.keyword) for word in line.words]
+                case "WAVM":
+                    waves[int(line.real(0))] = line.real(1) * 1e3
+                case "WAVL":
+                    waves.update((i, real_number(word, "WAVL") * 1e3) for i, word in enumerate(line.words, start=1))
+                case "PWAV":
+                    primary = int(line.real(0))
+    pairs = max(map(len, fields.values()))
+    x, y = (list(values) + [0.0] * (pairs - len(values)) for values in fields.values())
+    largest = max((abs(complex(a, b)) for a, b in zip(x, y, strict=True)), default=None)
+    if largest is not None:
+        found = found._replace(field=largest * (1.0 if found.field_type == 0 else unit))
+    return found._replace(wavelength=waves[primary]) if waves.get(primary, 0.0) > 0 else found

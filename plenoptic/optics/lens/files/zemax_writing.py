@@ -1,0 +1,118 @@
+"""Lenses as sequential Zemax files, for other programs."""
+
+from __future__ import annotations
+
+import codecs
+import math
+
+from plenoptic.errors import InvalidValueError, PrescriptionError
+from plenoptic.optics.glass.catalogue import glass
+from plenoptic.optics.glass.media import AIR, C_LINE, D_LINE, F_LINE, Medium, ModelGlass
+from plenoptic.optics.lens.elements import Element
+from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
+from plenoptic.optics.lens.stack import LensStack
+from plenoptic.optics.stops.stops import CircularStop
+from plenoptic.optics.surfaces.surface import Surface
+
+_TERMS = 8
+
+
+def zmx_of_lens(lens: LensStack) -> bytes:
+    """A lens as the content of a Zemax file: UTF-16 with its mark, lines that end in CR LF, millimetres.
+
+    Each surface has its semi-diameter as a fixed aperture (FLAP), so that rays are stopped there as in this package.
+    The image lies in the rear focus at 587.6 nm. A medium that has the indices of the bundled glass of its name, to
+    1e-6 at the lines F, d and C, is written by name, any other as a model glass of its n_d and V_d.
+
+    Parameters
+    ----------
+    lens : LensStack
+        Centred, in air, with round stops; even aspheres up to r^16.
+
+    Raises
+    ------
+    PrescriptionError
+        Naming what has no place in such a file.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> from plenoptic.optics.lens.files.zemax_writing import zmx_of_lens
+    >>> text = zmx_of_lens(pl.load_lens("singlet-100mm-f4")).decode("utf-16")
+    >>> [line.strip() for line in text.splitlines() if "GLAS" in line]
+    ['GLAS N-BK7 0 0 1.51680 64.17']
+    """
+    if lens.ambient != AIR:
+        raise PrescriptionError(
+            f"the lens is in {lens.ambient!r}; only lenses in air can be written as .zmx: use .json"
+        )
+    points = cardinal_points(lens)
+    last = float(lens.vertices[-1])
+    to_image = points.rear_focus - last if math.isfinite(points.rear_focus) else 0.0
+    pupil = 2 * points.entrance_pupil_semi_diameter
+    lines = ["MODE SEQ", f"NAME {_one_line(lens.name)}", f"NOTE 0 {_one_line(lens.source)}", "UNIT MM X W X CM MR CPMM"]
+    lines += [f"ENPD {pupil!r} 0"] if math.isfinite(pupil) else ["FLOA"]
+    lines += ["FTYP 0 0 1 3 0 0 0", "XFLN 0.0", "YFLN 0.0"]
+    lines += [f"WAVM {i} {wave / 1e3!r} 1" for i, wave in enumerate((F_LINE, D_LINE, C_LINE), start=1)]
+    lines += ["PWAV 2", "SURF 0", "  TYPE STANDARD", "  CURV 0.0", "  DISZ INFINITY"]
+    for i, element in enumerate(lens.elements):
+        gap = element.thickness if i < len(lens.elements) - 1 else to_image
+        lines.append(f"SURF {i + 1}")
+        lines += [f"  {line}" for line in _element_lines(element, i, is_iris=i == lens.iris_index)]
+        if isinstance(element, CircularStop):
+            # A stop in glass has the glass on both sides.
+            lines += [f"  {line}" for line in _glass_lines(lens.gap_media[i + 1], i)]
+        lines.append(f"  DISZ {gap!r}")
+    lines += [f"SURF {len(lens.elements) + 1}", "  TYPE STANDARD", "  CURV 0.0", "  DISZ 0.0"]
+    return codecs.BOM_UTF16_LE + "".join(f"{line}\r\n" for line in lines).encode("utf-16-le", errors="replace")
+
+
+def _one_line(text: str) -> str:
+    return " ".join(text.split())
+
+
+def _element_lines(element: Element, i: int, *, is_iris: bool) -> list[str]:
+    if element.placement is not None:
+        raise PrescriptionError(f"element {i} is decentred or tilted, which cannot be written as .zmx; use .json")
+    size = [f"DIAM {element.semi_diameter!r} 1 0 0 1", f"FLAP 0 {element.semi_diameter!r} 0"]
+    if isinstance(element, CircularStop):
+        return [*(["STOP"] if is_iris else []), "TYPE STANDARD", "CURV 0.0", *size]
+    if not isinstance(element, Surface):
+        raise PrescriptionError(f"element {i} is {element!r}; only round stops can be written as .zmx: use .json")
+    if element.depth is not None or len(element.aspheric) > _TERMS:
+        what = "goes beyond its equator" if element.depth is not None else f"has more than {_TERMS} coefficients"
+        raise PrescriptionError(f"element {i} {what}, which cannot be written as .zmx; use .json")
+    lines = [f"TYPE {'EVENASPH' if element.aspheric else 'STANDARD'}", f"CURV {element.curvature!r}"]
+    lines += [f"CONI {element.conic!r}"] if element.conic != 0 else []
+    lines += [f"PARM {k} {a!r}" for k, a in enumerate(element.aspheric, start=1)]
+    return [*lines, *_glass_lines(element.medium, i), *size]
+
+
+def _glass_lines(medium: Medium, i: int) -> list[str]:
+    if medium == AIR:
+        return []
+    try:
+        nd, blue, red = (float(medium.index(line)) for line in (D_LINE, F_LINE, C_LINE))
+    except InvalidValueError as error:
+        raise PrescriptionError(f"the medium behind element {i} has no n_d and V_d: {error}") from None
+    vd = (nd - 1.0) / (blue - red) if blue != red else 0.0
+    if vd < 0:
+        raise PrescriptionError(
+            f"the index of the medium behind element {i} rises with the wavelength, which cannot be written as .zmx; "
+            "use .json"
+        )
+    name = getattr(medium, "name", "")
+    if name and " " not in name and not isinstance(medium, ModelGlass) and _is_bundled(name, (nd, blue, red)):
+        return [f"GLAS {name} 0 0 {nd:.5f} {vd:.2f}"]
+    if isinstance(medium, ModelGlass):
+        nd, vd = medium.nd, medium.vd
+    return [f"GLAS ___BLANK 1 0 {nd!r} {vd!r} 0 0 0 0 0"]
+
+
+def _is_bundled(name: str, indices: tuple[float, ...]) -> bool:
+    try:
+        bundled = glass(name)
+        found = [bundled.index(line) for line in (D_LINE, F_LINE, C_LINE)]
+    except InvalidValueError:
+        return False
+    return max(abs(a - b) for a, b in zip(found, indices, strict=True)) < 1e-6

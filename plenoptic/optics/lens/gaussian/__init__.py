@@ -1,0 +1,1 @@
+"""Gaussian optics of a lens."""

@@ -1,0 +1,131 @@
+"""Ray transfer matrices, from which Gaussian optics follows.
+
+They take (height, index times angle) of a paraxial ray from one element to another, so that all have determinant 1.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.core.values import number, wrong_kind
+from plenoptic.errors import InvalidValueError
+from plenoptic.optics.lens.stack import LensStack
+from plenoptic.optics.surfaces.surface import Surface
+
+_EPS = float(np.finfo(np.float64).eps)
+
+
+def without_rounding(total: float, *terms: float, steps: int = 4) -> float:
+    """`total`, or exactly 0 where it is no more than what rounding leaves of the terms it was summed from.
+
+    Examples
+    --------
+    >>> from plenoptic.optics.lens.gaussian.matrices import without_rounding
+    >>> without_rounding(0.1 + 0.2 - 0.3, 0.1, 0.2, 0.3), without_rounding(1e-12, 0.1, 0.2, 0.3)
+    (0.0, 1e-12)
+    """
+    return 0.0 if abs(total) <= 2 * steps * _EPS * sum(map(abs, terms)) else total
+
+
+def over(numerator: float, denominator: float) -> float:
+    """The quotient; inf where the denominator is 0.
+
+    Examples
+    --------
+    >>> from plenoptic.optics.lens.gaussian.matrices import over
+    >>> over(1.0, 4.0), over(1.0, 0.0)
+    (0.25, inf)
+    """
+    return numerator / denominator if denominator != 0 else math.inf
+
+
+def position(z: float, name: str) -> float:
+    """A position on the axis, which may be infinite but not nan, or an error that names it.
+
+    Examples
+    --------
+    >>> from plenoptic.optics.lens.gaussian.matrices import position
+    >>> position(-400, "z_object")
+    -400.0
+    """
+    place = number(z, name)
+    if math.isnan(place):
+        raise InvalidValueError(f"{name} is nan; it must be a position in mm, math.inf for infinitely far away")
+    return place
+
+
+def element_curvature(lens: LensStack, i: int) -> float:
+    """Curvature in 1/mm that paraxial rays meet at element i; 0 for a stop.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> from plenoptic.optics.lens.gaussian.matrices import element_curvature
+    >>> element_curvature(pl.load_lens("singlet-100mm-f4"), 0)
+    0.0
+    """
+    element = lens.elements[i]
+    return element.vertex_curvature if isinstance(element, Surface) else 0.0
+
+
+def end_surfaces(lens: LensStack) -> tuple[int, int]:
+    """Indices of the first and the last surface, or an error for what is no lens.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> from plenoptic.optics.lens.gaussian.matrices import end_surfaces
+    >>> end_surfaces(pl.load_lens("singlet-100mm-f4"))
+    (1, 2)
+    """
+    if not isinstance(lens, LensStack):
+        raise wrong_kind(lens, "lens", "LensStack", "camera.lens")
+    surfaces = [i for i, element in enumerate(lens.elements) if isinstance(element, Surface)]
+    return surfaces[0], surfaces[-1]
+
+
+def transfer_matrix(lens: LensStack, wavelength: float, first: int, last: int) -> NDArray[np.float64]:
+    """From before element `first` to behind element `last`, for (height, index times angle).
+
+    Parameters
+    ----------
+    lens : LensStack
+    wavelength : float
+        nm.
+    first, last : int
+        Indices in `lens.elements`.
+
+    Returns
+    -------
+    ndarray
+        (2, 2), of determinant 1: mm for B, 1/mm for C. Entries that are zero but for rounding are exactly 0.
+
+    References
+    ----------
+    E. Hecht, Optics, 5th ed., section 6.2.1 (with height first here).
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> from plenoptic.optics.lens.gaussian.matrices import transfer_matrix
+    >>> lens = pl.load_lens("singlet-100mm-f4")
+    >>> round(float(transfer_matrix(lens, 587.6, 0, 2)[1, 0]), 6)       # minus the power
+    -0.01
+    """
+    n = lens.indices(wavelength)
+    matrix, magnitude = np.eye(2), np.eye(2)
+    for i in range(first, last + 1):
+        gap = lens.elements[i].thickness if i < last else 0.0
+        refraction = np.array([[1.0, 0.0], [(n[i] - n[i + 1]) * element_curvature(lens, i), 1.0]])
+        transfer = np.array([[1.0, gap / n[i + 1]], [0.0, 1.0]])
+        step = transfer @ refraction
+        matrix, magnitude = step @ matrix, np.abs(transfer) @ np.abs(refraction) @ magnitude
+    steps = 4 * (last - first + 1)
+    cleaned = [
+        without_rounding(entry, size, steps=steps)
+        for entry, size in zip(matrix.ravel().tolist(), magnitude.ravel().tolist(), strict=True)
+    ]
+    return np.array(cleaned).reshape(2, 2)

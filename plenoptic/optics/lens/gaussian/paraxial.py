@@ -1,0 +1,294 @@
+"""Gaussian optics of a lens: focal length, cardinal points, pupils, conjugates, marginal and chief ray.
+
+Everything follows from the matrix that takes height and reduced angle (y, n u) of a paraxial ray from one element to
+another. Positions are z in the lens frame: mm, z = 0 at the iris, light towards +z. Scene and sensor are in the same
+medium, `lens.ambient`, so the nodal points are the principal points. Aspheres count with the curvature of their vertex.
+Elements out of place count as if they were centred, and `lens.model` does not matter.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.core.values import value
+from plenoptic.optics.lens.gaussian.conjugates import conjugates, numerical_apertures, working_f_number
+from plenoptic.optics.lens.gaussian.marginal_and_chief import (
+    ParaxialRay,
+    chief_ray,
+    lagrange_invariant,
+    marginal_ray,
+    paraxial_ray,
+)
+from plenoptic.optics.lens.gaussian.matrices import end_surfaces, over, position, transfer_matrix, without_rounding
+from plenoptic.optics.lens.stack import LensStack
+
+__all__ = [
+    "CardinalPoints",
+    "ParaxialRay",
+    "cardinal_points",
+    "chief_ray",
+    "conjugates",
+    "image_position",
+    "lagrange_invariant",
+    "magnification",
+    "marginal_ray",
+    "numerical_apertures",
+    "object_position",
+    "paraxial_ray",
+    "system_matrix",
+    "working_f_number",
+]
+
+_LONGEST = len("entrance_pupil_semi_diameter")
+
+
+@value
+class CardinalPoints:
+    """What Gaussian optics knows of a lens at one wavelength; made by `cardinal_points`.
+
+    Attributes
+    ----------
+    efl : float
+        Effective focal length in the ambient medium, mm, positive for a lens that collects; inf for an afocal one.
+    bfl, ffl : float
+        Back and front focal length, mm: z of the rear focus minus z of the last surface, and z of the front focus
+        minus z of the first surface. A camera lens mostly has bfl > 0 and ffl < 0.
+    front_focus, rear_focus : float
+        z of the focal points, mm. An afocal lens has -inf and inf.
+    front_principal, rear_principal : float
+        z of the principal planes, mm, which are the nodal planes too. An afocal lens has -inf and inf.
+    entrance_pupil, exit_pupil : float
+        z of the images of the iris through what stands before and behind it, mm; inf for a telecentric lens.
+    entrance_pupil_semi_diameter, exit_pupil_semi_diameter : float
+        Size of these images, mm. Other stops and the edges of the surfaces have no part in it.
+    pupil_magnification : float
+        Exit pupil over *iris* (not over entrance pupil); negative if the exit pupil stands upside down.
+    f_number : float
+        Absolute focal length over the diameter of the entrance pupil: for an object at infinity.
+    wavelength : float
+        nm.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> points = pl.paraxial.cardinal_points(pl.load_lens("double-gauss-100mm-f2"))
+    >>> round(points.rear_focus - points.rear_principal, 2), round(points.pupil_magnification, 3)
+    (100.72, 1.552)
+    """
+
+    efl: float
+    bfl: float
+    ffl: float
+    front_focus: float
+    rear_focus: float
+    front_principal: float
+    rear_principal: float
+    entrance_pupil: float
+    exit_pupil: float
+    entrance_pupil_semi_diameter: float
+    exit_pupil_semi_diameter: float
+    pupil_magnification: float
+    f_number: float
+    wavelength: float
+
+    def __repr__(self) -> str:
+        lines = [f"CardinalPoints at {self.wavelength:g} nm"]
+        for field in dataclasses.fields(self):
+            if field.name != "wavelength":
+                unit = "" if field.name in ("pupil_magnification", "f_number") else " mm"
+                lines.append(f"  {field.name:<{_LONGEST}} {getattr(self, field.name):>12.6g}{unit}")
+        return "\n".join(lines)
+
+
+def system_matrix(lens: LensStack, wavelength: float = 587.6) -> NDArray[np.float64]:
+    """The matrix [[A, B], [C, D]] from the vertex of the first surface to that of the last.
+
+    It takes (height in mm, angle in radians) of a paraxial ray in front of the lens to those behind it. Since there
+    is the same medium on both sides, its determinant is 1 and C is -1 / efl.
+
+    Parameters
+    ----------
+    lens : LensStack
+    wavelength : float, optional
+        nm.
+
+    Returns
+    -------
+    ndarray
+        (2, 2); entries that are zero but for rounding are exactly 0.
+
+    References
+    ----------
+    E. Hecht, Optics, 5th ed., section 6.2.1 (with height first here).
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> import numpy as np
+    >>> matrix = pl.paraxial.system_matrix(pl.load_lens("double-gauss-100mm-f2"))
+    >>> round(float(np.linalg.det(matrix)), 12)
+    1.0
+    """
+    first, last = end_surfaces(lens)
+    around = float(lens.indices(wavelength)[0])
+    ((a, b), (c, d)) = transfer_matrix(lens, wavelength, first, last).tolist()
+    return np.array([[a, b * around], [c / around, d]])
+
+
+def cardinal_points(lens: LensStack, wavelength: float = 587.6) -> CardinalPoints:
+    """Focal length, focal points, principal planes, pupils and f-number of a lens.
+
+    Parameters
+    ----------
+    lens : LensStack
+    wavelength : float, optional
+        nm.
+
+    Returns
+    -------
+    CardinalPoints
+
+    Raises
+    ------
+    InvalidValueError
+        If a medium of the lens is not defined at that wavelength.
+
+    References
+    ----------
+    W. J. Smith, Modern Optical Engineering, 4th ed., chapters 2 and 9.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> round(pl.paraxial.cardinal_points(pl.load_lens("double-gauss-100mm-f2"), wavelength=587.6).efl, 2)
+    100.72
+    """
+    first, last = end_surfaces(lens)
+    z = lens.vertices
+    ((a, _), (c, d)) = system_matrix(lens, wavelength).tolist()
+    focal = c != 0
+    efl = -1.0 / c if focal else math.inf
+    bfl, ffl = (-a / c, d / c) if focal else (math.inf, -math.inf)
+    front_focus, rear_focus = float(z[first]) + ffl, float(z[last]) + bfl
+
+    # The iris, at z = 0, seen through what stands before it and behind it.
+    front = transfer_matrix(lens, wavelength, 0, lens.iris_index)
+    rear = transfer_matrix(lens, wavelength, lens.iris_index, len(z) - 1)
+    around = float(lens.indices(wavelength)[0])
+    entrance_pupil = float(z[0]) + over(around * float(front[0, 1]), float(front[0, 0]))
+    exit_pupil = float(z[-1]) + over(-around * float(rear[0, 1]), float(rear[1, 1]))
+    magnification = over(1.0, float(rear[1, 1]))
+    semi_diameter = lens.stop.semi_diameter
+    entrance_semi_diameter = abs(over(semi_diameter, float(front[0, 0])))
+    return CardinalPoints(
+        efl=efl,
+        bfl=bfl,
+        ffl=ffl,
+        front_focus=front_focus,
+        rear_focus=rear_focus,
+        front_principal=front_focus + efl if focal else -math.inf,
+        rear_principal=rear_focus - efl if focal else math.inf,
+        entrance_pupil=entrance_pupil,
+        exit_pupil=exit_pupil,
+        entrance_pupil_semi_diameter=entrance_semi_diameter,
+        exit_pupil_semi_diameter=abs(magnification) * semi_diameter,
+        pupil_magnification=magnification,
+        f_number=over(abs(efl), 2 * entrance_semi_diameter) if focal else math.inf,
+        wavelength=float(wavelength),
+    )
+
+
+def image_position(lens: LensStack, z_object: float, wavelength: float = 587.6) -> float:
+    """Where the lens images a plane: z in mm, in the lens frame.
+
+    Parameters
+    ----------
+    lens : LensStack
+    z_object : float
+        z of the object plane, mm; negative in front of the iris, -inf for the horizon. A plane behind the first
+        surface is a virtual object.
+    wavelength : float, optional
+        nm.
+
+    Returns
+    -------
+    float
+        z of the image plane; inf where the rays leave parallel. In front of the last surface it is virtual.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> round(pl.paraxial.image_position(pl.load_lens("double-gauss-100mm-f2"), -404.0), 3)
+    134.624
+    """
+    first, last = end_surfaces(lens)
+    ((a, b), (c, d)) = system_matrix(lens, wavelength).tolist()
+    z_last, distance = float(lens.vertices[last]), float(lens.vertices[first]) - position(z_object, "z_object")
+    if math.isinf(distance):
+        return z_last + over(-a, c)
+    return z_last + over(-(a * distance + b), without_rounding(c * distance + d, c * distance, d))
+
+
+def object_position(lens: LensStack, z_image: float, wavelength: float = 587.6) -> float:
+    """Which plane the lens images to z_image: z in mm, in the lens frame; the inverse of `image_position`.
+
+    Parameters
+    ----------
+    lens : LensStack
+    z_image : float
+        z of the image plane, mm; inf where the rays leave parallel.
+    wavelength : float, optional
+        nm.
+
+    Returns
+    -------
+    float
+        z of the object plane; -inf for the horizon.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> lens = pl.load_lens("double-gauss-100mm-f2")
+    >>> round(pl.paraxial.object_position(lens, pl.paraxial.image_position(lens, -404.0)), 9)
+    -404.0
+    """
+    first, last = end_surfaces(lens)
+    ((a, b), (c, d)) = system_matrix(lens, wavelength).tolist()
+    z_first, distance = float(lens.vertices[first]), position(z_image, "z_image") - float(lens.vertices[last])
+    if math.isinf(distance):
+        return z_first - over(-d, c)
+    return z_first - over(-(b + distance * d), without_rounding(a + distance * c, a, distance * c))
+
+
+def magnification(lens: LensStack, z_object: float, wavelength: float = 587.6) -> float:
+    """Height of the image over height of the object, negative for an image that stands upside down.
+
+    Parameters
+    ----------
+    lens : LensStack
+    z_object : float
+        z of the object plane, mm, in the lens frame; -inf for the horizon.
+    wavelength : float, optional
+        nm.
+
+    Returns
+    -------
+    float
+        0 for an object infinitely far from a lens that has a focal length, inf for one in its front focus.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> round(pl.paraxial.magnification(pl.load_lens("double-gauss-100mm-f2"), -404.0), 4)
+    -0.3187
+    """
+    first, _ = end_surfaces(lens)
+    c, d = system_matrix(lens, wavelength)[1].tolist()
+    distance = float(lens.vertices[first]) - position(z_object, "z_object")
+    if math.isinf(distance):
+        return 0.0 if c != 0 else 1.0 / d
+    return over(1.0, without_rounding(c * distance + d, c * distance, d))

@@ -1,0 +1,1 @@
+"""Kernels: rays through a stack of surfaces and stops."""

@@ -1,0 +1,89 @@
+"""Which rays pass the opening of a stop: the kernels.
+
+Rays lie in the plane of the stop, in its own axes.
+"""
+
+from __future__ import annotations
+
+import math
+
+from plenoptic.core.jit import device
+from plenoptic.core.kernels.ray_blocks import BLOCK, CLIPPED, NOT_FINITE, STATUS, WEIGHT, X, Y
+
+POLYGON, ARCS, STAR = 2, 6, 7
+"""Kinds of stops; see `tables`."""
+
+MASK_HEAD = 4
+"""Numbers of a mask before its cells; see `tables`."""
+
+
+@device
+def clip_circle(ray, clear, code):
+    for i in range(BLOCK):
+        r2 = ray[X + i] * ray[X + i] + ray[Y + i] * ray[Y + i]
+        lost = 0.0 if r2 <= clear else code + CLIPPED
+        lost = lost if r2 < math.inf else code + NOT_FINITE
+        was = ray[STATUS + i]
+        ray[STATUS + i] = was if was != 0.0 else lost
+
+
+@device
+def _clip_edge(ray, nx, ny, apothem, code):
+    for i in range(BLOCK):
+        inside = nx * ray[X + i] + ny * ray[Y + i] <= apothem
+        was = ray[STATUS + i]
+        ray[STATUS + i] = was if was != 0.0 or inside else code + CLIPPED
+
+
+@device
+def _clip_arc(ray, a, b, limit, bend, code):
+    """At one edge of curved blades; see `PolygonStop.edges`."""
+    for i in range(BLOCK):
+        x, y = ray[X + i], ray[Y + i]
+        inside = a * x + b * y + bend * (x * x + y * y) <= limit
+        was = ray[STATUS + i]
+        ray[STATUS + i] = was if was != 0.0 or inside else code + CLIPPED
+
+
+@device
+def _clip_notch(ray, one, other, code):
+    """Between two tips of a star: what lies beyond both edges is lost."""
+    ax, ay, bx, by, limit = one[0], one[1], other[0], other[1], one[2]
+    for i in range(BLOCK):
+        x, y = ray[X + i], ray[Y + i]
+        inside = min(ax * x + ay * y, bx * x + by * y) <= limit
+        was = ray[STATUS + i]
+        ray[STATUS + i] = was if was != 0.0 or inside else code + CLIPPED
+
+
+@device
+def _through_mask(ray, masks, k, code):
+    """Times the transmission of the cell that is met; lost rays may be anywhere, or nowhere."""
+    first, rows, columns = int(masks[MASK_HEAD * k]), masks[MASK_HEAD * k + 1], masks[MASK_HEAD * k + 2]
+    per_mm, width = masks[MASK_HEAD * k + 3], int(columns)
+    for i in range(BLOCK):
+        u = 0.5 * columns + ray[X + i] * per_mm
+        v = 0.5 * rows - ray[Y + i] * per_mm
+        inside = u >= 0.0 and u <= columns and v >= 0.0 and v <= rows
+        column = int(min(u, columns - 1.0) if inside else 0.0)
+        row = int(min(v, rows - 1.0) if inside else 0.0)
+        passing = masks[first + row * width + column] if inside else 0.0
+        ray[WEIGHT + i] *= passing
+        was = ray[STATUS + i]
+        ray[STATUS + i] = was if was != 0.0 or passing > 0.0 else code + CLIPPED
+
+
+@device
+def clip_shape(ray, kind, edges, masks, k, code):
+    """At the edges of stop number k that lie inside the circle around it."""
+    if kind == POLYGON:
+        for j in range(edges.shape[0]):
+            _clip_edge(ray, edges[j, 0], edges[j, 1], edges[j, 2], code)
+    elif kind == ARCS:
+        for j in range(edges.shape[0]):
+            _clip_arc(ray, edges[j, 0], edges[j, 1], edges[j, 2], edges[j, 3], code)
+    elif kind == STAR:
+        for j in range(0, edges.shape[0], 2):
+            _clip_notch(ray, edges[j], edges[j + 1], code)
+    elif masks is not None:
+        _through_mask(ray, masks, k, code)

@@ -1,0 +1,43 @@
+"""What stands in for the main lens of a camera that has none."""
+
+from __future__ import annotations
+
+import math
+
+from plenoptic.core.values import positive
+from plenoptic.optics.lens.models import LensModel
+from plenoptic.optics.lens.stack import LensStack
+from plenoptic.optics.stops.stops import CircularStop
+from plenoptic.optics.surfaces.surface import Surface
+
+
+def no_lens(semi_diameter: float) -> LensStack:
+    """An opening and no lens: an array of microlenses behind it is an array of cameras.
+
+    Parameters
+    ----------
+    semi_diameter : float
+        Radius in mm of the round opening at z = 0; the array stands behind it. What it cuts off is not seen. Rays
+        are drawn over all of it, so that it should be just large enough for the array and its field.
+
+    Returns
+    -------
+    LensStack
+        A stop and a plane of air, with LensModel.NONE.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> array = pl.MicrolensArray(pitch=10.0, focal_lengths=(8.0,), lattice=pl.Lattice.SQUARE,
+    ...     aperture=pl.MicrolensAperture(pl.ApertureShape.CIRCLE, fill_factor=0.01), walls=pl.Walls.OPAQUE)
+    >>> cameras = pl.PlenopticCamera(lens=pl.no_lens(25.0), microlenses=array, stop_to_microlenses=1.0,
+    ...     microlenses_to_sensor=8.1, sensor=pl.Sensor(shape=(300, 300), pixel_pitch=0.1))
+    >>> cameras.report().kind.name
+    'CAMERA_ARRAY'
+    """
+    radius = positive(semi_diameter, "semi_diameter", "mm")
+    return LensStack(
+        [CircularStop(radius), Surface(radius=math.inf, semi_diameter=2.0 * radius)],
+        name="no lens",
+        model=LensModel.NONE,
+    )

@@ -1,0 +1,101 @@
+"""Where an element stands that is not centred on the axis: decentred, tilted, or both."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from plenoptic.core.values import finite, frozen_array, set_field, value
+from plenoptic.errors import PrescriptionError
+
+_ORTHONORMAL = 1e-12
+"""How far the rows of a rotation may be from orthonormal: a product of some hundred rotations stays within."""
+
+_IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+def rotation_about_axes(tilt: Sequence[float]) -> NDArray[np.float64]:
+    """The matrix that turns about x by tilt[0], then about y by tilt[1], then about z by tilt[2]; axes fixed, radians.
+
+    Positive angles turn y towards z, z towards x, and x towards y.
+    """
+    try:
+        angles = [finite(angle, f"tilt[{i}]") for i, angle in enumerate(tilt)]
+    except TypeError:
+        angles = []
+    if len(angles) != 3:
+        raise PrescriptionError(f"tilt is {tilt!r}; it must be three angles in radians, about x, y and z")
+    if not max(abs(angles[0]), abs(angles[1])) < math.pi / 2:
+        raise PrescriptionError(
+            f"tilt is {tuple(tilt)!r} rad; about x and y it must be below pi / 2, or light meets the back of the "
+            "element: give radians, such as math.radians(2.0)"
+        )
+    matrix = np.eye(3)
+    for axis, angle in enumerate(angles):
+        i, j = (axis + 1) % 3, (axis + 2) % 3
+        turn = np.eye(3)
+        turn[i, i] = turn[j, j] = math.cos(angle)
+        turn[j, i], turn[i, j] = math.sin(angle), -math.sin(angle)
+        matrix = turn @ matrix
+    return matrix
+
+
+@value
+class Placement:
+    """Shift and rotation of an element against its place on the axis; `LensStack.moved` makes them.
+
+    A point p of the element, measured from its vertex, lies at shift + rotation @ p from the vertex's place on the
+    axis. An element that stands where the prescription has it has no placement (None) and costs nothing.
+
+    Parameters
+    ----------
+    shift : (3,) array, optional
+        mm.
+    rotation : (3, 3) array, optional
+        From the element's axes to the lens's; orthonormal, with determinant 1.
+
+    Raises
+    ------
+    PrescriptionError
+        If the matrix is no rotation, or a number is not finite.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> pl.Placement(shift=(0.1, 0.0, 0.0)).shift.tolist()
+    [0.1, 0.0, 0.0]
+    """
+
+    shift: ArrayLike = (0.0, 0.0, 0.0)
+    rotation: ArrayLike = _IDENTITY
+
+    def __post_init__(self) -> None:
+        shift = frozen_array(self.shift, name="shift", shape=(3,))
+        rotation = frozen_array(self.rotation, name="rotation", shape=(3, 3))
+        if not (np.isfinite(shift).all() and np.isfinite(rotation).all()):
+            raise PrescriptionError("shift or rotation holds a number that is not finite; correct it")
+        off = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
+        if off > _ORTHONORMAL or np.linalg.det(rotation) < 0:
+            raise PrescriptionError(
+                f"rotation differs from an orthonormal matrix of determinant 1 by {off:.1e}; it may differ by "
+                f"{_ORTHONORMAL:g}: use lens.moved(..., tilt=...), which makes one from angles"
+            )
+        set_field(self, "shift", shift)
+        set_field(self, "rotation", rotation)
+
+    @property
+    def is_identity(self) -> bool:
+        """Whether the element stands exactly where it would without a placement."""
+        return bool(np.all(np.asarray(self.shift) == 0) and np.array_equal(self.rotation, np.eye(3)))
+
+
+def kept_placement(placement: Placement | None) -> Placement | None:
+    """The placement of an element: None for one that changes nothing, an error for what is none."""
+    if placement is None:
+        return None
+    if not isinstance(placement, Placement):
+        raise PrescriptionError(f"placement is {placement!r}; it must be a Placement or None, see LensStack.moved")
+    return None if placement.is_identity else placement

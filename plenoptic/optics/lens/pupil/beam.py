@@ -1,0 +1,310 @@
+"""Pencils: the rays from one object point that fill the real iris.
+
+A few rays are aimed at the edge of the iris. Where they leave the object point, as positions across the beam for an
+object at infinity and as direction cosines otherwise, they outline the pupil as this point sees it. The outline is
+widened and filled evenly, and the real stop and rims decide which rays pass. So nothing is interpolated: the outline
+decides where rays are drawn, never which of them count.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.core.rays import RayBundle
+from plenoptic.core.sampling import sobol_points
+from plenoptic.core.values import finite, number, wavelength_in_nm, whole, wrong_kind
+from plenoptic.errors import InvalidValueError
+from plenoptic.optics.lens.models import LensModel
+from plenoptic.optics.lens.stack import LensStack
+from plenoptic.optics.stops.shapes import MaskStop
+
+REPLICATES = 8
+"""Independent scramblings of the sampling points, from which errors are estimated."""
+
+_RIM = 64
+"""Rays aimed at the edge of the iris."""
+_SIDES = 48
+"""Sides of the polygon around them: a circle's circumscribed one is 0.14 % larger than the circle."""
+_MARGIN = 0.01
+"""How much wider than the outline the filled region is."""
+_MOST_WAVELENGTHS = 256
+_GROWTH, _MOST_GROWTHS = 1.2, 16
+_PARTS_OF_IRIS = (1.0, 0.9, 0.7, 0.5, 0.3, 0.1)
+
+
+class Pencil(NamedTuple):
+    """Rays from one object point, before and behind the lens, in `REPLICATES` equal parts one after the other."""
+
+    entering: RayBundle
+    leaving: RayBundle
+    """Lost rays included, see `RayBundle`."""
+    chief: RayBundle
+    """One ray through the centre of the iris, behind the lens."""
+    extent: float
+    """Of the region that the rays fill evenly: mm^2 across the beam, or projected solid angle for a finite object."""
+
+
+class _Launch(NamedTuple):
+    """How two coordinates make a ray: an offset across the beam (object at infinity), or two direction cosines."""
+
+    origin: NDArray[np.float64]
+    across: NDArray[np.float64] | None
+    """(2, 3) unit vectors across the beam; None for a finite object."""
+    direction: NDArray[np.float64]
+    wavelength: float
+
+    def rays(self, coordinates: NDArray[np.float64]) -> RayBundle:
+        n = len(coordinates)
+        if self.across is not None:
+            return RayBundle(
+                self.origin + coordinates @ self.across, np.broadcast_to(self.direction, (n, 3)), self.wavelength
+            )
+        along = np.empty((n, 3))
+        along[:, :2] = coordinates
+        with np.errstate(invalid="ignore"):  # beyond the horizon: NaN, which no lens lets pass
+            along[:, 2] = np.sqrt(1.0 - np.einsum("ij,ij->i", coordinates, coordinates))
+        return RayBundle(np.broadcast_to(self.origin, (n, 3)), along, self.wavelength)
+
+    def coordinates(self, rays: RayBundle) -> NDArray[np.float64]:
+        if self.across is not None:
+            return np.asarray((rays.origin - self.origin) @ self.across.T)
+        return np.asarray(rays.direction[:, :2])
+
+
+def checked_point(lens: LensStack, field: Sequence[float], z_object: float) -> tuple[tuple[float, float], float]:
+    """Field and object distance of one object point as floats, or an error."""
+    if not isinstance(lens, LensStack):
+        raise wrong_kind(lens, "lens", "LensStack", "camera.lens")
+    try:
+        x, y = (0.0, field) if np.ndim(field) == 0 else field  # type: ignore[misc]
+    except (TypeError, ValueError):
+        raise InvalidValueError(f"field is {field!r}; it must be a pair (x, y), such as (0, 0.1), or y alone") from None
+    z = number(z_object, "z_object")
+    if math.isnan(z) or z == math.inf:
+        raise InvalidValueError(f"z_object is {z}; it must be a position in mm, -math.inf for an object at infinity")
+    return (finite(x, "field x"), finite(y, "field y")), z  # type: ignore[arg-type]
+
+
+def checked_wavelengths(wavelength: float | Sequence[float]) -> tuple[float, ...]:
+    """One wavelength or several as a tuple, or an error."""
+    given: list[Any] = list(wavelength) if isinstance(wavelength, Sequence | np.ndarray) else [wavelength]
+    if not given:
+        raise InvalidValueError("wavelength is an empty sequence; give at least one, in nm")
+    return tuple(wavelength_in_nm(w) for w in given)
+
+
+def meridian(field: Sequence[float] | NDArray[np.float64]) -> NDArray[np.float64]:
+    """Unit vector (2,) in the image plane along the tangential plane: towards the field, y on the axis."""
+    x, y = (float(component) for component in field)
+    length = math.hypot(x, y)
+    return np.array([x / length, y / length]) if length > 0 else np.array([0.0, 1.0])
+
+
+def pencil(
+    lens: LensStack,
+    *,
+    field: tuple[float, float],
+    z_object: float,
+    wavelength: float,
+    rays: int,
+    seed: int,
+) -> Pencil | None:
+    """At least `rays` rays (a multiple of `REPLICATES`) from one object point; None where no ray reaches the iris.
+
+    Each carries the same light: of an object at infinity they are spread evenly over the cross section of the beam, and
+    of a finite one evenly over the direction cosines, as a Lambertian patch of the object plane sends them.
+    """
+    from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays
+
+    rim = np.asarray(lens.stop.outline(_RIM)) / lens.stop.semi_diameter
+    chief = aimed_rays(lens, field=field, pupil=np.zeros((1, 2)), z_object=z_object, wavelength=wavelength)
+    if chief.status[0] != 0:
+        return None
+    for part in _PARTS_OF_IRIS:
+        aimed = aimed_rays(lens, field=field, pupil=part * rim, z_object=z_object, wavelength=wavelength)
+        if np.count_nonzero(aimed.status == 0) >= _RIM // 2:
+            break
+        # Few rays reach the edge of the iris: begin further inside, and let the region grow.
+    aimed = aimed.selected(aimed.status == 0)
+    if len(aimed) < 3:
+        return None
+    launch = _launch(aimed, finite_object=math.isfinite(z_object))
+    corners = _grown(lens, launch, _outline(launch.coordinates(aimed)))
+    each = -(-rays // REPLICATES)
+    uniform = np.concatenate([sobol_points(each, seed=seed, replicate=k)[:, :2] for k in range(REPLICATES)])
+    points, extent = _filled(corners, uniform)
+    entering = launch.rays(points)
+    return Pencil(entering, lens.trace(entering), lens.trace(chief), extent)
+
+
+class PassingLight(NamedTuple):
+    """What of one object point's light passes the lens: one row a ray, m in all."""
+
+    points: NDArray[np.float64]
+    """(m, 2) x and y on the image plane in mm."""
+    slopes: NDArray[np.float64]
+    """(m, 2) change of x and y with z."""
+    weight: NDArray[np.float64]
+    """(m,) relative light: less than of other rays where grey masks take some of it."""
+    colour: NDArray[np.uint8]
+    """(m,) which wavelength."""
+    replicate: NDArray[np.uint8]
+    """(m,) which of the `REPLICATES`."""
+    through_iris: NDArray[np.float64]
+    """(REPLICATES,) light that passes the iris where nothing else stops or dims it."""
+    chief: NDArray[np.float64]
+    """(wavelengths, 2) where the chief rays meet the image plane in mm; NaN for those that are lost."""
+    emitted: int
+    """Rays that were traced."""
+
+
+def passing_light(
+    lens: LensStack,
+    *,
+    field: tuple[float, float],
+    z_object: float,
+    z_image: float,
+    wavelengths: tuple[float, ...],
+    rays: int,
+    seed: int,
+) -> PassingLight:
+    """Light from one object point on the plane z_image, equal radiance at each wavelength."""
+    if len(wavelengths) > _MOST_WAVELENGTHS:
+        raise InvalidValueError(f"wavelength has {len(wavelengths)} entries; give at most {_MOST_WAVELENGTHS}")
+    count, start = whole(rays, "rays", at_least=1), whole(seed, "seed", at_least=0)
+    parts = []
+    for colour, wavelength in enumerate(wavelengths):
+        beam = pencil(lens, field=field, z_object=z_object, wavelength=wavelength, rays=count, seed=start)
+        parts.append(_NO_LIGHT if beam is None else _passing_part(lens, beam, z_image, colour))
+    return PassingLight(
+        points=np.concatenate([part.points for part in parts]),
+        slopes=np.concatenate([part.slopes for part in parts]),
+        weight=np.concatenate([part.weight for part in parts]),
+        colour=np.concatenate([part.colour for part in parts]),
+        replicate=np.concatenate([part.replicate for part in parts]),
+        through_iris=np.array([part.through_iris for part in parts]).sum(axis=0),
+        chief=np.concatenate([part.chief for part in parts]),
+        emitted=sum(part.emitted for part in parts),
+    )
+
+
+_NO_LIGHT = PassingLight(
+    points=np.empty((0, 2)),
+    slopes=np.empty((0, 2)),
+    weight=np.empty(0),
+    colour=np.empty(0, np.uint8),
+    replicate=np.empty(0, np.uint8),
+    through_iris=np.zeros(REPLICATES),
+    chief=np.full((1, 2), np.nan),
+    emitted=0,
+)
+
+
+def _passing_part(lens: LensStack, beam: Pencil, z_image: float, colour: int) -> PassingLight:
+    out, passes = beam.leaving, np.flatnonzero(beam.leaving.status == 0)
+    direction, origin = out.direction[passes], out.origin[passes]
+    slopes = direction[:, :2] / direction[:, 2:]
+    each = np.full(len(out), beam.extent / len(out))
+    at_iris = light_at_iris(lens, beam)
+    reached = np.flatnonzero(at_iris)
+    replicate = np.repeat(np.arange(REPLICATES, dtype=np.uint8), len(out) // REPLICATES)
+    return PassingLight(
+        points=origin[:, :2] + (z_image - origin[:, 2:]) * slopes,
+        slopes=slopes,
+        weight=each[passes] * out.weight[passes],
+        colour=np.full(len(passes), colour, np.uint8),
+        replicate=replicate[passes],
+        through_iris=np.asarray(
+            np.bincount(replicate[reached], weights=(each * at_iris)[reached], minlength=REPLICATES), dtype=np.float64
+        ),
+        chief=beam.chief.at_z(z_image)[:, :2],
+        emitted=len(out),
+    )
+
+
+def light_at_iris(lens: LensStack, beam: Pencil) -> NDArray[np.float64]:
+    """What part of each ray of a pencil the iris lets pass if nothing else stops or dims it, (n,).
+
+    Rays lost behind the iris have passed it; those lost before it, and all but those lost at it where the iris is a
+    mask, are traced again to the iris, through surfaces and stops without rims.
+    """
+    from plenoptic.optics.lens.trace import traced_part
+
+    if lens.model in (LensModel.THIN, LensModel.PARAXIAL):  # they have no other stop
+        return beam.leaving.weight
+    iris, lost_at = lens.iris_index, beam.leaving.lost_at
+    passes = beam.leaving.status == 0
+    light = np.where(passes | (lost_at > iris), 1.0, 0.0)
+    grey = isinstance(lens.stop, MaskStop)
+    unknown = np.flatnonzero(passes | (lost_at != iris) if grey else ~passes & (lost_at < iris))
+    if len(unknown):
+        again = beam.entering.selected(unknown)
+        if iris > 0 and lens.model is LensModel.EXACT:
+            again = traced_part(lens, again, 0, iris - 1, clipping=False)
+        light[unknown] = traced_part(lens, again, iris, iris).weight
+    return light
+
+
+def _launch(aimed: RayBundle, *, finite_object: bool) -> _Launch:
+    direction = np.asarray(aimed.direction[0])
+    if finite_object:
+        return _Launch(np.asarray(aimed.origin[0]), None, direction, aimed.wavelength)
+    # Two unit vectors across the beam; x first, unless the beam runs along x.
+    aside = np.array([1.0, 0.0, 0.0]) if abs(direction[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
+    first = aside - (aside @ direction) * direction
+    first /= math.sqrt(first @ first)
+    return _Launch(
+        aimed.origin.mean(axis=0), np.stack([first, np.cross(direction, first)]), direction, aimed.wavelength
+    )
+
+
+def _outline(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Corners (_SIDES, 2) of a convex polygon around points (n, 2), close to them also where they form an ellipse."""
+    centre = points.mean(axis=0)
+    offsets = points - centre
+    covariance = offsets.T @ offsets / len(points)
+    # Seen in units of their own spread along two axes, the points lie near a circle.
+    spread = np.linalg.cholesky(covariance + 1e-12 * np.trace(covariance) * np.eye(2))
+    round_points = np.linalg.solve(spread, offsets.T).T
+    angle = 2 * math.pi * np.arange(_SIDES) / _SIDES
+    normals = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    support = (1.0 + _MARGIN) * (round_points @ normals.T).max(axis=0)
+    after, turn = np.roll(support, -1), 2 * math.pi / _SIDES
+    along = (after - support * math.cos(turn)) / math.sin(turn)
+    corners = support[:, None] * normals + along[:, None] * np.stack([-normals[:, 1], normals[:, 0]], axis=1)
+    return np.asarray(centre + corners @ spread.T)
+
+
+def _grown(lens: LensStack, launch: _Launch, corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The polygon, enlarged until no ray from its edge passes the lens."""
+    between = 0.5 * (corners + np.roll(corners, -1, axis=0))
+    edge = np.concatenate([corners, between])
+    centre = corners.mean(axis=0)
+    size = 1.0
+    for _ in range(_MOST_GROWTHS):
+        if np.all(lens.trace(launch.rays(centre + size * (edge - centre))).status != 0):
+            break
+        size *= _GROWTH
+    return np.asarray(centre + size * (corners - centre))
+
+
+def _filled(corners: NDArray[np.float64], uniform: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+    """Points (n, 2) spread evenly over a polygon from points (n, 2) of the unit square, and the polygon's area."""
+    centre = corners.mean(axis=0)
+    first = corners - centre
+    second = np.roll(first, -1, axis=0)
+    ends = np.cumsum(0.5 * (first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]))
+    area = float(ends[-1])
+    place = uniform[:, 0] * area
+    triangle = np.minimum(np.searchsorted(ends, place, side="right"), len(corners) - 1)
+    starts = np.concatenate([[0.0], ends[:-1]])
+    # The triangle is chosen by its area; the rest of the same number says where in it, the other one how far out.
+    turned = (place - starts[triangle]) / (ends - starts)[triangle]
+    points = first[triangle] + turned[:, None] * (second - first)[triangle]
+    points *= np.sqrt(uniform[:, 1])[:, None]
+    return points + centre, area

@@ -1,0 +1,175 @@
+"""Where the light of a point in front of the lens enters it: bounds, found by tracing.
+
+They decide where rays are drawn, never how they are weighed: too large a region wastes rays.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
+from plenoptic.optics.lens.models import LensModel
+from plenoptic.optics.lens.pupil.exit_pupil import grid, passing_points
+from plenoptic.optics.lens.record import IDEAL, LensTables, lens_tables
+from plenoptic.optics.lens.stack import LensStack
+from plenoptic.optics.surfaces.surface import Surface
+
+_COARSE, _DENSE, _FINE = 64, 512, 64
+"""Rays along a side of the grids that look for light: over the whole rim, again where none was found, and over the
+part that passes."""
+_SIDES = 16
+_HEIGHTS = 65
+_LARGEST_TANGENT = 1e3
+"""Tangent of the steepest ray that is drawn: steeper ones hold a millionth of the light of a plane."""
+
+
+class Entrance(NamedTuple):
+    """What is the same for all points."""
+
+    z: float
+    """Plane at which rays are aimed: no part of the lens's first element lies in front of it."""
+    depth: float
+    """How far the first element reaches behind that plane, in mm."""
+    centre: NDArray[np.float64]
+    """(2,) middle of the first element in mm."""
+    reach: float
+    """Its semi-diameter, seen along the axis, in mm."""
+    pupil: tuple[float, float, NDArray[np.float64]]
+    """Position, semi-diameter and middle (2,) of the paraxial entrance pupil in mm."""
+    tables: LensTables
+    """The lens forwards, its stops round."""
+
+
+def entrance(lens: LensStack, wavelength: float) -> Entrance:
+    """Where light enters a lens, as its model has it."""
+    tables = lens_tables(lens, wavelength, reverse=False, round_stops=True)
+    points = cardinal_points(lens, wavelength)
+    size, placed = points.entrance_pupil_semi_diameter, lens.stop.placement
+    shift = np.zeros(2) if placed is None else np.asarray(placed.shift)[:2] * (size / lens.stop.semi_diameter)
+    pupil = (points.entrance_pupil, size, shift)
+    z, axis = float(tables.z[0]), np.zeros(2)
+    if lens.model is not LensModel.EXACT:
+        return Entrance(z, 0.0, axis, math.sqrt(float(tables.clear[0])), pupil, tables)
+    first = lens.elements[0]
+    reach, sag = first.semi_diameter, np.zeros(1)
+    if isinstance(first, Surface):
+        sag = first.sag(np.linspace(0.0, reach, _HEIGHTS))
+        if first.depth is not None:
+            sag = np.append(sag, math.copysign(first.depth, first.radius))
+    low, high = float(sag.min()), float(sag.max())
+    if first.placement is not None:
+        shift, turn = np.asarray(first.placement.shift), np.asarray(first.placement.rotation)
+        sine = float(np.hypot(turn[2, 0], turn[2, 1]))
+        low, high = low + float(shift[2]) - sine * reach, high + float(shift[2]) + sine * reach
+        axis, reach = shift[:2], reach + sine * float(np.abs(sag).max())
+    return Entrance(z + low, high - low, axis, reach, pupil, tables)
+
+
+def entering_polygon(where: Entrance, point: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    """Corners (16, 2) of a polygon on the plane of the entrance that all rays from a point pass; None without light."""
+    with np.errstate(all="ignore"):  # a point too far away for its squares is out of sight
+        return _searched(where, point)
+
+
+def _searched(where: Entrance, point: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    low, high = _rim_box(where, point)
+    searches = [(low, high, _COARSE), (low, high, _DENSE)]
+    seen = _pupil_box(where, point)
+    if seen is not None:
+        searches.insert(1, (*seen, _COARSE))
+    for near, far, n in searches:
+        box = _lit_box(where, point, near, far, n, (low, high))
+        if box is not None:
+            return _outline(where, point, *box)
+    return None
+
+
+def _lit_box(
+    where: Entrance,
+    point: NDArray[np.float64],
+    near: NDArray[np.float64],
+    far: NDArray[np.float64],
+    n: int,
+    rim: tuple[NDArray[np.float64], NDArray[np.float64]],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    """A box around the points of an n x n grid that pass; where they reach its border, it grows up to the rim."""
+    while True:
+        points, mesh = grid(near, far, n)
+        passing = points[passing_points(where.tables, point, points, where.z)]
+        if not len(passing):
+            return None
+        low = np.maximum(passing.min(axis=0) - mesh, rim[0])
+        high = np.minimum(passing.max(axis=0) + mesh, rim[1])
+        if (low >= near).all() and (high <= far).all():
+            return low, high
+        width = far - near
+        near = np.where(low < near, np.maximum(near - width, rim[0]), near)
+        far = np.where(high > far, np.minimum(far + width, rim[1]), far)
+
+
+def _outline(
+    where: Entrance, point: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """The polygon of 16 sides around the points of a box that pass, widened by one step of the grid."""
+    points, mesh = grid(low, high, _FINE)
+    passing = points[passing_points(where.tables, point, points, where.z)]
+    if not len(passing):
+        passing = np.array([low, [low[0], high[1]], high, [high[0], low[1]]])
+    angle = 2 * math.pi * np.arange(_SIDES) / _SIDES
+    normals = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    support = (passing @ normals.T).max(axis=0) + mesh
+    # A corner is where a side meets the next one, turned by `turn`: along the side from its foot.
+    after, along = np.roll(support, -1), np.stack([-normals[:, 1], normals[:, 0]], axis=1)
+    turn = 2 * math.pi / _SIDES
+    return np.asarray(
+        support[:, None] * normals + ((after - support * math.cos(turn)) / math.sin(turn))[:, None] * along
+    )
+
+
+def _rim_box(where: Entrance, point: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """A box around all rays that can pass the first element, or the opening of an ideal lens."""
+    height = where.z - point[2]
+    if IDEAL in where.tables.kind:
+        centre, reach = _ideal_opening(where.tables, point)
+        return centre - reach, centre + reach
+    sides = []
+    for depth in (0.0, where.depth):
+        share = height / (height + depth)
+        middle = point[:2] + share * (where.centre - point[:2])
+        sides += [middle - share * where.reach, middle + share * where.reach]
+    return np.min(sides, axis=0), np.max(sides, axis=0)
+
+
+def _ideal_opening(tables: LensTables, point: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+    """Where rays aimed at the first plane pass the stop of an ideal lens: middle and radius of a disc.
+
+    Heights and slopes are linear in the point aimed at, m, and in the source, p: y = a m + b p, u = c m + d p.
+    """
+    height = float(tables.z[0]) - point[2]
+    a, b, c, d = 1.0, 0.0, 1.0 / height, -1.0 / height
+    z = float(tables.z[0])
+    for k, kind in enumerate(tables.kind):
+        gap = float(tables.z[k]) - z
+        a, b, z = a + gap * c, b + gap * d, float(tables.z[k])
+        if kind == IDEAL:
+            power = float(tables.curvature[k])
+            c, d, z = c - power * a, d - power * b, z + float(tables.rim[k])
+        else:
+            # The image of the stop may lie at the point itself, and all light passes, or none.
+            a = math.copysign(max(abs(a), math.sqrt(float(tables.clear[k])) / (_LARGEST_TANGENT * height)), a)
+            return -b / a * point[:2], math.sqrt(float(tables.clear[k])) / abs(a)
+    return np.zeros(2), _LARGEST_TANGENT * height
+
+
+def _pupil_box(where: Entrance, point: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    """A box around the paraxial entrance pupil as seen from the point: a small one lies between a grid's rays."""
+    z, semi_diameter, shift = where.pupil
+    if not (math.isfinite(z) and math.isfinite(semi_diameter)) or z <= point[2]:
+        return None
+    share = (where.z - point[2]) / (z - point[2])
+    middle = (1.0 - share) * point[:2] + share * shift
+    return middle - 1.5 * share * semi_diameter, middle + 1.5 * share * semi_diameter

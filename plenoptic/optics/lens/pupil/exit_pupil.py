@@ -1,0 +1,385 @@
+"""From where on a plane behind the lens light can come: bounds on the exit pupil, found by tracing.
+
+For points at a distance rho from the axis, rays are traced in reverse through a grid of points on the
+plane of the lens's last vertex, and the convex outline of those that reach the scene is kept (after
+E. Hanika et al. and pbrt's RealisticCamera, Pharr, Jakob, Humphreys, 3rd ed., section 6.4.5, with polygons of
+16 sides in place of boxes). The outline is widened by one step of the grid, so it is conservative: it
+decides where samples are drawn, never how they are weighed.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.core.values import read_only
+from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
+from plenoptic.optics.lens.models import LensModel
+from plenoptic.optics.lens.record import CIRCLE, LensTables, lens_tables
+from plenoptic.optics.lens.stack import LensStack
+from plenoptic.optics.surfaces.surface import Surface
+
+SIDES = 16
+"""Sides of an outline: a circle's circumscribed 16-gon is 1.3 % larger than the circle."""
+
+_WHOLE, _COARSE, _FINE = 128, 64, 128
+_RADII = 25
+_MOST_RADII = 225
+_BISECTIONS = 12
+_LARGEST_SHARE = 10.0
+
+Guess: TypeAlias = tuple[float, float, float]
+"""Where light may pass the plane of the outlines: x, y and half the width of a square."""
+
+
+def _rings() -> NDArray[np.float64]:
+    """Points (n, 2) near the rim of the unit disc, denser outwards: grazing light passes in crescents."""
+    radius = 1.0 - np.geomspace(1e-3, 0.6, 32)
+    angle = 2 * math.pi * (np.arange(160) + 0.5) / 160
+    return np.stack([np.outer(radius, np.cos(angle)), np.outer(radius, np.sin(angle))], axis=-1).reshape(-1, 2)
+
+
+_GRAZING = _rings()
+_AZIMUTHS = 16
+
+
+class PupilBounds(NamedTuple):
+    """Outlines for cells whose centres lie at distances [i step, (i + 1) step] from the axis.
+
+    An outline is a polygon on the plane of the last vertex, in axes turned so that the cell's centre
+    lies on +x. It holds all rays that pass the lens from any point of the cell.
+    """
+
+    normals: NDArray[np.float64]
+    """(SIDES, 2) outward normals."""
+    support: NDArray[np.float64]
+    """(n, SIDES) distances of the sides from the axis in mm; -inf where no light passes."""
+    corners: NDArray[np.float64]
+    """(n, SIDES, 2) corners in mm, counter-clockwise."""
+    reach: NDArray[np.float64]
+    """(n,) largest distance of an outline from the axis in mm."""
+    step: float
+    """Width of an interval in mm."""
+    z: float
+    """Plane of the outlines in the lens frame in mm."""
+
+
+def _normals() -> NDArray[np.float64]:
+    angle = 2 * math.pi * np.arange(SIDES) / SIDES
+    return np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
+def passing_points(
+    tables: LensTables, origin: NDArray[np.float64], points: NDArray[np.float64], z: float
+) -> NDArray[np.bool_]:
+    """Which of the rays from `origin` (3,) through `points` (n, 2) of the plane z leave the lens; tables in reverse."""
+    from plenoptic.core.kernels.ray_blocks import BLOCK
+    from plenoptic.optics.lens.kernels.trace import fill_traced
+
+    n = len(points)
+    count = -(-n // BLOCK)
+    x, y = np.zeros((2, count * BLOCK))
+    x[:n], y[:n] = points[:, 0] - origin[0], points[:, 1] - origin[1]
+    dz = float(z - origin[2])
+    per_length = 1.0 / np.sqrt(x * x + y * y + dz * dz)
+    blocks = np.empty((count, 8, BLOCK))
+    blocks[:, :3] = origin[:, None]
+    blocks[:, 3] = (x * per_length).reshape(count, BLOCK)
+    blocks[:, 4] = (y * per_length).reshape(count, BLOCK)
+    blocks[:, 5] = (dz * per_length).reshape(count, BLOCK)
+    blocks[:, 6:] = 0.0
+    fill_traced(blocks.reshape(-1), *tables)
+    return np.asarray(blocks[:, 7].reshape(-1)[:n] == 0)
+
+
+def grid(low: NDArray[np.float64], high: NDArray[np.float64], n: int) -> tuple[NDArray[np.float64], float]:
+    """Points of an n x n grid over a box and the diagonal of its mesh."""
+    x, y = (np.linspace(low[k], high[k], n) for k in range(2))
+    points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    return points, float(np.hypot(*((high - low) / (n - 1))))
+
+
+def _passing_box(
+    tables: LensTables, origin: NDArray[np.float64], z: float, guesses: list[Guess], rim: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    """A box around all points that pass. It starts from a guess (centre x, y, half width) and grows up to the rim."""
+    grazing = rim * _GRAZING
+    grazing = grazing[passing_points(tables, origin, grazing, z)]
+    for x, y, half_width in guesses:
+        low = np.array([x - half_width, y - half_width])
+        high = np.array([x + half_width, y + half_width])
+        while True:
+            points, mesh = grid(low, high, _WHOLE if half_width >= rim else _COARSE)
+            passing = points[passing_points(tables, origin, points, z)]
+            if not len(passing):
+                break
+            passing = np.concatenate([passing, grazing])
+            found_low, found_high = passing.min(axis=0) - mesh, passing.max(axis=0) + mesh
+            grow_low = (found_low < low) & (low > -rim)
+            grow_high = (found_high > high) & (high < rim)
+            if not (grow_low.any() or grow_high.any()):
+                return found_low, found_high
+            width = high - low
+            low = np.where(grow_low, np.maximum(low - width, -rim), low)
+            high = np.where(grow_high, np.minimum(high + width, rim), high)
+    return None
+
+
+def _outline(
+    tables: LensTables, origin: NDArray[np.float64], z: float, guesses: list[Guess], rim: float
+) -> NDArray[np.float64]:
+    """Support distances of the passing points as seen from one origin, (SIDES,)."""
+    box = _passing_box(tables, origin, z, guesses, rim)
+    if box is None:
+        return np.full(SIDES, -np.inf)
+    points, mesh = grid(*box, _FINE)
+    points = np.concatenate([points, rim * _GRAZING])
+    passing = points[passing_points(tables, origin, points, z)]
+    if not len(passing):
+        passing, mesh = np.array(box), 0.0
+    return np.asarray((passing @ _normals().T).max(axis=0) + mesh)
+
+
+def outline_corners(support: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Corners (n, SIDES, 2) of polygons given by (n, SIDES) support distances: neighbouring sides intersected."""
+    normals = _normals()
+    after = np.roll(normals, -1, axis=0)
+    turn = normals[:, 0] * after[:, 1] - normals[:, 1] * after[:, 0]
+    next_support = np.roll(support, -1, axis=-1)
+    x = (support * after[:, 1] - next_support * normals[:, 1]) / turn
+    y = (next_support * normals[:, 0] - support * after[:, 0]) / turn
+    return np.stack([x, y], axis=-1)
+
+
+def pupil_bounds(
+    lens: LensStack, *, z_plane: float, largest_radius: float, cell_radius: float, wavelength: float
+) -> PupilBounds:
+    """Outlines of the exit pupil for cells of a plane behind the lens; remembered for the cameras used last.
+
+    Parameters
+    ----------
+    lens : LensStack
+    z_plane : float
+        Plane of the cells in the lens frame in mm, behind the last vertex.
+    largest_radius : float
+        Distance from the axis up to which cells matter, in mm.
+    cell_radius : float
+        Largest distance of a cell's points from its centre in mm.
+    wavelength : float
+        nm.
+    """
+    tables = lens_tables(lens, wavelength, reverse=True, round_stops=True)
+    points = cardinal_points(lens, wavelength)
+    # Where the iris is, its image is: shifted with it, magnified.
+    placed = lens.stop.placement
+    across = (
+        (0.0, 0.0) if placed is None else tuple((points.pupil_magnification * np.asarray(placed.shift)[:2]).tolist())
+    )
+    pupil = (points.exit_pupil, points.exit_pupil_semi_diameter, *across)
+    columns = tuple(None if column is None else (column.shape, *column.ravel().tolist()) for column in tables[:-1])
+    rear = rear_reach(lens, z_plane, wavelength)
+    return _traced_bounds(columns, pupil, rear, float(lens.vertices[-1]), z_plane, largest_radius, cell_radius)
+
+
+def rear_reach(lens: LensStack, z_plane: float, wavelength: float) -> tuple[float, float]:
+    """How far from the axis light can cross the plane of the last vertex: (a, b) in a + b rho, in mm.
+
+    rho is the distance from the axis of the point of the plane z_plane to which the light goes. It must cross the
+    last surface inside its semi-diameter, at the rim by the sag in front of the vertex's plane or behind it; seen
+    from rho, the rim is projected onto that plane.
+    """
+    last, z_last = lens.elements[-1], float(lens.vertices[-1])
+    gap = z_plane - z_last
+    if lens.model is not LensModel.EXACT:
+        tables = lens_tables(lens, wavelength, reverse=True, round_stops=True)
+        stop = int(np.flatnonzero(tables.kind == CIRCLE)[0])
+        return _projected(gap, float(tables.z[stop]) - z_last, math.sqrt(tables.clear[stop]))
+    depth, reach, tilted = 0.0, last.semi_diameter, 0.0
+    if isinstance(last, Surface):
+        depth = float(last.sag(reach)) if last.depth is None else math.copysign(last.depth, last.radius)
+    if last.placement is not None:
+        shift, turn = np.asarray(last.placement.shift), np.asarray(last.placement.rotation)
+        tilted = reach * float(np.hypot(turn[2, 0], turn[2, 1]))
+        depth, reach = depth + float(shift[2]), reach + float(np.hypot(shift[0], shift[1]))
+    near, far = (_projected(gap, depth + side, reach) for side in (tilted, -tilted))
+    return max(near[0], far[0]), max(near[1], far[1])
+
+
+def _projected(gap: float, ahead: float, reach: float) -> tuple[float, float]:
+    """A disc of radius `reach`, `ahead` of the plane of outlines, as (a, b) of `rear_reach`."""
+    share = min(gap / max(gap - ahead, 1e-3 * gap), _LARGEST_SHARE)
+    return max(share, 1.0) * reach, abs(1.0 - share)
+
+
+_REMEMBERED = 64
+"""Bounds of some kilobytes each; a camera in colour with tilted plates of glass needs 12."""
+
+
+@functools.lru_cache(maxsize=_REMEMBERED)
+def _traced_bounds(
+    columns: tuple[tuple[Any, ...] | None, ...],
+    pupil: tuple[float, ...],
+    rear: tuple[float, float],
+    z: float,
+    z_plane: float,
+    largest_radius: float,
+    cell_radius: float,
+) -> PupilBounds:
+    """The bounds as a function of numbers alone: those of the lenses used last are remembered.
+
+    A pupil that moves by more than its size from one radius to the next would get outlines much too large; then
+    there are more radii.
+    """
+    arrays = [None if column is None else np.array(column[1:]).reshape(column[0]) for column in columns]
+    kind, first_edge = (np.asarray(arrays[LensTables._fields.index(name)], np.int64) for name in ("kind", "first_edge"))
+    tables = LensTables._make([*arrays, -1.0])._replace(kind=kind, first_edge=first_edge)
+    radii = _RADII
+    while True:
+        rho = np.linspace(0.0, largest_radius + cell_radius, radii)
+        support = _all_round(tables, rho, pupil, z, z_plane, rear)
+        if radii >= _MOST_RADII or _largest_step(support) < 0.5:
+            return _widened(rho, support, cell_radius, largest_radius, z)
+        radii *= 3
+
+
+def _largest_step(support: NDArray[np.float64]) -> float:
+    """How far an outline's middle moves from one radius to the next, over its half width."""
+    middle = np.array([_middle(row) for row in support[np.isfinite(support[:, 0])]])
+    if len(middle) < 2:
+        return 0.0
+    # Where vignetting ends the field, outlines shrink to nothing: that is no reason for more radii.
+    half_width = np.maximum(middle[1:, 2], 0.3 * middle[:, 2].max())
+    return float((np.abs(np.diff(middle[:, 0])) / half_width).max())
+
+
+def _all_round(
+    tables: LensTables,
+    rho: NDArray[np.float64],
+    pupil: tuple[float, ...],
+    z: float,
+    z_plane: float,
+    rear: tuple[float, float],
+) -> NDArray[np.float64]:
+    """Support distances as seen from all points at the distances rho, in axes turned with them.
+
+    A centred lens looks the same from everywhere on a circle. Of a lens with elements out of place, the union of
+    outlines from several azimuths is taken, and widened by what may lie between them.
+    """
+    if tables.frames is None:
+        return _followed_outlines(tables, rho, pupil, z, z_plane, rear)
+    angles = 2 * math.pi * np.arange(_AZIMUTHS) / _AZIMUTHS
+    found = np.array(
+        [_followed_outlines(_turned(tables, a), rho, _turned_pupil(pupil, a), z, z_plane, rear) for a in angles]
+    )
+    largest = found.max(axis=0)
+    smallest = np.where(np.isfinite(found), found, np.inf).min(axis=0)
+    # A change like cos(azimuth) reaches at most (1 - cos(pi / n)) of its amplitude beyond the samples.
+    spread = np.where(np.isfinite(largest), largest - smallest, 0.0)
+    return np.asarray(largest + (1.0 - math.cos(math.pi / _AZIMUTHS)) * spread)
+
+
+def _turned(tables: LensTables, angle: float) -> LensTables:
+    """The lens turned about the axis by -angle, which is the same as looking at it from the azimuth `angle`."""
+    assert tables.frames is not None
+    cos, sin = math.cos(angle), math.sin(angle)
+    turn = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    frames = tables.frames.copy()
+    for frame in frames:
+        frame[:9] = (turn @ frame[:9].reshape(3, 3)).ravel()
+        frame[9:12] = turn @ frame[9:12]
+    return tables._replace(frames=frames)
+
+
+def _turned_pupil(pupil: tuple[float, ...], angle: float) -> tuple[float, ...]:
+    z, size, x, y = pupil
+    cos, sin = math.cos(angle), math.sin(angle)
+    return z, size, cos * x + sin * y, cos * y - sin * x
+
+
+def _followed_outlines(
+    tables: LensTables,
+    rho: NDArray[np.float64],
+    pupil: tuple[float, ...],
+    z: float,
+    z_plane: float,
+    rear: tuple[float, float],
+) -> NDArray[np.float64]:
+    """Support distances (n, SIDES) as seen from points at the distances rho from the axis; -inf where it is dark.
+
+    A small pupil that a grid over the whole rim would miss is looked for where the paraxial pupil lies and where it
+    was heading. Beside a dark point, the outline from the end of the light is taken instead of none.
+    """
+    exit_pupil, semi_diameter, *across = pupil
+
+    def outline(radius: float, heading: Guess | None) -> NDArray[np.float64]:
+        rim = 1.02 * (rear[0] + rear[1] * radius)
+        guesses = [(0.0, 0.0, rim)]
+        if math.isfinite(exit_pupil) and exit_pupil < z_plane:
+            # The paraxial pupil as seen from the cell, on the plane of the last vertex.
+            share = (z_plane - z) / (z_plane - exit_pupil)
+            x, y = (share * shift for shift in across)
+            guesses.append((radius * (1 - share) + x, y, 1.5 * share * semi_diameter))
+        if heading is not None:
+            guesses.append(heading)
+        return _outline(tables, np.array([radius, 0.0, z_plane]), z, guesses, rim)
+
+    support = np.empty((len(rho), SIDES))
+    centre, heading = None, None
+    for i, radius in enumerate(rho):
+        support[i] = outline(radius, heading)
+        if np.isfinite(support[i, 0]):
+            x, y, half_width = _middle(support[i])
+            step = 0.0 if centre is None else x - centre
+            centre, heading = x, (x + step, y, 3 * half_width + abs(step))
+        elif centre is not None:
+            lit, dark = rho[i - 1], radius
+            support[i] = support[i - 1]
+            for _ in range(_BISECTIONS):
+                between = 0.5 * (lit + dark)
+                x, y, half_width = _middle(support[i])
+                found = outline(between, (x, y, 4 * half_width))
+                if np.isfinite(found[0]):
+                    lit, support[i] = between, found
+                else:
+                    dark = between
+            centre, heading = None, None
+    return support
+
+
+def _middle(support: NDArray[np.float64]) -> Guess:
+    """Middle and half width of an outline."""
+    left, right, up, down = -support[SIDES // 2], support[0], support[SIDES // 4], -support[3 * SIDES // 4]
+    return 0.5 * float(left + right), 0.5 * float(up + down), 0.5 * float(max(right - left, up - down))
+
+
+def _widened(
+    rho: NDArray[np.float64],
+    support: NDArray[np.float64],
+    cell_radius: float,
+    largest_radius: float,
+    z: float,
+) -> PupilBounds:
+    """Union of the outlines of all points of a cell, for intervals of the distance of its centre."""
+    normals = _normals()
+    bins, spacing = len(rho) - 1, rho[1] - rho[0]
+    step = largest_radius / bins if largest_radius > 0 else 1.0
+    lit = np.isfinite(support[:, 0])
+    corners = outline_corners(np.where(lit[:, None], support, 0.0))
+    wide = np.full((bins, SIDES), -np.inf)
+    for b in range(bins):
+        low, high = b * step - cell_radius, (b + 1) * step + cell_radius
+        near = lit & (rho >= low - spacing) & (rho <= high + spacing)
+        if not near.any():
+            continue
+        turn = math.pi if b * step <= cell_radius else math.asin(cell_radius / (b * step))
+        for angle in np.linspace(-turn, turn, 16 if turn > 0.3 else 3):
+            rotation = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+            reached = corners[near].reshape(-1, 2) @ rotation.T @ normals.T
+            wide[b] = np.maximum(wide[b], reached.max(axis=0))
+    outline = outline_corners(np.where(np.isfinite(wide), wide, 0.0))
+    reach = np.where(np.isfinite(wide[:, 0]), np.linalg.norm(outline, axis=-1).max(axis=-1), 0.0)
+    return PupilBounds(read_only(normals), read_only(wide), read_only(outline), read_only(reach), step, z)

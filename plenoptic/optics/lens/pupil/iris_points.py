@@ -1,0 +1,85 @@
+"""Points of the iris, in units of its semi-diameter: patterns in the unit disc."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.core.values import whole
+
+
+def hexapolar(rings: int) -> NDArray[np.float64]:
+    """The centre and rings of 6, 12, 18, ... points around it, the outermost on the rim.
+
+    Parameters
+    ----------
+    rings : int
+        At least 1.
+
+    Returns
+    -------
+    ndarray
+        (1 + 3 rings (rings + 1), 2), the centre first; each point but those of the rim stands for nearly the same area.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> pl.aiming.hexapolar(1).round(3).tolist()[:3]
+    [[0.0, 0.0], [1.0, 0.0], [0.5, 0.866]]
+    """
+    count = whole(rings, "rings", at_least=1)
+    points = [np.zeros((1, 2))]
+    for ring in range(1, count + 1):
+        angle = 2 * math.pi * np.arange(6 * ring) / (6 * ring)
+        points.append(ring / count * np.column_stack([np.cos(angle), np.sin(angle)]))
+    return np.concatenate(points)
+
+
+def square_grid(n: int) -> NDArray[np.float64]:
+    """The centres of those of n x n equal squares over the disc that lie within it.
+
+    Parameters
+    ----------
+    n : int
+        At least 1.
+
+    Returns
+    -------
+    ndarray
+        (k, 2), k near pi n^2 / 4; row by row from negative y. Each point stands for the same area, and for an odd n
+        one lies in the centre.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> pl.aiming.square_grid(2).tolist()
+    [[-0.5, -0.5], [0.5, -0.5], [-0.5, 0.5], [0.5, 0.5]]
+    """
+    count = whole(n, "n", at_least=1)
+    x = (2 * np.arange(count) + 1 - count) / count
+    points = np.stack(np.meshgrid(x, x), axis=-1).reshape(-1, 2)
+    return np.asarray(points[np.hypot(points[:, 0], points[:, 1]) <= 1])
+
+
+def fan(n: int) -> NDArray[np.float64]:
+    """Points on the diameter along y, from -1 to 1; the tangential fan of a field along y.
+
+    Parameters
+    ----------
+    n : int
+        At least 2; with an odd n one lies in the centre.
+
+    Returns
+    -------
+    ndarray
+        (n, 2). `fan(n)[:, ::-1]` is the fan along x.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> pl.aiming.fan(3).tolist()
+    [[0.0, -1.0], [0.0, 0.0], [0.0, 1.0]]
+    """
+    return np.column_stack([np.zeros(whole(n, "n", at_least=2)), np.linspace(-1.0, 1.0, n)])

@@ -1,0 +1,322 @@
+"""Ray aiming: rays from one object point through given points of the real iris.
+
+A ray that starts towards a point of the paraxial entrance pupil misses the iris where pupils have aberrations: in wide
+angles by much, in fisheyes altogether. Here rays are searched from the iris outwards (see `iris_search`), and each one
+that is found is traced inwards again and compared with its point of the iris.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from plenoptic.core.rays import RayBundle, RayStatus
+from plenoptic.core.values import finite, frozen_array, number, wrong_kind
+from plenoptic.errors import InvalidValueError
+from plenoptic.optics.lens.gaussian.paraxial import cardinal_points, magnification
+from plenoptic.optics.lens.models import LensModel
+from plenoptic.optics.lens.pupil.iris_points import fan, hexapolar, square_grid
+from plenoptic.optics.lens.pupil.search import (
+    SOLVED,
+    Half,
+    aimed_angles,
+    directions_of,
+    half_of,
+    outermost,
+    points_of,
+    traced_through,
+)
+from plenoptic.optics.lens.stack import LensStack
+
+__all__ = [
+    "aimed_rays",
+    "aimed_rays_reverse",
+    "chief_ray",
+    "entrance_pupil_of",
+    "fan",
+    "hexapolar",
+    "square_grid",
+]
+
+Floats = NDArray[np.float64]
+
+_EPS = float(np.finfo(np.float64).eps)
+
+_ON_THE_IRIS = 1e-9
+"""How far, in mm, an aimed ray may miss its point, above what the digits of its origin allow."""
+
+_CLEARANCE = 1.0
+"""Distance in mm by which the wavefront of an infinitely far point lies before the lens."""
+
+
+def _wavefront(lens: LensStack, towards: Floats, points: Floats) -> float:
+    """Distance along `towards` (3,) of a plane that has the whole lens, and the finite ones of `points`, behind it."""
+    across = math.hypot(towards[0], towards[1])
+    reach = [float(np.nanmax(points @ towards, initial=-math.inf))]
+    for element, profile in zip(lens.elements, lens.profiles(9), strict=True):
+        aside = 0.0 if element.placement is None else float(np.hypot(*np.asarray(element.placement.shift)[:2]))
+        reach.append(float(np.max((np.abs(profile[:, 1]) + aside) * across + profile[:, 0] * towards[2])))
+    return max(reach) + _CLEARANCE
+
+
+def _exact_rays(lens: LensStack, half: Half, pupil: Floats) -> RayBundle:
+    angles, miss = aimed_angles(half, lens, pupil)
+    wanted = points_of(lens, pupil)
+    first, _ = outermost(half, wanted, angles)
+    if half.aim.size == 2:
+        towards = directions_of(half.aim[None], half.sign)[0]
+        back = _wavefront(lens, towards, first[np.isfinite(miss)]) - first @ towards
+        origin = first + back[:, None] * towards
+        direction = np.broadcast_to(-towards, origin.shape)
+    else:
+        origin = np.broadcast_to(half.aim, first.shape)
+        direction = RayBundle(origin, first - origin, half.wavelength).direction
+    found, _ = traced_through(half.inwards, origin, direction, half.wavelength)
+    allowed = _ON_THE_IRIS + 1e2 * _EPS * np.abs(origin[np.isfinite(origin)]).max(initial=0.0)
+    with np.errstate(invalid="ignore"):
+        off = np.linalg.norm(found - wanted, axis=1)
+        lost = ~((miss <= SOLVED) & (off <= allowed))
+    return _bundle(origin, direction, half.wavelength, lost)
+
+
+def _bundle(origin: Floats, direction: Floats, wavelength: float, lost: NDArray[np.bool_]) -> RayBundle:
+    status = np.where(lost, np.uint8(RayStatus.MISSED), np.uint8(0))
+    void = np.where(lost, np.nan, 0.0)[:, None]
+    return RayBundle(origin + void, direction + void, wavelength, status=status)
+
+
+def _pupil_plane(lens: LensStack, wavelength: float, *, scene: bool) -> tuple[float, float]:
+    """Place on the axis and signed magnification of the image of the iris that an ideal model of the lens shows."""
+    if lens.model is LensModel.NONE:
+        return 0.0, 1.0
+    points = cardinal_points(lens, wavelength)
+    size = points.entrance_pupil_semi_diameter / lens.stop.semi_diameter
+    if lens.model is LensModel.THIN:
+        return points.rear_principal, size
+    z = points.entrance_pupil if scene else points.exit_pupil
+    if not math.isfinite(z):
+        raise InvalidValueError(
+            f"the {'entrance' if scene else 'exit'} pupil of {lens.name!r} is infinitely far away, so that its ideal "
+            "model has no points to aim at; use LensModel.EXACT"
+        )
+    if not scene:
+        return z, points.pupil_magnification
+    if not math.isfinite(points.exit_pupil):
+        return z, size
+    return z, points.pupil_magnification / magnification(lens, z, wavelength)
+
+
+def _ideal_rays(lens: LensStack, wavelength: float, pupil: Floats, aim: Floats, *, scene: bool) -> RayBundle:
+    """Rays towards the image of the iris that an ideal model of the lens shows."""
+    z, scale = _pupil_plane(lens, wavelength, scene=scene)
+    points = np.column_stack([scale * lens.stop.semi_diameter * pupil, np.full(len(pupil), z)])
+    if lens.model is LensModel.NONE:
+        points = points_of(lens, pupil)
+    sign = -1.0 if scene else 1.0
+    if aim.size == 3:
+        # Inwards, even where the image of the iris lies farther out than the object.
+        direction = (points - aim) * np.where(sign * (points[:, 2:] - aim[2]) > 0, -1.0, 1.0)
+        return _bundle(np.broadcast_to(aim, points.shape), direction, wavelength, np.zeros(len(points), dtype=bool))
+    towards = directions_of(aim[None], sign)[0]
+    back = _wavefront(lens, towards, points) - points @ towards
+    direction = np.broadcast_to(-towards, points.shape)
+    return _bundle(points + back[:, None] * towards, direction, wavelength, np.zeros(len(points), dtype=bool))
+
+
+def _checked_pair(values: float | Sequence[float] | Floats, name: str) -> Floats:
+    pair = frozen_array(np.array([0.0, values]) if np.ndim(values) == 0 else values, name=name, shape=(2,))  # type: ignore[arg-type]
+    if not np.isfinite(pair).all():
+        raise InvalidValueError(f"{name} is {pair.tolist()}; it must be two finite numbers")
+    return pair
+
+
+def _checked_pupil(pupil: ArrayLike) -> Floats:
+    points = frozen_array(pupil, name="pupil", shape=(None, 2))
+    if not np.isfinite(points).all():
+        raise InvalidValueError("pupil holds a number that is not finite; give points of the iris")
+    return points
+
+
+def _aim(lens: LensStack, pair: Floats, z: float, *, scene: bool) -> Floats:
+    """The point that is aimed at, as `Half` has it."""
+    name, sign = ("z_object", -1.0) if scene else ("z_image", 1.0)
+    place = number(z, name)
+    if place == sign * math.inf:
+        if not math.hypot(*pair) < math.pi:
+            raise InvalidValueError(
+                f"{'field' if scene else 'image_point'} {pair.tolist()} is not below pi; give radians"
+            )
+        return pair
+    end = float(lens.vertices[0 if scene else -1])
+    if not (math.isfinite(place) and sign * (place - end) > 0):
+        side = "before the first" if scene else "behind the last"
+        limit = f"{'below' if scene else 'above'} {end:g}"
+        raise InvalidValueError(
+            f"{name} is {place:g} mm; it must lie {side} element, {limit}, or be {sign * math.inf:g}"
+        )
+    return np.array([*pair, place])
+
+
+def _aimed(lens: LensStack, pair: Floats, z: float, pupil: ArrayLike, wavelength: float, *, scene: bool) -> RayBundle:
+    if not isinstance(lens, LensStack):
+        raise wrong_kind(lens, "lens", "LensStack", "camera.lens")
+    points, aim = _checked_pupil(pupil), _aim(lens, pair, z, scene=scene)
+    if lens.model is not LensModel.EXACT:
+        return _ideal_rays(lens, finite(wavelength, "wavelength"), points, aim, scene=scene)
+    return _exact_rays(lens, half_of(lens, finite(wavelength, "wavelength"), aim, scene=scene), points)
+
+
+def aimed_rays(
+    lens: LensStack,
+    *,
+    field: Sequence[float] | Floats,
+    pupil: ArrayLike,
+    z_object: float = -math.inf,
+    wavelength: float = 587.6,
+) -> RayBundle:
+    """Rays from one object point that pass the real iris at given points.
+
+    Semi-diameters and other stops are not looked at: whether a ray passes them is for `LensStack.trace` to say.
+
+    Parameters
+    ----------
+    lens : LensStack
+        Centred or not. Of a lens that is not LensModel.EXACT, rays aim at the image of the iris that the model has.
+    field : (2,) sequence of float
+        Of an object infinitely far away, angles x and y in rad: it is seen from the lens at the angle hypot(x, y) from
+        -z, at the azimuth atan2(y, x). A positive y sends rays downwards. 90 degrees and more are possible. Of an
+        object at a finite distance, its x and y in mm.
+    pupil : (n, 2) array
+        Points of the iris, x and y in units of its semi-diameter; see `hexapolar`, `square_grid` and `fan`. A ray aimed
+        at the rim itself may be clipped there by rounding: for the marginal ray take 1 - 1e-9.
+    z_object : float, optional
+        z of the object in the lens frame, mm, before the first vertex; -inf: infinitely far away.
+    wavelength : float, optional
+        nm.
+
+    Returns
+    -------
+    RayBundle
+        n rays before the lens: origins at the object point or, of one infinitely far away, on a wavefront: a plane
+        across the rays, before the whole lens. Where the object point has no ray through a point of the iris, the
+        status is MISSED.
+
+    Raises
+    ------
+    InvalidValueError
+        If the object is not before the lens, an angle is not below pi, or a number is not finite.
+
+    Examples
+    --------
+    >>> import math
+    >>> import plenoptic as pl
+    >>> lens = pl.load_lens("fisheye-100mm-f8")
+    >>> rays = pl.aiming.aimed_rays(lens, field=(0.0, math.radians(85.0)), pupil=[[0.0, 0.0], [0.0, 0.5]])
+    >>> rays.direction.round(4).tolist()
+    [[0.0, -0.9962, 0.0872], [0.0, -0.9962, 0.0872]]
+    >>> lens.trace(rays).status.tolist()
+    [0, 0]
+    """
+    return _aimed(lens, _checked_pair(field, "field"), z_object, pupil, wavelength, scene=True)
+
+
+def aimed_rays_reverse(
+    lens: LensStack,
+    *,
+    image_point: Sequence[float] | Floats,
+    z_image: float,
+    pupil: ArrayLike,
+    wavelength: float = 587.6,
+) -> RayBundle:
+    """Rays from one point behind the lens, towards the scene, that pass the real iris at given points.
+
+    Parameters
+    ----------
+    lens : LensStack
+    image_point : (2,) sequence of float
+        x and y in mm; of a point infinitely far away, angles against +z as in `aimed_rays`.
+    z_image : float
+        z of the point in the lens frame, mm, behind the last vertex; inf: infinitely far away.
+    pupil : (n, 2) array
+        Points of the iris in units of its semi-diameter.
+    wavelength : float, optional
+        nm.
+
+    Returns
+    -------
+    RayBundle
+        n rays behind the lens, for `LensStack.trace_reverse`; otherwise as `aimed_rays`.
+
+    Raises
+    ------
+    InvalidValueError
+        If the point is not behind the lens or a number is not finite.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> lens = pl.load_lens("double-gauss-100mm-f2")
+    >>> rays = pl.aiming.aimed_rays_reverse(lens, image_point=(0, 20), z_image=130.0, pupil=[[0, 0]])
+    >>> bool(rays.direction[0, 2] < 0), lens.trace_reverse(rays).status.tolist()
+    (True, [0])
+    """
+    return _aimed(lens, _checked_pair(image_point, "image_point"), z_image, pupil, wavelength, scene=False)
+
+
+def chief_ray(
+    lens: LensStack, *, field: Sequence[float] | Floats, z_object: float = -math.inf, wavelength: float = 587.6
+) -> RayBundle:
+    """The ray from an object point through the centre of the iris; parameters as those of `aimed_rays`.
+
+    Returns
+    -------
+    RayBundle
+        One ray.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> pl.aiming.chief_ray(pl.load_lens("double-gauss-100mm-f2"), field=(0.0, 0.3))
+    RayBundle(1 ray, 1 OK, 587.6 nm)
+    """
+    return aimed_rays(lens, field=field, pupil=np.zeros((1, 2)), z_object=z_object, wavelength=wavelength)
+
+
+def entrance_pupil_of(
+    lens: LensStack, field: Sequence[float] | Floats, *, z_object: float = -math.inf, wavelength: float = 587.6
+) -> float:
+    """Where the entrance pupil is for one field: the point of the axis nearest to the chief ray before the lens.
+
+    Parameters
+    ----------
+    lens : LensStack
+    field : (2,) sequence of float
+        As in `aimed_rays`.
+    z_object : float, optional
+        mm; -inf: infinitely far away.
+    wavelength : float, optional
+        nm.
+
+    Returns
+    -------
+    float
+        z in the lens frame, mm; nan where there is no chief ray. On the axis, the paraxial entrance pupil.
+
+    Examples
+    --------
+    >>> import math
+    >>> import plenoptic as pl
+    >>> lens = pl.load_lens("fisheye-100mm-f8")
+    >>> [round(pl.aiming.entrance_pupil_of(lens, (0.0, math.radians(angle)))) for angle in (0, 40, 80)]
+    [-238, -251, -302]
+    """
+    pair = _checked_pair(field, "field")
+    if not pair.any():
+        return cardinal_points(lens, wavelength).entrance_pupil
+    ray = chief_ray(lens, field=pair, z_object=z_object, wavelength=wavelength)
+    (x, y, z), (l, m, n) = ray.origin[0].tolist(), ray.direction[0].tolist()
+    across = l * l + m * m
+    return z - n * (x * l + y * m) / across if across != 0 else math.inf

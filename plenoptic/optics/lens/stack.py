@@ -1,0 +1,410 @@
+"""The lens: a stack of surfaces and stops on one axis."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from plenoptic.core.rays import RayBundle
+from plenoptic.core.values import choice, finite, read_only, set_field, value, whole
+from plenoptic.errors import PrescriptionError
+from plenoptic.optics.glass.media import AIR, Medium
+from plenoptic.optics.lens.elements import Element, checked_elements, is_stop, with_inserted
+from plenoptic.optics.lens.models import LensModel
+from plenoptic.optics.lens.moving import moved_group
+from plenoptic.optics.stops.stops import Stop
+from plenoptic.optics.surfaces.outline import placed, section
+from plenoptic.optics.surfaces.surface import Surface
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from plenoptic.optics.lens.checks.check import Finding
+
+
+@value
+class LensStack:
+    """A lens: surfaces and stops in the order in which light from the scene meets them.
+
+    The lens has its own frame: z along the axis towards the sensor, z = 0 at the iris, lengths in mm. Scene and
+    sensor are in the same medium, mostly air. Lenses are equal when all their fields are.
+
+    Parameters
+    ----------
+    elements : sequence of Surface and stops: CircularStop, PolygonStop, StarStop, MaskStop
+        From the scene (-z) to the sensor (+z); at least one surface and one stop. Each one's `thickness` is the gap
+        to the next. Kept as a tuple; the gap behind the last one belongs to the camera and is set to 0.
+    iris : int, optional
+        Index in `elements` of the stop that is the iris; the first stop if it is left out.
+    name : str, optional
+        For people and for figures.
+    source : str, optional
+        Where the numbers come from: patent, book and page.
+    ambient : Medium, optional
+        What is before the first surface and behind the last one; keyword only. AIR means that all indices are relative
+        to air, as in glass catalogues. For a lens in vacuum, or in real air with absolute indices, see `Absolute`.
+    model : LensModel, optional
+        How faithfully rays are followed; keyword only. EXACT: through every surface.
+
+    Raises
+    ------
+    PrescriptionError
+        If there is no surface or no stop, an element is neither, `iris` is not a stop, the gaps add up to no finite
+        length, or the last medium is not the ambient one.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> singlet = pl.LensStack([pl.CircularStop(semi_diameter=5.0, thickness=2.0),
+    ...                         pl.Surface(51.68, thickness=4.0, medium=pl.ConstantMedium(1.5168), semi_diameter=12.0),
+    ...                         pl.Surface(float("inf"), semi_diameter=12.0)], name="plano-convex")
+    >>> singlet
+    <LensStack 'plano-convex': 2 surfaces, 1 stop, 6 mm long>
+    >>> singlet.vertices
+    array([0., 2., 6.])
+    """
+
+    elements: Sequence[Element]
+    iris: int | None = None
+    name: str = ""
+    source: str = ""
+    ambient: Medium = dataclasses.field(default=AIR, kw_only=True)
+    model: LensModel = dataclasses.field(default=LensModel.EXACT, kw_only=True)
+
+    def __post_init__(self) -> None:
+        if isinstance(self.ambient, Sequence | type) or not callable(getattr(self.ambient, "index", None)):
+            raise PrescriptionError(f"ambient is {self.ambient!r}; it must be a medium, such as pl.AIR")
+        set_field(self, "model", choice(self.model, LensModel, "model"))
+        set_field(self, "elements", checked_elements(self.elements, self.ambient))
+        stops = [i for i, element in enumerate(self.elements) if is_stop(element)]
+        iris = stops[0] if self.iris is None else whole(self.iris, "iris", at_least=0)
+        if iris not in stops:
+            raise PrescriptionError(f"iris is element {iris}, which is not a stop; the stops are elements {stops}")
+        set_field(self, "iris", iris)
+        if not np.isfinite(sum(element.thickness for element in self.elements)):
+            raise PrescriptionError("the gaps add up to no finite length; reduce their thickness")
+
+    @property
+    def iris_index(self) -> int:
+        """Index in `elements` of the iris."""
+        assert self.iris is not None
+        return self.iris
+
+    @property
+    def stop(self) -> Stop:
+        """The iris."""
+        element = self.elements[self.iris_index]
+        assert not isinstance(element, Surface)
+        return element
+
+    @property
+    def vertices(self) -> NDArray[np.float64]:
+        """Position z of each element in mm, (n,), never decreasing; exactly 0 at the iris."""
+        gaps = [element.thickness for element in self.elements]
+        iris = self.iris_index
+        # Summed outwards from the iris, as prescriptions are read.
+        before = -np.cumsum([0.0, *gaps[:iris][::-1]])[::-1]
+        after = np.cumsum([0.0, *gaps[iris:-1]])
+        return read_only(np.concatenate([before[:-1], after]))
+
+    @property
+    def length(self) -> float:
+        """Distance from the first to the last element in mm."""
+        return float(self.vertices[-1] - self.vertices[0])
+
+    @property
+    def gap_media(self) -> tuple[Medium, ...]:
+        """The medium before the first element and behind each of them, n + 1 in all."""
+        media: list[Medium] = [self.ambient]
+        for element in self.elements:
+            media.append(element.medium if isinstance(element, Surface) else media[-1])
+        return tuple(media)
+
+    def indices(self, wavelength: float = 587.6) -> NDArray[np.float64]:
+        """Refractive index before the first element and behind each of them.
+
+        Parameters
+        ----------
+        wavelength : float, optional
+            nm.
+
+        Returns
+        -------
+        ndarray
+            (n + 1,); a stop has the index of the gap in which it stands.
+
+        Raises
+        ------
+        InvalidValueError
+            If a medium is not defined at that wavelength; a PrescriptionError if it answers with an index that is
+            below 1 or not finite.
+
+        Examples
+        --------
+        >>> import plenoptic as pl
+        >>> pl.load_lens("singlet-100mm-f4").indices(587.6).round(4)
+        array([1.    , 1.    , 1.5168, 1.    ])
+        """
+        found = np.array([float(medium.index(wavelength)) for medium in self.gap_media])
+        for i in np.flatnonzero(~((found >= 1.0) & (found < np.inf))):
+            raise PrescriptionError(
+                f"the medium behind element {i - 1} has the refractive index {found[i]:g} at {wavelength:g} nm; "
+                "it must be finite and at least 1: use another medium"
+            )
+        return read_only(found)
+
+    def with_model(self, model: LensModel) -> LensStack:
+        """The same lens, followed more or less faithfully.
+
+        Parameters
+        ----------
+        model : LensModel
+
+        Returns
+        -------
+        LensStack
+            Its elements stay; `trace` and cameras treat it as the model says.
+
+        Examples
+        --------
+        >>> import plenoptic as pl
+        >>> lens = pl.load_lens("double-gauss-100mm-f2").with_model(pl.LensModel.THIN)
+        >>> out = lens.trace(pl.RayBundle([[0, 5, -400.0]], [[0, 0, 1.0]]))
+        >>> bool(abs(out.at_z(pl.paraxial.cardinal_points(lens).rear_focus)[0, 1]) < 1e-12)
+        True
+        """
+        return dataclasses.replace(self, model=model)
+
+    def moved(
+        self,
+        which: int | slice | Sequence[int],
+        *,
+        shift: Sequence[float] = (0.0, 0.0, 0.0),
+        tilt: Sequence[float] = (0.0, 0.0, 0.0),
+        pivot: float | None = None,
+    ) -> LensStack:
+        """The same lens with one element, or several as one rigid group, decentred and tilted.
+
+        Moves add up: each one acts on the lens as the ones before left it. The paraxial description stays that of the
+        centred lens.
+
+        Parameters
+        ----------
+        which : int, slice or sequence of int
+            Indices in `elements` of what moves.
+        shift : (3,) sequence of float, optional
+            Along x, y and z in mm.
+        tilt : (3,) sequence of float, optional
+            About the axes through the pivot parallel to x, y and z, one after the other, radians. A positive tilt about
+            x turns y towards z.
+        pivot : float, optional
+            z in the lens frame of the point of the axis about which the group is turned, mm; the vertex of its first
+            element if it is left out.
+
+        Returns
+        -------
+        LensStack
+
+        Raises
+        ------
+        PrescriptionError
+            If `which` names no element.
+
+        Examples
+        --------
+        >>> import plenoptic as pl
+        >>> lens = pl.load_lens("singlet-100mm-f4")
+        >>> lens.moved(slice(1, 3), shift=(0.2, 0, 0)).elements[1].placement.shift.tolist()
+        [0.2, 0.0, 0.0]
+        """
+        place = None if pivot is None else finite(pivot, "pivot")
+        moved = moved_group(self.elements, self.vertices, which, shift=shift, tilt=tilt, pivot=place)
+        return dataclasses.replace(self, elements=moved)
+
+    def with_stop(self, stop: Stop) -> LensStack:
+        """The same lens with another iris in the same place; the gap behind the iris stays.
+
+        Examples
+        --------
+        >>> import plenoptic as pl
+        >>> lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.PolygonStop(blades=6, semi_diameter=5.0))
+        >>> lens.stop
+        PolygonStop(blades=6, semi_diameter=5.0, thickness=9.0)
+        """
+        if not isinstance(stop, Stop):
+            raise PrescriptionError(f"stop is {stop!r}; it must be a stop, such as a CircularStop")
+        elements = list(self.elements)
+        placement = self.stop.placement if stop.placement is None else stop.placement
+        elements[self.iris_index] = dataclasses.replace(stop, thickness=self.stop.thickness, placement=placement)
+        return dataclasses.replace(self, elements=elements)
+
+    def inserted(self, stop: Stop, z: float) -> LensStack:
+        """The same lens with one more stop, in an air gap, in front of the lens or behind it; the iris stays.
+
+        Parameters
+        ----------
+        stop : Stop
+            Its own thickness is replaced by what is left of the gap.
+        z : float
+            Position in the lens frame, mm; z = 0 is the iris.
+
+        Raises
+        ------
+        PrescriptionError
+            If `z` lies inside glass.
+
+        Examples
+        --------
+        >>> import plenoptic as pl
+        >>> lens = pl.load_lens("double-gauss-100mm-f2")
+        >>> lens.inserted(pl.CircularStop(18.0), z=31.0).vertices[-2:]
+        array([30.31, 31.  ])
+        """
+        if not isinstance(stop, Stop):
+            raise PrescriptionError(f"stop is {stop!r}; it must be a stop, such as a CircularStop")
+        elements, at = with_inserted(self.elements, self.vertices, self.gap_media, stop, finite(z, "z"))
+        return dataclasses.replace(self, elements=elements, iris=self.iris_index + (at <= self.iris_index))
+
+    def profiles(self, points: int = 41) -> tuple[NDArray[np.float64], ...]:
+        """The section of each element in the plane x = 0, up to its rim: (points, 2) arrays of z, y in mm.
+
+        Of an element that is tilted out of that plane, the projection of its own section.
+        """
+        count = whole(points, "points", at_least=2)
+        return tuple(
+            placed(section(element, count), float(z), element.placement)
+            for z, element in zip(self.vertices, self.elements, strict=True)
+        )
+
+    @property
+    def glasses(self) -> tuple[tuple[int, int], ...]:
+        """The pairs of surfaces (indices in `elements`) that have glass between them."""
+        surfaces = [i for i, element in enumerate(self.elements) if not is_stop(element)]
+        return tuple((i, j) for i, j in pairwise(surfaces) if self.gap_media[i + 1] != self.ambient)
+
+    def __repr__(self) -> str:
+        stops = sum(map(is_stop, self.elements))
+        surfaces = len(self.elements) - stops
+        counts = f"{surfaces} surface{'s' * (surfaces != 1)}, {stops} stop{'s' * (stops != 1)}"
+        moved = sum(element.placement is not None for element in self.elements)
+        out = f", {moved} element{'s' * (moved != 1)} out of place" if moved else ""
+        model = "" if self.model is LensModel.EXACT else f", as {self.model.name}"
+        return f"<LensStack {self.name!r}: {counts}, {self.length:g} mm long{out}{model}>"
+
+    def _repr_svg_(self) -> str:
+        from plenoptic.plots.lens import lens_svg
+
+        return lens_svg(self)
+
+    def check(self, wavelength: float = 587.6) -> tuple[Finding, ...]:
+        """What looks wrong with the lens: edges that overlap, rays that cannot pass, total reflection at the rims.
+
+        Parameters
+        ----------
+        wavelength : float, optional
+            nm.
+
+        Returns
+        -------
+        tuple of Finding
+            Empty for a lens with which nothing looks wrong.
+
+        Examples
+        --------
+        >>> import plenoptic as pl
+        >>> pl.load_lens("double-gauss-100mm-f2").check()
+        ()
+        """
+        from plenoptic.optics.lens.checks.check import findings
+
+        return findings(self, wavelength)
+
+    def layout(
+        self,
+        *,
+        fields: ArrayLike | None = None,
+        z_object: float | None = None,
+        rays: int = 7,
+        wavelength: float = 587.6,
+        z_image: float | None = None,
+        ax: Axes | None = None,
+    ) -> Axes:
+        """Draw the lens with a fan of real rays for each of some fields, true to scale.
+
+        Parameters
+        ----------
+        fields : (n,) array, optional
+            Along +y: half angles in radians, or heights in mm in the plane `z_object`; three that are worth drawing if
+            left out.
+        z_object : float, optional
+            mm; -inf: infinitely far. If left out, that, or the front focus of a lens whose rear focus does not lie
+            behind it.
+        rays : int, optional
+            Rays of each fan, evenly over the iris. Those that a rim stops end there.
+        wavelength : float, optional
+            nm.
+        z_image : float, optional
+            Where rays end, mm; the paraxial image plane if left out.
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure if left out.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Examples
+        --------
+        >>> import plenoptic as pl
+        >>> pl.load_lens("double-gauss-100mm-f2").layout(fields=[0.0, 0.2]).get_xlabel()
+        'z / mm'
+        """
+        from plenoptic.optics.lens.analysis.layout import layout
+
+        return layout(self, fields=fields, z_object=z_object, rays=rays, wavelength=wavelength, z_image=z_image, ax=ax)
+
+    def trace(self, rays: RayBundle, *, threads: int | None = None) -> RayBundle:
+        """Trace rays through the lens towards the sensor.
+
+        Parameters
+        ----------
+        rays : RayBundle
+            In the lens frame. Where a ray's origin lies on it does not matter.
+        threads : int, optional
+            Threads for large bundles; None: one for each processor.
+
+        Returns
+        -------
+        RayBundle
+            Origins on the last element. A ray that was lost has weight 0, a status, the element at which
+            it was lost, and NaN for origin and direction.
+
+        Examples
+        --------
+        >>> import plenoptic as pl
+        >>> lens = pl.load_lens("double-gauss-100mm-f2")
+        >>> out = lens.trace(pl.RayBundle([[0, 0, -404.0], [0, 30, -404]], [[0, 0, 1.0], [0, 0, 1]]))
+        >>> [pl.RayStatus(s).name for s in out.status], out.lost_at.tolist()
+        (['OK', 'CLIPPED'], [-1, 0])
+        """
+        from plenoptic.optics.lens.trace import traced
+
+        return traced(self, rays, reverse=False, threads=threads)
+
+    def trace_reverse(self, rays: RayBundle, *, threads: int | None = None) -> RayBundle:
+        """Trace rays through the lens towards the scene; otherwise as `trace`.
+
+        Examples
+        --------
+        >>> import plenoptic as pl
+        >>> lens = pl.load_lens("double-gauss-100mm-f2")
+        >>> lens.trace_reverse(pl.RayBundle([[0, 0, 123.3]], [[0, 0, -1.0]])).at_z(-404.0)
+        array([[   0.,    0., -404.]])
+        """
+        from plenoptic.optics.lens.trace import traced
+
+        return traced(self, rays, reverse=True, threads=threads)

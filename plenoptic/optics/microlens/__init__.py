@@ -1,0 +1,1 @@
+"""The microlens array: lattice, openings, imperfections, dust, and the record that kernels read."""

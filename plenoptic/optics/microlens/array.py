@@ -1,0 +1,382 @@
+"""The microlens array: lenses on a lattice, of one or several types, or listed one by one."""
+
+from __future__ import annotations
+
+import dataclasses
+import enum
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from plenoptic.core.values import choice, finite, frozen_array, positive, read_only, set_field, value
+from plenoptic.errors import InvalidValueError
+from plenoptic.optics.microlens.aperture import Gaps, MicrolensAperture, Opening, Walls, opening_of
+from plenoptic.optics.microlens.imperfections import (
+    Imperfections,
+    MicrolensDeviations,
+    MicrolensImperfections,
+    largest_offset,
+    least_factor,
+)
+from plenoptic.optics.microlens.lattice import (
+    Lattice,
+    cell_polygon,
+    default_pattern,
+    lattice_basis,
+    polygon_area,
+    polygon_edges,
+)
+from plenoptic.optics.microlens.listed import Lenslets, lenslets
+
+_HIGH_INDEX = 10.0
+_MOST_DISTANCES = 1 << 22
+
+
+class MicrolensModel(enum.IntEnum):
+    """How a microlens refracts.
+
+    PINHOLE: all light of a cell passes its centre, undeviated. THIN: an ideal thin lens in one plane. FLAT_HIGH_INDEX:
+    two planes of high index, one with the normals of a sphere, as published Blender models have it. SPHERICAL: an
+    exact plano-convex lens of glass.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> [model.name for model in pl.MicrolensModel]
+    ['PINHOLE', 'THIN', 'FLAT_HIGH_INDEX', 'SPHERICAL']
+    """
+
+    PINHOLE = 0
+    """All light that reaches the cell passes its centre, undeviated: every depth is sharp. It counts as if the whole
+    cell were open, so that images are as bright as with the other models."""
+    THIN = 1
+    """Ideal thin lens in one plane."""
+    FLAT_HIGH_INDEX = 2
+    """Two planes of a medium of high index; on one of them light is refracted by the normals of the sphere of radius
+    f (index - 1), as if the lens had its curvature but no height (Michels et al. 2018, section 4)."""
+    SPHERICAL = 3
+    """Exact plano-convex lens: a sphere and a plane of glass."""
+
+
+class ConvexSide(enum.IntEnum):
+    """Which side of a plano-convex microlens is curved.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> pl.ConvexSide.SCENE.name
+    'SCENE'
+    """
+
+    SCENE = 0
+    SENSOR = 1
+
+
+@value
+class MicrolensArray:
+    """Microlenses in a plane, centred on a lattice or listed.
+
+    Parameters
+    ----------
+    pitch : float or (float, float)
+        Distance between nearest neighbours in mm; RECTANGULAR: along x and y. FREE: no cell reaches farther than this
+        along x and y.
+    focal_lengths : tuple of float
+        Focal length of each type of microlens in mm, at 587.6 nm; positive for convex lenses, and in the models THIN
+        and PINHOLE also negative.
+    lattice : Lattice
+    model : MicrolensModel
+        PINHOLE, THIN, or one of the plates FLAT_HIGH_INDEX and SPHERICAL with the fields below.
+    thickness : float
+        Plates: axial thickness in mm, from the vertex of the curved side to the flat side.
+    index : float
+        Plates: refractive index at 587.6 nm; the radius of curvature is f (index - 1). FLAT_HIGH_INDEX: at least 10.
+    convex_side : ConvexSide
+        Plates: where the curved side faces.
+    pattern : (p, q) array of int, optional
+        Type of the lens (i, j), whose centre is i a + j b with the rows a, b of `basis`: pattern[i mod p, j mod q].
+        None: (i - j) mod the number of types, with which hexagonal arrays of three types have no equal neighbours.
+    centres : (n, 2) array, optional
+        FREE: the centres in mm.
+    types : (n,) array of int, optional
+        FREE: the type of each lens; None: all are of the first.
+    aperture : MicrolensAperture, optional
+        Openings of the lenses and what lies between them; None: lenses fill their cells.
+    walls : Walls
+        OPAQUE separates the spaces behind the cells, up to the sensor, as in an array of cameras.
+    imperfections : MicrolensImperfections or MicrolensDeviations, optional
+        How individual lenses differ from this design; None: not at all.
+
+    Raises
+    ------
+    InvalidValueError
+        For a pitch or thickness that is not positive, a focal length of 0, an index that is too low,
+        a sphere too small to cover its cell, centres that coincide, a type that is none, or a lattice, model or side
+        that is none.
+
+    Notes
+    -----
+    Arrays take no memory for each lens unless lenses are listed or have imperfections.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> array = pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,), lattice=pl.Lattice.HEXAGONAL)
+    >>> f"{array.cell_area:.6f} mm^2"
+    '0.040780 mm^2'
+    >>> multi_focus = pl.MicrolensArray(pitch=0.217, focal_lengths=(1.7, 2.0, 2.4))
+    >>> multi_focus.lenses((-0.3, -0.3), (0.3, 0.3)).type.tolist()
+    [2, 1, 1, 0, 2, 2, 1]
+    """
+
+    pitch: float | tuple[float, float]
+    focal_lengths: tuple[float, ...]
+    lattice: Lattice = Lattice.HEXAGONAL
+    model: MicrolensModel = MicrolensModel.THIN
+    thickness: float = 0.1
+    index: float = 1.5
+    convex_side: ConvexSide = ConvexSide.SCENE
+    pattern: NDArray[np.int64] | None = dataclasses.field(default=None, kw_only=True)
+    centres: NDArray[np.float64] | None = dataclasses.field(default=None, kw_only=True)
+    types: NDArray[np.int64] | None = dataclasses.field(default=None, kw_only=True)
+    aperture: MicrolensAperture | None = dataclasses.field(default=None, kw_only=True)
+    imperfections: Imperfections | None = dataclasses.field(default=None, kw_only=True)
+    walls: Walls = dataclasses.field(default=Walls.NONE, kw_only=True)
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self,
+            pitch: float | tuple[float, float],
+            focal_lengths: tuple[float, ...],
+            lattice: Lattice = Lattice.HEXAGONAL,
+            model: MicrolensModel = MicrolensModel.THIN,
+            thickness: float = 0.1,
+            index: float = 1.5,
+            convex_side: ConvexSide = ConvexSide.SCENE,
+            *,
+            pattern: ArrayLike | None = None,
+            centres: ArrayLike | None = None,
+            types: ArrayLike | None = None,
+            aperture: MicrolensAperture | None = None,
+            imperfections: Imperfections | None = None,
+            walls: Walls = Walls.NONE,
+        ) -> None: ...
+
+    def __post_init__(self) -> None:
+        set_field(self, "lattice", choice(self.lattice, Lattice, "lattice"))
+        set_field(self, "pitch", _checked_pitch(self.pitch, self.lattice))
+        given = self.focal_lengths if isinstance(self.focal_lengths, tuple | list) else (self.focal_lengths,)
+        focal_lengths = tuple(finite(f, "focal_lengths") for f in given)
+        if not focal_lengths or 0 in focal_lengths:
+            raise InvalidValueError(
+                f"focal_lengths is {focal_lengths}; give one in mm for each type, not 0, such as (2.0,)"
+            )
+        set_field(self, "focal_lengths", focal_lengths)
+        set_field(self, "model", choice(self.model, MicrolensModel, "model"))
+        set_field(self, "convex_side", choice(self.convex_side, ConvexSide, "convex_side"))
+        set_field(self, "thickness", positive(self.thickness, "thickness of the microlenses", "mm"))
+        set_field(self, "index", finite(self.index, "index of the microlenses"))
+        if not self.index > 1:
+            raise InvalidValueError(f"index of the microlenses is {self.index}; it must be above 1")
+        set_field(self, "walls", choice(self.walls, Walls, "walls"))
+        self._check_types()
+        for name, kinds in (
+            ("aperture", (MicrolensAperture,)),
+            ("imperfections", (MicrolensImperfections, MicrolensDeviations)),
+        ):
+            if getattr(self, name) is not None and not isinstance(getattr(self, name), kinds):
+                raise InvalidValueError(f"{name} is {getattr(self, name)!r}; it must be a {kinds[0].__name__} or None")
+        if self.aperture is not None:
+            _ = self.opening
+            if self.model is MicrolensModel.PINHOLE and self.aperture.gaps is Gaps.CLEAR:
+                raise InvalidValueError("light passes a PINHOLE only at its centre; give gaps=Gaps.OPAQUE")
+        if self.is_plate:
+            self._check_plate()
+
+    def _check_types(self) -> None:
+        free = self.lattice is Lattice.FREE
+        for name in ("centres", "types") if not free else ("pattern",):
+            if getattr(self, name) is not None:
+                raise InvalidValueError(
+                    f"{name} is given for the lattice {self.lattice.name}; "
+                    + ("list types instead" if free else "it belongs to Lattice.FREE: leave it out")
+                )
+        if free:
+            if self.centres is None:
+                raise InvalidValueError("the lattice is FREE and has no centres; give centres, an (n, 2) array in mm")
+            set_field(self, "centres", frozen_array(self.centres, name="centres", shape=("n", 2)))
+            if not len(self.centres) or not np.isfinite(self.centres).all():
+                raise InvalidValueError("centres is empty or holds a number that is not finite; list centres in mm")
+            if len(np.unique(self.centres, axis=0)) < len(self.centres):
+                raise InvalidValueError("centres lists a place twice; give each microlens its own")
+        for name, shape in (("pattern", ("p", "q")), ("types", (None if self.centres is None else len(self.centres),))):
+            given = getattr(self, name)
+            if given is None:
+                continue
+            array = frozen_array(given, name=name, shape=shape, dtype=np.int64)
+            if not array.size or array.min() < 0 or array.max() >= len(self.focal_lengths):
+                raise InvalidValueError(
+                    f"{name} holds types outside 0 to {len(self.focal_lengths) - 1}; give each a focal length"
+                )
+            set_field(self, name, array)
+
+    def _check_plate(self) -> None:
+        shortest, reach = min(self.focal_lengths), self.opening.reach
+        if shortest < 0:
+            raise InvalidValueError(
+                f"focal length {shortest:g} mm: a plano-convex microlens collects light; use one above 0"
+            )
+        shortest *= 1.0 if self.imperfections is None else least_factor(self.imperfections)
+        reach += 0.0 if self.imperfections is None else largest_offset(self.imperfections)
+        radius = shortest * (self.index - 1.0)
+        if radius < reach:
+            raise InvalidValueError(
+                f"radius of curvature {radius:g} mm is below the corner of the opening at {reach:g} mm, "
+                "imperfections included; increase the focal length or the index, or reduce the pitch or the spread"
+            )
+        if self.model is MicrolensModel.FLAT_HIGH_INDEX:
+            if self.index < _HIGH_INDEX:
+                raise InvalidValueError(
+                    f"index of the microlenses is {self.index:g}; FLAT_HIGH_INDEX stands for a nearly flat lens and "
+                    f"needs at least {_HIGH_INDEX:g}: give index=100.0, or choose SPHERICAL"
+                )
+            return
+        sag = reach**2 / (radius + math.sqrt(radius**2 - reach**2))
+        if sag > self.thickness:
+            raise InvalidValueError(
+                f"thickness {self.thickness:g} mm is below the sag {sag:g} mm at the opening's corner; increase it"
+            )
+
+    @property
+    def pitches(self) -> tuple[float, float]:
+        """Pitch along x and y in mm; the same number twice but for RECTANGULAR."""
+        return self.pitch if isinstance(self.pitch, tuple) else (self.pitch, self.pitch)
+
+    @property
+    def type_pattern(self) -> NDArray[np.int64]:
+        """(p, q) array: the type of lens (i, j) is type_pattern[i mod p, j mod q]."""
+        return read_only(default_pattern(len(self.focal_lengths)) if self.pattern is None else self.pattern)
+
+    @property
+    def focal_length(self) -> float:
+        """Focal length of the lens at the array's centre in mm; of FREE ones, of the first."""
+        if self.lattice is Lattice.FREE:
+            return self.focal_lengths[0 if self.types is None else int(self.types[0])]
+        return self.focal_lengths[int(self.type_pattern[0, 0])]
+
+    @property
+    def is_plate(self) -> bool:
+        """Whether rays pass two surfaces of glass, so that thickness, index and convex side matter."""
+        return self.model in (MicrolensModel.FLAT_HIGH_INDEX, MicrolensModel.SPHERICAL)
+
+    @property
+    def radius(self) -> float:
+        """Plates: radius of curvature of the lens at the centre in mm, f (index - 1)."""
+        return self.focal_length * (self.index - 1.0)
+
+    @property
+    def principal_separation(self) -> float:
+        """Distance from the front to the rear principal plane in mm: 0 for a thin lens."""
+        return self.thickness * (1.0 - 1.0 / self.index) if self.is_plate else 0.0
+
+    @property
+    def basis(self) -> NDArray[np.float64]:
+        """(2, 2) array: rows are the lattice vectors in mm; centres are their whole multiples, but for FREE."""
+        return read_only(lattice_basis(self.lattice, self.pitches))
+
+    @property
+    def cell_edges(self) -> NDArray[np.float64]:
+        """(k, 3) array: outward normal x, y and distance from the centre of each edge of a cell."""
+        return read_only(polygon_edges(self.cell_corners))
+
+    @property
+    def cell_radius(self) -> float:
+        """Distance from a cell's centre to its corners in mm; of FREE ones, of the largest possible cell."""
+        return float(np.hypot(*self.cell_corners.T).max())
+
+    @property
+    def cell_corners(self) -> NDArray[np.float64]:
+        """(k, 2) array: corners of the cell at the centre in mm, counter-clockwise; of FREE ones, of the largest."""
+        return read_only(cell_polygon(self.lattice, self.pitches))
+
+    @property
+    def cell_area(self) -> float:
+        """Area of a cell in mm^2; of FREE ones, of the largest possible."""
+        return polygon_area(self.cell_corners)
+
+    @property
+    def opening(self) -> Opening:
+        """The part of a cell that is a lens; of FREE ones, the fill factor is that of a square of the pitch."""
+        if self.aperture is None:
+            return Opening(self.cell_corners)
+        free = self.lattice is Lattice.FREE
+        return opening_of(self.aperture, cell_polygon(Lattice.SQUARE, self.pitches) if free else self.cell_corners)
+
+    def lenses(self, low: ArrayLike, high: ArrayLike) -> Lenslets:
+        """The microlenses whose designed centres lie in a box, with what is individual about them.
+
+        Parameters
+        ----------
+        low, high : (2,) arrays
+            Corners of the box on the plane of the array in mm.
+
+        Returns
+        -------
+        Lenslets
+
+        Examples
+        --------
+        >>> import plenoptic as pl
+        >>> array = pl.MicrolensArray(pitch=1.0, focal_lengths=(2.0,), lattice=pl.Lattice.SQUARE)
+        >>> array.lenses((-0.5, -0.5), (1.5, 0.5)).centre.tolist()
+        [[0.0, 0.0], [1.0, 0.0]]
+        """
+        return lenslets(self, frozen_array(low, name="low", shape=(2,)), frozen_array(high, name="high", shape=(2,)))
+
+    def nearest(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Centres of the cells that hold points, as designed.
+
+        Parameters
+        ----------
+        points : (n, 2) array
+            Points on the plane of the array in mm.
+
+        Returns
+        -------
+        (n, 2) array
+            Centres in mm.
+
+        Examples
+        --------
+        >>> import numpy as np, plenoptic as pl
+        >>> array = pl.MicrolensArray(pitch=1.0, focal_lengths=(2.0,), lattice=pl.Lattice.SQUARE)
+        >>> array.nearest(np.array([[0.6, 0.4]]))
+        array([[1., 0.]])
+        """
+        points = np.asarray(points, dtype=np.float64)
+        if self.centres is not None:
+            each = max(1, _MOST_DISTANCES // len(self.centres))
+            parts = [
+                np.linalg.norm(points[k : k + each, None] - self.centres, axis=-1).argmin(axis=1)
+                for k in range(0, len(points), each)
+            ]
+            return np.asarray(self.centres[np.concatenate([np.empty(0, np.int64), *parts])])
+        base = np.floor(points @ np.linalg.inv(self.basis))
+        corners = np.stack([base + step for step in ([0, 0], [0, 1], [1, 0], [1, 1])]) @ self.basis
+        distance = np.linalg.norm(corners - points, axis=-1)
+        return np.asarray(np.take_along_axis(corners, distance.argmin(axis=0)[None, :, None], axis=0)[0])
+
+
+def _checked_pitch(pitch: float | tuple[float, float], lattice: Lattice) -> float | tuple[float, float]:
+    if lattice is not Lattice.RECTANGULAR:
+        if isinstance(pitch, tuple | list):
+            raise InvalidValueError(f"pitch is {pitch}; only Lattice.RECTANGULAR has two: give one number in mm")
+        return positive(pitch, "pitch", "mm")
+    try:
+        x, y = pitch  # type: ignore[misc]
+    except (TypeError, ValueError):
+        raise InvalidValueError(f"pitch is {pitch!r}; Lattice.RECTANGULAR needs two in mm, along x and y") from None
+    return positive(x, "pitch along x", "mm"), positive(y, "pitch along y", "mm")

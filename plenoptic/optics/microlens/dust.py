@@ -1,0 +1,302 @@
+"""Dust and scratches on a plane of the camera: listed, or scattered from a seed."""
+
+from __future__ import annotations
+
+import dataclasses
+import enum
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from plenoptic.core.values import choice, finite, frozen_array, positive, set_field, value, whole
+from plenoptic.errors import InvalidValueError
+
+MOST_BLEMISHES = 5_000_000
+"""Blemishes that may be scattered at once."""
+
+_MOST_MEMBERS = 16
+"""Bins are widened until they list each blemish so often at most, on average."""
+
+
+class BlemishSite(enum.IntEnum):
+    """The plane on which blemishes lie, and whose axes their places are given in.
+
+    Examples
+    --------
+    >>> from plenoptic.optics.microlens.dust import BlemishSite
+    >>> [site.name for site in BlemishSite]
+    ['SENSOR', 'ARRAY', 'LENS_REAR', 'LENS_FRONT']
+    """
+
+    SENSOR = 0
+    """Parallel to the sensor, at a distance in front of it: on its cover glass, or on the pixels."""
+    ARRAY = 1
+    """The plane of the microlens array."""
+    LENS_REAR = 2
+    """The plane of the main lens's last vertex."""
+    LENS_FRONT = 3
+    """The plane of the main lens's first vertex."""
+
+
+@value
+class Blemishes:
+    """Grains of dust and scratches on one plane; what several of them let pass at one point multiplies.
+
+    Each blemish is a capsule, all points nearer than `radius` to the segment from `start` to `end`. A segment without
+    length is a round grain.
+
+    Parameters
+    ----------
+    site : BlemishSite
+        The plane.
+    start, end : (n, 2) arrays
+        Ends of the segments in mm, in the own axes of sensor, array or lens, from its centre.
+    radius : (n,) array or float
+        In mm, above 0: of a grain, and half the width of a scratch.
+    transmission : (n,) array or float
+        Part of the light that passes, 0 (opaque) to 1.
+    height : float
+        SENSOR: distance of the plane in front of the sensor in mm, along its normal; 0 is on the pixels. A path is
+        dimmed where it crosses the plane, so that dust at a height has a blurred shadow. 0 for all other sites.
+
+    Raises
+    ------
+    InvalidValueError
+        For arrays of different lengths, numbers out of range, or a height where there is no sensor.
+
+    Examples
+    --------
+    >>> from plenoptic.optics.microlens.dust import Blemishes, BlemishSite
+    >>> grain = Blemishes(BlemishSite.SENSOR, start=[(0, 0)], end=[(0, 0)], radius=[0.1], transmission=[0.25])
+    >>> grain.at([(0.0, 0.05), (0.2, 0.0)])
+    array([0.25, 1.  ])
+    """
+
+    site: BlemishSite
+    start: NDArray[np.float64]
+    end: NDArray[np.float64]
+    radius: NDArray[np.float64]
+    transmission: NDArray[np.float64]
+    height: float = dataclasses.field(default=0.0, kw_only=True)
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self,
+            site: BlemishSite,
+            start: ArrayLike,
+            end: ArrayLike,
+            radius: ArrayLike,
+            transmission: ArrayLike,
+            *,
+            height: float = 0.0,
+        ) -> None: ...
+
+    def __post_init__(self) -> None:
+        set_field(self, "site", choice(self.site, BlemishSite, "site of the blemishes"))
+        set_field(self, "start", _numbers(self.start, "start", ("n", 2)))
+        n = len(self.start)
+        set_field(self, "end", _numbers(self.end, "end", (n, 2)))
+        for name in ("radius", "transmission"):
+            given = getattr(self, name)
+            alike = isinstance(given, int | float | np.number)
+            set_field(self, name, _numbers(np.full(n, given) if alike else given, name, (n,)))
+        if not (self.radius > 0).all():
+            raise InvalidValueError(f"radius of a blemish is {self.radius.min():g} mm; it must be above 0")
+        if not ((self.transmission >= 0) & (self.transmission <= 1)).all():
+            raise InvalidValueError(
+                "transmission of the blemishes holds a number outside 0 to 1; it is the part of the light that passes"
+            )
+        set_field(self, "height", finite(self.height, "height of the blemishes"))
+        if self.height < 0:
+            raise InvalidValueError(
+                f"height of the blemishes is {self.height:g} mm; it must be at least 0: they lie in front of the sensor"
+            )
+        if self.height > 0 and self.site is not BlemishSite.SENSOR:
+            raise InvalidValueError(
+                f"height of the blemishes is {self.height:g} mm at the site {self.site.name}; only SENSOR has one: "
+                "leave it at 0"
+            )
+
+    def __len__(self) -> int:
+        return len(self.radius)
+
+    @classmethod
+    def scattered(
+        cls,
+        site: BlemishSite,
+        *,
+        half_size: tuple[float, float],
+        dust_per_mm2: float = 0.0,
+        dust_radius: float = 0.005,
+        dust_spread: float = 0.5,
+        scratches: int = 0,
+        scratch_length: float = 1.0,
+        scratch_width: float = 0.005,
+        transmission: float = 0.0,
+        seed: int = 0,
+        height: float = 0.0,
+    ) -> Blemishes:
+        """Dust and scratches at random places of a rectangle.
+
+        Parameters
+        ----------
+        site : BlemishSite
+            The plane.
+        half_size : (float, float)
+            Half the width and height of the rectangle in mm; it is centred on the plane's origin.
+        dust_per_mm2 : float
+            Mean number of grains on a mm^2; how many there are follows Poisson's distribution.
+        dust_radius : float
+            Median radius of the grains in mm.
+        dust_spread : float
+            Standard deviation of the logarithm of the radius, which is normal; 0: all grains are alike.
+        scratches : int
+            Number of scratches. Their middles lie anywhere in the rectangle, their directions are uniform.
+        scratch_length, scratch_width : float
+            From end to end of the segment, and across, in mm.
+        transmission : float
+            Of each blemish, 0 (opaque) to 1.
+        seed : int
+            The same seed gives the same blemishes (of one version of NumPy); scratches do not move the dust.
+        height : float
+            As for `Blemishes`.
+
+        Returns
+        -------
+        Blemishes
+            Dust first, then scratches.
+
+        Raises
+        ------
+        InvalidValueError
+            For numbers out of range or more than five million blemishes.
+
+        Examples
+        --------
+        >>> from plenoptic.optics.microlens.dust import Blemishes, BlemishSite
+        >>> dusty = Blemishes.scattered(BlemishSite.SENSOR, half_size=(5.0, 5.0), dust_per_mm2=2.0, seed=1)
+        >>> 150 < len(dusty) < 250
+        True
+        """
+        sides = frozen_array(half_size, name="half_size", shape=(2,))
+        half = np.array([positive(side, "half_size", "mm") for side in sides])
+        mean = 4.0 * float(half.prod()) * _at_least_0(dust_per_mm2, "dust_per_mm2")
+        scratches = whole(scratches, "scratches", at_least=0)
+        if mean + scratches > MOST_BLEMISHES:
+            raise InvalidValueError(
+                f"some {mean + scratches:.3g} blemishes are asked for, and the limit is {MOST_BLEMISHES}; "
+                "reduce dust_per_mm2, scratches or half_size"
+            )
+        spread = _at_least_0(dust_spread, "dust_spread")
+        median, width = positive(dust_radius, "dust_radius", "mm"), positive(scratch_width, "scratch_width", "mm")
+        length = positive(scratch_length, "scratch_length", "mm")
+        seed = whole(seed, "seed", at_least=0)
+        dust, lines = (np.random.default_rng([seed, kind]) for kind in range(2))
+        grains = int(dust.poisson(mean))
+        grain = dust.uniform(-1.0, 1.0, (grains, 2)) * half
+        middle = lines.uniform(-1.0, 1.0, (scratches, 2)) * half
+        angle = lines.uniform(0.0, math.pi, scratches)
+        arm = 0.5 * length * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        radius = median * np.exp(spread * dust.standard_normal(grains))
+        return cls(
+            site,
+            np.concatenate([grain, middle - arm]),
+            np.concatenate([grain, middle + arm]),
+            np.concatenate([radius, np.full(scratches, 0.5 * width)]),
+            finite(transmission, "transmission of the blemishes"),
+            height=height,
+        )
+
+    def at(self, points: ArrayLike) -> NDArray[np.float64]:
+        """What part of the light passes at points (n, 2) of the plane, in its own axes in mm; (n,).
+
+        Examples
+        --------
+        See `Blemishes`.
+        """
+        from plenoptic.optics.microlens.kernels.dust import fill_passing
+
+        given = frozen_array(points, name="points", shape=("n", 2))
+        passing = np.empty(len(given))
+        fill_passing(passing, given, *blemish_tables(self))
+        return passing
+
+
+def _numbers(given: ArrayLike, name: str, shape: tuple[int | str, ...]) -> NDArray[np.float64]:
+    if len(shape) == 2 and isinstance(given, list | tuple) and not given:
+        given = np.zeros((0, 2))
+    array = frozen_array(given, name=f"{name} of the blemishes", shape=shape)
+    if not np.isfinite(array).all():
+        raise InvalidValueError(f"{name} of the blemishes holds a number that is not finite; correct it")
+    return array
+
+
+def _at_least_0(number: float, name: str) -> float:
+    given = finite(number, name)
+    if given < 0:
+        raise InvalidValueError(f"{name} is {given:g}; it must be at least 0")
+    return given
+
+
+class BlemishTables(NamedTuple):
+    """Blemishes as the numbers that kernels read, and a grid of bins to find them."""
+
+    grid: NDArray[np.float64]
+    """(5,): corner x, y of the grid in mm, bins per mm, numbers of columns and rows."""
+    bin_first: NDArray[np.int64]
+    members: NDArray[np.int64]
+    """Blemishes, bin after bin: those of bin b from bin_first[b] on."""
+    capsules: NDArray[np.float64]
+    """(n, CAPSULE), see `dust`."""
+
+
+def blemish_tables(blemishes: Blemishes) -> BlemishTables:
+    """Compile blemishes: at most six bins for each; wider ones where blemishes are larger than their distance."""
+    from plenoptic.optics.microlens.kernels.dust import count_members, fill_blemish_bins
+
+    n, capsules = len(blemishes), _capsules(blemishes)
+    if not n:
+        nowhere = np.array([0.0, 0.0, 1.0, 1.0, 1.0])
+        return BlemishTables(nowhere, np.zeros(2, np.int64), np.zeros(0, np.int64), capsules)
+    reach = blemishes.radius[:, None]
+    low = (np.minimum(blemishes.start, blemishes.end) - reach).min(axis=0)
+    high = (np.maximum(blemishes.start, blemishes.end) + reach).max(axis=0)
+    slack = 16.0 * np.finfo(float).eps * float(np.abs([low, high]).max())
+    low, high = low - slack, high + slack
+    size = high - low
+    width = max(math.sqrt(float(size[0]) * float(size[1]) / (2 * n)), float(size.max()) / (2 * n))
+    while True:
+        columns, rows = (np.floor(size / width) + 1).astype(int)
+        grid = np.array([low[0], low[1], 1.0 / width, columns, rows])
+        total = count_members(capsules, grid, slack)
+        if total <= _MOST_MEMBERS * n or columns * rows == 1:
+            break
+        width *= 2.0
+    bin_first, members = np.zeros(columns * rows + 1, np.int64), np.empty(total, np.int64)
+    fill_blemish_bins(bin_first, members, capsules, grid, slack)
+    return BlemishTables(grid, bin_first, members, capsules)
+
+
+def _capsules(blemishes: Blemishes) -> NDArray[np.float64]:
+    along = blemishes.end - blemishes.start
+    with np.errstate(divide="ignore", over="ignore"):
+        inverse = 1.0 / np.einsum("ij,ij->i", along, along)
+    inverse[~np.isfinite(inverse)] = 0.0
+    return np.column_stack([blemishes.start, along, inverse, blemishes.radius**2, blemishes.transmission])
+
+
+def plane_axes(
+    turn: NDArray[np.float64], shift: NDArray[np.float64], *, height: float = 0.0
+) -> NDArray[np.float64] | None:
+    """(2, 3): the affine map from x, y of points on a part's plane to the part's own axes; None for the identity.
+
+    A point p of the part lies at turn @ p + shift, with turn (3, 3), shift (3,); the plane is z = -height in its own
+    axes. The map reads x and y of a point of that plane, whatever its z: own = map[:, :2] @ (x, y) + map[:, 2].
+    """
+    inverse = np.linalg.inv(turn[:2, :2])
+    middle = turn @ np.array([0.0, 0.0, -height]) + shift
+    found = np.column_stack([inverse, -inverse @ middle[:2]])
+    return None if np.array_equal(found, np.eye(3)[:2]) else found

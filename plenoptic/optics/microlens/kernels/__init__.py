@@ -1,0 +1,1 @@
+"""Kernels: rays through microlenses, both ways."""

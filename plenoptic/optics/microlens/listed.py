@@ -1,0 +1,113 @@
+"""Microlenses one by one: what an array's description says of each."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.core.values import value
+from plenoptic.errors import InvalidValueError
+from plenoptic.optics.microlens.imperfections import deviations_of
+from plenoptic.optics.microlens.lattice import Lattice
+
+if TYPE_CHECKING:
+    from plenoptic.optics.microlens.array import MicrolensArray
+
+MOST_LENSES = 20_000_000
+"""Microlenses that may be listed at once."""
+
+
+@value
+class Lenslets:
+    """Microlenses of an array, one a row, ordered by their indices; `MicrolensArray.lenses` lists them.
+
+    Parameters
+    ----------
+    index : (n, 2) array of int
+        Lattice indices (i, j); in FREE lattices (number, 0).
+    design : (n, 2) array
+        Centres as designed, in mm on the plane of the array.
+    centre : (n, 2) array
+        Centres of the openings as they are.
+    axis : (n, 2) array
+        Where the optical axes are.
+    type : (n,) array of int
+        Row of the array's `focal_lengths`.
+    power : (n,) array
+        1 / focal length in 1/mm; 0 for flat glass.
+    transmission : (n,) array
+        0 for dark lenses, 1 for clear ones.
+
+    Examples
+    --------
+    See `MicrolensArray.lenses`.
+    """
+
+    index: NDArray[np.int64]
+    design: NDArray[np.float64]
+    centre: NDArray[np.float64]
+    axis: NDArray[np.float64]
+    type: NDArray[np.int64]
+    power: NDArray[np.float64]
+    transmission: NDArray[np.float64]
+
+    def __len__(self) -> int:
+        return len(self.index)
+
+
+def lenslets(array: MicrolensArray, low: NDArray[np.float64], high: NDArray[np.float64]) -> Lenslets:
+    """The microlenses whose designed centres lie in a box."""
+    if np.isnan(low).any() or np.isnan(high).any():
+        raise InvalidValueError(f"the box from {low} to {high} has a corner that is no number; give two points in mm")
+    if array.centres is not None:
+        number = np.flatnonzero(((array.centres >= low) & (array.centres <= high)).all(axis=1))
+        index = np.stack([number, np.zeros_like(number)], axis=1)
+        types = np.zeros(len(number), np.int64) if array.types is None else np.asarray(array.types)[number]
+        return described(array, index, array.centres[number], types)
+    index = _lattice_indices(array, low, high)
+    return described(array, index, index @ array.basis, lattice_types(array, index))
+
+
+def lattice_types(array: MicrolensArray, index: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Types (n,) of the lenses with lattice indices (n, 2)."""
+    pattern = array.type_pattern
+    return np.asarray(pattern[index[:, 0] % pattern.shape[0], index[:, 1] % pattern.shape[1]])
+
+
+def _lattice_indices(array: MicrolensArray, low: NDArray[np.float64], high: NDArray[np.float64]) -> NDArray[np.int64]:
+    assert array.lattice is not Lattice.FREE
+    if not np.isfinite([low, high]).all():
+        raise InvalidValueError(f"the box from {low} to {high} is infinite, and so is the lattice; take a smaller one")
+    corners = np.array([[x, y] for x in (low[0], high[0]) for y in (low[1], high[1])]) @ np.linalg.inv(array.basis)
+    first, last = np.floor(corners.min(axis=0)), np.ceil(corners.max(axis=0))
+    if (last - first + 1).prod() > MOST_LENSES:
+        raise InvalidValueError(
+            f"the box holds some {(last - first + 1).prod():.3g} microlenses, and the limit is {MOST_LENSES}; "
+            "take a smaller one"
+        )
+    i, j = (np.arange(int(first[k]), int(last[k]) + 1) for k in range(2))
+    index = np.stack(np.meshgrid(i, j, indexing="ij"), axis=-1).reshape(-1, 2)
+    centres = index @ array.basis
+    # Rounding must not lose a lens on the border of the box.
+    slack = 1e-9 * np.abs(array.basis).max(axis=0)
+    return np.asarray(index[((centres >= low - slack) & (centres <= high + slack)).all(axis=1)])
+
+
+def described(
+    array: MicrolensArray, index: NDArray[np.int64], design: NDArray[np.float64], types: NDArray[np.int64]
+) -> Lenslets:
+    """Lenses with their deviations."""
+    power = 1.0 / np.asarray(array.focal_lengths)[types]
+    centre, transmission = design, np.ones(len(index))
+    axis = centre
+    if array.imperfections is not None:
+        deviations = deviations_of(array.imperfections, index)
+        centre = design if deviations.shift is None else design + deviations.shift
+        axis = centre if deviations.decentre is None else centre + deviations.decentre
+        if deviations.focal_length_factor is not None:
+            power = power / deviations.focal_length_factor
+        if deviations.transmission is not None:
+            transmission = deviations.transmission
+    return Lenslets(index, design, centre, axis, types, power, transmission)

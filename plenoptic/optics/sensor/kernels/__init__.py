@@ -1,0 +1,1 @@
+"""Kernels: random numbers of pixels."""

@@ -1,0 +1,296 @@
+"""SensorModel: what a sensor does to the light that falls on it."""
+
+from __future__ import annotations
+
+import enum
+import math
+from dataclasses import KW_ONLY
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from plenoptic.core.values import choice, finite, frozen_array, number, positive, set_field, value, whole
+from plenoptic.errors import InvalidValueError
+from plenoptic.optics.sensor.color_filter import BayerPattern, as_filters, pattern_of
+
+__all__ = ["SensorModel", "ShotNoise"]
+
+FEWEST_BITS, MOST_BITS = 8, 16
+
+_NOT_NEGATIVE = (
+    ("black_level", "DN"),
+    ("read_noise", "electrons"),
+    ("row_noise", "electrons"),
+    ("dark_current", "electrons/s"),
+    ("prnu", ""),
+    ("dsnu", "electrons"),
+    ("column_dsnu", "electrons"),
+)
+
+
+class ShotNoise(enum.IntEnum):
+    """Whether electrons come one by one.
+
+    Examples
+    --------
+    >>> from plenoptic.optics.sensor.model import ShotNoise
+    >>> ShotNoise.POISSON
+    <ShotNoise.POISSON: 1>
+    """
+
+    NONE = 0
+    """A pixel collects exactly its mean, which need not be whole."""
+    POISSON = 1
+    """A pixel collects a Poisson number of electrons, from light and dark current together."""
+
+
+@value
+class SensorModel:
+    """How a sensor turns light into digital numbers (DN), each effect of which can be left out.
+
+    For a pixel of value I in the image, in this order:
+
+        mean      = rate QE t I (1 + prnu n) + dark_current t        n: standard normal, one for each pixel
+        electrons = min(Poisson(mean), full_well)
+        signal    = electrons + offsets (dsnu, column_dsnu) + noise (read_noise, row_noise)
+        DN        = round(black_level + gain signal), cut to 0 ... 2^bits - 1
+
+    With the defaults there is shot noise, quantisation to 12 bits and nothing else.
+
+    Parameters
+    ----------
+    photon_rate : float or 3 floats
+        Photons on a pixel per second where the image is 1, one number for all channels or one for each of red,
+        green and blue. `photon_rate` finds it from radiance, pixel pitch and wavelength.
+    exposure_time : float
+        t in s.
+    quantum_efficiency : float or 3 floats
+        QE: electrons per photon, above 0 and at most 1; filters included.
+    gain : float
+        DN per electron, the overall system gain K of EMVA 1288.
+    black_level : float
+        DN without light, dark current and noise.
+    bits : int or None
+        Of the converter, 8 to 16. None: no quantisation; DN are float64, and neither rounded nor cut.
+    full_well : float, optional
+        Most electrons that a pixel holds; None: no limit.
+    colour_filters : BayerPattern or (p, q) array_like of int, optional
+        Filter on each pixel: a Bayer pattern, or one period of any pattern as channels (0 red, 1 green, 2 blue), whose
+        first entry is on the pixel at row 0, column 0 of the sensor. None: all channels of the exposure are
+        measured at every pixel, which is a monochrome sensor for an exposure of one channel and a sensor of three
+        layers for one of three.
+    shot_noise : ShotNoise
+    read_noise : float
+        Standard deviation, electrons; normal, anew for each pixel and exposure.
+    row_noise : float
+        Standard deviation of an offset common to a row, electrons; anew for each exposure.
+    dark_current : float
+        Electrons per second at the sensor's temperature; `dark_current_at` converts temperatures.
+    prnu : float
+        Photo response non-uniformity: relative standard deviation of the sensitivity of pixels; 0.01 is 1 %.
+    dsnu : float
+        Dark signal non-uniformity: standard deviation of the offsets of pixels, electrons.
+    column_dsnu : float
+        Standard deviation of an offset common to a column, electrons.
+    dead : float or (n, 2) array_like of int
+        Pixels that collect nothing: the fraction of them, or row and column of each on the sensor.
+    hot : float or (n, 2) array_like of int
+        Pixels with an additional dark current of `hot_current`, likewise.
+    hot_current : float
+        Electrons per second; infinite by default: hot pixels are saturated.
+    pattern_seed : int
+        Of everything that belongs to this one sensor and stays from exposure to exposure: prnu, dsnu, column_dsnu,
+        dead and hot.
+
+    Raises
+    ------
+    InvalidValueError
+        Where a number is outside its range, or hot pixels have no level at which they saturate.
+
+    Notes
+    -----
+    Read noise below about half a DN (gain times read_noise) leaves quantisation errors that depend on the
+    signal; only above it do they act as noise of variance 1/12 DN^2.
+
+    References
+    ----------
+    EMVA Standard 1288, release 3.1 (2016), sections 2.1, 2.2, 3 and 4. J. R. Janesick, Photon Transfer, SPIE
+    Press (2007), doi:10.1117/3.725073.
+
+    Examples
+    --------
+    >>> from plenoptic.optics.sensor.color_filter import BayerPattern
+    >>> from plenoptic.optics.sensor.model import SensorModel
+    >>> sensor = SensorModel(
+    ...     photon_rate=2.0e6, exposure_time=0.01, quantum_efficiency=(0.4, 0.55, 0.45), gain=0.25, black_level=64,
+    ...     bits=12, full_well=15000, colour_filters=BayerPattern.RGGB, read_noise=3.0, prnu=0.008,
+    ... )
+    >>> sensor.electrons_per_unit
+    array([ 8000., 11000.,  9000.])
+    >>> sensor.white_level
+    3814.0
+    """
+
+    photon_rate: float | tuple[float, float, float]
+    _: KW_ONLY
+    exposure_time: float = 1.0
+    quantum_efficiency: float | tuple[float, float, float] = 1.0
+    gain: float = 1.0
+    black_level: float = 0.0
+    bits: int | None = 12
+    full_well: float | None = None
+    colour_filters: BayerPattern | NDArray[np.int64] | None = None
+    shot_noise: ShotNoise = ShotNoise.POISSON
+    read_noise: float = 0.0
+    row_noise: float = 0.0
+    dark_current: float = 0.0
+    prnu: float = 0.0
+    dsnu: float = 0.0
+    column_dsnu: float = 0.0
+    dead: float | NDArray[np.int64] = 0.0
+    hot: float | NDArray[np.int64] = 0.0
+    hot_current: float = math.inf
+    pattern_seed: int = 0
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self,
+            photon_rate: float | ArrayLike,
+            *,
+            exposure_time: float = 1.0,
+            quantum_efficiency: float | ArrayLike = 1.0,
+            gain: float = 1.0,
+            black_level: float = 0.0,
+            bits: int | None = 12,
+            full_well: float | None = None,
+            colour_filters: BayerPattern | ArrayLike | None = None,
+            shot_noise: ShotNoise = ShotNoise.POISSON,
+            read_noise: float = 0.0,
+            row_noise: float = 0.0,
+            dark_current: float = 0.0,
+            prnu: float = 0.0,
+            dsnu: float = 0.0,
+            column_dsnu: float = 0.0,
+            dead: float | ArrayLike = 0.0,
+            hot: float | ArrayLike = 0.0,
+            hot_current: float = math.inf,
+            pattern_seed: int = 0,
+        ) -> None: ...
+
+    def __post_init__(self) -> None:
+        set_field(self, "photon_rate", _per_channel(self.photon_rate, "photon_rate"))
+        set_field(self, "quantum_efficiency", _per_channel(self.quantum_efficiency, "quantum_efficiency", at_most=1.0))
+        set_field(self, "exposure_time", positive(self.exposure_time, "exposure_time", "s"))
+        set_field(self, "gain", positive(self.gain, "gain", "DN per electron"))
+        if not np.isfinite(self.electrons_per_unit).all():
+            raise InvalidValueError(
+                f"photon_rate {self.photon_rate} in {self.exposure_time:g} s overflows; reduce one of them"
+            )
+        for name, unit in _NOT_NEGATIVE:
+            set_field(self, name, _not_negative(getattr(self, name), name, unit))
+        if self.full_well is not None:
+            set_field(self, "full_well", positive(self.full_well, "full_well", "electrons"))
+        if self.bits is not None:
+            self._check_converter(self.bits)
+        if self.colour_filters is not None:
+            set_field(self, "colour_filters", as_filters(self.colour_filters, "colour_filters"))
+        set_field(self, "shot_noise", choice(self.shot_noise, ShotNoise, "shot_noise"))
+        set_field(self, "dead", _which(self.dead, "dead"))
+        set_field(self, "hot", _which(self.hot, "hot"))
+        self._check_hot()
+        set_field(self, "pattern_seed", as_seed(self.pattern_seed, "pattern_seed"))
+
+    def _check_converter(self, bits: int) -> None:
+        whole(bits, "bits", at_least=FEWEST_BITS)
+        if bits > MOST_BITS:
+            raise InvalidValueError(f"bits is {bits}; it must be at most {MOST_BITS}")
+        set_field(self, "bits", int(bits))
+        if self.black_level >= 2**bits - 1:
+            raise InvalidValueError(
+                f"black_level is {self.black_level:g} DN; it must be below {2**bits - 1}, the largest of {bits} bits"
+            )
+
+    def _check_hot(self) -> None:
+        current = number(self.hot_current, "hot_current")
+        if not current >= 0:
+            raise InvalidValueError(f"hot_current is {current:g} electrons/s; it must be at least 0")
+        set_field(self, "hot_current", current)
+        if math.isinf(current) and has(self.hot) and self.white_level == math.inf:
+            raise InvalidValueError(
+                "hot_current is inf, but neither full_well nor bits limits what hot pixels give; give one of the three"
+            )
+
+    @property
+    def electrons_per_unit(self) -> NDArray[np.float64]:
+        """Mean electrons from light where the image is 1: (1,), or (3,) where channels differ."""
+        rates = np.atleast_1d(np.asarray(self.photon_rate)) * np.atleast_1d(np.asarray(self.quantum_efficiency))
+        with np.errstate(over="ignore"):
+            mean: NDArray[np.float64] = rates * self.exposure_time
+        return mean
+
+    @property
+    def dark_electrons(self) -> float:
+        """Mean electrons of the dark current in one exposure."""
+        return self.dark_current * self.exposure_time
+
+    @property
+    def white_level(self) -> float:
+        """DN of a saturated pixel: that of the full well or the largest of the converter; inf without either."""
+        well = math.inf if self.full_well is None else self.black_level + self.gain * self.full_well
+        return well if self.bits is None else min(float(np.rint(min(well, 2.0**20))), 2.0**self.bits - 1)
+
+    @property
+    def is_coloured(self) -> bool:
+        """Whether channels are told apart: by filters, rates or quantum efficiencies."""
+        return self.colour_filters is not None or self.electrons_per_unit.size > 1
+
+    @property
+    def pattern(self) -> NDArray[np.int64] | None:
+        """One period of the colour filters as (p, q) channels; None without filters."""
+        return None if self.colour_filters is None else pattern_of(self.colour_filters)
+
+
+def has(which: float | NDArray[np.int64]) -> bool:
+    """Whether a fraction or list of pixels names any."""
+    return len(which) > 0 if isinstance(which, np.ndarray) else which > 0
+
+
+def as_seed(given: int, name: str) -> int:
+    """A seed, or an error where it is no whole number from 0 to 2^64 - 1."""
+    seed = whole(given, name, at_least=0)
+    if seed >= 1 << 64:
+        raise InvalidValueError(f"{name} is {seed}; it must be below 2^64")
+    return seed
+
+
+def _not_negative(given: float, name: str, unit: str) -> float:
+    checked = finite(given, name)
+    if checked < 0:
+        raise InvalidValueError(f"{name} is {checked:g}{unit and ' ' + unit}; it must be at least 0")
+    return checked
+
+
+def _per_channel(given: Any, name: str, at_most: float = math.inf) -> float | tuple[float, ...]:
+    """One number for all channels, or a tuple of three."""
+    several = np.ndim(given) > 0
+    numbers = tuple(positive(item, name) for item in (given if several else (given,)))
+    if several and len(numbers) != 3:
+        raise InvalidValueError(f"{name} has {len(numbers)} numbers; give one, or one for each of red, green and blue")
+    if max(numbers) > at_most:
+        raise InvalidValueError(f"{name} is {max(numbers):g}; it must be at most {at_most:g}")
+    return numbers if several else numbers[0]
+
+
+def _which(given: Any, name: str) -> float | NDArray[np.int64]:
+    """A fraction of all pixels, or a list of (row, column)."""
+    if np.ndim(given) == 0:
+        fraction = _not_negative(given, name, "")
+        if fraction > 1:
+            raise InvalidValueError(f"{name} is {fraction:g}; a fraction of the pixels must be at most 1")
+        return fraction
+    raw = np.asarray(given)
+    if raw.size and (raw.dtype.kind not in "iu" or raw.min() < 0):
+        raise InvalidValueError(f"{name} must be a fraction, or rows and columns that are whole numbers from 0 on")
+    return frozen_array(raw.reshape(0, 2) if raw.size == 0 else raw, name=name, shape=("n", 2), dtype=np.int64)

@@ -1,0 +1,97 @@
+"""From radiance to photons, and from a data sheet to the dark current at another temperature."""
+
+from __future__ import annotations
+
+from plenoptic.core.values import finite, positive, wavelength_in_nm
+from plenoptic.errors import InvalidValueError
+
+__all__ = ["dark_current_at", "photon_rate"]
+
+PLANCK = 6.62607015e-34
+"""J s; exact (SI, 2019)."""
+LIGHT_SPEED = 299792458.0
+"""m/s; exact (SI)."""
+
+
+def photon_rate(*, radiance: float, pixel_pitch: float, wavelength: float) -> float:
+    """Photons that fall on a pixel each second where the image is 1.
+
+    An image is radiance in scene units times steradian, so a value of 1 is the irradiance E = `radiance` sr, and
+
+        rate = E p^2 lambda / (h c).
+
+    Parameters
+    ----------
+    radiance : float
+        What 1 scene unit of radiance stands for, W/(m^2 sr), all of it at `wavelength`.
+    pixel_pitch : float
+        Side p of a pixel in mm, as in `Sensor`; an image is already averaged over the pixel's area, so a fill factor
+        below 1 belongs into the quantum efficiency unless the exposure has it.
+    wavelength : float
+        Of the light in vacuum, nm. For colours, take one rate for each channel.
+
+    Returns
+    -------
+    float
+        Photons per pixel and second, for `SensorModel`.
+
+    Raises
+    ------
+    InvalidValueError
+        Where an argument is not above 0, or the wavelength is none.
+
+    References
+    ----------
+    EMVA Standard 1288, release 3.1 (2016), section 2.1: linear signal model.
+
+    Examples
+    --------
+    >>> from plenoptic.optics.sensor.radiometry import photon_rate
+    >>> round(photon_rate(radiance=1.0, pixel_pitch=0.010, wavelength=550.0))
+    276876411
+    """
+    watts = positive(radiance, "radiance", "W/(m^2 sr)") * (1e-3 * positive(pixel_pitch, "pixel_pitch", "mm")) ** 2
+    return watts * (1e-9 * wavelength_in_nm(wavelength)) / (PLANCK * LIGHT_SPEED)
+
+
+def dark_current_at(
+    temperature: float, *, rate: float, reference_temperature: float, doubling_temperature: float
+) -> float:
+    """The dark current at a temperature, from that at another: rate 2^((T - T_ref) / T_d).
+
+    Parameters
+    ----------
+    temperature : float
+        T of the sensor, degrees Celsius.
+    rate : float
+        Dark current at the reference temperature, electrons per second.
+    reference_temperature : float
+        T_ref, degrees Celsius.
+    doubling_temperature : float
+        T_d in kelvin, the step that doubles the dark current; about 6 to 8 K near room temperature for silicon.
+
+    Returns
+    -------
+    float
+        Electrons per second, for `SensorModel`.
+
+    Raises
+    ------
+    InvalidValueError
+        Where the rate is negative, the step not above 0, or a number not finite.
+
+    References
+    ----------
+    EMVA Standard 1288, release 3.1 (2016), section 3.2: temperature dependence of the dark current.
+
+    Examples
+    --------
+    >>> from plenoptic.optics.sensor.radiometry import dark_current_at
+    >>> dark_current_at(34.0, rate=10.0, reference_temperature=20.0, doubling_temperature=7.0)
+    40.0
+    """
+    given = finite(rate, "rate")
+    if given < 0:
+        raise InvalidValueError(f"rate is {given:g} electrons/s; it must be at least 0")
+    steps = finite(temperature, "temperature") - finite(reference_temperature, "reference_temperature")
+    return float(given * 2.0 ** (steps / positive(doubling_temperature, "doubling_temperature", "K")))

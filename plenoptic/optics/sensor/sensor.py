@@ -1,0 +1,134 @@
+"""The image sensor: a plane of square pixels."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from plenoptic.core.values import positive, set_field, value, whole
+from plenoptic.errors import InvalidValueError
+from plenoptic.optics.sensor.angular_response import AngularResponse
+
+
+@value
+class Sensor:
+    """A plane of square pixels across the optical axis, centred on it.
+
+    Parameters
+    ----------
+    shape : (int, int)
+        Rows and columns.
+    pixel_pitch : float
+        Distance between the centres of neighbouring pixels in mm.
+    pixel_aperture : (float, float), optional
+        Width and height of the part in the middle of a pixel that sees light, over the pitch, above 0 and at most 1.
+        The rest sees nothing, so that images get darker by their product, the fill factor.
+    angular_response : AngularResponse, optional
+        How a pixel's response depends on direction; None: not at all.
+
+    Raises
+    ------
+    InvalidValueError
+        For a sensor without pixels, a pitch that is not positive or an aperture out of range.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> sensor = pl.Sensor(shape=(512, 512), pixel_pitch=0.010)
+    >>> sensor.size
+    (5.12, 5.12)
+    """
+
+    shape: tuple[int, int]
+    pixel_pitch: float
+    pixel_aperture: tuple[float, float] = (1.0, 1.0)
+    angular_response: AngularResponse | None = None
+
+    def __post_init__(self) -> None:
+        try:
+            rows, columns = self.shape
+        except (TypeError, ValueError):
+            raise InvalidValueError(f"shape is {self.shape!r}; it must be (rows, columns)") from None
+        set_field(
+            self,
+            "shape",
+            (whole(rows, "rows of the sensor", at_least=1), whole(columns, "columns of the sensor", at_least=1)),
+        )
+        set_field(self, "pixel_pitch", positive(self.pixel_pitch, "pixel_pitch", "mm"))
+        try:
+            width, height = (positive(side, "pixel_aperture") for side in self.pixel_aperture)
+        except (TypeError, ValueError):
+            raise InvalidValueError(
+                f"pixel_aperture is {self.pixel_aperture!r}; it must be (width, height) over the pitch, above 0"
+            ) from None
+        if max(width, height) > 1:
+            raise InvalidValueError(f"pixel_aperture is {(width, height)}; no side can be larger than the pitch, 1")
+        set_field(self, "pixel_aperture", (width, height))
+        if self.angular_response is not None and not isinstance(self.angular_response, AngularResponse):
+            raise InvalidValueError(
+                f"angular_response is {self.angular_response!r}; it must be an AngularResponse or None"
+            )
+
+    @property
+    def fill_factor(self) -> float:
+        """The part of a pixel's area that sees light."""
+        return self.pixel_aperture[0] * self.pixel_aperture[1]
+
+    @property
+    def size(self) -> tuple[float, float]:
+        """Height and width in mm."""
+        rows, columns = self.shape
+        return rows * self.pixel_pitch, columns * self.pixel_pitch
+
+    @property
+    def half_diagonal(self) -> float:
+        """Distance from the axis to a corner in mm."""
+        return 0.5 * float(np.hypot(*self.size))
+
+    def centre_of(self, row: NDArray[np.integer] | int, column: NDArray[np.integer] | int) -> NDArray[np.float64]:
+        """Centres of pixels on the sensor, which is read out rotated by 180 degrees.
+
+        Parameters
+        ----------
+        row, column : int or arrays of int
+
+        Returns
+        -------
+        (..., 2) array
+            x = -(column + 1/2 - W/2) pitch and y = (row + 1/2 - H/2) pitch in mm.
+
+        Examples
+        --------
+        >>> import plenoptic as pl
+        >>> pl.Sensor(shape=(4, 4), pixel_pitch=1.0).centre_of(0, 0)
+        array([ 1.5, -1.5])
+        """
+        rows, columns = self.shape
+        x = -(np.asarray(column) + 0.5 - columns / 2) * self.pixel_pitch
+        y = (np.asarray(row) + 0.5 - rows / 2) * self.pixel_pitch
+        return np.stack(np.broadcast_arrays(x, y), axis=-1)
+
+    def pixel_of(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Row and column of points on the sensor, as fractions: the inverse of `centre_of`.
+
+        Parameters
+        ----------
+        points : (..., 2) array
+            x and y in mm.
+
+        Returns
+        -------
+        (..., 2) array
+            Row and column; whole numbers are centres of pixels.
+
+        Examples
+        --------
+        >>> import plenoptic as pl
+        >>> pl.Sensor(shape=(4, 4), pixel_pitch=1.0).pixel_of((1.5, -1.5))
+        array([0., 0.])
+        """
+        rows, columns = self.shape
+        given = np.asarray(points, dtype=np.float64)
+        row = given[..., 1] / self.pixel_pitch + rows / 2 - 0.5
+        column = -given[..., 0] / self.pixel_pitch + columns / 2 - 0.5
+        return np.stack([row, column], axis=-1)

@@ -1,0 +1,1 @@
+"""Stops: thin opaque screens with a hole."""

@@ -1,0 +1,299 @@
+"""Stops whose hole is no disc and no polygon of blades: stars, and masks given as images."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import os
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from plenoptic.core.values import finite, frozen_array, positive, read_only, set_field, value, whole
+from plenoptic.errors import InvalidValueError
+from plenoptic.optics.lens.placement import Placement, kept_placement
+from plenoptic.optics.surfaces.surface import checked_gap
+
+Floats = NDArray[np.float64]
+
+
+@value
+class StarStop:
+    """A stop with a hole that is a regular star.
+
+    Parameters
+    ----------
+    points : int
+        Number of tips, at least 3.
+    semi_diameter : float
+        Distance of the tips from the axis in mm, above 0.
+    inner_semi_diameter : float
+        Distance of the corners between the tips from the axis in mm, above 0 and at most semi_diameter cos(pi /
+        points), with which the star is a polygon.
+    rotation : float, optional
+        Angle of the first tip from +x towards +y, radians.
+    thickness : float, optional
+        Axial gap to the next element in mm, at least 0.
+    placement : Placement, optional
+        Decentre and tilt; see `LensStack.moved`. None: centred.
+
+    Raises
+    ------
+    InvalidValueError
+        If a number is out of range.
+
+    Examples
+    --------
+    >>> from plenoptic.optics.stops.shapes import StarStop
+    >>> star = StarStop(points=5, semi_diameter=5.0, inner_semi_diameter=2.0)
+    >>> star.contains([4.9, -4.9, -1.9], [0.0, 0.0, 0.0]).tolist()
+    [True, False, True]
+    >>> round(star.area, 3)
+    29.389
+    """
+
+    points: int
+    semi_diameter: float
+    inner_semi_diameter: float
+    rotation: float = 0.0
+    thickness: float = 0.0
+    placement: Placement | None = dataclasses.field(default=None, kw_only=True)
+
+    def __post_init__(self) -> None:
+        set_field(self, "points", whole(self.points, "points", at_least=3))
+        set_field(self, "semi_diameter", positive(self.semi_diameter, "semi_diameter", "mm"))
+        set_field(self, "inner_semi_diameter", positive(self.inner_semi_diameter, "inner_semi_diameter", "mm"))
+        set_field(self, "rotation", finite(self.rotation, "rotation"))
+        set_field(self, "thickness", checked_gap(self.thickness))
+        set_field(self, "placement", kept_placement(self.placement))
+        largest = self.semi_diameter * math.cos(math.pi / self.points)
+        if self.inner_semi_diameter > largest * (1 + 1e-12):
+            raise InvalidValueError(
+                f"inner_semi_diameter is {self.inner_semi_diameter:g} mm; a star of {self.points} points and "
+                f"semi_diameter {self.semi_diameter:g} mm has at most {largest:g} mm: reduce it, or use a PolygonStop"
+            )
+
+    @property
+    def edges(self) -> Floats:
+        """(2 points, 4): rows (a, b, p, 0) in pairs, one pair for each corner between two tips.
+
+        The hole is where a x + b y <= p for one row of each pair at least, inside the circle of the tips.
+        """
+        half, r = math.pi / self.points, self.inner_semi_diameter
+        across, along = r * math.sin(half), self.semi_diameter - r * math.cos(half)
+        lean = math.atan2(along, across)
+        tip = self.rotation + 2 * half * np.arange(self.points)
+        angle = np.stack([tip + lean, tip + 2 * half - lean], axis=1).ravel()
+        rows = np.zeros((2 * self.points, 4))
+        rows[:, 0], rows[:, 1] = np.cos(angle), np.sin(angle)
+        rows[:, 2] = self.semi_diameter * across / math.hypot(across, along)
+        return read_only(rows)
+
+    @property
+    def area(self) -> float:
+        """Of the hole in mm^2."""
+        return self.points * self.semi_diameter * self.inner_semi_diameter * math.sin(math.pi / self.points)
+
+    def contains(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.bool_]:
+        """Whether points (x, y), mm, lie in the hole or on its edge; the shape is that of x and y broadcast."""
+        x, y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
+        inside = x * x + y * y <= self.semi_diameter**2
+        for one, other in self.edges.reshape(-1, 2, 4):
+            inside &= np.minimum(x * one[0] + y * one[1], x * other[0] + y * other[1]) <= one[2]
+        return np.asarray(inside)
+
+    def outline(self, n: int = 64) -> Floats:
+        """Points on the edge, counter-clockwise from the first tip, in mm, not closed.
+
+        A (k, 2) array, where k is the smallest multiple of 2 `points` that is at least n: all corners are among the
+        points, the others divide the edges evenly.
+        """
+        angle = self.rotation + math.pi / self.points * np.arange(2 * self.points)
+        radius = np.tile([self.semi_diameter, self.inner_semi_diameter], self.points)
+        corners = radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        return _divided(corners, whole(n, "n", at_least=3))
+
+
+@value
+class MaskStop:
+    """A stop given as an image of what it lets through: any shape, several holes, greys.
+
+    The transmission is the same all over a cell of the image, and 0 around the image. Seen from behind, from the sensor
+    along -z with y up, the mask looks as the image does: row 0 is at the top, towards +y, and column 0 on the left,
+    towards -x. An iris looks so in a white image too, under each microlens. The weight of a ray is multiplied by the
+    transmission where it passes; where that is 0, the ray is clipped.
+
+    Parameters
+    ----------
+    transmission : (H, W) array
+        From 0, opaque, to 1, clear; above 0 somewhere. The centre of the image is on the axis.
+    semi_diameter : float
+        Radius in mm of the circle about the axis that just holds all cells that are not opaque: as for a polygon, the
+        distance of the outermost corners. An opaque border changes nothing. See `of_cells` for the size of a cell.
+    thickness : float, optional
+        Axial gap to the next element in mm, at least 0.
+    placement : Placement, optional
+        Decentre and tilt; see `LensStack.moved`. None: centred.
+
+    Raises
+    ------
+    InvalidValueError
+        If a number is out of range, or nothing of the image lets light through.
+
+    Examples
+    --------
+    >>> from plenoptic.optics.stops.shapes import MaskStop
+    >>> mask = MaskStop([[0.0, 1.0], [0.5, 0.0]], semi_diameter=2.0**0.5)
+    >>> mask.cell_size, mask.area
+    (1.0, 1.5)
+    >>> mask.transmission_at([0.5, -0.5], [0.5, -0.5]).tolist()
+    [1.0, 0.5]
+    """
+
+    transmission: ArrayLike
+    semi_diameter: float
+    thickness: float = 0.0
+    placement: Placement | None = dataclasses.field(default=None, kw_only=True)
+
+    def __post_init__(self) -> None:
+        cells = frozen_array(self.transmission, name="transmission", shape=("rows", "columns"))
+        set_field(self, "transmission", cells)
+        set_field(self, "semi_diameter", positive(self.semi_diameter, "semi_diameter", "mm"))
+        set_field(self, "thickness", checked_gap(self.thickness))
+        set_field(self, "placement", kept_placement(self.placement))
+        if not ((cells >= 0) & (cells <= 1)).all():
+            wrong = cells[~((cells >= 0) & (cells <= 1))][0]
+            raise InvalidValueError(f"transmission holds {wrong:g}; it must be from 0, opaque, to 1, clear: scale it")
+        if not cells.any():
+            raise InvalidValueError("transmission is 0 everywhere; let light through in one cell at least")
+
+    @classmethod
+    def of_cells(
+        cls, transmission: ArrayLike, cell_size: float, *, thickness: float = 0.0, placement: Placement | None = None
+    ) -> MaskStop:
+        """A mask whose cells are squares of `cell_size` mm.
+
+        Examples
+        --------
+        >>> from plenoptic.optics.stops.shapes import MaskStop
+        >>> MaskStop.of_cells([[1.0, 1.0], [1.0, 1.0]], 3.0).semi_diameter
+        4.242640687119286
+        """
+        unit = cls(transmission, 1.0, thickness, placement=placement)
+        return dataclasses.replace(unit, semi_diameter=positive(cell_size, "cell_size", "mm") / unit.cell_size)
+
+    @classmethod
+    def load(
+        cls,
+        path: str | os.PathLike[str],
+        semi_diameter: float,
+        *,
+        thickness: float = 0.0,
+        placement: Placement | None = None,
+    ) -> MaskStop:
+        """A mask from an image file: white is clear, black is opaque.
+
+        Parameters
+        ----------
+        path : path-like
+            Any file that `images.read_linear` reads; colours become the mean of their channels. Greys of files with
+            integers are decoded from sRGB, so that a mask lets through what the picture seems to. Only what is exactly
+            black is opaque: files that are compressed with losses (JPEG) have open specks all over.
+        semi_diameter, thickness, placement
+            As of the class.
+
+        Raises
+        ------
+        FileError
+            Where the file cannot be read.
+        InvalidValueError
+            Where it holds values above 1, or is black.
+
+        Examples
+        --------
+        >>> import pathlib, tempfile
+        >>> import numpy as np
+        >>> import plenoptic as pl
+        >>> from plenoptic.optics.stops.shapes import MaskStop
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     path = pathlib.Path(folder) / "mask.exr"
+        ...     pl.images.write_channels(path, {"Y": np.eye(3)})
+        ...     mask = MaskStop.load(path, semi_diameter=5.0)
+        >>> mask.transmission.tolist()
+        [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+        """
+        from plenoptic.core.files.images import read_linear
+
+        cells = read_linear(path).astype(np.float64).mean(axis=2)
+        return cls(cells, semi_diameter, thickness, placement=placement)
+
+    @property
+    def cell_size(self) -> float:
+        """Side of a cell in mm."""
+        corners = _open_corners(np.asarray(self.transmission))
+        return self.semi_diameter / float(np.hypot(*corners.T).max())
+
+    @property
+    def area(self) -> float:
+        """The integral of the transmission in mm^2."""
+        return float(np.sum(self.transmission)) * self.cell_size**2
+
+    def transmission_at(self, x: ArrayLike, y: ArrayLike) -> Floats:
+        """The transmission at points (x, y), mm; the shape is that of x and y broadcast."""
+        cells, per_mm = np.asarray(self.transmission), 1.0 / self.cell_size
+        rows, columns = cells.shape
+        u = 0.5 * columns + np.asarray(x, dtype=np.float64) * per_mm
+        v = 0.5 * rows - np.asarray(y, dtype=np.float64) * per_mm
+        u, v = np.broadcast_arrays(u, v)
+        inside = (u >= 0) & (u <= columns) & (v >= 0) & (v <= rows)
+        column = np.minimum(np.where(inside, u, 0.0).astype(np.intp), columns - 1)
+        row = np.minimum(np.where(inside, v, 0.0).astype(np.intp), rows - 1)
+        return np.asarray(np.where(inside, cells[row, column], 0.0))
+
+    def contains(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.bool_]:
+        """Whether the mask lets light through at points (x, y), mm; the shape is that of x and y broadcast."""
+        return np.asarray(self.transmission_at(x, y) > 0)
+
+    def outline(self, n: int = 64) -> Floats:
+        """Points on the smallest convex polygon around all that lets light through, counter-clockwise, in mm.
+
+        A (k, 2) array with k at least n, not closed: the corners of the polygon, and points that divide its sides.
+        """
+        corners = _hull(self.cell_size * _open_corners(np.asarray(self.transmission)))
+        return _divided(corners, whole(n, "n", at_least=3))
+
+
+def _divided(corners: Floats, n: int) -> Floats:
+    """The corners (k, 2) of a polygon, and points that divide its edges evenly: at least n in all, not closed."""
+    per_edge = -(-n // len(corners))
+    share = np.arange(per_edge) / per_edge
+    after = np.roll(corners, -1, axis=0)
+    return np.asarray((corners[:, None] + share[:, None] * (after - corners)[:, None]).reshape(-1, 2))
+
+
+def _open_corners(cells: Floats) -> Floats:
+    """The corners (k, 2) of the first and the last open cell of each row, x and y in cells from the centre."""
+    rows, columns = cells.shape
+    lit = np.flatnonzero(cells.any(axis=1))
+    left = (cells[lit] > 0).argmax(axis=1) - 0.5 * columns
+    right = 0.5 * columns - (cells[lit, ::-1] > 0).argmax(axis=1)
+    top = 0.5 * rows - lit
+    sides = [(x, y) for x in (left, right) for y in (top, top - 1.0)]
+    return np.concatenate([np.stack(side, axis=1) for side in sides])
+
+
+def _hull(points: Floats) -> Floats:
+    """Corners of the convex hull of points (n, 2), counter-clockwise, by Andrew's monotone chain."""
+    ordered = np.unique(points, axis=0).tolist()
+    chains: list[list[list[float]]] = []
+    for run in (ordered, ordered[::-1]):
+        chain: list[list[float]] = []
+        for x, y in run:
+            while len(chain) > 1:
+                (ax, ay), (bx, by) = chain[-2:]
+                if (bx - ax) * (y - ay) - (by - ay) * (x - ax) > 0:
+                    break
+                chain.pop()
+            chain.append([x, y])
+        chains.append(chain[:-1])
+    return np.array([*chains[0], *chains[1]])

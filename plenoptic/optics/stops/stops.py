@@ -1,0 +1,223 @@
+"""Stops: thin opaque screens with a hole.
+
+Round ones and those of blades are here, stars and masks in `stop_shapes`. All have a `semi_diameter`, the radius of the
+circle about the axis that holds the hole: it stands for the stop in paraxial data and in bounds on pupils.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from itertools import pairwise
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from plenoptic.core.values import finite, number, positive, read_only, set_field, value, whole
+from plenoptic.errors import InvalidValueError
+from plenoptic.optics.lens.placement import Placement, kept_placement
+from plenoptic.optics.stops.shapes import MaskStop, StarStop
+from plenoptic.optics.surfaces.surface import checked_gap
+
+_ROUNDING = 1e-12
+"""How far, relatively, a radius may be beyond its limit: sizes that are scaled together differ by rounding."""
+
+
+@value
+class CircularStop:
+    """A stop with a round hole, centred on the axis.
+
+    Parameters
+    ----------
+    semi_diameter : float
+        Radius of the hole in mm, above 0.
+    thickness : float, optional
+        Axial gap to the next element in mm, at least 0. The stop itself is infinitely thin.
+    placement : Placement, optional
+        Decentre and tilt; see `LensStack.moved`. None: centred.
+
+    Raises
+    ------
+    InvalidValueError
+        If a number is out of range.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> stop = pl.CircularStop(5.0)
+    >>> stop.contains([0.0, 4.0], [5.0, 4.0]).tolist()
+    [True, False]
+    """
+
+    semi_diameter: float
+    thickness: float = 0.0
+    placement: Placement | None = dataclasses.field(default=None, kw_only=True)
+
+    def __post_init__(self) -> None:
+        set_field(self, "semi_diameter", positive(self.semi_diameter, "semi_diameter", "mm"))
+        set_field(self, "thickness", checked_gap(self.thickness))
+        set_field(self, "placement", kept_placement(self.placement))
+
+    @property
+    def area(self) -> float:
+        """Of the hole in mm^2."""
+        return math.pi * self.semi_diameter**2
+
+    def contains(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.bool_]:
+        """Whether points (x, y), mm, lie in the hole or on its edge; the shape is that of x and y broadcast."""
+        x, y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
+        return np.asarray(x * x + y * y <= self.semi_diameter**2)
+
+    def outline(self, n: int = 64) -> NDArray[np.float64]:
+        """Points on the edge, counter-clockwise from +x: an (n, 2) array in mm, not closed; n at least 3."""
+        angle = 2 * math.pi * np.arange(whole(n, "n", at_least=3)) / n
+        return self.semi_diameter * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
+@value
+class PolygonStop:
+    """A stop with a hole that is a regular polygon, as the blades of an iris leave it.
+
+    Parameters
+    ----------
+    blades : int
+        Number of corners, at least 3.
+    semi_diameter : float
+        Distance of the corners from the axis (circumradius) in mm, above 0.
+    rotation : float, optional
+        Angle of the first corner from +x towards +y, radians.
+    thickness : float, optional
+        Axial gap to the next element in mm, at least 0.
+    blade_radius : float, optional
+        Radius in mm of the arcs that the edges of the blades are, from corner to corner; inf (default): straight.
+        Positive: the hole bulges outwards, at least `semi_diameter`, with which it is a circle. Negative: the blades
+        bulge into the hole, in size at least semi_diameter tan(pi / blades), with which neighbours touch.
+    placement : Placement, optional
+        Decentre and tilt; see `LensStack.moved`. None: centred.
+
+    Raises
+    ------
+    InvalidValueError
+        If a number is out of range.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> stop = pl.PolygonStop(blades=6, semi_diameter=5.0)
+    >>> round(stop.apothem, 6)
+    4.330127
+    >>> stop.contains([4.9, 0.0], [0.0, 4.9]).tolist()
+    [True, False]
+    >>> round(pl.PolygonStop(blades=6, semi_diameter=5.0, blade_radius=8.0).apothem, 6)
+    4.730785
+    """
+
+    blades: int
+    semi_diameter: float
+    rotation: float = 0.0
+    thickness: float = 0.0
+    blade_radius: float = dataclasses.field(default=math.inf, kw_only=True)
+    placement: Placement | None = dataclasses.field(default=None, kw_only=True)
+
+    def __post_init__(self) -> None:
+        set_field(self, "blades", whole(self.blades, "blades", at_least=3))
+        set_field(self, "semi_diameter", positive(self.semi_diameter, "semi_diameter", "mm"))
+        set_field(self, "rotation", finite(self.rotation, "rotation"))
+        set_field(self, "thickness", checked_gap(self.thickness))
+        set_field(self, "blade_radius", self._checked_blade_radius())
+        set_field(self, "placement", kept_placement(self.placement))
+
+    def _checked_blade_radius(self) -> float:
+        radius = number(self.blade_radius, "blade_radius")
+        inwards = self.semi_diameter * math.tan(math.pi / self.blades)
+        if radius >= self.semi_diameter * (1 - _ROUNDING) or radius <= -inwards * (1 - _ROUNDING):
+            return abs(radius) if math.isinf(radius) else radius  # -inf is as straight as inf
+        raise InvalidValueError(
+            f"blade_radius is {radius:g} mm; for {self.blades} blades it must be at least {self.semi_diameter:g} mm, "
+            f"or at most {-inwards:g} mm for blades that bulge into the hole: math.inf makes them straight"
+        )
+
+    @property
+    def apothem(self) -> float:
+        """Distance of the middles of the edges from the axis in mm: semi_diameter cos(pi / blades) if straight."""
+        # The arc's height over half its chord h: R - sqrt(R^2 - h^2), without its cancellation.
+        sine = self._half_chord / self.blade_radius
+        root = math.sqrt(max(1.0 - sine * sine, 0.0))
+        return self.semi_diameter * math.cos(math.pi / self.blades) + self._half_chord * (sine / (1.0 + root))
+
+    @property
+    def normals(self) -> NDArray[np.float64]:
+        """Outward unit normals of the edges, (blades, 2); the first edge runs from the first corner to the second."""
+        angle = self.rotation + math.pi * (2 * np.arange(self.blades) + 1) / self.blades
+        return read_only(np.stack([np.cos(angle), np.sin(angle)], axis=1))
+
+    @property
+    def edges(self) -> NDArray[np.float64]:
+        """(blades, 4): the hole is where a x + b y + q (x^2 + y^2) <= p for all rows (a, b, p, q), and in its circle.
+
+        With the curvature c of the edges and their apothem p0, (a, b) is the normal times 1 - c p0, q is c / 2 and p is
+        p0 (1 - c p0 / 2): straight, outward and inward edges are one formula, which loses nothing for large radii.
+        """
+        bend, foot = 1.0 / self.blade_radius, self.apothem
+        rows = np.empty((self.blades, 4))
+        rows[:, :2] = (1.0 - bend * foot) * self.normals
+        rows[:, 2:] = foot * (1.0 - 0.5 * bend * foot), 0.5 * bend
+        return read_only(rows)
+
+    @property
+    def area(self) -> float:
+        """Of the hole in mm^2: that of the polygon and of the segments between arcs and chords."""
+        half_angle = math.asin(max(-1.0, min(1.0, self._half_chord / self.blade_radius)))
+        segment = 0.0 if half_angle == 0 else (self._half_chord / math.sin(half_angle)) ** 2 * _segment(half_angle)
+        return self.blades * (0.5 * self.semi_diameter**2 * math.sin(2 * math.pi / self.blades) + segment)
+
+    @property
+    def _half_chord(self) -> float:
+        return self.semi_diameter * math.sin(math.pi / self.blades)
+
+    def contains(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.bool_]:
+        """Whether points (x, y), mm, lie in the hole or on its edge; the shape is that of x and y broadcast."""
+        x, y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
+        curved = math.isfinite(self.blade_radius)
+        r2 = x * x + y * y
+        inside = r2 <= self.semi_diameter**2 if curved else np.ones(r2.shape, dtype=np.bool_)
+        for a, b, limit, bend in self.edges:
+            inside &= x * a + y * b + (bend * r2 if curved else 0.0) <= limit
+        return np.asarray(inside)
+
+    def outline(self, n: int = 64) -> NDArray[np.float64]:
+        """Points on the edge, counter-clockwise from the first corner, in mm, not closed.
+
+        A (k, 2) array, where k is the smallest multiple of `blades` that is at least n: all corners are among
+        the points, the others divide the edges evenly.
+        """
+        per_edge = -(-whole(n, "n", at_least=3) // self.blades)
+        angle = self.rotation + 2 * math.pi * np.arange(self.blades + 1) / self.blades
+        corners = self.semi_diameter * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        share = np.arange(per_edge) / per_edge
+        if math.isinf(self.blade_radius):
+            return np.concatenate([a + share[:, None] * (b - a) for a, b in pairwise(corners)])
+        # Along an arc of the angle 2 alpha the chord is divided as sines are, and left by the height of the arc.
+        alpha = math.asin(max(-1.0, min(1.0, self._half_chord / self.blade_radius)))
+        turn = alpha * (2 * share - 1)
+        along = 0.5 * (1.0 + np.sin(turn) / math.sin(alpha))
+        out = self._half_chord * 2 * np.sin(0.5 * (alpha + turn)) * np.sin(0.5 * (alpha - turn)) / math.sin(alpha)
+        edges = zip(pairwise(corners), self.normals, strict=True)
+        return np.concatenate([a + along[:, None] * (b - a) + out[:, None] * normal for (a, b), normal in edges])
+
+
+def _segment(half_angle: float) -> float:
+    """Area between arc and chord of a circle of radius 1, whose arc has twice this angle; negative for negative ones.
+
+    It is a - sin a cos a, of which the series keeps all digits where the angle is small.
+    """
+    if abs(half_angle) > 0.1:
+        return half_angle - math.sin(half_angle) * math.cos(half_angle)
+    x2 = (2.0 * half_angle) ** 2
+    series = 1.0 - x2 / 20.0 * (1.0 - x2 / 42.0 * (1.0 - x2 / 72.0 * (1.0 - x2 / 110.0)))
+    return half_angle**3 * (2.0 / 3.0) * series
+
+
+Stop: TypeAlias = CircularStop | PolygonStop | StarStop | MaskStop
+"""Any stop."""

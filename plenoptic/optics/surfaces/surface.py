@@ -1,0 +1,248 @@
+"""One refracting surface of a lens: a plane, a sphere, a conic or an even asphere."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence, Set
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from plenoptic.core.values import finite, number, positive, set_field, value
+from plenoptic.errors import InvalidValueError, PrescriptionError
+from plenoptic.optics.glass.media import AIR, Medium
+from plenoptic.optics.lens.placement import Placement, kept_placement
+
+
+def checked_gap(thickness: float) -> float:
+    """An axial gap in mm, or an error where it is negative or not finite."""
+    gap = finite(thickness, "thickness")
+    if gap < 0:
+        raise PrescriptionError(
+            f"thickness is {gap:g} mm; the gap to the next element must be at least 0: "
+            "list the elements in the order in which light meets them"
+        )
+    return gap
+
+
+@value
+class Surface:
+    r"""A surface of revolution with the gap and the medium that follow it.
+
+    .. math:: z = \frac{c r^2}{1 + \sqrt{1 - (1 + k) c^2 r^2}} + \sum_i a_i r^{2 i + 2}
+
+    Parameters
+    ----------
+    radius : float
+        Radius of curvature 1/c in mm; positive when the centre lies at +z (convex towards the scene). `math.inf` is
+        a plane; so is -inf, which is stored as inf.
+    thickness : float, optional
+        Axial gap to the next element in mm, at least 0.
+    medium : Medium, optional
+        What fills that gap.
+    semi_diameter : float
+        Half of the free diameter in mm, above 0 and not beyond the equator of the sphere or ellipsoid. Keyword only,
+        required.
+    conic : float, optional
+        Conic constant k: 0 a sphere, -1 a paraboloid, below -1 a hyperboloid, otherwise an ellipsoid.
+    aspheric : sequence of float, optional
+        Coefficients a_0, a_1, ... of r^2, r^4, r^6 and so on, in mm^-1, mm^-3, mm^-5: the first is mostly 0.
+    depth : float, optional
+        For a sphere or ellipsoid that goes on beyond its equator (hyper-hemispheres, balls): how far from the vertex
+        its rim lies along the axis, in mm. `semi_diameter` is then that of the equator. None: the surface ends at the
+        semi-diameter, on the vertex's side of the equator.
+    placement : Placement, optional
+        Decentre and tilt; see `LensStack.moved`. None: centred.
+
+    Raises
+    ------
+    InvalidValueError
+        PrescriptionError for a radius of 0 or nan, a negative gap, a semi-diameter or depth that the surface does not
+        have, or a medium without an index; its base class for what is not a finite number.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> front = pl.Surface(58.95, thickness=7.52, medium=pl.ModelGlass(1.670, 47.1), semi_diameter=25.2)
+    >>> front.curvature == 1 / 58.95
+    True
+    >>> mirror_like = pl.Surface(100.0, semi_diameter=30.0, conic=-1.0, aspheric=(0.0, 1e-8))
+    >>> round(float(mirror_like.sag(10.0)), 6)            # 10^2 / 200 + 1e-8 10^4
+    0.5001
+    >>> pl.Surface(10.0, semi_diameter=12.0)
+    Traceback (most recent call last):
+    ...
+    plenoptic.errors.PrescriptionError: semi_diameter 12 mm exceeds the radius of curvature 10 mm; ...
+    """
+
+    radius: float
+    thickness: float = 0.0
+    medium: Medium = AIR
+    semi_diameter: float = dataclasses.field(kw_only=True)
+    conic: float = dataclasses.field(default=0.0, kw_only=True)
+    aspheric: Sequence[float] = dataclasses.field(default=(), kw_only=True)
+    depth: float | None = dataclasses.field(default=None, kw_only=True)
+    placement: Placement | None = dataclasses.field(default=None, kw_only=True)
+
+    def __post_init__(self) -> None:
+        set_field(self, "radius", self._checked_radius())
+        set_field(self, "thickness", checked_gap(self.thickness))
+        set_field(self, "semi_diameter", positive(self.semi_diameter, "semi_diameter", "mm"))
+        set_field(self, "conic", finite(self.conic, "conic"))
+        set_field(self, "aspheric", self._checked_coefficients())
+        set_field(self, "placement", kept_placement(self.placement))
+        if self.semi_diameter > self.equator:
+            what = "radius of curvature" if self.conic == 0 else "semi-axis of the ellipsoid,"
+            raise PrescriptionError(
+                f"semi_diameter {self.semi_diameter:g} mm exceeds the {what} {self.equator:g} mm; "
+                f"reduce it to {self.equator:g} or less"
+            )
+        if self.depth is not None:
+            set_field(self, "depth", self._checked_depth(self.depth))
+        # A text or a list has an index() too, which finds things in it; a class has one without an instance.
+        if isinstance(self.medium, Sequence | type) or not callable(getattr(self.medium, "index", None)):
+            raise PrescriptionError(
+                f"medium is {self.medium!r}; it must be a medium: pl.AIR, pl.ConstantMedium(1.5) or a glass, such as "
+                'pl.glass("N-BK7") or pl.ModelGlass(1.5168, 64.17)'
+            )
+
+    def _checked_radius(self) -> float:
+        try:
+            radius = number(self.radius, "radius")
+        except InvalidValueError:
+            raise PrescriptionError(f"radius is {self.radius!r}; it must be a number, math.inf for a plane") from None
+        if math.isinf(radius):
+            return math.inf
+        # The reciprocal of a subnormal radius overflows.
+        if math.isnan(radius) or radius == 0 or math.isinf(1.0 / radius):
+            raise PrescriptionError(f"radius is {radius:g} mm; it must not be 0 or nan: for a plane use math.inf")
+        return radius
+
+    def _checked_coefficients(self) -> tuple[float, ...]:
+        try:
+            if isinstance(self.aspheric, str | bytes | Mapping | Set):
+                raise TypeError
+            terms = [finite(a, f"aspheric[{i}]") for i, a in enumerate(self.aspheric)]
+        except TypeError:
+            raise PrescriptionError(
+                f"aspheric is {self.aspheric!r}; it must be a sequence of coefficients, of r^2 first"
+            ) from None
+        while terms and terms[-1] == 0:
+            terms.pop()
+        edge = self.semi_diameter
+        if not np.isfinite(sum(abs(a) * edge * (2 * i + 2) * edge ** min(2 * i, 200) for i, a in enumerate(terms))):
+            raise PrescriptionError(
+                f"aspheric {tuple(terms)} gives no finite height at the semi-diameter {edge:g} mm; correct it"
+            )
+        return tuple(terms)
+
+    def _checked_depth(self, depth: float) -> float:
+        reach = positive(depth, "depth", "mm")
+        pole = abs(self.radius) / (1.0 + self.conic) if self.conic > -1 else math.inf
+        if self.aspheric or not math.isfinite(pole):
+            raise PrescriptionError(
+                f"depth is {reach:g} mm on a surface without equator; spheres and ellipsoids have one: leave it out"
+            )
+        if not (pole <= reach <= 2 * pole) or self.semi_diameter != self.equator:
+            raise PrescriptionError(
+                f"depth is {reach:g} mm and semi_diameter {self.semi_diameter:g} mm; a surface that goes beyond its "
+                f"equator has a depth from {pole:g} to {2 * pole:g} and a semi_diameter of {self.equator:g}"
+            )
+        return reach
+
+    @property
+    def curvature(self) -> float:
+        """Reciprocal of the radius in 1/mm, 0 for a plane."""
+        return 1.0 / self.radius
+
+    @property
+    def vertex_curvature(self) -> float:
+        """Curvature at the vertex in 1/mm, of the r^2 term too: the one that paraxial rays see."""
+        return self.curvature + (2.0 * self.aspheric[0] if self.aspheric else 0.0)
+
+    @property
+    def equator(self) -> float:
+        """Distance from the axis in mm beyond which the sphere or ellipsoid has no points; inf for other conics."""
+        if self.conic == 0:
+            return abs(self.radius)
+        return abs(self.radius) / math.sqrt(1.0 + self.conic) if self.conic > -1 else math.inf
+
+    def sag(self, r: ArrayLike) -> NDArray[np.float64]:
+        """Height of the surface over its vertex plane.
+
+        Parameters
+        ----------
+        r : array_like
+            Distance from the axis in mm, any shape, at most that of the equator. The semi-diameter is no limit.
+
+        Returns
+        -------
+        ndarray
+            z in mm relative to the vertex, of the shape of `r`; a sphere's has the sign of the curvature.
+
+        Raises
+        ------
+        PrescriptionError
+            If the surface does not reach out to `r`.
+
+        Examples
+        --------
+        >>> import plenoptic as pl
+        >>> round(float(pl.Surface(5.0, semi_diameter=4.0).sag(3.0)), 12)
+        1.0
+        """
+        distance = np.abs(np.asarray(r, dtype=np.float64))
+        if not np.all(distance <= self.equator):
+            raise PrescriptionError(
+                f"r reaches {np.max(distance):g} mm, where the surface of radius {self.radius:g} mm has no "
+                f"point; stay within {self.equator:g} mm"
+            )
+        height = self._conic_sag(distance)
+        for i, a in enumerate(self.aspheric):
+            height = height + a * distance ** (2 * i + 2)
+        return height
+
+    def _conic_sag(self, distance: NDArray[np.float64]) -> NDArray[np.float64]:
+        size, out = abs(self.radius), distance
+        if math.isinf(size):
+            return np.zeros_like(distance)
+        # In terms of the radius, which is exact at the equator too; roots apart and all lengths over 4, which is
+        # exact, so that neither a square nor a sum overflows.
+        size, out = size / 4, out / 4
+        if self.conic == 0:
+            depth = size + np.sqrt(size - out) * np.sqrt(size + out)
+        elif self.conic > -1:
+            scaled = np.minimum(out * math.sqrt(1.0 + self.conic), size)
+            depth = size + np.sqrt(size - scaled) * np.sqrt(size + scaled)
+        else:
+            depth = size + np.hypot(size, out * math.sqrt(-1.0 - self.conic))
+        return np.asarray(np.copysign(distance * (out / depth), self.radius))
+
+    def slope(self, r: ArrayLike) -> NDArray[np.float64]:
+        """Slope dz/dr of the surface: the tangent of its angle against the vertex plane.
+
+        Parameters
+        ----------
+        r : array_like
+            Distance from the axis in mm, any shape, at most that of the equator.
+
+        Returns
+        -------
+        ndarray
+            Of the shape of `r`; infinite at the equator.
+
+        Examples
+        --------
+        >>> import plenoptic as pl
+        >>> round(float(pl.Surface(5.0, semi_diameter=4.0).slope(3.0)), 12)
+        0.75
+        """
+        distance = np.asarray(r, dtype=np.float64)
+        self.sag(distance)
+        steep = distance * self.curvature
+        with np.errstate(divide="ignore"):
+            angle = np.asarray(steep / np.sqrt(np.maximum(1.0 - (1.0 + self.conic) * steep * steep, 0.0)))
+        for i, a in enumerate(self.aspheric):
+            angle = angle + (2 * i + 2) * a * distance ** (2 * i + 1)
+        return angle

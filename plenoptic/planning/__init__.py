@@ -1,1 +1,0 @@
-"""Planning: which stages a scene before a camera needs, which are left out, and why."""

@@ -1,0 +1,77 @@
+"""The photon transfer curve of a sensor."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from plenoptic.core.values import wrong_kind
+from plenoptic.plots import _pyplot
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from plenoptic.readout.photon_transfer import PhotonTransfer
+
+
+def plot_photon_transfer(curve: PhotonTransfer, ax: Axes | None = None) -> Axes:
+    """Draw variances against the mean signal, both axes logarithmic.
+
+    Parameters
+    ----------
+    curve : PhotonTransfer
+    ax : matplotlib.axes.Axes, optional
+        Where to draw; a new figure if it is left out.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        Signal above that of the lowest level in DN, variance in DN^2: dots are measured, lines are what the
+        parameters of the sensor say without saturation. A fixed pattern is drawn if the sensor has one. The
+        dashed vertical line is the white level.
+
+    Raises
+    ------
+    InvalidValueError
+        If `curve` is no PhotonTransfer.
+    PlenopticError
+        Which is an ImportError too: without matplotlib.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from plenoptic.plots.photon_transfer import plot_photon_transfer
+    >>> from plenoptic.optics.sensor.model import SensorModel
+    >>> from plenoptic.readout.photon_transfer import photon_transfer
+    >>> sensor = SensorModel(photon_rate=20000.0, gain=0.25, read_noise=6.0, prnu=0.01)
+    >>> ax = plot_photon_transfer(photon_transfer(sensor, np.append(0.0, np.geomspace(1e-4, 1, 13))))
+    >>> ax.get_xlabel()
+    'signal above dark / DN'
+    """
+    # By what it has, since figures know no sensors.
+    if not hasattr(curve, "expected_pattern_variance"):
+        raise wrong_kind(curve, "curve", "PhotonTransfer", "photon_transfer(model, levels)")
+    plt = _pyplot()
+    if ax is None:
+        _, ax = plt.subplots(figsize=(6.0, 4.4), layout="constrained")
+    dark = float(np.min(curve.expected_mean))
+    order = np.argsort(curve.expected_mean)
+    lit = order[curve.expected_mean[order] > dark]  # a logarithmic axis has no place for the darkest level
+    for colour, label, measured, expected in (
+        ("C0", "temporal noise", curve.variance, curve.expected_variance),
+        ("C1", "fixed pattern", curve.pattern_variance, curve.expected_pattern_variance),
+    ):
+        if not expected.any():
+            continue
+        ax.plot((curve.mean - dark)[lit], measured[lit], "o", markersize=4, color=colour, label=f"{label}, measured")
+        ax.plot((curve.expected_mean - dark)[lit], expected[lit], "-", color=colour, label=f"{label}, expected")
+    if np.isfinite(curve.white_level):
+        ax.axvline(curve.white_level - dark, linestyle="--", color="0.5", label="white level")
+    ax.set_xscale("log", nonpositive="mask")
+    ax.set_yscale("log", nonpositive="mask")
+    ax.set_xlabel("signal above dark / DN")
+    ax.set_ylabel("variance / DN²")
+    ax.set_title(f"Photon transfer: {curve.gain:.4g} DN per electron")
+    ax.legend(fontsize="small", frameon=False)
+    return ax

@@ -1,0 +1,1 @@
+"""From an exposure to raw images: developing, reading, and the photon transfer curve."""

@@ -1,0 +1,331 @@
+"""RawImage: the numbers that a sensor reads out, and the way back to light."""
+
+from __future__ import annotations
+
+import base64
+import os
+from dataclasses import KW_ONLY
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from plenoptic.core.files import images
+from plenoptic.core.files.serialization import describe, restore
+from plenoptic.core.values import file_path, set_field, value, whole, wrong_kind
+from plenoptic.errors import FileError, InvalidValueError
+from plenoptic.optics.sensor.color_filter import BayerPattern, channels_of
+from plenoptic.optics.sensor.demosaic import DemosaicMethod, demosaiced
+from plenoptic.optics.sensor.model import SensorModel, as_seed
+from plenoptic.rendering.exposure import Exposure, _checked_region, _preview
+
+if TYPE_CHECKING:
+    from plenoptic.camera.camera import PlenopticCamera
+
+__all__ = ["RawImage"]
+
+_KEPT_AS_TEXT = ("model", "region", "seed", "samples")
+
+
+@value
+class RawImage:
+    """What a sensor reads out: one number for each pixel, or three for a sensor of three layers.
+
+    Parameters
+    ----------
+    data : (H, W) or (H, W, 3) array_like
+        Digital numbers (DN), row 0 at the top; kept as uint16, or as float64 where the model has no quantisation.
+    model : SensorModel
+        The sensor.
+    region : (int, int, int, int), optional
+        First row, end row, first column, end column on the sensor; None: the whole sensor.
+    seed : int, optional
+        Of shot, read and row noise.
+    samples : int, optional
+        Paths per pixel of the exposure, whose Monte Carlo error is in the data too.
+    camera : PlenopticCamera, optional
+        The camera that took the exposure.
+
+    Raises
+    ------
+    InvalidValueError
+        Where shape or numbers cannot be those of the sensor.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import plenoptic as pl
+    >>> from plenoptic.readout.develop import develop
+    >>> from plenoptic.optics.sensor.color_filter import BayerPattern
+    >>> from plenoptic.optics.sensor.model import SensorModel
+    >>> sensor = SensorModel(photon_rate=3000.0, black_level=64, colour_filters=BayerPattern.RGGB)
+    >>> raw = develop(pl.Exposure(np.ones((4, 6, 3))), sensor)
+    >>> raw.data.shape, raw.data.dtype, raw.black_level, raw.white_level
+    ((4, 6), dtype('uint16'), 64.0, 4095.0)
+    >>> raw.demosaic()
+    Exposure(4 x 6 x 3)
+    """
+
+    data: NDArray[Any]
+    model: SensorModel
+    _: KW_ONLY
+    region: tuple[int, int, int, int] | None = None
+    seed: int | None = None
+    samples: int | None = None
+    camera: PlenopticCamera | None = None
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self,
+            data: ArrayLike,
+            model: SensorModel,
+            *,
+            region: tuple[int, int, int, int] | None = None,
+            seed: int | None = None,
+            samples: int | None = None,
+            camera: PlenopticCamera | None = None,
+        ) -> None: ...
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.model, SensorModel):
+            raise wrong_kind(self.model, "model", "SensorModel", "pl.SensorModel(photon_rate=1e6)")
+        set_field(self, "data", _checked_data(self.data, self.model))
+        if self.region is not None:
+            set_field(self, "region", _checked_region(self.region, self.data.shape[:2]))
+        if self.seed is not None:
+            set_field(self, "seed", as_seed(self.seed, "seed"))
+        if self.samples is not None:
+            set_field(self, "samples", whole(self.samples, "samples", at_least=0))
+
+    @property
+    def black_level(self) -> float:
+        """DN without light."""
+        return self.model.black_level
+
+    @property
+    def white_level(self) -> float:
+        """DN of a saturated pixel; where the full well decides it, later noise scatters around it."""
+        return self.model.white_level
+
+    @property
+    def colour_filters(self) -> BayerPattern | NDArray[np.int64] | None:
+        """Filters of the sensor, whose period begins at row 0 and column 0 of the sensor, not of the region."""
+        return self.model.colour_filters
+
+    @property
+    def channels(self) -> NDArray[np.int64] | None:
+        """(H, W): the channel that each pixel sees, 0 red, 1 green, 2 blue; None without filters."""
+        if self.model.colour_filters is None:
+            return None
+        rows, columns = self.data.shape[:2]
+        return channels_of(self.model.colour_filters, (rows, columns), self._first)
+
+    @property
+    def fraction_saturated(self) -> float:
+        """The part of the numbers that reach the white level."""
+        return float(np.mean(self.data >= self.white_level))
+
+    @property
+    def _first(self) -> tuple[int, int]:
+        return (0, 0) if self.region is None else (self.region[0], self.region[2])
+
+    def electrons(self) -> NDArray[np.float64]:
+        """What the numbers stand for: (DN - black level) / gain.
+
+        Returns
+        -------
+        ndarray
+            Shaped as `data`; dark current included; noise makes some of them negative.
+
+        Examples
+        --------
+        >>> from plenoptic.optics.sensor.model import SensorModel
+        >>> from plenoptic.readout.raw import RawImage
+        >>> RawImage([[100, 300]], SensorModel(photon_rate=1.0, gain=0.5, black_level=100)).electrons()
+        array([[  0., 400.]])
+        """
+        counted: NDArray[np.float64] = (self.data.astype(np.float64) - self.model.black_level) / self.model.gain
+        return counted
+
+    def linear(self) -> NDArray[np.float64]:
+        """The image's values back: electrons less the mean dark current, over those of an image of 1.
+
+        What the sensor's fixed pattern, noise and saturation did stays in them. Every channel is divided
+        by its own rate and quantum efficiency, so that equal channels of an exposure come back equal.
+
+        Returns
+        -------
+        ndarray
+            Shaped as `data`, in the units of the exposure.
+
+        Examples
+        --------
+        >>> from plenoptic.optics.sensor.model import SensorModel
+        >>> from plenoptic.readout.raw import RawImage
+        >>> RawImage([[100, 300]], SensorModel(photon_rate=800.0, gain=0.5, black_level=100)).linear()
+        array([[0. , 0.5]])
+        """
+        per_unit = self.model.electrons_per_unit
+        seen = self.channels
+        if seen is not None:
+            per_unit = np.broadcast_to(per_unit, 3)[seen]
+        back: NDArray[np.float64] = (self.electrons() - self.model.dark_electrons) / per_unit
+        return back
+
+    def demosaic(
+        self,
+        method: DemosaicMethod = DemosaicMethod.LINEAR,
+        *,
+        white_balance: tuple[float, float, float] | None = None,
+    ) -> Exposure:
+        """All channels at all pixels, in the units of the exposure, with the artefacts of interpolation.
+
+        Parameters
+        ----------
+        method : DemosaicMethod
+            LINEAR and MHC interpolate Bayer patterns; WEIGHTED_MEAN any pattern.
+        white_balance : 3 floats, optional
+            Factors for red, green and blue, applied before interpolation. None: none, which leaves a scene
+            of equal channels grey, see `linear`.
+
+        Returns
+        -------
+        Exposure
+            (H, W, 3), without standard error; (H, W, C) as it is for a sensor without colour filters.
+
+        Raises
+        ------
+        InvalidValueError
+            Where the method does not know the pattern, a channel has no pixel, or the image is too small.
+
+        Examples
+        --------
+        See `RawImage`.
+        """
+        known = self.linear()
+        factors = np.ones(3) if white_balance is None else _factors(white_balance)
+        filters, seen = self.model.colour_filters, self.channels
+        picture: NDArray[np.floating[Any]]
+        if filters is not None:
+            picture = demosaiced(known * factors[seen], filters, self._first, method)
+        elif white_balance is None:
+            picture = known.reshape(*known.shape[:2], -1)
+        else:
+            picture = known.reshape(*known.shape[:2], -1) * factors
+        return Exposure(picture, samples=self.samples, seed=self.seed, camera=self.camera, region=self.region)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the numbers as they are to a 16-bit file, with the sensor model, region, seed and samples.
+
+        The file appears whole or not at all. The camera is not kept.
+
+        Parameters
+        ----------
+        path : path-like
+            Must end in `.tif`, `.tiff` or `.png`; its folder must exist.
+
+        Raises
+        ------
+        FileError
+            Where the file cannot be written.
+        InvalidValueError
+            Where the numbers are not whole, since the model has no quantisation.
+
+        Examples
+        --------
+        >>> import pathlib, tempfile
+        >>> import plenoptic as pl
+        >>> raw = pl.RawImage([[100, 300]], pl.SensorModel(photon_rate=1.0))
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     path = pathlib.Path(folder) / "raw.tif"
+        ...     raw.save(path)
+        ...     pl.RawImage.load(path) == raw
+        True
+        """
+        if self.model.bits is None:
+            raise InvalidValueError("the numbers are not quantised, so no 16-bit file holds them; give the model bits")
+        texts = {
+            f"plenoptic:{name}": describe(kept) for name in _KEPT_AS_TEXT if (kept := getattr(self, name)) is not None
+        }
+        pixels = self.data.reshape(*self.data.shape[:2], -1)
+        images.write_16bit(path, pixels, {"plenoptic:kind": "raw", images.COLOR_SPACE: images.LINEAR, **texts})
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> RawImage:
+        """Read a raw image that `save` wrote.
+
+        Parameters
+        ----------
+        path : path-like
+
+        Returns
+        -------
+        RawImage
+
+        Raises
+        ------
+        FileError
+            Where the file is missing, damaged or no raw image of this package.
+
+        Examples
+        --------
+        See `save`.
+        """
+        channels, metadata = images.read_channels(file_path(path))
+        if "plenoptic:model" not in metadata:
+            raise FileError(f"{os.fspath(path)!r} names no sensor model; read it with pl.images.read_channels")
+        kept = {name: restore(metadata[key]) for name in _KEPT_AS_TEXT if (key := f"plenoptic:{name}") in metadata}
+        # float32 holds k / 65535 to 2^-25, so that the rounded product is k again.
+        data = np.rint(np.stack(list(channels.values()), axis=-1).astype(np.float64) * 65535).astype(np.uint16)
+        try:
+            return cls(data[:, :, 0] if data.shape[2] == 1 else data, **kept)
+        except (InvalidValueError, TypeError) as error:
+            raise FileError(f"{os.fspath(path)!r} holds no possible raw image: {error}") from error
+
+    def __repr__(self) -> str:
+        return f"RawImage({self._facts()})"
+
+    def _facts(self) -> str:
+        facts = [" x ".join(map(str, self.data.shape))]
+        filters = self.model.colour_filters
+        if filters is not None:
+            facts.append(
+                filters.name if isinstance(filters, BayerPattern) else "{} x {} filters".format(*filters.shape)
+            )
+        facts.append("not quantised" if self.model.bits is None else f"{self.model.bits} bits")
+        facts.append(f"{100 * self.fraction_saturated:.3g} % saturated")
+        if self.region is not None:
+            first_row, end_row, first_column, end_column = self.region
+            facts.append(f"rows {first_row}:{end_row}, columns {first_column}:{end_column}")
+        return ", ".join(facts)
+
+    def _repr_html_(self) -> str:
+        """The numbers above the black level as a grey picture, with one line of facts, for notebooks."""
+        light = np.maximum(self.electrons(), 0.0).astype(np.float32)
+        png = base64.b64encode(_preview(light.reshape(*light.shape[:2], -1))).decode()
+        return f'<figure><img src="data:image/png;base64,{png}"/><figcaption>{self._facts()}</figcaption></figure>'
+
+
+def _checked_data(given: Any, model: SensorModel) -> NDArray[Any]:
+    data = np.array(given)
+    if data.ndim not in (2, 3) or data.size == 0 or data.shape[2:] not in ((), (3,)) or data.dtype.kind not in "iuf":
+        raise InvalidValueError(
+            f"data has shape {data.shape} and type {data.dtype}; it must be numbers (H, W) or (H, W, 3), not empty"
+        )
+    if data.ndim == 3 and model.colour_filters is not None:
+        raise InvalidValueError(f"data has shape {data.shape}; behind colour filters it must be (H, W)")
+    if model.bits is not None:
+        largest = 2**model.bits - 1
+        if not ((data >= 0) & (data <= largest) & (data == np.rint(data))).all():
+            raise InvalidValueError(f"data must be whole numbers from 0 to {largest}, those of {model.bits} bits")
+    data = data.astype(np.float64 if model.bits is None else np.uint16)
+    data.flags.writeable = False
+    return data
+
+
+def _factors(white_balance: Any) -> NDArray[np.float64]:
+    factors = np.asarray(white_balance, dtype=np.float64)
+    if factors.shape != (3,) or not (np.isfinite(factors) & (factors > 0)).all():
+        raise InvalidValueError(f"white_balance is {white_balance!r}; it must be three finite factors above 0")
+    return factors

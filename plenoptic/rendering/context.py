@@ -1,0 +1,62 @@
+"""A scene before a camera, compiled: what tiles, and paths that are traced again, begin with."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.camera.record import CameraTables, camera_tables
+from plenoptic.rendering.plan.plan import plan_stages
+from plenoptic.rendering.plan.stages import Plan
+from plenoptic.rendering.settings import RenderSettings
+from plenoptic.scene.cache import prepared_scene
+from plenoptic.scene.compile import SceneTables
+from plenoptic.scene.geometry.accel import Intersector
+from plenoptic.scene.scene import Scene
+from plenoptic.truth.ground_truth import Truth
+
+
+class Settings(NamedTuple):
+    """How paths are sampled, and what they may do."""
+
+    replicates: int
+    seed: np.uint64
+    plan: Plan
+    how: RenderSettings
+
+
+class Compiled(NamedTuple):
+    """Camera and scene as tables."""
+
+    camera: CameraTables
+    scene: SceneTables | None
+    """None: a white image."""
+    intersector: Intersector | None
+    """None where there are no triangles to meet."""
+    settings: Settings
+
+    @property
+    def channels(self) -> int:
+        """Channels of the image: the sensor's, or those of the scene where the camera sees one wavelength."""
+        if self.camera.colour is not None:
+            return int(self.camera.colour.weights.shape[1])
+        return 1 if self.scene is None else self.scene.channels
+
+
+def compiled(
+    scene: Scene | None,
+    camera: PlenopticCamera,
+    how: RenderSettings,
+    *,
+    samples: int,
+    replicates: int,
+    seed: int,
+    truth: Truth,
+) -> Compiled:
+    """Plan a rendering and compile what it needs."""
+    prepared = None if scene is None else prepared_scene(scene)
+    tables, intersector = (None, None) if prepared is None else (prepared.tables, prepared.intersector)
+    plan = plan_stages(tables, camera, how, samples=samples, replicates=replicates, truth=truth)
+    return Compiled(camera_tables(camera), tables, intersector, Settings(replicates, np.uint64(seed), plan, how))

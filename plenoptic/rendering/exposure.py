@@ -1,0 +1,389 @@
+"""Exposure: the image, its error, the ground truth, the camera and the statistics of one rendering."""
+
+from __future__ import annotations
+
+import base64
+import importlib.metadata
+import io
+import os
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from plenoptic.core.files import images
+from plenoptic.core.files.serialization import describe, restore
+from plenoptic.core.relative_error import relative_error
+from plenoptic.core.values import file_path, frozen_array, positive, set_field, value, whole, wrong_kind
+from plenoptic.errors import FileError, InvalidValueError
+from plenoptic.rendering.settings import RenderSettings
+from plenoptic.rendering.stats import RenderStats, StopReason
+from plenoptic.truth.channels import truth_channels, truth_in, truth_note
+from plenoptic.truth.ground_truth import GroundTruth, truth_names
+
+if TYPE_CHECKING:
+    from plenoptic.camera.camera import PlenopticCamera
+    from plenoptic.optics.sensor.model import SensorModel
+    from plenoptic.readout.raw import RawImage
+
+_NAMES = {1: ("Y",), 3: ("R", "G", "B")}
+_FULL = 65535  # the largest 16-bit value
+_KEPT_AS_TEXT = ("samples", "replicates", "seed", "region", "camera", "stats", "settings")
+_SAMPLES = "samples"
+_PREVIEW_PIXELS = 1024
+
+
+@value
+class Exposure:
+    """What one rendering gives: image, standard error, ground truth, camera and statistics.
+
+    Parameters
+    ----------
+    image : (H, W, C) array_like
+        Irradiance integral of radiance over a pixel's solid angle, averaged over its area, in scene
+        units; linear; row 0 at the top; C is 1 or 3. Kept as float32.
+    standard_error : (H, W, C) array_like, optional
+        One standard deviation of `image`'s Monte Carlo error. Kept as float32.
+    truth : GroundTruth, optional
+        What the pixels show: depth, normals, objects, ...
+    samples : int, optional
+        Paths per pixel; None where it is not known.
+    replicates : int, optional
+        Independent scramblings from which the standard error was found; None where it is not known.
+    seed : int, optional
+        Of the random numbers; None where it is not known.
+    camera : PlenopticCamera, optional
+        The camera that took it.
+    region : (int, int, int, int), optional
+        First row, end row, first column, end column on the sensor; None: the whole sensor.
+    stats : RenderStats, optional
+        What it took.
+    sample_counts : (H, W) array_like of int, optional
+        Paths of each pixel; None where all have `samples`, which is otherwise the most that a pixel has.
+    settings : RenderSettings, optional
+        How it was rendered: what `replay` needs to know.
+
+    Raises
+    ------
+    InvalidValueError
+        Where a shape does not fit the image's, or a count is impossible.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import plenoptic as pl
+    >>> shot = pl.Exposure(np.ones((2, 3, 1)), standard_error=np.full((2, 3, 1), 0.01), samples=64)
+    >>> shot
+    Exposure(2 x 3 x 1, 64 samples per pixel, relative error 1 %)
+    """
+
+    image: NDArray[np.float32]
+    standard_error: NDArray[np.float32] | None = None
+    truth: GroundTruth | None = None
+    samples: int | None = None
+    replicates: int | None = None
+    seed: int | None = None
+    camera: PlenopticCamera | None = None
+    region: tuple[int, int, int, int] | None = None
+    stats: RenderStats | None = None
+    sample_counts: NDArray[np.int32] | None = None
+    settings: RenderSettings | None = None
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self,
+            image: ArrayLike,
+            standard_error: ArrayLike | None = None,
+            truth: GroundTruth | None = None,
+            samples: int | None = None,
+            replicates: int | None = None,
+            seed: int | None = None,
+            camera: PlenopticCamera | None = None,
+            region: tuple[int, int, int, int] | None = None,
+            stats: RenderStats | None = None,
+            sample_counts: ArrayLike | None = None,
+            settings: RenderSettings | None = None,
+        ) -> None: ...
+
+    def __post_init__(self) -> None:
+        image = frozen_array(self.image, name="image", shape=("rows", "columns", "channels"), dtype=np.float32)
+        if image.shape[2] not in _NAMES or 0 in image.shape:
+            raise InvalidValueError(f"image has shape {image.shape}; it must be (H, W, 1) or (H, W, 3), not empty")
+        set_field(self, "image", image)
+        if self.standard_error is not None:
+            error = frozen_array(self.standard_error, name="standard_error", shape=image.shape, dtype=np.float32)
+            set_field(self, "standard_error", error)
+        if self.truth is not None:
+            if not isinstance(self.truth, GroundTruth):
+                raise wrong_kind(self.truth, "truth", "GroundTruth", "pl.GroundTruth(depth=...)")
+            if self.truth.shape != image.shape[:2]:
+                raise InvalidValueError(
+                    f"truth has {self.truth.shape[0]} x {self.truth.shape[1]} pixels; "
+                    f"it must have the image's {image.shape[0]} x {image.shape[1]}"
+                )
+        if self.sample_counts is not None:
+            counts = frozen_array(self.sample_counts, name="sample_counts", shape=image.shape[:2], dtype=np.int32)
+            if counts.min() < 0 or (self.samples is not None and counts.max() > self.samples):
+                raise InvalidValueError(
+                    f"sample_counts go from {counts.min()} to {counts.max()}; they must be within 0 and samples, "
+                    f"{self.samples}"
+                )
+            set_field(self, "sample_counts", counts)
+        for name in ("samples", "replicates", "seed"):
+            number = getattr(self, name)
+            if number is not None:
+                set_field(self, name, whole(number, name, at_least=0))
+        if self.region is not None:
+            set_field(self, "region", _checked_region(self.region, image.shape[:2]))
+        if self.stats is not None and not isinstance(self.stats, RenderStats):
+            raise InvalidValueError(f"stats is a {type(self.stats).__name__}; it must be a RenderStats or None")
+        if self.settings is not None and not isinstance(self.settings, RenderSettings):
+            raise InvalidValueError(f"settings is a {type(self.settings).__name__}; it must be RenderSettings or None")
+
+    @property
+    def depth(self) -> NDArray[np.float64] | None:
+        """(H, W): -z in the camera's frame in mm, inf where nothing is met; None where it was not asked for."""
+        return None if self.truth is None else self.truth.depth
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether the rendering was interrupted before it had done what it was asked for."""
+        return self.stats is not None and self.stats.stopped_by is StopReason.INTERRUPTED
+
+    @property
+    def relative_error(self) -> float | None:
+        """The root mean square, over lit pixels, of the standard error over the value; None without standard error.
+
+        Errors and values are those of the channels together: root mean square and mean. Lit are the pixels above a
+        tenth of the 99th percentile, see `lit_pixels`. nan for an image without light or error, inf for one that has
+        error only, or pixels without samples.
+        """
+        return None if self.standard_error is None else relative_error(self.image, self.standard_error)
+
+    def develop(self, sensor: SensorModel, *, seed: int = 0) -> RawImage:
+        """What a sensor reads out when exposed to this image: electrons, noise and digital numbers.
+
+        Light transport is over here: one rendering serves many sensors, exposure times and seeds. The Monte Carlo error
+        of the image is no noise of the sensor and adds to it; render until it is well below the shot noise.
+
+        Parameters
+        ----------
+        sensor : SensorModel
+            Exposure time, gain, colour filters, noise, full well, bits; each effect can be absent.
+        seed : int
+            Of shot and read noise, at least 0; the same seed gives the same bits.
+
+        Returns
+        -------
+        RawImage
+
+        Examples
+        --------
+        >>> import numpy as np, plenoptic as pl
+        >>> flat = pl.Exposure(np.full((4, 4, 1), 0.5))
+        >>> sensor = pl.SensorModel(photon_rate=2000.0, exposure_time=1.0, quantum_efficiency=0.5, gain=1.0, bits=12)
+        >>> raw = flat.develop(sensor, seed=1)
+        >>> raw.data.dtype, bool(abs(raw.electrons().mean() - 500.0) < 30.0)
+        (dtype('uint16'), True)
+        """
+        from plenoptic.readout.develop import develop
+
+        return develop(self, sensor, seed=seed)
+
+    def save(self, path: str | os.PathLike[str], *, scale: float | None = None) -> None:
+        """Write the exposure to a file, in the format that the path's ending names.
+
+        The file appears whole or not at all.
+
+        Parameters
+        ----------
+        path : path-like
+            `.exr` keeps everything, as float32: ground truth is rounded from float64, and its whole
+            numbers are exact up to 2^24. `.tif`, `.tiff` (linear) and `.png` (sRGB-encoded) keep
+            the image in 16 bits, with the scale, samples, seed and region, and neither error, truth,
+            camera nor statistics.
+        scale : float, optional
+            For 16 bits: the value in the image that becomes 65535, by default the image's maximum.
+            Values above it are cut, and so are negative ones.
+
+        Raises
+        ------
+        FileError
+            Where the file cannot be written or the ending is unknown.
+        InvalidValueError
+            Where the scale is not above 0, or the camera is made of things that cannot be described.
+
+        Examples
+        --------
+        >>> import pathlib, tempfile
+        >>> import numpy as np
+        >>> import plenoptic as pl
+        >>> shot = pl.Exposure(np.ones((2, 3, 1)), samples=64, seed=0)
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     path = pathlib.Path(folder) / "shot.exr"
+        ...     shot.save(path)
+        ...     pl.Exposure.load(path) == shot
+        True
+        """
+        ending = file_path(path).suffix.lower()
+        if ending == ".exr":
+            if scale is not None:
+                raise InvalidValueError(f"scale is {scale:g}, but EXR files keep the values as they are; leave it out")
+            images.write_channels(path, self._channels(), self._texts(_KEPT_AS_TEXT))
+        elif ending in (".tif", ".tiff", ".png"):
+            self._save_16bit(path, images.SRGB if ending == ".png" else images.LINEAR, scale)
+        else:
+            raise FileError(f"{os.fspath(path)!r} ends in {ending!r}; it must end in .exr, .tif, .tiff or .png")
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Exposure:
+        """Read an exposure that `save` wrote, or the image of any other file.
+
+        Parameters
+        ----------
+        path : path-like
+            An EXR file gives back everything; truth returns as float64 of float32 precision. Another
+            image file gives the linear image, times its scale if it has one. A file from elsewhere
+            gives what it holds.
+
+        Returns
+        -------
+        Exposure
+
+        Raises
+        ------
+        FileError
+            Where the file is missing, damaged or no image, or its metadata cannot be understood.
+
+        Examples
+        --------
+        See `save`.
+        """
+        channels, metadata = images.read_channels(path)
+        kept = {name: restore(metadata[key]) for name in _KEPT_AS_TEXT if (key := f"plenoptic:{name}") in metadata}
+        image = images.read_linear(path)
+        planes = [channels.get(f"error.{name}") for name in _NAMES[image.shape[2]]]
+        errors = [plane for plane in planes if plane is not None]
+        try:
+            if "plenoptic:scale" in metadata:
+                image = image * np.float32(positive(restore(metadata["plenoptic:scale"]), "scale"))
+            return cls(
+                image,
+                standard_error=np.stack(errors, axis=-1) if len(errors) == len(planes) else None,
+                truth=truth_in(channels),
+                sample_counts=_counts_in(channels.get(_SAMPLES), kept.get("samples")),
+                **kept,
+            )
+        except InvalidValueError as error:
+            raise FileError(f"{os.fspath(path)!r} holds no possible exposure: {error}") from error
+
+    def _channels(self) -> Mapping[str, NDArray[Any]]:
+        names = _NAMES[self.image.shape[2]]
+        channels: dict[str, NDArray[Any]] = {name: self.image[:, :, i] for i, name in enumerate(names)}
+        if self.standard_error is not None:
+            channels |= {f"error.{name}": self.standard_error[:, :, i] for i, name in enumerate(names)}
+        if self.sample_counts is not None:
+            channels[_SAMPLES] = self.sample_counts.astype(np.float32)
+        if self.truth is not None:
+            channels |= truth_channels(self.truth)
+        return channels
+
+    def _texts(self, names: tuple[str, ...]) -> dict[str, str]:
+        texts = {"Software": f"plenoptic {_version()}"}
+        texts |= {f"plenoptic:{name}": describe(kept) for name in names if (kept := getattr(self, name)) is not None}
+        if "camera" in names and self.truth is not None:
+            texts["plenoptic:note"] = truth_note(self.truth)
+        return texts
+
+    def _save_16bit(self, path: str | os.PathLike[str], encoding: str, scale: float | None) -> None:
+        image = np.nan_to_num(self.image.astype(np.float64), nan=0.0, posinf=np.inf, neginf=0.0)
+        if scale is None:
+            brightest = float(np.max(image, initial=0.0, where=np.isfinite(image)))
+            scale = brightest if brightest > 0 else 1.0
+        scale = positive(scale, "scale")
+        relative: NDArray[np.floating[Any]] = np.clip(image / scale, 0.0, 1.0)
+        if encoding == images.SRGB:
+            relative = images.linear_to_srgb(relative)
+        texts = self._texts(("samples", "replicates", "seed", "region"))
+        texts |= {"plenoptic:scale": describe(scale), images.COLOR_SPACE: encoding}
+        images.write_16bit(path, np.rint(relative * _FULL).astype(np.uint16), texts)
+
+    def __repr__(self) -> str:
+        return f"Exposure({self._facts()})"
+
+    def _facts(self) -> str:
+        facts = [" x ".join(map(str, self.image.shape))]
+        if self.interrupted:
+            facts.append("interrupted")
+        if self.samples is not None:
+            least = self.samples if self.sample_counts is None else int(self.sample_counts.min())
+            facts.append(
+                f"{least} to {self.samples} samples per pixel"
+                if least < self.samples
+                else f"{self.samples} samples per pixel"
+            )
+        begun = 1.0 if self.sample_counts is None else float(np.mean(self.sample_counts > 0))
+        if not self.image.any():
+            facts.append("black")
+        elif begun < 1:
+            facts.append(f"{100 * begun:.3g} % of the pixels rendered")
+        elif self.relative_error is not None:
+            facts.append(f"relative error {100 * self.relative_error:.3g} %")
+        if self.truth is not None:
+            facts.append(f"with {truth_names(self.truth.kinds)}")
+        if self.region is not None:
+            first_row, end_row, first_column, end_column = self.region
+            facts.append(f"rows {first_row}:{end_row}, columns {first_column}:{end_column}")
+        if self.stats is not None:
+            facts.append(f"{self.stats.seconds:.3g} s")
+        return ", ".join(facts)
+
+    def _repr_html_(self) -> str:
+        """The picture, its brightest 0.1 % cut, with one line of facts, for notebooks."""
+        png = base64.b64encode(_preview(self.image)).decode()
+        return f'<figure><img src="data:image/png;base64,{png}"/><figcaption>{self._facts()}</figcaption></figure>'
+
+
+def _counts_in(plane: NDArray[Any] | None, samples: Any) -> NDArray[Any] | None:
+    """Counts of samples of a file, which are rounded beyond 2^24."""
+    return plane if plane is None or not isinstance(samples, int) else np.minimum(plane.astype(np.float64), samples)
+
+
+def _checked_region(region: tuple[int, ...], shape: tuple[int, ...]) -> tuple[int, ...]:
+    if not isinstance(region, tuple | list) or len(region) != 4:
+        raise InvalidValueError(f"region is {region!r}; it must be (first row, end row, first column, end column)")
+    checked = tuple(whole(number, "region", at_least=0) for number in region)
+    first_row, end_row, first_column, end_column = checked
+    if (end_row - first_row, end_column - first_column) != shape:
+        raise InvalidValueError(
+            f"region {checked} has {end_row - first_row} x {end_column - first_column} pixels; "
+            f"it must have the image's {shape[0]} x {shape[1]}"
+        )
+    return checked
+
+
+def _preview(image: NDArray[np.float32]) -> bytes:
+    """An 8-bit sRGB PNG of at most 1024 pixels along a side, averaged linearly over whole blocks."""
+    from PIL import Image
+
+    block = -(-max(image.shape[:2]) // _PREVIEW_PIXELS)
+    brightest = float(np.max(image, initial=0, where=np.isfinite(image)))
+    shown = np.clip(np.nan_to_num(image, posinf=brightest), 0, brightest).astype(np.float64)
+    rows, columns = (max(length // block, 1) for length in image.shape[:2])
+    shown = shown[: rows * block, : columns * block]
+    rows_per, columns_per = shown.shape[0] // rows, shown.shape[1] // columns
+    shown = shown.reshape(rows, rows_per, columns, columns_per, -1).mean(axis=(1, 3))
+    white = float(np.percentile(shown, 99.9)) or float(shown.max()) or 1.0
+    pixels = np.rint(255 * images.linear_to_srgb(np.minimum(shown / white, 1.0))).astype(np.uint8)
+    stream = io.BytesIO()
+    Image.fromarray(pixels[:, :, 0] if pixels.shape[2] == 1 else pixels).save(stream, format="PNG")
+    return stream.getvalue()
+
+
+def _version() -> str:
+    try:
+        return importlib.metadata.version("plenoptic")
+    except importlib.metadata.PackageNotFoundError:  # run from its sources
+        return "(not installed)"

@@ -1,0 +1,1 @@
+"""Light transport: paths through the scene."""

@@ -1,0 +1,1 @@
+"""Kernels: emission, direct light, and the next ray."""

@@ -1,0 +1,150 @@
+"""The stages of a rendering, and decisions on them."""
+
+from __future__ import annotations
+
+import dataclasses
+import enum
+from typing import TYPE_CHECKING
+
+from plenoptic.core.values import value
+from plenoptic.rendering.settings import RenderSettings
+from plenoptic.truth.ground_truth import Truth
+
+if TYPE_CHECKING:
+    from plenoptic.camera.camera import PlenopticCamera
+    from plenoptic.scene.scene import Scene
+
+
+class Stage(enum.IntEnum):
+    """The parts of a rendering, in the order in which light is followed back.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> pl.Stage.LENS.name
+    'LENS'
+    """
+
+    INDEPENDENT_SAMPLES = 0
+    WAVELENGTHS = 1
+    PIXEL_RESPONSE = 2
+    TURNED_PIXELS = 3
+    BLEMISHES = 4
+    MICROLENSES = 5
+    MICROLENS_TYPES = 6
+    OPENINGS = 7
+    WALLS = 8
+    LISTED_LENSES = 9
+    MICROLENS_PLATES = 10
+    TILTED_SENSOR = 11
+    TILTED_ARRAY = 12
+    LENS = 13
+    ASPHERES = 14
+    PLACEMENTS = 15
+    SHAPED_STOPS = 16
+    DISPLACED_LENS = 17
+    POSE = 18
+    INTERSECTION = 19
+    INSTANCES = 20
+    OPACITY = 21
+    EMISSION = 22
+    BACKGROUND = 23
+    SCATTERING = 24
+    MATERIALS = 25
+    ABSORPTION = 26
+    DIRECT_LIGHT = 27
+    ONWARD_RAYS = 28
+    RUSSIAN_ROULETTE = 29
+    VERTEX_NORMALS = 30
+    NORMAL_MAPS = 31
+    TEXTURES = 32
+    COLOUR = 33
+    CAUSTICS_APART = 34
+    CLAMPING = 35
+    TRUTH = 36
+    STANDARD_ERROR = 37
+
+
+@value
+class Decision:
+    """Whether a stage runs, and because of what.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> pl.Decision(pl.Stage.POSE, runs=False, reason="not posed")
+    Decision(stage=<Stage.POSE: 18>, runs=False, reason='not posed')
+    """
+
+    stage: Stage
+    runs: bool
+    reason: str
+
+
+@value
+class Subject:
+    """What a plan was made for; `plan` checks it.
+
+    Parameters
+    ----------
+    scene : Scene or None
+        None: a white image.
+    camera : PlenopticCamera
+    samples, replicates : int
+    truth : Truth
+    settings : RenderSettings
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
+    ...     sensor=pl.Sensor(shape=(16, 16), pixel_pitch=0.01), stop_to_microlenses=130.0)
+    >>> pl.plan(pl.white_plane(), camera, max_bounces=3).subject.settings.max_bounces
+    3
+    """
+
+    scene: Scene | None
+    camera: PlenopticCamera
+    samples: int = 64
+    replicates: int = 8
+    truth: Truth = Truth.DEPTH
+    settings: RenderSettings = RenderSettings()
+
+
+@value
+class Plan:
+    """Decisions on all stages; printing it shows them as a table.
+
+    Parameters
+    ----------
+    decisions : tuple of Decision
+    subject : Subject, optional
+        What it was made for; None for a plan that was made by hand. Plans are equal where their decisions are.
+
+    Examples
+    --------
+    See `plan`.
+    """
+
+    decisions: tuple[Decision, ...]
+    subject: Subject | None = dataclasses.field(default=None, compare=False, repr=False)
+
+    def runs(self, stage: Stage) -> bool:
+        """Whether a stage runs."""
+        return any(decision.runs for decision in self.decisions if decision.stage is stage)
+
+    def __repr__(self) -> str:
+        rows = [
+            f"{'runs    ' if d.runs else 'left out'}  {d.stage.name.lower().replace('_', ' '):<22} {d.reason}"
+            for d in self.decisions
+        ]
+        return "\n".join(rows)
+
+
+def first_reason(*conditions: object) -> str:
+    """Reasons in pairs (holds, reason where it does not), then the reason where all hold."""
+    *pairs, fine = conditions
+    for holds, reason in zip(pairs[::2], pairs[1::2], strict=True):
+        if not holds:
+            return str(reason)
+    return str(fine)

@@ -1,0 +1,1 @@
+"""Tiles over threads, batch after batch, until there is enough."""

@@ -1,0 +1,124 @@
+"""When a rendering ends, and in what steps it gets there."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from plenoptic.core.values import positive, whole
+from plenoptic.errors import InvalidValueError
+
+FEWEST_REPLICATES = 8
+"""Replicates from which errors are trusted enough to stop by them."""
+_MOST_REPLICATES = 1 << 16
+_START = 4
+"""Samples of each replicate before anything is decided."""
+_PART = 0.6
+"""Of what fits into a time limit: how fast the rest will go is not known exactly."""
+MOST_SAMPLES = (1 << 31) - 1
+"""Of a pixel: they are counted in 32 bits, and Sobol points end at 2^32 of a replicate."""
+
+
+class Budget(NamedTuple):
+    """What ends a rendering, whichever comes first; None does not."""
+
+    samples: int | None
+    time_limit: float | None
+    """Seconds since the call."""
+    target_error: float | None
+    replicates: int
+
+    @property
+    def steps(self) -> bool:
+        """Whether samples are added step by step, because it is not known beforehand how many it will be."""
+        return self.time_limit is not None or self.target_error is not None
+
+    @property
+    def most(self) -> int:
+        """The largest number of samples of a pixel."""
+        return MOST_SAMPLES if self.samples is None else self.samples
+
+    @property
+    def enough(self) -> int:
+        """Samples from which on errors are looked at."""
+        return min(_START * self.replicates, self.most)
+
+    def following(self, done: int) -> int:
+        """How many samples there are after the next step: at most a quarter more.
+
+        Steps are 4, 5, 6, 7 times the replicates times powers of 2, so that four of them double the samples. With a
+        time limit 1 and 2 times come before, so that all pixels have something soon.
+        """
+        if not self.steps:
+            return self.most
+        each = done // self.replicates
+        if each < _START:
+            first = max(2 * each, 1) if self.time_limit is not None else _START
+            return min(first * self.replicates, self.most)
+        return min((each + (1 << (each.bit_length() - 3))) * self.replicates, self.most)
+
+    def within(self, done: int, affordable: float) -> int:
+        """The number of samples of the next step, where it is time alone that counts: most of what is affordable.
+
+        Each step costs as much as some samples do, and the fewer there are the better; the last ones are small, so that
+        all pixels end with about as many.
+        """
+        step = self.following(done)
+        while self.target_error is None and step < (after := self.following(step)) <= done + _PART * affordable:
+            step = after
+        return step
+
+    def start_towards(self, done: int, error: float) -> int:
+        """How many samples still leave an error above twice the target, as long as it falls no faster than 1/n.
+
+        On the steps of `following`; never fewer than `done`. With a time limit at most twice as many, or time might be
+        over when some pixels have all and others next to nothing.
+        """
+        if self.target_error is None or not error > 2 * self.target_error:
+            return done
+        wanted = min(done * error / (2 * self.target_error), float(self.most))
+        if self.time_limit is not None:
+            wanted = min(wanted, 2.0 * done)
+        while (step := self.following(done)) <= wanted and step > done:
+            done = step
+        return done
+
+
+def checked_samples(samples: int) -> int:
+    """A number of samples of a pixel that can be counted."""
+    number = whole(samples, "samples", at_least=1)
+    if number > MOST_SAMPLES:
+        raise InvalidValueError(f"samples is {number}; it must be at most {MOST_SAMPLES} of a pixel")
+    return number
+
+
+def checked_target(target_error: float, name: str = "target_error") -> float:
+    """A relative error that can be aimed at: above 0 and below 1."""
+    target = positive(target_error, name)
+    if target >= 1:
+        raise InvalidValueError(
+            f"{name} is {target:g}, which is {100 * target:g} %; it must be below 1, and 0.02 is 2 %"
+        )
+    return target
+
+
+def checked_budget(
+    samples: int | None, time_limit: float | None, target_error: float | None, replicates: int
+) -> Budget:
+    """A budget of possible numbers, at least one of them given."""
+    if samples is None and time_limit is None and target_error is None:
+        raise InvalidValueError(
+            "samples, time_limit and target_error are all None and the rendering would never end; give one of them, "
+            "such as samples=64"
+        )
+    limit = None if time_limit is None else positive(time_limit, "time_limit", "s")
+    target = None if target_error is None else checked_target(target_error)
+    most = None if samples is None else checked_samples(samples)
+    independent = whole(replicates, "replicates", at_least=1)
+    if independent > _MOST_REPLICATES:
+        raise InvalidValueError(f"replicates is {independent}; it must be at most {_MOST_REPLICATES}")
+    if target is not None and independent < FEWEST_REPLICATES:
+        raise InvalidValueError(
+            f"replicates is {independent}; with a target_error it must be at least {FEWEST_REPLICATES}, or the error "
+            "would be too uncertain to stop by"
+        )
+    return Budget(most, limit, target, independent if most is None else min(independent, most))

@@ -1,0 +1,112 @@
+"""What a rendering is of, in texts that can be compared with those of another run."""
+
+from __future__ import annotations
+
+import dataclasses
+import enum
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from plenoptic import __version__
+from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.core.color.spectra import colour_tables
+from plenoptic.core.files.digest import MARK, digest
+from plenoptic.errors import InvalidValueError
+from plenoptic.scene.compile import SceneTables
+from plenoptic.scene.scene import Scene
+
+
+def identity(scene: Scene | SceneTables | None, camera: PlenopticCamera, **facts: Any) -> dict[str, str]:
+    """What a rendering is of: two of the same identity add up to the same image.
+
+    Parameters
+    ----------
+    scene : Scene, SceneTables or None
+        None for white images. The tables of a scene are the same as the scene.
+    camera : PlenopticCamera
+        Media of other origin than this package count by their indices at the wavelengths of the camera.
+    **facts
+        What else the image depends on: numbers, texts, enums, tuples of them, and values of this package.
+
+    Returns
+    -------
+    dict of str to str
+        The version of this package, fields of the camera and of values among the facts one by one, and facts: short
+        texts, or digests of what is long. The same in every process.
+
+    Raises
+    ------
+    InvalidValueError
+        For facts and parts of the camera that cannot be told apart in another process.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> from plenoptic.rendering.schedule.identity import identity
+    >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
+    ...     sensor=pl.Sensor(shape=(4, 4), pixel_pitch=0.01), stop_to_microlenses=130.0)
+    >>> found = identity(pl.Scene(background=1.0), camera, seed=3, settings=pl.RenderSettings())
+    >>> found["seed"], found["camera.wavelength"], found["settings.sampler"], found["scene"] == found["camera.lens"]
+    ('3', '587.6', 'SOBOL', False)
+    """
+    tables = scene.tables() if isinstance(scene, Scene) else scene
+    found = {"plenoptic": __version__, "scene": _text(tables)}
+    for name, fact in {"camera": camera, **facts}.items():
+        parts = dataclasses.fields(fact) if dataclasses.is_dataclass(fact) else ()
+        for part in parts:
+            found[f"{name}.{part.name}"] = _text(getattr(fact, part.name), _by_index(camera))
+        if not parts:
+            found[name] = _text(fact)
+    return found
+
+
+def differences(theirs: Mapping[str, str], ours: Mapping[str, str]) -> Iterator[str]:
+    """What is different in their identity from ours, in words.
+
+    Examples
+    --------
+    >>> from plenoptic.rendering.schedule.identity import differences
+    >>> list(differences({"seed": "1", "clamp": "None"}, {"seed": "2", "clamp": "None"}))
+    ['seed 1, not 2']
+    """
+    for name in {**ours, **theirs}:
+        one, other = theirs.get(name), ours.get(name)
+        if one == other:
+            continue
+        if one is None or other is None:
+            yield f"no {name}" if one is None else f"{name} {one}"
+        elif one.startswith(MARK) or other.startswith(MARK):
+            yield f"another {name}"
+        else:
+            yield f"{name} {one}, not {other}"
+
+
+def _text(fact: Any, seen_as: Callable[[Any], Any] | None = None) -> str:
+    """A fact as a short text, or as a digest where it is long."""
+    if isinstance(fact, np.generic):
+        fact = fact.item()
+    if isinstance(fact, enum.Enum):
+        return str(fact.name or fact.value)  # combined flags have no name in Python 3.10
+    if fact is None or isinstance(fact, bool | int | float | str):
+        return str(fact)
+    if type(fact) is tuple and len(fact) <= 8 and all(item is None or isinstance(item, int | float) for item in fact):
+        return f"({', '.join(map(_text, fact))})"
+    return digest(fact, seen_as=seen_as)
+
+
+def _by_index(camera: PlenopticCamera) -> Callable[[Any], Any]:
+    """What kernels know of a medium that is not of this package."""
+
+    def seen(medium: Any) -> Any:
+        if not callable(getattr(medium, "index", None)):
+            raise InvalidValueError(
+                f"a {type(medium).__name__} cannot be told from another one in a later run; leave out checkpoint="
+            )
+        waves = [camera.wavelength]
+        if camera.sensitivity is not None:
+            waves += colour_tables(camera.sensitivity).wavelengths.tolist()
+        return type(medium).__qualname__, *(float(medium.index(wave)) for wave in waves)
+
+    return seen

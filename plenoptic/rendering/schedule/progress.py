@@ -1,0 +1,225 @@
+"""How far a rendering is: its film, its tiles, and which pixels still go on."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.core.relative_error import brightness, lit_level, relative_error, relative_squares
+from plenoptic.rendering.film import Film, replicate_counts, spread
+from plenoptic.rendering.schedule.budget import Budget
+from plenoptic.rendering.tile import NAMED, Tile, TileResult
+
+_COUNTED = ("paths", "nonfinite", "met", "light", "clamped", "seconds", "cpu_seconds")
+
+
+class Setting(NamedTuple):
+    """What a film's numbers mean."""
+
+    row: int
+    column: int
+    """Of the upper left pixel on the sensor."""
+    fill_factor: float
+    """The part of a pixel that sees light: sums are of radiance on that part."""
+    radiance: float
+    """About the brightest of the scene."""
+
+
+class Progress:
+    """All that a rendering has found until now.
+
+    The pixels of a tile are coloured like a checkerboard. Whether the pixels of one colour go on is decided by the
+    standard errors of those of the other colour, which are independent of them: a pixel does not stop because it
+    happened to see little, and its expectation is that of a fixed number of samples. Where nothing of the other colour
+    is lit, they do not go on. The samples that a colour gets after it has stopped, because the other colour goes on and
+    is to be decided upon, do not count in its image.
+
+    Which pixels are lit is found anew before each round of decisions: for one colour, from what its pixels had when the
+    other one was last decided upon, so that this too is independent of what is decided. Brightness counts there less
+    its standard error, or the few first pixels that have met a rare bright path would make all others dark.
+    """
+
+    def __init__(
+        self,
+        tiles: list[Tile],
+        shape: tuple[int, int, int],
+        budget: Budget,
+        setting: Setting,
+        truth: dict[str, NDArray[Any]],
+        codes: int,
+        *,
+        batches: bool,
+    ) -> None:
+        self.tiles, self.budget, self.setting, self.truth = tiles, budget, setting, truth
+        replicates = budget.replicates
+        self.film = Film(shape, counts=replicate_counts(budget.most, replicates))
+        self.sums = None
+        """Of all samples of unfinished tiles; None where each tile is done in one batch."""
+        if budget.steps or batches:
+            self.sums = np.zeros((*shape[:2], replicates, shape[2]))
+            self.film.sample_counts = np.zeros(shape[:2], dtype=np.int32)
+        self.one_sample = None if self.film.squares is None else np.zeros(shape[:2], dtype=np.float32)
+        """What one sample brings, at most; None without standard errors."""
+        self.counts = np.zeros(codes, dtype=np.int64)
+        self.done = np.zeros(len(tiles), dtype=np.int64)
+        """Samples of each tile."""
+        self.goal = np.full(len(tiles), budget.following(0), dtype=np.int64)
+        """Number of samples at which it is decided whether a tile goes on."""
+        self.open = np.ones((len(tiles), 2), dtype=bool)
+        """Whether the pixels of each colour of a tile go on."""
+        self.seen = None if budget.target_error is None else np.zeros((2, *shape[:2]))
+        """Brightness and squared relative error of pixels, while the other colour of their tile goes on."""
+        self.capped = False
+        """Whether some pixels ended with all their samples."""
+        self.nonfinite_paths: list[tuple[int, int, int]] = []
+        self.paths = self.nonfinite = self.met = 0
+        self.light = self.clamped = self.seconds = self.cpu_seconds = 0.0
+
+    def pending(self) -> list[int]:
+        """Tiles that need further samples, in order. Those that wait for a decision are not among them."""
+        return [int(i) for i in np.flatnonzero(self.open.any(axis=1) & (self.done < self.goal))]
+
+    def next_samples(self, i: int) -> int:
+        """How many samples a tile may be given next."""
+        return int(self.goal[i] - self.done[i])
+
+    def sums_of(self, i: int) -> NDArray[np.float64] | None:
+        """Sums of a tile's samples until now; None where there are none."""
+        return None if self.sums is None or not self.done[i] else self.sums[self._places(i)]
+
+    def take(self, i: int, result: TileResult) -> None:
+        """Put in what a batch of a tile has brought."""
+        at = self._places(i)
+        first = not self.done[i]
+        self.done[i] += result.batch.samples
+        done, tile = int(self.done[i]), result.tile
+        assert self.sums is not None or done == result.batch.samples == self.budget.most, "one batch must hold all"
+        if self.sums is not None:
+            self.sums[at] = result.sums
+        where = None if self.open[i].all() else self.open[i][self._colours(tile)]
+        counts = None if self.sums is None else replicate_counts(done, self.budget.replicates)
+        found = self.film.add(at[0].start, at[1].start, self._scaled(result.sums), counts=counts, where=where)
+        if first:
+            if self.one_sample is not None:
+                brought = self.setting.fill_factor * self.setting.radiance * result.weights
+                self.one_sample[at] = np.minimum(brought, np.finfo(np.float32).max)
+            for name, array in (result.truth or {}).items():
+                self.truth[name][at] = array
+        if self.seen is not None and done < self.budget.most:
+            self._look(i, *found)
+        self.counts += result.counts
+        self.paths += result.paths
+        self.nonfinite += result.nonfinite
+        self.met += result.met
+        self.light, self.clamped = self.light + result.light, self.clamped + result.clamped
+        self.nonfinite_paths = (self.nonfinite_paths + list(result.lost_paths))[:NAMED]
+        if done >= self.budget.most:
+            self.capped |= bool(self.open[i].any())
+            self.open[i] = False
+
+    def decide(self, affordable: float = 0.0) -> None:
+        """Decide which tiles go on and how far, once all have what they were to have.
+
+        `affordable` is how many samples of every pixel still fit into the time limit; without a target error most of
+        them are the next step.
+        """
+        going = self.open.any(axis=1)
+        if not going.any() or (self.done < self.goal)[going].any():
+            return
+        if self.seen is None or (self.done < self.budget.enough)[going].any():
+            self.goal[going] = [self.budget.within(int(done), affordable) for done in self.done[going]]
+            return
+        colours = np.add.outer(*(np.arange(length) for length in self.seen.shape[1:])) + sum(self.setting[:2])
+        bright, squares = self.seen
+        surely = np.maximum(bright * (1.0 - np.sqrt(squares)), 0.0)
+        levels = [lit_level(surely[colours % 2 == colour]) for colour in range(2)]
+        for i in np.flatnonzero(going):
+            self._decide(int(i), levels)
+
+    def _look(self, i: int, mean: NDArray[np.float64], squares: NDArray[np.float64]) -> None:
+        """Keep how bright and how good pixels are, where the other colour is yet to be decided upon."""
+        assert self.seen is not None and self.one_sample is not None
+        at, done = self._places(i), int(self.done[i])
+        freedom = min(done, self.budget.replicates) - 1
+        error = spread(mean, squares, float(done), float(freedom), self.one_sample[at])
+        where = self.open[i][1 - self._colours(self.tiles[i])]
+        bright = brightness(mean)
+        self.seen[0][at][where] = bright[where]
+        self.seen[1][at][where] = relative_squares(bright, error)[where]
+
+    def _decide(self, i: int, levels: list[float]) -> None:
+        """Close the colours of a tile whose other colour is as good as wanted."""
+        target, done = self.budget.target_error, int(self.done[i])
+        assert target is not None and self.seen is not None
+        rows, columns = self._places(i)
+        bright, squares = self.seen[:, rows, columns]
+        colours = self._colours(self.tiles[i])
+        going = []
+        for colour in range(2):
+            lit = (colours == 1 - colour) & (bright > levels[1 - colour])
+            found = float(np.sqrt(np.mean(squares[lit]))) if lit.any() else 0.0
+            self.open[i, colour] &= found > target
+            if self.open[i, colour]:
+                going.append(found)
+        self.goal[i] = self.budget.following(done)
+        if going:
+            start = min(self.budget.start_towards(done, found) for found in going)
+            self.goal[i] = max(self.goal[i], start)
+
+    def error(self) -> float | None:
+        """Relative error over lit pixels until now; None without standard errors."""
+        errors = self.film.standard_error(self.one_sample)
+        if errors is None or not self.done.any():
+            return None
+        if self.film.sample_counts is None:
+            return relative_error(self.film.mean, errors)  # tiles that are to come are dark
+        begun = self.film.sample_counts > 0
+        return relative_error(self.film.mean[begun], errors[begun])
+
+    def sample_counts(self) -> NDArray[np.int32] | None:
+        """(rows, columns): samples of each pixel that are in the image; None where they are all of the budget's."""
+        if self.film.sample_counts is None and (self.done < self.budget.most).any():
+            self.film.sample_counts = np.zeros(self.film.mean.shape[:2], dtype=np.int32)
+            for i, done in enumerate(self.done):
+                self.film.sample_counts[self._places(i)] = done
+        return self.film.sample_counts
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """What a checkpoint keeps, by name: views that `restore` fills."""
+        kept = {"mean": self.film.mean, "counts": self.counts}
+        kept |= {"done": self.done, "goal": self.goal, "open": self.open}
+        optional = {"squares": self.film.squares, "one_sample": self.one_sample}
+        optional |= {"sums": self.sums, "sample_counts": self.film.sample_counts, "seen": self.seen}
+        kept |= {name: array for name, array in optional.items() if array is not None}
+        return kept | {f"truth.{name}": array for name, array in self.truth.items()}
+
+    def facts(self) -> dict[str, Any]:
+        """What else a checkpoint keeps."""
+        numbers = {name: getattr(self, name) for name in _COUNTED}
+        return numbers | {"capped": self.capped, "nonfinite_paths": [list(path) for path in self.nonfinite_paths]}
+
+    def restore(self, arrays: dict[str, NDArray[Any]], facts: dict[str, Any]) -> None:
+        """Go on from what `arrays` and `facts` once gave."""
+        for name, array in self.arrays().items():
+            array[...] = arrays[name]
+        for name in _COUNTED:
+            setattr(self, name, facts[name])
+        self.capped = bool(facts["capped"])
+        self.nonfinite_paths = [tuple(path) for path in facts["nonfinite_paths"]]
+        self.decide()  # it may have been kept just before
+
+    def _places(self, i: int) -> tuple[slice, slice]:
+        tile = self.tiles[i]
+        row, column = tile.row - self.setting.row, tile.column - self.setting.column
+        return slice(row, row + tile.rows), slice(column, column + tile.columns)
+
+    def _scaled(self, sums: NDArray[np.float64]) -> NDArray[np.float64]:
+        return sums if self.setting.fill_factor == 1 else self.setting.fill_factor * sums
+
+    @staticmethod
+    def _colours(tile: Tile) -> NDArray[np.int64]:
+        """(rows, columns): 0 and 1 like a checkerboard's squares, by the place on the sensor."""
+        rows, columns = np.arange(tile.rows) + tile.row, np.arange(tile.columns) + tile.column
+        return np.asarray(np.add.outer(rows, columns) % 2)

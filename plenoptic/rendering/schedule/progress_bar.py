@@ -1,0 +1,107 @@
+"""The bar that shows how far a rendering is, how long it will take, and its error."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+from plenoptic.rendering.schedule.progress import Progress
+
+_INTERVAL = 0.5
+_SHARE = 50
+"""The error is found anew after this many times the time that finding it took, so that it takes 2 % at most."""
+
+
+class ProgressBar:
+    """Shown with tqdm, in terminals and notebooks. Its position is that of the nearest end: samples, time or error.
+
+    Examples
+    --------
+    See `render`, `progress`.
+    """
+
+    def __init__(self, progress: Progress, begin: float, *, show: bool) -> None:
+        self._progress, self._begin = progress, begin
+        self._error: float | None = None
+        self._from: tuple[float, float] | None = None
+        """When the first batch was there, after all compiling, and the share that was done then."""
+        self._shown = self._measured = time.perf_counter()
+        self._took = 0.0
+        self._ending = False
+        self._bar: Any = None
+        if show:
+            from tqdm.auto import tqdm
+
+            self._bar = tqdm(total=100.0, bar_format="{percentage:3.0f}%|{bar}| {elapsed}{postfix}")
+            self._bar.start_t -= time.perf_counter() - begin
+
+    def update(self) -> None:
+        """Show what has changed, twice a second at most."""
+        now = time.perf_counter()
+        if self._bar is None:
+            return
+        if self._from is None:
+            self._from = (now, self._share())
+        if now - self._shown < _INTERVAL:
+            return
+        self._shown = now
+        if now - self._measured > max(_INTERVAL, _SHARE * self._took):
+            self._error = self._progress.error()
+            self._took, self._measured = time.perf_counter() - now, now
+        self._show()
+
+    def end(self) -> None:
+        """Say that what has been begun is still finished: Ctrl-C was heard."""
+        self._ending = True
+        if self._bar is not None:
+            self._show()
+
+    def close(self, *, finished: bool) -> None:
+        """Show the end."""
+        if self._bar is None:
+            return
+        self._error = self._progress.error()
+        self._show(1.0 if finished else None)
+        self._bar.close()
+
+    def _share(self) -> float:
+        """The part of the work that is done, by what will end it first."""
+        progress, budget = self._progress, self._progress.budget
+        shares = [0.0]
+        if budget.samples is not None:
+            shares.append(float((progress.done / budget.samples).mean()))
+        if budget.time_limit is not None:
+            shares.append((time.perf_counter() - self._begin) / budget.time_limit)
+        if budget.target_error is not None:
+            begun, closed = float((progress.done > 0).mean()), 1 - float(progress.open.any(axis=1).mean())
+            # Errors fall about as n^-0.6 to n^-0.7; see docs/benchmarks.md.
+            reached = min((budget.target_error / self._error) ** 1.5, 0.99) if self._error else 0.0
+            shares.append(max(closed, reached) if begun == 1 else begun * reached)
+        return min(max(shares), 1.0)
+
+    def _left(self, share: float) -> float | None:
+        """Seconds until the end at the pace since the first batch; None where nothing has been gained since."""
+        if self._from is None or not self._from[1] < share < 1:
+            return None
+        now, limit = time.perf_counter(), self._progress.budget.time_limit
+        left = (now - self._from[0]) * (1 - share) / (share - self._from[1])
+        return left if limit is None else max(min(left, self._begin + limit - now), 0.0)
+
+    def _show(self, share: float | None = None) -> None:
+        share = self._share() if share is None else share
+        facts = ["interrupted, ending"] if self._ending else []
+        left = self._left(share)
+        if not self._ending and left is not None:
+            facts.append(f"{_duration(left)} left")
+        if self._error is not None and self._error == self._error:
+            partly = "" if (self._progress.done > 0).all() else " of what is there"
+            facts.append(f"error {100 * self._error:.2g} %{partly}")
+        self._bar.n = 100 * share
+        self._bar.set_postfix_str(", ".join(facts), refresh=False)
+        self._bar.refresh()
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 100:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.1f} h"

@@ -1,0 +1,279 @@
+"""The one driver loop: tiles over threads, batch after batch, until there is enough."""
+
+from __future__ import annotations
+
+import math
+import time
+import warnings
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.camera.checks import sensor_region
+from plenoptic.camera.sampling.pixel_regions import cells_per_pixel
+from plenoptic.core.parallel import run_in_order, thread_count
+from plenoptic.core.rays import RayStatus
+from plenoptic.core.values import whole
+from plenoptic.errors import InvalidValueError
+from plenoptic.optics.lens.analysis.conditioning import Conditioning
+from plenoptic.rendering.context import Compiled, compiled
+from plenoptic.rendering.exposure import Exposure
+from plenoptic.rendering.integrator.path import Batch, batch_of
+from plenoptic.rendering.plan.scene_stages import is_dark
+from plenoptic.rendering.schedule.budget import Budget
+from plenoptic.rendering.schedule.clock import Clock
+from plenoptic.rendering.schedule.interrupts import Interrupts
+from plenoptic.rendering.schedule.keeping import Keeper
+from plenoptic.rendering.schedule.progress import Progress, Setting
+from plenoptic.rendering.schedule.progress_bar import ProgressBar
+from plenoptic.rendering.settings import RenderSettings
+from plenoptic.rendering.stats import RenderStats, StopReason
+from plenoptic.rendering.tile import Tile, TileResult, render_tile, status_codes
+from plenoptic.rendering.tiling import cut_into_tiles
+from plenoptic.scene.lights.brightness import brightest_radiance
+from plenoptic.scene.scene import Scene
+from plenoptic.truth.compute import TruthTables, truth_tables
+from plenoptic.truth.ground_truth import GroundTruth, Truth, available_truth, empty_truth, forget_truth
+
+_MISSED = 1.25
+"""Ratio of the error reached to the one wanted that is worth a warning."""
+_LATE, _LATE_SECONDS = 0.1, 0.5
+"""Parts of a time limit, and seconds, beyond it that are not."""
+
+
+class Work(NamedTuple):
+    """What is to be rendered, and how it is gone about; see `render`."""
+
+    region: tuple[slice, slice] | None
+    seed: int
+    truth: Truth
+    threads: int | None
+    tile_side: int | None
+    progress: bool
+    conditioning: int | None
+
+
+def run(
+    scene: Scene | None,
+    camera: PlenopticCamera,
+    budget: Budget,
+    how: RenderSettings,
+    work: Work,
+    keeper: Keeper | None,
+) -> Exposure:
+    """Render; scene None: a white image. See `render`."""
+    begin, begin_cpu = time.perf_counter(), time.process_time()
+    seed = whole(work.seed, "seed", at_least=0)
+    if seed >= 1 << 64:
+        raise InvalidValueError(f"seed is {seed}; it must be below 2^64")
+    workers = thread_count(work.threads)
+    region = sensor_region(camera.sensor.shape, work.region)
+    if work.conditioning is not None:
+        whole(work.conditioning, "conditioning", at_least=1)
+    view = compiled(scene, camera, how, samples=budget.most, replicates=budget.replicates, seed=seed, truth=work.truth)
+    if view.scene is not None and is_dark(view.scene):
+        warnings.warn(
+            "nothing in the scene shines and its image will be black; give it lights=[...] or a background=",
+            stacklevel=3,
+        )
+    kept = available_truth(work.truth, meshes=view.intersector is not None, microlenses=camera.microlenses is not None)
+    side, tiles = cut_into_tiles(region, budget, work.tile_side, cells_per_pixel(view.camera))
+    clock = Clock(begin, budget.time_limit, sum(tile.rows * tile.columns for tile in tiles) * view.channels)
+    progress = _progress(view, budget, region, tiles, kept, clock)
+    if keeper is not None:
+        facts: dict[str, object] = {"seed": seed, "samples": budget.samples, "target_error": budget.target_error}
+        facts |= {"time_limit": None if budget.time_limit is None else "given", "replicates": budget.replicates}
+        facts |= {"region": region, "truth": kept, "settings": how, "tile_side": side}
+        keeper.resume(progress, view.scene, camera, facts)
+    found = None
+    if work.conditioning is not None:
+        from plenoptic.camera.conditioning import camera_conditioning
+
+        found = camera_conditioning(view.camera, region, seed=seed, rays=work.conditioning)
+    bar = ProgressBar(progress, begin, show=work.progress)
+    interrupted = _drive(progress, view, truth_tables(camera, view.camera, kept), clock, workers, keeper, bar)
+    if scene is not None and view.intersector is not None:
+        _warn_where_unmet(progress, scene)
+    reason = _reason(progress, interrupted=interrupted)
+    since = (begin, begin_cpu) if keeper is None else None
+    shot = _exposure(progress, reason, camera, work, how, workers, found, since)
+    if budget.time_limit is not None and not interrupted:
+        _warn_where_late(progress, budget.time_limit, time.perf_counter() - begin)
+    return shot
+
+
+def _progress(
+    view: Compiled, budget: Budget, region: tuple[int, int, int, int], tiles: list[Tile], kept: Truth, clock: Clock
+) -> Progress:
+    """Nothing is rendered yet."""
+    first_row, end_row, first_column, end_column = region
+    shape = (end_row - first_row, end_column - first_column)
+    radiance = 1.0 if view.scene is None else brightest_radiance(view.scene)
+    most = min(clock.most_samples(tile.rows * tile.columns, budget.replicates) for tile in tiles)
+    return Progress(
+        tiles,
+        (*shape, view.channels),
+        budget,
+        Setting(first_row, first_column, view.camera.fill_factor, radiance),
+        empty_truth(kept, shape),
+        status_codes(view.camera),
+        batches=most < budget.most,
+    )
+
+
+def _drive(
+    progress: Progress,
+    view: Compiled,
+    truth: TruthTables | None,
+    clock: Clock,
+    workers: int,
+    keeper: Keeper | None,
+    bar: ProgressBar,
+) -> bool:
+    """Render batches until nothing is pending, time is over or somebody interrupts, which is returned."""
+    replicates, interrupts = view.settings.replicates, Interrupts(bar.end)
+    kept, pixels = progress.paths, sum(tile.rows * tile.columns for tile in progress.tiles)
+
+    def batches() -> Iterator[tuple[int, Batch]]:
+        for i in progress.pending():
+            tile = progress.tiles[i]
+            samples = min(progress.next_samples(i), clock.most_samples(tile.rows * tile.columns, replicates))
+            if not clock.has_time(samples * tile.rows * tile.columns):
+                return
+            yield i, batch_of(view.settings, int(progress.done[i]), samples)
+
+    def work(task: tuple[int, Batch]) -> tuple[int, TileResult | None]:
+        i, batch = task
+        tile, begin = progress.tiles[i], time.perf_counter()
+        wanted = truth if batch.first == 0 else None  # is found once
+        before = progress.sums_of(i)
+        result = render_tile(view, tile, batch, wanted, before, stopped=lambda: interrupts.asked or clock.late())
+        clock.note(batch.samples * tile.rows * tile.columns, time.perf_counter() - begin)
+        return i, result
+
+    with interrupts:
+        while (left := len(progress.pending())) and not clock.over and not interrupts.asked:
+            for i, result in run_in_order(work, batches(), threads=min(workers, left), ahead=clock.ahead):
+                if result is not None:
+                    progress.take(i, result)
+                if keeper is not None:
+                    keeper.save_if_due(progress)
+                bar.update()
+                if interrupts.asked:
+                    break
+            progress.decide(clock.affordable(progress.paths - kept) / pixels)
+        if keeper is not None:
+            keeper.save(progress)
+        bar.close(finished=not interrupts.asked)
+        return interrupts.asked
+
+
+def _warn_where_unmet(progress: Progress, scene: Scene) -> None:
+    if not progress.met and progress.counts[0] and progress.done.all():
+        low, high = np.asarray(scene.bounds).round(3).tolist()
+        warnings.warn(
+            f"no path met the scene, which lies between {low} and {high} mm; move it, or the camera, which without a "
+            "pose looks from the origin along -z",
+            stacklevel=4,
+        )
+
+
+def _warn_where_late(progress: Progress, limit: float, took: float) -> None:
+    why = "setting up and finishing the image take long, and so does compiling what is used for the first time"
+    begun = float((progress.done > 0).mean())
+    if not begun:
+        warnings.warn(f"nothing has been rendered within {limit:g} s, and the image is black: {why}", stacklevel=4)
+    elif begun < 1:
+        warnings.warn(
+            f"only {math.floor(100 * begun)} % of the tiles were begun within {limit:g} s; the other pixels are black, "
+            "with infinite errors",
+            stacklevel=4,
+        )
+    elif took > limit + max(_LATE * limit, _LATE_SECONDS):
+        warnings.warn(f"rendering took {took:.3g} s instead of {limit:g} s: {why}", stacklevel=4)
+
+
+def _reason(progress: Progress, *, interrupted: bool) -> StopReason:
+    """Why it has ended; a warning where that is not the error that was wanted."""
+    target = progress.budget.target_error
+    if progress.pending():
+        return StopReason.INTERRUPTED if interrupted else StopReason.TIME_LIMIT
+    if progress.capped or target is None:
+        return StopReason.SAMPLES
+    reached = progress.error()
+    if reached is None or not _MISSED * target < reached:  # nan where nothing can be lit
+        return StopReason.TARGET_ERROR
+    warnings.warn(
+        f"the error reached is {100 * reached:.2g} % instead of {100 * target:.2g} %: light comes by rare paths, or "
+        "too few pixels are lit to decide for each other; give samples"
+        if reached < math.inf
+        else "no path has met any light, and the image is black; give samples if some can be met",
+        stacklevel=4,
+    )
+    return StopReason.TARGET_MISSED
+
+
+def _exposure(
+    progress: Progress,
+    reason: StopReason,
+    camera: PlenopticCamera,
+    work: Work,
+    how: RenderSettings,
+    workers: int,
+    conditioning: Conditioning | None,
+    since: tuple[float, float] | None,
+) -> Exposure:
+    """What has been found; times are those that a checkpoint has kept, or `since` the begin on the clock and in CPU."""
+    film, counts = progress.film, progress.sample_counts()
+    if counts is not None:
+        forget_truth(progress.truth, counts == 0)
+    most = progress.budget.most if counts is None else int(counts.max())
+    image, error, agreeing = film.image(), film.standard_error(progress.one_sample), _agreeing(progress, counts)
+    if since is not None:
+        progress.seconds, progress.cpu_seconds = time.perf_counter() - since[0], time.process_time() - since[1]
+    stats = RenderStats(
+        seconds=progress.seconds,
+        cpu_seconds=progress.cpu_seconds,
+        paths=progress.paths,
+        paths_through_lens=int(progress.counts[0]),
+        lost=_lost(progress.counts),
+        nonfinite=progress.nonfinite,
+        threads=workers,
+        clamped=progress.clamped / progress.light if progress.light > 0 else 0.0,
+        nonfinite_paths=tuple(progress.nonfinite_paths),
+        zero_variance=agreeing,
+        stopped_by=reason,
+        conditioning=conditioning,
+    )
+    return Exposure(
+        image=image,
+        standard_error=error,
+        truth=GroundTruth(**progress.truth) if progress.truth else None,
+        samples=most,
+        replicates=min(progress.budget.replicates, max(most, 1)),
+        seed=int(work.seed),
+        camera=camera,
+        region=None if work.region is None else sensor_region(camera.sensor.shape, work.region),
+        stats=stats,
+        sample_counts=None if counts is None or counts.min() == most else counts,
+        settings=how,
+    )
+
+
+def _agreeing(progress: Progress, counts: NDArray[np.int32] | None) -> int:
+    """How many pixels that light can reach have replicates that are all the same."""
+    agreeing = progress.film.agreeing()
+    if agreeing is None or progress.one_sample is None:
+        return 0
+    return int(np.count_nonzero(agreeing & (progress.one_sample > 0) & (True if counts is None else counts > 0)))
+
+
+def _lost(counts: NDArray[np.int64]) -> tuple[tuple[str, int | None, int], ...]:
+    lost: list[tuple[str, int | None, int]] = []
+    for code in np.flatnonzero(counts[1:]) + 1:
+        element, cause = divmod(int(code), 8)
+        lost.append((RayStatus(cause).name.lower(), element - 1 if element else None, int(counts[code])))
+    return tuple(lost)

@@ -1,0 +1,63 @@
+"""How an image was rendered, as far as it changes the image's expectation or its random numbers."""
+
+from __future__ import annotations
+
+import enum
+
+from plenoptic.core.values import choice, positive, set_field, value, whole
+
+
+class Sampler(enum.IntEnum):
+    """How the points are chosen at which pixel, pupil and scene are sampled.
+
+    SOBOL: each replicate has scrambled Sobol points. RANDOM: all samples are independent of each other, for comparison.
+
+    Examples
+    --------
+    See `render`.
+    """
+
+    SOBOL = 0
+    RANDOM = 1
+
+
+class Caustics(enum.IntEnum):
+    """Whether light counts that mirrors, polished glass or panes throw onto rough surfaces.
+
+    Examples
+    --------
+    See `render`.
+    """
+
+    KEPT = 0
+    LEFT_OUT = 1
+
+
+@value
+class RenderSettings:
+    """What `render` was told beside scene, camera, samples and seed.
+
+    Parameters
+    ----------
+    max_bounces : int
+    caustics : Caustics
+    clamp : float, optional
+    sampler : Sampler
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> pl.RenderSettings(max_bounces=2).sampler.name
+    'SOBOL'
+    """
+
+    max_bounces: int = 8
+    caustics: Caustics = Caustics.KEPT
+    clamp: float | None = None
+    sampler: Sampler = Sampler.SOBOL
+
+    def __post_init__(self) -> None:
+        set_field(self, "max_bounces", whole(self.max_bounces, "max_bounces", at_least=0))
+        set_field(self, "caustics", choice(self.caustics, Caustics, "caustics"))
+        set_field(self, "clamp", None if self.clamp is None else positive(self.clamp, "clamp"))
+        set_field(self, "sampler", choice(self.sampler, Sampler, "sampler"))

@@ -1,0 +1,157 @@
+"""What a rendering took and where its paths went."""
+
+from __future__ import annotations
+
+import enum
+from typing import TYPE_CHECKING
+
+from plenoptic.core.values import choice, finite, set_field, value, whole
+from plenoptic.errors import InvalidValueError
+
+if TYPE_CHECKING:
+    from plenoptic.optics.lens.analysis.conditioning import Conditioning
+
+
+class StopReason(enum.IntEnum):
+    """Why a rendering ended: with all its samples, after its time, at its error, or because it was interrupted.
+
+    TARGET_MISSED: neighbours' errors said that it was enough, and the image's own is more than 1.25 times the target.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> pl.RenderStats(stopped_by=pl.StopReason.TIME_LIMIT).stopped_by.name
+    'TIME_LIMIT'
+    """
+
+    SAMPLES = 0
+    TIME_LIMIT = 1
+    TARGET_ERROR = 2
+    INTERRUPTED = 3
+    TARGET_MISSED = 4
+
+
+_ENDED = {
+    StopReason.TIME_LIMIT: "stopped by the time limit",
+    StopReason.TARGET_ERROR: "stopped at the target error",
+    StopReason.INTERRUPTED: "interrupted",
+    StopReason.TARGET_MISSED: "stopped above the target error",
+}
+
+
+@value
+class RenderStats:
+    """What a rendering took and where its paths went.
+
+    Parameters
+    ----------
+    seconds : float
+        Wall-clock time, s.
+    cpu_seconds : float
+        Processor time of all threads together, s.
+    paths : int
+        Paths sampled.
+    paths_through_lens : int
+        Paths that left the lens towards the scene.
+    lost : tuple of (str, int or None, int)
+        Cause, index of the lens element (None where no element is to blame) and number of paths.
+        Causes are "outside_microlens", "missed", "clipped", "total_reflection" and "not_finite".
+    nonfinite : int
+        Contributions that were not finite and were left out of the image.
+    nonfinite_paths : tuple of (int, int, int)
+        Row and column on the sensor, and sample, of the first such paths; `replay` shows them.
+    zero_variance : int
+        Pixels that light could reach and whose replicates agree. Their standard error is what a single other sample
+        would have changed.
+    threads : int
+        Threads that were there to work.
+    clamped : float
+        Share of all light that `clamp` took away, in [0, 1]: the bias of the mean image.
+    stopped_by : StopReason
+        What ended the rendering.
+    conditioning : Conditioning, optional
+        How much the lens's surfaces magnify rounding errors, and Newton iterations, of some of the paths; only where
+        `render` was asked for it.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> stats = pl.RenderStats(
+    ...     seconds=2.0, cpu_seconds=3.9, paths=1000, paths_through_lens=800,
+    ...     lost=(("clipped", 0, 150), ("clipped", 5, 50)), threads=2,
+    ... )
+    >>> stats.fraction_through_lens, stats.lost_by_cause
+    (0.8, {'clipped': 200})
+    """
+
+    seconds: float = 0.0
+    cpu_seconds: float = 0.0
+    paths: int = 0
+    paths_through_lens: int = 0
+    lost: tuple[tuple[str, int | None, int], ...] = ()
+    nonfinite: int = 0
+    threads: int = 1
+    clamped: float = 0.0
+    nonfinite_paths: tuple[tuple[int, int, int], ...] = ()
+    zero_variance: int = 0
+    stopped_by: StopReason = StopReason.SAMPLES
+    conditioning: Conditioning | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("seconds", "cpu_seconds"):
+            seconds = finite(getattr(self, name), name)
+            if seconds < 0:
+                raise InvalidValueError(f"{name} is {seconds:g} s; it must be at least 0")
+            set_field(self, name, seconds)
+        set_field(self, "stopped_by", choice(self.stopped_by, StopReason, "stopped_by"))
+        places = [[whole(k, "nonfinite_paths", at_least=0) for k in path] for path in self.nonfinite_paths]
+        set_field(self, "nonfinite_paths", tuple((row, column, sample) for row, column, sample in places))
+        least_of = {"paths": 0, "paths_through_lens": 0, "nonfinite": 0, "zero_variance": 0, "threads": 1}
+        for name, least in least_of.items():
+            set_field(self, name, whole(getattr(self, name), name, at_least=least))
+        share = finite(self.clamped, "clamped")
+        if not 0 <= share <= 1:
+            raise InvalidValueError(f"clamped is {share:g}; it must be within 0 and 1")
+        set_field(self, "clamped", share)
+        if self.paths_through_lens > self.paths:
+            raise InvalidValueError(
+                f"paths_through_lens is {self.paths_through_lens}; it must be at most paths, {self.paths}"
+            )
+        lost = tuple(
+            (
+                str(cause),
+                None if element is None else whole(element, "lost: element", at_least=0),
+                whole(count, "lost: count", at_least=0),
+            )
+            for cause, element, count in self.lost
+        )
+        set_field(self, "lost", lost)
+
+    @property
+    def fraction_through_lens(self) -> float:
+        """The part of the sampled paths that left the lens towards the scene; nan where none were sampled."""
+        return self.paths_through_lens / self.paths if self.paths else float("nan")
+
+    @property
+    def lost_by_cause(self) -> dict[str, int]:
+        """The number of lost paths for each cause, over all elements."""
+        causes: dict[str, int] = {}
+        for cause, _, count in self.lost:
+            causes[cause] = causes.get(cause, 0) + count
+        return causes
+
+    def __repr__(self) -> str:
+        lost = ", ".join(f"{count} {cause.replace('_', ' ')}" for cause, count in self.lost_by_cause.items())
+        facts = [f"{self.seconds:.3g} s", f"{self.threads} threads" if self.threads > 1 else "1 thread"]
+        facts.append(f"{self.paths} paths")
+        if self.paths:
+            facts.append(f"{100 * self.fraction_through_lens:.3g} % through the lens")
+        if lost:
+            facts.append(f"lost: {lost}")
+        if self.stopped_by is not StopReason.SAMPLES:
+            facts.append(_ENDED[self.stopped_by])
+        if self.nonfinite:
+            facts.append(f"{self.nonfinite} not finite")
+        if self.clamped:
+            facts.append(f"{100 * self.clamped:.2g} % of the light clamped away")
+        return f"RenderStats({', '.join(facts)})"

@@ -1,0 +1,65 @@
+"""What is compiled of the scene that was rendered last, for the next call with the same one."""
+
+from __future__ import annotations
+
+import weakref
+
+from plenoptic.scene.compile import SceneTables
+from plenoptic.scene.geometry.accel import Intersector, build_intersector
+from plenoptic.scene.scene import Scene
+
+
+class PreparedScene:
+    """A scene as tables, and what finds its triangles.
+
+    There is no lock: a process that is forked off while another thread builds would wait for it for ever. Two threads
+    that ask for the same at once build it twice, which does no harm.
+    """
+
+    def __init__(self, tables: SceneTables) -> None:
+        self.tables = tables
+        self._built: tuple[Intersector | None] | None = None
+
+    @property
+    def intersector(self) -> Intersector | None:
+        """Built when it is asked for; None where there are no triangles to meet."""
+        if self._built is None:
+            tables, found = self.tables, None
+            if tables.vertices is not None and tables.triangles is not None:
+                found = build_intersector(tables.vertices, tables.triangles, tables.instances)
+            self._built = (found,)
+        return self._built[0]
+
+
+_last: tuple[weakref.ref[Scene], PreparedScene] | None = None
+"""Of one scene only: trees take as much memory as scenes do."""
+
+
+def prepared_scene(scene: Scene) -> PreparedScene:
+    """Compile a scene, unless it is the very one that was compiled last and still exists: scenes do not change.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> from plenoptic.scene.cache import prepared_scene
+    >>> scene = pl.white_plane()
+    >>> prepared_scene(scene) is prepared_scene(scene), prepared_scene(pl.white_plane()) is prepared_scene(scene)
+    (True, False)
+    """
+    global _last
+    last = _last
+    if last is not None and last[0]() is scene:
+        return last[1]
+    del last
+    _last = None  # before the next one takes memory
+    found = PreparedScene(scene.tables())
+    _last = (weakref.ref(scene, _forget), found)
+    return found
+
+
+def _forget(gone: weakref.ref[Scene]) -> None:
+    """Let go of what was compiled of a scene that no longer exists."""
+    global _last
+    last = _last
+    if last is not None and last[0] is gone:
+        _last = None

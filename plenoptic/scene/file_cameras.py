@@ -1,0 +1,95 @@
+"""Where a file says that a camera stands."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from plenoptic.core.values import finite, frozen_array, positive, set_field, value
+from plenoptic.errors import InvalidValueError
+
+
+@value
+class View:
+    """A camera of a scene file: its place, its direction and how much it sees; nothing of its optics.
+
+    Parameters
+    ----------
+    name : str
+        For the reader.
+    position : (3,) array
+        mm, in the world.
+    look_at : (3,) array
+        mm, a point straight ahead. Files do not say how far away what they show is: those that are read have it one
+        unit of the file ahead.
+    up : (3,) array
+        The direction that is up in the picture; not along the view.
+    vertical_field_of_view : float, optional
+        Radians, the whole angle between the lower and the upper edge of the picture, above 0 and below pi. None: an
+        orthographic view.
+    aspect_ratio : float, optional
+        Width over height of the picture, above 0. None: the file does not say.
+
+    Raises
+    ------
+    InvalidValueError
+        Of another shape, not finite, out of range; a look_at at the position, an up along the view.
+
+    Examples
+    --------
+    A camera in its place, with its field of view: the sensor is as high as the picture behind the lens.
+
+    >>> import math
+    >>> import plenoptic as pl
+    >>> view = pl.View("front", (0, 0, 400), (0, 0, 0), vertical_field_of_view=0.4, aspect_ratio=1.5)
+    >>> height = 2 * 50.0 * math.tan(view.vertical_field_of_view / 2)
+    >>> camera = pl.PlenopticCamera(lens=pl.no_lens(semi_diameter=1.0), stop_to_microlenses=50.0,
+    ...     sensor=pl.Sensor(shape=(40, 60), pixel_pitch=height / 40))
+    >>> camera = camera.posed(position=view.position, look_at=view.look_at, up=view.up)
+    >>> camera.pose.position.tolist()
+    [0.0, 0.0, 400.0]
+    """
+
+    name: str
+    position: NDArray[np.float64]
+    look_at: NDArray[np.float64]
+    up: NDArray[np.float64] = (0.0, 1.0, 0.0)  # type: ignore[assignment]
+    vertical_field_of_view: float | None = None
+    aspect_ratio: float | None = None
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self,
+            name: str,
+            position: ArrayLike,
+            look_at: ArrayLike,
+            up: ArrayLike = ...,
+            vertical_field_of_view: float | None = None,
+            aspect_ratio: float | None = None,
+        ) -> None: ...
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str):
+            raise InvalidValueError(f"name is {self.name!r}; it must be a text")
+        for field in ("position", "look_at", "up"):
+            vector = frozen_array(getattr(self, field), name=field, shape=(3,))
+            if not np.isfinite(vector).all():
+                raise InvalidValueError(f"{field} is {vector.tolist()}; it must be finite")
+            set_field(self, field, vector)
+        ahead = self.look_at - self.position
+        if not ahead.any():
+            raise InvalidValueError(f"look_at is the position, {self.position.tolist()} mm; give a point ahead of it")
+        across = np.linalg.norm(np.cross(ahead, self.up))
+        if not across > 1e-9 * np.linalg.norm(ahead) * np.linalg.norm(self.up):
+            raise InvalidValueError(f"up is {self.up.tolist()}, along the view; give a direction across it")
+        if self.vertical_field_of_view is not None:
+            angle = finite(self.vertical_field_of_view, "vertical_field_of_view")
+            if not 0 < angle < math.pi:
+                raise InvalidValueError(f"vertical_field_of_view is {angle:g} rad; it must be above 0 and below pi")
+            set_field(self, "vertical_field_of_view", angle)
+        if self.aspect_ratio is not None:
+            set_field(self, "aspect_ratio", positive(self.aspect_ratio, "aspect_ratio"))

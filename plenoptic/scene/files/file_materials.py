@@ -1,0 +1,45 @@
+"""What the materials of all kinds of files are made of."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from plenoptic.scene.textures.color import Colour
+from plenoptic.scene.textures.texture import Texture
+
+REPLACE = "or replace all materials by material="
+"""The last remedy of most errors."""
+
+
+def colour_of(parts: Iterable[float]) -> Colour:
+    """Red, green and blue as a colour: one number where they are equal.
+
+    Examples
+    --------
+    >>> from plenoptic.scene.files.file_materials import colour_of
+    >>> colour_of([0.5, 0.5, 0.5]), colour_of([0.5, 0.5, 0.25])
+    (0.5, (0.5, 0.5, 0.25))
+    """
+    red, green, blue = (float(part) + 0.0 for part in parts)  # -0 becomes 0
+    return red if red == green == blue else (red, green, blue)
+
+
+def times(texture: Texture, colour: Colour) -> Texture:
+    """A texture times a colour; the texture itself where that is 1."""
+    if colour == 1:
+        return texture
+    texels = texture.texels * np.asarray(colour, dtype=np.float64)
+    return Texture(texels, wrap=texture.wrap, filter=texture.filter)
+
+
+def number_or_texture(texture: Texture) -> float | Texture:
+    """A texture of one channel, or its number where it is constant: that costs no path a look-up."""
+    low, high = float(texture.texels.min()), float(texture.texels.max())
+    return low if low == high else texture
+
+
+def dark_or_not(emission: Colour | Texture) -> Colour | Texture:
+    """Emitted light; 0 for a black image, which must not make a light of the mesh."""
+    return 0.0 if isinstance(emission, Texture) and not emission.texels.any() else emission

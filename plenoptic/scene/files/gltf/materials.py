@@ -1,0 +1,137 @@
+"""The materials of glTF files."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from plenoptic.scene.files.file_materials import dark_or_not
+from plenoptic.scene.files.gltf.glass import glass, transmitted
+from plenoptic.scene.files.gltf.textures import ALPHA, BLUE, GREEN, GltfTextures, Info, TexturePlacement, placement_of
+from plenoptic.scene.materials.emissive import Emissive
+from plenoptic.scene.materials.metallic_roughness import MetallicRoughness
+from plenoptic.scene.materials.registry import Material
+from plenoptic.scene.textures.color import Colour
+from plenoptic.scene.textures.texture import Texture
+
+WHITE = (1.0, 1.0, 1.0, 1.0)
+
+
+def gltf_material(
+    described: Mapping[str, Any], textures: GltfTextures, scale: float, tint: tuple[float, ...] = WHITE
+) -> tuple[Material, TexturePlacement]:
+    """One of the materials of a file, and how its textures lie on meshes.
+
+    Parameters
+    ----------
+    described : mapping
+        What the file says of it.
+    textures : GltfTextures
+        Those of the file.
+    scale : float
+        mm in one unit of the file, for absorption in glass.
+    tint : (float, float, float, float)
+        The colour and opacity that all vertices have: a factor beside the material's own.
+
+    Raises
+    ------
+    FileError
+        A texture that is missing or damaged; textures that lie on the mesh in several ways.
+    SceneError
+        Numbers out of range.
+    """
+    name = str(described.get("name", "without a name"))
+    extensions = described.get("extensions", {})
+    pbr = _metallic_roughness(described)
+    factor = np.array(pbr.get("baseColorFactor", WHITE), dtype=np.float64) * tint
+    base_info, layer_info = pbr.get("baseColorTexture"), pbr.get("metallicRoughnessTexture")
+    base = textures.colour(base_info, factor[:3], name)
+    opacity, cutoff = _opacity(described, base_info, float(factor[3]), textures, name)
+    two_sided = bool(described.get("doubleSided", False))
+    if "KHR_materials_unlit" in extensions:
+        placement = placement_of(_used((base_info, base), (base_info, opacity)), name)
+        if opacity == 1:
+            return Emissive(base, two_sided), placement
+        seen = MetallicRoughness(0.0, 0.0, 1.0, emission=base, two_sided=two_sided, opacity=opacity, cutoff=cutoff)
+        return seen, placement
+    metallic = textures.share(layer_info, pbr.get("metallicFactor", 1.0), BLUE, name)
+    roughness = textures.share(layer_info, pbr.get("roughnessFactor", 1.0), GREEN, name)
+    passed = transmitted(extensions, metallic, name)
+    if passed == 1:
+        return glass(extensions, base, roughness, scale, name), TexturePlacement()
+    normals = textures.normals(described.get("normalTexture"), name)
+    emission = _emission(described, textures, name)
+    material = MetallicRoughness(
+        base,
+        metallic,
+        roughness,
+        normal_map=normals,
+        emission=emission,
+        two_sided=two_sided,
+        opacity=_thinned(opacity, passed, name),
+        cutoff=cutoff,
+    )
+    infos = _used(
+        (base_info, base),
+        (base_info, opacity),
+        (layer_info, metallic),
+        (layer_info, roughness),
+        (described.get("normalTexture"), normals),
+        (described.get("emissiveTexture"), emission),
+    )
+    return material, placement_of(infos, name)
+
+
+def _used(*slots: tuple[Info | None, Any]) -> list[Info]:
+    """The textures that a material came to use: some turn out to be a number, or multiplied by 0."""
+    return [info for info, filled in slots if info is not None and isinstance(filled, Texture)]
+
+
+def _metallic_roughness(described: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The metallic-roughness part; of the older specular-glossiness model what comes nearest to it."""
+    older = described.get("extensions", {}).get("KHR_materials_pbrSpecularGlossiness")
+    if older is None or "pbrMetallicRoughness" in described:
+        found: Mapping[str, Any] = described.get("pbrMetallicRoughness", {})
+        return found
+    nearest = {"metallicFactor": 0.0, "roughnessFactor": 1 - older.get("glossinessFactor", 1.0)}
+    nearest["baseColorFactor"] = older.get("diffuseFactor", WHITE)
+    if "diffuseTexture" in older:
+        nearest["baseColorTexture"] = older["diffuseTexture"]
+    return nearest
+
+
+def _opacity(
+    described: Mapping[str, Any], info: Info | None, factor: float, textures: GltfTextures, name: str
+) -> tuple[float | Texture, float | None]:
+    """Opacity and cutoff of the three modes of transparency."""
+    mode = described.get("alphaMode", "OPAQUE")
+    if mode == "OPAQUE":
+        return 1.0, None
+    opacity = textures.share(info, factor, ALPHA, name)
+    if mode == "BLEND":
+        return opacity, None
+    cutoff = float(described.get("alphaCutoff", 0.5))
+    if isinstance(opacity, Texture) and cutoff <= 1:
+        return opacity, cutoff
+    there = not isinstance(opacity, Texture) and opacity >= cutoff
+    return float(there), None
+
+
+def _emission(described: Mapping[str, Any], textures: GltfTextures, name: str) -> Colour | Texture:
+    factor = np.array(described.get("emissiveFactor", (0.0, 0.0, 0.0)), dtype=np.float64)
+    strength = described.get("extensions", {}).get("KHR_materials_emissive_strength", {})
+    strengthened = factor * strength.get("emissiveStrength", 1.0)
+    return dark_or_not(textures.colour(described.get("emissiveTexture"), strengthened, name))
+
+
+def _thinned(opacity: float | Texture, passed: float, name: str) -> float | Texture:
+    """The opacity of a surface that also lets a share of the light pass."""
+    if passed == 0:
+        return opacity
+    if not isinstance(opacity, Texture):
+        return opacity * (1 - passed)
+    warnings.warn(f"the transmission of material {name!r} is left out beside its opacity", stacklevel=2)
+    return opacity

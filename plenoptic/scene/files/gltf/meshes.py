@@ -1,0 +1,143 @@
+"""The triangles of glTF files."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.scene.files.file_materials import colour_of
+from plenoptic.scene.files.gltf.file import GltfFile
+from plenoptic.scene.files.gltf.materials import WHITE, gltf_material
+from plenoptic.scene.files.gltf.nodes import PlacedNode, copies
+from plenoptic.scene.files.gltf.textures import GltfTextures, TexturePlacement
+from plenoptic.scene.geometry.instance import Instances
+from plenoptic.scene.geometry.mesh import Mesh, has_area
+from plenoptic.scene.materials.diffuse import Lambertian
+from plenoptic.scene.materials.registry import Material
+
+INSTANCED_FROM = 1000
+"""Triangles from which on a mesh that stands in several places is kept once: copies of smaller ones are faster."""
+
+_TRIANGLES, _STRIP, _FAN = 4, 5, 6
+
+
+def gltf_meshes(
+    nodes: list[PlacedNode], file: GltfFile, scale: float, material: Material | None, default_name: str
+) -> Iterator[Mesh | Instances]:
+    """All triangles of a file in mm, mesh by mesh in the order in which its nodes name them.
+
+    Parameters
+    ----------
+    nodes : list of PlacedNode
+        What stands where.
+    file : GltfFile
+        Whose nodes they are.
+    scale : float
+        mm in one unit of the file.
+    material : Material or None
+        Replaces those of the file.
+    default_name : str
+        Of meshes that have none.
+    """
+    places: dict[int, list[NDArray[np.float64]]] = {}
+    for node in nodes:
+        if "mesh" in node.described:
+            _warn_of_poses(node.described)
+            places.setdefault(node.described["mesh"], []).append(copies(node, file))
+    reader = _MeshReader(file, scale, material)
+    for number, found in places.items():
+        matrices = np.concatenate(found)
+        # What is flattened cannot be seen.
+        matrices = np.diag([scale, scale, scale, 1.0]) @ matrices[np.linalg.det(matrices[:, :3, :3]) != 0]
+        described = file.described("meshes", number)
+        name = str(described.get("name") or default_name)
+        for primitive in described["primitives"] if len(matrices) else ():
+            mesh = reader.mesh(primitive, name)
+            if mesh is None:
+                continue
+            if len(matrices) > 1 and len(mesh.faces) >= INSTANCED_FROM:
+                yield Instances(mesh, matrices)
+            else:
+                yield from (mesh.transformed(matrix) for matrix in matrices)
+
+
+def _warn_of_poses(node: Mapping[str, Any]) -> None:
+    if "skin" in node or any(node.get("weights", ())):
+        name = node.get("name", "without a name")
+        warnings.warn(f"the node {name!r} bends its mesh, which is shown as it is stored, unbent", stacklevel=2)
+
+
+class _MeshReader:
+    """What the meshes of a file share: its materials, each made once."""
+
+    def __init__(self, file: GltfFile, scale: float, material: Material | None) -> None:
+        self._file, self._scale, self._given = file, scale, material
+        self._textures = GltfTextures(file)
+        self._materials: dict[Any, tuple[Material, TexturePlacement]] = {}
+
+    def mesh(self, primitive: Mapping[str, Any], name: str) -> Mesh | None:
+        """A part of a mesh in the unit of the file; None where nothing of it can be seen."""
+        attributes = primitive["attributes"]
+        if "POSITION" not in attributes or primitive.get("mode", _TRIANGLES) < _TRIANGLES:
+            return None
+        vertices = self._array(attributes, "POSITION")
+        assert vertices is not None
+        faces = _faces(self._indices(primitive, len(vertices)), primitive.get("mode", _TRIANGLES))
+        if len(faces) == 0 or not has_area(vertices, faces):
+            return None
+        material, placement = self._material(primitive)
+        normals, uv = self._array(attributes, "NORMAL"), self._array(attributes, f"TEXCOORD_{placement.coordinates}")
+        used = np.zeros(len(vertices), dtype=bool)
+        used[faces.ravel()] = True
+        if not used.all():  # several parts often share one list of vertices
+            faces, vertices = (np.cumsum(used, dtype=np.int32) - 1)[faces], vertices[used]
+            normals, uv = (None if array is None else array[used] for array in (normals, uv))
+        return Mesh(vertices, faces, material, normals, None if uv is None else placement.uv(uv), name)
+
+    def _array(self, attributes: Mapping[str, Any], name: str) -> NDArray[np.float64] | None:
+        return np.asarray(self._file.array(attributes[name]), dtype=np.float64) if name in attributes else None
+
+    def _indices(self, primitive: Mapping[str, Any], count: int) -> NDArray[np.int32]:
+        if "indices" not in primitive:
+            return np.arange(count, dtype=np.int32)
+        indices = self._file.array(primitive["indices"])[:, 0]
+        if len(indices) and indices.max() >= count:
+            raise IndexError(f"index {indices.max()} is out of bounds for {count} vertices")
+        return indices.astype(np.int32)
+
+    def _material(self, primitive: Mapping[str, Any]) -> tuple[Material, TexturePlacement]:
+        if self._given is not None:
+            return self._given, TexturePlacement()
+        tint = self._tint(primitive["attributes"])
+        if "material" not in primitive:
+            return (Lambertian() if tint is None else Lambertian(colour_of(tint[:3]))), TexturePlacement()
+        key = (primitive["material"], tint)
+        if key not in self._materials:
+            described = self._file.described("materials", primitive["material"])
+            self._materials[key] = gltf_material(described, self._textures, self._scale, tint or WHITE)
+        return self._materials[key]
+
+    def _tint(self, attributes: Mapping[str, Any]) -> tuple[float, ...] | None:
+        """The colour and opacity that all vertices have; None where they have none or several."""
+        colours = self._array(attributes, "COLOR_0")
+        if colours is None or len(colours) == 0:
+            return None
+        if np.any(colours != colours[0]):
+            warnings.warn("colours that vary from vertex to vertex are left out", stacklevel=2)
+            return None
+        return (*(float(part) for part in colours[0]), 1.0)[:4]
+
+
+def _faces(indices: NDArray[np.int32], mode: int) -> NDArray[np.int32]:
+    """(m, 3) corners of triangles, strips or fans; fronts as glTF has them."""
+    if mode == _TRIANGLES:
+        return indices[: len(indices) // 3 * 3].reshape(-1, 3)
+    first = np.arange(max(len(indices) - 2, 0))
+    if mode == _STRIP:
+        odd = first % 2
+        return indices[np.stack([first, first + 1 + odd, first + 2 - odd], axis=1)]
+    return indices[np.stack([first + 1, first + 2, np.zeros_like(first)], axis=1)]

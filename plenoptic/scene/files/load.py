@@ -1,0 +1,206 @@
+"""Scenes from files."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from plenoptic.core.values import file_path, set_field, value
+from plenoptic.errors import FileError, InvalidValueError, PlenopticError
+from plenoptic.scene.file_cameras import View
+from plenoptic.scene.files.gltf.file import read_gltf
+from plenoptic.scene.files.gltf.lights import gltf_light, gltf_view
+from plenoptic.scene.files.gltf.meshes import gltf_meshes
+from plenoptic.scene.files.gltf.nodes import placed_nodes
+from plenoptic.scene.files.trimesh_meshes import trimesh_meshes
+from plenoptic.scene.geometry.instance import Instances
+from plenoptic.scene.geometry.mesh import Mesh
+from plenoptic.scene.lights.registry import Light
+from plenoptic.scene.materials.registry import MATERIALS, Material
+
+UNITS = {"um": 1e-3, "mm": 1.0, "cm": 10.0, "m": 1e3, "km": 1e6, "inch": 25.4, "foot": 304.8}
+"""Millimetres in one unit of length."""
+ENDINGS = (".glb", ".gltf", ".obj", ".ply", ".stl")
+
+
+@value
+class FileContents:
+    """What a file holds of a scene, in mm.
+
+    Parameters
+    ----------
+    meshes : sequence of Mesh or Instances
+        Its surfaces, in their places; `Instances` where one of many triangles stands in several.
+    lights : sequence of PointLight, SpotLight or SunLight
+        Its light sources beside surfaces that emit.
+    views : sequence of View
+        Its cameras.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> contents = pl.FileContents([pl.box(4)])
+    >>> pl.Scene(contents.meshes, contents.lights)
+    Scene(1 mesh, 12 triangles)
+    """
+
+    meshes: tuple[Mesh | Instances, ...] = ()
+    lights: tuple[Light, ...] = ()
+    views: tuple[View, ...] = ()
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self,
+            meshes: Iterable[Mesh | Instances] = (),
+            lights: Iterable[Light] = (),
+            views: Iterable[View] = (),
+        ) -> None: ...
+
+    def __post_init__(self) -> None:
+        for name in ("meshes", "lights", "views"):
+            set_field(self, name, tuple(getattr(self, name)))
+
+
+def load_file(path: str | PathLike[str], *, unit: str | None = None, material: Material | None = None) -> FileContents:
+    """Read all that a file holds of a scene.
+
+    Everything stands in its place in the file's scene graph. Normals and texture coordinates are read where the file
+    has them; triangles are flat where it has no normals. Meshes of 1000 triangles or more that stand in several places
+    become `Instances`.
+
+    Materials of glTF files become `MetallicRoughness` with all their textures; `Dielectric` or, without a volume,
+    `ThinGlass` where they transmit all light; `Emissive` where they are unlit (KHR_materials_unlit). Clear coats,
+    sheen, occlusion maps and others beyond these are left out. Those of OBJ files become what the table of
+    `plenoptic.scene.files.obj.obj_material` says. Parts without a material take the colour that all their vertices
+    have; all others are grey, `Lambertian(0.5)`.
+
+    Lights (KHR_lights_punctual) and cameras are those of glTF files. The file's candela and lux are taken as scene
+    units: irradiance is I / d^2 at the distance d in the file's unit of length.
+
+    Parameters
+    ----------
+    path : str or path
+        A .glb, .gltf, .obj, .ply or .stl file.
+    unit : str, optional
+        Length of one unit of the file: "um", "mm", "cm", "m", "km", "inch" or "foot". None: "m" for glTF files, whose
+        standard says so, and "mm" for all others.
+    material : Material, optional
+        Replaces all materials of the file, which are not looked at then.
+
+    Returns
+    -------
+    FileContents
+
+    Raises
+    ------
+    FileError
+        A file that is missing, damaged, of another kind, or with neither triangles nor lights; a material file or
+        texture that is missing or not an image; a feature that would be rendered wrongly. The message names the file.
+    InvalidValueError
+        An unknown unit.
+
+    References
+    ----------
+    Khronos Group, glTF 2.0 Specification (ISO/IEC 12113:2022), and its extensions KHR_lights_punctual,
+    KHR_texture_transform, KHR_mesh_quantization, EXT_mesh_gpu_instancing, EXT_texture_webp,
+    KHR_materials_emissive_strength, _ior, _transmission, _unlit and _volume.
+
+    Examples
+    --------
+    A scene with the lights of its file, seen as its first camera does:
+
+    >>> import plenoptic as pl
+    >>> contents = pl.load_file("hall.glb")  # doctest: +SKIP
+    >>> scene = pl.Scene(contents.meshes, contents.lights)  # doctest: +SKIP
+    >>> contents.views[0].position.tolist()  # doctest: +SKIP
+    [0.0, 1700.0, 4000.0]
+    """
+    contents = _contents(path, unit, material)
+    if not contents.meshes and not contents.lights:
+        raise FileError(f"{path} holds no triangles that have an area, and no lights; export a mesh")
+    return contents
+
+
+def load_meshes(
+    path: str | PathLike[str], *, unit: str | None = None, material: Material | None = None
+) -> tuple[Mesh | Instances, ...]:
+    """Read all triangles of a file: the meshes of `load_file`, which see.
+
+    Parameters
+    ----------
+    path, unit, material : as in `load_file`
+
+    Returns
+    -------
+    tuple of Mesh or Instances
+
+    Raises
+    ------
+    FileError
+        As in `load_file`, and for a file without triangles.
+    InvalidValueError
+        An unknown unit.
+
+    Examples
+    --------
+    >>> import os, pathlib, tempfile
+    >>> import plenoptic as pl
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = pathlib.Path(folder) / "corner.obj"
+    ...     _ = path.write_text(os.linesep.join(["v 0 0 0", "v 1 0 0", "v 0 2 0", "f 1 2 3"]))
+    ...     meshes = pl.load_meshes(path, unit="cm", material=pl.Lambertian(0.8))
+    >>> meshes
+    (Mesh('corner.obj', 3 vertices, 1 triangle, Lambertian(albedo=0.8)),)
+    >>> meshes[0].bounds[1].tolist()
+    [10.0, 20.0, 0.0]
+    """
+    meshes = _contents(path, unit, material).meshes
+    if not meshes:
+        raise FileError(f"{path} holds no triangles that have an area; export a mesh")
+    return meshes
+
+
+def _contents(path: str | PathLike[str], unit: str | None, material: Material | None) -> FileContents:
+    source = file_path(path)
+    if unit is not None and (not isinstance(unit, str) or unit not in UNITS):
+        raise InvalidValueError(f"unit is {unit!r}; it must be one of {', '.join(UNITS)}")
+    if material is not None and not isinstance(material, MATERIALS):
+        raise InvalidValueError(f"material is {material!r}; it must be a material or None")
+    if not source.is_file():
+        raise FileError(f"{source} is {'a folder' if source.is_dir() else 'missing'}; give the path of a mesh file")
+    kind = source.suffix[1:].lower()
+    if f".{kind}" not in ENDINGS:
+        raise FileError(f"{source} ends in {source.suffix!r}; it must be one of {', '.join(ENDINGS)}, so convert it")
+    try:
+        content = source.read_bytes()
+    except OSError as error:
+        raise FileError(f"{source} cannot be opened ({error.strerror}); check the rights to read it") from error
+    gltf = kind in ("glb", "gltf")
+    scale = UNITS[unit] if unit is not None else UNITS["m" if gltf else "mm"]
+    try:
+        if gltf:
+            return _of_gltf(source, kind, content, scale, material)
+        return FileContents(trimesh_meshes(source, kind, content, scale, material))
+    except PlenopticError as error:
+        raise FileError(f"{source}: {error}") from error
+    except ImportError as error:  # trimesh asks for another package where text is not UTF-8
+        raise FileError(f"{source} is cut off, or holds text that is not UTF-8; export it again") from error
+    except Exception as error:  # trimesh, json and NumPy raise whatever the damage leads to
+        raise FileError(
+            f"{source} cannot be read as .{kind} ({error or type(error).__name__}); export it again"
+        ) from error
+
+
+def _of_gltf(source: Path, kind: str, content: bytes, scale: float, material: Material | None) -> FileContents:
+    file = read_gltf(content, kind, source.parent)
+    nodes = list(placed_nodes(file))
+    lights = (gltf_light(node, file, scale) for node in nodes)
+    views = (gltf_view(node, file, scale) for node in nodes)
+    return FileContents(
+        gltf_meshes(nodes, file, scale, material, source.name),
+        (light for light in lights if light is not None),
+        (view for view in views if view is not None),
+    )

@@ -1,0 +1,151 @@
+"""OBJ, PLY and STL files: what trimesh reads, with what it would lose or get wrong in silence made good or refused."""
+
+from __future__ import annotations
+
+import re
+import warnings
+from collections.abc import Iterator, Mapping
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from plenoptic.errors import FileError, PlenopticError
+from plenoptic.scene.files.file_materials import REPLACE, colour_of
+from plenoptic.scene.files.obj import obj_material, read_mtl
+from plenoptic.scene.geometry.mesh import Mesh, has_area
+from plenoptic.scene.materials.diffuse import Lambertian
+from plenoptic.scene.materials.registry import Material
+from plenoptic.scene.textures.texture import Texture
+
+
+def trimesh_meshes(source: Path, kind: str, content: bytes, scale: float, material: Material | None) -> Iterator[Mesh]:
+    """All that is visible, in mm.
+
+    Parameters
+    ----------
+    source : Path
+        The file; others that it names lie beside it.
+    kind : str
+        "obj", "ply" or "stl".
+    content : bytes
+        Of the file.
+    scale : float
+        mm in one unit of the file.
+    material : Material or None
+        Replaces those of the file.
+    """
+    import trimesh
+
+    known: Mapping[str, Material] = {}
+    if kind == "obj":
+        content = _plain_obj(content)
+        known = {} if material is not None else _obj_materials(content, source.parent)
+    elif kind == "ply" and material is None:
+        material = _ply_texture(content, source.parent)
+    elif kind == "stl":
+        _check_stl(content)
+    for key, part in _parts(source, kind, content, known).items():
+        visible = isinstance(part, trimesh.Trimesh) and len(part.faces) > 0
+        if not visible or not has_area(np.asarray(part.vertices), np.asarray(part.faces)):
+            continue
+        label = str(getattr(getattr(part.visual, "material", None), "name", None) or "")
+        chosen = material
+        if chosen is None:
+            chosen = known[label] if label in known else _coloured(part.visual)
+        # trimesh makes up normals when asked for them; only the file's are there before.
+        normals = part.vertex_normals if "vertex_normals" in part._cache else None
+        uv = getattr(part.visual, "uv", None)
+        yield Mesh(scale * part.vertices, part.faces, chosen, normals, uv, key if kind == "obj" else source.name)
+
+
+class _Names:
+    """What trimesh asks for a material file: it tells it no more than names, by which it parts the triangles."""
+
+    def __init__(self, source: Path, names: Mapping[str, Any]) -> None:
+        self.file_name = source.name
+        self._text = "".join(f"newmtl {name}\nKd 1 1 1\n" for name in names).encode()
+
+    def get(self, name: str) -> bytes:
+        return self._text
+
+    __getitem__ = get
+
+
+def _parts(source: Path, kind: str, content: bytes, names: Mapping[str, Any]) -> Mapping[str, Any]:
+    """What trimesh reads. It keeps vertices apart that differ in uv or normal, unless told to maintain their order."""
+    import trimesh
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)
+        # NumPy only warns, and trimesh goes on, where text stops being numbers.
+        warnings.filterwarnings("error", message="string or file could not be read")
+        resolver: Any = _Names(source, names)
+        loaded = trimesh.load_scene(BytesIO(content), file_type=kind, resolver=resolver, process=False)
+    parts: Mapping[str, Any] = loaded.geometry
+    return parts
+
+
+def _plain_obj(content: bytes) -> bytes:
+    """An OBJ file without comments, indents and tabs, which mislead trimesh; refused where others still would."""
+    content = content.decode(errors="replace").encode()
+    content = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n").replace(b"\t", b" ")
+    content = re.sub(rb"^ +", b"", content, flags=re.MULTILINE)
+    content = re.sub(rb"^((?:(?:f|v|vt|vn) [^#\n]*)?)#[^\n]*", rb"\1", content, flags=re.MULTILINE)
+    relative = re.search(rb"^f [^\n]*-\d", content, re.MULTILINE)
+    if relative is not None and content.find(b"\nv ", relative.start()) >= 0:
+        raise FileError("its faces count vertices backwards while more follow; export with absolute indices")
+    if re.search(rb"^f +\d+//", content, re.MULTILINE) and re.search(rb"^f +\d+/\d+(?: |$)", content, re.MULTILINE):
+        raise FileError("some of its faces have uv only and some normals only; export all of them alike")
+    return content
+
+
+def _check_stl(content: bytes) -> None:
+    """Refuse an STL file that is not whole: trimesh takes a binary one for text, in which it finds nothing."""
+    if b"endsolid" in content.lower():
+        return
+    if content.lstrip().lower().startswith(b"solid") and content.isascii() and b"\0" not in content:
+        raise FileError("it is cut off: it has no 'endsolid'; export it again")
+    announced = 84 + 50 * int.from_bytes(content[80:84], "little")
+    if len(content) != announced:
+        raise FileError(
+            f"it is cut off, or no STL file: it has {len(content)} bytes instead of {announced}; export it again"
+        )
+
+
+def _obj_materials(content: bytes, folder: Path) -> Mapping[str, Material]:
+    """The materials that an OBJ file uses and its material files describe."""
+    text = content.decode(errors="replace")
+    described: dict[str, dict[str, str]] = {}
+    for named in dict.fromkeys(re.findall(r"^mtllib\s+(.+?)\s*$", text, re.MULTILINE)):
+        # A name may hold spaces, and a line several names.
+        for name in [named] if (folder / named).is_file() else named.split():
+            library = folder / name
+            if not library.is_file():
+                raise FileError(f"its material file {name!r} is missing; put it beside the file, {REPLACE}")
+            described |= read_mtl(library.read_text(errors="replace"))
+    used = dict.fromkeys(" ".join(name.split()) for name in re.findall(r"^usemtl\s+(.+?)\s*$", text, re.MULTILINE))
+    return {name: obj_material(name, described[name], folder) for name in used if name in described}
+
+
+def _ply_texture(content: bytes, folder: Path) -> Lambertian | None:
+    """The texture that the header of a PLY file names, if it does."""
+    header = content[: content.find(b"end_header")].decode(errors="replace")
+    named = re.search(r"^comment\s+texturefile\s+(.+?)\s*$", header, re.MULTILINE | re.IGNORECASE)
+    if named is None:
+        return None
+    try:
+        return Lambertian(Texture.load(folder / named[1]))
+    except PlenopticError as error:
+        raise FileError(f"its texture cannot be used: {error}, {REPLACE}") from None
+
+
+def _coloured(visual: Any) -> Lambertian:
+    """The one colour of a part without material, sRGB-encoded; grey where it has many or none."""
+    from plenoptic.core.color.srgb import srgb_to_linear
+
+    if visual.kind not in ("vertex", "face"):
+        return Lambertian()
+    codes = np.asarray(visual.vertex_colors if visual.kind == "vertex" else visual.face_colors)[:, :3]
+    return Lambertian() if np.any(codes != codes[0]) else Lambertian(colour_of(srgb_to_linear(codes[0] / 255)))

@@ -1,0 +1,325 @@
+"""Embree 4 through its C library: the only module that knows it.
+
+The library is the one that the embreex wheel ships. Importing this module registers its symbols with the
+compiler; it raises ImportError where that cannot be done, and must be imported before any kernel that
+is declared here is loaded from the cache of compiled code. A null scene never reaches a kernel.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import weakref
+from typing import Any
+
+import llvmlite.binding
+import numpy as np
+from embreex import rtcore_scene
+from numba import types
+from numpy.typing import NDArray
+
+from plenoptic.core.jit import device, kernel
+from plenoptic.scene.geometry.accel import distinct_meshes, middle_of, part_of, placements_of, suits_float32
+from plenoptic.scene.geometry.instance import InstanceTables
+from plenoptic.scene.geometry.kernels.intersect import SHADOW_END
+
+PACKET = 16
+
+_VERTEX, _INDEX, _FLOAT3, _UINT3, _FLOAT3X4 = 1, 0, 0x9003, 0x5003, 0x9134
+_TRIANGLE, _PLACED = 0, 121
+_SCENE_ROBUST = 4
+_COHERENT = 1 << 16
+_ALL_FEATURES = 0xFFFFFFFF
+_PADDING = 16
+_INVALID = np.uint32(0xFFFFFFFF)
+
+# float32 rows of 16 lanes in RTCRay16 and, behind it, RTCHit16 (embree4/rtcore_ray.h).
+_ORG_X, _ORG_Y, _ORG_Z, _NEAR, _DIR_X, _DIR_Y, _DIR_Z, _TIME, _FAR, _MASK, _ID, _FLAGS = (16 * k for k in range(12))
+_U, _V, _PRIMITIVE, _GEOMETRY, _INSTANCE = (16 * k for k in range(15, 20))
+_RAYHIT = 16 * 35
+"""Instance ids take two rows for each level that the library was built for, one by default: room for eight levels.
+The first row is that of the only level here."""
+
+_EDGE = np.float32(2.0**-11)
+"""Barycentric coordinates below this are near an edge: far above their rounding errors, and one ray in 400."""
+
+_FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
+    "rtcNewDevice": (ctypes.c_void_p, (ctypes.c_char_p,)),
+    "rtcReleaseDevice": (None, (ctypes.c_void_p,)),
+    "rtcGetDeviceError": (ctypes.c_int, (ctypes.c_void_p,)),
+    "rtcNewScene": (ctypes.c_void_p, (ctypes.c_void_p,)),
+    "rtcReleaseScene": (None, (ctypes.c_void_p,)),
+    "rtcSetSceneFlags": (None, (ctypes.c_void_p, ctypes.c_int)),
+    "rtcCommitScene": (None, (ctypes.c_void_p,)),
+    "rtcNewGeometry": (ctypes.c_void_p, (ctypes.c_void_p, ctypes.c_int)),
+    "rtcReleaseGeometry": (None, (ctypes.c_void_p,)),
+    "rtcSetSharedGeometryBuffer": (
+        None,
+        (
+            ctypes.c_void_p,
+            ctypes.c_int,
+            ctypes.c_uint,
+            ctypes.c_int,
+            ctypes.c_void_p,
+            ctypes.c_size_t,
+            ctypes.c_size_t,
+            ctypes.c_size_t,
+        ),
+    ),
+    "rtcCommitGeometry": (None, (ctypes.c_void_p,)),
+    "rtcAttachGeometryByID": (None, (ctypes.c_void_p, ctypes.c_void_p, ctypes.c_uint)),
+    "rtcSetGeometryInstancedScene": (None, (ctypes.c_void_p, ctypes.c_void_p)),
+    "rtcSetGeometryTransform": (None, (ctypes.c_void_p, ctypes.c_uint, ctypes.c_int, ctypes.c_void_p)),
+}
+
+
+def _load() -> Any:
+    """The library with typed functions; its packet queries made known to the compiler."""
+    try:
+        library = ctypes.CDLL(rtcore_scene.__file__)
+        for name, (result, arguments) in _FUNCTIONS.items():
+            function = getattr(library, name)
+            function.restype, function.argtypes = result, arguments
+        for name in ("rtcIntersect16", "rtcOccluded16"):
+            address = ctypes.cast(getattr(library, name), ctypes.c_void_p).value
+            llvmlite.binding.add_symbol(name, address)
+    except (OSError, AttributeError, TypeError) as error:
+        raise ImportError(f"the Embree library inside embreex cannot be called directly: {error}") from error
+    return library
+
+
+_library = _load()
+_intersect16 = types.ExternalFunction("rtcIntersect16", types.void(types.intp, types.intp, types.intp, types.intp))
+_occluded16 = types.ExternalFunction("rtcOccluded16", types.void(types.intp, types.intp, types.intp, types.intp))
+
+
+class _Arguments(ctypes.Structure):
+    """RTCIntersectArguments and RTCOccludedArguments, which have the same layout."""
+
+    _fields_ = [
+        ("flags", ctypes.c_int),
+        ("feature_mask", ctypes.c_uint),
+        ("context", ctypes.c_void_p),
+        ("filter", ctypes.c_void_p),
+        ("function", ctypes.c_void_p),
+        ("spare", ctypes.c_void_p * 4),
+    ]
+
+
+class EmbreeTriangles:
+    """A committed Embree scene of triangles and instances; it owns its buffers and frees the scenes with itself."""
+
+    def __init__(
+        self,
+        vertices: NDArray[np.float64],
+        triangles: NDArray[np.int32],
+        instances: InstanceTables | None = None,
+    ) -> None:
+        self.middle = middle_of(vertices, triangles, instances)
+        self.placements = placements_of(instances)
+        self._first = None if instances is None else instances.first
+        self._buffers: list[NDArray[Any]] = []
+        self._scenes: list[int] = []
+        self._device = _library.rtcNewDevice(None)
+        if not self._device:
+            raise RuntimeError("Embree gave no device")
+        weakref.finalize(self, _release, self._scenes, self._device)
+        self._scene = self._new_scene()
+        if instances is None:
+            self._attach(self._scene, self._triangles(vertices, triangles, self.middle), 0)
+        else:
+            # An instance is known by its row; plain triangles come behind.
+            if instances.plain:
+                plain = self._triangles(vertices, triangles[: instances.plain], self.middle)
+                self._attach(self._scene, plain, len(instances.first))
+            self._place(vertices, triangles, instances)
+        _library.rtcCommitScene(self._scene)
+        error = _library.rtcGetDeviceError(self._device)
+        if error:
+            raise RuntimeError(f"Embree could not build the scene (error {error})")
+        self._coherent = _Arguments(flags=_COHERENT, feature_mask=_ALL_FEATURES)
+        self._incoherent = _Arguments(flags=0, feature_mask=_ALL_FEATURES)
+
+    def fill_closest(
+        self,
+        hits: NDArray[np.int32],
+        rays: NDArray[np.float64],
+        *,
+        coherent: bool,
+        placed: NDArray[np.int32] | None = None,
+    ) -> None:
+        """Triangle that each ray (origin and direction, (n, 6)) meets first, or -1; and its instance, or -1."""
+        arguments = self._coherent if coherent else self._incoherent
+        _fill_closest(hits, placed, self._first, rays, self.middle, self._scene, ctypes.addressof(arguments))
+
+    def fill_blocked(self, blocked: NDArray[np.uint8], rays: NDArray[np.float64]) -> None:
+        """1 where something lies between a ray's origin and origin + direction, else 0."""
+        _fill_blocked(blocked, rays, self.middle, self._scene, ctypes.addressof(self._incoherent))
+
+    def _new_scene(self) -> int:
+        scene: int = _library.rtcNewScene(self._device)
+        self._scenes.append(scene)
+        _library.rtcSetSceneFlags(scene, _SCENE_ROBUST)
+        return scene
+
+    def _triangles(
+        self, vertices: NDArray[np.float64], triangles: NDArray[np.int32], middle: NDArray[np.float64]
+    ) -> int:
+        """A geometry of triangles, in float32 relative to a point."""
+        corners, faces = part_of(vertices, triangles)
+        # Embree reads 16 bytes at a time: buffers end with room to spare.
+        points = np.zeros(corners.size + _PADDING, dtype=np.float32)
+        np.subtract(corners, middle, out=points[: corners.size].reshape(-1, 3), casting="same_kind")
+        rows = np.zeros(faces.size + _PADDING, dtype=np.uint32)
+        rows[: faces.size] = faces.ravel()
+        self._buffers += points, rows
+        geometry: int = _library.rtcNewGeometry(self._device, _TRIANGLE)
+        for kind, layout, buffer, count in (
+            (_VERTEX, _FLOAT3, points, len(corners)),
+            (_INDEX, _UINT3, rows, len(faces)),
+        ):
+            _library.rtcSetSharedGeometryBuffer(geometry, kind, 0, layout, buffer.ctypes.data, 0, 12, count)
+        return geometry
+
+    def _attach(self, scene: int, geometry: int, number: int) -> None:
+        _library.rtcCommitGeometry(geometry)
+        _library.rtcAttachGeometryByID(scene, geometry, number)
+        _library.rtcReleaseGeometry(geometry)
+
+    def _child(self, vertices: NDArray[np.float64], triangles: NDArray[np.int32], middle: NDArray[np.float64]) -> int:
+        scene = self._new_scene()
+        self._attach(scene, self._triangles(vertices, triangles, middle), 0)
+        _library.rtcCommitScene(scene)
+        return scene
+
+    def _place(self, vertices: NDArray[np.float64], triangles: NDArray[np.int32], instances: InstanceTables) -> None:
+        """Attach the instances, each mesh in float32 relative to its own middle."""
+        for first, count, places in distinct_meshes(instances):
+            corners, faces = part_of(vertices, triangles[first : first + count])
+            matrices = instances.matrices[places].reshape(-1, 3, 4)
+            fits = suits_float32(matrices[:, :, :3])
+            if fits.any():
+                middle = np.median(corners, axis=0)
+                child = self._child(corners, faces, middle)
+                self._attach_copies(child, middle, matrices[fits], places[fits])
+            for matrix, place in zip(matrices[~fits], np.flatnonzero(~fits), strict=True):
+                turned = corners @ matrix[:, :3].T + matrix[:, 3]
+                middle = np.median(turned, axis=0)
+                self._attach_copies(self._child(turned, faces, middle), middle, np.eye(4)[None, :3], places[[place]])
+
+    def _attach_copies(
+        self,
+        child: int,
+        middle: NDArray[np.float64],
+        matrices: NDArray[np.float64],
+        places: NDArray[np.intp],
+    ) -> None:
+        # p - M = A (q - m) + (A m + t - M), for points p of the world and q of the mesh and their middles M and m.
+        relative = matrices.copy()
+        relative[:, :, 3] += matrices[:, :, :3] @ middle - self.middle
+        assert self.placements is not None
+        self.placements[places, 12] = np.abs(relative[:, :, 3]).sum(axis=1)
+        transforms = np.ascontiguousarray(relative, dtype=np.float32)
+        address = transforms.ctypes.data
+        for k, place in enumerate(places.tolist()):
+            geometry = _library.rtcNewGeometry(self._device, _PLACED)
+            _library.rtcSetGeometryInstancedScene(geometry, child)
+            _library.rtcSetGeometryTransform(geometry, 0, _FLOAT3X4, address + 48 * k)
+            self._attach(self._scene, geometry, place)
+
+
+def _release(scenes: list[int], device: int) -> None:
+    for scene in scenes:
+        _library.rtcReleaseScene(scene)
+    _library.rtcReleaseDevice(device)
+
+
+@device
+def _aligned(rows, spare):
+    """The part of `rows` that starts at a multiple of 64 bytes, as packets want it."""
+    shift = (-rows.ctypes.data) % 64 // 4
+    return rows[shift : rows.size - spare + shift]
+
+
+@device
+def _prepare(packet):
+    """What is the same for all rays of a call, and what Embree leaves as it is."""
+    number = packet.view(np.uint32)
+    for lane in range(PACKET):
+        packet[_NEAR + lane] = 0.0
+        packet[_TIME + lane] = 0.0
+        number[_MASK + lane] = _INVALID
+        number[_FLAGS + lane] = np.uint32(0)
+
+
+@device
+def _pack(packet, valid, rays, middle, start, far):
+    """Put rays start ... start + 15 into a packet; lanes beyond the last ray are switched off."""
+    number = packet.view(np.uint32)
+    x, y, z = middle[0], middle[1], middle[2]
+    n = rays.shape[0]
+    for lane in range(PACKET):
+        inside = start + lane < n
+        i = start + lane if inside else start
+        valid[lane] = -1 if inside else 0
+        packet[_ORG_X + lane] = rays[i, 0] - x
+        packet[_ORG_Y + lane] = rays[i, 1] - y
+        packet[_ORG_Z + lane] = rays[i, 2] - z
+        packet[_DIR_X + lane] = rays[i, 3]
+        packet[_DIR_Y + lane] = rays[i, 4]
+        packet[_DIR_Z + lane] = rays[i, 5]
+        packet[_FAR + lane] = far
+        number[_GEOMETRY + lane] = _INVALID
+        number[_INSTANCE + lane] = _INVALID
+
+
+@device
+def _again_alone(packet, valid, lane, scene, arguments):
+    """Ask again for a lane that met a triangle near an edge: which neighbour is found depends on the other lanes."""
+    u, v = packet[_U + lane], packet[_V + lane]
+    if min(u, v, np.float32(1.0) - u - v) > _EDGE:
+        return
+    number = packet.view(np.uint32)
+    for other in range(PACKET):
+        valid[other] = -1 if other == lane else 0
+    packet[_FAR + lane] = np.inf
+    number[_GEOMETRY + lane] = _INVALID
+    number[_INSTANCE + lane] = _INVALID
+    _intersect16(valid.ctypes.data, scene, packet.ctypes.data, arguments)
+
+
+@kernel
+def _fill_closest(hits, placed, first, rays, middle, scene, arguments):
+    packet = _aligned(np.zeros(_RAYHIT + 16, np.float32), 16)
+    valid = _aligned(np.zeros(PACKET + 16, np.int32), 16)
+    number = packet.view(np.uint32)
+    n = rays.shape[0]
+    _prepare(packet)
+    for start in range(0, n, PACKET):
+        _pack(packet, valid, rays, middle, start, np.inf)
+        _intersect16(valid.ctypes.data, scene, packet.ctypes.data, arguments)
+        for lane in range(min(PACKET, n - start)):
+            if number[_GEOMETRY + lane] != _INVALID:
+                _again_alone(packet, valid, lane, scene, arguments)
+            hit = number[_GEOMETRY + lane] != _INVALID
+            row = np.int32(number[_PRIMITIVE + lane])
+            place = np.int32(-1)
+            if first is not None and hit and number[_INSTANCE + lane] != _INVALID:
+                place = np.int32(number[_INSTANCE + lane])
+                row += first[place]
+            if placed is not None:
+                placed[start + lane] = place
+            hits[start + lane] = row if hit else np.int32(-1)
+
+
+@kernel
+def _fill_blocked(blocked, rays, middle, scene, arguments):
+    packet = _aligned(np.zeros(_RAYHIT + 16, np.float32), 16)
+    valid = _aligned(np.zeros(PACKET + 16, np.int32), 16)
+    n = rays.shape[0]
+    _prepare(packet)
+    for start in range(0, n, PACKET):
+        _pack(packet, valid, rays, middle, start, SHADOW_END)
+        _occluded16(valid.ctypes.data, scene, packet.ctypes.data, arguments)
+        for lane in range(min(PACKET, n - start)):
+            # Embree marks an occluded ray by a far end of minus infinity.
+            blocked[start + lane] = 1 if packet[_FAR + lane] < 0.0 else 0

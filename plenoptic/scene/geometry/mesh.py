@@ -1,0 +1,274 @@
+"""Triangle meshes: one surface of one material."""
+
+from __future__ import annotations
+
+import dataclasses
+from math import radians
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from plenoptic.core.rotation import rotation_about
+from plenoptic.core.values import finite, frozen_array, positive, set_field, value
+from plenoptic.errors import InvalidValueError, SceneError
+from plenoptic.scene.materials.diffuse import Lambertian
+from plenoptic.scene.materials.registry import MATERIALS, Material, textures_of
+
+MAX_COORDINATE = 1e15
+"""mm: Embree, in float32, drops vertices beyond 1.8e18, and areas must stay finite in float32 too."""
+
+
+@value
+class Mesh:
+    """Triangles of one material.
+
+    The front of a triangle is the side from which its vertices wind counter-clockwise.
+
+    Parameters
+    ----------
+    vertices : (n, 3) array
+        Corners, mm, finite.
+    faces : (m, 3) array of int
+        The rows of `vertices` that make up each triangle. Triangles without area may be among them, not all of them.
+    material : Material
+        `Lambertian`, `RoughDiffuse`, `Conductor`, `Dielectric`, `ThinGlass`, `MetallicRoughness` or `Emissive`; a
+        textured one needs `uv`.
+    normals : (n, 3) array or None
+        Smooth shading normals at the vertices, brought to unit length; rows of zeros stay and mean a flat
+        surface there. None: flat triangles.
+    uv : (n, 2) array or None
+        Texture coordinates; (0, 0) is the lower left corner of the image, (1, 1) the upper right one.
+    name : str
+        For the reader.
+
+    Raises
+    ------
+    InvalidValueError
+        Arrays of another shape, another material, or a name that is not a str.
+    SceneError
+        No triangles, no area, numbers that are not finite, indices out of range, a texture without `uv`.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> mesh = pl.Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]], pl.Lambertian(0.8))
+    >>> mesh
+    Mesh(3 vertices, 1 triangle, Lambertian(albedo=0.8))
+    """
+
+    vertices: NDArray[np.float64]
+    faces: NDArray[np.int32]
+    material: Material = Lambertian()
+    normals: NDArray[np.float64] | None = None
+    uv: NDArray[np.float64] | None = None
+    name: str = ""
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self,
+            vertices: ArrayLike,
+            faces: ArrayLike,
+            material: Material = ...,
+            normals: ArrayLike | None = None,
+            uv: ArrayLike | None = None,
+            name: str = "",
+        ) -> None: ...
+
+    def __post_init__(self) -> None:
+        vertices = frozen_array(self.vertices, name="vertices", shape=(None, 3))
+        faces = _faces(self.faces, len(vertices))
+        _check_range(vertices, "vertices", "repair the mesh, or check its unit")
+        if not has_area(vertices, faces):
+            raise SceneError(f"all {len(faces)} triangles have zero area; spread the vertices or leave the mesh out")
+        if not isinstance(self.material, MATERIALS):
+            names = ", ".join(kind.__name__ for kind in MATERIALS)
+            raise InvalidValueError(f"material is {self.material!r}; it must be one of {names}")
+        if not isinstance(self.name, str):
+            raise InvalidValueError(f"name is {self.name!r}; it must be a text")
+        if self.normals is not None:
+            normals = frozen_array(self.normals, name="normals", shape=(len(vertices), 3))
+            _check_range(normals, "normals", "give None for flat triangles")
+            set_field(self, "normals", _unit_rows(normals))
+        if self.uv is not None:
+            uv = frozen_array(self.uv, name="uv", shape=(len(vertices), 2))
+            _check_range(uv, "uv", "map the mesh again")
+            set_field(self, "uv", uv)
+        elif textures_of(self.material):
+            raise SceneError("the material has a texture and uv is None; give uv, or a material without a texture")
+        set_field(self, "vertices", vertices)
+        set_field(self, "faces", faces)
+
+    def __repr__(self) -> str:
+        name = f"{self.name!r}, " if self.name else ""
+        triangles = f"{len(self.faces)} triangle{'' if len(self.faces) == 1 else 's'}"
+        return f"Mesh({name}{len(self.vertices)} vertices, {triangles}, {self.material!r})"
+
+    @property
+    def bounds(self) -> NDArray[np.float64]:
+        """(2, 3), mm: the lowest and the highest corner of its triangles.
+
+        Examples
+        --------
+        >>> import plenoptic as pl
+        >>> pl.box((2, 4, 6)).bounds.tolist()
+        [[-1.0, -2.0, -3.0], [1.0, 2.0, 3.0]]
+        """
+        used = np.zeros(len(self.vertices), dtype=bool)
+        used[self.faces.ravel()] = True
+        points = self.vertices[used]
+        return np.array([points.min(axis=0), points.max(axis=0)])
+
+    def transformed(self, matrix: ArrayLike) -> Mesh:
+        """The mesh moved by an affine map, p' = M p; normals by the inverse transpose of its 3 x 3 part.
+
+        Parameters
+        ----------
+        matrix : (4, 4) array
+            For column vectors, lengths in mm. Where it mirrors, the winding is turned, so that the front stays
+            the front.
+
+        Raises
+        ------
+        InvalidValueError
+            Not 4 x 4.
+        SceneError
+            Not finite, projective (last row not 0, 0, 0, 1), or flattening (determinant 0).
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import plenoptic as pl
+        >>> pl.box(2).transformed(np.diag([1, 2, 3, 1])).bounds[1].tolist()
+        [1.0, 2.0, 3.0]
+        """
+        full = frozen_array(matrix, name="matrix", shape=(4, 4))
+        if not np.isfinite(full).all() or full[3].tolist() != [0.0, 0.0, 0.0, 1.0]:
+            raise SceneError(f"matrix is {full.tolist()}; it must be finite and end with the row 0, 0, 0, 1")
+        linear, shift = full[:3, :3], full[:3, 3]
+        determinant = np.linalg.det(linear)
+        if determinant == 0:
+            raise SceneError(f"matrix {linear.tolist()} flattens the mesh; its determinant must not be 0")
+        return dataclasses.replace(
+            self,
+            vertices=self.vertices @ linear.T + shift,
+            faces=self.faces[:, [0, 2, 1]] if determinant < 0 else self.faces,
+            # (M^-T n)^T = n^T M^-1; the scale, which is lost anyway, must not under- or overflow.
+            normals=None if self.normals is None else self.normals @ np.linalg.inv(linear / np.abs(linear).max()),
+        )
+
+    def translated(self, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Mesh:
+        """The mesh shifted by (x, y, z) mm.
+
+        Examples
+        --------
+        >>> import plenoptic as pl
+        >>> pl.box(2).translated(z=-404).bounds[:, 2].tolist()
+        [-405.0, -403.0]
+        """
+        shift = np.array([finite(x, "x"), finite(y, "y"), finite(z, "z")])
+        return dataclasses.replace(self, vertices=self.vertices + shift)
+
+    def rotated(self, axis: ArrayLike, angle: float) -> Mesh:
+        """The mesh turned about an axis through the origin.
+
+        Parameters
+        ----------
+        axis : (3,) array
+            Direction of the axis, of any length above 0.
+        angle : float
+            Radians, counter-clockwise as seen by one whom the axis points at.
+
+        Raises
+        ------
+        InvalidValueError
+            An axis without length, an angle that is not finite.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import plenoptic as pl
+        >>> pl.box((4, 2, 1)).rotated((0, 0, 1), np.pi / 2).bounds[1].round(12).tolist()
+        [1.0, 2.0, 0.5]
+        """
+        matrix = np.eye(4)
+        matrix[:3, :3] = rotation_about(axis, angle)
+        return self.transformed(matrix)
+
+    def rotated_deg(self, axis: ArrayLike, angle_deg: float) -> Mesh:
+        """As `rotated`, by an angle in degrees.
+
+        Examples
+        --------
+        >>> import plenoptic as pl
+        >>> pl.box((4, 2, 1)).rotated_deg((0, 0, 1), 90).bounds[1].round(12).tolist()
+        [1.0, 2.0, 0.5]
+        """
+        return self.rotated(axis, radians(finite(angle_deg, "angle_deg")))
+
+    def scaled(self, factor: float) -> Mesh:
+        """The mesh enlarged about the origin by a factor above 0.
+
+        Examples
+        --------
+        >>> import plenoptic as pl
+        >>> pl.box(2).scaled(0.5).bounds[1].tolist()
+        [0.5, 0.5, 0.5]
+        """
+        return dataclasses.replace(self, vertices=self.vertices * positive(factor, "factor"))
+
+    def with_material(self, material: Material) -> Mesh:
+        """The same mesh of another material.
+
+        Examples
+        --------
+        >>> import plenoptic as pl
+        >>> pl.box(2).with_material(pl.Emissive(3.0)).material
+        Emissive(radiance=3.0)
+        """
+        return dataclasses.replace(self, material=material)
+
+
+def _faces(faces: ArrayLike, count: int) -> NDArray[np.int32]:
+    """(m, 3) int32, with each index in range; floats that are whole numbers will do."""
+    try:
+        given = np.asarray(faces)
+    except ValueError as error:
+        raise InvalidValueError(f"faces is not an array of whole numbers: {error}") from None
+    if given.size == 0:
+        raise SceneError("the mesh has no triangles; give at least one row of faces, or leave the mesh out")
+    if given.dtype.kind not in "iu" and not (given.dtype.kind == "f" and np.array_equal(given, np.rint(given))):
+        raise InvalidValueError(f"faces is of {given.dtype}; it must be whole numbers, the rows of vertices")
+    low, high = given.min(), given.max()
+    if low < 0 or high >= count:
+        raise SceneError(f"faces names vertex {low if low < 0 else high}; it must be within 0 and {count - 1}")
+    return frozen_array(given, name="faces", shape=(None, 3), dtype=np.int32)
+
+
+def _check_range(array: NDArray[np.float64], name: str, remedy: str) -> None:
+    # min and max hand NaN on, so this sees everything without temporaries.
+    low, high = float(array.min()), float(array.max())
+    if not (low >= -MAX_COORDINATE and high <= MAX_COORDINATE):
+        raise SceneError(f"{name} lie within {low:g} and {high:g}; they must be finite and within +-1e15: {remedy}")
+
+
+def has_area(vertices: NDArray[np.float64], faces: NDArray[np.int32], block: int = 1 << 16) -> bool:
+    """Whether any triangle has an area; ends at the first block that has."""
+    for start in range(0, len(faces), block):
+        a, b, c = (vertices[faces[start : start + block, k]] for k in range(3))
+        if np.cross(b - a, c - a).any():
+            return True
+    return False
+
+
+def _unit_rows(normals: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Rows at unit length; those that are to rounding, and zeros, keep their bits."""
+    largest = np.abs(normals).max(axis=1, keepdims=True)
+    # The largest component first, so that squares of tiny ones do not vanish.
+    scaled = np.divide(normals, largest, out=np.zeros_like(normals), where=largest > 0)
+    length = np.linalg.norm(scaled, axis=1, keepdims=True)
+    unit = np.divide(scaled, length, out=scaled, where=length > 0)
+    unit = np.where(np.abs(length * largest - 1) > 1e-15, unit, normals)
+    unit.flags.writeable = False
+    return unit

@@ -1,0 +1,82 @@
+"""Whole scenes in other places and sizes: what a turn, a shift and a scale do to all that is in one."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from plenoptic.core.values import frozen_array
+from plenoptic.errors import SceneError
+from plenoptic.scene.file_cameras import View
+from plenoptic.scene.lights.environment import EnvironmentMap
+from plenoptic.scene.lights.point import PointLight
+from plenoptic.scene.lights.quad import QuadLight
+from plenoptic.scene.lights.registry import Light
+from plenoptic.scene.lights.sphere import SphereLight
+from plenoptic.scene.lights.spot import SpotLight
+from plenoptic.scene.textures.color import Colour
+
+_ROUNDING = 1e-9
+
+
+def similarity(matrix: ArrayLike) -> tuple[NDArray[np.float64], float]:
+    """(4, 4) matrix and its scale, where it turns, shifts and scales equally in all directions; an error otherwise."""
+    full = frozen_array(matrix, name="matrix", shape=(4, 4))
+    linear = full[:3, :3]
+    scale = float(np.linalg.norm(linear)) / math.sqrt(3)
+    even = np.isfinite(full).all() and scale > 0 and full[3].tolist() == [0.0, 0.0, 0.0, 1.0]
+    if not even or np.abs(linear @ linear.T - scale**2 * np.eye(3)).max() > _ROUNDING * scale**2:
+        raise SceneError(
+            f"matrix is {full.tolist()}; for a scene with lights or views it must turn, shift and scale equally in all "
+            "directions, so that light stays what it is"
+        )
+    if np.linalg.det(linear) < 0:
+        raise SceneError(
+            f"matrix {linear.tolist()} mirrors; a scene with lights or views can be turned and scaled only"
+        )
+    return full, scale
+
+
+def placed_light(light: Light, matrix: NDArray[np.float64], scale: float) -> Light:
+    """A light in another place. Radiance and irradiance stay, so intensities grow with the square of the scale."""
+    turn, shift = matrix[:3, :3], matrix[:3, 3]
+    if isinstance(light, QuadLight):
+        centre, u, v = turn @ light.center + shift, turn @ light.edge_u, turn @ light.edge_v
+        return dataclasses.replace(light, center=centre, edge_u=u, edge_v=v)
+    if isinstance(light, SphereLight):
+        return dataclasses.replace(light, center=turn @ light.center + shift, radius=scale * light.radius)
+    if isinstance(light, PointLight):
+        intensity = _times(light.intensity, scale**2)
+        return dataclasses.replace(light, position=turn @ light.position + shift, intensity=intensity)
+    if isinstance(light, SpotLight):
+        position, direction = turn @ light.position + shift, turn @ light.direction
+        return dataclasses.replace(
+            light, position=position, direction=direction, intensity=_times(light.intensity, scale**2)
+        )
+    return dataclasses.replace(light, direction=turn @ light.direction)
+
+
+def placed_view(view: View, matrix: NDArray[np.float64]) -> View:
+    """A view from another place."""
+    turn, shift = matrix[:3, :3], matrix[:3, 3]
+    position, look_at = turn @ view.position + shift, turn @ view.look_at + shift
+    return dataclasses.replace(view, position=position, look_at=look_at, up=turn @ view.up)
+
+
+def placed_environment(environment: EnvironmentMap, matrix: NDArray[np.float64], scale: float) -> EnvironmentMap:
+    """An environment turned with the scene."""
+    turn = matrix[:3, :3] / scale
+    # Rotations must be orthonormal to rounding, which a scaled one need not be.
+    u, _, v = np.linalg.svd(turn)
+    turned = u @ v
+    rotation = turned if environment.rotation is None else turned @ environment.rotation
+    return dataclasses.replace(environment, rotation=rotation)
+
+
+def _times(colour: Colour, factor: float) -> Colour:
+    if isinstance(colour, tuple):
+        return (colour[0] * factor, colour[1] * factor, colour[2] * factor)
+    return colour * factor

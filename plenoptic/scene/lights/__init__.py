@@ -1,0 +1,1 @@
+"""What lights a scene: one file a light."""

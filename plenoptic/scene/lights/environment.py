@@ -1,0 +1,269 @@
+"""What rays see that meet no surface."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from os import PathLike
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from plenoptic.core.rotation import rotation_about
+from plenoptic.core.values import finite, frozen_array, set_field, value
+from plenoptic.errors import FileError, InvalidValueError, SceneError
+from plenoptic.scene.textures.color import Colour, as_colour
+
+MAX_TEXELS = 2**27
+"""The most texels that an environment may have: 16384 columns x 8192 rows; in colour its tables then take 3.5 GiB."""
+
+_DEFECT = 1e-9
+
+
+@value
+class ConstantBackground:
+    """A world of the same radiance in every direction.
+
+    Parameters
+    ----------
+    radiance : float or (float, float, float)
+        Radiance of the world in scene units, 0 or more: one number, or (red, green, blue).
+
+    Raises
+    ------
+    InvalidValueError
+        Not a number or three of them, or not finite.
+    SceneError
+        Negative.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> pl.Scene(background=pl.ConstantBackground((0.2, 0.3, 0.5)))
+    Scene(no meshes, background (0.2, 0.3, 0.5))
+    """
+
+    radiance: Colour = 1.0
+
+    def __post_init__(self) -> None:
+        set_field(self, "radiance", as_colour(self.radiance, "radiance"))
+
+
+@value
+class EnvironmentMap:
+    """A world at infinity whose radiance is an equirectangular image: 360 degrees wide, 180 degrees high.
+
+    Row 0 is straight up (+y), the last row straight down. The middle of the image lies straight ahead of a camera
+    without pose (-z), columns to the right of it towards its right (+x), and the left and right border behind it (+z).
+    Texel (row, column) of H x W covers the polar angles from +y between pi row / H and pi (row + 1) / H, and the
+    azimuths from -z towards +x between 2 pi column / W - pi and 2 pi (column + 1) / W - pi.
+
+    Radiance is constant in each texel, not interpolated. So directions are drawn by exactly the distribution of
+    the light, and texels as large as a pixel of the camera are seen as such.
+
+    Parameters
+    ----------
+    texels : (rows, columns, 1 or 3) array of float32
+        Radiance in scene units, linear, 0 or more. Copied, then read-only. At most 2^27 rows x columns.
+    rotation : (3, 3) array or None
+        From the image's axes, as above, to the world's: world = rotation @ direction. Orthonormal and right-handed.
+        None: the same axes, and what the identity becomes.
+
+    Raises
+    ------
+    InvalidValueError
+        Of another shape, integers, or a rotation that scales or mirrors.
+    SceneError
+        Empty, too large, negative or not finite.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import plenoptic as pl
+    >>> sky = pl.EnvironmentMap(np.array([[[0.3, 0.5, 1.0]], [[0.1, 0.1, 0.1]]]))       # above, and below the horizon
+    >>> sky
+    EnvironmentMap(texels=<2 x 1 x 3 float32>)
+    >>> sky.radiance([[0, 1, 0], [0, -1, -1]]).round(6).tolist()
+    [[0.3, 0.5, 1.0], [0.1, 0.1, 0.1]]
+    """
+
+    texels: NDArray[np.float32]
+    rotation: NDArray[np.float64] | None = None
+
+    if TYPE_CHECKING:
+
+        def __init__(self, texels: ArrayLike, rotation: ArrayLike | None = None) -> None: ...
+
+    def __post_init__(self) -> None:
+        set_field(self, "texels", _radiances(self.texels))
+        if self.rotation is not None:
+            set_field(self, "rotation", _rotation(self.rotation))
+
+    @classmethod
+    def load(cls, path: str | PathLike[str], rotation: ArrayLike | None = None) -> EnvironmentMap:
+        """Read an environment from an image file.
+
+        Parameters
+        ----------
+        path : str or path
+            An equirectangular image: HDR, EXR, or what else OpenImageIO reads. Floats are taken as linear, codes of 8
+            and 16 bits are decoded from sRGB, alpha is dropped.
+        rotation : (3, 3) array, optional
+            As in `EnvironmentMap`.
+
+        Raises
+        ------
+        FileError
+            Missing, not an image, larger than 2^27 pixels, or with values that are negative or not finite.
+        InvalidValueError
+            A rotation that scales or mirrors.
+
+        Examples
+        --------
+        >>> import plenoptic as pl
+        >>> pl.EnvironmentMap.load("workshop_2k.hdr")  # doctest: +SKIP
+        EnvironmentMap(texels=<1024 x 2048 x 3 float32>)
+        """
+        from plenoptic.core.files import images
+
+        try:
+            return cls(images.read_linear(path, max_pixels=MAX_TEXELS), rotation)
+        except SceneError as error:
+            raise FileError(f"{path}: {error}: EnvironmentMap(np.clip(pl.images.read_linear(path), ...))") from error
+
+    @property
+    def is_grey(self) -> bool:
+        """Whether all its channels are equal.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import plenoptic as pl
+        >>> pl.EnvironmentMap(np.ones((4, 8, 3))).is_grey
+        True
+        """
+        first = self.texels[..., 0]
+        return all(np.array_equal(first, self.texels[..., k]) for k in range(1, self.texels.shape[2]))
+
+    def rotated(self, axis: ArrayLike, angle: float) -> EnvironmentMap:
+        """The environment turned about an axis of the world, further than it is already.
+
+        Parameters
+        ----------
+        axis : (3,) array
+            Direction of the axis, of any length above 0. A turn about +y moves what lies ahead (-z) to the left (-x).
+        angle : float
+            Radians, counter-clockwise as seen by one whom the axis points at.
+
+        Raises
+        ------
+        InvalidValueError
+            An axis without length, an angle that is not finite.
+
+        Examples
+        --------
+        >>> import math
+        >>> import numpy as np
+        >>> import plenoptic as pl
+        >>> world = pl.EnvironmentMap(np.array([[[0.0], [1.0], [2.0], [3.0]]])).rotated((0, 1, 0), math.pi / 4)
+        >>> world.radiance([[0, 0, -1], [-1, 0, 0], [0, 0, 1], [1, 0, 0]]).tolist()
+        [[2.0], [1.0], [0.0], [3.0]]
+        """
+        matrix = rotation_about(axis, angle)
+        return dataclasses.replace(self, rotation=matrix if self.rotation is None else matrix @ self.rotation)
+
+    def rotated_deg(self, axis: ArrayLike, angle_deg: float) -> EnvironmentMap:
+        """As `rotated`, by an angle in degrees.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import plenoptic as pl
+        >>> pl.EnvironmentMap(np.ones((2, 4, 1))).rotated_deg((0, 1, 0), 90).rotation.round(12).tolist()
+        [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]
+        """
+        return self.rotated(axis, math.radians(finite(angle_deg, "angle_deg")))
+
+    def radiance(self, directions: ArrayLike) -> NDArray[np.float64]:
+        """Radiance that comes from directions.
+
+        Parameters
+        ----------
+        directions : (n, 3) array
+            In the world, from the scene outwards, of any length above 0.
+
+        Returns
+        -------
+        (n, 1 or 3) array
+
+        Raises
+        ------
+        InvalidValueError
+            Of another shape.
+        SceneError
+            A direction that is not finite or has no length.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import plenoptic as pl
+        >>> left_and_right = pl.EnvironmentMap(np.array([[[1.0], [2.0]]]))
+        >>> left_and_right.radiance([[-1, 0, 0], [1, 0, 0]]).tolist()
+        [[1.0], [2.0]]
+        """
+        given = frozen_array(directions, name="directions", shape=("n", 3))
+        if not (np.isfinite(given).all() and given.any(axis=1).all()):
+            raise SceneError("directions holds one that is not finite or has no length; leave it out")
+        scaled = given / np.abs(given).max(axis=1, keepdims=True)
+        x, y, z = (scaled if self.rotation is None else scaled @ self.rotation).T
+        rows, columns = self.texels.shape[:2]
+        row = np.arctan2(np.hypot(x, z), y) / np.pi * rows
+        column = (np.arctan2(x, -z) / (2 * np.pi) + 0.5) * columns
+        chosen = self.texels[np.minimum(row.astype(int), rows - 1), np.minimum(column.astype(int), columns - 1)]
+        return np.asarray(chosen, dtype=np.float64)
+
+
+Background: TypeAlias = ConstantBackground | EnvironmentMap
+
+
+def _radiances(texels: ArrayLike) -> NDArray[np.float32]:
+    """(rows, columns, 1 or 3), read-only, finite and 0 or more."""
+    if isinstance(texels, str | PathLike):
+        raise InvalidValueError(f"texels are {texels!r}; use EnvironmentMap.load for files")
+    if isinstance(texels, np.ndarray):
+        if texels.dtype.kind in "iub":
+            raise InvalidValueError(
+                f"texels are {texels.dtype}; they must be linear floats, or use EnvironmentMap.load for image files"
+            )
+        _check_size(texels.shape)  # before they are copied
+    with np.errstate(over="ignore"):
+        kept = frozen_array(texels, name="texels", shape=("rows", "columns", "channels"), dtype=np.float32)
+    if kept.shape[2] not in (1, 3):
+        raise InvalidValueError(f"texels has {kept.shape[2]} channels; it must have 1 or 3 (drop alpha)")
+    _check_size(kept.shape)
+    low, high = float(kept.min()), float(kept.max())
+    if not (low >= 0 and high < np.inf):
+        raise SceneError(f"texels lie between {low:g} and {high:g}; they must be finite and 0 or more, so clip them")
+    return kept
+
+
+def _check_size(shape: tuple[int, ...]) -> None:
+    if len(shape) >= 2 and not 0 < shape[0] * shape[1] <= MAX_TEXELS:
+        raise SceneError(
+            f"texels has {shape[0]} rows and {shape[1]} columns; an environment must have at least 1 texel and at most "
+            f"{MAX_TEXELS}, so scale it"
+        )
+
+
+def _rotation(rotation: ArrayLike) -> NDArray[np.float64] | None:
+    """(3, 3), read-only; None where it turns nothing."""
+    matrix = frozen_array(rotation, name="rotation", shape=(3, 3))
+    with np.errstate(all="ignore"):
+        defect = float(np.abs(matrix @ matrix.T - np.eye(3)).max())
+    if not defect <= _DEFECT or np.linalg.det(matrix) < 0:
+        raise InvalidValueError(
+            f"rotation is not a right-handed orthonormal matrix (defect {defect:.3g}, limit {_DEFECT:g}); turn the "
+            "environment by rotated(axis, angle), mirror its texels by texels[:, ::-1]"
+        )
+    return None if np.array_equal(matrix, np.eye(3)) else matrix

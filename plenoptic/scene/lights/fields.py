@@ -1,0 +1,47 @@
+"""Checks that the descriptions of lights share."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from plenoptic.core.values import frozen_array
+from plenoptic.errors import SceneError
+from plenoptic.scene.geometry.mesh import MAX_COORDINATE
+from plenoptic.scene.textures.color import Colour
+
+
+def place_in_mm(vector: ArrayLike, name: str) -> NDArray[np.float64]:
+    """(3,), mm, read-only, with coordinates that Embree can hold."""
+    place = frozen_array(vector, name=name, shape=(3,))
+    if not np.all(np.abs(place) <= MAX_COORDINATE):
+        raise SceneError(f"{name} is {place.tolist()} mm; it must be finite and within {MAX_COORDINATE:g} mm")
+    return place
+
+
+def unit_vector(vector: ArrayLike, name: str) -> NDArray[np.float64]:
+    """(3,), read-only: a direction of any length above 0, brought to length 1; to rounding so, it keeps its bits."""
+    given = frozen_array(vector, name=name, shape=(3,))
+    largest = float(np.abs(given).max())
+    if not 0 < largest < np.inf:
+        raise SceneError(f"{name} is {given.tolist()}; it must be finite and longer than 0")
+    # The largest component first, so that squares neither overflow nor vanish.
+    scaled = given / largest
+    length = float(np.linalg.norm(scaled))
+    if abs(length * largest - 1) <= 1e-15:
+        return given
+    return frozen_array(scaled / length, name=name, shape=(3,))
+
+
+def direction_towards(start: NDArray[np.float64], target: ArrayLike, name: str) -> NDArray[np.float64]:
+    """(3,), unit length, from one point to another, both in mm."""
+    towards = frozen_array(target, name="target", shape=(3,)) - start
+    distance = float(np.linalg.norm(towards))
+    if not 0 < distance < np.inf:
+        raise SceneError(f"target is {distance:g} mm from {name} {start.tolist()}; it must be finite and above 0")
+    return np.asarray(towards / distance)
+
+
+def channel_mean(colour: Colour) -> float:
+    """The number itself, or the mean of red, green and blue."""
+    return sum(part / 3 for part in colour) if isinstance(colour, tuple) else colour

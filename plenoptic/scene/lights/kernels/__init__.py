@@ -1,0 +1,1 @@
+"""Kernels: points and directions of lights, drawn by power."""

@@ -1,0 +1,67 @@
+"""Lights without size that shine everywhere alike."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from plenoptic.core.values import set_field, value
+from plenoptic.scene.lights.fields import channel_mean, place_in_mm
+from plenoptic.scene.textures.color import Colour, as_colour
+
+
+@value
+class PointLight:
+    """A point that emits the same intensity in all directions.
+
+    On a surface at distance d whose normal makes the angle a with the way to the light, the irradiance is
+    intensity cos(a) / d^2. A point has no area, so no ray meets it: neither the camera nor a mirror shows it.
+
+    Parameters
+    ----------
+    position : (3,) array
+        mm.
+    intensity : float or (float, float, float)
+        Radiance in scene units times mm^2, 0 or more: one number, or (red, green, blue). A small surface of area A and
+        radiance L that faces you has the intensity L A.
+
+    Raises
+    ------
+    InvalidValueError
+        Of another shape, or an intensity that is not finite.
+    SceneError
+        A position that is not finite or beyond 1e15 mm, a negative intensity.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> lamp = pl.PointLight((0, 200, 0), intensity=4e4)       # irradiance 1 straight below, 200 mm away
+    >>> lamp
+    PointLight(position=[0.0, 200.0, 0.0], intensity=40000.0)
+    """
+
+    position: NDArray[np.float64]
+    intensity: Colour = 1.0
+
+    if TYPE_CHECKING:
+
+        def __init__(self, position: ArrayLike, intensity: Colour = 1.0) -> None: ...
+
+    def __post_init__(self) -> None:
+        set_field(self, "position", place_in_mm(self.position, "position"))
+        set_field(self, "intensity", as_colour(self.intensity, "intensity"))
+
+    @property
+    def power(self) -> float:
+        """All the light it emits, the mean of its channels, radiance mm^2 sr: 4 pi intensity.
+
+        Examples
+        --------
+        >>> import plenoptic as pl
+        >>> round(pl.PointLight((0, 0, 0), intensity=100.0).power, 6)
+        1256.637061
+        """
+        return 4 * math.pi * channel_mean(self.intensity)

@@ -1,0 +1,1 @@
+"""What surfaces do with light: one file a material."""

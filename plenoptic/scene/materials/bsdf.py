@@ -1,0 +1,197 @@
+"""How a material scatters light: its distribution over directions, as numbers to look at or to test."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from plenoptic.core.values import frozen_array
+from plenoptic.errors import InvalidValueError, SceneError
+from plenoptic.scene.materials.metallic_roughness import MetallicRoughness
+from plenoptic.scene.materials.record import all_grey, base_colour, build_bsdf, roughness_of
+from plenoptic.scene.materials.registry import MATERIALS, Material, textures_of
+
+__all__ = ["Drawn", "Scattered", "draw", "evaluate"]
+
+
+class Scattered(NamedTuple):
+    """Values of a bidirectional distribution.
+
+    `value` (n, C), 1/sr, includes the cosine at the surface; `density` (n,), 1/sr, is that by which `draw` draws the
+    direction to the light, 0 for mirrors.
+
+    Examples
+    --------
+    See `evaluate`.
+    """
+
+    value: NDArray[np.float64]
+    """(n, C), 1/sr: reflected or transmitted radiance per radiance from the light's direction and solid angle, the
+    cosine at the surface included."""
+    density: NDArray[np.float64]
+    """(n,), 1/sr: with which `draw` draws the light's direction; 0 for mirrors, whose direction is no solid angle."""
+
+
+class Drawn(NamedTuple):
+    """Directions drawn by what a material scatters.
+
+    `to_light` (n, 3) has unit length; `weight` (n, C) is value over density, 0 where the path ends; `density` (n,) is
+    per steradian, inf where there is only one direction to choose, or two.
+
+    Examples
+    --------
+    See `draw`.
+    """
+
+    to_light: NDArray[np.float64]
+    """(n, 3), unit length."""
+    weight: NDArray[np.float64]
+    """(n, C): value over density; 0 where the path ends."""
+    density: NDArray[np.float64]
+    """(n,), 1/sr; inf where there is only one direction to choose, or two."""
+
+
+def evaluate(material: Material, to_viewer: ArrayLike, to_light: ArrayLike, *, front: bool = True) -> Scattered:
+    """What a surface sends to a viewer of the light that comes from a direction.
+
+    Parameters
+    ----------
+    material : Material
+        Without textures.
+    to_viewer : (n, 3) or (3,) array
+        Directions in the frame whose z is the normal on the viewer's side: z above 0. Brought to unit length.
+    to_light : (n, 3) or (3,) array
+        The same frame; z below 0 is behind the surface.
+    front : bool
+        Whether the viewer sees the front: glass lies behind the front.
+
+    Returns
+    -------
+    Scattered
+        C = 1 where the material is grey, otherwise 3. Radiance that comes out of another medium is scaled by the square
+        of the ratio of the indices.
+
+    Raises
+    ------
+    InvalidValueError
+        Something that is not a material, or directions of another shape, without length, or from behind.
+    SceneError
+        A textured material.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> at_60_degrees = pl.bsdf.evaluate(pl.Lambertian(0.8), (0, 0, 1), (3**0.5, 0, 1))
+    >>> at_60_degrees.value.round(6).tolist()             # 0.8 / pi cos 60
+    [[0.127324]]
+    """
+    from plenoptic.scene.materials.kernels import bsdf_rows
+
+    viewers, lights = _directions(to_viewer, "to_viewer"), _directions(to_light, "to_light")
+    if 1 not in (len(viewers), len(lights)) and len(viewers) != len(lights):
+        raise InvalidValueError(f"to_viewer has {len(viewers)} rows and to_light {len(lights)}; give as many, or one")
+    viewers, lights = np.broadcast_arrays(viewers, lights)
+    _check_side(viewers)
+    colour, numbers, tables = _row(material)
+    scattered = Scattered(np.empty((len(viewers), colour.size)), np.empty(len(viewers)))
+    bsdf_rows.fill_evaluated(
+        *scattered,
+        np.ascontiguousarray(viewers),
+        np.ascontiguousarray(lights),
+        bool(front),
+        numbers[0],
+        colour[None],
+        *numbers[1:],
+        tables.metal_index,
+        tables.glass_index,
+        tables.coupling,
+        tables.coupling_mean,
+    )
+    return scattered
+
+
+def draw(material: Material, to_viewer: ArrayLike, points: ArrayLike, *, front: bool = True) -> Drawn:
+    """Draw directions to light as paths draw them.
+
+    Parameters
+    ----------
+    material, to_viewer, front
+        As for `evaluate`.
+    points : (n, 3) array
+        Numbers in [0, 1): two for the direction, and one by which rough glass reflects or refracts.
+
+    Returns
+    -------
+    Drawn
+
+    Raises
+    ------
+    InvalidValueError
+        As `evaluate`; numbers outside [0, 1).
+    SceneError
+        A textured material.
+
+    Examples
+    --------
+    >>> import numpy as np, plenoptic as pl
+    >>> drawn = pl.bsdf.draw(pl.Conductor(0.9), (0.6, 0, 0.8), np.zeros((1, 3)))
+    >>> (drawn.to_light + 0.0).tolist(), drawn.weight.tolist(), drawn.density.tolist()
+    ([[-0.6, 0.0, 0.8]], [[0.9]], [inf])
+    """
+    from plenoptic.scene.materials.kernels import bsdf_rows
+
+    given = frozen_array(points, name="points", shape=(None, 3))
+    if not np.all((given >= 0) & (given < 1)):
+        raise InvalidValueError(
+            "points has numbers outside [0, 1); take them from a random generator or pl.sobol_points"
+        )
+    viewers = np.broadcast_to(_directions(to_viewer, "to_viewer"), (len(given), 3))
+    _check_side(viewers)
+    colour, numbers, tables = _row(material)
+    drawn = Drawn(np.empty((len(given), 3)), np.empty((len(given), colour.size)), np.empty(len(given)))
+    bsdf_rows.fill_drawn(
+        *drawn,
+        np.ascontiguousarray(viewers),
+        given,
+        bool(front),
+        numbers[0],
+        colour[None],
+        *numbers[1:],
+        tables.metal_index,
+        tables.glass_index,
+        tables.pane_index,
+        tables.coupling,
+        tables.coupling_mean,
+    )
+    return drawn
+
+
+def _directions(directions: ArrayLike, name: str) -> NDArray[np.float64]:
+    given = frozen_array(directions, name=name, shape=(3,) if np.ndim(directions) == 1 else (None, 3))
+    rows = np.atleast_2d(given)
+    length = np.linalg.norm(rows, axis=1, keepdims=True)
+    if not np.all((length > 0) & np.isfinite(length)):
+        raise InvalidValueError(f"{name} has directions without length; all must be finite and not 0, 0, 0")
+    # What is at unit length to rounding keeps its bits.
+    return np.where(np.abs(length - 1) > 1e-15, rows / length, rows)
+
+
+def _check_side(viewers: NDArray[np.float64]) -> None:
+    if not np.all(viewers[:, 2] > 0):
+        raise InvalidValueError("to_viewer has directions with z of 0 or less; z must point to the viewer's side")
+
+
+def _row(material: Any) -> tuple[NDArray[np.float64], tuple[int, float, float], Any]:
+    """Base colour, (kind, roughness, metallic), and the tables of one material."""
+    if not isinstance(material, MATERIALS):
+        raise InvalidValueError(f"material is {material!r}; it must be a material, such as pl.Lambertian(0.5)")
+    if textures_of(material):
+        raise SceneError(f"{material!r} has textures; give the material at one of their texels")
+    channels = 1 if all_grey([material]) else 3
+    tables = build_bsdf([material], channels)
+    colour = np.broadcast_to(np.asarray(base_colour(material), dtype=np.float64), 3)[:channels].copy()
+    metallic = float(material.metallic) if isinstance(material, MetallicRoughness) else 0.0  # type: ignore[arg-type]
+    kind = 0 if tables.kinds is None else int(tables.kinds[0])
+    return colour, (kind, roughness_of(material), metallic), tables

@@ -1,0 +1,84 @@
+"""Matt surfaces."""
+
+from __future__ import annotations
+
+from plenoptic.core.values import finite, set_field, value
+from plenoptic.errors import SceneError
+from plenoptic.scene.textures.color import Colour, as_textured
+from plenoptic.scene.textures.texture import Texture
+
+
+@value
+class Lambertian:
+    """A matt surface: it reflects a share of the light that meets it, with equal radiance in all directions.
+
+    Both sides reflect. With albedo rho the reflected radiance is rho E / pi for the irradiance E.
+
+    Parameters
+    ----------
+    albedo : float, (float, float, float) or Texture
+        Reflected share, in [0, 1]: one number, (red, green, blue), or a texture of such numbers.
+
+    Raises
+    ------
+    InvalidValueError
+        Not a number, three of them or a texture.
+    SceneError
+        Outside [0, 1]: the surface would make light.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> pl.Lambertian((0.8, 0.3, 0.2))
+    Lambertian(albedo=(0.8, 0.3, 0.2))
+    """
+
+    albedo: Colour | Texture = 0.5
+
+    def __post_init__(self) -> None:
+        set_field(self, "albedo", as_textured(self.albedo, "albedo", at_most=1.0))
+
+
+@value
+class RoughDiffuse:
+    """A matt surface of microscopic grooves, such as clay or plaster: brighter towards the light than `Lambertian`.
+
+    The energy-preserving Oren-Nayar model (EON): Fujii's form of it, with light that is scattered several times between
+    grooves given back. With albedo 1 nothing is lost at any roughness.
+
+    Parameters
+    ----------
+    albedo : float, (float, float, float) or Texture
+        In [0, 1]: the reflected share of a surface of roughness 0. Rough ones of less than 1 reflect a little less, and
+        more saturated colours.
+    roughness : float
+        From 0 (`Lambertian`) to 1, where the slopes of the grooves have a standard deviation of about pi / 2.
+
+    Raises
+    ------
+    InvalidValueError
+        Not numbers.
+    SceneError
+        Outside [0, 1].
+
+    Notes
+    -----
+    J. Portsmouth, P. Kutz and S. Hill, "EON: A practical energy-preserving rough diffuse BRDF", J. Comput. Graph. Tech.
+    14(1), 116 (2025); M. Oren and S. K. Nayar, SIGGRAPH 1994, doi:10.1145/192161.192213.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> pl.RoughDiffuse(0.8, roughness=0.6)
+    RoughDiffuse(albedo=0.8, roughness=0.6)
+    """
+
+    albedo: Colour | Texture = 0.5
+    roughness: float = 0.5
+
+    def __post_init__(self) -> None:
+        set_field(self, "albedo", as_textured(self.albedo, "albedo", at_most=1.0))
+        roughness = finite(self.roughness, "roughness")
+        if not 0 <= roughness <= 1:
+            raise SceneError(f"roughness is {roughness:g}; it must be within 0 and 1")
+        set_field(self, "roughness", roughness)

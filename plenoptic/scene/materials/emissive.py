@@ -1,0 +1,42 @@
+"""Surfaces that shine."""
+
+from __future__ import annotations
+
+from plenoptic.core.values import flag, set_field, value
+from plenoptic.scene.textures.color import Colour, as_textured
+from plenoptic.scene.textures.texture import Texture
+
+
+@value
+class Emissive:
+    """A surface that emits the same radiance in all directions and reflects nothing.
+
+    Parameters
+    ----------
+    radiance : float, (float, float, float) or Texture
+        Emitted radiance in scene units, 0 or more: one number, (red, green, blue), or a texture of such numbers, as of
+        a screen. 0 is a black surface.
+    two_sided : bool
+        Whether both sides emit. Otherwise the front emits, the side from which a triangle winds
+        counter-clockwise, and the back is black.
+
+    Raises
+    ------
+    InvalidValueError
+        Not a number, three of them or a texture, or not finite; a `two_sided` that is not True or False.
+    SceneError
+        Negative.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> pl.Emissive(10.0, two_sided=True)
+    Emissive(radiance=10.0, two_sided=True)
+    """
+
+    radiance: Colour | Texture = 1.0
+    two_sided: bool = False
+
+    def __post_init__(self) -> None:
+        set_field(self, "radiance", as_textured(self.radiance, "radiance"))
+        set_field(self, "two_sided", flag(self.two_sided, "two_sided"))

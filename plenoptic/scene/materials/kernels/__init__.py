@@ -1,0 +1,1 @@
+"""Kernels: scattering, transparency and absorption."""

@@ -1,0 +1,321 @@
+"""Meshes and scenes made from numbers: simple bodies, checkerboards and the reference scenes."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from plenoptic.core.values import finite, frozen_array, positive, whole
+from plenoptic.errors import InvalidValueError
+from plenoptic.scene.geometry.mesh import Mesh
+from plenoptic.scene.lights.registry import QuadLight
+from plenoptic.scene.materials.conductor import Conductor
+from plenoptic.scene.materials.dielectric import Dielectric
+from plenoptic.scene.materials.diffuse import Lambertian
+from plenoptic.scene.materials.emissive import Emissive
+from plenoptic.scene.materials.registry import Material
+from plenoptic.scene.scene import Scene
+
+_BLACK = Lambertian(0.0)
+
+
+def quad(corner: ArrayLike, edge_u: ArrayLike, edge_v: ArrayLike, *, material: Material | None = None) -> Mesh:
+    """A parallelogram of two triangles whose front is on the side of edge_u x edge_v.
+
+    Parameters
+    ----------
+    corner : (3,) array
+        mm; texture coordinate (0, 0).
+    edge_u, edge_v : (3,) array
+        mm; towards texture coordinates (1, 0) and (0, 1).
+    material : Material, optional
+        Lambertian(0.5) by default, as for all bodies here.
+
+    Returns
+    -------
+    Mesh
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> pl.quad((0, 0, 0), (2, 0, 0), (0, 1, 0)).bounds.tolist()
+    [[0.0, 0.0, 0.0], [2.0, 1.0, 0.0]]
+    """
+    c, u, v = (
+        frozen_array(a, name=n, shape=(3,)) for a, n in ((corner, "corner"), (edge_u, "edge_u"), (edge_v, "edge_v"))
+    )
+    uv = [[0, 0], [1, 0], [1, 1], [0, 1]]
+    return Mesh(np.stack([c, c + u, c + u + v, c + v]), [[0, 1, 2], [0, 2, 3]], _or_grey(material), uv=uv)
+
+
+def box(size: ArrayLike, *, center: ArrayLike = (0.0, 0.0, 0.0), material: Material | None = None) -> Mesh:
+    """A rectangular block with its faces across the axes.
+
+    Parameters
+    ----------
+    size : float or (3,) array
+        Edge lengths in mm.
+    center : (3,) array
+        mm.
+    material : Material, optional
+
+    Returns
+    -------
+    Mesh
+        12 triangles; each face has the whole texture.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> pl.box(4).bounds.tolist()
+    [[-2.0, -2.0, -2.0], [2.0, 2.0, 2.0]]
+    """
+    edges = np.array([positive(edge, "size of the box", "mm") for edge in _edge_lengths(size)])
+    middle = frozen_array(center, name="center", shape=(3,))
+    corners: list[NDArray[np.float64]] = []
+    faces: list[list[int]] = []
+    uv: list[list[float]] = []
+    for axis in range(3):
+        u, v = (axis + 1) % 3, (axis + 2) % 3
+        for side in (-1.0, 1.0):
+            first = 4 * len(faces) // 2
+            for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1)):
+                corner = np.zeros(3)
+                corner[axis], corner[u], corner[v] = side, a * side, b
+                corners.append(middle + corner * edges / 2)
+                uv.append([(a + 1) / 2, (b + 1) / 2])
+            faces += [[first, first + 1, first + 2], [first, first + 2, first + 3]]
+    return Mesh(corners, faces, _or_grey(material), uv=uv)
+
+
+def sphere(
+    radius: float,
+    *,
+    center: ArrayLike = (0.0, 0.0, 0.0),
+    segments: tuple[int, int] = (128, 64),
+    material: Material | None = None,
+) -> Mesh:
+    """A sphere of facets around the y axis, with the normals of the true sphere at its vertices.
+
+    Parameters
+    ----------
+    radius : float
+        mm; the vertices lie on it, the facets' middles inside.
+    center : (3,) array
+        mm.
+    segments : (int, int)
+        Facets around the axis and from pole to pole.
+    material : Material, optional
+
+    Returns
+    -------
+    Mesh
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> pl.sphere(2.5)
+    Mesh(8385 vertices, 16128 triangles, Lambertian())
+    """
+    try:
+        around, along = segments
+    except (TypeError, ValueError):
+        raise InvalidValueError(f"segments is {segments!r}; it must be (around, from pole to pole)") from None
+    angle = np.linspace(-math.pi / 2, math.pi / 2, whole(along, "segments from pole to pole", at_least=2) + 1)
+    profile = positive(radius, "radius", "mm") * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    profile[[0, -1], 0] = 0.0
+    return turned(profile, segments=around, material=material).translated(
+        *frozen_array(center, name="center", shape=(3,)).tolist()
+    )
+
+
+def turned(profile: ArrayLike, *, segments: int = 128, material: Material | None = None) -> Mesh:
+    """A body of revolution around the y axis.
+
+    Parameters
+    ----------
+    profile : (n, 2) array
+        Distance from the axis, 0 or more, and height y in mm, from the bottom to the top; the outside is to
+        the right of this line.
+    segments : int
+        Facets around the axis.
+    material : Material, optional
+
+    Returns
+    -------
+    Mesh
+        With smooth normals and texture coordinates (around, along).
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> cone = pl.turned([[1, 0], [0, 2]], segments=32)
+    >>> cone.bounds.tolist()
+    [[-1.0, 0.0, -1.0], [1.0, 2.0, 1.0]]
+    """
+    line = frozen_array(profile, name="profile", shape=(None, 2))
+    if len(line) < 2 or np.any(line[:, 0] < 0):
+        raise InvalidValueError("profile must have two points or more, none at a negative distance from the axis")
+    around = whole(segments, "segments", at_least=3)
+    angle = 2 * math.pi * np.arange(around + 1) / around
+    rows = len(line)
+    # Axes so that the winding (around, then along the profile) faces outwards.
+    x = line[:, 0, None] * np.sin(angle)
+    z = line[:, 0, None] * np.cos(angle)
+    vertices = np.stack([x, np.broadcast_to(line[:, 1, None], x.shape), z], axis=-1)
+    slope = np.gradient(line, axis=0)
+    out, up = slope[:, 1], -slope[:, 0]
+    normals = np.stack(
+        [out[:, None] * np.sin(angle), np.broadcast_to(up[:, None], x.shape), out[:, None] * np.cos(angle)], axis=-1
+    )
+    uv = np.stack(np.broadcast_arrays(np.arange(around + 1) / around, np.linspace(0, 1, rows)[:, None]), axis=-1)
+    faces = _grid_faces(rows, around + 1)
+    corners = vertices.reshape(-1, 3)[faces]
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    return Mesh(
+        vertices.reshape(-1, 3),
+        faces[area > 1e-12 * area.max()],
+        _or_grey(material),
+        normals=normals.reshape(-1, 3),
+        uv=uv.reshape(-1, 2),
+    )
+
+
+def checkerboard(
+    size: tuple[float, float],
+    square: float,
+    *,
+    even: Material | None = None,
+    odd: Material | None = None,
+    offset: tuple[float, float] = (0.0, 0.0),
+) -> tuple[Mesh, Mesh]:
+    """A rectangle of squares in the plane z = 0, centred on the origin, facing +z. The squares are geometry.
+
+    Parameters
+    ----------
+    size : (float, float)
+        Width along x and height along y in mm; squares at the border are cut.
+    square : float
+        Edge of a square in mm.
+    even, odd : Material, optional
+        Materials of the squares whose column and row numbers have an even or odd sum; Lambertian 0.8 and 0.2
+        by default. Square (0, 0) has its lower left corner at `offset`.
+    offset : (float, float)
+        mm.
+
+    Returns
+    -------
+    (Mesh, Mesh)
+        The even and the odd squares.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> even, odd = pl.checkerboard((4, 4), 2.0)
+    >>> len(even.faces), len(odd.faces)
+    (4, 4)
+    """
+    square = positive(square, "square", "mm")
+    extents, starts = _pair(size, "size", "(width, height)"), _pair(offset, "offset", "(x, y)")
+    lines = []
+    for extent, start in zip(extents, starts, strict=True):
+        half = positive(extent, "size of the checkerboard", "mm") / 2
+        first, last = math.floor((-half - start) / square), math.ceil((half - start) / square)
+        places = np.clip(start + square * np.arange(first, last + 1), -half, half)
+        kept = np.append(True, np.diff(places) > 0)
+        # A line that the border cuts away leaves its number to the border itself.
+        lines.append((places[kept], np.arange(first, last + 1)[kept]))
+    (x, column), (y, row) = lines
+    grid = np.stack(np.broadcast_arrays(x, y[:, None], 0.0), axis=-1).reshape(-1, 3)
+    faces = _grid_faces(len(y), len(x)).reshape(2, len(y) - 1, len(x) - 1, 3)
+    parity = _squares_below(row, y, starts[1], square)[:, None] + _squares_below(column, x, starts[0], square)
+    is_odd = parity % 2 == 1
+    meshes = []
+    for chosen, material in ((~is_odd, even or Lambertian(0.8)), (is_odd, odd or Lambertian(0.2))):
+        triangles = faces[:, chosen].reshape(-1, 3)
+        used, renumbered = np.unique(triangles, return_inverse=True)
+        meshes.append(Mesh(grid[used], renumbered.reshape(-1, 3), material))
+    return meshes[0], meshes[1]
+
+
+def _squares_below(
+    number: NDArray[np.int64], places: NDArray[np.float64], start: float, square: float
+) -> NDArray[np.int64]:
+    """Number of the square above each line but the last."""
+    middle = 0.5 * (places[:-1] + places[1:])
+    return np.floor((middle - start) / square).astype(np.int64)
+
+
+def _grid_faces(rows: int, columns: int) -> NDArray[np.int64]:
+    """(2 (rows - 1) (columns - 1), 3): first the lower right triangles of all cells, then the upper left ones."""
+    i = np.arange(rows * columns).reshape(rows, columns)
+    a, b, c, d = i[:-1, :-1].ravel(), i[:-1, 1:].ravel(), i[1:, :-1].ravel(), i[1:, 1:].ravel()
+    return np.concatenate([np.stack([a, b, d], axis=1), np.stack([a, d, c], axis=1)])
+
+
+def _edge_lengths(size: ArrayLike) -> list[float]:
+    try:
+        return [float(edge) for edge in np.broadcast_to(np.asarray(size, dtype=np.float64), 3)]
+    except (TypeError, ValueError, OverflowError):
+        raise InvalidValueError(f"size of the box is {size!r}; it must be one edge or (x, y, z) in mm") from None
+
+
+def _pair(values: tuple[float, float], name: str, wanted: str) -> tuple[float, float]:
+    try:
+        first, second = values
+    except (TypeError, ValueError):
+        raise InvalidValueError(f"{name} is {values!r}; it must be {wanted} in mm") from None
+    return finite(first, name), finite(second, name)
+
+
+def _or_grey(material: Material | None) -> Material:
+    return Lambertian(0.5) if material is None else material
+
+
+def white_plane() -> Scene:
+    """The reference scene `white`: a plane of radiance 1, 400 mm x 400 mm at z = -404, in the camera's frame.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> pl.white_plane()
+    Scene(1 mesh, 2 triangles)
+    """
+    return Scene([quad((-200, -200, -404), (400, 0, 0), (0, 400, 0), material=Emissive(1.0))])
+
+
+def check_scene() -> Scene:
+    """The reference scene `check`: the plane of `white` as squares of 1 mm, bright and black, in the camera's frame.
+
+    Radiance is 1 where floor(x + 0.05) + floor(0.1 - y) is odd and 0 elsewhere.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> pl.check_scene().bounds.tolist()
+    [[-200.0, -200.0, -404.0], [200.0, 200.0, -404.0]]
+    """
+    # floor(0.1 - y) is -1 - n on the square n of lines at y = 0.1 + n: odd sums become even ones and back.
+    even, odd = checkerboard((400, 400), 1.0, even=Emissive(1.0), odd=_BLACK, offset=(-0.05, 0.1))
+    return Scene([even.translated(z=-404), odd.translated(z=-404)])
+
+
+def objects_scene() -> Scene:
+    """The reference scene `objects`, in the camera's frame: a cube, a metal and a glass ball before a checkerboard.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> pl.objects_scene()
+    Scene(5 meshes, 34068 triangles, 1 light, background 0.1)
+    """
+    back = [mesh.translated(z=-416) for mesh in checkerboard((60, 60), 2.0)]
+    cube = box(4, material=Lambertian((0.8, 0.3, 0.2)))
+    for axis, angle in (((0, 0, 1), 20), ((1, 0, 0), 10), ((0, 1, 0), 30)):
+        cube = cube.rotated_deg(axis, angle)
+    metal = sphere(2.5, center=(3, -2, -404), material=Conductor(0.9, alpha=0.1))
+    glass = sphere(2.0, center=(0, 3, -398), material=Dielectric(1.5))
+    light = QuadLight.facing((0, 60, -360), (0, 0, -404), (40, 40), radiance=10.0, two_sided=True)
+    return Scene([*back, cube.translated(-3.5, -2, -404), metal, glass], [light], background=0.1)

@@ -1,0 +1,1 @@
+"""Calibration targets whose points are known exactly."""

@@ -1,0 +1,231 @@
+"""Boards of repeated marks: checkerboards, grids of dots, random dots."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.core.values import finite, positive, whole
+from plenoptic.errors import InvalidValueError
+from plenoptic.scene.materials.diffuse import Lambertian
+from plenoptic.scene.materials.registry import Material
+from plenoptic.scene.shapes.procedural import quad
+from plenoptic.scene.shapes.targets.checker_layouts import (
+    faces_around,
+    flat_mesh,
+    grid_corners,
+    grid_faces,
+    in_plane,
+    polygon,
+)
+from plenoptic.scene.shapes.targets.target import BRIGHT, DARK, Target, as_margin
+from plenoptic.scene.textures.color import Colour, as_colour
+from plenoptic.scene.textures.texture import Texture, TextureFilter, Wrap
+
+
+def checkerboard(
+    columns: int,
+    rows: int,
+    *,
+    square: float,
+    margin: float = 0.0,
+    dark: Material = DARK,
+    bright: Material = BRIGHT,
+) -> Target:
+    """A board of squares in the plane z = 0, whose inner corners are known.
+
+    Unlike `pl.checkerboard`, which fills a rectangle, it consists of whole squares.
+
+    Parameters
+    ----------
+    columns, rows : int
+        Squares along x and along y, at least 2. Libraries that count corners count one less.
+    square : float
+        Edge of a square in mm.
+    margin : float
+        Width of a bright border around the squares in mm.
+    dark, bright : Material
+        The square in the upper left corner is dark.
+
+    Returns
+    -------
+    Target
+        Meshes: dark, bright. Points: the (rows - 1)(columns - 1) inner corners, row by row from the upper left one,
+        each with `index` (row, column).
+
+    Raises
+    ------
+    InvalidValueError
+        Too few squares, lengths that are not above 0 (the margin: 0 or more).
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> board = pl.targets.checkerboard(9, 6, square=2.0, margin=2.0)
+    >>> board
+    Target('checkerboard', 2 meshes, 176 triangles, 40 points)
+    >>> board.points[0].tolist(), board.index[0].tolist()
+    ([-7.0, 4.0, 0.0], [0, 0])
+    """
+    columns, rows = whole(columns, "columns", at_least=2), whole(rows, "rows", at_least=2)
+    square, border = positive(square, "square", "mm"), as_margin(margin)
+    x, y = _lines(columns, square), _lines(rows, square)
+    # Rows count downwards, lines upwards.
+    is_dark = (np.arange(rows)[::-1, None] + np.arange(columns)) % 2 == 0
+    inner = [axis[1:-1] for axis in (x, y)]
+    if border > 0:
+        x, y = (np.concatenate([[axis[0] - border], axis, [axis[-1] + border]]) for axis in (x, y))
+        is_dark = np.pad(is_dark, 1)
+    corners = grid_corners(x, y)
+    meshes = [
+        flat_mesh(corners, grid_faces(is_dark), dark, "dark"),
+        flat_mesh(corners, grid_faces(~is_dark), bright, "bright"),
+    ]
+    points = in_plane(grid_corners(inner[0], inner[1][::-1]))
+    return Target(meshes, points, _rows_and_columns(rows - 1, columns - 1), name="checkerboard")
+
+
+def point_grid(
+    columns: int,
+    rows: int,
+    *,
+    pitch: float,
+    radius: float,
+    sides: int = 64,
+    dark: Material = DARK,
+    bright: Material = BRIGHT,
+) -> Target:
+    """A grid of dark dots on a bright board in the plane z = 0, whose centres are known.
+
+    Parameters
+    ----------
+    columns, rows : int
+        Dots along x and along y.
+    pitch : float
+        Distance of neighbouring centres in mm; the board ends half a pitch beside the outermost ones.
+    radius : float
+        Of the dots, in mm, below half the pitch. A dot is a polygon of the area of this circle.
+    sides : int
+        Of that polygon, at least 4.
+    dark, bright : Material
+        Of dots and board. `Emissive` dots on a board of `Emissive(0.0)` are lamps in the dark.
+
+    Returns
+    -------
+    Target
+        Meshes: dots, board. Points: the centres, row by row from the upper left one, each with `index` (row, column).
+
+    Raises
+    ------
+    InvalidValueError
+        Too few dots, lengths that are not above 0, dots that touch.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> dots = pl.targets.point_grid(9, 7, pitch=2.0, radius=0.5)
+    >>> dots
+    Target('point grid', 2 meshes, 8190 triangles, 63 points)
+    >>> dots.points[0].tolist()
+    [-8.0, 6.0, 0.0]
+    """
+    columns, rows = whole(columns, "columns", at_least=1), whole(rows, "rows", at_least=1)
+    pitch, sides = positive(pitch, "pitch", "mm"), whole(sides, "sides", at_least=4)
+    # A polygon of n sides has the area n / 2 sin(2 pi / n) times that of the square over the radius of its corners.
+    reach = positive(radius, "radius", "mm") * math.sqrt(2 * math.pi / (sides * math.sin(2 * math.pi / sides)))
+    if not reach < pitch / 2:
+        raise InvalidValueError(
+            f"dots reach {reach:g} mm from their centres; reduce radius {radius:g} mm until that is below half the "
+            f"pitch, {pitch / 2:g} mm"
+        )
+    centres = grid_corners(_lines(columns - 1, pitch), _lines(rows - 1, pitch)[::-1])
+    lattice = grid_corners(_lines(columns, pitch), _lines(rows, pitch))
+    rims = centres[:, None] + polygon(sides, reach)
+    corners = np.concatenate([lattice, rims.reshape(-1, 2)])
+    # Corners of each dot, then of its cell: upper right, upper left, lower left, lower right.
+    index = _rows_and_columns(rows, columns)
+    below = (rows - 1 - index[:, 0]) * (columns + 1) + index[:, 1]
+    cell = below[:, None] + np.array([columns + 2, columns + 1, 0, 1])
+    own = np.concatenate([len(lattice) + np.arange(len(centres) * sides).reshape(-1, sides), cell], axis=1)
+    fan = np.stack([np.zeros(sides - 2, dtype=np.int64), np.arange(1, sides - 1), np.arange(2, sides)], axis=1)
+    meshes = [
+        flat_mesh(corners, own[:, fan].reshape(-1, 3), dark, "dots"),
+        flat_mesh(corners, own[:, faces_around(sides)].reshape(-1, 3), bright, "board"),
+    ]
+    return Target(meshes, in_plane(centres), index, name="point grid")
+
+
+def random_dots(
+    columns: int,
+    rows: int,
+    *,
+    dot: float,
+    density: float = 0.5,
+    seed: int = 0,
+    dark: Colour = 0.05,
+    bright: Colour = 0.8,
+) -> Target:
+    """A board of square dots in the plane z = 0, each dark or bright at random: texture for matching everywhere.
+
+    The dots are texels of a texture that is not interpolated, so that their edges are sharp and a board of millions of
+    dots is two triangles.
+
+    Parameters
+    ----------
+    columns, rows : int
+        Dots along x and along y.
+    dot : float
+        Edge of a dot in mm.
+    density : float
+        Share of dark dots that is expected, in [0, 1].
+    seed : int
+        The same seed gives the same dots, on all machines.
+    dark, bright : float or (float, float, float)
+        Albedos of the Lambertian board. To let it shine: `mesh.with_material(pl.Emissive(mesh.material.albedo))`.
+
+    Returns
+    -------
+    Target
+        One mesh. Points: the centres of the dark dots, row by row from the upper left, each with `index` (row, column).
+
+    Raises
+    ------
+    InvalidValueError
+        No dots, a dot or seed that is no such number, a density outside [0, 1].
+    SceneError
+        Albedos outside [0, 1].
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> board = pl.targets.random_dots(200, 100, dot=0.1, seed=3)
+    >>> board.meshes[0].material
+    Lambertian(albedo=Texture(texels=<100 x 200 x 1 float32>, ...))
+    """
+    columns, rows = whole(columns, "columns", at_least=1), whole(rows, "rows", at_least=1)
+    dot, share = positive(dot, "dot", "mm"), finite(density, "density")
+    if not 0 <= share <= 1:
+        raise InvalidValueError(f"density is {share:g}; it must be within 0 and 1, the expected share of dark dots")
+    colours = [np.ravel(as_colour(c, n, at_most=1.0)) for c, n in ((bright, "bright"), (dark, "dark"))]
+    # Raw numbers of the generator: NumPy promises that they stay the same; 53 of their bits make a number in [0, 1).
+    raw = np.random.PCG64(whole(seed, "seed", at_least=0)).random_raw(rows * columns)
+    is_dark = ((raw >> np.uint64(11)) * 2.0**-53 < share).reshape(rows, columns)
+    texels = np.stack(np.broadcast_arrays(*colours))[is_dark.astype(np.int64)]
+    texture = Texture(texels, wrap=Wrap.CLAMP, filter=TextureFilter.NEAREST)
+    width, height = columns * dot, rows * dot
+    mesh = quad((-width / 2, -height / 2, 0), (width, 0, 0), (0, height, 0), material=Lambertian(texture))
+    centres = grid_corners(_lines(columns - 1, dot), _lines(rows - 1, dot)[::-1])
+    index = _rows_and_columns(rows, columns)
+    kept = is_dark.ravel()
+    return Target([mesh], in_plane(centres[kept]), index[kept], name="random dots")
+
+
+def _lines(cells: int, width: float) -> NDArray[np.float64]:
+    """The cells + 1 lines around cells of a width, centred on 0 and ascending."""
+    return (np.arange(cells + 1, dtype=np.float64) - cells / 2) * width
+
+
+def _rows_and_columns(rows: int, columns: int) -> NDArray[np.int64]:
+    return np.stack(np.divmod(np.arange(rows * columns), columns), axis=1)

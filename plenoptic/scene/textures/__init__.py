@@ -1,0 +1,1 @@
+"""Images laid over surfaces."""

@@ -1,0 +1,77 @@
+"""What a texture is at a point: device functions.
+
+Textures lie in one flat array of texels, row by row from the top, each with its 1 or 3 channels side by side; a row
+of numbers says where (`scene.textures.atlas`): start, rows, columns, channels, wrap along u, wrap along v, filter.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from plenoptic.core.jit import device
+
+START, ROWS, COLUMNS, CHANNELS, WRAP_U, WRAP_V, FILTER = range(7)
+
+REPEAT, CLAMP, MIRROR = 0, 1, 2
+"""`Wrap` as numbers."""
+
+NEAREST = 0
+"""`TextureFilter.NEAREST`; all else is bilinear."""
+
+
+@device
+def wrapped(s, wrap):
+    """Texture coordinate s brought into [0, 1]; 0 where it is no number. Off by 2^-54 at most."""
+    if wrap == REPEAT:
+        s -= np.floor(s)
+    elif wrap == MIRROR:
+        s -= 2.0 * np.floor(0.5 * s)
+        s = min(s, 2.0 - s)
+    s = s if s > 0.0 else 0.0  # NaN, too
+    return s if s < 1.0 else 1.0
+
+
+@device
+def neighbours(s, n, wrap):
+    """Of n texels along an axis, the two beside coordinate s, and how far it is from the first to the second."""
+    x = wrapped(s, wrap) * n + 0.5
+    second = int(x)
+    f = x - second
+    first = second - 1
+    if wrap == REPEAT:
+        first = first if first >= 0 else n - 1
+        second = second if second < n else 0
+    else:
+        first = max(first, 0)
+        second = min(second, n - 1)
+    return first, second, f
+
+
+@device
+def fill_texel(value, texels, row, s, t):
+    """Fill `value` (1 or 3) with the texture of a row at the coordinates (s, t), of which t points up.
+
+    A texture of one channel fills all of `value`; of three channels, a `value` of one takes the first. Coordinates
+    may be any numbers, and none at all.
+    """
+    start, rows, columns, channels = row[START], row[ROWS], row[COLUMNS], row[CHANNELS]
+    last = value.shape[0] if channels > 1 else 1
+    if row[FILTER] == NEAREST:
+        column = min(int(wrapped(s, row[WRAP_U]) * columns), columns - 1)
+        above = min(int(wrapped(t, row[WRAP_V]) * rows), rows - 1)
+        at = start + ((rows - 1 - above) * columns + column) * channels
+        for k in range(last):
+            value[k] = texels[at + k]
+    else:
+        left, right, fs = neighbours(s, columns, row[WRAP_U])
+        low, high, ft = neighbours(t, rows, row[WRAP_V])
+        left, right = start + left * channels, start + right * channels
+        low, high = (rows - 1 - low) * columns * channels, (rows - 1 - high) * columns * channels
+        for k in range(last):
+            # Differences, too, are taken in float64, in which those of float32 lose nothing to speak of.
+            a, b = np.float64(texels[low + left + k]), np.float64(texels[low + right + k])
+            c, d = np.float64(texels[high + left + k]), np.float64(texels[high + right + k])
+            bottom, top = a + fs * (b - a), c + fs * (d - c)
+            value[k] = bottom + ft * (top - bottom)
+    for k in range(last, value.shape[0]):
+        value[k] = value[0]

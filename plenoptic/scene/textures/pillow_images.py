@@ -1,0 +1,85 @@
+"""Pillow images, as libraries for meshes hand them over, as linear texels."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.core.color.srgb import Encoding, srgb_to_linear
+from plenoptic.core.files import images
+from plenoptic.core.values import choice
+from plenoptic.errors import FileError
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
+_OF_RESULT = {"La": "LA", "RGBa": "RGBA"}
+"""Pillow converts colours that are multiplied by alpha to these modes only."""
+
+
+def linear_texels(image: Image, *, encoding: Encoding, channel: int | None) -> NDArray[np.float32]:
+    """The (rows, columns, 1 or 3) linear values of an image, or of one of its channels.
+
+    Parameters
+    ----------
+    image : PIL.Image.Image
+        Of any mode; one that is opened lazily is read now.
+    encoding : Encoding
+        What codes of 8 and 16 bits mean; floats are linear.
+    channel : int or None
+        0, 1, 2: red, green, blue, or grey; 3: alpha, which is never sRGB and 1 where there is none. None: all but
+        alpha.
+
+    Raises
+    ------
+    InvalidValueError
+        No such encoding or channel.
+    FileError
+        The image cannot be decoded.
+
+    Examples
+    --------
+    >>> import PIL.Image
+    >>> import plenoptic as pl
+    >>> image = PIL.Image.new("RGBA", (2, 1), (0, 51, 255, 102))
+    >>> linear_texels(image, encoding=pl.Encoding.LINEAR, channel=3)[0, 0].round(3)
+    array([0.4], dtype=float32)
+    """
+    encoding, channel = choice(encoding, Encoding, "encoding"), images.channel_number(channel)
+    try:
+        image = image.convert(_OF_RESULT[image.mode]) if image.mode in _OF_RESULT else image
+        codes, white = _opacity(image) if channel == images.ALPHA else _colours(image)
+    except Exception as error:  # Pillow raises OSError, SyntaxError, ValueError, ... for damaged data
+        raise FileError(f"the image cannot be decoded ({error}); save it again") from None
+    if channel is not None and codes.shape[2] > 1:
+        codes = codes[..., channel : channel + 1]
+    if white is None:
+        return codes
+    values: NDArray[np.floating[Any]] = np.arange(white + 1) / white
+    if encoding is Encoding.SRGB and channel != images.ALPHA:
+        values = srgb_to_linear(values)
+    linear: NDArray[np.float32] = values.astype(np.float32)
+    return np.asarray(linear[codes])
+
+
+def _colours(image: Image) -> tuple[NDArray[Any], int | None]:
+    """(rows, columns, 1 or 3) codes and the code of white; None where they are linear floats."""
+    if image.mode == "F":
+        return np.asarray(image)[..., None], None
+    if image.mode.startswith("I"):
+        # Pillow keeps 16-bit grey in its integer modes.
+        return np.clip(np.asarray(image), 0, 65535).astype(np.uint16)[..., None], 65535
+    grey = image.mode in ("1", "L", "LA")
+    codes = np.asarray(image.convert("L" if grey else "RGB"))
+    return codes[..., None] if grey else codes, 255
+
+
+def _opacity(image: Image) -> tuple[NDArray[Any], int]:
+    """(rows, columns, 1) codes of alpha and the code of what is opaque."""
+    image.load()  # what Pillow knows of transparency may stand behind the pixels in the file
+    told = image.mode in ("P", "PA", "LA", "RGBA") or ("transparency" in image.info and image.mode in ("1", "L", "RGB"))
+    if not told:
+        return np.full((image.height, image.width, 1), 255, dtype=np.uint8), 255
+    return np.asarray(image.convert("RGBA"))[..., 3:], 255

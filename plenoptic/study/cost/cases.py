@@ -1,0 +1,207 @@
+"""What the study of costs is shown with: the reference camera and its scenes, and one that has everything."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from plenoptic.camera.camera import CameraPart, PlenopticCamera
+from plenoptic.core.color.sensitivities import colour_camera
+from plenoptic.errors import InvalidValueError
+from plenoptic.optics.lens.stack import LensStack
+from plenoptic.optics.microlens.aperture import ApertureShape, MicrolensAperture, Walls
+from plenoptic.optics.microlens.array import MicrolensModel
+from plenoptic.optics.microlens.dust import Blemishes, BlemishSite
+from plenoptic.optics.microlens.imperfections import MicrolensImperfections
+from plenoptic.optics.sensor.angular_response import AngularResponse
+from plenoptic.optics.sensor.sensor import Sensor
+from plenoptic.optics.stops.stops import PolygonStop
+from plenoptic.optics.surfaces.surface import Surface
+from plenoptic.rendering.plan.plan import plan
+from plenoptic.rendering.plan.stages import Plan
+from plenoptic.rendering.settings import Caustics, Sampler
+from plenoptic.scene.geometry.instance import Instances
+from plenoptic.scene.lights.environment import EnvironmentMap
+from plenoptic.scene.lights.point import PointLight
+from plenoptic.scene.lights.sun import SunLight
+from plenoptic.scene.materials.dielectric import Dielectric, ThinGlass
+from plenoptic.scene.materials.emissive import Emissive
+from plenoptic.scene.materials.metallic_roughness import MetallicRoughness
+from plenoptic.scene.materials.registry import Material
+from plenoptic.scene.scene import Scene
+from plenoptic.scene.shapes.procedural import box, check_scene, objects_scene, quad, sphere
+from plenoptic.scene.shapes.still_life import still_life
+from plenoptic.scene.textures.texture import Texture
+from plenoptic.study.error_time.cases import reference_camera
+from plenoptic.truth.ground_truth import Truth
+
+_SIDE = 128
+"""Pixels: bounds on the pupils of tilted parts, found once for each camera, take a time that grows with its sensor."""
+
+
+def furnished_camera() -> PlenopticCamera:
+    """The reference camera with everything that a camera can have.
+
+    Returns
+    -------
+    PlenopticCamera
+        128 x 128 pixels; it stands and looks somewhere else than the reference camera.
+
+    Examples
+    --------
+    >>> from plenoptic.study.cost.cases import furnished_camera
+    >>> camera = furnished_camera()
+    >>> camera.microlenses.model.name, camera.pose is None
+    ('SPHERICAL', False)
+    """
+    plain = reference_camera()
+    assert plain.microlenses is not None
+    array = dataclasses.replace(
+        plain.microlenses,
+        focal_lengths=(1.9, 2.0, 2.1),
+        model=MicrolensModel.SPHERICAL,
+        aperture=MicrolensAperture(ApertureShape.CIRCLE, 0.85),
+        imperfections=MicrolensImperfections(pitch_jitter=0.001),
+        walls=Walls.OPAQUE,
+    )
+    sensor = Sensor(
+        (_SIDE, _SIDE),
+        pixel_pitch=plain.sensor.pixel_pitch,
+        angular_response=AngularResponse(well_depth=0.5, pupil_distance=130.0),
+    )
+    half = tuple(0.5 * side for side in sensor.size)
+    whole = dataclasses.replace(
+        plain,
+        lens=_spoiled(plain.lens),
+        microlenses=array,
+        sensor=sensor,
+        sensitivity=colour_camera(),
+        blemishes=(Blemishes.scattered(BlemishSite.SENSOR, half_size=(half[0], half[1]), dust_per_mm2=4.0),),
+    )
+    tilt = math.radians(0.2)
+    whole = whole.moved(CameraPart.SENSOR, tilt=(tilt, 0.0, tilt)).moved(CameraPart.MICROLENSES, tilt=(0.0, tilt, 0.0))
+    whole = whole.moved(CameraPart.LENS, shift=(0.05, 0.0, 0.0))
+    return whole.posed(position=(30.0, 20.0, 10.0), look_at=(-200.0, 0.0, -400.0))
+
+
+def _spoiled(lens: LensStack) -> LensStack:
+    """A lens with a slight asphere, an element out of place and an iris of blades."""
+    first, *others = lens.elements
+    assert isinstance(first, Surface)
+    aspheric = dataclasses.replace(lens, elements=[dataclasses.replace(first, aspheric=(0.0, 1e-9)), *others])
+    return aspheric.with_stop(PolygonStop(blades=6, semi_diameter=5.0)).moved(3, shift=(0.02, 0.0, 0.0))
+
+
+def furnished_scene(camera: PlenopticCamera) -> Scene:
+    """A still life with everything that a scene can have, before a camera that is posed.
+
+    Parameters
+    ----------
+    camera : PlenopticCamera
+
+    Returns
+    -------
+    Scene
+
+    Examples
+    --------
+    >>> from plenoptic.study.cost.cases import furnished_camera, furnished_scene
+    >>> furnished_scene(furnished_camera()).background.texels.shape
+    (4, 8, 3)
+    """
+    rng = np.random.default_rng(0)
+    life = still_life()
+    places = np.tile(np.eye(4), (6, 1, 1))
+    places[:, :3, 3] = [(x, y, -400.0) for x in (-1.0, 0.0, 1.0) for y in (1.0, 2.0)]
+    sky = EnvironmentMap(rng.uniform(0.1, 0.6, (4, 8, 3)))
+    pane = ThinGlass(transmittance=(0.8, 0.9, 0.9))
+    meshes = [
+        *life.meshes,
+        quad((-3, -3, -390), (6, 0, 0), (0, 6, 0), material=_curtain(rng)),
+        quad((-7, -3, -390), (3, 0, 0), (0, 6, 0), material=pane),
+        sphere(1.0, center=(2.0, 2.5, -398.0), material=Dielectric(1.5, absorption=(0.2, 0.1, 0.1))),
+        box(0.6, center=(-2.0, 2.5, -398.0), material=Emissive(2.0)),
+        Instances(box(0.4), places),
+    ]
+    lights = [*life.lights, PointLight((30, 40, -360), 2e3), SunLight((0.2, -1.0, -1.0), 0.5)]
+    before = Scene(meshes, lights, sky)
+    if camera.pose is None:
+        return before
+    world = np.eye(4)
+    world[:3, :3], world[:3, 3] = camera.pose.rotation, camera.pose.position
+    return before.transformed(world)
+
+
+def _curtain(rng: np.random.Generator) -> Material:
+    """A woven material: its base, its normals and where it is come from textures."""
+    normals = np.full((8, 8, 3), (0.5, 0.5, 1.0)) + rng.uniform(-0.1, 0.0, (8, 8, 3))
+    return MetallicRoughness(
+        Texture(rng.uniform(0.3, 0.9, (8, 8, 3))),
+        normal_map=Texture(normals),
+        opacity=Texture(rng.uniform(0.0, 0.5, (8, 8, 1))),
+    )
+
+
+def _furnished() -> Plan:
+    camera = furnished_camera()
+    return plan(
+        furnished_scene(camera),
+        camera,
+        truth=Truth.ALL,
+        caustics=Caustics.LEFT_OUT,
+        clamp=100.0,
+        sampler=Sampler.RANDOM,
+    )
+
+
+_CASES: dict[str, Callable[[], Plan]] = {
+    "white": lambda: plan(None, reference_camera()),
+    "check": lambda: plan(check_scene(), reference_camera()),
+    "objects": lambda: plan(objects_scene(), reference_camera()),
+    "still_life": lambda: plan(still_life(), reference_camera()),
+    "furnished": _furnished,
+}
+
+
+def cost_cases() -> tuple[str, ...]:
+    """Names of the bundled cases; "furnished" has everything that cameras and scenes can have.
+
+    Examples
+    --------
+    >>> from plenoptic.study.cost.cases import cost_cases
+    >>> cost_cases()
+    ('white', 'check', 'objects', 'still_life', 'furnished')
+    """
+    return tuple(_CASES)
+
+
+def cost_case(name: str) -> Plan:
+    """The plan of a bundled case.
+
+    Parameters
+    ----------
+    name : str
+        One of `cost_cases`.
+
+    Returns
+    -------
+    Plan
+
+    Raises
+    ------
+    InvalidValueError
+        Where there is no such case.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> from plenoptic.study.cost.cases import cost_case
+    >>> cost_case("check").runs(pl.Stage.SCATTERING)
+    False
+    """
+    if name not in _CASES:
+        raise InvalidValueError(f"case is {name!r}; it must be one of {', '.join(map(repr, _CASES))}")
+    return _CASES[name]()

@@ -1,0 +1,228 @@
+"""Bundled cases of the error study: the reference camera and its scenes, and one that is smooth."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.core.values import value
+from plenoptic.errors import InvalidValueError
+from plenoptic.optics.lens.files.library import load_lens
+from plenoptic.optics.microlens.aperture import Walls
+from plenoptic.optics.microlens.array import MicrolensArray
+from plenoptic.optics.microlens.lattice import Lattice
+from plenoptic.optics.sensor.sensor import Sensor
+from plenoptic.optics.stops.stops import CircularStop
+from plenoptic.rendering.settings import Sampler
+from plenoptic.scene.shapes.procedural import check_scene, objects_scene
+from plenoptic.study.error_time.study import study_of
+from plenoptic.study.error_time.table import ErrorTable
+from plenoptic.study.error_time.variants import Variant
+
+if TYPE_CHECKING:
+    from plenoptic.scene.scene import Scene
+
+QUICK_SAMPLES, QUICK_SEEDS, QUICK_SIDE, QUICK_FACTOR = (8, 16, 32), 3, 32, 8
+SEEDS, SIDE = 8, 64
+
+
+@value
+class ErrorCase:
+    """A scene and a camera, and how thoroughly they are studied.
+
+    Attributes
+    ----------
+    name : str
+    what : str
+        Sentences on it.
+    scene : callable
+        Makes it; None is the white image.
+    camera : callable
+        Makes it.
+    samples : tuple of int
+    reference : Variant
+    reference_samples : int
+    variants : callable, optional
+        Makes them; None: the default ones.
+
+    Examples
+    --------
+    >>> from plenoptic.study.error_time.cases import error_case
+    >>> error_case("white").scene() is None
+    True
+    """
+
+    name: str
+    what: str
+    scene: Callable[[], Scene | None]
+    camera: Callable[[], PlenopticCamera]
+    samples: tuple[int, ...]
+    reference: Variant
+    reference_samples: int
+    variants: Callable[[], dict[str, Variant]] | None = None
+
+
+def reference_camera() -> PlenopticCamera:
+    """The reference camera: Tronnier's double Gauss, hexagonal microlenses, plenoptic 2.0.
+
+    Returns
+    -------
+    PlenopticCamera
+        512 x 512 pixels of 0.01 mm; its microlenses are focused on the plane z = -404 mm.
+
+    Examples
+    --------
+    >>> from plenoptic.study.error_time.cases import reference_camera
+    >>> reference_camera().sensor.shape
+    (512, 512)
+    """
+    return PlenopticCamera(
+        lens=load_lens("double-gauss-100mm-f2").with_stop(CircularStop(5.0)),
+        microlenses=MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
+        sensor=Sensor(shape=(512, 512), pixel_pitch=0.010),
+        stop_to_microlenses=123.3,
+        microlenses_to_sensor=1.7,
+    )
+
+
+def smooth_camera() -> PlenopticCamera:
+    """The reference camera wide open, with walls between square microlenses: nothing cuts the light of a pixel.
+
+    Returns
+    -------
+    PlenopticCamera
+        20 x 20 pixels of 0.01 mm behind one microlens. All light that passes its cell passes the lens.
+
+    Examples
+    --------
+    >>> from plenoptic.study.error_time.cases import smooth_camera
+    >>> smooth_camera().microlenses.walls.name
+    'OPAQUE'
+    """
+    array = MicrolensArray(pitch=0.217, focal_lengths=(2.0,), lattice=Lattice.SQUARE, walls=Walls.OPAQUE)
+    sensor = Sensor(shape=(20, 20), pixel_pitch=0.010)
+    wide_open = load_lens("double-gauss-100mm-f2")
+    return dataclasses.replace(reference_camera(), lens=wide_open, microlenses=array, sensor=sensor)
+
+
+def _samplers() -> dict[str, Variant]:
+    return {
+        "8 replicates": Variant(),
+        "1 replicate": Variant(replicates=1),
+        "RANDOM sampler": Variant(sampler=Sampler.RANDOM),
+    }
+
+
+_MANY = (16, 32, 64, 128, 256, 512, 1024)
+
+_CASES = (
+    ErrorCase(
+        "white",
+        "The reference camera in mode 2.0, a world of radiance 1 and no scene: what is left is the camera.",
+        lambda: None,
+        reference_camera,
+        _MANY,
+        Variant(),
+        1 << 15,
+    ),
+    ErrorCase(
+        "smooth",
+        "White again, behind one microlens between walls, and with the lens wide open: nothing cuts the light of a "
+        "pixel, and what is left to integrate is smooth. Models of the lens make no difference here.",
+        lambda: None,
+        smooth_camera,
+        _MANY,
+        Variant(),
+        1 << 14,
+        _samplers,
+    ),
+    ErrorCase(
+        "check",
+        "Mode 2.0 and a plane of squares of 1 mm that shine or are black, in focus; nothing scatters.",
+        check_scene,
+        reference_camera,
+        _MANY,
+        Variant(),
+        1 << 15,
+    ),
+    ErrorCase(
+        "objects",
+        "Mode 2.0; a matt cube, a ball of metal and one of glass before a checkerboard, under a lamp: several bounces, "
+        "and caustics that paths find by chance only. The reference follows 32 bounces, the variants 8 unless they say "
+        "otherwise.",
+        objects_scene,
+        reference_camera,
+        (8, 16, 32, 64, 128, 256),
+        Variant(max_bounces=32),
+        1 << 13,
+    ),
+)
+
+
+def error_cases() -> tuple[str, ...]:
+    """Names of the bundled cases.
+
+    Examples
+    --------
+    >>> from plenoptic.study.error_time.cases import error_cases
+    >>> error_cases()
+    ('white', 'smooth', 'check', 'objects')
+    """
+    return tuple(case.name for case in _CASES)
+
+
+def error_case(name: str) -> ErrorCase:
+    """A bundled case by its name, or an error that lists them.
+
+    Examples
+    --------
+    See `ErrorCase`.
+    """
+    for case in _CASES:
+        if case.name == name:
+            return case
+    raise InvalidValueError(f"case is {name!r}; it must be one of {', '.join(map(repr, error_cases()))}")
+
+
+def case_table(case: ErrorCase, *, quick: bool, threads: int = 1, progress: bool = False) -> ErrorTable:
+    """Study a bundled case with its default variants, on the central pixels.
+
+    Parameters
+    ----------
+    case : ErrorCase
+    quick : bool
+        32 x 32 pixels, 3 seeds and few samples, in place of 64 x 64, 8 and many.
+    threads : int, optional
+    progress : bool, optional
+
+    Returns
+    -------
+    ErrorTable
+
+    Examples
+    --------
+    >>> from plenoptic.study.error_time.cases import case_table, error_case
+    >>> case_table(error_case("white"), quick=True).title
+    'white'
+    """
+    camera, side = case.camera(), QUICK_SIDE if quick else SIDE
+    sides = [min(side, length) for length in camera.sensor.shape]
+    starts = [(length - part) // 2 for length, part in zip(camera.sensor.shape, sides, strict=True)]
+    rows, columns = (slice(start, start + part) for start, part in zip(starts, sides, strict=True))
+    return study_of(
+        case.scene(),
+        camera,
+        None if case.variants is None else case.variants(),
+        samples=QUICK_SAMPLES if quick else case.samples,
+        region=(rows, columns),
+        seeds=QUICK_SEEDS if quick else SEEDS,
+        seed=0,
+        repeats=1,
+        reference=case.reference,
+        reference_samples=QUICK_FACTOR * QUICK_SAMPLES[-1] if quick else case.reference_samples,
+        threads=threads,
+        title=case.name,
+        progress=progress,
+    )

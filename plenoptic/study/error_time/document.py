@@ -1,0 +1,198 @@
+"""The document on error and time, written by ``python -m plenoptic.study error-against-time --document``."""
+
+from __future__ import annotations
+
+import datetime
+import importlib.metadata
+import os
+import platform
+from collections.abc import Sequence
+from pathlib import Path
+
+from plenoptic.errors import InvalidValueError
+from plenoptic.study.error_time.cases import ErrorCase
+from plenoptic.study.error_time.table import ErrorTable
+from plenoptic.study.text_table import markdown_table
+
+TARGETS = (0.05, 0.02, 0.01, 0.005)
+"""Errors for which the document recommends a setting."""
+
+_LIBRARIES = ("numpy", "numba", "embreex")
+
+_WORDS = """\
+Each case is rendered in several ways (variants), each with several numbers of samples and several seeds, and compared
+with a converged reference. The first variant is the camera as it is: exact lens, thin microlenses, scrambled Sobol
+points in 8 replicates, depth limit 8. All others differ from it in what their name says.
+
+## What the numbers are
+
+- **Lit pixels**: those whose mean over the channels is above 0.1 of the 99th percentile of these means in the
+  reference, black pixels left out. Only they count.
+- **Relative error**: for each lit pixel, the mean over the channels of (image - reference)^2, over the squared mean
+  over the channels of the reference; of this the mean over lit pixels, and the root. The reference's own squared error,
+  known from its standard errors, is subtracted.
+- **Noise**: the part that differs from seed to seed, from the sample variance among seeds. **Bias**: the part that all
+  seeds share: the squared difference of their mean from the reference, minus what the noise of both explains. The
+  squared error is the sum of both squares. Where the squared bias is less than three of its standard errors above 0, it
+  cannot be told from 0, and the table says what it is below with 97.7 % confidence.
+- **True / reported**: noise among seeds over the noise that the standard errors of the renderings report; 1 where they
+  are right. With few samples under bright lights it is below 1: a pixel whose replicates all agree is told the error of
+  a single sample. Empty with one replicate, which has no standard error.
+- **Slope**: of the logarithm of the noise against that of the number of samples. Independent samples give -0.5.
+- **Time**: CPU time of all threads of a whole call, and wall time; medians over the seeds, with kernels compiled, and
+  pupils and the scene's tree known from a call before. **Setting up**: a call that renders one path. "Without setting
+  up" is the difference. Variants take turns, so that what disturbs the machine disturbs all of them.
+- **Front** (Pareto): marked where no other row is both faster and better.
+- **Recommendations**: the variant with the least CPU time for an error. Between and beyond its rows the variance is
+  taken as a power of the number of samples; where the number of samples is beyond those measured, "extrapolated" is
+  said."""
+
+
+def error_document(
+    studies: Sequence[tuple[ErrorCase, ErrorTable]], *, load: str | None = None, figure: str | None = None
+) -> str:
+    """The whole document as Markdown.
+
+    Parameters
+    ----------
+    studies : sequence of (ErrorCase, ErrorTable)
+    load : str, optional
+        What `load_now` said when the studies began; None: what it says now.
+    figure : str, optional
+        Where the document finds a figure of all studies.
+
+    Returns
+    -------
+    str
+
+    Raises
+    ------
+    InvalidValueError
+        If there is no study.
+
+    Examples
+    --------
+    >>> from plenoptic.study.error_time.cases import case_table, error_case
+    >>> from plenoptic.study.error_time.document import error_document
+    >>> case = error_case("white")
+    >>> print(error_document([(case, case_table(case, quick=True))]).splitlines()[0])
+    # Error against time
+    """
+    if not studies:
+        raise InvalidValueError("there is no study; give at least one")
+    names = " ".join(case.name for case, _ in studies)
+    parts = [
+        "# Error against time",
+        f"Written by `python -m plenoptic.study error-against-time --case {names} --document"
+        f"{'' if figure is None else ' --plot ' + figure.rpartition('/')[2]}` on {datetime.date.today().isoformat()}.",
+        _WORDS,
+        "## The machine",
+        machine(load),
+    ]
+    if figure is not None:
+        parts.append(f"![Error against CPU time]({figure})")
+    parts += [section(case, table) for case, table in studies]
+    return "\n\n".join(parts) + "\n"
+
+
+def section(case: ErrorCase, table: ErrorTable) -> str:
+    """One case: its table, slopes and floors, recommendations.
+
+    Examples
+    --------
+    See `error_document`.
+    """
+    rows, slopes = table.to_markdown().split("\n\n")
+    threads = f"{table.threads} thread{'s' * (table.threads != 1)}"
+    facts = (
+        f"{case.what} The central {table.pixels} pixels, of which {table.lit_pixels} are lit; {threads}; "
+        f"{table.seeds} seeds a row. Reference of {table.reference_samples} samples, whose own error of "
+        f"{100 * table.reference_error:.2g} % is subtracted."
+    )
+    return "\n\n".join([f"## `{case.name}`", facts, rows, slopes, recommendations_markdown(table)])
+
+
+def recommendations_markdown(table: ErrorTable, targets: Sequence[float] = TARGETS) -> str:
+    """The cheapest settings for some errors, in Markdown.
+
+    Examples
+    --------
+    See `error_document`.
+    """
+    cells: list[tuple[str, ...]] = []
+    for target in targets:
+        try:
+            found = table.recommend(target)
+        except InvalidValueError:
+            cells.append((f"{100 * target:g}", "none gets there", "", "", "", "", ""))
+            continue
+        cells.append(
+            (
+                f"{100 * target:g}",
+                found.variant,
+                str(found.samples),
+                f"{found.cpu_seconds:.3g}",
+                f"{found.wall_seconds:.3g}",
+                f"{100 * found.error:.2g}",
+                "; ".join(found.remarks),
+            )
+        )
+    columns = ("wanted error %", "cheapest", "samples", "CPU s", "wall s", "expected error %", "remarks")
+    return markdown_table(columns, cells)
+
+
+def machine(load: str | None = None) -> str:
+    """Processor, versions and load, as Markdown.
+
+    Examples
+    --------
+    >>> from plenoptic.study.error_time.document import machine
+    >>> "Python" in machine()
+    True
+    """
+    versions = [f"Python {platform.python_version()}", *(f"{name} {_version(name)}" for name in _LIBRARIES)]
+    return "\n".join(
+        [
+            f"- Processor: {processor_model()}, {os.cpu_count()} logical processors, {platform.system()}",
+            f"- {', '.join(versions)}",
+            f"- Load: {load_now() if load is None else load}",
+        ]
+    )
+
+
+def load_now() -> str:
+    """How many processes ran in the last minute, in words.
+
+    Examples
+    --------
+    >>> from plenoptic.study.error_time.document import load_now
+    >>> "processes" in load_now() or "not known" in load_now()
+    True
+    """
+    if not hasattr(os, "getloadavg"):
+        return "not known on this system"
+    return f"{os.getloadavg()[0]:.1f} processes ran on average in the minute before the study"
+
+
+def processor_model() -> str:
+    """The model of the processor, as the system names it.
+
+    Examples
+    --------
+    >>> from plenoptic.study.error_time.document import processor_model
+    >>> len(processor_model()) > 0
+    True
+    """
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        lines = []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return (names[0] if names else platform.processor()) or platform.machine()
+
+
+def _version(name: str) -> str:
+    try:
+        return importlib.metadata.version(name)
+    except importlib.metadata.PackageNotFoundError:
+        return "(not installed)"

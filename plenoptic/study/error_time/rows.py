@@ -1,0 +1,105 @@
+"""One row of an error study: what a number of samples costs and how far it is off."""
+
+from __future__ import annotations
+
+import math
+
+from plenoptic.core.values import finite, number, set_field, value, whole
+from plenoptic.errors import InvalidValueError
+from plenoptic.study.error_time.split import SIGNIFICANT
+
+
+@value
+class ErrorRow:
+    """What one variant with one number of samples costs, and its error. Errors are relative root mean squares.
+
+    Parameters
+    ----------
+    variant : str
+    samples : int
+        Paths per pixel.
+    cpu_seconds, wall_seconds : float
+        For the region, setting up included: medians.
+    setup_cpu_seconds, setup_wall_seconds : float
+        For a call that renders one path: medians.
+    variance, variance_error : float
+        Squared relative error among seeds, and its standard error.
+    bias_squared, bias_squared_error : float
+        Squared relative error that no number of samples takes away, as measured, which noise can make negative.
+    reported_variance : float, optional
+        What the renderings' own standard errors say; None with one replicate.
+
+    Examples
+    --------
+    >>> from plenoptic.study import ErrorRow
+    >>> row = ErrorRow("THIN lens", 64, cpu_seconds=0.03, wall_seconds=0.03, setup_cpu_seconds=0.001,
+    ...     setup_wall_seconds=0.001, variance=9e-4, variance_error=2e-5, bias_squared=16e-4, bias_squared_error=1e-5)
+    >>> round(row.error, 6), row.noise, row.bias, row.bias_is_found
+    (0.05, 0.03, 0.04, True)
+    """
+
+    variant: str
+    samples: int
+    cpu_seconds: float
+    wall_seconds: float
+    setup_cpu_seconds: float
+    setup_wall_seconds: float
+    variance: float
+    variance_error: float
+    bias_squared: float
+    bias_squared_error: float
+    reported_variance: float | None = None
+
+    def __post_init__(self) -> None:
+        set_field(self, "samples", whole(self.samples, "samples", at_least=1))
+        for name in ("cpu_seconds", "wall_seconds", "setup_cpu_seconds", "setup_wall_seconds", "variance"):
+            set_field(self, name, _at_least_0(finite(getattr(self, name), name), name))
+        set_field(self, "bias_squared", finite(self.bias_squared, "bias_squared"))
+        for name in ("variance_error", "bias_squared_error"):
+            set_field(self, name, _at_least_0(number(getattr(self, name), name), name))
+        if self.reported_variance is not None:
+            reported = _at_least_0(finite(self.reported_variance, "reported_variance"), "reported_variance")
+            set_field(self, "reported_variance", reported)
+
+    @property
+    def error(self) -> float:
+        """Of one image: the root of variance plus squared bias, as measured."""
+        return math.sqrt(max(self.variance + self.bias_squared, 0.0))
+
+    @property
+    def noise(self) -> float:
+        """The part of the error that differs from seed to seed."""
+        return math.sqrt(self.variance)
+
+    @property
+    def bias(self) -> float:
+        """The part of the error that all seeds share, as measured; 0 where its square came out negative."""
+        return math.sqrt(max(self.bias_squared, 0.0))
+
+    @property
+    def bias_is_found(self) -> bool:
+        """Whether the squared bias is more than three of its standard errors above 0."""
+        return self.bias_squared > SIGNIFICANT * self.bias_squared_error
+
+    @property
+    def bias_error(self) -> float:
+        """Standard error of `bias`, where one is found; nan where none is."""
+        return 0.5 * self.bias_squared_error / self.bias if self.bias_is_found else math.nan
+
+    @property
+    def bias_limit(self) -> float:
+        """The bias is below this with 97.7 % confidence: two standard errors."""
+        return math.sqrt(max(self.bias_squared, 0.0) + 2.0 * self.bias_squared_error)
+
+    @property
+    def true_over_reported(self) -> float | None:
+        """Noise as seen among seeds over noise as reported by standard errors; None without these."""
+        if not self.reported_variance:
+            return None
+        return math.sqrt(self.variance / self.reported_variance)
+
+
+def _at_least_0(number: float, name: str) -> float:
+    if not number >= 0:
+        raise InvalidValueError(f"{name} is {number:g}; it must be at least 0")
+    return number

@@ -1,0 +1,188 @@
+"""The squared error of rendered images, split into variance and squared bias.
+
+All figures are relative and means over lit pixels (`core.relative_error`). Channels of a pixel count together: with
+its image x and the reference r, its squared error is mean((x - r)^2) / mean(r)^2, means over the channels.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.core.relative_error import brightness, lit_pixels
+from plenoptic.core.values import value
+from plenoptic.errors import InvalidValueError
+from plenoptic.rendering.exposure import Exposure
+
+Floats = NDArray[np.float64]
+
+SIGNIFICANT = 3.0
+"""Standard errors from which on a bias counts as found."""
+
+
+@value
+class Split:
+    """What one setting's squared error is made of; all of it relative, and squared.
+
+    Attributes
+    ----------
+    variance, variance_error : float
+        From the spread among seeds, and its standard error.
+    bias_squared, bias_squared_error : float
+        What the mean over the seeds is off, without what noise explains, and its standard error. Noise can make it
+        negative.
+    reported_variance : float or None
+        From the standard errors that the renderings carry; None where they have none.
+
+    Examples
+    --------
+    See `split_error`.
+    """
+
+    variance: float
+    variance_error: float
+    bias_squared: float
+    bias_squared_error: float
+    reported_variance: float | None = None
+
+
+@value
+class Reference:
+    """A converged image, its own squared error, and the pixels that count; made by `reference_of`.
+
+    Attributes
+    ----------
+    image : (n, C) array
+        The lit pixels.
+    variance : (n, C) array
+        Of `image`, from its standard errors.
+    lit : (H, W) array of bool
+
+    Examples
+    --------
+    See `reference_of`.
+    """
+
+    image: Floats
+    variance: Floats
+    lit: NDArray[np.bool_]
+
+    @property
+    def squared_error(self) -> float:
+        """Mean squared relative error of the reference itself."""
+        return float(np.mean(self.relative_squares(self.variance)))
+
+    def relative_squares(self, squares: Floats) -> Floats:
+        """Squares (n, C) of the lit pixels as relative ones of each pixel, (n,)."""
+        relative: Floats = brightness(squares) / brightness(self.image) ** 2
+        return relative
+
+
+def reference_of(exposure: Exposure) -> Reference:
+    """A reference from a converged rendering.
+
+    Parameters
+    ----------
+    exposure : Exposure
+        With standard errors.
+
+    Returns
+    -------
+    Reference
+
+    Raises
+    ------
+    InvalidValueError
+        If it has no standard errors or infinite ones, or is black.
+
+    Examples
+    --------
+    >>> import numpy as np, plenoptic as pl
+    >>> from plenoptic.study.error_time.split import reference_of
+    >>> shot = pl.Exposure(np.full((4, 4, 1), 2.0), standard_error=np.full((4, 4, 1), 0.02))
+    >>> round(reference_of(shot).squared_error ** 0.5, 6)
+    0.01
+    """
+    if exposure.standard_error is None:
+        raise InvalidValueError("the reference has no standard errors; render it with replicates of at least 2")
+    if not np.isfinite(exposure.standard_error).all():
+        raise InvalidValueError("the reference has infinite standard errors: some of its pixels have no samples")
+    image = exposure.image.astype(np.float64)
+    lit = lit_pixels(image)
+    if not lit.any():
+        raise InvalidValueError("the reference is black, so that no error is relative to it; choose another region")
+    return Reference(image[lit], exposure.standard_error[lit].astype(np.float64) ** 2, lit)
+
+
+def split_error(exposures: Sequence[Exposure], reference: Reference) -> Split:
+    """Split the squared error of independent renderings.
+
+    With S images x_s of mean m and sample variance v, and a reference r of variance w, per pixel and channel,
+
+        variance     = v
+        bias squared = (m - r)^2 - v / S - w
+
+    Both are unbiased, whatever the reference's own error, and add up to mean((x_s - r)^2) - w. Standard errors
+    are those of means over pixels, since random numbers of different pixels are independent; differences that pixels
+    really have count too, so that they are rather too large where there is a bias.
+
+    Parameters
+    ----------
+    exposures : sequence of Exposure
+        At least 2, equal but for their seeds.
+    reference : Reference
+        Independent of them.
+
+    Returns
+    -------
+    Split
+
+    Raises
+    ------
+    InvalidValueError
+        If there are fewer than 2, or channels differ.
+
+    Examples
+    --------
+    >>> import numpy as np, plenoptic as pl
+    >>> from plenoptic.study.error_time.split import reference_of, split_error
+    >>> rng = np.random.default_rng(0)
+    >>> def shot(mean, error):
+    ...     image = mean + error * rng.standard_normal((64, 64, 1))
+    ...     return pl.Exposure(image, standard_error=np.full((64, 64, 1), error))
+    >>> split = split_error([shot(1.02, 0.05) for _ in range(8)], reference_of(shot(1.0, 0.002)))
+    >>> round(split.variance**0.5, 3), round(split.bias_squared**0.5, 3)
+    (0.05, 0.02)
+    """
+    count = len(exposures)
+    if count < 2:
+        raise InvalidValueError(f"there are {count} renderings; a split needs at least 2")
+    channels = {shot.image.shape[2] for shot in exposures} | {reference.image.shape[1]}
+    if len(channels) > 1:
+        raise InvalidValueError(
+            f"renderings and reference have {' and '.join(map(str, sorted(channels)))} channels; what is compared must "
+            "have the same ones"
+        )
+    images = np.stack([shot.image[reference.lit] for shot in exposures]).astype(np.float64)
+    spread = np.var(images, axis=0, ddof=1)
+    off = (np.mean(images, axis=0) - reference.image) ** 2 - spread / count - reference.variance
+    variance, variance_error = _mean_over_pixels(reference.relative_squares(spread))
+    bias_squared, bias_squared_error = _mean_over_pixels(reference.relative_squares(off))
+    return Split(variance, variance_error, bias_squared, bias_squared_error, _reported(exposures, reference))
+
+
+def _reported(exposures: Sequence[Exposure], reference: Reference) -> float | None:
+    errors = [shot.standard_error for shot in exposures]
+    squares = [error[reference.lit].astype(np.float64) ** 2 for error in errors if error is not None]
+    if len(squares) < len(errors):
+        return None
+    return float(np.mean(reference.relative_squares(np.mean(squares, axis=0))))
+
+
+def _mean_over_pixels(values: Floats) -> tuple[float, float]:
+    """Mean, and its standard error; infinite for a single pixel."""
+    error = float(np.std(values, ddof=1)) / math.sqrt(len(values)) if len(values) > 1 else math.inf
+    return float(np.mean(values)), error

@@ -1,0 +1,1 @@
+"""Kernels: the representative rays of pixels, and the image points of what they meet."""
