@@ -1,0 +1,160 @@
+"""Cameras of the golden cases: the reference camera, and some that have everything else between them."""
+
+import math
+
+import golden_names as pl
+import numpy as np
+
+
+def reference(*, to_sensor=1.7, semi_diameter=5.0, shape=(512, 512), **more):
+    """Plenoptic 2.0 as it is; with to_sensor=2.0, semi_diameter=4.25 plenoptic 1.0."""
+    array = {"lattice": more.pop("lattice")} if "lattice" in more else {}
+    return pl.PlenopticCamera(
+        lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter)),
+        microlenses=pl.MicrolensArray(0.217, (2.0,), **array),
+        sensor=pl.Sensor(shape, 0.010),
+        stop_to_microlenses=123.3,
+        microlenses_to_sensor=to_sensor,
+        **more,
+    )
+
+
+def out_of_place():
+    """Every part decentred, turned and tilted; imperfect microlenses of three types, dust, pixels that see angles."""
+    lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.PolygonStop(6, 5.0, rotation=0.2, blade_radius=7.0))
+    lens = lens.moved(slice(0, 2), shift=(0.05, -0.03, 0.02), tilt=(0.004, -0.003, 0.1)).moved(
+        8, tilt=(0.0, 0.002, 0.0)
+    )
+    imperfect = pl.MicrolensImperfections(0.003, 0.002, 0.03, missing=0.05, dark=0.05, seed=3)
+    round_ones = pl.MicrolensAperture(pl.ApertureShape.CIRCLE, 0.8, pl.Gaps.OPAQUE)
+    camera = pl.PlenopticCamera(
+        lens=lens,
+        microlenses=pl.MicrolensArray(0.217, (1.8, 2.0, 2.3), aperture=round_ones, imperfections=imperfect),
+        sensor=pl.Sensor((48, 40), 0.02, (0.9, 0.8), pl.AngularResponse(0.002, 1.5, pupil_distance=60.0, exponent=1.2)),
+        stop_to_microlenses=123.3,
+        microlenses_to_sensor=1.7,
+        blemishes=some_blemishes(),
+    )
+    camera = camera.moved(pl.CameraPart.LENS, shift=(0.1, -0.05, 0.03), tilt=(0.002, 0.001, 0.02))
+    camera = camera.moved(pl.CameraPart.MICROLENSES, shift=(0.02, 0.01, -0.02), tilt=(0.006, -0.004, 0.03))
+    camera = camera.moved(pl.CameraPart.SENSOR, shift=(-0.03, 0.02, 0.01), tilt=(-0.02, 0.03, -0.05))
+    return camera.posed((6.0, -4.0, 3.0), (0.0, 0.0, -404.0), up=(0.1, 1.0, 0.0))
+
+
+def some_blemishes():
+    """On each site there is."""
+    scattered = pl.Blemishes.scattered
+    return (
+        scattered(pl.BlemishSite.SENSOR, half_size=(0.5, 0.5), dust_per_mm2=30.0, dust_radius=0.02, height=0.4, seed=1),
+        scattered(pl.BlemishSite.ARRAY, half_size=(0.5, 0.5), dust_per_mm2=20.0, scratches=2, transmission=0.3, seed=2),
+        scattered(pl.BlemishSite.LENS_REAR, half_size=(8.0, 8.0), dust_per_mm2=0.1, dust_radius=0.5, seed=3),
+        pl.Blemishes(pl.BlemishSite.LENS_FRONT, [(-3.0, 1.0)], [(4.0, 2.0)], 0.4, 0.5),
+    )
+
+
+def free():
+    """Listed microlenses of several types, some negative, some of them wrong, behind a thin lens with a star."""
+    rng = np.random.default_rng(5)
+    grid = np.stack(np.meshgrid(np.arange(-3, 4), np.arange(-3, 4)), axis=-1).reshape(-1, 2)
+    centres = 0.2 * grid + rng.uniform(-0.03, 0.03, (len(grid), 2))
+    wrong = pl.MicrolensDeviations(
+        index=[(24, 0), (17, 0), (25, 0)],
+        shift=[(0.01, 0.0), (0.0, -0.02), (0.005, 0.005)],
+        decentre=[(0.0, 0.004), (0.002, 0.0), (0.0, 0.0)],
+        focal_length_factor=[1.1, math.inf, 0.9],
+        transmission=[0.5, 1.0, 0.7],
+    )
+    lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.StarStop(5, 6.0, 3.0, rotation=0.3))
+    return pl.PlenopticCamera(
+        lens=lens.with_model(pl.LensModel.THIN),
+        microlenses=pl.MicrolensArray(
+            0.4, (2.0, 1.7, -4.0), pl.Lattice.FREE, centres=centres, types=np.arange(49) % 3, imperfections=wrong
+        ),
+        sensor=pl.Sensor((40, 40), 0.02),
+        stop_to_microlenses=123.3,
+        microlenses_to_sensor=1.7,
+    )
+
+
+def spherical():
+    """Exact plano-convex microlenses on squares, behind a paraxial lens with a mask."""
+    rows, columns = np.mgrid[0:5, 0:6]
+    lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.MaskStop(((rows + 2 * columns) % 4) / 3.0, 6.0))
+    return pl.PlenopticCamera(
+        lens=lens.with_model(pl.LensModel.PARAXIAL),
+        microlenses=pl.MicrolensArray(
+            0.217,
+            (2.0, 1.8),
+            pl.Lattice.SQUARE,
+            pl.MicrolensModel.SPHERICAL,
+            thickness=0.15,
+            convex_side=pl.ConvexSide.SENSOR,
+            pattern=[[0, 1], [1, 0]],
+        ),
+        sensor=pl.Sensor((40, 40), 0.02),
+        stop_to_microlenses=123.3,
+        microlenses_to_sensor=1.75,
+    )
+
+
+def flat_high_index():
+    """Flat microlenses of high index with clear gaps, behind an exact lens with aspheres."""
+    square = pl.MicrolensAperture(pl.ApertureShape.SQUARE, 0.6, pl.Gaps.CLEAR)
+    return pl.PlenopticCamera(
+        lens=aspheric_lens(),
+        microlenses=pl.MicrolensArray(
+            0.217, (2.0,), model=pl.MicrolensModel.FLAT_HIGH_INDEX, index=1000.0, thickness=0.1, aperture=square
+        ),
+        sensor=pl.Sensor((40, 40), 0.02),
+        stop_to_microlenses=82.0,
+        microlenses_to_sensor=1.8,
+    )
+
+
+def pinholes():
+    """Pinholes on rectangles."""
+    return pl.PlenopticCamera(
+        lens=pl.load_lens("achromat-100mm-f4.4"),
+        microlenses=pl.MicrolensArray((0.2, 0.3), (2.0,), pl.Lattice.RECTANGULAR, pl.MicrolensModel.PINHOLE),
+        sensor=pl.Sensor((40, 40), 0.02),
+        stop_to_microlenses=123.3,
+        microlenses_to_sensor=1.7,
+        wavelength=546.1,
+    )
+
+
+def walled():
+    """An array of cameras: microlenses between walls and no main lens."""
+    return pl.PlenopticCamera(
+        lens=pl.no_lens(20.0),
+        microlenses=pl.MicrolensArray(0.217, (1.7,), pl.Lattice.SQUARE, walls=pl.Walls.OPAQUE),
+        sensor=pl.Sensor((40, 40), 0.02),
+        stop_to_microlenses=5.0,
+        microlenses_to_sensor=1.72,
+    )
+
+
+def conventional(sensitivity=None):
+    """No microlenses, and a tilted sensor."""
+    camera = pl.PlenopticCamera(
+        lens=pl.load_lens("double-gauss-100mm-f2"),
+        sensor=pl.Sensor((40, 48), 0.2),
+        stop_to_microlenses=134.624,
+        sensitivity=sensitivity,
+    )
+    return camera.moved(pl.CameraPart.SENSOR, tilt=(0.02, -0.01, 0.1))
+
+
+def aspheric_lens():
+    """Conics and even aspheres of catalogue glass: about 100 mm of focal length."""
+    crown, flint = pl.glass("N-BK7"), pl.glass("F2")
+    return pl.LensStack(
+        [
+            pl.Surface(62.0, 8.0, crown, semi_diameter=18.0, conic=-0.8, aspheric=(1e-6, -2e-10, 1e-13)),
+            pl.Surface(-90.0, 3.0, flint, semi_diameter=18.0),
+            pl.Surface(-400.0, 6.0, semi_diameter=18.0, conic=-3.0),
+            pl.CircularStop(8.0, 5.0),
+            pl.Surface(150.0, 5.0, crown, semi_diameter=16.0, conic=0.4),
+            pl.Surface(-300.0, semi_diameter=16.0, aspheric=(0.0, 3e-10)),
+        ]
+    )
