@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.camera.record import CameraTables, camera_tables
+from plenoptic.camera.record import CameraRecord, camera_record
 from plenoptic.rendering.plan.plan import plan_stages
 from plenoptic.rendering.plan.stages import Plan
 from plenoptic.rendering.settings import RenderSettings
@@ -28,9 +28,9 @@ class Settings(NamedTuple):
 
 
 class Compiled(NamedTuple):
-    """Camera and scene as tables."""
+    """Camera and scene as numbers."""
 
-    camera: CameraTables
+    camera: CameraRecord
     scene: SceneTables | None
     """None: a white image."""
     intersector: Intersector | None
@@ -59,4 +59,4 @@ def compiled(
     prepared = None if scene is None else prepared_scene(scene)
     tables, intersector = (None, None) if prepared is None else (prepared.tables, prepared.intersector)
     plan = plan_stages(tables, camera, how, samples=samples, replicates=replicates, truth=truth)
-    return Compiled(camera_tables(camera), tables, intersector, Settings(replicates, np.uint64(seed), plan, how))
+    return Compiled(camera_record(camera), tables, intersector, Settings(replicates, np.uint64(seed), plan, how))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.checks import check_scene_and_camera, sensor_region
-from plenoptic.camera.record import CameraTables, camera_tables
+from plenoptic.camera.record import CameraRecord, camera_record
 from plenoptic.camera.sampling.pixel_regions import cells_per_pixel, pixel_centres
 from plenoptic.core.parallel import run_in_order, thread_count
 from plenoptic.errors import InvalidValueError
@@ -54,7 +54,7 @@ class TruthTables(NamedTuple):
     """FREE lattices: numbers of the listed lenses, row by row."""
 
 
-def truth_tables(camera: PlenopticCamera, tables: CameraTables, wanted: Truth) -> TruthTables | None:
+def truth_tables(camera: PlenopticCamera, tables: CameraRecord, wanted: Truth) -> TruthTables | None:
     """Compile what is wanted; None where it is nothing."""
     if not wanted:
         return None
@@ -75,16 +75,16 @@ def truth_tables(camera: PlenopticCamera, tables: CameraTables, wanted: Truth) -
     )
 
 
-def _free_numbers(tables: CameraTables) -> NDArray[np.int64]:
+def _free_numbers(tables: CameraRecord) -> NDArray[np.int64]:
     """Numbers of the lenses of a FREE array that are listed: those up to some distance along x and y, in order."""
-    assert tables.array is not None and tables.array.centres is not None
-    assert tables.cells is not None and tables.cells.listed is not None
-    farther = np.abs(np.asarray(tables.array.centres)).max(axis=1)
-    return np.sort(np.argsort(farther, kind="stable")[: len(tables.cells.listed.lenses)])
+    assert tables.microlenses is not None and tables.microlenses.centres is not None
+    assert tables.array is not None and tables.array.listed is not None
+    farther = np.abs(np.asarray(tables.microlenses.centres)).max(axis=1)
+    return np.sort(np.argsort(farther, kind="stable")[: len(tables.array.listed.lenses)])
 
 
 def truth_of(
-    tables: CameraTables,
+    tables: CameraRecord,
     scene: SceneTables | None,
     intersector: Intersector | None,
     truth: TruthTables,
@@ -104,13 +104,13 @@ def truth_of(
 
 
 def _fill_microlenses(
-    into: Mapping[str, NDArray[Any]], tables: CameraTables, truth: TruthTables, cells: NDArray[np.float64]
+    into: Mapping[str, NDArray[Any]], tables: CameraRecord, truth: TruthTables, cells: NDArray[np.float64]
 ) -> None:
-    array, compiled = tables.array, tables.cells
+    array, compiled = tables.microlenses, tables.array
     assert array is not None and compiled is not None
     lit = np.isfinite(cells[:, 0])
     if truth.numbers is None:
-        index = np.rint((cells[lit, :2] - compiled.origin) @ compiled.inverse).astype(np.int64)
+        index = np.rint((cells[lit, :2] - compiled.lattice.origin) @ compiled.lattice.inverse).astype(np.int64)
         types = lattice_types(array, index)
     else:
         number = truth.numbers[cells[lit, 2].astype(np.int64)]
@@ -122,21 +122,21 @@ def _fill_microlenses(
 
 def _fill_hits(
     into: Mapping[str, NDArray[Any]],
-    tables: CameraTables,
+    tables: CameraRecord,
     scene: SceneTables,
     intersector: Intersector,
     truth: TruthTables,
     main: MainRays,
     pixels: NDArray[np.float64],
 ) -> None:
-    from plenoptic.camera.sampling.kernels import paths
+    from plenoptic.camera.kernels.world_rays import fill_world_rays
     from plenoptic.scene.geometry.kernels import interaction
     from plenoptic.truth.kernels import representative_ray
 
     assert scene.triangle_mesh is not None and scene.triangle_material is not None
     n = len(pixels)
     rays, lane_of, points = np.empty((n, 6)), np.empty(n, dtype=np.int64), np.empty((n, 3))
-    sent = paths.fill_world_rays(rays, lane_of, main.blocks, n, tables.rotation, tables.position)
+    sent = fill_world_rays(rays, lane_of, main.blocks, n, tables.rotation, tables.position)
     rays, lane_of = rays[:sent], lane_of[:sent]
     hits, reached = np.full(sent, -1, dtype=np.int32), np.empty(sent)
     placed = None if scene.instances is None else np.full(sent, -1, dtype=np.int32)
@@ -176,7 +176,7 @@ def _fill_hits(
 
 def _fill_images(
     into: Mapping[str, NDArray[Any]],
-    tables: CameraTables,
+    tables: CameraRecord,
     truth: TruthTables,
     bare: LensTables,
     main: MainRays,
@@ -188,19 +188,20 @@ def _fill_images(
     from plenoptic.optics.lens.kernels.trace import fill_traced
     from plenoptic.truth.kernels import virtual_depth as virtual_depth_kernels
 
-    assert tables.array is not None
+    assert tables.microlenses is not None
+    plane = tables.sensor.plane
     blocks = np.empty(-(-len(lanes) * virtual_depth_kernels.NEIGHBOURS // BLOCK) * RAY)
     virtual_depth_kernels.fill_neighbours(blocks, main.before, lanes, truth.axes, truth.step, _TURN)
     fill_traced(blocks, *bare)
     distance = np.full(len(pixels), np.nan)
     virtual_depth_kernels.fill_image_distances(distance, blocks, main.blocks, points, lanes, truth.step, _TURN)
-    behind = np.full(len(pixels), tables.distance) if tables.lean is None else tables.distance + pixels @ tables.lean
+    behind = np.full(len(pixels), plane.distance) if plane.tilt is None else plane.distance + pixels @ plane.tilt
     virtual = distance / behind
     if "virtual_depth" in into:
         into["virtual_depth"][:] = virtual
     if "disparity" in into:
         with np.errstate(divide="ignore"):
-            into["disparity"][:] = min(tables.array.pitches) / tables.pitch / virtual
+            into["disparity"][:] = min(tables.microlenses.pitches) / tables.sensor.pitch / virtual
 
 
 def ground_truth(
@@ -259,7 +260,7 @@ def ground_truth(
     prepared = None if scene is None else prepared_scene(scene)
     meshes = prepared is not None and prepared.tables.triangles is not None
     wanted = available_truth(checked_truth(truth), meshes=meshes, microlenses=camera.microlenses is not None)
-    tables = camera_tables(camera)
+    tables = camera_record(camera)
     cells_per_pixel(tables)
     finding = truth_tables(camera, tables, wanted)
     if finding is None:

@@ -7,8 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.record import CameraTables, fill_through_array, lanes_for
+from plenoptic.camera.record import CameraRecord
 from plenoptic.camera.sampling.pixel_regions import feeding_regions
+from plenoptic.camera.stages import fill_through_array, own_microlenses
 
 
 class MainRays(NamedTuple):
@@ -23,7 +24,7 @@ class MainRays(NamedTuple):
     the pixel has none."""
 
 
-def main_rays(tables: CameraTables, pixels: NDArray[np.float64]) -> MainRays:
+def main_rays(tables: CameraRecord, pixels: NDArray[np.float64]) -> MainRays:
     """Rays through the lens, one for each pixel centre (n, 2).
 
     A pixel's ray goes from its centre through the lit centroid of the microlens that gives it most light, found
@@ -37,7 +38,7 @@ def main_rays(tables: CameraTables, pixels: NDArray[np.float64]) -> MainRays:
     regions = feeding_regions(tables, pixels, 0.0)
     aims = np.empty((n * representative_ray.PROBES, representative_ray.AIM))
     probes = np.empty(-(-len(aims) // BLOCK) * RAY)
-    probe_lanes, lanes = lanes_for(tables, probes.size // 8), lanes_for(tables, -(-n // BLOCK) * BLOCK)
+    probe_lanes, lanes = own_microlenses(tables, probes.size // 8), own_microlenses(tables, -(-n // BLOCK) * BLOCK)
     representative_ray.fill_probes(probes, probe_lanes, aims, pixels, *regions)
     fill_through_array(probes, probe_lanes, tables)
     fill_traced(probes, *tables.lens)

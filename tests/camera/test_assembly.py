@@ -110,7 +110,7 @@ def test_a_tilted_sensor_is_nearer_on_one_side():
     parts = assembly(CAMERA.moved(SENSOR, tilt=(0.0, tilt, 0.0)))
     # About y, z turns towards x: the plane is z = 1.7 - x tan(tilt).
     assert parts.distance == pytest.approx(1.7, rel=1e-12)
-    assert parts.lean == pytest.approx((-math.tan(tilt), 0.0), abs=1e-15)
+    assert parts.tilt == pytest.approx((-math.tan(tilt), 0.0), abs=1e-15)
 
 
 def test_a_tilted_conventional_camera_weighs_light_by_both_cosines():

@@ -108,10 +108,10 @@ def _assembly_decisions(camera: PlenopticCamera) -> list[Decision]:
     return [
         Decision(
             Stage.TILTED_SENSOR,
-            parts.lean is not None,
+            parts.tilt is not None,
             "it is parallel to the array" if array else "it is perpendicular to the lens's axis",
         )
-        if parts.lean is None
+        if parts.tilt is None
         else Decision(Stage.TILTED_SENSOR, True, "its distance varies"),
         Decision(
             Stage.TILTED_ARRAY,
