@@ -78,5 +78,6 @@ from plenoptic import (
     sensitivities,
     sphere,
     still_life,
+    targets,
     white_plane,
 )
