@@ -9,7 +9,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.scene.materials.registry import GLASS, LAMBERTIAN, LAYERED, MATERIALS, METAL, PANE, Material
+from plenoptic.scene.materials.registry import (
+    CONDUCTOR,
+    DIELECTRIC,
+    LAMBERTIAN,
+    MATERIALS,
+    METALLIC_ROUGHNESS,
+    THIN_DIELECTRIC,
+    Material,
+)
 
 _ROUGHNESSES, _COSINES, _DRAWS = 41, 49, 32
 
@@ -38,12 +46,12 @@ def build_bsdf(materials: Sequence[Material], channels: int) -> BsdfTables:
     there = set(kinds.tolist())
     # All metals share the column; those of constant reflectance have zeros there.
     metals = np.array([np.broadcast_to(row.metal_index, 3)[:channels] for row in rows], dtype=np.complex128)
-    coupling, coupling_mean = _layer_tables() if LAYERED in there else (None, None)
+    coupling, coupling_mean = _layer_tables() if METALLIC_ROUGHNESS in there else (None, None)
     return BsdfTables(
         kinds=None if there <= {LAMBERTIAN} else _fixed(kinds),
-        metal_index=_fixed(np.stack([metals.real, metals.imag], axis=-1)) if METAL in there else None,
-        glass_index=_fixed(np.array([row.glass_index for row in rows])) if GLASS in there else None,
-        pane_index=_fixed(np.array([row.pane_index for row in rows])) if PANE in there else None,
+        metal_index=_fixed(np.stack([metals.real, metals.imag], axis=-1)) if CONDUCTOR in there else None,
+        glass_index=_fixed(np.array([row.glass_index for row in rows])) if DIELECTRIC in there else None,
+        pane_index=_fixed(np.array([row.pane_index for row in rows])) if THIN_DIELECTRIC in there else None,
         coupling=coupling,
         coupling_mean=coupling_mean,
     )
@@ -51,7 +59,7 @@ def build_bsdf(materials: Sequence[Material], channels: int) -> BsdfTables:
 
 @cache
 def _layer_tables() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """What passes the layer of a LAYERED material of reflectance 0.04, and its means.
+    """What passes the layer of a METALLIC_ROUGHNESS material of reflectance 0.04, and its means.
 
     The layer's directional albedo is the mean of F G2 / G1 over normals drawn by visibility, here at the midpoints of
     a grid of random numbers, as in `microfacets.visible_normal`.

@@ -15,15 +15,15 @@ Material: TypeAlias = Lambertian | RoughDiffuse | Conductor | Dielectric | ThinG
 
 KIND_NAMES = ("Lambertian", "rough diffuse", "metal", "glass", "panes", "metallic-roughness")
 """What a plan calls the kinds by which kernels scatter."""
-LAMBERTIAN, OREN_NAYAR, METAL, GLASS, PANE, LAYERED = range(len(KIND_NAMES))
+LAMBERTIAN, OREN_NAYAR, CONDUCTOR, DIELECTRIC, THIN_DIELECTRIC, METALLIC_ROUGHNESS = range(len(KIND_NAMES))
 
 MATERIALS: dict[type[Material], int] = {
     Lambertian: LAMBERTIAN,
     RoughDiffuse: OREN_NAYAR,
-    Conductor: METAL,
-    Dielectric: GLASS,
-    ThinGlass: PANE,
-    MetallicRoughness: LAYERED,
+    Conductor: CONDUCTOR,
+    Dielectric: DIELECTRIC,
+    ThinGlass: THIN_DIELECTRIC,
+    MetallicRoughness: METALLIC_ROUGHNESS,
     Emissive: LAMBERTIAN,
 }
 """The kind by which each material scatters; what only emits is a black Lambertian."""
