@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.camera import record as camera_tables_module
+from plenoptic.camera import record as camera_records
 from plenoptic.camera.assembly import assembly
 from plenoptic.optics.lens.placement import rotation_about_axes
 
@@ -193,10 +193,10 @@ def test_wider_margins_change_no_image(moves, model, monkeypatch):
     narrow = white(camera, 512, region)
 
     def with_slack(camera):
-        tables = camera_tables_module.camera_tables(camera)
-        return tables._replace(slack=tables.slack + 1.0)
+        tables = camera_records.camera_record(camera)
+        return tables._replace(pupil=tables.pupil._replace(margin=tables.pupil.margin + 1.0))
 
-    monkeypatch.setattr("plenoptic.rendering.context.camera_tables", with_slack)
+    monkeypatch.setattr("plenoptic.rendering.context.camera_record", with_slack)
     wide = white(camera, 1024, region, seed=1)
     agree(narrow, wide)
 

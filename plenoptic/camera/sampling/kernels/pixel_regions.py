@@ -21,7 +21,7 @@ _MOST_CORNERS = 64
 @device
 def _store_fan(triangles, used, polygon, n, shift, axis, area):
     """Append a polygon as a fan of triangles; returns the triangles used and the area so far."""
-    x, y = polygon[0], polygon[1]
+    x, y, _, _ = polygon
     for k in range(1, n - 1):
         ax, ay = x[k] - x[0], y[k] - y[0]
         bx, by = x[k + 1] - x[0], y[k + 1] - y[0]
@@ -84,7 +84,7 @@ def _cut_opening(polygon, opening, at, slopes, spread, azimuth, outline):
     is the cosine and sine of that of the cell, in whose direction the outline has its first axis. The outline has
     normals, their distances and a margin.
     """
-    x, y, xs, ys = polygon[0], polygon[1], polygon[2], polygon[3]
+    x, y, xs, ys = polygon
     qx, qy = at
     jxx, jxy, jyx, jyy = slopes
     cos, sin = azimuth
@@ -98,20 +98,19 @@ def _cut_opening(polygon, opening, at, slopes, spread, azimuth, outline):
         if room < -spread:
             return 0
         if n < 0:
-            n = _copied(x, y, opening)
+            n = opening.shape[0]
+            for q in range(n):
+                x[q], y[q] = opening[q, 0], opening[q, 1]
         # The side's normal, turned back.
         ux, uy = cos * normals[k, 0] - sin * normals[k, 1], sin * normals[k, 0] + cos * normals[k, 1]
         n = cut(x, y, n, jxx * ux + jyx * uy, jxy * ux + jyy * uy, room, xs, ys)
         if n == 0:
             return 0
-    return _copied(x, y, opening) if n < 0 else n
-
-
-@device
-def _copied(x, y, corners):
-    for q in range(corners.shape[0]):
-        x[q], y[q] = corners[q, 0], corners[q, 1]
-    return corners.shape[0]
+    if n < 0:
+        n = opening.shape[0]
+        for q in range(n):
+            x[q], y[q] = opening[q, 0], opening[q, 1]
+    return n
 
 
 @device
@@ -141,7 +140,9 @@ def fill_cell_regions(regions, pixels, pixel_margin, sensor, array, pupil):
     origin, basis, inverse = array.lattice.origin, array.lattice.basis, array.lattice.inverse
     powers, radius, plane, pinhole = array.lattice.powers, array.opening.radius, pupil.plane, pupil.pinhole
     normals, support, reach, step = pupil.normals, pupil.support, pupil.reach, pupil.step
-    polygon = np.empty((4, _MOST_CORNERS))
+    x, y = np.empty(_MOST_CORNERS), np.empty(_MOST_CORNERS)
+    spare_x, spare_y = np.empty(_MOST_CORNERS), np.empty(_MOST_CORNERS)
+    polygon = x, y, spare_x, spare_y
     largest = 0.0
     for i in range(reach.size):
         largest = max(largest, reach[i])
@@ -266,7 +267,7 @@ def fill_pupil_regions(regions, pixels, pupil):
     triangles, first = regions.triangles, regions.first
     corners, reach, step = pupil.corners, pupil.reach, pupil.step
     sides = corners.shape[1]
-    polygon = np.empty((4, sides))
+    x, y = np.empty(sides), np.empty(sides)
     used = 0
     for p in range(pixels.shape[0]):
         first[p] = used
@@ -277,8 +278,8 @@ def fill_pupil_regions(regions, pixels, pupil):
             continue
         cos, sin = (sx / rho, sy / rho) if rho > 0.0 else (1.0, 0.0)
         for k in range(sides):
-            polygon[0, k] = cos * corners[interval, k, 0] - sin * corners[interval, k, 1]
-            polygon[1, k] = sin * corners[interval, k, 0] + cos * corners[interval, k, 1]
-        used, _ = _store_fan(triangles, used, polygon, sides, (0.0, 0.0), (0.0, 0.0), 0.0)
+            x[k] = cos * corners[interval, k, 0] - sin * corners[interval, k, 1]
+            y[k] = sin * corners[interval, k, 0] + cos * corners[interval, k, 1]
+        used, _ = _store_fan(triangles, used, (x, y, x, y), sides, (0.0, 0.0), (0.0, 0.0), 0.0)
     first[pixels.shape[0]] = used
     return used
