@@ -9,7 +9,7 @@ from plenoptic.camera.dust import fill_dimmed_at_lens
 from plenoptic.camera.record import CameraRecord
 from plenoptic.camera.sampling.record import Batch, FedPixels
 from plenoptic.camera.stages import fill_before_array, fill_through_array, own_microlenses
-from plenoptic.optics.lens.record import LensTables
+from plenoptic.optics.lens.record import LensRecord
 from plenoptic.optics.microlens.dust import BlemishSite
 
 _GUIDES = 1024
@@ -20,14 +20,11 @@ def wave_guide(cdf: NDArray[np.float64]) -> NDArray[np.int64]:
     return np.asarray(np.searchsorted(cdf, np.arange(_GUIDES) / _GUIDES, side="right"), dtype=np.int64)
 
 
-def fill_through_lens(bundle: NDArray[np.float64], lens: LensTables, waves: NDArray[np.int64] | None) -> None:
+def fill_through_lens(bundle: NDArray[np.float64], lens: LensRecord, waves: NDArray[np.int64] | None) -> None:
     """Trace a bundle through the lens, each ray at its wavelength where `waves` has their numbers."""
-    from plenoptic.optics.lens.kernels.trace import fill_traced, fill_traced_waves
+    from plenoptic.optics.lens.kernels.trace import fill_traced
 
-    if waves is None:
-        fill_traced(bundle, *lens)
-    else:
-        fill_traced_waves(bundle, waves, *lens)
+    fill_traced(bundle, lens, waves)
 
 
 class CameraPaths:

@@ -12,7 +12,7 @@ from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.dust import PlacedDust, placed_dust
 from plenoptic.camera.sampling.bounds import array_bounds, sensor_bounds
 from plenoptic.core.color.spectra import ColourTables, colour_tables
-from plenoptic.optics.lens.record import LensTables, lens_tables
+from plenoptic.optics.lens.record import LensRecord, lens_record
 from plenoptic.optics.microlens.array import MicrolensArray, MicrolensModel
 from plenoptic.optics.microlens.record import ArrayRecord, ResponseRecord, SensorPlane, array_record, possible_powers
 
@@ -72,10 +72,10 @@ class CameraRecord(NamedTuple):
     array: ArrayRecord | None
     """None without microlenses."""
     pupil: PupilRecord
-    lens: LensTables
+    lens: LensRecord
     colour: ColourTables | None
     """The wavelengths that paths draw; None where all have the camera's."""
-    dispersed: LensTables | None
+    dispersed: LensRecord | None
     """The lens at those wavelengths."""
     dust: tuple[PlacedDust, ...]
     parts: Assembly
@@ -117,9 +117,9 @@ def camera_record(camera: PlenopticCamera) -> CameraRecord:
         sensor=_sensor_record(camera, parts),
         array=compiled,
         pupil=PupilRecord(*bounds, plane, margin, pinhole),
-        lens=lens_tables(lens, camera.wavelength, reverse=True),
+        lens=lens_record(lens, camera.wavelength, reverse=True),
         colour=colour,
-        dispersed=None if colour is None else lens_tables(lens, colour.wavelengths, reverse=True),
+        dispersed=None if colour is None else lens_record(lens, colour.wavelengths, reverse=True),
         dust=placed_dust(camera, parts),
         parts=parts,
         z_plane=parts.z_plane,

@@ -21,7 +21,7 @@ from plenoptic.camera.stages import fill_dimmed_before_array
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.pupil.entrance_pupil import Entrance, entering_polygon, entrance
-from plenoptic.optics.lens.record import LensTables, lens_tables
+from plenoptic.optics.lens.record import LensRecord, lens_record
 from plenoptic.optics.microlens.dust import BlemishSite
 from plenoptic.optics.microlens.record import ResponseRecord
 
@@ -50,7 +50,7 @@ class ForwardRecord(NamedTuple):
     """A camera forwards, as numbers."""
 
     camera: PlenopticCamera
-    lens: LensTables
+    lens: LensRecord
     ideal: bool
     """Whether an ideal lens stands for the main lens."""
     facing: NDArray[np.float64] | None
@@ -95,7 +95,7 @@ def forward_record(camera: PlenopticCamera) -> ForwardRecord:
     placed = parts.lens_to_camera
     return ForwardRecord(
         camera,
-        lens_tables(lens, camera.wavelength, reverse=False),
+        lens_record(lens, camera.wavelength, reverse=False),
         lens.model in (LensModel.THIN, LensModel.PARAXIAL),
         None if placed is None or placed.turn[2, 2] == 1.0 else placed.turn[2].copy(),
         entrance(lens, camera.wavelength),
@@ -192,7 +192,7 @@ def landed(record: ForwardRecord, task: Task, seed: np.uint64) -> Landed:
         bundle = blocks[: -(-n // BLOCK) * RAY]
         source_rays.fill_source_rays(bundle, start, n, seed, task, record.entrance.z, record.ideal, record.facing)
         fill_dimmed_at_lens(bundle, dust, BlemishSite.LENS_FRONT)
-        fill_traced(bundle, *record.lens)
+        fill_traced(bundle, record.lens, None)
         if record.ideal:
             to_sensor.fill_ideal_weights(bundle)
         fill_dimmed_at_lens(bundle, dust, BlemishSite.LENS_REAR)

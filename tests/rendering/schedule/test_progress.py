@@ -111,8 +111,9 @@ TILE = Tile(0, 0, 2, 2)
 
 def result(tile: Tile, sums: np.ndarray, first: int, samples: int) -> TileResult:
     """What a tile would have brought; sums (rows, columns, replicates, 1) of all samples until now."""
+    batch = batch_record(np.uint64(0), first, samples, REPLICATES, 0, 0)
     return TileResult(
-        tile, batch_record(np.uint64(0), first, samples, REPLICATES, 0, 0), sums, np.ones(sums.shape[:2]), np.zeros(8, dtype=np.int64),
+        tile, batch, sums, np.ones(sums.shape[:2]), np.zeros(8, dtype=np.int64),
         None, samples * tile.rows * tile.columns, 0, (), 0, 0.0, 0.0,
     )  # fmt: skip
 

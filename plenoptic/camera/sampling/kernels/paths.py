@@ -108,11 +108,9 @@ def fill_camera_samples(blocks, own, start, n, batch, fed, pixel):
     """
     net, samples, streams = batch.net, batch.samples, batch.streams
     triangles, first = fed.regions.triangles, fed.regions.first
-    details = fed.regions.details
     centres, number = fed.centres, fed.number
     u = np.empty((DIMENSIONS, net.shape[1]))
     width, height = pixel.width, pixel.height
-    skew = pixel.skew
     path = start
     end = start + n
     while path < end:
@@ -128,12 +126,12 @@ def fill_camera_samples(blocks, own, start, n, batch, fed, pixel):
             at = path - start + k
             base = (at // BLOCK) * RAY
             sx, sy = corner_x + width * u[0, k], corner_y + height * u[1, k]
-            if skew is not None:
-                sx += skew[0] * (u[1, k] - 0.5)
-                sy += skew[1] * (u[0, k] - 0.5)
+            if pixel.skew is not None:
+                sx += pixel.skew[0] * (u[1, k] - 0.5)
+                sy += pixel.skew[1] * (u[0, k] - 0.5)
             chosen = aim(blocks[base : base + RAY], at % BLOCK, triangles, region, (sx, sy), (u[2, k], u[3, k]))
-            if details is not None:
-                own[at] = details[chosen]
+            if fed.regions.details is not None:
+                own[at] = fed.regions.details[chosen]
         path += run
     pad(blocks, n)
 

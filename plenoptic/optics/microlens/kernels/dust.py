@@ -85,12 +85,18 @@ def fill_dust_bins(bin_first, members, capsules, grid, margin):
 
 
 @device
+def in_axes(axes, x, y):
+    """A point of a plane through an affine map (2, 3)."""
+    return axes[0, 0] * x + axes[0, 1] * y + axes[0, 2], axes[1, 0] * x + axes[1, 1] * y + axes[1, 2]
+
+
+@device
 def _dim(ray, row, point, axes, dust):
     """Multiply a number by what passes the plane of the dust at a local point: all where the point is no number."""
     x, y = point
     grid = dust.grid
     if axes is not None:
-        x, y = axes[0, 0] * x + axes[0, 1] * y + axes[0, 2], axes[1, 0] * x + axes[1, 1] * y + axes[1, 2]
+        x, y = in_axes(axes, x, y)
     u, v = (x - grid[0]) * grid[2], (y - grid[1]) * grid[2]
     if u >= 0.0 and u < grid[3] and v >= 0.0 and v < grid[4]:
         b = int(u) * int(grid[4]) + int(v)
@@ -113,11 +119,12 @@ def fill_dimmed_aims(blocks, sensor, height, axes, dust):
     where they are the same (see `dust.plane_axes`).
     """
     distance = sensor.distance
-    tilt = sensor.tilt
     rise, straight = 0.0, 0.0
     if height is not None:
         # Along the local axis a parallel plane at `height` lies this far away.
-        rise = height if tilt is None else height * math.sqrt(1.0 + tilt[0] * tilt[0] + tilt[1] * tilt[1])
+        rise = height
+        if sensor.tilt is not None:
+            rise = height * math.sqrt(1.0 + sensor.tilt[0] * sensor.tilt[0] + sensor.tilt[1] * sensor.tilt[1])
         straight = 1.0 - rise / distance
     for b in range(blocks.size // RAY):
         ray = blocks[b * RAY : (b + 1) * RAY]
@@ -125,7 +132,9 @@ def fill_dimmed_aims(blocks, sensor, height, axes, dust):
             x, y = ray[X + i], ray[Y + i]
             if height is not None:
                 # From the sensor's plane, the path rises to the sensor's distance at the point aimed at.
-                back = straight if tilt is None else 1.0 - rise / (distance + tilt[0] * x + tilt[1] * y)
+                back = straight
+                if sensor.tilt is not None:
+                    back = 1.0 - rise / (distance + sensor.tilt[0] * x + sensor.tilt[1] * y)
                 x, y = x - back * ray[L + i], y - back * ray[M + i]
             _dim(ray, WEIGHT + i, (x, y), axes, dust)
 

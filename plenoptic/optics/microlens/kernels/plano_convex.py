@@ -25,7 +25,7 @@ from plenoptic.core.kernels.ray_blocks import (
     Y,
     Z,
 )
-from plenoptic.optics.lens.kernels.trace import refract_block
+from plenoptic.optics.lens.kernels.sphere import refract_sphere
 from plenoptic.optics.microlens.kernels.to_lens import distance_to_sensor, is_open, weigh
 
 
@@ -100,7 +100,7 @@ def _refract_own(ray, own, flat, bow, ratio):
             q = -(nx * l + ny * m + nz * n)
             q2 = up if q > 0.0 else -1.0
         else:
-            # As in `trace.refract_block`, towards the scene.
+            # As in `sphere.refract_sphere`, towards the scene.
             e = -(x * l + y * m + z * n)
             x, y, z = x + e * l, y + e * m, z + e * n
             f = c * (x * x + y * y + z * z) - 2.0 * z
@@ -133,7 +133,7 @@ def _refract_curved(ray, own, power, flat, bow, ratio):
     elif flat:
         refract_flat_block(ray, bow[0] * power * bow[1], ratio, -1.0)
     else:
-        refract_block(ray, bow[0] * power * bow[1], ratio, None, math.inf, math.inf, -1.0, 0.0)
+        refract_sphere(ray, bow[0] * power * bow[1], ratio, None, math.inf, math.inf, -1.0, 0.0)
 
 
 @kernel
@@ -142,7 +142,6 @@ def fill_plano_convex(blocks, own, sensor, plate, power, edges, z_array):
 
     `edges` are those of `EdgesRecord`, `z_array` is the front principal plane.
     """
-    tilt = sensor.tilt
     distance, index, thickness = sensor.distance, plate.refractive_index, plate.thickness
     # Light that travels in reverse meets the side towards the sensor first.
     curved_first, flat = not plate.towards_scene, plate.flat
@@ -151,9 +150,9 @@ def fill_plano_convex(blocks, own, sensor, plate, power, edges, z_array):
     for b in range(blocks.size // RAY):
         ray = blocks[b * RAY : (b + 1) * RAY]
         lenses = None if own is None else own[b * BLOCK : (b + 1) * BLOCK]
-        weigh(ray, distance, tilt)
+        weigh(ray, distance, sensor.tilt)
         for i in range(BLOCK):
-            h = distance_to_sensor(ray, i, distance, tilt)
+            h = distance_to_sensor(ray, i, distance, sensor.tilt)
             cx, cy = ray[Z + i], ray[N + i]
             centre[i] = cx
             centre[BLOCK + i] = cy
@@ -169,11 +168,11 @@ def fill_plano_convex(blocks, own, sensor, plate, power, edges, z_array):
             _refract_curved(ray, lenses, power, flat, (-1.0, scale), 1.0 / index)
             _keep_inside(ray, lenses, centre, edges)
         else:
-            refract_block(ray, 0.0, 1.0 / index, None, math.inf, math.inf, -1.0, 0.0)
+            refract_sphere(ray, 0.0, 1.0 / index, None, math.inf, math.inf, -1.0, 0.0)
         for i in range(BLOCK):
             ray[Z + i] += thickness
         if curved_first:
-            refract_block(ray, 0.0, index, None, math.inf, math.inf, -1.0, 0.0)
+            refract_sphere(ray, 0.0, index, None, math.inf, math.inf, -1.0, 0.0)
         else:
             _refract_curved(ray, lenses, power, flat, (1.0, scale), index)
             _keep_inside(ray, lenses, centre, edges)

@@ -22,7 +22,7 @@ from plenoptic.core.kernels.ray_blocks import (
     Y,
     Z,
 )
-from plenoptic.optics.lens.kernels.trace import refract_block
+from plenoptic.optics.lens.kernels.sphere import refract_sphere
 from plenoptic.optics.microlens.kernels.cell_lookup import AXIS_X, AXIS_Y, PLACE, POWER, find_cells, find_lenses
 from plenoptic.optics.microlens.kernels.plano_convex import refract_flat_block
 from plenoptic.optics.microlens.kernels.to_sensor import land, to_plane
@@ -79,7 +79,7 @@ def _refract_each(ray, place, bow, mu, flat):
             q = nx * l + ny * m + nz * n
             met = up >= 0.0 and q > 0.0
         else:
-            # As in `trace.refract_block`.
+            # As in `sphere.refract_sphere`.
             e = -(x * l + y * m)
             x, y, z = x + e * l, y + e * m, e * n
             f = c * (x * x + y * y + z * z) - 2.0 * z
@@ -119,7 +119,7 @@ def _refract_curved(ray, place, c, mu, flat, array):
         refract_flat_block(ray, c, mu, 1.0)
         _weigh_tilt(ray, c, True)
     else:
-        refract_block(ray, c, mu, None, math.inf, math.inf, 1.0, 0.0)
+        refract_sphere(ray, c, mu, None, math.inf, math.inf, 1.0, 0.0)
         _keep_inside(ray, array.cell)
     _shift(ray, place, 1.0)
 
@@ -152,7 +152,7 @@ def fill_plano_convex_forward(blocks, z_front, sensor, plate, array, differs):
         ray = blocks[b * RAY : (b + 1) * RAY]
         to_plane(ray, z_front)
         if not curved_first:
-            refract_block(ray, 0.0, 1.0 / index, None, math.inf, math.inf, 1.0, 0.0)
+            refract_sphere(ray, 0.0, 1.0 / index, None, math.inf, math.inf, 1.0, 0.0)
             to_plane(ray, thickness)
         if differs is None:
             _refract_curved(ray, place, bow * power, mu, plate.flat, array)
@@ -161,5 +161,5 @@ def fill_plano_convex_forward(blocks, z_front, sensor, plate, array, differs):
         if curved_first:
             for i in range(BLOCK):
                 ray[Z + i] -= thickness
-            refract_block(ray, 0.0, index, None, math.inf, math.inf, 1.0, 0.0)
+            refract_sphere(ray, 0.0, index, None, math.inf, math.inf, 1.0, 0.0)
         land(ray, place, sensor, array)

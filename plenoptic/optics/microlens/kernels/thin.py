@@ -17,13 +17,12 @@ from plenoptic.optics.microlens.kernels.to_sensor import land, to_plane
 def fill_thin(blocks, own, sensor, power, z_plane):
     """Aimed samples become rays towards the lens: slopes change by height over focal length (power = 1/f)."""
     distance = sensor.distance
-    tilt = sensor.tilt
     for b in range(blocks.size // RAY):
         ray = blocks[b * RAY : (b + 1) * RAY]
-        weigh(ray, distance, tilt)
+        weigh(ray, distance, sensor.tilt)
         for i in range(BLOCK):
             bend = power if own is None else own[b * BLOCK + i].power
-            h = distance_to_sensor(ray, i, distance, tilt)
+            h = distance_to_sensor(ray, i, distance, sensor.tilt)
             u = ray[L + i] / h - (ray[X + i] - ray[Z + i]) * bend
             v = ray[M + i] / h - (ray[Y + i] - ray[N + i]) * bend
             head_for(ray, i, (u, v), z_plane)

@@ -15,7 +15,7 @@ import math
 
 from plenoptic.core.jit import device, kernel
 from plenoptic.core.kernels.ray_blocks import BLOCK, OUTSIDE_MICROLENS, RAY, STATUS, WEIGHT, L, M, N, X, Y, Z
-from plenoptic.optics.lens.kernels.trace import out_of_frame
+from plenoptic.optics.lens.kernels.frames import out_of_frame
 
 
 @device
@@ -66,15 +66,14 @@ def is_open(x, y, radius2, edges):
 def fill_pixel_response(blocks, sensor, response):
     """Multiply the weights of aimed samples by the pixel's response to their direction; see `AngularResponse.at`."""
     distance = sensor.distance
-    tilt = sensor.tilt
-    frame = response.frame
     index, well_depth, inverse_pupil = response.refractive_index, response.well_depth, response.inverse_pupil
     for b in range(blocks.size // RAY):
         ray = blocks[b * RAY : (b + 1) * RAY]
         for i in range(BLOCK):
-            u, v, w = ray[L + i], ray[M + i], distance_to_sensor(ray, i, distance, tilt)
+            u, v, w = ray[L + i], ray[M + i], distance_to_sensor(ray, i, distance, sensor.tilt)
             x, y = ray[X + i] - u, ray[Y + i] - v
-            if frame is not None:
+            if response.frame is not None:
+                frame = response.frame
                 # The way towards the lens is -w along the local axis, where the sensor's points lie at +w.
                 px, py, pz = x - frame[9], y - frame[10], w - frame[11]
                 x = frame[0] * px + frame[3] * py + frame[6] * pz
@@ -98,12 +97,11 @@ def fill_pixel_response(blocks, sensor, response):
 def fill_straight(blocks, sensor, z_plane):
     """No microlenses: rays from the sensor straight through points of a plane at z_plane."""
     distance = sensor.distance
-    tilt = sensor.tilt
     for b in range(blocks.size // RAY):
         ray = blocks[b * RAY : (b + 1) * RAY]
-        weigh(ray, distance, tilt)
+        weigh(ray, distance, sensor.tilt)
         for i in range(BLOCK):
-            h = distance_to_sensor(ray, i, distance, tilt)
+            h = distance_to_sensor(ray, i, distance, sensor.tilt)
             head_for(ray, i, (ray[L + i] / h, ray[M + i] / h), z_plane)
 
 

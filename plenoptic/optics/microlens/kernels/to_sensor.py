@@ -30,8 +30,9 @@ from plenoptic.core.kernels.ray_blocks import (
     Y,
     Z,
 )
-from plenoptic.optics.lens.kernels.trace import into_frame
+from plenoptic.optics.lens.kernels.frames import into_frame
 from plenoptic.optics.microlens.kernels.cell_lookup import FIRST, PLACE, SECOND, own_lens
+from plenoptic.optics.microlens.kernels.dust import in_axes
 
 
 @device
@@ -51,13 +52,12 @@ def land(ray, place, sensor, array):
     Rays are lost that land behind the cell of another microlens than theirs where walls separate these.
     """
     distance = sensor.distance
-    tilt = sensor.tilt
-    axes = sensor.axes
     for i in range(BLOCK):
         n = ray[N + i]
         u, v = ray[L + i] / n, ray[M + i] / n
         x, y, t = ray[X + i], ray[Y + i], distance - ray[Z + i]
-        if tilt is not None:
+        if sensor.tilt is not None:
+            tilt = sensor.tilt
             towards = 1.0 - tilt[0] * u - tilt[1] * v
             t = (t + tilt[0] * x + tilt[1] * y) / towards
             ray[STATUS + i] = ray[STATUS + i] if ray[STATUS + i] != 0.0 or towards > 0.0 else MISSED
@@ -67,8 +67,8 @@ def land(ray, place, sensor, array):
                 first, second, _, _, _, _ = own_lens(x, y, array)
                 own = first == place[FIRST + i] and second == place[SECOND + i]
                 ray[STATUS + i] = 0.0 if own else OUTSIDE_MICROLENS
-        if axes is not None:
-            x, y = axes[0, 0] * x + axes[0, 1] * y + axes[0, 2], axes[1, 0] * x + axes[1, 1] * y + axes[1, 2]
+        if sensor.axes is not None:
+            x, y = in_axes(sensor.axes, x, y)
         ray[X + i] = x
         ray[Y + i] = y
         ray[L + i] = u
@@ -86,18 +86,13 @@ def fill_aims(aims, blocks, sensor, placed):
     the sensor, and the weights. `placed` (2, 3) leads from x, y, 1 on the sensor to the local axes, None where they are
     the same; the sensor is a `SensorPlane` behind that plane.
     """
-    distance = sensor.distance
-    tilt = sensor.tilt
     for b in range(blocks.size // RAY):
         ray, aim = blocks[b * RAY : (b + 1) * RAY], aims[b * RAY : (b + 1) * RAY]
         for i in range(BLOCK):
             x, y = ray[X + i], ray[Y + i]
             if placed is not None:
-                x, y = (
-                    placed[0, 0] * x + placed[0, 1] * y + placed[0, 2],
-                    placed[1, 0] * x + placed[1, 1] * y + placed[1, 2],
-                )
-            h = distance if tilt is None else distance + tilt[0] * x + tilt[1] * y
+                x, y = in_axes(placed, x, y)
+            h = sensor.distance if sensor.tilt is None else sensor.distance + sensor.tilt[0] * x + sensor.tilt[1] * y
             aim[L + i] = -h * ray[L + i]
             aim[M + i] = -h * ray[M + i]
             aim[X + i] = x + aim[L + i]
