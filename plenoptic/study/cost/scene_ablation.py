@@ -1,4 +1,4 @@
-"""Scenes without one of their properties: what `leaving_out` does to them, stage by stage."""
+"""Scenes without one of their properties: each answers one stage of a render."""
 
 from __future__ import annotations
 
