@@ -1,4 +1,4 @@
-"""The tables that a scene is compiled into: plain arrays, and None for what the scene has not."""
+"""The record that a scene is compiled into: plain arrays, and None for what the scene has not."""
 
 from __future__ import annotations
 
@@ -9,108 +9,70 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.errors import SceneError
-from plenoptic.scene.geometry.instance import Instances, InstanceTables, instance_tables
+from plenoptic.scene.geometry.compile import geometry_record
+from plenoptic.scene.geometry.instance import Instances, instance_record
 from plenoptic.scene.geometry.mesh import Mesh
+from plenoptic.scene.geometry.record import Geometry, InstanceRecord
+from plenoptic.scene.lights.compile import Emitters, lights_record
 from plenoptic.scene.lights.environment import ConstantBackground, EnvironmentMap
-from plenoptic.scene.lights.environment_record import EnvironmentTables, build_environment
+from plenoptic.scene.lights.environment_compile import environment_record
 from plenoptic.scene.lights.point import PointLight
 from plenoptic.scene.lights.quad import QuadLight
-from plenoptic.scene.lights.record import Emitters, LightTables, build_lights
+from plenoptic.scene.lights.record import Lights, Sky
 from plenoptic.scene.lights.registry import Light
 from plenoptic.scene.lights.sphere import SphereLight
 from plenoptic.scene.lights.spot import SpotLight
-from plenoptic.scene.materials import record
-from plenoptic.scene.materials.metallic_roughness import MetallicRoughness
-from plenoptic.scene.materials.record import BsdfTables, absorption_of, base_colour
+from plenoptic.scene.materials import compile as materials_compile
+from plenoptic.scene.materials.compile import absorption_of, base_colour, color_rows
+from plenoptic.scene.materials.record import Alpha, Bsdf, Emission
 from plenoptic.scene.materials.registry import Material, emitted, textures_of
 from plenoptic.scene.textures.atlas import atlas
-from plenoptic.scene.textures.color import Colour, is_grey, mean_colour
+from plenoptic.scene.textures.color import is_grey, mean_colour
+from plenoptic.scene.textures.record import TextureColumn, Textures
 from plenoptic.scene.textures.texture import Texture
 
 A = TypeVar("A", bound=np.generic)
 
 
-class SceneTables(NamedTuple):
-    """What kernels read of a scene. Absence is None: a table that a scene has no use for is not there.
+class SceneRecord(NamedTuple):
+    """What kernels read of a scene. Absence is None: a record that a scene has no use for is not there.
 
-    nv vertices, nt triangles, nm different materials, C = `channels`. All arrays are C-contiguous and read-only.
-    Triangles of plain meshes come first, then those of the shapes of lights, then those of instanced meshes, once each.
+    nt triangles, nm different materials, C = `channels`. All arrays are C-contiguous and read-only.
 
     Examples
     --------
     >>> import plenoptic as pl
-    >>> tables = pl.white_plane().tables()
-    >>> tables.channels, tables.triangles.shape, tables.emission.tolist(), tables.albedo is None
+    >>> record = pl.white_plane().tables()
+    >>> record.channels, record.geometry.triangles.shape, record.emission.radiance.tolist(), record.bsdf is None
     (1, (2, 3), [[1.0]], True)
     """
 
     channels: int
     """1 where every colour of the scene is grey, textures, lights and background included, otherwise 3."""
-
-    vertices: NDArray[np.float64] | None
-    """(nv, 3), mm. None, as are the next three, where there is no triangle."""
-    triangles: NDArray[np.int32] | None
-    """(nt, 3): rows of `vertices`, counter-clockwise as seen from the front."""
-    triangle_material: NDArray[np.int32] | None
-    """(nt,): row of the material tables."""
+    geometry: Geometry | None
+    """None, as is the next one, where there is no triangle."""
     triangle_mesh: NDArray[np.int32] | None
     """(nt,): which of the scene's meshes it belongs to; lights count on after the last one."""
-    instances: InstanceTables | None
+    instances: InstanceRecord | None
     """Where instanced meshes stand. None where there are none."""
-
-    normals: NDArray[np.float64] | None
-    """(nv, 3), unit length; 0 where a mesh has none. None where no mesh has any."""
-    uv: NDArray[np.float64] | None
-    """(nv, 2): texture coordinates, v up; 0 where a mesh has none. None where no material has a texture."""
-
-    scatters: NDArray[np.uint8] | None
-    """(nm,): 1 for materials that reflect. None, as is the next one, where nothing does."""
-    takes_light: NDArray[np.uint8] | None
-    """(nm,): 1 for those that scatter light drawn directly; not mirrors and polished glass."""
-    albedo: NDArray[np.float64] | None
-    """(nm, C), in [0, 1]: base colours; 1 where a texture gives it. None where nothing reflects."""
-    roughness: NDArray[np.float64] | None
-    """(nm,). None where all materials are Lambertian or black."""
-    metallic: NDArray[np.float64] | None
-    """(nm,). None where none is MetallicRoughness."""
-    bsdf: BsdfTables
-    """What kinds of materials there are, and columns of some kinds."""
+    bsdf: Bsdf | None
+    """None where nothing reflects."""
+    textures: Textures | None
+    """None where no texture gives what `bsdf` needs."""
     absorption: NDArray[np.float64] | None
     """(nm, C), 1/mm. None where nothing absorbs."""
-    opacity: NDArray[np.float64] | None
-    """(nm,): 0 where a texture gives it. None, as is the next one, where all is opaque."""
-    cutoff: NDArray[np.float64] | None
-    """(nm,): -1 where there is none."""
-
-    emission: NDArray[np.float64] | None
-    """(nm, C): emitted radiance, of textures their mean. None where nothing emits."""
-    two_sided: NDArray[np.uint8] | None
-    """(nm,): 1 where both sides emit. None where nothing emits."""
-
-    base_texture: NDArray[np.int32] | None
-    """(nm,): row of `texture_rows`, -1 for none. None, as are the next five, where no material has one."""
-    roughness_texture: NDArray[np.int32] | None
-    metallic_texture: NDArray[np.int32] | None
-    normal_texture: NDArray[np.int32] | None
-    opacity_texture: NDArray[np.int32] | None
-    emission_texture: NDArray[np.int32] | None
-    texels: NDArray[np.float32] | None
-    """(n,): all textures, one after the other. None, as is the next one, where there are none."""
-    texture_rows: NDArray[np.int64] | None
-    """(textures, 7): see `atlas`."""
-
-    lights: LightTables
-    """What is drawn directly, and suns."""
-    environment: EnvironmentTables | None
-    """None where there is no map, or a black one."""
-    background: NDArray[np.float64] | None
-    """(C,): constant radiance of the world. None where it is black or a map."""
+    alpha: Alpha | None
+    """None where all is opaque."""
+    emission: Emission | None
+    """None where nothing emits."""
+    lights: Lights
+    """What is drawn directly, and the sky."""
 
 
-def build_tables(
+def build_record(
     meshes: Sequence[Mesh | Instances], lights: Sequence[Light], background: ConstantBackground | EnvironmentMap | None
-) -> SceneTables:
-    """Compile meshes, lights and a background into tables.
+) -> SceneRecord:
+    """Compile meshes, lights and a background into a record.
 
     Parameters
     ----------
@@ -125,69 +87,87 @@ def build_tables(
     mesh_material = [index.setdefault(part.material, len(index)) for part in parts]
     materials = list(index)
     channels = 1 if _all_grey(materials, lights, background) else 3
-
     counts = [len(part.faces) for part in parts]
-    vertices = _joined([part.vertices for part in parts])
-    triangles = _triangles(parts)
-    triangle_material = _frozen(np.repeat(np.array(mesh_material, dtype=np.int32), counts)) if parts else None
+    columns = _TextureColumns(materials)
     instanced = [mesh for mesh in meshes if isinstance(mesh, Instances)]
     starts = np.cumsum([0, *counts])
-    instances = instance_tables(instanced, [int(starts[first_of[mesh.mesh]]) for mesh in instanced])
-
-    reflecting = any(map(record.reflects, materials))
-    glow = [mean_colour(emitted(material)) for material in materials]
-    emission = _rows(glow, channels)
-    emitting = bool(np.any(emission))
+    instances = instance_record(instanced, [int(starts[first_of[mesh.mesh]]) for mesh in instanced])
+    geometry = None
+    if parts:
+        geometry = geometry_record(
+            _joined([part.vertices for part in parts]),
+            _triangles(parts),
+            _frozen(np.repeat(np.array(mesh_material, dtype=np.int32), counts)),
+            uv=_per_vertex(parts, [part.uv for part in parts], 2) if columns.any else None,
+            normals=_per_vertex(parts, [part.normals for part in parts], 3),
+            instances=instances,
+        )
+    bsdf = materials_compile.bsdf_record(materials, channels)
+    absorption = color_rows([absorption_of(material) for material in materials], channels)
+    radiance = color_rows([mean_colour(emitted(material)) for material in materials], channels)
     two_sided = np.array([getattr(material, "two_sided", False) for material in materials], dtype=np.uint8)
-    textures = {texture: None for material in materials for texture in textures_of(material)}
-    texels, texture_rows = atlas(list(textures))
-    rows = {texture: row for row, texture in enumerate(textures)}
-    bsdf = record.build_bsdf(materials, channels)
-    absorption = _rows([absorption_of(material) for material in materials], channels)
-    opacity, cutoff = _opacities(materials)
-
-    environment = build_environment(background, channels) if isinstance(background, EnvironmentMap) else None
     emitters = None
-    if emitting and vertices is not None and triangles is not None and triangle_material is not None:
+    if geometry is not None and np.any(radiance):
         # Halves first: sums of the largest numbers would overflow.
-        exitance = (emission / (2 * channels)).sum(axis=1) * (1 + two_sided)
-        emitters = Emitters(vertices, triangles, triangle_material, exitance, instances)
+        exitance = (radiance / (2 * channels)).sum(axis=1) * (1 + two_sided)
+        emitters = Emitters(geometry, exitance, instances)
     boxes = [mesh.bounds for mesh in (*meshes, *shapes)]
     lamps = [light.position for light in lights if isinstance(light, PointLight | SpotLight)]
-    return SceneTables(
+    compiled = lights_record(
+        lights, emitters, _sky(background, channels), _around(boxes, lamps), channels, drawn=bsdf is not None
+    )
+    return SceneRecord(
         channels=channels,
-        vertices=vertices,
-        triangles=triangles,
-        triangle_material=triangle_material,
+        geometry=geometry,
         triangle_mesh=_frozen(np.repeat(np.array(numbers, dtype=np.int32), counts)) if parts else None,
         instances=instances,
-        normals=_per_vertex(parts, [part.normals for part in parts], 3),
-        uv=_per_vertex(parts, [part.uv for part in parts], 2) if textures else None,
-        scatters=_flags(materials, record.reflects) if reflecting else None,
-        takes_light=_flags(materials, record.takes_light) if reflecting else None,
-        albedo=_frozen(_rows([_plain(base_colour(m)) for m in materials], channels)) if reflecting else None,
-        roughness=None if bsdf.kinds is None else _frozen(np.array([*map(record.roughness_of, materials)])),
-        metallic=None if bsdf.coupling is None else _frozen(np.array([_metallic(m) for m in materials])),
         bsdf=bsdf,
+        textures=columns.of_surfaces(),
         absorption=_frozen(absorption) if np.any(absorption) else None,
-        opacity=opacity,
-        cutoff=cutoff,
-        emission=_frozen(emission) if emitting else None,
-        two_sided=_frozen(two_sided) if emitting else None,
-        base_texture=_texture_column(materials, rows, base_colour),
-        roughness_texture=_texture_column(materials, rows, lambda m: getattr(m, "roughness", None)),
-        metallic_texture=_texture_column(materials, rows, lambda m: getattr(m, "metallic", None)),
-        normal_texture=_texture_column(materials, rows, lambda m: getattr(m, "normal_map", None)),
-        opacity_texture=_texture_column(materials, rows, lambda m: getattr(m, "opacity", None)),
-        emission_texture=_texture_column(materials, rows, emitted),
-        texels=texels,
-        texture_rows=texture_rows,
-        lights=build_lights(emitters, lights, environment, _around(boxes, lamps), channels, drawn=reflecting),
-        environment=environment,
-        background=_frozen(_rows([background.radiance], channels)[0])
-        if isinstance(background, ConstantBackground) and np.any(background.radiance)
-        else None,
+        alpha=materials_compile.alpha_record(materials, columns.column(lambda m: getattr(m, "opacity", None))),
+        emission=None
+        if emitters is None
+        else Emission(_frozen(radiance), _frozen(two_sided), compiled.pdf, columns.column(emitted)),
+        lights=compiled.lights,
     )
+
+
+def _sky(background: ConstantBackground | EnvironmentMap | None, channels: int) -> Sky:
+    """A background or a map; None where they are black."""
+    constant = environment = None
+    if isinstance(background, ConstantBackground) and np.any(background.radiance):
+        constant = _frozen(color_rows([background.radiance], channels)[0])
+    elif isinstance(background, EnvironmentMap):
+        environment = environment_record(background, channels)
+    return Sky(constant, None, None, environment)
+
+
+class _TextureColumns:
+    """Which textures give the properties of materials."""
+
+    def __init__(self, materials: Sequence[Material]) -> None:
+        textures = list({texture: None for material in materials for texture in textures_of(material)})
+        self._materials, self.any = materials, bool(textures)
+        self._texels, self._textures = atlas(textures)
+        self._rows = {texture: row for row, texture in enumerate(textures)}
+
+    def column(self, field: Callable[[Material], Any]) -> TextureColumn | None:
+        """Textures that a field is; None where none is one."""
+        found = [field(material) for material in self._materials]
+        column = np.array([self._rows[f] if isinstance(f, Texture) else -1 for f in found], dtype=np.int32)
+        if self._texels is None or self._textures is None or not np.any(column >= 0):
+            return None
+        return TextureColumn(_frozen(column), self._textures, self._texels)
+
+    def of_surfaces(self) -> Textures | None:
+        """What textures say of how surfaces scatter."""
+        columns = Textures(
+            base_color=self.column(base_colour),
+            roughness=self.column(lambda m: getattr(m, "roughness", None)),
+            metallic=self.column(lambda m: getattr(m, "metallic", None)),
+            normal=self.column(lambda m: getattr(m, "normal_map", None)),
+        )
+        return None if all(column is None for column in columns) else columns
 
 
 def _ordered(
@@ -220,40 +200,7 @@ def _all_grey(
     if isinstance(background, ConstantBackground):
         colours.append(background.radiance)
     world = background.is_grey if isinstance(background, EnvironmentMap) else True
-    return world and record.all_grey(materials) and all(map(is_grey, colours))
-
-
-def _plain(colour: Colour | Texture) -> Colour:
-    return 1.0 if isinstance(colour, Texture) else colour
-
-
-def _metallic(material: Material) -> float:
-    metallic = material.metallic if isinstance(material, MetallicRoughness) else 0.0
-    return metallic if isinstance(metallic, float) else 0.0
-
-
-def _opacities(materials: Sequence[Material]) -> tuple[NDArray[np.float64] | None, NDArray[np.float64] | None]:
-    opacity, cutoff = np.ones(len(materials)), np.full(len(materials), -1.0)
-    for row, material in enumerate(materials):
-        if isinstance(material, MetallicRoughness):
-            share = material.opacity
-            opacity[row] = share if isinstance(share, float) else 0.0
-            if material.cutoff is not None:
-                cutoff[row] = material.cutoff
-    return (None, None) if np.all(opacity == 1) else (_frozen(opacity), _frozen(cutoff))
-
-
-def _flags(materials: Sequence[Material], holds: Callable[[Material], bool]) -> NDArray[np.uint8]:
-    return _frozen(np.array([holds(material) for material in materials], dtype=np.uint8))
-
-
-def _texture_column(
-    materials: Sequence[Material], rows: dict[Texture, int], field: Callable[[Material], Any]
-) -> NDArray[np.int32] | None:
-    """(materials,): row of the texture that a field is; None where none is one."""
-    found = [field(material) for material in materials]
-    column = np.array([rows[f] if isinstance(f, Texture) else -1 for f in found], dtype=np.int32)
-    return _frozen(column) if np.any(column >= 0) else None
+    return world and materials_compile.all_grey(materials) and all(map(is_grey, colours))
 
 
 def _around(boxes: Sequence[NDArray[np.float64]], points: Sequence[NDArray[np.float64]]) -> NDArray[np.float64] | None:
@@ -270,21 +217,15 @@ def _frozen(array: NDArray[A]) -> NDArray[A]:
     return array
 
 
-def _joined(parts: Sequence[NDArray[A]]) -> NDArray[A] | None:
-    return _frozen(np.concatenate(parts)) if parts else None
+def _joined(parts: Sequence[NDArray[A]]) -> NDArray[A]:
+    return _frozen(np.concatenate(parts))
 
 
-def _triangles(meshes: Sequence[Mesh]) -> NDArray[np.int32] | None:
+def _triangles(meshes: Sequence[Mesh]) -> NDArray[np.int32]:
     starts = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes])
     if starts[-1] > np.iinfo(np.int32).max:
         raise SceneError(f"the scene has {starts[-1]} vertices; it must have fewer than 2^31, so split or simplify it")
     return _joined([mesh.faces + np.int32(start) for mesh, start in zip(meshes, starts[:-1], strict=True)])
-
-
-def _rows(colours: Sequence[Colour], channels: int) -> NDArray[np.float64]:
-    """(n, C): grey scenes keep the one value that all channels share."""
-    rows = np.array([np.broadcast_to(c, 3) for c in colours], dtype=np.float64).reshape(-1, 3)
-    return rows[:, :channels].copy()
 
 
 def _per_vertex(

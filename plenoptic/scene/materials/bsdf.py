@@ -9,8 +9,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.values import frozen_array
 from plenoptic.errors import InvalidValueError, SceneError
+from plenoptic.scene.materials.compile import all_grey, base_colour, bsdf_record, roughness_of
+from plenoptic.scene.materials.diffuse import Lambertian
 from plenoptic.scene.materials.metallic_roughness import MetallicRoughness
-from plenoptic.scene.materials.record import all_grey, base_colour, build_bsdf, roughness_of
 from plenoptic.scene.materials.registry import MATERIALS, Material, textures_of
 
 __all__ = ["Drawn", "Scattered", "draw", "evaluate"]
@@ -190,8 +191,11 @@ def _row(material: Any) -> tuple[NDArray[np.float64], tuple[int, float, float], 
     if textures_of(material):
         raise SceneError(f"{material!r} has textures; give the material at one of their texels")
     channels = 1 if all_grey([material]) else 3
-    tables = build_bsdf([material], channels)
+    record = bsdf_record([material], channels)
+    if record is None:
+        record = bsdf_record([Lambertian(1.0)], channels)
+    assert record is not None
     colour = np.broadcast_to(np.asarray(base_colour(material), dtype=np.float64), 3)[:channels].copy()
     metallic = float(material.metallic) if isinstance(material, MetallicRoughness) else 0.0  # type: ignore[arg-type]
-    kind = 0 if tables.kinds is None else int(tables.kinds[0])
-    return colour, (kind, roughness_of(material), metallic), tables
+    kind = 0 if record.kind is None else int(record.kind[0])
+    return colour, (kind, roughness_of(material), metallic), record

@@ -13,8 +13,6 @@ from plenoptic.scene.textures.color import Colour, as_colour
 Index: TypeAlias = complex | tuple[complex, complex, complex]
 
 _LARGEST = 1e30
-SMOOTH = 1e-4
-"""Below this width of the distribution of normals a surface reflects as if it were perfectly smooth."""
 
 
 @value

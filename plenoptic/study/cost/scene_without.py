@@ -16,11 +16,11 @@ from plenoptic.scene.lights.quad import QuadLight
 from plenoptic.scene.lights.registry import Light
 from plenoptic.scene.lights.sphere import SphereLight
 from plenoptic.scene.lights.sun import SunLight
+from plenoptic.scene.materials.compile import base_colour
 from plenoptic.scene.materials.dielectric import Dielectric, ThinGlass
 from plenoptic.scene.materials.diffuse import Lambertian
 from plenoptic.scene.materials.emissive import Emissive
 from plenoptic.scene.materials.metallic_roughness import MetallicRoughness
-from plenoptic.scene.materials.record import base_colour
 from plenoptic.scene.materials.registry import Material, emitted
 from plenoptic.scene.scene import Scene
 from plenoptic.scene.textures.color import Colour, mean_colour
