@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple, TypeVar
+from collections.abc import Sequence
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,16 +16,12 @@ from plenoptic.scene.geometry.record import Geometry, InstanceRecord
 from plenoptic.scene.lights.compile import Emitters, lights_record
 from plenoptic.scene.lights.environment import ConstantBackground, EnvironmentMap
 from plenoptic.scene.lights.environment_compile import environment_record
-from plenoptic.scene.lights.point import PointLight
-from plenoptic.scene.lights.quad import QuadLight
 from plenoptic.scene.lights.record import Lights, Sky
-from plenoptic.scene.lights.registry import Light
-from plenoptic.scene.lights.sphere import SphereLight
-from plenoptic.scene.lights.spot import SpotLight
-from plenoptic.scene.materials import compile as materials_compile
-from plenoptic.scene.materials.compile import absorption_of, base_colour, color_rows
+from plenoptic.scene.lights.registry import AreaLight, Light, PositionalLight
+from plenoptic.scene.materials.compile import alpha_record, bsdf_record, color_rows
 from plenoptic.scene.materials.record import Alpha, Bsdf, Emission
-from plenoptic.scene.materials.registry import Material, emitted, textures_of
+from plenoptic.scene.materials.registry import Material
+from plenoptic.scene.materials.row import MaterialRow
 from plenoptic.scene.textures.atlas import atlas
 from plenoptic.scene.textures.color import is_grey, mean_colour
 from plenoptic.scene.textures.record import TextureColumn, Textures
@@ -81,14 +77,14 @@ def build_record(
     background : ConstantBackground, EnvironmentMap or None
         None where the world is black.
     """
-    shapes = [light.mesh() for light in lights if isinstance(light, QuadLight | SphereLight)]
+    shapes = [light.mesh() for light in lights if isinstance(light, AreaLight)]
     parts, first_of, numbers = _ordered(meshes, shapes)
     index: dict[Material, int] = {}
     mesh_material = [index.setdefault(part.material, len(index)) for part in parts]
-    materials = list(index)
-    channels = 1 if _all_grey(materials, lights, background) else 3
+    rows = [material.row() for material in index]
+    channels = 1 if all(row.is_grey for row in rows) and _all_grey(lights, background) else 3
     counts = [len(part.faces) for part in parts]
-    columns = _TextureColumns(materials)
+    columns = _TextureColumns(rows)
     instanced = [mesh for mesh in meshes if isinstance(mesh, Instances)]
     starts = np.cumsum([0, *counts])
     instances = instance_record(instanced, [int(starts[first_of[mesh.mesh]]) for mesh in instanced])
@@ -102,17 +98,17 @@ def build_record(
             normals=_per_vertex(parts, [part.normals for part in parts], 3),
             instances=instances,
         )
-    bsdf = materials_compile.bsdf_record(materials, channels)
-    absorption = color_rows([absorption_of(material) for material in materials], channels)
-    radiance = color_rows([mean_colour(emitted(material)) for material in materials], channels)
-    two_sided = np.array([getattr(material, "two_sided", False) for material in materials], dtype=np.uint8)
+    bsdf = bsdf_record(list(index), channels)
+    absorption = color_rows([row.absorption for row in rows], channels)
+    radiance = color_rows([mean_colour(row.emission) for row in rows], channels)
+    two_sided = np.array([row.two_sided for row in rows], dtype=np.uint8)
     emitters = None
     if geometry is not None and np.any(radiance):
         # Halves first: sums of the largest numbers would overflow.
         exitance = (radiance / (2 * channels)).sum(axis=1) * (1 + two_sided)
         emitters = Emitters(geometry, exitance, instances)
     boxes = [mesh.bounds for mesh in (*meshes, *shapes)]
-    lamps = [light.position for light in lights if isinstance(light, PointLight | SpotLight)]
+    lamps = [light.position for light in lights if isinstance(light, PositionalLight)]
     compiled = lights_record(
         lights, emitters, _sky(background, channels), _around(boxes, lamps), channels, drawn=bsdf is not None
     )
@@ -124,10 +120,10 @@ def build_record(
         bsdf=bsdf,
         textures=columns.of_surfaces(),
         absorption=_frozen(absorption) if np.any(absorption) else None,
-        alpha=materials_compile.alpha_record(materials, columns.column(lambda m: getattr(m, "opacity", None))),
+        alpha=alpha_record(rows, columns.column("opacity")),
         emission=None
         if emitters is None
-        else Emission(_frozen(radiance), _frozen(two_sided), compiled.pdf, columns.column(emitted)),
+        else Emission(_frozen(radiance), _frozen(two_sided), compiled.pdf, columns.column("emission")),
         lights=compiled.lights,
     )
 
@@ -145,28 +141,23 @@ def _sky(background: ConstantBackground | EnvironmentMap | None, channels: int) 
 class _TextureColumns:
     """Which textures give the properties of materials."""
 
-    def __init__(self, materials: Sequence[Material]) -> None:
-        textures = list({texture: None for material in materials for texture in textures_of(material)})
-        self._materials, self.any = materials, bool(textures)
+    def __init__(self, rows: Sequence[MaterialRow]) -> None:
+        textures = list(dict.fromkeys(texture for row in rows for texture in row.textures))
+        self._rows, self.any = rows, bool(textures)
         self._texels, self._textures = atlas(textures)
-        self._rows = {texture: row for row, texture in enumerate(textures)}
+        self._numbers = {texture: number for number, texture in enumerate(textures)}
 
-    def column(self, field: Callable[[Material], Any]) -> TextureColumn | None:
-        """Textures that a field is; None where none is one."""
-        found = [field(material) for material in self._materials]
-        column = np.array([self._rows[f] if isinstance(f, Texture) else -1 for f in found], dtype=np.int32)
+    def column(self, name: str) -> TextureColumn | None:
+        """Textures that a property is; None where none is one."""
+        found = [getattr(row, name) for row in self._rows]
+        column = np.array([self._numbers[f] if isinstance(f, Texture) else -1 for f in found], dtype=np.int32)
         if self._texels is None or self._textures is None or not np.any(column >= 0):
             return None
         return TextureColumn(_frozen(column), self._textures, self._texels)
 
     def of_surfaces(self) -> Textures | None:
         """What textures say of how surfaces scatter."""
-        columns = Textures(
-            base_color=self.column(base_colour),
-            roughness=self.column(lambda m: getattr(m, "roughness", None)),
-            metallic=self.column(lambda m: getattr(m, "metallic", None)),
-            normal=self.column(lambda m: getattr(m, "normal_map", None)),
-        )
+        columns = Textures(*map(self.column, ("base", "roughness", "metallic", "normal_map")))
         return None if all(column is None for column in columns) else columns
 
 
@@ -186,21 +177,13 @@ def _ordered(
     return [mesh for mesh, _ in parts], first_of, [number for _, number in parts]
 
 
-def _all_grey(
-    materials: Sequence[Material],
-    lights: Sequence[Light],
-    background: ConstantBackground | EnvironmentMap | None,
-) -> bool:
-    colours = [emitted(material) for material in materials]
-    for light in lights:
-        if isinstance(light, PointLight | SpotLight):
-            colours.append(light.intensity)
-        elif not isinstance(light, QuadLight | SphereLight):
-            colours.append(light.irradiance)
-    if isinstance(background, ConstantBackground):
-        colours.append(background.radiance)
-    world = background.is_grey if isinstance(background, EnvironmentMap) else True
-    return world and materials_compile.all_grey(materials) and all(map(is_grey, colours))
+def _all_grey(lights: Sequence[Light], background: ConstantBackground | EnvironmentMap | None) -> bool:
+    """Whether what shines besides surfaces is grey: colours are the fields of lights that are three numbers."""
+    if isinstance(background, EnvironmentMap) and not background.is_grey:
+        return False
+    world = (background.radiance,) if isinstance(background, ConstantBackground) else ()
+    fields = [getattr(light, name) for light in lights for name in light.__dataclass_fields__]
+    return all(is_grey(colour) for colour in (*world, *fields) if isinstance(colour, tuple))
 
 
 def _around(boxes: Sequence[NDArray[np.float64]], points: Sequence[NDArray[np.float64]]) -> NDArray[np.float64] | None:

@@ -4,13 +4,7 @@ from __future__ import annotations
 
 from plenoptic.rendering.plan.stages import Decision, Stage, first_reason
 from plenoptic.scene.compile import SceneRecord
-from plenoptic.scene.materials.record import (
-    CONDUCTOR,
-    DIELECTRIC,
-    METALLIC_ROUGHNESS,
-    OREN_NAYAR,
-    THIN_DIELECTRIC,
-)
+from plenoptic.scene.materials.record import KIND_NAMES, LAMBERTIAN
 
 ROULETTE = 3
 """Paths that were scattered this often go on with a probability of what their surface gives back."""
@@ -85,14 +79,7 @@ def _world_parts(record: SceneRecord) -> dict[str, object]:
 def _other_kinds(record: SceneRecord) -> str:
     """The kinds of materials that are not Lambertian."""
     kinds = set() if record.bsdf is None or record.bsdf.kind is None else set(record.bsdf.kind.tolist())
-    names = {
-        OREN_NAYAR: "rough diffuse",
-        CONDUCTOR: "metal",
-        DIELECTRIC: "glass",
-        THIN_DIELECTRIC: "panes",
-        METALLIC_ROUGHNESS: "metallic-roughness",
-    }
-    return "there are " + ", ".join(name for kind, name in names.items() if kind in kinds)
+    return "there are " + ", ".join(KIND_NAMES[kind] for kind in sorted(kinds - {LAMBERTIAN}))
 
 
 def _emission(record: SceneRecord, meshes: bool) -> list[Decision]:

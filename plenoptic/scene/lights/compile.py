@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from plenoptic.scene.geometry.record import Geometry, InstanceRecord
 from plenoptic.scene.lights.fields import channel_mean
-from plenoptic.scene.lights.point import PointLight
 from plenoptic.scene.lights.record import (
     ENVIRONMENT,
     LIGHT,
@@ -24,11 +23,8 @@ from plenoptic.scene.lights.record import (
     Lights,
     Sky,
 )
-from plenoptic.scene.lights.registry import Light
-from plenoptic.scene.lights.spot import SpotLight
-from plenoptic.scene.lights.sun import SunLight
+from plenoptic.scene.lights.registry import DistantLight, Light, PositionalLight
 from plenoptic.scene.materials.compile import color_rows
-from plenoptic.scene.textures.color import Colour
 
 _FEWEST, _MOST = 0.1, 0.9
 """Share of the draws that goes to distant lights (suns, environment) where there are near ones too. Their power
@@ -65,8 +61,8 @@ def lights_record(
 
     `sky` has background and environment; its suns are added.
     """
-    points = [light for light in lights if isinstance(light, PointLight | SpotLight)]
-    suns = [light for light in lights if isinstance(light, SunLight)]
+    points = [light for light in lights if isinstance(light, PositionalLight)]
+    suns = [light for light in lights if isinstance(light, DistantLight)]
     environment = sky.environment
     extent = np.zeros((2, 3)) if bounds is None else bounds
     diameter = float(np.linalg.norm(extent[1] - extent[0]))
@@ -90,17 +86,18 @@ def lights_record(
     sun_pdf = probability[items["kind"] == SUN] if suns and any_drawn and drawn else np.zeros(len(suns))
     if environment is not None and sky_power.size and any_drawn:
         environment = environment._replace(probability=float(probability[-1]))
+    sun_colors = [sun.irradiance if sun.radiance is None else sun.radiance for sun in suns]
     record = Lights(
         cdf=_fixed(_cumulative(probability)) if any_drawn else None,
         items=_fixed(items) if any_drawn else None,
-        points=_fixed(np.array([_point_row(light) for light in points], POINT_LIGHT)) if points and drawn else None,
+        points=_fixed(np.array([light.row() for light in points], POINT_LIGHT)) if points and drawn else None,
         point_colors=_fixed(color_rows([p.intensity for p in points], channels)) if points and drawn else None,
         sky=Sky(
             background=sky.background,
-            suns=_fixed(np.array([_sun_row(s, p) for s, p in zip(suns, sun_pdf, strict=True)], SUN_LIGHT))
+            suns=_fixed(np.array([(*s.row(), p) for s, p in zip(suns, sun_pdf, strict=True)], SUN_LIGHT))
             if suns
             else None,
-            sun_colors=_fixed(color_rows([_sun_colour(s) for s in suns], channels)) if suns else None,
+            sun_colors=_fixed(color_rows(sun_colors, channels)) if suns else None,
             environment=environment,
         ),
         far=2 * diameter + 1.0,
@@ -110,8 +107,8 @@ def lights_record(
 
 def _brightest(
     emitters: Emitters | None,
-    points: Sequence[PointLight | SpotLight],
-    suns: Sequence[SunLight],
+    points: Sequence[PositionalLight],
+    suns: Sequence[DistantLight],
     environment: Environment | None,
 ) -> float:
     found = [light.power for light in points] + [channel_mean(light.irradiance) for light in suns]
@@ -195,21 +192,6 @@ def _cumulative(probability: NDArray[np.float64]) -> NDArray[np.float64]:
     # What has no power must not be drawn by the last random number either.
     cumulative[np.flatnonzero(probability)[-1] :] = 1.0
     return np.asarray(cumulative)
-
-
-def _point_row(light: PointLight | SpotLight) -> tuple[float, ...]:
-    if isinstance(light, PointLight):
-        return *light.position, 0.0, 0.0, 0.0, -2.0, -2.0
-    return *light.position, *light.direction, math.cos(light.outer_angle), math.cos(light.inner_angle)
-
-
-def _sun_row(sun: SunLight, pdf: float) -> tuple[float, ...]:
-    return *(-sun.direction), 2 * math.sin(sun.angular_radius / 2) ** 2, pdf
-
-
-def _sun_colour(sun: SunLight) -> Colour:
-    radiance = sun.radiance
-    return sun.irradiance if radiance is None else radiance
 
 
 def _fixed(array: NDArray[Any]) -> NDArray[Any]:

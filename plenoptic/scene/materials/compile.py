@@ -9,73 +9,57 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.scene.materials.conductor import Conductor
-from plenoptic.scene.materials.dielectric import Dielectric, ThinGlass
-from plenoptic.scene.materials.diffuse import Lambertian, RoughDiffuse
-from plenoptic.scene.materials.emissive import Emissive
-from plenoptic.scene.materials.metallic_roughness import MetallicRoughness
 from plenoptic.scene.materials.record import (
     CONDUCTOR,
     DIELECTRIC,
     LAMBERTIAN,
     METALLIC_ROUGHNESS,
-    OREN_NAYAR,
-    SMOOTH,
     THIN_DIELECTRIC,
     Alpha,
     Bsdf,
 )
-from plenoptic.scene.materials.registry import Material
-from plenoptic.scene.textures.color import Colour, is_grey
+from plenoptic.scene.materials.registry import MATERIALS, Material
+from plenoptic.scene.materials.row import MaterialRow
+from plenoptic.scene.textures.color import Colour
 from plenoptic.scene.textures.record import TextureColumn
 from plenoptic.scene.textures.texture import Texture
 
-_KINDS: dict[type, int] = {
-    Lambertian: LAMBERTIAN,
-    RoughDiffuse: OREN_NAYAR,
-    Conductor: CONDUCTOR,
-    Dielectric: DIELECTRIC,
-    ThinGlass: THIN_DIELECTRIC,
-    MetallicRoughness: METALLIC_ROUGHNESS,
-    Emissive: LAMBERTIAN,
-}
 _ROUGHNESSES, _COSINES, _DRAWS = 41, 49, 32
 
 
 def bsdf_record(materials: Sequence[Material], channels: int) -> Bsdf | None:
     """How materials scatter light; None where none does."""
-    if not any(map(reflects, materials)):
+    rows = [material.row() for material in materials]
+    if not any(row.reflects for row in rows):
         return None
-    kinds = np.array([_KINDS[type(material)] for material in materials], dtype=np.int64)
-    plain = bool(np.all(kinds == LAMBERTIAN))
-    glass = [(m.index, m.exterior) if isinstance(m, Dielectric) else (0.0, 0.0) for m in materials]
-    panes = [m.index if isinstance(m, ThinGlass) else 0.0 for m in materials]
-    layered = bool(np.any(kinds == METALLIC_ROUGHNESS))
+    kinds = np.array([MATERIALS[type(material)] for material in materials], dtype=np.int64)
+    there = set(kinds.tolist())
+    plain = there <= {LAMBERTIAN}
+    # All metals share the column; those of constant reflectance have zeros there.
+    metals = np.array([np.broadcast_to(row.metal_index, 3)[:channels] for row in rows], dtype=np.complex128)
+    coupling, coupling_mean = _layer_tables() if METALLIC_ROUGHNESS in there else (None, None)
     return Bsdf(
-        scatters=_fixed(np.array([*map(reflects, materials)], dtype=np.uint8)),
-        takes_light=_fixed(np.array([*map(takes_light, materials)], dtype=np.uint8)),
-        base_color=_fixed(color_rows([_plain(base_colour(m)) for m in materials], channels)),
-        roughness=None if plain else _fixed(np.array([*map(roughness_of, materials)])),
+        scatters=_fixed(np.array([row.reflects for row in rows], dtype=np.uint8)),
+        takes_light=_fixed(np.array([row.takes_light for row in rows], dtype=np.uint8)),
+        base_color=_fixed(color_rows([_plain(row.base) for row in rows], channels)),
+        roughness=None if plain else _fixed(_numbers([row.roughness for row in rows])),
         kind=None if plain else _fixed(kinds),
-        metallic=_fixed(np.array([*map(_metallic, materials)])) if layered else None,
-        # All metals share the column; those of constant reflectance have zeros there.
-        metal_index=_fixed(_metal_indices(materials, channels)) if np.any(kinds == CONDUCTOR) else None,
-        glass_index=_fixed(np.array(glass)) if np.any(kinds == DIELECTRIC) else None,
-        pane_index=_fixed(np.array(panes)) if np.any(kinds == THIN_DIELECTRIC) else None,
-        coupling=_layer_tables()[0] if layered else None,
-        coupling_mean=_layer_tables()[1] if layered else None,
+        metallic=_fixed(_numbers([row.metallic for row in rows])) if METALLIC_ROUGHNESS in there else None,
+        metal_index=_fixed(np.stack([metals.real, metals.imag], axis=-1)) if CONDUCTOR in there else None,
+        glass_index=_fixed(np.array([row.glass_index for row in rows])) if DIELECTRIC in there else None,
+        pane_index=_fixed(np.array([row.pane_index for row in rows])) if THIN_DIELECTRIC in there else None,
+        coupling=coupling,
+        coupling_mean=coupling_mean,
     )
 
 
-def alpha_record(materials: Sequence[Material], texture: TextureColumn | None) -> Alpha | None:
+def alpha_record(rows: Sequence[MaterialRow], texture: TextureColumn | None) -> Alpha | None:
     """For which paths materials are there; None where all are opaque."""
-    opacity, cutoff = np.ones(len(materials)), np.full(len(materials), -1.0)
-    for row, material in enumerate(materials):
-        if isinstance(material, MetallicRoughness):
-            opacity[row] = material.opacity if isinstance(material.opacity, float) else 0.0
-            if material.cutoff is not None:
-                cutoff[row] = material.cutoff
-    return None if np.all(opacity == 1) else Alpha(_fixed(opacity), _fixed(cutoff), texture)
+    opacity = _numbers([row.opacity for row in rows])
+    if np.all(opacity == 1):
+        return None
+    cutoff = np.array([-1.0 if row.cutoff is None else row.cutoff for row in rows])
+    return Alpha(_fixed(opacity), _fixed(cutoff), texture)
 
 
 def color_rows(colors: Sequence[Colour], channels: int) -> NDArray[np.float64]:
@@ -84,80 +68,18 @@ def color_rows(colors: Sequence[Colour], channels: int) -> NDArray[np.float64]:
     return rows[:, :channels].copy()
 
 
-def _plain(colour: Colour | Texture) -> Colour:
-    return 1.0 if isinstance(colour, Texture) else colour
+def _plain(color: Colour | Texture) -> Colour:
+    return 1.0 if isinstance(color, Texture) else color
 
 
-def _metallic(material: Material) -> float:
-    metallic = material.metallic if isinstance(material, MetallicRoughness) else 0.0
-    return metallic if isinstance(metallic, float) else 0.0
-
-
-def _metal_indices(materials: Sequence[Material], channels: int) -> NDArray[np.float64]:
-    rows = np.zeros((len(materials), channels, 2))
-    for row, material in zip(rows, materials, strict=True):
-        if isinstance(material, Conductor) and material.index is not None:
-            index = np.broadcast_to(np.asarray(material.index, dtype=np.complex128), 3)[:channels]
-            row[:, 0], row[:, 1] = index.real, index.imag
-    return rows
-
-
-def base_colour(material: Material) -> Colour | Texture:
-    """The colour that a material multiplies light by."""
-    if isinstance(material, Lambertian | RoughDiffuse):
-        return material.albedo
-    if isinstance(material, Conductor):
-        return material.reflectance
-    if isinstance(material, ThinGlass):
-        return material.transmittance
-    if isinstance(material, MetallicRoughness):
-        return material.base
-    return 1.0 if isinstance(material, Dielectric) else 0.0
-
-
-def absorption_of(material: Material) -> Colour:
-    """Absorption per mm behind the front of a material."""
-    return material.absorption if isinstance(material, Dielectric) else 0.0
-
-
-def has_grey_index(material: Material) -> bool:
-    """Whether a metal's index is the same for all channels."""
-    index = material.index if isinstance(material, Conductor) else None
-    return not isinstance(index, tuple) or len(set(index)) == 1
-
-
-def reflects(material: Material) -> bool:
-    """Whether a material gives back any light that meets it."""
-    colour = base_colour(material)
-    if isinstance(material, ThinGlass | MetallicRoughness):
-        return True
-    return isinstance(colour, Texture) or bool(np.any(colour))
-
-
-def roughness_of(material: Material) -> float:
-    """The number by which a material is rough; 0 where a texture says so."""
-    if isinstance(material, Conductor | Dielectric):
-        return material.alpha
-    if isinstance(material, RoughDiffuse | MetallicRoughness):
-        return material.roughness if isinstance(material.roughness, float) else 0.0
-    return 0.0
-
-
-def takes_light(material: Material) -> bool:
-    """Whether light that is drawn directly can be scattered by a material: not by mirrors and polished glass."""
-    if isinstance(material, Conductor | Dielectric):
-        return material.alpha >= SMOOTH
-    return not isinstance(material, ThinGlass) and reflects(material)
-
-
-def all_grey(materials: Sequence[Material]) -> bool:
-    """Whether no material treats red, green and blue differently."""
-    return all(is_grey(base_colour(m)) and is_grey(absorption_of(m)) and has_grey_index(m) for m in materials)
+def _numbers(shares: Sequence[float | Texture]) -> NDArray[np.float64]:
+    """(materials,): 0 where a texture gives the number."""
+    return np.array([0.0 if isinstance(share, Texture) else share for share in shares])
 
 
 @cache
 def _layer_tables() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """What passes the layer of the METALLIC_ROUGHNESS kind of reflectance 0.04, and its means.
+    """What passes the layer of a METALLIC_ROUGHNESS material of reflectance 0.04, and its means.
 
     The layer's directional albedo is the mean of F G2 / G1 over normals drawn by visibility, here at the midpoints of
     a grid of random numbers, as in `microfacets.visible_normal`.

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from plenoptic.scene.textures.record import TextureColumn
 
+KIND_NAMES = ("Lambertian", "rough diffuse", "metal", "glass", "panes", "metallic-roughness")
+"""What a plan calls the kinds by which kernels scatter."""
 LAMBERTIAN, OREN_NAYAR, CONDUCTOR, DIELECTRIC, THIN_DIELECTRIC, METALLIC_ROUGHNESS = range(6)
-"""The kinds of materials."""
 
 SMOOTH = 1e-4
 """Below this width of the distribution of normals a surface reflects as if it were perfectly smooth."""

@@ -1,0 +1,195 @@
+"""Every stage of a render, and how it can be left out alone."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from plenoptic.core.values import value
+from plenoptic.errors import InvalidValueError, PlenopticError
+from plenoptic.optics.microlens.aperture import Walls
+from plenoptic.optics.microlens.array import MicrolensModel
+from plenoptic.rendering.plan.plan import plan_for
+from plenoptic.rendering.plan.scene_stages import ROULETTE
+from plenoptic.rendering.plan.stages import Plan, Stage, Subject
+from plenoptic.rendering.settings import Caustics, Sampler
+from plenoptic.study.cost import camera_ablation, scene_ablation
+from plenoptic.truth.ground_truth import Truth
+
+_Change: TypeAlias = Callable[[Subject], Subject]
+
+
+@value
+class Ablation:
+    """A render without one of its stages.
+
+    Parameters
+    ----------
+    stage : Stage
+    instead : str
+        What is done instead.
+    subject : Subject
+        What is rendered then.
+    also : tuple of Stage
+        Other stages that do not run either without it.
+
+    Examples
+    --------
+    See `ablations`.
+    """
+
+    stage: Stage
+    instead: str
+    subject: Subject
+    also: tuple[Stage, ...] = ()
+
+
+@value
+class Inseparable:
+    """A stage that runs and cannot be left out alone.
+
+    Parameters
+    ----------
+    stage : Stage
+    reason : str
+
+    Examples
+    --------
+    See `ablations`.
+    """
+
+    stage: Stage
+    reason: str
+
+
+def ablations(plan: Plan) -> tuple[Ablation | Inseparable, ...]:
+    """How each stage that a plan runs can be left out, one at a time.
+
+    Parameters
+    ----------
+    plan : Plan
+        Made by `plan`, which tells it for what.
+
+    Returns
+    -------
+    tuple of Ablation or Inseparable
+        In the order of the stages.
+
+    Raises
+    ------
+    InvalidValueError
+        Where the plan does not know what it was made for.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> from plenoptic.study.cost.ablation import ablations
+    >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
+    ...     sensor=pl.Sensor(shape=(16, 16), pixel_pitch=0.01), stop_to_microlenses=130.0)
+    >>> for found in ablations(pl.plan(None, camera)):
+    ...     print(found.stage.name, "->", found.instead)
+    LENS -> an ideal thin lens
+    STANDARD_ERROR -> one replicate
+    """
+    if plan.subject is None:
+        raise InvalidValueError("the plan does not know what it was made for; make it by pl.plan(scene, camera)")
+    running = {decision.stage for decision in plan.decisions if decision.runs}
+    return tuple(_ablation(plan.subject, stage, running) for stage in sorted(running))
+
+
+def _ablation(subject: Subject, stage: Stage, running: set[Stage]) -> Ablation | Inseparable:
+    instead, change = _WAYS[stage]
+    try:
+        changed = change(subject)
+    except PlenopticError as error:
+        return Inseparable(stage, str(error))
+    then = plan_for(changed)
+    if then.runs(stage) and stage not in _REDUCED:
+        (reason,) = (decision.reason for decision in then.decisions if decision.stage is stage)
+        return Inseparable(stage, f"with {instead}: {reason}")
+    return Ablation(stage, instead, changed, tuple(sorted(s for s in running - {stage} if not then.runs(s))))
+
+
+def _camera(change: Callable[..., Any], **arguments: Any) -> _Change:
+    return lambda subject: dataclasses.replace(subject, camera=change(subject.camera, **arguments))
+
+
+def _scene(change: Callable[..., Any]) -> _Change:
+    return lambda subject: dataclasses.replace(subject, scene=change(subject.scene))
+
+
+def _materials(change: Callable[..., Any]) -> _Change:
+    return _scene(lambda scene: scene_ablation.with_materials(scene, change))
+
+
+def _settings(**changes: Any) -> _Change:
+    return lambda subject: dataclasses.replace(subject, settings=dataclasses.replace(subject.settings, **changes))
+
+
+def _into_the_cameras_frame(subject: Subject) -> Subject:
+    """The world moved so that the camera needs no pose and sees the same."""
+    pose, scene = subject.camera.pose, subject.scene
+    assert pose is not None
+    if scene is not None:
+        matrix = np.eye(4)
+        matrix[:3, :3] = pose.rotation.T
+        matrix[:3, 3] = -pose.rotation.T @ pose.position
+        scene = scene.transformed(matrix)
+    return dataclasses.replace(subject, scene=scene, camera=dataclasses.replace(subject.camera, pose=None))
+
+
+def _one_bounce(subject: Subject) -> Subject:
+    if subject.settings.max_bounces <= 1:
+        raise InvalidValueError("after a single bounce, rays onwards find the lights that are not drawn")
+    return _settings(max_bounces=1)(subject)
+
+
+_REDUCED = {Stage.LENS, Stage.ONWARD_RAYS}
+"""Stages of which something must stay: rays pass a lens, and with one bounce lights are still met by chance."""
+
+_WAYS: dict[Stage, tuple[str, _Change]] = {
+    Stage.INDEPENDENT_SAMPLES: ("scrambled Sobol points", _settings(sampler=Sampler.SOBOL)),
+    Stage.WAVELENGTHS: ("one wavelength", _camera(dataclasses.replace, sensitivity=None)),
+    Stage.PIXEL_RESPONSE: (
+        "pixels that see all directions alike",
+        _camera(camera_ablation.with_sensor, angular_response=None),
+    ),
+    Stage.TURNED_PIXELS: ("parts that are not turned", _camera(camera_ablation.with_upright_pixels)),
+    Stage.BLEMISHES: ("a clean camera", _camera(dataclasses.replace, blemishes=())),
+    Stage.MICROLENSES: ("a bare sensor", _camera(camera_ablation.without_microlenses)),
+    Stage.MICROLENS_TYPES: ("one focal length", _camera(camera_ablation.with_one_type)),
+    Stage.OPENINGS: ("lenses that fill their cells", _camera(camera_ablation.with_array, aperture=None)),
+    Stage.WALLS: ("no walls", _camera(camera_ablation.with_array, walls=Walls.NONE)),
+    Stage.LISTED_LENSES: ("lenses as designed", _camera(camera_ablation.without_imperfections)),
+    Stage.MICROLENS_PLATES: ("thin microlenses", _camera(camera_ablation.with_array, model=MicrolensModel.THIN)),
+    Stage.TILTED_SENSOR: ("a sensor parallel to the array", _camera(camera_ablation.with_parallel_sensor)),
+    Stage.TILTED_ARRAY: ("an array upright on the lens's axis", _camera(camera_ablation.with_upright_array)),
+    Stage.LENS: ("an ideal thin lens", _camera(camera_ablation.with_simpler_lens)),
+    Stage.ASPHERES: ("spheres", _camera(camera_ablation.without_aspheres)),
+    Stage.PLACEMENTS: ("centred elements", _camera(camera_ablation.without_placements)),
+    Stage.SHAPED_STOPS: ("round stops", _camera(camera_ablation.with_round_stops)),
+    Stage.DISPLACED_LENS: ("the lens as designed", _camera(dataclasses.replace, lens_placement=None)),
+    Stage.POSE: ("the scene in the camera's frame", _into_the_cameras_frame),
+    Stage.INTERSECTION: ("a scene without surfaces", _scene(scene_ablation.without_meshes)),
+    Stage.INSTANCES: ("copies", _scene(scene_ablation.without_instances)),
+    Stage.OPACITY: ("opaque surfaces", _materials(scene_ablation.opaque)),
+    Stage.EMISSION: ("dark surfaces and lamps", _scene(scene_ablation.without_emission)),
+    Stage.BACKGROUND: ("a black world", _scene(scene_ablation.without_world)),
+    Stage.SCATTERING: ("0 bounces", _settings(max_bounces=0)),
+    Stage.MATERIALS: ("Lambertian surfaces", _materials(scene_ablation.lambertian)),
+    Stage.ABSORPTION: ("clear glass", _materials(scene_ablation.clear)),
+    Stage.DIRECT_LIGHT: ("no lights but a constant world", _scene(scene_ablation.without_drawn_lights)),
+    Stage.ONWARD_RAYS: ("one bounce", _one_bounce),
+    Stage.RUSSIAN_ROULETTE: (f"at most {ROULETTE} bounces", _settings(max_bounces=ROULETTE)),
+    Stage.VERTEX_NORMALS: ("flat triangles", _scene(scene_ablation.without_vertex_normals)),
+    Stage.NORMAL_MAPS: ("the normals of meshes", _materials(scene_ablation.without_normal_map)),
+    Stage.TEXTURES: ("their mean colours", _materials(scene_ablation.untextured)),
+    Stage.COLOUR: ("grey", _scene(scene_ablation.grey)),
+    Stage.CAUSTICS_APART: ("all light alike", _settings(caustics=Caustics.KEPT)),
+    Stage.CLAMPING: ("no limit", _settings(clamp=None)),
+    Stage.TRUTH: ("no ground truth", lambda subject: dataclasses.replace(subject, truth=Truth.NONE)),
+    Stage.STANDARD_ERROR: ("one replicate", lambda subject: dataclasses.replace(subject, replicates=1)),
+}

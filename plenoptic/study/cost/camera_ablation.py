@@ -1,0 +1,142 @@
+"""Cameras without one of their parts or properties: each answers one stage of a render."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.errors import InvalidValueError
+from plenoptic.optics.lens.elements import Element
+from plenoptic.optics.lens.models import LensModel
+from plenoptic.optics.lens.placement import Placement
+from plenoptic.optics.lens.stack import LensStack
+from plenoptic.optics.microlens.array import MicrolensArray
+from plenoptic.optics.microlens.dust import BlemishSite
+from plenoptic.optics.microlens.lattice import Lattice
+from plenoptic.optics.stops.stops import CircularStop
+from plenoptic.optics.surfaces.surface import Surface
+
+
+def with_sensor(camera: PlenopticCamera, **changes: Any) -> PlenopticCamera:
+    """The camera with fields of its sensor changed."""
+    return dataclasses.replace(camera, sensor=dataclasses.replace(camera.sensor, **changes))
+
+
+def _array(camera: PlenopticCamera) -> MicrolensArray:
+    if camera.microlenses is None:
+        raise InvalidValueError("the camera has no microlenses; choose one that has")
+    return camera.microlenses
+
+
+def with_array(camera: PlenopticCamera, **changes: Any) -> PlenopticCamera:
+    """The camera with fields of its microlenses changed."""
+    return dataclasses.replace(camera, microlenses=dataclasses.replace(_array(camera), **changes))
+
+
+def without_microlenses(camera: PlenopticCamera) -> PlenopticCamera:
+    """The bare sensor where it is, in the main lens's light."""
+    return dataclasses.replace(
+        camera,
+        microlenses=None,
+        microlenses_placement=None,
+        microlenses_to_sensor=0.0,
+        stop_to_microlenses=camera.z_sensor,
+        blemishes=tuple(part for part in camera.blemishes if part.site is not BlemishSite.ARRAY),
+    )
+
+
+def with_one_type(camera: PlenopticCamera) -> PlenopticCamera:
+    """All microlenses with the focal length of the one in the middle."""
+    return with_array(camera, focal_lengths=(_array(camera).focal_length,), pattern=None, types=None)
+
+
+def without_imperfections(camera: PlenopticCamera) -> PlenopticCamera:
+    """Lenses on their lattice, all alike; centres that are listed must stay."""
+    if _array(camera).lattice is Lattice.FREE:
+        raise InvalidValueError("the centres of the microlenses are listed; without the list there is no array")
+    return with_array(camera, imperfections=None)
+
+
+def _turned(placement: Placement | None, rotation: NDArray[np.float64] | None) -> Placement:
+    shift = np.zeros(3) if placement is None else np.asarray(placement.shift)
+    return Placement(shift=shift, rotation=np.eye(3) if rotation is None else rotation)
+
+
+def _rotation(placement: Placement | None) -> NDArray[np.float64] | None:
+    return None if placement is None else np.asarray(placement.rotation)
+
+
+def with_parallel_sensor(camera: PlenopticCamera) -> PlenopticCamera:
+    """The sensor turned as the array is, or as the lens is where there is none."""
+    ahead = camera.lens_placement if camera.microlenses is None else camera.microlenses_placement
+    return dataclasses.replace(camera, sensor_placement=_turned(camera.sensor_placement, _rotation(ahead)))
+
+
+def with_upright_array(camera: PlenopticCamera) -> PlenopticCamera:
+    """The array turned as the lens is."""
+    turned = _turned(camera.microlenses_placement, _rotation(camera.lens_placement))
+    return dataclasses.replace(camera, microlenses_placement=turned)
+
+
+def with_upright_pixels(camera: PlenopticCamera) -> PlenopticCamera:
+    """Sensor and lens turned as the design has them: shifts stay."""
+    return dataclasses.replace(
+        camera,
+        lens_placement=_turned(camera.lens_placement, None),
+        microlenses_placement=None if camera.microlenses is None else _turned(camera.microlenses_placement, None),
+        sensor_placement=_turned(camera.sensor_placement, None),
+    )
+
+
+def with_simpler_lens(camera: PlenopticCamera) -> PlenopticCamera:
+    """A thin lens of the same focal length."""
+    if camera.lens.model in (LensModel.THIN, LensModel.NONE):
+        raise InvalidValueError("rays must pass at least the stops or one ideal plane")
+    return dataclasses.replace(camera, lens=camera.lens.with_model(LensModel.THIN))
+
+
+def _with_elements(camera: PlenopticCamera, elements: list[Element]) -> PlenopticCamera:
+    lens: LensStack = dataclasses.replace(camera.lens, elements=elements)
+    return dataclasses.replace(camera, lens=lens)
+
+
+def without_aspheres(camera: PlenopticCamera) -> PlenopticCamera:
+    """Conics and aspheres become the spheres that touch them best at their vertices."""
+    return _with_elements(camera, [_sphere(e) if isinstance(e, Surface) else e for e in camera.lens.elements])
+
+
+def _sphere(surface: Surface) -> Surface:
+    if not surface.conic and not surface.aspheric:
+        return surface
+    curvature = surface.curvature + 2.0 * (surface.aspheric[0] if surface.aspheric else 0.0)
+    radius = 1.0 / curvature if curvature else math.inf
+    return Surface(
+        radius,
+        surface.thickness,
+        surface.medium,
+        semi_diameter=min(surface.semi_diameter, abs(radius)),
+        placement=surface.placement,
+    )
+
+
+def without_placements(camera: PlenopticCamera) -> PlenopticCamera:
+    """All elements of the lens centred."""
+    return _with_elements(camera, [dataclasses.replace(e, placement=None) for e in camera.lens.elements])
+
+
+def with_round_stops(camera: PlenopticCamera) -> PlenopticCamera:
+    """Circles through the corners of the stops."""
+    return _with_elements(
+        camera,
+        [
+            e
+            if isinstance(e, Surface | CircularStop)
+            else CircularStop(e.semi_diameter, e.thickness, placement=e.placement)
+            for e in camera.lens.elements
+        ],
+    )

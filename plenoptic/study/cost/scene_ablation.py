@@ -1,0 +1,176 @@
+"""Scenes without one of their properties: each answers one stage of a render."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import numpy as np
+
+from plenoptic.errors import InvalidValueError
+from plenoptic.scene.geometry.instance import Instances
+from plenoptic.scene.geometry.mesh import Mesh
+from plenoptic.scene.lights.environment import ConstantBackground, EnvironmentMap
+from plenoptic.scene.lights.registry import AreaLight, DistantLight, Light
+from plenoptic.scene.materials.diffuse import Lambertian
+from plenoptic.scene.materials.emissive import Emissive
+from plenoptic.scene.materials.record import LAMBERTIAN
+from plenoptic.scene.materials.registry import MATERIALS, Material
+from plenoptic.scene.scene import Scene
+from plenoptic.scene.textures.color import Colour, mean_colour
+from plenoptic.scene.textures.texture import Texture
+
+MOST_COPIES = 5_000_000
+"""Triangles that instances may become: some 700 MB of memory, 130 bytes each."""
+
+_BLACK = Lambertian(0.0)
+T = TypeVar("T", bound=Material | Light)
+
+
+def _scene(meshes: Any, lights: Any, background: Any) -> Scene:
+    """A scene of what is left, black where nothing is."""
+    if not meshes and not lights and background is None:
+        background = 0.0
+    return Scene(meshes, lights, background)
+
+
+def with_materials(scene: Scene, change: Callable[[Material], Material]) -> Scene:
+    """The scene with all materials changed."""
+    meshes = []
+    for mesh in scene.meshes:
+        material = mesh.mesh.material if isinstance(mesh, Instances) else mesh.material
+        changed = change(material)
+        meshes.append(mesh if changed == material else mesh.with_material(changed))
+    return dataclasses.replace(scene, meshes=tuple(meshes))
+
+
+def _with_plain(scene: Scene, change: Callable[[Mesh], Mesh]) -> Scene:
+    """The scene with all meshes changed, those that are repeated as well."""
+    meshes = [
+        dataclasses.replace(mesh, mesh=change(mesh.mesh)) if isinstance(mesh, Instances) else change(mesh)
+        for mesh in scene.meshes
+    ]
+    return dataclasses.replace(scene, meshes=tuple(meshes))
+
+
+def without_meshes(scene: Scene) -> Scene:
+    """What is far away or a point: nothing that could be met."""
+    return _scene((), [one for one in scene.lights if not isinstance(one, AreaLight)], scene.background)
+
+
+def without_instances(scene: Scene) -> Scene:
+    """A copy of the mesh for each of its places."""
+    repeated = [mesh for mesh in scene.meshes if isinstance(mesh, Instances)]
+    triangles = sum(len(one) * len(one.mesh.faces) for one in repeated)
+    if triangles > MOST_COPIES:
+        raise InvalidValueError(f"copies would have {triangles} triangles, and the limit is {MOST_COPIES}")
+    copies = [mesh.meshes() if isinstance(mesh, Instances) else (mesh,) for mesh in scene.meshes]
+    return dataclasses.replace(scene, meshes=tuple(mesh for some in copies for mesh in some))
+
+
+def _with(material: Material, **changes: Any) -> Material:
+    """A material with other values in those of its fields that are named."""
+    return dataclasses.replace(material, **{k: v for k, v in changes.items() if k in material.__dataclass_fields__})
+
+
+def opaque(material: Material) -> Material:
+    """A material that is there for all paths."""
+    return _with(material, opacity=1.0, cutoff=None)
+
+
+def _dark(material: Material) -> Material:
+    return _with(material, emission=0.0, radiance=0.0)
+
+
+def without_emission(scene: Scene) -> Scene:
+    """All surfaces dark, those of lamps too, which stay where they are."""
+    dark = with_materials(scene, _dark)
+    lamps = [light for light in scene.lights if isinstance(light, AreaLight)]
+    bodies = [light.mesh().with_material(_BLACK) for light in lamps]
+    return _scene([*dark.meshes, *bodies], [light for light in scene.lights if light not in lamps], scene.background)
+
+
+def without_world(scene: Scene) -> Scene:
+    """A black world without suns."""
+    return _scene(scene.meshes, [light for light in scene.lights if not isinstance(light, DistantLight)], None)
+
+
+def without_drawn_lights(scene: Scene) -> Scene:
+    """Nothing that could be drawn as a light: at most a world of constant radiance."""
+    world = scene.background
+    if isinstance(world, EnvironmentMap):
+        world = ConstantBackground(_mean_of(world))
+    dark = without_emission(scene)
+    return _scene(dark.meshes, (), world)
+
+
+def _mean_of(world: EnvironmentMap) -> Colour:
+    """Mean radiance of a map over the sphere: rows count by their solid angle."""
+    edges = np.cos(np.pi * np.arange(world.texels.shape[0] + 1) / world.texels.shape[0])
+    mean = (edges[:-1] - edges[1:]) @ world.texels.mean(axis=1, dtype=np.float64) / 2.0
+    return as_colour_of(np.broadcast_to(mean, 3))
+
+
+def lambertian(material: Material) -> Material:
+    """A matt material of the same colour; of clear bodies, grey. What emits goes on to do so, and does not reflect."""
+    if MATERIALS[type(material)] == LAMBERTIAN:
+        return material
+    row = material.row()
+    if isinstance(row.emission, Texture) or np.any(row.emission):
+        return Emissive(row.emission, row.two_sided)
+    return Lambertian(0.5 if row.glass_index[0] or row.pane_index else row.base)
+
+
+def clear(material: Material) -> Material:
+    """Glass that does not absorb."""
+    return _with(material, absorption=0.0)
+
+
+def without_vertex_normals(scene: Scene) -> Scene:
+    """Flat triangles."""
+    return _with_plain(scene, lambda mesh: dataclasses.replace(mesh, normals=None))
+
+
+def without_normal_map(material: Material) -> Material:
+    """A material whose normals are those of the mesh."""
+    return _with(material, normal_map=None)
+
+
+def _changed(one: T, change: Callable[[str, Any], Any]) -> T:
+    """A material or a light with all of its fields changed."""
+    fields = {name: change(name, getattr(one, name)) for name in one.__dataclass_fields__}
+    return dataclasses.replace(one, **fields)
+
+
+def untextured(material: Material) -> Material:
+    """A material with the mean of each of its textures."""
+    plain = without_normal_map(material)
+    return _changed(plain, lambda _, field: mean_colour(field) if isinstance(field, Texture) else field)
+
+
+def as_colour_of(parts: Any) -> Colour:
+    """Three numbers as a colour."""
+    red, green, blue = (float(part) for part in parts)
+    return red, green, blue
+
+
+def _grey(name: str, field: Any) -> Any:
+    """The mean of three channels; other fields stay."""
+    if isinstance(field, Texture) and name != "normal_map":
+        mean = field.texels.mean(axis=2, keepdims=True, dtype=np.float64)
+        return dataclasses.replace(field, texels=mean.astype(np.float32))
+    if isinstance(field, tuple) and len(field) == 3:
+        return sum(field) / 3
+    return field
+
+
+def grey(scene: Scene) -> Scene:
+    """The scene in one channel."""
+    toned = with_materials(scene, lambda material: _changed(material, _grey))
+    world: Any = scene.background
+    if isinstance(world, EnvironmentMap):
+        world = dataclasses.replace(world, texels=world.texels.mean(axis=2, keepdims=True))
+    elif world is not None:
+        world = ConstantBackground(_grey("radiance", world.radiance))
+    return dataclasses.replace(toned, lights=tuple(_changed(light, _grey) for light in scene.lights), background=world)

@@ -1,0 +1,127 @@
+"""Rows of an error study: renders that take turns, timed and split."""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable, Sequence
+from typing import NamedTuple, TypeVar
+
+from plenoptic.rendering.exposure import Exposure
+from plenoptic.study.error_time.rows import ErrorRow
+from plenoptic.study.error_time.split import Reference, split_error
+
+T = TypeVar("T")
+
+_SETUPS = 5
+"""Calls of one path each, of which the median is what setting up costs."""
+
+Expose = Callable[[str, int, int], Exposure]
+"""From the name of a variant, the number of samples and the seed."""
+
+
+class Cost(NamedTuple):
+    """Seconds of all processors together, and on the clock."""
+
+    cpu: float
+    wall: float
+
+
+class Runs(NamedTuple):
+    """How often each variant is rendered."""
+
+    samples: Sequence[int]
+    """Paths per pixel, one row each."""
+    seeds: int
+    """How many, each row."""
+    seed: int = 0
+    """The first one."""
+    repeats: int = 1
+    """How often each render is timed."""
+
+
+def measured_rows(
+    expose: Expose,
+    variants: Sequence[str],
+    runs: Runs,
+    reference: Reference,
+    *,
+    set_up: Callable[[str], object] = lambda name: None,
+    done: Callable[[int], object] = lambda samples: None,
+) -> list[ErrorRow]:
+    """Expose each variant with each number of samples and several seeds, and split its error.
+
+    Variants take turns, so that what disturbs the machine disturbs all of them. Rows of different numbers of samples
+    have seeds of their own, so that their errors are independent.
+
+    Parameters
+    ----------
+    expose : callable
+        Gives an `Exposure` for the name of a variant, a number of samples and a seed.
+    variants : sequence of str
+    runs : Runs
+    reference : Reference
+    set_up, done : callable, optional
+        A call that renders next to nothing; what is called after each render, with its samples.
+
+    Returns
+    -------
+    list of ErrorRow
+
+    Examples
+    --------
+    >>> import numpy as np, plenoptic as pl
+    >>> from plenoptic.study.error_time.split import reference_of
+    >>> from plenoptic.study.error_time.measurement import Runs, measured_rows
+    >>> def expose(name, n, seed):
+    ...     noise = np.random.default_rng([n, seed]).standard_normal((64, 64, 1)) / n**0.5
+    ...     return pl.Exposure(10.0 + noise, standard_error=np.full((64, 64, 1), n**-0.5))
+    >>> rows = measured_rows(expose, ["noise"], Runs([16, 100], seeds=4), reference_of(expose("", 1024, 99)))
+    >>> [round(row.noise, 3) for row in rows]
+    [0.025, 0.01]
+    """
+    samples, seeds, seed, repeats = runs
+    for name in variants:  # compiles, and traces pupils, which are kept
+        expose(name, samples[0], seed)
+    starting = {name: _median([_timed(set_up, name)[1] for _ in range(_SETUPS)]) for name in variants}
+    rows = []
+    for place, n in enumerate(samples):
+        shots: dict[str, list[Exposure]] = {name: [] for name in variants}
+        costs: dict[str, list[Cost]] = {name: [] for name in variants}
+        for number in range(seed + place * seeds, seed + (place + 1) * seeds):
+            for repeat in range(repeats):
+                for name in variants:
+                    shot, cost = _timed(expose, name, n, number)
+                    costs[name].append(cost)
+                    if repeat == 0:
+                        shots[name].append(shot)
+                    done(n)
+        for name in variants:
+            split, cost, start = split_error(shots[name], reference), _median(costs[name]), starting[name]
+            rows.append(
+                ErrorRow(
+                    name,
+                    n,
+                    cost.cpu,
+                    cost.wall,
+                    start.cpu,
+                    start.wall,
+                    split.variance,
+                    split.variance_error,
+                    split.bias_squared,
+                    split.bias_squared_error,
+                    split.reported_variance,
+                )
+            )
+    return rows
+
+
+def _timed(call: Callable[..., T], *arguments: object) -> tuple[T, Cost]:
+    wall, cpu = time.perf_counter(), time.process_time()
+    result = call(*arguments)
+    return result, Cost(time.process_time() - cpu, time.perf_counter() - wall)
+
+
+def _median(costs: Sequence[Cost]) -> Cost:
+    """Median of CPU and of wall time, each by itself."""
+    return Cost(statistics.median(cost.cpu for cost in costs), statistics.median(cost.wall for cost in costs))

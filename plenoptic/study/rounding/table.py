@@ -1,0 +1,268 @@
+"""The table of the stability study: measured rounding errors, row by row."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Sequence
+
+import numpy as np
+
+from plenoptic.core.rays import RayStatus
+from plenoptic.core.values import set_field, value, whole
+from plenoptic.errors import InvalidValueError
+from plenoptic.optics.lens.trace import traced_part
+from plenoptic.optics.surfaces.surface import Surface
+from plenoptic.study.rounding.bounds import Found, compared
+from plenoptic.study.rounding.cases import Setup, StabilityCase, stability_cases
+from plenoptic.study.rounding.reference import exact_rays, mpmath_context
+from plenoptic.study.text_table import markdown_table, plain_table
+
+QUICK = 40
+"""Rays of a case that show that all works."""
+
+THOROUGH = 1000
+"""Rays of a case, unless told otherwise."""
+
+_COLUMNS = (
+    "case",
+    "rays",
+    "position, mm",
+    "ulps",
+    "/ bound",
+    "direction",
+    "/ bound",
+    "Snell / bound",
+    "returned",
+    "wrong",
+    "s",
+)
+
+
+@value
+class StabilityRow:
+    """What one case has come to. Errors are the largest of all rays, None where no ray has one.
+
+    Parameters
+    ----------
+    case : str
+    rays : int
+    position_error : float or None
+        Distance of the point found from the exact one, mm.
+    position_ulps : float or None
+        The same in spacings of float64 at the size of the point (or of the vertex's z, where that is larger).
+    position_ratio : float or None
+        The largest ratio of a ray's error to its own bound.
+    direction_error : float or None
+        Length of the difference of the unit vectors.
+    direction_ratio : float or None
+    snell_ratio : float or None
+        The error of the direction against Snell's law at the point found, over 4 eps (1 + mu^2) / cos t.
+    returned : sequence of (str, int)
+        Names of statuses, and how many rays have them.
+    wrong : int
+        Rays whose status is not the one it must be, or whose numbers do not fit it.
+    seconds : float
+        For tracing, almost all of them with many digits.
+
+    Examples
+    --------
+    >>> from plenoptic.study import stability
+    >>> row = stability(rays=8, only=["plane"]).rows[0]
+    >>> row.returned, row.wrong, row.holds
+    ((('OK', 8),), 0, True)
+    """
+
+    case: str
+    rays: int
+    position_error: float | None
+    position_ulps: float | None
+    position_ratio: float | None
+    direction_error: float | None
+    direction_ratio: float | None
+    snell_ratio: float | None
+    returned: Sequence[tuple[str, int]]
+    wrong: int
+    seconds: float
+
+    def __post_init__(self) -> None:
+        set_field(self, "returned", tuple(self.returned))
+
+    @property
+    def holds(self) -> bool:
+        """Whether every ray is within its bounds and has a status that it may have."""
+        ratios = (self.position_ratio, self.direction_ratio, self.snell_ratio)
+        return self.wrong == 0 and all(ratio is None or ratio <= 1 for ratio in ratios)
+
+    @property
+    def cells(self) -> tuple[str, ...]:
+        """What stands in the table."""
+        returned = ", ".join(f"{count} {name}" for name, count in self.returned)
+        return (
+            self.case,
+            str(self.rays),
+            _size(self.position_error),
+            _share(self.position_ulps),
+            _share(self.position_ratio),
+            _size(self.direction_error),
+            _share(self.direction_ratio),
+            _share(self.snell_ratio),
+            returned,
+            str(self.wrong),
+            f"{self.seconds:.1f}",
+        )
+
+
+@value
+class StabilityTable:
+    """Rounding errors of ray tracing, case by case; `print` shows it.
+
+    Parameters
+    ----------
+    rows : sequence of StabilityRow
+
+    Examples
+    --------
+    >>> from plenoptic.study import stability
+    >>> table = stability(rays=4, only=["plane", "miss"])
+    >>> table
+    <StabilityTable: 3 cases, all within their bounds>
+    >>> print(table.to_markdown().splitlines()[0])
+    | case ...
+    """
+
+    rows: Sequence[StabilityRow]
+
+    def __post_init__(self) -> None:
+        set_field(self, "rows", tuple(self.rows))
+
+    @property
+    def holds(self) -> bool:
+        """Whether all rows do."""
+        return all(row.holds for row in self.rows)
+
+    def to_markdown(self) -> str:
+        """The table in Markdown."""
+        return markdown_table(_COLUMNS, [row.cells for row in self.rows])
+
+    def __str__(self) -> str:
+        return plain_table(_COLUMNS, [row.cells for row in self.rows])
+
+    def __repr__(self) -> str:
+        missed = [row.case for row in self.rows if not row.holds]
+        how = f"{len(missed)} beyond their bounds: {', '.join(missed)}" if missed else "all within their bounds"
+        return f"<StabilityTable: {len(self.rows)} cases, {how}>"
+
+
+def _size(error: float | None) -> str:
+    return "" if error is None else "0" if error == 0 else f"{error:.1e}"
+
+
+def _share(ratio: float | None) -> str:
+    if ratio is None:
+        return ""
+    return f"{ratio:.2f}" if ratio < 100 else f"{ratio:.1e}"
+
+
+def stability_row(case: StabilityCase, *, rays: int, seed: int = 0) -> StabilityRow:
+    """Trace one case in float64 and with many digits.
+
+    Parameters
+    ----------
+    case : StabilityCase
+    rays : int
+    seed : int, optional
+        Of the random rays.
+
+    Returns
+    -------
+    StabilityRow
+
+    Examples
+    --------
+    >>> from plenoptic.study.rounding.cases import stability_cases
+    >>> from plenoptic.study.rounding.table import stability_row
+    >>> stability_row(stability_cases()[0], rays=5).case
+    'double Gauss, full field'
+    """
+    begin = time.perf_counter()
+    # A case's rays do not depend on which other cases there are.
+    setup = case.setup(np.random.default_rng([seed, *case.name.encode()]), rays)
+    found, returned = _found(case, setup)
+    return StabilityRow(
+        case.name,
+        rays,
+        _largest([ray.position for ray in found]),
+        _largest([ray.ulps for ray in found]),
+        _largest([ray.position_ratio for ray in found]),
+        _largest([ray.direction for ray in found]),
+        _largest([ray.direction_ratio for ray in found]),
+        _largest([ray.snell_ratio for ray in found]),
+        returned,
+        sum(not ray.right for ray in found),
+        time.perf_counter() - begin,
+    )
+
+
+def _found(case: StabilityCase, setup: Setup) -> tuple[list[Found], list[tuple[str, int]]]:
+    lens, rays, first, last, reverse = setup
+    traced = traced_part(lens, rays, first, last, reverse=reverse)
+    finite = np.flatnonzero(rays.status == RayStatus.OK)
+    parts = lens.elements[first : last + 1][:: -1 if reverse else 1]
+    surfaces = [part for part in parts if isinstance(part, Surface)]
+    with mpmath_context().workdps(case.digits):
+        exact = exact_rays(lens, rays.selected(finite), first, last, reverse=reverse, digits=case.digits)
+        s = -1 if reverse else 1
+        found = [
+            compared(traced, int(i), ray, lens, surfaces, case.law, s) for i, ray in zip(finite, exact, strict=True)
+        ]
+    # What is not finite from the start is lost from the start.
+    void = np.flatnonzero(rays.status != RayStatus.OK)
+    found += [Found(bool(traced.status[i] == rays.status[i] and np.isnan(traced.origin[i]).all())) for i in void]
+    counts = Counter(RayStatus(int(status)).name for status in traced.status)
+    return found, sorted(counts.items(), key=lambda item: RayStatus[item[0]])
+
+
+def _largest(errors: Sequence[float | None]) -> float | None:
+    return max((error for error in errors if error is not None), default=None)
+
+
+def stability(*, rays: int = THOROUGH, seed: int = 0, only: Sequence[str] | None = None) -> StabilityTable:
+    """Rounding errors of ray tracing, against a trace with 50 digits and other formulas.
+
+    The cases are ordinary lenses and what is hard for floating-point numbers: very large and very small radii, distant
+    origins, grazing rays, tangents, total reflection, indices that are almost the same, strong aspheres, numbers that
+    are not finite. Every ray is held to a bound of its own; see `plenoptic.study.rounding.bounds`.
+
+    Parameters
+    ----------
+    rays : int, optional
+        For each case. A thousand take about a minute, most of it with many digits.
+    seed : int, optional
+        Of the random rays.
+    only : sequence of str, optional
+        Beginnings of the names of the cases wanted.
+
+    Returns
+    -------
+    StabilityTable
+        `print` shows it; `to_markdown()`, and `rows` with the numbers.
+
+    Raises
+    ------
+    PlenopticError
+        If mpmath is not installed; an InvalidValueError if `rays` is below 1 or no case is left.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> table = pl.study.stability(rays=10, only=["radius 50"])
+    >>> table.holds, [row.case for row in table.rows][:2]
+    (True, ['radius 50', 'radius 50, in reverse'])
+    """
+    count = whole(rays, "rays", at_least=1)
+    chosen = [case for case in stability_cases() if only is None or case.name.startswith(tuple(only))]
+    if not chosen:
+        names = ", ".join(repr(case.name) for case in stability_cases())
+        raise InvalidValueError(f"only is {only!r}, and no case begins so; the cases are {names}")
+    return StabilityTable([stability_row(case, rays=count, seed=whole(seed, "seed", at_least=0)) for case in chosen])

@@ -1,0 +1,419 @@
+"""Projection of points: closed forms, the real lens, the light of small emitters, and what hides them."""
+
+import dataclasses
+import math
+import pickle
+
+import numpy as np
+import pytest
+
+import plenoptic as pl
+from plenoptic.camera.array_axes import array_axes
+from plenoptic.camera.points.projection import project
+from plenoptic.camera.points.projection_chiefs import ThroughArray, aimed, rays_from
+from plenoptic.camera.psf.point_spread import landing_points, point_spread
+from plenoptic.optics.lens.record import lens_tables
+from plenoptic.optics.lens.trace import traced_by
+from plenoptic.truth.ground_truth import Truth
+
+THIN, FLAT, SPHERICAL = pl.MicrolensModel.THIN, pl.MicrolensModel.FLAT_HIGH_INDEX, pl.MicrolensModel.SPHERICAL
+
+
+def the_lens(model=pl.LensModel.EXACT, stop=5.0):
+    stop = pl.CircularStop(semi_diameter=stop) if isinstance(stop, float) else stop
+    lens = pl.load_lens("double-gauss-100mm-f2").with_stop(stop)
+    return lens if model is pl.LensModel.EXACT else lens.with_model(model)
+
+
+def reference_camera(b=1.7, lens=None, shape=(512, 512), to_array=123.3, pitch=0.217, focal_lengths=(2.0,), **array):
+    return pl.PlenopticCamera(
+        lens=the_lens() if lens is None else lens,
+        microlenses=pl.MicrolensArray(pitch=pitch, focal_lengths=focal_lengths, **array),
+        sensor=pl.Sensor(shape=shape, pixel_pitch=0.010),
+        stop_to_microlenses=to_array,
+        microlenses_to_sensor=b,
+    )
+
+
+def bare_camera(lens=None, z=134.6):
+    lens = the_lens() if lens is None else lens
+    return pl.PlenopticCamera(lens=lens, sensor=pl.Sensor((512, 512), 0.01), stop_to_microlenses=z)
+
+
+def assembled(camera):
+    """All parts out of place, and posed."""
+    return (
+        camera.moved(pl.CameraPart.LENS, shift=(0.2, 0.1, 0.1), tilt=(0.01, 0.02, 0.1))
+        .moved(pl.CameraPart.MICROLENSES, shift=(0.03, 0.02, 0.1), tilt=(0.01, -0.01, 0.05))
+        .moved(pl.CameraPart.SENSOR, shift=(0.05, 0.02, -0.05), tilt=(-0.01, 0.02, -0.03))
+        .posed((100, 50, 700), (30, -20, 10), (0.1, 1, 0))
+    )
+
+
+def in_world(camera, points):
+    return np.asarray(points, dtype=float) if camera.pose is None else camera.pose.to_world(points)
+
+
+# ---- closed forms ----
+
+
+@pytest.mark.parametrize("b", [1.7, 2.0, 2.3])
+@pytest.mark.parametrize("z", [-150.0, -300.0, -1500.0, -1e6])
+def test_positions_of_a_thin_camera_are_closed_forms(z, b):
+    # The image at x, a behind the array; seen through the centre c it falls at c + b (x - c) / a.
+    lens = the_lens(pl.LensModel.THIN)
+    camera = reference_camera(lens=lens, b=b, to_array=112.0 if b > 2 else 123.3)
+    cardinal = pl.paraxial.cardinal_points(lens)
+    s = cardinal.rear_principal - z
+    behind = 1.0 / (1.0 / cardinal.efl - 1.0 / s)
+    a = cardinal.rear_principal + behind - camera.stop_to_microlenses
+    points = np.array([[0.0, 0.0, z], [0.004 * s, -0.003 * s, z]])
+    seen = project(camera, points)
+    assert seen.visible.sum() > 6
+    found = np.isfinite(seen.position[:, 0])
+    assert found.mean() > 0.8
+    centre = seen.index[found] @ camera.microlenses.basis
+    image = -points[seen.point[found], :2] * behind / s
+    # Chief rays pass centres to 1e-9 mm; slopes to that over a, and up to 2.3 mm behind the array. From 1e6 mm away,
+    # directions are good to eps in 1e6 mm over 120 mm: no worse.
+    np.testing.assert_allclose(seen.position[found], centre + b * (image - centre) / a, rtol=0, atol=1e-8)
+    np.testing.assert_array_equal(seen.pixel, camera.sensor.pixel_of(seen.position))
+
+
+def test_points_of_the_plane_in_focus_fall_onto_one_spot_each():
+    # Thin lenses without aberrations, in focus: chief ray and centroid agree.
+    lens = the_lens(pl.LensModel.THIN)
+    camera = reference_camera(lens=lens).focused_at(z=-404.0)
+    seen = project(camera, [(0, 0, -404), (5, -4, -404)], rays=512)
+    both = np.isfinite(seen.position[:, 0]) & np.isfinite(seen.centroid[:, 0])
+    assert both.sum() > 50
+    np.testing.assert_allclose(seen.centroid[both], seen.position[both], rtol=0, atol=1e-8)
+
+
+KINDS = {
+    "thin": {},
+    "types": {"focal_lengths": (1.7, 2.0, 2.4)},
+    "rectangular": {"lattice": pl.Lattice.RECTANGULAR, "pitch": (0.25, 0.2)},
+    "spherical": {"model": SPHERICAL},
+    "spherical to the sensor": {"model": SPHERICAL, "convex_side": pl.ConvexSide.SENSOR},
+    "flat": {"model": FLAT, "index": 100.0},
+    "flat to the sensor": {"model": FLAT, "index": 100.0, "convex_side": pl.ConvexSide.SENSOR},
+    "imperfect": {"imperfections": pl.MicrolensImperfections(pitch_jitter=0.004, decentre=0.003, seed=4)},
+}
+
+
+@pytest.mark.parametrize("placed", [False, True])
+@pytest.mark.parametrize("array", KINDS.values(), ids=KINDS)
+def test_the_chief_ray_is_what_small_microlenses_leave_of_the_light(array, placed):
+    # Light through small round openings about the optical centres is the chief ray and its neighbours: a spot of radius
+    # 24 um times 2 % near the plane in focus. Its centroid differs from the chief ray by aberrations of even order, a
+    # part 0.05 of those of a whole cell, up to 3e-4 mm at the edge of the light: below 2e-5 mm.
+    array = {"aperture": pl.MicrolensAperture(pl.ApertureShape.CIRCLE, 0.05), **array}
+    shifted = array.pop("imperfections", None)
+    if shifted is not None:
+        # An opening that is not about the optical axis has no chief ray for its centroid.
+        array["imperfections"] = dataclasses.replace(shifted, decentre=0.0)
+    camera = reference_camera(**array)
+    camera = assembled(camera) if placed else camera
+    point = in_world(camera, [(5.0, 3.0, -400.0)])
+    seen = project(camera, point, rays=1 << 18)
+    # Openings are 0.05 mm wide, which the image point, 11 mm behind them, sees as 0.6 mm of the exit pupil. All of them
+    # are lit whose chief ray passes the iris 0.7 mm inside its edge.
+    inner = project(dataclasses.replace(camera, lens=the_lens(stop=4.3)), point, rays=8)
+    inside = {tuple(index) for index in inner.index[inner.passes].tolist()}
+    known = np.array([tuple(index) in inside for index in seen.index.tolist()]) & seen.visible
+    assert known.sum() > 10
+    off, error = (seen.centroid - seen.position)[known], np.hypot(seen.centroid_error[known], 2e-5)
+    # Errors have 7 degrees of freedom: RMS 1.2 of scores; of 60 numbers, one in a thousand is beyond 6.
+    scores = off / error
+    assert np.abs(scores).max() < 6.5 and np.sqrt(np.mean(scores**2)) < 1.2 * (1 + 3 / math.sqrt(2 * scores.size))
+
+
+@pytest.mark.parametrize("placed", [False, True])
+@pytest.mark.parametrize("array", [KINDS["thin"], KINDS["spherical to the sensor"]], ids=["thin", "spherical"])
+def test_chief_rays_pass_centres_to_a_millionth_of_a_micrometre(array, placed):
+    camera = reference_camera(**array)
+    camera = assembled(camera) if placed else camera
+    axes, made = array_axes(camera), camera.microlenses
+    aim = ThroughArray(lens_tables(camera.lens, camera.wavelength, reverse=False, clipping=False), axes, made)
+    rng = np.random.default_rng(3)
+    wanted = rng.uniform(-1.5, 1.5, (200, 2))
+    points = np.tile([4.0, -3.0, -380.0], (200, 1))
+    found = aimed(aim, points, wanted, np.zeros((200, 2)), z=-40.0, size=5.0, wavelength=camera.wavelength)
+    passed = aim.places(traced_by(aim.tables, rays_from(points, found, -40.0, camera.wavelength)))
+    np.testing.assert_allclose(passed, wanted, rtol=0, atol=1e-9)
+
+
+def test_free_microlenses_that_repeat_a_lattice_see_the_same():
+    regular = pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,))
+    centres = regular.lenses((-4.0, -4.0), (4.0, 4.0)).centre
+    free = reference_camera(lattice=pl.Lattice.FREE, centres=centres)
+    point = (4.0, 2.0, -390.0)
+    here, there = project(reference_camera(), point), project(free, point)
+    place = {tuple(np.round(i @ regular.basis, 6)): k for k, i in enumerate(here.index)}
+    matched = [place[tuple(np.round(centres[number], 6))] for number in there.index[:, 0]]
+    assert len(matched) == len(here) and (there.index[:, 1] == 0).all()
+    np.testing.assert_allclose(there.position, here.position[matched], rtol=0, atol=1e-9)
+    np.testing.assert_array_equal(there.passes, here.passes[matched])
+
+
+# ---- without microlenses ----
+
+
+@pytest.mark.parametrize("model", [pl.LensModel.EXACT, pl.LensModel.THIN, pl.LensModel.PARAXIAL])
+def test_a_conventional_camera_has_one_row_a_point_through_the_centre_of_the_iris(model):
+    lens = the_lens(model)
+    camera = bare_camera(lens)
+    points = np.array([(0.0, 0.0, -404.0), (6.0, -3.0, -404.0), (-2.0, 5.0, -1e6), (1.0, 1.0, -80.0)])
+    seen = project(camera, points)
+    np.testing.assert_array_equal(seen.point, np.arange(4))
+    assert seen.index is None and seen.type is None and seen.passes.all()
+    for k, (x, y, z) in enumerate(points.tolist()):
+        ray = pl.aiming.chief_ray(lens, field=(x, y), z_object=z)
+        landed = lens.trace(ray).at_z(camera.z_sensor)[0, :2]
+        # The iris is hit to 1e-9 mm on either side; 134.6 mm behind it rays are no more than 3 times as far off.
+        np.testing.assert_allclose(seen.position[k], landed, rtol=0, atol=1e-8)
+
+
+def test_a_conventional_camera_with_parts_out_of_place():
+    # Everything moved together is a pose: nothing changes on the sensor.
+    camera = bare_camera()
+    turn = {"shift": (0.4, -0.2, 0.3), "tilt": (0.02, 0.01, 0.3)}
+    lens = camera.moved(pl.CameraPart.LENS, **turn)
+    placement = lens.lens_placement
+    pose = pl.Pose(placement.rotation, placement.shift)
+    z = np.array([0.0, 0.0, camera.z_sensor])
+    together = dataclasses.replace(lens, sensor_placement=pl.Placement(pose.to_world([z])[0] - z, placement.rotation))
+    points = np.array([(3.0, 2.0, -404.0), (-4.0, 1.0, -500.0)])
+    here, there = project(camera, points), project(together, pose.to_world(points))
+    np.testing.assert_allclose(there.position, here.position, rtol=0, atol=1e-9)
+    # Rounding decides which points of the edge of the light a search for it finds: not the same rays.
+    joint = np.hypot(there.centroid_error, here.centroid_error)
+    assert np.all(np.abs(there.centroid - here.centroid) < 4 * joint)
+
+
+# ---- light ----
+
+
+def test_light_of_all_microlenses_is_that_of_the_point():
+    camera = reference_camera()
+    point = (5.0, 3.0, -380.0)
+    seen, spread = project(camera, point, rays=1 << 15), point_spread(camera, point, rays=1 << 16)
+    error = math.hypot(np.sqrt((seen.light_error**2).sum()), spread.light_error)
+    assert abs(seen.light.sum() - spread.light) < 4 * error
+    assert error < 0.003 * spread.light
+    landed = landing_points(camera, point, rays=1 << 16)
+    k = int(np.argmax(seen.light))
+    mine = (landed.index == seen.index[k]).all(axis=1)
+    mean = np.average(landed.position[mine], weights=landed.weight[mine], axis=0)
+    np.testing.assert_allclose(seen.centroid[k], mean, rtol=0, atol=5 * seen.centroid_error[k].max() + 1e-6)
+
+
+@pytest.mark.parametrize("placed", [False, True])
+@pytest.mark.parametrize("array", [KINDS["types"], KINDS["spherical"]], ids=["types", "spherical"])
+def test_centroids_are_those_of_rendered_small_emitters(array, placed):
+    # Centroids over pixels are those of the light where the square's image is as wide as a pixel: the frequency at
+    # which pixels repeat is missing in it then. At 2 % from that they err by 2 % / pi of a pixel, 1e-4 mm, or less.
+    camera = reference_camera(**array)
+    camera = assembled(camera) if placed else camera
+    centre = np.array([3.0, 2.0, -385.0])
+    pair = project(camera, in_world(camera, np.add(centre, [[-0.05, 0, 0], [0.05, 0, 0]])), rays=8)
+    across = [pair.selected((pair.point == k) & (pair.index == pair.index[len(pair) // 4]).all(axis=1)) for k in (0, 1)]
+    side = 0.01 / np.hypot(*(across[1].position[0] - across[0].position[0]) / 0.1)
+    grid = (np.stack(np.meshgrid(np.arange(6), np.arange(6)), axis=-1).reshape(-1, 2) + 0.5) / 6 - 0.5
+    points = np.column_stack([side * grid, np.zeros(36)]) + centre
+    seen = project(camera, in_world(camera, points), rays=1 << 11)
+    ends = in_world(camera, centre + side * np.array([[-0.5, -0.5, 0], [0.5, -0.5, 0], [-0.5, 0.5, 0]]))
+    quad = pl.quad(ends[0], ends[1] - ends[0], ends[2] - ends[0], material=pl.Emissive(1.0))
+    pixels = seen.pixel[np.isfinite(seen.pixel[:, 0])]
+    low, high = pixels.min(axis=0).astype(int) - 8, pixels.max(axis=0).astype(int) + 9
+    region = tuple(slice(max(a, 0), min(b, 512)) for a, b in zip(low, high, strict=True))
+    shot = pl.render(
+        pl.Scene([quad]), camera, samples=512, region=region, replicates=16, truth=Truth.NONE, progress=False
+    )
+    rows, columns = (g.ravel() for g in np.mgrid[region])
+    light, error = (a[:, :, 0].ravel().astype(float) for a in (shot.image, shot.standard_error))
+    places = camera.sensor.centre_of(rows, columns)
+    keys = np.unique(seen.index, axis=0)
+    whole = []
+    for key in keys:
+        mine = (seen.index == key).all(axis=1)
+        if mine.sum() == 36 and seen.passes[mine].all():
+            weight = seen.light[mine]
+            whole.append((np.average(seen.centroid[mine], weights=weight, axis=0), weight.mean()))
+    brightest = max(weight for _, weight in whole)
+    middles = np.array([middle for middle, weight in whole if weight > 0.5 * brightest])
+    assert len(middles) > 8
+    scores = []
+    for middle in middles:
+        # Images of neighbouring microlenses are some 0.18 mm apart.
+        mine = np.hypot(*(places - middle).T) < 0.08
+        total = light[mine].sum()
+        found = (places[mine] * light[mine, None]).sum(axis=0) / total
+        spread = np.sqrt((((places[mine] - found) * error[mine, None]) ** 2).sum(axis=0)) / total
+        scores.append((found - middle) / np.hypot(spread, 1e-4 / 2))
+    scores = np.array(scores)
+    # Within 3 standard errors; of some 50 numbers with 15 degrees of freedom one may lie outside.
+    assert np.mean(np.abs(scores) < 3) > 0.95 and np.abs(scores).max() < 5
+    assert np.sqrt(np.mean(scores**2)) < 1.07 * (1 + 3 / np.sqrt(2 * scores.size)) + 0.1
+
+
+def test_microlenses_at_the_edge_of_the_light_are_seen_without_their_chief_ray():
+    seen = project(reference_camera(), (5.0, 3.0, -380.0))
+    edge = seen.visible & ~seen.passes
+    assert 3 < edge.sum() < 0.5 * len(seen)
+    assert seen.light[edge].mean() < 0.5 * seen.light[seen.passes].mean()
+    assert np.isfinite(seen.centroid[seen.visible]).all()
+
+
+def test_a_dark_microlens_is_not_lit():
+    dark = pl.MicrolensDeviations(index=[(0, 0)], transmission=[0.0])
+    seen = project(reference_camera(imperfections=dark), (0.0, 0.0, -404.0))
+    middle = (seen.index == 0).all(axis=1)
+    assert middle.sum() == 1 and seen.passes[middle].all()
+    assert not seen.visible[middle].any() and (seen.light[middle] == 0).all()
+    assert np.isnan(seen.centroid[middle]).all()
+    assert seen.visible[~middle].all()
+
+
+def test_a_camera_array_sees_with_every_lens_whose_chief_ray_meets_the_sensor():
+    # Without main lens: a ray from the point through each centre. More lenses get light than rays are traced.
+    camera = reference_camera(lens=the_lens(pl.LensModel.NONE, 16.0), to_array=40.0, b=2.0)
+    point = np.array([10.0, 5.0, -404.0])
+    seen = project(camera, point, rays=64)
+    centre = seen.index @ camera.microlenses.basis
+    expected = centre + 2.0 * (centre - point[:2]) / 444.0
+    np.testing.assert_allclose(seen.position, expected, rtol=0, atol=1e-9)
+    inside = (np.abs(expected) < 2.56).all(axis=1)
+    assert inside.sum() > 600 and seen.visible[inside].all()
+    # The rest of the light is that of images that reach over the edge of the sensor, half a pitch at most.
+    assert not seen.visible[(np.abs(expected) > 2.56 + 0.13).any(axis=1)].any()
+    unknown = seen.visible & (seen.light == 0)
+    assert unknown.any() and np.isinf(seen.light_error[unknown]).all() and np.isnan(seen.centroid[unknown]).all()
+
+
+def test_what_lands_beside_the_sensor_is_not_visible():
+    camera = reference_camera(shape=(32, 32))
+    seen = project(camera, (0.0, 0.0, -404.0))
+    inside = ((seen.pixel > -0.5) & (seen.pixel < 31.5)).all(axis=1)
+    assert inside.any() and not inside.all()
+    far = ((seen.pixel < -2) | (seen.pixel > 33)).any(axis=1)
+    assert not seen.visible[far].any() and seen.visible[inside & seen.passes].all()
+
+
+def test_a_point_imaged_onto_the_array_is_seen_by_one_microlens():
+    camera = reference_camera(2.0, lens=the_lens(pl.LensModel.THIN, 4.25)).focused_at(z=-404.0)
+    seen = project(camera, (0.1, 0.05, -404.0))
+    assert len(seen) == 1 and seen.visible.all() and np.isnan(seen.position).all()
+    spread = point_spread(camera, (0.1, 0.05, -404.0))
+    joint_light = math.hypot(spread.light_error, seen.light_error[0])
+    assert abs(seen.light[0] - spread.light) < 5 * joint_light < 0.1 * spread.light
+    joint = np.hypot(spread.centroid_error, seen.centroid_error[0])
+    assert np.all(np.abs(seen.centroid[0] - spread.centroid) < 5 * joint)
+
+
+def test_pinholes_show_points_along_chief_rays():
+    seen = project(reference_camera(model=pl.MicrolensModel.PINHOLE), (0.0, 0.0, -404.0))
+    thin = project(reference_camera(), (0.0, 0.0, -404.0))
+    assert seen.passes.all() and seen.visible.all() and np.isnan(seen.light).all()
+    np.testing.assert_array_equal(seen.centroid, seen.position)
+    np.testing.assert_array_equal(seen.position, thin.position[thin.passes])
+
+
+def test_points_out_of_sight_have_no_rows():
+    aside = project(reference_camera(), [(0.0, 0.0, -404.0), (5000.0, 0.0, -60.0)])
+    assert (aside.point == 0).all() and len(aside) > 20
+    nothing = project(reference_camera(), (5000.0, 0.0, -60.0))
+    assert len(nothing) == 0 and nothing.index.shape == (0, 2)
+    # Every point of a conventional camera has its row.
+    bare = project(bare_camera(), (5000.0, 0.0, -60.0))
+    assert len(bare) == 1 and not bare.visible.any() and not bare.passes.any()
+
+
+# ---- what hides ----
+
+
+def card(x, y, z, width, height):
+    return pl.quad((x - width / 2, y - height / 2, z), (width, 0, 0), (0, height, 0), material=pl.Lambertian(0.5))
+
+
+@pytest.mark.parametrize("z", [-404.0, -1e6])
+def test_the_surface_of_a_point_does_not_hide_it(z):
+    size = -2 * z
+    scene = pl.Scene([card(0, 0, z, size, size)], background=1.0)
+    camera = reference_camera()
+    points = np.array([[0.0, 0.0, z], [-0.01 * z, 0.005 * z, z]])
+    np.testing.assert_array_equal(project(camera, points, scene=scene).visible, project(camera, points).visible)
+
+
+def test_a_card_hides_what_is_behind_it():
+    camera = reference_camera()
+    points = np.array([(0.0, 0.0, -404.0), (0.0, 0.0, -350.0)])
+    scene = pl.Scene([card(0, 0, -380.0, 50, 50)], background=1.0)
+    seen = project(camera, points, scene=scene)
+    assert not seen.visible[seen.point == 0].any() and seen.visible[seen.point == 1].all()
+
+
+@pytest.mark.parametrize("posed", [False, True])
+def test_half_a_card_hides_the_microlenses_that_look_past_its_other_side(posed):
+    # A card over the half x > 0 right before the lens. The image of a point on the axis lies behind the array, whose
+    # microlenses at x > 0 therefore get the light of the half x > 0 of the lens.
+    camera = reference_camera()
+    half = pl.box(20.0, center=(10.0, 0.0, -60.0), material=pl.Lambertian(0.5))
+    point = np.array([[0.0, 0.0, -404.0]])
+    if posed:
+        camera = camera.posed((100, 50, 700), (30, -20, 10), (0.1, 1, 0))
+        matrix = np.eye(4)
+        matrix[:3, :3], matrix[:3, 3] = camera.pose.rotation, camera.pose.position
+        half, point = half.transformed(matrix), camera.pose.to_world(point)
+    seen = project(camera, point, scene=pl.Scene([half], background=1.0))
+    x = (seen.index @ camera.microlenses.basis)[:, 0]
+    aside = np.abs(x) > 0.1
+    np.testing.assert_array_equal(seen.visible[aside], (x < 0)[aside])
+
+
+def test_a_scene_without_meshes_hides_nothing():
+    camera = reference_camera()
+    seen = project(camera, (0.0, 0.0, -404.0), scene=pl.Scene(background=1.0))
+    assert seen == project(camera, (0.0, 0.0, -404.0))
+
+
+# ---- values ----
+
+
+def test_results_do_not_depend_on_threads_and_are_values():
+    camera = reference_camera()
+    points = [(0, 0, -404), (3, 2, -380), (-1, 4, -500)]
+    one, two = project(camera, points, threads=1), project(camera, points, threads=2)
+    assert one == two and pickle.loads(pickle.dumps(one)) == one
+    assert repr(one) == f"Projection(3 points, {len(one)} rows, {one.visible.sum()} of them visible)"
+    last = one.selected(one.point == 2)
+    assert (last.point == 2).all() and len(last) == (one.point == 2).sum()
+    np.testing.assert_array_equal(last.points, one.points)
+    np.testing.assert_array_equal(project(camera, points[0]).position, one.position[one.point == 0])
+
+
+def test_more_rays_leave_chief_rays_as_they_are():
+    camera = reference_camera()
+    few, many = (project(camera, (3, 2, -390), rays=n) for n in (64, 1 << 14))
+    place = {tuple(index): k for k, index in enumerate(many.index.tolist())}
+    matched = [place[tuple(index)] for index in few.index.tolist()]
+    np.testing.assert_array_equal(few.position, many.position[matched])
+    assert np.median(many.centroid_error) < 0.1 * np.median(few.centroid_error)
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"camera": 3}, "camera is an int; give a PlenopticCamera"),
+        ({"points": (0, 0, -10)}, r"point 0 lies at z = -10 mm .* points must lie in front of it"),
+        ({"points": (0, 0, np.nan)}, "points holds nan; all coordinates must be finite"),
+        ({"points": (0, 0)}, r"points has shape \(1, 2\); it must have shape \(n, 3\)"),
+        ({"rays": 0}, "rays is 0; it must be at least 1"),
+        ({"scene": 3}, "scene is an int; give a Scene"),
+    ],
+)
+def test_impossible_arguments(change, sentence):
+    arguments = {"camera": reference_camera(), "points": (0, 0, -404), **change}
+    with pytest.raises(pl.InvalidValueError, match=sentence):
+        project(arguments.pop("camera"), arguments.pop("points"), **arguments)

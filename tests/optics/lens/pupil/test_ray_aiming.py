@@ -1,0 +1,341 @@
+"""Aimed rays pass the points of the real iris that they were aimed at, and start where they say."""
+
+import math
+import os
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import plenoptic as pl
+from plenoptic.optics.lens.pupil.ray_aiming import (
+    aimed_rays,
+    aimed_rays_reverse,
+    chief_ray,
+    entrance_pupil_of,
+    fan,
+    hexapolar,
+    square_grid,
+)
+from plenoptic.optics.lens.trace import traced_part
+
+EPS = np.finfo(float).eps
+
+# Half fields in degrees: those that stand on the lenses' data sheets.
+BUNDLED = {
+    "achromat-100mm-f4.4": 10.0,
+    "double-gauss-100mm-f2": 21.8,
+    "double-gauss-105mm-f1.4": 22.5,
+    "fisheye-100mm-f8": 85.4,
+    "singlet-100mm-f4": 20.0,
+    "telephoto-100mm-f2.8": 7.0,
+    "topogon-100mm-f6.3": 50.0,
+}
+
+SHARED = Path(os.environ["PLENOPTIC_SHARED"])
+FILES = sorted((SHARED / "lenses").glob("*.csv"))
+
+
+def iris_points(lens: pl.LensStack, pupil: np.ndarray) -> np.ndarray:
+    points = np.column_stack([lens.stop.semi_diameter * pupil, np.zeros(len(pupil))])
+    placed = lens.stop.placement
+    return points if placed is None else points @ np.asarray(placed.rotation).T + placed.shift
+
+
+def on_iris(lens: pl.LensStack, rays: pl.RayBundle) -> np.ndarray:
+    return traced_part(lens, rays, 0, lens.iris_index, clipping=False).origin
+
+
+def seen_at(field: tuple[float, float]) -> np.ndarray:
+    """The direction in which an infinitely far object point is seen from the lens."""
+    theta, phi = math.hypot(*field), math.atan2(field[1], field[0])
+    return np.array([math.sin(theta) * math.cos(phi), math.sin(theta) * math.sin(phi), -math.cos(theta)])
+
+
+def checked(lens: pl.LensStack, field: tuple[float, float], pupil: np.ndarray, z_object: float, tolerance: float):
+    rays = aimed_rays(lens, field=field, pupil=pupil, z_object=z_object)
+    assert np.all(rays.status == 0)
+    assert np.abs(on_iris(lens, rays) - iris_points(lens, pupil)).max() < tolerance
+    return rays
+
+
+@pytest.mark.parametrize("name", sorted(BUNDLED))
+@pytest.mark.parametrize("share", [0.0, 0.5, 0.8, 1.0])
+@pytest.mark.parametrize("azimuth", [0.5 * math.pi, 0.3, -2.0])
+def test_rays_fill_the_iris_over_the_whole_field(name: str, share: float, azimuth: float) -> None:
+    lens, angle = pl.load_lens(name), share * math.radians(BUNDLED[name])
+    field = (angle * math.cos(azimuth), angle * math.sin(azimuth))
+    # Newton stops at about 1e-15 rad; the lenses are up to 1300 mm long: 1e-12 mm, and a reserve of 10.
+    rays = checked(lens, field, hexapolar(6), -math.inf, 1e-11)
+    # All rays have the object's direction, exactly, and start on one plane across it, before the lens.
+    assert np.abs(rays.direction + seen_at(field)).max() <= 4 * EPS
+    ahead = rays.origin @ seen_at(field)
+    assert np.ptp(ahead) < 1e-11
+    profiles = np.concatenate([lens.profiles(9)[0], lens.profiles(9)[-1]])
+    rims = np.column_stack([np.zeros(len(profiles)), profiles[:, 1], profiles[:, 0]])
+    if azimuth == 0.5 * math.pi:
+        assert ahead.min() > (rims @ seen_at(field)).max()
+
+
+@pytest.mark.parametrize("name", sorted(BUNDLED))
+@pytest.mark.parametrize("z_object", [-1.2e3, -1e5])
+def test_rays_from_a_point_at_a_finite_distance(name: str, z_object: float) -> None:
+    lens = pl.load_lens(name)
+    reach = abs(z_object) * math.tan(min(math.radians(BUNDLED[name]), 0.8))
+    for share in (0.0, 0.6, 1.0):
+        # Rounding of the origin adds eps |z_object| to that of the search.
+        rays = checked(lens, (0.3 * share * reach, share * reach), hexapolar(5), z_object, 1e-11 + 4 * EPS * -z_object)
+        assert np.array_equal(rays.origin, np.broadcast_to([0.3 * share * reach, share * reach, z_object], (91, 3)))
+
+
+def test_a_distant_point_sends_what_an_infinitely_distant_one_does() -> None:
+    lens, theta, pupil = pl.load_lens("double-gauss-100mm-f2"), 0.3, hexapolar(4)
+    far = aimed_rays(lens, field=(0.0, theta), pupil=pupil)
+    distance = 1e7
+    near = aimed_rays(lens, field=(0.0, distance * math.tan(theta)), pupil=pupil, z_object=-distance)
+    # Directions differ by the distance of the rays from the point's line through the iris, some 40 mm, over its own.
+    assert np.abs(near.direction - far.direction).max() < 50 / distance
+
+
+def passing_rays(lens: pl.LensStack, theta: float, n: int) -> pl.RayBundle:
+    """Rays with the direction of the field theta, spread at random over the pupil, that pass all rims."""
+    rng = np.random.default_rng(3)
+    towards = seen_at((0.0, theta))
+    rim = 3.0 * pl.paraxial.cardinal_points(lens).entrance_pupil_semi_diameter
+    r, phi = rim * np.sqrt(rng.uniform(size=n)), rng.uniform(0, 2 * math.pi, n)
+    # On a disc across the direction, around the entrance pupil as it is seen from there, and before the lens.
+    up = np.array([0.0, math.cos(theta), math.sin(theta)])
+    centre = np.array([0.0, 0.0, float(entrance_pupil_of(lens, (0.0, theta)))])
+    start = centre + 2e3 * towards + np.outer(r * np.cos(phi), [1.0, 0.0, 0.0]) + np.outer(r * np.sin(phi), up)
+    rays = pl.RayBundle(start, np.broadcast_to(-towards, start.shape))
+    return rays.selected(lens.trace(rays).status == 0)
+
+
+def refound(lens: pl.LensStack, theta: float, n: int = 10000) -> int:
+    """Every ray that passes the lens is the one that is found when its point of the iris is aimed at."""
+    passing = passing_rays(lens, theta, n)
+    pupil = on_iris(lens, passing)[:, :2] / lens.stop.semi_diameter
+    aimed = aimed_rays(lens, field=(0.0, theta), pupil=pupil)
+    assert np.all(aimed.status == 0)
+    across = np.eye(3) - np.outer(passing.direction[0], passing.direction[0]) if len(passing) else np.eye(3)
+    # Some 1e-11 mm on the iris, where pupils are up to ten times smaller than in front.
+    assert np.abs((aimed.origin - passing.origin) @ across).max(initial=0.0) < 1e-9
+    return len(passing)
+
+
+@pytest.mark.parametrize("name", sorted(BUNDLED))
+def test_every_ray_that_passes_a_bundled_lens_is_found(name: str) -> None:
+    for share in (0.0, 0.6, 1.0):
+        assert refound(pl.load_lens(name), share * math.radians(BUNDLED[name])) > 5
+
+
+@pytest.mark.parametrize("path", FILES, ids=[path.stem[:28] for path in FILES])
+def test_lenses_from_files(path: Path) -> None:
+    lens = pl.load_lens(path)
+    stated = re.search(r"([\d.]+)deg", path.name)
+    if stated is None:
+        # Microscopes, which see no distant objects, and a lens whose stop stands by rule.
+        pytest.skip("no stated field")
+    half = math.radians(float(stated.group(1))) / 2
+    for share in (0.0, 0.7, 1.0):
+        rays = aimed_rays(lens, field=(0.0, share * half), pupil=hexapolar(6))
+        # Beyond the rims, wide-angle lenses have points of the iris that no ray reaches.
+        found = rays.status == 0
+        assert np.mean(found) > 0.95
+        off = np.abs(on_iris(lens, rays) - iris_points(lens, hexapolar(6)))[found]
+        assert off.max() < 1e-9
+        assert refound(lens, share * half, 4000) > 2
+
+
+@pytest.mark.parametrize("path", [path for path in FILES if "Microscope F0.5 " in path.name], ids=["asoma"])
+def test_a_microscope_objective_from_its_front_focus(path: Path) -> None:
+    lens = pl.load_lens(path)
+    z = pl.paraxial.cardinal_points(lens).front_focus
+    # Sines of more than 0.8 in front.
+    rays = checked(lens, (0.0, 1.0), hexapolar(5), z, 1e-9)
+    assert rays.direction[:, 2].min() < 0.85
+
+
+@pytest.mark.parametrize("name", ["double-gauss-100mm-f2", "fisheye-100mm-f8", "topogon-100mm-f6.3"])
+def test_reverse_rays_fill_the_iris_too(name: str) -> None:
+    lens, pupil = pl.load_lens(name), hexapolar(6)
+    z = 1.05 * pl.paraxial.cardinal_points(lens).rear_focus
+    for point in ((0.0, 0.0), (3.0, -20.0)):
+        rays = aimed_rays_reverse(lens, image_point=point, z_image=z, pupil=pupil)
+        assert np.all(rays.status == 0) and np.all(rays.direction[:, 2] < 0)
+        assert np.array_equal(rays.origin, np.broadcast_to([*point, z], (len(pupil), 3)))
+        met = traced_part(lens, rays, lens.iris_index, len(lens.elements) - 1, reverse=True, clipping=False).origin
+        assert np.abs(met - iris_points(lens, pupil)).max() < 1e-11
+
+
+def test_forward_and_reverse_are_the_same_ray() -> None:
+    lens = pl.load_lens("double-gauss-100mm-f2")
+    pupil = np.array([[0.1, -0.2]])
+    there = lens.trace(aimed_rays(lens, field=(0.05, 0.2), pupil=pupil))
+    point = there.at_z(130.0)[0]
+    back = aimed_rays_reverse(lens, image_point=point[:2], z_image=130.0, pupil=pupil)
+    # 100 mm times eps over a distance of 100 mm, with a reserve for what the lens magnifies.
+    assert np.abs(back.direction + there.direction).max() < 1e-14
+
+
+@pytest.mark.parametrize("name", ["double-gauss-100mm-f2", "fisheye-100mm-f8"])
+def test_decentred_and_tilted_lenses_with_a_moved_stop(name: str) -> None:
+    lens = pl.load_lens(name)
+    lens = lens.moved(slice(0, 4), shift=(0.5, 0.3, 0.1), tilt=(0.01, -0.02, 0.0)).moved(2, tilt=(0.0, 0.01, 0.0))
+    lens = lens.moved(lens.iris_index, shift=(0.2, 0.4, 0.1), tilt=(0.05, 0.03, 0.0))
+    checked(lens, (0.1, 0.3), square_grid(15), -math.inf, 1e-11)
+    checked(lens, (300.0, 500.0), square_grid(15), -2000.0, 1e-11)
+
+
+@pytest.mark.parametrize(("elements", "iris"), [
+    ([pl.CircularStop(4.0, thickness=6.0), pl.Surface(60.0, 4.0, pl.ConstantMedium(1.5), semi_diameter=12.0),
+      pl.Surface(-60.0, semi_diameter=12.0)], 0),
+    ([pl.Surface(60.0, 4.0, pl.ConstantMedium(1.5), semi_diameter=12.0),
+      pl.Surface(-60.0, thickness=6.0, semi_diameter=12.0), pl.CircularStop(4.0)], 2),
+    ([pl.Surface(60.0, 4.0, pl.ConstantMedium(1.5), semi_diameter=12.0), pl.CircularStop(4.0, thickness=3.0),
+      pl.Surface(-60.0, semi_diameter=12.0)], 1),
+])  # fmt: skip
+def test_stops_before_behind_and_inside_glass(elements: list, iris: int) -> None:
+    lens = pl.LensStack(elements, iris=iris)
+    rays = checked(lens, (0.02, 0.2), hexapolar(4), -math.inf, 1e-12)
+    checked(lens, (1.0, 12.0), hexapolar(4), -80.0, 1e-12)
+    assert np.all(lens.trace(rays).status[:37] == 0)
+    back = aimed_rays_reverse(lens, image_point=(1.0, 4.0), z_image=70.0, pupil=hexapolar(4))
+    met = traced_part(lens, back, iris, 2, reverse=True, clipping=False).origin
+    assert np.abs(met - iris_points(lens, hexapolar(4))).max() < 1e-12
+
+
+def test_a_lens_that_turns_the_pupil_upside_down() -> None:
+    # An image between the two lenses before the stop: chief rays cross the axis, and objects above are seen below.
+    glass = pl.ConstantMedium(1.5)
+    relay = pl.LensStack([
+        pl.Surface(40.0, 4.0, glass, semi_diameter=10.0), pl.Surface(-40.0, 80.0, semi_diameter=10.0),
+        pl.Surface(40.0, 4.0, glass, semi_diameter=10.0), pl.Surface(-40.0, 65.0, semi_diameter=10.0),
+        pl.CircularStop(1.5, thickness=5.0),
+    ])  # fmt: skip
+    assert pl.paraxial.cardinal_points(relay).pupil_magnification > 0
+    checked(relay, (0.01, 0.05), hexapolar(4), -math.inf, 1e-11)
+    checked(relay, (0.5, 1.5), hexapolar(4), -200.0, 1e-11)
+
+
+@pytest.mark.filterwarnings("error")
+def test_objects_absurdly_far_away_are_none_or_found() -> None:
+    lens = pl.load_lens("double-gauss-100mm-f2")
+    for z in (-1e12, -1e100, -1e300):
+        rays = aimed_rays(lens, field=(0.0, -0.1 * z), pupil=hexapolar(2), z_object=z)
+        assert np.all(np.isin(rays.status, (pl.RayStatus.OK, pl.RayStatus.MISSED)))
+
+
+def test_what_is_aimed_at_a_stop_alone_needs_no_search() -> None:
+    # Of the plane of the front stop, the entrance pupil is the stop itself.
+    lens = pl.load_lens("singlet-100mm-f4")
+    assert lens.iris_index == 0
+    rays = aimed_rays(lens, field=(0.0, 0.3), pupil=[[0.0, 1.0]])
+    assert rays.at_z(0.0)[0, :2] == pytest.approx([0.0, lens.stop.semi_diameter], abs=1e-14)
+
+
+def test_many_rays_are_those_of_few() -> None:
+    # Above 4096 points, the search starts from a polynomial.
+    lens, pupil = pl.load_lens("fisheye-100mm-f8"), square_grid(80)
+    field = (0.4, 1.2)
+    many = checked(lens, field, pupil, -math.inf, 1e-11)
+    few = aimed_rays(lens, field=field, pupil=pupil[::50])
+    assert len(pupil) > 4096
+    # Both are within 1e-15 rad at the iris, some 1000 mm from the origins.
+    assert np.abs(many.origin[::50] - few.origin).max() < 1e-11
+
+
+def test_rays_that_do_not_exist_are_missed() -> None:
+    # From behind a plano-convex lens with its stop behind: beyond the critical angle of the glass, no ray gets there.
+    glass = pl.ConstantMedium(1.5)
+    ball = pl.LensStack([pl.Surface(5.0, 5.0, glass, semi_diameter=5.0), pl.Surface(math.inf, semi_diameter=5.0),
+                         pl.CircularStop(4.0)])  # fmt: skip
+    rays = aimed_rays(ball, field=(0.0, 1.5), pupil=hexapolar(3))
+    lost = rays.status != 0
+    assert np.any(lost)
+    assert np.all(rays.status[lost] == pl.RayStatus.MISSED)
+    assert np.all(np.isnan(rays.origin[lost])) and np.all(rays.weight[lost] == 0)
+    assert np.all(ball.trace(rays).status[lost] == pl.RayStatus.MISSED)
+
+
+def test_the_entrance_pupil_of_a_small_field_is_the_paraxial_one() -> None:
+    for name in BUNDLED:
+        lens = pl.load_lens(name)
+        paraxial = pl.paraxial.cardinal_points(lens).entrance_pupil
+        assert entrance_pupil_of(lens, (0.0, 0.0)) == paraxial
+        # Pupil aberration grows with the square of the field: halving it leaves a quarter.
+        whole, half = (entrance_pupil_of(lens, (0.0, angle)) - paraxial for angle in (0.02, 0.01))
+        if abs(whole) > 1e-9:
+            assert whole / half == pytest.approx(4.0, rel=0.01)
+
+
+def test_the_chief_ray_of_a_fisheye_passes_where_paraxial_aiming_fails() -> None:
+    lens, theta = pl.load_lens("fisheye-100mm-f8"), math.radians(80.0)
+    assert lens.trace(chief_ray(lens, field=(0.0, theta))).status[0] == 0
+    pupil = pl.paraxial.cardinal_points(lens).entrance_pupil
+    towards = -seen_at((0.0, theta))
+    paraxial = pl.RayBundle([np.array([0.0, 0.0, pupil]) - 2000.0 * towards], [towards])
+    assert lens.trace(paraxial).status[0] != 0
+
+
+@pytest.mark.parametrize("model", [pl.LensModel.NONE, pl.LensModel.THIN, pl.LensModel.PARAXIAL])
+def test_ideal_models_pass_their_stop_where_they_are_aimed_at(model: pl.LensModel) -> None:
+    lens = pl.load_lens("double-gauss-100mm-f2").with_model(model)
+    inside, outside = 0.999 * hexapolar(3), 1.001 * hexapolar(3)[-18:]
+    for pupil, passes in ((inside, True), (outside, False)):
+        for field, z in (((0.02, 0.1), -math.inf), ((3.0, 20.0), -404.0)):
+            rays = aimed_rays(lens, field=field, pupil=pupil, z_object=z)
+            assert np.all((lens.trace(rays).status == 0) == passes)
+        back = aimed_rays_reverse(lens, image_point=(0.0, 8.0), z_image=120.0, pupil=pupil)
+        assert np.all((lens.trace_reverse(back).status == 0) == passes)
+
+
+def test_patterns_of_points() -> None:
+    for rings in (1, 2, 7):
+        points = hexapolar(rings)
+        assert len(points) == 1 + 3 * rings * (rings + 1)
+        assert np.hypot(*points.T).max() == pytest.approx(1.0, abs=2 * EPS)
+        assert np.abs(points.mean(axis=0)).max() < 1e-15
+    for n in (1, 2, 33):
+        points = square_grid(n)
+        assert np.all(np.hypot(*points.T) <= 1)
+        # Counting errs by about the root of the outline in cells.
+        assert len(points) * (2 / n) ** 2 == pytest.approx(math.pi, abs=3 / n)
+    assert fan(5)[:, 1].tolist() == [-1.0, -0.5, 0.0, 0.5, 1.0] and not fan(5)[:, 0].any()
+    for function in (hexapolar, square_grid, fan):
+        with pytest.raises(pl.InvalidValueError, match="at least"):
+            function(0)
+
+
+@pytest.mark.parametrize(("changes", "message"), [
+    ({"z_object": 10.0}, "before the first element"),
+    ({"z_object": math.nan}, "nan"),
+    ({"z_object": math.inf}, "before the first element"),
+    ({"field": (0.0, 3.2)}, "below pi"),
+    ({"field": (0.0, math.nan)}, "two finite numbers"),
+    ({"field": (0.0,)}, "shape"),
+    ({"pupil": [[0.0, math.inf]]}, "not finite"),
+    ({"pupil": [0.0, 1.0]}, "shape"),
+])  # fmt: skip
+def test_what_cannot_be_aimed_at_is_refused(changes: dict, message: str) -> None:
+    given = {"field": (0.0, 0.1), "pupil": [[0.0, 0.0]], **changes}
+    with pytest.raises(pl.InvalidValueError, match=message):
+        aimed_rays(pl.load_lens("double-gauss-100mm-f2"), **given)
+
+
+def test_no_points_give_no_rays() -> None:
+    for n in (0, 1):
+        assert len(aimed_rays(pl.load_lens("double-gauss-100mm-f2"), field=(0, 0), pupil=np.zeros((n, 2)))) == n
+
+
+def test_reverse_rays_from_infinity() -> None:
+    lens = pl.load_lens("double-gauss-100mm-f2")
+    rays = aimed_rays_reverse(lens, image_point=(0.0, 0.2), z_image=math.inf, pupil=0.5 * hexapolar(3))
+    assert rays.direction[0] == pytest.approx([0.0, -math.sin(0.2), -math.cos(0.2)], abs=1e-15)
+    met = traced_part(lens, rays, lens.iris_index, len(lens.elements) - 1, reverse=True, clipping=False).origin
+    assert np.abs(met - iris_points(lens, 0.5 * hexapolar(3))).max() < 1e-11
+    # Before the last surface.
+    last = len(lens.elements) - 1
+    there = traced_part(lens, rays, last, last, reverse=True, clipping=False).origin
+    assert np.einsum("ij,ij->i", there - rays.origin, rays.direction).min() > 0

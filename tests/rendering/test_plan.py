@@ -1,0 +1,203 @@
+"""What runs for a camera, and what is left out."""
+
+import dataclasses
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import plenoptic as pl
+
+CAMERA = pl.PlenopticCamera(
+    lens=pl.load_lens("double-gauss-100mm-f2"),
+    microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
+    sensor=pl.Sensor(shape=(16, 16), pixel_pitch=0.01),
+    stop_to_microlenses=123.3,
+    microlenses_to_sensor=1.7,
+)
+
+
+def aspheric(lens: pl.LensStack) -> pl.LensStack:
+    first = dataclasses.replace(lens.elements[0], aspheric=(0.0, 1e-8))
+    return dataclasses.replace(lens, elements=[first, *lens.elements[1:]])
+
+
+@pytest.mark.parametrize(
+    ("lens", "running"),
+    [
+        (CAMERA.lens, set()),
+        (aspheric(CAMERA.lens), {pl.Stage.ASPHERES}),
+        (CAMERA.lens.moved(3, shift=(0.1, 0, 0)), {pl.Stage.PLACEMENTS}),
+        (aspheric(CAMERA.lens).moved(0, tilt=(0.1, 0, 0)), {pl.Stage.ASPHERES, pl.Stage.PLACEMENTS}),
+        (aspheric(CAMERA.lens).with_model(pl.LensModel.THIN), set()),
+        (CAMERA.lens.with_stop(pl.PolygonStop(6, 5.0)), {pl.Stage.SHAPED_STOPS}),
+    ],
+)
+def test_a_lens_runs_what_it_has(lens, running):
+    plan = pl.plan(None, dataclasses.replace(CAMERA, lens=lens))
+    choices = {pl.Stage.ASPHERES, pl.Stage.PLACEMENTS, pl.Stage.SHAPED_STOPS}
+    assert {stage for stage in choices if plan.runs(stage)} == running
+    assert plan.runs(pl.Stage.LENS)
+
+
+@pytest.mark.parametrize("model", list(pl.MicrolensModel))
+def test_plates_run_where_microlenses_have_surfaces(model):
+    index = 100.0 if model is pl.MicrolensModel.FLAT_HIGH_INDEX else 1.5
+    array = dataclasses.replace(CAMERA.microlenses, model=model, index=index)
+    plan = pl.plan(None, dataclasses.replace(CAMERA, microlenses=array))
+    assert plan.runs(pl.Stage.MICROLENS_PLATES) == (model >= pl.MicrolensModel.FLAT_HIGH_INDEX)
+    assert "left out  aspheres" in repr(plan)
+
+
+# ---- scenes ----
+
+FLOOR = pl.quad((-50, -50, -404), (100, 0, 0), (0, 100, 0))
+LAMP = pl.QuadLight((0, 30, -360), (20, 0, 0), (0, 12, -16), radiance=3.0)
+POINT = pl.PointLight((0, 30, -360), 100.0)
+GREY_MAP = pl.Texture(np.full((2, 2, 1), 0.5))
+PLACES = np.tile(np.eye(4), (3, 1, 1))
+SCENE_STAGES = {stage for stage in pl.Stage if pl.Stage.INTERSECTION <= stage <= pl.Stage.COLOUR}
+
+PLAIN = {pl.Stage.INTERSECTION, pl.Stage.SCATTERING}
+SEEN = {pl.Stage.ONWARD_RAYS, pl.Stage.RUSSIAN_ROULETTE}
+LIT = PLAIN | SEEN | {pl.Stage.EMISSION, pl.Stage.DIRECT_LIGHT}
+
+
+def floor(material):
+    return FLOOR.with_material(material)
+
+
+def running(scene, **options):
+    plan = pl.plan(scene, CAMERA, **options)
+    return {stage for stage in SCENE_STAGES if plan.runs(stage)}
+
+
+@pytest.mark.parametrize(
+    ("scene", "stages"),
+    [
+        (None, set()),
+        (pl.Scene(background=0.0), set()),
+        (pl.Scene(background=1.0), {pl.Stage.BACKGROUND}),
+        (pl.Scene(background=pl.EnvironmentMap(np.ones((1, 2, 1)))), {pl.Stage.BACKGROUND}),
+        (pl.Scene(lights=[pl.SunLight((0, 0, -1))]), {pl.Stage.BACKGROUND}),
+        (pl.Scene(lights=[POINT]), set()),
+        (pl.Scene(lights=[LAMP]), {pl.Stage.INTERSECTION, pl.Stage.EMISSION}),
+        (pl.Scene([FLOOR]), PLAIN),
+        (pl.Scene([FLOOR], background=1.0), PLAIN | SEEN | {pl.Stage.BACKGROUND}),
+        (pl.Scene([FLOOR], [LAMP]), LIT),
+        (pl.Scene([FLOOR], [POINT]), LIT - {pl.Stage.EMISSION}),
+        (pl.Scene([FLOOR], [pl.SunLight((0, 0, -1))]), LIT - {pl.Stage.EMISSION} | {pl.Stage.BACKGROUND}),
+        (
+            pl.Scene([FLOOR], background=pl.EnvironmentMap(np.ones((1, 2, 1)))),
+            LIT - {pl.Stage.EMISSION} | {pl.Stage.BACKGROUND},
+        ),
+        (pl.Scene([floor(pl.Lambertian(0.0))], [LAMP]), {pl.Stage.INTERSECTION, pl.Stage.EMISSION}),
+        (pl.Scene([pl.Instances(FLOOR, PLACES)], [LAMP]), LIT | {pl.Stage.INSTANCES}),
+        (pl.Scene([floor(pl.RoughDiffuse())], [LAMP]), LIT | {pl.Stage.MATERIALS}),
+        (pl.Scene([floor(pl.Conductor())], [LAMP]), LIT | {pl.Stage.MATERIALS}),
+        (pl.Scene([floor(pl.ThinGlass())], [LAMP]), LIT | {pl.Stage.MATERIALS}),
+        (pl.Scene([floor(pl.Dielectric())], [LAMP]), LIT | {pl.Stage.MATERIALS}),
+        (
+            pl.Scene([floor(pl.Dielectric(absorption=0.1))], [LAMP]),
+            LIT | {pl.Stage.MATERIALS, pl.Stage.ABSORPTION},
+        ),
+        (pl.Scene([floor(pl.MetallicRoughness())], [LAMP]), LIT | {pl.Stage.MATERIALS}),
+        (
+            pl.Scene([floor(pl.MetallicRoughness(opacity=0.5))], [LAMP]),
+            LIT | {pl.Stage.MATERIALS, pl.Stage.OPACITY},
+        ),
+        (
+            pl.Scene([floor(pl.MetallicRoughness(opacity=GREY_MAP))], [LAMP]),
+            LIT | {pl.Stage.MATERIALS, pl.Stage.OPACITY, pl.Stage.TEXTURES},
+        ),
+        (pl.Scene([floor(pl.Lambertian(GREY_MAP))], [LAMP]), LIT | {pl.Stage.TEXTURES}),
+        (pl.Scene([floor(pl.Lambertian((0.5, 0.5, 0.4)))], [LAMP]), LIT | {pl.Stage.COLOUR}),
+        (pl.Scene([pl.sphere(4, center=(0, 0, -404))], [LAMP]), LIT | {pl.Stage.VERTEX_NORMALS}),
+    ],
+)
+def test_a_scene_runs_what_it_has(scene, stages):
+    assert running(scene) == stages
+
+
+@pytest.mark.parametrize(
+    ("bounces", "lamp", "point", "world"),
+    [
+        # Without bounces, only what emits is seen.
+        (0, set(), set(), set()),
+        # A point light is never met: after the last light that is drawn no ray needs to go on.
+        (1, {pl.Stage.SCATTERING, pl.Stage.DIRECT_LIGHT, pl.Stage.ONWARD_RAYS},
+            {pl.Stage.SCATTERING, pl.Stage.DIRECT_LIGHT}, {pl.Stage.SCATTERING, pl.Stage.ONWARD_RAYS}),
+        (3, LIT - {pl.Stage.RUSSIAN_ROULETTE}, LIT - {pl.Stage.RUSSIAN_ROULETTE}, PLAIN | {pl.Stage.ONWARD_RAYS}),
+        (4, LIT, LIT, PLAIN | SEEN),
+    ],
+)  # fmt: skip
+def test_bounces_decide_what_follows_a_hit(bounces, lamp, point, world):
+    always = {pl.Stage.INTERSECTION, pl.Stage.EMISSION, pl.Stage.BACKGROUND}
+    for scene, stages in (
+        (pl.Scene([FLOOR], [LAMP]), lamp),
+        (pl.Scene([FLOOR], [POINT]), point),
+        (pl.Scene([FLOOR], background=1.0), world),
+    ):
+        assert running(scene, max_bounces=bounces) - always == stages - always
+
+
+def test_a_plan_says_why():
+    plan = pl.plan(pl.Scene([FLOOR], [LAMP]), CAMERA)
+    reasons = {decision.stage: decision.reason for decision in plan.decisions}
+    assert [decision.stage for decision in plan.decisions] == list(pl.Stage)
+    assert reasons[pl.Stage.MATERIALS] == "all surfaces are Lambertian"
+    assert reasons[pl.Stage.ABSORPTION] == "nothing absorbs"
+    assert reasons[pl.Stage.OPACITY] == "everything is opaque"
+    assert reasons[pl.Stage.INSTANCES] == "no mesh is repeated"
+    assert reasons[pl.Stage.TEXTURES] == "no textures" and reasons[pl.Stage.COLOUR] == "all colours are grey"
+    assert reasons[pl.Stage.RUSSIAN_ROULETTE] == "after 3 bounces"
+    dark = {d.stage: d.reason for d in pl.plan(pl.Scene([FLOOR]), CAMERA).decisions}
+    assert dark[pl.Stage.EMISSION] == "nothing emits, and the image will be black"
+    many = {d.stage: d.reason for d in pl.plan(pl.Scene([pl.Instances(FLOOR, PLACES)], [LAMP]), CAMERA).decisions}
+    assert many[pl.Stage.INSTANCES] == "meshes stand at 3 places"
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"max_bounces": -1}, "max_bounces is -1; it must be at least 0"),
+        ({"max_bounces": 1.5}, "max_bounces is 1.5; it must be a whole number"),
+        ({"samples": 0}, "samples is 0; it must be at least 1"),
+        ({"replicates": True}, "replicates is True; it must be a whole number"),
+    ],
+)
+def test_impossible_plans_are_refused(options, said):
+    with pytest.raises(pl.InvalidValueError, match=said):
+        pl.plan(pl.Scene([FLOOR], [LAMP]), CAMERA, **options)
+    with pytest.raises(pl.InvalidValueError, match="scene is a Mesh; it must be a Scene"):
+        pl.plan(FLOOR, CAMERA)
+
+
+# What is left out is not even imported: neither compiled nor loaded from the cache.
+SMALL = """
+import sys
+import plenoptic as pl
+camera = pl.PlenopticCamera(
+    lens=pl.no_lens(0.1), sensor=pl.Sensor(shape=(2, 2), pixel_pitch=1.0), stop_to_microlenses=10.0)
+meshes = [pl.quad((-50, -50, z), (100, 0, 0), (0, 100, 0), material=m) for z, m in {meshes}]
+pl.render(pl.Scene(meshes, [pl.PointLight((9, 0, -20))]), camera, samples=8, progress=False)
+print(*sorted(name for name in sys.modules if ".kernels." in name))
+"""
+
+
+def kernels_of(meshes):
+    done = subprocess.run(
+        [sys.executable, "-c", SMALL.format(meshes=meshes)], capture_output=True, text=True, check=True
+    )
+    return {name.rpartition(".")[2] for name in done.stdout.split()}
+
+
+@pytest.mark.slow
+def test_scenes_load_no_kernels_of_features_they_lack():
+    loaded = kernels_of("[(-40, pl.Lambertian(0.5))]")
+    assert {"shade", "sample_emitters", "interaction"} <= loaded
+    assert not {"opacity", "absorption", "bsdf_rows"} & loaded
+    # And those that they need, they load.
+    loaded = kernels_of("[(-40, pl.MetallicRoughness(opacity=0.5)), (-45, pl.Dielectric(absorption=0.1))]")
+    assert {"opacity", "absorption"} <= loaded

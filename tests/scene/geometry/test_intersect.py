@@ -1,0 +1,385 @@
+"""Which triangle a ray meets: Embree through its C library beside `EmbreeScene.run`, and beside plain float64."""
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+import plenoptic as pl
+from plenoptic.scene.geometry.accel import build_intersector
+from plenoptic.scene.geometry.compile import geometry_record, middle_of, suits_float32
+from plenoptic.scene.geometry.embree_run import SceneRunTriangles
+from plenoptic.scene.geometry.instance import Instances, instance_record
+from plenoptic.scene.geometry.kernels.embree import EmbreeTriangles
+from plenoptic.scene.geometry.kernels.intersect import OFFSET
+from plenoptic.scene.geometry.record import INSTANCE_DISTANCE, Hits
+
+BOTH = pytest.mark.parametrize("build", [EmbreeTriangles, SceneRunTriangles])
+
+
+def turned(rng, count, *, reach=100.0, mirrored=False):
+    """Random rotations after scalings along the axes of the mesh, (count, 4, 4)."""
+    matrices = np.tile(np.eye(4), (count, 1, 1))
+    rotation = np.linalg.qr(rng.normal(size=(count, 3, 3)))[0]
+    rotation[:, :, 0] *= np.sign(np.linalg.det(rotation) * (-1 if mirrored else 1))[:, None]
+    matrices[:, :3, :3] = rotation * rng.uniform(0.3, 2, (count, 1, 3))
+    matrices[:, :3, 3] = rng.uniform(-reach, reach, (count, 3))
+    return matrices
+
+
+def geometry_of(vertices, triangles, instances):
+    return geometry_record(vertices, triangles, np.zeros(len(triangles), np.int32), instances=instances), instances
+
+
+def records_of(plain, groups=()):
+    """Geometry and instances: plain meshes first, then each instanced mesh once."""
+    meshes, first = list(plain), {}
+    for group in groups:
+        if group.mesh not in first:
+            first[group.mesh] = sum(len(mesh.faces) for mesh in meshes)
+            meshes.append(group.mesh)
+    starts = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes])
+    triangles = np.concatenate([mesh.faces + np.int32(start) for mesh, start in zip(meshes, starts[:-1], strict=True)])
+    instances = instance_record(groups, [first[group.mesh] for group in groups])
+    return geometry_of(np.concatenate([mesh.vertices for mesh in meshes]), triangles, instances)
+
+
+def corners_of(records, rows, places):
+    """(n, 3 corners, 3) in the world."""
+    geometry, instances = records
+    corners = geometry.vertices[geometry.triangles[rows]]
+    if instances is not None:
+        matrices = instances.matrices.reshape(-1, 3, 4)[places]
+        moved = np.einsum("nij,nkj->nki", matrices[:, :, :3], corners) + matrices[:, None, :, 3]
+        corners = np.where((places >= 0)[:, None, None], moved, corners)
+    return corners
+
+
+def all_triangles(records):
+    """Row and instance of every triangle in the world."""
+    (_, triangles, *_), instances = records
+    if instances is None:
+        return np.arange(len(triangles)), np.full(len(triangles), -1)
+    parts = [(np.arange(instances.plain), np.full(instances.plain, -1))]
+    for place, (first, count) in enumerate(zip(instances.first, instances.faces, strict=True)):
+        parts.append((np.arange(first, first + count), np.full(count, place)))
+    rows, places = zip(*parts, strict=True)
+    return np.concatenate(rows), np.concatenate(places)
+
+
+def met(corners, rays):
+    """Distances (n, m) of rays and triangles, and how far inside the edges the planes are met (barycentric)."""
+    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
+    normal = np.cross(b - a, c - a)
+    squared = (normal**2).sum(axis=1)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        height = (a * normal).sum(axis=1) - rays[:, :3] @ normal.T
+        t = height / (rays[:, 3:] @ normal.T)
+        p = rays[:, None, :3] + t[..., None] * rays[:, None, 3:]
+        inside = [
+            (np.cross(edge, p - corner) * normal).sum(axis=2) / squared
+            for edge, corner in ((b - a, a), (c - b, b), (a - c, c))
+        ]
+        return t, np.min(inside, axis=0)
+
+
+def nearest(records, rays):
+    """Row, instance and distance of the first hit in float64, and which rays come near no edge on their way."""
+    rows, places = all_triangles(records)
+    t, inside = met(corners_of(records, rows, places), rays)
+    hit = (t > 0) & (inside >= 0)
+    distance = np.where(hit, t, np.inf)
+    first = distance.argmin(axis=1)
+    reached = distance[np.arange(len(rays)), first]
+    clear = ~((np.abs(inside) < 1e-4) & (t > 0) & (t <= reached[:, None] * 1.0001)).any(axis=1)
+    found = np.isfinite(reached)
+    return np.where(found, rows[first], -1), np.where(found, places[first], -1), reached, clear
+
+
+def ask(intersector, rays, *, coherent=False):
+    hits = Hits(np.full(len(rays), -7, np.int32), np.full(len(rays), -7, np.int32), None)
+    intersector.fill_closest(hits, rays, coherent=coherent)
+    return hits.triangle, hits.instance
+
+
+def random_rays(rng, count, *, reach):
+    direction = rng.normal(size=(count, 3))
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    return np.concatenate([rng.uniform(-reach, reach, (count, 3)), direction], axis=1)
+
+
+def crowd(rng):
+    """Plain boxes between instances of two meshes, mirrored ones among them."""
+    ball, box = pl.sphere(3, segments=(8, 4)), pl.box((4, 1, 6), center=(50, 60, 70))
+    off = np.eye(4)
+    off[:3, 3] = -50, -60, -70  # back to the origin: this mesh lies far from that of its frame
+    groups = [
+        Instances(ball, turned(rng, 6, reach=12)),
+        Instances(box, turned(rng, 5, reach=12) @ off),
+        Instances(ball, turned(rng, 4, reach=12, mirrored=True)),
+    ]
+    return records_of([pl.box(4), pl.box(2, center=(8, 0, 0))], groups)
+
+
+# The nearest triangle
+
+
+@BOTH
+@pytest.mark.parametrize("coherent", [False, True])
+def test_finds_what_float64_finds(build, coherent):
+    rng = np.random.default_rng(1)
+    records, rays = crowd(rng), random_rays(rng, 2000, reach=14)
+    rows, places, _, clear = nearest(records, rays)
+    hits, placed = ask(build(*records), rays, coherent=coherent)
+    assert clear.mean() > 0.95 and (places >= 0).mean() > 0.2 and ((rows >= 0) & (places < 0)).mean() > 0.01
+    np.testing.assert_array_equal(hits[clear], rows[clear])
+    np.testing.assert_array_equal(placed[clear], places[clear])
+
+
+def test_both_agree_on_random_scenes_of_instances():
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        records, rays = crowd(rng), random_rays(rng, 20000, reach=20)
+        hits, placed = ask(EmbreeTriangles(*records), rays)
+        others, others_placed = ask(SceneRunTriangles(*records), rays)
+        differ = (hits != others) | (placed != others_placed)
+        # float32 leaves 2e-5 of 40 mm = 1e-6 mm undecided; edges of some 200 triangles, 3 mm long, seen over 20^2 mm.
+        assert differ.mean() < 1e-4
+        assert np.array_equal(hits >= 0, others >= 0) or ((hits >= 0) != (others >= 0)).mean() < 1e-4
+
+
+@BOTH
+def test_plain_and_instanced_surfaces_hide_one_another(build):
+    wall = pl.quad((-5, -5, 0), (10, 0, 0), (0, 10, 0))
+    place = np.eye(4)
+    records = records_of(
+        [wall.translated(z=-10)], [Instances(wall, [place, place + np.outer([0, 0, 1, 0], [0, 0, 0, -20])])]
+    )
+    rays = np.array([[1, 2, z, 0, 0, d] for z, d in ((5, -1), (-5, -1), (-15, -1), (-25, -1), (-25, 1), (5, 1))], float)
+    hits, placed = ask(build(*records), rays)
+    assert placed.tolist() == [0, -1, 1, -1, 1, -1]
+    assert [row // 2 for row in hits.tolist()] == [1, 0, 1, -1, 1, -1]
+
+
+@BOTH
+def test_what_is_not_asked_for_or_not_there(build):
+    rng = np.random.default_rng(2)
+    records, rays = crowd(rng), random_rays(rng, 500, reach=20)
+    with_places, _ = ask(build(*records), rays)
+    hits = np.empty(500, np.int32)
+    build(*records).fill_closest(Hits(hits, None, None), rays, coherent=False)
+    np.testing.assert_array_equal(hits, with_places)
+    bare = records_of([pl.box(4)])
+    intersector = build(*bare)
+    hits, placed = ask(intersector, rays)
+    assert set(placed.tolist()) == {-1} and (hits >= 0).any() and bare[0].instance_to_world is None
+    assert ask(build(*records), rays[:0])[0].size == 0
+
+
+@BOTH
+def test_blocked_where_the_nearest_hit_is_before_the_end(build):
+    rng = np.random.default_rng(3)
+    records, rays = crowd(rng), random_rays(rng, 2000, reach=20)
+    rays[:, 3:] *= rng.uniform(1, 40, (2000, 1))
+    _, _, reached, clear = nearest(records, rays)
+    clear &= np.abs(reached - 1) > 1e-4  # in units of the direction, which ends a shadow ray
+    blocked = np.full(2000, 7, np.uint8)
+    build(*records).fill_blocked(blocked, rays)
+    assert clear.mean() > 0.9 and 0.1 < blocked.mean() < 0.9
+    np.testing.assert_array_equal(blocked[clear], reached[clear] < 1)
+
+
+def test_only_instances():
+    records = records_of([], [Instances(pl.box(2), turned(np.random.default_rng(4), 5, reach=5))])
+    rays = random_rays(np.random.default_rng(5), 2000, reach=8)
+    rows, places, _, clear = nearest(records, rays)
+    for build in (EmbreeTriangles, SceneRunTriangles):
+        hits, placed = ask(build(*records), rays)
+        np.testing.assert_array_equal(hits[clear], rows[clear])
+        np.testing.assert_array_equal(placed[clear], places[clear])
+
+
+@pytest.mark.parametrize("coherent", [True, False])
+def test_rays_along_shared_edges_find_the_same_whatever_goes_beside_them(coherent):
+    # A board of 40 x 40 squares, and rays towards points some 1e-7 of a square beside its edges and diagonals.
+    rng = np.random.default_rng(3)
+    board = pl.Scene([pl.quad((x, y, -404.0), (1, 0, 0), (0, 1, 0)) for x in range(-20, 20) for y in range(-20, 20)])
+    build = build_intersector(board.tables().geometry)
+    count = 20_000
+    corners, along = rng.integers(-15, 15, (count, 2)).astype(float), rng.random((count, 1))
+    ways = np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, -1.0]])[rng.integers(4, size=count)]
+    points = corners + along * ways + rng.normal(scale=1e-7, size=(count, 2))
+    origins = np.column_stack([rng.normal(scale=0.5, size=(count, 2)), np.zeros(count)])
+    directions = np.column_stack([points, np.full(count, -404.0)]) - origins
+    rays = np.ascontiguousarray(np.column_stack([origins, directions / np.linalg.norm(directions, axis=1)[:, None]]))
+    together, mixed, apart = (np.empty(count, np.int32) for _ in range(3))
+    build.fill_closest(Hits(together, None, None), rays, coherent=coherent)
+    order = rng.permutation(count)
+    build.fill_closest(Hits(mixed, None, None), np.ascontiguousarray(rays[order]), coherent=coherent)
+    for k in range(count):
+        build.fill_closest(Hits(apart[k : k + 1], None, None), rays[k : k + 1], coherent=coherent)
+    assert np.array_equal(together, apart)
+    assert np.array_equal(together[order], mixed)
+    assert (together >= 0).all()
+
+
+def test_neighbours_and_threads_change_nothing():
+    rng = np.random.default_rng(6)
+    records, rays = crowd(rng), random_rays(rng, 20000, reach=20)
+    intersector, order = build_intersector(*records), rng.permutation(20000)
+    hits, placed = ask(intersector, rays)
+    shuffled = ask(intersector, np.ascontiguousarray(rays[order]))
+    np.testing.assert_array_equal(shuffled, [hits[order], placed[order]])
+    with ThreadPoolExecutor(2) as pool:
+        parts = list(pool.map(lambda part: ask(intersector, part), np.array_split(rays, 40)))
+    np.testing.assert_array_equal(np.concatenate(parts, axis=1), [hits, placed])
+
+
+# Triangles are not copied, and do not leak
+
+
+def test_a_thousand_million_triangles_in_one_mesh():
+    ball = pl.sphere(1, segments=(500, 100))
+    side = np.arange(22) * 3.0
+    places = np.tile(np.eye(4), (22**3, 1, 1))
+    places[:, :3, 3] = np.stack(np.meshgrid(side, side, side), axis=-1).reshape(-1, 3)
+    records = records_of([], [Instances(ball, places)])
+    assert len(places) * len(ball.faces) > 1e9
+    start = places[:, :3, 3] + [0, 0, 1.25]
+    rays = np.concatenate([start, np.broadcast_to([0.0, 0.0, -1.0], start.shape)], axis=1)
+    _, placed = ask(build_intersector(*records), rays)
+    np.testing.assert_array_equal(placed, np.arange(len(places)))
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e6])
+def test_no_ray_leaves_a_closed_instance(scale):
+    ball = pl.sphere(scale, segments=(16, 8))
+    places = turned(np.random.default_rng(7), 3, reach=20 * scale)
+    records = records_of([pl.box(scale)], [Instances(ball, places)])
+    rng = np.random.default_rng(8)
+    for place, copy in zip(places, Instances(ball, places).meshes(), strict=True):
+        # Towards corners, points of edges and anywhere.
+        pairs = copy.vertices[copy.faces[:, [0, 1]]].repeat(20, axis=0)
+        share = rng.random((len(pairs), 1))
+        aims = np.concatenate([copy.vertices, pairs[:, 0] * share + pairs[:, 1] * (1 - share)])
+        inside = place[:3, 3] + rng.uniform(-0.1, 0.1, (len(aims), 3)) * scale * np.abs(np.linalg.det(place))
+        rays = np.concatenate([np.broadcast_to(place[:3, 3], aims.shape), aims - place[:3, 3]], axis=1)
+        hits, _ = ask(build_intersector(*records), np.concatenate([rays, np.concatenate([inside, aims - inside], 1)]))
+        assert (hits >= 0).all()
+
+
+# Numbers that float32 cannot hold
+
+
+@pytest.mark.parametrize("offset", [0.0, 1e6, -3e7])
+def test_a_scene_far_from_the_origin_loses_nothing(offset):
+    rng = np.random.default_rng(9)
+    records, rays = crowd(rng), random_rays(rng, 2000, reach=20)
+    rows, places, _, clear = nearest(records, rays)
+    (vertices, triangles, *_), instances = records
+    matrices = instances.matrices.copy()
+    matrices[:, 3::4] += offset
+    far = vertices + np.where(np.arange(len(vertices)) < triangles[: instances.plain].max() + 1, offset, 0)[:, None]
+    rays[:, :3] += offset
+    moved = geometry_of(far, triangles, instances._replace(matrices=matrices))
+    np.testing.assert_allclose(moved[0].middle - offset, middle_of(vertices, triangles, instances), atol=1e-7)
+    hits, placed = ask(build_intersector(*moved), rays)
+    np.testing.assert_array_equal(hits[clear], rows[clear])
+    np.testing.assert_array_equal(placed[clear], places[clear])
+
+
+def test_a_mesh_with_large_coordinates_of_its_own():
+    # Details of 1e-3 mm at 1e6 mm, in the mesh's frame and back at the middle of the world.
+    chip = pl.sphere(1e-3, segments=(16, 8)).translated(1e6, -1e6, 1e6)
+    back = np.eye(4)
+    back[:3, 3] = -1e6, 1e6, -1e6
+    records = records_of([pl.box(1e-3, center=(5e-3, 0, 0))], [Instances(chip, [back])])
+    rays = random_rays(np.random.default_rng(10), 4000, reach=2e-3)
+    rows, places, _, clear = nearest(records, rays)
+    hits, placed = ask(build_intersector(*records), rays)
+    assert (places == 0).mean() > 0.1
+    np.testing.assert_array_equal(hits[clear], rows[clear])
+    np.testing.assert_array_equal(placed[clear], places[clear])
+
+
+SHEAR = np.array([[1, 50, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]], float)
+
+
+@pytest.mark.parametrize(
+    ("radius", "matrix", "suits"),
+    [
+        (1.0, np.diag([1e-2, 1, 1e2, 1]), True),
+        (1e13, np.diag([1e-13, 1e-13, 1e-13, 1]), False),
+        (1e-13, np.diag([1e13, 1e13, 1e13, 1]), False),
+        (1.0, SHEAR, False),
+    ],
+    ids=["scaled along the axes", "tiny", "huge", "sheared"],
+)
+def test_matrices_that_float32_cannot_invert(radius, matrix, suits):
+    turn = np.eye(4)
+    turn[:3, :3] = np.linalg.qr(np.random.default_rng(11).normal(size=(3, 3)))[0]
+    matrix = turn @ matrix
+    assert suits_float32(matrix[None, :3, :3]).tolist() == [suits]
+    records = records_of([], [Instances(pl.sphere(radius, segments=(8, 4)), [matrix])])
+    # Towards the middle of each triangle, from without; thinnest parts are 1e-4 of the whole.
+    rows, places = all_triangles(records)
+    middle = corners_of(records, rows, places).mean(axis=1)
+    hits, placed = ask(build_intersector(*records), np.concatenate([1.5 * middle, -middle], axis=1))
+    np.testing.assert_array_equal(hits, rows)
+    np.testing.assert_array_equal(placed, places)
+
+
+@BOTH
+def test_huge_degenerate_and_double_triangles_give_answers(build):
+    point, line = pl.quad((0, 0, 0), (1, 0, 0), (0, 1, 0)), [[0, 0, 1], [1, 1, 1], [0, 1, 0]]
+    poor = pl.Mesh(point.vertices, np.vstack([line, point.faces, point.faces]))
+    vast = pl.quad((-1e15, -1e15, -500), (2e15, 0, 0), (0, 2e15, 0))
+    place, up = np.eye(4), np.eye(4)
+    place[:3, 3], up[2, 3] = (1e6, 0, 1), 1
+    records = records_of([poor, vast], [Instances(poor, [place, place]), Instances(vast, [up])])
+    x = np.array([0.3, 1e6 + 0.3])
+    rays = np.array([[u, 0.2, z, 0, 0, d] for u in x for z in (3.0, 0.5, -400.0) for d in (-1.0, 1.0)])
+    hits, placed = ask(build(*records), rays)
+    kinds = np.where(hits < 0, -1, placed >= 0)  # 0: a plain triangle, 1: one of an instance, -1: none
+    assert kinds.tolist() == [0, -1, 0, -1, 1, 0, 1, -1, 1, 1, 1, 1]
+    found = hits >= 0
+    reached = met(corners_of(records, hits[found], placed[found]), rays[found])[0].diagonal()
+    # Of sums of coordinates of 1e15 that cancel, float64 leaves units of 0.1.
+    np.testing.assert_allclose(reached, [3, 0.5, 99, 400, 2, 499.5, 0.5, 99, 401], rtol=0, atol=1)
+    degenerate = {0, 1, 2} | {9, 10, 11}
+    assert not degenerate & set(hits.tolist())
+
+
+# Rays that start on an instance
+
+
+@pytest.mark.parametrize("detail", [False, True])
+def test_rays_that_start_clear_of_a_triangle_do_not_meet_it_again(detail):
+    rng = np.random.default_rng(12)
+    corners = rng.normal(size=(2000, 1, 3)) * 500 + rng.normal(size=(2000, 3, 3)) * 20
+    soup = pl.Mesh(corners.reshape(-1, 3), np.arange(6000).reshape(-1, 3))
+    plain = [pl.sphere(1, center=(700, 100, 0))] if detail else []
+    records = records_of(plain, [Instances(soup, turned(rng, 3, reach=800))])
+    intersector = build_intersector(*records)
+    n = 100000
+    place = rng.integers(0, 3, n)
+    row = records[1].first[place] + rng.integers(0, 2000, n)
+    corners = corners_of(records, row, place)
+    point = (corners * rng.dirichlet((1, 1, 1), n)[:, :, None]).sum(axis=1)
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    # To the side of the normal, from right off the surface down to along it.
+    along = np.cross(normal, rng.normal(size=(n, 3)))
+    rise = rng.random((n, 1)) ** 4
+    direction = along / np.linalg.norm(along, axis=1, keepdims=True) + rise * normal
+    relative = np.abs(point - records[0].middle).sum(axis=1)
+    size = np.abs(corners - records[0].middle) + np.abs(corners - point[:, None])
+    reach = np.maximum(
+        np.maximum(relative, size.sum(axis=2).max(axis=1)), records[0].instance_to_world[place, INSTANCE_DISTANCE]
+    )
+    # Four times as near is still near enough; sixteen times is not: the test can fail.
+    for share, some in ((1, 0), (0.5, 0), (1 / 32, n // 100)):
+        rays = np.concatenate([point + normal * (share * OFFSET * reach)[:, None], direction], axis=1)
+        hits, placed = ask(intersector, rays)
+        again = ((hits == row) & (placed == place)).sum()
+        assert again == 0 if not some else again > some

@@ -1,0 +1,194 @@
+import os
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+import plenoptic as pl
+
+ASSETS = Path(os.environ["PLENOPTIC_SHARED"]) / "assets"
+
+CORNERS = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+FACES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+
+
+def tetrahedron(**more):
+    return pl.Mesh(CORNERS, FACES, **more)
+
+
+def volume(mesh):
+    """Positive where the fronts are outside."""
+    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
+    return (np.cross(a, b) * c).sum() / 6
+
+
+# What a mesh is
+
+
+def test_a_mesh_is_a_read_only_copy_that_compares_hashes_and_pickles():
+    corners = CORNERS.copy()
+    mesh = pl.Mesh(corners, FACES, normals=CORNERS, uv=CORNERS[:, :2], name="corner")
+    corners[:] = 9
+    again = pickle.loads(pickle.dumps(mesh))
+    assert again == mesh and hash(again) == hash(mesh) and mesh != tetrahedron()
+    for array in (again.vertices, again.faces, mesh.vertices, mesh.faces, mesh.normals, mesh.uv):
+        assert not array.flags.writeable
+    assert mesh.vertices.max() == 1 and mesh.vertices.dtype == np.float64 and mesh.faces.dtype == np.int32
+    assert (
+        repr(tetrahedron(material=pl.Emissive(2.0), name="t"))
+        == "Mesh('t', 4 vertices, 4 triangles, Emissive(radiance=2.0))"
+    )
+
+
+@pytest.mark.parametrize(
+    ("vertices", "faces", "kind", "said"),
+    [
+        (CORNERS, np.zeros((0, 3), int), pl.SceneError, "no triangles"),
+        (CORNERS, [], pl.SceneError, "no triangles"),
+        (np.zeros((0, 3)), FACES, pl.SceneError, "vertex"),
+        (CORNERS, [[0, 1, 4]], pl.SceneError, "vertex 4.*within 0 and 3"),
+        (CORNERS, [[0, 1, -1]], pl.SceneError, "vertex -1"),
+        (CORNERS, [[0, 1, 2**40]], pl.SceneError, "within 0 and 3"),
+        (CORNERS, [[0.5, 1, 2]], pl.InvalidValueError, "whole numbers"),
+        (CORNERS, [[0, np.nan, 2]], pl.InvalidValueError, "whole numbers"),
+        (CORNERS, [[0, 1, 2, 3]], pl.InvalidValueError, "shape"),
+        (CORNERS, [0, 1, 2], pl.InvalidValueError, "shape"),
+        (CORNERS, [[0, 1], [0, 1, 2]], pl.InvalidValueError, "faces"),
+        (CORNERS[:, :2], FACES, pl.InvalidValueError, "shape"),
+        (CORNERS * np.nan, FACES, pl.SceneError, "finite"),
+        (CORNERS * 1e30, FACES, pl.SceneError, "unit"),
+        (CORNERS * 0, FACES, pl.SceneError, "zero area"),
+        (CORNERS, [[0, 0, 1], [2, 2, 2]], pl.SceneError, "all 2 triangles have zero area"),
+    ],
+)
+def test_impossible_meshes_are_refused(vertices, faces, kind, said):
+    with pytest.raises(kind, match=said):
+        pl.Mesh(vertices, faces)
+
+
+def test_some_triangles_may_be_without_area():
+    many = np.zeros((70_000, 3), dtype=int)
+    many[-1] = [0, 1, 2]
+    assert len(pl.Mesh(CORNERS, many).faces) == 70_000
+
+
+def test_whole_numbers_in_floats_are_indices():
+    assert pl.Mesh(CORNERS, FACES.astype(float)) == tetrahedron()
+
+
+def test_a_texture_needs_coordinates():
+    textured = pl.Lambertian(pl.Texture(np.full((1, 1, 1), 0.5)))
+    with pytest.raises(pl.SceneError, match="uv is None"):
+        tetrahedron(material=textured)
+    with pytest.raises(pl.SceneError, match="uv is None"):
+        tetrahedron().with_material(textured)
+    assert tetrahedron(uv=CORNERS[:, :2]).with_material(textured).material == textured
+    with pytest.raises(pl.InvalidValueError, match="material"):
+        tetrahedron(material="red")
+
+
+@settings(max_examples=50)
+@given(hnp.arrays(np.float64, (4, 3), elements=st.floats(-1e15, 1e15)))
+def test_normals_come_to_unit_length_and_stay(given_normals):
+    mesh = tetrahedron(normals=given_normals)
+    length = np.linalg.norm(mesh.normals, axis=1)
+    some = given_normals.any(axis=1)
+    # Square root and division: 2 eps.
+    np.testing.assert_allclose(length[some], 1, atol=1e-15)
+    assert not mesh.normals[~some].any()
+    assert np.array_equal(tetrahedron(normals=mesh.normals).normals, mesh.normals)
+
+
+# Moving it
+
+
+angles = st.floats(-7, 7)
+axes = st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda a: np.linalg.norm(a) > 1e-3)
+
+
+@settings(max_examples=50)
+@given(axes, angles)
+def test_rotations_keep_lengths_and_turn_back(axis, angle):
+    turned = tetrahedron(normals=CORNERS[::-1]).rotated(axis, angle)
+    # Some ten products of numbers of size 1.
+    np.testing.assert_allclose(np.linalg.norm(turned.vertices, axis=1), np.linalg.norm(CORNERS, axis=1), atol=1e-14)
+    assert volume(turned) == pytest.approx(1 / 6, abs=1e-14)
+    np.testing.assert_allclose(turned.rotated(axis, -angle).vertices, CORNERS, atol=1e-14)
+
+
+def test_a_rotation_is_counter_clockwise():
+    x_to_y = pl.Mesh(CORNERS, FACES).rotated_deg((0, 0, 2), 90)
+    np.testing.assert_allclose(x_to_y.vertices[1], [0, 1, 0], atol=1e-15)
+    np.testing.assert_allclose(x_to_y.vertices[2], [-1, 0, 0], atol=1e-15)
+
+
+@settings(max_examples=50)
+@given(hnp.arrays(np.float64, (3, 3), elements=st.floats(-3, 3)).filter(lambda m: abs(np.linalg.det(m)) > 1e-2))
+def test_fronts_stay_outside_and_normals_stay_across(linear):
+    matrix = np.eye(4)
+    matrix[:3, :3] = linear
+    # The normal of the slanted face at all corners, for a law on that face.
+    moved = tetrahedron(normals=np.ones((4, 3))).transformed(matrix)
+    assert volume(moved) == pytest.approx(abs(np.linalg.det(linear)) / 6, rel=1e-9)
+    a, b, c = moved.vertices[moved.faces[3]]
+    # Both edges, up to 10 long, lie across the normal; the condition of `linear` is below 10^4.
+    assert abs(moved.normals[0] @ (b - a)) < 1e-10 and abs(moved.normals[0] @ (c - a)) < 1e-10
+    # ... and it points to where the front is.
+    assert moved.normals[0] @ np.cross(b - a, c - a) > 0
+
+
+def test_mirroring_turns_the_winding():
+    mirrored = tetrahedron().transformed(np.diag([-1.0, 1, 1, 1]))
+    assert volume(mirrored) == pytest.approx(1 / 6)
+    assert mirrored.faces.tolist() != FACES.tolist()
+
+
+def test_shifts_and_scales_are_exact():
+    assert np.array_equal(tetrahedron().translated(1, 2, 3).vertices, CORNERS + np.array([1, 2, 3]))
+    assert np.array_equal(tetrahedron().scaled(0.1).vertices, CORNERS * 0.1)
+    assert np.array_equal(tetrahedron().transformed(np.eye(4)).vertices, CORNERS)
+
+
+@pytest.mark.parametrize("scale", [1e-100, 1e-6, 1e6, 1e14])
+def test_extreme_scales_keep_normals(scale):
+    mesh = tetrahedron(normals=CORNERS[::-1] + 1)
+    moved = mesh.transformed(np.diag([scale, scale, scale, 1]))
+    # Two normalisations of some eps each.
+    np.testing.assert_allclose(moved.normals, mesh.normals, atol=1e-15)
+
+
+def test_bounds_are_those_of_the_triangles():
+    lonely = pl.Mesh(np.vstack([CORNERS, [[9, 9, 9]]]), FACES)
+    assert lonely.bounds.tolist() == [[0, 0, 0], [1, 1, 1]]
+
+
+@pytest.mark.parametrize(
+    "move",
+    [
+        lambda m: m.transformed(np.eye(3)),
+        lambda m: m.transformed(np.zeros((4, 4))),
+        lambda m: m.transformed(np.diag([1, 1, 0, 1])),
+        lambda m: m.transformed(np.eye(4) * np.nan),
+        lambda m: m.transformed(np.diag([1, 1, 1, 2])),
+        lambda m: m.translated(z=np.inf),
+        lambda m: m.rotated((0, 0, 0), 1),
+        lambda m: m.rotated((0, 0, 1), np.nan),
+        lambda m: m.rotated((0, 1), 1),
+        lambda m: m.scaled(0),
+        lambda m: m.scaled(-1),
+        lambda m: m.scaled(1e-300),
+    ],
+)
+def test_impossible_moves_are_refused(move):
+    with pytest.raises(pl.InvalidValueError):
+        move(tetrahedron())
+
+
+@pytest.mark.parametrize("name", [None, 5, b"box", ["box"]])
+def test_a_name_is_a_text(name):
+    with pytest.raises(pl.InvalidValueError, match="name is .*; it must be a text"):
+        tetrahedron(name=name)

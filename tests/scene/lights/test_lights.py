@@ -1,0 +1,292 @@
+import itertools
+import math
+import pickle
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+import plenoptic as pl
+from plenoptic.scene.lights.point import PointLight
+from plenoptic.scene.lights.registry import LIGHTS
+from plenoptic.scene.lights.sphere import SphereLight
+from plenoptic.scene.lights.spot import SpotLight
+from plenoptic.scene.lights.sun import SunLight
+
+POINT = st.tuples(*[st.floats(-1e3, 1e3)] * 3)
+
+
+@settings(max_examples=50)
+@given(POINT, POINT, st.floats(0.1, 100), st.floats(0.1, 100))
+def test_a_light_that_faces_a_point_does(center, target, width, height):
+    towards = np.subtract(target, center)
+    assume(np.linalg.norm(towards) > 1e-3)
+    light = pl.QuadLight.facing(center, target, (width, height), radiance=2)
+    # A direction of a few eps per product.
+    np.testing.assert_allclose(light.normal, towards / np.linalg.norm(towards), atol=1e-12)
+    assert light.area == pytest.approx(width * height, rel=1e-12)
+    assert np.linalg.norm(light.edge_u) == pytest.approx(width, rel=1e-12)
+    np.testing.assert_array_equal(light.center, center)
+
+
+@pytest.mark.parametrize("target", [(0, 0, 5), (5, 0, 0), (3, 4, 5)])
+def test_the_width_is_horizontal(target):
+    assert pl.QuadLight.facing((0, 0, 0), target, (4, 2)).edge_u[1] == 0
+
+
+@pytest.mark.parametrize("down", [-1, 1])
+def test_straight_up_and_down_work(down):
+    light = pl.QuadLight.facing((0, 0, 0), (0, down, 0), (4, 2))
+    np.testing.assert_allclose(light.normal, [0, down, 0])
+
+
+def test_the_mesh_winds_counter_clockwise_from_the_emitting_side():
+    light = pl.QuadLight((1, 2, 3), (4, 0, 1), (0, 2, 0), radiance=(1, 2, 3), two_sided=True)
+    mesh = light.mesh()
+    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
+    cross = np.cross(b - a, c - a)
+    assert (cross @ light.normal > 0).all()
+    assert 0.5 * np.linalg.norm(cross, axis=1).sum() == pytest.approx(light.area)
+    np.testing.assert_allclose(mesh.vertices.mean(axis=0), light.center)
+    assert mesh.material == pl.Emissive((1, 2, 3), two_sided=True)
+
+
+@pytest.mark.parametrize(
+    ("light", "other"),
+    [
+        (pl.QuadLight((0, 0, 0), (1, 0, 0), (0, 1, 0)), pl.QuadLight((0, 0, 0), (1, 0, 0), (0, 2, 0))),
+        (SphereLight((0, 0, 0), 2.0), SphereLight((0, 0, 0), 3.0)),
+        (PointLight((0, 0, 1), (1, 2, 3)), PointLight((0, 0, 1), (1, 2, 4))),
+        (SpotLight((0, 0, 1), (0, 0, -5)), SpotLight((0, 0, 1), (0, 1, 0))),
+        (SunLight((0, -1, 0)), SunLight((0, -1, 0), angular_radius=0)),
+    ],
+)
+def test_lights_compare_and_pickle(light, other):
+    again = pickle.loads(pickle.dumps(light))
+    assert again == light and hash(again) == hash(light)
+    assert light != other
+    assert isinstance(light, LIGHTS)
+    assert "=<" not in repr(light)  # arrays of three are shown in full
+
+
+@pytest.mark.parametrize(
+    ("arguments", "kind", "said"),
+    [
+        (((0, 0, 0), (1, 0, 0), (2, 0, 0)), pl.SceneError, "parallel"),
+        (((0, 0, 0), (0, 0, 0), (2, 0, 0)), pl.SceneError, "no area"),
+        (((0, 0, np.nan), (1, 0, 0), (0, 1, 0)), pl.SceneError, "finite"),
+        (((0, 0, 0), (1e300, 0, 0), (0, 1e300, 0)), pl.SceneError, "within"),
+        (((0, 0), (1, 0, 0), (0, 1, 0)), pl.InvalidValueError, "shape"),
+        (((0, 0, 0), (1, 0, 0), (0, 1, 0), -1), pl.SceneError, "0 or more"),
+    ],
+)
+def test_impossible_lights_are_refused(arguments, kind, said):
+    with pytest.raises(kind, match=said):
+        pl.QuadLight(*arguments)
+
+
+@pytest.mark.parametrize(
+    ("target", "size", "said"),
+    [((0, 0, 0), (1, 1), "above 0"), ((0, 0, 1), (0, 1), "width"), ((0, 0, 1), 3.0, "size"), ((0, 0), (1, 1), "shape")],
+)
+def test_a_light_cannot_face_its_own_middle_or_be_without_size(target, size, said):
+    with pytest.raises(pl.InvalidValueError, match=said):
+        pl.QuadLight.facing((0, 0, 0), target, size)
+
+
+@pytest.mark.parametrize("two_sided", ["no", 1, None, [True]])
+def test_two_sided_is_yes_or_no(two_sided):
+    with pytest.raises(pl.InvalidValueError, match="two_sided is .*; it must be True or False"):
+        pl.QuadLight((0, 0, 0), (1, 0, 0), (0, 1, 0), two_sided=two_sided)
+    with pytest.raises(pl.InvalidValueError, match="two_sided is .*; it must be True or False"):
+        pl.QuadLight.facing((0, 0, 0), (0, 0, 1), (4, 2), two_sided=two_sided)
+    assert pl.QuadLight((0, 0, 0), (1, 0, 0), (0, 1, 0), two_sided=np.bool_(True)).two_sided is True
+
+
+# Spheres
+
+
+@settings(max_examples=25)
+@given(POINT, st.floats(1e-3, 1e3))
+def test_the_body_of_a_sphere_is_closed_convex_faces_outwards_and_has_its_area(center, radius):
+    light = SphereLight(center, radius, (1, 2, 3))
+    mesh = light.mesh()
+    # Vertices around a far centre are rounded to an eps of their coordinates, areas twice as much.
+    rounding = 1e-12 + 2e-15 * np.abs(center).max() / radius * 10
+    a, b, c = (mesh.vertices[mesh.faces[:, k]] - center for k in range(3))
+    cross = np.cross(b - a, c - a)
+    outwards = ((a + b + c) * cross).sum(axis=1)
+    assert (outwards > 0).all()
+    area = 0.5 * np.linalg.norm(cross, axis=1).sum()
+    assert area == pytest.approx(4 * math.pi * radius**2, rel=rounding)
+    assert light.area == pytest.approx(area, rel=rounding)
+    # A convex body of area A that emits L gives off pi L A in all.
+    assert light.power == pytest.approx(math.pi * 2 * area, rel=rounding)
+    assert mesh.material == pl.Emissive((1, 2, 3))
+    # By how much the corners stand out, as documented.
+    np.testing.assert_allclose(np.linalg.norm(mesh.vertices - center, axis=1), radius * 1.002391, rtol=1e-6 + rounding)
+    plane = outwards / (3 * np.linalg.norm(cross, axis=1))
+    assert plane.min() > radius * (1 - 0.0022 - rounding)
+
+
+def test_the_body_of_a_sphere_has_no_holes_and_no_preferred_direction():
+    mesh = SphereLight((0, 0, 0), 1.0).mesh()
+    assert len(mesh.vertices) == 642 and len(mesh.faces) == 1280
+    # Each edge belongs to two triangles, which run along it in opposite directions.
+    edges = np.concatenate([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]])
+    forwards, backwards = ({tuple(edge) for edge in some.tolist()} for some in (edges, edges[:, ::-1]))
+    assert len(forwards) == 3840 and forwards == backwards
+    # The symmetry of an icosahedron: second moments alike, projected area nearly pi from everywhere (Cauchy: on average
+    # a quarter of the surface, exactly).
+    np.testing.assert_allclose(mesh.vertices.T @ mesh.vertices, np.eye(3) * 642 * 1.002391**2 / 3, atol=1e-3)
+    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
+    views = np.random.default_rng(2).normal(size=(100, 3))
+    views /= np.linalg.norm(views, axis=1, keepdims=True)
+    projected = 0.25 * np.abs(np.cross(b - a, c - a) @ views.T).sum(axis=0)
+    np.testing.assert_allclose(projected, math.pi, rtol=1e-3)
+
+
+# Points and spots
+
+
+@settings(max_examples=50)
+@given(st.floats(0, 3.1), st.floats(1e-2, 1))
+def test_the_power_of_a_spot_is_its_intensity_over_all_directions(inner, more):
+    outer = min(inner + more, math.pi)
+    light = SpotLight((0, 0, 0), (0, 0, -1), (3.0, 0.0, 6.0), inner, outer)
+    # Piece by piece the falloff is a square in the cosine, which Gauss-Legendre with three points integrates exactly,
+    # up to the rounding of arc cosines: eps / (difference of the cosines, 5e-5 at least).
+    node, weight = np.polynomial.legendre.leggauss(3)
+    bounds = [1.0, math.cos(inner), math.cos(outer), -1.0]
+    flux = 0.0
+    for high, low in itertools.pairwise(bounds):
+        angle = np.arccos(np.clip(0.5 * (high + low) + 0.5 * (high - low) * node, -1, 1))
+        flux += 2 * math.pi * 3.0 * 0.5 * (high - low) * (light.falloff(angle) * weight).sum()
+    assert light.power == pytest.approx(flux, rel=1e-10)
+
+
+def test_the_falloff_is_that_of_gltf():
+    light = SpotLight((0, 0, 0), (0, 0, -1), 1.0, 0.3, 0.9)
+    # KHR_lights_punctual: saturate(cos a scale + offset)^2.
+    angle = np.linspace(0, math.pi, 1001)
+    scale = 1 / (math.cos(0.3) - math.cos(0.9))
+    expected = np.clip(np.cos(angle) * scale - math.cos(0.9) * scale, 0, 1) ** 2
+    np.testing.assert_allclose(light.falloff(angle), expected, atol=1e-14)
+    assert light.falloff(0.2) == light.falloff(0.3) == 1 and light.falloff(0.9) == light.falloff(3.0) == 0
+
+
+def test_a_spot_that_leaves_nothing_out_is_a_point():
+    # Between pi - 0.001 and pi the falloff misses 2 / 3 of 2 pi (1 - cos 0.001) at most.
+    wide = SpotLight((0, 0, 0), (0, 0, -1), 2.0, math.pi - 1e-3, math.pi)
+    assert wide.power == pytest.approx(PointLight((0, 0, 0), 2.0).power, rel=1e-6)
+    assert PointLight((0, 0, 0), (1, 2, 3)).power == pytest.approx(8 * math.pi)
+
+
+@settings(max_examples=50)
+@given(POINT, POINT)
+def test_a_spot_that_faces_a_point_does(position, target):
+    towards = np.subtract(target, position)
+    assume(np.linalg.norm(towards) > 1e-3)
+    light = SpotLight.facing(position, target, intensity=(1, 2, 3), inner_angle=0.1, outer_angle=0.2)
+    np.testing.assert_allclose(light.direction, towards / np.linalg.norm(towards), atol=1e-12)
+    assert light == SpotLight(position, light.direction, (1, 2, 3), 0.1, 0.2)
+
+
+@pytest.mark.parametrize("length", [1e-300, 1e-3, 1.0, 7.0, 1e300])
+def test_directions_of_any_length_are_kept_as_unit_vectors(length):
+    direction = np.array([2.0, -3.0, 6.0]) / 7
+    for light in (SpotLight((0, 0, 0), length * direction), SunLight(length * direction)):
+        np.testing.assert_allclose(light.direction, direction, rtol=1e-15)
+        # Unit vectors keep their bits, so that lights survive a round trip through their own fields.
+        assert type(light)(**{name: getattr(light, name) for name in light.__dataclass_fields__}) == light
+
+
+# Suns
+
+
+@pytest.mark.parametrize("angular_radius", [1e-6, 0.00465, 0.3, 1.5])
+def test_the_disc_of_a_sun_gives_its_irradiance(angular_radius):
+    sun = SunLight((0, -1, 0), (1.0, 2.0, 4.0), angular_radius)
+    # The integral of L cos over the disc, by the midpoint rule: error (step)^2 / 24.
+    edges = np.linspace(0, angular_radius, 10_001)
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    projected = (2 * math.pi * np.cos(middle) * np.sin(middle) * np.diff(edges)).sum()
+    np.testing.assert_allclose(np.array(sun.radiance) * projected, (1, 2, 4), rtol=1e-7)
+
+
+def test_parallel_light_has_no_disc_and_a_half_sky_the_radiance_of_a_uniform_one():
+    assert SunLight((0, -1, 0), angular_radius=0).radiance is None
+    # Irradiance under a uniform hemisphere of radiance 1 is pi.
+    assert SunLight((0, -1, 0), math.pi, math.pi / 2 - 1e-9).radiance == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    ("azimuth", "elevation", "stands"),
+    [
+        (0, 0, (0, 0, -1)),
+        (math.pi / 2, 0, (1, 0, 0)),
+        (-math.pi / 2, 0, (-1, 0, 0)),
+        (math.pi, 0, (0, 0, 1)),
+        (1.0, math.pi / 2, (0, 1, 0)),
+        (0, math.pi / 4, (0, math.sqrt(0.5), -math.sqrt(0.5))),
+    ],
+)
+def test_a_sun_stands_where_its_angles_say(azimuth, elevation, stands):
+    sun = SunLight.from_angles(azimuth, elevation, irradiance=2.0, angular_radius=0.1)
+    np.testing.assert_allclose(-sun.direction, stands, atol=1e-15)
+    assert (sun.irradiance, sun.angular_radius) == (2.0, 0.1)
+
+
+def test_the_sun_has_the_size_of_the_sun():
+    # IAU 2015 Resolution B3: 695700 km; 1 au = 149597870.7 km. The default has three digits.
+    assert SunLight((0, -1, 0)).angular_radius == pytest.approx(math.asin(695700 / 149597870.7), abs=5e-6)
+
+
+# Power
+
+
+def test_power_is_radiance_area_and_solid_angle():
+    # pi for each side of a Lambertian emitter, area 6, mean of the channels 2.
+    one = pl.QuadLight((0, 0, 0), (2, 0, 0), (1, 3, 0), (1, 2, 3))
+    both = pl.QuadLight((0, 0, 0), (2, 0, 0), (1, 3, 0), (1, 2, 3), two_sided=True)
+    assert one.power == pytest.approx(12 * math.pi) and both.power == pytest.approx(24 * math.pi)
+
+
+@pytest.mark.parametrize(
+    ("make", "kind", "said"),
+    [
+        (lambda: SphereLight((0, 0, 0), 0.0), pl.InvalidValueError, "radius"),
+        (lambda: SphereLight((0, 0, 0), np.inf), pl.InvalidValueError, "radius"),
+        (lambda: SphereLight((0, 0, 1e6), 1e-4), pl.SceneError, "at least 0.001 mm"),
+        (lambda: SphereLight((0, 0, 9.9e14), 1e13), pl.SceneError, "within"),
+        (lambda: SphereLight((0, np.nan, 0), 1.0), pl.SceneError, "finite"),
+        (lambda: SphereLight((0, 0), 1.0), pl.InvalidValueError, "shape"),
+        (lambda: SphereLight((0, 0, 0), 1.0, -1), pl.SceneError, "0 or more"),
+        (lambda: PointLight((0, 0, 2e15)), pl.SceneError, "within"),
+        (lambda: PointLight((0, 0, 0), (1, 2)), pl.InvalidValueError, "intensity"),
+        (lambda: PointLight((0, 0, 0), -1.0), pl.SceneError, "intensity"),
+        (lambda: SpotLight((0, 0, 0), (0, 0, 0)), pl.SceneError, "direction"),
+        (lambda: SpotLight((0, 0, 0), (0, np.nan, 1)), pl.SceneError, "direction"),
+        (lambda: SpotLight((0, 0, np.inf), (0, 0, 1)), pl.SceneError, "position"),
+        (lambda: SpotLight((0, 0, 0), (0, 0, 1), outer_angle=0.0), pl.InvalidValueError, "outer_angle"),
+        (lambda: SpotLight((0, 0, 0), (0, 0, 1), outer_angle=3.2), pl.InvalidValueError, "outer_angle"),
+        (lambda: SpotLight((0, 0, 0), (0, 0, 1), outer_angle=np.nan), pl.InvalidValueError, "outer_angle"),
+        (lambda: SpotLight((0, 0, 0), (0, 0, 1), outer_angle=1e-8), pl.InvalidValueError, "cosine"),
+        (lambda: SpotLight((0, 0, 0), (0, 0, 1), inner_angle=-0.1), pl.InvalidValueError, "inner_angle"),
+        (lambda: SpotLight((0, 0, 0), (0, 0, 1), 1.0, 0.5, 0.5), pl.InvalidValueError, "reduce inner_angle"),
+        (lambda: SpotLight.facing((1, 2, 3), (1, 2, 3)), pl.SceneError, "above 0"),
+        (lambda: SunLight((0, 0, 0)), pl.SceneError, "direction"),
+        (lambda: SunLight((0, 0, 1, 0)), pl.InvalidValueError, "shape"),
+        (lambda: SunLight((0, 0, 1), np.inf), pl.InvalidValueError, "irradiance"),
+        (lambda: SunLight((0, 0, 1), 1.0, -0.1), pl.InvalidValueError, "angular_radius"),
+        (lambda: SunLight((0, 0, 1), 1.0, 1e-7), pl.InvalidValueError, "parallel"),
+        (lambda: SunLight((0, 0, 1), 1.0, math.pi / 2), pl.InvalidValueError, "angular_radius"),
+        (lambda: SunLight((0, 0, 1), 1e308, 1e-6), pl.SceneError, "infinite"),
+        (lambda: SunLight.from_angles(0.0, 1.6), pl.InvalidValueError, "elevation"),
+        (lambda: SunLight.from_angles(np.nan, 0.0), pl.InvalidValueError, "azimuth"),
+    ],
+)
+def test_lights_that_cannot_be_are_refused(make, kind, said):
+    with pytest.raises(kind, match=said):
+        make()

@@ -1,0 +1,318 @@
+"""Error against time of renderings: convergence, floors that optics predicts, bookkeeping, the command line."""
+
+import dataclasses
+import math
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import plenoptic as pl
+from plenoptic.study import ErrorTable, Variant, default_variants
+from plenoptic.study.__main__ import main
+from plenoptic.study.error_time.cases import reference_camera, smooth_camera
+from plenoptic.study.error_time.measurement import Runs, measured_rows
+from plenoptic.study.error_time.split import reference_of
+
+RANDOM, ONE = Variant(sampler=pl.Sampler.RANDOM), Variant(replicates=1)
+SIGMAS = 4
+"""Standard errors that a figure may be off: one in 16 000, and seeds are fixed."""
+
+
+def conventional(stop, *, side=24):
+    """No microlenses, and a sensor 36 mm wide where z = -404 is sharp: pixels see the pupil's projected solid angle."""
+    return pl.PlenopticCamera(
+        lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(stop)),
+        sensor=pl.Sensor(shape=(side, side), pixel_pitch=36.0 / side),
+        stop_to_microlenses=134.6,
+    )
+
+
+# Bookkeeping, with renderings that are made up
+
+
+def made_up(name, n, seed):
+    """Noise of 1 / sqrt(n) and, by its name, a bias, on a ramp; errors reported as they are."""
+    rng = np.random.default_rng([n, seed, len(name)])
+    truth = np.linspace(5.0, 10.0, 64 * 64).reshape(64, 64, 1)
+    image = truth * (1.0 + (0.02 if name == "biased" else 0.0) + n**-0.5 * rng.standard_normal(truth.shape))
+    return pl.Exposure(image, standard_error=truth * n**-0.5)
+
+
+def test_rows_find_what_was_put_in():
+    calls = []
+
+    def expose(name, n, seed):
+        calls.append((name, n, seed))
+        return made_up(name, n, seed)
+
+    reference = reference_of(made_up("plain", 1 << 14, 10**6))
+    rows = measured_rows(expose, ["plain", "biased"], Runs([64, 256, 1024], seeds=6, repeats=2), reference)
+    for one in rows:
+        assert abs(one.variance - 1 / one.samples) < SIGMAS * one.variance_error
+        bias = 0.02 if one.variant == "biased" else 0.0
+        # Forgotten, the reference's own 0.8 % would be 14 standard errors in the last row.
+        assert abs(one.bias_squared - bias**2) < SIGMAS * one.bias_squared_error
+        assert one.true_over_reported == pytest.approx(1.0, abs=SIGMAS / math.sqrt(2 * 5 * 4096))
+    assert rows[-1].bias_is_found and not any(one.bias_is_found for one in rows if one.variant == "plain")
+    # Every row has seeds of its own, all variants the same; repeats are renderings of the same seed.
+    seeds = {(name, n): {s for a, b, s in calls[2:] if (a, b) == (name, n)} for name, n, _ in calls}
+    assert seeds["plain", 64] == seeds["biased", 64] == set(range(6))
+    assert seeds["plain", 256] == set(range(6, 12)) and len(calls) == 2 + 2 * 3 * 6 * 2
+
+
+def test_times_are_medians_and_setting_up_is_measured_by_itself():
+    import time
+
+    def expose(name, n, seed):
+        time.sleep(0.05 if seed == 1 else 0.004)  # one rendering is disturbed
+        return made_up(name, n, seed)
+
+    reference = reference_of(made_up("plain", 4096, 99))
+    one = measured_rows(expose, ["a"], Runs([16], seeds=5), reference, set_up=lambda name: time.sleep(0.002))[0]
+    assert 0.004 <= one.wall_seconds < 0.05 and one.cpu_seconds < one.wall_seconds
+    assert 0.002 <= one.setup_wall_seconds < 0.05
+
+
+# Renderings
+
+
+@pytest.mark.slow
+def test_random_samples_have_the_slope_of_a_half_and_scrambled_points_a_steeper_one():
+    """-1.28 with one replicate where nothing is cut, from 16 to 512 samples."""
+    table = pl.study.error_against_time(
+        None,
+        smooth_camera(),
+        {"random": RANDOM, "1 replicate": ONE, "8 replicates": Variant()},
+        samples=(16, 64, 256),
+        seeds=5,
+        progress=False,
+    )
+    assert abs(table.slope("random") + 0.5) < SIGMAS * table.slope_error("random")
+    assert table.slope_error("random") < 0.02
+    assert table.slope("1 replicate") < -1.15 and table.slope("8 replicates") < -1.0
+    # Independent samples have the same noise however they are divided, and report it.
+    for name in ("random", "8 replicates"):
+        assert all(row.true_over_reported == pytest.approx(1.0, abs=0.1) for row in table.of(name))
+    assert all(row.true_over_reported is None for row in table.of("1 replicate"))
+    assert not any(row.bias_is_found for row in table.rows)
+    # All variants see the same image, and one replicate is the cheapest way to it.
+    assert table.recommend(0.001).variant == "1 replicate"
+
+
+def solid_angle(radius_squared, distance, semi_diameter):
+    """Projected solid angle of a disc parallel to a small surface, off its axis, in sr.
+
+    pi times the view factor of J. R. Howell, A Catalog of Radiation Heat Transfer Configuration Factors, B-13.
+    """
+    a, b = semi_diameter**2, distance**2 + radius_squared
+    return 0.5 * math.pi * (1 - (b - a) / np.sqrt((b + a) ** 2 - 4 * a * radius_squared))
+
+
+def predicted(camera, *, grid):
+    """The white image by optics alone: of the lens as it is, of its THIN and of its PARAXIAL model."""
+    lens, z = camera.lens, camera.stop_to_microlenses
+    points = pl.paraxial.cardinal_points(lens)
+    z_object = pl.paraxial.object_position(lens, z)
+    heights = np.linspace(0.0, 27.0, 9)
+    seen = pl.aberrations.relative_illumination(
+        lens, heights / abs(pl.paraxial.magnification(lens, z_object)), z_object=z_object, grid=grid
+    )
+    exact = np.polynomial.Polynomial.fit(seen.heights**2, seen.projected_solid_angle, 4)
+    thin = (z - points.rear_principal, points.entrance_pupil_semi_diameter)
+    paraxial = (z - points.exit_pupil, points.exit_pupil_semi_diameter)
+    return (
+        over_pixels(camera.sensor, exact),
+        over_pixels(camera.sensor, lambda r2: solid_angle(r2, *thin)),
+        over_pixels(camera.sensor, lambda r2: solid_angle(r2, *paraxial)),
+    )
+
+
+def over_pixels(sensor, of_radius_squared):
+    """Means over pixels, by three Gauss points along each axis."""
+    n, pitch = sensor.shape[0], 36.0 / sensor.shape[0]
+    nodes, weights = np.polynomial.legendre.leggauss(3)
+    along = ((np.arange(n) + 0.5 - n / 2)[:, None] * pitch + 0.5 * pitch * nodes).ravel()
+    values = of_radius_squared(along[:, None] ** 2 + along**2).reshape(n, 3, n, 3)
+    return np.einsum("ajbk,j,k->ab", values, 0.5 * weights, 0.5 * weights)
+
+
+def relative_square(image, exact):
+    return float(np.mean((image / exact - 1.0) ** 2))
+
+
+def counting(bias_squared, *, grid):
+    """Two standard errors of a prediction: pencils are counted on grids, to 0.54 N^(-3/4) with N points, 0.7 grid^2."""
+    return 2 * math.sqrt(bias_squared) * 2 * 0.54 * (0.7 * grid**2) ** -0.75
+
+
+def test_optics_predicts_the_floor_of_a_thin_lens():
+    camera = conventional(5.0, side=16)
+    exact, thin, _ = predicted(camera, grid=160)
+    wanted = relative_square(thin, exact)
+    variants = {"EXACT": Variant(), "THIN": Variant(lens=pl.LensModel.THIN)}
+    table = pl.study.error_against_time(None, camera, variants, samples=(64, 256), seeds=4, progress=False)
+    known = table.best_known_bias("THIN")
+    assert math.sqrt(wanted) == pytest.approx(0.0423, abs=5e-4)
+    assert abs(known.bias_squared - wanted) < SIGMAS * known.bias_squared_error + counting(wanted, grid=160)
+    assert known.bias_squared_error < 0.05 * wanted
+    # With noise of 2.6 % and few seeds; a fifth of what THIN has.
+    assert table.bias_floor("EXACT") == 0.0 and table.best_known_bias("EXACT").bias_limit < 0.0085
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("stop, floors", [(5.0, (0.0423, 0.0094)), (10.0, (0.0549, 0.0225))])
+def test_optics_predicts_all_floors(stop, floors):
+    """THIN and PARAXIAL pupils in closed form, EXACT by traced pencils; without rims in the way, within 27 mm."""
+    camera = conventional(stop)
+    exact, thin, paraxial = predicted(camera, grid=400)
+    variants = {
+        "EXACT": Variant(),
+        "THIN": Variant(lens=pl.LensModel.THIN),
+        "PARAXIAL": Variant(lens=pl.LensModel.PARAXIAL),
+    }
+    table = pl.study.error_against_time(
+        None, camera, variants, samples=(64, 256, 1024, 4096), seeds=8, reference_samples=1 << 15, progress=False
+    )
+    assert table.bias_floor("EXACT") == 0.0
+    # Noise of 0.27 % in 8 seeds, over 576 pixels: 2 sqrt(2) (0.0027^2 / 8) / 24 is the square of 3.3e-4.
+    assert table.best_known_bias("EXACT").bias_limit < 5e-4
+    for name, image, floor in (("THIN", thin, floors[0]), ("PARAXIAL", paraxial, floors[1])):
+        known, wanted = table.best_known_bias(name), relative_square(image, exact)
+        assert math.sqrt(wanted) == pytest.approx(floor, abs=2e-4)
+        doubt = counting(wanted, grid=400)
+        assert abs(known.bias_squared - wanted) < SIGMAS * known.bias_squared_error + doubt
+        assert known.bias_squared_error < 0.05 * wanted
+        # All rows agree on the floor: noise is not taken for bias.
+        for row in table.of(name):
+            assert abs(row.bias_squared - wanted) < SIGMAS * row.bias_squared_error + doubt
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scene", [None, pl.check_scene()], ids=["white", "check"])
+def test_the_reference_camera_converges_as_its_samples_let_it(scene):
+    """Pixels at rims and edges count most: slopes of -0.65 to -0.75, far from those of smooth content."""
+    crop = np.s_[240:272, 240:272]
+    variants = {"EXACT": Variant(), "random": RANDOM, "1 replicate": ONE, "THIN": Variant(lens=pl.LensModel.THIN)}
+    table = pl.study.error_against_time(
+        scene, reference_camera(), variants, samples=(16, 32, 64, 128, 256), region=crop, seeds=8, progress=False
+    )
+    assert abs(table.slope("random") + 0.5) < SIGMAS * table.slope_error("random")
+    for name in ("EXACT", "1 replicate"):
+        assert -0.85 < table.slope(name) < -0.6
+    assert all(row.true_over_reported == pytest.approx(1.0, abs=0.1) for row in table.rows if row.reported_variance)
+    assert not any(row.bias_is_found for name in ("EXACT", "random", "1 replicate") for row in table.of(name))
+    assert table.bias_floor("THIN") > 0.05
+    # Another seed keeps what is promised: the error of a new image at the recommended setting.
+    found = table.recommend(0.05)
+    again = pl.study.error_against_time(
+        scene,
+        reference_camera(),
+        {found.variant: variants[found.variant]},
+        samples=(found.samples,),
+        region=crop,
+        seeds=8,
+        seed=5000,
+        reference_samples=4096,
+        progress=False,
+    )
+    assert again.rows[0].error == pytest.approx(found.error, rel=0.1) and again.rows[0].error < 0.055
+
+
+# Variants
+
+
+def test_variants_change_what_they_name():
+    camera = reference_camera()
+    assert Variant().camera_from(camera) is camera
+    changed = Variant(lens=pl.LensModel.THIN, microlenses=pl.MicrolensModel.PINHOLE).camera_from(camera)
+    assert (changed.lens.model, changed.microlenses.model) == (pl.LensModel.THIN, pl.MicrolensModel.PINHOLE)
+    other = dataclasses.replace(camera, microlenses_to_sensor=1.8)
+    assert Variant(camera=other).camera_from(camera) == other
+    assert next(iter(default_variants(None, camera))) == "EXACT lens"
+    names = list(default_variants(pl.objects_scene(), camera))
+    assert names[-2:] == ["2 bounces", "no caustics"] and "2 bounces" not in default_variants(pl.check_scene(), camera)
+    thin = dataclasses.replace(camera, lens=camera.lens.with_model(pl.LensModel.THIN))
+    assert list(default_variants(None, thin)) == ["THIN lens", "RANDOM sampler", "1 replicate"]
+
+
+@pytest.mark.parametrize(
+    "make, message",
+    [
+        (lambda: Variant(lens="THIN"), "lens is 'THIN'"),
+        (lambda: Variant(replicates=0), "replicates is 0"),
+        (lambda: Variant(clamp=-1.0), "clamp is -1"),
+        (lambda: Variant(camera=3), "camera is an int"),
+        (lambda: Variant(microlenses=1).camera_from(conventional(5.0)), "the camera has no microlenses"),
+        (lambda: Variant(camera=conventional(5.0)).camera_from(smooth_camera()), r"has \(24, 24\) pixels"),
+    ],
+)
+def test_impossible_variants_are_refused(make, message):
+    with pytest.raises(pl.InvalidValueError, match=message):
+        make()
+
+
+@pytest.mark.parametrize(
+    "arguments, message",
+    [
+        ({"variants": {}}, "variants is empty"),
+        ({"variants": {"a|b": Variant()}}, "name of a variant is 'a|b'"),
+        ({"variants": {"a": 3}}, r"variants\['a'\] is an int"),
+        ({"samples": ()}, "samples is a tuple"),
+        ({"samples": (32, 16)}, "each number must be above the one before"),
+        ({"seeds": 1}, "seeds is 1"),
+        ({"reference": 3}, "reference is an int"),
+        ({"reference": Variant(replicates=1)}, "no standard errors"),
+        ({"reference": pl.Exposure(np.ones((3, 3, 1)))}, r"the reference has \(3, 3\) pixels"),
+    ],
+)
+def test_impossible_studies_are_refused(arguments, message):
+    given = {"samples": (4,), "seeds": 2, "progress": False} | arguments
+    with pytest.raises(pl.InvalidValueError, match=message):
+        pl.study.error_against_time(None, conventional(5.0, side=8), given.pop("variants", None), **given)
+
+
+def test_a_reference_that_was_rendered_before_is_used():
+    camera = conventional(5.0, side=8)
+    settings = {"samples": (16,), "seeds": 2, "seed": 3, "progress": False}
+    rendered = pl.render_white(camera, samples=256, seed=3 + 1_000_003, progress=False)
+    first = pl.study.error_against_time(None, camera, {"a": Variant()}, reference=rendered, **settings)
+    second = pl.study.error_against_time(None, camera, {"a": Variant()}, reference_samples=256, **settings)
+    assert first.reference_samples == 256 and first.reference_error == second.reference_error
+    assert first.rows[0].bias_squared == second.rows[0].bias_squared
+
+
+# The command line
+
+
+def test_the_command_prints_writes_and_draws(tmp_path, capsys):
+    drawn, written = tmp_path / "white.png", tmp_path / "white.csv"
+    arguments = ["error-against-time", "--case", "white", "--quick", "--target", "0.1", "--target", "0.001"]
+    assert main([*arguments, "--csv", str(written), "--plot", str(drawn)]) == 0
+    shown = capsys.readouterr().out
+    assert "| THIN lens " in shown and "For 10 %: 1 replicate with " in shown and "extrapolated" in shown
+    assert drawn.read_bytes().startswith(b"\x89PNG")
+    assert ErrorTable.from_csv(written).title == "white"
+    assert main(["error-against-time", "--case", "white", "--target", "0"]) == 2
+    assert "--target is 0" in capsys.readouterr().err
+    assert main(["error-against-time", "--csv", str(tmp_path / "nowhere" / "a.csv")]) == 2
+    assert "there is no such folder" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_the_document_is_whole():
+    command = [sys.executable, "-m", "plenoptic.study", "error-against-time", "--quick", "--document"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    heads = [line for line in done.splitlines() if line.startswith("#")]
+    assert heads == [
+        "# Error against time",
+        "## What the numbers are",
+        "## The machine",
+        *(f"## `{case}`" for case in ("white", "smooth", "check", "objects")),
+    ]
+    for word in ("Lit pixels", "Bias", "Processor: ", "numba ", "Load: ", "wanted error %"):
+        assert word in done
+    import socket
+
+    assert len(socket.gethostname()) < 4 or socket.gethostname() not in done

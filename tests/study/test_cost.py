@@ -1,0 +1,245 @@
+"""What parts of a rendering cost: bookkeeping with known costs, and what is left out."""
+
+import argparse
+import csv
+import dataclasses
+import itertools
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import plenoptic as pl
+from plenoptic.rendering.plan.stages import Plan, Stage
+from plenoptic.study.cost import ablation, camera_ablation, measurement, scene_ablation
+from plenoptic.study.cost.ablation import Ablation, Inseparable, ablations
+from plenoptic.study.cost.cases import cost_case, cost_cases, furnished_camera
+from plenoptic.study.cost.command import add_command
+from plenoptic.study.cost.measurement import Picture, cost_of, picture_change, share_of
+from plenoptic.study.error_time.cases import reference_camera
+
+CROP = np.s_[252:260, 252:260]
+
+
+@pytest.fixture(scope="module")
+def furnished():
+    return cost_case("furnished")
+
+
+# ---- plans ----
+
+
+def test_a_plan_knows_what_it_was_made_for():
+    camera, scene = reference_camera(), pl.white_plane()
+    plan = pl.plan(scene, camera, samples=16, max_bounces=2, truth=pl.Truth.NONE)
+    subject = plan.subject
+    assert (subject.scene, subject.camera, subject.samples, subject.truth) == (scene, camera, 16, pl.Truth.NONE)
+    assert subject.settings.max_bounces == 2
+    # Equality and print are those of the decisions.
+    assert plan == Plan(plan.decisions) and hash(plan) == hash(Plan(plan.decisions))
+    assert repr(plan) == repr(Plan(plan.decisions)) and "Subject" not in repr(plan)
+
+
+def test_a_plan_made_by_hand_is_refused():
+    with pytest.raises(pl.InvalidValueError, match="make it by pl.plan"):
+        cost_of(Plan(pl.plan(None, reference_camera()).decisions))
+
+
+# ---- leaving out ----
+
+
+def test_the_furnished_case_runs_every_stage(furnished):
+    assert [decision.stage for decision in furnished.decisions if not decision.runs] == []
+
+
+def test_each_stage_can_be_left_out_and_then_does_not_run(furnished):
+    found = ablations(furnished)
+    assert [one.stage for one in found] == list(Stage)
+    assert not [one for one in found if isinstance(one, Inseparable)]
+    for one in found:
+        then = ablation.plan_for(one.subject)
+        stopped = {d.stage for d in then.decisions if not d.runs}
+        if one.stage not in (Stage.LENS, Stage.ONWARD_RAYS):
+            assert stopped == {one.stage, *one.also}
+
+
+def test_most_stages_are_left_out_alone(furnished):
+    alone = [one.stage for one in ablations(furnished) if not one.also]
+    assert len(alone) >= 25
+
+
+@pytest.mark.parametrize("case", [case for case in cost_cases() if case != "furnished"])
+def test_nothing_is_listed_that_does_not_run(case):
+    plan = cost_case(case)
+    assert {one.stage for one in ablations(plan)} == {d.stage for d in plan.decisions if d.runs}
+
+
+def kept(camera, scene=None):
+    return {one.stage: one.reason for one in ablations(pl.plan(scene, camera)) if isinstance(one, Inseparable)}
+
+
+def test_what_cannot_be_left_out_says_why(monkeypatch):
+    camera = reference_camera()
+    thin = dataclasses.replace(camera, lens=camera.lens.with_model(pl.LensModel.THIN))
+    assert "rays must pass" in kept(thin)[Stage.LENS]
+    centres = camera.microlenses.lenses((-3.0, -3.0), (3.0, 3.0)).centre
+    free = pl.MicrolensArray(pitch=0.3, focal_lengths=(2.0,), lattice=pl.Lattice.FREE, centres=centres)
+    assert "centres" in kept(dataclasses.replace(camera, microlenses=free))[Stage.LISTED_LENSES]
+    monkeypatch.setattr(scene_ablation, "MOST_COPIES", 20)
+    many = pl.Scene([pl.Instances(pl.box(1), np.tile(np.eye(4), (2, 1, 1)))], background=1.0)
+    assert "24 triangles" in kept(camera, many)[Stage.INSTANCES]
+
+
+def test_spheres_touch_aspheres_at_their_vertices():
+    first = pl.Surface(50.0, 5.0, semi_diameter=10.0, conic=-0.7, aspheric=(1e-3, 1e-6))
+    camera = reference_camera()
+    lens = dataclasses.replace(camera.lens, elements=[first, *camera.lens.elements[1:]])
+    sphere = camera_ablation.without_aspheres(dataclasses.replace(camera, lens=lens)).lens.elements[0]
+    # Sags differ in r^4 only: at r = 0.1 by less than (c^3 + a) r^4 = 1e-5 * 1e-4 mm.
+    assert abs(float(sphere.sag(0.1) - first.sag(0.1))) < 1e-9
+    assert not sphere.aspheric and sphere.conic == 0
+
+
+def test_the_mean_of_a_world_weighs_rows_by_their_solid_angle():
+    texels = np.zeros((4, 2, 3))
+    texels[0] = 1.0  # down to 45 degrees from the top: (1 - cos 45) / 2 of the sphere
+    world = scene_ablation.without_drawn_lights(pl.Scene(background=pl.EnvironmentMap(texels))).background
+    assert world.radiance == pytest.approx(3 * ((1 - math.sqrt(0.5)) / 2,), rel=1e-6)
+
+
+def test_a_scene_without_anything_is_black():
+    dark = scene_ablation.without_world(pl.Scene(background=1.0))
+    assert dark.background.radiance == 0.0 and not dark.meshes
+
+
+@pytest.mark.slow
+def test_without_its_pose_a_camera_sees_the_same():
+    camera = reference_camera().posed(position=(10.0, 20.0, 30.0), look_at=(-300.0, 50.0, -200.0))
+    world = np.eye(4)
+    world[:3, :3], world[:3, 3] = camera.pose.rotation, camera.pose.position
+    plan = pl.plan(pl.check_scene().transformed(world), camera)
+    (one,) = [found for found in ablations(plan) if found.stage is Stage.POSE]
+    shots = [
+        pl.render(subject.scene, subject.camera, samples=16, region=CROP, truth=pl.Truth.NONE, progress=False)
+        for subject in (plan.subject, one.subject)
+    ]
+    # Rounding of some 1e-13 mm moves a path across the edge of a square in 1e-10 of the cases.
+    np.testing.assert_allclose(shots[0].image, shots[1].image, rtol=1e-6)
+
+
+# ---- bookkeeping ----
+
+SET_UP, PER_PATH = 0.3, 1e-6
+PARTS = {Stage.LENS: 0.4, Stage.STANDARD_ERROR: 0.1, Stage.POSE: 0.25, Stage.BLEMISHES: 0.05}
+"""What stages take of the whole, in a rendering that is made up."""
+
+
+@pytest.fixture
+def made_up(monkeypatch):
+    """Renderings of known costs: set-up, and what each stage takes; blemishes darken the picture by a tenth."""
+    camera = furnished_camera()
+    blemishes, pose = camera.blemishes, camera.pose
+    plan = pl.plan(None, dataclasses.replace(reference_camera(), blemishes=blemishes, pose=pose))
+    drift = itertools.count()
+
+    def exposed(subject, run, number):
+        found = ablation.plan_for(subject)
+        runs = {stage: found.runs(stage) for stage in PARTS}
+        runs[Stage.LENS] = subject.camera.lens.model is pl.LensModel.EXACT
+        paths = 100_000 if run.samples > 1 else 1
+        share = 0.2 + sum(part for stage, part in PARTS.items() if runs[stage])
+        # All gets dearer as time goes on, as when a processor gets hot.
+        per_path = PER_PATH * share * (1 + 1e-4 * next(drift))
+        rng = np.random.default_rng(number)
+        level = 0.9 if runs[Stage.BLEMISHES] else 1.0
+        image = level + 0.05 * rng.standard_normal((40, 40, 1))
+        stats = SimpleNamespace(cpu_seconds=SET_UP + paths * per_path, paths=paths)
+        return SimpleNamespace(image=image.astype(np.float32), stats=stats, interrupted=False)
+
+    monkeypatch.setattr(measurement, "_exposed", exposed)
+    return plan
+
+
+def test_known_costs_are_found(made_up):
+    table = cost_of(made_up, rounds=5)
+    assert table.set_up == pytest.approx(SET_UP, rel=1e-4)
+    assert table.cpu_per_million == pytest.approx(1.0, rel=0.03)
+    for stage, part in PARTS.items():
+        row = table.row(stage)
+        # Neighbours in time differ by 1e-4 of the whole, set-up by 1e-6 of a second in 0.1.
+        assert row.percent == pytest.approx(100 * part, abs=0.05)
+        assert row.standard_error < 0.05 and abs(row.set_up) < 1e-4
+    assert table.dearest[0].stage is Stage.LENS
+
+
+def test_pictures_that_change_are_told_from_noise(made_up):
+    table = cost_of(made_up, rounds=5)
+    # Without dust the picture is brighter by 0.1 / 0.9; the noise of the square is 3 sqrt(2) 0.05^2 / 40 / sqrt(5).
+    assert table.row(Stage.BLEMISHES).picture_change == pytest.approx(100 / 9, rel=0.05)
+    assert table.row(Stage.POSE).picture_change == 0.0
+
+
+def test_a_share_is_the_median_of_ratios_in_the_same_round():
+    beside = np.array([1.0, 2.0, 4.0, 8.0, 100.0])
+    share, error = share_of(beside * [0.8, 0.7, 0.75, 0.7, 0.9], beside)
+    assert share == pytest.approx(25.0)
+    # |25 - (20, 30, 25, 30, 10)| has the median 5.
+    assert error == pytest.approx(math.sqrt(math.pi / 10) * 1.4826 * 5.0)
+    assert share_of(np.ones(2), np.ones(2)) == (0.0, None)
+
+
+def test_a_black_picture_has_no_relative_change():
+    pictures = [Picture(), Picture()]
+    for picture in pictures:
+        for _ in range(3):
+            picture.add(np.zeros((2, 2, 3), np.float32))
+    assert picture_change(*pictures) is None
+
+
+@pytest.mark.parametrize(("options", "said"), [({"rounds": 1}, "rounds is 1"), ({"samples": 0}, "samples is 0")])
+def test_impossible_measurements_are_refused(options, said):
+    with pytest.raises(pl.InvalidValueError, match=said):
+        cost_of(pl.plan(None, reference_camera()), **options)
+
+
+def test_a_table_is_text_markdown_and_csv(made_up, tmp_path):
+    table = cost_of(made_up, rounds=3)
+    lines = table.to_markdown().splitlines()
+    assert lines[0].startswith("| stage") and lines[2].startswith("| lens ")
+    assert {line.count("|") for line in lines[: 2 + len(table.rows)]} == {lines[0].count("|")}
+    assert "100000" not in str(table) and "5 stages left out" in repr(table)
+    text = table.to_csv(tmp_path / "costs.csv")
+    assert (tmp_path / "costs.csv").read_text(encoding="utf-8") == text
+    found = list(csv.DictReader(text.splitlines()))
+    assert [Stage[row["stage"]] for row in found] == [row.stage for row in table.rows]
+    assert [float(row["percent_of_cpu"]) for row in found] == [row.percent for row in table.rows]
+    with pytest.raises(pl.FileError, match="cannot be written"):
+        table.to_csv(tmp_path / "nowhere" / "costs.csv")
+
+
+# ---- real renderings ----
+
+
+@pytest.mark.slow
+def test_meshes_are_the_dear_part_of_a_checkerboard():
+    plan = pl.plan(pl.check_scene(), reference_camera())
+    table = cost_of(plan, samples=32, rounds=5)
+    assert {row.stage for row in table.rows} == {one.stage for one in ablations(plan) if isinstance(one, Ablation)}
+    meshes, truth = table.row(Stage.INTERSECTION), table.row(Stage.TRUTH)
+    # Finding what half a million rays meet takes half of the time; a busy processor disturbs this by some per cent.
+    assert meshes.percent > 20 and meshes.percent > 3 * meshes.standard_error
+    assert meshes.set_up > 0.01 and meshes.picture_change > 50
+    assert truth.percent > 0 and truth.picture_change == 0.0
+
+
+@pytest.mark.slow
+def test_the_command_line_prints_the_plan_and_the_table(capsys, tmp_path):
+    parser = argparse.ArgumentParser()
+    add_command(parser.add_subparsers())
+    chosen = ["cost", "--case", "white", "--quick", "--plan", "--markdown", "--csv", str(tmp_path / "white.csv")]
+    options = parser.parse_args(chosen)
+    assert options.run(options) == 0
+    shown = capsys.readouterr().out
+    assert "left out  wavelengths" in shown and "| microlenses" in shown
+    assert "MICROLENSES" in (tmp_path / "white.csv").read_text(encoding="utf-8")
