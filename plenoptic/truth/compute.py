@@ -14,7 +14,7 @@ from plenoptic.camera.record import CameraTables, camera_tables
 from plenoptic.camera.sampling.pixel_regions import cells_per_pixel, pixel_centres
 from plenoptic.core.parallel import run_in_order, thread_count
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.lens.record import LensTables, lens_tables
+from plenoptic.optics.lens.record import LensRecord, lens_record
 from plenoptic.optics.microlens.lattice import Lattice
 from plenoptic.optics.microlens.listed import lattice_types
 from plenoptic.scene.cache import prepared_scene
@@ -44,7 +44,7 @@ class TruthTables(NamedTuple):
     wanted: Truth
     frame: NDArray[np.float64] | None
     """(12,) from the lens's axes to the camera's; None where they are the same."""
-    bare: LensTables | None
+    bare: LensRecord | None
     """The lens in reverse without stops and rims; None where images of points are not wanted."""
     axes: NDArray[np.float64]
     """(4, 3): x, y, normal and centre of the array's front principal plane, in the lens's axes."""
@@ -68,7 +68,7 @@ def truth_tables(camera: PlenopticCamera, tables: CameraTables, wanted: Truth) -
     return TruthTables(
         wanted=wanted,
         frame=None if moved is None else np.concatenate([moved.turn.ravel(), moved.shift]),
-        bare=lens_tables(camera.lens, camera.wavelength, reverse=True, clipping=False) if wanted & OF_IMAGES else None,
+        bare=lens_record(camera.lens, camera.wavelength, reverse=True, clipping=False) if wanted & OF_IMAGES else None,
         axes=np.ascontiguousarray(axes),
         step=_TURN * abs(parts.z_plane - float(camera.lens.vertices[-1])),
         numbers=_free_numbers(tables) if free else None,
@@ -176,7 +176,7 @@ def _fill_images(
     into: Mapping[str, NDArray[Any]],
     tables: CameraTables,
     truth: TruthTables,
-    bare: LensTables,
+    bare: LensRecord,
     main: MainRays,
     points: NDArray[np.float64],
     lanes: NDArray[np.int64],
@@ -189,7 +189,7 @@ def _fill_images(
     assert tables.array is not None
     blocks = np.empty(-(-len(lanes) * virtual_depth_kernels.NEIGHBOURS // BLOCK) * RAY)
     virtual_depth_kernels.fill_neighbours(blocks, main.before, lanes, truth.axes, truth.step, _TURN)
-    fill_traced(blocks, *bare)
+    fill_traced(blocks, bare, None)
     distance = np.full(len(pixels), np.nan)
     virtual_depth_kernels.fill_image_distances(distance, blocks, main.blocks, points, lanes, truth.step, _TURN)
     behind = np.full(len(pixels), tables.distance) if tables.lean is None else tables.distance + pixels @ tables.lean

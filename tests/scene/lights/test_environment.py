@@ -311,7 +311,7 @@ def test_environments_compare_pickle_and_are_read_only():
         (np.zeros((2, 2)), None, pl.InvalidValueError, "shape"),
         (np.zeros((2, 2, 4)), None, pl.InvalidValueError, "drop alpha"),
         (np.zeros((2, 2, 3), dtype=np.uint8), None, pl.InvalidValueError, "EnvironmentMap.load"),
-        (np.zeros((0, 2, 3)), None, pl.SceneError, "0 rows"),
+        (np.zeros((0, 2, 3)), None, pl.SceneError, "0 x 2 texels"),
         (np.broadcast_to(np.float32(0), (MAX_TEXELS // 2 + 1, 2, 1)), None, pl.SceneError, "texels"),
         (np.full((1, 1, 1), -0.1), None, pl.SceneError, "0 or more"),
         (np.full((1, 2, 1), np.nan), None, pl.SceneError, "finite"),
