@@ -17,7 +17,7 @@ from plenoptic.scene.scene import Scene
 from plenoptic.truth.ground_truth import Truth, available_truth, checked_truth, truth_names
 
 
-def plan(
+def plan(  # noqa: PLR0913
     scene: Scene | None,
     camera: PlenopticCamera,
     *,
