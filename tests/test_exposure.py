@@ -10,7 +10,7 @@ from PIL import Image
 import plenoptic as pl
 from plenoptic.core.files import images
 from plenoptic.errors import FileError, InvalidValueError
-from plenoptic.truth.ground_truth import NO_MICROLENS, GroundTruth
+from plenoptic.truth.channels import NO_MICROLENS, GroundTruth
 
 STATS = {
     "seconds": 1.5,

@@ -8,8 +8,8 @@ import pytest
 
 import plenoptic as pl
 from plenoptic.camera.points.projection import project
+from plenoptic.truth.channels import NO_MICROLENS, Truth
 from plenoptic.truth.compute import ground_truth
-from plenoptic.truth.ground_truth import NO_MICROLENS, Truth
 
 THIN_LENS = pl.LensModel.THIN
 
@@ -179,7 +179,7 @@ def test_free_microlenses_have_their_numbers():
 
 # ---- images of points ----
 
-KINDS = {
+CHANNELS = {
     "Galilean": {"b": 1.7},
     "Keplerian": {"b": 2.4},
     "1.0": {"b": 2.0},
@@ -187,7 +187,7 @@ KINDS = {
 
 
 @pytest.mark.parametrize("z", [-300.0, -404.0, -1000.0, -1e6])
-@pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)
+@pytest.mark.parametrize("kind", CHANNELS.values(), ids=CHANNELS)
 def test_virtual_depth_and_disparity_of_a_thin_lens_are_closed_forms(kind, z):
     # A thin lens images planes onto planes without aberrations. Derivatives are good to 1e-9 (see `truth._TURN`).
     lens = the_lens(THIN_LENS)

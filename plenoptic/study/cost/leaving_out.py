@@ -17,7 +17,7 @@ from plenoptic.rendering.settings import Caustics, Sampler
 from plenoptic.study.cost import camera_without, scene_without
 from plenoptic.study.cost.camera_without import with_sensor
 from plenoptic.study.cost.scene_without import with_materials
-from plenoptic.truth.ground_truth import Truth
+from plenoptic.truth.channels import Truth
 
 _Change: TypeAlias = Callable[[Subject], Subject]
 

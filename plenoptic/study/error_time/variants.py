@@ -13,7 +13,7 @@ from plenoptic.optics.microlens.array import MicrolensModel
 from plenoptic.rendering.exposure import Exposure
 from plenoptic.rendering.settings import Caustics, Sampler
 from plenoptic.scene.scene import Scene
-from plenoptic.truth.ground_truth import Truth
+from plenoptic.truth.channels import Truth
 
 _FEW_BOUNCES = 2
 """Depth limit of the default variant with fewer bounces: light that was scattered once more after direct light."""
