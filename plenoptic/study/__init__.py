@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from plenoptic.study.error_time.table import ErrorTable as ErrorTable
     from plenoptic.study.error_time.variants import Variant as Variant
     from plenoptic.study.error_time.variants import default_variants as default_variants
-    from plenoptic.study.stability.table import StabilityTable
+    from plenoptic.study.rounding.table import StabilityTable
 
 __all__ = [
     "CostRow",
@@ -159,7 +159,7 @@ def stability(*, rays: int = THOROUGH, seed: int = 0, only: Sequence[str] | None
 
     The cases are ordinary lenses and what is hard for floating-point numbers: very large and very small radii, distant
     origins, grazing rays, tangents, total reflection, indices that are almost the same, strong aspheres, numbers that
-    are not finite. Every ray is held to a bound of its own; see `plenoptic.study.stability.rounding_bounds`.
+    are not finite. Every ray is held to a bound of its own; see `plenoptic.study.rounding.bounds`.
 
     Parameters
     ----------
@@ -187,7 +187,7 @@ def stability(*, rays: int = THOROUGH, seed: int = 0, only: Sequence[str] | None
     >>> table.holds, [row.case for row in table.rows][:2]
     (True, ['radius 50', 'radius 50, in reverse'])
     """
-    from plenoptic.study.stability.table import stability_table
+    from plenoptic.study.rounding.table import stability_table
 
     return stability_table(rays=rays, seed=seed, only=only)
 

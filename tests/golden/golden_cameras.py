@@ -46,7 +46,15 @@ def some_blemishes():
     scattered = pl.Blemishes.scattered
     return (
         scattered(pl.BlemishSite.SENSOR, half_size=(0.5, 0.5), dust_per_mm2=30.0, dust_radius=0.02, height=0.4, seed=1),
-        scattered(pl.BlemishSite.ARRAY, half_size=(0.5, 0.5), dust_per_mm2=20.0, scratches=2, transmission=0.3, seed=2),
+        scattered(
+            pl.BlemishSite.ARRAY,
+            half_size=(0.5, 0.5),
+            dust_per_mm2=20.0,
+            dust_radius=0.02,
+            scratches=2,
+            transmission=0.3,
+            seed=2,
+        ),
         scattered(pl.BlemishSite.LENS_REAR, half_size=(8.0, 8.0), dust_per_mm2=0.1, dust_radius=0.5, seed=3),
         pl.Blemishes(pl.BlemishSite.LENS_FRONT, [(-3.0, 1.0)], [(4.0, 2.0)], 0.4, 0.5),
     )

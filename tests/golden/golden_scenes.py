@@ -52,6 +52,12 @@ def glasses():
     return pl.Scene(bodies, [lamp(), pl.SphereLight((-8.0, 10.0, -390.0), 2.0, (4.0, 5.0, 6.0))], background=0.1)
 
 
+def under_water():
+    """The camera in an absorbing ball of water, what it sees outside."""
+    water = pl.sphere(380.0, segments=(48, 24), material=pl.Dielectric(1.33, absorption=(4e-3, 2e-3, 1e-3)))
+    return pl.Scene([water, ball(pl.Lambertian(0.7)), wall(pl.Lambertian((0.3, 0.5, 0.7)))], background=0.6)
+
+
 def metals():
     """Rough metals by index and by colour, and a mirror."""
     gold = (0.18 + 3.42j, 0.42 + 2.35j, 1.37 + 1.77j)
@@ -96,7 +102,11 @@ def repeated():
     matrices[:, :3, :3] = rng.normal(0.0, 0.6, (40, 3, 3))
     matrices[:, :3, 3] = rng.uniform((-6, -6, -409), (6, 6, -400), (40, 3))
     body = ball(pl.MetallicRoughness((0.8, 0.4, 0.2), 0.3, 0.4), z=0.0, radius=1.2)
-    return pl.Scene([pl.Instances(body, matrices), wall(pl.Lambertian(0.5), -412.0)], [lamp()], background=0.15)
+    nearer = matrices[::4].copy()
+    nearer[:, 2, 3] += 4.0
+    veil = pl.quad((-1, -1, 0), (2, 0, 0), (0, 2, 0), material=pl.MetallicRoughness(0.6, opacity=texture(1, seed=10)))
+    things = [pl.Instances(body, matrices), pl.Instances(veil, nearer), wall(pl.Lambertian(0.5), -412.0)]
+    return pl.Scene(things, [lamp()], background=0.15)
 
 
 def bodies():

@@ -11,11 +11,11 @@ import pytest
 import plenoptic as pl
 from plenoptic.study import QUICK, stability
 from plenoptic.study.__main__ import main
-from plenoptic.study.stability.cases import GLASS, WIDE, single, stability_cases
-from plenoptic.study.stability.exact_asphere import exact_sag, first_crossing
-from plenoptic.study.stability.reference import DIGITS, exact_rays, normal_at, refracted
-from plenoptic.study.stability.rounding_bounds import EPS, LENS_DIRECTION, LENS_POSITION, Law, bounds_of
-from plenoptic.study.stability.table import StabilityRow, StabilityTable, stability_row
+from plenoptic.study.rounding.bounds import EPS, LENS_DIRECTION, LENS_POSITION, Law, bounds_of
+from plenoptic.study.rounding.cases import GLASS, WIDE, single, stability_cases
+from plenoptic.study.rounding.exact_asphere import exact_sag, first_crossing
+from plenoptic.study.rounding.reference import DIGITS, exact_rays, normal_at, refracted
+from plenoptic.study.rounding.table import StabilityRow, StabilityTable, stability_row
 
 CASES = {case.name: case for case in stability_cases()}
 
@@ -249,7 +249,7 @@ def test_the_command_says_what_is_wrong(capsys, monkeypatch):
     with pytest.raises(SystemExit):
         main([])
     monkeypatch.setattr(
-        "plenoptic.study.stability.table.stability_row", lambda case, **_: made_up(case=case.name, wrong=1)
+        "plenoptic.study.rounding.table.stability_row", lambda case, **_: made_up(case=case.name, wrong=1)
     )
     assert main(["stability", "--only", "plane"]) == 1
     assert "beyond their bounds: plane" in capsys.readouterr().out

@@ -8,7 +8,7 @@ linear between and constant beyond, the table is the x that solves
                 integral of s_c(wavelength) x_k(wavelength) = 1 if c = k, otherwise 0
 
 with s_c the three sensitivities of `sensitivities.linear_srgb`, normalised; then rounded to millionths, keeping the
-sums. It is a convex quadratic problem with one solution. `tests/test_spectra.py` solves it again.
+sums. It is a convex quadratic problem with one solution. `tests/core/test_spectra.py` solves it again.
 """
 
 import numpy as np

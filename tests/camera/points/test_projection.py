@@ -13,6 +13,7 @@ from plenoptic.camera.points.projection import project
 from plenoptic.camera.points.projection_chiefs import ThroughArray, aimed, rays_from
 from plenoptic.camera.psf.point_spread import landing_points, point_spread
 from plenoptic.optics.lens.record import lens_tables
+from plenoptic.optics.lens.trace import traced_by
 from plenoptic.truth.channels import Truth
 
 THIN, FLAT, SPHERICAL = pl.MicrolensModel.THIN, pl.MicrolensModel.FLAT_HIGH_INDEX, pl.MicrolensModel.SPHERICAL
@@ -139,7 +140,7 @@ def test_chief_rays_pass_centres_to_a_millionth_of_a_micrometre(array, placed):
     wanted = rng.uniform(-1.5, 1.5, (200, 2))
     points = np.tile([4.0, -3.0, -380.0], (200, 1))
     found = aimed(aim, points, wanted, np.zeros((200, 2)), z=-40.0, size=5.0, wavelength=camera.wavelength)
-    passed = aim.places(pl.optics.tracing.traced_by(aim.tables, rays_from(points, found, -40.0, camera.wavelength)))
+    passed = aim.places(traced_by(aim.tables, rays_from(points, found, -40.0, camera.wavelength)))
     np.testing.assert_allclose(passed, wanted, rtol=0, atol=1e-9)
 
 

@@ -15,8 +15,8 @@ from plenoptic.optics.lens.checks.check import findings
 from plenoptic.optics.lens.checks.finding import FindingKind
 from plenoptic.optics.lens.record import lens_tables
 from plenoptic.optics.lens.trace import traced_part
-from plenoptic.study.stability.cases import stability_cases
-from plenoptic.study.stability.reference import exact_rays
+from plenoptic.study.rounding.cases import stability_cases
+from plenoptic.study.rounding.reference import exact_rays
 
 EPS = float(np.finfo(float).eps)
 GLASS, INDEX = pl.ConstantMedium(1.5), 1.5

@@ -22,7 +22,7 @@ from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.stops.stops import CircularStop, PolygonStop
 from plenoptic.optics.surfaces.surface import Surface
 
-SHARED = Path(os.environ.get("PLENOPTIC_SHARED", Path(__file__).resolve().parents[2].parent / "shared"))
+SHARED = Path(os.environ["PLENOPTIC_SHARED"])
 TABLES = sorted((SHARED / "lenses").glob("*.csv"))
 NO_STOP = ("Hopkins", "Telephoto", "Microscope")
 

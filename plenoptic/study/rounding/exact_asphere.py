@@ -36,7 +36,7 @@ def dot(a: Vector, b: Vector) -> Number:
 
     Examples
     --------
-    >>> from plenoptic.study.stability.exact_asphere import dot
+    >>> from plenoptic.study.rounding.exact_asphere import dot
     >>> dot([1, 2, 3], [4, 5, 6])
     32
     """
@@ -48,7 +48,7 @@ def along_ray(p: Vector, d: Vector, t: Number) -> Vector:
 
     Examples
     --------
-    >>> from plenoptic.study.stability.exact_asphere import along_ray
+    >>> from plenoptic.study.rounding.exact_asphere import along_ray
     >>> along_ray([0, 0, 1], [1, 0, 0], 2)
     [2, 0, 1]
     """
@@ -76,7 +76,7 @@ def first_crossing(mp: Any, surface: Surface, p: Vector, d: Vector, s: int) -> N
     Examples
     --------
     >>> import mpmath, plenoptic as pl
-    >>> from plenoptic.study.stability.exact_asphere import first_crossing
+    >>> from plenoptic.study.rounding.exact_asphere import first_crossing
     >>> bowl = pl.Surface(float("inf"), semi_diameter=3.0, aspheric=(0.0, 0.01))
     >>> float(first_crossing(mpmath.mp, bowl, [mpmath.mpf(2), 0, -5], [0, 0, 1], 1))          # 5 + 0.01 2^4
     5.16
@@ -115,7 +115,7 @@ def exact_sag(mp: Any, surface: Surface, hit: Vector) -> tuple[Number, Number, N
     Examples
     --------
     >>> import mpmath, plenoptic as pl
-    >>> from plenoptic.study.stability.exact_asphere import exact_sag
+    >>> from plenoptic.study.rounding.exact_asphere import exact_sag
     >>> bowl = pl.Surface(float("inf"), semi_diameter=3.0, aspheric=(0.0, 0.01))
     >>> [float(x) for x in exact_sag(mpmath.mp, bowl, [mpmath.mpf(2), 0, 0])]
     [0.16, 0.08, 0.02]

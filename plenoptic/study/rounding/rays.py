@@ -22,7 +22,7 @@ def points_on(surface: Surface, rng: np.random.Generator, n: int, size: float | 
     Examples
     --------
     >>> import numpy as np, plenoptic as pl
-    >>> from plenoptic.study.stability.rays import points_on
+    >>> from plenoptic.study.rounding.rays import points_on
     >>> points, normals = points_on(pl.Surface(10.0, semi_diameter=4.0), np.random.default_rng(0), 5)
     >>> bool(np.allclose(points + 10.0 * normals, [0, 0, 10.0]))
     True
@@ -68,7 +68,7 @@ def through_points(
     Examples
     --------
     >>> import numpy as np, plenoptic as pl
-    >>> from plenoptic.study.stability.rays import through_points
+    >>> from plenoptic.study.rounding.rays import through_points
     >>> lens = pl.load_lens("singlet-100mm-f4")
     >>> rays = through_points(lens, 1, np.zeros((1, 3)), np.array([[0, 0, 1.0]]), distance=7.0, reverse=False)
     >>> float(rays.origin[0, 2] - lens.vertices[1])
@@ -84,7 +84,7 @@ def wild_rays(rng: np.random.Generator, n: int) -> RayBundle:
     Examples
     --------
     >>> import numpy as np
-    >>> from plenoptic.study.stability.rays import wild_rays
+    >>> from plenoptic.study.rounding.rays import wild_rays
     >>> len(wild_rays(np.random.default_rng(0), 10))
     10
     """

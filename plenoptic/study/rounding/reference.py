@@ -16,7 +16,7 @@ from plenoptic.errors import PlenopticError, PrescriptionError
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.stops.stops import CircularStop
 from plenoptic.optics.surfaces.surface import Surface
-from plenoptic.study.stability.exact_asphere import Floats, Number, Vector, along_ray, dot, exact_sag, first_crossing
+from plenoptic.study.rounding.exact_asphere import Floats, Number, Vector, along_ray, dot, exact_sag, first_crossing
 
 if TYPE_CHECKING:
     from plenoptic.optics.lens.elements import Element
@@ -42,7 +42,7 @@ def mpmath_context() -> Any:
 
     Examples
     --------
-    >>> from plenoptic.study.stability.reference import mpmath_context
+    >>> from plenoptic.study.rounding.reference import mpmath_context
     >>> mp = mpmath_context()
     >>> with mp.workdps(30):
     ...     print(mp.sqrt(2))
@@ -128,7 +128,7 @@ def exact_rays(
     Examples
     --------
     >>> import plenoptic as pl
-    >>> from plenoptic.study.stability.reference import exact_rays
+    >>> from plenoptic.study.rounding.reference import exact_rays
     >>> rays = pl.RayBundle([[0, 3.0, -100.0]], [[0, 0, 1.0]])
     >>> exact, = exact_rays(pl.load_lens("singlet-100mm-f4"), rays)
     >>> exact.status.name, len(exact.crossings)
@@ -264,7 +264,7 @@ def normal_at(surface: Surface, hit: Vector, *, digits: int = DIGITS) -> tuple[V
     Examples
     --------
     >>> import plenoptic as pl
-    >>> from plenoptic.study.stability.reference import normal_at
+    >>> from plenoptic.study.rounding.reference import normal_at
     >>> normal, curvature = normal_at(pl.Surface(5.0, semi_diameter=4.0), [3.0, 0.0, 1.0])
     >>> [round(float(x), 12) for x in normal], curvature
     ([-0.6, 0.0, 0.8], 0.2)
@@ -305,7 +305,7 @@ def refracted(direction: Vector, normal: Vector, mu: Number, *, s: int, digits: 
 
     Examples
     --------
-    >>> from plenoptic.study.stability.reference import refracted
+    >>> from plenoptic.study.rounding.reference import refracted
     >>> [float(x) for x in refracted([0, 0, 1], [0, 0, 1], 0.5, s=1)]
     [0.0, 0.0, 1.0]
     """

@@ -13,9 +13,9 @@ from plenoptic.core.values import set_field, value, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.trace import traced_part
 from plenoptic.optics.surfaces.surface import Surface
-from plenoptic.study.stability.cases import Setup, StabilityCase, stability_cases
-from plenoptic.study.stability.reference import exact_rays, mpmath_context
-from plenoptic.study.stability.rounding_bounds import Found, compared
+from plenoptic.study.rounding.bounds import Found, compared
+from plenoptic.study.rounding.cases import Setup, StabilityCase, stability_cases
+from plenoptic.study.rounding.reference import exact_rays, mpmath_context
 from plenoptic.study.text_table import aligned, markdown_table
 
 _COLUMNS = (
@@ -179,8 +179,8 @@ def stability_row(case: StabilityCase, *, rays: int, seed: int = 0) -> Stability
 
     Examples
     --------
-    >>> from plenoptic.study.stability.cases import stability_cases
-    >>> from plenoptic.study.stability.table import stability_row
+    >>> from plenoptic.study.rounding.cases import stability_cases
+    >>> from plenoptic.study.rounding.table import stability_row
     >>> stability_row(stability_cases()[0], rays=5).case
     'double Gauss, full field'
     """

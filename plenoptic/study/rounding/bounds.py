@@ -11,8 +11,8 @@ import numpy as np
 from plenoptic.core.rays import RayBundle, RayStatus
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.surfaces.surface import Surface
-from plenoptic.study.stability.exact_asphere import Floats, Vector
-from plenoptic.study.stability.reference import Crossing, ExactRay, mpmath_context, normal_at, refracted
+from plenoptic.study.rounding.exact_asphere import Floats, Vector
+from plenoptic.study.rounding.reference import Crossing, ExactRay, mpmath_context, normal_at, refracted
 
 EPS = float(np.finfo(np.float64).eps)
 
@@ -36,7 +36,7 @@ class Law(enum.IntEnum):
 
     Examples
     --------
-    >>> from plenoptic.study.stability.rounding_bounds import Law
+    >>> from plenoptic.study.rounding.bounds import Law
     >>> Law.LENS.name
     'LENS'
     """
@@ -88,8 +88,8 @@ def bounds_of(ray: ExactRay, surfaces: list[Surface]) -> Bounds:
     Examples
     --------
     >>> import plenoptic as pl
-    >>> from plenoptic.study.stability.reference import exact_rays
-    >>> from plenoptic.study.stability.rounding_bounds import EPS, bounds_of
+    >>> from plenoptic.study.rounding.reference import exact_rays
+    >>> from plenoptic.study.rounding.bounds import EPS, bounds_of
     >>> lens = pl.load_lens("singlet-100mm-f4")
     >>> ray, = exact_rays(lens, pl.RayBundle([[0, 3.0, -100.0]], [[0, 0, 1.0]]), 1, 1)
     >>> bounds = bounds_of(ray, [lens.elements[1]])
@@ -168,8 +168,8 @@ def compared(
     Examples
     --------
     >>> import plenoptic as pl
-    >>> from plenoptic.study.stability.reference import exact_rays
-    >>> from plenoptic.study.stability.rounding_bounds import Law, compared
+    >>> from plenoptic.study.rounding.reference import exact_rays
+    >>> from plenoptic.study.rounding.bounds import Law, compared
     >>> lens = pl.load_lens("singlet-100mm-f4")
     >>> rays = pl.RayBundle([[0, 3.0, -100.0]], [[0, 0, 1.0]])
     >>> exact, = exact_rays(lens, rays)

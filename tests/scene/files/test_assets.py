@@ -9,7 +9,7 @@ import pytest
 import plenoptic as pl
 from plenoptic.scene.files.load import load_file
 
-ASSETS = Path(os.environ.get("PLENOPTIC_SHARED", Path(__file__).resolve().parents[2].parent / "shared")) / "assets"
+ASSETS = Path(os.environ["PLENOPTIC_SHARED"]) / "assets"
 
 
 def asset(name):

@@ -10,7 +10,7 @@ from hypothesis.extra import numpy as hnp
 
 import plenoptic as pl
 
-ASSETS = Path(os.environ.get("PLENOPTIC_SHARED", Path(__file__).resolve().parents[2].parent / "shared")) / "assets"
+ASSETS = Path(os.environ["PLENOPTIC_SHARED"]) / "assets"
 
 CORNERS = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
 FACES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])

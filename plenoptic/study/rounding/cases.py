@@ -17,9 +17,9 @@ from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.lens.trace import traced_part
 from plenoptic.optics.stops.stops import CircularStop
 from plenoptic.optics.surfaces.surface import Surface
-from plenoptic.study.stability.rays import cone, inclined, points_on, through_points, wild_rays
-from plenoptic.study.stability.reference import DIGITS
-from plenoptic.study.stability.rounding_bounds import Law
+from plenoptic.study.rounding.bounds import Law
+from plenoptic.study.rounding.rays import cone, inclined, points_on, through_points, wild_rays
+from plenoptic.study.rounding.reference import DIGITS
 
 GLASS = 1.5
 """Index where a case does not ask for another."""
@@ -60,7 +60,7 @@ def stability_cases() -> tuple[StabilityCase, ...]:
 
     Examples
     --------
-    >>> from plenoptic.study.stability.cases import stability_cases
+    >>> from plenoptic.study.rounding.cases import stability_cases
     >>> len({case.name for case in stability_cases()}) == len(stability_cases()) > 40
     True
     """

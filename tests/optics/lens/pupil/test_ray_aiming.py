@@ -33,7 +33,7 @@ BUNDLED = {
     "topogon-100mm-f6.3": 50.0,
 }
 
-SHARED = Path(os.environ.get("PLENOPTIC_SHARED", Path(__file__).resolve().parents[2].parent / "shared"))
+SHARED = Path(os.environ["PLENOPTIC_SHARED"])
 FILES = sorted((SHARED / "lenses").glob("*.csv"))
 
 

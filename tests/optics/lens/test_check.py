@@ -19,7 +19,7 @@ from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.stops.stops import CircularStop, PolygonStop
 from plenoptic.optics.surfaces.surface import Surface
 
-SHARED = Path(os.environ.get("PLENOPTIC_SHARED", Path(__file__).resolve().parents[2].parent / "shared"))
+SHARED = Path(os.environ["PLENOPTIC_SHARED"])
 TABLES = {path.stem.split()[-1].split("_")[-1]: path for path in sorted((SHARED / "lenses").glob("*.csv"))}
 GLASS = ConstantMedium(1.5)
 STOP = CircularStop(3.0, 1.0)
