@@ -49,9 +49,22 @@ class PixelRays(NamedTuple):
     """Blocks of rays between array and lens, in the lens's axes, on their way to the scene."""
     blocks: NDArray[np.float64]
     """The same rays behind the lens; those of pixels without light are lost."""
+    aims: NDArray[np.float64]
+    """(n, 2): where they pass the array's rear principal plane on their way from the sensor, local."""
     cells: NDArray[np.float64]
     """(n, 3): centre of the cell of each pixel's microlens, local, and its row in the list of lenses or -1; nan where
     the pixel has none."""
+
+
+class SensorRays(NamedTuple):
+    """The rays at the sensor, in the local axes of the array."""
+
+    lanes: NDArray[np.int64]
+    """(m,): the pixels whose centres get light."""
+    directions: NDArray[np.float64]
+    """(n, 3): from the pixel to where the ray passes the array's rear principal plane, mm."""
+    normal: NDArray[np.float64]
+    """(3,): the sensor's, unit length, towards the array."""
 
 
 class LitCells(NamedTuple):
@@ -130,7 +143,7 @@ class PixelStages:
         A pixel's ray goes from its centre through the lit centroid of the microlens that gives it most light, found
         with a fixed set of probes and so without noise. A pixel without light has a lost ray.
         """
-        from plenoptic.core.kernels.ray_blocks import BLOCK, RAY
+        from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, X, Y
         from plenoptic.optics.lens.kernels.trace import fill_traced
         from plenoptic.truth.kernels import representative_ray
 
@@ -144,10 +157,24 @@ class PixelStages:
         fill_traced(probes, *tables.lens)
         rays, cells = np.empty(-(-n // BLOCK) * RAY), np.empty((n, 3))
         representative_ray.fill_representative_rays(rays, lanes, cells, probes, aims, pixels, regions)
+        aims = rays.reshape(-1, RAY // BLOCK, BLOCK)[:, [X // BLOCK, Y // BLOCK]].swapaxes(1, 2).reshape(-1, 2)[:n]
         fill_through_array(rays, lanes, tables)
         before = rays.copy()
         fill_traced(rays, *tables.lens)
-        return PixelRays(before, rays, cells)
+        return PixelRays(before, rays, aims, cells)
+
+    @cached_property
+    def _behind(self) -> NDArray[np.float64]:
+        """(n,): how far each pixel lies behind the array's rear principal plane, mm."""
+        tables, pixels = self._tables, self._pixels
+        return np.full(len(pixels), tables.distance) if tables.lean is None else tables.distance + pixels @ tables.lean
+
+    @cached_property
+    def sensor(self) -> SensorRays:
+        """The rays where they start."""
+        directions = np.column_stack([self.rays.aims - self._pixels, -self._behind])
+        normal = -self._tables.parts.sensor_to_local.turn[:, 2]
+        return SensorRays(np.flatnonzero(np.isfinite(self.rays.cells[:, 0])), directions, np.ascontiguousarray(normal))
 
     @cached_property
     def cells(self) -> LitCells:
@@ -205,6 +232,4 @@ class PixelStages:
         fill_traced(blocks, *truth.unvignetted)
         distance = np.full(len(pixels), np.nan)
         virtual_depth.fill_image_distances(distance, blocks, rays.blocks, hit.points, hit.lanes, truth.step, SLOPE_STEP)
-        lean = tables.lean
-        behind = np.full(len(pixels), tables.distance) if lean is None else tables.distance + pixels @ lean
-        return ImagePoints(distance, behind, min(tables.array.pitches) / tables.pitch)
+        return ImagePoints(distance, self._behind, min(tables.array.pitches) / tables.pitch)
