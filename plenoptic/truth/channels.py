@@ -41,7 +41,8 @@ class Truth(enum.IntFlag):
     MICROLENS = 64
     VIRTUAL_DEPTH = 128
     DISPARITY = 256
-    ALL = 511
+    INCIDENCE_ANGLE = 512
+    ALL = 1023
 
 
 class Needs(enum.Flag):
@@ -116,6 +117,9 @@ class GroundTruth:
     disparity : (H, W) array, optional
         pitch / (v pixel_pitch): by how many pixels the image of the point moves between neighbouring microlenses,
         relative to their centres; see the notes. nan where nothing is met.
+    incidence_angle : (H, W) array, optional
+        Angle between the ray and the normal of the sensor, tilted or not, where the ray meets the pixel, in radians;
+        nan where no light reaches the pixel's centre.
 
     Raises
     ------
@@ -245,6 +249,16 @@ class GroundTruth:
         "images",
         ("truth.disparity",),
         unit="pixels",
+    )
+    incidence_angle: NDArray[np.float64] | None = _channel(
+        Truth.INCIDENCE_ANGLE,
+        "angle of incidence on the sensor: between the ray and the sensor's normal",
+        np.nan,
+        Needs.NOTHING,
+        "kernels.incidence.fill_incidence_angle",
+        "sensor",
+        ("truth.incidence_angle",),
+        unit="rad",
     )
 
     if TYPE_CHECKING:

@@ -1,5 +1,6 @@
 """Ground truth as a value: its parts, what stands for nothing, and what files call it."""
 
+import dataclasses
 import pickle
 from functools import cached_property
 from pathlib import Path
@@ -47,8 +48,8 @@ def test_what_is_wanted_is_what_is_made():
 
 def test_a_scene_without_meshes_and_a_camera_without_microlenses_have_less():
     assert available_truth(Truth.ALL, meshes=True, microlenses=True) == Truth.ALL
-    assert available_truth(Truth.ALL, meshes=False, microlenses=True) == Truth.MICROLENS
-    assert available_truth(Truth.ALL, meshes=False, microlenses=False) == Truth.NONE
+    assert available_truth(Truth.ALL, meshes=False, microlenses=True) == Truth.MICROLENS | Truth.INCIDENCE_ANGLE
+    assert available_truth(Truth.ALL, meshes=False, microlenses=False) == Truth.INCIDENCE_ANGLE
     bare = available_truth(Truth.ALL, meshes=True, microlenses=False)
     assert bare == Truth.ALL & ~(Truth.MICROLENS | Truth.VIRTUAL_DEPTH | Truth.DISPARITY)
     assert truth_names(Truth.VIRTUAL_DEPTH | Truth.DEPTH) == "depth, virtual depth"
@@ -98,6 +99,15 @@ def test_channels_of_files_lead_back():
     assert truth_in({"Y": truth.depth}) is None
     for name in channels:
         assert name.rsplit(".", 1)[0] in file_note(truth)
+
+
+def test_files_from_before_a_channel_have_the_others():
+    truth = everything()
+    planes = file_planes(truth)
+    del planes["truth.incidence_angle"]
+    older = truth_in(planes)
+    assert older.kinds == Truth.ALL & ~Truth.INCIDENCE_ANGLE and older.incidence_angle is None
+    assert older == dataclasses.replace(truth, incidence_angle=None)
 
 
 def test_no_microlens_is_kept_by_single_precision():
