@@ -169,11 +169,11 @@ if TYPE_CHECKING:
     from plenoptic.scene.materials import bsdf as bsdf
     from plenoptic.scene.materials.conductor import Conductor as Conductor
     from plenoptic.scene.materials.dielectric import Dielectric as Dielectric
-    from plenoptic.scene.materials.dielectric import ThinGlass as ThinGlass
     from plenoptic.scene.materials.diffuse import Lambertian as Lambertian
     from plenoptic.scene.materials.diffuse import RoughDiffuse as RoughDiffuse
     from plenoptic.scene.materials.emissive import Emissive as Emissive
     from plenoptic.scene.materials.metallic_roughness import MetallicRoughness as MetallicRoughness
+    from plenoptic.scene.materials.thin_dielectric import ThinGlass as ThinGlass
     from plenoptic.scene.scene import Scene as Scene
     from plenoptic.scene.shapes.procedural import box as box
     from plenoptic.scene.shapes.procedural import check_scene as check_scene
@@ -226,7 +226,8 @@ else:
         "plenoptic.scene.lights.quad": ("QuadLight",),
         "plenoptic.scene.geometry.instance": ("Instances",),
         "plenoptic.scene.materials.metallic_roughness": ("MetallicRoughness",),
-        "plenoptic.scene.materials.dielectric": ("Dielectric", "ThinGlass"),
+        "plenoptic.scene.materials.dielectric": ("Dielectric",),
+        "plenoptic.scene.materials.thin_dielectric": ("ThinGlass",),
         "plenoptic.scene.materials.conductor": ("Conductor",),
         "plenoptic.scene.materials.emissive": ("Emissive",),
         "plenoptic.scene.materials.diffuse": ("Lambertian", "RoughDiffuse"),

@@ -29,6 +29,11 @@ UNKNOWN = object()
 # ---- cutting branches out of the source of a kernel ----
 
 
+def _chain(node):
+    """A chain of names such as lens.masks as text; None for other expressions."""
+    return ast.unparse(node) if isinstance(node, ast.Name | ast.Attribute) else None
+
+
 class _Cut(ast.NodeTransformer):
     """Removes what is not reached where some arguments are None, and hands on to callees which of theirs are."""
 
@@ -38,9 +43,9 @@ class _Cut(ast.NodeTransformer):
     def _known(self, test):
         """The value that a condition must have, or UNKNOWN."""
         if isinstance(test, ast.Compare) and isinstance(test.ops[0], ast.Is | ast.IsNot):
-            left, right = test.left, test.comparators[0]
-            if isinstance(left, ast.Name) and isinstance(right, ast.Constant) and right.value is None:
-                return isinstance(test.ops[0], ast.Is) if left.id in self.absent else UNKNOWN
+            right = test.comparators[0]
+            if isinstance(right, ast.Constant) and right.value is None:
+                return isinstance(test.ops[0], ast.Is) if _chain(test.left) in self.absent else UNKNOWN
         if isinstance(test, ast.BoolOp):
             decisive = isinstance(test.op, ast.Or)
             values = [self._known(part) for part in test.values]
@@ -92,10 +97,16 @@ class _Cut(ast.NodeTransformer):
         called = self.scope.get(node.func.id) if isinstance(node.func, ast.Name) else None
         if hasattr(called, "py_func"):
             names = list(inspect.signature(called.py_func).parameters)
-            gone = {k for k, a in enumerate(node.args) if isinstance(a, ast.Name) and a.id in self.absent}
+            gone = {k for k, a in enumerate(node.args) if _chain(a) in self.absent}
             assert not any(isinstance(a, ast.Starred) for a in node.args[: max(gone, default=0)])
-            if gone:
-                cut = without(called, frozenset(names[k] for k in gone))
+            within = {
+                names[k] + member.removeprefix(_chain(a))
+                for k, a in enumerate(node.args)
+                for member in self.absent
+                if _chain(a) is not None and member.startswith(_chain(a) + ".")
+            }
+            if gone or within:
+                cut = without(called, frozenset({names[k] for k in gone} | within))
                 self.scope[cut.__name__] = cut
                 node.func = ast.Name(cut.__name__, ast.Load())
                 node.args = [a for k, a in enumerate(node.args) if k not in gone]
@@ -106,7 +117,7 @@ _MADE = {}
 
 
 def without(function, absent):
-    """A compiled function without some of its arguments, which are None, and without what they were for."""
+    """A compiled function without some of its arguments or members of these, which are None, and what they were for."""
     if (function, absent) in _MADE:
         return _MADE[function, absent]
     python = function.py_func
@@ -117,7 +128,7 @@ def without(function, absent):
     definition.args.args = [argument for argument in definition.args.args if argument.arg not in absent]
     scope = dict(python.__globals__)
     made = _Cut(absent, scope).visit(tree)
-    left = {node.id for node in ast.walk(made) if isinstance(node, ast.Name)} & absent
+    left = {_chain(node) for node in ast.walk(made)} & absent
     assert not left, f"{python.__name__} still uses {left}"
     exec(compile(ast.fix_missing_locations(made), f"<{definition.name}>", "exec"), scope)
     _MADE[function, absent] = device(scope[definition.name])
@@ -161,7 +172,7 @@ def instructions(function, types):
 
 
 class Feature(NamedTuple):
-    """Arguments of a kernel that are None where a scene or a camera has no use for them, and their types otherwise."""
+    """Arguments of a kernel, or members of them, that are None where nothing needs them, and their types otherwise."""
 
     module: str
     kernel: str
@@ -201,9 +212,9 @@ FEATURES = [
     Feature(SAMPLE, "fill_world_rays", {"rotation": ROWS, "position": "f8[::1]"}),
     Feature(LATTICE, "fill_thin", _column("lean")),
     Feature(LATTICE, "fill_thin", {"lanes": ROWS}),
-    Feature(TRACE, "fill_traced", {"conic": "f8[::1]", "aspheric": ROWS}),
-    Feature(TRACE, "fill_traced", {"frames": ROWS}),
-    Feature(TRACE, "fill_traced", _column("masks")),
+    Feature(TRACE, "fill_traced", {"lens.conic": "f8[::1]", "lens.aspheric": ROWS}),
+    Feature(TRACE, "fill_traced", {"lens.frames": ROWS}),
+    Feature(TRACE, "fill_traced", _column("lens.masks")),
     Feature(SHADE, "fill_emitted", {"uv": ROWS, "emission_texture": PLACES, **TEXTURES}),
     Feature(SHADE, "fill_emitted", {"placed": PLACES, "matrices": ROWS}),
     Feature(SHADE, "fill_emitted", _column("background")),
@@ -232,7 +243,7 @@ FEATURES = [
 
 LARGE = {
     *("fill_camera_samples: lanes, details", "fill_thin: lean", "fill_thin: lanes"),
-    *("fill_traced: conic, aspheric", "fill_traced: frames", "fill_traced: masks"),
+    *("fill_traced: lens.conic, lens.aspheric", "fill_traced: lens.frames", "fill_traced: lens.masks"),
     *("fill_emitted: uv, emission_texture, texels, texture_rows", "fill_emitted: placed, matrices"),
     *("fill_emitted: suns, sun_colours", "fill_emitted: waves, basis", "fill_surfaces: normals"),
     *("fill_surfaces: placed, matrices", "fill_lit: kinds, metal_index", "fill_lit: kinds, glass_index"),
@@ -291,15 +302,37 @@ def variants(feature, plain):
     kernel, recorded = plain[feature.kernel]
     names = list(inspect.signature(kernel.py_func).parameters)
     types = dict(zip(names, recorded, strict=True))
-    absent = types | dict.fromkeys(feature.arguments, numba.none)
-    assert {name for name in feature.arguments if types[name] != numba.none} <= NEEDED
+    absent, present = dict(types), dict(types)
+    for name, text in feature.arguments.items():
+        assert _part(types, name) == numba.none or name in NEEDED
+        _set_part(absent, name, numba.none)
+        _set_part(present, name, numba.typeof(_example(text)))
     cut = without(kernel, frozenset(feature.arguments))
-    present = types | {name: numba.typeof(_example(text)) for name, text in feature.arguments.items()}
     return (
         counted(kernel, absent.values()),
         counted(cut, [kind for name, kind in absent.items() if name not in feature.arguments]),
         counted(kernel, present.values()),
     )
+
+
+def _part(types, name):
+    """The type of an argument, or of a member of it such as lens.masks."""
+    argument, *members = name.split(".")
+    kind = types[argument]
+    for member in members:
+        kind = kind.types[kind.fields.index(member)]
+    return kind
+
+
+def _set_part(types, name, made):
+    """Give an argument, or a member of it, another type."""
+    *records, member = name.split(".")
+    if records:
+        record = _part(types, ".".join(records))
+        parts = [made if field == member else kind for field, kind in zip(record.fields, record.types, strict=True)]
+        _set_part(types, ".".join(records), numba.types.NamedTuple(parts, record.instance_class))
+    else:
+        types[name] = made
 
 
 def _example(text):
@@ -325,7 +358,8 @@ def test_with_the_feature_a_kernel_is_larger(feature, plain):
 @pytest.mark.slow
 def test_what_is_pruned_in_callees_is_cut_there_too(plain):
     # `trace_block` and what it calls lose three features at once.
-    three = Feature(TRACE, "fill_traced", {"conic": "f8[::1]", "aspheric": ROWS, "frames": ROWS, "masks": "f8[::1]"})
+    numbers = {"lens.conic": "f8[::1]", "lens.aspheric": ROWS, "lens.frames": ROWS, "lens.masks": "f8[::1]"}
+    three = Feature(TRACE, "fill_traced", numbers)
     absent, cut, present = variants(three, plain)
     assert abs(absent / cut - 1) <= TOLERANCE and present > 2 * absent
 

@@ -13,7 +13,7 @@ from plenoptic.camera.sampling.bounds import array_bounds, sensor_bounds
 from plenoptic.camera.sampling.margins import fill_plates
 from plenoptic.core.color.spectra import ColourTables, colour_tables
 from plenoptic.optics.lens.pupil.exit_pupil import PupilBounds
-from plenoptic.optics.lens.record import LensTables, lens_tables
+from plenoptic.optics.lens.record import LensRecord, lens_record
 from plenoptic.optics.microlens.array import MicrolensArray, MicrolensModel
 from plenoptic.optics.microlens.dust import Blemishes, BlemishSite, BlemishTables, blemish_tables, plane_axes
 from plenoptic.optics.microlens.record import ArrayTables, array_tables, possible_powers
@@ -59,10 +59,10 @@ class CameraTables(NamedTuple):
     bounds: PupilBounds
     slack: float
     """How far a real microlens's rays stray from an ideal one's on the plane of the outlines, in mm."""
-    lens: LensTables
+    lens: LensRecord
     colour: ColourTables | None
     """The wavelengths that paths draw; None where all have the camera's."""
-    dispersed: LensTables | None
+    dispersed: LensRecord | None
     """The lens at those wavelengths."""
     cells: ArrayTables | None
     """None without microlenses."""
@@ -112,9 +112,9 @@ def camera_tables(camera: PlenopticCamera) -> CameraTables:
         frame=parts.frame,
         bounds=bounds,
         slack=slack,
-        lens=lens_tables(lens, camera.wavelength, reverse=True),
+        lens=lens_record(lens, camera.wavelength, reverse=True),
         colour=colour,
-        dispersed=None if colour is None else lens_tables(lens, colour.wavelengths, reverse=True),
+        dispersed=None if colour is None else lens_record(lens, colour.wavelengths, reverse=True),
         cells=cells,
         array=array,
         rotation=None if world is None else world.turn,

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.record import CameraTables, fill_before_array, fill_dimmed_at_lens, fill_through_array, lanes_for
 from plenoptic.camera.sampling.pixel_regions import Regions, feeding_regions, pixel_centres
-from plenoptic.optics.lens.record import LensTables
+from plenoptic.optics.lens.record import LensRecord
 from plenoptic.optics.microlens.dust import BlemishSite
 from plenoptic.rendering.context import Compiled
 from plenoptic.rendering.integrator.path import Batch, Transport
@@ -158,14 +158,11 @@ def fill_drawn_waves(
     )
 
 
-def fill_through_lens(bundle: NDArray[np.float64], lens: LensTables, waves: NDArray[np.int64] | None) -> None:
+def fill_through_lens(bundle: NDArray[np.float64], lens: LensRecord, waves: NDArray[np.int64] | None) -> None:
     """Trace a bundle through the lens, each ray at its wavelength where `waves` has their numbers."""
-    from plenoptic.optics.lens.kernels.trace import fill_traced, fill_traced_waves
+    from plenoptic.optics.lens.kernels.trace import fill_traced
 
-    if waves is None:
-        fill_traced(bundle, *lens)
-    else:
-        fill_traced_waves(bundle, waves, *lens)
+    fill_traced(bundle, lens, waves)
 
 
 def render_tile(

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from plenoptic.camera.record import CameraTables, fill_before_array, fill_dimmed_at_lens, fill_through_array, lanes_for
 from plenoptic.camera.sampling.pixel_regions import pixel_centres
 from plenoptic.core.rays import RayStatus
-from plenoptic.optics.lens.record import LensTables
+from plenoptic.optics.lens.record import LensRecord
 from plenoptic.optics.microlens.dust import BlemishSite
 from plenoptic.optics.microlens.listed import lattice_types
 from plenoptic.rendering.integrator.path import Batch
@@ -168,24 +168,24 @@ def _microlens(
 
 
 def _lens_events(
-    tables: CameraTables, lens: LensTables, bundle: NDArray[np.float64], waves: NDArray[np.int64] | None
+    tables: CameraTables, lens: LensRecord, bundle: NDArray[np.float64], waves: NDArray[np.int64] | None
 ) -> list[CameraEvent]:
     """Passages through the elements, up to the one where the path ends."""
     events: list[CameraEvent] = []
     before = _row(bundle)
     if before.status != 0:
         return events
-    for last in range(len(lens.kind)):
+    for last in range(len(lens.rows)):
         # From the beginning each time: the rays that a whole trace has there, to the bit.
         part = bundle.copy()
-        fill_through_lens(part, _first_elements(lens, last + 1), waves)
+        fill_through_lens(part, lens.first(last + 1), waves)
         after = _row(part)
         lost = after.status != 0
         status = RayStatus(int(after.status) % 8)
         events.append(
             ElementPassage(
-                element=int(lens.number[last]),
-                kind=ElementKind(int(lens.kind[last])),
+                element=int(lens.rows[last]["surface_index"]),
+                kind=ElementKind(int(lens.rows[last]["kind"])),
                 status=status,
                 point=None if status in _NOWHERE else _moved_point(tables, after.point),
                 before=_moved_direction(tables, before.direction),
@@ -196,23 +196,6 @@ def _lens_events(
             break
         before = after
     return events
-
-
-def _first_elements(lens: LensTables, count: int) -> LensTables:
-    """The elements that light meets first."""
-    return lens._replace(
-        kind=lens.kind[:count],
-        z=lens.z[:count],
-        curvature=lens.curvature[:count],
-        index_ratio=lens.index_ratio[:count],
-        clear=lens.clear[:count],
-        rim=lens.rim[:count],
-        number=lens.number[:count],
-        first_edge=lens.first_edge[: count + 1],
-        conic=None if lens.conic is None else lens.conic[:count],
-        aspheric=None if lens.aspheric is None else lens.aspheric[:count],
-        frames=None if lens.frames is None else lens.frames[:count],
-    )
 
 
 def _moved_point(tables: CameraTables, point: Vector) -> Vector:

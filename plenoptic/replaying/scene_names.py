@@ -8,11 +8,7 @@ from numpy.typing import NDArray
 from plenoptic.replaying.scene_events import DrawnKind, Place
 from plenoptic.scene.compile import SceneTables
 from plenoptic.scene.geometry.instance import Instances
-from plenoptic.scene.lights.point import PointLight
-from plenoptic.scene.lights.quad import QuadLight
-from plenoptic.scene.lights.sphere import SphereLight
-from plenoptic.scene.lights.spot import SpotLight
-from plenoptic.scene.lights.sun import SunLight
+from plenoptic.scene.lights.registry import AreaLight, DistantLight, PositionalLight
 from plenoptic.scene.materials.registry import Material
 from plenoptic.scene.scene import Scene
 
@@ -22,9 +18,9 @@ class SceneNames:
 
     def __init__(self, scene: Scene, tables: SceneTables) -> None:
         self._scene, self._tables = scene, tables
-        self._shapes = [light.mesh() for light in scene.lights if isinstance(light, QuadLight | SphereLight)]
-        self._points = [i for i, light in enumerate(scene.lights) if isinstance(light, PointLight | SpotLight)]
-        self._suns = [i for i, light in enumerate(scene.lights) if isinstance(light, SunLight)]
+        self._shapes = [light.mesh() for light in scene.lights if isinstance(light, AreaLight)]
+        self._points = [i for i, light in enumerate(scene.lights) if isinstance(light, PositionalLight)]
+        self._suns = [i for i, light in enumerate(scene.lights) if isinstance(light, DistantLight)]
         repeated = [(i, len(mesh)) for i, mesh in enumerate(scene.meshes) if isinstance(mesh, Instances)]
         self._repeated = np.array(repeated, dtype=np.int64).reshape(-1, 2)
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple, TypeVar
+from collections.abc import Sequence
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,16 +13,10 @@ from plenoptic.scene.geometry.instance import Instances, InstanceTables, instanc
 from plenoptic.scene.geometry.mesh import Mesh
 from plenoptic.scene.lights.environment import ConstantBackground, EnvironmentMap
 from plenoptic.scene.lights.environment_record import EnvironmentTables, build_environment
-from plenoptic.scene.lights.point import PointLight
-from plenoptic.scene.lights.quad import QuadLight
 from plenoptic.scene.lights.record import Emitters, LightTables, build_lights
-from plenoptic.scene.lights.registry import Light
-from plenoptic.scene.lights.sphere import SphereLight
-from plenoptic.scene.lights.spot import SpotLight
-from plenoptic.scene.materials import record
-from plenoptic.scene.materials.metallic_roughness import MetallicRoughness
-from plenoptic.scene.materials.record import BsdfTables, absorption_of, base_colour
-from plenoptic.scene.materials.registry import Material, emitted, textures_of
+from plenoptic.scene.lights.registry import AreaLight, Light, PositionalLight
+from plenoptic.scene.materials.record import BsdfTables, build_bsdf
+from plenoptic.scene.materials.registry import Material
 from plenoptic.scene.textures.atlas import atlas
 from plenoptic.scene.textures.color import Colour, is_grey, mean_colour
 from plenoptic.scene.textures.texture import Texture
@@ -119,12 +113,12 @@ def build_tables(
     background : ConstantBackground, EnvironmentMap or None
         None where the world is black.
     """
-    shapes = [light.mesh() for light in lights if isinstance(light, QuadLight | SphereLight)]
+    shapes = [light.mesh() for light in lights if isinstance(light, AreaLight)]
     parts, first_of, numbers = _ordered(meshes, shapes)
     index: dict[Material, int] = {}
     mesh_material = [index.setdefault(part.material, len(index)) for part in parts]
-    materials = list(index)
-    channels = 1 if _all_grey(materials, lights, background) else 3
+    rows = [material.row() for material in index]
+    channels = 1 if all(row.is_grey for row in rows) and _all_grey(lights, background) else 3
 
     counts = [len(part.faces) for part in parts]
     vertices = _joined([part.vertices for part in parts])
@@ -134,17 +128,19 @@ def build_tables(
     starts = np.cumsum([0, *counts])
     instances = instance_tables(instanced, [int(starts[first_of[mesh.mesh]]) for mesh in instanced])
 
-    reflecting = any(map(record.reflects, materials))
-    glow = [mean_colour(emitted(material)) for material in materials]
-    emission = _rows(glow, channels)
+    reflecting = any(row.reflects for row in rows)
+    emission = _rows([mean_colour(row.emission) for row in rows], channels)
     emitting = bool(np.any(emission))
-    two_sided = np.array([getattr(material, "two_sided", False) for material in materials], dtype=np.uint8)
-    textures = {texture: None for material in materials for texture in textures_of(material)}
+    two_sided = np.array([row.two_sided for row in rows], dtype=np.uint8)
+    textures = {
+        texture: number for number, texture in enumerate(dict.fromkeys(t for row in rows for t in row.textures))
+    }
     texels, texture_rows = atlas(list(textures))
-    rows = {texture: row for row, texture in enumerate(textures)}
-    bsdf = record.build_bsdf(materials, channels)
-    absorption = _rows([absorption_of(material) for material in materials], channels)
-    opacity, cutoff = _opacities(materials)
+    bsdf = build_bsdf(list(index), channels)
+    absorption = _rows([row.absorption for row in rows], channels)
+    opacity = _numbers([row.opacity for row in rows])
+    cutoff = np.array([-1.0 if row.cutoff is None else row.cutoff for row in rows])
+    thinned = bool(np.any(opacity != 1))
 
     environment = build_environment(background, channels) if isinstance(background, EnvironmentMap) else None
     emitters = None
@@ -153,7 +149,7 @@ def build_tables(
         exitance = (emission / (2 * channels)).sum(axis=1) * (1 + two_sided)
         emitters = Emitters(vertices, triangles, triangle_material, exitance, instances)
     boxes = [mesh.bounds for mesh in (*meshes, *shapes)]
-    lamps = [light.position for light in lights if isinstance(light, PointLight | SpotLight)]
+    lamps = [light.position for light in lights if isinstance(light, PositionalLight)]
     return SceneTables(
         channels=channels,
         vertices=vertices,
@@ -163,23 +159,23 @@ def build_tables(
         instances=instances,
         normals=_per_vertex(parts, [part.normals for part in parts], 3),
         uv=_per_vertex(parts, [part.uv for part in parts], 2) if textures else None,
-        scatters=_flags(materials, record.reflects) if reflecting else None,
-        takes_light=_flags(materials, record.takes_light) if reflecting else None,
-        albedo=_frozen(_rows([_plain(base_colour(m)) for m in materials], channels)) if reflecting else None,
-        roughness=None if bsdf.kinds is None else _frozen(np.array([*map(record.roughness_of, materials)])),
-        metallic=None if bsdf.coupling is None else _frozen(np.array([_metallic(m) for m in materials])),
+        scatters=_flags([row.reflects for row in rows]) if reflecting else None,
+        takes_light=_flags([row.takes_light for row in rows]) if reflecting else None,
+        albedo=_frozen(_rows([_plain(row.base) for row in rows], channels)) if reflecting else None,
+        roughness=None if bsdf.kinds is None else _frozen(_numbers([row.roughness for row in rows])),
+        metallic=None if bsdf.coupling is None else _frozen(_numbers([row.metallic for row in rows])),
         bsdf=bsdf,
         absorption=_frozen(absorption) if np.any(absorption) else None,
-        opacity=opacity,
-        cutoff=cutoff,
+        opacity=_frozen(opacity) if thinned else None,
+        cutoff=_frozen(cutoff) if thinned else None,
         emission=_frozen(emission) if emitting else None,
         two_sided=_frozen(two_sided) if emitting else None,
-        base_texture=_texture_column(materials, rows, base_colour),
-        roughness_texture=_texture_column(materials, rows, lambda m: getattr(m, "roughness", None)),
-        metallic_texture=_texture_column(materials, rows, lambda m: getattr(m, "metallic", None)),
-        normal_texture=_texture_column(materials, rows, lambda m: getattr(m, "normal_map", None)),
-        opacity_texture=_texture_column(materials, rows, lambda m: getattr(m, "opacity", None)),
-        emission_texture=_texture_column(materials, rows, emitted),
+        base_texture=_texture_column([row.base for row in rows], textures),
+        roughness_texture=_texture_column([row.roughness for row in rows], textures),
+        metallic_texture=_texture_column([row.metallic for row in rows], textures),
+        normal_texture=_texture_column([row.normal_map for row in rows], textures),
+        opacity_texture=_texture_column([row.opacity for row in rows], textures),
+        emission_texture=_texture_column([row.emission for row in rows], textures),
         texels=texels,
         texture_rows=texture_rows,
         lights=build_lights(emitters, lights, environment, _around(boxes, lamps), channels, drawn=reflecting),
@@ -206,53 +202,31 @@ def _ordered(
     return [mesh for mesh, _ in parts], first_of, [number for _, number in parts]
 
 
-def _all_grey(
-    materials: Sequence[Material],
-    lights: Sequence[Light],
-    background: ConstantBackground | EnvironmentMap | None,
-) -> bool:
-    colours = [emitted(material) for material in materials]
-    for light in lights:
-        if isinstance(light, PointLight | SpotLight):
-            colours.append(light.intensity)
-        elif not isinstance(light, QuadLight | SphereLight):
-            colours.append(light.irradiance)
-    if isinstance(background, ConstantBackground):
-        colours.append(background.radiance)
-    world = background.is_grey if isinstance(background, EnvironmentMap) else True
-    return world and record.all_grey(materials) and all(map(is_grey, colours))
+def _all_grey(lights: Sequence[Light], background: ConstantBackground | EnvironmentMap | None) -> bool:
+    """Whether what shines besides surfaces is grey: colours are the fields of lights that are three numbers."""
+    if isinstance(background, EnvironmentMap) and not background.is_grey:
+        return False
+    world = (background.radiance,) if isinstance(background, ConstantBackground) else ()
+    fields = [getattr(light, name) for light in lights for name in light.__dataclass_fields__]
+    return all(is_grey(colour) for colour in (*world, *fields) if isinstance(colour, tuple))
 
 
 def _plain(colour: Colour | Texture) -> Colour:
     return 1.0 if isinstance(colour, Texture) else colour
 
 
-def _metallic(material: Material) -> float:
-    metallic = material.metallic if isinstance(material, MetallicRoughness) else 0.0
-    return metallic if isinstance(metallic, float) else 0.0
+def _numbers(shares: Sequence[float | Texture]) -> NDArray[np.float64]:
+    """(materials,): 0 where a texture gives the number."""
+    return np.array([0.0 if isinstance(share, Texture) else share for share in shares])
 
 
-def _opacities(materials: Sequence[Material]) -> tuple[NDArray[np.float64] | None, NDArray[np.float64] | None]:
-    opacity, cutoff = np.ones(len(materials)), np.full(len(materials), -1.0)
-    for row, material in enumerate(materials):
-        if isinstance(material, MetallicRoughness):
-            share = material.opacity
-            opacity[row] = share if isinstance(share, float) else 0.0
-            if material.cutoff is not None:
-                cutoff[row] = material.cutoff
-    return (None, None) if np.all(opacity == 1) else (_frozen(opacity), _frozen(cutoff))
+def _flags(holds: Sequence[bool]) -> NDArray[np.uint8]:
+    return _frozen(np.array(holds, dtype=np.uint8))
 
 
-def _flags(materials: Sequence[Material], holds: Callable[[Material], bool]) -> NDArray[np.uint8]:
-    return _frozen(np.array([holds(material) for material in materials], dtype=np.uint8))
-
-
-def _texture_column(
-    materials: Sequence[Material], rows: dict[Texture, int], field: Callable[[Material], Any]
-) -> NDArray[np.int32] | None:
+def _texture_column(fields: Sequence[object], numbers: dict[Texture, int]) -> NDArray[np.int32] | None:
     """(materials,): row of the texture that a field is; None where none is one."""
-    found = [field(material) for material in materials]
-    column = np.array([rows[f] if isinstance(f, Texture) else -1 for f in found], dtype=np.int32)
+    column = np.array([numbers[f] if isinstance(f, Texture) else -1 for f in fields], dtype=np.int32)
     return _frozen(column) if np.any(column >= 0) else None
 
 

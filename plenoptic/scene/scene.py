@@ -17,11 +17,9 @@ from plenoptic.scene.file_cameras import View
 from plenoptic.scene.files.load import load_file
 from plenoptic.scene.geometry.instance import Instances
 from plenoptic.scene.geometry.mesh import Mesh
-from plenoptic.scene.geometry.transform import placed_environment, placed_light, placed_view, similarity
+from plenoptic.scene.geometry.transform import placed_environment, placed_view, similarity
 from plenoptic.scene.lights.environment import ConstantBackground, EnvironmentMap
-from plenoptic.scene.lights.quad import QuadLight
-from plenoptic.scene.lights.registry import LIGHTS, Light
-from plenoptic.scene.lights.sphere import SphereLight
+from plenoptic.scene.lights.registry import LIGHTS, AreaLight, Light
 from plenoptic.scene.materials.registry import Material
 from plenoptic.scene.textures.color import Colour
 
@@ -159,7 +157,7 @@ class Scene:
         >>> pl.white_plane().bounds.tolist()
         [[-200.0, -200.0, -404.0], [200.0, 200.0, -404.0]]
         """
-        shapes = [light.mesh() for light in self.lights if isinstance(light, QuadLight | SphereLight)]
+        shapes = [light.mesh() for light in self.lights if isinstance(light, AreaLight)]
         boxes = [mesh.bounds for mesh in (*self.meshes, *shapes)]
         if not boxes:
             return None
@@ -228,7 +226,7 @@ class Scene:
         full, scale = similarity(matrix)
         return Scene(
             meshes,
-            tuple(placed_light(light, full, scale) for light in self.lights),
+            tuple(light.moved(full, scale) for light in self.lights),
             placed_environment(world, full, scale) if isinstance(world, EnvironmentMap) else world,
             tuple(placed_view(view, full) for view in self.views),
         )

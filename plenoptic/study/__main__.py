@@ -7,9 +7,10 @@ import sys
 from collections.abc import Sequence
 
 from plenoptic.errors import PlenopticError
-from plenoptic.study import QUICK, THOROUGH, stability
 from plenoptic.study.cost import command as cost_command
 from plenoptic.study.error_time import command as error_command
+from plenoptic.study.options import study_command
+from plenoptic.study.rounding.table import QUICK, THOROUGH, stability
 
 _INTERRUPTED = 130
 """128 and the number of SIGINT, as shells have it."""
@@ -51,13 +52,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m plenoptic.study", description="Studies that print a table.")
     studies = parser.add_subparsers(title="studies", required=True)
-    one = studies.add_parser("stability", help="rounding errors of ray tracing against a trace with 50 digits")
-    one.add_argument("--quick", action="store_true", help=f"{QUICK} rays a case")
+    text = "rounding errors of ray tracing against a trace with 50 digits"
+    one = study_command(studies, "stability", text, run=_stability, quick=f"{QUICK} rays a case")
     one.add_argument("--rays", type=int, help=f"rays a case ({THOROUGH})")
     one.add_argument("--seed", type=int, default=0, help="of the random rays (0)")
     one.add_argument("--only", action="append", help="cases whose name begins so; may be given several times")
-    one.add_argument("--markdown", action="store_true", help="print a Markdown table")
-    one.set_defaults(run=_stability)
     error_command.add_command(studies)
     cost_command.add_command(studies)
     return parser

@@ -1,4 +1,4 @@
-"""Tables as text: aligned columns, Markdown, comma-separated values."""
+"""Tables as text: padded columns, Markdown, comma-separated values."""
 
 from __future__ import annotations
 
@@ -11,18 +11,24 @@ from plenoptic.core.values import file_path
 from plenoptic.errors import FileError
 
 
-def aligned(columns: Sequence[str], rows: Iterable[Sequence[str]], *, between: str = "  ") -> list[str]:
-    """Lines of a table, its head first, padded to equal widths.
-
-    Examples
-    --------
-    >>> from plenoptic.study.text_table import aligned
-    >>> aligned(("a", "bc"), [("10", "2")])
-    ['a   bc', '10  2 ']
-    """
+def _aligned(columns: Sequence[str], rows: Iterable[Sequence[str]], between: str) -> list[str]:
+    """Lines of a table, its head first, padded to equal widths."""
     cells = [tuple(columns), *map(tuple, rows)]
     widths = [max(len(row[i]) for row in cells) for i in range(len(columns))]
     return [between.join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)) for row in cells]
+
+
+def plain_table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A table for terminals, padded to equal widths.
+
+    Examples
+    --------
+    >>> from plenoptic.study.text_table import plain_table
+    >>> print(plain_table(("a", "bc"), [("10", "2")]))
+    a   bc
+    10  2
+    """
+    return "\n".join(line.rstrip() for line in _aligned(columns, rows, "  "))
 
 
 def markdown_table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
@@ -37,7 +43,7 @@ def markdown_table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str
     | 10 | 2 |
     """
     cells = [[" ".join(cell.replace("|", "\\|").split()) for cell in row] for row in rows]
-    head, *body = aligned(columns, cells, between=" | ")
+    head, *body = _aligned(columns, cells, " | ")
     rule = " | ".join("-" * len(cell) for cell in head.split(" | "))
     return "\n".join(f"| {line} |" for line in (head, rule, *body))
 

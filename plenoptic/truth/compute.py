@@ -15,7 +15,7 @@ from plenoptic.camera.record import CameraTables, camera_tables
 from plenoptic.camera.sampling.pixel_regions import cells_per_pixel, pixel_centres
 from plenoptic.core.parallel import run_in_order, thread_count
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.lens.record import lens_tables
+from plenoptic.optics.lens.record import lens_record
 from plenoptic.scene.cache import prepared_scene
 from plenoptic.scene.compile import SceneTables
 from plenoptic.scene.geometry.accel import Intersector
@@ -48,7 +48,7 @@ def truth_tables(camera: PlenopticCamera, tables: CameraTables, wanted: Truth) -
     return TruthTables(
         wanted=wanted,
         frame=None if moved is None else np.concatenate([moved.turn.ravel(), moved.shift]),
-        unvignetted=lens_tables(camera.lens, camera.wavelength, reverse=True, clipping=False) if images else None,
+        unvignetted=lens_record(camera.lens, camera.wavelength, reverse=True, clipping=False) if images else None,
         axes=np.ascontiguousarray(axes),
         step=SLOPE_STEP * abs(parts.z_plane - float(camera.lens.vertices[-1])),
         numbers=listed_numbers(tables),

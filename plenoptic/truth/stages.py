@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.record import CameraTables, fill_through_array, lanes_for
 from plenoptic.camera.sampling.pixel_regions import feeding_regions
-from plenoptic.optics.lens.record import LensTables
+from plenoptic.optics.lens.record import LensRecord
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.record import ArrayTables
 from plenoptic.scene.compile import SceneTables
@@ -32,7 +32,7 @@ class TruthTables(NamedTuple):
     wanted: Truth
     frame: NDArray[np.float64] | None
     """(12,) from the lens's axes to the camera's; None where they are the same."""
-    unvignetted: LensTables | None
+    unvignetted: LensRecord | None
     """The lens in reverse without stops and rims; None where images of points are not wanted."""
     axes: NDArray[np.float64]
     """(4, 3): x, y, normal and centre of the array's front principal plane, in the lens's axes."""
@@ -154,13 +154,13 @@ class PixelStages:
         probe_lanes, lanes = lanes_for(tables, probes.size // 8), lanes_for(tables, -(-n // BLOCK) * BLOCK)
         representative_ray.fill_probes(probes, probe_lanes, aims, pixels, regions)
         fill_through_array(probes, probe_lanes, tables)
-        fill_traced(probes, *tables.lens)
+        fill_traced(probes, tables.lens, None)
         rays, cells = np.empty(-(-n // BLOCK) * RAY), np.empty((n, 3))
         representative_ray.fill_representative_rays(rays, lanes, cells, probes, aims, pixels, regions)
         aims = rays.reshape(-1, RAY // BLOCK, BLOCK)[:, [X // BLOCK, Y // BLOCK]].swapaxes(1, 2).reshape(-1, 2)[:n]
         fill_through_array(rays, lanes, tables)
         before = rays.copy()
-        fill_traced(rays, *tables.lens)
+        fill_traced(rays, tables.lens, None)
         return PixelRays(before, rays, aims, cells)
 
     @cached_property
@@ -229,7 +229,7 @@ class PixelStages:
         assert tables.array is not None and truth.unvignetted is not None
         blocks = np.empty(-(-len(hit.lanes) * virtual_depth.NEIGHBOURS // BLOCK) * RAY)
         virtual_depth.fill_neighbours(blocks, rays.before, hit.lanes, truth.axes, truth.step, SLOPE_STEP)
-        fill_traced(blocks, *truth.unvignetted)
+        fill_traced(blocks, truth.unvignetted, None)
         distance = np.full(len(pixels), np.nan)
         virtual_depth.fill_image_distances(distance, blocks, rays.blocks, hit.points, hit.lanes, truth.step, SLOPE_STEP)
         return ImagePoints(distance, self._behind, min(tables.array.pitches) / tables.pitch)

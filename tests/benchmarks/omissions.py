@@ -9,7 +9,7 @@ from parts import part_costs
 from table import Table
 
 from plenoptic.study.cost.cases import cost_case
-from plenoptic.study.cost.costs import cost_of
+from plenoptic.study.cost.measurement import cost_of
 
 CASES = ("white", "check", "objects", "furnished")
 

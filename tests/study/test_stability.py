@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.study import QUICK, stability
+from plenoptic.study import stability
 from plenoptic.study.__main__ import main
 from plenoptic.study.rounding.bounds import EPS, LENS_DIRECTION, LENS_POSITION, Law, bounds_of
 from plenoptic.study.rounding.cases import GLASS, WIDE, single, stability_cases
 from plenoptic.study.rounding.exact_asphere import exact_sag, first_crossing
 from plenoptic.study.rounding.reference import DIGITS, exact_rays, normal_at, refracted
-from plenoptic.study.rounding.table import StabilityRow, StabilityTable, stability_row
+from plenoptic.study.rounding.table import QUICK, StabilityRow, StabilityTable, stability_row
 
 CASES = {case.name: case for case in stability_cases()}
 

@@ -11,7 +11,7 @@ from plenoptic.camera.array_axes import ArrayAxes
 from plenoptic.camera.points.centres import _through_centres as through_centres
 from plenoptic.camera.psf.sensor_hits import ForwardTables
 from plenoptic.core.rays import RayBundle
-from plenoptic.optics.lens.record import IDEAL, LensTables, lens_tables
+from plenoptic.optics.lens.record import IDEAL, LensRecord, lens_record
 from plenoptic.optics.lens.trace import traced_by
 from plenoptic.optics.microlens.array import ConvexSide, MicrolensArray
 
@@ -28,7 +28,7 @@ class Aim(Protocol):
     """Where rays are to pass: traced rays go in, what they miss by comes out."""
 
     @property
-    def tables(self) -> LensTables:
+    def tables(self) -> LensRecord:
         """What rays are traced through; nothing stops them."""
 
     def places(self, rays: RayBundle) -> Floats:
@@ -38,7 +38,7 @@ class Aim(Protocol):
 class ThroughArray(NamedTuple):
     """Where rays meet the array: the local place of the optical centre that they would pass undeviated."""
 
-    tables: LensTables
+    tables: LensRecord
     axes: ArrayAxes
     array: MicrolensArray
 
@@ -70,7 +70,7 @@ class ThroughArray(NamedTuple):
 class ThroughIris(NamedTuple):
     """Where rays meet the plane of the iris, or of what stands for it in an ideal lens."""
 
-    tables: LensTables
+    tables: LensRecord
 
     def places(self, rays: RayBundle) -> Floats:
         """In the lens's axes."""
@@ -80,11 +80,11 @@ class ThroughIris(NamedTuple):
 def through_iris(tables: ForwardTables) -> tuple[ThroughIris, Floats]:
     """The way to the iris, and its centre (2,)."""
     camera = tables.camera
-    bare = lens_tables(camera.lens, camera.wavelength, reverse=False, clipping=False)
-    last = int(np.flatnonzero((bare.number == camera.lens.iris_index) & (bare.kind != IDEAL))[0])
+    bare = lens_record(camera.lens, camera.wavelength, reverse=False, clipping=False)
+    stops = (bare.rows["surface_index"] == camera.lens.iris_index) & (bare.rows["kind"] != IDEAL)
+    last = int(np.flatnonzero(stops)[0])
     centre = np.zeros(2) if bare.frames is None else bare.frames[last, 9:11] * bare.frames[last, 12]
-    # Kernels run over as many elements as there are kinds.
-    return ThroughIris(bare._replace(kind=bare.kind[: last + 1])), centre
+    return ThroughIris(bare.first(last + 1)), centre
 
 
 def rays_from(points: Floats, aims: Floats, z: float, wavelength: float) -> RayBundle:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.points.projection_chiefs import ThroughArray, rays_from
 from plenoptic.camera.psf.sensor_hits import Task
-from plenoptic.optics.lens.record import LensTables
+from plenoptic.optics.lens.record import LensRecord
 from plenoptic.optics.lens.trace import traced_by
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.listed import Lenslets, described, lattice_types
@@ -38,7 +38,7 @@ class Footprints(NamedTuple):
     """(m, f): whether the lens lets them pass."""
 
 
-def footprints(tasks: list[Task], lens: LensTables, aim: ThroughArray, *, z: float, wavelength: float) -> Footprints:
+def footprints(tasks: list[Task], lens: LensRecord, aim: ThroughArray, *, z: float, wavelength: float) -> Footprints:
     """Trace the rings of rays of every point that has tasks; `lens` has its stops and rims."""
     firsts = {task.number: task for task in tasks[::-1]}
     number = np.array(sorted(firsts), dtype=np.int64)

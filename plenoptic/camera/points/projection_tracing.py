@@ -13,7 +13,7 @@ from plenoptic.camera.points.projection_light import REPLICATES, Light
 from plenoptic.camera.points.projection_rows import candidates, footprints, lenses_of, nearest_rays, unique_rows
 from plenoptic.camera.psf.sensor_hits import ForwardTables, Task
 from plenoptic.core.rays import RayBundle
-from plenoptic.optics.lens.record import lens_tables
+from plenoptic.optics.lens.record import lens_record
 from plenoptic.optics.lens.trace import traced_by
 from plenoptic.optics.microlens.array import MicrolensArray
 
@@ -54,7 +54,7 @@ def rows_through_iris(tables: ForwardTables, seen: Floats, light: Light) -> Rows
     size = _pupil_size(tables)
     entering = aimed(aim, seen, np.tile(centre, (n, 1)), start, z=z, size=size, wavelength=camera.wavelength)
     rays = rays_from(seen, entering, z, camera.wavelength)
-    bare = lens_tables(camera.lens, camera.wavelength, reverse=False, clipping=False)
+    bare = lens_record(camera.lens, camera.wavelength, reverse=False, clipping=False)
     moments = np.zeros((n, REPLICATES, 3))
     moments[light.keys[:, 0]] = light.moments
     passes = traced_by(tables.lens, rays).status == 0
@@ -79,7 +79,7 @@ def rows_through_microlenses(
     if not tasks:
         none, keys = np.empty((0, 2)), np.empty((0, 3), np.int64)
         return Rows(keys[:, 0], keys[:, 1:], none, keys[:, 0] > 0, np.empty((0, REPLICATES, 3)), none)
-    bare = lens_tables(camera.lens, camera.wavelength, reverse=False, clipping=False)
+    bare = lens_record(camera.lens, camera.wavelength, reverse=False, clipping=False)
     aim = ThroughArray(bare, axes, array)
     prints = footprints(tasks, tables.lens, aim, z=z, wavelength=camera.wavelength)
     keys, row = unique_rows(np.concatenate([light.keys, candidates(prints, aim)]))

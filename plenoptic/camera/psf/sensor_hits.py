@@ -18,7 +18,7 @@ from plenoptic.camera.record import PlacedBlemishes, fill_before_array, fill_dim
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.pupil.entrance_pupil import Entrance, entering_polygon, entrance
-from plenoptic.optics.lens.record import LensTables, lens_tables
+from plenoptic.optics.lens.record import LensRecord, lens_record
 from plenoptic.optics.microlens.dust import BlemishSite
 from plenoptic.optics.sensor.angular_response import AngularResponse
 
@@ -46,7 +46,7 @@ class ForwardTables(NamedTuple):
     """A camera forwards, as numbers."""
 
     camera: PlenopticCamera
-    lens: LensTables
+    lens: LensRecord
     ideal: bool
     """Whether an ideal lens stands for the main lens."""
     facing: NDArray[np.float64] | None
@@ -85,7 +85,7 @@ def forward_tables(camera: PlenopticCamera) -> ForwardTables:
     placed = parts.lens_to_camera
     return ForwardTables(
         camera,
-        lens_tables(lens, camera.wavelength, reverse=False),
+        lens_record(lens, camera.wavelength, reverse=False),
         lens.model in (LensModel.THIN, LensModel.PARAXIAL),
         None if placed is None or placed.turn[2, 2] == 1.0 else placed.turn[2].copy(),
         entrance(lens, camera.wavelength),
@@ -199,7 +199,7 @@ def landed(tables: ForwardTables, task: Task, seed: np.uint64) -> Landed:
             bundle, first, n, seed, task.number, task.replicate, task.triangles, task.point, z, tables.ideal, facing
         )
         _fill_dimmed_at_lens(bundle, dimming, BlemishSite.LENS_FRONT)
-        fill_traced(bundle, *tables.lens)
+        fill_traced(bundle, tables.lens, None)
         if tables.ideal:
             to_sensor.fill_ideal_weights(bundle)
         _fill_dimmed_at_lens(bundle, dimming, BlemishSite.LENS_REAR)

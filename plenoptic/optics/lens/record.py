@@ -1,4 +1,4 @@
-"""A lens as the columns of numbers that the kernels in `trace` read."""
+"""A lens as the numbers that kernels read."""
 
 from __future__ import annotations
 
@@ -20,56 +20,80 @@ from plenoptic.optics.surfaces.sag_bounds import asphere_bounds
 from plenoptic.optics.surfaces.surface import Surface
 
 SURFACE, CIRCLE, POLYGON, CONIC, ASPHERE, IDEAL, ARCS, STAR, MASK = range(9)
+"""Kinds of rows: sphere or plane, round stop, stop of straight blades, conic, even asphere, thick lens without
+aberrations, stop of curved blades, star, mask."""
 
 SHAPED = (POLYGON, ARCS, STAR, MASK)
 """Kinds of stops that are more than the circle around them."""
 
+ROW = np.dtype(
+    [
+        ("kind", np.int64),
+        ("z", np.float64),
+        ("curvature", np.float64),
+        ("index_ratio", np.float64),
+        ("semi_diameter2", np.float64),
+        ("max_depth", np.float64),
+        ("surface_index", np.int64),
+    ]
+)
+"""One element of a lens.
+
+z               vertex in mm
+curvature       1 / radius in 1/mm, 0 for planes and stops; IDEAL: 1 / focal length
+index_ratio     index before over index behind, in the direction of travel; of several wavelengths that of the first one
+semi_diameter2  mm^2
+max_depth       largest c (1 + k) z of a point of the surface: 1 is the equator, inf no limit; IDEAL: from the principal
+                plane where light arrives to the one where it leaves, in mm
+surface_index   index of the element in the lens
+"""
+
 FRAME = 13
 """Numbers of a placement: the rotation row by row, the shift, and 1 if there is one."""
 
+MOVED = FRAME - 1
+"""Where a placement has that last number."""
+
 MASK_HEAD = 4
 """Numbers of a mask before its cells: where they begin in `masks`, rows, columns, and cells per mm."""
+
+STEEPEST, SHARPEST, TALLEST, FIRST_TERM = range(4)
+"""Where aspheric numbers have the largest slope, second derivative and sag inside the semi-diameter, and where the
+coefficients begin."""
 
 EQUATOR_TOLERANCE = 1e-12
 """A rim that is the equator itself belongs to the surface."""
 
 
-class LensTables(NamedTuple):
-    """Columns, one entry an element, in the order in which light meets them."""
+class LensRecord(NamedTuple):
+    """A lens for one direction of travel, one entry an element, in the order in which light arrives."""
 
-    kind: NDArray[np.int64]
-    """SURFACE (sphere or plane), CONIC, ASPHERE, IDEAL (a thick lens without aberrations), or a stop: CIRCLE, POLYGON,
-    ARCS (curved blades), STAR or MASK."""
-    z: NDArray[np.float64]
-    """Vertices in mm."""
-    curvature: NDArray[np.float64]
-    """1 / radius in 1/mm; 0 for planes and stops. IDEAL: 1 / focal length."""
-    index_ratio: NDArray[np.float64]
-    """Index before over index behind, in the direction of travel; of several wavelengths (n, wavelengths). IDEAL: the
-    power over that at the first wavelength."""
-    clear: NDArray[np.float64]
-    """Squared semi-diameter in mm^2."""
-    rim: NDArray[np.float64]
-    """Largest c (1 + k) z of a point of the surface: 1 is the equator, inf no limit. IDEAL: from the principal plane
-    that light meets to the one that it leaves from, in mm."""
-    number: NDArray[np.float64]
-    """Index of the element in the lens."""
+    rows: NDArray[np.void]
+    """(n,) of the dtype ROW."""
     edges: NDArray[np.float64]
     """(k, 4): a, b, p and q of the edges of all stops, a x + b y + q (x^2 + y^2) <= p; see `PolygonStop.edges` and
     `StarStop.edges`. Straight ones: outward normal x, y, distance from the axis, and 0."""
     first_edge: NDArray[np.int64]
     """(n + 1,): the edges of element i are first_edge[i] to first_edge[i + 1]."""
     conic: NDArray[np.float64] | None
-    """Conic constants; None where all surfaces are spheres and planes."""
+    """(n,) conic constants; None where all surfaces are spheres and planes."""
     aspheric: NDArray[np.float64] | None
-    """(n, 3 + terms): the largest slope, the largest second derivative by r and the largest sag of an asphere, in size,
-    and its coefficients of r^2, r^4, ...; None without aspheres."""
+    """(n, FIRST_TERM + terms): the largest slope, the largest second derivative by r and the largest sag of an asphere,
+    in size, and its coefficients of r^2, r^4, ...; None without aspheres."""
     frames: NDArray[np.float64] | None
     """(n, FRAME) placements; None where all elements are centred."""
     masks: NDArray[np.float64] | None
     """MASK_HEAD numbers for each element, then the cells of all masks, row by row; None without masks."""
+    index_ratios: NDArray[np.float64] | None
+    """(n, wavelengths) ratios of indices; IDEAL: the power over that at the first wavelength. None: one wavelength."""
     direction: float
     """+1 towards the sensor, -1 towards the scene."""
+
+    def first(self, count: int) -> LensRecord:
+        """The elements where light arrives first."""
+        by_element = ("rows", "conic", "aspheric", "frames", "index_ratios")
+        cut = {name: column[:count] for name in by_element if (column := getattr(self, name)) is not None}
+        return self._replace(first_edge=self.first_edge[: count + 1], **cut)
 
 
 class _Row(NamedTuple):
@@ -77,11 +101,11 @@ class _Row(NamedTuple):
 
     kind: int
     z: float
-    number: int
-    clear: float
+    surface_index: int
+    semi_diameter2: float
     curvature: float = 0.0
     index_ratio: float = 1.0
-    rim: float = math.inf
+    max_depth: float = math.inf
     edges: tuple[tuple[float, ...], ...] = ()
     conic: float = 0.0
     aspheric: tuple[float, ...] = ()
@@ -89,7 +113,7 @@ class _Row(NamedTuple):
     mask: MaskStop | None = None
 
 
-def lens_tables(
+def lens_record(
     lens: LensStack,
     wavelength: float | NDArray[np.float64],
     *,
@@ -98,27 +122,28 @@ def lens_tables(
     first: int | None = None,
     last: int | None = None,
     clipping: bool = True,
-) -> LensTables:
-    """Tables for one wavelength (nm), or an array of several, and one direction of travel.
+) -> LensRecord:
+    """The record for one wavelength (nm), or an array of several, and one direction of travel.
 
     With `round_stops`, all stops become the circles around them: what bounds on pupils are made of. `first` and
     `last` choose a part of the lens, both included, always traced exactly. Without `clipping`, neither semi-diameters
     nor stops stop a ray.
     """
     if not isinstance(wavelength, np.ndarray):
-        return _tables_at(lens, float(wavelength), reverse, round_stops, first, last, clipping)
-    found = _tables_at(lens, float(wavelength[0]), reverse, round_stops, first, last, clipping)
-    if IDEAL in found.kind:
-        ratio = np.ones((len(found.kind), len(wavelength)))
+        return _record_at(lens, float(wavelength), reverse, round_stops, first, last, clipping)
+    found = _record_at(lens, float(wavelength[0]), reverse, round_stops, first, last, clipping)
+    kind, at = found.rows["kind"], found.rows["surface_index"]
+    if IDEAL in kind:
+        ratios = np.ones((len(kind), len(wavelength)))
         power = 1.0 / np.array([cardinal_points(lens, float(each)).efl for each in wavelength])
-        ratio[found.kind == IDEAL] = power / power[0]
-        return found._replace(index_ratio=ratio)
+        ratios[kind == IDEAL] = power / power[0]
+        return found._replace(index_ratios=ratios)
     index = np.array([lens.indices(float(each)) for each in wavelength]).T
-    ahead, behind = index[found.number.astype(int)], index[found.number.astype(int) + 1]
-    return found._replace(index_ratio=np.ascontiguousarray(behind / ahead if reverse else ahead / behind))
+    ahead, behind = index[at], index[at + 1]
+    return found._replace(index_ratios=np.ascontiguousarray(behind / ahead if reverse else ahead / behind))
 
 
-def _tables_at(
+def _record_at(
     lens: LensStack,
     wavelength: float,
     reverse: bool,
@@ -126,8 +151,8 @@ def _tables_at(
     first: int | None,
     last: int | None,
     clipping: bool,
-) -> LensTables:
-    """Tables for one wavelength."""
+) -> LensRecord:
+    """The record for one wavelength."""
     if first is None and last is None and lens.model is not LensModel.EXACT:
         rows = _ideal_rows(lens, wavelength, reverse=reverse)
     else:
@@ -137,11 +162,11 @@ def _tables_at(
     if round_stops or not clipping:
         rows = [row._replace(kind=CIRCLE, edges=(), mask=None) if row.kind in SHAPED else row for row in rows]
     if not clipping:
-        rows = [row._replace(clear=math.inf) for row in rows]
+        rows = [row._replace(semi_diameter2=math.inf) for row in rows]
     return _columns(rows, -1.0 if reverse else 1.0)
 
 
-def _columns(rows: list[_Row], direction: float) -> LensTables:
+def _columns(rows: list[_Row], direction: float) -> LensRecord:
     edges = [edge for row in rows for edge in row.edges]
     terms = max(len(row.aspheric) for row in rows)
     aspheric = None
@@ -149,21 +174,16 @@ def _columns(rows: list[_Row], direction: float) -> LensTables:
         aspheric = np.zeros((len(rows), terms))
         for i, row in enumerate(rows):
             aspheric[i, : len(row.aspheric)] = row.aspheric
-    placed = any(row.frame[-1] for row in rows)
-    return LensTables(
-        kind=np.array([row.kind for row in rows], dtype=np.int64),
-        z=np.array([row.z for row in rows]),
-        curvature=np.array([row.curvature for row in rows]),
-        index_ratio=np.array([row.index_ratio for row in rows]),
-        clear=np.array([row.clear for row in rows]),
-        rim=np.array([row.rim for row in rows]),
-        number=np.array([row.number for row in rows], dtype=np.float64),
+    moved = any(row.frame[MOVED] for row in rows)
+    return LensRecord(
+        rows=np.array([tuple(getattr(row, name) for name in ROW.names or ()) for row in rows], dtype=ROW),
         edges=np.array(edges, dtype=np.float64).reshape(-1, 4),
         first_edge=np.cumsum([0, *(len(row.edges) for row in rows)], dtype=np.int64),
         conic=np.array([row.conic for row in rows]) if any(row.kind in (CONIC, ASPHERE) for row in rows) else None,
         aspheric=aspheric,
-        frames=np.array([row.frame for row in rows]) if placed else None,
+        frames=np.array([row.frame for row in rows]) if moved else None,
         masks=_masks([row.mask for row in rows]),
+        index_ratios=None,
         direction=direction,
     )
 
@@ -197,26 +217,27 @@ def _exact_rows(lens: LensStack, wavelength: float, first: int, last: int, *, re
     return rows[::-1] if reverse else rows
 
 
-def _surface_row(surface: Surface, z: float, number: int, ratio: float) -> _Row:
-    rim, clear = 1.0 + EQUATOR_TOLERANCE, surface.semi_diameter * surface.semi_diameter
+def _surface_row(surface: Surface, z: float, surface_index: int, ratio: float) -> _Row:
+    max_depth, semi_diameter2 = 1.0 + EQUATOR_TOLERANCE, surface.semi_diameter * surface.semi_diameter
     if surface.depth is not None:
         # Only the depth ends a surface that goes beyond its equator.
-        rim, clear = abs(surface.curvature) * (1.0 + surface.conic) * surface.depth + EQUATOR_TOLERANCE, math.inf
-    row = _Row(SURFACE, z, number, clear, surface.curvature, ratio, rim, conic=surface.conic)
+        max_depth = abs(surface.curvature) * (1.0 + surface.conic) * surface.depth + EQUATOR_TOLERANCE
+        semi_diameter2 = math.inf
+    row = _Row(SURFACE, z, surface_index, semi_diameter2, surface.curvature, ratio, max_depth, conic=surface.conic)
     if surface.aspheric:
         return row._replace(kind=ASPHERE, aspheric=(*asphere_bounds(surface), *surface.aspheric))
     return row if surface.conic == 0 or surface.curvature == 0 else row._replace(kind=CONIC)
 
 
-def _stop_row(stop: Stop, z: float, number: int) -> _Row:
-    clear = stop.semi_diameter * stop.semi_diameter
+def _stop_row(stop: Stop, z: float, surface_index: int) -> _Row:
+    semi_diameter2 = stop.semi_diameter * stop.semi_diameter
     if isinstance(stop, CircularStop):
-        return _Row(CIRCLE, z, number, clear)
+        return _Row(CIRCLE, z, surface_index, semi_diameter2)
     if isinstance(stop, MaskStop):
-        return _Row(MASK, z, number, clear, mask=stop)
+        return _Row(MASK, z, surface_index, semi_diameter2, mask=stop)
     straight = isinstance(stop, PolygonStop) and math.isinf(stop.blade_radius)
     kind = STAR if isinstance(stop, StarStop) else POLYGON if straight else ARCS
-    return _Row(kind, z, number, clear, edges=tuple(map(tuple, stop.edges.tolist())))
+    return _Row(kind, z, surface_index, semi_diameter2, edges=tuple(map(tuple, stop.edges.tolist())))
 
 
 def _frame(placement: Placement) -> tuple[float, ...]:
@@ -238,7 +259,7 @@ def _ideal_rows(lens: LensStack, wavelength: float, *, reverse: bool) -> list[_R
     rear, iris = points.rear_principal, lens.iris_index
     front = rear if lens.model is LensModel.THIN else points.front_principal
     met, left = (rear, front) if reverse else (front, rear)
-    ideal = _Row(IDEAL, met, iris, math.inf, 1.0 / points.efl, rim=left - met)
+    ideal = _Row(IDEAL, met, iris, math.inf, 1.0 / points.efl, max_depth=left - met)
     if lens.model is LensModel.THIN:
         z_stop, scale, behind = rear, points.entrance_pupil_semi_diameter / lens.stop.semi_diameter, True
     elif math.isfinite(points.exit_pupil):

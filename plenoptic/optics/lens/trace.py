@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
 from plenoptic.core.parallel import run_in_order, thread_count
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import wrong_kind
-from plenoptic.optics.lens.record import LensTables, lens_tables
+from plenoptic.optics.lens.record import LensRecord, lens_record
 from plenoptic.optics.lens.stack import LensStack
 
 CHUNK = 1 << 15
@@ -18,7 +21,7 @@ def traced(lens: LensStack, rays: RayBundle, *, reverse: bool, threads: int | No
     """Trace a bundle one way or the other; see `LensStack.trace`."""
     if not isinstance(rays, RayBundle):
         raise wrong_kind(rays, "rays", "RayBundle", "pl.RayBundle([[0, 0, -100]], [[0, 0, 1]])")
-    return traced_by(lens_tables(lens, rays.wavelength, reverse=reverse), rays, threads=threads)
+    return traced_by(lens_record(lens, rays.wavelength, reverse=reverse), rays, threads=threads)
 
 
 def traced_part(
@@ -28,25 +31,36 @@ def traced_part(
 
     The origins come to lie on the element met last: `last`, or `first` in reverse.
     """
-    tables = lens_tables(lens, rays.wavelength, reverse=reverse, first=first, last=last, clipping=clipping)
-    return traced_by(tables, rays)
+    record = lens_record(lens, rays.wavelength, reverse=reverse, first=first, last=last, clipping=clipping)
+    return traced_by(record, rays)
 
 
-def traced_by(tables: LensTables, rays: RayBundle, *, threads: int | None = None) -> RayBundle:
-    """Trace a bundle through what tables describe."""
+class RayArrays(NamedTuple):
+    """A bundle as kernels see it; n rays."""
+
+    origin: NDArray[np.float64]
+    direction: NDArray[np.float64]
+    weight: NDArray[np.float64]
+    status: NDArray[np.uint8]
+    lost_at: NDArray[np.int16]
+
+    def part(self, start: int) -> RayArrays:
+        """At most CHUNK rays."""
+        return RayArrays._make(array[start : start + CHUNK] for array in self)
+
+
+def traced_by(record: LensRecord, rays: RayBundle, *, threads: int | None = None) -> RayBundle:
+    """Trace a bundle through what a record describes."""
     from plenoptic.optics.lens.kernels.trace import fill_traced_rows
 
     n = len(rays)
-    origin, direction, weight = np.empty((n, 3)), np.empty((n, 3)), np.empty(n)
-    status, lost_at = np.empty(n, dtype=np.uint8), np.empty(n, dtype=np.int16)
-    made = (origin, direction, weight, status, lost_at)
-    given = (rays.origin, rays.direction, rays.weight, rays.status, rays.lost_at)
+    given = RayArrays(rays.origin, rays.direction, rays.weight, rays.status, rays.lost_at)
+    out = RayArrays(np.empty((n, 3)), np.empty((n, 3)), np.empty(n), np.empty(n, np.uint8), np.empty(n, np.int16))
 
     def trace_chunk(start: int) -> None:
-        at = slice(start, min(start + CHUNK, n))
-        fill_traced_rows(*(array[at] for array in made), *(array[at] for array in given), *tables)
+        fill_traced_rows(out.part(start), given.part(start), record)
 
     workers = min(thread_count(threads), -(-n // CHUNK))
     for _ in run_in_order(trace_chunk, range(0, n, CHUNK), threads=workers):
         pass
-    return RayBundle._made(origin, direction, rays.wavelength, weight, status, lost_at)
+    return RayBundle._made(out.origin, out.direction, rays.wavelength, out.weight, out.status, out.lost_at)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from plenoptic.rendering.plan.stages import Decision, Stage, first_reason
 from plenoptic.scene.compile import SceneTables
-from plenoptic.scene.materials.record import GLASS, GROOVES, LAYERED, METAL, PANE
+from plenoptic.scene.materials.registry import KIND_NAMES, LAMBERTIAN
 
 ROULETTE = 3
 """Paths that were scattered this often go on with a probability of what their surface gives back."""
@@ -74,8 +74,7 @@ def _world(tables: SceneTables) -> str:
 def _other_kinds(tables: SceneTables) -> str:
     """The kinds of materials that are not Lambertian."""
     kinds = set() if tables.bsdf.kinds is None else set(tables.bsdf.kinds.tolist())
-    names = {GROOVES: "rough diffuse", METAL: "metal", GLASS: "glass", PANE: "panes", LAYERED: "metallic-roughness"}
-    return "there are " + ", ".join(name for kind, name in names.items() if kind in kinds)
+    return "there are " + ", ".join(KIND_NAMES[kind] for kind in sorted(kinds - {LAMBERTIAN}))
 
 
 def _emission(tables: SceneTables, meshes: bool) -> list[Decision]:

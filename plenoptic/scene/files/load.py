@@ -167,7 +167,7 @@ def _contents(path: str | PathLike[str], unit: str | None, material: Material | 
     source = file_path(path)
     if unit is not None and (not isinstance(unit, str) or unit not in UNITS):
         raise InvalidValueError(f"unit is {unit!r}; it must be one of {', '.join(UNITS)}")
-    if material is not None and not isinstance(material, MATERIALS):
+    if material is not None and type(material) not in MATERIALS:
         raise InvalidValueError(f"material is {material!r}; it must be a material or None")
     if not source.is_file():
         raise FileError(f"{source} is {'a folder' if source.is_dir() else 'missing'}; give the path of a mesh file")

@@ -13,11 +13,12 @@ from plenoptic.core.color.srgb import Encoding
 from plenoptic.errors import FileError, PlenopticError
 from plenoptic.scene.files.file_materials import REPLACE, colour_of, dark_or_not, number_or_texture, times
 from plenoptic.scene.materials.conductor import Conductor
-from plenoptic.scene.materials.dielectric import Dielectric, ThinGlass
+from plenoptic.scene.materials.dielectric import Dielectric
 from plenoptic.scene.materials.diffuse import Lambertian
 from plenoptic.scene.materials.emissive import Emissive
 from plenoptic.scene.materials.metallic_roughness import MetallicRoughness
 from plenoptic.scene.materials.registry import Material
+from plenoptic.scene.materials.thin_dielectric import ThinGlass
 from plenoptic.scene.textures.color import Colour
 from plenoptic.scene.textures.texture import Texture, Wrap
 

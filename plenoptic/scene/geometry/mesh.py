@@ -13,7 +13,7 @@ from plenoptic.core.rotation import rotation_about
 from plenoptic.core.values import finite, frozen_array, positive, set_field, value
 from plenoptic.errors import InvalidValueError, SceneError
 from plenoptic.scene.materials.diffuse import Lambertian
-from plenoptic.scene.materials.registry import MATERIALS, Material, textures_of
+from plenoptic.scene.materials.registry import MATERIALS, Material
 
 MAX_COORDINATE = 1e15
 """mm: Embree, in float32, drops vertices beyond 1.8e18, and areas must stay finite in float32 too."""
@@ -82,7 +82,7 @@ class Mesh:
         _check_range(vertices, "vertices", "repair the mesh, or check its unit")
         if not has_area(vertices, faces):
             raise SceneError(f"all {len(faces)} triangles have zero area; spread the vertices or leave the mesh out")
-        if not isinstance(self.material, MATERIALS):
+        if type(self.material) not in MATERIALS:
             names = ", ".join(kind.__name__ for kind in MATERIALS)
             raise InvalidValueError(f"material is {self.material!r}; it must be one of {names}")
         if not isinstance(self.name, str):
@@ -95,7 +95,7 @@ class Mesh:
             uv = frozen_array(self.uv, name="uv", shape=(len(vertices), 2))
             _check_range(uv, "uv", "map the mesh again")
             set_field(self, "uv", uv)
-        elif textures_of(self.material):
+        elif self.material.row().textures:
             raise SceneError("the material has a texture and uv is None; give uv, or a material without a texture")
         set_field(self, "vertices", vertices)
         set_field(self, "faces", faces)

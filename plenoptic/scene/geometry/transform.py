@@ -12,12 +12,6 @@ from plenoptic.core.values import frozen_array
 from plenoptic.errors import SceneError
 from plenoptic.scene.file_cameras import View
 from plenoptic.scene.lights.environment import EnvironmentMap
-from plenoptic.scene.lights.point import PointLight
-from plenoptic.scene.lights.quad import QuadLight
-from plenoptic.scene.lights.registry import Light
-from plenoptic.scene.lights.sphere import SphereLight
-from plenoptic.scene.lights.spot import SpotLight
-from plenoptic.scene.textures.color import Colour
 
 _ROUNDING = 1e-9
 
@@ -40,25 +34,6 @@ def similarity(matrix: ArrayLike) -> tuple[NDArray[np.float64], float]:
     return full, scale
 
 
-def placed_light(light: Light, matrix: NDArray[np.float64], scale: float) -> Light:
-    """A light in another place. Radiance and irradiance stay, so intensities grow with the square of the scale."""
-    turn, shift = matrix[:3, :3], matrix[:3, 3]
-    if isinstance(light, QuadLight):
-        centre, u, v = turn @ light.center + shift, turn @ light.edge_u, turn @ light.edge_v
-        return dataclasses.replace(light, center=centre, edge_u=u, edge_v=v)
-    if isinstance(light, SphereLight):
-        return dataclasses.replace(light, center=turn @ light.center + shift, radius=scale * light.radius)
-    if isinstance(light, PointLight):
-        intensity = _times(light.intensity, scale**2)
-        return dataclasses.replace(light, position=turn @ light.position + shift, intensity=intensity)
-    if isinstance(light, SpotLight):
-        position, direction = turn @ light.position + shift, turn @ light.direction
-        return dataclasses.replace(
-            light, position=position, direction=direction, intensity=_times(light.intensity, scale**2)
-        )
-    return dataclasses.replace(light, direction=turn @ light.direction)
-
-
 def placed_view(view: View, matrix: NDArray[np.float64]) -> View:
     """A view from another place."""
     turn, shift = matrix[:3, :3], matrix[:3, 3]
@@ -74,9 +49,3 @@ def placed_environment(environment: EnvironmentMap, matrix: NDArray[np.float64],
     turned = u @ v
     rotation = turned if environment.rotation is None else turned @ environment.rotation
     return dataclasses.replace(environment, rotation=rotation)
-
-
-def _times(colour: Colour, factor: float) -> Colour:
-    if isinstance(colour, tuple):
-        return (colour[0] * factor, colour[1] * factor, colour[2] * factor)
-    return colour * factor

@@ -1,6 +1,8 @@
-"""Checks that the descriptions of lights share."""
+"""What the descriptions of lights share: checks, and sums over their colours."""
 
 from __future__ import annotations
+
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -9,6 +11,9 @@ from plenoptic.core.values import frozen_array
 from plenoptic.errors import SceneError
 from plenoptic.scene.geometry.mesh import MAX_COORDINATE
 from plenoptic.scene.textures.color import Colour
+
+PointRow: TypeAlias = tuple[float, ...]
+"""Position, axis, and the cosines of the outer and inner angle, both -2 where light goes everywhere."""
 
 
 def place_in_mm(vector: ArrayLike, name: str) -> NDArray[np.float64]:
@@ -45,3 +50,10 @@ def direction_towards(start: NDArray[np.float64], target: ArrayLike, name: str) 
 def channel_mean(colour: Colour) -> float:
     """The number itself, or the mean of red, green and blue."""
     return sum(part / 3 for part in colour) if isinstance(colour, tuple) else colour
+
+
+def times(colour: Colour, factor: float) -> Colour:
+    """A colour times a number."""
+    if isinstance(colour, tuple):
+        return (colour[0] * factor, colour[1] * factor, colour[2] * factor)
+    return colour * factor

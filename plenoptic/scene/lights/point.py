@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from typing import TYPE_CHECKING
 
@@ -9,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.values import set_field, value
-from plenoptic.scene.lights.fields import channel_mean, place_in_mm
+from plenoptic.scene.lights.fields import PointRow, channel_mean, place_in_mm, times
 from plenoptic.scene.textures.color import Colour, as_colour
 
 
@@ -65,3 +66,12 @@ class PointLight:
         1256.637061
         """
         return 4 * math.pi * channel_mean(self.intensity)
+
+    def moved(self, matrix: NDArray[np.float64], scale: float) -> PointLight:
+        """The light where a (4, 4) similarity of that scale puts it; irradiances stay, so it grows by scale^2."""
+        position = matrix[:3, :3] @ self.position + matrix[:3, 3]
+        return dataclasses.replace(self, position=position, intensity=times(self.intensity, scale**2))
+
+    def row(self) -> PointRow:
+        """Its numbers, besides its intensity."""
+        return (*self.position, 0.0, 0.0, 0.0, -2.0, -2.0)

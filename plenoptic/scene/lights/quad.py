@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -160,6 +161,12 @@ class QuadLight:
         75.398224
         """
         return np.pi * self.area * (1 + self.two_sided) * channel_mean(self.radiance)
+
+    def moved(self, matrix: NDArray[np.float64], scale: float) -> QuadLight:
+        """The light where a (4, 4) similarity of that scale puts it; its radiance stays."""
+        turn = matrix[:3, :3]
+        center = turn @ self.center + matrix[:3, 3]
+        return dataclasses.replace(self, center=center, edge_u=turn @ self.edge_u, edge_v=turn @ self.edge_v)
 
     def mesh(self) -> Mesh:
         """The light as two emissive triangles, counter-clockwise as seen from the side that emits.

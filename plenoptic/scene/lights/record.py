@@ -12,10 +12,7 @@ from numpy.typing import NDArray
 from plenoptic.scene.geometry.instance import InstanceTables
 from plenoptic.scene.lights.environment_record import EnvironmentTables
 from plenoptic.scene.lights.fields import channel_mean
-from plenoptic.scene.lights.point import PointLight
-from plenoptic.scene.lights.registry import Light
-from plenoptic.scene.lights.spot import SpotLight
-from plenoptic.scene.lights.sun import SunLight
+from plenoptic.scene.lights.registry import DistantLight, Light, PositionalLight
 from plenoptic.scene.textures.color import Colour
 
 TRIANGLE, POINT, SUN, ENVIRONMENT = range(4)
@@ -75,8 +72,8 @@ def build_lights(
     drawn: bool,
 ) -> LightTables:
     """Compile lights. `drawn` says whether anything reflects: otherwise they are only seen."""
-    points = [light for light in lights if isinstance(light, PointLight | SpotLight)]
-    suns = [light for light in lights if isinstance(light, SunLight)]
+    points = [light for light in lights if isinstance(light, PositionalLight)]
+    suns = [light for light in lights if isinstance(light, DistantLight)]
     extent = np.zeros((2, 3)) if bounds is None else bounds
     diameter = float(np.linalg.norm(extent[1] - extent[0]))
     disc = math.pi * max(diameter / 2, 1e-9) ** 2
@@ -95,16 +92,17 @@ def build_lights(
     any_drawn = bool(probability.size)
     places = np.concatenate([near_places, np.full(probability.size - near_power.size, -1, np.int32)])
     sun_share = probability[kinds == SUN] if suns and any_drawn and drawn else np.zeros(len(suns))
+    sun_colours = [sun.irradiance if sun.radiance is None else sun.radiance for sun in suns]
     return LightTables(
         cdf=_fixed(_cumulative(probability)) if any_drawn else None,
         row=_fixed(np.concatenate(rows).astype(np.int64)) if any_drawn else None,
         kind=_fixed(kinds.astype(np.uint8)) if any_drawn and np.any(kinds != TRIANGLE) else None,
         place=_fixed(places) if any_drawn and emitters is not None and emitters.instances is not None else None,
         material_density=_fixed(area_power * per_near) if any_drawn and near_power.size else None,
-        points=_fixed(np.array([_point_row(light) for light in points])) if points and drawn else None,
+        points=_fixed(np.array([light.row() for light in points])) if points and drawn else None,
         point_colours=_fixed(_rows([p.intensity for p in points], channels)) if points and drawn else None,
-        suns=_fixed(np.array([_sun_row(s, p) for s, p in zip(suns, sun_share, strict=True)])) if suns else None,
-        sun_colours=_fixed(_rows([_sun_colour(s) for s in suns], channels)) if suns else None,
+        suns=_fixed(np.array([(*s.row(), p) for s, p in zip(suns, sun_share, strict=True)])) if suns else None,
+        sun_colours=_fixed(_rows(sun_colours, channels)) if suns else None,
         environment_share=float(probability[-1]) if sky_power.size and any_drawn else 0.0,
         far=2 * diameter + 1.0,
     )
@@ -112,8 +110,8 @@ def build_lights(
 
 def _brightest(
     emitters: Emitters | None,
-    points: Sequence[PointLight | SpotLight],
-    suns: Sequence[SunLight],
+    points: Sequence[PositionalLight],
+    suns: Sequence[DistantLight],
     environment: EnvironmentTables | None,
 ) -> float:
     found = [light.power for light in points] + [channel_mean(light.irradiance) for light in suns]
@@ -197,21 +195,6 @@ def _cumulative(probability: NDArray[np.float64]) -> NDArray[np.float64]:
     # What has no power must not be drawn by the last random number either.
     cumulative[np.flatnonzero(probability)[-1] :] = 1.0
     return np.asarray(cumulative)
-
-
-def _point_row(light: PointLight | SpotLight) -> list[float]:
-    if isinstance(light, PointLight):
-        return [*light.position, 0.0, 0.0, 0.0, -2.0, -2.0]
-    return [*light.position, *light.direction, math.cos(light.outer_angle), math.cos(light.inner_angle)]
-
-
-def _sun_row(sun: SunLight, share: float) -> list[float]:
-    return [*(-sun.direction), 2 * math.sin(sun.angular_radius / 2) ** 2, share]
-
-
-def _sun_colour(sun: SunLight) -> Colour:
-    radiance = sun.radiance
-    return sun.irradiance if radiance is None else radiance
 
 
 def _rows(colours: Sequence[Colour], channels: int) -> NDArray[np.float64]:

@@ -4,12 +4,19 @@ from __future__ import annotations
 
 from typing import TypeAlias
 
-from plenoptic.scene.lights.point import PointLight as PointLight
-from plenoptic.scene.lights.quad import QuadLight as QuadLight
-from plenoptic.scene.lights.sphere import SphereLight as SphereLight
-from plenoptic.scene.lights.spot import SpotLight as SpotLight
-from plenoptic.scene.lights.sun import SunLight as SunLight
+from plenoptic.scene.lights.point import PointLight
+from plenoptic.scene.lights.quad import QuadLight
+from plenoptic.scene.lights.sphere import SphereLight
+from plenoptic.scene.lights.spot import SpotLight
+from plenoptic.scene.lights.sun import SunLight
 
-Light: TypeAlias = QuadLight | SphereLight | PointLight | SpotLight | SunLight
+AreaLight: TypeAlias = QuadLight | SphereLight
+"""They are meshes that emit."""
+PositionalLight: TypeAlias = PointLight | SpotLight
+"""They shine from a point, which no ray meets."""
+DistantLight: TypeAlias = SunLight
+"""They shine from beyond the scene, on all of it alike."""
+
+Light: TypeAlias = AreaLight | PositionalLight | DistantLight
 
 LIGHTS = (QuadLight, SphereLight, PointLight, SpotLight, SunLight)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import math
 from typing import TYPE_CHECKING
@@ -102,6 +103,11 @@ class SphereLight:
         19.739209
         """
         return math.pi * self.area * channel_mean(self.radiance)
+
+    def moved(self, matrix: NDArray[np.float64], scale: float) -> SphereLight:
+        """The light where a (4, 4) similarity of that scale puts it; its radiance stays."""
+        center = matrix[:3, :3] @ self.center + matrix[:3, 3]
+        return dataclasses.replace(self, center=center, radius=scale * self.radius)
 
     def mesh(self) -> Mesh:
         """The light as 1280 emissive triangles, an icosahedron subdivided three times, that face outwards.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from typing import TYPE_CHECKING
 
@@ -10,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.values import finite, set_field, value
 from plenoptic.errors import InvalidValueError
-from plenoptic.scene.lights.fields import channel_mean, direction_towards, place_in_mm, unit_vector
+from plenoptic.scene.lights.fields import PointRow, channel_mean, direction_towards, place_in_mm, times, unit_vector
 from plenoptic.scene.textures.color import Colour, as_colour
 
 
@@ -151,3 +152,13 @@ class SpotLight:
         # 1 - cos a is 2 sin^2(a / 2), which small angles do not cancel.
         inner, outer = (2 * math.sin(angle / 2) ** 2 for angle in (self.inner_angle, self.outer_angle))
         return 2 * math.pi * channel_mean(self.intensity) * (inner + (outer - inner) / 3)
+
+    def moved(self, matrix: NDArray[np.float64], scale: float) -> SpotLight:
+        """The light where a (4, 4) similarity of that scale puts it; irradiances stay, so it grows by scale^2."""
+        position, direction = matrix[:3, :3] @ self.position + matrix[:3, 3], matrix[:3, :3] @ self.direction
+        intensity = times(self.intensity, scale**2)
+        return dataclasses.replace(self, position=position, direction=direction, intensity=intensity)
+
+    def row(self) -> PointRow:
+        """Its numbers, besides its intensity."""
+        return (*self.position, *self.direction, math.cos(self.outer_angle), math.cos(self.inner_angle))

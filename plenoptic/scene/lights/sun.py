@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from typing import TYPE_CHECKING
 
@@ -136,3 +137,11 @@ class SunLight:
             return self.irradiance / projected
         red, green, blue = self.irradiance
         return red / projected, green / projected, blue / projected
+
+    def moved(self, matrix: NDArray[np.float64], scale: float) -> SunLight:
+        """The light turned by a (4, 4) similarity; its irradiance stays."""
+        return dataclasses.replace(self, direction=matrix[:3, :3] @ self.direction)
+
+    def row(self) -> tuple[float, ...]:
+        """Direction to the sun, and 1 - cosine of its angular radius."""
+        return (*(-self.direction), 2 * math.sin(self.angular_radius / 2) ** 2)

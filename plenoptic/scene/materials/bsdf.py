@@ -9,9 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.values import frozen_array
 from plenoptic.errors import InvalidValueError, SceneError
-from plenoptic.scene.materials.metallic_roughness import MetallicRoughness
-from plenoptic.scene.materials.record import all_grey, base_colour, build_bsdf, roughness_of
-from plenoptic.scene.materials.registry import MATERIALS, Material, textures_of
+from plenoptic.scene.materials.record import build_bsdf
+from plenoptic.scene.materials.registry import MATERIALS, Material
 
 __all__ = ["Drawn", "Scattered", "draw", "evaluate"]
 
@@ -185,13 +184,13 @@ def _check_side(viewers: NDArray[np.float64]) -> None:
 
 def _row(material: Any) -> tuple[NDArray[np.float64], tuple[int, float, float], Any]:
     """Base colour, (kind, roughness, metallic), and the tables of one material."""
-    if not isinstance(material, MATERIALS):
+    if type(material) not in MATERIALS:
         raise InvalidValueError(f"material is {material!r}; it must be a material, such as pl.Lambertian(0.5)")
-    if textures_of(material):
+    row = material.row()
+    if row.textures:
         raise SceneError(f"{material!r} has textures; give the material at one of their texels")
-    channels = 1 if all_grey([material]) else 3
+    channels = 1 if row._replace(emission=0.0).is_grey else 3
     tables = build_bsdf([material], channels)
-    colour = np.broadcast_to(np.asarray(base_colour(material), dtype=np.float64), 3)[:channels].copy()
-    metallic = float(material.metallic) if isinstance(material, MetallicRoughness) else 0.0  # type: ignore[arg-type]
+    colour = np.broadcast_to(np.asarray(row.base, dtype=np.float64), 3)[:channels].copy()
     kind = 0 if tables.kinds is None else int(tables.kinds[0])
-    return colour, (kind, roughness_of(material), metallic), tables
+    return colour, (kind, row.roughness, row.metallic), tables

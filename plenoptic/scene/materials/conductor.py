@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 
 from plenoptic.core.values import finite, set_field, value
 from plenoptic.errors import InvalidValueError, SceneError
+from plenoptic.scene.materials.row import SMOOTH, Index, MaterialRow
 from plenoptic.scene.textures.color import Colour, as_colour
 
-Index: TypeAlias = complex | tuple[complex, complex, complex]
-
 _LARGEST = 1e30
-SMOOTH = 1e-4
-"""Below this width of the distribution of normals a surface reflects as if it were perfectly smooth."""
 
 
 @value
@@ -67,6 +64,11 @@ class Conductor:
         set_field(self, "alpha", as_alpha(self.alpha))
         if self.index is not None:
             set_field(self, "index", _as_index(self.index))
+
+    def row(self) -> MaterialRow:
+        """Its numbers; what it lacks keeps its default."""
+        index = 0.0 if self.index is None else self.index
+        return MaterialRow(self.reflectance, roughness=self.alpha, metal_index=index, specular=self.alpha < SMOOTH)
 
 
 def as_alpha(alpha: Any) -> float:

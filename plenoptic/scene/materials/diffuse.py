@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from plenoptic.core.values import finite, set_field, value
 from plenoptic.errors import SceneError
+from plenoptic.scene.materials.row import MaterialRow
 from plenoptic.scene.textures.color import Colour, as_textured
 from plenoptic.scene.textures.texture import Texture
 
@@ -37,6 +38,10 @@ class Lambertian:
 
     def __post_init__(self) -> None:
         set_field(self, "albedo", as_textured(self.albedo, "albedo", at_most=1.0))
+
+    def row(self) -> MaterialRow:
+        """Its numbers; what it lacks keeps its default."""
+        return MaterialRow(self.albedo)
 
 
 @value
@@ -82,3 +87,7 @@ class RoughDiffuse:
         if not 0 <= roughness <= 1:
             raise SceneError(f"roughness is {roughness:g}; it must be within 0 and 1")
         set_field(self, "roughness", roughness)
+
+    def row(self) -> MaterialRow:
+        """Its numbers; what it lacks keeps its default."""
+        return MaterialRow(self.albedo, roughness=self.roughness)

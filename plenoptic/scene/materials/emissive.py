@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from plenoptic.core.values import flag, set_field, value
+from plenoptic.scene.materials.row import MaterialRow
 from plenoptic.scene.textures.color import Colour, as_textured
 from plenoptic.scene.textures.texture import Texture
 
@@ -40,3 +41,7 @@ class Emissive:
     def __post_init__(self) -> None:
         set_field(self, "radiance", as_textured(self.radiance, "radiance"))
         set_field(self, "two_sided", flag(self.two_sided, "two_sided"))
+
+    def row(self) -> MaterialRow:
+        """Its numbers; what it lacks keeps its default."""
+        return MaterialRow(emission=self.radiance, two_sided=self.two_sided)

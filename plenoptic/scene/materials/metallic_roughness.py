@@ -6,6 +6,7 @@ import dataclasses
 
 from plenoptic.core.values import finite, flag, set_field, value
 from plenoptic.errors import InvalidValueError, SceneError
+from plenoptic.scene.materials.row import MaterialRow
 from plenoptic.scene.textures.color import Colour, as_share, as_textured
 from plenoptic.scene.textures.texture import Texture
 
@@ -80,3 +81,7 @@ class MetallicRoughness:
             if not 0 <= cutoff <= 1:
                 raise SceneError(f"cutoff is {cutoff:g}; it must be within 0 and 1, or None")
             set_field(self, "cutoff", cutoff)
+
+    def row(self) -> MaterialRow:
+        """Its numbers; what it lacks keeps its default."""
+        return MaterialRow(**{name: getattr(self, name) for name in self.__dataclass_fields__}, fresnel=True)

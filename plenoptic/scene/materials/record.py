@@ -9,25 +9,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.scene.materials.conductor import SMOOTH, Conductor
-from plenoptic.scene.materials.dielectric import Dielectric, ThinGlass
-from plenoptic.scene.materials.diffuse import Lambertian, RoughDiffuse
-from plenoptic.scene.materials.emissive import Emissive
-from plenoptic.scene.materials.metallic_roughness import MetallicRoughness
-from plenoptic.scene.materials.registry import Material
-from plenoptic.scene.textures.color import Colour, is_grey
-from plenoptic.scene.textures.texture import Texture
+from plenoptic.scene.materials.registry import (
+    CONDUCTOR,
+    DIELECTRIC,
+    LAMBERTIAN,
+    MATERIALS,
+    METALLIC_ROUGHNESS,
+    THIN_DIELECTRIC,
+    Material,
+)
 
-LAMBERTIAN, GROOVES, METAL, GLASS, PANE, LAYERED = range(6)
-_KINDS: dict[type, int] = {
-    Lambertian: LAMBERTIAN,
-    RoughDiffuse: GROOVES,
-    Conductor: METAL,
-    Dielectric: GLASS,
-    ThinGlass: PANE,
-    MetallicRoughness: LAYERED,
-    Emissive: LAMBERTIAN,
-}
 _ROUGHNESSES, _COSINES, _DRAWS = 41, 49, 32
 
 
@@ -50,87 +41,25 @@ class BsdfTables(NamedTuple):
 
 def build_bsdf(materials: Sequence[Material], channels: int) -> BsdfTables:
     """The columns of materials."""
-    kinds = np.array([_KINDS[type(material)] for material in materials], dtype=np.int64)
-    plain = bool(np.all(kinds == LAMBERTIAN))
-    glass = [(m.index, m.exterior) if isinstance(m, Dielectric) else (0.0, 0.0) for m in materials]
-    panes = [m.index if isinstance(m, ThinGlass) else 0.0 for m in materials]
-    layered = bool(np.any(kinds == LAYERED))
+    kinds = np.array([MATERIALS[type(material)] for material in materials], dtype=np.int64)
+    rows = [material.row() for material in materials]
+    there = set(kinds.tolist())
+    # All metals share the column; those of constant reflectance have zeros there.
+    metals = np.array([np.broadcast_to(row.metal_index, 3)[:channels] for row in rows], dtype=np.complex128)
+    coupling, coupling_mean = _layer_tables() if METALLIC_ROUGHNESS in there else (None, None)
     return BsdfTables(
-        kinds=None if plain else _fixed(kinds),
-        # All metals share the column; those of constant reflectance have zeros there.
-        metal_index=_fixed(_metal_indices(materials, channels)) if np.any(kinds == METAL) else None,
-        glass_index=_fixed(np.array(glass)) if np.any(kinds == GLASS) else None,
-        pane_index=_fixed(np.array(panes)) if np.any(kinds == PANE) else None,
-        coupling=_layer_tables()[0] if layered else None,
-        coupling_mean=_layer_tables()[1] if layered else None,
+        kinds=None if there <= {LAMBERTIAN} else _fixed(kinds),
+        metal_index=_fixed(np.stack([metals.real, metals.imag], axis=-1)) if CONDUCTOR in there else None,
+        glass_index=_fixed(np.array([row.glass_index for row in rows])) if DIELECTRIC in there else None,
+        pane_index=_fixed(np.array([row.pane_index for row in rows])) if THIN_DIELECTRIC in there else None,
+        coupling=coupling,
+        coupling_mean=coupling_mean,
     )
-
-
-def _metal_indices(materials: Sequence[Material], channels: int) -> NDArray[np.float64]:
-    rows = np.zeros((len(materials), channels, 2))
-    for row, material in zip(rows, materials, strict=True):
-        if isinstance(material, Conductor) and material.index is not None:
-            index = np.broadcast_to(np.asarray(material.index, dtype=np.complex128), 3)[:channels]
-            row[:, 0], row[:, 1] = index.real, index.imag
-    return rows
-
-
-def base_colour(material: Material) -> Colour | Texture:
-    """The colour that a material multiplies light by."""
-    if isinstance(material, Lambertian | RoughDiffuse):
-        return material.albedo
-    if isinstance(material, Conductor):
-        return material.reflectance
-    if isinstance(material, ThinGlass):
-        return material.transmittance
-    if isinstance(material, MetallicRoughness):
-        return material.base
-    return 1.0 if isinstance(material, Dielectric) else 0.0
-
-
-def absorption_of(material: Material) -> Colour:
-    """Absorption per mm behind the front of a material."""
-    return material.absorption if isinstance(material, Dielectric) else 0.0
-
-
-def has_grey_index(material: Material) -> bool:
-    """Whether a metal's index is the same for all channels."""
-    index = material.index if isinstance(material, Conductor) else None
-    return not isinstance(index, tuple) or len(set(index)) == 1
-
-
-def reflects(material: Material) -> bool:
-    """Whether a material gives back any light that meets it."""
-    colour = base_colour(material)
-    if isinstance(material, ThinGlass | MetallicRoughness):
-        return True
-    return isinstance(colour, Texture) or bool(np.any(colour))
-
-
-def roughness_of(material: Material) -> float:
-    """The number by which a material is rough; 0 where a texture says so."""
-    if isinstance(material, Conductor | Dielectric):
-        return material.alpha
-    if isinstance(material, RoughDiffuse | MetallicRoughness):
-        return material.roughness if isinstance(material.roughness, float) else 0.0
-    return 0.0
-
-
-def takes_light(material: Material) -> bool:
-    """Whether light that is drawn directly can be scattered by a material: not by mirrors and polished glass."""
-    if isinstance(material, Conductor | Dielectric):
-        return material.alpha >= SMOOTH
-    return not isinstance(material, ThinGlass) and reflects(material)
-
-
-def all_grey(materials: Sequence[Material]) -> bool:
-    """Whether no material treats red, green and blue differently."""
-    return all(is_grey(base_colour(m)) and is_grey(absorption_of(m)) and has_grey_index(m) for m in materials)
 
 
 @cache
 def _layer_tables() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """What passes the layer of a LAYERED material of reflectance 0.04, and its means.
+    """What passes the layer of a METALLIC_ROUGHNESS material of reflectance 0.04, and its means.
 
     The layer's directional albedo is the mean of F G2 / G1 over normals drawn by visibility, here at the midpoints of
     a grid of random numbers, as in `microfacets.visible_normal`.

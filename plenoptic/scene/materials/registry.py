@@ -5,27 +5,25 @@ from __future__ import annotations
 from typing import TypeAlias
 
 from plenoptic.scene.materials.conductor import Conductor
-from plenoptic.scene.materials.dielectric import Dielectric, ThinGlass
+from plenoptic.scene.materials.dielectric import Dielectric
 from plenoptic.scene.materials.diffuse import Lambertian, RoughDiffuse
 from plenoptic.scene.materials.emissive import Emissive
 from plenoptic.scene.materials.metallic_roughness import MetallicRoughness
-from plenoptic.scene.textures.color import Colour as Colour
-from plenoptic.scene.textures.color import as_colour as as_colour
-from plenoptic.scene.textures.texture import Texture
+from plenoptic.scene.materials.thin_dielectric import ThinGlass
 
 Material: TypeAlias = Lambertian | RoughDiffuse | Conductor | Dielectric | ThinGlass | MetallicRoughness | Emissive
 
-MATERIALS = (Lambertian, RoughDiffuse, Conductor, Dielectric, ThinGlass, MetallicRoughness, Emissive)
+KIND_NAMES = ("Lambertian", "rough diffuse", "metal", "glass", "panes", "metallic-roughness")
+"""What a plan calls the kinds by which kernels scatter."""
+LAMBERTIAN, OREN_NAYAR, CONDUCTOR, DIELECTRIC, THIN_DIELECTRIC, METALLIC_ROUGHNESS = range(len(KIND_NAMES))
 
-
-def textures_of(material: Material) -> tuple[Texture, ...]:
-    """The textures that a material is made of."""
-    fields = (getattr(material, name) for name in material.__dataclass_fields__)
-    return tuple(field for field in fields if isinstance(field, Texture))
-
-
-def emitted(material: Material) -> Colour | Texture:
-    """Radiance that a material emits; 0 where it does not."""
-    if isinstance(material, Emissive):
-        return material.radiance
-    return material.emission if isinstance(material, MetallicRoughness) else 0.0
+MATERIALS: dict[type[Material], int] = {
+    Lambertian: LAMBERTIAN,
+    RoughDiffuse: OREN_NAYAR,
+    Conductor: CONDUCTOR,
+    Dielectric: DIELECTRIC,
+    ThinGlass: THIN_DIELECTRIC,
+    MetallicRoughness: METALLIC_ROUGHNESS,
+    Emissive: LAMBERTIAN,
+}
+"""The kind by which each material scatters; what only emits is a black Lambertian."""

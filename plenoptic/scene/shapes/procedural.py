@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from plenoptic.core.values import finite, frozen_array, positive, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.scene.geometry.mesh import Mesh
-from plenoptic.scene.lights.registry import QuadLight
+from plenoptic.scene.lights.quad import QuadLight
 from plenoptic.scene.materials.conductor import Conductor
 from plenoptic.scene.materials.dielectric import Dielectric
 from plenoptic.scene.materials.diffuse import Lambertian

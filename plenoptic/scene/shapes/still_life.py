@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from plenoptic.scene.geometry.mesh import Mesh
-from plenoptic.scene.lights.registry import QuadLight
+from plenoptic.scene.lights.quad import QuadLight
 from plenoptic.scene.materials.conductor import Conductor
 from plenoptic.scene.materials.dielectric import Dielectric
 from plenoptic.scene.materials.diffuse import Lambertian, RoughDiffuse

@@ -50,7 +50,7 @@ def as_share(share: Any, name: str) -> float | Texture:
     return share
 
 
-def is_grey(colour: Colour | Texture) -> bool:
+def is_grey(colour: complex | tuple[complex, complex, complex] | Texture) -> bool:
     """Whether red, green and blue are the same."""
     return colour.is_grey if isinstance(colour, Texture) else len(set(np.ravel(colour).tolist())) == 1
 

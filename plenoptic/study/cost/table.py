@@ -1,4 +1,4 @@
-"""The table of what the parts of a rendering cost."""
+"""The table of what the parts of a render cost."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 from plenoptic.core.values import set_field, value
 from plenoptic.rendering.plan.stages import Stage
-from plenoptic.study.text_table import aligned, comma_separated, markdown_table
+from plenoptic.study.text_table import comma_separated, markdown_table, plain_table
 
 _COLUMNS = ("stage", "without it", "s with", "s without", "% of CPU", "+-", "set-up s", "picture %", "stops too")
 _CSV = (
@@ -81,7 +81,7 @@ class CostRow:
 
 @value
 class CostTable:
-    """What the parts of a rendering cost, dearest first; made by `cost_of`, shown by `print`.
+    """What the parts of a render cost, dearest first; made by `cost_of`, shown by `print`.
 
     Parameters
     ----------
@@ -134,32 +134,12 @@ class CostTable:
         return tuple(sorted(self.rows, key=lambda row: -row.percent if math.isfinite(row.percent) else math.inf))
 
     def to_markdown(self) -> str:
-        """The table in Markdown, with what cannot be left out below.
-
-        Returns
-        -------
-        str
-        """
+        """The table in Markdown, with what cannot be left out below."""
         table = markdown_table(_COLUMNS, [row.cells for row in self.dearest])
         return "\n\n".join([table, *self._remarks()])
 
     def to_csv(self, path: str | os.PathLike[str] | None = None) -> str:
-        """All rows as comma-separated values with full precision, then what cannot be left out.
-
-        Parameters
-        ----------
-        path : path-like, optional
-            Where to write them; None: nowhere.
-
-        Returns
-        -------
-        str
-
-        Raises
-        ------
-        FileError
-            If the file cannot be written.
-        """
+        """All rows and what cannot be left out as comma-separated values, in a file too where `path` is given."""
         rows: list[Sequence[object]] = [_CSV]
         for row in self.rows:
             found = (row.with_it, row.without_it, row.percent, row.standard_error, row.set_up, row.picture_change)
@@ -170,9 +150,7 @@ class CostTable:
         return comma_separated(rows, path)
 
     def __str__(self) -> str:
-        return "\n".join(
-            [*(line.rstrip() for line in aligned(_COLUMNS, [row.cells for row in self.dearest])), *self._remarks()]
-        )
+        return "\n".join([plain_table(_COLUMNS, [row.cells for row in self.dearest]), *self._remarks()])
 
     def __repr__(self) -> str:
         count = f"{len(self.rows)} stage{'s' * (len(self.rows) != 1)}"

@@ -17,15 +17,16 @@ from plenoptic.optics.sensor.sensor import Sensor
 from plenoptic.optics.stops.stops import CircularStop
 from plenoptic.rendering.settings import Sampler
 from plenoptic.scene.shapes.procedural import check_scene, objects_scene
-from plenoptic.study.error_time.study import study_of
+from plenoptic.study.error_time.study import SIDE, error_against_time
 from plenoptic.study.error_time.table import ErrorTable
 from plenoptic.study.error_time.variants import Variant
+from plenoptic.study.exposures import central_region
 
 if TYPE_CHECKING:
     from plenoptic.scene.scene import Scene
 
 QUICK_SAMPLES, QUICK_SEEDS, QUICK_SIDE, QUICK_FACTOR = (8, 16, 32), 3, 32, 8
-SEEDS, SIDE = 8, 64
+SEEDS = 8
 
 
 @value
@@ -208,18 +209,13 @@ def case_table(case: ErrorCase, *, quick: bool, threads: int = 1, progress: bool
     'white'
     """
     camera, side = case.camera(), QUICK_SIDE if quick else SIDE
-    sides = [min(side, length) for length in camera.sensor.shape]
-    starts = [(length - part) // 2 for length, part in zip(camera.sensor.shape, sides, strict=True)]
-    rows, columns = (slice(start, start + part) for start, part in zip(starts, sides, strict=True))
-    return study_of(
+    return error_against_time(
         case.scene(),
         camera,
         None if case.variants is None else case.variants(),
         samples=QUICK_SAMPLES if quick else case.samples,
-        region=(rows, columns),
+        region=central_region(camera.sensor.shape, side),
         seeds=QUICK_SEEDS if quick else SEEDS,
-        seed=0,
-        repeats=1,
         reference=case.reference,
         reference_samples=QUICK_FACTOR * QUICK_SAMPLES[-1] if quick else case.reference_samples,
         threads=threads,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -13,41 +12,19 @@ from plenoptic.study.error_time.cases import case_table, error_case, error_cases
 from plenoptic.study.error_time.document import error_document, load_now
 from plenoptic.study.error_time.table import ErrorTable
 from plenoptic.study.error_time.text import csv_of
+from plenoptic.study.options import add_render_options, study_command
 
 
 def add_command(subparsers: Any) -> None:
-    """Add ``error-against-time`` to the studies of a parser.
-
-    Parameters
-    ----------
-    subparsers : what `argparse.ArgumentParser.add_subparsers` gives
-
-    Examples
-    --------
-    >>> import argparse
-    >>> from plenoptic.study.error_time.command import add_command
-    >>> parser = argparse.ArgumentParser()
-    >>> add_command(parser.add_subparsers())
-    >>> parser.parse_args(["error-against-time", "--case", "white", "--quick"]).case
-    ['white']
-    """
+    """Add ``error-against-time`` to the studies of a parser."""
     text = "error against run time of the bundled cases"
-    one = subparsers.add_parser("error-against-time", help=text, description=text)
-    one.add_argument("--case", nargs="+", choices=error_cases(), help="which cases; all by default")
+    one = study_command(subparsers, "error-against-time", text, run=_run, quick="few pixels, seeds and samples")
+    add_render_options(one)
     one.epilog = "Cases: " + " ".join(f"{name}: {error_case(name).what}" for name in error_cases())
-    one.add_argument("--quick", action="store_true", help="few pixels, seeds and samples: to see that all works")
-    one.add_argument("--threads", type=int, default=1, help="of the renderings that are timed (1)")
+    one.add_argument("--case", nargs="+", choices=error_cases(), help="which cases; all by default")
     one.add_argument("--target", type=float, action="append", help="recommend a setting for this error, such as 0.01")
-    one.add_argument(
-        "--markdown", action="store_true", help="print Markdown alone, without pixels, threads and reference"
-    )
     one.add_argument("--document", action="store_true", help="print the document on error and time")
-    one.add_argument("--csv", metavar="FILE", help="write all rows as comma-separated values")
     one.add_argument("--plot", metavar="FILE", help="draw all cases; a document refers to it as images/FILE")
-    one.add_argument(
-        "--progress", action=argparse.BooleanOptionalAction, default=sys.stderr.isatty(), help="in terminals"
-    )
-    one.set_defaults(run=_run)
 
 
 def _run(options: argparse.Namespace) -> int:

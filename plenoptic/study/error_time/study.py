@@ -1,4 +1,4 @@
-"""Error against run time: variants of a rendering, timed, and compared with a converged reference."""
+"""Error against run time: variants of a render, timed, and compared with a converged reference."""
 
 from __future__ import annotations
 
@@ -7,15 +7,16 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
+from plenoptic.camera.checks import check_scene_and_camera, sensor_region
 from plenoptic.core.parallel import thread_count
 from plenoptic.core.values import whole, wrong_kind
 from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.exposure import Exposure
-from plenoptic.study.error_time.measuring import measured_rows
+from plenoptic.study.error_time.measurement import Runs, measured_rows
 from plenoptic.study.error_time.split import Reference, reference_of
 from plenoptic.study.error_time.table import ErrorTable
 from plenoptic.study.error_time.variants import Variant, checked_variants, default_variants
-from plenoptic.study.finished import finished
+from plenoptic.study.exposures import central_region, complete
 
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera
@@ -27,40 +28,106 @@ REFERENCE_SEED = 1_000_003
 REFERENCE_FACTOR = 16
 """Samples of the reference over the largest number of samples, unless told otherwise."""
 
-_CROP = 64
+SIDE = 64
 """Pixels along the central region that is rendered unless another is given."""
 
 
-def study_of(
+def error_against_time(  # noqa: PLR0913
     scene: Scene | None,
     camera: PlenopticCamera,
-    variants: Mapping[str, Variant] | None,
+    variants: Mapping[str, Variant] | None = None,
     *,
-    samples: Sequence[int],
-    region: tuple[slice, slice] | None,
-    seeds: int,
-    seed: int,
-    repeats: int,
-    reference: Variant | Exposure | None,
-    reference_samples: int | None,
-    threads: int,
-    title: str | None,
-    progress: bool,
+    samples: Sequence[int] = (16, 32, 64, 128, 256),
+    region: tuple[slice, slice] | None = None,
+    seeds: int = 8,
+    seed: int = 0,
+    repeats: int = 1,
+    reference: Variant | Exposure | None = None,
+    reference_samples: int | None = None,
+    threads: int = 1,
+    title: str | None = None,
+    progress: bool = True,
 ) -> ErrorTable:
-    """Run a study; see `plenoptic.study.error_against_time`."""
-    from plenoptic.camera.checks import check_scene_and_camera, sensor_region
+    """What an error costs: variants of a render, timed, and compared with a converged reference.
 
+    Each variant is rendered with several numbers of samples and several seeds. What seeds differ by is variance; what
+    their mean is off from the reference, beyond what noise explains, is bias. The reference's own squared error is
+    known from its standard errors and subtracted. Errors are relative root mean squares over lit pixels: those above
+    0.1 of the reference's 99th percentile, in the mean over the channels.
+
+    Parameters
+    ----------
+    scene : Scene or None
+        None: the white image.
+    camera : PlenopticCamera
+    variants : mapping of str to Variant, optional
+        By their names; None: `default_variants`, of which the first is the camera as it is.
+    samples : sequence of int, optional
+        Paths per pixel, rising.
+    region : (slice, slice), optional
+        Rows and columns of the sensor; None: the central 64 x 64 pixels.
+    seeds : int, optional
+        Renders of each row, at least 2.
+    seed : int, optional
+        The first seed.
+    repeats : int, optional
+        How often each rendering is timed; times are medians over seeds and repeats.
+    reference : Variant or Exposure, optional
+        How the reference is rendered; None: as ``Variant()``. Or one that has been rendered already, of the same
+        region, with another seed and with standard errors.
+    reference_samples : int, optional
+        Paths per pixel of the reference; None: 16 times the largest number in `samples`.
+    threads : int, optional
+        Of the renderings that are timed.
+    title : str, optional
+        Of the table.
+    progress : bool, optional
+        Whether to show a progress bar.
+
+    Returns
+    -------
+    ErrorTable
+        `print` shows it; `plot()`, `recommend(target_error)`, `slope(variant)`, `bias_floor(variant)`, `pareto()`,
+        `to_csv()`, `to_markdown()`.
+
+    Raises
+    ------
+    InvalidValueError
+        If an argument is impossible, or the reference is black or does not fit.
+
+    Notes
+    -----
+    Setting up is timed by calls that render one path, once everything is compiled, and pupils and the scene's tree are
+    known from a call before.
+    Errors are relative to the reference, so that a poor one makes them too large, by some three times its own squared
+    error, and biases that all pixels share by more. Its error should be below the smallest that is studied.
+
+    Examples
+    --------
+    >>> import numpy as np, plenoptic as pl
+    >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
+    ...     sensor=pl.Sensor(shape=(16, 16), pixel_pitch=1.0), stop_to_microlenses=130.0)
+    >>> table = pl.study.error_against_time(None, camera, samples=(64, 256), seeds=3, progress=False)
+    >>> table.variants
+    ('EXACT lens', 'PARAXIAL lens', 'THIN lens', 'RANDOM sampler', '1 replicate')
+    >>> table.bias_floor("EXACT lens"), table.bias_floor("PARAXIAL lens") > 0.02
+    (0.0, True)
+    >>> table.recommend(0.02).variant
+    '1 replicate'
+    """
     check_scene_and_camera(scene, camera)
     numbers, first, workers = _checked_numbers(samples), whole(seed, "seed", at_least=0), thread_count(threads)
     count, rounds = whole(seeds, "seeds", at_least=2), whole(repeats, "repeats", at_least=1)
     chosen = default_variants(scene, camera) if variants is None else checked_variants(variants)
     cameras = {name: variant.camera_from(camera) for name, variant in chosen.items()}
-    rows, end_row, columns, end_column = sensor_region(camera.sensor.shape, region or _central(camera.sensor.shape))
+    rows, end_row, columns, end_column = sensor_region(
+        camera.sensor.shape, region or central_region(camera.sensor.shape, SIDE)
+    )
     window = (slice(rows, end_row), slice(columns, end_column))
     middle = tuple(slice((part.start + part.stop) // 2, (part.start + part.stop) // 2 + 1) for part in window)
 
     def expose(name: str, n: int, seed: int) -> Exposure:
-        return finished(chosen[name].render(scene, cameras[name], samples=n, seed=seed, region=window, threads=workers))
+        return complete(chosen[name].render(scene, cameras[name], samples=n, seed=seed, region=window, threads=workers))
 
     def set_up(name: str) -> None:
         chosen[name].render(scene, cameras[name], samples=1, seed=0, region=middle, threads=workers)  # type: ignore[arg-type]
@@ -76,17 +143,8 @@ def study_of(
         else:
             known = _rendered_reference(scene, camera, reference, converged, first + REFERENCE_SEED, window)
         bar.update(converged)
-        found = measured_rows(
-            expose,
-            list(chosen),
-            numbers,
-            known,
-            seeds=count,
-            seed=first,
-            repeats=rounds,
-            set_up=set_up,
-            done=bar.update,
-        )
+        runs = Runs(numbers, count, first, rounds)
+        found = measured_rows(expose, list(chosen), runs, known, set_up=set_up, done=bar.update)
     return ErrorTable(
         title=title or ("white image" if scene is None else repr(scene)),
         rows=found,
@@ -106,12 +164,6 @@ def _checked_numbers(samples: Sequence[int]) -> list[int]:
     if any(b <= a for a, b in pairwise(numbers)):
         raise InvalidValueError(f"samples is {tuple(samples)}; each number must be above the one before")
     return numbers
-
-
-def _central(shape: tuple[int, int]) -> tuple[slice, slice]:
-    starts = [max(length - _CROP, 0) // 2 for length in shape]
-    rows, columns = (slice(start, start + min(_CROP, length)) for start, length in zip(starts, shape, strict=True))
-    return rows, columns
 
 
 def _given_reference(exposure: Exposure, window: tuple[slice, slice]) -> Reference:
@@ -137,7 +189,7 @@ def _rendered_reference(
     if not isinstance(variant, Variant):
         raise wrong_kind(reference, "reference", "Variant or an Exposure", "Variant(max_bounces=32)")
     # On all processors: it is not timed, and its bits do not depend on them.
-    shot = finished(variant.render(scene, variant.camera_from(camera), samples=samples, seed=seed, region=window))
+    shot = complete(variant.render(scene, variant.camera_from(camera), samples=samples, seed=seed, region=window))
     return reference_of(shot)
 
 

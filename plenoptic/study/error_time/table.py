@@ -8,10 +8,10 @@ import os
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from plenoptic.core.values import finite, set_field, value, whole, wrong_kind
+from plenoptic.core.values import finite, set_field, value, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.schedule.budget import checked_target
-from plenoptic.study.error_time.recommending import Recommendation, recommended
+from plenoptic.study.error_time.recommendation import Recommendation, recommended
 from plenoptic.study.error_time.rows import ErrorRow
 from plenoptic.study.error_time.text import csv_of, markdown_of, slopes_markdown, table_in
 
@@ -174,22 +174,7 @@ class ErrorTable:
         return markdown_of(self.rows, self.pixels, self.pareto()) + "\n\n" + slopes_markdown(fits, self.pixels)
 
     def to_csv(self, path: str | os.PathLike[str] | None = None) -> str:
-        """All rows as comma-separated values with full precision; `from_csv` reads them.
-
-        Parameters
-        ----------
-        path : path-like, optional
-            Where to write them; None: nowhere.
-
-        Returns
-        -------
-        str
-
-        Raises
-        ------
-        FileError
-            If the file cannot be written.
-        """
+        """All rows as comma-separated values, in a file too where `path` is given; `from_csv` reads it."""
         return csv_of([self], path)
 
     @classmethod
@@ -251,10 +236,3 @@ def _fitted(rows: Sequence[ErrorRow]) -> tuple[float, float]:
     width = sum(w * (a - middle) ** 2 for w, a in zip(weights, x, strict=True))
     slope = sum(w * (a - middle) * b for w, a, b in zip(weights, x, y, strict=True)) / width
     return slope, 1.0 / math.sqrt(width)
-
-
-def checked_table(table: object) -> ErrorTable:
-    """The table itself, or an error where it is something else."""
-    if not isinstance(table, ErrorTable):
-        raise wrong_kind(table, "table", "ErrorTable", "pl.study.error_against_time(scene, camera)")
-    return table

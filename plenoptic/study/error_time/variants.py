@@ -1,4 +1,4 @@
-"""Variants of a rendering: what an error study compares."""
+"""Variants of a render: what an error study compares."""
 
 from __future__ import annotations
 
@@ -11,8 +11,11 @@ from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.microlens.array import MicrolensModel
 from plenoptic.rendering.exposure import Exposure
-from plenoptic.rendering.settings import Caustics, Sampler
+from plenoptic.rendering.plan.plan import plan
+from plenoptic.rendering.plan.stages import Stage, Subject
+from plenoptic.rendering.settings import Caustics, RenderSettings, Sampler
 from plenoptic.scene.scene import Scene
+from plenoptic.study.exposures import expose
 from plenoptic.truth.channels import Truth
 
 _FEW_BOUNCES = 2
@@ -140,34 +143,9 @@ class Variant:
         --------
         See `error_against_time`.
         """
-        from plenoptic.rendering.render import render, render_white
-
-        if scene is None:
-            return render_white(
-                camera,
-                samples=samples,
-                region=region,
-                seed=seed,
-                replicates=self.replicates,
-                sampler=self.sampler,
-                threads=threads,
-                progress=False,
-            )
-        return render(
-            scene,
-            camera,
-            samples=samples,
-            region=region,
-            seed=seed,
-            replicates=self.replicates,
-            sampler=self.sampler,
-            max_bounces=self.max_bounces,
-            caustics=self.caustics,
-            clamp=self.clamp,
-            truth=Truth.NONE,
-            threads=threads,
-            progress=False,
-        )
+        settings = RenderSettings(self.max_bounces, self.caustics, self.clamp, self.sampler)
+        subject = Subject(scene, camera, samples, self.replicates, Truth.NONE, settings)
+        return expose(subject, seed=seed, region=region, threads=threads)
 
 
 def default_variants(scene: Scene | None, camera: PlenopticCamera) -> dict[str, Variant]:
@@ -194,9 +172,6 @@ def default_variants(scene: Scene | None, camera: PlenopticCamera) -> dict[str, 
     >>> list(default_variants(None, camera))
     ['EXACT lens', 'PARAXIAL lens', 'THIN lens', 'RANDOM sampler', '1 replicate']
     """
-    from plenoptic.rendering.plan.plan import plan
-    from plenoptic.rendering.plan.stages import Stage
-
     runs = plan(scene, camera).runs
     model = camera.lens.model
     variants = {f"{model.name} lens": Variant()}

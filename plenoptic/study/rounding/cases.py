@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -71,43 +72,43 @@ def single(surface: Surface, before: float, behind: float, *, iris: float = 0.0)
     """A lens in which a surface stands between two indices, the iris `iris` mm behind it; and the surface's place."""
     thickness = iris if before == 1.0 else 0.0
     front = [Surface(math.inf, 1.0, ConstantMedium(before), semi_diameter=WIDE)] if before != 1.0 else []
-    made = Surface(
-        surface.radius,
-        thickness if behind == 1.0 else iris,
-        ConstantMedium(behind),
-        semi_diameter=surface.semi_diameter,
-        conic=surface.conic,
-        aspheric=surface.aspheric,
-        depth=surface.depth,
-    )
+    made = dataclasses.replace(surface, thickness=thickness if behind == 1.0 else iris, medium=ConstantMedium(behind))
     stop = CircularStop(WIDE, 1.0)
     rear = Surface(math.inf, semi_diameter=WIDE)
     return LensStack([*front, made, stop, rear]), len(front)
 
 
-def _aimed(
-    surface: Surface,
-    indices: tuple[float, float],
-    rng: np.random.Generator,
-    n: int,
-    *,
-    distance: float = 10.0,
-    widest: float = 1.2,
-    size: float | None = None,
-    reverse: bool = False,
-    iris: float = 0.0,
-) -> Setup:
+class _Aim(NamedTuple):
+    """How rays are aimed at points of a surface."""
+
+    distance: float = 10.0
+    """From where they start to the point, mm."""
+    widest: float = 1.2
+    """Half angle of their cone about the axis."""
+    size: float | None = None
+    """Radius over which the points are spread; None: the semi-diameter."""
+    reverse: bool = False
+    iris: float = 0.0
+    """How far it is behind the surface, mm."""
+
+
+def _aimed(surface: Surface, indices: tuple[float, float], aim: _Aim, rng: np.random.Generator, n: int) -> Setup:
     """Rays within a cone about the axis, through points of a surface."""
-    lens, k = single(surface, *indices, iris=iris)
-    points, _ = points_on(surface, rng, n, size)
-    rays = through_points(lens, k, points, cone(rng, n, widest), distance=distance, reverse=reverse)
-    return Setup(lens, rays, k, k, reverse)
+    lens, k = single(surface, *indices, iris=aim.iris)
+    points, _ = points_on(surface, rng, n, aim.size)
+    along = cone(rng, n, aim.widest)
+    rays = through_points(lens, k, points, along, distance=aim.distance, reverse=aim.reverse)
+    return Setup(lens, rays, k, k, aim.reverse)
 
 
-def _both_ways(name: str, surface: Surface, indices: tuple[float, float], **how: Any) -> list[StabilityCase]:
+def _one_way(name: str, surface: Surface, indices: tuple[float, float], **aim: Any) -> StabilityCase:
+    return StabilityCase(name, partial(_aimed, surface, indices, _Aim(**aim)))
+
+
+def _both_ways(name: str, surface: Surface, indices: tuple[float, float], **aim: Any) -> list[StabilityCase]:
     return [
-        StabilityCase(name, partial(_aimed, surface, indices, **how)),
-        StabilityCase(f"{name}, in reverse", partial(_aimed, surface, indices[::-1], reverse=True, **how)),
+        _one_way(name, surface, indices, **aim),
+        _one_way(f"{name}, in reverse", surface, indices[::-1], reverse=True, **aim),
     ]
 
 
@@ -188,22 +189,20 @@ def _spheres() -> list[StabilityCase]:
     tiny = Surface(1e-3, semi_diameter=1e-3)
     return [
         *_both_ways("radius 50", ball, glass),
-        StabilityCase("radius -50", partial(_aimed, Surface(-50.0, semi_diameter=45.0), glass)),
-        StabilityCase("radius 50, vertex 123 mm before the iris", partial(_aimed, ball, glass, iris=123.3)),
-        StabilityCase("radius 1e9", partial(_aimed, flat, glass)),
-        StabilityCase(
-            "radius -1e9, in reverse", partial(_aimed, Surface(-1e9, semi_diameter=20.0), glass, reverse=True)
-        ),
+        _one_way("radius -50", Surface(-50.0, semi_diameter=45.0), glass),
+        _one_way("radius 50, vertex 123 mm before the iris", ball, glass, iris=123.3),
+        _one_way("radius 1e9", flat, glass),
+        _one_way("radius -1e9, in reverse", Surface(-1e9, semi_diameter=20.0), glass, reverse=True),
         *_both_ways("radius 1e-3", tiny, glass, distance=0.1),
-        StabilityCase("radius 1e-3, vertex 123 mm before the iris", partial(_aimed, tiny, glass, iris=123.3)),
-        StabilityCase("origin 1e6 mm away", partial(_aimed, ball, glass, distance=1e6)),
-        StabilityCase("origin 1e9 mm away", partial(_aimed, ball, glass, distance=1e9)),
-        StabilityCase("origin 1e9 mm away, radius 1e9", partial(_aimed, flat, glass, distance=1e9)),
-        StabilityCase("near the axis, 1e-4", partial(_aimed, ball, glass, widest=1e-4, size=1e-4)),
+        _one_way("radius 1e-3, vertex 123 mm before the iris", tiny, glass, iris=123.3),
+        _one_way("origin 1e6 mm away", ball, glass, distance=1e6),
+        _one_way("origin 1e9 mm away", ball, glass, distance=1e9),
+        _one_way("origin 1e9 mm away, radius 1e9", flat, glass, distance=1e9),
+        _one_way("near the axis, 1e-4", ball, glass, widest=1e-4, size=1e-4),
         *_both_ways("plane", Surface(math.inf, semi_diameter=50.0), glass),
-        StabilityCase("index ratio 1 + 1e-12", partial(_aimed, ball, (1.0, 1.0 + 1e-12))),
-        StabilityCase("index ratio 1 - 1e-12", partial(_aimed, ball, (1.0 + 1e-12, 1.0))),
-        StabilityCase("index 1000", partial(_aimed, ball, (1.0, 1000.0))),
+        _one_way("index ratio 1 + 1e-12", ball, (1.0, 1.0 + 1e-12)),
+        _one_way("index ratio 1 - 1e-12", ball, (1.0 + 1e-12, 1.0)),
+        _one_way("index 1000", ball, (1.0, 1000.0)),
         StabilityCase("backward rays: the wrong way", partial(_wrong_way, ball)),
         StabilityCase(
             "backward rays: the wrong way, plane", partial(_wrong_way, Surface(math.inf, semi_diameter=50.0))
@@ -214,7 +213,7 @@ def _spheres() -> list[StabilityCase]:
 
 
 def _wrong_way(surface: Surface, rng: np.random.Generator, n: int) -> Setup:
-    made = _aimed(surface, (1.0, GLASS), rng, n, widest=0.5, size=20.0, reverse=True)
+    made = _aimed(surface, (1.0, GLASS), _Aim(widest=0.5, size=20.0, reverse=True), rng, n)
     return made._replace(reverse=False)
 
 
@@ -322,11 +321,8 @@ def _conics() -> list[StabilityCase]:
         *_both_ways("conic -1", Surface(50.0, semi_diameter=45.0, conic=-1.0), glass),
         *_both_ways("conic -3", Surface(-50.0, semi_diameter=60.0, conic=-3.0), glass),
         *_both_ways("conic +2", steep, glass),
-        StabilityCase(
-            "conic -1, origin 1e9 mm away",
-            partial(_aimed, Surface(50.0, semi_diameter=45.0, conic=-1.0), glass, distance=1e9),
-        ),
-        StabilityCase("conic +2, vertex 123 mm before the iris", partial(_aimed, steep, glass, iris=123.3)),
+        _one_way("conic -1, origin 1e9 mm away", Surface(50.0, semi_diameter=45.0, conic=-1.0), glass, distance=1e9),
+        _one_way("conic +2, vertex 123 mm before the iris", steep, glass, iris=123.3),
     ]
 
 
@@ -340,10 +336,10 @@ def _aspheres() -> list[StabilityCase]:
     equator = Surface(10.0, semi_diameter=10.0, aspheric=(0.0, 1e-6))
     return [
         *_both_ways("asphere", usual, glass),
-        StabilityCase("asphere, origin 1e9 mm away", partial(_aimed, usual, glass, distance=1e9)),
+        _one_way("asphere, origin 1e9 mm away", usual, glass, distance=1e9),
         *_both_ways("strong asphere", strong, glass, widest=1.55),
         *_both_ways("asphere crossed several times: a ring", ring, glass, widest=1.55),
         *_both_ways("asphere crossed several times: gull wings", gull, glass, widest=1.55),
         *_both_ways("asphere crossed several times: ripples", ripples, glass, widest=1.55),
-        StabilityCase("asphere up to its equator", partial(_aimed, equator, glass)),
+        _one_way("asphere up to its equator", equator, glass),
     ]

@@ -16,7 +16,13 @@ from plenoptic.optics.surfaces.surface import Surface
 from plenoptic.study.rounding.bounds import Found, compared
 from plenoptic.study.rounding.cases import Setup, StabilityCase, stability_cases
 from plenoptic.study.rounding.reference import exact_rays, mpmath_context
-from plenoptic.study.text_table import aligned, markdown_table
+from plenoptic.study.text_table import markdown_table, plain_table
+
+QUICK = 40
+"""Rays of a case that show that all works."""
+
+THOROUGH = 1000
+"""Rays of a case, unless told otherwise."""
 
 _COLUMNS = (
     "case",
@@ -136,16 +142,11 @@ class StabilityTable:
         return all(row.holds for row in self.rows)
 
     def to_markdown(self) -> str:
-        """The table in Markdown.
-
-        Returns
-        -------
-        str
-        """
+        """The table in Markdown."""
         return markdown_table(_COLUMNS, [row.cells for row in self.rows])
 
     def __str__(self) -> str:
-        return "\n".join(line.rstrip() for line in aligned(_COLUMNS, [row.cells for row in self.rows]))
+        return plain_table(_COLUMNS, [row.cells for row in self.rows])
 
     def __repr__(self) -> str:
         missed = [row.case for row in self.rows if not row.holds]
@@ -226,8 +227,39 @@ def _largest(errors: Sequence[float | None]) -> float | None:
     return max((error for error in errors if error is not None), default=None)
 
 
-def stability_table(*, rays: int, seed: int, only: Sequence[str] | None) -> StabilityTable:
-    """All cases, or those that begin with one of some names; see `plenoptic.study.stability`."""
+def stability(*, rays: int = THOROUGH, seed: int = 0, only: Sequence[str] | None = None) -> StabilityTable:
+    """Rounding errors of ray tracing, against a trace with 50 digits and other formulas.
+
+    The cases are ordinary lenses and what is hard for floating-point numbers: very large and very small radii, distant
+    origins, grazing rays, tangents, total reflection, indices that are almost the same, strong aspheres, numbers that
+    are not finite. Every ray is held to a bound of its own; see `plenoptic.study.rounding.bounds`.
+
+    Parameters
+    ----------
+    rays : int, optional
+        For each case. A thousand take about a minute, most of it with many digits.
+    seed : int, optional
+        Of the random rays.
+    only : sequence of str, optional
+        Beginnings of the names of the cases wanted.
+
+    Returns
+    -------
+    StabilityTable
+        `print` shows it; `to_markdown()`, and `rows` with the numbers.
+
+    Raises
+    ------
+    PlenopticError
+        If mpmath is not installed; an InvalidValueError if `rays` is below 1 or no case is left.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> table = pl.study.stability(rays=10, only=["radius 50"])
+    >>> table.holds, [row.case for row in table.rows][:2]
+    (True, ['radius 50', 'radius 50, in reverse'])
+    """
     count = whole(rays, "rays", at_least=1)
     chosen = [case for case in stability_cases() if only is None or case.name.startswith(tuple(only))]
     if not chosen:

@@ -12,7 +12,7 @@ from plenoptic.camera.array_axes import array_axes
 from plenoptic.camera.points.projection import project
 from plenoptic.camera.points.projection_chiefs import ThroughArray, aimed, rays_from
 from plenoptic.camera.psf.point_spread import landing_points, point_spread
-from plenoptic.optics.lens.record import lens_tables
+from plenoptic.optics.lens.record import lens_record
 from plenoptic.optics.lens.trace import traced_by
 from plenoptic.truth.channels import Truth
 
@@ -135,7 +135,7 @@ def test_chief_rays_pass_centres_to_a_millionth_of_a_micrometre(array, placed):
     camera = reference_camera(**array)
     camera = assembled(camera) if placed else camera
     axes, made = array_axes(camera), camera.microlenses
-    aim = ThroughArray(lens_tables(camera.lens, camera.wavelength, reverse=False, clipping=False), axes, made)
+    aim = ThroughArray(lens_record(camera.lens, camera.wavelength, reverse=False, clipping=False), axes, made)
     rng = np.random.default_rng(3)
     wanted = rng.uniform(-1.5, 1.5, (200, 2))
     points = np.tile([4.0, -3.0, -380.0], (200, 1))

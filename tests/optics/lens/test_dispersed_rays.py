@@ -7,8 +7,8 @@ import pytest
 
 import plenoptic as pl
 from plenoptic.core.kernels.ray_blocks import BLOCK
-from plenoptic.optics.lens.kernels.trace import fill_traced, fill_traced_waves
-from plenoptic.optics.lens.record import lens_tables
+from plenoptic.optics.lens.kernels.trace import fill_traced
+from plenoptic.optics.lens.record import lens_record
 
 WAVELENGTHS = np.array([450.0, 486.1, 546.1, 587.6, 656.3])
 GAUSS = pl.load_lens("double-gauss-100mm-f2")
@@ -45,16 +45,17 @@ def test_dispersed_rays_are_monochrome_rays_together(name: str, reverse: bool) -
     blocks = np.ascontiguousarray(rows.reshape(8, -1, BLOCK).transpose(1, 0, 2))
     waves = rng.integers(0, len(WAVELENGTHS), n)
     together = blocks.copy()
-    fill_traced_waves(together.reshape(-1), waves, *lens_tables(lens, WAVELENGTHS, reverse=reverse))
+    fill_traced(together.reshape(-1), lens_record(lens, WAVELENGTHS, reverse=reverse), waves)
     passed = 0
     for number, wavelength in enumerate(WAVELENGTHS):
         alone = blocks.copy()
-        tables = lens_tables(lens, float(wavelength), reverse=reverse)
+        record = lens_record(lens, float(wavelength), reverse=reverse)
         if lens.model is not pl.LensModel.EXACT:
             # Ideal lenses have their principal planes and pupils where the first wavelength has them.
-            first = lens_tables(lens, float(WAVELENGTHS[0]), reverse=reverse)
-            tables = first._replace(curvature=tables.curvature)
-        fill_traced(alone.reshape(-1), *tables)
+            first = lens_record(lens, float(WAVELENGTHS[0]), reverse=reverse)
+            first.rows["curvature"] = record.rows["curvature"]
+            record = first
+        fill_traced(alone.reshape(-1), record, None)
         mine = (waves == number).reshape(-1, BLOCK)
         a, b = together.transpose(1, 0, 2)[:, mine], alone.transpose(1, 0, 2)[:, mine]
         assert np.array_equal(a[7], b[7])
@@ -76,7 +77,7 @@ def test_red_and_blue_part() -> None:
             pl.CircularStop(10.0),
         ]
     )
-    tables = lens_tables(lens, WAVELENGTHS, reverse=False)
-    assert tables.index_ratio.shape == (3, 5)
-    assert tables.index_ratio[0] == pytest.approx([1 / float(glass.index(w)) for w in WAVELENGTHS], rel=1e-14)
-    assert np.all(tables.index_ratio[2] == 1.0)
+    ratios = lens_record(lens, WAVELENGTHS, reverse=False).index_ratios
+    assert ratios.shape == (3, 5)
+    assert ratios[0] == pytest.approx([1 / float(glass.index(w)) for w in WAVELENGTHS], rel=1e-14)
+    assert np.all(ratios[2] == 1.0)

@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import plenoptic as pl
-from plenoptic.optics.lens.kernels.trace import fill_traced_rows
-from plenoptic.optics.lens.record import SURFACE, LensTables, lens_tables
+from plenoptic.optics.lens.record import ROW, SURFACE, LensRecord, lens_record
+from plenoptic.optics.lens.trace import traced_by
 
 EPS = np.finfo(float).eps
 OK, MISSED, CLIPPED = pl.RayStatus.OK, pl.RayStatus.MISSED, pl.RayStatus.CLIPPED
@@ -16,36 +16,27 @@ TOTAL_REFLECTION, NOT_FINITE = pl.RayStatus.TOTAL_REFLECTION, pl.RayStatus.NOT_F
 DOUBLE_GAUSS = pl.load_lens("double-gauss-100mm-f2")
 
 
-def surface_tables(curvatures, ratios, vertices, *, clear=math.inf, s=1.0):
+def surface_record(curvatures, ratios, vertices, *, s=1.0):
     """Bare surfaces in air or glass, without a stop: what no LensStack can be."""
     n = len(curvatures)
-    return LensTables(
-        kind=np.full(n, SURFACE),
-        z=np.array(vertices, dtype=np.float64),
-        curvature=np.array(curvatures, dtype=np.float64),
-        index_ratio=np.array(ratios, dtype=np.float64),
-        clear=np.full(n, clear),
-        rim=np.full(n, 1.0 + 1e-12 if clear < math.inf else math.inf),
-        number=np.arange(n, dtype=np.float64),
+    numbers = zip(vertices, curvatures, ratios, range(n), strict=True)
+    return LensRecord(
+        rows=np.array([(SURFACE, z, c, ratio, math.inf, math.inf, i) for z, c, ratio, i in numbers], ROW),
         edges=np.zeros((0, 4)),
         first_edge=np.zeros(n + 1, dtype=np.int64),
         conic=None,
         aspheric=None,
         frames=None,
         masks=None,
+        index_ratios=None,
         direction=s,
     )
 
 
-def through(tables, origin, direction):
-    """Points, directions and statuses behind the last of the tables' elements."""
-    rays = pl.RayBundle(origin, direction)
-    n = len(rays)
-    point, along = np.empty((n, 3)), np.empty((n, 3))
-    weight, status, lost_at = np.empty(n), np.empty(n, np.uint8), np.empty(n, np.int16)
-    given_rays = (rays.origin, rays.direction, rays.weight, rays.status, rays.lost_at)
-    fill_traced_rows(point, along, weight, status, lost_at, *given_rays, *tables)
-    return point, along, status, lost_at
+def through(record, origin, direction):
+    """Points, directions and statuses behind the last of the record's elements."""
+    out = traced_by(record, pl.RayBundle(origin, direction))
+    return out.origin, out.direction, out.status, out.lost_at
 
 
 def random_directions(rng, n, widest):
@@ -71,7 +62,7 @@ def test_snell_at_a_surface(curvature: float, mu: float, s: float, seed: int) ->
     size = min(4.0, 0.8 / abs(curvature) if curvature else 4.0)
     target = np.column_stack([rng.uniform(-size, size, (256, 2)), np.zeros(256)])
     d = random_directions(rng, 256, 1.2) * [1, 1, s]
-    p, out, status, _ = through(surface_tables([curvature], [mu], [0.0], s=s), target - 7.0 * d, d)
+    p, out, status, _ = through(surface_record([curvature], [mu], [0.0], s=s), target - 7.0 * d, d)
     kept = status == OK
     p, d, out = p[kept], d[kept], out[kept]
     normal = np.array([0, 0, 1.0]) - curvature * p
@@ -103,8 +94,8 @@ def test_a_ball_turns_every_ray_by_twice_i_minus_r(s: float) -> None:
     d /= np.linalg.norm(d, axis=1, keepdims=True)
     aside = np.cross(d, rng.normal(size=(4096, 3)))
     aside *= (radius * np.sqrt(rng.uniform(0, 0.98, 4096)) / np.linalg.norm(aside, axis=1))[:, None]
-    tables = surface_tables([s / radius, -s / radius], [1 / n, n], [0.0, s * 2 * radius], s=s)
-    _, out, status, _ = through(tables, aside + np.array([0, 0, s * radius]) - 40 * d, d)
+    record = surface_record([s / radius, -s / radius], [1 / n, n], [0.0, s * 2 * radius], s=s)
+    _, out, status, _ = through(record, aside + np.array([0, 0, s * radius]) - 40 * d, d)
     assert np.all(status == OK)
     sine = np.linalg.norm(aside, axis=1) / radius
     expected = 2 * (np.arcsin(sine) - np.arcsin(sine / n))
@@ -229,7 +220,7 @@ def test_total_reflection_begins_at_the_critical_angle(n: float, s: float) -> No
     step = 16 * EPS * n * n / math.cos(critical)
     angles = critical + np.array([-0.1, -1e-9, -step, step, 1e-9, 0.1])
     d = np.stack([np.sin(angles), 0 * angles, s * np.cos(angles)], axis=1)
-    _, out, status, lost_at = through(surface_tables([0.0], [n], [0.0], s=s), -2 * d, d)
+    _, out, status, lost_at = through(surface_record([0.0], [n], [0.0], s=s), -2 * d, d)
     assert status.tolist() == [OK] * 3 + [TOTAL_REFLECTION] * 3
     assert lost_at.tolist() == [-1] * 3 + [0] * 3
     # Near the critical angle the ray grazes: cos t = sqrt(2 n cos(i) step), 3e-5 at 1e-9.
@@ -386,12 +377,12 @@ def test_the_blur_of_a_thin_lens(defocus: float) -> None:
     assert diameter == pytest.approx(10.0 * abs(defocus) / image, rel=0.1 / abs(defocus))
 
 
-def test_tables_of_a_lens_are_in_the_order_of_travel() -> None:
-    there, back = (lens_tables(DOUBLE_GAUSS, 587.6, reverse=reverse) for reverse in (False, True))
-    assert np.array_equal(there.z[::-1], back.z)
-    assert np.array_equal(there.curvature[::-1], back.curvature)
+def test_rows_of_a_lens_are_in_the_order_of_travel() -> None:
+    there, back = (lens_record(DOUBLE_GAUSS, 587.6, reverse=reverse) for reverse in (False, True))
+    for name in ("z", "curvature", "surface_index"):
+        assert np.array_equal(there.rows[name][::-1], back.rows[name])
     assert (there.direction, back.direction) == (1.0, -1.0)
-    assert there.number.tolist() == list(range(11)) == back.number[::-1].tolist()
+    assert there.rows["surface_index"].tolist() == list(range(11))
 
 
 @pytest.mark.parametrize("name", pl.lens_names())

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 import plenoptic as pl
 from plenoptic.errors import FileError, InvalidValueError, PrescriptionError
 from plenoptic.optics.lens.files.lens_json import json_of_lens, lens_from_json
-from plenoptic.optics.lens.record import CIRCLE, lens_tables
+from plenoptic.optics.lens.record import CIRCLE, lens_record
 from plenoptic.optics.lens.trace import traced_part
 from plenoptic.optics.stops.shapes import MaskStop, StarStop
 from plenoptic.optics.stops.stops import Stop
@@ -304,10 +304,10 @@ def test_irises_and_further_stops_of_any_shape(name: str) -> None:
 def test_ideal_lenses_show_the_image_of_the_iris(name: str, model: pl.LensModel) -> None:
     lens = GAUSS.with_stop(SHAPES[name])
     ideal, points = lens.with_model(model), pl.paraxial.cardinal_points(lens)
-    tables = lens_tables(ideal, 587.6, reverse=True)
-    at = np.flatnonzero(tables.clear < math.inf)
-    scale = 1.0 if model is pl.LensModel.NONE else math.sqrt(tables.clear[at[0]]) / lens.stop.semi_diameter
-    plane, x, y = float(tables.z[at[0]]), *(scale * RNG.uniform(-4, 4, (2, 2000)))
+    rows = lens_record(ideal, 587.6, reverse=True).rows
+    opening = rows[rows["semi_diameter2"] < math.inf][0]
+    scale = 1.0 if model is pl.LensModel.NONE else math.sqrt(opening["semi_diameter2"]) / lens.stop.semi_diameter
+    plane, x, y = float(opening["z"]), *(scale * RNG.uniform(-4, 4, (2, 2000)))
     # Rays towards the scene that cross the plane of the iris's image at (x, y).
     aim = np.column_stack([x, y, np.full(2000, plane)])
     direction = aim - [0.0, 0.0, plane + 60.0]
@@ -337,11 +337,11 @@ def test_an_inverted_image_of_the_iris_is_turned(name: str) -> None:
 def test_bounds_are_made_of_the_circle_around(name: str) -> None:
     lens = GAUSS.with_stop(SHAPES[name])
     round_lens = GAUSS.with_stop(pl.CircularStop(4.0))
-    wanted = lens_tables(round_lens, 587.6, reverse=True)
+    wanted = lens_record(round_lens, 587.6, reverse=True)
     for options in ({"round_stops": True}, {"clipping": False}):
-        made = lens_tables(lens, 587.6, reverse=True, **options)
-        assert made.masks is None and made.kind[5] == CIRCLE and not len(made.edges)
-    made = lens_tables(lens, 587.6, reverse=True, round_stops=True)
+        made = lens_record(lens, 587.6, reverse=True, **options)
+        assert made.masks is None and made.rows[5]["kind"] == CIRCLE and not len(made.edges)
+    made = lens_record(lens, 587.6, reverse=True, round_stops=True)
     assert all(a is b is None or np.array_equal(a, b) for a, b in zip(made, wanted, strict=True))
 
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import plenoptic as pl
-from plenoptic.optics.lens.record import lens_tables
+from plenoptic.optics.lens.record import lens_record
 from plenoptic.optics.lens.trace import traced_part
 from plenoptic.optics.surfaces.sag_bounds import asphere_bounds
 
@@ -192,8 +192,8 @@ def test_extreme_numbers_have_a_status(origin):
 
 
 def test_spherical_lenses_have_no_columns_for_what_they_lack():
-    tables = lens_tables(pl.load_lens("double-gauss-100mm-f2"), 587.6, reverse=True)
-    assert tables.conic is None and tables.aspheric is None and tables.frames is None
+    record = lens_record(pl.load_lens("double-gauss-100mm-f2"), 587.6, reverse=True)
+    assert record.conic is None and record.aspheric is None and record.frames is None
 
 
 @pytest.mark.parametrize(

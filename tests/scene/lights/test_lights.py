@@ -8,7 +8,11 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import plenoptic as pl
-from plenoptic.scene.lights.registry import LIGHTS, PointLight, SphereLight, SpotLight, SunLight
+from plenoptic.scene.lights.point import PointLight
+from plenoptic.scene.lights.registry import LIGHTS
+from plenoptic.scene.lights.sphere import SphereLight
+from plenoptic.scene.lights.spot import SpotLight
+from plenoptic.scene.lights.sun import SunLight
 
 POINT = st.tuples(*[st.floats(-1e3, 1e3)] * 3)
 

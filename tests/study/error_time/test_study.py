@@ -12,7 +12,7 @@ import plenoptic as pl
 from plenoptic.study import ErrorTable, Variant, default_variants
 from plenoptic.study.__main__ import main
 from plenoptic.study.error_time.cases import reference_camera, smooth_camera
-from plenoptic.study.error_time.measuring import measured_rows
+from plenoptic.study.error_time.measurement import Runs, measured_rows
 from plenoptic.study.error_time.split import reference_of
 
 RANDOM, ONE = Variant(sampler=pl.Sampler.RANDOM), Variant(replicates=1)
@@ -48,7 +48,7 @@ def test_rows_find_what_was_put_in():
         return made_up(name, n, seed)
 
     reference = reference_of(made_up("plain", 1 << 14, 10**6))
-    rows = measured_rows(expose, ["plain", "biased"], [64, 256, 1024], reference, seeds=6, repeats=2)
+    rows = measured_rows(expose, ["plain", "biased"], Runs([64, 256, 1024], seeds=6, repeats=2), reference)
     for one in rows:
         assert abs(one.variance - 1 / one.samples) < SIGMAS * one.variance_error
         bias = 0.02 if one.variant == "biased" else 0.0
@@ -70,7 +70,7 @@ def test_times_are_medians_and_setting_up_is_measured_by_itself():
         return made_up(name, n, seed)
 
     reference = reference_of(made_up("plain", 4096, 99))
-    one = measured_rows(expose, ["a"], [16], reference, seeds=5, set_up=lambda name: time.sleep(0.002))[0]
+    one = measured_rows(expose, ["a"], Runs([16], seeds=5), reference, set_up=lambda name: time.sleep(0.002))[0]
     assert 0.004 <= one.wall_seconds < 0.05 and one.cpu_seconds < one.wall_seconds
     assert 0.002 <= one.setup_wall_seconds < 0.05
 

@@ -19,7 +19,7 @@ from plenoptic.optics.lens.analysis.conditioning_rows import (
     largest_and_median,
     noted,
 )
-from plenoptic.optics.lens.record import lens_tables
+from plenoptic.optics.lens.record import lens_record
 from plenoptic.optics.lens.stack import LensStack
 
 _MEASURED = ("incidence", "refraction", "cancellation", "newton", "search")
@@ -261,7 +261,7 @@ def conditioning(lens: LensStack, rays: RayBundle, *, reverse: bool = False) -> 
         raise wrong_kind(lens, "lens", "LensStack", 'pl.load_lens("double-gauss-100mm-f2")')
     if not isinstance(rays, RayBundle):
         raise wrong_kind(rays, "rays", "RayBundle", "pl.RayBundle([[0, 0, -100]], [[0, 0, 1]])")
-    return conditioning_of(noted(lens_tables(lens, rays.wavelength, reverse=reverse), blocks_of(rays), len(rays)))
+    return conditioning_of(noted(lens_record(lens, rays.wavelength, reverse=reverse), blocks_of(rays), len(rays)))
 
 
 def conditioning_of(notes: Notes) -> Conditioning:
@@ -272,15 +272,15 @@ def conditioning_of(notes: Notes) -> Conditioning:
     >>> import plenoptic as pl
     >>> from plenoptic.optics.lens.analysis.conditioning import conditioning_of
     >>> from plenoptic.optics.lens.analysis.conditioning_rows import blocks_of, noted
-    >>> from plenoptic.optics.lens.record import lens_tables
+    >>> from plenoptic.optics.lens.record import lens_record
     >>> lens, rays = pl.load_lens("singlet-100mm-f4"), pl.RayBundle([[0, 3.0, -100.0]], [[0, 0, 1.0]])
-    >>> conditioning_of(noted(lens_tables(lens, 587.6, reverse=False), blocks_of(rays), 1)).kinds
+    >>> conditioning_of(noted(lens_record(lens, 587.6, reverse=False), blocks_of(rays), 1)).kinds
     ('stop', 'sphere', 'plane')
     """
-    tables, met = notes.tables, ~np.isnan(notes.newton)
+    met = ~np.isnan(notes.newton)
     return Conditioning(
-        elements=tables.number.astype(np.int64),
-        kinds=kinds(tables),
+        elements=notes.lens.rows["surface_index"].copy(),
+        kinds=kinds(notes.lens),
         rays=len(notes.codes),
         reached=met.sum(axis=1),
         incidence=largest_and_median(notes.incidence),

@@ -1,4 +1,4 @@
-"""Condition numbers of single rays at each element: rows of a lens's tables against rays."""
+"""Condition numbers of single rays at each element: rows of a lens's record against rays."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.core.rays import RayBundle
-from plenoptic.optics.lens.record import ASPHERE, CONIC, FRAME, IDEAL, SURFACE, LensTables
+from plenoptic.optics.lens.record import ASPHERE, CONIC, FIRST_TERM, FRAME, IDEAL, SURFACE, LensRecord
 
 CHUNK = 64
 """Blocks of 256 rays that are followed together: with ten elements 8 MB of notes."""
@@ -18,7 +18,7 @@ CHUNK = 64
 class Notes(NamedTuple):
     """What was noted; arrays (elements, rays) in the order of travel, nan where a ray did not pass the element."""
 
-    tables: LensTables
+    lens: LensRecord
     incidence: NDArray[np.float64]
     refraction: NDArray[np.float64]
     cancellation: NDArray[np.float64]
@@ -41,56 +41,54 @@ def blocks_of(rays: RayBundle) -> NDArray[np.float64]:
     return np.ascontiguousarray(rows.reshape(RAY // BLOCK, -1, BLOCK).transpose(1, 0, 2)).reshape(-1)
 
 
-def noted(tables: LensTables, blocks: NDArray[np.float64], n: int, waves: NDArray[np.int64] | None = None) -> Notes:
+def noted(lens: LensRecord, blocks: NDArray[np.float64], n: int, waves: NDArray[np.int64] | None = None) -> Notes:
     """Trace the first n rays of a bundle in place and note how each element treats them; see `fill_conditions`."""
     from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, STATUS
-    from plenoptic.optics.lens.kernels.conditioning import fill_conditions, fill_conditions_waves
-    from plenoptic.optics.lens.kernels.notes import INCIDENCE, NEWTON, REACH, REFRACTION, STEPS, TOLD
+    from plenoptic.optics.lens.kernels.conditioning import fill_conditions
+    from plenoptic.optics.lens.kernels.notes import INCIDENCE, LOG, NEWTON, REACH, REFRACTION, STEPS
 
-    elements, whole = len(tables.kind), blocks.size // RAY
-    kept = np.empty((TOLD, elements, whole, BLOCK))
+    elements, whole = len(lens.rows), blocks.size // RAY
+    kept = np.empty((LOG, elements, whole, BLOCK))
     for first in range(0, whole, CHUNK):
         end = min(first + CHUNK, whole)
-        told = np.empty((end - first, elements, TOLD, BLOCK))
-        part = blocks[first * RAY : end * RAY]
-        if waves is None:
-            fill_conditions(part, told, *_completed(tables))
-        else:
-            fill_conditions_waves(part, told, waves[first * BLOCK : end * BLOCK], *_completed(tables))
-        kept[:, :, first:end] = told.transpose(2, 1, 0, 3)
-    rays = kept.reshape(TOLD, elements, -1)[:, :, :n]
+        log = np.empty((end - first, elements, LOG, BLOCK))
+        part = None if waves is None else waves[first * BLOCK : end * BLOCK]
+        fill_conditions(blocks[first * RAY : end * RAY], log, _completed(lens), part)
+        kept[:, :, first:end] = log.transpose(2, 1, 0, 3)
+    rays = kept.reshape(LOG, elements, -1)[:, :, :n]
     codes = blocks.reshape(-1, RAY)[:, STATUS:].reshape(-1)[:n].astype(np.int64)
-    cancellation = rays[REACH] / sizes(tables)[:, None]
-    return Notes(tables, rays[INCIDENCE], rays[REFRACTION], cancellation, rays[NEWTON], rays[STEPS], codes)
+    cancellation = rays[REACH] / sizes(lens)[:, None]
+    return Notes(lens, rays[INCIDENCE], rays[REFRACTION], cancellation, rays[NEWTON], rays[STEPS], codes)
 
 
-def _completed(tables: LensTables) -> LensTables:
+def _completed(lens: LensRecord) -> LensRecord:
     """The same lens in one of two forms, with spheres and planes only or with nothing left out.
 
     Two kernels then serve all lenses: they are compiled once and run on few rays.
     """
-    n = len(tables.kind)
-    completed = tables._replace(
-        frames=np.zeros((n, FRAME)) if tables.frames is None else tables.frames,
-        masks=np.zeros(0) if tables.masks is None else tables.masks,
+    n = len(lens.rows)
+    completed = lens._replace(
+        frames=np.zeros((n, FRAME)) if lens.frames is None else lens.frames,
+        masks=np.zeros(0) if lens.masks is None else lens.masks,
     )
-    if tables.conic is not None and tables.aspheric is None:
-        return completed._replace(aspheric=np.zeros((n, 3)))
+    if lens.conic is not None and lens.aspheric is None:
+        return completed._replace(aspheric=np.zeros((n, FIRST_TERM)))
     return completed
 
 
-def sizes(tables: LensTables) -> NDArray[np.float64]:
+def sizes(lens: LensRecord) -> NDArray[np.float64]:
     """What the size of each element is measured by, mm.
 
     Its semi-diameter, or, where it ends at its depth or nowhere, its radius of curvature or focal length.
     """
+    squared, curvature = lens.rows["semi_diameter2"], lens.rows["curvature"]
     with np.errstate(divide="ignore"):
-        return np.where(np.isfinite(tables.clear), np.sqrt(tables.clear), 1.0 / np.abs(tables.curvature))
+        return np.asarray(np.where(np.isfinite(squared), np.sqrt(squared), 1.0 / np.abs(curvature)))
 
 
-def kinds(tables: LensTables) -> tuple[str, ...]:
+def kinds(lens: LensRecord) -> tuple[str, ...]:
     """What each row is, in words."""
-    return tuple(_kind(int(kind), float(c)) for kind, c in zip(tables.kind, tables.curvature, strict=True))
+    return tuple(_kind(int(row["kind"]), float(row["curvature"])) for row in lens.rows)
 
 
 def _kind(kind: int, c: float) -> str:

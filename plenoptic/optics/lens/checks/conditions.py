@@ -10,7 +10,7 @@ import numpy as np
 from plenoptic.optics.lens.analysis.conditioning_rows import blocks_of, noted, sizes
 from plenoptic.optics.lens.checks.finding import Finding, FindingKind
 from plenoptic.optics.lens.checks.rays import passing_rays
-from plenoptic.optics.lens.record import lens_tables
+from plenoptic.optics.lens.record import lens_record
 from plenoptic.optics.lens.stack import LensStack
 
 # Of 23 lenses of W. J. Smith, Modern Lens Design, and the bundled ones, the largest numbers are 3.4, 4.2 and 27.
@@ -35,8 +35,8 @@ def condition_findings(lens: LensStack, wavelength: float, *, leave_out: Collect
     rays = passing_rays(lens, wavelength)
     if not len(rays):
         return
-    tables = lens_tables(lens, wavelength, reverse=False, first=0, last=len(lens.elements) - 1)
-    notes = noted(tables, blocks_of(rays), len(rays))
+    record = lens_record(lens, wavelength, reverse=False, first=0, last=len(lens.elements) - 1)
+    notes = noted(record, blocks_of(rays), len(rays))
     kept = [i not in leave_out for i in range(len(lens.elements))]
     for kind, numbers, limit in (
         (FindingKind.GRAZING, notes.incidence, _GRAZING),
@@ -46,7 +46,7 @@ def condition_findings(lens: LensStack, wavelength: float, *, leave_out: Collect
         largest = np.where(kept, np.nan_to_num(numbers, nan=0.0, posinf=math.inf).max(axis=1), 0.0)
         at = int(np.argmax(largest))
         if largest[at] > limit:
-            yield Finding(kind, (at,), _sentence(kind, at, float(largest[at]), limit, float(sizes(tables)[at])))
+            yield Finding(kind, (at,), _sentence(kind, at, float(largest[at]), limit, float(sizes(record)[at])))
 
 
 def _sentence(kind: FindingKind, at: int, number: float, limit: float, size: float) -> str:

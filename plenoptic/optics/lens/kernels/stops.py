@@ -9,19 +9,15 @@ import math
 
 from plenoptic.core.jit import device
 from plenoptic.core.kernels.ray_blocks import BLOCK, CLIPPED, NOT_FINITE, STATUS, WEIGHT, X, Y
-
-POLYGON, ARCS, STAR = 2, 6, 7
-"""Kinds of stops; see `tables`."""
-
-MASK_HEAD = 4
-"""Numbers of a mask before its cells; see `tables`."""
+from plenoptic.optics.lens.record import ARCS, MASK, MASK_HEAD, POLYGON, STAR
 
 
 @device
-def clip_circle(ray, clear, code):
+def clip_circle(ray, semi_diameter2, code):
+    """At the circle around a stop."""
     for i in range(BLOCK):
         r2 = ray[X + i] * ray[X + i] + ray[Y + i] * ray[Y + i]
-        lost = 0.0 if r2 <= clear else code + CLIPPED
+        lost = 0.0 if r2 <= semi_diameter2 else code + CLIPPED
         lost = lost if r2 < math.inf else code + NOT_FINITE
         was = ray[STATUS + i]
         ray[STATUS + i] = was if was != 0.0 else lost
@@ -29,6 +25,7 @@ def clip_circle(ray, clear, code):
 
 @device
 def _clip_edge(ray, nx, ny, apothem, code):
+    """At one straight edge."""
     for i in range(BLOCK):
         inside = nx * ray[X + i] + ny * ray[Y + i] <= apothem
         was = ray[STATUS + i]
@@ -74,8 +71,9 @@ def _through_mask(ray, masks, k, code):
 
 
 @device
-def clip_shape(ray, kind, edges, masks, k, code):
-    """At the edges of stop number k that lie inside the circle around it."""
+def clip_shape(ray, lens, k, code):
+    """At the edges of the stop in row k that lie inside the circle around it."""
+    kind, edges = lens.rows[k].kind, lens.edges[lens.first_edge[k] : lens.first_edge[k + 1]]
     if kind == POLYGON:
         for j in range(edges.shape[0]):
             _clip_edge(ray, edges[j, 0], edges[j, 1], edges[j, 2], code)
@@ -85,5 +83,6 @@ def clip_shape(ray, kind, edges, masks, k, code):
     elif kind == STAR:
         for j in range(0, edges.shape[0], 2):
             _clip_notch(ray, edges[j], edges[j + 1], code)
-    elif masks is not None:
-        _through_mask(ray, masks, k, code)
+    elif lens.masks is not None:  # noqa: SIM102 - alone, so that it is pruned
+        if kind == MASK:
+            _through_mask(ray, lens.masks, k, code)

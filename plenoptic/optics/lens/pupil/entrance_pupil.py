@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.pupil.exit_pupil import grid, passing_points
-from plenoptic.optics.lens.record import IDEAL, LensTables, lens_tables
+from plenoptic.optics.lens.record import IDEAL, LensRecord, lens_record
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.surfaces.surface import Surface
 
@@ -40,20 +40,20 @@ class Entrance(NamedTuple):
     """Its semi-diameter, seen along the axis, in mm."""
     pupil: tuple[float, float, NDArray[np.float64]]
     """Position, semi-diameter and middle (2,) of the paraxial entrance pupil in mm."""
-    tables: LensTables
+    lens: LensRecord
     """The lens forwards, its stops round."""
 
 
 def entrance(lens: LensStack, wavelength: float) -> Entrance:
     """Where light enters a lens, as its model has it."""
-    tables = lens_tables(lens, wavelength, reverse=False, round_stops=True)
+    record = lens_record(lens, wavelength, reverse=False, round_stops=True)
     points = cardinal_points(lens, wavelength)
     size, placed = points.entrance_pupil_semi_diameter, lens.stop.placement
     shift = np.zeros(2) if placed is None else np.asarray(placed.shift)[:2] * (size / lens.stop.semi_diameter)
     pupil = (points.entrance_pupil, size, shift)
-    z, axis = float(tables.z[0]), np.zeros(2)
+    z, axis = float(record.rows[0]["z"]), np.zeros(2)
     if lens.model is not LensModel.EXACT:
-        return Entrance(z, 0.0, axis, math.sqrt(float(tables.clear[0])), pupil, tables)
+        return Entrance(z, 0.0, axis, math.sqrt(float(record.rows[0]["semi_diameter2"])), pupil, record)
     first = lens.elements[0]
     reach, sag = first.semi_diameter, np.zeros(1)
     if isinstance(first, Surface):
@@ -66,7 +66,7 @@ def entrance(lens: LensStack, wavelength: float) -> Entrance:
         sine = float(np.hypot(turn[2, 0], turn[2, 1]))
         low, high = low + float(shift[2]) - sine * reach, high + float(shift[2]) + sine * reach
         axis, reach = shift[:2], reach + sine * float(np.abs(sag).max())
-    return Entrance(z + low, high - low, axis, reach, pupil, tables)
+    return Entrance(z + low, high - low, axis, reach, pupil, record)
 
 
 def entering_polygon(where: Entrance, point: NDArray[np.float64]) -> NDArray[np.float64] | None:
@@ -99,7 +99,7 @@ def _lit_box(
     """A box around the points of an n x n grid that pass; where they reach its border, it grows up to the rim."""
     while True:
         points, mesh = grid(near, far, n)
-        passing = points[passing_points(where.tables, point, points, where.z)]
+        passing = points[passing_points(where.lens, point, points, where.z)]
         if not len(passing):
             return None
         low = np.maximum(passing.min(axis=0) - mesh, rim[0])
@@ -116,7 +116,7 @@ def _outline(
 ) -> NDArray[np.float64]:
     """The polygon of 16 sides around the points of a box that pass, widened by one step of the grid."""
     points, mesh = grid(low, high, _FINE)
-    passing = points[passing_points(where.tables, point, points, where.z)]
+    passing = points[passing_points(where.lens, point, points, where.z)]
     if not len(passing):
         passing = np.array([low, [low[0], high[1]], high, [high[0], low[1]]])
     angle = 2 * math.pi * np.arange(_SIDES) / _SIDES
@@ -133,8 +133,8 @@ def _outline(
 def _rim_box(where: Entrance, point: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """A box around all rays that can pass the first element, or the opening of an ideal lens."""
     height = where.z - point[2]
-    if IDEAL in where.tables.kind:
-        centre, reach = _ideal_opening(where.tables, point)
+    if IDEAL in where.lens.rows["kind"]:
+        centre, reach = _ideal_opening(where.lens, point)
         return centre - reach, centre + reach
     sides = []
     for depth in (0.0, where.depth):
@@ -144,24 +144,25 @@ def _rim_box(where: Entrance, point: NDArray[np.float64]) -> tuple[NDArray[np.fl
     return np.min(sides, axis=0), np.max(sides, axis=0)
 
 
-def _ideal_opening(tables: LensTables, point: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+def _ideal_opening(lens: LensRecord, point: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
     """Where rays aimed at the first plane pass the stop of an ideal lens: middle and radius of a disc.
 
     Heights and slopes are linear in the point aimed at, m, and in the source, p: y = a m + b p, u = c m + d p.
     """
-    height = float(tables.z[0]) - point[2]
+    z = float(lens.rows[0]["z"])
+    height = z - point[2]
     a, b, c, d = 1.0, 0.0, 1.0 / height, -1.0 / height
-    z = float(tables.z[0])
-    for k, kind in enumerate(tables.kind):
-        gap = float(tables.z[k]) - z
-        a, b, z = a + gap * c, b + gap * d, float(tables.z[k])
-        if kind == IDEAL:
-            power = float(tables.curvature[k])
-            c, d, z = c - power * a, d - power * b, z + float(tables.rim[k])
+    for row in lens.rows:
+        gap = float(row["z"]) - z
+        a, b, z = a + gap * c, b + gap * d, float(row["z"])
+        if row["kind"] == IDEAL:
+            power = float(row["curvature"])
+            c, d, z = c - power * a, d - power * b, z + float(row["max_depth"])
         else:
             # The image of the stop may lie at the point itself, and all light passes, or none.
-            a = math.copysign(max(abs(a), math.sqrt(float(tables.clear[k])) / (_LARGEST_TANGENT * height)), a)
-            return -b / a * point[:2], math.sqrt(float(tables.clear[k])) / abs(a)
+            radius = math.sqrt(float(row["semi_diameter2"]))
+            a = math.copysign(max(abs(a), radius / (_LARGEST_TANGENT * height)), a)
+            return -b / a * point[:2], radius / abs(a)
     return np.zeros(2), _LARGEST_TANGENT * height
 
 

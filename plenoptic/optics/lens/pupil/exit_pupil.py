@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import functools
 import math
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from plenoptic.core.values import read_only
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
-from plenoptic.optics.lens.record import CIRCLE, LensTables, lens_tables
+from plenoptic.optics.lens.record import CIRCLE, LensRecord, lens_record
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.surfaces.surface import Surface
 
@@ -74,9 +74,9 @@ def _normals() -> NDArray[np.float64]:
 
 
 def passing_points(
-    tables: LensTables, origin: NDArray[np.float64], points: NDArray[np.float64], z: float
+    lens: LensRecord, origin: NDArray[np.float64], points: NDArray[np.float64], z: float
 ) -> NDArray[np.bool_]:
-    """Which of the rays from `origin` (3,) through `points` (n, 2) of the plane z leave the lens; tables in reverse."""
+    """Which of the rays from `origin` (3,) through `points` (n, 2) of the plane z leave the lens."""
     from plenoptic.core.kernels.ray_blocks import BLOCK
     from plenoptic.optics.lens.kernels.trace import fill_traced
 
@@ -92,7 +92,7 @@ def passing_points(
     blocks[:, 4] = (y * per_length).reshape(count, BLOCK)
     blocks[:, 5] = (dz * per_length).reshape(count, BLOCK)
     blocks[:, 6:] = 0.0
-    fill_traced(blocks.reshape(-1), *tables)
+    fill_traced(blocks.reshape(-1), lens, None)
     return np.asarray(blocks[:, 7].reshape(-1)[:n] == 0)
 
 
@@ -104,17 +104,17 @@ def grid(low: NDArray[np.float64], high: NDArray[np.float64], n: int) -> tuple[N
 
 
 def _passing_box(
-    tables: LensTables, origin: NDArray[np.float64], z: float, guesses: list[Guess], rim: float
+    lens: LensRecord, origin: NDArray[np.float64], z: float, guesses: list[Guess], rim: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
     """A box around all points that pass. It starts from a guess (centre x, y, half width) and grows up to the rim."""
     grazing = rim * _GRAZING
-    grazing = grazing[passing_points(tables, origin, grazing, z)]
+    grazing = grazing[passing_points(lens, origin, grazing, z)]
     for x, y, half_width in guesses:
         low = np.array([x - half_width, y - half_width])
         high = np.array([x + half_width, y + half_width])
         while True:
             points, mesh = grid(low, high, _WHOLE if half_width >= rim else _COARSE)
-            passing = points[passing_points(tables, origin, points, z)]
+            passing = points[passing_points(lens, origin, points, z)]
             if not len(passing):
                 break
             passing = np.concatenate([passing, grazing])
@@ -130,15 +130,15 @@ def _passing_box(
 
 
 def _outline(
-    tables: LensTables, origin: NDArray[np.float64], z: float, guesses: list[Guess], rim: float
+    lens: LensRecord, origin: NDArray[np.float64], z: float, guesses: list[Guess], rim: float
 ) -> NDArray[np.float64]:
     """Support distances of the passing points as seen from one origin, (SIDES,)."""
-    box = _passing_box(tables, origin, z, guesses, rim)
+    box = _passing_box(lens, origin, z, guesses, rim)
     if box is None:
         return np.full(SIDES, -np.inf)
     points, mesh = grid(*box, _FINE)
     points = np.concatenate([points, rim * _GRAZING])
-    passing = points[passing_points(tables, origin, points, z)]
+    passing = points[passing_points(lens, origin, points, z)]
     if not len(passing):
         passing, mesh = np.array(box), 0.0
     return np.asarray((passing @ _normals().T).max(axis=0) + mesh)
@@ -172,7 +172,7 @@ def pupil_bounds(
     wavelength : float
         nm.
     """
-    tables = lens_tables(lens, wavelength, reverse=True, round_stops=True)
+    record = lens_record(lens, wavelength, reverse=True, round_stops=True)
     points = cardinal_points(lens, wavelength)
     # Where the iris is, its image is: shifted with it, magnified.
     placed = lens.stop.placement
@@ -180,9 +180,10 @@ def pupil_bounds(
         (0.0, 0.0) if placed is None else tuple((points.pupil_magnification * np.asarray(placed.shift)[:2]).tolist())
     )
     pupil = (points.exit_pupil, points.exit_pupil_semi_diameter, *across)
-    columns = tuple(None if column is None else (column.shape, *column.ravel().tolist()) for column in tables[:-1])
     rear = rear_reach(lens, z_plane, wavelength)
-    return _traced_bounds(columns, pupil, rear, float(lens.vertices[-1]), z_plane, largest_radius, cell_radius)
+    return _traced_bounds(
+        _ByContent(record), pupil, rear, float(lens.vertices[-1]), z_plane, largest_radius, cell_radius
+    )
 
 
 def rear_reach(lens: LensStack, z_plane: float, wavelength: float) -> tuple[float, float]:
@@ -195,9 +196,9 @@ def rear_reach(lens: LensStack, z_plane: float, wavelength: float) -> tuple[floa
     last, z_last = lens.elements[-1], float(lens.vertices[-1])
     gap = z_plane - z_last
     if lens.model is not LensModel.EXACT:
-        tables = lens_tables(lens, wavelength, reverse=True, round_stops=True)
-        stop = int(np.flatnonzero(tables.kind == CIRCLE)[0])
-        return _projected(gap, float(tables.z[stop]) - z_last, math.sqrt(tables.clear[stop]))
+        rows = lens_record(lens, wavelength, reverse=True, round_stops=True).rows
+        stop = rows[rows["kind"] == CIRCLE][0]
+        return _projected(gap, float(stop["z"]) - z_last, math.sqrt(stop["semi_diameter2"]))
     depth, reach, tilted = 0.0, last.semi_diameter, 0.0
     if isinstance(last, Surface):
         depth = float(last.sag(reach)) if last.depth is None else math.copysign(last.depth, last.radius)
@@ -219,9 +220,23 @@ _REMEMBERED = 64
 """Bounds of some kilobytes each; a camera in colour with tilted plates of glass needs 12."""
 
 
+class _ByContent:
+    """A record as a key: equal to others of the same numbers."""
+
+    def __init__(self, lens: LensRecord) -> None:
+        self.lens = lens
+        self._key = tuple(None if column is None else (column.shape, column.tobytes()) for column in lens[:-1])
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _ByContent) and self._key == other._key
+
+    def __hash__(self) -> int:
+        return hash(self._key)
+
+
 @functools.lru_cache(maxsize=_REMEMBERED)
 def _traced_bounds(
-    columns: tuple[tuple[Any, ...] | None, ...],
+    content: _ByContent,
     pupil: tuple[float, ...],
     rear: tuple[float, float],
     z: float,
@@ -234,13 +249,10 @@ def _traced_bounds(
     A pupil that moves by more than its size from one radius to the next would get outlines much too large; then
     there are more radii.
     """
-    arrays = [None if column is None else np.array(column[1:]).reshape(column[0]) for column in columns]
-    kind, first_edge = (np.asarray(arrays[LensTables._fields.index(name)], np.int64) for name in ("kind", "first_edge"))
-    tables = LensTables._make([*arrays, -1.0])._replace(kind=kind, first_edge=first_edge)
     radii = _RADII
     while True:
         rho = np.linspace(0.0, largest_radius + cell_radius, radii)
-        support = _all_round(tables, rho, pupil, z, z_plane, rear)
+        support = _all_round(content.lens, rho, pupil, z, z_plane, rear)
         if radii >= _MOST_RADII or _largest_step(support) < 0.5:
             return _widened(rho, support, cell_radius, largest_radius, z)
         radii *= 3
@@ -257,7 +269,7 @@ def _largest_step(support: NDArray[np.float64]) -> float:
 
 
 def _all_round(
-    tables: LensTables,
+    lens: LensRecord,
     rho: NDArray[np.float64],
     pupil: tuple[float, ...],
     z: float,
@@ -269,11 +281,11 @@ def _all_round(
     A centred lens looks the same from everywhere on a circle. Of a lens with elements out of place, the union of
     outlines from several azimuths is taken, and widened by what may lie between them.
     """
-    if tables.frames is None:
-        return _followed_outlines(tables, rho, pupil, z, z_plane, rear)
+    if lens.frames is None:
+        return _followed_outlines(lens, rho, pupil, z, z_plane, rear)
     angles = 2 * math.pi * np.arange(_AZIMUTHS) / _AZIMUTHS
     found = np.array(
-        [_followed_outlines(_turned(tables, a), rho, _turned_pupil(pupil, a), z, z_plane, rear) for a in angles]
+        [_followed_outlines(_turned(lens, a), rho, _turned_pupil(pupil, a), z, z_plane, rear) for a in angles]
     )
     largest = found.max(axis=0)
     smallest = np.where(np.isfinite(found), found, np.inf).min(axis=0)
@@ -282,16 +294,16 @@ def _all_round(
     return np.asarray(largest + (1.0 - math.cos(math.pi / _AZIMUTHS)) * spread)
 
 
-def _turned(tables: LensTables, angle: float) -> LensTables:
+def _turned(lens: LensRecord, angle: float) -> LensRecord:
     """The lens turned about the axis by -angle, which is the same as looking at it from the azimuth `angle`."""
-    assert tables.frames is not None
+    assert lens.frames is not None
     cos, sin = math.cos(angle), math.sin(angle)
     turn = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
-    frames = tables.frames.copy()
+    frames = lens.frames.copy()
     for frame in frames:
         frame[:9] = (turn @ frame[:9].reshape(3, 3)).ravel()
         frame[9:12] = turn @ frame[9:12]
-    return tables._replace(frames=frames)
+    return lens._replace(frames=frames)
 
 
 def _turned_pupil(pupil: tuple[float, ...], angle: float) -> tuple[float, ...]:
@@ -301,7 +313,7 @@ def _turned_pupil(pupil: tuple[float, ...], angle: float) -> tuple[float, ...]:
 
 
 def _followed_outlines(
-    tables: LensTables,
+    lens: LensRecord,
     rho: NDArray[np.float64],
     pupil: tuple[float, ...],
     z: float,
@@ -325,7 +337,7 @@ def _followed_outlines(
             guesses.append((radius * (1 - share) + x, y, 1.5 * share * semi_diameter))
         if heading is not None:
             guesses.append(heading)
-        return _outline(tables, np.array([radius, 0.0, z_plane]), z, guesses, rim)
+        return _outline(lens, np.array([radius, 0.0, z_plane]), z, guesses, rim)
 
     support = np.empty((len(rho), SIDES))
     centre, heading = None, None

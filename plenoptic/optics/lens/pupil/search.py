@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from plenoptic.core.rays import RayBundle
 from plenoptic.optics.lens.pupil.iris_points import hexapolar
-from plenoptic.optics.lens.record import LensTables, lens_tables
+from plenoptic.optics.lens.record import LensRecord, lens_record
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.lens.trace import traced_by
 
@@ -49,9 +49,9 @@ _FAN = np.linspace(-1.0, 1.0, 513) * math.radians(89.5)
 class Half(NamedTuple):
     """What lies between the iris and the point that is aimed at, and that point."""
 
-    outwards: LensTables | None
+    outwards: LensRecord | None
     """From the iris to the outermost element; None where nothing lies there."""
-    inwards: LensTables
+    inwards: LensRecord
     """From the outermost element to the iris."""
     sign: float
     """Direction of outward travel: -1 towards the scene, +1 towards the sensor."""
@@ -84,23 +84,23 @@ def half_of(lens: LensStack, wavelength: float, aim: Floats, *, scene: bool) -> 
     """What is needed to search rays from the iris to a point before the lens (`scene`) or behind it."""
     iris, last = lens.iris_index, len(lens.elements) - 1
     ends, outer = ((0, iris), (0, iris - 1)) if scene else ((iris, last), (iris + 1, last))
-    inwards = lens_tables(lens, wavelength, reverse=not scene, first=ends[0], last=ends[1], clipping=False)
+    inwards = lens_record(lens, wavelength, reverse=not scene, first=ends[0], last=ends[1], clipping=False)
     outwards = None
     if outer[0] <= outer[1]:
-        outwards = lens_tables(lens, wavelength, reverse=scene, first=outer[0], last=outer[1], clipping=False)
+        outwards = lens_record(lens, wavelength, reverse=scene, first=outer[0], last=outer[1], clipping=False)
     return Half(outwards, inwards, -1.0 if scene else 1.0, wavelength, aim)
 
 
 def traced_through(
-    tables: LensTables | None, origin: Floats, direction: Floats, wavelength: float
+    lens: LensRecord | None, origin: Floats, direction: Floats, wavelength: float
 ) -> tuple[Floats, Floats]:
-    """Points and directions behind what the tables describe; NaN for rays that do not exist."""
-    if tables is None:
+    """Points and directions behind what the record describes; NaN for rays that do not exist."""
+    if lens is None:
         return origin, direction
     n, contiguous = len(origin), (np.ascontiguousarray(origin).view(), np.ascontiguousarray(direction).view())
     status, lost_at = np.zeros(n, dtype=np.uint8), np.full(n, -1, dtype=np.int16)
     rays = RayBundle._made(*contiguous, wavelength, np.ones(n), status, lost_at)
-    out = traced_by(tables, rays, threads=1 if n <= _CHUNK else None)
+    out = traced_by(lens, rays, threads=1 if n <= _CHUNK else None)
     return out.origin, out.direction
 
 

@@ -28,7 +28,8 @@ from plenoptic.core.kernels.ray_blocks import (
     Y,
     Z,
 )
-from plenoptic.optics.lens.kernels.trace import out_of_frame, refract_block
+from plenoptic.optics.lens.kernels.frames import out_of_frame
+from plenoptic.optics.lens.kernels.sphere import refract_sphere
 
 LANE = 8
 """Numbers that a path keeps of its microlens where lenses differ or have openings of their own (see below)."""
@@ -259,7 +260,7 @@ def refract_lanes_block(ray, lanes, b, flat, sign, ratio, index_scale):
             q = -(nx * l + ny * m + nz * n)
             q2 = up if q > 0.0 else -1.0
         else:
-            # As in `trace.refract_block`, towards the scene.
+            # As in `sphere.refract_sphere`, towards the scene.
             e = -(x * l + y * m + z * n)
             x, y, z = x + e * l, y + e * m, z + e * n
             f = c * (x * x + y * y + z * z) - 2.0 * z
@@ -292,7 +293,7 @@ def _refract_curved(ray, power, lanes, b, flat, sign, ratio, index_scale):
     elif flat:
         refract_flat_block(ray, sign * power * index_scale, ratio, -1.0)
     else:
-        refract_block(ray, sign * power * index_scale, ratio, None, math.inf, math.inf, -1.0, 0.0)
+        refract_sphere(ray, sign * power * index_scale, ratio, None, math.inf, math.inf, -1.0, 0.0)
 
 
 @kernel
@@ -340,11 +341,11 @@ def fill_plano_convex(
             _refract_curved(ray, power, lanes, b, flat, -1.0, 1.0 / index, scale)
             _keep_inside(ray, cell, cells, edges, radius2, lanes, b, centre)
         else:
-            refract_block(ray, 0.0, 1.0 / index, None, math.inf, math.inf, -1.0, 0.0)
+            refract_sphere(ray, 0.0, 1.0 / index, None, math.inf, math.inf, -1.0, 0.0)
         for i in range(BLOCK):
             ray[Z + i] += thickness
         if curved_first:
-            refract_block(ray, 0.0, index, None, math.inf, math.inf, -1.0, 0.0)
+            refract_sphere(ray, 0.0, index, None, math.inf, math.inf, -1.0, 0.0)
         else:
             _refract_curved(ray, power, lanes, b, flat, 1.0, index, scale)
             _keep_inside(ray, cell, cells, edges, radius2, lanes, b, centre)

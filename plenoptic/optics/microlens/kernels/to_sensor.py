@@ -33,7 +33,8 @@ from plenoptic.core.kernels.ray_blocks import (
     Y,
     Z,
 )
-from plenoptic.optics.lens.kernels.trace import into_frame, refract_block
+from plenoptic.optics.lens.kernels.frames import into_frame
+from plenoptic.optics.lens.kernels.sphere import refract_sphere
 from plenoptic.optics.microlens.kernels.cell_lookup import (
     AXIS_X,
     AXIS_Y,
@@ -109,7 +110,7 @@ def _refract_each(ray, place, bow, mu, flat):
             q = nx * l + ny * m + nz * n
             met = up >= 0.0 and q > 0.0
         else:
-            # As in `trace.refract_block`.
+            # As in `sphere.refract_sphere`.
             e = -(x * l + y * m)
             x, y, z = x + e * l, y + e * m, e * n
             f = c * (x * x + y * y + z * z) - 2.0 * z
@@ -149,7 +150,7 @@ def _refract_curved(ray, place, c, mu, flat, origin, basis, inverse, edges):
         refract_flat_block(ray, c, mu, 1.0)
         _weigh_tilt(ray, c, True)
     else:
-        refract_block(ray, c, mu, None, math.inf, math.inf, 1.0, 0.0)
+        refract_sphere(ray, c, mu, None, math.inf, math.inf, 1.0, 0.0)
         _keep_inside(ray, edges)
     _shift(ray, place, 1.0)
 
@@ -342,7 +343,7 @@ def fill_plano_convex_forward(
         ray = blocks[b * RAY : (b + 1) * RAY]
         _to_plane(ray, z_front)
         if not curved_first:
-            refract_block(ray, 0.0, 1.0 / index, None, math.inf, math.inf, 1.0, 0.0)
+            refract_sphere(ray, 0.0, 1.0 / index, None, math.inf, math.inf, 1.0, 0.0)
             _to_plane(ray, thickness)
         if lattice is None:
             _refract_curved(ray, place, bow * power, mu, flat, origin, basis, inverse, cell)
@@ -351,5 +352,5 @@ def fill_plano_convex_forward(
         if curved_first:
             for i in range(BLOCK):
                 ray[Z + i] -= thickness
-            refract_block(ray, 0.0, index, None, math.inf, math.inf, 1.0, 0.0)
+            refract_sphere(ray, 0.0, index, None, math.inf, math.inf, 1.0, 0.0)
         _land(ray, distance, lean, sensor, place, walls)

@@ -13,7 +13,7 @@ from plenoptic.optics.lens.analysis.conditioning import Condition, Conditioning,
 from plenoptic.optics.lens.analysis.conditioning_rows import Notes, blocks_of, noted, sizes
 from plenoptic.optics.lens.checks.check import findings
 from plenoptic.optics.lens.checks.finding import FindingKind
-from plenoptic.optics.lens.record import lens_tables
+from plenoptic.optics.lens.record import lens_record
 from plenoptic.optics.lens.trace import traced_part
 from plenoptic.study.rounding.cases import stability_cases
 from plenoptic.study.rounding.reference import exact_rays
@@ -48,8 +48,8 @@ def at_element(
     lens: pl.LensStack, rays: pl.RayBundle, k: int, *, reverse: bool = False, clipping: bool = True
 ) -> Notes:
     """What is noted of rays that go through element k alone."""
-    tables = lens_tables(lens, rays.wavelength, reverse=reverse, first=k, last=k, clipping=clipping)
-    return noted(tables, blocks_of(rays), len(rays))
+    record = lens_record(lens, rays.wavelength, reverse=reverse, first=k, last=k, clipping=clipping)
+    return noted(record, blocks_of(rays), len(rays))
 
 
 # ---- closed forms ----
@@ -118,7 +118,7 @@ def test_numbers_are_what_a_small_change_of_the_ray_is_magnified_by(name, revers
 def test_an_ideal_lens_changes_angles_by_its_cosines():
     lens = pl.load_lens("double-gauss-100mm-f2").with_model(pl.LensModel.THIN)
     step, start = 1e-6, np.array([0.0, 6.0, 20.0])
-    place = float(lens_tables(lens, 587.6, reverse=False).z[0])
+    place = float(lens_record(lens, 587.6, reverse=False).rows[0]["z"])
     u = np.array([0.1 - step, 0.1, 0.1 + step])
     # Slopes about the point where the middle ray meets the lens.
     point = np.array([[0, 6.0, place]] * 3)
@@ -146,7 +146,7 @@ def exactly(name, n=8):
     traced = traced_part(setup.lens, setup.rays, k, k, reverse=reverse)
     true = exact_rays(setup.lens, setup.rays, k, k, reverse=reverse)
     both = [i for i in range(n) if traced.status[i] == 0 and true[i].status == 0]
-    return setup, notes, float(sizes(notes.tables)[0]), traced, true, both
+    return setup, notes, float(sizes(notes.lens)[0]), traced, true, both
 
 
 def test_rounding_stays_below_the_condition_numbers():
@@ -280,7 +280,7 @@ def test_noting_changes_no_ray(name):
     # The same operations, which a compiler may fuse differently: to 16 eps.
     lens, rays = stack(SHAPES[name]), beam(700, 20.0, 0.5)
     blocks = blocks_of(rays)
-    noted(lens_tables(lens, 587.6, reverse=False), blocks, 700)
+    noted(lens_record(lens, 587.6, reverse=False), blocks, 700)
     rows = blocks.reshape(-1, 8, 256).transpose(1, 0, 2).reshape(8, -1)[:, :700]
     out = lens.trace(rays)
     ok = out.status == 0

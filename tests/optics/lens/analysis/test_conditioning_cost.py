@@ -11,14 +11,14 @@ import pytest
 
 import plenoptic as pl
 
-NOTED = {"trace_block", "refract_asphere_block", "_newton", "_settle", "_first_crossing", "_climb"}
+NOTED = {"trace_block", "refract_asphere", "_newton", "_settle", "_first_crossing", "_climb"}
 """Functions whose last argument is what is noted."""
 
 COUNT = """
 import numpy as np
 import plenoptic as pl
 from plenoptic.optics.lens.kernels import trace
-from plenoptic.optics.lens.record import lens_tables
+from plenoptic.optics.lens.record import lens_record
 
 glass = pl.ConstantMedium(1.5)
 asphere = pl.Surface(50.0, 5.0, glass, semi_diameter=20.0, conic=-0.5, aspheric=(0.0, 1e-5))
@@ -30,7 +30,7 @@ bits = []
 for lens in lenses:
     out = lens.trace(rays)
     bits += [out.origin.tobytes().hex(), out.direction.tobytes().hex()]
-    trace.fill_traced(np.zeros(2048), *lens_tables(lens, 587.6, reverse=True))
+    trace.fill_traced(np.zeros(2048), lens_record(lens, 587.6, reverse=True), None)
 for kernel in (trace.fill_traced_rows, trace.fill_traced):
     for code in kernel.inspect_asm().values():
         print(sum(line.startswith("\\t") and not line.lstrip().startswith(".") for line in code.splitlines()))
@@ -43,6 +43,8 @@ class Without(ast.NodeTransformer):
 
     def visit_FunctionDef(self, node):
         self.generic_visit(node)
+        if node.name == "_note":
+            return None
         if node.name in NOTED:
             del node.args.args[-1]
         return node
@@ -55,11 +57,11 @@ class Without(ast.NodeTransformer):
 
     def visit_If(self, node):
         self.generic_visit(node)
-        return None if ast.unparse(node.test) in ("told is not None", "steps is not None") else node
+        return None if ast.unparse(node.test) in ("log is not None", "steps is not None") else node
 
     def visit_Assign(self, node):
         self.generic_visit(node)
-        return None if ast.unparse(node.targets[0]) in ("noted", "steps") else node
+        return None if ast.unparse(node.targets[0]) in ("steps", "noted") else node
 
 
 def counted(root: Path, cache: Path) -> tuple[list[int], str]:
@@ -75,14 +77,14 @@ def test_tracing_is_that_of_a_source_without_notes(tmp_path):
     package = Path(pl.__file__).parent
     shutil.copytree(package, tmp_path / "without" / "plenoptic", ignore=shutil.ignore_patterns("__pycache__"))
     for name in ("trace.py", "conic_asphere.py"):
-        path = tmp_path / "without" / "plenoptic" / "optics" / name
+        path = tmp_path / "without" / "plenoptic" / "optics" / "lens" / "kernels" / name
         bare = ast.unparse(Without().visit(ast.parse(path.read_text())))
-        assert "told" not in bare.replace("`told`", "")
+        assert "log" not in bare.replace("`log`", "")
         path.write_text(bare)
     ours, bits = counted(package.parent, tmp_path / "cache")
     theirs, bare_bits = counted(tmp_path / "without", tmp_path / "cache")
     assert len(ours) == len(theirs) == 4 and min(theirs) > 1000
-    # A function that is not inlined is handed one argument more: a move for each of its calls.
+    # A function that is not inlined is handed one argument more: a move or two for each of its calls.
     for with_notes, without in zip(ours, theirs, strict=True):
-        assert 0 <= with_notes - without <= 8
+        assert 0 <= with_notes - without <= 16
     assert bits == bare_bits

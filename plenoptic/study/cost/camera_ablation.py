@@ -1,4 +1,4 @@
-"""Cameras without one of their parts or properties: what `leaving_out` does to them, stage by stage."""
+"""Cameras without one of their parts or properties: each answers one stage of a render."""
 
 from __future__ import annotations
 
@@ -15,8 +15,7 @@ from plenoptic.optics.lens.elements import Element
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.placement import Placement
 from plenoptic.optics.lens.stack import LensStack
-from plenoptic.optics.microlens.aperture import Walls
-from plenoptic.optics.microlens.array import MicrolensArray, MicrolensModel
+from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.dust import BlemishSite
 from plenoptic.optics.microlens.lattice import Lattice
 from plenoptic.optics.stops.stops import CircularStop
@@ -34,7 +33,8 @@ def _array(camera: PlenopticCamera) -> MicrolensArray:
     return camera.microlenses
 
 
-def _with_array(camera: PlenopticCamera, **changes: Any) -> PlenopticCamera:
+def with_array(camera: PlenopticCamera, **changes: Any) -> PlenopticCamera:
+    """The camera with fields of its microlenses changed."""
     return dataclasses.replace(camera, microlenses=dataclasses.replace(_array(camera), **changes))
 
 
@@ -52,29 +52,14 @@ def without_microlenses(camera: PlenopticCamera) -> PlenopticCamera:
 
 def with_one_type(camera: PlenopticCamera) -> PlenopticCamera:
     """All microlenses with the focal length of the one in the middle."""
-    return _with_array(camera, focal_lengths=(_array(camera).focal_length,), pattern=None, types=None)
-
-
-def without_openings(camera: PlenopticCamera) -> PlenopticCamera:
-    """Lenses that fill their cells."""
-    return _with_array(camera, aperture=None)
-
-
-def without_walls(camera: PlenopticCamera) -> PlenopticCamera:
-    """Lenses that light all of the sensor."""
-    return _with_array(camera, walls=Walls.NONE)
+    return with_array(camera, focal_lengths=(_array(camera).focal_length,), pattern=None, types=None)
 
 
 def without_imperfections(camera: PlenopticCamera) -> PlenopticCamera:
     """Lenses on their lattice, all alike; centres that are listed must stay."""
     if _array(camera).lattice is Lattice.FREE:
         raise InvalidValueError("the centres of the microlenses are listed; without the list there is no array")
-    return _with_array(camera, imperfections=None)
-
-
-def without_plates(camera: PlenopticCamera) -> PlenopticCamera:
-    """Thin lenses of the same focal lengths, as far from stop and sensor as the plates' principal planes."""
-    return _with_array(camera, model=MicrolensModel.THIN)
+    return with_array(camera, imperfections=None)
 
 
 def _turned(placement: Placement | None, rotation: NDArray[np.float64] | None) -> Placement:

@@ -1,7 +1,8 @@
-"""What each part of a rendering costs, measured by leaving it out."""
+"""What each part of a render costs, measured by leaving it out."""
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import math
 import statistics
@@ -15,10 +16,9 @@ from plenoptic.camera.checks import sensor_region
 from plenoptic.core.values import whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.plan.stages import Plan, Subject
-from plenoptic.rendering.render import render, render_white
-from plenoptic.study.cost.leaving_out import Kept, Omission, omissions
+from plenoptic.study.cost.ablation import Ablation, Inseparable, ablations
 from plenoptic.study.cost.table import CostRow, CostTable
-from plenoptic.study.finished import finished
+from plenoptic.study.exposures import central_region, complete, expose
 
 if TYPE_CHECKING:
     from plenoptic.rendering.exposure import Exposure
@@ -43,12 +43,12 @@ def cost_of(
     threads: int = 1,
     progress: bool = True,
 ) -> CostTable:
-    """Measure what each part of a rendering costs, by leaving it out, one at a time.
+    """Measure what each part of a render costs, by leaving it out, one at a time.
 
-    The whole rendering and one without a part take turns, round after round: each time without is compared with the
+    The whole render and one without a part take turns, round after round: each time without is compared with the
     two times of the whole before and after it. Times are those of the processor. Set-up (tables, bounds on pupils, the
-    tree of triangles) is measured by renderings of a single path, given apart and subtracted: have so many paths that
-    it is the smaller part. A first rendering of each is not counted; it compiles.
+    tree of triangles) is measured by renders of a single path, given apart and subtracted: have so many paths that
+    it is the smaller part. A first render of each is not counted; it compiles.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def cost_of(
     rounds : int, optional
         At least 2: from its spread over the rounds comes the noise of the pictures. Standard errors take at least 3.
     seed : int, optional
-        Of the random numbers; each rendering has others.
+        Of the random numbers; each render has others.
     threads : int, optional
         1 disturbs measurements least.
     progress : bool, optional
@@ -90,18 +90,18 @@ def cost_of(
     whole(seed, "seed", at_least=0)
     if not isinstance(plan, Plan):
         raise InvalidValueError(f"plan is a {type(plan).__name__}; it must be a Plan, from pl.plan(scene, camera)")
-    found = omissions(plan)
+    found = ablations(plan)
     assert plan.subject is not None
-    out = [one for one in found if isinstance(one, Omission)]
+    out = [one for one in found if isinstance(one, Ablation)]
     if not out:
         raise InvalidValueError("nothing that the plan runs can be left out; choose a richer camera or scene")
-    run = _Run(samples, region or _middle(plan.subject.camera.sensor.shape), seed, threads)
+    run = _Run(samples, region or central_region(plan.subject.camera.sensor.shape, SIDE), seed, threads)
     first, end, left, right = sensor_region(plan.subject.camera.sensor.shape, run.region)
     took = _turns(plan.subject, out, run, rounds, progress)
     everything = np.concatenate([_per_path(took, k)[0] for k in range(len(out))])
     return CostTable(
         [_row(one, k, took) for k, one in enumerate(out)],
-        [(one.stage, one.reason) for one in found if isinstance(one, Kept)],
+        [(one.stage, one.reason) for one in found if isinstance(one, Inseparable)],
         1e6 * float(np.nanmedian(everything)) if np.isfinite(everything).any() else math.nan,
         float(np.median(took.set_up[:, 0])),
         samples=samples,
@@ -122,42 +122,12 @@ class _Run(NamedTuple):
     threads: int
 
 
-def _middle(shape: tuple[int, int]) -> tuple[slice, slice]:
-    rows, columns = (slice((n - min(n, SIDE)) // 2, (n - min(n, SIDE)) // 2 + min(n, SIDE)) for n in shape)
-    return rows, columns
-
-
 def _exposed(subject: Subject, run: _Run, number: int) -> Exposure:
-    """One rendering; scenes without light or out of sight are no news here."""
-    settings = subject.settings
+    """One render; scenes without light or out of sight are no news here."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        if subject.scene is None:
-            return render_white(
-                subject.camera,
-                samples=run.samples,
-                region=run.region,
-                seed=run.seed + number,
-                replicates=subject.replicates,
-                sampler=settings.sampler,
-                threads=run.threads,
-                progress=False,
-            )
-        return render(
-            subject.scene,
-            subject.camera,
-            samples=run.samples,
-            region=run.region,
-            seed=run.seed + number,
-            replicates=subject.replicates,
-            max_bounces=settings.max_bounces,
-            caustics=settings.caustics,
-            clamp=settings.clamp,
-            sampler=settings.sampler,
-            truth=subject.truth,
-            threads=run.threads,
-            progress=False,
-        )
+        subject = dataclasses.replace(subject, samples=run.samples)
+        return expose(subject, seed=run.seed + number, region=run.region, threads=run.threads)
 
 
 class Picture:
@@ -181,7 +151,7 @@ class Picture:
 
 
 class _Times(NamedTuple):
-    """CPU seconds of n comparisons, and what renderings show."""
+    """CPU seconds of n comparisons, and what they show."""
 
     whole: NDArray[np.float64]
     """(n, rounds + 1)."""
@@ -194,7 +164,7 @@ class _Times(NamedTuple):
     pictures: list[Picture]
 
 
-def _turns(subject: Subject, out: list[Omission], run: _Run, rounds: int, progress: bool) -> _Times:
+def _turns(subject: Subject, out: list[Ablation], run: _Run, rounds: int, progress: bool) -> _Times:
     """For each part: render all of it, without the part, all of it, without the part, and so on.
 
     Only two cameras take turns at a time, so that what is remembered of cameras used last stays.
@@ -212,7 +182,7 @@ def _turns(subject: Subject, out: list[Omission], run: _Run, rounds: int, progre
     with tqdm(total=n * (2 * rounds + 3 + 2 * set_ups), disable=not progress) as bar:
 
         def seconds(one: Subject, run: _Run, picture: int | None = None) -> float:
-            shot = finished(_exposed(one, run, next(numbers)))
+            shot = complete(_exposed(one, run, next(numbers)))
             bar.update()
             assert shot.stats is not None
             if picture is not None:
@@ -236,14 +206,14 @@ def _turns(subject: Subject, out: list[Omission], run: _Run, rounds: int, progre
 def _per_path(took: _Times, k: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """CPU seconds per path beyond set-up, (rounds + 1,) of the whole and (rounds,) without part k.
 
-    nan where a rendering took no longer than set-up: too short to tell.
+    nan where a render took no longer than set-up: too short to tell.
     """
     whole = (took.whole[k] - np.median(took.set_up[k, 0])) / took.paths[0]
     without = (took.without[k] - np.median(took.set_up[k, 1])) / took.paths[k + 1]
     return np.where(whole > 0, whole, np.nan), np.where(without > 0, without, np.nan)
 
 
-def _row(one: Omission, k: int, took: _Times) -> CostRow:
+def _row(one: Ablation, k: int, took: _Times) -> CostRow:
     everything, without = _per_path(took, k)
     beside = 0.5 * (everything[:-1] + everything[1:])
     share, error = share_of(without, beside)
@@ -277,7 +247,7 @@ def share_of(without: NDArray[np.float64], beside: NDArray[np.float64]) -> tuple
     Examples
     --------
     >>> import numpy as np
-    >>> from plenoptic.study.cost.costs import share_of
+    >>> from plenoptic.study.cost.measurement import share_of
     >>> share_of(np.array([0.7, 0.75, 0.8]), np.ones(3))[0]
     25.0
     """

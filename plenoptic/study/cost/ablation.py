@@ -1,4 +1,4 @@
-"""Every stage of a rendering, and how it can be left out alone."""
+"""Every stage of a render, and how it can be left out alone."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ import numpy as np
 
 from plenoptic.core.values import value
 from plenoptic.errors import InvalidValueError, PlenopticError
+from plenoptic.optics.microlens.aperture import Walls
+from plenoptic.optics.microlens.array import MicrolensModel
 from plenoptic.rendering.plan.plan import plan_for
 from plenoptic.rendering.plan.scene_stages import ROULETTE
 from plenoptic.rendering.plan.stages import Plan, Stage, Subject
 from plenoptic.rendering.settings import Caustics, Sampler
-from plenoptic.study.cost import camera_without, scene_without
-from plenoptic.study.cost.camera_without import with_sensor
-from plenoptic.study.cost.scene_without import with_materials
+from plenoptic.study.cost import camera_ablation, scene_ablation
 from plenoptic.truth.channels import Truth
 
 _Change: TypeAlias = Callable[[Subject], Subject]
 
 
 @value
-class Omission:
-    """A rendering without one of its stages.
+class Ablation:
+    """A render without one of its stages.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ class Omission:
 
     Examples
     --------
-    See `omissions`.
+    See `ablations`.
     """
 
     stage: Stage
@@ -48,7 +48,7 @@ class Omission:
 
 
 @value
-class Kept:
+class Inseparable:
     """A stage that runs and cannot be left out alone.
 
     Parameters
@@ -58,14 +58,14 @@ class Kept:
 
     Examples
     --------
-    See `omissions`.
+    See `ablations`.
     """
 
     stage: Stage
     reason: str
 
 
-def omissions(plan: Plan) -> tuple[Omission | Kept, ...]:
+def ablations(plan: Plan) -> tuple[Ablation | Inseparable, ...]:
     """How each stage that a plan runs can be left out, one at a time.
 
     Parameters
@@ -75,7 +75,7 @@ def omissions(plan: Plan) -> tuple[Omission | Kept, ...]:
 
     Returns
     -------
-    tuple of Omission or Kept
+    tuple of Ablation or Inseparable
         In the order of the stages.
 
     Raises
@@ -86,10 +86,10 @@ def omissions(plan: Plan) -> tuple[Omission | Kept, ...]:
     Examples
     --------
     >>> import plenoptic as pl
-    >>> from plenoptic.study.cost.leaving_out import omissions
+    >>> from plenoptic.study.cost.ablation import ablations
     >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
     ...     sensor=pl.Sensor(shape=(16, 16), pixel_pitch=0.01), stop_to_microlenses=130.0)
-    >>> for found in omissions(pl.plan(None, camera)):
+    >>> for found in ablations(pl.plan(None, camera)):
     ...     print(found.stage.name, "->", found.instead)
     LENS -> an ideal thin lens
     STANDARD_ERROR -> one replicate
@@ -97,20 +97,20 @@ def omissions(plan: Plan) -> tuple[Omission | Kept, ...]:
     if plan.subject is None:
         raise InvalidValueError("the plan does not know what it was made for; make it by pl.plan(scene, camera)")
     running = {decision.stage for decision in plan.decisions if decision.runs}
-    return tuple(_omission(plan.subject, stage, running) for stage in sorted(running))
+    return tuple(_ablation(plan.subject, stage, running) for stage in sorted(running))
 
 
-def _omission(subject: Subject, stage: Stage, running: set[Stage]) -> Omission | Kept:
+def _ablation(subject: Subject, stage: Stage, running: set[Stage]) -> Ablation | Inseparable:
     instead, change = _WAYS[stage]
     try:
         changed = change(subject)
     except PlenopticError as error:
-        return Kept(stage, str(error))
+        return Inseparable(stage, str(error))
     then = plan_for(changed)
     if then.runs(stage) and stage not in _REDUCED:
         (reason,) = (decision.reason for decision in then.decisions if decision.stage is stage)
-        return Kept(stage, f"with {instead}: {reason}")
-    return Omission(stage, instead, changed, tuple(sorted(s for s in running - {stage} if not then.runs(s))))
+        return Inseparable(stage, f"with {instead}: {reason}")
+    return Ablation(stage, instead, changed, tuple(sorted(s for s in running - {stage} if not then.runs(s))))
 
 
 def _camera(change: Callable[..., Any], **arguments: Any) -> _Change:
@@ -122,7 +122,7 @@ def _scene(change: Callable[..., Any]) -> _Change:
 
 
 def _materials(change: Callable[..., Any]) -> _Change:
-    return _scene(lambda scene: with_materials(scene, change))
+    return _scene(lambda scene: scene_ablation.with_materials(scene, change))
 
 
 def _settings(**changes: Any) -> _Change:
@@ -153,38 +153,41 @@ _REDUCED = {Stage.LENS, Stage.ONWARD_RAYS}
 _WAYS: dict[Stage, tuple[str, _Change]] = {
     Stage.INDEPENDENT_SAMPLES: ("scrambled Sobol points", _settings(sampler=Sampler.SOBOL)),
     Stage.WAVELENGTHS: ("one wavelength", _camera(dataclasses.replace, sensitivity=None)),
-    Stage.PIXEL_RESPONSE: ("pixels that see all directions alike", _camera(with_sensor, angular_response=None)),
-    Stage.TURNED_PIXELS: ("parts that are not turned", _camera(camera_without.with_upright_pixels)),
+    Stage.PIXEL_RESPONSE: (
+        "pixels that see all directions alike",
+        _camera(camera_ablation.with_sensor, angular_response=None),
+    ),
+    Stage.TURNED_PIXELS: ("parts that are not turned", _camera(camera_ablation.with_upright_pixels)),
     Stage.BLEMISHES: ("a clean camera", _camera(dataclasses.replace, blemishes=())),
-    Stage.MICROLENSES: ("a bare sensor", _camera(camera_without.without_microlenses)),
-    Stage.MICROLENS_TYPES: ("one focal length", _camera(camera_without.with_one_type)),
-    Stage.OPENINGS: ("lenses that fill their cells", _camera(camera_without.without_openings)),
-    Stage.WALLS: ("no walls", _camera(camera_without.without_walls)),
-    Stage.LISTED_LENSES: ("lenses as designed", _camera(camera_without.without_imperfections)),
-    Stage.MICROLENS_PLATES: ("thin microlenses", _camera(camera_without.without_plates)),
-    Stage.TILTED_SENSOR: ("a sensor parallel to the array", _camera(camera_without.with_parallel_sensor)),
-    Stage.TILTED_ARRAY: ("an array upright on the lens's axis", _camera(camera_without.with_upright_array)),
-    Stage.LENS: ("an ideal thin lens", _camera(camera_without.with_simpler_lens)),
-    Stage.ASPHERES: ("spheres", _camera(camera_without.without_aspheres)),
-    Stage.PLACEMENTS: ("centred elements", _camera(camera_without.without_placements)),
-    Stage.SHAPED_STOPS: ("round stops", _camera(camera_without.with_round_stops)),
+    Stage.MICROLENSES: ("a bare sensor", _camera(camera_ablation.without_microlenses)),
+    Stage.MICROLENS_TYPES: ("one focal length", _camera(camera_ablation.with_one_type)),
+    Stage.OPENINGS: ("lenses that fill their cells", _camera(camera_ablation.with_array, aperture=None)),
+    Stage.WALLS: ("no walls", _camera(camera_ablation.with_array, walls=Walls.NONE)),
+    Stage.LISTED_LENSES: ("lenses as designed", _camera(camera_ablation.without_imperfections)),
+    Stage.MICROLENS_PLATES: ("thin microlenses", _camera(camera_ablation.with_array, model=MicrolensModel.THIN)),
+    Stage.TILTED_SENSOR: ("a sensor parallel to the array", _camera(camera_ablation.with_parallel_sensor)),
+    Stage.TILTED_ARRAY: ("an array upright on the lens's axis", _camera(camera_ablation.with_upright_array)),
+    Stage.LENS: ("an ideal thin lens", _camera(camera_ablation.with_simpler_lens)),
+    Stage.ASPHERES: ("spheres", _camera(camera_ablation.without_aspheres)),
+    Stage.PLACEMENTS: ("centred elements", _camera(camera_ablation.without_placements)),
+    Stage.SHAPED_STOPS: ("round stops", _camera(camera_ablation.with_round_stops)),
     Stage.DISPLACED_LENS: ("the lens as designed", _camera(dataclasses.replace, lens_placement=None)),
     Stage.POSE: ("the scene in the camera's frame", _into_the_cameras_frame),
-    Stage.INTERSECTION: ("a scene without surfaces", _scene(scene_without.without_meshes)),
-    Stage.INSTANCES: ("copies", _scene(scene_without.without_instances)),
-    Stage.OPACITY: ("opaque surfaces", _materials(scene_without.opaque)),
-    Stage.EMISSION: ("dark surfaces and lamps", _scene(scene_without.without_emission)),
-    Stage.BACKGROUND: ("a black world", _scene(scene_without.without_world)),
+    Stage.INTERSECTION: ("a scene without surfaces", _scene(scene_ablation.without_meshes)),
+    Stage.INSTANCES: ("copies", _scene(scene_ablation.without_instances)),
+    Stage.OPACITY: ("opaque surfaces", _materials(scene_ablation.opaque)),
+    Stage.EMISSION: ("dark surfaces and lamps", _scene(scene_ablation.without_emission)),
+    Stage.BACKGROUND: ("a black world", _scene(scene_ablation.without_world)),
     Stage.SCATTERING: ("0 bounces", _settings(max_bounces=0)),
-    Stage.MATERIALS: ("Lambertian surfaces", _materials(scene_without.lambertian)),
-    Stage.ABSORPTION: ("clear glass", _materials(scene_without.clear)),
-    Stage.DIRECT_LIGHT: ("no lights but a constant world", _scene(scene_without.without_drawn_lights)),
+    Stage.MATERIALS: ("Lambertian surfaces", _materials(scene_ablation.lambertian)),
+    Stage.ABSORPTION: ("clear glass", _materials(scene_ablation.clear)),
+    Stage.DIRECT_LIGHT: ("no lights but a constant world", _scene(scene_ablation.without_drawn_lights)),
     Stage.ONWARD_RAYS: ("one bounce", _one_bounce),
     Stage.RUSSIAN_ROULETTE: (f"at most {ROULETTE} bounces", _settings(max_bounces=ROULETTE)),
-    Stage.VERTEX_NORMALS: ("flat triangles", _scene(scene_without.without_vertex_normals)),
-    Stage.NORMAL_MAPS: ("the normals of meshes", _materials(scene_without.without_normal_map)),
-    Stage.TEXTURES: ("their mean colours", _materials(scene_without.untextured)),
-    Stage.COLOUR: ("grey", _scene(scene_without.grey)),
+    Stage.VERTEX_NORMALS: ("flat triangles", _scene(scene_ablation.without_vertex_normals)),
+    Stage.NORMAL_MAPS: ("the normals of meshes", _materials(scene_ablation.without_normal_map)),
+    Stage.TEXTURES: ("their mean colours", _materials(scene_ablation.untextured)),
+    Stage.COLOUR: ("grey", _scene(scene_ablation.grey)),
     Stage.CAUSTICS_APART: ("all light alike", _settings(caustics=Caustics.KEPT)),
     Stage.CLAMPING: ("no limit", _settings(clamp=None)),
     Stage.TRUTH: ("no ground truth", lambda subject: dataclasses.replace(subject, truth=Truth.NONE)),

@@ -1,10 +1,10 @@
-"""Scenes without one of their properties: what `leaving_out` does to them, stage by stage."""
+"""Scenes without one of their properties: each answers one stage of a render."""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -12,16 +12,10 @@ from plenoptic.errors import InvalidValueError
 from plenoptic.scene.geometry.instance import Instances
 from plenoptic.scene.geometry.mesh import Mesh
 from plenoptic.scene.lights.environment import ConstantBackground, EnvironmentMap
-from plenoptic.scene.lights.quad import QuadLight
-from plenoptic.scene.lights.registry import Light
-from plenoptic.scene.lights.sphere import SphereLight
-from plenoptic.scene.lights.sun import SunLight
-from plenoptic.scene.materials.dielectric import Dielectric, ThinGlass
+from plenoptic.scene.lights.registry import AreaLight, DistantLight, Light
 from plenoptic.scene.materials.diffuse import Lambertian
 from plenoptic.scene.materials.emissive import Emissive
-from plenoptic.scene.materials.metallic_roughness import MetallicRoughness
-from plenoptic.scene.materials.record import base_colour
-from plenoptic.scene.materials.registry import Material, emitted
+from plenoptic.scene.materials.registry import LAMBERTIAN, MATERIALS, Material
 from plenoptic.scene.scene import Scene
 from plenoptic.scene.textures.color import Colour, mean_colour
 from plenoptic.scene.textures.texture import Texture
@@ -30,6 +24,7 @@ MOST_COPIES = 5_000_000
 """Triangles that instances may become: some 700 MB of memory, 130 bytes each."""
 
 _BLACK = Lambertian(0.0)
+T = TypeVar("T", bound=Material | Light)
 
 
 def _scene(meshes: Any, lights: Any, background: Any) -> Scene:
@@ -60,7 +55,7 @@ def _with_plain(scene: Scene, change: Callable[[Mesh], Mesh]) -> Scene:
 
 def without_meshes(scene: Scene) -> Scene:
     """What is far away or a point: nothing that could be met."""
-    return _scene((), [one for one in scene.lights if not isinstance(one, QuadLight | SphereLight)], scene.background)
+    return _scene((), [one for one in scene.lights if not isinstance(one, AreaLight)], scene.background)
 
 
 def without_instances(scene: Scene) -> Scene:
@@ -73,30 +68,31 @@ def without_instances(scene: Scene) -> Scene:
     return dataclasses.replace(scene, meshes=tuple(mesh for some in copies for mesh in some))
 
 
+def _with(material: Material, **changes: Any) -> Material:
+    """A material with other values in those of its fields that are named."""
+    return dataclasses.replace(material, **{k: v for k, v in changes.items() if k in material.__dataclass_fields__})
+
+
 def opaque(material: Material) -> Material:
     """A material that is there for all paths."""
-    if isinstance(material, MetallicRoughness):
-        return dataclasses.replace(material, opacity=1.0, cutoff=None)
-    return material
+    return _with(material, opacity=1.0, cutoff=None)
 
 
 def _dark(material: Material) -> Material:
-    if isinstance(material, Emissive):
-        return _BLACK
-    return dataclasses.replace(material, emission=0.0) if isinstance(material, MetallicRoughness) else material
+    return _with(material, emission=0.0, radiance=0.0)
 
 
 def without_emission(scene: Scene) -> Scene:
     """All surfaces dark, those of lamps too, which stay where they are."""
     dark = with_materials(scene, _dark)
-    lamps = [light for light in scene.lights if isinstance(light, QuadLight | SphereLight)]
+    lamps = [light for light in scene.lights if isinstance(light, AreaLight)]
     bodies = [light.mesh().with_material(_BLACK) for light in lamps]
     return _scene([*dark.meshes, *bodies], [light for light in scene.lights if light not in lamps], scene.background)
 
 
 def without_world(scene: Scene) -> Scene:
     """A black world without suns."""
-    return _scene(scene.meshes, [light for light in scene.lights if not isinstance(light, SunLight)], None)
+    return _scene(scene.meshes, [light for light in scene.lights if not isinstance(light, DistantLight)], None)
 
 
 def without_drawn_lights(scene: Scene) -> Scene:
@@ -117,17 +113,17 @@ def _mean_of(world: EnvironmentMap) -> Colour:
 
 def lambertian(material: Material) -> Material:
     """A matt material of the same colour; of clear bodies, grey. What emits goes on to do so, and does not reflect."""
-    if isinstance(material, Lambertian | Emissive):
+    if MATERIALS[type(material)] == LAMBERTIAN:
         return material
-    glow = emitted(material)
-    if isinstance(glow, Texture) or np.any(glow):
-        return Emissive(glow, getattr(material, "two_sided", False))
-    return Lambertian(0.5 if isinstance(material, Dielectric | ThinGlass) else base_colour(material))
+    row = material.row()
+    if isinstance(row.emission, Texture) or np.any(row.emission):
+        return Emissive(row.emission, row.two_sided)
+    return Lambertian(0.5 if row.glass_index[0] or row.pane_index else row.base)
 
 
 def clear(material: Material) -> Material:
     """Glass that does not absorb."""
-    return dataclasses.replace(material, absorption=0.0) if isinstance(material, Dielectric) else material
+    return _with(material, absorption=0.0)
 
 
 def without_vertex_normals(scene: Scene) -> Scene:
@@ -137,13 +133,13 @@ def without_vertex_normals(scene: Scene) -> Scene:
 
 def without_normal_map(material: Material) -> Material:
     """A material whose normals are those of the mesh."""
-    return dataclasses.replace(material, normal_map=None) if isinstance(material, MetallicRoughness) else material
+    return _with(material, normal_map=None)
 
 
-def _changed(material: Material, change: Callable[[str, Any], Any]) -> Material:
-    """A material with all of its fields changed."""
-    fields = {name: change(name, getattr(material, name)) for name in material.__dataclass_fields__}
-    return dataclasses.replace(material, **fields)
+def _changed(one: T, change: Callable[[str, Any], Any]) -> T:
+    """A material or a light with all of its fields changed."""
+    fields = {name: change(name, getattr(one, name)) for name in one.__dataclass_fields__}
+    return dataclasses.replace(one, **fields)
 
 
 def untextured(material: Material) -> Material:
@@ -176,10 +172,4 @@ def grey(scene: Scene) -> Scene:
         world = dataclasses.replace(world, texels=world.texels.mean(axis=2, keepdims=True))
     elif world is not None:
         world = ConstantBackground(_grey("radiance", world.radiance))
-    return dataclasses.replace(toned, lights=tuple(map(_grey_light, scene.lights)), background=world)
-
-
-def _grey_light(light: Light) -> Light:
-    names = [name for name in ("radiance", "intensity", "irradiance") if name in light.__dataclass_fields__]
-    changes: dict[str, Any] = {name: _grey(name, getattr(light, name)) for name in names}
-    return dataclasses.replace(light, **changes)
+    return dataclasses.replace(toned, lights=tuple(_changed(light, _grey) for light in scene.lights), background=world)

@@ -1,4 +1,4 @@
-"""Rows of an error study: renderings that take turns, timed and split."""
+"""Rows of an error study: renders that take turns, timed and split."""
 
 from __future__ import annotations
 
@@ -27,15 +27,25 @@ class Cost(NamedTuple):
     wall: float
 
 
+class Runs(NamedTuple):
+    """How often each variant is rendered."""
+
+    samples: Sequence[int]
+    """Paths per pixel, one row each."""
+    seeds: int
+    """How many, each row."""
+    seed: int = 0
+    """The first one."""
+    repeats: int = 1
+    """How often each render is timed."""
+
+
 def measured_rows(
     expose: Expose,
     variants: Sequence[str],
-    samples: Sequence[int],
+    runs: Runs,
     reference: Reference,
     *,
-    seeds: int,
-    seed: int = 0,
-    repeats: int = 1,
     set_up: Callable[[str], object] = lambda name: None,
     done: Callable[[int], object] = lambda samples: None,
 ) -> list[ErrorRow]:
@@ -49,12 +59,10 @@ def measured_rows(
     expose : callable
         Gives an `Exposure` for the name of a variant, a number of samples and a seed.
     variants : sequence of str
-    samples : sequence of int
+    runs : Runs
     reference : Reference
-    seeds, seed, repeats : int
-        How many seeds a row, the first one, and how often each rendering is timed.
     set_up, done : callable, optional
-        A call that renders next to nothing; what is called after each rendering, with its samples.
+        A call that renders next to nothing; what is called after each render, with its samples.
 
     Returns
     -------
@@ -64,14 +72,15 @@ def measured_rows(
     --------
     >>> import numpy as np, plenoptic as pl
     >>> from plenoptic.study.error_time.split import reference_of
-    >>> from plenoptic.study.error_time.measuring import measured_rows
+    >>> from plenoptic.study.error_time.measurement import Runs, measured_rows
     >>> def expose(name, n, seed):
     ...     noise = np.random.default_rng([n, seed]).standard_normal((64, 64, 1)) / n**0.5
     ...     return pl.Exposure(10.0 + noise, standard_error=np.full((64, 64, 1), n**-0.5))
-    >>> rows = measured_rows(expose, ["noise"], [16, 100], reference_of(expose("", 1024, 99)), seeds=4)
+    >>> rows = measured_rows(expose, ["noise"], Runs([16, 100], seeds=4), reference_of(expose("", 1024, 99)))
     >>> [round(row.noise, 3) for row in rows]
     [0.025, 0.01]
     """
+    samples, seeds, seed, repeats = runs
     for name in variants:  # compiles, and traces pupils, which are kept
         expose(name, samples[0], seed)
     starting = {name: _median([_timed(set_up, name)[1] for _ in range(_SETUPS)]) for name in variants}

@@ -12,11 +12,11 @@ import pytest
 
 import plenoptic as pl
 from plenoptic.rendering.plan.stages import Plan, Stage
-from plenoptic.study.cost import camera_without, costs, leaving_out, scene_without
+from plenoptic.study.cost import ablation, camera_ablation, measurement, scene_ablation
+from plenoptic.study.cost.ablation import Ablation, Inseparable, ablations
 from plenoptic.study.cost.cases import cost_case, cost_cases, furnished_camera
 from plenoptic.study.cost.command import add_command
-from plenoptic.study.cost.costs import Picture, cost_of, picture_change, share_of
-from plenoptic.study.cost.leaving_out import Kept, Omission, omissions
+from plenoptic.study.cost.measurement import Picture, cost_of, picture_change, share_of
 from plenoptic.study.error_time.cases import reference_camera
 
 CROP = np.s_[252:260, 252:260]
@@ -54,29 +54,29 @@ def test_the_furnished_case_runs_every_stage(furnished):
 
 
 def test_each_stage_can_be_left_out_and_then_does_not_run(furnished):
-    found = omissions(furnished)
+    found = ablations(furnished)
     assert [one.stage for one in found] == list(Stage)
-    assert not [one for one in found if isinstance(one, Kept)]
+    assert not [one for one in found if isinstance(one, Inseparable)]
     for one in found:
-        then = leaving_out.plan_for(one.subject)
+        then = ablation.plan_for(one.subject)
         stopped = {d.stage for d in then.decisions if not d.runs}
         if one.stage not in (Stage.LENS, Stage.ONWARD_RAYS):
             assert stopped == {one.stage, *one.also}
 
 
 def test_most_stages_are_left_out_alone(furnished):
-    alone = [one.stage for one in omissions(furnished) if not one.also]
+    alone = [one.stage for one in ablations(furnished) if not one.also]
     assert len(alone) >= 25
 
 
 @pytest.mark.parametrize("case", [case for case in cost_cases() if case != "furnished"])
 def test_nothing_is_listed_that_does_not_run(case):
     plan = cost_case(case)
-    assert {one.stage for one in omissions(plan)} == {d.stage for d in plan.decisions if d.runs}
+    assert {one.stage for one in ablations(plan)} == {d.stage for d in plan.decisions if d.runs}
 
 
 def kept(camera, scene=None):
-    return {one.stage: one.reason for one in omissions(pl.plan(scene, camera)) if isinstance(one, Kept)}
+    return {one.stage: one.reason for one in ablations(pl.plan(scene, camera)) if isinstance(one, Inseparable)}
 
 
 def test_what_cannot_be_left_out_says_why(monkeypatch):
@@ -86,7 +86,7 @@ def test_what_cannot_be_left_out_says_why(monkeypatch):
     centres = camera.microlenses.lenses((-3.0, -3.0), (3.0, 3.0)).centre
     free = pl.MicrolensArray(pitch=0.3, focal_lengths=(2.0,), lattice=pl.Lattice.FREE, centres=centres)
     assert "centres" in kept(dataclasses.replace(camera, microlenses=free))[Stage.LISTED_LENSES]
-    monkeypatch.setattr(scene_without, "MOST_COPIES", 20)
+    monkeypatch.setattr(scene_ablation, "MOST_COPIES", 20)
     many = pl.Scene([pl.Instances(pl.box(1), np.tile(np.eye(4), (2, 1, 1)))], background=1.0)
     assert "24 triangles" in kept(camera, many)[Stage.INSTANCES]
 
@@ -95,7 +95,7 @@ def test_spheres_touch_aspheres_at_their_vertices():
     first = pl.Surface(50.0, 5.0, semi_diameter=10.0, conic=-0.7, aspheric=(1e-3, 1e-6))
     camera = reference_camera()
     lens = dataclasses.replace(camera.lens, elements=[first, *camera.lens.elements[1:]])
-    sphere = camera_without.without_aspheres(dataclasses.replace(camera, lens=lens)).lens.elements[0]
+    sphere = camera_ablation.without_aspheres(dataclasses.replace(camera, lens=lens)).lens.elements[0]
     # Sags differ in r^4 only: at r = 0.1 by less than (c^3 + a) r^4 = 1e-5 * 1e-4 mm.
     assert abs(float(sphere.sag(0.1) - first.sag(0.1))) < 1e-9
     assert not sphere.aspheric and sphere.conic == 0
@@ -104,12 +104,12 @@ def test_spheres_touch_aspheres_at_their_vertices():
 def test_the_mean_of_a_world_weighs_rows_by_their_solid_angle():
     texels = np.zeros((4, 2, 3))
     texels[0] = 1.0  # down to 45 degrees from the top: (1 - cos 45) / 2 of the sphere
-    world = scene_without.without_drawn_lights(pl.Scene(background=pl.EnvironmentMap(texels))).background
+    world = scene_ablation.without_drawn_lights(pl.Scene(background=pl.EnvironmentMap(texels))).background
     assert world.radiance == pytest.approx(3 * ((1 - math.sqrt(0.5)) / 2,), rel=1e-6)
 
 
 def test_a_scene_without_anything_is_black():
-    dark = scene_without.without_world(pl.Scene(background=1.0))
+    dark = scene_ablation.without_world(pl.Scene(background=1.0))
     assert dark.background.radiance == 0.0 and not dark.meshes
 
 
@@ -119,7 +119,7 @@ def test_without_its_pose_a_camera_sees_the_same():
     world = np.eye(4)
     world[:3, :3], world[:3, 3] = camera.pose.rotation, camera.pose.position
     plan = pl.plan(pl.check_scene().transformed(world), camera)
-    (one,) = [found for found in omissions(plan) if found.stage is Stage.POSE]
+    (one,) = [found for found in ablations(plan) if found.stage is Stage.POSE]
     shots = [
         pl.render(subject.scene, subject.camera, samples=16, region=CROP, truth=pl.Truth.NONE, progress=False)
         for subject in (plan.subject, one.subject)
@@ -144,7 +144,7 @@ def made_up(monkeypatch):
     drift = itertools.count()
 
     def exposed(subject, run, number):
-        found = leaving_out.plan_for(subject)
+        found = ablation.plan_for(subject)
         runs = {stage: found.runs(stage) for stage in PARTS}
         runs[Stage.LENS] = subject.camera.lens.model is pl.LensModel.EXACT
         paths = 100_000 if run.samples > 1 else 1
@@ -157,7 +157,7 @@ def made_up(monkeypatch):
         stats = SimpleNamespace(cpu_seconds=SET_UP + paths * per_path, paths=paths)
         return SimpleNamespace(image=image.astype(np.float32), stats=stats, interrupted=False)
 
-    monkeypatch.setattr(costs, "_exposed", exposed)
+    monkeypatch.setattr(measurement, "_exposed", exposed)
     return plan
 
 
@@ -225,7 +225,7 @@ def test_a_table_is_text_markdown_and_csv(made_up, tmp_path):
 def test_meshes_are_the_dear_part_of_a_checkerboard():
     plan = pl.plan(pl.check_scene(), reference_camera())
     table = cost_of(plan, samples=32, rounds=5)
-    assert {row.stage for row in table.rows} == {one.stage for one in omissions(plan) if isinstance(one, Omission)}
+    assert {row.stage for row in table.rows} == {one.stage for one in ablations(plan) if isinstance(one, Ablation)}
     meshes, truth = table.row(Stage.INTERSECTION), table.row(Stage.TRUTH)
     # Finding what half a million rays meet takes half of the time; a busy processor disturbs this by some per cent.
     assert meshes.percent > 20 and meshes.percent > 3 * meshes.standard_error

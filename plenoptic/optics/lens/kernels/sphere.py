@@ -1,0 +1,68 @@
+"""Rays through one sphere or plane: the kernel."""
+
+from __future__ import annotations
+
+import math
+
+from plenoptic.core.jit import device
+from plenoptic.core.kernels.ray_blocks import (
+    BLOCK,
+    CLIPPED,
+    MISSED,
+    NOT_FINITE,
+    STATUS,
+    TOTAL_REFLECTION,
+    L,
+    M,
+    N,
+    X,
+    Y,
+    Z,
+)
+
+
+@device
+def refract_sphere(ray, c, index_ratio, index_ratios, semi_diameter2, max_depth, s, code):
+    """Through one sphere or plane of curvature c, whose vertex is the origin of the rays' z.
+
+    Closest-approach form: with the ray's point nearest to the vertex as its start, F and G suffer no
+    cancellation on flat surfaces, tiny radii or distant origins. `s` is the direction of travel along
+    the stack. `index_ratio` is that of all rays, unless `index_ratios` has one for each. `max_depth` is how deep the
+    surface reaches: up to c z = 1 it is the part of the sphere on the vertex's side of the equator, and a ray
+    that could only meet the other half has missed it.
+    """
+    for i in range(BLOCK):
+        mu = index_ratio if index_ratios is None else index_ratios[i]
+        x, y, z = ray[X + i], ray[Y + i], ray[Z + i]
+        l, m, n = ray[L + i], ray[M + i], ray[N + i]
+        e = -(x * l + y * m + z * n)
+        x += e * l
+        y += e * m
+        z += e * n
+        f = c * (x * x + y * y + z * z) - 2.0 * z
+        g = n - c * (x * l + y * m + z * n)
+        q2 = g * g - c * f
+        q = math.sqrt(max(q2, 0.0))
+        along = s * g >= 0.0
+        divisor = g + s * q if along else c
+        t = (f if along else g - s * q) / divisor
+        x += t * l
+        y += t * m
+        z += t * n
+        cos2 = 1.0 - mu * mu * (1.0 - q * q)
+        cos_t = math.sqrt(max(cos2, 0.0))
+        r2 = x * x + y * y
+        a = s * ((1.0 - mu * mu) / (cos_t + mu * q))
+        ac = a * c
+        ray[X + i] = x
+        ray[Y + i] = y
+        ray[Z + i] = z
+        ray[L + i] = mu * l - ac * x
+        ray[M + i] = mu * m - ac * y
+        ray[N + i] = mu * n + (a - ac * z)
+        lost = 0.0 if cos2 >= 0.0 else code + TOTAL_REFLECTION
+        lost = lost if r2 <= semi_diameter2 else code + CLIPPED
+        lost = lost if r2 < math.inf else code + NOT_FINITE
+        lost = code + MISSED if q2 <= 0.0 or (divisor == 0.0 and g == g) or c * z > max_depth else lost
+        was = ray[STATUS + i]
+        ray[STATUS + i] = was if was != 0.0 else lost
