@@ -17,7 +17,7 @@ from plenoptic.core.parallel import run_in_order, thread_count
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.record import lens_record
 from plenoptic.scene.cache import prepared_scene
-from plenoptic.scene.compile import SceneTables
+from plenoptic.scene.compile import SceneRecord
 from plenoptic.scene.geometry.accel import Intersector
 from plenoptic.scene.scene import Scene
 from plenoptic.truth.arrays import available_truth, checked_truth, empty_truth, needs_of, what_needs
@@ -57,7 +57,7 @@ def truth_tables(camera: PlenopticCamera, tables: CameraTables, wanted: Truth) -
 
 def truth_of(
     tables: CameraTables,
-    scene: SceneTables | None,
+    scene: SceneRecord | None,
     intersector: Intersector | None,
     truth: TruthTables,
     pixels: NDArray[np.float64],
@@ -133,7 +133,7 @@ def ground_truth(
     first_row, end_row, first_column, end_column = sensor_region(camera.sensor.shape, region)
     workers = thread_count(threads)
     prepared = None if scene is None else prepared_scene(scene)
-    meshes = prepared is not None and prepared.tables.triangles is not None
+    meshes = prepared is not None and prepared.record.geometry is not None
     wanted = available_truth(checked_truth(truth), meshes=meshes, microlenses=camera.microlenses is not None)
     tables = camera_tables(camera)
     cells_per_pixel(tables)
@@ -146,7 +146,7 @@ def ground_truth(
         )
     surfaces = intersector = None
     if prepared is not None and needs_of(wanted) & Needs.MESHES:
-        surfaces, intersector = prepared.tables, prepared.intersector
+        surfaces, intersector = prepared.record, prepared.intersector
     rows = max(1, _STRIP // (end_column - first_column))
 
     def work(row: int) -> Arrays:

@@ -16,9 +16,9 @@ from plenoptic.camera.sampling.pixel_regions import feeding_regions
 from plenoptic.optics.lens.record import LensRecord
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.record import ArrayTables
-from plenoptic.scene.compile import SceneTables
+from plenoptic.scene.compile import SceneRecord
 from plenoptic.scene.geometry.accel import Intersector
-from plenoptic.scene.materials.alpha_mask import pass_through
+from plenoptic.scene.materials.alpha_mask import no_hits, pass_through
 from plenoptic.truth.channels import Truth
 
 SLOPE_STEP = 1e-5
@@ -94,7 +94,7 @@ class HitPoints(NamedTuple):
     """From the lens's axes to the world; None where they are the same."""
 
 
-class Hits(NamedTuple):
+class SurfaceHits(NamedTuple):
     """What rays meet."""
 
     lanes: NDArray[np.int64]
@@ -107,8 +107,7 @@ class Hits(NamedTuple):
     """(m,), -1 for plain meshes; None where there is no instance."""
     rays: NDArray[np.float64]
     """(m, 6): origins and directions in the world."""
-    scene: SceneTables
-    instance_to_world: NDArray[np.float64] | None
+    scene: SceneRecord
 
 
 class ImagePoints(NamedTuple):
@@ -128,7 +127,7 @@ class PixelStages:
     def __init__(
         self,
         tables: CameraTables,
-        scene: SceneTables | None,
+        scene: SceneRecord | None,
         intersector: Intersector | None,
         truth: TruthTables,
         pixels: NDArray[np.float64],
@@ -185,28 +184,28 @@ class PixelStages:
         return LitCells(lit, cells[lit], tables.array, tables.cells, self._truth.numbers)
 
     @cached_property
-    def hits(self) -> Hits:
+    def hits(self) -> SurfaceHits:
         """The triangles that the rays meet, through what is not there for most paths."""
         from plenoptic.camera.sampling.kernels import paths
         from plenoptic.scene.geometry.kernels import interaction
 
         tables, scene, intersector, n = self._tables, self._scene, self._intersector, len(self._pixels)
-        assert scene is not None and intersector is not None
+        assert scene is not None and scene.geometry is not None and intersector is not None
         rays, lanes = np.empty((n, 6)), np.empty(n, dtype=np.int64)
         sent = paths.fill_world_rays(rays, lanes, self.rays.blocks, n, tables.rotation, tables.position)
         rays, lanes = rays[:sent], lanes[:sent]
-        triangle, reached = np.full(sent, -1, dtype=np.int32), np.empty(sent)
-        instance = None if scene.instances is None else np.full(sent, -1, dtype=np.int32)
-        intersector.fill_closest(triangle, rays, coherent=True, placed=instance)
-        come = np.zeros(sent)
-        if scene.opacity is not None:
-            pass_through(scene, intersector, rays, come, triangle, instance)
-        matrices = intersector.placements
-        interaction.fill_distances(reached, triangle, instance, rays, scene.vertices, scene.triangles, matrices)
-        reached += come
+        hits, reached = no_hits(scene, sent), np.empty(sent)
+        intersector.fill_closest(hits, rays, coherent=True)
+        if scene.alpha is not None:
+            pass_through(scene, intersector, rays, hits)
+        geometry = scene.geometry
+        corners = (geometry.vertices, geometry.triangles, geometry.instance_to_world)
+        interaction.fill_distances(reached, hits.triangle, hits.instance, rays, *corners)
+        if hits.travelled is not None:
+            reached += hits.travelled
         met = np.isfinite(reached)
-        where = None if instance is None else instance[met]
-        return Hits(lanes[met], reached[met], triangle[met], where, rays[met], scene, matrices)
+        instance = None if hits.instance is None else hits.instance[met]
+        return SurfaceHits(lanes[met], reached[met], hits.triangle[met], instance, rays[met], scene)
 
     @cached_property
     def points(self) -> HitPoints:
