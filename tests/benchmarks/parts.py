@@ -13,7 +13,7 @@ from table import Table
 from timing import Cost, Task, taking_turns
 
 import plenoptic as pl
-from plenoptic.truth.ground_truth import Truth
+from plenoptic.truth.channels import Truth
 
 SHARE = 1.4826
 """Standard deviation over the median absolute deviation of normal numbers."""
