@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.dust import fill_dimmed_at_lens
 from plenoptic.camera.paths import CameraPaths, fill_through_lens
 from plenoptic.camera.record import CameraRecord
@@ -25,8 +24,7 @@ from plenoptic.replaying.camera_events import (
     SensorPoint,
     Vector,
 )
-from plenoptic.truth.compute import truth_tables
-from plenoptic.truth.ground_truth import Truth
+from plenoptic.truth.microlenses import listed_numbers
 
 _NOWHERE = (RayStatus.MISSED, RayStatus.NOT_FINITE, RayStatus.NOT_CONVERGED)
 """Where a path is lost by these, it has no point on the element."""
@@ -65,9 +63,7 @@ def _row(bundle: NDArray[np.float64]) -> _Row:
     return _Row(numbers[:3], numbers[3:6], float(numbers[6]), float(numbers[7]))
 
 
-def trace_camera(
-    camera: PlenopticCamera, tables: CameraRecord, pixel: tuple[int, int], batch: Batch
-) -> CameraWay | None:
+def trace_camera(tables: CameraRecord, pixel: tuple[int, int], batch: Batch) -> CameraWay | None:
     """Follow the one path of a batch of one, as `tile.render_tile` does; None where no light reaches the pixel."""
     row, column = pixel
     centres = pixel_centres(tables, (row, row + 1), (column, column + 1))
@@ -80,7 +76,7 @@ def trace_camera(
     ways.fill_through_array(bundle)
     events: list[CameraEvent] = [
         SensorPoint(pixel, _fixed(_in_camera(tables, _sensor_point(tables, aimed)))),
-        _array_event(camera, tables, aimed, ways.own, _row(bundle)),
+        _array_event(tables, aimed, ways.own, _row(bundle)),
     ]
     before = bundle.copy()
     fill_dimmed_at_lens(before, tables.dust, BlemishSite.LENS_REAR)
@@ -113,11 +109,9 @@ def _in_camera(tables: CameraRecord, point: Vector) -> Vector:
     return in_lens if moved is None else moved.points(in_lens)
 
 
-def _array_event(
-    camera: PlenopticCamera, tables: CameraRecord, aimed: _Row, own: NDArray[np.void] | None, after: _Row
-) -> MicrolensPassage:
+def _array_event(tables: CameraRecord, aimed: _Row, own: NDArray[np.void] | None, after: _Row) -> MicrolensPassage:
     aim = np.array([*aimed.point[:2], _behind(tables)])
-    microlens, kind = _microlens(camera, tables, aimed, own)
+    microlens, kind = _microlens(tables, aimed, own)
     lost = after.status != 0
     return MicrolensPassage(
         aim=_fixed(_in_camera(tables, aim)),
@@ -131,15 +125,15 @@ def _array_event(
 
 
 def _microlens(
-    camera: PlenopticCamera, tables: CameraRecord, aimed: _Row, own: NDArray[np.void] | None
+    tables: CameraRecord, aimed: _Row, own: NDArray[np.void] | None
 ) -> tuple[tuple[int, int] | None, int | None]:
     """Indices and type of the microlens that a sample is aimed at."""
     array, cells = tables.microlenses, tables.array
     if array is None or cells is None:
         return None, None
-    finding = truth_tables(camera, tables, Truth.MICROLENS)
-    if finding is not None and finding.numbers is not None and own is not None:
-        number = int(finding.numbers[own[0]["row"]])
+    numbers = listed_numbers(tables)
+    if numbers is not None and own is not None:
+        number = int(numbers[own[0]["row"]])
         return (number, 0), 0 if array.types is None else int(np.asarray(array.types)[number])
     # The aimed sample holds its optical axis, which imperfections may move; the cell stays.
     centre = (

@@ -26,7 +26,7 @@ from plenoptic.replaying.path_id import checked, known, pair, triple
 from plenoptic.replaying.replay import Event, Replay
 from plenoptic.replaying.scene_events import Escape
 from plenoptic.scene.scene import Scene
-from plenoptic.truth.ground_truth import Truth
+from plenoptic.truth.channels import Truth
 
 
 def replay(exposure: Exposure, scene: Scene | None, *, pixel: tuple[int, int], sample: int) -> Replay:
@@ -161,7 +161,7 @@ def _retraced(prepared: _Prepared, pixel: tuple[int, int], sample: int) -> Repla
     random = settings.how.sampler is Sampler.RANDOM
     stream, point = (sample, 0) if random else (replicate, index)
     batch = batch_record(settings.seed, sample, 1, 1, stream, point)
-    way = trace_camera(prepared.camera, tables, pixel, batch)
+    way = trace_camera(tables, pixel, batch)
     channels = prepared.exposure.image.shape[2]
     if way is None:
         nothing = np.zeros(channels)

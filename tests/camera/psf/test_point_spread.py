@@ -15,7 +15,7 @@ from plenoptic.core.kernels.ray_blocks import BLOCK
 from plenoptic.optics.microlens.kernels.plano_convex import fill_plano_convex
 from plenoptic.optics.microlens.kernels.thin import fill_thin
 from plenoptic.optics.microlens.record import SensorPlane
-from plenoptic.truth.ground_truth import Truth
+from plenoptic.truth.channels import Truth
 
 THIN, FLAT, SPHERICAL = pl.MicrolensModel.THIN, pl.MicrolensModel.FLAT_HIGH_INDEX, pl.MicrolensModel.SPHERICAL
 
