@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.scene.geometry.instance import Instances, instance_tables
+from plenoptic.scene.geometry.instance import Instances, instance_record
 
 LAST = np.diag([0, 0, 0, 1])
 BEYOND = pl.SceneError, "within .*1e15 mm"
@@ -123,13 +123,12 @@ def test_tables_name_the_triangles_of_each_place():
         Instances(ball, turned(rng, 1, mirrored=True)),
         Instances(box, turned(rng, 1)),
     ]
-    tables = instance_tables(groups, [100, 112, 100])
+    tables = instance_record(groups, [100, 112, 100])
     assert tables.plain == 100
     assert tables.first.tolist() == [100, 100, 112, 100]
-    assert tables.count.tolist() == [12, 12, len(ball.faces), 12]
-    assert tables.mirrored.tolist() == [0, 0, 1, 0]
+    assert tables.faces.tolist() == [12, 12, len(ball.faces), 12]
     rows = tables.matrices.reshape(-1, 3, 4)
     for k, matrix in enumerate(matrix for group in groups for matrix in group.matrices):
         assert rows[k].tolist() == matrix[:3].tolist()
     assert all(not array.flags.writeable for array in tables[:4])
-    assert instance_tables([], []) is None
+    assert instance_record([], []) is None
