@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from plenoptic.errors import PrescriptionError
 from plenoptic.optics.glass.media import AIR, Medium
-from plenoptic.optics.stops.stops import Stop
+from plenoptic.optics.stops.registry import Stop
 from plenoptic.optics.surfaces.surface import Surface
 
 Element: TypeAlias = Surface | Stop

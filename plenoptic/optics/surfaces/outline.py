@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.optics.lens.placement import Placement
-from plenoptic.optics.stops.stops import Stop
+from plenoptic.optics.stops.registry import Stop
 from plenoptic.optics.surfaces.surface import Surface
 
 

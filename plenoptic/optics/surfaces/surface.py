@@ -13,6 +13,11 @@ from plenoptic.core.values import finite, number, positive, set_field, value
 from plenoptic.errors import InvalidValueError, PrescriptionError
 from plenoptic.optics.glass.media import AIR, Medium
 from plenoptic.optics.lens.placement import Placement, kept_placement
+from plenoptic.optics.record import ASPHERE, CONIC, SPHERE, ElementRow
+from plenoptic.optics.surfaces.sag_bounds import asphere_bounds
+
+EQUATOR_TOLERANCE = 1e-12
+"""A rim that is the equator itself belongs to the surface."""
 
 
 def checked_gap(thickness: float) -> float:
@@ -160,6 +165,29 @@ class Surface:
     def vertex_curvature(self) -> float:
         """Curvature at the vertex in 1/mm, of the r^2 term too: the one that paraxial rays see."""
         return self.curvature + (2.0 * self.aspheric[0] if self.aspheric else 0.0)
+
+    def row(self) -> ElementRow:
+        """The numbers that kernels read."""
+        max_depth, semi_diameter2 = 1.0 + EQUATOR_TOLERANCE, self.semi_diameter * self.semi_diameter
+        if self.depth is not None:
+            # Only the depth ends a surface that goes beyond its equator.
+            max_depth = abs(self.curvature) * (1.0 + self.conic) * self.depth + EQUATOR_TOLERANCE
+            semi_diameter2 = math.inf
+        row = ElementRow(SPHERE, semi_diameter2, self.curvature, max_depth, self.conic)
+        if self.aspheric:
+            terms = tuple(self.aspheric)
+            bounds = asphere_bounds(self.curvature, self.conic, terms, self.semi_diameter)
+            return row._replace(kind=ASPHERE, aspheric=(*bounds, *terms))
+        return row if self.conic == 0 or self.curvature == 0 else row._replace(kind=CONIC)
+
+    @property
+    def osculating(self) -> Surface:
+        """The sphere or plane that touches it best at the vertex."""
+        if not self.conic and not self.aspheric:
+            return self
+        radius = 1.0 / self.vertex_curvature if self.vertex_curvature else math.inf
+        size = min(self.semi_diameter, abs(radius))
+        return Surface(radius, self.thickness, self.medium, semi_diameter=size, placement=self.placement)
 
     @property
     def equator(self) -> float:

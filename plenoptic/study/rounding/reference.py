@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from plenoptic.core.rays import RayBundle, RayStatus
 from plenoptic.errors import PlenopticError, PrescriptionError
 from plenoptic.optics.lens.stack import LensStack
-from plenoptic.optics.stops.stops import CircularStop
+from plenoptic.optics.stops.circle import CircularStop
 from plenoptic.optics.surfaces.surface import Surface
 from plenoptic.study.rounding.exact_asphere import Floats, Number, Vector, along_ray, dot, exact_sag, first_crossing
 

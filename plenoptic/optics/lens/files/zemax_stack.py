@@ -13,7 +13,7 @@ from plenoptic.optics.glass.media import AIR, D_LINE, Medium
 from plenoptic.optics.lens.elements import Element
 from plenoptic.optics.lens.files.infer_stop import basis_rays, with_inferred_stop
 from plenoptic.optics.lens.stack import LensStack
-from plenoptic.optics.stops.stops import CircularStop
+from plenoptic.optics.stops.circle import CircularStop
 from plenoptic.optics.surfaces.surface import Surface
 
 _ROUNDING = 1e-12

@@ -11,7 +11,7 @@ from plenoptic.optics.glass.media import AIR, C_LINE, D_LINE, F_LINE, Medium, Mo
 from plenoptic.optics.lens.elements import Element
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.stack import LensStack
-from plenoptic.optics.stops.stops import CircularStop
+from plenoptic.optics.stops.circle import CircularStop
 from plenoptic.optics.surfaces.surface import Surface
 
 _TERMS = 8

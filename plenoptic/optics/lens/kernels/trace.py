@@ -21,7 +21,8 @@ from plenoptic.optics.lens.kernels.notes import (
 )
 from plenoptic.optics.lens.kernels.sphere import refract_sphere
 from plenoptic.optics.lens.kernels.stops import clip_circle, clip_shape
-from plenoptic.optics.lens.record import ASPHERE, CIRCLE, CONIC, IDEAL, MOVED, SURFACE
+from plenoptic.optics.lens.record import MOVED
+from plenoptic.optics.record import ASPHERE, CIRCLE, CONIC, IDEAL, SPHERE
 
 
 @device
@@ -56,7 +57,7 @@ def _note(log, arrival, ray, lens, k, index_ratios):
     row = lens.rows[k]
     place = abs(row.z) if k == 0 or k == lens.rows.size - 1 else 0.0
     kz = 1.0 if lens.conic is None else 1.0 + lens.conic[k]
-    if row.kind == SURFACE or row.kind == CONIC:
+    if row.kind == SPHERE or row.kind == CONIC:
         note_conic(log[k], arrival, ray, row, kz, index_ratios, place)
     elif row.kind != ASPHERE:
         note_plane(log[k], arrival, ray, row.kind == IDEAL, place)
@@ -89,7 +90,7 @@ def trace_block(ray, lens, waves, first, index_ratios, log):
         if log is not None:
             keep_arrival(arrival, log[k], ray)
         row, code = rows[k], CAUSES * (rows[k].surface_index + 1.0)
-        if row.kind == SURFACE:
+        if row.kind == SPHERE:
             c, mu = row.curvature, row.index_ratio
             refract_sphere(ray, c, mu, index_ratios, row.semi_diameter2, row.max_depth, s, code)
         elif row.kind == IDEAL:

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.pupil.exit_pupil import grid, passing_points
-from plenoptic.optics.lens.record import IDEAL, LensRecord, lens_record
+from plenoptic.optics.lens.record import LensRecord, lens_record
 from plenoptic.optics.lens.stack import LensStack
+from plenoptic.optics.record import IDEAL
 from plenoptic.optics.surfaces.surface import Surface
 
 _COARSE, _DENSE, _FINE = 64, 512, 64

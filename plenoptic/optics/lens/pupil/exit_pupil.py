@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 from plenoptic.core.values import read_only
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
-from plenoptic.optics.lens.record import CIRCLE, LensRecord, lens_record
+from plenoptic.optics.lens.record import LensRecord, lens_record
 from plenoptic.optics.lens.stack import LensStack
+from plenoptic.optics.record import CIRCLE
 from plenoptic.optics.surfaces.surface import Surface
 
 SIDES = 16
