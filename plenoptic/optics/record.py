@@ -27,9 +27,10 @@ class ElementKind(enum.IntEnum):
     CURVED_POLYGON_STOP = 6
     STAR_STOP = 7
     MASK_STOP = 8
+    FREEFORM = 9
 
 
-SPHERE, CIRCLE, POLYGON, CONIC, ASPHERE, IDEAL, ARCS, STAR, MASK = map(int, ElementKind)
+SPHERE, CIRCLE, POLYGON, CONIC, ASPHERE, IDEAL, ARCS, STAR, MASK, FREEFORM = map(int, ElementKind)
 """The same numbers for kernels. SPHERE stands for planes too."""
 
 
@@ -42,6 +43,7 @@ class ElementRow(NamedTuple):
     max_depth: float = math.inf
     conic: float = 0.0
     aspheric: tuple[float, ...] = ()
+    departure: tuple[float, ...] = ()
     edges: tuple[tuple[float, ...], ...] = ()
     cells: NDArray[np.float64] | None = None
     """Transmission of the cells of a mask."""

@@ -24,6 +24,11 @@ def is_stop(element: Element) -> bool:
     return not isinstance(element, Surface)
 
 
+def is_centred(element: Element) -> bool:
+    """Whether an element looks the same from all sides, about the lens's axis."""
+    return element.placement is None and not (isinstance(element, Surface) and element.departure is not None)
+
+
 def checked_elements(elements: Sequence[Element], ambient: Medium) -> tuple[Element, ...]:
     """The elements of a lens, or an error where they cannot be one."""
     try:

@@ -13,7 +13,7 @@ from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.placement import Placement
 from plenoptic.optics.lens.stack import LensStack
-from plenoptic.optics.record import ASPHERE, CONIC, IDEAL, ElementRow
+from plenoptic.optics.record import ASPHERE, CONIC, FREEFORM, IDEAL, ElementRow
 from plenoptic.optics.surfaces.surface import Surface
 
 ROW = np.dtype(
@@ -48,8 +48,11 @@ MASK_HEAD = 4
 """Numbers of a mask before its cells: where they begin in `masks`, rows, columns, and cells per mm."""
 
 STEEPEST, SHARPEST, TALLEST, FIRST_TERM = range(4)
-"""Where aspheric numbers have the largest slope, second derivative and sag inside the semi-diameter, and where the
-coefficients begin."""
+"""Where aspheric numbers, and those of a departure, have the largest slope, second derivative and sag inside the
+semi-diameter, and where the coefficients begin."""
+
+ROUNDING, DEPARTURE_KIND, FIRST_NUMBER = range(3, 6)
+"""Where the numbers of a departure have the other bound, its kind, and its own numbers."""
 
 
 class LensRecord(NamedTuple):
@@ -67,6 +70,9 @@ class LensRecord(NamedTuple):
     aspheric: NDArray[np.float64] | None
     """(n, FIRST_TERM + terms): the largest slope, the largest second derivative by r and the largest sag of an asphere,
     in size, and its coefficients of r^2, r^4, ...; None without aspheres."""
+    departure: NDArray[np.float64] | None
+    """(n, numbers) of surfaces without rotational symmetry: like `aspheric`, then what rounding may leave of the added
+    sag, the kind of departure, and its own numbers; None without them."""
     frames: NDArray[np.float64] | None
     """(n, FRAME) placements; None where all elements are centred."""
     masks: NDArray[np.float64] | None
@@ -78,7 +84,7 @@ class LensRecord(NamedTuple):
 
     def first(self, count: int) -> LensRecord:
         """The elements where light arrives first."""
-        by_element = ("rows", "conic", "aspheric", "frames", "index_ratios")
+        by_element = ("rows", "conic", "aspheric", "departure", "frames", "index_ratios")
         cut = {name: column[:count] for name in by_element if (column := getattr(self, name)) is not None}
         return self._replace(first_edge=self.first_edge[: count + 1], **cut)
 
@@ -138,24 +144,26 @@ def _record_at(
 
 def _columns(rows: list[ElementRow], direction: float) -> LensRecord:
     edges = [edge for row in rows for edge in row.edges]
-    terms = max(len(row.aspheric) for row in rows)
-    aspheric = None
-    if terms:
-        aspheric = np.zeros((len(rows), terms))
-        for i, row in enumerate(rows):
-            aspheric[i, : len(row.aspheric)] = row.aspheric
     still = (0.0,) * FRAME
+    shaped = any(row.kind in (CONIC, ASPHERE, FREEFORM) for row in rows)
     return LensRecord(
         rows=np.array([tuple(getattr(row, name) for name in ROW.names or ()) for row in rows], dtype=ROW),
         edges=np.array(edges, dtype=np.float64).reshape(-1, 4),
         first_edge=np.cumsum([0, *(len(row.edges) for row in rows)], dtype=np.int64),
-        conic=np.array([row.conic for row in rows]) if any(row.kind in (CONIC, ASPHERE) for row in rows) else None,
-        aspheric=aspheric,
+        conic=np.array([row.conic for row in rows]) if shaped else None,
+        aspheric=_padded([row.aspheric for row in rows]),
+        departure=_padded([row.departure for row in rows]),
         frames=np.array([row.frame or still for row in rows]) if any(row.frame for row in rows) else None,
         masks=_masks(rows),
         index_ratios=None,
         direction=direction,
     )
+
+
+def _padded(numbers: list[tuple[float, ...]]) -> NDArray[np.float64] | None:
+    """One row an element, filled up with 0; None where no element has any."""
+    width = max(map(len, numbers))
+    return np.array([(*row, *[0.0] * (width - len(row))) for row in numbers]) if width else None
 
 
 def _masks(rows: list[ElementRow]) -> NDArray[np.float64] | None:

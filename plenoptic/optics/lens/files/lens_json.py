@@ -1,9 +1,9 @@
 """The package's own lens files: JSON with one element per line.
 
 A file is an object with `format`, `name`, `source`, `iris` (index of the element that is the iris), and `elements`.
-What is at its default is left out, so `ambient`, `model`, `conic`, `aspheric`, `depth`, `blade_radius` and `placement`
-stand only where they say something. Stops are circle, polygon, star or mask; the `transmission` of a mask is a list of
-its rows. A medium is one of
+What is at its default is left out, so `ambient`, `model`, `conic`, `aspheric`, `depth`, `departure`, `blade_radius` and
+`placement` stand only where they say something. Stops are circle, polygon, star or mask; the `transmission` of a mask
+is a list of its rows. A medium is one of
 
     "air"
     {"index": 1.5}
@@ -211,11 +211,16 @@ def _medium_from_json(data: Any) -> Medium:
     raise PrescriptionError(f'medium is {data!r:.40}; it must be "air" or have index, nd and vd, sellmeier, or schott')
 
 
-def _any_medium(data: Any) -> Medium:
+def _value(data: Any, name: str) -> Any:
+    """Any public value of the package."""
     try:
-        medium = restore(json.dumps(data))
+        return restore(json.dumps(data))
     except (FileError, ArithmeticError, IndexError) as error:
-        raise PrescriptionError(f"medium: {error}") from None
+        raise PrescriptionError(f"{name}: {error}") from None
+
+
+def _any_medium(data: Any) -> Medium:
+    medium = _value(data, "medium")
     if not isinstance(medium, Medium):
         raise PrescriptionError(f"medium is a {type(medium).__name__}; it must be something with a refractive index")
     return medium
@@ -252,6 +257,7 @@ def _element_to_json(element: Element, i: int) -> dict[str, Any]:
         row |= {"conic": element.conic} if element.conic != 0 else {}
         row |= {"aspheric": element.aspheric} if element.aspheric else {}
         row |= {"depth": element.depth} if element.depth is not None else {}
+        row |= {"departure": json.loads(describe(element.departure))} if element.departure is not None else {}
     else:
         row = _stop_to_json(element, size)
     if element.placement is not None:
@@ -295,7 +301,7 @@ def _stop_from_json(data: Mapping[str, Any]) -> Stop:
 def _element_from_json(data: Any) -> Element:
     if isinstance(data, dict) and "stop" in data:
         return _stop_from_json(data)
-    row = _fields(data, "it", "radius thickness semi_diameter medium", "conic aspheric depth placement")
+    row = _fields(data, "it", "radius thickness semi_diameter medium", "conic aspheric depth departure placement")
     thickness, semi_diameter = _number(row["thickness"], "thickness"), _number(row["semi_diameter"], "semi_diameter")
     placement = _placement(row["placement"]) if "placement" in row else None
     return Surface(
@@ -306,6 +312,7 @@ def _element_from_json(data: Any) -> Element:
         conic=_number(row.get("conic", 0.0), "conic"),
         aspheric=_numbers(row.get("aspheric", []), "aspheric"),
         depth=_number(row["depth"], "depth") if "depth" in row else None,
+        departure=_value(row["departure"], "departure") if "departure" in row else None,
         placement=placement,
     )
 
