@@ -92,7 +92,7 @@ class Exposure:
 
     if TYPE_CHECKING:
 
-        def __init__(
+        def __init__(  # noqa: PLR0913
             self,
             image: ArrayLike,
             standard_error: ArrayLike | None = None,

@@ -16,7 +16,7 @@ from plenoptic.scene.scene import Scene
 from plenoptic.truth.ground_truth import Truth
 
 
-def render(
+def render(  # noqa: PLR0913
     scene: Scene,
     camera: PlenopticCamera,
     *,
@@ -133,7 +133,7 @@ def render(
     )
 
 
-def render_white(
+def render_white(  # noqa: PLR0913
     camera: PlenopticCamera,
     *,
     samples: int | None = None,

@@ -18,9 +18,9 @@ from plenoptic.optics.lens.record import LensRecord, lens_record
 from plenoptic.optics.microlens.lattice import Lattice
 from plenoptic.optics.microlens.listed import lattice_types
 from plenoptic.scene.cache import prepared_scene
-from plenoptic.scene.compile import SceneTables
+from plenoptic.scene.compile import SceneRecord
 from plenoptic.scene.geometry.accel import Intersector
-from plenoptic.scene.materials.alpha_mask import pass_through
+from plenoptic.scene.materials.alpha_mask import no_hits, pass_through
 from plenoptic.scene.scene import Scene
 from plenoptic.truth.ground_truth import OF_IMAGES, GroundTruth, Truth, available_truth, checked_truth, empty_truth
 from plenoptic.truth.representative_ray import MainRays, main_rays
@@ -85,7 +85,7 @@ def _free_numbers(tables: CameraTables) -> NDArray[np.int64]:
 
 def truth_of(
     tables: CameraTables,
-    scene: SceneTables | None,
+    scene: SceneRecord | None,
     intersector: Intersector | None,
     truth: TruthTables,
     pixels: NDArray[np.float64],
@@ -123,7 +123,7 @@ def _fill_microlenses(
 def _fill_hits(
     into: Mapping[str, NDArray[Any]],
     tables: CameraTables,
-    scene: SceneTables,
+    scene: SceneRecord,
     intersector: Intersector,
     truth: TruthTables,
     main: MainRays,
@@ -133,20 +133,20 @@ def _fill_hits(
     from plenoptic.scene.geometry.kernels import interaction
     from plenoptic.truth.kernels import representative_ray
 
-    assert scene.triangle_mesh is not None and scene.triangle_material is not None
+    geometry = scene.geometry
+    assert scene.triangle_mesh is not None and geometry is not None
     n = len(pixels)
     rays, lane_of, points = np.empty((n, 6)), np.empty(n, dtype=np.int64), np.empty((n, 3))
     sent = paths.fill_world_rays(rays, lane_of, main.blocks, n, tables.rotation, tables.position)
     rays, lane_of = rays[:sent], lane_of[:sent]
-    hits, reached = np.full(sent, -1, dtype=np.int32), np.empty(sent)
-    placed = None if scene.instances is None else np.full(sent, -1, dtype=np.int32)
-    intersector.fill_closest(hits, rays, coherent=True, placed=placed)
-    come = np.zeros(sent)
-    if scene.opacity is not None:
-        pass_through(scene, intersector, rays, come, hits, placed)
-    matrices = intersector.placements
-    interaction.fill_distances(reached, hits, placed, rays, scene.vertices, scene.triangles, matrices)
-    reached += come
+    hits, reached = no_hits(scene, sent), np.empty(sent)
+    intersector.fill_closest(hits, rays, coherent=True)
+    if scene.alpha is not None:
+        pass_through(scene, intersector, rays, hits)
+    corners = (geometry.vertices, geometry.triangles, geometry.instance_to_world)
+    interaction.fill_distances(reached, hits.triangle, hits.instance, rays, *corners)
+    if hits.travelled is not None:
+        reached += hits.travelled
     representative_ray.fill_points(
         into.get("depth"),
         into.get("distance"),
@@ -160,16 +160,14 @@ def _fill_hits(
         tables.position,
     )
     met = np.isfinite(reached)
-    lanes, triangle = lane_of[met], hits[met]
+    lanes, triangle = lane_of[met], hits.triangle[met]
     if "normal" in into:
-        where = None if placed is None else placed[met]
-        interaction.fill_normals(
-            into["normal"], lanes, triangle, where, rays[met], scene.vertices, scene.triangles, matrices
-        )
+        instance = None if hits.instance is None else hits.instance[met]
+        interaction.fill_normals(into["normal"], lanes, triangle, instance, rays[met], *corners)
     if "object" in into:
         into["object"][lanes] = scene.triangle_mesh[triangle]
     if "material" in into:
-        into["material"][lanes] = scene.triangle_material[triangle]
+        into["material"][lanes] = geometry.triangle_material[triangle]
     if truth.bare is not None:
         _fill_images(into, tables, truth, truth.bare, main, points, lanes, pixels)
 
@@ -257,7 +255,7 @@ def ground_truth(
     first_row, end_row, first_column, end_column = sensor_region(camera.sensor.shape, region)
     workers = thread_count(threads)
     prepared = None if scene is None else prepared_scene(scene)
-    meshes = prepared is not None and prepared.tables.triangles is not None
+    meshes = prepared is not None and prepared.record.geometry is not None
     wanted = available_truth(checked_truth(truth), meshes=meshes, microlenses=camera.microlenses is not None)
     tables = camera_tables(camera)
     cells_per_pixel(tables)
@@ -270,7 +268,7 @@ def ground_truth(
         )
     surfaces = intersector = None
     if prepared is not None and wanted & ~Truth.MICROLENS:
-        surfaces, intersector = prepared.tables, prepared.intersector
+        surfaces, intersector = prepared.record, prepared.intersector
     rows = max(1, _STRIP // (end_column - first_column))
 
     def work(row: int) -> Arrays:

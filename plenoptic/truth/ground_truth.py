@@ -179,7 +179,7 @@ class GroundTruth:
 
     if TYPE_CHECKING:
 
-        def __init__(
+        def __init__(  # noqa: PLR0913
             self,
             depth: ArrayLike | None = None,
             distance: ArrayLike | None = None,

@@ -12,12 +12,12 @@ from plenoptic.rendering.plan.scene_stages import scene_decisions
 from plenoptic.rendering.plan.stages import Decision, Plan, Stage, Subject, first_reason
 from plenoptic.rendering.settings import Caustics, RenderSettings, Sampler
 from plenoptic.scene.cache import prepared_scene
-from plenoptic.scene.compile import SceneTables
+from plenoptic.scene.compile import SceneRecord
 from plenoptic.scene.scene import Scene
 from plenoptic.truth.ground_truth import Truth, available_truth, checked_truth, truth_names
 
 
-def plan(
+def plan(  # noqa: PLR0913
     scene: Scene | None,
     camera: PlenopticCamera,
     *,
@@ -67,7 +67,7 @@ def plan_for(subject: Subject) -> Plan:
     """The plan for what another one was made for, changed or not."""
     scene = subject.scene
     decided = plan_stages(
-        None if scene is None else prepared_scene(scene).tables,
+        None if scene is None else prepared_scene(scene).record,
         subject.camera,
         subject.settings,
         samples=subject.samples,
@@ -88,7 +88,7 @@ def check_arguments(
 
 
 def plan_stages(
-    tables: SceneTables | None,
+    record: SceneRecord | None,
     camera: PlenopticCamera,
     how: RenderSettings,
     *,
@@ -101,10 +101,10 @@ def plan_stages(
     decisions = [
         Decision(Stage.INDEPENDENT_SAMPLES, random, "every sample by itself" if random else "scrambled Sobol points"),
         *camera_decisions(camera),
-        *scene_decisions(tables, how.max_bounces),
-        *_light_decisions(tables is not None, how.caustics, how.clamp),
+        *scene_decisions(record, how.max_bounces),
+        *_light_decisions(record is not None, how.caustics, how.clamp),
     ]
-    meshes = tables is not None and tables.triangles is not None
+    meshes = record is not None and record.geometry is not None
     asked = checked_truth(truth)
     found = available_truth(asked, meshes=meshes, microlenses=camera.microlenses is not None)
     why = first_reason(

@@ -3,41 +3,41 @@
 from __future__ import annotations
 
 from plenoptic.rendering.plan.stages import Decision, Stage, first_reason
-from plenoptic.scene.compile import SceneTables
-from plenoptic.scene.materials.registry import KIND_NAMES, LAMBERTIAN
+from plenoptic.scene.compile import SceneRecord
+from plenoptic.scene.materials.record import KIND_NAMES, LAMBERTIAN
 
 ROULETTE = 3
 """Paths that were scattered this often go on with a probability of what their surface gives back."""
 
 
-def is_dark(tables: SceneTables) -> bool:
+def is_dark(record: SceneRecord) -> bool:
     """Whether nothing in a scene shines: its image is black."""
-    return not _visible(tables) and tables.lights.points is None
+    return not _visible(record) and record.lights.points is None
 
 
-def _visible(tables: SceneTables) -> bool:
+def _visible(record: SceneRecord) -> bool:
     """Whether rays can meet what shines."""
-    parts = (tables.emission, tables.background, tables.environment, tables.lights.suns)
+    parts = (record.emission, *_world_parts(record).values())
     return any(part is not None for part in parts)
 
 
-def scene_decisions(tables: SceneTables | None, max_bounces: int) -> list[Decision]:
+def scene_decisions(record: SceneRecord | None, max_bounces: int) -> list[Decision]:
     """Decisions on the stages from INTERSECTION to COLOUR."""
-    if tables is None:
+    if record is None:
         white = "a white image has no scene"
         return [Decision(Stage(stage), False, white) for stage in range(Stage.INTERSECTION, Stage.COLOUR + 1)]
-    meshes = tables.triangles is not None
-    scatters = meshes and tables.albedo is not None and max_bounces > 0
+    meshes = record.geometry is not None
+    scatters = meshes and record.bsdf is not None and max_bounces > 0
     return [
-        *_geometry(tables, meshes),
-        *_emission(tables, meshes),
-        *_scattering(tables, meshes, scatters, max_bounces),
-        *_details(tables, scatters),
+        *_geometry(record, meshes),
+        *_emission(record, meshes),
+        *_scattering(record, meshes, scatters, max_bounces),
+        *_details(record, scatters),
     ]
 
 
-def _geometry(tables: SceneTables, meshes: bool) -> list[Decision]:
-    instances = tables.instances
+def _geometry(record: SceneRecord, meshes: bool) -> list[Decision]:
+    instances = record.instances
     return [
         Decision(Stage.INTERSECTION, meshes, "there are meshes" if meshes else "there is no mesh"),
         Decision(
@@ -47,50 +47,55 @@ def _geometry(tables: SceneTables, meshes: bool) -> list[Decision]:
         ),
         Decision(
             Stage.OPACITY,
-            tables.opacity is not None,
-            "everything is opaque" if tables.opacity is None else "some surfaces are not there for all paths",
+            record.alpha is not None,
+            "everything is opaque" if record.alpha is None else "some surfaces are not there for all paths",
         ),
     ]
 
 
-def _drawn(tables: SceneTables) -> str:
+def _drawn(record: SceneRecord) -> str:
     """The kinds of lights that are drawn directly."""
-    lights = tables.lights
+    lights = record.lights
     kinds = {
-        "surfaces": lights.material_density,
+        "surfaces": None if record.emission is None else record.emission.pdf,
         "points": lights.points,
-        "suns": lights.suns,
-        "the environment": tables.environment,
+        "suns": lights.sky.suns,
+        "the environment": lights.sky.environment,
     }
     return ", ".join(name for name, part in kinds.items() if part is not None)
 
 
-def _world(tables: SceneTables) -> str:
+def _world(record: SceneRecord) -> str:
     """What rays see that meet nothing."""
-    kinds = {"a constant": tables.background, "a map": tables.environment, "suns": tables.lights.suns}
-    return "the world is bright: " + ", ".join(name for name, part in kinds.items() if part is not None)
+    return "the world is bright: " + ", ".join(name for name, part in _world_parts(record).items() if part is not None)
 
 
-def _other_kinds(tables: SceneTables) -> str:
+def _world_parts(record: SceneRecord) -> dict[str, object]:
+    """What makes the world bright, by name."""
+    sky = record.lights.sky
+    return {"a constant": sky.background, "a map": sky.environment, "suns": sky.suns}
+
+
+def _other_kinds(record: SceneRecord) -> str:
     """The kinds of materials that are not Lambertian."""
-    kinds = set() if tables.bsdf.kinds is None else set(tables.bsdf.kinds.tolist())
+    kinds = set() if record.bsdf is None or record.bsdf.kind is None else set(record.bsdf.kind.tolist())
     return "there are " + ", ".join(KIND_NAMES[kind] for kind in sorted(kinds - {LAMBERTIAN}))
 
 
-def _emission(tables: SceneTables, meshes: bool) -> list[Decision]:
-    emits = tables.emission is not None
-    background = any(part is not None for part in (tables.background, tables.environment, tables.lights.suns))
-    dark = ", and the image will be black" * is_dark(tables)
+def _emission(record: SceneRecord, meshes: bool) -> list[Decision]:
+    emits = record.emission is not None
+    background = any(part is not None for part in _world_parts(record).values())
+    dark = ", and the image will be black" * is_dark(record)
     return [
         Decision(Stage.EMISSION, meshes and emits, "something emits" if emits else "nothing emits" + dark),
-        Decision(Stage.BACKGROUND, background, _world(tables) if background else "the world is black"),
+        Decision(Stage.BACKGROUND, background, _world(record) if background else "the world is black"),
     ]
 
 
-def _scattering(tables: SceneTables, meshes: bool, scatters: bool, max_bounces: int) -> list[Decision]:
-    lights = scatters and tables.lights.cdf is not None
-    onward = scatters and (_visible(tables) or (lights and max_bounces > 1))
-    plain = tables.bsdf.kinds is None
+def _scattering(record: SceneRecord, meshes: bool, scatters: bool, max_bounces: int) -> list[Decision]:
+    lights = scatters and record.lights.cdf is not None
+    onward = scatters and (_visible(record) or (lights and max_bounces > 1))
+    plain = record.bsdf is None or record.bsdf.kind is None
     no = "nothing scatters"
     return [
         Decision(
@@ -99,7 +104,7 @@ def _scattering(tables: SceneTables, meshes: bool, scatters: bool, max_bounces: 
             first_reason(
                 meshes,
                 "there is no mesh",
-                tables.albedo is not None,
+                record.bsdf is not None,
                 "nothing reflects",
                 max_bounces > 0,
                 "0 bounces",
@@ -109,17 +114,17 @@ def _scattering(tables: SceneTables, meshes: bool, scatters: bool, max_bounces: 
         Decision(
             Stage.MATERIALS,
             scatters and not plain,
-            first_reason(scatters, no, not plain, "all surfaces are Lambertian", _other_kinds(tables)),
+            first_reason(scatters, no, not plain, "all surfaces are Lambertian", _other_kinds(record)),
         ),
         Decision(
             Stage.ABSORPTION,
-            scatters and tables.absorption is not None,
-            first_reason(scatters, no, tables.absorption is not None, "nothing absorbs", "some glass absorbs"),
+            scatters and record.absorption is not None,
+            first_reason(scatters, no, record.absorption is not None, "nothing absorbs", "some glass absorbs"),
         ),
         Decision(
             Stage.DIRECT_LIGHT,
             lights,
-            first_reason(scatters, no, lights, "there are no lights", f"drawn: {_drawn(tables)}"),
+            first_reason(scatters, no, lights, "there are no lights", f"drawn: {_drawn(record)}"),
         ),
         Decision(
             Stage.ONWARD_RAYS,
@@ -134,24 +139,24 @@ def _scattering(tables: SceneTables, meshes: bool, scatters: bool, max_bounces: 
     ]
 
 
-def _details(tables: SceneTables, scatters: bool) -> list[Decision]:
+def _details(record: SceneRecord, scatters: bool) -> list[Decision]:
     no = "nothing scatters"
-    textures = tables.texels is not None
+    normals = record.geometry is not None and record.geometry.normals is not None
+    maps = record.textures is not None and record.textures.normal is not None
+    textures = record.geometry is not None and record.geometry.uv is not None
     return [
         Decision(
             Stage.VERTEX_NORMALS,
-            scatters and tables.normals is not None,
-            first_reason(scatters, no, tables.normals is not None, "meshes are flat", "meshes have normals"),
+            scatters and normals,
+            first_reason(scatters, no, normals, "meshes are flat", "meshes have normals"),
         ),
         Decision(
             Stage.NORMAL_MAPS,
-            scatters and tables.normal_texture is not None,
-            first_reason(
-                scatters, no, tables.normal_texture is not None, "no material has one", "textures turn normals"
-            ),
+            scatters and maps,
+            first_reason(scatters, no, maps, "no material has one", "textures turn normals"),
         ),
         Decision(Stage.TEXTURES, textures, "materials have textures" if textures else "no textures"),
         Decision(
-            Stage.COLOUR, tables.channels == 3, "colours differ" if tables.channels == 3 else "all colours are grey"
+            Stage.COLOUR, record.channels == 3, "colours differ" if record.channels == 3 else "all colours are grey"
         ),
     ]
