@@ -189,9 +189,9 @@ if TYPE_CHECKING:
     from plenoptic.scene.textures.texture import Texture as Texture
     from plenoptic.scene.textures.texture import TextureFilter as TextureFilter
     from plenoptic.scene.textures.texture import Wrap as Wrap
+    from plenoptic.truth.channels import GroundTruth as GroundTruth
+    from plenoptic.truth.channels import Truth as Truth
     from plenoptic.truth.compute import ground_truth as ground_truth
-    from plenoptic.truth.ground_truth import GroundTruth as GroundTruth
-    from plenoptic.truth.ground_truth import Truth as Truth
 else:
     import importlib
 
@@ -238,7 +238,7 @@ else:
         "plenoptic.camera.as_built": ("AsBuilt", "BuiltValue", "as_built"),
         "plenoptic.camera.points.projection": ("Projection", "project"),
         "plenoptic.truth.compute": ("ground_truth",),
-        "plenoptic.truth.ground_truth": ("GroundTruth", "Truth"),
+        "plenoptic.truth.channels": ("GroundTruth", "Truth"),
         "plenoptic.plots.spectra": ("plot_sensitivity",),
         "plenoptic.camera.report.focus": ("CameraKind", "MicrolensFocus"),
         "plenoptic.camera.report.findings": ("CameraFinding", "CameraFindingKind"),

@@ -13,7 +13,7 @@ from plenoptic.rendering.schedule.keeping import Keeper
 from plenoptic.rendering.schedule.scheduler import Work, run
 from plenoptic.rendering.settings import Caustics, RenderSettings, Sampler
 from plenoptic.scene.scene import Scene
-from plenoptic.truth.ground_truth import Truth
+from plenoptic.truth.channels import Truth
 
 
 def render(  # noqa: PLR0913

@@ -14,7 +14,8 @@ from plenoptic.rendering.settings import Caustics, RenderSettings, Sampler
 from plenoptic.scene.cache import prepared_scene
 from plenoptic.scene.compile import SceneRecord
 from plenoptic.scene.scene import Scene
-from plenoptic.truth.ground_truth import Truth, available_truth, checked_truth, truth_names
+from plenoptic.truth.arrays import available_truth, checked_truth
+from plenoptic.truth.channels import Truth, truth_names
 
 
 def plan(  # noqa: PLR0913

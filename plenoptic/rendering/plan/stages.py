@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from plenoptic.core.values import value
 from plenoptic.rendering.settings import RenderSettings
-from plenoptic.truth.ground_truth import Truth
+from plenoptic.truth.channels import Truth
 
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera

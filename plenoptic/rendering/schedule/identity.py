@@ -87,8 +87,10 @@ def _text(fact: Any, seen_as: Callable[[Any], Any] | None = None) -> str:
     """A fact as a short text, or as a digest where it is long."""
     if isinstance(fact, np.generic):
         fact = fact.item()
+    if isinstance(fact, enum.Flag):  # one by one: what a name such as ALL joins may grow
+        return "|".join(str(flag.name) for flag in type(fact) if flag.value.bit_count() == 1 and flag in fact) or "NONE"
     if isinstance(fact, enum.Enum):
-        return str(fact.name or fact.value)  # combined flags have no name in Python 3.10
+        return fact.name
     if fact is None or isinstance(fact, bool | int | float | str):
         return str(fact)
     if type(fact) is tuple and len(fact) <= 8 and all(item is None or isinstance(item, int | float) for item in fact):

@@ -37,7 +37,7 @@ from plenoptic.scene.shapes.procedural import box, check_scene, objects_scene, q
 from plenoptic.scene.shapes.still_life import still_life
 from plenoptic.scene.textures.texture import Texture
 from plenoptic.study.error_time.cases import reference_camera
-from plenoptic.truth.ground_truth import Truth
+from plenoptic.truth.channels import Truth
 
 _SIDE = 128
 """Pixels: bounds on the pupils of tilted parts, found once for each camera, take a time that grows with its sensor."""
