@@ -1,4 +1,4 @@
-"""Exposure: the image, its error, the ground truth, the camera and the statistics of one rendering."""
+"""Exposure: the image, its error, the ground truth, the camera and the statistics of one render."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _PREVIEW_PIXELS = 1024
 
 @value
 class Exposure:
-    """What one rendering gives: image, standard error, ground truth, camera and statistics.
+    """What one render gives: image, standard error, ground truth, camera and statistics.
 
     Parameters
     ----------
@@ -149,7 +149,7 @@ class Exposure:
 
     @property
     def interrupted(self) -> bool:
-        """Whether the rendering was interrupted before it had done what it was asked for."""
+        """Whether the render was interrupted before it had done what it was asked for."""
         return self.stats is not None and self.stats.stopped_by is StopReason.INTERRUPTED
 
     @property
@@ -165,7 +165,7 @@ class Exposure:
     def develop(self, sensor: SensorModel, *, seed: int = 0) -> RawImage:
         """What a sensor reads out when exposed to this image: electrons, noise and digital numbers.
 
-        Light transport is over here: one rendering serves many sensors, exposure times and seeds. The Monte Carlo error
+        Light transport is over here: one render serves many sensors, exposure times and seeds. The Monte Carlo error
         of the image is no noise of the sensor and adds to it; render until it is well below the shot noise.
 
         Parameters
