@@ -8,7 +8,7 @@ from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.microlens.aperture import ApertureShape, Gaps, Walls
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.lattice import Lattice
-from plenoptic.optics.stops.stops import CircularStop
+from plenoptic.optics.stops.circle import circle_around
 from plenoptic.optics.surfaces.surface import Surface
 from plenoptic.rendering.plan.stages import Decision, Stage, decide, left_out
 
@@ -87,9 +87,9 @@ def _assembly(camera: PlenopticCamera) -> list[Decision]:
 def _lens(camera: PlenopticCamera) -> list[Decision]:
     lens = camera.lens
     exact = lens.model is LensModel.EXACT
-    stops = [e for e in lens.elements if not isinstance(e, Surface | CircularStop)]
+    stops = [e for e in lens.elements if not isinstance(e, Surface) and circle_around(e) is not e]
     surfaces = [e for e in lens.elements if isinstance(e, Surface)]
-    shaped = sum(1 for e in surfaces if e.aspheric or e.conic)
+    shaped = sum(1 for e in surfaces if e.aspheric or e.conic or e.departure is not None)
     moved = sum(1 for e in lens.elements if e.placement is not None)
     ideal = f"{lens.model.name} stands for the lens"
     elements = f"{len(lens.elements)} elements, {len(surfaces)} of them refracting"
