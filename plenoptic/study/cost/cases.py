@@ -18,7 +18,7 @@ from plenoptic.optics.microlens.dust import Blemishes, BlemishSite
 from plenoptic.optics.microlens.imperfections import MicrolensImperfections
 from plenoptic.optics.sensor.angular_response import AngularResponse
 from plenoptic.optics.sensor.sensor import Sensor
-from plenoptic.optics.stops.stops import PolygonStop
+from plenoptic.optics.stops.polygon import PolygonStop
 from plenoptic.optics.surfaces.surface import Surface
 from plenoptic.rendering.plan.plan import plan
 from plenoptic.rendering.plan.stages import Plan
