@@ -320,7 +320,7 @@ class LensStack:
         >>> pl.load_lens("double-gauss-100mm-f2").check()
         ()
         """
-        from plenoptic.optics.lens.checks.check import findings
+        from plenoptic.optics.lens.checks.check import findings  # knows this class
 
         return findings(self, wavelength)
 
@@ -363,7 +363,7 @@ class LensStack:
         >>> pl.load_lens("double-gauss-100mm-f2").layout(fields=[0.0, 0.2]).get_xlabel()
         'z / mm'
         """
-        from plenoptic.optics.lens.analysis.layout import layout
+        from plenoptic.optics.lens.analysis.layout import layout  # knows this class
 
         return layout(self, fields=fields, z_object=z_object, rays=rays, wavelength=wavelength, z_image=z_image, ax=ax)
 
@@ -391,7 +391,7 @@ class LensStack:
         >>> [pl.RayStatus(s).name for s in out.status], out.lost_at.tolist()
         (['OK', 'CLIPPED'], [-1, 0])
         """
-        from plenoptic.optics.lens.trace import traced
+        from plenoptic.optics.lens.trace import traced  # knows this class
 
         return traced(self, rays, reverse=False, threads=threads)
 
@@ -405,6 +405,6 @@ class LensStack:
         >>> lens.trace_reverse(pl.RayBundle([[0, 0, 123.3]], [[0, 0, -1.0]])).at_z(-404.0)
         array([[   0.,    0., -404.]])
         """
-        from plenoptic.optics.lens.trace import traced
+        from plenoptic.optics.lens.trace import traced  # knows this class
 
         return traced(self, rays, reverse=True, threads=threads)
