@@ -64,7 +64,7 @@ class PointSpread:
     wavelengths: tuple[float, ...]
 
 
-def point_spread(
+def point_spread(  # noqa: PLR0913
     lens: LensStack,
     *,
     field: Sequence[float] = (0.0, 0.0),
