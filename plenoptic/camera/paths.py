@@ -60,7 +60,7 @@ class CameraPaths:
     def fill_through_array(self, bundle: NDArray[np.float64]) -> None:
         """From the sensor to behind the array."""
         fill_before_array(bundle, self._camera)
-        fill_through_array(bundle, self.own, self._camera)
+        fill_through_array(bundle, self.own, self._camera, self.waves)
 
     def fill_through_lens(self, bundle: NDArray[np.float64]) -> None:
         """Through the lens and the dust on it."""

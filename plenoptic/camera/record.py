@@ -13,8 +13,15 @@ from plenoptic.camera.dust import PlacedDust, placed_dust
 from plenoptic.camera.sampling.bounds import array_bounds, sensor_bounds
 from plenoptic.core.color.spectra import ColourTables, colour_tables
 from plenoptic.optics.lens.record import LensRecord, lens_record
-from plenoptic.optics.microlens.array import MicrolensArray, MicrolensModel
-from plenoptic.optics.microlens.record import ArrayRecord, ResponseRecord, SensorPlane, array_record, possible_powers
+from plenoptic.optics.microlens.array import MicrolensArray
+from plenoptic.optics.microlens.record import (
+    ArrayRecord,
+    ResponseRecord,
+    SensorPlane,
+    array_record,
+    focuses,
+    possible_powers,
+)
 
 
 class PixelRecord(NamedTuple):
@@ -108,10 +115,15 @@ def camera_record(camera: PlenopticCamera) -> CameraRecord:
         found = array_bounds(camera, array, parts, possible_powers(array), wavelengths)
         bounds, margin = found.pupil, found.margin
         compiled = array_record(
-            array, turn=parts.array_turn, origin=parts.array_origin, reach=found.reach, margin=found.aside
+            array,
+            turn=parts.array_turn,
+            origin=parts.array_origin,
+            reach=found.reach,
+            margin=found.aside,
+            wavelengths=(camera.wavelength, *(() if colour is None else colour.wavelengths.tolist())),
         )
     plane = OutlinePlane(z_last if parts.frame is not None else parts.z_plane - z_last, parts.frame)
-    pinhole = array is not None and array.model is MicrolensModel.PINHOLE
+    pinhole = array is not None and not focuses(array)
     world = _lens_to_world(camera, parts)
     return CameraRecord(
         sensor=_sensor_record(camera, parts),

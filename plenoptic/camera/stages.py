@@ -32,8 +32,16 @@ def fill_dimmed_before_array(
         fill_dimmed_aims(blocks, sensor, dust)
 
 
-def fill_through_array(blocks: NDArray[np.float64], own: NDArray[np.void] | None, camera: CameraRecord) -> None:
-    """Aimed samples (see `to_lens`) become rays on their way to the lens, in its axes."""
+def fill_through_array(
+    blocks: NDArray[np.float64],
+    own: NDArray[np.void] | None,
+    camera: CameraRecord,
+    waves: NDArray[np.int64] | None = None,
+) -> None:
+    """Aimed samples (see `to_lens`) become rays on their way to the lens, in its axes.
+
+    `waves` are the numbers of the wavelengths that they have drawn; None for the camera's.
+    """
     from plenoptic.optics.microlens.kernels import to_lens
 
     array, sensor = camera.array, camera.sensor.plane
@@ -41,12 +49,14 @@ def fill_through_array(blocks: NDArray[np.float64], own: NDArray[np.void] | None
     if array is None or camera.microlenses is None:
         to_lens.fill_straight(blocks, sensor, z_plane)
         return
+    if array.power_factors is None and (array.model is None or array.model.indices is None):
+        waves = None
     if array.walls is not None and own is not None:
         to_lens.fill_walls(blocks, own, array.cell, array.cells)
     if array.model is not None:
         from plenoptic.optics.microlens.kernels.plano_convex import fill_plano_convex
 
-        fill_plano_convex(blocks, own, sensor, array.model, array.power, array.edges, z_plane)
+        fill_plano_convex(blocks, own, sensor, array.model, array.power, array.edges, z_plane, waves)
     else:
         if own is not None:
             to_lens.fill_openings(blocks, own, array.opening)
@@ -57,6 +67,6 @@ def fill_through_array(blocks: NDArray[np.float64], own: NDArray[np.void] | None
         else:
             from plenoptic.optics.microlens.kernels.thin import fill_thin
 
-            fill_thin(blocks, own, sensor, array.power, z_plane)
+            fill_thin(blocks, own, sensor, array.power, z_plane, array.power_factors, waves)
     if camera.frame is not None:
         to_lens.fill_in_lens_axes(blocks, camera.frame)

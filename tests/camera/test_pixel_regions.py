@@ -73,7 +73,7 @@ def towards_the_lens(camera: pl.PlenopticCamera, sensor: np.ndarray, points: np.
     blocks = np.ascontiguousarray(rows.reshape(8, -1, BLOCK).transpose(1, 0, 2))
     # A ray belongs to the microlens on whose curved side it lands.
     made, power = cell_of(array), 1 / array.focal_length
-    fill_plano_convex(blocks.reshape(-1), None, SensorPlane(b, None), made.model, power, made.edges, z)
+    fill_plano_convex(blocks.reshape(-1), None, SensorPlane(b, None), made.model, power, made.edges, z, None)
     x, y, z_out, l, m, n_out, _, status = blocks.transpose(1, 0, 2).reshape(8, -1)[:, :n]
     origin, along = np.stack([x, y, z_out], axis=1), np.stack([l, m, n_out], axis=1)
     return pl.RayBundle(origin, along, status=status.astype(np.uint8))
@@ -165,7 +165,7 @@ def test_aims_beyond_the_cell_that_land_on_its_sphere_are_held_too(side: pl.Conv
         b = camera.microlenses_to_sensor
         made, plane = tables.array, SensorPlane(b, None)
         fill_plano_convex(
-            blocks.reshape(-1), None, plane, made.model, 1 / array.focal_length, made.edges, tables.z_plane
+            blocks.reshape(-1), None, plane, made.model, 1 / array.focal_length, made.edges, tables.z_plane, None
         )
         fields = blocks.transpose(1, 0, 2).reshape(8, -1)[:, :n]
         rays = pl.RayBundle(fields[:3].T, fields[3:6].T, status=fields[7].astype(np.uint8))

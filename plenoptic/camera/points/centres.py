@@ -177,7 +177,7 @@ def microlens_centres(
         )
     straight = walls or method is CentreMethod.ORTHOGONAL
     slopes = np.zeros_like(centres) if straight else chief_slopes(axes, centres)
-    position = axes.on_sensor(*_through_centres(array, centres, slopes))
+    position = axes.on_sensor(*through_centres(array, array.index_at(camera.wavelength), centres, slopes))
     if method is CentreMethod.CENTROID:
         if white is None:
             position = lit_centroids(axes, array, lenses)
@@ -186,8 +186,8 @@ def microlens_centres(
     return _kept(camera, lenses, position, method, margin)
 
 
-def _through_centres(array: MicrolensArray, centres: Floats, slopes: Floats) -> tuple[Floats, Floats]:
-    """Undeviated rays, behind the array: points on its rear principal plane, and slopes.
+def through_centres(array: MicrolensArray, index: float, centres: Floats, slopes: Floats) -> tuple[Floats, Floats]:
+    """Undeviated rays, behind the array of an index: points on its rear principal plane, and slopes.
 
     In a plate the ray passes the vertex of the curved side, where both sides are parallel: inside, it runs at the
     slope tan t' with sin t = n sin t', and is displaced. With the vertex towards the scene it meets the flat side at
@@ -198,7 +198,7 @@ def _through_centres(array: MicrolensArray, centres: Floats, slopes: Floats) -> 
     tangent2 = np.sum(slopes**2, axis=1, keepdims=True)
     sine2 = tangent2 / (1.0 + tangent2)
     # Slope inside over slope outside: tan t' / tan t = cos t / sqrt(n^2 - sin^2 t).
-    inside = np.sqrt((1.0 - sine2) / (array.index**2 - sine2))
+    inside = np.sqrt((1.0 - sine2) / (index**2 - sine2))
     beside = array.thickness * (inside - 1.0 / array.index) * slopes
     return (centres + beside if array.convex_side is ConvexSide.SCENE else centres), slopes
 

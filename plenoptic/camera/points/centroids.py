@@ -36,13 +36,15 @@ def lit_centroids(axes: ArrayAxes, array: MicrolensArray, lenses: Lenslets) -> F
         )
     found = np.full(lenses.axis.shape, np.nan)
     local, clear = axes.local(lenses.axis), lenses.transmission > 0
+    factor = array.power_factor(axes.camera.wavelength)
     for kind in np.unique(lenses.type[clear]):
         of_kind = clear & (lenses.type == kind)
-        found[of_kind] = _centroids_of_type(axes, array, local[of_kind], 1.0 / array.focal_lengths[int(kind)])
+        power = factor / array.focal_lengths[int(kind)]
+        found[of_kind] = _centroids_of_type(axes, array, local[of_kind], power)
     if array.model is MicrolensModel.PINHOLE:
         return found
     # Light through an opening beside the optical axis is deviated on the whole.
-    aside = (lenses.centre - lenses.axis) * (1.0 - axes.parts.distance * lenses.power)[:, None]
+    aside = (lenses.centre - lenses.axis) * (1.0 - axes.parts.distance * factor * lenses.power)[:, None]
     turn = axes.parts.sensor_to_local.turn[:2, :2].T @ axes.parts.array_turn
     return np.asarray(found + aside @ turn.T)
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.camera.array_axes import ArrayAxes
-from plenoptic.camera.points.centres import _through_centres as through_centres
+from plenoptic.camera.points.centres import through_centres
 from plenoptic.camera.psf.sensor_hits import ForwardRecord
 from plenoptic.core.rays import RayBundle
 from plenoptic.optics.lens.record import LensRecord, lens_record
@@ -50,11 +50,16 @@ class ThroughArray(NamedTuple):
             return points + self.array.thickness * (self._inside(slopes) - 1.0 / self.array.index) * slopes
         return points
 
+    @property
+    def _index(self) -> float:
+        """Of the plate, at the camera's wavelength."""
+        return self.array.index_at(self.axes.camera.wavelength)
+
     def _inside(self, slopes: Floats) -> Floats:
         """Slope inside the plate over that outside."""
         tangent2 = np.sum(slopes**2, axis=1, keepdims=True)
         sine2 = tangent2 / (1.0 + tangent2)
-        return np.asarray(np.sqrt((1.0 - sine2) / (self.array.index**2 - sine2)))
+        return np.asarray(np.sqrt((1.0 - sine2) / (self._index**2 - sine2)))
 
     def arriving(self, rays: RayBundle) -> tuple[Floats, Floats]:
         """Points (n, 2) of the front principal plane and slopes (n, 2), local."""
@@ -65,7 +70,7 @@ class ThroughArray(NamedTuple):
     def landing(self, centres: Floats, rays: RayBundle) -> Floats:
         """Where rays through local optical centres meet the sensor, (n, 2) in its own axes."""
         _, slopes = self.arriving(rays)
-        return self.axes.on_sensor(*through_centres(self.array, centres, slopes))
+        return self.axes.on_sensor(*through_centres(self.array, self._index, centres, slopes))
 
 
 class ThroughIris(NamedTuple):

@@ -43,10 +43,30 @@ def forward_array(camera: PlenopticCamera, parts: Assembly) -> ForwardArray:
     if array is None:
         return ForwardArray(parts, None, None, False, sensor)
     reach = 0.0 if array.lattice is not Lattice.FREE and array.imperfections is None else _reach(camera, parts, array)
-    record = array_record(array, turn=parts.array_turn, origin=parts.array_origin, reach=reach, margin=0.0)
+    record = array_record(
+        array,
+        turn=parts.array_turn,
+        origin=parts.array_origin,
+        reach=reach,
+        margin=0.0,
+        wavelengths=(camera.wavelength,),
+    )
+    if record.power_factors is not None:
+        record = _strengthened(record, float(record.power_factors[0]))
     if record.listed is not None and record.listed.cells is None:
         record = record._replace(listed=record.listed._replace(numbers=_numbers(record.lattice, record.listed)))
     return ForwardArray(parts, array, record, record.differs or not record.opening.fills, sensor)
+
+
+def _strengthened(record: ArrayRecord, factor: float) -> ArrayRecord:
+    """Lenses whose power at the camera's wavelength is not that at 587.6 nm."""
+    listed = record.listed
+    if listed is not None:
+        lenses = listed.lenses.copy()
+        lenses["power"] *= factor
+        listed = listed._replace(lenses=lenses)
+    lattice = record.lattice._replace(powers=record.lattice.powers * factor)
+    return record._replace(lattice=lattice, listed=listed, power_factors=None)
 
 
 def _numbers(lattice: LatticeRecord, listed: ListedRecord) -> NumbersRecord:

@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.assembly import Assembly, sensor_corners
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.camera.sampling.margins import aberration_margins
+from plenoptic.camera.sampling.margins import SAFETY, aberration_margins
 from plenoptic.core.values import read_only
 from plenoptic.optics.lens.pupil.exit_pupil import PupilBounds, outline_corners, pupil_bounds, rear_reach
-from plenoptic.optics.microlens.array import MicrolensArray, MicrolensModel
+from plenoptic.optics.microlens.array import MicrolensArray
+from plenoptic.optics.microlens.record import focuses
 
 
 class Bounds(NamedTuple):
@@ -60,7 +61,7 @@ def array_bounds(
     sensor = float(np.hypot(in_lens[:, 0], in_lens[:, 1]).max())
     strongest = max(abs(_bend(array, power, pupil_distance, ratio)) for power in powers)
     off_axis = _off_axis(array) * max(abs(pupil_distance * power) for power in (*powers, (1 + ratio) / pupil_distance))
-    margin = aside = 0.0
+    margin, aside = (1.0 + tilt) * _chromatic_margin(array, powers, wavelengths, pupil_distance), 0.0
     rounds = 2 if array.is_plate else 1
     while True:
         farthest = (1.0 + tilt) * ratio * sensor + a + strongest * array.cell_radius + margin + off_axis
@@ -73,13 +74,32 @@ def array_bounds(
         reach = float(bounds.reach.max()) + widest
         distance = pupil_distance / ratio
         bends = [(power, _bend(array, power, pupil_distance, ratio)) for power in powers if power > 0]
-        found = [aberration_margins(array, power, distance, pupil_distance, bend, reach) for power, bend in bends]
+        found = [
+            aberration_margins(array, wavelength, power, distance, pupil_distance, bend, reach)
+            for wavelength in (wavelengths if _disperses(array, wavelengths) else wavelengths[:1])
+            for power, bend in bends
+        ]
         margin, aside = (1.0 + tilt) * max(f[0] for f in found), (1.0 + tilt) * max(f[1] for f in found)
+
+
+def _disperses(array: MicrolensArray, wavelengths: tuple[float, ...]) -> bool:
+    return any(array.index_at(wavelength) != array.index for wavelength in wavelengths)
+
+
+def _chromatic_margin(
+    array: MicrolensArray, powers: NDArray[np.float64], wavelengths: tuple[float, ...], pupil_distance: float
+) -> float:
+    """How far ideal lenses of another power than at 587.6 nm send rays aside on the plane of the outlines, in mm."""
+    if array.is_plate or not focuses(array):
+        return 0.0
+    change = max(abs(array.power_factor(wavelength) - 1.0) for wavelength in wavelengths)
+    height = array.cell_radius + _off_axis(array)
+    return SAFETY * abs(pupil_distance) * change * float(np.abs(powers).max()) * height
 
 
 def _bend(array: MicrolensArray, power: float, pupil_distance: float, ratio: float) -> float:
     """How far a ray moves on the plane of the outlines when its point in the cell moves by 1."""
-    return 0.0 if array.model is MicrolensModel.PINHOLE else 1.0 + ratio - pupil_distance * power
+    return 1.0 + ratio - pupil_distance * power if focuses(array) else 0.0
 
 
 def _off_axis(array: MicrolensArray) -> float:

@@ -282,6 +282,14 @@ class MicrolensArray:
         """Distance from the front to the rear principal plane in mm: 0 for a thin lens."""
         return self.thickness * (1.0 - 1.0 / self.index) if self.is_plate else 0.0
 
+    def index_at(self, wavelength: float) -> float:
+        """Refractive index at a wavelength in nm."""
+        return self.index
+
+    def power_factor(self, wavelength: float) -> float:
+        """Power at a wavelength in nm over that at 587.6 nm: surfaces keep their curvature, so that it is n - 1."""
+        return (self.index_at(wavelength) - 1.0) / (self.index - 1.0)
+
     @property
     def basis(self) -> NDArray[np.float64]:
         """(2, 2) array: rows are the lattice vectors in mm; centres are their whole multiples, but for FREE."""

@@ -122,6 +122,9 @@ class PlateRecord(NamedTuple):
     """Whether a plane with the normals of the sphere stands for it."""
     thickness: float
     refractive_index: float
+    """At 587.6 nm: where the principal planes lie and how strongly the sphere is curved."""
+    indices: NDArray[np.float64] | None
+    """At the camera's wavelength, then at those that paths draw; None where all are that at 587.6 nm."""
 
 
 class EdgesRecord(NamedTuple):
@@ -173,6 +176,9 @@ class ArrayRecord(NamedTuple):
     """The edges of a cell where walls separate the spaces behind the cells."""
     model: PlateRecord | None
     """None for ideal lenses."""
+    power_factors: NDArray[np.float64] | None
+    """Power of ideal lenses over that at 587.6 nm, at the camera's wavelength, then at those that paths draw; None where
+    it is 1."""
 
     @property
     def differs(self) -> bool:
@@ -216,12 +222,19 @@ def possible_powers(array: MicrolensArray) -> NDArray[np.float64]:
 
 
 def array_record(
-    array: MicrolensArray, *, turn: NDArray[np.float64], origin: NDArray[np.float64], reach: float, margin: float
+    array: MicrolensArray,
+    *,
+    turn: NDArray[np.float64],
+    origin: NDArray[np.float64],
+    reach: float,
+    margin: float,
+    wavelengths: tuple[float, ...] = (),
 ) -> ArrayRecord:
     """Compile an array whose axes are turned by `turn` (2, 2) and whose centre lies at `origin` (2,).
 
     Lenses up to `reach` from the origin of the axes matter; `margin` is how far rays may run sideways between the
-    principal plane and the curved side, by which openings are widened for drawing.
+    principal plane and the curved side, by which openings are widened for drawing. `wavelengths` are the camera's and
+    those that paths draw, in nm.
     """
     opening, clear = array.opening, array.aperture is not None and array.aperture.gaps is Gaps.CLEAR
     parts = [opening.corners, array.cell_corners] if clear else [opening.corners]
@@ -256,14 +269,28 @@ def array_record(
         ),
         listed,
         cell if array.walls is Walls.OPAQUE else None,
-        plate_record(array) if array.is_plate else None,
+        plate_record(array, wavelengths) if array.is_plate else None,
+        None if array.is_plate or not focuses(array) else _power_factors(array, wavelengths),
     )
 
 
-def plate_record(array: MicrolensArray) -> PlateRecord:
-    """The numbers of a plate."""
-    flat = array.model is MicrolensModel.FLAT_HIGH_INDEX
-    return PlateRecord(array.convex_side is ConvexSide.SCENE, flat, array.thickness, array.index)
+def focuses(array: MicrolensArray) -> bool:
+    """Whether microlenses bend light: all models but PINHOLE."""
+    return array.model is not MicrolensModel.PINHOLE
+
+
+def plate_record(array: MicrolensArray, wavelengths: tuple[float, ...] = ()) -> PlateRecord:
+    """The numbers of a plate, for the camera's wavelength and those that paths draw."""
+    flat, indices = array.model is MicrolensModel.FLAT_HIGH_INDEX, np.array([array.index_at(w) for w in wavelengths])
+    disperses = bool((indices != array.index).any())
+    return PlateRecord(
+        array.convex_side is ConvexSide.SCENE, flat, array.thickness, array.index, indices if disperses else None
+    )
+
+
+def _power_factors(array: MicrolensArray, wavelengths: tuple[float, ...]) -> NDArray[np.float64] | None:
+    factors = np.array([array.power_factor(wavelength) for wavelength in wavelengths])
+    return factors if (factors != 1.0).any() else None
 
 
 def _turned_edges(opening: Opening, turn: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -80,11 +80,11 @@ def test_rays_of_the_renderer_come_back_to_where_they_began(array):
     blocks = np.ascontiguousarray(fields.reshape(8, -1, BLOCK).transpose(1, 0, 2))
     sensor = SensorPlane(distance, None)
     if made.model is THIN:
-        fill_thin(blocks.reshape(-1), None, sensor, 1 / made.focal_length, camera.stop_to_microlenses)
+        fill_thin(blocks.reshape(-1), None, sensor, 1 / made.focal_length, camera.stop_to_microlenses, None, None)
     else:
         plates, power = camera_record(camera).array, 1 / made.focal_length
         fill_plano_convex(
-            blocks.reshape(-1), None, sensor, plates.model, power, plates.edges, camera.stop_to_microlenses
+            blocks.reshape(-1), None, sensor, plates.model, power, plates.edges, camera.stop_to_microlenses, None
         )
     x, y, z, l, m, n_z, _, status = blocks.transpose(1, 0, 2).reshape(8, -1)
     if made.model is THIN or made.model is FLAT:

@@ -30,7 +30,7 @@ def array_of(pitch: float, lattice: pl.Lattice) -> pl.MicrolensArray:
 def fill_uncut(blocks: np.ndarray, array: pl.MicrolensArray, distance: float, z_array: float) -> None:
     """Plates of which each lens goes on for ever."""
     fill_plano_convex(
-        blocks, None, SensorPlane(distance, None), plate_record(array), 1.0 / array.focal_length, UNCUT, z_array
+        blocks, None, SensorPlane(distance, None), plate_record(array), 1.0 / array.focal_length, UNCUT, z_array, None
     )
 
 
@@ -38,7 +38,7 @@ def fill_cut(blocks: np.ndarray, array: pl.MicrolensArray, distance: float, z_ar
     """Plates whose lenses end at their cells."""
     record = array_record(array, turn=np.eye(2), origin=np.zeros(2), reach=1.0, margin=0.0)
     fill_plano_convex(
-        blocks, None, SensorPlane(distance, None), record.model, 1.0 / array.focal_length, record.edges, z_array
+        blocks, None, SensorPlane(distance, None), record.model, 1.0 / array.focal_length, record.edges, z_array, None
     )
 
 
@@ -284,7 +284,7 @@ def test_thin_microlenses_bend_by_height_over_focal_length() -> None:
     array = array_of(0.2, pl.Lattice.HEXAGONAL)
     points, sensor, centres = aimed(array, 300, height=0.1, slope=0.3, distance=1.7)
     blocks = as_blocks(points, sensor, centres, 2.5)
-    fill_thin(blocks, None, SensorPlane(1.7, None), 1 / 2.0, 123.3)
+    fill_thin(blocks, None, SensorPlane(1.7, None), 1 / 2.0, 123.3, None, None)
     found, along, weight, status = from_blocks(blocks, 300)
     assert np.array_equal(found, np.column_stack([points, np.full(300, 123.3)]))
     assert np.all(status == 0)
@@ -341,7 +341,7 @@ def test_pinholes_let_light_through_their_centres() -> None:
     points, sensor, centres = aimed(array, 300, height=0.1, slope=0.3, distance=1.7)
     blocks, thin = as_blocks(points, sensor, centres, 2.5), as_blocks(points, sensor, centres, 2.5)
     fill_pinholes(blocks, SensorPlane(1.7, None), 123.3)
-    fill_thin(thin, None, SensorPlane(1.7, None), 1 / 2.0, 123.3)
+    fill_thin(thin, None, SensorPlane(1.7, None), 1 / 2.0, 123.3, None, None)
     found, along, weight, status = from_blocks(blocks, 300)
     assert np.array_equal(found, np.column_stack([centres, np.full(300, 123.3)])) and np.all(status == 0)
     assert np.abs(along[:, :2] / -along[:, 2:] - (centres - sensor) / 1.7).max() <= 8 * EPS

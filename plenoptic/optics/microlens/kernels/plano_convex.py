@@ -26,14 +26,21 @@ from plenoptic.core.kernels.ray_blocks import (
     Z,
 )
 from plenoptic.optics.lens.kernels.sphere import refract_sphere
-from plenoptic.optics.microlens.kernels.to_lens import distance_to_sensor, is_open, weigh
+from plenoptic.optics.microlens.kernels.to_lens import at_wavelength, distance_to_sensor, is_open, weigh
 
 
 @device
-def refract_flat_block(ray, c, mu, s):
-    """Through a plane with the normals of a sphere of curvature c, taken at the same distance from the axis."""
+def refract_flat_block(ray, c, mu, mus, s):
+    """Through a plane with the normals of a sphere of curvature c, taken at the same distance from the axis.
+
+    `mu` is the ratio of indices of all rays, unless `mus` has one for each.
+    """
     bend = 1.0 - mu * mu
     for i in range(BLOCK):
+        ratio, bends = mu, bend
+        if mus is not None:
+            ratio = mus[i]
+            bends = 1.0 - ratio * ratio
         l, m, n = ray[L + i], ray[M + i], ray[N + i]
         t = -ray[Z + i] / n
         x = ray[X + i] + t * l
@@ -41,15 +48,15 @@ def refract_flat_block(ray, c, mu, s):
         up = 1.0 - c * c * (x * x + y * y)
         nx, ny, nz = -c * x, -c * y, math.sqrt(max(up, 0.0))
         cos_i = s * (nx * l + ny * m + nz * n)
-        cos2 = 1.0 - mu * mu * (1.0 - cos_i * cos_i)
+        cos2 = 1.0 - ratio * ratio * (1.0 - cos_i * cos_i)
         cos_t = math.sqrt(max(cos2, 0.0))
-        a = s * (bend / (cos_t + mu * cos_i))
+        a = s * (bends / (cos_t + ratio * cos_i))
         ray[X + i] = x
         ray[Y + i] = y
         ray[Z + i] = 0.0
-        ray[L + i] = mu * l + a * nx
-        ray[M + i] = mu * m + a * ny
-        ray[N + i] = mu * n + a * nz
+        ray[L + i] = ratio * l + a * nx
+        ray[M + i] = ratio * m + a * ny
+        ray[N + i] = ratio * n + a * nz
         lost = 0.0 if cos2 >= 0.0 else TOTAL_REFLECTION
         lost = lost if up >= 0.0 and cos_i > 0.0 else MISSED
         was = ray[STATUS + i]
@@ -84,11 +91,15 @@ def _keep_inside(ray, own, centre, edges):
 
 
 @device
-def _refract_own(ray, own, flat, bow, ratio):
+def _refract_own(ray, own, flat, bow, mu, mus):
     """Through the curved sides of lenses that differ: curvature sign * power * scale with `bow` (sign, scale)."""
     sign, scale = bow
-    bend = 1.0 - ratio * ratio
+    bend = 1.0 - mu * mu
     for i in range(BLOCK):
+        ratio, bends = mu, bend
+        if mus is not None:
+            ratio = mus[i]
+            bends = 1.0 - ratio * ratio
         c = sign * own[i].power * scale
         x, y, z = ray[X + i], ray[Y + i], ray[Z + i]
         l, m, n = ray[L + i], ray[M + i], ray[N + i]
@@ -112,7 +123,7 @@ def _refract_own(ray, own, flat, bow, ratio):
             nx, ny, nz = -c * x, -c * y, 1.0 - c * z
             q2 = q2 if nz > 0.0 else -1.0
         cos2 = 1.0 - ratio * ratio * (1.0 - q * q)
-        a = -(bend / (math.sqrt(max(cos2, 0.0)) + ratio * q))
+        a = -(bends / (math.sqrt(max(cos2, 0.0)) + ratio * q))
         ray[X + i] = x
         ray[Y + i] = y
         ray[Z + i] = z
@@ -126,30 +137,37 @@ def _refract_own(ray, own, flat, bow, ratio):
 
 
 @device
-def _refract_curved(ray, own, power, flat, bow, ratio):
+def _refract_curved(ray, own, power, flat, bow, mu, mus):
     """Through the curved side, or through the plane that stands for it."""
     if own is not None:
-        _refract_own(ray, own, flat, bow, ratio)
+        _refract_own(ray, own, flat, bow, mu, mus)
     elif flat:
-        refract_flat_block(ray, bow[0] * power * bow[1], ratio, -1.0)
+        refract_flat_block(ray, bow[0] * power * bow[1], mu, mus, -1.0)
     else:
-        refract_sphere(ray, bow[0] * power * bow[1], ratio, None, math.inf, math.inf, -1.0, 0.0)
+        refract_sphere(ray, bow[0] * power * bow[1], mu, mus, math.inf, math.inf, -1.0, 0.0)
 
 
 @kernel
-def fill_plano_convex(blocks, own, sensor, plate, power, edges, z_array):
+def fill_plano_convex(blocks, own, sensor, plate, power, edges, z_array, waves):
     """Aimed samples become rays towards the lens; those are lost that meet the curved side outside their lens.
 
-    `edges` are those of `EdgesRecord`, `z_array` is the front principal plane.
+    `edges` are those of `EdgesRecord`, `z_array` is the front principal plane, `waves` the numbers of the wavelengths
+    that paths have drawn, or None.
     """
     distance, index, thickness = sensor.distance, plate.refractive_index, plate.thickness
     # Light that travels in reverse meets the side towards the sensor first.
     curved_first, flat = not plate.towards_scene, plate.flat
     centre = np.empty(2 * BLOCK)
+    entering = None if plate.indices is None else np.empty(BLOCK)
+    leaving = None if plate.indices is None else np.empty(BLOCK)
     scale = 1.0 / (index - 1.0)
     for b in range(blocks.size // RAY):
         ray = blocks[b * RAY : (b + 1) * RAY]
         lenses = None if own is None else own[b * BLOCK : (b + 1) * BLOCK]
+        if plate.indices is not None:
+            for i in range(BLOCK):
+                leaving[i] = at_wavelength(plate.indices, waves, b * BLOCK + i)
+                entering[i] = 1.0 / leaving[i]
         weigh(ray, distance, sensor.tilt)
         for i in range(BLOCK):
             h = distance_to_sensor(ray, i, distance, sensor.tilt)
@@ -165,16 +183,16 @@ def fill_plano_convex(blocks, own, sensor, plate, power, edges, z_array):
             ray[M + i] = v * n
             ray[N + i] = -h * n
         if curved_first:
-            _refract_curved(ray, lenses, power, flat, (-1.0, scale), 1.0 / index)
+            _refract_curved(ray, lenses, power, flat, (-1.0, scale), 1.0 / index, entering)
             _keep_inside(ray, lenses, centre, edges)
         else:
-            refract_sphere(ray, 0.0, 1.0 / index, None, math.inf, math.inf, -1.0, 0.0)
+            refract_sphere(ray, 0.0, 1.0 / index, entering, math.inf, math.inf, -1.0, 0.0)
         for i in range(BLOCK):
             ray[Z + i] += thickness
         if curved_first:
-            refract_sphere(ray, 0.0, index, None, math.inf, math.inf, -1.0, 0.0)
+            refract_sphere(ray, 0.0, index, leaving, math.inf, math.inf, -1.0, 0.0)
         else:
-            _refract_curved(ray, lenses, power, flat, (1.0, scale), index)
+            _refract_curved(ray, lenses, power, flat, (1.0, scale), index, leaving)
             _keep_inside(ray, lenses, centre, edges)
         # Vertex met last: the front vertex, from which the front principal plane lies 0 or thickness/index.
         z_front = z_array - (thickness / index if curved_first else 0.0)

@@ -116,7 +116,7 @@ def _refract_curved(ray, place, c, mu, flat, array):
     _shift(ray, place, -1.0)
     if flat:
         _weigh_tilt(ray, c, False)
-        refract_flat_block(ray, c, mu, 1.0)
+        refract_flat_block(ray, c, mu, None, 1.0)
         _weigh_tilt(ray, c, True)
     else:
         refract_sphere(ray, c, mu, None, math.inf, math.inf, 1.0, 0.0)
@@ -141,13 +141,10 @@ def fill_plano_convex_forward(blocks, z_front, sensor, plate, array, differs):
     `differs` is the array where its lenses differ, otherwise None.
     """
     place = np.empty(PLACE * BLOCK)
-    index, thickness, curved_first, power = (
-        plate.refractive_index,
-        plate.thickness,
-        plate.towards_scene,
-        array.lattice.powers[0],
-    )
-    bow, mu = (1.0 if curved_first else -1.0) / (index - 1.0), 1.0 / index if curved_first else index
+    thickness, power, curved_first = plate.thickness, array.lattice.powers[0], plate.towards_scene
+    # All rays have the camera's wavelength.
+    index = plate.refractive_index if plate.indices is None else plate.indices[0]
+    bow, mu = (1.0 if curved_first else -1.0) / (plate.refractive_index - 1.0), 1.0 / index if curved_first else index
     for b in range(blocks.size // RAY):
         ray = blocks[b * RAY : (b + 1) * RAY]
         to_plane(ray, z_front)

@@ -9,19 +9,24 @@ import numpy as np
 from plenoptic.core.jit import kernel
 from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, WEIGHT, L, M, N, X, Y, Z
 from plenoptic.optics.microlens.kernels.cell_lookup import AXIS_X, AXIS_Y, PLACE, POWER, find_cells, find_lenses
-from plenoptic.optics.microlens.kernels.to_lens import distance_to_sensor, head_for, weigh
+from plenoptic.optics.microlens.kernels.to_lens import at_wavelength, distance_to_sensor, head_for, weigh
 from plenoptic.optics.microlens.kernels.to_sensor import land, to_plane
 
 
 @kernel
-def fill_thin(blocks, own, sensor, power, z_plane):
-    """Aimed samples become rays towards the lens: slopes change by height over focal length (power = 1/f)."""
+def fill_thin(blocks, own, sensor, power, z_plane, power_factors, waves):
+    """Aimed samples become rays towards the lens: slopes change by height over focal length (power = 1/f).
+
+    `power_factors` are those of `ArrayRecord`, `waves` the numbers of the wavelengths that paths have drawn, or None.
+    """
     distance = sensor.distance
     for b in range(blocks.size // RAY):
         ray = blocks[b * RAY : (b + 1) * RAY]
         weigh(ray, distance, sensor.tilt)
         for i in range(BLOCK):
             bend = power if own is None else own[b * BLOCK + i].power
+            if power_factors is not None:
+                bend *= at_wavelength(power_factors, waves, b * BLOCK + i)
             h = distance_to_sensor(ray, i, distance, sensor.tilt)
             u = ray[L + i] / h - (ray[X + i] - ray[Z + i]) * bend
             v = ray[M + i] / h - (ray[Y + i] - ray[N + i]) * bend

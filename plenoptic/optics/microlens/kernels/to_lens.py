@@ -43,6 +43,14 @@ def weigh(ray, distance, tilt):
 
 
 @device
+def at_wavelength(values, waves, path):
+    """What a path has of values at the camera's wavelength, for `waves` None, and then at those that paths draw."""
+    if waves is None:
+        return values[0]
+    return values[waves[path] + 1]
+
+
+@device
 def head_for(ray, i, slopes, z):
     """Set ray i off towards the scene from a plane, with slopes per length of -z."""
     u, v = slopes
