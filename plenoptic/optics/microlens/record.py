@@ -177,8 +177,8 @@ class ArrayRecord(NamedTuple):
     model: PlateRecord | None
     """None for ideal lenses."""
     power_factors: NDArray[np.float64] | None
-    """Power of ideal lenses over that at 587.6 nm, at the camera's wavelength, then at those that paths draw; None where
-    it is 1."""
+    """Power of ideal lenses over that at 587.6 nm, at the camera's wavelength, then at those that paths draw; None
+    where it is 1."""
 
     @property
     def differs(self) -> bool:

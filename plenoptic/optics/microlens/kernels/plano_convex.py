@@ -147,6 +147,14 @@ def _refract_curved(ray, own, power, flat, bow, mu, mus):
         refract_sphere(ray, bow[0] * power * bow[1], mu, mus, math.inf, math.inf, -1.0, 0.0)
 
 
+@device
+def _fill_ratios(entering, leaving, indices, waves, b):
+    """Ratios of indices of a block of paths, into the plate and out of it."""
+    for i in range(BLOCK):
+        leaving[i] = at_wavelength(indices, waves, b * BLOCK + i)
+        entering[i] = 1.0 / leaving[i]
+
+
 @kernel
 def fill_plano_convex(blocks, own, sensor, plate, power, edges, z_array, waves):
     """Aimed samples become rays towards the lens; those are lost that meet the curved side outside their lens.
@@ -165,9 +173,7 @@ def fill_plano_convex(blocks, own, sensor, plate, power, edges, z_array, waves):
         ray = blocks[b * RAY : (b + 1) * RAY]
         lenses = None if own is None else own[b * BLOCK : (b + 1) * BLOCK]
         if plate.indices is not None:
-            for i in range(BLOCK):
-                leaving[i] = at_wavelength(plate.indices, waves, b * BLOCK + i)
-                entering[i] = 1.0 / leaving[i]
+            _fill_ratios(entering, leaving, plate.indices, waves, b)
         weigh(ray, distance, sensor.tilt)
         for i in range(BLOCK):
             h = distance_to_sensor(ray, i, distance, sensor.tilt)
