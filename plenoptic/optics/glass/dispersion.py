@@ -31,7 +31,7 @@ class Formula(enum.IntEnum):
     EXTENDED_3          9    n^2 = a + b w^2 + c w^4 + d w^-2 + e w^-4 + f w^-6 + g w^-8 + h w^-10 + i w^-12
     =================== ==== ==============================================================================
 
-    The second number of a row is how many coefficients the formula has.
+    The second number of a row is how many coefficients the formula has. See `DispersionFormula`.
     """
 
     SCHOTT = 1

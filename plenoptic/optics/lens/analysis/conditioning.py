@@ -27,7 +27,7 @@ _CAUSES = 8
 
 
 class Condition(enum.IntEnum):
-    """What magnifies errors of a ray."""
+    """What magnifies errors of a ray. See `conditioning`, which measures it."""
 
     INCIDENCE = 0
     """1 / cos i: how much farther apart on the surface two parallel rays are than from each other. Large at grazing
