@@ -88,15 +88,15 @@ if TYPE_CHECKING:
     from plenoptic.optics.microlens.aperture import MicrolensAperture as MicrolensAperture
     from plenoptic.optics.microlens.aperture import Opening as Opening
     from plenoptic.optics.microlens.aperture import Walls as Walls
-    from plenoptic.optics.microlens.array import ConvexSide as ConvexSide
     from plenoptic.optics.microlens.array import MicrolensArray as MicrolensArray
-    from plenoptic.optics.microlens.array import MicrolensModel as MicrolensModel
     from plenoptic.optics.microlens.dust import Blemishes as Blemishes
     from plenoptic.optics.microlens.dust import BlemishSite as BlemishSite
     from plenoptic.optics.microlens.imperfections import MicrolensDeviations as MicrolensDeviations
     from plenoptic.optics.microlens.imperfections import MicrolensImperfections as MicrolensImperfections
     from plenoptic.optics.microlens.lattice import Lattice as Lattice
     from plenoptic.optics.microlens.listed import Lenslets as Lenslets
+    from plenoptic.optics.microlens.models import ConvexSide as ConvexSide
+    from plenoptic.optics.microlens.models import MicrolensModel as MicrolensModel
     from plenoptic.optics.sensor.angular_response import AngularResponse as AngularResponse
     from plenoptic.optics.sensor.color_filter import BayerPattern as BayerPattern
     from plenoptic.optics.sensor.demosaic import DemosaicMethod as DemosaicMethod
@@ -293,7 +293,8 @@ else:
             "Sellmeier",
             "abbe_number",
         ),
-        "plenoptic.optics.microlens.array": ("ConvexSide", "MicrolensArray", "MicrolensModel"),
+        "plenoptic.optics.microlens.array": ("MicrolensArray",),
+        "plenoptic.optics.microlens.models": ("ConvexSide", "MicrolensModel"),
         "plenoptic.optics.lens.models": ("LensModel",),
         "plenoptic.optics.lens.gaussian.paraxial": ("CardinalPoints",),
         "plenoptic.optics.lens.placement": ("Placement",),

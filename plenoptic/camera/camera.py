@@ -17,8 +17,9 @@ from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.analysis.focus import FocusCriterion
 from plenoptic.optics.lens.placement import Placement, kept_placement, rotation_about_axes
 from plenoptic.optics.lens.stack import LensStack
-from plenoptic.optics.microlens.array import ConvexSide, MicrolensArray
+from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.dust import Blemishes, BlemishSite
+from plenoptic.optics.microlens.models import ConvexSide
 from plenoptic.optics.sensor.sensor import Sensor
 
 if TYPE_CHECKING:

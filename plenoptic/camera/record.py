@@ -19,7 +19,6 @@ from plenoptic.optics.microlens.record import (
     ResponseRecord,
     SensorPlane,
     array_record,
-    focuses,
     possible_powers,
 )
 
@@ -123,7 +122,7 @@ def camera_record(camera: PlenopticCamera) -> CameraRecord:
             wavelengths=(camera.wavelength, *(() if colour is None else colour.wavelengths.tolist())),
         )
     plane = OutlinePlane(z_last if parts.frame is not None else parts.z_plane - z_last, parts.frame)
-    pinhole = array is not None and not focuses(array)
+    pinhole = array is not None and not array.model.focuses
     world = _lens_to_world(camera, parts)
     return CameraRecord(
         sensor=_sensor_record(camera, parts),

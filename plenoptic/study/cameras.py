@@ -10,10 +10,11 @@ from plenoptic.core.color.sensitivities import colour_camera
 from plenoptic.optics.lens.files.library import load_lens
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.microlens.aperture import ApertureShape, MicrolensAperture, Walls
-from plenoptic.optics.microlens.array import MicrolensArray, MicrolensModel
+from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.dust import Blemishes, BlemishSite
 from plenoptic.optics.microlens.imperfections import MicrolensImperfections
 from plenoptic.optics.microlens.lattice import Lattice
+from plenoptic.optics.microlens.models import MicrolensModel
 from plenoptic.optics.sensor.angular_response import AngularResponse
 from plenoptic.optics.sensor.sensor import Sensor
 from plenoptic.optics.stops.circle import CircularStop

@@ -18,8 +18,9 @@ from plenoptic.camera.points.white_centroids import white_centroids
 from plenoptic.core.values import choice, finite, read_only, value, wrong_kind
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.microlens.aperture import Walls
-from plenoptic.optics.microlens.array import ConvexSide, MicrolensArray
+from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.listed import Lenslets
+from plenoptic.optics.microlens.models import ConvexSide
 
 if TYPE_CHECKING:
     from plenoptic.rendering.exposure import Exposure

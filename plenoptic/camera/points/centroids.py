@@ -12,7 +12,7 @@ from plenoptic.camera.array_axes import ArrayAxes
 from plenoptic.core.rays import RayBundle
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.pupil.exit_pupil import PupilBounds, pupil_bounds
-from plenoptic.optics.microlens.array import MicrolensArray, MicrolensModel
+from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.lattice import Lattice
 from plenoptic.optics.microlens.listed import Lenslets
 
@@ -41,7 +41,7 @@ def lit_centroids(axes: ArrayAxes, array: MicrolensArray, lenses: Lenslets) -> F
         of_kind = clear & (lenses.type == kind)
         power = factor / array.focal_lengths[int(kind)]
         found[of_kind] = _centroids_of_type(axes, array, local[of_kind], power)
-    if array.model is MicrolensModel.PINHOLE:
+    if not array.model.focuses:
         return found
     # Light through an opening beside the optical axis is deviated on the whole.
     aside = (lenses.centre - lenses.axis) * (1.0 - axes.parts.distance * factor * lenses.power)[:, None]
@@ -117,7 +117,7 @@ def centroids_at(
 ) -> Floats:
     """Centroids (n, 2) on the sensor for microlenses of a power in 1/mm with their centres at local points (n, 2)."""
     bounds = _bounds(axes, array, points)
-    pinhole = array.model is MicrolensModel.PINHOLE
+    pinhole = not array.model.focuses
     offsets = np.zeros((1, 2)) if pinhole else opening_points(array) @ axes.parts.array_turn.T
     each = max(1, _RAYS // (len(offsets) * lines * places))
     parts = []

@@ -16,7 +16,6 @@ from plenoptic.camera.psf.sensor_hits import ForwardRecord, forward_record, in_l
 from plenoptic.core.parallel import thread_count
 from plenoptic.core.values import frozen_array, read_only, set_field, value, whole, wrong_kind
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.microlens.array import MicrolensModel
 
 if TYPE_CHECKING:
     from plenoptic.scene.scene import Scene
@@ -182,7 +181,7 @@ def project(
     tables = forward_record(camera)
     seen = in_lens_axes(tables, given)
     tasks = tasks_of(tables, seen, REPLICATES, each)
-    pinhole = camera.microlenses is not None and camera.microlenses.model is MicrolensModel.PINHOLE
+    pinhole = camera.microlenses is not None and not camera.microlenses.model.focuses
     light = light_of(tables, [] if pinhole else tasks, each, workers)
     if camera.microlenses is None:
         rows = rows_through_iris(tables, seen, light)

@@ -13,7 +13,8 @@ from plenoptic.camera.psf.sensor_hits import ForwardRecord
 from plenoptic.core.rays import RayBundle
 from plenoptic.optics.lens.record import LensRecord, lens_record
 from plenoptic.optics.lens.trace import traced_by
-from plenoptic.optics.microlens.array import ConvexSide, MicrolensArray
+from plenoptic.optics.microlens.array import MicrolensArray
+from plenoptic.optics.microlens.models import ConvexSide
 from plenoptic.optics.record import IDEAL
 
 Floats = NDArray[np.float64]

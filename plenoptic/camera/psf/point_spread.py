@@ -22,7 +22,6 @@ from plenoptic.camera.psf.spread import CameraSpread, LandingPoints
 from plenoptic.core.parallel import run_in_order, thread_count
 from plenoptic.core.values import frozen_array, whole, wrong_kind
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.microlens.array import MicrolensModel
 
 
 def point_spread(
@@ -159,7 +158,7 @@ def _checked_points(camera: PlenopticCamera, points: ArrayLike) -> tuple[NDArray
     if not isinstance(camera, PlenopticCamera):
         raise wrong_kind(camera, "camera", "PlenopticCamera", "pl.PlenopticCamera(...)")
     array = camera.microlenses
-    if array is not None and array.model is MicrolensModel.PINHOLE:
+    if array is not None and not array.model.focuses:
         raise InvalidValueError(
             "the microlenses have the model PINHOLE, and no ray from a point meets a hole without extent; render a "
             "small emitter instead, or choose THIN"

@@ -20,8 +20,9 @@ from plenoptic.optics.lens.gaussian.paraxial import cardinal_points, magnificati
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays_reverse, hexapolar, square_grid
 from plenoptic.optics.lens.stack import LensStack
-from plenoptic.optics.microlens.array import ConvexSide, MicrolensArray, MicrolensModel
+from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.lattice import Lattice
+from plenoptic.optics.microlens.models import ConvexSide
 from plenoptic.optics.stops.circle import CircularStop
 
 if TYPE_CHECKING:
@@ -155,7 +156,7 @@ def cell_area(array: MicrolensArray) -> float:
 
 def opening_width(array: MicrolensArray) -> float:
     """Least width of a microlens's opening in mm: what light of a point is spread from; 0 for pinholes."""
-    if array.model is MicrolensModel.PINHOLE:
+    if not array.model.focuses:
         return 0.0
     opening = array.opening
     if math.isfinite(opening.radius):
@@ -202,7 +203,7 @@ def coverage(camera: PlenopticCamera, cone: Cone) -> tuple[float, float]:
     for k in np.flatnonzero(lenses.transmission > 0).tolist():
         through = lenses.centre[k] + inside
         bent = through * cone.vergence - (through - lenses.axis[k]) * float(lenses.power[k])
-        if array.model is MicrolensModel.PINHOLE:
+        if not array.model.focuses:
             bent = through * cone.vergence
         pupil = ((through - sensor[:, None]) / b + bent) * (stop.semi_diameter / cone.slope)
         lit += stop.contains(pupil[..., 0], pupil[..., 1]).any(axis=1)
@@ -211,7 +212,7 @@ def coverage(camera: PlenopticCamera, cone: Cone) -> tuple[float, float]:
 
 def _opening_points(array: MicrolensArray) -> Floats:
     """Points (n, 2) of a microlens's opening."""
-    if array.model is MicrolensModel.PINHOLE:
+    if not array.model.focuses:
         return np.zeros((1, 2))
     opening = array.opening
     points = opening.reach * hexapolar(_RINGS)

@@ -13,7 +13,6 @@ from plenoptic.camera.sampling.margins import SAFETY, aberration_margins
 from plenoptic.core.values import read_only
 from plenoptic.optics.lens.pupil.exit_pupil import PupilBounds, outline_corners, pupil_bounds, rear_reach
 from plenoptic.optics.microlens.array import MicrolensArray
-from plenoptic.optics.microlens.record import focuses
 
 
 class Bounds(NamedTuple):
@@ -90,7 +89,7 @@ def _chromatic_margin(
     array: MicrolensArray, powers: NDArray[np.float64], wavelengths: tuple[float, ...], pupil_distance: float
 ) -> float:
     """How far ideal lenses of another power than at 587.6 nm send rays aside on the plane of the outlines, in mm."""
-    if array.is_plate or not focuses(array):
+    if array.is_plate or not array.model.focuses:
         return 0.0
     change = max(abs(array.power_factor(wavelength) - 1.0) for wavelength in wavelengths)
     height = array.cell_radius + _off_axis(array)
@@ -99,7 +98,7 @@ def _chromatic_margin(
 
 def _bend(array: MicrolensArray, power: float, pupil_distance: float, ratio: float) -> float:
     """How far a ray moves on the plane of the outlines when its point in the cell moves by 1."""
-    return 1.0 + ratio - pupil_distance * power if focuses(array) else 0.0
+    return 1.0 + ratio - pupil_distance * power if array.model.focuses else 0.0
 
 
 def _off_axis(array: MicrolensArray) -> float:

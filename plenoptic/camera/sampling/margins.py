@@ -7,7 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.optics.microlens.array import ConvexSide, MicrolensArray, MicrolensModel
+from plenoptic.optics.microlens.array import MicrolensArray
+from plenoptic.optics.microlens.models import ConvexSide
 from plenoptic.optics.microlens.record import EdgesRecord, SensorPlane, plate_record
 
 _AIMS, _OFFSETS = 33, 49
@@ -72,7 +73,7 @@ def _margins_from(
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         if array.convex_side is ConvexSide.SCENE:
             land_x, land_y = x, y
-        elif array.model is MicrolensModel.FLAT_HIGH_INDEX:
+        elif array.model.is_flat:
             land_x, land_y = dx, dy
         else:
             land_x, land_y = _landing(radius, dx, dy, (dx - sx) / distance, dy / distance)

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import enum
-import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,13 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from plenoptic.core.values import choice, finite, frozen_array, positive, read_only, set_field, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.microlens.aperture import Gaps, MicrolensAperture, Opening, Walls, opening_of
-from plenoptic.optics.microlens.imperfections import (
-    Imperfections,
-    MicrolensDeviations,
-    MicrolensImperfections,
-    largest_offset,
-    least_factor,
-)
+from plenoptic.optics.microlens.checks import check_plate, checked_pitch
+from plenoptic.optics.microlens.imperfections import Imperfections, MicrolensDeviations, MicrolensImperfections
 from plenoptic.optics.microlens.lattice import (
     Lattice,
     cell_polygon,
@@ -29,49 +22,9 @@ from plenoptic.optics.microlens.lattice import (
     polygon_edges,
 )
 from plenoptic.optics.microlens.listed import Lenslets, lenslets
+from plenoptic.optics.microlens.models import ConvexSide, MicrolensModel
 
-_HIGH_INDEX = 10.0
 _MOST_DISTANCES = 1 << 22
-
-
-class MicrolensModel(enum.IntEnum):
-    """How a microlens refracts.
-
-    PINHOLE: all light of a cell passes its centre, undeviated. THIN: an ideal thin lens in one plane. FLAT_HIGH_INDEX:
-    two planes of high index, one with the normals of a sphere, as published Blender models have it. SPHERICAL: an
-    exact plano-convex lens of glass.
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> [model.name for model in pl.MicrolensModel]
-    ['PINHOLE', 'THIN', 'FLAT_HIGH_INDEX', 'SPHERICAL']
-    """
-
-    PINHOLE = 0
-    """All light that reaches the cell passes its centre, undeviated: every depth is sharp. It counts as if the whole
-    cell were open, so that images are as bright as with the other models."""
-    THIN = 1
-    """Ideal thin lens in one plane."""
-    FLAT_HIGH_INDEX = 2
-    """Two planes of a medium of high index; on one of them light is refracted by the normals of the sphere of radius
-    f (index - 1), as if the lens had its curvature but no height (Michels et al. 2018, section 4)."""
-    SPHERICAL = 3
-    """Exact plano-convex lens: a sphere and a plane of glass."""
-
-
-class ConvexSide(enum.IntEnum):
-    """Which side of a plano-convex microlens is curved.
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> pl.ConvexSide.SCENE.name
-    'SCENE'
-    """
-
-    SCENE = 0
-    SENSOR = 1
 
 
 @value
@@ -167,7 +120,7 @@ class MicrolensArray:
 
     def __post_init__(self) -> None:
         set_field(self, "lattice", choice(self.lattice, Lattice, "lattice"))
-        set_field(self, "pitch", _checked_pitch(self.pitch, self.lattice))
+        set_field(self, "pitch", checked_pitch(self.pitch, self.lattice))
         given = self.focal_lengths if isinstance(self.focal_lengths, tuple | list) else (self.focal_lengths,)
         focal_lengths = tuple(finite(f, "focal_lengths") for f in given)
         if not focal_lengths or 0 in focal_lengths:
@@ -191,10 +144,10 @@ class MicrolensArray:
                 raise InvalidValueError(f"{name} is {getattr(self, name)!r}; it must be a {kinds[0].__name__} or None")
         if self.aperture is not None:
             _ = self.opening
-            if self.model is MicrolensModel.PINHOLE and self.aperture.gaps is Gaps.CLEAR:
+            if not self.model.focuses and self.aperture.gaps is Gaps.CLEAR:
                 raise InvalidValueError("light passes a PINHOLE only at its centre; give gaps=Gaps.OPAQUE")
         if self.is_plate:
-            self._check_plate()
+            check_plate(self)
 
     def _check_types(self) -> None:
         free = self.lattice is Lattice.FREE
@@ -223,33 +176,6 @@ class MicrolensArray:
                 )
             set_field(self, name, array)
 
-    def _check_plate(self) -> None:
-        shortest, reach = min(self.focal_lengths), self.opening.reach
-        if shortest < 0:
-            raise InvalidValueError(
-                f"focal length {shortest:g} mm: a plano-convex microlens collects light; use one above 0"
-            )
-        shortest *= 1.0 if self.imperfections is None else least_factor(self.imperfections)
-        reach += 0.0 if self.imperfections is None else largest_offset(self.imperfections)
-        radius = shortest * (self.index - 1.0)
-        if radius < reach:
-            raise InvalidValueError(
-                f"radius of curvature {radius:g} mm is below the corner of the opening at {reach:g} mm, "
-                "imperfections included; increase the focal length or the index, or reduce the pitch or the spread"
-            )
-        if self.model is MicrolensModel.FLAT_HIGH_INDEX:
-            if self.index < _HIGH_INDEX:
-                raise InvalidValueError(
-                    f"index of the microlenses is {self.index:g}; FLAT_HIGH_INDEX stands for a nearly flat lens and "
-                    f"needs at least {_HIGH_INDEX:g}: give index=100.0, or choose SPHERICAL"
-                )
-            return
-        sag = reach**2 / (radius + math.sqrt(radius**2 - reach**2))
-        if sag > self.thickness:
-            raise InvalidValueError(
-                f"thickness {self.thickness:g} mm is below the sag {sag:g} mm at the opening's corner; increase it"
-            )
-
     @property
     def pitches(self) -> tuple[float, float]:
         """Pitch along x and y in mm; the same number twice but for RECTANGULAR."""
@@ -270,7 +196,7 @@ class MicrolensArray:
     @property
     def is_plate(self) -> bool:
         """Whether rays pass two surfaces of glass, so that thickness, index and convex side matter."""
-        return self.model in (MicrolensModel.FLAT_HIGH_INDEX, MicrolensModel.SPHERICAL)
+        return self.model.is_plate
 
     @property
     def radius(self) -> float:
@@ -376,15 +302,3 @@ class MicrolensArray:
         corners = np.stack([base + step for step in ([0, 0], [0, 1], [1, 0], [1, 1])]) @ self.basis
         distance = np.linalg.norm(corners - points, axis=-1)
         return np.asarray(np.take_along_axis(corners, distance.argmin(axis=0)[None, :, None], axis=0)[0])
-
-
-def _checked_pitch(pitch: float | tuple[float, float], lattice: Lattice) -> float | tuple[float, float]:
-    if lattice is not Lattice.RECTANGULAR:
-        if isinstance(pitch, tuple | list):
-            raise InvalidValueError(f"pitch is {pitch}; only Lattice.RECTANGULAR has two: give one number in mm")
-        return positive(pitch, "pitch", "mm")
-    try:
-        x, y = pitch  # type: ignore[misc]
-    except (TypeError, ValueError):
-        raise InvalidValueError(f"pitch is {pitch!r}; Lattice.RECTANGULAR needs two in mm, along x and y") from None
-    return positive(x, "pitch along x", "mm"), positive(y, "pitch along y", "mm")

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.microlens.aperture import Gaps, Opening, Walls
-from plenoptic.optics.microlens.array import ConvexSide, MicrolensArray, MicrolensModel
+from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.imperfections import largest_factor, least_factor
 from plenoptic.optics.microlens.lattice import Lattice, polygon_edges
+from plenoptic.optics.microlens.models import ConvexSide
 
 MOST_LISTED = 4_000_000
 """Lenses with imperfections that a camera may need: each takes 1.1 kB and 5 us."""
@@ -270,18 +271,13 @@ def array_record(
         listed,
         cell if array.walls is Walls.OPAQUE else None,
         plate_record(array, wavelengths) if array.is_plate else None,
-        None if array.is_plate or not focuses(array) else _power_factors(array, wavelengths),
+        None if array.is_plate or not array.model.focuses else _power_factors(array, wavelengths),
     )
-
-
-def focuses(array: MicrolensArray) -> bool:
-    """Whether microlenses bend light: all models but PINHOLE."""
-    return array.model is not MicrolensModel.PINHOLE
 
 
 def plate_record(array: MicrolensArray, wavelengths: tuple[float, ...] = ()) -> PlateRecord:
     """The numbers of a plate, for the camera's wavelength and those that paths draw."""
-    flat, indices = array.model is MicrolensModel.FLAT_HIGH_INDEX, np.array([array.index_at(w) for w in wavelengths])
+    flat, indices = array.model.is_flat, np.array([array.index_at(w) for w in wavelengths])
     disperses = bool((indices != array.index).any())
     return PlateRecord(
         array.convex_side is ConvexSide.SCENE, flat, array.thickness, array.index, indices if disperses else None

@@ -11,7 +11,7 @@ import numpy as np
 from plenoptic.core.values import value
 from plenoptic.errors import InvalidValueError, PlenopticError
 from plenoptic.optics.microlens.aperture import Walls
-from plenoptic.optics.microlens.array import MicrolensModel
+from plenoptic.optics.microlens.models import MicrolensModel
 from plenoptic.rendering.plan.plan import plan_for
 from plenoptic.rendering.plan.scene_stages import ROULETTE
 from plenoptic.rendering.plan.stages import Plan, Stage, Subject

@@ -9,7 +9,7 @@ from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.core.values import choice, positive, set_field, value, whole, wrong_kind
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.models import LensModel
-from plenoptic.optics.microlens.array import MicrolensModel
+from plenoptic.optics.microlens.models import MicrolensModel
 from plenoptic.rendering.exposure import Exposure
 from plenoptic.rendering.plan.plan import plan
 from plenoptic.rendering.plan.stages import Stage, Subject

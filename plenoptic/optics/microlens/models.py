@@ -1,0 +1,60 @@
+"""Models of a microlens: the closed set, and what the rest of the package asks of its members."""
+
+from __future__ import annotations
+
+import enum
+
+
+class MicrolensModel(enum.IntEnum):
+    """How a microlens refracts.
+
+    PINHOLE: all light of a cell passes its centre, undeviated. THIN: an ideal thin lens in one plane. FLAT_HIGH_INDEX:
+    two planes of high index, one with the normals of a sphere, as published Blender models have it. SPHERICAL: an
+    exact plano-convex lens of glass.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> [model.name for model in pl.MicrolensModel]
+    ['PINHOLE', 'THIN', 'FLAT_HIGH_INDEX', 'SPHERICAL']
+    """
+
+    PINHOLE = 0
+    """All light that reaches the cell passes its centre, undeviated: every depth is sharp. It counts as if the whole
+    cell were open, so that images are as bright as with the other models."""
+    THIN = 1
+    """Ideal thin lens in one plane."""
+    FLAT_HIGH_INDEX = 2
+    """Two planes of a medium of high index; on one of them light is refracted by the normals of the sphere of radius
+    f (index - 1), as if the lens had its curvature but no height (Michels et al. 2018, section 4)."""
+    SPHERICAL = 3
+    """Exact plano-convex lens: a sphere and a plane of glass."""
+
+    @property
+    def focuses(self) -> bool:
+        """Whether light is bent."""
+        return self is not MicrolensModel.PINHOLE
+
+    @property
+    def is_plate(self) -> bool:
+        """Whether rays pass two surfaces of glass."""
+        return self in (MicrolensModel.FLAT_HIGH_INDEX, MicrolensModel.SPHERICAL)
+
+    @property
+    def is_flat(self) -> bool:
+        """Whether a plane with the normals of a sphere stands for the sphere."""
+        return self is MicrolensModel.FLAT_HIGH_INDEX
+
+
+class ConvexSide(enum.IntEnum):
+    """Which side of a plano-convex microlens is curved.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> pl.ConvexSide.SCENE.name
+    'SCENE'
+    """
+
+    SCENE = 0
+    SENSOR = 1
