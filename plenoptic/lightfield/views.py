@@ -51,10 +51,6 @@ class LightField:
     z_focus : float
         The plane in focus, which the lens images onto the array, in mm of the camera's frame (paraxial).
     camera : PlenopticCamera
-
-    Examples
-    --------
-    See `decode`.
     """
 
     views: NDArray[np.float32]
@@ -115,10 +111,6 @@ class LightField:
         (float, float)
             Pixels of a view along columns for each pixel of u, and along rows for each pixel of v; 0 in focus, positive
             nearer than that, where points move against the step (to the left in views farther right), negative beyond.
-
-        Examples
-        --------
-        See `decode`.
         """
         place = number(z, "z")
         if not place < 0:

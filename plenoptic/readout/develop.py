@@ -61,10 +61,6 @@ def develop(exposure: Exposure, model: SensorModel, *, seed: int = 0, threads: i
     threads : int, optional
         As many as there are processors by default.
 
-    Returns
-    -------
-    RawImage
-
     Raises
     ------
     InvalidValueError

@@ -35,10 +35,6 @@ class PhotonTransfer:
         The same from the parameters of the sensor, as if it did not saturate.
     white_level : float
         DN at which it saturates; may be inf.
-
-    Examples
-    --------
-    See `photon_transfer`.
     """
 
     levels: NDArray[np.float64]
@@ -113,10 +109,6 @@ def photon_transfer(
         0 red, 1 green, 2 blue, for sensors whose channels differ.
     seed : int
         Of the noise; every image has its own.
-
-    Returns
-    -------
-    PhotonTransfer
 
     Raises
     ------

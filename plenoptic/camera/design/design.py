@@ -79,10 +79,6 @@ def design_camera(
     tolerance : float, optional
         Largest error of the traced focus over the distance of the array, and of the traced image fill.
 
-    Returns
-    -------
-    CameraDesign
-
     Raises
     ------
     InvalidValueError

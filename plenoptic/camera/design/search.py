@@ -37,10 +37,6 @@ class DesignStep:
         Traced diameter of the microlens images over their distance, less the wish; 0 without that wish.
     depth_error : float
         How far the traced image of the plane `depth_at` has moved since the last round, in mm.
-
-    Examples
-    --------
-    See `design_camera`.
     """
 
     semi_diameter: float
@@ -64,10 +60,6 @@ class CameraDesign:
         What was not given.
     history : tuple of DesignStep
         The first is the paraxial solution, the last the camera.
-
-    Examples
-    --------
-    See `design_camera`.
     """
 
     camera: PlenopticCamera

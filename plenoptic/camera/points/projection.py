@@ -10,8 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.points.projection_light import REPLICATES, centroid_and_error, light_and_error, light_of
-from plenoptic.camera.points.projection_rows import lenses_of
-from plenoptic.camera.points.projection_tracing import Rows, rows_through_iris, rows_through_microlenses
+from plenoptic.camera.points.projection_rows import Rows, lenses_of, rows_through_iris, rows_through_microlenses
 from plenoptic.camera.psf.sensor_hits import ForwardTables, forward_tables, in_lens_axes, tasks_of
 from plenoptic.core.parallel import thread_count
 from plenoptic.core.values import frozen_array, read_only, set_field, value, whole, wrong_kind
@@ -64,10 +63,6 @@ class Projection:
     visible : (k,) array of bool
         Whether light of the point lands on the sensor through the microlens, be it the chief ray alone, and, where a
         scene is given, nothing hides the point.
-
-    Examples
-    --------
-    See `project`.
     """
 
     points: Floats
@@ -94,19 +89,10 @@ class Projection:
         return len(self.point)
 
     def selected(self, rows: ArrayLike) -> Projection:
-        """The rows that a mask (k,) or an array of row numbers selects.
-
-        Examples
-        --------
-        See `project`.
-        """
-        chosen = np.asarray(rows)
-        changes: dict[str, Any] = {}
-        for field in dataclasses.fields(self):
-            given = getattr(self, field.name)
-            if field.name != "points" and given is not None:
-                changes[field.name] = given[chosen]
-        return dataclasses.replace(self, **changes)
+        """The rows that a mask (k,) or an array of row numbers selects."""
+        given = {field.name: getattr(self, field.name) for field in dataclasses.fields(self) if field.name != "points"}
+        chosen: dict[str, Any] = {name: a[np.asarray(rows)] for name, a in given.items() if a is not None}
+        return dataclasses.replace(self, **chosen)
 
     def __repr__(self) -> str:
         seen = int(np.count_nonzero(self.visible))
@@ -218,10 +204,8 @@ def _assembled(tables: ForwardTables, given: Floats, rows: Rows, pinhole: bool) 
         shown &= lenses.transmission > 0
     if pinhole:
         light, light_error = np.full((2, len(light)), np.nan)
-        centroid, centroid_error = (
-            np.where(shown[:, None], rows.position, np.nan),
-            np.where(shown[:, None], 0.0, np.inf),
-        )
+        centroid = np.where(shown[:, None], rows.position, np.nan)
+        centroid_error = np.where(shown[:, None], 0.0, np.inf)
     else:
         light_error[shown & (light == 0)] = np.inf
     return Projection(

@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.points.projection_rows import unique_rows
 from plenoptic.camera.psf.sensor_hits import ForwardTables, Task, landed
 from plenoptic.core.parallel import run_in_order
 
@@ -54,6 +53,18 @@ def light_of(tables: ForwardTables, tasks: list[Task], each: int, threads: int) 
     moments = np.zeros((len(keys), REPLICATES, 3))
     np.add.at(moments, (row, replicate), np.concatenate([np.empty((0, 3)), *(part.sums for part in parts)]))
     return Light(keys, moments)
+
+
+def unique_rows(keys: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The different rows (k, c) of whole numbers (n, c) in order, and which of them each row is (n,)."""
+    if not len(keys):
+        return keys, np.empty(0, np.int64)
+    order = np.lexsort(keys.T[::-1])
+    ordered = keys[order]
+    new = np.append(True, (ordered[1:] != ordered[:-1]).any(axis=1))
+    row = np.empty(len(keys), np.int64)
+    row[order] = np.cumsum(new) - 1
+    return ordered[new], row
 
 
 def light_and_error(moments: Floats) -> tuple[Floats, Floats]:

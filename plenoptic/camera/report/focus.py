@@ -107,10 +107,6 @@ class MicrolensFocus:
     (doi 10.1117/12.909882): virtual depth, effective resolution. T. Georgiev and A. Lumsdaine, Focused plenoptic camera
     and rendering, J. Electronic Imaging 19, 2010 (doi 10.1117/1.3442712). R. Ng et al., Light field photography with a
     hand-held plenoptic camera, Stanford CTSR 2005-02.
-
-    Examples
-    --------
-    See `camera_report`.
     """
 
     type: int

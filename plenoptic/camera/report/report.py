@@ -80,10 +80,6 @@ class CameraReport:
         nm.
     warnings : tuple of CameraFinding
         What may surprise.
-
-    Examples
-    --------
-    See `camera_report`.
     """
 
     kind: CameraKind

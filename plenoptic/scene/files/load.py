@@ -90,10 +90,6 @@ def load_file(path: str | PathLike[str], *, unit: str | None = None, material: M
     material : Material, optional
         Replaces all materials of the file, which are not looked at then.
 
-    Returns
-    -------
-    FileContents
-
     Raises
     ------
     FileError
@@ -132,10 +128,6 @@ def load_meshes(
     Parameters
     ----------
     path, unit, material : as in `load_file`
-
-    Returns
-    -------
-    tuple of Mesh or Instances
 
     Raises
     ------

@@ -33,10 +33,6 @@ def quad(corner: ArrayLike, edge_u: ArrayLike, edge_v: ArrayLike, *, material: M
     material : Material, optional
         Lambertian(0.5) by default, as for all bodies here.
 
-    Returns
-    -------
-    Mesh
-
     Examples
     --------
     >>> import plenoptic as pl
@@ -108,10 +104,6 @@ def sphere(
     segments : (int, int)
         Facets around the axis and from pole to pole.
     material : Material, optional
-
-    Returns
-    -------
-    Mesh
 
     Examples
     --------
