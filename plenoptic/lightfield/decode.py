@@ -11,7 +11,7 @@ from plenoptic.camera.array_axes import array_axes
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.model_pupil import model_pupil
 from plenoptic.camera.points.centres import CentreMethod, MicrolensCentres, microlens_centres
-from plenoptic.core.values import choice, finite, positive, read_only, whole, wrong_kind
+from plenoptic.core.values import check_kind, choice, finite, positive, read_only, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield.planes import RawPlanes, raw_planes
 from plenoptic.lightfield.resample import Resampling, resampling
@@ -123,8 +123,7 @@ def _checked_camera(
     shot: Exposure, white: Exposure, camera: PlenopticCamera | None
 ) -> tuple[PlenopticCamera, MicrolensArray]:
     for name, given in (("shot", shot), ("white", white)):
-        if not isinstance(given, Exposure):
-            raise wrong_kind(given, name, "Exposure", "pl.render(...)" if name == "shot" else "pl.render_white(camera)")
+        check_kind(given, name, Exposure, "pl.render(...)" if name == "shot" else "pl.render_white(camera)")
     found = shot.camera if camera is None else camera
     if not isinstance(found, PlenopticCamera):
         raise InvalidValueError("the shot names no camera that took it; give camera=")

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.core.parallel import run_in_order, thread_count
-from plenoptic.core.values import wrong_kind
+from plenoptic.core.values import check_kind
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.sensor.color_filter import channels_of
 from plenoptic.optics.sensor.model import SensorModel, ShotNoise, as_seed, has
@@ -79,10 +79,8 @@ def develop(exposure: Exposure, model: SensorModel, *, seed: int = 0, threads: i
     >>> bool(abs(raw.data.mean() - 1000) < 4 * raw.data.std() / 100)
     True
     """
-    if not isinstance(exposure, Exposure):
-        raise wrong_kind(exposure, "exposure", "Exposure", "pl.render(scene, camera)")
-    if not isinstance(model, SensorModel):
-        raise wrong_kind(model, "model", "SensorModel", "pl.SensorModel(photon_rate=1e6)")
+    check_kind(exposure, "exposure", Exposure, "pl.render(scene, camera)")
+    check_kind(model, "model", SensorModel, "pl.SensorModel(photon_rate=1e6)")
     _check_light(exposure.image)
     seed = as_seed(seed, "seed")
     rows, columns, channels = exposure.image.shape
@@ -94,14 +92,9 @@ def develop(exposure: Exposure, model: SensorModel, *, seed: int = 0, threads: i
 
     bands = list(run_in_order(band, range(0, rows, height), threads=thread_count(threads)))
     data = np.concatenate(bands)
-    return RawImage(
-        data[:, :, 0] if data.shape[2] == 1 else data,
-        model,
-        region=exposure.region,
-        seed=seed,
-        samples=exposure.samples,
-        camera=exposure.camera,
-    )
+    data = data[:, :, 0] if data.shape[2] == 1 else data
+    named = {name: getattr(exposure, name) for name in ("region", "samples", "camera")}
+    return RawImage(data, model, seed=seed, **named)
 
 
 def _check_light(image: NDArray[np.float32]) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import frozen_array, set_field, value, whole, wrong_kind
+from plenoptic.core.values import check_kind, frozen_array, set_field, value, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.sensor.model import SensorModel, ShotNoise, as_seed
 from plenoptic.readout.develop import develop
@@ -130,8 +130,7 @@ def photon_transfer(
     >>> round(curve.gain, 1)
     0.4
     """
-    if not isinstance(model, SensorModel):
-        raise wrong_kind(model, "model", "SensorModel", "pl.SensorModel(photon_rate=1e6)")
+    check_kind(model, "model", SensorModel, "pl.SensorModel(photon_rate=1e6)")
     given = frozen_array(levels, name="levels", shape=("n",))
     rows, columns = shape
     size = whole(rows, "rows", at_least=2), whole(columns, "columns", at_least=2)

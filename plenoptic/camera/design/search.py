@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
 
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.design.equations import Lens, solved
 from plenoptic.camera.design.wishes import FIELDS, Numbers, Wishes
 from plenoptic.camera.report.focus import sharp_image
 from plenoptic.camera.report.optics import image_plane, paraxial_cone, traced_slope, with_semi_diameter
-from plenoptic.core.values import set_field, value
+from plenoptic.core.values import value
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.analysis.focus import FocusCriterion, best_focus
 from plenoptic.optics.lens.models import LensModel
@@ -63,12 +62,8 @@ class CameraDesign:
     """
 
     camera: PlenopticCamera
-    solved_for: Sequence[str]
-    history: Sequence[DesignStep]
-
-    def __post_init__(self) -> None:
-        set_field(self, "solved_for", tuple(self.solved_for))
-        set_field(self, "history", tuple(self.history))
+    solved_for: tuple[str, ...]
+    history: tuple[DesignStep, ...]
 
     def __repr__(self) -> str:
         last = self.history[-1]
@@ -107,7 +102,7 @@ class Search:
                 raise InvalidValueError(self._too_much_light(numbers["h"], history)) from None
             history.append(self._step(numbers, camera, now, traced))
             if self._meets(history[-1], tolerance):
-                return CameraDesign(camera, [FIELDS[u] for u in FIELDS if u not in self.given], history)
+                return CameraDesign(camera, tuple(FIELDS[u] for u in FIELDS if u not in self.given), tuple(history))
             if not math.isfinite(traced.slope):
                 break
             now = traced

@@ -15,7 +15,7 @@ from plenoptic.camera.model_pupil import model_pupil
 from plenoptic.camera.points.centroids import lit_centroids
 from plenoptic.camera.points.chief_rays import chief_slopes
 from plenoptic.camera.points.white_centroids import white_centroids
-from plenoptic.core.values import choice, finite, read_only, value, wrong_kind
+from plenoptic.core.values import check_kind, choice, finite, read_only, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.microlens.aperture import Walls
 from plenoptic.optics.microlens.array import ConvexSide, MicrolensArray
@@ -150,8 +150,7 @@ def microlens_centres(
     >>> centres.pixel[4].tolist(), (centres.pixel[4] - centres.pixel[3]).round(3).tolist()
     ([31.5, 31.5], [22.038, 0.0])
     """
-    if not isinstance(camera, PlenopticCamera):
-        raise wrong_kind(camera, "camera", "PlenopticCamera", "pl.PlenopticCamera(...)")
+    check_kind(camera, "camera", PlenopticCamera, "pl.PlenopticCamera(...)")
     method, margin = choice(method, CentreMethod, "method"), finite(margin, "margin")
     array = camera.microlenses
     if array is None:

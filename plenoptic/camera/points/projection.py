@@ -13,7 +13,7 @@ from plenoptic.camera.points.projection_light import REPLICATES, centroid_and_er
 from plenoptic.camera.points.projection_rows import Rows, lenses_of, rows_through_iris, rows_through_microlenses
 from plenoptic.camera.psf.sensor_hits import ForwardTables, forward_tables, in_lens_axes, tasks_of
 from plenoptic.core.parallel import thread_count
-from plenoptic.core.values import frozen_array, read_only, set_field, value, whole, wrong_kind
+from plenoptic.core.values import check_kind, frozen_array, read_only, set_field, value, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.microlens.array import MicrolensModel
 
@@ -162,7 +162,8 @@ def project(
     >>> middle.pixel.round(6).tolist(), bool(np.abs(middle.centroid_pixel - middle.pixel).max() < 1e-3)
     ([[255.5, 255.5]], True)
     """
-    given = _checked(camera, points)
+    check_kind(camera, "camera", PlenopticCamera, "pl.PlenopticCamera(...)")
+    given = _checked(points)
     each = -(-whole(rays, "rays", at_least=1) // REPLICATES)
     workers = thread_count(threads)
     tables = forward_tables(camera)
@@ -178,9 +179,7 @@ def project(
     return projection if scene is None else _unhidden(tables, projection, rows.entering, scene)
 
 
-def _checked(camera: PlenopticCamera, points: ArrayLike) -> Floats:
-    if not isinstance(camera, PlenopticCamera):
-        raise wrong_kind(camera, "camera", "PlenopticCamera", "pl.PlenopticCamera(...)")
+def _checked(points: ArrayLike) -> Floats:
     try:
         several = np.ndim(points) != 1
     except ValueError:  # rows of different lengths, which is said below
@@ -231,8 +230,7 @@ def _unhidden(tables: ForwardTables, found: Projection, entering: Floats, scene:
     from plenoptic.scene.materials.alpha_mask import thin_out
     from plenoptic.scene.scene import Scene
 
-    if not isinstance(scene, Scene):
-        raise wrong_kind(scene, "scene", "Scene", "pl.Scene(...)")
+    check_kind(scene, "scene", Scene, "pl.Scene(...)")
     prepared = prepared_scene(scene)
     surfaces, intersector = prepared.tables, prepared.intersector
     if intersector is None:

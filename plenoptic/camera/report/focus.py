@@ -155,7 +155,8 @@ def microlens_focus(camera: PlenopticCamera, type_: int, cone: Cone) -> Microlen
     array, q = camera.microlenses, camera.sensor.pixel_pitch
     f = None if array is None else array.focal_lengths[type_]
     kind, s = kind_of(camera, f), sharp_image(camera, f)
-    z, (far, near) = _in_front(camera, camera.stop_to_microlenses + s), _limits(camera, kind, s, cone)
+    z_image = camera.stop_to_microlenses + s
+    z, (far, near) = _in_front(camera, z_image), _limits(camera, kind, s, cone)
     m = lateral_magnification(camera.lens, z, camera.wavelength) if not math.isnan(z) else math.nan
     onwards, across, seeing, disparities, resolution = 1.0, math.nan, math.nan, (None, None, None), 1.0
     pixel, v = q, None
@@ -178,7 +179,7 @@ def microlens_focus(camera: PlenopticCamera, type_: int, cone: Cone) -> Microlen
         image_distance=s,
         virtual_depth=v,
         z=z,
-        z_traced=traced_plane(camera, camera.stop_to_microlenses + s),
+        z_traced=traced_plane(camera, z_image),
         z_far=far,
         z_near=near,
         magnification=m,
