@@ -15,7 +15,7 @@ from plenoptic.replaying.ending import PathEnding
 from plenoptic.replaying.replay import Replay
 from plenoptic.replaying.retracing import replay, replay_all
 from plenoptic.replaying.scene_events import DrawnKind, Escape, Meeting
-from plenoptic.truth.ground_truth import Truth
+from plenoptic.truth.channels import Truth
 
 LENS = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=5.0))
 ARRAY = pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,))

@@ -2,7 +2,7 @@
 
 Numba drops the branch of `if x is not None` at compile time where x is an argument, and not where it is `record.x`.
 This pass runs before that pruning, and replaces each plain chain of names that leads from an argument through
-NamedTuples to a member that is None by the constant.
+NamedTuples to a member that is None by the constant. A member of an absent record is absent.
 """
 
 from __future__ import annotations
@@ -21,8 +21,12 @@ def _type_of(state: Any, variable: Any) -> Any:
     found = guard(get_definition, state.func_ir, variable)
     if isinstance(found, ir.Arg):
         return state.args[found.index] if found.index < len(state.args) else None
+    if isinstance(found, ir.Const) and found.value is None:
+        return types.none
     if isinstance(found, ir.Expr) and found.op == "getattr":
         record: Any = _type_of(state, found.value)
+        if isinstance(record, types.NoneType):
+            return record
         fields = record.fields if isinstance(record, types.BaseNamedTuple) else ()  # type: ignore[attr-defined]
         if found.attr in fields:
             return record.types[fields.index(found.attr)]

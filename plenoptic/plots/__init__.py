@@ -1,22 +1,4 @@
-"""Figures: arrays in, figure out. Matplotlib is imported on first use."""
+"""Figures of results. Matplotlib is imported on first use; without it they raise a PlenopticError, an ImportError too.
 
-from __future__ import annotations
-
-from typing import Any
-
-from plenoptic.errors import PlenopticError
-
-
-class _MissingMatplotlibError(PlenopticError, ImportError):
-    pass
-
-
-def _pyplot() -> Any:
-    """`matplotlib.pyplot`, or an error that says how to get it."""
-    try:
-        import matplotlib.pyplot as plt
-    except ImportError as error:
-        raise _MissingMatplotlibError(
-            f'figures need matplotlib, which cannot be imported ({error}); pip install "plenoptic[plot]"'
-        ) from error
-    return plt
+What is drawn is told by the attributes it has, since figures know no optics: another kind is an InvalidValueError.
+"""

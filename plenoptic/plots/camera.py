@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from plenoptic.core.values import wrong_kind
-from plenoptic.plots import _pyplot
+from plenoptic.plots.canvas import figure_or_new
 from plenoptic.plots.lens import plot_lens
 
 if TYPE_CHECKING:
@@ -45,8 +45,6 @@ def plot_camera(camera: PlenopticCamera, report: CameraReport | None = None) -> 
     ------
     InvalidValueError
         If `camera` is no camera or `report` no report.
-    PlenopticError
-        Which is an ImportError too: without matplotlib.
 
     Examples
     --------
@@ -59,15 +57,13 @@ def plot_camera(camera: PlenopticCamera, report: CameraReport | None = None) -> 
     >>> [ax.get_title() for ax in plot_camera(camera, camera_report(camera)).axes]
     ['double-gauss-100mm-f2', 'f/7.83 under f/8.26: images 0.94 as wide as their distance']
     """
-    # By what they have, since figures know no cameras.
     if not hasattr(camera, "stop_to_microlenses"):
         raise wrong_kind(camera, "camera", "PlenopticCamera", "pl.PlenopticCamera(...)")
     report = camera.report() if report is None else report
     if not hasattr(report, "working_f_number"):
         raise wrong_kind(report, "report", "CameraReport", "camera.report()")
-    plt = _pyplot()
     two = camera.microlenses is not None
-    figure: Figure = plt.figure(figsize=(11.0, 4.5) if two else (7.0, 4.5), layout="constrained")
+    figure = figure_or_new(None, (11.0, 4.5) if two else (7.0, 4.5))
     _draw_section(camera, report, figure.add_subplot(1, 2 if two else 1, 1))
     if two:
         _draw_microlenses(camera, report, figure.add_subplot(1, 2, 2))
@@ -107,8 +103,7 @@ def _draw_microlenses(camera: PlenopticCamera, report: CameraReport, ax: Axes) -
     if len(edges) <= 400:
         ax.hlines(edges * camera.sensor.pixel_pitch, b, 1.05 * b, color=_SENSOR, linewidth=0.5)
     ax.set_ylim(-reach, reach)
-    ax.set_xlabel("distance behind the array / mm")
-    ax.set_ylabel("y / mm")
+    ax.set(xlabel="distance behind the array / mm", ylabel="y / mm")
     ax.set_title(
         f"f/{report.microlens_f_number:.3g} under f/{report.working_f_number:.3g}: "
         f"images {report.image_fill:.2f} as wide as their distance",

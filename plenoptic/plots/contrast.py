@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from plenoptic.core.values import wrong_kind
-from plenoptic.plots import _pyplot
+from plenoptic.plots.canvas import axes_or_new
 from plenoptic.plots.spots import LIMIT, MICROMETRES, field_label
 
 if TYPE_CHECKING:
@@ -35,8 +35,6 @@ def plot_point_spread(spread: PointSpread, ax: Axes | None = None) -> Axes:
     ------
     InvalidValueError
         If `spread` is no PointSpread.
-    PlenopticError
-        Which is an ImportError too: without matplotlib.
 
     Examples
     --------
@@ -48,9 +46,7 @@ def plot_point_spread(spread: PointSpread, ax: Axes | None = None) -> Axes:
     """
     if not hasattr(spread, "pixel_size") or not hasattr(spread, "outside"):
         raise wrong_kind(spread, "spread", "PointSpread", "pl.aberrations.point_spread(lens)")
-    plt = _pyplot()
-    if ax is None:
-        _, ax = plt.subplots(figsize=(5.6, 4.6), layout="constrained")
+    ax = axes_or_new(ax, (5.6, 4.6))
     from matplotlib.colors import PowerNorm
 
     size = MICROMETRES * spread.pixel_size
@@ -64,8 +60,7 @@ def plot_point_spread(spread: PointSpread, ax: Axes | None = None) -> Axes:
         norm="linear" if not spread.image.any() else PowerNorm(0.5, vmin=0.0),
     )
     ax.figure.colorbar(drawn, ax=ax, label="share of the light per µm²")
-    ax.set_xlabel("x / µm")
-    ax.set_ylabel("y / µm")
+    ax.set(xlabel="x / µm", ylabel="y / µm")
     title = f"{field_label(spread.field, spread.z_object)}, z = {spread.z_image:.6g} mm"
     if spread.outside > 1e-9:
         title += f"\n{100 * spread.outside:.2g} % outside"
@@ -93,8 +88,6 @@ def plot_mtf(mtfs: Mtf | Sequence[Mtf], ax: Axes | None = None) -> Axes:
     ------
     InvalidValueError
         If `mtfs` holds no Mtf.
-    PlenopticError
-        Which is an ImportError too: without matplotlib.
 
     Examples
     --------
@@ -109,9 +102,7 @@ def plot_mtf(mtfs: Mtf | Sequence[Mtf], ax: Axes | None = None) -> Axes:
     curves: list[Any] = [mtfs] if hasattr(mtfs, "diffraction") else list(mtfs) if isinstance(mtfs, Sequence) else []
     if not curves or not all(hasattr(curve, "diffraction") for curve in curves):
         raise wrong_kind(mtfs, "mtfs", "Mtf or a sequence", "pl.aberrations.mtf(lens, [10, 20])")
-    plt = _pyplot()
-    if ax is None:
-        _, ax = plt.subplots(figsize=(6.4, 4.2), layout="constrained")
+    ax = axes_or_new(ax, (6.4, 4.2))
     for i, curve in enumerate(curves):
         colour = f"C{i % 10}"
         label = field_label(curve.field, curve.z_object)
@@ -126,8 +117,6 @@ def plot_mtf(mtfs: Mtf | Sequence[Mtf], ax: Axes | None = None) -> Axes:
         ax.plot(first.frequencies, first.diffraction, linestyle="--", color=LIMIT, label="limit by diffraction")
     ax.set_ylim(0.0, 1.02)
     ax.set_xlim(float(first.frequencies.min()), float(max(first.frequencies.max(), 1e-9)))
-    ax.set_xlabel("spatial frequency / (cycles/mm)")
-    ax.set_ylabel("modulation")
-    ax.set_title("Geometric MTF, without diffraction")
+    ax.set(xlabel="spatial frequency / (cycles/mm)", ylabel="modulation", title="Geometric MTF, without diffraction")
     ax.legend(fontsize="small", frameon=False)
     return ax

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from plenoptic.core.values import wrong_kind
-from plenoptic.plots import _pyplot
+from plenoptic.plots.canvas import axes_or_new, figure_or_new
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -43,8 +43,6 @@ def plot_error_against_time(table: ErrorTable, ax: Axes | None = None) -> Axes:
     ------
     InvalidValueError
         If `table` is no ErrorTable.
-    PlenopticError
-        Which is an ImportError too: without matplotlib.
 
     Examples
     --------
@@ -58,12 +56,9 @@ def plot_error_against_time(table: ErrorTable, ax: Axes | None = None) -> Axes:
     >>> plot_error_against_time(table).get_ylabel()
     'relative RMS error / %'
     """
-    # By what it has, since figures know no studies.
     if not hasattr(table, "pareto"):
         raise wrong_kind(table, "table", "ErrorTable", "pl.study.error_against_time(scene, camera)")
-    plt = _pyplot()
-    if ax is None:
-        _, ax = plt.subplots(figsize=(7.2, 6.0), layout="constrained")
+    ax = axes_or_new(ax, (7.2, 6.0))
     for i, name in enumerate(table.variants):
         _draw_variant(ax, table, name, f"C{i % 10}", _MARKERS[i % len(_MARKERS)])
     front = table.pareto()
@@ -95,8 +90,7 @@ def plot_error_against_time(table: ErrorTable, ax: Axes | None = None) -> Axes:
     ax.set_xscale("log")
     ax.set_yscale("log")
     _plain_ticks(ax)
-    ax.set_xlabel(f"CPU time of {table.pixels} pixels / s")
-    ax.set_ylabel("relative RMS error / %")
+    ax.set(xlabel=f"CPU time of {table.pixels} pixels / s", ylabel="relative RMS error / %")
     ax.set_title(f"Error against time: {table.title}", fontsize="medium")
     ax.grid(which="both", linewidth=0.4, alpha=0.4)
     ax.legend(
@@ -138,8 +132,7 @@ def plot_error_studies(tables: Sequence[ErrorTable], figure: Figure | None = Non
         raise wrong_kind(tables, "tables", "sequence of ErrorTable", "[pl.study.error_against_time(scene, camera)]")
     columns = min(len(tables), 2)
     rows = -(-len(tables) // columns)
-    if figure is None:
-        figure = _pyplot().figure(figsize=(6.4 * columns, 6.0 * rows), layout="constrained")
+    figure = figure_or_new(figure, (6.4 * columns, 6.0 * rows))
     for k, table in enumerate(tables):
         plot_error_against_time(table, figure.add_subplot(rows, columns, k + 1))
     return figure

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from plenoptic.core.files.images import linear_to_srgb
 from plenoptic.core.relative_error import lit_pixels
 from plenoptic.core.values import wrong_kind
-from plenoptic.plots import _pyplot
+from plenoptic.plots.canvas import figure_or_new
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -73,8 +73,6 @@ def plot_exposure(exposure: Exposure, *, figure: Figure | None = None) -> Figure
     ------
     InvalidValueError
         If `exposure` is no Exposure.
-    PlenopticError
-        Which is an ImportError too: without matplotlib.
 
     Examples
     --------
@@ -85,14 +83,11 @@ def plot_exposure(exposure: Exposure, *, figure: Figure | None = None) -> Figure
     >>> [ax.get_title() for ax in figure.axes if ax.get_title()]
     ['image', 'standard error']
     """
-    # By what it has, since figures know no exposures.
     if not hasattr(exposure, "standard_error"):
         raise wrong_kind(exposure, "exposure", "Exposure", "pl.Exposure(image)")
-    plt = _pyplot()
     rows, columns, channels = exposure.image.shape
     panels = 1 + (exposure.standard_error is not None) + (exposure.depth is not None)
-    if figure is None:
-        figure = plt.figure(figsize=(5.4 * panels, 4.6), layout="constrained")
+    figure = figure_or_new(figure, (5.4 * panels, 4.6))
     axes = list(figure.subplots(1, panels, sharex=True, sharey=True, squeeze=False)[0])
     row, column = (exposure.region[0], exposure.region[2]) if exposure.region is not None else (0, 0)
     extent = (column - 0.5, column + columns - 0.5, row + rows - 0.5, row - 0.5)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.core.values import wrong_kind
-from plenoptic.plots import _pyplot
+from plenoptic.plots.canvas import axes_or_new
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,15 +21,7 @@ if TYPE_CHECKING:
 _SAGITTAL, _TANGENTIAL, _OTHER = "#1f5fbf", "#c23b2c", "#888888"
 
 
-def _axes(ax: Axes | None, size: tuple[float, float]) -> Axes:
-    if ax is not None:
-        return ax
-    made: Axes = _pyplot().subplots(figsize=size, layout="constrained")[1]
-    return made
-
-
 def _checked(result: Any, attribute: str, kind: str) -> None:
-    # By what it has, since figures know no optics.
     if not hasattr(result, attribute):
         raise wrong_kind(result, "result", kind, f"what pl.aberrations.{_maker(kind)}(lens, fields) returns")
 
@@ -40,14 +33,20 @@ def _field_axis(result: Any) -> tuple[NDArray[np.float64], str]:
     return np.asarray(result.fields), "object height / mm"
 
 
-def _upwards(ax: Axes, fields: NDArray[np.float64], field_label: str, label: str, title: str) -> Axes:
-    """Dress axes whose field runs upwards from 0."""
+def _upwards(result: Any, ax: Axes | None, curves: Sequence[NDArray[np.float64]], label: str, title: str) -> Axes:
+    """Draw curves to the right, the field upwards from 0: a single one, or the sagittal and the tangential one."""
+    ax = axes_or_new(ax, (3.6, 4.6))
+    fields, field_label = _field_axis(result)
+    if len(curves) > 1:
+        ax.plot(curves[0], fields, color=_SAGITTAL, label="sagittal")
+        ax.plot(curves[1], fields, color=_TANGENTIAL, linestyle="--", label="tangential")
+        ax.legend(frameon=False, fontsize="small")
+    else:
+        ax.plot(curves[0], fields, color=_TANGENTIAL)
     ax.axvline(0.0, color=_OTHER, linewidth=0.8, zorder=0)
     ax.set_ylim(min(0.0, float(np.min(fields))), max(float(np.max(fields)), 1e-9))
     ax.margins(x=0.15)
-    ax.set_xlabel(label)
-    ax.set_ylabel(field_label)
-    ax.set_title(title)
+    ax.set(xlabel=label, ylabel=field_label, title=title)
     return ax
 
 
@@ -73,8 +72,6 @@ def plot_distortion(result: Distortion, ax: Axes | None = None) -> Axes:
     ------
     InvalidValueError
         If the result is another one.
-    PlenopticError
-        Which is an ImportError too: without matplotlib.
 
     Examples
     --------
@@ -84,13 +81,11 @@ def plot_distortion(result: Distortion, ax: Axes | None = None) -> Axes:
     ('distortion / %', 'half field / °')
     """
     _checked(result, "projection", "Distortion")
-    ax = _axes(ax, (3.6, 4.6))
-    fields, field_label = _field_axis(result)
     percent = 100.0 * result.relative
-    ax.plot(percent, fields, color=_TANGENTIAL)
+    ax = _upwards(result, ax, [percent], "distortion / %", f"distortion, {result.projection.name.lower()}")
     reach = 1.15 * max(float(np.nanmax(np.abs(percent), initial=0.0)), 0.1)
     ax.set_xlim(-reach, reach)
-    return _upwards(ax, fields, field_label, "distortion / %", f"distortion, {result.projection.name.lower()}")
+    return ax
 
 
 def plot_field_curvature(result: FieldCurvature, ax: Axes | None = None) -> Axes:
@@ -111,8 +106,6 @@ def plot_field_curvature(result: FieldCurvature, ax: Axes | None = None) -> Axes
     ------
     InvalidValueError
         If the result is another one.
-    PlenopticError
-        Which is an ImportError too: without matplotlib.
 
     Examples
     --------
@@ -122,12 +115,7 @@ def plot_field_curvature(result: FieldCurvature, ax: Axes | None = None) -> Axes
     ['sagittal', 'tangential']
     """
     _checked(result, "astigmatism", "FieldCurvature")
-    ax = _axes(ax, (3.6, 4.6))
-    fields, field_label = _field_axis(result)
-    ax.plot(result.sagittal, fields, color=_SAGITTAL, label="sagittal")
-    ax.plot(result.tangential, fields, color=_TANGENTIAL, linestyle="--", label="tangential")
-    ax.legend(frameon=False, fontsize="small")
-    return _upwards(ax, fields, field_label, "focus shift / mm", "field curvature")
+    return _upwards(result, ax, [result.sagittal, result.tangential], "focus shift / mm", "field curvature")
 
 
 def plot_coma(result: Coma, ax: Axes | None = None) -> Axes:
@@ -147,8 +135,6 @@ def plot_coma(result: Coma, ax: Axes | None = None) -> Axes:
     ------
     InvalidValueError
         If the result is another one.
-    PlenopticError
-        Which is an ImportError too: without matplotlib.
 
     Examples
     --------
@@ -158,12 +144,7 @@ def plot_coma(result: Coma, ax: Axes | None = None) -> Axes:
     'coma, zone 0.5'
     """
     _checked(result, "zone", "Coma")
-    ax = _axes(ax, (3.6, 4.6))
-    fields, field_label = _field_axis(result)
-    ax.plot(result.sagittal, fields, color=_SAGITTAL, label="sagittal")
-    ax.plot(result.tangential, fields, color=_TANGENTIAL, linestyle="--", label="tangential")
-    ax.legend(frameon=False, fontsize="small")
-    return _upwards(ax, fields, field_label, "coma / mm", f"coma, zone {result.zone:g}")
+    return _upwards(result, ax, [result.sagittal, result.tangential], "coma / mm", f"coma, zone {result.zone:g}")
 
 
 def plot_vignetting(result: Vignetting, ax: Axes | None = None) -> Axes:
@@ -184,8 +165,6 @@ def plot_vignetting(result: Vignetting, ax: Axes | None = None) -> Axes:
     ------
     InvalidValueError
         If the result is another one.
-    PlenopticError
-        Which is an ImportError too: without matplotlib.
 
     Examples
     --------
@@ -195,15 +174,13 @@ def plot_vignetting(result: Vignetting, ax: Axes | None = None) -> Axes:
     ['part of the iris filled', 'rim rays']
     """
     _checked(result, "fraction", "Vignetting")
-    ax = _axes(ax, (5.4, 4.0))
+    ax = axes_or_new(ax, (5.4, 4.0))
     fields, field_label = _field_axis(result)
     ax.fill_between(fields, result.lower, result.upper, color=_OTHER, alpha=0.2, linewidth=0, label="rim rays")
     (line,) = ax.plot(fields, result.fraction, color=_SAGITTAL, label="part of the iris filled")
     ax.legend(handles=[line, ax.collections[-1]], frameon=False, fontsize="small")
     ax.set_ylim(-1.05, 1.05)
-    ax.set_xlabel(field_label)
-    ax.set_ylabel("part, or y / semi-diameter of the iris")
-    ax.set_title("vignetting")
+    ax.set(xlabel=field_label, ylabel="part, or y / semi-diameter of the iris", title="vignetting")
     return ax
 
 
@@ -225,8 +202,6 @@ def plot_relative_illumination(result: RelativeIllumination, ax: Axes | None = N
     ------
     InvalidValueError
         If the result is another one.
-    PlenopticError
-        Which is an ImportError too: without matplotlib.
 
     Examples
     --------
@@ -237,7 +212,7 @@ def plot_relative_illumination(result: RelativeIllumination, ax: Axes | None = N
     'relative illumination'
     """
     _checked(result, "projected_solid_angle", "RelativeIllumination")
-    ax = _axes(ax, (5.4, 4.0))
+    ax = axes_or_new(ax, (5.4, 4.0))
     fields, field_label = _field_axis(result)
     ax.plot(fields, result.relative, color=_SAGITTAL, label="lens")
     if result.z_object == -np.inf and np.all(np.abs(result.fields) < np.pi / 2):
@@ -245,9 +220,7 @@ def plot_relative_illumination(result: RelativeIllumination, ax: Axes | None = N
         ax.plot(np.degrees(angle), np.cos(angle) ** 4, color=_OTHER, linestyle=":", label="cos⁴")
         ax.legend(frameon=False, fontsize="small")
     ax.set_ylim(0.0, 1.05 * max(1.0, float(np.nanmax(result.relative, initial=1.0))))
-    ax.set_xlabel(field_label)
-    ax.set_ylabel("illumination / that on the axis")
-    ax.set_title("relative illumination")
+    ax.set(xlabel=field_label, ylabel="illumination / that on the axis", title="relative illumination")
     return ax
 
 
@@ -269,8 +242,6 @@ def plot_depth_distortion(result: DepthDistortion, ax: Axes | None = None) -> Ax
     ------
     InvalidValueError
         If the result is another one.
-    PlenopticError
-        Which is an ImportError too: without matplotlib.
 
     Examples
     --------
@@ -281,12 +252,10 @@ def plot_depth_distortion(result: DepthDistortion, ax: Axes | None = None) -> Ax
     ['-668.4 mm', '-404.2 mm']
     """
     _checked(result, "medial", "DepthDistortion")
-    ax = _axes(ax, (5.4, 4.0))
+    ax = axes_or_new(ax, (5.4, 4.0))
     for plane, medial in zip(result.z_object.tolist(), result.medial, strict=True):
         ax.plot(result.heights, 100.0 * (medial / plane - 1.0), label=f"{plane:.4g} mm")
     ax.axhline(0.0, color=_OTHER, linewidth=0.8, zorder=0)
     ax.legend(title="z of the object", frameon=False, fontsize="small")
-    ax.set_xlabel("height on the sensor / mm")
-    ax.set_ylabel("change of the sharp distance / %")
-    ax.set_title("depth distortion")
+    ax.set(xlabel="height on the sensor / mm", ylabel="change of the sharp distance / %", title="depth distortion")
     return ax

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.core.values import wrong_kind
-from plenoptic.plots import _pyplot
+from plenoptic.plots.canvas import axes_or_new
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -40,8 +40,6 @@ def plot_camera_spread(spread: CameraSpread, ax: Axes | None = None) -> Axes:
     ------
     InvalidValueError
         If `spread` is no CameraSpread.
-    PlenopticError
-        Which is an ImportError too: without matplotlib.
 
     Examples
     --------
@@ -52,14 +50,11 @@ def plot_camera_spread(spread: CameraSpread, ax: Axes | None = None) -> Axes:
     >>> ax.get_xlabel()
     'column / pixel'
     """
-    # By what it has, since figures know no cameras.
     if not (hasattr(spread, "regions") and hasattr(spread, "centroid")):
         raise wrong_kind(spread, "spread", "CameraSpread", "pl.point_spread(camera, point)")
-    plt = _pyplot()
+    ax = axes_or_new(ax, (6.2, 5.0))
     from matplotlib.colors import PowerNorm
 
-    if ax is None:
-        ax = plt.figure(figsize=(6.2, 5.0), layout="constrained").add_subplot()
     image, row, column = _together(spread)
     rows, columns = image.shape
     extent = (column - 0.5, column + columns - 0.5, row + rows - 0.5, row - 0.5)
@@ -72,8 +67,7 @@ def plot_camera_spread(spread: CameraSpread, ax: Axes | None = None) -> Axes:
     ax.locator_params(integer=True, min_n_ticks=1)
     places = _pixels(spread)
     ax.plot(places[:, 1], places[:, 0], linestyle="none", marker="+", color=_MARK, markersize=9)
-    ax.set_xlabel("column / pixel")
-    ax.set_ylabel("row / pixel")
+    ax.set(xlabel="column / pixel", ylabel="row / pixel")
     ax.set_title(_title(spread), fontsize="medium")
     return ax
 

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from plenoptic.core.values import wrong_kind
 from plenoptic.errors import InvalidValueError
-from plenoptic.plots import _pyplot
-from plenoptic.plots.lens import _EDGE, _GLASS, plot_lens
+from plenoptic.plots.canvas import axes_or_new
+from plenoptic.plots.lens import EDGE, GLASS, plot_lens
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -39,7 +39,7 @@ def _fill_glass(lens: LensStack, ax: Axes) -> None:
             outer = max(front[end, 1], rear[end, 1], key=abs)
             ends.append(np.array([[front[end, 0], outer], [rear[end, 0], outer]]))
         outline = np.concatenate([front, ends[1], rear[::-1], ends[0][::-1]])
-        ax.fill(outline[:, 0], outline[:, 1], facecolor=_GLASS, edgecolor=_EDGE, linewidth=1.0, zorder=0.9)
+        ax.fill(outline[:, 0], outline[:, 1], facecolor=GLASS, edgecolor=EDGE, linewidth=1.0, zorder=0.9)
 
 
 def plot_layout(
@@ -75,8 +75,6 @@ def plot_layout(
     ------
     InvalidValueError
         If `lens` is no LensStack, or labels and paths differ in number.
-    PlenopticError
-        Which is an ImportError too: without matplotlib.
 
     Examples
     --------
@@ -92,9 +90,7 @@ def plot_layout(
         raise wrong_kind(lens, "lens", "LensStack", "camera.lens")
     if len(labels) not in (0, len(paths)):
         raise InvalidValueError(f"there are {len(labels)} labels for {len(paths)} fields; give one for each, or none")
-    plt = _pyplot()
-    if ax is None:
-        _, ax = plt.subplots(figsize=(10.0, 5.0), layout="constrained")
+    ax = axes_or_new(ax, (10.0, 5.0))
     for k, field in enumerate(paths):
         label = labels[k] if labels else None
         z, y = _joined(np.asarray(field, dtype=np.float64))

@@ -9,16 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.core.values import wrong_kind
-from plenoptic.plots import _pyplot
+from plenoptic.plots.canvas import axes_or_new
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from plenoptic.optics.lens.stack import LensStack
-    from plenoptic.optics.stops.stops import Stop
+    from plenoptic.optics.stops.registry import Stop
 
-_GLASS = "#cfe3f3"
-_EDGE = "#31566f"
+GLASS = "#cfe3f3"
+EDGE = "#31566f"
 _STOP = "#222222"
 _OTHER_STOP = "#888888"
 
@@ -72,9 +72,9 @@ def lens_svg(lens: LensStack, width: int = 480) -> str:
         f"<title>{html.escape(lens.name or 'lens')}</title>",
         f'<path d="M{box[0]:.5g},0 h{box[2]:.5g}" stroke="{_OTHER_STOP}" stroke-dasharray="{6 * line:.4g}"/>',
     ]
-    parts += [f'<path d="{_path(section, " Z")}" fill="{_GLASS}"/>' for section in _glass_sections(lens, profiles)]
+    parts += [f'<path d="{_path(section, " Z")}" fill="{GLASS}"/>' for section in _glass_sections(lens, profiles)]
     stops = set(_stop_indices(lens))
-    parts += [f'<path d="{_path(p)}" stroke="{_EDGE}"/>' for i, p in enumerate(profiles) if i not in stops]
+    parts += [f'<path d="{_path(p)}" stroke="{EDGE}"/>' for i, p in enumerate(profiles) if i not in stops]
     for i, z, inner, outer in bars:
         colour = _STOP if i == lens.iris_index else _OTHER_STOP
         bar = f"M{z:.5g},{-outer:.5g} V{-inner:.5g} M{z:.5g},{inner:.5g} V{outer:.5g}"
@@ -100,8 +100,6 @@ def plot_lens(lens: LensStack, ax: Axes | None = None) -> Axes:
     ------
     InvalidValueError
         If `lens` is no LensStack.
-    PlenopticError
-        Which is an ImportError too: without matplotlib.
 
     Examples
     --------
@@ -110,27 +108,22 @@ def plot_lens(lens: LensStack, ax: Axes | None = None) -> Axes:
     >>> ax.get_xlabel()
     'z / mm'
     """
-    # By what it has, since figures know no optics.
     if not hasattr(lens, "profiles"):
         raise wrong_kind(lens, "lens", "LensStack", "camera.lens")
-    plt = _pyplot()
-    if ax is None:
-        _, ax = plt.subplots(figsize=(7.0, 5.0), layout="constrained")
+    ax = axes_or_new(ax, (7.0, 5.0))
     profiles = lens.profiles()
     for section in _glass_sections(lens, profiles):
-        ax.fill(section[:, 0], section[:, 1], facecolor=_GLASS, edgecolor="none")
+        ax.fill(section[:, 0], section[:, 1], facecolor=GLASS, edgecolor="none")
     stops = set(_stop_indices(lens))
     for i, profile in enumerate(profiles):
         if i not in stops:
-            ax.plot(profile[:, 0], profile[:, 1], color=_EDGE, linewidth=1.0)
+            ax.plot(profile[:, 0], profile[:, 1], color=EDGE, linewidth=1.0)
     for i, z, inner, outer in _bars(lens, 1.05 * max(element.semi_diameter for element in lens.elements)):
         colour = _STOP if i == lens.iris_index else _OTHER_STOP
         ax.plot([z, z, np.nan, z, z], [-outer, -inner, np.nan, inner, outer], color=colour, linewidth=2.5)
     ax.axhline(0.0, color=_OTHER_STOP, linewidth=0.6, linestyle="--")
     ax.set_aspect("equal")
-    ax.set_xlabel("z / mm")
-    ax.set_ylabel("y / mm")
-    ax.set_title(lens.name or "lens")
+    ax.set(xlabel="z / mm", ylabel="y / mm", title=lens.name or "lens")
     return ax
 
 
@@ -153,8 +146,6 @@ def plot_stop(stop: Stop, ax: Axes | None = None) -> Axes:
     ------
     InvalidValueError
         If `stop` is no stop.
-    PlenopticError
-        Which is an ImportError too: without matplotlib.
 
     Examples
     --------
@@ -164,12 +155,9 @@ def plot_stop(stop: Stop, ax: Axes | None = None) -> Axes:
     >>> ax.get_xlabel()
     'x / mm'
     """
-    # By what it has, since figures know no optics.
     if not hasattr(stop, "outline"):
         raise wrong_kind(stop, "stop", "stop", "camera.lens.stop")
-    plt = _pyplot()
-    if ax is None:
-        _, ax = plt.subplots(figsize=(4.0, 4.0), layout="constrained")
+    ax = axes_or_new(ax, (4.0, 4.0))
     reach = 1.15 * stop.semi_diameter
     ax.set_facecolor(_STOP)
     if hasattr(stop, "transmission"):

@@ -9,7 +9,7 @@ import numpy as np
 from plenoptic.core.files.images import linear_to_srgb
 from plenoptic.core.values import whole, wrong_kind
 from plenoptic.errors import InvalidValueError
-from plenoptic.plots import _pyplot
+from plenoptic.plots.canvas import axes_or_new
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -43,8 +43,6 @@ def plot_views(field: LightField, *, every: int = 1, ax: Axes | None = None) -> 
     ------
     InvalidValueError
         If `field` is no LightField, or `every` is no whole number above 0.
-    PlenopticError
-        Which is an ImportError too: without matplotlib.
 
     Examples
     --------
@@ -64,8 +62,7 @@ def plot_views(field: LightField, *, every: int = 1, ax: Axes | None = None) -> 
     if not (hasattr(field, "views") and hasattr(field, "u")):
         raise wrong_kind(field, "field", "LightField", "pl.lightfield.decode(shot, white)")
     step = whole(every, "every", at_least=1)
-    if ax is None:
-        ax = _pyplot().subplots(figsize=(6.4, 6.4), layout="constrained")[1]
+    ax = axes_or_new(ax, (6.4, 6.4))
     chosen = [np.arange(len(o) // 2 % step, len(o), step) for o in (field.u, field.v)]
     views = np.asarray(field.views[np.ix_(*chosen)], dtype=np.float64)
     across, down, rows, columns, channels = views.shape
@@ -85,6 +82,5 @@ def plot_views(field: LightField, *, every: int = 1, ax: Axes | None = None) -> 
         shown_ticks = np.unique(np.linspace(0, len(picked) - 1, min(len(picked), 7)).round().astype(int))
         labels = [f"{offsets[picked[k]]:g}" for k in shown_ticks]
         ax.set(**{f"{name}ticks": places[shown_ticks], f"{name}ticklabels": labels})
-    ax.set_xlabel("u / pixel")
-    ax.set_ylabel("v / pixel")
+    ax.set(xlabel="u / pixel", ylabel="v / pixel")
     return ax

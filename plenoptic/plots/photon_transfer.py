@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from plenoptic.core.values import wrong_kind
-from plenoptic.plots import _pyplot
+from plenoptic.plots.canvas import axes_or_new
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -35,8 +35,6 @@ def plot_photon_transfer(curve: PhotonTransfer, ax: Axes | None = None) -> Axes:
     ------
     InvalidValueError
         If `curve` is no PhotonTransfer.
-    PlenopticError
-        Which is an ImportError too: without matplotlib.
 
     Examples
     --------
@@ -49,12 +47,9 @@ def plot_photon_transfer(curve: PhotonTransfer, ax: Axes | None = None) -> Axes:
     >>> ax.get_xlabel()
     'signal above dark / DN'
     """
-    # By what it has, since figures know no sensors.
     if not hasattr(curve, "expected_pattern_variance"):
         raise wrong_kind(curve, "curve", "PhotonTransfer", "photon_transfer(model, levels)")
-    plt = _pyplot()
-    if ax is None:
-        _, ax = plt.subplots(figsize=(6.0, 4.4), layout="constrained")
+    ax = axes_or_new(ax, (6.0, 4.4))
     dark = float(np.min(curve.expected_mean))
     order = np.argsort(curve.expected_mean)
     lit = order[curve.expected_mean[order] > dark]  # a logarithmic axis has no place for the darkest level
@@ -70,8 +65,10 @@ def plot_photon_transfer(curve: PhotonTransfer, ax: Axes | None = None) -> Axes:
         ax.axvline(curve.white_level - dark, linestyle="--", color="0.5", label="white level")
     ax.set_xscale("log", nonpositive="mask")
     ax.set_yscale("log", nonpositive="mask")
-    ax.set_xlabel("signal above dark / DN")
-    ax.set_ylabel("variance / DN²")
-    ax.set_title(f"Photon transfer: {curve.gain:.4g} DN per electron")
+    ax.set(
+        xlabel="signal above dark / DN",
+        ylabel="variance / DN²",
+        title=f"Photon transfer: {curve.gain:.4g} DN per electron",
+    )
     ax.legend(fontsize="small", frameon=False)
     return ax

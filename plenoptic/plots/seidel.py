@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from plenoptic.core.values import wrong_kind
-from plenoptic.plots import _pyplot
+from plenoptic.plots.canvas import axes_or_new
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -48,8 +48,7 @@ def plot_seidel(sums: SeidelSums, ax: Axes | None = None) -> Axes:
     """
     if not hasattr(sums, "petzval"):
         raise wrong_kind(sums, "sums", "SeidelSums", "what pl.aberrations.seidel_sums(lens, field=0.2) returns")
-    if ax is None:
-        _, ax = _pyplot().subplots(figsize=(8.0, 4.0), layout="constrained")
+    ax = axes_or_new(ax, (8.0, 4.0))
     rows = [i for i, row in enumerate(sums.table) if row.any()]
     table = np.vstack([sums.table[rows], sums.total])
     place, width = np.arange(len(table)), 0.16
@@ -61,9 +60,7 @@ def plot_seidel(sums: SeidelSums, ax: Axes | None = None) -> Axes:
     ax.axvline(len(rows) - 0.5, color=_RULE, linewidth=0.8, linestyle="--")
     ax.set_xlim(-0.6, len(rows) + 0.6)
     ax.set_xticks(place, [*map(str, rows), "sum"])
-    ax.set_xlabel("element")
-    ax.set_ylabel("Seidel sum / mm")
-    ax.set_title(f"Third-order aberrations at {sums.wavelength:g} nm")
+    ax.set(xlabel="element", ylabel="Seidel sum / mm", title=f"Third-order aberrations at {sums.wavelength:g} nm")
     ax.legend(frameon=False, fontsize="small", ncols=5, loc="upper center", bbox_to_anchor=(0.5, -0.14))
     return ax
 
@@ -99,8 +96,7 @@ def plot_chromatic_shift(shift: ChromaticShift, ax: Axes | None = None) -> Axes:
     """
     if not hasattr(shift, "focus"):
         raise wrong_kind(shift, "shift", "ChromaticShift", "what pl.aberrations.chromatic_shift(lens) returns")
-    if ax is None:
-        _, ax = _pyplot().subplots(figsize=(5.0, 4.0), layout="constrained")
+    ax = axes_or_new(ax, (5.0, 4.0))
     order = np.argsort(shift.wavelengths)
     middle = int(np.flatnonzero(shift.wavelengths == shift.reference)[0])
     lateral = bool(shift.height.any())
@@ -109,9 +105,11 @@ def plot_chromatic_shift(shift: ChromaticShift, ax: Axes | None = None) -> Axes:
         moved = (values - values[middle])[order]
         ax.plot(moved, shift.wavelengths[order], style, color=colour, marker=".", label=name)
     ax.axvline(0.0, color=_RULE, linewidth=0.8, linestyle="--", zorder=0)
-    ax.set_xlabel("shift / mm" if lateral else "shift of the focus / mm")
-    ax.set_ylabel("wavelength / nm")
-    ax.set_title(f"{'Colour' if lateral else 'Axial colour'}, against {shift.reference:.5g} nm")
+    ax.set(
+        xlabel="shift / mm" if lateral else "shift of the focus / mm",
+        ylabel="wavelength / nm",
+        title=f"{'Colour' if lateral else 'Axial colour'}, against {shift.reference:.5g} nm",
+    )
     if lateral:
         ax.legend(frameon=False, fontsize="small")
     return ax

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from plenoptic.core.values import wrong_kind
-from plenoptic.plots import _pyplot
+from plenoptic.plots.canvas import axes_or_new
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -34,8 +34,6 @@ def plot_sensitivity(sensitivity: Sensitivity, ax: Axes | None = None) -> Axes:
     ------
     InvalidValueError
         If `sensitivity` is something else.
-    PlenopticError
-        Which is an ImportError too: without matplotlib.
 
     Examples
     --------
@@ -44,12 +42,9 @@ def plot_sensitivity(sensitivity: Sensitivity, ax: Axes | None = None) -> Axes:
     >>> plot_sensitivity(sensitivities.colour_camera()).get_xlabel()
     'wavelength / nm'
     """
-    # By what it has, since figures know no sensors.
     if not hasattr(sensitivity, "normalised"):
         raise wrong_kind(sensitivity, "sensitivity", "Sensitivity", "sensitivities.colour_camera()")
-    plt = _pyplot()
-    if ax is None:
-        _, ax = plt.subplots(figsize=(6.0, 3.6), layout="constrained")
+    ax = axes_or_new(ax, (6.0, 3.6))
     colours = ("#c8553d", "#5b8e7d", "#31566f") if sensitivity.channels == 3 else ("black",)
     response = sensitivity.normalised.response
     for channel, colour in enumerate(colours):
@@ -60,8 +55,7 @@ def plot_sensitivity(sensitivity: Sensitivity, ax: Axes | None = None) -> Axes:
         else:
             ax.plot(sensitivity.wavelengths, response[:, channel], color=colour, label=name)
     ax.axhline(0.0, color=_RULE, linewidth=0.6, zorder=0)
-    ax.set_xlabel("wavelength / nm")
-    ax.set_ylabel("response" if response is None else "response / (1/nm)")
+    ax.set(xlabel="wavelength / nm", ylabel="response" if response is None else "response / (1/nm)")
     if response is None:
         ax.margins(x=0.5)  # room for the legend, and for a single line
     if sensitivity.channels == 3:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from plenoptic.core.values import wrong_kind
 from plenoptic.errors import InvalidValueError
-from plenoptic.plots import _pyplot
+from plenoptic.plots.canvas import axes_or_new, figure_or_new
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -148,8 +148,6 @@ def plot_spots(
     ------
     InvalidValueError
         If `spots` holds no spot diagrams, or rows of different lengths.
-    PlenopticError
-        Which is an ImportError too: without matplotlib.
 
     Examples
     --------
@@ -166,12 +164,8 @@ def plot_spots(
         raise InvalidValueError(
             f"there are {len(titles)} titles for {len(rows) * len(rows[0])} diagrams; give one each"
         )
-    plt = _pyplot()
-    count = len(rows), len(rows[0])
-    if figure is None:
-        several = len(rows[0][0].wavelengths) > 1
-        size = (1.0 + 2.3 * count[1], 1.1 + 0.35 * several + 2.3 * count[0])
-        figure = plt.figure(figsize=size, layout="constrained")
+    count, several = (len(rows), len(rows[0])), len(rows[0][0].wavelengths) > 1
+    figure = figure_or_new(figure, (1.0 + 2.3 * count[1], 1.1 + 0.35 * several + 2.3 * count[0]))
     axes = figure.subplots(*count, sharex=True, sharey=True, squeeze=False)
     radii = [spot.geometric_radius for row in rows for spot in row] + [
         spot.airy_radius for row in rows for spot in row if airy
@@ -217,8 +211,6 @@ def plot_ray_fan(fan: RayFan, *, figure: Figure | None = None) -> Figure:
     ------
     InvalidValueError
         If `fan` is no RayFan.
-    PlenopticError
-        Which is an ImportError too: without matplotlib.
 
     Examples
     --------
@@ -230,9 +222,7 @@ def plot_ray_fan(fan: RayFan, *, figure: Figure | None = None) -> Figure:
     """
     if not hasattr(fan, "tangential") or not hasattr(fan, "pupil"):
         raise wrong_kind(fan, "fan", "RayFan", "pl.aberrations.ray_fan(lens)")
-    plt = _pyplot()
-    if figure is None:
-        figure = plt.figure(figsize=(7.6, 3.6), layout="constrained")
+    figure = figure_or_new(figure, (7.6, 3.6))
     axes = figure.subplots(1, 2, sharex=True, sharey=True)
     for ax, curves, title in (
         (axes[0], fan.tangential[:, :, 1], "tangential fan"),
@@ -274,15 +264,13 @@ def plot_through_focus(found: ThroughFocus, ax: Axes | None = None) -> Axes:
     >>> ax.get_xlabel()
     'z / mm'
     """
-    plt = _pyplot()
-    if ax is None:
-        _, ax = plt.subplots(figsize=(6.0, 4.0), layout="constrained")
+    ax = axes_or_new(ax, (6.0, 4.0))
     ax.plot(found.z, 1e3 * found.rms_radius, color="#31566f", label="RMS")
     ax.plot(found.z, 1e3 * found.geometric_radius, color="#c8553d", linestyle="--", label="largest")
     ax.axvline(found.best, color="#888888", linewidth=0.8, linestyle=":")
     ax.set_ylim(bottom=0.0)
-    ax.set_xlabel("z / mm")
-    ax.set_ylabel("radius of the spot / µm")
-    ax.set_title(f"Through focus, best RMS at z = {found.best:.3f} mm")
+    ax.set(
+        xlabel="z / mm", ylabel="radius of the spot / µm", title=f"Through focus, best RMS at z = {found.best:.3f} mm"
+    )
     ax.legend(frameon=False)
     return ax

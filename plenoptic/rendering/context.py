@@ -12,10 +12,10 @@ from plenoptic.rendering.plan.plan import plan_stages
 from plenoptic.rendering.plan.stages import Plan
 from plenoptic.rendering.settings import RenderSettings
 from plenoptic.scene.cache import prepared_scene
-from plenoptic.scene.compile import SceneTables
+from plenoptic.scene.compile import SceneRecord
 from plenoptic.scene.geometry.accel import Intersector
 from plenoptic.scene.scene import Scene
-from plenoptic.truth.ground_truth import Truth
+from plenoptic.truth.channels import Truth
 
 
 class Settings(NamedTuple):
@@ -28,10 +28,10 @@ class Settings(NamedTuple):
 
 
 class Compiled(NamedTuple):
-    """Camera and scene as tables."""
+    """Camera and scene as records."""
 
     camera: CameraTables
-    scene: SceneTables | None
+    scene: SceneRecord | None
     """None: a white image."""
     intersector: Intersector | None
     """None where there are no triangles to meet."""
@@ -57,6 +57,6 @@ def compiled(
 ) -> Compiled:
     """Plan a rendering and compile what it needs."""
     prepared = None if scene is None else prepared_scene(scene)
-    tables, intersector = (None, None) if prepared is None else (prepared.tables, prepared.intersector)
-    plan = plan_stages(tables, camera, how, samples=samples, replicates=replicates, truth=truth)
-    return Compiled(camera_tables(camera), tables, intersector, Settings(replicates, np.uint64(seed), plan, how))
+    record, intersector = (None, None) if prepared is None else (prepared.record, prepared.intersector)
+    plan = plan_stages(record, camera, how, samples=samples, replicates=replicates, truth=truth)
+    return Compiled(camera_tables(camera), record, intersector, Settings(replicates, np.uint64(seed), plan, how))

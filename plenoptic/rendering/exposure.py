@@ -19,8 +19,8 @@ from plenoptic.core.values import file_path, frozen_array, positive, set_field, 
 from plenoptic.errors import FileError, InvalidValueError
 from plenoptic.rendering.settings import RenderSettings
 from plenoptic.rendering.stats import RenderStats, StopReason
-from plenoptic.truth.channels import truth_channels, truth_in, truth_note
-from plenoptic.truth.ground_truth import GroundTruth, truth_names
+from plenoptic.truth.arrays import file_note, file_planes, truth_in
+from plenoptic.truth.channels import GroundTruth, truth_names
 
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera
@@ -92,7 +92,7 @@ class Exposure:
 
     if TYPE_CHECKING:
 
-        def __init__(
+        def __init__(  # noqa: PLR0913
             self,
             image: ArrayLike,
             standard_error: ArrayLike | None = None,
@@ -287,14 +287,14 @@ class Exposure:
         if self.sample_counts is not None:
             channels[_SAMPLES] = self.sample_counts.astype(np.float32)
         if self.truth is not None:
-            channels |= truth_channels(self.truth)
+            channels |= file_planes(self.truth)
         return channels
 
     def _texts(self, names: tuple[str, ...]) -> dict[str, str]:
         texts = {"Software": f"plenoptic {_version()}"}
         texts |= {f"plenoptic:{name}": describe(kept) for name in names if (kept := getattr(self, name)) is not None}
         if "camera" in names and self.truth is not None:
-            texts["plenoptic:note"] = truth_note(self.truth)
+            texts["plenoptic:note"] = file_note(self.truth)
         return texts
 
     def _save_16bit(self, path: str | os.PathLike[str], encoding: str, scale: float | None) -> None:

@@ -13,10 +13,10 @@ from plenoptic.rendering.schedule.keeping import Keeper
 from plenoptic.rendering.schedule.scheduler import Work, run
 from plenoptic.rendering.settings import Caustics, RenderSettings, Sampler
 from plenoptic.scene.scene import Scene
-from plenoptic.truth.ground_truth import Truth
+from plenoptic.truth.channels import Truth
 
 
-def render(
+def render(  # noqa: PLR0913
     scene: Scene,
     camera: PlenopticCamera,
     *,
@@ -133,7 +133,7 @@ def render(
     )
 
 
-def render_white(
+def render_white(  # noqa: PLR0913
     camera: PlenopticCamera,
     *,
     samples: int | None = None,

@@ -13,15 +13,15 @@ from plenoptic.rendering.plan.stages import Plan, Stage
 from plenoptic.replaying.ending import PathEnding
 from plenoptic.replaying.scene_events import DirectLight, Escape, Meeting, Vector
 from plenoptic.replaying.scene_names import SceneNames
-from plenoptic.scene.compile import SceneTables
+from plenoptic.scene.compile import SceneRecord
 from plenoptic.scene.scene import Scene
 
 
 class Recorder:
     """A `transport.Witness` of a bundle of one path."""
 
-    def __init__(self, scene: Scene, tables: SceneTables, plan: Plan, max_bounces: int) -> None:
-        self._names, self._tables, self._plan = SceneNames(scene, tables), tables, plan
+    def __init__(self, scene: Scene, record: SceneRecord, plan: Plan, max_bounces: int) -> None:
+        self._names, self._record, self._plan = SceneNames(scene, record), record, plan
         self._max_bounces = max_bounces
         self._collected: Vector | None = None
         self.events: list[Meeting | Escape] = []
@@ -65,8 +65,8 @@ class Recorder:
 
     def _end_here(self, hit: int) -> PathEnding:
         """How a path ends that is not scattered where it is."""
-        scatters, materials = self._tables.scatters, self._tables.triangle_material
-        if scatters is None or materials is None or not scatters[materials[hit]]:
+        bsdf, geometry = self._record.bsdf, self._record.geometry
+        if bsdf is None or geometry is None or not bsdf.scatters[geometry.triangle_material[hit]]:
             return PathEnding.ABSORBED
         scattered = sum(isinstance(event, Meeting) for event in self.events) - 1
         return PathEnding.MAX_BOUNCES if scattered >= self._max_bounces else PathEnding.NO_SURFACE
@@ -79,8 +79,8 @@ class Recorder:
         shadow_radiance: NDArray[np.float64],
     ) -> None:
         """See `Witness`."""
-        takes_light = self._tables.takes_light
-        if not len(met.lane_of) or takes_light is None or not takes_light[met.material_of[0]]:
+        bsdf = self._record.bsdf
+        if not len(met.lane_of) or bsdf is None or not bsdf.takes_light[met.material_of[0]]:
             return
         kind, place, light = self._names.light(float(met.random[0, 0]))
         shines = bool(np.any(met.lit[0] > 0))

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.replaying.scene_events import DrawnKind, Place
-from plenoptic.scene.compile import SceneTables
+from plenoptic.scene.compile import SceneRecord
 from plenoptic.scene.geometry.instance import Instances
 from plenoptic.scene.lights.registry import AreaLight, DistantLight, PositionalLight
 from plenoptic.scene.materials.registry import Material
@@ -16,8 +16,8 @@ from plenoptic.scene.scene import Scene
 class SceneNames:
     """Which mesh, instance, material and light of a scene the rows of its tables are."""
 
-    def __init__(self, scene: Scene, tables: SceneTables) -> None:
-        self._scene, self._tables = scene, tables
+    def __init__(self, scene: Scene, record: SceneRecord) -> None:
+        self._scene, self._record = scene, record
         self._shapes = [light.mesh() for light in scene.lights if isinstance(light, AreaLight)]
         self._points = [i for i, light in enumerate(scene.lights) if isinstance(light, PositionalLight)]
         self._suns = [i for i, light in enumerate(scene.lights) if isinstance(light, DistantLight)]
@@ -26,15 +26,15 @@ class SceneNames:
 
     def place(self, triangle: int, placed: int) -> Place:
         """Of a row of the triangles and one of the instances, -1 for plain triangles."""
-        tables = self._tables
-        assert tables.triangle_mesh is not None
-        number = int(tables.triangle_mesh[triangle])
-        if placed < 0 or tables.instances is None:
-            return Place(number, triangle - int(np.argmax(tables.triangle_mesh == number)), None)
+        record = self._record
+        assert record.triangle_mesh is not None
+        number = int(record.triangle_mesh[triangle])
+        if placed < 0 or record.instances is None:
+            return Place(number, triangle - int(np.argmax(record.triangle_mesh == number)), None)
         ends = np.cumsum(self._repeated[:, 1])
         which = int(np.searchsorted(ends, placed, side="right"))
         instance = placed - int(ends[which] - self._repeated[which, 1])
-        return Place(int(self._repeated[which, 0]), triangle - int(tables.instances.first[placed]), instance)
+        return Place(int(self._repeated[which, 0]), triangle - int(record.instances.first[placed]), instance)
 
     def material(self, place: Place) -> Material:
         """What a place is made of."""
@@ -46,23 +46,23 @@ class SceneNames:
 
     def corners(self, triangle: int, placed: int) -> NDArray[np.float64]:
         """(3, 3): corners of a triangle in the world."""
-        tables = self._tables
-        assert tables.vertices is not None and tables.triangles is not None
-        points = np.asarray(tables.vertices[tables.triangles[triangle]])
-        if placed < 0 or tables.instances is None:
+        record = self._record
+        geometry = record.geometry
+        assert geometry is not None
+        points = np.asarray(geometry.vertices[geometry.triangles[triangle]])
+        if placed < 0 or record.instances is None:
             return points
-        matrix = tables.instances.matrices[placed].reshape(3, 4)
+        matrix = record.instances.matrices[placed].reshape(3, 4)
         return np.asarray(points @ matrix[:, :3].T + matrix[:, 3])
 
     def light(self, number: float) -> tuple[DrawnKind, Place | None, int | None]:
         """What is drawn by a random number."""
-        lights = self._tables.lights
-        assert lights.cdf is not None and lights.row is not None
+        lights = self._record.lights
+        assert lights.cdf is not None and lights.items is not None
         item = min(int(np.searchsorted(lights.cdf, number, side="right")), len(lights.cdf) - 1)
-        kind = DrawnKind.TRIANGLE if lights.kind is None else DrawnKind(int(lights.kind[item]))
-        row = int(lights.row[item])
+        kind, row = DrawnKind(int(lights.items["kind"][item])), int(lights.items["row"][item])
         if kind is DrawnKind.TRIANGLE:
-            return kind, self.place(row, -1 if lights.place is None else int(lights.place[item])), None
+            return kind, self.place(row, int(lights.items["instance"][item])), None
         if kind is DrawnKind.ENVIRONMENT:
             return kind, None, None
         return kind, None, (self._points if kind is DrawnKind.POINT else self._suns)[row]

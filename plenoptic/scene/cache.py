@@ -4,30 +4,28 @@ from __future__ import annotations
 
 import weakref
 
-from plenoptic.scene.compile import SceneTables
+from plenoptic.scene.compile import SceneRecord
 from plenoptic.scene.geometry.accel import Intersector, build_intersector
 from plenoptic.scene.scene import Scene
 
 
 class PreparedScene:
-    """A scene as tables, and what finds its triangles.
+    """A scene as a record, and what finds its triangles.
 
     There is no lock: a process that is forked off while another thread builds would wait for it for ever. Two threads
     that ask for the same at once build it twice, which does no harm.
     """
 
-    def __init__(self, tables: SceneTables) -> None:
-        self.tables = tables
+    def __init__(self, record: SceneRecord) -> None:
+        self.record = record
         self._built: tuple[Intersector | None] | None = None
 
     @property
     def intersector(self) -> Intersector | None:
         """Built when it is asked for; None where there are no triangles to meet."""
         if self._built is None:
-            tables, found = self.tables, None
-            if tables.vertices is not None and tables.triangles is not None:
-                found = build_intersector(tables.vertices, tables.triangles, tables.instances)
-            self._built = (found,)
+            geometry = self.record.geometry
+            self._built = (None if geometry is None else build_intersector(geometry, self.record.instances),)
         return self._built[0]
 
 

@@ -1,4 +1,4 @@
-"""The tables that a scene is compiled into: plain arrays, and None for what the scene has not."""
+"""The record that a scene is compiled into: plain arrays, and None for what the scene has not."""
 
 from __future__ import annotations
 
@@ -9,102 +9,66 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.errors import SceneError
-from plenoptic.scene.geometry.instance import Instances, InstanceTables, instance_tables
+from plenoptic.scene.geometry.compile import geometry_record
+from plenoptic.scene.geometry.instance import Instances, instance_record
 from plenoptic.scene.geometry.mesh import Mesh
+from plenoptic.scene.geometry.record import Geometry, InstanceRecord
+from plenoptic.scene.lights.compile import Emitters, lights_record
 from plenoptic.scene.lights.environment import ConstantBackground, EnvironmentMap
-from plenoptic.scene.lights.environment_record import EnvironmentTables, build_environment
-from plenoptic.scene.lights.record import Emitters, LightTables, build_lights
+from plenoptic.scene.lights.environment_compile import environment_record
+from plenoptic.scene.lights.record import Lights, Sky
 from plenoptic.scene.lights.registry import AreaLight, Light, PositionalLight
-from plenoptic.scene.materials.record import BsdfTables, build_bsdf
+from plenoptic.scene.materials.compile import alpha_record, bsdf_record, color_rows
+from plenoptic.scene.materials.record import Alpha, Bsdf, Emission
 from plenoptic.scene.materials.registry import Material
+from plenoptic.scene.materials.row import MaterialRow
 from plenoptic.scene.textures.atlas import atlas
-from plenoptic.scene.textures.color import Colour, is_grey, mean_colour
+from plenoptic.scene.textures.color import is_grey, mean_colour
+from plenoptic.scene.textures.record import TextureColumn, Textures
 from plenoptic.scene.textures.texture import Texture
 
 A = TypeVar("A", bound=np.generic)
 
 
-class SceneTables(NamedTuple):
-    """What kernels read of a scene. Absence is None: a table that a scene has no use for is not there.
+class SceneRecord(NamedTuple):
+    """What kernels read of a scene. Absence is None: a record that a scene has no use for is not there.
 
-    nv vertices, nt triangles, nm different materials, C = `channels`. All arrays are C-contiguous and read-only.
-    Triangles of plain meshes come first, then those of the shapes of lights, then those of instanced meshes, once each.
+    nt triangles, nm different materials, C = `channels`. All arrays are C-contiguous and read-only.
 
     Examples
     --------
     >>> import plenoptic as pl
-    >>> tables = pl.white_plane().tables()
-    >>> tables.channels, tables.triangles.shape, tables.emission.tolist(), tables.albedo is None
+    >>> record = pl.white_plane().tables()
+    >>> record.channels, record.geometry.triangles.shape, record.emission.radiance.tolist(), record.bsdf is None
     (1, (2, 3), [[1.0]], True)
     """
 
     channels: int
     """1 where every colour of the scene is grey, textures, lights and background included, otherwise 3."""
-
-    vertices: NDArray[np.float64] | None
-    """(nv, 3), mm. None, as are the next three, where there is no triangle."""
-    triangles: NDArray[np.int32] | None
-    """(nt, 3): rows of `vertices`, counter-clockwise as seen from the front."""
-    triangle_material: NDArray[np.int32] | None
-    """(nt,): row of the material tables."""
+    geometry: Geometry | None
+    """None, as is the next one, where there is no triangle."""
     triangle_mesh: NDArray[np.int32] | None
     """(nt,): which of the scene's meshes it belongs to; lights count on after the last one."""
-    instances: InstanceTables | None
+    instances: InstanceRecord | None
     """Where instanced meshes stand. None where there are none."""
-
-    normals: NDArray[np.float64] | None
-    """(nv, 3), unit length; 0 where a mesh has none. None where no mesh has any."""
-    uv: NDArray[np.float64] | None
-    """(nv, 2): texture coordinates, v up; 0 where a mesh has none. None where no material has a texture."""
-
-    scatters: NDArray[np.uint8] | None
-    """(nm,): 1 for materials that reflect. None, as is the next one, where nothing does."""
-    takes_light: NDArray[np.uint8] | None
-    """(nm,): 1 for those that scatter light drawn directly; not mirrors and polished glass."""
-    albedo: NDArray[np.float64] | None
-    """(nm, C), in [0, 1]: base colours; 1 where a texture gives it. None where nothing reflects."""
-    roughness: NDArray[np.float64] | None
-    """(nm,). None where all materials are Lambertian or black."""
-    metallic: NDArray[np.float64] | None
-    """(nm,). None where none is MetallicRoughness."""
-    bsdf: BsdfTables
-    """What kinds of materials there are, and columns of some kinds."""
+    bsdf: Bsdf | None
+    """None where nothing reflects."""
+    textures: Textures | None
+    """None where no texture gives what `bsdf` needs."""
     absorption: NDArray[np.float64] | None
     """(nm, C), 1/mm. None where nothing absorbs."""
-    opacity: NDArray[np.float64] | None
-    """(nm,): 0 where a texture gives it. None, as is the next one, where all is opaque."""
-    cutoff: NDArray[np.float64] | None
-    """(nm,): -1 where there is none."""
-
-    emission: NDArray[np.float64] | None
-    """(nm, C): emitted radiance, of textures their mean. None where nothing emits."""
-    two_sided: NDArray[np.uint8] | None
-    """(nm,): 1 where both sides emit. None where nothing emits."""
-
-    base_texture: NDArray[np.int32] | None
-    """(nm,): row of `texture_rows`, -1 for none. None, as are the next five, where no material has one."""
-    roughness_texture: NDArray[np.int32] | None
-    metallic_texture: NDArray[np.int32] | None
-    normal_texture: NDArray[np.int32] | None
-    opacity_texture: NDArray[np.int32] | None
-    emission_texture: NDArray[np.int32] | None
-    texels: NDArray[np.float32] | None
-    """(n,): all textures, one after the other. None, as is the next one, where there are none."""
-    texture_rows: NDArray[np.int64] | None
-    """(textures, 7): see `atlas`."""
-
-    lights: LightTables
-    """What is drawn directly, and suns."""
-    environment: EnvironmentTables | None
-    """None where there is no map, or a black one."""
-    background: NDArray[np.float64] | None
-    """(C,): constant radiance of the world. None where it is black or a map."""
+    alpha: Alpha | None
+    """None where all is opaque."""
+    emission: Emission | None
+    """None where nothing emits."""
+    lights: Lights
+    """What is drawn directly, and the sky."""
 
 
-def build_tables(
+def build_record(
     meshes: Sequence[Mesh | Instances], lights: Sequence[Light], background: ConstantBackground | EnvironmentMap | None
-) -> SceneTables:
-    """Compile meshes, lights and a background into tables.
+) -> SceneRecord:
+    """Compile meshes, lights and a background into a record.
 
     Parameters
     ----------
@@ -119,71 +83,82 @@ def build_tables(
     mesh_material = [index.setdefault(part.material, len(index)) for part in parts]
     rows = [material.row() for material in index]
     channels = 1 if all(row.is_grey for row in rows) and _all_grey(lights, background) else 3
-
     counts = [len(part.faces) for part in parts]
-    vertices = _joined([part.vertices for part in parts])
-    triangles = _triangles(parts)
-    triangle_material = _frozen(np.repeat(np.array(mesh_material, dtype=np.int32), counts)) if parts else None
+    columns = _TextureColumns(rows)
     instanced = [mesh for mesh in meshes if isinstance(mesh, Instances)]
     starts = np.cumsum([0, *counts])
-    instances = instance_tables(instanced, [int(starts[first_of[mesh.mesh]]) for mesh in instanced])
-
-    reflecting = any(row.reflects for row in rows)
-    emission = _rows([mean_colour(row.emission) for row in rows], channels)
-    emitting = bool(np.any(emission))
+    instances = instance_record(instanced, [int(starts[first_of[mesh.mesh]]) for mesh in instanced])
+    geometry = None
+    if parts:
+        geometry = geometry_record(
+            _joined([part.vertices for part in parts]),
+            _triangles(parts),
+            _frozen(np.repeat(np.array(mesh_material, dtype=np.int32), counts)),
+            uv=_per_vertex(parts, [part.uv for part in parts], 2) if columns.any else None,
+            normals=_per_vertex(parts, [part.normals for part in parts], 3),
+            instances=instances,
+        )
+    bsdf = bsdf_record(list(index), channels)
+    absorption = color_rows([row.absorption for row in rows], channels)
+    radiance = color_rows([mean_colour(row.emission) for row in rows], channels)
     two_sided = np.array([row.two_sided for row in rows], dtype=np.uint8)
-    textures = {
-        texture: number for number, texture in enumerate(dict.fromkeys(t for row in rows for t in row.textures))
-    }
-    texels, texture_rows = atlas(list(textures))
-    bsdf = build_bsdf(list(index), channels)
-    absorption = _rows([row.absorption for row in rows], channels)
-    opacity = _numbers([row.opacity for row in rows])
-    cutoff = np.array([-1.0 if row.cutoff is None else row.cutoff for row in rows])
-    thinned = bool(np.any(opacity != 1))
-
-    environment = build_environment(background, channels) if isinstance(background, EnvironmentMap) else None
     emitters = None
-    if emitting and vertices is not None and triangles is not None and triangle_material is not None:
+    if geometry is not None and np.any(radiance):
         # Halves first: sums of the largest numbers would overflow.
-        exitance = (emission / (2 * channels)).sum(axis=1) * (1 + two_sided)
-        emitters = Emitters(vertices, triangles, triangle_material, exitance, instances)
+        exitance = (radiance / (2 * channels)).sum(axis=1) * (1 + two_sided)
+        emitters = Emitters(geometry, exitance, instances)
     boxes = [mesh.bounds for mesh in (*meshes, *shapes)]
     lamps = [light.position for light in lights if isinstance(light, PositionalLight)]
-    return SceneTables(
+    compiled = lights_record(
+        lights, emitters, _sky(background, channels), _around(boxes, lamps), channels, drawn=bsdf is not None
+    )
+    return SceneRecord(
         channels=channels,
-        vertices=vertices,
-        triangles=triangles,
-        triangle_material=triangle_material,
+        geometry=geometry,
         triangle_mesh=_frozen(np.repeat(np.array(numbers, dtype=np.int32), counts)) if parts else None,
         instances=instances,
-        normals=_per_vertex(parts, [part.normals for part in parts], 3),
-        uv=_per_vertex(parts, [part.uv for part in parts], 2) if textures else None,
-        scatters=_flags([row.reflects for row in rows]) if reflecting else None,
-        takes_light=_flags([row.takes_light for row in rows]) if reflecting else None,
-        albedo=_frozen(_rows([_plain(row.base) for row in rows], channels)) if reflecting else None,
-        roughness=None if bsdf.kinds is None else _frozen(_numbers([row.roughness for row in rows])),
-        metallic=None if bsdf.coupling is None else _frozen(_numbers([row.metallic for row in rows])),
         bsdf=bsdf,
+        textures=columns.of_surfaces(),
         absorption=_frozen(absorption) if np.any(absorption) else None,
-        opacity=_frozen(opacity) if thinned else None,
-        cutoff=_frozen(cutoff) if thinned else None,
-        emission=_frozen(emission) if emitting else None,
-        two_sided=_frozen(two_sided) if emitting else None,
-        base_texture=_texture_column([row.base for row in rows], textures),
-        roughness_texture=_texture_column([row.roughness for row in rows], textures),
-        metallic_texture=_texture_column([row.metallic for row in rows], textures),
-        normal_texture=_texture_column([row.normal_map for row in rows], textures),
-        opacity_texture=_texture_column([row.opacity for row in rows], textures),
-        emission_texture=_texture_column([row.emission for row in rows], textures),
-        texels=texels,
-        texture_rows=texture_rows,
-        lights=build_lights(emitters, lights, environment, _around(boxes, lamps), channels, drawn=reflecting),
-        environment=environment,
-        background=_frozen(_rows([background.radiance], channels)[0])
-        if isinstance(background, ConstantBackground) and np.any(background.radiance)
-        else None,
+        alpha=alpha_record(rows, columns.column("opacity")),
+        emission=None
+        if emitters is None
+        else Emission(_frozen(radiance), _frozen(two_sided), compiled.pdf, columns.column("emission")),
+        lights=compiled.lights,
     )
+
+
+def _sky(background: ConstantBackground | EnvironmentMap | None, channels: int) -> Sky:
+    """A background or a map; None where they are black."""
+    constant = environment = None
+    if isinstance(background, ConstantBackground) and np.any(background.radiance):
+        constant = _frozen(color_rows([background.radiance], channels)[0])
+    elif isinstance(background, EnvironmentMap):
+        environment = environment_record(background, channels)
+    return Sky(constant, None, None, environment)
+
+
+class _TextureColumns:
+    """Which textures give the properties of materials."""
+
+    def __init__(self, rows: Sequence[MaterialRow]) -> None:
+        textures = list(dict.fromkeys(texture for row in rows for texture in row.textures))
+        self._rows, self.any = rows, bool(textures)
+        self._texels, self._textures = atlas(textures)
+        self._numbers = {texture: number for number, texture in enumerate(textures)}
+
+    def column(self, name: str) -> TextureColumn | None:
+        """Textures that a property is; None where none is one."""
+        found = [getattr(row, name) for row in self._rows]
+        column = np.array([self._numbers[f] if isinstance(f, Texture) else -1 for f in found], dtype=np.int32)
+        if self._texels is None or self._textures is None or not np.any(column >= 0):
+            return None
+        return TextureColumn(_frozen(column), self._textures, self._texels)
+
+    def of_surfaces(self) -> Textures | None:
+        """What textures say of how surfaces scatter."""
+        columns = Textures(*map(self.column, ("base", "roughness", "metallic", "normal_map")))
+        return None if all(column is None for column in columns) else columns
 
 
 def _ordered(
@@ -211,25 +186,6 @@ def _all_grey(lights: Sequence[Light], background: ConstantBackground | Environm
     return all(is_grey(colour) for colour in (*world, *fields) if isinstance(colour, tuple))
 
 
-def _plain(colour: Colour | Texture) -> Colour:
-    return 1.0 if isinstance(colour, Texture) else colour
-
-
-def _numbers(shares: Sequence[float | Texture]) -> NDArray[np.float64]:
-    """(materials,): 0 where a texture gives the number."""
-    return np.array([0.0 if isinstance(share, Texture) else share for share in shares])
-
-
-def _flags(holds: Sequence[bool]) -> NDArray[np.uint8]:
-    return _frozen(np.array(holds, dtype=np.uint8))
-
-
-def _texture_column(fields: Sequence[object], numbers: dict[Texture, int]) -> NDArray[np.int32] | None:
-    """(materials,): row of the texture that a field is; None where none is one."""
-    column = np.array([numbers[f] if isinstance(f, Texture) else -1 for f in fields], dtype=np.int32)
-    return _frozen(column) if np.any(column >= 0) else None
-
-
 def _around(boxes: Sequence[NDArray[np.float64]], points: Sequence[NDArray[np.float64]]) -> NDArray[np.float64] | None:
     """(2, 3): lowest and highest corner of boxes and points together."""
     corners = [*boxes, *(np.stack([point, point]) for point in points)]
@@ -244,21 +200,15 @@ def _frozen(array: NDArray[A]) -> NDArray[A]:
     return array
 
 
-def _joined(parts: Sequence[NDArray[A]]) -> NDArray[A] | None:
-    return _frozen(np.concatenate(parts)) if parts else None
+def _joined(parts: Sequence[NDArray[A]]) -> NDArray[A]:
+    return _frozen(np.concatenate(parts))
 
 
-def _triangles(meshes: Sequence[Mesh]) -> NDArray[np.int32] | None:
+def _triangles(meshes: Sequence[Mesh]) -> NDArray[np.int32]:
     starts = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes])
     if starts[-1] > np.iinfo(np.int32).max:
         raise SceneError(f"the scene has {starts[-1]} vertices; it must have fewer than 2^31, so split or simplify it")
     return _joined([mesh.faces + np.int32(start) for mesh, start in zip(meshes, starts[:-1], strict=True)])
-
-
-def _rows(colours: Sequence[Colour], channels: int) -> NDArray[np.float64]:
-    """(n, C): grey scenes keep the one value that all channels share."""
-    rows = np.array([np.broadcast_to(c, 3) for c in colours], dtype=np.float64).reshape(-1, 3)
-    return rows[:, :channels].copy()
 
 
 def _per_vertex(

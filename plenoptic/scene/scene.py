@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.values import set_field, value
 from plenoptic.errors import InvalidValueError, SceneError
-from plenoptic.scene.compile import SceneTables, build_tables
+from plenoptic.scene.compile import SceneRecord, build_record
 from plenoptic.scene.file_cameras import View
 from plenoptic.scene.files.load import load_file
 from plenoptic.scene.geometry.instance import Instances
@@ -54,7 +54,7 @@ class Scene:
     >>> scene = pl.Scene([ball], background=0.1)
     >>> scene
     Scene(1 mesh, 16128 triangles, background 0.1)
-    >>> scene.tables().albedo.tolist()
+    >>> scene.tables().bsdf.base_color.tolist()
     [[0.8, 0.3, 0.2]]
     """
 
@@ -243,17 +243,17 @@ class Scene:
         """
         return dataclasses.replace(self, lights=_tuple_of(lights, LIGHTS, "lights"))
 
-    def tables(self) -> SceneTables:
-        """The scene as plain arrays for the kernels; see `SceneTables`.
+    def tables(self) -> SceneRecord:
+        """The scene as plain arrays for the kernels; see `SceneRecord`.
 
         Examples
         --------
         >>> import plenoptic as pl
-        >>> tables = pl.Scene(background=0.5).tables()
-        >>> tables.background.tolist(), tables.triangles is None
+        >>> record = pl.Scene(background=0.5).tables()
+        >>> record.lights.sky.background.tolist(), record.geometry is None
         ([0.5], True)
         """
-        return build_tables(self.meshes, self.lights, self.background)
+        return build_record(self.meshes, self.lights, self.background)
 
 
 def _tuple_of(items: Any, kinds: type | tuple[type, ...], name: str) -> tuple[Any, ...]:

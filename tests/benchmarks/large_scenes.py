@@ -12,7 +12,9 @@ from table import Table
 
 import plenoptic as pl
 from plenoptic.scene.geometry.accel import Intersector, build_intersector
+from plenoptic.scene.geometry.compile import geometry_record
 from plenoptic.scene.geometry.instance import Instances
+from plenoptic.scene.geometry.record import Hits
 
 # Triangles are some 2 x side^2 for terrain, 5000 a ball for the others.
 FULL = (
@@ -48,17 +50,18 @@ def tables(*, quick: bool) -> Iterator[Table]:
 
 def measured(name: str, size: int, side: int) -> list[float]:
     """Triangles met and stored, costs of tables and Embree scene, peak memory, rays a second of the three kinds."""
-    build_intersector(np.eye(3), np.arange(3, dtype=np.int32)[None])  # loads the library
+    triangle = geometry_record(np.eye(3), np.arange(3, dtype=np.int32)[None], np.zeros(1, np.int32))
+    build_intersector(triangle)  # loads the library
     scene = terrain(size) if name == "terrain" else balls(size, copied="copied" in name)
     start, before = time.perf_counter(), memory()
     compiled = scene.tables()
     spent = [time.perf_counter() - start, memory() - before]
-    assert compiled.vertices is not None and compiled.triangles is not None
+    assert compiled.geometry is not None
     wall, cpu, before = time.perf_counter(), time.process_time(), memory()
-    intersector = build_intersector(compiled.vertices, compiled.triangles, compiled.instances)
+    intersector = build_intersector(compiled.geometry, compiled.instances)
     spent += [time.perf_counter() - wall, time.process_time() - cpu, memory() - before, memory("VmHWM")]
-    stored = len(compiled.triangles)
-    met = stored if compiled.instances is None else compiled.instances.plain + int(compiled.instances.count.sum())
+    stored = len(compiled.geometry.triangles)
+    met = stored if compiled.instances is None else compiled.instances.plain + int(compiled.instances.faces.sum())
     first = from_a_point(side)
     random, shadow = onwards(intersector, first)
     rates = [speed(intersector, rays, kind) for kind, rays in (("first", first), ("random", random))]
@@ -128,7 +131,7 @@ def speed(intersector: Intersector, rays: NDArray[np.float64], kind: str) -> flo
                 intersector.fill_blocked(blocked[: len(part)], part)
             else:
                 n, coherent = len(part), kind == "first"
-                intersector.fill_closest(hits[:n], part, coherent=coherent, placed=placed[:n])
+                intersector.fill_closest(Hits(hits[:n], placed[:n], None), part, coherent=coherent)
         times.append(time.process_time() - begin)
     return 1e-6 * len(rays) / min(times[1:])
 

@@ -1,10 +1,14 @@
 """The cache of compiled kernels, each time in processes of their own, with a kernel of one line."""
 
+import ast
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
+
+import plenoptic
 
 KERNEL = """
 from plenoptic.core.jit import device, kernel
@@ -106,3 +110,15 @@ def test_kernels_release_the_gil_divide_as_ieee_and_contract():
     assert ratio.targetoptions["nogil"] is True
     assert ratio.targetoptions["fastmath"] == {"contract"}
     assert ratio(1.0, 0.0) == float("inf")
+
+
+def test_what_kernels_are_compiled_from_is_hashed():
+    # A constant of a file that is not hashed would stay in compiled code when it changes.
+    root = Path(plenoptic.__file__).parent
+    hashed = {*root.rglob("kernels/*.py"), *root.rglob("record.py"), *root.glob("core/*.py")}
+    for path in root.rglob("kernels/*.py"):
+        for node in ast.parse(path.read_text(encoding="utf-8")).body:
+            if isinstance(node, ast.ImportFrom) and node.module.startswith("plenoptic.") and path.name != "embree.py":
+                source = root.parent.joinpath(*node.module.split("."))
+                files = [source.with_suffix(".py"), *(source / f"{alias.name}.py" for alias in node.names)]
+                assert hashed.intersection(files), f"{path.name} compiles from {node.module}, which is not hashed"

@@ -22,9 +22,9 @@ def built(monkeypatch):
     """Of how many triangles trees have been built."""
     build, numbers = cache.build_intersector, []
 
-    def counted(vertices, triangles, instances=None):
-        numbers.append(len(triangles))
-        return build(vertices, triangles, instances)
+    def counted(geometry, instances=None):
+        numbers.append(len(geometry.triangles))
+        return build(geometry, instances)
 
     monkeypatch.setattr(cache, "build_intersector", counted)
     return numbers
@@ -57,7 +57,7 @@ def test_another_scene_is_compiled_even_if_it_is_equal(built):
 def test_what_is_not_asked_for_is_not_built(built):
     one = scene()
     assert pl.plan(one, CAMERA).runs(pl.Stage.INTERSECTION)
-    assert prepared_scene(one).tables.triangles is not None
+    assert prepared_scene(one).record.geometry is not None
     assert built == []
 
 

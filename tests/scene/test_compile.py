@@ -38,38 +38,42 @@ def arrays(tables, before=""):
     return found
 
 
-MESHES = {"vertices", "triangles", "triangle_material", "triangle_mesh"}
-REFLECTING = {"scatters", "takes_light", "albedo"}
-EMITTING = {"emission", "two_sided"}
-DRAWN = {"lights.cdf", "lights.row"}
-KINDS = {"bsdf.kinds", "roughness"}
-LAYERED = KINDS | {"bsdf.coupling", "bsdf.coupling_mean", "metallic"}
-TEXTURED = {"uv", "texels", "texture_rows"}
-INSTANCES = {f"instances.{name}" for name in ("matrices", "first", "count", "mirrored")}
-WORLD = {f"environment.{name}" for name in ("texels", "rows_cdf", "columns_cdf", "density")}
-POINTS = {"lights.kind", "lights.points", "lights.point_colours"}
-SUNS = {"lights.suns", "lights.sun_colours"}
+def column(name):
+    return {f"{name}.{part}" for part in ("row", "textures", "texels")}
+
+
+MESHES = {"geometry.middle", "geometry.vertices", "geometry.triangles", "geometry.triangle_material", "triangle_mesh"}
+REFLECTING = {"bsdf.scatters", "bsdf.takes_light", "bsdf.base_color"}
+EMITTING = {"emission.radiance", "emission.two_sided"}
+DRAWN = {"lights.cdf", "lights.items"}
+KINDS = {"bsdf.kind", "bsdf.roughness"}
+LAYERED = KINDS | {"bsdf.coupling", "bsdf.coupling_mean", "bsdf.metallic"}
+TEXTURED = {"geometry.uv"}
+INSTANCES = {"geometry.instance_to_world"} | {f"instances.{name}" for name in ("matrices", "first", "faces")}
+WORLD = {f"lights.sky.environment.{name}" for name in ("texels", "rows_cdf", "columns_cdf", "pdf")}
+POINTS = {"lights.points", "lights.point_colors"}
+SUNS = {"lights.sky.suns", "lights.sky.sun_colors"}
 PLAIN = MESHES | REFLECTING
 
 SCENES = {
     "black world": (pl.Scene(background=0.0), set()),
-    "bright world": (pl.Scene(background=0.5), {"background"}),
+    "bright world": (pl.Scene(background=0.5), {"lights.sky.background"}),
     "black map": (pl.Scene(background=pl.EnvironmentMap(np.zeros((2, 4, 1)))), set()),
     "map": (pl.Scene(background=SKY), WORLD),
-    "turned map": (pl.Scene(background=SKY.rotated((0, 1, 0), 1.0)), WORLD | {"environment.rotation"}),
+    "turned map": (pl.Scene(background=SKY.rotated((0, 1, 0), 1.0)), WORLD | {"lights.sky.environment.rotation"}),
     "sun": (pl.Scene(lights=[pl.SunLight((0, 0, -1))]), SUNS),
     "matt": (pl.Scene([square()]), PLAIN),
     "black": (pl.Scene([square(pl.Lambertian(0.0))]), MESHES),
     "uv without a texture": (pl.Scene([square(uv=UV)]), PLAIN),
-    "normals": (pl.Scene([square(normals=UP), square()]), PLAIN | {"normals"}),
+    "geometry.normals": (pl.Scene([square(normals=UP), square()]), PLAIN | {"geometry.normals"}),
     "only emissive": (pl.Scene([square(pl.Emissive(1.0)), square(pl.Lambertian(0.0))]), MESHES | EMITTING),
     "black emitter": (pl.Scene([square(pl.Emissive(0.0)), square()]), PLAIN),
-    "lamp": (pl.Scene([square()], [LAMP]), PLAIN | EMITTING | DRAWN | {"lights.material_density"}),
+    "lamp": (pl.Scene([square()], [LAMP]), PLAIN | EMITTING | DRAWN | {"emission.pdf"}),
     "lamp in black": (pl.Scene([square(pl.Lambertian(0.0))], [LAMP]), MESHES | EMITTING),
     "point": (pl.Scene([square()], [pl.PointLight((0, 0, 9))]), PLAIN | DRAWN | POINTS),
-    "dark point": (pl.Scene([square()], [pl.PointLight((0, 0, 9), 0.0)]), PLAIN | POINTS - {"lights.kind"}),
-    "matt under a sun": (pl.Scene([square()], [pl.SunLight((0, 0, -1))]), PLAIN | DRAWN | SUNS | {"lights.kind"}),
-    "matt under a map": (pl.Scene([square()], (), SKY), PLAIN | DRAWN | WORLD | {"lights.kind"}),
+    "dark point": (pl.Scene([square()], [pl.PointLight((0, 0, 9), 0.0)]), PLAIN | POINTS),
+    "matt under a sun": (pl.Scene([square()], [pl.SunLight((0, 0, -1))]), PLAIN | DRAWN | SUNS),
+    "matt under a map": (pl.Scene([square()], (), SKY), PLAIN | DRAWN | WORLD),
     "instances": (pl.Scene([pl.Instances(square(), PLACES)]), PLAIN | INSTANCES),
     "rough": (pl.Scene([square(pl.RoughDiffuse())]), PLAIN | KINDS),
     "metal": (pl.Scene([square(pl.Conductor())]), PLAIN | KINDS | {"bsdf.metal_index"}),
@@ -80,22 +84,25 @@ SCENES = {
     ),
     "pane": (pl.Scene([square(pl.ThinGlass())]), PLAIN | KINDS | {"bsdf.pane_index"}),
     "layered": (pl.Scene([layered()]), PLAIN | LAYERED),
-    "opacity": (pl.Scene([layered(opacity=0.5)]), PLAIN | LAYERED | {"opacity", "cutoff"}),
+    "alpha.opacity": (pl.Scene([layered(opacity=0.5)]), PLAIN | LAYERED | {"alpha.opacity", "alpha.cutoff"}),
     "cutoff without opacity": (pl.Scene([layered(cutoff=0.5)]), PLAIN | LAYERED),
-    "texture": (pl.Scene([square(pl.Lambertian(GREY_MAP), uv=UV)]), PLAIN | TEXTURED | {"base_texture"}),
-    "roughness map": (pl.Scene([layered(roughness=GREY_MAP)]), PLAIN | LAYERED | TEXTURED | {"roughness_texture"}),
-    "metallic map": (pl.Scene([layered(metallic=GREY_MAP)]), PLAIN | LAYERED | TEXTURED | {"metallic_texture"}),
+    "texture": (pl.Scene([square(pl.Lambertian(GREY_MAP), uv=UV)]), PLAIN | TEXTURED | column("textures.base_color")),
+    "roughness map": (
+        pl.Scene([layered(roughness=GREY_MAP)]),
+        PLAIN | LAYERED | TEXTURED | column("textures.roughness"),
+    ),
+    "metallic map": (pl.Scene([layered(metallic=GREY_MAP)]), PLAIN | LAYERED | TEXTURED | column("textures.metallic")),
     "normal map": (
         pl.Scene([layered(normal_map=pl.Texture(np.ones((1, 1, 3))))]),
-        PLAIN | LAYERED | TEXTURED | {"normal_texture"},
+        PLAIN | LAYERED | TEXTURED | column("textures.normal"),
     ),
     "opacity map": (
         pl.Scene([layered(opacity=GREY_MAP)]),
-        PLAIN | LAYERED | TEXTURED | {"opacity_texture", "opacity", "cutoff"},
+        PLAIN | LAYERED | TEXTURED | {"alpha.opacity", "alpha.cutoff"} | column("alpha.texture"),
     ),
     "emission map": (
         pl.Scene([square(pl.Emissive(GREY_MAP), uv=UV)]),
-        MESHES | EMITTING | TEXTURED | {"emission_texture"},
+        MESHES | EMITTING | TEXTURED | column("emission.texture"),
     ),
 }
 
@@ -118,11 +125,15 @@ def test_tables_are_read_only_and_contiguous(name):
 def test_indices_are_global_and_lights_come_last():
     first, second = square(), square(pl.Lambertian(0.1)).translated(z=5)
     tables = pl.Scene([first, second], [LAMP]).tables()
-    assert tables.triangles.dtype == np.int32 and tables.triangles.shape == (6, 3)
-    np.testing.assert_array_equal(tables.vertices[tables.triangles[2:4]], second.vertices[second.faces])
-    np.testing.assert_array_equal(tables.vertices[tables.triangles[4:]], LAMP.mesh().vertices[LAMP.mesh().faces])
+    assert tables.geometry.triangles.dtype == np.int32 and tables.geometry.triangles.shape == (6, 3)
+    np.testing.assert_array_equal(
+        tables.geometry.vertices[tables.geometry.triangles[2:4]], second.vertices[second.faces]
+    )
+    np.testing.assert_array_equal(
+        tables.geometry.vertices[tables.geometry.triangles[4:]], LAMP.mesh().vertices[LAMP.mesh().faces]
+    )
     assert tables.triangle_mesh.tolist() == [0, 0, 1, 1, 2, 2]
-    assert tables.triangle_material.tolist() == [0, 0, 1, 1, 2, 2]
+    assert tables.geometry.triangle_material.tolist() == [0, 0, 1, 1, 2, 2]
 
 
 def test_instanced_triangles_come_after_lights_once_each():
@@ -134,14 +145,16 @@ def test_instanced_triangles_come_after_lights_once_each():
     plain = 2 + 2 + 1280
     assert tables.instances.plain == plain
     assert tables.instances.first.tolist() == [plain, plain, plain + 2, plain + 2, plain]
-    assert tables.instances.mirrored.tolist() == [0, 1, 0, 1, 0]
-    np.testing.assert_array_equal(tables.vertices[tables.triangles[-2:]], blue.vertices[blue.faces])
-    np.testing.assert_array_equal(tables.albedo[tables.triangle_material[-4:]], [[1, 0, 0]] * 2 + [[0, 0, 1]] * 2)
+    assert tables.instances.faces.tolist() == [2] * 5
+    np.testing.assert_array_equal(tables.geometry.vertices[tables.geometry.triangles[-2:]], blue.vertices[blue.faces])
+    np.testing.assert_array_equal(
+        tables.bsdf.base_color[tables.geometry.triangle_material[-4:]], [[1, 0, 0]] * 2 + [[0, 0, 1]] * 2
+    )
 
 
 def test_a_mesh_without_normals_has_rows_of_zeros():
     tables = pl.Scene([square(), square(normals=UP)]).tables()
-    np.testing.assert_array_equal(tables.normals, np.concatenate([np.zeros((4, 3)), UP]))
+    np.testing.assert_array_equal(tables.geometry.normals, np.concatenate([np.zeros((4, 3)), UP]))
 
 
 # ---- materials ----
@@ -152,9 +165,12 @@ def test_equal_materials_are_one_row():
     copy = pl.Lambertian(pl.Texture(np.full((2, 3, 1), 0.5)))
     meshes = [square(texture, uv=UV), square(pl.Lambertian(0.2)), square(copy, uv=UV), square(pl.Lambertian(0.2))]
     tables = pl.Scene(meshes).tables()
-    assert tables.triangle_material.tolist() == [0, 0, 1, 1, 0, 0, 1, 1]
-    assert tables.albedo.tolist() == [[1.0], [0.2]]
-    assert tables.texture_rows[:, :3].tolist() == [[0, 2, 3]] and len(tables.texels) == 6
+    assert tables.geometry.triangle_material.tolist() == [0, 0, 1, 1, 0, 0, 1, 1]
+    assert tables.bsdf.base_color.tolist() == [[1.0], [0.2]]
+    assert (
+        tables.textures.base_color.textures[["start", "rows", "columns"]].tolist() == [(0, 2, 3)]
+        and len(tables.textures.base_color.texels) == 6
+    )
 
 
 def test_materials_keep_their_numbers():
@@ -169,15 +185,20 @@ def test_materials_keep_their_numbers():
         pl.Emissive(3.0),
     ]
     tables = pl.Scene([square(material) for material in kinds]).tables()
-    assert tables.bsdf.kinds.tolist() == [0, 1, 2, 2, 3, 4, 5, 0]
-    assert tables.albedo[:, 0].tolist() == [0.1, 0.2, 0.3, 0.4, 1.0, 0.6, 0.7, 0.0]
-    assert tables.roughness.tolist() == [0.0, 0.9, 0.25, 0.0, 0.5, 0.0, 0.9, 0.0]
-    assert tables.metallic.tolist() == [0.0] * 6 + [0.8, 0.0]
-    assert tables.scatters.tolist() == [1] * 7 + [0]
-    assert tables.takes_light.tolist() == [1, 1, 1, 0, 1, 0, 1, 0]
+    assert tables.bsdf.kind.tolist() == [0, 1, 2, 2, 3, 4, 5, 0]
+    assert tables.bsdf.base_color[:, 0].tolist() == [0.1, 0.2, 0.3, 0.4, 1.0, 0.6, 0.7, 0.0]
+    assert tables.bsdf.roughness.tolist() == [0.0, 0.9, 0.25, 0.0, 0.5, 0.0, 0.9, 0.0]
+    assert tables.bsdf.metallic.tolist() == [0.0] * 6 + [0.8, 0.0]
+    assert tables.bsdf.scatters.tolist() == [1] * 7 + [0]
+    assert tables.bsdf.takes_light.tolist() == [1, 1, 1, 0, 1, 0, 1, 0]
     assert tables.absorption[:, 0].tolist() == [0.0] * 4 + [0.7, 0.0, 0.0, 0.0]
-    assert tables.opacity.tolist() == [1.0] * 6 + [0.25, 1.0] and tables.cutoff.tolist() == [-1.0] * 6 + [0.125, -1.0]
-    assert tables.emission[:, 0].tolist() == [0.0] * 6 + [2.0, 3.0] and tables.two_sided.tolist() == [0] * 6 + [1, 0]
+    assert tables.alpha.opacity.tolist() == [1.0] * 6 + [0.25, 1.0] and tables.alpha.cutoff.tolist() == [-1.0] * 6 + [
+        0.125,
+        -1.0,
+    ]
+    assert tables.emission.radiance[:, 0].tolist() == [0.0] * 6 + [2.0, 3.0] and tables.emission.two_sided.tolist() == [
+        0
+    ] * 6 + [1, 0]
     assert tables.bsdf.metal_index[:, 0].tolist() == [[0, 0]] * 3 + [[1.5, 3.0]] + [[0, 0]] * 4
     assert tables.bsdf.glass_index.tolist() == [[0, 0]] * 4 + [[1.6, 1.3]] + [[0, 0]] * 3
     assert tables.bsdf.pane_index.tolist() == [0] * 5 + [1.7, 0, 0]
@@ -188,25 +209,26 @@ def test_textures_lie_one_after_the_other_row_by_row():
     two = np.arange(12, dtype=np.float32).reshape(2, 2, 3) / 20
     meshes = [square(pl.Lambertian(pl.Texture(t)), uv=UV) for t in (one, two)] + [square(pl.Lambertian(0.3))]
     tables = pl.Scene(meshes).tables()
-    assert tables.channels == 3 and tables.base_texture.tolist() == [0, 1, -1]
+    assert tables.channels == 3 and tables.textures.base_color.row.tolist() == [0, 1, -1]
     # Start, rows, columns and channels: what is grey keeps one channel.
-    assert tables.texture_rows[:, :4].tolist() == [[0, 2, 3, 1], [6, 2, 2, 3]]
-    np.testing.assert_array_equal(tables.texels, np.concatenate([one.ravel(), two.ravel()]))
-    np.testing.assert_array_equal(tables.uv, np.concatenate([UV, UV, np.zeros((4, 2))]))
+    where = tables.textures.base_color.textures[["start", "rows", "columns", "channels"]]
+    assert where.tolist() == [(0, 2, 3, 1), (6, 2, 2, 3)]
+    np.testing.assert_array_equal(tables.textures.base_color.texels, np.concatenate([one.ravel(), two.ravel()]))
+    np.testing.assert_array_equal(tables.geometry.uv, np.concatenate([UV, UV, np.zeros((4, 2))]))
 
 
 def test_each_use_of_a_texture_names_its_row_and_equal_ones_share_it():
     bump, shine = pl.Texture(np.full((1, 1, 3), 0.75)), pl.Texture(np.full((2, 2, 3), [1.0, 2.0, 6.0]))
     material = pl.MetallicRoughness(GREY_MAP, GREY_MAP, GREY_MAP, normal_map=bump, emission=shine, opacity=GREY_MAP)
     tables = pl.Scene([square(), square(material, uv=UV)]).tables()
-    assert len(tables.texture_rows) == 3
-    grey = int(tables.base_texture[1])
-    for column in (tables.metallic_texture, tables.roughness_texture, tables.opacity_texture):
-        assert column.tolist() == [-1, grey]
-    assert tables.base_texture[0] == -1
-    assert {grey, int(tables.normal_texture[1]), int(tables.emission_texture[1])} == {0, 1, 2}
+    assert len(tables.textures.base_color.textures) == 3
+    grey = int(tables.textures.base_color.row[1])
+    for column in (tables.textures.metallic, tables.textures.roughness, tables.alpha.texture):
+        assert column.row.tolist() == [-1, grey]
+    assert tables.textures.base_color.row[0] == -1
+    assert {grey, int(tables.textures.normal.row[1]), int(tables.emission.texture.row[1])} == {0, 1, 2}
     # Lights are drawn by the mean of a texture.
-    assert tables.emission.tolist() == [[0, 0, 0], [1, 2, 6]]
+    assert tables.emission.radiance.tolist() == [[0, 0, 0], [1, 2, 6]]
 
 
 # ---- colours ----
@@ -242,10 +264,13 @@ def test_three_channels_only_where_something_is_coloured(scene, channels):
     tables = scene.tables()
     found = arrays(tables)
     assert tables.channels == channels
-    for name in ("albedo", "absorption", "emission", "lights.point_colours", "lights.sun_colours", "background"):
+    for name in (
+        *("bsdf.base_color", "absorption", "emission.radiance"),
+        *("lights.point_colors", "lights.sky.sun_colors", "lights.sky.background"),
+    ):
         assert name not in found or found[name].shape[-1] == channels
-    if "environment.texels" in found:
-        assert found["environment.texels"].shape[2] == channels
+    if "lights.sky.environment.texels" in found:
+        assert found["lights.sky.environment.texels"].shape[2] == channels
     if "bsdf.metal_index" in found:
         assert found["bsdf.metal_index"].shape[1] == channels
 
@@ -260,6 +285,7 @@ def test_a_large_mesh_compiles_without_a_loop_per_triangle():
     vertices = np.stack([x, y, 0 * x], axis=-1).reshape(-1, 3)
     a = (side * np.arange(side - 1)[:, None] + np.arange(side - 1)).ravel()
     faces = np.concatenate([np.column_stack([a, a + 1, a + side]), np.column_stack([a + 1, a + side + 1, a + side])])
-    lights = pl.Scene([pl.Mesh(vertices, faces, pl.Emissive(1.0)), square()]).tables().lights
-    assert len(lights.row) == 500_000 and lights.cdf[-1] == 1.0
-    np.testing.assert_allclose(lights.material_density, [1 / 250_000, 0.0])
+    record = pl.Scene([pl.Mesh(vertices, faces, pl.Emissive(1.0)), square()]).tables()
+    lights = record.lights
+    assert len(lights.items) == 500_000 and lights.cdf[-1] == 1.0
+    np.testing.assert_allclose(record.emission.pdf, [1 / 250_000, 0.0])

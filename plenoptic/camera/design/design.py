@@ -16,7 +16,7 @@ from plenoptic.optics.sensor.sensor import Sensor
 __all__ = ["CameraDesign", "DesignStep", "design_camera"]
 
 
-def design_camera(
+def design_camera(  # noqa: PLR0913
     lens: LensStack,
     *,
     sensor: Sensor,

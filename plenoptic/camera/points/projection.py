@@ -232,7 +232,7 @@ def _unhidden(tables: ForwardTables, found: Projection, entering: Floats, scene:
 
     check_kind(scene, "scene", Scene, "pl.Scene(...)")
     prepared = prepared_scene(scene)
-    surfaces, intersector = prepared.tables, prepared.intersector
+    record, intersector = prepared.record, prepared.intersector
     if intersector is None:
         return found
     rows = np.flatnonzero(found.visible)
@@ -245,10 +245,10 @@ def _unhidden(tables: ForwardTables, found: Projection, entering: Floats, scene:
     rays = np.ascontiguousarray(np.column_stack([start + _CLEAR * way, (1.0 - _CLEAR) * way]))
     blocked = np.zeros(len(rows), dtype=np.uint8)
     left = np.ones((len(rows), 1))
-    if surfaces.opacity is None:
+    if record.alpha is None:
         intersector.fill_blocked(blocked, rays)
     else:
-        thin_out(surfaces, intersector, rays, blocked, left)
+        thin_out(record, intersector, rays, blocked, left)
     visible = found.visible.copy()
     visible[rows] = (blocked == 0) & (left[:, 0] > 0.5)
     return dataclasses.replace(found, visible=visible)

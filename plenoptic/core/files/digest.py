@@ -65,9 +65,9 @@ def _feed(sha: Any, value: Any, seen_as: Callable[[Any], Any] | None) -> None:
         _put(sha, "enum", kind.__qualname__, repr(value.value))
     elif value is None or isinstance(value, bool | int | float | complex | str):
         _put(sha, kind.__name__, repr(value))
-    elif isinstance(value, np.ndarray) and value.dtype.kind in "biufc":
+    elif isinstance(value, np.ndarray) and value.dtype.kind in "biufcV":
         plain = little_endian(value)
-        _put(sha, "array", plain.dtype.str, repr(value.shape))
+        _put(sha, "array", repr(plain.dtype.descr) if plain.dtype.names else plain.dtype.str, repr(value.shape))
         sha.update(bytes_of(plain))
     elif isinstance(value, tuple):
         # The names of the fields too: a table that has moved on to another name is another table.

@@ -17,7 +17,7 @@ from plenoptic.optics.glass.media import AIR, Medium
 from plenoptic.optics.lens.elements import Element, checked_elements, is_stop, with_inserted
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.moving import moved_group
-from plenoptic.optics.stops.stops import Stop
+from plenoptic.optics.stops.registry import Stop
 from plenoptic.optics.surfaces.outline import placed, section
 from plenoptic.optics.surfaces.surface import Surface
 

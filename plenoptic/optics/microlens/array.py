@@ -147,7 +147,7 @@ class MicrolensArray:
 
     if TYPE_CHECKING:
 
-        def __init__(
+        def __init__(  # noqa: PLR0913
             self,
             pitch: float | tuple[float, float],
             focal_lengths: tuple[float, ...],

@@ -124,7 +124,7 @@ class Blemishes:
         return len(self.radius)
 
     @classmethod
-    def scattered(
+    def scattered(  # noqa: PLR0913
         cls,
         site: BlemishSite,
         *,

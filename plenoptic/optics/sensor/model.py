@@ -155,7 +155,7 @@ class SensorModel:
 
     if TYPE_CHECKING:
 
-        def __init__(
+        def __init__(  # noqa: PLR0913
             self,
             photon_rate: float | ArrayLike,
             *,

@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.scene.compile import SceneTables
-from plenoptic.scene.geometry.accel import Intersector
-from plenoptic.scene.materials.alpha_mask import NESTED, geometry
+from plenoptic.scene.compile import SceneRecord
+from plenoptic.scene.materials.alpha_mask import NESTED
 
-_SURFACE, _DRAWN, _DIMENSIONS = 16, 7, 4
+_SURFACE, _DRAWN, _DIMENSIONS = 15, 7, 4
 """Numbers that kernels know of a surface and of a light that was drawn, and of a Sobol point: `interaction.WIDTH`,
 `sample_emitters.WIDTH`, `sobol.DIMENSIONS`."""
 
@@ -17,7 +16,7 @@ _SURFACE, _DRAWN, _DIMENSIONS = 16, 7, 4
 class PathRays:
     """Room for rays and what belongs to them; None for what a scene does not need."""
 
-    def __init__(self, most: int, channels: int, scene: SceneTables, *, onward: bool, telling: bool) -> None:
+    def __init__(self, most: int, channels: int, scene: SceneRecord, *, onward: bool, telling: bool) -> None:
         self.rays = np.empty((most, 6))
         self.path_of = np.empty(most, dtype=np.int64)
         weighed = onward or scene.absorption is not None
@@ -35,15 +34,14 @@ class MetSurfaces:
 
     def __init__(
         self,
-        scene: SceneTables,
-        intersector: Intersector,
+        scene: SceneRecord,
         basis: NDArray[np.float64] | None,
         most: int,
         channels: int,
         *,
         lights: bool,
     ) -> None:
-        self._scene, self._intersector, self._basis = scene, intersector, basis
+        self._scene, self._basis = scene, basis
         self.rows = np.empty((most, _SURFACE))
         self.base = np.empty((most, channels))
         self.keys, self.indices = np.empty(most, dtype=np.uint64), np.empty(most, dtype=np.uint32)
@@ -68,7 +66,8 @@ class MetSurfaces:
         from plenoptic.scene.geometry.kernels import interaction
         from plenoptic.scene.textures.kernels import colors
 
-        scene, matrices = self._scene, self._intersector.placements
+        scene, geometry, bsdf = self._scene, self._scene.geometry, self._scene.bsdf
+        assert geometry is not None and bsdf is not None
         met = interaction.fill_surfaces(
             self.rows,
             self._lanes,
@@ -76,22 +75,26 @@ class MetSurfaces:
             hits,
             placed,
             now.rays,
-            scene.vertices,
-            scene.triangles,
-            scene.triangle_material,
-            scene.scatters,
-            scene.normals,
-            scene.uv,
-            matrices,
-            self._intersector.middle,
-            scene.roughness,
-            scene.metallic,
+            geometry.vertices,
+            geometry.triangles,
+            geometry.triangle_material,
+            bsdf.scatters,
+            geometry.normals,
+            geometry.uv,
+            geometry.instance_to_world,
+            geometry.middle,
+            bsdf.roughness,
+            bsdf.metallic,
         )
         self.lane_of, self.material_of = lanes, materials = self._lanes[:met], self._materials[:met]
         sobol.fill_drawn(self.random, self.keys, self.indices, lanes, now.path_of, path_key, path_index, bounce + 1)
-        colors.fill_base(self.base, lanes, materials, now.path_of, scene.albedo, waves, self._basis)
-        textures = (scene.base_texture, scene.roughness_texture, scene.metallic_texture)
-        if any(column is not None for column in textures):
+        colors.fill_base(self.base, lanes, materials, now.path_of, bsdf.base_color, waves, self._basis)
+        textures = scene.textures
+        if textures is None:
+            return
+        columns = (textures.base_color, textures.roughness, textures.metallic)
+        given = [column for column in columns if column is not None]
+        if given:
             colors.fill_textured(
                 self.base,
                 self.rows,
@@ -99,13 +102,13 @@ class MetSurfaces:
                 materials,
                 now.path_of,
                 scene.channels,
-                *textures,
-                scene.texels,
-                scene.texture_rows,
+                *(None if column is None else column.row for column in columns),
+                given[0].texels,
+                given[0].textures,
                 waves,
                 self._basis,
             )
-        if scene.normal_texture is not None:
+        if textures.normal is not None:
             colors.fill_bent(
                 self.rows,
                 lanes,
@@ -113,54 +116,69 @@ class MetSurfaces:
                 hits,
                 placed,
                 now.rays,
-                scene.vertices,
-                scene.triangles,
-                scene.uv,
-                matrices,
-                scene.normal_texture,
-                scene.texels,
-                scene.texture_rows,
+                geometry.vertices,
+                geometry.triangles,
+                geometry.uv,
+                geometry.instance_to_world,
+                textures.normal.row,
+                textures.normal.texels,
+                textures.normal.textures,
             )
 
     def draw_lights(self, now: PathRays, waves: NDArray[np.int64] | None) -> None:
         """Draw a light for each surface."""
         from plenoptic.scene.lights.kernels import sample_emitters
 
-        scene, lights, sky = self._scene, self._scene.lights, self._scene.environment
+        scene, geometry, bsdf, emission, alpha = (
+            self._scene,
+            self._scene.geometry,
+            self._scene.bsdf,
+            self._scene.emission,
+            self._scene.alpha,
+        )
+        assert geometry is not None and bsdf is not None
+        lights, sky = scene.lights, scene.lights.sky
+        environment = sky.environment
+        glow = None if emission is None else emission.texture
+        holes = None if alpha is None else alpha.texture
+        either = holes if glow is None else glow
         sample_emitters.fill_drawn_lights(
             self.drawn,
             self.lit,
             self.rows,
             self.lane_of,
             self.material_of,
-            scene.takes_light,
+            bsdf.takes_light,
             now.path_of,
             self.random,
-            *geometry(scene, self._intersector),
+            geometry.vertices,
+            geometry.triangles,
+            geometry.triangle_material,
+            geometry.uv,
+            geometry.instance_to_world,
+            geometry.middle,
             scene.channels,
-            scene.emission,
-            scene.two_sided,
-            scene.emission_texture,
-            scene.opacity,
-            scene.cutoff,
-            scene.opacity_texture,
-            scene.texels,
-            scene.texture_rows,
+            None if emission is None else emission.radiance,
+            None if emission is None else emission.two_sided,
+            None if glow is None else glow.row,
+            None if alpha is None else alpha.opacity,
+            None if alpha is None else alpha.cutoff,
+            None if holes is None else holes.row,
+            None if either is None else either.texels,
+            None if either is None else either.textures,
             lights.cdf,
-            lights.row,
-            lights.kind,
-            lights.place,
-            lights.material_density,
+            lights.items,
+            None if emission is None else emission.pdf,
             lights.points,
-            lights.point_colours,
-            lights.suns,
-            lights.sun_colours,
-            None if sky is None else sky.texels,
-            None if sky is None else sky.rows_cdf,
-            None if sky is None else sky.columns_cdf,
-            None if sky is None else sky.density,
-            None if sky is None else sky.rotation,
-            lights.environment_share,
+            lights.point_colors,
+            sky.suns,
+            sky.sun_colors,
+            None if environment is None else environment.texels,
+            None if environment is None else environment.rows_cdf,
+            None if environment is None else environment.columns_cdf,
+            None if environment is None else environment.pdf,
+            None if environment is None else environment.rotation,
+            0.0 if environment is None else environment.probability,
             lights.far,
             waves,
             self._basis,

@@ -12,6 +12,8 @@ from plenoptic.rendering.integrator.interaction import MetSurfaces, PathRays
 from plenoptic.rendering.plan.scene_stages import ROULETTE
 from plenoptic.rendering.plan.stages import Stage
 from plenoptic.rendering.settings import Caustics, Sampler
+from plenoptic.scene.compile import SceneRecord
+from plenoptic.scene.geometry.record import Hits
 from plenoptic.scene.materials.alpha_mask import SALTS, media_at, pass_through, thin_out
 
 
@@ -77,23 +79,22 @@ class Transport:
         """Paths that met a triangle."""
         self._hits = np.full(most, -1, dtype=np.int32)
         self._placed = None if scene.instances is None else np.full(most, -1, dtype=np.int32)
-        self._matrices = None if intersector is None else intersector.placements
         scattering, telling = plan.runs(Stage.SCATTERING), settings.how.caustics is Caustics.LEFT_OUT
         pair = [
             PathRays(most, channels, scene, onward=plan.runs(Stage.ONWARD_RAYS), telling=telling)
             for _ in range(2 if scattering else 1)
         ]
         self._now, self._next = pair[0], pair[-1]
-        if scene.opacity is not None:
+        if scene.alpha is not None:
             self._travelled = np.empty(most)
         if scene.absorption is not None and intersector is not None:
             self._media = media_at(scene, intersector, np.zeros(3) if tables.position is None else tables.position)
-        if scattering or scene.opacity is not None:
+        if scattering or scene.alpha is not None:
             self._keys, self._indices = np.empty(most, dtype=np.uint64), np.empty(most, dtype=np.uint32)
         if scattering:
             assert intersector is not None
             lights = plan.runs(Stage.DIRECT_LIGHT)
-            self._met = MetSurfaces(scene, intersector, self._basis, most, channels, lights=lights)
+            self._met = MetSurfaces(scene, self._basis, most, channels, lights=lights)
             self._from = np.empty(most, dtype=np.int64)
             room = most if lights else 0
             self._shadow_rays = np.empty((room, 6))
@@ -125,7 +126,7 @@ class Transport:
         found = sample_kernels.fill_world_rays(
             now.rays, now.path_of, blocks, n, self._camera.rotation, self._camera.position
         )
-        if plan.runs(Stage.SCATTERING) or scene.opacity is not None:
+        if plan.runs(Stage.SCATTERING) or scene.alpha is not None:
             sample_kernels.fill_path_keys(
                 self._keys[:n],
                 self._indices[:n],
@@ -149,7 +150,7 @@ class Transport:
             self._see(radiance, found, bounce, waves)
             if witness is not None:
                 placed = None if self._placed is None else self._placed[:found]
-                travelled = None if scene.opacity is None else self._travelled[:found]
+                travelled = None if scene.alpha is None else self._travelled[:found]
                 witness.saw(self._now.rays[:found], self._hits[:found], placed, travelled, radiance)
             if bounce == max_bounces or not plan.runs(Stage.SCATTERING):
                 break
@@ -163,17 +164,17 @@ class Transport:
         """Find what rays meet, through surfaces that are not there for their paths."""
         if self._intersector is None:
             return
-        now, hits = self._now, self._hits[:found]
+        now = self._now
         placed = None if self._placed is None else self._placed[:found]
-        self._intersector.fill_closest(hits, now.rays[:found], coherent=bounce == 0, placed=placed)
-        if self._scene.opacity is not None:
+        travelled = None if self._scene.alpha is None else self._travelled[:found]
+        hits = Hits(self._hits[:found], placed, travelled)
+        self._intersector.fill_closest(hits, now.rays[:found], coherent=bounce == 0)
+        if self._scene.alpha is not None:
             pass_through(
                 self._scene,
                 self._intersector,
                 now.rays[:found],
-                self._travelled,
                 hits,
-                placed,
                 now.path_of,
                 self._keys,
                 self._indices,
@@ -184,12 +185,14 @@ class Transport:
         """Add what rays meet that shines, and weaken them by what they have come through."""
         from plenoptic.rendering.integrator.kernels import shade
 
-        scene, now, lights, sky = self._scene, self._now, self._scene.lights, self._scene.environment
+        scene, now, sky, emission = self._scene, self._now, self._scene.lights.sky, self._scene.emission
+        geometry, environment = scene.geometry, sky.environment
         hits, rays, path_of = self._hits[:found], now.rays[:found], now.path_of[:found]
-        travelled = None if scene.opacity is None else self._travelled
+        travelled = None if scene.alpha is None else self._travelled
         if scene.absorption is not None:
             from plenoptic.scene.materials.kernels import absorption
 
+            assert geometry is not None and scene.bsdf is not None
             absorption.fill_absorbed(
                 now.throughput,
                 now.media,
@@ -197,10 +200,10 @@ class Transport:
                 hits,
                 self._placed,
                 rays,
-                scene.vertices,
-                scene.triangles,
-                scene.triangle_material,
-                self._matrices,
+                geometry.vertices,
+                geometry.triangles,
+                geometry.triangle_material,
+                geometry.instance_to_world,
                 scene.bsdf.glass_index,
                 scene.absorption,
                 travelled,
@@ -208,8 +211,9 @@ class Transport:
                 self._basis,
             )
         weighed = bounce > 0 or scene.absorption is not None
-        if scene.emission is None and scene.background is None and lights.suns is None and sky is None:
+        if emission is None and sky.background is None and sky.suns is None and environment is None:
             return
+        glow = None if emission is None else emission.texture
         shade.fill_emitted(
             radiance,
             now.throughput if weighed else None,
@@ -219,24 +223,24 @@ class Transport:
             hits,
             self._placed,
             rays,
-            scene.vertices,
-            scene.triangles,
-            scene.triangle_material,
-            scene.uv,
-            self._matrices,
-            scene.emission,
-            scene.two_sided,
-            scene.emission_texture,
-            scene.texels,
-            scene.texture_rows,
-            lights.material_density,
-            scene.background,
-            lights.suns,
-            lights.sun_colours,
-            None if sky is None else sky.texels,
-            None if sky is None else sky.density,
-            None if sky is None else sky.rotation,
-            lights.environment_share,
+            None if geometry is None else geometry.vertices,
+            None if geometry is None else geometry.triangles,
+            None if geometry is None else geometry.triangle_material,
+            None if geometry is None else geometry.uv,
+            None if geometry is None else geometry.instance_to_world,
+            None if emission is None else emission.radiance,
+            None if emission is None else emission.two_sided,
+            None if glow is None else glow.row,
+            None if glow is None else glow.texels,
+            None if glow is None else glow.textures,
+            None if emission is None else emission.pdf,
+            sky.background,
+            sky.suns,
+            sky.sun_colors,
+            None if environment is None else environment.texels,
+            None if environment is None else environment.pdf,
+            None if environment is None else environment.rotation,
+            0.0 if environment is None else environment.probability,
             travelled,
             waves,
             self._basis,
@@ -289,7 +293,7 @@ class Transport:
             now.rays,
             now.path_of,
             throughput,
-            *scene.bsdf,
+            *scattering_columns(scene),
             met.drawn,
             met.lit,
             waves,
@@ -298,7 +302,7 @@ class Transport:
         if not shadows:
             return 0
         blocked, rays = self._blocked[:shadows], self._shadow_rays[:shadows]
-        if scene.opacity is None:
+        if scene.alpha is None:
             self._intersector.fill_blocked(blocked, rays)
         else:
             thin_out(scene, self._intersector, rays, blocked, self._shadow_radiance)
@@ -330,7 +334,7 @@ class Transport:
             met.keys,
             met.indices,
             lottery,
-            *scene.bsdf,
+            *scattering_columns(scene),
             waves,
             self._basis,
         )
@@ -346,10 +350,17 @@ class Transport:
             from plenoptic.scene.materials.kernels import absorption
 
             absorption.fill_next_media(
-                then.media, came, now.media, met.rows, met.lane_of, met.material_of, scene.bsdf.glass_index
+                then.media, came, now.media, met.rows, met.lane_of, met.material_of, scattering_columns(scene)[2]
             )
         if now.rough is not None:
             assert then.rough is not None and then.density is not None
             surface = np.where(came < 0, -1 - came, came)
             # A negative density is that of a direction without choice: a mirror's.
             then.rough[:onwards] = now.rough[met.lane_of[surface]] | (then.density[:onwards] > 0)
+
+
+def scattering_columns(scene: SceneRecord):  # type: ignore[no-untyped-def]
+    """What kernels need to know of materials."""
+    bsdf = scene.bsdf
+    assert bsdf is not None
+    return bsdf.kind, bsdf.metal_index, bsdf.glass_index, bsdf.pane_index, bsdf.coupling, bsdf.coupling_mean

@@ -1,157 +1,106 @@
-"""Which stages a scene needs, and why."""
+"""Which stages a scene needs, and why: a table of conditions and reasons."""
 
 from __future__ import annotations
 
-from plenoptic.rendering.plan.stages import Decision, Stage, first_reason
-from plenoptic.scene.compile import SceneTables
-from plenoptic.scene.materials.registry import KIND_NAMES, LAMBERTIAN
+from collections.abc import Mapping
+
+from plenoptic.rendering.plan.stages import Decision, Stage, decide, left_out
+from plenoptic.scene.compile import SceneRecord
+from plenoptic.scene.materials.record import KIND_NAMES, LAMBERTIAN
 
 ROULETTE = 3
 """Paths that were scattered this often go on with a probability of what their surface gives back."""
+WHITE = "a white image has no scene"
 
 
-def is_dark(tables: SceneTables) -> bool:
+def is_dark(record: SceneRecord) -> bool:
     """Whether nothing in a scene shines: its image is black."""
-    return not _visible(tables) and tables.lights.points is None
+    return not _visible(record) and record.lights.points is None
 
 
-def _visible(tables: SceneTables) -> bool:
+def _visible(record: SceneRecord) -> bool:
     """Whether rays can meet what shines."""
-    parts = (tables.emission, tables.background, tables.environment, tables.lights.suns)
-    return any(part is not None for part in parts)
+    return record.emission is not None or bool(_world(record))
 
 
-def scene_decisions(tables: SceneTables | None, max_bounces: int) -> list[Decision]:
+def scene_decisions(record: SceneRecord | None, max_bounces: int) -> list[Decision]:
     """Decisions on the stages from INTERSECTION to COLOUR."""
-    if tables is None:
-        white = "a white image has no scene"
-        return [Decision(Stage(stage), False, white) for stage in range(Stage.INTERSECTION, Stage.COLOUR + 1)]
-    meshes = tables.triangles is not None
-    scatters = meshes and tables.albedo is not None and max_bounces > 0
-    return [
-        *_geometry(tables, meshes),
-        *_emission(tables, meshes),
-        *_scattering(tables, meshes, scatters, max_bounces),
-        *_details(tables, scatters),
-    ]
+    if record is None:
+        return left_out(Stage.INTERSECTION, Stage.COLOUR, WHITE)
+    return [*_surfaces(record), *_scattering(record, max_bounces), *_details(record, max_bounces)]
 
 
-def _geometry(tables: SceneTables, meshes: bool) -> list[Decision]:
-    instances = tables.instances
-    return [
-        Decision(Stage.INTERSECTION, meshes, "there are meshes" if meshes else "there is no mesh"),
-        Decision(
-            Stage.INSTANCES,
-            instances is not None,
-            "no mesh is repeated" if instances is None else f"meshes stand at {len(instances.matrices)} places",
-        ),
-        Decision(
-            Stage.OPACITY,
-            tables.opacity is not None,
-            "everything is opaque" if tables.opacity is None else "some surfaces are not there for all paths",
-        ),
-    ]
+def _scatters(record: SceneRecord, max_bounces: int) -> bool:
+    return record.geometry is not None and record.bsdf is not None and max_bounces > 0
 
 
-def _drawn(tables: SceneTables) -> str:
-    """The kinds of lights that are drawn directly."""
-    lights = tables.lights
-    kinds = {
-        "surfaces": lights.material_density,
-        "points": lights.points,
-        "suns": lights.suns,
-        "the environment": tables.environment,
-    }
-    return ", ".join(name for name, part in kinds.items() if part is not None)
-
-
-def _world(tables: SceneTables) -> str:
+def _world(record: SceneRecord) -> str:
     """What rays see that meet nothing."""
-    kinds = {"a constant": tables.background, "a map": tables.environment, "suns": tables.lights.suns}
-    return "the world is bright: " + ", ".join(name for name, part in kinds.items() if part is not None)
+    sky = record.lights.sky
+    return _there({"a constant": sky.background, "a map": sky.environment, "suns": sky.suns})
 
 
-def _other_kinds(tables: SceneTables) -> str:
-    """The kinds of materials that are not Lambertian."""
-    kinds = set() if tables.bsdf.kinds is None else set(tables.bsdf.kinds.tolist())
-    return "there are " + ", ".join(KIND_NAMES[kind] for kind in sorted(kinds - {LAMBERTIAN}))
+def _drawn(record: SceneRecord) -> str:
+    """The kinds of lights that are drawn directly."""
+    lights = record.lights
+    kinds = {
+        "surfaces": None if record.emission is None else record.emission.pdf,
+        "points": lights.points,
+        "suns": lights.sky.suns,
+        "the environment": lights.sky.environment,
+    }
+    return _there(kinds)
 
 
-def _emission(tables: SceneTables, meshes: bool) -> list[Decision]:
-    emits = tables.emission is not None
-    background = any(part is not None for part in (tables.background, tables.environment, tables.lights.suns))
-    dark = ", and the image will be black" * is_dark(tables)
+def _there(parts: Mapping[str, object]) -> str:
+    return ", ".join(name for name, part in parts.items() if part is not None)
+
+
+def _surfaces(record: SceneRecord) -> list[Decision]:
+    meshes, instances, world = record.geometry is not None, record.instances, _world(record)
+    places = f"meshes stand at {0 if instances is None else len(instances.matrices)} places"
+    clear = "some surfaces are not there for all paths"
+    dark = "nothing emits" + ", and the image will be black" * is_dark(record)
     return [
-        Decision(Stage.EMISSION, meshes and emits, "something emits" if emits else "nothing emits" + dark),
-        Decision(Stage.BACKGROUND, background, _world(tables) if background else "the world is black"),
+        decide(Stage.INTERSECTION, meshes, "there is no mesh", "there are meshes"),
+        decide(Stage.INSTANCES, instances is not None, "no mesh is repeated", places),
+        decide(Stage.OPACITY, record.alpha is not None, "everything is opaque", clear),
+        decide(Stage.EMISSION, record.emission is not None, dark, "something emits"),
+        decide(Stage.BACKGROUND, world, "the world is black", f"the world is bright: {world}"),
     ]
 
 
-def _scattering(tables: SceneTables, meshes: bool, scatters: bool, max_bounces: int) -> list[Decision]:
-    lights = scatters and tables.lights.cdf is not None
-    onward = scatters and (_visible(tables) or (lights and max_bounces > 1))
-    plain = tables.bsdf.kinds is None
-    no = "nothing scatters"
+def _scattering(record: SceneRecord, max_bounces: int) -> list[Decision]:
+    meshes, bsdf, scatters = record.geometry is not None, record.bsdf, _scatters(record, max_bounces)
+    kinds = set() if bsdf is None or bsdf.kind is None else set(bsdf.kind.tolist())
+    others = "there are " + ", ".join(KIND_NAMES[kind] for kind in sorted(kinds - {LAMBERTIAN}))
+    absorbs, drawn = record.absorption is not None, record.lights.cdf is not None
+    onward = scatters and (_visible(record) or (drawn and max_bounces > 1))
+    no, bounces, roulette = "nothing scatters", f"up to {max_bounces} bounces", f"after {ROULETTE} bounces"
     return [
-        Decision(
+        decide(
             Stage.SCATTERING,
-            scatters,
-            first_reason(
-                meshes,
-                "there is no mesh",
-                tables.albedo is not None,
-                "nothing reflects",
-                max_bounces > 0,
-                "0 bounces",
-                "something reflects",
-            ),
+            *(meshes, "there is no mesh"),
+            *(bsdf is not None, "nothing reflects"),
+            *(max_bounces > 0, "0 bounces"),
+            "something reflects",
         ),
-        Decision(
-            Stage.MATERIALS,
-            scatters and not plain,
-            first_reason(scatters, no, not plain, "all surfaces are Lambertian", _other_kinds(tables)),
-        ),
-        Decision(
-            Stage.ABSORPTION,
-            scatters and tables.absorption is not None,
-            first_reason(scatters, no, tables.absorption is not None, "nothing absorbs", "some glass absorbs"),
-        ),
-        Decision(
-            Stage.DIRECT_LIGHT,
-            lights,
-            first_reason(scatters, no, lights, "there are no lights", f"drawn: {_drawn(tables)}"),
-        ),
-        Decision(
-            Stage.ONWARD_RAYS,
-            onward,
-            first_reason(scatters, no, onward, "no light could be met", f"up to {max_bounces} bounces"),
-        ),
-        Decision(
-            Stage.RUSSIAN_ROULETTE,
-            onward and max_bounces > ROULETTE,
-            first_reason(onward, "no rays onwards", max_bounces > ROULETTE, "few bounces", f"after {ROULETTE} bounces"),
-        ),
+        decide(Stage.MATERIALS, scatters, no, kinds, "all surfaces are Lambertian", others),
+        decide(Stage.ABSORPTION, scatters, no, absorbs, "nothing absorbs", "some glass absorbs"),
+        decide(Stage.DIRECT_LIGHT, scatters, no, drawn, "there are no lights", f"drawn: {_drawn(record)}"),
+        decide(Stage.ONWARD_RAYS, scatters, no, onward, "no light could be met", bounces),
+        decide(Stage.RUSSIAN_ROULETTE, onward, "no rays onwards", max_bounces > ROULETTE, "few bounces", roulette),
     ]
 
 
-def _details(tables: SceneTables, scatters: bool) -> list[Decision]:
-    no = "nothing scatters"
-    textures = tables.texels is not None
+def _details(record: SceneRecord, max_bounces: int) -> list[Decision]:
+    scatters, no = _scatters(record, max_bounces), "nothing scatters"
+    normals = record.geometry is not None and record.geometry.normals is not None
+    maps = record.textures is not None and record.textures.normal is not None
+    textures = record.geometry is not None and record.geometry.uv is not None
     return [
-        Decision(
-            Stage.VERTEX_NORMALS,
-            scatters and tables.normals is not None,
-            first_reason(scatters, no, tables.normals is not None, "meshes are flat", "meshes have normals"),
-        ),
-        Decision(
-            Stage.NORMAL_MAPS,
-            scatters and tables.normal_texture is not None,
-            first_reason(
-                scatters, no, tables.normal_texture is not None, "no material has one", "textures turn normals"
-            ),
-        ),
-        Decision(Stage.TEXTURES, textures, "materials have textures" if textures else "no textures"),
-        Decision(
-            Stage.COLOUR, tables.channels == 3, "colours differ" if tables.channels == 3 else "all colours are grey"
-        ),
+        decide(Stage.VERTEX_NORMALS, scatters, no, normals, "meshes are flat", "meshes have normals"),
+        decide(Stage.NORMAL_MAPS, scatters, no, maps, "no material has one", "textures turn normals"),
+        decide(Stage.TEXTURES, textures, "no textures", "materials have textures"),
+        decide(Stage.COLOUR, record.channels == 3, "all colours are grey", "colours differ"),
     ]

@@ -14,17 +14,17 @@ from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.core.color.spectra import colour_tables
 from plenoptic.core.files.digest import MARK, digest
 from plenoptic.errors import InvalidValueError
-from plenoptic.scene.compile import SceneTables
+from plenoptic.scene.compile import SceneRecord
 from plenoptic.scene.scene import Scene
 
 
-def identity(scene: Scene | SceneTables | None, camera: PlenopticCamera, **facts: Any) -> dict[str, str]:
+def identity(scene: Scene | SceneRecord | None, camera: PlenopticCamera, **facts: Any) -> dict[str, str]:
     """What a rendering is of: two of the same identity add up to the same image.
 
     Parameters
     ----------
-    scene : Scene, SceneTables or None
-        None for white images. The tables of a scene are the same as the scene.
+    scene : Scene, SceneRecord or None
+        None for white images. The record of a scene is the same as the scene.
     camera : PlenopticCamera
         Media of other origin than this package count by their indices at the wavelengths of the camera.
     **facts
@@ -51,8 +51,8 @@ def identity(scene: Scene | SceneTables | None, camera: PlenopticCamera, **facts
     >>> found["seed"], found["camera.wavelength"], found["settings.sampler"], found["scene"] == found["camera.lens"]
     ('3', '587.6', 'SOBOL', False)
     """
-    tables = scene.tables() if isinstance(scene, Scene) else scene
-    found = {"plenoptic": __version__, "scene": _text(tables)}
+    record = scene.tables() if isinstance(scene, Scene) else scene
+    found = {"plenoptic": __version__, "scene": _text(record)}
     for name, fact in {"camera": camera, **facts}.items():
         parts = dataclasses.fields(fact) if dataclasses.is_dataclass(fact) else ()
         for part in parts:
@@ -87,8 +87,10 @@ def _text(fact: Any, seen_as: Callable[[Any], Any] | None = None) -> str:
     """A fact as a short text, or as a digest where it is long."""
     if isinstance(fact, np.generic):
         fact = fact.item()
+    if isinstance(fact, enum.Flag):  # one by one: what a name such as ALL joins may grow
+        return "|".join(str(flag.name) for flag in type(fact) if flag.value.bit_count() == 1 and flag in fact) or "NONE"
     if isinstance(fact, enum.Enum):
-        return str(fact.name or fact.value)  # combined flags have no name in Python 3.10
+        return fact.name
     if fact is None or isinstance(fact, bool | int | float | str):
         return str(fact)
     if type(fact) is tuple and len(fact) <= 8 and all(item is None or isinstance(item, int | float) for item in fact):

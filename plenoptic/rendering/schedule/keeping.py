@@ -11,7 +11,7 @@ from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.core.values import file_path, positive
 from plenoptic.errors import FileError
 from plenoptic.rendering.schedule.progress import Progress
-from plenoptic.scene.compile import SceneTables
+from plenoptic.scene.compile import SceneRecord
 
 
 class Keeper:
@@ -28,7 +28,7 @@ class Keeper:
         """Samples of all tiles in the file."""
 
     def resume(
-        self, progress: Progress, scene: SceneTables | None, camera: PlenopticCamera, facts: Mapping[str, object]
+        self, progress: Progress, scene: SceneRecord | None, camera: PlenopticCamera, facts: Mapping[str, object]
     ) -> None:
         """Put into `progress` what the file holds, if there is one of a rendering with the same facts."""
         from plenoptic.rendering.schedule.checkpoint import identity, load_checkpoint

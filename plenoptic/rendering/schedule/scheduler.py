@@ -35,8 +35,10 @@ from plenoptic.rendering.tile import Tile, TileResult, render_tile, status_codes
 from plenoptic.rendering.tiling import cut_into_tiles
 from plenoptic.scene.lights.brightness import brightest_radiance
 from plenoptic.scene.scene import Scene
-from plenoptic.truth.compute import TruthTables, truth_tables
-from plenoptic.truth.ground_truth import GroundTruth, Truth, available_truth, empty_truth, forget_truth
+from plenoptic.truth.arrays import available_truth, empty_truth, forget_truth
+from plenoptic.truth.channels import GroundTruth, Truth
+from plenoptic.truth.compute import truth_tables
+from plenoptic.truth.stages import TruthTables
 
 _MISSED = 1.25
 """Ratio of the error reached to the one wanted that is worth a warning."""

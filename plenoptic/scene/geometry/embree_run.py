@@ -9,43 +9,31 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
-from plenoptic.scene.geometry.accel import middle_of, part_of, placements_of
-from plenoptic.scene.geometry.instance import InstanceTables
+from plenoptic.scene.geometry.compile import part_of
 from plenoptic.scene.geometry.kernels.intersect import SHADOW_END
+from plenoptic.scene.geometry.record import Geometry, Hits, InstanceRecord
 
 
 class SceneRunTriangles:
     """The answers of `EmbreeTriangles`, single-threaded and with the GIL held; instances are copied."""
 
-    def __init__(
-        self,
-        vertices: NDArray[np.float64],
-        triangles: NDArray[np.int32],
-        instances: InstanceTables | None = None,
-    ) -> None:
-        self.middle = middle_of(vertices, triangles, instances)
-        self.placements = placements_of(instances)
+    def __init__(self, geometry: Geometry, instances: InstanceRecord | None = None) -> None:
+        self._middle = geometry.middle
         self._row: NDArray[np.int32] | None = None
-        self._place: NDArray[np.int32] | None = None
+        self._instance: NDArray[np.int32] | None = None
+        vertices, triangles = geometry.vertices, geometry.triangles
         if instances is not None:
-            vertices, triangles, self._row, self._place = _copied(vertices, triangles, instances)
+            vertices, triangles, self._row, self._instance = _copied(vertices, triangles, instances)
         self._scene: Any = EmbreeScene(robust=True)
-        centred = (vertices - self.middle).astype(np.float32)
+        centred = (vertices - self._middle).astype(np.float32)
         self._mesh = TriangleMesh(self._scene, centred, np.ascontiguousarray(triangles))
 
-    def fill_closest(
-        self,
-        hits: NDArray[np.int32],
-        rays: NDArray[np.float64],
-        *,
-        coherent: bool,
-        placed: NDArray[np.int32] | None = None,
-    ) -> None:
+    def fill_closest(self, hits: Hits, rays: NDArray[np.float64], *, coherent: bool) -> None:
         """Triangle that each ray (origin and direction, (n, 6)) meets first, or -1; and its instance, or -1."""
         found = self._scene.run(*self._halves(rays), query="INTERSECT")
-        hits[: len(rays)] = found if self._row is None else np.where(found < 0, -1, self._row[found])
-        if placed is not None:
-            placed[: len(rays)] = -1 if self._place is None else np.where(found < 0, -1, self._place[found])
+        hits.triangle[:] = found if self._row is None else np.where(found < 0, -1, self._row[found])
+        if hits.instance is not None:
+            hits.instance[:] = -1 if self._instance is None else np.where(found < 0, -1, self._instance[found])
 
     def fill_blocked(self, blocked: NDArray[np.uint8], rays: NDArray[np.float64]) -> None:
         """1 where something lies between a ray's origin and origin + direction, else 0."""
@@ -53,24 +41,24 @@ class SceneRunTriangles:
 
     def _halves(self, rays: NDArray[np.float64]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Origins, relative to the middle of the scene, and directions."""
-        origins, directions = rays[:, :3] - self.middle, rays[:, 3:]
+        origins, directions = rays[:, :3] - self._middle, rays[:, 3:]
         return np.ascontiguousarray(origins, np.float32), np.ascontiguousarray(directions, np.float32)
 
 
 def _copied(
-    vertices: NDArray[np.float64], triangles: NDArray[np.int32], instances: InstanceTables
+    vertices: NDArray[np.float64], triangles: NDArray[np.int32], instances: InstanceRecord
 ) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]:
     """All triangles in the world, and what each of them is: its row of `triangles` and its instance, or -1."""
     plain = triangles[: instances.plain]
     points, faces = [vertices[: plain.max() + 1] if len(plain) else vertices[:0]], [plain]
     rows, places = [np.arange(len(plain), dtype=np.int32)], [np.full(len(plain), -1, np.int32)]
     start = len(points[0])
-    for place, matrix in enumerate(instances.matrices.reshape(-1, 3, 4)):
-        first, count = instances.first[place], instances.count[place]
+    for instance, matrix in enumerate(instances.matrices.reshape(-1, 3, 4)):
+        first, count = instances.first[instance], instances.faces[instance]
         corners, part = part_of(vertices, triangles[first : first + count])
         points.append(corners @ matrix[:, :3].T + matrix[:, 3])
         faces.append((part + start).astype(np.int32))
         rows.append(np.arange(first, first + count, dtype=np.int32))
-        places.append(np.full(count, place, np.int32))
+        places.append(np.full(count, instance, np.int32))
         start += len(corners)
     return np.concatenate(points), np.concatenate(faces), np.concatenate(rows), np.concatenate(places)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,6 +14,7 @@ from plenoptic.core.rotation import rotation_about
 from plenoptic.core.values import finite, frozen_array, positive, set_field, value, wrong_kind
 from plenoptic.errors import SceneError
 from plenoptic.scene.geometry.mesh import MAX_COORDINATE, Mesh
+from plenoptic.scene.geometry.record import InstanceRecord
 from plenoptic.scene.materials.registry import Material
 
 
@@ -177,31 +178,7 @@ class Instances:
         return tuple(self.mesh.transformed(matrix) for matrix in self.matrices)
 
 
-class InstanceTables(NamedTuple):
-    """What kernels read of instances: ni places of meshes whose triangles stand behind the plain ones.
-
-    Examples
-    --------
-    >>> import numpy as np, plenoptic as pl
-    >>> from plenoptic.scene.geometry.instance import instance_tables
-    >>> tables = instance_tables([pl.Instances(pl.box(2), [np.eye(4), np.diag([1, 1, -1, 1])])], [12])
-    >>> tables.first.tolist(), tables.count.tolist(), tables.mirrored.tolist(), tables.plain
-    ([12, 12], [12, 12], [0, 1], 12)
-    """
-
-    matrices: NDArray[np.float64]
-    """(ni, 12): the upper three rows, one after the other, from the frame of the mesh to the world, mm."""
-    first: NDArray[np.int32]
-    """(ni,): the row of `triangles` at which those of the mesh begin."""
-    count: NDArray[np.int32]  # type: ignore[assignment]  # tuples have a method of this name, which nobody needs here
-    """(ni,): number of its triangles."""
-    mirrored: NDArray[np.uint8]
-    """(ni,): 1 where the determinant is negative: corners then run clockwise in the world as seen from the front."""
-    plain: int
-    """Number of triangles that stand in the world as they are: the first rows of `triangles`."""
-
-
-def instance_tables(instances: Sequence[Instances], first: Sequence[int]) -> InstanceTables | None:
+def instance_record(instances: Sequence[Instances], first: Sequence[int]) -> InstanceRecord | None:
     """Instances as plain arrays; None where there are none.
 
     Parameters
@@ -213,24 +190,25 @@ def instance_tables(instances: Sequence[Instances], first: Sequence[int]) -> Ins
 
     Examples
     --------
-    >>> from plenoptic.scene.geometry.instance import instance_tables
-    >>> instance_tables([], []) is None
-    True
+    >>> import numpy as np, plenoptic as pl
+    >>> from plenoptic.scene.geometry.instance import instance_record
+    >>> record = instance_record([pl.Instances(pl.box(2), [np.eye(4), np.diag([1, 1, -1, 1])])], [12])
+    >>> record.first.tolist(), record.faces.tolist(), record.plain
+    ([12, 12], [12, 12], 12)
     """
     if not instances:
         return None
     matrices = np.concatenate([one.matrices for one in instances])
     lengths = [len(one) for one in instances]
-    tables = InstanceTables(
+    record = InstanceRecord(
         matrices=np.ascontiguousarray(matrices[:, :3]).reshape(-1, 12),
         first=np.repeat(np.asarray(first, dtype=np.int32), lengths),
-        count=np.repeat(np.array([len(one.mesh.faces) for one in instances], dtype=np.int32), lengths),
-        mirrored=(np.linalg.det(matrices[:, :3, :3]) < 0).astype(np.uint8),
+        faces=np.repeat(np.array([len(one.mesh.faces) for one in instances], dtype=np.int32), lengths),
         plain=int(min(first)),
     )
-    for array in tables[:4]:
+    for array in record[:3]:
         array.flags.writeable = False
-    return tables
+    return record
 
 
 def _check(matrices: NDArray[np.float64]) -> None:

@@ -6,15 +6,15 @@ import math
 
 import numpy as np
 
-from plenoptic.scene.compile import SceneTables
+from plenoptic.scene.compile import SceneRecord
 
 
-def brightest_radiance(tables: SceneTables) -> float:
+def brightest_radiance(record: SceneRecord) -> float:
     """About the brightest radiance that a path can bring: of what emits, the world, or matt surfaces under lights.
 
     Parameters
     ----------
-    tables : SceneTables
+    record : SceneRecord
 
     Returns
     -------
@@ -29,16 +29,16 @@ def brightest_radiance(tables: SceneTables) -> float:
     >>> brightest_radiance(pl.white_plane().tables())
     1.0
     """
-    lights, found = tables.lights, [0.0]
-    for rows in (tables.emission, tables.background):
+    lights, sky, found = record.lights, record.lights.sky, [0.0]
+    for rows in (None if record.emission is None else record.emission.radiance, sky.background):
         if rows is not None:
             found.append(float(np.atleast_2d(rows).mean(axis=1).max()))
-    if tables.environment is not None:
-        found.append(tables.environment.total / math.pi)
-    if lights.suns is not None and lights.sun_colours is not None:
-        angle = 2 * math.pi * lights.suns[:, 3]
-        irradiance = lights.sun_colours.mean(axis=1) * np.where(angle > 0, angle, 1.0)
+    if sky.environment is not None:
+        found.append(sky.environment.total / math.pi)
+    if sky.suns is not None and sky.sun_colors is not None:
+        angle = 2 * math.pi * sky.suns["cap"]
+        irradiance = sky.sun_colors.mean(axis=1) * np.where(angle > 0, angle, 1.0)
         found.append(float(irradiance.max()) / math.pi)
-    if lights.point_colours is not None:
-        found.append(float(lights.point_colours.mean(axis=1).max()) / (math.pi * (lights.far / 4) ** 2))
+    if lights.point_colors is not None:
+        found.append(float(lights.point_colors.mean(axis=1).max()) / (math.pi * (lights.far / 4) ** 2))
     return max(found)

@@ -14,6 +14,7 @@ from plenoptic.core.rotation import rotation_about
 from plenoptic.core.values import finite, frozen_array, set_field, value
 from plenoptic.errors import FileError, InvalidValueError, SceneError
 from plenoptic.scene.textures.color import Colour, as_colour
+from plenoptic.scene.textures.texels import as_texels, equal_channels
 
 MAX_TEXELS = 2**27
 """The most texels that an environment may have: 16384 columns x 8192 rows; in colour its tables then take 3.5 GiB."""
@@ -96,7 +97,8 @@ class EnvironmentMap:
         def __init__(self, texels: ArrayLike, rotation: ArrayLike | None = None) -> None: ...
 
     def __post_init__(self) -> None:
-        set_field(self, "texels", _radiances(self.texels))
+        codes = "EnvironmentMap.load for image files"
+        set_field(self, "texels", as_texels(self.texels, EnvironmentMap, most=MAX_TEXELS, from_codes=codes))
         if self.rotation is not None:
             set_field(self, "rotation", _rotation(self.rotation))
 
@@ -143,8 +145,7 @@ class EnvironmentMap:
         >>> pl.EnvironmentMap(np.ones((4, 8, 3))).is_grey
         True
         """
-        first = self.texels[..., 0]
-        return all(np.array_equal(first, self.texels[..., k]) for k in range(1, self.texels.shape[2]))
+        return equal_channels(self.texels)
 
     def rotated(self, axis: ArrayLike, angle: float) -> EnvironmentMap:
         """The environment turned about an axis of the world, further than it is already.
@@ -225,35 +226,6 @@ class EnvironmentMap:
 
 
 Background: TypeAlias = ConstantBackground | EnvironmentMap
-
-
-def _radiances(texels: ArrayLike) -> NDArray[np.float32]:
-    """(rows, columns, 1 or 3), read-only, finite and 0 or more."""
-    if isinstance(texels, str | PathLike):
-        raise InvalidValueError(f"texels are {texels!r}; use EnvironmentMap.load for files")
-    if isinstance(texels, np.ndarray):
-        if texels.dtype.kind in "iub":
-            raise InvalidValueError(
-                f"texels are {texels.dtype}; they must be linear floats, or use EnvironmentMap.load for image files"
-            )
-        _check_size(texels.shape)  # before they are copied
-    with np.errstate(over="ignore"):
-        kept = frozen_array(texels, name="texels", shape=("rows", "columns", "channels"), dtype=np.float32)
-    if kept.shape[2] not in (1, 3):
-        raise InvalidValueError(f"texels has {kept.shape[2]} channels; it must have 1 or 3 (drop alpha)")
-    _check_size(kept.shape)
-    low, high = float(kept.min()), float(kept.max())
-    if not (low >= 0 and high < np.inf):
-        raise SceneError(f"texels lie between {low:g} and {high:g}; they must be finite and 0 or more, so clip them")
-    return kept
-
-
-def _check_size(shape: tuple[int, ...]) -> None:
-    if len(shape) >= 2 and not 0 < shape[0] * shape[1] <= MAX_TEXELS:
-        raise SceneError(
-            f"texels has {shape[0]} rows and {shape[1]} columns; an environment must have at least 1 texel and at most "
-            f"{MAX_TEXELS}, so scale it"
-        )
 
 
 def _rotation(rotation: ArrayLike) -> NDArray[np.float64] | None:

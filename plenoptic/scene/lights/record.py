@@ -1,208 +1,84 @@
-"""The lights of a scene as one table of probabilities, and columns for each kind."""
+"""The lights of a scene as kernels read them: one table of probabilities, and rows for each kind."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.scene.geometry.instance import InstanceTables
-from plenoptic.scene.lights.environment_record import EnvironmentTables
-from plenoptic.scene.lights.fields import channel_mean
-from plenoptic.scene.lights.registry import DistantLight, Light, PositionalLight
-from plenoptic.scene.textures.color import Colour
-
 TRIANGLE, POINT, SUN, ENVIRONMENT = range(4)
-_FEWEST, _MOST = 0.1, 0.9
-"""Share of the draws that goes to distant lights (suns, environment) where there are near ones too. Their power
-depends on the size of the scene, and a floor of a kilometre must not leave lamps without draws."""
+"""The kinds of lights that are drawn."""
+
+LIGHT = np.dtype([("row", np.int64), ("instance", np.int32), ("kind", np.uint8)])
+"""What is drawn: row of the triangles, points or suns; instance of a triangle, -1 for a plain one; kind."""
+
+POINT_LIGHT = np.dtype(
+    [(name, np.float64) for name in ("x", "y", "z", "axis_x", "axis_y", "axis_z", "cos_outer", "cos_inner")]
+)
+"""Position in mm, axis of a spot, and cosines of its outer and inner angle, both -2 where light goes everywhere."""
+
+SUN_LIGHT = np.dtype([(name, np.float64) for name in ("x", "y", "z", "cap", "pdf")])
+"""Direction to the sun, 1 - cosine of its angular radius, and the probability with which it is drawn."""
+
+DIRECTION, END, PDF = 0, 3, 6
+DRAWN_COLUMNS = 7
+"""Columns of a drawn light: unit direction to it, the point at which its shadow ray ends, and its density."""
+
+DELTA = -1.0
+"""The density of a direction that is the only one: a mirror's, or that of a point or of a sun without extent."""
 
 
-class LightTables(NamedTuple):
-    """Lights that are drawn directly, and those that rays may meet. n items, nm materials, C channels.
+class Environment(NamedTuple):
+    """An environment of H x W texels. All arrays are C-contiguous and read-only.
+
+    A texel is drawn with a probability proportional to its mean radiance over the channels times its solid angle: first
+    its row, then its column, then a direction in it, uniform in solid angle.
+    """
+
+    texels: NDArray[np.float32]
+    """(H, W, C): radiance."""
+    rows_cdf: NDArray[np.float64]
+    """(H,): cumulative probability of the rows; the last is exactly 1."""
+    columns_cdf: NDArray[np.float64]
+    """(H, W): that of the columns of each row, the last exactly 1; zeros in black rows."""
+    pdf: NDArray[np.float64]
+    """(H, W), 1/sr: probability per solid angle, the same all over a texel; 0 where the map is black."""
+    rotation: NDArray[np.float64] | None
+    """(9,): the map's rotation, row by row. None where it has the axes of the world."""
+    probability: float
+    """With which the environment is drawn as a light."""
+    total: float
+    """Radiance, the mean of its channels, integrated over all directions."""
+
+
+class Sky(NamedTuple):
+    """What rays see that meet nothing; C channels."""
+
+    background: NDArray[np.float64] | None
+    """(C,): constant radiance of the world. None where it is black or a map."""
+    suns: NDArray[Any] | None
+    """(ns,) of SUN_LIGHT."""
+    sun_colors: NDArray[np.float64] | None
+    """(ns, C): radiance of the disc; irradiance where there is none."""
+    environment: Environment | None
+    """None where there is no map, or a black one."""
+
+
+class Lights(NamedTuple):
+    """Lights that are drawn directly, and the sky. n items, C channels. All arrays are read-only.
 
     A constant background is no item: rays that are scattered find it as well.
     """
 
     cdf: NDArray[np.float64] | None
-    """(n,): cumulative probability, the last exactly 1. None, as are the next four, where nothing is drawn."""
-    row: NDArray[np.int64] | None
-    """(n,): triangle, or row of `points` or `suns`."""
-    kind: NDArray[np.uint8] | None
-    """(n,): TRIANGLE, POINT, SUN or ENVIRONMENT. None where all are triangles."""
-    place: NDArray[np.int32] | None
-    """(n,): row of the instances, -1 for a plain triangle. None in scenes without instances."""
-    material_density: NDArray[np.float64] | None
-    """(nm,), 1/mm^2: probability per area of the triangles of a material. None where no triangle is drawn."""
-    points: NDArray[np.float64] | None
-    """(np, 8): position, axis, cosines of the outer and inner angle (both -2 where light goes everywhere)."""
-    point_colours: NDArray[np.float64] | None
+    """(n,): cumulative probability, the last exactly 1. None, as is the next one, where nothing is drawn."""
+    items: NDArray[Any] | None
+    """(n,) of LIGHT."""
+    points: NDArray[Any] | None
+    """(np,) of POINT_LIGHT: points and spots."""
+    point_colors: NDArray[np.float64] | None
     """(np, C): intensity."""
-    suns: NDArray[np.float64] | None
-    """(ns, 5): direction to the sun, 1 - cosine of its angular radius, probability."""
-    sun_colours: NDArray[np.float64] | None
-    """(ns, C): radiance of the disc; irradiance where there is none."""
-    environment_share: float
-    """Probability of drawing the environment."""
+    sky: Sky
     far: float
     """mm: how far it is, at most, from any point of the scene to beyond all of it."""
-
-
-class Emitters(NamedTuple):
-    """The triangles that emit."""
-
-    vertices: NDArray[np.float64]
-    triangles: NDArray[np.int32]
-    triangle_material: NDArray[np.int32]
-    exitance: NDArray[np.float64]
-    """(nm,): half of mean emitted radiance times sides that emit."""
-    instances: InstanceTables | None
-
-
-def build_lights(
-    emitters: Emitters | None,
-    lights: Sequence[Light],
-    environment: EnvironmentTables | None,
-    bounds: NDArray[np.float64] | None,
-    channels: int,
-    *,
-    drawn: bool,
-) -> LightTables:
-    """Compile lights. `drawn` says whether anything reflects: otherwise they are only seen."""
-    points = [light for light in lights if isinstance(light, PositionalLight)]
-    suns = [light for light in lights if isinstance(light, DistantLight)]
-    extent = np.zeros((2, 3)) if bounds is None else bounds
-    diameter = float(np.linalg.norm(extent[1] - extent[0]))
-    disc = math.pi * max(diameter / 2, 1e-9) ** 2
-    # Powers relative to the brightest, so that no radiance overflows.
-    unit = _brightest(emitters, points, suns, environment)
-    near_rows, near_places, near_power, area_power = _triangle_powers(emitters if drawn else None, unit)
-    point_power = np.array([light.power / unit for light in points if drawn])
-    sun_power = np.array([disc * (channel_mean(light.irradiance) / unit) for light in suns if drawn])
-    sky_power = np.array([] if environment is None or not drawn else [disc * (environment.total / unit)])
-    near, distant = np.concatenate([near_power, point_power]), np.concatenate([sun_power, sky_power])
-    probability, per_near = _shared(near, distant)
-    kinds = np.repeat(
-        [TRIANGLE, POINT, SUN, ENVIRONMENT], [p.size for p in (near_power, point_power, sun_power, sky_power)]
-    )
-    rows = [near_rows, *(np.arange(p.size) for p in (point_power, sun_power, sky_power))]
-    any_drawn = bool(probability.size)
-    places = np.concatenate([near_places, np.full(probability.size - near_power.size, -1, np.int32)])
-    sun_share = probability[kinds == SUN] if suns and any_drawn and drawn else np.zeros(len(suns))
-    sun_colours = [sun.irradiance if sun.radiance is None else sun.radiance for sun in suns]
-    return LightTables(
-        cdf=_fixed(_cumulative(probability)) if any_drawn else None,
-        row=_fixed(np.concatenate(rows).astype(np.int64)) if any_drawn else None,
-        kind=_fixed(kinds.astype(np.uint8)) if any_drawn and np.any(kinds != TRIANGLE) else None,
-        place=_fixed(places) if any_drawn and emitters is not None and emitters.instances is not None else None,
-        material_density=_fixed(area_power * per_near) if any_drawn and near_power.size else None,
-        points=_fixed(np.array([light.row() for light in points])) if points and drawn else None,
-        point_colours=_fixed(_rows([p.intensity for p in points], channels)) if points and drawn else None,
-        suns=_fixed(np.array([(*s.row(), p) for s, p in zip(suns, sun_share, strict=True)])) if suns else None,
-        sun_colours=_fixed(_rows(sun_colours, channels)) if suns else None,
-        environment_share=float(probability[-1]) if sky_power.size and any_drawn else 0.0,
-        far=2 * diameter + 1.0,
-    )
-
-
-def _brightest(
-    emitters: Emitters | None,
-    points: Sequence[PositionalLight],
-    suns: Sequence[DistantLight],
-    environment: EnvironmentTables | None,
-) -> float:
-    found = [light.power for light in points] + [channel_mean(light.irradiance) for light in suns]
-    if emitters is not None:
-        found.append(float(emitters.exitance.max()))
-    if environment is not None:
-        found.append(environment.total)
-    return max(found, default=0.0) or 1.0
-
-
-def _triangle_powers(
-    emitters: Emitters | None, unit: float
-) -> tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.float64], NDArray[np.float64]]:
-    """Triangles that emit, in their places, with their powers; and power per area of each material."""
-    if emitters is None:
-        return np.empty(0, np.int64), np.empty(0, np.int32), np.empty(0), np.empty(0)
-    exitance = 2 * math.pi * (emitters.exitance / unit)
-    shines = exitance[emitters.triangle_material] > 0
-    instances = emitters.instances
-    plain = len(emitters.triangles) if instances is None else instances.plain
-    rows = [np.flatnonzero(shines[:plain])]
-    places = [np.full(rows[0].size, -1, np.int32)]
-    areas = [_areas(emitters, rows[0], None)]
-    for place in range(0 if instances is None else len(instances.matrices)):
-        assert instances is not None
-        first, count = int(instances.first[place]), int(instances.count[place])
-        found = first + np.flatnonzero(shines[first : first + count])
-        if found.size:
-            rows.append(found)
-            places.append(np.full(found.size, place, np.int32))
-            areas.append(_areas(emitters, found, instances.matrices[place].reshape(3, 4)[:, :3]))
-    row, where, area = np.concatenate(rows), np.concatenate(places), np.concatenate(areas)
-    power = area * exitance[emitters.triangle_material[row]]
-    kept = (power > 0) & ~_repeated(emitters, row, where)
-    return row[kept], where[kept], power[kept], exitance
-
-
-def _repeated(emitters: Emitters, row: NDArray[np.int64], place: NDArray[np.int32]) -> NDArray[np.bool_]:
-    """Which triangles lie exactly on an earlier one, facing the same way: rays meet one of them, not both."""
-    corners = emitters.vertices[emitters.triangles[row]]
-    # A number for each triangle that does not depend on its first corner; equal ones are compared in full.
-    number = np.sort(corners @ np.array([0.8654, 0.4211, 0.2718]), axis=1) @ np.array([1.0, 0.5773, 0.3183])
-    _, group, count = np.unique(number, return_inverse=True, return_counts=True)
-    repeated = np.zeros(len(row), dtype=bool)
-    seen: set[bytes] = set()
-    for k in np.flatnonzero(count[group] > 1):
-        first = min(range(3), key=lambda corner: corners[k, corner].tolist())
-        key = np.roll(corners[k], -first, axis=0).tobytes() + place[k].tobytes()
-        repeated[k] = key in seen
-        seen.add(key)
-    return repeated
-
-
-def _areas(emitters: Emitters, rows: NDArray[np.int64], linear: NDArray[np.float64] | None) -> NDArray[np.float64]:
-    corners = emitters.vertices[emitters.triangles[rows]]
-    edges = corners[:, 1:] - corners[:, :1]
-    if linear is not None:
-        edges = edges @ linear.T
-    return np.asarray(0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1))
-
-
-def _shared(near: NDArray[np.float64], distant: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
-    """Probabilities by power, and probability per power of the near lights."""
-    # Relative to the strongest, so that no radiance overflows the sums.
-    largest = max(near.max(initial=0.0), distant.max(initial=0.0))
-    if not largest > 0:
-        return np.empty(0), 0.0
-    sums = [(part / largest).sum() for part in (near, distant)]
-    share = sums[1] / (sums[0] + sums[1])
-    if sums[0] > 0 and sums[1] > 0:
-        share = min(max(share, _FEWEST), _MOST)
-    scales = [
-        (kept / total if total > 0 else 0.0) / largest for kept, total in zip((1 - share, share), sums, strict=True)
-    ]
-    return np.concatenate([near * scales[0], distant * scales[1]]), scales[0]
-
-
-def _cumulative(probability: NDArray[np.float64]) -> NDArray[np.float64]:
-    cumulative = np.cumsum(probability)
-    cumulative /= cumulative[-1]
-    # What has no power must not be drawn by the last random number either.
-    cumulative[np.flatnonzero(probability)[-1] :] = 1.0
-    return np.asarray(cumulative)
-
-
-def _rows(colours: Sequence[Colour], channels: int) -> NDArray[np.float64]:
-    rows = np.array([np.broadcast_to(colour, 3) for colour in colours], dtype=np.float64).reshape(-1, 3)
-    return rows[:, :channels].copy()
-
-
-def _fixed(array: NDArray[Any]) -> NDArray[Any]:
-    array = np.ascontiguousarray(array)
-    array.flags.writeable = False
-    return array

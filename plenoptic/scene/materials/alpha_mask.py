@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.scene.compile import SceneTables
+from plenoptic.scene.compile import SceneRecord
 from plenoptic.scene.geometry.accel import Intersector
+from plenoptic.scene.geometry.record import Hits
 
 SALTS = 1 << 10
 """Surfaces that one path can meet without being stopped, until random numbers repeat."""
@@ -16,12 +17,10 @@ NESTED = 4
 
 
 def pass_through(
-    scene: SceneTables,
+    scene: SceneRecord,
     intersector: Intersector,
     rays: NDArray[np.float64],
-    travelled: NDArray[np.float64],
-    hits: NDArray[np.int32],
-    placed: NDArray[np.int32] | None,
+    hits: Hits,
     path_of: NDArray[np.int64] | None = None,
     path_key: NDArray[np.uint64] | None = None,
     path_index: NDArray[np.uint32] | None = None,
@@ -33,29 +32,30 @@ def pass_through(
     """
     from plenoptic.scene.materials.kernels import opacity
 
-    travelled[: len(rays)] = 0.0
+    assert hits.travelled is not None
+    hits.travelled[:] = 0.0
     again, which = np.empty(len(rays), dtype=np.int64), np.arange(len(rays))
     while len(which):
         passed = opacity.fill_passed(
             again,
             rays,
-            travelled,
-            hits,
-            placed,
+            hits.travelled,
+            hits.triangle,
+            hits.instance,
             which,
             path_of,
             path_key,
             path_index,
             salt,
-            *geometry(scene, intersector),
+            *geometry(scene),
             *_opacities(scene),
         )
         which, salt = again[:passed].copy(), salt + 1
-        _meet_again(intersector, hits, placed, rays, which)
+        _meet_again(intersector, hits, rays, which)
 
 
 def thin_out(
-    scene: SceneTables,
+    scene: SceneRecord,
     intersector: Intersector,
     rays: NDArray[np.float64],
     blocked: NDArray[np.uint8],
@@ -65,27 +65,26 @@ def thin_out(
     from plenoptic.scene.materials.kernels import opacity
 
     blocked[:] = 0
-    hits = np.full(len(rays), -1, dtype=np.int32)
-    placed = None if scene.instances is None else np.full(len(rays), -1, dtype=np.int32)
+    hits = no_hits(scene, len(rays))
     again, which = np.empty(len(rays), dtype=np.int64), np.arange(len(rays))
-    intersector.fill_closest(hits, rays, coherent=False, placed=placed)
+    intersector.fill_closest(hits, rays, coherent=False)
     while len(which):
         passed = opacity.fill_thinned(
             again,
             blocked,
             shadow_radiance,
             rays,
-            hits,
-            placed,
+            hits.triangle,
+            hits.instance,
             which,
-            *geometry(scene, intersector),
+            *geometry(scene),
             *_opacities(scene),
         )
         which = again[:passed].copy()
-        _meet_again(intersector, hits, placed, rays, which)
+        _meet_again(intersector, hits, rays, which)
 
 
-def media_at(scene: SceneTables, intersector: Intersector, point: NDArray[np.float64]) -> NDArray[np.int32]:
+def media_at(scene: SceneRecord, intersector: Intersector, point: NDArray[np.float64]) -> NDArray[np.int32]:
     """(NESTED,): materials of the bodies of glass that a point is in, the outermost first; -1 behind the last.
 
     Those are the bodies that a ray from there leaves without having entered them.
@@ -93,29 +92,29 @@ def media_at(scene: SceneTables, intersector: Intersector, point: NDArray[np.flo
     from plenoptic.scene.geometry.kernels import interaction
 
     media = np.full(NESTED, -1, dtype=np.int32)
-    glass = scene.bsdf.glass_index
-    if glass is None or scene.triangle_material is None:
+    glass, geometry = None if scene.bsdf is None else scene.bsdf.glass_index, scene.geometry
+    if glass is None or geometry is None:
         return media
     # A direction that no mesh has edges along.
     ray = np.array([[*point, 0.36, 0.48, 0.8]])
-    hits, reached = np.empty(1, np.int32), np.empty(1)
-    placed = None if scene.instances is None else np.empty(1, np.int32)
-    corners = (scene.vertices, scene.triangles, intersector.placements)
+    hits, reached = no_hits(scene, 1), np.empty(1)
+    corners = (geometry.vertices, geometry.triangles, geometry.instance_to_world)
     entered: list[int] = []
     left: list[int] = []
     for _ in range(SALTS):
-        intersector.fill_closest(hits, ray, coherent=False, placed=placed)
-        if hits[0] < 0:
+        intersector.fill_closest(hits, ray, coherent=False)
+        if hits.triangle[0] < 0:
             break
-        material = int(scene.triangle_material[hits[0]])
+        material = int(geometry.triangle_material[hits.triangle[0]])
         if glass[material, 0] > 0:
-            if not interaction.behind(ray, hits[0], -1 if placed is None else placed[0], *corners):
+            instance = -1 if hits.instance is None else hits.instance[0]
+            if not interaction.behind(ray, hits.triangle[0], instance, *corners):
                 entered.append(material)
             elif material in entered:
                 entered.remove(material)
             else:
                 left.append(material)
-        interaction.fill_distances(reached, hits, placed, ray, *corners)
+        interaction.fill_distances(reached, hits.triangle, hits.instance, ray, *corners)
         step = float(reached[0]) if np.isfinite(reached[0]) else 0.0
         ray[0, :3] += (step + 1e-5 * (step + np.abs(ray[0, :3]).max())) * ray[0, 3:]
     outermost_first = left[::-1][:NESTED]
@@ -123,35 +122,43 @@ def media_at(scene: SceneTables, intersector: Intersector, point: NDArray[np.flo
     return media
 
 
-def geometry(scene: SceneTables, intersector: Intersector):  # type: ignore[no-untyped-def]
+def no_hits(scene: SceneRecord, n: int) -> Hits:
+    """Room for what n rays meet."""
+    instance = None if scene.instances is None else np.full(n, -1, dtype=np.int32)
+    travelled = None if scene.alpha is None else np.zeros(n)
+    return Hits(np.full(n, -1, dtype=np.int32), instance, travelled)
+
+
+def geometry(scene: SceneRecord):  # type: ignore[no-untyped-def]
     """What finding a point on a triangle, and how far off it rays must start, takes."""
+    found = scene.geometry
+    assert found is not None
     return (
-        scene.vertices,
-        scene.triangles,
-        scene.triangle_material,
-        scene.uv,
-        intersector.placements,
-        intersector.middle,
+        found.vertices,
+        found.triangles,
+        found.triangle_material,
+        found.uv,
+        found.instance_to_world,
+        found.middle,
     )
 
 
-def _opacities(scene: SceneTables):  # type: ignore[no-untyped-def]
-    return scene.opacity, scene.cutoff, scene.opacity_texture, scene.texels, scene.texture_rows
+def _opacities(scene: SceneRecord):  # type: ignore[no-untyped-def]
+    alpha = scene.alpha
+    assert alpha is not None
+    column = alpha.texture
+    if column is None:
+        return alpha.opacity, alpha.cutoff, None, None, None
+    return alpha.opacity, alpha.cutoff, column.row, column.texels, column.textures
 
 
-def _meet_again(
-    intersector: Intersector,
-    hits: NDArray[np.int32],
-    placed: NDArray[np.int32] | None,
-    rays: NDArray[np.float64],
-    which: NDArray[np.int64],
-) -> None:
+def _meet_again(intersector: Intersector, hits: Hits, rays: NDArray[np.float64], which: NDArray[np.int64]) -> None:
     """Find what some of the rays meet from where they are now."""
     if not len(which):
         return
-    some = np.full(len(which), -1, dtype=np.int32)
-    somewhere = None if placed is None else np.full(len(which), -1, dtype=np.int32)
-    intersector.fill_closest(some, np.ascontiguousarray(rays[which]), coherent=False, placed=somewhere)
-    hits[which] = some
-    if placed is not None and somewhere is not None:
-        placed[which] = somewhere
+    instance = None if hits.instance is None else np.full(len(which), -1, dtype=np.int32)
+    found = Hits(np.full(len(which), -1, dtype=np.int32), instance, None)
+    intersector.fill_closest(found, np.ascontiguousarray(rays[which]), coherent=False)
+    hits.triangle[which] = found.triangle
+    if hits.instance is not None and found.instance is not None:
+        hits.instance[which] = found.instance

@@ -9,7 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.values import frozen_array
 from plenoptic.errors import InvalidValueError, SceneError
-from plenoptic.scene.materials.record import build_bsdf
+from plenoptic.scene.materials.compile import bsdf_record
+from plenoptic.scene.materials.diffuse import Lambertian
 from plenoptic.scene.materials.registry import MATERIALS, Material
 
 __all__ = ["Drawn", "Scattered", "draw", "evaluate"]
@@ -183,14 +184,15 @@ def _check_side(viewers: NDArray[np.float64]) -> None:
 
 
 def _row(material: Any) -> tuple[NDArray[np.float64], tuple[int, float, float], Any]:
-    """Base colour, (kind, roughness, metallic), and the tables of one material."""
+    """Base colour, (kind, roughness, metallic), and the record of one material."""
     if type(material) not in MATERIALS:
         raise InvalidValueError(f"material is {material!r}; it must be a material, such as pl.Lambertian(0.5)")
     row = material.row()
     if row.textures:
         raise SceneError(f"{material!r} has textures; give the material at one of their texels")
     channels = 1 if row._replace(emission=0.0).is_grey else 3
-    tables = build_bsdf([material], channels)
+    record = bsdf_record([material if row.reflects else Lambertian(1.0)], channels)
+    assert record is not None
     colour = np.broadcast_to(np.asarray(row.base, dtype=np.float64), 3)[:channels].copy()
-    kind = 0 if tables.kinds is None else int(tables.kinds[0])
-    return colour, (kind, row.roughness, row.metallic), tables
+    kind = 0 if record.kind is None else int(record.kind[0])
+    return colour, (kind, row.roughness, row.metallic), record

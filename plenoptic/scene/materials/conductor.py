@@ -6,10 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from plenoptic.core.values import finite, set_field, value
+from plenoptic.core.values import set_field, value
 from plenoptic.errors import InvalidValueError, SceneError
-from plenoptic.scene.materials.row import SMOOTH, Index, MaterialRow
-from plenoptic.scene.textures.color import Colour, as_colour
+from plenoptic.scene.materials.record import SMOOTH
+from plenoptic.scene.materials.row import Index, MaterialRow
+from plenoptic.scene.textures.color import Colour, as_colour, as_fraction
 
 _LARGEST = 1e30
 
@@ -61,7 +62,7 @@ class Conductor:
 
     def __post_init__(self) -> None:
         set_field(self, "reflectance", as_colour(self.reflectance, "reflectance", at_most=1.0))
-        set_field(self, "alpha", as_alpha(self.alpha))
+        set_field(self, "alpha", as_fraction(self.alpha, "alpha"))
         if self.index is not None:
             set_field(self, "index", _as_index(self.index))
 
@@ -69,14 +70,6 @@ class Conductor:
         """Its numbers; what it lacks keeps its default."""
         index = 0.0 if self.index is None else self.index
         return MaterialRow(self.reflectance, roughness=self.alpha, metal_index=index, specular=self.alpha < SMOOTH)
-
-
-def as_alpha(alpha: Any) -> float:
-    """A width of the distribution of normals, within 0 and 1."""
-    width = finite(alpha, "alpha")
-    if not 0 <= width <= 1:
-        raise SceneError(f"alpha is {width:g}; it must be within 0 (smooth) and 1")
-    return width
 
 
 def _as_index(index: Any) -> Index:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from plenoptic.core.values import finite, set_field, value
-from plenoptic.errors import SceneError
-from plenoptic.scene.materials.conductor import as_alpha
-from plenoptic.scene.materials.row import SMOOTH, MaterialRow
-from plenoptic.scene.textures.color import Colour, as_colour
+from plenoptic.core.values import set_field, value
+from plenoptic.scene.materials.record import SMOOTH
+from plenoptic.scene.materials.row import MaterialRow
+from plenoptic.scene.textures.color import Colour, as_colour, as_fraction, as_index
 
 
 @value
@@ -54,11 +53,8 @@ class Dielectric:
 
     def __post_init__(self) -> None:
         for name in ("index", "exterior"):
-            number = finite(getattr(self, name), name)
-            if not number > 0:
-                raise SceneError(f"{name} is {number:g}; it must be above 0")
-            set_field(self, name, number)
-        set_field(self, "alpha", as_alpha(self.alpha))
+            set_field(self, name, as_index(getattr(self, name), name))
+        set_field(self, "alpha", as_fraction(self.alpha, "alpha"))
         set_field(self, "absorption", as_colour(self.absorption, "absorption"))
 
     def row(self) -> MaterialRow:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from plenoptic.core.values import finite, set_field, value
-from plenoptic.errors import SceneError
+from plenoptic.core.values import set_field, value
 from plenoptic.scene.materials.row import MaterialRow
-from plenoptic.scene.textures.color import Colour, as_textured
+from plenoptic.scene.textures.color import Colour, as_fraction, as_textured
 from plenoptic.scene.textures.texture import Texture
 
 
@@ -83,10 +82,7 @@ class RoughDiffuse:
 
     def __post_init__(self) -> None:
         set_field(self, "albedo", as_textured(self.albedo, "albedo", at_most=1.0))
-        roughness = finite(self.roughness, "roughness")
-        if not 0 <= roughness <= 1:
-            raise SceneError(f"roughness is {roughness:g}; it must be within 0 and 1")
-        set_field(self, "roughness", roughness)
+        set_field(self, "roughness", as_fraction(self.roughness, "roughness"))
 
     def row(self) -> MaterialRow:
         """Its numbers; what it lacks keeps its default."""

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 
-from plenoptic.core.values import finite, flag, set_field, value
-from plenoptic.errors import InvalidValueError, SceneError
+from plenoptic.core.values import flag, set_field, value
+from plenoptic.errors import InvalidValueError
 from plenoptic.scene.materials.row import MaterialRow
-from plenoptic.scene.textures.color import Colour, as_share, as_textured
+from plenoptic.scene.textures.color import Colour, as_fraction, as_share, as_textured
 from plenoptic.scene.textures.texture import Texture
 
 
@@ -77,10 +77,7 @@ class MetallicRoughness:
         set_field(self, "emission", as_textured(self.emission, "emission"))
         set_field(self, "two_sided", flag(self.two_sided, "two_sided"))
         if self.cutoff is not None:
-            cutoff = finite(self.cutoff, "cutoff")
-            if not 0 <= cutoff <= 1:
-                raise SceneError(f"cutoff is {cutoff:g}; it must be within 0 and 1, or None")
-            set_field(self, "cutoff", cutoff)
+            set_field(self, "cutoff", as_fraction(self.cutoff, "cutoff"))
 
     def row(self) -> MaterialRow:
         """Its numbers; what it lacks keeps its default."""

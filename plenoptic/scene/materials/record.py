@@ -1,32 +1,43 @@
-"""Materials as columns of numbers, and None for what no material of a scene has."""
+"""Materials as kernels read them: columns of numbers, and None for what no material of a scene has."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from functools import cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.scene.materials.registry import (
-    CONDUCTOR,
-    DIELECTRIC,
-    LAMBERTIAN,
-    MATERIALS,
-    METALLIC_ROUGHNESS,
-    THIN_DIELECTRIC,
-    Material,
-)
+from plenoptic.scene.textures.record import TextureColumn
 
-_ROUGHNESSES, _COSINES, _DRAWS = 41, 49, 32
+KIND_NAMES = ("Lambertian", "rough diffuse", "metal", "glass", "panes", "metallic-roughness")
+"""What a plan calls the kinds by which kernels scatter."""
+LAMBERTIAN, OREN_NAYAR, CONDUCTOR, DIELECTRIC, THIN_DIELECTRIC, METALLIC_ROUGHNESS = range(6)
+
+SMOOTH = 1e-4
+"""Below this width of the distribution of normals a surface reflects as if it were perfectly smooth."""
+
+INDEX, EXTINCTION = 0, 1
+"""Columns of `Bsdf.metal_index`."""
+
+INSIDE, OUTSIDE = 0, 1
+"""Columns of `Bsdf.glass_index`."""
 
 
-class BsdfTables(NamedTuple):
-    """Columns of nm materials; C = channels of the scene."""
+class Bsdf(NamedTuple):
+    """How nm materials scatter light; C channels of the scene. All arrays are C-contiguous and read-only."""
 
-    kinds: NDArray[np.int64] | None
-    """(nm,): what they are. None where all are Lambertian or black."""
+    scatters: NDArray[np.uint8]
+    """(nm,): 1 for materials that reflect."""
+    takes_light: NDArray[np.uint8]
+    """(nm,): 1 for those that scatter light drawn directly; not mirrors and polished glass."""
+    base_color: NDArray[np.float64]
+    """(nm, C), in [0, 1]: base colours; 1 where a texture gives it."""
+    roughness: NDArray[np.float64] | None
+    """(nm,); 0 where a texture gives it. None, as is the next one, where all materials are Lambertian or black."""
+    kind: NDArray[np.int64] | None
+    """(nm,): what they are."""
+    metallic: NDArray[np.float64] | None
+    """(nm,); 0 where a texture gives it. None where none is MetallicRoughness."""
     metal_index: NDArray[np.float64] | None
     """(nm, C, 2): n and k; 0 where the reflectance is constant. None where there is no metal."""
     glass_index: NDArray[np.float64] | None
@@ -39,74 +50,25 @@ class BsdfTables(NamedTuple):
     """(root of the roughness,): its mean over the cosine-weighted hemisphere."""
 
 
-def build_bsdf(materials: Sequence[Material], channels: int) -> BsdfTables:
-    """The columns of materials."""
-    kinds = np.array([MATERIALS[type(material)] for material in materials], dtype=np.int64)
-    rows = [material.row() for material in materials]
-    there = set(kinds.tolist())
-    # All metals share the column; those of constant reflectance have zeros there.
-    metals = np.array([np.broadcast_to(row.metal_index, 3)[:channels] for row in rows], dtype=np.complex128)
-    coupling, coupling_mean = _layer_tables() if METALLIC_ROUGHNESS in there else (None, None)
-    return BsdfTables(
-        kinds=None if there <= {LAMBERTIAN} else _fixed(kinds),
-        metal_index=_fixed(np.stack([metals.real, metals.imag], axis=-1)) if CONDUCTOR in there else None,
-        glass_index=_fixed(np.array([row.glass_index for row in rows])) if DIELECTRIC in there else None,
-        pane_index=_fixed(np.array([row.pane_index for row in rows])) if THIN_DIELECTRIC in there else None,
-        coupling=coupling,
-        coupling_mean=coupling_mean,
-    )
+class Emission(NamedTuple):
+    """What nm materials emit."""
+
+    radiance: NDArray[np.float64]
+    """(nm, C): emitted radiance, of textures their mean."""
+    two_sided: NDArray[np.uint8]
+    """(nm,): 1 where both sides emit."""
+    pdf: NDArray[np.float64] | None
+    """(nm,), 1/mm^2: probability per area with which triangles are drawn as lights. None where none is drawn."""
+    texture: TextureColumn | None
+    """None where no texture emits."""
 
 
-@cache
-def _layer_tables() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """What passes the layer of a METALLIC_ROUGHNESS material of reflectance 0.04, and its means.
+class Alpha(NamedTuple):
+    """For which paths surfaces of nm materials are there."""
 
-    The layer's directional albedo is the mean of F G2 / G1 over normals drawn by visibility, here at the midpoints of
-    a grid of random numbers, as in `microfacets.visible_normal`.
-    """
-    # The root of the roughness, whose square is alpha, in equal steps: rows change fastest near polish.
-    alpha = np.maximum(np.linspace(0, 1, _ROUGHNESSES) ** 4, 1e-3)[:, None, None]
-    z = np.maximum(np.linspace(0, 1, _COSINES) ** 2, 1e-6)[None, :, None]
-    middle = (np.arange(_DRAWS) + 0.5) / _DRAWS
-    u, v = (part.ravel() for part in np.meshgrid(0.5 * middle, middle))
-    x = np.sqrt(1 - z * z)
-    albedo = np.stack([_layer_albedo(row, x[0], z[0], u, v) for row in alpha])
-    passed = np.clip(1 - albedo, 0, 1)
-    # Exact for what is linear in the root of the cosine between nodes: mean of c over 2 mu dmu = 4 r^3 dr.
-    r = np.linspace(0, 1, _COSINES)
-    low, high = r[:-1], r[1:]
-    whole, moment = high**4 - low**4, 0.8 * (high**5 - low**5)
-    slope = np.diff(passed, axis=1) / (high - low)
-    mean = (passed[:, :-1] * whole + slope * (moment - low * whole)).sum(axis=1)
-    return _fixed(passed), _fixed(mean)
-
-
-def _layer_albedo(
-    alpha: NDArray[np.float64],
-    x: NDArray[np.float64],
-    z: NDArray[np.float64],
-    u: NDArray[np.float64],
-    v: NDArray[np.float64],
-) -> NDArray[np.float64]:
-    """(cosines,): directional albedo of one roughness."""
-    length = np.hypot(alpha * x, z)
-    sx, sz = alpha * x / length, z / length
-    cap = (1 - v) * (1 + sz) - sz
-    radius = np.sqrt(np.maximum(0, 1 - cap * cap))
-    hx, hy, hz = alpha * (radius * np.cos(2 * np.pi * u) + sx), alpha * radius * np.sin(2 * np.pi * u), cap + sz
-    norm = np.sqrt(hx * hx + hy * hy + hz * hz)
-    hx, hy, hz = hx / norm, hy / norm, hz / norm
-    cosine = np.clip(x * hx + z * hz, 0, 1)
-    ix, iy, iz = 2 * cosine * hx - x, 2 * cosine * hy, 2 * cosine * hz - z
-    hidden_o = 0.5 * (np.sqrt(1 + alpha**2 * x * x / (z * z)) - 1)
-    with np.errstate(divide="ignore", over="ignore"):
-        hidden_i = 0.5 * (np.sqrt(1 + alpha**2 * (ix * ix + iy * iy) / (iz * iz)) - 1)
-    fresnel = 0.04 + 0.96 * (1 - cosine) ** 5
-    seen = np.where(iz > 0, (1 + hidden_o) / (1 + hidden_o + hidden_i), 0.0)
-    return np.asarray((fresnel * seen).mean(axis=-1))
-
-
-def _fixed(array: NDArray[Any]) -> NDArray[Any]:
-    array = np.ascontiguousarray(array)
-    array.flags.writeable = False
-    return array
+    opacity: NDArray[np.float64]
+    """(nm,): fraction of the paths; 0 where a texture gives it."""
+    cutoff: NDArray[np.float64]
+    """(nm,): opacity from which on the surface is there for all paths, and for none below; -1 where there is none."""
+    texture: TextureColumn | None
+    """None where no texture gives an opacity."""

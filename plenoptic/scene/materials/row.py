@@ -11,9 +11,6 @@ from plenoptic.scene.textures.texture import Texture
 
 Index = complex | tuple[complex, complex, complex]
 
-SMOOTH = 1e-4
-"""Below this width of the distribution of normals a surface reflects as if it were perfectly smooth."""
-
 
 class MaterialRow(NamedTuple):
     """One row of the columns that all materials of a scene are compiled into; what a material lacks keeps its default.

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from plenoptic.core.values import finite, set_field, value
-from plenoptic.errors import SceneError
+from plenoptic.core.values import set_field, value
 from plenoptic.scene.materials.row import MaterialRow
-from plenoptic.scene.textures.color import Colour, as_colour
+from plenoptic.scene.textures.color import Colour, as_colour, as_index
 
 
 @value
@@ -40,10 +39,7 @@ class ThinGlass:
     transmittance: Colour = 1.0
 
     def __post_init__(self) -> None:
-        index = finite(self.index, "index")
-        if not index > 0:
-            raise SceneError(f"index is {index:g}; it must be above 0")
-        set_field(self, "index", index)
+        set_field(self, "index", as_index(self.index))
         set_field(self, "transmittance", as_colour(self.transmittance, "transmittance", at_most=1.0))
 
     def row(self) -> MaterialRow:

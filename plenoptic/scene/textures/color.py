@@ -37,13 +37,26 @@ def as_textured(colour: Any, name: str, *, at_most: float = np.inf) -> Colour | 
     return colour
 
 
+def as_fraction(fraction: Any, name: str) -> float:
+    """A number within 0 and 1."""
+    number = finite(fraction, name)
+    if not 0 <= number <= 1:
+        raise SceneError(f"{name} is {number:g}; it must be within 0 and 1")
+    return number
+
+
+def as_index(index: Any, name: str = "index") -> float:
+    """A real refractive index."""
+    number = finite(index, name)
+    if not number > 0:
+        raise SceneError(f"{name} is {number:g}; it must be above 0")
+    return number
+
+
 def as_share(share: Any, name: str) -> float | Texture:
     """A number within 0 and 1, or a texture of one channel of such numbers."""
     if not isinstance(share, Texture):
-        number = finite(share, name)
-        if not 0 <= number <= 1:
-            raise SceneError(f"{name} is {number:g}; it must be within 0 and 1")
-        return number
+        return as_fraction(share, name)
     if share.texels.shape[2] != 1:
         raise InvalidValueError(f"{name} is a texture of {share.texels.shape[2]} channels; it must have 1")
     as_textured(share, name, at_most=1.0)

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.color.srgb import Encoding
-from plenoptic.core.values import choice, frozen_array, set_field, value
-from plenoptic.errors import InvalidValueError, SceneError
+from plenoptic.core.values import choice, set_field, value
+from plenoptic.errors import InvalidValueError
+from plenoptic.scene.textures.texels import as_texels, check_size, equal_channels
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -114,27 +115,8 @@ class Texture:
         ) -> None: ...
 
     def __post_init__(self) -> None:
-        if isinstance(self.texels, str | PathLike):
-            raise InvalidValueError(f"texels are {self.texels!r}; use Texture.load for files")
-        if isinstance(self.texels, np.ndarray):
-            if self.texels.dtype.kind in "iub":
-                raise InvalidValueError(
-                    f"texels are {self.texels.dtype}; they must be linear floats, "
-                    "or use Texture.from_image for image codes"
-                )
-            _check_size(self.texels.shape, "texels")
-        with np.errstate(over="ignore"):
-            texels = frozen_array(self.texels, name="texels", shape=(None, None, None), dtype=np.float32)
-        if texels.shape[2] not in (1, 3):
-            raise InvalidValueError(f"texels has {texels.shape[2]} channels; it must have 1 or 3 (drop alpha)")
-        if texels.size == 0:
-            raise SceneError(f"texels has shape {texels.shape}; a texture must have at least 1 row and 1 column")
-        _check_size(texels.shape, "texels")
-        # min and max hand NaN on, so two passes without temporaries see everything.
-        low, high = float(texels.min()), float(texels.max())
-        if not (low >= 0 and high < np.inf):
-            raise SceneError(f"texels lie between {low:g} and {high:g}; they must be finite and 0 or more")
-        set_field(self, "texels", texels)
+        codes = "Texture.from_image for image codes"
+        set_field(self, "texels", as_texels(self.texels, Texture, most=MAX_TEXELS, from_codes=codes))
         set_field(self, "wrap", _one_or_two(self.wrap))
         set_field(self, "filter", choice(self.filter, TextureFilter, "filter"))
 
@@ -159,8 +141,7 @@ class Texture:
         >>> pl.Texture(np.ones((4, 4, 3))).is_grey
         True
         """
-        first = self.texels[..., 0]
-        return all(np.array_equal(first, self.texels[..., k]) for k in range(1, self.texels.shape[2]))
+        return equal_channels(self.texels)
 
     def halved(self) -> Texture:
         """The texture with half as many rows and columns, rounded down but at least one.
@@ -282,16 +263,8 @@ class Texture:
 
         if not isinstance(image, Image):
             raise InvalidValueError(f"image is {type(image).__name__}; it must be a Pillow image")
-        _check_size((image.height, image.width), "the image")
+        check_size((image.height, image.width), "the image", MAX_TEXELS)
         return cls(linear_texels(image, encoding=encoding, channel=channel), wrap=wrap, filter=filter)
-
-
-def _check_size(shape: tuple[int, ...], name: str) -> None:
-    if len(shape) >= 2 and shape[0] * shape[1] > MAX_TEXELS:
-        raise SceneError(
-            f"{name} has {shape[0]} x {shape[1]} texels; a texture must have at most {MAX_TEXELS}, so scale it down "
-            "or split the mesh into parts with textures of their own"
-        )
 
 
 def _one_or_two(wrap: Any) -> Wrap | tuple[Wrap, Wrap]:

@@ -18,7 +18,7 @@ from plenoptic.optics.microlens.dust import Blemishes, BlemishSite
 from plenoptic.optics.microlens.imperfections import MicrolensImperfections
 from plenoptic.optics.sensor.angular_response import AngularResponse
 from plenoptic.optics.sensor.sensor import Sensor
-from plenoptic.optics.stops.stops import PolygonStop
+from plenoptic.optics.stops.polygon import PolygonStop
 from plenoptic.optics.surfaces.surface import Surface
 from plenoptic.rendering.plan.plan import plan
 from plenoptic.rendering.plan.stages import Plan
@@ -37,7 +37,7 @@ from plenoptic.scene.shapes.procedural import box, check_scene, objects_scene, q
 from plenoptic.scene.shapes.still_life import still_life
 from plenoptic.scene.textures.texture import Texture
 from plenoptic.study.error_time.cases import reference_camera
-from plenoptic.truth.ground_truth import Truth
+from plenoptic.truth.channels import Truth
 
 _SIDE = 128
 """Pixels: bounds on the pupils of tilted parts, found once for each camera, take a time that grows with its sensor."""

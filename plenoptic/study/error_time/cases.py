@@ -14,7 +14,7 @@ from plenoptic.optics.microlens.aperture import Walls
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.lattice import Lattice
 from plenoptic.optics.sensor.sensor import Sensor
-from plenoptic.optics.stops.stops import CircularStop
+from plenoptic.optics.stops.circle import CircularStop
 from plenoptic.rendering.settings import Sampler
 from plenoptic.scene.shapes.procedural import check_scene, objects_scene
 from plenoptic.study.error_time.study import SIDE, error_against_time

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.truth.ground_truth import Truth
+from plenoptic.truth.channels import Truth
 
 # ---- helpers ----
 
@@ -662,4 +662,4 @@ def test_emitters_that_repeat_each_other_shine_once():
     assert_same(once, twice)
     # Two that face away from each other are two.
     back = pl.Mesh(lamp.vertices, np.concatenate([lamp.faces, lamp.faces[:, ::-1]]), lamp.material)
-    assert len(pl.Scene([floor, back]).tables().lights.row) == 4
+    assert len(pl.Scene([floor, back]).tables().lights.items) == 4

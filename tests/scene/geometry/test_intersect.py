@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.scene.geometry.accel import build_intersector, middle_of, suits_float32
+from plenoptic.scene.geometry.accel import build_intersector
+from plenoptic.scene.geometry.compile import geometry_record, middle_of, suits_float32
 from plenoptic.scene.geometry.embree_run import SceneRunTriangles
-from plenoptic.scene.geometry.instance import Instances, instance_tables
+from plenoptic.scene.geometry.instance import Instances, instance_record
 from plenoptic.scene.geometry.kernels.embree import EmbreeTriangles
 from plenoptic.scene.geometry.kernels.intersect import OFFSET
+from plenoptic.scene.geometry.record import INSTANCE_DISTANCE, Hits
 
 BOTH = pytest.mark.parametrize("build", [EmbreeTriangles, SceneRunTriangles])
 
@@ -25,8 +27,12 @@ def turned(rng, count, *, reach=100.0, mirrored=False):
     return matrices
 
 
-def tables_of(plain, groups=()):
-    """Vertices, triangles and instances: plain meshes first, then each instanced mesh once."""
+def geometry_of(vertices, triangles, instances):
+    return geometry_record(vertices, triangles, np.zeros(len(triangles), np.int32), instances=instances), instances
+
+
+def records_of(plain, groups=()):
+    """Geometry and instances: plain meshes first, then each instanced mesh once."""
     meshes, first = list(plain), {}
     for group in groups:
         if group.mesh not in first:
@@ -34,14 +40,14 @@ def tables_of(plain, groups=()):
             meshes.append(group.mesh)
     starts = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes])
     triangles = np.concatenate([mesh.faces + np.int32(start) for mesh, start in zip(meshes, starts[:-1], strict=True)])
-    instances = instance_tables(groups, [first[group.mesh] for group in groups])
-    return np.concatenate([mesh.vertices for mesh in meshes]), triangles, instances
+    instances = instance_record(groups, [first[group.mesh] for group in groups])
+    return geometry_of(np.concatenate([mesh.vertices for mesh in meshes]), triangles, instances)
 
 
-def corners_of(tables, rows, places):
+def corners_of(records, rows, places):
     """(n, 3 corners, 3) in the world."""
-    vertices, triangles, instances = tables
-    corners = vertices[triangles[rows]]
+    geometry, instances = records
+    corners = geometry.vertices[geometry.triangles[rows]]
     if instances is not None:
         matrices = instances.matrices.reshape(-1, 3, 4)[places]
         moved = np.einsum("nij,nkj->nki", matrices[:, :, :3], corners) + matrices[:, None, :, 3]
@@ -49,13 +55,13 @@ def corners_of(tables, rows, places):
     return corners
 
 
-def all_triangles(tables):
+def all_triangles(records):
     """Row and instance of every triangle in the world."""
-    _, triangles, instances = tables
+    (_, triangles, *_), instances = records
     if instances is None:
         return np.arange(len(triangles)), np.full(len(triangles), -1)
     parts = [(np.arange(instances.plain), np.full(instances.plain, -1))]
-    for place, (first, count) in enumerate(zip(instances.first, instances.count, strict=True)):
+    for place, (first, count) in enumerate(zip(instances.first, instances.faces, strict=True)):
         parts.append((np.arange(first, first + count), np.full(count, place)))
     rows, places = zip(*parts, strict=True)
     return np.concatenate(rows), np.concatenate(places)
@@ -77,10 +83,10 @@ def met(corners, rays):
         return t, np.min(inside, axis=0)
 
 
-def nearest(tables, rays):
+def nearest(records, rays):
     """Row, instance and distance of the first hit in float64, and which rays come near no edge on their way."""
-    rows, places = all_triangles(tables)
-    t, inside = met(corners_of(tables, rows, places), rays)
+    rows, places = all_triangles(records)
+    t, inside = met(corners_of(records, rows, places), rays)
     hit = (t > 0) & (inside >= 0)
     distance = np.where(hit, t, np.inf)
     first = distance.argmin(axis=1)
@@ -91,9 +97,9 @@ def nearest(tables, rays):
 
 
 def ask(intersector, rays, *, coherent=False):
-    hits, placed = np.full(len(rays), -7, np.int32), np.full(len(rays), -7, np.int32)
-    intersector.fill_closest(hits, rays, coherent=coherent, placed=placed)
-    return hits, placed
+    hits = Hits(np.full(len(rays), -7, np.int32), np.full(len(rays), -7, np.int32), None)
+    intersector.fill_closest(hits, rays, coherent=coherent)
+    return hits.triangle, hits.instance
 
 
 def random_rays(rng, count, *, reach):
@@ -112,7 +118,7 @@ def crowd(rng):
         Instances(box, turned(rng, 5, reach=12) @ off),
         Instances(ball, turned(rng, 4, reach=12, mirrored=True)),
     ]
-    return tables_of([pl.box(4), pl.box(2, center=(8, 0, 0))], groups)
+    return records_of([pl.box(4), pl.box(2, center=(8, 0, 0))], groups)
 
 
 # The nearest triangle
@@ -122,9 +128,9 @@ def crowd(rng):
 @pytest.mark.parametrize("coherent", [False, True])
 def test_finds_what_float64_finds(build, coherent):
     rng = np.random.default_rng(1)
-    tables, rays = crowd(rng), random_rays(rng, 2000, reach=14)
-    rows, places, _, clear = nearest(tables, rays)
-    hits, placed = ask(build(*tables), rays, coherent=coherent)
+    records, rays = crowd(rng), random_rays(rng, 2000, reach=14)
+    rows, places, _, clear = nearest(records, rays)
+    hits, placed = ask(build(*records), rays, coherent=coherent)
     assert clear.mean() > 0.95 and (places >= 0).mean() > 0.2 and ((rows >= 0) & (places < 0)).mean() > 0.01
     np.testing.assert_array_equal(hits[clear], rows[clear])
     np.testing.assert_array_equal(placed[clear], places[clear])
@@ -133,9 +139,9 @@ def test_finds_what_float64_finds(build, coherent):
 def test_both_agree_on_random_scenes_of_instances():
     for seed in range(6):
         rng = np.random.default_rng(seed)
-        tables, rays = crowd(rng), random_rays(rng, 20000, reach=20)
-        hits, placed = ask(EmbreeTriangles(*tables), rays)
-        others, others_placed = ask(SceneRunTriangles(*tables), rays)
+        records, rays = crowd(rng), random_rays(rng, 20000, reach=20)
+        hits, placed = ask(EmbreeTriangles(*records), rays)
+        others, others_placed = ask(SceneRunTriangles(*records), rays)
         differ = (hits != others) | (placed != others_placed)
         # float32 leaves 2e-5 of 40 mm = 1e-6 mm undecided; edges of some 200 triangles, 3 mm long, seen over 20^2 mm.
         assert differ.mean() < 1e-4
@@ -146,11 +152,11 @@ def test_both_agree_on_random_scenes_of_instances():
 def test_plain_and_instanced_surfaces_hide_one_another(build):
     wall = pl.quad((-5, -5, 0), (10, 0, 0), (0, 10, 0))
     place = np.eye(4)
-    tables = tables_of(
+    records = records_of(
         [wall.translated(z=-10)], [Instances(wall, [place, place + np.outer([0, 0, 1, 0], [0, 0, 0, -20])])]
     )
     rays = np.array([[1, 2, z, 0, 0, d] for z, d in ((5, -1), (-5, -1), (-15, -1), (-25, -1), (-25, 1), (5, 1))], float)
-    hits, placed = ask(build(*tables), rays)
+    hits, placed = ask(build(*records), rays)
     assert placed.tolist() == [0, -1, 1, -1, 1, -1]
     assert [row // 2 for row in hits.tolist()] == [1, 0, 1, -1, 1, -1]
 
@@ -158,37 +164,37 @@ def test_plain_and_instanced_surfaces_hide_one_another(build):
 @BOTH
 def test_what_is_not_asked_for_or_not_there(build):
     rng = np.random.default_rng(2)
-    tables, rays = crowd(rng), random_rays(rng, 500, reach=20)
-    with_places, _ = ask(build(*tables), rays)
+    records, rays = crowd(rng), random_rays(rng, 500, reach=20)
+    with_places, _ = ask(build(*records), rays)
     hits = np.empty(500, np.int32)
-    build(*tables).fill_closest(hits, rays, coherent=False)
+    build(*records).fill_closest(Hits(hits, None, None), rays, coherent=False)
     np.testing.assert_array_equal(hits, with_places)
-    bare = tables_of([pl.box(4)])
+    bare = records_of([pl.box(4)])
     intersector = build(*bare)
     hits, placed = ask(intersector, rays)
-    assert set(placed.tolist()) == {-1} and (hits >= 0).any() and intersector.placements is None
-    assert ask(build(*tables), rays[:0])[0].size == 0
+    assert set(placed.tolist()) == {-1} and (hits >= 0).any() and bare[0].instance_to_world is None
+    assert ask(build(*records), rays[:0])[0].size == 0
 
 
 @BOTH
 def test_blocked_where_the_nearest_hit_is_before_the_end(build):
     rng = np.random.default_rng(3)
-    tables, rays = crowd(rng), random_rays(rng, 2000, reach=20)
+    records, rays = crowd(rng), random_rays(rng, 2000, reach=20)
     rays[:, 3:] *= rng.uniform(1, 40, (2000, 1))
-    _, _, reached, clear = nearest(tables, rays)
+    _, _, reached, clear = nearest(records, rays)
     clear &= np.abs(reached - 1) > 1e-4  # in units of the direction, which ends a shadow ray
     blocked = np.full(2000, 7, np.uint8)
-    build(*tables).fill_blocked(blocked, rays)
+    build(*records).fill_blocked(blocked, rays)
     assert clear.mean() > 0.9 and 0.1 < blocked.mean() < 0.9
     np.testing.assert_array_equal(blocked[clear], reached[clear] < 1)
 
 
 def test_only_instances():
-    tables = tables_of([], [Instances(pl.box(2), turned(np.random.default_rng(4), 5, reach=5))])
+    records = records_of([], [Instances(pl.box(2), turned(np.random.default_rng(4), 5, reach=5))])
     rays = random_rays(np.random.default_rng(5), 2000, reach=8)
-    rows, places, _, clear = nearest(tables, rays)
+    rows, places, _, clear = nearest(records, rays)
     for build in (EmbreeTriangles, SceneRunTriangles):
-        hits, placed = ask(build(*tables), rays)
+        hits, placed = ask(build(*records), rays)
         np.testing.assert_array_equal(hits[clear], rows[clear])
         np.testing.assert_array_equal(placed[clear], places[clear])
 
@@ -198,8 +204,7 @@ def test_rays_along_shared_edges_find_the_same_whatever_goes_beside_them(coheren
     # A board of 40 x 40 squares, and rays towards points some 1e-7 of a square beside its edges and diagonals.
     rng = np.random.default_rng(3)
     board = pl.Scene([pl.quad((x, y, -404.0), (1, 0, 0), (0, 1, 0)) for x in range(-20, 20) for y in range(-20, 20)])
-    tables = board.tables()
-    build = build_intersector(tables.vertices, tables.triangles)
+    build = build_intersector(board.tables().geometry)
     count = 20_000
     corners, along = rng.integers(-15, 15, (count, 2)).astype(float), rng.random((count, 1))
     ways = np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, -1.0]])[rng.integers(4, size=count)]
@@ -208,11 +213,11 @@ def test_rays_along_shared_edges_find_the_same_whatever_goes_beside_them(coheren
     directions = np.column_stack([points, np.full(count, -404.0)]) - origins
     rays = np.ascontiguousarray(np.column_stack([origins, directions / np.linalg.norm(directions, axis=1)[:, None]]))
     together, mixed, apart = (np.empty(count, np.int32) for _ in range(3))
-    build.fill_closest(together, rays, coherent=coherent)
+    build.fill_closest(Hits(together, None, None), rays, coherent=coherent)
     order = rng.permutation(count)
-    build.fill_closest(mixed, np.ascontiguousarray(rays[order]), coherent=coherent)
+    build.fill_closest(Hits(mixed, None, None), np.ascontiguousarray(rays[order]), coherent=coherent)
     for k in range(count):
-        build.fill_closest(apart[k : k + 1], rays[k : k + 1], coherent=coherent)
+        build.fill_closest(Hits(apart[k : k + 1], None, None), rays[k : k + 1], coherent=coherent)
     assert np.array_equal(together, apart)
     assert np.array_equal(together[order], mixed)
     assert (together >= 0).all()
@@ -220,8 +225,8 @@ def test_rays_along_shared_edges_find_the_same_whatever_goes_beside_them(coheren
 
 def test_neighbours_and_threads_change_nothing():
     rng = np.random.default_rng(6)
-    tables, rays = crowd(rng), random_rays(rng, 20000, reach=20)
-    intersector, order = build_intersector(*tables), rng.permutation(20000)
+    records, rays = crowd(rng), random_rays(rng, 20000, reach=20)
+    intersector, order = build_intersector(*records), rng.permutation(20000)
     hits, placed = ask(intersector, rays)
     shuffled = ask(intersector, np.ascontiguousarray(rays[order]))
     np.testing.assert_array_equal(shuffled, [hits[order], placed[order]])
@@ -238,11 +243,11 @@ def test_a_thousand_million_triangles_in_one_mesh():
     side = np.arange(22) * 3.0
     places = np.tile(np.eye(4), (22**3, 1, 1))
     places[:, :3, 3] = np.stack(np.meshgrid(side, side, side), axis=-1).reshape(-1, 3)
-    tables = tables_of([], [Instances(ball, places)])
+    records = records_of([], [Instances(ball, places)])
     assert len(places) * len(ball.faces) > 1e9
     start = places[:, :3, 3] + [0, 0, 1.25]
     rays = np.concatenate([start, np.broadcast_to([0.0, 0.0, -1.0], start.shape)], axis=1)
-    _, placed = ask(build_intersector(*tables), rays)
+    _, placed = ask(build_intersector(*records), rays)
     np.testing.assert_array_equal(placed, np.arange(len(places)))
 
 
@@ -250,7 +255,7 @@ def test_a_thousand_million_triangles_in_one_mesh():
 def test_no_ray_leaves_a_closed_instance(scale):
     ball = pl.sphere(scale, segments=(16, 8))
     places = turned(np.random.default_rng(7), 3, reach=20 * scale)
-    tables = tables_of([pl.box(scale)], [Instances(ball, places)])
+    records = records_of([pl.box(scale)], [Instances(ball, places)])
     rng = np.random.default_rng(8)
     for place, copy in zip(places, Instances(ball, places).meshes(), strict=True):
         # Towards corners, points of edges and anywhere.
@@ -259,7 +264,7 @@ def test_no_ray_leaves_a_closed_instance(scale):
         aims = np.concatenate([copy.vertices, pairs[:, 0] * share + pairs[:, 1] * (1 - share)])
         inside = place[:3, 3] + rng.uniform(-0.1, 0.1, (len(aims), 3)) * scale * np.abs(np.linalg.det(place))
         rays = np.concatenate([np.broadcast_to(place[:3, 3], aims.shape), aims - place[:3, 3]], axis=1)
-        hits, _ = ask(build_intersector(*tables), np.concatenate([rays, np.concatenate([inside, aims - inside], 1)]))
+        hits, _ = ask(build_intersector(*records), np.concatenate([rays, np.concatenate([inside, aims - inside], 1)]))
         assert (hits >= 0).all()
 
 
@@ -269,16 +274,16 @@ def test_no_ray_leaves_a_closed_instance(scale):
 @pytest.mark.parametrize("offset", [0.0, 1e6, -3e7])
 def test_a_scene_far_from_the_origin_loses_nothing(offset):
     rng = np.random.default_rng(9)
-    tables, rays = crowd(rng), random_rays(rng, 2000, reach=20)
-    rows, places, _, clear = nearest(tables, rays)
-    vertices, triangles, instances = tables
+    records, rays = crowd(rng), random_rays(rng, 2000, reach=20)
+    rows, places, _, clear = nearest(records, rays)
+    (vertices, triangles, *_), instances = records
     matrices = instances.matrices.copy()
     matrices[:, 3::4] += offset
     far = vertices + np.where(np.arange(len(vertices)) < triangles[: instances.plain].max() + 1, offset, 0)[:, None]
     rays[:, :3] += offset
-    intersector = build_intersector(far, triangles, instances._replace(matrices=matrices))
-    np.testing.assert_allclose(intersector.middle - offset, middle_of(*tables), atol=1e-7)
-    hits, placed = ask(intersector, rays)
+    moved = geometry_of(far, triangles, instances._replace(matrices=matrices))
+    np.testing.assert_allclose(moved[0].middle - offset, middle_of(vertices, triangles, instances), atol=1e-7)
+    hits, placed = ask(build_intersector(*moved), rays)
     np.testing.assert_array_equal(hits[clear], rows[clear])
     np.testing.assert_array_equal(placed[clear], places[clear])
 
@@ -288,10 +293,10 @@ def test_a_mesh_with_large_coordinates_of_its_own():
     chip = pl.sphere(1e-3, segments=(16, 8)).translated(1e6, -1e6, 1e6)
     back = np.eye(4)
     back[:3, 3] = -1e6, 1e6, -1e6
-    tables = tables_of([pl.box(1e-3, center=(5e-3, 0, 0))], [Instances(chip, [back])])
+    records = records_of([pl.box(1e-3, center=(5e-3, 0, 0))], [Instances(chip, [back])])
     rays = random_rays(np.random.default_rng(10), 4000, reach=2e-3)
-    rows, places, _, clear = nearest(tables, rays)
-    hits, placed = ask(build_intersector(*tables), rays)
+    rows, places, _, clear = nearest(records, rays)
+    hits, placed = ask(build_intersector(*records), rays)
     assert (places == 0).mean() > 0.1
     np.testing.assert_array_equal(hits[clear], rows[clear])
     np.testing.assert_array_equal(placed[clear], places[clear])
@@ -315,11 +320,11 @@ def test_matrices_that_float32_cannot_invert(radius, matrix, suits):
     turn[:3, :3] = np.linalg.qr(np.random.default_rng(11).normal(size=(3, 3)))[0]
     matrix = turn @ matrix
     assert suits_float32(matrix[None, :3, :3]).tolist() == [suits]
-    tables = tables_of([], [Instances(pl.sphere(radius, segments=(8, 4)), [matrix])])
+    records = records_of([], [Instances(pl.sphere(radius, segments=(8, 4)), [matrix])])
     # Towards the middle of each triangle, from without; thinnest parts are 1e-4 of the whole.
-    rows, places = all_triangles(tables)
-    middle = corners_of(tables, rows, places).mean(axis=1)
-    hits, placed = ask(build_intersector(*tables), np.concatenate([1.5 * middle, -middle], axis=1))
+    rows, places = all_triangles(records)
+    middle = corners_of(records, rows, places).mean(axis=1)
+    hits, placed = ask(build_intersector(*records), np.concatenate([1.5 * middle, -middle], axis=1))
     np.testing.assert_array_equal(hits, rows)
     np.testing.assert_array_equal(placed, places)
 
@@ -331,14 +336,14 @@ def test_huge_degenerate_and_double_triangles_give_answers(build):
     vast = pl.quad((-1e15, -1e15, -500), (2e15, 0, 0), (0, 2e15, 0))
     place, up = np.eye(4), np.eye(4)
     place[:3, 3], up[2, 3] = (1e6, 0, 1), 1
-    tables = tables_of([poor, vast], [Instances(poor, [place, place]), Instances(vast, [up])])
+    records = records_of([poor, vast], [Instances(poor, [place, place]), Instances(vast, [up])])
     x = np.array([0.3, 1e6 + 0.3])
     rays = np.array([[u, 0.2, z, 0, 0, d] for u in x for z in (3.0, 0.5, -400.0) for d in (-1.0, 1.0)])
-    hits, placed = ask(build(*tables), rays)
+    hits, placed = ask(build(*records), rays)
     kinds = np.where(hits < 0, -1, placed >= 0)  # 0: a plain triangle, 1: one of an instance, -1: none
     assert kinds.tolist() == [0, -1, 0, -1, 1, 0, 1, -1, 1, 1, 1, 1]
     found = hits >= 0
-    reached = met(corners_of(tables, hits[found], placed[found]), rays[found])[0].diagonal()
+    reached = met(corners_of(records, hits[found], placed[found]), rays[found])[0].diagonal()
     # Of sums of coordinates of 1e15 that cancel, float64 leaves units of 0.1.
     np.testing.assert_allclose(reached, [3, 0.5, 99, 400, 2, 499.5, 0.5, 99, 401], rtol=0, atol=1)
     degenerate = {0, 1, 2} | {9, 10, 11}
@@ -354,12 +359,12 @@ def test_rays_that_start_clear_of_a_triangle_do_not_meet_it_again(detail):
     corners = rng.normal(size=(2000, 1, 3)) * 500 + rng.normal(size=(2000, 3, 3)) * 20
     soup = pl.Mesh(corners.reshape(-1, 3), np.arange(6000).reshape(-1, 3))
     plain = [pl.sphere(1, center=(700, 100, 0))] if detail else []
-    tables = tables_of(plain, [Instances(soup, turned(rng, 3, reach=800))])
-    intersector = build_intersector(*tables)
+    records = records_of(plain, [Instances(soup, turned(rng, 3, reach=800))])
+    intersector = build_intersector(*records)
     n = 100000
     place = rng.integers(0, 3, n)
-    row = tables[2].first[place] + rng.integers(0, 2000, n)
-    corners = corners_of(tables, row, place)
+    row = records[1].first[place] + rng.integers(0, 2000, n)
+    corners = corners_of(records, row, place)
     point = (corners * rng.dirichlet((1, 1, 1), n)[:, :, None]).sum(axis=1)
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
@@ -367,9 +372,11 @@ def test_rays_that_start_clear_of_a_triangle_do_not_meet_it_again(detail):
     along = np.cross(normal, rng.normal(size=(n, 3)))
     rise = rng.random((n, 1)) ** 4
     direction = along / np.linalg.norm(along, axis=1, keepdims=True) + rise * normal
-    relative = np.abs(point - intersector.middle).sum(axis=1)
-    size = np.abs(corners - intersector.middle) + np.abs(corners - point[:, None])
-    reach = np.maximum(np.maximum(relative, size.sum(axis=2).max(axis=1)), intersector.placements[place, 12])
+    relative = np.abs(point - records[0].middle).sum(axis=1)
+    size = np.abs(corners - records[0].middle) + np.abs(corners - point[:, None])
+    reach = np.maximum(
+        np.maximum(relative, size.sum(axis=2).max(axis=1)), records[0].instance_to_world[place, INSTANCE_DISTANCE]
+    )
     # Four times as near is still near enough; sixteen times is not: the test can fail.
     for share, some in ((1, 0), (0.5, 0), (1 / 32, n // 100)):
         rays = np.concatenate([point + normal * (share * OFFSET * reach)[:, None], direction], axis=1)

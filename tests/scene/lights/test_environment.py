@@ -9,7 +9,7 @@ import pytest
 import plenoptic as pl
 from plenoptic.core.jit import kernel
 from plenoptic.scene.lights.environment import MAX_TEXELS, EnvironmentMap
-from plenoptic.scene.lights.environment_record import build_environment, texel_solid_angles
+from plenoptic.scene.lights.environment_compile import environment_record, texel_solid_angles
 from plenoptic.scene.lights.kernels.environment import (
     choose_nearby,
     draw_environment,
@@ -56,7 +56,7 @@ def draws(tables, points):
 
 def lookups(tables, directions):
     cells, densities = np.empty((len(directions), 2), dtype=np.int64), np.empty(len(directions))
-    fill_lookups(cells, densities, np.asarray(directions, dtype=np.float64), tables.density, tables.rotation)
+    fill_lookups(cells, densities, np.asarray(directions, dtype=np.float64), tables.pdf, tables.rotation)
     return cells, densities
 
 
@@ -107,7 +107,7 @@ SINGLE = EnvironmentMap(np.full((1, 1, 1), 2.0))
 def test_the_middle_lies_ahead_and_columns_run_to_the_right(direction, row, column):
     texels = np.arange(1.0, 33).reshape(4, 8, 1)
     world = EnvironmentMap(texels)
-    cells, _ = lookups(build_environment(world, 1), [direction, 7.5 * np.array(direction)])
+    cells, _ = lookups(environment_record(world, 1), [direction, 7.5 * np.array(direction)])
     assert cells[:, 0].tolist() == [row, row]
     if column is not None:
         assert cells[:, 1].tolist() == [column, column]
@@ -142,7 +142,7 @@ def test_turning_the_map_turns_what_is_seen_and_drawn(world):
     turned = EnvironmentMap(world.texels, rotation)
     directions = rng.normal(size=(1000, 3))
     np.testing.assert_array_equal(world.radiance(directions), turned.radiance(directions @ rotation.T))
-    tables, turned_tables = build_environment(world, 3), build_environment(turned, 3)
+    tables, turned_tables = environment_record(world, 3), environment_record(turned, 3)
     points = rng.random((1000, 2))
     straight, cells = draws(tables, points)
     found, turned_cells = draws(turned_tables, points)
@@ -157,9 +157,9 @@ def test_turning_the_map_turns_what_is_seen_and_drawn(world):
 @pytest.mark.parametrize("world", [*MAPS, LARGE, SINGLE], ids=name)
 def test_the_density_integrates_to_one_and_is_proportional_to_the_light(world):
     rows, columns, channels = world.texels.shape
-    tables = build_environment(world, channels)
+    tables = environment_record(world, channels)
     solid_angle = texel_solid_angles(rows, columns)[:, None]
-    share = tables.density * solid_angle
+    share = tables.pdf * solid_angle
     # Sums of up to 2e6 steps of cumulative sums: each is right to an eps of the sum, and they telescope.
     assert share.sum() == pytest.approx(1.0, abs=1e-12)
     light = world.texels.mean(axis=2, dtype=np.float64) * solid_angle
@@ -168,7 +168,7 @@ def test_the_density_integrates_to_one_and_is_proportional_to_the_light(world):
     assert not share[light == 0].any()
     # Mean over the draws of radiance / density, by the probability of each texel, is the integral of radiance.
     drawn = share > 0
-    estimate = np.where(drawn, world.texels.mean(axis=2, dtype=np.float64), 0) / np.where(drawn, tables.density, 1)
+    estimate = np.where(drawn, world.texels.mean(axis=2, dtype=np.float64), 0) / np.where(drawn, tables.pdf, 1)
     assert (share * estimate).sum() == pytest.approx(light.sum(), rel=1e-12)
     assert (solid_angle * np.ones(columns)).sum() == pytest.approx(4 * math.pi, rel=1e-13)
 
@@ -182,7 +182,7 @@ def test_solid_angles_are_those_between_circles_of_latitude():
 @pytest.mark.parametrize("world", [*MAPS, SINGLE], ids=name)
 def test_draws_follow_the_density_between_texels_and_within(world):
     n = 200_000
-    directions, _ = draws(build_environment(world, 3), np.random.default_rng(7).random((n, 2)))
+    directions, _ = draws(environment_record(world, 3), np.random.default_rng(7).random((n, 2)))
     x, y, z = (directions if world.rotation is None else directions @ world.rotation).T
     rows, columns, _ = world.texels.shape
     # Each texel in 2 x 2 parts of equal solid angle, by another formula than the kernel's.
@@ -222,7 +222,7 @@ def test_both_ways_to_search_a_table_find_the_same(entries, power):
 
 @pytest.mark.parametrize("world", [*MAPS, LARGE, SINGLE], ids=name)
 def test_lookups_find_the_texels_that_were_drawn(world):
-    tables = build_environment(world, 3)
+    tables = environment_record(world, 3)
     points = np.random.default_rng(3).random((20_000, 2))
     # All combinations of the ends of both intervals, where rounding counts.
     ends = np.array([0.0, 2.0**-32, 0.25, 0.5, LAST])
@@ -239,7 +239,7 @@ def test_lookups_find_the_texels_that_were_drawn(world):
         assert sure[25:].all()
         directions, cells, found, densities = directions[sure], cells[sure], found[sure], densities[sure]
     np.testing.assert_array_equal(found, cells)
-    np.testing.assert_array_equal(densities, tables.density[cells[:, 0], cells[:, 1]])
+    np.testing.assert_array_equal(densities, tables.pdf[cells[:, 0], cells[:, 1]])
     assert (densities > 0).all()
     np.testing.assert_array_equal(world.radiance(directions), world.texels[cells[:, 0], cells[:, 1]])
 
@@ -247,7 +247,7 @@ def test_lookups_find_the_texels_that_were_drawn(world):
 def test_a_texel_at_the_pole_keeps_its_digits():
     texels = np.zeros((8192, 4, 1))
     texels[[0, -1]] = 1.0
-    directions, cells = draws(build_environment(EnvironmentMap(texels), 1), np.random.default_rng(5).random((1000, 2)))
+    directions, cells = draws(environment_record(EnvironmentMap(texels), 1), np.random.default_rng(5).random((1000, 2)))
     up = cells[:, 0] == 0
     assert np.isin(cells[:, 0], [0, 8191]).all() and 400 < up.sum() < 600
     np.testing.assert_array_equal(directions[:, 1] > 0, up)
@@ -263,7 +263,7 @@ def test_a_texel_at_the_pole_keeps_its_digits():
 def test_lookups_on_axes_and_borders_stay_inside(direction):
     for world in (*MAPS[1::2], SINGLE):
         rows, columns, _ = world.texels.shape
-        (row, column), _ = (a[0] for a in lookups(build_environment(EnvironmentMap(world.texels), 3), [direction]))
+        (row, column), _ = (a[0] for a in lookups(environment_record(EnvironmentMap(world.texels), 3), [direction]))
         assert 0 <= row < rows and 0 <= column < columns
         np.testing.assert_array_equal(world.radiance([direction])[0], world.texels[row, column])
 
@@ -274,23 +274,23 @@ def test_lookups_on_axes_and_borders_stay_inside(direction):
 def test_tables_have_the_channels_of_the_scene_and_nothing_they_need_not():
     grey = EnvironmentMap(np.ones((2, 4, 3)))
     assert grey.is_grey and not MAPS[0].is_grey
-    assert build_environment(grey, 1).texels.shape == (2, 4, 1)
-    single = build_environment(SINGLE, 3)
+    assert environment_record(grey, 1).texels.shape == (2, 4, 1)
+    single = environment_record(SINGLE, 3)
     assert single.texels.tolist() == [[[2.0, 2.0, 2.0]]] and single.total == pytest.approx(8 * math.pi)
     assert single.rotation is None and EnvironmentMap(SINGLE.texels, np.eye(3)) == SINGLE
-    turned = build_environment(MAPS[0], 3)
+    turned = environment_record(MAPS[0], 3)
     np.testing.assert_array_equal(turned.rotation, MAPS[0].rotation.ravel())
-    for array in turned[:-1]:
+    for array in turned[:-2]:
         assert array.flags.c_contiguous and not array.flags.writeable
-    assert build_environment(EnvironmentMap(np.zeros((3, 4, 3))), 3) is None
+    assert environment_record(EnvironmentMap(np.zeros((3, 4, 3))), 3) is None
 
 
 @pytest.mark.parametrize("brightness", [1e-38, 1e38])
 def test_brightness_changes_nothing_but_the_total(brightness):
     texels = np.random.default_rng(4).random((3, 5, 1)).astype(np.float32)
-    plain, scaled = (build_environment(EnvironmentMap(texels * np.float32(f)), 1) for f in (1, brightness))
+    plain, scaled = (environment_record(EnvironmentMap(texels * np.float32(f)), 1) for f in (1, brightness))
     # 1e-38 is next to float32's denormals, which have fewer digits.
-    np.testing.assert_allclose(scaled.density, plain.density, rtol=1e-5)
+    np.testing.assert_allclose(scaled.pdf, plain.pdf, rtol=1e-5)
     assert scaled.total == pytest.approx(plain.total * brightness, rel=1e-5)
 
 
@@ -311,7 +311,7 @@ def test_environments_compare_pickle_and_are_read_only():
         (np.zeros((2, 2)), None, pl.InvalidValueError, "shape"),
         (np.zeros((2, 2, 4)), None, pl.InvalidValueError, "drop alpha"),
         (np.zeros((2, 2, 3), dtype=np.uint8), None, pl.InvalidValueError, "EnvironmentMap.load"),
-        (np.zeros((0, 2, 3)), None, pl.SceneError, "0 rows"),
+        (np.zeros((0, 2, 3)), None, pl.SceneError, "0 x 2 texels"),
         (np.broadcast_to(np.float32(0), (MAX_TEXELS // 2 + 1, 2, 1)), None, pl.SceneError, "texels"),
         (np.full((1, 1, 1), -0.1), None, pl.SceneError, "0 or more"),
         (np.full((1, 2, 1), np.nan), None, pl.SceneError, "finite"),

@@ -20,8 +20,12 @@ def square(material=GREY):
     return pl.Mesh(CORNERS, FACES, material)
 
 
-def lights_of(meshes=(), lights=(), background=None, floor=GREY):
-    return pl.Scene([square(floor), *meshes], lights, background).tables().lights
+def record_of(meshes=(), lights=(), background=None, floor=GREY):
+    return pl.Scene([square(floor), *meshes], lights, background).tables()
+
+
+def lights_of(*parts, **named):
+    return record_of(*parts, **named).lights
 
 
 def shares(lights):
@@ -45,14 +49,19 @@ def test_triangles_are_drawn_by_the_power_they_emit(kinds):
         square(pl.Emissive(radiance, two_sided)).scaled(size).translated(z=k)
         for k, (radiance, two_sided, size) in enumerate(kinds)
     ]
-    lights = lights_of(meshes)
+    record = record_of(meshes)
+    lights = record.lights
     # By hand: two triangles of area 2 size^2 each; the floor has rows 0 and 1.
     power = np.array([np.mean(r) * 2 * s**2 * (2 if both else 1) for r, both, s in kinds for _ in range(2)])
     if not any(power):
-        assert lights.cdf is None and lights.material_density is None
+        assert lights.cdf is None and (record.emission is None or record.emission.pdf is None)
         return
     lit = np.flatnonzero(power)
-    assert lights.row.tolist() == (lit + 2).tolist() and lights.kind is None and lights.place is None
+    assert (
+        lights.items["row"].tolist() == (lit + 2).tolist()
+        and not lights.items["kind"].any()
+        and (lights.items["instance"] < 0).all()
+    )
     expected = power[lit] / power.sum()
     # A sum of some ten terms, a few eps each.
     np.testing.assert_allclose(shares(lights), expected, atol=1e-14)
@@ -60,7 +69,7 @@ def test_triangles_are_drawn_by_the_power_they_emit(kinds):
     tables = pl.Scene([square(), *meshes]).tables()
     areas = np.array([2 * s**2 for _, _, s in kinds for _ in range(2)])[lit]
     np.testing.assert_allclose(
-        tables.lights.material_density[tables.triangle_material[lit + 2]] * areas, expected, rtol=1e-13
+        tables.emission.pdf[tables.geometry.triangle_material[lit + 2]] * areas, expected, rtol=1e-13
     )
 
 
@@ -77,42 +86,42 @@ def test_near_lights_of_all_kinds_are_drawn_by_their_power():
     # Radiance mm^2 sr: pi L A for each side that shines, 4 pi I, and what `power` says.
     expected = [math.pi * 2.0 * 12.0 * 2, ONE_OF_EACH[3].power, 4 * math.pi * 6.0, ONE_OF_EACH[1].power]
     drawn = shares(lights)
-    triangles = lights.kind == TRIANGLE
-    quad = triangles & (lights.row < 4)
-    found = [drawn[quad].sum(), drawn[triangles & ~quad].sum(), *drawn[lights.kind == POINT]]
-    assert lights.kind.tolist() == [TRIANGLE] * 1282 + [POINT] * 2
+    triangles = lights.items["kind"] == TRIANGLE
+    quad = triangles & (lights.items["row"] < 4)
+    found = [drawn[quad].sum(), drawn[triangles & ~quad].sum(), *drawn[lights.items["kind"] == POINT]]
+    assert lights.items["kind"].tolist() == [TRIANGLE] * 1282 + [POINT] * 2
     # The mesh of a sphere has the sphere's area to rounding: 1280 triangles.
     np.testing.assert_allclose(found, np.array(expected) / np.sum(expected), rtol=1e-11)
 
 
 def test_points_and_spots_keep_their_places_axes_and_colours():
     lights = lights_of(lights=ONE_OF_EACH[:2])
-    np.testing.assert_allclose(lights.points[0], [0, 0, 5, 0, 0, 0, -2, -2])
-    np.testing.assert_allclose(lights.points[1], [0, 0, 5, 0, 0, -1, math.cos(0.9), math.cos(0.3)], rtol=1e-15)
-    assert lights.point_colours.tolist() == [[3, 6, 9], [40, 40, 40]]
-    assert lights.row.tolist() == [0, 1]
+    np.testing.assert_allclose(lights.points[0].tolist(), [0, 0, 5, 0, 0, 0, -2, -2])
+    np.testing.assert_allclose(lights.points[1].tolist(), [0, 0, 5, 0, 0, -1, math.cos(0.9), math.cos(0.3)], rtol=1e-15)
+    assert lights.point_colors.tolist() == [[3, 6, 9], [40, 40, 40]]
+    assert lights.items["row"].tolist() == [0, 1]
 
 
 def test_triangles_without_area_can_be_met_but_are_no_lights():
     mesh = pl.Mesh(CORNERS, [[0, 1, 1], [0, 1, 2], [3, 3, 3]], pl.Emissive(1.0))
     tables = pl.Scene([square(), mesh]).tables()
-    assert len(tables.triangles) == 5
-    assert tables.lights.row.tolist() == [3] and tables.lights.cdf.tolist() == [1.0]
+    assert len(tables.geometry.triangles) == 5
+    assert tables.lights.items["row"].tolist() == [3] and tables.lights.cdf.tolist() == [1.0]
 
 
 @pytest.mark.parametrize("brightest", [1e300, 1e308])
 def test_extreme_radiances_give_finite_probabilities(brightest):
     back = square(pl.Emissive(brightest, two_sided=True)).translated(z=-1)
-    lights = lights_of([square(pl.Emissive(brightest)), back])
-    np.testing.assert_allclose(shares(lights), [1 / 6, 1 / 6, 1 / 3, 1 / 3])
-    assert np.isfinite(lights.material_density).all()
+    record = record_of([square(pl.Emissive(brightest)), back])
+    np.testing.assert_allclose(shares(record.lights), [1 / 6, 1 / 6, 1 / 3, 1 / 3])
+    assert np.isfinite(record.emission.pdf).all()
 
 
 def test_faint_lights_are_drawn_if_there_are_no_others():
     lights = lights_of([square(pl.Emissive(1e-300)).scaled(10)], [pl.PointLight((0, 0, 5), 0.0)])
     drawn = shares(lights)
-    np.testing.assert_allclose(drawn[lights.kind == TRIANGLE], 0.5)
-    assert drawn[lights.kind == POINT].tolist() == [0.0]
+    np.testing.assert_allclose(drawn[lights.items["kind"] == TRIANGLE], 0.5)
+    assert drawn[lights.items["kind"] == POINT].tolist() == [0.0]
 
 
 # ---- near and distant ----
@@ -121,10 +130,10 @@ def test_faint_lights_are_drawn_if_there_are_no_others():
 @pytest.mark.parametrize("irradiance", [1e-9, 1e9])
 def test_neither_near_nor_distant_lights_go_without_draws(irradiance):
     lights = lights_of(lights=[pl.PointLight((0, 0, 5), 7.0), pl.SunLight((0, 0, -1), irradiance)])
-    assert lights.kind.tolist() == [POINT, SUN]
+    assert lights.items["kind"].tolist() == [POINT, SUN]
     # A tenth of the draws, at least, goes to either.
     np.testing.assert_allclose(shares(lights), [0.9, 0.1] if irradiance < 1 else [0.1, 0.9])
-    np.testing.assert_allclose(lights.suns[0, 4], shares(lights)[1])
+    np.testing.assert_allclose(lights.sky.suns[0]["pdf"], shares(lights)[1])
 
 
 def test_in_between_the_share_of_the_sun_is_what_it_sends_through_the_scene():
@@ -142,23 +151,25 @@ def test_suns_and_worlds_share_the_distant_draws_by_irradiance():
     suns = [pl.SunLight((0, 0, -1), 1.0), pl.SunLight((0, -1, 0), (2.0, 4.0, 3.0), 0.0), pl.SunLight((0, 1, 0), 0.0)]
     world = pl.EnvironmentMap(np.full((4, 8, 1), 0.25))
     lights = lights_of(lights=suns, background=world)
-    assert lights.kind.tolist() == [SUN] * 3 + [ENVIRONMENT]
+    assert lights.items["kind"].tolist() == [SUN] * 3 + [ENVIRONMENT]
     # A world of radiance 1/4 all around sends pi, as irradiance all around: 4 pi / 4.
     expected = np.array([1.0, 3.0, 0.0, math.pi]) / (4 + math.pi)
     np.testing.assert_allclose(shares(lights), expected, rtol=1e-12, atol=1e-15)
-    np.testing.assert_allclose([*lights.suns[:, 4], lights.environment_share], expected, rtol=1e-12, atol=1e-15)
+    np.testing.assert_allclose(
+        [*lights.sky.suns["pdf"], lights.sky.environment.probability], expected, rtol=1e-12, atol=1e-15
+    )
     # Towards the sun; radiance of the disc, or the irradiance where there is none.
-    np.testing.assert_allclose(lights.suns[:, :3], [[0, 0, 1], [0, 1, 0], [0, -1, 0]])
+    np.testing.assert_allclose(lights.sky.suns[["x", "y", "z"]].tolist(), [[0, 0, 1], [0, 1, 0], [0, -1, 0]])
     angle = suns[0].angular_radius
-    np.testing.assert_allclose(lights.suns[:, 3], [1 - math.cos(angle), 0, 1 - math.cos(angle)], rtol=1e-10)
-    np.testing.assert_allclose(lights.sun_colours[0], 1 / (math.pi * math.sin(angle) ** 2), rtol=1e-12)
-    assert lights.sun_colours[1].tolist() == [2, 4, 3]
+    np.testing.assert_allclose(lights.sky.suns["cap"], [1 - math.cos(angle), 0, 1 - math.cos(angle)], rtol=1e-10)
+    np.testing.assert_allclose(lights.sky.sun_colors[0], 1 / (math.pi * math.sin(angle) ** 2), rtol=1e-12)
+    assert lights.sky.sun_colors[1].tolist() == [2, 4, 3]
 
 
 def test_a_constant_world_is_not_drawn():
     assert lights_of(background=1.0).cdf is None
     lights = lights_of(lights=[pl.PointLight((0, 0, 5))], background=1.0)
-    assert lights.cdf.tolist() == [1.0] and lights.environment_share == 0
+    assert lights.cdf.tolist() == [1.0] and lights.sky.environment is None
 
 
 # ---- nothing ----
@@ -174,18 +185,18 @@ NOTHING = [
 
 def test_lights_without_light_are_not_drawn():
     lights = lights_of(lights=NOTHING)
-    assert lights.cdf is None and lights.row is None and lights.kind is None
+    assert lights.cdf is None and lights.items is None
     assert lights_of().cdf is None
     lights = lights_of(lights=[*NOTHING, pl.PointLight((0, 0, 5), 1e-12)])
     drawn = shares(lights)
-    assert drawn[lights.row == 2].tolist() == [1.0] and drawn.sum() == 1.0 and lights.cdf[-1] == 1.0
+    assert drawn[lights.items["row"] == 2].tolist() == [1.0] and drawn.sum() == 1.0 and lights.cdf[-1] == 1.0
 
 
 @pytest.mark.parametrize("light", [*ONE_OF_EACH, pl.SunLight((0, 0, -1))])
 def test_where_nothing_reflects_lights_are_only_seen(light):
     lights = lights_of(lights=[light], floor=pl.Lambertian(0.0))
-    assert lights.cdf is None and lights.material_density is None and lights.points is None
-    assert (lights.suns is not None) == isinstance(light, pl.SunLight)
+    assert lights.cdf is None and lights.points is None
+    assert (lights.sky.suns is not None) == isinstance(light, pl.SunLight)
 
 
 # ---- instances ----
@@ -207,10 +218,10 @@ def test_instanced_emitters_are_lights_at_every_place():
     np.testing.assert_allclose(shares(lights), expected, rtol=0, atol=1e-14)
     # Floor, plain emitter, then the two meshes that are repeated; places 0 and 1 are those of the grey square.
     n = len(bulb.faces)
-    assert lights.row.tolist() == [2, 3, *3 * list(range(6, 6 + n))]
-    assert lights.place.tolist() == [-1, -1, *[2] * n, *[3] * n, *[4] * n]
+    assert lights.items["row"].tolist() == [2, 3, *3 * list(range(6, 6 + n))]
+    assert lights.items["instance"].tolist() == [-1, -1, *[2] * n, *[3] * n, *[4] * n]
     # One density for one material, at all places.
-    density = lights.material_density[tables.triangle_material[lights.row]]
+    density = tables.emission.pdf[tables.geometry.triangle_material[lights.items["row"]]]
     np.testing.assert_allclose(density * np.concatenate(areas), expected, rtol=1e-12)
 
 
@@ -227,7 +238,7 @@ def test_places_of_what_does_not_shine_cost_nothing_for_each_triangle():
     begin = time.process_time()
     lights = scene.tables().lights
     assert time.process_time() - begin < 1.0
-    assert (lights.place == -1).all()
+    assert (lights.items["instance"] == -1).all()
 
 
 # ---- very many ----

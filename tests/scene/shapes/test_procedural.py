@@ -123,7 +123,7 @@ def test_white_is_a_plane_of_radiance_1():
 
 def test_check_follows_its_formula_with_exact_edges():
     scene = check_scene()
-    assert scene.tables().albedo is None and scene.background is None
+    assert scene.tables().bsdf is None and scene.background is None
     total = 0.0
     for mesh in scene.meshes:
         x, y = middles(mesh)[:, 0], middles(mesh)[:, 1]

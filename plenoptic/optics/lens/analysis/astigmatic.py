@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from plenoptic.core.rays import RayBundle
 from plenoptic.errors import InvalidValueError
+from plenoptic.optics.lens.elements import is_centred
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.lens.trace import traced_part
@@ -125,6 +126,12 @@ def require_axis(lens: LensStack, what: str) -> None:
         raise InvalidValueError(
             f"element {moved[0]} of {lens.name!r} is decentred or tilted; {what} that of a centred lens: leave out its "
             "placement, or look at spot diagrams"
+        )
+    free = [i for i, element in enumerate(lens.elements) if not is_centred(element)]
+    if free:
+        raise InvalidValueError(
+            f"surface {free[0]} of {lens.name!r} has no rotational symmetry; {what} that of a lens with an axis: leave "
+            "out its departure, or look at spot diagrams"
         )
     if lens.model is LensModel.NONE:
         raise InvalidValueError(f"the model of {lens.name!r} is NONE, which images nothing; use lens.with_model(EXACT)")

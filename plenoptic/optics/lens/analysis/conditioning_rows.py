@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.core.rays import RayBundle
-from plenoptic.optics.lens.record import ASPHERE, CONIC, FIRST_TERM, FRAME, IDEAL, SURFACE, LensRecord
+from plenoptic.optics.lens.record import FIRST_TERM, FRAME, LensRecord
+from plenoptic.optics.record import ASPHERE, CONIC, FREEFORM, IDEAL, SPHERE
 
 CHUNK = 64
 """Blocks of 256 rays that are followed together: with ten elements 8 MB of notes."""
@@ -92,9 +93,9 @@ def kinds(lens: LensRecord) -> tuple[str, ...]:
 
 
 def _kind(kind: int, c: float) -> str:
-    if kind == SURFACE:
+    if kind == SPHERE:
         return "sphere" if c else "plane"
-    return {CONIC: "conic", ASPHERE: "asphere", IDEAL: "ideal lens"}.get(kind, "stop")
+    return {CONIC: "conic", ASPHERE: "asphere", FREEFORM: "freeform", IDEAL: "ideal lens"}.get(kind, "stop")
 
 
 def largest_and_median(numbers: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -19,7 +19,6 @@ from plenoptic.optics.lens.analysis.fields import checked_fields, chief_rays, fr
 from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays, aimed_rays_reverse, hexapolar
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.lens.trace import traced_part
-from plenoptic.optics.stops.shapes import MaskStop
 
 Floats = NDArray[np.float64]
 
@@ -175,7 +174,7 @@ def vignetting(
     if not len(pupil):
         raise InvalidValueError(f"grid is {side}; none of its points falls into the opening of the iris: increase it")
     share, full = 4.0 / side**2 * stop.semi_diameter**2 / stop.area, np.ones(len(pupil))
-    if isinstance(stop, MaskStop):
+    if stop.row().cells is not None:
         full = stop.transmission_at(*(stop.semi_diameter * pupil.T))
         share = 1.0 / float(full.sum())
 

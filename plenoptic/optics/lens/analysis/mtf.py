@@ -72,7 +72,7 @@ class PointSpread:
             set_field(self, name, read_only(np.asarray(getattr(self, name))))
 
 
-def point_spread(
+def point_spread(  # noqa: PLR0913
     lens: LensStack,
     *,
     field: Sequence[float] = (0.0, 0.0),

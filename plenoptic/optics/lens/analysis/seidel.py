@@ -182,6 +182,11 @@ def _spherical_part(
 
 def _aspheric_part(surface: Surface, marginal: ParaxialRay, chief: ParaxialRay, i: int) -> NDArray[np.float64]:
     """What the r^4 term adds that goes beyond the sphere of the same vertex curvature."""
+    if surface.departure is not None:
+        raise InvalidValueError(
+            f"surface {i} has no rotational symmetry, so that Seidel sums are not defined; leave out its departure, or "
+            "look at spot diagrams"
+        )
     fourth = surface.aspheric[1] if len(surface.aspheric) > 1 else 0.0
     excess = ((1.0 + surface.conic) * surface.curvature**3 - surface.vertex_curvature**3) / 8.0 + fourth
     strength = 8.0 * excess * (marginal.index[i + 1] - marginal.index[i])

@@ -21,7 +21,6 @@ from plenoptic.core.values import finite, number, wavelength_in_nm, whole, wrong
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.stack import LensStack
-from plenoptic.optics.stops.shapes import MaskStop
 
 REPLICATES = 8
 """Independent scramblings of the sampling points, from which errors are estimated."""
@@ -240,7 +239,7 @@ def light_at_iris(lens: LensStack, beam: Pencil) -> NDArray[np.float64]:
     iris, lost_at = lens.iris_index, beam.leaving.lost_at
     passes = beam.leaving.status == 0
     light = np.where(passes | (lost_at > iris), 1.0, 0.0)
-    grey = isinstance(lens.stop, MaskStop)
+    grey = lens.stop.row().cells is not None
     unknown = np.flatnonzero(passes | (lost_at != iris) if grey else ~passes & (lost_at < iris))
     if len(unknown):
         again = beam.entering.selected(unknown)

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.pupil.exit_pupil import grid, passing_points
-from plenoptic.optics.lens.record import IDEAL, LensRecord, lens_record
+from plenoptic.optics.lens.record import LensRecord, lens_record
 from plenoptic.optics.lens.stack import LensStack
+from plenoptic.optics.record import IDEAL
 from plenoptic.optics.surfaces.surface import Surface
 
 _COARSE, _DENSE, _FINE = 64, 512, 64
@@ -61,6 +62,9 @@ def entrance(lens: LensStack, wavelength: float) -> Entrance:
         if first.depth is not None:
             sag = np.append(sag, math.copysign(first.depth, first.radius))
     low, high = float(sag.min()), float(sag.max())
+    if isinstance(first, Surface) and first.departure is not None:
+        added = 2.0 * first.departure.bounds(reach).height  # from one side of a height to the other
+        low, high = low - added, high + added
     if first.placement is not None:
         shift, turn = np.asarray(first.placement.shift), np.asarray(first.placement.rotation)
         sine = float(np.hypot(turn[2, 0], turn[2, 1]))

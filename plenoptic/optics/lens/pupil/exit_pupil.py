@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 from plenoptic.core.values import read_only
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
-from plenoptic.optics.lens.record import CIRCLE, LensRecord, lens_record
+from plenoptic.optics.lens.record import FRAME, MOVED, LensRecord, lens_record
 from plenoptic.optics.lens.stack import LensStack
+from plenoptic.optics.record import CIRCLE, FREEFORM
 from plenoptic.optics.surfaces.surface import Surface
 
 SIDES = 16
@@ -202,9 +203,10 @@ def rear_reach(lens: LensStack, z_plane: float, wavelength: float) -> tuple[floa
     depth, reach, tilted = 0.0, last.semi_diameter, 0.0
     if isinstance(last, Surface):
         depth = float(last.sag(reach)) if last.depth is None else math.copysign(last.depth, last.radius)
+        tilted += 0.0 if last.departure is None else 2.0 * last.departure.bounds(reach).height
     if last.placement is not None:
         shift, turn = np.asarray(last.placement.shift), np.asarray(last.placement.rotation)
-        tilted = reach * float(np.hypot(turn[2, 0], turn[2, 1]))
+        tilted += reach * float(np.hypot(turn[2, 0], turn[2, 1]))
         depth, reach = depth + float(shift[2]), reach + float(np.hypot(shift[0], shift[1]))
     near, far = (_projected(gap, depth + side, reach) for side in (tilted, -tilted))
     return max(near[0], far[0]), max(near[1], far[1])
@@ -281,7 +283,7 @@ def _all_round(
     A centred lens looks the same from everywhere on a circle. Of a lens with elements out of place, the union of
     outlines from several azimuths is taken, and widened by what may lie between them.
     """
-    if lens.frames is None:
+    if lens.frames is None and lens.departure is None:
         return _followed_outlines(lens, rho, pupil, z, z_plane, rear)
     angles = 2 * math.pi * np.arange(_AZIMUTHS) / _AZIMUTHS
     found = np.array(
@@ -296,11 +298,12 @@ def _all_round(
 
 def _turned(lens: LensRecord, angle: float) -> LensRecord:
     """The lens turned about the axis by -angle, which is the same as looking at it from the azimuth `angle`."""
-    assert lens.frames is not None
     cos, sin = math.cos(angle), math.sin(angle)
     turn = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
-    frames = lens.frames.copy()
-    for frame in frames:
+    frames = np.zeros((len(lens.rows), FRAME)) if lens.frames is None else lens.frames.copy()
+    for frame, row in zip(frames, lens.rows, strict=True):
+        if row["kind"] == FREEFORM and not frame[MOVED]:
+            frame[:9], frame[MOVED] = np.eye(3).ravel(), 1.0
         frame[:9] = (turn @ frame[:9].reshape(3, 3)).ravel()
         frame[9:12] = turn @ frame[9:12]
     return lens._replace(frames=frames)

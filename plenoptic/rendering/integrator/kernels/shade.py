@@ -152,7 +152,7 @@ def _kind_of(kinds, material, surface, i, waves, path):
     """Kind, roughness, share of metal, whether the front is seen, and the wavelength; all Lambertian without kinds."""
     if kinds is None:
         return 0, 0.0, 0.0, True, wave_of(waves, path)
-    return kinds[material], surface[i, 12], surface[i, 13], surface[i, 11] > 0.0, wave_of(waves, path)
+    return kinds[material], surface[i, 11], surface[i, 12], surface[i, 10] > 0.0, wave_of(waves, path)
 
 
 @kernel

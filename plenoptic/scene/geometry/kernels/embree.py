@@ -18,14 +18,14 @@ from numba import types
 from numpy.typing import NDArray
 
 from plenoptic.core.jit import device, kernel
-from plenoptic.scene.geometry.accel import distinct_meshes, middle_of, part_of, placements_of, suits_float32
-from plenoptic.scene.geometry.instance import InstanceTables
+from plenoptic.scene.geometry.compile import ChildMesh, child_meshes, part_of
 from plenoptic.scene.geometry.kernels.intersect import SHADOW_END
+from plenoptic.scene.geometry.record import Geometry, Hits, InstanceRecord
 
 PACKET = 16
 
 _VERTEX, _INDEX, _FLOAT3, _UINT3, _FLOAT3X4 = 1, 0, 0x9003, 0x5003, 0x9134
-_TRIANGLE, _PLACED = 0, 121
+_TRIANGLE, _INSTANCED = 0, 121
 _SCENE_ROBUST = 4
 _COHERENT = 1 << 16
 _ALL_FEATURES = 0xFFFFFFFF
@@ -108,14 +108,8 @@ class _Arguments(ctypes.Structure):
 class EmbreeTriangles:
     """A committed Embree scene of triangles and instances; it owns its buffers and frees the scenes with itself."""
 
-    def __init__(
-        self,
-        vertices: NDArray[np.float64],
-        triangles: NDArray[np.int32],
-        instances: InstanceTables | None = None,
-    ) -> None:
-        self.middle = middle_of(vertices, triangles, instances)
-        self.placements = placements_of(instances)
+    def __init__(self, geometry: Geometry, instances: InstanceRecord | None = None) -> None:
+        vertices, triangles, self._middle = geometry.vertices, geometry.triangles, geometry.middle
         self._first = None if instances is None else instances.first
         self._buffers: list[NDArray[Any]] = []
         self._scenes: list[int] = []
@@ -125,13 +119,14 @@ class EmbreeTriangles:
         weakref.finalize(self, _release, self._scenes, self._device)
         self._scene = self._new_scene()
         if instances is None:
-            self._attach(self._scene, self._triangles(vertices, triangles, self.middle), 0)
+            self._attach(self._scene, self._triangles(vertices, triangles, self._middle), 0)
         else:
             # An instance is known by its row; plain triangles come behind.
             if instances.plain:
-                plain = self._triangles(vertices, triangles[: instances.plain], self.middle)
+                plain = self._triangles(vertices, triangles[: instances.plain], self._middle)
                 self._attach(self._scene, plain, len(instances.first))
-            self._place(vertices, triangles, instances)
+            for child in child_meshes(vertices, triangles, instances, self._middle):
+                self._attach_child(child)
         _library.rtcCommitScene(self._scene)
         error = _library.rtcGetDeviceError(self._device)
         if error:
@@ -139,21 +134,15 @@ class EmbreeTriangles:
         self._coherent = _Arguments(flags=_COHERENT, feature_mask=_ALL_FEATURES)
         self._incoherent = _Arguments(flags=0, feature_mask=_ALL_FEATURES)
 
-    def fill_closest(
-        self,
-        hits: NDArray[np.int32],
-        rays: NDArray[np.float64],
-        *,
-        coherent: bool,
-        placed: NDArray[np.int32] | None = None,
-    ) -> None:
+    def fill_closest(self, hits: Hits, rays: NDArray[np.float64], *, coherent: bool) -> None:
         """Triangle that each ray (origin and direction, (n, 6)) meets first, or -1; and its instance, or -1."""
         arguments = self._coherent if coherent else self._incoherent
-        _fill_closest(hits, placed, self._first, rays, self.middle, self._scene, ctypes.addressof(arguments))
+        address = ctypes.addressof(arguments)
+        _fill_closest(hits.triangle, hits.instance, self._first, rays, self._middle, self._scene, address)
 
     def fill_blocked(self, blocked: NDArray[np.uint8], rays: NDArray[np.float64]) -> None:
         """1 where something lies between a ray's origin and origin + direction, else 0."""
-        _fill_blocked(blocked, rays, self.middle, self._scene, ctypes.addressof(self._incoherent))
+        _fill_blocked(blocked, rays, self._middle, self._scene, ctypes.addressof(self._incoherent))
 
     def _new_scene(self) -> int:
         scene: int = _library.rtcNewScene(self._device)
@@ -185,46 +174,18 @@ class EmbreeTriangles:
         _library.rtcAttachGeometryByID(scene, geometry, number)
         _library.rtcReleaseGeometry(geometry)
 
-    def _child(self, vertices: NDArray[np.float64], triangles: NDArray[np.int32], middle: NDArray[np.float64]) -> int:
+    def _attach_child(self, child: ChildMesh) -> None:
+        """Attach the instances of a mesh, which is in float32 relative to its own middle."""
         scene = self._new_scene()
-        self._attach(scene, self._triangles(vertices, triangles, middle), 0)
+        self._attach(scene, self._triangles(child.vertices, child.triangles, child.middle), 0)
         _library.rtcCommitScene(scene)
-        return scene
-
-    def _place(self, vertices: NDArray[np.float64], triangles: NDArray[np.int32], instances: InstanceTables) -> None:
-        """Attach the instances, each mesh in float32 relative to its own middle."""
-        for first, count, places in distinct_meshes(instances):
-            corners, faces = part_of(vertices, triangles[first : first + count])
-            matrices = instances.matrices[places].reshape(-1, 3, 4)
-            fits = suits_float32(matrices[:, :, :3])
-            if fits.any():
-                middle = np.median(corners, axis=0)
-                child = self._child(corners, faces, middle)
-                self._attach_copies(child, middle, matrices[fits], places[fits])
-            for matrix, place in zip(matrices[~fits], np.flatnonzero(~fits), strict=True):
-                turned = corners @ matrix[:, :3].T + matrix[:, 3]
-                middle = np.median(turned, axis=0)
-                self._attach_copies(self._child(turned, faces, middle), middle, np.eye(4)[None, :3], places[[place]])
-
-    def _attach_copies(
-        self,
-        child: int,
-        middle: NDArray[np.float64],
-        matrices: NDArray[np.float64],
-        places: NDArray[np.intp],
-    ) -> None:
-        # p - M = A (q - m) + (A m + t - M), for points p of the world and q of the mesh and their middles M and m.
-        relative = matrices.copy()
-        relative[:, :, 3] += matrices[:, :, :3] @ middle - self.middle
-        assert self.placements is not None
-        self.placements[places, 12] = np.abs(relative[:, :, 3]).sum(axis=1)
-        transforms = np.ascontiguousarray(relative, dtype=np.float32)
+        transforms = np.ascontiguousarray(child.matrices, dtype=np.float32)
         address = transforms.ctypes.data
-        for k, place in enumerate(places.tolist()):
-            geometry = _library.rtcNewGeometry(self._device, _PLACED)
-            _library.rtcSetGeometryInstancedScene(geometry, child)
+        for k, instance in enumerate(child.instances.tolist()):
+            geometry = _library.rtcNewGeometry(self._device, _INSTANCED)
+            _library.rtcSetGeometryInstancedScene(geometry, scene)
             _library.rtcSetGeometryTransform(geometry, 0, _FLOAT3X4, address + 48 * k)
-            self._attach(self._scene, geometry, place)
+            self._attach(self._scene, geometry, instance)
 
 
 def _release(scenes: list[int], device: int) -> None:
@@ -288,7 +249,7 @@ def _again_alone(packet, valid, lane, scene, arguments):
 
 
 @kernel
-def _fill_closest(hits, placed, first, rays, middle, scene, arguments):
+def _fill_closest(triangles, instances, first, rays, middle, scene, arguments):
     packet = _aligned(np.zeros(_RAYHIT + 16, np.float32), 16)
     valid = _aligned(np.zeros(PACKET + 16, np.int32), 16)
     number = packet.view(np.uint32)
@@ -302,13 +263,13 @@ def _fill_closest(hits, placed, first, rays, middle, scene, arguments):
                 _again_alone(packet, valid, lane, scene, arguments)
             hit = number[_GEOMETRY + lane] != _INVALID
             row = np.int32(number[_PRIMITIVE + lane])
-            place = np.int32(-1)
+            instance = np.int32(-1)
             if first is not None and hit and number[_INSTANCE + lane] != _INVALID:
-                place = np.int32(number[_INSTANCE + lane])
-                row += first[place]
-            if placed is not None:
-                placed[start + lane] = place
-            hits[start + lane] = row if hit else np.int32(-1)
+                instance = np.int32(number[_INSTANCE + lane])
+                row += first[instance]
+            if instances is not None:
+                instances[start + lane] = instance
+            triangles[start + lane] = row if hit else np.int32(-1)
 
 
 @kernel

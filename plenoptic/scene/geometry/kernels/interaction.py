@@ -83,13 +83,13 @@ def fill_surfaces(
                 surface[found, 6], surface[found, 7], surface[found, 8] = sx, sy, sz
         reach = reach_of(matrices, place)
         surface[found, 9] = clearance(px, py, pz, gx, gy, gz, ax, ay, az, bx, by, bz, cx, cy, cz, middle, reach)
-        surface[found, 10], surface[found, 11] = t, front
+        surface[found, 10] = front
         if roughness is not None:
-            surface[found, 12] = roughness[material]
+            surface[found, 11] = roughness[material]
         if metallic is not None:
-            surface[found, 13] = metallic[material]
+            surface[found, 12] = metallic[material]
         if uv is not None:
-            surface[found, 14], surface[found, 15] = interpolated_uv(uv, triangles, k, u, v)
+            surface[found, 13], surface[found, 14] = interpolated_uv(uv, triangles, k, u, v)
         lane_of[found] = i
         material_of[found] = material
         found += 1

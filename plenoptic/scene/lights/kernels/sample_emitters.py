@@ -16,11 +16,11 @@ from plenoptic.scene.geometry.kernels.interaction import mirrors
 from plenoptic.scene.geometry.kernels.intersect import clearance, corners, interpolated_uv, reach_of
 from plenoptic.scene.lights.kernels.environment import draw_environment, environment_texel
 from plenoptic.scene.lights.kernels.sample_cdf import choose
+from plenoptic.scene.lights.record import ENVIRONMENT, POINT, SUN, TRIANGLE
 from plenoptic.scene.materials.kernels.bsdf import one_channel
 from plenoptic.scene.textures.kernels.colors import opacity_at, wave_of
 from plenoptic.scene.textures.kernels.lookup import fill_texel
 
-TRIANGLE, POINT, SUN, ENVIRONMENT = range(4)
 WIDTH = 7
 """Numbers of a drawn light: unit direction to it, the point at which its shadow ray ends, the density."""
 ALONE = -1.0
@@ -84,32 +84,32 @@ def _to_triangle(drawn, i, px, py, pz, u, v, k, place, shines_back, density, ver
 @device
 def _to_point(drawn, i, px, py, pz, lamp):
     """Fill row i of `drawn` for a point light; what it sends here of its intensity, over the squared distance."""
-    wx, wy, wz = lamp[0] - px, lamp[1] - py, lamp[2] - pz
+    wx, wy, wz = lamp.x - px, lamp.y - py, lamp.z - pz
     r2 = wx * wx + wy * wy + wz * wz
     if not r2 > 0.0:
         return 0.0
     r = math.sqrt(r2)
     wx, wy, wz = wx / r, wy / r, wz / r
-    drawn[i, 0], drawn[i, 1], drawn[i, 2], drawn[i, 3], drawn[i, 4], drawn[i, 5] = wx, wy, wz, lamp[0], lamp[1], lamp[2]
+    drawn[i, 0], drawn[i, 1], drawn[i, 2], drawn[i, 3], drawn[i, 4], drawn[i, 5] = wx, wy, wz, lamp.x, lamp.y, lamp.z
     drawn[i, 6] = ALONE
-    return spot_share(lamp[3], lamp[4], lamp[5], wx, wy, wz, lamp[6], lamp[7]) / r2
+    return spot_share(lamp.axis_x, lamp.axis_y, lamp.axis_z, wx, wy, wz, lamp.cos_outer, lamp.cos_inner) / r2
 
 
 @device
 def _to_sun(drawn, i, px, py, pz, u, v, sun, far):
     """Fill row i of `drawn` for a direction of a sun's disc; 1 / density, or 1 / probability without a disc."""
-    wx, wy, wz = sun[0], sun[1], sun[2]
+    wx, wy, wz = sun.x, sun.y, sun.z
     drawn[i, 6] = ALONE
-    value = 1.0 / sun[4]
-    if sun[3] > 0.0:
-        # sun[3] is 1 - cosine of the angular radius.
-        high = u * sun[3]
+    value = 1.0 / sun.pdf
+    if sun.cap > 0.0:
+        # sun.cap is 1 - cosine of the angular radius.
+        high = u * sun.cap
         low = math.sqrt(high * (2.0 - high))
         c, s = turn(v)
         a, b, up = low * c, low * s, 1.0 - high
         x1, y1, z1, x2, y2, z2 = across(wx, wy, wz)
         wx, wy, wz = up * wx + a * x1 + b * x2, up * wy + a * y1 + b * y2, up * wz + a * z1 + b * z2
-        drawn[i, 6] = sun[4] / (2.0 * math.pi * sun[3])
+        drawn[i, 6] = sun.pdf / (2.0 * math.pi * sun.cap)
         value = 1.0 / drawn[i, 6]
     _send_far(drawn, i, px, py, pz, wx, wy, wz, far)
     return value
@@ -148,9 +148,7 @@ def fill_drawn_lights(
     texels,
     texture_rows,
     light_cdf,
-    light_row,
-    light_kind,
-    light_place,
+    items,
     material_density,
     points,
     point_colours,
@@ -182,11 +180,13 @@ def fill_drawn_lights(
         light, u = choose(light_cdf, random[0, i])
         v = random[1, i]
         px, py, pz = surface[i, 0], surface[i, 1], surface[i, 2]
-        kind = TRIANGLE if light_kind is None else light_kind[light]
+        kind = TRIANGLE
+        if points is not None or suns is not None or environment_texels is not None:
+            kind = items[light].kind
         value = 0.0
         if emission is not None and kind == TRIANGLE:
-            k = light_row[light]
-            place = -1 if light_place is None else light_place[light]
+            k = items[light].row
+            place = -1 if matrices is None else items[light].instance
             source = triangle_material[k]
             shines_back = two_sided[source] != 0
             density = material_density[source]
@@ -207,13 +207,13 @@ def fill_drawn_lights(
                     )
         if points is not None and kind == POINT:
             chance = light_cdf[light] - (light_cdf[light - 1] if light > 0 else 0.0)
-            value = _to_point(drawn, i, px, py, pz, points[light_row[light]]) / chance
+            value = _to_point(drawn, i, px, py, pz, points[items[light].row]) / chance
             for c in range(colour.size):
-                colour[c] = point_colours[light_row[light], c]
+                colour[c] = point_colours[items[light].row, c]
         if suns is not None and kind == SUN:
-            value = _to_sun(drawn, i, px, py, pz, u, v, suns[light_row[light]], far)
+            value = _to_sun(drawn, i, px, py, pz, u, v, suns[items[light].row], far)
             for c in range(colour.size):
-                colour[c] = sun_colours[light_row[light], c]
+                colour[c] = sun_colours[items[light].row, c]
         if environment_texels is not None and kind == ENVIRONMENT:
             wx, wy, wz, r0, c0 = draw_environment(u, v, environment_rows, environment_columns, environment_rotation)
             _send_far(drawn, i, px, py, pz, wx, wy, wz, far)
@@ -264,11 +264,11 @@ def fill_sky(
     if suns is not None:
         for s in range(suns.shape[0]):
             sun = suns[s]
-            if sun[3] > 0.0:
-                x, y, z = dx - sun[0], dy - sun[1], dz - sun[2]
+            if sun.cap > 0.0:
+                x, y, z = dx - sun.x, dy - sun.y, dz - sun.z
                 # |d - s|^2 = 2 (1 - cos), without the cancellation of 1 - cos.
-                if 0.5 * (x * x + y * y + z * z) < sun[3]:
-                    counts = weight(density, sun[4] / (2.0 * math.pi * sun[3]))
+                if 0.5 * (x * x + y * y + z * z) < sun.cap:
+                    counts = weight(density, sun.pdf / (2.0 * math.pi * sun.cap))
                     for c in range(colour.size):
                         colour[c] += counts * sun_colours[s, c]
     if environment_texels is not None:

@@ -114,7 +114,7 @@ def fill_next_media(next_media, next_from, media, surface, lane_of, material_of,
         material = material_of[met]
         # Through a pane nothing changes.
         if came < 0 and glass_index[material, 0] > 0.0:
-            if surface[met, 11] > 0.0:
+            if surface[met, 10] > 0.0:
                 enter(next_media[i], material)
             else:
                 leave(next_media[i], material)
@@ -130,7 +130,7 @@ def fill_dimmed_lights(lit, media, drawn, surface, lane_of, material_of, path_of
             # The light is on the other side.
             for k in range(beyond.size):
                 beyond[k] = media[lane_of[i], k]
-            if row[11] > 0.0:
+            if row[10] > 0.0:
                 enter(beyond, material_of[i])
             else:
                 leave(beyond, material_of[i])

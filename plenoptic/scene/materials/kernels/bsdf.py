@@ -14,14 +14,21 @@ from plenoptic.core.kernels.sincos import turn
 from plenoptic.scene.materials.kernels.fresnel import conductor, dielectric, schlick
 from plenoptic.scene.materials.kernels.microfacets import distribution, hidden, visible_normal
 from plenoptic.scene.materials.kernels.oren_nayar import groove_albedo, groove_terms
+from plenoptic.scene.materials.record import (
+    CONDUCTOR,
+    DIELECTRIC,
+    LAMBERTIAN,
+    METALLIC_ROUGHNESS,
+    OREN_NAYAR,
+    SMOOTH,
+    THIN_DIELECTRIC,
+)
 
-LAMBERTIAN, GROOVES, METAL, GLASS, PANE, LAYERED = range(6)
 EXACT = -1.0
 """The density of a direction that is the only one: a mirror's."""
-SMOOTH = 1e-4
 _OVER_PI = 1.0 / math.pi
 PLASTIC = 0.04
-"""Reflectance of the layer of LAYERED materials at normal incidence (glTF 2.0, appendix B)."""
+"""Reflectance of the layer of METALLIC_ROUGHNESS materials at normal incidence (glTF 2.0, appendix B)."""
 
 
 @device
@@ -69,7 +76,7 @@ def _relative_index(glass_index, material, front):
 
 @device
 def layer_albedo(coupling, cosine, roughness):
-    """Share that the layer of a LAYERED material does not reflect, seen at a cosine; bilinear in a table.
+    """Share that the layer of a METALLIC_ROUGHNESS material does not reflect, seen at a cosine; bilinear in a table.
 
     Columns are at equal steps of the root of the cosine, rows at equal steps of the root of the roughness.
     """
@@ -91,7 +98,7 @@ def _mean_row(coupling_mean, roughness):
 
 @device
 def _layer_share(base, i, metallic, oz, inward):
-    """Probability of drawing the layer of a LAYERED material, not what is below."""
+    """Probability of drawing the layer of a METALLIC_ROUGHNESS material, not what is below."""
     largest = 0.0
     for c in range(base.shape[1]):
         largest = max(largest, base[i, c])
@@ -128,7 +135,7 @@ def evaluate(
     """Fill f with f |cos i| and return the density by which `draw` would draw i; 0 for exact directions."""
     for c in range(f.size):
         f[c] = 0.0
-    if kind <= GROOVES:
+    if kind <= OREN_NAYAR:
         if iz <= 0.0:
             return 0.0
         if kind == LAMBERTIAN:
@@ -139,7 +146,7 @@ def evaluate(
             for c in range(f.size):
                 f[c] = (base[i, c] * single + groove_albedo(base[i, c], mean) * multiple) * (iz * _OVER_PI)
         return iz * _OVER_PI
-    if metal_index is not None and kind == METAL:
+    if metal_index is not None and kind == CONDUCTOR:
         if iz <= 0.0 or roughness < SMOOTH:
             return 0.0
         cosine, d = _half_way(ox, oy, oz, ix, iy, iz, roughness)
@@ -151,13 +158,13 @@ def evaluate(
         for c in range(f.size):
             f[c] *= seen
         return d / (4.0 * oz * (1.0 + hidden_o))
-    if glass_index is not None and kind == GLASS:
+    if glass_index is not None and kind == DIELECTRIC:
         if roughness < SMOOTH:
             return 0.0
         return _evaluate_rough_glass(
             f, base, i, roughness, _relative_index(glass_index, material, front), ox, oy, oz, ix, iy, iz
         )
-    if coupling is not None and kind == LAYERED:
+    if coupling is not None and kind == METALLIC_ROUGHNESS:
         if iz <= 0.0:
             return 0.0
         alpha = max(roughness * roughness, 1e-3)
@@ -249,9 +256,9 @@ def draw(
     Returns i, its density (EXACT for a mirror's direction, 0 where the path ends), and 1 / eta^2 where light changes
     into another medium (1 otherwise), by which radiance is to be multiplied besides.
     """
-    if glass_index is not None and kind == GLASS:
+    if glass_index is not None and kind == DIELECTRIC:
         return _draw_glass(f, base, i, roughness, _relative_index(glass_index, material, front), ox, oy, oz, u, v, w)
-    if pane_index is not None and kind == PANE:
+    if pane_index is not None and kind == THIN_DIELECTRIC:
         once, _ = dielectric(min(oz, 1.0), pane_index[material])
         if u < 2.0 * once / (1.0 + once):
             for c in range(f.size):
@@ -260,7 +267,7 @@ def draw(
         for c in range(f.size):
             f[c] = base[i, c]
         return -ox, -oy, -oz, EXACT, 1.0
-    if metal_index is not None and kind == METAL:
+    if metal_index is not None and kind == CONDUCTOR:
         if roughness < SMOOTH:
             _metal_reflectance(f, base, i, oz, metal_index, material, basis, wave)
             return -ox, -oy, oz, EXACT, 1.0
@@ -273,7 +280,7 @@ def draw(
         for c in range(f.size):
             f[c] *= seen
         return ix, iy, iz, density, 1.0
-    if coupling is not None and kind == LAYERED:
+    if coupling is not None and kind == METALLIC_ROUGHNESS:
         share = _layer_share(base, i, metallic, oz, layer_albedo(coupling, oz, roughness))
         if u < share:
             ix, iy, iz, _, _ = _draw_reflected(ox, oy, oz, max(roughness * roughness, 1e-3), u / share, v)
@@ -307,7 +314,7 @@ def draw(
             f[c] = f[c] / density if density > 0.0 else 0.0
         return ix, iy, iz, density, 1.0
     ix, iy, iz = _draw_cosine(u, v)
-    if kind == GROOVES:
+    if kind == OREN_NAYAR:
         single, multiple, mean = groove_terms(ox, oy, oz, ix, iy, iz, roughness)
         for c in range(f.size):
             f[c] = base[i, c] * single + groove_albedo(base[i, c], mean) * multiple

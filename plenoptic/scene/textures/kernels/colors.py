@@ -49,20 +49,20 @@ def fill_textured(
         if base_texture is not None:
             texture = base_texture[material]
             if texture >= 0:
-                fill_texel(texel, texels, texture_rows[texture], surface[i, 14], surface[i, 15])
+                fill_texel(texel, texels, texture_rows[texture], surface[i, 13], surface[i, 14])
                 wave = wave_of(waves, path_of[lane_of[i]])
                 for c in range(base.shape[1]):
                     base[i, c] = one_channel(texel, c, basis, wave)
         if roughness_texture is not None:
             texture = roughness_texture[material]
             if texture >= 0:
-                fill_texel(share, texels, texture_rows[texture], surface[i, 14], surface[i, 15])
-                surface[i, 12] = share[0]
+                fill_texel(share, texels, texture_rows[texture], surface[i, 13], surface[i, 14])
+                surface[i, 11] = share[0]
         if metallic_texture is not None:
             texture = metallic_texture[material]
             if texture >= 0:
-                fill_texel(share, texels, texture_rows[texture], surface[i, 14], surface[i, 15])
-                surface[i, 13] = share[0]
+                fill_texel(share, texels, texture_rows[texture], surface[i, 13], surface[i, 14])
+                surface[i, 12] = share[0]
 
 
 @kernel
@@ -90,7 +90,7 @@ def fill_bent(
         lane = lane_of[i]
         row, ray, k = surface[i], rays[lane], hits[lane]
         place = -1 if placed is None else placed[lane]
-        fill_texel(bent, texels, texture_rows[texture], row[14], row[15])
+        fill_texel(bent, texels, texture_rows[texture], row[13], row[14])
         ax, ay, az, bx, by, bz, cx, cy, cz = corners(vertices, triangles, k, matrices, place)
         p, q, r = uv[triangles[k, 0]], uv[triangles[k, 1]], uv[triangles[k, 2]]
         s1, t1, s2, t2 = q[0] - p[0], q[1] - p[1], r[0] - p[0], r[1] - p[1]
@@ -101,7 +101,7 @@ def fill_bent(
         tx = ((bx - ax) * t2 - (cx - ax) * t1) / area
         ty = ((by - ay) * t2 - (cy - ay) * t1) / area
         tz = ((bz - az) * t2 - (cz - az) * t1) / area
-        side = 1.0 if row[11] > 0.0 else -1.0
+        side = 1.0 if row[10] > 0.0 else -1.0
         nx, ny, nz = side * row[6], side * row[7], side * row[8]
         along = tx * nx + ty * ny + tz * nz
         tx, ty, tz = tx - along * nx, ty - along * ny, tz - along * nz

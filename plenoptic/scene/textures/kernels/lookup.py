@@ -1,7 +1,6 @@
 """What a texture is at a point: device functions.
 
-Textures lie in one flat array of texels, row by row from the top, each with its 1 or 3 channels side by side; a row
-of numbers says where (`scene.textures.atlas`): start, rows, columns, channels, wrap along u, wrap along v, filter.
+Textures lie in one flat array of texels; a row of `scene.textures.record.TEXTURE` says where.
 """
 
 from __future__ import annotations
@@ -9,14 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from plenoptic.core.jit import device
-
-START, ROWS, COLUMNS, CHANNELS, WRAP_U, WRAP_V, FILTER = range(7)
-
-REPEAT, CLAMP, MIRROR = 0, 1, 2
-"""`Wrap` as numbers."""
-
-NEAREST = 0
-"""`TextureFilter.NEAREST`; all else is bilinear."""
+from plenoptic.scene.textures.record import MIRROR, NEAREST, REPEAT
 
 
 @device
@@ -54,17 +46,17 @@ def fill_texel(value, texels, row, s, t):
     A texture of one channel fills all of `value`; of three channels, a `value` of one takes the first. Coordinates
     may be any numbers, and none at all.
     """
-    start, rows, columns, channels = row[START], row[ROWS], row[COLUMNS], row[CHANNELS]
+    start, rows, columns, channels = row.start, row.rows, row.columns, row.channels
     last = value.shape[0] if channels > 1 else 1
-    if row[FILTER] == NEAREST:
-        column = min(int(wrapped(s, row[WRAP_U]) * columns), columns - 1)
-        above = min(int(wrapped(t, row[WRAP_V]) * rows), rows - 1)
+    if row.filter == NEAREST:
+        column = min(int(wrapped(s, row.wrap_u) * columns), columns - 1)
+        above = min(int(wrapped(t, row.wrap_v) * rows), rows - 1)
         at = start + ((rows - 1 - above) * columns + column) * channels
         for k in range(last):
             value[k] = texels[at + k]
     else:
-        left, right, fs = neighbours(s, columns, row[WRAP_U])
-        low, high, ft = neighbours(t, rows, row[WRAP_V])
+        left, right, fs = neighbours(s, columns, row.wrap_u)
+        low, high, ft = neighbours(t, rows, row.wrap_v)
         left, right = start + left * channels, start + right * channels
         low, high = (rows - 1 - low) * columns * channels, (rows - 1 - high) * columns * channels
         for k in range(last):

@@ -2,44 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.scene.lights.environment import EnvironmentMap
+from plenoptic.scene.lights.record import Environment
 
 
-class EnvironmentTables(NamedTuple):
-    """What kernels read of an environment of H x W texels. All arrays are C-contiguous and read-only.
-
-    A texel is drawn with a probability proportional to its mean radiance over the channels times its solid angle: first
-    its row, then its column, then a direction in it, uniform in solid angle.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import plenoptic as pl
-    >>> tables = build_environment(pl.EnvironmentMap(np.array([[[3.0]], [[1.0]]])), channels=1)
-    >>> tables.rows_cdf.tolist(), (tables.density * 2 * np.pi).round(12).tolist()
-    ([0.75, 1.0], [[0.75], [0.25]])
-    """
-
-    texels: NDArray[np.float32]
-    """(H, W, C): radiance."""
-    rows_cdf: NDArray[np.float64]
-    """(H,): cumulative probability of the rows; the last is exactly 1."""
-    columns_cdf: NDArray[np.float64]
-    """(H, W): that of the columns of each row, the last exactly 1; zeros in black rows."""
-    density: NDArray[np.float64]
-    """(H, W), 1/sr: probability per solid angle, the same all over a texel; 0 where the map is black."""
-    rotation: NDArray[np.float64] | None
-    """(9,): the map's rotation, row by row. None where it has the axes of the world."""
-    total: float
-    """Radiance, the mean of its channels, integrated over all directions."""
-
-
-def build_environment(environment: EnvironmentMap, channels: int) -> EnvironmentTables | None:
+def environment_record(environment: EnvironmentMap, channels: int) -> Environment | None:
     """Compile an environment map; None where it is black, so that there is nothing to see or draw.
 
     Parameters
@@ -48,12 +20,20 @@ def build_environment(environment: EnvironmentMap, channels: int) -> Environment
     channels : int
         1 or 3: those of the scene; 1 only for maps whose channels are equal.
 
+    Returns
+    -------
+    Environment or None
+        Drawn with a probability of 0; `lights_record` knows better.
+
     Examples
     --------
     >>> import numpy as np
     >>> import plenoptic as pl
-    >>> build_environment(pl.EnvironmentMap(np.zeros((2, 4, 1))), channels=1) is None
+    >>> environment_record(pl.EnvironmentMap(np.zeros((2, 4, 1))), channels=1) is None
     True
+    >>> record = environment_record(pl.EnvironmentMap(np.array([[[3.0]], [[1.0]]])), channels=1)
+    >>> record.rows_cdf.tolist(), (record.pdf * 2 * np.pi).round(12).tolist()
+    ([0.75, 1.0], [[0.75], [0.25]])
     """
     if not environment.texels.any():
         return None
@@ -69,15 +49,15 @@ def build_environment(environment: EnvironmentMap, channels: int) -> Environment
     total = float(rows_cdf[-1])
     rows_cdf /= total
     # What is drawn are the steps of the cumulative sums, roundings included.
-    density = weight
-    density[:, 0] = columns_cdf[:, 0]
-    np.subtract(columns_cdf[:, 1:], columns_cdf[:, :-1], out=density[:, 1:])
-    density *= (np.diff(rows_cdf, prepend=0.0) / solid_angle)[:, None]
+    pdf = weight
+    pdf[:, 0] = columns_cdf[:, 0]
+    np.subtract(columns_cdf[:, 1:], columns_cdf[:, :-1], out=pdf[:, 1:])
+    pdf *= (np.diff(rows_cdf, prepend=0.0) / solid_angle)[:, None]
     texels = environment.texels
     if texels.shape[2] != channels:
         texels = texels[..., :1] if channels == 1 else np.repeat(texels, channels, axis=2)
     turned = None if environment.rotation is None else _frozen(environment.rotation.reshape(9))
-    return EnvironmentTables(_frozen(texels), _frozen(rows_cdf), _frozen(columns_cdf), _frozen(density), turned, total)
+    return Environment(_frozen(texels), _frozen(rows_cdf), _frozen(columns_cdf), _frozen(pdf), turned, 0.0, total)
 
 
 def texel_solid_angles(rows: int, columns: int) -> NDArray[np.float64]:

@@ -1,0 +1,65 @@
+"""The triangles of a scene as kernels read them, and what is known of the places where rays meet them."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+INSTANCE_DISTANCE = 12
+"""Column of `Geometry.instance_to_world` behind the 3 x 4 matrix: how far, |x| + |y| + |z| in mm, the mesh has the
+middle from which its float32 coordinates count from that of the scene. Rays are turned into its frame in float32, and
+err by units of this."""
+
+POINT, NORMAL, SHADING_NORMAL, OFFSET, FRONT, ROUGHNESS, METALLIC, UV = 0, 3, 6, 9, 10, 11, 12, 13
+INTERACTION_COLUMNS = 15
+"""Columns of the rows of `Interactions`: the point; the triangle's unit normal on the side of the ray; the shading
+normal; how far off the surface rays start; whether the front is seen (1 or 0); roughness; how metallic it is; texture
+coordinates."""
+
+
+class Geometry(NamedTuple):
+    """Triangles: nv vertices, nt triangles, ni instances. All arrays are C-contiguous and read-only.
+
+    Triangles of plain meshes come first, then those of the shapes of lights, then those of instanced meshes, once each.
+    """
+
+    vertices: NDArray[np.float64]
+    """(nv, 3), mm; those of instanced meshes in frames of their own."""
+    triangles: NDArray[np.int32]
+    """(nt, 3): rows of `vertices`, counter-clockwise as seen from the front."""
+    triangle_material: NDArray[np.int32]
+    """(nt,): row of the material's columns."""
+    uv: NDArray[np.float64] | None
+    """(nv, 2): texture coordinates, v up; 0 where a mesh has none. None where no material has a texture."""
+    normals: NDArray[np.float64] | None
+    """(nv, 3), unit length; 0 where a mesh has none. None where no mesh has any."""
+    instance_to_world: NDArray[np.float64] | None
+    """(ni, 13): the upper three rows of each instance's matrix, and INSTANCE_DISTANCE. None without instances."""
+    middle: NDArray[np.float64]
+    """(3,): float32 coordinates count from here, so that a scene far from the world's origin loses no digits."""
+
+
+class InstanceRecord(NamedTuple):
+    """Which triangles stand at which of ni places."""
+
+    matrices: NDArray[np.float64]
+    """(ni, 12): the upper three rows, one after the other, from the frame of the mesh to the world, mm."""
+    first: NDArray[np.int32]
+    """(ni,): the row of `triangles` at which those of the mesh begin."""
+    faces: NDArray[np.int32]
+    """(ni,): number of its triangles."""
+    plain: int
+    """Number of triangles that stand in the world as they are: the first rows of `triangles`."""
+
+
+class Hits(NamedTuple):
+    """What rays meet first."""
+
+    triangle: NDArray[np.int32]
+    """(n,): -1 for none."""
+    instance: NDArray[np.int32] | None
+    """(n,): -1 for plain triangles and where there is no hit. None in scenes without instances."""
+    travelled: NDArray[np.float64] | None
+    """(n,), mm: how far rays have come through surfaces that were not there for them. None where all is opaque."""
