@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,6 +22,8 @@ LINEAR_PART = 0.7
 @value
 class PhotonTransfer:
     """Mean and variance of even exposures, in DN and DN^2, and what the sensor's parameters predict.
+
+    See `photon_transfer`, which measures them.
 
     Parameters
     ----------
@@ -45,20 +46,6 @@ class PhotonTransfer:
     expected_variance: NDArray[np.float64]
     expected_pattern_variance: NDArray[np.float64]
     white_level: float
-
-    if TYPE_CHECKING:
-
-        def __init__(
-            self,
-            levels: ArrayLike,
-            mean: ArrayLike,
-            variance: ArrayLike,
-            pattern_variance: ArrayLike,
-            expected_mean: ArrayLike,
-            expected_variance: ArrayLike,
-            expected_pattern_variance: ArrayLike,
-            white_level: float,
-        ) -> None: ...
 
     def __post_init__(self) -> None:
         levels = frozen_array(self.levels, name="levels", shape=("n",))

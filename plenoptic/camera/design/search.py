@@ -24,7 +24,7 @@ _ROUNDS = 40
 
 @value
 class DesignStep:
-    """One round of a design: what was tried, and how far traced rays are from the wishes.
+    """One round of a design: what was tried, and how far traced rays are from the wishes. See `design_camera`.
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ class DesignStep:
 
 @value
 class CameraDesign:
-    """A camera that meets wishes, and how it was found; made by `design_camera`.
+    """A camera that meets wishes, and how it was found. See `design_camera`, which makes it.
 
     Attributes
     ----------

@@ -53,7 +53,7 @@ class CentreMethod(enum.IntEnum):
 
 @value
 class MicrolensCentres:
-    """Centres of microlens images, one a row; `microlens_centres` finds them.
+    """Centres of microlens images, one a row. See `microlens_centres`, which finds them.
 
     Parameters
     ----------
@@ -63,10 +63,8 @@ class MicrolensCentres:
         Row of the array's `focal_lengths`.
     on_array : (n, 2) array
         The microlenses' optical centres on the array's plane, x and y in mm.
-    position : (n, 2) array
-        Centres of their images on the sensor, x and y in mm.
-    pixel : (n, 2) array
-        The same as row and column: whole numbers at the centres of pixels.
+    position, pixel : (n, 2) array
+        Centres of their images on the sensor: x and y in mm, and row and column, whole numbers at centres of pixels.
     method : CentreMethod
         What they are centres of.
     """

@@ -28,7 +28,7 @@ _CLEAR = 2.0**-12
 
 @value
 class Projection:
-    """Where points appear on the sensor, a row for each point and microlens; made by `project`.
+    """Where points appear on the sensor, a row for each point and microlens. See `project`, which makes it.
 
     Attributes
     ----------
@@ -40,17 +40,13 @@ class Projection:
         Lattice indices of the microlens; in FREE lattices (number, 0). None without microlenses, as the next one.
     type : (k,) array of int or None
         Type of the microlens: a row of the array's `focal_lengths`.
-    position : (k, 2) array
-        x and y on the sensor in mm of the chief ray: from the point through the microlens's optical centre; without
-        microlenses, through the centre of the iris. nan where there is no such ray, as for a point whose image lies on
-        the array beside that centre.
-    pixel : (k, 2) array
-        The same as row and column: whole numbers at the centres of pixels.
-    centroid : (k, 2) array
-        x and y on the sensor in mm of the centroid of all light of the point that lands on the sensor through the
-        microlens; nan where none does.
-    centroid_pixel : (k, 2) array
-        The same as row and column.
+    position, pixel : (k, 2) array
+        x and y on the sensor in mm, and row and column (whole numbers at the centres of pixels), of the chief ray: from
+        the point through the microlens's optical centre; without microlenses, through the centre of the iris. nan where
+        there is no such ray, as for a point whose image lies on the array beside that centre.
+    centroid, centroid_pixel : (k, 2) array
+        The same of the centroid of all light of the point that lands on the sensor through the microlens; nan where
+        none does.
     centroid_error : (k, 2) array
         Standard error of `centroid` in mm; inf where it is not known.
     light : (k,) array

@@ -25,33 +25,25 @@ class Light(NamedTuple):
     """(k, replicates, 3): light, and light times x and y on the sensor, in mm."""
 
 
-class _Part(NamedTuple):
-    """What one task brings."""
-
-    task: Task
-    lens: NDArray[np.int64]
-    sums: Floats
-
-
 def light_of(tables: ForwardTables, tasks: list[Task], each: int, threads: int) -> Light:
     """Trace tasks that come to `each` rays for every point and replicate."""
 
-    def work(task: Task) -> _Part:
+    def work(task: Task) -> tuple[NDArray[np.int64], Floats]:
         rows = landed(tables, task, np.uint64(0)).rows
         lens, place = unique_rows(rows[:, 3:5].astype(np.int64))
         sums = np.empty((len(lens), 3))
         for k, amount in enumerate((rows[:, 2], rows[:, 2] * rows[:, 0], rows[:, 2] * rows[:, 1])):
             sums[:, k] = np.bincount(place, amount, minlength=len(lens))
-        return _Part(task, lens, sums / each)
+        return lens, sums / each
 
     parts = list(run_in_order(work, tasks, threads=min(threads, max(len(tasks), 1))))
-    counts = [len(part.lens) for part in parts]
-    number = np.repeat([part.task.number for part in parts], counts).astype(np.int64)
-    replicate = np.repeat([part.task.replicate for part in parts], counts).astype(np.int64)
-    index = np.concatenate([np.empty((0, 2), np.int64), *(part.lens for part in parts)])
+    counts = [len(lens) for lens, _ in parts]
+    number = np.repeat([task.number for task in tasks], counts).astype(np.int64)
+    replicate = np.repeat([task.replicate for task in tasks], counts).astype(np.int64)
+    index = np.concatenate([np.empty((0, 2), np.int64), *(lens for lens, _ in parts)])
     keys, row = unique_rows(np.column_stack([number, index]))
     moments = np.zeros((len(keys), REPLICATES, 3))
-    np.add.at(moments, (row, replicate), np.concatenate([np.empty((0, 3)), *(part.sums for part in parts)]))
+    np.add.at(moments, (row, replicate), np.concatenate([np.empty((0, 3)), *(sums for _, sums in parts)]))
     return Light(keys, moments)
 
 

@@ -55,7 +55,7 @@ class CameraKind(enum.IntEnum):
 
 @value
 class MicrolensFocus:
-    """What the microlenses of one type have in focus; part of a `CameraReport`.
+    """What the microlenses of one type have in focus, as part of a report. See `camera_report`.
 
     With s the distance behind the array at which the main lens forms an image (negative in front of it), b the distance
     from array to sensor, f the focal length and d the opening of a microlens, p their pitch and q that of the pixels:

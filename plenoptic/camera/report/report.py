@@ -33,7 +33,7 @@ __all__ = ["CameraFinding", "CameraFindingKind", "CameraKind", "CameraReport", "
 
 @value
 class CameraReport:
-    """A camera in numbers; printed, it is a table. `camera_report` makes them.
+    """A camera in numbers; printed, it is a table. See `camera_report`, which makes it.
 
     What a camera lacks is None. Pixels are the sensor's.
 
