@@ -343,9 +343,9 @@ class LensStack:
             left out.
         z_object : float, optional
             mm; -inf: infinitely far. If left out, that, or the front focus of a lens whose rear focus does not lie
-            behind it.
+            behind it, as that of a microscope objective.
         rays : int, optional
-            Rays of each fan, evenly over the iris. Those that a rim stops end there.
+            Rays of each fan, evenly over the diameter along y of the iris. Those that a rim stops end there.
         wavelength : float, optional
             nm.
         z_image : float, optional
@@ -356,12 +356,21 @@ class LensStack:
         Returns
         -------
         matplotlib.axes.Axes
+            z in mm to the right, y in mm upwards; one colour a field.
+
+        Raises
+        ------
+        InvalidValueError
+            If a field is out of range or the object is not before the lens.
+        PlenopticError
+            Which is an ImportError too: without matplotlib.
 
         Examples
         --------
         >>> import plenoptic as pl
-        >>> pl.load_lens("double-gauss-100mm-f2").layout(fields=[0.0, 0.2]).get_xlabel()
-        'z / mm'
+        >>> ax = pl.load_lens("double-gauss-100mm-f2").layout(fields=[0.0, 0.2])
+        >>> [text.get_text() for text in ax.get_legend().get_texts()]
+        ['0°', '11.5°']
         """
         from plenoptic.optics.lens.analysis.layout import layout
 

@@ -1,4 +1,4 @@
-"""The stages of a rendering, and decisions on them."""
+"""The stages of a render, and decisions on them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class Stage(enum.IntEnum):
-    """The parts of a rendering, in the order in which light is followed back.
+    """The parts of a render, in the order in which light is followed back.
 
     Examples
     --------
