@@ -11,10 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.points.projection_light import REPLICATES, centroid_and_error, light_and_error, light_of
 from plenoptic.camera.points.projection_rows import Rows, lenses_of, rows_through_iris, rows_through_microlenses
+from plenoptic.camera.psf.point_spread import world_points
 from plenoptic.camera.psf.sensor_hits import ForwardTables, forward_tables, in_lens_axes, tasks_of
 from plenoptic.core.parallel import thread_count
-from plenoptic.core.values import check_kind, frozen_array, read_only, set_field, value, whole
-from plenoptic.errors import InvalidValueError
+from plenoptic.core.values import check_kind, read_only, set_field, value, whole
 from plenoptic.optics.microlens.array import MicrolensModel
 
 if TYPE_CHECKING:
@@ -159,7 +159,7 @@ def project(
     ([[255.5, 255.5]], True)
     """
     check_kind(camera, "camera", PlenopticCamera, "pl.PlenopticCamera(...)")
-    given = _checked(points)
+    given, _ = world_points(points)
     each = -(-whole(rays, "rays", at_least=1) // REPLICATES)
     workers = thread_count(threads)
     tables = forward_tables(camera)
@@ -173,18 +173,6 @@ def project(
         rows = rows_through_microlenses(tables, camera.microlenses, seen, tasks, light)
     projection = _assembled(tables, given, rows, pinhole)
     return projection if scene is None else _unhidden(tables, projection, rows.entering, scene)
-
-
-def _checked(points: ArrayLike) -> Floats:
-    try:
-        several = np.ndim(points) != 1
-    except ValueError:  # rows of different lengths, which is said below
-        several = True
-    rows = points if several else np.expand_dims(np.asarray(points), 0)
-    given = frozen_array(rows, name="points", shape=("n", 3))
-    if not np.isfinite(given).all():
-        raise InvalidValueError(f"points holds {given[~np.isfinite(given)][0]}; all coordinates must be finite, in mm")
-    return given
 
 
 def _assembled(tables: ForwardTables, given: Floats, rows: Rows, pinhole: bool) -> Projection:

@@ -125,16 +125,7 @@ def load_meshes(
 ) -> tuple[Mesh | Instances, ...]:
     """Read all triangles of a file: the meshes of `load_file`, which see.
 
-    Parameters
-    ----------
-    path, unit, material : as in `load_file`
-
-    Raises
-    ------
-    FileError
-        As in `load_file`, and for a file without triangles.
-    InvalidValueError
-        An unknown unit.
+    Its parameters and errors are those of `load_file`; a file without triangles is a `FileError`.
 
     Examples
     --------
