@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.psf.sensor_hits import ForwardTables, Task, landed
+from plenoptic.camera.psf.sensor_hits import ForwardRecord, Task, landed
 from plenoptic.core.parallel import run_in_order
 
 Floats = NDArray[np.float64]
@@ -25,14 +25,14 @@ class Light(NamedTuple):
     """(k, replicates, 3): light, and light times x and y on the sensor, in mm."""
 
 
-def light_of(tables: ForwardTables, tasks: list[Task], each: int, threads: int) -> Light:
+def light_of(tables: ForwardRecord, tasks: list[Task], each: int, threads: int) -> Light:
     """Trace tasks that come to `each` rays for every point and replicate."""
 
     def work(task: Task) -> tuple[NDArray[np.int64], Floats]:
         rows = landed(tables, task, np.uint64(0)).rows
-        lens, place = unique_rows(rows[:, 3:5].astype(np.int64))
+        lens, place = unique_rows(np.column_stack([rows["first"], rows["second"]]))
         sums = np.empty((len(lens), 3))
-        for k, amount in enumerate((rows[:, 2], rows[:, 2] * rows[:, 0], rows[:, 2] * rows[:, 1])):
+        for k, amount in enumerate((rows["weight"], rows["weight"] * rows["x"], rows["weight"] * rows["y"])):
             sums[:, k] = np.bincount(place, amount, minlength=len(lens))
         return lens, sums / each
 

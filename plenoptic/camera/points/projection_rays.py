@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.array_axes import ArrayAxes
 from plenoptic.camera.points.centres import behind_centres, plate_displacement
-from plenoptic.camera.psf.sensor_hits import ForwardTables
+from plenoptic.camera.psf.sensor_hits import ForwardRecord
 from plenoptic.core.rays import RayBundle
 from plenoptic.optics.lens.record import LensRecord, lens_record
 from plenoptic.optics.lens.trace import traced_by
@@ -44,7 +44,7 @@ class EntranceRays(NamedTuple):
         return RayBundle(start, start - points, self.wavelength)
 
 
-def entrance_rays(tables: ForwardTables) -> EntranceRays:
+def entrance_rays(tables: ForwardRecord) -> EntranceRays:
     """The rays of a camera's own wavelength."""
     camera, entrance = tables.camera, tables.entrance
     size = min(entrance.pupil[1], entrance.reach) if np.isfinite(entrance.pupil[1]) else entrance.reach
@@ -83,7 +83,7 @@ class ThroughArray(NamedTuple):
         return self.axes.on_sensor(behind_centres(self.array, centres, slopes), slopes)
 
 
-def through_iris(tables: ForwardTables, bare: LensRecord) -> tuple[Aim, Floats]:
+def through_iris(tables: ForwardRecord, bare: LensRecord) -> tuple[Aim, Floats]:
     """The way to the plane of the iris, or of what stands for it in an ideal lens, and its centre (2,)."""
     stops = (bare.rows["surface_index"] == tables.camera.lens.iris_index) & (bare.rows["kind"] != IDEAL)
     last = int(np.flatnonzero(stops)[0])

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from plenoptic.camera.array_axes import array_axes
 from plenoptic.camera.points.projection_light import REPLICATES, Light, unique_rows
 from plenoptic.camera.points.projection_rays import Aim, EntranceRays, ThroughArray, aimed, entrance_rays, through_iris
-from plenoptic.camera.psf.sensor_hits import ForwardTables, Task
+from plenoptic.camera.psf.sensor_hits import ForwardRecord, Task
 from plenoptic.core.rays import RayBundle
 from plenoptic.optics.lens.trace import traced_by
 from plenoptic.optics.microlens.array import MicrolensArray
@@ -42,7 +42,7 @@ class Rows(NamedTuple):
     """(k, 2): where a ray enters, on the plane of the entrance, that stands for the light."""
 
 
-def rows_through_iris(tables: ForwardTables, seen: Floats, light: Light) -> Rows:
+def rows_through_iris(tables: ForwardRecord, seen: Floats, light: Light) -> Rows:
     """One row for each point (n, 3), in the lens's axes, of a camera without microlenses."""
     entrance, n = entrance_rays(tables), len(seen)
     aim, centre = through_iris(tables, entrance.bare)
@@ -58,7 +58,7 @@ def rows_through_iris(tables: ForwardTables, seen: Floats, light: Light) -> Rows
     return Rows(np.arange(n), None, position, traced_by(entrance.lens, rays).status == 0, moments, entering)
 
 
-def _on_bare_sensor(tables: ForwardTables, rays: RayBundle) -> Floats:
+def _on_bare_sensor(tables: ForwardRecord, rays: RayBundle) -> Floats:
     """Where rays behind the lens meet a sensor without microlenses, in its own axes."""
     parts = tables.array.parts
     to_sensor = parts.sensor_to_local.inverse()
@@ -68,7 +68,7 @@ def _on_bare_sensor(tables: ForwardTables, rays: RayBundle) -> Floats:
 
 
 def rows_through_microlenses(
-    tables: ForwardTables, array: MicrolensArray, seen: Floats, tasks: list[Task], light: Light
+    tables: ForwardRecord, array: MicrolensArray, seen: Floats, tasks: list[Task], light: Light
 ) -> Rows:
     """A row for each of the points (n, 3), in the lens's axes, and each microlens that gets its light or chief ray."""
     if not tasks:
@@ -126,10 +126,11 @@ def _footprints(tasks: list[Task], entrance: EntranceRays, through: ThroughArray
     return Footprints(number, entering, arriving.reshape(entering.shape), on_sensor, passing)
 
 
-def _rings(triangles: Floats) -> Floats:
+def _rings(triangles: NDArray[np.void]) -> Floats:
     """Points (f, 2) of a fan of triangles: its corners, and others towards the middle."""
     fan = triangles[np.linspace(0, len(triangles) - 1, 16).round().astype(int)]
-    corners = fan[:, None, :2] + np.stack([np.zeros((16, 2)), fan[:, 2:4], fan[:, 4:6]], axis=1)
+    start, first, second = (np.column_stack([fan[x], fan[y]]) for x, y in (("x", "y"), ("ax", "ay"), ("bx", "by")))
+    corners = start[:, None] + np.stack([np.zeros((16, 2)), first, second], axis=1)
     middle = corners.reshape(-1, 2).mean(axis=0)
     outline = corners[:, 1:].reshape(-1, 2)
     return np.concatenate([middle + share * (outline - middle) for share in _RINGS])

@@ -320,7 +320,7 @@ class LensStack:
         >>> pl.load_lens("double-gauss-100mm-f2").check()
         ()
         """
-        from plenoptic.optics.lens.checks.check import findings
+        from plenoptic.optics.lens.checks.check import findings  # knows this class
 
         return findings(self, wavelength)
 
@@ -372,7 +372,7 @@ class LensStack:
         >>> [text.get_text() for text in ax.get_legend().get_texts()]
         ['0°', '11.5°']
         """
-        from plenoptic.optics.lens.analysis.layout import layout
+        from plenoptic.optics.lens.analysis.layout import layout  # knows this class
 
         return layout(self, fields=fields, z_object=z_object, rays=rays, wavelength=wavelength, z_image=z_image, ax=ax)
 
@@ -400,7 +400,7 @@ class LensStack:
         >>> [pl.RayStatus(s).name for s in out.status], out.lost_at.tolist()
         (['OK', 'CLIPPED'], [-1, 0])
         """
-        from plenoptic.optics.lens.trace import traced
+        from plenoptic.optics.lens.trace import traced  # knows this class
 
         return traced(self, rays, reverse=False, threads=threads)
 
@@ -414,6 +414,6 @@ class LensStack:
         >>> lens.trace_reverse(pl.RayBundle([[0, 0, 123.3]], [[0, 0, -1.0]])).at_z(-404.0)
         array([[   0.,    0., -404.]])
         """
-        from plenoptic.optics.lens.trace import traced
+        from plenoptic.optics.lens.trace import traced  # knows this class
 
         return traced(self, rays, reverse=True, threads=threads)

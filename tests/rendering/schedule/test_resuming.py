@@ -16,9 +16,10 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.camera.record import camera_tables
+from plenoptic.camera.record import camera_record
 from plenoptic.rendering.schedule import checkpoint as checkpoints
 from plenoptic.rendering.schedule import scheduler
+from plenoptic.study.cameras import reference_camera
 
 
 @pytest.fixture(autouse=True)
@@ -36,17 +37,6 @@ COUNTS = ("paths", "paths_through_lens", "lost", "nonfinite", "nonfinite_paths",
 
 
 @functools.cache
-def reference_camera():
-    return pl.PlenopticCamera(
-        lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=5.0)),
-        microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
-        sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.010),
-        stop_to_microlenses=123.3,
-        microlenses_to_sensor=1.7,
-    )
-
-
-@functools.cache
 def board(radiance=1.0):
     """The middle of the reference scene `check`."""
     even, odd = pl.checkerboard((40, 40), 1.0, even=pl.Emissive(radiance), odd=pl.Emissive(0.0), offset=(-0.05, 0.1))
@@ -56,7 +46,7 @@ def board(radiance=1.0):
 @pytest.fixture
 def quick(monkeypatch):
     """The same camera over and over needs its tables once, and no disk has to be waited for."""
-    monkeypatch.setattr("plenoptic.rendering.context.camera_tables", functools.cache(camera_tables))
+    monkeypatch.setattr("plenoptic.rendering.context.camera_record", functools.cache(camera_record))
     monkeypatch.setattr(os, "fsync", lambda descriptor: None)
 
 
