@@ -1,6 +1,7 @@
 """Zernike surfaces: laws of the polynomials and of refraction, the limits that are aspheres, and exact arithmetic."""
 
 import dataclasses
+import json
 import math
 from fractions import Fraction
 
@@ -8,9 +9,12 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
+from plenoptic.optics.lens.analysis.conditioning_rows import blocks_of, kinds, noted
 from plenoptic.optics.lens.checks.finding import FindingKind
+from plenoptic.optics.lens.files.lens_json import json_of_lens, lens_from_json
 from plenoptic.optics.lens.files.zemax import lens_from_zmx
 from plenoptic.optics.lens.files.zemax_writing import zmx_of_lens
+from plenoptic.optics.lens.kernels.trace import fill_traced
 from plenoptic.optics.lens.pupil.exit_pupil import passing_points, pupil_bounds
 from plenoptic.optics.lens.record import lens_record
 from plenoptic.optics.lens.trace import traced_part
@@ -379,6 +383,46 @@ def test_a_departure_is_simplified_away():
 def test_what_cannot_be_is_refused(made, message):
     with pytest.raises(pl.InvalidValueError, match=message):
         made()
+
+
+def test_files_keep_every_bit():
+    lens = freeform_lens()
+    assert lens_from_json(json_of_lens(lens), "mine.json") == lens
+    data = json.loads(json_of_lens(lens))
+    data["elements"][0]["departure"] = {"value": ["CircularStop", {"semi_diameter": 1.0}]}
+    with pytest.raises(pl.PrescriptionError, match="mine.json: element 0: departure is .*; it must be ZernikeSag"):
+        lens_from_json(json.dumps(data), "mine.json")
+
+
+@pytest.mark.slow
+def test_notes_colour_and_cameras():
+    lens = freeform_lens()
+    rays = pl.RayBundle([[1.0, 2.0, -50.0], [0.0, -3.0, -50.0]], [[0.0, 0.0, 1.0], [0.01, 0.05, 1.0]])
+    notes = noted(lens_record(lens, rays.wavelength, reverse=False), blocks_of(rays), 2)
+    normal = np.column_stack([*-lens.elements[0].gradient(*traced_part(lens, rays, 0, 0).origin[:, :2].T), np.ones(2)])
+    cosine = np.einsum("ij,ij->i", normal, rays.direction) / np.linalg.norm(normal, axis=1)
+    assert notes.incidence[0] == pytest.approx(1.0 / cosine, rel=1e-12)
+    assert kinds(notes.lens) == ("freeform", "sphere", "stop")
+    blocks = blocks_of(rays)
+    fill_traced(blocks, lens_record(lens, np.array([500.0, 600.0]), reverse=False), np.ones(256, np.int64))
+    out = lens.trace(dataclasses.replace(rays, wavelength=600.0))
+    assert blocks[:2] == pytest.approx(out.origin[:, 0], abs=1e-12)
+    camera = pl.PlenopticCamera(
+        lens=lens,
+        microlenses=pl.MicrolensArray(pitch=0.2, focal_lengths=(2.0,)),
+        sensor=pl.Sensor(shape=(40, 40), pixel_pitch=0.02),
+        stop_to_microlenses=52.0,
+        microlenses_to_sensor=2.0,
+    )
+    plain = dataclasses.replace(
+        lens, elements=[dataclasses.replace(lens.elements[0], departure=None), *lens.elements[1:]]
+    )
+    white, other = (
+        pl.render_white(each, samples=64, progress=False).image
+        for each in (camera, dataclasses.replace(camera, lens=plain))
+    )
+    # The departure hardly changes how much light comes in, if no bound cuts any off.
+    assert white.sum() == pytest.approx(other.sum(), rel=0.02)
 
 
 ZMX = """MODE SEQ
