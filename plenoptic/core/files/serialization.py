@@ -21,7 +21,7 @@ import importlib
 import json
 import math
 import pkgutil
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -81,6 +81,16 @@ def restore(text: str) -> Any:
             f"a description cannot be understood: {error}; "
             "it must come from this package in this version or a compatible one"
         ) from error
+
+
+def described_fields(value: Any, names: Iterable[str]) -> dict[str, str]:
+    """Fields of a value as metadata of an image file; those that are None are left out."""
+    return {f"plenoptic:{name}": describe(kept) for name in names if (kept := getattr(value, name)) is not None}
+
+
+def restored_fields(metadata: Mapping[str, Any], names: Iterable[str]) -> dict[str, Any]:
+    """The fields that the metadata of an image file hold."""
+    return {name: restore(metadata[key]) for name in names if (key := f"plenoptic:{name}") in metadata}
 
 
 def _described(value: Any) -> Any:

@@ -1,4 +1,4 @@
-"""What a rendering is of, in texts that can be compared with those of another run."""
+"""What a render is of, in texts that can be compared with those of another run."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from plenoptic.scene.scene import Scene
 
 
 def identity(scene: Scene | SceneRecord | None, camera: PlenopticCamera, **facts: Any) -> dict[str, str]:
-    """What a rendering is of: two of the same identity add up to the same image.
+    """What a render is of: two of the same identity add up to the same image.
 
     Parameters
     ----------

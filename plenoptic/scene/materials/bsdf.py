@@ -193,6 +193,8 @@ def _row(material: Any) -> tuple[NDArray[np.float64], tuple[int, float, float], 
     channels = 1 if row._replace(emission=0.0).is_grey else 3
     record = bsdf_record([material if row.reflects else Lambertian(1.0)], channels)
     assert record is not None
-    colour = np.broadcast_to(np.asarray(row.base, dtype=np.float64), 3)[:channels].copy()
+    colour = np.broadcast_to(np.asarray(row.base_color, dtype=np.float64), 3)[:channels].copy()
     kind = 0 if record.kind is None else int(record.kind[0])
-    return colour, (kind, row.roughness, row.metallic), record
+    roughness = 0.0 if record.roughness is None else float(record.roughness[0])
+    metallic = 0.0 if record.metallic is None else float(record.metallic[0])
+    return colour, (kind, roughness, metallic), record

@@ -239,9 +239,7 @@ def test_checkpoints_of_another_rendering_are_refused_before_anything_is_rendere
     arguments = {"samples": 8, **arguments}
     if "camera" in arguments:
         arguments["camera"] = other_camera(arguments["camera"])
-    refuses(
-        tmp_path / "state", finished, rendering_nothing, f"belongs to another rendering, with .*{message}", arguments
-    )
+    refuses(tmp_path / "state", finished, rendering_nothing, f"belongs to another render, with .*{message}", arguments)
 
 
 def refuses(path, content, rendering_nothing, message, arguments):
