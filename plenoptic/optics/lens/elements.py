@@ -10,6 +10,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic.core.values import whole
 from plenoptic.errors import PrescriptionError
 from plenoptic.optics.glass.media import AIR, Medium
 from plenoptic.optics.stops.registry import Stop
@@ -31,6 +32,8 @@ def is_centred(element: Element) -> bool:
 
 def checked_elements(elements: Sequence[Element], ambient: Medium) -> tuple[Element, ...]:
     """The elements of a lens, or an error where they cannot be one."""
+    if isinstance(ambient, Sequence | type) or not callable(getattr(ambient, "index", None)):
+        raise PrescriptionError(f"ambient is {ambient!r}; it must be a medium, such as pl.AIR")
     try:
         stack = tuple(elements)
     except TypeError:
@@ -56,8 +59,19 @@ def checked_elements(elements: Sequence[Element], ambient: Medium) -> tuple[Elem
         raise PrescriptionError(
             f"element {surfaces[-1]}, the last surface, is followed by {last.medium!r}; the sensor is in {around}"
         )
+    if not np.isfinite(sum(element.thickness for element in stack[:-1])):
+        raise PrescriptionError("the gaps add up to no finite length; reduce their thickness")
     # The gap behind the last element belongs to the camera.
     return (*stack[:-1], dataclasses.replace(stack[-1], thickness=0.0))
+
+
+def checked_iris(elements: Sequence[Element], iris: int | None) -> int:
+    """The index of the iris, the first stop where none is given, or an error where it is none."""
+    stops = [i for i, element in enumerate(elements) if is_stop(element)]
+    found = stops[0] if iris is None else whole(iris, "iris", at_least=0)
+    if found not in stops:
+        raise PrescriptionError(f"iris is element {found}, which is not a stop; the stops are elements {stops}")
+    return found
 
 
 def with_inserted(

@@ -14,7 +14,7 @@ from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import choice, finite, read_only, set_field, value, whole
 from plenoptic.errors import PrescriptionError
 from plenoptic.optics.glass.media import AIR, Medium
-from plenoptic.optics.lens.elements import Element, checked_elements, is_stop, with_inserted
+from plenoptic.optics.lens.elements import Element, checked_elements, checked_iris, is_stop, with_inserted
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.moving import moved_group
 from plenoptic.optics.stops.registry import Stop
@@ -77,17 +77,9 @@ class LensStack:
     model: LensModel = dataclasses.field(default=LensModel.EXACT, kw_only=True)
 
     def __post_init__(self) -> None:
-        if isinstance(self.ambient, Sequence | type) or not callable(getattr(self.ambient, "index", None)):
-            raise PrescriptionError(f"ambient is {self.ambient!r}; it must be a medium, such as pl.AIR")
         set_field(self, "model", choice(self.model, LensModel, "model"))
         set_field(self, "elements", checked_elements(self.elements, self.ambient))
-        stops = [i for i, element in enumerate(self.elements) if is_stop(element)]
-        iris = stops[0] if self.iris is None else whole(self.iris, "iris", at_least=0)
-        if iris not in stops:
-            raise PrescriptionError(f"iris is element {iris}, which is not a stop; the stops are elements {stops}")
-        set_field(self, "iris", iris)
-        if not np.isfinite(sum(element.thickness for element in self.elements)):
-            raise PrescriptionError("the gaps add up to no finite length; reduce their thickness")
+        set_field(self, "iris", checked_iris(self.elements, self.iris))
 
     @property
     def iris_index(self) -> int:
@@ -339,11 +331,9 @@ class LensStack:
         Parameters
         ----------
         fields : (n,) array, optional
-            Along +y: half angles in radians, or heights in mm in the plane `z_object`; three that are worth drawing if
-            left out.
+            Along +y: half angles in radians, or heights in mm in the plane `z_object`; three if left out.
         z_object : float, optional
-            mm; -inf: infinitely far. If left out, that, or the front focus of a lens whose rear focus does not lie
-            behind it.
+            mm; -inf: infinitely far. If left out, that, or the front focus of a lens with no rear focus behind it.
         rays : int, optional
             Rays of each fan, evenly over the iris. Those that a rim stops end there.
         wavelength : float, optional
@@ -380,8 +370,8 @@ class LensStack:
         Returns
         -------
         RayBundle
-            Origins on the last element. A ray that was lost has weight 0, a status, the element at which
-            it was lost, and NaN for origin and direction.
+            Origins on the last element. A lost ray has weight 0, a status, the element that it was lost at, and NaN for
+            origin and direction.
 
         Examples
         --------
