@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.metadata
 import os
 from collections.abc import Mapping
+from dataclasses import KW_ONLY
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -77,6 +78,7 @@ class Exposure:
     """
 
     image: NDArray[np.float32]
+    _: KW_ONLY
     standard_error: NDArray[np.float32] | None = None
     truth: GroundTruth | None = None
     samples: int | None = None
@@ -93,6 +95,7 @@ class Exposure:
         def __init__(  # noqa: PLR0913
             self,
             image: ArrayLike,
+            *,
             standard_error: ArrayLike | None = None,
             truth: GroundTruth | None = None,
             samples: int | None = None,
@@ -186,7 +189,7 @@ class Exposure:
         >>> raw.data.dtype, bool(abs(raw.electrons().mean() - 500.0) < 30.0)
         (dtype('uint16'), True)
         """
-        from plenoptic.readout.develop import develop
+        from plenoptic.readout.develop import develop  # knows this class
 
         return develop(self, sensor, seed=seed)
 

@@ -74,6 +74,32 @@ def checked_iris(elements: Sequence[Element], iris: int | None) -> int:
     return found
 
 
+def checked_indices(media: Sequence[Medium], wavelength: float) -> NDArray[np.float64]:
+    """Refractive indices of the media before and behind elements, or an error where they are none."""
+    found = np.array([float(medium.index(wavelength)) for medium in media])
+    for i in np.flatnonzero(~((found >= 1.0) & (found < np.inf))):
+        raise PrescriptionError(
+            f"the medium behind element {i - 1} has the refractive index {found[i]:g} at {wavelength:g} nm; "
+            "it must be finite and at least 1: use another medium"
+        )
+    return found
+
+
+def checked_stop(stop: Stop) -> None:
+    """An error where something is no stop."""
+    if not isinstance(stop, Stop):
+        raise PrescriptionError(f"stop is {stop!r}; it must be a stop, such as a CircularStop")
+
+
+def counted(elements: Sequence[Element], length: float) -> str:
+    """What a lens is made of, in words."""
+    stops = sum(map(is_stop, elements))
+    surfaces = len(elements) - stops
+    counts = f"{surfaces} surface{'s' * (surfaces != 1)}, {stops} stop{'s' * (stops != 1)}"
+    moved = sum(element.placement is not None for element in elements)
+    return f"{counts}, {length:g} mm long" + (f", {moved} element{'s' * (moved != 1)} out of place" if moved else "")
+
+
 def with_inserted(
     elements: Sequence[Element],
     vertices: NDArray[np.float64],

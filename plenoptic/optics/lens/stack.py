@@ -12,9 +12,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import choice, finite, read_only, set_field, value, whole
-from plenoptic.errors import PrescriptionError
 from plenoptic.optics.glass.media import AIR, Medium
-from plenoptic.optics.lens.elements import Element, checked_elements, checked_iris, is_stop, with_inserted
+from plenoptic.optics.lens.elements import (
+    Element,
+    checked_elements,
+    checked_indices,
+    checked_iris,
+    checked_stop,
+    counted,
+    is_stop,
+    with_inserted,
+)
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.moving import moved_group
 from plenoptic.optics.stops.registry import Stop
@@ -142,25 +150,10 @@ class LensStack:
         >>> pl.load_lens("singlet-100mm-f4").indices(587.6).round(4)
         array([1.    , 1.    , 1.5168, 1.    ])
         """
-        found = np.array([float(medium.index(wavelength)) for medium in self.gap_media])
-        for i in np.flatnonzero(~((found >= 1.0) & (found < np.inf))):
-            raise PrescriptionError(
-                f"the medium behind element {i - 1} has the refractive index {found[i]:g} at {wavelength:g} nm; "
-                "it must be finite and at least 1: use another medium"
-            )
-        return read_only(found)
+        return read_only(checked_indices(self.gap_media, wavelength))
 
     def with_model(self, model: LensModel) -> LensStack:
-        """The same lens, followed more or less faithfully.
-
-        Parameters
-        ----------
-        model : LensModel
-
-        Returns
-        -------
-        LensStack
-            Its elements stay; `trace` and cameras treat it as the model says.
+        """The same lens, followed more or less faithfully: `trace` and cameras treat it as the model says.
 
         Examples
         --------
@@ -228,8 +221,7 @@ class LensStack:
         >>> lens.stop
         PolygonStop(blades=6, semi_diameter=5.0, thickness=9.0)
         """
-        if not isinstance(stop, Stop):
-            raise PrescriptionError(f"stop is {stop!r}; it must be a stop, such as a CircularStop")
+        checked_stop(stop)
         elements = list(self.elements)
         placement = self.stop.placement if stop.placement is None else stop.placement
         elements[self.iris_index] = dataclasses.replace(stop, thickness=self.stop.thickness, placement=placement)
@@ -257,8 +249,7 @@ class LensStack:
         >>> lens.inserted(pl.CircularStop(18.0), z=31.0).vertices[-2:]
         array([30.31, 31.  ])
         """
-        if not isinstance(stop, Stop):
-            raise PrescriptionError(f"stop is {stop!r}; it must be a stop, such as a CircularStop")
+        checked_stop(stop)
         elements, at = with_inserted(self.elements, self.vertices, self.gap_media, stop, finite(z, "z"))
         return dataclasses.replace(self, elements=elements, iris=self.iris_index + (at <= self.iris_index))
 
@@ -280,13 +271,8 @@ class LensStack:
         return tuple((i, j) for i, j in pairwise(surfaces) if self.gap_media[i + 1] != self.ambient)
 
     def __repr__(self) -> str:
-        stops = sum(map(is_stop, self.elements))
-        surfaces = len(self.elements) - stops
-        counts = f"{surfaces} surface{'s' * (surfaces != 1)}, {stops} stop{'s' * (stops != 1)}"
-        moved = sum(element.placement is not None for element in self.elements)
-        out = f", {moved} element{'s' * (moved != 1)} out of place" if moved else ""
         model = "" if self.model is LensModel.EXACT else f", as {self.model.name}"
-        return f"<LensStack {self.name!r}: {counts}, {self.length:g} mm long{out}{model}>"
+        return f"<LensStack {self.name!r}: {counted(self.elements, self.length)}{model}>"
 
     def _repr_svg_(self) -> str:
         from plenoptic.plots.lens import lens_svg
@@ -312,7 +298,7 @@ class LensStack:
         >>> pl.load_lens("double-gauss-100mm-f2").check()
         ()
         """
-        from plenoptic.optics.lens.checks.check import findings
+        from plenoptic.optics.lens.checks.check import findings  # knows this class
 
         return findings(self, wavelength)
 
@@ -335,7 +321,7 @@ class LensStack:
         z_object : float, optional
             mm; -inf: infinitely far. If left out, that, or the front focus of a lens with no rear focus behind it.
         rays : int, optional
-            Rays of each fan, evenly over the iris. Those that a rim stops end there.
+            Rays of each fan, evenly over the diameter along y of the iris. Those that a rim stops end there.
         wavelength : float, optional
             nm.
         z_image : float, optional
@@ -346,14 +332,23 @@ class LensStack:
         Returns
         -------
         matplotlib.axes.Axes
+            z in mm to the right, y in mm upwards; one colour a field.
+
+        Raises
+        ------
+        InvalidValueError
+            If a field is out of range or the object is not before the lens.
+        PlenopticError
+            Which is an ImportError too: without matplotlib.
 
         Examples
         --------
         >>> import plenoptic as pl
-        >>> pl.load_lens("double-gauss-100mm-f2").layout(fields=[0.0, 0.2]).get_xlabel()
-        'z / mm'
+        >>> ax = pl.load_lens("double-gauss-100mm-f2").layout(fields=[0.0, 0.2])
+        >>> [text.get_text() for text in ax.get_legend().get_texts()]
+        ['0°', '11.5°']
         """
-        from plenoptic.optics.lens.analysis.layout import layout
+        from plenoptic.optics.lens.analysis.layout import layout  # knows this class
 
         return layout(self, fields=fields, z_object=z_object, rays=rays, wavelength=wavelength, z_image=z_image, ax=ax)
 
@@ -381,7 +376,7 @@ class LensStack:
         >>> [pl.RayStatus(s).name for s in out.status], out.lost_at.tolist()
         (['OK', 'CLIPPED'], [-1, 0])
         """
-        from plenoptic.optics.lens.trace import traced
+        from plenoptic.optics.lens.trace import traced  # knows this class
 
         return traced(self, rays, reverse=False, threads=threads)
 
@@ -395,6 +390,6 @@ class LensStack:
         >>> lens.trace_reverse(pl.RayBundle([[0, 0, 123.3]], [[0, 0, -1.0]])).at_z(-404.0)
         array([[   0.,    0., -404.]])
         """
-        from plenoptic.optics.lens.trace import traced
+        from plenoptic.optics.lens.trace import traced  # knows this class
 
         return traced(self, rays, reverse=True, threads=threads)

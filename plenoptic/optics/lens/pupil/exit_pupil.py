@@ -16,7 +16,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.core.values import read_only
+from plenoptic.core.values import Floats, read_only
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.record import FRAME, MOVED, LensRecord, lens_record
@@ -37,7 +37,7 @@ Guess: TypeAlias = tuple[float, float, float]
 """Where light may pass the plane of the outlines: x, y and half the width of a square."""
 
 
-def _rings() -> NDArray[np.float64]:
+def _rings() -> Floats:
     """Points (n, 2) near the rim of the unit disc, denser outwards: grazing light passes in crescents."""
     radius = 1.0 - np.geomspace(1e-3, 0.6, 32)
     angle = 2 * math.pi * (np.arange(160) + 0.5) / 160
@@ -55,13 +55,13 @@ class PupilBounds(NamedTuple):
     lies on +x. It holds all rays that pass the lens from any point of the cell.
     """
 
-    normals: NDArray[np.float64]
+    normals: Floats
     """(SIDES, 2) outward normals."""
-    support: NDArray[np.float64]
+    support: Floats
     """(n, SIDES) distances of the sides from the axis in mm; -inf where no light passes."""
-    corners: NDArray[np.float64]
+    corners: Floats
     """(n, SIDES, 2) corners in mm, counter-clockwise."""
-    reach: NDArray[np.float64]
+    reach: Floats
     """(n,) largest distance of an outline from the axis in mm."""
     step: float
     """Width of an interval in mm."""
@@ -69,14 +69,12 @@ class PupilBounds(NamedTuple):
     """Plane of the outlines in the lens frame in mm."""
 
 
-def _normals() -> NDArray[np.float64]:
+def _normals() -> Floats:
     angle = 2 * math.pi * np.arange(SIDES) / SIDES
     return np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 
-def passing_points(
-    lens: LensRecord, origin: NDArray[np.float64], points: NDArray[np.float64], z: float
-) -> NDArray[np.bool_]:
+def passing_points(lens: LensRecord, origin: Floats, points: Floats, z: float) -> NDArray[np.bool_]:
     """Which of the rays from `origin` (3,) through `points` (n, 2) of the plane z leave the lens."""
     from plenoptic.core.kernels.ray_blocks import BLOCK
     from plenoptic.optics.lens.kernels.trace import fill_traced
@@ -97,7 +95,7 @@ def passing_points(
     return np.asarray(blocks[:, 7].reshape(-1)[:n] == 0)
 
 
-def grid(low: NDArray[np.float64], high: NDArray[np.float64], n: int) -> tuple[NDArray[np.float64], float]:
+def grid(low: Floats, high: Floats, n: int) -> tuple[Floats, float]:
     """Points of an n x n grid over a box and the diagonal of its mesh."""
     x, y = (np.linspace(low[k], high[k], n) for k in range(2))
     points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
@@ -105,8 +103,8 @@ def grid(low: NDArray[np.float64], high: NDArray[np.float64], n: int) -> tuple[N
 
 
 def _passing_box(
-    lens: LensRecord, origin: NDArray[np.float64], z: float, guesses: list[Guess], rim: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    lens: LensRecord, origin: Floats, z: float, guesses: list[Guess], rim: float
+) -> tuple[Floats, Floats] | None:
     """A box around all points that pass. It starts from a guess (centre x, y, half width) and grows up to the rim."""
     grazing = rim * _GRAZING
     grazing = grazing[passing_points(lens, origin, grazing, z)]
@@ -130,9 +128,7 @@ def _passing_box(
     return None
 
 
-def _outline(
-    lens: LensRecord, origin: NDArray[np.float64], z: float, guesses: list[Guess], rim: float
-) -> NDArray[np.float64]:
+def _outline(lens: LensRecord, origin: Floats, z: float, guesses: list[Guess], rim: float) -> Floats:
     """Support distances of the passing points as seen from one origin, (SIDES,)."""
     box = _passing_box(lens, origin, z, guesses, rim)
     if box is None:
@@ -145,7 +141,7 @@ def _outline(
     return np.asarray((passing @ _normals().T).max(axis=0) + mesh)
 
 
-def outline_corners(support: NDArray[np.float64]) -> NDArray[np.float64]:
+def outline_corners(support: Floats) -> Floats:
     """Corners (n, SIDES, 2) of polygons given by (n, SIDES) support distances: neighbouring sides intersected."""
     normals = _normals()
     after = np.roll(normals, -1, axis=0)
@@ -260,7 +256,7 @@ def _traced_bounds(
         radii *= 3
 
 
-def _largest_step(support: NDArray[np.float64]) -> float:
+def _largest_step(support: Floats) -> float:
     """How far an outline's middle moves from one radius to the next, over its half width."""
     middle = np.array([_middle(row) for row in support[np.isfinite(support[:, 0])]])
     if len(middle) < 2:
@@ -272,12 +268,12 @@ def _largest_step(support: NDArray[np.float64]) -> float:
 
 def _all_round(
     lens: LensRecord,
-    rho: NDArray[np.float64],
+    rho: Floats,
     pupil: tuple[float, ...],
     z: float,
     z_plane: float,
     rear: tuple[float, float],
-) -> NDArray[np.float64]:
+) -> Floats:
     """Support distances as seen from all points at the distances rho, in axes turned with them.
 
     A centred lens looks the same from everywhere on a circle. Of a lens with elements out of place, the union of
@@ -317,12 +313,12 @@ def _turned_pupil(pupil: tuple[float, ...], angle: float) -> tuple[float, ...]:
 
 def _followed_outlines(
     lens: LensRecord,
-    rho: NDArray[np.float64],
+    rho: Floats,
     pupil: tuple[float, ...],
     z: float,
     z_plane: float,
     rear: tuple[float, float],
-) -> NDArray[np.float64]:
+) -> Floats:
     """Support distances (n, SIDES) as seen from points at the distances rho from the axis; -inf where it is dark.
 
     A small pupil that a grid over the whole rim would miss is looked for where the paraxial pupil lies and where it
@@ -330,7 +326,7 @@ def _followed_outlines(
     """
     exit_pupil, semi_diameter, *across = pupil
 
-    def outline(radius: float, heading: Guess | None) -> NDArray[np.float64]:
+    def outline(radius: float, heading: Guess | None) -> Floats:
         rim = 1.02 * (rear[0] + rear[1] * radius)
         guesses = [(0.0, 0.0, rim)]
         if math.isfinite(exit_pupil) and exit_pupil < z_plane:
@@ -365,15 +361,15 @@ def _followed_outlines(
     return support
 
 
-def _middle(support: NDArray[np.float64]) -> Guess:
+def _middle(support: Floats) -> Guess:
     """Middle and half width of an outline."""
     left, right, up, down = -support[SIDES // 2], support[0], support[SIDES // 4], -support[3 * SIDES // 4]
     return 0.5 * float(left + right), 0.5 * float(up + down), 0.5 * float(max(right - left, up - down))
 
 
 def _widened(
-    rho: NDArray[np.float64],
-    support: NDArray[np.float64],
+    rho: Floats,
+    support: Floats,
     cell_radius: float,
     largest_radius: float,
     z: float,
