@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from plenoptic.core.values import whole
 from plenoptic.errors import PrescriptionError
 from plenoptic.optics.glass.media import AIR, Medium
-from plenoptic.optics.stops.registry import Stop
+from plenoptic.optics.stops.registry import STOPS, Stop
 from plenoptic.optics.surfaces.surface import Surface
 
 Element: TypeAlias = Surface | Stop
@@ -40,9 +40,10 @@ def checked_elements(elements: Sequence[Element], ambient: Medium) -> tuple[Elem
         raise PrescriptionError(f"elements is {elements!r}; it must be a sequence of surfaces and stops") from None
     for i, element in enumerate(stack):
         if not isinstance(element, Element):
+            *others, last = (kind.__name__ for kind in (Surface, *STOPS.values()))
             raise PrescriptionError(
-                f"element {i} is {element!r}; a lens is made of Surface, CircularStop, PolygonStop, "
-                "StarStop and MaskStop: remove it or describe it as one of these"
+                f"element {i} is {element!r}; a lens is made of {', '.join(others)} and {last}: remove it or describe "
+                "it as one of these"
             )
     surfaces = [i for i, element in enumerate(stack) if isinstance(element, Surface)]
     if not surfaces:
