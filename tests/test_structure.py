@@ -234,18 +234,6 @@ def test_kernels_stand_in_folders_of_their_own():
         assert path.parent.name == "kernels" or not uses & {"kernel", "device"}, path
 
 
-PRIVATE = {
-    "plenoptic.camera.points.projection_chiefs < plenoptic.camera.points.centres._through_centres",
-    "plenoptic.optics.glass.air < plenoptic.optics.glass.media._checked_index",
-    "plenoptic.optics.glass.air < plenoptic.optics.glass.media._wavelength_within",
-    "plenoptic.optics.glass.dispersion < plenoptic.optics.glass.media._checked_index",
-    "plenoptic.optics.glass.dispersion < plenoptic.optics.glass.media._coefficients",
-    "plenoptic.optics.glass.dispersion < plenoptic.optics.glass.media._range",
-    "plenoptic.optics.glass.dispersion < plenoptic.optics.glass.media._wavelength_within",
-}
-"""Private names that other modules import, for now."""
-
-
 def test_private_names_stay_in_their_module():
     found = {
         f"{module_of(path)} < {node.module}.{alias.name}"
@@ -255,4 +243,4 @@ def test_private_names_stay_in_their_module():
         for alias in node.names
         if alias.name.startswith("_") and not alias.name.startswith("__")
     }
-    assert found <= PRIVATE
+    assert found == set()

@@ -8,7 +8,7 @@ from dataclasses import KW_ONLY
 
 from plenoptic.core.values import choice, finite, set_field, value, wrong_kind
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.glass.media import Medium, _checked_index, _wavelength_within
+from plenoptic.optics.glass.media import Medium, checked_index, wavelength_within
 
 AIR_WAVELENGTH_RANGE = (300.0, 1700.0)
 """Wavelengths in vacuum, nm, within which both formulas are used."""
@@ -182,10 +182,10 @@ class Air:
         >>> pl.Air().index(400.0) > pl.Air().index(700.0) > pl.Air(30.0).index(700.0) > 1.0
         True
         """
-        vacuum = _wavelength_within(wavelength, AIR_WAVELENGTH_RANGE, "air")
+        vacuum = wavelength_within(wavelength, AIR_WAVELENGTH_RANGE, "air")
         wavenumber_squared = (1e3 / vacuum) ** 2
         refractivity = _ciddor if self.formula == AirFormula.CIDDOR else _edlen
-        return _checked_index(1.0 + refractivity(self, wavenumber_squared), vacuum, "air")
+        return checked_index(1.0 + refractivity(self, wavenumber_squared), vacuum, "air")
 
 
 @value

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 
 from plenoptic.core.values import choice, set_field, value
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.glass.media import _checked_index, _coefficients, _range, _wavelength_within
+from plenoptic.optics.glass.media import checked_coefficients, checked_index, checked_range, wavelength_within
 
 
 class Formula(enum.IntEnum):
@@ -150,10 +150,10 @@ class DispersionFormula:
     def __post_init__(self) -> None:
         set_field(self, "formula", choice(self.formula, Formula, "formula"))
         count = COEFFICIENT_COUNTS[self.formula]
-        set_field(self, "coefficients", _coefficients(self.coefficients, "coefficients", count))
+        set_field(self, "coefficients", checked_coefficients(self.coefficients, "coefficients", count))
         if not isinstance(self.name, str):
             raise InvalidValueError(f"name is {self.name!r:.40}; it must be a text")
-        set_field(self, "wavelength_range", _range(self.wavelength_range))
+        set_field(self, "wavelength_range", checked_range(self.wavelength_range))
         for wavelength in self.wavelength_range:
             self.index(wavelength)
 
@@ -169,7 +169,7 @@ class DispersionFormula:
         1.65864
         """
         name = self.name or f"this {self.formula.name} medium"
-        micrometres = _wavelength_within(wavelength, self.wavelength_range, name) * 1e-3
+        micrometres = wavelength_within(wavelength, self.wavelength_range, name) * 1e-3
         try:
             if self.formula in _INDICES:
                 index = _INDICES[self.formula](micrometres, self.coefficients)
@@ -178,4 +178,4 @@ class DispersionFormula:
                 index = math.sqrt(square) if square >= 0 else math.nan
         except (ZeroDivisionError, OverflowError):
             index = math.inf
-        return _checked_index(index, wavelength, name)
+        return checked_index(index, wavelength, name)

@@ -52,7 +52,8 @@ class Medium(Protocol):
         ...
 
 
-def _checked_index(index: float, wavelength: float, medium: str) -> float:
+def checked_index(index: float, wavelength: float, medium: str) -> float:
+    """A refractive index, or an error where it is no number of at least 1."""
     # Written so that nan fails it.
     if not 1.0 <= index < math.inf:
         raise InvalidValueError(
@@ -62,7 +63,8 @@ def _checked_index(index: float, wavelength: float, medium: str) -> float:
     return index
 
 
-def _wavelength_within(wavelength: float, limits: tuple[float, float], medium: str) -> float:
+def wavelength_within(wavelength: float, limits: tuple[float, float], medium: str) -> float:
+    """A wavelength in nm, or an error where it lies beyond the limits within which a medium is defined."""
     number = finite(wavelength, "wavelength")
     if not limits[0] <= number <= limits[1]:
         raise InvalidValueError(
@@ -72,7 +74,8 @@ def _wavelength_within(wavelength: float, limits: tuple[float, float], medium: s
     return number
 
 
-def _range(limits: Sequence[float]) -> tuple[float, float]:
+def checked_range(limits: Sequence[float]) -> tuple[float, float]:
+    """Shortest and longest wavelength in nm, or an error where they are none."""
     try:
         low, high = limits
     except (TypeError, ValueError):
@@ -83,7 +86,8 @@ def _range(limits: Sequence[float]) -> tuple[float, float]:
     return low, high
 
 
-def _coefficients(values: Sequence[float], name: str, count: int | None = None) -> tuple[float, ...]:
+def checked_coefficients(values: Sequence[float], name: str, count: int | None = None) -> tuple[float, ...]:
+    """Finite coefficients, `count` of them where it is given, or an error."""
     try:
         numbers = tuple(finite(number, f"{name}[{i}]") for i, number in enumerate(values))
     except TypeError:
@@ -230,7 +234,7 @@ class ModelGlass:
         >>> round(pl.ModelGlass(1.5168, 64.17, "BK7").index(486.1327), 4)
         1.5224
         """
-        lam = _wavelength_within(wavelength, MODEL_GLASS_RANGE, self.name or "this model glass")
+        lam = wavelength_within(wavelength, MODEL_GLASS_RANGE, self.name or "this model glass")
         # Differences of the two basis functions over F - C and g - F; two equations for b and c.
         dispersion = (self.nd - 1.0) / self.vd
         partial = (0.6438 - 0.001682 * self.vd) * dispersion
@@ -240,7 +244,7 @@ class ModelGlass:
         b = (dispersion * c2 - partial * c1) / determinant
         c = (b1 * partial - b2 * dispersion) / determinant
         index = self.nd + b * (1 / lam - 1 / D_LINE) + c * (lam**-3.5 - D_LINE**-3.5)
-        return _checked_index(index, lam, self.name or f"the model glass nd={self.nd:g}, vd={self.vd:g}")
+        return checked_index(index, lam, self.name or f"the model glass nd={self.nd:g}, vd={self.vd:g}")
 
 
 @value
@@ -284,9 +288,9 @@ class Sellmeier:
     wavelength_range: tuple[float, float] = (365.0, 2325.0)
 
     def __post_init__(self) -> None:
-        set_field(self, "b", _coefficients(self.b, "b"))
-        set_field(self, "c", _coefficients(self.c, "c", len(self.b)))
-        set_field(self, "wavelength_range", _range(self.wavelength_range))
+        set_field(self, "b", checked_coefficients(self.b, "b"))
+        set_field(self, "c", checked_coefficients(self.c, "c", len(self.b)))
+        set_field(self, "wavelength_range", checked_range(self.wavelength_range))
         for wavelength in self.wavelength_range:
             self.index(wavelength)
 
@@ -301,13 +305,13 @@ class Sellmeier:
         1.45846
         """
         name = self.name or "this Sellmeier medium"
-        micrometres = _wavelength_within(wavelength, self.wavelength_range, name) * 1e-3
+        micrometres = wavelength_within(wavelength, self.wavelength_range, name) * 1e-3
         square = micrometres * micrometres
         try:
             n2 = 1.0 + sum(b * square / (square - c) for b, c in zip(self.b, self.c, strict=True))
         except (ZeroDivisionError, OverflowError):
             n2 = math.inf
-        return _checked_index(math.sqrt(n2) if n2 >= 0 else math.nan, wavelength, name)
+        return checked_index(math.sqrt(n2) if n2 >= 0 else math.nan, wavelength, name)
 
 
 @value
@@ -343,8 +347,8 @@ class Schott:
     wavelength_range: tuple[float, float] = (365.0, 1014.0)
 
     def __post_init__(self) -> None:
-        set_field(self, "coefficients", _coefficients(self.coefficients, "coefficients", 6))
-        set_field(self, "wavelength_range", _range(self.wavelength_range))
+        set_field(self, "coefficients", checked_coefficients(self.coefficients, "coefficients", 6))
+        set_field(self, "wavelength_range", checked_range(self.wavelength_range))
         for wavelength in self.wavelength_range:
             self.index(wavelength)
 
@@ -359,10 +363,10 @@ class Schott:
         True
         """
         name = self.name or "this Schott medium"
-        micrometres = _wavelength_within(wavelength, self.wavelength_range, name) * 1e-3
+        micrometres = wavelength_within(wavelength, self.wavelength_range, name) * 1e-3
         square = micrometres * micrometres
         try:
             n2 = sum(a * square**power for a, power in zip(self.coefficients, (0, 1, -1, -2, -3, -4), strict=True))
         except (ZeroDivisionError, OverflowError):
             n2 = math.inf
-        return _checked_index(math.sqrt(n2) if n2 >= 0 else math.nan, wavelength, name)
+        return checked_index(math.sqrt(n2) if n2 >= 0 else math.nan, wavelength, name)
