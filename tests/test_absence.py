@@ -19,6 +19,7 @@ import pytest
 
 import plenoptic as pl
 from plenoptic.core.jit import device
+from plenoptic.optics.microlens.record import MICROLENS
 
 TOLERANCE = 0.02
 """Of the number of instructions: registers that are assigned otherwise cost a few moves."""
@@ -176,7 +177,7 @@ class Feature(NamedTuple):
 
     module: str
     kernel: str
-    arguments: dict[str, str]
+    arguments: dict[str, str | np.dtype]
 
     @property
     def name(self):
@@ -193,10 +194,12 @@ COLOUR = {"waves": NUMBERS, "basis": ROWS}
 SKY = {"environment_texels": CUBE, "environment_densities": ROWS, "environment_rotation": "f8[::1]"}
 METAL, GLASS = {"metal_index": CUBE}, {"glass_index": ROWS}
 
-SAMPLE, TRACE, LATTICE = (
+SAMPLE, FILM, WORLD, TRACE, THIN = (
     "plenoptic.camera.sampling.kernels.paths",
+    "plenoptic.rendering.kernels.film_sums",
+    "plenoptic.camera.kernels.world_rays",
     "plenoptic.optics.lens.kernels.trace",
-    "plenoptic.optics.microlens.kernels.to_lens",
+    "plenoptic.optics.microlens.kernels.thin",
 )
 SHADE, SURFACES, LIGHTS = (
     "plenoptic.rendering.integrator.kernels.shade",
@@ -205,13 +208,13 @@ SHADE, SURFACES, LIGHTS = (
 )
 
 FEATURES = [
-    Feature(SAMPLE, "fill_camera_samples", _column("skew")),
-    Feature(SAMPLE, "fill_camera_samples", {"lanes": ROWS, "details": ROWS}),
-    Feature(SAMPLE, "fill_sums", {"radiance": ROWS}),
-    Feature(SAMPLE, "fill_sums", {"waves": NUMBERS, "weights": ROWS}),
-    Feature(SAMPLE, "fill_world_rays", {"rotation": ROWS, "position": "f8[::1]"}),
-    Feature(LATTICE, "fill_thin", _column("lean")),
-    Feature(LATTICE, "fill_thin", {"lanes": ROWS}),
+    Feature(SAMPLE, "fill_camera_samples", _column("pixel.skew")),
+    Feature(SAMPLE, "fill_camera_samples", {"own": MICROLENS, "fed.regions.details": MICROLENS}),
+    Feature(FILM, "fill_sums", {"radiance": ROWS}),
+    Feature(FILM, "fill_sums", {"waves": NUMBERS, "weights": ROWS}),
+    Feature(WORLD, "fill_world_rays", {"rotation": ROWS, "position": "f8[::1]"}),
+    Feature(THIN, "fill_thin", _column("sensor.tilt")),
+    Feature(THIN, "fill_thin", {"own": MICROLENS}),
     Feature(TRACE, "fill_traced", {"lens.conic": "f8[::1]", "lens.aspheric": ROWS}),
     Feature(TRACE, "fill_traced", {"lens.frames": ROWS}),
     Feature(TRACE, "fill_traced", _column("lens.masks")),
@@ -242,7 +245,7 @@ FEATURES = [
 ]
 
 LARGE = {
-    *("fill_camera_samples: lanes, details", "fill_thin: lean", "fill_thin: lanes"),
+    *("fill_camera_samples: own, fed.regions.details", "fill_thin: sensor.tilt", "fill_thin: own"),
     *("fill_traced: lens.conic, lens.aspheric", "fill_traced: lens.frames", "fill_traced: lens.masks"),
     *("fill_emitted: uv, emission_texture, texels, texture_rows", "fill_emitted: placed, matrices"),
     *("fill_emitted: suns, sun_colours", "fill_emitted: waves, basis", "fill_surfaces: normals"),
@@ -336,7 +339,9 @@ def _set_part(types, name, made):
 
 
 def _example(text):
-    """An array of a type such as f8[:,::1]."""
+    """An array of a type such as f8[:,::1], or of rows."""
+    if isinstance(text, np.dtype):
+        return np.empty(1, text)
     return np.empty((1,) * (text.count(",") + 1), text[:2])
 
 
@@ -393,11 +398,11 @@ look(pl.render(pl.Scene([floor], [lamp]), camera, samples=8, max_bounces=2, trut
 """
 
 OF_THE_CAMERA = {
-    *("sobol.fill_net", "pixel_regions.fill_cell_regions", "to_lens.fill_thin", "trace.fill_traced"),
-    *("paths.fill_camera_samples", "paths.fill_sums", "paths.fill_status_counts"),
+    *("sobol.fill_net", "pixel_regions.fill_cell_regions", "thin.fill_thin", "trace.fill_traced"),
+    *("paths.fill_camera_samples", "film_sums.fill_sums", "bundles.fill_status_counts"),
 }
 OF_THE_SCENE = {
-    *("paths.fill_world_rays", "paths.fill_path_keys", "sobol.fill_drawn", "embree._fill_closest"),
+    *("world_rays.fill_world_rays", "path_keys.fill_path_keys", "sobol.fill_drawn", "embree._fill_closest"),
     *("interaction.fill_surfaces", "colors.fill_base", "sample_emitters.fill_drawn_lights"),
     *("shade.fill_emitted", "shade.fill_lit", "shade.fill_onward"),
 }

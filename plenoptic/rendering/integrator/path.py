@@ -2,40 +2,20 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.rendering.context import Compiled, Settings
+from plenoptic.camera.sampling.record import Batch
+from plenoptic.rendering.context import Compiled
 from plenoptic.rendering.integrator.interaction import MetSurfaces, PathRays
 from plenoptic.rendering.plan.scene_stages import ROULETTE
 from plenoptic.rendering.plan.stages import Stage
-from plenoptic.rendering.settings import Caustics, Sampler
+from plenoptic.rendering.settings import Caustics
 from plenoptic.scene.compile import SceneRecord
 from plenoptic.scene.geometry.record import Hits
 from plenoptic.scene.materials.alpha_mask import SALTS, media_at, pass_through, thin_out
-
-
-class Batch(NamedTuple):
-    """Some samples of every pixel of a tile: `first` have been rendered before.
-
-    `streams` are the independent random streams among which they are divided, from number `first_stream` on; each
-    begins with its point `first_index`.
-    """
-
-    first: int
-    samples: int
-    streams: int
-    first_stream: int
-    first_index: int
-
-
-def batch_of(settings: Settings, first: int, samples: int) -> Batch:
-    """Samples first ... first + samples - 1; `first` must be a multiple of the replicates."""
-    if settings.how.sampler is Sampler.RANDOM:
-        return Batch(first, samples, samples, first, 0)
-    return Batch(first, samples, min(settings.replicates, samples), 0, first // settings.replicates)
 
 
 class Witness(Protocol):
@@ -116,28 +96,18 @@ class Transport:
 
         With `waves`, the number of each path's wavelength, there is one channel.
         """
-        from plenoptic.camera.sampling.kernels import paths as sample_kernels
+        from plenoptic.camera.kernels.world_rays import fill_world_rays
 
         scene, settings, plan = self._scene, self._settings, self._settings.plan
         max_bounces = settings.how.max_bounces
         radiance = self._radiance[:n]
         radiance[:] = 0.0
         now = self._now
-        found = sample_kernels.fill_world_rays(
-            now.rays, now.path_of, blocks, n, self._camera.rotation, self._camera.position
-        )
+        found = fill_world_rays(now.rays, now.path_of, blocks, n, self._camera.rotation, self._camera.position)
         if plan.runs(Stage.SCATTERING) or scene.alpha is not None:
-            sample_kernels.fill_path_keys(
-                self._keys[:n],
-                self._indices[:n],
-                start,
-                batch.samples,
-                batch.streams,
-                batch.first_stream,
-                batch.first_index,
-                settings.seed,
-                number,
-            )
+            from plenoptic.rendering.integrator.kernels.path_keys import fill_path_keys
+
+            fill_path_keys(self._keys[:n], self._indices[:n], start, batch, number)
         if scene.absorption is not None:
             assert now.throughput is not None and now.media is not None
             now.throughput[:found], now.media[:found] = 1.0, self._media
