@@ -273,11 +273,6 @@ def ray_fan(
     points : int, optional
         Rays of each fan.
 
-    Raises
-    ------
-    InvalidValueError
-        If a number is out of range, or no image plane is given and the paraxial one is at infinity.
-
     References
     ----------
     W. T. Welford, Aberrations of Optical Systems, 1986, section 7.2.
