@@ -93,12 +93,7 @@ def _searched(where: Entrance, point: Floats) -> Floats | None:
 
 
 def _lit_box(
-    where: Entrance,
-    point: Floats,
-    near: Floats,
-    far: Floats,
-    n: int,
-    rim: tuple[Floats, Floats],
+    where: Entrance, point: Floats, near: Floats, far: Floats, n: int, rim: tuple[Floats, Floats]
 ) -> tuple[Floats, Floats] | None:
     """A box around the points of an n x n grid that pass; where they reach its border, it grows up to the rim."""
     while True:

@@ -267,12 +267,7 @@ def _largest_step(support: Floats) -> float:
 
 
 def _all_round(
-    lens: LensRecord,
-    rho: Floats,
-    pupil: tuple[float, ...],
-    z: float,
-    z_plane: float,
-    rear: tuple[float, float],
+    lens: LensRecord, rho: Floats, pupil: tuple[float, ...], z: float, z_plane: float, rear: tuple[float, float]
 ) -> Floats:
     """Support distances as seen from all points at the distances rho, in axes turned with them.
 
@@ -312,12 +307,7 @@ def _turned_pupil(pupil: tuple[float, ...], angle: float) -> tuple[float, ...]:
 
 
 def _followed_outlines(
-    lens: LensRecord,
-    rho: Floats,
-    pupil: tuple[float, ...],
-    z: float,
-    z_plane: float,
-    rear: tuple[float, float],
+    lens: LensRecord, rho: Floats, pupil: tuple[float, ...], z: float, z_plane: float, rear: tuple[float, float]
 ) -> Floats:
     """Support distances (n, SIDES) as seen from points at the distances rho from the axis; -inf where it is dark.
 
@@ -367,13 +357,7 @@ def _middle(support: Floats) -> Guess:
     return 0.5 * float(left + right), 0.5 * float(up + down), 0.5 * float(max(right - left, up - down))
 
 
-def _widened(
-    rho: Floats,
-    support: Floats,
-    cell_radius: float,
-    largest_radius: float,
-    z: float,
-) -> PupilBounds:
+def _widened(rho: Floats, support: Floats, cell_radius: float, largest_radius: float, z: float) -> PupilBounds:
     """Union of the outlines of all points of a cell, for intervals of the distance of its centre."""
     normals = _normals()
     bins, spacing = len(rho) - 1, rho[1] - rho[0]
