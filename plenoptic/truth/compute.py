@@ -20,6 +20,7 @@ from plenoptic.optics.microlens.listed import lattice_types
 from plenoptic.scene.cache import prepared_scene
 from plenoptic.scene.compile import SceneRecord
 from plenoptic.scene.geometry.accel import Intersector
+from plenoptic.scene.geometry.record import Hits
 from plenoptic.scene.materials.alpha_mask import no_hits, pass_through
 from plenoptic.scene.scene import Scene
 from plenoptic.truth.ground_truth import OF_IMAGES, GroundTruth, Truth, available_truth, checked_truth, empty_truth
@@ -143,8 +144,7 @@ def _fill_hits(
     intersector.fill_closest(hits, rays, coherent=True)
     if scene.alpha is not None:
         pass_through(scene, intersector, rays, hits)
-    corners = (geometry.vertices, geometry.triangles, geometry.instance_to_world)
-    interaction.fill_distances(reached, hits.triangle, hits.instance, rays, *corners)
+    interaction.fill_distances(reached, hits, rays, geometry)
     if hits.travelled is not None:
         reached += hits.travelled
     representative_ray.fill_points(
@@ -162,8 +162,8 @@ def _fill_hits(
     met = np.isfinite(reached)
     lanes, triangle = lane_of[met], hits.triangle[met]
     if "normal" in into:
-        instance = None if hits.instance is None else hits.instance[met]
-        interaction.fill_normals(into["normal"], lanes, triangle, instance, rays[met], *corners)
+        met_hits = Hits(triangle, None if hits.instance is None else hits.instance[met], None)
+        interaction.fill_normals(into["normal"], lanes, met_hits, rays[met], geometry)
     if "object" in into:
         into["object"][lanes] = scene.triangle_mesh[triangle]
     if "material" in into:

@@ -37,7 +37,6 @@ def bsdf_record(materials: Sequence[Material], channels: int) -> Bsdf | None:
     plain = there <= {LAMBERTIAN}
     # All metals share the column; those of constant reflectance have zeros there.
     metals = np.array([np.broadcast_to(row.metal_index, 3)[:channels] for row in rows], dtype=np.complex128)
-    coupling, coupling_mean = _layer_tables() if METALLIC_ROUGHNESS in there else (None, None)
     return Bsdf(
         scatters=_fixed(np.array([row.reflects for row in rows], dtype=np.uint8)),
         takes_light=_fixed(np.array([row.takes_light for row in rows], dtype=np.uint8)),
@@ -48,8 +47,7 @@ def bsdf_record(materials: Sequence[Material], channels: int) -> Bsdf | None:
         metal_index=_fixed(np.stack([metals.real, metals.imag], axis=-1)) if CONDUCTOR in there else None,
         glass_index=_fixed(np.array([row.glass_index for row in rows])) if DIELECTRIC in there else None,
         pane_index=_fixed(np.array([row.pane_index for row in rows])) if THIN_DIELECTRIC in there else None,
-        coupling=coupling,
-        coupling_mean=coupling_mean,
+        coupling=_layer_coupling() if METALLIC_ROUGHNESS in there else None,
     )
 
 
@@ -78,8 +76,8 @@ def _numbers(shares: Sequence[float | Texture]) -> NDArray[np.float64]:
 
 
 @cache
-def _layer_tables() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """What passes the layer of a METALLIC_ROUGHNESS material of reflectance 0.04, and its means.
+def _layer_coupling() -> NDArray[np.float64]:
+    """What passes the layer of a METALLIC_ROUGHNESS material of reflectance 0.04, with its means in the last column.
 
     The layer's directional albedo is the mean of F G2 / G1 over normals drawn by visibility, here at the midpoints of
     a grid of random numbers, as in `microfacets.visible_normal`.
@@ -98,7 +96,7 @@ def _layer_tables() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     whole, moment = high**4 - low**4, 0.8 * (high**5 - low**5)
     slope = np.diff(passed, axis=1) / (high - low)
     mean = (passed[:, :-1] * whole + slope * (moment - low * whole)).sum(axis=1)
-    return _fixed(passed), _fixed(mean)
+    return _fixed(np.column_stack([passed, mean]))
 
 
 def _layer_albedo(
