@@ -105,10 +105,10 @@ if TYPE_CHECKING:
     from plenoptic.optics.sensor.radiometry import dark_current_at as dark_current_at
     from plenoptic.optics.sensor.radiometry import photon_rate as photon_rate
     from plenoptic.optics.sensor.sensor import Sensor as Sensor
-    from plenoptic.optics.stops.shapes import MaskStop as MaskStop
-    from plenoptic.optics.stops.shapes import StarStop as StarStop
-    from plenoptic.optics.stops.stops import CircularStop as CircularStop
-    from plenoptic.optics.stops.stops import PolygonStop as PolygonStop
+    from plenoptic.optics.stops.circle import CircularStop as CircularStop
+    from plenoptic.optics.stops.mask import MaskStop as MaskStop
+    from plenoptic.optics.stops.polygon import PolygonStop as PolygonStop
+    from plenoptic.optics.stops.star import StarStop as StarStop
     from plenoptic.optics.surfaces.surface import Surface as Surface
     from plenoptic.plots.camera import plot_camera as plot_camera
     from plenoptic.plots.contrast import plot_mtf as plot_mtf
@@ -189,9 +189,9 @@ if TYPE_CHECKING:
     from plenoptic.scene.textures.texture import Texture as Texture
     from plenoptic.scene.textures.texture import TextureFilter as TextureFilter
     from plenoptic.scene.textures.texture import Wrap as Wrap
+    from plenoptic.truth.channels import GroundTruth as GroundTruth
+    from plenoptic.truth.channels import Truth as Truth
     from plenoptic.truth.compute import ground_truth as ground_truth
-    from plenoptic.truth.ground_truth import GroundTruth as GroundTruth
-    from plenoptic.truth.ground_truth import Truth as Truth
 else:
     import importlib
 
@@ -233,11 +233,12 @@ else:
         "plenoptic.scene.materials.diffuse": ("Lambertian", "RoughDiffuse"),
         "plenoptic.rendering.stats": ("RenderStats", "StopReason"),
         "plenoptic.optics.lens.no_lens": ("no_lens",),
-        "plenoptic.optics.stops.shapes": ("MaskStop", "StarStop"),
+        "plenoptic.optics.stops.mask": ("MaskStop",),
+        "plenoptic.optics.stops.star": ("StarStop",),
         "plenoptic.camera.as_built": ("AsBuilt", "BuiltValue", "as_built"),
         "plenoptic.camera.points.projection": ("Projection", "project"),
         "plenoptic.truth.compute": ("ground_truth",),
-        "plenoptic.truth.ground_truth": ("GroundTruth", "Truth"),
+        "plenoptic.truth.channels": ("GroundTruth", "Truth"),
         "plenoptic.plots.spectra": ("plot_sensitivity",),
         "plenoptic.camera.report.focus": ("CameraKind", "MicrolensFocus"),
         "plenoptic.camera.report.findings": ("CameraFinding", "CameraFindingKind"),
@@ -298,7 +299,8 @@ else:
         "plenoptic.optics.lens.placement": ("Placement",),
         "plenoptic.optics.lens.files.library": ("lens_names", "load_lens", "save_lens"),
         "plenoptic.optics.sensor.sensor": ("Sensor",),
-        "plenoptic.optics.stops.stops": ("CircularStop", "PolygonStop"),
+        "plenoptic.optics.stops.circle": ("CircularStop",),
+        "plenoptic.optics.stops.polygon": ("PolygonStop",),
         "plenoptic.optics.surfaces.surface": ("Surface",),
         "plenoptic.rendering.plan.plan": ("plan",),
         "plenoptic.plots.exposure": ("plot_exposure",),

@@ -15,17 +15,12 @@ from plenoptic.replaying.ending import PathEnding
 from plenoptic.replaying.replay import Replay
 from plenoptic.replaying.retracing import replay, replay_all
 from plenoptic.replaying.scene_events import DrawnKind, Escape, Meeting
-from plenoptic.truth.ground_truth import Truth
+from plenoptic.study.cameras import reference_camera
+from plenoptic.truth.channels import Truth
 
-LENS = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=5.0))
-ARRAY = pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,))
-CAMERA = pl.PlenopticCamera(
-    lens=LENS,
-    microlenses=ARRAY,
-    sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.010),
-    stop_to_microlenses=123.3,
-    microlenses_to_sensor=1.7,
-)
+CAMERA = reference_camera()
+LENS = CAMERA.lens
+ARRAY = CAMERA.microlenses
 REGION = np.s_[300:302, 198:201]
 
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.assembly import Assembly, Rigid, assembly, sensor_corners
 from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.optics.lens.elements import is_centred
 
 Floats = NDArray[np.float64]
 
@@ -63,5 +64,5 @@ def array_axes(camera: PlenopticCamera) -> ArrayAxes:
         to_lens = Rigid(np.eye(3), np.array([0.0, 0.0, parts.z_plane]))
     else:
         to_lens = Rigid(parts.frame[:9].reshape(3, 3), parts.frame[9:])
-    centred = all(element.placement is None for element in camera.lens.elements)
+    centred = all(map(is_centred, camera.lens.elements))
     return ArrayAxes(camera, parts, to_lens, parts.frame is None and centred)

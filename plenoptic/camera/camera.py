@@ -305,7 +305,7 @@ class PlenopticCamera:
         --------
         See `project`.
         """
-        from plenoptic.camera.points.projection import project
+        from plenoptic.camera.points.projection import project  # knows this class
 
         return project(self, points, scene=scene)
 
@@ -327,7 +327,7 @@ class PlenopticCamera:
         >>> camera.report().kind.name
         'GALILEAN'
         """
-        from plenoptic.camera.report.report import camera_report
+        from plenoptic.camera.report.report import camera_report  # knows this class
 
         return camera_report(self)
 

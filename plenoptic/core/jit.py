@@ -3,8 +3,8 @@
 Kernels see numbers, arrays and records of these, release the GIL, divide as IEEE 754 says, and may fuse multiply and
 add (`contract`): the intersection formula of `optics.lens.kernels.sphere` needs the fused form for distant origins.
 Compiled code is kept outside site-packages in a folder named after a hash of all that kernels are compiled from
-(`core`, the folders `kernels` and the files `record.py`), because Numba by itself does not notice that a callee in
-another file has changed.
+(`core`, the folders `kernels`, and the files `record.py` and `registry.py`), because Numba by itself does not notice
+that a callee in another file has changed.
 """
 
 from __future__ import annotations
@@ -29,7 +29,8 @@ from plenoptic.core.absent_fields import RecordCompiler
 def _sources_hash() -> str:
     digest = hashlib.sha256()
     root = Path(__file__).parents[1]
-    for path in sorted([*root.rglob("kernels/*.py"), *root.rglob("record.py"), *root.glob("core/*.py")]):
+    patterns = ("**/kernels/*.py", "**/record.py", "**/registry.py", "core/*.py")
+    for path in sorted(path for pattern in patterns for path in root.glob(pattern)):
         digest.update(str(path.relative_to(root)).encode())
         digest.update(path.read_bytes())
     return digest.hexdigest()[:20]

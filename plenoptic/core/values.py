@@ -24,6 +24,8 @@ else:
         return lambda decorated: decorated
 
 
+Floats = NDArray[np.float64]
+
 T = TypeVar("T")
 Choice = TypeVar("Choice", bound=enum.Enum)
 
@@ -217,3 +219,17 @@ def file_path(path: Any) -> Path:
 def set_field(instance: Any, name: str, item: Any) -> None:
     """Set a field of a frozen value from its own `__post_init__`, where it is brought into its final form."""
     object.__setattr__(instance, name, item)
+
+
+def _freeze(self: Any) -> None:
+    for name, item in vars(self).items():
+        if isinstance(item, np.ndarray):
+            set_field(self, name, read_only(item))
+
+
+@dataclass_transform(frozen_default=True, field_specifiers=(dataclasses.field,))
+def result(cls: type[T]) -> type[T]:
+    """Make a class a value that only functions of the package make: its arrays become read-only, and nothing more."""
+    made: Any = cls
+    made.__post_init__ = _freeze
+    return value(cls)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from plenoptic.optics.lens.stack import LensStack
-    from plenoptic.optics.stops.stops import Stop
+    from plenoptic.optics.stops.registry import Stop
 
 GLASS = "#cfe3f3"
 EDGE = "#31566f"

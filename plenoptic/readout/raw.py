@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import os
 from dataclasses import KW_ONLY
 from typing import TYPE_CHECKING, Any
@@ -11,13 +10,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.files import images
-from plenoptic.core.files.serialization import describe, restore
+from plenoptic.core.files.preview import html_figure
+from plenoptic.core.files.serialization import described_fields, restored_fields
 from plenoptic.core.values import file_path, set_field, value, whole, wrong_kind
 from plenoptic.errors import FileError, InvalidValueError
 from plenoptic.optics.sensor.color_filter import BayerPattern, channels_of
 from plenoptic.optics.sensor.demosaic import DemosaicMethod, demosaiced
 from plenoptic.optics.sensor.model import SensorModel, as_seed
-from plenoptic.rendering.exposure import Exposure, _checked_region, _preview
+from plenoptic.rendering.exposure import Exposure, checked_region, region_text
 
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera
@@ -92,7 +92,7 @@ class RawImage:
             raise wrong_kind(self.model, "model", "SensorModel", "pl.SensorModel(photon_rate=1e6)")
         set_field(self, "data", _checked_data(self.data, self.model))
         if self.region is not None:
-            set_field(self, "region", _checked_region(self.region, self.data.shape[:2]))
+            set_field(self, "region", checked_region(self.region, self.data.shape[:2]))
         if self.seed is not None:
             set_field(self, "seed", as_seed(self.seed, "seed"))
         if self.samples is not None:
@@ -245,9 +245,7 @@ class RawImage:
         """
         if self.model.bits is None:
             raise InvalidValueError("the numbers are not quantised, so no 16-bit file holds them; give the model bits")
-        texts = {
-            f"plenoptic:{name}": describe(kept) for name in _KEPT_AS_TEXT if (kept := getattr(self, name)) is not None
-        }
+        texts = described_fields(self, _KEPT_AS_TEXT)
         pixels = self.data.reshape(*self.data.shape[:2], -1)
         images.write_16bit(path, pixels, {"plenoptic:kind": "raw", images.COLOR_SPACE: images.LINEAR, **texts})
 
@@ -275,7 +273,7 @@ class RawImage:
         channels, metadata = images.read_channels(file_path(path))
         if "plenoptic:model" not in metadata:
             raise FileError(f"{os.fspath(path)!r} names no sensor model; read it with pl.images.read_channels")
-        kept = {name: restore(metadata[key]) for name in _KEPT_AS_TEXT if (key := f"plenoptic:{name}") in metadata}
+        kept = restored_fields(metadata, _KEPT_AS_TEXT)
         # float32 holds k / 65535 to 2^-25, so that the rounded product is k again.
         data = np.rint(np.stack(list(channels.values()), axis=-1).astype(np.float64) * 65535).astype(np.uint16)
         try:
@@ -296,15 +294,13 @@ class RawImage:
         facts.append("not quantised" if self.model.bits is None else f"{self.model.bits} bits")
         facts.append(f"{100 * self.fraction_saturated:.3g} % saturated")
         if self.region is not None:
-            first_row, end_row, first_column, end_column = self.region
-            facts.append(f"rows {first_row}:{end_row}, columns {first_column}:{end_column}")
+            facts.append(region_text(self.region))
         return ", ".join(facts)
 
     def _repr_html_(self) -> str:
         """The numbers above the black level as a grey picture, with one line of facts, for notebooks."""
         light = np.maximum(self.electrons(), 0.0).astype(np.float32)
-        png = base64.b64encode(_preview(light.reshape(*light.shape[:2], -1))).decode()
-        return f'<figure><img src="data:image/png;base64,{png}"/><figcaption>{self._facts()}</figcaption></figure>'
+        return html_figure(light.reshape(*light.shape[:2], -1), self._facts())
 
 
 def _checked_data(given: Any, model: SensorModel) -> NDArray[Any]:

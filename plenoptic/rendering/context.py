@@ -15,7 +15,7 @@ from plenoptic.scene.cache import prepared_scene
 from plenoptic.scene.compile import SceneRecord
 from plenoptic.scene.geometry.accel import Intersector
 from plenoptic.scene.scene import Scene
-from plenoptic.truth.ground_truth import Truth
+from plenoptic.truth.channels import Truth
 
 
 class Settings(NamedTuple):

@@ -1,26 +1,26 @@
-"""Exposure: the image, its error, the ground truth, the camera and the statistics of one rendering."""
+"""Exposure: the image, its error, the ground truth, the camera and the statistics of one render."""
 
 from __future__ import annotations
 
-import base64
 import importlib.metadata
-import io
 import os
 from collections.abc import Mapping
+from dataclasses import KW_ONLY
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.files import images
-from plenoptic.core.files.serialization import describe, restore
+from plenoptic.core.files.preview import html_figure
+from plenoptic.core.files.serialization import describe, described_fields, restore, restored_fields
 from plenoptic.core.relative_error import relative_error
 from plenoptic.core.values import file_path, frozen_array, positive, set_field, value, whole, wrong_kind
 from plenoptic.errors import FileError, InvalidValueError
 from plenoptic.rendering.settings import RenderSettings
 from plenoptic.rendering.stats import RenderStats, StopReason
-from plenoptic.truth.channels import truth_channels, truth_in, truth_note
-from plenoptic.truth.ground_truth import GroundTruth, truth_names
+from plenoptic.truth.arrays import file_note, file_planes, truth_in
+from plenoptic.truth.channels import GroundTruth, truth_names
 
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera
@@ -31,12 +31,11 @@ _NAMES = {1: ("Y",), 3: ("R", "G", "B")}
 _FULL = 65535  # the largest 16-bit value
 _KEPT_AS_TEXT = ("samples", "replicates", "seed", "region", "camera", "stats", "settings")
 _SAMPLES = "samples"
-_PREVIEW_PIXELS = 1024
 
 
 @value
 class Exposure:
-    """What one rendering gives: image, standard error, ground truth, camera and statistics.
+    """What one render gives: image, standard error, ground truth, camera and statistics.
 
     Parameters
     ----------
@@ -79,6 +78,7 @@ class Exposure:
     """
 
     image: NDArray[np.float32]
+    _: KW_ONLY
     standard_error: NDArray[np.float32] | None = None
     truth: GroundTruth | None = None
     samples: int | None = None
@@ -95,6 +95,7 @@ class Exposure:
         def __init__(  # noqa: PLR0913
             self,
             image: ArrayLike,
+            *,
             standard_error: ArrayLike | None = None,
             truth: GroundTruth | None = None,
             samples: int | None = None,
@@ -136,7 +137,7 @@ class Exposure:
             if number is not None:
                 set_field(self, name, whole(number, name, at_least=0))
         if self.region is not None:
-            set_field(self, "region", _checked_region(self.region, image.shape[:2]))
+            set_field(self, "region", checked_region(self.region, image.shape[:2]))
         if self.stats is not None and not isinstance(self.stats, RenderStats):
             raise InvalidValueError(f"stats is a {type(self.stats).__name__}; it must be a RenderStats or None")
         if self.settings is not None and not isinstance(self.settings, RenderSettings):
@@ -149,7 +150,7 @@ class Exposure:
 
     @property
     def interrupted(self) -> bool:
-        """Whether the rendering was interrupted before it had done what it was asked for."""
+        """Whether the render was interrupted before it had done what it was asked for."""
         return self.stats is not None and self.stats.stopped_by is StopReason.INTERRUPTED
 
     @property
@@ -165,7 +166,7 @@ class Exposure:
     def develop(self, sensor: SensorModel, *, seed: int = 0) -> RawImage:
         """What a sensor reads out when exposed to this image: electrons, noise and digital numbers.
 
-        Light transport is over here: one rendering serves many sensors, exposure times and seeds. The Monte Carlo error
+        Light transport is over here: one render serves many sensors, exposure times and seeds. The Monte Carlo error
         of the image is no noise of the sensor and adds to it; render until it is well below the shot noise.
 
         Parameters
@@ -188,7 +189,7 @@ class Exposure:
         >>> raw.data.dtype, bool(abs(raw.electrons().mean() - 500.0) < 30.0)
         (dtype('uint16'), True)
         """
-        from plenoptic.readout.develop import develop
+        from plenoptic.readout.develop import develop  # knows this class
 
         return develop(self, sensor, seed=seed)
 
@@ -262,7 +263,7 @@ class Exposure:
         See `save`.
         """
         channels, metadata = images.read_channels(path)
-        kept = {name: restore(metadata[key]) for name in _KEPT_AS_TEXT if (key := f"plenoptic:{name}") in metadata}
+        kept = restored_fields(metadata, _KEPT_AS_TEXT)
         image = images.read_linear(path)
         planes = [channels.get(f"error.{name}") for name in _NAMES[image.shape[2]]]
         errors = [plane for plane in planes if plane is not None]
@@ -287,14 +288,14 @@ class Exposure:
         if self.sample_counts is not None:
             channels[_SAMPLES] = self.sample_counts.astype(np.float32)
         if self.truth is not None:
-            channels |= truth_channels(self.truth)
+            channels |= file_planes(self.truth)
         return channels
 
     def _texts(self, names: tuple[str, ...]) -> dict[str, str]:
         texts = {"Software": f"plenoptic {_version()}"}
-        texts |= {f"plenoptic:{name}": describe(kept) for name in names if (kept := getattr(self, name)) is not None}
+        texts |= described_fields(self, names)
         if "camera" in names and self.truth is not None:
-            texts["plenoptic:note"] = truth_note(self.truth)
+            texts["plenoptic:note"] = file_note(self.truth)
         return texts
 
     def _save_16bit(self, path: str | os.PathLike[str], encoding: str, scale: float | None) -> None:
@@ -334,16 +335,14 @@ class Exposure:
         if self.truth is not None:
             facts.append(f"with {truth_names(self.truth.kinds)}")
         if self.region is not None:
-            first_row, end_row, first_column, end_column = self.region
-            facts.append(f"rows {first_row}:{end_row}, columns {first_column}:{end_column}")
+            facts.append(region_text(self.region))
         if self.stats is not None:
             facts.append(f"{self.stats.seconds:.3g} s")
         return ", ".join(facts)
 
     def _repr_html_(self) -> str:
         """The picture, its brightest 0.1 % cut, with one line of facts, for notebooks."""
-        png = base64.b64encode(_preview(self.image)).decode()
-        return f'<figure><img src="data:image/png;base64,{png}"/><figcaption>{self._facts()}</figcaption></figure>'
+        return html_figure(self.image, self._facts())
 
 
 def _counts_in(plane: NDArray[Any] | None, samples: Any) -> NDArray[Any] | None:
@@ -351,7 +350,14 @@ def _counts_in(plane: NDArray[Any] | None, samples: Any) -> NDArray[Any] | None:
     return plane if plane is None or not isinstance(samples, int) else np.minimum(plane.astype(np.float64), samples)
 
 
-def _checked_region(region: tuple[int, ...], shape: tuple[int, ...]) -> tuple[int, ...]:
+def region_text(region: tuple[int, int, int, int]) -> str:
+    """For a line of facts: rows 0:4, columns 2:6."""
+    first_row, end_row, first_column, end_column = region
+    return f"rows {first_row}:{end_row}, columns {first_column}:{end_column}"
+
+
+def checked_region(region: tuple[int, ...], shape: tuple[int, ...]) -> tuple[int, ...]:
+    """First row, end row, first column and end column of an image of this shape, or an error."""
     if not isinstance(region, tuple | list) or len(region) != 4:
         raise InvalidValueError(f"region is {region!r}; it must be (first row, end row, first column, end column)")
     checked = tuple(whole(number, "region", at_least=0) for number in region)
@@ -362,24 +368,6 @@ def _checked_region(region: tuple[int, ...], shape: tuple[int, ...]) -> tuple[in
             f"it must have the image's {shape[0]} x {shape[1]}"
         )
     return checked
-
-
-def _preview(image: NDArray[np.float32]) -> bytes:
-    """An 8-bit sRGB PNG of at most 1024 pixels along a side, averaged linearly over whole blocks."""
-    from PIL import Image
-
-    block = -(-max(image.shape[:2]) // _PREVIEW_PIXELS)
-    brightest = float(np.max(image, initial=0, where=np.isfinite(image)))
-    shown = np.clip(np.nan_to_num(image, posinf=brightest), 0, brightest).astype(np.float64)
-    rows, columns = (max(length // block, 1) for length in image.shape[:2])
-    shown = shown[: rows * block, : columns * block]
-    rows_per, columns_per = shown.shape[0] // rows, shown.shape[1] // columns
-    shown = shown.reshape(rows, rows_per, columns, columns_per, -1).mean(axis=(1, 3))
-    white = float(np.percentile(shown, 99.9)) or float(shown.max()) or 1.0
-    pixels = np.rint(255 * images.linear_to_srgb(np.minimum(shown / white, 1.0))).astype(np.uint8)
-    stream = io.BytesIO()
-    Image.fromarray(pixels[:, :, 0] if pixels.shape[2] == 1 else pixels).save(stream, format="PNG")
-    return stream.getvalue()
 
 
 def _version() -> str:

@@ -9,11 +9,11 @@ from plenoptic.camera.checks import check_scene_and_camera
 from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.exposure import Exposure
 from plenoptic.rendering.schedule.budget import checked_budget
-from plenoptic.rendering.schedule.keeping import Keeper
+from plenoptic.rendering.schedule.checkpoint import Checkpoint
 from plenoptic.rendering.schedule.scheduler import Work, run
 from plenoptic.rendering.settings import Caustics, RenderSettings, Sampler
 from plenoptic.scene.scene import Scene
-from plenoptic.truth.ground_truth import Truth
+from plenoptic.truth.channels import Truth
 
 
 def render(  # noqa: PLR0913
@@ -84,9 +84,9 @@ def render(  # noqa: PLR0913
         Of how many paths, such as 1024, `shot.stats.conditioning` tells how much each surface of the lens magnifies
         rounding errors, and how many steps aspheres took. See `Conditioning`.
     checkpoint : path-like, optional
-        A file in which the state is kept while rendering. Called again with the same arguments, the rendering goes on
+        A file in which the state is kept while rendering. Called again with the same arguments, the render goes on
         from there and gives the same bits as without a break (with a `time_limit` it goes on for that long again).
-        Files of other renderings, and damaged ones, are refused and stay as they are.
+        Files of other renders, and damaged ones, are refused and stay as they are.
     checkpoint_interval : float
         Seconds between two savings: what is lost at most, besides the tiles in work, when the program is killed.
     threads : int, optional
@@ -108,7 +108,7 @@ def render(  # noqa: PLR0913
     InvalidValueError
         Where an argument is impossible; nothing has been rendered then.
     FileError
-        Where the checkpoint is damaged or that of another rendering, or cannot be written.
+        Where the checkpoint is damaged or that of another render, or cannot be written.
 
     Examples
     --------
@@ -129,7 +129,7 @@ def render(  # noqa: PLR0913
         checked_budget(samples, time_limit, target_error, replicates),
         RenderSettings(max_bounces, caustics, clamp, sampler),
         Work(region, seed, truth, threads, tile_side, progress, conditioning),
-        None if checkpoint is None else Keeper(checkpoint, checkpoint_interval),
+        None if checkpoint is None else Checkpoint(checkpoint, checkpoint_interval),
     )
 
 
@@ -179,5 +179,5 @@ def render_white(  # noqa: PLR0913
         checked_budget(samples, time_limit, target_error, replicates),
         RenderSettings(max_bounces=0, sampler=sampler),
         Work(region, seed, Truth.NONE, threads, tile_side, progress, conditioning),
-        None if checkpoint is None else Keeper(checkpoint, checkpoint_interval),
+        None if checkpoint is None else Checkpoint(checkpoint, checkpoint_interval),
     )

@@ -1,4 +1,4 @@
-"""What a rendering took and where its paths went."""
+"""What a render took and where its paths went."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class StopReason(enum.IntEnum):
-    """Why a rendering ended: with all its samples, after its time, at its error, or because it was interrupted.
+    """Why a render ended: with all its samples, after its time, at its error, or because it was interrupted.
 
     TARGET_MISSED: neighbours' errors said that it was enough, and the image's own is more than 1.25 times the target.
 
@@ -41,7 +41,7 @@ _ENDED = {
 
 @value
 class RenderStats:
-    """What a rendering took and where its paths went.
+    """What a render took and where its paths went.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ class RenderStats:
     clamped : float
         Share of all light that `clamp` took away, in [0, 1]: the bias of the mean image.
     stopped_by : StopReason
-        What ended the rendering.
+        What ended the render.
     conditioning : Conditioning, optional
         How much the lens's surfaces magnify rounding errors, and Newton iterations, of some of the paths; only where
         `render` was asked for it.

@@ -16,7 +16,8 @@ from plenoptic.optics.microlens.dust import BlemishSite
 from plenoptic.rendering.context import Compiled
 from plenoptic.rendering.integrator.path import Batch, Transport
 from plenoptic.rendering.settings import Sampler
-from plenoptic.truth.compute import Arrays, TruthTables, truth_of
+from plenoptic.truth.compute import Arrays, truth_of
+from plenoptic.truth.stages import TruthTables
 
 BUNDLE = 1 << 13
 """Paths that go through the stages together. From 2^11 to 2^14 the time was the same to within 3 %, and long bundles

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import enum
 from typing import TypeAlias
 
 import numpy as np
@@ -10,27 +9,9 @@ from numpy.typing import NDArray
 
 from plenoptic.core.rays import RayStatus
 from plenoptic.core.values import value
+from plenoptic.optics.record import ElementKind as ElementKind
 
 Vector: TypeAlias = NDArray[np.float64]
-
-
-class ElementKind(enum.IntEnum):
-    """What a path meets in the lens. IDEAL_LENS stands for the whole lens in the models THIN and PARAXIAL.
-
-    Examples
-    --------
-    See `replay`.
-    """
-
-    SPHERE = 0
-    CIRCULAR_STOP = 1
-    POLYGON_STOP = 2
-    CONIC = 3
-    ASPHERE = 4
-    IDEAL_LENS = 5
-    CURVED_POLYGON_STOP = 6
-    STAR_STOP = 7
-    MASK_STOP = 8
 
 
 @value

@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.record import CameraTables, fill_before_array, fill_dimmed_at_lens, fill_through_array, lanes_for
 from plenoptic.camera.sampling.pixel_regions import pixel_centres
 from plenoptic.core.rays import RayStatus
@@ -32,8 +31,7 @@ from plenoptic.replaying.camera_events import (
     SensorPoint,
     Vector,
 )
-from plenoptic.truth.compute import truth_tables
-from plenoptic.truth.ground_truth import Truth
+from plenoptic.truth.microlenses import listed_numbers
 
 _NOWHERE = (RayStatus.MISSED, RayStatus.NOT_FINITE, RayStatus.NOT_CONVERGED)
 """Where a path is lost by these, it has no point on the element."""
@@ -70,9 +68,7 @@ def _row(bundle: NDArray[np.float64]) -> _Row:
     return _Row(numbers[:3], numbers[3:6], float(numbers[6]), float(numbers[7]))
 
 
-def trace_camera(
-    camera: PlenopticCamera, tables: CameraTables, pixel: tuple[int, int], batch: Batch, seed: np.uint64
-) -> CameraWay | None:
+def trace_camera(tables: CameraTables, pixel: tuple[int, int], batch: Batch, seed: np.uint64) -> CameraWay | None:
     """Follow the one path of a batch of one, as `tiles.render_tile` does; None where no light reaches the pixel."""
     from plenoptic.core.kernels import sobol
     from plenoptic.core.kernels.ray_blocks import BLOCK, RAY
@@ -91,7 +87,7 @@ def trace_camera(
     fill_through_array(bundle, lanes, tables)
     events: list[CameraEvent] = [
         SensorPoint(pixel, _fixed(_in_camera(tables, _sensor_point(tables, aimed)))),
-        _array_event(camera, tables, aimed, lanes, _row(bundle)),
+        _array_event(tables, aimed, lanes, _row(bundle)),
     ]
     if tables.blemishes:
         fill_dimmed_at_lens(bundle, tables, BlemishSite.LENS_REAR)
@@ -137,11 +133,9 @@ def _in_camera(tables: CameraTables, point: Vector) -> Vector:
     return in_lens if moved is None else moved.points(in_lens)
 
 
-def _array_event(
-    camera: PlenopticCamera, tables: CameraTables, aimed: _Row, lanes: NDArray[np.float64] | None, after: _Row
-) -> MicrolensPassage:
+def _array_event(tables: CameraTables, aimed: _Row, lanes: NDArray[np.float64] | None, after: _Row) -> MicrolensPassage:
     aim = np.array([*aimed.point[:2], _behind(tables)])
-    microlens, kind = _microlens(camera, tables, aimed, lanes)
+    microlens, kind = _microlens(tables, aimed, lanes)
     lost = after.status != 0
     return MicrolensPassage(
         aim=_fixed(_in_camera(tables, aim)),
@@ -155,7 +149,7 @@ def _array_event(
 
 
 def _microlens(
-    camera: PlenopticCamera, tables: CameraTables, aimed: _Row, lanes: NDArray[np.float64] | None
+    tables: CameraTables, aimed: _Row, lanes: NDArray[np.float64] | None
 ) -> tuple[tuple[int, int] | None, int | None]:
     """Indices and type of the microlens that a sample is aimed at."""
     from plenoptic.optics.microlens.kernels.to_lens import CELL_X, CELL_Y, NUMBER
@@ -163,9 +157,9 @@ def _microlens(
     array, cells = tables.array, tables.cells
     if array is None or cells is None:
         return None, None
-    finding = truth_tables(camera, tables, Truth.MICROLENS)
-    if finding is not None and finding.numbers is not None and lanes is not None:
-        number = int(finding.numbers[int(lanes[0, NUMBER])])
+    numbers = listed_numbers(tables)
+    if numbers is not None and lanes is not None:
+        number = int(numbers[int(lanes[0, NUMBER])])
         return (number, 0), 0 if array.types is None else int(np.asarray(array.types)[number])
     # The aimed sample holds its optical axis, which imperfections may move; the cell stays.
     centre = np.array([aimed.point[2], aimed.direction[2]]) if lanes is None else lanes[0, [CELL_X, CELL_Y]]

@@ -25,7 +25,7 @@ from plenoptic.replaying.path_id import checked, known, pair, triple
 from plenoptic.replaying.replay import Event, Replay
 from plenoptic.replaying.scene_events import Escape
 from plenoptic.scene.scene import Scene
-from plenoptic.truth.ground_truth import Truth
+from plenoptic.truth.channels import Truth
 
 
 def replay(exposure: Exposure, scene: Scene | None, *, pixel: tuple[int, int], sample: int) -> Replay:
@@ -159,7 +159,7 @@ def _retraced(prepared: _Prepared, pixel: tuple[int, int], sample: int) -> Repla
     replicate, index = sample % settings.replicates, sample // settings.replicates
     random = settings.how.sampler is Sampler.RANDOM
     batch = Batch(sample, 1, 1, sample, 0) if random else Batch(sample, 1, 1, replicate, index)
-    way = trace_camera(prepared.camera, tables, pixel, batch, settings.seed)
+    way = trace_camera(tables, pixel, batch, settings.seed)
     channels = prepared.exposure.image.shape[2]
     if way is None:
         nothing = np.zeros(channels)

@@ -19,9 +19,8 @@ from plenoptic.scene.lights.environment_compile import environment_record
 from plenoptic.scene.lights.record import Lights, Sky
 from plenoptic.scene.lights.registry import AreaLight, Light, PositionalLight
 from plenoptic.scene.materials.compile import alpha_record, bsdf_record, color_rows
-from plenoptic.scene.materials.record import Alpha, Bsdf, Emission
+from plenoptic.scene.materials.record import Alpha, Bsdf, Emission, MaterialRow
 from plenoptic.scene.materials.registry import Material
-from plenoptic.scene.materials.row import MaterialRow
 from plenoptic.scene.textures.atlas import atlas
 from plenoptic.scene.textures.color import is_grey, mean_colour
 from plenoptic.scene.textures.record import TextureColumn, Textures
@@ -157,7 +156,7 @@ class _TextureColumns:
 
     def of_surfaces(self) -> Textures | None:
         """What textures say of how surfaces scatter."""
-        columns = Textures(*map(self.column, ("base", "roughness", "metallic", "normal_map")))
+        columns = Textures(*map(self.column, Textures._fields))
         return None if all(column is None for column in columns) else columns
 
 

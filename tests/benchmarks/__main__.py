@@ -18,7 +18,7 @@ PROGRAMS = ("plenoptic", "numpy", "numba", "embreex", "trimesh", "OpenImageIO", 
 
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python tests/benchmarks", description="Print timings as Markdown tables.")
-    parser.add_argument("--only", default=",".join(BENCHMARKS), help=f"some of {','.join(BENCHMARKS)}")
+    parser.add_argument("--only", default=",".join(BENCHMARKS), help=f"some of {', '.join(BENCHMARKS)}")
     parser.add_argument("--quick", action="store_true", help="small sizes: shows that all works, not how fast")
     options = parser.parse_args()
     chosen = options.only.split(",")

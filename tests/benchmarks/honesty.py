@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from table import Table
 
 import plenoptic as pl
-from plenoptic.truth.ground_truth import Truth
+from plenoptic.truth.channels import Truth
 
 REFERENCE_SEED = 1_000_003
 REPLICATES = 16

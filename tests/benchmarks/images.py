@@ -10,7 +10,7 @@ from table import Table
 from timing import Task, median, taking_turns
 
 import plenoptic as pl
-from plenoptic.truth.ground_truth import Truth
+from plenoptic.truth.channels import Truth
 
 WANTED = {"white": "5, aim 8", "check": "3.5, aim 5"}
 

@@ -13,7 +13,7 @@ from table import Table
 from timing import Cost, Task, taking_turns
 
 import plenoptic as pl
-from plenoptic.truth.ground_truth import Truth
+from plenoptic.truth.channels import Truth
 
 SHARE = 1.4826
 """Standard deviation over the median absolute deviation of normal numbers."""
@@ -35,6 +35,8 @@ def part_costs(*, quick: bool) -> Table:
     variants = {BEFORE: Variant(camera)}
     variants |= {name: Variant(changed) for name, changed in cameras(camera).items()}
     variants |= {f"truth: {name}": Variant(camera, truth) for name, truth in TRUTHS.items()}
+    if quick:
+        variants = dict(list(variants.items())[:2])
     variants |= {AFTER: Variant(camera)}
     return compared(variants, samples=samples, rounds=rounds, side=side)
 

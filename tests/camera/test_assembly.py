@@ -10,15 +10,11 @@ import plenoptic as pl
 from plenoptic.camera import record as camera_tables_module
 from plenoptic.camera.assembly import assembly
 from plenoptic.optics.lens.placement import rotation_about_axes
+from plenoptic.study.cameras import reference_camera
 
-LENS = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(5.0))
-CAMERA = pl.PlenopticCamera(
-    lens=LENS,
-    microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
-    sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.010),
-    stop_to_microlenses=123.3,
-    microlenses_to_sensor=1.7,
-)
+CAMERA = reference_camera()
+LENS = CAMERA.lens
+ARRAY = CAMERA.microlenses
 REGION = np.s_[200:224, 230:262]
 LENS_PART, ARRAY, SENSOR = pl.CameraPart
 

@@ -9,9 +9,9 @@ import numpy as np
 from fuzzed_numbers import chance, length, uniform
 
 import plenoptic as pl
-from plenoptic.truth.ground_truth import KINDS, NO_MICROLENS
+from plenoptic.truth.channels import CHANNELS, NO_MICROLENS
 
-UNKNOWN = {name: kind.void for name, kind in KINDS.items()}
+UNKNOWN = {name: kind.void for name, kind in CHANNELS.items()}
 """What stands for nothing in each array of the ground truth."""
 
 

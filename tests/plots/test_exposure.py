@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.truth.ground_truth import GroundTruth
+from plenoptic.truth.channels import GroundTruth
 
 matplotlib.use("Agg")
 

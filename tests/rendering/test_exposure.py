@@ -10,7 +10,7 @@ from PIL import Image
 import plenoptic as pl
 from plenoptic.core.files import images
 from plenoptic.errors import FileError, InvalidValueError
-from plenoptic.truth.ground_truth import NO_MICROLENS, GroundTruth
+from plenoptic.truth.channels import NO_MICROLENS, GroundTruth
 
 STATS = {
     "seconds": 1.5,
@@ -150,6 +150,7 @@ def test_exr_keeps_all_ground_truth(tmp_path):
         microlens_type=np.full((4, 6), -1),
         virtual_depth=random.uniform(-9, 9, (4, 6)).astype(np.float32),
         disparity=random.uniform(-9, 9, (4, 6)).astype(np.float32),
+        incidence_angle=random.uniform(0, 1, (4, 6)).astype(np.float32),
     )
     shot = exposure(truth=truth)
     shot.save(tmp_path / "shot.exr")
@@ -158,7 +159,10 @@ def test_exr_keeps_all_ground_truth(tmp_path):
     names, metadata = images.read_channels(tmp_path / "shot.exr")
     assert {"truth.position.X", "truth.microlens.I", "truth.microlens.type"} < set(names)
     assert "depth.Z" not in names and "2^24" in metadata["plenoptic:note"]
-    assert "with distance, position, normal, object, material, microlens, virtual depth, disparity" in repr(shot)
+    assert (
+        "with distance, position, normal, object, material, microlens, virtual depth, disparity, incidence angle"
+        in repr(shot)
+    )
 
 
 def test_exr_keeps_the_camera(tmp_path):

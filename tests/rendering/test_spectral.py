@@ -7,15 +7,10 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
+from plenoptic.study.cameras import reference_camera
 
-LENS = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(5.0))
-CAMERA = pl.PlenopticCamera(
-    lens=LENS,
-    microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
-    sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.010),
-    stop_to_microlenses=123.3,
-    microlenses_to_sensor=1.7,
-)
+CAMERA = reference_camera()
+LENS = CAMERA.lens
 REGION = np.s_[200:224, 230:262]
 LINES = pl.Sensitivity.lines((640.0, 550.0, 450.0))
 

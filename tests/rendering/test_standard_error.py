@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
+from plenoptic.study import cameras
 
 REPLICATES = 16
 STUDENT = 2.13145  # 95 % of Student's t distribution with 15 degrees of freedom lie within
@@ -20,14 +21,7 @@ LIT = 0.1  # of the 99th percentile of the channels' means
 
 
 def reference_camera(**changes):
-    camera = pl.PlenopticCamera(
-        lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(5.0)),
-        microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
-        sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.010),
-        stop_to_microlenses=123.3,
-        microlenses_to_sensor=1.7,
-    )
-    return dataclasses.replace(camera, **changes)
+    return dataclasses.replace(cameras.reference_camera(), **changes)
 
 
 def room():

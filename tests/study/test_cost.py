@@ -12,12 +12,12 @@ import pytest
 
 import plenoptic as pl
 from plenoptic.rendering.plan.stages import Plan, Stage
+from plenoptic.study.cameras import furnished_camera, reference_camera
 from plenoptic.study.cost import ablation, camera_ablation, measurement, scene_ablation
 from plenoptic.study.cost.ablation import Ablation, Inseparable, ablations
-from plenoptic.study.cost.cases import cost_case, cost_cases, furnished_camera
+from plenoptic.study.cost.cases import cost_case, cost_cases
 from plenoptic.study.cost.command import add_command
 from plenoptic.study.cost.measurement import Picture, cost_of, picture_change, share_of
-from plenoptic.study.error_time.cases import reference_camera
 
 CROP = np.s_[252:260, 252:260]
 

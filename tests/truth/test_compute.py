@@ -8,8 +8,8 @@ import pytest
 
 import plenoptic as pl
 from plenoptic.camera.points.projection import project
+from plenoptic.truth.channels import NO_MICROLENS, Truth
 from plenoptic.truth.compute import ground_truth
-from plenoptic.truth.ground_truth import NO_MICROLENS, Truth
 
 THIN_LENS = pl.LensModel.THIN
 
@@ -137,7 +137,7 @@ def test_a_pixel_belongs_to_the_microlens_whose_image_is_nearest(array):
     camera = reference_camera(**array)
     made = camera.microlenses
     truth = ground_truth(None, camera, region=np.s_[40:60, 40:60])
-    assert truth.kinds == Truth.MICROLENS
+    assert truth.kinds == Truth.MICROLENS | Truth.INCIDENCE_ANGLE
     rows, columns = np.mgrid[40:60, 40:60]
     on_array = camera.sensor.centre_of(rows, columns) / (1 + 1.7 / 128.5)
     lit = truth.microlens_type >= 0
@@ -175,6 +175,62 @@ def test_free_microlenses_have_their_numbers():
     same = np.hypot(*(centres[number] - here.microlens[lit] @ regular.basis).T) < 1e-6
     assert same.mean() > 0.97
     np.testing.assert_array_equal(there.microlens_type[lit], types[number])
+
+
+# ---- at the sensor ----
+
+
+def test_angles_of_incidence_without_microlenses_are_those_from_the_exit_pupil():
+    # Without aberrations the centroid of the light is the middle of the exit pupil. Each of the 16 probes that find it
+    # stands for a square of 0.44 radii along a side: single pixels are off by less than half a radius, their mean by a
+    # fraction of that.
+    lens = the_lens(pl.LensModel.PARAXIAL, stop=1.0)
+    camera = pl.PlenopticCamera(lens=lens, sensor=pl.Sensor((33, 65), 1.0), stop_to_microlenses=134.6)
+    points = pl.paraxial.cardinal_points(lens)
+    truth = ground_truth(None, camera, truth=Truth.INCIDENCE_ANGLE)
+    assert truth.kinds == Truth.INCIDENCE_ANGLE
+    rows, columns = np.mgrid[0:33, 0:65]
+    off = np.linalg.norm(camera.sensor.centre_of(rows, columns), axis=-1)
+    to_pupil = 134.6 - points.exit_pupil
+    expected = np.arctan2(off, to_pupil)
+    off = (truth.incidence_angle - expected) / (points.exit_pupil_semi_diameter / to_pupil)
+    assert np.abs(off).max() < 0.5 and abs(off.mean()) < 0.05
+
+
+@pytest.mark.parametrize("tilt", [(0.0, 0.0, 0.0), (0.05, -0.03, 0.4)])
+@pytest.mark.parametrize("model", [pl.MicrolensModel.THIN, pl.MicrolensModel.SPHERICAL])
+def test_angles_of_incidence_lead_through_the_microlens(model, tilt):
+    # The exit pupil's image on a microlens of 0.217 mm is all of it for pixels near the centre of its image: the lit
+    # centroid is the centre of the cell there, and the path from the pixel to it is straight.
+    camera = reference_camera(model=model)
+    if any(tilt):
+        camera = camera.moved(pl.CameraPart.SENSOR, tilt=tilt)
+    region = np.s_[248:264, 120:136]
+    truth = ground_truth(None, camera, truth=Truth.INCIDENCE_ANGLE | Truth.MICROLENS, region=region)
+    rows, columns = np.mgrid[region]
+    lit = truth.microlens_type >= 0
+    np.testing.assert_array_equal(np.isnan(truth.incidence_angle), ~lit)
+    turn = np.eye(3) if camera.sensor_placement is None else np.asarray(camera.sensor_placement.rotation)
+    on_sensor = camera.sensor.centre_of(rows, columns)
+    pixel = np.append(on_sensor, np.zeros((*rows.shape, 1)), axis=-1) @ turn.T + [0.0, 0.0, 1.7]
+    centre = np.append(truth.microlens @ camera.microlenses.basis, np.zeros((*rows.shape, 1)), axis=-1)
+    ray = centre - pixel
+    expected = np.arccos(ray @ -turn[:, 2] / np.linalg.norm(ray, axis=-1))
+    # Where part of a microlens is dark, its lit centroid lies off its centre, but inside: a corner is 0.1253 mm away.
+    off = np.abs(truth.incidence_angle - expected)[lit]
+    assert np.mean(off < 1e-9) > 0.3 and off.max() < 0.1253 / 1.7
+
+
+def test_angles_of_incidence_turn_with_the_sensor():
+    # The ray of a pixel on the axis stays where it is while the sensor turns about the pixel's centre.
+    lens = the_lens(THIN_LENS, stop=1.0)
+    camera = pl.PlenopticCamera(lens=lens, sensor=pl.Sensor((1, 1), 0.1), stop_to_microlenses=134.6)
+    for tilt in (1e-7, 0.1, 0.3):
+        tilted = camera.moved(pl.CameraPart.SENSOR, tilt=(tilt, 0.0, 0.0))
+        angle = ground_truth(None, tilted, truth=Truth.INCIDENCE_ANGLE).incidence_angle[0, 0]
+        straight = ground_truth(None, camera, truth=Truth.INCIDENCE_ANGLE).incidence_angle[0, 0]
+        assert abs(angle - tilt) <= straight + 1e-12
+    assert straight < 0.02
 
 
 # ---- images of points ----
@@ -344,7 +400,7 @@ def test_a_conventional_camera_has_no_microlenses():
     assert truth.kinds == Truth.ALL & ~(Truth.MICROLENS | Truth.VIRTUAL_DEPTH | Truth.DISPARITY)
     np.testing.assert_allclose(truth.depth, 404.0, rtol=1e-14)
     with pytest.raises(pl.InvalidValueError, match="no meshes and the camera no microlenses"):
-        ground_truth(None, camera)
+        ground_truth(None, camera, truth=Truth.ALL & ~Truth.INCIDENCE_ANGLE)
 
 
 def test_depth_stays_exact_far_away_and_close_by():

@@ -11,9 +11,10 @@ from plenoptic.camera.array_axes import ArrayAxes
 from plenoptic.camera.points.centres import _through_centres as through_centres
 from plenoptic.camera.psf.sensor_hits import ForwardTables
 from plenoptic.core.rays import RayBundle
-from plenoptic.optics.lens.record import IDEAL, LensRecord, lens_record
+from plenoptic.optics.lens.record import LensRecord, lens_record
 from plenoptic.optics.lens.trace import traced_by
 from plenoptic.optics.microlens.array import ConvexSide, MicrolensArray
+from plenoptic.optics.record import IDEAL
 
 Floats = NDArray[np.float64]
 

@@ -22,8 +22,7 @@ from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays_reverse, hexapolar
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.microlens.array import ConvexSide, MicrolensArray, MicrolensModel
 from plenoptic.optics.microlens.lattice import Lattice
-from plenoptic.optics.stops.shapes import MaskStop
-from plenoptic.optics.stops.stops import CircularStop
+from plenoptic.optics.stops.circle import CircularStop
 
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera
@@ -235,7 +234,7 @@ def corner_light(lens: LensStack, corner: tuple[float, float], z: float, wavelen
     """What reaches the points (+-x, +-y) of a plane; nan where nothing can be aimed."""
     grid = square_grid(_CORNER_GRID)
     places = lens.stop.semi_diameter * grid.T
-    full = lens.stop.transmission_at(*places) if isinstance(lens.stop, MaskStop) else lens.stop.contains(*places) * 1.0
+    full = lens.stop.transmission_at(*places)
     grid, full = grid[full > 0], full[full > 0]
     points = np.concatenate([np.zeros((1, 2)), grid])
     # Which rays the iris lets pass is known; left to tracing, rounding would decide at its edge and at cells of a mask.

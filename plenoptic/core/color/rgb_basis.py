@@ -12,7 +12,8 @@ sums. It is a convex quadratic problem with one solution. `tests/core/test_spect
 """
 
 import numpy as np
-from numpy.typing import NDArray
+
+from plenoptic.core.values import Floats
 
 # fmt: off
 _ROWS = (
@@ -33,7 +34,7 @@ _ROWS = (
 )
 # fmt: on
 
-PARTS: NDArray[np.float64] = np.array(_ROWS, dtype=np.float64)
-WAVELENGTHS: NDArray[np.float64] = np.linspace(380.0, 730.0, len(PARTS))
+PARTS: Floats = np.array(_ROWS, dtype=np.float64)
+WAVELENGTHS: Floats = np.linspace(380.0, 730.0, len(PARTS))
 for _array in (PARTS, WAVELENGTHS):
     _array.flags.writeable = False

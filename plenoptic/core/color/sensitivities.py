@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from plenoptic.core.color.spectra import Sensitivity
-from plenoptic.core.values import frozen_array, positive, wavelength_in_nm
+from plenoptic.core.values import Floats, frozen_array, positive, wavelength_in_nm
 from plenoptic.errors import InvalidValueError
 
 __all__ = ["cie_1931", "colour_camera", "linear_srgb", "silicon"]
@@ -199,13 +198,13 @@ def silicon(*, depth: float = 0.005, band: tuple[float, float] = (400.0, 700.0))
     return Sensitivity(wavelengths, response / response.max())
 
 
-def _tristimulus(xy: tuple[float, float]) -> NDArray[np.float64]:
+def _tristimulus(xy: tuple[float, float]) -> Floats:
     """X, Y and Z of a chromaticity, for Y = 1."""
     x, y = xy
     return np.array([x / y, 1.0, (1.0 - x - y) / y])
 
 
-def _cut_filter(band: tuple[float, float]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _cut_filter(band: tuple[float, float]) -> tuple[Floats, Floats]:
     """Wavelengths around a band, 5 nm apart at most, and the transmission of its filter there."""
     low, high = (
         wavelength_in_nm(limit, "a limit of the band") for limit in frozen_array(band, name="band", shape=(2,))

@@ -6,10 +6,19 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from plenoptic.core.color import rgb_basis as basis_table
-from plenoptic.core.values import frozen_array, positive, read_only, set_field, value, wavelength_in_nm, wrong_kind
+from plenoptic.core.values import (
+    Floats,
+    frozen_array,
+    positive,
+    read_only,
+    set_field,
+    value,
+    wavelength_in_nm,
+    wrong_kind,
+)
 from plenoptic.errors import InvalidValueError
 
 _SMALLEST_INTEGRAL = 1e-9
@@ -62,8 +71,8 @@ class Sensitivity:
     (465.0, 610.0)
     """
 
-    wavelengths: NDArray[np.float64]
-    response: NDArray[np.float64] | None = None
+    wavelengths: Floats
+    response: Floats | None = None
 
     def __post_init__(self) -> None:
         set_field(self, "wavelengths", _as_wavelengths(self.wavelengths))
@@ -97,9 +106,6 @@ class Sensitivity:
         wavelengths : (1,) or (3,) array_like
             Vacuum wavelengths in nm of red, green and blue, in this order.
 
-        Returns
-        -------
-        Sensitivity
         """
         return Sensitivity(np.asarray(wavelengths))
 
@@ -124,7 +130,7 @@ class Sensitivity:
             return self
         return Sensitivity(self.wavelengths, self.response / _integral(self.wavelengths, self.response))
 
-    def at(self, wavelengths: ArrayLike) -> NDArray[np.float64]:
+    def at(self, wavelengths: ArrayLike) -> Floats:
         """The response at wavelengths.
 
         Parameters
@@ -146,7 +152,7 @@ class Sensitivity:
         return _interpolated(_as_wavelengths(wavelengths), self.wavelengths, self.response, beyond=0.0)
 
 
-def rgb_basis(wavelengths: ArrayLike) -> NDArray[np.float64]:
+def rgb_basis(wavelengths: ArrayLike) -> Floats:
     """Spectra of the colours red, green and blue, which add up to 1 at every wavelength.
 
     The three are the solution of a convex problem: the sum of their squared slopes is least among all that are
@@ -185,7 +191,7 @@ def rgb_basis(wavelengths: ArrayLike) -> NDArray[np.float64]:
     return _interpolated(_as_wavelengths(wavelengths), basis_table.WAVELENGTHS, basis_table.PARTS, beyond=None) * 1e-6
 
 
-def rgb_to_spectrum(rgb: ArrayLike, wavelengths: ArrayLike) -> NDArray[np.float64]:
+def rgb_to_spectrum(rgb: ArrayLike, wavelengths: ArrayLike) -> Floats:
     """Spectra of colours: smooth, linear in the colour, and no more than 1 where no channel is more than 1.
 
     Parameters
@@ -233,13 +239,13 @@ class ColourTables(NamedTuple):
     scene; the mean over w is what the sensor sees of it.
     """
 
-    wavelengths: NDArray[np.float64]
+    wavelengths: Floats
     """(W,) in nm."""
-    cdf: NDArray[np.float64]
+    cdf: Floats
     """(W,) probability of this wavelength and those before; rises, and ends at exactly 1."""
-    weights: NDArray[np.float64]
+    weights: Floats
     """(W, C) share of a channel's response over the probability."""
-    basis: NDArray[np.float64]
+    basis: Floats
     """(W, 3) what of the scene's red, green and blue is seen."""
 
 
@@ -257,10 +263,6 @@ def colour_tables(sensitivity: Sensitivity, *, step: float = 1.0) -> ColourTable
     sensitivity : Sensitivity
     step : float
         Width of the bins in nm at most. The error of a smooth spectrum falls with its square.
-
-    Returns
-    -------
-    ColourTables
 
     Raises
     ------
@@ -294,7 +296,7 @@ def colour_tables(sensitivity: Sensitivity, *, step: float = 1.0) -> ColourTable
     return ColourTables(*(read_only(np.ascontiguousarray(part)) for part in (wavelengths, cdf, weights, basis)))
 
 
-def _binned(sensitivity: Sensitivity, step: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _binned(sensitivity: Sensitivity, step: float) -> tuple[Floats, Floats]:
     """Middles of bins, and the integrals over them of the response: exact, since it is piecewise linear."""
     low, high = sensitivity.wavelength_range
     count = max(1, math.ceil((high - low) / step - 1e-9))
@@ -312,20 +314,18 @@ def _binned(sensitivity: Sensitivity, step: float) -> tuple[NDArray[np.float64],
     return middles[kept], shares[kept] / shares[kept].sum(axis=0)
 
 
-def _as_wavelengths(wavelengths: ArrayLike) -> NDArray[np.float64]:
+def _as_wavelengths(wavelengths: ArrayLike) -> Floats:
     given = frozen_array(wavelengths, name="wavelengths", shape=("n",))
     for wavelength in given.tolist():
         wavelength_in_nm(wavelength)
     return given
 
 
-def _interpolated(
-    x: NDArray[np.float64], nodes: NDArray[np.float64], table: NDArray[np.float64], *, beyond: float | None
-) -> NDArray[np.float64]:
+def _interpolated(x: Floats, nodes: Floats, table: Floats, *, beyond: float | None) -> Floats:
     columns = [np.interp(x, nodes, column, left=beyond, right=beyond) for column in table.T]
     return np.stack(columns, axis=-1)
 
 
-def _integral(x: NDArray[np.float64], table: NDArray[np.float64]) -> NDArray[np.float64]:
+def _integral(x: Floats, table: Floats) -> Floats:
     """Over x, of the columns of a table that is linear between its rows."""
     return np.asarray(0.5 * np.diff(x) @ (table[1:] + table[:-1]))

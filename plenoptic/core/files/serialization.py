@@ -8,16 +8,20 @@ all else is an object with a single key that says what it is:
     {"array": {"dtype": "float64", "shape": [2], "values": [1.0, "nan"]}}
     {"value": ["Sensor", {"pixel_pitch": 0.01, ...}]}         a public frozen dataclass by its fields
 
-A name is looked up among the public names of this package and nowhere else, and a value is made by
-its own constructor, so that a file can neither run code nor describe what could not be made by hand.
+A name is looked up among the public names of this package and of its public modules, and nowhere else: where a value
+moves from one to the other, files still open. A value is made by its own constructor, so that a file can neither run
+code nor describe what could not be made by hand.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import enum
+import importlib
 import json
 import math
+import pkgutil
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -79,6 +83,16 @@ def restore(text: str) -> Any:
         ) from error
 
 
+def described_fields(value: Any, names: Iterable[str]) -> dict[str, str]:
+    """Fields of a value as metadata of an image file; those that are None are left out."""
+    return {f"plenoptic:{name}": describe(kept) for name in names if (kept := getattr(value, name)) is not None}
+
+
+def restored_fields(metadata: Mapping[str, Any], names: Iterable[str]) -> dict[str, Any]:
+    """The fields that the metadata of an image file hold."""
+    return {name: restore(metadata[key]) for name in names if (key := f"plenoptic:{name}") in metadata}
+
+
 def _described(value: Any) -> Any:
     if isinstance(value, enum.IntEnum):
         _check_public(type(value))
@@ -138,16 +152,28 @@ def _restored_array(*, dtype: str, shape: list[int], values: list[Any]) -> np.nd
     return np.array(values, dtype=dtype).reshape(shape)
 
 
-def _public(name: Any) -> Any:
-    """The public dataclass or IntEnum of this name, or None."""
+def _public(name: Any) -> type | None:
+    """The public dataclass or IntEnum of this name, wherever it is public, or None."""
     import plenoptic
 
     if not isinstance(name, str) or name.startswith("_"):
         return None
-    found = getattr(plenoptic, name, None)
-    if not isinstance(found, type) or found.__module__.partition(".")[0] != "plenoptic":
-        return None
-    return found if dataclasses.is_dataclass(found) or issubclass(found, enum.IntEnum) else None
+    for found in (getattr(plenoptic, name, None), *_in_namespaces(name)):
+        if isinstance(found, type) and found.__module__.partition(".")[0] == "plenoptic":
+            return found if dataclasses.is_dataclass(found) or issubclass(found, enum.IntEnum) else None
+    return None
+
+
+def _in_namespaces(name: str) -> Iterator[Any]:
+    """What the public modules of this package, such as `plenoptic.lightfield`, offer under a name."""
+    import plenoptic
+
+    public = set(getattr(plenoptic, "__all__", ()))
+    for found in pkgutil.iter_modules(plenoptic.__path__):
+        if found.name in public:
+            module = importlib.import_module(f"plenoptic.{found.name}")
+            if name in getattr(module, "__all__", ()):
+                yield getattr(module, name)
 
 
 def _check_public(kind: type) -> None:

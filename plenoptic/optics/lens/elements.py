@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from plenoptic.errors import PrescriptionError
 from plenoptic.optics.glass.media import AIR, Medium
-from plenoptic.optics.stops.stops import Stop
+from plenoptic.optics.stops.registry import Stop
 from plenoptic.optics.surfaces.surface import Surface
 
 Element: TypeAlias = Surface | Stop
@@ -22,6 +22,11 @@ Element: TypeAlias = Surface | Stop
 def is_stop(element: Element) -> bool:
     """Whether an element is a stop, not a surface."""
     return not isinstance(element, Surface)
+
+
+def is_centred(element: Element) -> bool:
+    """Whether an element looks the same from all sides, about the lens's axis."""
+    return element.placement is None and not (isinstance(element, Surface) and element.departure is not None)
 
 
 def checked_elements(elements: Sequence[Element], ambient: Medium) -> tuple[Element, ...]:

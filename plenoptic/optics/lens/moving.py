@@ -10,23 +10,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.errors import PrescriptionError
+from plenoptic.optics.lens.elements import Element
 from plenoptic.optics.lens.placement import Placement, rotation_about_axes
-from plenoptic.optics.stops.shapes import MaskStop, StarStop
-from plenoptic.optics.stops.stops import CircularStop, PolygonStop, Stop
-from plenoptic.optics.surfaces.surface import Surface
 
-Kind = TypeVar("Kind", Surface, CircularStop, PolygonStop, StarStop, MaskStop)
+Kind = TypeVar("Kind", bound=Element)
 
 
 def moved_group(
-    elements: Sequence[Surface | Stop],
+    elements: Sequence[Element],
     vertices: NDArray[np.float64],
     which: int | slice | Sequence[int],
     *,
     shift: Sequence[float],
     tilt: Sequence[float],
     pivot: float | None,
-) -> list[Surface | Stop]:
+) -> list[Element]:
     """The elements of a lens, some of them moved; see `LensStack.moved`."""
     n = len(elements)
     try:

@@ -7,7 +7,7 @@ import math
 from plenoptic.core.values import positive
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.stack import LensStack
-from plenoptic.optics.stops.stops import CircularStop
+from plenoptic.optics.stops.circle import CircularStop
 from plenoptic.optics.surfaces.surface import Surface
 
 

@@ -9,22 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.errors import PrescriptionError
-from plenoptic.optics.lens.elements import Element
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.placement import Placement
 from plenoptic.optics.lens.stack import LensStack
-from plenoptic.optics.stops.shapes import MaskStop, StarStop
-from plenoptic.optics.stops.stops import CircularStop, PolygonStop, Stop
-from plenoptic.optics.surfaces.sag_bounds import asphere_bounds
+from plenoptic.optics.record import ASPHERE, CONIC, FREEFORM, IDEAL, ElementRow
 from plenoptic.optics.surfaces.surface import Surface
-
-SURFACE, CIRCLE, POLYGON, CONIC, ASPHERE, IDEAL, ARCS, STAR, MASK = range(9)
-"""Kinds of rows: sphere or plane, round stop, stop of straight blades, conic, even asphere, thick lens without
-aberrations, stop of curved blades, star, mask."""
-
-SHAPED = (POLYGON, ARCS, STAR, MASK)
-"""Kinds of stops that are more than the circle around them."""
 
 ROW = np.dtype(
     [
@@ -58,11 +48,11 @@ MASK_HEAD = 4
 """Numbers of a mask before its cells: where they begin in `masks`, rows, columns, and cells per mm."""
 
 STEEPEST, SHARPEST, TALLEST, FIRST_TERM = range(4)
-"""Where aspheric numbers have the largest slope, second derivative and sag inside the semi-diameter, and where the
-coefficients begin."""
+"""Where aspheric numbers, and those of a departure, have the largest slope, second derivative and sag inside the
+semi-diameter, and where the coefficients begin."""
 
-EQUATOR_TOLERANCE = 1e-12
-"""A rim that is the equator itself belongs to the surface."""
+ROUNDING, DEPARTURE_KIND, FIRST_NUMBER = range(3, 6)
+"""Where the numbers of a departure have the other bound, its kind, and its own numbers."""
 
 
 class LensRecord(NamedTuple):
@@ -80,6 +70,9 @@ class LensRecord(NamedTuple):
     aspheric: NDArray[np.float64] | None
     """(n, FIRST_TERM + terms): the largest slope, the largest second derivative by r and the largest sag of an asphere,
     in size, and its coefficients of r^2, r^4, ...; None without aspheres."""
+    departure: NDArray[np.float64] | None
+    """(n, numbers) of surfaces without rotational symmetry: like `aspheric`, then what rounding may leave of the added
+    sag, the kind of departure, and its own numbers; None without them."""
     frames: NDArray[np.float64] | None
     """(n, FRAME) placements; None where all elements are centred."""
     masks: NDArray[np.float64] | None
@@ -91,26 +84,9 @@ class LensRecord(NamedTuple):
 
     def first(self, count: int) -> LensRecord:
         """The elements where light arrives first."""
-        by_element = ("rows", "conic", "aspheric", "frames", "index_ratios")
+        by_element = ("rows", "conic", "aspheric", "departure", "frames", "index_ratios")
         cut = {name: column[:count] for name in by_element if (column := getattr(self, name)) is not None}
         return self._replace(first_edge=self.first_edge[: count + 1], **cut)
-
-
-class _Row(NamedTuple):
-    """One element's entries."""
-
-    kind: int
-    z: float
-    surface_index: int
-    semi_diameter2: float
-    curvature: float = 0.0
-    index_ratio: float = 1.0
-    max_depth: float = math.inf
-    edges: tuple[tuple[float, ...], ...] = ()
-    conic: float = 0.0
-    aspheric: tuple[float, ...] = ()
-    frame: tuple[float, ...] = (0.0,) * FRAME
-    mask: MaskStop | None = None
 
 
 def lens_record(
@@ -160,95 +136,72 @@ def _record_at(
         end = len(lens.elements) - 1 if last is None else last
         rows = _exact_rows(lens, wavelength, begin, end, reverse=reverse)
     if round_stops or not clipping:
-        rows = [row._replace(kind=CIRCLE, edges=(), mask=None) if row.kind in SHAPED else row for row in rows]
+        rows = [row.opened for row in rows]
     if not clipping:
         rows = [row._replace(semi_diameter2=math.inf) for row in rows]
     return _columns(rows, -1.0 if reverse else 1.0)
 
 
-def _columns(rows: list[_Row], direction: float) -> LensRecord:
+def _columns(rows: list[ElementRow], direction: float) -> LensRecord:
     edges = [edge for row in rows for edge in row.edges]
-    terms = max(len(row.aspheric) for row in rows)
-    aspheric = None
-    if terms:
-        aspheric = np.zeros((len(rows), terms))
-        for i, row in enumerate(rows):
-            aspheric[i, : len(row.aspheric)] = row.aspheric
-    moved = any(row.frame[MOVED] for row in rows)
+    still = (0.0,) * FRAME
+    shaped = any(row.kind in (CONIC, ASPHERE, FREEFORM) for row in rows)
     return LensRecord(
         rows=np.array([tuple(getattr(row, name) for name in ROW.names or ()) for row in rows], dtype=ROW),
         edges=np.array(edges, dtype=np.float64).reshape(-1, 4),
         first_edge=np.cumsum([0, *(len(row.edges) for row in rows)], dtype=np.int64),
-        conic=np.array([row.conic for row in rows]) if any(row.kind in (CONIC, ASPHERE) for row in rows) else None,
-        aspheric=aspheric,
-        frames=np.array([row.frame for row in rows]) if moved else None,
-        masks=_masks([row.mask for row in rows]),
+        conic=np.array([row.conic for row in rows]) if shaped else None,
+        aspheric=_padded([row.aspheric for row in rows]),
+        departure=_padded([row.departure for row in rows]),
+        frames=np.array([row.frame or still for row in rows]) if any(row.frame for row in rows) else None,
+        masks=_masks(rows),
         index_ratios=None,
         direction=direction,
     )
 
 
-def _masks(masks: list[MaskStop | None]) -> NDArray[np.float64] | None:
-    if all(mask is None for mask in masks):
+def _padded(numbers: list[tuple[float, ...]]) -> NDArray[np.float64] | None:
+    """One row an element, filled up with 0; None where no element has any."""
+    width = max(map(len, numbers))
+    return np.array([(*row, *[0.0] * (width - len(row))) for row in numbers]) if width else None
+
+
+def _masks(rows: list[ElementRow]) -> NDArray[np.float64] | None:
+    if all(row.cells is None for row in rows):
         return None
-    heads, cells, begin = np.zeros((len(masks), MASK_HEAD)), [], MASK_HEAD * len(masks)
-    for head, mask in zip(heads, masks, strict=True):
-        if mask is not None:
-            image = np.asarray(mask.transmission)
-            head[:] = begin, *image.shape, 1.0 / mask.cell_size
-            cells.append(image.ravel())
-            begin += image.size
+    heads, cells, begin = np.zeros((len(rows), MASK_HEAD)), [], MASK_HEAD * len(rows)
+    for head, row in zip(heads, rows, strict=True):
+        if row.cells is not None:
+            head[:] = begin, *row.cells.shape, row.cells_per_mm
+            cells.append(row.cells.ravel())
+            begin += row.cells.size
     return np.concatenate([heads.ravel(), *cells])
 
 
-def _exact_rows(lens: LensStack, wavelength: float, first: int, last: int, *, reverse: bool) -> list[_Row]:
+def _exact_rows(lens: LensStack, wavelength: float, first: int, last: int, *, reverse: bool) -> list[ElementRow]:
     index = np.asarray(lens.indices(wavelength), dtype=np.float64)
     vertices = lens.vertices
     rows = []
     for i in range(first, last + 1):
-        element, z = lens.elements[i], float(vertices[i])
+        element = lens.elements[i]
+        row = element.row()._replace(z=float(vertices[i]), surface_index=i, frame=_frame(element.placement))
         if isinstance(element, Surface):
-            ratio = index[i + 1] / index[i] if reverse else index[i] / index[i + 1]
-            rows.append(_surface_row(element, z, i, float(ratio)))
-        else:
-            rows.append(_stop_row(element, z, i))
-        if element.placement is not None:
-            rows[-1] = rows[-1]._replace(frame=_frame(element.placement))
+            row = row._replace(index_ratio=float(index[i + 1] / index[i] if reverse else index[i] / index[i + 1]))
+        rows.append(row)
     return rows[::-1] if reverse else rows
 
 
-def _surface_row(surface: Surface, z: float, surface_index: int, ratio: float) -> _Row:
-    max_depth, semi_diameter2 = 1.0 + EQUATOR_TOLERANCE, surface.semi_diameter * surface.semi_diameter
-    if surface.depth is not None:
-        # Only the depth ends a surface that goes beyond its equator.
-        max_depth = abs(surface.curvature) * (1.0 + surface.conic) * surface.depth + EQUATOR_TOLERANCE
-        semi_diameter2 = math.inf
-    row = _Row(SURFACE, z, surface_index, semi_diameter2, surface.curvature, ratio, max_depth, conic=surface.conic)
-    if surface.aspheric:
-        return row._replace(kind=ASPHERE, aspheric=(*asphere_bounds(surface), *surface.aspheric))
-    return row if surface.conic == 0 or surface.curvature == 0 else row._replace(kind=CONIC)
-
-
-def _stop_row(stop: Stop, z: float, surface_index: int) -> _Row:
-    semi_diameter2 = stop.semi_diameter * stop.semi_diameter
-    if isinstance(stop, CircularStop):
-        return _Row(CIRCLE, z, surface_index, semi_diameter2)
-    if isinstance(stop, MaskStop):
-        return _Row(MASK, z, surface_index, semi_diameter2, mask=stop)
-    straight = isinstance(stop, PolygonStop) and math.isinf(stop.blade_radius)
-    kind = STAR if isinstance(stop, StarStop) else POLYGON if straight else ARCS
-    return _Row(kind, z, surface_index, semi_diameter2, edges=tuple(map(tuple, stop.edges.tolist())))
-
-
-def _frame(placement: Placement) -> tuple[float, ...]:
+def _frame(placement: Placement | None) -> tuple[float, ...]:
+    if placement is None:
+        return ()
     return (*np.ravel(placement.rotation).tolist(), *np.asarray(placement.shift).tolist(), 1.0)
 
 
-def _ideal_rows(lens: LensStack, wavelength: float, *, reverse: bool) -> list[_Row]:
+def _ideal_rows(lens: LensStack, wavelength: float, *, reverse: bool) -> list[ElementRow]:
     """What stands for the lens in the models NONE, THIN and PARAXIAL, from scene to sensor unless `reverse`."""
     if lens.model is LensModel.NONE:
         stops = [i for i, element in enumerate(lens.elements) if not isinstance(element, Surface)]
-        rows = [_stop_row(_as_stop(lens.elements[i]), float(lens.vertices[i]), i) for i in stops]
+        rows = [lens.elements[i].row()._replace(z=float(lens.vertices[i]), surface_index=i) for i in stops]
         return rows[::-1] if reverse else rows
     points = cardinal_points(lens, wavelength)
     if not math.isfinite(points.efl):
@@ -258,8 +211,8 @@ def _ideal_rows(lens: LensStack, wavelength: float, *, reverse: bool) -> list[_R
         )
     rear, iris = points.rear_principal, lens.iris_index
     front = rear if lens.model is LensModel.THIN else points.front_principal
-    met, left = (rear, front) if reverse else (front, rear)
-    ideal = _Row(IDEAL, met, iris, math.inf, 1.0 / points.efl, max_depth=left - met)
+    arrives, leaves = (rear, front) if reverse else (front, rear)
+    ideal = ElementRow(IDEAL, curvature=1.0 / points.efl, max_depth=leaves - arrives, z=arrives, surface_index=iris)
     if lens.model is LensModel.THIN:
         z_stop, scale, behind = rear, points.entrance_pupil_semi_diameter / lens.stop.semi_diameter, True
     elif math.isfinite(points.exit_pupil):
@@ -267,24 +220,5 @@ def _ideal_rows(lens: LensStack, wavelength: float, *, reverse: bool) -> list[_R
     else:
         z_stop, scale = points.entrance_pupil, points.entrance_pupil_semi_diameter / lens.stop.semi_diameter
         behind = False
-    stop = _stop_row(_scaled(lens.stop, scale), z_stop, iris)
+    stop = lens.stop.image(scale).row()._replace(z=z_stop, surface_index=iris)
     return [ideal, stop] if behind != reverse else [stop, ideal]
-
-
-def _as_stop(element: Element) -> Stop:
-    assert not isinstance(element, Surface)
-    return element
-
-
-def _scaled(stop: Stop, scale: float) -> Stop:
-    """The stop as its paraxial image shows it: larger or smaller, and turned by half a turn where it is inverted."""
-    size, turn = abs(scale), math.pi if scale < 0 else 0.0
-    semi_diameter = size * stop.semi_diameter
-    if isinstance(stop, CircularStop):
-        return CircularStop(semi_diameter)
-    if isinstance(stop, PolygonStop):
-        return PolygonStop(stop.blades, semi_diameter, stop.rotation + turn, blade_radius=size * stop.blade_radius)
-    if isinstance(stop, StarStop):
-        return StarStop(stop.points, semi_diameter, size * stop.inner_semi_diameter, stop.rotation + turn)
-    cells = np.asarray(stop.transmission)
-    return MaskStop(cells[::-1, ::-1] if scale < 0 else cells, semi_diameter)

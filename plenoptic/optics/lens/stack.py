@@ -17,7 +17,7 @@ from plenoptic.optics.glass.media import AIR, Medium
 from plenoptic.optics.lens.elements import Element, checked_elements, is_stop, with_inserted
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.moving import moved_group
-from plenoptic.optics.stops.stops import Stop
+from plenoptic.optics.stops.registry import Stop
 from plenoptic.optics.surfaces.outline import placed, section
 from plenoptic.optics.surfaces.surface import Surface
 
@@ -320,7 +320,7 @@ class LensStack:
         >>> pl.load_lens("double-gauss-100mm-f2").check()
         ()
         """
-        from plenoptic.optics.lens.checks.check import findings
+        from plenoptic.optics.lens.checks.check import findings  # knows this class
 
         return findings(self, wavelength)
 
@@ -343,9 +343,9 @@ class LensStack:
             left out.
         z_object : float, optional
             mm; -inf: infinitely far. If left out, that, or the front focus of a lens whose rear focus does not lie
-            behind it.
+            behind it, as that of a microscope objective.
         rays : int, optional
-            Rays of each fan, evenly over the iris. Those that a rim stops end there.
+            Rays of each fan, evenly over the diameter along y of the iris. Those that a rim stops end there.
         wavelength : float, optional
             nm.
         z_image : float, optional
@@ -356,14 +356,23 @@ class LensStack:
         Returns
         -------
         matplotlib.axes.Axes
+            z in mm to the right, y in mm upwards; one colour a field.
+
+        Raises
+        ------
+        InvalidValueError
+            If a field is out of range or the object is not before the lens.
+        PlenopticError
+            Which is an ImportError too: without matplotlib.
 
         Examples
         --------
         >>> import plenoptic as pl
-        >>> pl.load_lens("double-gauss-100mm-f2").layout(fields=[0.0, 0.2]).get_xlabel()
-        'z / mm'
+        >>> ax = pl.load_lens("double-gauss-100mm-f2").layout(fields=[0.0, 0.2])
+        >>> [text.get_text() for text in ax.get_legend().get_texts()]
+        ['0°', '11.5°']
         """
-        from plenoptic.optics.lens.analysis.layout import layout
+        from plenoptic.optics.lens.analysis.layout import layout  # knows this class
 
         return layout(self, fields=fields, z_object=z_object, rays=rays, wavelength=wavelength, z_image=z_image, ax=ax)
 
@@ -391,7 +400,7 @@ class LensStack:
         >>> [pl.RayStatus(s).name for s in out.status], out.lost_at.tolist()
         (['OK', 'CLIPPED'], [-1, 0])
         """
-        from plenoptic.optics.lens.trace import traced
+        from plenoptic.optics.lens.trace import traced  # knows this class
 
         return traced(self, rays, reverse=False, threads=threads)
 
@@ -405,6 +414,6 @@ class LensStack:
         >>> lens.trace_reverse(pl.RayBundle([[0, 0, 123.3]], [[0, 0, -1.0]])).at_z(-404.0)
         array([[   0.,    0., -404.]])
         """
-        from plenoptic.optics.lens.trace import traced
+        from plenoptic.optics.lens.trace import traced  # knows this class
 
         return traced(self, rays, reverse=True, threads=threads)

@@ -6,12 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.optics.lens.placement import Placement
-from plenoptic.optics.stops.stops import Stop
+from plenoptic.optics.stops.registry import Stop
 from plenoptic.optics.surfaces.surface import Surface
 
 
 def section(element: Surface | Stop, points: int) -> NDArray[np.float64]:
-    """Points (n, 2), z and y in mm from the vertex, on the section of an element."""
+    """Points (n, 2), z and y in mm from the vertex, on the section of an element in the plane x = 0 of its axes."""
     if isinstance(element, Surface) and element.depth is not None:
         # An ellipse by its angle, so that the part beyond the equator has points too.
         pole = abs(element.radius) / (1.0 + element.conic)
@@ -19,7 +19,7 @@ def section(element: Surface | Stop, points: int) -> NDArray[np.float64]:
         z = np.copysign(pole, element.radius) * (1.0 - np.cos(angle))
         return np.stack([z, element.equator * np.sin(angle)], axis=1)
     y = np.linspace(-element.semi_diameter, element.semi_diameter, points)
-    sag = element.sag(y) if isinstance(element, Surface) else np.zeros_like(y)
+    sag = element.sag(0.0, y) if isinstance(element, Surface) else np.zeros_like(y)
     return np.stack([sag, y], axis=1)
 
 

@@ -8,15 +8,14 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.optics.surfaces.surface import Surface
-
 _RINGS = 64
 """Rings of equal area that bounds are found in one by one: narrow enough to be some per cent above the truth."""
 
 _ROUNDING = 1.0 + 1e-9
 
 
-def asphere_bounds(surface: Surface) -> tuple[float, float, float]:
+@functools.lru_cache(maxsize=256)
+def asphere_bounds(c: float, conic: float, terms: tuple[float, ...], edge: float) -> tuple[float, float, float]:
     """Bounds on the size of the slope dz/dr, of the second derivative by r and of the sag up to the semi-diameter.
 
     With u = (r / semi-diameter)^2, each is a polynomial in u and a part of the conic that is monotone in u. In every
@@ -24,11 +23,6 @@ def asphere_bounds(surface: Surface) -> tuple[float, float, float]:
     and Surfaces for CAGD, 5th ed., section 6.2), and the conic's part between its ends. Infinite where the surface
     reaches the equator of its conic.
     """
-    return _bounds(surface.curvature, surface.conic, tuple(surface.aspheric), surface.semi_diameter)
-
-
-@functools.lru_cache(maxsize=256)
-def _bounds(c: float, conic: float, terms: tuple[float, ...], edge: float) -> tuple[float, float, float]:
     u = np.linspace(0.0, 1.0, _RINGS + 1)
     r = edge * np.sqrt(u)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):

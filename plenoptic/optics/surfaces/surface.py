@@ -1,4 +1,4 @@
-"""One refracting surface of a lens: a plane, a sphere, a conic or an even asphere."""
+"""One refracting surface of a lens: a plane, a sphere, a conic or an even asphere, and what departs from these."""
 
 from __future__ import annotations
 
@@ -13,6 +13,13 @@ from plenoptic.core.values import finite, number, positive, set_field, value
 from plenoptic.errors import InvalidValueError, PrescriptionError
 from plenoptic.optics.glass.media import AIR, Medium
 from plenoptic.optics.lens.placement import Placement, kept_placement
+from plenoptic.optics.record import ASPHERE, CONIC, FREEFORM, SPHERE, ElementRow
+from plenoptic.optics.surfaces.departure import Departure
+from plenoptic.optics.surfaces.registry import DEPARTURES
+from plenoptic.optics.surfaces.sag_bounds import asphere_bounds
+
+EQUATOR_TOLERANCE = 1e-12
+"""A rim that is the equator itself belongs to the surface."""
 
 
 def checked_gap(thickness: float) -> float:
@@ -52,6 +59,8 @@ class Surface:
         For a sphere or ellipsoid that goes on beyond its equator (hyper-hemispheres, balls): how far from the vertex
         its rim lies along the axis, in mm. `semi_diameter` is then that of the equator. None: the surface ends at the
         semi-diameter, on the vertex's side of the equator.
+    departure : Departure, optional
+        What is added to that sag and has no rotational symmetry. None: nothing.
     placement : Placement, optional
         Decentre and tilt; see `LensStack.moved`. None: centred.
 
@@ -83,6 +92,7 @@ class Surface:
     conic: float = dataclasses.field(default=0.0, kw_only=True)
     aspheric: Sequence[float] = dataclasses.field(default=(), kw_only=True)
     depth: float | None = dataclasses.field(default=None, kw_only=True)
+    departure: Departure | None = dataclasses.field(default=None, kw_only=True)
     placement: Placement | None = dataclasses.field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
@@ -98,6 +108,9 @@ class Surface:
                 f"semi_diameter {self.semi_diameter:g} mm exceeds the {what} {self.equator:g} mm; "
                 f"reduce it to {self.equator:g} or less"
             )
+        if not (self.departure is None or isinstance(self.departure, DEPARTURES)):
+            known = " or ".join(kind.__name__ for kind in DEPARTURES) or "None"
+            raise PrescriptionError(f"departure is {self.departure!r}; it must be {known}")
         if self.depth is not None:
             set_field(self, "depth", self._checked_depth(self.depth))
         # A text or a list has an index() too, which finds things in it; a class has one without an instance.
@@ -140,7 +153,7 @@ class Surface:
     def _checked_depth(self, depth: float) -> float:
         reach = positive(depth, "depth", "mm")
         pole = abs(self.radius) / (1.0 + self.conic) if self.conic > -1 else math.inf
-        if self.aspheric or not math.isfinite(pole):
+        if self.aspheric or self.departure is not None or not math.isfinite(pole):
             raise PrescriptionError(
                 f"depth is {reach:g} mm on a surface without equator; spheres and ellipsoids have one: leave it out"
             )
@@ -158,8 +171,39 @@ class Surface:
 
     @property
     def vertex_curvature(self) -> float:
-        """Curvature at the vertex in 1/mm, of the r^2 term too: the one that paraxial rays see."""
-        return self.curvature + (2.0 * self.aspheric[0] if self.aspheric else 0.0)
+        """Curvature at the vertex in 1/mm, of the r^2 term too: the one that paraxial rays see.
+
+        Of a surface without rotational symmetry the mean over all directions.
+        """
+        added = 0.0 if self.departure is None else self.departure.vertex.curvature
+        return self.curvature + (2.0 * self.aspheric[0] if self.aspheric else 0.0) + added
+
+    def row(self) -> ElementRow:
+        """The numbers that kernels read."""
+        max_depth, semi_diameter2 = 1.0 + EQUATOR_TOLERANCE, self.semi_diameter * self.semi_diameter
+        if self.depth is not None:
+            # Only the depth ends a surface that goes beyond its equator.
+            max_depth = abs(self.curvature) * (1.0 + self.conic) * self.depth + EQUATOR_TOLERANCE
+            semi_diameter2 = math.inf
+        row = ElementRow(SPHERE, semi_diameter2, self.curvature, max_depth, self.conic)
+        if self.aspheric or self.departure is not None:
+            terms = tuple(self.aspheric) or (0.0,)
+            bounds = asphere_bounds(self.curvature, self.conic, terms, self.semi_diameter)
+            row = row._replace(kind=ASPHERE, aspheric=(*bounds, *terms))
+            if self.departure is None:
+                return row
+            added = self.departure.bounds(self.semi_diameter)
+            return row._replace(kind=FREEFORM, departure=(*added, *self.departure.numbers()))
+        return row if self.conic == 0 or self.curvature == 0 else row._replace(kind=CONIC)
+
+    @property
+    def osculating(self) -> Surface:
+        """The sphere or plane that touches it best at the vertex."""
+        if not self.conic and not self.aspheric and self.departure is None:
+            return self
+        radius = 1.0 / self.vertex_curvature if self.vertex_curvature else math.inf
+        size = min(self.semi_diameter, abs(radius))
+        return Surface(radius, self.thickness, self.medium, semi_diameter=size, placement=self.placement)
 
     @property
     def equator(self) -> float:
@@ -168,13 +212,16 @@ class Surface:
             return abs(self.radius)
         return abs(self.radius) / math.sqrt(1.0 + self.conic) if self.conic > -1 else math.inf
 
-    def sag(self, r: ArrayLike) -> NDArray[np.float64]:
+    def sag(self, r: ArrayLike, y: ArrayLike | None = None) -> NDArray[np.float64]:
         """Height of the surface over its vertex plane.
 
         Parameters
         ----------
         r : array_like
             Distance from the axis in mm, any shape, at most that of the equator. The semi-diameter is no limit.
+            With `y`, or of a surface without rotational symmetry: x in mm.
+        y : array_like, optional
+            y in mm; None: 0.
 
         Returns
         -------
@@ -192,7 +239,7 @@ class Surface:
         >>> round(float(pl.Surface(5.0, semi_diameter=4.0).sag(3.0)), 12)
         1.0
         """
-        distance = np.abs(np.asarray(r, dtype=np.float64))
+        distance = np.abs(np.asarray(r, dtype=np.float64)) if y is None else np.hypot(r, y)
         if not np.all(distance <= self.equator):
             raise PrescriptionError(
                 f"r reaches {np.max(distance):g} mm, where the surface of radius {self.radius:g} mm has no "
@@ -201,7 +248,7 @@ class Surface:
         height = self._conic_sag(distance)
         for i, a in enumerate(self.aspheric):
             height = height + a * distance ** (2 * i + 2)
-        return height
+        return height if self.departure is None else height + self.departure.sag(r, 0.0 if y is None else y)
 
     def _conic_sag(self, distance: NDArray[np.float64]) -> NDArray[np.float64]:
         size, out = abs(self.radius), distance
@@ -230,7 +277,7 @@ class Surface:
         Returns
         -------
         ndarray
-            Of the shape of `r`; infinite at the equator.
+            Of the shape of `r`; infinite at the equator. Without what departs from rotational symmetry.
 
         Examples
         --------
@@ -239,10 +286,24 @@ class Surface:
         0.75
         """
         distance = np.asarray(r, dtype=np.float64)
-        self.sag(distance)
+        dataclasses.replace(self, departure=None).sag(distance)
         steep = distance * self.curvature
         with np.errstate(divide="ignore"):
             angle = np.asarray(steep / np.sqrt(np.maximum(1.0 - (1.0 + self.conic) * steep * steep, 0.0)))
         for i, a in enumerate(self.aspheric):
             angle = angle + (2 * i + 2) * a * distance ** (2 * i + 1)
         return angle
+
+    def gradient(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
+        """(2, ...): derivatives of the sag by x and y at points (x, y), mm.
+
+        Examples
+        --------
+        >>> import plenoptic as pl
+        >>> pl.Surface(5.0, semi_diameter=4.0).gradient(0.0, 3.0).round(12).tolist()
+        [0.0, 0.75]
+        """
+        along = np.stack(np.broadcast_arrays(np.asarray(x, np.float64), np.asarray(y, np.float64)))
+        r = np.hypot(*along)
+        slope = self.slope(r) / np.where(r > 0, r, 1.0) * along
+        return np.asarray(slope if self.departure is None else slope + self.departure.gradient(x, y))

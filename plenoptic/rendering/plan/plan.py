@@ -1,4 +1,4 @@
-"""Which stages a rendering needs, which are left out, and why. `rendering` asks the plan; nothing else decides."""
+"""Which stages a render needs, which are left out, and why. `rendering` asks the plan; nothing else decides."""
 
 from __future__ import annotations
 
@@ -8,13 +8,14 @@ from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.checks import check_scene_and_camera
 from plenoptic.core.values import whole
 from plenoptic.rendering.plan.camera_stages import camera_decisions
-from plenoptic.rendering.plan.scene_stages import scene_decisions
-from plenoptic.rendering.plan.stages import Decision, Plan, Stage, Subject, first_reason
+from plenoptic.rendering.plan.scene_stages import WHITE, scene_decisions
+from plenoptic.rendering.plan.stages import Plan, Stage, Subject, decide
 from plenoptic.rendering.settings import Caustics, RenderSettings, Sampler
 from plenoptic.scene.cache import prepared_scene
 from plenoptic.scene.compile import SceneRecord
 from plenoptic.scene.scene import Scene
-from plenoptic.truth.ground_truth import Truth, available_truth, checked_truth, truth_names
+from plenoptic.truth.arrays import available_truth, checked_truth
+from plenoptic.truth.channels import Truth, truth_names
 
 
 def plan(  # noqa: PLR0913
@@ -80,7 +81,7 @@ def plan_for(subject: Subject) -> Plan:
 def check_arguments(
     scene: Scene | None, camera: PlenopticCamera, *, samples: int, replicates: int, max_bounces: int
 ) -> None:
-    """Raise where a rendering with these arguments is impossible."""
+    """Raise where a render with these arguments is impossible."""
     check_scene_and_camera(scene, camera)
     whole(samples, "samples", at_least=1)
     whole(replicates, "replicates", at_least=1)
@@ -90,48 +91,34 @@ def check_arguments(
 def plan_stages(
     record: SceneRecord | None,
     camera: PlenopticCamera,
-    how: RenderSettings,
+    settings: RenderSettings,
     *,
     samples: int,
     replicates: int,
     truth: Truth,
 ) -> Plan:
     """`plan` for a scene that is compiled already."""
-    random = how.sampler is Sampler.RANDOM
-    decisions = [
-        Decision(Stage.INDEPENDENT_SAMPLES, random, "every sample by itself" if random else "scrambled Sobol points"),
-        *camera_decisions(camera),
-        *scene_decisions(record, how.max_bounces),
-        *_light_decisions(record is not None, how.caustics, how.clamp),
-    ]
     meshes = record is not None and record.geometry is not None
-    asked = checked_truth(truth)
+    asked, independent = checked_truth(truth), min(samples, replicates)
     found = available_truth(asked, meshes=meshes, microlenses=camera.microlenses is not None)
-    why = first_reason(
-        asked, "not asked for", meshes or found, "there is no mesh", found, "there are no microlenses", ""
-    )
-    decisions.append(Decision(Stage.TRUTH, bool(found), truth_names(found) or why))
-    independent = min(samples, replicates)
-    decisions.append(
-        Decision(
-            Stage.STANDARD_ERROR, independent >= 2, f"{independent} independent replicate{'s' * (independent != 1)}"
+    replicated = f"{independent} independent replicate{'s' * (independent != 1)}"
+    apart, clamp = settings.caustics is Caustics.LEFT_OUT, settings.clamp
+    points, single = "scrambled Sobol points", "every sample by itself"
+    everything, as_it_is = "caustics count as all light does", "paths bring what they bring"
+    return Plan(
+        (
+            decide(Stage.INDEPENDENT_SAMPLES, settings.sampler is Sampler.RANDOM, points, single),
+            *camera_decisions(camera),
+            *scene_decisions(record, settings.max_bounces),
+            decide(Stage.CAUSTICS_APART, record, WHITE, apart, everything, "caustics are left out"),
+            decide(Stage.CLAMPING, record, WHITE, clamp is not None, as_it_is, f"radiance above {clamp}"),
+            decide(
+                Stage.TRUTH,
+                *(asked, "not asked for"),
+                *(meshes or found, "there is no mesh"),
+                *(found, "there are no microlenses"),
+                truth_names(found),
+            ),
+            decide(Stage.STANDARD_ERROR, independent >= 2, replicated, replicated),
         )
     )
-    return Plan(tuple(decisions))
-
-
-def _light_decisions(scene: bool, caustics: Caustics, clamp: float | None) -> list[Decision]:
-    """Whether some light is taken away."""
-    white, apart = "a white image has no scene", caustics is Caustics.LEFT_OUT
-    return [
-        Decision(
-            Stage.CAUSTICS_APART,
-            scene and apart,
-            first_reason(scene, white, apart, "caustics count as all light does", "caustics are left out"),
-        ),
-        Decision(
-            Stage.CLAMPING,
-            scene and clamp is not None,
-            first_reason(scene, white, clamp is not None, "paths bring what they bring", f"radiance above {clamp}"),
-        ),
-    ]

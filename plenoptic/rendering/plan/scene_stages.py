@@ -1,13 +1,16 @@
-"""Which stages a scene needs, and why."""
+"""Which stages a scene needs, and why: a table of conditions and reasons."""
 
 from __future__ import annotations
 
-from plenoptic.rendering.plan.stages import Decision, Stage, first_reason
+from collections.abc import Mapping
+
+from plenoptic.rendering.plan.stages import Decision, Stage, decide, left_out
 from plenoptic.scene.compile import SceneRecord
 from plenoptic.scene.materials.record import KIND_NAMES, LAMBERTIAN
 
 ROULETTE = 3
 """Paths that were scattered this often go on with a probability of what their surface gives back."""
+WHITE = "a white image has no scene"
 
 
 def is_dark(record: SceneRecord) -> bool:
@@ -17,40 +20,24 @@ def is_dark(record: SceneRecord) -> bool:
 
 def _visible(record: SceneRecord) -> bool:
     """Whether rays can meet what shines."""
-    parts = (record.emission, *_world_parts(record).values())
-    return any(part is not None for part in parts)
+    return record.emission is not None or bool(_world(record))
 
 
 def scene_decisions(record: SceneRecord | None, max_bounces: int) -> list[Decision]:
     """Decisions on the stages from INTERSECTION to COLOUR."""
     if record is None:
-        white = "a white image has no scene"
-        return [Decision(Stage(stage), False, white) for stage in range(Stage.INTERSECTION, Stage.COLOUR + 1)]
-    meshes = record.geometry is not None
-    scatters = meshes and record.bsdf is not None and max_bounces > 0
-    return [
-        *_geometry(record, meshes),
-        *_emission(record, meshes),
-        *_scattering(record, meshes, scatters, max_bounces),
-        *_details(record, scatters),
-    ]
+        return left_out(Stage.INTERSECTION, Stage.COLOUR, WHITE)
+    return [*_surfaces(record), *_scattering(record, max_bounces), *_details(record, max_bounces)]
 
 
-def _geometry(record: SceneRecord, meshes: bool) -> list[Decision]:
-    instances = record.instances
-    return [
-        Decision(Stage.INTERSECTION, meshes, "there are meshes" if meshes else "there is no mesh"),
-        Decision(
-            Stage.INSTANCES,
-            instances is not None,
-            "no mesh is repeated" if instances is None else f"meshes stand at {len(instances.matrices)} places",
-        ),
-        Decision(
-            Stage.OPACITY,
-            record.alpha is not None,
-            "everything is opaque" if record.alpha is None else "some surfaces are not there for all paths",
-        ),
-    ]
+def _scatters(record: SceneRecord, max_bounces: int) -> bool:
+    return record.geometry is not None and record.bsdf is not None and max_bounces > 0
+
+
+def _world(record: SceneRecord) -> str:
+    """What rays see that meet nothing."""
+    sky = record.lights.sky
+    return _there({"a constant": sky.background, "a map": sky.environment, "suns": sky.suns})
 
 
 def _drawn(record: SceneRecord) -> str:
@@ -62,101 +49,58 @@ def _drawn(record: SceneRecord) -> str:
         "suns": lights.sky.suns,
         "the environment": lights.sky.environment,
     }
-    return ", ".join(name for name, part in kinds.items() if part is not None)
+    return _there(kinds)
 
 
-def _world(record: SceneRecord) -> str:
-    """What rays see that meet nothing."""
-    return "the world is bright: " + ", ".join(name for name, part in _world_parts(record).items() if part is not None)
+def _there(parts: Mapping[str, object]) -> str:
+    return ", ".join(name for name, part in parts.items() if part is not None)
 
 
-def _world_parts(record: SceneRecord) -> dict[str, object]:
-    """What makes the world bright, by name."""
-    sky = record.lights.sky
-    return {"a constant": sky.background, "a map": sky.environment, "suns": sky.suns}
-
-
-def _other_kinds(record: SceneRecord) -> str:
-    """The kinds of materials that are not Lambertian."""
-    kinds = set() if record.bsdf is None or record.bsdf.kind is None else set(record.bsdf.kind.tolist())
-    return "there are " + ", ".join(KIND_NAMES[kind] for kind in sorted(kinds - {LAMBERTIAN}))
-
-
-def _emission(record: SceneRecord, meshes: bool) -> list[Decision]:
-    emits = record.emission is not None
-    background = any(part is not None for part in _world_parts(record).values())
-    dark = ", and the image will be black" * is_dark(record)
+def _surfaces(record: SceneRecord) -> list[Decision]:
+    meshes, instances, world = record.geometry is not None, record.instances, _world(record)
+    places = f"meshes stand at {0 if instances is None else len(instances.matrices)} places"
+    clear = "some surfaces are not there for all paths"
+    dark = "nothing emits" + ", and the image will be black" * is_dark(record)
     return [
-        Decision(Stage.EMISSION, meshes and emits, "something emits" if emits else "nothing emits" + dark),
-        Decision(Stage.BACKGROUND, background, _world(record) if background else "the world is black"),
+        decide(Stage.INTERSECTION, meshes, "there is no mesh", "there are meshes"),
+        decide(Stage.INSTANCES, instances is not None, "no mesh is repeated", places),
+        decide(Stage.OPACITY, record.alpha is not None, "everything is opaque", clear),
+        decide(Stage.EMISSION, record.emission is not None, dark, "something emits"),
+        decide(Stage.BACKGROUND, world, "the world is black", f"the world is bright: {world}"),
     ]
 
 
-def _scattering(record: SceneRecord, meshes: bool, scatters: bool, max_bounces: int) -> list[Decision]:
-    lights = scatters and record.lights.cdf is not None
-    onward = scatters and (_visible(record) or (lights and max_bounces > 1))
-    plain = record.bsdf is None or record.bsdf.kind is None
-    no = "nothing scatters"
+def _scattering(record: SceneRecord, max_bounces: int) -> list[Decision]:
+    meshes, bsdf, scatters = record.geometry is not None, record.bsdf, _scatters(record, max_bounces)
+    kinds = set() if bsdf is None or bsdf.kind is None else set(bsdf.kind.tolist())
+    others = "there are " + ", ".join(KIND_NAMES[kind] for kind in sorted(kinds - {LAMBERTIAN}))
+    absorbs, drawn = record.absorption is not None, record.lights.cdf is not None
+    onward = scatters and (_visible(record) or (drawn and max_bounces > 1))
+    no, bounces, roulette = "nothing scatters", f"up to {max_bounces} bounces", f"after {ROULETTE} bounces"
     return [
-        Decision(
+        decide(
             Stage.SCATTERING,
-            scatters,
-            first_reason(
-                meshes,
-                "there is no mesh",
-                record.bsdf is not None,
-                "nothing reflects",
-                max_bounces > 0,
-                "0 bounces",
-                "something reflects",
-            ),
+            *(meshes, "there is no mesh"),
+            *(bsdf is not None, "nothing reflects"),
+            *(max_bounces > 0, "0 bounces"),
+            "something reflects",
         ),
-        Decision(
-            Stage.MATERIALS,
-            scatters and not plain,
-            first_reason(scatters, no, not plain, "all surfaces are Lambertian", _other_kinds(record)),
-        ),
-        Decision(
-            Stage.ABSORPTION,
-            scatters and record.absorption is not None,
-            first_reason(scatters, no, record.absorption is not None, "nothing absorbs", "some glass absorbs"),
-        ),
-        Decision(
-            Stage.DIRECT_LIGHT,
-            lights,
-            first_reason(scatters, no, lights, "there are no lights", f"drawn: {_drawn(record)}"),
-        ),
-        Decision(
-            Stage.ONWARD_RAYS,
-            onward,
-            first_reason(scatters, no, onward, "no light could be met", f"up to {max_bounces} bounces"),
-        ),
-        Decision(
-            Stage.RUSSIAN_ROULETTE,
-            onward and max_bounces > ROULETTE,
-            first_reason(onward, "no rays onwards", max_bounces > ROULETTE, "few bounces", f"after {ROULETTE} bounces"),
-        ),
+        decide(Stage.MATERIALS, scatters, no, kinds, "all surfaces are Lambertian", others),
+        decide(Stage.ABSORPTION, scatters, no, absorbs, "nothing absorbs", "some glass absorbs"),
+        decide(Stage.DIRECT_LIGHT, scatters, no, drawn, "there are no lights", f"drawn: {_drawn(record)}"),
+        decide(Stage.ONWARD_RAYS, scatters, no, onward, "no light could be met", bounces),
+        decide(Stage.RUSSIAN_ROULETTE, onward, "no rays onwards", max_bounces > ROULETTE, "few bounces", roulette),
     ]
 
 
-def _details(record: SceneRecord, scatters: bool) -> list[Decision]:
-    no = "nothing scatters"
+def _details(record: SceneRecord, max_bounces: int) -> list[Decision]:
+    scatters, no = _scatters(record, max_bounces), "nothing scatters"
     normals = record.geometry is not None and record.geometry.normals is not None
     maps = record.textures is not None and record.textures.normal is not None
     textures = record.geometry is not None and record.geometry.uv is not None
     return [
-        Decision(
-            Stage.VERTEX_NORMALS,
-            scatters and normals,
-            first_reason(scatters, no, normals, "meshes are flat", "meshes have normals"),
-        ),
-        Decision(
-            Stage.NORMAL_MAPS,
-            scatters and maps,
-            first_reason(scatters, no, maps, "no material has one", "textures turn normals"),
-        ),
-        Decision(Stage.TEXTURES, textures, "materials have textures" if textures else "no textures"),
-        Decision(
-            Stage.COLOUR, record.channels == 3, "colours differ" if record.channels == 3 else "all colours are grey"
-        ),
+        decide(Stage.VERTEX_NORMALS, scatters, no, normals, "meshes are flat", "meshes have normals"),
+        decide(Stage.NORMAL_MAPS, scatters, no, maps, "no material has one", "textures turn normals"),
+        decide(Stage.TEXTURES, textures, "no textures", "materials have textures"),
+        decide(Stage.COLOUR, record.channels == 3, "all colours are grey", "colours differ"),
     ]

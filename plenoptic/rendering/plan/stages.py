@@ -1,4 +1,4 @@
-"""The stages of a rendering, and decisions on them."""
+"""The stages of a render, and decisions on them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from plenoptic.core.values import value
 from plenoptic.rendering.settings import RenderSettings
-from plenoptic.truth.ground_truth import Truth
+from plenoptic.truth.channels import Truth
 
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class Stage(enum.IntEnum):
-    """The parts of a rendering, in the order in which light is followed back.
+    """The parts of a render, in the order in which light is followed back.
 
     Examples
     --------
@@ -141,10 +141,15 @@ class Plan:
         return "\n".join(rows)
 
 
-def first_reason(*conditions: object) -> str:
-    """Reasons in pairs (holds, reason where it does not), then the reason where all hold."""
-    *pairs, fine = conditions
-    for holds, reason in zip(pairs[::2], pairs[1::2], strict=True):
-        if not holds:
-            return str(reason)
-    return str(fine)
+def decide(stage: Stage, *table: object) -> Decision:
+    """Decide on a stage: what it takes and why it is left out without that, in pairs, then why it runs otherwise."""
+    *pairs, runs = table
+    for condition, reason in zip(pairs[::2], pairs[1::2], strict=True):
+        if not condition:
+            return Decision(stage, False, str(reason))
+    return Decision(stage, True, str(runs))
+
+
+def left_out(first: Stage, last: Stage, reason: str) -> list[Decision]:
+    """Decisions against a range of stages."""
+    return [Decision(Stage(stage), False, reason) for stage in range(first, last + 1)]

@@ -1,4 +1,4 @@
-"""When a rendering ends, and in what steps it gets there."""
+"""When a render ends, and in what steps it gets there."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ MOST_SAMPLES = (1 << 31) - 1
 
 
 class Budget(NamedTuple):
-    """What ends a rendering, whichever comes first; None does not."""
+    """What ends a render, whichever comes first; None does not."""
 
     samples: int | None
     time_limit: float | None
@@ -107,7 +107,7 @@ def checked_budget(
     """A budget of possible numbers, at least one of them given."""
     if samples is None and time_limit is None and target_error is None:
         raise InvalidValueError(
-            "samples, time_limit and target_error are all None and the rendering would never end; give one of them, "
+            "samples, time_limit and target_error are all None and the render would never end; give one of them, "
             "such as samples=64"
         )
     limit = None if time_limit is None else positive(time_limit, "time_limit", "s")

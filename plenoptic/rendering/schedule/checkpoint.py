@@ -1,4 +1,4 @@
-"""Checkpoints: the file in which a rendering keeps what it has so far, whole at any moment and never another's.
+"""Checkpoints: the file in which a render keeps what it has so far, whole at any moment and never another's.
 
     plenoptic checkpoint 1
     <SHA-256 of the header> <length of the header, 16 digits>
@@ -16,6 +16,8 @@ import json
 import math
 import os
 import re
+import time
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
@@ -23,11 +25,14 @@ from typing import Any, BinaryIO, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.core.files.atomic_file import check_folder, explained, is_there, real_path, replaced
 from plenoptic.core.files.digest import bytes_of, little_endian
+from plenoptic.core.values import file_path, positive
 from plenoptic.errors import FileError, InvalidValueError
-from plenoptic.rendering.schedule.identity import differences
-from plenoptic.rendering.schedule.identity import identity as identity
+from plenoptic.rendering.schedule.identity import differences, identity
+from plenoptic.rendering.schedule.progress import Progress
+from plenoptic.scene.compile import SceneRecord
 
 _PREAMBLE = re.compile(rb"plenoptic checkpoint 1\n([0-9a-f]{64}) ([0-9]{16})\n")
 _PREAMBLE_BYTES = 105
@@ -59,13 +64,65 @@ class _Header(NamedTuple):
     """Of the bytes of all arrays."""
 
 
+class Checkpoint:
+    """Keeps the state of a render in a file, every so often."""
+
+    def __init__(self, path: str | os.PathLike[str], interval: float) -> None:
+        self._path = file_path(path)
+        self._interval = positive(interval, "checkpoint_interval", "s")
+        self._identity: dict[str, str] = {}
+        self._saved = self._begin = time.perf_counter()
+        self._begin_cpu = time.process_time()
+        self._before = (0.0, 0.0)
+        self._kept = -1
+        """Samples of all tiles in the file."""
+
+    def resume(
+        self, progress: Progress, scene: SceneRecord | None, camera: PlenopticCamera, facts: Mapping[str, object]
+    ) -> None:
+        """Put into `progress` what the file holds, if there is one of a render with the same facts."""
+        self._identity = identity(scene, camera, **facts)
+        found = load_checkpoint(self._path, self._identity)
+        if found is not None:
+            progress.restore(*found)
+            self._before = (progress.seconds, progress.cpu_seconds)
+            self._kept = int(progress.done.sum())
+        else:
+            self._write(progress)  # a file that cannot be written is better known now
+
+    def save_if_due(self, progress: Progress) -> None:
+        """Write the file if it is time. Where that fails, the render goes on, with a warning."""
+        if time.perf_counter() - self._saved >= self._interval:
+            self.save(progress)
+
+    def save(self, progress: Progress) -> None:
+        """Write the file unless it is up to date; a failure is a warning, since what is rendered is still there."""
+        self._time(progress)
+        if self._kept == progress.done.sum():
+            return
+        try:
+            self._write(progress)
+        except FileError as error:
+            self._saved = time.perf_counter()
+            warnings.warn(f"the checkpoint has not been written: {error}", stacklevel=2)
+
+    def _write(self, progress: Progress) -> None:
+        self._time(progress)
+        save_checkpoint(self._path, self._identity, progress.arrays(), progress.facts())
+        self._kept, self._saved = int(progress.done.sum()), time.perf_counter()
+
+    def _time(self, progress: Progress) -> None:
+        progress.seconds = self._before[0] + time.perf_counter() - self._begin
+        progress.cpu_seconds = self._before[1] + time.process_time() - self._begin_cpu
+
+
 def save_checkpoint(
     path: str | os.PathLike[str],
     identity: Mapping[str, str],
     arrays: Mapping[str, NDArray[Any]],
     facts: Mapping[str, Any],
 ) -> None:
-    """Save the state of a rendering, in place of the state that the file had.
+    """Save the state of a render, in place of the state that the file had.
 
     Parameters
     ----------
@@ -112,13 +169,13 @@ def save_checkpoint(
 def load_checkpoint(
     path: str | os.PathLike[str], identity: Mapping[str, str]
 ) -> tuple[dict[str, NDArray[Any]], dict[str, Any]] | None:
-    """Load the state of a rendering.
+    """Load the state of a render.
 
     Parameters
     ----------
     path : str or path
     identity : mapping of str to str
-        Of the rendering that is to go on, from `identity`.
+        Of the render that is to go on, from `identity`.
 
     Returns
     -------
@@ -129,7 +186,7 @@ def load_checkpoint(
     Raises
     ------
     FileError
-        For a file that is no checkpoint, damaged, cut off, of another version of the format or of another rendering;
+        For a file that is no checkpoint, damaged, cut off, of another version of the format or of another render;
         and where there is none, and no folder to save it in.
 
     Examples
@@ -238,7 +295,7 @@ def _check_identity(header: _Header, identity: Mapping[str, str], target: Path) 
         found = list(differences(header.identity, identity))
         # The side of tiles mostly follows from something else.
         what = [one for one in found if not one.startswith("tile_side")] or found
-        raise FileError(f"{str(target)!r} belongs to another rendering, with {', '.join(what)}; {_ELSEWHERE}")
+        raise FileError(f"{str(target)!r} belongs to another render, with {', '.join(what)}; {_ELSEWHERE}")
 
 
 def _refuse_others(target: Path, identity: Mapping[str, str]) -> None:

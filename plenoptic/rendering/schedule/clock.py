@@ -1,4 +1,4 @@
-"""How much of a rendering fits into its time."""
+"""How much of a render fits into its time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a rendering is of, in texts that can be compared with those of another run."""
+"""What a render is of, in texts that can be compared with those of another run."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from plenoptic.scene.scene import Scene
 
 
 def identity(scene: Scene | SceneRecord | None, camera: PlenopticCamera, **facts: Any) -> dict[str, str]:
-    """What a rendering is of: two of the same identity add up to the same image.
+    """What a render is of: two of the same identity add up to the same image.
 
     Parameters
     ----------
@@ -87,8 +87,10 @@ def _text(fact: Any, seen_as: Callable[[Any], Any] | None = None) -> str:
     """A fact as a short text, or as a digest where it is long."""
     if isinstance(fact, np.generic):
         fact = fact.item()
+    if isinstance(fact, enum.Flag):  # one by one: what a name such as ALL joins may grow
+        return "|".join(str(flag.name) for flag in type(fact) if flag.value.bit_count() == 1 and flag in fact) or "NONE"
     if isinstance(fact, enum.Enum):
-        return str(fact.name or fact.value)  # combined flags have no name in Python 3.10
+        return fact.name
     if fact is None or isinstance(fact, bool | int | float | str):
         return str(fact)
     if type(fact) is tuple and len(fact) <= 8 and all(item is None or isinstance(item, int | float) for item in fact):

@@ -1,4 +1,4 @@
-"""Ctrl-C: the first one asks a rendering to end, the second one ends the program."""
+"""Ctrl-C: the first one asks a render to end, the second one ends the program."""
 
 from __future__ import annotations
 

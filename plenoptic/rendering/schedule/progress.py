@@ -1,4 +1,4 @@
-"""How far a rendering is: its film, its tiles, and which pixels still go on."""
+"""How far a render is: its film, its tiles, and which pixels still go on."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Setting(NamedTuple):
 
 
 class Progress:
-    """All that a rendering has found until now.
+    """All that a render has found until now.
 
     The pixels of a tile are coloured like a checkerboard. Whether the pixels of one colour go on is decided by the
     standard errors of those of the other colour, which are independent of them: a pixel does not stop because it

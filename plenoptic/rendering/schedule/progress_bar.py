@@ -1,4 +1,4 @@
-"""The bar that shows how far a rendering is, how long it will take, and its error."""
+"""The bar that shows how far a render is, how long it will take, and its error."""
 
 from __future__ import annotations
 

@@ -24,9 +24,9 @@ from plenoptic.rendering.exposure import Exposure
 from plenoptic.rendering.integrator.path import Batch, batch_of
 from plenoptic.rendering.plan.scene_stages import is_dark
 from plenoptic.rendering.schedule.budget import Budget
+from plenoptic.rendering.schedule.checkpoint import Checkpoint
 from plenoptic.rendering.schedule.clock import Clock
 from plenoptic.rendering.schedule.interrupts import Interrupts
-from plenoptic.rendering.schedule.keeping import Keeper
 from plenoptic.rendering.schedule.progress import Progress, Setting
 from plenoptic.rendering.schedule.progress_bar import ProgressBar
 from plenoptic.rendering.settings import RenderSettings
@@ -35,8 +35,10 @@ from plenoptic.rendering.tile import Tile, TileResult, render_tile, status_codes
 from plenoptic.rendering.tiling import cut_into_tiles
 from plenoptic.scene.lights.brightness import brightest_radiance
 from plenoptic.scene.scene import Scene
-from plenoptic.truth.compute import TruthTables, truth_tables
-from plenoptic.truth.ground_truth import GroundTruth, Truth, available_truth, empty_truth, forget_truth
+from plenoptic.truth.arrays import available_truth, empty_truth, forget_truth
+from plenoptic.truth.channels import GroundTruth, Truth
+from plenoptic.truth.compute import truth_tables
+from plenoptic.truth.stages import TruthTables
 
 _MISSED = 1.25
 """Ratio of the error reached to the one wanted that is worth a warning."""
@@ -62,7 +64,7 @@ def run(
     budget: Budget,
     how: RenderSettings,
     work: Work,
-    keeper: Keeper | None,
+    checkpoint: Checkpoint | None,
 ) -> Exposure:
     """Render; scene None: a white image. See `render`."""
     begin, begin_cpu = time.perf_counter(), time.process_time()
@@ -83,22 +85,22 @@ def run(
     side, tiles = cut_into_tiles(region, budget, work.tile_side, cells_per_pixel(view.camera))
     clock = Clock(begin, budget.time_limit, sum(tile.rows * tile.columns for tile in tiles) * view.channels)
     progress = _progress(view, budget, region, tiles, kept, clock)
-    if keeper is not None:
+    if checkpoint is not None:
         facts: dict[str, object] = {"seed": seed, "samples": budget.samples, "target_error": budget.target_error}
         facts |= {"time_limit": None if budget.time_limit is None else "given", "replicates": budget.replicates}
         facts |= {"region": region, "truth": kept, "settings": how, "tile_side": side}
-        keeper.resume(progress, view.scene, camera, facts)
+        checkpoint.resume(progress, view.scene, camera, facts)
     found = None
     if work.conditioning is not None:
         from plenoptic.camera.conditioning import camera_conditioning
 
         found = camera_conditioning(view.camera, region, seed=seed, rays=work.conditioning)
     bar = ProgressBar(progress, begin, show=work.progress)
-    interrupted = _drive(progress, view, truth_tables(camera, view.camera, kept), clock, workers, keeper, bar)
+    interrupted = _drive(progress, view, truth_tables(camera, view.camera, kept), clock, workers, checkpoint, bar)
     if scene is not None and view.intersector is not None:
         _warn_where_unmet(progress, scene)
     reason = _reason(progress, interrupted=interrupted)
-    since = (begin, begin_cpu) if keeper is None else None
+    since = (begin, begin_cpu) if checkpoint is None else None
     shot = _exposure(progress, reason, camera, work, how, workers, found, since)
     if budget.time_limit is not None and not interrupted:
         _warn_where_late(progress, budget.time_limit, time.perf_counter() - begin)
@@ -130,7 +132,7 @@ def _drive(
     truth: TruthTables | None,
     clock: Clock,
     workers: int,
-    keeper: Keeper | None,
+    checkpoint: Checkpoint | None,
     bar: ProgressBar,
 ) -> bool:
     """Render batches until nothing is pending, time is over or somebody interrupts, which is returned."""
@@ -159,14 +161,14 @@ def _drive(
             for i, result in run_in_order(work, batches(), threads=min(workers, left), ahead=clock.ahead):
                 if result is not None:
                     progress.take(i, result)
-                if keeper is not None:
-                    keeper.save_if_due(progress)
+                if checkpoint is not None:
+                    checkpoint.save_if_due(progress)
                 bar.update()
                 if interrupts.asked:
                     break
             progress.decide(clock.affordable(progress.paths - kept) / pixels)
-        if keeper is not None:
-            keeper.save(progress)
+        if checkpoint is not None:
+            checkpoint.save(progress)
         bar.close(finished=not interrupts.asked)
         return interrupts.asked
 

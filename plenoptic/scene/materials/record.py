@@ -1,13 +1,18 @@
-"""Materials as kernels read them: columns of numbers, and None for what no material of a scene has."""
+"""Materials as kernels read them: the row that each states, and columns of all; None for what none of a scene has."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic.scene.textures.color import Colour, is_grey
 from plenoptic.scene.textures.record import TextureColumn
+from plenoptic.scene.textures.texture import Texture
+
+Index = complex | tuple[complex, complex, complex]
 
 KIND_NAMES = ("Lambertian", "rough diffuse", "metal", "glass", "panes", "metallic-roughness")
 """What a plan calls the kinds by which kernels scatter."""
@@ -23,6 +28,67 @@ INSIDE, OUTSIDE = 0, 1
 """Columns of `Bsdf.glass_index`."""
 
 
+SHARES = ("roughness", "metallic")
+"""Numbers of a material within 0 and 1 that textures may give: names of fields of its row and of members of `Bsdf`."""
+
+
+class MaterialRow(NamedTuple):
+    """One row of the columns that all materials of a scene are compiled into; what a material lacks keeps its default.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> row = pl.Conductor(0.9).row()
+    >>> row.base_color, row.reflects, row.takes_light
+    (0.9, True, False)
+    """
+
+    base_color: Colour | Texture = 0.0
+    """The colour that it multiplies light by."""
+    metallic: float | Texture | None = None
+    roughness: float | Texture | None = None
+    normal: Texture | None = None
+    emission: Colour | Texture = 0.0
+    two_sided: bool = False
+    """Whether both sides emit."""
+    opacity: float | Texture = 1.0
+    cutoff: float | None = None
+    absorption: Colour = 0.0
+    """1/mm, behind the front."""
+    metal_index: Index = 0.0
+    """n + i k; 0 where the reflectance does not depend on the angle."""
+    glass_index: tuple[float, float] = (0.0, 0.0)
+    """Refractive index behind the front and before it; 0 for what is no body."""
+    pane_index: float = 0.0
+    """0 for what is no pane."""
+    fresnel: bool = False
+    """Whether it reflects by its index too, however dark its base colour is."""
+    specular: bool = False
+    """Whether each direction is scattered into one or two others only: mirrors, polished glass, panes."""
+    tables: Callable[[], Mapping[str, NDArray[np.float64]]] = dict
+    """Makes what its kind reads besides: members of `Bsdf`."""
+
+    @property
+    def reflects(self) -> bool:
+        """Whether any light that meets it is given back."""
+        return self.fresnel or isinstance(self.base_color, Texture) or bool(np.any(self.base_color))
+
+    @property
+    def takes_light(self) -> bool:
+        """Whether light that is drawn directly can be scattered."""
+        return self.reflects and not self.specular
+
+    @property
+    def is_grey(self) -> bool:
+        """Whether red, green and blue are treated alike."""
+        return all(map(is_grey, (self.base_color, self.emission, self.absorption, self.metal_index)))
+
+    @property
+    def textures(self) -> tuple[Texture, ...]:
+        """The textures that it is made of."""
+        return tuple(column for column in self if isinstance(column, Texture))
+
+
 class Bsdf(NamedTuple):
     """How nm materials scatter light; C channels of the scene. All arrays are C-contiguous and read-only."""
 
@@ -32,19 +98,18 @@ class Bsdf(NamedTuple):
     """(nm,): 1 for those that scatter light drawn directly; not mirrors and polished glass."""
     base_color: NDArray[np.float64]
     """(nm, C), in [0, 1]: base colours; 1 where a texture gives it."""
-    roughness: NDArray[np.float64] | None
-    """(nm,); 0 where a texture gives it. None, as is the next one, where all materials are Lambertian or black."""
     kind: NDArray[np.int64] | None
-    """(nm,): what they are."""
-    metallic: NDArray[np.float64] | None
-    """(nm,); 0 where a texture gives it. None where none is MetallicRoughness."""
+    """(nm,): what they are. None where all are Lambertian or black."""
     metal_index: NDArray[np.float64] | None
     """(nm, C, 2): n and k; 0 where the reflectance is constant. None where there is no metal."""
     glass_index: NDArray[np.float64] | None
     """(nm, 2): index behind the front and before it; 0 for what is no body. None where there is none."""
     pane_index: NDArray[np.float64] | None
     """(nm,). None where there is no pane."""
-    coupling: NDArray[np.float64] | None
+    roughness: NDArray[np.float64] | None = None
+    """(nm,), as all SHARES; 0 where a texture gives it or a material has none. None where all materials have none."""
+    metallic: NDArray[np.float64] | None = None
+    coupling: NDArray[np.float64] | None = None
     """What passes the layer of MetallicRoughness: rows at equal steps of the root of the roughness, columns of that of
     the cosine; the last column is the mean over the cosine-weighted hemisphere. None where none is MetallicRoughness.
     """

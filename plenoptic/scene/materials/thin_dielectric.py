@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from plenoptic.core.values import set_field, value
-from plenoptic.scene.materials.row import MaterialRow
+from plenoptic.scene.materials.record import MaterialRow
 from plenoptic.scene.textures.color import Colour, as_colour, as_index
 
 
@@ -44,4 +44,4 @@ class ThinGlass:
 
     def row(self) -> MaterialRow:
         """Its numbers; what it lacks keeps its default."""
-        return MaterialRow(self.transmittance, pane_index=self.index, fresnel=True, specular=True)
+        return MaterialRow(self.transmittance, roughness=0.0, pane_index=self.index, fresnel=True, specular=True)

@@ -17,7 +17,7 @@ from plenoptic.rendering.plan.scene_stages import ROULETTE
 from plenoptic.rendering.plan.stages import Plan, Stage, Subject
 from plenoptic.rendering.settings import Caustics, Sampler
 from plenoptic.study.cost import camera_ablation, scene_ablation
-from plenoptic.truth.ground_truth import Truth
+from plenoptic.truth.channels import Truth
 
 _Change: TypeAlias = Callable[[Subject], Subject]
 

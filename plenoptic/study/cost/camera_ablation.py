@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from typing import Any
 
 import numpy as np
@@ -18,7 +17,7 @@ from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.dust import BlemishSite
 from plenoptic.optics.microlens.lattice import Lattice
-from plenoptic.optics.stops.stops import CircularStop
+from plenoptic.optics.stops.circle import circle_around
 from plenoptic.optics.surfaces.surface import Surface
 
 
@@ -107,21 +106,7 @@ def _with_elements(camera: PlenopticCamera, elements: list[Element]) -> Plenopti
 
 def without_aspheres(camera: PlenopticCamera) -> PlenopticCamera:
     """Conics and aspheres become the spheres that touch them best at their vertices."""
-    return _with_elements(camera, [_sphere(e) if isinstance(e, Surface) else e for e in camera.lens.elements])
-
-
-def _sphere(surface: Surface) -> Surface:
-    if not surface.conic and not surface.aspheric:
-        return surface
-    curvature = surface.curvature + 2.0 * (surface.aspheric[0] if surface.aspheric else 0.0)
-    radius = 1.0 / curvature if curvature else math.inf
-    return Surface(
-        radius,
-        surface.thickness,
-        surface.medium,
-        semi_diameter=min(surface.semi_diameter, abs(radius)),
-        placement=surface.placement,
-    )
+    return _with_elements(camera, [e.osculating if isinstance(e, Surface) else e for e in camera.lens.elements])
 
 
 def without_placements(camera: PlenopticCamera) -> PlenopticCamera:
@@ -131,12 +116,5 @@ def without_placements(camera: PlenopticCamera) -> PlenopticCamera:
 
 def with_round_stops(camera: PlenopticCamera) -> PlenopticCamera:
     """Circles through the corners of the stops."""
-    return _with_elements(
-        camera,
-        [
-            e
-            if isinstance(e, Surface | CircularStop)
-            else CircularStop(e.semi_diameter, e.thickness, placement=e.placement)
-            for e in camera.lens.elements
-        ],
-    )
+    elements: list[Element] = [e if isinstance(e, Surface) else circle_around(e) for e in camera.lens.elements]
+    return _with_elements(camera, elements)

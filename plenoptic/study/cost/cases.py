@@ -2,24 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
-import math
 from collections.abc import Callable
 
 import numpy as np
 
-from plenoptic.camera.camera import CameraPart, PlenopticCamera
-from plenoptic.core.color.sensitivities import colour_camera
+from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.lens.stack import LensStack
-from plenoptic.optics.microlens.aperture import ApertureShape, MicrolensAperture, Walls
-from plenoptic.optics.microlens.array import MicrolensModel
-from plenoptic.optics.microlens.dust import Blemishes, BlemishSite
-from plenoptic.optics.microlens.imperfections import MicrolensImperfections
-from plenoptic.optics.sensor.angular_response import AngularResponse
-from plenoptic.optics.sensor.sensor import Sensor
-from plenoptic.optics.stops.stops import PolygonStop
-from plenoptic.optics.surfaces.surface import Surface
 from plenoptic.rendering.plan.plan import plan
 from plenoptic.rendering.plan.stages import Plan
 from plenoptic.rendering.settings import Caustics, Sampler
@@ -36,64 +24,8 @@ from plenoptic.scene.scene import Scene
 from plenoptic.scene.shapes.procedural import box, check_scene, objects_scene, quad, sphere
 from plenoptic.scene.shapes.still_life import still_life
 from plenoptic.scene.textures.texture import Texture
-from plenoptic.study.error_time.cases import reference_camera
-from plenoptic.truth.ground_truth import Truth
-
-_SIDE = 128
-"""Pixels: bounds on the pupils of tilted parts, found once for each camera, take a time that grows with its sensor."""
-
-
-def furnished_camera() -> PlenopticCamera:
-    """The reference camera with everything that a camera can have.
-
-    Returns
-    -------
-    PlenopticCamera
-        128 x 128 pixels; it stands and looks somewhere else than the reference camera.
-
-    Examples
-    --------
-    >>> from plenoptic.study.cost.cases import furnished_camera
-    >>> camera = furnished_camera()
-    >>> camera.microlenses.model.name, camera.pose is None
-    ('SPHERICAL', False)
-    """
-    plain = reference_camera()
-    assert plain.microlenses is not None
-    array = dataclasses.replace(
-        plain.microlenses,
-        focal_lengths=(1.9, 2.0, 2.1),
-        model=MicrolensModel.SPHERICAL,
-        aperture=MicrolensAperture(ApertureShape.CIRCLE, 0.85),
-        imperfections=MicrolensImperfections(pitch_jitter=0.001),
-        walls=Walls.OPAQUE,
-    )
-    sensor = Sensor(
-        (_SIDE, _SIDE),
-        pixel_pitch=plain.sensor.pixel_pitch,
-        angular_response=AngularResponse(well_depth=0.5, pupil_distance=130.0),
-    )
-    half = tuple(0.5 * side for side in sensor.size)
-    whole = dataclasses.replace(
-        plain,
-        lens=_spoiled(plain.lens),
-        microlenses=array,
-        sensor=sensor,
-        sensitivity=colour_camera(),
-        blemishes=(Blemishes.scattered(BlemishSite.SENSOR, half_size=(half[0], half[1]), dust_per_mm2=4.0),),
-    )
-    tilt = math.radians(0.2)
-    whole = whole.moved(CameraPart.SENSOR, tilt=(tilt, 0.0, tilt)).moved(CameraPart.MICROLENSES, tilt=(0.0, tilt, 0.0))
-    whole = whole.moved(CameraPart.LENS, shift=(0.05, 0.0, 0.0))
-    return whole.posed(position=(30.0, 20.0, 10.0), look_at=(-200.0, 0.0, -400.0))
-
-
-def _spoiled(lens: LensStack) -> LensStack:
-    """A lens with a slight asphere, an element out of place and an iris of blades."""
-    first, *others = lens.elements
-    assert isinstance(first, Surface)
-    aspheric = dataclasses.replace(lens, elements=[dataclasses.replace(first, aspheric=(0.0, 1e-9)), *others])
-    return aspheric.with_stop(PolygonStop(blades=6, semi_diameter=5.0)).moved(3, shift=(0.02, 0.0, 0.0))
+from plenoptic.study.cameras import furnished_camera, reference_camera
+from plenoptic.truth.channels import Truth
 
 
 def furnished_scene(camera: PlenopticCamera) -> Scene:
@@ -109,7 +41,8 @@ def furnished_scene(camera: PlenopticCamera) -> Scene:
 
     Examples
     --------
-    >>> from plenoptic.study.cost.cases import furnished_camera, furnished_scene
+    >>> from plenoptic.study.cameras import furnished_camera
+    >>> from plenoptic.study.cost.cases import furnished_scene
     >>> furnished_scene(furnished_camera()).background.texels.shape
     (4, 8, 3)
     """

@@ -119,7 +119,7 @@ def lambertian(material: Material) -> Material:
     row = material.row()
     if isinstance(row.emission, Texture) or np.any(row.emission):
         return Emissive(row.emission, row.two_sided)
-    return Lambertian(0.5 if row.glass_index[0] or row.pane_index else row.base)
+    return Lambertian(0.5 if row.glass_index[0] or row.pane_index else row.base_color)
 
 
 def clear(material: Material) -> Material:

@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.core.values import value
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.lens.files.library import load_lens
-from plenoptic.optics.microlens.aperture import Walls
-from plenoptic.optics.microlens.array import MicrolensArray
-from plenoptic.optics.microlens.lattice import Lattice
-from plenoptic.optics.sensor.sensor import Sensor
-from plenoptic.optics.stops.stops import CircularStop
 from plenoptic.rendering.settings import Sampler
 from plenoptic.scene.shapes.procedural import check_scene, objects_scene
+from plenoptic.study.cameras import reference_camera, smooth_camera
 from plenoptic.study.error_time.study import SIDE, error_against_time
 from plenoptic.study.error_time.table import ErrorTable
 from plenoptic.study.error_time.variants import Variant
@@ -63,49 +57,6 @@ class ErrorCase:
     reference: Variant
     reference_samples: int
     variants: Callable[[], dict[str, Variant]] | None = None
-
-
-def reference_camera() -> PlenopticCamera:
-    """The reference camera: Tronnier's double Gauss, hexagonal microlenses, plenoptic 2.0.
-
-    Returns
-    -------
-    PlenopticCamera
-        512 x 512 pixels of 0.01 mm; its microlenses are focused on the plane z = -404 mm.
-
-    Examples
-    --------
-    >>> from plenoptic.study.error_time.cases import reference_camera
-    >>> reference_camera().sensor.shape
-    (512, 512)
-    """
-    return PlenopticCamera(
-        lens=load_lens("double-gauss-100mm-f2").with_stop(CircularStop(5.0)),
-        microlenses=MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
-        sensor=Sensor(shape=(512, 512), pixel_pitch=0.010),
-        stop_to_microlenses=123.3,
-        microlenses_to_sensor=1.7,
-    )
-
-
-def smooth_camera() -> PlenopticCamera:
-    """The reference camera wide open, with walls between square microlenses: nothing cuts the light of a pixel.
-
-    Returns
-    -------
-    PlenopticCamera
-        20 x 20 pixels of 0.01 mm behind one microlens. All light that passes its cell passes the lens.
-
-    Examples
-    --------
-    >>> from plenoptic.study.error_time.cases import smooth_camera
-    >>> smooth_camera().microlenses.walls.name
-    'OPAQUE'
-    """
-    array = MicrolensArray(pitch=0.217, focal_lengths=(2.0,), lattice=Lattice.SQUARE, walls=Walls.OPAQUE)
-    sensor = Sensor(shape=(20, 20), pixel_pitch=0.010)
-    wide_open = load_lens("double-gauss-100mm-f2")
-    return dataclasses.replace(reference_camera(), lens=wide_open, microlenses=array, sensor=sensor)
 
 
 def _samplers() -> dict[str, Variant]:

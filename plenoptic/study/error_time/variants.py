@@ -16,7 +16,7 @@ from plenoptic.rendering.plan.stages import Stage, Subject
 from plenoptic.rendering.settings import Caustics, RenderSettings, Sampler
 from plenoptic.scene.scene import Scene
 from plenoptic.study.exposures import expose
-from plenoptic.truth.ground_truth import Truth
+from plenoptic.truth.channels import Truth
 
 _FEW_BOUNCES = 2
 """Depth limit of the default variant with fewer bounces: light that was scattered once more after direct light."""

@@ -16,7 +16,7 @@ from plenoptic.optics.lens.files.library import load_lens
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.lens.trace import traced_part
-from plenoptic.optics.stops.stops import CircularStop
+from plenoptic.optics.stops.circle import CircularStop
 from plenoptic.optics.surfaces.surface import Surface
 from plenoptic.study.rounding.bounds import Law
 from plenoptic.study.rounding.rays import cone, inclined, points_on, through_points, wild_rays

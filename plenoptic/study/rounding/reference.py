@@ -9,17 +9,15 @@ length of a direction: the ray is its line, and directions behind it have exactl
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from plenoptic.core.rays import RayBundle, RayStatus
 from plenoptic.errors import PlenopticError, PrescriptionError
+from plenoptic.optics.lens.elements import Element, is_centred
 from plenoptic.optics.lens.stack import LensStack
-from plenoptic.optics.stops.stops import CircularStop
+from plenoptic.optics.stops.circle import CircularStop
 from plenoptic.optics.surfaces.surface import Surface
 from plenoptic.study.rounding.exact_asphere import Floats, Number, Vector, along_ray, dot, exact_sag, first_crossing
-
-if TYPE_CHECKING:
-    from plenoptic.optics.lens.elements import Element
 
 DIGITS = 50
 """Decimal digits, unless told otherwise: float64 has 16, an origin 1e9 mm from a radius of 1e-3 mm takes 24 more."""
@@ -150,9 +148,10 @@ def exact_rays(
 
 
 def _checked(element: Element, number: int) -> Surface | CircularStop:
-    if not isinstance(element, Surface | CircularStop) or element.placement is not None:
+    if not isinstance(element, Surface | CircularStop) or not is_centred(element):
         raise PrescriptionError(
-            f"element {number} is {element!r}; the exact trace knows centred surfaces and circular stops only"
+            f"element {number} is {element!r}; the exact trace knows centred surfaces of revolution and circular stops "
+            "only"
         )
     return element
 

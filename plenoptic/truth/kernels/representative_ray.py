@@ -23,11 +23,12 @@ AIM = 6
 
 
 @kernel
-def fill_probes(blocks, lanes, aims, pixels, triangles, first, details):
+def fill_probes(blocks, lanes, aims, pixels, regions):
     """Aim PROBES rays from the centre of each pixel at its region; where they are aimed is kept in `aims`.
 
     Light that passes beside the openings of microlenses does not count.
     """
+    triangles, first = regions.triangles, regions.first
     n = 0
     for p in range(pixels.shape[0]):
         for k in range(PROBES):
@@ -37,9 +38,9 @@ def fill_probes(blocks, lanes, aims, pixels, triangles, first, details):
             chosen, counts = -1, 1.0
             if first[p + 1] > first[p]:
                 chosen = aim(ray, i, triangles, first[p], first[p + 1], pixels[p, 0], pixels[p, 1], _U[k], _V[k])
-                if details is not None:
-                    lanes[n] = details[chosen]
-                    counts = 0.0 if details[chosen, CLIP] < 0.0 else 1.0
+                if regions.details is not None:
+                    lanes[n] = regions.details[chosen]
+                    counts = 0.0 if regions.details[chosen, CLIP] < 0.0 else 1.0
             else:
                 for row in range(8):
                     ray[row * BLOCK + i] = 0.0
@@ -51,13 +52,14 @@ def fill_probes(blocks, lanes, aims, pixels, triangles, first, details):
 
 
 @kernel
-def fill_main_aims(blocks, lanes, cells, probes, aims, pixels, triangles, first, details):
+def fill_representative_rays(blocks, lanes, cells, probes, aims, pixels, regions):
     """From the traced probes, aim one ray a pixel at the lit centroid of the cell that passes most light.
 
     Probes run through the region in the order of its triangles, so that those of a cell are neighbours. Where all
     probes of a cell arrive, its centroid is that of its whole region. Pixels without light get a lost ray.
     `cells` (n, 3) gets the centre of that cell and the row of its microlens in the list of lenses.
     """
+    triangles, first = regions.triangles, regions.first
     for p in range(pixels.shape[0]):
         best, best_x, best_y, found = 0.0, 0.0, 0.0, 0
         k = 0
@@ -78,7 +80,7 @@ def fill_main_aims(blocks, lanes, cells, probes, aims, pixels, triangles, first,
                 best, found = light, int(aims[start, 4])
                 best_x, best_y = sum_x / lit, sum_y / lit
                 if lit == seen:
-                    best_x, best_y = _centroid(triangles, details, first[p], first[p + 1], found)
+                    best_x, best_y = _centroid(triangles, regions.details, first[p], first[p + 1], found)
         base = (p // BLOCK) * RAY
         ray = blocks[base : base + RAY]
         i = p % BLOCK
@@ -89,10 +91,10 @@ def fill_main_aims(blocks, lanes, cells, probes, aims, pixels, triangles, first,
         if best > 0.0:
             ray[Z + i], ray[N + i] = triangles[found, 7], triangles[found, 8]
             cells[p, 0], cells[p, 1], cells[p, 2] = ray[Z + i], ray[N + i], -1.0
-            if details is not None:
-                lanes[p] = details[found]
-                cells[p, 0], cells[p, 1] = details[found, CELL_X], details[found, CELL_Y]
-                cells[p, 2] = details[found, NUMBER]
+            if regions.details is not None:
+                lanes[p] = regions.details[found]
+                cells[p, 0], cells[p, 1] = regions.details[found, CELL_X], regions.details[found, CELL_Y]
+                cells[p, 2] = regions.details[found, NUMBER]
         ray[WEIGHT + i] = 1.0
         ray[STATUS + i] = 0.0 if best > 0.0 else MISSED
     pad(blocks, pixels.shape[0])
@@ -117,40 +119,3 @@ def _centroid(triangles, details, low, high, found):
             sum_x += a * (triangles[k, 0] + (triangles[k, 2] + triangles[k, 4]) / 3.0)
             sum_y += a * (triangles[k, 1] + (triangles[k, 3] + triangles[k, 5]) / 3.0)
     return sum_x / area, sum_y / area
-
-
-@kernel
-def fill_points(depths, distances, positions, points, blocks, lane_of, reached, frame, rotation, position):
-    """Where traced rays are at a distance, `reached`, along them; lanes without a hit keep what they have.
-
-    `points` (n, 3) get the place in the lens's axes. Of the others, None where they are not wanted: -z in the camera's
-    frame, the distance from its origin, and the place in the world. `frame` (12,) leads from the lens's axes to the
-    camera's, `rotation` and `position` to the world's; None where they are the same.
-    """
-    for i in range(lane_of.size):
-        if not reached[i] < math.inf:
-            continue
-        p = lane_of[i]
-        base = (p // BLOCK) * RAY + p % BLOCK
-        x = blocks[base + X] + reached[i] * blocks[base + L]
-        y = blocks[base + Y] + reached[i] * blocks[base + M]
-        z = blocks[base + Z] + reached[i] * blocks[base + N]
-        points[p, 0], points[p, 1], points[p, 2] = x, y, z
-        if positions is not None:
-            if rotation is None:
-                positions[p, 0], positions[p, 1], positions[p, 2] = x, y, z
-            else:
-                for axis in range(3):
-                    positions[p, axis] = (
-                        rotation[axis, 0] * x + rotation[axis, 1] * y + rotation[axis, 2] * z + position[axis]
-                    )
-        if frame is not None:
-            x, y, z = (
-                frame[0] * x + frame[1] * y + frame[2] * z + frame[9],
-                frame[3] * x + frame[4] * y + frame[5] * z + frame[10],
-                frame[6] * x + frame[7] * y + frame[8] * z + frame[11],
-            )
-        if depths is not None:
-            depths[p] = -z
-        if distances is not None:
-            distances[p] = math.sqrt(x * x + y * y + z * z)

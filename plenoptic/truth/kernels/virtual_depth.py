@@ -1,4 +1,4 @@
-"""Where the main lens images the points that rays meet: the kernels.
+"""Where the main lens images the points that rays meet.
 
 A ray that left the array at (m, n) with slopes (u, v), and left the lens, meets a point P. Rays near it cross the
 plane through P across the ray at X = A (dm, dn) + B (du, dv). Those that meet in P have A (dm, dn) = -B (du, dv): their
@@ -101,3 +101,17 @@ def fill_image_distances(distances, blocks, main, points, lane_of, step, turn):
         trace = b11 * a00 - b01 * a10 - b10 * a01 + b00 * a11
         determinant = b00 * b11 - b01 * b10
         distances[p] = 2.0 * determinant / trace
+
+
+@kernel
+def fill_virtual_depth(depths, images):
+    """Distance of the image behind the array over that of the sensor."""
+    for p in range(depths.size):
+        depths[p] = images.distance[p] / images.behind[p]
+
+
+@kernel
+def fill_disparity(disparities, images):
+    """Pixels by which the image moves between neighbouring microlenses, relative to their centres."""
+    for p in range(disparities.size):
+        disparities[p] = images.pitch / (images.distance[p] / images.behind[p])

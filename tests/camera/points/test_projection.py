@@ -14,7 +14,7 @@ from plenoptic.camera.points.projection_chiefs import ThroughArray, aimed, rays_
 from plenoptic.camera.psf.point_spread import landing_points, point_spread
 from plenoptic.optics.lens.record import lens_record
 from plenoptic.optics.lens.trace import traced_by
-from plenoptic.truth.ground_truth import Truth
+from plenoptic.truth.channels import Truth
 
 THIN, FLAT, SPHERICAL = pl.MicrolensModel.THIN, pl.MicrolensModel.FLAT_HIGH_INDEX, pl.MicrolensModel.SPHERICAL
 

@@ -14,7 +14,7 @@ from plenoptic.camera.record import camera_tables
 from plenoptic.camera.sampling.margins import fill_plates
 from plenoptic.core.kernels.ray_blocks import BLOCK
 from plenoptic.optics.microlens.kernels import to_lens
-from plenoptic.truth.ground_truth import Truth
+from plenoptic.truth.channels import Truth
 
 THIN, FLAT, SPHERICAL = pl.MicrolensModel.THIN, pl.MicrolensModel.FLAT_HIGH_INDEX, pl.MicrolensModel.SPHERICAL
 

@@ -13,7 +13,7 @@ from plenoptic.camera.psf.point_spread import landing_points, point_spread
 from plenoptic.camera.report.optics import corner_light
 from plenoptic.optics.microlens.dust import Blemishes, BlemishSite
 from plenoptic.optics.sensor.angular_response import AngularResponse
-from plenoptic.optics.stops.shapes import MaskStop
+from plenoptic.optics.stops.mask import MaskStop
 
 GAUSS = pl.load_lens("double-gauss-100mm-f2")
 POINT = (5.0, 3.0, -380.0)

@@ -17,7 +17,7 @@ from plenoptic.optics.microlens.aperture import ApertureShape, Gaps, MicrolensAp
 from plenoptic.optics.microlens.dust import Blemishes, BlemishSite
 from plenoptic.optics.microlens.imperfections import MicrolensDeviations, MicrolensImperfections
 from plenoptic.optics.sensor.angular_response import AngularResponse
-from plenoptic.truth.ground_truth import Truth
+from plenoptic.truth.channels import Truth
 
 THIN, FLAT, SPHERICAL = pl.MicrolensModel.THIN, pl.MicrolensModel.FLAT_HIGH_INDEX, pl.MicrolensModel.SPHERICAL
 LENS, ARRAY, SENSOR = CameraPart.LENS, CameraPart.MICROLENSES, CameraPart.SENSOR

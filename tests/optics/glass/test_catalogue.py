@@ -25,7 +25,7 @@ from plenoptic.optics.glass.media import AIR, C_LINE, D_LINE, F_LINE, VACUUM, Me
 from plenoptic.optics.lens.files.library import lens_names, load_lens
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.stack import LensStack
-from plenoptic.optics.stops.stops import CircularStop
+from plenoptic.optics.stops.circle import CircularStop
 from plenoptic.optics.surfaces.surface import Surface
 
 # n_d, n_C and n_F as the makers' data sheets print them, to five decimals: Schott, Hoya.

@@ -16,7 +16,8 @@ from plenoptic.optics.lens.checks.check import Finding, FindingKind, findings
 from plenoptic.optics.lens.files.library import lens_names, load_lens
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.stack import LensStack
-from plenoptic.optics.stops.stops import CircularStop, PolygonStop
+from plenoptic.optics.stops.circle import CircularStop
+from plenoptic.optics.stops.polygon import PolygonStop
 from plenoptic.optics.surfaces.surface import Surface
 
 SHARED = Path(os.environ["PLENOPTIC_SHARED"])

@@ -13,7 +13,8 @@ from plenoptic.optics.glass.media import AIR, ConstantMedium, ModelGlass
 from plenoptic.optics.lens.elements import Element
 from plenoptic.optics.lens.files.library import load_lens
 from plenoptic.optics.lens.stack import LensStack
-from plenoptic.optics.stops.stops import CircularStop, PolygonStop
+from plenoptic.optics.stops.circle import CircularStop
+from plenoptic.optics.stops.polygon import PolygonStop
 from plenoptic.optics.surfaces.surface import Surface
 
 EPS = np.finfo(float).eps

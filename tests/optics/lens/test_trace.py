@@ -7,8 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import plenoptic as pl
-from plenoptic.optics.lens.record import ROW, SURFACE, LensRecord, lens_record
+from plenoptic.optics.lens.record import ROW, LensRecord, lens_record
 from plenoptic.optics.lens.trace import traced_by
+from plenoptic.optics.record import SPHERE
 
 EPS = np.finfo(float).eps
 OK, MISSED, CLIPPED = pl.RayStatus.OK, pl.RayStatus.MISSED, pl.RayStatus.CLIPPED
@@ -21,7 +22,7 @@ def surface_record(curvatures, ratios, vertices, *, s=1.0):
     n = len(curvatures)
     numbers = zip(vertices, curvatures, ratios, range(n), strict=True)
     return LensRecord(
-        rows=np.array([(SURFACE, z, c, ratio, math.inf, math.inf, i) for z, c, ratio, i in numbers], ROW),
+        rows=np.array([(SPHERE, z, c, ratio, math.inf, math.inf, i) for z, c, ratio, i in numbers], ROW),
         edges=np.zeros((0, 4)),
         first_edge=np.zeros(n + 1, dtype=np.int64),
         conic=None,

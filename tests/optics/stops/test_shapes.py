@@ -13,10 +13,12 @@ from hypothesis import strategies as st
 import plenoptic as pl
 from plenoptic.errors import FileError, InvalidValueError, PrescriptionError
 from plenoptic.optics.lens.files.lens_json import json_of_lens, lens_from_json
-from plenoptic.optics.lens.record import CIRCLE, lens_record
+from plenoptic.optics.lens.record import lens_record
 from plenoptic.optics.lens.trace import traced_part
-from plenoptic.optics.stops.shapes import MaskStop, StarStop
-from plenoptic.optics.stops.stops import Stop
+from plenoptic.optics.record import CIRCLE
+from plenoptic.optics.stops.mask import MaskStop
+from plenoptic.optics.stops.registry import Stop
+from plenoptic.optics.stops.star import StarStop
 from plenoptic.plots.lens import plot_stop
 
 EPS = np.finfo(float).eps

@@ -7,7 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.stops.stops import CircularStop, PolygonStop, Stop
+from plenoptic.optics.stops.circle import CircularStop
+from plenoptic.optics.stops.polygon import PolygonStop
+from plenoptic.optics.stops.registry import Stop
 
 EPS = np.finfo(float).eps
 POLYGONS = st.builds(

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.truth.ground_truth import Truth
+from plenoptic.truth.channels import Truth
 
 # ---- measuring radiance ----
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.truth.ground_truth import Truth
+from plenoptic.truth.channels import Truth
 
 WHITE = {
     "lambertian": pl.Lambertian(1.0),

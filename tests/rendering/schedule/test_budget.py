@@ -14,6 +14,7 @@ import pytest
 import plenoptic as pl
 from plenoptic.rendering.schedule import scheduler
 from plenoptic.rendering.schedule.progress import Progress
+from plenoptic.study.cameras import reference_camera
 
 
 @pytest.fixture(autouse=True)
@@ -26,14 +27,7 @@ def ctrl_c_is_heard():
 
 # ---- helpers ----
 
-LENS = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(5.0))
-CAMERA = pl.PlenopticCamera(
-    lens=LENS,
-    microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
-    sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.010),
-    stop_to_microlenses=123.3,
-    microlenses_to_sensor=1.7,
-)
+CAMERA = reference_camera()
 MIDDLE = np.s_[240:264, 240:264]
 LONG = 1 << 22  # samples that would take minutes
 

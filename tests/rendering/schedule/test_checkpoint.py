@@ -260,6 +260,6 @@ def test_checkpoints_of_another_rendering_are_refused_and_told_apart(state):
         ({"scene": "sha256:abc"}, "with seed 2; give"),
     ):
         for action in (load_checkpoint, lambda path, ours: save_checkpoint(path, ours, {}, {})):
-            with pytest.raises(pl.FileError, match=f"belongs to another rendering, {words} checkpoint= another path"):
+            with pytest.raises(pl.FileError, match=f"belongs to another render, {words} checkpoint= another path"):
                 action(state, theirs)
     assert state.read_bytes() == content and os.listdir(state.parent) == ["state"]

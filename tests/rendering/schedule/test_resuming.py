@@ -19,6 +19,7 @@ import plenoptic as pl
 from plenoptic.camera.record import camera_tables
 from plenoptic.rendering.schedule import checkpoint as checkpoints
 from plenoptic.rendering.schedule import scheduler
+from plenoptic.study.cameras import reference_camera
 
 
 @pytest.fixture(autouse=True)
@@ -33,17 +34,6 @@ EVERY = 1e-9
 """Seconds between two savings: one after each tile."""
 BITS = ("image", "standard_error", "depth", "sample_counts")
 COUNTS = ("paths", "paths_through_lens", "lost", "nonfinite", "nonfinite_paths", "zero_variance", "stopped_by")
-
-
-@functools.cache
-def reference_camera():
-    return pl.PlenopticCamera(
-        lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=5.0)),
-        microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
-        sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.010),
-        stop_to_microlenses=123.3,
-        microlenses_to_sensor=1.7,
-    )
 
 
 @functools.cache
@@ -239,9 +229,7 @@ def test_checkpoints_of_another_rendering_are_refused_before_anything_is_rendere
     arguments = {"samples": 8, **arguments}
     if "camera" in arguments:
         arguments["camera"] = other_camera(arguments["camera"])
-    refuses(
-        tmp_path / "state", finished, rendering_nothing, f"belongs to another rendering, with .*{message}", arguments
-    )
+    refuses(tmp_path / "state", finished, rendering_nothing, f"belongs to another render, with .*{message}", arguments)
 
 
 def refuses(path, content, rendering_nothing, message, arguments):

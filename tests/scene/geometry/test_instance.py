@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.scene.geometry.instance import Instances, instance_tables
+from plenoptic.scene.geometry.instance import Instances, instance_record
 
 LAST = np.diag([0, 0, 0, 1])
 BEYOND = pl.SceneError, "within .*1e15 mm"
@@ -112,10 +112,10 @@ def test_a_material_belongs_to_all_copies():
     assert {copy.material for copy in lit.meshes()} == {pl.Emissive(2.0)}
 
 
-# As tables
+# As a record
 
 
-def test_tables_name_the_triangles_of_each_place():
+def test_a_record_names_the_triangles_of_each_place():
     rng = np.random.default_rng(6)
     box, ball = pl.box(2), pl.sphere(1, segments=(8, 4))
     groups = [
@@ -123,13 +123,12 @@ def test_tables_name_the_triangles_of_each_place():
         Instances(ball, turned(rng, 1, mirrored=True)),
         Instances(box, turned(rng, 1)),
     ]
-    tables = instance_tables(groups, [100, 112, 100])
-    assert tables.plain == 100
-    assert tables.first.tolist() == [100, 100, 112, 100]
-    assert tables.count.tolist() == [12, 12, len(ball.faces), 12]
-    assert tables.mirrored.tolist() == [0, 0, 1, 0]
-    rows = tables.matrices.reshape(-1, 3, 4)
+    record = instance_record(groups, [100, 112, 100])
+    assert record.plain == 100
+    assert record.first.tolist() == [100, 100, 112, 100]
+    assert record.faces.tolist() == [12, 12, len(ball.faces), 12]
+    rows = record.matrices.reshape(-1, 3, 4)
     for k, matrix in enumerate(matrix for group in groups for matrix in group.matrices):
         assert rows[k].tolist() == matrix[:3].tolist()
-    assert all(not array.flags.writeable for array in tables[:4])
-    assert instance_tables([], []) is None
+    assert all(not array.flags.writeable for array in record[:3])
+    assert instance_record([], []) is None

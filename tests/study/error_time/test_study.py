@@ -11,7 +11,7 @@ import pytest
 import plenoptic as pl
 from plenoptic.study import ErrorTable, Variant, default_variants
 from plenoptic.study.__main__ import main
-from plenoptic.study.error_time.cases import reference_camera, smooth_camera
+from plenoptic.study.cameras import reference_camera, smooth_camera
 from plenoptic.study.error_time.measurement import Runs, measured_rows
 from plenoptic.study.error_time.split import reference_of
 

@@ -10,25 +10,19 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from plenoptic.core.rays import RayBundle
+from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
+from plenoptic.optics.lens.elements import is_centred
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.lens.trace import traced_part
 from plenoptic.optics.surfaces.surface import Surface
 
-Floats = NDArray[np.float64]
-
 
 class Foci(NamedTuple):
-    """The foci of narrow beams around rays; nan where a ray does not exist.
-
-    Examples
-    --------
-    See `foci`.
-    """
+    """The foci of narrow beams around rays; nan where a ray does not exist. See `foci`, which makes it."""
 
     ray: RayBundle
     """(n) rays behind the lens, origins on the last element met."""
@@ -70,10 +64,6 @@ def foci(lens: LensStack, rays: RayBundle, *, parallel: bool, reverse: bool = Fa
     reverse : bool, optional
         Towards the scene.
 
-    Returns
-    -------
-    Foci
-
     Raises
     ------
     InvalidValueError
@@ -92,7 +82,11 @@ def foci(lens: LensStack, rays: RayBundle, *, parallel: bool, reverse: bool = Fa
     >>> foci(lens, axis, parallel=False).sagittal.round(3).tolist()
     [[0.0, 0.0, 134.624]]
     """
-    _require_centred(lens)
+    require_axis(lens, "astigmatism is")
+    if lens.model is not LensModel.EXACT:
+        raise InvalidValueError(
+            f"the model of {lens.name!r} is {lens.model.name}, which has no aberrations; use lens.with_model(EXACT)"
+        )
     order = range(len(lens.elements))
     index, sign = lens.indices(rays.wavelength), -1.0 if reverse else 1.0
     n = len(rays)
@@ -126,13 +120,11 @@ def require_axis(lens: LensStack, what: str) -> None:
             f"element {moved[0]} of {lens.name!r} is decentred or tilted; {what} that of a centred lens: leave out its "
             "placement, or look at spot diagrams"
         )
+    free = [i for i, element in enumerate(lens.elements) if not is_centred(element)]
+    if free:
+        raise InvalidValueError(
+            f"surface {free[0]} of {lens.name!r} has no rotational symmetry; {what} that of a lens with an axis: leave "
+            "out its departure, or look at spot diagrams"
+        )
     if lens.model is LensModel.NONE:
         raise InvalidValueError(f"the model of {lens.name!r} is NONE, which images nothing; use lens.with_model(EXACT)")
-
-
-def _require_centred(lens: LensStack) -> None:
-    require_axis(lens, "astigmatism is")
-    if lens.model is not LensModel.EXACT:
-        raise InvalidValueError(
-            f"the model of {lens.name!r} is {lens.model.name}, which has no aberrations; use lens.with_model(EXACT)"
-        )

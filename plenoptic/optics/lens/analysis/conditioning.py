@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.core.rays import RayBundle, RayStatus
-from plenoptic.core.values import frozen_array, set_field, value, whole, wrong_kind
+from plenoptic.core.values import Floats, frozen_array, set_field, value, whole, wrong_kind
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.analysis.conditioning_rows import (
     Notes,
@@ -110,11 +110,11 @@ class Conditioning:
     kinds: tuple[str, ...]
     rays: int
     reached: NDArray[np.int64]
-    incidence: NDArray[np.float64]
-    refraction: NDArray[np.float64]
-    cancellation: NDArray[np.float64]
-    newton: NDArray[np.float64]
-    search: NDArray[np.float64]
+    incidence: Floats
+    refraction: Floats
+    cancellation: Floats
+    newton: Floats
+    search: Floats
     searched: NDArray[np.int64]
     lost: tuple[tuple[str, int | None, int], ...] = ()
 
@@ -136,7 +136,7 @@ class Conditioning:
         set_field(self, "lost", lost)
 
     @property
-    def digits_lost(self) -> NDArray[np.float64]:
+    def digits_lost(self) -> Floats:
         """(n, 2): largest and median number of decimal digits that cancellation takes, of the 15.7 of float64."""
         return np.asarray(np.log10(np.maximum(self.cancellation, 1.0)))
 
@@ -216,7 +216,7 @@ _HEAD = (
 )
 
 
-def _pair(numbers: NDArray[np.float64]) -> str:
+def _pair(numbers: Floats) -> str:
     return "" if np.isnan(numbers).any() else " / ".join(f"{number:.3g}" for number in numbers)
 
 
@@ -241,10 +241,6 @@ def conditioning(lens: LensStack, rays: RayBundle, *, reverse: bool = False) -> 
         In the lens frame. Where origins lie on rays matters here: what is far away is known with a larger error.
     reverse : bool, optional
         Towards the scene, as `LensStack.trace_reverse`.
-
-    Returns
-    -------
-    Conditioning
 
     Examples
     --------

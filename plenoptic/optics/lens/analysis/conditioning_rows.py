@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.core.rays import RayBundle
-from plenoptic.optics.lens.record import ASPHERE, CONIC, FIRST_TERM, FRAME, IDEAL, SURFACE, LensRecord
+from plenoptic.core.values import Floats
+from plenoptic.optics.lens.record import FIRST_TERM, FRAME, LensRecord
+from plenoptic.optics.record import ASPHERE, CONIC, FREEFORM, IDEAL, SPHERE
 
 CHUNK = 64
 """Blocks of 256 rays that are followed together: with ten elements 8 MB of notes."""
@@ -19,17 +21,17 @@ class Notes(NamedTuple):
     """What was noted; arrays (elements, rays) in the order of travel, nan where a ray did not pass the element."""
 
     lens: LensRecord
-    incidence: NDArray[np.float64]
-    refraction: NDArray[np.float64]
-    cancellation: NDArray[np.float64]
-    newton: NDArray[np.float64]
+    incidence: Floats
+    refraction: Floats
+    cancellation: Floats
+    newton: Floats
     """Here and below, nan only where a ray did not come to the element."""
-    search: NDArray[np.float64]
+    search: Floats
     codes: NDArray[np.int64]
     """(rays,): status behind the lens, as in `ray_blocks`."""
 
 
-def blocks_of(rays: RayBundle) -> NDArray[np.float64]:
+def blocks_of(rays: RayBundle) -> Floats:
     """Rays as they lie in memory; see `ray_blocks`. The last block is filled with rays that are lost."""
     from plenoptic.core.kernels.ray_blocks import BLOCK, CAUSES, MISSED, RAY
 
@@ -41,7 +43,7 @@ def blocks_of(rays: RayBundle) -> NDArray[np.float64]:
     return np.ascontiguousarray(rows.reshape(RAY // BLOCK, -1, BLOCK).transpose(1, 0, 2)).reshape(-1)
 
 
-def noted(lens: LensRecord, blocks: NDArray[np.float64], n: int, waves: NDArray[np.int64] | None = None) -> Notes:
+def noted(lens: LensRecord, blocks: Floats, n: int, waves: NDArray[np.int64] | None = None) -> Notes:
     """Trace the first n rays of a bundle in place and note how each element treats them; see `fill_conditions`."""
     from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, STATUS
     from plenoptic.optics.lens.kernels.conditioning import fill_conditions
@@ -76,7 +78,7 @@ def _completed(lens: LensRecord) -> LensRecord:
     return completed
 
 
-def sizes(lens: LensRecord) -> NDArray[np.float64]:
+def sizes(lens: LensRecord) -> Floats:
     """What the size of each element is measured by, mm.
 
     Its semi-diameter, or, where it ends at its depth or nowhere, its radius of curvature or focal length.
@@ -92,21 +94,21 @@ def kinds(lens: LensRecord) -> tuple[str, ...]:
 
 
 def _kind(kind: int, c: float) -> str:
-    if kind == SURFACE:
+    if kind == SPHERE:
         return "sphere" if c else "plane"
-    return {CONIC: "conic", ASPHERE: "asphere", IDEAL: "ideal lens"}.get(kind, "stop")
+    return {CONIC: "conic", ASPHERE: "asphere", FREEFORM: "freeform", IDEAL: "ideal lens"}.get(kind, "stop")
 
 
-def largest_and_median(numbers: NDArray[np.float64]) -> NDArray[np.float64]:
+def largest_and_median(numbers: Floats) -> Floats:
     """(n, 2) of (n, rays), without the rays that are nan; nan where all are."""
     return _pairs(numbers, lambda row: (float(row.max()), float(np.median(row))))
 
 
-def largest_and_mean(numbers: NDArray[np.float64]) -> NDArray[np.float64]:
+def largest_and_mean(numbers: Floats) -> Floats:
     """(n, 2) of (n, rays), without the rays that are nan; nan where all are."""
     return _pairs(numbers, lambda row: (float(row.max()), float(row.mean())))
 
 
-def _pairs(numbers: NDArray[np.float64], of) -> NDArray[np.float64]:  # type: ignore[no-untyped-def]
+def _pairs(numbers: Floats, of) -> Floats:  # type: ignore[no-untyped-def]
     kept = (row[~np.isnan(row)] for row in numbers)
     return np.array([of(row) if len(row) else (math.nan, math.nan) for row in kept]).reshape(-1, 2)

@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from plenoptic.core.values import frozen_array, set_field, value
+from plenoptic.core.values import Floats, result
 from plenoptic.optics.lens.analysis.astigmatic import foci
 from plenoptic.optics.lens.analysis.fields import checked_fields
 from plenoptic.optics.lens.gaussian.paraxial import object_position
 from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays_reverse
 from plenoptic.optics.lens.stack import LensStack
 
-Floats = NDArray[np.float64]
 
-
-@value
+@result
 class DepthDistortion:
-    """Which distances are sharp on a flat sensor; made by `depth_distortion`.
+    """Which distances are sharp on a flat sensor. See `depth_distortion`, which makes it.
 
     Attributes
     ----------
@@ -30,10 +28,6 @@ class DepthDistortion:
     sagittal, tangential : (m, n) array
         z in mm of the object points on the chief rays that are sharp; above 0 where the lens is focused beyond
         infinity.
-
-    Examples
-    --------
-    See `depth_distortion`.
     """
 
     heights: Floats
@@ -41,13 +35,6 @@ class DepthDistortion:
     z_object: Floats
     sagittal: Floats
     tangential: Floats
-
-    def __post_init__(self) -> None:
-        for name in ("heights", "z_image", "z_object"):
-            set_field(self, name, frozen_array(getattr(self, name), name=name, shape=(None,)))
-        for name in ("sagittal", "tangential"):
-            shape = (len(self.z_image), len(self.heights))
-            set_field(self, name, frozen_array(getattr(self, name), name=name, shape=shape))
 
     @property
     def medial(self) -> Floats:
@@ -74,10 +61,6 @@ def depth_distortion(
         Planes of the sensor behind the lens, mm. For a plenoptic camera, those of the virtual images.
     wavelength : float, optional
         nm.
-
-    Returns
-    -------
-    DepthDistortion
 
     Raises
     ------

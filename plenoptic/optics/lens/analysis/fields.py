@@ -11,10 +11,10 @@ import enum
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from plenoptic.core.rays import RayBundle
-from plenoptic.core.values import choice, frozen_array, positive, set_field, value
+from plenoptic.core.values import Floats, choice, frozen_array, positive, result
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.analysis.astigmatic import foci, require_axis
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points, image_position, magnification
@@ -23,14 +23,13 @@ from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays, chief_ray
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.lens.trace import traced_part
 
-Floats = NDArray[np.float64]
-
 
 class Projection(enum.IntEnum):
     """How an ideal lens of focal length f images the half angle theta.
 
-    RECTILINEAR: f tan(theta). EQUIDISTANT: f theta. STEREOGRAPHIC: 2 f tan(theta / 2). EQUISOLID: 2 f sin(theta / 2).
-    ORTHOGRAPHIC: f sin(theta).
+    RECTILINEAR: f tan(theta), straight lines stay straight. EQUIDISTANT: f theta, which most fisheyes approach.
+    STEREOGRAPHIC: 2 f tan(theta / 2), circles stay circles. EQUISOLID: 2 f sin(theta / 2), equal solid angles have
+    equal areas. ORTHOGRAPHIC: f sin(theta), equal illumination by a uniform sky.
 
     Examples
     --------
@@ -40,15 +39,10 @@ class Projection(enum.IntEnum):
     """
 
     RECTILINEAR = 0
-    """f tan(theta): straight lines stay straight."""
     EQUIDISTANT = 1
-    """f theta: what most fisheyes approach."""
     STEREOGRAPHIC = 2
-    """2 f tan(theta / 2): circles stay circles."""
     EQUISOLID = 3
-    """2 f sin(theta / 2): equal solid angles have equal areas."""
     ORTHOGRAPHIC = 4
-    """f sin(theta): equal illumination by a uniform sky."""
 
     def height(self, focal_length: float, angle: ArrayLike) -> Floats:
         """Distance from the axis in mm of the image of a half angle in rad; negative angles give negative ones."""
@@ -61,13 +55,6 @@ class Projection(enum.IntEnum):
             Projection.ORTHOGRAPHIC: lambda: np.sin(theta),
         }[self]()
         return np.asarray(focal_length * scaled)
-
-
-def freeze(instance: object) -> None:
-    """Bring the arrays of a result into their final form: all of the length of `fields`."""
-    for name, item in vars(instance).items():
-        if isinstance(item, np.ndarray | list | tuple):
-            set_field(instance, name, frozen_array(item, name=name, shape=(None,)))
 
 
 def checked_fields(fields: ArrayLike, z_object: float, *, name: str = "fields") -> Floats:
@@ -105,9 +92,9 @@ def chief_rays(lens: LensStack, fields: Floats, z_object: float, wavelength: flo
     return RayBundle(origin, direction, wavelength, status=np.ravel([ray.status for ray in rays]))
 
 
-@value
+@result
 class Distortion:
-    """Heights of chief rays in the paraxial image plane; made by `distortion`.
+    """Heights of chief rays in the paraxial image plane. See `distortion`, which makes it.
 
     Attributes
     ----------
@@ -122,10 +109,6 @@ class Distortion:
         The paraxial image plane, mm.
     z_object : float
         mm; -inf: infinitely far away.
-
-    Examples
-    --------
-    See `distortion`.
     """
 
     fields: Floats
@@ -134,9 +117,6 @@ class Distortion:
     projection: Projection
     z_image: float
     z_object: float
-
-    def __post_init__(self) -> None:
-        freeze(self)
 
     @property
     def relative(self) -> Floats:
@@ -166,10 +146,6 @@ def distortion(
         nm.
     projection : Projection, optional
         Of an object infinitely far away. At a finite distance the ideal image is the paraxial one: RECTILINEAR.
-
-    Returns
-    -------
-    Distortion
 
     Raises
     ------
@@ -208,26 +184,18 @@ def distortion(
     return Distortion(radii, out.at_z(z_image)[:, 1], heights, ideal, z_image, z_object)
 
 
-@value
+@result
 class FieldCurvature:
-    """Where narrow beams around chief rays are sharp; made by `field_curvature`.
+    """Where narrow beams around chief rays are sharp. See `field_curvature`, which makes it.
 
     Attributes
     ----------
-    fields : (n,) array
-        rad, or mm.
+    fields, z_image, z_object
+        As in `Distortion`.
     sagittal, tangential : (n,) array
         z of the foci minus z of the paraxial image plane, mm: negative towards the lens.
     height : (n,) array
         y of the chief ray in the paraxial image plane, mm.
-    z_image : float
-        The paraxial image plane, mm.
-    z_object : float
-        mm; -inf: infinitely far away.
-
-    Examples
-    --------
-    See `field_curvature`.
     """
 
     fields: Floats
@@ -236,9 +204,6 @@ class FieldCurvature:
     height: Floats
     z_image: float
     z_object: float
-
-    def __post_init__(self) -> None:
-        freeze(self)
 
     @property
     def astigmatism(self) -> Floats:
@@ -260,16 +225,8 @@ def field_curvature(
     ----------
     lens : LensStack
         Centred, LensModel.EXACT.
-    fields : (n,) array
-        Along +y: half angles in rad, or heights in mm in the plane z_object.
-    z_object : float, optional
-        mm; -inf: infinitely far away.
-    wavelength : float, optional
-        nm.
-
-    Returns
-    -------
-    FieldCurvature
+    fields, z_object, wavelength
+        See `distortion`.
 
     Raises
     ------
@@ -291,36 +248,22 @@ def field_curvature(
     z_image = image_plane(lens, z_object, wavelength)
     chiefs = chief_rays(lens, radii, z_object, wavelength)
     found = foci(lens, chiefs, parallel=z_object == -math.inf)
-    return FieldCurvature(
-        radii,
-        found.sagittal[:, 2] - z_image,
-        found.tangential[:, 2] - z_image,
-        found.ray.at_z(z_image)[:, 1],
-        z_image,
-        z_object,
-    )
+    sagittal, tangential = found.sagittal[:, 2] - z_image, found.tangential[:, 2] - z_image
+    return FieldCurvature(radii, sagittal, tangential, found.ray.at_z(z_image)[:, 1], z_image, z_object)
 
 
-@value
+@result
 class Coma:
-    """Asymmetry of spots; made by `coma`.
+    """Asymmetry of spots. See `coma`, which makes it.
 
     Attributes
     ----------
-    fields : (n,) array
-        rad, or mm.
+    fields, z_image, z_object
+        As in `Distortion`.
     sagittal, tangential : (n,) array
         Mean y of two rays from opposite points of the zone, along x and along y, minus y of the chief ray, in mm.
     zone : float
         Distance of these points from the centre of the iris in units of its semi-diameter.
-    z_image : float
-        The paraxial image plane, mm.
-    z_object : float
-        mm; -inf: infinitely far away.
-
-    Examples
-    --------
-    See `coma`.
     """
 
     fields: Floats
@@ -330,31 +273,18 @@ class Coma:
     z_image: float
     z_object: float
 
-    def __post_init__(self) -> None:
-        freeze(self)
-
 
 def coma(
-    lens: LensStack,
-    fields: ArrayLike,
-    *,
-    zone: float = 1.0,
-    z_object: float = -math.inf,
-    wavelength: float = 587.6,
+    lens: LensStack, fields: ArrayLike, *, zone: float = 1.0, z_object: float = -math.inf, wavelength: float = 587.6
 ) -> Coma:
     """Sagittal and tangential coma of a zone of the iris, in the paraxial image plane.
 
     Parameters
     ----------
-    lens : LensStack
-    fields : (n,) array
-        Along +y: half angles in rad, or heights in mm in the plane z_object.
+    lens, fields, z_object, wavelength
+        See `distortion`.
     zone : float, optional
         Radius of the zone in units of the semi-diameter of the iris.
-    z_object : float, optional
-        mm; -inf: infinitely far away.
-    wavelength : float, optional
-        nm.
 
     Returns
     -------

@@ -8,9 +8,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from plenoptic.core.values import choice, frozen_array, set_field, value
+from plenoptic.core.values import Floats, choice, frozen_array, result
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.gaussian import conjugates
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points, image_position
@@ -37,11 +37,8 @@ class FocusCriterion(enum.IntEnum):
     """
 
     PARAXIAL = 0
-    """Where rays close to the axis meet."""
     RMS_SPOT = 1
-    """Where the root mean square distance of the rays from their centroid is smallest."""
     GEOMETRIC_SPOT = 2
-    """Where the largest distance of a ray from the centroid is smallest: the circle of least confusion."""
 
 
 def _needs_a_lens(lens: LensStack) -> None:
@@ -53,43 +50,17 @@ def _needs_a_lens(lens: LensStack) -> None:
 
 
 def front_focus(lens: LensStack, wavelength: float = 587.6) -> float:
-    """Where the front focus of a lens is, as its model has it: z in mm; objects beyond it have a real image.
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> from plenoptic.optics.lens.analysis.focus import front_focus
-    >>> lens = pl.load_lens("double-gauss-100mm-f2")
-    >>> round(front_focus(lens), 2), round(front_focus(lens.with_model(pl.LensModel.THIN)), 2)
-    (-88.01, -98.91)
-    """
+    """Where the front focus of a lens is, as its model has it: z in mm; objects beyond it have a real image."""
     _needs_a_lens(lens)
     points = cardinal_points(lens, wavelength)
     return points.rear_principal - points.efl if lens.model is LensModel.THIN else points.front_focus
 
 
 def paraxial_focus(lens: LensStack, z_object: float, wavelength: float = 587.6) -> float:
-    """Where a lens images a plane by Gaussian optics, as its model has it: z in mm.
+    """Where a lens images a plane by Gaussian optics, as its model has it: z in mm; see `image_position`.
 
-    THIN has both principal planes at the rear principal point; PARAXIAL and EXACT image by the cardinal points.
-
-    Parameters
-    ----------
-    lens : LensStack
-    z_object : float
-        z of the object plane in the lens frame, mm; -inf for an object at infinity.
-    wavelength : float, optional
-        nm.
-
-    Returns
-    -------
-    float
-        inf where the rays leave parallel; in front of the lens for a virtual image.
-
-    Raises
-    ------
-    InvalidValueError
-        For a lens with LensModel.NONE.
+    THIN has both principal planes at the rear principal point; PARAXIAL and EXACT image by the cardinal points. A lens
+    with LensModel.NONE is an InvalidValueError.
 
     Examples
     --------
@@ -117,30 +88,7 @@ def paraxial_focus(lens: LensStack, z_object: float, wavelength: float = 587.6) 
 def working_f_number(lens: LensStack, z_object: float = -math.inf, wavelength: float = 587.6) -> float:
     """1 over twice the paraxial numerical aperture in the image of an axial object point, as the lens's model has it.
 
-    Parameters
-    ----------
-    lens : LensStack
-    z_object : float, optional
-        mm; -inf for an object at infinity.
-    wavelength : float, optional
-        nm.
-
-    Returns
-    -------
-    float
-        NaN where it is not defined: for LensModel.NONE, and for lenses without a focal length.
-
-    References
-    ----------
-    W. J. Smith, Modern Optical Engineering, 4th ed., section 9.7.
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> from plenoptic.optics.lens.analysis.focus import working_f_number
-    >>> lens = pl.load_lens("double-gauss-100mm-f2")
-    >>> round(working_f_number(lens), 2), round(working_f_number(lens, -404.0), 2)
-    (2.03, 2.63)
+    NaN where it is not defined: for LensModel.NONE, and for lenses without a focal length.
     """
     points = cardinal_points(lens, wavelength)
     if lens.model is LensModel.NONE or not math.isfinite(points.efl):
@@ -173,18 +121,9 @@ def best_focus(
 
     Parameters
     ----------
-    lens : LensStack
-    field : (2,) sequence of float, optional
-        x and y of the object point: angles in radians for an object at infinity, otherwise mm. PARAXIAL ignores it.
-    z_object : float, optional
-        z of the object plane, mm; -inf for an object at infinity.
-    wavelength : float or sequence of float, optional
-        nm. Several carry equal light; PARAXIAL takes the first.
+    lens, field, z_object, wavelength, rays, seed
+        See `spot_diagram`. PARAXIAL ignores the field and takes the first wavelength.
     criterion : FocusCriterion, optional
-    rays : int, optional
-        For each wavelength; at least this many are traced.
-    seed : int, optional
-        Chooses the sampling points.
 
     Returns
     -------
@@ -215,10 +154,10 @@ def best_focus(
         _, z = checked_point(lens, field, z_object)
         return paraxial_focus(lens, z, checked_wavelengths(wavelength)[0])
     beam = _beam(lens, field, z_object, wavelength, rays, seed)
-    if beam.spread <= (1e-12) ** 2 * beam.weight.sum():
+    if beam.parallel:
         return math.inf
     if kind is FocusCriterion.GEOMETRIC_SPOT:
-        return beam.z + _least_radius(beam.heights, beam.slopes, beam.sharpest, spread=beam.spread, weight=beam.weight)
+        return beam.z + _least_radius(beam)
     return beam.z + beam.sharpest
 
 
@@ -226,13 +165,17 @@ class _Beam(NamedTuple):
     """Straight rays behind the lens, heights and slopes from their centroid's, in a plane near the image."""
 
     z: float
-    heights: NDArray[np.float64]
-    slopes: NDArray[np.float64]
-    weight: NDArray[np.float64]
+    heights: Floats
+    slopes: Floats
+    weight: Floats
 
     @property
     def spread(self) -> float:
         return float(self.weight @ np.einsum("ij,ij->i", self.slopes, self.slopes))
+
+    @property
+    def parallel(self) -> bool:
+        return bool(self.spread <= (1e-12) ** 2 * self.weight.sum())
 
     @property
     def sharpest(self) -> float:
@@ -241,12 +184,7 @@ class _Beam(NamedTuple):
 
 
 def _beam(
-    lens: LensStack,
-    field: Sequence[float],
-    z_object: float,
-    wavelength: float | Sequence[float],
-    rays: int,
-    seed: int,
+    lens: LensStack, field: Sequence[float], z_object: float, wavelength: float | Sequence[float], rays: int, seed: int
 ) -> _Beam:
     point, z = checked_point(lens, field, z_object)
     wavelengths = checked_wavelengths(wavelength)
@@ -265,9 +203,9 @@ def _beam(
     return _Beam(z_near, heights, slopes, light.weight)
 
 
-@value
+@result
 class ThroughFocus:
-    """Size of the spot in planes around the focus; made by `through_focus`.
+    """Size of the spot in planes around the focus. See `through_focus`, which makes it.
 
     Attributes
     ----------
@@ -277,26 +215,16 @@ class ThroughFocus:
         Of the spot in each plane about its centroid, mm.
     best : float
         z of the least RMS radius, mm.
-    field : (2,) array
-        The object point: radians for an object at infinity, otherwise mm.
-    z_object : float
-        mm.
-
-    Examples
-    --------
-    See `through_focus`.
+    field, z_object
+        As in `SpotDiagram`.
     """
 
-    z: NDArray[np.float64]
-    rms_radius: NDArray[np.float64]
-    geometric_radius: NDArray[np.float64]
+    z: Floats
+    rms_radius: Floats
+    geometric_radius: Floats
     best: float
-    field: NDArray[np.float64]
+    field: Floats
     z_object: float
-
-    def __post_init__(self) -> None:
-        for name in ("z", "rms_radius", "geometric_radius", "field"):
-            set_field(self, name, frozen_array(getattr(self, name), name=name, shape=(None,)))
 
 
 def through_focus(
@@ -313,16 +241,11 @@ def through_focus(
 
     Parameters
     ----------
-    lens : LensStack
+    lens, field, z_object, wavelength, rays, seed
+        See `spot_diagram`.
     z : (n,) array, optional
         Planes in the lens frame, mm; 101 around the best focus if left out, to where the spot is some four times as
         large.
-    field, z_object, wavelength, rays, seed
-        As for `best_focus`.
-
-    Returns
-    -------
-    ThroughFocus
 
     Raises
     ------
@@ -338,7 +261,7 @@ def through_focus(
     """
     _needs_a_lens(lens)
     beam = _beam(lens, field, z_object, wavelength, rays, seed)
-    if beam.spread <= (1e-12) ** 2 * beam.weight.sum():
+    if beam.parallel:
         raise InvalidValueError("the rays leave the lens parallel and have no focus; give another z_object")
     best = beam.z + beam.sharpest
     total = float(beam.weight.sum())
@@ -347,7 +270,7 @@ def through_focus(
         least = float(beam.weight @ np.einsum("ij,ij->i", offsets, offsets))
         reach = max(4.0 * math.sqrt(least / beam.spread), 1e-9 * max(abs(best), 1.0))
         z = np.linspace(best - reach, best + reach, 101)
-    planes = np.atleast_1d(np.asarray(z, dtype=np.float64))
+    planes = frozen_array(np.atleast_1d(np.asarray(z, dtype=object)), name="z", shape=(None,))
     rms, geometric = np.empty(len(planes)), np.empty(len(planes))
     for i, plane in enumerate(planes - beam.z):
         offsets = beam.heights + plane * beam.slopes
@@ -357,23 +280,17 @@ def through_focus(
     return ThroughFocus(planes, rms, geometric, best, np.asarray(point), place)
 
 
-def _least_radius(
-    heights: NDArray[np.float64],
-    slopes: NDArray[np.float64],
-    shift: float,
-    *,
-    spread: float,
-    weight: NDArray[np.float64],
-) -> float:
-    """Where the largest distance from the centroid, a convex function of z, is smallest; `shift` has the least RMS."""
+def _least_radius(beam: _Beam) -> float:
+    """How far behind z the largest distance from the centroid, a convex function of the plane, is smallest."""
 
     def radius2(z: float) -> float:
-        offsets = heights + z * slopes
+        offsets = beam.heights + z * beam.slopes
         return float(np.einsum("ij,ij->i", offsets, offsets).max())
 
+    shift = beam.sharpest
     # Around the best RMS focus, as far as the ray with the largest distance there needs to come to the centroid if it
     # has the RMS slope; doubled until the smallest radius lies inside.
-    reach = math.sqrt(radius2(shift) * float(weight.sum()) / spread)
+    reach = math.sqrt(radius2(shift) * float(beam.weight.sum()) / beam.spread)
     low, high = shift - reach, shift + reach
     while radius2(low) < radius2(shift) or radius2(high) < radius2(shift):
         reach *= 2.0

@@ -10,21 +10,16 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from plenoptic.core.rays import RayBundle
-from plenoptic.core.values import value, whole
+from plenoptic.core.values import Floats, result, whole
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.lens.analysis.fields import checked_fields, chief_rays, freeze, image_plane, unclipped
-from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays, aimed_rays_reverse, hexapolar
+from plenoptic.optics.lens.analysis.fields import checked_fields, chief_rays, image_plane, unclipped
+from plenoptic.optics.lens.pupil.iris_points import INSIDE, hexapolar
+from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays, aimed_rays_reverse
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.lens.trace import traced_part
-from plenoptic.optics.stops.shapes import MaskStop
-
-Floats = NDArray[np.float64]
-
-_INSIDE = 1.0 - 1e-9
-"""Points on the rim of the iris are taken this much inside, so that rounding does not clip them."""
 
 _ZOOMS, _ZOOM = 3, 129
 """A limit is looked for in 129 places, then in 129 between two of them, and once more: to 1 in 2 million."""
@@ -48,10 +43,8 @@ def largest_field(lens: LensStack, *, z_object: float = -math.inf, wavelength: f
     ----------
     lens : LensStack
         Taken as LensModel.EXACT.
-    z_object : float, optional
-        mm; -inf: infinitely far away.
-    wavelength : float, optional
-        nm.
+    z_object, wavelength
+        See `distortion`.
 
     Returns
     -------
@@ -94,14 +87,14 @@ def _field_of(ray: RayBundle, z_object: float) -> float:
     return math.atan2(abs(m), -n)
 
 
-@value
+@result
 class Vignetting:
-    """How much of the iris is filled; made by `vignetting`.
+    """How much of the iris is filled. See `vignetting`, which makes it.
 
     Attributes
     ----------
-    fields : (n,) array
-        rad, or mm.
+    fields, z_object
+        As in `Distortion`.
     fraction : (n,) array
         Part of what the iris lets through that passes all rims and stops too: of its area, for all but grey masks.
     standard_error : (n,) array
@@ -109,12 +102,6 @@ class Vignetting:
     lower, upper : (n,) array
         The rim rays: the smallest and the largest y on the diameter along y of the iris, in units of its semi-diameter,
         whose rays pass; nan where none does.
-    z_object : float
-        mm; -inf: infinitely far away.
-
-    Examples
-    --------
-    See `vignetting`.
     """
 
     fields: Floats
@@ -124,35 +111,18 @@ class Vignetting:
     upper: Floats
     z_object: float
 
-    def __post_init__(self) -> None:
-        freeze(self)
-
 
 def vignetting(
-    lens: LensStack,
-    fields: ArrayLike,
-    *,
-    z_object: float = -math.inf,
-    wavelength: float = 587.6,
-    grid: int = 64,
+    lens: LensStack, fields: ArrayLike, *, z_object: float = -math.inf, wavelength: float = 587.6, grid: int = 64
 ) -> Vignetting:
     """Which part of the iris is filled by light that passes all rims.
 
     Parameters
     ----------
-    lens : LensStack
-    fields : (n,) array
-        Along +y: half angles in rad, or heights in mm in the plane z_object.
-    z_object : float, optional
-        mm; -inf: infinitely far away.
-    wavelength : float, optional
-        nm.
+    lens, fields, z_object, wavelength
+        See `distortion`.
     grid : int, optional
         Points across the iris.
-
-    Returns
-    -------
-    Vignetting
 
     Raises
     ------
@@ -175,7 +145,7 @@ def vignetting(
     if not len(pupil):
         raise InvalidValueError(f"grid is {side}; none of its points falls into the opening of the iris: increase it")
     share, full = 4.0 / side**2 * stop.semi_diameter**2 / stop.area, np.ones(len(pupil))
-    if isinstance(stop, MaskStop):
+    if stop.row().cells is not None:
         full = stop.transmission_at(*(stop.semi_diameter * pupil.T))
         share = 1.0 / float(full.sum())
 
@@ -199,7 +169,7 @@ def vignetting(
 def _rim_rays(passing: Callable[[Floats], Floats]) -> tuple[float, float]:
     """The smallest and the largest y on the diameter along y at which rays pass."""
     limits = []
-    for end in (-_INSIDE, _INSIDE):
+    for end in (-INSIDE, INSIDE):
         low, high = -end, end
         for _ in range(_ZOOMS):
             y = np.linspace(low, high, _ZOOM)
@@ -211,18 +181,18 @@ def _rim_rays(passing: Callable[[Floats], Floats]) -> tuple[float, float]:
             low, high = float(y[last]), float(y[min(last + 1, _ZOOM - 1)])
             if low == high:
                 break
-        limits.append(low / _INSIDE)
+        limits.append(low / INSIDE)
     return limits[0], limits[1]
 
 
-@value
+@result
 class RelativeIllumination:
-    """Illumination of the image plane by a scene of uniform radiance; made by `relative_illumination`.
+    """Illumination of the image plane by a scene of uniform radiance. See `relative_illumination`, which makes it.
 
     Attributes
     ----------
-    fields : (n,) array
-        rad, or mm.
+    fields, z_image, z_object
+        As in `Distortion`.
     heights : (n,) array
         y of the image points in mm: where the chief rays meet the image plane.
     projected_solid_angle : (n,) array
@@ -231,14 +201,6 @@ class RelativeIllumination:
         The same over that on the axis; nan where the axis itself is dark.
     standard_error : (n,) array
         Of `relative`, from counting points of a grid.
-    z_image : float
-        mm.
-    z_object : float
-        mm; -inf: infinitely far away.
-
-    Examples
-    --------
-    See `relative_illumination`.
     """
 
     fields: Floats
@@ -249,32 +211,20 @@ class RelativeIllumination:
     z_image: float
     z_object: float
 
-    def __post_init__(self) -> None:
-        freeze(self)
-
 
 def relative_illumination(
-    lens: LensStack,
-    fields: ArrayLike,
-    *,
-    z_object: float = -math.inf,
-    wavelength: float = 587.6,
-    grid: int = 160,
+    lens: LensStack, fields: ArrayLike, *, z_object: float = -math.inf, wavelength: float = 587.6, grid: int = 160
 ) -> RelativeIllumination:
     """Irradiance of the image plane against that on the axis, of a scene of the same radiance everywhere.
 
     The rays that reach a point of the image and come from the scene are counted on a grid of equal steps in their
-    direction cosines l and m, in which the projected solid angle is the area: E = L integral dl dm.
+    direction cosines l and m, in which the projected solid angle is the area: E = L integral dl dm. The image plane is
+    the paraxial image of z_object.
 
     Parameters
     ----------
-    lens : LensStack
-    fields : (n,) array
-        Along +y: half angles in rad, or heights in mm in the plane z_object.
-    z_object : float, optional
-        mm; -inf: infinitely far away. The image plane is its paraxial image.
-    wavelength : float, optional
-        nm.
+    lens, fields, z_object, wavelength
+        See `distortion`.
     grid : int, optional
         Cells of the grid across what passes.
 

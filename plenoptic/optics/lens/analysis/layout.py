@@ -6,23 +6,22 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from plenoptic.core.rays import RayBundle
-from plenoptic.core.values import whole, wrong_kind
+from plenoptic.core.values import Floats, whole, wrong_kind
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.analysis.fields import checked_fields, field_curvature
 from plenoptic.optics.lens.analysis.illumination import largest_field
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points, image_position
 from plenoptic.optics.lens.models import LensModel
-from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays, fan
+from plenoptic.optics.lens.pupil.iris_points import INSIDE, fan
+from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.lens.trace import traced_part
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-Floats = NDArray[np.float64]
 
 _LEAD = 0.35
 """Length of the rays that are drawn before the lens, over that of the lens."""
@@ -34,28 +33,13 @@ _SHARP, _OPEN, _TRIED = 0.05, 1.0 / 3.0, 25
 """A field is worth drawing, out of 25 tried, where both foci are within 5 % of the focal length of the image plane and
 a third of the diameter of the iris gets light."""
 
-_INSIDE = 1.0 - 1e-9
-"""Points on the rim of the iris are taken this much inside, so that rounding does not clip them."""
-
 
 def ray_paths(lens: LensStack, rays: RayBundle, *, z_end: float) -> Floats:
-    """The points at which rays meet the elements of a lens, one after the other.
+    """The points at which n rays meet the k elements of a lens, taken as LensModel.EXACT: (n, k + 2, 3).
 
-    Parameters
-    ----------
-    lens : LensStack
-        Taken as LensModel.EXACT.
-    rays : RayBundle
-        n rays before the lens.
-    z_end : float
-        Plane behind the lens to which rays that pass are followed, mm.
-
-    Returns
-    -------
-    ndarray
-        (n, k + 2, 3) for k elements: the origins, the points on the elements, and the points in the plane z_end. The
-        path of a ray that is clipped ends on the element that clips it, that of one that is lost otherwise on the one
-        before; what follows is nan.
+    They are the origins before the lens, the points on the elements, and the points in the plane z_end behind it. The
+    path of a ray that is clipped ends on the element that clips it, that of one that is lost otherwise on the one
+    before; what follows is nan.
 
     Examples
     --------
@@ -83,20 +67,8 @@ def layout_fields(lens: LensStack, *, z_object: float = -math.inf, wavelength: f
     """Three fields for a figure: the axis, 0.7 of the largest field that the lens still images, and that one.
 
     There, sagittal and tangential focus are within 5 % of the focal length of the image plane, and a third of the
-    diameter along y of the iris gets light. Sharpness is not asked of a decentred lens, or of one without an image.
-
-    Parameters
-    ----------
-    lens : LensStack
-    z_object : float, optional
-        mm; -inf: infinitely far away.
-    wavelength : float, optional
-        nm.
-
-    Returns
-    -------
-    ndarray
-        (3,) half angles in rad, or heights in mm in the plane z_object.
+    diameter along y of the iris gets light. Sharpness is not asked of a decentred lens, or of one without an image. For
+    the parameters and units see `distortion`.
 
     Examples
     --------
@@ -121,7 +93,7 @@ def layout_fields(lens: LensStack, *, z_object: float = -math.inf, wavelength: f
 
 
 def _is_open(lens: LensStack, field: float, z_object: float, wavelength: float) -> bool:
-    rays = aimed_rays(lens, field=(0.0, field), pupil=_INSIDE * fan(9), z_object=z_object, wavelength=wavelength)
+    rays = aimed_rays(lens, field=(0.0, field), pupil=INSIDE * fan(9), z_object=z_object, wavelength=wavelength)
     return float(np.mean(lens.trace(rays).status == 0)) >= _OPEN
 
 
@@ -152,44 +124,7 @@ def layout(
     z_image: float | None = None,
     ax: Axes | None = None,
 ) -> Axes:
-    """Draw a lens with a fan of real rays for each of some fields, true to scale.
-
-    Parameters
-    ----------
-    lens : LensStack
-    fields : (n,) array, optional
-        Along +y: half angles in rad, or heights in mm in the plane z_object; `layout_fields` if left out.
-    z_object : float, optional
-        mm; -inf: infinitely far away. If left out, that, or the front focus of a lens whose rear focus does not lie
-        behind it, as that of a microscope objective.
-    rays : int, optional
-        Rays of each fan, evenly over the diameter along y of the iris. Those that a rim stops end there.
-    wavelength : float, optional
-        nm.
-    z_image : float, optional
-        Where rays end, mm; the paraxial image plane if left out.
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; a new figure if left out.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        z in mm to the right, y in mm upwards; one colour a field.
-
-    Raises
-    ------
-    InvalidValueError
-        If a field is out of range or the object is not before the lens.
-    PlenopticError
-        Which is an ImportError too: without matplotlib.
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> ax = pl.load_lens("double-gauss-100mm-f2").layout(fields=[0.0, 0.2])
-    >>> [text.get_text() for text in ax.get_legend().get_texts()]
-    ['0°', '11.5°']
-    """
+    """Draw a lens with a fan of real rays for each of some fields, true to scale; see `LensStack.layout`."""
     from plenoptic.plots.layout import plot_layout
 
     if not isinstance(lens, LensStack):
@@ -198,7 +133,7 @@ def layout(
     parallel = place == -math.inf
     chosen = layout_fields(lens, z_object=place, wavelength=wavelength) if fields is None else fields
     radii = checked_fields(chosen, place)
-    pupil = _INSIDE * fan(whole(rays, "rays", at_least=2))
+    pupil = INSIDE * fan(whole(rays, "rays", at_least=2))
     last, plane = float(lens.vertices[-1]), z_image
     if plane is None:
         image = image_position(lens, place, wavelength)

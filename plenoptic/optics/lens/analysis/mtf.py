@@ -10,9 +10,9 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from plenoptic.core.values import frozen_array, number, positive, read_only, set_field, value, wavelength_in_nm, whole
+from plenoptic.core.values import Floats, frozen_array, number, positive, result, wavelength_in_nm, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.analysis.focus import working_f_number
 from plenoptic.optics.lens.analysis.spots import SpotDiagram, jackknife_error, spot_diagram, without_one
@@ -25,7 +25,7 @@ _SMALLEST_PICTURE = 1e-6
 """mm; a perfect image has no size."""
 
 
-@value
+@result
 class PointSpread:
     """Geometric point-spread function as a picture; made by `point_spread`.
 
@@ -42,12 +42,8 @@ class PointSpread:
         mm.
     centre : (2,) array
         x and y on the image plane of the middle of the picture, mm.
-    field : (2,) array
-        Object point: radians for an object at infinity, otherwise mm.
-    z_object, z_image : float
-        Planes in the lens frame, mm.
-    wavelengths : tuple of float
-        nm.
+    field, z_object, z_image, wavelengths
+        As in `SpotDiagram`.
 
     Examples
     --------
@@ -57,19 +53,15 @@ class PointSpread:
     ((32, 32), 1.0)
     """
 
-    image: NDArray[np.float64]
-    standard_error: NDArray[np.float64]
+    image: Floats
+    standard_error: Floats
     outside: float
     pixel_size: float
-    centre: NDArray[np.float64]
-    field: NDArray[np.float64]
+    centre: Floats
+    field: Floats
     z_object: float
     z_image: float
     wavelengths: tuple[float, ...]
-
-    def __post_init__(self) -> None:
-        for name in ("image", "standard_error", "centre", "field"):
-            set_field(self, name, read_only(np.asarray(getattr(self, name))))
 
 
 def point_spread(  # noqa: PLR0913
@@ -89,19 +81,14 @@ def point_spread(  # noqa: PLR0913
 
     Parameters
     ----------
-    lens : LensStack
-    field, z_object, z_image, wavelength, rays, seed : optional
-        As in `spot_diagram`.
+    lens, field, z_object, z_image, wavelength, rays, seed
+        See `spot_diagram`.
     shape : (int, int), optional
         Rows and columns.
     pixel_size : float, optional
         mm; if it is left out, the picture is 2.5 times the geometric radius wide, so that nothing falls outside.
     centre : (2,) sequence of float, optional
         Middle of the picture on the image plane, mm; the centroid of the light if it is left out.
-
-    Returns
-    -------
-    PointSpread
 
     Raises
     ------
@@ -152,9 +139,7 @@ def _needs_light(spot: SpotDiagram) -> None:
         )
 
 
-def _counted(
-    spot: SpotDiagram, centre: NDArray[np.float64], size: float, rows: int, columns: int
-) -> NDArray[np.float64]:
+def _counted(spot: SpotDiagram, centre: Floats, size: float, rows: int, columns: int) -> Floats:
     """Light on each pixel from each replicate, (REPLICATES, rows, columns)."""
     column = np.floor((spot.x - centre[0]) / size + 0.5 * columns)
     row = np.floor((centre[1] - spot.y) / size + 0.5 * rows)
@@ -165,9 +150,9 @@ def _counted(
     return np.asarray(light.reshape(REPLICATES, rows, columns))
 
 
-@value
+@result
 class Mtf:
-    """Geometric modulation transfer function of one object point; made by `mtf`.
+    """Geometric modulation transfer function of one object point. See `mtf`, which makes it.
 
     Attributes
     ----------
@@ -180,35 +165,20 @@ class Mtf:
     diffraction : (k,) array
         For comparison: the limit by diffraction on the axis, at the first wavelength and the paraxial working f-number.
         It is not contained in the other two.
-    field : (2,) array
-        Object point: radians for an object at infinity, otherwise mm.
-    z_object, z_image : float
-        Planes in the lens frame, mm.
-    wavelengths : tuple of float
-        nm.
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> float(pl.aberrations.mtf(pl.load_lens("double-gauss-100mm-f2"), [0.0, 20.0]).tangential[0])
-    1.0
+    field, z_object, z_image, wavelengths
+        As in `SpotDiagram`.
     """
 
-    frequencies: NDArray[np.float64]
-    tangential: NDArray[np.float64]
-    sagittal: NDArray[np.float64]
-    tangential_error: NDArray[np.float64]
-    sagittal_error: NDArray[np.float64]
-    diffraction: NDArray[np.float64]
-    field: NDArray[np.float64]
+    frequencies: Floats
+    tangential: Floats
+    sagittal: Floats
+    tangential_error: Floats
+    sagittal_error: Floats
+    diffraction: Floats
+    field: Floats
     z_object: float
     z_image: float
     wavelengths: tuple[float, ...]
-
-    def __post_init__(self) -> None:
-        names = ("tangential", "sagittal", "tangential_error", "sagittal_error", "diffraction")
-        for name in ("frequencies", *names, "field"):
-            set_field(self, name, read_only(np.asarray(getattr(self, name))))
 
 
 def mtf(
@@ -226,15 +196,10 @@ def mtf(
 
     Parameters
     ----------
-    lens : LensStack
+    lens, field, z_object, z_image, wavelength, rays, seed
+        See `spot_diagram`.
     frequencies : (k,) array
         Cycles per mm on the image plane, at least 0.
-    field, z_object, z_image, wavelength, rays, seed : optional
-        As in `spot_diagram`.
-
-    Returns
-    -------
-    Mtf
 
     Raises
     ------
@@ -266,17 +231,16 @@ def mtf(
     dx, dy = spot.x - x0, spot.y - y0
     tangential, tangential_error = _modulus(spot, x * dx + y * dy, given)
     sagittal, sagittal_error = _modulus(spot, y * dx - x * dy, given)
-    f_number = working_f_number(lens, spot.z_object, spot.wavelengths[0])
-    limited = math.isfinite(f_number)
+    f_number, diffraction = working_f_number(lens, spot.z_object, spot.wavelengths[0]), np.full(len(given), np.nan)
+    if math.isfinite(f_number):
+        diffraction = diffraction_mtf(given, f_number=f_number, wavelength=spot.wavelengths[0])
     return Mtf(
         frequencies=given,
         tangential=tangential,
         sagittal=sagittal,
         tangential_error=tangential_error,
         sagittal_error=sagittal_error,
-        diffraction=diffraction_mtf(given, f_number=f_number, wavelength=spot.wavelengths[0])
-        if limited
-        else np.full(len(given), np.nan),
+        diffraction=diffraction,
         field=spot.field,
         z_object=spot.z_object,
         z_image=spot.z_image,
@@ -284,16 +248,14 @@ def mtf(
     )
 
 
-def _checked_frequencies(frequencies: ArrayLike) -> NDArray[np.float64]:
+def _checked_frequencies(frequencies: ArrayLike) -> Floats:
     given = frozen_array(np.atleast_1d(frequencies), name="frequencies", shape=("k",))  # type: ignore[arg-type]
     if not (np.isfinite(given) & (given >= 0)).all():
         raise InvalidValueError("frequencies holds a number that is below 0 or not finite; give cycles per mm")
     return given
 
 
-def _modulus(
-    spot: SpotDiagram, position: NDArray[np.float64], frequencies: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _modulus(spot: SpotDiagram, position: Floats, frequencies: Floats) -> tuple[Floats, Floats]:
     """Modulus (k,) for patterns along one direction, and its standard error."""
     modulus, error = np.empty(len(frequencies)), np.empty(len(frequencies))
     for i, frequency in enumerate(frequencies):
@@ -306,7 +268,7 @@ def _modulus(
     return np.minimum(modulus, 1.0), error
 
 
-def diffraction_mtf(frequencies: ArrayLike, *, f_number: float, wavelength: float = 587.6) -> NDArray[np.float64]:
+def diffraction_mtf(frequencies: ArrayLike, *, f_number: float, wavelength: float = 587.6) -> Floats:
     """Modulation transfer of a perfect lens with a round, evenly filled pupil: the limit by diffraction.
 
     Parameters

@@ -7,9 +7,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from plenoptic.core.values import finite, frozen_array, set_field, value
+from plenoptic.core.values import Floats, finite, frozen_array, result, set_field, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.glass.media import C_LINE, D_LINE, F_LINE
 from plenoptic.optics.lens.gaussian.conjugates import leaving_aperture
@@ -26,7 +25,7 @@ _LINES = (F_LINE, D_LINE, C_LINE)
 
 @value
 class SeidelSums:
-    """Seidel's sums S_I to S_V, element by element, in mm; made by `seidel_sums`.
+    """Seidel's sums S_I to S_V, element by element, in mm. See `seidel_sums`, which makes it.
 
     Parameters
     ----------
@@ -41,42 +40,34 @@ class SeidelSums:
     ----------
     W. T. Welford, Aberrations of Optical Systems, 1986, chapter 8. Others' sums differ by factors: the wavefront is
     S_I / 8, not S_I / 4, of the fourth power of the pupil's radius.
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> sums = pl.aberrations.seidel_sums(pl.load_lens("double-gauss-100mm-f2"), field=0.17)
-    >>> sums.total.shape
-    (5,)
     """
 
-    spherical: NDArray[np.float64]
-    coma: NDArray[np.float64]
-    astigmatism: NDArray[np.float64]
-    petzval: NDArray[np.float64]
-    distortion: NDArray[np.float64]
+    spherical: Floats
+    coma: Floats
+    astigmatism: Floats
+    petzval: Floats
+    distortion: Floats
     aperture: float
     wavelength: float
 
     def __post_init__(self) -> None:
-        n = np.size(self.spherical)
         for name in _SUMS:
-            set_field(self, name, frozen_array(getattr(self, name), name=name, shape=(n,)))
+            set_field(self, name, frozen_array(getattr(self, name), name=name, shape=(np.size(self.spherical),)))
         for name in ("aperture", "wavelength"):
             set_field(self, name, finite(getattr(self, name), name))
 
     @property
-    def table(self) -> NDArray[np.float64]:
+    def table(self) -> Floats:
         """(n, 5): a row an element, S_I to S_V in mm."""
         return np.stack([getattr(self, name) for name in _SUMS], axis=1)
 
     @property
-    def total(self) -> NDArray[np.float64]:
+    def total(self) -> Floats:
         """(5,): S_I to S_V of the lens in mm."""
         return np.asarray(self.table.sum(axis=0))
 
     @property
-    def wavefront(self) -> NDArray[np.float64]:
+    def wavefront(self) -> Floats:
         """(5,): wavefront coefficients W040, W131, W222, W220 and W311 at the rim of pupil and field, in mm.
 
         S_I / 8, S_II / 2, S_III / 2, (S_III + S_IV) / 4 and S_V / 2 (Welford, chapter 8): W220 is the sagittal field
@@ -86,7 +77,7 @@ class SeidelSums:
         return np.array([s1 / 8, s2 / 2, s3 / 2, (s3 + s4) / 4, s5 / 2])
 
     @property
-    def transverse(self) -> NDArray[np.float64]:
+    def transverse(self) -> Floats:
         """(5,): transverse aberrations in the Gaussian image plane in mm.
 
         Of the marginal ray S_I / (2 n'u'); tangential coma 3 S_II / (2 n'u'); heights of the rays through the rim of
@@ -122,13 +113,8 @@ def seidel_sums(lens: LensStack, *, field: float, z_object: float = -math.inf, w
     ----------
     lens : LensStack
         Elements out of place count as if they were centred.
-    field : float
-        Of an object at infinity its angle from the axis in radians, of a nearer one its height in mm: the edge of the
-        field to which the sums refer. An object above the axis has a positive field.
-    z_object : float, optional
-        The object plane in the lens frame, mm; -inf: infinitely far.
-    wavelength : float, optional
-        nm.
+    field, z_object, wavelength
+        See `plenoptic.paraxial.chief_ray`; the field is the edge of that to which the sums refer.
 
     Returns
     -------
@@ -166,9 +152,7 @@ def seidel_sums(lens: LensStack, *, field: float, z_object: float = -math.inf, w
     return SeidelSums(spherical, coma, astigmatism, petzval, distortion, aperture, float(wavelength))
 
 
-def _spherical_part(
-    c: float, marginal: ParaxialRay, chief: ParaxialRay, invariant: float, i: int
-) -> NDArray[np.float64]:
+def _spherical_part(c: float, marginal: ParaxialRay, chief: ParaxialRay, invariant: float, i: int) -> Floats:
     n, n_behind = marginal.index[i], marginal.index[i + 1]
     y, y_bar = marginal.height[i], chief.height[i]
     a = n * (marginal.angle[i] + y * c)
@@ -180,8 +164,13 @@ def _spherical_part(
     return -np.array([a * a * bent, a * a_bar * bent, a_bar**2 * bent, petzval, distortion])
 
 
-def _aspheric_part(surface: Surface, marginal: ParaxialRay, chief: ParaxialRay, i: int) -> NDArray[np.float64]:
+def _aspheric_part(surface: Surface, marginal: ParaxialRay, chief: ParaxialRay, i: int) -> Floats:
     """What the r^4 term adds that goes beyond the sphere of the same vertex curvature."""
+    if surface.departure is not None:
+        raise InvalidValueError(
+            f"surface {i} has no rotational symmetry, so that Seidel sums are not defined; leave out its departure, or "
+            "look at spot diagrams"
+        )
     fourth = surface.aspheric[1] if len(surface.aspheric) > 1 else 0.0
     excess = ((1.0 + surface.conic) * surface.curvature**3 - surface.vertex_curvature**3) / 8.0 + fourth
     strength = 8.0 * excess * (marginal.index[i + 1] - marginal.index[i])
@@ -189,11 +178,11 @@ def _aspheric_part(surface: Surface, marginal: ParaxialRay, chief: ParaxialRay, 
     return np.asarray(strength * np.array([y**4, y**3 * y_bar, y**2 * y_bar**2, 0.0, y * y_bar**3]))
 
 
-@value
+@result
 class ChromaticShift:
-    """Paraxial colour: where each wavelength comes to a focus, and how high; made by `chromatic_shift`.
+    """Paraxial colour: where each wavelength comes to a focus, and how high. See `chromatic_shift`, which makes it.
 
-    Parameters
+    Attributes
     ----------
     wavelengths : (n,) array
         nm.
@@ -203,23 +192,12 @@ class ChromaticShift:
         Height of the chief ray in the image plane of the reference wavelength, mm.
     reference : float
         The wavelength (nm) whose image plane it is.
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> shift = pl.aberrations.chromatic_shift(pl.load_lens("achromat-100mm-f4.4"), field=0.01)
-    >>> bool(abs(shift.axial) < 0.2)                    # a singlet has f / V = 1.5
-    True
     """
 
-    wavelengths: NDArray[np.float64]
-    focus: NDArray[np.float64]
-    height: NDArray[np.float64]
+    wavelengths: Floats
+    focus: Floats
+    height: Floats
     reference: float
-
-    def __post_init__(self) -> None:
-        for name in ("wavelengths", "focus", "height"):
-            set_field(self, name, frozen_array(getattr(self, name), name=name, shape=(None,)))
 
     @property
     def axial(self) -> float:
@@ -258,14 +236,8 @@ def chromatic_shift(
         nm; the hydrogen and helium lines F, d and C by default.
     reference : float, optional
         One of the wavelengths, in whose image plane heights are taken; the middle one of the list if it is left out.
-    field : float, optional
-        As for `seidel_sums`.
-    z_object : float, optional
-        The object plane in the lens frame, mm; -inf: infinitely far.
-
-    Returns
-    -------
-    ChromaticShift
+    field, z_object
+        See `seidel_sums`.
 
     Raises
     ------
@@ -281,7 +253,7 @@ def chromatic_shift(
     --------
     >>> import plenoptic as pl
     >>> shift = pl.aberrations.chromatic_shift(pl.load_lens("singlet-100mm-f4"))
-    >>> round(shift.axial, 2)                           # some f / V = 100 / 64.2
+    >>> round(shift.axial, 2)                           # some f / V = 100 / 64.2, and below 0.2 for an achromat
     1.53
     """
     lines = _checked_lines(wavelengths)
@@ -302,7 +274,7 @@ def chromatic_shift(
     return ChromaticShift(lines, focus, height, middle)
 
 
-def _checked_lines(wavelengths: Sequence[float]) -> NDArray[np.float64]:
+def _checked_lines(wavelengths: Sequence[float]) -> Floats:
     lines = np.atleast_1d(frozen_array(list(wavelengths), name="wavelengths", shape=(None,)))
     if len(lines) == 0:
         raise InvalidValueError("wavelengths is empty; give at least one, in nm")
@@ -311,7 +283,7 @@ def _checked_lines(wavelengths: Sequence[float]) -> NDArray[np.float64]:
 
 def colour_sums(
     lens: LensStack, *, field: float, z_object: float = -math.inf, wavelengths: Sequence[float] = _LINES
-) -> NDArray[np.float64]:
+) -> Floats:
     r"""The chromatic sums C_I (axial) and C_II (lateral) element by element.
 
     .. math:: C_I = \sum A y\, \Delta(\delta n / n), \qquad C_{II} = \sum \bar A y\, \Delta(\delta n / n)

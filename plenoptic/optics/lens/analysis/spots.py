@@ -9,26 +9,19 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.core.values import finite, read_only, set_field, value, whole
+from plenoptic.core.values import Floats, finite, read_only, result, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.analysis.focus import paraxial_focus, working_f_number
-from plenoptic.optics.lens.pupil.beam import (
-    REPLICATES,
-    checked_point,
-    checked_wavelengths,
-    meridian,
-    passing_light,
-)
+from plenoptic.optics.lens.pupil.beam import REPLICATES, checked_point, checked_wavelengths, meridian, passing_light
+from plenoptic.optics.lens.pupil.iris_points import INSIDE
+from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays
 from plenoptic.optics.lens.stack import LensStack
-
-_INSIDE = 1.0 - 1e-9
-"""Rays of a fan through the rim of the iris pass this much inside, so that rounding does not clip them."""
 
 AIRY = 1.2196698912665045
 """First zero of J1 over pi: radius of the Airy disc over wavelength and f-number."""
 
 
-@value
+@result
 class SpotDiagram:
     """Where the rays from one object point meet the image plane; made by `spot_diagram`.
 
@@ -67,13 +60,13 @@ class SpotDiagram:
     (True, 1.0)
     """
 
-    x: NDArray[np.float64]
-    y: NDArray[np.float64]
-    weight: NDArray[np.float64]
+    x: Floats
+    y: Floats
+    weight: Floats
     colour: NDArray[np.uint8]
     replicate: NDArray[np.uint8]
-    chief: NDArray[np.float64]
-    field: NDArray[np.float64]
+    chief: Floats
+    field: Floats
     z_object: float
     z_image: float
     wavelengths: tuple[float, ...]
@@ -81,12 +74,8 @@ class SpotDiagram:
     fraction_error: float
     airy_radius: float
 
-    def __post_init__(self) -> None:
-        for name in ("x", "y", "weight", "colour", "replicate", "chief", "field"):
-            set_field(self, name, read_only(np.asarray(getattr(self, name))))
-
     @property
-    def centroid(self) -> NDArray[np.float64]:
+    def centroid(self) -> Floats:
         """Mean position (2,) of the light, mm; NaN if nothing passes."""
         if not len(self.x):
             return read_only(np.full(2, np.nan))
@@ -116,7 +105,7 @@ class SpotDiagram:
             return math.nan
         return float(np.hypot(*self._offsets()).max())
 
-    def _offsets(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _offsets(self) -> tuple[Floats, Floats]:
         x, y = self.centroid
         return self.x - x, self.y - y
 
@@ -129,13 +118,13 @@ class SpotDiagram:
         )
 
 
-def without_one(weights: Sequence[NDArray[np.float64]], replicate: NDArray[np.uint8]) -> NDArray[np.float64]:
+def without_one(weights: Sequence[Floats], replicate: NDArray[np.uint8]) -> Floats:
     """Sums of each array over all replicates but one: (arrays, REPLICATES)."""
     sums = np.array([np.bincount(replicate, weights=w, minlength=REPLICATES) for w in weights])
     return np.asarray(sums.sum(axis=1, keepdims=True) - sums)
 
 
-def jackknife_error(estimates: NDArray[np.float64]) -> NDArray[np.float64]:
+def jackknife_error(estimates: Floats) -> Floats:
     """Standard error from estimates (..., n) that leave one of n equal, independent parts out each.
 
     B. Efron, The Jackknife, the Bootstrap and Other Resampling Plans, SIAM 1982, equation 3.1.
@@ -240,9 +229,9 @@ def spot_diagram(
     )
 
 
-@value
+@result
 class RayFan:
-    """Transverse aberrations of the rays through two lines across the iris; made by `ray_fan`.
+    """Transverse aberrations of the rays through two lines across the iris. See `ray_fan`, which makes it.
 
     Components are along two axes of the image plane: the sagittal one and the tangential one, which points along the
     field. They are x and y for a field along +y, and on the axis.
@@ -258,32 +247,18 @@ class RayFan:
         The same for the sagittal line.
     chief : (2,) array
         x and y of the chief ray of the first wavelength on the image plane, mm.
-    field : (2,) array
-        Object point: radians for an object at infinity, otherwise mm.
-    z_object, z_image : float
-        Planes in the lens frame, mm.
-    wavelengths : tuple of float
-        nm.
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> pl.aberrations.ray_fan(pl.load_lens("double-gauss-100mm-f2"), points=5).pupil
-    array([-1. , -0.5,  0. ,  0.5,  1. ])
+    field, z_object, z_image, wavelengths
+        As in `SpotDiagram`.
     """
 
-    pupil: NDArray[np.float64]
-    tangential: NDArray[np.float64]
-    sagittal: NDArray[np.float64]
-    chief: NDArray[np.float64]
-    field: NDArray[np.float64]
+    pupil: Floats
+    tangential: Floats
+    sagittal: Floats
+    chief: Floats
+    field: Floats
     z_object: float
     z_image: float
     wavelengths: tuple[float, ...]
-
-    def __post_init__(self) -> None:
-        for name in ("pupil", "tangential", "sagittal", "chief", "field"):
-            set_field(self, name, read_only(np.asarray(getattr(self, name))))
 
 
 def ray_fan(
@@ -299,22 +274,11 @@ def ray_fan(
 
     Parameters
     ----------
-    lens : LensStack
-        Its `model` is respected.
-    field : (2,) sequence of float, optional
-        x and y of the object point: angles in radians for an object at infinity, otherwise mm.
-    z_object : float, optional
-        z of the object plane in the lens frame, mm; -inf for an object at infinity.
-    z_image : float, optional
-        z of the image plane, mm; the paraxial image at the first wavelength if it is left out.
-    wavelength : float or sequence of float, optional
-        nm. The chief ray of the first is the reference for all, so that lateral colour shows.
+    lens, field, z_object, z_image, wavelength
+        See `spot_diagram`. The chief ray of the first wavelength is the reference for all, so that lateral colour
+        shows.
     points : int, optional
         Rays of each fan.
-
-    Returns
-    -------
-    RayFan
 
     Raises
     ------
@@ -329,11 +293,11 @@ def ray_fan(
     --------
     >>> import plenoptic as pl
     >>> fan = pl.aberrations.ray_fan(pl.load_lens("singlet-100mm-f4"), points=5)
+    >>> fan.pupil
+    array([-1. , -0.5,  0. ,  0.5,  1. ])
     >>> bool(fan.tangential[0, -1, 1] < 0)          # undercorrected: the marginal ray crosses the axis too early
     True
     """
-    from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays
-
     point, z = checked_point(lens, field, z_object)
     wavelengths = checked_wavelengths(wavelength)
     z_fan = image_plane(lens, z_image, z, wavelengths[0])
@@ -342,21 +306,10 @@ def ray_fan(
     along = meridian(point)
     # One row of the matrix each: the axes of the image plane, sagittal and tangential.
     axes = np.array([[along[1], -along[0]], along])
-    inside = _INSIDE * pupil[:, None]
+    inside = INSIDE * pupil[:, None]
     lines = np.concatenate([np.zeros((1, 2)), inside * axes[1], inside * axes[0]])
-    met = []
-    for w in wavelengths:
-        rays = aimed_rays(lens, field=point, pupil=lines, z_object=z, wavelength=w)
-        met.append(lens.trace(rays).at_z(z_fan)[:, :2])
-    chief = met[0][0]
-    aberration = (np.array(met)[:, 1:] - chief) @ axes.T
-    return RayFan(
-        pupil=pupil,
-        tangential=aberration[:, :n],
-        sagittal=aberration[:, n:],
-        chief=chief,
-        field=np.array(point),
-        z_object=z,
-        z_image=z_fan,
-        wavelengths=wavelengths,
-    )
+    aimed = [aimed_rays(lens, field=point, pupil=lines, z_object=z, wavelength=w) for w in wavelengths]
+    hits = np.array([lens.trace(rays).at_z(z_fan)[:, :2] for rays in aimed])
+    chief = hits[0, 0]
+    aberration = (hits[:, 1:] - chief) @ axes.T
+    return RayFan(pupil, aberration[:, :n], aberration[:, n:], chief, np.array(point), z, z_fan, wavelengths)

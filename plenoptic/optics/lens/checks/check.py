@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Iterator
 from itertools import combinations, pairwise
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.values import positive, wrong_kind
 from plenoptic.errors import InvalidValueError
@@ -25,7 +26,10 @@ from plenoptic.optics.surfaces.surface import Surface
 _PLACES = 257
 """Distances from the axis at which the gap between two surfaces is looked at."""
 _THIN = 0.01
+_TILTED = 1e-3
+"""Slopes that the second order does not know, of the vertex or of the rim."""
 _NEAR_EQUATOR = 0.99
+_AZIMUTHS = np.linspace(0.0, 2.0 * math.pi, 24, endpoint=False)
 _STEEPEST = math.tan(math.radians(60.0))
 _INDEX_TOLERANCE, _ABBE_TOLERANCE = 0.01, 0.10
 
@@ -82,11 +86,19 @@ def _surfaces(lens: LensStack) -> list[tuple[int, Surface]]:
     return [(i, element) for i, element in enumerate(lens.elements) if isinstance(element, Surface)]
 
 
-def _rim_depth(surface: Surface) -> float:
-    """Axial position of the rim relative to the vertex."""
+def _sag_around(surface: Surface, r: ArrayLike) -> NDArray[np.float64]:
+    """Sag at distances from the axis, (azimuths, n); one azimuth stands for all of a surface of revolution."""
+    r = np.atleast_1d(r)
+    if surface.departure is None:
+        return surface.sag(r)[None]
+    return surface.sag(np.outer(np.cos(_AZIMUTHS), r), np.outer(np.sin(_AZIMUTHS), r))
+
+
+def _rim_depth(surface: Surface) -> NDArray[np.float64]:
+    """Axial position of the rim relative to the vertex, (azimuths,)."""
     if surface.depth is not None:
-        return math.copysign(surface.depth, surface.radius)
-    return float(surface.sag(surface.semi_diameter))
+        return np.array([math.copysign(surface.depth, surface.radius)])
+    return np.asarray(_sag_around(surface, surface.semi_diameter)[:, 0])
 
 
 def _edges(lens: LensStack) -> Iterator[Finding]:
@@ -98,7 +110,7 @@ def _edges(lens: LensStack) -> Iterator[Finding]:
             continue  # seen by _collisions
         gap = float(z[j] - z[i])
         r = np.linspace(0.0, min(front.semi_diameter, rear.semi_diameter), _PLACES)
-        room = gap + rear.sag(r) - front.sag(r)
+        room = (gap + _sag_around(rear, r) - _sag_around(front, r)).min(axis=0)
         closes = room < -1e-9 * (gap + r[-1])  # surfaces may touch
         if closes.any():
             k = int(np.argmax(closes))
@@ -117,9 +129,9 @@ def _edges(lens: LensStack) -> Iterator[Finding]:
 def _thin_edge(i: int, front: Surface, j: int, rear: Surface, gap: float) -> Iterator[Finding]:
     outermost = max(front.semi_diameter, rear.semi_diameter)
     # The smaller surface ends in a flat bevel, or goes on to the edge, whichever leaves more glass.
-    edge = gap + _rim_depth(rear) - _rim_depth(front)
+    edge = float((gap + _rim_depth(rear) - _rim_depth(front)).min())
     if outermost <= min(front.equator, rear.equator):
-        edge = max(edge, gap + float(rear.sag(outermost) - front.sag(outermost)))
+        edge = max(edge, gap + float((_sag_around(rear, outermost) - _sag_around(front, outermost)).min()))
     smallest = 0.0 if front.depth is not None or rear.depth is not None else _THIN * outermost
     if edge < smallest:
         kind = FindingKind.THIN_EDGE if edge >= 0 else FindingKind.OVERLAP
@@ -142,7 +154,7 @@ def _collisions(lens: LensStack) -> Iterator[Finding]:
         r = np.hypot(local[:, 0], local[:, 1])
         inside = r <= (second.semi_diameter if isinstance(second, Surface) else math.inf)
         if isinstance(second, Surface):
-            ahead = second.sag(np.minimum(r, second.semi_diameter)) - local[:, 2]
+            ahead = _sag_at(second, local[:, 0], local[:, 1]) - local[:, 2]
         else:
             # A stop is in the way outside its opening.
             inside, ahead = ~second.contains(local[:, 0], local[:, 1]), -local[:, 2]
@@ -157,13 +169,23 @@ def _collisions(lens: LensStack) -> Iterator[Finding]:
             )
 
 
+def _sag_at(surface: Surface, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Sag at points; beyond the semi-diameter that at the rim."""
+    r = np.hypot(x, y)
+    within = np.minimum(r, surface.semi_diameter)
+    if surface.departure is None:
+        return surface.sag(within)
+    scale = within / np.where(r > 0, r, 1.0)
+    return dataclasses.replace(surface, departure=None).sag(within) + surface.departure.sag(scale * x, scale * y)
+
+
 def _points_on(element: Element) -> NDArray[np.float64]:
     """Points (n, 3) on a surface or on the plane of a stop, in the lens's axes, from the element's place."""
     across = np.linspace(-1.0, 1.0, 41) * element.semi_diameter
     x, y = (g.ravel() for g in np.meshgrid(across, across))
     kept = np.hypot(x, y) <= element.semi_diameter
     x, y = x[kept], y[kept]
-    z = element.sag(np.hypot(x, y)) if isinstance(element, Surface) else np.zeros_like(x)
+    z = _sag_at(element, x, y) if isinstance(element, Surface) else np.zeros_like(x)
     points = np.column_stack([x, y, z])
     if element.placement is not None:
         points = points @ np.asarray(element.placement.rotation).T + np.asarray(element.placement.shift)
@@ -189,7 +211,7 @@ def _stop_planes(lens: LensStack) -> Iterator[Finding]:
         if not isinstance(surface, Surface) or surface.semi_diameter <= stop.semi_diameter:
             continue
         r = np.linspace(stop.semi_diameter, surface.semi_diameter, _PLACES)
-        room = float(z[j] - z[i]) + side * surface.sag(r)
+        room = (float(z[j] - z[i]) + side * _sag_around(surface, r)).min(axis=0)
         if room.min() < 0:
             at, plane = (i, j) if side < 0 else (j, i)
             yield Finding(
@@ -212,16 +234,36 @@ def _shapes(lens: LensStack) -> Iterator[Finding]:
                 f"{100 * surface.semi_diameter / surface.equator:.1f} % of its equator's {surface.equator:.5g} mm, "
                 "where it runs parallel to the axis; reduce it",
             )
-        if surface.aspheric:
-            slopes = np.abs(surface.slope(np.linspace(0.0, surface.semi_diameter, _PLACES)))
+        if surface.departure is not None:
+            yield from _vertex(i, surface)
+        if surface.aspheric or surface.departure is not None:
+            r = np.linspace(0.0, surface.semi_diameter, _PLACES)
+            around = _AZIMUTHS if surface.departure is not None else np.zeros(1)
+            gradient = surface.gradient(np.outer(np.cos(around), r), np.outer(np.sin(around), r))
+            slopes = np.hypot(*gradient).max(axis=0)
             if slopes.max() > _STEEPEST:
-                r = surface.semi_diameter * float(np.argmax(slopes)) / (_PLACES - 1)
+                at = surface.semi_diameter * float(np.argmax(slopes)) / (_PLACES - 1)
                 yield Finding(
                     FindingKind.STEEP,
                     (i,),
                     f"the aspheric surface {i} has a slope of {math.degrees(math.atan(slopes.max())):.1f} degrees "
-                    f"{r:.4g} mm from the axis; above 60 it can hardly be made: check its coefficients",
+                    f"{at:.4g} mm from the axis; above 60 it can hardly be made: check its coefficients",
                 )
+
+
+def _vertex(i: int, surface: Surface) -> Iterator[Finding]:
+    """A surface that turns or splits the rays along the axis, of which Gaussian data know nothing."""
+    assert surface.departure is not None
+    shape = surface.departure.vertex
+    tilt, split = math.hypot(shape.dx, shape.dy), math.hypot(0.5 * (shape.dxx - shape.dyy), shape.dxy)
+    if tilt > _TILTED or split * surface.semi_diameter > _TILTED:
+        yield Finding(
+            FindingKind.VERTEX,
+            (i,),
+            f"surface {i} is tilted by {1e3 * math.atan(tilt):.3g} mrad at its vertex, where its curvatures differ by "
+            f"up to {split:.3g} 1/mm from their mean; Gaussian data are those of an untilted surface of the mean "
+            "curvature: look at rays",
+        )
 
 
 def _glass_numbers(lens: LensStack) -> Iterator[Finding]:
@@ -288,10 +330,11 @@ def _places(lens: LensStack, wavelength: float) -> Iterator[Finding]:
             f"the iris, element {lens.iris_index}, stands {outside:.4g} mm outside the lens, farther than the lens is "
             f"long and than its focal length, {points.efl:.4g} mm; check the gap",
         )
-    if 0 < points.bfl < _rim_depth(rear):
+    rim = float(_rim_depth(rear).max())
+    if 0 < points.bfl < rim:
         yield Finding(
             FindingKind.IMAGE_INSIDE,
             (last,),
             f"the image of a far object lies {points.bfl:.4g} mm behind the vertex of the last surface, {last}, whose "
-            f"rim reaches {_rim_depth(rear):.4g} mm; reduce its semi-diameter",
+            f"rim reaches {rim:.4g} mm; reduce its semi-diameter",
         )

@@ -48,6 +48,9 @@ class FindingKind(enum.IntEnum):
     CANCELLATION = 12
     """Lengths above 10^4 times the size of an element are added up on the way to points on it, so that more than 4 of
     the 15.7 decimal digits of float64 are lost."""
+    VERTEX = 13
+    """A surface without rotational symmetry is tilted or astigmatic at its vertex, by slopes above 0.001: Gaussian data
+    leave that out."""
 
 
 @value

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from plenoptic.core.rays import RayBundle, RayStatus
 from plenoptic.optics.lens.checks.finding import Finding, FindingKind
+from plenoptic.optics.lens.elements import Element
 from plenoptic.optics.lens.files.infer_stop import basis_rays
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.lens.trace import traced_part
-from plenoptic.optics.stops.shapes import MaskStop, StarStop
-from plenoptic.optics.stops.stops import CircularStop, PolygonStop
+from plenoptic.optics.stops.circle import circle_around
 from plenoptic.optics.surfaces.surface import Surface
 
 _FILLED = 0.95
@@ -81,7 +81,7 @@ def passing_rays(lens: LensStack, wavelength: float) -> RayBundle:
     exact = _without_masks(lens if lens.model is LensModel.EXACT else lens.with_model(LensModel.EXACT))
     widest = math.radians(_WIDEST_FREE if _iris_is_outside(exact) else _WIDEST)
     angle = np.linspace(-widest, widest, _FAN)
-    heights = np.linspace(-0.98, 0.98, _FANS) * _iris_radius(exact)
+    heights = np.linspace(-0.98, 0.98, _FANS) * exact.stop.inner_radius
     fans = [_fan(exact, angle, wavelength, reverse=True, height=float(height)) for height in heights]
     rays = RayBundle(
         np.concatenate([fan.origin for fan in fans]), np.concatenate([fan.direction for fan in fans]), wavelength
@@ -114,22 +114,14 @@ def _axial_beam(lens: LensStack, wavelength: float) -> tuple[RayBundle | None, s
     return beam, "from the front focus" if from_focus else "from infinity"
 
 
-def _iris_radius(lens: LensStack) -> float:
-    if isinstance(lens.stop, StarStop):
-        return lens.stop.inner_semi_diameter
-    return lens.stop.apothem if isinstance(lens.stop, PolygonStop) else lens.stop.semi_diameter
-
-
 def _without_masks(lens: LensStack) -> LensStack:
     """The lens with circles around its masks: rays in one plane say little of the holes of a mask."""
-    if not any(isinstance(element, MaskStop) for element in lens.elements):
+    masks = [i for i, element in enumerate(lens.elements) if element.row().cells is not None]
+    if not masks:
         return lens
-    elements = [
-        CircularStop(element.semi_diameter, element.thickness, placement=element.placement)
-        if isinstance(element, MaskStop)
-        else element
-        for element in lens.elements
-    ]
+    elements: list[Element] = list(lens.elements)
+    for i in masks:
+        elements[i] = circle_around(elements[i])
     return dataclasses.replace(lens, elements=elements)
 
 
@@ -140,7 +132,7 @@ def _axial_findings(lens: LensStack, rays: RayBundle, whole: RayBundle, origin: 
     if passing < 0 or whole.lost_at[passing + 1] == lens.iris_index:
         return
     at_iris = traced_part(lens, rays, 0, lens.iris_index, clipping=False)
-    filled = float(np.hypot(at_iris.origin[passing, 0], at_iris.origin[passing, 1])) / _iris_radius(lens)
+    filled = float(np.hypot(at_iris.origin[passing, 0], at_iris.origin[passing, 1])) / lens.stop.inner_radius
     at, status = int(whole.lost_at[passing + 1]), RayStatus(int(whole.status[passing + 1]))
     if status in _LOST_IN_THE_LENS:
         how = "are totally reflected at" if status is RayStatus.TOTAL_REFLECTION else "miss"
@@ -148,7 +140,7 @@ def _axial_findings(lens: LensStack, rays: RayBundle, whole: RayBundle, origin: 
             FindingKind.TOTAL_REFLECTION,
             (at,),
             f"rays of the beam {origin} on the axis {how} surface {at} once they fill {100 * filled:.0f} % of "
-            f"the iris's semi-diameter, {_iris_radius(lens):.4g} mm; reduce the iris, or check the radii",
+            f"the iris's semi-diameter, {lens.stop.inner_radius:.4g} mm; reduce the iris, or check the radii",
         )
     elif filled < _FILLED:
         element = lens.elements[at]
@@ -156,8 +148,8 @@ def _axial_findings(lens: LensStack, rays: RayBundle, whole: RayBundle, origin: 
             FindingKind.IRIS_NOT_FILLED,
             tuple(sorted((at, lens.iris_index))),
             f"the beam {origin} on the axis is limited by element {at}, semi-diameter {element.semi_diameter:.4g} mm, "
-            f"and fills {100 * filled:.0f} % of the iris's semi-diameter, {_iris_radius(lens):.4g} mm; reduce the iris "
-            f"or widen element {at}",
+            f"and fills {100 * filled:.0f} % of the iris's semi-diameter, {lens.stop.inner_radius:.4g} mm; reduce the "
+            f"iris or widen element {at}",
         )
 
 
@@ -205,7 +197,7 @@ def _fan(
 def _some_ray_passes(lens: LensStack, wavelength: float) -> bool:
     angle = np.radians(np.linspace(-_WIDEST, _WIDEST, _RAYS))
     last = len(lens.elements) - 1
-    for height in np.linspace(-0.98, 0.98, 15) * _iris_radius(lens):
+    for height in np.linspace(-0.98, 0.98, 15) * lens.stop.inner_radius:
         rays = _fan(lens, angle, wavelength, reverse=False, height=float(height))
         behind = traced_part(lens, rays, lens.iris_index, last)
         back = dataclasses.replace(rays, direction=-rays.direction)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from plenoptic.optics.glass.media import AIR, D_LINE, Medium
 from plenoptic.optics.lens.elements import Element
-from plenoptic.optics.stops.stops import CircularStop
+from plenoptic.optics.stops.circle import CircularStop
 from plenoptic.optics.surfaces.surface import Surface
 
 

@@ -11,7 +11,7 @@ from plenoptic.optics.glass.media import AIR, ConstantMedium, Medium, ModelGlass
 from plenoptic.optics.lens.elements import Element
 from plenoptic.optics.lens.files.infer_stop import with_inferred_stop
 from plenoptic.optics.lens.stack import LensStack
-from plenoptic.optics.stops.stops import CircularStop
+from plenoptic.optics.stops.circle import CircularStop
 from plenoptic.optics.surfaces.surface import Surface
 
 _HEADER = ["radius", "thickness", "material", "index", "v-no", "sa"]

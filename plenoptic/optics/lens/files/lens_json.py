@@ -1,9 +1,9 @@
 """The package's own lens files: JSON with one element per line.
 
 A file is an object with `format`, `name`, `source`, `iris` (index of the element that is the iris), and `elements`.
-What is at its default is left out, so `ambient`, `model`, `conic`, `aspheric`, `depth`, `blade_radius` and `placement`
-stand only where they say something. Stops are circle, polygon, star or mask; the `transmission` of a mask is a list of
-its rows. A medium is one of
+What is at its default is left out, so `ambient`, `model`, `conic`, `aspheric`, `depth`, `departure`, `blade_radius` and
+`placement` stand only where they say something. Stops are circle, polygon, star or mask; the `transmission` of a mask
+is a list of its rows. A medium is one of
 
     "air"
     {"index": 1.5}
@@ -15,9 +15,10 @@ its rows. A medium is one of
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -29,8 +30,7 @@ from plenoptic.optics.lens.elements import Element
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.placement import Placement
 from plenoptic.optics.lens.stack import LensStack
-from plenoptic.optics.stops.shapes import MaskStop, StarStop
-from plenoptic.optics.stops.stops import CircularStop, PolygonStop, Stop
+from plenoptic.optics.stops.registry import STOPS, Stop
 from plenoptic.optics.surfaces.surface import Surface
 
 _FORMAT = "plenoptic-lens-1"
@@ -211,11 +211,16 @@ def _medium_from_json(data: Any) -> Medium:
     raise PrescriptionError(f'medium is {data!r:.40}; it must be "air" or have index, nd and vd, sellmeier, or schott')
 
 
-def _any_medium(data: Any) -> Medium:
+def _value(data: Any, name: str) -> Any:
+    """Any public value of the package."""
     try:
-        medium = restore(json.dumps(data))
+        return restore(json.dumps(data))
     except (FileError, ArithmeticError, IndexError) as error:
-        raise PrescriptionError(f"medium: {error}") from None
+        raise PrescriptionError(f"{name}: {error}") from None
+
+
+def _any_medium(data: Any) -> Medium:
+    medium = _value(data, "medium")
     if not isinstance(medium, Medium):
         raise PrescriptionError(f"medium is a {type(medium).__name__}; it must be something with a refractive index")
     return medium
@@ -237,6 +242,11 @@ def _model(data: Any) -> LensModel:
 
 # ---- elements ----
 
+_SIZE = ("thickness", "semi_diameter")
+_OF_ALL = (*_SIZE, "placement")
+_READERS: dict[str, Callable[[Any, str], Any]] = {"float": _number, "int": lambda data, name: data, "ArrayLike": _rows}
+"""How the fields of a stop are read, by their types."""
+
 
 def _element_to_json(element: Element, i: int) -> dict[str, Any]:
     size = {"thickness": element.thickness, "semi_diameter": element.semi_diameter}
@@ -247,6 +257,7 @@ def _element_to_json(element: Element, i: int) -> dict[str, Any]:
         row |= {"conic": element.conic} if element.conic != 0 else {}
         row |= {"aspheric": element.aspheric} if element.aspheric else {}
         row |= {"depth": element.depth} if element.depth is not None else {}
+        row |= {"departure": json.loads(describe(element.departure))} if element.departure is not None else {}
     else:
         row = _stop_to_json(element, size)
     if element.placement is not None:
@@ -256,52 +267,41 @@ def _element_to_json(element: Element, i: int) -> dict[str, Any]:
     return row
 
 
+def _own_fields(stop: type[Stop]) -> Iterator[dataclasses.Field[Any]]:
+    """The fields that not all stops have."""
+    return (field for field in dataclasses.fields(stop) if field.name not in _OF_ALL)
+
+
 def _stop_to_json(stop: Stop, size: dict[str, float]) -> dict[str, Any]:
-    if isinstance(stop, CircularStop):
-        return {"stop": "circle", **size}
-    if isinstance(stop, PolygonStop):
-        row = {"stop": "polygon", **size, "blades": stop.blades, "rotation": stop.rotation}
-        return row if math.isinf(stop.blade_radius) else row | {"blade_radius": stop.blade_radius}
-    if isinstance(stop, StarStop):
-        inner = {"inner_semi_diameter": stop.inner_semi_diameter}
-        return {"stop": "star", **size, "points": stop.points, **inner, "rotation": stop.rotation}
-    # Black and white, as most masks are, takes 3 letters a cell.
-    cells = [[int(cell) if cell in (0, 1) else cell for cell in row] for row in np.asarray(stop.transmission).tolist()]
-    return {"stop": "mask", **size, "transmission": cells}
-
-
-_STOPS = {
-    "circle": "",
-    "polygon": "blades rotation",
-    "star": "points inner_semi_diameter rotation",
-    "mask": "transmission",
-}
+    name = next(name for name, kind in STOPS.items() if isinstance(stop, kind))
+    row: dict[str, Any] = {"stop": name, **size}
+    for field in _own_fields(type(stop)):
+        content = getattr(stop, field.name)
+        if isinstance(content, np.ndarray):
+            # Black and white, as most masks are, takes 3 letters a cell.
+            content = [[int(cell) if cell in (0, 1) else cell for cell in line] for line in content.tolist()]
+        if not (field.kw_only and content == field.default):
+            row[field.name] = content
+    return row
 
 
 def _stop_from_json(data: Mapping[str, Any]) -> Stop:
-    kind = data["stop"]
-    if not (isinstance(kind, str) and kind in _STOPS):
-        raise PrescriptionError(f'stop is {kind!r:.40}; it must be "circle", "polygon", "star" or "mask"')
-    also = "placement blade_radius" if kind == "polygon" else "placement"
-    row = _fields(data, "it", f"stop thickness semi_diameter {_STOPS[kind]}", also)
-    thickness, semi_diameter = _number(row["thickness"], "thickness"), _number(row["semi_diameter"], "semi_diameter")
-    placement = _placement(row["placement"]) if "placement" in row else None
-    if kind == "circle":
-        return CircularStop(semi_diameter, thickness, placement=placement)
-    if kind == "mask":
-        return MaskStop(_rows(row["transmission"], "transmission"), semi_diameter, thickness, placement=placement)
-    rotation = _number(row["rotation"], "rotation")
-    if kind == "star":
-        inner = _number(row["inner_semi_diameter"], "inner_semi_diameter")
-        return StarStop(row["points"], semi_diameter, inner, rotation, thickness, placement=placement)
-    bulge = _number(row.get("blade_radius", math.inf), "blade_radius")
-    return PolygonStop(row["blades"], semi_diameter, rotation, thickness, blade_radius=bulge, placement=placement)
+    name = data["stop"]
+    if not (isinstance(name, str) and name in STOPS):
+        first, *others, last = (f'"{known}"' for known in STOPS)
+        raise PrescriptionError(f"stop is {name!r:.40}; it must be {', '.join([first, *others])} or {last}")
+    own = {field.name: field for field in _own_fields(STOPS[name])}
+    wanted = [name for name, field in own.items() if not field.kw_only]
+    row = _fields(data, "it", " ".join(["stop", *_SIZE, *wanted]), " ".join(["placement", *(set(own) - set(wanted))]))
+    made: dict[str, Any] = {name: _number(row[name], name) for name in _SIZE}
+    made |= {name: _READERS[str(own[name].type)](row[name], name) for name in own if name in row}
+    return STOPS[name](**made, placement=_placement(row["placement"]) if "placement" in row else None)
 
 
 def _element_from_json(data: Any) -> Element:
     if isinstance(data, dict) and "stop" in data:
         return _stop_from_json(data)
-    row = _fields(data, "it", "radius thickness semi_diameter medium", "conic aspheric depth placement")
+    row = _fields(data, "it", "radius thickness semi_diameter medium", "conic aspheric depth departure placement")
     thickness, semi_diameter = _number(row["thickness"], "thickness"), _number(row["semi_diameter"], "semi_diameter")
     placement = _placement(row["placement"]) if "placement" in row else None
     return Surface(
@@ -312,6 +312,7 @@ def _element_from_json(data: Any) -> Element:
         conic=_number(row.get("conic", 0.0), "conic"),
         aspheric=_numbers(row.get("aspheric", []), "aspheric"),
         depth=_number(row["depth"], "depth") if "depth" in row else None,
+        departure=_value(row["departure"], "departure") if "departure" in row else None,
         placement=placement,
     )
 

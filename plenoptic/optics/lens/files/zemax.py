@@ -33,6 +33,7 @@ from plenoptic.optics.glass.media import ConstantMedium, Medium, ModelGlass
 from plenoptic.optics.lens.files.zemax_stack import Row, System, stacked
 from plenoptic.optics.lens.files.zemax_text import Line, blocks_of, naming_line, real_number
 from plenoptic.optics.lens.stack import LensStack
+from plenoptic.optics.surfaces.registry import ZEMAX
 
 _UNITS = {"MM": 1.0, "CM": 10.0, "IN": 25.4, "M": 1000.0, "METER": 1000.0, "METERS": 1000.0}
 _TERMS = 8
@@ -152,25 +153,33 @@ class _Glasses:
 
 def _row(number: int, block: list[Line], where: str, unit: float, glasses: _Glasses) -> Row:
     row = Row(number, {line.keyword: line.number for line in block})
-    kind, terms = "STANDARD", [0.0] * _TERMS
-    # TYPE first, which says what PARM means.
+    kind, terms, extra = "STANDARD", [0.0] * _TERMS, dict[int, float]()
+    # TYPE first, which says what PARM and XDAT mean.
     for line in sorted(block, key=lambda line: line.keyword != "TYPE"):
         with naming_line(where, line.number):
             if line.keyword == "TYPE":
                 kind = _type(line, number)
-            elif line.keyword == "PARM" and kind == "EVENASPH":
+            elif line.keyword == "PARM" and kind != "STANDARD":
                 _set_term(terms, line)
+            elif line.keyword == "XDAT" and kind in ZEMAX:
+                extra[int(line.real(0))] = line.real(1)
             else:
                 row = _with_line(row, line, unit, glasses)
+    if kind in ZEMAX:
+        with naming_line(where, row.lines.get("XDAT", row.lines["SURF"])):
+            departure, offset = ZEMAX[kind](extra, unit)
+            row = row._replace(departure=departure, offset=offset)
     # z and r scale alike: a_i of r^(2 i) is in unit^(1 - 2 i).
     return row._replace(aspheric=tuple(a * unit ** (1 - 2 * i) for i, a in enumerate(terms, start=1)))
 
 
 def _type(line: Line, number: int) -> str:
     kind = line.word(0).upper()
-    if kind not in ("STANDARD", "EVENASPH"):
+    known = ("STANDARD", "EVENASPH", *ZEMAX)
+    if kind not in known:
         what = "a coordinate break" if kind == "COORDBRK" else f"of type {kind[:40]}"
-        raise PrescriptionError(f"surface {number} is {what}; only STANDARD and EVENASPH surfaces can be read")
+        listed = " and ".join([", ".join(known[:-1]), known[-1]])
+        raise PrescriptionError(f"surface {number} is {what}; only {listed} surfaces can be read")
     return kind
 
 

@@ -13,7 +13,8 @@ from plenoptic.optics.glass.media import AIR, D_LINE, Medium
 from plenoptic.optics.lens.elements import Element
 from plenoptic.optics.lens.files.infer_stop import basis_rays, with_inferred_stop
 from plenoptic.optics.lens.stack import LensStack
-from plenoptic.optics.stops.stops import CircularStop
+from plenoptic.optics.stops.circle import CircularStop
+from plenoptic.optics.surfaces.departure import Departure
 from plenoptic.optics.surfaces.surface import Surface
 
 _ROUNDING = 1e-12
@@ -36,6 +37,9 @@ class Row(NamedTuple):
     curvature: float = 0.0
     conic: float = 0.0
     aspheric: tuple[float, ...] = ()
+    departure: Departure | None = None
+    offset: float = 0.0
+    """Sag at the vertex, which a departure leaves out: the surface stands so far behind its place."""
     gap: float = 0.0
     medium: Medium = AIR
     diameter: float = 0.0
@@ -47,7 +51,7 @@ class Row(NamedTuple):
     @property
     def is_plane(self) -> bool:
         """Whether it has no curvature at all."""
-        return self.curvature == 0 and not any(self.aspheric)
+        return self.curvature == 0 and not any(self.aspheric) and self.departure is None
 
 
 class System(NamedTuple):
@@ -85,6 +89,9 @@ def stacked(rows: list[Row], system: System, where: str, name: str, source: str)
     ambient = rows[0].medium
     if rows[0].gap >= _INFINITE:
         rows = [rows[0]._replace(gap=math.inf), *rows[1:]]
+    # A surface whose vertex lies behind its place has a longer gap before it and a shorter one behind.
+    offsets = [row.offset for row in rows] + [0.0]
+    rows = [row._replace(gap=row.gap + (offsets[i + 1] - offsets[i])) for i, row in enumerate(rows)]
     pieces, distance = _pieces(rows, ambient, where)
     if any(not piece.size_is_known for piece in pieces):
         pieces = _with_sizes(pieces, system, distance, ambient, where)
@@ -138,7 +145,9 @@ def _piece(row: Row, as_stop: bool, gap: float, where: str) -> _Piece:
         if row.conic > -1 and size <= abs(radius) / math.sqrt(1.0 + row.conic) * (1.0 + _ROUNDING):
             # A curvature that was written from a radius gives it back to rounding only.
             size = min(size, abs(radius) if row.conic == 0 else abs(radius) / math.sqrt(1.0 + row.conic))
-        surface = Surface(radius, gap, row.medium, semi_diameter=size, conic=row.conic, aspheric=row.aspheric)
+        surface = Surface(
+            radius, gap, row.medium, semi_diameter=size, conic=row.conic, aspheric=row.aspheric, departure=row.departure
+        )
         return _Piece(surface, row, known)
     except InvalidValueError as error:
         size_from = next((keyword for keyword in ("CLAP", "FLAP") if keyword in row.lines), "DIAM")

@@ -11,7 +11,7 @@ from plenoptic.optics.glass.media import AIR, C_LINE, D_LINE, F_LINE, Medium, Mo
 from plenoptic.optics.lens.elements import Element
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.stack import LensStack
-from plenoptic.optics.stops.stops import CircularStop
+from plenoptic.optics.stops.circle import CircularStop
 from plenoptic.optics.surfaces.surface import Surface
 
 _TERMS = 8
@@ -79,8 +79,13 @@ def _element_lines(element: Element, i: int, *, is_iris: bool) -> list[str]:
         return [*(["STOP"] if is_iris else []), "TYPE STANDARD", "CURV 0.0", *size]
     if not isinstance(element, Surface):
         raise PrescriptionError(f"element {i} is {element!r}; only round stops can be written as .zmx: use .json")
-    if element.depth is not None or len(element.aspheric) > _TERMS:
-        what = "goes beyond its equator" if element.depth is not None else f"has more than {_TERMS} coefficients"
+    refused = {
+        "goes beyond its equator": element.depth is not None,
+        f"has more than {_TERMS} coefficients": len(element.aspheric) > _TERMS,
+        "has no rotational symmetry": element.departure is not None,
+    }
+    if any(refused.values()):
+        what = next(what for what, is_so in refused.items() if is_so)
         raise PrescriptionError(f"element {i} {what}, which cannot be written as .zmx; use .json")
     lines = [f"TYPE {'EVENASPH' if element.aspheric else 'STANDARD'}", f"CURV {element.curvature!r}"]
     lines += [f"CONI {element.conic!r}"] if element.conic != 0 else []

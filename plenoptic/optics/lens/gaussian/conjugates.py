@@ -68,21 +68,13 @@ def numerical_apertures(lens: LensStack, z_object: float = -math.inf, wavelength
 
     Parameters
     ----------
-    lens : LensStack
-    z_object : float, optional
-        The object plane in the lens frame, mm; -inf: infinitely far.
-    wavelength : float, optional
-        nm.
+    lens, z_object, wavelength
+        See `marginal_ray`, also for errors.
 
     Returns
     -------
     object_side, image_side : float
         Not negative. The first is 0 for an object at infinity; second times magnification is the first.
-
-    Raises
-    ------
-    InvalidValueError
-        If the object does not lie in front of the lens, or is imaged onto the iris.
 
     References
     ----------
@@ -101,40 +93,16 @@ def numerical_apertures(lens: LensStack, z_object: float = -math.inf, wavelength
 
 
 def leaving_aperture(lens: LensStack, marginal: ParaxialRay, wavelength: float = 587.6) -> float:
-    """N' u' of a marginal ray behind the lens: negative where light converges, exactly 0 where it leaves parallel.
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> from plenoptic.optics.lens.gaussian.conjugates import leaving_aperture
-    >>> lens = pl.load_lens("double-gauss-100mm-f2")
-    >>> round(leaving_aperture(lens, pl.paraxial.marginal_ray(lens)), 4)
-    -0.2463
-    """
+    """N' u' of a marginal ray behind the lens: negative where light converges, exactly 0 where it leaves parallel."""
     c, d = transfer_matrix(lens, wavelength, 0, len(lens.elements) - 1)[1].tolist()
     by_height, by_angle = c * float(marginal.height[0]), d * float(marginal.index[0] * marginal.angle[0])
     return without_rounding(by_height + by_angle, by_height, by_angle)
 
 
 def working_f_number(lens: LensStack, z_object: float = -math.inf, wavelength: float = 587.6) -> float:
-    """1 / (2 NA) on the side of the image, with the paraxial numerical aperture.
+    """1 / (2 NA) on the side of the image, with the paraxial numerical aperture; see `numerical_apertures`.
 
-    Parameters
-    ----------
-    lens : LensStack
-    z_object : float, optional
-        The object plane in the lens frame, mm; -inf: infinitely far.
-    wavelength : float, optional
-        nm.
-
-    Returns
-    -------
-    float
-        In air and from infinity the f-number; inf where light leaves parallel.
-
-    References
-    ----------
-    W. J. Smith, Modern Optical Engineering, 4th ed., section 9.7.
+    In air and from infinity it is the f-number; inf where light leaves parallel.
 
     Examples
     --------

@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from plenoptic.core.values import finite, frozen_array, number, set_field, value
+from plenoptic.core.values import Floats, finite, frozen_array, number, set_field, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.gaussian.matrices import element_curvature, end_surfaces, transfer_matrix, without_rounding
 from plenoptic.optics.lens.stack import LensStack
@@ -34,15 +33,14 @@ class ParaxialRay:
     -0.2463
     """
 
-    height: NDArray[np.float64]
-    angle: NDArray[np.float64]
-    index: NDArray[np.float64]
+    height: Floats
+    angle: Floats
+    index: Floats
 
     def __post_init__(self) -> None:
         n = len(np.asarray(self.height))
-        set_field(self, "height", frozen_array(self.height, name="height", shape=(n,)))
-        set_field(self, "angle", frozen_array(self.angle, name="angle", shape=(n + 1,)))
-        set_field(self, "index", frozen_array(self.index, name="index", shape=(n + 1,)))
+        for name, length in (("height", n), ("angle", n + 1), ("index", n + 1)):
+            set_field(self, name, frozen_array(getattr(self, name), name=name, shape=(length,)))
 
 
 def paraxial_ray(lens: LensStack, *, height: float, angle: float, wavelength: float = 587.6) -> ParaxialRay:
@@ -57,10 +55,6 @@ def paraxial_ray(lens: LensStack, *, height: float, angle: float, wavelength: fl
         Slope in front of the lens, radians.
     wavelength : float, optional
         nm.
-
-    Returns
-    -------
-    ParaxialRay
 
     References
     ----------
@@ -153,18 +147,11 @@ def chief_ray(lens: LensStack, field: float, z_object: float = -math.inf, wavele
 
     Parameters
     ----------
-    lens : LensStack
+    lens, z_object, wavelength
+        See `marginal_ray`.
     field : float
         Of an object at infinity the angle in radians between axis and ray, whose slope is taken as its tangent; of a
         nearer one its height in mm. An object point above the axis has a positive field: its ray falls.
-    z_object : float, optional
-        The object plane in the lens frame, mm; -inf: infinitely far.
-    wavelength : float, optional
-        nm.
-
-    Returns
-    -------
-    ParaxialRay
 
     Raises
     ------
@@ -207,10 +194,6 @@ def lagrange_invariant(marginal: ParaxialRay, chief: ParaxialRay) -> float:
     ----------
     marginal, chief : ParaxialRay
         Of the same lens, wavelength and object plane.
-
-    Returns
-    -------
-    float
 
     References
     ----------

@@ -8,9 +8,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from plenoptic.core.values import number, wrong_kind
+from plenoptic.core.values import Floats, number, wrong_kind
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.surfaces.surface import Surface
@@ -31,26 +30,12 @@ def without_rounding(total: float, *terms: float, steps: int = 4) -> float:
 
 
 def over(numerator: float, denominator: float) -> float:
-    """The quotient; inf where the denominator is 0.
-
-    Examples
-    --------
-    >>> from plenoptic.optics.lens.gaussian.matrices import over
-    >>> over(1.0, 4.0), over(1.0, 0.0)
-    (0.25, inf)
-    """
+    """The quotient; inf where the denominator is 0."""
     return numerator / denominator if denominator != 0 else math.inf
 
 
 def position(z: float, name: str) -> float:
-    """A position on the axis, which may be infinite but not nan, or an error that names it.
-
-    Examples
-    --------
-    >>> from plenoptic.optics.lens.gaussian.matrices import position
-    >>> position(-400, "z_object")
-    -400.0
-    """
+    """A position on the axis, which may be infinite but not nan, or an error that names it."""
     place = number(z, name)
     if math.isnan(place):
         raise InvalidValueError(f"{name} is nan; it must be a position in mm, math.inf for infinitely far away")
@@ -58,54 +43,24 @@ def position(z: float, name: str) -> float:
 
 
 def element_curvature(lens: LensStack, i: int) -> float:
-    """Curvature in 1/mm that paraxial rays meet at element i; 0 for a stop.
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> from plenoptic.optics.lens.gaussian.matrices import element_curvature
-    >>> element_curvature(pl.load_lens("singlet-100mm-f4"), 0)
-    0.0
-    """
+    """Curvature in 1/mm that paraxial rays meet at element i; 0 for a stop."""
     element = lens.elements[i]
     return element.vertex_curvature if isinstance(element, Surface) else 0.0
 
 
 def end_surfaces(lens: LensStack) -> tuple[int, int]:
-    """Indices of the first and the last surface, or an error for what is no lens.
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> from plenoptic.optics.lens.gaussian.matrices import end_surfaces
-    >>> end_surfaces(pl.load_lens("singlet-100mm-f4"))
-    (1, 2)
-    """
+    """Indices of the first and the last surface, or an error for what is no lens."""
     if not isinstance(lens, LensStack):
         raise wrong_kind(lens, "lens", "LensStack", "camera.lens")
     surfaces = [i for i, element in enumerate(lens.elements) if isinstance(element, Surface)]
     return surfaces[0], surfaces[-1]
 
 
-def transfer_matrix(lens: LensStack, wavelength: float, first: int, last: int) -> NDArray[np.float64]:
+def transfer_matrix(lens: LensStack, wavelength: float, first: int, last: int) -> Floats:
     """From before element `first` to behind element `last`, for (height, index times angle).
 
-    Parameters
-    ----------
-    lens : LensStack
-    wavelength : float
-        nm.
-    first, last : int
-        Indices in `lens.elements`.
-
-    Returns
-    -------
-    ndarray
-        (2, 2), of determinant 1: mm for B, 1/mm for C. Entries that are zero but for rounding are exactly 0.
-
-    References
-    ----------
-    E. Hecht, Optics, 5th ed., section 6.2.1 (with height first here).
+    (2, 2), of determinant 1: mm for B, 1/mm for C. Entries that are zero but for rounding are exactly 0. See E. Hecht,
+    Optics, 5th ed., section 6.2.1 (with height first here).
 
     Examples
     --------

@@ -12,9 +12,8 @@ import dataclasses
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from plenoptic.core.values import value
+from plenoptic.core.values import Floats, value
 from plenoptic.optics.lens.gaussian.conjugates import conjugates, numerical_apertures, working_f_number
 from plenoptic.optics.lens.gaussian.marginal_and_chief import (
     ParaxialRay,
@@ -104,7 +103,7 @@ class CardinalPoints:
         return "\n".join(lines)
 
 
-def system_matrix(lens: LensStack, wavelength: float = 587.6) -> NDArray[np.float64]:
+def system_matrix(lens: LensStack, wavelength: float = 587.6) -> Floats:
     """The matrix [[A, B], [C, D]] from the vertex of the first surface to that of the last.
 
     It takes (height in mm, angle in radians) of a paraxial ray in front of the lens to those behind it. Since there
@@ -147,10 +146,6 @@ def cardinal_points(lens: LensStack, wavelength: float = 587.6) -> CardinalPoint
     lens : LensStack
     wavelength : float, optional
         nm.
-
-    Returns
-    -------
-    CardinalPoints
 
     Raises
     ------
@@ -236,18 +231,7 @@ def image_position(lens: LensStack, z_object: float, wavelength: float = 587.6) 
 def object_position(lens: LensStack, z_image: float, wavelength: float = 587.6) -> float:
     """Which plane the lens images to z_image: z in mm, in the lens frame; the inverse of `image_position`.
 
-    Parameters
-    ----------
-    lens : LensStack
-    z_image : float
-        z of the image plane, mm; inf where the rays leave parallel.
-    wavelength : float, optional
-        nm.
-
-    Returns
-    -------
-    float
-        z of the object plane; -inf for the horizon.
+    z_image is inf where the rays leave parallel, and the object plane -inf for the horizon.
 
     Examples
     --------
@@ -269,11 +253,8 @@ def magnification(lens: LensStack, z_object: float, wavelength: float = 587.6) -
 
     Parameters
     ----------
-    lens : LensStack
-    z_object : float
-        z of the object plane, mm, in the lens frame; -inf for the horizon.
-    wavelength : float, optional
-        nm.
+    lens, z_object, wavelength
+        See `image_position`.
 
     Returns
     -------

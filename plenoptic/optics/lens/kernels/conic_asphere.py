@@ -22,8 +22,9 @@ from plenoptic.core.kernels.ray_blocks import (
     Y,
     Z,
 )
+from plenoptic.optics.lens.kernels.departure import departure_at
 from plenoptic.optics.lens.kernels.notes import NEWTON, STEPS
-from plenoptic.optics.lens.record import FIRST_TERM, SHARPEST, STEEPEST, TALLEST
+from plenoptic.optics.lens.record import FIRST_TERM, ROUNDING, SHARPEST, STEEPEST, TALLEST
 
 NEWTON_STEPS = 12
 """Steps that all rays of a block may take together; those that need more are looked at one by one."""
@@ -114,7 +115,7 @@ def _rounding(r2, z, conic, aspheric):
 
 
 @device
-def _first_crossing(point, direction, conic, aspheric, semi_diameter2, s, steps):
+def first_crossing(point, direction, conic, aspheric, departure, semi_diameter2, s, steps):
     """Where a ray first crosses the surface within the clear cylinder, going the way of the stack.
 
     Returns the distance along the ray and a status: NOT_CONVERGED where the limit of iterations is reached, CLIPPED
@@ -133,12 +134,14 @@ def _first_crossing(point, direction, conic, aspheric, semi_diameter2, s, steps)
     end = (-half + root) / sin2 if sin2 > 0.0 else math.inf
     # A ray nearly along the axis leaves the cylinder far away: the surface lies within its own largest sag.
     tall = aspheric[TALLEST] + TINY
+    if departure is not None:
+        tall += departure[TALLEST]
     if n != 0.0:
         near, far = (-tall - z) / n, (tall - z) / n
         begin, end = max(begin, min(near, far)), min(end, max(near, far))
     if not begin <= end:
         return 0.0, CLIPPED
-    return _climb((begin, end), point, direction, conic, aspheric, semi_diameter2, s, steps)
+    return _climb((begin, end), (point, direction), conic, aspheric, departure, semi_diameter2, s, steps)
 
 
 @device
@@ -170,7 +173,7 @@ def _safe_step(gap, rate, sharp):
 
 
 @device
-def _climb(bounds, point, direction, conic, aspheric, semi_diameter2, s, steps):
+def _climb(bounds, ray, conic, aspheric, departure, semi_diameter2, s, steps):
     """From the first of the bounds on, step by step, to where s (z - sag) first comes from below 0 to above.
 
     With f and g the function and its derivative and M a bound on its second derivative, f + g h + M h^2 / 2 is an upper
@@ -178,9 +181,11 @@ def _climb(bounds, point, direction, conic, aspheric, semi_diameter2, s, steps):
     the surface, it first goes down in the same way, and on by -g / M, where it is surely below. Of the bounds ahead and
     on the whole surface, the one that allows the longer step is taken.
     """
-    (x, y, z), (l, m, n), (begin, end) = point, direction, bounds
+    ((x, y, z), (l, m, n)), (begin, end) = ray, bounds
     sin2 = l * l + m * m
     whole = sin2 * aspheric[SHARPEST]
+    if departure is not None:
+        whole += sin2 * departure[SHARPEST]
     below = False
     t = begin
     for _ in range(MOST_STEPS):
@@ -196,6 +201,12 @@ def _climb(bounds, point, direction, conic, aspheric, semi_diameter2, s, steps):
         close = EPS * (abs(px) + abs(py) + abs(pz)) + TINY
         rounding = _rounding(r2, pz, conic, aspheric)
         ahead, sharp = _bend_ahead(math.sqrt(r2), half, sin2, conic, aspheric, semi_diameter2)
+        if departure is not None:
+            added, dx, dy = departure_at(px, py, departure)
+            f -= s * added
+            g -= s * (dx * l + dy * m)
+            rounding += departure[ROUNDING] + EPS * abs(added)
+            sharp += sin2 * departure[SHARPEST]
         if abs(f) <= rounding:
             if below or g > 0.0:
                 return t, 0.0
@@ -217,7 +228,7 @@ def _climb(bounds, point, direction, conic, aspheric, semi_diameter2, s, steps):
 
 
 @device
-def _to_conic_of_asphere(ray, heights, conic):
+def to_conic_of_asphere(ray, heights, conic):
     """Move rays to the crossing of the asphere's conic, or to their closest approach where there is none; keep that."""
     c, kz = conic
     for i in range(BLOCK):
@@ -324,7 +335,7 @@ def _settle(ray, heights, conic, aspheric, semi_diameter2, s, code, log):
         x, y, z = heights[2, i], heights[3, i], heights[4, i]
         l, m, n = ray[L + i], ray[M + i], ray[N + i]
         steps = None if log is None else log[STEPS, i : i + 1]
-        t, lost = _first_crossing((x, y, z), (l, m, n), conic, aspheric, semi_diameter2, s, steps)
+        t, lost = first_crossing((x, y, z), (l, m, n), conic, aspheric, None, semi_diameter2, s, steps)
         ray[X + i] = x + t * l
         ray[Y + i] = y + t * m
         ray[Z + i] = z + t * n
@@ -346,7 +357,7 @@ def refract_asphere(ray, row, conic, aspheric, index_ratios, s, code, log):
     """
     heights, shape = np.empty((5, BLOCK)), (row.curvature, 1.0 + conic)
     index_ratio, semi_diameter2 = row.index_ratio, row.semi_diameter2
-    _to_conic_of_asphere(ray, heights, shape)
+    to_conic_of_asphere(ray, heights, shape)
     _newton(ray, heights, shape, aspheric, semi_diameter2, log)
     _settle(ray, heights, shape, aspheric, semi_diameter2, s, code, log)
     for i in range(BLOCK):

@@ -49,7 +49,7 @@ def keep_arrival(arrival, log, ray):
 
 
 @device
-def _reach(arrival, i, point, terms, place):
+def note_reach(arrival, i, point, terms, place):
     """From the vertex to where the ray came from, from there to the point, and the terms of the surface."""
     ahead = arrival[6, i]
     fx = arrival[0, i] - ahead * arrival[3, i]
@@ -61,7 +61,7 @@ def _reach(arrival, i, point, terms, place):
 
 
 @device
-def _note(log, arrival, i, normal, length, mu):
+def note_refraction(log, arrival, i, normal, length, mu):
     """Incidence and refraction at a surface, with a normal of the given length."""
     cos_i = abs(normal[0] * arrival[3, i] + normal[1] * arrival[4, i] + normal[2] * arrival[5, i]) / length
     cos2_t = 1.0 - mu * mu * (1.0 - cos_i * cos_i)
@@ -83,8 +83,8 @@ def note_conic(log, arrival, ray, row, kz, index_ratios, place):
         r2, nz = x * x + y * y, 1.0 - c * kz * z
         length = math.sqrt(c * c * r2 + nz * nz)
         terms = (abs(c) * (r2 + abs(kz) * z * z) + 2.0 * abs(z)) / (2.0 * length)
-        log[REACH, i] = _reach(arrival, i, (x, y, z), terms, place)
-        _note(log, arrival, i, (-c * x, -c * y, nz), length, mu if index_ratios is None else index_ratios[i])
+        log[REACH, i] = note_reach(arrival, i, (x, y, z), terms, place)
+        note_refraction(log, arrival, i, (-c * x, -c * y, nz), length, mu if index_ratios is None else index_ratios[i])
 
 
 @device
@@ -108,9 +108,9 @@ def note_asphere(log, arrival, ray, row, shape, index_ratios, place):
         bend = 0.5 * c / w + (change * r2 + bend)
         length = math.sqrt(1.0 + 4.0 * bend * bend * r2)
         terms = (abs(z) + r2 * (abs(c) / (1.0 + w) * (1.0 + 0.5 / (w * (1.0 + w))) + sizes)) / length
-        log[REACH, i] = _reach(arrival, i, (x, y, z), terms, place)
+        log[REACH, i] = note_reach(arrival, i, (x, y, z), terms, place)
         normal = (-2.0 * bend * x, -2.0 * bend * y, 1.0)
-        _note(log, arrival, i, normal, length, mu if index_ratios is None else index_ratios[i])
+        note_refraction(log, arrival, i, normal, length, mu if index_ratios is None else index_ratios[i])
 
 
 @device
@@ -120,6 +120,6 @@ def note_plane(log, arrival, ray, bends, place):
         if ray[STATUS + i] != 0.0:
             continue
         cos = abs(arrival[5, i])
-        log[REACH, i] = _reach(arrival, i, (ray[X + i], ray[Y + i], 0.0), 0.0, place)
+        log[REACH, i] = note_reach(arrival, i, (ray[X + i], ray[Y + i], 0.0), 0.0, place)
         log[INCIDENCE, i] = 1.0 / cos
         log[REFRACTION, i] = (ray[N + i] / cos) ** 2 if bends else 1.0

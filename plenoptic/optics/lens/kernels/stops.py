@@ -9,7 +9,8 @@ import math
 
 from plenoptic.core.jit import device
 from plenoptic.core.kernels.ray_blocks import BLOCK, CLIPPED, NOT_FINITE, STATUS, WEIGHT, X, Y
-from plenoptic.optics.lens.record import ARCS, MASK, MASK_HEAD, POLYGON, STAR
+from plenoptic.optics.lens.record import MASK_HEAD
+from plenoptic.optics.record import ARCS, MASK, POLYGON, STAR
 
 
 @device

@@ -10,6 +10,7 @@ from plenoptic.core.jit import device, kernel
 from plenoptic.core.kernels.ray_blocks import BLOCK, CAUSES, RAY, STATUS, WEIGHT, L, M, N, X, Y, Z
 from plenoptic.optics.lens.kernels.conic_asphere import refract_asphere, refract_conic
 from plenoptic.optics.lens.kernels.frames import into_frame, out_of_frame
+from plenoptic.optics.lens.kernels.freeform import note_freeform, refract_freeform
 from plenoptic.optics.lens.kernels.ideal import refract_ideal, to_plane
 from plenoptic.optics.lens.kernels.notes import (
     ARRIVAL,
@@ -21,7 +22,8 @@ from plenoptic.optics.lens.kernels.notes import (
 )
 from plenoptic.optics.lens.kernels.sphere import refract_sphere
 from plenoptic.optics.lens.kernels.stops import clip_circle, clip_shape
-from plenoptic.optics.lens.record import ASPHERE, CIRCLE, CONIC, IDEAL, MOVED, SURFACE
+from plenoptic.optics.lens.record import MOVED
+from plenoptic.optics.record import ASPHERE, CIRCLE, CONIC, FREEFORM, IDEAL, SPHERE
 
 
 @device
@@ -56,12 +58,15 @@ def _note(log, arrival, ray, lens, k, index_ratios):
     row = lens.rows[k]
     place = abs(row.z) if k == 0 or k == lens.rows.size - 1 else 0.0
     kz = 1.0 if lens.conic is None else 1.0 + lens.conic[k]
-    if row.kind == SURFACE or row.kind == CONIC:
+    if row.kind == SPHERE or row.kind == CONIC:
         note_conic(log[k], arrival, ray, row, kz, index_ratios, place)
-    elif row.kind != ASPHERE:
+    elif row.kind != ASPHERE and row.kind != FREEFORM:
         note_plane(log[k], arrival, ray, row.kind == IDEAL, place)
     elif lens.aspheric is not None:
-        note_asphere(log[k], arrival, ray, row, (kz, lens.aspheric[k]), index_ratios, place)
+        if row.kind == ASPHERE:
+            note_asphere(log[k], arrival, ray, row, (kz, lens.aspheric[k]), index_ratios, place)
+        elif lens.departure is not None:
+            note_freeform(log, arrival, ray, lens, k, index_ratios, place)
 
 
 @device
@@ -89,12 +94,12 @@ def trace_block(ray, lens, waves, first, index_ratios, log):
         if log is not None:
             keep_arrival(arrival, log[k], ray)
         row, code = rows[k], CAUSES * (rows[k].surface_index + 1.0)
-        if row.kind == SURFACE:
+        if row.kind == SPHERE:
             c, mu = row.curvature, row.index_ratio
             refract_sphere(ray, c, mu, index_ratios, row.semi_diameter2, row.max_depth, s, code)
         elif row.kind == IDEAL:
             refract_ideal(ray, row.curvature, index_ratios, row.max_depth)
-        elif row.kind != CONIC and row.kind != ASPHERE:
+        elif row.kind != CONIC and row.kind != ASPHERE and row.kind != FREEFORM:
             to_plane(ray)
             clip_circle(ray, row.semi_diameter2, code)
             if row.kind != CIRCLE:
@@ -103,8 +108,11 @@ def trace_block(ray, lens, waves, first, index_ratios, log):
             if row.kind == CONIC:
                 refract_conic(ray, row, lens.conic[k], index_ratios, s, code)
             elif lens.aspheric is not None:
-                steps = None if log is None else log[k]
-                refract_asphere(ray, row, lens.conic[k], lens.aspheric[k], index_ratios, s, code, steps)
+                if row.kind == ASPHERE:
+                    steps = None if log is None else log[k]
+                    refract_asphere(ray, row, lens.conic[k], lens.aspheric[k], index_ratios, s, code, steps)
+                elif lens.departure is not None:
+                    refract_freeform(ray, lens, k, index_ratios, code, log)
         if log is not None:
             _note(log, arrival, ray, lens, k, index_ratios)
         if lens.frames is not None:  # noqa: SIM102 - alone, so that it is pruned

@@ -17,11 +17,10 @@ from numpy.typing import NDArray
 
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.sampling import sobol_points
-from plenoptic.core.values import finite, number, wavelength_in_nm, whole, wrong_kind
+from plenoptic.core.values import Floats, finite, number, wavelength_in_nm, whole, wrong_kind
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.stack import LensStack
-from plenoptic.optics.stops.shapes import MaskStop
 
 REPLICATES = 8
 """Independent scramblings of the sampling points, from which errors are estimated."""
@@ -52,13 +51,13 @@ class Pencil(NamedTuple):
 class _Launch(NamedTuple):
     """How two coordinates make a ray: an offset across the beam (object at infinity), or two direction cosines."""
 
-    origin: NDArray[np.float64]
-    across: NDArray[np.float64] | None
+    origin: Floats
+    across: Floats | None
     """(2, 3) unit vectors across the beam; None for a finite object."""
-    direction: NDArray[np.float64]
+    direction: Floats
     wavelength: float
 
-    def rays(self, coordinates: NDArray[np.float64]) -> RayBundle:
+    def rays(self, coordinates: Floats) -> RayBundle:
         n = len(coordinates)
         if self.across is not None:
             return RayBundle(
@@ -70,7 +69,7 @@ class _Launch(NamedTuple):
             along[:, 2] = np.sqrt(1.0 - np.einsum("ij,ij->i", coordinates, coordinates))
         return RayBundle(np.broadcast_to(self.origin, (n, 3)), along, self.wavelength)
 
-    def coordinates(self, rays: RayBundle) -> NDArray[np.float64]:
+    def coordinates(self, rays: RayBundle) -> Floats:
         if self.across is not None:
             return np.asarray((rays.origin - self.origin) @ self.across.T)
         return np.asarray(rays.direction[:, :2])
@@ -98,7 +97,7 @@ def checked_wavelengths(wavelength: float | Sequence[float]) -> tuple[float, ...
     return tuple(wavelength_in_nm(w) for w in given)
 
 
-def meridian(field: Sequence[float] | NDArray[np.float64]) -> NDArray[np.float64]:
+def meridian(field: Sequence[float] | Floats) -> Floats:
     """Unit vector (2,) in the image plane along the tangential plane: towards the field, y on the axis."""
     x, y = (float(component) for component in field)
     length = math.hypot(x, y)
@@ -145,19 +144,19 @@ def pencil(
 class PassingLight(NamedTuple):
     """What of one object point's light passes the lens: one row a ray, m in all."""
 
-    points: NDArray[np.float64]
+    points: Floats
     """(m, 2) x and y on the image plane in mm."""
-    slopes: NDArray[np.float64]
+    slopes: Floats
     """(m, 2) change of x and y with z."""
-    weight: NDArray[np.float64]
+    weight: Floats
     """(m,) relative light: less than of other rays where grey masks take some of it."""
     colour: NDArray[np.uint8]
     """(m,) which wavelength."""
     replicate: NDArray[np.uint8]
     """(m,) which of the `REPLICATES`."""
-    through_iris: NDArray[np.float64]
+    through_iris: Floats
     """(REPLICATES,) light that passes the iris where nothing else stops or dims it."""
-    chief: NDArray[np.float64]
+    chief: Floats
     """(wavelengths, 2) where the chief rays meet the image plane in mm; NaN for those that are lost."""
     emitted: int
     """Rays that were traced."""
@@ -227,7 +226,7 @@ def _passing_part(lens: LensStack, beam: Pencil, z_image: float, colour: int) ->
     )
 
 
-def light_at_iris(lens: LensStack, beam: Pencil) -> NDArray[np.float64]:
+def light_at_iris(lens: LensStack, beam: Pencil) -> Floats:
     """What part of each ray of a pencil the iris lets pass if nothing else stops or dims it, (n,).
 
     Rays lost behind the iris have passed it; those lost before it, and all but those lost at it where the iris is a
@@ -240,7 +239,7 @@ def light_at_iris(lens: LensStack, beam: Pencil) -> NDArray[np.float64]:
     iris, lost_at = lens.iris_index, beam.leaving.lost_at
     passes = beam.leaving.status == 0
     light = np.where(passes | (lost_at > iris), 1.0, 0.0)
-    grey = isinstance(lens.stop, MaskStop)
+    grey = lens.stop.row().cells is not None
     unknown = np.flatnonzero(passes | (lost_at != iris) if grey else ~passes & (lost_at < iris))
     if len(unknown):
         again = beam.entering.selected(unknown)
@@ -263,7 +262,7 @@ def _launch(aimed: RayBundle, *, finite_object: bool) -> _Launch:
     )
 
 
-def _outline(points: NDArray[np.float64]) -> NDArray[np.float64]:
+def _outline(points: Floats) -> Floats:
     """Corners (_SIDES, 2) of a convex polygon around points (n, 2), close to them also where they form an ellipse."""
     centre = points.mean(axis=0)
     offsets = points - centre
@@ -280,7 +279,7 @@ def _outline(points: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(centre + corners @ spread.T)
 
 
-def _grown(lens: LensStack, launch: _Launch, corners: NDArray[np.float64]) -> NDArray[np.float64]:
+def _grown(lens: LensStack, launch: _Launch, corners: Floats) -> Floats:
     """The polygon, enlarged until no ray from its edge passes the lens."""
     between = 0.5 * (corners + np.roll(corners, -1, axis=0))
     edge = np.concatenate([corners, between])
@@ -293,7 +292,7 @@ def _grown(lens: LensStack, launch: _Launch, corners: NDArray[np.float64]) -> ND
     return np.asarray(centre + size * (corners - centre))
 
 
-def _filled(corners: NDArray[np.float64], uniform: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+def _filled(corners: Floats, uniform: Floats) -> tuple[Floats, float]:
     """Points (n, 2) spread evenly over a polygon from points (n, 2) of the unit square, and the polygon's area."""
     centre = corners.mean(axis=0)
     first = corners - centre

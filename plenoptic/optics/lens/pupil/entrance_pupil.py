@@ -9,13 +9,14 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from plenoptic.core.values import Floats
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.pupil.exit_pupil import grid, passing_points
-from plenoptic.optics.lens.record import IDEAL, LensRecord, lens_record
+from plenoptic.optics.lens.record import LensRecord, lens_record
 from plenoptic.optics.lens.stack import LensStack
+from plenoptic.optics.record import IDEAL
 from plenoptic.optics.surfaces.surface import Surface
 
 _COARSE, _DENSE, _FINE = 64, 512, 64
@@ -34,11 +35,11 @@ class Entrance(NamedTuple):
     """Plane at which rays are aimed: no part of the lens's first element lies in front of it."""
     depth: float
     """How far the first element reaches behind that plane, in mm."""
-    centre: NDArray[np.float64]
+    centre: Floats
     """(2,) middle of the first element in mm."""
     reach: float
     """Its semi-diameter, seen along the axis, in mm."""
-    pupil: tuple[float, float, NDArray[np.float64]]
+    pupil: tuple[float, float, Floats]
     """Position, semi-diameter and middle (2,) of the paraxial entrance pupil in mm."""
     lens: LensRecord
     """The lens forwards, its stops round."""
@@ -61,6 +62,9 @@ def entrance(lens: LensStack, wavelength: float) -> Entrance:
         if first.depth is not None:
             sag = np.append(sag, math.copysign(first.depth, first.radius))
     low, high = float(sag.min()), float(sag.max())
+    if isinstance(first, Surface) and first.departure is not None:
+        added = 2.0 * first.departure.bounds(reach).height  # from one side of a height to the other
+        low, high = low - added, high + added
     if first.placement is not None:
         shift, turn = np.asarray(first.placement.shift), np.asarray(first.placement.rotation)
         sine = float(np.hypot(turn[2, 0], turn[2, 1]))
@@ -69,13 +73,13 @@ def entrance(lens: LensStack, wavelength: float) -> Entrance:
     return Entrance(z + low, high - low, axis, reach, pupil, record)
 
 
-def entering_polygon(where: Entrance, point: NDArray[np.float64]) -> NDArray[np.float64] | None:
+def entering_polygon(where: Entrance, point: Floats) -> Floats | None:
     """Corners (16, 2) of a polygon on the plane of the entrance that all rays from a point pass; None without light."""
     with np.errstate(all="ignore"):  # a point too far away for its squares is out of sight
         return _searched(where, point)
 
 
-def _searched(where: Entrance, point: NDArray[np.float64]) -> NDArray[np.float64] | None:
+def _searched(where: Entrance, point: Floats) -> Floats | None:
     low, high = _rim_box(where, point)
     searches = [(low, high, _COARSE), (low, high, _DENSE)]
     seen = _pupil_box(where, point)
@@ -90,12 +94,12 @@ def _searched(where: Entrance, point: NDArray[np.float64]) -> NDArray[np.float64
 
 def _lit_box(
     where: Entrance,
-    point: NDArray[np.float64],
-    near: NDArray[np.float64],
-    far: NDArray[np.float64],
+    point: Floats,
+    near: Floats,
+    far: Floats,
     n: int,
-    rim: tuple[NDArray[np.float64], NDArray[np.float64]],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    rim: tuple[Floats, Floats],
+) -> tuple[Floats, Floats] | None:
     """A box around the points of an n x n grid that pass; where they reach its border, it grows up to the rim."""
     while True:
         points, mesh = grid(near, far, n)
@@ -111,9 +115,7 @@ def _lit_box(
         far = np.where(high > far, np.minimum(far + width, rim[1]), far)
 
 
-def _outline(
-    where: Entrance, point: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _outline(where: Entrance, point: Floats, low: Floats, high: Floats) -> Floats:
     """The polygon of 16 sides around the points of a box that pass, widened by one step of the grid."""
     points, mesh = grid(low, high, _FINE)
     passing = points[passing_points(where.lens, point, points, where.z)]
@@ -130,7 +132,7 @@ def _outline(
     )
 
 
-def _rim_box(where: Entrance, point: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _rim_box(where: Entrance, point: Floats) -> tuple[Floats, Floats]:
     """A box around all rays that can pass the first element, or the opening of an ideal lens."""
     height = where.z - point[2]
     if IDEAL in where.lens.rows["kind"]:
@@ -144,7 +146,7 @@ def _rim_box(where: Entrance, point: NDArray[np.float64]) -> tuple[NDArray[np.fl
     return np.min(sides, axis=0), np.max(sides, axis=0)
 
 
-def _ideal_opening(lens: LensRecord, point: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+def _ideal_opening(lens: LensRecord, point: Floats) -> tuple[Floats, float]:
     """Where rays aimed at the first plane pass the stop of an ideal lens: middle and radius of a disc.
 
     Heights and slopes are linear in the point aimed at, m, and in the source, p: y = a m + b p, u = c m + d p.
@@ -166,7 +168,7 @@ def _ideal_opening(lens: LensRecord, point: NDArray[np.float64]) -> tuple[NDArra
     return np.zeros(2), _LARGEST_TANGENT * height
 
 
-def _pupil_box(where: Entrance, point: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+def _pupil_box(where: Entrance, point: Floats) -> tuple[Floats, Floats] | None:
     """A box around the paraxial entrance pupil as seen from the point: a small one lies between a grid's rays."""
     z, semi_diameter, shift = where.pupil
     if not (math.isfinite(z) and math.isfinite(semi_diameter)) or z <= point[2]:

@@ -16,11 +16,12 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.core.values import read_only
+from plenoptic.core.values import Floats, read_only
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
-from plenoptic.optics.lens.record import CIRCLE, LensRecord, lens_record
+from plenoptic.optics.lens.record import FRAME, MOVED, LensRecord, lens_record
 from plenoptic.optics.lens.stack import LensStack
+from plenoptic.optics.record import CIRCLE, FREEFORM
 from plenoptic.optics.surfaces.surface import Surface
 
 SIDES = 16
@@ -36,7 +37,7 @@ Guess: TypeAlias = tuple[float, float, float]
 """Where light may pass the plane of the outlines: x, y and half the width of a square."""
 
 
-def _rings() -> NDArray[np.float64]:
+def _rings() -> Floats:
     """Points (n, 2) near the rim of the unit disc, denser outwards: grazing light passes in crescents."""
     radius = 1.0 - np.geomspace(1e-3, 0.6, 32)
     angle = 2 * math.pi * (np.arange(160) + 0.5) / 160
@@ -54,13 +55,13 @@ class PupilBounds(NamedTuple):
     lies on +x. It holds all rays that pass the lens from any point of the cell.
     """
 
-    normals: NDArray[np.float64]
+    normals: Floats
     """(SIDES, 2) outward normals."""
-    support: NDArray[np.float64]
+    support: Floats
     """(n, SIDES) distances of the sides from the axis in mm; -inf where no light passes."""
-    corners: NDArray[np.float64]
+    corners: Floats
     """(n, SIDES, 2) corners in mm, counter-clockwise."""
-    reach: NDArray[np.float64]
+    reach: Floats
     """(n,) largest distance of an outline from the axis in mm."""
     step: float
     """Width of an interval in mm."""
@@ -68,14 +69,12 @@ class PupilBounds(NamedTuple):
     """Plane of the outlines in the lens frame in mm."""
 
 
-def _normals() -> NDArray[np.float64]:
+def _normals() -> Floats:
     angle = 2 * math.pi * np.arange(SIDES) / SIDES
     return np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 
-def passing_points(
-    lens: LensRecord, origin: NDArray[np.float64], points: NDArray[np.float64], z: float
-) -> NDArray[np.bool_]:
+def passing_points(lens: LensRecord, origin: Floats, points: Floats, z: float) -> NDArray[np.bool_]:
     """Which of the rays from `origin` (3,) through `points` (n, 2) of the plane z leave the lens."""
     from plenoptic.core.kernels.ray_blocks import BLOCK
     from plenoptic.optics.lens.kernels.trace import fill_traced
@@ -96,7 +95,7 @@ def passing_points(
     return np.asarray(blocks[:, 7].reshape(-1)[:n] == 0)
 
 
-def grid(low: NDArray[np.float64], high: NDArray[np.float64], n: int) -> tuple[NDArray[np.float64], float]:
+def grid(low: Floats, high: Floats, n: int) -> tuple[Floats, float]:
     """Points of an n x n grid over a box and the diagonal of its mesh."""
     x, y = (np.linspace(low[k], high[k], n) for k in range(2))
     points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
@@ -104,8 +103,8 @@ def grid(low: NDArray[np.float64], high: NDArray[np.float64], n: int) -> tuple[N
 
 
 def _passing_box(
-    lens: LensRecord, origin: NDArray[np.float64], z: float, guesses: list[Guess], rim: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    lens: LensRecord, origin: Floats, z: float, guesses: list[Guess], rim: float
+) -> tuple[Floats, Floats] | None:
     """A box around all points that pass. It starts from a guess (centre x, y, half width) and grows up to the rim."""
     grazing = rim * _GRAZING
     grazing = grazing[passing_points(lens, origin, grazing, z)]
@@ -129,9 +128,7 @@ def _passing_box(
     return None
 
 
-def _outline(
-    lens: LensRecord, origin: NDArray[np.float64], z: float, guesses: list[Guess], rim: float
-) -> NDArray[np.float64]:
+def _outline(lens: LensRecord, origin: Floats, z: float, guesses: list[Guess], rim: float) -> Floats:
     """Support distances of the passing points as seen from one origin, (SIDES,)."""
     box = _passing_box(lens, origin, z, guesses, rim)
     if box is None:
@@ -144,7 +141,7 @@ def _outline(
     return np.asarray((passing @ _normals().T).max(axis=0) + mesh)
 
 
-def outline_corners(support: NDArray[np.float64]) -> NDArray[np.float64]:
+def outline_corners(support: Floats) -> Floats:
     """Corners (n, SIDES, 2) of polygons given by (n, SIDES) support distances: neighbouring sides intersected."""
     normals = _normals()
     after = np.roll(normals, -1, axis=0)
@@ -202,9 +199,10 @@ def rear_reach(lens: LensStack, z_plane: float, wavelength: float) -> tuple[floa
     depth, reach, tilted = 0.0, last.semi_diameter, 0.0
     if isinstance(last, Surface):
         depth = float(last.sag(reach)) if last.depth is None else math.copysign(last.depth, last.radius)
+        tilted += 0.0 if last.departure is None else 2.0 * last.departure.bounds(reach).height
     if last.placement is not None:
         shift, turn = np.asarray(last.placement.shift), np.asarray(last.placement.rotation)
-        tilted = reach * float(np.hypot(turn[2, 0], turn[2, 1]))
+        tilted += reach * float(np.hypot(turn[2, 0], turn[2, 1]))
         depth, reach = depth + float(shift[2]), reach + float(np.hypot(shift[0], shift[1]))
     near, far = (_projected(gap, depth + side, reach) for side in (tilted, -tilted))
     return max(near[0], far[0]), max(near[1], far[1])
@@ -258,7 +256,7 @@ def _traced_bounds(
         radii *= 3
 
 
-def _largest_step(support: NDArray[np.float64]) -> float:
+def _largest_step(support: Floats) -> float:
     """How far an outline's middle moves from one radius to the next, over its half width."""
     middle = np.array([_middle(row) for row in support[np.isfinite(support[:, 0])]])
     if len(middle) < 2:
@@ -270,18 +268,18 @@ def _largest_step(support: NDArray[np.float64]) -> float:
 
 def _all_round(
     lens: LensRecord,
-    rho: NDArray[np.float64],
+    rho: Floats,
     pupil: tuple[float, ...],
     z: float,
     z_plane: float,
     rear: tuple[float, float],
-) -> NDArray[np.float64]:
+) -> Floats:
     """Support distances as seen from all points at the distances rho, in axes turned with them.
 
     A centred lens looks the same from everywhere on a circle. Of a lens with elements out of place, the union of
     outlines from several azimuths is taken, and widened by what may lie between them.
     """
-    if lens.frames is None:
+    if lens.frames is None and lens.departure is None:
         return _followed_outlines(lens, rho, pupil, z, z_plane, rear)
     angles = 2 * math.pi * np.arange(_AZIMUTHS) / _AZIMUTHS
     found = np.array(
@@ -296,11 +294,12 @@ def _all_round(
 
 def _turned(lens: LensRecord, angle: float) -> LensRecord:
     """The lens turned about the axis by -angle, which is the same as looking at it from the azimuth `angle`."""
-    assert lens.frames is not None
     cos, sin = math.cos(angle), math.sin(angle)
     turn = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
-    frames = lens.frames.copy()
-    for frame in frames:
+    frames = np.zeros((len(lens.rows), FRAME)) if lens.frames is None else lens.frames.copy()
+    for frame, row in zip(frames, lens.rows, strict=True):
+        if row["kind"] == FREEFORM and not frame[MOVED]:
+            frame[:9], frame[MOVED] = np.eye(3).ravel(), 1.0
         frame[:9] = (turn @ frame[:9].reshape(3, 3)).ravel()
         frame[9:12] = turn @ frame[9:12]
     return lens._replace(frames=frames)
@@ -314,12 +313,12 @@ def _turned_pupil(pupil: tuple[float, ...], angle: float) -> tuple[float, ...]:
 
 def _followed_outlines(
     lens: LensRecord,
-    rho: NDArray[np.float64],
+    rho: Floats,
     pupil: tuple[float, ...],
     z: float,
     z_plane: float,
     rear: tuple[float, float],
-) -> NDArray[np.float64]:
+) -> Floats:
     """Support distances (n, SIDES) as seen from points at the distances rho from the axis; -inf where it is dark.
 
     A small pupil that a grid over the whole rim would miss is looked for where the paraxial pupil lies and where it
@@ -327,7 +326,7 @@ def _followed_outlines(
     """
     exit_pupil, semi_diameter, *across = pupil
 
-    def outline(radius: float, heading: Guess | None) -> NDArray[np.float64]:
+    def outline(radius: float, heading: Guess | None) -> Floats:
         rim = 1.02 * (rear[0] + rear[1] * radius)
         guesses = [(0.0, 0.0, rim)]
         if math.isfinite(exit_pupil) and exit_pupil < z_plane:
@@ -362,15 +361,15 @@ def _followed_outlines(
     return support
 
 
-def _middle(support: NDArray[np.float64]) -> Guess:
+def _middle(support: Floats) -> Guess:
     """Middle and half width of an outline."""
     left, right, up, down = -support[SIDES // 2], support[0], support[SIDES // 4], -support[3 * SIDES // 4]
     return 0.5 * float(left + right), 0.5 * float(up + down), 0.5 * float(max(right - left, up - down))
 
 
 def _widened(
-    rho: NDArray[np.float64],
-    support: NDArray[np.float64],
+    rho: Floats,
+    support: Floats,
     cell_radius: float,
     largest_radius: float,
     z: float,

@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from plenoptic.core.values import whole
+from plenoptic.core.values import Floats, whole
+
+INSIDE = 1.0 - 1e-9
+"""Rays through the rim of the iris pass this much inside, so that rounding does not clip them."""
 
 
-def hexapolar(rings: int) -> NDArray[np.float64]:
+def hexapolar(rings: int) -> Floats:
     """The centre and rings of 6, 12, 18, ... points around it, the outermost on the rim.
 
     Parameters
@@ -37,7 +39,7 @@ def hexapolar(rings: int) -> NDArray[np.float64]:
     return np.concatenate(points)
 
 
-def square_grid(n: int) -> NDArray[np.float64]:
+def square_grid(n: int) -> Floats:
     """The centres of those of n x n equal squares over the disc that lie within it.
 
     Parameters
@@ -63,7 +65,7 @@ def square_grid(n: int) -> NDArray[np.float64]:
     return np.asarray(points[np.hypot(points[:, 0], points[:, 1]) <= 1])
 
 
-def fan(n: int) -> NDArray[np.float64]:
+def fan(n: int) -> Floats:
     """Points on the diameter along y, from -1 to 1; the tangential fan of a field along y.
 
     Parameters

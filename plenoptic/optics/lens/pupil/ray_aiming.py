@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.rays import RayBundle, RayStatus
-from plenoptic.core.values import finite, frozen_array, number, wrong_kind
+from plenoptic.core.values import Floats, finite, frozen_array, number, wrong_kind
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points, magnification
 from plenoptic.optics.lens.models import LensModel
@@ -40,8 +40,6 @@ __all__ = [
     "hexapolar",
     "square_grid",
 ]
-
-Floats = NDArray[np.float64]
 
 _EPS = float(np.finfo(np.float64).eps)
 

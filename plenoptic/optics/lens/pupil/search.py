@@ -15,15 +15,13 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from plenoptic.core.rays import RayBundle
+from plenoptic.core.values import Floats
 from plenoptic.optics.lens.pupil.iris_points import hexapolar
 from plenoptic.optics.lens.record import LensRecord, lens_record
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.lens.trace import traced_by
-
-Floats = NDArray[np.float64]
 
 _DIFFERENCE = 1e-6
 """Step in rad of the difference quotients: their error of 1e-6 lets each of Newton's steps gain six digits."""

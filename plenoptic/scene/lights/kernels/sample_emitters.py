@@ -21,8 +21,7 @@ from plenoptic.scene.geometry.record import POINT as INTERACTION_POINT
 from plenoptic.scene.lights.kernels.environment import sample_environment
 from plenoptic.scene.lights.kernels.sample_cdf import sample_cdf
 from plenoptic.scene.lights.record import DELTA, DIRECTION, END, ENVIRONMENT, PDF, POINT, SUN, TRIANGLE
-from plenoptic.scene.materials.kernels.alpha import opacity_at
-from plenoptic.scene.textures.kernels.lookup import fill_texel
+from plenoptic.scene.textures.kernels.lookup import fill_texel, opacity_at
 
 
 @device

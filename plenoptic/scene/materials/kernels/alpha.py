@@ -15,22 +15,10 @@ from plenoptic.scene.geometry.kernels.intersect import (
     intersect_triangle,
     ray_offset,
 )
-from plenoptic.scene.textures.kernels.lookup import fill_texel
+from plenoptic.scene.textures.kernels.lookup import opacity_at
 
 _THERE = np.uint64(411)
 _UNIT_53 = 2.0**-53
-
-
-@device
-def opacity_at(number, opacity, cutoff, texture, uv, texels, textures):
-    """Fraction of paths for which a surface is there; 0 or 1 with a cutoff. `texture` is -1 where it has none."""
-    number[0] = opacity
-    if textures is not None:
-        if texture >= 0:
-            fill_texel(number, texels, textures[texture], uv[0], uv[1])
-    if cutoff >= 0.0:
-        return 1.0 if number[0] >= cutoff else 0.0
-    return number[0]
 
 
 @kernel

@@ -89,10 +89,11 @@ def _only_surface(kind, roughness, metallic, glass_index, pane_index, front):
     """The only material of a record."""
     if kind is None:
         return Surface(None, 0.0, 0.0, None, None, 0, 0)
+    rough = 0.0 if roughness is None else roughness[0]
     metal = 0.0 if metallic is None else metallic[0]
     eta = None if glass_index is None else relative_index(glass_index, 0, front)
     pane = None if pane_index is None else pane_index[0]
-    return Surface(kind[0], roughness[0], metal, eta, pane, 0, 0)
+    return Surface(kind[0], rough, metal, eta, pane, 0, 0)
 
 
 @kernel

@@ -11,7 +11,7 @@ import pytest
 
 import plenoptic as pl
 
-NOTED = {"trace_block", "refract_asphere", "_newton", "_settle", "_first_crossing", "_climb"}
+NOTED = {"trace_block", "refract_asphere", "refract_freeform", "_newton", "_settle", "first_crossing", "_climb"}
 """Functions whose last argument is what is noted."""
 
 COUNT = """

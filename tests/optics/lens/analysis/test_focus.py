@@ -22,7 +22,7 @@ from plenoptic.optics.lens.files.library import load_lens
 from plenoptic.optics.lens.gaussian import paraxial
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.stack import LensStack
-from plenoptic.optics.stops.stops import CircularStop
+from plenoptic.optics.stops.circle import CircularStop
 from plenoptic.optics.surfaces.surface import Surface
 
 GAUSS = load_lens("double-gauss-100mm-f2")

@@ -13,7 +13,7 @@ from plenoptic.optics.lens.analysis.spots import spot_diagram
 from plenoptic.optics.lens.files.library import load_lens
 from plenoptic.optics.lens.gaussian import paraxial
 from plenoptic.optics.lens.models import LensModel
-from plenoptic.optics.stops.stops import CircularStop
+from plenoptic.optics.stops.circle import CircularStop
 
 GAUSS = load_lens("double-gauss-100mm-f2")
 DISC = GAUSS.with_model(LensModel.PARAXIAL).with_stop(CircularStop(10.0))

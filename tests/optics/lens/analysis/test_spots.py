@@ -19,8 +19,9 @@ from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.pupil.beam import REPLICATES, passing_light
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.lens.trace import traced_part
-from plenoptic.optics.stops.shapes import MaskStop
-from plenoptic.optics.stops.stops import CircularStop, PolygonStop
+from plenoptic.optics.stops.circle import CircularStop
+from plenoptic.optics.stops.mask import MaskStop
+from plenoptic.optics.stops.polygon import PolygonStop
 from plenoptic.optics.surfaces.surface import Surface
 
 GAUSS = load_lens("double-gauss-100mm-f2")

@@ -19,7 +19,8 @@ from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.placement import Placement, rotation_about_axes
 from plenoptic.optics.lens.stack import LensStack
-from plenoptic.optics.stops.stops import CircularStop, PolygonStop
+from plenoptic.optics.stops.circle import CircularStop
+from plenoptic.optics.stops.polygon import PolygonStop
 from plenoptic.optics.surfaces.surface import Surface
 
 SHARED = Path(os.environ["PLENOPTIC_SHARED"])

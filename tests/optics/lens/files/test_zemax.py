@@ -15,7 +15,8 @@ from plenoptic.optics.glass.media import AIR, C_LINE, D_LINE, F_LINE, ConstantMe
 from plenoptic.optics.lens.files.library import lens_names, load_lens, save_lens
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.stack import LensStack
-from plenoptic.optics.stops.stops import CircularStop, PolygonStop
+from plenoptic.optics.stops.circle import CircularStop
+from plenoptic.optics.stops.polygon import PolygonStop
 from plenoptic.optics.surfaces.surface import Surface
 
 HEAD = """VERS 140124 258 36214

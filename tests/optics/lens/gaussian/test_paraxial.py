@@ -13,7 +13,7 @@ from plenoptic.optics.glass.media import AIR, ConstantMedium
 from plenoptic.optics.lens.files.library import lens_names, load_lens
 from plenoptic.optics.lens.gaussian import paraxial
 from plenoptic.optics.lens.stack import LensStack
-from plenoptic.optics.stops.stops import CircularStop
+from plenoptic.optics.stops.circle import CircularStop
 from plenoptic.optics.surfaces.surface import Surface
 
 GLASS = ConstantMedium(1.5)

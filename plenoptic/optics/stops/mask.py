@@ -1,117 +1,21 @@
-"""Stops whose hole is no disc and no polygon of blades: stars, and masks given as images."""
+"""Stops given as images of what they let through."""
 
 from __future__ import annotations
 
 import dataclasses
-import math
 import os
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import finite, frozen_array, positive, read_only, set_field, value, whole
+from plenoptic.core.values import frozen_array, positive, set_field, value, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.placement import Placement, kept_placement
+from plenoptic.optics.record import MASK, ElementRow
+from plenoptic.optics.stops.outline import divided
 from plenoptic.optics.surfaces.surface import checked_gap
 
 Floats = NDArray[np.float64]
-
-
-@value
-class StarStop:
-    """A stop with a hole that is a regular star.
-
-    Parameters
-    ----------
-    points : int
-        Number of tips, at least 3.
-    semi_diameter : float
-        Distance of the tips from the axis in mm, above 0.
-    inner_semi_diameter : float
-        Distance of the corners between the tips from the axis in mm, above 0 and at most semi_diameter cos(pi /
-        points), with which the star is a polygon.
-    rotation : float, optional
-        Angle of the first tip from +x towards +y, radians.
-    thickness : float, optional
-        Axial gap to the next element in mm, at least 0.
-    placement : Placement, optional
-        Decentre and tilt; see `LensStack.moved`. None: centred.
-
-    Raises
-    ------
-    InvalidValueError
-        If a number is out of range.
-
-    Examples
-    --------
-    >>> from plenoptic.optics.stops.shapes import StarStop
-    >>> star = StarStop(points=5, semi_diameter=5.0, inner_semi_diameter=2.0)
-    >>> star.contains([4.9, -4.9, -1.9], [0.0, 0.0, 0.0]).tolist()
-    [True, False, True]
-    >>> round(star.area, 3)
-    29.389
-    """
-
-    points: int
-    semi_diameter: float
-    inner_semi_diameter: float
-    rotation: float = 0.0
-    thickness: float = 0.0
-    placement: Placement | None = dataclasses.field(default=None, kw_only=True)
-
-    def __post_init__(self) -> None:
-        set_field(self, "points", whole(self.points, "points", at_least=3))
-        set_field(self, "semi_diameter", positive(self.semi_diameter, "semi_diameter", "mm"))
-        set_field(self, "inner_semi_diameter", positive(self.inner_semi_diameter, "inner_semi_diameter", "mm"))
-        set_field(self, "rotation", finite(self.rotation, "rotation"))
-        set_field(self, "thickness", checked_gap(self.thickness))
-        set_field(self, "placement", kept_placement(self.placement))
-        largest = self.semi_diameter * math.cos(math.pi / self.points)
-        if self.inner_semi_diameter > largest * (1 + 1e-12):
-            raise InvalidValueError(
-                f"inner_semi_diameter is {self.inner_semi_diameter:g} mm; a star of {self.points} points and "
-                f"semi_diameter {self.semi_diameter:g} mm has at most {largest:g} mm: reduce it, or use a PolygonStop"
-            )
-
-    @property
-    def edges(self) -> Floats:
-        """(2 points, 4): rows (a, b, p, 0) in pairs, one pair for each corner between two tips.
-
-        The hole is where a x + b y <= p for one row of each pair at least, inside the circle of the tips.
-        """
-        half, r = math.pi / self.points, self.inner_semi_diameter
-        across, along = r * math.sin(half), self.semi_diameter - r * math.cos(half)
-        lean = math.atan2(along, across)
-        tip = self.rotation + 2 * half * np.arange(self.points)
-        angle = np.stack([tip + lean, tip + 2 * half - lean], axis=1).ravel()
-        rows = np.zeros((2 * self.points, 4))
-        rows[:, 0], rows[:, 1] = np.cos(angle), np.sin(angle)
-        rows[:, 2] = self.semi_diameter * across / math.hypot(across, along)
-        return read_only(rows)
-
-    @property
-    def area(self) -> float:
-        """Of the hole in mm^2."""
-        return self.points * self.semi_diameter * self.inner_semi_diameter * math.sin(math.pi / self.points)
-
-    def contains(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.bool_]:
-        """Whether points (x, y), mm, lie in the hole or on its edge; the shape is that of x and y broadcast."""
-        x, y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
-        inside = x * x + y * y <= self.semi_diameter**2
-        for one, other in self.edges.reshape(-1, 2, 4):
-            inside &= np.minimum(x * one[0] + y * one[1], x * other[0] + y * other[1]) <= one[2]
-        return np.asarray(inside)
-
-    def outline(self, n: int = 64) -> Floats:
-        """Points on the edge, counter-clockwise from the first tip, in mm, not closed.
-
-        A (k, 2) array, where k is the smallest multiple of 2 `points` that is at least n: all corners are among the
-        points, the others divide the edges evenly.
-        """
-        angle = self.rotation + math.pi / self.points * np.arange(2 * self.points)
-        radius = np.tile([self.semi_diameter, self.inner_semi_diameter], self.points)
-        corners = radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        return _divided(corners, whole(n, "n", at_least=3))
 
 
 @value
@@ -142,7 +46,7 @@ class MaskStop:
 
     Examples
     --------
-    >>> from plenoptic.optics.stops.shapes import MaskStop
+    >>> from plenoptic.optics.stops.mask import MaskStop
     >>> mask = MaskStop([[0.0, 1.0], [0.5, 0.0]], semi_diameter=2.0**0.5)
     >>> mask.cell_size, mask.area
     (1.0, 1.5)
@@ -175,7 +79,7 @@ class MaskStop:
 
         Examples
         --------
-        >>> from plenoptic.optics.stops.shapes import MaskStop
+        >>> from plenoptic.optics.stops.mask import MaskStop
         >>> MaskStop.of_cells([[1.0, 1.0], [1.0, 1.0]], 3.0).semi_diameter
         4.242640687119286
         """
@@ -214,7 +118,7 @@ class MaskStop:
         >>> import pathlib, tempfile
         >>> import numpy as np
         >>> import plenoptic as pl
-        >>> from plenoptic.optics.stops.shapes import MaskStop
+        >>> from plenoptic.optics.stops.mask import MaskStop
         >>> with tempfile.TemporaryDirectory() as folder:
         ...     path = pathlib.Path(folder) / "mask.exr"
         ...     pl.images.write_channels(path, {"Y": np.eye(3)})
@@ -260,15 +164,22 @@ class MaskStop:
         A (k, 2) array with k at least n, not closed: the corners of the polygon, and points that divide its sides.
         """
         corners = _hull(self.cell_size * _open_corners(np.asarray(self.transmission)))
-        return _divided(corners, whole(n, "n", at_least=3))
+        return divided(corners, whole(n, "n", at_least=3))
 
+    def row(self) -> ElementRow:
+        """The numbers that kernels read."""
+        cells = np.asarray(self.transmission)
+        return ElementRow(MASK, self.semi_diameter * self.semi_diameter, cells=cells, cells_per_mm=1.0 / self.cell_size)
 
-def _divided(corners: Floats, n: int) -> Floats:
-    """The corners (k, 2) of a polygon, and points that divide its edges evenly: at least n in all, not closed."""
-    per_edge = -(-n // len(corners))
-    share = np.arange(per_edge) / per_edge
-    after = np.roll(corners, -1, axis=0)
-    return np.asarray((corners[:, None] + share[:, None] * (after - corners)[:, None]).reshape(-1, 2))
+    def image(self, scale: float) -> MaskStop:
+        """The stop as a lens shows it: `scale` times as large, and turned by half a turn where that is negative."""
+        cells = np.asarray(self.transmission)
+        return MaskStop(cells[::-1, ::-1] if scale < 0 else cells, abs(scale) * self.semi_diameter)
+
+    @property
+    def inner_radius(self) -> float:
+        """That of the circle around all that lets light through, in mm: of the hole of a mask little can be said."""
+        return self.semi_diameter
 
 
 def _open_corners(cells: Floats) -> Floats:

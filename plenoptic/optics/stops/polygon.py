@@ -1,15 +1,10 @@
-"""Stops: thin opaque screens with a hole.
-
-Round ones and those of blades are here, stars and masks in `stop_shapes`. All have a `semi_diameter`, the radius of the
-circle about the axis that holds the hole: it stands for the stop in paraxial data and in bounds on pupils.
-"""
+"""Stops as the blades of an iris leave them."""
 
 from __future__ import annotations
 
 import dataclasses
 import math
 from itertools import pairwise
-from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,62 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 from plenoptic.core.values import finite, number, positive, read_only, set_field, value, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.placement import Placement, kept_placement
-from plenoptic.optics.stops.shapes import MaskStop, StarStop
+from plenoptic.optics.record import ARCS, POLYGON, ElementRow
 from plenoptic.optics.surfaces.surface import checked_gap
 
 _ROUNDING = 1e-12
 """How far, relatively, a radius may be beyond its limit: sizes that are scaled together differ by rounding."""
-
-
-@value
-class CircularStop:
-    """A stop with a round hole, centred on the axis.
-
-    Parameters
-    ----------
-    semi_diameter : float
-        Radius of the hole in mm, above 0.
-    thickness : float, optional
-        Axial gap to the next element in mm, at least 0. The stop itself is infinitely thin.
-    placement : Placement, optional
-        Decentre and tilt; see `LensStack.moved`. None: centred.
-
-    Raises
-    ------
-    InvalidValueError
-        If a number is out of range.
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> stop = pl.CircularStop(5.0)
-    >>> stop.contains([0.0, 4.0], [5.0, 4.0]).tolist()
-    [True, False]
-    """
-
-    semi_diameter: float
-    thickness: float = 0.0
-    placement: Placement | None = dataclasses.field(default=None, kw_only=True)
-
-    def __post_init__(self) -> None:
-        set_field(self, "semi_diameter", positive(self.semi_diameter, "semi_diameter", "mm"))
-        set_field(self, "thickness", checked_gap(self.thickness))
-        set_field(self, "placement", kept_placement(self.placement))
-
-    @property
-    def area(self) -> float:
-        """Of the hole in mm^2."""
-        return math.pi * self.semi_diameter**2
-
-    def contains(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.bool_]:
-        """Whether points (x, y), mm, lie in the hole or on its edge; the shape is that of x and y broadcast."""
-        x, y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
-        return np.asarray(x * x + y * y <= self.semi_diameter**2)
-
-    def outline(self, n: int = 64) -> NDArray[np.float64]:
-        """Points on the edge, counter-clockwise from +x: an (n, 2) array in mm, not closed; n at least 3."""
-        angle = 2 * math.pi * np.arange(whole(n, "n", at_least=3)) / n
-        return self.semi_diameter * np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 
 @value
@@ -206,6 +150,26 @@ class PolygonStop:
         edges = zip(pairwise(corners), self.normals, strict=True)
         return np.concatenate([a + along[:, None] * (b - a) + out[:, None] * normal for (a, b), normal in edges])
 
+    def row(self) -> ElementRow:
+        """The numbers that kernels read."""
+        kind = POLYGON if math.isinf(self.blade_radius) else ARCS
+        return ElementRow(kind, self.semi_diameter * self.semi_diameter, edges=tuple(map(tuple, self.edges.tolist())))
+
+    def image(self, scale: float) -> PolygonStop:
+        """The stop as a lens shows it: `scale` times as large, and turned by half a turn where that is negative."""
+        size, turn = abs(scale), math.pi if scale < 0 else 0.0
+        bulge = size * self.blade_radius
+        return PolygonStop(self.blades, size * self.semi_diameter, self.rotation + turn, blade_radius=bulge)
+
+    @property
+    def inner_radius(self) -> float:
+        """Radius in mm of the largest circle about the axis that the hole holds."""
+        return self.apothem
+
+    def transmission_at(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
+        """1 in the hole, 0 beside it, at points (x, y), mm; the shape is that of x and y broadcast."""
+        return np.asarray(self.contains(x, y), dtype=np.float64)
+
 
 def _segment(half_angle: float) -> float:
     """Area between arc and chord of a circle of radius 1, whose arc has twice this angle; negative for negative ones.
@@ -217,7 +181,3 @@ def _segment(half_angle: float) -> float:
     x2 = (2.0 * half_angle) ** 2
     series = 1.0 - x2 / 20.0 * (1.0 - x2 / 42.0 * (1.0 - x2 / 72.0 * (1.0 - x2 / 110.0)))
     return half_angle**3 * (2.0 / 3.0) * series
-
-
-Stop: TypeAlias = CircularStop | PolygonStop | StarStop | MaskStop
-"""Any stop."""

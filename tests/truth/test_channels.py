@@ -1,28 +1,24 @@
 """Ground truth as a value: its parts, what stands for nothing, and what files call it."""
 
+import dataclasses
 import pickle
+from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.truth.channels import truth_channels, truth_in, truth_note
-from plenoptic.truth.ground_truth import (
-    KINDS,
-    NO_MICROLENS,
-    GroundTruth,
-    Truth,
-    available_truth,
-    checked_truth,
-    empty_truth,
-    truth_names,
-)
+from plenoptic.truth.arrays import available_truth, checked_truth, empty_truth, file_note, file_planes, truth_in
+from plenoptic.truth.channels import CHANNELS, NO_MICROLENS, GroundTruth, Truth, truth_names
+from plenoptic.truth.compute import filling
+from plenoptic.truth.stages import PixelStages
 
 
 def everything(rows=2, columns=3):
     rng = np.random.default_rng(5)
     made = {}
-    for name, kind in KINDS.items():
+    for name, kind in CHANNELS.items():
         shape = (rows, columns, *kind.shape)
         whole = kind.dtype is np.int32
         made[name] = rng.integers(-5, 5, shape) if whole else rng.uniform(-5, 5, shape)
@@ -31,7 +27,7 @@ def everything(rows=2, columns=3):
 
 def test_all_is_everything_and_each_array_has_a_kind_of_it():
     union = Truth.NONE
-    for kind in KINDS.values():
+    for kind in CHANNELS.values():
         union |= kind.flag
     alone = [flag for flag in Truth if flag.value.bit_count() == 1]  # before Python 3.11 ALL is one of them too
     assert union == Truth.ALL == Truth(sum(alone))
@@ -52,8 +48,8 @@ def test_what_is_wanted_is_what_is_made():
 
 def test_a_scene_without_meshes_and_a_camera_without_microlenses_have_less():
     assert available_truth(Truth.ALL, meshes=True, microlenses=True) == Truth.ALL
-    assert available_truth(Truth.ALL, meshes=False, microlenses=True) == Truth.MICROLENS
-    assert available_truth(Truth.ALL, meshes=False, microlenses=False) == Truth.NONE
+    assert available_truth(Truth.ALL, meshes=False, microlenses=True) == Truth.MICROLENS | Truth.INCIDENCE_ANGLE
+    assert available_truth(Truth.ALL, meshes=False, microlenses=False) == Truth.INCIDENCE_ANGLE
     bare = available_truth(Truth.ALL, meshes=True, microlenses=False)
     assert bare == Truth.ALL & ~(Truth.MICROLENS | Truth.VIRTUAL_DEPTH | Truth.DISPARITY)
     assert truth_names(Truth.VIRTUAL_DEPTH | Truth.DEPTH) == "depth, virtual depth"
@@ -95,15 +91,41 @@ def test_disparity_of_views_is_that_of_microlenses_upside_down():
 
 def test_channels_of_files_lead_back():
     truth = everything()
-    channels = truth_channels(truth)
-    assert len(channels) == sum(int(np.prod(kind.shape)) for kind in KINDS.values())
+    channels = file_planes(truth)
+    assert len(channels) == sum(int(np.prod(kind.shape)) for kind in CHANNELS.values())
     assert all(plane.shape == (2, 3) for plane in channels.values())
     assert truth_in(channels) == truth
     assert truth_in({"depth.Z": truth.depth, "truth.normal.X": truth.depth}) == GroundTruth(depth=truth.depth)
     assert truth_in({"Y": truth.depth}) is None
     for name in channels:
-        assert name.rsplit(".", 1)[0] in truth_note(truth)
+        assert name.rsplit(".", 1)[0] in file_note(truth)
+
+
+def test_files_from_before_a_channel_have_the_others():
+    truth = everything()
+    planes = file_planes(truth)
+    del planes["truth.incidence_angle"]
+    older = truth_in(planes)
+    assert older.kinds == Truth.ALL & ~Truth.INCIDENCE_ANGLE and older.incidence_angle is None
+    assert older == dataclasses.replace(truth, incidence_angle=None)
 
 
 def test_no_microlens_is_kept_by_single_precision():
     assert int(np.float32(NO_MICROLENS)) == NO_MICROLENS == np.iinfo(np.int32).min
+
+
+def test_every_channel_names_the_function_and_the_stage_that_fill_it():
+    for name, channel in CHANNELS.items():
+        fill, stage = filling(name)
+        assert callable(fill) and stage == channel.stage and isinstance(getattr(PixelStages, stage), cached_property)
+
+
+def test_the_table_in_the_documents_is_the_list():
+    text = (Path(__file__).parents[2] / "docs" / "conventions.md").read_text(encoding="utf-8")
+    for name, channel in CHANNELS.items():
+        shape = ", ".join(["H", "W", *map(str, channel.shape)])
+        meaning = f"{channel.meaning}, {channel.unit}" if channel.unit else channel.meaning
+        void = "`NO_MICROLENS`" if channel.void == NO_MICROLENS else f"{channel.void:g}"
+        files = ", ".join(f"`{plane}`" for plane in channel.in_files)
+        kind = f"({shape}) {np.dtype(channel.dtype)}"
+        assert f"| {channel.flag.name} | `{name}` | {kind} | {meaning} | {void} | {files} |\n" in text

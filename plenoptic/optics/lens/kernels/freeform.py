@@ -1,0 +1,146 @@
+"""Rays through one surface without rotational symmetry: an even asphere and what departs from it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from plenoptic.core.jit import device
+from plenoptic.core.kernels.ray_blocks import (
+    BLOCK,
+    CLIPPED,
+    NOT_FINITE,
+    STATUS,
+    TOTAL_REFLECTION,
+    L,
+    M,
+    N,
+    X,
+    Y,
+    Z,
+)
+from plenoptic.optics.lens.kernels.conic_asphere import (
+    AT_VERTEX,
+    EPS,
+    NEWTON_STEPS,
+    first_crossing,
+    height,
+    to_conic_of_asphere,
+)
+from plenoptic.optics.lens.kernels.departure import departure_at
+from plenoptic.optics.lens.kernels.notes import NEWTON, REACH, STEPS, note_reach, note_refraction
+from plenoptic.optics.lens.record import FIRST_TERM, ROUNDING, SHARPEST, STEEPEST, TALLEST
+
+
+@device
+def freeform_at(x, y, conic, aspheric, departure):
+    """Sag and its derivatives by x and y; `conic` is the curvature and 1 + k."""
+    sag, by_r2 = height(x * x + y * y, conic, aspheric)
+    added, dx, dy = departure_at(x, y, departure)
+    return sag + added, 2.0 * by_r2 * x + dx, 2.0 * by_r2 * y + dy
+
+
+@device
+def _newton(point, direction, conic, aspheric, departure, semi_diameter2):
+    """Newton's method from a point of a ray, until the next step would be below rounding: the point and the steps."""
+    (x, y, z), (l, m, n) = point, direction
+    sharpest = aspheric[SHARPEST] + departure[SHARPEST]
+    taken = 0
+    for _ in range(NEWTON_STEPS):
+        sag, dx, dy = freeform_at(x, y, conic, aspheric, departure)
+        slope = n - (dx * l + dy * m)
+        step = (sag - z) / slope
+        if not (x * x + y * y <= semi_diameter2 and step - step == 0.0):
+            break
+        x += step * l
+        y += step * m
+        z += step * n
+        taken += 1
+        # What a step leaves: its square times half the curvature of z - sag along the ray, over the slope.
+        if 0.5 * sharpest * step * step <= EPS * abs(slope) * (abs(x) + abs(y) + abs(z)):
+            break
+    return x, y, z, taken
+
+
+@device
+def _is_first(point, direction, conic, aspheric, departure, semi_diameter2, s):
+    """Whether a point is surely the first crossing: on the surface, in the cylinder, of a ray that crosses once."""
+    (x, y, z), (l, m, n) = point, direction
+    sag, dx, dy = freeform_at(x, y, conic, aspheric, departure)
+    slope, steepest = n - (dx * l + dy * m), aspheric[STEEPEST] + departure[STEEPEST]
+    size = (abs(x) + abs(y) + abs(z)) * (1.0 + abs(dx) + abs(dy))
+    rounding = 8.0 * EPS * size + departure[ROUNDING] + AT_VERTEX * (aspheric[TALLEST] + departure[TALLEST])
+    # Without a rim the surface goes on where its slope is not known: what Newton's method finds is taken.
+    alone = n * n > steepest * steepest * (l * l + m * m) or semi_diameter2 == math.inf
+    return abs(z - sag) <= rounding and x * x + y * y <= semi_diameter2 and s * slope > 0.0 and alone
+
+
+@device
+def refract_freeform(ray, lens, k, index_ratios, code, log):
+    """Through the surface in row k; with `log` (elements, LOG, BLOCK), steps are counted.
+
+    As for aspheres: of a ray steeper than the surface is anywhere, Newton's method finds the only crossing; all others
+    are searched for their first crossing inside the semi-diameter, by steps that surely pass none.
+    """
+    row, s, aspheric, departure = lens.rows[k], lens.direction, lens.aspheric[k], lens.departure[k]
+    conic, semi_diameter2 = (row.curvature, 1.0 + lens.conic[k]), row.semi_diameter2
+    nearest = np.empty((5, BLOCK))
+    to_conic_of_asphere(ray, nearest, conic)
+    for i in range(BLOCK):
+        if ray[STATUS + i] != 0.0:
+            continue
+        direction = l, m, n = ray[L + i], ray[M + i], ray[N + i]
+        x, y, z, taken = _newton(
+            (ray[X + i], ray[Y + i], ray[Z + i]), direction, conic, aspheric, departure, semi_diameter2
+        )
+        if log is not None:
+            log[k, NEWTON, i] = taken
+        lost = 0.0
+        if not _is_first((x, y, z), direction, conic, aspheric, departure, semi_diameter2, s):
+            # From the closest approach: wide steps of Newton's method lead off the ray by their own rounding.
+            start = x, y, z = nearest[2, i], nearest[3, i], nearest[4, i]
+            steps = None if log is None else log[k, STEPS, i : i + 1]
+            t, lost = first_crossing(start, direction, conic, aspheric, departure, semi_diameter2, s, steps)
+            finite = x - x == 0.0 and y - y == 0.0 and z - z == 0.0
+            x += t * l
+            y += t * m
+            z += t * n
+            # A direction so near the axis that its square is 0 says nothing about where the cylinder is left.
+            lost = lost if x * x + y * y <= semi_diameter2 * (1.0 + 16.0 * EPS) or lost != 0.0 else CLIPPED
+            lost = lost if lost == 0.0 or finite else NOT_FINITE
+        mu = row.index_ratio if index_ratios is None else index_ratios[i]
+        _, dx, dy = freeform_at(x, y, conic, aspheric, departure)
+        nz = 1.0 / math.sqrt(1.0 + dx * dx + dy * dy)
+        nx, ny = -dx * nz, -dy * nz
+        cos_i = s * (nx * l + ny * m + nz * n)
+        cos2 = 1.0 - mu * mu * (1.0 - cos_i * cos_i)
+        a = s * ((1.0 - mu * mu) / (math.sqrt(max(cos2, 0.0)) + mu * cos_i))
+        ray[X + i], ray[Y + i], ray[Z + i] = x, y, z
+        ray[L + i] = mu * l + a * nx
+        ray[M + i] = mu * m + a * ny
+        ray[N + i] = mu * n + a * nz
+        lost = lost if lost != 0.0 or cos2 >= 0.0 else TOTAL_REFLECTION
+        lost = lost if lost != 0.0 or x * x + y * y < math.inf else NOT_FINITE
+        ray[STATUS + i] = code + lost if lost != 0.0 else 0.0
+
+
+@device
+def note_freeform(log, arrival, ray, lens, k, index_ratios, place):
+    """What is noted of a surface in row k; `place` is the distance from the lens origin that counts."""
+    row, aspheric, departure = lens.rows[k], lens.aspheric[k], lens.departure[k]
+    c, kz = row.curvature, 1.0 + lens.conic[k]
+    for i in range(BLOCK):
+        if ray[STATUS + i] != 0.0:
+            continue
+        x, y, z = ray[X + i], ray[Y + i], ray[Z + i]
+        r2, sizes = x * x + y * y, 0.0
+        for j in range(aspheric.size - 1, FIRST_TERM - 1, -1):
+            sizes = sizes * r2 + abs(aspheric[j])
+        w = math.sqrt(max(1.0 - kz * c * c * r2, EPS))
+        _, dx, dy = freeform_at(x, y, (c, kz), aspheric, departure)
+        length = math.sqrt(1.0 + dx * dx + dy * dy)
+        terms = abs(z) + r2 * (abs(c) / (1.0 + w) * (1.0 + 0.5 / (w * (1.0 + w))) + sizes) + departure[ROUNDING] / EPS
+        log[k, REACH, i] = note_reach(arrival, i, (x, y, z), terms / length, place)
+        mu = row.index_ratio if index_ratios is None else index_ratios[i]
+        note_refraction(log[k], arrival, i, (-dx, -dy, 1.0), length, mu)

@@ -1,0 +1,60 @@
+"""What descriptions of elements and kernels share: kinds of elements, and what an element says of itself."""
+
+from __future__ import annotations
+
+import enum
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class ElementKind(enum.IntEnum):
+    """What a path meets in the lens. IDEAL_LENS stands for the whole lens in the models THIN and PARAXIAL.
+
+    Examples
+    --------
+    See `replay`.
+    """
+
+    SPHERE = 0
+    CIRCULAR_STOP = 1
+    POLYGON_STOP = 2
+    CONIC = 3
+    ASPHERE = 4
+    IDEAL_LENS = 5
+    CURVED_POLYGON_STOP = 6
+    STAR_STOP = 7
+    MASK_STOP = 8
+    FREEFORM = 9
+
+
+SPHERE, CIRCLE, POLYGON, CONIC, ASPHERE, IDEAL, ARCS, STAR, MASK, FREEFORM = map(int, ElementKind)
+"""The same numbers for kernels. SPHERE stands for planes too."""
+
+
+class ElementRow(NamedTuple):
+    """What an element says of itself; `LensRecord` explains the entries."""
+
+    kind: int
+    semi_diameter2: float = math.inf
+    curvature: float = 0.0
+    max_depth: float = math.inf
+    conic: float = 0.0
+    aspheric: tuple[float, ...] = ()
+    departure: tuple[float, ...] = ()
+    edges: tuple[tuple[float, ...], ...] = ()
+    cells: NDArray[np.float64] | None = None
+    """Transmission of the cells of a mask."""
+    cells_per_mm: float = 0.0
+    z: float = 0.0
+    """Here and below, what the lens knows."""
+    surface_index: int = 0
+    index_ratio: float = 1.0
+    frame: tuple[float, ...] = ()
+
+    @property
+    def opened(self) -> ElementRow:
+        """The circle around a stop; other rows as they are."""
+        return self._replace(kind=CIRCLE, edges=(), cells=None) if self.edges or self.cells is not None else self

@@ -1,0 +1,99 @@
+"""Round stops."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from plenoptic.core.values import positive, set_field, value, whole
+from plenoptic.optics.lens.placement import Placement, kept_placement
+from plenoptic.optics.record import CIRCLE, ElementRow
+from plenoptic.optics.surfaces.surface import checked_gap
+
+
+@value
+class CircularStop:
+    """A stop with a round hole, centred on the axis.
+
+    Parameters
+    ----------
+    semi_diameter : float
+        Radius of the hole in mm, above 0.
+    thickness : float, optional
+        Axial gap to the next element in mm, at least 0. The stop itself is infinitely thin.
+    placement : Placement, optional
+        Decentre and tilt; see `LensStack.moved`. None: centred.
+
+    Raises
+    ------
+    InvalidValueError
+        If a number is out of range.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> stop = pl.CircularStop(5.0)
+    >>> stop.contains([0.0, 4.0], [5.0, 4.0]).tolist()
+    [True, False]
+    """
+
+    semi_diameter: float
+    thickness: float = 0.0
+    placement: Placement | None = dataclasses.field(default=None, kw_only=True)
+
+    def __post_init__(self) -> None:
+        set_field(self, "semi_diameter", positive(self.semi_diameter, "semi_diameter", "mm"))
+        set_field(self, "thickness", checked_gap(self.thickness))
+        set_field(self, "placement", kept_placement(self.placement))
+
+    @property
+    def area(self) -> float:
+        """Of the hole in mm^2."""
+        return math.pi * self.semi_diameter**2
+
+    def contains(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.bool_]:
+        """Whether points (x, y), mm, lie in the hole or on its edge; the shape is that of x and y broadcast."""
+        x, y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
+        return np.asarray(x * x + y * y <= self.semi_diameter**2)
+
+    def outline(self, n: int = 64) -> NDArray[np.float64]:
+        """Points on the edge, counter-clockwise from +x: an (n, 2) array in mm, not closed; n at least 3."""
+        angle = 2 * math.pi * np.arange(whole(n, "n", at_least=3)) / n
+        return self.semi_diameter * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+    def row(self) -> ElementRow:
+        """The numbers that kernels read."""
+        return ElementRow(CIRCLE, self.semi_diameter * self.semi_diameter)
+
+    def image(self, scale: float) -> CircularStop:
+        """The stop as a lens shows it: `scale` times as large, and turned by half a turn where that is negative."""
+        return CircularStop(abs(scale) * self.semi_diameter)
+
+    @property
+    def inner_radius(self) -> float:
+        """Radius in mm of the largest circle about the axis that the hole holds."""
+        return self.semi_diameter
+
+    def transmission_at(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
+        """1 in the hole, 0 beside it, at points (x, y), mm; the shape is that of x and y broadcast."""
+        return np.asarray(self.contains(x, y), dtype=np.float64)
+
+
+class _Sized(Protocol):
+    @property
+    def semi_diameter(self) -> float: ...
+    @property
+    def thickness(self) -> float: ...
+    @property
+    def placement(self) -> Placement | None: ...
+
+
+def circle_around(stop: _Sized) -> CircularStop:
+    """The circle about its axis that holds the hole of a stop, at the same place."""
+    if isinstance(stop, CircularStop):
+        return stop
+    return CircularStop(stop.semi_diameter, stop.thickness, placement=stop.placement)

@@ -1,0 +1,20 @@
+"""Stops, thin opaque screens with a hole: the closed set.
+
+Each has a `semi_diameter`, the radius of the circle about the axis that holds the hole: it stands for the stop in
+paraxial data and in bounds on pupils.
+"""
+
+from __future__ import annotations
+
+from typing import TypeAlias
+
+from plenoptic.optics.stops.circle import CircularStop
+from plenoptic.optics.stops.mask import MaskStop
+from plenoptic.optics.stops.polygon import PolygonStop
+from plenoptic.optics.stops.star import StarStop
+
+Stop: TypeAlias = CircularStop | PolygonStop | StarStop | MaskStop
+"""Any stop."""
+
+STOPS: dict[str, type[Stop]] = {"circle": CircularStop, "polygon": PolygonStop, "star": StarStop, "mask": MaskStop}
+"""Stops by their names in files."""

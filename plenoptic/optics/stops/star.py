@@ -1,0 +1,133 @@
+"""Stops whose hole is a star."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from plenoptic.core.values import finite, positive, read_only, set_field, value, whole
+from plenoptic.errors import InvalidValueError
+from plenoptic.optics.lens.placement import Placement, kept_placement
+from plenoptic.optics.record import STAR, ElementRow
+from plenoptic.optics.stops.outline import divided
+from plenoptic.optics.surfaces.surface import checked_gap
+
+Floats = NDArray[np.float64]
+
+
+@value
+class StarStop:
+    """A stop with a hole that is a regular star.
+
+    Parameters
+    ----------
+    points : int
+        Number of tips, at least 3.
+    semi_diameter : float
+        Distance of the tips from the axis in mm, above 0.
+    inner_semi_diameter : float
+        Distance of the corners between the tips from the axis in mm, above 0 and at most semi_diameter cos(pi /
+        points), with which the star is a polygon.
+    rotation : float, optional
+        Angle of the first tip from +x towards +y, radians.
+    thickness : float, optional
+        Axial gap to the next element in mm, at least 0.
+    placement : Placement, optional
+        Decentre and tilt; see `LensStack.moved`. None: centred.
+
+    Raises
+    ------
+    InvalidValueError
+        If a number is out of range.
+
+    Examples
+    --------
+    >>> from plenoptic.optics.stops.star import StarStop
+    >>> star = StarStop(points=5, semi_diameter=5.0, inner_semi_diameter=2.0)
+    >>> star.contains([4.9, -4.9, -1.9], [0.0, 0.0, 0.0]).tolist()
+    [True, False, True]
+    >>> round(star.area, 3)
+    29.389
+    """
+
+    points: int
+    semi_diameter: float
+    inner_semi_diameter: float
+    rotation: float = 0.0
+    thickness: float = 0.0
+    placement: Placement | None = dataclasses.field(default=None, kw_only=True)
+
+    def __post_init__(self) -> None:
+        set_field(self, "points", whole(self.points, "points", at_least=3))
+        set_field(self, "semi_diameter", positive(self.semi_diameter, "semi_diameter", "mm"))
+        set_field(self, "inner_semi_diameter", positive(self.inner_semi_diameter, "inner_semi_diameter", "mm"))
+        set_field(self, "rotation", finite(self.rotation, "rotation"))
+        set_field(self, "thickness", checked_gap(self.thickness))
+        set_field(self, "placement", kept_placement(self.placement))
+        largest = self.semi_diameter * math.cos(math.pi / self.points)
+        if self.inner_semi_diameter > largest * (1 + 1e-12):
+            raise InvalidValueError(
+                f"inner_semi_diameter is {self.inner_semi_diameter:g} mm; a star of {self.points} points and "
+                f"semi_diameter {self.semi_diameter:g} mm has at most {largest:g} mm: reduce it, or use a PolygonStop"
+            )
+
+    @property
+    def edges(self) -> Floats:
+        """(2 points, 4): rows (a, b, p, 0) in pairs, one pair for each corner between two tips.
+
+        The hole is where a x + b y <= p for one row of each pair at least, inside the circle of the tips.
+        """
+        half, r = math.pi / self.points, self.inner_semi_diameter
+        across, along = r * math.sin(half), self.semi_diameter - r * math.cos(half)
+        lean = math.atan2(along, across)
+        tip = self.rotation + 2 * half * np.arange(self.points)
+        angle = np.stack([tip + lean, tip + 2 * half - lean], axis=1).ravel()
+        rows = np.zeros((2 * self.points, 4))
+        rows[:, 0], rows[:, 1] = np.cos(angle), np.sin(angle)
+        rows[:, 2] = self.semi_diameter * across / math.hypot(across, along)
+        return read_only(rows)
+
+    @property
+    def area(self) -> float:
+        """Of the hole in mm^2."""
+        return self.points * self.semi_diameter * self.inner_semi_diameter * math.sin(math.pi / self.points)
+
+    def contains(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.bool_]:
+        """Whether points (x, y), mm, lie in the hole or on its edge; the shape is that of x and y broadcast."""
+        x, y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
+        inside = x * x + y * y <= self.semi_diameter**2
+        for one, other in self.edges.reshape(-1, 2, 4):
+            inside &= np.minimum(x * one[0] + y * one[1], x * other[0] + y * other[1]) <= one[2]
+        return np.asarray(inside)
+
+    def outline(self, n: int = 64) -> Floats:
+        """Points on the edge, counter-clockwise from the first tip, in mm, not closed.
+
+        A (k, 2) array, where k is the smallest multiple of 2 `points` that is at least n: all corners are among the
+        points, the others divide the edges evenly.
+        """
+        angle = self.rotation + math.pi / self.points * np.arange(2 * self.points)
+        radius = np.tile([self.semi_diameter, self.inner_semi_diameter], self.points)
+        corners = radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        return divided(corners, whole(n, "n", at_least=3))
+
+    def row(self) -> ElementRow:
+        """The numbers that kernels read."""
+        return ElementRow(STAR, self.semi_diameter * self.semi_diameter, edges=tuple(map(tuple, self.edges.tolist())))
+
+    def image(self, scale: float) -> StarStop:
+        """The stop as a lens shows it: `scale` times as large, and turned by half a turn where that is negative."""
+        size, turn = abs(scale), math.pi if scale < 0 else 0.0
+        return StarStop(self.points, size * self.semi_diameter, size * self.inner_semi_diameter, self.rotation + turn)
+
+    @property
+    def inner_radius(self) -> float:
+        """Radius in mm of the largest circle about the axis that the hole holds."""
+        return self.inner_semi_diameter
+
+    def transmission_at(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
+        """1 in the hole, 0 beside it, at points (x, y), mm; the shape is that of x and y broadcast."""
+        return np.asarray(self.contains(x, y), dtype=np.float64)

@@ -1,0 +1,13 @@
+"""Departures from rotational symmetry: the closed set, their kinds for kernels, and their types in Zemax files."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from plenoptic.optics.surfaces.departure import Departure
+
+DEPARTURES: tuple[type[Departure], ...] = ()
+
+ZEMAX: dict[str, Callable[[Mapping[int, float], float], tuple[Departure | None, float]]] = {}
+"""By the TYPE of a surface: from its extra data (XDAT) and the unit in mm to the departure, and the sag at the vertex
+that it leaves out, in mm. All of these types have the PARM of even aspheres."""

@@ -1,0 +1,120 @@
+"""Cameras of the bundled cases: the reference camera, one that is smooth, and one that has everything."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+from plenoptic.camera.camera import CameraPart, PlenopticCamera
+from plenoptic.core.color.sensitivities import colour_camera
+from plenoptic.optics.lens.files.library import load_lens
+from plenoptic.optics.lens.stack import LensStack
+from plenoptic.optics.microlens.aperture import ApertureShape, MicrolensAperture, Walls
+from plenoptic.optics.microlens.array import MicrolensArray, MicrolensModel
+from plenoptic.optics.microlens.dust import Blemishes, BlemishSite
+from plenoptic.optics.microlens.imperfections import MicrolensImperfections
+from plenoptic.optics.microlens.lattice import Lattice
+from plenoptic.optics.sensor.angular_response import AngularResponse
+from plenoptic.optics.sensor.sensor import Sensor
+from plenoptic.optics.stops.circle import CircularStop
+from plenoptic.optics.stops.polygon import PolygonStop
+from plenoptic.optics.surfaces.surface import Surface
+
+_SIDE = 128
+"""Pixels: bounds on the pupils of tilted parts, found once for each camera, take a time that grows with its sensor."""
+
+
+def reference_camera() -> PlenopticCamera:
+    """The reference camera: Tronnier's double Gauss, hexagonal microlenses, plenoptic 2.0.
+
+    Returns
+    -------
+    PlenopticCamera
+        512 x 512 pixels of 0.01 mm; its microlenses are focused on the plane z = -404 mm.
+
+    Examples
+    --------
+    >>> from plenoptic.study.cameras import reference_camera
+    >>> reference_camera().sensor.shape
+    (512, 512)
+    """
+    return PlenopticCamera(
+        lens=load_lens("double-gauss-100mm-f2").with_stop(CircularStop(5.0)),
+        microlenses=MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
+        sensor=Sensor(shape=(512, 512), pixel_pitch=0.010),
+        stop_to_microlenses=123.3,
+        microlenses_to_sensor=1.7,
+    )
+
+
+def smooth_camera() -> PlenopticCamera:
+    """The reference camera wide open, with walls between square microlenses: nothing cuts the light of a pixel.
+
+    Returns
+    -------
+    PlenopticCamera
+        20 x 20 pixels of 0.01 mm behind one microlens. All light that passes its cell passes the lens.
+
+    Examples
+    --------
+    >>> from plenoptic.study.cameras import smooth_camera
+    >>> smooth_camera().microlenses.walls.name
+    'OPAQUE'
+    """
+    array = MicrolensArray(pitch=0.217, focal_lengths=(2.0,), lattice=Lattice.SQUARE, walls=Walls.OPAQUE)
+    sensor = Sensor(shape=(20, 20), pixel_pitch=0.010)
+    wide_open = load_lens("double-gauss-100mm-f2")
+    return dataclasses.replace(reference_camera(), lens=wide_open, microlenses=array, sensor=sensor)
+
+
+def furnished_camera() -> PlenopticCamera:
+    """The reference camera with everything that a camera can have.
+
+    Returns
+    -------
+    PlenopticCamera
+        128 x 128 pixels; it stands and looks somewhere else than the reference camera.
+
+    Examples
+    --------
+    >>> from plenoptic.study.cameras import furnished_camera
+    >>> camera = furnished_camera()
+    >>> camera.microlenses.model.name, camera.pose is None
+    ('SPHERICAL', False)
+    """
+    plain = reference_camera()
+    assert plain.microlenses is not None
+    array = dataclasses.replace(
+        plain.microlenses,
+        focal_lengths=(1.9, 2.0, 2.1),
+        model=MicrolensModel.SPHERICAL,
+        aperture=MicrolensAperture(ApertureShape.CIRCLE, 0.85),
+        imperfections=MicrolensImperfections(pitch_jitter=0.001),
+        walls=Walls.OPAQUE,
+    )
+    sensor = Sensor(
+        (_SIDE, _SIDE),
+        pixel_pitch=plain.sensor.pixel_pitch,
+        angular_response=AngularResponse(well_depth=0.5, pupil_distance=130.0),
+    )
+    half = tuple(0.5 * side for side in sensor.size)
+    whole = dataclasses.replace(
+        plain,
+        lens=_spoiled(plain.lens),
+        microlenses=array,
+        sensor=sensor,
+        sensitivity=colour_camera(),
+        blemishes=(Blemishes.scattered(BlemishSite.SENSOR, half_size=(half[0], half[1]), dust_per_mm2=4.0),),
+    )
+    tilt = math.radians(0.2)
+    whole = whole.moved(CameraPart.SENSOR, tilt=(tilt, 0.0, tilt)).moved(CameraPart.MICROLENSES, tilt=(0.0, tilt, 0.0))
+    whole = whole.moved(CameraPart.LENS, shift=(0.05, 0.0, 0.0))
+    return whole.posed(position=(30.0, 20.0, 10.0), look_at=(-200.0, 0.0, -400.0))
+
+
+def _spoiled(lens: LensStack) -> LensStack:
+    """A lens with a slight asphere, an element out of place and an iris of blades."""
+    first, *others = lens.elements
+    assert isinstance(first, Surface)
+    aspheric = dataclasses.replace(lens, elements=[dataclasses.replace(first, aspheric=(0.0, 1e-9)), *others])
+    return aspheric.with_stop(PolygonStop(blades=6, semi_diameter=5.0)).moved(3, shift=(0.02, 0.0, 0.0))

@@ -1,0 +1,89 @@
+"""Arrays of ground truth: which there can be, empty ones, and the planes that hold them in image files."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.core.values import wrong_kind
+from plenoptic.truth.channels import CHANNELS, GroundTruth, Needs, Truth
+
+_PRECISION = "computed in float64, rounded to float32 in this file; whole numbers are exact up to 2^24"
+
+
+def checked_truth(truth: Truth) -> Truth:
+    """`truth`, or an error where it is something else."""
+    if not isinstance(truth, Truth):
+        raise wrong_kind(truth, "truth", "Truth", "pl.Truth.DEPTH | pl.Truth.NORMAL")
+    return truth & Truth.ALL
+
+
+def available_truth(truth: Truth, *, meshes: bool, microlenses: bool) -> Truth:
+    """What of it there can be in a scene with or without meshes, for a camera with or without microlenses."""
+    there = (Needs.MESHES if meshes else Needs.NOTHING) | (Needs.MICROLENSES if microlenses else Needs.NOTHING)
+    found = Truth.NONE
+    for channel in CHANNELS.values():
+        if not channel.needs & ~there:
+            found |= channel.flag & truth
+    return found
+
+
+def needs_of(truth: Truth) -> Needs:
+    """What all of this can only be had with."""
+    found = Needs.NOTHING
+    for channel in CHANNELS.values():
+        found |= channel.needs if channel.flag & truth else Needs.NOTHING
+    return found
+
+
+def what_needs(needs: Needs) -> str:
+    """For a message: the flags of the channels that need this, VIRTUAL_DEPTH, DISPARITY."""
+    return ", ".join(dict.fromkeys(str(channel.flag.name) for channel in CHANNELS.values() if channel.needs & needs))
+
+
+def empty_truth(truth: Truth, shape: tuple[int, ...]) -> dict[str, NDArray[Any]]:
+    """Arrays for what is wanted of pixels of a shape, holding what stands for nothing."""
+    return {
+        name: np.full((*shape, *channel.shape), channel.void, dtype=channel.dtype)
+        for name, channel in CHANNELS.items()
+        if channel.flag & truth
+    }
+
+
+def forget_truth(found: Mapping[str, NDArray[Any]], where: NDArray[np.bool_]) -> None:
+    """Put what stands for unknown into pixels that have not been looked at: nan, and numbers that are no number."""
+    for name, array in found.items():
+        array[where] = np.nan if array.dtype.kind == "f" else CHANNELS[name].void
+
+
+def file_planes(truth: GroundTruth) -> dict[str, NDArray[Any]]:
+    """Planes (H, W) by their names in image files."""
+    planes: dict[str, NDArray[Any]] = {}
+    for name, array in truth.arrays().items():
+        numbers = array.reshape(*array.shape[:2], -1)
+        planes |= {plane: numbers[:, :, k] for k, plane in enumerate(CHANNELS[name].in_files)}
+    return planes
+
+
+def file_note(truth: GroundTruth) -> str:
+    """What the planes are."""
+    said = []
+    for name in truth.arrays():
+        channel = CHANNELS[name]
+        unit = f", {channel.unit}" if channel.unit else ""
+        said.append(f"{', '.join(channel.in_files)}: {channel.meaning}{unit}; nothing there: {channel.void:g}")
+    return "; ".join([*said, _PRECISION])
+
+
+def truth_in(planes: Mapping[str, NDArray[Any]]) -> GroundTruth | None:
+    """The ground truth among the planes of a file; None where there is none."""
+    found = {}
+    for name, channel in CHANNELS.items():
+        numbers = [planes[plane] for plane in channel.in_files if plane in planes]
+        if len(numbers) == len(channel.in_files):
+            array = np.stack(numbers, axis=-1).reshape(*numbers[0].shape, *channel.shape)
+            found[name] = array.astype(channel.dtype)
+    return GroundTruth(**found) if found else None

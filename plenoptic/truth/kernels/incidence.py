@@ -1,0 +1,18 @@
+"""The angle at which a pixel's ray meets the sensor."""
+
+from __future__ import annotations
+
+import math
+
+from plenoptic.core.jit import kernel
+from plenoptic.core.kernels.vectors import cross, dot, vector
+
+
+@kernel
+def fill_incidence_angle(angles, sensor):
+    """Angle between the ray and the sensor's normal in radians: by its tangent, exact for small angles too."""
+    normal = vector(sensor.normal, 0)
+    for p in sensor.lanes:
+        ray = vector(sensor.directions[p], 0)
+        across = cross(ray, normal)
+        angles[p] = math.atan2(math.sqrt(dot(across, across)), dot(ray, normal))

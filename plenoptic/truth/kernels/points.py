@@ -1,0 +1,66 @@
+"""Where rays meet the scene: the point itself, its depth, its distance from the camera and its place in the world."""
+
+from __future__ import annotations
+
+import math
+
+from plenoptic.core.jit import device, kernel
+from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, L, M, N, X, Y, Z
+
+
+@kernel
+def fill_hit_points(points, blocks, lanes, reached):
+    """Points (n, 3) of traced rays at the distances `reached` along them, in the lens's axes; others keep theirs."""
+    for i in range(lanes.size):
+        p = lanes[i]
+        base = (p // BLOCK) * RAY + p % BLOCK
+        points[p, 0] = blocks[base + X] + reached[i] * blocks[base + L]
+        points[p, 1] = blocks[base + Y] + reached[i] * blocks[base + M]
+        points[p, 2] = blocks[base + Z] + reached[i] * blocks[base + N]
+
+
+@device
+def _in_camera(x, y, z, frame):
+    if frame is None:
+        return x, y, z
+    return (
+        frame[0] * x + frame[1] * y + frame[2] * z + frame[9],
+        frame[3] * x + frame[4] * y + frame[5] * z + frame[10],
+        frame[6] * x + frame[7] * y + frame[8] * z + frame[11],
+    )
+
+
+@kernel
+def fill_depth(depths, hit):
+    """-z in the camera's frame, mm."""
+    points = hit.points
+    for p in hit.lanes:
+        _, _, z = _in_camera(points[p, 0], points[p, 1], points[p, 2], hit.frame)
+        depths[p] = -z
+
+
+@kernel
+def fill_distance(distances, hit):
+    """Distance from the camera's origin, mm."""
+    points = hit.points
+    for p in hit.lanes:
+        x, y, z = _in_camera(points[p, 0], points[p, 1], points[p, 2], hit.frame)
+        distances[p] = math.sqrt(x * x + y * y + z * z)
+
+
+@kernel
+def fill_position(positions, hit):
+    """Place in the world, mm."""
+    points = hit.points
+    for p in hit.lanes:
+        x, y, z = points[p, 0], points[p, 1], points[p, 2]
+        for axis in range(3):
+            if hit.rotation is None:
+                positions[p, axis] = points[p, axis]
+            else:
+                positions[p, axis] = (
+                    hit.rotation[axis, 0] * x
+                    + hit.rotation[axis, 1] * y
+                    + hit.rotation[axis, 2] * z
+                    + hit.position[axis]
+                )

@@ -1,0 +1,45 @@
+"""Channels of the microlenses through which pixels see."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.camera.record import CameraTables
+from plenoptic.optics.microlens.lattice import Lattice
+from plenoptic.optics.microlens.listed import lattice_types
+from plenoptic.truth.stages import LitCells
+
+
+def fill_microlens(indices: NDArray[np.int32], cells: LitCells) -> None:
+    """Lattice indices, in FREE lattices (number, 0)."""
+    indices[cells.lit] = _indices(cells)
+
+
+def fill_microlens_type(types: NDArray[np.int32], cells: LitCells) -> None:
+    """Rows of the array's focal lengths."""
+    array, index = cells.array, _indices(cells)
+    if array.lattice is not Lattice.FREE:
+        types[cells.lit] = lattice_types(array, index)
+    else:
+        types[cells.lit] = 0 if array.types is None else np.asarray(array.types)[index[:, 0]]
+
+
+def _indices(cells: LitCells) -> NDArray[np.int64]:
+    if cells.numbers is None:
+        return np.rint((cells.cells[:, :2] - cells.tables.origin) @ cells.tables.inverse).astype(np.int64)
+    number = cells.numbers[cells.cells[:, 2].astype(np.int64)]
+    return np.stack([number, np.zeros_like(number)], axis=1)
+
+
+def listed_numbers(tables: CameraTables) -> NDArray[np.int64] | None:
+    """Numbers of the lenses of a FREE array that are listed: those up to some distance along x and y, in order.
+
+    None for other arrays.
+    """
+    if tables.array is None or tables.array.lattice is not Lattice.FREE:
+        return None
+    assert tables.array.centres is not None
+    assert tables.cells is not None and tables.cells.listed is not None
+    farther = np.abs(np.asarray(tables.array.centres)).max(axis=1)
+    return np.sort(np.argsort(farther, kind="stable")[: len(tables.cells.listed.lenses)])

@@ -1,0 +1,231 @@
+"""What channels are made from: the rays that stand for pixels, what they meet, and where the lens images that.
+
+Each stage runs when the first channel reads it.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.camera.record import CameraTables, fill_through_array, lanes_for
+from plenoptic.camera.sampling.pixel_regions import feeding_regions
+from plenoptic.optics.lens.record import LensRecord
+from plenoptic.optics.microlens.array import MicrolensArray
+from plenoptic.optics.microlens.record import ArrayTables
+from plenoptic.scene.compile import SceneRecord
+from plenoptic.scene.geometry.accel import Intersector
+from plenoptic.scene.geometry.record import Hits
+from plenoptic.scene.materials.alpha_mask import no_hits, pass_through
+from plenoptic.truth.channels import Truth
+
+SLOPE_STEP = 1e-5
+"""How much the slopes of neighbouring rays differ, and how far apart they are over the distance of the lens: errors are
+of the order of its square, 1e-10, and of the rounding of coordinates over it."""
+
+
+class TruthTables(NamedTuple):
+    """What finding the truth needs beside camera and scene."""
+
+    wanted: Truth
+    frame: NDArray[np.float64] | None
+    """(12,) from the lens's axes to the camera's; None where they are the same."""
+    unvignetted: LensRecord | None
+    """The lens in reverse without stops and rims; None where images of points are not wanted."""
+    axes: NDArray[np.float64]
+    """(4, 3): x, y, normal and centre of the array's front principal plane, in the lens's axes."""
+    step: float
+    """How far aside neighbouring rays start, in mm."""
+    numbers: NDArray[np.int64] | None
+    """FREE lattices: numbers of the listed lenses, row by row."""
+
+
+class PixelRays(NamedTuple):
+    """One ray a pixel, the representative one."""
+
+    before: NDArray[np.float64]
+    """Blocks of rays between array and lens, in the lens's axes, on their way to the scene."""
+    blocks: NDArray[np.float64]
+    """The same rays behind the lens; those of pixels without light are lost."""
+    aims: NDArray[np.float64]
+    """(n, 2): where they pass the array's rear principal plane on their way from the sensor, local."""
+    cells: NDArray[np.float64]
+    """(n, 3): centre of the cell of each pixel's microlens, local, and its row in the list of lenses or -1; nan where
+    the pixel has none."""
+
+
+class SensorRays(NamedTuple):
+    """The rays at the sensor, in the local axes of the array."""
+
+    lanes: NDArray[np.int64]
+    """(m,): the pixels whose centres get light."""
+    directions: NDArray[np.float64]
+    """(n, 3): from the pixel to where the ray passes the array's rear principal plane, mm."""
+    normal: NDArray[np.float64]
+    """(3,): the sensor's, unit length, towards the array."""
+
+
+class LitCells(NamedTuple):
+    """The microlenses that the rays pass."""
+
+    lit: NDArray[np.bool_]
+    """(n,): pixels whose centres get light."""
+    cells: NDArray[np.float64]
+    """(lit, 3): as those of `PixelRays`."""
+    array: MicrolensArray
+    tables: ArrayTables
+    numbers: NDArray[np.int64] | None
+    """FREE lattices: numbers of the listed lenses, row by row."""
+
+
+class HitPoints(NamedTuple):
+    """Where rays meet the scene."""
+
+    lanes: NDArray[np.int64]
+    """(m,): the pixels whose rays meet something."""
+    points: NDArray[np.float64]
+    """(n, 3): where, in the lens's axes, for those."""
+    frame: NDArray[np.float64] | None
+    """(12,) from the lens's axes to the camera's; None where they are the same."""
+    rotation: NDArray[np.float64] | None
+    position: NDArray[np.float64] | None
+    """From the lens's axes to the world; None where they are the same."""
+
+
+class SurfaceHits(NamedTuple):
+    """What rays meet."""
+
+    lanes: NDArray[np.int64]
+    """(m,): the pixels whose rays meet something."""
+    reached: NDArray[np.float64]
+    """(m,): how far along the ray, in mm."""
+    found: Hits
+    """Triangles and instances."""
+    rays: NDArray[np.float64]
+    """(m, 6): origins and directions in the world."""
+    scene: SceneRecord
+
+
+class ImagePoints(NamedTuple):
+    """Where the main lens images what rays meet."""
+
+    distance: NDArray[np.float64]
+    """(n,): of the image behind the array's front principal plane, mm; nan where nothing is met."""
+    behind: NDArray[np.float64]
+    """(n,): of the sensor behind the array's rear principal plane at each pixel, mm."""
+    pitch: float
+    """Of the microlenses, the smaller one, over that of the pixels."""
+
+
+class PixelStages:
+    """The stages for some pixels; each is a property that is found once."""
+
+    def __init__(
+        self,
+        tables: CameraTables,
+        scene: SceneRecord | None,
+        intersector: Intersector | None,
+        truth: TruthTables,
+        pixels: NDArray[np.float64],
+    ) -> None:
+        self._tables, self._scene, self._intersector = tables, scene, intersector
+        self._truth, self._pixels = truth, pixels
+
+    @cached_property
+    def rays(self) -> PixelRays:
+        """Rays through the lens, one for each pixel.
+
+        A pixel's ray goes from its centre through the lit centroid of the microlens that gives it most light, found
+        with a fixed set of probes and so without noise. A pixel without light has a lost ray.
+        """
+        from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, X, Y
+        from plenoptic.optics.lens.kernels.trace import fill_traced
+        from plenoptic.truth.kernels import representative_ray
+
+        tables, pixels, n = self._tables, self._pixels, len(self._pixels)
+        regions = feeding_regions(tables, pixels, 0.0)
+        aims = np.empty((n * representative_ray.PROBES, representative_ray.AIM))
+        probes = np.empty(-(-len(aims) // BLOCK) * RAY)
+        probe_lanes, lanes = lanes_for(tables, probes.size // 8), lanes_for(tables, -(-n // BLOCK) * BLOCK)
+        representative_ray.fill_probes(probes, probe_lanes, aims, pixels, regions)
+        fill_through_array(probes, probe_lanes, tables)
+        fill_traced(probes, tables.lens, None)
+        rays, cells = np.empty(-(-n // BLOCK) * RAY), np.empty((n, 3))
+        representative_ray.fill_representative_rays(rays, lanes, cells, probes, aims, pixels, regions)
+        aims = rays.reshape(-1, RAY // BLOCK, BLOCK)[:, [X // BLOCK, Y // BLOCK]].swapaxes(1, 2).reshape(-1, 2)[:n]
+        fill_through_array(rays, lanes, tables)
+        before = rays.copy()
+        fill_traced(rays, tables.lens, None)
+        return PixelRays(before, rays, aims, cells)
+
+    @cached_property
+    def _behind(self) -> NDArray[np.float64]:
+        """(n,): how far each pixel lies behind the array's rear principal plane, mm."""
+        tables, pixels = self._tables, self._pixels
+        return np.full(len(pixels), tables.distance) if tables.lean is None else tables.distance + pixels @ tables.lean
+
+    @cached_property
+    def sensor(self) -> SensorRays:
+        """The rays where they start."""
+        directions = np.column_stack([self.rays.aims - self._pixels, -self._behind])
+        normal = -self._tables.parts.sensor_to_local.turn[:, 2]
+        return SensorRays(np.flatnonzero(np.isfinite(self.rays.cells[:, 0])), directions, np.ascontiguousarray(normal))
+
+    @cached_property
+    def cells(self) -> LitCells:
+        """Cells of the microlenses that the rays pass."""
+        tables, cells = self._tables, self.rays.cells
+        assert tables.array is not None and tables.cells is not None
+        lit = np.isfinite(cells[:, 0])
+        return LitCells(lit, cells[lit], tables.array, tables.cells, self._truth.numbers)
+
+    @cached_property
+    def hits(self) -> SurfaceHits:
+        """The triangles that the rays meet, through what is not there for most paths."""
+        from plenoptic.camera.sampling.kernels import paths
+        from plenoptic.scene.geometry.kernels import interaction
+
+        tables, scene, intersector, n = self._tables, self._scene, self._intersector, len(self._pixels)
+        assert scene is not None and scene.geometry is not None and intersector is not None
+        rays, lanes = np.empty((n, 6)), np.empty(n, dtype=np.int64)
+        sent = paths.fill_world_rays(rays, lanes, self.rays.blocks, n, tables.rotation, tables.position)
+        rays, lanes = rays[:sent], lanes[:sent]
+        hits, reached = no_hits(scene, sent), np.empty(sent)
+        intersector.fill_closest(hits, rays, coherent=True)
+        if scene.alpha is not None:
+            pass_through(scene, intersector, rays, hits)
+        interaction.fill_distances(reached, hits, rays, scene.geometry)
+        if hits.travelled is not None:
+            reached += hits.travelled
+        met = np.isfinite(reached)
+        instance = None if hits.instance is None else hits.instance[met]
+        return SurfaceHits(lanes[met], reached[met], Hits(hits.triangle[met], instance, None), rays[met], scene)
+
+    @cached_property
+    def points(self) -> HitPoints:
+        """The points where rays meet the scene."""
+        from plenoptic.truth.kernels import points as point_kernels
+
+        tables, hits = self._tables, self.hits
+        points = np.empty((len(self._pixels), 3))
+        point_kernels.fill_hit_points(points, self.rays.blocks, hits.lanes, hits.reached)
+        return HitPoints(hits.lanes, points, self._truth.frame, tables.rotation, tables.position)
+
+    @cached_property
+    def images(self) -> ImagePoints:
+        """Where the main lens images these points: by eight rays around each pixel's."""
+        from plenoptic.core.kernels.ray_blocks import BLOCK, RAY
+        from plenoptic.optics.lens.kernels.trace import fill_traced
+        from plenoptic.truth.kernels import virtual_depth
+
+        tables, truth, pixels, rays, hit = self._tables, self._truth, self._pixels, self.rays, self.points
+        assert tables.array is not None and truth.unvignetted is not None
+        blocks = np.empty(-(-len(hit.lanes) * virtual_depth.NEIGHBOURS // BLOCK) * RAY)
+        virtual_depth.fill_neighbours(blocks, rays.before, hit.lanes, truth.axes, truth.step, SLOPE_STEP)
+        fill_traced(blocks, truth.unvignetted, None)
+        distance = np.full(len(pixels), np.nan)
+        virtual_depth.fill_image_distances(distance, blocks, rays.blocks, hit.points, hit.lanes, truth.step, SLOPE_STEP)
+        return ImagePoints(distance, self._behind, min(tables.array.pitches) / tables.pitch)

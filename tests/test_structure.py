@@ -1,0 +1,258 @@
+"""The shape of the package: few arguments, small files, no import circles, kernels and private names by themselves."""
+
+import ast
+import inspect
+import tokenize
+from collections import Counter
+from pathlib import Path
+
+import plenoptic as pl
+
+ROOT = Path(pl.__file__).parent
+FILES = sorted(ROOT.rglob("*.py"))
+TREES = {path: ast.parse(path.read_text(encoding="utf-8")) for path in FILES}
+MOST_ARGUMENTS, MOST_FILES, MOST_LINES = 8, 16, 400
+
+
+def module_of(path):
+    parts = path.relative_to(ROOT.parent).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+MODULES = {module_of(path): path for path in FILES}
+
+
+def public_names():
+    """(module, name) of the functions and classes that users are offered, in the package or its public modules."""
+    for name in pl.__all__:
+        found = getattr(pl, name)
+        offered = (
+            [getattr(found, part) for part in getattr(found, "__all__", ())] if inspect.ismodule(found) else [found]
+        )
+        yield from ((part.__module__, part.__name__) for part in offered if inspect.isclass(part) or callable(part))
+
+
+# ---- arguments ----
+
+MANY_ARGUMENTS = {
+    "plenoptic.camera.psf.kernels.source_rays.fill_source_rays",
+    "plenoptic.camera.sampling.kernels.paths.aim",
+    "plenoptic.camera.sampling.kernels.paths.fill_camera_samples",
+    "plenoptic.camera.sampling.kernels.paths.fill_path_keys",
+    "plenoptic.camera.sampling.kernels.paths.fill_sums",
+    "plenoptic.camera.sampling.kernels.paths.fill_waves",
+    "plenoptic.camera.sampling.kernels.pixel_regions._cut_opening",
+    "plenoptic.camera.sampling.kernels.pixel_regions._slopes",
+    "plenoptic.camera.sampling.kernels.pixel_regions._store_fan",
+    "plenoptic.camera.sampling.kernels.pixel_regions.crossing",
+    "plenoptic.camera.sampling.kernels.pixel_regions.fill_cell_regions",
+    "plenoptic.optics.microlens.kernels.cell_lookup.find_lenses",
+    "plenoptic.optics.microlens.kernels.cell_lookup.own_lens",
+    "plenoptic.optics.microlens.kernels.dust._dim",
+    "plenoptic.optics.microlens.kernels.dust.fill_dimmed_aims",
+    "plenoptic.optics.microlens.kernels.listed._cell",
+    "plenoptic.optics.microlens.kernels.listed.fill_openings",
+    "plenoptic.optics.microlens.kernels.to_lens.fill_plano_convex",
+    "plenoptic.optics.microlens.kernels.to_sensor._refract_curved",
+    "plenoptic.optics.microlens.kernels.to_sensor._refract_curved_each",
+    "plenoptic.optics.microlens.kernels.to_sensor.fill_plano_convex_forward",
+    "plenoptic.optics.microlens.kernels.to_sensor.fill_thin_forward",
+    "plenoptic.rendering.integrator.kernels.shade.fill_emitted",
+    "plenoptic.rendering.integrator.kernels.shade.fill_lit",
+    "plenoptic.rendering.integrator.kernels.shade.fill_onward",
+    "plenoptic.rendering.tile.fill_aimed",
+    "plenoptic.scene.geometry.kernels.interaction.fill_surfaces",
+    "plenoptic.scene.geometry.kernels.intersect.clearance",
+    "plenoptic.scene.geometry.kernels.intersect.meet",
+    "plenoptic.scene.lights.kernels.sample_emitters._send_far",
+    "plenoptic.scene.lights.kernels.sample_emitters._to_sun",
+    "plenoptic.scene.lights.kernels.sample_emitters._to_triangle",
+    "plenoptic.scene.lights.kernels.sample_emitters.fill_drawn_lights",
+    "plenoptic.scene.lights.kernels.sample_emitters.fill_sky",
+    "plenoptic.scene.materials.kernels.absorption.fill_absorbed",
+    "plenoptic.scene.materials.kernels.absorption.fill_dimmed_lights",
+    "plenoptic.scene.materials.kernels.bsdf._draw_glass",
+    "plenoptic.scene.materials.kernels.bsdf._evaluate_rough_glass",
+    "plenoptic.scene.materials.kernels.bsdf.draw",
+    "plenoptic.scene.materials.kernels.bsdf.evaluate",
+    "plenoptic.scene.materials.kernels.bsdf_rows.fill_drawn",
+    "plenoptic.scene.materials.kernels.bsdf_rows.fill_evaluated",
+    "plenoptic.scene.materials.kernels.opacity.beyond",
+    "plenoptic.scene.materials.kernels.opacity.fill_passed",
+    "plenoptic.scene.materials.kernels.opacity.fill_thinned",
+    "plenoptic.scene.textures.kernels.colors.fill_bent",
+    "plenoptic.scene.textures.kernels.colors.fill_textured",
+    "plenoptic.scene.textures.kernels.colors.opacity_at",
+}
+"""Functions with more than eight arguments that will have fewer."""
+
+
+def functions(tree):
+    """Functions with the class that they are a method of, or themselves."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.FunctionDef):
+            yield node, node.name
+        elif isinstance(node, ast.ClassDef):
+            yield from ((part, node.name) for part in ast.walk(node) if isinstance(part, ast.FunctionDef))
+
+
+def test_more_than_eight_arguments_are_options_of_public_functions():
+    public = set(public_names())
+    allowed, many = set(), set()
+    for path, tree in TREES.items():
+        module = module_of(path)
+        for node, owner in functions(tree):
+            positional = {a.arg for a in [*node.args.posonlyargs, *node.args.args]} - {"self", "cls"}
+            if len(positional) + len(node.args.kwonlyargs) > MOST_ARGUMENTS:
+                many.add(f"{module}.{node.name} {node.lineno}")
+                if len(positional) <= MOST_ARGUMENTS and (module, owner) in public:
+                    allowed.add(f"{module}.{node.name} {node.lineno}")
+    found = {name.partition(" ")[0] for name in many - allowed}
+    assert found <= MANY_ARGUMENTS
+
+
+# ---- files and folders ----
+
+
+LONG = {"plenoptic.optics.lens.stack"}
+"""Files that will be shorter."""
+
+
+def test_folders_and_files_are_small():
+    folders = Counter(path.parent for path in FILES)
+    assert {str(folder.relative_to(ROOT.parent)): n for folder, n in folders.items() if n > MOST_FILES} == {}
+    lines = {path: len(path.read_text(encoding="utf-8").splitlines()) for path in FILES}
+    assert {module_of(path) for path, n in lines.items() if n > MOST_LINES} <= LONG
+
+
+# ---- imports ----
+
+
+def only_for_types(tree):
+    """Nodes that only type checkers read."""
+    return {
+        id(inner)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
+        for part in node.body
+        for inner in ast.walk(part)
+    }
+
+
+def imports(path, tree):
+    """Pairs (module of the package, node) of all imports, inside functions too, but those for type checkers."""
+    skipped = only_for_types(tree)
+    for node in ast.walk(tree):
+        if id(node) in skipped:
+            continue
+        if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("plenoptic"):
+            for alias in node.names:
+                whole = f"{node.module}.{alias.name}"
+                yield (whole if whole in MODULES else node.module), node
+        elif isinstance(node, ast.Import):
+            yield from ((alias.name, node) for alias in node.names if alias.name in MODULES)
+
+
+def inside_functions(tree):
+    return {
+        id(inner)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda)
+        for inner in ast.walk(node)
+        if inner is not node
+    }
+
+
+def commented_lines(path):
+    """Lines that end in a comment, other than one for a tool: why the import cannot stand at the top."""
+    with tokenize.open(path) as file:
+        tokens = list(tokenize.generate_tokens(file.readline))
+    return {
+        token.start[0]
+        for token in tokens
+        if token.type == tokenize.COMMENT and not token.string.startswith(("# noqa", "# type:"))
+    }
+
+
+def circles(edges):
+    """Groups of modules that import each other (R. Tarjan, SIAM J. Comput. 1(2), 1972)."""
+    order, low, stack, groups = {}, {}, [], []
+
+    def visit(module):
+        order[module] = low[module] = len(order)
+        stack.append(module)
+        for other in edges[module]:
+            if other not in order:
+                visit(other)
+                low[module] = min(low[module], low[other])
+            elif other in stack:
+                low[module] = min(low[module], order[other])
+        if low[module] == order[module]:
+            group = []
+            while not group or group[-1] != module:
+                group.append(stack.pop())
+            if len(group) > 1:
+                groups.append(sorted(group))
+
+    for module in edges:
+        if module not in order:
+            visit(module)
+    return groups
+
+
+def test_no_import_circles_when_modules_are_loaded():
+    edges = {module: set() for module in MODULES}
+    for path, tree in TREES.items():
+        later = inside_functions(tree)
+        edges[module_of(path)] |= {name for name, node in imports(path, tree) if id(node) not in later} - {
+            module_of(path)
+        }
+    assert circles(edges) == []
+
+
+def test_imports_inside_functions_that_close_a_circle_say_why():
+    edges = {module: set() for module in MODULES}
+    for path, tree in TREES.items():
+        later, justified = inside_functions(tree), commented_lines(path)
+        for name, node in imports(path, tree):
+            if name != module_of(path) and not (id(node) in later and node.lineno in justified):
+                edges[module_of(path)].add(name)
+    assert circles(edges) == []
+
+
+# ---- kernels and private names ----
+
+
+def test_kernels_stand_in_folders_of_their_own():
+    for path, tree in TREES.items():
+        uses = {
+            alias.name
+            for node in ast.walk(tree)
+            if isinstance(node, ast.ImportFrom) and node.module == "plenoptic.core.jit"
+            for alias in node.names
+        }
+        assert path.parent.name == "kernels" or not uses & {"kernel", "device"}, path
+
+
+PRIVATE = {
+    "plenoptic.camera.points.projection_chiefs < plenoptic.camera.points.centres._through_centres",
+    "plenoptic.optics.glass.air < plenoptic.optics.glass.media._checked_index",
+    "plenoptic.optics.glass.air < plenoptic.optics.glass.media._wavelength_within",
+    "plenoptic.optics.glass.dispersion < plenoptic.optics.glass.media._checked_index",
+    "plenoptic.optics.glass.dispersion < plenoptic.optics.glass.media._coefficients",
+    "plenoptic.optics.glass.dispersion < plenoptic.optics.glass.media._range",
+    "plenoptic.optics.glass.dispersion < plenoptic.optics.glass.media._wavelength_within",
+}
+"""Private names that other modules import, for now."""
+
+
+def test_private_names_stay_in_their_module():
+    found = {
+        f"{module_of(path)} < {node.module}.{alias.name}"
+        for path, tree in TREES.items()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("plenoptic")
+        for alias in node.names
+        if alias.name.startswith("_") and not alias.name.startswith("__")
+    }
+    assert found <= PRIVATE
