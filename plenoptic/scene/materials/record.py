@@ -31,6 +31,9 @@ INSIDE, OUTSIDE = 0, 1
 SHARES = ("roughness", "metallic")
 """Numbers of a material within 0 and 1 that textures may give: names of fields of its row and of members of `Bsdf`."""
 
+EXTRA_SHARES: tuple[str, ...] = ()
+"""The same, of few materials: names of fields of a row, and columns of `Bsdf.extra_shares`."""
+
 
 class MaterialRow(NamedTuple):
     """One row of the columns that all materials of a scene are compiled into; what a material lacks keeps its default.
@@ -109,6 +112,8 @@ class Bsdf(NamedTuple):
     roughness: NDArray[np.float64] | None = None
     """(nm,), as all SHARES; 0 where a texture gives it or a material has none. None where all materials have none."""
     metallic: NDArray[np.float64] | None = None
+    extra_shares: NDArray[np.float64] | None = None
+    """(nm, EXTRA_SHARES). None where no material has any."""
     coupling: NDArray[np.float64] | None = None
     """What passes the layer of MetallicRoughness: rows at equal steps of the root of the roughness, columns of that of
     the cosine; the last column is the mean over the cosine-weighted hemisphere. None where none is MetallicRoughness.
@@ -149,6 +154,8 @@ class Surface(NamedTuple):
     eta: float | None
     """Index behind the surface over that on the viewer's side; 0 for what is no body."""
     pane_index: float | None
+    extra: NDArray[np.float64] | None
+    """(EXTRA_SHARES,)."""
     material: int
     wave: int
     """Number of the path's wavelength."""
