@@ -19,6 +19,7 @@ import pytest
 
 import plenoptic as pl
 from plenoptic.core.jit import device
+from plenoptic.optics.microlens.record import MICROLENS
 from plenoptic.scene.lights.record import POINT_LIGHT, SUN_LIGHT, Environment
 from plenoptic.scene.materials.record import Alpha
 from plenoptic.scene.textures.record import TEXTURE, TextureColumn
@@ -222,10 +223,12 @@ def _suns(record):
     return {f"{record}.suns": np.empty(1, SUN_LIGHT), f"{record}.sun_colors": ROWS}
 
 
-SAMPLE, TRACE, LATTICE = (
+SAMPLE, FILM, WORLD, TRACE, THIN = (
     "plenoptic.camera.sampling.kernels.paths",
+    "plenoptic.rendering.kernels.film_sums",
+    "plenoptic.camera.kernels.world_rays",
     "plenoptic.optics.lens.kernels.trace",
-    "plenoptic.optics.microlens.kernels.to_lens",
+    "plenoptic.optics.microlens.kernels.thin",
 )
 EMISSION, DIRECT, BOUNCE = (
     f"plenoptic.rendering.integrator.kernels.{n}" for n in ("emission", "direct_light", "bounce")
@@ -244,13 +247,13 @@ def _kind(module, kernel, **columns):
 
 
 FEATURES = [
-    Feature(SAMPLE, "fill_camera_samples", _column("skew")),
-    Feature(SAMPLE, "fill_camera_samples", {"lanes": ROWS, "details": ROWS}),
-    Feature(SAMPLE, "fill_sums", {"radiance": ROWS}),
-    Feature(SAMPLE, "fill_sums", {"waves": NUMBERS, "weights": ROWS}),
-    Feature(SAMPLE, "fill_world_rays", {"rotation": ROWS, "position": "f8[::1]"}),
-    Feature(LATTICE, "fill_thin", _column("lean")),
-    Feature(LATTICE, "fill_thin", {"lanes": ROWS}),
+    Feature(SAMPLE, "fill_camera_samples", _column("pixel.skew")),
+    Feature(SAMPLE, "fill_camera_samples", {"own": MICROLENS, "fed.regions.details": MICROLENS}),
+    Feature(FILM, "fill_sums", {"radiance": ROWS}),
+    Feature(FILM, "fill_sums", {"waves": NUMBERS, "weights": ROWS}),
+    Feature(WORLD, "fill_world_rays", {"rotation": ROWS, "position": "f8[::1]"}),
+    Feature(THIN, "fill_thin", _column("sensor.tilt")),
+    Feature(THIN, "fill_thin", {"own": MICROLENS}),
     Feature(TRACE, "fill_traced", {"lens.conic": "f8[::1]", "lens.aspheric": ROWS}),
     Feature(TRACE, "fill_traced", {"lens.frames": ROWS}),
     Feature(TRACE, "fill_traced", _column("lens.masks")),
@@ -284,7 +287,7 @@ FEATURES = [
 ]
 
 LARGE = {
-    *("fill_camera_samples: lanes, details", "fill_thin: lean", "fill_thin: lanes"),
+    *("fill_camera_samples: own, fed.regions.details", "fill_thin: sensor.tilt", "fill_thin: own"),
     *("fill_traced: lens.conic, lens.aspheric", "fill_traced: lens.frames", "fill_traced: lens.masks"),
     *("add_emission: geometry.uv, emission.texture", "add_emission: hits.instance, geometry.instance_to_world"),
     *("add_emission: sky.suns, sky.sun_colors", "add_emission: wavelengths.number, wavelengths.basis"),
@@ -349,7 +352,7 @@ def variants(feature, plain):
     for name, example in feature.arguments.items():
         assert _part(types, name) == numba.none or name in NEEDED
         _set_part(absent, name, numba.none)
-        _set_part(present, name, numba.typeof(_example(example) if isinstance(example, str) else example))
+        _set_part(present, name, numba.typeof(_example(example) if isinstance(example, str | np.dtype) else example))
     cut = without(kernel, frozenset(feature.arguments) | feature.made)
     return (
         counted(kernel, absent.values()),
@@ -379,7 +382,9 @@ def _set_part(types, name, made):
 
 
 def _example(text):
-    """An array of a type such as f8[:,::1]."""
+    """An array of a type such as f8[:,::1], or of rows."""
+    if isinstance(text, np.dtype):
+        return np.empty(1, text)
     return np.empty((1,) * (text.count(",") + 1), text[:2])
 
 
@@ -436,11 +441,11 @@ look(pl.render(pl.Scene([floor], [lamp]), camera, samples=8, max_bounces=2, trut
 """
 
 OF_THE_CAMERA = {
-    *("sobol.fill_net", "pixel_regions.fill_cell_regions", "to_lens.fill_thin", "trace.fill_traced"),
-    *("paths.fill_camera_samples", "paths.fill_sums", "paths.fill_status_counts"),
+    *("sobol.fill_net", "pixel_regions.fill_cell_regions", "thin.fill_thin", "trace.fill_traced"),
+    *("paths.fill_camera_samples", "film_sums.fill_sums", "bundles.fill_status_counts"),
 }
 OF_THE_SCENE = {
-    *("paths.fill_world_rays", "paths.fill_path_keys", "sobol.fill_drawn", "embree._fill_closest"),
+    *("world_rays.fill_world_rays", "path_keys.fill_path_keys", "sobol.fill_drawn", "embree._fill_closest"),
     *("interaction.fill_interactions", "parameters.fill_parameters", "sample_emitters.sample_emitters"),
     *("emission.add_emission", "direct_light.eval_direct", "bounce.sample_bsdf"),
 }

@@ -47,8 +47,8 @@ class ArrayAxes(NamedTuple):
         """
         parts = self.parts
         z = np.full(len(points), parts.distance)
-        if parts.lean is not None:
-            z = (z + points @ parts.lean) / (1.0 - slopes @ parts.lean)
+        if parts.tilt is not None:
+            z = (z + points @ parts.tilt) / (1.0 - slopes @ parts.tilt)
         met = np.column_stack([points + z[:, None] * slopes, z])
         return parts.sensor_to_local.inverse().points(met)[:, :2]
 

@@ -73,7 +73,7 @@ class Assembly(NamedTuple):
     """z is measured from the array's rear principal plane."""
     distance: float
     """From the rear principal plane to the sensor along the local axis, in mm."""
-    lean: NDArray[np.float64] | None
+    tilt: NDArray[np.float64] | None
     """(2,): how that distance grows with local x and y; None for a sensor parallel to the array."""
 
 
@@ -96,14 +96,14 @@ def assembly(camera: PlenopticCamera) -> Assembly:
             frame = np.concatenate([array.turn.ravel(), array.shift])
     sensor = local_from_lens.of(sensor)
     sensor = sensor._replace(shift=sensor.shift - np.array([0.0, 0.0, behind]))
-    distance, lean = _plane(sensor)
+    distance, tilt = _plane(sensor)
     return Assembly(
-        None if camera.lens_placement is None else lens, frame, z_plane, turn, origin, sensor, distance, lean
+        None if camera.lens_placement is None else lens, frame, z_plane, turn, origin, sensor, distance, tilt
     )
 
 
 def _plane(sensor: Rigid) -> tuple[float, NDArray[np.float64] | None]:
-    """A plane as distance and slopes: z = distance + lean . (x, y)."""
+    """A plane as distance and slopes: z = distance + tilt . (x, y)."""
     normal = sensor.turn[:, 2]
     slopes = -normal[:2] / normal[2]
     if float(np.hypot(*slopes)) < _UPRIGHT:

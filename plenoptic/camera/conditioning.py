@@ -7,8 +7,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.record import CameraTables, fill_before_array, fill_through_array, lanes_for
-from plenoptic.camera.sampling.pixel_regions import feeding_regions, pixel_centres
+from plenoptic.camera.paths import CameraPaths
+from plenoptic.camera.record import CameraRecord
+from plenoptic.camera.sampling.pixel_regions import fed_pixels, pixel_centres
+from plenoptic.camera.sampling.record import batch_record
 from plenoptic.core.values import whole
 from plenoptic.optics.lens.analysis.conditioning import Conditioning, conditioning_of
 from plenoptic.optics.lens.analysis.conditioning_rows import noted
@@ -18,7 +20,7 @@ _PER_PIXEL = 4
 
 
 def camera_conditioning(
-    tables: CameraTables, region: tuple[int, int, int, int] | None = None, *, seed: int = 0, rays: int = 1024
+    record: CameraRecord, region: tuple[int, int, int, int] | None = None, *, seed: int = 0, rays: int = 1024
 ) -> Conditioning:
     """What `conditioning` says of paths as they are rendered: from the sensor through the array and the lens.
 
@@ -28,8 +30,8 @@ def camera_conditioning(
 
     Parameters
     ----------
-    tables : CameraTables
-        From `camera_tables`.
+    record : CameraRecord
+        From `camera_record`.
     region : (int, int, int, int), optional
         First and end row, first and end column; the whole sensor if it is left out.
     seed : int, optional
@@ -46,26 +48,26 @@ def camera_conditioning(
     --------
     >>> import plenoptic as pl
     >>> from plenoptic.camera.conditioning import camera_conditioning
-    >>> from plenoptic.camera.record import camera_tables
+    >>> from plenoptic.camera.record import camera_record
     >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
     ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
     ...     sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.01),
     ...     stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
-    >>> found = camera_conditioning(camera_tables(camera))
+    >>> found = camera_conditioning(camera_record(camera))
     >>> found.elements.tolist()
     [10, 9, 8, 7, 6, 5, 4, 3, 2, 1, 0]
     >>> bool(found.incidence[found.reached > 0].max() < 2)
     True
     """
     wanted, seed = whole(rays, "rays", at_least=1), whole(seed, "seed", at_least=0)
-    area = (0, tables.rows, 0, tables.columns) if region is None else region
-    number = _spread(tables, area, max(wanted // _PER_PIXEL, 1), seed)
-    blocks, waves, n = _paths(tables, number, wanted, np.uint64(seed))
-    lens = tables.lens if waves is None or tables.dispersed is None else tables.dispersed
+    area = (0, record.sensor.rows, 0, record.sensor.columns) if region is None else region
+    number = _spread(record, area, max(wanted // _PER_PIXEL, 1), seed)
+    blocks, waves, n = _paths(record, number, wanted, np.uint64(seed))
+    lens = record.lens if waves is None or record.dispersed is None else record.dispersed
     return conditioning_of(noted(lens, blocks, n, waves))
 
 
-def _spread(tables: CameraTables, area: tuple[int, int, int, int], most: int, seed: int) -> NDArray[np.int64]:
+def _spread(record: CameraRecord, area: tuple[int, int, int, int], most: int, seed: int) -> NDArray[np.int64]:
     """Numbers on the sensor of pixels, at most one from each of about `most` equal rectangles."""
     height, width = area[1] - area[0], area[3] - area[2]
     down = min(max(round(math.sqrt(most * height / width)), 1), height, most)
@@ -73,53 +75,22 @@ def _spread(tables: CameraTables, area: tuple[int, int, int, int], most: int, se
     u = np.random.default_rng(seed).random((2, down, across))
     row = area[0] + ((np.arange(down)[:, None] + u[0]) * height / down).astype(np.int64)
     column = area[2] + ((np.arange(across) + u[1]) * width / across).astype(np.int64)
-    number = np.minimum(row, area[1] - 1) * tables.columns + np.minimum(column, area[3] - 1)
+    number = np.minimum(row, area[1] - 1) * record.sensor.columns + np.minimum(column, area[3] - 1)
     return np.unique(number)
 
 
 def _paths(
-    tables: CameraTables, number: NDArray[np.int64], wanted: int, seed: np.uint64
+    camera: CameraRecord, number: NDArray[np.int64], wanted: int, seed: np.uint64
 ) -> tuple[NDArray[np.float64], NDArray[np.int64] | None, int]:
     """Rays on their way to the lens, in blocks, the numbers of their wavelengths, and how many they are."""
-    from plenoptic.camera.sampling.kernels import paths as sample_kernels
-    from plenoptic.core.kernels import sobol
-    from plenoptic.core.kernels.ray_blocks import BLOCK, RAY
-
-    places = zip(*(at.tolist() for at in np.divmod(number, tables.columns)), strict=True)
-    pixels = np.concatenate([pixel_centres(tables, (row, row + 1), (column, column + 1)) for row, column in places])
-    triangles, first, details = feeding_regions(tables, pixels, 0.5 * math.sqrt(2) * tables.pitch)
-    lit = np.flatnonzero(np.diff(first))
-    if not lit.size:
+    places = zip(*(at.tolist() for at in np.divmod(number, camera.sensor.columns)), strict=True)
+    pixels = np.concatenate([pixel_centres(camera, (row, row + 1), (column, column + 1)) for row, column in places])
+    fed = fed_pixels(camera, pixels, number)
+    if not fed.place.size:
         return np.empty(0), None, 0
-    samples = max(wanted // lit.size, 1)
-    n, number = lit.size * samples, number[lit]
-    blocks = np.empty(-(-n // BLOCK) * RAY)
-    lanes = lanes_for(tables, blocks.size // 8)
-    net = np.empty((sobol.DIMENSIONS, samples), dtype=np.uint32)
-    sobol.fill_net(net, 0)
-    sample_kernels.fill_camera_samples(
-        blocks,
-        lanes,
-        0,
-        n,
-        samples,
-        1,
-        0,
-        seed,
-        net,
-        np.ascontiguousarray(pixels[lit]),
-        number,
-        tables.pixel_edges,
-        tables.pixel_skew,
-        triangles,
-        details,
-        np.append(first[lit], first[-1]),
-    )
-    fill_before_array(blocks, tables)
-    fill_through_array(blocks, lanes, tables)
-    colour, waves = tables.colour, None
-    if colour is not None and tables.dispersed is not None:
-        waves = np.empty(blocks.size // 8, dtype=np.int64)
-        guide = np.zeros(1, dtype=np.int64)
-        sample_kernels.fill_waves(waves, 0, n, samples, 1, 0, 0, seed, number, colour.cdf, guide)
-    return blocks, waves, n
+    samples = max(wanted // fed.place.size, 1)
+    n = fed.place.size * samples
+    ways = CameraPaths(camera, fed, batch_record(seed, 0, samples, 1, 0, 0), n)
+    blocks = ways.started(0, n)
+    ways.fill_through_array(blocks)
+    return blocks, ways.waves, n

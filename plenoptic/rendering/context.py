@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.camera.record import CameraTables, camera_tables
+from plenoptic.camera.record import CameraRecord, camera_record
 from plenoptic.rendering.plan.plan import plan_stages
 from plenoptic.rendering.plan.stages import Plan
 from plenoptic.rendering.settings import RenderSettings
@@ -30,7 +30,7 @@ class Settings(NamedTuple):
 class Compiled(NamedTuple):
     """Camera and scene as records."""
 
-    camera: CameraTables
+    camera: CameraRecord
     scene: SceneRecord | None
     """None: a white image."""
     intersector: Intersector | None
@@ -59,4 +59,4 @@ def compiled(
     prepared = None if scene is None else prepared_scene(scene)
     record, intersector = (None, None) if prepared is None else (prepared.record, prepared.intersector)
     plan = plan_stages(record, camera, how, samples=samples, replicates=replicates, truth=truth)
-    return Compiled(camera_tables(camera), record, intersector, Settings(replicates, np.uint64(seed), plan, how))
+    return Compiled(camera_record(camera), record, intersector, Settings(replicates, np.uint64(seed), plan, how))

@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.checks import check_scene_and_camera
-from plenoptic.camera.record import CameraTables
+from plenoptic.camera.record import CameraRecord
+from plenoptic.camera.sampling.record import Batch, batch_record
 from plenoptic.core.values import wrong_kind
 from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.context import Compiled, compiled
 from plenoptic.rendering.exposure import Exposure
-from plenoptic.rendering.integrator.path import Batch, Transport
+from plenoptic.rendering.integrator.path import Transport
 from plenoptic.rendering.settings import Sampler
 from plenoptic.replaying.camera_events import WorldRay
 from plenoptic.replaying.ending import PathEnding
@@ -158,8 +159,9 @@ def _retraced(prepared: _Prepared, pixel: tuple[int, int], sample: int) -> Repla
     settings, tables = prepared.view.settings, prepared.view.camera
     replicate, index = sample % settings.replicates, sample // settings.replicates
     random = settings.how.sampler is Sampler.RANDOM
-    batch = Batch(sample, 1, 1, sample, 0) if random else Batch(sample, 1, 1, replicate, index)
-    way = trace_camera(tables, pixel, batch, settings.seed)
+    stream, point = (sample, 0) if random else (replicate, index)
+    batch = batch_record(settings.seed, sample, 1, 1, stream, point)
+    way = trace_camera(tables, pixel, batch)
     channels = prepared.exposure.image.shape[2]
     if way is None:
         nothing = np.zeros(channels)
@@ -194,11 +196,11 @@ def _through_scene(
     prepared: _Prepared, way: CameraWay, batch: Batch
 ) -> tuple[tuple[Event, ...], NDArray[np.float64] | None, PathEnding]:
     """Follow a path behind the lens; its radiance is None in a white image."""
-    from plenoptic.camera.sampling.kernels import paths as sample_kernels
+    from plenoptic.camera.kernels.world_rays import fill_world_rays
 
     tables, scene, settings = prepared.view.camera, prepared.view.scene, prepared.view.settings
     rays, lanes = np.empty((1, 6)), np.empty(1, dtype=np.int64)
-    left = sample_kernels.fill_world_rays(rays, lanes, way.bundle, 1, tables.rotation, tables.position)
+    left = fill_world_rays(rays, lanes, way.bundle, 1, tables.rotation, tables.position)
     rays.flags.writeable = False
     ray = (WorldRay(rays[0, :3], rays[0, 3:], way.weight),) if left else ()
     if prepared.scene is None or scene is None:
@@ -211,24 +213,24 @@ def _through_scene(
 
 def _clamp(radiance: NDArray[np.float64] | None, way: CameraWay, limit: float | None) -> float:
     """Scale radiance down as the renderer does; returns what part is left."""
-    from plenoptic.camera.sampling.kernels import paths as sample_kernels
+    from plenoptic.rendering.kernels import film_sums
 
     if radiance is None or limit is None:
         return 1.0
     brightest = float(radiance.max())
-    sample_kernels.fill_clamped(radiance, way.bundle, 1, limit)
+    film_sums.fill_clamped(radiance, way.bundle, 1, limit)
     return limit / brightest if brightest > limit else 1.0
 
 
 def _contribution(
-    tables: CameraTables, way: CameraWay, radiance: NDArray[np.float64] | None, channels: int
+    tables: CameraRecord, way: CameraWay, radiance: NDArray[np.float64] | None, channels: int
 ) -> tuple[NDArray[np.float64], bool]:
     """What is added to the pixel's sum, and whether all of it is finite."""
-    from plenoptic.camera.sampling.kernels import paths as sample_kernels
+    from plenoptic.rendering.kernels import film_sums
 
     sums = np.zeros((1, 1, channels))
     weights = None if tables.colour is None else tables.colour.weights
-    dropped = sample_kernels.fill_sums(sums, way.bundle, radiance, way.waves, weights, 0, 1, 1, 1)
-    added = sums[0, 0] if tables.fill_factor == 1 else tables.fill_factor * sums[0, 0]
+    dropped = film_sums.fill_sums(sums, way.bundle, radiance, way.waves, weights, 0, 1, way.batch)
+    added = sums[0, 0] if tables.sensor.fill_factor == 1 else tables.sensor.fill_factor * sums[0, 0]
     added.flags.writeable = False
     return added, not dropped

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.checks import check_scene_and_camera, sensor_region
-from plenoptic.camera.record import CameraTables, camera_tables
+from plenoptic.camera.record import CameraRecord, camera_record
 from plenoptic.camera.sampling.pixel_regions import cells_per_pixel, pixel_centres
 from plenoptic.core.parallel import run_in_order, thread_count
 from plenoptic.errors import InvalidValueError
@@ -35,7 +35,7 @@ _STRIP = 1 << 13
 Arrays = dict[str, NDArray[Any]]
 
 
-def truth_tables(camera: PlenopticCamera, tables: CameraTables, wanted: Truth) -> TruthTables | None:
+def truth_tables(camera: PlenopticCamera, tables: CameraRecord, wanted: Truth) -> TruthTables | None:
     """Compile what is wanted; None where it is nothing."""
     if not wanted:
         return None
@@ -56,7 +56,7 @@ def truth_tables(camera: PlenopticCamera, tables: CameraTables, wanted: Truth) -
 
 
 def truth_of(
-    tables: CameraTables,
+    tables: CameraRecord,
     scene: SceneRecord | None,
     intersector: Intersector | None,
     truth: TruthTables,
@@ -135,7 +135,7 @@ def ground_truth(
     prepared = None if scene is None else prepared_scene(scene)
     meshes = prepared is not None and prepared.record.geometry is not None
     wanted = available_truth(checked_truth(truth), meshes=meshes, microlenses=camera.microlenses is not None)
-    tables = camera_tables(camera)
+    tables = camera_record(camera)
     cells_per_pixel(tables)
     finding = truth_tables(camera, tables, wanted)
     if finding is None:

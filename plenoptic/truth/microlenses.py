@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.record import CameraTables
+from plenoptic.camera.record import CameraRecord
 from plenoptic.optics.microlens.lattice import Lattice
 from plenoptic.optics.microlens.listed import lattice_types
 from plenoptic.truth.stages import LitCells
@@ -27,19 +27,22 @@ def fill_microlens_type(types: NDArray[np.int32], cells: LitCells) -> None:
 
 def _indices(cells: LitCells) -> NDArray[np.int64]:
     if cells.numbers is None:
-        return np.rint((cells.cells[:, :2] - cells.tables.origin) @ cells.tables.inverse).astype(np.int64)
+        return np.rint((cells.cells[:, :2] - cells.record.lattice.origin) @ cells.record.lattice.inverse).astype(
+            np.int64
+        )
     number = cells.numbers[cells.cells[:, 2].astype(np.int64)]
     return np.stack([number, np.zeros_like(number)], axis=1)
 
 
-def listed_numbers(tables: CameraTables) -> NDArray[np.int64] | None:
+def listed_numbers(camera: CameraRecord) -> NDArray[np.int64] | None:
     """Numbers of the lenses of a FREE array that are listed: those up to some distance along x and y, in order.
 
     None for other arrays.
     """
-    if tables.array is None or tables.array.lattice is not Lattice.FREE:
+    array = camera.microlenses
+    if array is None or array.lattice is not Lattice.FREE:
         return None
-    assert tables.array.centres is not None
-    assert tables.cells is not None and tables.cells.listed is not None
-    farther = np.abs(np.asarray(tables.array.centres)).max(axis=1)
-    return np.sort(np.argsort(farther, kind="stable")[: len(tables.cells.listed.lenses)])
+    assert array.centres is not None
+    assert camera.array is not None and camera.array.listed is not None
+    farther = np.abs(np.asarray(array.centres)).max(axis=1)
+    return np.sort(np.argsort(farther, kind="stable")[: len(camera.array.listed.lenses)])

@@ -11,11 +11,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.record import CameraTables, fill_through_array, lanes_for
+from plenoptic.camera.record import CameraRecord
 from plenoptic.camera.sampling.pixel_regions import feeding_regions
+from plenoptic.camera.stages import fill_through_array, own_microlenses
 from plenoptic.optics.lens.record import LensRecord
 from plenoptic.optics.microlens.array import MicrolensArray
-from plenoptic.optics.microlens.record import ArrayTables
+from plenoptic.optics.microlens.record import ArrayRecord
 from plenoptic.scene.compile import SceneRecord
 from plenoptic.scene.geometry.accel import Intersector
 from plenoptic.scene.geometry.record import Hits
@@ -76,7 +77,7 @@ class LitCells(NamedTuple):
     cells: NDArray[np.float64]
     """(lit, 3): as those of `PixelRays`."""
     array: MicrolensArray
-    tables: ArrayTables
+    record: ArrayRecord
     numbers: NDArray[np.int64] | None
     """FREE lattices: numbers of the listed lenses, row by row."""
 
@@ -125,7 +126,7 @@ class PixelStages:
 
     def __init__(
         self,
-        tables: CameraTables,
+        tables: CameraRecord,
         scene: SceneRecord | None,
         intersector: Intersector | None,
         truth: TruthTables,
@@ -149,7 +150,7 @@ class PixelStages:
         regions = feeding_regions(tables, pixels, 0.0)
         aims = np.empty((n * representative_ray.PROBES, representative_ray.AIM))
         probes = np.empty(-(-len(aims) // BLOCK) * RAY)
-        probe_lanes, lanes = lanes_for(tables, probes.size // 8), lanes_for(tables, -(-n // BLOCK) * BLOCK)
+        probe_lanes, lanes = own_microlenses(tables, probes.size // 8), own_microlenses(tables, -(-n // BLOCK) * BLOCK)
         representative_ray.fill_probes(probes, probe_lanes, aims, pixels, regions)
         fill_through_array(probes, probe_lanes, tables)
         fill_traced(probes, tables.lens, None)
@@ -165,7 +166,8 @@ class PixelStages:
     def _behind(self) -> NDArray[np.float64]:
         """(n,): how far each pixel lies behind the array's rear principal plane, mm."""
         tables, pixels = self._tables, self._pixels
-        return np.full(len(pixels), tables.distance) if tables.lean is None else tables.distance + pixels @ tables.lean
+        plane = tables.sensor.plane
+        return np.full(len(pixels), plane.distance) if plane.tilt is None else plane.distance + pixels @ plane.tilt
 
     @cached_property
     def sensor(self) -> SensorRays:
@@ -178,20 +180,20 @@ class PixelStages:
     def cells(self) -> LitCells:
         """Cells of the microlenses that the rays pass."""
         tables, cells = self._tables, self.rays.cells
-        assert tables.array is not None and tables.cells is not None
+        assert tables.microlenses is not None and tables.array is not None
         lit = np.isfinite(cells[:, 0])
-        return LitCells(lit, cells[lit], tables.array, tables.cells, self._truth.numbers)
+        return LitCells(lit, cells[lit], tables.microlenses, tables.array, self._truth.numbers)
 
     @cached_property
     def hits(self) -> SurfaceHits:
         """The triangles that the rays meet, through what is not there for most paths."""
-        from plenoptic.camera.sampling.kernels import paths
+        from plenoptic.camera.kernels.world_rays import fill_world_rays
         from plenoptic.scene.geometry.kernels import interaction
 
         tables, scene, intersector, n = self._tables, self._scene, self._intersector, len(self._pixels)
         assert scene is not None and scene.geometry is not None and intersector is not None
         rays, lanes = np.empty((n, 6)), np.empty(n, dtype=np.int64)
-        sent = paths.fill_world_rays(rays, lanes, self.rays.blocks, n, tables.rotation, tables.position)
+        sent = fill_world_rays(rays, lanes, self.rays.blocks, n, tables.rotation, tables.position)
         rays, lanes = rays[:sent], lanes[:sent]
         hits, reached = no_hits(scene, sent), np.empty(sent)
         intersector.fill_closest(hits, rays, coherent=True)
@@ -222,10 +224,10 @@ class PixelStages:
         from plenoptic.truth.kernels import virtual_depth
 
         tables, truth, pixels, rays, hit = self._tables, self._truth, self._pixels, self.rays, self.points
-        assert tables.array is not None and truth.unvignetted is not None
+        assert tables.microlenses is not None and truth.unvignetted is not None
         blocks = np.empty(-(-len(hit.lanes) * virtual_depth.NEIGHBOURS // BLOCK) * RAY)
         virtual_depth.fill_neighbours(blocks, rays.before, hit.lanes, truth.axes, truth.step, SLOPE_STEP)
         fill_traced(blocks, truth.unvignetted, None)
         distance = np.full(len(pixels), np.nan)
         virtual_depth.fill_image_distances(distance, blocks, rays.blocks, hit.points, hit.lanes, truth.step, SLOPE_STEP)
-        return ImagePoints(distance, self._behind, min(tables.array.pitches) / tables.pitch)
+        return ImagePoints(distance, self._behind, min(tables.microlenses.pitches) / tables.sensor.pitch)

@@ -82,10 +82,10 @@ def rates(*, samples: int, rounds: int) -> Table:
 
 def stages(*, samples: int) -> Table:
     """Processor time by stage, one thread."""
+    from plenoptic.camera import paths
     from plenoptic.camera.sampling.kernels import paths as camera_paths
     from plenoptic.core.kernels import sobol
     from plenoptic.optics.lens.kernels import trace
-    from plenoptic.rendering import tile
     from plenoptic.rendering.integrator.kernels import bounce, direct_light, emission
     from plenoptic.scene.geometry.kernels import embree, interaction
     from plenoptic.scene.lights.kernels import sample_emitters
@@ -93,7 +93,7 @@ def stages(*, samples: int) -> Table:
 
     parts: tuple[tuple[Any, str, str], ...] = (
         (camera_paths, "fill_camera_samples", "points on pixels and microlenses"),
-        (tile, "fill_through_array", "microlenses"),
+        (paths, "fill_through_array", "microlenses"),
         (trace, "fill_traced", "lens"),
         (embree.EmbreeTriangles, "fill_closest", "Embree, nearest triangles"),
         (emission, "add_emission", "what rays see that shines"),

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.camera import record as camera_tables_module
+from plenoptic.camera import record as camera_records
 from plenoptic.camera.assembly import assembly
 from plenoptic.optics.lens.placement import rotation_about_axes
 from plenoptic.study.cameras import reference_camera
@@ -106,7 +106,7 @@ def test_a_tilted_sensor_is_nearer_on_one_side():
     parts = assembly(CAMERA.moved(SENSOR, tilt=(0.0, tilt, 0.0)))
     # About y, z turns towards x: the plane is z = 1.7 - x tan(tilt).
     assert parts.distance == pytest.approx(1.7, rel=1e-12)
-    assert parts.lean == pytest.approx((-math.tan(tilt), 0.0), abs=1e-15)
+    assert parts.tilt == pytest.approx((-math.tan(tilt), 0.0), abs=1e-15)
 
 
 def test_a_tilted_conventional_camera_weighs_light_by_both_cosines():
@@ -189,10 +189,10 @@ def test_wider_margins_change_no_image(moves, model, monkeypatch):
     narrow = white(camera, 512, region)
 
     def with_slack(camera):
-        tables = camera_tables_module.camera_tables(camera)
-        return tables._replace(slack=tables.slack + 1.0)
+        tables = camera_records.camera_record(camera)
+        return tables._replace(pupil=tables.pupil._replace(margin=tables.pupil.margin + 1.0))
 
-    monkeypatch.setattr("plenoptic.rendering.context.camera_tables", with_slack)
+    monkeypatch.setattr("plenoptic.rendering.context.camera_record", with_slack)
     wide = white(camera, 1024, region, seed=1)
     agree(narrow, wide)
 

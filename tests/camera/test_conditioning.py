@@ -7,7 +7,7 @@ import pytest
 
 import plenoptic as pl
 from plenoptic.camera.conditioning import camera_conditioning
-from plenoptic.camera.record import camera_tables
+from plenoptic.camera.record import camera_record
 from plenoptic.errors import InvalidValueError
 
 CAMERA = pl.PlenopticCamera(
@@ -17,7 +17,7 @@ CAMERA = pl.PlenopticCamera(
     stop_to_microlenses=123.3,
     microlenses_to_sensor=1.7,
 )
-TABLES = camera_tables(CAMERA)
+TABLES = camera_record(CAMERA)
 
 
 @pytest.mark.parametrize("pixel", [(32, 24), (3, 40)])
@@ -59,7 +59,7 @@ def test_dark_pixels_have_no_rays():
     # Behind a small iris, microlens images are small, and some pixels of a row lie between them.
     lens = CAMERA.lens.with_stop(pl.CircularStop(semi_diameter=0.5))
     small = dataclasses.replace(CAMERA, lens=lens)
-    tables = camera_tables(small)
+    tables = camera_record(small)
     rays = []
     for column in range(24):
         found = camera_conditioning(tables, (32, 33, column, column + 1), rays=16)
@@ -77,7 +77,7 @@ def test_paths_of_colour_cameras_have_their_wavelengths():
     colour = dataclasses.replace(CAMERA, sensitivity=pl.sensitivities.cie_1931())
     region = np.s_[32:33, 24:25]
     white = pl.render_white(colour, samples=1024, replicates=1, seed=7, region=region, progress=False)
-    found = camera_conditioning(camera_tables(colour), (32, 33, 24, 25), seed=7, rays=1024)
+    found = camera_conditioning(camera_record(colour), (32, 33, 24, 25), seed=7, rays=1024)
     assert found.lost == white.stats.lost
     # Red and blue meet the surfaces otherwise than the camera's own wavelength.
     assert found.refraction[0].tolist() != camera_conditioning(TABLES, (32, 33, 24, 25), seed=7).refraction[0].tolist()

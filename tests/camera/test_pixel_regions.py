@@ -5,13 +5,14 @@ import math
 
 import numpy as np
 import pytest
+from numpy.lib.recfunctions import structured_to_unstructured
 
 import plenoptic as pl
-from plenoptic.camera.record import CameraTables, camera_tables
-from plenoptic.camera.sampling.margins import fill_plates
+from plenoptic.camera.record import CameraRecord, camera_record
 from plenoptic.camera.sampling.pixel_regions import feeding_regions
 from plenoptic.core.kernels.ray_blocks import BLOCK
-from plenoptic.optics.microlens.record import array_tables
+from plenoptic.optics.microlens.kernels.plano_convex import fill_plano_convex
+from plenoptic.optics.microlens.record import SensorPlane, array_record
 
 LENS = pl.load_lens("double-gauss-100mm-f2")
 SENSOR = pl.Sensor(shape=(512, 512), pixel_pitch=0.01)
@@ -71,7 +72,8 @@ def towards_the_lens(camera: pl.PlenopticCamera, sensor: np.ndarray, points: np.
     rows[:6, :n] = np.column_stack([points, centres[:, 0], points - sensor, centres[:, 1]]).T
     blocks = np.ascontiguousarray(rows.reshape(8, -1, BLOCK).transpose(1, 0, 2))
     # A ray belongs to the microlens on whose curved side it lands.
-    fill_plates(blocks.reshape(-1), array, b, None, z, 1 / array.focal_length, None, cell_of(array))
+    made, power = cell_of(array), 1 / array.focal_length
+    fill_plano_convex(blocks.reshape(-1), None, SensorPlane(b, None), made.model, power, made.edges, z)
     x, y, z_out, l, m, n_out, _, status = blocks.transpose(1, 0, 2).reshape(8, -1)[:, :n]
     origin, along = np.stack([x, y, z_out], axis=1), np.stack([l, m, n_out], axis=1)
     return pl.RayBundle(origin, along, status=status.astype(np.uint8))
@@ -79,13 +81,20 @@ def towards_the_lens(camera: pl.PlenopticCamera, sensor: np.ndarray, points: np.
 
 def cell_of(array: pl.MicrolensArray):
     """The numbers of the array alone, as designed and where designed."""
-    return array_tables(array, turn=np.eye(2), origin=np.zeros(2), reach=1.0, stray=0.0)
+    return array_record(array, turn=np.eye(2), origin=np.zeros(2), reach=1.0, margin=0.0)
 
 
-def aims_around(tables: CameraTables, pixel: np.ndarray, camera: pl.PlenopticCamera, n: int, rng) -> np.ndarray:
+def regions_of(tables: CameraRecord, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Triangles as columns, those of TRIANGLE, and where those of each pixel begin."""
+    regions = feeding_regions(tables, pixels, HALF_PIXEL)
+    return structured_to_unstructured(regions.triangles), regions.first
+
+
+def aims_around(tables: CameraRecord, pixel: np.ndarray, camera: pl.PlenopticCamera, n: int, rng) -> np.ndarray:
     """Points of the array over much more than what can see the lens's rear from a pixel."""
-    ratio = tables.gap / tables.distance
-    bend = 1 + ratio - tables.gap / camera.microlenses.focal_length
+    behind = tables.pupil.plane.distance
+    ratio = behind / tables.sensor.plane.distance
+    bend = 1 + ratio - behind / camera.microlenses.focal_length
     middle = pixel * ratio / (1 + ratio)
     rim = camera.lens.elements[-1].semi_diameter
     spread = abs(bend) * camera.microlenses.cell_radius
@@ -105,10 +114,10 @@ def depth_inside(triangles: np.ndarray, points: np.ndarray) -> np.ndarray:
 @BY_NAME
 def test_every_ray_that_passes_starts_in_its_cell_s_region(name: str) -> None:
     camera = CAMERAS[name]
-    tables = camera_tables(camera)
+    tables = camera_record(camera)
     rng = np.random.default_rng(23)
     pixels = some_pixels(rng, 8)
-    triangles, first, _ = feeding_regions(tables, pixels, HALF_PIXEL)
+    triangles, first = regions_of(tables, pixels)
     passed_in_all = 0
     for p, pixel in enumerate(pixels):
         n = 40000
@@ -137,10 +146,10 @@ def test_aims_beyond_the_cell_that_land_on_its_sphere_are_held_too(side: pl.Conv
     # Aimed a little beside the cell on the principal plane, some rays meet the cell's own curved side.
     camera = camera_of(with_side(side, focal_lengths=(1.5,), thickness=0.2), 1.4, 17.1)
     beside = 0.1 if side is pl.ConvexSide.SCENE else 0.01
-    array, tables = camera.microlenses, camera_tables(camera)
+    array, tables = camera.microlenses, camera_record(camera)
     rng = np.random.default_rng(5)
     pixels = some_pixels(rng, 6)
-    triangles, first, _ = feeding_regions(tables, pixels, HALF_PIXEL)
+    triangles, first = regions_of(tables, pixels)
     n, seen = 60000, 0
     for p, pixel in enumerate(pixels):
         centres = array.nearest(aims_around(tables, pixel, camera, n, rng))
@@ -154,7 +163,10 @@ def test_aims_beyond_the_cell_that_land_on_its_sphere_are_held_too(side: pl.Conv
         rows[:6, :n] = np.column_stack([points, centres[:, 0], points - sensor, centres[:, 1]]).T
         blocks = np.ascontiguousarray(rows.reshape(8, -1, BLOCK).transpose(1, 0, 2))
         b = camera.microlenses_to_sensor
-        fill_plates(blocks.reshape(-1), array, b, None, tables.z_plane, 1 / array.focal_length, None, tables.cells)
+        made, plane = tables.array, SensorPlane(b, None)
+        fill_plano_convex(
+            blocks.reshape(-1), None, plane, made.model, 1 / array.focal_length, made.edges, tables.z_plane
+        )
         fields = blocks.transpose(1, 0, 2).reshape(8, -1)[:, :n]
         rays = pl.RayBundle(fields[:3].T, fields[3:6].T, status=fields[7].astype(np.uint8))
         passed = camera.lens.trace_reverse(rays).status == 0
@@ -172,15 +184,15 @@ def test_aims_beyond_the_cell_that_land_on_its_sphere_are_held_too(side: pl.Conv
 @BY_NAME
 def test_triangles_stay_in_their_cell_and_never_overlap(name: str) -> None:
     camera = CAMERAS[name]
-    tables = camera_tables(camera)
+    tables = camera_record(camera)
     rng = np.random.default_rng(31)
     pixels = some_pixels(rng, 60)
-    triangles, first, _ = feeding_regions(tables, pixels, HALF_PIXEL)
+    triangles, first = regions_of(tables, pixels)
     assert len(triangles) > 60
     corner, a, b = triangles[:, 0:2], triangles[:, 2:4], triangles[:, 4:6]
     # In the widened cell: its edges are those of the cell, moved out.
     edges = camera.microlenses.cell_edges
-    wider = np.linalg.norm(tables.cells.corners[0, 0]) / camera.microlenses.cell_radius
+    wider = np.linalg.norm(tables.array.opening.corners[0, 0]) / camera.microlenses.cell_radius
     assert wider >= 1.0 - 1e-15
     if camera.microlenses.model is pl.MicrolensModel.THIN:
         assert wider == pytest.approx(1.0, abs=1e-15)
@@ -220,10 +232,10 @@ def test_a_region_wastes_little(name: str) -> None:
     # At least 60 % of the samples must leave the lens; here over pixels of the middle of the sensor, where nothing
     # vignettes.
     camera = CAMERAS[name]
-    tables = camera_tables(camera)
+    tables = camera_record(camera)
     rng = np.random.default_rng(6)
     pixels = SENSOR.centre_of(*rng.integers(200, 312, (2, 60)))
-    triangles, first, _ = feeding_regions(tables, pixels, HALF_PIXEL)
+    triangles, first = regions_of(tables, pixels)
     area = np.array([triangles[first[p + 1] - 1, 6] if first[p + 1] > first[p] else 0.0 for p in range(60)])
     passing = np.zeros(60)
     for p, pixel in enumerate(pixels):
@@ -239,10 +251,10 @@ def test_a_region_wastes_little(name: str) -> None:
 
 def test_without_microlenses_the_region_is_the_pupil_s_outline() -> None:
     camera = camera_of(None, 0.0, 5.0, 134.6)
-    tables = camera_tables(camera)
+    tables = camera_record(camera)
     rng = np.random.default_rng(12)
     pixels = some_pixels(rng, 20)
-    triangles, first, _ = feeding_regions(tables, pixels, HALF_PIXEL)
+    triangles, first = regions_of(tables, pixels)
     z = tables.z_plane
     rim = camera.lens.elements[-1].semi_diameter
     for p, pixel in enumerate(pixels):
@@ -260,9 +272,9 @@ def test_little_room_is_not_overrun() -> None:
     # More triangles than the first guess of 16 a pixel: a wide pupil over many small microlenses.
     array = pl.MicrolensArray(pitch=0.05, focal_lengths=(0.5,))
     camera = camera_of(array, 0.45, 17.1, 123.3)
-    tables = camera_tables(camera)
+    tables = camera_record(camera)
     pixels = SENSOR.centre_of(*np.mgrid[250:254, 250:254].reshape(2, -1))
-    triangles, first, _ = feeding_regions(tables, pixels, HALF_PIXEL)
-    one_by_one = [feeding_regions(tables, pixels[p : p + 1], HALF_PIXEL)[0] for p in range(16)]
+    triangles, first = regions_of(tables, pixels)
+    one_by_one = [regions_of(tables, pixels[p : p + 1])[0] for p in range(16)]
     assert np.array_equal(triangles, np.concatenate(one_by_one))
     assert first[-1] == len(triangles)

@@ -687,8 +687,10 @@ def test_fast_spherical_microlenses_lose_no_light_to_the_bounds(monkeypatch):
     )
     region = np.s_[100:108, 0:8]
     shot = pl.render_white(camera, samples=1024, region=region, progress=False)
-    margins = bounds.strays
-    monkeypatch.setattr(bounds, "strays", lambda *arguments: tuple(3 * margin for margin in margins(*arguments)))
+    margins = bounds.aberration_margins
+    monkeypatch.setattr(
+        bounds, "aberration_margins", lambda *arguments: tuple(3 * margin for margin in margins(*arguments))
+    )
     wide = pl.render_white(camera, samples=4096, region=region, seed=1, progress=False)
     joint = np.square(np.hypot(shot.standard_error, wide.standard_error), dtype=np.float64).sum()
     assert abs(float((shot.image - wide.image).sum(dtype=np.float64))) < 4 * math.sqrt(joint)

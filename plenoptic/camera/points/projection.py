@@ -12,7 +12,7 @@ from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.points.projection_light import REPLICATES, centroid_and_error, light_and_error, light_of
 from plenoptic.camera.points.projection_rows import lenses_of
 from plenoptic.camera.points.projection_tracing import Rows, rows_through_iris, rows_through_microlenses
-from plenoptic.camera.psf.sensor_hits import ForwardTables, forward_tables, in_lens_axes, tasks_of
+from plenoptic.camera.psf.sensor_hits import ForwardRecord, forward_record, in_lens_axes, tasks_of
 from plenoptic.core.parallel import thread_count
 from plenoptic.core.values import frozen_array, read_only, set_field, value, whole, wrong_kind
 from plenoptic.errors import InvalidValueError
@@ -179,7 +179,7 @@ def project(
     given = _checked(camera, points)
     each = -(-whole(rays, "rays", at_least=1) // REPLICATES)
     workers = thread_count(threads)
-    tables = forward_tables(camera)
+    tables = forward_record(camera)
     seen = in_lens_axes(tables, given)
     tasks = tasks_of(tables, seen, REPLICATES, each)
     pinhole = camera.microlenses is not None and camera.microlenses.model is MicrolensModel.PINHOLE
@@ -206,7 +206,7 @@ def _checked(camera: PlenopticCamera, points: ArrayLike) -> Floats:
     return given
 
 
-def _assembled(tables: ForwardTables, given: Floats, rows: Rows, pinhole: bool) -> Projection:
+def _assembled(tables: ForwardRecord, given: Floats, rows: Rows, pinhole: bool) -> Projection:
     sensor, array = tables.camera.sensor, tables.camera.microlenses
     lenses = None if array is None or rows.lens is None else lenses_of(array, rows.lens)
     light, light_error = light_and_error(rows.moments)
@@ -241,7 +241,7 @@ def _assembled(tables: ForwardTables, given: Floats, rows: Rows, pinhole: bool) 
     )
 
 
-def _unhidden(tables: ForwardTables, found: Projection, entering: Floats, scene: Scene) -> Projection:
+def _unhidden(tables: ForwardRecord, found: Projection, entering: Floats, scene: Scene) -> Projection:
     """Rows whose points are hidden from the place (k, 2) where their rays enter the lens are no longer visible."""
     from plenoptic.scene.cache import prepared_scene
     from plenoptic.scene.materials.alpha_mask import thin_out

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.array_axes import ArrayAxes
 from plenoptic.camera.points.centres import _through_centres as through_centres
-from plenoptic.camera.psf.sensor_hits import ForwardTables
+from plenoptic.camera.psf.sensor_hits import ForwardRecord
 from plenoptic.core.rays import RayBundle
 from plenoptic.optics.lens.record import LensRecord, lens_record
 from plenoptic.optics.lens.trace import traced_by
@@ -78,7 +78,7 @@ class ThroughIris(NamedTuple):
         return rays.origin[:, :2]
 
 
-def through_iris(tables: ForwardTables) -> tuple[ThroughIris, Floats]:
+def through_iris(tables: ForwardRecord) -> tuple[ThroughIris, Floats]:
     """The way to the iris, and its centre (2,)."""
     camera = tables.camera
     bare = lens_record(camera.lens, camera.wavelength, reverse=False, clipping=False)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.camera.points.projection_rows import unique_rows
-from plenoptic.camera.psf.sensor_hits import ForwardTables, Task, landed
+from plenoptic.camera.psf.sensor_hits import ForwardRecord, Task, landed
 from plenoptic.core.parallel import run_in_order
 
 Floats = NDArray[np.float64]
@@ -34,14 +34,14 @@ class _Part(NamedTuple):
     sums: Floats
 
 
-def light_of(tables: ForwardTables, tasks: list[Task], each: int, threads: int) -> Light:
+def light_of(tables: ForwardRecord, tasks: list[Task], each: int, threads: int) -> Light:
     """Trace tasks that come to `each` rays for every point and replicate."""
 
     def work(task: Task) -> _Part:
         rows = landed(tables, task, np.uint64(0)).rows
-        lens, place = unique_rows(rows[:, 3:5].astype(np.int64))
+        lens, place = unique_rows(np.column_stack([rows["first"], rows["second"]]))
         sums = np.empty((len(lens), 3))
-        for k, amount in enumerate((rows[:, 2], rows[:, 2] * rows[:, 0], rows[:, 2] * rows[:, 1])):
+        for k, amount in enumerate((rows["weight"], rows["weight"] * rows["x"], rows["weight"] * rows["y"])):
             sums[:, k] = np.bincount(place, amount, minlength=len(lens))
         return _Part(task, lens, sums / each)
 

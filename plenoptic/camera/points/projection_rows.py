@@ -52,10 +52,11 @@ def footprints(tasks: list[Task], lens: LensRecord, aim: ThroughArray, *, z: flo
     return Footprints(number, entering, arriving.reshape(entering.shape), landing, passing)
 
 
-def _rings(triangles: Floats) -> Floats:
+def _rings(triangles: NDArray[np.void]) -> Floats:
     """Points (f, 2) of a fan of triangles: its corners, and others towards the middle."""
     fan = triangles[np.linspace(0, len(triangles) - 1, 16).round().astype(int)]
-    corners = fan[:, None, :2] + np.stack([np.zeros((16, 2)), fan[:, 2:4], fan[:, 4:6]], axis=1)
+    start, first, second = (np.column_stack([fan[x], fan[y]]) for x, y in (("x", "y"), ("ax", "ay"), ("bx", "by")))
+    corners = start[:, None] + np.stack([np.zeros((16, 2)), first, second], axis=1)
     middle = corners.reshape(-1, 2).mean(axis=0)
     outline = corners[:, 1:].reshape(-1, 2)
     return np.concatenate([middle + share * (outline - middle) for share in _RINGS])

@@ -11,7 +11,7 @@ from plenoptic.camera.array_axes import array_axes
 from plenoptic.camera.points.projection_chiefs import ThroughArray, aimed, rays_from, through_iris
 from plenoptic.camera.points.projection_light import REPLICATES, Light
 from plenoptic.camera.points.projection_rows import candidates, footprints, lenses_of, nearest_rays, unique_rows
-from plenoptic.camera.psf.sensor_hits import ForwardTables, Task
+from plenoptic.camera.psf.sensor_hits import ForwardRecord, Task
 from plenoptic.core.rays import RayBundle
 from plenoptic.optics.lens.record import lens_record
 from plenoptic.optics.lens.trace import traced_by
@@ -37,13 +37,13 @@ class Rows(NamedTuple):
     """(k, 2): where a ray enters, on the plane of the entrance, that stands for the light."""
 
 
-def _pupil_size(tables: ForwardTables) -> float:
+def _pupil_size(tables: ForwardRecord) -> float:
     """Semi-diameter of what light enters through, in mm."""
     _, size, _ = tables.entrance.pupil
     return min(size, tables.entrance.reach) if np.isfinite(size) else tables.entrance.reach
 
 
-def rows_through_iris(tables: ForwardTables, seen: Floats, light: Light) -> Rows:
+def rows_through_iris(tables: ForwardRecord, seen: Floats, light: Light) -> Rows:
     """One row for each point (n, 3), in the lens's axes, of a camera without microlenses."""
     camera, z, n = tables.camera, tables.entrance.z, len(seen)
     aim, centre = through_iris(tables)
@@ -61,7 +61,7 @@ def rows_through_iris(tables: ForwardTables, seen: Floats, light: Light) -> Rows
     return Rows(np.arange(n), None, _on_bare_sensor(tables, traced_by(bare, rays)), passes, moments, entering)
 
 
-def _on_bare_sensor(tables: ForwardTables, rays: RayBundle) -> Floats:
+def _on_bare_sensor(tables: ForwardRecord, rays: RayBundle) -> Floats:
     """Where rays behind the lens meet a sensor without microlenses, in its own axes."""
     parts = tables.array.parts
     to_sensor = parts.sensor_to_local.inverse()
@@ -71,7 +71,7 @@ def _on_bare_sensor(tables: ForwardTables, rays: RayBundle) -> Floats:
 
 
 def rows_through_microlenses(
-    tables: ForwardTables, array: MicrolensArray, seen: Floats, tasks: list[Task], light: Light
+    tables: ForwardRecord, array: MicrolensArray, seen: Floats, tasks: list[Task], light: Light
 ) -> Rows:
     """A row for each of the points (n, 3), in the lens's axes, and each microlens that gets its light or chief ray."""
     camera, z = tables.camera, tables.entrance.z

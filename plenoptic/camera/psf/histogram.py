@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.camera.psf.sensor_hits import ForwardTables, Task, landed
+from plenoptic.camera.psf.sensor_hits import ForwardRecord, Task, landed
 from plenoptic.camera.psf.spread import CameraSpread
 from plenoptic.core.kernels.ray_blocks import CAUSES
 from plenoptic.core.parallel import run_in_order
@@ -39,11 +39,11 @@ class Spot(NamedTuple):
     """(replicates, 3)."""
 
 
-def _counted(tables: ForwardTables, task: Task, seed: np.uint64) -> Crop:
+def _counted(record: ForwardRecord, task: Task, seed: np.uint64) -> Crop:
     """Trace one task and count on pixels what lands."""
     from plenoptic.camera.psf.kernels.source_rays import extent, fill_crop
 
-    result = landed(tables, task, seed)
+    result = landed(record, task, seed)
     counts = np.append(result.counts, [result.shut, result.beside, len(result.rows)])
     moments = np.zeros(3)
     if not len(result.rows):
@@ -98,12 +98,12 @@ def _spot(crops: list[Crop], each: int) -> Spot:
 
 
 def spots_of(
-    tables: ForwardTables, tasks: list[Task], each: int, seed: np.uint64, threads: int
+    record: ForwardRecord, tasks: list[Task], each: int, seed: np.uint64, threads: int
 ) -> Iterator[tuple[int, Spot]]:
     """Number and spot of each point that has tasks."""
 
     def work(task: Task) -> tuple[Task, Crop]:
-        return task, _counted(tables, task, seed)
+        return task, _counted(record, task, seed)
 
     results = run_in_order(work, tasks, threads=min(threads, max(len(tasks), 1)))
     for number, of_point in groupby(results, key=lambda pair: pair[0].number):

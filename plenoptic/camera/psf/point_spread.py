@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.psf.histogram import assembled, spots_of
-from plenoptic.camera.psf.sensor_hits import Task, in_lens_axes, landed, measuring_tables, tasks_of
+from plenoptic.camera.psf.sensor_hits import HIT, Task, in_lens_axes, landed, measuring_record, tasks_of
 from plenoptic.camera.psf.spread import CameraSpread, LandingPoints
 from plenoptic.core.parallel import run_in_order, thread_count
 from plenoptic.core.values import frozen_array, whole, wrong_kind
@@ -82,9 +82,9 @@ def point_spread(
     replicates = whole(replicates, "replicates", at_least=1)
     each = -(-whole(rays, "rays", at_least=1) // replicates)
     scrambling, workers = _checked_seed(seed), thread_count(threads)
-    tables = measuring_tables(camera)
-    tasks = tasks_of(tables, in_lens_axes(tables, given), replicates, each)
-    spots = dict(spots_of(tables, tasks, each, scrambling, workers))
+    record = measuring_record(camera)
+    tasks = tasks_of(record, in_lens_axes(record, given), replicates, each)
+    spots = dict(spots_of(record, tasks, each, scrambling, workers))
     spread = assembled(camera, given, spots, replicates, each)
     return spread if several else spread.of(0)
 
@@ -130,21 +130,22 @@ def landing_points(
     given, _ = _checked_points(camera, points)
     each = whole(rays, "rays", at_least=1)
     scrambling, workers = _checked_seed(seed), thread_count(threads)
-    tables = measuring_tables(camera)
-    tasks = tasks_of(tables, in_lens_axes(tables, given), 1, each)
+    record = measuring_record(camera)
+    tasks = tasks_of(record, in_lens_axes(record, given), 1, each)
 
-    def work(task: Task) -> NDArray[np.float64]:
-        return landed(tables, task, scrambling).rows
+    def work(task: Task) -> NDArray[np.void]:
+        return landed(record, task, scrambling).rows
 
     found = list(run_in_order(work, tasks, threads=min(workers, max(len(tasks), 1))))
-    rows = np.concatenate([np.empty((0, 7)), *found])
+    rows = np.concatenate([np.empty(0, HIT), *found])
     source = np.repeat([task.number for task in tasks], [len(part) for part in found]).astype(np.int64)
     array = camera.microlenses
+    position = np.column_stack([rows["x"], rows["y"]])
     if array is None:
-        return LandingPoints(rows[:, :2].copy(), rows[:, 2] / each, source, None, None)
-    index = rows[:, 3:5].astype(np.int64)
+        return LandingPoints(position, rows["weight"] / each, source, None, None)
+    index = np.column_stack([rows["first"], rows["second"]])
     microlens = index @ array.basis if array.centres is None else array.centres[index[:, 0]]
-    return LandingPoints(rows[:, :2].copy(), rows[:, 2] / each, source, microlens, index)
+    return LandingPoints(position, rows["weight"] / each, source, microlens, index)
 
 
 def _checked_seed(seed: int) -> np.uint64:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.assembly import Assembly, sensor_corners
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.camera.sampling.margins import strays
+from plenoptic.camera.sampling.margins import aberration_margins
 from plenoptic.core.values import read_only
 from plenoptic.optics.lens.pupil.exit_pupil import PupilBounds, outline_corners, pupil_bounds, rear_reach
 from plenoptic.optics.microlens.array import MicrolensArray, MicrolensModel
@@ -19,10 +19,10 @@ class Bounds(NamedTuple):
     """What the regions that feed pixels are made of."""
 
     pupil: PupilBounds
-    slack: float
+    margin: float
     """How far a real microlens's rays stray from an ideal one's on the plane of the outlines, in mm."""
-    stray: float
-    """How far rays stray sideways between the principal plane and the curved side, in mm."""
+    aside: float
+    """How far rays run sideways between the principal plane and the curved side, in mm."""
     reach: float
     """How far from the lens's axis microlenses matter, in mm."""
 
@@ -46,41 +46,40 @@ def array_bounds(
     """Outlines for all cells that matter, and how far the rays of real microlenses stray.
 
     A ray from the sensor at s crosses the plane of the outlines at c + ratio (c - s) + bend d for the point d of the
-    cell at c, to within the slack, and passes the lens no farther from the axis than a + b |c| there.
+    cell at c, to within the margin, and passes the lens no farther from the axis than a + b |c| there.
     """
     a, b = rear_reach(camera.lens, parts.z_plane, wavelengths[0])
-    gap = parts.z_plane - float(camera.lens.vertices[-1])
+    pupil_distance = parts.z_plane - float(camera.lens.vertices[-1])
     corners = sensor_corners(camera, parts)
-    ratio = gap / float(corners[:, 2].min())
+    ratio = pupil_distance / float(corners[:, 2].min())
     in_lens, tilt = corners, 0.0
     if parts.frame is not None:
         turn, shift = parts.frame[:9].reshape(3, 3), parts.frame[9:]
         in_lens = corners @ turn.T + shift
         tilt = float(np.hypot(turn[2, 0], turn[2, 1]))
     sensor = float(np.hypot(in_lens[:, 0], in_lens[:, 1]).max())
-    bend = max(abs(_bend(array, power, gap, ratio)) for power in powers)
-    off_axis = _off_axis(array) * max(abs(gap * power) for power in (*powers, (1 + ratio) / gap))
-    slack = stray = 0.0
+    strongest = max(abs(_bend(array, power, pupil_distance, ratio)) for power in powers)
+    off_axis = _off_axis(array) * max(abs(pupil_distance * power) for power in (*powers, (1 + ratio) / pupil_distance))
+    margin = aside = 0.0
     rounds = 2 if array.is_plate else 1
     while True:
-        farthest = (1.0 + tilt) * ratio * sensor + a + bend * array.cell_radius + slack + off_axis
-        widest = 1.02 * farthest / max(1.0 + ratio - b, 0.1 * (1.0 + ratio)) + array.cell_radius + stray
+        farthest = (1.0 + tilt) * ratio * sensor + a + strongest * array.cell_radius + margin + off_axis
+        widest = 1.02 * farthest / max(1.0 + ratio - b, 0.1 * (1.0 + ratio)) + array.cell_radius + aside
         heights = parts.z_plane + tilt * (widest + np.hypot(*in_lens[:, :2].T).max()) * np.array([-1.0, 0.0, 1.0])
-        bounds = _united(camera, _extremes(heights), widest, array.cell_radius + stray, wavelengths)
+        bounds = _united(camera, _extremes(heights), widest, array.cell_radius + aside, wavelengths)
         rounds -= 1
         if rounds == 0:
-            return Bounds(bounds, slack, stray, widest)
+            return Bounds(bounds, margin, aside, widest)
         reach = float(bounds.reach.max()) + widest
-        distance = gap / ratio
-        found = [
-            strays(array, power, distance, gap, _bend(array, power, gap, ratio), reach) for power in powers if power > 0
-        ]
-        slack, stray = (1.0 + tilt) * max(f[0] for f in found), (1.0 + tilt) * max(f[1] for f in found)
+        distance = pupil_distance / ratio
+        bends = [(power, _bend(array, power, pupil_distance, ratio)) for power in powers if power > 0]
+        found = [aberration_margins(array, power, distance, pupil_distance, bend, reach) for power, bend in bends]
+        margin, aside = (1.0 + tilt) * max(f[0] for f in found), (1.0 + tilt) * max(f[1] for f in found)
 
 
-def _bend(array: MicrolensArray, power: float, gap: float, ratio: float) -> float:
+def _bend(array: MicrolensArray, power: float, pupil_distance: float, ratio: float) -> float:
     """How far a ray moves on the plane of the outlines when its point in the cell moves by 1."""
-    return 0.0 if array.model is MicrolensModel.PINHOLE else 1.0 + ratio - gap * power
+    return 0.0 if array.model is MicrolensModel.PINHOLE else 1.0 + ratio - pupil_distance * power
 
 
 def _off_axis(array: MicrolensArray) -> float:

@@ -8,51 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.optics.microlens.array import ConvexSide, MicrolensArray, MicrolensModel
-from plenoptic.optics.microlens.record import ArrayTables
+from plenoptic.optics.microlens.record import EdgesRecord, SensorPlane, plate_record
 
 _AIMS, _OFFSETS = 33, 49
 _SAFETY = 1.25
 """Margins found on a grid of rays are widened by this factor."""
-_NO_EDGES = np.zeros((0, 3))
+UNCUT = EdgesRecord(np.zeros((0, 3)), None, np.zeros((0, 3)), math.inf)
+"""Edges that end nothing."""
 
 
-def fill_plates(
-    blocks: NDArray[np.float64],
-    array: MicrolensArray,
-    distance: float,
-    lean: NDArray[np.float64] | None,
-    z_plane: float,
-    power: float,
-    lanes: NDArray[np.float64] | None = None,
-    tables: ArrayTables | None = None,
-) -> None:
-    """Aimed samples become rays through plano-convex lenses, exact or flat with a high index; uncut without tables."""
-    from plenoptic.optics.microlens.kernels import to_lens
-
-    cell, cells, opening, radius2 = _NO_EDGES, None, _NO_EDGES, math.inf
-    if tables is not None:
-        cell, opening, radius2 = tables.cell, tables.opening, tables.radius2
-        cells = None if tables.listed is None else tables.listed.cells
-    to_lens.fill_plano_convex(
-        blocks,
-        distance,
-        lean,
-        z_plane,
-        array.convex_side is ConvexSide.SENSOR,
-        array.model is MicrolensModel.FLAT_HIGH_INDEX,
-        power,
-        lanes,
-        array.thickness,
-        array.index,
-        cell,
-        cells,
-        opening,
-        radius2,
-    )
-
-
-def strays(
-    array: MicrolensArray, power: float, distance: float, gap: float, bend: float, reach: float
+def aberration_margins(
+    array: MicrolensArray, power: float, distance: float, pupil_distance: float, bend: float, reach: float
 ) -> tuple[float, float]:
     """How far real rays stray from ideal ones on the plane of the outlines, and on the curved side, in mm.
 
@@ -60,24 +26,31 @@ def strays(
     count that meet the curved side inside the cell and pass the plane of the outlines within `reach` of the lens's
     own axis. A lens is round, so one row of sensor points stands for all.
     """
-    slack = stray = 0.0
+    margin = aside = 0.0
     for _ in range(4):
-        offset = (reach + abs(bend) * array.cell_radius + slack) * distance / gap
-        found = _strays_from(array, power, distance, gap, bend, reach, offset)
+        offset = (reach + abs(bend) * array.cell_radius + margin) * distance / pupil_distance
+        found = _margins_from(array, power, distance, pupil_distance, bend, reach, offset)
         if found is None:
-            return slack, stray
-        settled = found[0] <= 1.01 * slack
-        slack, stray = max(slack, _SAFETY * found[0]), max(stray, _SAFETY * found[1])
+            return margin, aside
+        settled = found[0] <= 1.01 * margin
+        margin, aside = max(margin, _SAFETY * found[0]), max(aside, _SAFETY * found[1])
         if settled:
             break
-    return slack, stray
+    return margin, aside
 
 
-def _strays_from(
-    array: MicrolensArray, power: float, distance: float, gap: float, bend: float, reach: float, offset: float
+def _margins_from(
+    array: MicrolensArray,
+    power: float,
+    distance: float,
+    pupil_distance: float,
+    bend: float,
+    reach: float,
+    offset: float,
 ) -> tuple[float, float] | None:
-    """The same for sensor points up to `offset` from the lens's axis; None where no ray counts."""
+    """Both margins, from sensor points up to `offset` from the lens's axis; None where no ray counts."""
     from plenoptic.core.kernels.ray_blocks import BLOCK
+    from plenoptic.optics.microlens.kernels.plano_convex import fill_plano_convex
 
     aims = np.linspace(-1.5 * array.cell_radius, 1.5 * array.cell_radius, _AIMS)
     dx, dy, sx = (g.ravel() for g in np.meshgrid(aims, aims, np.linspace(0.0, offset, _OFFSETS), indexing="ij"))
@@ -85,7 +58,8 @@ def _strays_from(
     for row, column in ((0, dx), (1, dy), (3, dx - sx), (4, dy)):
         fields[row, : dx.size] = column
     blocks = np.ascontiguousarray(fields.reshape(8, -1, BLOCK).transpose(1, 0, 2))
-    fill_plates(blocks.reshape(-1), array, distance, None, gap, power)
+    sensor, plate = SensorPlane(distance, None), plate_record(array)
+    fill_plano_convex(blocks.reshape(-1), None, sensor, plate, power, UNCUT, pupil_distance)
     x, y, z, u, v, w, _, status = blocks.transpose(1, 0, 2).reshape(8, -1)[:, : dx.size]
     radius = (array.index - 1.0) / power
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
@@ -100,7 +74,7 @@ def _strays_from(
         counts = (status == 0) & (np.hypot(land_x, land_y) <= array.cell_radius) & (np.hypot(real_x, real_y) <= reach)
         if not counts.any():
             return None
-        off = np.hypot(real_x - (bend * dx - gap / distance * sx), real_y - bend * dy)
+        off = np.hypot(real_x - (bend * dx - pupil_distance / distance * sx), real_y - bend * dy)
         beside = np.hypot(land_x - dx, land_y - dy)
     return float(off[counts].max()), float(beside[counts].max())
 

@@ -158,18 +158,12 @@ def silicon(*, depth: float = 0.005, band: tuple[float, float] = (400.0, 700.0))
     depth : float
         Thickness in mm of the layer whose electrons are collected.
     band : (float, float)
-        Wavelengths in nm at which the cut filter transmits one half; it falls from 1 to 0 within 20 nm around them.
-        From 370 to 1090 nm: (400, 1000) is a sensor without a filter against infrared.
+        As in `colour_camera`, from 370 to 1090 nm: (400, 1000) is a sensor without a filter against infrared.
 
     Returns
     -------
     Sensitivity
         Every 5 nm at most, 1 at its maximum.
-
-    Raises
-    ------
-    InvalidValueError
-        For numbers out of range.
 
     Notes
     -----

@@ -99,14 +99,7 @@ class Sensitivity:
 
     @staticmethod
     def lines(wavelengths: ArrayLike) -> Sensitivity:
-        """One wavelength for each channel.
-
-        Parameters
-        ----------
-        wavelengths : (1,) or (3,) array_like
-            Vacuum wavelengths in nm of red, green and blue, in this order.
-
-        """
+        """One wavelength for each channel: (1,) or (3,), in nm in vacuum, of red, green and blue in this order."""
         return Sensitivity(np.asarray(wavelengths))
 
     @property
@@ -131,22 +124,7 @@ class Sensitivity:
         return Sensitivity(self.wavelengths, self.response / _integral(self.wavelengths, self.response))
 
     def at(self, wavelengths: ArrayLike) -> Floats:
-        """The response at wavelengths.
-
-        Parameters
-        ----------
-        wavelengths : (m,) array_like
-            nm.
-
-        Returns
-        -------
-        (m, C) array
-
-        Raises
-        ------
-        InvalidValueError
-            If the channels are lines, whose response is infinite at one wavelength.
-        """
+        """The response (m, C) at wavelengths (m,) in nm; an InvalidValueError for lines, whose response is infinite."""
         if self.response is None:
             raise InvalidValueError("the channels are lines, which have no response to tabulate; see `wavelengths`")
         return _interpolated(_as_wavelengths(wavelengths), self.wavelengths, self.response, beyond=0.0)
@@ -169,11 +147,6 @@ def rgb_basis(wavelengths: ArrayLike) -> Floats:
     -------
     (n, 3) array
 
-    Raises
-    ------
-    InvalidValueError
-        If these are not wavelengths.
-
     Notes
     -----
     Spectral primary decomposition: I. Mallett, C. Yuksel, Eurographics Symposium on Rendering (2019), DOI
@@ -192,7 +165,7 @@ def rgb_basis(wavelengths: ArrayLike) -> Floats:
 
 
 def rgb_to_spectrum(rgb: ArrayLike, wavelengths: ArrayLike) -> Floats:
-    """Spectra of colours: smooth, linear in the colour, and no more than 1 where no channel is more than 1.
+    """Spectra of colours, rgb . `rgb_basis`: smooth, and no more than 1 where no channel is more than 1.
 
     Parameters
     ----------
@@ -210,10 +183,6 @@ def rgb_to_spectrum(rgb: ArrayLike, wavelengths: ArrayLike) -> Floats:
     ------
     InvalidValueError
         If `rgb` has no last axis of 3 finite numbers, or `wavelengths` are none.
-
-    Notes
-    -----
-    rgb . `rgb_basis`; see there for the method.
 
     Examples
     --------
@@ -263,11 +232,6 @@ def colour_tables(sensitivity: Sensitivity, *, step: float = 1.0) -> ColourTable
     sensitivity : Sensitivity
     step : float
         Width of the bins in nm at most. The error of a smooth spectrum falls with its square.
-
-    Raises
-    ------
-    InvalidValueError
-        If `step` is not above 0, or `sensitivity` is none.
 
     Examples
     --------

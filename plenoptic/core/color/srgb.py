@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -54,29 +55,11 @@ def srgb_to_linear(encoded: ArrayLike) -> NDArray[np.floating[Any]]:
     >>> float(pl.images.srgb_to_linear(0.5).round(4))
     0.214
     """
-    given = _floating(encoded)
-    size = np.abs(given)
-    decoded = np.where(size <= _SRGB_KNEE, size / 12.92, ((size + 0.055) / 1.055) ** 2.4)
-    signed: NDArray[np.floating[Any]] = np.copysign(decoded, given)
-    return signed
+    return _odd(encoded, lambda size: np.where(size <= _SRGB_KNEE, size / 12.92, ((size + 0.055) / 1.055) ** 2.4))
 
 
 def linear_to_srgb(linear: ArrayLike) -> NDArray[np.floating[Any]]:
-    """Encode linear values in 0..1 as sRGB values in 0..1, the inverse of `srgb_to_linear`.
-
-    Parameters
-    ----------
-    linear : array_like
-        Values of any shape; integers are not rescaled.
-
-    Returns
-    -------
-    ndarray
-        Of the same shape, in the floating-point type of the input (float64 for integers).
-
-    References
-    ----------
-    IEC 61966-2-1:1999, section 5.2.
+    """Encode linear values in 0..1 as sRGB values in 0..1: the inverse of `srgb_to_linear`, see there.
 
     Examples
     --------
@@ -84,13 +67,12 @@ def linear_to_srgb(linear: ArrayLike) -> NDArray[np.floating[Any]]:
     >>> float(pl.images.linear_to_srgb(0.214).round(3))
     0.5
     """
-    given = _floating(linear)
-    size = np.abs(given)
-    encoded = np.where(size <= _LINEAR_KNEE, size * 12.92, 1.055 * size ** (1 / 2.4) - 0.055)
-    signed: NDArray[np.floating[Any]] = np.copysign(encoded, given)
-    return signed
+    return _odd(linear, lambda size: np.where(size <= _LINEAR_KNEE, size * 12.92, 1.055 * size ** (1 / 2.4) - 0.055))
 
 
-def _floating(values: ArrayLike) -> NDArray[np.floating[Any]]:
+def _odd(values: ArrayLike, curve: Callable[[Any], Any]) -> NDArray[np.floating[Any]]:
+    """A curve for values from 0, continued as an odd function; of integers in float64."""
     array = np.asarray(values)
-    return array if array.dtype.kind == "f" else array.astype(np.float64)
+    given = array if array.dtype.kind == "f" else array.astype(np.float64)
+    signed: NDArray[np.floating[Any]] = np.copysign(curve(np.abs(given)), given)
+    return signed

@@ -114,14 +114,7 @@ class GlassCatalogue:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the glasses, as in the file.
-
-        Examples
-        --------
-        >>> from plenoptic.optics.glass.catalogue import bundled_glasses
-        >>> bundled_glasses().names[:3]
-        ('BAF10', 'BASF6', 'BED5')
-        """
+        """Names of the glasses, as in the file."""
         return tuple(entry.name for entry in self.entries)
 
     def entry(self, name: str) -> GlassEntry:
@@ -224,14 +217,7 @@ def glass_names() -> tuple[str, ...]:
 
 @functools.cache
 def bundled_glasses() -> GlassCatalogue:
-    """The bundled table as a catalogue.
-
-    Examples
-    --------
-    >>> from plenoptic.optics.glass.catalogue import bundled_glasses
-    >>> bundled_glasses()
-    <GlassCatalogue 'the bundled table': 56 glasses>
-    """
+    """The bundled table as a catalogue."""
     file = importlib.resources.files("plenoptic.optics.glass") / "data" / "glasses.agf"
     return _from_agf(file.read_text(encoding="utf-8"), "the bundled table")
 

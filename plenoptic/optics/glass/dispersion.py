@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import enum
-import math
 from collections.abc import Callable, Sequence
 
 from plenoptic.core.values import choice, set_field, value
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.glass.media import _checked_index, _coefficients, _range, _wavelength_within
+from plenoptic.optics.glass.media import _coefficients, _index_by_formula, _root, _set_limits
 
 
 class Formula(enum.IntEnum):
@@ -32,13 +31,7 @@ class Formula(enum.IntEnum):
     EXTENDED_3          9    n^2 = a + b w^2 + c w^4 + d w^-2 + e w^-4 + f w^-6 + g w^-8 + h w^-10 + i w^-12
     =================== ==== ==============================================================================
 
-    The second number of a row is how many coefficients the formula has.
-
-    Examples
-    --------
-    >>> from plenoptic.optics.glass.dispersion import Formula
-    >>> Formula(5)
-    <Formula.CONRADY: 5>
+    The second number of a row is how many coefficients the formula has. See `DispersionFormula`.
     """
 
     SCHOTT = 1
@@ -115,10 +108,8 @@ class DispersionFormula:
         Which one; the table is there.
     coefficients : sequence of float
         For wavelengths in micrometres, as many as the formula has and in the order of an AGF file.
-    name : str, optional
-        For people.
-    wavelength_range : (float, float), optional
-        nm; outside, asking for the index is an error.
+    name, wavelength_range
+        As of `Sellmeier`.
 
     Raises
     ------
@@ -153,29 +144,15 @@ class DispersionFormula:
         set_field(self, "coefficients", _coefficients(self.coefficients, "coefficients", count))
         if not isinstance(self.name, str):
             raise InvalidValueError(f"name is {self.name!r:.40}; it must be a text")
-        set_field(self, "wavelength_range", _range(self.wavelength_range))
-        for wavelength in self.wavelength_range:
-            self.index(wavelength)
+        _set_limits(self, self.wavelength_range)
 
     def index(self, wavelength: float) -> float:
-        """Refractive index at a wavelength in nm; an InvalidValueError outside `wavelength_range`.
+        """Refractive index at a wavelength in nm; an InvalidValueError outside `wavelength_range`."""
 
-        Examples
-        --------
-        >>> from plenoptic.optics.glass.dispersion import DispersionFormula, Formula
-        >>> calcite = (0.8559, 3.45744e-3, 0.8391, 1.9881e-2, 9e-4, 3.8809e-2, 0.6845, 49.070025)
-        >>> ordinary = DispersionFormula(Formula.SELLMEIER_3, calcite, "calcite, ordinary", (200.0, 2200.0))
-        >>> round(ordinary.index(587.5618), 5)
-        1.65864
-        """
-        name = self.name or f"this {self.formula.name} medium"
-        micrometres = _wavelength_within(wavelength, self.wavelength_range, name) * 1e-3
-        try:
+        def formula(w: float) -> float:
             if self.formula in _INDICES:
-                index = _INDICES[self.formula](micrometres, self.coefficients)
-            else:
-                square = _SQUARES[self.formula](micrometres, self.coefficients)
-                index = math.sqrt(square) if square >= 0 else math.nan
-        except (ZeroDivisionError, OverflowError):
-            index = math.inf
-        return _checked_index(index, wavelength, name)
+                return _INDICES[self.formula](w, self.coefficients)
+            return _root(_SQUARES[self.formula](w, self.coefficients))
+
+        name = self.name or f"this {self.formula.name} medium"
+        return _index_by_formula(formula, wavelength, self.wavelength_range, name)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Protocol, runtime_checkable
 
 from plenoptic.core.values import finite, positive, set_field, value
@@ -93,6 +93,30 @@ def _coefficients(values: Sequence[float], name: str, count: int | None = None) 
     return numbers
 
 
+def _index_by_formula(
+    formula: Callable[[float], float], wavelength: float, limits: tuple[float, float], medium: str
+) -> float:
+    """The index by a formula for wavelengths in micrometres."""
+    micrometres = _wavelength_within(wavelength, limits, medium) * 1e-3
+    try:
+        index = formula(micrometres)
+    except (ZeroDivisionError, OverflowError):
+        index = math.inf
+    return _checked_index(index, wavelength, medium)
+
+
+def _root(square: float) -> float:
+    return math.sqrt(square) if square >= 0 else math.nan
+
+
+def _set_limits(medium: Medium, limits: Sequence[float]) -> None:
+    """Set the range of wavelengths of a medium, and check the index at both ends."""
+    checked = _range(limits)
+    set_field(medium, "wavelength_range", checked)
+    for wavelength in checked:
+        medium.index(wavelength)
+
+
 def abbe_number(medium: Medium) -> float:
     """The Abbe number V_d = (n_d - 1) / (n_F - n_C) of a medium; inf where the index is the same at F and C.
 
@@ -138,15 +162,7 @@ class ConstantMedium:
         set_field(self, "refractive_index", number)
 
     def index(self, wavelength: float) -> float:
-        """Refractive index; the wavelength (nm) makes no difference.
-
-        Examples
-        --------
-        >>> import plenoptic as pl
-        >>> water = pl.ConstantMedium(1.333)
-        >>> water.index(450.0) == water.index(650.0) == 1.333
-        True
-        """
+        """Refractive index; the wavelength (nm) makes no difference."""
         return self.refractive_index
 
 
@@ -222,14 +238,7 @@ class ModelGlass:
             )
 
     def index(self, wavelength: float) -> float:
-        """Refractive index at a wavelength of 360 to 1100 nm; an InvalidValueError outside.
-
-        Examples
-        --------
-        >>> import plenoptic as pl
-        >>> round(pl.ModelGlass(1.5168, 64.17, "BK7").index(486.1327), 4)
-        1.5224
-        """
+        """Refractive index at a wavelength of 360 to 1100 nm; an InvalidValueError outside."""
         lam = _wavelength_within(wavelength, MODEL_GLASS_RANGE, self.name or "this model glass")
         # Differences of the two basis functions over F - C and g - F; two equations for b and c.
         dispersion = (self.nd - 1.0) / self.vd
@@ -286,28 +295,16 @@ class Sellmeier:
     def __post_init__(self) -> None:
         set_field(self, "b", _coefficients(self.b, "b"))
         set_field(self, "c", _coefficients(self.c, "c", len(self.b)))
-        set_field(self, "wavelength_range", _range(self.wavelength_range))
-        for wavelength in self.wavelength_range:
-            self.index(wavelength)
+        _set_limits(self, self.wavelength_range)
 
     def index(self, wavelength: float) -> float:
-        """Refractive index at a wavelength in nm; an InvalidValueError outside `wavelength_range`.
+        """Refractive index at a wavelength in nm; an InvalidValueError outside `wavelength_range`."""
 
-        Examples
-        --------
-        >>> import plenoptic as pl
-        >>> silica = pl.Sellmeier((0.6961663, 0.4079426, 0.8974794), (0.0684043**2, 0.1162414**2, 9.896161**2))
-        >>> round(silica.index(587.5618), 5)                           # I. H. Malitson, 1965: 1.45846
-        1.45846
-        """
-        name = self.name or "this Sellmeier medium"
-        micrometres = _wavelength_within(wavelength, self.wavelength_range, name) * 1e-3
-        square = micrometres * micrometres
-        try:
-            n2 = 1.0 + sum(b * square / (square - c) for b, c in zip(self.b, self.c, strict=True))
-        except (ZeroDivisionError, OverflowError):
-            n2 = math.inf
-        return _checked_index(math.sqrt(n2) if n2 >= 0 else math.nan, wavelength, name)
+        def formula(w: float) -> float:
+            square = w * w
+            return _root(1.0 + sum(b * square / (square - c) for b, c in zip(self.b, self.c, strict=True)))
+
+        return _index_by_formula(formula, wavelength, self.wavelength_range, self.name or "this Sellmeier medium")
 
 
 @value
@@ -320,10 +317,8 @@ class Schott:
     ----------
     coefficients : sequence of 6 floats
         a_0 to a_5, for wavelengths in micrometres.
-    name : str, optional
-        For people.
-    wavelength_range : (float, float), optional
-        nm; outside, asking for the index is an error.
+    name, wavelength_range
+        As of `Sellmeier`.
 
     Raises
     ------
@@ -344,25 +339,13 @@ class Schott:
 
     def __post_init__(self) -> None:
         set_field(self, "coefficients", _coefficients(self.coefficients, "coefficients", 6))
-        set_field(self, "wavelength_range", _range(self.wavelength_range))
-        for wavelength in self.wavelength_range:
-            self.index(wavelength)
+        _set_limits(self, self.wavelength_range)
 
     def index(self, wavelength: float) -> float:
-        """Refractive index at a wavelength in nm; an InvalidValueError outside `wavelength_range`.
+        """Refractive index at a wavelength in nm; an InvalidValueError outside `wavelength_range`."""
 
-        Examples
-        --------
-        >>> import plenoptic as pl
-        >>> bk7 = pl.Schott((2.2718929, -1.0108077e-2, 1.0592509e-2, 2.0816965e-4, -7.6472538e-6, 4.9240991e-7))
-        >>> bk7.index(486.1327) > bk7.index(656.2725)
-        True
-        """
-        name = self.name or "this Schott medium"
-        micrometres = _wavelength_within(wavelength, self.wavelength_range, name) * 1e-3
-        square = micrometres * micrometres
-        try:
-            n2 = sum(a * square**power for a, power in zip(self.coefficients, (0, 1, -1, -2, -3, -4), strict=True))
-        except (ZeroDivisionError, OverflowError):
-            n2 = math.inf
-        return _checked_index(math.sqrt(n2) if n2 >= 0 else math.nan, wavelength, name)
+        def formula(w: float) -> float:
+            square, powers = w * w, (0, 1, -1, -2, -3, -4)
+            return _root(sum(a * square**power for a, power in zip(self.coefficients, powers, strict=True)))
+
+        return _index_by_formula(formula, wavelength, self.wavelength_range, self.name or "this Schott medium")

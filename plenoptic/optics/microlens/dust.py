@@ -221,7 +221,7 @@ class Blemishes:
 
         given = frozen_array(points, name="points", shape=("n", 2))
         passing = np.empty(len(given))
-        fill_passing(passing, given, *blemish_tables(self))
+        fill_passing(passing, given, dust_record(self))
         return passing
 
 
@@ -241,51 +241,72 @@ def _at_least_0(number: float, name: str) -> float:
     return given
 
 
-class BlemishTables(NamedTuple):
-    """Blemishes as the numbers that kernels read, and a grid of bins to find them."""
+CAPSULE = np.dtype(
+    [
+        ("start_x", "f8"),
+        ("start_y", "f8"),
+        ("along_x", "f8"),
+        ("along_y", "f8"),
+        ("inverse_length2", "f8"),
+        ("radius2", "f8"),
+        ("transmission", "f8"),
+    ],
+    align=True,
+)
+"""A grain or scratch: one end; from there to the other; 1 / squared length of that, 0 for grains; squared radius; what
+passes."""
+
+
+class DustRecord(NamedTuple):
+    """Dust and scratches of one plane, and a grid of bins to find them."""
 
     grid: NDArray[np.float64]
     """(5,): corner x, y of the grid in mm, bins per mm, numbers of columns and rows."""
-    bin_first: NDArray[np.int64]
+    first: NDArray[np.int64]
     members: NDArray[np.int64]
-    """Blemishes, bin after bin: those of bin b from bin_first[b] on."""
-    capsules: NDArray[np.float64]
-    """(n, CAPSULE), see `dust`."""
+    """Capsules, bin after bin: those of bin b from first[b] on."""
+    capsules: NDArray[np.void]
+    """(n,) of CAPSULE."""
 
 
-def blemish_tables(blemishes: Blemishes) -> BlemishTables:
-    """Compile blemishes: at most six bins for each; wider ones where blemishes are larger than their distance."""
-    from plenoptic.optics.microlens.kernels.dust import count_members, fill_blemish_bins
+def dust_record(blemishes: Blemishes) -> DustRecord:
+    """Compile dust: at most six bins for each grain; wider ones where grains are larger than their distance."""
+    from plenoptic.optics.microlens.kernels.dust import count_members, fill_dust_bins
 
     n, capsules = len(blemishes), _capsules(blemishes)
     if not n:
         nowhere = np.array([0.0, 0.0, 1.0, 1.0, 1.0])
-        return BlemishTables(nowhere, np.zeros(2, np.int64), np.zeros(0, np.int64), capsules)
+        return DustRecord(nowhere, np.zeros(2, np.int64), np.zeros(0, np.int64), capsules)
     reach = blemishes.radius[:, None]
     low = (np.minimum(blemishes.start, blemishes.end) - reach).min(axis=0)
     high = (np.maximum(blemishes.start, blemishes.end) + reach).max(axis=0)
-    slack = 16.0 * np.finfo(float).eps * float(np.abs([low, high]).max())
-    low, high = low - slack, high + slack
+    margin = 16.0 * np.finfo(float).eps * float(np.abs([low, high]).max())
+    low, high = low - margin, high + margin
     size = high - low
     width = max(math.sqrt(float(size[0]) * float(size[1]) / (2 * n)), float(size.max()) / (2 * n))
     while True:
         columns, rows = (np.floor(size / width) + 1).astype(int)
         grid = np.array([low[0], low[1], 1.0 / width, columns, rows])
-        total = count_members(capsules, grid, slack)
+        total = count_members(capsules, grid, margin)
         if total <= _MOST_MEMBERS * n or columns * rows == 1:
             break
         width *= 2.0
-    bin_first, members = np.zeros(columns * rows + 1, np.int64), np.empty(total, np.int64)
-    fill_blemish_bins(bin_first, members, capsules, grid, slack)
-    return BlemishTables(grid, bin_first, members, capsules)
+    first, members = np.zeros(columns * rows + 1, np.int64), np.empty(total, np.int64)
+    fill_dust_bins(first, members, capsules, grid, margin)
+    return DustRecord(grid, first, members, capsules)
 
 
-def _capsules(blemishes: Blemishes) -> NDArray[np.float64]:
+def _capsules(blemishes: Blemishes) -> NDArray[np.void]:
+    found = np.empty(len(blemishes), CAPSULE)
     along = blemishes.end - blemishes.start
     with np.errstate(divide="ignore", over="ignore"):
         inverse = 1.0 / np.einsum("ij,ij->i", along, along)
     inverse[~np.isfinite(inverse)] = 0.0
-    return np.column_stack([blemishes.start, along, inverse, blemishes.radius**2, blemishes.transmission])
+    found["start_x"], found["start_y"] = blemishes.start.T
+    found["along_x"], found["along_y"] = along.T
+    found["inverse_length2"] = inverse
+    found["radius2"], found["transmission"] = blemishes.radius**2, blemishes.transmission
+    return found
 
 
 def plane_axes(

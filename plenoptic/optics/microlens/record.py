@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.microlens.aperture import Gaps, Opening, Walls
-from plenoptic.optics.microlens.array import MicrolensArray, MicrolensModel
+from plenoptic.optics.microlens.array import ConvexSide, MicrolensArray, MicrolensModel
 from plenoptic.optics.microlens.imperfections import largest_factor, least_factor
 from plenoptic.optics.microlens.lattice import Lattice, polygon_edges
 
@@ -18,59 +18,186 @@ MOST_LISTED = 4_000_000
 """Lenses with imperfections that a camera may need: each takes 1.1 kB and 5 us."""
 
 
-class ListedLenses(NamedTuple):
-    """Lenses one by one, and a grid of bins to find them."""
+MICROLENS = np.dtype(
+    [
+        ("power", "f8"),
+        ("centre_x", "f8"),
+        ("centre_y", "f8"),
+        ("cell_x", "f8"),
+        ("cell_y", "f8"),
+        ("clip", "f8"),
+        ("transmission", "f8"),
+        ("row", "i8"),
+        ("axis_x", "f8"),
+        ("axis_y", "f8"),
+    ],
+    align=True,
+)
+"""What is individual about a microlens: 1 / focal length in 1/mm; centre of the opening; that of the cell; 1 for paths
+that must pass inside the opening, -1 for those that must pass beside it, 0 for those that need not; what part of the
+light passes; row of the list of lenses, or -1; optical axis."""
 
-    bins: NDArray[np.float64]
-    """Corner x, y of the grid and width of a bin in mm; bins along x and y; how far axes lie from cells' centres."""
-    bin_first: NDArray[np.int64]
+
+class BinsRecord(NamedTuple):
+    """A grid of bins, in which points are found."""
+
+    x: float
+    y: float
+    """Corner of the grid in mm."""
+    width: float
+    """Of a bin in mm."""
+    rows: int
+    columns: int
+    """Bins along x and along y."""
+    first: NDArray[np.int64]
     members: NDArray[np.int64]
-    """Lenses, bin after bin: those of bin b from bin_first[b] on."""
-    lenses: NDArray[np.float64]
-    """(n, LANE + 2): what a path keeps of its lens (see `to_lens`), and the optical axis."""
+    """Points, bin after bin: those of bin b are members[first[b]] to members[first[b + 1]]."""
+
+
+class NumbersRecord(NamedTuple):
+    """Rows of listed lenses by their lattice index."""
+
+    corner: NDArray[np.int64]
+    """(2,): the least indices."""
+    rows: NDArray[np.int64]
+    """(p, q): the row of the lens corner + (i, j); -1 where it is not listed."""
+
+
+class ListedRecord(NamedTuple):
+    """Lenses one by one, and how to find them."""
+
+    bins: BinsRecord
+    offset: float
+    """How far optical axes lie from the centres of cells at most, in mm."""
+    lenses: NDArray[np.void]
+    """(n,) of MICROLENS."""
     corners: NDArray[np.float64]
     """(n, parts, k, 2): opening, and what lies beside it where that is clear, relative to the cell's centre."""
     counts: NDArray[np.int64]
     """(n, parts): corners of each."""
     cells: NDArray[np.float64] | None
     """(n, k, 3): edges of the cells of FREE lenses; None where all cells are the lattice's."""
+    numbers: NumbersRecord | None = None
+    """Made for light that travels forwards; None for FREE lenses."""
 
 
-class ArrayTables(NamedTuple):
-    """Lengths in mm, in the axes in which the array is traced."""
+class LatticeRecord(NamedTuple):
+    """Where microlenses lie and which types they have."""
 
     origin: NDArray[np.float64]
     """(2,) centre of the lattice."""
     basis: NDArray[np.float64]
     inverse: NDArray[np.float64]
+    powers: NDArray[np.float64]
+    """1 / focal length of each type in 1/mm, or with listed lenses, the least and the greatest."""
+    pattern: NDArray[np.int64] | None
+    """(p, q) types on the lattice; None where there is one."""
+
+
+class OpeningRecord(NamedTuple):
+    """What part of a cell is a lens."""
+
     corners: NDArray[np.float64]
-    """(parts, k, 2): the opening, and the cell where what lies beside openings is clear; widened by strays."""
-    cell: NDArray[np.float64]
-    """(k, 3) edges of a cell."""
-    opening: NDArray[np.float64]
+    """(parts, k, 2): the opening, and the cell where what lies beside openings is clear; widened by the margin."""
+    radius: float
+    """How far openings and cells reach from their centre, margin included."""
+    edges: NDArray[np.float64]
     """(k, 3) edges of an opening; none of a round one."""
     radius2: float
     """Squared radius of a round opening, inf otherwise."""
     clip: float
     """1 where paths must be tested against the opening, otherwise 0."""
-    powers: NDArray[np.float64]
-    """1 / focal length of each type in 1/mm, or with listed lenses, the least and the greatest."""
-    pattern: NDArray[np.int64] | None
-    """(p, q) types on the lattice; None where there is one."""
-    listed: ListedLenses | None
+    clear: bool
+    """Whether light passes beside openings."""
+    fills: bool
+    """Whether cells alone end the lenses."""
+
+
+class PlateRecord(NamedTuple):
+    """Plano-convex lenses: a plane and a sphere of radius (index - 1) / power."""
+
+    towards_scene: bool
+    """Whether the curved side faces the scene."""
+    flat: bool
+    """Whether a plane with the normals of the sphere stands for it."""
+    thickness: float
+    refractive_index: float
+
+
+class EdgesRecord(NamedTuple):
+    """Where lenses with thickness end."""
+
+    cell: NDArray[np.float64]
+    """(k, 3) edges of a cell."""
+    cells: NDArray[np.float64] | None
+    """(n, k, 3): those of each listed lens; None where all cells are alike."""
+    opening: NDArray[np.float64]
+    """(k, 3) edges of an opening."""
+    radius2: float
+    """Squared radius of a round opening, inf otherwise."""
+
+
+class SensorPlane(NamedTuple):
+    """The sensor behind the plane on which samples are aimed, which lies at z = 0."""
+
+    distance: float
+    """Along the axis in mm."""
+    tilt: NDArray[np.float64] | None
+    """(2,): how the distance grows with x and y; None for a sensor parallel to the array."""
+    axes: NDArray[np.float64] | None = None
+    """Forwards, (2, 3) from x, y, 1 to the sensor's own axes; None where they are the same."""
+
+
+class ResponseRecord(NamedTuple):
+    """How pixels respond to directions; see `AngularResponse`."""
+
+    well_depth: float
+    refractive_index: float
+    inverse_pupil: float
+    exponent: float
+    frame: NDArray[np.float64] | None
+    """(12,): the rotation, row by row, and the shift from the sensor's axes to the local ones; None where the sensor is
+    centred and parallel to the array."""
+
+
+class ArrayRecord(NamedTuple):
+    """Lengths in mm, in the axes in which the array is traced."""
+
+    lattice: LatticeRecord
+    cell: NDArray[np.float64]
+    """(k, 3) edges of a cell."""
+    opening: OpeningRecord
+    listed: ListedRecord | None
     """None where lenses differ by type only."""
-    radius: float
-    """How far openings and cells reach from their centre, strays included."""
-    model: MicrolensModel
-    walls: bool
-    """Whether walls separate the spaces behind the cells."""
+    walls: NDArray[np.float64] | None
+    """The edges of a cell where walls separate the spaces behind the cells."""
+    model: PlateRecord | None
+    """None for ideal lenses."""
 
     @property
     def differs(self) -> bool:
         """Whether paths must keep what is individual about their microlens."""
-        return (
-            self.listed is not None or self.pattern is not None or self.clip > 0 or len(self.corners) > 1 or self.walls
-        )
+        several = self.lattice.pattern is not None or len(self.opening.corners) > 1
+        return self.listed is not None or several or self.opening.clip > 0 or self.walls is not None
+
+    @property
+    def cells(self) -> NDArray[np.float64] | None:
+        """(n, k, 3) edges of the cells of FREE lenses; None where all cells are the lattice's."""
+        return None if self.listed is None else self.listed.cells
+
+    @property
+    def edges(self) -> EdgesRecord:
+        """Where lenses with thickness end."""
+        return EdgesRecord(self.cell, self.cells, self.opening.edges, self.opening.radius2)
+
+    @property
+    def power(self) -> float:
+        """1 / focal length of the first type in 1/mm; that of all lenses where they do not differ."""
+        return float(self.lattice.powers[0])
+
+    def own(self, n: int) -> NDArray[np.void] | None:
+        """Room for what n paths keep of their microlenses; None where these do not differ."""
+        return np.zeros(n, MICROLENS) if self.differs else None
 
 
 def possible_powers(array: MicrolensArray) -> NDArray[np.float64]:
@@ -88,42 +215,55 @@ def possible_powers(array: MicrolensArray) -> NDArray[np.float64]:
     return np.unique(np.concatenate(found))
 
 
-def array_tables(
-    array: MicrolensArray, *, turn: NDArray[np.float64], origin: NDArray[np.float64], reach: float, stray: float
-) -> ArrayTables:
+def array_record(
+    array: MicrolensArray, *, turn: NDArray[np.float64], origin: NDArray[np.float64], reach: float, margin: float
+) -> ArrayRecord:
     """Compile an array whose axes are turned by `turn` (2, 2) and whose centre lies at `origin` (2,).
 
-    Lenses up to `reach` from the origin of the axes matter; `stray` is how far rays may stray sideways between the
+    Lenses up to `reach` from the origin of the axes matter; `margin` is how far rays may run sideways between the
     principal plane and the curved side, by which openings are widened for drawing.
     """
     opening, clear = array.opening, array.aperture is not None and array.aperture.gaps is Gaps.CLEAR
-    round_one = math.isfinite(opening.radius)
     parts = [opening.corners, array.cell_corners] if clear else [opening.corners]
-    basis = array.basis @ turn.T
+    basis, cell = array.basis @ turn.T, polygon_edges(array.cell_corners @ turn.T)
     several = len(set(array.focal_lengths)) > 1 and array.lattice is not Lattice.FREE
     listed = None
     powers = 1.0 / np.asarray(array.focal_lengths)
     if array.lattice is Lattice.FREE or array.imperfections is not None:
-        listed = listed_lenses(array, turn=turn, origin=origin, reach=reach, stray=stray)
-        found = listed.lenses[:, 0] if len(listed.lenses) else powers
+        listed = listed_record(array, turn=turn, origin=origin, reach=reach, margin=margin)
+        found = listed.lenses["power"] if len(listed.lenses) else powers
         powers = np.unique([found.min(), found.max()])
-    tested = array.aperture is not None and (round_one or (array.is_plate and array.aperture.fill_factor < 1))
-    return ArrayTables(
-        origin=origin,
-        basis=basis,
-        inverse=np.asarray(np.linalg.inv(basis), dtype=np.float64),
-        corners=_padded([_widened(part, stray) @ turn.T for part in parts]),
-        cell=polygon_edges(array.cell_corners @ turn.T),
-        opening=_turned_edges(opening, turn),
-        radius2=opening.radius**2,
-        clip=1.0 if tested or (listed is not None and array.is_plate and array.aperture is not None) else 0.0,
-        powers=np.append(powers, 0.0) if clear else powers,
-        pattern=np.ascontiguousarray(array.type_pattern) if several and listed is None else None,
-        listed=listed,
-        radius=array.cell_radius + stray,
-        model=array.model,
-        walls=array.walls is Walls.OPAQUE,
+    tested = array.aperture is not None and (
+        math.isfinite(opening.radius) or (array.is_plate and (array.aperture.fill_factor < 1 or listed is not None))
     )
+    return ArrayRecord(
+        LatticeRecord(
+            origin=origin,
+            basis=basis,
+            inverse=np.asarray(np.linalg.inv(basis), dtype=np.float64),
+            powers=np.append(powers, 0.0) if clear else powers,
+            pattern=np.ascontiguousarray(array.type_pattern) if several and listed is None else None,
+        ),
+        cell,
+        OpeningRecord(
+            corners=_padded([_widened(part, margin) @ turn.T for part in parts]),
+            radius=array.cell_radius + margin,
+            edges=_turned_edges(opening, turn),
+            radius2=opening.radius**2,
+            clip=1.0 if tested else 0.0,
+            clear=clear,
+            fills=array.aperture is None,
+        ),
+        listed,
+        cell if array.walls is Walls.OPAQUE else None,
+        plate_record(array) if array.is_plate else None,
+    )
+
+
+def plate_record(array: MicrolensArray) -> PlateRecord:
+    """The numbers of a plate."""
+    flat = array.model is MicrolensModel.FLAT_HIGH_INDEX
+    return PlateRecord(array.convex_side is ConvexSide.SCENE, flat, array.thickness, array.index)
 
 
 def _turned_edges(opening: Opening, turn: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -132,9 +272,9 @@ def _turned_edges(opening: Opening, turn: NDArray[np.float64]) -> NDArray[np.flo
     return edges
 
 
-def _widened(corners: NDArray[np.float64], stray: float) -> NDArray[np.float64]:
+def _widened(corners: NDArray[np.float64], margin: float) -> NDArray[np.float64]:
     apothem = float(polygon_edges(corners)[:, 2].min())
-    return np.asarray(corners * (1.0 + stray / apothem))
+    return np.asarray(corners * (1.0 + margin / apothem))
 
 
 def _padded(parts: list[NDArray[np.float64]]) -> NDArray[np.float64]:
@@ -143,12 +283,11 @@ def _padded(parts: list[NDArray[np.float64]]) -> NDArray[np.float64]:
     return np.stack([np.concatenate([part, np.repeat(part[-1:], most - len(part), axis=0)]) for part in parts])
 
 
-def listed_lenses(
-    array: MicrolensArray, *, turn: NDArray[np.float64], origin: NDArray[np.float64], reach: float, stray: float
-) -> ListedLenses:
+def listed_record(
+    array: MicrolensArray, *, turn: NDArray[np.float64], origin: NDArray[np.float64], reach: float, margin: float
+) -> ListedRecord:
     """The lenses up to `reach` from the origin of the axes, one by one; dark ones are left out."""
-    from plenoptic.optics.microlens.kernels.listed import fill_bins, fill_openings
-    from plenoptic.optics.microlens.kernels.to_lens import LANE
+    from plenoptic.optics.microlens.kernels.listed import fill_bins, fill_cells, fill_openings
 
     far = reach + float(np.hypot(*origin)) + array.cell_radius
     if array.lattice is not Lattice.FREE and (2 * far) ** 2 / array.cell_area > MOST_LISTED:
@@ -158,13 +297,10 @@ def listed_lenses(
         )
     found = array.lenses((-far, -far), (far, far))
     points = np.ascontiguousarray(found.design @ turn.T + origin)
-    offset = float(np.hypot(*(found.axis - found.design).T).max(initial=0.0))
-    bins, bin_first = _grid(points, array, offset)
-    members = np.empty(len(points), np.int64)
-    fill_bins(bin_first, members, points, bins)
-    free = array.lattice is Lattice.FREE
+    bins, free = _grid(points, array), array.lattice is Lattice.FREE
+    fill_bins(bins, points)
     base = np.asarray(array.cell_corners) @ turn.T
-    opening = _widened(array.opening.corners, stray) @ turn.T
+    opening = _widened(array.opening.corners, margin) @ turn.T
     if array.aperture is None:
         opening = 4.0 * base  # the cell alone ends the lens
     shifts = np.ascontiguousarray((found.centre - found.design) @ turn.T)
@@ -172,38 +308,27 @@ def listed_lenses(
     room = 12
     while True:
         cells, wide, corners = np.zeros((3, len(points), room, 2))
-        most = fill_openings(
-            cells,
-            cell_counts,
-            wide,
-            wide_counts,
-            corners,
-            counts,
-            points,
-            shifts,
-            base,
-            opening,
-            free,
-            stray,
-            bins,
-            bin_first,
-            members,
+        neighbours = bins if free else None
+        most = max(
+            fill_cells(cells, cell_counts, points, base, 0.0, _search(base, margin), neighbours),
+            fill_cells(wide, wide_counts, points, base, margin, _search(base, margin), neighbours),
         )
+        if most <= room:
+            most = fill_openings(corners, counts, wide, wide_counts, opening, shifts)
         if most <= room:
             break
         room = most
-    lenses = np.empty((len(points), LANE + 2))
-    lenses[:, 0] = found.power
-    lenses[:, 1:3] = found.centre @ turn.T + origin
-    lenses[:, 3:5] = points
-    lenses[:, 5], lenses[:, 6], lenses[:, 7] = 0.0, found.transmission, np.arange(len(points))
-    lenses[:, 8:] = found.axis @ turn.T + origin
+    lenses = np.empty(len(points), MICROLENS)
+    lenses["power"], lenses["transmission"] = found.power, found.transmission
+    lenses["centre_x"], lenses["centre_y"] = (found.centre @ turn.T + origin).T
+    lenses["cell_x"], lenses["cell_y"] = points.T
+    lenses["clip"], lenses["row"] = 0.0, np.arange(len(points))
+    lenses["axis_x"], lenses["axis_y"] = (found.axis @ turn.T + origin).T
     counts[found.transmission == 0] = 0
     both = array.aperture is not None and array.aperture.gaps is Gaps.CLEAR
-    return ListedLenses(
+    return ListedRecord(
         bins=bins,
-        bin_first=bin_first,
-        members=members,
+        offset=float(np.hypot(*(found.axis - found.design).T).max(initial=0.0)),
         lenses=lenses,
         corners=np.stack([corners, wide] if both else [corners], axis=1),
         counts=np.stack([counts, wide_counts] if both else [counts], axis=1),
@@ -211,14 +336,18 @@ def listed_lenses(
     )
 
 
-def _grid(
-    points: NDArray[np.float64], array: MicrolensArray, offset: float
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """A grid of bins with some lenses in each."""
+def _search(base: NDArray[np.float64], margin: float) -> float:
+    """How far away a lens can be whose cell has an edge with another one."""
+    return 2.0 * (float(np.hypot(*base.T).max()) + margin)
+
+
+def _grid(points: NDArray[np.float64], array: MicrolensArray) -> BinsRecord:
+    """A grid of empty bins, for some lenses in each."""
     low, high = (points.min(axis=0), points.max(axis=0)) if len(points) else (np.zeros(2), np.zeros(2))
     width = max(2.0 * min(array.pitches), math.sqrt(4.0 * float((high - low).prod()) / max(len(points), 1)))
-    rows, columns = (np.floor((high - low) / width) + 1).astype(int)
-    return np.array([low[0], low[1], width, rows, columns, offset]), np.zeros(rows * columns + 1, np.int64)
+    rows, columns = (np.floor((high - low) / width) + 1).astype(int).tolist()
+    first, members = np.zeros(rows * columns + 1, np.int64), np.empty(len(points), np.int64)
+    return BinsRecord(float(low[0]), float(low[1]), width, rows, columns, first, members)
 
 
 def _cell_edges(cells: NDArray[np.float64], counts: NDArray[np.int64]) -> NDArray[np.float64]:

@@ -2,42 +2,22 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic.camera.sampling.record import Batch
 from plenoptic.core.color.record import Wavelengths
-from plenoptic.rendering.context import Compiled, Settings
+from plenoptic.rendering.context import Compiled
 from plenoptic.rendering.integrator.interaction import InteractionStage
 from plenoptic.rendering.integrator.record import RayQueue, ShadowRays
 from plenoptic.rendering.plan.scene_stages import ROULETTE
 from plenoptic.rendering.plan.stages import Stage
-from plenoptic.rendering.settings import Caustics, Sampler
+from plenoptic.rendering.settings import Caustics
 from plenoptic.scene.geometry.record import Hits, Interactions, PathKeys
 from plenoptic.scene.lights.record import DELTA, DrawnLights
 from plenoptic.scene.materials.alpha_mask import NESTED, SALTS, media_at, no_hits, pass_through, thin_out
-
-
-class Batch(NamedTuple):
-    """Some samples of every pixel of a tile: `first` have been rendered before.
-
-    `streams` are the independent random streams among which they are divided, from number `first_stream` on; each
-    begins with its point `first_index`.
-    """
-
-    first: int
-    samples: int
-    streams: int
-    first_stream: int
-    first_index: int
-
-
-def batch_of(settings: Settings, first: int, samples: int) -> Batch:
-    """Samples first ... first + samples - 1; `first` must be a multiple of the replicates."""
-    if settings.how.sampler is Sampler.RANDOM:
-        return Batch(first, samples, samples, first, 0)
-    return Batch(first, samples, min(settings.replicates, samples), 0, first // settings.replicates)
 
 
 class Witness(Protocol):
@@ -136,24 +116,14 @@ class Transport:
 
     def _start(self, blocks: NDArray[np.float64], start: int, n: int, batch: Batch, number: NDArray[np.int64]) -> int:
         """Rays from the camera; returns how many there are."""
-        from plenoptic.camera.sampling.kernels import paths as sample_kernels
+        from plenoptic.camera.kernels.world_rays import fill_world_rays
 
         now = self._now
-        found = int(
-            sample_kernels.fill_world_rays(now.rays, now.path, blocks, n, self._camera.rotation, self._camera.position)
-        )
+        found = int(fill_world_rays(now.rays, now.path, blocks, n, self._camera.rotation, self._camera.position))
         if self._scatters or self._scene.alpha is not None:
-            sample_kernels.fill_path_keys(
-                self._keys[:n],
-                self._indices[:n],
-                start,
-                batch.samples,
-                batch.streams,
-                batch.first_stream,
-                batch.first_index,
-                self._settings.seed,
-                number,
-            )
+            from plenoptic.rendering.integrator.kernels.path_keys import fill_path_keys
+
+            fill_path_keys(self._keys[:n], self._indices[:n], start, batch, number)
         for column, value in ((now.throughput, 1.0), (now.pdf, DELTA), (now.rough, 0)):
             if column is not None:
                 column[:found] = value

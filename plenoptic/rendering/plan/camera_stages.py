@@ -79,7 +79,7 @@ def _assembly(camera: PlenopticCamera) -> list[Decision]:
     across = "it is perpendicular to the lens's axis"
     parallel = "it is parallel to the array" if array else across
     return [
-        decide(Stage.TILTED_SENSOR, parts.lean is not None, parallel, "its distance varies"),
+        decide(Stage.TILTED_SENSOR, parts.tilt is not None, parallel, "its distance varies"),
         decide(Stage.TILTED_ARRAY, array, _NONE, parts.frame is not None, across, "it is tilted"),
     ]
 

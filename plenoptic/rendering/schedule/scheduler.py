@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.checks import sensor_region
 from plenoptic.camera.sampling.pixel_regions import cells_per_pixel
+from plenoptic.camera.sampling.record import Batch
 from plenoptic.core.parallel import run_in_order, thread_count
 from plenoptic.core.rays import RayStatus
 from plenoptic.core.values import whole
@@ -21,7 +22,6 @@ from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.analysis.conditioning import Conditioning
 from plenoptic.rendering.context import Compiled, compiled
 from plenoptic.rendering.exposure import Exposure
-from plenoptic.rendering.integrator.path import Batch, batch_of
 from plenoptic.rendering.plan.scene_stages import is_dark
 from plenoptic.rendering.schedule.budget import Budget
 from plenoptic.rendering.schedule.checkpoint import Checkpoint
@@ -31,7 +31,7 @@ from plenoptic.rendering.schedule.progress import Progress, Setting
 from plenoptic.rendering.schedule.progress_bar import ProgressBar
 from plenoptic.rendering.settings import RenderSettings
 from plenoptic.rendering.stats import RenderStats, StopReason
-from plenoptic.rendering.tile import Tile, TileResult, render_tile, status_codes
+from plenoptic.rendering.tile import Tile, TileResult, batch_of, render_tile, status_codes
 from plenoptic.rendering.tiling import cut_into_tiles
 from plenoptic.scene.lights.brightness import brightest_radiance
 from plenoptic.scene.scene import Scene
@@ -119,7 +119,7 @@ def _progress(
         tiles,
         (*shape, view.channels),
         budget,
-        Setting(first_row, first_column, view.camera.fill_factor, radiance),
+        Setting(first_row, first_column, view.camera.sensor.fill_factor, radiance),
         empty_truth(kept, shape),
         status_codes(view.camera),
         batches=most < budget.most,

@@ -34,7 +34,7 @@ class CostRow:
         CPU seconds per million paths beyond set-up, medians over the rounds.
     percent : float
         Share of the whole that the stage takes: the median over the rounds. Negative where all is dearer without it;
-        nan, as the two above may be, where renderings took no longer than set-up.
+        nan, as the two above may be, where renders took no longer than set-up.
     standard_error : float or None
         Of that share; None with fewer than 3 rounds.
     set_up : float
@@ -167,7 +167,7 @@ class CostTable:
             f"per million paths, {self.cpu_per_million:.3g} for all of it, beside {self.set_up:.2g} s of set-up."
         )
         if any(math.isnan(row.percent) for row in self.rows):
-            how += " Empty: renderings took no longer than set-up, too short to tell; take more samples or pixels."
+            how += " Empty: renders took no longer than set-up, too short to tell; take more samples or pixels."
         if any(row.percent < 0 for row in self.rows):
             how += " Negative: without it paths do more. Shares overlap and do not add up."
         kept = [f"Not left out: {_text(stage)}: {reason}." for stage, reason in self.kept]

@@ -35,7 +35,7 @@ points in 8 replicates, depth limit 8. All others differ from it in what their n
   seeds share: the squared difference of their mean from the reference, minus what the noise of both explains. The
   squared error is the sum of both squares. Where the squared bias is less than three of its standard errors above 0, it
   cannot be told from 0, and the table says what it is below with 97.7 % confidence.
-- **True / reported**: noise among seeds over the noise that the standard errors of the renderings report; 1 where they
+- **True / reported**: noise among seeds over the noise that the standard errors of the renders report; 1 where they
   are right. With few samples under bright lights it is below 1: a pixel whose replicates all agree is told the error of
   a single sample. Empty with one replicate, which has no standard error.
 - **Slope**: of the logarithm of the noise against that of the number of samples. Independent samples give -0.5.

@@ -27,7 +27,7 @@ class ErrorRow:
     bias_squared, bias_squared_error : float
         Squared relative error that no number of samples takes away, as measured, which noise can make negative.
     reported_variance : float, optional
-        What the renderings' own standard errors say; None with one replicate.
+        What the renders' own standard errors say; None with one replicate.
 
     Examples
     --------

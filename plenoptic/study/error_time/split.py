@@ -35,7 +35,7 @@ class Split:
         What the mean over the seeds is off, without what noise explains, and its standard error. Noise can make it
         negative.
     reported_variance : float or None
-        From the standard errors that the renderings carry; None where they have none.
+        From the standard errors that the renders carry; None where they have none.
 
     Examples
     --------
@@ -82,7 +82,7 @@ class Reference:
 
 
 def reference_of(exposure: Exposure) -> Reference:
-    """A reference from a converged rendering.
+    """A reference from a converged render.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ def reference_of(exposure: Exposure) -> Reference:
 
 
 def split_error(exposures: Sequence[Exposure], reference: Reference) -> Split:
-    """Split the squared error of independent renderings.
+    """Split the squared error of independent renders.
 
     With S images x_s of mean m and sample variance v, and a reference r of variance w, per pixel and channel,
 
@@ -159,11 +159,11 @@ def split_error(exposures: Sequence[Exposure], reference: Reference) -> Split:
     """
     count = len(exposures)
     if count < 2:
-        raise InvalidValueError(f"there are {count} renderings; a split needs at least 2")
+        raise InvalidValueError(f"there are {count} renders; a split needs at least 2")
     channels = {shot.image.shape[2] for shot in exposures} | {reference.image.shape[1]}
     if len(channels) > 1:
         raise InvalidValueError(
-            f"renderings and reference have {' and '.join(map(str, sorted(channels)))} channels; what is compared must "
+            f"renders and reference have {' and '.join(map(str, sorted(channels)))} channels; what is compared must "
             "have the same ones"
         )
     images = np.stack([shot.image[reference.lit] for shot in exposures]).astype(np.float64)

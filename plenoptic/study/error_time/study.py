@@ -71,14 +71,14 @@ def error_against_time(  # noqa: PLR0913
     seed : int, optional
         The first seed.
     repeats : int, optional
-        How often each rendering is timed; times are medians over seeds and repeats.
+        How often each render is timed; times are medians over seeds and repeats.
     reference : Variant or Exposure, optional
         How the reference is rendered; None: as ``Variant()``. Or one that has been rendered already, of the same
         region, with another seed and with standard errors.
     reference_samples : int, optional
         Paths per pixel of the reference; None: 16 times the largest number in `samples`.
     threads : int, optional
-        Of the renderings that are timed.
+        Of the renders that are timed.
     title : str, optional
         Of the table.
     progress : bool, optional

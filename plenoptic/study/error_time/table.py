@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @value
 class ErrorTable:
-    """Error against time, for variants of a rendering; made by `error_against_time`.
+    """Error against time, for variants of a render; made by `error_against_time`.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ class ErrorTable:
     pixels, lit_pixels : int
         Of the region; errors are means over the lit ones.
     seeds : int
-        Renderings of each row.
+        Renders of each row.
     threads : int
     reference_samples : int
         Paths per pixel of the reference.

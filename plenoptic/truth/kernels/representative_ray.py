@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
-from plenoptic.camera.sampling.kernels.paths import aim, pad
+from plenoptic.camera.sampling.kernels.paths import aim
 from plenoptic.core.jit import device, kernel
+from plenoptic.core.kernels.bundles import pad
 from plenoptic.core.kernels.ray_blocks import BLOCK, MISSED, RAY, STATUS, WEIGHT, L, M, N, X, Y, Z
-from plenoptic.optics.microlens.kernels.to_lens import CELL_X, CELL_Y, CLIP, NUMBER
 
 PROBES = 16
 """Rays that look for the lit part of the microlenses over a pixel."""
@@ -37,10 +37,11 @@ def fill_probes(blocks, lanes, aims, pixels, regions):
             i = n % BLOCK
             chosen, counts = -1, 1.0
             if first[p + 1] > first[p]:
-                chosen = aim(ray, i, triangles, first[p], first[p + 1], pixels[p, 0], pixels[p, 1], _U[k], _V[k])
+                start = pixels[p, 0], pixels[p, 1]
+                chosen = aim(ray, i, triangles, (first[p], first[p + 1]), start, (_U[k], _V[k]))
                 if regions.details is not None:
                     lanes[n] = regions.details[chosen]
-                    counts = 0.0 if regions.details[chosen, CLIP] < 0.0 else 1.0
+                    counts = 0.0 if regions.details[chosen].clip < 0.0 else 1.0
             else:
                 for row in range(8):
                     ray[row * BLOCK + i] = 0.0
@@ -89,12 +90,12 @@ def fill_representative_rays(blocks, lanes, cells, probes, aims, pixels, regions
         ray[Z + i] = ray[N + i] = 0.0
         cells[p, 0], cells[p, 1], cells[p, 2] = math.nan, math.nan, math.nan
         if best > 0.0:
-            ray[Z + i], ray[N + i] = triangles[found, 7], triangles[found, 8]
+            ray[Z + i], ray[N + i] = triangles[found].axis_x, triangles[found].axis_y
             cells[p, 0], cells[p, 1], cells[p, 2] = ray[Z + i], ray[N + i], -1.0
             if regions.details is not None:
                 lanes[p] = regions.details[found]
-                cells[p, 0], cells[p, 1] = regions.details[found, CELL_X], regions.details[found, CELL_Y]
-                cells[p, 2] = regions.details[found, NUMBER]
+                cells[p, 0], cells[p, 1] = regions.details[found].cell_x, regions.details[found].cell_y
+                cells[p, 2] = regions.details[found].row
         ray[WEIGHT + i] = 1.0
         ray[STATUS + i] = 0.0 if best > 0.0 else MISSED
     pad(blocks, pixels.shape[0])
@@ -110,12 +111,13 @@ def _centroid(triangles, details, low, high, found):
     """Centroid of the triangles of the cell to which triangle `found` belongs."""
     area, sum_x, sum_y = 0.0, 0.0, 0.0
     for k in range(low, high):
-        same = triangles[k, 7] == triangles[found, 7] and triangles[k, 8] == triangles[found, 8]
+        same = triangles[k].axis_x == triangles[found].axis_x and triangles[k].axis_y == triangles[found].axis_y
         if details is not None:
-            same = same and details[k, CLIP] == details[found, CLIP]
+            same = same and details[k].clip == details[found].clip
         if same:
-            a = triangles[k, 6] - (triangles[k - 1, 6] if k > low else 0.0)
+            triangle = triangles[k]
+            a = triangle.area - (triangles[k - 1].area if k > low else 0.0)
             area += a
-            sum_x += a * (triangles[k, 0] + (triangles[k, 2] + triangles[k, 4]) / 3.0)
-            sum_y += a * (triangles[k, 1] + (triangles[k, 3] + triangles[k, 5]) / 3.0)
+            sum_x += a * (triangle.x + (triangle.ax + triangle.bx) / 3.0)
+            sum_y += a * (triangle.y + (triangle.ay + triangle.by) / 3.0)
     return sum_x / area, sum_y / area

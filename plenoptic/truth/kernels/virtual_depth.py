@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import math
 
-from plenoptic.camera.sampling.kernels.paths import pad
 from plenoptic.core.jit import device, kernel
+from plenoptic.core.kernels.bundles import pad
 from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, STATUS, WEIGHT, L, M, N, X, Y, Z
 
 NEIGHBOURS = 8

@@ -10,10 +10,11 @@ import pytest
 import plenoptic as pl
 from plenoptic.camera.psf import sensor_hits
 from plenoptic.camera.psf.point_spread import landing_points, point_spread
-from plenoptic.camera.record import camera_tables
-from plenoptic.camera.sampling.margins import fill_plates
+from plenoptic.camera.record import camera_record
 from plenoptic.core.kernels.ray_blocks import BLOCK
-from plenoptic.optics.microlens.kernels import to_lens
+from plenoptic.optics.microlens.kernels.plano_convex import fill_plano_convex
+from plenoptic.optics.microlens.kernels.thin import fill_thin
+from plenoptic.optics.microlens.record import SensorPlane
 from plenoptic.truth.channels import Truth
 
 THIN, FLAT, SPHERICAL = pl.MicrolensModel.THIN, pl.MicrolensModel.FLAT_HIGH_INDEX, pl.MicrolensModel.SPHERICAL
@@ -58,7 +59,7 @@ def forwards(camera, x, y, u, v):
     n = 1 / np.sqrt(1 + u * u + v * v)
     fields[:7, : x.size] = x, y, np.full(x.size, camera.stop_to_microlenses), u * n, v * n, n, np.ones(x.size)
     blocks = np.ascontiguousarray(fields.reshape(8, -1, BLOCK).transpose(1, 0, 2))
-    sensor_hits.fill_through_array_forward(blocks.reshape(-1), sensor_hits.forward_tables(camera).array)
+    sensor_hits.fill_through_array_forward(blocks.reshape(-1), sensor_hits.forward_record(camera).array)
     out = blocks.transpose(1, 0, 2).reshape(8, -1)[:, : x.size]
     return out[:2], out[3:5], out[6], out[[2, 5]], out[7]
 
@@ -77,12 +78,13 @@ def test_rays_of_the_renderer_come_back_to_where_they_began(array):
     fields[0:2], fields[3:5], fields[6] = points.T, (points - start).T, 1.0
     fields[2], fields[5] = cells.T
     blocks = np.ascontiguousarray(fields.reshape(8, -1, BLOCK).transpose(1, 0, 2))
+    sensor = SensorPlane(distance, None)
     if made.model is THIN:
-        to_lens.fill_thin(blocks.reshape(-1), distance, None, 1 / made.focal_length, None, camera.stop_to_microlenses)
+        fill_thin(blocks.reshape(-1), None, sensor, 1 / made.focal_length, camera.stop_to_microlenses)
     else:
-        compiled = camera_tables(camera).cells
-        fill_plates(
-            blocks.reshape(-1), made, distance, None, camera.stop_to_microlenses, 1 / made.focal_length, None, compiled
+        plates, power = camera_record(camera).array, 1 / made.focal_length
+        fill_plano_convex(
+            blocks.reshape(-1), None, sensor, plates.model, power, plates.edges, camera.stop_to_microlenses
         )
     x, y, z, l, m, n_z, _, status = blocks.transpose(1, 0, 2).reshape(8, -1)
     if made.model is THIN or made.model is FLAT:

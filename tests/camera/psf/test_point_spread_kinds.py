@@ -10,7 +10,7 @@ import plenoptic as pl
 from plenoptic.camera.camera import CameraPart
 from plenoptic.camera.psf.forward_array import fill_through_array_forward
 from plenoptic.camera.psf.point_spread import landing_points, point_spread
-from plenoptic.camera.psf.sensor_hits import forward_tables
+from plenoptic.camera.psf.sensor_hits import forward_record
 from plenoptic.core.kernels.ray_blocks import BLOCK
 from plenoptic.optics.lens.placement import rotation_about_axes
 from plenoptic.optics.microlens.aperture import ApertureShape, Gaps, MicrolensAperture
@@ -317,7 +317,7 @@ def forwards(camera, x, y, u, v):
     n = 1 / np.sqrt(1 + u * u + v * v)
     fields[:7, : x.size] = x, y, np.full(x.size, 122.5), u * n, v * n, n, np.ones(x.size)
     blocks = np.ascontiguousarray(fields.reshape(8, -1, BLOCK).transpose(1, 0, 2))
-    fill_through_array_forward(blocks.reshape(-1), forward_tables(camera).array)
+    fill_through_array_forward(blocks.reshape(-1), forward_record(camera).array)
     out = blocks.transpose(1, 0, 2).reshape(8, -1)[:, : x.size]
     return out[:2], out[3:5], out[6], out[[2, 5]], out[7]
 

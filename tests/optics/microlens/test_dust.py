@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 
 import plenoptic as pl
 from plenoptic.core.kernels.ray_blocks import BLOCK
-from plenoptic.optics.microlens.dust import Blemishes, BlemishSite, blemish_tables, plane_axes
+from plenoptic.optics.microlens.dust import Blemishes, BlemishSite, dust_record, plane_axes
 from plenoptic.optics.microlens.kernels.dust import fill_dimmed_aims, fill_dimmed_rays
+from plenoptic.optics.microlens.record import SensorPlane
 
 EPS = np.finfo(float).eps
 SENSOR = BlemishSite.SENSOR
@@ -39,13 +40,13 @@ def dimmed(
     sensor: np.ndarray,
     *,
     distance: float,
-    lean: np.ndarray | None = None,
+    tilt: np.ndarray | None = None,
     height: float | None = None,
-    frame2: np.ndarray | None = None,
+    axes: np.ndarray | None = None,
 ) -> np.ndarray:
     """Weights of paths of weight 1."""
     blocks = aims(points, sensor)
-    fill_dimmed_aims(blocks, distance, lean, height, frame2, *blemish_tables(blemishes))
+    fill_dimmed_aims(blocks, SensorPlane(distance, tilt), height, axes, dust_record(blemishes))
     return weights_of(blocks, len(points))
 
 
@@ -200,9 +201,9 @@ def test_a_tilted_and_decentred_sensor(seed: int, height: float) -> None:
         aim[:, :2],
         start[:, :2],
         distance=shift[2] - slopes @ shift[:2],
-        lean=slopes,
+        tilt=slopes,
         height=height,
-        frame2=plane_axes(turn, shift, height=height),
+        axes=plane_axes(turn, shift, height=height),
     )
     # Points of a few mm through some twenty operations; products of up to 50 numbers.
     assert found[clear] == pytest.approx(passing(listed, own)[clear], rel=64 * EPS)
@@ -231,7 +232,7 @@ def test_rays_are_dimmed_where_they_cross_a_plane() -> None:
     rays = np.column_stack([origin, along, weight, status])
     turned = np.array([[0.8, -0.6, 0.1], [0.6, 0.8, -0.2]])
     blocks = blocks_of(rays)
-    fill_dimmed_rays(blocks, z, turned, *blemish_tables(listed))
+    fill_dimmed_rays(blocks, z, turned, dust_record(listed))
     with np.errstate(all="ignore"):  # of lost rays
         crossing = origin + ((z - origin[:, 2]) / along[:, 2])[:, None] * along
         own = crossing[:, :2] @ turned[:, :2].T + turned[:, 2]
@@ -276,21 +277,19 @@ def test_the_grid_stays_small(radius: float) -> None:
     rng = np.random.default_rng(7)
     n = 20_000
     start = rng.uniform(-5, 5, (n, 2))
-    tables = blemish_tables(
-        Blemishes(SENSOR, start, start + [[8.0, 3.0]] * (rng.uniform(size=(n, 1)) < 0.01), radius, 0)
-    )
+    tables = dust_record(Blemishes(SENSOR, start, start + [[8.0, 3.0]] * (rng.uniform(size=(n, 1)) < 0.01), radius, 0))
     # At most 2 n bins, one more along each side of the grid, at most 2 n long; 16 entries for each blemish.
-    assert tables.bin_first.size <= 6 * n + 2
-    assert tables.members.size == tables.bin_first[-1] <= 16 * n
+    assert tables.first.size <= 6 * n + 2
+    assert tables.members.size == tables.first[-1] <= 16 * n
     if radius == 1e-4:
         # A bin on average holds less than its share of grains and the scratches that cross it.
-        assert np.diff(tables.bin_first).mean() < 4
+        assert np.diff(tables.first).mean() < 4
 
 
 def test_a_row_of_grains_makes_a_row_of_bins() -> None:
     start = np.column_stack([np.arange(1000.0), np.zeros(1000)])
     row = Blemishes(SENSOR, start, start, 1e-3, 0.5)
-    assert blemish_tables(row).bin_first.size <= 6002
+    assert dust_record(row).first.size <= 6002
     assert row.at(start).tolist() == [0.5] * 1000 and row.at(start + np.array([0.5, 0.0])).tolist() == [1.0] * 1000
 
 
@@ -302,7 +301,7 @@ def test_no_blemishes_dim_nothing(site: BlemishSite) -> None:
     points, sensor = rng.uniform(-1, 1, (2, 300, 2))
     assert np.all(dimmed(none, points, sensor, distance=1.0, height=0.3) == 1.0)
     blocks = aims(points, sensor)
-    fill_dimmed_rays(blocks, 0.0, None, *blemish_tables(none))
+    fill_dimmed_rays(blocks, 0.0, None, dust_record(none))
     assert np.all(weights_of(blocks, 300) == 1.0)
 
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 import plenoptic as pl
 from plenoptic.core.files import serialization
 from plenoptic.optics.microlens.lattice import polygon_area
-from plenoptic.optics.microlens.record import array_tables
+from plenoptic.optics.microlens.record import array_record
 
 EPS = np.finfo(float).eps
 REGULAR = [pl.Lattice.HEXAGONAL, pl.Lattice.SQUARE, pl.Lattice.RECTANGULAR]
@@ -30,7 +30,7 @@ def free_array(n: int, seed: int, **fields) -> pl.MicrolensArray:
 
 
 def tables_of(array: pl.MicrolensArray, reach: float):
-    return array_tables(array, turn=np.eye(2), origin=np.zeros(2), reach=reach, stray=0.0)
+    return array_record(array, turn=np.eye(2), origin=np.zeros(2), reach=reach, margin=0.0)
 
 
 # Which lenses

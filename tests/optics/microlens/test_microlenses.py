@@ -7,10 +7,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import plenoptic as pl
-from plenoptic.camera.sampling.margins import fill_plates
+from plenoptic.camera.sampling.margins import UNCUT
 from plenoptic.core.kernels.ray_blocks import BLOCK
-from plenoptic.optics.microlens.kernels import to_lens
-from plenoptic.optics.microlens.record import array_tables
+from plenoptic.optics.microlens.kernels.pinhole import fill_pinholes
+from plenoptic.optics.microlens.kernels.plano_convex import fill_plano_convex
+from plenoptic.optics.microlens.kernels.thin import fill_thin
+from plenoptic.optics.microlens.kernels.to_lens import fill_straight
+from plenoptic.optics.microlens.record import SensorPlane, array_record, plate_record
 
 EPS = np.finfo(float).eps
 REGULAR = [pl.Lattice.HEXAGONAL, pl.Lattice.SQUARE, pl.Lattice.RECTANGULAR]
@@ -26,13 +29,17 @@ def array_of(pitch: float, lattice: pl.Lattice) -> pl.MicrolensArray:
 
 def fill_uncut(blocks: np.ndarray, array: pl.MicrolensArray, distance: float, z_array: float) -> None:
     """Plates of which each lens goes on for ever."""
-    fill_plates(blocks, array, distance, None, z_array, 1.0 / array.focal_length)
+    fill_plano_convex(
+        blocks, None, SensorPlane(distance, None), plate_record(array), 1.0 / array.focal_length, UNCUT, z_array
+    )
 
 
 def fill_cut(blocks: np.ndarray, array: pl.MicrolensArray, distance: float, z_array: float) -> None:
     """Plates whose lenses end at their cells."""
-    tables = array_tables(array, turn=np.eye(2), origin=np.zeros(2), reach=1.0, stray=0.0)
-    fill_plates(blocks, array, distance, None, z_array, 1.0 / array.focal_length, None, tables)
+    record = array_record(array, turn=np.eye(2), origin=np.zeros(2), reach=1.0, margin=0.0)
+    fill_plano_convex(
+        blocks, None, SensorPlane(distance, None), record.model, 1.0 / array.focal_length, record.edges, z_array
+    )
 
 
 def plano_convex(side: pl.ConvexSide, **changes) -> pl.MicrolensArray:
@@ -277,7 +284,7 @@ def test_thin_microlenses_bend_by_height_over_focal_length() -> None:
     array = array_of(0.2, pl.Lattice.HEXAGONAL)
     points, sensor, centres = aimed(array, 300, height=0.1, slope=0.3, distance=1.7)
     blocks = as_blocks(points, sensor, centres, 2.5)
-    to_lens.fill_thin(blocks, 1.7, None, 1 / 2.0, None, 123.3)
+    fill_thin(blocks, None, SensorPlane(1.7, None), 1 / 2.0, 123.3)
     found, along, weight, status = from_blocks(blocks, 300)
     assert np.array_equal(found, np.column_stack([points, np.full(300, 123.3)]))
     assert np.all(status == 0)
@@ -292,7 +299,7 @@ def test_thin_microlenses_bend_by_height_over_focal_length() -> None:
 def test_without_microlenses_rays_go_straight_on() -> None:
     points, sensor, centres = aimed(array_of(0.2, pl.Lattice.SQUARE), 300, height=2.0, slope=0.3, distance=90.0)
     blocks = as_blocks(points, sensor, centres, 1.0)
-    to_lens.fill_straight(blocks, 90.0, None, 30.3)
+    fill_straight(blocks, SensorPlane(90.0, None), 30.3)
     found, along, weight, _ = from_blocks(blocks, 300)
     assert np.array_equal(found[:, :2], points) and np.all(found[:, 2] == 30.3)
     way = np.column_stack([points - sensor, np.full(300, -90.0)])
@@ -333,8 +340,8 @@ def test_pinholes_let_light_through_their_centres() -> None:
     array = array_of(0.2, pl.Lattice.HEXAGONAL)
     points, sensor, centres = aimed(array, 300, height=0.1, slope=0.3, distance=1.7)
     blocks, thin = as_blocks(points, sensor, centres, 2.5), as_blocks(points, sensor, centres, 2.5)
-    to_lens.fill_pinholes(blocks, 1.7, None, 123.3)
-    to_lens.fill_thin(thin, 1.7, None, 1 / 2.0, None, 123.3)
+    fill_pinholes(blocks, SensorPlane(1.7, None), 123.3)
+    fill_thin(thin, None, SensorPlane(1.7, None), 1 / 2.0, 123.3)
     found, along, weight, status = from_blocks(blocks, 300)
     assert np.array_equal(found, np.column_stack([centres, np.full(300, 123.3)])) and np.all(status == 0)
     assert np.abs(along[:, :2] / -along[:, 2:] - (centres - sensor) / 1.7).max() <= 8 * EPS

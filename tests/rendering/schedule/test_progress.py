@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import plenoptic as pl
+from plenoptic.camera.sampling.record import batch_record
 from plenoptic.rendering.film import replicate_counts
-from plenoptic.rendering.integrator.path import Batch
 from plenoptic.rendering.schedule.budget import Budget, checked_budget
 from plenoptic.rendering.schedule.clock import Clock
 from plenoptic.rendering.schedule.interrupts import Interrupts
@@ -111,8 +111,9 @@ TILE = Tile(0, 0, 2, 2)
 
 def result(tile: Tile, sums: np.ndarray, first: int, samples: int) -> TileResult:
     """What a tile would have brought; sums (rows, columns, replicates, 1) of all samples until now."""
+    batch = batch_record(np.uint64(0), first, samples, REPLICATES, 0, 0)
     return TileResult(
-        tile, Batch(first, samples, REPLICATES, 0, 0), sums, np.ones(sums.shape[:2]), np.zeros(8, dtype=np.int64),
+        tile, batch, sums, np.ones(sums.shape[:2]), np.zeros(8, dtype=np.int64),
         None, samples * tile.rows * tile.columns, 0, (), 0, 0.0, 0.0,
     )  # fmt: skip
 

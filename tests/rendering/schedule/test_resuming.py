@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.camera.record import camera_tables
+from plenoptic.camera.record import camera_record
 from plenoptic.rendering.schedule import checkpoint as checkpoints
 from plenoptic.rendering.schedule import scheduler
 from plenoptic.study.cameras import reference_camera
@@ -46,7 +46,7 @@ def board(radiance=1.0):
 @pytest.fixture
 def quick(monkeypatch):
     """The same camera over and over needs its tables once, and no disk has to be waited for."""
-    monkeypatch.setattr("plenoptic.rendering.context.camera_tables", functools.cache(camera_tables))
+    monkeypatch.setattr("plenoptic.rendering.context.camera_record", functools.cache(camera_record))
     monkeypatch.setattr(os, "fsync", lambda descriptor: None)
 
 

@@ -103,7 +103,7 @@ def test_without_standard_errors_nothing_is_reported():
 def test_what_cannot_be_split_is_refused():
     rng = np.random.default_rng(6)
     reference = reference_of(shot(1.0, 0.1, rng))
-    with pytest.raises(pl.InvalidValueError, match="1 renderings; a split needs at least 2"):
+    with pytest.raises(pl.InvalidValueError, match="1 renders; a split needs at least 2"):
         split_error([shot(1.0, 0.1, rng)], reference)
     with pytest.raises(pl.InvalidValueError, match="no standard errors"):
         reference_of(pl.Exposure(np.ones(SHAPE)))

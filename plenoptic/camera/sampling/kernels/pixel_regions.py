@@ -13,16 +13,15 @@ import numpy as np
 
 from plenoptic.core.jit import device, kernel
 from plenoptic.core.kernels.polygons import cut
-
-TRIANGLE = 9
-"""Numbers of a triangle: corner x, y; two edges x, y; area up to and with this triangle; optical axis of its lens."""
+from plenoptic.optics.microlens.kernels.listed import bins_around
 
 _MOST_CORNERS = 64
 
 
 @device
-def _store_fan(triangles, used, x, y, n, shift_x, shift_y, cx, cy, area):
+def _store_fan(triangles, used, polygon, n, shift, axis, area):
     """Append a polygon as a fan of triangles; returns the triangles used and the area so far."""
+    x, y, _, _ = polygon
     for k in range(1, n - 1):
         ax, ay = x[k] - x[0], y[k] - y[0]
         bx, by = x[k + 1] - x[0], y[k + 1] - y[0]
@@ -30,32 +29,36 @@ def _store_fan(triangles, used, x, y, n, shift_x, shift_y, cx, cy, area):
         if twice <= 0.0:
             continue
         area += 0.5 * twice
-        if used < triangles.shape[0]:
-            row = triangles[used]
-            row[0], row[1] = x[0] + shift_x, y[0] + shift_y
-            row[2], row[3], row[4], row[5] = ax, ay, bx, by
-            row[6] = area
-            row[7], row[8] = cx, cy
+        if used < triangles.size:
+            triangle = triangles[used]
+            triangle.x, triangle.y = x[0] + shift[0], y[0] + shift[1]
+            triangle.ax, triangle.ay, triangle.bx, triangle.by = ax, ay, bx, by
+            triangle.area = area
+            triangle.axis_x, triangle.axis_y = axis
         used += 1
     return used, area
 
 
 @device
-def crossing(mx, my, sx, sy, ox, oy, per_h, power, pinhole, gap, frame):
-    """Where a ray from (sx, sy) of the sensor through (mx, my) of an ideal microlens crosses the plane of the outlines.
+def crossing(point, start, lens, per_h, pinhole, plane):
+    """Where a ray from a point of the sensor through one of an ideal microlens crosses the plane of the outlines.
 
-    (ox, oy) is the lens's optical axis and 1 / per_h the distance to the sensor. `gap` is the distance to the plane of
-    the outlines or, with a `frame` that leads to the lens's axes, the place of that plane there.
+    `lens` is the optical axis x, y and the power, 1 / per_h the distance to the sensor. `plane` is the distance to the
+    plane of the outlines or, with a frame that leads to the lens's axes, the place of that plane there.
     """
+    mx, my = point
+    sx, sy = start
+    ox, oy, power = lens
     if pinhole:
         u, v = (ox - sx) * per_h, (oy - sy) * per_h
         mx, my = ox, oy
     else:
         u, v = (mx - sx) * per_h - (mx - ox) * power, (my - sy) * per_h - (my - oy) * power
-    if frame is None:
-        return mx + gap * u, my + gap * v
+    if plane.frame is None:
+        return mx + plane.distance * u, my + plane.distance * v
+    frame = plane.frame
     z = frame[6] * mx + frame[7] * my + frame[11]
-    t = (gap - z) / (frame[6] * u + frame[7] * v - frame[8])
+    t = (plane.distance - z) / (frame[6] * u + frame[7] * v - frame[8])
     return (
         frame[0] * mx + frame[1] * my + frame[9] + t * (frame[0] * u + frame[1] * v - frame[2]),
         frame[3] * mx + frame[4] * my + frame[10] + t * (frame[3] * u + frame[4] * v - frame[5]),
@@ -63,47 +66,50 @@ def crossing(mx, my, sx, sy, ox, oy, per_h, power, pinhole, gap, frame):
 
 
 @device
-def _slopes(cx, cy, qx, qy, sx, sy, ox, oy, per_h, power, pinhole, gap, frame, radius):
-    """How the crossing (qx, qy) of a ray through (cx, cy) moves with that point: a matrix, row by row."""
-    if frame is None:
-        bend = 0.0 if pinhole else 1.0 + gap * (per_h - power)
+def _slopes(centre, at, start, lens, per_h, pinhole, plane, radius):
+    """How the crossing `at` of a ray through the centre of a cell moves with that point: a matrix, row by row."""
+    if plane.frame is None:
+        bend = 0.0 if pinhole else 1.0 + plane.distance * (per_h - lens[2])
         return bend, 0.0, 0.0, bend
-    ax, ay = crossing(cx + radius, cy, sx, sy, ox, oy, per_h, power, pinhole, gap, frame)
-    bx, by = crossing(cx, cy + radius, sx, sy, ox, oy, per_h, power, pinhole, gap, frame)
-    return (ax - qx) / radius, (bx - qx) / radius, (ay - qy) / radius, (by - qy) / radius
+    ax, ay = crossing((centre[0] + radius, centre[1]), start, lens, per_h, pinhole, plane)
+    bx, by = crossing((centre[0], centre[1] + radius), start, lens, per_h, pinhole, plane)
+    return (ax - at[0]) / radius, (bx - at[0]) / radius, (ay - at[1]) / radius, (by - at[1]) / radius
 
 
 @device
-def _cut_opening(
-    x, y, xs, ys, corners, count, qx, qy, jxx, jxy, jyx, jyy, spread, margin, axis, interval, normals, support
-):
-    """Cut an opening with the outline of the pupil that belongs to an interval of the field; returns its corners.
+def _cut_opening(polygon, opening, at, slopes, spread, azimuth, outline):
+    """Cut an opening with the outline of the pupil; returns its corners.
 
-    A ray through d of the opening crosses the outline's plane at q + J d, no farther than `spread` from q. `axis` is
-    the cosine and sine of the azimuth of the cell, in whose direction the outlines have their first axis.
+    A ray through d of the opening crosses the outline's plane at q + J d, no farther than `spread` from q. `azimuth`
+    is the cosine and sine of that of the cell, in whose direction the outline has its first axis. The outline has
+    normals, their distances and a margin.
     """
-    cos, sin = axis
+    x, y, xs, ys = polygon
+    qx, qy = at
+    jxx, jxy, jyx, jyy = slopes
+    cos, sin = azimuth
+    normals, support, margin = outline
     tx, ty = cos * qx + sin * qy, cos * qy - sin * qx
     n = -1
     for k in range(normals.shape[0]):
-        room = support[interval, k] + margin - (normals[k, 0] * tx + normals[k, 1] * ty)
+        room = support[k] + margin - (normals[k, 0] * tx + normals[k, 1] * ty)
         if room >= spread:
             continue
         if room < -spread:
             return 0
         if n < 0:
-            n = count
-            for q in range(count):
-                x[q], y[q] = corners[q, 0], corners[q, 1]
+            n = opening.shape[0]
+            for q in range(n):
+                x[q], y[q] = opening[q, 0], opening[q, 1]
         # The side's normal, turned back.
         ux, uy = cos * normals[k, 0] - sin * normals[k, 1], sin * normals[k, 0] + cos * normals[k, 1]
         n = cut(x, y, n, jxx * ux + jyx * uy, jxy * ux + jyy * uy, room, xs, ys)
         if n == 0:
             return 0
     if n < 0:
-        n = count
-        for q in range(count):
-            x[q], y[q] = corners[q, 0], corners[q, 1]
+        n = opening.shape[0]
+        for q in range(n):
+            x[q], y[q] = opening[q, 0], opening[q, 1]
     return n
 
 
@@ -117,49 +123,26 @@ def _is_behind(x, y, walls, margin):
 
 
 @kernel
-def fill_cell_regions(
-    triangles,
-    details,
-    first,
-    pixels,
-    pixel_margin,
-    distance,
-    lean,
-    gap,
-    frame,
-    pinhole,
-    origin,
-    basis,
-    inverse,
-    corners,
-    powers,
-    pattern,
-    clip,
-    bins,
-    bin_first,
-    members,
-    lenses,
-    listed_corners,
-    listed_counts,
-    radius,
-    walls,
-    slack,
-    normals,
-    support,
-    reach,
-    step,
-):
+def fill_cell_regions(regions, pixels, pixel_margin, sensor, array, pupil):
     """Regions of the pixels whose centres are `pixels` (n, 2); returns the number of triangles they need.
 
-    Lenses lie on a lattice (`origin`, `basis`) with common `corners` (parts, k, 2) of their openings, or are listed:
-    `lenses` (n, LANE + 2) rows of details and optical axes, found through `bins`. A second part of an opening is
-    what lies beside it, where that is clear. `radius` is how far corners reach, `walls` the edges of the largest cell
-    where walls stand behind the cells, `slack` how far a real microlens strays on the plane of the outlines. Pixels no
-    light reaches get no triangle. Where the room in `triangles` is too small nothing beyond it is written. For the
-    other arguments see `CameraTables` and `crossing`.
+    Points of a pixel that matter are at most `pixel_margin` from its centre. Pixels no light reaches get no triangle.
+    Where the room in `regions` is too small nothing beyond it is written. The sensor is a `SensorPlane`.
     """
+    triangles, first = regions.triangles, regions.first
+    # Members that may be absent are read one by one, so that their branches are pruned.
+    details = regions.details
+    tilt = sensor.tilt
+    frame = pupil.plane.frame
+    pattern = array.lattice.pattern
+    listed = array.listed
+    walls = array.walls
+    origin, basis, inverse = array.lattice.origin, array.lattice.basis, array.lattice.inverse
+    powers, radius, plane, pinhole = array.lattice.powers, array.opening.radius, pupil.plane, pupil.pinhole
+    normals, support, reach, step = pupil.normals, pupil.support, pupil.reach, pupil.step
     x, y = np.empty(_MOST_CORNERS), np.empty(_MOST_CORNERS)
-    xs, ys = np.empty(_MOST_CORNERS), np.empty(_MOST_CORNERS)
+    spare_x, spare_y = np.empty(_MOST_CORNERS), np.empty(_MOST_CORNERS)
+    polygon = x, y, spare_x, spare_y
     largest = 0.0
     for i in range(reach.size):
         largest = max(largest, reach[i])
@@ -167,14 +150,14 @@ def fill_cell_regions(
     for p in range(pixels.shape[0]):
         first[p] = used
         sx, sy = pixels[p, 0], pixels[p, 1]
-        h = distance
-        far = gap
+        h = sensor.distance
+        far = plane.distance
         steep = 1.0
-        if lean is not None:
-            h = distance + lean[0] * sx + lean[1] * sy
-            steep = 1.0 + abs(lean[0]) + abs(lean[1])
+        if tilt is not None:
+            h = sensor.distance + tilt[0] * sx + tilt[1] * sy
+            steep = 1.0 + abs(tilt[0]) + abs(tilt[1])
         if frame is not None:
-            far = frame[11] - gap
+            far = frame[11] - plane.distance
             steep *= 1.25
         per_h = 1.0 / h
         ratio = far * per_h
@@ -182,21 +165,21 @@ def fill_cell_regions(
         if not pinhole:
             for i in range(powers.size):
                 strongest = max(strongest, abs(1.0 + far * (per_h - powers[i])))
-        margin = slack + steep * ratio * pixel_margin
+        margin = pupil.margin + steep * ratio * pixel_margin
         search = steep * (largest + strongest * radius + margin) / (1.0 + ratio)
-        if bins is not None:
+        if listed is not None:
             # An axis beside its cell's centre takes the light with it.
-            search += bins[5] * (1.0 + (1.0 + ratio + strongest) / (1.0 + ratio))
+            search += listed.offset * (1.0 + (1.0 + ratio + strongest) / (1.0 + ratio))
         # Where the ray through the centre of a cell would go along the lens's axis.
         mid_x, mid_y = sx * ratio / (1.0 + ratio), sy * ratio / (1.0 + ratio)
         if frame is not None:
             for _ in range(3):
-                qx, qy = crossing(mid_x, mid_y, sx, sy, mid_x, mid_y, per_h, 0.0, pinhole, gap, frame)
+                qx, qy = crossing((mid_x, mid_y), (sx, sy), (mid_x, mid_y, 0.0), per_h, pinhole, plane)
                 mid_x, mid_y = mid_x - qx / (1.0 + ratio), mid_y - qy / (1.0 + ratio)
         if walls is not None:
             # Only the lenses in whose cells the pixel lies.
             mid_x, mid_y, search = sx, sy, radius + pixel_margin
-        if bins is None:
+        if listed is None:
             mx, my = mid_x - origin[0], mid_y - origin[1]
             mid_i, mid_j = mx * inverse[0, 0] + my * inverse[1, 0], mx * inverse[0, 1] + my * inverse[1, 1]
             span_i = search * math.hypot(inverse[0, 0], inverse[1, 0])
@@ -204,30 +187,28 @@ def fill_cell_regions(
             low_i, high_i = math.ceil(mid_i - span_i), math.floor(mid_i + span_i)
             low_j, high_j = math.ceil(mid_j - span_j), math.floor(mid_j + span_j)
         else:
-            low_i = max(math.floor((mid_x - search - bins[0]) / bins[2]), 0)
-            low_j = max(math.floor((mid_y - search - bins[1]) / bins[2]), 0)
-            high_i = min(math.floor((mid_x + search - bins[0]) / bins[2]), int(bins[3]) - 1)
-            high_j = min(math.floor((mid_y + search - bins[1]) / bins[2]), int(bins[4]) - 1)
+            low_i, high_i, low_j, high_j = bins_around(mid_x, mid_y, search, listed.bins)
         area = 0.0
         for i in range(low_i, high_i + 1):
             for j in range(low_j, high_j + 1):
                 low_k, high_k = 0, 1
-                if bins is not None:
-                    low_k, high_k = bin_first[i * int(bins[4]) + j], bin_first[i * int(bins[4]) + j + 1]
+                if listed is not None:
+                    b = i * listed.bins.columns + j
+                    low_k, high_k = listed.bins.first[b], listed.bins.first[b + 1]
                 for k in range(low_k, high_k):
-                    power, lens = powers[0], 0
-                    if bins is None:
+                    power, row = powers[0], 0
+                    if listed is None:
                         cx = origin[0] + i * basis[0, 0] + j * basis[1, 0]
                         cy = origin[1] + i * basis[0, 1] + j * basis[1, 1]
                         ox, oy = cx, cy
                         if pattern is not None:
                             power = powers[pattern[i % pattern.shape[0], j % pattern.shape[1]]]
                     else:
-                        lens = members[k]
-                        power = lenses[lens, 0]
-                        cx, cy = lenses[lens, 3], lenses[lens, 4]
-                        ox, oy = lenses[lens, 8], lenses[lens, 9]
-                    qx, qy = crossing(cx, cy, sx, sy, ox, oy, per_h, power, pinhole, gap, frame)
+                        row = listed.bins.members[k]
+                        lens = listed.lenses[row]
+                        power = lens.power
+                        cx, cy, ox, oy = lens.cell_x, lens.cell_y, lens.axis_x, lens.axis_y
+                    at = crossing((cx, cy), (sx, sy), (ox, oy, power), per_h, pinhole, plane)
                     if walls is not None:  # noqa: SIM102 - alone, so that it is pruned
                         if _is_behind(sx - cx, sy - cy, walls, pixel_margin):
                             continue
@@ -239,66 +220,52 @@ def fill_cell_regions(
                     interval = int(rho / step)
                     if interval >= reach.size:
                         continue
-                    axis = (fx / rho, fy / rho) if rho > 0.0 else (1.0, 0.0)
-                    parts = corners.shape[0] if bins is None else listed_corners.shape[1]
+                    azimuth = (fx / rho, fy / rho) if rho > 0.0 else (1.0, 0.0)
+                    parts = array.opening.corners.shape[0] if listed is None else listed.corners.shape[1]
                     for part in range(parts):
                         if part == 1:
                             # Beside the opening, where that is clear, light is not bent.
                             power = 0.0
-                            qx, qy = crossing(cx, cy, sx, sy, ox, oy, per_h, power, pinhole, gap, frame)
-                        jxx, jxy, jyx, jyy = _slopes(
-                            cx, cy, qx, qy, sx, sy, ox, oy, per_h, power, pinhole, gap, frame, radius
-                        )
+                            at = crossing((cx, cy), (sx, sy), (ox, oy, power), per_h, pinhole, plane)
+                        slopes = _slopes((cx, cy), at, (sx, sy), (ox, oy, power), per_h, pinhole, plane, radius)
+                        jxx, jxy, jyx, jyy = slopes
                         spread = radius * abs(jxx)
                         if frame is not None:
                             spread = 1.1 * radius * math.sqrt(jxx * jxx + jxy * jxy + jyx * jyx + jyy * jyy)
                         limit = reach[interval] + spread + margin
-                        if qx * qx + qy * qy > limit * limit:
+                        if at[0] * at[0] + at[1] * at[1] > limit * limit:
                             continue
-                        if bins is None:
-                            opening, count = corners[part], corners.shape[1]
+                        if listed is None:
+                            opening = array.opening.corners[part]
                         else:
-                            opening, count = listed_corners[lens, part], listed_counts[lens, part]
-                        n = _cut_opening(
-                            x,
-                            y,
-                            xs,
-                            ys,
-                            opening,
-                            count,
-                            qx,
-                            qy,
-                            jxx,
-                            jxy,
-                            jyx,
-                            jyy,
-                            spread,
-                            margin,
-                            axis,
-                            interval,
-                            normals,
-                            support,
-                        )
+                            opening = listed.corners[row, part, : listed.counts[row, part]]
+                        outline = (normals, support[interval], margin)
+                        n = _cut_opening(polygon, opening, at, slopes, spread, azimuth, outline)
                         if n < 3:
                             continue
                         start = used
-                        used, area = _store_fan(triangles, used, x, y, n, cx, cy, ox, oy, area)
+                        used, area = _store_fan(triangles, used, polygon, n, (cx, cy), (ox, oy), area)
                         if details is not None:
-                            for t in range(start, min(used, details.shape[0])):
-                                row = details[t]
-                                if bins is None:
-                                    row[1], row[2], row[3], row[4], row[6], row[7] = cx, cy, cx, cy, 1.0, -1.0
+                            for t in range(start, min(used, details.size)):
+                                detail = details[t]
+                                if listed is None:
+                                    detail.centre_x, detail.centre_y = cx, cy
+                                    detail.cell_x, detail.cell_y = cx, cy
+                                    detail.transmission, detail.row = 1.0, -1
+                                    detail.axis_x, detail.axis_y = ox, oy
                                 else:
-                                    row[:] = lenses[lens, : details.shape[1]]
-                                row[0] = power
-                                row[5] = clip if part == 0 else -1.0
+                                    details[t] = listed.lenses[row]
+                                detail.power = power
+                                detail.clip = array.opening.clip if part == 0 else -1.0
     first[pixels.shape[0]] = used
     return used
 
 
 @kernel
-def fill_pupil_regions(triangles, first, pixels, corners, reach, step):
+def fill_pupil_regions(regions, pixels, pupil):
     """Without microlenses: the outline of the pupil itself, seen from each pixel."""
+    triangles, first = regions.triangles, regions.first
+    corners, reach, step = pupil.corners, pupil.reach, pupil.step
     sides = corners.shape[1]
     x, y = np.empty(sides), np.empty(sides)
     used = 0
@@ -313,6 +280,6 @@ def fill_pupil_regions(triangles, first, pixels, corners, reach, step):
         for k in range(sides):
             x[k] = cos * corners[interval, k, 0] - sin * corners[interval, k, 1]
             y[k] = sin * corners[interval, k, 0] + cos * corners[interval, k, 1]
-        used, _ = _store_fan(triangles, used, x, y, sides, 0.0, 0.0, 0.0, 0.0, 0.0)
+        used, _ = _store_fan(triangles, used, (x, y, x, y), sides, (0.0, 0.0), (0.0, 0.0), 0.0)
     first[pixels.shape[0]] = used
     return used

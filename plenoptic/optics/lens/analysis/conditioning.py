@@ -27,14 +27,7 @@ _CAUSES = 8
 
 
 class Condition(enum.IntEnum):
-    """What magnifies errors of a ray.
-
-    Examples
-    --------
-    >>> from plenoptic.optics.lens.analysis.conditioning import Condition
-    >>> Condition(1).name
-    'REFRACTION'
-    """
+    """What magnifies errors of a ray. See `conditioning`, which measures it."""
 
     INCIDENCE = 0
     """1 / cos i: how much farther apart on the surface two parallel rays are than from each other. Large at grazing
@@ -261,18 +254,7 @@ def conditioning(lens: LensStack, rays: RayBundle, *, reverse: bool = False) -> 
 
 
 def conditioning_of(notes: Notes) -> Conditioning:
-    """What was noted of rays, brought together for each element.
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> from plenoptic.optics.lens.analysis.conditioning import conditioning_of
-    >>> from plenoptic.optics.lens.analysis.conditioning_rows import blocks_of, noted
-    >>> from plenoptic.optics.lens.record import lens_record
-    >>> lens, rays = pl.load_lens("singlet-100mm-f4"), pl.RayBundle([[0, 3.0, -100.0]], [[0, 0, 1.0]])
-    >>> conditioning_of(noted(lens_record(lens, 587.6, reverse=False), blocks_of(rays), 1)).kinds
-    ('stop', 'sphere', 'plane')
-    """
+    """What was noted of rays, brought together for each element."""
     met = ~np.isnan(notes.newton)
     return Conditioning(
         elements=notes.lens.rows["surface_index"].copy(),

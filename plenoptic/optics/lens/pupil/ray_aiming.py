@@ -238,10 +238,8 @@ def aimed_rays_reverse(
         x and y in mm; of a point infinitely far away, angles against +z as in `aimed_rays`.
     z_image : float
         z of the point in the lens frame, mm, behind the last vertex; inf: infinitely far away.
-    pupil : (n, 2) array
-        Points of the iris in units of its semi-diameter.
-    wavelength : float, optional
-        nm.
+    pupil, wavelength
+        See `aimed_rays`.
 
     Returns
     -------
@@ -267,12 +265,7 @@ def aimed_rays_reverse(
 def chief_ray(
     lens: LensStack, *, field: Sequence[float] | Floats, z_object: float = -math.inf, wavelength: float = 587.6
 ) -> RayBundle:
-    """The ray from an object point through the centre of the iris; parameters as those of `aimed_rays`.
-
-    Returns
-    -------
-    RayBundle
-        One ray.
+    """The one ray from an object point through the centre of the iris; parameters as those of `aimed_rays`.
 
     Examples
     --------
@@ -290,13 +283,8 @@ def entrance_pupil_of(
 
     Parameters
     ----------
-    lens : LensStack
-    field : (2,) sequence of float
-        As in `aimed_rays`.
-    z_object : float, optional
-        mm; -inf: infinitely far away.
-    wavelength : float, optional
-        nm.
+    lens, field, z_object, wavelength
+        See `aimed_rays`.
 
     Returns
     -------

@@ -1,6 +1,6 @@
 """To which microlens a point of the array belongs, for light that travels forwards: device functions.
 
-A `lattice` is a tuple, in the order of the arguments of `own_lens` from `origin` on; what an array lacks is None.
+Arrays are an `ArrayRecord`.
 """
 
 from __future__ import annotations
@@ -9,10 +9,10 @@ import math
 
 from plenoptic.core.jit import device
 from plenoptic.core.kernels.ray_blocks import BLOCK, OUTSIDE_MICROLENS, STATUS, WEIGHT, L, M, N, X, Y
-from plenoptic.optics.microlens.kernels.to_lens import CELL_X, CELL_Y, CENTRE_X, CENTRE_Y, LANE, POWER, TRANSMISSION
+from plenoptic.optics.microlens.kernels.listed import bins_around
 
 PLACE = 5
-AXIS_X, AXIS_Y, FIRST, SECOND, BEND = (row * BLOCK for row in range(PLACE))
+AXIS_X, AXIS_Y, FIRST, SECOND, POWER = (row * BLOCK for row in range(PLACE))
 """What a block of rays keeps of its microlenses: optical axis, lattice index (FREE: number and 0), and power."""
 
 DESIGNED, NO_LENS = -1, -2
@@ -42,45 +42,47 @@ def nearest_cell(x, y, basis, inverse):
 
 
 @device
-def _nearest_listed(x, y, reach, bins, bin_first, members, lenses):
+def _nearest_listed(x, y, reach, listed):
     """Row of the listed lens whose designed centre is nearest, no farther than about `reach`; NO_LENS without one."""
-    low_i = max(math.floor((x - reach - bins[0]) / bins[2]), 0)
-    low_j = max(math.floor((y - reach - bins[1]) / bins[2]), 0)
-    high_i = min(math.floor((x + reach - bins[0]) / bins[2]), int(bins[3]) - 1)
-    high_j = min(math.floor((y + reach - bins[1]) / bins[2]), int(bins[4]) - 1)
+    lenses, bins = listed.lenses, listed.bins
+    low_i, high_i, low_j, high_j = bins_around(x, y, reach, bins)
     best, row = math.inf, NO_LENS
     for i in range(low_i, high_i + 1):
         for j in range(low_j, high_j + 1):
-            b = i * int(bins[4]) + j
-            for k in range(bin_first[b], bin_first[b + 1]):
-                dx, dy = x - lenses[members[k], CELL_X], y - lenses[members[k], CELL_Y]
+            b = i * bins.columns + j
+            for k in range(bins.first[b], bins.first[b + 1]):
+                lens = lenses[bins.members[k]]
+                dx, dy = x - lens.cell_x, y - lens.cell_y
                 if dx * dx + dy * dy < best:
-                    best, row = dx * dx + dy * dy, members[k]
+                    best, row = dx * dx + dy * dy, bins.members[k]
     return row
 
 
 @device
-def own_lens(x, y, origin, basis, inverse, powers, pattern, corner, rows, reach, bins, bin_first, members, lenses):
-    """The lens in whose cell (x, y) lies: index, row of the list, optical axis and power.
-
-    `rows` (p, q) leads from the lattice index, less `corner`, to the row of `lenses`. With `bins` the lattice is FREE.
-    """
-    if bins is not None:
-        row = _nearest_listed(x, y, reach, bins, bin_first, members, lenses)
+def own_lens(x, y, array):
+    """The lens in whose cell (x, y) lies: index, row of the list, optical axis and power."""
+    lattice = array.lattice
+    if array.listed is not None and array.listed.cells is not None:
+        row = _nearest_listed(x, y, array.opening.radius, array.listed)
         if row < 0:
             return 0, 0, NO_LENS, 0.0, 0.0, 0.0
-        return row, 0, row, lenses[row, LANE], lenses[row, LANE + 1], lenses[row, POWER]
-    i, j, cx, cy = nearest_cell(x - origin[0], y - origin[1], basis, inverse)
+        lens = array.listed.lenses[row]
+        return row, 0, row, lens.axis_x, lens.axis_y, lens.power
+    origin = lattice.origin
+    i, j, cx, cy = nearest_cell(x - origin[0], y - origin[1], lattice.basis, lattice.inverse)
     cx, cy = cx + origin[0], cy + origin[1]
-    row, power = DESIGNED, powers[0]
-    if pattern is not None:
-        power = powers[pattern[i % pattern.shape[0], j % pattern.shape[1]]]
-    if rows is not None:
+    row, power = DESIGNED, lattice.powers[0]
+    if lattice.pattern is not None:
+        pattern = lattice.pattern
+        power = lattice.powers[pattern[i % pattern.shape[0], j % pattern.shape[1]]]
+    if array.listed is not None and array.listed.numbers is not None:
+        corner, rows = array.listed.numbers.corner, array.listed.numbers.rows
         a, b = i - corner[0], j - corner[1]
         if 0 <= a < rows.shape[0] and 0 <= b < rows.shape[1]:
             row = rows[a, b]
         if row >= 0:
-            cx, cy, power = lenses[row, LANE], lenses[row, LANE + 1], lenses[row, POWER]
+            lens = array.listed.lenses[row]
+            cx, cy, power = lens.axis_x, lens.axis_y, lens.power
     return i, j, row, cx, cy, power
 
 
@@ -96,13 +98,14 @@ def meets_sphere(x, y, l, m, n, c):
 
 
 @device
-def find_cells(ray, place, c, origin, basis, inverse):
+def find_cells(ray, place, c, lattice):
     """Cells of a plain lattice in which rays from the plane z = 0 meet the spheres of curvature c.
 
     The spheres of neighbouring cells meet at the edge between them, so that their caps are one surface, which a ray
     less steep than the surface meets once. A ray that meets the sphere of one cell beyond its edge meets that of the
     next cell there, or passes on over it.
     """
+    origin, basis, inverse = lattice.origin, lattice.basis, lattice.inverse
     for i in range(BLOCK):
         a, b, cx, cy = 0, 0, 0.0, 0.0
         if ray[STATUS + i] == 0.0:
@@ -132,39 +135,46 @@ def is_inside(x, y, radius2, edges):
 
 
 @device
-def _in_opening(x, y, row, ax, ay, edges, radius2, lenses):
-    """Whether (x, y) lies in the opening of a lens, listed in a row or with its centre at (ax, ay)."""
-    if edges is None:
+def _in_opening(x, y, row, axis, array):
+    """Whether (x, y) lies in the opening of a lens, listed in a row or with its centre on its axis."""
+    if array.opening.fills:
         return True
-    if lenses is not None:  # noqa: SIM102 - alone, so that it is pruned
+    ax, ay = axis
+    if array.listed is not None:  # noqa: SIM102 - alone, so that it is pruned
         if row >= 0:
-            ax, ay = lenses[row, CENTRE_X], lenses[row, CENTRE_Y]
-    return is_inside(x - ax, y - ay, radius2, edges)
+            lens = array.listed.lenses[row]
+            ax, ay = lens.centre_x, lens.centre_y
+    return is_inside(x - ax, y - ay, array.opening.radius2, array.opening.edges)
 
 
 @device
-def _in_cell(x, y, row, cells, lenses):
+def _in_cell(x, y, row, listed):
     """Whether (x, y) lies in the cell of a lens, which is the one nearest to it; FREE ones end at the pitch."""
     if row == NO_LENS:
         return False
-    if cells is None:
+    if listed is None:
         return True
-    return is_inside(x - lenses[row, CELL_X], y - lenses[row, CELL_Y], math.inf, cells[row])
+    if listed.cells is None:
+        return True
+    lens = listed.lenses[row]
+    return is_inside(x - lens.cell_x, y - lens.cell_y, math.inf, listed.cells[row])
 
 
 @device
-def find_lenses(ray, place, bow, towards_scene, clear, edges, radius2, cells, lenses, lattice):
+def find_lenses(ray, place, bow, towards_scene, array):
     """Lenses that differ, where rays from the plane z = 0 meet them; rays that pass none are lost.
 
-    Lenses are spheres of curvature `bow` times their power, or planes for 0. `edges` and `radius2` end the openings;
-    beside them nothing passes or, for `clear`, all does, through the plane of the vertices: there it goes on where it
-    meets that plane, before it can meet a sphere that lies behind (`towards_scene`) or if it has met none in front.
+    Lenses are spheres of curvature `bow` times their power, or planes for 0. Beside their openings nothing passes or,
+    where that is clear, all does, through the plane of the vertices: there it goes on where it meets that plane, before
+    it can meet a sphere that lies behind (`towards_scene`) or if it has met none in front.
     """
+    clear = array.opening.clear
+    listed = array.listed
     for i in range(BLOCK):
         a, b, ax, ay, power = 0, 0, 0.0, 0.0, 0.0
         if ray[STATUS + i] == 0.0:
             x, y, l, m, n = ray[X + i], ray[Y + i], ray[L + i], ray[M + i], ray[N + i]
-            a, b, row, ax, ay, power = own_lens(x, y, *lattice)
+            a, b, row, ax, ay, power = own_lens(x, y, array)
             plane_a, plane_b, plane_row, plane_x, plane_y = a, b, row, ax, ay
             hit_x, hit_y, found = x, y, True
             if bow != 0.0:
@@ -172,26 +182,22 @@ def find_lenses(ray, place, bow, towards_scene, clear, edges, radius2, cells, le
                 for _ in range(_TRIES):
                     hit_x, hit_y = meets_sphere(x - ax, y - ay, l, m, n, bow * power)
                     hit_x, hit_y = hit_x + ax, hit_y + ay
-                    next_a, next_b, next_row, next_x, next_y, next_power = own_lens(hit_x, hit_y, *lattice)
+                    next_a, next_b, next_row, next_x, next_y, next_power = own_lens(hit_x, hit_y, array)
                     if next_a == a and next_b == b:
                         found = True
                         break
                     a, b, row, ax, ay, power = next_a, next_b, next_row, next_x, next_y, next_power
-            passes = (
-                found
-                and _in_cell(hit_x, hit_y, row, cells, lenses)
-                and _in_opening(hit_x, hit_y, row, ax, ay, edges, radius2, lenses)
-            )
+            passes = found and _in_cell(hit_x, hit_y, row, listed) and _in_opening(hit_x, hit_y, row, (ax, ay), array)
             if clear and (towards_scene or not passes):
-                beside = not _in_opening(x, y, plane_row, plane_x, plane_y, edges, radius2, lenses)
+                beside = not _in_opening(x, y, plane_row, (plane_x, plane_y), array)
                 if beside:
                     a, b, row, ax, ay, power = plane_a, plane_b, plane_row, plane_x, plane_y, 0.0
-                    passes = _in_cell(x, y, row, cells, lenses)
-            if lenses is not None:
-                ray[WEIGHT + i] *= lenses[row, TRANSMISSION] if row >= 0 else 1.0
+                    passes = _in_cell(x, y, row, listed)
+            if listed is not None:
+                ray[WEIGHT + i] *= listed.lenses[row].transmission if row >= 0 else 1.0
             ray[STATUS + i] = 0.0 if passes else OUTSIDE_MICROLENS
         place[AXIS_X + i] = ax
         place[AXIS_Y + i] = ay
         place[FIRST + i] = a
         place[SECOND + i] = b
-        place[BEND + i] = power
+        place[POWER + i] = power

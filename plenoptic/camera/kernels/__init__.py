@@ -1,0 +1,1 @@
+"""Kernels: rays of a whole camera."""

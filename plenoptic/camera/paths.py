@@ -1,0 +1,69 @@
+"""Paths from the sensor to behind the lens."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.camera.dust import fill_dimmed_at_lens
+from plenoptic.camera.record import CameraRecord
+from plenoptic.camera.sampling.record import Batch, FedPixels
+from plenoptic.camera.stages import fill_before_array, fill_through_array, own_microlenses
+from plenoptic.optics.lens.record import LensRecord
+from plenoptic.optics.microlens.dust import BlemishSite
+
+_GUIDES = 1024
+
+
+def wave_guide(cdf: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Where to begin looking in a table of cumulative probabilities; see `paths.fill_waves`."""
+    return np.asarray(np.searchsorted(cdf, np.arange(_GUIDES) / _GUIDES, side="right"), dtype=np.int64)
+
+
+def fill_through_lens(bundle: NDArray[np.float64], lens: LensRecord, waves: NDArray[np.int64] | None) -> None:
+    """Trace a bundle through the lens, each ray at its wavelength where `waves` has their numbers."""
+    from plenoptic.optics.lens.kernels.trace import fill_traced
+
+    fill_traced(bundle, lens, waves)
+
+
+class CameraPaths:
+    """Bundles of paths of some pixels, of at most `most` paths; the arrays are used again for each bundle."""
+
+    def __init__(self, camera: CameraRecord, fed: FedPixels, batch: Batch, most: int) -> None:
+        from plenoptic.core.kernels.ray_blocks import BLOCK, RAY
+
+        blocks = -(-most // BLOCK)
+        self._camera, self._fed, self._batch = camera, fed, batch
+        self._blocks = np.empty(blocks * RAY)
+        self.own = own_microlenses(camera, blocks * BLOCK)
+        """What is individual about the paths' microlenses; None where these do not differ."""
+        self.waves: NDArray[np.int64] | None = None
+        """Numbers of the paths' wavelengths; None where all have the camera's."""
+        self.lens = camera.lens
+        """What paths are traced through."""
+        if camera.colour is not None and camera.dispersed is not None:
+            self.waves, self.lens = np.empty(blocks * BLOCK, dtype=np.int64), camera.dispersed
+            self._guide = wave_guide(camera.colour.cdf)
+
+    def started(self, start: int, n: int) -> NDArray[np.float64]:
+        """A bundle of paths start ... start + n - 1: points on their pixels, aimed at what feeds these; wavelengths."""
+        from plenoptic.camera.sampling.kernels import paths
+        from plenoptic.core.kernels.ray_blocks import BLOCK, RAY
+
+        bundle, colour = self._blocks[: -(-n // BLOCK) * RAY], self._camera.colour
+        paths.fill_camera_samples(bundle, self.own, start, n, self._batch, self._fed, self._camera.sensor.pixel)
+        if colour is not None and self.waves is not None:
+            paths.fill_waves(self.waves, start, n, self._batch, self._fed.number, colour.cdf, self._guide)
+        return bundle
+
+    def fill_through_array(self, bundle: NDArray[np.float64]) -> None:
+        """From the sensor to behind the array."""
+        fill_before_array(bundle, self._camera)
+        fill_through_array(bundle, self.own, self._camera)
+
+    def fill_through_lens(self, bundle: NDArray[np.float64]) -> None:
+        """Through the lens and the dust on it."""
+        fill_dimmed_at_lens(bundle, self._camera.dust, BlemishSite.LENS_REAR)
+        fill_through_lens(bundle, self.lens, self.waves)
+        fill_dimmed_at_lens(bundle, self._camera.dust, BlemishSite.LENS_FRONT)

@@ -1,0 +1,62 @@
+"""Aimed samples on their way from the sensor to the lens: the stages that a camera needs."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.camera.dust import PlacedDust, fill_dimmed_aims
+from plenoptic.camera.record import CameraRecord
+from plenoptic.optics.microlens.record import ResponseRecord, SensorPlane
+
+
+def own_microlenses(camera: CameraRecord, n: int) -> NDArray[np.void] | None:
+    """Room for what n paths, in whole blocks, keep of their microlenses; None where these do not differ."""
+    return None if camera.array is None else camera.array.own(n)
+
+
+def fill_before_array(blocks: NDArray[np.float64], camera: CameraRecord) -> None:
+    """What happens to aimed samples between the sensor and the array."""
+    fill_dimmed_before_array(blocks, camera.sensor.plane, camera.sensor.response, camera.dust)
+
+
+def fill_dimmed_before_array(
+    blocks: NDArray[np.float64], sensor: SensorPlane, response: ResponseRecord | None, dust: tuple[PlacedDust, ...]
+) -> None:
+    """Pixels dim aimed samples by their direction, and dust between sensor and array does."""
+    if response is not None:
+        from plenoptic.optics.microlens.kernels import to_lens
+
+        to_lens.fill_pixel_response(blocks, sensor, response)
+    if dust:
+        fill_dimmed_aims(blocks, sensor, dust)
+
+
+def fill_through_array(blocks: NDArray[np.float64], own: NDArray[np.void] | None, camera: CameraRecord) -> None:
+    """Aimed samples (see `to_lens`) become rays on their way to the lens, in its axes."""
+    from plenoptic.optics.microlens.kernels import to_lens
+
+    array, sensor = camera.array, camera.sensor.plane
+    z_plane = camera.z_plane if camera.frame is None else 0.0
+    if array is None or camera.microlenses is None:
+        to_lens.fill_straight(blocks, sensor, z_plane)
+        return
+    if array.walls is not None and own is not None:
+        to_lens.fill_walls(blocks, own, array.cell, array.cells)
+    if array.model is not None:
+        from plenoptic.optics.microlens.kernels.plano_convex import fill_plano_convex
+
+        fill_plano_convex(blocks, own, sensor, array.model, array.power, array.edges, z_plane)
+    else:
+        if own is not None:
+            to_lens.fill_openings(blocks, own, array.opening)
+        if camera.pupil.pinhole:
+            from plenoptic.optics.microlens.kernels.pinhole import fill_pinholes
+
+            fill_pinholes(blocks, sensor, z_plane)
+        else:
+            from plenoptic.optics.microlens.kernels.thin import fill_thin
+
+            fill_thin(blocks, own, sensor, array.power, z_plane)
+    if camera.frame is not None:
+        to_lens.fill_in_lens_axes(blocks, camera.frame)

@@ -1,0 +1,186 @@
+"""Plano-convex microlenses, exact or flat with the normals of a sphere: the kernels for light in reverse.
+
+A plate is a `PlateRecord`. Heights are from the lens's own axis and z is from the vertex that light meets next.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from plenoptic.core.jit import device, kernel
+from plenoptic.core.kernels.ray_blocks import (
+    BLOCK,
+    MISSED,
+    OUTSIDE_MICROLENS,
+    RAY,
+    STATUS,
+    TOTAL_REFLECTION,
+    WEIGHT,
+    L,
+    M,
+    N,
+    X,
+    Y,
+    Z,
+)
+from plenoptic.optics.lens.kernels.sphere import refract_sphere
+from plenoptic.optics.microlens.kernels.to_lens import distance_to_sensor, is_open, weigh
+
+
+@device
+def refract_flat_block(ray, c, mu, s):
+    """Through a plane with the normals of a sphere of curvature c, taken at the same distance from the axis."""
+    bend = 1.0 - mu * mu
+    for i in range(BLOCK):
+        l, m, n = ray[L + i], ray[M + i], ray[N + i]
+        t = -ray[Z + i] / n
+        x = ray[X + i] + t * l
+        y = ray[Y + i] + t * m
+        up = 1.0 - c * c * (x * x + y * y)
+        nx, ny, nz = -c * x, -c * y, math.sqrt(max(up, 0.0))
+        cos_i = s * (nx * l + ny * m + nz * n)
+        cos2 = 1.0 - mu * mu * (1.0 - cos_i * cos_i)
+        cos_t = math.sqrt(max(cos2, 0.0))
+        a = s * (bend / (cos_t + mu * cos_i))
+        ray[X + i] = x
+        ray[Y + i] = y
+        ray[Z + i] = 0.0
+        ray[L + i] = mu * l + a * nx
+        ray[M + i] = mu * m + a * ny
+        ray[N + i] = mu * n + a * nz
+        lost = 0.0 if cos2 >= 0.0 else TOTAL_REFLECTION
+        lost = lost if up >= 0.0 and cos_i > 0.0 else MISSED
+        was = ray[STATUS + i]
+        ray[STATUS + i] = was if was != 0.0 else lost
+
+
+@device
+def _keep_inside(ray, own, centre, edges):
+    """Lose rays that meet the curved side outside their own cell or opening.
+
+    x, y are from the optical axis; `centre` holds the axes.
+    """
+    if own is None:
+        cell = edges.cell
+        for k in range(cell.shape[0]):
+            nx, ny, apothem = cell[k, 0], cell[k, 1], cell[k, 2]
+            for i in range(BLOCK):
+                inside = nx * ray[X + i] + ny * ray[Y + i] <= apothem
+                was = ray[STATUS + i]
+                ray[STATUS + i] = was if was != 0.0 or inside else OUTSIDE_MICROLENS
+    else:
+        for i in range(BLOCK):
+            lens = own[i]
+            x = ray[X + i] + centre[i] - lens.centre_x
+            y = ray[Y + i] + centre[BLOCK + i] - lens.centre_y
+            inside = lens.clip == 0.0 or is_open(x, y, edges.radius2, edges.opening) == (lens.clip > 0.0)
+            x, y = x + lens.centre_x - lens.cell_x, y + lens.centre_y - lens.cell_y
+            cell = edges.cell if edges.cells is None else edges.cells[lens.row]
+            inside = inside and is_open(x, y, math.inf, cell)
+            was = ray[STATUS + i]
+            ray[STATUS + i] = was if was != 0.0 or inside else OUTSIDE_MICROLENS
+
+
+@device
+def _refract_own(ray, own, flat, bow, ratio):
+    """Through the curved sides of lenses that differ: curvature sign * power * scale with `bow` (sign, scale)."""
+    sign, scale = bow
+    bend = 1.0 - ratio * ratio
+    for i in range(BLOCK):
+        c = sign * own[i].power * scale
+        x, y, z = ray[X + i], ray[Y + i], ray[Z + i]
+        l, m, n = ray[L + i], ray[M + i], ray[N + i]
+        if flat:
+            t = -z / n
+            x, y, z = x + t * l, y + t * m, 0.0
+            up = 1.0 - c * c * (x * x + y * y)
+            nx, ny, nz = -c * x, -c * y, math.sqrt(max(up, 0.0))
+            q = -(nx * l + ny * m + nz * n)
+            q2 = up if q > 0.0 else -1.0
+        else:
+            # As in `sphere.refract_sphere`, towards the scene.
+            e = -(x * l + y * m + z * n)
+            x, y, z = x + e * l, y + e * m, z + e * n
+            f = c * (x * x + y * y + z * z) - 2.0 * z
+            g = n - c * (x * l + y * m + z * n)
+            q2 = g * g - c * f
+            q = math.sqrt(max(q2, 0.0))
+            t = f / (g - q) if g <= 0.0 else (g + q) / c
+            x, y, z = x + t * l, y + t * m, z + t * n
+            nx, ny, nz = -c * x, -c * y, 1.0 - c * z
+            q2 = q2 if nz > 0.0 else -1.0
+        cos2 = 1.0 - ratio * ratio * (1.0 - q * q)
+        a = -(bend / (math.sqrt(max(cos2, 0.0)) + ratio * q))
+        ray[X + i] = x
+        ray[Y + i] = y
+        ray[Z + i] = z
+        ray[L + i] = ratio * l + a * nx
+        ray[M + i] = ratio * m + a * ny
+        ray[N + i] = ratio * n + a * nz
+        lost = 0.0 if cos2 >= 0.0 else TOTAL_REFLECTION
+        lost = lost if q2 > 0.0 else MISSED
+        was = ray[STATUS + i]
+        ray[STATUS + i] = was if was != 0.0 else lost
+
+
+@device
+def _refract_curved(ray, own, power, flat, bow, ratio):
+    """Through the curved side, or through the plane that stands for it."""
+    if own is not None:
+        _refract_own(ray, own, flat, bow, ratio)
+    elif flat:
+        refract_flat_block(ray, bow[0] * power * bow[1], ratio, -1.0)
+    else:
+        refract_sphere(ray, bow[0] * power * bow[1], ratio, None, math.inf, math.inf, -1.0, 0.0)
+
+
+@kernel
+def fill_plano_convex(blocks, own, sensor, plate, power, edges, z_array):
+    """Aimed samples become rays towards the lens; those are lost that meet the curved side outside their lens.
+
+    `edges` are those of `EdgesRecord`, `z_array` is the front principal plane.
+    """
+    distance, index, thickness = sensor.distance, plate.refractive_index, plate.thickness
+    # Light that travels in reverse meets the side towards the sensor first.
+    curved_first, flat = not plate.towards_scene, plate.flat
+    centre = np.empty(2 * BLOCK)
+    scale = 1.0 / (index - 1.0)
+    for b in range(blocks.size // RAY):
+        ray = blocks[b * RAY : (b + 1) * RAY]
+        lenses = None if own is None else own[b * BLOCK : (b + 1) * BLOCK]
+        weigh(ray, distance, sensor.tilt)
+        for i in range(BLOCK):
+            h = distance_to_sensor(ray, i, distance, sensor.tilt)
+            cx, cy = ray[Z + i], ray[N + i]
+            centre[i] = cx
+            centre[BLOCK + i] = cy
+            u, v = ray[L + i], ray[M + i]
+            n = 1.0 / math.sqrt(u * u + v * v + h * h)
+            ray[X + i] = ray[X + i] - u - cx
+            ray[Y + i] = ray[Y + i] - v - cy
+            ray[Z + i] = h if curved_first else h - thickness / index
+            ray[L + i] = u * n
+            ray[M + i] = v * n
+            ray[N + i] = -h * n
+        if curved_first:
+            _refract_curved(ray, lenses, power, flat, (-1.0, scale), 1.0 / index)
+            _keep_inside(ray, lenses, centre, edges)
+        else:
+            refract_sphere(ray, 0.0, 1.0 / index, None, math.inf, math.inf, -1.0, 0.0)
+        for i in range(BLOCK):
+            ray[Z + i] += thickness
+        if curved_first:
+            refract_sphere(ray, 0.0, index, None, math.inf, math.inf, -1.0, 0.0)
+        else:
+            _refract_curved(ray, lenses, power, flat, (1.0, scale), index)
+            _keep_inside(ray, lenses, centre, edges)
+        # Vertex met last: the front vertex, from which the front principal plane lies 0 or thickness/index.
+        z_front = z_array - (thickness / index if curved_first else 0.0)
+        for i in range(BLOCK):
+            ray[X + i] += centre[i]
+            ray[Y + i] += centre[BLOCK + i]
+            ray[Z + i] += z_front
+            if own is not None:
+                ray[WEIGHT + i] *= own[b * BLOCK + i].transmission

@@ -1,0 +1,165 @@
+"""Plano-convex microlenses, exact or flat with the normals of a sphere: the kernels for light that travels forwards."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from plenoptic.core.jit import device, kernel
+from plenoptic.core.kernels.ray_blocks import (
+    BLOCK,
+    MISSED,
+    OUTSIDE_MICROLENS,
+    RAY,
+    STATUS,
+    TOTAL_REFLECTION,
+    WEIGHT,
+    L,
+    M,
+    N,
+    X,
+    Y,
+    Z,
+)
+from plenoptic.optics.lens.kernels.sphere import refract_sphere
+from plenoptic.optics.microlens.kernels.cell_lookup import AXIS_X, AXIS_Y, PLACE, POWER, find_cells, find_lenses
+from plenoptic.optics.microlens.kernels.plano_convex import refract_flat_block
+from plenoptic.optics.microlens.kernels.to_sensor import land, to_plane
+
+
+@device
+def _shift(ray, place, sign):
+    for i in range(BLOCK):
+        ray[X + i] += sign * place[AXIS_X + i]
+        ray[Y + i] += sign * place[AXIS_Y + i]
+
+
+@device
+def _keep_inside(ray, edges):
+    """Rays that were found in no cell are lost; x, y are from the centre of the last cell that was tried."""
+    for k in range(edges.shape[0]):
+        nx, ny, apothem = edges[k, 0], edges[k, 1], edges[k, 2]
+        # A ray on the edge belongs to either cell.
+        limit = apothem * (1.0 + 1e-9)
+        for i in range(BLOCK):
+            inside = nx * ray[X + i] + ny * ray[Y + i] <= limit
+            was = ray[STATUS + i]
+            ray[STATUS + i] = was if was != 0.0 or inside else OUTSIDE_MICROLENS
+
+
+@device
+def _weigh_tilt(ray, c, after):
+    """Etendue at a plane that refracts as a sphere of curvature c would.
+
+    Refraction keeps the projected solid angle on the surface whose normal it has; on the plane it changes by the
+    cosine to the axis over that to the normal, after, over the same before.
+    """
+    for i in range(BLOCK):
+        x, y = ray[X + i], ray[Y + i]
+        up = math.sqrt(max(1.0 - c * c * (x * x + y * y), 0.0))
+        cos = up * ray[N + i] - c * (x * ray[L + i] + y * ray[M + i])
+        fraction = ray[N + i] / cos
+        ray[WEIGHT + i] *= fraction if after else 1.0 / fraction
+
+
+@device
+def _refract_each(ray, place, bow, mu, flat):
+    """Through spheres of curvature `bow` times the power of each ray's lens, or `flat` planes with their normals.
+
+    Rays start from the plane of the vertices, x, y from the optical axis of their lens.
+    """
+    bend = 1.0 - mu * mu
+    for i in range(BLOCK):
+        c = bow * place[POWER + i]
+        x, y, l, m, n = ray[X + i], ray[Y + i], ray[L + i], ray[M + i], ray[N + i]
+        if flat:
+            z, up = 0.0, 1.0 - c * c * (x * x + y * y)
+            nx, ny, nz = -c * x, -c * y, math.sqrt(max(up, 0.0))
+            q = nx * l + ny * m + nz * n
+            met = up >= 0.0 and q > 0.0
+        else:
+            # As in `sphere.refract_sphere`.
+            e = -(x * l + y * m)
+            x, y, z = x + e * l, y + e * m, e * n
+            f = c * (x * x + y * y + z * z) - 2.0 * z
+            g = n - c * (x * l + y * m + z * n)
+            q2 = g * g - c * f
+            q = math.sqrt(max(q2, 0.0))
+            t = f / (g + q) if g >= 0.0 else (g - q) / c
+            x, y, z = x + t * l, y + t * m, z + t * n
+            nx, ny, nz = -c * x, -c * y, 1.0 - c * z
+            met = q2 > 0.0 and nz > 0.0
+        cos2 = 1.0 - mu * mu * (1.0 - q * q)
+        cos_t = math.sqrt(max(cos2, 0.0))
+        a = bend / (cos_t + mu * q)
+        ray[X + i], ray[Y + i], ray[Z + i] = x, y, z
+        ray[L + i] = mu * l + a * nx
+        ray[M + i] = mu * m + a * ny
+        ray[N + i] = mu * n + a * nz
+        if flat:
+            # See `_weigh_tilt`: the cosine to the normal is q before and cos_t after.
+            ray[WEIGHT + i] *= (ray[N + i] / cos_t) / (n / q)
+        lost = 0.0 if cos2 >= 0.0 else TOTAL_REFLECTION
+        lost = lost if met else MISSED
+        was = ray[STATUS + i]
+        ray[STATUS + i] = was if was != 0.0 else lost
+
+
+@device
+def _refract_curved(ray, place, c, mu, flat, array):
+    """Through the curved side of equal lenses, whose vertices lie in z = 0, in the cell where each ray meets it."""
+    if flat:
+        find_cells(ray, place, 0.0, array.lattice)
+    else:
+        find_cells(ray, place, c, array.lattice)
+    _shift(ray, place, -1.0)
+    if flat:
+        _weigh_tilt(ray, c, False)
+        refract_flat_block(ray, c, mu, 1.0)
+        _weigh_tilt(ray, c, True)
+    else:
+        refract_sphere(ray, c, mu, None, math.inf, math.inf, 1.0, 0.0)
+        _keep_inside(ray, array.cell)
+    _shift(ray, place, 1.0)
+
+
+@device
+def _refract_curved_each(ray, place, bow, mu, plate, array):
+    """Through the curved sides of lenses that differ."""
+    find_lenses(ray, place, 0.0 if plate.flat else bow, plate.towards_scene, array)
+    _shift(ray, place, -1.0)
+    _refract_each(ray, place, bow, mu, plate.flat)
+    _shift(ray, place, 1.0)
+
+
+@kernel
+def fill_plano_convex_forward(blocks, z_front, sensor, plate, array, differs):
+    """Rays behind the lens land on the sensor.
+
+    `z_front` is the vertex that light meets first; the distance of the `SensorPlane` is that from the last one.
+    `differs` is the array where its lenses differ, otherwise None.
+    """
+    place = np.empty(PLACE * BLOCK)
+    index, thickness, curved_first, power = (
+        plate.refractive_index,
+        plate.thickness,
+        plate.towards_scene,
+        array.lattice.powers[0],
+    )
+    bow, mu = (1.0 if curved_first else -1.0) / (index - 1.0), 1.0 / index if curved_first else index
+    for b in range(blocks.size // RAY):
+        ray = blocks[b * RAY : (b + 1) * RAY]
+        to_plane(ray, z_front)
+        if not curved_first:
+            refract_sphere(ray, 0.0, 1.0 / index, None, math.inf, math.inf, 1.0, 0.0)
+            to_plane(ray, thickness)
+        if differs is None:
+            _refract_curved(ray, place, bow * power, mu, plate.flat, array)
+        else:
+            _refract_curved_each(ray, place, bow, mu, plate, array)
+        if curved_first:
+            for i in range(BLOCK):
+                ray[Z + i] -= thickness
+            refract_sphere(ray, 0.0, index, None, math.inf, math.inf, 1.0, 0.0)
+        land(ray, place, sensor, array)

@@ -1,0 +1,58 @@
+"""Ideal thin microlenses: the kernels, both ways."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from plenoptic.core.jit import kernel
+from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, WEIGHT, L, M, N, X, Y, Z
+from plenoptic.optics.microlens.kernels.cell_lookup import AXIS_X, AXIS_Y, PLACE, POWER, find_cells, find_lenses
+from plenoptic.optics.microlens.kernels.to_lens import distance_to_sensor, head_for, weigh
+from plenoptic.optics.microlens.kernels.to_sensor import land, to_plane
+
+
+@kernel
+def fill_thin(blocks, own, sensor, power, z_plane):
+    """Aimed samples become rays towards the lens: slopes change by height over focal length (power = 1/f)."""
+    distance = sensor.distance
+    for b in range(blocks.size // RAY):
+        ray = blocks[b * RAY : (b + 1) * RAY]
+        weigh(ray, distance, sensor.tilt)
+        for i in range(BLOCK):
+            bend = power if own is None else own[b * BLOCK + i].power
+            h = distance_to_sensor(ray, i, distance, sensor.tilt)
+            u = ray[L + i] / h - (ray[X + i] - ray[Z + i]) * bend
+            v = ray[M + i] / h - (ray[Y + i] - ray[N + i]) * bend
+            head_for(ray, i, (u, v), z_plane)
+
+
+@kernel
+def fill_thin_forward(blocks, z_array, sensor, array, differs):
+    """Rays behind the lens land on the sensor.
+
+    Equal lenses fill the cells of the lattice; those that differ are found in the `ArrayRecord`, which `differs` is
+    too then, otherwise None.
+    """
+    place = np.empty(PLACE * BLOCK)
+    equal = array.lattice.powers[0]
+    for b in range(blocks.size // RAY):
+        ray = blocks[b * RAY : (b + 1) * RAY]
+        to_plane(ray, z_array)
+        if differs is None:
+            find_cells(ray, place, 0.0, array.lattice)
+        else:
+            find_lenses(ray, place, 0.0, True, array)
+        for i in range(BLOCK):
+            bend = equal if differs is None else place[POWER + i]
+            before = ray[N + i]
+            u = ray[L + i] / before - (ray[X + i] - place[AXIS_X + i]) * bend
+            v = ray[M + i] / before - (ray[Y + i] - place[AXIS_Y + i]) * bend
+            after = 1.0 / math.sqrt(1.0 + u * u + v * v)
+            fraction = (after * after) / (before * before)
+            ray[WEIGHT + i] *= fraction * fraction
+            ray[L + i] = u * after
+            ray[M + i] = v * after
+            ray[N + i] = after
+        land(ray, place, sensor, array)

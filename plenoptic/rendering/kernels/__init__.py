@@ -1,0 +1,1 @@
+"""Kernels: what paths add to a film."""
