@@ -41,11 +41,6 @@ def plot_camera(camera: PlenopticCamera, report: CameraReport | None = None) -> 
         the array. Right, for cameras with microlenses: the light that passes the centres of five microlenses, from the
         exit pupil to the sensor, by the traced f-number; where colours overlap, microlens images do.
 
-    Raises
-    ------
-    InvalidValueError
-        If `camera` is no camera or `report` no report.
-
     Examples
     --------
     >>> import plenoptic as pl

@@ -31,11 +31,6 @@ def plot_point_spread(spread: PointSpread, ax: Axes | None = None) -> Axes:
     matplotlib.axes.Axes
         Share of the light per square micrometre, x and y in micrometres from the middle of the picture.
 
-    Raises
-    ------
-    InvalidValueError
-        If `spread` is no PointSpread.
-
     Examples
     --------
     >>> import plenoptic as pl

@@ -39,11 +39,6 @@ def plot_error_against_time(table: ErrorTable, ax: Axes | None = None) -> Axes:
         a grey line mark the Pareto front: settings that no other beats in time and error, and their numbers of
         samples.
 
-    Raises
-    ------
-    InvalidValueError
-        If `table` is no ErrorTable.
-
     Examples
     --------
     >>> from plenoptic.plots.error_time import plot_error_against_time

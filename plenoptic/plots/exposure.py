@@ -69,11 +69,6 @@ def plot_exposure(exposure: Exposure, *, figure: Figure | None = None) -> Figure
         square over its channels. Depth is in mm and blank where nothing is met. Pixels that were not rendered are pale
         blue.
 
-    Raises
-    ------
-    InvalidValueError
-        If `exposure` is no Exposure.
-
     Examples
     --------
     >>> import numpy as np

@@ -68,11 +68,6 @@ def plot_distortion(result: Distortion, ax: Axes | None = None) -> Axes:
     -------
     matplotlib.axes.Axes
 
-    Raises
-    ------
-    InvalidValueError
-        If the result is another one.
-
     Examples
     --------
     >>> import plenoptic as pl
@@ -102,11 +97,6 @@ def plot_field_curvature(result: FieldCurvature, ax: Axes | None = None) -> Axes
     matplotlib.axes.Axes
         Shifts from the paraxial image plane in mm, the lens on the left; what lies between is the astigmatism.
 
-    Raises
-    ------
-    InvalidValueError
-        If the result is another one.
-
     Examples
     --------
     >>> import plenoptic as pl
@@ -130,11 +120,6 @@ def plot_coma(result: Coma, ax: Axes | None = None) -> Axes:
     Returns
     -------
     matplotlib.axes.Axes
-
-    Raises
-    ------
-    InvalidValueError
-        If the result is another one.
 
     Examples
     --------
@@ -160,11 +145,6 @@ def plot_vignetting(result: Vignetting, ax: Axes | None = None) -> Axes:
     -------
     matplotlib.axes.Axes
         The field to the right. The rim rays are y on the iris in units of its semi-diameter.
-
-    Raises
-    ------
-    InvalidValueError
-        If the result is another one.
 
     Examples
     --------
@@ -197,11 +177,6 @@ def plot_relative_illumination(result: RelativeIllumination, ax: Axes | None = N
     -------
     matplotlib.axes.Axes
         The field to the right. cos^4 of the half field is drawn where that is an angle below 90 degrees.
-
-    Raises
-    ------
-    InvalidValueError
-        If the result is another one.
 
     Examples
     --------
@@ -237,11 +212,6 @@ def plot_depth_distortion(result: DepthDistortion, ax: Axes | None = None) -> Ax
     -------
     matplotlib.axes.Axes
         One line a sensor plane: z of the medial focus minus z of the paraxial object plane in percent of that z.
-
-    Raises
-    ------
-    InvalidValueError
-        If the result is another one.
 
     Examples
     --------

@@ -36,11 +36,6 @@ def plot_camera_spread(spread: CameraSpread, ax: Axes | None = None) -> Axes:
         The part of the sensor that the light reaches, with rows and columns as axes (pixel centres are whole numbers,
         row 0 at the top, as in images). Brightness grows with the root of the value. Crosses are centroids.
 
-    Raises
-    ------
-    InvalidValueError
-        If `spread` is no CameraSpread.
-
     Examples
     --------
     >>> import plenoptic as pl

@@ -71,11 +71,6 @@ def plot_layout(
     matplotlib.axes.Axes
         z in mm to the right, towards the sensor, y in mm upwards.
 
-    Raises
-    ------
-    InvalidValueError
-        If `lens` is no LensStack, or labels and paths differ in number.
-
     Examples
     --------
     >>> import numpy as np

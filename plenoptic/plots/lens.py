@@ -96,11 +96,6 @@ def plot_lens(lens: LensStack, ax: Axes | None = None) -> Axes:
     matplotlib.axes.Axes
         z in mm to the right, towards the sensor, y in mm upwards; the iris is at z = 0 and darkest.
 
-    Raises
-    ------
-    InvalidValueError
-        If `lens` is no LensStack.
-
     Examples
     --------
     >>> import plenoptic as pl
@@ -141,11 +136,6 @@ def plot_stop(stop: Stop, ax: Axes | None = None) -> Axes:
     -------
     matplotlib.axes.Axes
         x in mm to the right, y in mm upwards.
-
-    Raises
-    ------
-    InvalidValueError
-        If `stop` is no stop.
 
     Examples
     --------

@@ -39,11 +39,6 @@ def plot_views(field: LightField, *, every: int = 1, ax: Axes | None = None) -> 
         Axes are the offsets u and v in pixels of the raw image. One scale for all views, from 0 to the 99.8th
         percentile; grey ones are linear, coloured ones encoded for the screen (sRGB). Middle grey holds nothing.
 
-    Raises
-    ------
-    InvalidValueError
-        If `field` is no LightField, or `every` is no whole number above 0.
-
     Examples
     --------
     >>> import plenoptic as pl

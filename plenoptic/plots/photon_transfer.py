@@ -31,11 +31,6 @@ def plot_photon_transfer(curve: PhotonTransfer, ax: Axes | None = None) -> Axes:
         parameters of the sensor say without saturation. A fixed pattern is drawn if the sensor has one. The
         dashed vertical line is the white level.
 
-    Raises
-    ------
-    InvalidValueError
-        If `curve` is no PhotonTransfer.
-
     Examples
     --------
     >>> import numpy as np

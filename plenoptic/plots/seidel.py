@@ -34,11 +34,6 @@ def plot_seidel(sums: SeidelSums, ax: Axes | None = None) -> Axes:
     matplotlib.axes.Axes
         Elements that have sums, by their index, to the right, the sum of all last; sums in mm upwards.
 
-    Raises
-    ------
-    InvalidValueError
-        If `sums` is something else.
-
     Examples
     --------
     >>> import plenoptic as pl
@@ -80,11 +75,6 @@ def plot_chromatic_shift(shift: ChromaticShift, ax: Axes | None = None) -> Axes:
     matplotlib.axes.Axes
         Shifts against the reference wavelength in mm to the right, wavelength in nm upwards. The height is drawn if
         `shift` was made with a field.
-
-    Raises
-    ------
-    InvalidValueError
-        If `shift` is something else.
 
     Examples
     --------

@@ -30,11 +30,6 @@ def plot_sensitivity(sensitivity: Sensitivity, ax: Axes | None = None) -> Axes:
         Wavelength in nm to the right, response in 1/nm upwards, whose integral is 1; the response of lines has no
         unit, since each sees one wavelength only. Three channels are red, green and blue.
 
-    Raises
-    ------
-    InvalidValueError
-        If `sensitivity` is something else.
-
     Examples
     --------
     >>> from plenoptic import sensitivities

@@ -207,11 +207,6 @@ def plot_ray_fan(fan: RayFan, *, figure: Figure | None = None) -> Figure:
         Left the tangential component of the tangential fan, right the sagittal component of the sagittal fan, in
         micrometres at one scale; blank where rays are lost.
 
-    Raises
-    ------
-    InvalidValueError
-        If `fan` is no RayFan.
-
     Examples
     --------
     >>> import plenoptic as pl

@@ -171,11 +171,11 @@ def _exact_ray(
     crossings: list[Crossing] = []
     for element, vertex, mu in stations:
         local = [p[0], p[1], p[2] - vertex]
-        met = _met(mp, element, local, d, s)
-        if met is None:
+        distance = _intersect(mp, element, local, d, s)
+        if distance is None:
             lost = RayStatus.CLIPPED if isinstance(element, Surface) and element.aspheric else RayStatus.MISSED
             return ExactRay(lost, p, d, tuple(crossings), given)
-        hit = along_ray(local, d, met)
+        hit = along_ray(local, d, distance)
         p = [hit[0], hit[1], hit[2] + vertex]
         if not _is_clear(element, hit):
             return ExactRay(RayStatus.CLIPPED, p, d, tuple(crossings), given)
@@ -184,7 +184,7 @@ def _exact_ray(
         normal, curvature = normal_at(element, hit, digits=mp.dps)
         cos_i = s * dot(normal, d)
         cos2_t = 1 - mu * mu * (1 - cos_i * cos_i)
-        crossings.append(Crossing(hit, vertex, abs(met), d, mu, cos_i, cos2_t, curvature))
+        crossings.append(Crossing(hit, vertex, abs(distance), d, mu, cos_i, cos2_t, curvature))
         onwards = refracted(d, normal, mu, s=s, digits=mp.dps)
         if onwards is None:
             return ExactRay(RayStatus.TOTAL_REFLECTION, p, d, tuple(crossings), given)
@@ -199,16 +199,16 @@ def _is_clear(element: Surface | CircularStop, hit: Vector) -> bool:
     return bool(hit[0] ** 2 + hit[1] ** 2 <= element.semi_diameter**2)
 
 
-def _met(mp: Any, element: Surface | CircularStop, p: Vector, d: Vector, s: int) -> Number | None:
+def _intersect(mp: Any, element: Surface | CircularStop, p: Vector, d: Vector, s: int) -> Number | None:
     """Distance to the crossing, p measured from the vertex; None where there is none."""
     if isinstance(element, CircularStop) or (math.isinf(element.radius) and not element.aspheric):
         return -p[2] / d[2] if s * d[2] > 0 else None
     if element.aspheric:
         return first_crossing(mp, element, p, d, s)
-    return _met_sphere(mp, element, p, d, s) if element.conic == 0 else _met_conic(mp, element, p, d, s)
+    return _intersect_sphere(mp, element, p, d, s) if element.conic == 0 else _intersect_conic(mp, element, p, d, s)
 
 
-def _met_sphere(mp: Any, surface: Surface, p: Vector, d: Vector, s: int) -> Number | None:
+def _intersect_sphere(mp: Any, surface: Surface, p: Vector, d: Vector, s: int) -> Number | None:
     """|p + t d - centre|^2 = R^2; of the two points, the one where the ray crosses the cap the way the stack goes."""
     radius = mp.mpf(surface.radius)
     from_centre = [p[0], p[1], p[2] - radius]
@@ -225,7 +225,7 @@ def _met_sphere(mp: Any, surface: Surface, p: Vector, d: Vector, s: int) -> Numb
     return None
 
 
-def _met_conic(mp: Any, surface: Surface, p: Vector, d: Vector, s: int) -> Number | None:
+def _intersect_conic(mp: Any, surface: Surface, p: Vector, d: Vector, s: int) -> Number | None:
     """x^2 + y^2 + (1 + k) z^2 = 2 R z; of the two points, the one on the vertex's sheet, going the right way."""
     radius, squash = mp.mpf(surface.radius), 1 + mp.mpf(surface.conic)
     a = d[0] ** 2 + d[1] ** 2 + squash * d[2] ** 2
