@@ -53,7 +53,7 @@ def _chosen_side(budget: Budget) -> int:
     if budget.steps:
         side = int(math.sqrt(_FIRST_PATHS / budget.replicates))
         return max(1 if budget.target_error is None else _FEWEST, min(_DECIDING_SIDE, side))
-    return min(max(int(math.sqrt(PATHS_PER_TILE / budget.most)), _SMALLEST_SIDE), _LARGEST_SIDE)
+    return min(max(int(math.sqrt(PATHS_PER_TILE / budget.max_samples)), _SMALLEST_SIDE), _LARGEST_SIDE)
 
 
 def _cuts(first: int, end: int, side: int, least: int) -> list[int]:

@@ -177,7 +177,7 @@ def microlens_centres(
         )
     straight = walls or method is CentreMethod.ORTHOGONAL
     slopes = np.zeros_like(centres) if straight else chief_slopes(axes, centres)
-    position = axes.on_sensor(*_through_centres(array, centres, slopes))
+    position = axes.on_sensor(*through_centres(array, centres, slopes))
     if method is CentreMethod.CENTROID:
         if white is None:
             position = lit_centroids(axes, array, lenses)
@@ -186,7 +186,7 @@ def microlens_centres(
     return _kept(camera, lenses, position, method, margin)
 
 
-def _through_centres(array: MicrolensArray, centres: Floats, slopes: Floats) -> tuple[Floats, Floats]:
+def through_centres(array: MicrolensArray, centres: Floats, slopes: Floats) -> tuple[Floats, Floats]:
     """Undeviated rays, behind the array: points on its rear principal plane, and slopes.
 
     In a plate the ray passes the vertex of the curved side, where both sides are parallel: inside, it runs at the

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.camera.array_axes import ArrayAxes
-from plenoptic.camera.points.centres import _through_centres as through_centres
+from plenoptic.camera.points.centres import through_centres
 from plenoptic.camera.psf.sensor_hits import ForwardRecord
 from plenoptic.core.rays import RayBundle
 from plenoptic.optics.lens.record import LensRecord, lens_record

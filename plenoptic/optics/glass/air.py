@@ -8,7 +8,7 @@ from dataclasses import KW_ONLY
 
 from plenoptic.core.values import choice, finite, set_field, value, wrong_kind
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.glass.media import Medium, _checked_index, _wavelength_within
+from plenoptic.optics.glass.media import Medium, checked_index, wavelength_within
 
 AIR_WAVELENGTH_RANGE = (300.0, 1700.0)
 """Wavelengths in vacuum, nm, within which both formulas are used."""
@@ -175,10 +175,10 @@ class Air:
 
     def index(self, wavelength: float) -> float:
         """Absolute refractive index at a wavelength in vacuum of 300 to 1700 nm; an InvalidValueError outside."""
-        vacuum = _wavelength_within(wavelength, AIR_WAVELENGTH_RANGE, "air")
+        vacuum = wavelength_within(wavelength, AIR_WAVELENGTH_RANGE, "air")
         wavenumber_squared = (1e3 / vacuum) ** 2
         refractivity = _ciddor if self.formula == AirFormula.CIDDOR else _edlen
-        return _checked_index(1.0 + refractivity(self, wavenumber_squared), vacuum, "air")
+        return checked_index(1.0 + refractivity(self, wavenumber_squared), vacuum, "air")
 
 
 @value

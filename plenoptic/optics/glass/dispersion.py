@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 
 from plenoptic.core.values import choice, set_field, value
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.glass.media import _coefficients, _index_by_formula, _root, _set_limits
+from plenoptic.optics.glass.media import checked_coefficients, index_by_formula, set_limits, square_root
 
 
 class Formula(enum.IntEnum):
@@ -141,10 +141,10 @@ class DispersionFormula:
     def __post_init__(self) -> None:
         set_field(self, "formula", choice(self.formula, Formula, "formula"))
         count = COEFFICIENT_COUNTS[self.formula]
-        set_field(self, "coefficients", _coefficients(self.coefficients, "coefficients", count))
+        set_field(self, "coefficients", checked_coefficients(self.coefficients, "coefficients", count))
         if not isinstance(self.name, str):
             raise InvalidValueError(f"name is {self.name!r:.40}; it must be a text")
-        _set_limits(self, self.wavelength_range)
+        set_limits(self, self.wavelength_range)
 
     def index(self, wavelength: float) -> float:
         """Refractive index at a wavelength in nm; an InvalidValueError outside `wavelength_range`."""
@@ -152,7 +152,7 @@ class DispersionFormula:
         def formula(w: float) -> float:
             if self.formula in _INDICES:
                 return _INDICES[self.formula](w, self.coefficients)
-            return _root(_SQUARES[self.formula](w, self.coefficients))
+            return square_root(_SQUARES[self.formula](w, self.coefficients))
 
         name = self.name or f"this {self.formula.name} medium"
-        return _index_by_formula(formula, wavelength, self.wavelength_range, name)
+        return index_by_formula(formula, wavelength, self.wavelength_range, name)

@@ -52,7 +52,8 @@ class Medium(Protocol):
         ...
 
 
-def _checked_index(index: float, wavelength: float, medium: str) -> float:
+def checked_index(index: float, wavelength: float, medium: str) -> float:
+    """A refractive index, or an error where it is no number of at least 1."""
     # Written so that nan fails it.
     if not 1.0 <= index < math.inf:
         raise InvalidValueError(
@@ -62,7 +63,8 @@ def _checked_index(index: float, wavelength: float, medium: str) -> float:
     return index
 
 
-def _wavelength_within(wavelength: float, limits: tuple[float, float], medium: str) -> float:
+def wavelength_within(wavelength: float, limits: tuple[float, float], medium: str) -> float:
+    """A wavelength in nm, or an error where it lies beyond the limits within which a medium is defined."""
     number = finite(wavelength, "wavelength")
     if not limits[0] <= number <= limits[1]:
         raise InvalidValueError(
@@ -72,7 +74,8 @@ def _wavelength_within(wavelength: float, limits: tuple[float, float], medium: s
     return number
 
 
-def _range(limits: Sequence[float]) -> tuple[float, float]:
+def checked_range(limits: Sequence[float]) -> tuple[float, float]:
+    """Shortest and longest wavelength in nm, or an error where they are none."""
     try:
         low, high = limits
     except (TypeError, ValueError):
@@ -83,7 +86,8 @@ def _range(limits: Sequence[float]) -> tuple[float, float]:
     return low, high
 
 
-def _coefficients(values: Sequence[float], name: str, count: int | None = None) -> tuple[float, ...]:
+def checked_coefficients(values: Sequence[float], name: str, count: int | None = None) -> tuple[float, ...]:
+    """Finite coefficients, `count` of them where it is given, or an error."""
     try:
         numbers = tuple(finite(number, f"{name}[{i}]") for i, number in enumerate(values))
     except TypeError:
@@ -93,25 +97,26 @@ def _coefficients(values: Sequence[float], name: str, count: int | None = None) 
     return numbers
 
 
-def _index_by_formula(
+def index_by_formula(
     formula: Callable[[float], float], wavelength: float, limits: tuple[float, float], medium: str
 ) -> float:
     """The index by a formula for wavelengths in micrometres."""
-    micrometres = _wavelength_within(wavelength, limits, medium) * 1e-3
+    micrometres = wavelength_within(wavelength, limits, medium) * 1e-3
     try:
         index = formula(micrometres)
     except (ZeroDivisionError, OverflowError):
         index = math.inf
-    return _checked_index(index, wavelength, medium)
+    return checked_index(index, wavelength, medium)
 
 
-def _root(square: float) -> float:
+def square_root(square: float) -> float:
+    """Square root, nan of numbers below 0."""
     return math.sqrt(square) if square >= 0 else math.nan
 
 
-def _set_limits(medium: Medium, limits: Sequence[float]) -> None:
+def set_limits(medium: Medium, limits: Sequence[float]) -> None:
     """Set the range of wavelengths of a medium, and check the index at both ends."""
-    checked = _range(limits)
+    checked = checked_range(limits)
     set_field(medium, "wavelength_range", checked)
     for wavelength in checked:
         medium.index(wavelength)
@@ -239,7 +244,7 @@ class ModelGlass:
 
     def index(self, wavelength: float) -> float:
         """Refractive index at a wavelength of 360 to 1100 nm; an InvalidValueError outside."""
-        lam = _wavelength_within(wavelength, MODEL_GLASS_RANGE, self.name or "this model glass")
+        lam = wavelength_within(wavelength, MODEL_GLASS_RANGE, self.name or "this model glass")
         # Differences of the two basis functions over F - C and g - F; two equations for b and c.
         dispersion = (self.nd - 1.0) / self.vd
         partial = (0.6438 - 0.001682 * self.vd) * dispersion
@@ -249,7 +254,7 @@ class ModelGlass:
         b = (dispersion * c2 - partial * c1) / determinant
         c = (b1 * partial - b2 * dispersion) / determinant
         index = self.nd + b * (1 / lam - 1 / D_LINE) + c * (lam**-3.5 - D_LINE**-3.5)
-        return _checked_index(index, lam, self.name or f"the model glass nd={self.nd:g}, vd={self.vd:g}")
+        return checked_index(index, lam, self.name or f"the model glass nd={self.nd:g}, vd={self.vd:g}")
 
 
 @value
@@ -293,18 +298,18 @@ class Sellmeier:
     wavelength_range: tuple[float, float] = (365.0, 2325.0)
 
     def __post_init__(self) -> None:
-        set_field(self, "b", _coefficients(self.b, "b"))
-        set_field(self, "c", _coefficients(self.c, "c", len(self.b)))
-        _set_limits(self, self.wavelength_range)
+        set_field(self, "b", checked_coefficients(self.b, "b"))
+        set_field(self, "c", checked_coefficients(self.c, "c", len(self.b)))
+        set_limits(self, self.wavelength_range)
 
     def index(self, wavelength: float) -> float:
         """Refractive index at a wavelength in nm; an InvalidValueError outside `wavelength_range`."""
 
         def formula(w: float) -> float:
             square = w * w
-            return _root(1.0 + sum(b * square / (square - c) for b, c in zip(self.b, self.c, strict=True)))
+            return square_root(1.0 + sum(b * square / (square - c) for b, c in zip(self.b, self.c, strict=True)))
 
-        return _index_by_formula(formula, wavelength, self.wavelength_range, self.name or "this Sellmeier medium")
+        return index_by_formula(formula, wavelength, self.wavelength_range, self.name or "this Sellmeier medium")
 
 
 @value
@@ -338,14 +343,14 @@ class Schott:
     wavelength_range: tuple[float, float] = (365.0, 1014.0)
 
     def __post_init__(self) -> None:
-        set_field(self, "coefficients", _coefficients(self.coefficients, "coefficients", 6))
-        _set_limits(self, self.wavelength_range)
+        set_field(self, "coefficients", checked_coefficients(self.coefficients, "coefficients", 6))
+        set_limits(self, self.wavelength_range)
 
     def index(self, wavelength: float) -> float:
         """Refractive index at a wavelength in nm; an InvalidValueError outside `wavelength_range`."""
 
         def formula(w: float) -> float:
             square, powers = w * w, (0, 1, -1, -2, -3, -4)
-            return _root(sum(a * square**power for a, power in zip(self.coefficients, powers, strict=True)))
+            return square_root(sum(a * square**power for a, power in zip(self.coefficients, powers, strict=True)))
 
-        return _index_by_formula(formula, wavelength, self.wavelength_range, self.name or "this Schott medium")
+        return index_by_formula(formula, wavelength, self.wavelength_range, self.name or "this Schott medium")

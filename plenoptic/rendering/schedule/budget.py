@@ -14,7 +14,7 @@ _START = 4
 """Samples of each replicate before anything is decided."""
 _PART = 0.6
 """Of what fits into a time limit: how fast the rest will go is not known exactly."""
-MOST_SAMPLES = (1 << 31) - 1
+MAX_SAMPLES = (1 << 31) - 1
 """Of a pixel: they are counted in 32 bits, and Sobol points end at 2^32 of a replicate."""
 
 
@@ -33,14 +33,14 @@ class Budget(NamedTuple):
         return self.time_limit is not None or self.target_error is not None
 
     @property
-    def most(self) -> int:
+    def max_samples(self) -> int:
         """The largest number of samples of a pixel."""
-        return MOST_SAMPLES if self.samples is None else self.samples
+        return MAX_SAMPLES if self.samples is None else self.samples
 
     @property
     def enough(self) -> int:
         """Samples from which on errors are looked at."""
-        return min(_START * self.replicates, self.most)
+        return min(_START * self.replicates, self.max_samples)
 
     def following(self, done: int) -> int:
         """How many samples there are after the next step: at most a quarter more.
@@ -49,12 +49,12 @@ class Budget(NamedTuple):
         time limit 1 and 2 times come before, so that all pixels have something soon.
         """
         if not self.steps:
-            return self.most
+            return self.max_samples
         each = done // self.replicates
         if each < _START:
             first = max(2 * each, 1) if self.time_limit is not None else _START
-            return min(first * self.replicates, self.most)
-        return min((each + (1 << (each.bit_length() - 3))) * self.replicates, self.most)
+            return min(first * self.replicates, self.max_samples)
+        return min((each + (1 << (each.bit_length() - 3))) * self.replicates, self.max_samples)
 
     def within(self, done: int, affordable: float) -> int:
         """The number of samples of the next step, where it is time alone that counts: most of what is affordable.
@@ -75,7 +75,7 @@ class Budget(NamedTuple):
         """
         if self.target_error is None or not error > 2 * self.target_error:
             return done
-        wanted = min(done * error / (2 * self.target_error), float(self.most))
+        wanted = min(done * error / (2 * self.target_error), float(self.max_samples))
         if self.time_limit is not None:
             wanted = min(wanted, 2.0 * done)
         while (step := self.following(done)) <= wanted and step > done:
@@ -86,8 +86,8 @@ class Budget(NamedTuple):
 def checked_samples(samples: int) -> int:
     """A number of samples of a pixel that can be counted."""
     number = whole(samples, "samples", at_least=1)
-    if number > MOST_SAMPLES:
-        raise InvalidValueError(f"samples is {number}; it must be at most {MOST_SAMPLES} of a pixel")
+    if number > MAX_SAMPLES:
+        raise InvalidValueError(f"samples is {number}; it must be at most {MAX_SAMPLES} of a pixel")
     return number
 
 

@@ -46,7 +46,7 @@ class Clock:
         """Batches for each thread that may be begun before the first is taken: few where time is limited."""
         return 4 if self._end == math.inf else 2
 
-    def most_paths(self) -> int:
+    def paths_per_batch(self) -> int:
         """Paths that a batch may have."""
         if self._end == math.inf:
             return PATHS_PER_BATCH
@@ -54,9 +54,9 @@ class Clock:
             return _FIRST
         return min(int(self._batch / statistics.median(self._rates)), PATHS_PER_BATCH)
 
-    def most_samples(self, pixels: int, replicates: int) -> int:
+    def samples_per_batch(self, pixels: int, replicates: int) -> int:
         """Samples of each pixel that a batch may have, as many of each replicate; at least one of each."""
-        return max(self.most_paths() // (pixels * replicates), 1) * replicates
+        return max(self.paths_per_batch() // (pixels * replicates), 1) * replicates
 
     def has_time(self, paths: int) -> bool:
         """Whether a batch of so many paths would end in time, if another one is finished before it begins."""

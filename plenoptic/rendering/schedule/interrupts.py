@@ -24,10 +24,10 @@ class Interrupts:
     True
     """
 
-    def __init__(self, told: Callable[[], None] = lambda: None) -> None:
-        """`told` is called at the first one."""
+    def __init__(self, on_first: Callable[[], None] = lambda: None) -> None:
+        """`on_first` is called at the first one."""
         self.asked = False
-        self._told = told
+        self._on_first = on_first
         self._before: Any = None
 
     def __enter__(self) -> Interrupts:
@@ -48,4 +48,4 @@ class Interrupts:
             self._before(number, frame)
             return
         self.asked = True
-        self._told()
+        self._on_first()

@@ -54,7 +54,7 @@ class Progress:
     ) -> None:
         self.tiles, self.budget, self.setting, self.truth = tiles, budget, setting, truth
         replicates = budget.replicates
-        self.film = Film(shape, counts=replicate_counts(budget.most, replicates))
+        self.film = Film(shape, counts=replicate_counts(budget.max_samples, replicates))
         self.sums = None
         """Of all samples of unfinished tiles; None where each tile is done in one batch."""
         if budget.steps or batches:
@@ -95,7 +95,9 @@ class Progress:
         first = not self.done[i]
         self.done[i] += result.batch.samples
         done, tile = int(self.done[i]), result.tile
-        assert self.sums is not None or done == result.batch.samples == self.budget.most, "one batch must hold all"
+        assert self.sums is not None or done == result.batch.samples == self.budget.max_samples, (
+            "one batch must hold all"
+        )
         if self.sums is not None:
             self.sums[at] = result.sums
         where = None if self.open[i].all() else self.open[i][self._colours(tile)]
@@ -107,7 +109,7 @@ class Progress:
                 self.one_sample[at] = np.minimum(brought, np.finfo(np.float32).max)
             for name, array in (result.truth or {}).items():
                 self.truth[name][at] = array
-        if self.seen is not None and done < self.budget.most:
+        if self.seen is not None and done < self.budget.max_samples:
             self._look(i, *found)
         self.counts += result.counts
         self.paths += result.paths
@@ -115,7 +117,7 @@ class Progress:
         self.met += result.met
         self.light, self.clamped = self.light + result.light, self.clamped + result.clamped
         self.nonfinite_paths = (self.nonfinite_paths + list(result.lost_paths))[:NAMED]
-        if done >= self.budget.most:
+        if done >= self.budget.max_samples:
             self.capped |= bool(self.open[i].any())
             self.open[i] = False
 
@@ -180,7 +182,7 @@ class Progress:
 
     def sample_counts(self) -> NDArray[np.int32] | None:
         """(rows, columns): samples of each pixel that are in the image; None where they are all of the budget's."""
-        if self.film.sample_counts is None and (self.done < self.budget.most).any():
+        if self.film.sample_counts is None and (self.done < self.budget.max_samples).any():
             self.film.sample_counts = np.zeros(self.film.mean.shape[:2], dtype=np.int32)
             for i, done in enumerate(self.done):
                 self.film.sample_counts[self._places(i)] = done

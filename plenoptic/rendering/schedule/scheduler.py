@@ -62,7 +62,7 @@ def run(
     scene: Scene | None,
     camera: PlenopticCamera,
     budget: Budget,
-    how: RenderSettings,
+    settings: RenderSettings,
     work: Work,
     checkpoint: Checkpoint | None,
 ) -> Exposure:
@@ -75,7 +75,9 @@ def run(
     region = sensor_region(camera.sensor.shape, work.region)
     if work.conditioning is not None:
         whole(work.conditioning, "conditioning", at_least=1)
-    view = compiled(scene, camera, how, samples=budget.most, replicates=budget.replicates, seed=seed, truth=work.truth)
+    view = compiled(
+        scene, camera, settings, samples=budget.max_samples, replicates=budget.replicates, seed=seed, truth=work.truth
+    )
     if view.scene is not None and is_dark(view.scene):
         warnings.warn(
             "nothing in the scene shines and its image will be black; give it lights=[...] or a background=",
@@ -88,7 +90,7 @@ def run(
     if checkpoint is not None:
         facts: dict[str, object] = {"seed": seed, "samples": budget.samples, "target_error": budget.target_error}
         facts |= {"time_limit": None if budget.time_limit is None else "given", "replicates": budget.replicates}
-        facts |= {"region": region, "truth": kept, "settings": how, "tile_side": side}
+        facts |= {"region": region, "truth": kept, "settings": settings, "tile_side": side}
         checkpoint.resume(progress, view.scene, camera, facts)
     found = None
     if work.conditioning is not None:
@@ -101,7 +103,7 @@ def run(
         _warn_where_unmet(progress, scene)
     reason = _reason(progress, interrupted=interrupted)
     since = (begin, begin_cpu) if checkpoint is None else None
-    shot = _exposure(progress, reason, camera, work, how, workers, found, since)
+    shot = _exposure(progress, reason, camera, work, settings, workers, found, since)
     if budget.time_limit is not None and not interrupted:
         _warn_where_late(progress, budget.time_limit, time.perf_counter() - begin)
     return shot
@@ -114,7 +116,7 @@ def _progress(
     first_row, end_row, first_column, end_column = region
     shape = (end_row - first_row, end_column - first_column)
     radiance = 1.0 if view.scene is None else brightest_radiance(view.scene)
-    most = min(clock.most_samples(tile.rows * tile.columns, budget.replicates) for tile in tiles)
+    batch = min(clock.samples_per_batch(tile.rows * tile.columns, budget.replicates) for tile in tiles)
     return Progress(
         tiles,
         (*shape, view.channels),
@@ -122,7 +124,7 @@ def _progress(
         Setting(first_row, first_column, view.camera.sensor.fill_factor, radiance),
         empty_truth(kept, shape),
         status_codes(view.camera),
-        batches=most < budget.most,
+        batches=batch < budget.max_samples,
     )
 
 
@@ -142,7 +144,7 @@ def _drive(
     def batches() -> Iterator[tuple[int, Batch]]:
         for i in progress.pending():
             tile = progress.tiles[i]
-            samples = min(progress.next_samples(i), clock.most_samples(tile.rows * tile.columns, replicates))
+            samples = min(progress.next_samples(i), clock.samples_per_batch(tile.rows * tile.columns, replicates))
             if not clock.has_time(samples * tile.rows * tile.columns):
                 return
             yield i, batch_of(view.settings, int(progress.done[i]), samples)
@@ -223,7 +225,7 @@ def _exposure(
     reason: StopReason,
     camera: PlenopticCamera,
     work: Work,
-    how: RenderSettings,
+    settings: RenderSettings,
     workers: int,
     conditioning: Conditioning | None,
     since: tuple[float, float] | None,
@@ -232,7 +234,7 @@ def _exposure(
     film, counts = progress.film, progress.sample_counts()
     if counts is not None:
         forget_truth(progress.truth, counts == 0)
-    most = progress.budget.most if counts is None else int(counts.max())
+    most = progress.budget.max_samples if counts is None else int(counts.max())
     image, error, agreeing = film.image(), film.standard_error(progress.one_sample), _agreeing(progress, counts)
     if since is not None:
         progress.seconds, progress.cpu_seconds = time.perf_counter() - since[0], time.process_time() - since[1]
@@ -261,7 +263,7 @@ def _exposure(
         region=None if work.region is None else sensor_region(camera.sensor.shape, work.region),
         stats=stats,
         sample_counts=None if counts is None or counts.min() == most else counts,
-        settings=how,
+        settings=settings,
     )
 
 

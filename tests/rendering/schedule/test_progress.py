@@ -330,9 +330,9 @@ def test_the_first_interrupt_is_told() -> None:
 
 def test_batches_hold_as_many_samples_of_each_replicate() -> None:
     clock = Clock(0.0, None)
-    room = clock.most_paths()
+    room = clock.paths_per_batch()
     for pixels, replicates in ((1, 1), (100, 7), (65536, 16), (1 << 21, 8)):
-        samples = clock.most_samples(pixels, replicates)
+        samples = clock.samples_per_batch(pixels, replicates)
         assert samples % replicates == 0
         assert samples * pixels <= room or samples == replicates
         assert (samples + replicates) * pixels > room
