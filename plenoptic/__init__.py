@@ -110,6 +110,7 @@ if TYPE_CHECKING:
     from plenoptic.optics.stops.polygon import PolygonStop as PolygonStop
     from plenoptic.optics.stops.star import StarStop as StarStop
     from plenoptic.optics.surfaces.surface import Surface as Surface
+    from plenoptic.optics.surfaces.zernike import ZernikeSag as ZernikeSag
     from plenoptic.plots.camera import plot_camera as plot_camera
     from plenoptic.plots.contrast import plot_mtf as plot_mtf
     from plenoptic.plots.contrast import plot_point_spread as plot_point_spread
@@ -302,6 +303,7 @@ else:
         "plenoptic.optics.stops.circle": ("CircularStop",),
         "plenoptic.optics.stops.polygon": ("PolygonStop",),
         "plenoptic.optics.surfaces.surface": ("Surface",),
+        "plenoptic.optics.surfaces.zernike": ("ZernikeSag",),
         "plenoptic.rendering.plan.plan": ("plan",),
         "plenoptic.plots.exposure": ("plot_exposure",),
         "plenoptic.plots.fields": (

@@ -29,7 +29,7 @@ from plenoptic.core.absent_fields import RecordCompiler
 def _sources_hash() -> str:
     digest = hashlib.sha256()
     root = Path(__file__).parents[1]
-    patterns = ("**/kernels/*.py", "**/record.py", "**/registry.py", "core/*.py")
+    patterns = ("**/kernels/*.py", "**/record.py", "**/registry.py", "core/*.py", "optics/surfaces/*.py")
     for path in sorted(path for pattern in patterns for path in root.glob(pattern)):
         digest.update(str(path.relative_to(root)).encode())
         digest.update(path.read_bytes())

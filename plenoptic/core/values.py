@@ -229,7 +229,7 @@ def _freeze(self: Any) -> None:
 
 @dataclass_transform(frozen_default=True, field_specifiers=(dataclasses.field,))
 def result(cls: type[T]) -> type[T]:
-    """Make a class a value that only functions of the package make: its arrays become read-only, and nothing more."""
+    """Make a class a value that only functions of the package make: its arrays become read-only, unchecked."""
     made: Any = cls
     made.__post_init__ = _freeze
     return value(cls)

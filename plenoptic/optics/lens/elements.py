@@ -10,9 +10,10 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic.core.values import whole
 from plenoptic.errors import PrescriptionError
 from plenoptic.optics.glass.media import AIR, Medium
-from plenoptic.optics.stops.registry import Stop
+from plenoptic.optics.stops.registry import STOPS, Stop
 from plenoptic.optics.surfaces.surface import Surface
 
 Element: TypeAlias = Surface | Stop
@@ -31,15 +32,18 @@ def is_centred(element: Element) -> bool:
 
 def checked_elements(elements: Sequence[Element], ambient: Medium) -> tuple[Element, ...]:
     """The elements of a lens, or an error where they cannot be one."""
+    if isinstance(ambient, Sequence | type) or not callable(getattr(ambient, "index", None)):
+        raise PrescriptionError(f"ambient is {ambient!r}; it must be a medium, such as pl.AIR")
     try:
         stack = tuple(elements)
     except TypeError:
         raise PrescriptionError(f"elements is {elements!r}; it must be a sequence of surfaces and stops") from None
     for i, element in enumerate(stack):
         if not isinstance(element, Element):
+            *others, last = (kind.__name__ for kind in (Surface, *STOPS.values()))
             raise PrescriptionError(
-                f"element {i} is {element!r}; a lens is made of Surface, CircularStop, PolygonStop, "
-                "StarStop and MaskStop: remove it or describe it as one of these"
+                f"element {i} is {element!r}; a lens is made of {', '.join(others)} and {last}: remove it or describe "
+                "it as one of these"
             )
     surfaces = [i for i, element in enumerate(stack) if isinstance(element, Surface)]
     if not surfaces:
@@ -56,8 +60,45 @@ def checked_elements(elements: Sequence[Element], ambient: Medium) -> tuple[Elem
         raise PrescriptionError(
             f"element {surfaces[-1]}, the last surface, is followed by {last.medium!r}; the sensor is in {around}"
         )
+    if not np.isfinite(sum(element.thickness for element in stack[:-1])):
+        raise PrescriptionError("the gaps add up to no finite length; reduce their thickness")
     # The gap behind the last element belongs to the camera.
     return (*stack[:-1], dataclasses.replace(stack[-1], thickness=0.0))
+
+
+def checked_iris(elements: Sequence[Element], iris: int | None) -> int:
+    """The index of the iris, the first stop where none is given, or an error where it is none."""
+    stops = [i for i, element in enumerate(elements) if is_stop(element)]
+    found = stops[0] if iris is None else whole(iris, "iris", at_least=0)
+    if found not in stops:
+        raise PrescriptionError(f"iris is element {found}, which is not a stop; the stops are elements {stops}")
+    return found
+
+
+def checked_indices(media: Sequence[Medium], wavelength: float) -> NDArray[np.float64]:
+    """Refractive indices of the media before and behind elements, or an error where they are none."""
+    found = np.array([float(medium.index(wavelength)) for medium in media])
+    for i in np.flatnonzero(~((found >= 1.0) & (found < np.inf))):
+        raise PrescriptionError(
+            f"the medium behind element {i - 1} has the refractive index {found[i]:g} at {wavelength:g} nm; "
+            "it must be finite and at least 1: use another medium"
+        )
+    return found
+
+
+def checked_stop(stop: Stop) -> None:
+    """An error where something is no stop."""
+    if not isinstance(stop, Stop):
+        raise PrescriptionError(f"stop is {stop!r}; it must be a stop, such as a CircularStop")
+
+
+def counted(elements: Sequence[Element], length: float) -> str:
+    """What a lens is made of, in words."""
+    stops = sum(map(is_stop, elements))
+    surfaces = len(elements) - stops
+    counts = f"{surfaces} surface{'s' * (surfaces != 1)}, {stops} stop{'s' * (stops != 1)}"
+    moved = sum(element.placement is not None for element in elements)
+    return f"{counts}, {length:g} mm long" + (f", {moved} element{'s' * (moved != 1)} out of place" if moved else "")
 
 
 def with_inserted(

@@ -12,9 +12,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import choice, finite, read_only, set_field, value, whole
-from plenoptic.errors import PrescriptionError
 from plenoptic.optics.glass.media import AIR, Medium
-from plenoptic.optics.lens.elements import Element, checked_elements, is_stop, with_inserted
+from plenoptic.optics.lens.elements import (
+    Element,
+    checked_elements,
+    checked_indices,
+    checked_iris,
+    checked_stop,
+    counted,
+    is_stop,
+    with_inserted,
+)
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.moving import moved_group
 from plenoptic.optics.stops.registry import Stop
@@ -77,17 +85,9 @@ class LensStack:
     model: LensModel = dataclasses.field(default=LensModel.EXACT, kw_only=True)
 
     def __post_init__(self) -> None:
-        if isinstance(self.ambient, Sequence | type) or not callable(getattr(self.ambient, "index", None)):
-            raise PrescriptionError(f"ambient is {self.ambient!r}; it must be a medium, such as pl.AIR")
         set_field(self, "model", choice(self.model, LensModel, "model"))
         set_field(self, "elements", checked_elements(self.elements, self.ambient))
-        stops = [i for i, element in enumerate(self.elements) if is_stop(element)]
-        iris = stops[0] if self.iris is None else whole(self.iris, "iris", at_least=0)
-        if iris not in stops:
-            raise PrescriptionError(f"iris is element {iris}, which is not a stop; the stops are elements {stops}")
-        set_field(self, "iris", iris)
-        if not np.isfinite(sum(element.thickness for element in self.elements)):
-            raise PrescriptionError("the gaps add up to no finite length; reduce their thickness")
+        set_field(self, "iris", checked_iris(self.elements, self.iris))
 
     @property
     def iris_index(self) -> int:
@@ -150,25 +150,10 @@ class LensStack:
         >>> pl.load_lens("singlet-100mm-f4").indices(587.6).round(4)
         array([1.    , 1.    , 1.5168, 1.    ])
         """
-        found = np.array([float(medium.index(wavelength)) for medium in self.gap_media])
-        for i in np.flatnonzero(~((found >= 1.0) & (found < np.inf))):
-            raise PrescriptionError(
-                f"the medium behind element {i - 1} has the refractive index {found[i]:g} at {wavelength:g} nm; "
-                "it must be finite and at least 1: use another medium"
-            )
-        return read_only(found)
+        return read_only(checked_indices(self.gap_media, wavelength))
 
     def with_model(self, model: LensModel) -> LensStack:
-        """The same lens, followed more or less faithfully.
-
-        Parameters
-        ----------
-        model : LensModel
-
-        Returns
-        -------
-        LensStack
-            Its elements stay; `trace` and cameras treat it as the model says.
+        """The same lens, followed more or less faithfully: `trace` and cameras treat it as the model says.
 
         Examples
         --------
@@ -236,8 +221,7 @@ class LensStack:
         >>> lens.stop
         PolygonStop(blades=6, semi_diameter=5.0, thickness=9.0)
         """
-        if not isinstance(stop, Stop):
-            raise PrescriptionError(f"stop is {stop!r}; it must be a stop, such as a CircularStop")
+        checked_stop(stop)
         elements = list(self.elements)
         placement = self.stop.placement if stop.placement is None else stop.placement
         elements[self.iris_index] = dataclasses.replace(stop, thickness=self.stop.thickness, placement=placement)
@@ -265,8 +249,7 @@ class LensStack:
         >>> lens.inserted(pl.CircularStop(18.0), z=31.0).vertices[-2:]
         array([30.31, 31.  ])
         """
-        if not isinstance(stop, Stop):
-            raise PrescriptionError(f"stop is {stop!r}; it must be a stop, such as a CircularStop")
+        checked_stop(stop)
         elements, at = with_inserted(self.elements, self.vertices, self.gap_media, stop, finite(z, "z"))
         return dataclasses.replace(self, elements=elements, iris=self.iris_index + (at <= self.iris_index))
 
@@ -288,13 +271,8 @@ class LensStack:
         return tuple((i, j) for i, j in pairwise(surfaces) if self.gap_media[i + 1] != self.ambient)
 
     def __repr__(self) -> str:
-        stops = sum(map(is_stop, self.elements))
-        surfaces = len(self.elements) - stops
-        counts = f"{surfaces} surface{'s' * (surfaces != 1)}, {stops} stop{'s' * (stops != 1)}"
-        moved = sum(element.placement is not None for element in self.elements)
-        out = f", {moved} element{'s' * (moved != 1)} out of place" if moved else ""
         model = "" if self.model is LensModel.EXACT else f", as {self.model.name}"
-        return f"<LensStack {self.name!r}: {counts}, {self.length:g} mm long{out}{model}>"
+        return f"<LensStack {self.name!r}: {counted(self.elements, self.length)}{model}>"
 
     def _repr_svg_(self) -> str:
         from plenoptic.plots.lens import lens_svg
@@ -339,11 +317,9 @@ class LensStack:
         Parameters
         ----------
         fields : (n,) array, optional
-            Along +y: half angles in radians, or heights in mm in the plane `z_object`; three that are worth drawing if
-            left out.
+            Along +y: half angles in radians, or heights in mm in the plane `z_object`; three if left out.
         z_object : float, optional
-            mm; -inf: infinitely far. If left out, that, or the front focus of a lens whose rear focus does not lie
-            behind it, as that of a microscope objective.
+            mm; -inf: infinitely far. If left out, that, or the front focus of a lens with no rear focus behind it.
         rays : int, optional
             Rays of each fan, evenly over the diameter along y of the iris. Those that a rim stops end there.
         wavelength : float, optional
@@ -389,8 +365,8 @@ class LensStack:
         Returns
         -------
         RayBundle
-            Origins on the last element. A ray that was lost has weight 0, a status, the element at which
-            it was lost, and NaN for origin and direction.
+            Origins on the last element. A lost ray has weight 0, a status, the element that it was lost at, and NaN for
+            origin and direction.
 
         Examples
         --------

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -36,7 +36,6 @@ class DepartureBounds(NamedTuple):
     """What rounding may leave of the sag, in mm."""
 
 
-@runtime_checkable
 class Departure(Protocol):
     """An added sag, 0 at the vertex: a frozen value. `registry` lists those that there are."""
 

@@ -5,9 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from plenoptic.optics.surfaces.departure import Departure
+from plenoptic.optics.surfaces.zernike import ZernikeSag
 
-DEPARTURES: tuple[type[Departure], ...] = ()
+DEPARTURES: tuple[type[Departure], ...] = (ZernikeSag,)
 
-ZEMAX: dict[str, Callable[[Mapping[int, float], float], tuple[Departure | None, float]]] = {}
+ZEMAX: dict[str, Callable[[Mapping[int, float], float], tuple[Departure | None, float]]] = {
+    "SZERNSAG": ZernikeSag.from_zemax
+}
 """By the TYPE of a surface: from its extra data (XDAT) and the unit in mm to the departure, and the sag at the vertex
 that it leaves out, in mm. All of these types have the PARM of even aspheres."""

@@ -8,7 +8,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-_RINGS = 64
+RINGS = 64
 """Rings of equal area that bounds are found in one by one: narrow enough to be some per cent above the truth."""
 
 _ROUNDING = 1.0 + 1e-9
@@ -23,7 +23,7 @@ def asphere_bounds(c: float, conic: float, terms: tuple[float, ...], edge: float
     and Surfaces for CAGD, 5th ed., section 6.2), and the conic's part between its ends. Infinite where the surface
     reaches the equator of its conic.
     """
-    u = np.linspace(0.0, 1.0, _RINGS + 1)
+    u = np.linspace(0.0, 1.0, RINGS + 1)
     r = edge * np.sqrt(u)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         w2 = np.maximum(1.0 - (1.0 + conic) * (c * r) ** 2, 0.0)
@@ -41,17 +41,17 @@ def asphere_bounds(c: float, conic: float, terms: tuple[float, ...], edge: float
 
 def _largest(monotone: NDArray[np.float64], powers: NDArray[np.float64]) -> NDArray[np.float64]:
     """Bound on the size of a monotone part, given at the ends of the rings, plus a polynomial in u, for each ring."""
-    low, high = _bernstein_range(powers)
+    low, high = bernstein_range(powers)
     ends = np.stack([monotone[:-1], monotone[1:]])
     return np.asarray(np.maximum(np.abs(ends.min(axis=0) + low), np.abs(ends.max(axis=0) + high)))
 
 
-def _bernstein_range(powers: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Smallest and largest Bernstein coefficient of a polynomial on each ring, (_RINGS,) each."""
+def bernstein_range(powers: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Smallest and largest Bernstein coefficient of a polynomial on each ring, (RINGS,) each."""
     n = len(powers) - 1
-    width = 1.0 / _RINGS
+    width = 1.0 / RINGS
     ranges = []
-    for start in np.arange(_RINGS) * width:
+    for start in np.arange(RINGS) * width:
         # Taylor coefficients at the start of the ring, for u = start + width t.
         local = np.array(
             [

@@ -111,6 +111,11 @@ class Surface:
         if not (self.departure is None or isinstance(self.departure, DEPARTURES)):
             known = " or ".join(kind.__name__ for kind in DEPARTURES) or "None"
             raise PrescriptionError(f"departure is {self.departure!r}; it must be {known}")
+        if self.departure is not None and not np.isfinite(self.departure.bounds(self.semi_diameter)).all():
+            raise PrescriptionError(
+                f"departure {self.departure!r} gives no finite height at the semi-diameter {self.semi_diameter:g} mm; "
+                "correct it"
+            )
         if self.depth is not None:
             set_field(self, "depth", self._checked_depth(self.depth))
         # A text or a list has an index() too, which finds things in it; a class has one without an instance.

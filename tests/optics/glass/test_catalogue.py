@@ -221,14 +221,6 @@ def test_the_axial_colour_of_an_achromat_is_its_secondary_spectrum() -> None:
     assert 100.0 / (blue - yellow) == pytest.approx(2000.0, rel=0.15)
 
 
-def test_the_bundled_achromat_is_one() -> None:
-    lens = load_lens("achromat-100mm-f4.4")
-    yellow, blue, red = (_bfl(lens, wavelength) for wavelength in (D_LINE, F_LINE, C_LINE))
-    # A singlet of this focal length would have f / V = 1.5 mm between blue and red, and an achromat 0.05 mm to yellow.
-    assert abs(blue - red) < 0.15
-    assert 0 < max(blue, red) - yellow < 0.15
-
-
 def _biconvex(medium: Medium, around: Medium) -> LensStack:
     front, back = Surface(50.0, 5.0, medium, semi_diameter=10.0), Surface(-50.0, 0.0, around, semi_diameter=10.0)
     return LensStack([CircularStop(5.0, 1.0), front, back], ambient=around)

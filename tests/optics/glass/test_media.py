@@ -123,8 +123,7 @@ def test_a_model_glass_never_answers_with_an_impossible_index(nd: float, vd: flo
 
 
 @pytest.mark.parametrize(
-    ("b", "c"),
-    [((), ()), ((1.0, 0.2), (0.006,)), ((1.0, math.nan), (0.006, 0.02)), ((-5.0,), (0.006,)), (1.0, 0.006)],
+    ("b", "c"), [((), ()), ((1.0, 0.2), (0.006,)), ((1.0, math.nan), (0.006, 0.02)), ((-5.0,), (0.006,)), (1.0, 0.006)]
 )
 def test_impossible_sellmeier_coefficients_are_refused(b: tuple[float, ...], c: tuple[float, ...]) -> None:
     with pytest.raises(InvalidValueError):

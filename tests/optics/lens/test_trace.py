@@ -27,6 +27,7 @@ def surface_record(curvatures, ratios, vertices, *, s=1.0):
         first_edge=np.zeros(n + 1, dtype=np.int64),
         conic=None,
         aspheric=None,
+        departure=None,
         frames=None,
         masks=None,
         index_ratios=None,

@@ -23,13 +23,7 @@ from plenoptic.optics.lens.analysis.illumination import (
     vignetting,
 )
 from plenoptic.optics.lens.analysis.mtf import Mtf, PointSpread, diffraction_mtf, mtf, point_spread
-from plenoptic.optics.lens.analysis.seidel import (
-    ChromaticShift,
-    SeidelSums,
-    chromatic_shift,
-    colour_sums,
-    seidel_sums,
-)
+from plenoptic.optics.lens.analysis.seidel import ChromaticShift, SeidelSums, chromatic_shift, colour_sums, seidel_sums
 from plenoptic.optics.lens.analysis.spots import RayFan, SpotDiagram, ray_fan, spot_diagram
 
 __all__ = [

@@ -14,7 +14,7 @@ from plenoptic.optics.lens.stack import LensStack
 
 @value
 class ParaxialRay:
-    """A paraxial ray through a lens: heights at the elements and angles between them.
+    """A paraxial ray through a lens: heights at the elements and angles between them. See `paraxial_ray`.
 
     Parameters
     ----------
@@ -24,13 +24,6 @@ class ParaxialRay:
         Slope before the first element and behind each of them, radians; positive where the height grows towards +z.
     index : (n + 1,) array
         Refractive index there.
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> ray = pl.paraxial.marginal_ray(pl.load_lens("double-gauss-100mm-f2"))
-    >>> round(float(ray.angle[-1]), 4)                  # -1 / (2 f-number) from infinity
-    -0.2463
     """
 
     height: Floats

@@ -47,7 +47,7 @@ _LONGEST = len("entrance_pupil_semi_diameter")
 
 @value
 class CardinalPoints:
-    """What Gaussian optics knows of a lens at one wavelength; made by `cardinal_points`.
+    """What Gaussian optics knows of a lens at one wavelength. See `cardinal_points`, which makes it.
 
     Attributes
     ----------
@@ -70,13 +70,6 @@ class CardinalPoints:
         Absolute focal length over the diameter of the entrance pupil: for an object at infinity.
     wavelength : float
         nm.
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> points = pl.paraxial.cardinal_points(pl.load_lens("double-gauss-100mm-f2"))
-    >>> round(points.rear_focus - points.rear_principal, 2), round(points.pupil_magnification, 3)
-    (100.72, 1.552)
     """
 
     efl: float
@@ -159,8 +152,9 @@ def cardinal_points(lens: LensStack, wavelength: float = 587.6) -> CardinalPoint
     Examples
     --------
     >>> import plenoptic as pl
-    >>> round(pl.paraxial.cardinal_points(pl.load_lens("double-gauss-100mm-f2"), wavelength=587.6).efl, 2)
-    100.72
+    >>> points = pl.paraxial.cardinal_points(pl.load_lens("double-gauss-100mm-f2"), wavelength=587.6)
+    >>> round(points.efl, 2), round(points.rear_focus - points.rear_principal, 2), round(points.pupil_magnification, 3)
+    (100.72, 100.72, 1.552)
     """
     first, last = end_surfaces(lens)
     z = lens.vertices

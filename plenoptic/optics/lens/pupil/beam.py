@@ -105,13 +105,7 @@ def meridian(field: Sequence[float] | Floats) -> Floats:
 
 
 def pencil(
-    lens: LensStack,
-    *,
-    field: tuple[float, float],
-    z_object: float,
-    wavelength: float,
-    rays: int,
-    seed: int,
+    lens: LensStack, *, field: tuple[float, float], z_object: float, wavelength: float, rays: int, seed: int
 ) -> Pencil | None:
     """At least `rays` rays (a multiple of `REPLICATES`) from one object point; None where no ray reaches the iris.
 

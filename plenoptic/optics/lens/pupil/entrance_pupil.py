@@ -13,7 +13,7 @@ import numpy as np
 from plenoptic.core.values import Floats
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
-from plenoptic.optics.lens.pupil.exit_pupil import grid, passing_points
+from plenoptic.optics.lens.pupil.exit_pupil import grid, unvignetted
 from plenoptic.optics.lens.record import LensRecord, lens_record
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.record import IDEAL
@@ -93,17 +93,12 @@ def _searched(where: Entrance, point: Floats) -> Floats | None:
 
 
 def _lit_box(
-    where: Entrance,
-    point: Floats,
-    near: Floats,
-    far: Floats,
-    n: int,
-    rim: tuple[Floats, Floats],
+    where: Entrance, point: Floats, near: Floats, far: Floats, n: int, rim: tuple[Floats, Floats]
 ) -> tuple[Floats, Floats] | None:
     """A box around the points of an n x n grid that pass; where they reach its border, it grows up to the rim."""
     while True:
         points, mesh = grid(near, far, n)
-        passing = points[passing_points(where.lens, point, points, where.z)]
+        passing = points[unvignetted(where.lens, point, points, where.z)]
         if not len(passing):
             return None
         low = np.maximum(passing.min(axis=0) - mesh, rim[0])
@@ -118,7 +113,7 @@ def _lit_box(
 def _outline(where: Entrance, point: Floats, low: Floats, high: Floats) -> Floats:
     """The polygon of 16 sides around the points of a box that pass, widened by one step of the grid."""
     points, mesh = grid(low, high, _FINE)
-    passing = points[passing_points(where.lens, point, points, where.z)]
+    passing = points[unvignetted(where.lens, point, points, where.z)]
     if not len(passing):
         passing = np.array([low, [low[0], high[1]], high, [high[0], low[1]]])
     angle = 2 * math.pi * np.arange(_SIDES) / _SIDES
@@ -140,9 +135,9 @@ def _rim_box(where: Entrance, point: Floats) -> tuple[Floats, Floats]:
         return centre - reach, centre + reach
     sides = []
     for depth in (0.0, where.depth):
-        share = height / (height + depth)
-        middle = point[:2] + share * (where.centre - point[:2])
-        sides += [middle - share * where.reach, middle + share * where.reach]
+        fraction = height / (height + depth)
+        middle = point[:2] + fraction * (where.centre - point[:2])
+        sides += [middle - fraction * where.reach, middle + fraction * where.reach]
     return np.min(sides, axis=0), np.max(sides, axis=0)
 
 
@@ -173,6 +168,6 @@ def _pupil_box(where: Entrance, point: Floats) -> tuple[Floats, Floats] | None:
     z, semi_diameter, shift = where.pupil
     if not (math.isfinite(z) and math.isfinite(semi_diameter)) or z <= point[2]:
         return None
-    share = (where.z - point[2]) / (z - point[2])
-    middle = (1.0 - share) * point[:2] + share * shift
-    return middle - 1.5 * share * semi_diameter, middle + 1.5 * share * semi_diameter
+    fraction = (where.z - point[2]) / (z - point[2])
+    middle = (1.0 - fraction) * point[:2] + fraction * shift
+    return middle - 1.5 * fraction * semi_diameter, middle + 1.5 * fraction * semi_diameter

@@ -31,7 +31,7 @@ _WHOLE, _COARSE, _FINE = 128, 64, 128
 _RADII = 25
 _MOST_RADII = 225
 _BISECTIONS = 12
-_LARGEST_SHARE = 10.0
+_LARGEST_FRACTION = 10.0
 
 Guess: TypeAlias = tuple[float, float, float]
 """Where light may pass the plane of the outlines: x, y and half the width of a square."""
@@ -74,7 +74,7 @@ def _normals() -> Floats:
     return np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 
-def passing_points(lens: LensRecord, origin: Floats, points: Floats, z: float) -> NDArray[np.bool_]:
+def unvignetted(lens: LensRecord, origin: Floats, points: Floats, z: float) -> NDArray[np.bool_]:
     """Which of the rays from `origin` (3,) through `points` (n, 2) of the plane z leave the lens."""
     from plenoptic.core.kernels.ray_blocks import BLOCK
     from plenoptic.optics.lens.kernels.trace import fill_traced
@@ -107,13 +107,13 @@ def _passing_box(
 ) -> tuple[Floats, Floats] | None:
     """A box around all points that pass. It starts from a guess (centre x, y, half width) and grows up to the rim."""
     grazing = rim * _GRAZING
-    grazing = grazing[passing_points(lens, origin, grazing, z)]
+    grazing = grazing[unvignetted(lens, origin, grazing, z)]
     for x, y, half_width in guesses:
         low = np.array([x - half_width, y - half_width])
         high = np.array([x + half_width, y + half_width])
         while True:
             points, mesh = grid(low, high, _WHOLE if half_width >= rim else _COARSE)
-            passing = points[passing_points(lens, origin, points, z)]
+            passing = points[unvignetted(lens, origin, points, z)]
             if not len(passing):
                 break
             passing = np.concatenate([passing, grazing])
@@ -135,7 +135,7 @@ def _outline(lens: LensRecord, origin: Floats, z: float, guesses: list[Guess], r
         return np.full(SIDES, -np.inf)
     points, mesh = grid(*box, _FINE)
     points = np.concatenate([points, rim * _GRAZING])
-    passing = points[passing_points(lens, origin, points, z)]
+    passing = points[unvignetted(lens, origin, points, z)]
     if not len(passing):
         passing, mesh = np.array(box), 0.0
     return np.asarray((passing @ _normals().T).max(axis=0) + mesh)
@@ -210,8 +210,8 @@ def rear_reach(lens: LensStack, z_plane: float, wavelength: float) -> tuple[floa
 
 def _projected(gap: float, ahead: float, reach: float) -> tuple[float, float]:
     """A disc of radius `reach`, `ahead` of the plane of outlines, as (a, b) of `rear_reach`."""
-    share = min(gap / max(gap - ahead, 1e-3 * gap), _LARGEST_SHARE)
-    return max(share, 1.0) * reach, abs(1.0 - share)
+    fraction = min(gap / max(gap - ahead, 1e-3 * gap), _LARGEST_FRACTION)
+    return max(fraction, 1.0) * reach, abs(1.0 - fraction)
 
 
 _REMEMBERED = 64
@@ -267,12 +267,7 @@ def _largest_step(support: Floats) -> float:
 
 
 def _all_round(
-    lens: LensRecord,
-    rho: Floats,
-    pupil: tuple[float, ...],
-    z: float,
-    z_plane: float,
-    rear: tuple[float, float],
+    lens: LensRecord, rho: Floats, pupil: tuple[float, ...], z: float, z_plane: float, rear: tuple[float, float]
 ) -> Floats:
     """Support distances as seen from all points at the distances rho, in axes turned with them.
 
@@ -312,12 +307,7 @@ def _turned_pupil(pupil: tuple[float, ...], angle: float) -> tuple[float, ...]:
 
 
 def _followed_outlines(
-    lens: LensRecord,
-    rho: Floats,
-    pupil: tuple[float, ...],
-    z: float,
-    z_plane: float,
-    rear: tuple[float, float],
+    lens: LensRecord, rho: Floats, pupil: tuple[float, ...], z: float, z_plane: float, rear: tuple[float, float]
 ) -> Floats:
     """Support distances (n, SIDES) as seen from points at the distances rho from the axis; -inf where it is dark.
 
@@ -331,9 +321,9 @@ def _followed_outlines(
         guesses = [(0.0, 0.0, rim)]
         if math.isfinite(exit_pupil) and exit_pupil < z_plane:
             # The paraxial pupil as seen from the cell, on the plane of the last vertex.
-            share = (z_plane - z) / (z_plane - exit_pupil)
-            x, y = (share * shift for shift in across)
-            guesses.append((radius * (1 - share) + x, y, 1.5 * share * semi_diameter))
+            fraction = (z_plane - z) / (z_plane - exit_pupil)
+            x, y = (fraction * shift for shift in across)
+            guesses.append((radius * (1 - fraction) + x, y, 1.5 * fraction * semi_diameter))
         if heading is not None:
             guesses.append(heading)
         return _outline(lens, np.array([radius, 0.0, z_plane]), z, guesses, rim)
@@ -367,13 +357,7 @@ def _middle(support: Floats) -> Guess:
     return 0.5 * float(left + right), 0.5 * float(up + down), 0.5 * float(max(right - left, up - down))
 
 
-def _widened(
-    rho: Floats,
-    support: Floats,
-    cell_radius: float,
-    largest_radius: float,
-    z: float,
-) -> PupilBounds:
+def _widened(rho: Floats, support: Floats, cell_radius: float, largest_radius: float, z: float) -> PupilBounds:
     """Union of the outlines of all points of a cell, for intervals of the distance of its centre."""
     normals = _normals()
     bins, spacing = len(rho) - 1, rho[1] - rho[0]

@@ -31,15 +31,7 @@ from plenoptic.optics.lens.pupil.search import (
 )
 from plenoptic.optics.lens.stack import LensStack
 
-__all__ = [
-    "aimed_rays",
-    "aimed_rays_reverse",
-    "chief_ray",
-    "entrance_pupil_of",
-    "fan",
-    "hexapolar",
-    "square_grid",
-]
+__all__ = ["aimed_rays", "aimed_rays_reverse", "chief_ray", "entrance_pupil_of", "fan", "hexapolar", "square_grid"]
 
 _EPS = float(np.finfo(np.float64).eps)
 

@@ -135,13 +135,7 @@ def test_stop_shift(shift, field, far) -> None:
     before = seidel_sums(GAUSS, field=size, z_object=z_object).table
     s1, s2, s3, s4, s5 = before.T
     expected = np.column_stack(
-        [
-            s1,
-            s2 + e * s1,
-            s3 + 2 * e * s2 + e * e * s1,
-            s4,
-            s5 + e * (3 * s3 + s4) + 3 * e * e * s2 + e**3 * s1,
-        ]
+        [s1, s2 + e * s1, s3 + 2 * e * s2 + e * e * s1, s4, s5 + e * (3 * s3 + s4) + 3 * e * e * s2 + e**3 * s1]
     )
     # E is known to the rounding of heights of some 10 mm: its powers are of the order of 1.
     parts = [np.abs(s).max() for s in before.T]

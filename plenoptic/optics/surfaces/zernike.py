@@ -1,0 +1,270 @@
+"""Zernike polynomials as the departure of a surface from its conic or asphere."""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Mapping, Sequence, Set
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from plenoptic.core.values import finite, positive, set_field, value
+from plenoptic.errors import InvalidValueError, PrescriptionError
+from plenoptic.optics.surfaces.departure import DepartureBounds, VertexShape
+from plenoptic.optics.surfaces.sag_bounds import RINGS, bernstein_range
+
+ZERNIKE = 1
+"""The kind of departure, for kernels."""
+
+MOST_TERMS = 91
+"""All of degree 12 and below. Beyond, sums of powers lose too many digits near the rim."""
+
+_EPS = float(np.finfo(np.float64).eps)
+
+Floats = NDArray[np.float64]
+
+
+class _Harmonics(NamedTuple):
+    """The sag as sum over m of P_m(u) Re zeta^m + Q_m(u) Im zeta^m, zeta = (x + i y) / norm_radius, u = |zeta|^2."""
+
+    cosine: Floats
+    """(orders, terms) coefficients of the P_m, of u^0 first; P_0(0) is 0."""
+    sine: Floats
+    offset: float
+    """What was left out of P_0, in mm."""
+
+
+@value
+class ZernikeSag:
+    r"""Noll's Zernike polynomials over a disc, less their value at the vertex.
+
+    .. math:: \Delta z = \sum_j a_j \left(Z_j(\rho, \varphi) - Z_j(0)\right), \qquad
+        \rho = \frac{\sqrt{x^2 + y^2}}{r_n}, \quad \varphi = \operatorname{atan2}(y, x)
+
+    The polynomials have a mean square of 1 over the disc, like those of Zemax's Zernike standard sag. The vertex stays
+    where it is: piston, and the constants of other terms, only shift a surface along its axis.
+
+    Parameters
+    ----------
+    coefficients : sequence of float
+        a_1, a_2, ... in mm, at most 91 (degree 12): piston, tilts, defocus, astigmatism (oblique first), coma, ...
+    norm_radius : float
+        Radius r_n of the disc in mm, above 0; mostly the semi-diameter.
+
+    Raises
+    ------
+    InvalidValueError
+        If a number is out of range.
+
+    References
+    ----------
+    R. J. Noll, Zernike polynomials and atmospheric turbulence, J. Opt. Soc. Am. 66, 207 (1976), table I.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> from plenoptic.optics.surfaces.zernike import ZernikeSag
+    >>> astigmatism = ZernikeSag([0, 0, 0, 0, 0, 1e-3], norm_radius=10.0)     # sqrt(6) rho^2 cos(2 phi)
+    >>> (1e3 * astigmatism.sag([10.0, 0.0], [0.0, 10.0])).round(4).tolist()
+    [2.4495, -2.4495]
+    >>> front = pl.Surface(50.0, semi_diameter=10.0, departure=astigmatism)
+    >>> bool(front.sag(10.0, 0.0) > front.sag(0.0, 10.0))
+    True
+    """
+
+    coefficients: Sequence[float]
+    norm_radius: float
+
+    def __post_init__(self) -> None:
+        set_field(self, "coefficients", self._checked_coefficients())
+        set_field(self, "norm_radius", positive(self.norm_radius, "norm_radius", "mm"))
+
+    def _checked_coefficients(self) -> tuple[float, ...]:
+        try:
+            if isinstance(self.coefficients, str | bytes | Mapping | Set):
+                raise TypeError
+            terms = [finite(a, f"coefficients[{j}]") for j, a in enumerate(self.coefficients)]
+        except TypeError:
+            raise InvalidValueError(
+                f"coefficients is {self.coefficients!r}; it must be a sequence of numbers, that of piston first"
+            ) from None
+        while terms and terms[-1] == 0:
+            terms.pop()
+        if len(terms) > MOST_TERMS:
+            raise PrescriptionError(
+                f"coefficients has {len(terms)} terms, up to degree {_degree_and_order(len(terms))[0]}; at most "
+                f"{MOST_TERMS}, of degree 12, can be traced: leave out the others if they are small"
+            )
+        return tuple(terms)
+
+    @property
+    def _harmonics(self) -> _Harmonics:
+        return _harmonics(tuple(self.coefficients))
+
+    @property
+    def offset(self) -> float:
+        """The sum of the a_j Z_j(0) in mm, which is left out."""
+        return self._harmonics.offset
+
+    def sag(self, x: ArrayLike, y: ArrayLike) -> Floats:
+        """Added height in mm at points (x, y), mm."""
+        zeta, u = self._zeta(x, y)
+        parts = self._harmonics
+        total = np.zeros(zeta.shape)
+        for m, (p, q) in enumerate(zip(parts.cosine, parts.sine, strict=True)):
+            power = zeta**m
+            total = total + _at(p, u) * power.real + _at(q, u) * power.imag
+        return total
+
+    def gradient(self, x: ArrayLike, y: ArrayLike) -> Floats:
+        """(2, ...) derivatives of the sag by x and y."""
+        zeta, u = self._zeta(x, y)
+        parts = self._harmonics
+        total = np.zeros((2, *zeta.shape))
+        for m, (p, q) in enumerate(zip(parts.cosine, parts.sine, strict=True)):
+            power, change = zeta**m, m * zeta ** max(m - 1, 0)
+            by_u = _at(_derivative(p), u) * power.real + _at(_derivative(q), u) * power.imag
+            along = np.stack([change.real, -change.imag]) * _at(p, u) + np.stack([change.imag, change.real]) * _at(q, u)
+            total = total + 2.0 * np.stack([zeta.real, zeta.imag]) * by_u + along
+        return np.asarray(total / self.norm_radius)
+
+    def _zeta(self, x: ArrayLike, y: ArrayLike) -> tuple[NDArray[np.complex128], Floats]:
+        across, up = np.asarray(x, np.float64) / self.norm_radius, np.asarray(y, np.float64) / self.norm_radius
+        zeta: NDArray[np.complex128] = np.asarray(across + 1j * up, np.complex128)
+        return zeta, np.asarray(across * across + up * up)
+
+    @property
+    def vertex(self) -> VertexShape:
+        """What paraxial rays see of it."""
+        p, q, _ = self._harmonics
+        r = self.norm_radius
+        mean, split, oblique = 2.0 * p[0, 1] / r**2, 2.0 * p[2, 0] / r**2, 2.0 * q[2, 0] / r**2
+        shape = (p[1, 0] / r, q[1, 0] / r, mean + split, oblique, mean - split)
+        return VertexShape(*map(float, shape))
+
+    def bounds(self, radius: float) -> DepartureBounds:
+        """Bounds up to a distance from the vertex in mm.
+
+        In polar coordinates, a term f(rho) cos(m phi), f = rho^m P(u), has the gradient f', m f / rho, and the second
+        derivatives f'', f' / rho - m^2 f / rho^2 and m (f' / rho - f / rho^2): powers of rho times polynomials in u,
+        which lie in each of many rings between their Bernstein coefficients. The parts of all terms are added up in
+        size.
+        """
+        return _bounds(tuple(self.coefficients), self.norm_radius, float(radius))
+
+    def numbers(self) -> tuple[float, ...]:
+        """What its kernel reads: its kind, 1 / norm_radius, orders, terms, and for each order those of P_m and Q_m."""
+        p, q, _ = self._harmonics
+        pairs = np.stack([p, q], axis=1).ravel().tolist()
+        return (float(ZERNIKE), 1.0 / self.norm_radius, float(p.shape[0]), float(p.shape[1]), *pairs)
+
+    @classmethod
+    def from_zemax(cls, extra: Mapping[int, float], unit: float) -> tuple[ZernikeSag | None, float]:
+        """The departure of a surface of type SZERNSAG, and the sag at the vertex that it leaves out, in mm.
+
+        `extra` is its XDAT: the number of terms, the norm radius, and the coefficients, in units of `unit` mm.
+        """
+        count = int(extra.get(1, 0.0))
+        terms = [extra.get(2 + j, 0.0) * unit for j in range(1, count + 1)]
+        if not any(terms):
+            return None, 0.0
+        if 2 not in extra:
+            raise PrescriptionError("XDAT 2, the norm radius of the Zernike terms, is missing; give it")
+        found = cls(terms, extra[2] * unit)
+        return found, found.offset
+
+
+def _degree_and_order(j: int) -> tuple[int, int]:
+    """Degree n and order m of Noll's term j: m above 0 for cosines, below for sines."""
+    n = (math.isqrt(8 * j - 7) - 1) // 2
+    place = j - n * (n + 1) // 2 - 1  # in the row of this degree
+    m = 2 * ((place + (n + 1) % 2) // 2) + n % 2
+    return n, m if j % 2 == 0 else -m
+
+
+@functools.lru_cache(maxsize=256)
+def _harmonics(coefficients: tuple[float, ...]) -> _Harmonics:
+    terms = [(*_degree_and_order(j), a) for j, a in enumerate(coefficients, start=1)]
+    # Vertex curvatures are read from orders up to 2 and terms up to u.
+    orders = max([2, *(abs(m) for _, m, _ in terms)]) + 1
+    width = max([1, *((n - abs(m)) // 2 for n, m, _ in terms)]) + 1
+    cosine, sine = np.zeros((2, orders, width))
+    for n, m, a in terms:
+        half, low = (n - abs(m)) // 2, abs(m)
+        size = a * math.sqrt((n + 1) * (1 if m == 0 else 2))
+        into = (sine if m < 0 else cosine)[low]
+        for k in range(half + 1):
+            # (n - k)! / (k! ((n + m) / 2 - k)! ((n - m) / 2 - k)!) as a product of two binomials.
+            into[half - k] += size * (-1) ** k * math.comb(n - k, k) * math.comb(n - 2 * k, half - k)
+    offset = float(cosine[0, 0])
+    cosine[0, 0] = 0.0
+    return _Harmonics(cosine, sine, offset)
+
+
+def _at(p: Floats, u: Floats) -> Floats:
+    """A polynomial, of u^0 first."""
+    return np.asarray(np.polynomial.polynomial.polyval(u, p))
+
+
+def _derivative(p: Floats) -> Floats:
+    return np.append(p[1:] * np.arange(1, len(p)), 0.0)
+
+
+def _by_u(p: Floats, power: int = 1) -> Floats:
+    """Times u^power."""
+    return np.append(np.zeros(power), p)
+
+
+def _sum(*parts: Floats) -> Floats:
+    total = np.zeros(max(map(len, parts)))
+    for part in parts:
+        total[: len(part)] += part
+    return total
+
+
+@functools.lru_cache(maxsize=256)
+@np.errstate(over="ignore", invalid="ignore")  # a departure without a finite height is refused by its surface
+def _bounds(coefficients: tuple[float, ...], norm_radius: float, radius: float) -> DepartureBounds:
+    parts = _harmonics(coefficients)
+    edge2 = (radius / norm_radius) ** 2
+    rho = np.sqrt(np.linspace(0.0, edge2, RINGS + 1)[1:])  # at the outer end of each ring
+
+    def size(p: Floats) -> Floats:
+        """Bound on the size of a polynomial in u in each ring."""
+        low, high = bernstein_range(p * edge2 ** np.arange(len(p)))
+        return np.maximum(np.abs(low), np.abs(high))
+
+    slope, bending, height, rounding = np.zeros((4, RINGS))
+    for m, pair in enumerate(zip(parts.cosine, parts.sine, strict=True)):
+        for p in pair:
+            if not p.any():
+                continue
+            d1 = _derivative(p)
+            d2 = _derivative(d1)
+            height += rho**m * size(p)
+            rounding += rho**m * float(np.abs(p * edge2 ** np.arange(len(p))).sum())
+            if m == 0:
+                slope += rho * size(2 * d1)
+                bending += np.maximum(size(_sum(2 * d1, _by_u(4 * d2))), size(2 * d1))
+                continue
+            slope += rho ** (m - 1) * np.maximum(size(_sum(m * p, _by_u(2 * d1))), size(m * p))
+            if m == 1:
+                along, across, mixed = rho * size(_sum(6 * d1, _by_u(4 * d2))), rho * size(2 * d1), rho * size(2 * d1)
+            else:
+                outer = rho ** (m - 2)
+                along = outer * size(_sum(m * (m - 1) * p, _by_u((4 * m + 2) * d1), _by_u(4 * d2, 2)))
+                across = outer * size(_sum((m - m * m) * p, _by_u(2 * d1)))
+                mixed = outer * m * size(_sum((m - 1) * p, _by_u(2 * d1)))
+            bending += np.hypot(np.maximum(along, across), mixed)
+    margin = 1.0 + 1e-9
+    # Horner's scheme, powers of zeta and the sum: some eps for each step of each of them.
+    steps = 2 * parts.cosine.shape[1] + 4 * parts.cosine.shape[0] + 4
+    return DepartureBounds(
+        margin * float(slope.max()) / norm_radius,
+        # Not 0, so that no length is divided by it.
+        margin * float(bending.max()) / norm_radius**2 + 1e-200,
+        margin * float(height.max()),
+        steps * _EPS * float(rounding.max()),
+    )

@@ -1,0 +1,496 @@
+"""Zernike surfaces: laws of the polynomials and of refraction, the limits that are aspheres, and exact arithmetic."""
+
+import dataclasses
+import json
+import math
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+import plenoptic as pl
+from plenoptic.optics.lens.analysis.conditioning_rows import blocks_of, kinds, noted
+from plenoptic.optics.lens.checks.finding import FindingKind
+from plenoptic.optics.lens.files.lens_json import json_of_lens, lens_from_json
+from plenoptic.optics.lens.files.zemax import lens_from_zmx
+from plenoptic.optics.lens.files.zemax_writing import zmx_of_lens
+from plenoptic.optics.lens.kernels.trace import fill_traced
+from plenoptic.optics.lens.pupil.exit_pupil import pupil_bounds, unvignetted
+from plenoptic.optics.lens.record import lens_record
+from plenoptic.optics.lens.trace import traced_part
+from plenoptic.optics.surfaces.zernike import ZernikeSag
+
+EPS = np.finfo(float).eps
+OK, CLIPPED = pl.RayStatus.OK, pl.RayStatus.CLIPPED
+RNG = np.random.default_rng(11)
+
+SHAPES = {
+    "mild": {
+        "radius": 50.0,
+        "semi_diameter": 10.0,
+        "conic": -0.5,
+        "aspheric": (0.0, 1e-6),
+        "departure": ZernikeSag(RNG.normal(size=28) * 2e-3, 10.0),
+    },
+    "steep": {"radius": math.inf, "semi_diameter": 8.0, "departure": ZernikeSag(RNG.normal(size=15) * 0.15, 9.0)},
+    "high": {
+        "radius": -30.0,
+        "semi_diameter": 9.0,
+        "conic": 1.5,
+        "departure": ZernikeSag([0.0] * 78 + [1e-3] * 13, 9.0),
+    },
+    "to the equator": {
+        "radius": 12.0,
+        "semi_diameter": 12.0,
+        "departure": ZernikeSag([0, 0, 0, 0.02, 0.05, -0.03], 12.0),
+    },
+}
+
+
+AT_EQUATOR = {"to the equator": 2e-3}
+"""Part of the rays that no crossing is found for where the sag has no derivative: as many as with an asphere there."""
+
+
+def unsettled(rays):
+    """Part of the rays for which the search was given up."""
+    return float(np.mean(rays.status == pl.RayStatus.NOT_CONVERGED))
+
+
+def one_surface(index=1.6, **shape):
+    """A surface from air to glass with its vertex at z = 0: element 2."""
+    surface = pl.Surface(thickness=1e3, medium=pl.ConstantMedium(index), **shape)
+    front = [pl.CircularStop(1e5), pl.Surface(math.inf, 0.0, semi_diameter=1e4)]
+    return pl.LensStack([*front, surface, pl.Surface(math.inf, semi_diameter=1e5)])
+
+
+def beam(size, n, s=1.0, slant=1.0):
+    """Rays from a plane 4 sizes before the surface to its disc; `slant` is how oblique."""
+    rng = np.random.default_rng(3)
+    target = np.column_stack([rng.uniform(-size, size, (n, 2)), np.zeros(n)])
+    start = np.column_stack([target[:, :2] + slant * rng.uniform(-size, size, (n, 2)), np.full(n, -s * 4 * size)])
+    return pl.RayBundle(start, target - start)
+
+
+def sag_of(surface, p):
+    return surface.sag(p[:, 0], p[:, 1])
+
+
+# ---- the polynomials ----
+
+
+def noll_degree(j):
+    """Degree and signed order of Noll's term j, by counting."""
+    n, left = 0, j - 1
+    while left > n:
+        n, left = n + 1, left - n - 1
+    orders = sorted((m for m in range(-n, n + 1, 2)), key=abs)
+    pair = abs(orders[left])
+    return n, pair if j % 2 == 0 else -pair
+
+
+def zernike(j, rho, phi):
+    """Noll's definition, with exact coefficients."""
+    n, m = noll_degree(j)
+    low, total = abs(m), 0.0
+    for k in range((n - low) // 2 + 1):
+        a = Fraction((-1) ** k * math.factorial(n - k), math.factorial(k))
+        a /= math.factorial((n + low) // 2 - k) * math.factorial((n - low) // 2 - k)
+        total = total + float(a) * rho ** (n - 2 * k)
+    turn = 1.0 if m == 0 else math.sqrt(2.0) * (np.cos(low * phi) if m > 0 else np.sin(low * phi))
+    return math.sqrt(n + 1.0) * total * turn
+
+
+@pytest.mark.parametrize("j", range(1, 92))
+def test_terms_are_nolls(j):
+    sag = ZernikeSag([0.0] * (j - 1) + [1.0], 2.0)
+    r, phi = 2.0 * np.sqrt(RNG.uniform(size=200)), RNG.uniform(-math.pi, math.pi, 200)
+    wanted = zernike(j, r / 2.0, phi) - zernike(j, 0.0, 0.0)
+    found = sag.sag(r * np.cos(phi), r * np.sin(phi))
+    # The powers of degree 12 cancel from 4e4 to the values of some units.
+    assert found == pytest.approx(wanted, abs=4e5 * EPS)
+    assert sag.offset == pytest.approx(float(zernike(j, 0.0, 0.0)), abs=64 * EPS)
+
+
+def test_terms_are_orthonormal():
+    # Gauss and the trapezoidal rule are exact for polynomials of these degrees.
+    nodes, weights = np.polynomial.legendre.leggauss(14)
+    u, phi = 0.5 * (nodes + 1), 2 * math.pi * np.arange(32) / 32
+    x, y = (np.sqrt(u)[:, None] * turn for turn in (np.cos(phi), np.sin(phi)))
+    terms = [ZernikeSag([0.0] * (j - 1) + [1.0], 1.0) for j in range(1, 67)]
+    values = np.array([(term.sag(x, y) + term.offset) for term in terms])
+    inner = np.einsum("iuk,juk,u->ij", values, values, 0.5 * weights / 32)
+    assert np.abs(inner - np.eye(66)).max() < 1e-9
+
+
+@pytest.mark.parametrize("name", list(SHAPES))
+def test_derivatives_and_bounds(name):
+    departure, size = SHAPES[name]["departure"], SHAPES[name]["semi_diameter"]
+    r, phi = size * np.sqrt(RNG.uniform(size=4000)), RNG.uniform(0, 2 * math.pi, 4000)
+    r[:400] = size
+    x, y = r * np.cos(phi), r * np.sin(phi)
+    h = 1e-4 * size
+    gradient = departure.gradient(x, y)
+    right, left, up, down = (departure.sag(x + dx, y + dy) for dx, dy in ((h, 0), (-h, 0), (0, h), (0, -h)))
+    bounds = departure.bounds(size)
+    # Central differences: h^2 / 6 of the third derivative, some degree^3 times the sag, and rounding over h.
+    error = 1e-8 * 12**3 * bounds.slope + 4 * (bounds.rounding + EPS * bounds.height) / h
+    assert gradient == pytest.approx(np.stack([right - left, up - down]) / (2 * h), abs=error)
+    change = np.stack([departure.gradient(x + h, y) - departure.gradient(x - h, y), np.zeros((2, len(x)))])
+    change[1] = departure.gradient(x, y + h) - departure.gradient(x, y - h)
+    bending = np.linalg.norm((change / (2 * h)).transpose(2, 0, 1), ord=2, axis=(1, 2)).max()
+    slope, height = np.hypot(*gradient).max(), np.abs(departure.sag(x, y)).max()
+    for found, bound in ((slope, bounds.slope), (bending, bounds.bending), (height, bounds.height)):
+        # Many terms that do not add up in size anywhere: the sum of their sizes is some times the whole.
+        assert found <= bound * (1 + 1e-5) and bound < 6 * found
+
+
+def test_the_vertex_is_what_the_derivatives_say():
+    departure, h = ZernikeSag(RNG.normal(size=40) * 1e-2, 7.0), 1e-4
+    dx, dy = departure.gradient(0.0, 0.0)
+    (dxx, dxy), (dyx, dyy) = (
+        (departure.gradient(*(h * np.eye(2)[k])) - departure.gradient(*(-h * np.eye(2)[k]))) / (2 * h) for k in (0, 1)
+    )
+    assert departure.sag(0.0, 0.0) == 0.0
+    assert departure.vertex == pytest.approx((dx, dy, dxx, 0.5 * (dxy + dyx), dyy), rel=1e-5)
+    surface = pl.Surface(40.0, semi_diameter=5.0, departure=departure)
+    assert surface.vertex_curvature == pytest.approx(1 / 40 + 0.5 * (dxx + dyy), rel=1e-5)
+
+
+# ---- rays ----
+
+
+@pytest.mark.parametrize("name", list(SHAPES))
+@pytest.mark.parametrize("reverse", [False, True])
+def test_snell_and_the_way_back(name, reverse):
+    shape = SHAPES[name]
+    lens, surface, size = one_surface(**shape), pl.Surface(**shape), shape["semi_diameter"]
+    rays = beam(size, 3000, -1.0 if reverse else 1.0)
+    out = traced_part(lens, rays, 2, 2, reverse=reverse)
+    kept = out.status == OK
+    assert kept.mean() > 0.3 and unsettled(out) <= AT_EQUATOR.get(name, 0.0)
+    p, d, bent = out.origin[kept], np.asarray(rays.direction)[kept], out.direction[kept]
+    inside = np.hypot(p[:, 0], p[:, 1]) < size * (1 - 1e-6)  # at an equator normals are infinitely steep
+    p, d, bent = p[inside], d[inside], bent[inside]
+    normal = np.column_stack([*-surface.gradient(p[:, 0], p[:, 1]), np.ones(len(p))])
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    cos_i = np.abs(np.einsum("ij,ij->i", normal, d))
+    rounding = 64 * EPS * size + 4 * surface.departure.bounds(size).rounding
+    assert np.all(np.abs(p[:, 2] - sag_of(surface, p)) * normal[:, 2] <= rounding / cos_i)
+    n_before, n_behind = (1.6, 1.0) if reverse else (1.0, 1.6)
+    off = n_behind * np.cross(normal, bent) - n_before * np.cross(normal, d)
+    # The normal turns with the point, by its curvature.
+    assert np.abs(off).max() <= 1e-11
+    back = traced_part(lens, pl.RayBundle(p + size * bent, -bent), 2, 2, reverse=not reverse)
+    same = (back.status == OK) & (np.abs(back.origin - p).max(axis=1) <= 1e-9 * size)
+    # A ray back may meet a steep surface earlier, on its way.
+    assert same.mean() > (0.95 if name == "steep" else 0.999)
+
+
+@pytest.mark.parametrize("name", list(SHAPES))
+@pytest.mark.parametrize("slant", [0.5, 12.0])
+def test_the_first_crossing_is_found(name, slant):
+    shape = SHAPES[name]
+    lens, surface, size = one_surface(**shape), pl.Surface(**shape), shape["semi_diameter"]
+    rays = beam(size, 400, slant=slant)
+    out = traced_part(lens, rays, 2, 2)
+    p, d = np.asarray(rays.origin), np.asarray(rays.direction)
+    # By looking closely: the gap z - sag at 4000 places of the ray in the clear cylinder.
+    sin2, half = (d[:, :2] ** 2).sum(axis=1), (p[:, :2] * d[:, :2]).sum(axis=1)
+    root = half**2 - sin2 * ((p[:, :2] ** 2).sum(axis=1) - size**2)
+    crosses = root > 0
+    ends = (-half[:, None] + np.sqrt(np.maximum(root, 0.0))[:, None] * [-1.0, 1.0]) / sin2[:, None]
+    tall = 1.01 * np.abs(surface.sag(np.linspace(0, size, 99))).max() + 2 * surface.departure.bounds(size).height
+    near, far = (-tall - p[:, 2]) / d[:, 2], (tall - p[:, 2]) / d[:, 2]
+    t = np.linspace(np.maximum(ends[:, 0], near), np.minimum(ends[:, 1], far), 4002)[1:-1]
+    at = p + t[..., None] * d
+    radius = np.hypot(at[..., 0], at[..., 1])
+    scale = np.minimum(1.0, size * (1 - 1e-12) / radius)
+    gap = at[..., 2] - surface.sag(scale * at[..., 0], scale * at[..., 1])
+    up = (gap[:-1] < 0) & (gap[1:] >= 0) & crosses
+    first = np.where(up.any(axis=0), t[np.argmax(up, axis=0), np.arange(len(p))], np.nan)
+    step = t[1] - t[0]
+    met = np.isfinite(out.origin[:, 2])
+    reached = np.einsum("ij,ij->i", out.origin - p, d)
+    clear = crosses & np.isfinite(first)
+    # What is found is never behind the first change of sign that was seen, and where none was seen none is taken,
+    # but for crossings between two places.
+    both = clear & met
+    assert both.sum() > 0.2 * len(p)
+    assert np.all(reached[both] <= first[both] + 1.01 * step[both])
+    assert np.mean(np.abs(reached[both] - first[both]) <= 1.01 * step[both]) > 0.98
+    lost = clear & ~met & (out.status != pl.RayStatus.TOTAL_REFLECTION)
+    assert not lost.any()
+    assert unsettled(out) <= 10 * AT_EQUATOR.get(name, 0.0)
+
+
+@pytest.mark.parametrize("reverse", [False, True])
+def test_rotational_terms_are_an_even_asphere(reverse):
+    size, r2 = 9.0, 10.0**2
+    a4, a11, a22 = 0.03, -0.02, 0.01
+    terms = np.zeros(22)
+    terms[[3, 10, 21]] = a4, a11, a22
+    z4, z11, z22 = math.sqrt(3) * a4, math.sqrt(5) * a11, math.sqrt(7) * a22
+    # 2 u - 1, 6 u^2 - 6 u + 1 and 20 u^3 - 30 u^2 + 12 u - 1 without their constants.
+    even = ((2 * z4 - 6 * z11 + 12 * z22) / r2, (6 * z11 - 30 * z22) / r2**2, 20 * z22 / r2**3)
+    base = {"radius": 40.0, "semi_diameter": size, "conic": -0.7}
+    ours = one_surface(**base, departure=ZernikeSag(terms, 10.0))
+    theirs = one_surface(**base, aspheric=even)
+    rays = beam(size, 3000, -1.0 if reverse else 1.0, slant=3.0)
+    a, b = (traced_part(lens, rays, 2, 2, reverse=reverse) for lens in (ours, theirs))
+    assert np.mean(a.status == b.status) > 0.999  # rounding decides at the rim
+    both = (a.status == OK) & (b.status == OK)
+    assert np.abs(a.origin[both] - b.origin[both]).max() < 1e-11
+    assert np.abs(a.direction[both] - b.direction[both]).max() < 1e-12
+    # Paraxial data too.
+    assert ours.elements[2].vertex_curvature == pytest.approx(theirs.elements[2].vertex_curvature, rel=1e-13)
+
+
+@pytest.mark.parametrize("aspheric", [(), (0.0, 1e-5)])
+def test_without_terms_it_is_its_base(aspheric):
+    base = {"radius": 30.0, "semi_diameter": 12.0, "conic": -0.4, "aspheric": aspheric}
+    rays = beam(12.0, 3000, slant=4.0)
+    for none in (ZernikeSag([], 5.0), ZernikeSag([0.3], 5.0)):  # piston alone moves nothing
+        a, b = (traced_part(one_surface(**base, **more), rays, 2, 2) for more in ({"departure": none}, {}))
+        assert np.mean((a.status == OK) == (b.status == OK)) > 0.999
+        both = (a.status == OK) & (b.status == OK)
+        assert np.abs(a.origin[both] - b.origin[both]).max() < 1e-12
+        assert np.abs(a.direction[both] - b.direction[both]).max() < 1e-13
+
+
+def test_turned_terms_are_a_turned_surface():
+    # cos m(phi - t) = cos m t cos m phi + sin m t sin m phi.
+    turn, terms, turned = 0.7, RNG.normal(size=36) * 5e-3, np.zeros(36)
+    for j in range(1, 37):
+        n, m = noll_degree(j)
+        partner = next((k for k in range(1, 37) if k != j and noll_degree(k) == (n, -m)), j)
+        cos_j, sin_j = (j, partner) if m > 0 else (partner, j)
+        if m == 0:
+            turned[j - 1] += terms[j - 1]
+        elif m > 0:
+            turned[cos_j - 1] += terms[j - 1] * math.cos(m * turn)
+            turned[sin_j - 1] += terms[j - 1] * math.sin(m * turn)
+        else:
+            turned[sin_j - 1] += terms[j - 1] * math.cos(m * turn)
+            turned[cos_j - 1] += terms[j - 1] * math.sin(m * turn)
+    lens = one_surface(radius=50.0, semi_diameter=9.0, departure=ZernikeSag(terms, 9.0))
+    other = one_surface(radius=50.0, semi_diameter=9.0, departure=ZernikeSag(turned, 9.0))
+    matrix = np.array([[math.cos(turn), -math.sin(turn), 0], [math.sin(turn), math.cos(turn), 0], [0, 0, 1]])
+    rays = beam(6.0, 500, slant=0.3)
+    out = traced_part(lens, rays, 2, 2)
+    there = traced_part(other, pl.RayBundle(rays.origin @ matrix.T, rays.direction @ matrix.T), 2, 2)
+    placed = lens.moved(2, tilt=(0.0, 0.0, turn))
+    third = traced_part(placed, pl.RayBundle(rays.origin @ matrix.T, rays.direction @ matrix.T), 2, 2)
+    for found in (there, third):
+        assert found.origin == pytest.approx(out.origin @ matrix.T, abs=1e-12)
+        assert found.direction == pytest.approx(out.direction @ matrix.T, abs=1e-13)
+
+
+def test_rays_are_those_of_exact_arithmetic():
+    mp = pytest.importorskip("mpmath").mp.clone()
+    mp.dps = 40
+    terms = RNG.normal(size=21) * 5e-3
+    lens = one_surface(radius=30.0, semi_diameter=9.0, conic=-0.3, departure=ZernikeSag(terms, 9.0))
+    rays = beam(6.0, 12, slant=0.3)
+    out = traced_part(lens, rays, 2, 2)
+    assert (out.status == OK).all()
+
+    def exact_term(j, x, y):
+        n, m = noll_degree(j)
+        low, rho2, total = abs(m), (x * x + y * y) / 81, 0
+        for k in range((n - low) // 2 + 1):
+            top = (-1) ** k * mp.factorial(n - k) / mp.factorial(k)
+            bottom = mp.factorial((n + low) // 2 - k) * mp.factorial((n - low) // 2 - k)
+            total += top / bottom * rho2 ** ((n - low) // 2 - k)
+        power = (mp.mpc(x, y) / 9) ** low
+        return mp.sqrt((n + 1) * (1 if m == 0 else 2)) * total * (power.imag if m < 0 else power.real)
+
+    def sag(x, y):
+        c, r2 = 1 / mp.mpf(30), x * x + y * y
+        total = c * r2 / (1 + mp.sqrt(1 - (1 + mp.mpf(-0.3)) * c * c * r2))
+        return total + sum(mp.mpf(a) * (exact_term(j, x, y) - exact_term(j, 0, 0)) for j, a in enumerate(terms, 1))
+
+    for p, d, found, bent in zip(rays.origin, rays.direction, out.origin, out.direction, strict=True):
+        p, d = ([mp.mpf(float(v)) for v in vector] for vector in (p, d))
+        near = mp.mpf(float(np.dot(found - np.array(p, float), np.array(d, float))))
+        t = mp.findroot(lambda t, p=p, d=d: p[2] + t * d[2] - sag(p[0] + t * d[0], p[1] + t * d[1]), near)
+        point = [a + t * b for a, b in zip(p, d, strict=True)]
+        assert [float(v) for v in point] == pytest.approx(found, abs=64 * EPS * 30)
+        gx, gy = mp.diff(sag, (point[0], point[1]), (1, 0)), mp.diff(sag, (point[0], point[1]), (0, 1))
+        length = mp.sqrt(1 + gx * gx + gy * gy)
+        normal = [-gx / length, -gy / length, 1 / length]
+        cos_i, mu = sum(a * b for a, b in zip(normal, d, strict=True)), 1 / mp.mpf(1.6)
+        size = mp.sqrt(1 - mu * mu * (1 - cos_i**2)) - mu * cos_i
+        wanted = [float(mu * a + size * b) for a, b in zip(d, normal, strict=True)]
+        assert bent == pytest.approx(wanted, abs=64 * EPS)
+
+
+# ---- lenses ----
+
+
+def freeform_lens():
+    glass = pl.ConstantMedium(1.5)
+    front = pl.Surface(
+        60.0, 4.0, glass, semi_diameter=9.0, departure=ZernikeSag([0, 0, 0, 0, 0.01, 0.02, 0.02, 0], 9.0)
+    )
+    return pl.LensStack([front, pl.Surface(-60.0, 6.0, semi_diameter=9.0), pl.CircularStop(5.0)], name="free")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("azimuth", [0.3, 2.0, 4.5])
+def test_bounds_on_the_pupil_hold_all_round(azimuth):
+    lens, z_plane = freeform_lens(), 50.0
+    bounds = pupil_bounds(lens, z_plane=z_plane, largest_radius=10.0, cell_radius=0.1, wavelength=587.6)
+    record = lens_record(lens, 587.6, reverse=True)
+    cos, sin = math.cos(azimuth), math.sin(azimuth)
+    for rho in (0.0, 4.0, 9.5):
+        side = np.linspace(-7, 7, 101)
+        grid = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
+        passing = grid[unvignetted(record, np.array([rho * cos, rho * sin, z_plane]), grid, bounds.z)]
+        assert len(passing) > 100
+        turned = passing @ np.array([[cos, -sin], [sin, cos]])
+        row = min(int(rho / bounds.step), len(bounds.support) - 1)
+        assert np.all(turned @ bounds.normals.T <= bounds.support[row])
+
+
+@pytest.mark.slow
+def test_the_vertex_is_reported():
+    lens = freeform_lens()
+    assert [finding.elements for finding in lens.check() if finding.kind is FindingKind.VERTEX] == [(0,)]
+
+
+def test_what_needs_an_axis_is_refused():
+    lens = freeform_lens()
+    with pytest.raises(pl.InvalidValueError, match="surface 0 has no rotational symmetry, so that Seidel"):
+        pl.aberrations.seidel_sums(lens, field=0.01)
+    with pytest.raises(pl.InvalidValueError, match="surface 0 of 'free' has no rotational symmetry"):
+        pl.aberrations.distortion(lens, [0.0, 0.01])
+    assert pl.paraxial.cardinal_points(lens).efl == pytest.approx(60.0, rel=0.05)
+    profile = lens.profiles()[0]
+    assert profile[:, 0] - lens.vertices[0] == pytest.approx(lens.elements[0].sag(0.0, profile[:, 1]))
+
+
+def test_a_departure_is_simplified_away():
+    surface = freeform_lens().elements[0]
+    assert surface.osculating == dataclasses.replace(surface, departure=None)
+
+
+@pytest.mark.parametrize(
+    ("made", "message"),
+    [
+        (lambda: ZernikeSag([0.0] * 91 + [1.0], 5.0), "coefficients has 92 terms, up to degree 13; at most 91"),
+        (lambda: ZernikeSag("ab", 5.0), "it must be a sequence of numbers, that of piston first"),
+        (lambda: ZernikeSag([1.0, math.nan], 5.0), r"coefficients\[1\]"),
+        (lambda: ZernikeSag([1.0], 0.0), "norm_radius"),
+        (lambda: pl.Surface(9.0, semi_diameter=5.0, departure=(0.0, 1.0)), "departure is .*; it must be ZernikeSag"),
+        (lambda: pl.Surface(9.0, semi_diameter=9.0, depth=10.0, departure=ZernikeSag([], 9.0)), "without equator"),
+        (lambda: pl.Surface(9.0, semi_diameter=5.0, departure=ZernikeSag([0, 0, 0, 1e300], 1e-9)), "no finite height"),
+    ],
+)
+def test_what_cannot_be_is_refused(made, message):
+    with pytest.raises(pl.InvalidValueError, match=message):
+        made()
+
+
+def test_files_keep_every_bit():
+    lens = freeform_lens()
+    assert lens_from_json(json_of_lens(lens), "mine.json") == lens
+    data = json.loads(json_of_lens(lens))
+    data["elements"][0]["departure"] = {"value": ["CircularStop", {"semi_diameter": 1.0}]}
+    with pytest.raises(pl.PrescriptionError, match="mine.json: element 0: departure is .*; it must be ZernikeSag"):
+        lens_from_json(json.dumps(data), "mine.json")
+
+
+@pytest.mark.slow
+def test_notes_colour_and_cameras():
+    lens = freeform_lens()
+    rays = pl.RayBundle([[1.0, 2.0, -50.0], [0.0, -3.0, -50.0]], [[0.0, 0.0, 1.0], [0.01, 0.05, 1.0]])
+    notes = noted(lens_record(lens, rays.wavelength, reverse=False), blocks_of(rays), 2)
+    normal = np.column_stack([*-lens.elements[0].gradient(*traced_part(lens, rays, 0, 0).origin[:, :2].T), np.ones(2)])
+    cosine = np.einsum("ij,ij->i", normal, rays.direction) / np.linalg.norm(normal, axis=1)
+    assert notes.incidence[0] == pytest.approx(1.0 / cosine, rel=1e-12)
+    assert kinds(notes.lens) == ("freeform", "sphere", "stop")
+    blocks = blocks_of(rays)
+    fill_traced(blocks, lens_record(lens, np.array([500.0, 600.0]), reverse=False), np.ones(256, np.int64))
+    out = lens.trace(dataclasses.replace(rays, wavelength=600.0))
+    assert blocks[:2] == pytest.approx(out.origin[:, 0], abs=1e-12)
+    camera = pl.PlenopticCamera(
+        lens=lens,
+        microlenses=pl.MicrolensArray(pitch=0.2, focal_lengths=(2.0,)),
+        sensor=pl.Sensor(shape=(40, 40), pixel_pitch=0.02),
+        stop_to_microlenses=52.0,
+        microlenses_to_sensor=2.0,
+    )
+    plain = dataclasses.replace(
+        lens, elements=[dataclasses.replace(lens.elements[0], departure=None), *lens.elements[1:]]
+    )
+    white, other = (
+        pl.render_white(each, samples=64, progress=False).image
+        for each in (camera, dataclasses.replace(camera, lens=plain))
+    )
+    # The departure hardly changes how much light comes in, if no bound cuts any off.
+    assert white.sum() == pytest.approx(other.sum(), rel=0.02)
+
+
+ZMX = """MODE SEQ
+UNIT CM
+SURF 0
+  DISZ INFINITY
+SURF 1
+  TYPE SZERNSAG
+  CURV 0.2
+  CONI -0.5
+  PARM 2 1.0E-3
+  XDAT 1 6.000000000E+000 0 0 1.0 0.0 0 0 ""
+  XDAT 2 1.100000000E+000 0 0 1.0 0.0 0 0 ""
+  XDAT 6 2.000000000E-003 0 0 1.0 0.0 0 0 ""
+  XDAT 8 -1.00000000E-003 0 0 1.0 0.0 0 0 ""
+  DISZ 0.4
+  GLAS ___BLANK 1 0 1.5 60 0 0 0 0 0
+  DIAM 1
+SURF 2
+  DISZ 0.5
+  DIAM 1
+SURF 3
+  STOP
+  DIAM 0.5
+  DISZ 9
+SURF 4
+"""
+
+
+def test_zemax_files_are_read():
+    lens = lens_from_zmx(ZMX, "mine.zmx")
+    surface = lens.elements[0]
+    departure = surface.departure
+    assert departure.norm_radius == pytest.approx(11.0)
+    assert departure.coefficients == pytest.approx((0, 0, 0, 0.02, 0, -0.01))
+    assert surface.aspheric == pytest.approx((0.0, 1e-6)) and surface.radius == pytest.approx(50.0)
+    # Zemax's surface goes through Z4(0) = -sqrt(3) at its place: the vertex lies that far in front of it.
+    z = lens.vertices
+    offset = -0.02 * math.sqrt(3)
+    assert z[1] - z[0] == pytest.approx(4.0 - offset) and z[2] - z[1] == pytest.approx(5.0)
+    there = surface.sag(3.0, -2.0) + z[0]
+    wanted = dataclasses.replace(surface, departure=None).sag(math.hypot(3, 2))
+    rho, phi = math.hypot(3, 2) / 11, math.atan2(-2, 3)
+    wanted += 0.02 * zernike(4, rho, phi) - 0.01 * zernike(6, rho, phi)
+    assert there == pytest.approx(-9.0 + wanted)
+    with pytest.raises(pl.PrescriptionError, match="element 0 has no rotational symmetry"):
+        zmx_of_lens(lens)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("XDAT 2 1.1", "XDAT 90 1.1", "line 13.*XDAT 2, the norm radius of the Zernike terms, is missing"),
+        ("PARM 2", "PARM 9", "PARM 9 is 0.001; an even asphere has PARM 1 to 8"),
+        ("SZERNSAG", "FZERNSAG", "only STANDARD, EVENASPH and SZERNSAG surfaces can be read"),
+    ],
+)
+def test_zemax_files_that_cannot_be_read(old, new, message):
+    with pytest.raises(pl.PrescriptionError, match=message):
+        lens_from_zmx(ZMX.replace(old, new), "mine.zmx")
+
+
+def test_zemax_terms_of_zero_are_none():
+    plain = lens_from_zmx("\n".join(line for line in ZMX.splitlines() if "XDAT" not in line), "mine.zmx")
+    assert plain.elements[0].departure is None
