@@ -101,6 +101,14 @@ def positive(value: float, name: str, unit: str = "") -> float:
     return given
 
 
+def not_negative(value: float, name: str, unit: str = "") -> float:
+    """`value` as a float, or an error that names it where it is below zero or not finite."""
+    given = finite(value, name)
+    if given < 0:
+        raise InvalidValueError(f"{name} is {given:g}{unit and ' ' + unit}; it must be at least 0")
+    return given
+
+
 def whole(value: int, name: str, *, at_least: int) -> int:
     """`value` as an int, or an error where it is no whole number or too small."""
     if isinstance(value, bool | np.bool_) or not isinstance(value, int | np.integer):
@@ -126,6 +134,12 @@ def wrong_kind(value: object, name: str, wanted: str, such_as: str) -> InvalidVa
     """The error for an argument of another type than `wanted`, with a way to one that fits."""
     given = _with_article(type(value).__name__)
     return InvalidValueError(f"{name} is {given}; give {_with_article(wanted)}, such as {such_as}")
+
+
+def check_kind(value: object, name: str, wanted: type, such_as: str) -> None:
+    """The same error, raised where it is one."""
+    if not isinstance(value, wanted):
+        raise wrong_kind(value, name, wanted.__name__, such_as)
 
 
 def _with_article(noun: str) -> str:

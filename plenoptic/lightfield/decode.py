@@ -11,12 +11,12 @@ from plenoptic.camera.array_axes import array_axes
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.model_pupil import model_pupil
 from plenoptic.camera.points.centres import CentreMethod, MicrolensCentres, microlens_centres
-from plenoptic.core.values import choice, finite, positive, read_only, whole, wrong_kind
+from plenoptic.camera.report.optics import lateral_magnification, object_plane
+from plenoptic.core.values import check_kind, choice, finite, positive, read_only, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield.planes import RawPlanes, raw_planes
 from plenoptic.lightfield.resample import Resampling, resampling
 from plenoptic.lightfield.views import LightField
-from plenoptic.optics.lens.gaussian.paraxial import magnification, object_position
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.lattice import Lattice
@@ -123,8 +123,7 @@ def _checked_camera(
     shot: Exposure, white: Exposure, camera: PlenopticCamera | None
 ) -> tuple[PlenopticCamera, MicrolensArray]:
     for name, given in (("shot", shot), ("white", white)):
-        if not isinstance(given, Exposure):
-            raise wrong_kind(given, name, "Exposure", "pl.render(...)" if name == "shot" else "pl.render_white(camera)")
+        check_kind(given, name, Exposure, "pl.render(...)" if name == "shot" else "pl.render_white(camera)")
     found = shot.camera if camera is None else camera
     if not isinstance(found, PlenopticCamera):
         raise InvalidValueError("the shot names no camera that took it; give camera=")
@@ -232,16 +231,8 @@ def _field(
 
 def _focus(camera: PlenopticCamera) -> tuple[float, float]:
     """The plane in focus, and how much larger it is than its image; nan without one in front of the lens."""
-    lens, nothing = camera.lens, (math.nan, math.nan)
-    if lens.model is LensModel.NONE:
-        return nothing
-    z = object_position(lens, camera.stop_to_microlenses, camera.wavelength)
-    if not z < float(lens.vertices[0]):
-        return nothing
-    scale = magnification(lens, z, camera.wavelength)
-    if lens.model is LensModel.THIN:
-        from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
-
-        points = cardinal_points(lens, camera.wavelength)
-        z += points.rear_principal - points.front_principal
+    z = object_plane(camera.lens, camera.stop_to_microlenses, camera.wavelength)
+    if camera.lens.model is LensModel.NONE or not z < float(camera.lens.vertices[0]):
+        return math.nan, math.nan
+    scale = lateral_magnification(camera.lens, z, camera.wavelength)
     return z, 1.0 / abs(scale) if scale != 0 else math.inf

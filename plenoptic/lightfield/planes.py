@@ -17,25 +17,16 @@ _BRIGHT = 99.0
 
 @value
 class RawPlanes:
-    """A shot and its white image on the same pixels.
-
-    Parameters
-    ----------
-    shot, white : (H, W, C) arrays
-    variance, white_variance : (H, W, C) arrays or None
-        Of their errors.
-    first : (int, int)
-        Row and column of the first pixel on the sensor.
-    least : float
-        Below it the white image counts as dark.
-    """
+    """A shot and its white image on the same pixels, (H, W, C), and the variances of their errors."""
 
     shot: Floats
     white: Floats
     variance: Floats | None
     white_variance: Floats | None
     first: tuple[int, int]
+    """Row and column of the first pixel on the sensor."""
     least: float
+    """Below it the white image counts as dark."""
 
     def read(self, pixel: Floats) -> tuple[Floats, Floats | None]:
         """Radiance (n, C) and its variance at places (n, 2), row and column; nan where it is dark or outside.

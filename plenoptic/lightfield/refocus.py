@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.core.values import wrong_kind
+from plenoptic.core.values import check_kind
 from plenoptic.lightfield.views import LightField
 
 Floats = NDArray[np.float64]
@@ -44,8 +44,7 @@ def refocus(field: LightField, z: float) -> NDArray[np.float32]:
     >>> bool(abs(picture[2, 2, 0] - 1) < 1e-6)
     True
     """
-    if not isinstance(field, LightField):
-        raise wrong_kind(field, "field", "LightField", "pl.lightfield.decode(shot, white)")
+    check_kind(field, "field", LightField, "pl.lightfield.decode(shot, white)")
     # A positive disparity goes against the step from view to view.
     across, down = (-disparity for disparity in field.disparity_at(z))
     total = np.zeros(field.views.shape[2:])

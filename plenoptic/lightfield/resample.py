@@ -19,28 +19,18 @@ _ROUNDING = 1e-9
 
 @value
 class Resampling:
-    """Which microlenses make each pixel of a view, and with which weights.
-
-    Parameters
-    ----------
-    rows, columns : int
-        Size of a view.
-    source : (rows columns, k) array of int
-        Rows of the microlenses; -1 where there is none.
-    weight : (rows columns, k) array
-        Their sum is 1.
-    origin : (2,) array
-        x and y of the first pixel on the array, mm.
-    spacing : (float, float)
-        mm.
-    """
+    """Which microlenses make each pixel of a view of `rows` x `columns` pixels, and with which weights."""
 
     rows: int
     columns: int
     source: NDArray[np.int64]
+    """(rows columns, k) rows of the microlenses; -1 where there is none."""
     weight: Floats
+    """(rows columns, k); their sum is 1."""
     origin: Floats
+    """(2,) x and y of the first pixel on the array, mm."""
     spacing: tuple[float, float]
+    """mm."""
 
     def mixed(self, values: Floats, power: int = 1) -> Floats:
         """(rows, columns, C) from values (n, C) of the microlenses, with their weights to a power; nan where one lacks.

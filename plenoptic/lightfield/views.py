@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.camera.model_pupil import model_pupil
+from plenoptic.camera.report.optics import image_plane
 from plenoptic.core.values import number, value
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.lens.gaussian.paraxial import cardinal_points, image_position
-from plenoptic.optics.lens.models import LensModel
 
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera
@@ -22,7 +21,7 @@ Floats = NDArray[np.float64]
 
 @value
 class LightField:
-    """Sub-aperture views of a plenoptic 1.0 camera; `decode` makes them.
+    """Sub-aperture views of a plenoptic 1.0 camera. See `decode`, which makes them.
 
     A view holds the light that passes one part of the main lens's pupil: what lies at the same offset from the centre
     of every microlens image. Views are upright; the view of u = 1 is seen from a place farther to the right than that
@@ -51,10 +50,6 @@ class LightField:
     z_focus : float
         The plane in focus, which the lens images onto the array, in mm of the camera's frame (paraxial).
     camera : PlenopticCamera
-
-    Examples
-    --------
-    See `decode`.
     """
 
     views: NDArray[np.float32]
@@ -115,39 +110,20 @@ class LightField:
         (float, float)
             Pixels of a view along columns for each pixel of u, and along rows for each pixel of v; 0 in focus, positive
             nearer than that, where points move against the step (to the left in views farther right), negative beyond.
-
-        Examples
-        --------
-        See `decode`.
         """
         place = number(z, "z")
         if not place < 0:
             raise InvalidValueError(f"z is {place:g} mm; the plane must lie in front of the camera, at z below 0")
         camera = self.camera
-        behind = imaged_at(camera, place) - camera.stop_to_microlenses
+        behind = image_plane(camera.lens, place, camera.wavelength) - camera.stop_to_microlenses
         pupil, _ = model_pupil(camera)
         gap = camera.stop_to_microlenses - pupil
         # e / (D + e) times D, with both at any distance.
-        lever = gap * _share(behind, gap) if math.isfinite(gap) else behind
+        share = 1.0 if math.isinf(behind) else behind / (gap + behind)
+        lever = gap * share if math.isfinite(gap) else behind
         per_pixel = lever * camera.sensor.pixel_pitch / camera.microlenses_to_sensor
         return per_pixel / self.spacing[0], per_pixel / self.spacing[1]
 
     def __repr__(self) -> str:
         across, down, rows, columns, channels = self.views.shape
         return f"LightField({across} x {down} views of {rows} x {columns} x {channels})"
-
-
-def _share(behind: float, gap: float) -> float:
-    return 1.0 if math.isinf(behind) else behind / (gap + behind)
-
-
-def imaged_at(camera: PlenopticCamera, z: float) -> float:
-    """Where the main lens, as its model has it, images a plane: z in mm."""
-    lens = camera.lens
-    if lens.model is LensModel.NONE:
-        return z
-    if lens.model is LensModel.THIN:
-        # One plane stands for both principal planes.
-        points = cardinal_points(lens, camera.wavelength)
-        return image_position(lens, z - (points.rear_principal - points.front_principal), camera.wavelength)
-    return image_position(lens, z, camera.wavelength)

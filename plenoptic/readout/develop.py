@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import enum
-from typing import TYPE_CHECKING, Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.core.parallel import run_in_order, thread_count
-from plenoptic.core.values import wrong_kind
+from plenoptic.core.values import check_kind
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.sensor.color_filter import channels_of
 from plenoptic.optics.sensor.model import SensorModel, ShotNoise, as_seed, has
 from plenoptic.readout.raw import RawImage
 from plenoptic.rendering.exposure import Exposure
 
-if TYPE_CHECKING:
-    Floats = NDArray[np.float64]
+Floats = NDArray[np.float64]
 
 __all__ = ["develop"]
 
@@ -61,10 +60,6 @@ def develop(exposure: Exposure, model: SensorModel, *, seed: int = 0, threads: i
     threads : int, optional
         As many as there are processors by default.
 
-    Returns
-    -------
-    RawImage
-
     Raises
     ------
     InvalidValueError
@@ -83,10 +78,8 @@ def develop(exposure: Exposure, model: SensorModel, *, seed: int = 0, threads: i
     >>> bool(abs(raw.data.mean() - 1000) < 4 * raw.data.std() / 100)
     True
     """
-    if not isinstance(exposure, Exposure):
-        raise wrong_kind(exposure, "exposure", "Exposure", "pl.render(scene, camera)")
-    if not isinstance(model, SensorModel):
-        raise wrong_kind(model, "model", "SensorModel", "pl.SensorModel(photon_rate=1e6)")
+    check_kind(exposure, "exposure", Exposure, "pl.render(scene, camera)")
+    check_kind(model, "model", SensorModel, "pl.SensorModel(photon_rate=1e6)")
     _check_light(exposure.image)
     seed = as_seed(seed, "seed")
     rows, columns, channels = exposure.image.shape
@@ -98,14 +91,9 @@ def develop(exposure: Exposure, model: SensorModel, *, seed: int = 0, threads: i
 
     bands = list(run_in_order(band, range(0, rows, height), threads=thread_count(threads)))
     data = np.concatenate(bands)
-    return RawImage(
-        data[:, :, 0] if data.shape[2] == 1 else data,
-        model,
-        region=exposure.region,
-        seed=seed,
-        samples=exposure.samples,
-        camera=exposure.camera,
-    )
+    data = data[:, :, 0] if data.shape[2] == 1 else data
+    named = {name: getattr(exposure, name) for name in ("region", "samples", "camera")}
+    return RawImage(data, model, seed=seed, **named)
 
 
 def _check_light(image: NDArray[np.float32]) -> None:
@@ -171,18 +159,19 @@ def _converted(electrons: Floats, model: SensorModel) -> NDArray[Any]:
     return rounded
 
 
-class _Draws:
+class _Draws(NamedTuple):
     """Random numbers for a rectangle of pixels that begins at (row, column) of the sensor."""
 
-    def __init__(self, shape: tuple[int, int], row: int, column: int) -> None:
-        self._shape, self._row, self._column = shape, row, column
+    shape: tuple[int, int]
+    row: int
+    column: int
 
     def normals(self, like: Floats, seed: int, purpose: _Purpose) -> Floats:
         """Standard normal numbers that fit `like`: one for each pixel, row or column."""
         from plenoptic.optics.sensor.kernels import noise as noise_kernels
 
         rows, columns, channels = like.shape
-        row, column = self._row, self._column
+        _, row, column = self
         if purpose == _Purpose.ROW:
             columns, column = 1, 0
         if purpose == _Purpose.COLUMN:
@@ -196,7 +185,7 @@ class _Draws:
         from plenoptic.optics.sensor.kernels import noise as noise_kernels
 
         counts = np.empty(means.shape)
-        noise_kernels.fill_poisson(counts, means, np.uint64(seed), int(_Purpose.SHOT), self._row, self._column)
+        noise_kernels.fill_poisson(counts, means, np.uint64(seed), int(_Purpose.SHOT), self.row, self.column)
         return counts
 
     def chosen(self, which: float | NDArray[np.int64], seed: int, purpose: _Purpose) -> NDArray[np.bool_]:
@@ -204,12 +193,12 @@ class _Draws:
         from plenoptic.optics.sensor.kernels import noise as noise_kernels
 
         if isinstance(which, np.ndarray):
-            mask = np.zeros(self._shape, dtype=np.bool_)
-            place = which - (self._row, self._column)
-            inside = ((place >= 0) & (place < self._shape)).all(axis=1)
+            mask = np.zeros(self.shape, dtype=np.bool_)
+            place = which - (self.row, self.column)
+            inside = ((place >= 0) & (place < self.shape)).all(axis=1)
             mask[tuple(place[inside].T)] = True
             return mask
-        uniforms = np.empty(self._shape)
-        noise_kernels.fill_uniforms(uniforms, np.uint64(seed), int(purpose), self._row, self._column)
+        uniforms = np.empty(self.shape)
+        noise_kernels.fill_uniforms(uniforms, np.uint64(seed), int(purpose), self.row, self.column)
         below: NDArray[np.bool_] = uniforms < which
         return below

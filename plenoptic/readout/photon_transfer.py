@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import frozen_array, set_field, value, whole, wrong_kind
+from plenoptic.core.values import check_kind, frozen_array, set_field, value, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.sensor.model import SensorModel, ShotNoise, as_seed
 from plenoptic.readout.develop import develop
@@ -24,6 +23,8 @@ LINEAR_PART = 0.7
 class PhotonTransfer:
     """Mean and variance of even exposures, in DN and DN^2, and what the sensor's parameters predict.
 
+    See `photon_transfer`, which measures them.
+
     Parameters
     ----------
     levels : (n,) array
@@ -35,10 +36,6 @@ class PhotonTransfer:
         The same from the parameters of the sensor, as if it did not saturate.
     white_level : float
         DN at which it saturates; may be inf.
-
-    Examples
-    --------
-    See `photon_transfer`.
     """
 
     levels: NDArray[np.float64]
@@ -49,20 +46,6 @@ class PhotonTransfer:
     expected_variance: NDArray[np.float64]
     expected_pattern_variance: NDArray[np.float64]
     white_level: float
-
-    if TYPE_CHECKING:
-
-        def __init__(
-            self,
-            levels: ArrayLike,
-            mean: ArrayLike,
-            variance: ArrayLike,
-            pattern_variance: ArrayLike,
-            expected_mean: ArrayLike,
-            expected_variance: ArrayLike,
-            expected_pattern_variance: ArrayLike,
-            white_level: float,
-        ) -> None: ...
 
     def __post_init__(self) -> None:
         levels = frozen_array(self.levels, name="levels", shape=("n",))
@@ -114,10 +97,6 @@ def photon_transfer(
     seed : int
         Of the noise; every image has its own.
 
-    Returns
-    -------
-    PhotonTransfer
-
     Raises
     ------
     InvalidValueError
@@ -138,8 +117,7 @@ def photon_transfer(
     >>> round(curve.gain, 1)
     0.4
     """
-    if not isinstance(model, SensorModel):
-        raise wrong_kind(model, "model", "SensorModel", "pl.SensorModel(photon_rate=1e6)")
+    check_kind(model, "model", SensorModel, "pl.SensorModel(photon_rate=1e6)")
     given = frozen_array(levels, name="levels", shape=("n",))
     rows, columns = shape
     size = whole(rows, "rows", at_least=2), whole(columns, "columns", at_least=2)

@@ -198,10 +198,6 @@ class RawImage:
         ------
         InvalidValueError
             Where the method does not know the pattern, a channel has no pixel, or the image is too small.
-
-        Examples
-        --------
-        See `RawImage`.
         """
         known = self.linear()
         factors = np.ones(3) if white_balance is None else _factors(white_balance)
@@ -257,18 +253,10 @@ class RawImage:
         ----------
         path : path-like
 
-        Returns
-        -------
-        RawImage
-
         Raises
         ------
         FileError
             Where the file is missing, damaged or no raw image of this package.
-
-        Examples
-        --------
-        See `save`.
         """
         channels, metadata = images.read_channels(file_path(path))
         if "plenoptic:model" not in metadata:

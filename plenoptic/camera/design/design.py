@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from plenoptic.camera.design.search import CameraDesign, DesignStep, Search
-from plenoptic.camera.design.wishes import check_count, checked_numbers, checked_wishes, template_array
+from plenoptic.camera.design.wishes import Wishes, check_count, check_wishes, checked_numbers, template_array
 from plenoptic.camera.report.focus import CameraKind
 from plenoptic.camera.report.optics import neighbour_distance
-from plenoptic.core.values import choice, positive, wavelength_in_nm, wrong_kind
+from plenoptic.core.values import check_kind, choice, positive, wavelength_in_nm
 from plenoptic.optics.lens.analysis.focus import FocusCriterion
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.microlens.array import MicrolensArray
@@ -79,10 +79,6 @@ def design_camera(  # noqa: PLR0913
     tolerance : float, optional
         Largest error of the traced focus over the distance of the array, and of the traced image fill.
 
-    Returns
-    -------
-    CameraDesign
-
     Raises
     ------
     InvalidValueError
@@ -108,11 +104,11 @@ def design_camera(  # noqa: PLR0913
     >>> f"{camera.microlenses_to_sensor:.3f} mm, iris {camera.lens.stop.semi_diameter:.2f} mm"
     '1.500 mm, iris 5.97 mm'
     """
-    if not isinstance(lens, LensStack):
-        raise wrong_kind(lens, "lens", "LensStack", 'pl.load_lens("double-gauss-100mm-f2")')
-    if not isinstance(sensor, Sensor):
-        raise wrong_kind(sensor, "sensor", "Sensor", "pl.Sensor((512, 512), 0.01)")
-    wishes = checked_wishes(lens, kind, z, depth_at, image_fill, virtual_depth, disparity, sensor)
+    check_kind(lens, "lens", LensStack, 'pl.load_lens("double-gauss-100mm-f2")')
+    check_kind(sensor, "sensor", Sensor, "pl.Sensor((512, 512), 0.01)")
+    kind = choice(kind, CameraKind, "kind")
+    wishes = Wishes(kind, z, depth_at, image_fill, virtual_depth, disparity, sensor.pixel_pitch)
+    check_wishes(wishes, lens)
     template = template_array(microlenses, pitch, focal_length, lattice)
     given = checked_numbers(
         {

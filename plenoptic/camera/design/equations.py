@@ -46,7 +46,10 @@ def solved(wishes: Wishes, given: Numbers, lens: Lens) -> Numbers:
                 known[missing[0]] = _possible(solve(known, missing[0]), missing[0], name, wishes)
             if len(missing) <= 1:
                 if not missing:
-                    _refuse_contradiction(name, known)
+                    raise InvalidValueError(
+                        f"{name} has nothing left to choose: what it acts on is given or follows from the rest; leave "
+                        f"out {name}, or one of what is given"
+                    )
                 rules.remove(rule)
                 progress = True
                 break
@@ -180,10 +183,3 @@ def _possible(found: float, unknown: str, rule: str, wishes: Wishes) -> float:
             f"{rule} would need {name} = {found:.4g}, which cannot be; wish for other numbers, or give less"
         )
     return found
-
-
-def _refuse_contradiction(rule: str, known: Numbers) -> None:
-    raise InvalidValueError(
-        f"{rule} has nothing left to choose: what it acts on is given or follows from the rest; leave out {rule}, or "
-        "one of what is given"
-    )

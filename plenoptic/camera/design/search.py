@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
 
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.design.equations import Lens, solved
 from plenoptic.camera.design.wishes import FIELDS, Numbers, Wishes
 from plenoptic.camera.report.focus import sharp_image
 from plenoptic.camera.report.optics import image_plane, paraxial_cone, traced_slope, with_semi_diameter
-from plenoptic.core.values import set_field, value
+from plenoptic.core.values import value
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.analysis.focus import FocusCriterion, best_focus
 from plenoptic.optics.lens.models import LensModel
@@ -25,7 +24,7 @@ _ROUNDS = 40
 
 @value
 class DesignStep:
-    """One round of a design: what was tried, and how far traced rays are from the wishes.
+    """One round of a design: what was tried, and how far traced rays are from the wishes. See `design_camera`.
 
     Attributes
     ----------
@@ -37,10 +36,6 @@ class DesignStep:
         Traced diameter of the microlens images over their distance, less the wish; 0 without that wish.
     depth_error : float
         How far the traced image of the plane `depth_at` has moved since the last round, in mm.
-
-    Examples
-    --------
-    See `design_camera`.
     """
 
     semi_diameter: float
@@ -55,7 +50,7 @@ class DesignStep:
 
 @value
 class CameraDesign:
-    """A camera that meets wishes, and how it was found; made by `design_camera`.
+    """A camera that meets wishes, and how it was found. See `design_camera`, which makes it.
 
     Attributes
     ----------
@@ -64,19 +59,11 @@ class CameraDesign:
         What was not given.
     history : tuple of DesignStep
         The first is the paraxial solution, the last the camera.
-
-    Examples
-    --------
-    See `design_camera`.
     """
 
     camera: PlenopticCamera
-    solved_for: Sequence[str]
-    history: Sequence[DesignStep]
-
-    def __post_init__(self) -> None:
-        set_field(self, "solved_for", tuple(self.solved_for))
-        set_field(self, "history", tuple(self.history))
+    solved_for: tuple[str, ...]
+    history: tuple[DesignStep, ...]
 
     def __repr__(self) -> str:
         last = self.history[-1]
@@ -115,7 +102,7 @@ class Search:
                 raise InvalidValueError(self._too_much_light(numbers["h"], history)) from None
             history.append(self._step(numbers, camera, now, traced))
             if self._meets(history[-1], tolerance):
-                return CameraDesign(camera, [FIELDS[u] for u in FIELDS if u not in self.given], history)
+                return CameraDesign(camera, tuple(FIELDS[u] for u in FIELDS if u not in self.given), tuple(history))
             if not math.isfinite(traced.slope):
                 break
             now = traced

@@ -5,13 +5,12 @@ from __future__ import annotations
 import dataclasses
 
 from plenoptic.camera.report.focus import CameraKind
-from plenoptic.core.values import choice, finite, number, positive, wrong_kind
+from plenoptic.core.values import check_kind, choice, finite, number, positive
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.lattice import Lattice
-from plenoptic.optics.sensor.sensor import Sensor
 
 FIELDS = {
     "h": "semi_diameter",
@@ -50,18 +49,9 @@ class Wishes:
         return ["kind", *wanted] if self.kind is CameraKind.PLENOPTIC_1 else wanted
 
 
-def checked_wishes(
-    lens: LensStack,
-    kind: CameraKind,
-    z: float | None,
-    depth_at: float | None,
-    image_fill: float | None,
-    virtual_depth: float | None,
-    disparity: float | None,
-    sensor: Sensor,
-) -> Wishes:
-    """What is wanted, or an error where it cannot be wanted together."""
-    kind = choice(kind, CameraKind, "kind")
+def check_wishes(wishes: Wishes, lens: LensStack) -> None:
+    """An error where they cannot be wanted together."""
+    kind, z, depth_at = wishes.kind, wishes.z, wishes.depth_at
     if kind is CameraKind.CONVENTIONAL:
         raise InvalidValueError(
             "kind is CONVENTIONAL, a camera without microlenses; focus one with camera.focused_at(z)"
@@ -74,22 +64,21 @@ def checked_wishes(
     for name, plane in (("z", z), ("depth_at", depth_at)):
         if plane is not None and not number(plane, name) < 0:
             raise InvalidValueError(f"{name} is {plane:g} mm; the plane must lie in front of the camera, below 0")
-    for name, size in (("image_fill", image_fill), ("virtual_depth", virtual_depth), ("disparity", disparity)):
-        if size is not None:
-            positive(size, name)
-    if virtual_depth is not None and disparity is not None:
+    for name in ("image_fill", "virtual_depth", "disparity"):
+        if getattr(wishes, name) is not None:
+            positive(getattr(wishes, name), name)
+    if wishes.virtual_depth is not None and wishes.disparity is not None:
         raise InvalidValueError("virtual_depth and disparity say the same; give one of them")
-    depth = virtual_depth is not None or disparity is not None
+    depth = wishes.virtual_depth is not None or wishes.disparity is not None
     if depth_at is not None and (z is None or not depth):
         raise InvalidValueError(
             "depth_at says where virtual_depth or disparity is wanted, in a camera that is focused at z; give these too"
         )
-    if kind is CameraKind.PLENOPTIC_1 and (virtual_depth is not None or (depth and depth_at in (None, z))):
+    if kind is CameraKind.PLENOPTIC_1 and (wishes.virtual_depth is not None or (depth and depth_at in (None, z))):
         raise InvalidValueError(
             "a PLENOPTIC_1 camera has virtual depth and disparity 0 in the plane in focus; wish for a disparity at "
             "another plane depth_at, or for another kind"
         )
-    return Wishes(kind, z, depth_at, image_fill, virtual_depth, disparity, sensor.pixel_pitch)
 
 
 def template_array(
@@ -97,8 +86,7 @@ def template_array(
 ) -> MicrolensArray:
     """The array whose pitch and focal length the design replaces where they are not given."""
     if microlenses is not None:
-        if not isinstance(microlenses, MicrolensArray):
-            raise wrong_kind(microlenses, "microlenses", "MicrolensArray", "pl.MicrolensArray(0.2, (2.0,))")
+        check_kind(microlenses, "microlenses", MicrolensArray, "pl.MicrolensArray(0.2, (2.0,))")
         if pitch is not None or focal_length is not None:
             raise InvalidValueError(
                 "microlenses have a pitch and a focal length already; leave out pitch and focal_length"

@@ -15,7 +15,7 @@ from plenoptic.camera.model_pupil import model_pupil
 from plenoptic.camera.points.centroids import lit_centroids
 from plenoptic.camera.points.chief_rays import chief_slopes
 from plenoptic.camera.points.white_centroids import white_centroids
-from plenoptic.core.values import choice, finite, read_only, value, wrong_kind
+from plenoptic.core.values import check_kind, choice, finite, read_only, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.microlens.aperture import Walls
 from plenoptic.optics.microlens.array import ConvexSide, MicrolensArray
@@ -53,7 +53,7 @@ class CentreMethod(enum.IntEnum):
 
 @value
 class MicrolensCentres:
-    """Centres of microlens images, one a row; `microlens_centres` finds them.
+    """Centres of microlens images, one a row. See `microlens_centres`, which finds them.
 
     Parameters
     ----------
@@ -63,16 +63,10 @@ class MicrolensCentres:
         Row of the array's `focal_lengths`.
     on_array : (n, 2) array
         The microlenses' optical centres on the array's plane, x and y in mm.
-    position : (n, 2) array
-        Centres of their images on the sensor, x and y in mm.
-    pixel : (n, 2) array
-        The same as row and column: whole numbers at the centres of pixels.
+    position, pixel : (n, 2) array
+        Centres of their images on the sensor: x and y in mm, and row and column, whole numbers at centres of pixels.
     method : CentreMethod
         What they are centres of.
-
-    Examples
-    --------
-    See `microlens_centres`.
     """
 
     index: NDArray[np.int64]
@@ -154,8 +148,7 @@ def microlens_centres(
     >>> centres.pixel[4].tolist(), (centres.pixel[4] - centres.pixel[3]).round(3).tolist()
     ([31.5, 31.5], [22.038, 0.0])
     """
-    if not isinstance(camera, PlenopticCamera):
-        raise wrong_kind(camera, "camera", "PlenopticCamera", "pl.PlenopticCamera(...)")
+    check_kind(camera, "camera", PlenopticCamera, "pl.PlenopticCamera(...)")
     method, margin = choice(method, CentreMethod, "method"), finite(margin, "margin")
     array = camera.microlenses
     if array is None:
@@ -177,7 +170,7 @@ def microlens_centres(
         )
     straight = walls or method is CentreMethod.ORTHOGONAL
     slopes = np.zeros_like(centres) if straight else chief_slopes(axes, centres)
-    position = axes.on_sensor(*through_centres(array, centres, slopes))
+    position = axes.on_sensor(behind_centres(array, centres, slopes), slopes)
     if method is CentreMethod.CENTROID:
         if white is None:
             position = lit_centroids(axes, array, lenses)
@@ -186,21 +179,23 @@ def microlens_centres(
     return _kept(camera, lenses, position, method, margin)
 
 
-def through_centres(array: MicrolensArray, centres: Floats, slopes: Floats) -> tuple[Floats, Floats]:
-    """Undeviated rays, behind the array: points on its rear principal plane, and slopes.
+def plate_displacement(array: MicrolensArray, slopes: Floats) -> Floats:
+    """How far beside its undeviated way (n, 2) a ray through the vertex of a plate's curved side passes the flat side.
 
-    In a plate the ray passes the vertex of the curved side, where both sides are parallel: inside, it runs at the
-    slope tan t' with sin t = n sin t', and is displaced. With the vertex towards the scene it meets the flat side at
-    thickness tan t'; the rear principal plane lies thickness / n before that, the ray extended.
+    Inside, it runs at the slope tan t' with sin t = n sin t': it crosses the thickness by thickness tan t', and the
+    principal plane lies thickness / n from the vertex. tan t' / tan t = cos t / sqrt(n^2 - sin^2 t).
     """
-    if not array.is_plate:
-        return centres, slopes
     tangent2 = np.sum(slopes**2, axis=1, keepdims=True)
     sine2 = tangent2 / (1.0 + tangent2)
-    # Slope inside over slope outside: tan t' / tan t = cos t / sqrt(n^2 - sin^2 t).
     inside = np.sqrt((1.0 - sine2) / (array.index**2 - sine2))
-    beside = array.thickness * (inside - 1.0 / array.index) * slopes
-    return (centres + beside if array.convex_side is ConvexSide.SCENE else centres), slopes
+    return np.asarray(array.thickness * (inside - 1.0 / array.index) * slopes)
+
+
+def behind_centres(array: MicrolensArray, centres: Floats, slopes: Floats) -> Floats:
+    """Points (n, 2) of the rear principal plane from which undeviated rays through optical centres seem to come."""
+    if array.is_plate and array.convex_side is ConvexSide.SCENE:
+        return centres + plate_displacement(array, slopes)
+    return centres
 
 
 def _images_apart(axes: ArrayAxes) -> float:

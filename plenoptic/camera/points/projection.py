@@ -10,12 +10,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.points.projection_light import REPLICATES, centroid_and_error, light_and_error, light_of
-from plenoptic.camera.points.projection_rows import lenses_of
-from plenoptic.camera.points.projection_tracing import Rows, rows_through_iris, rows_through_microlenses
+from plenoptic.camera.points.projection_rows import Rows, lenses_of, rows_through_iris, rows_through_microlenses
+from plenoptic.camera.psf.point_spread import world_points
 from plenoptic.camera.psf.sensor_hits import ForwardRecord, forward_record, in_lens_axes, tasks_of
 from plenoptic.core.parallel import thread_count
-from plenoptic.core.values import frozen_array, read_only, set_field, value, whole, wrong_kind
-from plenoptic.errors import InvalidValueError
+from plenoptic.core.values import check_kind, read_only, set_field, value, whole
 from plenoptic.optics.microlens.array import MicrolensModel
 
 if TYPE_CHECKING:
@@ -29,7 +28,7 @@ _CLEAR = 2.0**-12
 
 @value
 class Projection:
-    """Where points appear on the sensor, a row for each point and microlens; made by `project`.
+    """Where points appear on the sensor, a row for each point and microlens. See `project`, which makes it.
 
     Attributes
     ----------
@@ -41,17 +40,13 @@ class Projection:
         Lattice indices of the microlens; in FREE lattices (number, 0). None without microlenses, as the next one.
     type : (k,) array of int or None
         Type of the microlens: a row of the array's `focal_lengths`.
-    position : (k, 2) array
-        x and y on the sensor in mm of the chief ray: from the point through the microlens's optical centre; without
-        microlenses, through the centre of the iris. nan where there is no such ray, as for a point whose image lies on
-        the array beside that centre.
-    pixel : (k, 2) array
-        The same as row and column: whole numbers at the centres of pixels.
-    centroid : (k, 2) array
-        x and y on the sensor in mm of the centroid of all light of the point that lands on the sensor through the
-        microlens; nan where none does.
-    centroid_pixel : (k, 2) array
-        The same as row and column.
+    position, pixel : (k, 2) array
+        x and y on the sensor in mm, and row and column (whole numbers at the centres of pixels), of the chief ray: from
+        the point through the microlens's optical centre; without microlenses, through the centre of the iris. nan where
+        there is no such ray, as for a point whose image lies on the array beside that centre.
+    centroid, centroid_pixel : (k, 2) array
+        The same of the centroid of all light of the point that lands on the sensor through the microlens; nan where
+        none does.
     centroid_error : (k, 2) array
         Standard error of `centroid` in mm; inf where it is not known.
     light : (k,) array
@@ -64,10 +59,6 @@ class Projection:
     visible : (k,) array of bool
         Whether light of the point lands on the sensor through the microlens, be it the chief ray alone, and, where a
         scene is given, nothing hides the point.
-
-    Examples
-    --------
-    See `project`.
     """
 
     points: Floats
@@ -94,19 +85,10 @@ class Projection:
         return len(self.point)
 
     def selected(self, rows: ArrayLike) -> Projection:
-        """The rows that a mask (k,) or an array of row numbers selects.
-
-        Examples
-        --------
-        See `project`.
-        """
-        chosen = np.asarray(rows)
-        changes: dict[str, Any] = {}
-        for field in dataclasses.fields(self):
-            given = getattr(self, field.name)
-            if field.name != "points" and given is not None:
-                changes[field.name] = given[chosen]
-        return dataclasses.replace(self, **changes)
+        """The rows that a mask (k,) or an array of row numbers selects."""
+        given = {field.name: getattr(self, field.name) for field in dataclasses.fields(self) if field.name != "points"}
+        chosen: dict[str, Any] = {name: a[np.asarray(rows)] for name, a in given.items() if a is not None}
+        return dataclasses.replace(self, **chosen)
 
     def __repr__(self) -> str:
         seen = int(np.count_nonzero(self.visible))
@@ -176,7 +158,8 @@ def project(
     >>> middle.pixel.round(6).tolist(), bool(np.abs(middle.centroid_pixel - middle.pixel).max() < 1e-3)
     ([[255.5, 255.5]], True)
     """
-    given = _checked(camera, points)
+    check_kind(camera, "camera", PlenopticCamera, "pl.PlenopticCamera(...)")
+    given, _ = world_points(points)
     each = -(-whole(rays, "rays", at_least=1) // REPLICATES)
     workers = thread_count(threads)
     tables = forward_record(camera)
@@ -192,20 +175,6 @@ def project(
     return projection if scene is None else _unhidden(tables, projection, rows.entering, scene)
 
 
-def _checked(camera: PlenopticCamera, points: ArrayLike) -> Floats:
-    if not isinstance(camera, PlenopticCamera):
-        raise wrong_kind(camera, "camera", "PlenopticCamera", "pl.PlenopticCamera(...)")
-    try:
-        several = np.ndim(points) != 1
-    except ValueError:  # rows of different lengths, which is said below
-        several = True
-    rows = points if several else np.expand_dims(np.asarray(points), 0)
-    given = frozen_array(rows, name="points", shape=("n", 3))
-    if not np.isfinite(given).all():
-        raise InvalidValueError(f"points holds {given[~np.isfinite(given)][0]}; all coordinates must be finite, in mm")
-    return given
-
-
 def _assembled(tables: ForwardRecord, given: Floats, rows: Rows, pinhole: bool) -> Projection:
     sensor, array = tables.camera.sensor, tables.camera.microlenses
     lenses = None if array is None or rows.lens is None else lenses_of(array, rows.lens)
@@ -218,10 +187,8 @@ def _assembled(tables: ForwardRecord, given: Floats, rows: Rows, pinhole: bool) 
         shown &= lenses.transmission > 0
     if pinhole:
         light, light_error = np.full((2, len(light)), np.nan)
-        centroid, centroid_error = (
-            np.where(shown[:, None], rows.position, np.nan),
-            np.where(shown[:, None], 0.0, np.inf),
-        )
+        centroid = np.where(shown[:, None], rows.position, np.nan)
+        centroid_error = np.where(shown[:, None], 0.0, np.inf)
     else:
         light_error[shown & (light == 0)] = np.inf
     return Projection(
@@ -247,8 +214,7 @@ def _unhidden(tables: ForwardRecord, found: Projection, entering: Floats, scene:
     from plenoptic.scene.materials.alpha_mask import thin_out
     from plenoptic.scene.scene import Scene
 
-    if not isinstance(scene, Scene):
-        raise wrong_kind(scene, "scene", "Scene", "pl.Scene(...)")
+    check_kind(scene, "scene", Scene, "pl.Scene(...)")
     prepared = prepared_scene(scene)
     record, intersector = prepared.record, prepared.intersector
     if intersector is None:

@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.points.projection_rows import unique_rows
 from plenoptic.camera.psf.sensor_hits import ForwardRecord, Task, landed
 from plenoptic.core.parallel import run_in_order
 
@@ -26,34 +25,38 @@ class Light(NamedTuple):
     """(k, replicates, 3): light, and light times x and y on the sensor, in mm."""
 
 
-class _Part(NamedTuple):
-    """What one task brings."""
-
-    task: Task
-    lens: NDArray[np.int64]
-    sums: Floats
-
-
 def light_of(tables: ForwardRecord, tasks: list[Task], each: int, threads: int) -> Light:
     """Trace tasks that come to `each` rays for every point and replicate."""
 
-    def work(task: Task) -> _Part:
+    def work(task: Task) -> tuple[NDArray[np.int64], Floats]:
         rows = landed(tables, task, np.uint64(0)).rows
         lens, place = unique_rows(np.column_stack([rows["first"], rows["second"]]))
         sums = np.empty((len(lens), 3))
         for k, amount in enumerate((rows["weight"], rows["weight"] * rows["x"], rows["weight"] * rows["y"])):
             sums[:, k] = np.bincount(place, amount, minlength=len(lens))
-        return _Part(task, lens, sums / each)
+        return lens, sums / each
 
     parts = list(run_in_order(work, tasks, threads=min(threads, max(len(tasks), 1))))
-    counts = [len(part.lens) for part in parts]
-    number = np.repeat([part.task.number for part in parts], counts).astype(np.int64)
-    replicate = np.repeat([part.task.replicate for part in parts], counts).astype(np.int64)
-    index = np.concatenate([np.empty((0, 2), np.int64), *(part.lens for part in parts)])
+    counts = [len(lens) for lens, _ in parts]
+    number = np.repeat([task.number for task in tasks], counts).astype(np.int64)
+    replicate = np.repeat([task.replicate for task in tasks], counts).astype(np.int64)
+    index = np.concatenate([np.empty((0, 2), np.int64), *(lens for lens, _ in parts)])
     keys, row = unique_rows(np.column_stack([number, index]))
     moments = np.zeros((len(keys), REPLICATES, 3))
-    np.add.at(moments, (row, replicate), np.concatenate([np.empty((0, 3)), *(part.sums for part in parts)]))
+    np.add.at(moments, (row, replicate), np.concatenate([np.empty((0, 3)), *(sums for _, sums in parts)]))
     return Light(keys, moments)
+
+
+def unique_rows(keys: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The different rows (k, c) of whole numbers (n, c) in order, and which of them each row is (n,)."""
+    if not len(keys):
+        return keys, np.empty(0, np.int64)
+    order = np.lexsort(keys.T[::-1])
+    ordered = keys[order]
+    new = np.append(True, (ordered[1:] != ordered[:-1]).any(axis=1))
+    row = np.empty(len(keys), np.int64)
+    row[order] = np.cumsum(new) - 1
+    return ordered[new], row
 
 
 def light_and_error(moments: Floats) -> tuple[Floats, Floats]:

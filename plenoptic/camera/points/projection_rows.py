@@ -1,4 +1,4 @@
-"""Which microlenses can see a point: where the light of the point falls onto the array."""
+"""The rows of a projection: which microlenses can see a point, its chief rays through them, and its light."""
 
 from __future__ import annotations
 
@@ -8,9 +8,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.points.projection_chiefs import ThroughArray, rays_from
-from plenoptic.camera.psf.sensor_hits import Task
-from plenoptic.optics.lens.record import LensRecord
+from plenoptic.camera.array_axes import array_axes
+from plenoptic.camera.points.projection_light import REPLICATES, Light, unique_rows
+from plenoptic.camera.points.projection_rays import Aim, EntranceRays, ThroughArray, aimed, entrance_rays, through_iris
+from plenoptic.camera.psf.sensor_hits import ForwardRecord, Task
+from plenoptic.core.rays import RayBundle
 from plenoptic.optics.lens.trace import traced_by
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.listed import Lenslets, described, lattice_types
@@ -23,6 +25,78 @@ _ROOM = 1.25
 """Microlenses are looked for in a box around the light that is larger by this factor."""
 
 
+class Rows(NamedTuple):
+    """One for each point and microlens that sees it."""
+
+    point: NDArray[np.int64]
+    """(k,)"""
+    lens: NDArray[np.int64] | None
+    """(k, 2) lattice indices; None without microlenses."""
+    position: Floats
+    """(k, 2): where the chief ray meets the sensor, in its own axes; nan where there is none."""
+    passes: NDArray[np.bool_]
+    """(k,): whether the lens lets the chief ray pass."""
+    moments: Floats
+    """(k, replicates, 3): light, and light times x and y."""
+    entering: Floats
+    """(k, 2): where a ray enters, on the plane of the entrance, that stands for the light."""
+
+
+def rows_through_iris(tables: ForwardRecord, seen: Floats, light: Light) -> Rows:
+    """One row for each point (n, 3), in the lens's axes, of a camera without microlenses."""
+    entrance, n = entrance_rays(tables), len(seen)
+    aim, centre = through_iris(tables, entrance.bare)
+    z, pupil = entrance.z, tables.entrance.pupil[0]
+    share = (z - seen[:, 2:]) / (pupil - seen[:, 2:]) if np.isfinite(pupil) else np.zeros((n, 1))
+    # Towards the centre of the paraxial entrance pupil, wherever that lies.
+    start = seen[:, :2] * np.where(np.abs(share) < 2.0, 1.0 - share, 0.0)
+    entering = aimed(entrance, aim, seen, np.tile(centre, (n, 1)), start)
+    rays = entrance.through(seen, entering)
+    moments = np.zeros((n, REPLICATES, 3))
+    moments[light.keys[:, 0]] = light.moments
+    position = _on_bare_sensor(tables, traced_by(entrance.bare, rays))
+    return Rows(np.arange(n), None, position, traced_by(entrance.lens, rays).status == 0, moments, entering)
+
+
+def _on_bare_sensor(tables: ForwardRecord, rays: RayBundle) -> Floats:
+    """Where rays behind the lens meet a sensor without microlenses, in its own axes."""
+    parts = tables.array.parts
+    to_sensor = parts.sensor_to_local.inverse()
+    origin = to_sensor.points(rays.origin - np.array([0.0, 0.0, parts.z_plane]))
+    direction = to_sensor.directions(rays.direction)
+    return np.asarray(origin[:, :2] - origin[:, 2:] / direction[:, 2:] * direction[:, :2])
+
+
+def rows_through_microlenses(
+    tables: ForwardRecord, array: MicrolensArray, seen: Floats, tasks: list[Task], light: Light
+) -> Rows:
+    """A row for each of the points (n, 3), in the lens's axes, and each microlens that gets its light or chief ray."""
+    if not tasks:
+        none, keys = np.empty((0, 2)), np.empty((0, 3), np.int64)
+        return Rows(keys[:, 0], keys[:, 1:], none, keys[:, 0] > 0, np.empty((0, REPLICATES, 3)), none)
+    entrance, axes = entrance_rays(tables), array_axes(tables.camera)
+    through = ThroughArray(axes, array)
+    prints = _footprints(tasks, entrance, through)
+    keys, row = unique_rows(np.concatenate([light.keys, _candidates(prints, through)]))
+    moments = np.zeros((len(keys), REPLICATES, 3))
+    moments[row[: len(light.keys)]] = light.moments
+    number, centres = keys[:, 0], axes.local(lenses_of(array, keys[:, 1:]).axis)
+    start = _nearest_rays(prints, number, centres, passing=False)
+    entering = aimed(entrance, Aim(entrance.bare, through.places), seen[number], centres, start)
+    rays = entrance.through(seen[number], entering)
+    passes = traced_by(entrance.lens, rays).status == 0
+    kept = passes | (moments[:, :, 0] > 0).any(axis=1)
+    shadow = np.where(passes[:, None], entering, _nearest_rays(prints, number, centres, passing=True))
+    return Rows(
+        point=number[kept],
+        lens=keys[kept, 1:],
+        position=through.sensor_points(centres, traced_by(entrance.bare, rays))[kept],
+        passes=passes[kept],
+        moments=moments[kept],
+        entering=np.where(np.isfinite(shadow), shadow, entering)[kept],
+    )
+
+
 class Footprints(NamedTuple):
     """Rays of points that are in sight, all with as many."""
 
@@ -32,24 +106,24 @@ class Footprints(NamedTuple):
     """(m, f, 2): where they enter, on the plane of the entrance."""
     arriving: Floats
     """(m, f, 2): where they meet the array, local; nan where they do not."""
-    landing: Floats
+    on_sensor: Floats
     """(m, f, 2): where they would meet the sensor, in its own axes, if a microlens were centred on them."""
     passing: NDArray[np.bool_]
     """(m, f): whether the lens lets them pass."""
 
 
-def footprints(tasks: list[Task], lens: LensRecord, aim: ThroughArray, *, z: float, wavelength: float) -> Footprints:
-    """Trace the rings of rays of every point that has tasks; `lens` has its stops and rims."""
+def _footprints(tasks: list[Task], entrance: EntranceRays, through: ThroughArray) -> Footprints:
+    """Trace the rings of rays of every point that has tasks."""
     firsts = {task.number: task for task in tasks[::-1]}
     number = np.array(sorted(firsts), dtype=np.int64)
     entering = np.stack([_rings(firsts[k].triangles) for k in number])
     points = np.repeat([firsts[k].point for k in number], entering.shape[1], axis=0)
-    rays = rays_from(points, entering.reshape(-1, 2), z, wavelength)
-    traced = traced_by(aim.tables, rays)
-    arriving = aim.places(traced)
-    landing = aim.landing(arriving, traced).reshape(entering.shape)
-    passing = (traced_by(lens, rays).status == 0).reshape(entering.shape[:2])
-    return Footprints(number, entering, arriving.reshape(entering.shape), landing, passing)
+    rays = entrance.through(points, entering.reshape(-1, 2))
+    traced = traced_by(entrance.bare, rays)
+    arriving = through.places(traced)
+    on_sensor = through.sensor_points(arriving, traced).reshape(entering.shape)
+    passing = (traced_by(entrance.lens, rays).status == 0).reshape(entering.shape[:2])
+    return Footprints(number, entering, arriving.reshape(entering.shape), on_sensor, passing)
 
 
 def _rings(triangles: NDArray[np.void]) -> Floats:
@@ -62,17 +136,17 @@ def _rings(triangles: NDArray[np.void]) -> Floats:
     return np.concatenate([middle + share * (outline - middle) for share in _RINGS])
 
 
-def candidates(prints: Footprints, aim: ThroughArray) -> NDArray[np.int64]:
+def _candidates(prints: Footprints, through: ThroughArray) -> NDArray[np.int64]:
     """(k, 3): numbers of points and lattice indices of the microlenses in boxes around their light.
 
     Those whose chief rays would land farther beside the sensor than a tenth of its size, or two pitches, are left out.
     """
-    axes, array = aim.axes, aim.array
+    axes, array = through
     height, width = axes.camera.sensor.size
     limit = np.array([width, height])
     limit = 0.5 * limit + np.maximum(0.1 * limit, 2.0 * max(array.pitches))
     found = [np.empty((0, 3), dtype=np.int64)]
-    for number, arriving, landing in zip(prints.number, prints.arriving, prints.landing, strict=True):
+    for number, arriving, on_sensor in zip(prints.number, prints.arriving, prints.on_sensor, strict=True):
         met = np.isfinite(arriving).all(axis=1)
         if not met.any():
             continue
@@ -80,7 +154,7 @@ def candidates(prints: Footprints, aim: ThroughArray) -> NDArray[np.int64]:
         low, high = on_array.min(axis=0), on_array.max(axis=0)
         room = 0.5 * (_ROOM - 1.0) * (high - low) + array.cell_radius
         lenses = array.lenses(low - room, high + room)
-        near = np.abs(_linear(on_array, landing[met], lenses.axis)) <= limit
+        near = np.abs(_linear(on_array, on_sensor[met], lenses.axis)) <= limit
         index = lenses.index[near.all(axis=1)]
         found.append(np.column_stack([np.full(len(index), number), index]))
     return np.concatenate(found)
@@ -91,18 +165,6 @@ def _linear(places: Floats, values: Floats, wanted: Floats) -> Floats:
     middle = places.mean(axis=0)
     series, *_ = np.linalg.lstsq(np.column_stack([places - middle, np.ones(len(places))]), values, rcond=None)
     return np.asarray((wanted - middle) @ series[:2] + series[2])
-
-
-def unique_rows(keys: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """The different rows (k, c) of whole numbers (n, c) in order, and which of them each row is (n,)."""
-    if not len(keys):
-        return keys, np.empty(0, np.int64)
-    order = np.lexsort(keys.T[::-1])
-    ordered = keys[order]
-    new = np.append(True, (ordered[1:] != ordered[:-1]).any(axis=1))
-    row = np.empty(len(keys), np.int64)
-    row[order] = np.cumsum(new) - 1
-    return ordered[new], row
 
 
 def lenses_of(array: MicrolensArray, index: NDArray[np.int64]) -> Lenslets:
@@ -116,7 +178,7 @@ def lenses_of(array: MicrolensArray, index: NDArray[np.int64]) -> Lenslets:
     return Lenslets(*(getattr(found, field.name)[row] for field in dataclasses.fields(found)))
 
 
-def nearest_rays(prints: Footprints, number: NDArray[np.int64], places: Floats, *, passing: bool) -> Floats:
+def _nearest_rays(prints: Footprints, number: NDArray[np.int64], places: Floats, *, passing: bool) -> Floats:
     """Where the rays of points `number` (n,) enter that meet the array nearest to `places` (n, 2); nan without one."""
     found = np.full(places.shape, np.nan)
     for k, point in enumerate(prints.number):

@@ -164,14 +164,20 @@ def _checked_points(camera: PlenopticCamera, points: ArrayLike) -> tuple[NDArray
             "the microlenses have the model PINHOLE, and no ray from a point meets a hole without extent; render a "
             "small emitter instead, or choose THIN"
         )
+    given, several = world_points(points)
+    if not len(given):
+        raise InvalidValueError("points is empty; give at least one point (x, y, z) in mm")
+    return given, several
+
+
+def world_points(points: ArrayLike) -> tuple[NDArray[np.float64], bool]:
+    """One point or several as an array (n, 3), and whether there may be several."""
     try:
         several = np.ndim(points) != 1
     except ValueError:  # rows of different lengths, which is said below
         several = True
     rows = points if several else np.expand_dims(np.asarray(points), 0)
     given = frozen_array(rows, name="points", shape=("n", 3))
-    if not len(given):
-        raise InvalidValueError("points is empty; give at least one point (x, y, z) in mm")
     if not np.isfinite(given).all():
         raise InvalidValueError(f"points holds {given[~np.isfinite(given)][0]}; all coordinates must be finite, in mm")
     return given, several

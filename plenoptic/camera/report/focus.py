@@ -55,7 +55,7 @@ class CameraKind(enum.IntEnum):
 
 @value
 class MicrolensFocus:
-    """What the microlenses of one type have in focus; part of a `CameraReport`.
+    """What the microlenses of one type have in focus, as part of a report. See `camera_report`.
 
     With s the distance behind the array at which the main lens forms an image (negative in front of it), b the distance
     from array to sensor, f the focal length and d the opening of a microlens, p their pitch and q that of the pixels:
@@ -107,10 +107,6 @@ class MicrolensFocus:
     (doi 10.1117/12.909882): virtual depth, effective resolution. T. Georgiev and A. Lumsdaine, Focused plenoptic camera
     and rendering, J. Electronic Imaging 19, 2010 (doi 10.1117/1.3442712). R. Ng et al., Light field photography with a
     hand-held plenoptic camera, Stanford CTSR 2005-02.
-
-    Examples
-    --------
-    See `camera_report`.
     """
 
     type: int
@@ -159,7 +155,8 @@ def microlens_focus(camera: PlenopticCamera, type_: int, cone: Cone) -> Microlen
     array, q = camera.microlenses, camera.sensor.pixel_pitch
     f = None if array is None else array.focal_lengths[type_]
     kind, s = kind_of(camera, f), sharp_image(camera, f)
-    z, (far, near) = _in_front(camera, camera.stop_to_microlenses + s), _limits(camera, kind, s, cone)
+    z_image = camera.stop_to_microlenses + s
+    z, (far, near) = _in_front(camera, z_image), _limits(camera, kind, s, cone)
     m = lateral_magnification(camera.lens, z, camera.wavelength) if not math.isnan(z) else math.nan
     onwards, across, seeing, disparities, resolution = 1.0, math.nan, math.nan, (None, None, None), 1.0
     pixel, v = q, None
@@ -182,7 +179,7 @@ def microlens_focus(camera: PlenopticCamera, type_: int, cone: Cone) -> Microlen
         image_distance=s,
         virtual_depth=v,
         z=z,
-        z_traced=traced_plane(camera, camera.stop_to_microlenses + s),
+        z_traced=traced_plane(camera, z_image),
         z_far=far,
         z_near=near,
         magnification=m,

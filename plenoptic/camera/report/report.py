@@ -5,7 +5,9 @@ Main lens by Gaussian optics and by traced rays, microlenses by their focal leng
 
 from __future__ import annotations
 
+import dataclasses
 import math
+from typing import Any
 
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.report.findings import CameraFinding, CameraFindingKind, camera_findings
@@ -21,7 +23,7 @@ from plenoptic.camera.report.optics import (
     paraxial_cone,
     traced_slope,
 )
-from plenoptic.core.values import value, wrong_kind
+from plenoptic.core.values import check_kind, value
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.microlens.aperture import Walls
@@ -31,7 +33,7 @@ __all__ = ["CameraFinding", "CameraFindingKind", "CameraKind", "CameraReport", "
 
 @value
 class CameraReport:
-    """A camera in numbers; printed, it is a table. `camera_report` makes them.
+    """A camera in numbers; printed, it is a table. See `camera_report`, which makes it.
 
     What a camera lacks is None. Pixels are the sensor's.
 
@@ -80,10 +82,6 @@ class CameraReport:
         nm.
     warnings : tuple of CameraFinding
         What may surprise.
-
-    Examples
-    --------
-    See `camera_report`.
     """
 
     kind: CameraKind
@@ -149,8 +147,7 @@ def camera_report(camera: PlenopticCamera) -> CameraReport:
     >>> [finding.kind.name for finding in report.warnings]
     ['OVERLAP']
     """
-    if not isinstance(camera, PlenopticCamera):
-        raise wrong_kind(camera, "camera", "PlenopticCamera", "pl.PlenopticCamera(...)")
+    check_kind(camera, "camera", PlenopticCamera, "pl.PlenopticCamera(...)")
     lens, array, wavelength = camera.lens, camera.microlenses, camera.wavelength
     z = camera.stop_to_microlenses
     cone = paraxial_cone(lens, z, wavelength)
@@ -167,43 +164,33 @@ def camera_report(camera: PlenopticCamera) -> CameraReport:
     points = None if lens.model is LensModel.NONE else cardinal_points(lens, wavelength)
     types = (0,) if array is None else range(len(array.focal_lengths))
     focus = tuple(microlens_focus(camera, type_, cone) for type_ in types)
-    images = dict.fromkeys(_IMAGES) if array is None else _image_numbers(camera, cone, slope)
     on_axis = 0 if array is None else array.focal_lengths.index(array.focal_length)
-    numbers = {
-        "kind": focus[on_axis].kind,
-        "efl": None if points is None else points.efl,
-        "f_number": None if points is None else points.f_number,
-        "exit_pupil_distance": math.inf if cone.vergence == 0 else 1.0 / cone.vergence,
-        "working_f_number_paraxial": 0.5 / cone.slope,
-        "working_f_number": 0.5 / slope,
-        "focus": focus,
-        "clearance": clearance(camera),
-        "corner_pupil_fraction": light.pupil_fraction,
-        "corner_chief_angle": light.chief_angle,
-        "wavelength": wavelength,
-    }
-    plain = CameraReport(**numbers, **images)  # type: ignore[arg-type]
-    return CameraReport(**numbers, **images, warnings=camera_findings(camera, plain))  # type: ignore[arg-type]
+    report = CameraReport(
+        kind=focus[on_axis].kind,
+        efl=None if points is None else points.efl,
+        f_number=None if points is None else points.f_number,
+        exit_pupil_distance=math.inf if cone.vergence == 0 else 1.0 / cone.vergence,
+        working_f_number_paraxial=0.5 / cone.slope,
+        working_f_number=0.5 / slope,
+        **_image_numbers(camera, cone, slope),
+        focus=focus,
+        clearance=clearance(camera),
+        corner_pupil_fraction=light.pupil_fraction,
+        corner_chief_angle=light.chief_angle,
+        wavelength=wavelength,
+    )
+    return dataclasses.replace(report, warnings=camera_findings(camera, report))
 
 
-_IMAGES = (
-    "microlens_f_number",
-    "f_number_match",
-    "image_diameter",
-    "image_diameter_pixels",
-    "image_pitch",
-    "image_pitch_pixels",
-    "image_fill",
-    "image_border_pixels",
-    "dark_fraction",
-    "overlap_fraction",
-    "microlenses",
-)
+_IMAGES = ("microlens_f_number", "f_number_match", "image_diameter", "image_diameter_pixels", "image_pitch",
+           "image_pitch_pixels", "image_fill", "image_border_pixels", "dark_fraction", "overlap_fraction",
+           "microlenses")  # fmt: skip
 
 
-def _image_numbers(camera: PlenopticCamera, cone: Cone, slope: float) -> dict[str, float | None]:
+def _image_numbers(camera: PlenopticCamera, cone: Cone, slope: float) -> dict[str, Any]:
     array, b, q = camera.microlenses, camera.microlenses_to_sensor, camera.sensor.pixel_pitch
-    assert array is not None
+    if array is None:
+        return dict.fromkeys(_IMAGES)
     p, stretch = neighbour_distance(array), 1.0 + b * cone.vergence
     diameter, pitch = 2.0 * b * slope, p * abs(stretch)
     # The exit pupil is at -D: blur d b |1/b - 1/f + 1/D|, see MicrolensFocus.

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import choice, finite, frozen_array, number, positive, set_field, value, whole
+from plenoptic.core.values import choice, frozen_array, not_negative, number, positive, set_field, value, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.sensor.color_filter import BayerPattern, as_filters, pattern_of
 
@@ -189,7 +189,7 @@ class SensorModel:
                 f"photon_rate {self.photon_rate} in {self.exposure_time:g} s overflows; reduce one of them"
             )
         for name, unit in _NOT_NEGATIVE:
-            set_field(self, name, _not_negative(getattr(self, name), name, unit))
+            set_field(self, name, not_negative(getattr(self, name), name, unit))
         if self.full_well is not None:
             set_field(self, "full_well", positive(self.full_well, "full_well", "electrons"))
         if self.bits is not None:
@@ -265,13 +265,6 @@ def as_seed(given: int, name: str) -> int:
     return seed
 
 
-def _not_negative(given: float, name: str, unit: str) -> float:
-    checked = finite(given, name)
-    if checked < 0:
-        raise InvalidValueError(f"{name} is {checked:g}{unit and ' ' + unit}; it must be at least 0")
-    return checked
-
-
 def _per_channel(given: Any, name: str, at_most: float = math.inf) -> float | tuple[float, ...]:
     """One number for all channels, or a tuple of three."""
     several = np.ndim(given) > 0
@@ -286,7 +279,7 @@ def _per_channel(given: Any, name: str, at_most: float = math.inf) -> float | tu
 def _which(given: Any, name: str) -> float | NDArray[np.int64]:
     """A fraction of all pixels, or a list of (row, column)."""
     if np.ndim(given) == 0:
-        fraction = _not_negative(given, name, "")
+        fraction = not_negative(given, name)
         if fraction > 1:
             raise InvalidValueError(f"{name} is {fraction:g}; a fraction of the pixels must be at most 1")
         return fraction

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from plenoptic.core.values import finite, positive, wavelength_in_nm
-from plenoptic.errors import InvalidValueError
+from plenoptic.core.values import finite, not_negative, positive, wavelength_in_nm
 
 __all__ = ["dark_current_at", "photon_rate"]
 
@@ -90,8 +89,6 @@ def dark_current_at(
     >>> dark_current_at(34.0, rate=10.0, reference_temperature=20.0, doubling_temperature=7.0)
     40.0
     """
-    given = finite(rate, "rate")
-    if given < 0:
-        raise InvalidValueError(f"rate is {given:g} electrons/s; it must be at least 0")
+    given = not_negative(rate, "rate", "electrons/s")
     steps = finite(temperature, "temperature") - finite(reference_temperature, "reference_temperature")
     return float(given * 2.0 ** (steps / positive(doubling_temperature, "doubling_temperature", "K")))

@@ -49,11 +49,8 @@ class Sensor:
             rows, columns = self.shape
         except (TypeError, ValueError):
             raise InvalidValueError(f"shape is {self.shape!r}; it must be (rows, columns)") from None
-        set_field(
-            self,
-            "shape",
-            (whole(rows, "rows of the sensor", at_least=1), whole(columns, "columns of the sensor", at_least=1)),
-        )
+        rows = whole(rows, "rows of the sensor", at_least=1)
+        set_field(self, "shape", (rows, whole(columns, "columns of the sensor", at_least=1)))
         set_field(self, "pixel_pitch", positive(self.pixel_pitch, "pixel_pitch", "mm"))
         try:
             width, height = (positive(side, "pixel_aperture") for side in self.pixel_aperture)

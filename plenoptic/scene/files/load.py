@@ -90,10 +90,6 @@ def load_file(path: str | PathLike[str], *, unit: str | None = None, material: M
     material : Material, optional
         Replaces all materials of the file, which are not looked at then.
 
-    Returns
-    -------
-    FileContents
-
     Raises
     ------
     FileError
@@ -129,20 +125,7 @@ def load_meshes(
 ) -> tuple[Mesh | Instances, ...]:
     """Read all triangles of a file: the meshes of `load_file`, which see.
 
-    Parameters
-    ----------
-    path, unit, material : as in `load_file`
-
-    Returns
-    -------
-    tuple of Mesh or Instances
-
-    Raises
-    ------
-    FileError
-        As in `load_file`, and for a file without triangles.
-    InvalidValueError
-        An unknown unit.
+    Its parameters and errors are those of `load_file`; a file without triangles is a `FileError`.
 
     Examples
     --------

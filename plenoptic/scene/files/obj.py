@@ -76,21 +76,8 @@ def obj_material(name: str, said: Said, folder: Path) -> Material:
     d or 1 - Tr, times map_d, is the opacity of all `MetallicRoughness`, Ke times map_Ke their emission, norm their map
     of normals. map_d is the alpha of its image, or its grey where that has none. Ka, bump and others are left out.
 
-    Parameters
-    ----------
-    name : str
-        For messages.
-    said : mapping
-        As `read_mtl` returns it.
-    folder : Path
-        In which its images lie.
-
-    Raises
-    ------
-    FileError
-        Something that is no number; an image that is missing, damaged or has options other than -clamp.
-    SceneError
-        Numbers out of range.
+    `said` is what `read_mtl` returns for it; its images lie in `folder`. A `FileError` for what is no number and for an
+    image that is missing, damaged or has options other than -clamp, a `SceneError` for numbers out of range.
 
     References
     ----------

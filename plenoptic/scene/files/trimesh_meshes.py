@@ -21,20 +21,9 @@ from plenoptic.scene.textures.texture import Texture
 
 
 def trimesh_meshes(source: Path, kind: str, content: bytes, scale: float, material: Material | None) -> Iterator[Mesh]:
-    """All that is visible, in mm.
+    """All that is visible in a file of the kind "obj", "ply" or "stl", whose unit is `scale` mm, in mm.
 
-    Parameters
-    ----------
-    source : Path
-        The file; others that it names lie beside it.
-    kind : str
-        "obj", "ply" or "stl".
-    content : bytes
-        Of the file.
-    scale : float
-        mm in one unit of the file.
-    material : Material or None
-        Replaces those of the file.
+    Other files that it names lie beside it. A material replaces those of the file.
     """
     import trimesh
 

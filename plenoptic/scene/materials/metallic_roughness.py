@@ -105,7 +105,7 @@ class MetallicRoughness:
 
 @cache
 def layer_tables() -> Mapping[str, NDArray[np.float64]]:
-    """What passes the layer of a METALLIC_ROUGHNESS material of reflectance 0.04, and its means.
+    """What passes the layer of a METALLIC_ROUGHNESS material of reflectance 0.04, with its means in the last column.
 
     The layer's directional albedo is the mean of F G2 / G1 over normals drawn by visibility, here at the midpoints of
     a grid of random numbers, as in `microfacets.visible_normal`.
@@ -124,7 +124,7 @@ def layer_tables() -> Mapping[str, NDArray[np.float64]]:
     whole, moment = high**4 - low**4, 0.8 * (high**5 - low**5)
     slope = np.diff(passed, axis=1) / (high - low)
     mean = (passed[:, :-1] * whole + slope * (moment - low * whole)).sum(axis=1)
-    return {"coupling": read_only(passed), "coupling_mean": read_only(mean)}
+    return {"coupling": read_only(np.column_stack([passed, mean]))}
 
 
 def _layer_albedo(

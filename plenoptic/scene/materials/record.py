@@ -110,9 +110,9 @@ class Bsdf(NamedTuple):
     """(nm,), as all SHARES; 0 where a texture gives it or a material has none. None where all materials have none."""
     metallic: NDArray[np.float64] | None = None
     coupling: NDArray[np.float64] | None = None
-    """(root of the roughness, root of the cosine): what passes the layer of MetallicRoughness, or None."""
-    coupling_mean: NDArray[np.float64] | None = None
-    """(root of the roughness,): its mean over the cosine-weighted hemisphere."""
+    """What passes the layer of MetallicRoughness: rows at equal steps of the root of the roughness, columns of that of
+    the cosine; the last column is the mean over the cosine-weighted hemisphere. None where none is MetallicRoughness.
+    """
 
 
 class Emission(NamedTuple):
@@ -137,3 +137,18 @@ class Alpha(NamedTuple):
     """(nm,): opacity from which on the surface is there for all paths, and for none below; -1 where there is none."""
     texture: TextureColumn | None
     """None where no texture gives an opacity."""
+
+
+class Surface(NamedTuple):
+    """What a material is at one point, inside kernels: numbers only, None for what no material of a scene has."""
+
+    kind: int | None
+    """None where all materials are Lambertian."""
+    roughness: float
+    metallic: float
+    eta: float | None
+    """Index behind the surface over that on the viewer's side; 0 for what is no body."""
+    pane_index: float | None
+    material: int
+    wave: int
+    """Number of the path's wavelength."""

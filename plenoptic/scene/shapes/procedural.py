@@ -17,6 +17,7 @@ from plenoptic.scene.materials.diffuse import Lambertian
 from plenoptic.scene.materials.emissive import Emissive
 from plenoptic.scene.materials.registry import Material
 from plenoptic.scene.scene import Scene
+from plenoptic.scene.shapes.targets.checker_layouts import flat_mesh, grid_corners, grid_faces
 
 _BLACK = Lambertian(0.0)
 
@@ -32,10 +33,6 @@ def quad(corner: ArrayLike, edge_u: ArrayLike, edge_v: ArrayLike, *, material: M
         mm; towards texture coordinates (1, 0) and (0, 1).
     material : Material, optional
         Lambertian(0.5) by default, as for all bodies here.
-
-    Returns
-    -------
-    Mesh
 
     Examples
     --------
@@ -109,10 +106,6 @@ def sphere(
         Facets around the axis and from pole to pole.
     material : Material, optional
 
-    Returns
-    -------
-    Mesh
-
     Examples
     --------
     >>> import plenoptic as pl
@@ -171,7 +164,7 @@ def turned(profile: ArrayLike, *, segments: int = 128, material: Material | None
         [out[:, None] * np.sin(angle), np.broadcast_to(up[:, None], x.shape), out[:, None] * np.cos(angle)], axis=-1
     )
     uv = np.stack(np.broadcast_arrays(np.arange(around + 1) / around, np.linspace(0, 1, rows)[:, None]), axis=-1)
-    faces = _grid_faces(rows, around + 1)
+    faces = grid_faces(np.ones((rows - 1, around), dtype=bool))
     corners = vertices.reshape(-1, 3)[faces]
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     return Mesh(
@@ -228,16 +221,13 @@ def checkerboard(
         # A line that the border cuts away leaves its number to the border itself.
         lines.append((places[kept], np.arange(first, last + 1)[kept]))
     (x, column), (y, row) = lines
-    grid = np.stack(np.broadcast_arrays(x, y[:, None], 0.0), axis=-1).reshape(-1, 3)
-    faces = _grid_faces(len(y), len(x)).reshape(2, len(y) - 1, len(x) - 1, 3)
+    corners = grid_corners(x, y)
     parity = _squares_below(row, y, starts[1], square)[:, None] + _squares_below(column, x, starts[0], square)
     is_odd = parity % 2 == 1
-    meshes = []
-    for chosen, material in ((~is_odd, even or Lambertian(0.8)), (is_odd, odd or Lambertian(0.2))):
-        triangles = faces[:, chosen].reshape(-1, 3)
-        used, renumbered = np.unique(triangles, return_inverse=True)
-        meshes.append(Mesh(grid[used], renumbered.reshape(-1, 3), material))
-    return meshes[0], meshes[1]
+    return (
+        flat_mesh(corners, grid_faces(~is_odd), even or Lambertian(0.8)),
+        flat_mesh(corners, grid_faces(is_odd), odd or Lambertian(0.2)),
+    )
 
 
 def _squares_below(
@@ -246,13 +236,6 @@ def _squares_below(
     """Number of the square above each line but the last."""
     middle = 0.5 * (places[:-1] + places[1:])
     return np.floor((middle - start) / square).astype(np.int64)
-
-
-def _grid_faces(rows: int, columns: int) -> NDArray[np.int64]:
-    """(2 (rows - 1) (columns - 1), 3): first the lower right triangles of all cells, then the upper left ones."""
-    i = np.arange(rows * columns).reshape(rows, columns)
-    a, b, c, d = i[:-1, :-1].ravel(), i[:-1, 1:].ravel(), i[1:, :-1].ravel(), i[1:, 1:].ravel()
-    return np.concatenate([np.stack([a, b, d], axis=1), np.stack([a, d, c], axis=1)])
 
 
 def _edge_lengths(size: ArrayLike) -> list[float]:

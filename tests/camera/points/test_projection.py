@@ -10,7 +10,7 @@ import pytest
 import plenoptic as pl
 from plenoptic.camera.array_axes import array_axes
 from plenoptic.camera.points.projection import project
-from plenoptic.camera.points.projection_chiefs import ThroughArray, aimed, rays_from
+from plenoptic.camera.points.projection_rays import Aim, EntranceRays, ThroughArray, aimed
 from plenoptic.camera.psf.point_spread import landing_points, point_spread
 from plenoptic.optics.lens.record import lens_record
 from plenoptic.optics.lens.trace import traced_by
@@ -135,12 +135,13 @@ def test_chief_rays_pass_centres_to_a_millionth_of_a_micrometre(array, placed):
     camera = reference_camera(**array)
     camera = assembled(camera) if placed else camera
     axes, made = array_axes(camera), camera.microlenses
-    aim = ThroughArray(lens_record(camera.lens, camera.wavelength, reverse=False, clipping=False), axes, made)
+    bare = lens_record(camera.lens, camera.wavelength, reverse=False, clipping=False)
+    entrance, aim = EntranceRays(-40.0, 5.0, camera.wavelength, bare, bare), Aim(bare, ThroughArray(axes, made).places)
     rng = np.random.default_rng(3)
     wanted = rng.uniform(-1.5, 1.5, (200, 2))
     points = np.tile([4.0, -3.0, -380.0], (200, 1))
-    found = aimed(aim, points, wanted, np.zeros((200, 2)), z=-40.0, size=5.0, wavelength=camera.wavelength)
-    passed = aim.places(traced_by(aim.tables, rays_from(points, found, -40.0, camera.wavelength)))
+    found = aimed(entrance, aim, points, wanted, np.zeros((200, 2)))
+    passed = aim.places(traced_by(bare, entrance.through(points, found)))
     np.testing.assert_allclose(passed, wanted, rtol=0, atol=1e-9)
 
 

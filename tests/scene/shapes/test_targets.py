@@ -364,7 +364,7 @@ def test_materials_are_those_given():
     [
         (lambda: targets.checkerboard(1, 4, square=1), "columns is 1; it must be at least 2"),
         (lambda: targets.checkerboard(4, 4, square=0), "square is 0 mm; it must be above 0"),
-        (lambda: targets.checkerboard(4, 4, square=1, margin=-1), "margin is -1 mm; it must be 0 or more"),
+        (lambda: targets.checkerboard(4, 4, square=1, margin=-1), "margin is -1 mm; it must be at least 0"),
         (lambda: targets.point_grid(4, 4, pitch=1, radius=0.5), r"reduce radius 0\.5 mm until that is below half"),
         (lambda: targets.point_grid(4, 4, pitch=1, radius=0.1, sides=3), "sides is 3; it must be at least 4"),
         (lambda: targets.random_dots(4, 4, dot=1, density=1.5), "density is 1.5; it must be within 0 and 1"),

@@ -31,40 +31,25 @@ _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
 @dataclasses.dataclass(frozen=True)
 class GltfFile:
-    """The description of a glTF file, and what it refers to.
-
-    Parameters
-    ----------
-    header : mapping
-        The JSON part.
-    buffers : tuple of bytes
-        What `header["buffers"]` stands for.
-    folder : Path
-        Where files lie that are named by a relative path.
-    """
+    """The description of a glTF file, and what it refers to; a `FileError` where it refers to what is not there."""
 
     header: Mapping[str, Any]
+    """The JSON part."""
     buffers: tuple[bytes, ...]
+    """What `header["buffers"]` stands for."""
     folder: Path
+    """Where files lie that are named by a relative path."""
 
     def described(self, kind: str, number: Any) -> Mapping[str, Any]:
-        """One entry of a list such as "meshes".
-
-        Raises
-        ------
-        FileError
-            There is none of this number.
-        """
-        return _entry(self.header, kind, number)
+        """One entry of a list such as "meshes"."""
+        listed = self.header.get(kind, ())
+        if isinstance(number, bool) or not isinstance(number, int) or not 0 <= number < len(listed):
+            raise FileError(f"it refers to number {number!r} of its {len(listed)} {kind}; export it again")
+        entry: Mapping[str, Any] = listed[number]
+        return entry
 
     def view(self, number: Any) -> memoryview:
-        """The bytes of a buffer view.
-
-        Raises
-        ------
-        FileError
-            There is none of this number, or its buffer ends before it.
-        """
+        """The bytes of a buffer view."""
         described = self.described("bufferViews", number)
         start, length = described.get("byteOffset", 0), described["byteLength"]
         whole = self.buffers[described["buffer"]]
@@ -75,12 +60,7 @@ class GltfFile:
     def array(self, number: Any) -> NDArray[Any]:
         """The numbers of an accessor, (count, components); normalised integers as float64 within -1 and 1.
 
-        Raises
-        ------
-        FileError
-            There is none of this number.
-        ValueError, TypeError, KeyError
-            Whatever else damage leads to.
+        A ValueError, TypeError or KeyError is what damage may lead to.
         """
         accessor = self.described("accessors", number)
         kind, width = np.dtype(_COMPONENTS[accessor["componentType"]]), _WIDTHS[accessor["type"]]
@@ -106,32 +86,14 @@ class GltfFile:
         )
 
     def resource(self, uri: str) -> bytes:
-        """What a URI stands for: the data in it, or the content of a file.
-
-        Raises
-        ------
-        FileError
-            The file is missing or cannot be opened.
-        """
+        """What a URI stands for: the data in it, or the content of a file."""
         return _resource(uri, self.folder)
 
 
 def read_gltf(content: bytes, kind: str, folder: Path) -> GltfFile:
-    """Take a file apart.
+    """Take a file apart, of the kind "glb" (binary) or "gltf" (text), that lies in a folder.
 
-    Parameters
-    ----------
-    content : bytes
-        Of the file.
-    kind : str
-        "glb" for binary files, "gltf" for text.
-    folder : Path
-        Where the file lies.
-
-    Raises
-    ------
-    FileError
-        Another kind of file, one that is cut off, or one that requires an extension that is not read.
+    A `FileError` for another kind of file, one that is cut off, or one that requires an extension that is not read.
 
     Examples
     --------
@@ -182,11 +144,3 @@ def _resource(uri: str, folder: Path) -> bytes:
         return path.read_bytes()
     except OSError as error:
         raise FileError(f"its file {unquote(uri)!r} cannot be read ({error.strerror}); put it beside it") from None
-
-
-def _entry(header: Mapping[str, Any], kind: str, number: Any) -> Mapping[str, Any]:
-    listed = header.get(kind, ())
-    if isinstance(number, bool) or not isinstance(number, int) or not 0 <= number < len(listed):
-        raise FileError(f"it refers to number {number!r} of its {len(listed)} {kind}; export it again")
-    entry: Mapping[str, Any] = listed[number]
-    return entry

@@ -41,21 +41,11 @@ def transmitted(extensions: Mapping[str, Any], metallic: float | Texture, name: 
 def glass(
     extensions: Mapping[str, Any], base: Colour | Texture, roughness: float | Texture, scale: float, name: str
 ) -> Dielectric | ThinGlass:
-    """A body where the file gives it a volume, a pane otherwise.
+    """A body where the file gives it a volume, a pane otherwise, which is smooth whatever the roughness.
 
-    Parameters
-    ----------
-    extensions : mapping
-        Those of the material.
-    base : float, (float, float, float) or Texture
-        What is left of light that passes: in glTF at each surface. A pane has it as its transmittance. In a body it
-        becomes absorption, such that it is right where the light passes as much as `thicknessFactor` says.
-    roughness : float or Texture
-        Of bodies; panes are smooth.
-    scale : float
-        mm in one unit of the file.
-    name : str
-        Of the material, for warnings.
+    `base` is what is left of light that passes: in glTF at each surface. A pane has it as its transmittance. In a body
+    it becomes absorption, such that it is right where the light passes as much as `thicknessFactor` says. `scale` is mm
+    in one unit of the file.
     """
     index = float(extensions.get("KHR_materials_ior", {}).get("ior", 1.5))
     volume = extensions.get("KHR_materials_volume", {})

@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
 from plenoptic.errors import FileError
 from plenoptic.scene.file_cameras import View
@@ -27,27 +23,13 @@ def gltf_light(node: PlacedNode, file: GltfFile, scale: float) -> Light | None:
 
     Its candela (points, spots) and lux (directional lights) are taken as scene units: at the distance d, in the file's
     unit of length, a point of intensity I makes the irradiance I / d^2. In mm that is the intensity I scale^2. Its
-    `range`, where light would end, is left out: light does not end.
-
-    Parameters
-    ----------
-    node : PlacedNode
-        The light lies at its origin and shines along its -z; its scale has no effect.
-    file : GltfFile
-        Whose light it is.
-    scale : float
-        mm in one unit of the file.
-
-    Raises
-    ------
-    FileError
-        A light of an unknown kind.
+    `range`, where light would end, is left out: light does not end. It lies at the origin of the node and shines along
+    its -z; the node's scale has no effect. `scale` is mm in one unit of the file.
     """
     named = node.described.get("extensions", {}).get("KHR_lights_punctual")
     if named is None:
         return None
-    listed = file.header["extensions"]["KHR_lights_punctual"]["lights"]
-    light = listed[named["light"]]
+    light = file.header["extensions"]["KHR_lights_punctual"]["lights"][named["light"]]
     emitted = np.array(light.get("color", (1.0, 1.0, 1.0)), dtype=np.float64) * light.get("intensity", 1.0)
     if not emitted.any():
         return None
@@ -73,23 +55,7 @@ def gltf_view(node: PlacedNode, file: GltfFile, scale: float) -> View | None:
         return None
     camera = file.described("cameras", node.described["camera"])
     name = str(node.described.get("name") or camera.get("name") or f"camera {node.described['camera']}")
-    position, axes = node.matrix[:3, 3], _directions(node.matrix)
-    lens = camera.get("perspective", {})
-    return View(
-        name,
-        scale * position,
-        scale * (position - axes[:, 2]),
-        axes[:, 1],
-        lens.get("yfov"),
-        lens.get("aspectRatio", _aspect(camera.get("orthographic"))),
-    )
-
-
-def _directions(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(3, 3): the axes of a frame as columns of unit length."""
-    axes = matrix[:3, :3]
-    return np.asarray(axes / np.linalg.norm(axes, axis=0))
-
-
-def _aspect(orthographic: Mapping[str, Any] | None) -> float | None:
-    return None if orthographic is None else abs(orthographic["xmag"] / orthographic["ymag"])
+    position, axes = node.matrix[:3, 3], node.matrix[:3, :3] / np.linalg.norm(node.matrix[:3, :3], axis=0)
+    lens, flat = camera.get("perspective", {}), camera.get("orthographic")
+    aspect = lens.get("aspectRatio", None if flat is None else abs(flat["xmag"] / flat["ymag"]))
+    return View(name, scale * position, scale * (position - axes[:, 2]), axes[:, 1], lens.get("yfov"), aspect)

@@ -25,23 +25,9 @@ def gltf_material(
 ) -> tuple[Material, TexturePlacement]:
     """One of the materials of a file, and how its textures lie on meshes.
 
-    Parameters
-    ----------
-    described : mapping
-        What the file says of it.
-    textures : GltfTextures
-        Those of the file.
-    scale : float
-        mm in one unit of the file, for absorption in glass.
-    tint : (float, float, float, float)
-        The colour and opacity that all vertices have: a factor beside the material's own.
-
-    Raises
-    ------
-    FileError
-        A texture that is missing or damaged; textures that lie on the mesh in several ways.
-    SceneError
-        Numbers out of range.
+    `scale` is mm in one unit of the file, for absorption in glass; `tint` the colour and opacity that all vertices
+    have, a factor beside the material's own. A `FileError` for a texture that is missing or damaged and for textures
+    that lie on the mesh in several ways, a `SceneError` for numbers out of range.
     """
     name = str(described.get("name", "without a name"))
     extensions = described.get("extensions", {})

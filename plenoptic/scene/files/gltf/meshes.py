@@ -28,20 +28,9 @@ _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 def gltf_meshes(
     nodes: list[PlacedNode], file: GltfFile, scale: float, material: Material | None, default_name: str
 ) -> Iterator[Mesh | Instances]:
-    """All triangles of a file in mm, mesh by mesh in the order in which its nodes name them.
+    """All triangles of a file, whose unit is `scale` mm, in mm, mesh by mesh in the order in which its nodes name them.
 
-    Parameters
-    ----------
-    nodes : list of PlacedNode
-        What stands where.
-    file : GltfFile
-        Whose nodes they are.
-    scale : float
-        mm in one unit of the file.
-    material : Material or None
-        Replaces those of the file.
-    default_name : str
-        Of meshes that have none.
+    A material replaces those of the file; `default_name` is for meshes that have none.
     """
     places: dict[int, list[NDArray[np.float64]]] = {}
     for node in nodes:

@@ -22,10 +22,7 @@ class PlacedNode(NamedTuple):
 def placed_nodes(file: GltfFile) -> Iterator[PlacedNode]:
     """All nodes of the scene that a file shows first, parents before their children, in the order of the file.
 
-    Raises
-    ------
-    FileError
-        A node that hangs on two others, or on itself.
+    A `FileError` for a node that hangs on two others, or on itself.
     """
     waiting = [(number, np.eye(4)) for number in reversed(_roots(file))]
     met: set[int] = set()

@@ -60,13 +60,7 @@ class TexturePlacement(NamedTuple):
 
 
 def placement_of(infos: Iterable[Info], material: str) -> TexturePlacement:
-    """The one way in which several textures of a material lie on a mesh.
-
-    Raises
-    ------
-    FileError
-        There are several ways.
-    """
+    """The one way in which several textures of a material lie on a mesh; a `FileError` where there are several."""
     found = set()
     for info in infos:
         moved = info.get("extensions", {}).get("KHR_texture_transform", {})

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.core.values import finite, positive, whole
+from plenoptic.core.values import finite, not_negative, positive, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.scene.materials.diffuse import Lambertian
 from plenoptic.scene.materials.registry import Material
@@ -20,7 +20,7 @@ from plenoptic.scene.shapes.targets.checker_layouts import (
     in_plane,
     polygon,
 )
-from plenoptic.scene.shapes.targets.target import BRIGHT, DARK, Target, as_margin
+from plenoptic.scene.shapes.targets.target import BRIGHT, DARK, Target
 from plenoptic.scene.textures.color import Colour, as_colour
 from plenoptic.scene.textures.texture import Texture, TextureFilter, Wrap
 
@@ -70,7 +70,7 @@ def checkerboard(
     ([-7.0, 4.0, 0.0], [0, 0])
     """
     columns, rows = whole(columns, "columns", at_least=2), whole(rows, "rows", at_least=2)
-    square, border = positive(square, "square", "mm"), as_margin(margin)
+    square, border = positive(square, "square", "mm"), not_negative(margin, "margin", "mm")
     x, y = _lines(columns, square), _lines(rows, square)
     # Rows count downwards, lines upwards.
     is_dark = (np.arange(rows)[::-1, None] + np.arange(columns)) % 2 == 0

@@ -18,7 +18,7 @@ Floats = NDArray[np.float64]
 Faces = NDArray[np.int64]
 
 
-def flat_mesh(corners: ArrayLike, faces: ArrayLike, material: Material, name: str) -> Mesh:
+def flat_mesh(corners: ArrayLike, faces: ArrayLike, material: Material, name: str = "") -> Mesh:
     """A mesh in the plane z = 0 of those corners (n, 2) that the faces use."""
     used, renumbered = np.unique(np.asarray(faces), return_inverse=True)
     return Mesh(in_plane(np.asarray(corners)[used]), renumbered.reshape(-1, 3), material, name=name)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import finite, frozen_array, set_field, value
+from plenoptic.core.values import frozen_array, set_field, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.scene.geometry.mesh import Mesh
 from plenoptic.scene.materials.diffuse import Lambertian
@@ -177,11 +177,3 @@ class Target:
         carrier = Mesh(np.concatenate([self.points, np.eye(3)]), [[n, n + 1, n + 2]])
         meshes = tuple(move(mesh) for mesh in self.meshes)
         return dataclasses.replace(self, meshes=meshes, points=move(carrier).vertices[:n])
-
-
-def as_margin(margin: float) -> float:
-    """The width of a border in mm, 0 or more."""
-    width = finite(margin, "margin")
-    if width < 0:
-        raise InvalidValueError(f"margin is {width:g} mm; it must be 0 or more")
-    return width

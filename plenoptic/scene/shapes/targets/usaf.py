@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.core.values import positive, whole
+from plenoptic.core.values import not_negative, positive, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.scene.materials.registry import Material
 from plenoptic.scene.shapes.targets.checker_layouts import (
@@ -17,7 +17,7 @@ from plenoptic.scene.shapes.targets.checker_layouts import (
     joined_rectangles,
     snapped,
 )
-from plenoptic.scene.shapes.targets.target import BRIGHT, DARK, Target, as_margin
+from plenoptic.scene.shapes.targets.target import BRIGHT, DARK, Target
 
 _WIDTHS = 2.0 ** (-np.arange(6) / 6)
 """Width of the bars of each element, in units of those of its group's first one."""
@@ -106,7 +106,7 @@ def usaf_1951(
     width = 0.5 / frequencies
     places = np.array([_place(group, element) for group, element in index.tolist()]) * size
     low, high = places.min(axis=0), (places + width[:, None] * [_LENGTH, _HEIGHT]).max(axis=0)
-    border = 2 * width.max() if margin is None else as_margin(margin)
+    border = 2 * width.max() if margin is None else not_negative(margin, "margin", "mm")
     # Elements that lie flush do so to the last bit, so that no slivers are left between their ends.
     x = (places - (low + high) / 2)[:, :1] + width[:, None] * _ACROSS_LINES
     y = (places - (low + high) / 2)[:, 1:] + width[:, None] * _UP_LINES
