@@ -19,8 +19,10 @@ class InteractionStage:
 
     def __init__(self, scene: SceneRecord, capacity: int, channels: int, *, lights: bool) -> None:
         self._scene = scene
+        extra = None if scene.bsdf is None else scene.bsdf.extra_shares
+        columns = INTERACTION_COLUMNS + (0 if extra is None else extra.shape[1])
         self._room = Interactions(
-            rows=np.empty((capacity, INTERACTION_COLUMNS)),
+            rows=np.empty((capacity, columns)),
             ray=np.empty(capacity, dtype=np.int64),
             path=np.empty(capacity, dtype=np.int64),
             material=np.empty(capacity, dtype=np.int64),

@@ -78,7 +78,7 @@ class Interactions(NamedTuple):
     """Where rays meet surfaces that scatter: n of them; all but `ray`, `path` and `material` may have room for more."""
 
     rows: NDArray[np.float64]
-    """(n, INTERACTION_COLUMNS)."""
+    """(n, INTERACTION_COLUMNS), and a column more for each of EXTRA_SHARES where a material of the scene has them."""
     ray: NDArray[np.int64]
     """(n,): row of the ray."""
     path: NDArray[np.int64]

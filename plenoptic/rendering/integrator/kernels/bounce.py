@@ -40,6 +40,7 @@ def sample_bsdf(onward, source, interactions, queue, bsdf, wavelengths, russian_
     glass_index = bsdf.glass_index
     pane_index = bsdf.pane_index
     coupling = bsdf.coupling
+    extra_shares = bsdf.extra_shares
     waves = wavelengths.number
     basis = wavelengths.basis
     channels = base_color.shape[1]
@@ -50,7 +51,7 @@ def sample_bsdf(onward, source, interactions, queue, bsdf, wavelengths, russian_
         normal = row_vector(rows, i, SHADING_NORMAL)
         frame = frame_about(normal)
         to_viewer = to_local(negated(row_vector(rays, ray, 3)), frame, normal)
-        surface = surface_at(rows, i, material_of[i], wave_of(waves, path), kind, glass_index, pane_index)
+        surface = surface_at(rows, i, material_of[i], wave_of(waves, path), kind, glass_index, pane_index, extra_shares)
         key, index = interactions.key[i], interactions.number[i]
         lobe = 0.0
         if glass_index is not None:

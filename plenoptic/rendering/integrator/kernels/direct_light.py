@@ -33,6 +33,7 @@ def eval_direct(shadow, interactions, drawn, queue, bsdf, wavelengths):
     glass_index = bsdf.glass_index
     pane_index = bsdf.pane_index
     coupling = bsdf.coupling
+    extra_shares = bsdf.extra_shares
     waves = wavelengths.number
     basis = wavelengths.basis
     channels = base_color.shape[1]
@@ -53,7 +54,7 @@ def eval_direct(shadow, interactions, drawn, queue, bsdf, wavelengths):
         if not beyond * to_light[2] > 0.0:
             continue
         to_viewer = to_local(negated(row_vector(rays, ray, 3)), frame, normal)
-        surface = surface_at(rows, i, material, wave_of(waves, path), kind, glass_index, pane_index)
+        surface = surface_at(rows, i, material, wave_of(waves, path), kind, glass_index, pane_index, extra_shares)
         for c in range(channels):
             f[c] = base_color[i, c]
         pdf = evaluate(f, surface, to_viewer, to_light, metal_index, coupling, basis)

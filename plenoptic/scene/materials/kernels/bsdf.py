@@ -11,7 +11,7 @@ import numpy as np
 
 from plenoptic.core.jit import device, kernel
 from plenoptic.core.kernels.vectors import fill_vector, row_vector
-from plenoptic.scene.geometry.record import FRONT, METALLIC, ROUGHNESS
+from plenoptic.scene.geometry.record import FRONT, INTERACTION_COLUMNS, METALLIC, ROUGHNESS
 from plenoptic.scene.materials.kernels.conductor import eval_conductor, sample_conductor
 from plenoptic.scene.materials.kernels.dielectric import eval_dielectric, relative_index, sample_dielectric
 from plenoptic.scene.materials.kernels.diffuse import (
@@ -35,13 +35,14 @@ from plenoptic.scene.materials.record import (
 
 
 @device
-def surface_at(rows, i, material, wave, kind, glass_index, pane_index):
+def surface_at(rows, i, material, wave, kind, glass_index, pane_index, extra_shares):
     """What the material of an interaction is."""
     if kind is None:
-        return Surface(None, 0.0, 0.0, None, None, material, wave)
+        return Surface(None, 0.0, 0.0, None, None, None, material, wave)
     eta = None if glass_index is None else relative_index(glass_index, material, rows[i, FRONT] > 0.0)
     pane = None if pane_index is None else pane_index[material]
-    return Surface(kind[material], rows[i, ROUGHNESS], rows[i, METALLIC], eta, pane, material, wave)
+    extra = None if extra_shares is None else rows[i, INTERACTION_COLUMNS:]
+    return Surface(kind[material], rows[i, ROUGHNESS], rows[i, METALLIC], eta, pane, extra, material, wave)
 
 
 @device
@@ -85,21 +86,24 @@ def sample(f, surface, o, u, metal_index, coupling, basis):
 
 
 @device
-def _only_surface(kind, roughness, metallic, glass_index, pane_index, front):
+def _only_surface(kind, roughness, metallic, glass_index, pane_index, extra_shares, front):
     """The only material of a record."""
     if kind is None:
-        return Surface(None, 0.0, 0.0, None, None, 0, 0)
+        return Surface(None, 0.0, 0.0, None, None, None, 0, 0)
     rough = 0.0 if roughness is None else roughness[0]
     metal = 0.0 if metallic is None else metallic[0]
     eta = None if glass_index is None else relative_index(glass_index, 0, front)
     pane = None if pane_index is None else pane_index[0]
-    return Surface(kind[0], rough, metal, eta, pane, 0, 0)
+    extra = None if extra_shares is None else extra_shares[0]
+    return Surface(kind[0], rough, metal, eta, pane, extra, 0, 0)
 
 
 @kernel
 def fill_evaluated(values, pdf, to_viewer, to_light, front, bsdf):
     """F |cos| and density of pairs of directions in the frame of the surface of the only material of a record."""
-    surface = _only_surface(bsdf.kind, bsdf.roughness, bsdf.metallic, bsdf.glass_index, bsdf.pane_index, front)
+    surface = _only_surface(
+        bsdf.kind, bsdf.roughness, bsdf.metallic, bsdf.glass_index, bsdf.pane_index, bsdf.extra_shares, front
+    )
     for i in range(pdf.size):
         values[i] = bsdf.base_color[0]
         light = row_vector(to_light, i, 0)
@@ -113,7 +117,9 @@ def fill_evaluated(values, pdf, to_viewer, to_light, front, bsdf):
 @kernel
 def fill_sampled(directions, weights, pdf, to_viewer, points, front, bsdf):
     """Directions drawn for each viewer by three numbers, their weights and densities."""
-    surface = _only_surface(bsdf.kind, bsdf.roughness, bsdf.metallic, bsdf.glass_index, bsdf.pane_index, front)
+    surface = _only_surface(
+        bsdf.kind, bsdf.roughness, bsdf.metallic, bsdf.glass_index, bsdf.pane_index, bsdf.extra_shares, front
+    )
     for i in range(pdf.size):
         weights[i] = bsdf.base_color[0]
         direction, density, spread = sample(

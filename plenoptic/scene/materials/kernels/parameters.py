@@ -10,7 +10,7 @@ from plenoptic.core.jit import device, kernel
 from plenoptic.core.kernels.vectors import add, cross, dot, fill_vector, row_vector, scale, sub
 from plenoptic.core.kernels.wavelengths import one_channel, row_channel, wave_of
 from plenoptic.scene.geometry.kernels.intersect import corners
-from plenoptic.scene.geometry.record import FRONT, METALLIC, ROUGHNESS, SHADING_NORMAL, UV
+from plenoptic.scene.geometry.record import FRONT, INTERACTION_COLUMNS, METALLIC, ROUGHNESS, SHADING_NORMAL, UV
 from plenoptic.scene.textures.kernels.lookup import fill_texel
 
 
@@ -26,6 +26,7 @@ def fill_parameters(interactions, bsdf, wavelengths):
     colors = bsdf.base_color
     roughness = bsdf.roughness
     metallic = bsdf.metallic
+    extra = bsdf.extra_shares
     waves = wavelengths.number
     basis = wavelengths.basis
     for i in range(material.size):
@@ -36,6 +37,9 @@ def fill_parameters(interactions, bsdf, wavelengths):
             rows[i, ROUGHNESS] = roughness[material[i]]
         if metallic is not None:
             rows[i, METALLIC] = metallic[material[i]]
+        if extra is not None:
+            for k in range(extra.shape[1]):
+                rows[i, INTERACTION_COLUMNS + k] = extra[material[i], k]
 
 
 @kernel
@@ -69,6 +73,12 @@ def apply_textures(interactions, textures, channels, wavelengths):
             if texture >= 0:
                 fill_texel(number, textures.metallic.texels, textures.metallic.textures[texture], s, t)
                 rows[i, METALLIC] = number[0]
+        if textures.extra_shares is not None:
+            for k in range(textures.extra_shares.row.shape[1]):
+                texture = textures.extra_shares.row[material[i], k]
+                if texture >= 0:
+                    fill_texel(number, textures.extra_shares.texels, textures.extra_shares.textures[texture], s, t)
+                    rows[i, INTERACTION_COLUMNS + k] = number[0]
 
 
 @kernel
