@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.sampling.record import Batch
 from plenoptic.core.color.record import Wavelengths
-from plenoptic.rendering.context import Compiled
+from plenoptic.rendering.context import RenderContext
 from plenoptic.rendering.integrator.interaction import InteractionStage
 from plenoptic.rendering.integrator.record import RayQueue, ShadowRays
 from plenoptic.rendering.plan.scene_stages import ROULETTE
@@ -42,15 +42,15 @@ class Witness(Protocol):
 class Transport:
     """Follows the paths of a tile's bundles through the scene; its arrays are used again for each bundle."""
 
-    def __init__(self, view: Compiled, capacity: int) -> None:
-        assert view.scene is not None
-        camera, scene, intersector, settings = view.camera, view.scene, view.intersector, view.settings
-        self._camera, self._scene, self._intersector, self._settings = camera, scene, intersector, settings
+    def __init__(self, context: RenderContext, capacity: int) -> None:
+        assert context.scene is not None
+        camera, scene, intersector, sampling = context.camera, context.scene, context.intersector, context.sampling
+        self._camera, self._scene, self._intersector, self._sampling = camera, scene, intersector, sampling
         self._basis = None if camera.colour is None else camera.colour.basis
         self._channels = channels = scene.channels if camera.colour is None else 1
-        plan = settings.plan
+        plan = sampling.plan
         self._scatters, self._lights = plan.runs(Stage.SCATTERING), plan.runs(Stage.DIRECT_LIGHT)
-        self._goes_on, self._apart = plan.runs(Stage.ONWARD_RAYS), settings.how.caustics is Caustics.LEFT_OUT
+        self._goes_on, self._apart = plan.runs(Stage.ONWARD_RAYS), sampling.settings.caustics is Caustics.LEFT_OUT
         self._radiance = np.empty((capacity, channels))
         self.met = 0
         """Paths that met a triangle."""
@@ -95,7 +95,7 @@ class Transport:
 
         With `waves`, the number of each path's wavelength, there is one channel.
         """
-        max_bounces, wavelengths = self._settings.how.max_bounces, Wavelengths(waves, self._basis)
+        max_bounces, wavelengths = self._sampling.settings.max_bounces, Wavelengths(waves, self._basis)
         radiance = self._radiance[:n]
         radiance[:] = 0.0
         found = self._start(blocks, start, n, batch, number)
