@@ -20,6 +20,9 @@ import pytest
 import plenoptic as pl
 from plenoptic.core.jit import device
 from plenoptic.optics.microlens.record import MICROLENS
+from plenoptic.scene.lights.record import POINT_LIGHT, SUN_LIGHT, Environment
+from plenoptic.scene.materials.record import Alpha
+from plenoptic.scene.textures.record import TEXTURE, TextureColumn
 
 TOLERANCE = 0.02
 """Of the number of instructions: registers that are assigned otherwise cost a few moves."""
@@ -39,14 +42,28 @@ class _Cut(ast.NodeTransformer):
     """Removes what is not reached where some arguments are None, and hands on to callees which of theirs are."""
 
     def __init__(self, absent, scope):
-        self.absent, self.scope = absent, scope
+        self.absent, self.scope = set(absent), scope
+
+    def is_absent(self, node):
+        """Whether an expression is one of the names that are None, or a member of one."""
+        chain = _chain(node)
+        return chain is not None and any(chain == name or chain.startswith(name + ".") for name in self.absent)
+
+    def visit_Assign(self, node):
+        """What is given a name is absent by that name too."""
+        self.generic_visit(node)
+        nothing = isinstance(node.value, ast.Constant) and node.value.value is None
+        if isinstance(node.targets[0], ast.Name) and (nothing or self.is_absent(node.value)):
+            self.absent.add(node.targets[0].id)
+            return []
+        return node
 
     def _known(self, test):
         """The value that a condition must have, or UNKNOWN."""
         if isinstance(test, ast.Compare) and isinstance(test.ops[0], ast.Is | ast.IsNot):
             right = test.comparators[0]
             if isinstance(right, ast.Constant) and right.value is None:
-                return isinstance(test.ops[0], ast.Is) if _chain(test.left) in self.absent else UNKNOWN
+                return isinstance(test.ops[0], ast.Is) if self.is_absent(test.left) else UNKNOWN
         if isinstance(test, ast.BoolOp):
             decisive = isinstance(test.op, ast.Or)
             values = [self._known(part) for part in test.values]
@@ -98,7 +115,7 @@ class _Cut(ast.NodeTransformer):
         called = self.scope.get(node.func.id) if isinstance(node.func, ast.Name) else None
         if hasattr(called, "py_func"):
             names = list(inspect.signature(called.py_func).parameters)
-            gone = {k for k, a in enumerate(node.args) if _chain(a) in self.absent}
+            gone = {k for k, a in enumerate(node.args) if self.is_absent(a)}
             assert not any(isinstance(a, ast.Starred) for a in node.args[: max(gone, default=0)])
             within = {
                 names[k] + member.removeprefix(_chain(a))
@@ -111,6 +128,8 @@ class _Cut(ast.NodeTransformer):
                 self.scope[cut.__name__] = cut
                 node.func = ast.Name(cut.__name__, ast.Load())
                 node.args = [a for k, a in enumerate(node.args) if k not in gone]
+        else:  # a record is made
+            node.args = [ast.Constant(None) if self.is_absent(a) else a for a in node.args]
         return self.generic_visit(node)
 
 
@@ -128,8 +147,9 @@ def without(function, absent):
     definition.decorator_list = []
     definition.args.args = [argument for argument in definition.args.args if argument.arg not in absent]
     scope = dict(python.__globals__)
-    made = _Cut(absent, scope).visit(tree)
-    left = {_chain(node) for node in ast.walk(made)} & absent
+    cut = _Cut(absent, scope)
+    made = cut.visit(tree)
+    left = {_chain(node) for node in ast.walk(made) if cut.is_absent(node)}
     assert not left, f"{python.__name__} still uses {left}"
     exec(compile(ast.fix_missing_locations(made), f"<{definition.name}>", "exec"), scope)
     _MADE[function, absent] = device(scope[definition.name])
@@ -177,7 +197,9 @@ class Feature(NamedTuple):
 
     module: str
     kernel: str
-    arguments: dict[str, str | np.dtype]
+    arguments: dict[str, object]
+    made: frozenset[str] = frozenset()
+    """Members of records that kernels make for functions they call, which are None too."""
 
     @property
     def name(self):
@@ -189,10 +211,17 @@ def _column(*names, like="f8[::1]"):
 
 
 ROWS, CUBE, BYTES, NUMBERS, PLACES = "f8[:,::1]", "f8[:,:,::1]", "u1[::1]", "i8[::1]", "i4[::1]"
-TEXTURES = {"texels": "f4[::1]", "texture_rows": "i8[:,::1]"}
-COLOUR = {"waves": NUMBERS, "basis": ROWS}
-SKY = {"environment_texels": CUBE, "environment_densities": ROWS, "environment_rotation": "f8[::1]"}
-METAL, GLASS = {"metal_index": CUBE}, {"glass_index": ROWS}
+COLUMN = TextureColumn(np.empty(1, np.int32), np.empty(1, TEXTURE), np.empty(1, np.float32))
+COLOUR = {"wavelengths.number": NUMBERS, "wavelengths.basis": ROWS}
+PLACED = {"hits.instance": PLACES, "geometry.instance_to_world": ROWS}
+MAP = Environment(
+    np.empty((1, 1, 1), np.float32), np.empty(1), np.empty((1, 1)), np.empty((1, 1)), np.empty(9), 0.5, 1.0
+)
+
+
+def _suns(record):
+    return {f"{record}.suns": np.empty(1, SUN_LIGHT), f"{record}.sun_colors": ROWS}
+
 
 SAMPLE, FILM, WORLD, TRACE, THIN = (
     "plenoptic.camera.sampling.kernels.paths",
@@ -201,11 +230,21 @@ SAMPLE, FILM, WORLD, TRACE, THIN = (
     "plenoptic.optics.lens.kernels.trace",
     "plenoptic.optics.microlens.kernels.thin",
 )
-SHADE, SURFACES, LIGHTS = (
-    "plenoptic.rendering.integrator.kernels.shade",
+EMISSION, DIRECT, BOUNCE = (
+    f"plenoptic.rendering.integrator.kernels.{n}" for n in ("emission", "direct_light", "bounce")
+)
+SURFACES, PARAMETERS, LIGHTS = (
     "plenoptic.scene.geometry.kernels.interaction",
+    "plenoptic.scene.materials.kernels.parameters",
     "plenoptic.scene.lights.kernels.sample_emitters",
 )
+
+
+def _kind(module, kernel, **columns):
+    """A kind of material."""
+    members = {f"bsdf.{name}": like for name, like in columns.items()}
+    return Feature(module, kernel, {"bsdf.kind": NUMBERS, **members}, frozenset({"surface.kind"}))
+
 
 FEATURES = [
     Feature(SAMPLE, "fill_camera_samples", _column("pixel.skew")),
@@ -218,39 +257,43 @@ FEATURES = [
     Feature(TRACE, "fill_traced", {"lens.conic": "f8[::1]", "lens.aspheric": ROWS}),
     Feature(TRACE, "fill_traced", {"lens.frames": ROWS}),
     Feature(TRACE, "fill_traced", _column("lens.masks")),
-    Feature(SHADE, "fill_emitted", {"uv": ROWS, "emission_texture": PLACES, **TEXTURES}),
-    Feature(SHADE, "fill_emitted", {"placed": PLACES, "matrices": ROWS}),
-    Feature(SHADE, "fill_emitted", _column("background")),
-    Feature(SHADE, "fill_emitted", {"suns": ROWS, "sun_colours": ROWS}),
-    Feature(SHADE, "fill_emitted", SKY),
-    Feature(SHADE, "fill_emitted", {"rough": BYTES}),
-    Feature(SHADE, "fill_emitted", COLOUR),
-    Feature(SURFACES, "fill_surfaces", {"normals": ROWS}),
-    Feature(SURFACES, "fill_surfaces", {"placed": PLACES, "matrices": ROWS}),
-    Feature(SURFACES, "fill_surfaces", {"uv": ROWS}),
-    Feature(SURFACES, "fill_surfaces", _column("roughness", "metallic")),
-    Feature(LIGHTS, "fill_drawn_lights", {"light_kind": BYTES, "points": ROWS, "point_colours": ROWS}),
-    Feature(LIGHTS, "fill_drawn_lights", {"light_kind": BYTES, "suns": ROWS, "sun_colours": ROWS}),
-    Feature(LIGHTS, "fill_drawn_lights", {"opacity": "f8[::1]", "cutoff": "f8[::1]"}),
-    Feature(SHADE, "fill_lit", {"kinds": NUMBERS, **METAL}),
-    Feature(SHADE, "fill_lit", {"kinds": NUMBERS, **GLASS}),
-    Feature(SHADE, "fill_lit", {"kinds": NUMBERS, "coupling": ROWS, "coupling_mean": "f8[::1]"}),
-    Feature(SHADE, "fill_lit", COLOUR),
-    Feature(SHADE, "fill_onward", {"kinds": NUMBERS, **METAL}),
-    Feature(SHADE, "fill_onward", {"kinds": NUMBERS, **GLASS}),
-    Feature(SHADE, "fill_onward", {"kinds": NUMBERS, "pane_index": "f8[::1]"}),
-    Feature(SHADE, "fill_onward", {"kinds": NUMBERS, "coupling": ROWS, "coupling_mean": "f8[::1]"}),
-    Feature(SHADE, "fill_onward", {"next_from": NUMBERS}),
-    Feature(SHADE, "fill_onward", COLOUR),
+    Feature(EMISSION, "add_emission", {"geometry.uv": ROWS, "emission.texture": COLUMN}),
+    Feature(EMISSION, "add_emission", PLACED),
+    Feature(EMISSION, "add_emission", _column("sky.background")),
+    Feature(EMISSION, "add_emission", _suns("sky")),
+    Feature(EMISSION, "add_emission", {"sky.environment": MAP}),
+    Feature(EMISSION, "add_emission", {"queue.rough": BYTES}),
+    Feature(EMISSION, "add_emission", COLOUR),
+    Feature(SURFACES, "fill_interactions", {"geometry.normals": ROWS}),
+    Feature(SURFACES, "fill_interactions", PLACED),
+    Feature(SURFACES, "fill_interactions", {"geometry.uv": ROWS}),
+    Feature(PARAMETERS, "fill_parameters", _column("bsdf.roughness", "bsdf.metallic")),
+    Feature(LIGHTS, "sample_emitters", {"lights.points": np.empty(1, POINT_LIGHT), "lights.point_colors": ROWS}),
+    Feature(LIGHTS, "sample_emitters", _suns("lights.sky")),
+    Feature(LIGHTS, "sample_emitters", {"lights.sky.environment": MAP}),
+    Feature(LIGHTS, "sample_emitters", {"alpha": Alpha(np.empty(1), np.empty(1), None)}),
+    *(
+        feature
+        for module, kernel in ((DIRECT, "eval_direct"), (BOUNCE, "sample_bsdf"))
+        for feature in (
+            _kind(module, kernel, metal_index=CUBE),
+            _kind(module, kernel, glass_index=ROWS),
+            _kind(module, kernel, pane_index="f8[::1]"),
+            _kind(module, kernel, coupling=ROWS),
+            Feature(module, kernel, COLOUR),
+        )
+    ),
+    Feature(BOUNCE, "sample_bsdf", {"source": NUMBERS}),
 ]
 
 LARGE = {
     *("fill_camera_samples: own, fed.regions.details", "fill_thin: sensor.tilt", "fill_thin: own"),
     *("fill_traced: lens.conic, lens.aspheric", "fill_traced: lens.frames", "fill_traced: lens.masks"),
-    *("fill_emitted: uv, emission_texture, texels, texture_rows", "fill_emitted: placed, matrices"),
-    *("fill_emitted: suns, sun_colours", "fill_emitted: waves, basis", "fill_surfaces: normals"),
-    *("fill_surfaces: placed, matrices", "fill_lit: kinds, metal_index", "fill_lit: kinds, glass_index"),
-    *("fill_onward: kinds, pane_index", "fill_onward: kinds, coupling, coupling_mean"),
+    *("add_emission: geometry.uv, emission.texture", "add_emission: hits.instance, geometry.instance_to_world"),
+    *("add_emission: sky.suns, sky.sun_colors", "add_emission: wavelengths.number, wavelengths.basis"),
+    *("fill_interactions: geometry.normals", "fill_interactions: hits.instance, geometry.instance_to_world"),
+    *("eval_direct: bsdf.kind, bsdf.metal_index", "eval_direct: bsdf.kind, bsdf.glass_index"),
+    *("sample_bsdf: bsdf.kind, bsdf.pane_index", "sample_bsdf: bsdf.kind, bsdf.coupling"),
 }
 """Features of some hundred instructions. Small ones may make a kernel shorter: loops are then not unrolled."""
 
@@ -306,11 +349,11 @@ def variants(feature, plain):
     names = list(inspect.signature(kernel.py_func).parameters)
     types = dict(zip(names, recorded, strict=True))
     absent, present = dict(types), dict(types)
-    for name, text in feature.arguments.items():
+    for name, example in feature.arguments.items():
         assert _part(types, name) == numba.none or name in NEEDED
         _set_part(absent, name, numba.none)
-        _set_part(present, name, numba.typeof(_example(text)))
-    cut = without(kernel, frozenset(feature.arguments))
+        _set_part(present, name, numba.typeof(_example(example) if isinstance(example, str | np.dtype) else example))
+    cut = without(kernel, frozenset(feature.arguments) | feature.made)
     return (
         counted(kernel, absent.values()),
         counted(cut, [kind for name, kind in absent.items() if name not in feature.arguments]),
@@ -403,10 +446,10 @@ OF_THE_CAMERA = {
 }
 OF_THE_SCENE = {
     *("world_rays.fill_world_rays", "path_keys.fill_path_keys", "sobol.fill_drawn", "embree._fill_closest"),
-    *("interaction.fill_surfaces", "colors.fill_base", "sample_emitters.fill_drawn_lights"),
-    *("shade.fill_emitted", "shade.fill_lit", "shade.fill_onward"),
+    *("interaction.fill_interactions", "parameters.fill_parameters", "sample_emitters.sample_emitters"),
+    *("emission.add_emission", "direct_light.eval_direct", "bounce.sample_bsdf"),
 }
-AS_NEEDED = {"embree._fill_blocked", "shade.fill_direct"}
+AS_NEEDED = {"embree._fill_blocked", "direct_light.add_direct"}
 """Called where the few paths of the test find a lamp that shines on what they meet."""
 
 
@@ -432,4 +475,4 @@ def test_a_lambertian_scene_calls_what_it_needs(seen):
     assert modules & LIBRARIES <= {"embreex"}
     kernels = "plenoptic.scene.materials.kernels"
     assert f"{kernels}.bsdf" in modules
-    assert not modules & {f"{kernels}.{name}" for name in ("absorption", "opacity", "bsdf_rows")}
+    assert not modules & {f"{kernels}.{name}" for name in ("absorption", "alpha")}

@@ -2,11 +2,13 @@
 
 Numba drops the branch of `if x is not None` at compile time where x is an argument, and not where it is `record.x`.
 This pass runs before that pruning, and replaces each plain chain of names that leads from an argument through
-NamedTuples to a member that is None by the constant. A member of an absent record is absent.
+NamedTuples to a member that is None by the constant. A member of an absent record is absent. What is there is known
+to be: `x is not None` is True, so that the other branch is dropped too.
 """
 
 from __future__ import annotations
 
+import operator
 from typing import Any
 
 from numba.core import ir, types
@@ -33,6 +35,17 @@ def _type_of(state: Any, variable: Any) -> Any:
     return None
 
 
+def _is_present(state: Any, comparison: Any) -> bool:
+    """Whether what is compared with None cannot be None."""
+    if comparison.fn not in (operator.is_, operator.is_not):
+        return False
+    other = guard(get_definition, state.func_ir, comparison.rhs)
+    if not isinstance(other, ir.Const) or other.value is not None:
+        return False
+    known = _type_of(state, comparison.lhs)
+    return known is not None and not isinstance(known, types.NoneType | types.Optional | types.Omitted)
+
+
 @register_pass(mutates_CFG=False, analysis_only=False)
 class _AbsentFields(FunctionPass):
     _name = "absent_fields"
@@ -48,8 +61,12 @@ class _AbsentFields(FunctionPass):
                     continue
                 if statement.value.op == "getattr" and isinstance(_type_of(state, statement.target), types.NoneType):
                     statement.value = ir.Const(None, statement.loc)
-                    state.func_ir._definitions[statement.target.name] = [statement.value]
-                    changed = True
+                elif statement.value.op == "binop" and _is_present(state, statement.value):
+                    statement.value = ir.Const(statement.value.fn is operator.is_not, statement.loc)
+                else:
+                    continue
+                state.func_ir._definitions[statement.target.name] = [statement.value]
+                changed = True
         return changed
 
 

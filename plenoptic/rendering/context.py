@@ -18,16 +18,16 @@ from plenoptic.scene.scene import Scene
 from plenoptic.truth.channels import Truth
 
 
-class Settings(NamedTuple):
+class Sampling(NamedTuple):
     """How paths are sampled, and what they may do."""
 
     replicates: int
     seed: np.uint64
     plan: Plan
-    how: RenderSettings
+    settings: RenderSettings
 
 
-class Compiled(NamedTuple):
+class RenderContext(NamedTuple):
     """Camera and scene as records."""
 
     camera: CameraRecord
@@ -35,7 +35,7 @@ class Compiled(NamedTuple):
     """None: a white image."""
     intersector: Intersector | None
     """None where there are no triangles to meet."""
-    settings: Settings
+    sampling: Sampling
 
     @property
     def channels(self) -> int:
@@ -45,18 +45,20 @@ class Compiled(NamedTuple):
         return 1 if self.scene is None else self.scene.channels
 
 
-def compiled(
+def render_context(
     scene: Scene | None,
     camera: PlenopticCamera,
-    how: RenderSettings,
+    settings: RenderSettings,
     *,
     samples: int,
     replicates: int,
     seed: int,
     truth: Truth,
-) -> Compiled:
-    """Plan a rendering and compile what it needs."""
+) -> RenderContext:
+    """Plan a render and compile what it needs."""
     prepared = None if scene is None else prepared_scene(scene)
     record, intersector = (None, None) if prepared is None else (prepared.record, prepared.intersector)
-    plan = plan_stages(record, camera, how, samples=samples, replicates=replicates, truth=truth)
-    return Compiled(camera_record(camera), record, intersector, Settings(replicates, np.uint64(seed), plan, how))
+    plan = plan_stages(record, camera, settings, samples=samples, replicates=replicates, truth=truth)
+    return RenderContext(
+        camera_record(camera), record, intersector, Sampling(replicates, np.uint64(seed), plan, settings)
+    )

@@ -12,7 +12,7 @@ from plenoptic.camera.paths import CameraPaths
 from plenoptic.camera.record import CameraRecord
 from plenoptic.camera.sampling.pixel_regions import fed_pixels, pixel_centres
 from plenoptic.camera.sampling.record import Batch, FedPixels, batch_record
-from plenoptic.rendering.context import Compiled, Settings
+from plenoptic.rendering.context import RenderContext, Sampling
 from plenoptic.rendering.integrator.path import Transport
 from plenoptic.rendering.settings import Sampler
 from plenoptic.truth.compute import Arrays, truth_of
@@ -71,12 +71,12 @@ class TileResult(NamedTuple):
     """Sum of what clamping took away."""
 
 
-def batch_of(settings: Settings, first: int, samples: int) -> Batch:
+def batch_of(sampling: Sampling, first: int, samples: int) -> Batch:
     """Samples first ... first + samples - 1; `first` must be a multiple of the replicates."""
-    if settings.how.sampler is Sampler.RANDOM:
-        return batch_record(settings.seed, first, samples, samples, first, 0)
-    streams = min(settings.replicates, samples)
-    return batch_record(settings.seed, first, samples, streams, 0, first // settings.replicates)
+    if sampling.settings.sampler is Sampler.RANDOM:
+        return batch_record(sampling.seed, first, samples, samples, first, 0)
+    streams = min(sampling.replicates, samples)
+    return batch_record(sampling.seed, first, samples, streams, 0, first // sampling.replicates)
 
 
 def status_codes(camera: CameraRecord) -> int:
@@ -87,16 +87,16 @@ def status_codes(camera: CameraRecord) -> int:
 class _Sums:
     """What the paths of a batch of a tile add up to."""
 
-    def __init__(self, view: Compiled, fed: FedPixels, batch: Batch, before: NDArray[np.float64]) -> None:
-        settings, colour = view.settings, view.camera.colour
-        self._fed, self._batch, self._settings, self._before = fed, batch, settings, before
-        self._columns = view.camera.sensor.columns
+    def __init__(self, context: RenderContext, fed: FedPixels, batch: Batch, before: NDArray[np.float64]) -> None:
+        sampling, colour = context.sampling, context.camera.colour
+        self._fed, self._batch, self._sampling, self._before = fed, batch, sampling, before
+        self._columns = context.camera.sensor.columns
         self._weights = None if colour is None else colour.weights
-        self._grouped = settings.how.sampler is Sampler.RANDOM
+        self._grouped = sampling.settings.sampler is Sampler.RANDOM
         self._sums = before[fed.place]
         if self._grouped:
             self._sums = np.zeros((fed.place.size, batch.streams, before.shape[2]))
-        self.counts = np.zeros(status_codes(view.camera), dtype=np.int64)
+        self.counts = np.zeros(status_codes(context.camera), dtype=np.int64)
         self.nonfinite, self.light, self.clamped = 0, 0.0, 0.0
         self.lost_paths: list[tuple[int, int, int]] = []
 
@@ -111,7 +111,7 @@ class _Sums:
         """Add what the paths of a bundle bring, clamped."""
         from plenoptic.rendering.kernels import film_sums
 
-        clamp = self._settings.how.clamp
+        clamp = self._sampling.settings.clamp
         if clamp is not None and radiance is not None:
             kept, removed = film_sums.fill_clamped(radiance, bundle, n, clamp)
             self.light, self.clamped = self.light + kept + removed, self.clamped + removed
@@ -122,7 +122,7 @@ class _Sums:
 
     def whole(self) -> NDArray[np.float64]:
         """(pixels, replicates, channels): the sums of all batches until now."""
-        replicates, place = self._settings.replicates, self._fed.place
+        replicates, place = self._sampling.replicates, self._fed.place
         sums = self._sums
         if self._grouped:
             sums = self._before[place] + _by_replicate(self._sums, self._batch, replicates)
@@ -142,13 +142,13 @@ class _Sums:
         named = []
         for k in np.flatnonzero(~np.isfinite(light).all(axis=1))[:NAMED]:
             pixel, stream, index = path_place(start + int(k), batch.samples, batch.streams)
-            sample = batch.first_stream + stream + (batch.first_index + index) * self._settings.replicates
+            sample = batch.first_stream + stream + (batch.first_index + index) * self._sampling.replicates
             named.append((*divmod(int(self._fed.number[pixel]), self._columns), int(sample)))
         return named
 
 
 def render_tile(
-    view: Compiled,
+    context: RenderContext,
     tile: Tile,
     batch: Batch,
     truth: TruthTables | None,
@@ -161,15 +161,15 @@ def render_tile(
     """
     from plenoptic.core.kernels.bundles import fill_status_counts
 
-    camera, shape, pixels = view.camera, (tile.rows, tile.columns), tile.centres(view.camera)
+    camera, shape, pixels = context.camera, (tile.rows, tile.columns), tile.centres(context.camera)
     fed = fed_pixels(camera, pixels, tile.numbers(camera))
-    whole = np.zeros((tile.rows * tile.columns, view.settings.replicates, view.channels))
+    whole = np.zeros((tile.rows * tile.columns, context.sampling.replicates, context.channels))
     if before is not None:
         whole[:] = before.reshape(whole.shape)
     paths = fed.place.size * batch.samples
     most = min(BUNDLE, paths)
-    sums, ways = _Sums(view, fed, batch, whole), CameraPaths(camera, fed, batch, most)
-    transport = None if view.scene is None else Transport(view, most)
+    sums, ways = _Sums(context, fed, batch, whole), CameraPaths(camera, fed, batch, most)
+    transport = None if context.scene is None else Transport(context, most)
     for start in range(0, paths, BUNDLE):
         if stopped is not None and stopped():
             return None
@@ -188,7 +188,7 @@ def render_tile(
         sums=sums.whole().reshape(*shape, *whole.shape[1:]),
         weights=_weights(camera, fed, tile),
         counts=sums.counts,
-        truth=None if truth is None else _truth(view, truth, tile, pixels),
+        truth=None if truth is None else _truth(context, truth, tile, pixels),
         paths=paths,
         nonfinite=sums.nonfinite,
         lost_paths=tuple(sums.lost_paths[:NAMED]),
@@ -206,8 +206,8 @@ def _weights(camera: CameraRecord, fed: FedPixels, tile: Tile) -> NDArray[np.flo
     return found.reshape(tile.rows, tile.columns)
 
 
-def _truth(view: Compiled, truth: TruthTables, tile: Tile, pixels: NDArray[np.float64]) -> Arrays:
-    flat = truth_of(view.camera, view.scene, view.intersector, truth, pixels)
+def _truth(context: RenderContext, truth: TruthTables, tile: Tile, pixels: NDArray[np.float64]) -> Arrays:
+    flat = truth_of(context.camera, context.scene, context.intersector, truth, pixels)
     return {name: array.reshape(tile.rows, tile.columns, *array.shape[1:]) for name, array in flat.items()}
 
 

@@ -8,12 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.rendering.integrator.interaction import MetSurfaces, PathRays
+from plenoptic.rendering.integrator.record import RayQueue, ShadowRays
 from plenoptic.rendering.plan.stages import Plan, Stage
 from plenoptic.replaying.ending import PathEnding
 from plenoptic.replaying.scene_events import DirectLight, Escape, Meeting, Vector
 from plenoptic.replaying.scene_names import SceneNames
 from plenoptic.scene.compile import SceneRecord
+from plenoptic.scene.geometry.record import SHADING_NORMAL, Hits, Interactions
+from plenoptic.scene.lights.record import END, DrawnLights
 from plenoptic.scene.scene import Scene
 
 
@@ -30,9 +32,7 @@ class Recorder:
     def saw(
         self,
         rays: NDArray[np.float64],
-        hits: NDArray[np.int32],
-        placed: NDArray[np.int32] | None,
-        travelled: NDArray[np.float64] | None,
+        hits: Hits,
         radiance: NDArray[np.float64],
     ) -> None:
         """See `Witness`."""
@@ -43,11 +43,11 @@ class Recorder:
             emitted = _fixed(collected if self._collected is None else collected - self._collected)
         self._collected = collected
         direction = _fixed(rays[0, 3:].copy())
-        if hits[0] < 0:
+        if hits.triangle[0] < 0:
             self.events.append(Escape(direction, emitted))
             self.ending = PathEnding.LEFT_SCENE
             return
-        hit, instance = int(hits[0]), -1 if placed is None else int(placed[0])
+        hit, instance = int(hits.triangle[0]), -1 if hits.instance is None else int(hits.instance[0])
         place = self._names.place(hit, instance)
         reached, normal = _meet(rays[0], self._names.corners(hit, instance))
         self.events.append(
@@ -55,7 +55,7 @@ class Recorder:
                 place=place,
                 material=self._names.material(place),
                 point=_fixed(rays[0, :3] + reached * direction),
-                distance=reached + (0.0 if travelled is None else float(travelled[0])),
+                distance=reached + (0.0 if hits.travelled is None else float(hits.travelled[0])),
                 normal=_fixed(normal),
                 shading_normal=None,
                 emitted=emitted,
@@ -73,19 +73,19 @@ class Recorder:
 
     def lit(
         self,
-        met: MetSurfaces,
-        shadow_rays: NDArray[np.float64],
+        interactions: Interactions,
+        drawn: DrawnLights,
+        shadow: ShadowRays,
         blocked: NDArray[np.uint8],
-        shadow_radiance: NDArray[np.float64],
     ) -> None:
         """See `Witness`."""
         bsdf = self._record.bsdf
-        if not len(met.lane_of) or bsdf is None or not bsdf.takes_light[met.material_of[0]]:
+        if not len(interactions.ray) or bsdf is None or not bsdf.takes_light[interactions.material[0]]:
             return
-        kind, place, light = self._names.light(float(met.random[0, 0]))
-        shines = bool(np.any(met.lit[0] > 0))
-        sent = bool(len(shadow_rays))
-        added = np.zeros(met.lit.shape[1]) if not sent or blocked[0] else shadow_radiance[0].copy()
+        kind, place, light = self._names.light(float(interactions.random[0, 0]))
+        shines = bool(np.any(drawn.radiance[0] > 0))
+        sent = bool(len(shadow.rays))
+        added = np.zeros(drawn.radiance.shape[1]) if not sent or blocked[0] else shadow.radiance[0].copy()
         if self._collected is not None:
             with np.errstate(all="ignore"):
                 self._collected = self._collected + added
@@ -94,20 +94,20 @@ class Recorder:
                 kind=kind,
                 place=place,
                 light=light,
-                point=_fixed(met.drawn[0, 3:6].copy()) if shines else None,
+                point=_fixed(drawn.rows[0, END : END + 3].copy()) if shines else None,
                 blocked=bool(blocked[0]) if sent else None,
                 contribution=_fixed(added),
             )
         )
 
-    def scattered(self, met: MetSurfaces, then: PathRays, onwards: int, drawn: int) -> None:
+    def scattered(self, interactions: Interactions, onward: RayQueue, onwards: int, drawn: int) -> None:
         """See `Witness`."""
-        if not len(met.lane_of):
+        if not len(interactions.ray):
             return
-        self._amend(shading_normal=_fixed(met.rows[0, 6:9].copy()))
+        self._amend(shading_normal=_fixed(interactions.rows[0, SHADING_NORMAL : SHADING_NORMAL + 3].copy()))
         if onwards:
-            assert then.throughput is not None
-            self._amend(direction=_fixed(then.rays[0, 3:].copy()), throughput=_fixed(then.throughput[0].copy()))
+            assert onward.throughput is not None
+            self._amend(direction=_fixed(onward.rays[0, 3:].copy()), throughput=_fixed(onward.throughput[0].copy()))
         elif not self._plan.runs(Stage.ONWARD_RAYS):
             self.ending = PathEnding.NOTHING_AHEAD
         else:

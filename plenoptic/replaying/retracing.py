@@ -14,7 +14,7 @@ from plenoptic.camera.record import CameraRecord
 from plenoptic.camera.sampling.record import Batch, batch_record
 from plenoptic.core.values import wrong_kind
 from plenoptic.errors import InvalidValueError
-from plenoptic.rendering.context import Compiled, compiled
+from plenoptic.rendering.context import RenderContext, render_context
 from plenoptic.rendering.exposure import Exposure
 from plenoptic.rendering.integrator.path import Transport
 from plenoptic.rendering.settings import Sampler
@@ -130,37 +130,37 @@ class _Prepared(NamedTuple):
     exposure: Exposure
     camera: PlenopticCamera
     scene: Scene | None
-    view: Compiled
+    context: RenderContext
 
 
 def _prepared(exposure: Exposure, scene: Scene | None) -> _Prepared:
-    camera, how = known(exposure)
+    camera, settings = known(exposure)
     check_scene_and_camera(scene, camera)
     assert exposure.seed is not None and exposure.replicates is not None and exposure.samples is not None
-    view = compiled(
+    context = render_context(
         scene,
         camera,
-        how,
+        settings,
         samples=exposure.samples,
         replicates=exposure.replicates,
         seed=exposure.seed,
         truth=Truth.NONE,
     )
-    if view.channels != exposure.image.shape[2]:
+    if context.channels != exposure.image.shape[2]:
         raise InvalidValueError(
             f"the image has {exposure.image.shape[2]} channels, and "
-            f"{'a white image' if scene is None else 'this scene'} gives {view.channels}; give the scene that was "
+            f"{'a white image' if scene is None else 'this scene'} gives {context.channels}; give the scene that was "
             f"rendered{'' if scene is None else ', or None for a white image'}"
         )
-    return _Prepared(exposure, camera, scene, view)
+    return _Prepared(exposure, camera, scene, context)
 
 
 def _retraced(prepared: _Prepared, pixel: tuple[int, int], sample: int) -> Replay:
-    settings, tables = prepared.view.settings, prepared.view.camera
-    replicate, index = sample % settings.replicates, sample // settings.replicates
-    random = settings.how.sampler is Sampler.RANDOM
+    sampling, tables = prepared.context.sampling, prepared.context.camera
+    replicate, index = sample % sampling.replicates, sample // sampling.replicates
+    random = sampling.settings.sampler is Sampler.RANDOM
     stream, point = (sample, 0) if random else (replicate, index)
-    batch = batch_record(settings.seed, sample, 1, 1, stream, point)
+    batch = batch_record(sampling.seed, sample, 1, 1, stream, point)
     way = trace_camera(tables, pixel, batch)
     channels = prepared.exposure.image.shape[2]
     if way is None:
@@ -170,7 +170,7 @@ def _retraced(prepared: _Prepared, pixel: tuple[int, int], sample: int) -> Repla
             pixel, sample, replicate, index, None, (), PathEnding.UNLIT_PIXEL, 0.0, nothing, 1.0, nothing, True
         )
     events, radiance, ending = _through_scene(prepared, way, batch)
-    clamped = _clamp(radiance, way, settings.how.clamp)
+    clamped = _clamp(radiance, way, sampling.settings.clamp)
     contribution, finite = _contribution(tables, way, radiance, channels)
     seen = np.ones(1) if radiance is None else radiance[0].copy()
     seen.flags.writeable = False
@@ -198,7 +198,7 @@ def _through_scene(
     """Follow a path behind the lens; its radiance is None in a white image."""
     from plenoptic.camera.kernels.world_rays import fill_world_rays
 
-    tables, scene, settings = prepared.view.camera, prepared.view.scene, prepared.view.settings
+    tables, scene, sampling = prepared.context.camera, prepared.context.scene, prepared.context.sampling
     rays, lanes = np.empty((1, 6)), np.empty(1, dtype=np.int64)
     left = fill_world_rays(rays, lanes, way.bundle, 1, tables.rotation, tables.position)
     rays.flags.writeable = False
@@ -206,8 +206,8 @@ def _through_scene(
     if prepared.scene is None or scene is None:
         escape = (Escape(rays[0, 3:], np.ones(1)),) if left else ()
         return ray + escape, None, PathEnding.LEFT_SCENE if left else PathEnding.LOST
-    recorder = Recorder(prepared.scene, scene, settings.plan, settings.how.max_bounces)
-    radiance = Transport(prepared.view, 1).radiance(way.bundle, 0, 1, batch, way.number, way.waves, recorder)
+    recorder = Recorder(prepared.scene, scene, sampling.plan, sampling.settings.max_bounces)
+    radiance = Transport(prepared.context, 1).radiance(way.bundle, 0, 1, batch, way.number, way.waves, recorder)
     return ray + tuple(recorder.events), radiance, recorder.ending if left else PathEnding.LOST
 
 

@@ -19,7 +19,7 @@ from plenoptic.scene.lights.environment_compile import environment_record
 from plenoptic.scene.lights.record import Lights, Sky
 from plenoptic.scene.lights.registry import AreaLight, Light, PositionalLight
 from plenoptic.scene.materials.compile import alpha_record, bsdf_record, color_rows
-from plenoptic.scene.materials.record import Alpha, Bsdf, Emission, MaterialRow
+from plenoptic.scene.materials.record import EXTRA_SHARES, Alpha, Bsdf, Emission, MaterialRow
 from plenoptic.scene.materials.registry import Material
 from plenoptic.scene.textures.atlas import atlas
 from plenoptic.scene.textures.color import is_grey, mean_colour
@@ -27,6 +27,9 @@ from plenoptic.scene.textures.record import TextureColumn, Textures
 from plenoptic.scene.textures.texture import Texture
 
 A = TypeVar("A", bound=np.generic)
+
+_FIELDS = {"extra_shares": EXTRA_SHARES}
+"""What members of `Textures` gather several fields of rows."""
 
 
 class SceneRecord(NamedTuple):
@@ -146,17 +149,18 @@ class _TextureColumns:
         self._texels, self._textures = atlas(textures)
         self._numbers = {texture: number for number, texture in enumerate(textures)}
 
-    def column(self, name: str) -> TextureColumn | None:
-        """Textures that a property is; None where none is one."""
-        found = [getattr(row, name) for row in self._rows]
-        column = np.array([self._numbers[f] if isinstance(f, Texture) else -1 for f in found], dtype=np.int32)
+    def column(self, *names: str) -> TextureColumn | None:
+        """Textures that a property is, or (materials, properties) those that several are; None where none is one."""
+        found = [[getattr(row, name) for name in names] for row in self._rows]
+        numbers = [[self._numbers[f] if isinstance(f, Texture) else -1 for f in row] for row in found]
+        column = np.array([row[0] for row in numbers] if len(names) == 1 else numbers, dtype=np.int32)
         if self._texels is None or self._textures is None or not np.any(column >= 0):
             return None
         return TextureColumn(_frozen(column), self._textures, self._texels)
 
     def of_surfaces(self) -> Textures | None:
         """What textures say of how surfaces scatter."""
-        columns = Textures(*map(self.column, Textures._fields))
+        columns = Textures(*(self.column(*_FIELDS.get(name, (name,))) for name in Textures._fields))
         return None if all(column is None for column in columns) else columns
 
 

@@ -19,6 +19,7 @@ from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.record import ArrayRecord
 from plenoptic.scene.compile import SceneRecord
 from plenoptic.scene.geometry.accel import Intersector
+from plenoptic.scene.geometry.record import Hits
 from plenoptic.scene.materials.alpha_mask import no_hits, pass_through
 from plenoptic.truth.channels import Truth
 
@@ -102,10 +103,8 @@ class SurfaceHits(NamedTuple):
     """(m,): the pixels whose rays meet something."""
     reached: NDArray[np.float64]
     """(m,): how far along the ray, in mm."""
-    triangle: NDArray[np.int32]
-    """(m,)."""
-    instance: NDArray[np.int32] | None
-    """(m,), -1 for plain meshes; None where there is no instance."""
+    found: Hits
+    """Triangles and instances."""
     rays: NDArray[np.float64]
     """(m, 6): origins and directions in the world."""
     scene: SceneRecord
@@ -200,14 +199,12 @@ class PixelStages:
         intersector.fill_closest(hits, rays, coherent=True)
         if scene.alpha is not None:
             pass_through(scene, intersector, rays, hits)
-        geometry = scene.geometry
-        corners = (geometry.vertices, geometry.triangles, geometry.instance_to_world)
-        interaction.fill_distances(reached, hits.triangle, hits.instance, rays, *corners)
+        interaction.fill_distances(reached, hits, rays, scene.geometry)
         if hits.travelled is not None:
             reached += hits.travelled
         met = np.isfinite(reached)
         instance = None if hits.instance is None else hits.instance[met]
-        return SurfaceHits(lanes[met], reached[met], hits.triangle[met], instance, rays[met], scene)
+        return SurfaceHits(lanes[met], reached[met], Hits(hits.triangle[met], instance, None), rays[met], scene)
 
     @cached_property
     def points(self) -> HitPoints:

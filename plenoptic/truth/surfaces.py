@@ -12,19 +12,16 @@ def fill_normal(normals: NDArray[np.float64], hits: SurfaceHits) -> None:
     """Unit normals of the triangles in the world, towards the side that is seen."""
     from plenoptic.scene.geometry.kernels import interaction
 
-    geometry = hits.scene.geometry
-    assert geometry is not None
-    corners = (geometry.vertices, geometry.triangles, geometry.instance_to_world)
-    interaction.fill_normals(normals, hits.lanes, hits.triangle, hits.instance, hits.rays, *corners)
+    interaction.fill_normals(normals, hits.lanes, hits.found, hits.rays, hits.scene.geometry)
 
 
 def fill_object(numbers: NDArray[np.int32], hits: SurfaceHits) -> None:
     """Numbers of the meshes."""
     assert hits.scene.triangle_mesh is not None
-    numbers[hits.lanes] = hits.scene.triangle_mesh[hits.triangle]
+    numbers[hits.lanes] = hits.scene.triangle_mesh[hits.found.triangle]
 
 
 def fill_material(numbers: NDArray[np.int32], hits: SurfaceHits) -> None:
     """Numbers of the materials."""
     assert hits.scene.geometry is not None
-    numbers[hits.lanes] = hits.scene.geometry.triangle_material[hits.triangle]
+    numbers[hits.lanes] = hits.scene.geometry.triangle_material[hits.found.triangle]

@@ -86,23 +86,23 @@ def stages(*, samples: int) -> Table:
     from plenoptic.camera.sampling.kernels import paths as camera_paths
     from plenoptic.core.kernels import sobol
     from plenoptic.optics.lens.kernels import trace
-    from plenoptic.rendering.integrator.kernels import shade
+    from plenoptic.rendering.integrator.kernels import bounce, direct_light, emission
     from plenoptic.scene.geometry.kernels import embree, interaction
     from plenoptic.scene.lights.kernels import sample_emitters
-    from plenoptic.scene.textures.kernels import colors
+    from plenoptic.scene.materials.kernels import parameters
 
     parts: tuple[tuple[Any, str, str], ...] = (
         (camera_paths, "fill_camera_samples", "points on pixels and microlenses"),
         (paths, "fill_through_array", "microlenses"),
         (trace, "fill_traced", "lens"),
         (embree.EmbreeTriangles, "fill_closest", "Embree, nearest triangles"),
-        (shade, "fill_emitted", "what rays see that shines"),
-        (interaction, "fill_surfaces", "points and normals"),
-        (colors, "fill_base", "colours"),
-        (sample_emitters, "fill_drawn_lights", "points on lights"),
+        (emission, "add_emission", "what rays see that shines"),
+        (interaction, "fill_interactions", "points and normals"),
+        (parameters, "fill_parameters", "colours and roughness"),
+        (sample_emitters, "sample_emitters", "points on lights"),
         (sobol, "fill_drawn", "random numbers of surfaces"),
-        (shade, "fill_lit", "materials under these lights"),
-        (shade, "fill_onward", "materials, rays onwards"),
+        (direct_light, "eval_direct", "materials under these lights"),
+        (bounce, "sample_bsdf", "materials, rays onwards"),
         (embree.EmbreeTriangles, "fill_blocked", "Embree, shadow rays"),
     )
     render(8, threads=1)

@@ -196,8 +196,8 @@ def kernels_of(meshes):
 @pytest.mark.slow
 def test_scenes_load_no_kernels_of_features_they_lack():
     loaded = kernels_of("[(-40, pl.Lambertian(0.5))]")
-    assert {"shade", "sample_emitters", "interaction"} <= loaded
-    assert not {"opacity", "absorption", "bsdf_rows"} & loaded
+    assert {"emission", "sample_emitters", "interaction"} <= loaded
+    assert not {"alpha", "absorption"} & loaded
     # And those that they need, they load.
     loaded = kernels_of("[(-40, pl.MetallicRoughness(opacity=0.5)), (-45, pl.Dielectric(absorption=0.1))]")
-    assert {"opacity", "absorption"} <= loaded
+    assert {"alpha", "absorption"} <= loaded

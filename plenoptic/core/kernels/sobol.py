@@ -153,11 +153,11 @@ def set_index(index, key, set_number):
 
 
 @kernel
-def fill_drawn(points, keys, indices, lane_of, path_of, path_key, path_index, set_number):
+def fill_drawn(points, keys, indices, path_of, path_key, path_index, set_number):
     """Keys, indices and points (4, n) of a set for lanes of paths: loops of their own become vector instructions."""
-    n = lane_of.size
+    n = path_of.size
     for i in range(n):
-        path = path_of[lane_of[i]]
+        path = path_of[i]
         keys[i] = set_key(path_key[path], set_number)
         indices[i] = set_index(path_index[path], keys[i], set_number)
     for dimension in range(DIMENSIONS):

@@ -39,3 +39,27 @@ def cross(a, b):
 def vector(array, first):
     """Three numbers of a one-dimensional array, from `first` on."""
     return array[first], array[first + 1], array[first + 2]
+
+
+@device
+def row_vector(rows, i, first):
+    """Three numbers of row i, from column `first` on: no view of the row, which would cost counts of references."""
+    return rows[i, first], rows[i, first + 1], rows[i, first + 2]
+
+
+@device
+def fill_vector(rows, i, first, a):
+    """Put a vector into row i, from column `first` on."""
+    rows[i, first], rows[i, first + 1], rows[i, first + 2] = a[0], a[1], a[2]
+
+
+@device
+def negated(a):
+    """-a."""
+    return -a[0], -a[1], -a[2]
+
+
+@device
+def absolute(a):
+    """The components without their signs."""
+    return abs(a[0]), abs(a[1]), abs(a[2])

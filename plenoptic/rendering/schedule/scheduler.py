@@ -20,7 +20,7 @@ from plenoptic.core.rays import RayStatus
 from plenoptic.core.values import whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.analysis.conditioning import Conditioning
-from plenoptic.rendering.context import Compiled, compiled
+from plenoptic.rendering.context import RenderContext, render_context
 from plenoptic.rendering.exposure import Exposure
 from plenoptic.rendering.plan.scene_stages import is_dark
 from plenoptic.rendering.schedule.budget import Budget
@@ -75,31 +75,33 @@ def run(
     region = sensor_region(camera.sensor.shape, work.region)
     if work.conditioning is not None:
         whole(work.conditioning, "conditioning", at_least=1)
-    view = compiled(
+    context = render_context(
         scene, camera, settings, samples=budget.max_samples, replicates=budget.replicates, seed=seed, truth=work.truth
     )
-    if view.scene is not None and is_dark(view.scene):
+    if context.scene is not None and is_dark(context.scene):
         warnings.warn(
             "nothing in the scene shines and its image will be black; give it lights=[...] or a background=",
             stacklevel=3,
         )
-    kept = available_truth(work.truth, meshes=view.intersector is not None, microlenses=camera.microlenses is not None)
-    side, tiles = cut_into_tiles(region, budget, work.tile_side, cells_per_pixel(view.camera))
-    clock = Clock(begin, budget.time_limit, sum(tile.rows * tile.columns for tile in tiles) * view.channels)
-    progress = _progress(view, budget, region, tiles, kept, clock)
+    kept = available_truth(
+        work.truth, meshes=context.intersector is not None, microlenses=camera.microlenses is not None
+    )
+    side, tiles = cut_into_tiles(region, budget, work.tile_side, cells_per_pixel(context.camera))
+    clock = Clock(begin, budget.time_limit, sum(tile.rows * tile.columns for tile in tiles) * context.channels)
+    progress = _progress(context, budget, region, tiles, kept, clock)
     if checkpoint is not None:
         facts: dict[str, object] = {"seed": seed, "samples": budget.samples, "target_error": budget.target_error}
         facts |= {"time_limit": None if budget.time_limit is None else "given", "replicates": budget.replicates}
         facts |= {"region": region, "truth": kept, "settings": settings, "tile_side": side}
-        checkpoint.resume(progress, view.scene, camera, facts)
+        checkpoint.resume(progress, context.scene, camera, facts)
     found = None
     if work.conditioning is not None:
         from plenoptic.camera.conditioning import camera_conditioning
 
-        found = camera_conditioning(view.camera, region, seed=seed, rays=work.conditioning)
+        found = camera_conditioning(context.camera, region, seed=seed, rays=work.conditioning)
     bar = ProgressBar(progress, begin, show=work.progress)
-    interrupted = _drive(progress, view, truth_tables(camera, view.camera, kept), clock, workers, checkpoint, bar)
-    if scene is not None and view.intersector is not None:
+    interrupted = _drive(progress, context, truth_tables(camera, context.camera, kept), clock, workers, checkpoint, bar)
+    if scene is not None and context.intersector is not None:
         _warn_where_unmet(progress, scene)
     reason = _reason(progress, interrupted=interrupted)
     since = (begin, begin_cpu) if checkpoint is None else None
@@ -110,27 +112,32 @@ def run(
 
 
 def _progress(
-    view: Compiled, budget: Budget, region: tuple[int, int, int, int], tiles: list[Tile], kept: Truth, clock: Clock
+    context: RenderContext,
+    budget: Budget,
+    region: tuple[int, int, int, int],
+    tiles: list[Tile],
+    kept: Truth,
+    clock: Clock,
 ) -> Progress:
     """Nothing is rendered yet."""
     first_row, end_row, first_column, end_column = region
     shape = (end_row - first_row, end_column - first_column)
-    radiance = 1.0 if view.scene is None else brightest_radiance(view.scene)
+    radiance = 1.0 if context.scene is None else brightest_radiance(context.scene)
     batch = min(clock.samples_per_batch(tile.rows * tile.columns, budget.replicates) for tile in tiles)
     return Progress(
         tiles,
-        (*shape, view.channels),
+        (*shape, context.channels),
         budget,
-        Setting(first_row, first_column, view.camera.sensor.fill_factor, radiance),
+        Setting(first_row, first_column, context.camera.sensor.fill_factor, radiance),
         empty_truth(kept, shape),
-        status_codes(view.camera),
+        status_codes(context.camera),
         batches=batch < budget.max_samples,
     )
 
 
 def _drive(
     progress: Progress,
-    view: Compiled,
+    context: RenderContext,
     truth: TruthTables | None,
     clock: Clock,
     workers: int,
@@ -138,7 +145,7 @@ def _drive(
     bar: ProgressBar,
 ) -> bool:
     """Render batches until nothing is pending, time is over or somebody interrupts, which is returned."""
-    replicates, interrupts = view.settings.replicates, Interrupts(bar.end)
+    replicates, interrupts = context.sampling.replicates, Interrupts(bar.end)
     kept, pixels = progress.paths, sum(tile.rows * tile.columns for tile in progress.tiles)
 
     def batches() -> Iterator[tuple[int, Batch]]:
@@ -147,14 +154,14 @@ def _drive(
             samples = min(progress.next_samples(i), clock.samples_per_batch(tile.rows * tile.columns, replicates))
             if not clock.has_time(samples * tile.rows * tile.columns):
                 return
-            yield i, batch_of(view.settings, int(progress.done[i]), samples)
+            yield i, batch_of(context.sampling, int(progress.done[i]), samples)
 
     def work(task: tuple[int, Batch]) -> tuple[int, TileResult | None]:
         i, batch = task
         tile, begin = progress.tiles[i], time.perf_counter()
         wanted = truth if batch.first == 0 else None  # is found once
         before = progress.sums_of(i)
-        result = render_tile(view, tile, batch, wanted, before, stopped=lambda: interrupts.asked or clock.late())
+        result = render_tile(context, tile, batch, wanted, before, stopped=lambda: interrupts.asked or clock.late())
         clock.note(batch.samples * tile.rows * tile.columns, time.perf_counter() - begin)
         return i, result
 

@@ -72,8 +72,8 @@ def load_file(path: str | PathLike[str], *, unit: str | None = None, material: M
     become `Instances`.
 
     Materials of glTF files become `MetallicRoughness` with all their textures; `Dielectric` or, without a volume,
-    `ThinGlass` where they transmit all light; `Emissive` where they are unlit (KHR_materials_unlit). Clear coats,
-    sheen, occlusion maps and others beyond these are left out. Those of OBJ files become what the table of
+    `ThinGlass` where they transmit all light; `Emissive` where they are unlit (KHR_materials_unlit). Sheen, occlusion
+    maps, normal maps of clear coats and others beyond these are left out. Those of OBJ files become what the table of
     `plenoptic.scene.files.obj.obj_material` says. Parts without a material take the colour that all their vertices
     have; all others are grey, `Lambertian(0.5)`.
 
@@ -102,7 +102,7 @@ def load_file(path: str | PathLike[str], *, unit: str | None = None, material: M
     ----------
     Khronos Group, glTF 2.0 Specification (ISO/IEC 12113:2022), and its extensions KHR_lights_punctual,
     KHR_texture_transform, KHR_mesh_quantization, EXT_mesh_gpu_instancing, EXT_texture_webp,
-    KHR_materials_emissive_strength, _ior, _transmission, _unlit and _volume.
+    KHR_materials_clearcoat, _emissive_strength, _ior, _transmission, _unlit and _volume.
 
     Examples
     --------

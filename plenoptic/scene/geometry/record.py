@@ -63,3 +63,44 @@ class Hits(NamedTuple):
     """(n,): -1 for plain triangles and where there is no hit. None in scenes without instances."""
     travelled: NDArray[np.float64] | None
     """(n,), mm: how far rays have come through surfaces that were not there for them. None where all is opaque."""
+
+    def first(self, n: int) -> Hits:
+        """Those of the first rays."""
+        instance, travelled = self.instance, self.travelled
+        return Hits(
+            self.triangle[:n],
+            None if instance is None else instance[:n],
+            None if travelled is None else travelled[:n],
+        )
+
+
+class Interactions(NamedTuple):
+    """Where rays meet surfaces that scatter: n of them; all but `ray`, `path` and `material` may have room for more."""
+
+    rows: NDArray[np.float64]
+    """(n, INTERACTION_COLUMNS), and a column more for each of EXTRA_SHARES where a material of the scene has them."""
+    ray: NDArray[np.int64]
+    """(n,): row of the ray."""
+    path: NDArray[np.int64]
+    """(n,): the ray's path."""
+    material: NDArray[np.int64]
+    """(n,)."""
+    base_color: NDArray[np.float64]
+    """(n, channels of the paths)."""
+    random: NDArray[np.float64]
+    """(4, n): a point of the Sobol sequence; 0 and 1 draw a light, 2 and 3 a direction."""
+    key: NDArray[np.uint64]
+    """(n,): from which more random numbers are made."""
+    number: NDArray[np.uint32]
+    """(n,): of the point of the sequence."""
+
+
+class PathKeys(NamedTuple):
+    """From what the random numbers of paths are made."""
+
+    path: NDArray[np.int64]
+    """(rays,): which path a ray is of."""
+    key: NDArray[np.uint64]
+    """(paths,)."""
+    number: NDArray[np.uint32]
+    """(paths,): of their points of the sequence."""

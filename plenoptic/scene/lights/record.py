@@ -82,3 +82,12 @@ class Lights(NamedTuple):
     sky: Sky
     far: float
     """mm: how far it is, at most, from any point of the scene to beyond all of it."""
+
+
+class DrawnLights(NamedTuple):
+    """One light for each interaction."""
+
+    rows: NDArray[np.float64]
+    """(n, DRAWN_COLUMNS)."""
+    radiance: NDArray[np.float64]
+    """(n, channels of the paths): radiance over density; irradiance over probability where the density is DELTA."""

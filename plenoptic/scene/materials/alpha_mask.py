@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from plenoptic.scene.compile import SceneRecord
 from plenoptic.scene.geometry.accel import Intersector
-from plenoptic.scene.geometry.record import Hits
+from plenoptic.scene.geometry.record import Hits, PathKeys
 
 SALTS = 1 << 10
 """Surfaces that one path can meet without being stopped, until random numbers repeat."""
@@ -21,35 +21,20 @@ def pass_through(
     intersector: Intersector,
     rays: NDArray[np.float64],
     hits: Hits,
-    path_of: NDArray[np.int64] | None = None,
-    path_key: NDArray[np.uint64] | None = None,
-    path_index: NDArray[np.uint32] | None = None,
+    keys: PathKeys | None = None,
     salt: int = 0,
 ) -> None:
     """Move rays on until what they meet is there for their path, and say how far they have come by that.
 
     Without keys, surfaces are there that are opaque to half or more.
     """
-    from plenoptic.scene.materials.kernels import opacity
+    from plenoptic.scene.materials.kernels import alpha
 
     assert hits.travelled is not None
     hits.travelled[:] = 0.0
     again, which = np.empty(len(rays), dtype=np.int64), np.arange(len(rays))
     while len(which):
-        passed = opacity.fill_passed(
-            again,
-            rays,
-            hits.travelled,
-            hits.triangle,
-            hits.instance,
-            which,
-            path_of,
-            path_key,
-            path_index,
-            salt,
-            *geometry(scene),
-            *_opacities(scene),
-        )
+        passed = alpha.skip_transparent(again, rays, hits, which, keys, salt, scene.geometry, scene.alpha)
         which, salt = again[:passed].copy(), salt + 1
         _meet_again(intersector, hits, rays, which)
 
@@ -62,24 +47,14 @@ def thin_out(
     shadow_radiance: NDArray[np.float64],
 ) -> None:
     """Follow shadow rays to their ends: mark those that are blocked and weaken those that are not."""
-    from plenoptic.scene.materials.kernels import opacity
+    from plenoptic.scene.materials.kernels import alpha
 
     blocked[:] = 0
     hits = no_hits(scene, len(rays))
     again, which = np.empty(len(rays), dtype=np.int64), np.arange(len(rays))
     intersector.fill_closest(hits, rays, coherent=False)
     while len(which):
-        passed = opacity.fill_thinned(
-            again,
-            blocked,
-            shadow_radiance,
-            rays,
-            hits.triangle,
-            hits.instance,
-            which,
-            *geometry(scene),
-            *_opacities(scene),
-        )
+        passed = alpha.attenuate_shadow(again, rays, shadow_radiance, blocked, hits, which, scene.geometry, scene.alpha)
         which = again[:passed].copy()
         _meet_again(intersector, hits, rays, which)
 
@@ -98,7 +73,6 @@ def media_at(scene: SceneRecord, intersector: Intersector, point: NDArray[np.flo
     # A direction that no mesh has edges along.
     ray = np.array([[*point, 0.36, 0.48, 0.8]])
     hits, reached = no_hits(scene, 1), np.empty(1)
-    corners = (geometry.vertices, geometry.triangles, geometry.instance_to_world)
     entered: list[int] = []
     left: list[int] = []
     for _ in range(SALTS):
@@ -107,14 +81,13 @@ def media_at(scene: SceneRecord, intersector: Intersector, point: NDArray[np.flo
             break
         material = int(geometry.triangle_material[hits.triangle[0]])
         if glass[material, 0] > 0:
-            instance = -1 if hits.instance is None else hits.instance[0]
-            if not interaction.behind(ray, hits.triangle[0], instance, *corners):
+            if not interaction.meets_back(ray, hits, geometry):
                 entered.append(material)
             elif material in entered:
                 entered.remove(material)
             else:
                 left.append(material)
-        interaction.fill_distances(reached, hits.triangle, hits.instance, ray, *corners)
+        interaction.fill_distances(reached, hits, ray, geometry)
         step = float(reached[0]) if np.isfinite(reached[0]) else 0.0
         ray[0, :3] += (step + 1e-5 * (step + np.abs(ray[0, :3]).max())) * ray[0, 3:]
     outermost_first = left[::-1][:NESTED]
@@ -127,29 +100,6 @@ def no_hits(scene: SceneRecord, n: int) -> Hits:
     instance = None if scene.instances is None else np.full(n, -1, dtype=np.int32)
     travelled = None if scene.alpha is None else np.zeros(n)
     return Hits(np.full(n, -1, dtype=np.int32), instance, travelled)
-
-
-def geometry(scene: SceneRecord):  # type: ignore[no-untyped-def]
-    """What finding a point on a triangle, and how far off it rays must start, takes."""
-    found = scene.geometry
-    assert found is not None
-    return (
-        found.vertices,
-        found.triangles,
-        found.triangle_material,
-        found.uv,
-        found.instance_to_world,
-        found.middle,
-    )
-
-
-def _opacities(scene: SceneRecord):  # type: ignore[no-untyped-def]
-    alpha = scene.alpha
-    assert alpha is not None
-    column = alpha.texture
-    if column is None:
-        return alpha.opacity, alpha.cutoff, None, None, None
-    return alpha.opacity, alpha.cutoff, column.row, column.texels, column.textures
 
 
 def _meet_again(intersector: Intersector, hits: Hits, rays: NDArray[np.float64], which: NDArray[np.int64]) -> None:

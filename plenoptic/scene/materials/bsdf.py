@@ -11,6 +11,7 @@ from plenoptic.core.values import frozen_array
 from plenoptic.errors import InvalidValueError, SceneError
 from plenoptic.scene.materials.compile import bsdf_record
 from plenoptic.scene.materials.diffuse import Lambertian
+from plenoptic.scene.materials.record import Bsdf
 from plenoptic.scene.materials.registry import MATERIALS, Material
 
 __all__ = ["Drawn", "Scattered", "draw", "evaluate"]
@@ -87,28 +88,16 @@ def evaluate(material: Material, to_viewer: ArrayLike, to_light: ArrayLike, *, f
     >>> at_60_degrees.value.round(6).tolist()             # 0.8 / pi cos 60
     [[0.127324]]
     """
-    from plenoptic.scene.materials.kernels import bsdf_rows
+    from plenoptic.scene.materials.kernels import bsdf
 
     viewers, lights = _directions(to_viewer, "to_viewer"), _directions(to_light, "to_light")
     if 1 not in (len(viewers), len(lights)) and len(viewers) != len(lights):
         raise InvalidValueError(f"to_viewer has {len(viewers)} rows and to_light {len(lights)}; give as many, or one")
     viewers, lights = np.broadcast_arrays(viewers, lights)
     _check_side(viewers)
-    colour, numbers, tables = _row(material)
-    scattered = Scattered(np.empty((len(viewers), colour.size)), np.empty(len(viewers)))
-    bsdf_rows.fill_evaluated(
-        *scattered,
-        np.ascontiguousarray(viewers),
-        np.ascontiguousarray(lights),
-        bool(front),
-        numbers[0],
-        colour[None],
-        *numbers[1:],
-        tables.metal_index,
-        tables.glass_index,
-        tables.coupling,
-        tables.coupling_mean,
-    )
+    record = _record(material)
+    scattered = Scattered(np.empty((len(viewers), record.base_color.shape[1])), np.empty(len(viewers)))
+    bsdf.fill_evaluated(*scattered, np.ascontiguousarray(viewers), np.ascontiguousarray(lights), bool(front), record)
     return scattered
 
 
@@ -140,7 +129,7 @@ def draw(material: Material, to_viewer: ArrayLike, points: ArrayLike, *, front: 
     >>> (drawn.to_light + 0.0).tolist(), drawn.weight.tolist(), drawn.density.tolist()
     ([[-0.6, 0.0, 0.8]], [[0.9]], [inf])
     """
-    from plenoptic.scene.materials.kernels import bsdf_rows
+    from plenoptic.scene.materials.kernels import bsdf
 
     given = frozen_array(points, name="points", shape=(None, 3))
     if not np.all((given >= 0) & (given < 1)):
@@ -149,22 +138,9 @@ def draw(material: Material, to_viewer: ArrayLike, points: ArrayLike, *, front: 
         )
     viewers = np.broadcast_to(_directions(to_viewer, "to_viewer"), (len(given), 3))
     _check_side(viewers)
-    colour, numbers, tables = _row(material)
-    drawn = Drawn(np.empty((len(given), 3)), np.empty((len(given), colour.size)), np.empty(len(given)))
-    bsdf_rows.fill_drawn(
-        *drawn,
-        np.ascontiguousarray(viewers),
-        given,
-        bool(front),
-        numbers[0],
-        colour[None],
-        *numbers[1:],
-        tables.metal_index,
-        tables.glass_index,
-        tables.pane_index,
-        tables.coupling,
-        tables.coupling_mean,
-    )
+    record = _record(material)
+    drawn = Drawn(np.empty((len(given), 3)), np.empty((len(given), record.base_color.shape[1])), np.empty(len(given)))
+    bsdf.fill_sampled(*drawn, np.ascontiguousarray(viewers), given, bool(front), record)
     return drawn
 
 
@@ -183,18 +159,17 @@ def _check_side(viewers: NDArray[np.float64]) -> None:
         raise InvalidValueError("to_viewer has directions with z of 0 or less; z must point to the viewer's side")
 
 
-def _row(material: Any) -> tuple[NDArray[np.float64], tuple[int, float, float], Any]:
-    """Base colour, (kind, roughness, metallic), and the record of one material."""
+def _record(material: Any) -> Bsdf:
+    """The record of one material."""
     if type(material) not in MATERIALS:
         raise InvalidValueError(f"material is {material!r}; it must be a material, such as pl.Lambertian(0.5)")
     row = material.row()
     if row.textures:
         raise SceneError(f"{material!r} has textures; give the material at one of their texels")
     channels = 1 if row._replace(emission=0.0).is_grey else 3
-    record = bsdf_record([material if row.reflects else Lambertian(1.0)], channels)
-    assert record is not None
-    colour = np.broadcast_to(np.asarray(row.base_color, dtype=np.float64), 3)[:channels].copy()
-    kind = 0 if record.kind is None else int(record.kind[0])
-    roughness = 0.0 if record.roughness is None else float(record.roughness[0])
-    metallic = 0.0 if record.metallic is None else float(record.metallic[0])
-    return colour, (kind, roughness, metallic), record
+    record = bsdf_record([material], channels)
+    if record is not None:
+        return record
+    white = bsdf_record([Lambertian(1.0)], channels)
+    assert white is not None
+    return white._replace(base_color=np.zeros((1, channels)))

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from plenoptic.scene.materials.record import (
     CONDUCTOR,
     DIELECTRIC,
+    EXTRA_SHARES,
     LAMBERTIAN,
     SHARES,
     THIN_DIELECTRIC,
@@ -44,6 +45,7 @@ def bsdf_record(materials: Sequence[Material], channels: int) -> Bsdf | None:
         glass_index=_fixed(np.array([row.glass_index for row in rows])) if DIELECTRIC in there else None,
         pane_index=_fixed(np.array([row.pane_index for row in rows])) if THIN_DIELECTRIC in there else None,
         **{name: _shares([getattr(row, name) for row in rows]) for name in SHARES},
+        extra_shares=_extra_shares(rows),
         **tables,
     )
 
@@ -72,6 +74,12 @@ def _shares(shares: Sequence[float | Texture | None]) -> NDArray[np.float64] | N
     if all(share is None for share in shares):
         return None
     return _fixed(np.array([share if isinstance(share, float) else 0.0 for share in shares]))
+
+
+def _extra_shares(rows: Sequence[MaterialRow]) -> NDArray[np.float64] | None:
+    columns = [_shares([getattr(row, name) for row in rows]) for name in EXTRA_SHARES]
+    there = [np.zeros(len(rows)) if column is None else column for column in columns]
+    return None if all(column is None for column in columns) else _fixed(np.stack(there, axis=1))
 
 
 def _fixed(array: NDArray[Any]) -> NDArray[Any]:

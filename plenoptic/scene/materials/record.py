@@ -24,12 +24,18 @@ SMOOTH = 1e-4
 INDEX, EXTINCTION = 0, 1
 """Columns of `Bsdf.metal_index`."""
 
+COUPLING_COSINES = 49
+"""Columns of `Bsdf.coupling` for cosines, before those for means."""
+
 INSIDE, OUTSIDE = 0, 1
 """Columns of `Bsdf.glass_index`."""
 
 
 SHARES = ("roughness", "metallic")
 """Numbers of a material within 0 and 1 that textures may give: names of fields of its row and of members of `Bsdf`."""
+
+EXTRA_SHARES: tuple[str, ...] = ("clearcoat", "clearcoat_roughness")
+"""The same, of few materials: names of fields of a row, and columns of `Bsdf.extra_shares`."""
 
 
 class MaterialRow(NamedTuple):
@@ -63,6 +69,8 @@ class MaterialRow(NamedTuple):
     """0 for what is no pane."""
     fresnel: bool = False
     """Whether it reflects by its index too, however dark its base colour is."""
+    clearcoat: float | Texture | None = None
+    clearcoat_roughness: float | Texture | None = None
     specular: bool = False
     """Whether each direction is scattered into one or two others only: mirrors, polished glass, panes."""
     tables: Callable[[], Mapping[str, NDArray[np.float64]]] = dict
@@ -109,10 +117,13 @@ class Bsdf(NamedTuple):
     roughness: NDArray[np.float64] | None = None
     """(nm,), as all SHARES; 0 where a texture gives it or a material has none. None where all materials have none."""
     metallic: NDArray[np.float64] | None = None
+    extra_shares: NDArray[np.float64] | None = None
+    """(nm, EXTRA_SHARES). None where no material has any."""
     coupling: NDArray[np.float64] | None = None
-    """(root of the roughness, root of the cosine): what passes the layer of MetallicRoughness, or None."""
-    coupling_mean: NDArray[np.float64] | None = None
-    """(root of the roughness,): its mean over the cosine-weighted hemisphere."""
+    """What passes the layer of MetallicRoughness: rows at equal steps of the root of the roughness, COUPLING_COSINES
+    columns at those of the cosine; then a column with means over the cosine-weighted hemisphere. Where there are clear
+    coats, a column more for each row, with the means of what passes both layers. None where none is MetallicRoughness.
+    """
 
 
 class Emission(NamedTuple):
@@ -137,3 +148,20 @@ class Alpha(NamedTuple):
     """(nm,): opacity from which on the surface is there for all paths, and for none below; -1 where there is none."""
     texture: TextureColumn | None
     """None where no texture gives an opacity."""
+
+
+class Surface(NamedTuple):
+    """What a material is at one point, inside kernels: numbers only, None for what no material of a scene has."""
+
+    kind: int | None
+    """None where all materials are Lambertian."""
+    roughness: float
+    metallic: float
+    eta: float | None
+    """Index behind the surface over that on the viewer's side; 0 for what is no body."""
+    pane_index: float | None
+    extra: NDArray[np.float64] | None
+    """(EXTRA_SHARES,)."""
+    material: int
+    wave: int
+    """Number of the path's wavelength."""

@@ -34,4 +34,6 @@ class Textures(NamedTuple):
     base_color: TextureColumn | None
     roughness: TextureColumn | None
     metallic: TextureColumn | None
+    extra_shares: TextureColumn | None
+    """Its `row` is (nm, EXTRA_SHARES)."""
     normal: TextureColumn | None

@@ -228,6 +228,28 @@ def test_textures_that_lie_in_several_ways_are_refused_unless_they_are_not_used(
     assert quad(tmp_path, told | {"emissiveTexture": {"index": 1}}).material.emission == 0.0
 
 
+# Clear coats
+
+
+def coated(**coat):
+    return {"extensions": {"KHR_materials_clearcoat": coat}}
+
+
+def test_a_clear_coat_is_red_and_its_roughness_green_both_linear(tmp_path):
+    told = coated(clearcoatFactor=0.5, clearcoatRoughnessFactor=0.25)
+    expected = pl.MetallicRoughness(1.0, 1.0, 1.0, clearcoat=0.5, clearcoat_roughness=0.25)
+    assert material_of(tmp_path, told) == expected
+    told["extensions"]["KHR_materials_clearcoat"] |= {"clearcoatTexture": IMAGE, "clearcoatRoughnessTexture": IMAGE}
+    found = material_of(tmp_path, told)
+    np.testing.assert_allclose(found.clearcoat.texels[..., 0], 0.5 * DATA[..., 0], rtol=1e-6)
+    np.testing.assert_allclose(found.clearcoat_roughness.texels[..., 0], 0.25 * DATA[..., 1], rtol=1e-6)
+
+
+def test_a_clear_coat_of_factor_0_is_none(tmp_path):
+    told = coated(clearcoatTexture=IMAGE, clearcoatRoughnessTexture=IMAGE, clearcoatRoughnessFactor=0.5)
+    assert material_of(tmp_path, told) == pl.MetallicRoughness(1.0, 1.0, 1.0)
+
+
 # Glass
 
 

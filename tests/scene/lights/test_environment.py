@@ -8,15 +8,11 @@ import pytest
 
 import plenoptic as pl
 from plenoptic.core.jit import kernel
+from plenoptic.core.kernels.vectors import row_vector
 from plenoptic.scene.lights.environment import MAX_TEXELS, EnvironmentMap
 from plenoptic.scene.lights.environment_compile import environment_record, texel_solid_angles
-from plenoptic.scene.lights.kernels.environment import (
-    choose_nearby,
-    draw_environment,
-    environment_density,
-    environment_texel,
-)
-from plenoptic.scene.lights.kernels.sample_cdf import choose
+from plenoptic.scene.lights.kernels.environment import environment_texel, sample_environment, sample_long_cdf
+from plenoptic.scene.lights.kernels.sample_cdf import sample_cdf
 
 LAST = 1 - 2.0**-32
 """The largest coordinate of a sampling point."""
@@ -26,24 +22,24 @@ AHEAD, RIGHT, UP = np.array([0.0, 0, -1]), np.array([1.0, 0, 0]), np.array([0.0,
 @kernel
 def fill_draws(directions, cells, points, rows_cdf, columns_cdf, rotation):
     for i in range(points.shape[0]):
-        x, y, z, row, column = draw_environment(points[i, 0], points[i, 1], rows_cdf, columns_cdf, rotation)
-        directions[i, 0], directions[i, 1], directions[i, 2] = x, y, z
+        w, row, column = sample_environment(points[i, 0], points[i, 1], rows_cdf, columns_cdf, rotation)
+        directions[i, 0], directions[i, 1], directions[i, 2] = w
         cells[i, 0], cells[i, 1] = row, column
 
 
 @kernel
 def fill_lookups(cells, densities, directions, density, rotation):
     for i in range(directions.shape[0]):
-        x, y, z = directions[i]
-        cells[i] = environment_texel(x, y, z, density.shape[0], density.shape[1], rotation)
-        densities[i] = environment_density(x, y, z, density, rotation)
+        row, column = environment_texel(row_vector(directions, i, 0), density.shape[0], density.shape[1], rotation)
+        cells[i, 0], cells[i, 1] = row, column
+        densities[i] = density[row, column]
 
 
 @kernel
 def count_differences(cdf, u):
     differences = 0
     for i in range(u.size):
-        if choose(cdf, u[i]) != choose_nearby(cdf, u[i]):
+        if sample_cdf(cdf, u[i]) != sample_long_cdf(cdf, u[i]):
             differences += 1
     return differences
 

@@ -22,6 +22,8 @@ OPAQUE = {
     "plastic": pl.MetallicRoughness((0.8, 0.5, 0.2), 0.0, 0.45),
     "between": pl.MetallicRoughness((0.8, 0.5, 0.2), 0.4, 0.6),
     "gilded": pl.MetallicRoughness((1.0, 0.8, 0.3), 1.0, 0.8),
+    "car paint": pl.MetallicRoughness((0.7, 0.1, 0.1), 0.8, 0.5, clearcoat=1.0, clearcoat_roughness=0.3),
+    "varnished wood": pl.MetallicRoughness((0.6, 0.4, 0.2), 0.0, 0.9, clearcoat=0.6, clearcoat_roughness=0.5),
 }
 CLEAR = {
     "rough glass": pl.Dielectric(1.5, alpha=0.3),

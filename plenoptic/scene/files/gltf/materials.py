@@ -10,7 +10,16 @@ import numpy as np
 
 from plenoptic.scene.files.file_materials import dark_or_not
 from plenoptic.scene.files.gltf.glass import glass, transmitted
-from plenoptic.scene.files.gltf.textures import ALPHA, BLUE, GREEN, GltfTextures, Info, TexturePlacement, placement_of
+from plenoptic.scene.files.gltf.textures import (
+    ALPHA,
+    BLUE,
+    GREEN,
+    RED,
+    GltfTextures,
+    Info,
+    TexturePlacement,
+    placement_of,
+)
 from plenoptic.scene.materials.emissive import Emissive
 from plenoptic.scene.materials.metallic_roughness import MetallicRoughness
 from plenoptic.scene.materials.registry import Material
@@ -50,6 +59,11 @@ def gltf_material(
         return glass(extensions, base, roughness, scale, name), TexturePlacement()
     normals = textures.normals(described.get("normalTexture"), name)
     emission = _emission(described, textures, name)
+    coat = extensions.get("KHR_materials_clearcoat", {})
+    coat_info, coat_roughness_info = coat.get("clearcoatTexture"), coat.get("clearcoatRoughnessTexture")
+    clearcoat = textures.share(coat_info, coat.get("clearcoatFactor", 0.0), RED, name)
+    coat_factor = coat.get("clearcoatRoughnessFactor", 0.0) if clearcoat != 0 else 0.0
+    coat_roughness = textures.share(coat_roughness_info, coat_factor, GREEN, name)
     material = MetallicRoughness(
         base,
         metallic,
@@ -59,6 +73,8 @@ def gltf_material(
         two_sided=two_sided,
         opacity=_thinned(opacity, passed, name),
         cutoff=cutoff,
+        clearcoat=clearcoat,
+        clearcoat_roughness=coat_roughness,
     )
     infos = _used(
         (base_info, base),
@@ -67,6 +83,8 @@ def gltf_material(
         (layer_info, roughness),
         (described.get("normalTexture"), normals),
         (described.get("emissiveTexture"), emission),
+        (coat_info, clearcoat),
+        (coat_roughness_info, coat_roughness),
     )
     return material, placement_of(infos, name)
 

@@ -20,7 +20,7 @@ from plenoptic.scene.textures.texture import Texture, TextureFilter, Wrap
 if TYPE_CHECKING:
     from PIL.Image import Image
 
-GREEN, BLUE, ALPHA = 1, 2, 3
+RED, GREEN, BLUE, ALPHA = range(4)
 _WRAPS = {10497: Wrap.REPEAT, 33071: Wrap.CLAMP, 33648: Wrap.MIRROR}
 _NEAREST = 9728
 

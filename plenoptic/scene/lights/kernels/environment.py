@@ -8,15 +8,15 @@ from __future__ import annotations
 import math
 
 from plenoptic.core.jit import device
-from plenoptic.scene.lights.kernels.sample_cdf import choose
+from plenoptic.scene.lights.kernels.sample_cdf import sample_cdf
 
 INSIDE = 2.0**-30
 """Drawn directions keep this part of a texel's extent off its borders, so that rounding leaves them in it."""
 
 
 @device
-def choose_nearby(cdf, u):
-    """As `choose`, for long tables: it looks first where u lay if all entries had the same share.
+def sample_long_cdf(cdf, u):
+    """As `sample_cdf`, for long tables: it looks first where u lay if all entries had the same share.
 
     From there it goes outwards in growing steps, then bisects. A row of a large map is rarely in the cache, and this
     way few places of it are read.
@@ -47,14 +47,14 @@ def choose_nearby(cdf, u):
 
 
 @device
-def environment_texel(dx, dy, dz, rows, columns, rotation):
+def environment_texel(d, rows, columns, rotation):
     """Row and column of the texel in which a direction of the world lies; its length is of no account."""
-    x, y, z = dx, dy, dz
+    x, y, z = d
     if rotation is not None:
         # The transpose turns back.
-        x = rotation[0] * dx + rotation[3] * dy + rotation[6] * dz
-        y = rotation[1] * dx + rotation[4] * dy + rotation[7] * dz
-        z = rotation[2] * dx + rotation[5] * dy + rotation[8] * dz
+        x = rotation[0] * d[0] + rotation[3] * d[1] + rotation[6] * d[2]
+        y = rotation[1] * d[0] + rotation[4] * d[1] + rotation[7] * d[2]
+        z = rotation[2] * d[0] + rotation[5] * d[1] + rotation[8] * d[2]
     polar = math.atan2(math.sqrt(x * x + z * z), y)
     azimuth = math.atan2(x, -z)
     row = int(polar * (rows / math.pi))
@@ -63,21 +63,14 @@ def environment_texel(dx, dy, dz, rows, columns, rotation):
 
 
 @device
-def environment_density(dx, dy, dz, density, rotation):
-    """Probability per steradian with which `draw_environment` draws a direction of the world."""
-    row, column = environment_texel(dx, dy, dz, density.shape[0], density.shape[1], rotation)
-    return density[row, column]
-
-
-@device
-def draw_environment(u, v, rows_cdf, columns_cdf, rotation):
+def sample_environment(u, v, rows_cdf, columns_cdf, rotation):
     """A unit vector drawn by the light that comes from there, from u and v in [0, 1), and row and column of its texel.
 
-    Its probability per steradian is `density[row, column]`.
+    Its probability per steradian is `Environment.pdf[row, column]`.
     """
     rows, columns = columns_cdf.shape
-    row, across = choose(rows_cdf, u)
-    column, along = choose_nearby(columns_cdf[row], v)
+    row, across = sample_cdf(rows_cdf, u)
+    column, along = sample_long_cdf(columns_cdf[row], v)
     across = min(max(across, INSIDE), 1.0 - INSIDE)
     along = min(max(along, INSIDE), 1.0 - INSIDE)
     # Counted from the nearer pole, 1 - cos and the sine keep their digits however small the texels there are.
@@ -91,11 +84,10 @@ def draw_environment(u, v, rows_cdf, columns_cdf, rotation):
     azimuth = 2.0 * math.pi * (column + along) / columns - math.pi
     x, y, z = sine * math.sin(azimuth), up * (1.0 - height), -sine * math.cos(azimuth)
     if rotation is None:
-        return x, y, z, row, column
-    return (
+        return (x, y, z), row, column
+    turned = (
         rotation[0] * x + rotation[1] * y + rotation[2] * z,
         rotation[3] * x + rotation[4] * y + rotation[5] * z,
         rotation[6] * x + rotation[7] * y + rotation[8] * z,
-        row,
-        column,
     )
+    return turned, row, column

@@ -6,7 +6,7 @@ from plenoptic.core.jit import device
 
 
 @device
-def choose(cdf, u):
+def sample_cdf(cdf, u):
     """Index of the entry of a cumulative distribution that holds u, and u stretched to [0, 1) within it."""
     low, high = 0, cdf.size - 1
     while low < high:

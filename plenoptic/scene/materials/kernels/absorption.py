@@ -10,53 +10,45 @@ import math
 import numpy as np
 
 from plenoptic.core.jit import device, kernel
-from plenoptic.scene.geometry.kernels.interaction import mirrors
-from plenoptic.scene.geometry.kernels.intersect import corners, meet
-from plenoptic.scene.materials.kernels.bsdf import row_channel
-from plenoptic.scene.textures.kernels.colors import wave_of
+from plenoptic.core.kernels.vectors import dot, row_vector, sub
+from plenoptic.core.kernels.wavelengths import row_channel, wave_of
+from plenoptic.scene.geometry.kernels.instances import is_mirrored
+from plenoptic.scene.geometry.kernels.intersect import corners, intersect_triangle
+from plenoptic.scene.geometry.record import FRONT, NORMAL, POINT
+from plenoptic.scene.lights.record import DIRECTION, END
+from plenoptic.scene.materials.record import INSIDE
 
 
 @kernel
-def fill_absorbed(
-    throughput,
-    media,
-    path_of,
-    hits,
-    placed,
-    rays,
-    vertices,
-    triangles,
-    triangle_material,
-    matrices,
-    glass_index,
-    absorption,
-    travelled,
-    waves,
-    basis,
-):
+def fill_absorbed(queue, hits, geometry, glass_index, absorption, wavelengths):
     """Weaken rays by what they have passed since they were sent (Beer-Lambert).
 
     A ray that meets the back of a body's surface was inside that body, whatever was known of it.
     """
-    for i in range(hits.size):
-        k = hits[i]
+    rays, throughput, media = queue.rays, queue.throughput, queue.media
+    instance_to_world = geometry.instance_to_world
+    instances = hits.instance
+    travelled = hits.travelled
+    waves = wavelengths.number
+    basis = wavelengths.basis
+    for i in range(hits.triangle.size):
+        k = hits.triangle[i]
         if k < 0:
             continue
-        place = -1 if placed is None else placed[i]
-        t, _, _, nx, ny, nz = meet(rays, i, *corners(vertices, triangles, k, matrices, place))
-        behind = nx * rays[i, 3] + ny * rays[i, 4] + nz * rays[i, 5] > 0.0
-        if matrices is not None:
-            if place >= 0 and mirrors(matrices[place]):
-                behind = not behind
-        material = triangle_material[k]
-        if behind and glass_index[material, 0] > 0.0 and not holds(media[i], material):
+        instance = -1 if instances is None else instances[i]
+        triangle = corners(geometry.vertices, geometry.triangles, k, instance_to_world, instance)
+        direction = row_vector(rays, i, 3)
+        t, _, _, normal = intersect_triangle(row_vector(rays, i, 0), direction, triangle)
+        behind = (dot(normal, direction) > 0.0) != is_mirrored(instance_to_world, instance)
+        material = geometry.triangle_material[k]
+        if behind and glass_index[material, INSIDE] > 0.0 and not holds(media[i], material):
             enter(media[i], material)
         inside = innermost(media[i])
         if inside < 0 or not t > 0.0:
             continue
         if travelled is not None:
             t += travelled[i]
-        wave = wave_of(waves, path_of[i])
+        wave = wave_of(waves, queue.path[i])
         for c in range(throughput.shape[1]):
             throughput[i, c] *= math.exp(-t * row_channel(absorption, inside, c, basis, wave))
 
@@ -104,40 +96,44 @@ def leave(row, material):
 
 
 @kernel
-def fill_next_media(next_media, next_from, media, surface, lane_of, material_of, glass_index):
+def fill_next_media(next_media, source, media, interactions, glass_index):
     """The media of rays onwards: those of the ray before, with the body that was entered or without the one left."""
-    for i in range(next_from.size):
-        came = next_from[i]
-        met = came if came >= 0 else -1 - came
+    for i in range(source.size):
+        came = source[i]
+        at = came if came >= 0 else -1 - came
         for k in range(media.shape[1]):
-            next_media[i, k] = media[lane_of[met], k]
-        material = material_of[met]
+            next_media[i, k] = media[interactions.ray[at], k]
+        material = interactions.material[at]
         # Through a pane nothing changes.
-        if came < 0 and glass_index[material, 0] > 0.0:
-            if surface[met, 10] > 0.0:
+        if came < 0 and glass_index[material, INSIDE] > 0.0:
+            if interactions.rows[at, FRONT] > 0.0:
                 enter(next_media[i], material)
             else:
                 leave(next_media[i], material)
 
 
 @kernel
-def fill_dimmed_lights(lit, media, drawn, surface, lane_of, material_of, path_of, absorption, waves, basis):
+def fill_dimmed_lights(drawn, media, interactions, absorption, wavelengths):
     """Weaken the lights that were drawn by the medium between them and the surface."""
+    lights, radiance = drawn.rows, drawn.radiance
+    rows, ray_of, path, material_of = interactions.rows, interactions.ray, interactions.path, interactions.material
+    waves = wavelengths.number
+    basis = wavelengths.basis
     beyond = np.empty(media.shape[1], np.int32)
     for i in range(material_of.size):
-        row, inside = surface[i], innermost(media[lane_of[i]])
-        if drawn[i, 0] * row[3] + drawn[i, 1] * row[4] + drawn[i, 2] * row[5] < 0.0:
+        inside = innermost(media[ray_of[i]])
+        if dot(row_vector(lights, i, DIRECTION), row_vector(rows, i, NORMAL)) < 0.0:
             # The light is on the other side.
             for k in range(beyond.size):
-                beyond[k] = media[lane_of[i], k]
-            if row[10] > 0.0:
+                beyond[k] = media[ray_of[i], k]
+            if rows[i, FRONT] > 0.0:
                 enter(beyond, material_of[i])
             else:
                 leave(beyond, material_of[i])
             inside = innermost(beyond)
         if inside >= 0:
-            dx, dy, dz = drawn[i, 3] - surface[i, 0], drawn[i, 4] - surface[i, 1], drawn[i, 5] - surface[i, 2]
-            way = math.sqrt(dx * dx + dy * dy + dz * dz)
-            wave = wave_of(waves, path_of[lane_of[i]])
-            for c in range(lit.shape[1]):
-                lit[i, c] *= math.exp(-way * row_channel(absorption, inside, c, basis, wave))
+            d = sub(row_vector(lights, i, END), row_vector(rows, i, POINT))
+            way = math.sqrt(dot(d, d))
+            wave = wave_of(waves, path[i])
+            for c in range(radiance.shape[1]):
+                radiance[i, c] *= math.exp(-way * row_channel(absorption, inside, c, basis, wave))

@@ -9,25 +9,26 @@ import math
 
 from plenoptic.core.jit import device
 from plenoptic.core.kernels.sincos import turn
+from plenoptic.core.kernels.vectors import add, dot, scale
 
 
 @device
-def distribution(x, y, z, alpha):
-    """D of a normal (x, y, z), z > 0, per steradian (equation 84)."""
-    t = (x * x + y * y) / (alpha * alpha) + z * z
+def distribution(h, alpha):
+    """D of a normal, z > 0, per steradian (equation 84)."""
+    t = (h[0] * h[0] + h[1] * h[1]) / (alpha * alpha) + h[2] * h[2]
     return 1.0 / (math.pi * alpha * alpha * t * t)
 
 
 @device
-def hidden(x, y, z, alpha):
+def smith_lambda(w, alpha):
     """Smith's Lambda of a direction (equation 86): what is hidden over what is seen."""
-    return 0.5 * (math.sqrt(1.0 + alpha * alpha * (x * x + y * y) / (z * z)) - 1.0)
+    return 0.5 * (math.sqrt(1.0 + alpha * alpha * (w[0] * w[0] + w[1] * w[1]) / (w[2] * w[2])) - 1.0)
 
 
 @device
-def visible_normal(x, y, z, alpha, u, v):
-    """A normal drawn from those that the direction (x, y, z), z > 0, sees (J. Dupuy and A. Benyoub, 2023)."""
-    x, y = alpha * x, alpha * y
+def visible_normal(w, alpha, u, v):
+    """A normal drawn from those that a direction, z > 0, sees (J. Dupuy and A. Benyoub, 2023)."""
+    x, y, z = alpha * w[0], alpha * w[1], w[2]
     over = 1.0 / math.sqrt(x * x + y * y + z * z)
     x, y, z = x * over, y * over, z * over
     # A point of the spherical cap that the stretched direction sees, then the normal half-way to it.
@@ -40,3 +41,37 @@ def visible_normal(x, y, z, alpha, u, v):
         return 0.0, 0.0, 1.0
     over = 1.0 / length
     return hx * over, hy * over, hz * over
+
+
+@device
+def half_way(o, i, alpha):
+    """Cosine between a direction and the normal half-way between both, and D of that normal; 0 where there is none."""
+    h = add(o, i)
+    length = math.sqrt(dot(h, h))
+    if not length > 0.0 or not h[2] > 0.0:
+        return 0.0, 0.0
+    h = scale(h, 1.0 / length)
+    return min(dot(o, h), 1.0), distribution(h, alpha)
+
+
+@device
+def reflect(o, h, cosine):
+    """A direction mirrored at a facet on which it falls at a cosine."""
+    return 2.0 * cosine * h[0] - o[0], 2.0 * cosine * h[1] - o[1], 2.0 * cosine * h[2] - o[2]
+
+
+@device
+def sample_reflected(o, alpha, u, v):
+    """The direction reflected by a facet that is seen, the cosine at the facet, and the density of the direction."""
+    h = visible_normal(o, alpha, u, v)
+    cosine = min(max(dot(o, h), 0.0), 1.0)
+    pdf = distribution(h, alpha) / (4.0 * o[2] * (1.0 + smith_lambda(o, alpha)))
+    return reflect(o, h, cosine), cosine, pdf
+
+
+@device
+def nothing(f):
+    """Fill f with zeros; the density of what is not scattered."""
+    for c in range(f.size):
+        f[c] = 0.0
+    return 0.0

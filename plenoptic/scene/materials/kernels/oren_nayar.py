@@ -24,22 +24,24 @@ def _reflected_once(cosine, roughness):
 
 
 @device
-def groove_terms(ox, oy, oz, ix, iy, iz, roughness):
+def oren_nayar_terms(o, i, roughness):
     """Shape of single scattering, shape of multiple scattering, mean albedo of single scattering.
 
-    The reflected radiance per irradiance is (rho single + rho_m multiple) / pi with rho_m from `groove_albedo`.
+    The reflected radiance per irradiance is (rho single + rho_m multiple) / pi with rho_m from `multiple_albedo`.
     """
     scale = 1.0 / (1.0 + _C1 * roughness)
-    s = ox * ix + oy * iy
-    t = max(oz, iz) if s > 0.0 else 1.0
+    s = o[0] * i[0] + o[1] * i[1]
+    t = max(o[2], i[2]) if s > 0.0 else 1.0
     single = scale * (1.0 + roughness * s / t)
     mean = scale * (1.0 + _C2 * roughness)
     lost = max(1e-12, 1.0 - mean)
-    multiple = max(0.0, 1.0 - _reflected_once(oz, roughness)) * max(0.0, 1.0 - _reflected_once(iz, roughness)) / lost
+    multiple = (
+        max(0.0, 1.0 - _reflected_once(o[2], roughness)) * max(0.0, 1.0 - _reflected_once(i[2], roughness)) / lost
+    )
     return single, multiple, mean
 
 
 @device
-def groove_albedo(albedo, mean):
+def multiple_albedo(albedo, mean):
     """Albedo of what grooves scatter more than once."""
     return albedo * albedo * mean / (1.0 - albedo * (1.0 - mean))

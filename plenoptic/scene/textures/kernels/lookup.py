@@ -67,3 +67,15 @@ def fill_texel(value, texels, row, s, t):
             value[k] = bottom + ft * (top - bottom)
     for k in range(last, value.shape[0]):
         value[k] = value[0]
+
+
+@device
+def opacity_at(number, opacity, cutoff, texture, uv, texels, textures):
+    """Fraction of paths for which a surface is there; 0 or 1 with a cutoff. `texture` is -1 where it has none."""
+    number[0] = opacity
+    if textures is not None:
+        if texture >= 0:
+            fill_texel(number, texels, textures[texture], uv[0], uv[1])
+    if cutoff >= 0.0:
+        return 1.0 if number[0] >= cutoff else 0.0
+    return number[0]

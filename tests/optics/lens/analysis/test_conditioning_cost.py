@@ -84,7 +84,7 @@ def test_tracing_is_that_of_a_source_without_notes(tmp_path):
     ours, bits = counted(package.parent, tmp_path / "cache")
     theirs, bare_bits = counted(tmp_path / "without", tmp_path / "cache")
     assert len(ours) == len(theirs) == 4 and min(theirs) > 1000
-    # A function that is not inlined is handed one argument more: a move or two for each of its calls.
+    # Registers that are assigned otherwise cost a few moves, outside the loops over the rays of a block.
     for with_notes, without in zip(ours, theirs, strict=True):
-        assert 0 <= with_notes - without <= 16
+        assert abs(with_notes / without - 1.0) <= 0.03
     assert bits == bare_bits

@@ -1,0 +1,112 @@
+"""What paths collect where they meet what shines."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from plenoptic.core.jit import kernel
+from plenoptic.core.kernels.vectors import dot, row_vector
+from plenoptic.core.kernels.wavelengths import one_channel, wave_of
+from plenoptic.scene.geometry.kernels.instances import is_mirrored
+from plenoptic.scene.geometry.kernels.intersect import corners, interpolate_uv, intersect_triangle
+from plenoptic.scene.lights.kernels.sky import add_environment, add_suns, weight
+from plenoptic.scene.lights.record import DELTA
+from plenoptic.scene.textures.kernels.lookup import fill_texel
+
+
+@kernel
+def add_emission(radiance, queue, hits, geometry, emission, sky, wavelengths):
+    """Add what the surfaces that rays meet emit, and the sky where they meet nothing.
+
+    `queue.pdf` is the density by which a ray's direction was drawn, None for rays straight from the camera: what could
+    have been drawn as a light too counts in part. With `queue.rough` (1 for paths that a rough surface has scattered),
+    what mirrors throw on rough surfaces does not count.
+    """
+    rays, path_of = queue.rays, queue.path
+    throughput = queue.throughput
+    pdf = queue.pdf
+    rough = queue.rough
+    instances = hits.instance
+    travelled = hits.travelled
+    vertices = geometry.vertices
+    triangles = geometry.triangles
+    triangle_material = geometry.triangle_material
+    instance_to_world = geometry.instance_to_world
+    uv = geometry.uv
+    emitted = emission.radiance
+    two_sided = emission.two_sided
+    area_pdf = emission.pdf
+    texture_row = emission.texture.row
+    texels = emission.texture.texels
+    textures = emission.texture.textures
+    background = sky.background
+    suns = sky.suns
+    sun_colors = sky.sun_colors
+    environment = sky.environment
+    environment_texels = environment.texels
+    environment_pdf = environment.pdf
+    rotation = environment.rotation
+    waves = wavelengths.number
+    basis = wavelengths.basis
+    channels = 1
+    if emitted is not None:
+        channels = emitted.shape[1]
+    if background is not None:
+        channels = background.size
+    if sun_colors is not None:
+        channels = sun_colors.shape[1]
+    if environment_texels is not None:
+        channels = environment_texels.shape[2]
+    seen = np.empty(channels)
+    for i in range(hits.triangle.size):
+        k = hits.triangle[i]
+        path = path_of[i]
+        drawn = DELTA if pdf is None else pdf[i]
+        if rough is not None:
+            if rough[i] != 0 and drawn < 0.0:
+                continue
+        direction = row_vector(rays, i, 3)
+        if k < 0:
+            if background is None and suns is None and environment_texels is None:
+                continue
+            # A constant background is not drawn directly, and counts in full.
+            for c in range(channels):
+                seen[c] = 0.0 if background is None else background[c]
+            if suns is not None:
+                add_suns(seen, direction, drawn, suns, sun_colors)
+            if environment_texels is not None:
+                probability = environment.probability
+                add_environment(seen, direction, drawn, environment_texels, environment_pdf, rotation, probability)
+        else:
+            if emitted is None:
+                continue
+            material = triangle_material[k]
+            brightest = 0.0
+            for c in range(channels):
+                seen[c] = emitted[material, c]
+                brightest = max(brightest, seen[c])
+            if not brightest > 0.0:
+                continue
+            instance = -1 if instances is None else instances[i]
+            triangle = corners(vertices, triangles, k, instance_to_world, instance)
+            t, u, v, normal = intersect_triangle(row_vector(rays, i, 0), direction, triangle)
+            along = dot(normal, direction)
+            front = (along < 0.0) != is_mirrored(instance_to_world, instance)
+            if (not front and two_sided[material] == 0) or not t > 0.0:
+                continue
+            if texture_row is not None:
+                texture = texture_row[material]
+                if texture >= 0:
+                    tu, tv = interpolate_uv(uv, triangles, k, u, v)
+                    fill_texel(seen, texels, textures[texture], tu, tv)
+            if area_pdf is not None and drawn > 0.0:
+                far = t if travelled is None else t + travelled[i]
+                cosine = abs(along) / math.sqrt(dot(normal, normal))
+                counts = weight(drawn, area_pdf[material] * far * far / cosine)
+                for c in range(channels):
+                    seen[c] *= counts
+        wave = wave_of(waves, path)
+        for c in range(radiance.shape[1]):
+            radiance[path, c] += one_channel(seen, c, basis, wave) * (1.0 if throughput is None else throughput[i, c])

@@ -1,0 +1,40 @@
+"""Rays on their way through the scene, as kernels read and fill them."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class RayQueue(NamedTuple):
+    """Rays and what belongs to them, C channels of their paths; None for what a scene does not need."""
+
+    rays: NDArray[np.float64]
+    """(n, 6): origin and direction."""
+    path: NDArray[np.int64]
+    """(n,): which path of the bundle a ray belongs to."""
+    throughput: NDArray[np.float64] | None
+    """(n, C): what of the radiance along the ray reaches the camera. None where all of it does."""
+    pdf: NDArray[np.float64] | None
+    """(n,), 1/sr: by which the direction was drawn; DELTA where it is certain. None where no ray is drawn."""
+    media: NDArray[np.int32] | None
+    """(n, NESTED): the bodies that the ray is in. None where nothing absorbs."""
+    rough: NDArray[np.uint8] | None
+    """(n,): 1 for paths that a rough surface has scattered. None where caustics are kept."""
+
+
+class ShadowRays(NamedTuple):
+    """Rays to lights, and what these bring where nothing lies between."""
+
+    rays: NDArray[np.float64]
+    """(n, 6): origin, and the way to the light."""
+    path: NDArray[np.int64]
+    """(n,)."""
+    radiance: NDArray[np.float64]
+    """(n, C)."""
+
+    def first(self, n: int) -> ShadowRays:
+        """The first of them."""
+        return ShadowRays(self.rays[:n], self.path[:n], self.radiance[:n])
