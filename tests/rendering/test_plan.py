@@ -196,8 +196,8 @@ def kernels_of(meshes):
 @pytest.mark.slow
 def test_scenes_load_no_kernels_of_features_they_lack():
     loaded = kernels_of("[(-40, pl.Lambertian(0.5))]")
-    assert {"emission", "sample_emitters", "interaction"} <= loaded
-    assert not {"alpha", "absorption"} & loaded
+    assert {"direct_light", "sample_emitters", "interaction"} <= loaded
+    assert not {"alpha", "absorption", "emission"} & loaded
     # And those that they need, they load.
     loaded = kernels_of("[(-40, pl.MetallicRoughness(opacity=0.5)), (-45, pl.Dielectric(absorption=0.1))]")
     assert {"alpha", "absorption"} <= loaded

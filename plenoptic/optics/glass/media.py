@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from typing import Protocol, runtime_checkable
 
 from plenoptic.core.values import finite, positive, set_field, value
-from plenoptic.errors import InvalidValueError
+from plenoptic.errors import InvalidValueError, PrescriptionError
 
 F_LINE = 486.1327
 """Blue hydrogen line, nm."""
@@ -50,6 +50,16 @@ class Medium(Protocol):
         1.0
         """
         ...
+
+
+def check_medium(medium: object, name: str) -> None:
+    """Refuse what is no medium."""
+    # A text or a list has an index() too, which finds things in it; a class has one without an instance.
+    if isinstance(medium, Sequence | type) or not callable(getattr(medium, "index", None)):
+        raise PrescriptionError(
+            f"{name} is {medium!r}; it must be a medium: pl.AIR, pl.ConstantMedium(1.5) or a glass, such as "
+            'pl.glass("N-BK7") or pl.ModelGlass(1.5168, 64.17)'
+        )
 
 
 def checked_index(index: float, wavelength: float, medium: str) -> float:

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.values import choice, finite, frozen_array, positive, read_only, set_field, value
 from plenoptic.errors import InvalidValueError
+from plenoptic.optics.glass.media import Medium, check_medium
 from plenoptic.optics.microlens.aperture import Gaps, MicrolensAperture, Opening, Walls, opening_of
 from plenoptic.optics.microlens.checks import check_plate, checked_pitch
 from plenoptic.optics.microlens.imperfections import Imperfections, MicrolensDeviations, MicrolensImperfections
@@ -25,6 +26,8 @@ from plenoptic.optics.microlens.listed import Lenslets, lenslets
 from plenoptic.optics.microlens.models import ConvexSide, MicrolensModel
 
 _MOST_DISTANCES = 1 << 22
+_DESIGN_WAVELENGTH, _DEFAULT_INDEX = 587.6, 1.5
+"""Where focal lengths hold, in nm, and the index of microlenses whose medium is not given."""
 
 
 @value
@@ -57,6 +60,10 @@ class MicrolensArray:
         FREE: the type of each lens; None: all are of the first.
     aperture : MicrolensAperture, optional
         Openings of the lenses and what lies between them; None: lenses fill their cells.
+    medium : Medium, optional
+        What the lenses are made of, anything that `Surface` accepts; `index` is then its index at 587.6 nm and is left
+        out. Surfaces keep their curvature, so that the power follows index - 1; PINHOLE bends nothing. None: the index
+        is the same at all wavelengths.
     walls : Walls
         OPAQUE separates the spaces behind the cells, up to the sensor, as in an array of cameras.
     imperfections : MicrolensImperfections or MicrolensDeviations, optional
@@ -65,9 +72,9 @@ class MicrolensArray:
     Raises
     ------
     InvalidValueError
-        For a pitch or thickness that is not positive, a focal length of 0, an index that is too low,
-        a sphere too small to cover its cell, centres that coincide, a type that is none, or a lattice, model or side
-        that is none.
+        For a medium that is none, or beside another index; a pitch or thickness that is not positive, a focal length of
+        0, an index that is too low, a sphere too small to cover its cell, centres that coincide, a type that is none,
+        or a lattice, model or side that is none.
 
     Notes
     -----
@@ -89,7 +96,7 @@ class MicrolensArray:
     lattice: Lattice = Lattice.HEXAGONAL
     model: MicrolensModel = MicrolensModel.THIN
     thickness: float = 0.1
-    index: float = 1.5
+    index: float = _DEFAULT_INDEX
     convex_side: ConvexSide = ConvexSide.SCENE
     pattern: NDArray[np.int64] | None = dataclasses.field(default=None, kw_only=True)
     centres: NDArray[np.float64] | None = dataclasses.field(default=None, kw_only=True)
@@ -97,6 +104,7 @@ class MicrolensArray:
     aperture: MicrolensAperture | None = dataclasses.field(default=None, kw_only=True)
     imperfections: Imperfections | None = dataclasses.field(default=None, kw_only=True)
     walls: Walls = dataclasses.field(default=Walls.NONE, kw_only=True)
+    medium: Medium | None = dataclasses.field(default=None, kw_only=True)
 
     if TYPE_CHECKING:
 
@@ -116,6 +124,7 @@ class MicrolensArray:
             aperture: MicrolensAperture | None = None,
             imperfections: Imperfections | None = None,
             walls: Walls = Walls.NONE,
+            medium: Medium | None = None,
         ) -> None: ...
 
     def __post_init__(self) -> None:
@@ -132,6 +141,7 @@ class MicrolensArray:
         set_field(self, "convex_side", choice(self.convex_side, ConvexSide, "convex_side"))
         set_field(self, "thickness", positive(self.thickness, "thickness of the microlenses", "mm"))
         set_field(self, "index", finite(self.index, "index of the microlenses"))
+        self._check_medium()
         if not self.index > 1:
             raise InvalidValueError(f"index of the microlenses is {self.index}; it must be above 1")
         set_field(self, "walls", choice(self.walls, Walls, "walls"))
@@ -148,6 +158,19 @@ class MicrolensArray:
                 raise InvalidValueError("light passes a PINHOLE only at its centre; give gaps=Gaps.OPAQUE")
         if self.is_plate:
             check_plate(self)
+
+    def _check_medium(self) -> None:
+        """The index is that of the medium at the wavelength of the focal lengths."""
+        if self.medium is None:
+            return
+        check_medium(self.medium, "medium of the microlenses")
+        index = float(self.medium.index(_DESIGN_WAVELENGTH))
+        if self.index not in (_DEFAULT_INDEX, index):
+            raise InvalidValueError(
+                f"index of the microlenses is {self.index:g}, and their medium has {index:g} at 587.6 nm; leave one of "
+                f"them out (index={_DEFAULT_INDEX:g} is left out)"
+            )
+        set_field(self, "index", finite(index, "index of the medium of the microlenses"))
 
     def _check_types(self) -> None:
         free = self.lattice is Lattice.FREE
@@ -210,7 +233,9 @@ class MicrolensArray:
 
     def index_at(self, wavelength: float) -> float:
         """Refractive index at a wavelength in nm."""
-        return self.index
+        if self.medium is None or wavelength == _DESIGN_WAVELENGTH:
+            return self.index
+        return float(self.medium.index(wavelength))
 
     def power_factor(self, wavelength: float) -> float:
         """Power at a wavelength in nm over that at 587.6 nm: surfaces keep their curvature, so that it is n - 1."""

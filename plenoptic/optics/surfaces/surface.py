@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.values import finite, number, positive, set_field, value
 from plenoptic.errors import InvalidValueError, PrescriptionError
-from plenoptic.optics.glass.media import AIR, Medium
+from plenoptic.optics.glass.media import AIR, Medium, check_medium
 from plenoptic.optics.lens.placement import Placement, kept_placement
 from plenoptic.optics.record import ASPHERE, CONIC, FREEFORM, SPHERE, ElementRow
 from plenoptic.optics.surfaces.departure import Departure
@@ -118,12 +118,7 @@ class Surface:
             )
         if self.depth is not None:
             set_field(self, "depth", self._checked_depth(self.depth))
-        # A text or a list has an index() too, which finds things in it; a class has one without an instance.
-        if isinstance(self.medium, Sequence | type) or not callable(getattr(self.medium, "index", None)):
-            raise PrescriptionError(
-                f"medium is {self.medium!r}; it must be a medium: pl.AIR, pl.ConstantMedium(1.5) or a glass, such as "
-                'pl.glass("N-BK7") or pl.ModelGlass(1.5168, 64.17)'
-            )
+        check_medium(self.medium, "medium")
 
     def _checked_radius(self) -> float:
         try:

@@ -1,0 +1,161 @@
+"""Microlenses whose medium disperses: focal lengths against the wavelength, and the colours of their images."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import plenoptic as pl
+from plenoptic.camera.sampling.margins import UNCUT
+from plenoptic.core.kernels.ray_blocks import BLOCK
+from plenoptic.optics.microlens.kernels.plano_convex import fill_plano_convex
+from plenoptic.optics.microlens.kernels.thin import fill_thin
+from plenoptic.optics.microlens.record import SensorPlane, array_record
+
+FLINT = pl.ModelGlass(1.62, 36.4)
+THIN, FLAT, SPHERICAL = pl.MicrolensModel.THIN, pl.MicrolensModel.FLAT_HIGH_INDEX, pl.MicrolensModel.SPHERICAL
+
+
+class Dense:
+    """A medium for flat plates, whose index falls from blue to red."""
+
+    def index(self, wavelength: float) -> float:
+        return 100.0 + 0.01 * (587.6 - wavelength)
+
+
+def array_of(model: pl.MicrolensModel, side=pl.ConvexSide.SCENE, **changes) -> pl.MicrolensArray:
+    medium = Dense() if model is FLAT else FLINT
+    fields = {"pitch": 0.217, "focal_lengths": (2.0,), "model": model, "convex_side": side, "medium": medium} | changes
+    return pl.MicrolensArray(**fields)
+
+
+def camera_of(array: pl.MicrolensArray, **changes) -> pl.PlenopticCamera:
+    """A thin lens in front, so that all colour is that of the microlenses."""
+    lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(5.0))
+    elements = [
+        dataclasses.replace(part, medium=pl.ConstantMedium(part.medium.index(587.6)))
+        if isinstance(part, pl.Surface) and part.medium != pl.AIR
+        else part
+        for part in lens.elements
+    ]
+    fields = {
+        "lens": pl.LensStack(elements).with_model(pl.LensModel.THIN),
+        "microlenses": array,
+        "sensor": pl.Sensor((22, 22), 0.01),
+        "stop_to_microlenses": 123.3,
+        "microlenses_to_sensor": 1.7,
+    } | changes
+    return pl.PlenopticCamera(**fields)
+
+
+# ---- focal lengths ----
+
+
+@pytest.mark.parametrize("wavelength", [440.0, 587.6, 680.0])
+@pytest.mark.parametrize("side", pl.ConvexSide)
+@pytest.mark.parametrize("model", [THIN, FLAT, SPHERICAL])
+def test_the_focal_length_follows_the_index(model, side, wavelength):
+    array = array_of(model, side)
+    record = array_record(
+        array, turn=np.eye(2), origin=np.zeros(2), reach=1.0, margin=0.0, wavelengths=(587.6, 500.0, wavelength)
+    )
+    # Rays parallel to the axis at small heights, of the second wavelength that is drawn.
+    height = np.linspace(1e-5, 1e-4, BLOCK)
+    fields = np.zeros((8, BLOCK))
+    fields[0], fields[6] = height, 1.0
+    blocks, waves, plane = fields.reshape(-1), np.ones(BLOCK, dtype=np.int64), SensorPlane(2.0, None)
+    if model is THIN:
+        fill_thin(blocks, None, plane, record.power, 100.0, record.power_factors, waves)
+    else:
+        fill_plano_convex(blocks, None, plane, record.model, record.power, UNCUT, 100.0, waves)
+    u, w = fields[3], fields[5]
+    medium = array.medium
+    focal_length = 2.0 * (medium.index(587.6) - 1.0) / (medium.index(wavelength) - 1.0)
+    # Aberrations are of the order of the squared height over the squared focal length, 2.5e-9.
+    assert u / w / height == pytest.approx(np.full(BLOCK, 1.0 / focal_length), rel=1e-8)
+
+
+@pytest.mark.parametrize("model", [THIN, FLAT, SPHERICAL])
+def test_a_medium_that_does_not_disperse_is_an_index(model):
+    index = 100.0 if model is FLAT else 1.62
+    seen = pl.Sensitivity([650.0, 550.0, 450.0])
+    plain = camera_of(array_of(model, medium=None, index=index), sensitivity=seen)
+    same = camera_of(array_of(model, medium=pl.ConstantMedium(index)), sensitivity=seen)
+    shots = [pl.render_white(camera, samples=16, progress=False) for camera in (plain, same)]
+    assert np.array_equal(shots[0].image, shots[1].image)
+
+
+# ---- images ----
+
+
+@pytest.mark.parametrize("model", [THIN, FLAT, SPHERICAL])
+def test_a_line_that_paths_draw_gives_the_image_of_that_wavelength(model):
+    camera = camera_of(array_of(model), wavelength=450.0)
+    drawn = dataclasses.replace(camera, wavelength=587.6, sensitivity=pl.Sensitivity([450.0]))
+    far = dataclasses.replace(camera, wavelength=680.0)
+    one, other, red = (
+        pl.render_white(made, samples=512, seed=seed, progress=False) for seed, made in enumerate((camera, drawn, far))
+    )
+
+    def chi2(a, b):
+        error = np.hypot(a.standard_error, b.standard_error)
+        lit = (error > 0) & (a.image > 0)
+        return float(np.mean(((a.image - b.image)[lit] / error[lit]) ** 2))
+
+    # Errors are those of 8 replicates: the mean square of Student's t with some 14 degrees of freedom is 1.17.
+    assert chi2(one, other) < 1.6
+    assert chi2(one, red) > 3.0
+
+
+@pytest.mark.parametrize("model", [THIN, SPHERICAL])
+def test_microlens_images_are_red_at_their_rim_in_front_of_the_focus(model):
+    # A ray through the height y of a microlens lands at y (1 - distance / f) beside the ray through its centre: nearer
+    # than the focus, blue light, whose focal length is shorter, lands nearer to it.
+    camera = camera_of(
+        array_of(model, medium=pl.ModelGlass(1.62, 20.0)), sensitivity=pl.Sensitivity([680.0, 550.0, 440.0])
+    )
+    shot = pl.render_white(camera, samples=2048, progress=False)
+    x = (np.arange(22) - 10.5) * 0.01
+    radius2 = x[:, None] ** 2 + x**2
+    light = shot.image.astype(float)
+    spread = np.einsum("ij,ijc->c", radius2, light) / light.sum(axis=(0, 1))
+    assert spread[0] > spread[1] > spread[2]
+
+
+@pytest.mark.parametrize("model", [THIN, FLAT, SPHERICAL])
+def test_light_of_points_meets_microlenses_of_its_wavelength(model):
+    camera = camera_of(array_of(model), wavelength=450.0)
+    constant = camera.microlenses.medium.index(450.0)
+    landed = pl.landing_points(camera, (0.0, 0.0, -404.0), rays=4096)
+    middle = (landed.index == 0).all(axis=1)
+    assert middle.sum() > 20
+    # A plate of the constant index with the same surfaces: its focal length at 450 nm, and as thick.
+    shorter = array_of(
+        model, medium=None, index=constant, focal_lengths=(2.0 * (camera.microlenses.index - 1.0) / (constant - 1.0),)
+    )
+    assert shorter.radius == pytest.approx(camera.microlenses.radius, rel=1e-12)
+    inside = camera.microlenses.thickness / camera.microlenses.index if model is not THIN else 0.0
+    moved = shorter.thickness / shorter.index if model is not THIN else 0.0
+    twin = dataclasses.replace(
+        camera, microlenses=shorter, microlenses_to_sensor=camera.microlenses_to_sensor + moved - inside
+    )
+    expected = pl.landing_points(twin, (0.0, 0.0, -404.0), rays=4096)
+    assert landed.position == pytest.approx(expected.position, abs=1e-12)
+
+
+# ---- what is refused ----
+
+
+@pytest.mark.parametrize(
+    ("fields", "said"),
+    [
+        ({"medium": 1.5}, "medium of the microlenses is 1.5; it must be a medium: pl.AIR"),
+        ({"medium": "N-BK7"}, "medium of the microlenses is 'N-BK7'; it must be a medium"),
+        ({"medium": FLINT, "index": 1.7}, "index of the microlenses is 1.7, and their medium has 1.62"),
+        ({"medium": pl.AIR}, "index of the microlenses is 1.0; it must be above 1"),
+        ({"medium": FLINT, "model": FLAT}, "FLAT_HIGH_INDEX stands for a nearly flat lens and needs at least 10"),
+    ],
+)
+def test_impossible_media_are_refused(fields, said):
+    with pytest.raises(pl.InvalidValueError, match=said):
+        pl.MicrolensArray(**({"pitch": 0.217, "focal_lengths": (2.0,), "model": SPHERICAL} | fields))
