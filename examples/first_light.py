@@ -85,7 +85,7 @@ print(f"depth: {near:.2f} mm to {far:.2f} mm")
 nearness = np.where(met, 0.1 + 0.9 * (far - shot.depth) / max(far - near, 1e-9), 0.0)
 pl.Exposure(nearness[:, :, np.newaxis]).save(depth_png, scale=1.0)
 
-pl.plot_exposure(shot).savefig(overview_png, dpi=110)
+pl.plots.plot_exposure(shot).savefig(overview_png, dpi=110)
 
 # %% [markdown]
 # ## Raw image, a detail of it, and depth

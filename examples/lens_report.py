@@ -46,8 +46,8 @@ sums = pl.aberrations.seidel_sums(lens, field=fields[-1])
 print(sums)
 lines = np.linspace(430.0, 700.0, 28)
 figure, (left, right) = plt.subplots(1, 2, figsize=(12, 4), width_ratios=(2, 1), layout="constrained")
-pl.plot_seidel(sums, left)
-pl.plot_chromatic_shift(pl.aberrations.chromatic_shift(lens, wavelengths=lines, reference=lines[16]), right)
+pl.plots.plot_seidel(sums, left)
+pl.plots.plot_chromatic_shift(pl.aberrations.chromatic_shift(lens, wavelengths=lines, reference=lines[16]), right)
 figure.savefig(output / "third_order.png", dpi=120)
 
 # %% [markdown]
@@ -66,8 +66,8 @@ for field, spot in zip(fields, spots, strict=True):
         f"{np.degrees(field):4.1f} degrees: RMS radius {1e3 * spot.rms_radius:5.1f} +- "
         f"{1e3 * spot.rms_radius_error:.1f} micrometres, {spot.fraction:.0%} of the iris lit"
     )
-pl.plot_spots(spots).savefig(output / "spots.png", dpi=120)
-pl.plot_ray_fan(pl.aberrations.ray_fan(lens, field=(0.0, fields[1]))).savefig(output / "fans.png", dpi=120)
+pl.plots.plot_spots(spots).savefig(output / "spots.png", dpi=120)
+pl.plots.plot_ray_fan(pl.aberrations.ray_fan(lens, field=(0.0, fields[1]))).savefig(output / "fans.png", dpi=120)
 
 # %% [markdown]
 # ## Over the field
@@ -75,10 +75,10 @@ pl.plot_ray_fan(pl.aberrations.ray_fan(lens, field=(0.0, fields[1]))).savefig(ou
 # %%
 field = np.linspace(0.0, fields[-1], POINTS)
 figure, axes = plt.subplots(2, 2, figsize=(11, 9), layout="constrained")
-pl.plot_field_curvature(pl.aberrations.field_curvature(lens, field), axes[0, 0])
-pl.plot_distortion(pl.aberrations.distortion(lens, field), axes[0, 1])
-pl.plot_vignetting(pl.aberrations.vignetting(lens, field), axes[1, 0])
-pl.plot_relative_illumination(pl.aberrations.relative_illumination(lens, field), axes[1, 1])
+pl.plots.plot_field_curvature(pl.aberrations.field_curvature(lens, field), axes[0, 0])
+pl.plots.plot_distortion(pl.aberrations.distortion(lens, field), axes[0, 1])
+pl.plots.plot_vignetting(pl.aberrations.vignetting(lens, field), axes[1, 0])
+pl.plots.plot_relative_illumination(pl.aberrations.relative_illumination(lens, field), axes[1, 1])
 figure.savefig(output / "field.png", dpi=120)
 
 # %% [markdown]
@@ -94,7 +94,7 @@ tilted = stopped.moved(slice(0, 2), tilt=(np.radians(0.25), 0.0, 0.0))
 figure, axes = plt.subplots(1, 2, figsize=(11, 4.5), sharey=True, layout="constrained")
 for ax, (name, one) in zip(axes, {"as designed": stopped, "first element tilted": tilted}.items(), strict=True):
     best = pl.aberrations.best_focus(one, criterion=pl.FocusCriterion.RMS_SPOT)
-    pl.plot_mtf(pl.aberrations.mtf(one, frequencies, z_image=best, rays=RAYS), ax)
+    pl.plots.plot_mtf(pl.aberrations.mtf(one, frequencies, z_image=best, rays=RAYS), ax)
     ax.set_title(f"{name}, best focus at z = {best:.3f} mm")
 figure.savefig(output / "contrast.png", dpi=120)
 print(f"wrote {', '.join(sorted(file.name for file in output.iterdir()))} to {output}")

@@ -72,7 +72,7 @@ print("lens                      f/      f / mm   expected     traced        on 
 for (section, *pictures), name in zip(axes, NAMES, strict=True):
     camera = behind(pl.load_lens(name))
     report = camera.report()
-    pl.plot_lens(camera.lens, ax=section)
+    pl.plots.plot_lens(camera.lens, ax=section)
     section.set_title(f"{name}, at f/{report.working_f_number:.1f}", fontsize=10)
     light = {}
     for ax, (place, region) in zip(pictures, places.items(), strict=True):

@@ -150,7 +150,7 @@ for ax, (name, values) in zip(panels, wrong.items(), strict=True):
     ax.set(xlabel="column / pixel", ylabel="row / pixel", title=f"false colour: {name}")
     ax.label_outer()
 below.colorbar(shown, ax=panels, label="% of the brightest", extend="max", location="bottom", shrink=0.5)
-pl.plot_photon_transfer(transfer, right)
+pl.plots.plot_photon_transfer(transfer, right)
 right.set_title("photon transfer")
 written.append(output / "sensor_noise.png")
 figure.savefig(written[-1], dpi=100)

@@ -118,7 +118,7 @@ figure.colorbar(drawn, ax=axes[1, 1], label="over the brightest", shrink=0.7)
 written.append(output / "sub_aperture.png")
 figure.savefig(written[-1], dpi=100)
 
-ax = pl.plot_views(field, every=2)
+ax = pl.plots.plot_views(field, every=2)
 ax.set_title("views through the pupil")
 written.append(output / "views.png")
 ax.figure.savefig(written[-1], dpi=100)

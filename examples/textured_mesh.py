@@ -120,6 +120,6 @@ written = []
 for name, exposure in (("raw", shot), ("conventional", photograph)):
     exposure.save(output / f"{name}.exr")
     exposure.save(output / f"{name}.png", scale=float(np.percentile(exposure.image, 99.8)))
-    pl.plot_exposure(exposure).savefig(output / f"{name}_overview.png", dpi=110)
+    pl.plots.plot_exposure(exposure).savefig(output / f"{name}_overview.png", dpi=110)
     written += [output / f"{name}.exr", output / f"{name}.png", output / f"{name}_overview.png"]
 print("written:", *written, sep="\n  ")

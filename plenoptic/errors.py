@@ -24,7 +24,7 @@ class InvalidValueError(PlenopticError, ValueError):
     Examples
     --------
     >>> import plenoptic as pl
-    >>> issubclass(pl.InvalidValueError, ValueError)
+    >>> issubclass(pl.errors.InvalidValueError, ValueError)
     True
     """
 
@@ -37,7 +37,7 @@ class PrescriptionError(InvalidValueError):
     >>> import plenoptic as pl
     >>> try:
     ...     pl.LensStack([pl.CircularStop(semi_diameter=5.0)])
-    ... except pl.PrescriptionError:
+    ... except pl.errors.PrescriptionError:
     ...     print("a lens needs a surface")
     a lens needs a surface
     """
@@ -51,7 +51,7 @@ class SceneError(InvalidValueError):
     >>> import plenoptic as pl
     >>> try:
     ...     pl.Scene()
-    ... except pl.SceneError as error:
+    ... except pl.errors.SceneError as error:
     ...     print(error)
     the scene has no mesh, no light and no background; give it at least one of them
     """
@@ -63,6 +63,6 @@ class FileError(PlenopticError, OSError):
     Examples
     --------
     >>> import plenoptic as pl
-    >>> issubclass(pl.FileError, OSError)
+    >>> issubclass(pl.errors.FileError, OSError)
     True
     """

@@ -29,16 +29,16 @@ def test_the_sentence_survives_pickling(kind):
 def test_what_is_no_path_no_flag_and_no_number_is_refused(tmp_path):
     image = np.ones((2, 2, 1))
     for call, kind in (
-        (lambda: pl.Exposure.load(None), pl.FileError),
-        (lambda: pl.Exposure(image).save(5), pl.FileError),
-        (lambda: pl.images.read_linear(None), pl.FileError),
-        (lambda: pl.Emissive(1.0, two_sided="no"), pl.InvalidValueError),
-        (lambda: pl.QuadLight((0, 0, 0), (1, 0, 0), (0, 1, 0), two_sided=[1]), pl.InvalidValueError),
-        (lambda: pl.Mesh(np.eye(3), [[0, 1, 2]], name=[]), pl.InvalidValueError),
-        (lambda: pl.Scene(meshes=np.array(1.0)), pl.InvalidValueError),
-        (lambda: pl.RayBundle(np.zeros((1, 3)), [[0, 0, 1.0]], weight=[np.nan]), pl.InvalidValueError),
-        (lambda: pl.MicrolensArray(pitch=0.2, focal_lengths=(2.0,), index="x"), pl.InvalidValueError),
-        (lambda: pl.MicrolensArray(pitch=0.2, focal_lengths=(2.0,), index=None), pl.InvalidValueError),
+        (lambda: pl.Exposure.load(None), pl.errors.FileError),
+        (lambda: pl.Exposure(image).save(5), pl.errors.FileError),
+        (lambda: pl.images.read_linear(None), pl.errors.FileError),
+        (lambda: pl.Emissive(1.0, two_sided="no"), pl.errors.InvalidValueError),
+        (lambda: pl.QuadLight((0, 0, 0), (1, 0, 0), (0, 1, 0), two_sided=[1]), pl.errors.InvalidValueError),
+        (lambda: pl.Mesh(np.eye(3), [[0, 1, 2]], name=[]), pl.errors.InvalidValueError),
+        (lambda: pl.Scene(meshes=np.array(1.0)), pl.errors.InvalidValueError),
+        (lambda: pl.RayBundle(np.zeros((1, 3)), [[0, 0, 1.0]], weight=[np.nan]), pl.errors.InvalidValueError),
+        (lambda: pl.MicrolensArray(pitch=0.2, focal_lengths=(2.0,), index="x"), pl.errors.InvalidValueError),
+        (lambda: pl.MicrolensArray(pitch=0.2, focal_lengths=(2.0,), index=None), pl.errors.InvalidValueError),
     ):
         with pytest.raises(kind):
             call()

@@ -173,22 +173,22 @@ def lit_room():
     places[:, :3, 3] = (2.0, 0.5, -395), (-2.0, 0.5, -400)
     places[1, 0, 0] = -1.0
     glass = pl.sphere(1.5, center=(0.0, -1.5, -392), material=pl.Dielectric(1.5, absorption=0.05))
-    pane = pl.quad((-3, -3, -385), (6, 0, 0), (0, 6, 0), material=pl.ThinGlass())
+    pane = pl.quad((-3, -3, -385), (6, 0, 0), (0, 6, 0), material=pl.materials.ThinGlass())
     lights = [
         pl.SunLight((0.1, -1.0, -0.3), 0.4, angular_radius=0.05),
         pl.QuadLight((0, 20, -380), (6, 0, 0), (0, 0, 6), radiance=20.0, two_sided=True),
-        pl.PointLight((6, 6, -370), 150.0),
-        pl.SphereLight((-5, 8, -390), 1.0, radiance=30.0),
-        pl.SpotLight((0, 10, -370), (0, -1, -2), 300.0, outer_angle=0.5),
+        pl.lights.PointLight((6, 6, -370), 150.0),
+        pl.lights.SphereLight((-5, 8, -390), 1.0, radiance=30.0),
+        pl.lights.SpotLight((0, 10, -370), (0, -1, -2), 300.0, outer_angle=0.5),
     ]
-    meshes = [floor, wall, pl.Instances(ball, places), glass, pane, gauze]
+    meshes = [floor, wall, pl.scene.Instances(ball, places), glass, pane, gauze]
     return pl.Scene(meshes, lights, background=pl.EnvironmentMap(np.random.default_rng(6).random((8, 16, 3))))
 
 
 def textured():
     checker = pl.Texture(np.random.default_rng(5).random((16, 16, 3)).astype(np.float32))
     wall = pl.quad((-40, -40, -410), (80, 0, 0), (0, 80, 0), material=pl.Lambertian(checker))
-    return pl.Scene([wall], [pl.PointLight((6, 6, -370), 150.0)], background=0.1)
+    return pl.Scene([wall], [pl.lights.PointLight((6, 6, -370), 150.0)], background=0.1)
 
 
 SCENES = {"objects": pl.objects_scene, "textured": textured, "room": lit_room}
@@ -196,10 +196,10 @@ HOW = {
     "as it is": {},
     "three replicates": {"replicates": 3},
     "fewer samples than replicates": {"samples": 5},
-    "at random": {"sampler": pl.Sampler.RANDOM},
-    "at random, three replicates": {"sampler": pl.Sampler.RANDOM, "replicates": 3},
+    "at random": {"sampler": pl.rendering.Sampler.RANDOM},
+    "at random, three replicates": {"sampler": pl.rendering.Sampler.RANDOM, "replicates": 3},
     "clamped": {"clamp": 0.1},
-    "no caustics": {"caustics": pl.Caustics.LEFT_OUT},
+    "no caustics": {"caustics": pl.rendering.Caustics.LEFT_OUT},
     "one bounce": {"max_bounces": 1},
     "no bounces": {"max_bounces": 0},
     "many bounces": {"max_bounces": 30},
@@ -235,21 +235,23 @@ def test_scenes_and_settings(name, how):
 
 ASPHERE = dataclasses.replace(LENS.elements[0], conic=-0.5, aspheric=(0.0, 1e-8))
 CAMERAS = {
-    "spectral": {"sensitivity": pl.Sensitivity.lines((640.0, 550.0, 450.0))},
+    "spectral": {"sensitivity": pl.sensor.Sensitivity.lines((640.0, 550.0, 450.0))},
     "posed": {"pose": pl.Pose.look_at((3.0, 2.0, 1.0), (0.0, 0.0, -400.0))},
     "aspheric": {"lens": dataclasses.replace(LENS, elements=(ASPHERE, *LENS.elements[1:]))},
     "thin": {"lens": LENS.with_model(pl.LensModel.THIN)},
     "none": {"lens": LENS.with_model(pl.LensModel.NONE)},
     "polygonal stop": {"lens": LENS.with_stop(pl.PolygonStop(6, 5.0))},
     "spherical microlenses": {
-        "microlenses": dataclasses.replace(ARRAY, model=pl.MicrolensModel.SPHERICAL, thickness=0.3, index=1.5)
+        "microlenses": dataclasses.replace(ARRAY, model=pl.optics.MicrolensModel.SPHERICAL, thickness=0.3, index=1.5)
     },
-    "pinholes": {"microlenses": dataclasses.replace(ARRAY, model=pl.MicrolensModel.PINHOLE)},
+    "pinholes": {"microlenses": dataclasses.replace(ARRAY, model=pl.optics.MicrolensModel.PINHOLE)},
     "two types": {"microlenses": dataclasses.replace(ARRAY, focal_lengths=(2.0, 1.6))},
     "no microlenses": {"microlenses": None, "microlenses_to_sensor": 0.0, "stop_to_microlenses": 134.0},
     "out of place": {
-        "lens_placement": pl.Placement(shift=(0.05, 0.0, 0.02)),
-        "microlenses_placement": pl.Placement(shift=(0.01, 0.02, 0.0), rotation=[[0, -1, 0], [1, 0, 0], [0, 0, 1]]),
+        "lens_placement": pl.optics.Placement(shift=(0.05, 0.0, 0.02)),
+        "microlenses_placement": pl.optics.Placement(
+            shift=(0.01, 0.02, 0.0), rotation=[[0, -1, 0], [1, 0, 0], [0, 0, 1]]
+        ),
     },
     "dark gaps": {"sensor": pl.Sensor(shape=(512, 512), pixel_pitch=0.010, pixel_aperture=(0.5, 0.8))},
 }
@@ -307,7 +309,7 @@ def test_pixels_of_their_own_number_of_samples():
     assert_replayed(shot, scene, pixels=[(int(row), int(column)) for row, column in few[:4]])
     row, column = int(rows[0]), int(columns[0])
     count = int(shot.sample_counts[row, column])
-    with pytest.raises(pl.InvalidValueError, match=f"has {count} samples"):
+    with pytest.raises(pl.errors.InvalidValueError, match=f"has {count} samples"):
         replay(shot, scene, pixel=(row + 250, column + 200), sample=count)
 
 
@@ -352,13 +354,22 @@ def test_the_events_of_a_room_are_what_the_scene_says():
         assert event.material == material_of(scene, place)
         if event.light is not None and event.light.light is not None:
             light = scene.lights[event.light.light]
-            assert isinstance(light, pl.SunLight if event.light.kind is DrawnKind.SUN else pl.PointLight | pl.SpotLight)
+            assert isinstance(
+                light, pl.SunLight if event.light.kind is DrawnKind.SUN else pl.lights.PointLight | pl.lights.SpotLight
+            )
             if not isinstance(light, pl.SunLight) and event.light.point is not None:
                 np.testing.assert_array_equal(event.light.point, light.position)
         if event.light is not None and event.light.blocked is not False:
             assert not event.light.contribution.any()
     met = {type(event.material) for event in meetings}
-    assert {pl.Dielectric, pl.ThinGlass, pl.Conductor, pl.Lambertian, pl.MetallicRoughness, pl.Emissive} <= met
+    assert {
+        pl.Dielectric,
+        pl.materials.ThinGlass,
+        pl.Conductor,
+        pl.Lambertian,
+        pl.MetallicRoughness,
+        pl.Emissive,
+    } <= met
     assert {event.place.instance for event in meetings if event.place.object == 2} == {0, 1}
     assert {event.place.instance for event in meetings if event.place.object != 2} == {None}
     assert any(event.light is not None and event.light.blocked for event in meetings)
@@ -366,7 +377,7 @@ def test_the_events_of_a_room_are_what_the_scene_says():
 
 
 def shape_of(scene, number):
-    shapes = [light.mesh() for light in scene.lights if isinstance(light, pl.QuadLight | pl.SphereLight)]
+    shapes = [light.mesh() for light in scene.lights if isinstance(light, pl.QuadLight | pl.lights.SphereLight)]
     return [*scene.meshes, *shapes][number]
 
 
@@ -379,7 +390,7 @@ def corners_of(scene, place):
 
 def material_of(scene, place):
     mesh = shape_of(scene, place.object)
-    return mesh.mesh.material if isinstance(mesh, pl.Instances) else mesh.material
+    return mesh.mesh.material if isinstance(mesh, pl.scene.Instances) else mesh.material
 
 
 @pytest.mark.slow
@@ -399,7 +410,7 @@ def test_mirrors_reflect():
 def test_roulette_and_the_last_bounce_end_paths():
     # In a closed grey room whose lamp nothing hides, paths end by roulette or at the last bounce, never by leaving.
     room = pl.box(200.0, material=pl.Lambertian(0.5))
-    scene = pl.Scene([room], [pl.SphereLight((20, 30, -50), 3.0, radiance=100.0)])
+    scene = pl.Scene([room], [pl.lights.SphereLight((20, 30, -50), 3.0, radiance=100.0)])
     for most, expected in ((2, {PathEnding.MAX_BOUNCES}), (200, {PathEnding.ROULETTE})):
         shot = pl.render(scene, pinhole(), samples=64, max_bounces=most, truth=Truth.NONE, progress=False)
         ways = assert_replayed(shot, scene)
@@ -411,7 +422,7 @@ def test_roulette_and_the_last_bounce_end_paths():
     assert {way.ending for way in assert_replayed(shot, scene)} - {PathEnding.ABSORBED, PathEnding.LOST} == {
         PathEnding.MAX_BOUNCES
     }
-    point = pl.Scene([room], [pl.PointLight((20, 30, -50), 100.0)])
+    point = pl.Scene([room], [pl.lights.PointLight((20, 30, -50), 100.0)])
     shot = pl.render(point, pinhole(), samples=8, max_bounces=1, truth=Truth.NONE, progress=False)
     assert {way.ending for way in assert_replayed(shot, point)} - {PathEnding.LOST} == {PathEnding.NOTHING_AHEAD}
 
@@ -420,7 +431,7 @@ def test_roulette_and_the_last_bounce_end_paths():
 def test_paths_that_are_not_finite_show_where_they_broke():
     # A lamp of 1e307 closely above the patch of 0.16 mm that is seen: over r^2 < 0.013 that is beyond float64.
     ground = pl.quad((-50, -50, -40), (100, 0, 0), (0, 100, 0), material=pl.Lambertian(0.8))
-    scene = pl.Scene([ground], [pl.PointLight((0, 0, -39.99), 1e307)], background=0.1)
+    scene = pl.Scene([ground], [pl.lights.PointLight((0, 0, -39.99), 1e307)], background=0.1)
     shot = pl.render(scene, pinhole(0.002), samples=32, truth=Truth.NONE, progress=False)
     assert shot.stats.nonfinite and shot.stats.nonfinite_paths and np.isfinite(shot.image).all()
     for way in replay_all(shot, scene, shot.stats.nonfinite_paths):
@@ -468,28 +479,28 @@ def test_what_cannot_be_replayed_says_why():
         ((300, 199.5), "column of the pixel is 199.5; it must be a whole number"),
         (300, r"pixel is 300; it must be \(row, column\)"),
     ):
-        with pytest.raises(pl.InvalidValueError, match=message):
+        with pytest.raises(pl.errors.InvalidValueError, match=message):
             replay(shot, scene, pixel=pixel, sample=0)
-    with pytest.raises(pl.InvalidValueError, match="sample is 20, and pixel .* has 20 samples"):
+    with pytest.raises(pl.errors.InvalidValueError, match="sample is 20, and pixel .* has 20 samples"):
         replay(shot, scene, pixel=(300, 199), sample=20)
-    with pytest.raises(pl.InvalidValueError, match="sample is -1"):
+    with pytest.raises(pl.errors.InvalidValueError, match="sample is -1"):
         replay(shot, scene, pixel=(300, 199), sample=-1)
-    with pytest.raises(pl.InvalidValueError, match="does not know its camera, settings, seed"):
+    with pytest.raises(pl.errors.InvalidValueError, match="does not know its camera, settings, seed"):
         replay(pl.Exposure(np.ones((2, 2, 1))), scene, pixel=(0, 0), sample=0)
-    with pytest.raises(pl.InvalidValueError, match="does not know its settings;"):
+    with pytest.raises(pl.errors.InvalidValueError, match="does not know its settings;"):
         replay(dataclasses.replace(shot, settings=None), scene, pixel=(300, 199), sample=0)
-    with pytest.raises(pl.InvalidValueError, match="exposure is a Scene; give an Exposure"):
+    with pytest.raises(pl.errors.InvalidValueError, match="exposure is a Scene; give an Exposure"):
         replay(scene, scene, pixel=(0, 0), sample=0)
     for paths, message in (
         ([(300, 199)], r"a path is \(300, 199\); each must be \(row, column, sample\)"),
         ((300, 199, 0), "a path is 300"),
         (3, "paths is an int; give a sequence of"),
     ):
-        with pytest.raises(pl.InvalidValueError, match=message):
+        with pytest.raises(pl.errors.InvalidValueError, match=message):
             pl.replay_all(shot, scene, paths)
-    with pytest.raises(pl.InvalidValueError, match="scene is a float"):
+    with pytest.raises(pl.errors.InvalidValueError, match="scene is a float"):
         replay(shot, 1.0, pixel=(300, 199), sample=0)
-    with pytest.raises(pl.InvalidValueError, match="the image has 1 channels, and this scene gives 3"):
+    with pytest.raises(pl.errors.InvalidValueError, match="the image has 1 channels, and this scene gives 3"):
         replay(shot, pl.objects_scene(), pixel=(300, 199), sample=0)
 
 

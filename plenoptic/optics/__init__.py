@@ -1,1 +1,5 @@
 """Lenses: what they are made of, how they are described, and how light goes through them."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

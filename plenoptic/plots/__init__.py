@@ -2,3 +2,7 @@
 
 What is drawn is told by the attributes it has, since figures know no optics: another kind is an InvalidValueError.
 """
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

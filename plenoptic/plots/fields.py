@@ -71,7 +71,7 @@ def plot_distortion(result: Distortion, ax: Axes | None = None) -> Axes:
     Examples
     --------
     >>> import plenoptic as pl
-    >>> ax = pl.plot_distortion(pl.aberrations.distortion(pl.load_lens("singlet-100mm-f4"), [0.0, 0.1, 0.2]))
+    >>> ax = pl.plots.plot_distortion(pl.aberrations.distortion(pl.load_lens("singlet-100mm-f4"), [0.0, 0.1, 0.2]))
     >>> ax.get_xlabel(), ax.get_ylabel()
     ('distortion / %', 'half field / °')
     """
@@ -100,7 +100,8 @@ def plot_field_curvature(result: FieldCurvature, ax: Axes | None = None) -> Axes
     Examples
     --------
     >>> import plenoptic as pl
-    >>> ax = pl.plot_field_curvature(pl.aberrations.field_curvature(pl.load_lens("singlet-100mm-f4"), [0.0, 0.1, 0.2]))
+    >>> found = pl.aberrations.field_curvature(pl.load_lens("singlet-100mm-f4"), [0.0, 0.1, 0.2])
+    >>> ax = pl.plots.plot_field_curvature(found)
     >>> [text.get_text() for text in ax.get_legend().get_texts()]
     ['sagittal', 'tangential']
     """
@@ -124,7 +125,7 @@ def plot_coma(result: Coma, ax: Axes | None = None) -> Axes:
     Examples
     --------
     >>> import plenoptic as pl
-    >>> ax = pl.plot_coma(pl.aberrations.coma(pl.load_lens("singlet-100mm-f4"), [0.0, 0.1], zone=0.5))
+    >>> ax = pl.plots.plot_coma(pl.aberrations.coma(pl.load_lens("singlet-100mm-f4"), [0.0, 0.1], zone=0.5))
     >>> ax.get_title()
     'coma, zone 0.5'
     """
@@ -149,7 +150,8 @@ def plot_vignetting(result: Vignetting, ax: Axes | None = None) -> Axes:
     Examples
     --------
     >>> import plenoptic as pl
-    >>> ax = pl.plot_vignetting(pl.aberrations.vignetting(pl.load_lens("double-gauss-100mm-f2"), [0.0, 0.2, 0.35]))
+    >>> found = pl.aberrations.vignetting(pl.load_lens("double-gauss-100mm-f2"), [0.0, 0.2, 0.35])
+    >>> ax = pl.plots.plot_vignetting(found)
     >>> [text.get_text() for text in ax.get_legend().get_texts()]
     ['part of the iris filled', 'rim rays']
     """
@@ -182,7 +184,7 @@ def plot_relative_illumination(result: RelativeIllumination, ax: Axes | None = N
     --------
     >>> import plenoptic as pl
     >>> found = pl.aberrations.relative_illumination(pl.load_lens("double-gauss-100mm-f2"), [0.0, 0.2, 0.35])
-    >>> ax = pl.plot_relative_illumination(found)
+    >>> ax = pl.plots.plot_relative_illumination(found)
     >>> ax.get_title()
     'relative illumination'
     """
@@ -217,7 +219,8 @@ def plot_depth_distortion(result: DepthDistortion, ax: Axes | None = None) -> Ax
     --------
     >>> import plenoptic as pl
     >>> lens = pl.load_lens("double-gauss-100mm-f2")
-    >>> ax = pl.plot_depth_distortion(pl.aberrations.depth_distortion(lens, [0.0, 10.0, 20.0], z_image=[120.0, 134.6]))
+    >>> found = pl.aberrations.depth_distortion(lens, [0.0, 10.0, 20.0], z_image=[120.0, 134.6])
+    >>> ax = pl.plots.plot_depth_distortion(found)
     >>> [text.get_text() for text in ax.get_legend().get_texts()]
     ['-668.4 mm', '-404.2 mm']
     """

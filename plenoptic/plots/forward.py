@@ -41,7 +41,7 @@ def plot_camera_spread(spread: CameraSpread, ax: Axes | None = None) -> Axes:
     >>> import plenoptic as pl
     >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
     ...     sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.01), stop_to_microlenses=133.0)
-    >>> ax = pl.plot_camera_spread(pl.point_spread(camera, (5.0, 0.0, -404.0)))
+    >>> ax = pl.plots.plot_camera_spread(pl.point_spread(camera, (5.0, 0.0, -404.0)))
     >>> ax.get_xlabel()
     'column / pixel'
     """

@@ -99,7 +99,7 @@ def plot_lens(lens: LensStack, ax: Axes | None = None) -> Axes:
     Examples
     --------
     >>> import plenoptic as pl
-    >>> ax = pl.plot_lens(pl.load_lens("double-gauss-100mm-f2"))
+    >>> ax = pl.plots.plot_lens(pl.load_lens("double-gauss-100mm-f2"))
     >>> ax.get_xlabel()
     'z / mm'
     """

@@ -37,7 +37,7 @@ def plot_seidel(sums: SeidelSums, ax: Axes | None = None) -> Axes:
     Examples
     --------
     >>> import plenoptic as pl
-    >>> ax = pl.plot_seidel(pl.aberrations.seidel_sums(pl.load_lens("double-gauss-100mm-f2"), field=0.17))
+    >>> ax = pl.plots.plot_seidel(pl.aberrations.seidel_sums(pl.load_lens("double-gauss-100mm-f2"), field=0.17))
     >>> ax.get_ylabel()
     'Seidel sum / mm'
     """
@@ -81,7 +81,7 @@ def plot_chromatic_shift(shift: ChromaticShift, ax: Axes | None = None) -> Axes:
     >>> import numpy as np, plenoptic as pl
     >>> lens = pl.load_lens("achromat-100mm-f4.4")
     >>> shift = pl.aberrations.chromatic_shift(lens, wavelengths=np.arange(420.0, 701.0, 20.0))
-    >>> pl.plot_chromatic_shift(shift).get_ylabel()
+    >>> pl.plots.plot_chromatic_shift(shift).get_ylabel()
     'wavelength / nm'
     """
     if not hasattr(shift, "focus"):

@@ -255,7 +255,7 @@ def plot_through_focus(found: ThroughFocus, ax: Axes | None = None) -> Axes:
     Examples
     --------
     >>> import plenoptic as pl
-    >>> ax = pl.plot_through_focus(pl.aberrations.through_focus(pl.load_lens("singlet-100mm-f4")))
+    >>> ax = pl.plots.plot_through_focus(pl.aberrations.through_focus(pl.load_lens("singlet-100mm-f4")))
     >>> ax.get_xlabel()
     'z / mm'
     """

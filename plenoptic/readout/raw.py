@@ -232,11 +232,11 @@ class RawImage:
         --------
         >>> import pathlib, tempfile
         >>> import plenoptic as pl
-        >>> raw = pl.RawImage([[100, 300]], pl.SensorModel(photon_rate=1.0))
+        >>> raw = pl.sensor.RawImage([[100, 300]], pl.SensorModel(photon_rate=1.0))
         >>> with tempfile.TemporaryDirectory() as folder:
         ...     path = pathlib.Path(folder) / "raw.tif"
         ...     raw.save(path)
-        ...     pl.RawImage.load(path) == raw
+        ...     pl.sensor.RawImage.load(path) == raw
         True
         """
         if self.model.bits is None:

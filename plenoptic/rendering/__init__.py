@@ -1,1 +1,5 @@
 """Rendering: tiles of samples through all stages, until a budget ends it; the state of it in a file."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -43,7 +43,7 @@ class Film:
     Examples
     --------
     >>> import numpy as np, plenoptic as pl
-    >>> film = pl.Film((1, 1, 1), counts=np.array([2, 2]))
+    >>> film = pl.rendering.Film((1, 1, 1), counts=np.array([2, 2]))
     >>> mean, squares = film.add(0, 0, np.array([[[[2.0], [6.0]]]]))      # sums of two replicates of two samples
     >>> film.mean[0, 0, 0], film.standard_error()[0, 0, 0]
     (np.float64(2.0), np.float32(1.0))

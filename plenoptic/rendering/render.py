@@ -117,7 +117,8 @@ def render(  # noqa: PLR0913
     ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
     ...     sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.01),
     ...     stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
-    >>> pl.render(pl.white_plane(), camera, samples=16, region=np.s_[250:260, 250:270], progress=False).image.shape
+    >>> scene, region = pl.shapes.white_plane(), np.s_[250:260, 250:270]
+    >>> pl.render(scene, camera, samples=16, region=region, progress=False).image.shape
     (10, 20, 1)
     """
     if not isinstance(scene, Scene):

@@ -47,7 +47,7 @@ class RenderSettings:
     Examples
     --------
     >>> import plenoptic as pl
-    >>> pl.RenderSettings(max_bounces=2).sampler.name
+    >>> pl.rendering.RenderSettings(max_bounces=2).sampler.name
     'SOBOL'
     """
 

@@ -20,7 +20,7 @@ class StopReason(enum.IntEnum):
     Examples
     --------
     >>> import plenoptic as pl
-    >>> pl.RenderStats(stopped_by=pl.StopReason.TIME_LIMIT).stopped_by.name
+    >>> pl.rendering.RenderStats(stopped_by=pl.rendering.StopReason.TIME_LIMIT).stopped_by.name
     'TIME_LIMIT'
     """
 
@@ -76,7 +76,7 @@ class RenderStats:
     Examples
     --------
     >>> import plenoptic as pl
-    >>> stats = pl.RenderStats(
+    >>> stats = pl.rendering.RenderStats(
     ...     seconds=2.0, cpu_seconds=3.9, paths=1000, paths_through_lens=800,
     ...     lost=(("clipped", 0, 150), ("clipped", 5, 50)), threads=2,
     ... )

@@ -72,7 +72,7 @@ def replay(exposure: Exposure, scene: Scene | None, *, pixel: tuple[int, int], s
     ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
     ...     sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.01),
     ...     stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
-    >>> scene = pl.white_plane()
+    >>> scene = pl.shapes.white_plane()
     >>> shot = pl.render(scene, camera, samples=16, region=np.s_[256:257, 256:257], progress=False)
     >>> pl.replay(shot, scene, pixel=(256, 256), sample=9)      # doctest: +ELLIPSIS
     sample 9 of pixel (256, 256): replicate 1, point 1

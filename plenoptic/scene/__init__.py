@@ -1,1 +1,5 @@
 """What the camera looks at: meshes, materials, textures, lights and backgrounds, and the tables made of them."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

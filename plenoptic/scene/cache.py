@@ -40,8 +40,8 @@ def prepared_scene(scene: Scene) -> PreparedScene:
     --------
     >>> import plenoptic as pl
     >>> from plenoptic.scene.cache import prepared_scene
-    >>> scene = pl.white_plane()
-    >>> prepared_scene(scene) is prepared_scene(scene), prepared_scene(pl.white_plane()) is prepared_scene(scene)
+    >>> scene = pl.shapes.white_plane()
+    >>> prepared_scene(scene) is prepared_scene(scene), prepared_scene(pl.shapes.white_plane()) is prepared_scene(scene)
     (True, False)
     """
     global _last

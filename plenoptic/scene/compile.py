@@ -40,7 +40,7 @@ class SceneRecord(NamedTuple):
     Examples
     --------
     >>> import plenoptic as pl
-    >>> record = pl.white_plane().tables()
+    >>> record = pl.shapes.white_plane().tables()
     >>> record.channels, record.geometry.triangles.shape, record.emission.radiance.tolist(), record.bsdf is None
     (1, (2, 3), [[1.0]], True)
     """

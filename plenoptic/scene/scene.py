@@ -154,7 +154,7 @@ class Scene:
         Examples
         --------
         >>> import plenoptic as pl
-        >>> pl.white_plane().bounds.tolist()
+        >>> pl.shapes.white_plane().bounds.tolist()
         [[-200.0, -200.0, -404.0], [200.0, 200.0, -404.0]]
         """
         shapes = [light.mesh() for light in self.lights if isinstance(light, AreaLight)]
@@ -211,7 +211,7 @@ class Scene:
 
         >>> import numpy as np
         >>> import plenoptic as pl
-        >>> model = pl.Scene([pl.box(2000)], [pl.PointLight((0, 5000, 0), intensity=4e6)])
+        >>> model = pl.Scene([pl.box(2000)], [pl.lights.PointLight((0, 5000, 0), intensity=4e6)])
         >>> low, high = model.bounds
         >>> size = 10.0 / (high - low).max()
         >>> matrix = np.diag([size, size, size, 1.0])

@@ -123,7 +123,7 @@ def ground_truth(
     ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
     ...     sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.01),
     ...     stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
-    >>> truth = pl.ground_truth(pl.white_plane(), camera, region=np.s_[256:257, 256:257])
+    >>> truth = pl.ground_truth(pl.shapes.white_plane(), camera, region=np.s_[256:257, 256:257])
     >>> truth.depth.round(9).tolist(), truth.microlens.tolist()
     ([[404.0]], [[[0, 0]]])
     >>> f"{truth.virtual_depth[0, 0]:.2f}, {truth.disparity[0, 0]:.3f} pixels"

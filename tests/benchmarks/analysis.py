@@ -101,7 +101,7 @@ def answers(*, rounds: int) -> Table:
 
 def whole_camera(sizes: tuple[int, ...], *, rounds: int) -> Table:
     camera = reference.camera()
-    found: dict[int, pl.CameraSpread] = {}
+    found: dict[int, pl.camera.CameraSpread] = {}
 
     def run(n: int) -> Task:
         return Task(lambda _: found.__setitem__(n, pl.point_spread(camera, (3.0, -2.0, -404.0), rays=n)))

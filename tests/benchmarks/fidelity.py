@@ -12,10 +12,10 @@ import plenoptic as pl
 from plenoptic.study import ErrorTable, Variant
 
 MICROLENSES = {
-    "SPHERICAL": {"model": pl.MicrolensModel.SPHERICAL, "thickness": 0.1, "index": 1.5},
-    "FLAT_HIGH_INDEX": {"model": pl.MicrolensModel.FLAT_HIGH_INDEX, "thickness": 0.01, "index": 200.0},
-    "THIN": {"model": pl.MicrolensModel.THIN},
-    "PINHOLE": {"model": pl.MicrolensModel.PINHOLE},
+    "SPHERICAL": {"model": pl.optics.MicrolensModel.SPHERICAL, "thickness": 0.1, "index": 1.5},
+    "FLAT_HIGH_INDEX": {"model": pl.optics.MicrolensModel.FLAT_HIGH_INDEX, "thickness": 0.01, "index": 200.0},
+    "THIN": {"model": pl.optics.MicrolensModel.THIN},
+    "PINHOLE": {"model": pl.optics.MicrolensModel.PINHOLE},
 }
 
 

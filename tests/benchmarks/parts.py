@@ -47,21 +47,23 @@ TRUTHS = {"depth": Truth.DEPTH, "position and normal": Truth.POSITION | Truth.NO
 def cameras(plain: pl.PlenopticCamera) -> dict[str, pl.PlenopticCamera]:
     """The plain camera with one thing more."""
     tilt = (math.radians(0.5), 0.0, 0.0)
-    circle, clear = pl.ApertureShape.CIRCLE, pl.Gaps.CLEAR
-    shifted = pl.AngularResponse(well_depth=0.8, pupil_distance=130.0)
+    circle, clear = pl.optics.ApertureShape.CIRCLE, pl.optics.Gaps.CLEAR
+    shifted = pl.sensor.AngularResponse(well_depth=0.8, pupil_distance=130.0)
     return {
         "tilted sensor": plain.moved(pl.CameraPart.SENSOR, tilt=tilt),
         "tilted array": plain.moved(pl.CameraPart.MICROLENSES, tilt=tilt),
         "tilted lens": plain.moved(pl.CameraPart.LENS, tilt=tilt),
         "three types of microlenses": _with_array(plain, focal_lengths=(1.9, 2.0, 2.1)),
-        "round openings, fill factor 0.9": _with_array(plain, aperture=pl.MicrolensAperture(circle, 0.9)),
-        "clear gaps, fill factor 0.9": _with_array(plain, aperture=pl.MicrolensAperture(circle, 0.9, clear)),
+        "round openings, fill factor 0.9": _with_array(plain, aperture=pl.optics.MicrolensAperture(circle, 0.9)),
+        "clear gaps, fill factor 0.9": _with_array(plain, aperture=pl.optics.MicrolensAperture(circle, 0.9, clear)),
         "imperfections: listed lenses": _with_array(plain, imperfections=pl.MicrolensImperfections(pitch_jitter=0.002)),
         "pixel aperture 0.8 x 0.8": _with_sensor(plain, pixel_aperture=(0.8, 0.8)),
         "angular response": _with_sensor(plain, angular_response=shifted),
         "dust: 1e2 grains over the sensor": _dusty(plain, 100),
         "dust: 1e5 grains over the sensor": _dusty(plain, 100_000),
-        "colour: three lines": dataclasses.replace(plain, sensitivity=pl.Sensitivity.lines((610.0, 550.0, 465.0))),
+        "colour: three lines": dataclasses.replace(
+            plain, sensitivity=pl.sensor.Sensitivity.lines((610.0, 550.0, 465.0))
+        ),
         "colour: spectral": dataclasses.replace(plain, sensitivity=pl.sensitivities.colour_camera()),
     }
 

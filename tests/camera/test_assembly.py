@@ -27,9 +27,9 @@ def together(camera: pl.PlenopticCamera, shift, tilt) -> pl.PlenopticCamera:
     """All parts moved as one body about the centre of the iris."""
     turn = rotation_about_axes(tilt)
 
-    def placed(z: float) -> pl.Placement:
+    def placed(z: float) -> pl.optics.Placement:
         place = np.array([0.0, 0.0, z])
-        return pl.Placement(shift=turn @ place - place + np.asarray(shift), rotation=turn)
+        return pl.optics.Placement(shift=turn @ place - place + np.asarray(shift), rotation=turn)
 
     return dataclasses.replace(
         camera,
@@ -146,7 +146,7 @@ def test_a_tilted_sensor_sees_a_tilted_plane_sharply():
 
     def blur(tilt: float) -> float:
         seen = camera.moved(SENSOR, tilt=(math.atan(tilt), 0.0, 0.0))
-        landed = [pl.landing_points(seen, (0.0, each, -404.0 + k * each), rays=512).position for each in y]
+        landed = [pl.camera.landing_points(seen, (0.0, each, -404.0 + k * each), rays=512).position for each in y]
         return max(float(np.ptp(place, axis=0).max()) for place in landed)
 
     assert blur(slope) < 1e-9 < 1e-3 < blur(0.0) < blur(-slope)
@@ -180,7 +180,7 @@ def test_what_is_shifted_moves_the_picture_the_right_way(shift, row, column):
         [(ARRAY, (0, 0, 0), (0.14, 0.0, 0.0)), (SENSOR, (0, 0, 0), (0.1, 0.05, 0.0))],
     ],
 )
-@pytest.mark.parametrize("model", [pl.MicrolensModel.THIN, pl.MicrolensModel.SPHERICAL])
+@pytest.mark.parametrize("model", [pl.optics.MicrolensModel.THIN, pl.optics.MicrolensModel.SPHERICAL])
 def test_wider_margins_change_no_image(moves, model, monkeypatch):
     camera = dataclasses.replace(CAMERA, microlenses=dataclasses.replace(CAMERA.microlenses, model=model))
     for part, shift, tilt in moves:
@@ -218,29 +218,32 @@ def test_the_design_is_kept_beside_what_was_built():
 
 
 def test_impossible_assemblies_are_refused():
-    with pytest.raises(pl.InvalidValueError, match="behind what stands in front"):
+    with pytest.raises(pl.errors.InvalidValueError, match="behind what stands in front"):
         CAMERA.moved(SENSOR, tilt=(math.radians(50.0), 0.0, 0.0))
-    with pytest.raises(pl.InvalidValueError, match="last vertex"):
+    with pytest.raises(pl.errors.InvalidValueError, match="last vertex"):
         CAMERA.moved(ARRAY, shift=(0.0, 0.0, -100.0))
-    with pytest.raises(pl.InvalidValueError, match="without microlenses"):
+    with pytest.raises(pl.errors.InvalidValueError, match="without microlenses"):
         dataclasses.replace(
-            CAMERA, microlenses=None, microlenses_to_sensor=0.0, microlenses_placement=pl.Placement(shift=(0.1, 0, 0))
+            CAMERA,
+            microlenses=None,
+            microlenses_to_sensor=0.0,
+            microlenses_placement=pl.optics.Placement(shift=(0.1, 0, 0)),
         )
-    with pytest.raises(pl.InvalidValueError, match="CameraPart"):
+    with pytest.raises(pl.errors.InvalidValueError, match="CameraPart"):
         CAMERA.moved(7)
 
 
 def test_reports_say_that_they_are_on_the_design():
     moved = CAMERA.moved(SENSOR, shift=(0.0, 0.0, 0.1))
     kinds = {finding.kind for finding in moved.report().warnings}
-    assert pl.CameraFindingKind.OUT_OF_PLACE in kinds
-    assert pl.CameraFindingKind.OUT_OF_PLACE not in {finding.kind for finding in CAMERA.report().warnings}
-    with pytest.raises(pl.InvalidValueError, match="three lengths"):
+    assert pl.camera.CameraFindingKind.OUT_OF_PLACE in kinds
+    assert pl.camera.CameraFindingKind.OUT_OF_PLACE not in {finding.kind for finding in CAMERA.report().warnings}
+    with pytest.raises(pl.errors.InvalidValueError, match="three lengths"):
         CAMERA.moved(SENSOR, shift=0.1)
 
 
 def test_built_values_stand_beside_those_of_the_design():
-    built = pl.as_built(CAMERA.moved(SENSOR, shift=(0.02, 0.0, 0.1), tilt=(0.0, 0.01, 0.0)))
+    built = pl.camera.as_built(CAMERA.moved(SENSOR, shift=(0.02, 0.0, 0.1), tilt=(0.0, 0.01, 0.0)))
     assert built["sensor: shift x"].built == pytest.approx(0.02)
     assert built["sensor: tilt towards x"].built == pytest.approx(10.0)
     assert (built["array to sensor"].design, built["array to sensor"].built) == pytest.approx((1.7, 1.8))

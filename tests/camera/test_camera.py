@@ -23,13 +23,15 @@ def reference(**changes) -> pl.PlenopticCamera:
     return pl.PlenopticCamera(**(fields | changes))
 
 
-def spherical(side: pl.ConvexSide) -> pl.MicrolensArray:
-    return dataclasses.replace(ARRAY, model=pl.MicrolensModel.SPHERICAL, thickness=0.3, index=1.5, convex_side=side)
+def spherical(side: pl.optics.ConvexSide) -> pl.MicrolensArray:
+    return dataclasses.replace(
+        ARRAY, model=pl.optics.MicrolensModel.SPHERICAL, thickness=0.3, index=1.5, convex_side=side
+    )
 
 
 def test_the_sensor_lies_behind_both_principal_planes() -> None:
     assert reference().z_sensor == pytest.approx(125.0, abs=2 * EPS * 125)
-    for side in pl.ConvexSide:
+    for side in pl.optics.ConvexSide:
         # 0.3 (1 - 1 / 1.5) = 0.1 between the principal planes.
         assert reference(microlenses=spherical(side)).z_sensor == pytest.approx(125.1, abs=4 * EPS * 125)
     assert reference(microlenses=None, microlenses_to_sensor=0.0).z_sensor == 123.3
@@ -48,8 +50,8 @@ def test_the_sensor_lies_behind_both_principal_planes() -> None:
         ({"microlenses": None}, "microlenses_to_sensor is 1.7 mm without microlenses; leave it at 0"),
         ({"microlenses": None, "microlenses_to_sensor": 0.0, "stop_to_microlenses": 20.0}, "must be above 30.31"),
         # The plate: its flat side lies thickness / index = 0.2 mm from the principal plane inside.
-        ({"microlenses": spherical(pl.ConvexSide.SCENE), "microlenses_to_sensor": 0.19}, "must be above 0.2 mm"),
-        ({"microlenses": spherical(pl.ConvexSide.SENSOR), "stop_to_microlenses": 30.5}, "must be above 30.51"),
+        ({"microlenses": spherical(pl.optics.ConvexSide.SCENE), "microlenses_to_sensor": 0.19}, "must be above 0.2 mm"),
+        ({"microlenses": spherical(pl.optics.ConvexSide.SENSOR), "stop_to_microlenses": 30.5}, "must be above 30.51"),
         ({"microlenses": "hexagonal"}, "microlenses is 'hexagonal'; it must be a MicrolensArray or None"),
         ({"lens": None}, "lens is None; it must be a LensStack"),
         ({"sensor": (512, 512)}, r"sensor is \(512, 512\); it must be a Sensor"),
@@ -61,15 +63,15 @@ def test_the_sensor_lies_behind_both_principal_planes() -> None:
     ],
 )
 def test_impossible_cameras(changes: dict, message: str) -> None:
-    with pytest.raises(pl.InvalidValueError, match=message):
+    with pytest.raises(pl.errors.InvalidValueError, match=message):
         reference(**changes)
 
 
 def test_what_just_fits_is_possible() -> None:
     reference(stop_to_microlenses=30.32)
-    reference(microlenses=spherical(pl.ConvexSide.SCENE), microlenses_to_sensor=0.21, stop_to_microlenses=30.32)
+    reference(microlenses=spherical(pl.optics.ConvexSide.SCENE), microlenses_to_sensor=0.21, stop_to_microlenses=30.32)
     # Towards the sensor the vertex is the rear principal plane, and the glass lies on its other side.
-    reference(microlenses=spherical(pl.ConvexSide.SENSOR), microlenses_to_sensor=0.01, stop_to_microlenses=30.52)
+    reference(microlenses=spherical(pl.optics.ConvexSide.SENSOR), microlenses_to_sensor=0.01, stop_to_microlenses=30.52)
 
 
 def test_a_camera_is_a_value() -> None:
@@ -86,10 +88,10 @@ def test_posing_moves_nothing_else() -> None:
     camera = reference().posed((1, 2, 3), (4, 5, 6), (0, 0, 1))
     assert camera.pose == pl.Pose.look_at((1, 2, 3), (4, 5, 6), (0, 0, 1))
     assert dataclasses.replace(camera, pose=None) == reference()
-    with pytest.raises(pl.InvalidValueError, match="distinct finite points"):
+    with pytest.raises(pl.errors.InvalidValueError, match="distinct finite points"):
         reference().posed((1, 2, 3), (1, 2, 3))
 
 
 def test_pose_must_be_a_pose() -> None:
-    with pytest.raises(pl.InvalidValueError, match="pose"):
+    with pytest.raises(pl.errors.InvalidValueError, match="pose"):
         reference(pose="upside down")

@@ -170,7 +170,9 @@ def test_focus_at_the_horizon() -> None:
 
 
 def test_the_stop_keeps_its_shape_and_the_array_what_it_has() -> None:
-    array = pl.MicrolensArray(0.217, (2.4, 2.0), pl.Lattice.SQUARE, aperture=pl.MicrolensAperture(fill_factor=0.8))
+    array = pl.MicrolensArray(
+        0.217, (2.4, 2.0), pl.Lattice.SQUARE, aperture=pl.optics.MicrolensAperture(fill_factor=0.8)
+    )
     lens = LENS.with_stop(pl.PolygonStop(blades=5, semi_diameter=9.0, rotation=0.3))
     made = design(lens, kind=GALILEAN, z=-404.0, microlenses=array, virtual_depth=4.0, wavelength=550.0)
     stop = made.camera.lens.stop
@@ -257,13 +259,13 @@ PLAIN = {"kind": GALILEAN, "z": -404.0, "pitch": 0.217, "focal_length": 2.0, "vi
 )
 def test_impossible_wishes(changes: dict, says: str) -> None:
     wishes = PLAIN | changes
-    with pytest.raises(pl.InvalidValueError, match=says):
+    with pytest.raises(pl.errors.InvalidValueError, match=says):
         design(wishes.pop("lens", LENS), **wishes)
 
 
 def test_wishes_that_fit_in_number_but_not_together() -> None:
     # Focus is given twice, and nothing says the pitch.
-    with pytest.raises(pl.InvalidValueError, match="nothing left to choose|cannot be found"):
+    with pytest.raises(pl.errors.InvalidValueError, match="nothing left to choose|cannot be found"):
         design(
             kind=GALILEAN,
             z=-404.0,

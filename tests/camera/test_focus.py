@@ -55,7 +55,7 @@ def test_a_conventional_camera_puts_the_image_on_the_sensor() -> None:
 def test_sharp_means_conjugate_through_lens_and_microlens(z: float, b: float) -> None:
     try:
         focused = camera_with(b).focused_at(z)
-    except pl.InvalidValueError:
+    except pl.errors.InvalidValueError:
         # Too near the lens: the image minus a lies inside it.
         a = b * 2.0 / (2.0 - b)
         assert pl.paraxial.image_position(LENS, z) - a <= 31.0
@@ -87,13 +87,13 @@ def test_rays_of_a_sharp_plane_meet_on_the_sensor() -> None:
 
 @pytest.mark.parametrize("z", [0.0, 10.0, math.nan, math.inf])
 def test_planes_that_are_not_in_front(z: float) -> None:
-    with pytest.raises(pl.InvalidValueError, match="z is .* mm; the plane must lie in front of the camera"):
+    with pytest.raises(pl.errors.InvalidValueError, match="z is .* mm; the plane must lie in front of the camera"):
         camera_with(1.7).focused_at(z)
 
 
 @pytest.mark.parametrize("z", ["x", None, [1.0, 2.0]])
 def test_what_is_no_distance(z) -> None:
-    with pytest.raises(pl.InvalidValueError, match="z is .*; it must be a number"):
+    with pytest.raises(pl.errors.InvalidValueError, match="z is .*; it must be a number"):
         camera_with(1.7).focused_at(z)
 
 
@@ -101,13 +101,13 @@ def test_what_is_no_distance(z) -> None:
 def test_planes_within_the_front_focus(z: float) -> None:
     focus = pl.paraxial.cardinal_points(LENS).front_focus
     assert focus < -63.0
-    with pytest.raises(pl.InvalidValueError, match=f"no real image behind the lens; .* z = {focus:g} mm"):
+    with pytest.raises(pl.errors.InvalidValueError, match=f"no real image behind the lens; .* z = {focus:g} mm"):
         camera_with(1.7).focused_at(z)
 
 
 def test_a_back_inside_the_lens_is_out_of_reach() -> None:
     # b = 1.96: a = 98 mm; infinity would want the array at 102.5 - 98 = 4.5 mm, inside the lens.
-    with pytest.raises(pl.InvalidValueError, match="must be above 30.31"):
+    with pytest.raises(pl.errors.InvalidValueError, match="must be above 30.31"):
         camera_with(1.96).focused_at(-math.inf)
 
 
@@ -168,7 +168,9 @@ def test_rays_of_a_perfect_lens_meet_on_the_focused_sensor(model: pl.LensModel) 
 @pytest.mark.parametrize("criterion", list(FocusCriterion))
 def test_without_a_lens_nothing_is_focused(criterion: FocusCriterion) -> None:
     camera = camera_with(0.0, microlenses=None, lens=LENS.with_model(pl.LensModel.NONE))
-    with pytest.raises(pl.InvalidValueError, match=r"LensModel\.NONE, which bends no ray, so no plane is its image"):
+    with pytest.raises(
+        pl.errors.InvalidValueError, match=r"LensModel\.NONE, which bends no ray, so no plane is its image"
+    ):
         camera.focused_at(-404.0, criterion=criterion)
 
 
@@ -177,10 +179,10 @@ def test_a_thin_lens_has_its_own_front_focus() -> None:
     camera = camera_with(0.0, microlenses=None, lens=LENS.with_model(pl.LensModel.THIN))
     focus = points.rear_principal - points.efl
     assert focus < -95.0 < points.front_focus
-    with pytest.raises(pl.InvalidValueError, match=f"no real image behind the lens; .* z = {focus:g} mm"):
+    with pytest.raises(pl.errors.InvalidValueError, match=f"no real image behind the lens; .* z = {focus:g} mm"):
         camera.focused_at(-95.0)
 
 
 def test_what_is_no_criterion() -> None:
-    with pytest.raises(pl.InvalidValueError, match="criterion is 'best'; it must be FocusCriterion.PARAXIAL or"):
+    with pytest.raises(pl.errors.InvalidValueError, match="criterion is 'best'; it must be FocusCriterion.PARAXIAL or"):
         camera_with(1.7).focused_at(-404.0, criterion="best")

@@ -13,7 +13,7 @@ CAMERA = reference_camera()
 LENS = CAMERA.lens
 ARRAY = CAMERA.microlenses
 REGION = np.s_[196:256, 160:220]
-CELL = pl.ApertureShape.CELL
+CELL = pl.optics.ApertureShape.CELL
 
 
 def with_array(camera: pl.PlenopticCamera = CAMERA, **changes) -> pl.PlenopticCamera:
@@ -55,10 +55,11 @@ def test_rectangles_of_equal_sides_are_squares():
 
 
 @pytest.mark.parametrize(
-    "model", [pl.MicrolensModel.THIN, pl.MicrolensModel.FLAT_HIGH_INDEX, pl.MicrolensModel.SPHERICAL]
+    "model",
+    [pl.optics.MicrolensModel.THIN, pl.optics.MicrolensModel.FLAT_HIGH_INDEX, pl.optics.MicrolensModel.SPHERICAL],
 )
 def test_no_imperfection_is_none(model):
-    index = 100.0 if model is pl.MicrolensModel.FLAT_HIGH_INDEX else 1.5
+    index = 100.0 if model is pl.optics.MicrolensModel.FLAT_HIGH_INDEX else 1.5
     camera = with_array(model=model, index=index)
     listed = with_array(camera, imperfections=pl.MicrolensImperfections(pitch_jitter=1e-12))
     agree(white(listed, 256), white(camera, 256, seed=1))
@@ -76,7 +77,7 @@ def test_dark_lenses_are_black():
     dark = with_array(imperfections=pl.MicrolensImperfections(dark=1.0))
     assert not white(dark, 16).image.any()
     # One dark lens on the axis: its image disappears, others stay as they are.
-    one = with_array(imperfections=pl.MicrolensDeviations(index=[(0, 0)], transmission=[0.0]))
+    one = with_array(imperfections=pl.optics.MicrolensDeviations(index=[(0, 0)], transmission=[0.0]))
     shot, whole = white(one, 256, np.s_[230:282, 230:282]), white(CAMERA, 256, np.s_[230:282, 230:282], seed=1)
     assert shot.image[26, 26, 0] == 0 < whole.image[26, 26, 0]
     corner = np.s_[:8, :8]
@@ -86,11 +87,11 @@ def test_dark_lenses_are_black():
 
 def test_half_transparent_lenses_halve_the_light():
     index = ARRAY.lenses((-4.0, -4.0), (4.0, 4.0)).index
-    half = with_array(imperfections=pl.MicrolensDeviations(index=index, transmission=np.full(len(index), 0.5)))
+    half = with_array(imperfections=pl.optics.MicrolensDeviations(index=index, transmission=np.full(len(index), 0.5)))
     agree(white(half, 256), white(CAMERA, 256, seed=1), 0.5)
 
 
-@pytest.mark.parametrize("model", [pl.MicrolensModel.THIN, pl.MicrolensModel.SPHERICAL])
+@pytest.mark.parametrize("model", [pl.optics.MicrolensModel.THIN, pl.optics.MicrolensModel.SPHERICAL])
 def test_each_type_images_as_an_array_of_its_own(model):
     focal_lengths = (1.6, 2.0, 2.5)
     several = with_array(model=model, focal_lengths=focal_lengths)
@@ -114,24 +115,28 @@ def test_each_type_images_as_an_array_of_its_own(model):
 # ---- openings ----
 
 
-@pytest.mark.parametrize("shape", list(pl.ApertureShape))
-@pytest.mark.parametrize("model", [pl.MicrolensModel.THIN, pl.MicrolensModel.SPHERICAL])
+@pytest.mark.parametrize("shape", list(pl.optics.ApertureShape))
+@pytest.mark.parametrize("model", [pl.optics.MicrolensModel.THIN, pl.optics.MicrolensModel.SPHERICAL])
 def test_opaque_gaps_take_their_area_s_part_of_the_light(shape, model):
     # In mode 1.0 each point of a cell sends as much light to the image below it: a wide stop, far from its rims.
     camera = dataclasses.replace(CAMERA, microlenses_to_sensor=2.0, lens=LENS.with_stop(pl.CircularStop(3.0)))
     camera = with_array(camera, model=model)
-    narrow = with_array(camera, aperture=pl.MicrolensAperture(shape, 0.6))
+    narrow = with_array(camera, aperture=pl.optics.MicrolensAperture(shape, 0.6))
     region = np.s_[206:250, 206:250]
     # Images are cut by the region's border: twice the pixels' row of 172, at most 2 % of their light unequal.
     agree(white(narrow, 256, region), white(camera, 256, region, seed=1), 0.6, relative=0.02)
 
 
-@pytest.mark.parametrize("model", [pl.MicrolensModel.THIN, pl.MicrolensModel.SPHERICAL])
+@pytest.mark.parametrize("model", [pl.optics.MicrolensModel.THIN, pl.optics.MicrolensModel.SPHERICAL])
 def test_clear_gaps_pass_what_opaque_ones_stop(model):
     # All light of the cells arrives somewhere: with clear gaps, the mean over a large region is that of full lenses.
     full = with_array(model=model)
-    clear = with_array(full, aperture=pl.MicrolensAperture(pl.ApertureShape.CIRCLE, 0.5, pl.Gaps.CLEAR))
-    opaque = with_array(full, aperture=pl.MicrolensAperture(pl.ApertureShape.CIRCLE, 0.5, pl.Gaps.OPAQUE))
+    clear = with_array(
+        full, aperture=pl.optics.MicrolensAperture(pl.optics.ApertureShape.CIRCLE, 0.5, pl.optics.Gaps.CLEAR)
+    )
+    opaque = with_array(
+        full, aperture=pl.optics.MicrolensAperture(pl.optics.ApertureShape.CIRCLE, 0.5, pl.optics.Gaps.OPAQUE)
+    )
     region = np.s_[180:290, 180:290]
     agree(white(clear, 64, region), white(full, 64, region, seed=1), relative=0.01)
     # What passes beside the openings is what flat glass would pass there.
@@ -143,8 +148,11 @@ def test_clear_gaps_pass_what_opaque_ones_stop(model):
 
 
 def test_pinholes_have_no_clear_gaps():
-    with pytest.raises(pl.InvalidValueError, match="PINHOLE"):
-        with_array(model=pl.MicrolensModel.PINHOLE, aperture=pl.MicrolensAperture(CELL, 0.5, pl.Gaps.CLEAR))
+    with pytest.raises(pl.errors.InvalidValueError, match="PINHOLE"):
+        with_array(
+            model=pl.optics.MicrolensModel.PINHOLE,
+            aperture=pl.optics.MicrolensAperture(CELL, 0.5, pl.optics.Gaps.CLEAR),
+        )
 
 
 # ---- an array of cameras ----
@@ -156,8 +164,8 @@ def camera_array(**changes) -> pl.PlenopticCamera:
         "pitch": 10.0,
         "focal_lengths": (8.0,),
         "lattice": pl.Lattice.SQUARE,
-        "aperture": pl.MicrolensAperture(pl.ApertureShape.CIRCLE, math.pi / 100),
-        "walls": pl.Walls.OPAQUE,
+        "aperture": pl.optics.MicrolensAperture(pl.optics.ApertureShape.CIRCLE, math.pi / 100),
+        "walls": pl.optics.Walls.OPAQUE,
     }
     return pl.PlenopticCamera(
         lens=pl.no_lens(30.0),
@@ -190,7 +198,7 @@ def test_each_camera_of_an_array_lights_its_own_part(changes) -> None:
     joint = float(np.sqrt(np.square(shot.standard_error, dtype=float).sum() / 9))
     sums = parts.sum(axis=(1, 3), dtype=float)
     assert np.ptp(sums) < 6 * joint
-    without = white(camera_array(**changes | {"walls": pl.Walls.NONE}), 64, None)
+    without = white(camera_array(**changes | {"walls": pl.optics.Walls.NONE}), 64, None)
     assert without.image.sum() > 1.5 * shot.image.sum()
 
 
@@ -202,7 +210,7 @@ def test_reports_and_centres_know_an_array_of_cameras() -> None:
     assert report.warnings == ()
     straight, chief = (pl.microlens_centres(camera, m) for m in (pl.CentreMethod.ORTHOGONAL, pl.CentreMethod.CHIEF_RAY))
     assert len(chief) == 9 and np.array_equal(chief.position, straight.position)
-    with pytest.raises(pl.InvalidValueError, match="walls"):
+    with pytest.raises(pl.errors.InvalidValueError, match="walls"):
         pl.microlens_centres(camera, pl.CentreMethod.CENTROID)
 
 
@@ -222,11 +230,13 @@ def test_cameras_of_an_array_see_points_with_the_disparity_of_their_baseline() -
             # The pixel raster cuts an image 1.3 pixels wide: a tenth of a pixel.
             assert centroid == pytest.approx(10.0 * np.array([i, j]) * (1 + 8.2 / 500.0), abs=0.005)
     # Forwards, light lands where it is seen: nine images, and nothing behind other cells.
-    landed = pl.landing_points(camera, (0.0, 0.0, -499.0), rays=1 << 15)
+    landed = pl.camera.landing_points(camera, (0.0, 0.0, -499.0), rays=1 << 15)
     assert len(np.unique(landed.index, axis=0)) == 9
     assert np.abs(landed.position - 10.0 * landed.index).max() < 5.0
-    open_camera = dataclasses.replace(camera, microlenses=dataclasses.replace(camera.microlenses, walls=pl.Walls.NONE))
-    assert np.abs(pl.landing_points(open_camera, (0.0, 0.0, -20.0)).position).max() > 5.0
+    open_camera = dataclasses.replace(
+        camera, microlenses=dataclasses.replace(camera.microlenses, walls=pl.optics.Walls.NONE)
+    )
+    assert np.abs(pl.camera.landing_points(open_camera, (0.0, 0.0, -20.0)).position).max() > 5.0
     seen = camera.project((0.0, 0.0, -499.0))
     seen = seen.selected(seen.visible)
     assert len(seen) == 9 and np.allclose(seen.position, 10.0 * seen.index * (1 + 8.2 / 500.0))
@@ -251,7 +261,7 @@ def test_small_pixel_openings_see_the_middle_and_their_share():
 @pytest.mark.parametrize("moved", [False, True])
 def test_angular_response_weighs_directions(moved):
     # A tiny pupil: each pixel is lit from one direction.
-    response = pl.AngularResponse(well_depth=1.2, index=1.4, pupil_distance=90.0, exponent=2.0)
+    response = pl.sensor.AngularResponse(well_depth=1.2, index=1.4, pupil_distance=90.0, exponent=2.0)
     lens = LENS.with_model(pl.LensModel.THIN).with_stop(pl.CircularStop(1.0))
     camera = pl.PlenopticCamera(lens=lens, sensor=pl.Sensor(shape=(24, 24), pixel_pitch=2.0), stop_to_microlenses=60.0)
     seeing = dataclasses.replace(camera, sensor=dataclasses.replace(camera.sensor, angular_response=response))
@@ -327,5 +337,5 @@ def test_clean_cameras_are_as_they_were():
     assert np.array_equal(white(dataclasses.replace(CAMERA, blemishes=(nothing,))).image, white(CAMERA).image)
     grain = pl.Blemishes(pl.BlemishSite.SENSOR, [(0.0, 0.0)], [(0.0, 0.0)], [0.1], [0.0])
     assert dataclasses.replace(CAMERA, blemishes=grain).blemishes == (grain,)
-    with pytest.raises(pl.InvalidValueError, match="in front of the sensor"):
+    with pytest.raises(pl.errors.InvalidValueError, match="in front of the sensor"):
         dataclasses.replace(CAMERA, blemishes=(pl.Blemishes(pl.BlemishSite.SENSOR, [], [], [], [], height=1.8),))

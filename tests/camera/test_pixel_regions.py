@@ -17,7 +17,7 @@ from plenoptic.optics.microlens.record import SensorPlane, array_record
 LENS = pl.load_lens("double-gauss-100mm-f2")
 SENSOR = pl.Sensor(shape=(512, 512), pixel_pitch=0.01)
 THIN = pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,))
-SPHERICAL = dataclasses.replace(THIN, model=pl.MicrolensModel.SPHERICAL, thickness=0.3, index=1.5)
+SPHERICAL = dataclasses.replace(THIN, model=pl.optics.MicrolensModel.SPHERICAL, thickness=0.3, index=1.5)
 HALF_PIXEL = 0.5 * math.sqrt(2) * SENSOR.pixel_pitch
 
 
@@ -28,7 +28,7 @@ def camera_of(array: pl.MicrolensArray | None, b: float, stop: float, stop_to_mi
     )
 
 
-def with_side(side: pl.ConvexSide, **changes) -> pl.MicrolensArray:
+def with_side(side: pl.optics.ConvexSide, **changes) -> pl.MicrolensArray:
     return dataclasses.replace(SPHERICAL, convex_side=side, **changes)
 
 
@@ -38,15 +38,15 @@ CAMERAS = {
     "2.0 square": camera_of(dataclasses.replace(THIN, lattice=pl.Lattice.SQUARE), 1.7, 5.0),
     "2.0 hexagonal blades": camera_of(THIN, 1.7, 5.0, lens=LENS.with_stop(pl.PolygonStop(6, 5.0, rotation=0.2))),
     "keplerian, fully open": camera_of(THIN, 2.4, 17.1, 146.6),
-    "spherical towards the scene": camera_of(with_side(pl.ConvexSide.SCENE), 1.7, 5.0),
-    "spherical towards the sensor": camera_of(with_side(pl.ConvexSide.SENSOR), 1.7, 5.0),
-    "1.0 spherical towards the scene": camera_of(with_side(pl.ConvexSide.SCENE), 2.0, 4.25),
-    "1.0 spherical towards the sensor": camera_of(with_side(pl.ConvexSide.SENSOR), 2.0, 4.25),
+    "spherical towards the scene": camera_of(with_side(pl.optics.ConvexSide.SCENE), 1.7, 5.0),
+    "spherical towards the sensor": camera_of(with_side(pl.optics.ConvexSide.SENSOR), 1.7, 5.0),
+    "1.0 spherical towards the scene": camera_of(with_side(pl.optics.ConvexSide.SCENE), 2.0, 4.25),
+    "1.0 spherical towards the sensor": camera_of(with_side(pl.optics.ConvexSide.SENSOR), 2.0, 4.25),
     "strong spheres towards the sensor": camera_of(
-        with_side(pl.ConvexSide.SENSOR, focal_lengths=(0.5,), thickness=0.2), 0.45, 12.0
+        with_side(pl.optics.ConvexSide.SENSOR, focal_lengths=(0.5,), thickness=0.2), 0.45, 12.0
     ),
     "strong spheres towards the scene": camera_of(
-        with_side(pl.ConvexSide.SCENE, focal_lengths=(0.5,), thickness=0.2), 0.45, 12.0
+        with_side(pl.optics.ConvexSide.SCENE, focal_lengths=(0.5,), thickness=0.2), 0.45, 12.0
     ),
 }
 BY_NAME = pytest.mark.parametrize("name", list(CAMERAS))
@@ -65,7 +65,7 @@ def towards_the_lens(camera: pl.PlenopticCamera, sensor: np.ndarray, points: np.
     assert array is not None
     centres = array.nearest(points)
     b, z = camera.microlenses_to_sensor, camera.stop_to_microlenses
-    if array.model is pl.MicrolensModel.THIN:
+    if array.model is pl.optics.MicrolensModel.THIN:
         slope = (points - sensor) / b - (points - centres) / array.focal_length
         return pl.RayBundle(np.column_stack([points, np.full(n, z)]), np.column_stack([slope, np.full(n, -1.0)]))
     rows = np.zeros((8, -(-n // BLOCK) * BLOCK))
@@ -124,7 +124,7 @@ def test_every_ray_that_passes_starts_in_its_cell_s_region(name: str) -> None:
         points = aims_around(tables, pixel, camera, n, rng)
         sensor = pixel + rng.uniform(-0.5, 0.5, (n, 2)) * SENSOR.pixel_pitch
         rays = towards_the_lens(camera, sensor, points)
-        if camera.microlenses.model is pl.MicrolensModel.SPHERICAL:
+        if camera.microlenses.model is pl.optics.MicrolensModel.SPHERICAL:
             # An aim in the overlap of widened cells belongs to the neighbour too: try each with its own cell only.
             points, rays = points[rays.status == 0], rays.selected(rays.status == 0)
         passed = camera.lens.trace_reverse(rays).status == 0
@@ -141,11 +141,11 @@ def test_every_ray_that_passes_starts_in_its_cell_s_region(name: str) -> None:
     assert passed_in_all > 500
 
 
-@pytest.mark.parametrize("side", list(pl.ConvexSide))
-def test_aims_beyond_the_cell_that_land_on_its_sphere_are_held_too(side: pl.ConvexSide) -> None:
+@pytest.mark.parametrize("side", list(pl.optics.ConvexSide))
+def test_aims_beyond_the_cell_that_land_on_its_sphere_are_held_too(side: pl.optics.ConvexSide) -> None:
     # Aimed a little beside the cell on the principal plane, some rays meet the cell's own curved side.
     camera = camera_of(with_side(side, focal_lengths=(1.5,), thickness=0.2), 1.4, 17.1)
-    beside = 0.1 if side is pl.ConvexSide.SCENE else 0.01
+    beside = 0.1 if side is pl.optics.ConvexSide.SCENE else 0.01
     array, tables = camera.microlenses, camera_record(camera)
     rng = np.random.default_rng(5)
     pixels = some_pixels(rng, 6)
@@ -194,7 +194,7 @@ def test_triangles_stay_in_their_cell_and_never_overlap(name: str) -> None:
     edges = camera.microlenses.cell_edges
     wider = np.linalg.norm(tables.array.opening.corners[0, 0]) / camera.microlenses.cell_radius
     assert wider >= 1.0 - 1e-15
-    if camera.microlenses.model is pl.MicrolensModel.THIN:
+    if camera.microlenses.model is pl.optics.MicrolensModel.THIN:
         assert wider == pytest.approx(1.0, abs=1e-15)
     assert wider < 1.3
     for points in (corner, corner + a, corner + b):

@@ -68,7 +68,7 @@ def test_right_is_right() -> None:
     ],
 )
 def test_impossible_views(position, target, up, message: str) -> None:
-    with pytest.raises(pl.InvalidValueError, match=message):
+    with pytest.raises(pl.errors.InvalidValueError, match=message):
         pl.Pose.look_at(position, target, up)
 
 
@@ -83,7 +83,7 @@ def test_impossible_views(position, target, up, message: str) -> None:
     ],
 )
 def test_impossible_poses(rotation, position, message: str) -> None:
-    with pytest.raises(pl.InvalidValueError, match=message):
+    with pytest.raises(pl.errors.InvalidValueError, match=message):
         pl.Pose(rotation, position)
 
 

@@ -273,7 +273,7 @@ def test_a_telecentric_lens_repeats_images_at_the_pitch() -> None:
     ("lattice", "dark"), [(pl.Lattice.HEXAGONAL, math.pi / 12**0.5), (pl.Lattice.SQUARE, math.pi / 4)]
 )
 def test_round_images_that_touch_leave_the_corners_dark(lattice: pl.Lattice, dark: float) -> None:
-    array = pl.MicrolensArray(PITCH, (FOCAL,), lattice, pl.MicrolensModel.PINHOLE)
+    array = pl.MicrolensArray(PITCH, (FOCAL,), lattice, pl.optics.MicrolensModel.PINHOLE)
     report = camera_report(camera_with(2.0, microlenses=array))
     touching = LENS.with_stop(pl.CircularStop(5.0 / report.image_fill))
     report = camera_report(camera_with(2.0, microlenses=array, lens=touching))
@@ -295,7 +295,7 @@ def test_microlenses_that_image_the_pupil_onto_the_sensor_light_it_as_pinholes_d
         lens = NO_LENS.with_stop(pl.CircularStop(fill / wide.image_fill))
         reports = [
             camera_report(camera_with(b, 3.0, lens=lens, microlenses=array))
-            for array in (thin, dataclasses.replace(thin, model=pl.MicrolensModel.PINHOLE))
+            for array in (thin, dataclasses.replace(thin, model=pl.optics.MicrolensModel.PINHOLE))
         ]
         assert reports[0].dark_fraction == pytest.approx(reports[1].dark_fraction, abs=1e-2)
         assert reports[0].overlap_fraction == pytest.approx(reports[1].overlap_fraction, abs=1e-2)
@@ -404,17 +404,17 @@ def test_matching_iris_of_the_findings_matches() -> None:
 @pytest.mark.parametrize(
     ("model", "array_model"),
     [
-        *((model, pl.MicrolensModel.THIN) for model in pl.LensModel),
-        *((pl.LensModel.PARAXIAL, array_model) for array_model in pl.MicrolensModel),
+        *((model, pl.optics.MicrolensModel.THIN) for model in pl.LensModel),
+        *((pl.LensModel.PARAXIAL, array_model) for array_model in pl.optics.MicrolensModel),
     ],
 )
-def test_every_model_has_a_report(model: pl.LensModel, array_model: pl.MicrolensModel) -> None:
-    index = 100.0 if array_model is pl.MicrolensModel.FLAT_HIGH_INDEX else 1.5
+def test_every_model_has_a_report(model: pl.LensModel, array_model: pl.optics.MicrolensModel) -> None:
+    index = 100.0 if array_model is pl.optics.MicrolensModel.FLAT_HIGH_INDEX else 1.5
     array = pl.MicrolensArray(PITCH, (FOCAL,), model=array_model, index=index)
     report = camera_report(camera_with(2.004, lens=LENS.with_model(model), microlenses=array))
     assert (report.efl is None) == (model is pl.LensModel.NONE)
     assert report.working_f_number == pytest.approx(report.working_f_number_paraxial, rel=0.01)
-    if array_model is pl.MicrolensModel.PINHOLE:
+    if array_model is pl.optics.MicrolensModel.PINHOLE:
         assert report.image_border_pixels == 0.0
         assert (report.focus[0].z_far, report.focus[0].z_near) == (-math.inf, LENS.vertices[0])
 
@@ -462,7 +462,7 @@ def test_a_report_is_a_value_and_prints_as_a_table() -> None:
 
 
 def test_errors() -> None:
-    with pytest.raises(pl.InvalidValueError, match="camera is a"):
+    with pytest.raises(pl.errors.InvalidValueError, match="camera is a"):
         camera_report(LENS)
 
 
@@ -483,6 +483,6 @@ def test_the_figure_draws_what_the_report_says() -> None:
     conventional = KINDS[CameraKind.CONVENTIONAL]
     assert len(plot_camera(conventional, camera_report(conventional)).axes) == 1
     for given in ((LENS, report), (REFERENCE, 3)):
-        with pytest.raises(pl.InvalidValueError):
+        with pytest.raises(pl.errors.InvalidValueError):
             plot_camera(*given)
     plt.close("all")

@@ -29,7 +29,7 @@ def alone(camera: pl.PlenopticCamera, centre: np.ndarray) -> pl.PlenopticCamera:
     index = camera.microlenses.lenses((-6, -6), (6, 6)).index
     mine = np.round(centre / camera.microlenses.pitch).astype(int)
     others = index[(index != mine).any(axis=1)]
-    dark = pl.MicrolensDeviations(others, transmission=np.zeros(len(others)))
+    dark = pl.optics.MicrolensDeviations(others, transmission=np.zeros(len(others)))
     return dataclasses.replace(camera, microlenses=dataclasses.replace(camera.microlenses, imperfections=dark))
 
 

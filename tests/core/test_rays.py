@@ -102,7 +102,7 @@ def test_a_lost_ray_has_weight_0_and_keeps_its_cause() -> None:
     ],
 )
 def test_wrong_shapes(arguments: tuple, message: str) -> None:
-    with pytest.raises(pl.InvalidValueError, match=message):
+    with pytest.raises(pl.errors.InvalidValueError, match=message):
         pl.RayBundle(*arguments)
 
 
@@ -120,7 +120,7 @@ def test_wrong_shapes(arguments: tuple, message: str) -> None:
     ],
 )
 def test_wrong_fields(name: str, item: object, message: str) -> None:
-    with pytest.raises(pl.InvalidValueError, match=message):
+    with pytest.raises(pl.errors.InvalidValueError, match=message):
         pl.RayBundle([[0, 0, 0]], [[0, 0, 1]], **{name: item})
 
 
@@ -165,5 +165,5 @@ def test_traced_bundles_are_values_too() -> None:
 
 @pytest.mark.parametrize("wavelength", [0.5876, 5.876e-7, 1e7])
 def test_wavelengths_in_other_units_are_refused(wavelength):
-    with pytest.raises(pl.InvalidValueError, match="wavelengths are in nanometres"):
+    with pytest.raises(pl.errors.InvalidValueError, match="wavelengths are in nanometres"):
         pl.RayBundle([[0, 0, 0]], [[0, 0, 1]], wavelength=wavelength)

@@ -163,5 +163,5 @@ def test_smooth_integrands_converge_faster_than_one_over_n() -> None:
 )
 def test_impossible_arguments(arguments: dict, message: str) -> None:
     n = arguments.pop("n")
-    with pytest.raises(pl.InvalidValueError, match=message):
+    with pytest.raises(pl.errors.InvalidValueError, match=message):
         sobol_points(n, **arguments)

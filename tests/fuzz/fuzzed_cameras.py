@@ -37,20 +37,20 @@ def an_array(rnd, kind, pitch):
     if kind is Kind.SEVERAL_TYPES:
         focal_lengths += [signed(rnd, 10.0 * pitch, spread=0.7) for _ in range(rnd.randint(1, 3))]
     elif kind is Kind.PINHOLES:
-        more = {"model": pl.MicrolensModel.PINHOLE}
+        more = {"model": pl.optics.MicrolensModel.PINHOLE}
     elif kind is Kind.PLATES:
         high = chance(rnd, 2)
         more = {
-            "model": pl.MicrolensModel.FLAT_HIGH_INDEX if high else pl.MicrolensModel.SPHERICAL,
+            "model": pl.optics.MicrolensModel.FLAT_HIGH_INDEX if high else pl.optics.MicrolensModel.SPHERICAL,
             "index": uniform(rnd, 10.0, 1000.0) if high else uniform(rnd, 1.1, 4.0),
             "thickness": length(rnd, pitch),
-            "convex_side": rnd.choice(list(pl.ConvexSide)),
+            "convex_side": rnd.choice(list(pl.optics.ConvexSide)),
         }
     elif kind is Kind.ROUND_OPENINGS:
-        filled, gaps = uniform(rnd, 0.001, 0.78), rnd.choice(list(pl.Gaps))
-        more = {"aperture": pl.MicrolensAperture(pl.ApertureShape.CIRCLE, filled, gaps)}
+        filled, gaps = uniform(rnd, 0.001, 0.78), rnd.choice(list(pl.optics.Gaps))
+        more = {"aperture": pl.optics.MicrolensAperture(pl.optics.ApertureShape.CIRCLE, filled, gaps)}
     elif kind is Kind.WALLS:
-        more = {"walls": pl.Walls.OPAQUE}
+        more = {"walls": pl.optics.Walls.OPAQUE}
     elif kind is Kind.IMPERFECT:
         shares = uniform(rnd, 0, 0.5), uniform(rnd, 0, 0.5)
         more = {
@@ -75,7 +75,7 @@ def a_sensor(rnd, width):
     pitch = min(max(width / max(shape), 1e-5), 1e2)
     response = None
     if chance(rnd, 4):
-        response = pl.AngularResponse(
+        response = pl.sensor.AngularResponse(
             well_depth=length(rnd, pitch) if chance(rnd, 2) else 0.0,
             index=uniform(rnd, 1.0, 4.0),
             pupil_distance=length(rnd, 1e3 * pitch) if chance(rnd, 2) else math.inf,

@@ -31,7 +31,7 @@ def a_stop(rnd, semi_diameter, thickness=0.0, *, masked=False):
     """A stop of any shape; a mask where, and only where, one is wanted."""
     if masked:
         rows, columns = rnd.randint(1, 5), rnd.randint(1, 5)
-        return pl.MaskStop(table(rnd, 0.0, 1.0, rows, columns), semi_diameter, thickness)
+        return pl.optics.MaskStop(table(rnd, 0.0, 1.0, rows, columns), semi_diameter, thickness)
     kind, corners, turn = rnd.randint(0, 4), rnd.randint(3, 12), angle(rnd, 7.0)
     if kind == 1:
         return pl.PolygonStop(corners, semi_diameter, turn, thickness)
@@ -72,7 +72,7 @@ def a_surface(rnd, scale, thickness, medium, features):
 
 def a_thick_lens(rnd, scale, features):
     """One to three lenses, cemented or not, with a stop anywhere among them."""
-    ambient = pl.AIR if not chance(rnd, 8) else pl.ConstantMedium(uniform(rnd, 1.0, 1.5))
+    ambient = pl.optics.AIR if not chance(rnd, 8) else pl.ConstantMedium(uniform(rnd, 1.0, 1.5))
     elements = []
     for _ in range(rnd.randint(1, 3)):
         for medium in [a_medium(rnd) for _ in range(rnd.randint(1, 2))] + [ambient]:

@@ -58,7 +58,7 @@ def some_options(rnd, shape):
         "samples": rnd.randint(1, 40),
         "replicates": rnd.randint(1, 10),
         "seed": rnd.choice([0, 1, 2**64 - 1]),
-        "sampler": rnd.choice(list(pl.Sampler)),
+        "sampler": rnd.choice(list(pl.rendering.Sampler)),
         "threads": rnd.choice([1, 1, 1, 2]),
     }
     if chance(rnd, 4):
@@ -80,7 +80,7 @@ def more_options(rnd):
     """Options that `render` alone has."""
     return {
         "max_bounces": rnd.randint(0, 6),
-        "caustics": rnd.choice(list(pl.Caustics)),
+        "caustics": rnd.choice(list(pl.rendering.Caustics)),
         "clamp": length(rnd, 1.0, spread=3.0) if chance(rnd, 4) else None,
         "truth": pl.Truth(rnd.randint(0, pl.Truth.ALL)),
     }
@@ -102,7 +102,7 @@ def check_case(case, *, again):
         except pl.PlenopticError as error:
             check_refusal(error)
             return None
-        assert len(str(plan).splitlines()) == len(pl.Stage)
+        assert len(str(plan).splitlines()) == len(pl.rendering.Stage)
         assert "Exposure" in repr(shot)
         check_image(case, shot)
         check_paths(case, shot)
@@ -149,7 +149,9 @@ def check_paths(case, shot):
     assert stats.paths <= shot.samples * shot.image[:, :, 0].size
     assert stats.paths == stats.paths_through_lens + sum(count for *_, count in stats.lost)
     assert stats.nonfinite == 0
-    asked = "target_error" if stats.stopped_by is pl.StopReason.TARGET_MISSED else stats.stopped_by.name.lower()
+    asked = (
+        "target_error" if stats.stopped_by is pl.rendering.StopReason.TARGET_MISSED else stats.stopped_by.name.lower()
+    )
     assert case.options.get(asked) is not None
     if not stats.paths_through_lens:
         assert not shot.image.any()

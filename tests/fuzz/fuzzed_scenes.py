@@ -63,7 +63,11 @@ def a_soup(rnd):
 def a_texture(rnd, channels, brightest=1.0):
     rows, columns = rnd.randint(1, 3), rnd.randint(1, 3)
     texels = table(rnd, 0.0, 1.0, rows, columns, channels)
-    return pl.Texture(brightest * texels, wrap=rnd.choice(list(pl.Wrap)), filter=rnd.choice(list(pl.TextureFilter)))
+    return pl.Texture(
+        brightest * texels,
+        wrap=rnd.choice(list(pl.materials.Wrap)),
+        filter=rnd.choice(list(pl.materials.TextureFilter)),
+    )
 
 
 def radiance(rnd):
@@ -83,14 +87,14 @@ def some_materials(rnd, kind):
         found += [
             pl.Conductor(colour(rnd), alpha=uniform(rnd, 0.0, 1.0) if chance(rnd, 2) else 0.0),
             pl.Conductor(alpha=uniform(rnd, 0.0, 1.0), index=index),
-            pl.RoughDiffuse(colour(rnd), uniform(rnd, 0.0, 1.0)),
+            pl.materials.RoughDiffuse(colour(rnd), uniform(rnd, 0.0, 1.0)),
             pl.MetallicRoughness(colour(rnd), uniform(rnd, 0.0, 1.0), uniform(rnd, 0.0, 1.0), emission=radiance(rnd)),
         ]
     if kind in (Kind.GLASS, Kind.EVERYTHING):
         rough = uniform(rnd, 0.0, 1.0) if chance(rnd, 2) else 0.0
         found += [
             pl.Dielectric(uniform(rnd, 1.0, 4.0), rough, absorption=colour(rnd, length(rnd, 0.1, spread=3.0))),
-            pl.ThinGlass(uniform(rnd, 1.0, 4.0), colour(rnd)),
+            pl.materials.ThinGlass(uniform(rnd, 1.0, 4.0), colour(rnd)),
         ]
     if kind is Kind.EVERYTHING:
         found.append(
@@ -118,13 +122,13 @@ def some_lights(rnd, kind, place, size):
         sides = [[signed(rnd, size), 0.0, 0.0], [0.0, signed(rnd, size), 0.0]]
         found += [
             pl.QuadLight(beside(), *sides, radiance(rnd), two_sided=chance(rnd, 2)),
-            pl.SphereLight(beside(), length(rnd, size), radiance(rnd)),
+            pl.lights.SphereLight(beside(), length(rnd, size), radiance(rnd)),
         ]
     if kind in (Kind.POINTS, Kind.EVERYTHING):
         inner, outer = sorted([uniform(rnd, 0.0, 1.5), uniform(rnd, 0.01, 1.5)])
         found += [
-            pl.PointLight(beside(), radiance(rnd)),
-            pl.SpotLight(beside(), rotation(rnd)[0], radiance(rnd), inner, outer),
+            pl.lights.PointLight(beside(), radiance(rnd)),
+            pl.lights.SpotLight(beside(), rotation(rnd)[0], radiance(rnd), inner, outer),
             pl.SunLight(rotation(rnd)[0], radiance(rnd), length(rnd, 0.005)),
         ]
     return found
@@ -151,7 +155,7 @@ def a_scene(rnd, camera, scale, kinds):
     if kind is Kind.EVERYTHING:
         matrices = np.tile(np.eye(4), (rnd.randint(1, 3), 1, 1))
         matrices[:, :3, 3] = [[signed(rnd, size) for _ in range(3)] for _ in matrices]
-        meshes[-1] = pl.Instances(meshes[-1], matrices)
+        meshes[-1] = pl.scene.Instances(meshes[-1], matrices)
     background = None
     if kind in (Kind.GLOWING, Kind.DIFFUSE, Kind.GLASS):
         background = radiance(rnd)

@@ -4,10 +4,11 @@ import dataclasses
 import math
 
 import golden_cameras
-import golden_names as pl
 import golden_scenes
 import numpy as np
 from golden_results import merged, numbers, rays, rays_towards_iris, traced
+
+import plenoptic as pl
 
 
 def traces():
@@ -27,7 +28,7 @@ def traces():
         "aspheres": aspheres,
         "moved": aspheres.moved(0, shift=(0.1, -0.2, 0.05), tilt=(0.01, 0.02, 0.3)).moved([1, 2], tilt=(-0.02, 0, 0.1)),
         "blades": spheres.with_stop(pl.PolygonStop(7, 9.0, 0.1, blade_radius=12.0)),
-        "mask": spheres.with_stop(pl.MaskStop([[0.2, 1.0], [0.5, 0.0], [0.9, 0.7]], 9.0)),
+        "mask": spheres.with_stop(pl.optics.MaskStop([[0.2, 1.0], [0.5, 0.0], [0.9, 0.7]], 9.0)),
         "star": spheres.with_stop(pl.StarStop(7, 9.0, 5.0, 0.1)).moved(slice(0, 2), tilt=(0.01, -0.01, 0.2)),
         "thin": spheres.with_model(pl.LensModel.THIN),
         "paraxial": spheres.with_model(pl.LensModel.PARAXIAL),
@@ -56,7 +57,7 @@ def point_spread():
     for name in ("reference", "out_of_place", "free", "spherical", "conventional"):
         camera = getattr(golden_cameras, name)()
         found.append(numbers(pl.point_spread(camera, points, rays=4096), f"{name}.spread"))
-        found.append(numbers(pl.landing_points(camera, points, rays=256), f"{name}.landing"))
+        found.append(numbers(pl.camera.landing_points(camera, points, rays=256), f"{name}.landing"))
     return merged(*found)
 
 
@@ -172,12 +173,12 @@ def scattering():
     """Distributions of materials by themselves."""
     materials = {
         "matt": pl.Lambertian((0.8, 0.3, 0.2)),
-        "grooves": pl.RoughDiffuse(0.6, 0.7),
+        "grooves": pl.materials.RoughDiffuse(0.6, 0.7),
         "metal": pl.Conductor(alpha=0.3, index=0.2 + 3.4j),
         "mirror": pl.Conductor((0.9, 0.8, 0.7)),
         "glass": pl.Dielectric(1.5),
         "rough glass": pl.Dielectric(1.5, 0.3),
-        "pane": pl.ThinGlass(1.5, 0.9),
+        "pane": pl.materials.ThinGlass(1.5, 0.9),
         "paint": pl.MetallicRoughness((0.8, 0.4, 0.2), 0.3, 0.4),
     }
     points = pl.sampling.sobol_points(64)

@@ -2,8 +2,9 @@
 
 import math
 
-import golden_names as pl
 import numpy as np
+
+import plenoptic as pl
 
 
 def reference(*, to_sensor=1.7, semi_diameter=5.0, shape=(512, 512), **more):
@@ -26,11 +27,13 @@ def out_of_place():
         8, tilt=(0.0, 0.002, 0.0)
     )
     imperfect = pl.MicrolensImperfections(0.003, 0.002, 0.03, missing=0.05, dark=0.05, seed=3)
-    round_ones = pl.MicrolensAperture(pl.ApertureShape.CIRCLE, 0.8, pl.Gaps.OPAQUE)
+    round_ones = pl.optics.MicrolensAperture(pl.optics.ApertureShape.CIRCLE, 0.8, pl.optics.Gaps.OPAQUE)
     camera = pl.PlenopticCamera(
         lens=lens,
         microlenses=pl.MicrolensArray(0.217, (1.8, 2.0, 2.3), aperture=round_ones, imperfections=imperfect),
-        sensor=pl.Sensor((48, 40), 0.02, (0.9, 0.8), pl.AngularResponse(0.002, 1.5, pupil_distance=60.0, exponent=1.2)),
+        sensor=pl.Sensor(
+            (48, 40), 0.02, (0.9, 0.8), pl.sensor.AngularResponse(0.002, 1.5, pupil_distance=60.0, exponent=1.2)
+        ),
         stop_to_microlenses=123.3,
         microlenses_to_sensor=1.7,
         blemishes=some_blemishes(),
@@ -65,7 +68,7 @@ def free():
     rng = np.random.default_rng(5)
     grid = np.stack(np.meshgrid(np.arange(-3, 4), np.arange(-3, 4)), axis=-1).reshape(-1, 2)
     centres = 0.2 * grid + rng.uniform(-0.03, 0.03, (len(grid), 2))
-    wrong = pl.MicrolensDeviations(
+    wrong = pl.optics.MicrolensDeviations(
         index=[(24, 0), (17, 0), (25, 0)],
         shift=[(0.01, 0.0), (0.0, -0.02), (0.005, 0.005)],
         decentre=[(0.0, 0.004), (0.002, 0.0), (0.0, 0.0)],
@@ -87,16 +90,16 @@ def free():
 def spherical():
     """Exact plano-convex microlenses on squares, behind a paraxial lens with a mask."""
     rows, columns = np.mgrid[0:5, 0:6]
-    lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.MaskStop(((rows + 2 * columns) % 4) / 3.0, 6.0))
+    lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.optics.MaskStop(((rows + 2 * columns) % 4) / 3.0, 6.0))
     return pl.PlenopticCamera(
         lens=lens.with_model(pl.LensModel.PARAXIAL),
         microlenses=pl.MicrolensArray(
             0.217,
             (2.0, 1.8),
             pl.Lattice.SQUARE,
-            pl.MicrolensModel.SPHERICAL,
+            pl.optics.MicrolensModel.SPHERICAL,
             thickness=0.15,
-            convex_side=pl.ConvexSide.SENSOR,
+            convex_side=pl.optics.ConvexSide.SENSOR,
             pattern=[[0, 1], [1, 0]],
         ),
         sensor=pl.Sensor((40, 40), 0.02),
@@ -107,11 +110,11 @@ def spherical():
 
 def flat_high_index():
     """Flat microlenses of high index with clear gaps, behind an exact lens with aspheres."""
-    square = pl.MicrolensAperture(pl.ApertureShape.SQUARE, 0.6, pl.Gaps.CLEAR)
+    square = pl.optics.MicrolensAperture(pl.optics.ApertureShape.SQUARE, 0.6, pl.optics.Gaps.CLEAR)
     return pl.PlenopticCamera(
         lens=aspheric_lens(),
         microlenses=pl.MicrolensArray(
-            0.217, (2.0,), model=pl.MicrolensModel.FLAT_HIGH_INDEX, index=1000.0, thickness=0.1, aperture=square
+            0.217, (2.0,), model=pl.optics.MicrolensModel.FLAT_HIGH_INDEX, index=1000.0, thickness=0.1, aperture=square
         ),
         sensor=pl.Sensor((40, 40), 0.02),
         stop_to_microlenses=82.0,
@@ -123,7 +126,7 @@ def pinholes():
     """Pinholes on rectangles."""
     return pl.PlenopticCamera(
         lens=pl.load_lens("achromat-100mm-f4.4"),
-        microlenses=pl.MicrolensArray((0.2, 0.3), (2.0,), pl.Lattice.RECTANGULAR, pl.MicrolensModel.PINHOLE),
+        microlenses=pl.MicrolensArray((0.2, 0.3), (2.0,), pl.Lattice.RECTANGULAR, pl.optics.MicrolensModel.PINHOLE),
         sensor=pl.Sensor((40, 40), 0.02),
         stop_to_microlenses=123.3,
         microlenses_to_sensor=1.7,
@@ -135,7 +138,7 @@ def walled():
     """An array of cameras: microlenses between walls and no main lens."""
     return pl.PlenopticCamera(
         lens=pl.no_lens(20.0),
-        microlenses=pl.MicrolensArray(0.217, (1.7,), pl.Lattice.SQUARE, walls=pl.Walls.OPAQUE),
+        microlenses=pl.MicrolensArray(0.217, (1.7,), pl.Lattice.SQUARE, walls=pl.optics.Walls.OPAQUE),
         sensor=pl.Sensor((40, 40), 0.02),
         stop_to_microlenses=5.0,
         microlenses_to_sensor=1.72,

@@ -1,10 +1,11 @@
 """Cases that are images, and what is made of them."""
 
 import golden_cameras
-import golden_names as pl
 import golden_scenes
 import numpy as np
 from golden_results import merged, numbers, seen, shot, white
+
+import plenoptic as pl
 
 
 def white_images():
@@ -15,7 +16,9 @@ def white_images():
         white(golden_cameras.reference(), "2.0", region=region, samples=32),
         white(unfocused, "1.0", region=region, samples=32),
         white(golden_cameras.reference(), "corner", region=np.s_[:16, :16], seed=3, replicates=4),
-        white(golden_cameras.reference(), "random", region=np.s_[250:258, 250:258], sampler=pl.Sampler.RANDOM),
+        white(
+            golden_cameras.reference(), "random", region=np.s_[250:258, 250:258], sampler=pl.rendering.Sampler.RANDOM
+        ),
     )
 
 
@@ -64,7 +67,7 @@ def other_arrays():
 def spectral():
     """Wavelength by wavelength through lenses that disperse: a colour camera, and one line for each channel."""
     colour = golden_cameras.conventional(pl.sensitivities.colour_camera())
-    lines = golden_cameras.conventional(pl.Sensitivity.lines((620.0, 540.0, 450.0)))
+    lines = golden_cameras.conventional(pl.sensor.Sensitivity.lines((620.0, 540.0, 450.0)))
     reference = golden_cameras.reference(sensitivity=pl.sensitivities.cie_1931())
     white_shot = pl.render_white(colour, samples=8, conditioning=64, progress=False)
     return merged(
@@ -100,7 +103,7 @@ def glasses():
     scene, camera = golden_scenes.glasses(), golden_cameras.conventional()
     return merged(
         in_both(scene),
-        seen(scene, camera, "without caustics", caustics=pl.Caustics.LEFT_OUT),
+        seen(scene, camera, "without caustics", caustics=pl.rendering.Caustics.LEFT_OUT),
         seen(scene, camera, "clamped", clamp=0.5),
         seen(scene, camera, "few bounces", max_bounces=2),
         seen(golden_scenes.under_water(), camera, "under water"),
@@ -114,7 +117,9 @@ def metals():
 def sky():
     """An environment map, and a sample of independent points."""
     camera = golden_cameras.conventional()
-    return merged(in_both(golden_scenes.sky()), seen(golden_scenes.sky(), camera, "random", sampler=pl.Sampler.RANDOM))
+    return merged(
+        in_both(golden_scenes.sky()), seen(golden_scenes.sky(), camera, "random", sampler=pl.rendering.Sampler.RANDOM)
+    )
 
 
 def all_lights():

@@ -2,8 +2,9 @@
 
 import dataclasses
 
-import golden_names as pl
 import numpy as np
+
+import plenoptic as pl
 
 
 def shot(exposure, name="shot"):

@@ -2,8 +2,9 @@
 
 import math
 
-import golden_names as pl
 import numpy as np
+
+import plenoptic as pl
 
 
 def texture(channels, *, low=0.0, high=1.0, seed=0, size=(5, 7), **how):
@@ -25,10 +26,13 @@ def lamp(radiance=6.0):
 
 def textured():
     """glTF's material with all of its textures: base, metallic, roughness, normals, emission and opacity."""
-    mirrored, clamped = {"wrap": pl.Wrap.MIRROR}, {"wrap": (pl.Wrap.CLAMP, pl.Wrap.REPEAT)}
+    mirrored, clamped = (
+        {"wrap": pl.materials.Wrap.MIRROR},
+        {"wrap": (pl.materials.Wrap.CLAMP, pl.materials.Wrap.REPEAT)},
+    )
     painted = pl.MetallicRoughness(
         texture(3, seed=1, **mirrored),
-        texture(1, seed=2, filter=pl.TextureFilter.NEAREST),
+        texture(1, seed=2, filter=pl.materials.TextureFilter.NEAREST),
         texture(1, low=0.2, seed=3, **clamped),
         normal_map=pl.Texture(texture(3, low=0.3, high=0.7, seed=4).texels + np.float32([0, 0, 0.3])),
         emission=texture(3, high=0.4, seed=5),
@@ -46,10 +50,10 @@ def glasses():
         ball(absorbing, -3.0, -1.0),
         ball(pl.Dielectric(1.6, 0.25), 3.0, -1.0),
         ball(pl.Dielectric(1.5, exterior=1.33), 0.0, 3.0, radius=1.5),
-        wall(pl.ThinGlass(1.5, (0.9, 0.8, 0.95)), -398.0, 5.0),
-        wall(pl.RoughDiffuse(texture(3, seed=9), 0.6)),
+        wall(pl.materials.ThinGlass(1.5, (0.9, 0.8, 0.95)), -398.0, 5.0),
+        wall(pl.materials.RoughDiffuse(texture(3, seed=9), 0.6)),
     ]
-    return pl.Scene(bodies, [lamp(), pl.SphereLight((-8.0, 10.0, -390.0), 2.0, (4.0, 5.0, 6.0))], background=0.1)
+    return pl.Scene(bodies, [lamp(), pl.lights.SphereLight((-8.0, 10.0, -390.0), 2.0, (4.0, 5.0, 6.0))], background=0.1)
 
 
 def under_water():
@@ -76,7 +80,11 @@ def sky():
     texels[1, 4] = 40.0
     c, s = math.cos(0.7), math.sin(0.7)
     turn = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
-    bodies = [ball(pl.Lambertian((0.7, 0.6, 0.5))), wall(pl.RoughDiffuse(0.5, 0.8)), ball(pl.Conductor(0.9), 4.0, 3.0)]
+    bodies = [
+        ball(pl.Lambertian((0.7, 0.6, 0.5))),
+        wall(pl.materials.RoughDiffuse(0.5, 0.8)),
+        ball(pl.Conductor(0.9), 4.0, 3.0),
+    ]
     return pl.Scene(bodies, background=pl.EnvironmentMap(texels, turn))
 
 
@@ -84,9 +92,9 @@ def all_lights():
     """A lamp, a ball, a point, a spot, a wide sun and a parallel one, a glowing thing, a world."""
     lights = [
         lamp((3.0, 2.0, 1.0)),
-        pl.SphereLight((-9.0, 8.0, -395.0), 1.5, 8.0),
-        pl.PointLight((6.0, -6.0, -395.0), (90.0, 60.0, 30.0)),
-        pl.SpotLight((0.0, 12.0, -385.0), (0.0, -0.5, -1.0), 400.0, 0.1, 0.5),
+        pl.lights.SphereLight((-9.0, 8.0, -395.0), 1.5, 8.0),
+        pl.lights.PointLight((6.0, -6.0, -395.0), (90.0, 60.0, 30.0)),
+        pl.lights.SpotLight((0.0, 12.0, -385.0), (0.0, -0.5, -1.0), 400.0, 0.1, 0.5),
         pl.SunLight((0.3, -1.0, -0.6), 0.7, 0.05),
         pl.SunLight((-0.5, -0.2, -1.0), (0.1, 0.2, 0.3), 0.0),
     ]
@@ -105,7 +113,7 @@ def repeated():
     nearer = matrices[::4].copy()
     nearer[:, 2, 3] += 4.0
     veil = pl.quad((-1, -1, 0), (2, 0, 0), (0, 2, 0), material=pl.MetallicRoughness(0.6, opacity=texture(1, seed=10)))
-    things = [pl.Instances(body, matrices), pl.Instances(veil, nearer), wall(pl.Lambertian(0.5), -412.0)]
+    things = [pl.scene.Instances(body, matrices), pl.scene.Instances(veil, nearer), wall(pl.Lambertian(0.5), -412.0)]
     return pl.Scene(things, [lamp()], background=0.15)
 
 
@@ -113,4 +121,4 @@ def bodies():
     """Without textures: for ground truth."""
     tilted = pl.Mesh([(-9, -9, -409), (9, -9, -416), (9, 9, -420), (-9, 9, -412)], [(0, 1, 2), (0, 2, 3)])
     seen = [ball(pl.Lambertian(0.3), -2.0), ball(pl.Conductor(0.9), 2.0, 1.0, -399.0, 1.5), tilted]
-    return pl.Scene(seen, [pl.SphereLight((3.0, -3.0, -401.0), 1.0, 2.0)])
+    return pl.Scene(seen, [pl.lights.SphereLight((3.0, -3.0, -401.0), 1.0, 2.0)])

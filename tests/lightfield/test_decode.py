@@ -316,9 +316,9 @@ def test_light_fields_are_values():
     assert repr(field).startswith("LightField(3 x 3 views of")
     np.testing.assert_array_equal(field.view(1, -1), field.views[2, 0])
     for wrong in (2, -2, 0.5, True):
-        with pytest.raises(pl.InvalidValueError, match="from -1 to 1"):
+        with pytest.raises(pl.errors.InvalidValueError, match="from -1 to 1"):
             field.view(wrong, 0)
-    with pytest.raises(pl.InvalidValueError, match="in front of the camera"):
+    with pytest.raises(pl.errors.InvalidValueError, match="in front of the camera"):
         field.disparity_at(3.0)
 
 
@@ -335,13 +335,13 @@ def test_impossible_calls_say_what_to_do():
         (lambda: decode(white, dataclasses.replace(white, image=np.zeros((70, 70, 1)))), "black"),
         (lambda: refocus(white, -400.0), "field is an Exposure"),
     ):
-        with pytest.raises(pl.InvalidValueError, match=message):
+        with pytest.raises(pl.errors.InvalidValueError, match=message):
             call()
     bare = dataclasses.replace(camera, microlenses=None, microlenses_to_sensor=0.0)
-    with pytest.raises(pl.InvalidValueError, match="no microlenses"):
+    with pytest.raises(pl.errors.InvalidValueError, match="no microlenses"):
         decode(white, white, camera=bare)
     free = the_camera((70, 70), lattice=pl.Lattice.FREE, centres=[[0.0, 0.0], [0.2, 0.0]])
-    with pytest.raises(pl.InvalidValueError, match="no lattice"):
+    with pytest.raises(pl.errors.InvalidValueError, match="no lattice"):
         decode(white, white, camera=free)
 
 
@@ -364,6 +364,6 @@ def test_views_are_drawn_as_they_lie_in_the_pupil():
     where = np.argwhere(drawn[:, :, 0] > 0.9)
     assert (where.min(axis=0) == [rows + 1, 4 * (columns + 1)]).all()
     assert plot_views(field, every=2).images[0].get_array().shape[0] == 3 * (rows + 1)
-    with pytest.raises(pl.InvalidValueError, match="LightField"):
+    with pytest.raises(pl.errors.InvalidValueError, match="LightField"):
         plot_views(white)
     plt.close("all")

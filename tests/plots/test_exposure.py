@@ -41,37 +41,37 @@ def _panels(figure):
 @pytest.mark.parametrize("error", [False, True])
 @pytest.mark.parametrize("depth", [False, True])
 def test_panels_are_those_that_exist(channels, error, depth):
-    panels = _panels(pl.plot_exposure(_shot(channels, error=error, depth=depth)))
+    panels = _panels(pl.plots.plot_exposure(_shot(channels, error=error, depth=depth)))
     assert list(panels) == ["image"] + ["standard error"] * error + ["depth"] * depth
 
 
 def test_axes_count_pixels_of_the_sensor():
-    panels = _panels(pl.plot_exposure(_shot(region=(100, 106, 200, 208))))
+    panels = _panels(pl.plots.plot_exposure(_shot(region=(100, 106, 200, 208))))
     for ax in panels.values():
         assert ax.images[0].get_extent() == pytest.approx([199.5, 207.5, 105.5, 99.5])
         assert ax.get_xlabel() == "column / pixel"
 
 
 def test_row_0_is_at_the_top():
-    ax = _panels(pl.plot_exposure(_shot()))["image"]
+    ax = _panels(pl.plots.plot_exposure(_shot()))["image"]
     bottom, top = ax.get_ylim()
     assert bottom > top
 
 
 def test_depth_is_blank_where_nothing_is_met():
-    drawn = _panels(pl.plot_exposure(_shot()))["depth"].images[0].get_array()
+    drawn = _panels(pl.plots.plot_exposure(_shot()))["depth"].images[0].get_array()
     assert drawn.mask[0].all() and not drawn.mask[1:].any()
 
 
 def test_depth_that_is_infinite_everywhere_is_drawn():
     shot = pl.Exposure(np.zeros((2, 2, 1)), truth=GroundTruth(depth=np.full((2, 2), np.inf)))
-    pl.plot_exposure(shot).canvas.draw()
+    pl.plots.plot_exposure(shot).canvas.draw()
 
 
 def test_the_scale_of_errors_is_that_of_lit_pixels():
     image, error = np.ones((20, 20, 1)), np.full((20, 20, 1), 0.01)
     image[:, 10:], error[:, 10:] = 0.0, 7.0  # black, and told no better than one sample
-    drawn = _panels(pl.plot_exposure(pl.Exposure(image, standard_error=error)))["standard error"].images[0]
+    drawn = _panels(pl.plots.plot_exposure(pl.Exposure(image, standard_error=error)))["standard error"].images[0]
     assert drawn.get_clim() == (0.0, pytest.approx(0.01))
 
 
@@ -82,7 +82,7 @@ def test_what_was_not_rendered_is_neither_black_nor_grey(channels):
     image = np.where(counts[..., None] > 0, np.ones((6, 8, channels)), 0.0)
     error = np.where(counts[..., None] > 0, 0.1 * image, np.inf)
     shot = pl.Exposure(image, standard_error=error, samples=4, sample_counts=counts)
-    panels = _panels(pl.plot_exposure(shot))
+    panels = _panels(pl.plots.plot_exposure(shot))
     drawn = panels["image"].images[0].get_array()
     blue = panels["image"].get_facecolor()[:3]
     if channels == 1:
@@ -97,13 +97,13 @@ def test_what_was_not_rendered_is_neither_black_nor_grey(channels):
 def test_a_bright_pixel_does_not_darken_the_others():
     image = np.ones((40, 40, 1))
     image[3, 4] = 1e6
-    drawn = _panels(pl.plot_exposure(pl.Exposure(image)))["image"].images[0]
+    drawn = _panels(pl.plots.plot_exposure(pl.Exposure(image)))["image"].images[0]
     assert drawn.get_clim() == (0.0, 1.0)
 
 
 def test_error_of_colours_is_their_root_mean_square():
     error = np.broadcast_to([3.0, 4.0, 0.0], (2, 2, 3))
-    drawn = _panels(pl.plot_exposure(pl.Exposure(np.ones((2, 2, 3)), standard_error=error)))["standard error"]
+    drawn = _panels(pl.plots.plot_exposure(pl.Exposure(np.ones((2, 2, 3)), standard_error=error)))["standard error"]
     np.testing.assert_allclose(drawn.images[0].get_array(), np.sqrt(25 / 3), rtol=1e-7)
 
 
@@ -111,28 +111,32 @@ def test_colours_are_encoded_for_the_screen():
     # IEC 61966-2-1: linear 0.5 is shown as 0.7354.
     image = np.full((4, 4, 3), 1.0)
     image[0, 0] = 0.5
-    drawn = _panels(pl.plot_exposure(pl.Exposure(image)))["image"].images[0].get_array()
+    drawn = _panels(pl.plots.plot_exposure(pl.Exposure(image)))["image"].images[0].get_array()
     np.testing.assert_allclose(drawn[0, 0], 0.7354, atol=1e-4)
 
 
 def test_draws_into_a_given_figure():
     given = plt.figure()
-    assert pl.plot_exposure(_shot(), figure=given) is given
+    assert pl.plots.plot_exposure(_shot(), figure=given) is given
     given.canvas.draw()
 
 
 def test_what_is_no_exposure_is_named():
-    with pytest.raises(pl.InvalidValueError, match=r"exposure is an ndarray; give an Exposure, such as pl\.Exposure"):
-        pl.plot_exposure(np.zeros((4, 4, 1)))
+    with pytest.raises(
+        pl.errors.InvalidValueError, match=r"exposure is an ndarray; give an Exposure, such as pl\.Exposure"
+    ):
+        pl.plots.plot_exposure(np.zeros((4, 4, 1)))
 
 
 def test_what_is_no_lens_is_named():
-    with pytest.raises(pl.InvalidValueError, match=r"lens is an Exposure; give a LensStack, such as camera\.lens"):
-        pl.plot_lens(_shot())
+    with pytest.raises(
+        pl.errors.InvalidValueError, match=r"lens is an Exposure; give a LensStack, such as camera\.lens"
+    ):
+        pl.plots.plot_lens(_shot())
 
 
 @pytest.mark.parametrize(
-    "draw", [lambda: pl.plot_exposure(_shot()), lambda: pl.plot_lens(pl.load_lens("singlet-100mm-f4"))]
+    "draw", [lambda: pl.plots.plot_exposure(_shot()), lambda: pl.plots.plot_lens(pl.load_lens("singlet-100mm-f4"))]
 )
 def test_without_matplotlib_the_extra_is_named(draw, monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib.pyplot", None)

@@ -85,5 +85,5 @@ def test_given_axes_are_used_and_fields_without_rays_are_left_out() -> None:
     plot_vignetting,
 ])  # fmt: skip
 def test_another_result_is_refused(plot: object) -> None:
-    with pytest.raises(pl.InvalidValueError, match="result is a LensStack"):
+    with pytest.raises(pl.errors.InvalidValueError, match="result is a LensStack"):
         plot(LENS)

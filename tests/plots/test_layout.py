@@ -122,11 +122,11 @@ def test_given_axes_are_used() -> None:
 
 def test_what_makes_no_sense_is_refused() -> None:
     lens = pl.load_lens("singlet-100mm-f4")
-    with pytest.raises(pl.InvalidValueError, match="2 labels for 1 fields"):
+    with pytest.raises(pl.errors.InvalidValueError, match="2 labels for 1 fields"):
         plot_layout(lens, [np.zeros((1, 2, 3))], labels=["a", "b"])
-    with pytest.raises(pl.InvalidValueError, match="give a LensStack"):
+    with pytest.raises(pl.errors.InvalidValueError, match="give a LensStack"):
         layout("singlet")
-    with pytest.raises(pl.InvalidValueError, match="rays is 1"):
+    with pytest.raises(pl.errors.InvalidValueError, match="rays is 1"):
         layout(lens, rays=1)
-    with pytest.raises(pl.InvalidValueError, match="below pi"):
+    with pytest.raises(pl.errors.InvalidValueError, match="below pi"):
         layout(lens, fields=[4.0])

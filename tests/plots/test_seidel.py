@@ -68,5 +68,5 @@ def test_axes_that_are_given_are_used(draw) -> None:
 
 @pytest.mark.parametrize(("draw", "wanted"), [(plot_seidel, "SeidelSums"), (plot_chromatic_shift, "ChromaticShift")])
 def test_something_else_is_refused(draw, wanted) -> None:
-    with pytest.raises(pl.InvalidValueError, match=f"LensStack; give a {wanted}"):
+    with pytest.raises(pl.errors.InvalidValueError, match=f"LensStack; give a {wanted}"):
         draw(LENS)

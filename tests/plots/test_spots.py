@@ -80,13 +80,13 @@ def test_a_perfect_spot_has_an_extent() -> None:
 
 @pytest.mark.parametrize("spots", [None, 3, [], [[]], "spots", [1, 2]])
 def test_what_is_no_spot(spots) -> None:
-    with pytest.raises(pl.InvalidValueError, match="spots is|spots has rows"):
+    with pytest.raises(pl.errors.InvalidValueError, match="spots is|spots has rows"):
         plot_spots(spots)
 
 
 def test_ragged_rows() -> None:
     spot = spot_diagram(LENS, rays=16)
-    with pytest.raises(pl.InvalidValueError, match=r"spots has rows of \[2, 1\] diagrams"):
+    with pytest.raises(pl.errors.InvalidValueError, match=r"spots has rows of \[2, 1\] diagrams"):
         plot_spots([[spot, spot], [spot]])
 
 
@@ -99,7 +99,7 @@ def test_a_ray_fan() -> None:
     curves = [line.get_ydata() for line in sagittal.lines if len(line.get_xdata()) == 9]
     assert np.array_equal(curves, 1e3 * fan.sagittal[:, :, 0], equal_nan=True)
     assert len(figure.legends[0].get_texts()) == 3
-    with pytest.raises(pl.InvalidValueError, match="fan is a str; give a RayFan"):
+    with pytest.raises(pl.errors.InvalidValueError, match="fan is a str; give a RayFan"):
         plot_ray_fan("fan")
 
 
@@ -110,7 +110,7 @@ def test_a_point_spread() -> None:
     assert ax.images[0].get_extent() == pytest.approx([-30.0, 30.0, -20.0, 20.0])
     assert ax.images[0].get_array().sum() * 4.0 == pytest.approx(spread.image.sum())
     assert ax.get_title().startswith("field (1.15, 5.73)°") and ax.get_title().endswith("% outside")
-    with pytest.raises(pl.InvalidValueError, match="spread is an int; give a PointSpread"):
+    with pytest.raises(pl.errors.InvalidValueError, match="spread is an int; give a PointSpread"):
         plot_point_spread(3)
 
 
@@ -137,7 +137,7 @@ def test_modulation_without_a_limit() -> None:
 
 @pytest.mark.parametrize("mtfs", [None, [], [3], "mtf"])
 def test_what_is_no_mtf(mtfs) -> None:
-    with pytest.raises(pl.InvalidValueError, match="mtfs is .*; give an? Mtf"):
+    with pytest.raises(pl.errors.InvalidValueError, match="mtfs is .*; give an? Mtf"):
         plot_mtf(mtfs)
 
 
@@ -145,9 +145,11 @@ def test_through_focus_shows_both_radii_around_the_best_plane():
     import plenoptic as pl
 
     found = pl.aberrations.through_focus(pl.load_lens("singlet-100mm-f4"))
-    ax = pl.plot_through_focus(found)
+    ax = pl.plots.plot_through_focus(found)
     assert ax.lines[0].get_ydata() == pytest.approx(1e3 * found.rms_radius)
     assert ax.lines[1].get_ydata() == pytest.approx(1e3 * found.geometric_radius)
     assert ax.lines[2].get_xdata()[0] == found.best
-    with pytest.raises(pl.InvalidValueError, match="1 titles for 2 diagrams"):
-        pl.plot_spots([pl.aberrations.spot_diagram(pl.load_lens("singlet-100mm-f4"), rays=64)] * 2, titles=["one"])
+    with pytest.raises(pl.errors.InvalidValueError, match="1 titles for 2 diagrams"):
+        pl.plots.plot_spots(
+            [pl.aberrations.spot_diagram(pl.load_lens("singlet-100mm-f4"), rays=64)] * 2, titles=["one"]
+        )

@@ -36,16 +36,16 @@ def exposure(channels=1, **changes):
         "replicates": 8,
         "seed": 5,
         "region": (10, 14, 20, 26),
-        "stats": pl.RenderStats(**STATS),
+        "stats": pl.rendering.RenderStats(**STATS),
     }
     return pl.Exposure(**{**fields, **changes})
 
 
 def test_stats_add_up():
-    stats = pl.RenderStats(**STATS)
+    stats = pl.rendering.RenderStats(**STATS)
     assert stats.fraction_through_lens == 0.64
     assert stats.lost_by_cause == {"clipped": 350, "missed": 10}
-    assert np.isnan(pl.RenderStats().fraction_through_lens)
+    assert np.isnan(pl.rendering.RenderStats().fraction_through_lens)
     assert repr(stats) == (
         "RenderStats(1.5 s, 2 threads, 1000 paths, 64 % through the lens, lost: 350 clipped, 10 missed, 1 not finite)"
     )
@@ -62,7 +62,7 @@ def test_stats_add_up():
 )
 def test_impossible_stats(change, sentence):
     with pytest.raises(InvalidValueError, match=sentence):
-        pl.RenderStats(**{**STATS, **change})
+        pl.rendering.RenderStats(**{**STATS, **change})
 
 
 @pytest.mark.parametrize(
@@ -103,7 +103,7 @@ def test_relative_error_is_that_of_lit_pixels():
 
 @pytest.mark.parametrize("image", [np.ones((3, 4)), 1.0, None, "abc", np.full((2, 2, 1), np.inf)])
 def test_lit_pixels_are_those_of_images(image):
-    with pytest.raises(pl.InvalidValueError, match="image"):
+    with pytest.raises(pl.errors.InvalidValueError, match="image"):
         pl.lit_pixels(image)
 
 

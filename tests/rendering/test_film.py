@@ -12,9 +12,9 @@ EPS32 = float(np.finfo(np.float32).eps)
 COUNTS = st.lists(st.integers(1, 9), min_size=1, max_size=8)
 
 
-def film_of(samples: list[np.ndarray]) -> pl.Film:
+def film_of(samples: list[np.ndarray]) -> pl.rendering.Film:
     """A film of one pixel and one channel from the samples of each replicate."""
-    film = pl.Film((1, 1, 1), counts=np.array([len(s) for s in samples]))
+    film = pl.rendering.Film((1, 1, 1), counts=np.array([len(s) for s in samples]))
     film.add(0, 0, np.array([s.sum() for s in samples]).reshape(1, 1, -1, 1))
     return film
 
@@ -25,7 +25,7 @@ def test_mean_and_squares_are_those_of_numpy(counts: list[int], seed: int) -> No
     rng = np.random.default_rng(seed)
     n = np.array(counts)
     sums = rng.normal(1.0, 3.0, (3, 4, len(counts), 2)) * n[:, None]
-    film = pl.Film((3, 4, 2), counts=n)
+    film = pl.rendering.Film((3, 4, 2), counts=n)
     film.add(0, 0, sums)
     means = sums / n[:, None]
     mean = np.average(means, axis=2, weights=n)
@@ -46,7 +46,7 @@ def test_mean_and_squares_are_those_of_numpy(counts: list[int], seed: int) -> No
 @given(r=st.integers(2, 9), each=st.integers(1, 7), seed=st.integers(0, 10**6))
 def test_equal_counts_give_the_textbook_error(r: int, each: int, seed: int) -> None:
     means = np.random.default_rng(seed).normal(size=r)
-    film = pl.Film((1, 1, 1), counts=np.full(r, each))
+    film = pl.rendering.Film((1, 1, 1), counts=np.full(r, each))
     film.add(0, 0, (means * each).reshape(1, 1, r, 1))
     assert film.standard_error()[0, 0, 0] == pytest.approx(means.std(ddof=1) / math.sqrt(r), rel=8 * EPS32)
 
@@ -57,7 +57,7 @@ def test_the_error_is_unbiased_with_unequal_counts() -> None:
     trials = 20000
     rng = np.random.default_rng(1)
     sums = rng.normal(size=(trials, 1, 5, 1)) * np.sqrt(counts)[:, None]
-    film = pl.Film((trials, 1, 1), counts=counts)
+    film = pl.rendering.Film((trials, 1, 1), counts=counts)
     film.add(0, 0, sums)
     assert film.squares is not None
     squared = film.squares / 4 / counts.sum()
@@ -87,12 +87,12 @@ def test_merging_leaves_both_films_and_needs_one_shape() -> None:
     before = a.mean.copy(), b.mean.copy()
     a.merged(b)
     assert np.array_equal(a.mean, before[0]) and np.array_equal(b.mean, before[1])
-    with pytest.raises(pl.InvalidValueError, match=r"\(1, 1, 1\) and \(2, 1, 1\)"):
-        a.merged(pl.Film((2, 1, 1), counts=np.array([1])))
+    with pytest.raises(pl.errors.InvalidValueError, match=r"\(1, 1, 1\) and \(2, 1, 1\)"):
+        a.merged(pl.rendering.Film((2, 1, 1), counts=np.array([1])))
 
 
 def test_tiles_go_where_they_belong() -> None:
-    film = pl.Film((4, 5, 1), counts=np.array([2, 2]))
+    film = pl.rendering.Film((4, 5, 1), counts=np.array([2, 2]))
     film.add(1, 2, np.full((2, 3, 2, 1), 6.0))
     expected = np.zeros((4, 5))
     expected[1:3, 2:5] = 3.0
@@ -101,7 +101,7 @@ def test_tiles_go_where_they_belong() -> None:
 
 
 def test_replicates_without_samples_do_not_count() -> None:
-    film = pl.Film((1, 1, 1), counts=np.array([1, 1, 0, 0]))
+    film = pl.rendering.Film((1, 1, 1), counts=np.array([1, 1, 0, 0]))
     film.add(0, 0, np.array([2.0, 4.0, 0.0, 0.0]).reshape(1, 1, 4, 1))
     assert film.replicates == 2
     assert film.mean[0, 0, 0] == 3.0
@@ -117,7 +117,7 @@ def test_one_replicate_has_no_error() -> None:
 
 
 def test_pixels_may_have_different_numbers_of_samples() -> None:
-    film = pl.Film((1, 2, 1), counts=np.array([2, 2]))
+    film = pl.rendering.Film((1, 2, 1), counts=np.array([2, 2]))
     sums = np.array([2.0, 6.0]).reshape(1, 1, 2, 1)
     film.add(0, 0, np.tile(sums, (1, 2, 1, 1)), counts=np.array([2, 2]))
     film.add(0, 0, np.tile(3 * sums, (1, 2, 1, 1)), counts=np.array([4, 4]), where=np.array([[False, True]]))
@@ -125,12 +125,12 @@ def test_pixels_may_have_different_numbers_of_samples() -> None:
     # Means 1 and 3 of the replicates, then 1.5 and 4.5: errors are half their difference.
     assert film.mean.ravel().tolist() == [2.0, 3.0]
     assert film.standard_error().ravel() == pytest.approx([1.0, 1.5])
-    with pytest.raises(pl.InvalidValueError, match="different numbers of samples"):
+    with pytest.raises(pl.errors.InvalidValueError, match="different numbers of samples"):
         film.merged(film)
 
 
 def test_pixels_without_samples_are_not_exact() -> None:
-    film = pl.Film((1, 3, 1), counts=np.array([1, 1]))
+    film = pl.rendering.Film((1, 3, 1), counts=np.array([1, 1]))
     film.add(0, 0, np.ones((1, 1, 2, 1)), counts=np.array([1, 1]))
     film.add(0, 1, np.array([1.0, 0.0]).reshape(1, 1, 2, 1), counts=np.array([1, 0]))
     assert film.standard_error().ravel().tolist() == [0.0, math.inf, math.inf]
@@ -139,7 +139,7 @@ def test_pixels_without_samples_are_not_exact() -> None:
 @settings(max_examples=40)
 @given(value=st.floats(-1e6, 1e6), counts=st.lists(st.integers(1, 9), min_size=2, max_size=8))
 def test_agreement_is_no_certainty(value: float, counts: list[int]) -> None:
-    film = pl.Film((1, 1, 1), counts=np.array(counts))
+    film = pl.rendering.Film((1, 1, 1), counts=np.array(counts))
     film.add(0, 0, (value * np.array(counts)).reshape(1, 1, -1, 1))
     assert film.agreeing().all()
     one_sample = np.full((1, 1), 3.0)

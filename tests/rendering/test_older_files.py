@@ -32,7 +32,7 @@ def test_an_exposure_opens_with_camera_settings_and_all_truth_of_its_time(writte
 
 
 def test_a_raw_image_opens_with_its_sensor():
-    raw = pl.RawImage.load(FOLDER / "raw.tif")
+    raw = pl.sensor.RawImage.load(FOLDER / "raw.tif")
     assert raw.model.photon_rate == 1e6 and raw.seed == 1 and raw.data.shape == (12, 16)
 
 
@@ -41,7 +41,7 @@ def test_a_checkpoint_goes_on_or_is_refused(written, tmp_path):
     state.write_bytes((FOLDER / "white.checkpoint").read_bytes())
     try:
         white = pl.render_white(written.camera(), checkpoint=state, **SETTINGS)
-    except pl.FileError as error:
+    except pl.errors.FileError as error:
         assert "belongs to another render, with" in str(error) and "checkpoint= another path" in str(error)
     else:
         np.testing.assert_array_equal(white.image, np.load(FOLDER / "white.npy"))
@@ -50,5 +50,5 @@ def test_a_checkpoint_goes_on_or_is_refused(written, tmp_path):
 def test_a_checkpoint_of_a_scene_is_refused_where_scenes_are_compiled_otherwise(written, tmp_path):
     state = tmp_path / "state"
     state.write_bytes((FOLDER / "scene.checkpoint").read_bytes())
-    with pytest.raises(pl.FileError, match="belongs to another render, with .*another scene"):
+    with pytest.raises(pl.errors.FileError, match="belongs to another render, with .*another scene"):
         pl.render(written.scene(), written.camera(), region=np.s_[0:4, 0:4], checkpoint=state, **SETTINGS)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
+from plenoptic.rendering import Stage
 
 CAMERA = pl.PlenopticCamera(
     lens=pl.load_lens("double-gauss-100mm-f2"),
@@ -27,26 +28,29 @@ def aspheric(lens: pl.LensStack) -> pl.LensStack:
     ("lens", "running"),
     [
         (CAMERA.lens, set()),
-        (aspheric(CAMERA.lens), {pl.Stage.ASPHERES}),
-        (CAMERA.lens.moved(3, shift=(0.1, 0, 0)), {pl.Stage.PLACEMENTS}),
-        (aspheric(CAMERA.lens).moved(0, tilt=(0.1, 0, 0)), {pl.Stage.ASPHERES, pl.Stage.PLACEMENTS}),
+        (aspheric(CAMERA.lens), {Stage.ASPHERES}),
+        (CAMERA.lens.moved(3, shift=(0.1, 0, 0)), {Stage.PLACEMENTS}),
+        (
+            aspheric(CAMERA.lens).moved(0, tilt=(0.1, 0, 0)),
+            {Stage.ASPHERES, Stage.PLACEMENTS},
+        ),
         (aspheric(CAMERA.lens).with_model(pl.LensModel.THIN), set()),
-        (CAMERA.lens.with_stop(pl.PolygonStop(6, 5.0)), {pl.Stage.SHAPED_STOPS}),
+        (CAMERA.lens.with_stop(pl.PolygonStop(6, 5.0)), {Stage.SHAPED_STOPS}),
     ],
 )
 def test_a_lens_runs_what_it_has(lens, running):
     plan = pl.plan(None, dataclasses.replace(CAMERA, lens=lens))
-    choices = {pl.Stage.ASPHERES, pl.Stage.PLACEMENTS, pl.Stage.SHAPED_STOPS}
+    choices = {Stage.ASPHERES, Stage.PLACEMENTS, Stage.SHAPED_STOPS}
     assert {stage for stage in choices if plan.runs(stage)} == running
-    assert plan.runs(pl.Stage.LENS)
+    assert plan.runs(Stage.LENS)
 
 
-@pytest.mark.parametrize("model", list(pl.MicrolensModel))
+@pytest.mark.parametrize("model", list(pl.optics.MicrolensModel))
 def test_plates_run_where_microlenses_have_surfaces(model):
-    index = 100.0 if model is pl.MicrolensModel.FLAT_HIGH_INDEX else 1.5
+    index = 100.0 if model is pl.optics.MicrolensModel.FLAT_HIGH_INDEX else 1.5
     array = dataclasses.replace(CAMERA.microlenses, model=model, index=index)
     plan = pl.plan(None, dataclasses.replace(CAMERA, microlenses=array))
-    assert plan.runs(pl.Stage.MICROLENS_PLATES) == (model >= pl.MicrolensModel.FLAT_HIGH_INDEX)
+    assert plan.runs(Stage.MICROLENS_PLATES) == (model >= pl.optics.MicrolensModel.FLAT_HIGH_INDEX)
     assert "left out  aspheres" in repr(plan)
 
 
@@ -54,14 +58,14 @@ def test_plates_run_where_microlenses_have_surfaces(model):
 
 FLOOR = pl.quad((-50, -50, -404), (100, 0, 0), (0, 100, 0))
 LAMP = pl.QuadLight((0, 30, -360), (20, 0, 0), (0, 12, -16), radiance=3.0)
-POINT = pl.PointLight((0, 30, -360), 100.0)
+POINT = pl.lights.PointLight((0, 30, -360), 100.0)
 GREY_MAP = pl.Texture(np.full((2, 2, 1), 0.5))
 PLACES = np.tile(np.eye(4), (3, 1, 1))
-SCENE_STAGES = {stage for stage in pl.Stage if pl.Stage.INTERSECTION <= stage <= pl.Stage.COLOUR}
+SCENE_STAGES = {stage for stage in Stage if Stage.INTERSECTION <= stage <= Stage.COLOUR}
 
-PLAIN = {pl.Stage.INTERSECTION, pl.Stage.SCATTERING}
-SEEN = {pl.Stage.ONWARD_RAYS, pl.Stage.RUSSIAN_ROULETTE}
-LIT = PLAIN | SEEN | {pl.Stage.EMISSION, pl.Stage.DIRECT_LIGHT}
+PLAIN = {Stage.INTERSECTION, Stage.SCATTERING}
+SEEN = {Stage.ONWARD_RAYS, Stage.RUSSIAN_ROULETTE}
+LIT = PLAIN | SEEN | {Stage.EMISSION, Stage.DIRECT_LIGHT}
 
 
 def floor(material):
@@ -78,42 +82,45 @@ def running(scene, **options):
     [
         (None, set()),
         (pl.Scene(background=0.0), set()),
-        (pl.Scene(background=1.0), {pl.Stage.BACKGROUND}),
-        (pl.Scene(background=pl.EnvironmentMap(np.ones((1, 2, 1)))), {pl.Stage.BACKGROUND}),
-        (pl.Scene(lights=[pl.SunLight((0, 0, -1))]), {pl.Stage.BACKGROUND}),
+        (pl.Scene(background=1.0), {Stage.BACKGROUND}),
+        (pl.Scene(background=pl.EnvironmentMap(np.ones((1, 2, 1)))), {Stage.BACKGROUND}),
+        (pl.Scene(lights=[pl.SunLight((0, 0, -1))]), {Stage.BACKGROUND}),
         (pl.Scene(lights=[POINT]), set()),
-        (pl.Scene(lights=[LAMP]), {pl.Stage.INTERSECTION, pl.Stage.EMISSION}),
+        (pl.Scene(lights=[LAMP]), {Stage.INTERSECTION, Stage.EMISSION}),
         (pl.Scene([FLOOR]), PLAIN),
-        (pl.Scene([FLOOR], background=1.0), PLAIN | SEEN | {pl.Stage.BACKGROUND}),
+        (pl.Scene([FLOOR], background=1.0), PLAIN | SEEN | {Stage.BACKGROUND}),
         (pl.Scene([FLOOR], [LAMP]), LIT),
-        (pl.Scene([FLOOR], [POINT]), LIT - {pl.Stage.EMISSION}),
-        (pl.Scene([FLOOR], [pl.SunLight((0, 0, -1))]), LIT - {pl.Stage.EMISSION} | {pl.Stage.BACKGROUND}),
+        (pl.Scene([FLOOR], [POINT]), LIT - {Stage.EMISSION}),
+        (
+            pl.Scene([FLOOR], [pl.SunLight((0, 0, -1))]),
+            LIT - {Stage.EMISSION} | {Stage.BACKGROUND},
+        ),
         (
             pl.Scene([FLOOR], background=pl.EnvironmentMap(np.ones((1, 2, 1)))),
-            LIT - {pl.Stage.EMISSION} | {pl.Stage.BACKGROUND},
+            LIT - {Stage.EMISSION} | {Stage.BACKGROUND},
         ),
-        (pl.Scene([floor(pl.Lambertian(0.0))], [LAMP]), {pl.Stage.INTERSECTION, pl.Stage.EMISSION}),
-        (pl.Scene([pl.Instances(FLOOR, PLACES)], [LAMP]), LIT | {pl.Stage.INSTANCES}),
-        (pl.Scene([floor(pl.RoughDiffuse())], [LAMP]), LIT | {pl.Stage.MATERIALS}),
-        (pl.Scene([floor(pl.Conductor())], [LAMP]), LIT | {pl.Stage.MATERIALS}),
-        (pl.Scene([floor(pl.ThinGlass())], [LAMP]), LIT | {pl.Stage.MATERIALS}),
-        (pl.Scene([floor(pl.Dielectric())], [LAMP]), LIT | {pl.Stage.MATERIALS}),
+        (pl.Scene([floor(pl.Lambertian(0.0))], [LAMP]), {Stage.INTERSECTION, Stage.EMISSION}),
+        (pl.Scene([pl.scene.Instances(FLOOR, PLACES)], [LAMP]), LIT | {Stage.INSTANCES}),
+        (pl.Scene([floor(pl.materials.RoughDiffuse())], [LAMP]), LIT | {Stage.MATERIALS}),
+        (pl.Scene([floor(pl.Conductor())], [LAMP]), LIT | {Stage.MATERIALS}),
+        (pl.Scene([floor(pl.materials.ThinGlass())], [LAMP]), LIT | {Stage.MATERIALS}),
+        (pl.Scene([floor(pl.Dielectric())], [LAMP]), LIT | {Stage.MATERIALS}),
         (
             pl.Scene([floor(pl.Dielectric(absorption=0.1))], [LAMP]),
-            LIT | {pl.Stage.MATERIALS, pl.Stage.ABSORPTION},
+            LIT | {Stage.MATERIALS, Stage.ABSORPTION},
         ),
-        (pl.Scene([floor(pl.MetallicRoughness())], [LAMP]), LIT | {pl.Stage.MATERIALS}),
+        (pl.Scene([floor(pl.MetallicRoughness())], [LAMP]), LIT | {Stage.MATERIALS}),
         (
             pl.Scene([floor(pl.MetallicRoughness(opacity=0.5))], [LAMP]),
-            LIT | {pl.Stage.MATERIALS, pl.Stage.OPACITY},
+            LIT | {Stage.MATERIALS, Stage.OPACITY},
         ),
         (
             pl.Scene([floor(pl.MetallicRoughness(opacity=GREY_MAP))], [LAMP]),
-            LIT | {pl.Stage.MATERIALS, pl.Stage.OPACITY, pl.Stage.TEXTURES},
+            LIT | {Stage.MATERIALS, Stage.OPACITY, Stage.TEXTURES},
         ),
-        (pl.Scene([floor(pl.Lambertian(GREY_MAP))], [LAMP]), LIT | {pl.Stage.TEXTURES}),
-        (pl.Scene([floor(pl.Lambertian((0.5, 0.5, 0.4)))], [LAMP]), LIT | {pl.Stage.COLOUR}),
-        (pl.Scene([pl.sphere(4, center=(0, 0, -404))], [LAMP]), LIT | {pl.Stage.VERTEX_NORMALS}),
+        (pl.Scene([floor(pl.Lambertian(GREY_MAP))], [LAMP]), LIT | {Stage.TEXTURES}),
+        (pl.Scene([floor(pl.Lambertian((0.5, 0.5, 0.4)))], [LAMP]), LIT | {Stage.COLOUR}),
+        (pl.Scene([pl.sphere(4, center=(0, 0, -404))], [LAMP]), LIT | {Stage.VERTEX_NORMALS}),
     ],
 )
 def test_a_scene_runs_what_it_has(scene, stages):
@@ -126,14 +133,14 @@ def test_a_scene_runs_what_it_has(scene, stages):
         # Without bounces, only what emits is seen.
         (0, set(), set(), set()),
         # A point light is never met: after the last light that is drawn no ray needs to go on.
-        (1, {pl.Stage.SCATTERING, pl.Stage.DIRECT_LIGHT, pl.Stage.ONWARD_RAYS},
-            {pl.Stage.SCATTERING, pl.Stage.DIRECT_LIGHT}, {pl.Stage.SCATTERING, pl.Stage.ONWARD_RAYS}),
-        (3, LIT - {pl.Stage.RUSSIAN_ROULETTE}, LIT - {pl.Stage.RUSSIAN_ROULETTE}, PLAIN | {pl.Stage.ONWARD_RAYS}),
+        (1, {Stage.SCATTERING, Stage.DIRECT_LIGHT, Stage.ONWARD_RAYS},
+            {Stage.SCATTERING, Stage.DIRECT_LIGHT}, {Stage.SCATTERING, Stage.ONWARD_RAYS}),
+        (3, LIT - {Stage.RUSSIAN_ROULETTE}, LIT - {Stage.RUSSIAN_ROULETTE}, PLAIN | {Stage.ONWARD_RAYS}),
         (4, LIT, LIT, PLAIN | SEEN),
     ],
 )  # fmt: skip
 def test_bounces_decide_what_follows_a_hit(bounces, lamp, point, world):
-    always = {pl.Stage.INTERSECTION, pl.Stage.EMISSION, pl.Stage.BACKGROUND}
+    always = {Stage.INTERSECTION, Stage.EMISSION, Stage.BACKGROUND}
     for scene, stages in (
         (pl.Scene([FLOOR], [LAMP]), lamp),
         (pl.Scene([FLOOR], [POINT]), point),
@@ -145,17 +152,17 @@ def test_bounces_decide_what_follows_a_hit(bounces, lamp, point, world):
 def test_a_plan_says_why():
     plan = pl.plan(pl.Scene([FLOOR], [LAMP]), CAMERA)
     reasons = {decision.stage: decision.reason for decision in plan.decisions}
-    assert [decision.stage for decision in plan.decisions] == list(pl.Stage)
-    assert reasons[pl.Stage.MATERIALS] == "all surfaces are Lambertian"
-    assert reasons[pl.Stage.ABSORPTION] == "nothing absorbs"
-    assert reasons[pl.Stage.OPACITY] == "everything is opaque"
-    assert reasons[pl.Stage.INSTANCES] == "no mesh is repeated"
-    assert reasons[pl.Stage.TEXTURES] == "no textures" and reasons[pl.Stage.COLOUR] == "all colours are grey"
-    assert reasons[pl.Stage.RUSSIAN_ROULETTE] == "after 3 bounces"
+    assert [decision.stage for decision in plan.decisions] == list(Stage)
+    assert reasons[Stage.MATERIALS] == "all surfaces are Lambertian"
+    assert reasons[Stage.ABSORPTION] == "nothing absorbs"
+    assert reasons[Stage.OPACITY] == "everything is opaque"
+    assert reasons[Stage.INSTANCES] == "no mesh is repeated"
+    assert reasons[Stage.TEXTURES] == "no textures" and reasons[Stage.COLOUR] == "all colours are grey"
+    assert reasons[Stage.RUSSIAN_ROULETTE] == "after 3 bounces"
     dark = {d.stage: d.reason for d in pl.plan(pl.Scene([FLOOR]), CAMERA).decisions}
-    assert dark[pl.Stage.EMISSION] == "nothing emits, and the image will be black"
-    many = {d.stage: d.reason for d in pl.plan(pl.Scene([pl.Instances(FLOOR, PLACES)], [LAMP]), CAMERA).decisions}
-    assert many[pl.Stage.INSTANCES] == "meshes stand at 3 places"
+    assert dark[Stage.EMISSION] == "nothing emits, and the image will be black"
+    many = {d.stage: d.reason for d in pl.plan(pl.Scene([pl.scene.Instances(FLOOR, PLACES)], [LAMP]), CAMERA).decisions}
+    assert many[Stage.INSTANCES] == "meshes stand at 3 places"
 
 
 @pytest.mark.parametrize(
@@ -168,9 +175,9 @@ def test_a_plan_says_why():
     ],
 )
 def test_impossible_plans_are_refused(options, said):
-    with pytest.raises(pl.InvalidValueError, match=said):
+    with pytest.raises(pl.errors.InvalidValueError, match=said):
         pl.plan(pl.Scene([FLOOR], [LAMP]), CAMERA, **options)
-    with pytest.raises(pl.InvalidValueError, match="scene is a Mesh; it must be a Scene"):
+    with pytest.raises(pl.errors.InvalidValueError, match="scene is a Mesh; it must be a Scene"):
         pl.plan(FLOOR, CAMERA)
 
 
@@ -181,7 +188,7 @@ import plenoptic as pl
 camera = pl.PlenopticCamera(
     lens=pl.no_lens(0.1), sensor=pl.Sensor(shape=(2, 2), pixel_pitch=1.0), stop_to_microlenses=10.0)
 meshes = [pl.quad((-50, -50, z), (100, 0, 0), (0, 100, 0), material=m) for z, m in {meshes}]
-pl.render(pl.Scene(meshes, [pl.PointLight((9, 0, -20))]), camera, samples=8, progress=False)
+pl.render(pl.Scene(meshes, [pl.lights.PointLight((9, 0, -20))]), camera, samples=8, progress=False)
 print(*sorted(name for name in sys.modules if ".kernels." in name))
 """
 

@@ -94,7 +94,7 @@ def test_emissive_plane_of_radiance_one_is_white_where_it_fills_the_view():
     camera = reference_camera()
     region = np.s_[250:260, 250:260]
     white = pl.render_white(camera, samples=16, region=region, progress=False)
-    shot = pl.render(pl.white_plane(), camera, samples=16, region=region, progress=False)
+    shot = pl.render(pl.shapes.white_plane(), camera, samples=16, region=region, progress=False)
     np.testing.assert_array_equal(shot.image, white.image)
 
 
@@ -217,7 +217,9 @@ def test_pose_moves_the_camera_and_not_the_picture():
 
 
 def test_depth_of_a_plane_is_exact():
-    shot = pl.render(pl.white_plane(), reference_camera(), samples=1, region=np.s_[200:232, 200:232], progress=False)
+    shot = pl.render(
+        pl.shapes.white_plane(), reference_camera(), samples=1, region=np.s_[200:232, 200:232], progress=False
+    )
     finite = np.isfinite(shot.depth)
     assert finite.mean() > 0.95
     # A few roundings of coordinates near 404.
@@ -243,7 +245,10 @@ def test_nothing_in_view_is_infinitely_far():
 
 def test_depth_is_left_out_on_request_and_without_meshes():
     camera, region = reference_camera(), np.s_[:4, :4]
-    assert pl.render(pl.white_plane(), camera, samples=1, region=region, truth=Truth.NONE, progress=False).depth is None
+    assert (
+        pl.render(pl.shapes.white_plane(), camera, samples=1, region=region, truth=Truth.NONE, progress=False).depth
+        is None
+    )
     assert pl.render(pl.Scene(background=1.0), camera, samples=1, region=region, progress=False).depth is None
 
 
@@ -273,7 +278,7 @@ def test_bits_do_not_depend_on_threads_tiles_or_region(scene):
     assert crop.region == (110, 120, 210, 215)
 
 
-@pytest.mark.parametrize("sampler", list(pl.Sampler))
+@pytest.mark.parametrize("sampler", list(pl.rendering.Sampler))
 def test_bits_do_not_depend_on_what_fits_into_a_batch(monkeypatch, sampler):
     # Where replicates do not divide the samples, a batch with just room for all of them holds all but a few.
     camera = pl.PlenopticCamera(
@@ -451,7 +456,7 @@ def test_fallback_intersector_gives_the_same_picture(monkeypatch):
 # ---- models of microlenses ----
 
 
-@pytest.mark.parametrize("side", list(pl.ConvexSide))
+@pytest.mark.parametrize("side", list(pl.optics.ConvexSide))
 def test_spherical_microlenses_approach_thin_ones(side):
     # A higher index makes the same focal length with a flatter sphere. What differs from the thin lens under the middle
     # of a microlens is where its edge stands: at the sag h = r^2 / (2 R) above or below the plane, which changes the
@@ -460,7 +465,9 @@ def test_spherical_microlenses_approach_thin_ones(side):
     thin = pl.render_white(reference_camera(), samples=512, region=region, progress=False)
     off = []
     for index in (1.5, 6.0):
-        camera = reference_camera(model=pl.MicrolensModel.SPHERICAL, thickness=0.05, index=index, convex_side=side)
+        camera = reference_camera(
+            model=pl.optics.MicrolensModel.SPHERICAL, thickness=0.05, index=index, convex_side=side
+        )
         spherical = pl.render_white(camera, samples=512, region=region, progress=False)
         off.append(abs(spherical.image.sum(dtype=np.float64) / thin.image.sum(dtype=np.float64) - 1))
         assert spherical.stats.lost_by_cause["outside_microlens"] < 0.05 * spherical.stats.paths
@@ -468,11 +475,11 @@ def test_spherical_microlenses_approach_thin_ones(side):
     assert off[1] < 0.2 * off[0]
 
 
-@pytest.mark.parametrize("side", list(pl.ConvexSide))
+@pytest.mark.parametrize("side", list(pl.optics.ConvexSide))
 def test_flat_plates_of_high_index_give_the_thin_image(side):
     region = np.s_[240:284, 240:284]
     thin = pl.render_white(reference_camera(), samples=256, region=region, progress=False)
-    plate = {"model": pl.MicrolensModel.FLAT_HIGH_INDEX, "thickness": 0.01, "index": 200.0, "convex_side": side}
+    plate = {"model": pl.optics.MicrolensModel.FLAT_HIGH_INDEX, "thickness": 0.01, "index": 200.0, "convex_side": side}
     flat = pl.render_white(reference_camera(**plate), samples=256, region=region, progress=False)
     # The plate is as deep as 0.01 / 200 mm; third-order aberrations move rays by some (0.125 / 2)^2 / 2 of the pupil's
     # rim: some 0.3 % of the light is elsewhere.
@@ -485,7 +492,10 @@ def test_pinholes_show_the_pupil_under_every_microlens():
     # have the semi-diameter 7.76 * 1.7 / 128.5 = 0.1027 mm; the light is that of the cell where they are lit.
     # 22 rows and 38 columns are a period of the hexagonal lattice: two microlens images.
     white = pl.render_white(
-        reference_camera(model=pl.MicrolensModel.PINHOLE), samples=64, region=np.s_[245:267, 237:275], progress=False
+        reference_camera(model=pl.optics.MicrolensModel.PINHOLE),
+        samples=64,
+        region=np.s_[245:267, 237:275],
+        progress=False,
     )
     points = pl.paraxial.cardinal_points(reference_camera().lens)
     radius = points.exit_pupil_semi_diameter * 1.7 / (123.3 - points.exit_pupil)
@@ -538,13 +548,13 @@ def test_all_light_through_an_array_arrives_somewhere():
     ],
 )
 def test_impossible_arguments_are_refused_before_anything_runs(arguments, message):
-    with pytest.raises(pl.InvalidValueError, match=message):
+    with pytest.raises(pl.errors.InvalidValueError, match=message):
         pl.render_white(reference_camera(), progress=False, **arguments)
 
 
 def test_scene_and_camera_cannot_be_exchanged():
-    with pytest.raises(pl.InvalidValueError, match="it must be a Scene"):
-        pl.render(reference_camera(), pl.white_plane(), samples=1)
+    with pytest.raises(pl.errors.InvalidValueError, match="it must be a Scene"):
+        pl.render(reference_camera(), pl.shapes.white_plane(), samples=1)
 
 
 def test_exposure_of_a_rendering_survives_saving(tmp_path):
@@ -570,10 +580,10 @@ def test_a_scene_without_light_is_announced():
 
 
 def test_plan_refuses_what_render_refuses():
-    with pytest.raises(pl.InvalidValueError, match="it must be a Scene"):
-        pl.plan(reference_camera(), pl.white_plane())
-    with pytest.raises(pl.InvalidValueError, match="samples is 0"):
-        pl.plan(pl.white_plane(), reference_camera(), samples=0)
+    with pytest.raises(pl.errors.InvalidValueError, match="it must be a Scene"):
+        pl.plan(reference_camera(), pl.shapes.white_plane())
+    with pytest.raises(pl.errors.InvalidValueError, match="samples is 0"):
+        pl.plan(pl.shapes.white_plane(), reference_camera(), samples=0)
 
 
 # ---- scales ----
@@ -679,7 +689,7 @@ def test_fast_spherical_microlenses_lose_no_light_to_the_bounds(monkeypatch):
     camera = pl.PlenopticCamera(
         lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=17.1)),
         microlenses=pl.MicrolensArray(
-            pitch=0.217, focal_lengths=(0.3,), model=pl.MicrolensModel.SPHERICAL, thickness=0.2
+            pitch=0.217, focal_lengths=(0.3,), model=pl.optics.MicrolensModel.SPHERICAL, thickness=0.2
         ),
         sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.010),
         stop_to_microlenses=123.3,
@@ -707,7 +717,7 @@ def test_overlap_without_limit_is_refused():
         stop_to_microlenses=123.3,
         microlenses_to_sensor=1.7,
     )
-    with pytest.raises(pl.InvalidValueError, match="each pixel sees about"):
+    with pytest.raises(pl.errors.InvalidValueError, match="each pixel sees about"):
         pl.render_white(camera, samples=1, progress=False)
 
 
@@ -718,5 +728,5 @@ def test_numbers_may_come_from_numpy():
     np.testing.assert_array_equal(one.image, two.image)
     top = pl.render_white(camera, samples=2, seed=2**64 - 1, region=region, progress=False)
     assert top.seed == 2**64 - 1
-    with pytest.raises(pl.InvalidValueError, match="below 2"):
+    with pytest.raises(pl.errors.InvalidValueError, match="below 2"):
         pl.render_white(camera, samples=2, seed=2**64, region=region, progress=False)

@@ -12,7 +12,7 @@ from plenoptic.study.cameras import reference_camera
 CAMERA = reference_camera()
 LENS = CAMERA.lens
 REGION = np.s_[200:224, 230:262]
-LINES = pl.Sensitivity.lines((640.0, 550.0, 450.0))
+LINES = pl.sensor.Sensitivity.lines((640.0, 550.0, 450.0))
 
 
 def coloured_scene() -> pl.Scene:
@@ -46,7 +46,7 @@ def test_one_spectral_pass_is_the_weighted_sum_of_monochrome_ones() -> None:
     wavelengths = np.linspace(420.0, 680.0, 27)
     peaks, widths = np.array([600.0, 540.0, 470.0]), np.array([40.0, 40.0, 30.0])
     response = np.exp(-0.5 * ((wavelengths[:, None] - peaks) / widths) ** 2)
-    seen = pl.Sensitivity(wavelengths, response)
+    seen = pl.sensor.Sensitivity(wavelengths, response)
     scene, region = coloured_scene(), np.s_[8:24, 16:40]
     shot = pl.render(
         scene, dataclasses.replace(CAMERA, sensitivity=seen), samples=1024, region=region, max_bounces=2, progress=False
@@ -74,7 +74,7 @@ def grey_at(wavelength: float) -> pl.Scene:
     scene = coloured_scene()
 
     def value(colour) -> float:
-        return float(pl.rgb_to_spectrum(np.broadcast_to(colour, 3), np.array([wavelength]))[..., 0].ravel()[0])
+        return float(pl.sensor.rgb_to_spectrum(np.broadcast_to(colour, 3), np.array([wavelength]))[..., 0].ravel()[0])
 
     def grey(material):
         if isinstance(material, pl.Emissive):
@@ -88,7 +88,7 @@ def grey_at(wavelength: float) -> pl.Scene:
 
 def test_white_stays_white() -> None:
     # Radiance 1 is 1 at every wavelength, and sensitivities are normalised: channels differ by vignetting alone.
-    seen = pl.Sensitivity(
+    seen = pl.sensor.Sensitivity(
         np.array([450.0, 550.0, 650.0]), np.array([[0.0, 0.2, 1.0], [0.3, 1.0, 0.1], [1.0, 0.1, 0.0]])
     )
     shot = pl.render_white(dataclasses.replace(CAMERA, sensitivity=seen), samples=1024, region=REGION, progress=False)
@@ -120,7 +120,7 @@ def test_lateral_colour_is_that_of_the_chief_rays() -> None:
         float(pl.point_spread(dataclasses.replace(moved, wavelength=w), (x, 0.0, -900.0)).centroid[0]) + middle
         for w in wavelengths
     ]
-    seen = dataclasses.replace(moved, sensitivity=pl.Sensitivity.lines(wavelengths))
+    seen = dataclasses.replace(moved, sensitivity=pl.sensor.Sensitivity.lines(wavelengths))
     shot = pl.render(pl.Scene(meshes=[emitter]), seen, samples=384, truth=pl.Truth.NONE, progress=False)
     rows, columns = np.mgrid[:400, :400]
     along = base.sensor.centre_of(rows, columns)[..., 0] + middle
@@ -156,13 +156,15 @@ def test_the_same_bits_in_regions_and_on_threads() -> None:
 def test_sensitivities_out_of_the_glass_s_range_are_refused() -> None:
     with pytest.raises(pl.PlenopticError, match="nm"):
         dataclasses.replace(
-            CAMERA, lens=with_catalogue_glass(), sensitivity=pl.Sensitivity.lines((9000.0, 550.0, 450.0))
+            CAMERA, lens=with_catalogue_glass(), sensitivity=pl.sensor.Sensitivity.lines((9000.0, 550.0, 450.0))
         )
 
 
 def with_catalogue_glass() -> pl.LensStack:
     elements = [
-        dataclasses.replace(e, medium=pl.glass("N-BK7")) if isinstance(e, pl.Surface) and e.medium != pl.AIR else e
+        dataclasses.replace(e, medium=pl.glass("N-BK7"))
+        if isinstance(e, pl.Surface) and e.medium != pl.optics.AIR
+        else e
         for e in LENS.elements
     ]
     return pl.LensStack(elements)

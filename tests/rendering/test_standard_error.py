@@ -229,7 +229,7 @@ def check_target(crop, truth, seeds):
     squares = (np.mean(errors.true**2, axis=0) - truth.variance).mean(axis=1) / bright**2
     assert 0.015 < math.sqrt(squares.mean()) < 0.025
     for shot in errors.shots:
-        assert shot.stats.stopped_by is pl.StopReason.TARGET_ERROR
+        assert shot.stats.stopped_by is pl.rendering.StopReason.TARGET_ERROR
         # Tiles end by estimates with hundreds of degrees of freedom, which are noisy by some 5 %; the lit pixels of an
         # image are not quite those of its colours.
         assert 0.6 * TARGET < shot.relative_error < 1.1 * TARGET

@@ -56,7 +56,7 @@ def test_another_scene_is_compiled_even_if_it_is_equal(built):
 
 def test_what_is_not_asked_for_is_not_built(built):
     one = scene()
-    assert pl.plan(one, CAMERA).runs(pl.Stage.INTERSECTION)
+    assert pl.plan(one, CAMERA).runs(pl.rendering.Stage.INTERSECTION)
     assert prepared_scene(one).record.geometry is not None
     assert built == []
 

@@ -70,19 +70,19 @@ SCENES = {
     "black emitter": (pl.Scene([square(pl.Emissive(0.0)), square()]), PLAIN),
     "lamp": (pl.Scene([square()], [LAMP]), PLAIN | EMITTING | DRAWN | {"emission.pdf"}),
     "lamp in black": (pl.Scene([square(pl.Lambertian(0.0))], [LAMP]), MESHES | EMITTING),
-    "point": (pl.Scene([square()], [pl.PointLight((0, 0, 9))]), PLAIN | DRAWN | POINTS),
-    "dark point": (pl.Scene([square()], [pl.PointLight((0, 0, 9), 0.0)]), PLAIN | POINTS),
+    "point": (pl.Scene([square()], [pl.lights.PointLight((0, 0, 9))]), PLAIN | DRAWN | POINTS),
+    "dark point": (pl.Scene([square()], [pl.lights.PointLight((0, 0, 9), 0.0)]), PLAIN | POINTS),
     "matt under a sun": (pl.Scene([square()], [pl.SunLight((0, 0, -1))]), PLAIN | DRAWN | SUNS),
     "matt under a map": (pl.Scene([square()], (), SKY), PLAIN | DRAWN | WORLD),
-    "instances": (pl.Scene([pl.Instances(square(), PLACES)]), PLAIN | INSTANCES),
-    "rough": (pl.Scene([square(pl.RoughDiffuse())]), PLAIN | KINDS),
+    "instances": (pl.Scene([pl.scene.Instances(square(), PLACES)]), PLAIN | INSTANCES),
+    "rough": (pl.Scene([square(pl.materials.RoughDiffuse())]), PLAIN | KINDS),
     "metal": (pl.Scene([square(pl.Conductor())]), PLAIN | KINDS | {"bsdf.metal_index"}),
     "glass": (pl.Scene([square(pl.Dielectric())]), PLAIN | KINDS | {"bsdf.glass_index"}),
     "dark glass": (
         pl.Scene([square(pl.Dielectric(absorption=0.1))]),
         PLAIN | KINDS | {"bsdf.glass_index", "absorption"},
     ),
-    "pane": (pl.Scene([square(pl.ThinGlass())]), PLAIN | KINDS | {"bsdf.pane_index"}),
+    "pane": (pl.Scene([square(pl.materials.ThinGlass())]), PLAIN | KINDS | {"bsdf.pane_index"}),
     "layered": (pl.Scene([layered()]), PLAIN | LAYERED),
     "alpha.opacity": (pl.Scene([layered(opacity=0.5)]), PLAIN | LAYERED | {"alpha.opacity", "alpha.cutoff"}),
     "cutoff without opacity": (pl.Scene([layered(cutoff=0.5)]), PLAIN | LAYERED),
@@ -138,8 +138,15 @@ def test_indices_are_global_and_lights_come_last():
 
 def test_instanced_triangles_come_after_lights_once_each():
     red, blue = square(pl.Lambertian((1, 0, 0))), square(pl.Lambertian((0, 0, 1))).translated(z=1)
-    scene = pl.Scene([pl.Instances(red, PLACES), square(), pl.Instances(blue, PLACES), pl.Instances(red, PLACES[:1])])
-    tables = scene.with_lights([LAMP, pl.SphereLight((9, 9, 9), 1.0)]).tables()
+    scene = pl.Scene(
+        [
+            pl.scene.Instances(red, PLACES),
+            square(),
+            pl.scene.Instances(blue, PLACES),
+            pl.scene.Instances(red, PLACES[:1]),
+        ]
+    )
+    tables = scene.with_lights([LAMP, pl.lights.SphereLight((9, 9, 9), 1.0)]).tables()
     # Meshes 0 to 3, then the two lights: plain ones first, then each instanced mesh under its first number.
     assert tables.triangle_mesh.tolist() == [1, 1, 4, 4, *[5] * 1280, 0, 0, 2, 2]
     plain = 2 + 2 + 1280
@@ -176,11 +183,11 @@ def test_equal_materials_are_one_row():
 def test_materials_keep_their_numbers():
     kinds = [
         pl.Lambertian(0.1),
-        pl.RoughDiffuse(0.2, roughness=0.9),
+        pl.materials.RoughDiffuse(0.2, roughness=0.9),
         pl.Conductor(0.3, alpha=0.25),
         pl.Conductor(0.4, index=1.5 + 3j),
         pl.Dielectric(1.6, alpha=0.5, absorption=0.7, exterior=1.3),
-        pl.ThinGlass(1.7, transmittance=0.6),
+        pl.materials.ThinGlass(1.7, transmittance=0.6),
         pl.MetallicRoughness(0.7, 0.8, 0.9, emission=2.0, two_sided=True, opacity=0.25, cutoff=0.125),
         pl.Emissive(3.0),
     ]
@@ -246,18 +253,18 @@ def test_each_use_of_a_texture_names_its_row_and_equal_ones_share_it():
         (pl.Scene([square()], background=pl.EnvironmentMap(np.array([[[0.5, 0.5, 0.4]]]))), 3),
         (pl.Scene([square(pl.Emissive((1, 2, 3)))]), 3),
         (pl.Scene([square()], [pl.QuadLight((0, 0, 9), (1, 0, 0), (0, 1, 0), (1, 0, 0))]), 3),
-        (pl.Scene([square()], [pl.SphereLight((0, 0, 9), 1.0, (1, 0, 0))]), 3),
-        (pl.Scene([square()], [pl.PointLight((0, 0, 9), (1, 0, 0))]), 3),
-        (pl.Scene([square()], [pl.SpotLight((0, 0, 9), (0, 0, -1), (1, 0, 0))]), 3),
+        (pl.Scene([square()], [pl.lights.SphereLight((0, 0, 9), 1.0, (1, 0, 0))]), 3),
+        (pl.Scene([square()], [pl.lights.PointLight((0, 0, 9), (1, 0, 0))]), 3),
+        (pl.Scene([square()], [pl.lights.SpotLight((0, 0, 9), (0, 0, -1), (1, 0, 0))]), 3),
         (pl.Scene([square()], [pl.SunLight((0, 0, -1), (1, 0, 0))]), 3),
         (pl.Scene([square(pl.Lambertian(pl.Texture(np.array([[[0, 0, 0.1]]]))), uv=UV)]), 3),
-        (pl.Scene([square(pl.RoughDiffuse((0.5, 0.5, 0.4)))]), 3),
+        (pl.Scene([square(pl.materials.RoughDiffuse((0.5, 0.5, 0.4)))]), 3),
         (pl.Scene([square(pl.Conductor((0.5, 0.5, 0.4)))]), 3),
         (pl.Scene([square(pl.Conductor(index=(2 + 1j, 2 + 1j, 2 + 2j)))]), 3),
         (pl.Scene([square(pl.Dielectric(absorption=(0, 0, 1)))]), 3),
-        (pl.Scene([square(pl.ThinGlass(transmittance=(1, 1, 0.5)))]), 3),
+        (pl.Scene([square(pl.materials.ThinGlass(transmittance=(1, 1, 0.5)))]), 3),
         (pl.Scene([layered(emission=(0, 0, 1))]), 3),
-        (pl.Scene([pl.Instances(square(pl.Lambertian((0.5, 0.5, 0.4))), PLACES)]), 3),
+        (pl.Scene([pl.scene.Instances(square(pl.Lambertian((0.5, 0.5, 0.4))), PLACES)]), 3),
     ],
 )
 def test_three_channels_only_where_something_is_coloured(scene, channels):

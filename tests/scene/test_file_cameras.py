@@ -28,5 +28,5 @@ def test_a_view_is_a_value():
 )
 def test_an_impossible_view_is_refused(change, said):
     given = {"name": "a", "position": (0, 0, 1), "look_at": (0, 0, 0), "up": (0, 1, 0)} | change
-    with pytest.raises(pl.InvalidValueError, match=said):
+    with pytest.raises(pl.errors.InvalidValueError, match=said):
         View(**given)

@@ -19,7 +19,7 @@ def square(material=GREY, **more):
 
 PLACES = np.tile(np.eye(4), (3, 1, 1))
 PLACES[:, 0, 3] = 0, 10, 20
-ROW = pl.Instances(square(), PLACES)
+ROW = pl.scene.Instances(square(), PLACES)
 
 
 def test_scenes_compare_pickle_and_take_bare_backgrounds():
@@ -31,8 +31,8 @@ def test_scenes_compare_pickle_and_take_bare_backgrounds():
 
 
 def test_scenes_hold_all_kinds_of_lights_worlds_and_instances():
-    lights = [LAMP, pl.SphereLight((0, 0, 9), 1.0), pl.PointLight((0, 0, 9)), pl.SunLight((0, 0, -1))]
-    lights.append(pl.SpotLight((0, 0, 9), (0, 0, -1)))
+    lights = [LAMP, pl.lights.SphereLight((0, 0, 9), 1.0), pl.lights.PointLight((0, 0, 9)), pl.SunLight((0, 0, -1))]
+    lights.append(pl.lights.SpotLight((0, 0, 9), (0, 0, -1)))
     scene = pl.Scene([square(), ROW], lights, SKY)
     again = pickle.loads(pickle.dumps(scene))
     assert again == scene and hash(again) == hash(scene)
@@ -49,10 +49,10 @@ def test_bounds_hold_meshes_instances_and_lights_with_a_surface():
     np.testing.assert_array_equal(pl.Scene([square()], [LAMP]).bounds, [[-1.5, -2, 0], [2, 2, 9]])
     np.testing.assert_array_equal(pl.Scene([square(), ROW]).bounds, [[0, 0, 0], [22, 2, 0]])
     # 642 corners of a nearly round body, 0.24 % outside the sphere.
-    ball = pl.Scene(lights=[pl.SphereLight((9, 0, 0), 2.0)]).bounds
+    ball = pl.Scene(lights=[pl.lights.SphereLight((9, 0, 0), 2.0)]).bounds
     np.testing.assert_allclose(ball, [[7, -2, -2], [11, 2, 2]], rtol=0, atol=0.01)
     # Points and suns have none.
-    assert pl.Scene(lights=[pl.PointLight((1, 2, 3)), pl.SunLight((0, 0, -1))]).bounds is None
+    assert pl.Scene(lights=[pl.lights.PointLight((1, 2, 3)), pl.SunLight((0, 0, -1))]).bounds is None
 
 
 def test_merging_adds_up():
@@ -60,7 +60,7 @@ def test_merging_adds_up():
     both = lit.merged(pl.Scene([square(pl.Emissive(1.0))], background=0.2))
     assert len(both.meshes) == 2 and both.lights == (LAMP,) and both.background == pl.ConstantBackground(0.2)
     assert both.merged(pl.Scene(background=0.2)) == both
-    with pytest.raises(pl.SceneError, match="different backgrounds"):
+    with pytest.raises(pl.errors.SceneError, match="different backgrounds"):
         both.merged(pl.Scene(background=0.3))
     assert both.with_lights([]).lights == ()
     assert both.with_lights(light for light in [LAMP, LAMP]).lights == (LAMP, LAMP)
@@ -70,31 +70,39 @@ def test_maps_merge_as_other_backgrounds_do():
     mapped = pl.Scene([square()], background=SKY)
     assert mapped.merged(pl.Scene([ROW])).background == SKY
     assert mapped.merged(pl.Scene([ROW], background=SKY)).meshes == (square(), ROW)
-    with pytest.raises(pl.SceneError, match="different backgrounds"):
+    with pytest.raises(pl.errors.SceneError, match="different backgrounds"):
         mapped.merged(pl.Scene([ROW], background=SKY.rotated((0, 1, 0), 1.0)))
 
 
 @pytest.mark.parametrize(
     ("arguments", "kind", "said"),
     [
-        ((), pl.SceneError, "at least one"),
-        ((square(),), pl.InvalidValueError, r"\[item\]"),
-        (([LAMP],), pl.InvalidValueError, "holds QuadLight; it may hold Mesh or Instances only"),
-        (([square()], LAMP), pl.InvalidValueError, "sequence of QuadLight"),
-        (([square()], [square()]), pl.InvalidValueError, "holds Mesh; it may hold QuadLight or .* or SunLight only"),
-        ((np.array(1.0),), pl.InvalidValueError, "meshes is ndarray; it must be a sequence of Mesh"),
-        (([square()], np.array(1.0)), pl.InvalidValueError, "lights is ndarray; it must be a sequence of QuadLight"),
-        (([PLACES],), pl.InvalidValueError, "meshes holds ndarray"),
-        (([[square()]],), pl.InvalidValueError, "meshes holds list"),
-        (([square()], [SKY]), pl.InvalidValueError, "lights holds EnvironmentMap"),
+        ((), pl.errors.SceneError, "at least one"),
+        ((square(),), pl.errors.InvalidValueError, r"\[item\]"),
+        (([LAMP],), pl.errors.InvalidValueError, "holds QuadLight; it may hold Mesh or Instances only"),
+        (([square()], LAMP), pl.errors.InvalidValueError, "sequence of QuadLight"),
+        (
+            ([square()], [square()]),
+            pl.errors.InvalidValueError,
+            "holds Mesh; it may hold QuadLight or .* or SunLight only",
+        ),
+        ((np.array(1.0),), pl.errors.InvalidValueError, "meshes is ndarray; it must be a sequence of Mesh"),
+        (
+            ([square()], np.array(1.0)),
+            pl.errors.InvalidValueError,
+            "lights is ndarray; it must be a sequence of QuadLight",
+        ),
+        (([PLACES],), pl.errors.InvalidValueError, "meshes holds ndarray"),
+        (([[square()]],), pl.errors.InvalidValueError, "meshes holds list"),
+        (([square()], [SKY]), pl.errors.InvalidValueError, "lights holds EnvironmentMap"),
         (
             ([square()], (), np.ones((2, 4, 1))),
-            pl.InvalidValueError,
+            pl.errors.InvalidValueError,
             r"background is .*\(2, 4, 1\); give .*EnvironmentMap",
         ),
-        (([square()], (), LAMP), pl.InvalidValueError, "radiance"),
-        (([square()], (), -1.0), pl.SceneError, "radiance"),
-        (([square()], (), "sky"), pl.InvalidValueError, "radiance"),
+        (([square()], (), LAMP), pl.errors.InvalidValueError, "radiance"),
+        (([square()], (), -1.0), pl.errors.SceneError, "radiance"),
+        (([square()], (), "sky"), pl.errors.InvalidValueError, "radiance"),
     ],
 )
 def test_impossible_scenes_are_refused(arguments, kind, said):

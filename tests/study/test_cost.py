@@ -31,7 +31,7 @@ def furnished():
 
 
 def test_a_plan_knows_what_it_was_made_for():
-    camera, scene = reference_camera(), pl.white_plane()
+    camera, scene = reference_camera(), pl.shapes.white_plane()
     plan = pl.plan(scene, camera, samples=16, max_bounces=2, truth=pl.Truth.NONE)
     subject = plan.subject
     assert (subject.scene, subject.camera, subject.samples, subject.truth) == (scene, camera, 16, pl.Truth.NONE)
@@ -42,7 +42,7 @@ def test_a_plan_knows_what_it_was_made_for():
 
 
 def test_a_plan_made_by_hand_is_refused():
-    with pytest.raises(pl.InvalidValueError, match="make it by pl.plan"):
+    with pytest.raises(pl.errors.InvalidValueError, match="make it by pl.plan"):
         cost_of(Plan(pl.plan(None, reference_camera()).decisions))
 
 
@@ -87,7 +87,7 @@ def test_what_cannot_be_left_out_says_why(monkeypatch):
     free = pl.MicrolensArray(pitch=0.3, focal_lengths=(2.0,), lattice=pl.Lattice.FREE, centres=centres)
     assert "centres" in kept(dataclasses.replace(camera, microlenses=free))[Stage.LISTED_LENSES]
     monkeypatch.setattr(scene_ablation, "MOST_COPIES", 20)
-    many = pl.Scene([pl.Instances(pl.box(1), np.tile(np.eye(4), (2, 1, 1)))], background=1.0)
+    many = pl.Scene([pl.scene.Instances(pl.box(1), np.tile(np.eye(4), (2, 1, 1)))], background=1.0)
     assert "24 triangles" in kept(camera, many)[Stage.INSTANCES]
 
 
@@ -199,7 +199,7 @@ def test_a_black_picture_has_no_relative_change():
 
 @pytest.mark.parametrize(("options", "said"), [({"rounds": 1}, "rounds is 1"), ({"samples": 0}, "samples is 0")])
 def test_impossible_measurements_are_refused(options, said):
-    with pytest.raises(pl.InvalidValueError, match=said):
+    with pytest.raises(pl.errors.InvalidValueError, match=said):
         cost_of(pl.plan(None, reference_camera()), **options)
 
 
@@ -214,7 +214,7 @@ def test_a_table_is_text_markdown_and_csv(made_up, tmp_path):
     found = list(csv.DictReader(text.splitlines()))
     assert [Stage[row["stage"]] for row in found] == [row.stage for row in table.rows]
     assert [float(row["percent_of_cpu"]) for row in found] == [row.percent for row in table.rows]
-    with pytest.raises(pl.FileError, match="cannot be written"):
+    with pytest.raises(pl.errors.FileError, match="cannot be written"):
         table.to_csv(tmp_path / "nowhere" / "costs.csv")
 
 

@@ -183,7 +183,7 @@ def test_polygons_and_placements_are_refused():
     lens = pl.load_lens("singlet-100mm-f4")
     rays = pl.RayBundle([[0, 0, -100.0]], [[0, 0, 1.0]])
     for unknown in (lens.with_stop(pl.PolygonStop(blades=6, semi_diameter=3.0)), lens.moved(1, shift=(0.1, 0, 0))):
-        with pytest.raises(pl.PrescriptionError, match="centred surfaces of revolution and circular stops"):
+        with pytest.raises(pl.errors.PrescriptionError, match="centred surfaces of revolution and circular stops"):
             exact_rays(unknown, rays)
 
 

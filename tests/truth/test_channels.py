@@ -57,7 +57,7 @@ def test_a_scene_without_meshes_and_a_camera_without_microlenses_have_less():
 
 @pytest.mark.parametrize("given", [True, 1, "DEPTH", None])
 def test_what_is_wanted_is_said_by_flags(given):
-    with pytest.raises(pl.InvalidValueError, match=r"truth is .* give a Truth, such as pl.Truth.DEPTH"):
+    with pytest.raises(pl.errors.InvalidValueError, match=r"truth is .* give a Truth, such as pl.Truth.DEPTH"):
         checked_truth(given)
 
 
@@ -79,7 +79,7 @@ def test_it_is_a_value():
     ],
 )
 def test_impossible_ones(arrays, sentence):
-    with pytest.raises(pl.InvalidValueError, match=sentence):
+    with pytest.raises(pl.errors.InvalidValueError, match=sentence):
         GroundTruth(**arrays)
 
 

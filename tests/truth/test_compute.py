@@ -125,9 +125,9 @@ def test_objects_and_materials_have_the_numbers_of_the_scene():
         {"lattice": pl.Lattice.SQUARE},
         {"lattice": pl.Lattice.RECTANGULAR, "pitch": (0.3, 0.2)},
         {"imperfections": pl.MicrolensImperfections(pitch_jitter=0.004, decentre=0.004, seed=3)},
-        {"model": pl.MicrolensModel.SPHERICAL},
-        {"model": pl.MicrolensModel.PINHOLE},
-        {"aperture": pl.MicrolensAperture(pl.ApertureShape.CIRCLE, 0.6)},
+        {"model": pl.optics.MicrolensModel.SPHERICAL},
+        {"model": pl.optics.MicrolensModel.PINHOLE},
+        {"aperture": pl.optics.MicrolensAperture(pl.optics.ApertureShape.CIRCLE, 0.6)},
     ],
     ids=str,
 )
@@ -198,7 +198,7 @@ def test_angles_of_incidence_without_microlenses_are_those_from_the_exit_pupil()
 
 
 @pytest.mark.parametrize("tilt", [(0.0, 0.0, 0.0), (0.05, -0.03, 0.4)])
-@pytest.mark.parametrize("model", [pl.MicrolensModel.THIN, pl.MicrolensModel.SPHERICAL])
+@pytest.mark.parametrize("model", [pl.optics.MicrolensModel.THIN, pl.optics.MicrolensModel.SPHERICAL])
 def test_angles_of_incidence_lead_through_the_microlens(model, tilt):
     # The exit pupil's image on a microlens of 0.217 mm is all of it for pixels near the centre of its image: the lit
     # centroid is the centre of the cell there, and the path from the pixel to it is straight.
@@ -327,7 +327,7 @@ PINHOLES = {
 @pytest.mark.parametrize("array", PINHOLES.values(), ids=PINHOLES)
 def test_what_a_pixel_sees_through_a_pinhole_is_projected_onto_its_centre(array, placed):
     # Its ray passes the microlens's centre: it is the chief ray itself. 1e-9 mm behind the lens is 1e-7 pixels.
-    camera = reference_camera(model=pl.MicrolensModel.PINHOLE, **array)
+    camera = reference_camera(model=pl.optics.MicrolensModel.PINHOLE, **array)
     if placed:
         camera = (
             camera.moved(pl.CameraPart.LENS, shift=(0.2, 0.1, 0.1), tilt=(0.01, 0.02, 0.1))
@@ -390,7 +390,7 @@ def test_a_scene_without_meshes_shows_microlenses_only():
     camera, region = reference_camera(), np.s_[250:254, 250:254]
     shot = pl.render(pl.Scene(background=1.0), camera, samples=1, region=region, truth=Truth.ALL, progress=False)
     assert shot.truth == ground_truth(None, camera, region=region)
-    with pytest.raises(pl.InvalidValueError, match="nothing of .*DEPTH.* can be found"):
+    with pytest.raises(pl.errors.InvalidValueError, match="nothing of .*DEPTH.* can be found"):
         ground_truth(None, camera, truth=Truth.DEPTH)
 
 
@@ -399,7 +399,7 @@ def test_a_conventional_camera_has_no_microlenses():
     truth = ground_truth(plane(-404.0), camera)
     assert truth.kinds == Truth.ALL & ~(Truth.MICROLENS | Truth.VIRTUAL_DEPTH | Truth.DISPARITY)
     np.testing.assert_allclose(truth.depth, 404.0, rtol=1e-14)
-    with pytest.raises(pl.InvalidValueError, match="no meshes and the camera no microlenses"):
+    with pytest.raises(pl.errors.InvalidValueError, match="no meshes and the camera no microlenses"):
         ground_truth(None, camera, truth=Truth.ALL & ~Truth.INCIDENCE_ANGLE)
 
 
@@ -423,21 +423,21 @@ def test_depth_stays_exact_far_away_and_close_by():
     ],
 )
 def test_impossible_arguments(change, sentence):
-    arguments = {"scene": pl.white_plane(), "camera": reference_camera(shape=(4, 4)), **change}
-    with pytest.raises(pl.InvalidValueError, match=sentence):
+    arguments = {"scene": pl.shapes.white_plane(), "camera": reference_camera(shape=(4, 4)), **change}
+    with pytest.raises(pl.errors.InvalidValueError, match=sentence):
         ground_truth(arguments.pop("scene"), arguments.pop("camera"), **arguments)
 
 
 def test_the_plan_names_what_is_found():
-    plan = pl.plan(pl.white_plane(), reference_camera(), truth=Truth.DEPTH | Truth.OBJECT)
-    decision = next(d for d in plan.decisions if d.stage is pl.Stage.TRUTH)
+    plan = pl.plan(pl.shapes.white_plane(), reference_camera(), truth=Truth.DEPTH | Truth.OBJECT)
+    decision = next(d for d in plan.decisions if d.stage is pl.rendering.Stage.TRUTH)
     assert decision.runs and decision.reason == "depth, object"
     for scene, camera, truth, reason in (
-        (pl.white_plane(), reference_camera(), Truth.NONE, "not asked for"),
+        (pl.shapes.white_plane(), reference_camera(), Truth.NONE, "not asked for"),
         (pl.Scene(background=1.0), reference_camera(), Truth.DEPTH, "there is no mesh"),
-        (pl.white_plane(), bare_camera(), Truth.DISPARITY, "there are no microlenses"),
+        (pl.shapes.white_plane(), bare_camera(), Truth.DISPARITY, "there are no microlenses"),
     ):
-        decision = next(d for d in pl.plan(scene, camera, truth=truth).decisions if d.stage is pl.Stage.TRUTH)
+        decision = next(d for d in pl.plan(scene, camera, truth=truth).decisions if d.stage is pl.rendering.Stage.TRUTH)
         assert not decision.runs and decision.reason == reason
 
 

@@ -155,7 +155,7 @@ def _(mesh: pl.Mesh):
 
 
 @described.register
-def _(copies: pl.Instances):
+def _(copies: pl.scene.Instances):
     return [part for matrix in copies.matrices for part in described(copies.mesh.transformed(matrix))]
 
 
@@ -165,18 +165,18 @@ def _(light: pl.QuadLight):
 
 
 @described.register
-def _(light: pl.SphereLight):
+def _(light: pl.lights.SphereLight):
     shape = {"type": "sphere", "center": light.center.tolist(), "radius": light.radius}
     return [{**shape, "material": _black(), "emitter": _area_light(light.radiance)}]
 
 
 @described.register
-def _(light: pl.PointLight):
+def _(light: pl.lights.PointLight):
     return [{"type": "point", "position": light.position.tolist(), "intensity": colour(light.intensity)}]
 
 
 @described.register
-def _(light: pl.SpotLight):
+def _(light: pl.lights.SpotLight):
     return [
         {
             "type": "spot",
@@ -248,7 +248,7 @@ def described_material(material):
         rough = {"type": "roughdielectric", "distribution": "ggx", "alpha": material.alpha}
         kind = rough if material.alpha else {"type": "dielectric"}
         return {**kind, "int_ior": material.index, "ext_ior": material.exterior}
-    if isinstance(material, pl.ThinGlass):
+    if isinstance(material, pl.materials.ThinGlass):
         passing = {"specular_transmittance": colour(material.transmittance)}
         return {"type": "thindielectric", "int_ior": material.index, "ext_ior": 1.0, **passing}
     raise TypeError(f"no Mitsuba material is known for {material!r}")

@@ -139,17 +139,17 @@ def frosted_glass():
 
 def small_lights():
     """A point, a cone that holds all that can be seen, and parallel light."""
-    spot = pl.SpotLight((-20, 5, 60), (20, -5, -60), (3000.0, 2000.0, 1000.0), inner_angle=0.8, outer_angle=0.9)
+    spot = pl.lights.SpotLight((-20, 5, 60), (20, -5, -60), (3000.0, 2000.0, 1000.0), inner_angle=0.8, outer_angle=0.9)
     sun = pl.SunLight((1, -2, -1.5), irradiance=(0.1, 0.3, 0.5), angular_radius=0.0)
     bodies = [tilted_box(6, (-4, -4, 0), pl.Lambertian(0.7)), pl.sphere(4.0, center=(5, 2, 0))]
-    return pl.Scene([*bodies, wall(), floor()], [pl.PointLight((10, 12, 14), 150.0), spot, sun])
+    return pl.Scene([*bodies, wall(), floor()], [pl.lights.PointLight((10, 12, 14), 150.0), spot, sun])
 
 
 def round_lights():
     """A sphere in the picture and a sun with soft shadows."""
     bodies = [tilted_box(6, (-5, -4, 0), pl.Lambertian((0.7, 0.5, 0.3))), wall(), floor()]
     sun = pl.SunLight((1, -2, -1.5), irradiance=(3.0, 2.4, 1.8), angular_radius=0.15)
-    return pl.Scene(bodies, [pl.SphereLight((5, 4, 1), 2.0, radiance=(1.0, 1.5, 2.0)), sun])
+    return pl.Scene(bodies, [pl.lights.SphereLight((5, 4, 1), 2.0, radiance=(1.0, 1.5, 2.0)), sun])
 
 
 def sky_map(rows=256):
@@ -177,7 +177,9 @@ def textured():
     """Texels of two sizes on upright and tilted surfaces, in part through a tinted pane, and on one that shines."""
     random = np.random.default_rng(4)
     coarse, fine = (pl.Texture(random.uniform(0, 1, (n, n + 2, 3))) for n in (5, 40))
-    pane = pl.quad((-10, -4, 6), (11, 0, 2), (0, 12, -2), material=pl.ThinGlass(1.6, transmittance=(0.6, 0.9, 0.7)))
+    pane = pl.quad(
+        (-10, -4, 6), (11, 0, 2), (0, 12, -2), material=pl.materials.ThinGlass(1.6, transmittance=(0.6, 0.9, 0.7))
+    )
     picture = pl.quad((-20, -20, -8), (40, 0, 0), (0, 40, 0), material=pl.Lambertian(fine))
     block = tilted_box(8, (4, -3, 0), pl.Lambertian(coarse))
     glow = pl.quad((-9, -9, 4), (8, 0, 0), (0, 4, -6), material=pl.Emissive(coarse))
@@ -211,7 +213,7 @@ def copies():
     matrices[::2, 0] *= -1
     matrices[:, :3, 3] = random.uniform(-9, 9, (24, 3)) * [1.0, 0.7, 0.5]
     body = pl.box((2.5, 1.5, 2.0), material=pl.Lambertian((0.8, 0.5, 0.3)))
-    return pl.Scene([pl.Instances(body, matrices), wall(), floor()], [lamp()], background=0.2)
+    return pl.Scene([pl.scene.Instances(body, matrices), wall(), floor()], [lamp()], background=0.2)
 
 
 def many_lights():

@@ -34,7 +34,7 @@ def batoid_optic(lens):
 
 
 def coordinates(element, z):
-    placed = element.placement or pl.Placement()
+    placed = element.placement or pl.optics.Placement()
     return batoid.CoordSys(np.array([0.0, 0.0, z]) + placed.shift, np.ascontiguousarray(placed.rotation))
 
 

@@ -122,7 +122,7 @@ def landing_points(
     >>> import plenoptic as pl
     >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
     ...     sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.01), stop_to_microlenses=134.6)
-    >>> landed = pl.landing_points(camera, [(0, 0, -404), (3, 0, -404)], rays=256)
+    >>> landed = pl.camera.landing_points(camera, [(0, 0, -404), (3, 0, -404)], rays=256)
     >>> f"{landed.position[landed.source == 1, 0].mean():.1f} mm"
     '-1.0 mm'
     """

@@ -113,7 +113,7 @@ def _placed(camera: PlenopticCamera) -> Iterator[CameraFinding]:
     if any(place is not None for place in places):
         yield CameraFinding(
             CameraFindingKind.OUT_OF_PLACE,
-            "parts stand elsewhere than designed, and this report is on the design; see pl.as_built(camera)",
+            "parts stand elsewhere than designed, and this report is on the design; see pl.camera.as_built(camera)",
         )
 
 

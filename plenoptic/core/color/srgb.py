@@ -20,7 +20,7 @@ class Encoding(enum.IntEnum):
     Examples
     --------
     >>> import plenoptic as pl
-    >>> [encoding.name for encoding in pl.Encoding]
+    >>> [encoding.name for encoding in pl.images.Encoding]
     ['SRGB', 'LINEAR']
     """
 

@@ -33,7 +33,7 @@ class AirFormula(enum.IntEnum):
     Examples
     --------
     >>> import plenoptic as pl
-    >>> one, other = (pl.Air(20.0, 101.325, formula=formula).index(633.0) for formula in pl.AirFormula)
+    >>> one, other = (pl.optics.Air(20.0, 101.325, formula=formula).index(633.0) for formula in pl.optics.AirFormula)
     >>> abs(one - other) < 1e-8
     True
     """
@@ -145,7 +145,7 @@ class Air:
     Examples
     --------
     >>> import plenoptic as pl
-    >>> round(pl.Air(20.0, pressure=101.325).index(633.0), 9)
+    >>> round(pl.optics.Air(20.0, pressure=101.325).index(633.0), 9)
     1.0002718
     """
 
@@ -202,7 +202,7 @@ class Absolute:
     --------
     >>> import plenoptic as pl
     >>> glass = pl.ModelGlass(1.5168, 64.17, "BK7")
-    >>> round(pl.Absolute(glass).index(587.5618), 5)
+    >>> round(pl.optics.Absolute(glass).index(587.5618), 5)
     1.51721
     """
 
@@ -213,7 +213,7 @@ class Absolute:
         if not isinstance(self.medium, Medium):
             raise wrong_kind(self.medium, "medium", "Medium", "pl.ModelGlass(1.67, 47.1)")
         if not isinstance(self.air, Air):
-            raise wrong_kind(self.air, "air", "Air", "pl.Air(temperature=22.0)")
+            raise wrong_kind(self.air, "air", "Air", "pl.optics.Air(temperature=22.0)")
         if isinstance(self.medium, Air | Absolute):
             raise InvalidValueError("the medium is absolute already; give one whose index is relative to air")
 

@@ -99,7 +99,7 @@ class GlassCatalogue:
         set_field(self, "entries", tuple(self.entries))
         for entry in self.entries:
             if not isinstance(entry, GlassEntry):
-                raise wrong_kind(entry, "an entry", "GlassEntry", "those of pl.load_glasses(path).entries")
+                raise wrong_kind(entry, "an entry", "GlassEntry", "those of pl.optics.load_glasses(path).entries")
         places: dict[str, tuple[int, ...]] = {}
         for i, entry in enumerate(self.entries):
             places[_key(entry.name)] = (*places.get(_key(entry.name), ()), i)
@@ -193,7 +193,8 @@ def glass(name: str) -> Medium:
         raise
     except InvalidValueError as error:
         raise InvalidValueError(
-            f"{error}; pl.glass_names() lists all, pl.load_glasses(path)[name] takes it from a maker's AGF file"
+            f"{error}; pl.optics.glass_names() lists all, pl.optics.load_glasses(path)[name] takes it from a "
+            "maker's AGF file"
         ) from None
 
 
@@ -203,7 +204,7 @@ def glass_names() -> tuple[str, ...]:
     Examples
     --------
     >>> import plenoptic as pl
-    >>> "SF10" in pl.glass_names()
+    >>> "SF10" in pl.optics.glass_names()
     True
     """
     return tuple(sorted(bundled_glasses().names))
@@ -252,7 +253,7 @@ def load_glasses(path: str | os.PathLike[str]) -> GlassCatalogue:
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     file = pathlib.Path(folder) / "mine.agf"
     ...     _ = file.write_text(text)
-    ...     mine = pl.load_glasses(file)
+    ...     mine = pl.optics.load_glasses(file)
     >>> mine
     <GlassCatalogue 'mine.agf': 1 glass>
     >>> round(mine["my bk7"].index(587.5618), 5)

@@ -36,7 +36,7 @@ class Medium(Protocol):
     Examples
     --------
     >>> import plenoptic as pl
-    >>> isinstance(pl.AIR, pl.Medium)
+    >>> isinstance(pl.optics.AIR, pl.optics.Medium)
     True
     """
 
@@ -46,7 +46,7 @@ class Medium(Protocol):
         Examples
         --------
         >>> import plenoptic as pl
-        >>> pl.AIR.index(587.6)
+        >>> pl.optics.AIR.index(587.6)
         1.0
         """
         ...
@@ -57,7 +57,7 @@ def check_medium(medium: object, name: str) -> None:
     # A text or a list has an index() too, which finds things in it; a class has one without an instance.
     if isinstance(medium, Sequence | type) or not callable(getattr(medium, "index", None)):
         raise PrescriptionError(
-            f"{name} is {medium!r}; it must be a medium: pl.AIR, pl.ConstantMedium(1.5) or a glass, such as "
+            f"{name} is {medium!r}; it must be a medium: pl.optics.AIR, pl.ConstantMedium(1.5) or a glass, such as "
             'pl.glass("N-BK7") or pl.ModelGlass(1.5168, 64.17)'
         )
 
@@ -138,7 +138,7 @@ def abbe_number(medium: Medium) -> float:
     Examples
     --------
     >>> import plenoptic as pl
-    >>> round(pl.abbe_number(pl.glass("N-BK7")), 2)
+    >>> round(pl.optics.abbe_number(pl.glass("N-BK7")), 2)
     64.17
     """
     spread = medium.index(F_LINE) - medium.index(C_LINE)
@@ -235,7 +235,7 @@ class ModelGlass:
     def __post_init__(self) -> None:
         set_field(self, "nd", finite(self.nd, "nd"))
         if self.nd <= 1.0:
-            raise InvalidValueError(f"nd is {self.nd:g}; a glass must have an index above 1: for air use pl.AIR")
+            raise InvalidValueError(f"nd is {self.nd:g}; a glass must have an index above 1: for air use pl.optics.AIR")
         set_field(self, "vd", positive(self.vd, "vd"))
         if self.nd > _LARGEST_ND:
             raise InvalidValueError(
@@ -343,7 +343,8 @@ class Schott:
     Examples
     --------
     >>> import plenoptic as pl
-    >>> bk7 = pl.Schott((2.2718929, -1.0108077e-2, 1.0592509e-2, 2.0816965e-4, -7.6472538e-6, 4.9240991e-7), name="BK7")
+    >>> bk7 = pl.optics.Schott(
+    ...     (2.2718929, -1.0108077e-2, 1.0592509e-2, 2.0816965e-4, -7.6472538e-6, 4.9240991e-7), name="BK7")
     >>> round(bk7.index(587.5618), 4)
     1.5168
     """

@@ -33,7 +33,7 @@ def is_centred(element: Element) -> bool:
 def checked_elements(elements: Sequence[Element], ambient: Medium) -> tuple[Element, ...]:
     """The elements of a lens, or an error where they cannot be one."""
     if isinstance(ambient, Sequence | type) or not callable(getattr(ambient, "index", None)):
-        raise PrescriptionError(f"ambient is {ambient!r}; it must be a medium, such as pl.AIR")
+        raise PrescriptionError(f"ambient is {ambient!r}; it must be a medium, such as pl.optics.AIR")
     try:
         stack = tuple(elements)
     except TypeError:
@@ -56,7 +56,7 @@ def checked_elements(elements: Sequence[Element], ambient: Medium) -> tuple[Elem
         )
     last = stack[surfaces[-1]]
     if isinstance(last, Surface) and last.medium != ambient:
-        around = "air: its medium must be pl.AIR" if ambient == AIR else f"{ambient!r}: give it that medium"
+        around = "air: its medium must be pl.optics.AIR" if ambient == AIR else f"{ambient!r}: give it that medium"
         raise PrescriptionError(
             f"element {surfaces[-1]}, the last surface, is followed by {last.medium!r}; the sensor is in {around}"
         )

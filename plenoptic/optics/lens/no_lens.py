@@ -29,7 +29,8 @@ def no_lens(semi_diameter: float) -> LensStack:
     --------
     >>> import plenoptic as pl
     >>> array = pl.MicrolensArray(pitch=10.0, focal_lengths=(8.0,), lattice=pl.Lattice.SQUARE,
-    ...     aperture=pl.MicrolensAperture(pl.ApertureShape.CIRCLE, fill_factor=0.01), walls=pl.Walls.OPAQUE)
+    ...     aperture=pl.optics.MicrolensAperture(pl.optics.ApertureShape.CIRCLE, fill_factor=0.01),
+    ...     walls=pl.optics.Walls.OPAQUE)
     >>> cameras = pl.PlenopticCamera(lens=pl.no_lens(25.0), microlenses=array, stop_to_microlenses=1.0,
     ...     microlenses_to_sensor=8.1, sensor=pl.Sensor(shape=(300, 300), pixel_pitch=0.1))
     >>> cameras.report().kind.name

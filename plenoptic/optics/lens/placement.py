@@ -65,7 +65,7 @@ class Placement:
     Examples
     --------
     >>> import plenoptic as pl
-    >>> pl.Placement(shift=(0.1, 0.0, 0.0)).shift.tolist()
+    >>> pl.optics.Placement(shift=(0.1, 0.0, 0.0)).shift.tolist()
     [0.1, 0.0, 0.0]
     """
 

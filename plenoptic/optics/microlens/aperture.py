@@ -22,7 +22,7 @@ class ApertureShape(enum.IntEnum):
     Examples
     --------
     >>> import plenoptic as pl
-    >>> [shape.name for shape in pl.ApertureShape]
+    >>> [shape.name for shape in pl.optics.ApertureShape]
     ['CELL', 'CIRCLE', 'SQUARE', 'HEXAGON']
     """
 
@@ -41,7 +41,7 @@ class Gaps(enum.IntEnum):
     Examples
     --------
     >>> import plenoptic as pl
-    >>> [gaps.name for gaps in pl.Gaps]
+    >>> [gaps.name for gaps in pl.optics.Gaps]
     ['OPAQUE', 'CLEAR']
     """
 
@@ -57,7 +57,7 @@ class Walls(enum.IntEnum):
     Examples
     --------
     >>> import plenoptic as pl
-    >>> [walls.name for walls in pl.Walls]
+    >>> [walls.name for walls in pl.optics.Walls]
     ['NONE', 'OPAQUE']
     """
 
@@ -88,7 +88,7 @@ class MicrolensAperture:
     Examples
     --------
     >>> import plenoptic as pl
-    >>> aperture = pl.MicrolensAperture(pl.ApertureShape.CIRCLE, fill_factor=0.8)
+    >>> aperture = pl.optics.MicrolensAperture(pl.optics.ApertureShape.CIRCLE, fill_factor=0.8)
     >>> array = pl.MicrolensArray(pitch=0.2, focal_lengths=(2.0,), aperture=aperture)
     >>> f"{array.opening.radius:.4f} mm"
     '0.0939 mm'

@@ -39,7 +39,7 @@ class MicrolensDeviations:
     Examples
     --------
     >>> import plenoptic as pl
-    >>> dark = pl.MicrolensDeviations(index=[(0, 0), (3, -1)], transmission=[0.0, 0.5])
+    >>> dark = pl.optics.MicrolensDeviations(index=[(0, 0), (3, -1)], transmission=[0.0, 0.5])
     >>> len(dark)
     2
     """

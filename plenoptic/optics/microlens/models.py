@@ -15,7 +15,7 @@ class MicrolensModel(enum.IntEnum):
     Examples
     --------
     >>> import plenoptic as pl
-    >>> [model.name for model in pl.MicrolensModel]
+    >>> [model.name for model in pl.optics.MicrolensModel]
     ['PINHOLE', 'THIN', 'FLAT_HIGH_INDEX', 'SPHERICAL']
     """
 
@@ -52,7 +52,7 @@ class ConvexSide(enum.IntEnum):
     Examples
     --------
     >>> import plenoptic as pl
-    >>> pl.ConvexSide.SCENE.name
+    >>> pl.optics.ConvexSide.SCENE.name
     'SCENE'
     """
 

@@ -48,7 +48,7 @@ class AngularResponse:
     Examples
     --------
     >>> import math, plenoptic as pl
-    >>> response = pl.AngularResponse(well_depth=0.8, index=1.5)
+    >>> response = pl.sensor.AngularResponse(well_depth=0.8, index=1.5)
     >>> f"{response.at(math.tan(math.radians(20.0)), 0.0):.4f}"
     '0.8127'
     """

@@ -21,7 +21,7 @@ class Stage(enum.IntEnum):
     Examples
     --------
     >>> import plenoptic as pl
-    >>> pl.Stage.LENS.name
+    >>> pl.rendering.Stage.LENS.name
     'LENS'
     """
 
@@ -72,7 +72,7 @@ class Decision:
     Examples
     --------
     >>> import plenoptic as pl
-    >>> pl.Decision(pl.Stage.POSE, runs=False, reason="not posed")
+    >>> pl.rendering.Decision(pl.rendering.Stage.POSE, runs=False, reason="not posed")
     Decision(stage=<Stage.POSE: 18>, runs=False, reason='not posed')
     """
 
@@ -99,7 +99,7 @@ class Subject:
     >>> import plenoptic as pl
     >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
     ...     sensor=pl.Sensor(shape=(16, 16), pixel_pitch=0.01), stop_to_microlenses=130.0)
-    >>> pl.plan(pl.white_plane(), camera, max_bounces=3).subject.settings.max_bounces
+    >>> pl.plan(pl.shapes.white_plane(), camera, max_bounces=3).subject.settings.max_bounces
     3
     """
 

@@ -47,7 +47,7 @@ def identity(scene: Scene | SceneRecord | None, camera: PlenopticCamera, **facts
     >>> from plenoptic.rendering.schedule.identity import identity
     >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
     ...     sensor=pl.Sensor(shape=(4, 4), pixel_pitch=0.01), stop_to_microlenses=130.0)
-    >>> found = identity(pl.Scene(background=1.0), camera, seed=3, settings=pl.RenderSettings())
+    >>> found = identity(pl.Scene(background=1.0), camera, seed=3, settings=pl.rendering.RenderSettings())
     >>> found["seed"], found["camera.wavelength"], found["settings.sampler"], found["scene"] == found["camera.lens"]
     ('3', '587.6', 'SOBOL', False)
     """

@@ -41,7 +41,7 @@ class FileContents:
     Examples
     --------
     >>> import plenoptic as pl
-    >>> contents = pl.FileContents([pl.box(4)])
+    >>> contents = pl.scene.FileContents([pl.box(4)])
     >>> pl.Scene(contents.meshes, contents.lights)
     Scene(1 mesh, 12 triangles)
     """

@@ -41,7 +41,7 @@ def build_intersector(geometry: Geometry, instances: InstanceRecord | None = Non
     >>> from plenoptic.scene.geometry.record import Hits
     >>> hits = Hits(np.empty(2, np.int32), None, None)
     >>> rays = np.array([[10, 20, 0, 0, 0, -1.0], [10, 20, 0, 0, 0, 1.0]])
-    >>> build_intersector(pl.white_plane().tables().geometry).fill_closest(hits, rays, coherent=False)
+    >>> build_intersector(pl.shapes.white_plane().tables().geometry).fill_closest(hits, rays, coherent=False)
     >>> hits.triangle.tolist()
     [1, -1]
     """

@@ -46,7 +46,7 @@ class Instances:
     >>> import numpy as np, plenoptic as pl
     >>> places = np.tile(np.eye(4), (3, 1, 1))
     >>> places[:, 0, 3] = -10, 0, 10
-    >>> row = pl.Instances(pl.box(4), places)
+    >>> row = pl.scene.Instances(pl.box(4), places)
     >>> row
     Instances(3 of Mesh(24 vertices, 12 triangles, Lambertian()))
     >>> len(row), row.bounds[:, 0].tolist()
@@ -86,7 +86,7 @@ class Instances:
         Examples
         --------
         >>> import numpy as np, plenoptic as pl
-        >>> pl.Instances(pl.box((2, 4, 6)), [np.diag([1, 2, 3, 1])]).bounds[1].tolist()
+        >>> pl.scene.Instances(pl.box((2, 4, 6)), [np.diag([1, 2, 3, 1])]).bounds[1].tolist()
         [1.0, 4.0, 9.0]
         """
         points = self.mesh.vertices[np.unique(self.mesh.faces)]
@@ -99,7 +99,7 @@ class Instances:
         Examples
         --------
         >>> import numpy as np, plenoptic as pl
-        >>> pl.Instances(pl.box(2), [np.eye(4)]).transformed(np.diag([3, 1, 1, 1])).bounds[1].tolist()
+        >>> pl.scene.Instances(pl.box(2), [np.eye(4)]).transformed(np.diag([3, 1, 1, 1])).bounds[1].tolist()
         [3.0, 1.0, 1.0]
         """
         full = frozen_array(matrix, name="matrix", shape=(4, 4))
@@ -112,7 +112,7 @@ class Instances:
         Examples
         --------
         >>> import numpy as np, plenoptic as pl
-        >>> pl.Instances(pl.box(2), [np.eye(4)]).translated(z=-404).bounds[:, 2].tolist()
+        >>> pl.scene.Instances(pl.box(2), [np.eye(4)]).translated(z=-404).bounds[:, 2].tolist()
         [-405.0, -403.0]
         """
         matrices = self.matrices.copy()
@@ -125,7 +125,7 @@ class Instances:
         Examples
         --------
         >>> import numpy as np, plenoptic as pl
-        >>> pl.Instances(pl.box((4, 2, 1)), [np.eye(4)]).rotated((0, 0, 1), np.pi / 2).bounds[1].round(9).tolist()
+        >>> pl.scene.Instances(pl.box((4, 2, 1)), [np.eye(4)]).rotated((0, 0, 1), np.pi / 2).bounds[1].round(9).tolist()
         [1.0, 2.0, 0.5]
         """
         turn = np.eye(4)
@@ -138,7 +138,7 @@ class Instances:
         Examples
         --------
         >>> import numpy as np, plenoptic as pl
-        >>> pl.Instances(pl.box((4, 2, 1)), [np.eye(4)]).rotated_deg((0, 0, 1), 90).bounds[1].round(9).tolist()
+        >>> pl.scene.Instances(pl.box((4, 2, 1)), [np.eye(4)]).rotated_deg((0, 0, 1), 90).bounds[1].round(9).tolist()
         [1.0, 2.0, 0.5]
         """
         return self.rotated(axis, math.radians(finite(angle_deg, "angle_deg")))
@@ -149,7 +149,7 @@ class Instances:
         Examples
         --------
         >>> import numpy as np, plenoptic as pl
-        >>> pl.Instances(pl.box(2), [np.eye(4)]).scaled(3).bounds[1].tolist()
+        >>> pl.scene.Instances(pl.box(2), [np.eye(4)]).scaled(3).bounds[1].tolist()
         [3.0, 3.0, 3.0]
         """
         return self.transformed(np.diag([*3 * (positive(factor, "factor"),), 1.0]))
@@ -160,7 +160,7 @@ class Instances:
         Examples
         --------
         >>> import numpy as np, plenoptic as pl
-        >>> pl.Instances(pl.box(2), [np.eye(4)]).with_material(pl.Lambertian(0.8)).mesh.material
+        >>> pl.scene.Instances(pl.box(2), [np.eye(4)]).with_material(pl.Lambertian(0.8)).mesh.material
         Lambertian(albedo=0.8)
         """
         return dataclasses.replace(self, mesh=self.mesh.with_material(material))
@@ -171,7 +171,7 @@ class Instances:
         Examples
         --------
         >>> import numpy as np, plenoptic as pl
-        >>> (copy,) = pl.Instances(pl.box(2), [np.diag([1, 1, 2, 1])]).meshes()
+        >>> (copy,) = pl.scene.Instances(pl.box(2), [np.diag([1, 1, 2, 1])]).meshes()
         >>> copy.bounds[1].tolist()
         [1.0, 1.0, 2.0]
         """
@@ -192,7 +192,7 @@ def instance_record(instances: Sequence[Instances], first: Sequence[int]) -> Ins
     --------
     >>> import numpy as np, plenoptic as pl
     >>> from plenoptic.scene.geometry.instance import instance_record
-    >>> record = instance_record([pl.Instances(pl.box(2), [np.eye(4), np.diag([1, 1, -1, 1])])], [12])
+    >>> record = instance_record([pl.scene.Instances(pl.box(2), [np.eye(4), np.diag([1, 1, -1, 1])])], [12])
     >>> record.first.tolist(), record.faces.tolist(), record.plain
     ([12, 12], [12, 12], 12)
     """

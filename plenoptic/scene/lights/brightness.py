@@ -26,7 +26,7 @@ def brightest_radiance(record: SceneRecord) -> float:
     --------
     >>> import plenoptic as pl
     >>> from plenoptic.scene.lights.brightness import brightest_radiance
-    >>> brightest_radiance(pl.white_plane().tables())
+    >>> brightest_radiance(pl.shapes.white_plane().tables())
     1.0
     """
     lights, sky, found = record.lights, record.lights.sky, [0.0]

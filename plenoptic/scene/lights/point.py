@@ -39,7 +39,7 @@ class PointLight:
     Examples
     --------
     >>> import plenoptic as pl
-    >>> lamp = pl.PointLight((0, 200, 0), intensity=4e4)       # irradiance 1 straight below, 200 mm away
+    >>> lamp = pl.lights.PointLight((0, 200, 0), intensity=4e4)       # irradiance 1 straight below, 200 mm away
     >>> lamp
     PointLight(position=[0.0, 200.0, 0.0], intensity=40000.0)
     """
@@ -62,7 +62,7 @@ class PointLight:
         Examples
         --------
         >>> import plenoptic as pl
-        >>> round(pl.PointLight((0, 0, 0), intensity=100.0).power, 6)
+        >>> round(pl.lights.PointLight((0, 0, 0), intensity=100.0).power, 6)
         1256.637061
         """
         return 4 * math.pi * channel_mean(self.intensity)

@@ -48,7 +48,7 @@ class SphereLight:
     Examples
     --------
     >>> import plenoptic as pl
-    >>> bulb = pl.SphereLight((0, 100, -400), radius=15, radiance=20.0)
+    >>> bulb = pl.lights.SphereLight((0, 100, -400), radius=15, radiance=20.0)
     >>> bulb
     SphereLight(center=[0.0, 100.0, -400.0], radius=15.0, radiance=20.0)
     >>> len(bulb.mesh().faces)
@@ -87,7 +87,7 @@ class SphereLight:
         Examples
         --------
         >>> import plenoptic as pl
-        >>> round(pl.SphereLight((0, 0, 0), radius=0.5).area, 6)
+        >>> round(pl.lights.SphereLight((0, 0, 0), radius=0.5).area, 6)
         3.141593
         """
         return 4 * math.pi * self.radius**2
@@ -99,7 +99,7 @@ class SphereLight:
         Examples
         --------
         >>> import plenoptic as pl
-        >>> round(pl.SphereLight((0, 0, 0), radius=0.5, radiance=(1, 2, 3)).power, 6)
+        >>> round(pl.lights.SphereLight((0, 0, 0), radius=0.5, radiance=(1, 2, 3)).power, 6)
         19.739209
         """
         return math.pi * self.area * channel_mean(self.radiance)
@@ -115,7 +115,7 @@ class SphereLight:
         Examples
         --------
         >>> import plenoptic as pl
-        >>> pl.SphereLight((0, 0, 0), radius=2.0).mesh()
+        >>> pl.lights.SphereLight((0, 0, 0), radius=2.0).mesh()
         Mesh('light', 642 vertices, 1280 triangles, Emissive())
         """
         vertices, faces = _body()

@@ -50,7 +50,7 @@ class SpotLight:
     Examples
     --------
     >>> import plenoptic as pl
-    >>> pl.SpotLight((0, 300, -400), (0, -2, 0), intensity=1e5, inner_angle=0.2, outer_angle=0.4)
+    >>> pl.lights.SpotLight((0, 300, -400), (0, -2, 0), intensity=1e5, inner_angle=0.2, outer_angle=0.4)
     SpotLight(position=[0.0, 300.0, -400.0], direction=[0.0, -1.0, 0.0],
         intensity=100000.0, inner_angle=0.2, outer_angle=0.4)
     """
@@ -117,7 +117,7 @@ class SpotLight:
         Examples
         --------
         >>> import plenoptic as pl
-        >>> pl.SpotLight.facing((0, 300, -404), (0, 0, -404), intensity=1e5).direction.tolist()
+        >>> pl.lights.SpotLight.facing((0, 300, -404), (0, 0, -404), intensity=1e5).direction.tolist()
         [0.0, -1.0, 0.0]
         """
         start = place_in_mm(position, "position")
@@ -129,7 +129,7 @@ class SpotLight:
         Examples
         --------
         >>> import plenoptic as pl
-        >>> pl.SpotLight((0, 0, 0), (0, 0, -1), outer_angle=1.0).falloff([0.0, 0.5, 1.0]).round(3).tolist()
+        >>> pl.lights.SpotLight((0, 0, 0), (0, 0, -1), outer_angle=1.0).falloff([0.0, 0.5, 1.0]).round(3).tolist()
         [1.0, 0.538, 0.0]
         """
         inner, outer = math.cos(self.inner_angle), math.cos(self.outer_angle)
@@ -146,7 +146,7 @@ class SpotLight:
         --------
         >>> import math
         >>> import plenoptic as pl
-        >>> round(pl.SpotLight((0, 0, 0), (0, 0, -1), 3.0, 0.0, math.pi / 2).power, 6)
+        >>> round(pl.lights.SpotLight((0, 0, 0), (0, 0, -1), 3.0, 0.0, math.pi / 2).power, 6)
         6.283185
         """
         # 1 - cos a is 2 sin^2(a / 2), which small angles do not cancel.

@@ -73,7 +73,7 @@ class RoughDiffuse:
     Examples
     --------
     >>> import plenoptic as pl
-    >>> pl.RoughDiffuse(0.8, roughness=0.6)
+    >>> pl.materials.RoughDiffuse(0.8, roughness=0.6)
     RoughDiffuse(albedo=0.8, roughness=0.6)
     """
 

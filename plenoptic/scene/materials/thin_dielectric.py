@@ -31,7 +31,7 @@ class ThinGlass:
     Examples
     --------
     >>> import plenoptic as pl
-    >>> pl.ThinGlass(transmittance=(0.9, 1.0, 0.9))
+    >>> pl.materials.ThinGlass(transmittance=(0.9, 1.0, 0.9))
     ThinGlass(transmittance=(0.9, 1.0, 0.9))
     """
 

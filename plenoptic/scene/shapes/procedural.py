@@ -144,7 +144,7 @@ def turned(profile: ArrayLike, *, segments: int = 128, material: Material | None
     Examples
     --------
     >>> import plenoptic as pl
-    >>> cone = pl.turned([[1, 0], [0, 2]], segments=32)
+    >>> cone = pl.shapes.turned([[1, 0], [0, 2]], segments=32)
     >>> cone.bounds.tolist()
     [[-1.0, 0.0, -1.0], [1.0, 2.0, 1.0]]
     """
@@ -263,7 +263,7 @@ def white_plane() -> Scene:
     Examples
     --------
     >>> import plenoptic as pl
-    >>> pl.white_plane()
+    >>> pl.shapes.white_plane()
     Scene(1 mesh, 2 triangles)
     """
     return Scene([quad((-200, -200, -404), (400, 0, 0), (0, 400, 0), material=Emissive(1.0))])

@@ -29,7 +29,7 @@ class Wrap(enum.IntEnum):
     --------
     >>> import numpy as np
     >>> import plenoptic as pl
-    >>> pl.Texture(np.ones((1, 2, 1)), wrap=(pl.Wrap.REPEAT, pl.Wrap.CLAMP)).wraps
+    >>> pl.Texture(np.ones((1, 2, 1)), wrap=(pl.materials.Wrap.REPEAT, pl.materials.Wrap.CLAMP)).wraps
     (<Wrap.REPEAT: 0>, <Wrap.CLAMP: 1>)
     """
 
@@ -47,7 +47,7 @@ class TextureFilter(enum.IntEnum):
     Examples
     --------
     >>> import plenoptic as pl
-    >>> list(pl.TextureFilter)
+    >>> list(pl.materials.TextureFilter)
     [<TextureFilter.NEAREST: 0>, <TextureFilter.BILINEAR: 1>]
     """
 
@@ -253,7 +253,7 @@ class Texture:
         The green of a glTF image is roughness, and no colour:
 
         >>> import plenoptic as pl
-        >>> roughness = pl.Texture.from_image(image, encoding=pl.Encoding.LINEAR, channel=1)
+        >>> roughness = pl.Texture.from_image(image, encoding=pl.images.Encoding.LINEAR, channel=1)
         >>> roughness.texels.shape, f"{roughness.texels[0, 0, 0]:.3f}"
         ((4, 8, 1), '0.737')
         """

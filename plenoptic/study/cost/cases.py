@@ -133,7 +133,7 @@ def cost_case(name: str) -> Plan:
     --------
     >>> import plenoptic as pl
     >>> from plenoptic.study.cost.cases import cost_case
-    >>> cost_case("check").runs(pl.Stage.SCATTERING)
+    >>> cost_case("check").runs(pl.rendering.Stage.SCATTERING)
     False
     """
     if name not in _CASES:

@@ -95,7 +95,7 @@ def test_a_telecentric_pupil_projects_along_the_axis():
         [
             pl.CircularStop(1.0, thickness=97.0),
             pl.Surface(100.0, 4.0, pl.ConstantMedium(1.5), semi_diameter=30.0),
-            pl.Surface(-100.0, 0.0, pl.AIR, semi_diameter=30.0),
+            pl.Surface(-100.0, 0.0, pl.optics.AIR, semi_diameter=30.0),
         ]
     )
     gap = pl.paraxial.cardinal_points(lens).exit_pupil
@@ -107,23 +107,23 @@ def test_a_telecentric_pupil_projects_along_the_axis():
     assert (off <= 4e-6 * np.linalg.norm(centres.on_array, axis=1) ** 3 + 1e-12).all()
 
 
-@pytest.mark.parametrize("side", list(pl.ConvexSide))
+@pytest.mark.parametrize("side", list(pl.optics.ConvexSide))
 @pytest.mark.parametrize("index", [1.5, 1.9])
 def test_plates_are_traced(side, index):
     """A single large plano-convex lens, followed surface by surface, leads the same ray to the same place."""
-    kind = {"model": pl.MicrolensModel.SPHERICAL, "thickness": 0.8, "index": index, "convex_side": side}
+    kind = {"model": pl.optics.MicrolensModel.SPHERICAL, "thickness": 0.8, "index": index, "convex_side": side}
     camera = the_camera(shape=(3000, 3000), b=2.0, pitch=0.5, **kind)
     axes, centres = array_axes(camera), microlens_centres(camera)
     rows = [int(np.argmax(centres.on_array @ direction)) for direction in ((1, 0), (1, 1), (-1, 2))]
     slopes = aimed_slopes(axes, centres.on_array[rows])
     glass, radius = pl.ConstantMedium(index), 2.0 * (index - 1)
-    curved = side is pl.ConvexSide.SCENE
+    curved = side is pl.optics.ConvexSide.SCENE
     first, last = (radius, math.inf) if curved else (math.inf, -radius)
     plate = pl.LensStack(
         [
             pl.CircularStop(5.0, thickness=1.0),
             pl.Surface(first, 0.8, glass, semi_diameter=0.3),
-            pl.Surface(last, 0.0, pl.AIR, semi_diameter=0.3),
+            pl.Surface(last, 0.0, pl.optics.AIR, semi_diameter=0.3),
         ]
     )
     for row, (u, v) in zip(rows, slopes, strict=True):
@@ -279,7 +279,7 @@ def test_jitter_moves_centres():
 
 
 def test_dark_microlenses_have_no_centroid():
-    dark = pl.MicrolensDeviations(index=[(0, 0)], transmission=[0.0])
+    dark = pl.optics.MicrolensDeviations(index=[(0, 0)], transmission=[0.0])
     camera = the_camera(shape=(70, 70), imperfections=dark)
     assert (0, 0) in by_index(microlens_centres(camera))
     found = microlens_centres(camera, CENTROID)
@@ -304,7 +304,7 @@ def test_parts_out_of_place_project_through_space(part, tilt):
     camera = the_camera(the_lens(model=pl.LensModel.THIN), shape=(200, 300))
     shift = (0.05, -0.04, 0.1)
     moved = camera.moved(CameraPart[part], shift=shift, tilt=tilt)
-    turn = pl.Placement(rotation=_rotation(tilt)).rotation
+    turn = pl.optics.Placement(rotation=_rotation(tilt)).rotation
     poses = {
         name: (np.eye(3), np.array([0.0, 0.0, z]))
         for name, z in (("LENS", 0.0), ("MICROLENSES", 123.3), ("SENSOR", 125.3))
@@ -352,19 +352,19 @@ def test_centroids_of_a_small_pupil_follow_chief_rays_where_parts_are_tilted(par
 
 def test_impossible_questions_say_what_to_do():
     bare = pl.PlenopticCamera(lens=the_lens(), sensor=pl.Sensor((8, 8), 0.01), stop_to_microlenses=130.0)
-    with pytest.raises(pl.InvalidValueError, match="no microlenses"):
+    with pytest.raises(pl.errors.InvalidValueError, match="no microlenses"):
         microlens_centres(bare)
     camera = the_camera(shape=(64, 64))
     white = pl.Exposure(np.ones((64, 64, 1)))
-    with pytest.raises(pl.InvalidValueError, match="does not look at it"):
+    with pytest.raises(pl.errors.InvalidValueError, match="does not look at it"):
         microlens_centres(camera, white=white)
-    with pytest.raises(pl.InvalidValueError, match="render it with this camera"):
+    with pytest.raises(pl.errors.InvalidValueError, match="render it with this camera"):
         microlens_centres(camera, CENTROID, white=pl.Exposure(np.ones((64, 63, 1))))
-    with pytest.raises(pl.InvalidValueError, match="method is 7"):
+    with pytest.raises(pl.errors.InvalidValueError, match="method is 7"):
         microlens_centres(camera, 7)
     free = the_camera(shape=(64, 64), lattice=pl.Lattice.FREE, centres=[[0.0, 0.0], [0.2, 0.1]])
     assert len(microlens_centres(free)) == 2
-    with pytest.raises(pl.InvalidValueError, match="FREE"):
+    with pytest.raises(pl.errors.InvalidValueError, match="FREE"):
         microlens_centres(free, CENTROID)
 
 

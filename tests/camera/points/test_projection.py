@@ -16,7 +16,11 @@ from plenoptic.optics.lens.record import lens_record
 from plenoptic.optics.lens.trace import traced_by
 from plenoptic.truth.channels import Truth
 
-THIN, FLAT, SPHERICAL = pl.MicrolensModel.THIN, pl.MicrolensModel.FLAT_HIGH_INDEX, pl.MicrolensModel.SPHERICAL
+THIN, FLAT, SPHERICAL = (
+    pl.optics.MicrolensModel.THIN,
+    pl.optics.MicrolensModel.FLAT_HIGH_INDEX,
+    pl.optics.MicrolensModel.SPHERICAL,
+)
 
 
 def the_lens(model=pl.LensModel.EXACT, stop=5.0):
@@ -95,9 +99,9 @@ KINDS = {
     "types": {"focal_lengths": (1.7, 2.0, 2.4)},
     "rectangular": {"lattice": pl.Lattice.RECTANGULAR, "pitch": (0.25, 0.2)},
     "spherical": {"model": SPHERICAL},
-    "spherical to the sensor": {"model": SPHERICAL, "convex_side": pl.ConvexSide.SENSOR},
+    "spherical to the sensor": {"model": SPHERICAL, "convex_side": pl.optics.ConvexSide.SENSOR},
     "flat": {"model": FLAT, "index": 100.0},
-    "flat to the sensor": {"model": FLAT, "index": 100.0, "convex_side": pl.ConvexSide.SENSOR},
+    "flat to the sensor": {"model": FLAT, "index": 100.0, "convex_side": pl.optics.ConvexSide.SENSOR},
     "imperfect": {"imperfections": pl.MicrolensImperfections(pitch_jitter=0.004, decentre=0.003, seed=4)},
 }
 
@@ -108,7 +112,7 @@ def test_the_chief_ray_is_what_small_microlenses_leave_of_the_light(array, place
     # Light through small round openings about the optical centres is the chief ray and its neighbours: a spot of radius
     # 24 um times 2 % near the plane in focus. Its centroid differs from the chief ray by aberrations of even order, a
     # part 0.05 of those of a whole cell, up to 3e-4 mm at the edge of the light: below 2e-5 mm.
-    array = {"aperture": pl.MicrolensAperture(pl.ApertureShape.CIRCLE, 0.05), **array}
+    array = {"aperture": pl.optics.MicrolensAperture(pl.optics.ApertureShape.CIRCLE, 0.05), **array}
     shifted = array.pop("imperfections", None)
     if shifted is not None:
         # An opening that is not about the optical axis has no chief ray for its centroid.
@@ -184,7 +188,9 @@ def test_a_conventional_camera_with_parts_out_of_place():
     placement = lens.lens_placement
     pose = pl.Pose(placement.rotation, placement.shift)
     z = np.array([0.0, 0.0, camera.z_sensor])
-    together = dataclasses.replace(lens, sensor_placement=pl.Placement(pose.to_world([z])[0] - z, placement.rotation))
+    together = dataclasses.replace(
+        lens, sensor_placement=pl.optics.Placement(pose.to_world([z])[0] - z, placement.rotation)
+    )
     points = np.array([(3.0, 2.0, -404.0), (-4.0, 1.0, -500.0)])
     here, there = project(camera, points), project(together, pose.to_world(points))
     np.testing.assert_allclose(there.position, here.position, rtol=0, atol=1e-9)
@@ -268,7 +274,7 @@ def test_microlenses_at_the_edge_of_the_light_are_seen_without_their_chief_ray()
 
 
 def test_a_dark_microlens_is_not_lit():
-    dark = pl.MicrolensDeviations(index=[(0, 0)], transmission=[0.0])
+    dark = pl.optics.MicrolensDeviations(index=[(0, 0)], transmission=[0.0])
     seen = project(reference_camera(imperfections=dark), (0.0, 0.0, -404.0))
     middle = (seen.index == 0).all(axis=1)
     assert middle.sum() == 1 and seen.passes[middle].all()
@@ -314,7 +320,7 @@ def test_a_point_imaged_onto_the_array_is_seen_by_one_microlens():
 
 
 def test_pinholes_show_points_along_chief_rays():
-    seen = project(reference_camera(model=pl.MicrolensModel.PINHOLE), (0.0, 0.0, -404.0))
+    seen = project(reference_camera(model=pl.optics.MicrolensModel.PINHOLE), (0.0, 0.0, -404.0))
     thin = project(reference_camera(), (0.0, 0.0, -404.0))
     assert seen.passes.all() and seen.visible.all() and np.isnan(seen.light).all()
     np.testing.assert_array_equal(seen.centroid, seen.position)
@@ -416,5 +422,5 @@ def test_more_rays_leave_chief_rays_as_they_are():
 )
 def test_impossible_arguments(change, sentence):
     arguments = {"camera": reference_camera(), "points": (0, 0, -404), **change}
-    with pytest.raises(pl.InvalidValueError, match=sentence):
+    with pytest.raises(pl.errors.InvalidValueError, match=sentence):
         project(arguments.pop("camera"), arguments.pop("points"), **arguments)

@@ -17,7 +17,11 @@ from plenoptic.optics.microlens.kernels.thin import fill_thin
 from plenoptic.optics.microlens.record import SensorPlane
 from plenoptic.truth.channels import Truth
 
-THIN, FLAT, SPHERICAL = pl.MicrolensModel.THIN, pl.MicrolensModel.FLAT_HIGH_INDEX, pl.MicrolensModel.SPHERICAL
+THIN, FLAT, SPHERICAL = (
+    pl.optics.MicrolensModel.THIN,
+    pl.optics.MicrolensModel.FLAT_HIGH_INDEX,
+    pl.optics.MicrolensModel.SPHERICAL,
+)
 
 
 def the_lens(stop=5.0):
@@ -47,7 +51,7 @@ PLATES = [
     {"lattice": lattice, "model": model, "index": index, "convex_side": side}
     for lattice in (pl.Lattice.HEXAGONAL, pl.Lattice.SQUARE)
     for model, index in ((FLAT, 50.0), (SPHERICAL, 1.5))
-    for side in pl.ConvexSide
+    for side in pl.optics.ConvexSide
 ]
 ARRAYS = [{"lattice": lattice, "model": THIN} for lattice in (pl.Lattice.HEXAGONAL, pl.Lattice.SQUARE)] + PLATES
 
@@ -220,12 +224,12 @@ LONG = {
     "1.0, square": lambda: (reference_camera(**MODE_1, **SQUARE, lens=the_lens(4.25)), (-4.0, 5.0, -430.0)),
     "2.0, spherical": lambda: (reference_camera(model=SPHERICAL), (5.0, 3.0, -380.0)),
     "2.0, spherical to the sensor": lambda: (
-        reference_camera(model=SPHERICAL, convex_side=pl.ConvexSide.SENSOR),
+        reference_camera(model=SPHERICAL, convex_side=pl.optics.ConvexSide.SENSOR),
         (5.0, 3.0, -380.0),
     ),
     "2.0, flat": lambda: (reference_camera(model=FLAT, index=100.0), (5.0, 3.0, -380.0)),
     "2.0, flat to the sensor": lambda: (
-        reference_camera(model=FLAT, index=100.0, convex_side=pl.ConvexSide.SENSOR),
+        reference_camera(model=FLAT, index=100.0, convex_side=pl.optics.ConvexSide.SENSOR),
         (5.0, 3.0, -380.0),
     ),
     "2.0, decentred": lambda: (reference_camera(lens=the_lens().moved(slice(6, 9), **MOVED)), (3.0, 1.0, -404.0)),
@@ -414,7 +418,7 @@ def test_spread_keeps_the_lit_pixels_and_the_fates_of_all_rays():
     assert one.of(0) is one and spread.of(2).light == spread.light[2]
     assert pickle.loads(pickle.dumps(spread)) == spread and not spread.image.flags.writeable
     assert repr(one).startswith("<CameraSpread of 1 point: ") and "3 points" in repr(spread)
-    with pytest.raises(pl.InvalidValueError, match="3 points"):
+    with pytest.raises(pl.errors.InvalidValueError, match="3 points"):
         spread.of(3)
 
 
@@ -488,20 +492,20 @@ def test_polygons_around_the_light_hold_all_of_it():
         ({"seed": 1 << 64}, "2\\^64"),
         ({"threads": 0}, "threads"),
         ({"camera": "camera"}, "PlenopticCamera"),
-        ({"camera": reference_camera(model=pl.MicrolensModel.PINHOLE)}, "PINHOLE"),
+        ({"camera": reference_camera(model=pl.optics.MicrolensModel.PINHOLE)}, "PINHOLE"),
     ],
     ids=str,
 )
 def test_impossible_arguments_are_refused(changed, message):
     given = {"camera": reference_camera(shape=(8, 8)), "points": (0, 0, -404), **changed}
-    with pytest.raises(pl.InvalidValueError, match=message):
+    with pytest.raises(pl.errors.InvalidValueError, match=message):
         point_spread(given.pop("camera"), given.pop("points"), **given)
 
 
 def test_points_behind_a_posed_camera_are_refused():
     camera = reference_camera().posed((0, 0, 900), (0, 0, 0))
     assert point_spread(camera, (0, 0, 500), rays=64).light > 0
-    with pytest.raises(pl.InvalidValueError, match="in front"):
+    with pytest.raises(pl.errors.InvalidValueError, match="in front"):
         point_spread(camera, (0, 0, 1000), rays=64)
 
 
@@ -529,5 +533,5 @@ def test_figure_shows_the_pixels_where_the_sensor_has_them():
     dark = plot_camera_spread(point_spread(reference_camera(), (1e4, 0, -50), rays=8))
     assert "no light" in [text.get_text() for text in dark.texts]
     plt.close("all")
-    with pytest.raises(pl.InvalidValueError, match="CameraSpread"):
+    with pytest.raises(pl.errors.InvalidValueError, match="CameraSpread"):
         plot_camera_spread("spread")

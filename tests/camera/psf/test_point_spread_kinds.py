@@ -19,9 +19,13 @@ from plenoptic.optics.microlens.imperfections import MicrolensDeviations, Microl
 from plenoptic.optics.sensor.angular_response import AngularResponse
 from plenoptic.truth.channels import Truth
 
-THIN, FLAT, SPHERICAL = pl.MicrolensModel.THIN, pl.MicrolensModel.FLAT_HIGH_INDEX, pl.MicrolensModel.SPHERICAL
+THIN, FLAT, SPHERICAL = (
+    pl.optics.MicrolensModel.THIN,
+    pl.optics.MicrolensModel.FLAT_HIGH_INDEX,
+    pl.optics.MicrolensModel.SPHERICAL,
+)
 LENS, ARRAY, SENSOR = CameraPart.LENS, CameraPart.MICROLENSES, CameraPart.SENSOR
-TO_SENSOR = {"model": SPHERICAL, "convex_side": pl.ConvexSide.SENSOR}
+TO_SENSOR = {"model": SPHERICAL, "convex_side": pl.optics.ConvexSide.SENSOR}
 PLATES = {
     "thin": {},
     "spherical": {"model": SPHERICAL},
@@ -415,7 +419,7 @@ def test_a_camera_moved_as_a_whole_is_a_posed_camera():
     whole = {}
     for name, z in (("lens", 0.0), ("microlenses", camera.stop_to_microlenses), ("sensor", camera.z_sensor)):
         place = np.array([0.0, 0.0, z])
-        whole[f"{name}_placement"] = pl.Placement(shift=turn @ place + shift - place, rotation=turn)
+        whole[f"{name}_placement"] = pl.optics.Placement(shift=turn @ place + shift - place, rotation=turn)
     moved = dataclasses.replace(camera, **whole)
     posed = dataclasses.replace(camera, pose=pl.Pose(rotation=turn, position=shift))
     point = posed.pose.to_world((5.0, 3.0, -380.0))

@@ -141,7 +141,7 @@ def test_paraxial_and_exact_images_of_the_reference_camera_agree_near_the_axis()
 
 def test_an_afocal_lens_has_no_ideal_model():
     plate = pl.LensStack([pl.CircularStop(5.0), pl.Surface(math.inf, semi_diameter=9.0)])
-    with pytest.raises(pl.PrescriptionError, match="no focal length"):
+    with pytest.raises(pl.errors.PrescriptionError, match="no focal length"):
         plate.with_model(THIN).trace(bundle(-404.0, 0.0))
     assert np.all(plate.with_model(NONE).trace(bundle(-404.0, 0.0)).status == 0)
 
@@ -149,5 +149,5 @@ def test_an_afocal_lens_has_no_ideal_model():
 def test_the_model_is_part_of_the_lens():
     lens = LENS.with_model(THIN)
     assert lens != LENS and lens.with_model(EXACT) == LENS
-    with pytest.raises(pl.InvalidValueError, match="model is 7"):
+    with pytest.raises(pl.errors.InvalidValueError, match="model is 7"):
         dataclasses.replace(LENS, model=7)

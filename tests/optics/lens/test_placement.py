@@ -168,10 +168,10 @@ def test_impossible_moves_are_refused(call, message):
 
 
 def test_a_matrix_that_is_no_rotation_is_refused():
-    with pytest.raises(pl.PrescriptionError, match="orthonormal"):
-        pl.Placement(rotation=np.diag([1.0, 1.0, 1.001]))
-    with pytest.raises(pl.PrescriptionError, match="determinant 1"):
-        pl.Placement(rotation=np.diag([1.0, 1.0, -1.0]))
+    with pytest.raises(pl.errors.PrescriptionError, match="orthonormal"):
+        pl.optics.Placement(rotation=np.diag([1.0, 1.0, 1.001]))
+    with pytest.raises(pl.errors.PrescriptionError, match="determinant 1"):
+        pl.optics.Placement(rotation=np.diag([1.0, 1.0, -1.0]))
 
 
 @pytest.mark.parametrize("which", [slice(0, 5), 3, slice(6, 11), 5])

@@ -123,7 +123,7 @@ def test_a_stop_needs_a_place(z: float) -> None:
         ([STOP], "no surface"),
         ([FRONT, BACK], "2 surfaces and no stop"),
         ([STOP, FRONT, "lens"], "element 2 is 'lens'"),
-        ([STOP, FRONT], "element 1, the last surface, .* must be pl.AIR"),
+        ([STOP, FRONT], "element 1, the last surface, .* must be pl.optics.AIR"),
         ([FRONT, STOP], "element 0, the last surface"),
         (7, "elements is 7"),
         ([STOP, Surface(50, 1e308, semi_diameter=1), Surface(50, 1e308, semi_diameter=1), BACK], "no finite length"),

@@ -11,7 +11,7 @@ from plenoptic.optics.microlens.aperture import opening_of
 from plenoptic.optics.microlens.lattice import cell_polygon, polygon_area, polygon_edges
 
 EPS = np.finfo(float).eps
-Shape = pl.ApertureShape
+Shape = pl.optics.ApertureShape
 PITCHES = {pl.Lattice.HEXAGONAL: (1.0, 1.0), pl.Lattice.SQUARE: (1.0, 1.0), pl.Lattice.RECTANGULAR: (0.7, 1.1)}
 LARGEST = {
     # A circle touches sides; a square of side a fits a hexagon of apothem p / 2 as a (1 + 1 / sqrt 3) = 2 p / sqrt 3.
@@ -44,10 +44,10 @@ def cell_of(lattice: pl.Lattice, size: float = 1.0) -> np.ndarray:
     size=st.sampled_from([1e-6, 1.0, 1e6]),
 )
 def test_openings_have_their_area_and_fit_their_cell(
-    lattice: pl.Lattice, shape: pl.ApertureShape, part: float, size: float
+    lattice: pl.Lattice, shape: pl.optics.ApertureShape, part: float, size: float
 ) -> None:
     cell, fill_factor = cell_of(lattice, size), part * LARGEST[lattice, shape]
-    opening = opening_of(pl.MicrolensAperture(shape, fill_factor), cell)
+    opening = opening_of(pl.optics.MicrolensAperture(shape, fill_factor), cell)
     round_one = shape is Shape.CIRCLE
     area = math.pi * opening.radius**2 if round_one else polygon_area(opening.corners)
     assert area == pytest.approx(fill_factor * polygon_area(cell), rel=32 * EPS)
@@ -66,38 +66,40 @@ def test_openings_have_their_area_and_fit_their_cell(
 
 
 @pytest.mark.parametrize(("lattice", "shape"), [key for key in LARGEST if LARGEST[key] < 1])
-def test_what_sticks_out_of_its_cell_is_refused(lattice: pl.Lattice, shape: pl.ApertureShape) -> None:
+def test_what_sticks_out_of_its_cell_is_refused(lattice: pl.Lattice, shape: pl.optics.ApertureShape) -> None:
     cell, largest = cell_of(lattice), LARGEST[lattice, shape]
-    opening_of(pl.MicrolensAperture(shape, largest * (1 - 1e-12)), cell)
-    with pytest.raises(pl.InvalidValueError, match=f"makes the {shape.name.lower()} stick out of its cell") as error:
-        opening_of(pl.MicrolensAperture(shape, largest * (1 + 1e-6)), cell)
+    opening_of(pl.optics.MicrolensAperture(shape, largest * (1 - 1e-12)), cell)
+    with pytest.raises(
+        pl.errors.InvalidValueError, match=f"makes the {shape.name.lower()} stick out of its cell"
+    ) as error:
+        opening_of(pl.optics.MicrolensAperture(shape, largest * (1 + 1e-6)), cell)
     # The error names a fill factor that is accepted, and hardly less than the largest.
     named = float(re.search(r"that fits is ([0-9.]+)", str(error.value))[1])
     assert largest - 1.01e-5 < named <= largest
-    opening_of(pl.MicrolensAperture(shape, named), cell)
+    opening_of(pl.optics.MicrolensAperture(shape, named), cell)
 
 
 def test_shapes_lie_as_documented() -> None:
-    square = opening_of(pl.MicrolensAperture(Shape.SQUARE, 0.25), cell_of(pl.Lattice.SQUARE)).corners
+    square = opening_of(pl.optics.MicrolensAperture(Shape.SQUARE, 0.25), cell_of(pl.Lattice.SQUARE)).corners
     assert np.abs(square) == pytest.approx(np.full((4, 2), 0.25), abs=4 * EPS)
-    hexagon = opening_of(pl.MicrolensAperture(Shape.HEXAGON, 0.5), cell_of(pl.Lattice.HEXAGONAL)).corners
+    hexagon = opening_of(pl.optics.MicrolensAperture(Shape.HEXAGON, 0.5), cell_of(pl.Lattice.HEXAGONAL)).corners
     on_axis = np.abs(hexagon[:, 1]) < 8 * EPS
     assert on_axis.sum() == 2
     # The whole cell of the hexagonal lattice is such a hexagon.
-    whole = opening_of(pl.MicrolensAperture(Shape.HEXAGON), cell_of(pl.Lattice.HEXAGONAL)).corners
+    whole = opening_of(pl.optics.MicrolensAperture(Shape.HEXAGON), cell_of(pl.Lattice.HEXAGONAL)).corners
     assert whole == pytest.approx(cell_of(pl.Lattice.HEXAGONAL), abs=8 * EPS)
 
 
 def test_openings_shaped_as_cells_are_similar_to_them() -> None:
     for lattice in PITCHES:
-        opening = opening_of(pl.MicrolensAperture(Shape.CELL, 0.49), cell_of(lattice))
+        opening = opening_of(pl.optics.MicrolensAperture(Shape.CELL, 0.49), cell_of(lattice))
         assert opening.corners == pytest.approx(0.7 * cell_of(lattice), rel=8 * EPS, abs=8 * EPS)
 
 
 def test_arrays_have_openings() -> None:
     bare = pl.MicrolensArray(pitch=0.2, focal_lengths=(2.0,))
     assert np.array_equal(bare.opening.corners, bare.cell_corners) and bare.opening.reach == bare.cell_radius
-    circle = pl.MicrolensAperture(Shape.CIRCLE, 0.6)
+    circle = pl.optics.MicrolensAperture(Shape.CIRCLE, 0.6)
     assert pl.MicrolensArray(pitch=0.2, focal_lengths=(2.0,), aperture=circle).opening.reach == pytest.approx(
         math.sqrt(0.6 * bare.cell_area / math.pi), rel=8 * EPS
     )
@@ -106,16 +108,16 @@ def test_arrays_have_openings() -> None:
         pitch=0.2, focal_lengths=(2.0,), lattice=pl.Lattice.FREE, centres=[(0, 0), (0.3, 0.1)], aperture=circle
     )
     assert free.opening.radius == pytest.approx(math.sqrt(0.6 * 0.04 / math.pi), rel=8 * EPS)
-    with pytest.raises(pl.InvalidValueError, match="makes the circle stick out of its cell"):
-        pl.MicrolensArray(pitch=0.2, focal_lengths=(2.0,), aperture=pl.MicrolensAperture(Shape.CIRCLE, 0.95))
+    with pytest.raises(pl.errors.InvalidValueError, match="makes the circle stick out of its cell"):
+        pl.MicrolensArray(pitch=0.2, focal_lengths=(2.0,), aperture=pl.optics.MicrolensAperture(Shape.CIRCLE, 0.95))
 
 
 def test_a_small_opening_allows_a_strong_plate() -> None:
     # A radius of curvature of 0.1 mm is less than the cell's corner at 0.115 mm, and more than a pinhole's.
-    strong = {"pitch": 0.2, "focal_lengths": (0.2,), "model": pl.MicrolensModel.SPHERICAL}
-    with pytest.raises(pl.InvalidValueError, match="below the corner of the opening at 0.115"):
+    strong = {"pitch": 0.2, "focal_lengths": (0.2,), "model": pl.optics.MicrolensModel.SPHERICAL}
+    with pytest.raises(pl.errors.InvalidValueError, match="below the corner of the opening at 0.115"):
         pl.MicrolensArray(**strong)
-    opened = pl.MicrolensArray(**strong, aperture=pl.MicrolensAperture(Shape.CIRCLE, 0.5))
+    opened = pl.MicrolensArray(**strong, aperture=pl.optics.MicrolensAperture(Shape.CIRCLE, 0.5))
     assert opened.opening.reach < opened.radius == pytest.approx(0.1, rel=4 * EPS)
 
 
@@ -130,5 +132,5 @@ def test_a_small_opening_allows_a_strong_plate() -> None:
     ],
 )
 def test_impossible_apertures(changes: dict, message: str) -> None:
-    with pytest.raises(pl.InvalidValueError, match=message):
-        pl.MicrolensAperture(**changes)
+    with pytest.raises(pl.errors.InvalidValueError, match=message):
+        pl.optics.MicrolensAperture(**changes)

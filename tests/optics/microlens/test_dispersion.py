@@ -13,7 +13,11 @@ from plenoptic.optics.microlens.kernels.thin import fill_thin
 from plenoptic.optics.microlens.record import SensorPlane, array_record
 
 FLINT = pl.ModelGlass(1.62, 36.4)
-THIN, FLAT, SPHERICAL = pl.MicrolensModel.THIN, pl.MicrolensModel.FLAT_HIGH_INDEX, pl.MicrolensModel.SPHERICAL
+THIN, FLAT, SPHERICAL = (
+    pl.optics.MicrolensModel.THIN,
+    pl.optics.MicrolensModel.FLAT_HIGH_INDEX,
+    pl.optics.MicrolensModel.SPHERICAL,
+)
 
 
 class Dense:
@@ -23,7 +27,7 @@ class Dense:
         return 100.0 + 0.01 * (587.6 - wavelength)
 
 
-def array_of(model: pl.MicrolensModel, side=pl.ConvexSide.SCENE, **changes) -> pl.MicrolensArray:
+def array_of(model: pl.optics.MicrolensModel, side=pl.optics.ConvexSide.SCENE, **changes) -> pl.MicrolensArray:
     medium = Dense() if model is FLAT else FLINT
     fields = {"pitch": 0.217, "focal_lengths": (2.0,), "model": model, "convex_side": side, "medium": medium} | changes
     return pl.MicrolensArray(**fields)
@@ -34,7 +38,7 @@ def camera_of(array: pl.MicrolensArray, **changes) -> pl.PlenopticCamera:
     lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(5.0))
     elements = [
         dataclasses.replace(part, medium=pl.ConstantMedium(part.medium.index(587.6)))
-        if isinstance(part, pl.Surface) and part.medium != pl.AIR
+        if isinstance(part, pl.Surface) and part.medium != pl.optics.AIR
         else part
         for part in lens.elements
     ]
@@ -52,7 +56,7 @@ def camera_of(array: pl.MicrolensArray, **changes) -> pl.PlenopticCamera:
 
 
 @pytest.mark.parametrize("wavelength", [440.0, 587.6, 680.0])
-@pytest.mark.parametrize("side", pl.ConvexSide)
+@pytest.mark.parametrize("side", pl.optics.ConvexSide)
 @pytest.mark.parametrize("model", [THIN, FLAT, SPHERICAL])
 def test_the_focal_length_follows_the_index(model, side, wavelength):
     array = array_of(model, side)
@@ -78,7 +82,7 @@ def test_the_focal_length_follows_the_index(model, side, wavelength):
 @pytest.mark.parametrize("model", [THIN, FLAT, SPHERICAL])
 def test_a_medium_that_does_not_disperse_is_an_index(model):
     index = 100.0 if model is FLAT else 1.62
-    seen = pl.Sensitivity([650.0, 550.0, 450.0])
+    seen = pl.sensor.Sensitivity([650.0, 550.0, 450.0])
     plain = camera_of(array_of(model, medium=None, index=index), sensitivity=seen)
     same = camera_of(array_of(model, medium=pl.ConstantMedium(index)), sensitivity=seen)
     shots = [pl.render_white(camera, samples=16, progress=False) for camera in (plain, same)]
@@ -91,7 +95,7 @@ def test_a_medium_that_does_not_disperse_is_an_index(model):
 @pytest.mark.parametrize("model", [THIN, FLAT, SPHERICAL])
 def test_a_line_that_paths_draw_gives_the_image_of_that_wavelength(model):
     camera = camera_of(array_of(model), wavelength=450.0)
-    drawn = dataclasses.replace(camera, wavelength=587.6, sensitivity=pl.Sensitivity([450.0]))
+    drawn = dataclasses.replace(camera, wavelength=587.6, sensitivity=pl.sensor.Sensitivity([450.0]))
     far = dataclasses.replace(camera, wavelength=680.0)
     one, other, red = (
         pl.render_white(made, samples=512, seed=seed, progress=False) for seed, made in enumerate((camera, drawn, far))
@@ -112,7 +116,7 @@ def test_microlens_images_are_red_at_their_rim_in_front_of_the_focus(model):
     # A ray through the height y of a microlens lands at y (1 - distance / f) beside the ray through its centre: nearer
     # than the focus, blue light, whose focal length is shorter, lands nearer to it.
     camera = camera_of(
-        array_of(model, medium=pl.ModelGlass(1.62, 20.0)), sensitivity=pl.Sensitivity([680.0, 550.0, 440.0])
+        array_of(model, medium=pl.ModelGlass(1.62, 20.0)), sensitivity=pl.sensor.Sensitivity([680.0, 550.0, 440.0])
     )
     shot = pl.render_white(camera, samples=2048, progress=False)
     x = (np.arange(22) - 10.5) * 0.01
@@ -126,7 +130,7 @@ def test_microlens_images_are_red_at_their_rim_in_front_of_the_focus(model):
 def test_light_of_points_meets_microlenses_of_its_wavelength(model):
     camera = camera_of(array_of(model), wavelength=450.0)
     constant = camera.microlenses.medium.index(450.0)
-    landed = pl.landing_points(camera, (0.0, 0.0, -404.0), rays=4096)
+    landed = pl.camera.landing_points(camera, (0.0, 0.0, -404.0), rays=4096)
     middle = (landed.index == 0).all(axis=1)
     assert middle.sum() > 20
     # A plate of the constant index with the same surfaces: its focal length at 450 nm, and as thick.
@@ -139,7 +143,7 @@ def test_light_of_points_meets_microlenses_of_its_wavelength(model):
     twin = dataclasses.replace(
         camera, microlenses=shorter, microlenses_to_sensor=camera.microlenses_to_sensor + moved - inside
     )
-    expected = pl.landing_points(twin, (0.0, 0.0, -404.0), rays=4096)
+    expected = pl.camera.landing_points(twin, (0.0, 0.0, -404.0), rays=4096)
     assert landed.position == pytest.approx(expected.position, abs=1e-12)
 
 
@@ -149,13 +153,13 @@ def test_light_of_points_meets_microlenses_of_its_wavelength(model):
 @pytest.mark.parametrize(
     ("fields", "said"),
     [
-        ({"medium": 1.5}, "medium of the microlenses is 1.5; it must be a medium: pl.AIR"),
+        ({"medium": 1.5}, "medium of the microlenses is 1.5; it must be a medium: pl.optics.AIR"),
         ({"medium": "N-BK7"}, "medium of the microlenses is 'N-BK7'; it must be a medium"),
         ({"medium": FLINT, "index": 1.7}, "index of the microlenses is 1.7, and their medium has 1.62"),
-        ({"medium": pl.AIR}, "index of the microlenses is 1.0; it must be above 1"),
+        ({"medium": pl.optics.AIR}, "index of the microlenses is 1.0; it must be above 1"),
         ({"medium": FLINT, "model": FLAT}, "FLAT_HIGH_INDEX stands for a nearly flat lens and needs at least 10"),
     ],
 )
 def test_impossible_media_are_refused(fields, said):
-    with pytest.raises(pl.InvalidValueError, match=said):
+    with pytest.raises(pl.errors.InvalidValueError, match=said):
         pl.MicrolensArray(**({"pitch": 0.217, "focal_lengths": (2.0,), "model": SPHERICAL} | fields))

@@ -345,5 +345,5 @@ GRAIN = {"site": SENSOR, "start": [(0, 0)], "end": [(0, 0)], "radius": [0.1], "t
     ],
 )
 def test_impossible_blemishes(changes: dict, message: str) -> None:
-    with pytest.raises(pl.InvalidValueError, match=message):
+    with pytest.raises(pl.errors.InvalidValueError, match=message):
         Blemishes(**(GRAIN | changes))

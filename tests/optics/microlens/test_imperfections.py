@@ -24,11 +24,11 @@ def indices(around: int) -> np.ndarray:
     return np.stack([i.ravel(), j.ravel()], axis=1)
 
 
-def drawn(around: int = 100, **changes) -> pl.MicrolensDeviations:
+def drawn(around: int = 100, **changes) -> pl.optics.MicrolensDeviations:
     return pl.MicrolensImperfections(**(ALL | changes)).deviations(indices(around))
 
 
-def normal_columns(found: pl.MicrolensDeviations) -> np.ndarray:
+def normal_columns(found: pl.optics.MicrolensDeviations) -> np.ndarray:
     """(5, n) standard normal numbers."""
     return np.concatenate(
         [found.shift.T / ALL["pitch_jitter"], found.decentre.T / ALL["decentre"], [found.focal_length_factor - 1]]
@@ -150,7 +150,7 @@ def test_far_lenses_have_numbers_too() -> None:
 
 
 def test_listed_deviations_concern_listed_lenses_only() -> None:
-    listed = pl.MicrolensDeviations(
+    listed = pl.optics.MicrolensDeviations(
         index=[(2, -1), (0, 3)],
         shift=[(0.1, 0.2), (0.3, 0.4)],
         focal_length_factor=[math.inf, 1.5],
@@ -166,7 +166,7 @@ def test_listed_deviations_concern_listed_lenses_only() -> None:
 
 
 def test_an_empty_list_changes_nothing() -> None:
-    empty = pl.MicrolensDeviations(np.zeros((0, 2)), shift=np.zeros((0, 2)), transmission=[])
+    empty = pl.optics.MicrolensDeviations(np.zeros((0, 2)), shift=np.zeros((0, 2)), transmission=[])
     found = deviations_of(empty, indices(2))
     assert len(empty) == 0 and len(found) == 25
     assert found.shift is found.transmission is None
@@ -213,7 +213,7 @@ def test_imperfections_are_values() -> None:
     ],
 )
 def test_impossible_imperfections(changes: dict, message: str) -> None:
-    with pytest.raises(pl.InvalidValueError, match=message):
+    with pytest.raises(pl.errors.InvalidValueError, match=message):
         pl.MicrolensImperfections(**changes)
 
 
@@ -231,5 +231,5 @@ def test_impossible_imperfections(changes: dict, message: str) -> None:
     ],
 )
 def test_impossible_deviations(changes: dict, message: str) -> None:
-    with pytest.raises(pl.InvalidValueError, match=message):
-        pl.MicrolensDeviations(**({"index": [(0, 0), (1, 0)]} | changes))
+    with pytest.raises(pl.errors.InvalidValueError, match=message):
+        pl.optics.MicrolensDeviations(**({"index": [(0, 0), (1, 0)]} | changes))

@@ -94,16 +94,18 @@ def test_two_unequal_pitches_of_any_size() -> None:
 
 def test_too_many_lenses_and_no_box() -> None:
     array = array_of(pl.Lattice.HEXAGONAL, 1e-6)
-    with pytest.raises(pl.InvalidValueError, match="the box holds some .* microlenses, and the limit is 20000000"):
+    with pytest.raises(
+        pl.errors.InvalidValueError, match="the box holds some .* microlenses, and the limit is 20000000"
+    ):
         array.lenses((-1.0, -1.0), (1.0, 1.0))
     for lattice in REGULAR:
-        with pytest.raises(pl.InvalidValueError, match="is infinite, and so is the lattice; take a smaller one"):
+        with pytest.raises(pl.errors.InvalidValueError, match="is infinite, and so is the lattice; take a smaller one"):
             array_of(lattice).lenses((0.0, 0.0), (math.inf, 1.0))
     assert len(free_array(5, 1).lenses((-math.inf, -math.inf), (math.inf, math.inf))) == 5
     for any_array in (array, free_array(5, 1)):
-        with pytest.raises(pl.InvalidValueError, match="has a corner that is no number"):
+        with pytest.raises(pl.errors.InvalidValueError, match="has a corner that is no number"):
             any_array.lenses((math.nan, 0.0), (1.0, 1.0))
-    with pytest.raises(pl.InvalidValueError, match=r"low has shape \(3,\); it must have shape \(2,\)"):
+    with pytest.raises(pl.errors.InvalidValueError, match=r"low has shape \(3,\); it must have shape \(2,\)"):
         array.lenses((0, 0, 0), (1, 1))
 
 
@@ -111,7 +113,7 @@ def test_too_many_lenses_and_no_box() -> None:
 
 
 def test_listed_deviations_change_their_lenses_and_no_others() -> None:
-    listed = pl.MicrolensDeviations(
+    listed = pl.optics.MicrolensDeviations(
         index=[(1, 0), (0, -1)],
         shift=[(0.01, 0.02), (0.0, 0.0)],
         decentre=[(0.0, 0.04), (-0.03, 0.0)],
@@ -188,8 +190,8 @@ def test_free_cells_hold_what_is_nearest(seed: int, n: int) -> None:
     [
         {},
         {"focal_lengths": (1.0, 2.0, 3.0)},
-        {"aperture": pl.MicrolensAperture(pl.ApertureShape.CIRCLE, 0.5)},
-        {"aperture": pl.MicrolensAperture(pl.ApertureShape.SQUARE, 0.5, pl.Gaps.CLEAR)},
+        {"aperture": pl.optics.MicrolensAperture(pl.optics.ApertureShape.CIRCLE, 0.5)},
+        {"aperture": pl.optics.MicrolensAperture(pl.optics.ApertureShape.SQUARE, 0.5, pl.optics.Gaps.CLEAR)},
     ],
 )
 def test_arrays_take_no_memory_for_each_lens(fields: dict) -> None:
@@ -202,10 +204,10 @@ def test_arrays_take_no_memory_for_each_lens(fields: dict) -> None:
 
 
 def test_individual_lenses_are_listed_as_far_as_they_matter() -> None:
-    array = array_of(pl.Lattice.SQUARE, imperfections=pl.MicrolensDeviations([(0, 0)], transmission=[0.5]))
+    array = array_of(pl.Lattice.SQUARE, imperfections=pl.optics.MicrolensDeviations([(0, 0)], transmission=[0.5]))
     near, far = (tables_of(array, reach).listed for reach in (3.0, 30.0))
     assert 7**2 <= len(near.lenses) < 11**2 and 61**2 <= len(far.lenses) < 65**2
-    with pytest.raises(pl.InvalidValueError, match="have imperfections, and the limit is 4000000"):
+    with pytest.raises(pl.errors.InvalidValueError, match="have imperfections, and the limit is 4000000"):
         tables_of(array, 3000.0)
 
 
@@ -218,17 +220,17 @@ FULL = [
         0.2,
         focal_lengths=(1.0, 2.0, 3.0),
         pattern=[[0, 1, 2], [2, 1, 0]],
-        aperture=pl.MicrolensAperture(pl.ApertureShape.CIRCLE, 0.6, pl.Gaps.CLEAR),
+        aperture=pl.optics.MicrolensAperture(pl.optics.ApertureShape.CIRCLE, 0.6, pl.optics.Gaps.CLEAR),
         imperfections=SPOILED,
     ),
     array_of(
         pl.Lattice.RECTANGULAR,
         0.2,
-        model=pl.MicrolensModel.SPHERICAL,
+        model=pl.optics.MicrolensModel.SPHERICAL,
         thickness=0.3,
         index=1.6,
-        convex_side=pl.ConvexSide.SENSOR,
-        imperfections=pl.MicrolensDeviations(
+        convex_side=pl.optics.ConvexSide.SENSOR,
+        imperfections=pl.optics.MicrolensDeviations(
             [(0, 0), (2, -3)],
             shift=[(0.01, 0.0), (0.0, -0.0)],
             decentre=[(0.0, 0.01), (0.0, 0.0)],
@@ -256,7 +258,7 @@ def test_arrays_are_values_with_all_their_fields(array: pl.MicrolensArray) -> No
         {"pattern": [[0, 1, 2], [2, 1, 1]]},
         {"pattern": None},
         {"aperture": None},
-        {"aperture": pl.MicrolensAperture(pl.ApertureShape.CIRCLE, 0.6)},
+        {"aperture": pl.optics.MicrolensAperture(pl.optics.ApertureShape.CIRCLE, 0.6)},
         {"imperfections": None},
         {"imperfections": dataclasses.replace(SPOILED, seed=6)},
         {"pitch": 0.3},

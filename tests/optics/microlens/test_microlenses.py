@@ -17,7 +17,7 @@ from plenoptic.optics.microlens.record import SensorPlane, array_record, plate_r
 
 EPS = np.finfo(float).eps
 REGULAR = [pl.Lattice.HEXAGONAL, pl.Lattice.SQUARE, pl.Lattice.RECTANGULAR]
-SPHERICAL = pl.MicrolensModel.SPHERICAL
+SPHERICAL = pl.optics.MicrolensModel.SPHERICAL
 RECTANGULAR, FREE = pl.Lattice.RECTANGULAR, pl.Lattice.FREE
 
 
@@ -42,7 +42,7 @@ def fill_cut(blocks: np.ndarray, array: pl.MicrolensArray, distance: float, z_ar
     )
 
 
-def plano_convex(side: pl.ConvexSide, **changes) -> pl.MicrolensArray:
+def plano_convex(side: pl.optics.ConvexSide, **changes) -> pl.MicrolensArray:
     given_fields = {"pitch": 0.2, "focal_lengths": (2.0,), "thickness": 0.3, "index": 1.5} | changes
     return pl.MicrolensArray(model=SPHERICAL, convex_side=side, **given_fields)
 
@@ -144,7 +144,10 @@ def test_nearest_of_centres_are_the_centres() -> None:
         ({"aperture": 0.5}, "aperture is 0.5; it must be a MicrolensAperture or None"),
         ({"imperfections": 3}, "imperfections is 3; it must be a MicrolensImperfections or None"),
         (
-            {"model": pl.MicrolensModel.PINHOLE, "aperture": pl.MicrolensAperture(fill_factor=0.5, gaps=pl.Gaps.CLEAR)},
+            {
+                "model": pl.optics.MicrolensModel.PINHOLE,
+                "aperture": pl.optics.MicrolensAperture(fill_factor=0.5, gaps=pl.optics.Gaps.CLEAR),
+            },
             "light passes a PINHOLE only at its centre; give gaps=Gaps.OPAQUE",
         ),
         ({"focal_lengths": (math.inf,)}, "focal_lengths is inf; it must be finite"),
@@ -168,29 +171,29 @@ def test_nearest_of_centres_are_the_centres() -> None:
 )
 def test_impossible_arrays(changes: dict, message: str) -> None:
     fields = {"pitch": 0.2, "focal_lengths": (2.0,)} | changes
-    with pytest.raises(pl.InvalidValueError, match=message):
+    with pytest.raises(pl.errors.InvalidValueError, match=message):
         pl.MicrolensArray(**fields)
 
 
 @pytest.mark.parametrize(("name", "item"), [("lattice", 7), ("model", 5), ("convex_side", 2)])
 def test_choices_outside_the_enums(name: str, item: int) -> None:
-    with pytest.raises(pl.InvalidValueError, match=f"{name} is {item}; it must be .* or "):
+    with pytest.raises(pl.errors.InvalidValueError, match=f"{name} is {item}; it must be .* or "):
         pl.MicrolensArray(pitch=0.2, focal_lengths=(2.0,), **{name: item})
 
 
 def test_principal_planes() -> None:
     assert array_of(0.2, pl.Lattice.SQUARE).principal_separation == 0
-    for side in pl.ConvexSide:
+    for side in pl.optics.ConvexSide:
         # d (1 - 1/n), two roundings.
         assert plano_convex(side).principal_separation == pytest.approx(0.3 / 3, rel=4 * EPS)
         assert plano_convex(side).radius == 1.0
 
 
 def test_an_array_is_a_value() -> None:
-    array = plano_convex(pl.ConvexSide.SENSOR)
-    assert array == plano_convex(pl.ConvexSide.SENSOR, focal_lengths=[2])
-    assert array == plano_convex(pl.ConvexSide.SENSOR, focal_lengths=2.0)
-    assert array != plano_convex(pl.ConvexSide.SCENE)
+    array = plano_convex(pl.optics.ConvexSide.SENSOR)
+    assert array == plano_convex(pl.optics.ConvexSide.SENSOR, focal_lengths=[2])
+    assert array == plano_convex(pl.optics.ConvexSide.SENSOR, focal_lengths=2.0)
+    assert array != plano_convex(pl.optics.ConvexSide.SCENE)
     assert pickle.loads(pickle.dumps(array)) == array
     assert hash(pickle.loads(pickle.dumps(array))) == hash(array)
     for item in (array.basis, array.cell_edges, array.cell_corners):
@@ -225,8 +228,8 @@ def aimed(array: pl.MicrolensArray, n: int, *, height: float, slope: float, dist
     return points, sensor, centres
 
 
-@pytest.mark.parametrize("side", list(pl.ConvexSide))
-def test_exact_microlenses_are_lenses_of_two_surfaces(side: pl.ConvexSide) -> None:
+@pytest.mark.parametrize("side", list(pl.optics.ConvexSide))
+def test_exact_microlenses_are_lenses_of_two_surfaces(side: pl.optics.ConvexSide) -> None:
     array = plano_convex(side)
     distance, z_array, n = 1.7, 123.3, 1000
     points, sensor, centres = aimed(array, n, height=0.1, slope=0.3, distance=distance)
@@ -236,7 +239,7 @@ def test_exact_microlenses_are_lenses_of_two_surfaces(side: pl.ConvexSide) -> No
 
     glass = pl.ConstantMedium(array.index)
     wide = {"semi_diameter": 0.9}
-    if side is pl.ConvexSide.SCENE:
+    if side is pl.optics.ConvexSide.SCENE:
         z_first, z_rear = z_array, z_array + array.principal_separation
         surfaces = [pl.Surface(array.radius, array.thickness, glass, **wide), pl.Surface(math.inf, **wide)]
     else:
@@ -257,8 +260,8 @@ def test_exact_microlenses_are_lenses_of_two_surfaces(side: pl.ConvexSide) -> No
     assert np.abs(on_stop - out.origin[:, :2]).max() <= 32 * EPS * 100
 
 
-@pytest.mark.parametrize("side", list(pl.ConvexSide))
-def test_focal_length_and_principal_planes_in_the_paraxial_limit(side: pl.ConvexSide) -> None:
+@pytest.mark.parametrize("side", list(pl.optics.ConvexSide))
+def test_focal_length_and_principal_planes_in_the_paraxial_limit(side: pl.optics.ConvexSide) -> None:
     array = plano_convex(side, focal_lengths=(1.8,), index=1.6)
     distance, z_array, n = 1.3, 50.0, 200
 
@@ -308,8 +311,8 @@ def test_without_microlenses_rays_go_straight_on() -> None:
     assert weight == pytest.approx(90.0**2 / length**4, rel=16 * EPS)
 
 
-@pytest.mark.parametrize("side", list(pl.ConvexSide))
-def test_rays_beside_their_own_sphere_are_another_microlens_s(side: pl.ConvexSide) -> None:
+@pytest.mark.parametrize("side", list(pl.optics.ConvexSide))
+def test_rays_beside_their_own_sphere_are_another_microlens_s(side: pl.optics.ConvexSide) -> None:
     array = plano_convex(side, pitch=0.6, thickness=0.3, focal_lengths=(2.0,))
     points, sensor, centres = aimed(array, 2000, height=0.35, slope=0.3, distance=1.7)
     n = len(points)
@@ -321,7 +324,7 @@ def test_rays_beside_their_own_sphere_are_another_microlens_s(side: pl.ConvexSid
     assert np.array_equal(found, free_found) and np.array_equal(along, free_along)
     assert np.all(free_status == 0)
     assert set(status.tolist()) == {0.0, float(pl.RayStatus.OUTSIDE_MICROLENS)}
-    if side is pl.ConvexSide.SCENE:
+    if side is pl.optics.ConvexSide.SCENE:
         # The curved side is met last: rays end on it.
         on_sphere = found[:, :2] - centres
     else:
@@ -349,19 +352,19 @@ def test_pinholes_let_light_through_their_centres() -> None:
     assert np.array_equal(weight, from_blocks(thin, 300)[2])
 
 
-def flat_plates(side: pl.ConvexSide, index: float, thickness: float) -> pl.MicrolensArray:
+def flat_plates(side: pl.optics.ConvexSide, index: float, thickness: float) -> pl.MicrolensArray:
     return pl.MicrolensArray(
         pitch=0.2,
         focal_lengths=(2.0,),
-        model=pl.MicrolensModel.FLAT_HIGH_INDEX,
+        model=pl.optics.MicrolensModel.FLAT_HIGH_INDEX,
         index=index,
         thickness=thickness,
         convex_side=side,
     )
 
 
-@pytest.mark.parametrize("side", list(pl.ConvexSide))
-def test_flat_plates_of_high_index_tend_to_thin_lenses(side: pl.ConvexSide) -> None:
+@pytest.mark.parametrize("side", list(pl.optics.ConvexSide))
+def test_flat_plates_of_high_index_tend_to_thin_lenses(side: pl.optics.ConvexSide) -> None:
     # f = R / (n - 1). What differs is the plate's depth, thickness / n, and the aberrations of a flat lens, O(h^2) of
     # the slope, which tend to those of a thin lens that keeps slopes in sines: they stay.
     def off(index: float, thickness: float, height: float) -> float:
@@ -381,8 +384,8 @@ def test_flat_plates_of_high_index_tend_to_thin_lenses(side: pl.ConvexSide) -> N
     assert errors[2] < 2e-5
 
 
-@pytest.mark.parametrize("side", list(pl.ConvexSide))
-def test_a_flat_plate_has_the_cells_of_its_curved_side(side: pl.ConvexSide) -> None:
+@pytest.mark.parametrize("side", list(pl.optics.ConvexSide))
+def test_a_flat_plate_has_the_cells_of_its_curved_side(side: pl.optics.ConvexSide) -> None:
     array = flat_plates(side, 100.0, 0.1)
     points, sensor, centres = aimed(array, 4000, height=0.2, slope=0.1, distance=1.7)
     blocks = as_blocks(points, sensor, centres, 1.0)
@@ -396,5 +399,5 @@ def test_a_flat_plate_has_the_cells_of_its_curved_side(side: pl.ConvexSide) -> N
 
 
 def test_a_flat_plate_of_low_index_is_refused() -> None:
-    with pytest.raises(pl.InvalidValueError, match="give index=100.0, or choose SPHERICAL"):
-        flat_plates(pl.ConvexSide.SCENE, 1.5, 0.1)
+    with pytest.raises(pl.errors.InvalidValueError, match="give index=100.0, or choose SPHERICAL"):
+        flat_plates(pl.optics.ConvexSide.SCENE, 1.5, 0.1)

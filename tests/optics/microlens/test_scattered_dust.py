@@ -81,5 +81,5 @@ def test_the_area_that_dust_covers() -> None:
     ],
 )
 def test_impossible_scatterings(changes: dict, message: str) -> None:
-    with pytest.raises(pl.InvalidValueError, match=message):
+    with pytest.raises(pl.errors.InvalidValueError, match=message):
         scattered(**changes)

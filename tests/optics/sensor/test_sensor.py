@@ -51,7 +51,7 @@ def test_centres_broadcast() -> None:
     ],
 )
 def test_impossible_sensors(shape: object, pitch: object, message: str) -> None:
-    with pytest.raises(pl.InvalidValueError, match=message):
+    with pytest.raises(pl.errors.InvalidValueError, match=message):
         pl.Sensor(shape=shape, pixel_pitch=pitch)
 
 

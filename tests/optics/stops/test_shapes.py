@@ -378,7 +378,7 @@ def test_lenses_draw_and_check_with_any_stop(name: str) -> None:
     lens = GAUSS.with_stop(SHAPES[name])
     assert lens._repr_svg_().startswith("<svg")
     assert lens.check() == ()
-    pl.plot_lens(lens)
+    pl.plots.plot_lens(lens)
     assert plot_stop(lens.stop).get_title() == type(lens.stop).__name__
     ax = lens.layout(fields=[0.0, 0.1])
     # Bars of the iris end where the circle around the opening begins.

@@ -109,7 +109,7 @@ def floor_lit_by_a_point(camera, place, intensity):
 
 def test_point_lights_follow_the_inverse_square():
     camera, place = pinhole(), (14.0, 3.0, -30.0)
-    scene = pl.Scene([floor(pl.Lambertian(0.6))], [pl.PointLight(place, 500.0)])
+    scene = pl.Scene([floor(pl.Lambertian(0.6))], [pl.lights.PointLight(place, 500.0)])
     assert_agree(radiance(scene, camera, 64, max_bounces=1), floor_lit_by_a_point(camera, place, 500.0), bias=3e-4)
 
 
@@ -118,7 +118,7 @@ def test_spherical_lights_of_all_sizes_shine_alike(radius):
     # A sphere of uniform radiance L, all of it above the horizon, irradiates a surface by pi L (r / d)^2 cos, as would
     # a point of intensity pi r^2 L in its middle. Facets: a sphere of 1280 is off by some 1e-3 close by.
     camera, place = pinhole(), (16.0, 3.0, -30.0)
-    light = pl.SphereLight(place, radius, radiance=500.0 / (math.pi * radius**2))
+    light = pl.lights.SphereLight(place, radius, radiance=500.0 / (math.pi * radius**2))
     scene = pl.Scene([floor(pl.Lambertian(0.6))], [light])
     assert_agree(radiance(scene, camera, max_bounces=1), floor_lit_by_a_point(camera, place, 500.0), bias=4e-3)
 
@@ -127,7 +127,7 @@ def test_spot_lights_fade_between_their_angles():
     # glTF 2.0, KHR_lights_punctual: the square of the cosine's place between those of the outer and the inner angle.
     camera, place, axis = pinhole(), np.array([2.0, -1.0, -15.0]), np.array([-0.2, 0.1, -1.0])
     inner, outer = 0.08, 0.3
-    light = pl.SpotLight(place, axis, 500.0, inner_angle=inner, outer_angle=outer)
+    light = pl.lights.SpotLight(place, axis, 500.0, inner_angle=inner, outer_angle=outer)
 
     def seen(origin, way):
         from_light = where_met(origin, way, FLOOR_Z) - place
@@ -281,7 +281,7 @@ def test_suns_are_seen_and_shine_through_glass(angular_radius):
     mirrored = pinhole(1e-3, pixels=4).posed((0, 0, 0), travels * [-1, 1, 1])
     measured = radiance(pl.Scene([floor(pl.Conductor(0.9))], [sun]), mirrored, 16)
     assert_agree(measured, np.full((4, 4), 0.9 * disc), bias=1e-5)
-    pane = pl.quad((-100, -100, -39), (200, 0, 0), (0, 200, 0), material=pl.ThinGlass(1.5))
+    pane = pl.quad((-100, -100, -39), (200, 0, 0), (0, 200, 0), material=pl.materials.ThinGlass(1.5))
     below = pinhole(0.1).posed((0, 0, -39.5), (0, 0, FLOOR_Z))
     # Incidence varies by the sun's radius: second order, a few 1e-3 for the large one.
     cosine = 1 / math.hypot(0.3, 1.0)
@@ -299,7 +299,7 @@ def test_integrating_sphere_sums_a_geometric_series(bounces):
     # radiance is I / (pi r^2) (rho + rho^2 + ... + rho^k) with k scatterings: the number that max_bounces is, and
     # Russian roulette must not change. Flat facets 2.8 degrees wide: cosines and distances off by 6e-4.
     smooth = pl.sphere(10.0, segments=(128, 64), material=pl.Lambertian(0.8))
-    scene = pl.Scene([pl.Mesh(smooth.vertices, smooth.faces, smooth.material)], [pl.PointLight((0, 0, 0), 50.0)])
+    scene = pl.Scene([pl.Mesh(smooth.vertices, smooth.faces, smooth.material)], [pl.lights.PointLight((0, 0, 0), 50.0)])
     camera = pinhole().posed((0, 0, 4.0), (0, 0, 0))
     expected = 50.0 / (math.pi * 100.0) * sum(0.8**k for k in range(1, bounces + 1))
     measured = radiance(scene, camera, 64, max_bounces=bounces)
@@ -352,9 +352,9 @@ def test_highlights_of_small_lights(alpha, size):
     # Radiance f I cos / d^2 of a rough metal under a point, and under spheres so small that f is the same all over it.
     camera, place = pinhole(), np.array([12.0, 1.0, -15.0])
     if size == 0:
-        light = pl.PointLight(place, 500.0)
+        light = pl.lights.PointLight(place, 500.0)
     else:
-        light = pl.SphereLight(place, size, radiance=500.0 / (math.pi * size**2))
+        light = pl.lights.SphereLight(place, size, radiance=500.0 / (math.pi * size**2))
 
     def seen(origin, way):
         to_light = place - where_met(origin, way, FLOOR_Z)
@@ -407,7 +407,7 @@ def test_slabs_transmit_and_reflect_all_orders(tilt_deg, absorption):
 @pytest.mark.parametrize("tilt_deg", [0.0, 60.0])
 def test_panes_are_slabs_without_thickness(tilt_deg):
     r = fresnel(math.cos(math.radians(tilt_deg)), 1.5)
-    pane = pl.quad((-400, -400, 0), (800, 0, 0), (0, 800, 0), material=pl.ThinGlass(1.5, transmittance=0.7))
+    pane = pl.quad((-400, -400, 0), (800, 0, 0), (0, 800, 0), material=pl.materials.ThinGlass(1.5, transmittance=0.7))
     pane = pane.rotated_deg((0, 1, 0), tilt_deg).translated(z=-100)
     wall = pl.quad((-900, -900, -900), (1800, 0, 0), (0, 1800, 0), material=pl.Emissive(2.0))
     measured = radiance(pl.Scene([pane, wall]), pinhole(0.002, pixels=4), 1024)
@@ -439,7 +439,7 @@ def test_light_is_absorbed_on_its_way_from_a_lamp_to_a_surface(kind):
     # The small quad faces the middle of the view, and has the intensity 500 cos.
     facing = np.array([0.0, 0.0, FLOOR_Z]) - place
     if kind == "point":
-        light = pl.PointLight(place, 500.0)
+        light = pl.lights.PointLight(place, 500.0)
     else:
         light = pl.QuadLight.facing(place, (0, 0, FLOOR_Z), (0.1, 0.1), radiance=500.0 / 0.01)
 
@@ -574,7 +574,7 @@ def test_light_that_falls_through_glass_is_all_there(cover, source):
     if cover == "slab":
         glass = pl.box((4000, 4000, 1), center=(0, 0, 1.5), material=pl.Dielectric(1.5))
     else:
-        glass = pl.quad((-2000, -2000, 1), (4000, 0, 0), (0, 4000, 0), material=pl.ThinGlass(1.5))
+        glass = pl.quad((-2000, -2000, 1), (4000, 0, 0), (0, 4000, 0), material=pl.materials.ThinGlass(1.5))
     ground = pl.quad((-2000, -2000, 0), (4000, 0, 0), (0, 4000, 0), material=pl.Lambertian(rho))
     if source == "world":
         scene = pl.Scene([glass, ground], background=2.0)
@@ -606,7 +606,7 @@ def test_shadows_of_a_sheet_are_as_dark_as_it_is_opaque():
     # Direct light must be weakened by what lies between: a floor under a point light behind a sheet of opacity 0.3.
     camera, place = pinhole(), (14.0, 3.0, -20.0)
     sheet = pl.quad((9, -30, -30), (60, 0, 0), (0, 60, 0), material=pl.MetallicRoughness(0.0, 1.0, 1.0, opacity=0.3))
-    scene = pl.Scene([floor(pl.Lambertian(0.6)), sheet], [pl.PointLight(place, 500.0)])
+    scene = pl.Scene([floor(pl.Lambertian(0.6)), sheet], [pl.lights.PointLight(place, 500.0)])
 
     def seen(origin, way):
         p = where_met(origin, way, FLOOR_Z)

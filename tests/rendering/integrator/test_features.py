@@ -66,12 +66,12 @@ def plate(z, material, half=100.0):
 
 def nearest(values):
     """A texture of squares, one channel."""
-    return pl.Texture(np.asarray(values, dtype=np.float32)[..., None], filter=pl.TextureFilter.NEAREST)
+    return pl.Texture(np.asarray(values, dtype=np.float32)[..., None], filter=pl.materials.TextureFilter.NEAREST)
 
 
 MATT = pl.Lambertian(0.6)
 BLACK = pl.Lambertian(0.0)
-POINT = pl.PointLight((14.0, 3.0, -20.0), 500.0)
+POINT = pl.lights.PointLight((14.0, 3.0, -20.0), 500.0)
 
 
 # ---- opacity ----
@@ -97,7 +97,7 @@ def test_what_is_half_there_looks_like_the_mean_of_there_and_not_there(kind):
     share = {"constant": 0.3, "textured": opacity_of_pixels(QUARTERS), "cut off": opacity_of_pixels(QUARTERS >= 0.5)}
     wall = plate(-60.0, pl.Emissive(nearest(np.arange(16.0).reshape(4, 4))), half=12.0)
     front = plate(-30.0, pl.MetallicRoughness(0.8, 0.2, 0.5), half=6.0)
-    light = pl.PointLight((5.0, 3.0, -10.0), 3000.0)
+    light = pl.lights.PointLight((5.0, 3.0, -10.0), 3000.0)
     there, absent = (shoot(pl.Scene(m, [light]), max_bounces=1) for m in ([wall, front], [wall]))
     half = front.with_material(dataclasses.replace(front.material, **fields))
     seen = shoot(pl.Scene([wall, half], [light]), max_bounces=1, seed=1)
@@ -121,7 +121,7 @@ def test_shadows_of_layers_multiply(opacities, gap):
         for k, o in enumerate(opacities)
     ]
     floor = plate(-40.0, MATT)
-    light = pl.PointLight((120.0, 3.0, -10.0), 5e5)
+    light = pl.lights.PointLight((120.0, 3.0, -10.0), 5e5)
     options = {"samples": 16, "max_bounces": 1, "replicates": 1}
     lit = shoot(pl.Scene([floor], [light]), **options).image
     shadow = shoot(pl.Scene([floor, *sheets], [light]), **options).image
@@ -182,7 +182,7 @@ def test_light_and_view_inside_an_absorbing_body_are_both_dimmed():
     # A floor at the bottom of a pool of index 1, 10 mm deep, with a point light in it: exp(-a (way in + way out)).
     a, place = 0.13, np.array([3.0, 1.0, -33.0])
     pool = pl.box((80, 80, 20), center=(0, 0, -40), material=pl.Dielectric(1.0, absorption=a))
-    light = pl.PointLight(place, 300.0)
+    light = pl.lights.PointLight(place, 300.0)
     floor = plate(-40.0, MATT, half=30.0)
     options = {"samples": 512, "max_bounces": 2}
     dry, wet = shoot(pl.Scene([floor], [light]), **options), shoot(pl.Scene([pool, floor], [light]), **options)
@@ -283,10 +283,12 @@ def groups():
     square = pl.quad((-2, -2, 0), (4, 0, 0), (0, 4, 0), material=pl.Emissive(nearest(10 * SQUARES)))
     paint = pl.MetallicRoughness(nearest(SQUARES), 0.2, 0.4, opacity=nearest(1 - SQUARES / 2))
     return [
-        pl.Instances(glass, places((-3.0, 2.5, -38), (3.5, -3.0, -36), mirrored=[1])),
-        pl.Instances(bulb, places((-5.0, -4.0, -36), (0.5, 6.0, -35), mirrored=[0])),
-        pl.Instances(square, places((5.0, 4.0, -37), (-5.5, 5.0, -36), mirrored=[1])),
-        pl.Instances(pl.quad((-2, -2, 0), (4, 0, 0), (0, 4, 0), material=paint), places((0, 0, -35), mirrored=[0])),
+        pl.scene.Instances(glass, places((-3.0, 2.5, -38), (3.5, -3.0, -36), mirrored=[1])),
+        pl.scene.Instances(bulb, places((-5.0, -4.0, -36), (0.5, 6.0, -35), mirrored=[0])),
+        pl.scene.Instances(square, places((5.0, 4.0, -37), (-5.5, 5.0, -36), mirrored=[1])),
+        pl.scene.Instances(
+            pl.quad((-2, -2, 0), (4, 0, 0), (0, 4, 0), material=paint), places((0, 0, -35), mirrored=[0])
+        ),
     ]
 
 
@@ -428,18 +430,18 @@ def test_small_suns_are_parallel_light():
 
 def test_far_balls_are_points_and_spots_are_points_within_their_inner_cone():
     place = np.array([1000.0, 500.0, 3000.0])
-    point = shoot(pl.Scene(still()[:1], [pl.PointLight(place, 1e8)]), samples=64, max_bounces=1)
+    point = shoot(pl.Scene(still()[:1], [pl.lights.PointLight(place, 1e8)]), samples=64, max_bounces=1)
     # The same light is drawn with the same numbers: the same but for rounding.
-    spot = pl.SpotLight.facing(place, (0, 0, -40), intensity=1e8, inner_angle=0.02, outer_angle=0.03)
+    spot = pl.lights.SpotLight.facing(place, (0, 0, -40), intensity=1e8, inner_angle=0.02, outer_angle=0.03)
     seen = shoot(pl.Scene(still()[:1], [spot]), samples=64, max_bounces=1)
     np.testing.assert_allclose(seen.image, point.image, rtol=1e-6)
     # 3 mm at 3200: cosines and distances differ by 1e-3 over the light, some 1e-6 in the mean. Half of the draws are
     # on its far side, so that 64 pixels of 2048 paths err by 0.3 %.
-    ball = pl.SphereLight(place, 3.0, 1e8 / (math.pi * 9.0))
+    ball = pl.lights.SphereLight(place, 3.0, 1e8 / (math.pi * 9.0))
     seen = shoot(pl.Scene(still()[:1], [ball]), samples=2048, max_bounces=1)
     assert_same(
         seen,
-        mixed([shoot(pl.Scene(still()[:1], [pl.PointLight(place, 1e8)]), samples=2048, max_bounces=1)], [1.0]),
+        mixed([shoot(pl.Scene(still()[:1], [pl.lights.PointLight(place, 1e8)]), samples=2048, max_bounces=1)], [1.0]),
         1e-4,
     )
 
@@ -465,16 +467,18 @@ def everything():
     frosted = pl.sphere(1.5, center=(-4, -3, -38), segments=(16, 8), material=pl.Dielectric(1.4, 0.2, (0.3, 0.1, 0)))
     gold = pl.sphere(1.5, center=(3, 2, -39), segments=(16, 8), material=pl.Conductor(index=GOLD, alpha=0.15))
     mirror = pl.quad((-7, 3, -41), (5, 0, 0), (0, 4, 1), material=pl.Conductor((0.9, 0.8, 0.7)))
-    pane = pl.quad((-1, -7, -37), (5, 0, 0), (0, 4, -1), material=pl.ThinGlass(transmittance=(0.9, 0.5, 0.8)))
-    floor = plate(-42.0, pl.RoughDiffuse((0.6, 0.5, 0.3), 0.7))
-    tiles = pl.Instances(pl.quad((-2, -2, 0), (4, 0, 0), (0, 4, 0), material=tile), places((0, 0, -36), (6, -5, -39)))
+    pane = pl.quad((-1, -7, -37), (5, 0, 0), (0, 4, -1), material=pl.materials.ThinGlass(transmittance=(0.9, 0.5, 0.8)))
+    floor = plate(-42.0, pl.materials.RoughDiffuse((0.6, 0.5, 0.3), 0.7))
+    tiles = pl.scene.Instances(
+        pl.quad((-2, -2, 0), (4, 0, 0), (0, 4, 0), material=tile), places((0, 0, -36), (6, -5, -39))
+    )
     lights = [
         pl.SunLight((-0.3, -0.5, -1.0), (0.5, 0.4, 0.3), 0.05),
         pl.SunLight((0.3, -0.5, -1.0), (0.1, 0.2, 0.3), 0.0),
-        pl.PointLight((3, 8, -25), (90, 60, 30)),
-        pl.SpotLight((-8, 0, -20), (0.4, 0, -1.0), (50, 90, 70), 0.2, 0.5),
+        pl.lights.PointLight((3, 8, -25), (90, 60, 30)),
+        pl.lights.SpotLight((-8, 0, -20), (0.4, 0, -1.0), (50, 90, 70), 0.2, 0.5),
         pl.QuadLight((0, 15, -20), (0, 4, 0), (6, 0, 0), (5, 5, 9)),
-        pl.SphereLight((12, 4, -30), 1.0, (20, 9, 5)),
+        pl.lights.SphereLight((12, 4, -30), 1.0, (20, 9, 5)),
     ]
     world = pl.EnvironmentMap(rng.random((4, 8, 3)) * 0.3).rotated((1, 2, 3), 0.7)
     return pl.Scene([floor, glass, bulb, screen_, tiles, frosted, gold, mirror, pane], lights, world)
@@ -484,7 +488,9 @@ GOLD = (0.18 + 3.4j, 0.42 + 2.35j, 1.37 + 1.77j)
 
 
 @pytest.mark.parametrize(
-    "options", [{}, {"clamp": 2.0, "caustics": pl.Caustics.LEFT_OUT}], ids=["as it is", "clamped, without caustics"]
+    "options",
+    [{}, {"clamp": 2.0, "caustics": pl.rendering.Caustics.LEFT_OUT}],
+    ids=["as it is", "clamped, without caustics"],
 )
 def test_the_same_bits_for_any_threads_tiles_and_regions(options):
     # Bundles of 8192 paths: of many pixels, and of parts of some.
@@ -507,8 +513,8 @@ def test_other_seeds_agree_within_their_errors():
 @pytest.mark.slow
 def test_wavelengths_see_what_channels_see():
     # At these wavelengths colours are lifted to spectra by their own channel, but for 3 % of red at 450 nm.
-    lines = pl.Sensitivity.lines((640.0, 550.0, 450.0))
-    own = pl.rgb_basis(np.array([640.0, 550.0, 450.0]))
+    lines = pl.sensor.Sensitivity.lines((640.0, 550.0, 450.0))
+    own = pl.sensor.rgb_basis(np.array([640.0, 550.0, 450.0]))
     assert own[:2].tolist() == np.eye(3)[:2].tolist() and np.abs(own[2] - (0, 0, 1)).max() < 0.03
     one = shoot(everything(), dataclasses.replace(CAMERA, sensitivity=lines), samples=3072)
     assert_same(one, shoot(everything(), samples=1024, seed=1), np.array([1e-5, 1e-5, 0.05]), most_error=0.05)
@@ -536,15 +542,17 @@ def test_what_is_clamped_away_is_what_is_missing():
 
 @pytest.mark.parametrize("clamp", [0.0, -1.0, float("nan"), float("inf"), "some"])
 def test_impossible_clamps_are_refused(clamp):
-    with pytest.raises(pl.InvalidValueError, match="clamp"):
+    with pytest.raises(pl.errors.InvalidValueError, match="clamp"):
         shoot(pl.Scene(background=1.0), clamp=clamp)
 
 
 def test_without_mirrors_and_glass_there_are_no_caustics():
     lit = pl.Scene(still(), [POINT, pl.QuadLight((12, 0, -30), (0, 4, 0), (0, 0, 8), 5.0)], background=0.3)
-    kept, left_out = (shoot(lit, samples=64, caustics=caustics) for caustics in pl.Caustics)
+    kept, left_out = (shoot(lit, samples=64, caustics=caustics) for caustics in pl.rendering.Caustics)
     assert np.array_equal(kept.image, left_out.image)
-    with pytest.raises(pl.InvalidValueError, match="caustics is 'none'; it must be Caustics.KEPT or Caustics.LEFT_OUT"):
+    with pytest.raises(
+        pl.errors.InvalidValueError, match="caustics is 'none'; it must be Caustics.KEPT or Caustics.LEFT_OUT"
+    ):
         shoot(lit, samples=64, caustics="none")
 
 
@@ -552,14 +560,14 @@ def test_without_mirrors_and_glass_there_are_no_caustics():
 def test_leaving_caustics_out_needs_no_rays_onwards(bounces):
     # Under a point light nothing is met by chance, so that with 1 bounce no ray is sent on.
     scene = pl.Scene([plate(-40.0, MATT)], [POINT])
-    kept, left_out = (shoot(scene, samples=16, max_bounces=bounces, caustics=c) for c in pl.Caustics)
+    kept, left_out = (shoot(scene, samples=16, max_bounces=bounces, caustics=c) for c in pl.rendering.Caustics)
     assert np.array_equal(kept.image, left_out.image)
 
 
 def test_what_is_seen_in_mirrors_is_no_caustic():
     ball = pl.sphere(5.0, center=(0, 0, -35), segments=(256, 128), material=pl.Conductor(0.9))
     scene = pl.Scene([plate(-40.0, BLACK, half=30.0), ball], background=1.0)
-    kept, left_out = (shoot(scene, samples=64, max_bounces=2, caustics=caustics) for caustics in pl.Caustics)
+    kept, left_out = (shoot(scene, samples=64, max_bounces=2, caustics=caustics) for caustics in pl.rendering.Caustics)
     assert np.array_equal(kept.image, left_out.image) and kept.image.any()
 
 
@@ -570,7 +578,7 @@ def test_caustics_are_the_light_that_a_mirror_throws_onto_a_floor():
     ball = pl.sphere(radius, center=centre, segments=(256, 128), material=pl.Conductor())
     camera = pinhole(half=0.002, pixels=2)
     scene = pl.Scene([plate(-40.0, MATT, half=1e6), ball], background=1.0)
-    kept, left_out = (shoot(scene, camera, 1 << 15, max_bounces=2, caustics=c) for c in pl.Caustics)
+    kept, left_out = (shoot(scene, camera, 1 << 15, max_bounces=2, caustics=c) for c in pl.rendering.Caustics)
     shadow = shoot(
         pl.Scene([scene.meshes[0], ball.with_material(BLACK)], background=1.0), camera, 1 << 15, max_bounces=2
     )
@@ -601,7 +609,7 @@ def test_the_caustic_of_a_glass_ball_lies_under_it():
     lamp = pl.QuadLight((0, 0, 30), (0, 16, 0), (16, 0, 0), radiance=30.0)
     camera = pinhole(0.6, 12).posed((18.0, 0, -20), (0, 0, -40))
     scene = pl.Scene([plate(-40.0, MATT), ball], [lamp])
-    kept, left_out = (shoot(scene, camera, 2048, max_bounces=4, caustics=c) for c in pl.Caustics)
+    kept, left_out = (shoot(scene, camera, 2048, max_bounces=4, caustics=c) for c in pl.rendering.Caustics)
     # The same paths, some of which bring nothing now.
     difference = kept.image[..., 0].astype(float) - left_out.image[..., 0]
     assert np.all(difference >= -1e-6 * kept.image.max())
@@ -649,7 +657,11 @@ def test_lights_without_light_change_nothing():
     quad = pl.QuadLight((0, 0, -30), (4, 0, 0), (0, -4, 0), radiance=5.0)
     floor = plate(-40.0, MATT)
     alone = shoot(pl.Scene([floor], [quad]), max_bounces=1)
-    for dark in (pl.SunLight((0, 0, -1), 0.0), pl.SunLight((0, 0, -1), 0.0, 0.0), pl.PointLight((5, 5, -30), 0.0)):
+    for dark in (
+        pl.SunLight((0, 0, -1), 0.0),
+        pl.SunLight((0, 0, -1), 0.0, 0.0),
+        pl.lights.PointLight((5, 5, -30), 0.0),
+    ):
         assert np.array_equal(shoot(pl.Scene([floor], [quad, dark]), max_bounces=1).image, alone.image)
 
 

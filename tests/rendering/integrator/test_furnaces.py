@@ -12,14 +12,14 @@ from plenoptic.truth.channels import Truth
 
 WHITE = {
     "lambertian": pl.Lambertian(1.0),
-    "rough diffuse": pl.RoughDiffuse(1.0, roughness=0.8),
+    "rough diffuse": pl.materials.RoughDiffuse(1.0, roughness=0.8),
     "plastic": pl.MetallicRoughness(1.0, 0.0, 0.4),
     "polished plastic": pl.MetallicRoughness(1.0, 0.0, 0.05),
     "half there": pl.MetallicRoughness(1.0, 0.0, 0.5, opacity=0.5),
     "mirror": pl.Conductor(),
     "glass": pl.Dielectric(1.5),
     "bubble in water": pl.Dielectric(1.0, exterior=1.33),
-    "pane": pl.ThinGlass(1.5),
+    "pane": pl.materials.ThinGlass(1.5),
 }
 
 
@@ -121,7 +121,7 @@ def test_a_crowd_of_white_bodies_vanishes():
 def test_white_bodies_vanish_at_every_wavelength():
     # Paths with wavelengths of their own: what is white in linear sRGB is white everywhere, and metals of one index
     # lose the same in all channels.
-    seen_by = pl.Sensitivity.lines((640.0, 550.0, 450.0))
+    seen_by = pl.sensor.Sensitivity.lines((640.0, 550.0, 450.0))
     camera = dataclasses.replace(pinhole(), sensitivity=seen_by)
     places = [(x, y, -40.0) for x in (-4.2, 0.1, 4.1) for y in (-4.1, 0.2, 4.3)]
     scene = [body(WHITE[name], 1.8, (12, 6), place) for name, place in zip(WHITE, places, strict=True)]
@@ -163,7 +163,7 @@ def test_instances_vanish(name, mirrored):
     there = [np.eye(4), np.eye(4)]
     there[0][:3, 3], there[1][:3, 3] = (-3.0, -1.0, -40.0), (3.5, 2.0, -44.0)
     matrices = np.array([place @ turn @ stretch for place in there])
-    group = pl.Instances(body(WHITE[name], 2.5, (16, 8), (0.0, 0.0, 0.0)), matrices)
+    group = pl.scene.Instances(body(WHITE[name], 2.5, (16, 8), (0.0, 0.0, 0.0)), matrices)
     assert_all_is(1.0, radiance(pl.Scene([group], background=1.0), pinhole()))
 
 

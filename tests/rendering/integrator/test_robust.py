@@ -84,7 +84,7 @@ def test_instances_do_not_shadow_themselves(size, place):
         matrix = np.diag([size / own, size / own, size / own, 1.0])
         matrix[:3, 3] = np.multiply(place, size)
         camera = pinhole(opening=1e-6 * size).posed(matrix[:3, 3] + np.array([0, 0, 4 * size]), matrix[:3, 3])
-        seen = radiance(pl.Scene([pl.Instances(body, matrix[None])], background=1.0), camera)
+        seen = radiance(pl.Scene([pl.scene.Instances(body, matrix[None])], background=1.0), camera)
         np.testing.assert_allclose(seen, 1.0, rtol=3e-6)
 
 
@@ -116,7 +116,7 @@ def test_light_does_not_leak_out_of_closed_boxes(size):
 def test_light_does_not_leak_into_closed_bodies(shape, size):
     mesh = turned_about(BODIES[shape](size, pl.Lambertian(0.9)))
     sun = pl.SunLight((0.3, -1.0, 0.2), 1e6)
-    lamp = pl.PointLight((2 * size, size, 0.0), 1e6 * size**2)
+    lamp = pl.lights.PointLight((2 * size, size, 0.0), 1e6 * size**2)
     camera = pinhole(0.5, opening=1e-6 * size).posed((1e-3 * size, 2e-3 * size, 1e-3 * size), (0, -size, -size))
     seen = radiance(pl.Scene([mesh], [sun, lamp], background=1e3), camera, 256)
     assert not seen.any()
@@ -279,7 +279,7 @@ def test_ten_thousand_lights(kind):
     places = places[np.abs(places[:, :2]).max(axis=1) > 5]  # not in the view
     power = rng.random(len(places)) ** 4
     if kind == "points":
-        lights = [pl.PointLight(place, 3.0 * p) for place, p in zip(places, power, strict=True)]
+        lights = [pl.lights.PointLight(place, 3.0 * p) for place, p in zip(places, power, strict=True)]
     else:
         lights = [
             pl.QuadLight(place, (0, 0.2, 0), (0.2, 0, 0), radiance=3.0 / 0.04 * p)
@@ -310,10 +310,10 @@ def test_nearly_perfect_mirrors_show_what_perfect_ones_do(alpha):
 @pytest.mark.parametrize("alpha", [1e-5, 1e-3, 0.1])
 def test_nearly_perfect_mirrors_under_tiny_lights_are_finite(alpha):
     lights = [
-        pl.SphereLight((7.0, 0, -20), 1e-6, radiance=1e15),
+        pl.lights.SphereLight((7.0, 0, -20), 1e-6, radiance=1e15),
         pl.QuadLight((9.0, 0.1, -15), (0, 1e-6, 0), (1e-6, 0, 0), radiance=1e15),
         pl.SunLight((0.3, 0.0, -1.0), 1.0, angular_radius=1e-6),
-        pl.PointLight((8.0, 1.0, -10), 100.0),
+        pl.lights.PointLight((8.0, 1.0, -10), 100.0),
     ]
     ground = pl.quad((-50, -50, -40), (100, 0, 0), (0, 100, 0), material=pl.Conductor(0.9, alpha=alpha))
     ball = pl.sphere(1.0, center=(0, 0, -35), material=pl.Dielectric(1.5, alpha=alpha))
@@ -327,7 +327,9 @@ def test_brightness_scales_with_the_lights(scale):
     ground = pl.quad((-50, -50, -40), (100, 0, 0), (0, 100, 0), material=pl.MetallicRoughness(0.5, 0.5, 0.3))
     seen = [
         radiance(
-            pl.Scene([ground], [pl.SphereLight((12, 0, -30), 1.0, radiance=5.0 * s)], background=0.1 * s), pinhole(), 16
+            pl.Scene([ground], [pl.lights.SphereLight((12, 0, -30), 1.0, radiance=5.0 * s)], background=0.1 * s),
+            pinhole(),
+            16,
         )
         for s in (1.0, scale)
     ]

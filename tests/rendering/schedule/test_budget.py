@@ -57,25 +57,25 @@ def same_bits(a, b):
 
 
 def test_one_of_them_is_needed():
-    with pytest.raises(pl.InvalidValueError, match="give one of them"):
+    with pytest.raises(pl.errors.InvalidValueError, match="give one of them"):
         white()
 
 
 @pytest.mark.parametrize("replicates", [1, 2, 7])
 def test_a_target_needs_8_replicates(replicates):
-    with pytest.raises(pl.InvalidValueError, match=rf"replicates is {replicates}.*at least 8"):
+    with pytest.raises(pl.errors.InvalidValueError, match=rf"replicates is {replicates}.*at least 8"):
         white(target_error=0.1, replicates=replicates)
 
 
 def test_whichever_comes_first_ends_it():
     few = white(samples=48, target_error=0.001, time_limit=100.0)
-    assert few.stats.stopped_by is pl.StopReason.SAMPLES
+    assert few.stats.stopped_by is pl.rendering.StopReason.SAMPLES
     assert few.samples == 48 and few.sample_counts is None
     coarse = white(samples=LONG, target_error=0.1, time_limit=100.0)
-    assert coarse.stats.stopped_by is pl.StopReason.TARGET_ERROR
+    assert coarse.stats.stopped_by is pl.rendering.StopReason.TARGET_ERROR
     assert coarse.relative_error < 0.11 and coarse.samples < 1000
     short = white(samples=LONG, target_error=1e-5, time_limit=0.3)
-    assert short.stats.stopped_by is pl.StopReason.TIME_LIMIT
+    assert short.stats.stopped_by is pl.rendering.StopReason.TIME_LIMIT
     assert short.samples < LONG
     assert not (few.interrupted or coarse.interrupted or short.interrupted)
 
@@ -89,7 +89,7 @@ def test_no_number_of_samples_is_passed():
 
 def test_an_error_that_is_there_at_once_takes_the_fewest_samples():
     shot = white(target_error=0.9)
-    assert shot.stats.stopped_by is pl.StopReason.TARGET_ERROR
+    assert shot.stats.stopped_by is pl.rendering.StopReason.TARGET_ERROR
     assert same_bits(shot, white(samples=4 * 8))
 
 
@@ -98,14 +98,14 @@ def test_a_black_scene_ends():
     black = pl.Scene([pl.quad((-30, -30, -404), (60, 0, 0), (0, 60, 0), material=pl.Lambertian(0.5))])
     with pytest.warns(UserWarning, match="nothing in the scene shines"):
         shot = shoot(black, target_error=0.02)
-    assert shot.stats.stopped_by is pl.StopReason.TARGET_ERROR
+    assert shot.stats.stopped_by is pl.rendering.StopReason.TARGET_ERROR
     assert not shot.image.any() and shot.samples == 32
 
 
 @pytest.mark.parametrize("samples", [1, 2, 7, 8, 9])
 def test_few_samples_come_before_any_target(samples):
     shot = white(np.s_[240:244, 240:244], samples=samples, target_error=0.1)
-    assert shot.stats.stopped_by is pl.StopReason.SAMPLES and shot.samples == samples
+    assert shot.stats.stopped_by is pl.rendering.StopReason.SAMPLES and shot.samples == samples
     assert np.array_equal(shot.image, white(np.s_[240:244, 240:244], samples=samples).image)
 
 
@@ -113,17 +113,17 @@ def test_light_that_no_path_has_met_is_no_target_reached():
     behind = pl.Scene(lights=[pl.QuadLight((0, 0, 500.0), (1, 0, 0), (0, 1, 0), radiance=5.0)])
     with pytest.warns(UserWarning, match="no path has met any light"):
         shot = shoot(behind, target_error=0.05)
-    assert shot.stats.stopped_by is pl.StopReason.TARGET_MISSED and shot.relative_error == math.inf
+    assert shot.stats.stopped_by is pl.rendering.StopReason.TARGET_MISSED and shot.relative_error == math.inf
 
 
 def test_a_single_pixel_has_nobody_to_decide_for_it():
-    with pytest.raises(pl.InvalidValueError, match="single pixel"):
+    with pytest.raises(pl.errors.InvalidValueError, match="single pixel"):
         white(np.s_[256:257, 256:257], target_error=0.05)
-    assert white(np.s_[256:257, 256:258], target_error=0.2).stats.stopped_by is pl.StopReason.TARGET_ERROR
+    assert white(np.s_[256:257, 256:258], target_error=0.2).stats.stopped_by is pl.rendering.StopReason.TARGET_ERROR
 
 
 def test_targets_of_a_hundred_per_cent_are_refused():
-    with pytest.raises(pl.InvalidValueError, match="500 %"):
+    with pytest.raises(pl.errors.InvalidValueError, match="500 %"):
         white(target_error=5)
 
 
@@ -134,7 +134,7 @@ def test_an_error_that_was_missed_is_announced():
     bare = dataclasses.replace(bare.focused_at(z=-404.0), sensor=pl.Sensor(shape=(33, 33), pixel_pitch=0.4))
     with pytest.warns(UserWarning, match=r"instead of 0\.5 %"):
         shot = pl.render(lamp, bare, target_error=0.005, samples=100000, progress=False)
-    assert shot.stats.stopped_by is pl.StopReason.TARGET_MISSED
+    assert shot.stats.stopped_by is pl.rendering.StopReason.TARGET_MISSED
 
 
 # ---- bits ----
@@ -160,8 +160,8 @@ def test_stopping_does_not_depend_on_threads():
 
 
 def test_independent_samples_stop_too():
-    shot = white(target_error=0.05, sampler=pl.Sampler.RANDOM)
-    assert shot.stats.stopped_by is pl.StopReason.TARGET_ERROR
+    shot = white(target_error=0.05, sampler=pl.rendering.Sampler.RANDOM)
+    assert shot.stats.stopped_by is pl.rendering.StopReason.TARGET_ERROR
     assert shot.relative_error < 0.055
     assert shot.samples > white(target_error=0.05).samples
 
@@ -174,7 +174,7 @@ def test_hardly_any_time(limit):
     begin = time.perf_counter()
     shot = shoot(pl.check_scene(), np.s_[:, :], time_limit=limit)
     assert time.perf_counter() - begin < 60  # and not that of all 262 144 pixels over and over
-    assert shot.stats.stopped_by is pl.StopReason.TIME_LIMIT
+    assert shot.stats.stopped_by is pl.rendering.StopReason.TIME_LIMIT
     counts = counts_of(shot)
     assert np.all(np.isfinite(shot.image))
     assert not shot.image[counts == 0].any() and np.all(np.isinf(shot.standard_error[counts == 0]))
@@ -208,7 +208,7 @@ def test_too_little_time_is_announced(monkeypatch):
 
 def test_all_samples_of_limited_time_count():
     shot = white(time_limit=0.3)
-    assert shot.stats.stopped_by is pl.StopReason.TIME_LIMIT
+    assert shot.stats.stopped_by is pl.rendering.StopReason.TIME_LIMIT
     assert counts_of(shot).sum() == shot.stats.paths
     for samples in np.unique(counts_of(shot)):
         there = counts_of(shot) == samples
@@ -228,7 +228,7 @@ def test_a_time_limit_is_kept(name, region, limit):
         begin = time.perf_counter()
         shot = call(time_limit=limit)
         took.append(time.perf_counter() - begin)
-        assert shot.stats.stopped_by is pl.StopReason.TIME_LIMIT
+        assert shot.stats.stopped_by is pl.rendering.StopReason.TIME_LIMIT
         told.append(shot.stats.seconds)
     assert statistics.median(took) == pytest.approx(statistics.median(told), abs=0.1)
     allowed = max(0.1 * limit, 0.5)
@@ -312,13 +312,13 @@ def test_stopping_does_not_bias(name, budget):
 
 def recorded_sums(samples_each, replicates, monkeypatch):
     """(pixels, replicates, channels) sums of independent scramblings where few paths bring much."""
-    kept, original = [], pl.Film.add
+    kept, original = [], pl.rendering.Film.add
 
     def add(film, row, column, sums, **where):
         kept[:] = [sums]
         original(film, row, column, sums, **where)
 
-    monkeypatch.setattr(pl.Film, "add", add)
+    monkeypatch.setattr(pl.rendering.Film, "add", add)
     shoot(pl.objects_scene(), FIREFLIES, samples=samples_each * replicates, replicates=replicates, tile_side=16)
     return kept[0].reshape(-1, replicates, kept[0].shape[-1])
 
@@ -416,7 +416,7 @@ def test_ctrl_c_gives_what_is_there(interrupting, threads, budget):
     begin = time.perf_counter()
     shot = white(threads=threads, **budget)
     assert time.perf_counter() - begin < 30
-    assert shot.interrupted and shot.stats.stopped_by is pl.StopReason.INTERRUPTED
+    assert shot.interrupted and shot.stats.stopped_by is pl.rendering.StopReason.INTERRUPTED
     assert "interrupted" in repr(shot)
     counts = counts_of(shot)
     assert 0 < counts.max() < LONG

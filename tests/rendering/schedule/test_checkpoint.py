@@ -78,13 +78,13 @@ def test_facts_come_back(tmp_path):
 def test_arrays_of_other_kinds_are_refused(tmp_path, array):
     if array.dtype == np.float64:
         pytest.skip("long doubles are doubles here")
-    with pytest.raises(pl.InvalidValueError, match="booleans and numbers only"):
+    with pytest.raises(pl.errors.InvalidValueError, match="booleans and numbers only"):
         save_checkpoint(tmp_path / "state", OURS, {"a": array}, {})
     assert not os.listdir(tmp_path)
 
 
 def test_facts_of_other_kinds_are_refused(tmp_path):
-    with pytest.raises(pl.InvalidValueError, match="must be numbers, texts and lists"):
+    with pytest.raises(pl.errors.InvalidValueError, match="must be numbers, texts and lists"):
         save_checkpoint(tmp_path / "state", OURS, {}, {"camera": object()})
     assert not os.listdir(tmp_path)
 
@@ -110,10 +110,10 @@ def refused(path, content, *, save=True):
     """Whether `content` is refused, by loading always and by saving unless `save` is false; and stays as it is."""
     path.unlink(missing_ok=True)  # to write over a file may wait for the disk
     path.write_bytes(content)
-    with pytest.raises(pl.FileError) as loading:
+    with pytest.raises(pl.errors.FileError) as loading:
         load_checkpoint(path, OURS)
     if save:
-        with pytest.raises(pl.FileError):
+        with pytest.raises(pl.errors.FileError):
             save_checkpoint(path, OURS, {}, {})
     assert path.read_bytes() == content and not parts_beside(path)
     return str(loading.value)
@@ -187,7 +187,7 @@ def test_what_is_no_file_is_refused(tmp_path):
         (7, "is not a path"),
     ):
         for action in (load_checkpoint, lambda path, ours: save_checkpoint(path, ours, {}, {})):
-            with pytest.raises(pl.FileError, match=message):
+            with pytest.raises(pl.errors.FileError, match=message):
                 action(path, OURS)
     assert sorted(os.listdir(tmp_path)) == ["file", "pipe"]
 
@@ -260,6 +260,8 @@ def test_checkpoints_of_another_rendering_are_refused_and_told_apart(state):
         ({"scene": "sha256:abc"}, "with seed 2; give"),
     ):
         for action in (load_checkpoint, lambda path, ours: save_checkpoint(path, ours, {}, {})):
-            with pytest.raises(pl.FileError, match=f"belongs to another render, {words} checkpoint= another path"):
+            with pytest.raises(
+                pl.errors.FileError, match=f"belongs to another render, {words} checkpoint= another path"
+            ):
                 action(state, theirs)
     assert state.read_bytes() == content and os.listdir(state.parent) == ["state"]

@@ -38,7 +38,9 @@ def test_a_save_that_fails_changes_nothing(state, monkeypatch, name, there):
     content = state.read_bytes()
     path = state if there else state.with_name("new")
     fails(monkeypatch, name, OSError(errno.ENOSPC, "No space left on device"))
-    with pytest.raises(pl.FileError, match=r"cannot be written .No space left on device.; check .* the free space"):
+    with pytest.raises(
+        pl.errors.FileError, match=r"cannot be written .No space left on device.; check .* the free space"
+    ):
         save_checkpoint(path, OURS, {"a": np.zeros(9)}, {})
     assert state.read_bytes() == content and os.listdir(state.parent) == ["state"]
 
@@ -50,7 +52,7 @@ def test_a_full_disk_changes_nothing(state):
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     try:
         resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, limits[1]))  # as when no more than this is free
-        with pytest.raises(pl.FileError, match="cannot be written .File too large"):
+        with pytest.raises(pl.errors.FileError, match="cannot be written .File too large"):
             save_checkpoint(state, OURS, {"a": np.zeros(100_000)}, {})
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
@@ -79,7 +81,7 @@ def test_folders_that_cannot_be_flushed(state, monkeypatch, code):
 
     monkeypatch.setattr(os, "fsync", for_files)
     if code == errno.EIO:
-        with pytest.raises(pl.FileError, match="error"):
+        with pytest.raises(pl.errors.FileError, match="error"):
             save_checkpoint(state, OURS, {}, {"samples": 5})
     else:
         save_checkpoint(state, OURS, {}, {"samples": 5})
@@ -102,7 +104,7 @@ def test_a_file_that_comes_while_a_checkpoint_is_written_is_not_overwritten(tmp_
         fsync(descriptor)
 
     monkeypatch.setattr(os, "fsync", slow)
-    with pytest.raises(pl.FileError, match="is not a checkpoint"):
+    with pytest.raises(pl.errors.FileError, match="is not a checkpoint"):
         save_checkpoint(tmp_path / "state", OURS, {}, {})
     assert (tmp_path / "state").read_text() == "not yours" and os.listdir(tmp_path) == ["state"]
 

@@ -32,9 +32,9 @@ def rich_scene(*, colour=0.25, radiance=2.0, texel=0.5, place=3.0, corner=0.0):
     texture = pl.Texture(np.full((2, 2, 3), texel, dtype=np.float32))
     quad = pl.quad((corner, 0, -400), (9, 0, 0), (0, 9, 0), material=pl.Lambertian(texture))
     glass = pl.sphere(2.0, center=(0, 0, -300), material=pl.Dielectric(1.5))
-    many = pl.Instances(pl.box(1.0, material=pl.Lambertian(colour)), [np.eye(4), np.diag([2.0, 2.0, 2.0, 1.0])])
+    many = pl.scene.Instances(pl.box(1.0, material=pl.Lambertian(colour)), [np.eye(4), np.diag([2.0, 2.0, 2.0, 1.0])])
     lights = [
-        pl.PointLight((place, 0, -100), intensity=3.0),
+        pl.lights.PointLight((place, 0, -100), intensity=3.0),
         pl.QuadLight.facing((0, 60, -360), (0, 0, -404), (4, 4), radiance=5),
     ]
     return pl.Scene([quad, glass, many], lights, pl.EnvironmentMap(np.full((2, 4, 3), radiance)))
@@ -83,7 +83,7 @@ def test_another_scene_is_another_identity(changes):
 
 
 def test_no_scene_is_another_scene():
-    one, other = identity(None, camera()), identity(pl.white_plane(), camera())
+    one, other = identity(None, camera()), identity(pl.shapes.white_plane(), camera())
     assert list(differences(one, other)) == ["another scene"] == list(differences(other, one))
 
 
@@ -92,7 +92,7 @@ CAMERAS = {
     "sensor": pl.Sensor(shape=(8, 9), pixel_pitch=0.010),
     "microlenses": pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0, 2.1)),
     "pose": pl.Pose(np.eye(3), (0, 0, 1)),
-    "lens_placement": pl.Placement(shift=(0, 0.1, 0)),
+    "lens_placement": pl.optics.Placement(shift=(0, 0.1, 0)),
     "blemishes": (Blemishes(BlemishSite.SENSOR, start=[(0, 0)], end=[(0, 0)], radius=[0.1], transmission=[0.25]),),
     "sensitivity": pl.sensitivities.colour_camera(),
 }
@@ -131,7 +131,7 @@ def test_media_of_users_count_by_their_indices():
     assert wet(1.63) == wet(1.63)
     assert list(differences(wet(1.63), wet(1.64))) == ["another camera.lens"]
     # Their indices count at all wavelengths of the camera.
-    lines = pl.Sensitivity.lines((640.0, 550.0, 486.0))
+    lines = pl.sensor.Sensitivity.lines((640.0, 550.0, 486.0))
     assert wet(1.63, sensitivity=lines)["camera.lens"] != wet(1.63)["camera.lens"]
 
 
@@ -155,7 +155,12 @@ def test_digests_tell_apart_what_looks_alike():
         ("ab", ""),
         ("ab",),
     ]
-    alike += [pl.Sampler.SOBOL, pl.Caustics.KEPT, pl.PointLight((0, 0, 0), intensity=1.0), pl.AIR]
+    alike += [
+        pl.rendering.Sampler.SOBOL,
+        pl.rendering.Caustics.KEPT,
+        pl.lights.PointLight((0, 0, 0), intensity=1.0),
+        pl.optics.AIR,
+    ]
     assert len({digest(value) for value in alike}) == len(alike)
     # How numbers lie in memory is not part of them.
     assert digest(np.arange(6.0).reshape(2, 3).T) == digest(np.arange(6.0).reshape(2, 3).T.astype(">f8", order="C"))
@@ -168,8 +173,8 @@ def test_facts_are_texts():
         seed=np.int64(3),
         clamp=None,
         region=(0, 8, 0, 4),
-        settings=pl.RenderSettings(max_bounces=2),
-        sampler=pl.Sampler.RANDOM,
+        settings=pl.rendering.RenderSettings(max_bounces=2),
+        sampler=pl.rendering.Sampler.RANDOM,
         error=0.1,
         far=(1.0, (2, np.zeros(3))),
     )
@@ -191,7 +196,7 @@ def test_facts_are_texts():
 
 
 def test_facts_that_cannot_be_told_apart_are_refused():
-    with pytest.raises(pl.InvalidValueError, match="an? object has no digest"):
+    with pytest.raises(pl.errors.InvalidValueError, match="an? object has no digest"):
         identity(None, camera(), other=(object(),))
-    with pytest.raises(pl.InvalidValueError, match="leave out checkpoint="):
+    with pytest.raises(pl.errors.InvalidValueError, match="leave out checkpoint="):
         identity(None, camera(), settings=dataclasses.make_dataclass("Own", [("x", object)])(object()))

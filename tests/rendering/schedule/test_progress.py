@@ -100,7 +100,7 @@ def test_a_start_leaves_twice_the_target(error: float, target: float, done: int)
     ],
 )
 def test_impossible_budgets_are_refused(given_numbers: tuple, said: str) -> None:
-    with pytest.raises(pl.InvalidValueError, match=said):
+    with pytest.raises(pl.errors.InvalidValueError, match=said):
         checked_budget(*given_numbers)
 
 

@@ -94,7 +94,7 @@ def rendering_nothing(monkeypatch):
 
 BUDGETS = {
     "samples": {"samples": 24},
-    "independent samples": {"samples": 17, "sampler": pl.Sampler.RANDOM},
+    "independent samples": {"samples": 17, "sampler": pl.rendering.Sampler.RANDOM},
     "one replicate": {"samples": 5, "replicates": 1},
     "target": {"target_error": 0.1},
     "target and samples": {"target_error": 0.1, "samples": 60, "truth": pl.Truth.NONE},
@@ -142,7 +142,7 @@ def test_interrupted_renderings_go_on_to_the_same_bits(tmp_path, after_saving, b
     after_saving(interrupt)
     shots = [render(checkpoint=path, checkpoint_interval=EVERY, threads=2, **BUDGETS[budget])]
     while shots[-1].interrupted:
-        assert shots[-1].stats.stopped_by is pl.StopReason.INTERRUPTED
+        assert shots[-1].stats.stopped_by is pl.rendering.StopReason.INTERRUPTED
         shots.append(render(checkpoint=path, checkpoint_interval=EVERY, threads=2, **BUDGETS[budget]))
     assert len(shots) == 1 + len(moments)
     # What is returned is what there is.
@@ -165,7 +165,7 @@ def test_white_images_go_on_to_the_same_bits(tmp_path, after_saving):
 def test_an_interrupted_rendering_with_a_time_limit_gets_further_each_time(tmp_path):
     path = tmp_path / "state"
     first, second = (render(time_limit=limit, checkpoint=path) for limit in (0.3, 1.0))
-    assert second.stats.paths > first.stats.paths and second.stats.stopped_by is pl.StopReason.TIME_LIMIT
+    assert second.stats.paths > first.stats.paths and second.stats.stopped_by is pl.rendering.StopReason.TIME_LIMIT
     assert second.stats.seconds > first.stats.seconds
 
 
@@ -193,10 +193,10 @@ OTHERS = {
     "no samples": ({"samples": None, "target_error": 0.1}, "samples 8, not None"),
     "target": ({"target_error": 0.1}, "target_error None, not 0.1"),
     "replicates": ({"replicates": 4}, "replicates 8, not 4"),
-    "sampler": ({"sampler": pl.Sampler.RANDOM}, "sampler SOBOL, not RANDOM"),
+    "sampler": ({"sampler": pl.rendering.Sampler.RANDOM}, "sampler SOBOL, not RANDOM"),
     "bounces": ({"max_bounces": 2}, "max_bounces 8, not 2"),
     "clamp": ({"clamp": 0.5}, "clamp None, not 0.5"),
-    "caustics": ({"caustics": pl.Caustics.LEFT_OUT}, "caustics KEPT, not LEFT_OUT"),
+    "caustics": ({"caustics": pl.rendering.Caustics.LEFT_OUT}, "caustics KEPT, not LEFT_OUT"),
     "truth": ({"truth": pl.Truth.NONE}, "truth"),
     "region": ({"region": np.s_[240:264, 239:263]}, r"region .240, 264, 240, 264., not .240, 264, 239, 263."),
     "scene": ({"scene": board(2.0)}, "another scene"),
@@ -235,7 +235,7 @@ def test_checkpoints_of_another_rendering_are_refused_before_anything_is_rendere
 def refuses(path, content, rendering_nothing, message, arguments):
     path.write_bytes(content)
     rendering_nothing()
-    with pytest.raises(pl.FileError, match=message):
+    with pytest.raises(pl.errors.FileError, match=message):
         render(checkpoint=path, **arguments)
     assert path.read_bytes() == content and os.listdir(path.parent) == [path.name]
 
@@ -258,7 +258,7 @@ def test_damaged_and_foreign_files_are_refused_before_anything_is_rendered(tmp_p
 def test_places_that_cannot_be_written_are_refused_before_anything_is_rendered(tmp_path, rendering_nothing):
     rendering_nothing()
     for path, message in ((tmp_path / "none" / "state", "does not exist; make it first"), (tmp_path, "is a folder")):
-        with pytest.raises(pl.FileError, match=message):
+        with pytest.raises(pl.errors.FileError, match=message):
             render(samples=8, checkpoint=path)
     assert not os.listdir(tmp_path)
 

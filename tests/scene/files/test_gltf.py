@@ -95,7 +95,7 @@ def test_arrays_beside_the_file(tmp_path):
     path.write_text(json.dumps(header))
     assert pl.load_meshes(path)[0].name == "corner"
     (tmp_path / "the arrays.bin").unlink()
-    with pytest.raises(pl.FileError, match=r"a\.gltf.*'the arrays\.bin'.*beside it"):
+    with pytest.raises(pl.errors.FileError, match=r"a\.gltf.*'the arrays\.bin'.*beside it"):
         pl.load_meshes(path)
 
 
@@ -314,11 +314,11 @@ def test_a_directional_light_is_parallel_and_the_same_in_all_units(tmp_path):
 
 
 def test_dark_lights_are_left_out_and_lights_alone_are_contents(tmp_path):
-    with pytest.raises(pl.FileError, match=r"a\.gltf holds no triangles.*no lights"):
+    with pytest.raises(pl.errors.FileError, match=r"a\.gltf holds no triangles.*no lights"):
         load_file(lit(tmp_path, {"type": "point", "intensity": 0.0}))
     path = lit(tmp_path, {"type": "point"})
     assert load_file(path).meshes == ()
-    with pytest.raises(pl.FileError, match=r"a\.gltf holds no triangles"):
+    with pytest.raises(pl.errors.FileError, match=r"a\.gltf holds no triangles"):
         pl.load_meshes(path)
 
 

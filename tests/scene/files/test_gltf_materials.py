@@ -128,7 +128,7 @@ def test_the_slopes_of_normals_are_multiplied_by_their_scale(tmp_path, scale):
 
 
 def test_a_grey_normal_texture_is_refused(tmp_path):
-    with pytest.raises(pl.FileError, match=r"quad\.gltf.*normal texture of material 'skin' is grey"):
+    with pytest.raises(pl.errors.FileError, match=r"quad\.gltf.*normal texture of material 'skin' is grey"):
         material_of(tmp_path, {"normalTexture": IMAGE}, codes=np.zeros((2, 2), dtype=np.uint8))
 
 
@@ -214,7 +214,7 @@ def test_the_second_set_of_uv(tmp_path):
     # uv of files are float32.
     np.testing.assert_allclose(quad(tmp_path, told, more_uv=other).uv, expected, atol=1e-7)
     np.testing.assert_allclose(quad(tmp_path, moved(texCoord=1), more_uv=other).uv, expected, atol=1e-7)
-    with pytest.raises(pl.FileError, match=r"quad\.gltf.*uv is None"):
+    with pytest.raises(pl.errors.FileError, match=r"quad\.gltf.*uv is None"):
         quad(tmp_path, told)
 
 
@@ -222,7 +222,7 @@ def test_textures_that_lie_in_several_ways_are_refused_unless_they_are_not_used(
     told = moved(scale=[2, 2])
     shifted = {"index": 1, "extensions": {"KHR_texture_transform": {"scale": [2, 2]}}}
     assert material_of(tmp_path, told | {"normalTexture": shifted}).normal_map is not None
-    with pytest.raises(pl.FileError, match=r"quad\.gltf.*'skin' moves its textures in 2 ways.*bake"):
+    with pytest.raises(pl.errors.FileError, match=r"quad\.gltf.*'skin' moves its textures in 2 ways.*bake"):
         quad(tmp_path, told | {"normalTexture": {"index": 1}})
     # Without emissiveFactor this one is black.
     assert quad(tmp_path, told | {"emissiveTexture": {"index": 1}}).material.emission == 0.0
@@ -260,9 +260,9 @@ def transmitting(share=1.0, base=(1, 1, 1, 1), **more):
 
 
 def test_a_surface_that_transmits_all_light_without_a_volume_is_a_pane(tmp_path):
-    assert material_of(tmp_path, transmitting()) == pl.ThinGlass(1.5)
+    assert material_of(tmp_path, transmitting()) == pl.materials.ThinGlass(1.5)
     tinted = transmitting(base=(0.5, 1, 0.5, 1), KHR_materials_ior={"ior": 1.4})
-    assert material_of(tmp_path, tinted) == pl.ThinGlass(1.4, (0.5, 1.0, 0.5))
+    assert material_of(tmp_path, tinted) == pl.materials.ThinGlass(1.4, (0.5, 1.0, 0.5))
 
 
 def test_a_volume_transmits_its_attenuation_colour_after_the_attenuation_distance(tmp_path):
@@ -347,7 +347,7 @@ def test_an_image_is_one_texture_in_all_materials_that_use_it_alike(tmp_path):
 def test_a_material_of_ones_own_needs_none_of_the_files(tmp_path):
     quad(tmp_path, moved(scale=[2, 2]))
     (tmp_path / "skin a.png").unlink()
-    with pytest.raises(pl.FileError, match=r"'skin' is missing or not an image.*'skin a\.png'.*material="):
+    with pytest.raises(pl.errors.FileError, match=r"'skin' is missing or not an image.*'skin a\.png'.*material="):
         load_file(tmp_path / "quad.gltf")
     (mesh,) = load_file(tmp_path / "quad.gltf", material=pl.Conductor(0.5), unit="mm").meshes
     assert mesh.material == pl.Conductor(0.5)

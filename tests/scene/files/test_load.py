@@ -130,7 +130,7 @@ def test_the_texture_of_a_ply_is_upright(tmp_path):
     (mesh,) = pl.load_meshes(tmp_path / "quad.ply")
     assert_upright(mesh)
     (tmp_path / "skin.png").write_bytes(b"no image")
-    with pytest.raises(pl.FileError, match=r"quad\.ply.*skin\.png"):
+    with pytest.raises(pl.errors.FileError, match=r"quad\.ply.*skin\.png"):
         pl.load_meshes(tmp_path / "quad.ply")
     assert pl.load_meshes(tmp_path / "quad.ply", material=pl.Emissive())[0].material == pl.Emissive()
 
@@ -173,11 +173,11 @@ def test_units(tmp_path, unit, length):
 
 
 def test_an_unknown_unit_is_refused_with_the_list(tmp_path):
-    with pytest.raises(pl.InvalidValueError, match="'yard'.*mm, cm"):
+    with pytest.raises(pl.errors.InvalidValueError, match="'yard'.*mm, cm"):
         pl.load_meshes(write_obj(tmp_path), unit="yard")
-    with pytest.raises(pl.InvalidValueError, match="material"):
+    with pytest.raises(pl.errors.InvalidValueError, match="material"):
         pl.load_meshes(write_obj(tmp_path), material="red")
-    with pytest.raises(pl.InvalidValueError, match="unit"):
+    with pytest.raises(pl.errors.InvalidValueError, match="unit"):
         pl.load_meshes(write_obj(tmp_path), unit=["mm"])
 
 
@@ -272,7 +272,7 @@ SAID = {
 @pytest.mark.parametrize("name", BAD)
 def test_a_bad_file_is_a_file_error_that_names_it(tmp_path, name):
     (tmp_path / name).write_bytes(BAD[name])
-    with pytest.raises(pl.FileError, match=name.replace(".", r"\.") + ".*" + SAID.get(name, "; ")):
+    with pytest.raises(pl.errors.FileError, match=name.replace(".", r"\.") + ".*" + SAID.get(name, "; ")):
         pl.load_meshes(tmp_path / name)
 
 
@@ -282,7 +282,7 @@ def test_a_bad_file_is_a_file_error_that_names_it(tmp_path, name):
 def test_noise_is_a_file_error(tmp_path_factory, kind, noise):
     path = tmp_path_factory.mktemp("noise") / f"noise.{kind}"
     path.write_bytes(noise)
-    with pytest.raises(pl.FileError):
+    with pytest.raises(pl.errors.FileError):
         pl.load_meshes(path)
 
 
@@ -293,18 +293,18 @@ def test_a_glb_that_was_cut_off_is_a_file_error(tmp_path_factory, cut):
     whole = write_glb(tmp_path_factory.mktemp("cut") / "quad.glb", baseColorTexture=four_colours())
     content = whole.read_bytes()
     whole.write_bytes(content[: min(cut, len(content) - 1)])
-    with pytest.raises(pl.FileError):
+    with pytest.raises(pl.errors.FileError):
         pl.load_meshes(whole)
 
 
 def test_missing_files_folders_and_other_endings(tmp_path):
-    with pytest.raises(pl.FileError, match=r"absent\.obj is missing"):
+    with pytest.raises(pl.errors.FileError, match=r"absent\.obj is missing"):
         pl.load_meshes(tmp_path / "absent.obj")
     (tmp_path / "folder.obj").mkdir()
-    with pytest.raises(pl.FileError, match="is a folder"):
+    with pytest.raises(pl.errors.FileError, match="is a folder"):
         pl.load_meshes(tmp_path / "folder.obj")
     (tmp_path / "mesh.blend").write_bytes(b"")
-    with pytest.raises(pl.FileError, match=r"'\.blend'.*\.glb, \.gltf, \.obj"):
+    with pytest.raises(pl.errors.FileError, match=r"'\.blend'.*\.glb, \.gltf, \.obj"):
         pl.load_meshes(str(tmp_path / "mesh.blend"))
     assert len(pl.load_meshes(write_obj(tmp_path).rename(tmp_path / "QUAD.OBJ"))) == 1
 
@@ -317,7 +317,7 @@ def test_a_texture_that_an_obj_lacks_is_a_file_error(tmp_path, damage):
         (tmp_path / "skin.png").unlink()
     elif damage == "broken":
         (tmp_path / "skin.png").write_bytes(b"no image")
-    with pytest.raises(pl.FileError, match=r"quad\.obj.*skin\.png.*material="):
+    with pytest.raises(pl.errors.FileError, match=r"quad\.obj.*skin\.png.*material="):
         pl.load_meshes(path)
     (mesh,) = pl.load_meshes(path, material=pl.Lambertian(0.3))
     assert mesh.material == pl.Lambertian(0.3) and mesh.uv is not None
@@ -326,12 +326,12 @@ def test_a_texture_that_an_obj_lacks_is_a_file_error(tmp_path, damage):
 def test_a_material_file_that_an_obj_lacks_is_a_file_error(tmp_path):
     path = write_obj(tmp_path)
     (tmp_path / "quad.mtl").unlink()
-    with pytest.raises(pl.FileError, match=r"quad\.obj.*quad\.mtl"):
+    with pytest.raises(pl.errors.FileError, match=r"quad\.obj.*quad\.mtl"):
         pl.load_meshes(path)
 
 
 def test_impossible_colours_in_a_file_name_it(tmp_path):
-    with pytest.raises(pl.FileError, match=r"quad\.obj.*albedo"):
+    with pytest.raises(pl.errors.FileError, match=r"quad\.obj.*albedo"):
         pl.load_meshes(write_obj(tmp_path, mtl="newmtl skin\nKd 2 2 2\n"))
 
 
@@ -387,7 +387,7 @@ def shine_in_another_way(header):
 )
 def test_what_would_be_read_wrongly_from_a_glb_is_refused(tmp_path, edit, said):
     glb = edit_glb(write_glb(tmp_path / "quad.glb", baseColorTexture=four_colours()), edit)
-    with pytest.raises(pl.FileError, match=rf"quad\.glb.*{said}"):
+    with pytest.raises(pl.errors.FileError, match=rf"quad\.glb.*{said}"):
         pl.load_meshes(glb)
 
 
@@ -410,7 +410,7 @@ def test_an_obj_is_read_to_the_last_bit(tmp_path_factory, corners):
     expected = np.array(corners)[fan]
     a, b, c = (expected[:, k] for k in range(3))
     if not np.cross(b - a, c - a).any():
-        with pytest.raises(pl.FileError, match="area"):
+        with pytest.raises(pl.errors.FileError, match="area"):
             pl.load_meshes(path)
         return
     (mesh,) = pl.load_meshes(path)
@@ -455,7 +455,7 @@ def test_every_way_to_write_an_obj_is_read(tmp_path, text):
 
 def test_faces_with_uv_only_and_normals_only_cannot_be_told_apart(tmp_path):
     path = write(tmp_path / "t.obj", CORNER + "f 1/1 2/2 3/3\nf 1//1 3//1 4//1\n")
-    with pytest.raises(pl.FileError, match=r"t\.obj.*alike"):
+    with pytest.raises(pl.errors.FileError, match=r"t\.obj.*alike"):
         pl.load_meshes(path)
 
 
@@ -478,7 +478,7 @@ def test_each_part_of_an_obj_has_its_material(tmp_path):
 
 def test_a_material_file_that_cannot_be_understood_is_not_lost_in_silence(tmp_path):
     path = write_obj(tmp_path, mtl="newmtl skin\nKd 0.5 0.4\n")
-    with pytest.raises(pl.FileError, match=r"quad\.obj.*material file.*Kd 0\.5 0\.4.*correct it"):
+    with pytest.raises(pl.errors.FileError, match=r"quad\.obj.*material file.*Kd 0\.5 0\.4.*correct it"):
         pl.load_meshes(path)
 
 
@@ -528,7 +528,7 @@ def test_a_file_that_may_not_be_read_is_a_file_error(tmp_path):
     path.chmod(0)
     if os.access(path, os.R_OK):
         pytest.skip("this user may read everything")
-    with pytest.raises(pl.FileError, match=r"quad\.obj.*rights"):
+    with pytest.raises(pl.errors.FileError, match=r"quad\.obj.*rights"):
         pl.load_meshes(path)
 
 

@@ -58,7 +58,7 @@ SMOOTH = math.sqrt(math.sqrt(2 / 200))  # roughness for Ns 198: alpha is 0.1
         # Glass
         (["illum 6", "d 0.5", "Ni 1.3"], pl.Dielectric(1.3)),
         (["illum 7", "Tf 1 1 1"], pl.Dielectric(1.5)),
-        (["illum 4", "Tf 0.5 1 0.5", "Ni 1.4"], pl.ThinGlass(1.4, (0.5, 1.0, 0.5))),
+        (["illum 4", "Tf 0.5 1 0.5", "Ni 1.4"], pl.materials.ThinGlass(1.4, (0.5, 1.0, 0.5))),
         (["illum 7", "Kd 0.5 0.5 0.5"], pl.Lambertian(0.5)),
         # Opacity
         (["Kd 0.5 0.5 0.5", "d 0.25"], pl.MetallicRoughness(0.5, 0.0, 1.0, opacity=0.25)),

@@ -7,7 +7,7 @@ import plenoptic as pl
 from plenoptic.scene.geometry.instance import Instances, instance_record
 
 LAST = np.diag([0, 0, 0, 1])
-BEYOND = pl.SceneError, "within .*1e15 mm"
+BEYOND = pl.errors.SceneError, "within .*1e15 mm"
 
 
 def turned(rng, count, *, reach=100.0, mirrored=False):
@@ -43,12 +43,12 @@ def test_instances_are_a_read_only_copy_that_compares_hashes_and_pickles():
 @pytest.mark.parametrize(
     ("matrices", "kind", "said"),
     [
-        (np.eye(4), pl.InvalidValueError, r"matrices has shape \(4, 4\)"),
-        (np.zeros((0, 4, 4)), pl.SceneError, "at least one place"),
-        (np.tile(np.eye(3), (2, 1, 1)), pl.InvalidValueError, "shape"),
-        ([np.eye(4), np.diag([1, 1, np.nan, 1])], pl.SceneError, "matrix 1 .*finite"),
-        ([np.eye(4), np.eye(4)[[0, 1, 2, 2]]], pl.SceneError, "matrix 1 .*0, 0, 0, 1"),
-        ([np.eye(4), np.diag([1, 0, 1, 1])], pl.SceneError, "matrix 1 .*flattens"),
+        (np.eye(4), pl.errors.InvalidValueError, r"matrices has shape \(4, 4\)"),
+        (np.zeros((0, 4, 4)), pl.errors.SceneError, "at least one place"),
+        (np.tile(np.eye(3), (2, 1, 1)), pl.errors.InvalidValueError, "shape"),
+        ([np.eye(4), np.diag([1, 1, np.nan, 1])], pl.errors.SceneError, "matrix 1 .*finite"),
+        ([np.eye(4), np.eye(4)[[0, 1, 2, 2]]], pl.errors.SceneError, "matrix 1 .*0, 0, 0, 1"),
+        ([np.eye(4), np.diag([1, 0, 1, 1])], pl.errors.SceneError, "matrix 1 .*flattens"),
         ([np.diag([1e16, 1, 1, 1])], *BEYOND),
         ([np.pad([[1e308, -1e308, 1e308], [1e308, 1e308, -1e308], [-1e308, 1e308, 1e308]], (0, 1)) + LAST], *BEYOND),
         ([np.diag([1e308, 1e308, 1e-300, 1])], *BEYOND),
@@ -60,7 +60,7 @@ def test_impossible_places_are_named(matrices, kind, said):
 
 
 def test_only_meshes_are_repeated():
-    with pytest.raises(pl.InvalidValueError, match="mesh is a tuple; give a Mesh"):
+    with pytest.raises(pl.errors.InvalidValueError, match="mesh is a tuple; give a Mesh"):
         Instances((pl.box(2),), [np.eye(4)])
 
 
@@ -101,9 +101,9 @@ def test_moving_instances_moves_every_copy():
         np.testing.assert_allclose(moved.vertices, twice.vertices, rtol=0, atol=1e-12)
     for moved, copy in zip(some.translated(1, -2, z=30).meshes(), some.meshes(), strict=True):
         np.testing.assert_allclose(moved.vertices, copy.vertices + np.array([1, -2, 30]), rtol=0, atol=1e-13)
-    with pytest.raises(pl.SceneError, match="flattens"):
+    with pytest.raises(pl.errors.SceneError, match="flattens"):
         some.transformed(np.diag([1, 1, 0, 1]))
-    with pytest.raises(pl.InvalidValueError, match="z is nan"):
+    with pytest.raises(pl.errors.InvalidValueError, match="z is nan"):
         some.translated(z=np.nan)
 
 

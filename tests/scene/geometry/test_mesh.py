@@ -47,22 +47,22 @@ def test_a_mesh_is_a_read_only_copy_that_compares_hashes_and_pickles():
 @pytest.mark.parametrize(
     ("vertices", "faces", "kind", "said"),
     [
-        (CORNERS, np.zeros((0, 3), int), pl.SceneError, "no triangles"),
-        (CORNERS, [], pl.SceneError, "no triangles"),
-        (np.zeros((0, 3)), FACES, pl.SceneError, "vertex"),
-        (CORNERS, [[0, 1, 4]], pl.SceneError, "vertex 4.*within 0 and 3"),
-        (CORNERS, [[0, 1, -1]], pl.SceneError, "vertex -1"),
-        (CORNERS, [[0, 1, 2**40]], pl.SceneError, "within 0 and 3"),
-        (CORNERS, [[0.5, 1, 2]], pl.InvalidValueError, "whole numbers"),
-        (CORNERS, [[0, np.nan, 2]], pl.InvalidValueError, "whole numbers"),
-        (CORNERS, [[0, 1, 2, 3]], pl.InvalidValueError, "shape"),
-        (CORNERS, [0, 1, 2], pl.InvalidValueError, "shape"),
-        (CORNERS, [[0, 1], [0, 1, 2]], pl.InvalidValueError, "faces"),
-        (CORNERS[:, :2], FACES, pl.InvalidValueError, "shape"),
-        (CORNERS * np.nan, FACES, pl.SceneError, "finite"),
-        (CORNERS * 1e30, FACES, pl.SceneError, "unit"),
-        (CORNERS * 0, FACES, pl.SceneError, "zero area"),
-        (CORNERS, [[0, 0, 1], [2, 2, 2]], pl.SceneError, "all 2 triangles have zero area"),
+        (CORNERS, np.zeros((0, 3), int), pl.errors.SceneError, "no triangles"),
+        (CORNERS, [], pl.errors.SceneError, "no triangles"),
+        (np.zeros((0, 3)), FACES, pl.errors.SceneError, "vertex"),
+        (CORNERS, [[0, 1, 4]], pl.errors.SceneError, "vertex 4.*within 0 and 3"),
+        (CORNERS, [[0, 1, -1]], pl.errors.SceneError, "vertex -1"),
+        (CORNERS, [[0, 1, 2**40]], pl.errors.SceneError, "within 0 and 3"),
+        (CORNERS, [[0.5, 1, 2]], pl.errors.InvalidValueError, "whole numbers"),
+        (CORNERS, [[0, np.nan, 2]], pl.errors.InvalidValueError, "whole numbers"),
+        (CORNERS, [[0, 1, 2, 3]], pl.errors.InvalidValueError, "shape"),
+        (CORNERS, [0, 1, 2], pl.errors.InvalidValueError, "shape"),
+        (CORNERS, [[0, 1], [0, 1, 2]], pl.errors.InvalidValueError, "faces"),
+        (CORNERS[:, :2], FACES, pl.errors.InvalidValueError, "shape"),
+        (CORNERS * np.nan, FACES, pl.errors.SceneError, "finite"),
+        (CORNERS * 1e30, FACES, pl.errors.SceneError, "unit"),
+        (CORNERS * 0, FACES, pl.errors.SceneError, "zero area"),
+        (CORNERS, [[0, 0, 1], [2, 2, 2]], pl.errors.SceneError, "all 2 triangles have zero area"),
     ],
 )
 def test_impossible_meshes_are_refused(vertices, faces, kind, said):
@@ -82,12 +82,12 @@ def test_whole_numbers_in_floats_are_indices():
 
 def test_a_texture_needs_coordinates():
     textured = pl.Lambertian(pl.Texture(np.full((1, 1, 1), 0.5)))
-    with pytest.raises(pl.SceneError, match="uv is None"):
+    with pytest.raises(pl.errors.SceneError, match="uv is None"):
         tetrahedron(material=textured)
-    with pytest.raises(pl.SceneError, match="uv is None"):
+    with pytest.raises(pl.errors.SceneError, match="uv is None"):
         tetrahedron().with_material(textured)
     assert tetrahedron(uv=CORNERS[:, :2]).with_material(textured).material == textured
-    with pytest.raises(pl.InvalidValueError, match="material"):
+    with pytest.raises(pl.errors.InvalidValueError, match="material"):
         tetrahedron(material="red")
 
 
@@ -184,11 +184,11 @@ def test_bounds_are_those_of_the_triangles():
     ],
 )
 def test_impossible_moves_are_refused(move):
-    with pytest.raises(pl.InvalidValueError):
+    with pytest.raises(pl.errors.InvalidValueError):
         move(tetrahedron())
 
 
 @pytest.mark.parametrize("name", [None, 5, b"box", ["box"]])
 def test_a_name_is_a_text(name):
-    with pytest.raises(pl.InvalidValueError, match="name is .*; it must be a text"):
+    with pytest.raises(pl.errors.InvalidValueError, match="name is .*; it must be a text"):
         tetrahedron(name=name)

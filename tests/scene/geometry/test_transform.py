@@ -16,16 +16,16 @@ def similar(scale=2.5, angle=0.7, shift=(30.0, -20.0, 50.0)):
 
 BALL = pl.sphere(0.5, segments=(8, 4), center=(3, 2, -40))
 SCENE = pl.Scene(
-    [pl.box(2.0, center=(0, 0, -40)), pl.Instances(BALL, [np.eye(4), np.diag([1, -1, 1, 1])])],
+    [pl.box(2.0, center=(0, 0, -40)), pl.scene.Instances(BALL, [np.eye(4), np.diag([1, -1, 1, 1])])],
     [
         pl.QuadLight((0, 9, -40), (2, 0, 0), (0, 0, 2), radiance=4.0),
-        pl.SphereLight((9, 0, -40), 1.0, 3.0),
-        pl.PointLight((-9, 0, -30), (50.0, 60.0, 70.0)),
-        pl.SpotLight((0, -9, -30), (0, 0.5, -0.5), 80.0),
+        pl.lights.SphereLight((9, 0, -40), 1.0, 3.0),
+        pl.lights.PointLight((-9, 0, -30), (50.0, 60.0, 70.0)),
+        pl.lights.SpotLight((0, -9, -30), (0, 0.5, -0.5), 80.0),
         pl.SunLight((0.2, -1.0, -0.4), 0.5),
     ],
     pl.EnvironmentMap(np.random.default_rng(0).random((4, 8, 1))).rotated((0, 0, 1), 0.4),
-    [pl.View("front", (0, 0, 0), (0, 0, -1))],
+    [pl.scene.View("front", (0, 0, 0), (0, 0, -1))],
 )
 
 
@@ -75,7 +75,7 @@ def test_meshes_alone_may_be_stretched_and_mirrored():
     ],
 )
 def test_uneven_moves_are_refused_where_there_are_lights(matrix, sentence):
-    with pytest.raises(pl.SceneError, match=sentence):
+    with pytest.raises(pl.errors.SceneError, match=sentence):
         SCENE.transformed(matrix)
 
 
@@ -91,7 +91,7 @@ def test_a_scene_out_of_sight_is_said_to_be():
 def test_points_seen_through_holes_are_visible():
     there = np.ones((4, 4, 1))
     there[1:3, 1:3] = 0.0
-    leaf = pl.MetallicRoughness(0.5, opacity=pl.Texture(there, filter=pl.TextureFilter.NEAREST), cutoff=0.5)
+    leaf = pl.MetallicRoughness(0.5, opacity=pl.Texture(there, filter=pl.materials.TextureFilter.NEAREST), cutoff=0.5)
     camera = pl.PlenopticCamera(
         lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(0.5)),
         sensor=pl.Sensor(shape=(16, 16), pixel_pitch=0.3),

@@ -73,12 +73,12 @@ def test_lights_compare_and_pickle(light, other):
 @pytest.mark.parametrize(
     ("arguments", "kind", "said"),
     [
-        (((0, 0, 0), (1, 0, 0), (2, 0, 0)), pl.SceneError, "parallel"),
-        (((0, 0, 0), (0, 0, 0), (2, 0, 0)), pl.SceneError, "no area"),
-        (((0, 0, np.nan), (1, 0, 0), (0, 1, 0)), pl.SceneError, "finite"),
-        (((0, 0, 0), (1e300, 0, 0), (0, 1e300, 0)), pl.SceneError, "within"),
-        (((0, 0), (1, 0, 0), (0, 1, 0)), pl.InvalidValueError, "shape"),
-        (((0, 0, 0), (1, 0, 0), (0, 1, 0), -1), pl.SceneError, "0 or more"),
+        (((0, 0, 0), (1, 0, 0), (2, 0, 0)), pl.errors.SceneError, "parallel"),
+        (((0, 0, 0), (0, 0, 0), (2, 0, 0)), pl.errors.SceneError, "no area"),
+        (((0, 0, np.nan), (1, 0, 0), (0, 1, 0)), pl.errors.SceneError, "finite"),
+        (((0, 0, 0), (1e300, 0, 0), (0, 1e300, 0)), pl.errors.SceneError, "within"),
+        (((0, 0), (1, 0, 0), (0, 1, 0)), pl.errors.InvalidValueError, "shape"),
+        (((0, 0, 0), (1, 0, 0), (0, 1, 0), -1), pl.errors.SceneError, "0 or more"),
     ],
 )
 def test_impossible_lights_are_refused(arguments, kind, said):
@@ -91,15 +91,15 @@ def test_impossible_lights_are_refused(arguments, kind, said):
     [((0, 0, 0), (1, 1), "above 0"), ((0, 0, 1), (0, 1), "width"), ((0, 0, 1), 3.0, "size"), ((0, 0), (1, 1), "shape")],
 )
 def test_a_light_cannot_face_its_own_middle_or_be_without_size(target, size, said):
-    with pytest.raises(pl.InvalidValueError, match=said):
+    with pytest.raises(pl.errors.InvalidValueError, match=said):
         pl.QuadLight.facing((0, 0, 0), target, size)
 
 
 @pytest.mark.parametrize("two_sided", ["no", 1, None, [True]])
 def test_two_sided_is_yes_or_no(two_sided):
-    with pytest.raises(pl.InvalidValueError, match="two_sided is .*; it must be True or False"):
+    with pytest.raises(pl.errors.InvalidValueError, match="two_sided is .*; it must be True or False"):
         pl.QuadLight((0, 0, 0), (1, 0, 0), (0, 1, 0), two_sided=two_sided)
-    with pytest.raises(pl.InvalidValueError, match="two_sided is .*; it must be True or False"):
+    with pytest.raises(pl.errors.InvalidValueError, match="two_sided is .*; it must be True or False"):
         pl.QuadLight.facing((0, 0, 0), (0, 0, 1), (4, 2), two_sided=two_sided)
     assert pl.QuadLight((0, 0, 0), (1, 0, 0), (0, 1, 0), two_sided=np.bool_(True)).two_sided is True
 
@@ -256,35 +256,35 @@ def test_power_is_radiance_area_and_solid_angle():
 @pytest.mark.parametrize(
     ("make", "kind", "said"),
     [
-        (lambda: SphereLight((0, 0, 0), 0.0), pl.InvalidValueError, "radius"),
-        (lambda: SphereLight((0, 0, 0), np.inf), pl.InvalidValueError, "radius"),
-        (lambda: SphereLight((0, 0, 1e6), 1e-4), pl.SceneError, "at least 0.001 mm"),
-        (lambda: SphereLight((0, 0, 9.9e14), 1e13), pl.SceneError, "within"),
-        (lambda: SphereLight((0, np.nan, 0), 1.0), pl.SceneError, "finite"),
-        (lambda: SphereLight((0, 0), 1.0), pl.InvalidValueError, "shape"),
-        (lambda: SphereLight((0, 0, 0), 1.0, -1), pl.SceneError, "0 or more"),
-        (lambda: PointLight((0, 0, 2e15)), pl.SceneError, "within"),
-        (lambda: PointLight((0, 0, 0), (1, 2)), pl.InvalidValueError, "intensity"),
-        (lambda: PointLight((0, 0, 0), -1.0), pl.SceneError, "intensity"),
-        (lambda: SpotLight((0, 0, 0), (0, 0, 0)), pl.SceneError, "direction"),
-        (lambda: SpotLight((0, 0, 0), (0, np.nan, 1)), pl.SceneError, "direction"),
-        (lambda: SpotLight((0, 0, np.inf), (0, 0, 1)), pl.SceneError, "position"),
-        (lambda: SpotLight((0, 0, 0), (0, 0, 1), outer_angle=0.0), pl.InvalidValueError, "outer_angle"),
-        (lambda: SpotLight((0, 0, 0), (0, 0, 1), outer_angle=3.2), pl.InvalidValueError, "outer_angle"),
-        (lambda: SpotLight((0, 0, 0), (0, 0, 1), outer_angle=np.nan), pl.InvalidValueError, "outer_angle"),
-        (lambda: SpotLight((0, 0, 0), (0, 0, 1), outer_angle=1e-8), pl.InvalidValueError, "cosine"),
-        (lambda: SpotLight((0, 0, 0), (0, 0, 1), inner_angle=-0.1), pl.InvalidValueError, "inner_angle"),
-        (lambda: SpotLight((0, 0, 0), (0, 0, 1), 1.0, 0.5, 0.5), pl.InvalidValueError, "reduce inner_angle"),
-        (lambda: SpotLight.facing((1, 2, 3), (1, 2, 3)), pl.SceneError, "above 0"),
-        (lambda: SunLight((0, 0, 0)), pl.SceneError, "direction"),
-        (lambda: SunLight((0, 0, 1, 0)), pl.InvalidValueError, "shape"),
-        (lambda: SunLight((0, 0, 1), np.inf), pl.InvalidValueError, "irradiance"),
-        (lambda: SunLight((0, 0, 1), 1.0, -0.1), pl.InvalidValueError, "angular_radius"),
-        (lambda: SunLight((0, 0, 1), 1.0, 1e-7), pl.InvalidValueError, "parallel"),
-        (lambda: SunLight((0, 0, 1), 1.0, math.pi / 2), pl.InvalidValueError, "angular_radius"),
-        (lambda: SunLight((0, 0, 1), 1e308, 1e-6), pl.SceneError, "infinite"),
-        (lambda: SunLight.from_angles(0.0, 1.6), pl.InvalidValueError, "elevation"),
-        (lambda: SunLight.from_angles(np.nan, 0.0), pl.InvalidValueError, "azimuth"),
+        (lambda: SphereLight((0, 0, 0), 0.0), pl.errors.InvalidValueError, "radius"),
+        (lambda: SphereLight((0, 0, 0), np.inf), pl.errors.InvalidValueError, "radius"),
+        (lambda: SphereLight((0, 0, 1e6), 1e-4), pl.errors.SceneError, "at least 0.001 mm"),
+        (lambda: SphereLight((0, 0, 9.9e14), 1e13), pl.errors.SceneError, "within"),
+        (lambda: SphereLight((0, np.nan, 0), 1.0), pl.errors.SceneError, "finite"),
+        (lambda: SphereLight((0, 0), 1.0), pl.errors.InvalidValueError, "shape"),
+        (lambda: SphereLight((0, 0, 0), 1.0, -1), pl.errors.SceneError, "0 or more"),
+        (lambda: PointLight((0, 0, 2e15)), pl.errors.SceneError, "within"),
+        (lambda: PointLight((0, 0, 0), (1, 2)), pl.errors.InvalidValueError, "intensity"),
+        (lambda: PointLight((0, 0, 0), -1.0), pl.errors.SceneError, "intensity"),
+        (lambda: SpotLight((0, 0, 0), (0, 0, 0)), pl.errors.SceneError, "direction"),
+        (lambda: SpotLight((0, 0, 0), (0, np.nan, 1)), pl.errors.SceneError, "direction"),
+        (lambda: SpotLight((0, 0, np.inf), (0, 0, 1)), pl.errors.SceneError, "position"),
+        (lambda: SpotLight((0, 0, 0), (0, 0, 1), outer_angle=0.0), pl.errors.InvalidValueError, "outer_angle"),
+        (lambda: SpotLight((0, 0, 0), (0, 0, 1), outer_angle=3.2), pl.errors.InvalidValueError, "outer_angle"),
+        (lambda: SpotLight((0, 0, 0), (0, 0, 1), outer_angle=np.nan), pl.errors.InvalidValueError, "outer_angle"),
+        (lambda: SpotLight((0, 0, 0), (0, 0, 1), outer_angle=1e-8), pl.errors.InvalidValueError, "cosine"),
+        (lambda: SpotLight((0, 0, 0), (0, 0, 1), inner_angle=-0.1), pl.errors.InvalidValueError, "inner_angle"),
+        (lambda: SpotLight((0, 0, 0), (0, 0, 1), 1.0, 0.5, 0.5), pl.errors.InvalidValueError, "reduce inner_angle"),
+        (lambda: SpotLight.facing((1, 2, 3), (1, 2, 3)), pl.errors.SceneError, "above 0"),
+        (lambda: SunLight((0, 0, 0)), pl.errors.SceneError, "direction"),
+        (lambda: SunLight((0, 0, 1, 0)), pl.errors.InvalidValueError, "shape"),
+        (lambda: SunLight((0, 0, 1), np.inf), pl.errors.InvalidValueError, "irradiance"),
+        (lambda: SunLight((0, 0, 1), 1.0, -0.1), pl.errors.InvalidValueError, "angular_radius"),
+        (lambda: SunLight((0, 0, 1), 1.0, 1e-7), pl.errors.InvalidValueError, "parallel"),
+        (lambda: SunLight((0, 0, 1), 1.0, math.pi / 2), pl.errors.InvalidValueError, "angular_radius"),
+        (lambda: SunLight((0, 0, 1), 1e308, 1e-6), pl.errors.SceneError, "infinite"),
+        (lambda: SunLight.from_angles(0.0, 1.6), pl.errors.InvalidValueError, "elevation"),
+        (lambda: SunLight.from_angles(np.nan, 0.0), pl.errors.InvalidValueError, "azimuth"),
     ],
 )
 def test_lights_that_cannot_be_are_refused(make, kind, said):

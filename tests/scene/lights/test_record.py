@@ -74,10 +74,10 @@ def test_triangles_are_drawn_by_the_power_they_emit(kinds):
 
 
 ONE_OF_EACH = [
-    pl.PointLight((0, 0, 5), (3.0, 6.0, 9.0)),
-    pl.SpotLight((0, 0, 5), (0, 0, -1), 40.0, 0.3, 0.9),
+    pl.lights.PointLight((0, 0, 5), (3.0, 6.0, 9.0)),
+    pl.lights.SpotLight((0, 0, 5), (0, 0, -1), 40.0, 0.3, 0.9),
     pl.QuadLight((0, 0, 9), (3, 0, 0), (0, 4, 0), radiance=2.0, two_sided=True),
-    pl.SphereLight((9, 0, 9), 0.5, radiance=(1.0, 2.0, 3.0)),
+    pl.lights.SphereLight((9, 0, 9), 0.5, radiance=(1.0, 2.0, 3.0)),
 ]
 
 
@@ -118,7 +118,7 @@ def test_extreme_radiances_give_finite_probabilities(brightest):
 
 
 def test_faint_lights_are_drawn_if_there_are_no_others():
-    lights = lights_of([square(pl.Emissive(1e-300)).scaled(10)], [pl.PointLight((0, 0, 5), 0.0)])
+    lights = lights_of([square(pl.Emissive(1e-300)).scaled(10)], [pl.lights.PointLight((0, 0, 5), 0.0)])
     drawn = shares(lights)
     np.testing.assert_allclose(drawn[lights.items["kind"] == TRIANGLE], 0.5)
     assert drawn[lights.items["kind"] == POINT].tolist() == [0.0]
@@ -129,7 +129,7 @@ def test_faint_lights_are_drawn_if_there_are_no_others():
 
 @pytest.mark.parametrize("irradiance", [1e-9, 1e9])
 def test_neither_near_nor_distant_lights_go_without_draws(irradiance):
-    lights = lights_of(lights=[pl.PointLight((0, 0, 5), 7.0), pl.SunLight((0, 0, -1), irradiance)])
+    lights = lights_of(lights=[pl.lights.PointLight((0, 0, 5), 7.0), pl.SunLight((0, 0, -1), irradiance)])
     assert lights.items["kind"].tolist() == [POINT, SUN]
     # A tenth of the draws, at least, goes to either.
     np.testing.assert_allclose(shares(lights), [0.9, 0.1] if irradiance < 1 else [0.1, 0.9])
@@ -137,7 +137,7 @@ def test_neither_near_nor_distant_lights_go_without_draws(irradiance):
 
 
 def test_in_between_the_share_of_the_sun_is_what_it_sends_through_the_scene():
-    point, sun = pl.PointLight((0, 0, 1), 2.0), pl.SunLight((0, 0, -1), 3.0)
+    point, sun = pl.lights.PointLight((0, 0, 1), 2.0), pl.SunLight((0, 0, -1), 3.0)
     scene = pl.Scene([square()], [point, sun])
     # Irradiance on a disc around the box of meshes and lamps: 2 x 2 x 1, diagonal 3.
     through = 3.0 * math.pi * 1.5**2
@@ -168,7 +168,7 @@ def test_suns_and_worlds_share_the_distant_draws_by_irradiance():
 
 def test_a_constant_world_is_not_drawn():
     assert lights_of(background=1.0).cdf is None
-    lights = lights_of(lights=[pl.PointLight((0, 0, 5))], background=1.0)
+    lights = lights_of(lights=[pl.lights.PointLight((0, 0, 5))], background=1.0)
     assert lights.cdf.tolist() == [1.0] and lights.sky.environment is None
 
 
@@ -176,8 +176,8 @@ def test_a_constant_world_is_not_drawn():
 
 
 NOTHING = [
-    pl.PointLight((0, 0, 5), 0.0),
-    pl.SpotLight((0, 0, 5), (0, 0, -1), 0.0),
+    pl.lights.PointLight((0, 0, 5), 0.0),
+    pl.lights.SpotLight((0, 0, 5), (0, 0, -1), 0.0),
     pl.SunLight((0, 0, -1), 0.0),
     pl.QuadLight((0, 0, 9), (3, 0, 0), (0, 4, 0), radiance=0.0),
 ]
@@ -187,7 +187,7 @@ def test_lights_without_light_are_not_drawn():
     lights = lights_of(lights=NOTHING)
     assert lights.cdf is None and lights.items is None
     assert lights_of().cdf is None
-    lights = lights_of(lights=[*NOTHING, pl.PointLight((0, 0, 5), 1e-12)])
+    lights = lights_of(lights=[*NOTHING, pl.lights.PointLight((0, 0, 5), 1e-12)])
     drawn = shares(lights)
     assert drawn[lights.items["row"] == 2].tolist() == [1.0] and drawn.sum() == 1.0 and lights.cdf[-1] == 1.0
 
@@ -209,8 +209,8 @@ def test_instanced_emitters_are_lights_at_every_place():
     matrices[:, :3, 3] = rng.uniform(-9, 9, (3, 3))
     bulb = pl.sphere(1.0, segments=(6, 4), material=pl.Emissive(2.0))
     plain = square(pl.Emissive(2.0))
-    group = pl.Instances(bulb, matrices)
-    tables = pl.Scene([square(), pl.Instances(square(), matrices[:2]), group, plain]).tables()
+    group = pl.scene.Instances(bulb, matrices)
+    tables = pl.Scene([square(), pl.scene.Instances(square(), matrices[:2]), group, plain]).tables()
     lights = tables.lights
     copies = [copy for copy in group.meshes()]
     areas = [mesh_areas(mesh) for mesh in (plain, *copies)]
@@ -234,7 +234,7 @@ def test_places_of_what_does_not_shine_cost_nothing_for_each_triangle():
     # 10^4 places of 16 128 triangles that do not emit are 1.6e8 to look at one by one: more than a second.
     matrices = np.tile(np.eye(4), (10_000, 1, 1))
     matrices[:, 0, 3] = np.arange(10_000)
-    scene = pl.Scene([pl.Instances(pl.sphere(0.4), matrices)], ONE_OF_EACH)
+    scene = pl.Scene([pl.scene.Instances(pl.sphere(0.4), matrices)], ONE_OF_EACH)
     begin = time.process_time()
     lights = scene.tables().lights
     assert time.process_time() - begin < 1.0
@@ -248,7 +248,7 @@ def test_ten_thousand_lights_keep_their_shares():
     rng = np.random.default_rng(4)
     power = rng.random(10_000) ** 8
     power[::7] = 0.0
-    many = [pl.PointLight(place, p) for place, p in zip(rng.uniform(-50, 50, (10_000, 3)), power, strict=True)]
+    many = [pl.lights.PointLight(place, p) for place, p in zip(rng.uniform(-50, 50, (10_000, 3)), power, strict=True)]
     begin = time.process_time()
     lights = lights_of(lights=many)
     # Some 0.1 s; a quadratic search through them would take minutes.
@@ -260,7 +260,7 @@ def test_ten_thousand_lights_keep_their_shares():
 
 def test_nothing_is_drawn_beyond_the_last_light_that_shines():
     # The largest random number below 1 must not draw a light of no power, nor divide by its probability.
-    many = [pl.PointLight((0, 0, 5), 0.1) for _ in range(1000)] + [pl.PointLight((0, 0, 5), 0.0)] * 10
+    many = [pl.lights.PointLight((0, 0, 5), 0.1) for _ in range(1000)] + [pl.lights.PointLight((0, 0, 5), 0.0)] * 10
     lights = lights_of(lights=many)
     assert np.searchsorted(lights.cdf, np.nextafter(1.0, 0.0), side="right") == 999
     assert lights.cdf[999] == 1.0

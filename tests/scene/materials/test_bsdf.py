@@ -15,7 +15,7 @@ import plenoptic as pl
 COPPER = (0.27 + 3.41j, 0.68 + 2.63j, 1.32 + 2.29j)
 OPAQUE = {
     "lambertian": pl.Lambertian((0.8, 0.5, 0.2)),
-    "rough diffuse": pl.RoughDiffuse(0.9, roughness=0.7),
+    "rough diffuse": pl.materials.RoughDiffuse(0.9, roughness=0.7),
     "rough mirror": pl.Conductor(0.9, alpha=0.3),
     "rough metal": pl.Conductor(alpha=0.15, index=COPPER),
     "very rough metal": pl.Conductor(alpha=0.9, index=1.5 + 0.8j),
@@ -33,8 +33,8 @@ CLEAR = {
 ROUGH = OPAQUE | CLEAR
 WHITE = {
     "lambertian": pl.Lambertian(1.0),
-    "rough diffuse": pl.RoughDiffuse(1.0, roughness=0.3),
-    "rougher diffuse": pl.RoughDiffuse(1.0, roughness=1.0),
+    "rough diffuse": pl.materials.RoughDiffuse(1.0, roughness=0.3),
+    "rougher diffuse": pl.materials.RoughDiffuse(1.0, roughness=1.0),
     "plastic": pl.MetallicRoughness(1.0, 0.0, 0.5),
     "polished plastic": pl.MetallicRoughness(1.0, 0.0, 0.05),
     "matt plastic": pl.MetallicRoughness(1.0, 0.0, 1.0),
@@ -42,7 +42,7 @@ WHITE = {
     "glass": pl.Dielectric(1.5),
     "diamond": pl.Dielectric(2.42),
     "water under glass": pl.Dielectric(1.33, exterior=1.5),
-    "pane": pl.ThinGlass(1.5),
+    "pane": pl.materials.ThinGlass(1.5),
 }
 ANGLES_DEG = (0.0, 30.0, 60.0, 80.0, 89.0, 89.9)
 
@@ -264,7 +264,9 @@ def reflected_by_quadrature(material, viewer, width):
 
 
 @pytest.mark.parametrize("angle_deg", [0.0, 55.0, 75.0, 85.0, 89.5])
-@pytest.mark.parametrize("material", [pl.Lambertian(1.0), pl.RoughDiffuse(1.0, 0.3), pl.RoughDiffuse(1.0, 1.0)])
+@pytest.mark.parametrize(
+    "material", [pl.Lambertian(1.0), pl.materials.RoughDiffuse(1.0, 0.3), pl.materials.RoughDiffuse(1.0, 1.0)]
+)
 def test_white_matt_surfaces_reflect_all_by_quadrature(material, angle_deg):
     # Independent of how directions are drawn. Grooves have an edge where the light stands as high as the viewer.
     reflected, drawn_at_all = reflected_by_quadrature(material, towards(angle_deg), 0.3)
@@ -390,7 +392,7 @@ def test_any_incidence_on_glass_panes_and_metals(angle_deg):
     # An absolute index does not matter, only the ratio.
     assert reflected_share(pl.Dielectric(2.25, exterior=1.5), viewer) == pytest.approx(one, abs=2**-13)
     # Both surfaces of a pane, to and fro: R + T^2 R / (1 - R^2) = 2 R / (1 + R).
-    assert reflected_share(pl.ThinGlass(1.5), viewer) == pytest.approx(2 * one / (1 + one), abs=2**-13)
+    assert reflected_share(pl.materials.ThinGlass(1.5), viewer) == pytest.approx(2 * one / (1 + one), abs=2**-13)
     _, weight, density = drawn(pl.Conductor(0.9, index=COPPER), viewer, points(16))
     expected = [0.45 * sum(fresnel(viewer[0, 2], n)) for n in COPPER]
     np.testing.assert_allclose(weight, np.tile(expected, (16, 1)), rtol=1e-9)
@@ -429,14 +431,14 @@ def test_snell_and_mirrors(angle_deg):
         )
         np.testing.assert_allclose(weight[~stays], (here / there) ** 2, rtol=1e-9)
     np.testing.assert_allclose(weight[stays], 1.0, rtol=1e-9)
-    direction, weight, _ = drawn(pl.ThinGlass(1.5, transmittance=0.5), viewer, points(256))
+    direction, weight, _ = drawn(pl.materials.ThinGlass(1.5, transmittance=0.5), viewer, points(256))
     stays = direction[:, 2] * viewer[0, 2] > 0
     np.testing.assert_allclose(direction[~stays], np.tile(-viewer[0], ((~stays).sum(), 1)), atol=1e-15)
     one = sum(fresnel(abs(viewer[0, 2]), 1.5)) / 2
     assert weight[~stays].sum() / 256 == pytest.approx(0.5 * (1 - one) / (1 + one), abs=2**-7)
 
 
-@pytest.mark.parametrize("material", [pl.Conductor(), pl.Dielectric(1.5), pl.ThinGlass()])
+@pytest.mark.parametrize("material", [pl.Conductor(), pl.Dielectric(1.5), pl.materials.ThinGlass()])
 def test_exact_directions_have_no_value_that_could_be_hit_by_chance(material):
     light = towards(30.0, 180.0)
     values, density = evaluated(material, towards(30.0), np.concatenate([light, -light, towards(31.0, 180.0)]))
@@ -449,7 +451,7 @@ def test_exact_directions_have_no_value_that_could_be_hit_by_chance(material):
 def test_rough_diffuse_without_roughness_is_lambertian():
     light = np.concatenate([towards(t, p) for t in (5.0, 50.0, 85.0, 120.0) for p in (0.0, 70.0, 180.0)])
     for angle_deg in (0.0, 60.0, 110.0):
-        smooth = evaluated(pl.RoughDiffuse((0.9, 0.5, 0.1), roughness=0.0), towards(angle_deg), light)
+        smooth = evaluated(pl.materials.RoughDiffuse((0.9, 0.5, 0.1), roughness=0.0), towards(angle_deg), light)
         plain = evaluated(pl.Lambertian((0.9, 0.5, 0.1)), towards(angle_deg), light)
         np.testing.assert_allclose(smooth[0], plain[0], rtol=1e-12)
 

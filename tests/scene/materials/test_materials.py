@@ -22,10 +22,10 @@ def colours(part):
 
 SOME = st.one_of(
     st.builds(pl.Lambertian, colours(SHARE)),
-    st.builds(pl.RoughDiffuse, colours(SHARE), SHARE),
+    st.builds(pl.materials.RoughDiffuse, colours(SHARE), SHARE),
     st.builds(pl.Conductor, colours(SHARE), SHARE, st.none() | colours(INDEX)),
     st.builds(pl.Dielectric, POSITIVE, SHARE, colours(RADIANCE), POSITIVE),
-    st.builds(pl.ThinGlass, POSITIVE, colours(SHARE)),
+    st.builds(pl.materials.ThinGlass, POSITIVE, colours(SHARE)),
     st.builds(
         pl.MetallicRoughness,
         colours(SHARE),
@@ -42,7 +42,7 @@ SOME = st.one_of(
 
 TEXTURED = [
     pl.Lambertian(COLOUR_MAP),
-    pl.RoughDiffuse(COLOUR_MAP, 0.25),
+    pl.materials.RoughDiffuse(COLOUR_MAP, 0.25),
     pl.Emissive(COLOUR_MAP),
     pl.MetallicRoughness(
         COLOUR_MAP, GREY_MAP, GREY_MAP, normal_map=COLOUR_MAP, emission=COLOUR_MAP, opacity=GREY_MAP, cutoff=0.5
@@ -70,8 +70,8 @@ def test_textured_materials_compare_hash_and_pickle(material):
 
 DIFFERENT = [
     pl.Lambertian(0.5),
-    pl.RoughDiffuse(0.5, 0.0),
-    pl.RoughDiffuse(0.5, 0.5),
+    pl.materials.RoughDiffuse(0.5, 0.0),
+    pl.materials.RoughDiffuse(0.5, 0.5),
     pl.Emissive(0.5),
     pl.Emissive(0.5, two_sided=True),
     pl.Conductor(0.5),
@@ -84,8 +84,8 @@ DIFFERENT = [
     pl.Dielectric(exterior=1.5),
     pl.Dielectric(absorption=1.5),
     pl.Dielectric(alpha=0.5),
-    pl.ThinGlass(),
-    pl.ThinGlass(transmittance=0.5),
+    pl.materials.ThinGlass(),
+    pl.materials.ThinGlass(transmittance=0.5),
     pl.MetallicRoughness(),
     pl.MetallicRoughness(opacity=0.5),
     pl.MetallicRoughness(cutoff=0.5),
@@ -107,11 +107,11 @@ def test_different_materials_are_different():
 @pytest.mark.parametrize(
     ("material", "shown"),
     [
-        (pl.RoughDiffuse((0.5, 0.25, 1)), "RoughDiffuse(albedo=(0.5, 0.25, 1.0))"),
+        (pl.materials.RoughDiffuse((0.5, 0.25, 1)), "RoughDiffuse(albedo=(0.5, 0.25, 1.0))"),
         (pl.Conductor(), "Conductor()"),
         (pl.Conductor(index=[1 + 2j, 2, 3]), "Conductor(index=((1+2j), (2+0j), (3+0j)))"),
         (pl.Dielectric(1.33, exterior=1.5), "Dielectric(index=1.33, exterior=1.5)"),
-        (pl.ThinGlass(1.6), "ThinGlass(index=1.6)"),
+        (pl.materials.ThinGlass(1.6), "ThinGlass(index=1.6)"),
         (
             pl.MetallicRoughness(1, roughness=GREY_MAP, cutoff=0.5, two_sided=True),
             "MetallicRoughness(base=1.0, roughness=Texture(texels=<2 x 3 x 1 float32>), two_sided=True, cutoff=0.5)",
@@ -132,9 +132,9 @@ def test_materials_cannot_be_changed():
 
 ALBEDOS = [
     (pl.Lambertian, "albedo"),
-    (pl.RoughDiffuse, "albedo"),
+    (pl.materials.RoughDiffuse, "albedo"),
     (pl.Conductor, "reflectance"),
-    (pl.ThinGlass, "transmittance"),
+    (pl.materials.ThinGlass, "transmittance"),
     (pl.MetallicRoughness, "base"),
 ]
 
@@ -146,7 +146,7 @@ def test_nothing_reflects_more_than_it_gets(field, albedo):
     if all(0 <= part <= 1 for part in np.ravel(albedo)):
         assert getattr(make(**{name: albedo}), name) == albedo
     else:
-        with pytest.raises(pl.InvalidValueError, match=name):
+        with pytest.raises(pl.errors.InvalidValueError, match=name):
             make(**{name: albedo})
 
 
@@ -163,14 +163,14 @@ def test_nothing_reflects_more_than_it_gets(field, albedo):
     "radiance", [-1, (1, 1, -1e-300), float("inf"), float("nan"), (1, 2), "white", None, [[1, 2, 3]], [1, [2, 3], 4]]
 )
 def test_impossible_radiances_and_absorptions_are_refused(make, name, radiance):
-    with pytest.raises(pl.InvalidValueError, match=name):
+    with pytest.raises(pl.errors.InvalidValueError, match=name):
         make(**{name: radiance})
 
 
 @pytest.mark.parametrize(
     ("make", "name"),
     [
-        (pl.RoughDiffuse, "roughness"),
+        (pl.materials.RoughDiffuse, "roughness"),
         (pl.Conductor, "alpha"),
         (pl.Dielectric, "alpha"),
         (pl.MetallicRoughness, "metallic"),
@@ -181,7 +181,7 @@ def test_impossible_radiances_and_absorptions_are_refused(make, name, radiance):
 )
 @pytest.mark.parametrize("share", [-1e-300, np.nextafter(1, 2), float("nan"), float("inf"), "half", (0.5, 0.5, 0.5)])
 def test_shares_are_within_0_and_1(make, name, share):
-    with pytest.raises(pl.InvalidValueError, match=name):
+    with pytest.raises(pl.errors.InvalidValueError, match=name):
         make(**{name: share})
     for possible in (0, 1, 0.5, np.float32(0.25)):
         kept = getattr(make(**{name: possible}), name)
@@ -189,24 +189,24 @@ def test_shares_are_within_0_and_1(make, name, share):
 
 
 @pytest.mark.parametrize(
-    ("make", "name"), [(pl.Dielectric, "index"), (pl.Dielectric, "exterior"), (pl.ThinGlass, "index")]
+    ("make", "name"), [(pl.Dielectric, "index"), (pl.Dielectric, "exterior"), (pl.materials.ThinGlass, "index")]
 )
 @pytest.mark.parametrize("index", [0, -1.5, float("nan"), float("inf"), "glass", 1.5 + 1j, (1.5, 1.5, 1.5)])
 def test_indices_of_what_is_transparent_are_above_0(make, name, index):
-    with pytest.raises(pl.InvalidValueError, match=f"{name} is"):
+    with pytest.raises(pl.errors.InvalidValueError, match=f"{name} is"):
         make(**{name: index})
 
 
 @pytest.mark.parametrize("index", [0, 1j, -1 + 1j, 1 - 1j, complex("nan"), complex("inf"), (1, 1, -1j), (1, 2), "gold"])
 def test_indices_of_metals_absorb(index):
-    with pytest.raises(pl.InvalidValueError, match="index is"):
+    with pytest.raises(pl.errors.InvalidValueError, match="index is"):
         pl.Conductor(index=index)
 
 
 def test_a_texture_that_reflects_too_much_is_refused():
     assert pl.Lambertian(pl.Texture(np.ones((2, 2, 3)))).albedo.is_grey
-    for make in (pl.Lambertian, pl.RoughDiffuse, pl.MetallicRoughness):
-        with pytest.raises(pl.SceneError, match=r"1\.5.*scale"):
+    for make in (pl.Lambertian, pl.materials.RoughDiffuse, pl.MetallicRoughness):
+        with pytest.raises(pl.errors.SceneError, match=r"1\.5.*scale"):
             make(pl.Texture(np.full((2, 2, 3), 1.5)))
     assert pl.MetallicRoughness(emission=pl.Texture(np.full((2, 2, 3), 1.5))).emission.texels.max() == 1.5
 
@@ -214,22 +214,24 @@ def test_a_texture_that_reflects_too_much_is_refused():
 @pytest.mark.parametrize("name", ["metallic", "roughness", "opacity"])
 def test_textures_of_numbers_have_one_channel_within_0_and_1(name):
     assert getattr(pl.MetallicRoughness(**{name: GREY_MAP}), name) == GREY_MAP
-    with pytest.raises(pl.InvalidValueError, match=f"{name} is a texture of 3 channels; it must have 1"):
+    with pytest.raises(pl.errors.InvalidValueError, match=f"{name} is a texture of 3 channels; it must have 1"):
         pl.MetallicRoughness(**{name: COLOUR_MAP})
-    with pytest.raises(pl.SceneError, match=rf"{name} has texels up to 1\.5"):
+    with pytest.raises(pl.errors.SceneError, match=rf"{name} has texels up to 1\.5"):
         pl.MetallicRoughness(**{name: pl.Texture(np.full((2, 2, 1), 1.5))})
 
 
 @pytest.mark.parametrize("normal_map", [GREY_MAP, 0.5, (0.5, 0.5, 1.0), np.ones((1, 1, 3))])
 def test_normal_maps_are_textures_of_three_channels(normal_map):
-    with pytest.raises(pl.InvalidValueError, match="normal_map is .*; it must be a texture of 3 channels, or None"):
+    with pytest.raises(
+        pl.errors.InvalidValueError, match="normal_map is .*; it must be a texture of 3 channels, or None"
+    ):
         pl.MetallicRoughness(normal_map=normal_map)
 
 
-@pytest.mark.parametrize("make", [pl.Conductor, pl.ThinGlass, pl.Dielectric])
+@pytest.mark.parametrize("make", [pl.Conductor, pl.materials.ThinGlass, pl.Dielectric])
 def test_what_takes_no_texture_says_so(make):
-    name = {pl.Conductor: "reflectance", pl.ThinGlass: "transmittance", pl.Dielectric: "absorption"}[make]
-    with pytest.raises(pl.InvalidValueError, match=name):
+    name = {pl.Conductor: "reflectance", pl.materials.ThinGlass: "transmittance", pl.Dielectric: "absorption"}[make]
+    with pytest.raises(pl.errors.InvalidValueError, match=name):
         make(**{name: COLOUR_MAP})
 
 
@@ -245,6 +247,6 @@ def test_arrays_and_lists_become_plain_numbers():
 @pytest.mark.parametrize("make", [pl.Emissive, pl.MetallicRoughness])
 @pytest.mark.parametrize("two_sided", ["no", 1, None, [True], np.array([True, False])])
 def test_two_sided_is_yes_or_no(make, two_sided):
-    with pytest.raises(pl.InvalidValueError, match="two_sided is .*; it must be True or False"):
+    with pytest.raises(pl.errors.InvalidValueError, match="two_sided is .*; it must be True or False"):
         make(two_sided=two_sided)
     assert make(two_sided=np.bool_(True)).two_sided is True

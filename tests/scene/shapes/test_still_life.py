@@ -20,7 +20,7 @@ def only(scene, kind, wanted=lambda material: True):
 def things(scene):
     return {
         "vase": only(scene, pl.MetallicRoughness),
-        "block": only(scene, pl.RoughDiffuse),
+        "block": only(scene, pl.materials.RoughDiffuse),
         "gold": only(scene, pl.Conductor, lambda material: material.alpha > 0),
         "mirror": only(scene, pl.Conductor, lambda material: material.alpha == 0),
         "glass": only(scene, pl.Dielectric),

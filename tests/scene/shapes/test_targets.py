@@ -4,11 +4,11 @@ from collections import Counter
 import numpy as np
 import pytest
 
+from plenoptic import targets
 from plenoptic.errors import InvalidValueError, SceneError
 from plenoptic.scene.materials.diffuse import Lambertian
 from plenoptic.scene.materials.emissive import Emissive
 from plenoptic.scene.scene import Scene
-from plenoptic.scene.shapes.targets import targets
 from plenoptic.scene.shapes.targets.checker_layouts import free_rectangles
 from plenoptic.scene.shapes.targets.target import Target
 

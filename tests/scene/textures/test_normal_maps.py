@@ -100,7 +100,7 @@ def test_a_leaning_map_shades_as_a_leaning_plane_does():
 def test_green_points_to_the_upper_rows_of_the_image():
     # Two texels, one above the other, the upper one of which leans towards +y: rows count downwards.
     texels = (np.array([unit([0, 1, 2]), unit([0, -1, 2])])[:, None] + 1) / 2
-    bumps = pl.Texture(texels, filter=pl.TextureFilter.NEAREST)
+    bumps = pl.Texture(texels, filter=pl.materials.TextureFilter.NEAREST)
     mesh = pl.Mesh(CORNERS, FACES, dataclasses.replace(PLASTIC, normal_map=bumps), uv=UV)
     assert_faces([mesh], [0, 1, 2], target=(0.3, 0.5, 0))
     assert_faces([mesh], [0, -1, 2], target=(0.3, -0.5, 0))
@@ -168,7 +168,7 @@ def test_instances_bend_as_copies_do():
     matrices[:, :3, :3] = turn * rng.uniform(0.5, 2, (4, 1, 3))
     matrices[:, 0, 3] = 10.0 * np.arange(4)
     assert (np.linalg.det(matrices) < 0).tolist() == [False, True, False, True]
-    group = pl.Instances(mapped([0.1, 0.3, 1.0]), matrices)
+    group = pl.scene.Instances(mapped([0.1, 0.3, 1.0]), matrices)
     for k, copy in enumerate(group.meshes()):
         options = {"view": UP, "target": matrices[k, :3, 3]}
         np.testing.assert_allclose(radiances([group], **options), radiances([copy], **options), rtol=3e-5)

@@ -70,25 +70,25 @@ def test_a_pair_of_the_same_wrap_is_that_wrap():
     ],
 )
 def test_what_is_no_wrap_or_filter_is_refused(given, said):
-    with pytest.raises(pl.InvalidValueError, match=said):
+    with pytest.raises(pl.errors.InvalidValueError, match=said):
         pl.Texture(np.ones((1, 1, 1)), **given)
 
 
 @pytest.mark.parametrize(
     ("texels", "kind", "said"),
     [
-        (np.zeros((2, 2)), pl.InvalidValueError, "shape"),
-        (np.zeros((2, 2, 4)), pl.InvalidValueError, "drop alpha"),
-        (np.zeros((2, 2, 3), dtype=np.uint8), pl.InvalidValueError, "from_image"),
-        (np.zeros((0, 2, 3)), pl.SceneError, "at least 1 row"),
-        (np.full((1, 1, 1), -0.1), pl.SceneError, "0 or more"),
-        (np.full((1, 2, 1), np.nan), pl.SceneError, "finite"),
-        (np.full((1, 1, 3), np.inf), pl.SceneError, "finite"),
-        (np.full((1, 1, 3), 1e39), pl.SceneError, "finite"),
+        (np.zeros((2, 2)), pl.errors.InvalidValueError, "shape"),
+        (np.zeros((2, 2, 4)), pl.errors.InvalidValueError, "drop alpha"),
+        (np.zeros((2, 2, 3), dtype=np.uint8), pl.errors.InvalidValueError, "from_image"),
+        (np.zeros((0, 2, 3)), pl.errors.SceneError, "at least 1 row"),
+        (np.full((1, 1, 1), -0.1), pl.errors.SceneError, "0 or more"),
+        (np.full((1, 2, 1), np.nan), pl.errors.SceneError, "finite"),
+        (np.full((1, 1, 3), np.inf), pl.errors.SceneError, "finite"),
+        (np.full((1, 1, 3), 1e39), pl.errors.SceneError, "finite"),
         # A view that repeats one number: 268 451 840 texels without their memory.
         (
             np.broadcast_to(np.float32(0), (2**14 + 1, 2**14, 1)),
-            pl.SceneError,
+            pl.errors.SceneError,
             "16385 x 16384 .* at most 268435456, so",
         ),
     ],
@@ -139,10 +139,10 @@ def test_row_0_is_the_top_of_the_image(tmp_path):
 
 
 def test_files_that_are_no_images_are_named(tmp_path):
-    with pytest.raises(pl.FileError, match=r"absent\.png"):
+    with pytest.raises(pl.errors.FileError, match=r"absent\.png"):
         pl.Texture.load(tmp_path / "absent.png")
     (tmp_path / "broken.png").write_bytes(b"no image")
-    with pytest.raises(pl.FileError, match=r"broken\.png"):
+    with pytest.raises(pl.errors.FileError, match=r"broken\.png"):
         pl.Texture.load(tmp_path / "broken.png")
 
 
@@ -151,9 +151,9 @@ def test_a_lazily_opened_damaged_image_is_refused():
     noise = np.random.default_rng(0).integers(0, 256, (64, 64, 3), dtype=np.uint8)
     PIL.Image.fromarray(noise).save(whole, "PNG")
     damaged = PIL.Image.open(io.BytesIO(whole.getvalue()[:3000]))
-    with pytest.raises(pl.FileError, match="cannot be decoded"):
+    with pytest.raises(pl.errors.FileError, match="cannot be decoded"):
         pl.Texture.from_image(damaged)
-    with pytest.raises(pl.InvalidValueError, match="Pillow"):
+    with pytest.raises(pl.errors.InvalidValueError, match="Pillow"):
         pl.Texture.from_image(noise)
 
 
@@ -260,9 +260,9 @@ def test_what_is_no_channel_is_refused(tmp_path, channel):
     image = PIL.Image.new("RGB", (1, 1))
     image.save(tmp_path / "a.png")
     for call in (lambda **k: pl.Texture.load(tmp_path / "a.png", **k), lambda **k: pl.Texture.from_image(image, **k)):
-        with pytest.raises(pl.InvalidValueError, match="channel is"):
+        with pytest.raises(pl.errors.InvalidValueError, match="channel is"):
             call(channel=channel)
-        with pytest.raises(pl.InvalidValueError, match="Encoding.SRGB or Encoding.LINEAR"):
+        with pytest.raises(pl.errors.InvalidValueError, match="Encoding.SRGB or Encoding.LINEAR"):
             call(encoding="sRGB")
 
 
@@ -286,12 +286,12 @@ def png_header(width, height):
 def test_a_file_that_is_too_large_is_refused_by_its_header(tmp_path):
     (tmp_path / "huge.png").write_bytes(png_header(2**14, 2**14 + 1))
     with pytest.raises(
-        pl.FileError, match=r"huge.png' has 16385 x 16384 pixels; .* at most 268435456 .* scale it down"
+        pl.errors.FileError, match=r"huge.png' has 16385 x 16384 pixels; .* at most 268435456 .* scale it down"
     ):
         pl.Texture.load(tmp_path / "huge.png")
     # One of the limit itself is read, and found to be without pixels.
     (tmp_path / "empty.png").write_bytes(png_header(64, 64))
-    with pytest.raises(pl.FileError, match="damaged"):
+    with pytest.raises(pl.errors.FileError, match="damaged"):
         pl.Texture.load(tmp_path / "empty.png")
 
 

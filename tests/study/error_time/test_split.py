@@ -103,14 +103,14 @@ def test_without_standard_errors_nothing_is_reported():
 def test_what_cannot_be_split_is_refused():
     rng = np.random.default_rng(6)
     reference = reference_of(shot(1.0, 0.1, rng))
-    with pytest.raises(pl.InvalidValueError, match="1 renders; a split needs at least 2"):
+    with pytest.raises(pl.errors.InvalidValueError, match="1 renders; a split needs at least 2"):
         split_error([shot(1.0, 0.1, rng)], reference)
-    with pytest.raises(pl.InvalidValueError, match="no standard errors"):
+    with pytest.raises(pl.errors.InvalidValueError, match="no standard errors"):
         reference_of(pl.Exposure(np.ones(SHAPE)))
-    with pytest.raises(pl.InvalidValueError, match="black"):
+    with pytest.raises(pl.errors.InvalidValueError, match="black"):
         reference_of(pl.Exposure(np.zeros(SHAPE), standard_error=np.zeros(SHAPE)))
-    with pytest.raises(pl.InvalidValueError, match="infinite standard errors"):
+    with pytest.raises(pl.errors.InvalidValueError, match="infinite standard errors"):
         reference_of(pl.Exposure(np.ones(SHAPE), standard_error=np.full(SHAPE, np.inf)))
     grey = pl.Exposure(np.ones((*SHAPE[:2], 1)), standard_error=np.ones((*SHAPE[:2], 1)))
-    with pytest.raises(pl.InvalidValueError, match="1 and 3 channels"):
+    with pytest.raises(pl.errors.InvalidValueError, match="1 and 3 channels"):
         split_error([grey, grey], reference)

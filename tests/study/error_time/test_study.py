@@ -15,7 +15,7 @@ from plenoptic.study.cameras import reference_camera, smooth_camera
 from plenoptic.study.error_time.measurement import Runs, measured_rows
 from plenoptic.study.error_time.split import reference_of
 
-RANDOM, ONE = Variant(sampler=pl.Sampler.RANDOM), Variant(replicates=1)
+RANDOM, ONE = Variant(sampler=pl.rendering.Sampler.RANDOM), Variant(replicates=1)
 SIGMAS = 4
 """Standard errors that a figure may be off: one in 16 000, and seeds are fixed."""
 
@@ -226,8 +226,8 @@ def test_the_reference_camera_converges_as_its_samples_let_it(scene):
 def test_variants_change_what_they_name():
     camera = reference_camera()
     assert Variant().camera_from(camera) is camera
-    changed = Variant(lens=pl.LensModel.THIN, microlenses=pl.MicrolensModel.PINHOLE).camera_from(camera)
-    assert (changed.lens.model, changed.microlenses.model) == (pl.LensModel.THIN, pl.MicrolensModel.PINHOLE)
+    changed = Variant(lens=pl.LensModel.THIN, microlenses=pl.optics.MicrolensModel.PINHOLE).camera_from(camera)
+    assert (changed.lens.model, changed.microlenses.model) == (pl.LensModel.THIN, pl.optics.MicrolensModel.PINHOLE)
     other = dataclasses.replace(camera, microlenses_to_sensor=1.8)
     assert Variant(camera=other).camera_from(camera) == other
     assert next(iter(default_variants(None, camera))) == "EXACT lens"
@@ -249,7 +249,7 @@ def test_variants_change_what_they_name():
     ],
 )
 def test_impossible_variants_are_refused(make, message):
-    with pytest.raises(pl.InvalidValueError, match=message):
+    with pytest.raises(pl.errors.InvalidValueError, match=message):
         make()
 
 
@@ -269,7 +269,7 @@ def test_impossible_variants_are_refused(make, message):
 )
 def test_impossible_studies_are_refused(arguments, message):
     given = {"samples": (4,), "seeds": 2, "progress": False} | arguments
-    with pytest.raises(pl.InvalidValueError, match=message):
+    with pytest.raises(pl.errors.InvalidValueError, match=message):
         pl.study.error_against_time(None, conventional(5.0, side=8), given.pop("variants", None), **given)
 
 

@@ -70,13 +70,13 @@ def test_a_row_says_what_its_parts_come_to():
 
 
 def test_impossible_rows_are_refused():
-    with pytest.raises(pl.InvalidValueError, match=r"variance is -0.1; it must be at least 0"):
+    with pytest.raises(pl.errors.InvalidValueError, match=r"variance is -0.1; it must be at least 0"):
         row("a", 16, variance=-0.1)
-    with pytest.raises(pl.InvalidValueError, match="samples is 0"):
+    with pytest.raises(pl.errors.InvalidValueError, match="samples is 0"):
         ErrorRow("a", 0, 0.1, 0.1, 0.0, 0.0, 0.01, 1e-4, 0.0, 1e-4)
-    with pytest.raises(pl.InvalidValueError, match="two rows"):
+    with pytest.raises(pl.errors.InvalidValueError, match="two rows"):
         table([EXACT[0], EXACT[0]])
-    with pytest.raises(pl.InvalidValueError, match="one ErrorRow or more"):
+    with pytest.raises(pl.errors.InvalidValueError, match="one ErrorRow or more"):
         table([])
 
 
@@ -126,7 +126,7 @@ def test_no_row_beats_the_front_and_the_front_beats_all_others():
 
 
 def test_unknown_variants_are_named_with_the_known_ones():
-    with pytest.raises(pl.InvalidValueError, match="'thin'; it must be one of 'EXACT lens', 'THIN lens'"):
+    with pytest.raises(pl.errors.InvalidValueError, match="'thin'; it must be one of 'EXACT lens', 'THIN lens'"):
         MADE.slope("thin")
 
 
@@ -171,14 +171,16 @@ def test_nothing_is_promised_below_the_fewest_samples():
 
 
 def test_what_none_reaches_is_refused_with_the_reasons():
-    with pytest.raises(pl.InvalidValueError, match="1 %, which no variant reaches; THIN lens cannot: its bias of 3 %"):
+    with pytest.raises(
+        pl.errors.InvalidValueError, match="1 %, which no variant reaches; THIN lens cannot: its bias of 3 %"
+    ):
         table(THIN).recommend(0.01)
     flat = [row("stuck", n, slope=0.0) for n in NUMBERS]
-    with pytest.raises(pl.InvalidValueError, match="stuck cannot: its error was not seen to fall"):
+    with pytest.raises(pl.errors.InvalidValueError, match="stuck cannot: its error was not seen to fall"):
         table(flat).recommend(0.01)
-    with pytest.raises(pl.InvalidValueError, match="target_error is 0"):
+    with pytest.raises(pl.errors.InvalidValueError, match="target_error is 0"):
         MADE.recommend(0.0)
-    with pytest.raises(pl.InvalidValueError, match="target_error is 5, which is 500 %"):
+    with pytest.raises(pl.errors.InvalidValueError, match="target_error is 5, which is 500 %"):
         MADE.recommend(5)
 
 
@@ -208,7 +210,7 @@ def test_files_give_back_every_number(tmp_path):
     both = csv_of([MADE, no_errors], path)
     assert len(list(csv.DictReader(io.StringIO(both)))) == len(MADE.rows) + len(no_errors.rows)
     assert ErrorTable.from_csv(path, title="made up") == MADE
-    with pytest.raises(pl.FileError, match="title is None; it must be one of them"):
+    with pytest.raises(pl.errors.FileError, match="title is None; it must be one of them"):
         ErrorTable.from_csv(path)
 
 
@@ -216,13 +218,13 @@ def test_files_give_back_every_number(tmp_path):
 def test_foreign_files_are_refused(tmp_path, damaged):
     path = tmp_path / "other.csv"
     path.write_text(damaged, encoding="utf-8")
-    with pytest.raises(pl.FileError):
+    with pytest.raises(pl.errors.FileError):
         ErrorTable.from_csv(path)
-    with pytest.raises(pl.FileError, match="cannot be read"):
+    with pytest.raises(pl.errors.FileError, match="cannot be read"):
         ErrorTable.from_csv(tmp_path / "missing.csv")
-    with pytest.raises(pl.FileError, match="cannot be written"):
+    with pytest.raises(pl.errors.FileError, match="cannot be written"):
         MADE.to_csv(tmp_path / "nowhere" / "study.csv")
-    with pytest.raises(pl.FileError, match="3 is not a path"):
+    with pytest.raises(pl.errors.FileError, match="3 is not a path"):
         MADE.to_csv(3)
 
 
@@ -272,7 +274,7 @@ def test_the_figure_has_axes_units_title_slopes_floors_and_the_front():
 def test_several_studies_stand_side_by_side():
     figure = plot_error_studies([MADE, table(EXACT, "other")])
     assert [ax.get_title() for ax in figure.axes] == ["Error against time: made up", "Error against time: other"]
-    with pytest.raises(pl.InvalidValueError, match="tables"):
+    with pytest.raises(pl.errors.InvalidValueError, match="tables"):
         plot_error_studies([])
-    with pytest.raises(pl.InvalidValueError, match="table is an? "):
+    with pytest.raises(pl.errors.InvalidValueError, match="table is an? "):
         plot_error_against_time(EXACT)

@@ -116,7 +116,7 @@ class _Glasses:
 
     def __init__(self, own: Mapping[str, Medium] | GlassCatalogue | None, catalogues: str) -> None:
         if isinstance(own, str) or not (own is None or hasattr(own, "__getitem__")):
-            raise wrong_kind(own, "glasses", "mapping from names to media", 'pl.load_glasses("schott.agf")')
+            raise wrong_kind(own, "glasses", "mapping from names to media", 'pl.optics.load_glasses("schott.agf")')
         self._own: Mapping[str, Medium] | GlassCatalogue = {} if own is None else own
         self._catalogues = catalogues
         self._found: dict[str, Medium] = {}
@@ -145,9 +145,9 @@ class _Glasses:
             raise
         except InvalidValueError as error:
             origin = f"; the file names the catalogues {self._catalogues[:80]}" if self._catalogues else ""
-            unknown = str(error).partition("; pl.glass_names()")[0]
+            unknown = str(error).partition("; pl.optics.glass_names()")[0]
             raise PrescriptionError(
-                f"{unknown}{origin}: give the maker's AGF file, load_lens(path, glasses=pl.load_glasses(agf))"
+                f"{unknown}{origin}: give the maker's AGF file, load_lens(path, glasses=pl.optics.load_glasses(agf))"
             ) from None
 
 

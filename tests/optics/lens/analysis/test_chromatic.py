@@ -106,5 +106,5 @@ def test_a_shift_keeps_the_order_and_the_reference() -> None:
     ],
 )
 def test_impossible_questions_of_colour_are_refused(call, message) -> None:
-    with pytest.raises(pl.InvalidValueError, match=message):
+    with pytest.raises(pl.errors.InvalidValueError, match=message):
         call()

@@ -29,7 +29,7 @@ SHAPES = {
     "sphere": pl.Surface(-40.0, 5.0, GLASS, semi_diameter=25.0),
     "conic": pl.Surface(50.0, 5.0, GLASS, semi_diameter=25.0, conic=2.0),
     "asphere": ASPHERE,
-    "moved": pl.Surface(50.0, 5.0, GLASS, semi_diameter=25.0, placement=pl.Placement(shift=(1.0, 2.0, 0.5))),
+    "moved": pl.Surface(50.0, 5.0, GLASS, semi_diameter=25.0, placement=pl.optics.Placement(shift=(1.0, 2.0, 0.5))),
 }
 
 

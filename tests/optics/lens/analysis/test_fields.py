@@ -118,7 +118,7 @@ def test_ideal_models_have_no_aberrations() -> None:
     lens = pl.load_lens("double-gauss-100mm-f2").with_model(pl.LensModel.PARAXIAL)
     assert np.abs(distortion(lens, [0.0, 0.2, 0.4]).relative).max() < 1e-13
     assert np.abs(coma(lens, [0.1, 0.3], zone=0.5).tangential).max() < 1e-12
-    with pytest.raises(pl.InvalidValueError, match="PARAXIAL, which has no aberrations"):
+    with pytest.raises(pl.errors.InvalidValueError, match="PARAXIAL, which has no aberrations"):
         field_curvature(lens, [0.1])
 
 
@@ -129,7 +129,7 @@ def test_the_fisheye_images_angles_not_tangents() -> None:
     # Miyamoto, J. Opt. Soc. Am. 54, 1964: close to f theta.
     assert np.abs(by_angle.relative).max() < 0.05
     assert abs(distortion(lens, angles[:3]).relative[2]) > 0.3
-    with pytest.raises(pl.InvalidValueError, match="RECTILINEAR image"):
+    with pytest.raises(pl.errors.InvalidValueError, match="RECTILINEAR image"):
         distortion(lens, angles)
 
 
@@ -219,5 +219,5 @@ def test_results_are_values() -> None:
     (lambda lens: field_curvature(lens, [0.0], z_object=pl.paraxial.cardinal_points(lens).front_focus), "infinity"),
 ])  # fmt: skip
 def test_what_makes_no_sense_is_refused(call: object, message: str) -> None:
-    with pytest.raises(pl.InvalidValueError, match=message):
+    with pytest.raises(pl.errors.InvalidValueError, match=message):
         call(pl.load_lens("double-gauss-100mm-f2"))

@@ -197,7 +197,7 @@ def test_through_focus_has_its_minimum_at_the_best_focus():
 def test_an_afocal_beam_has_no_through_focus():
     lens = pl.load_lens("singlet-100mm-f4").with_model(pl.LensModel.PARAXIAL)
     z = pl.paraxial.cardinal_points(lens).front_focus
-    with pytest.raises(pl.InvalidValueError, match="parallel"):
+    with pytest.raises(pl.errors.InvalidValueError, match="parallel"):
         pl.aberrations.through_focus(lens, z_object=z)
 
 

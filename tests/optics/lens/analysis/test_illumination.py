@@ -14,7 +14,7 @@ RADIUS, RIM, APART = 4.0, 6.0, 20.0
 
 def two_stops() -> pl.LensStack:
     """An iris of 4 mm, 20 mm behind a hole of 6 mm, and surfaces that do nothing."""
-    nothing = pl.Surface(math.inf, 1.0, pl.AIR, semi_diameter=500.0)
+    nothing = pl.Surface(math.inf, 1.0, pl.optics.AIR, semi_diameter=500.0)
     return pl.LensStack([nothing, pl.CircularStop(RIM, thickness=APART), pl.CircularStop(RADIUS)], iris=2)
 
 
@@ -132,7 +132,7 @@ def test_what_no_ray_reaches_is_dark() -> None:
 
 def test_what_makes_no_sense_is_refused() -> None:
     lens = pl.load_lens("double-gauss-100mm-f2")
-    with pytest.raises(pl.InvalidValueError, match="at least 8"):
+    with pytest.raises(pl.errors.InvalidValueError, match="at least 8"):
         relative_illumination(lens, [0.1], grid=2)
-    with pytest.raises(pl.InvalidValueError, match="behind the last"):
+    with pytest.raises(pl.errors.InvalidValueError, match="behind the last"):
         relative_illumination(lens, [1.0], z_object=-1e3 / 14)

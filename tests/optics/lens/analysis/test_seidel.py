@@ -240,7 +240,7 @@ def test_sums_are_values_that_show_a_table() -> None:
 
 
 def test_arrays_of_different_lengths_are_no_sums() -> None:
-    with pytest.raises(pl.InvalidValueError, match="coma has shape"):
+    with pytest.raises(pl.errors.InvalidValueError, match="coma has shape"):
         SeidelSums(np.zeros(3), np.zeros(2), np.zeros(3), np.zeros(3), np.zeros(3), -0.1, 587.6)
 
 
@@ -256,5 +256,5 @@ def test_arrays_of_different_lengths_are_no_sums() -> None:
     ],
 )
 def test_impossible_questions_are_refused(call, message) -> None:
-    with pytest.raises(pl.InvalidValueError, match=message):
+    with pytest.raises(pl.errors.InvalidValueError, match=message):
         call()

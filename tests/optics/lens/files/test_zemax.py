@@ -245,7 +245,7 @@ def test_glasses_of_ones_own_come_first(tmp_path: Path) -> None:
     assert efl(load(tmp_path, text, glasses={"N-BK7": ConstantMedium(1.8)})) == pytest.approx(62.5, rel=REL)
     odd = text.replace("N-BK7", "ODD")
     assert efl(load(tmp_path, odd, glasses=own)) == pytest.approx(1 / (0.7 * 0.02), rel=REL)
-    refused(tmp_path, odd, "no glass 'ODD'.*catalogues SCHOTT OHARA.*glasses=pl.load_glasses", "GLAS ODD")
+    refused(tmp_path, odd, "no glass 'ODD'.*catalogues SCHOTT OHARA.*glasses=pl.optics.load_glasses", "GLAS ODD")
     with pytest.raises(InvalidValueError, match="glasses is a"):
         load(tmp_path, text, glasses="schott")
 

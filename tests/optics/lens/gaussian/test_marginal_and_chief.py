@@ -267,9 +267,9 @@ def test_only_the_curvature_of_the_vertex_matters() -> None:
 
 def test_telecentric_lenses() -> None:
     telecentric = pl.LensStack([*thin(77.77, 77.77), pl.CircularStop(0.1)])
-    with pytest.raises(pl.InvalidValueError, match="the entrance pupil is infinitely far; give an object plane"):
+    with pytest.raises(pl.errors.InvalidValueError, match="the entrance pupil is infinitely far; give an object plane"):
         paraxial.chief_ray(telecentric, 0.1)
-    with pytest.raises(pl.InvalidValueError, match="onto its iris"):
+    with pytest.raises(pl.errors.InvalidValueError, match="onto its iris"):
         paraxial.marginal_ray(telecentric)
     chief = paraxial.chief_ray(telecentric, 5.0, -200.0)
     assert chief.angle[0] == 0.0
@@ -278,7 +278,7 @@ def test_telecentric_lenses() -> None:
 
 def test_an_afocal_lens_has_no_planes_for_a_magnification() -> None:
     telescope = pl.LensStack([pl.CircularStop(0.1), *thin(100.0, 150.0), *thin(50.0)])
-    with pytest.raises(pl.InvalidValueError, match=r"afocal, so its magnification is -0\.5 for all planes"):
+    with pytest.raises(pl.errors.InvalidValueError, match=r"afocal, so its magnification is -0\.5 for all planes"):
         paraxial.conjugates(telescope, -1.0)
     assert paraxial.working_f_number(telescope) == math.inf
 
@@ -300,5 +300,5 @@ def test_an_afocal_lens_has_no_planes_for_a_magnification() -> None:
     ],
 )
 def test_impossible_questions_are_refused(call, message) -> None:
-    with pytest.raises(pl.InvalidValueError, match=message):
+    with pytest.raises(pl.errors.InvalidValueError, match=message):
         call()

@@ -304,7 +304,7 @@ def test_patterns_of_points() -> None:
         assert len(points) * (2 / n) ** 2 == pytest.approx(math.pi, abs=3 / n)
     assert fan(5)[:, 1].tolist() == [-1.0, -0.5, 0.0, 0.5, 1.0] and not fan(5)[:, 0].any()
     for function in (hexapolar, square_grid, fan):
-        with pytest.raises(pl.InvalidValueError, match="at least"):
+        with pytest.raises(pl.errors.InvalidValueError, match="at least"):
             function(0)
 
 
@@ -320,7 +320,7 @@ def test_patterns_of_points() -> None:
 ])  # fmt: skip
 def test_what_cannot_be_aimed_at_is_refused(changes: dict, message: str) -> None:
     given = {"field": (0.0, 0.1), "pupil": [[0.0, 0.0]], **changes}
-    with pytest.raises(pl.InvalidValueError, match=message):
+    with pytest.raises(pl.errors.InvalidValueError, match=message):
         aimed_rays(pl.load_lens("double-gauss-100mm-f2"), **given)
 
 

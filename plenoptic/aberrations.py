@@ -1,7 +1,4 @@
-"""Aberrations of a lens: third-order sums, and what exact rays say of spots, fans, fields and contrast.
-
-All of it in one place, for those who type `pl.aberrations`; each function is described where it is defined.
-"""
+"""Aberrations of a lens: third-order sums, and what exact rays say of spots, fans, fields and contrast."""
 
 from plenoptic.optics.lens.analysis.astigmatic import Foci, foci
 from plenoptic.optics.lens.analysis.depth import DepthDistortion, depth_distortion

@@ -27,7 +27,7 @@ class BuiltValue:
     Examples
     --------
     >>> import plenoptic as pl
-    >>> pl.BuiltValue("sensor: shift x", 0.0, 0.02, "mm")
+    >>> pl.camera.BuiltValue("sensor: shift x", 0.0, 0.02, "mm")
     sensor: shift x: 0 mm designed, 0.02 mm built
     """
 
@@ -89,7 +89,7 @@ def as_built(camera: PlenopticCamera) -> AsBuilt:
     ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
     ...     sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.010),
     ...     stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
-    >>> print(pl.as_built(camera.moved(pl.CameraPart.SENSOR, tilt=(0.0, 0.01, 0.0))))
+    >>> print(pl.camera.as_built(camera.moved(pl.CameraPart.SENSOR, tilt=(0.0, 0.01, 0.0))))
                                                       design    as built
     sensor: tilt towards x, mrad                           0          10
     array to sensor, mm                                  1.7         1.7

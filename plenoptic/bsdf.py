@@ -1,0 +1,5 @@
+"""How a material scatters light: its distribution over directions, as numbers to look at or to test."""
+
+from plenoptic.scene.materials.bsdf import Drawn, Scattered, draw, evaluate
+
+__all__ = ["Drawn", "Scattered", "draw", "evaluate"]

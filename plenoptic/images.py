@@ -1,0 +1,14 @@
+"""Reading and writing images: the only module that knows OpenImageIO, which it loads on first use."""
+
+from plenoptic.core.color.srgb import Encoding, linear_to_srgb, srgb_to_linear
+from plenoptic.core.files.images import read_channels, read_linear, write_16bit, write_channels
+
+__all__ = [
+    "Encoding",
+    "linear_to_srgb",
+    "read_channels",
+    "read_linear",
+    "srgb_to_linear",
+    "write_16bit",
+    "write_channels",
+]

@@ -1,0 +1,10 @@
+"""Lights of a scene, and what rays see that meet nothing."""
+
+from plenoptic.scene.lights.environment import ConstantBackground, EnvironmentMap
+from plenoptic.scene.lights.point import PointLight
+from plenoptic.scene.lights.quad import QuadLight
+from plenoptic.scene.lights.sphere import SphereLight
+from plenoptic.scene.lights.spot import SpotLight
+from plenoptic.scene.lights.sun import SunLight
+
+__all__ = ["ConstantBackground", "EnvironmentMap", "PointLight", "QuadLight", "SphereLight", "SpotLight", "SunLight"]

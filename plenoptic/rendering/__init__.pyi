@@ -1,0 +1,11 @@
+from .exposure import Exposure as Exposure
+from .film import Film as Film
+from .plan.stages import Decision as Decision
+from .plan.stages import Plan as Plan
+from .plan.stages import Stage as Stage
+from .render import render_white as render_white
+from .settings import Caustics as Caustics
+from .settings import RenderSettings as RenderSettings
+from .settings import Sampler as Sampler
+from .stats import RenderStats as RenderStats
+from .stats import StopReason as StopReason

@@ -1,0 +1,28 @@
+"""What a sensor makes of light: colours, noise, raw images."""
+
+from plenoptic.core.color.spectra import Sensitivity, rgb_basis, rgb_to_spectrum
+from plenoptic.optics.sensor.angular_response import AngularResponse
+from plenoptic.optics.sensor.color_filter import BayerPattern
+from plenoptic.optics.sensor.demosaic import DemosaicMethod
+from plenoptic.optics.sensor.model import SensorModel, ShotNoise
+from plenoptic.optics.sensor.radiometry import dark_current_at, photon_rate
+from plenoptic.optics.sensor.sensor import Sensor
+from plenoptic.readout.photon_transfer import PhotonTransfer, photon_transfer
+from plenoptic.readout.raw import RawImage
+
+__all__ = [
+    "AngularResponse",
+    "BayerPattern",
+    "DemosaicMethod",
+    "PhotonTransfer",
+    "RawImage",
+    "Sensitivity",
+    "Sensor",
+    "SensorModel",
+    "ShotNoise",
+    "dark_current_at",
+    "photon_rate",
+    "photon_transfer",
+    "rgb_basis",
+    "rgb_to_spectrum",
+]

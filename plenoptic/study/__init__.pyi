@@ -1,0 +1,10 @@
+from .cost.measurement import cost_of as cost_of
+from .cost.table import CostRow as CostRow
+from .cost.table import CostTable as CostTable
+from .error_time.recommendation import Recommendation as Recommendation
+from .error_time.rows import ErrorRow as ErrorRow
+from .error_time.study import error_against_time as error_against_time
+from .error_time.table import ErrorTable as ErrorTable
+from .error_time.variants import Variant as Variant
+from .error_time.variants import default_variants as default_variants
+from .rounding.table import stability as stability
