@@ -50,12 +50,7 @@ WELL = 12000.0  # electrons
 brightest = float(shot.image.max())
 ideal = pl.SensorModel(photon_rate=0.95 * WELL / brightest, shot_noise=pl.ShotNoise.NONE, bits=None)
 layers = pl.SensorModel(
-    photon_rate=ideal.photon_rate,
-    gain=3900 / WELL,
-    black_level=64,
-    full_well=WELL,
-    read_noise=3.0,
-    prnu=0.01,
+    photon_rate=ideal.photon_rate, gain=3900 / WELL, black_level=64, full_well=WELL, read_noise=3.0, prnu=0.01
 )
 bayer = dataclasses.replace(layers, colour_filters=pl.BayerPattern.RGGB)
 dim = dataclasses.replace(bayer, exposure_time=0.01, gain=100 * layers.gain)

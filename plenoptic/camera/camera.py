@@ -333,11 +333,7 @@ class PlenopticCamera:
         return camera_report(self)
 
     def focused_at(
-        self,
-        z: float,
-        *,
-        criterion: FocusCriterion = FocusCriterion.PARAXIAL,
-        microlens_type: int | None = None,
+        self, z: float, *, criterion: FocusCriterion = FocusCriterion.PARAXIAL, microlens_type: int | None = None
     ) -> PlenopticCamera:
         """The same camera with its back moved so that a plane is sharp, by paraxial optics or by the best spot.
 

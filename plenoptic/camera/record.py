@@ -14,13 +14,7 @@ from plenoptic.camera.sampling.bounds import array_bounds, sensor_bounds
 from plenoptic.core.color.spectra import ColourTables, colour_tables
 from plenoptic.optics.lens.record import LensRecord, lens_record
 from plenoptic.optics.microlens.array import MicrolensArray
-from plenoptic.optics.microlens.record import (
-    ArrayRecord,
-    ResponseRecord,
-    SensorPlane,
-    array_record,
-    possible_powers,
-)
+from plenoptic.optics.microlens.record import ArrayRecord, ResponseRecord, SensorPlane, array_record, possible_powers
 
 
 class PixelRecord(NamedTuple):

@@ -108,15 +108,7 @@ def plot_exposure(exposure: Exposure, *, figure: Figure | None = None) -> Figure
         top = _upper(error[lit] if lit.any() else error)
         seen = np.ma.array(error, mask=unseen)
         _panel(
-            figure,
-            axes.pop(0),
-            seen,
-            "standard error",
-            _IRRADIANCE,
-            extent=extent,
-            cmap="magma",
-            vmin=0.0,
-            vmax=top,
+            figure, axes.pop(0), seen, "standard error", _IRRADIANCE, extent=extent, cmap="magma", vmin=0.0, vmax=top
         )
     if exposure.depth is not None:
         depth = np.ma.masked_invalid(exposure.depth)

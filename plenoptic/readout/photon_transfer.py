@@ -69,12 +69,7 @@ class PhotonTransfer:
 
 
 def photon_transfer(
-    model: SensorModel,
-    levels: ArrayLike,
-    *,
-    shape: tuple[int, int] = (128, 128),
-    channel: int = 0,
-    seed: int = 0,
+    model: SensorModel, levels: ArrayLike, *, shape: tuple[int, int] = (128, 128), channel: int = 0, seed: int = 0
 ) -> PhotonTransfer:
     """Measure the photon transfer curve of a sensor: two raw images of each of several even exposures.
 

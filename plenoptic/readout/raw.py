@@ -174,10 +174,7 @@ class RawImage:
         return back
 
     def demosaic(
-        self,
-        method: DemosaicMethod = DemosaicMethod.LINEAR,
-        *,
-        white_balance: tuple[float, float, float] | None = None,
+        self, method: DemosaicMethod = DemosaicMethod.LINEAR, *, white_balance: tuple[float, float, float] | None = None
     ) -> Exposure:
         """All channels at all pixels, in the units of the exposure, with the artefacts of interpolation.
 

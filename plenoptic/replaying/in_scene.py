@@ -29,12 +29,7 @@ class Recorder:
         self.events: list[Meeting | Escape] = []
         self.ending = PathEnding.LEFT_SCENE
 
-    def saw(
-        self,
-        rays: NDArray[np.float64],
-        hits: Hits,
-        radiance: NDArray[np.float64],
-    ) -> None:
+    def saw(self, rays: NDArray[np.float64], hits: Hits, radiance: NDArray[np.float64]) -> None:
         """See `Witness`."""
         if not len(rays):
             return
@@ -72,11 +67,7 @@ class Recorder:
         return PathEnding.MAX_BOUNCES if scattered >= self._max_bounces else PathEnding.NO_SURFACE
 
     def lit(
-        self,
-        interactions: Interactions,
-        drawn: DrawnLights,
-        shadow: ShadowRays,
-        blocked: NDArray[np.uint8],
+        self, interactions: Interactions, drawn: DrawnLights, shadow: ShadowRays, blocked: NDArray[np.uint8]
     ) -> None:
         """See `Witness`."""
         bsdf = self._record.bsdf

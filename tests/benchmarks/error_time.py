@@ -70,13 +70,7 @@ def _next_to_nothing(camera: pl.PlenopticCamera) -> Task:
     return Task(lambda _: reference.exposed(None, camera, **settings))
 
 
-def measured(
-    camera: pl.PlenopticCamera,
-    truth: Converged,
-    samples: int,
-    replicates: int,
-    seeds: int,
-) -> Measured:
+def measured(camera: pl.PlenopticCamera, truth: Converged, samples: int, replicates: int, seeds: int) -> Measured:
     """Render the crop with several seeds: the median of the costs, the root of the mean of squared errors."""
     nothing = _next_to_nothing(camera)
     seconds, squares, variances = [], [], []

@@ -94,12 +94,7 @@ def compared(variants: dict[str, Variant], *, samples: int, rounds: int, side: i
     def task(name: str, variant: Variant) -> Task:
         def run(_: None) -> None:
             shot = reference.exposed(
-                scene,
-                variant.camera,
-                samples=samples,
-                region=(middle, middle),
-                truth=variant.truth,
-                threads=1,
+                scene, variant.camera, samples=samples, region=(middle, middle), truth=variant.truth, threads=1
             )
             lit[name] = 100 * shot.stats.fraction_through_lens
 

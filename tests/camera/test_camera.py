@@ -55,10 +55,7 @@ def test_the_sensor_lies_behind_both_principal_planes() -> None:
         ({"microlenses": "hexagonal"}, "microlenses is 'hexagonal'; it must be a MicrolensArray or None"),
         ({"lens": None}, "lens is None; it must be a LensStack"),
         ({"sensor": (512, 512)}, r"sensor is \(512, 512\); it must be a Sensor"),
-        (
-            {"wavelength": 0.55},
-            "wavelength is 0.55 nm; .*wavelengths are in nanometres",
-        ),
+        ({"wavelength": 0.55}, "wavelength is 0.55 nm; .*wavelengths are in nanometres"),
         ({"wavelength": 0.0}, "wavelength is 0 nm; it must be above 0"),
     ],
 )

@@ -13,9 +13,7 @@ EPS = np.finfo(float).eps
 
 
 @settings(max_examples=100)
-@given(
-    direction=st.tuples(*[st.floats(-1e300, 1e300, allow_subnormal=False)] * 3).filter(lambda d: any(d)),
-)
+@given(direction=st.tuples(*[st.floats(-1e300, 1e300, allow_subnormal=False)] * 3).filter(lambda d: any(d)))
 def test_directions_get_unit_length(direction: tuple[float, float, float]) -> None:
     rays = pl.RayBundle([[0, 0, 0]], [direction])
     unit = rays.direction[0]

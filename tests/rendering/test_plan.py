@@ -30,10 +30,7 @@ def aspheric(lens: pl.LensStack) -> pl.LensStack:
         (CAMERA.lens, set()),
         (aspheric(CAMERA.lens), {Stage.ASPHERES}),
         (CAMERA.lens.moved(3, shift=(0.1, 0, 0)), {Stage.PLACEMENTS}),
-        (
-            aspheric(CAMERA.lens).moved(0, tilt=(0.1, 0, 0)),
-            {Stage.ASPHERES, Stage.PLACEMENTS},
-        ),
+        (aspheric(CAMERA.lens).moved(0, tilt=(0.1, 0, 0)), {Stage.ASPHERES, Stage.PLACEMENTS}),
         (aspheric(CAMERA.lens).with_model(pl.LensModel.THIN), set()),
         (CAMERA.lens.with_stop(pl.PolygonStop(6, 5.0)), {Stage.SHAPED_STOPS}),
     ],
@@ -91,10 +88,7 @@ def running(scene, **options):
         (pl.Scene([FLOOR], background=1.0), PLAIN | SEEN | {Stage.BACKGROUND}),
         (pl.Scene([FLOOR], [LAMP]), LIT),
         (pl.Scene([FLOOR], [POINT]), LIT - {Stage.EMISSION}),
-        (
-            pl.Scene([FLOOR], [pl.SunLight((0, 0, -1))]),
-            LIT - {Stage.EMISSION} | {Stage.BACKGROUND},
-        ),
+        (pl.Scene([FLOOR], [pl.SunLight((0, 0, -1))]), LIT - {Stage.EMISSION} | {Stage.BACKGROUND}),
         (
             pl.Scene([FLOOR], background=pl.EnvironmentMap(np.ones((1, 2, 1)))),
             LIT - {Stage.EMISSION} | {Stage.BACKGROUND},
@@ -105,15 +99,9 @@ def running(scene, **options):
         (pl.Scene([floor(pl.Conductor())], [LAMP]), LIT | {Stage.MATERIALS}),
         (pl.Scene([floor(pl.materials.ThinGlass())], [LAMP]), LIT | {Stage.MATERIALS}),
         (pl.Scene([floor(pl.Dielectric())], [LAMP]), LIT | {Stage.MATERIALS}),
-        (
-            pl.Scene([floor(pl.Dielectric(absorption=0.1))], [LAMP]),
-            LIT | {Stage.MATERIALS, Stage.ABSORPTION},
-        ),
+        (pl.Scene([floor(pl.Dielectric(absorption=0.1))], [LAMP]), LIT | {Stage.MATERIALS, Stage.ABSORPTION}),
         (pl.Scene([floor(pl.MetallicRoughness())], [LAMP]), LIT | {Stage.MATERIALS}),
-        (
-            pl.Scene([floor(pl.MetallicRoughness(opacity=0.5))], [LAMP]),
-            LIT | {Stage.MATERIALS, Stage.OPACITY},
-        ),
+        (pl.Scene([floor(pl.MetallicRoughness(opacity=0.5))], [LAMP]), LIT | {Stage.MATERIALS, Stage.OPACITY}),
         (
             pl.Scene([floor(pl.MetallicRoughness(opacity=GREY_MAP))], [LAMP]),
             LIT | {Stage.MATERIALS, Stage.OPACITY, Stage.TEXTURES},

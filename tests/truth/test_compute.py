@@ -235,11 +235,7 @@ def test_angles_of_incidence_turn_with_the_sensor():
 
 # ---- images of points ----
 
-KINDS = {
-    "Galilean": {"b": 1.7},
-    "Keplerian": {"b": 2.4},
-    "1.0": {"b": 2.0},
-}
+KINDS = {"Galilean": {"b": 1.7}, "Keplerian": {"b": 2.4}, "1.0": {"b": 2.0}}
 
 
 @pytest.mark.parametrize("z", [-300.0, -404.0, -1000.0, -1e6])

@@ -89,12 +89,7 @@ def point_spread(
 
 
 def landing_points(
-    camera: PlenopticCamera,
-    points: ArrayLike,
-    *,
-    rays: int = 1 << 12,
-    seed: int = 0,
-    threads: int | None = None,
+    camera: PlenopticCamera, points: ArrayLike, *, rays: int = 1 << 12, seed: int = 0, threads: int | None = None
 ) -> LandingPoints:
     """Single rays of points: where they land on the sensor and through which microlens, such as calibration needs it.
 

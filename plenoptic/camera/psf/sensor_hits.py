@@ -32,15 +32,7 @@ CHUNK = 1 << 17
 
 
 HIT = np.dtype(
-    [
-        ("x", "f8"),
-        ("y", "f8"),
-        ("weight", "f8"),
-        ("first", "i8"),
-        ("second", "i8"),
-        ("row", "i8"),
-        ("column", "i8"),
-    ],
+    [("x", "f8"), ("y", "f8"), ("weight", "f8"), ("first", "i8"), ("second", "i8"), ("row", "i8"), ("column", "i8")],
     align=True,
 )
 """A ray that arrives: where on the sensor in mm, its weight, the lattice index of its microlens, and its pixel."""

@@ -102,11 +102,7 @@ def counted(elements: Sequence[Element], length: float) -> str:
 
 
 def with_inserted(
-    elements: Sequence[Element],
-    vertices: NDArray[np.float64],
-    gap_media: Sequence[Medium],
-    stop: Stop,
-    z: float,
+    elements: Sequence[Element], vertices: NDArray[np.float64], gap_media: Sequence[Medium], stop: Stop, z: float
 ) -> tuple[list[Element], int]:
     """The elements with a stop at z (mm, in the lens frame), and its index; see `LensStack.inserted`."""
     bounds = [-np.inf, *vertices.tolist(), np.inf]

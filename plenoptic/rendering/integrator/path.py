@@ -27,11 +27,7 @@ class Witness(Protocol):
         """Rays have met triangles, and paths have collected what shines there."""
 
     def lit(
-        self,
-        interactions: Interactions,
-        drawn: DrawnLights,
-        shadow: ShadowRays,
-        blocked: NDArray[np.uint8],
+        self, interactions: Interactions, drawn: DrawnLights, shadow: ShadowRays, blocked: NDArray[np.uint8]
     ) -> None:
         """Lights were drawn for surfaces, and some of them could be seen."""
 
@@ -156,12 +152,7 @@ class Transport:
             add_emission(radiance, now, hits, scene.geometry, scene.emission, scene.lights.sky, wavelengths)
 
     def _scatter(
-        self,
-        radiance: NDArray[np.float64],
-        hits: Hits,
-        bounce: int,
-        wavelengths: Wavelengths,
-        witness: Witness | None,
+        self, radiance: NDArray[np.float64], hits: Hits, bounce: int, wavelengths: Wavelengths, witness: Witness | None
     ) -> int:
         """Add direct light and send the rays onwards; returns how many there are."""
         met = self._stage.find(self._now, hits, self._path_keys(), bounce, wavelengths)
@@ -180,11 +171,7 @@ class Transport:
         return onwards
 
     def _add_direct(
-        self,
-        radiance: NDArray[np.float64],
-        interactions: Interactions,
-        drawn: DrawnLights,
-        wavelengths: Wavelengths,
+        self, radiance: NDArray[np.float64], interactions: Interactions, drawn: DrawnLights, wavelengths: Wavelengths
     ) -> tuple[ShadowRays, NDArray[np.uint8]]:
         """Add the drawn lights that nothing hides; returns the shadow rays that were sent, and which were blocked."""
         from plenoptic.rendering.integrator.kernels import direct_light

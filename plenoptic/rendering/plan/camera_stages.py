@@ -53,10 +53,7 @@ def _array(array: MicrolensArray | None) -> list[Decision]:
         decide(Stage.MICROLENS_TYPES, types > 1, lengths, lengths),
         _openings(array),
         decide(
-            Stage.WALLS,
-            array.walls is Walls.OPAQUE,
-            "lenses light all of the sensor",
-            "each lens lights its own cell",
+            Stage.WALLS, array.walls is Walls.OPAQUE, "lenses light all of the sensor", "each lens lights its own cell"
         ),
         decide(Stage.LISTED_LENSES, free or array.imperfections is not None, "lenses are all as designed", listed),
         decide(Stage.MICROLENS_PLATES, array.is_plate, model, model),

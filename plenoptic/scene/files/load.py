@@ -53,10 +53,7 @@ class FileContents:
     if TYPE_CHECKING:
 
         def __init__(
-            self,
-            meshes: Iterable[Mesh | Instances] = (),
-            lights: Iterable[Light] = (),
-            views: Iterable[View] = (),
+            self, meshes: Iterable[Mesh | Instances] = (), lights: Iterable[Light] = (), views: Iterable[View] = ()
         ) -> None: ...
 
     def __post_init__(self) -> None:

@@ -59,10 +59,7 @@ class ChildMesh(NamedTuple):
 
 
 def child_meshes(
-    vertices: NDArray[np.float64],
-    triangles: NDArray[np.int32],
-    instances: InstanceRecord,
-    middle: NDArray[np.float64],
+    vertices: NDArray[np.float64], triangles: NDArray[np.int32], instances: InstanceRecord, middle: NDArray[np.float64]
 ) -> Iterator[ChildMesh]:
     """The meshes of instances; those whose matrix float32 cannot invert are copied into the world."""
     for first, count, rows in distinct_meshes(instances):

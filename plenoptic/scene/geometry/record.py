@@ -68,9 +68,7 @@ class Hits(NamedTuple):
         """Those of the first rays."""
         instance, travelled = self.instance, self.travelled
         return Hits(
-            self.triangle[:n],
-            None if instance is None else instance[:n],
-            None if travelled is None else travelled[:n],
+            self.triangle[:n], None if instance is None else instance[:n], None if travelled is None else travelled[:n]
         )
 
 

@@ -82,12 +82,7 @@ class SunLight:
 
     @classmethod
     def from_angles(
-        cls,
-        azimuth: float,
-        elevation: float,
-        *,
-        irradiance: Colour = 1.0,
-        angular_radius: float = SUN_RADIUS,
+        cls, azimuth: float, elevation: float, *, irradiance: Colour = 1.0, angular_radius: float = SUN_RADIUS
     ) -> SunLight:
         """A sun by where it stands in the sky.
 

@@ -157,11 +157,7 @@ def _checked(element: Element, number: int) -> Surface | CircularStop:
 
 
 def _exact_ray(
-    mp: Any,
-    stations: list[tuple[Surface | CircularStop, float, Number]],
-    origin: Floats,
-    direction: Floats,
-    s: int,
+    mp: Any, stations: list[tuple[Surface | CircularStop, float, Number]], origin: Floats, direction: Floats, s: int
 ) -> ExactRay:
     p = [mp.mpf(float(x)) for x in origin]
     d = [mp.mpf(float(x)) for x in direction]

@@ -209,8 +209,7 @@ def test_interpolated_centroids_are_those_of_the_quadrature(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "lattice, part",
-    [(pl.Lattice.SQUARE, None), *((pl.Lattice.HEXAGONAL, part) for part in (None, *CameraPart))],
+    "lattice, part", [(pl.Lattice.SQUARE, None), *((pl.Lattice.HEXAGONAL, part) for part in (None, *CameraPart))]
 )
 def test_centroids_of_a_rendered_white_image_are_those_of_the_geometry(lattice, part):
     camera = dataclasses.replace(half_shut(), microlenses=pl.MicrolensArray(0.217, (2.0,), lattice))

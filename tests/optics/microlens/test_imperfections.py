@@ -9,13 +9,7 @@ from hypothesis import strategies as st
 import plenoptic as pl
 from plenoptic.optics.microlens.imperfections import deviations_of, largest_offset
 
-ALL = {
-    "pitch_jitter": 0.01,
-    "decentre": 0.02,
-    "focal_length_spread": 0.05,
-    "missing": 0.1,
-    "dark": 0.2,
-}
+ALL = {"pitch_jitter": 0.01, "decentre": 0.02, "focal_length_spread": 0.05, "missing": 0.1, "dark": 0.2}
 
 
 def indices(around: int) -> np.ndarray:

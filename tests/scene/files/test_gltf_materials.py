@@ -196,10 +196,7 @@ def moved(**transform):
         ({"offset": [0.25, 0.25]}, [(0.25, -0.25), (1.25, -0.25), (1.25, 0.75), (0.25, 0.75)]),
         # The two examples in the text of the extension: the lower left quarter, its image turned clockwise by 90
         # degrees; and the image upside down.
-        (
-            {"offset": [0, 1], "rotation": np.pi / 2, "scale": [0.5, 0.5]},
-            [(0.5, 0), (0.5, 0.5), (0, 0.5), (0, 0)],
-        ),
+        ({"offset": [0, 1], "rotation": np.pi / 2, "scale": [0.5, 0.5]}, [(0.5, 0), (0.5, 0.5), (0, 0.5), (0, 0)]),
         ({"offset": [0, 1], "scale": [1, -1]}, [(0, 1), (1, 1), (1, 0), (0, 0)]),
     ],
 )

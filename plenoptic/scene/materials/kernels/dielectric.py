@@ -11,13 +11,7 @@ from plenoptic.core.jit import device
 from plenoptic.core.kernels.vectors import add, dot, scale
 from plenoptic.scene.lights.record import DELTA
 from plenoptic.scene.materials.kernels.fresnel import dielectric
-from plenoptic.scene.materials.kernels.microfacets import (
-    distribution,
-    nothing,
-    reflect,
-    smith_lambda,
-    visible_normal,
-)
+from plenoptic.scene.materials.kernels.microfacets import distribution, nothing, reflect, smith_lambda, visible_normal
 from plenoptic.scene.materials.record import INSIDE, OUTSIDE, SMOOTH
 
 

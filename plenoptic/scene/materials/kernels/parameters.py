@@ -125,11 +125,7 @@ def _tangents(triangle, n, uv, triangles, k):
     if area == 0.0:
         return False, none, none
     # The direction in which s grows on the triangle; then perpendicular to the normal on the front.
-    t = (
-        (e1[0] * t2 - e2[0] * t1) / area,
-        (e1[1] * t2 - e2[1] * t1) / area,
-        (e1[2] * t2 - e2[2] * t1) / area,
-    )
+    t = ((e1[0] * t2 - e2[0] * t1) / area, (e1[1] * t2 - e2[1] * t1) / area, (e1[2] * t2 - e2[2] * t1) / area)
     t = sub(t, scale(n, dot(t, n)))
     length = math.sqrt(dot(t, t))
     if not length > 0.0:

@@ -26,13 +26,7 @@ from plenoptic.scene.textures.texture import Texture, TextureFilter, Wrap
 
 
 def checkerboard(
-    columns: int,
-    rows: int,
-    *,
-    square: float,
-    margin: float = 0.0,
-    dark: Material = DARK,
-    bright: Material = BRIGHT,
+    columns: int, rows: int, *, square: float, margin: float = 0.0, dark: Material = DARK, bright: Material = BRIGHT
 ) -> Target:
     """A board of squares in the plane z = 0, whose inner corners are known.
 

@@ -31,10 +31,7 @@ _ACROSS = 26.0
 leave room between them for the next pair, four times smaller."""
 
 _FIXED = np.array(
-    [
-        (_LENGTH * _WIDTHS[1] + _ACROSS - _LENGTH / 2) / 2 - _ACROSS / 8,
-        -(_DOWN - _HEIGHT) / 2 + _DOWN / 8,
-    ]
+    [(_LENGTH * _WIDTHS[1] + _ACROSS - _LENGTH / 2) / 2 - _ACROSS / 8, -(_DOWN - _HEIGHT) / 2 + _DOWN / 8]
 ) * (4 / 3)
 """The point on which pairs of groups converge, from the upper left corner of a pair: it has each pair in the middle of
 the room that the last one leaves. A corner that is offset by d from the last pair's lies 4 / 3 d from the limit."""

@@ -525,11 +525,7 @@ def test_a_stop_in_glass_keeps_its_glass(tmp_path):
 
     glass = pl.ConstantMedium(1.5)
     lens = pl.LensStack(
-        [
-            pl.Surface(50.0, 5, glass, semi_diameter=10),
-            pl.CircularStop(8.0, 5),
-            pl.Surface(-50.0, semi_diameter=10),
-        ]
+        [pl.Surface(50.0, 5, glass, semi_diameter=10), pl.CircularStop(8.0, 5), pl.Surface(-50.0, semi_diameter=10)]
     )
     pl.save_lens(lens, tmp_path / "x.zmx")
     found = pl.paraxial.cardinal_points(pl.load_lens(tmp_path / "x.zmx")).efl
