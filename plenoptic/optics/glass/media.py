@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Protocol, runtime_checkable
 
-from plenoptic.core.values import finite, positive, set_field, value
+from plenoptic.core.values import coefficients, finite, positive, set_field, value
 from plenoptic.errors import InvalidValueError, PrescriptionError
 
 F_LINE = 486.1327
@@ -84,24 +84,9 @@ def wavelength_within(wavelength: float, limits: tuple[float, float], medium: st
     return number
 
 
-def checked_range(limits: Sequence[float]) -> tuple[float, float]:
-    """Shortest and longest wavelength in nm, or an error where they are none."""
-    try:
-        low, high = limits
-    except (TypeError, ValueError):
-        raise InvalidValueError(f"wavelength_range is {limits!r}; it must be two wavelengths in nm") from None
-    low, high = positive(low, "wavelength_range", "nm"), positive(high, "wavelength_range", "nm")
-    if not low < high:
-        raise InvalidValueError(f"wavelength_range ({low:g}, {high:g}) is empty; put the shorter wavelength first")
-    return low, high
-
-
 def checked_coefficients(values: Sequence[float], name: str, count: int | None = None) -> tuple[float, ...]:
     """Finite coefficients, `count` of them where it is given, or an error."""
-    try:
-        numbers = tuple(finite(number, f"{name}[{i}]") for i, number in enumerate(values))
-    except TypeError:
-        raise InvalidValueError(f"{name} is {values!r}; it must be a sequence of numbers") from None
+    numbers = coefficients(values, name)
     if not numbers or (count is not None and len(numbers) != count):
         raise InvalidValueError(f"{name} has {len(numbers)} numbers; it must have {count or 'at least 1'}")
     return numbers
@@ -125,10 +110,16 @@ def square_root(square: float) -> float:
 
 
 def set_limits(medium: Medium, limits: Sequence[float]) -> None:
-    """Set the range of wavelengths of a medium, and check the index at both ends."""
-    checked = checked_range(limits)
-    set_field(medium, "wavelength_range", checked)
-    for wavelength in checked:
+    """Set the range of wavelengths of a medium in nm, and check the index at both ends."""
+    try:
+        low, high = limits
+    except (TypeError, ValueError):
+        raise InvalidValueError(f"wavelength_range is {limits!r}; it must be two wavelengths in nm") from None
+    ends = low, high = positive(low, "wavelength_range", "nm"), positive(high, "wavelength_range", "nm")
+    if not low < high:
+        raise InvalidValueError(f"wavelength_range ({low:g}, {high:g}) is empty; put the shorter wavelength first")
+    set_field(medium, "wavelength_range", ends)
+    for wavelength in ends:
         medium.index(wavelength)
 
 

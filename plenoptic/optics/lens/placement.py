@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from plenoptic.core.values import finite, frozen_array, set_field, value
+from plenoptic.core.values import Floats, finite, frozen_array, positive, set_field, value
 from plenoptic.errors import PrescriptionError
 
 _ORTHONORMAL = 1e-12
@@ -17,7 +18,7 @@ _ORTHONORMAL = 1e-12
 _IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
-def rotation_about_axes(tilt: Sequence[float]) -> NDArray[np.float64]:
+def rotation_about_axes(tilt: Sequence[float]) -> Floats:
     """The matrix that turns about x by tilt[0], then about y by tilt[1], then about z by tilt[2]; axes fixed, radians.
 
     Positive angles turn y towards z, z towards x, and x towards y.
@@ -99,3 +100,16 @@ def kept_placement(placement: Placement | None) -> Placement | None:
     if not isinstance(placement, Placement):
         raise PrescriptionError(f"placement is {placement!r}; it must be a Placement or None, see LensStack.moved")
     return None if placement.is_identity else placement
+
+
+def set_place(element: Any) -> None:
+    """Check and set what all elements have: the semi-diameter and the gap that follows in mm, and the placement."""
+    set_field(element, "semi_diameter", positive(element.semi_diameter, "semi_diameter", "mm"))
+    gap = finite(element.thickness, "thickness")
+    if gap < 0:
+        raise PrescriptionError(
+            f"thickness is {gap:g} mm; the gap to the next element must be at least 0: "
+            "list the elements in the order in which light meets them"
+        )
+    set_field(element, "thickness", gap)
+    set_field(element, "placement", kept_placement(element.placement))

@@ -8,14 +8,11 @@ import os
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import frozen_array, positive, set_field, value, whole
+from plenoptic.core.values import Floats, frozen_array, positive, set_field, value, whole
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.lens.placement import Placement, kept_placement
+from plenoptic.optics.lens.placement import Placement, set_place
 from plenoptic.optics.record import MASK, ElementRow
-from plenoptic.optics.stops.outline import divided
-from plenoptic.optics.surfaces.surface import checked_gap
-
-Floats = NDArray[np.float64]
+from plenoptic.optics.stops.polygon import divided
 
 
 @value
@@ -62,9 +59,7 @@ class MaskStop:
     def __post_init__(self) -> None:
         cells = frozen_array(self.transmission, name="transmission", shape=("rows", "columns"))
         set_field(self, "transmission", cells)
-        set_field(self, "semi_diameter", positive(self.semi_diameter, "semi_diameter", "mm"))
-        set_field(self, "thickness", checked_gap(self.thickness))
-        set_field(self, "placement", kept_placement(self.placement))
+        set_place(self)
         if not ((cells >= 0) & (cells <= 1)).all():
             wrong = cells[~((cells >= 0) & (cells <= 1))][0]
             raise InvalidValueError(f"transmission holds {wrong:g}; it must be from 0, opaque, to 1, clear: scale it")

@@ -8,14 +8,11 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import finite, positive, read_only, set_field, value, whole
+from plenoptic.core.values import Floats, finite, positive, read_only, set_field, value, whole
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.lens.placement import Placement, kept_placement
+from plenoptic.optics.lens.placement import Placement, set_place
 from plenoptic.optics.record import STAR, ElementRow
-from plenoptic.optics.stops.outline import divided
-from plenoptic.optics.surfaces.surface import checked_gap
-
-Floats = NDArray[np.float64]
+from plenoptic.optics.stops.polygon import divided
 
 
 @value
@@ -61,12 +58,10 @@ class StarStop:
     placement: Placement | None = dataclasses.field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
+        set_place(self)
         set_field(self, "points", whole(self.points, "points", at_least=3))
-        set_field(self, "semi_diameter", positive(self.semi_diameter, "semi_diameter", "mm"))
         set_field(self, "inner_semi_diameter", positive(self.inner_semi_diameter, "inner_semi_diameter", "mm"))
         set_field(self, "rotation", finite(self.rotation, "rotation"))
-        set_field(self, "thickness", checked_gap(self.thickness))
-        set_field(self, "placement", kept_placement(self.placement))
         largest = self.semi_diameter * math.cos(math.pi / self.points)
         if self.inner_semi_diameter > largest * (1 + 1e-12):
             raise InvalidValueError(
@@ -128,6 +123,6 @@ class StarStop:
         """Radius in mm of the largest circle about the axis that the hole holds."""
         return self.inner_semi_diameter
 
-    def transmission_at(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
+    def transmission_at(self, x: ArrayLike, y: ArrayLike) -> Floats:
         """1 in the hole, 0 beside it, at points (x, y), mm; the shape is that of x and y broadcast."""
         return np.asarray(self.contains(x, y), dtype=np.float64)

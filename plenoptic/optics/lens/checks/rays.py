@@ -17,7 +17,7 @@ from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.lens.trace import traced_part
-from plenoptic.optics.stops.circle import circle_around
+from plenoptic.optics.stops.registry import circle_around
 from plenoptic.optics.surfaces.surface import Surface
 
 _FILLED = 0.95
@@ -116,12 +116,10 @@ def _axial_beam(lens: LensStack, wavelength: float) -> tuple[RayBundle | None, s
 
 def _without_masks(lens: LensStack) -> LensStack:
     """The lens with circles around its masks: rays in one plane say little of the holes of a mask."""
-    masks = [i for i, element in enumerate(lens.elements) if element.row().cells is not None]
-    if not masks:
-        return lens
-    elements: list[Element] = list(lens.elements)
-    for i in masks:
-        elements[i] = circle_around(elements[i])
+    elements: list[Element] = [
+        element if isinstance(element, Surface) or element.row().cells is None else circle_around(element)
+        for element in lens.elements
+    ]
     return dataclasses.replace(lens, elements=elements)
 
 
