@@ -72,11 +72,11 @@ class TileResult(NamedTuple):
 
 
 def batch_of(sampling: Sampling, first: int, samples: int) -> Batch:
-    """Samples first ... first + samples - 1; `first` must be a multiple of the replicates."""
+    """Samples first ... first + samples - 1: either one, or `first` is a multiple of the replicates."""
     if sampling.settings.sampler is Sampler.RANDOM:
         return batch_record(sampling.seed, first, samples, samples, first, 0)
-    streams = min(sampling.replicates, samples)
-    return batch_record(sampling.seed, first, samples, streams, 0, first // sampling.replicates)
+    index, stream = divmod(first, sampling.replicates)
+    return batch_record(sampling.seed, first, samples, min(sampling.replicates, samples), stream, index)
 
 
 def status_codes(camera: CameraRecord) -> int:
