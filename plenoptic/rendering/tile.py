@@ -16,7 +16,7 @@ from plenoptic.rendering.context import RenderContext, Sampling
 from plenoptic.rendering.integrator.path import Transport
 from plenoptic.rendering.settings import Sampler
 from plenoptic.truth.compute import Arrays, truth_of
-from plenoptic.truth.stages import TruthTables
+from plenoptic.truth.stages import TruthRecord
 
 BUNDLE = 1 << 13
 """Paths that go through the stages together. From 2^11 to 2^14 the time was the same to within 3 %, and long bundles
@@ -151,7 +151,7 @@ def render_tile(
     context: RenderContext,
     tile: Tile,
     batch: Batch,
-    truth: TruthTables | None,
+    truth: TruthRecord | None,
     before: NDArray[np.float64] | None = None,
     stopped: Callable[[], bool] | None = None,
 ) -> TileResult | None:
@@ -206,7 +206,7 @@ def _weights(camera: CameraRecord, fed: FedPixels, tile: Tile) -> NDArray[np.flo
     return found.reshape(tile.rows, tile.columns)
 
 
-def _truth(context: RenderContext, truth: TruthTables, tile: Tile, pixels: NDArray[np.float64]) -> Arrays:
+def _truth(context: RenderContext, truth: TruthRecord, tile: Tile, pixels: NDArray[np.float64]) -> Arrays:
     flat = truth_of(context.camera, context.scene, context.intersector, truth, pixels)
     return {name: array.reshape(tile.rows, tile.columns, *array.shape[1:]) for name, array in flat.items()}
 
