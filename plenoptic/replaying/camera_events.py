@@ -4,14 +4,9 @@ from __future__ import annotations
 
 from typing import TypeAlias
 
-import numpy as np
-from numpy.typing import NDArray
-
 from plenoptic.core.rays import RayStatus
-from plenoptic.core.values import value
+from plenoptic.core.values import Floats, value
 from plenoptic.optics.record import ElementKind as ElementKind
-
-Vector: TypeAlias = NDArray[np.float64]
 
 
 @value
@@ -31,7 +26,7 @@ class SensorPoint:
     """
 
     pixel: tuple[int, int]
-    point: Vector
+    point: Floats
 
 
 @value
@@ -60,12 +55,12 @@ class MicrolensPassage:
     See `replay`.
     """
 
-    aim: Vector
+    aim: Floats
     microlens: tuple[int, int] | None
     type: int | None
     status: RayStatus
-    point: Vector | None
-    direction: Vector | None
+    point: Floats | None
+    direction: Floats | None
     weight: float
 
 
@@ -94,9 +89,9 @@ class ElementPassage:
     element: int
     kind: ElementKind
     status: RayStatus
-    point: Vector | None
-    before: Vector
-    after: Vector | None
+    point: Floats | None
+    before: Floats
+    after: Floats | None
 
 
 @value
@@ -118,8 +113,8 @@ class WorldRay:
     See `replay`.
     """
 
-    origin: Vector
-    direction: Vector
+    origin: Floats
+    direction: Floats
     weight: float
 
 

@@ -13,17 +13,11 @@ from plenoptic.camera.record import CameraRecord
 from plenoptic.camera.sampling.pixel_regions import fed_pixels, pixel_centres
 from plenoptic.camera.sampling.record import Batch
 from plenoptic.core.rays import RayStatus
+from plenoptic.core.values import Floats
 from plenoptic.optics.lens.record import LensRecord
 from plenoptic.optics.microlens.dust import BlemishSite
 from plenoptic.optics.microlens.listed import lattice_types
-from plenoptic.replaying.camera_events import (
-    CameraEvent,
-    ElementKind,
-    ElementPassage,
-    MicrolensPassage,
-    SensorPoint,
-    Vector,
-)
+from plenoptic.replaying.camera_events import CameraEvent, ElementKind, ElementPassage, MicrolensPassage, SensorPoint
 from plenoptic.truth.microlenses import listed_numbers
 
 _NOWHERE = (RayStatus.MISSED, RayStatus.NOT_FINITE, RayStatus.NOT_CONVERGED)
@@ -34,7 +28,7 @@ class CameraWay(NamedTuple):
     """A path through the camera."""
 
     events: tuple[CameraEvent, ...]
-    bundle: NDArray[np.float64]
+    bundle: Floats
     """A block with one ray, behind the lens."""
     waves: NDArray[np.int64] | None
     """(BLOCK,): the first is the number of the path's wavelength. None where all paths have the camera's."""
@@ -52,13 +46,13 @@ class CameraWay(NamedTuple):
 class _Row(NamedTuple):
     """The first ray of a block."""
 
-    point: Vector
-    direction: Vector
+    point: Floats
+    direction: Floats
     weight: float
     status: float
 
 
-def _row(bundle: NDArray[np.float64]) -> _Row:
+def _row(bundle: Floats) -> _Row:
     numbers = bundle.reshape(8, -1)[:, 0].copy()
     return _Row(numbers[:3], numbers[3:6], float(numbers[6]), float(numbers[7]))
 
@@ -90,7 +84,7 @@ def _behind(tables: CameraRecord) -> float:
     return 0.0 if tables.microlenses is None else tables.microlenses.principal_separation
 
 
-def _sensor_point(tables: CameraRecord, aimed: _Row) -> Vector:
+def _sensor_point(tables: CameraRecord, aimed: _Row) -> Floats:
     """Where an aimed sample starts, in local axes; see `optics.microlens.kernels.to_lens` for its fields."""
     x, y = aimed.point[:2] - aimed.direction[:2]
     plane = tables.sensor.plane
@@ -98,7 +92,7 @@ def _sensor_point(tables: CameraRecord, aimed: _Row) -> Vector:
     return np.array([x, y, plane.distance + farther + _behind(tables)])
 
 
-def _in_camera(tables: CameraRecord, point: Vector) -> Vector:
+def _in_camera(tables: CameraRecord, point: Floats) -> Floats:
     """A point in local axes, z from the array's front principal plane, in the camera's."""
     frame = tables.frame
     if frame is None:
@@ -146,7 +140,7 @@ def _microlens(
 
 
 def _lens_events(
-    tables: CameraRecord, lens: LensRecord, bundle: NDArray[np.float64], waves: NDArray[np.int64] | None
+    tables: CameraRecord, lens: LensRecord, bundle: Floats, waves: NDArray[np.int64] | None
 ) -> list[CameraEvent]:
     """Passages through the elements, up to the one where the path ends."""
     events: list[CameraEvent] = []
@@ -176,17 +170,17 @@ def _lens_events(
     return events
 
 
-def _moved_point(tables: CameraRecord, point: Vector) -> Vector:
+def _moved_point(tables: CameraRecord, point: Floats) -> Floats:
     """From the lens's axes to the camera's."""
     moved = tables.parts.lens_to_camera
     return _fixed(point if moved is None else moved.points(point))
 
 
-def _moved_direction(tables: CameraRecord, direction: Vector) -> Vector:
+def _moved_direction(tables: CameraRecord, direction: Floats) -> Floats:
     moved = tables.parts.lens_to_camera
     return _fixed(direction if moved is None else moved.directions(direction))
 
 
-def _fixed(array: Vector) -> Vector:
+def _fixed(array: Floats) -> Floats:
     array.flags.writeable = False
     return array

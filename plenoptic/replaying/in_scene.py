@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic.core.values import Floats
 from plenoptic.rendering.integrator.record import RayQueue, ShadowRays
 from plenoptic.rendering.plan.stages import Plan, Stage
 from plenoptic.replaying.ending import PathEnding
-from plenoptic.replaying.scene_events import DirectLight, Escape, Meeting, Vector
+from plenoptic.replaying.scene_events import DirectLight, Escape, Meeting
 from plenoptic.replaying.scene_names import SceneNames
 from plenoptic.scene.compile import SceneRecord
 from plenoptic.scene.geometry.record import SHADING_NORMAL, Hits, Interactions
@@ -25,11 +26,11 @@ class Recorder:
     def __init__(self, scene: Scene, record: SceneRecord, plan: Plan, max_bounces: int) -> None:
         self._names, self._record, self._plan = SceneNames(scene, record), record, plan
         self._max_bounces = max_bounces
-        self._collected: Vector | None = None
+        self._collected: Floats | None = None
         self.events: list[Meeting | Escape] = []
         self.ending = PathEnding.LEFT_SCENE
 
-    def saw(self, rays: NDArray[np.float64], hits: Hits, radiance: NDArray[np.float64]) -> None:
+    def saw(self, rays: Floats, hits: Hits, radiance: Floats) -> None:
         """See `Witness`."""
         if not len(rays):
             return
@@ -111,7 +112,7 @@ class Recorder:
         self.events[-1] = dataclasses.replace(last, **known)
 
 
-def _meet(ray: NDArray[np.float64], corners: NDArray[np.float64]) -> tuple[float, Vector]:
+def _meet(ray: Floats, corners: Floats) -> tuple[float, Floats]:
     """Distance along a ray to a triangle, and its unit normal on the ray's side; not finite without area."""
     normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
     with np.errstate(all="ignore"):
@@ -121,6 +122,6 @@ def _meet(ray: NDArray[np.float64], corners: NDArray[np.float64]) -> tuple[float
     return distance, -normal if along > 0 else normal
 
 
-def _fixed(array: Vector) -> Vector:
+def _fixed(array: Floats) -> Floats:
     array.flags.writeable = False
     return array

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.core.values import whole, wrong_kind
+from plenoptic.core.values import check_kind, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.exposure import Exposure
 from plenoptic.rendering.settings import RenderSettings
@@ -13,8 +13,7 @@ from plenoptic.rendering.settings import RenderSettings
 
 def known(exposure: Exposure) -> tuple[PlenopticCamera, RenderSettings]:
     """Camera and settings, or an error where the exposure does not know how it was made."""
-    if not isinstance(exposure, Exposure):
-        raise wrong_kind(exposure, "exposure", "Exposure", "pl.render(scene, camera, samples=64)")
+    check_kind(exposure, "exposure", Exposure, "pl.render(scene, camera, samples=64)")
     missing = [
         name for name in ("camera", "settings", "seed", "replicates", "samples") if getattr(exposure, name) is None
     ]

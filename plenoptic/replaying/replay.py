@@ -9,15 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from plenoptic.core.rays import RayStatus
-from plenoptic.core.values import value
-from plenoptic.replaying.camera_events import (
-    CameraEvent,
-    ElementPassage,
-    MicrolensPassage,
-    SensorPoint,
-    Vector,
-    WorldRay,
-)
+from plenoptic.core.values import Floats, value
+from plenoptic.replaying.camera_events import CameraEvent, ElementPassage, MicrolensPassage, SensorPoint, WorldRay
 from plenoptic.replaying.ending import PathEnding
 from plenoptic.replaying.scene_events import DirectLight, Escape, Meeting, Place, SceneEvent
 
@@ -69,9 +62,9 @@ class Replay:
     events: tuple[Event, ...]
     ending: PathEnding
     weight: float
-    radiance: Vector
+    radiance: Floats
     clamped: float
-    contribution: Vector
+    contribution: Floats
     finite: bool
 
     @property
@@ -80,12 +73,12 @@ class Replay:
         return tuple(event for event in self.events if isinstance(event, Meeting))
 
     @property
-    def camera_points(self) -> Vector:
+    def camera_points(self) -> Floats:
         """(n, 3): where the path runs in the camera, in its axes, mm: sensor, array and the elements of the lens.
 
         `plenoptic.plots.layout.plot_layout(camera.lens, [way.camera_points[None]])` draws it.
         """
-        points: list[Vector | None] = []
+        points: list[Floats | None] = []
         for event in self.events:
             if isinstance(event, SensorPoint):
                 points.append(event.point)

@@ -6,13 +6,12 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.checks import check_scene_and_camera
 from plenoptic.camera.record import CameraRecord
 from plenoptic.camera.sampling.record import Batch, batch_record
-from plenoptic.core.values import wrong_kind
+from plenoptic.core.values import Floats, wrong_kind
 from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.context import RenderContext, render_context
 from plenoptic.rendering.exposure import Exposure
@@ -194,7 +193,7 @@ def _retraced(prepared: _Prepared, pixel: tuple[int, int], sample: int) -> Repla
 
 def _through_scene(
     prepared: _Prepared, way: CameraWay, batch: Batch
-) -> tuple[tuple[Event, ...], NDArray[np.float64] | None, PathEnding]:
+) -> tuple[tuple[Event, ...], Floats | None, PathEnding]:
     """Follow a path behind the lens; its radiance is None in a white image."""
     from plenoptic.camera.kernels.world_rays import fill_world_rays
 
@@ -211,7 +210,7 @@ def _through_scene(
     return ray + tuple(recorder.events), radiance, recorder.ending if left else PathEnding.LOST
 
 
-def _clamp(radiance: NDArray[np.float64] | None, way: CameraWay, limit: float | None) -> float:
+def _clamp(radiance: Floats | None, way: CameraWay, limit: float | None) -> float:
     """Scale radiance down as the renderer does; returns what part is left."""
     from plenoptic.rendering.kernels import film_sums
 
@@ -222,9 +221,7 @@ def _clamp(radiance: NDArray[np.float64] | None, way: CameraWay, limit: float | 
     return limit / brightest if brightest > limit else 1.0
 
 
-def _contribution(
-    tables: CameraRecord, way: CameraWay, radiance: NDArray[np.float64] | None, channels: int
-) -> tuple[NDArray[np.float64], bool]:
+def _contribution(tables: CameraRecord, way: CameraWay, radiance: Floats | None, channels: int) -> tuple[Floats, bool]:
     """What is added to the pixel's sum, and whether all of it is finite."""
     from plenoptic.rendering.kernels import film_sums
 

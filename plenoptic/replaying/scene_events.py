@@ -5,13 +5,8 @@ from __future__ import annotations
 import enum
 from typing import TypeAlias
 
-import numpy as np
-from numpy.typing import NDArray
-
-from plenoptic.core.values import value
+from plenoptic.core.values import Floats, value
 from plenoptic.scene.materials.registry import Material
-
-Vector: TypeAlias = NDArray[np.float64]
 
 
 class DrawnKind(enum.IntEnum):
@@ -78,9 +73,9 @@ class DirectLight:
     kind: DrawnKind
     place: Place | None
     light: int | None
-    point: Vector | None
+    point: Floats | None
     blocked: bool | None
-    contribution: Vector
+    contribution: Floats
 
 
 @value
@@ -115,14 +110,14 @@ class Meeting:
 
     place: Place
     material: Material
-    point: Vector
+    point: Floats
     distance: float
-    normal: Vector
-    shading_normal: Vector | None
-    emitted: Vector
+    normal: Floats
+    shading_normal: Floats | None
+    emitted: Floats
     light: DirectLight | None = None
-    direction: Vector | None = None
-    throughput: Vector | None = None
+    direction: Floats | None = None
+    throughput: Floats | None = None
 
 
 @value
@@ -141,8 +136,8 @@ class Escape:
     See `replay`.
     """
 
-    direction: Vector
-    emitted: Vector
+    direction: Floats
+    emitted: Floats
 
 
 SceneEvent: TypeAlias = Meeting | Escape

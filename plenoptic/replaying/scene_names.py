@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from plenoptic.core.values import Floats
 from plenoptic.replaying.scene_events import DrawnKind, Place
 from plenoptic.scene.compile import SceneRecord
 from plenoptic.scene.geometry.instance import Instances
@@ -44,7 +44,7 @@ class SceneNames:
         mesh = meshes[place.object]
         return mesh.mesh.material if isinstance(mesh, Instances) else mesh.material
 
-    def corners(self, triangle: int, placed: int) -> NDArray[np.float64]:
+    def corners(self, triangle: int, placed: int) -> Floats:
         """(3, 3): corners of a triangle in the world."""
         record = self._record
         geometry = record.geometry

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.core.values import wrong_kind
+from plenoptic.core.values import check_kind
 from plenoptic.truth.channels import CHANNELS, GroundTruth, Needs, Truth
 
 _PRECISION = "computed in float64, rounded to float32 in this file; whole numbers are exact up to 2^24"
@@ -16,8 +16,7 @@ _PRECISION = "computed in float64, rounded to float32 in this file; whole number
 
 def checked_truth(truth: Truth) -> Truth:
     """`truth`, or an error where it is something else."""
-    if not isinstance(truth, Truth):
-        raise wrong_kind(truth, "truth", "Truth", "pl.Truth.DEPTH | pl.Truth.NORMAL")
+    check_kind(truth, "truth", Truth, "pl.Truth.DEPTH | pl.Truth.NORMAL")
     return truth & Truth.ALL
 
 

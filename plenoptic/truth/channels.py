@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import frozen_array, set_field, value
+from plenoptic.core.values import Floats, frozen_array, set_field, value
 from plenoptic.errors import InvalidValueError
 
 NO_MICROLENS = -(2**31)
@@ -149,7 +149,7 @@ class GroundTruth:
     """
 
     _: dataclasses.KW_ONLY
-    depth: NDArray[np.float64] | None = _channel(
+    depth: Floats | None = _channel(
         Truth.DEPTH,
         "-z in the camera's frame",
         np.inf,
@@ -159,7 +159,7 @@ class GroundTruth:
         ("depth.Z",),
         unit="mm",
     )
-    distance: NDArray[np.float64] | None = _channel(
+    distance: Floats | None = _channel(
         Truth.DISTANCE,
         "from the camera's origin to the point",
         np.inf,
@@ -169,7 +169,7 @@ class GroundTruth:
         ("truth.distance",),
         unit="mm",
     )
-    position: NDArray[np.float64] | None = _channel(
+    position: Floats | None = _channel(
         Truth.POSITION,
         "the point in the world",
         np.nan,
@@ -180,7 +180,7 @@ class GroundTruth:
         unit="mm",
         shape=(3,),
     )
-    normal: NDArray[np.float64] | None = _channel(
+    normal: Floats | None = _channel(
         Truth.NORMAL,
         "unit normal of the triangle in the world, towards the side that is seen",
         np.nan,
@@ -231,7 +231,7 @@ class GroundTruth:
         ("truth.microlens.type",),
         dtype=np.int32,
     )
-    virtual_depth: NDArray[np.float64] | None = _channel(
+    virtual_depth: Floats | None = _channel(
         Truth.VIRTUAL_DEPTH,
         "v = a / b, the image's distance behind the array over the sensor's",
         np.nan,
@@ -240,7 +240,7 @@ class GroundTruth:
         "images",
         ("truth.virtual_depth",),
     )
-    disparity: NDArray[np.float64] | None = _channel(
+    disparity: Floats | None = _channel(
         Truth.DISPARITY,
         "pitch / (v pixel pitch), between neighbouring microlenses",
         np.nan,
@@ -250,7 +250,7 @@ class GroundTruth:
         ("truth.disparity",),
         unit="pixels",
     )
-    incidence_angle: NDArray[np.float64] | None = _channel(
+    incidence_angle: Floats | None = _channel(
         Truth.INCIDENCE_ANGLE,
         "angle of incidence on the sensor: between the ray and the sensor's normal",
         np.nan,
@@ -291,7 +291,7 @@ class GroundTruth:
         return found
 
     @property
-    def view_disparity(self) -> NDArray[np.float64] | None:
+    def view_disparity(self) -> Floats | None:
         """(H, W): microlenses by which the point moves from one sub-aperture view to the next pixel's; 0 in focus."""
         if self.disparity is None:
             return None
