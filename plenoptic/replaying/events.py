@@ -8,15 +8,10 @@ from __future__ import annotations
 import enum
 from typing import TypeAlias
 
-import numpy as np
-from numpy.typing import NDArray
-
 from plenoptic.core.rays import RayStatus
-from plenoptic.core.values import result
+from plenoptic.core.values import Floats, result
 from plenoptic.optics.record import ElementKind
 from plenoptic.scene.materials.registry import Material
-
-Vector: TypeAlias = NDArray[np.float64]
 
 # ---- in the camera, in its axes ----
 
@@ -27,7 +22,7 @@ class SensorPoint:
 
     pixel: tuple[int, int]
     """Row and column on the whole sensor."""
-    point: Vector
+    point: Floats
     """(3,): on the pixel."""
 
 
@@ -35,7 +30,7 @@ class SensorPoint:
 class MicrolensPassage:
     """Through the plane of the microlenses; without microlenses, through the last vertex of the lens."""
 
-    aim: Vector
+    aim: Floats
     """(3,): the point that was drawn on the array's rear principal plane."""
     microlens: tuple[int, int] | None
     """Lattice indices as in `GroundTruth.microlens`, in FREE lattices (number, 0). None without microlenses."""
@@ -43,10 +38,10 @@ class MicrolensPassage:
     """Row of the array's `focal_lengths`."""
     status: RayStatus
     """OK, or why the path ended here."""
-    point: Vector | None
+    point: Floats | None
     """(3,): where the ray starts on its way to the lens: on the last surface of the microlens, or its front principal
     plane. None where the path ended."""
-    direction: Vector | None
+    direction: Floats | None
     """(3,): of that ray."""
     weight: float
     """Projected solid angle that the path stands for, in sr: the mean of it over all samples of a pixel is that from
@@ -62,12 +57,12 @@ class ElementPassage:
     kind: ElementKind
     status: RayStatus
     """OK, or why the path ended here."""
-    point: Vector | None
+    point: Floats | None
     """(3,): on the element, also of a path that is clipped or totally reflected there. None where there is no such
     point."""
-    before: Vector
+    before: Floats
     """(3,): direction of the path."""
-    after: Vector | None
+    after: Floats | None
     """(3,): its direction from there; None where it ended."""
 
 
@@ -75,9 +70,9 @@ class ElementPassage:
 class WorldRay:
     """The ray that leaves the camera, in the world."""
 
-    origin: Vector
+    origin: Floats
     """(3,)."""
-    direction: Vector
+    direction: Floats
     """(3,): towards the scene."""
     weight: float
     """What radiance from there is multiplied by, in sr: the projected solid angle of `MicrolensPassage`, times what
@@ -117,12 +112,12 @@ class DirectLight:
     """Of a TRIANGLE."""
     light: int | None
     """Number in `scene.lights` of a POINT (a spot too) or SUN."""
-    point: Vector | None
+    point: Floats | None
     """(3,): where the shadow ray ends; for suns and the environment beyond the scene. None where the light shines the
     other way."""
     blocked: bool | None
     """Whether something lies between. None where no shadow ray was sent, since nothing would come of it."""
-    contribution: Vector
+    contribution: Floats
     """(c,): radiance that was added to the path; 0 where it was blocked."""
 
 
@@ -132,21 +127,21 @@ class Meeting:
 
     place: Place
     material: Material
-    point: Vector
+    point: Floats
     """(3,): not finite where the triangle has no area."""
     distance: float
     """From where the ray came, through all surfaces on the way that were not there for it."""
-    normal: Vector
+    normal: Floats
     """(3,): of the triangle, unit length, towards the side that the path comes from."""
-    shading_normal: Vector | None
+    shading_normal: Floats | None
     """(3,): that with which the surface is shaded; None where it scatters nothing."""
-    emitted: Vector
+    emitted: Floats
     """(c,): radiance that the surface's own light added to the path; a difference of sums, exact to their rounding."""
     light: DirectLight | None = None
     """None where the surface takes no light that is drawn, and where none is drawn."""
-    direction: Vector | None = None
+    direction: Floats | None = None
     """(3,): of the ray onwards; None where the path ends here."""
-    throughput: Vector | None = None
+    throughput: Floats | None = None
     """(c,): what of the radiance from there reaches the camera."""
 
 
@@ -154,9 +149,9 @@ class Meeting:
 class Escape:
     """A path meets nothing more."""
 
-    direction: Vector
+    direction: Floats
     """(3,)."""
-    emitted: Vector
+    emitted: Floats
     """(c,): radiance that background, environment and suns added; in a white image 1."""
 
 

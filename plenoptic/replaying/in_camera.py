@@ -13,10 +13,11 @@ from plenoptic.camera.record import CameraRecord
 from plenoptic.camera.sampling.pixel_regions import fed_pixels, pixel_centres
 from plenoptic.camera.sampling.record import Batch
 from plenoptic.core.rays import RayStatus
+from plenoptic.core.values import Floats
 from plenoptic.optics.lens.record import LensRecord
 from plenoptic.optics.microlens.dust import BlemishSite
 from plenoptic.optics.record import ElementKind
-from plenoptic.replaying.events import ElementPassage, Event, MicrolensPassage, SensorPoint, Vector
+from plenoptic.replaying.events import ElementPassage, Event, MicrolensPassage, SensorPoint
 from plenoptic.truth.microlenses import fill_microlens, fill_microlens_type, listed_numbers
 from plenoptic.truth.stages import LitCells
 
@@ -28,7 +29,7 @@ class CameraWay(NamedTuple):
     """A path through the camera."""
 
     events: tuple[Event, ...]
-    bundle: NDArray[np.float64]
+    bundle: Floats
     """A block with one ray, behind the lens."""
     waves: NDArray[np.int64] | None
     """(BLOCK,): the first is the number of the path's wavelength. None where all paths have the camera's."""
@@ -44,13 +45,13 @@ class CameraWay(NamedTuple):
 class _Row(NamedTuple):
     """The first ray of a block."""
 
-    point: Vector
-    direction: Vector
+    point: Floats
+    direction: Floats
     weight: float
     status: float
 
 
-def _row(bundle: NDArray[np.float64]) -> _Row:
+def _row(bundle: Floats) -> _Row:
     numbers = bundle.reshape(8, -1)[:, 0].copy()
     return _Row(numbers[:3], numbers[3:6], float(numbers[6]), float(numbers[7]))
 
@@ -82,7 +83,7 @@ def _behind(camera: CameraRecord) -> float:
     return 0.0 if camera.microlenses is None else camera.microlenses.principal_separation
 
 
-def _sensor_point(camera: CameraRecord, aimed: _Row) -> Vector:
+def _sensor_point(camera: CameraRecord, aimed: _Row) -> Floats:
     """Where an aimed sample starts, in local axes; see `optics.microlens.kernels.to_lens` for its fields."""
     x, y = aimed.point[:2] - aimed.direction[:2]
     plane = camera.sensor.plane
@@ -90,7 +91,7 @@ def _sensor_point(camera: CameraRecord, aimed: _Row) -> Vector:
     return np.array([x, y, plane.distance + farther + _behind(camera)])
 
 
-def _in_camera(camera: CameraRecord, point: Vector) -> Vector:
+def _in_camera(camera: CameraRecord, point: Floats) -> Floats:
     """A point in local axes, z from the array's front principal plane, in the camera's."""
     frame = camera.frame
     if frame is None:
@@ -128,7 +129,7 @@ def _microlens(
 
 
 def _lens_events(
-    camera: CameraRecord, lens: LensRecord, bundle: NDArray[np.float64], waves: NDArray[np.int64] | None
+    camera: CameraRecord, lens: LensRecord, bundle: Floats, waves: NDArray[np.int64] | None
 ) -> list[Event]:
     """Passages through the elements, up to the one where the path ends."""
     events: list[Event] = []
@@ -158,12 +159,12 @@ def _lens_events(
     return events
 
 
-def _moved_point(camera: CameraRecord, point: Vector) -> Vector:
+def _moved_point(camera: CameraRecord, point: Floats) -> Floats:
     """From the lens's axes to the camera's."""
     moved = camera.parts.lens_to_camera
     return point if moved is None else moved.points(point)
 
 
-def _moved_direction(camera: CameraRecord, direction: Vector) -> Vector:
+def _moved_direction(camera: CameraRecord, direction: Floats) -> Floats:
     moved = camera.parts.lens_to_camera
     return direction if moved is None else moved.directions(direction)

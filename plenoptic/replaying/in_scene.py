@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic.core.values import Floats
 from plenoptic.rendering.integrator.record import RayQueue, ShadowRays
 from plenoptic.rendering.plan.stages import Plan, Stage
-from plenoptic.replaying.events import DirectLight, DrawnKind, Escape, Meeting, PathEnding, Place, Vector
+from plenoptic.replaying.events import DirectLight, DrawnKind, Escape, Meeting, PathEnding, Place
 from plenoptic.scene.compile import SceneRecord
 from plenoptic.scene.geometry.instance import Instances
 from plenoptic.scene.geometry.record import SHADING_NORMAL, Hits, Interactions
@@ -26,11 +27,11 @@ class Recorder:
     def __init__(self, scene: Scene, record: SceneRecord, plan: Plan, max_bounces: int) -> None:
         self._names, self._record, self._plan = _SceneNames(scene, record), record, plan
         self._max_bounces = max_bounces
-        self._collected: Vector | None = None
+        self._collected: Floats | None = None
         self.events: list[Meeting | Escape] = []
         self.ending = PathEnding.LEFT_SCENE
 
-    def saw(self, rays: NDArray[np.float64], hits: Hits, radiance: NDArray[np.float64]) -> None:
+    def saw(self, rays: Floats, hits: Hits, radiance: Floats) -> None:
         """See `Witness`."""
         if not len(rays):
             return
@@ -143,7 +144,7 @@ class _SceneNames:
         mesh = meshes[place.object]
         return mesh.mesh.material if isinstance(mesh, Instances) else mesh.material
 
-    def corners(self, triangle: int, placed: int) -> NDArray[np.float64]:
+    def corners(self, triangle: int, placed: int) -> Floats:
         """(3, 3): corners of a triangle in the world."""
         record = self._record
         geometry = record.geometry
@@ -167,7 +168,7 @@ class _SceneNames:
         return kind, None, (self._points if kind is DrawnKind.POINT else self._suns)[row]
 
 
-def _meet(ray: NDArray[np.float64], corners: NDArray[np.float64]) -> tuple[float, Vector]:
+def _meet(ray: Floats, corners: Floats) -> tuple[float, Floats]:
     """Distance along a ray to a triangle, and its unit normal on the ray's side; not finite without area."""
     normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
     with np.errstate(all="ignore"):

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from plenoptic.core.rays import RayStatus
-from plenoptic.core.values import result
+from plenoptic.core.values import Floats, result
 from plenoptic.replaying.events import (
     DirectLight,
     ElementPassage,
@@ -19,7 +19,6 @@ from plenoptic.replaying.events import (
     PathEnding,
     Place,
     SensorPoint,
-    Vector,
     WorldRay,
 )
 
@@ -46,11 +45,11 @@ class Replay:
     ending: PathEnding
     weight: float
     """What its radiance is multiplied by, sr; 0 for a lost path."""
-    radiance: Vector
+    radiance: Floats
     """(c,): what it saw, after clamping; c = 1 with a wavelength, and for grey scenes."""
     clamped: float
     """Part of its radiance that `clamp` left, in (0, 1]."""
-    contribution: Vector
+    contribution: Floats
     """(C,): what it adds to the sum of its pixel, in units of the image: with n samples, the pixel's value is the sum
     of their contributions over n. Channels that are not finite count as 0, as in the image."""
     finite: bool
@@ -62,12 +61,12 @@ class Replay:
         return tuple(event for event in self.events if isinstance(event, Meeting))
 
     @property
-    def camera_points(self) -> Vector:
+    def camera_points(self) -> Floats:
         """(n, 3): where the path runs in the camera, in its axes, mm: sensor, array and the elements of the lens.
 
         `plenoptic.plots.layout.plot_layout(camera.lens, [way.camera_points[None]])` draws it.
         """
-        points: list[Vector | None] = []
+        points: list[Floats | None] = []
         for event in self.events:
             if isinstance(event, MicrolensPassage):
                 points.append(event.aim)

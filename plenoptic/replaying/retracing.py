@@ -6,11 +6,10 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from plenoptic.camera.checks import check_scene_and_camera
 from plenoptic.camera.sampling.record import Batch
-from plenoptic.core.values import check_kind, whole, wrong_kind
+from plenoptic.core.values import Floats, check_kind, whole, wrong_kind
 from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.context import RenderContext, render_context
 from plenoptic.rendering.exposure import Exposure
@@ -199,7 +198,7 @@ def _retraced(context: RenderContext, scene: Scene | None, pixel: tuple[int, int
 
 def _through_scene(
     context: RenderContext, scene: Scene | None, way: CameraWay, batch: Batch
-) -> tuple[tuple[Event, ...], NDArray[np.float64] | None, PathEnding]:
+) -> tuple[tuple[Event, ...], Floats | None, PathEnding]:
     """Follow a path behind the lens; its radiance is None in a white image."""
     from plenoptic.camera.kernels.world_rays import fill_world_rays
 
@@ -215,7 +214,7 @@ def _through_scene(
     return ray + tuple(recorder.events), radiance, recorder.ending if left else PathEnding.LOST
 
 
-def _clamp(radiance: NDArray[np.float64] | None, way: CameraWay, limit: float | None) -> float:
+def _clamp(radiance: Floats | None, way: CameraWay, limit: float | None) -> float:
     """Scale radiance down as the renderer does; returns what part is left."""
     from plenoptic.rendering.kernels import film_sums
 
@@ -226,9 +225,7 @@ def _clamp(radiance: NDArray[np.float64] | None, way: CameraWay, limit: float | 
     return limit / brightest if brightest > limit else 1.0
 
 
-def _contribution(
-    context: RenderContext, way: CameraWay, radiance: NDArray[np.float64] | None, batch: Batch
-) -> tuple[NDArray[np.float64], bool]:
+def _contribution(context: RenderContext, way: CameraWay, radiance: Floats | None, batch: Batch) -> tuple[Floats, bool]:
     """What is added to the pixel's sum, and whether all of it is finite."""
     from plenoptic.rendering.kernels import film_sums
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import frozen_array, set_field, value
+from plenoptic.core.values import Floats, frozen_array, set_field, value
 from plenoptic.errors import InvalidValueError
 
 NO_MICROLENS = -(2**31)
@@ -173,16 +173,14 @@ class GroundTruth:
     """
 
     _: dataclasses.KW_ONLY
-    depth: NDArray[np.float64] | None = _channel(
-        Truth.DEPTH, _POINTS, np.inf, "-z in the camera's frame", "depth.Z", unit="mm"
-    )
-    distance: NDArray[np.float64] | None = _channel(
+    depth: Floats | None = _channel(Truth.DEPTH, _POINTS, np.inf, "-z in the camera's frame", "depth.Z", unit="mm")
+    distance: Floats | None = _channel(
         Truth.DISTANCE, _POINTS, np.inf, "from the camera's origin to the point", "truth.distance", unit="mm"
     )
-    position: NDArray[np.float64] | None = _channel(
+    position: Floats | None = _channel(
         Truth.POSITION, _POINTS, np.nan, "the point in the world", "truth.position", "XYZ", unit="mm"
     )
-    normal: NDArray[np.float64] | None = _channel(
+    normal: Floats | None = _channel(
         Truth.NORMAL,
         _HITS,
         np.nan,
@@ -211,14 +209,14 @@ class GroundTruth:
     microlens_type: NDArray[np.int32] | None = _channel(
         Truth.MICROLENS, _CELLS, -1, "row of the array's `focal_lengths`", "truth.microlens.type"
     )
-    virtual_depth: NDArray[np.float64] | None = _channel(
+    virtual_depth: Floats | None = _channel(
         Truth.VIRTUAL_DEPTH,
         _IMAGES,
         np.nan,
         "v = a / b, the image's distance behind the array over the sensor's",
         "truth.virtual_depth",
     )
-    disparity: NDArray[np.float64] | None = _channel(
+    disparity: Floats | None = _channel(
         Truth.DISPARITY,
         _IMAGES,
         np.nan,
@@ -226,7 +224,7 @@ class GroundTruth:
         "truth.disparity",
         unit="pixels",
     )
-    incidence_angle: NDArray[np.float64] | None = _channel(
+    incidence_angle: Floats | None = _channel(
         Truth.INCIDENCE_ANGLE,
         _SENSOR,
         np.nan,
@@ -262,7 +260,7 @@ class GroundTruth:
         return functools.reduce(operator.or_, (CHANNELS[name].flag for name in self.arrays()))
 
     @property
-    def view_disparity(self) -> NDArray[np.float64] | None:
+    def view_disparity(self) -> Floats | None:
         """(H, W): microlenses by which the point moves from one sub-aperture view to the next pixel's; 0 in focus."""
         if self.disparity is None:
             return None

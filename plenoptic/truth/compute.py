@@ -14,6 +14,7 @@ from plenoptic.camera.checks import check_scene_and_camera, sensor_region
 from plenoptic.camera.record import CameraRecord, camera_record
 from plenoptic.camera.sampling.pixel_regions import cells_per_pixel, pixel_centres
 from plenoptic.core.parallel import run_in_order, thread_count
+from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.record import lens_record
 from plenoptic.scene.cache import prepared_scene
@@ -54,11 +55,7 @@ def truth_record(camera: PlenopticCamera, record: CameraRecord, wanted: Truth) -
 
 
 def truth_of(
-    record: CameraRecord,
-    scene: SceneRecord | None,
-    intersector: Intersector | None,
-    truth: TruthRecord,
-    pixels: NDArray[np.float64],
+    record: CameraRecord, scene: SceneRecord | None, intersector: Intersector | None, truth: TruthRecord, pixels: Floats
 ) -> Arrays:
     """Ground truth of pixels with local centres (n, 2), as arrays (n, ...) by the names of `GroundTruth`."""
     found = empty_truth(truth.wanted, (len(pixels),))

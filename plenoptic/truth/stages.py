@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from plenoptic.camera.record import CameraRecord
 from plenoptic.camera.sampling.pixel_regions import feeding_regions
 from plenoptic.camera.stages import fill_through_array, own_microlenses
+from plenoptic.core.values import Floats
 from plenoptic.optics.lens.record import LensRecord
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.record import ArrayRecord
@@ -32,11 +33,11 @@ class TruthRecord(NamedTuple):
     """What finding the truth needs beside camera and scene."""
 
     wanted: Truth
-    frame: NDArray[np.float64] | None
+    frame: Floats | None
     """(12,) from the lens's axes to the camera's; None where they are the same."""
     unvignetted: LensRecord | None
     """The lens in reverse without stops and rims; None where images of points are not wanted."""
-    axes: NDArray[np.float64]
+    axes: Floats
     """(4, 3): x, y, normal and centre of the array's front principal plane, in the lens's axes."""
     step: float
     """How far aside neighbouring rays start, in mm."""
@@ -47,13 +48,13 @@ class TruthRecord(NamedTuple):
 class PixelRays(NamedTuple):
     """One ray a pixel, the representative one."""
 
-    before: NDArray[np.float64]
+    before: Floats
     """Blocks of rays between array and lens, in the lens's axes, on their way to the scene."""
-    blocks: NDArray[np.float64]
+    blocks: Floats
     """The same rays behind the lens; those of pixels without light are lost."""
-    aims: NDArray[np.float64]
+    aims: Floats
     """(n, 2): where they pass the array's rear principal plane on their way from the sensor, local."""
-    cells: NDArray[np.float64]
+    cells: Floats
     """(n, 3): centre of the cell of each pixel's microlens, local, and its row in the list of lenses or -1; nan where
     the pixel has none."""
 
@@ -63,9 +64,9 @@ class SensorRays(NamedTuple):
 
     lanes: NDArray[np.int64]
     """(m,): the pixels whose centres get light."""
-    directions: NDArray[np.float64]
+    directions: Floats
     """(n, 3): from the pixel to where the ray passes the array's rear principal plane, mm."""
-    normal: NDArray[np.float64]
+    normal: Floats
     """(3,): the sensor's, unit length, towards the array."""
 
 
@@ -74,7 +75,7 @@ class LitCells(NamedTuple):
 
     lit: NDArray[np.bool_]
     """(n,): pixels whose centres get light."""
-    cells: NDArray[np.float64]
+    cells: Floats
     """(lit, 3): as those of `PixelRays`."""
     array: MicrolensArray
     record: ArrayRecord
@@ -87,12 +88,12 @@ class HitPoints(NamedTuple):
 
     lanes: NDArray[np.int64]
     """(m,): the pixels whose rays meet something."""
-    points: NDArray[np.float64]
+    points: Floats
     """(n, 3): where, in the lens's axes, for those."""
-    frame: NDArray[np.float64] | None
+    frame: Floats | None
     """(12,) from the lens's axes to the camera's; None where they are the same."""
-    rotation: NDArray[np.float64] | None
-    position: NDArray[np.float64] | None
+    rotation: Floats | None
+    position: Floats | None
     """From the lens's axes to the world; None where they are the same."""
 
 
@@ -101,11 +102,11 @@ class SurfaceHits(NamedTuple):
 
     lanes: NDArray[np.int64]
     """(m,): the pixels whose rays meet something."""
-    reached: NDArray[np.float64]
+    reached: Floats
     """(m,): how far along the ray, in mm."""
     found: Hits
     """Triangles and instances."""
-    rays: NDArray[np.float64]
+    rays: Floats
     """(m, 6): origins and directions in the world."""
     scene: SceneRecord
 
@@ -113,9 +114,9 @@ class SurfaceHits(NamedTuple):
 class ImagePoints(NamedTuple):
     """Where the main lens images what rays meet."""
 
-    distance: NDArray[np.float64]
+    distance: Floats
     """(n,): of the image behind the array's front principal plane, mm; nan where nothing is met."""
-    behind: NDArray[np.float64]
+    behind: Floats
     """(n,): of the sensor behind the array's rear principal plane at each pixel, mm."""
     pitch: float
     """Of the microlenses, the smaller one, over that of the pixels."""
@@ -130,7 +131,7 @@ class PixelStages:
         scene: SceneRecord | None,
         intersector: Intersector | None,
         truth: TruthRecord,
-        pixels: NDArray[np.float64],
+        pixels: Floats,
     ) -> None:
         self._camera, self._scene, self._intersector = camera, scene, intersector
         self._truth, self._pixels = truth, pixels
@@ -163,7 +164,7 @@ class PixelStages:
         return PixelRays(before, rays, aims, cells)
 
     @cached_property
-    def _behind(self) -> NDArray[np.float64]:
+    def _behind(self) -> Floats:
         """(n,): how far each pixel lies behind the array's rear principal plane, mm."""
         camera, pixels = self._camera, self._pixels
         plane = camera.sensor.plane
