@@ -7,9 +7,9 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from plenoptic.core.values import coefficients, finite, number, positive, set_field, value
+from plenoptic.core.values import Floats, coefficients, finite, number, positive, set_field, value
 from plenoptic.errors import InvalidValueError, PrescriptionError
 from plenoptic.optics.glass.media import AIR, Medium, check_medium
 from plenoptic.optics.lens.placement import Placement, set_place
@@ -190,7 +190,7 @@ class Surface:
         """Distance from the axis in mm beyond which the sphere or ellipsoid has no points; inf for other conics."""
         return abs(self.radius) / math.sqrt(1.0 + self.conic) if self.conic > -1 else math.inf
 
-    def sag(self, r: ArrayLike, y: ArrayLike | None = None) -> NDArray[np.float64]:
+    def sag(self, r: ArrayLike, y: ArrayLike | None = None) -> Floats:
         """Height z in mm over the vertex plane, of the shape of `r`; a sphere's has the sign of the curvature.
 
         `r` is the distance from the axis in mm, or x with `y` and for a surface without rotational symmetry; without
@@ -213,7 +213,7 @@ class Surface:
             height = height + a * distance ** (2 * i + 2)
         return height if self.departure is None else height + self.departure.sag(r, 0.0 if y is None else y)
 
-    def _conic_sag(self, distance: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _conic_sag(self, distance: Floats) -> Floats:
         # In terms of the radius, which is exact at the equator too; roots apart and all lengths over 4, which is
         # exact, so that neither a square nor a sum overflows.
         size, out = abs(self.radius) / 4, distance / 4
@@ -226,7 +226,7 @@ class Surface:
             depth = size + np.hypot(size, out * math.sqrt(-1.0 - self.conic))
         return np.asarray(np.copysign(distance * (out / depth), self.radius))
 
-    def slope(self, r: ArrayLike) -> NDArray[np.float64]:
+    def slope(self, r: ArrayLike) -> Floats:
         """Slope dz/dr, the tangent of the angle against the vertex plane, at distances r from the axis in mm.
 
         Of the shape of `r`, infinite at the equator and a PrescriptionError beyond it; without the departure.
@@ -246,7 +246,7 @@ class Surface:
             angle = angle + (2 * i + 2) * a * distance ** (2 * i + 1)
         return angle
 
-    def gradient(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
+    def gradient(self, x: ArrayLike, y: ArrayLike) -> Floats:
         """(2, ...): derivatives of the sag by x and y at points (x, y), mm.
 
         Examples
