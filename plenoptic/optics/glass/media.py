@@ -36,19 +36,12 @@ class Medium(Protocol):
     Examples
     --------
     >>> import plenoptic as pl
-    >>> isinstance(pl.optics.AIR, pl.optics.Medium)
-    True
+    >>> isinstance(pl.optics.AIR, pl.optics.Medium), pl.optics.AIR.index(587.6)
+    (True, 1.0)
     """
 
     def index(self, wavelength: float) -> float:
-        """Refractive index at a wavelength in nm: relative to air, and of `Air` and `Absolute` to vacuum.
-
-        Examples
-        --------
-        >>> import plenoptic as pl
-        >>> pl.optics.AIR.index(587.6)
-        1.0
-        """
+        """Refractive index at a wavelength in nm: relative to air, and of `Air` and `Absolute` to vacuum."""
         ...
 
 
@@ -101,12 +94,9 @@ def index_by_formula(
         index = formula(micrometres)
     except (ZeroDivisionError, OverflowError):
         index = math.inf
+    except ValueError:  # the root of a negative number
+        index = math.nan
     return checked_index(index, wavelength, medium)
-
-
-def square_root(square: float) -> float:
-    """Square root, nan of numbers below 0."""
-    return math.sqrt(square) if square >= 0 else math.nan
 
 
 def set_limits(medium: Medium, limits: Sequence[float]) -> None:
@@ -308,7 +298,7 @@ class Sellmeier:
 
         def formula(w: float) -> float:
             square = w * w
-            return square_root(1.0 + sum(b * square / (square - c) for b, c in zip(self.b, self.c, strict=True)))
+            return math.sqrt(1.0 + sum(b * square / (square - c) for b, c in zip(self.b, self.c, strict=True)))
 
         return index_by_formula(formula, wavelength, self.wavelength_range, self.name or "this Sellmeier medium")
 
@@ -353,6 +343,6 @@ class Schott:
 
         def formula(w: float) -> float:
             square, powers = w * w, (0, 1, -1, -2, -3, -4)
-            return square_root(sum(a * square**power for a, power in zip(self.coefficients, powers, strict=True)))
+            return math.sqrt(sum(a * square**power for a, power in zip(self.coefficients, powers, strict=True)))
 
         return index_by_formula(formula, wavelength, self.wavelength_range, self.name or "this Schott medium")

@@ -67,17 +67,6 @@ def checked_iris(elements: Sequence[Element], iris: int | None) -> int:
     return found
 
 
-def checked_indices(media: Sequence[Medium], wavelength: float) -> Floats:
-    """Refractive indices of the media before and behind elements, or an error where they are none."""
-    found = np.array([float(medium.index(wavelength)) for medium in media])
-    for i in np.flatnonzero(~((found >= 1.0) & (found < np.inf))):
-        raise PrescriptionError(
-            f"the medium behind element {i - 1} has the refractive index {found[i]:g} at {wavelength:g} nm; "
-            "it must be finite and at least 1: use another medium"
-        )
-    return found
-
-
 def profile_of(element: Element, z: float, points: int) -> Floats:
     """Points (n, 2), z and y in mm in the lens frame, on the section of an element in the plane x = 0 of its axes."""
     if isinstance(element, Surface) and element.depth is not None:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic.core.values import Floats, finite, frozen_array, positive, set_field, value
+from plenoptic.core.values import Floats, coefficients, finite, frozen_array, positive, set_field, value
 from plenoptic.errors import PrescriptionError
 
 _ORTHONORMAL = 1e-12
@@ -23,12 +23,10 @@ def rotation_about_axes(tilt: Sequence[float]) -> Floats:
 
     Positive angles turn y towards z, z towards x, and x towards y.
     """
-    try:
-        angles = [finite(angle, f"tilt[{i}]") for i, angle in enumerate(tilt)]
-    except TypeError:
-        angles = []
+    wanted = "three angles in radians, about x, y and z"
+    angles = coefficients(tilt, "tilt", wanted)
     if len(angles) != 3:
-        raise PrescriptionError(f"tilt is {tilt!r}; it must be three angles in radians, about x, y and z")
+        raise PrescriptionError(f"tilt is {tilt!r}; it must be {wanted}")
     if not max(abs(angles[0]), abs(angles[1])) < math.pi / 2:
         raise PrescriptionError(
             f"tilt is {tuple(tilt)!r} rad; about x and y it must be below pi / 2, or light meets the back of the "

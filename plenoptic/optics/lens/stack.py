@@ -14,7 +14,7 @@ from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats, choice, finite, read_only, set_field, value, whole
 from plenoptic.errors import PrescriptionError
 from plenoptic.optics.glass.media import AIR, Medium
-from plenoptic.optics.lens.elements import Element, checked_elements, checked_indices, checked_iris, profile_of
+from plenoptic.optics.lens.elements import Element, checked_elements, checked_iris, profile_of
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.placement import Placement, rotation_about_axes
 from plenoptic.optics.stops.registry import Stop
@@ -128,7 +128,13 @@ class LensStack:
         >>> pl.load_lens("singlet-100mm-f4").indices(587.6).round(4)
         array([1.    , 1.    , 1.5168, 1.    ])
         """
-        return read_only(checked_indices(self.gap_media, wavelength))
+        found = np.array([float(medium.index(wavelength)) for medium in self.gap_media])
+        for i in np.flatnonzero(~((found >= 1.0) & (found < np.inf))):
+            raise PrescriptionError(
+                f"the medium behind element {i - 1} has the refractive index {found[i]:g} at {wavelength:g} nm; "
+                "it must be finite and at least 1: use another medium"
+            )
+        return read_only(found)
 
     def with_model(self, model: LensModel) -> LensStack:
         """The same lens, followed more or less faithfully: `trace` and cameras treat it as the model says.

@@ -31,10 +31,8 @@ class MaskStop:
     semi_diameter : float
         Radius in mm of the circle about the axis that just holds all cells that are not opaque: as for a polygon, the
         distance of the outermost corners. An opaque border changes nothing. See `of_cells` for the size of a cell.
-    thickness : float, optional
-        Axial gap to the next element in mm, at least 0.
-    placement : Placement, optional
-        Decentre and tilt; see `LensStack.moved`. None: centred.
+    thickness, placement
+        As of `CircularStop`.
 
     Raises
     ------

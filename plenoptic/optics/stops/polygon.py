@@ -30,14 +30,12 @@ class PolygonStop:
         Distance of the corners from the axis (circumradius) in mm, above 0.
     rotation : float, optional
         Angle of the first corner from +x towards +y, radians.
-    thickness : float, optional
-        Axial gap to the next element in mm, at least 0.
     blade_radius : float, optional
         Radius in mm of the arcs that the edges of the blades are, from corner to corner; inf (default): straight.
         Positive: the hole bulges outwards, at least `semi_diameter`, with which it is a circle. Negative: the blades
         bulge into the hole, in size at least semi_diameter tan(pi / blades), with which neighbours touch.
-    placement : Placement, optional
-        Decentre and tilt; see `LensStack.moved`. None: centred.
+    thickness, placement
+        As of `CircularStop`.
 
     Raises
     ------

@@ -30,10 +30,8 @@ class StarStop:
         points), with which the star is a polygon.
     rotation : float, optional
         Angle of the first tip from +x towards +y, radians.
-    thickness : float, optional
-        Axial gap to the next element in mm, at least 0.
-    placement : Placement, optional
-        Decentre and tilt; see `LensStack.moved`. None: centred.
+    thickness, placement
+        As of `CircularStop`.
 
     Raises
     ------

@@ -20,6 +20,7 @@ from plenoptic.core.sampling import sobol_points
 from plenoptic.core.values import Floats, check_kind, finite, number, wavelength_in_nm, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.models import LensModel
+from plenoptic.optics.lens.pupil.exit_pupil import normals_of, polygon_around
 from plenoptic.optics.lens.stack import LensStack
 
 REPLICATES = 8
@@ -173,16 +174,10 @@ def passing_light(
     for colour, wavelength in enumerate(wavelengths):
         beam = pencil(lens, field=field, z_object=z_object, wavelength=wavelength, rays=count, seed=start)
         parts.append(_NO_LIGHT if beam is None else _passing_part(lens, beam, z_image, colour))
-    return PassingLight(
-        points=np.concatenate([part.points for part in parts]),
-        slopes=np.concatenate([part.slopes for part in parts]),
-        weight=np.concatenate([part.weight for part in parts]),
-        colour=np.concatenate([part.colour for part in parts]),
-        replicate=np.concatenate([part.replicate for part in parts]),
-        through_iris=np.array([part.through_iris for part in parts]).sum(axis=0),
-        chief=np.concatenate([part.chief for part in parts]),
-        emitted=sum(part.emitted for part in parts),
-    )
+    rows = ("points", "slopes", "weight", "colour", "replicate", "chief")
+    joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in rows}
+    through_iris = np.array([part.through_iris for part in parts]).sum(axis=0)
+    return PassingLight(**joined, through_iris=through_iris, emitted=sum(part.emitted for part in parts))
 
 
 _NO_LIGHT = PassingLight(
@@ -263,13 +258,8 @@ def _outline(points: Floats) -> Floats:
     # Seen in units of their own spread along two axes, the points lie near a circle.
     spread = np.linalg.cholesky(covariance + 1e-12 * np.trace(covariance) * np.eye(2))
     round_points = np.linalg.solve(spread, offsets.T).T
-    angle = 2 * math.pi * np.arange(_SIDES) / _SIDES
-    normals = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    support = (1.0 + _MARGIN) * (round_points @ normals.T).max(axis=0)
-    after, turn = np.roll(support, -1), 2 * math.pi / _SIDES
-    along = (after - support * math.cos(turn)) / math.sin(turn)
-    corners = support[:, None] * normals + along[:, None] * np.stack([-normals[:, 1], normals[:, 0]], axis=1)
-    return np.asarray(centre + corners @ spread.T)
+    support = (1.0 + _MARGIN) * (round_points @ normals_of(_SIDES).T).max(axis=0)
+    return np.asarray(centre + polygon_around(support) @ spread.T)
 
 
 def _grown(lens: LensStack, launch: _Launch, corners: Floats) -> Floats:
