@@ -17,7 +17,7 @@ from plenoptic.rendering.context import RenderContext, Sampling
 from plenoptic.rendering.integrator.path import Transport
 from plenoptic.rendering.settings import Sampler
 from plenoptic.truth.compute import Arrays, truth_of
-from plenoptic.truth.stages import TruthTables
+from plenoptic.truth.stages import TruthRecord
 
 BUNDLE = 1 << 13
 """Paths that go through the stages together. From 2^11 to 2^14 the time was the same to within 3 %, and long bundles
@@ -73,11 +73,11 @@ class TileResult(NamedTuple):
 
 
 def batch_of(sampling: Sampling, first: int, samples: int) -> Batch:
-    """Samples first ... first + samples - 1; `first` must be a multiple of the replicates."""
+    """Samples first ... first + samples - 1: either one, or `first` is a multiple of the replicates."""
     if sampling.settings.sampler is Sampler.RANDOM:
         return batch_record(sampling.seed, first, samples, samples, first, 0)
-    streams = min(sampling.replicates, samples)
-    return batch_record(sampling.seed, first, samples, streams, 0, first // sampling.replicates)
+    index, stream = divmod(first, sampling.replicates)
+    return batch_record(sampling.seed, first, samples, min(sampling.replicates, samples), stream, index)
 
 
 def status_codes(camera: CameraRecord) -> int:
@@ -143,7 +143,7 @@ def render_tile(
     context: RenderContext,
     tile: Tile,
     batch: Batch,
-    truth: TruthTables | None,
+    truth: TruthRecord | None,
     before: Floats | None = None,
     stopped: Callable[[], bool] | None = None,
 ) -> TileResult | None:
@@ -198,7 +198,7 @@ def _weights(camera: CameraRecord, fed: FedPixels, tile: Tile) -> Floats:
     return found.reshape(tile.rows, tile.columns)
 
 
-def _truth(context: RenderContext, truth: TruthTables, tile: Tile, pixels: Floats) -> Arrays:
+def _truth(context: RenderContext, truth: TruthRecord, tile: Tile, pixels: Floats) -> Arrays:
     flat = truth_of(context.camera, context.scene, context.intersector, truth, pixels)
     return {name: array.reshape(tile.rows, tile.columns, *array.shape[1:]) for name, array in flat.items()}
 
