@@ -111,11 +111,10 @@ class MaskStop:
         >>> import pathlib, tempfile
         >>> import numpy as np
         >>> import plenoptic as pl
-        >>> from plenoptic.optics.stops.mask import MaskStop
         >>> with tempfile.TemporaryDirectory() as folder:
         ...     path = pathlib.Path(folder) / "mask.exr"
         ...     pl.images.write_channels(path, {"Y": np.eye(3)})
-        ...     mask = MaskStop.load(path, semi_diameter=5.0)
+        ...     mask = pl.optics.MaskStop.load(path, semi_diameter=5.0)
         >>> mask.transmission.tolist()
         [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
         """

@@ -14,8 +14,7 @@ from plenoptic.errors import InvalidValueError, PrescriptionError
 from plenoptic.optics.glass.media import AIR, Medium, check_medium
 from plenoptic.optics.lens.placement import Placement, set_place
 from plenoptic.optics.record import ASPHERE, CONIC, FREEFORM, SPHERE, ElementRow
-from plenoptic.optics.surfaces.departure import Departure
-from plenoptic.optics.surfaces.registry import DEPARTURES
+from plenoptic.optics.surfaces.registry import DEPARTURES, Departure
 from plenoptic.optics.surfaces.sag_bounds import asphere_bounds
 
 EQUATOR_TOLERANCE = 1e-12
