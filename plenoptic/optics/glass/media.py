@@ -30,8 +30,7 @@ _SMALLEST_VD = 5.0
 class Medium(Protocol):
     """Anything that has a refractive index at a wavelength.
 
-    Any object with this one method is a medium; media that can be compared (`==`) and saved are those of this
-    package.
+    Any object with this one method is a medium; media that can be compared (`==`) and saved are those of this package.
 
     Examples
     --------
@@ -173,8 +172,7 @@ VACUUM = ConstantMedium(1.0)
 class ModelGlass:
     r"""A glass known by its index n_d and its Abbe number V_d only, as in most old prescriptions.
 
-    Conrady's formula, fixed by n_d, by V_d = (n_d - 1) / (n_F - n_C) and by the normal line of the partial
-    dispersion:
+    Conrady's formula, fixed by n_d, by V_d = (n_d - 1) / (n_F - n_C) and by the normal line of the partial dispersion:
 
     .. math:: n = a + b / \lambda + c / \lambda^{3.5}, \qquad
               P_{gF} = \frac{n_g - n_F}{n_F - n_C} = 0.6438 - 0.001682\, V_d

@@ -8,7 +8,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from plenoptic.core.values import Floats, whole
+from plenoptic.core.values import Floats
 from plenoptic.errors import PrescriptionError
 from plenoptic.optics.glass.media import AIR, Medium, check_medium
 from plenoptic.optics.stops.registry import STOPS, Stop
@@ -56,15 +56,6 @@ def checked_elements(elements: Sequence[Element], ambient: Medium) -> tuple[Elem
         raise PrescriptionError("the gaps add up to no finite length; reduce their thickness")
     # The gap behind the last element belongs to the camera.
     return (*stack[:-1], dataclasses.replace(stack[-1], thickness=0.0))
-
-
-def checked_iris(elements: Sequence[Element], iris: int | None) -> int:
-    """The index of the iris, the first stop where none is given, or an error where it is none."""
-    stops = [i for i, element in enumerate(elements) if not isinstance(element, Surface)]
-    found = stops[0] if iris is None else whole(iris, "iris", at_least=0)
-    if found not in stops:
-        raise PrescriptionError(f"iris is element {found}, which is not a stop; the stops are elements {stops}")
-    return found
 
 
 def profile_of(element: Element, z: float, points: int) -> Floats:

@@ -108,7 +108,7 @@ def lens_record(
         rows = [row.opened for row in rows]
     if not clipping:
         rows = [row._replace(semi_diameter2=math.inf) for row in rows]
-    found = _columns(rows, -1.0 if reverse else 1.0)
+    found = _columns(rows[::-1], -1.0) if reverse else _columns(rows, 1.0)
     if not isinstance(wavelength, np.ndarray):
         return found
     kind, at = found.rows["kind"], found.rows["surface_index"]
@@ -169,15 +169,14 @@ def _exact_rows(lens: LensStack, wavelength: float, first: int, last: int, *, re
         if isinstance(element, Surface):
             row = row._replace(index_ratio=float(index[i + 1] / index[i] if reverse else index[i] / index[i + 1]))
         rows.append(row)
-    return rows[::-1] if reverse else rows
+    return rows
 
 
 def _ideal_rows(lens: LensStack, wavelength: float, *, reverse: bool) -> list[ElementRow]:
-    """What stands for the lens in the models NONE, THIN and PARAXIAL, from scene to sensor unless `reverse`."""
+    """What stands for the lens in the models NONE, THIN and PARAXIAL, from scene to sensor."""
     if lens.model is LensModel.NONE:
         stops = [i for i, element in enumerate(lens.elements) if not isinstance(element, Surface)]
-        rows = [lens.elements[i].row()._replace(z=float(lens.vertices[i]), surface_index=i) for i in stops]
-        return rows[::-1] if reverse else rows
+        return [lens.elements[i].row()._replace(z=float(lens.vertices[i]), surface_index=i) for i in stops]
     points = cardinal_points(lens, wavelength)
     if not math.isfinite(points.efl):
         raise PrescriptionError(
@@ -188,12 +187,12 @@ def _ideal_rows(lens: LensStack, wavelength: float, *, reverse: bool) -> list[El
     front = rear if lens.model is LensModel.THIN else points.front_principal
     arrives, leaves = (rear, front) if reverse else (front, rear)
     ideal = ElementRow(IDEAL, curvature=1.0 / points.efl, max_depth=leaves - arrives, z=arrives, surface_index=iris)
+    scale, behind = points.entrance_pupil_semi_diameter / lens.stop.semi_diameter, True
     if lens.model is LensModel.THIN:
-        z_stop, scale, behind = rear, points.entrance_pupil_semi_diameter / lens.stop.semi_diameter, True
+        z_stop = rear
     elif math.isfinite(points.exit_pupil):
-        z_stop, scale, behind = points.exit_pupil, points.pupil_magnification, True
+        z_stop, scale = points.exit_pupil, points.pupil_magnification
     else:
-        z_stop, scale = points.entrance_pupil, points.entrance_pupil_semi_diameter / lens.stop.semi_diameter
-        behind = False
+        z_stop, behind = points.entrance_pupil, False
     stop = lens.stop.image(scale).row()._replace(z=z_stop, surface_index=iris)
-    return [ideal, stop] if behind != reverse else [stop, ideal]
+    return [ideal, stop] if behind else [stop, ideal]

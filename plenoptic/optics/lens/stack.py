@@ -14,7 +14,7 @@ from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats, choice, finite, read_only, set_field, value, whole
 from plenoptic.errors import PrescriptionError
 from plenoptic.optics.glass.media import AIR, Medium
-from plenoptic.optics.lens.elements import Element, checked_elements, checked_iris, profile_of
+from plenoptic.optics.lens.elements import Element, checked_elements, profile_of
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.placement import Placement, rotation_about_axes
 from plenoptic.optics.stops.registry import Stop
@@ -78,7 +78,11 @@ class LensStack:
     def __post_init__(self) -> None:
         set_field(self, "model", choice(self.model, LensModel, "model"))
         set_field(self, "elements", checked_elements(self.elements, self.ambient))
-        set_field(self, "iris", checked_iris(self.elements, self.iris))
+        stops = [i for i, element in enumerate(self.elements) if not isinstance(element, Surface)]
+        iris = stops[0] if self.iris is None else whole(self.iris, "iris", at_least=0)
+        if iris not in stops:
+            raise PrescriptionError(f"iris is element {iris}, which is not a stop; the stops are elements {stops}")
+        set_field(self, "iris", iris)
 
     @property
     def iris_index(self) -> int:
