@@ -1,14 +1,21 @@
-"""Where figures are drawn: on what is given, or on something new."""
+"""What figures share: where they are drawn, what they are drawn of, and how brightness is shown."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.core.values import wrong_kind
 from plenoptic.errors import PlenopticError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+CLIPPED_ABOVE = 99.8
+"""Percentile at which brightness scales end: a few bright pixels must not darken all others."""
 
 
 class _MissingMatplotlibError(PlenopticError, ImportError):
@@ -40,3 +47,22 @@ def figure_or_new(figure: Figure | None, size: tuple[float, float]) -> Figure:
         return figure
     made: Figure = pyplot().figure(figsize=size, layout="constrained")
     return made
+
+
+def check_has(thing: object, name: str, wanted: str, such_as: str, *attributes: str) -> None:
+    """Raise where something lacks attributes of the kind wanted: figures know no optics, and tell it by these."""
+    if not all(hasattr(thing, attribute) for attribute in attributes):
+        raise wrong_kind(thing, name, wanted, such_as)
+
+
+def brightest(values: NDArray[np.floating[Any]]) -> float:
+    """End of a brightness scale that starts at 0: the percentile, the maximum, or 1, whichever is first above 0."""
+    seen = values[np.isfinite(values)]
+    if seen.size == 0:
+        return 1.0
+    return float(np.percentile(seen, CLIPPED_ABOVE)) or float(seen.max()) or 1.0
+
+
+def pixel_extent(row: int, column: int, shape: tuple[int, ...]) -> tuple[float, float, float, float]:
+    """Where `imshow` puts pixels from a first row and column on, so that their centres are whole numbers."""
+    return column - 0.5, column + shape[1] - 0.5, row + shape[0] - 0.5, row - 0.5

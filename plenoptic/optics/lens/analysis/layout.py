@@ -125,7 +125,7 @@ def layout(
     ax: Axes | None = None,
 ) -> Axes:
     """Draw a lens with a fan of real rays for each of some fields, true to scale; see `LensStack.layout`."""
-    from plenoptic.plots.layout import plot_layout
+    from plenoptic.plots.lens import plot_layout
 
     if not isinstance(lens, LensStack):
         raise wrong_kind(lens, "lens", "LensStack", "camera.lens")
