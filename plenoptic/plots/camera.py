@@ -6,9 +6,9 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from plenoptic.plots.canvas import axes_or_new, check_has, figure_or_new, pixel_extent
+from plenoptic.core.values import Floats, check_has
+from plenoptic.plots.canvas import axes_or_new, figure_or_new, pixel_extent
 from plenoptic.plots.lens import plot_lens
 
 if TYPE_CHECKING:
@@ -152,7 +152,7 @@ def plot_camera_spread(spread: CameraSpread, ax: Axes | None = None) -> Axes:
     return ax
 
 
-def _together(spread: CameraSpread) -> tuple[NDArray[np.float64], int, int]:
+def _together(spread: CameraSpread) -> tuple[Floats, int, int]:
     """Sum of the images of all points on the rectangle that holds their light; its first row and column."""
     images = spread.image.reshape(-1, *spread.image.shape[-2:])
     corners = np.atleast_2d(spread.corner)
@@ -168,7 +168,7 @@ def _together(spread: CameraSpread) -> tuple[NDArray[np.float64], int, int]:
     return total[low[0] : high[0], low[1] : high[1]], int(first[0] + low[0]), int(first[1] + low[1])
 
 
-def _pixels(spread: CameraSpread) -> NDArray[np.float64]:
+def _pixels(spread: CameraSpread) -> Floats:
     """Row and column (n, 2) of the centroids: the sensor is read out rotated by 180 degrees."""
     rows, columns = spread.sensor.shape
     x, y = np.atleast_2d(spread.centroid).T / spread.sensor.pixel_pitch

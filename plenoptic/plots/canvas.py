@@ -1,4 +1,4 @@
-"""What figures share: where they are drawn, what they are drawn of, and how brightness is shown."""
+"""What figures share: where they are drawn, and how brightness is shown."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.core.values import wrong_kind
 from plenoptic.errors import PlenopticError
 
 if TYPE_CHECKING:
@@ -47,12 +46,6 @@ def figure_or_new(figure: Figure | None, size: tuple[float, float]) -> Figure:
         return figure
     made: Figure = pyplot().figure(figsize=size, layout="constrained")
     return made
-
-
-def check_has(thing: object, name: str, wanted: str, such_as: str, *attributes: str) -> None:
-    """Raise where something lacks attributes of the kind wanted: figures know no optics, and tell it by these."""
-    if not all(hasattr(thing, attribute) for attribute in attributes):
-        raise wrong_kind(thing, name, wanted, such_as)
 
 
 def brightest(values: NDArray[np.floating[Any]]) -> float:

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from plenoptic.core.values import wrong_kind
-from plenoptic.plots.canvas import axes_or_new, check_has
+from plenoptic.core.values import check_has, wrong_kind
+from plenoptic.plots.canvas import axes_or_new
 from plenoptic.plots.spots import LIMIT, MICROMETRES, field_label
 
 if TYPE_CHECKING:

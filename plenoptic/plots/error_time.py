@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from plenoptic.core.values import wrong_kind
-from plenoptic.plots.canvas import axes_or_new, check_has, figure_or_new
+from plenoptic.core.values import check_has, wrong_kind
+from plenoptic.plots.canvas import axes_or_new, figure_or_new
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

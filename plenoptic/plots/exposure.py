@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from plenoptic.core.files.images import linear_to_srgb
 from plenoptic.core.relative_error import lit_pixels
-from plenoptic.plots.canvas import brightest, check_has, figure_or_new, pixel_extent
+from plenoptic.core.values import check_has
+from plenoptic.plots.canvas import brightest, figure_or_new, pixel_extent
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

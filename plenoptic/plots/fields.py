@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from plenoptic.plots.canvas import axes_or_new, check_has
+from plenoptic.core.values import Floats, check_has
+from plenoptic.plots.canvas import axes_or_new
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,14 +24,14 @@ def _check(result: Any, attribute: str, kind: str, maker: str) -> None:
     check_has(result, "result", kind, f"what pl.aberrations.{maker}(lens, fields) returns", attribute)
 
 
-def _field_axis(result: Any) -> tuple[NDArray[np.float64], str]:
+def _field_axis(result: Any) -> tuple[Floats, str]:
     """Fields as figures show them, and their label: degrees of an object infinitely far away, otherwise mm."""
     if result.z_object == -np.inf:
         return np.degrees(result.fields), "half field / °"
     return np.asarray(result.fields), "object height / mm"
 
 
-def _upwards(result: Any, ax: Axes | None, curves: Sequence[NDArray[np.float64]], label: str, title: str) -> Axes:
+def _upwards(result: Any, ax: Axes | None, curves: Sequence[Floats], label: str, title: str) -> Axes:
     """Draw curves to the right, the field upwards from 0: a single one, or the sagittal and the tangential one."""
     ax = axes_or_new(ax, (3.6, 4.6))
     fields, field_label = _field_axis(result)

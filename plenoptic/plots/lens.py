@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from plenoptic.core.values import Floats, check_has
 from plenoptic.errors import InvalidValueError
-from plenoptic.plots.canvas import axes_or_new, check_has
+from plenoptic.plots.canvas import axes_or_new
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,7 +30,7 @@ def _stop_indices(lens: LensStack) -> list[int]:
     return [i for i, element in enumerate(lens.elements) if not hasattr(element, "medium")]
 
 
-def _glass_sections(lens: LensStack, profiles: tuple[NDArray[np.float64], ...]) -> list[NDArray[np.float64]]:
+def _glass_sections(lens: LensStack, profiles: tuple[Floats, ...]) -> list[Floats]:
     return [np.concatenate([profiles[i], profiles[j][::-1]]) for i, j in lens.glasses]
 
 
@@ -42,7 +42,7 @@ def _bars(lens: LensStack, reach: float) -> list[tuple[int, float, float, float]
     ]
 
 
-def _path(points: NDArray[np.float64], close: str = "") -> str:
+def _path(points: Floats, close: str = "") -> str:
     return "M" + " L".join(f"{z:.5g},{-y:.5g}" for z, y in points) + close
 
 
@@ -152,7 +152,7 @@ def plot_stop(stop: Stop, ax: Axes | None = None) -> Axes:
     return ax
 
 
-def _joined(paths: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _joined(paths: Floats) -> tuple[Floats, Floats]:
     """Coordinates z and y of all paths as one line with gaps."""
     gap = np.full((len(paths), 1, 3), np.nan)
     points = np.concatenate([paths, gap], axis=1).reshape(-1, 3)
@@ -173,7 +173,7 @@ def _fill_glass(lens: LensStack, ax: Axes) -> None:
 
 def plot_layout(
     lens: LensStack,
-    paths: Sequence[NDArray[np.float64]],
+    paths: Sequence[Floats],
     *,
     labels: Sequence[str] = (),
     z_image: float | None = None,

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from plenoptic.core.files.images import linear_to_srgb
-from plenoptic.core.values import whole
+from plenoptic.core.values import check_has, whole
 from plenoptic.errors import InvalidValueError
-from plenoptic.plots.canvas import axes_or_new, brightest, check_has
+from plenoptic.plots.canvas import axes_or_new, brightest
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

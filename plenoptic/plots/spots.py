@@ -7,11 +7,10 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from plenoptic.core.values import wrong_kind
+from plenoptic.core.values import Floats, check_has, wrong_kind
 from plenoptic.errors import InvalidValueError
-from plenoptic.plots.canvas import axes_or_new, check_has, figure_or_new
+from plenoptic.plots.canvas import axes_or_new, figure_or_new
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -40,7 +39,7 @@ def _colours(wavelengths: Sequence[float]) -> list[Any]:
     return [tuple(hsv_to_rgb((_BLUE * (1.0 - share), 0.9, 0.75))) for share in place]
 
 
-def field_label(field: NDArray[np.float64], z_object: float) -> str:
+def field_label(field: Floats, z_object: float) -> str:
     """How an object point is named in titles: by its angle, or by its height."""
     x, y = (float(component) for component in field)
     if math.isinf(z_object):

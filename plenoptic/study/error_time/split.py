@@ -14,10 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.core.relative_error import brightness, lit_pixels
+from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.exposure import Exposure
-
-Floats = NDArray[np.float64]
 
 
 class Split(NamedTuple):
