@@ -130,13 +130,8 @@ class RayBundle:
     ) -> RayBundle:
         """A bundle of arrays that a kernel has just filled: neither copied nor checked."""
         made = object.__new__(cls)
-        for name, array in (
-            ("origin", origin),
-            ("direction", direction),
-            ("weight", weight),
-            ("status", status),
-            ("lost_at", lost_at),
-        ):
+        arrays = {"origin": origin, "direction": direction, "weight": weight, "status": status, "lost_at": lost_at}
+        for name, array in arrays.items():
             array.flags.writeable = False
             set_field(made, name, array)
         set_field(made, "wavelength", wavelength)
@@ -188,14 +183,8 @@ class RayBundle:
         mask = np.asarray(mask)
         if mask.size == 0:
             mask = mask.astype(np.intp)
-        return RayBundle(
-            self.origin[mask],
-            self.direction[mask],
-            self.wavelength,
-            weight=self.weight[mask],
-            status=self.status[mask],
-            lost_at=self.lost_at[mask],
-        )
+        kept = {name: getattr(self, name)[mask] for name in ("origin", "direction", "weight", "status", "lost_at")}
+        return RayBundle(wavelength=self.wavelength, **kept)
 
     def __repr__(self) -> str:
         arrived = int(np.count_nonzero(self.status == 0))

@@ -25,6 +25,8 @@ else:
 
 
 Floats = NDArray[np.float64]
+AnyFloats = NDArray[np.floating[Any]]
+"""Of any precision."""
 
 T = TypeVar("T")
 Choice = TypeVar("Choice", bound=enum.Enum)

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from plenoptic.core.color.record import Wavelengths
-from plenoptic.rendering.integrator.record import RayQueue
+from plenoptic.rendering.integrator.record import RayQueue, Wavelengths
 from plenoptic.scene.compile import SceneRecord
 from plenoptic.scene.geometry.record import INTERACTION_COLUMNS, Hits, Interactions, PathKeys
 from plenoptic.scene.lights.record import DRAWN_COLUMNS, DrawnLights

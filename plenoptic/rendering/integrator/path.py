@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.camera.sampling.record import Batch
-from plenoptic.core.color.record import Wavelengths
 from plenoptic.core.values import Floats
 from plenoptic.rendering.context import RenderContext
 from plenoptic.rendering.integrator.interaction import InteractionStage
-from plenoptic.rendering.integrator.record import RayQueue, ShadowRays
+from plenoptic.rendering.integrator.record import RayQueue, ShadowRays, Wavelengths
 from plenoptic.rendering.plan.scene_stages import ROULETTE
 from plenoptic.rendering.plan.stages import Stage
 from plenoptic.rendering.settings import Caustics
