@@ -11,19 +11,20 @@ from numpy.typing import ArrayLike, NDArray
 from plenoptic.core.values import choice, finite, frozen_array, positive, read_only, set_field, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.glass.media import Medium, check_medium
-from plenoptic.optics.microlens.aperture import Gaps, MicrolensAperture, Opening, Walls, opening_of
-from plenoptic.optics.microlens.checks import check_plate, checked_pitch
+from plenoptic.optics.microlens.aperture import MicrolensAperture, Opening, Walls, opening_of
 from plenoptic.optics.microlens.imperfections import Imperfections, MicrolensDeviations, MicrolensImperfections
 from plenoptic.optics.microlens.lattice import (
     Lattice,
     cell_polygon,
+    checked_pitch,
     default_pattern,
     lattice_basis,
     polygon_area,
     polygon_edges,
 )
 from plenoptic.optics.microlens.listed import Lenslets, lenslets
-from plenoptic.optics.microlens.models import ConvexSide, MicrolensModel
+from plenoptic.optics.microlens.models import MicrolensModel
+from plenoptic.optics.microlens.plano_convex import ConvexSide
 
 _MOST_DISTANCES = 1 << 22
 _DESIGN_WAVELENGTH, _DEFAULT_INDEX = 587.6, 1.5
@@ -154,10 +155,7 @@ class MicrolensArray:
                 raise InvalidValueError(f"{name} is {getattr(self, name)!r}; it must be a {kinds[0].__name__} or None")
         if self.aperture is not None:
             _ = self.opening
-            if not self.model.focuses and self.aperture.gaps is Gaps.CLEAR:
-                raise InvalidValueError("light passes a PINHOLE only at its centre; give gaps=Gaps.OPAQUE")
-        if self.is_plate:
-            check_plate(self)
+        self.model.rules.check(self)
 
     def _check_medium(self) -> None:
         """The index is that of the medium at the wavelength of the focal lengths."""
@@ -229,7 +227,7 @@ class MicrolensArray:
     @property
     def principal_separation(self) -> float:
         """Distance from the front to the rear principal plane in mm: 0 for a thin lens."""
-        return self.thickness * (1.0 - 1.0 / self.index) if self.is_plate else 0.0
+        return self.model.rules.depths(self).separation
 
     def index_at(self, wavelength: float) -> float:
         """Refractive index at a wavelength in nm."""

@@ -191,28 +191,25 @@ def deviations_of(imperfections: Imperfections, index: NDArray[np.int64]) -> Mic
     )
 
 
-def largest_offset(imperfections: Imperfections) -> float:
+def largest_offset(imperfections: Imperfections | None) -> float:
     """How far an optical axis can lie from where it is designed to be, in mm."""
+    if imperfections is None:
+        return 0.0
     if isinstance(imperfections, MicrolensImperfections):
         return 4.0 * math.sqrt(2.0) * (imperfections.pitch_jitter + imperfections.decentre)
     given = [part for part in (imperfections.shift, imperfections.decentre) if part is not None and len(part)]
     return sum(float(np.hypot(*part.T).max()) for part in given)
 
 
-def least_factor(imperfections: Imperfections) -> float:
-    """The shortest focal length that a lens can have, over that of its design."""
+def extreme_factors(imperfections: Imperfections | None) -> tuple[float, float]:
+    """The shortest and the longest focal length that lenses can have, over those of their design; inf: flat glass."""
     if isinstance(imperfections, MicrolensImperfections):
-        return max(1.0 - 4.0 * imperfections.focal_length_spread, 1e-3)
-    given = imperfections.focal_length_factor
-    return 1.0 if given is None or not len(given) else min(1.0, float(given.min()))
-
-
-def largest_factor(imperfections: Imperfections) -> float:
-    """The longest focal length that a lens can have, over that of its design; inf for flat glass."""
-    if isinstance(imperfections, MicrolensImperfections):
-        return math.inf if imperfections.missing else 1.0 + 4.0 * imperfections.focal_length_spread
-    given = imperfections.focal_length_factor
-    return 1.0 if given is None or not len(given) else max(1.0, float(given.max()))
+        spread = 4.0 * imperfections.focal_length_spread
+        return max(1.0 - spread, 1e-3), math.inf if imperfections.missing else 1.0 + spread
+    given = None if imperfections is None else imperfections.focal_length_factor
+    if given is None or not len(given):
+        return 1.0, 1.0
+    return min(1.0, float(given.min())), max(1.0, float(given.max()))
 
 
 def _mixed(x: NDArray[np.uint64]) -> NDArray[np.uint64]:
