@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.microlens.aperture import Gaps, Opening, Walls
 from plenoptic.optics.microlens.array import MicrolensArray
@@ -71,11 +72,11 @@ class ListedRecord(NamedTuple):
     """How far optical axes lie from the centres of cells at most, in mm."""
     lenses: NDArray[np.void]
     """(n,) of MICROLENS."""
-    corners: NDArray[np.float64]
+    corners: Floats
     """(n, parts, k, 2): opening, and what lies beside it where that is clear, relative to the cell's centre."""
     counts: NDArray[np.int64]
     """(n, parts): corners of each."""
-    cells: NDArray[np.float64] | None
+    cells: Floats | None
     """(n, k, 3): edges of the cells of FREE lenses; None where all cells are the lattice's."""
     numbers: NumbersRecord | None = None
     """Made for light that travels forwards; None for FREE lenses."""
@@ -84,11 +85,11 @@ class ListedRecord(NamedTuple):
 class LatticeRecord(NamedTuple):
     """Where microlenses lie and which types they have."""
 
-    origin: NDArray[np.float64]
+    origin: Floats
     """(2,) centre of the lattice."""
-    basis: NDArray[np.float64]
-    inverse: NDArray[np.float64]
-    powers: NDArray[np.float64]
+    basis: Floats
+    inverse: Floats
+    powers: Floats
     """1 / focal length of each type in 1/mm, or with listed lenses, the least and the greatest."""
     pattern: NDArray[np.int64] | None
     """(p, q) types on the lattice; None where there is one."""
@@ -97,11 +98,11 @@ class LatticeRecord(NamedTuple):
 class OpeningRecord(NamedTuple):
     """What part of a cell is a lens."""
 
-    corners: NDArray[np.float64]
+    corners: Floats
     """(parts, k, 2): the opening, and the cell where what lies beside openings is clear; widened by the margin."""
     radius: float
     """How far openings and cells reach from their centre, margin included."""
-    edges: NDArray[np.float64]
+    edges: Floats
     """(k, 3) edges of an opening; none of a round one."""
     radius2: float
     """Squared radius of a round opening, inf otherwise."""
@@ -116,11 +117,11 @@ class OpeningRecord(NamedTuple):
 class EdgesRecord(NamedTuple):
     """Where lenses with thickness end."""
 
-    cell: NDArray[np.float64]
+    cell: Floats
     """(k, 3) edges of a cell."""
-    cells: NDArray[np.float64] | None
+    cells: Floats | None
     """(n, k, 3): those of each listed lens; None where all cells are alike."""
-    opening: NDArray[np.float64]
+    opening: Floats
     """(k, 3) edges of an opening."""
     radius2: float
     """Squared radius of a round opening, inf otherwise."""
@@ -131,9 +132,9 @@ class SensorPlane(NamedTuple):
 
     distance: float
     """Along the axis in mm."""
-    tilt: NDArray[np.float64] | None
+    tilt: Floats | None
     """(2,): how the distance grows with x and y; None for a sensor parallel to the array."""
-    axes: NDArray[np.float64] | None = None
+    axes: Floats | None = None
     """Forwards, (2, 3) from x, y, 1 to the sensor's own axes; None where they are the same."""
 
 
@@ -144,7 +145,7 @@ class ResponseRecord(NamedTuple):
     refractive_index: float
     inverse_pupil: float
     exponent: float
-    frame: NDArray[np.float64] | None
+    frame: Floats | None
     """(12,): the rotation, row by row, and the shift from the sensor's axes to the local ones; None where the sensor is
     centred and parallel to the array."""
 
@@ -153,16 +154,16 @@ class ArrayRecord(NamedTuple):
     """Lengths in mm, in the axes in which the array is traced."""
 
     lattice: LatticeRecord
-    cell: NDArray[np.float64]
+    cell: Floats
     """(k, 3) edges of a cell."""
     opening: OpeningRecord
     listed: ListedRecord | None
     """None where lenses differ by type only."""
-    walls: NDArray[np.float64] | None
+    walls: Floats | None
     """The edges of a cell where walls separate the spaces behind the cells."""
     model: tuple[Any, ...] | None
     """What the kernels of the model read beside all this, such as a `PlateRecord`; None for ideal lenses."""
-    power_factors: NDArray[np.float64] | None
+    power_factors: Floats | None
     """Power of ideal lenses over that at 587.6 nm, at the camera's wavelength, then at those that paths draw; None
     where it is 1."""
 
@@ -173,7 +174,7 @@ class ArrayRecord(NamedTuple):
         return self.listed is not None or several or self.opening.clip > 0 or self.walls is not None
 
     @property
-    def cells(self) -> NDArray[np.float64] | None:
+    def cells(self) -> Floats | None:
         """(n, k, 3) edges of the cells of FREE lenses; None where all cells are the lattice's."""
         return None if self.listed is None else self.listed.cells
 
@@ -192,7 +193,7 @@ class ArrayRecord(NamedTuple):
         return np.zeros(n, MICROLENS) if self.differs else None
 
 
-def possible_powers(array: MicrolensArray) -> NDArray[np.float64]:
+def possible_powers(array: MicrolensArray) -> Floats:
     """Powers of which bounds must know, in 1/mm.
 
     Those of the types, of the strongest and the weakest lens that imperfections make, and 0 where light passes unbent.
@@ -206,8 +207,8 @@ def possible_powers(array: MicrolensArray) -> NDArray[np.float64]:
 def array_record(
     array: MicrolensArray,
     *,
-    turn: NDArray[np.float64],
-    origin: NDArray[np.float64],
+    turn: Floats,
+    origin: Floats,
     reach: float,
     margin: float,
     wavelengths: tuple[float, ...] = (),
@@ -268,31 +269,29 @@ def lone_lens(array: MicrolensArray, power: float, wavelength: float) -> ArrayRe
     return ArrayRecord(lattice, none, opening, None, None, array.model.rules.record(array, (wavelength,)), None)
 
 
-def _power_factors(array: MicrolensArray, wavelengths: tuple[float, ...]) -> NDArray[np.float64] | None:
+def _power_factors(array: MicrolensArray, wavelengths: tuple[float, ...]) -> Floats | None:
     factors = np.array([array.power_factor(wavelength) for wavelength in wavelengths])
     return factors if (factors != 1.0).any() else None
 
 
-def _turned_edges(opening: Opening, turn: NDArray[np.float64]) -> NDArray[np.float64]:
+def _turned_edges(opening: Opening, turn: Floats) -> Floats:
     edges = np.array(opening.edges)
     edges[:, :2] = edges[:, :2] @ turn.T
     return edges
 
 
-def _widened(corners: NDArray[np.float64], margin: float) -> NDArray[np.float64]:
+def _widened(corners: Floats, margin: float) -> Floats:
     apothem = float(polygon_edges(corners)[:, 2].min())
     return np.asarray(corners * (1.0 + margin / apothem))
 
 
-def _padded(parts: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+def _padded(parts: list[Floats]) -> Floats:
     """Polygons as one array; the last corner of the shorter ones is repeated."""
     most = max(map(len, parts))
     return np.stack([np.concatenate([part, np.repeat(part[-1:], most - len(part), axis=0)]) for part in parts])
 
 
-def listed_record(
-    array: MicrolensArray, *, turn: NDArray[np.float64], origin: NDArray[np.float64], reach: float, margin: float
-) -> ListedRecord:
+def listed_record(array: MicrolensArray, *, turn: Floats, origin: Floats, reach: float, margin: float) -> ListedRecord:
     """The lenses up to `reach` from the origin of the axes, one by one; dark ones are left out."""
     from plenoptic.optics.microlens.kernels.listed import fill_bins, fill_cells, fill_openings
 
@@ -343,12 +342,12 @@ def listed_record(
     )
 
 
-def _search(base: NDArray[np.float64], margin: float) -> float:
+def _search(base: Floats, margin: float) -> float:
     """How far away a lens can be whose cell has an edge with another one."""
     return 2.0 * (float(np.hypot(*base.T).max()) + margin)
 
 
-def _grid(points: NDArray[np.float64], array: MicrolensArray) -> BinsRecord:
+def _grid(points: Floats, array: MicrolensArray) -> BinsRecord:
     """A grid of empty bins, for some lenses in each."""
     low, high = (points.min(axis=0), points.max(axis=0)) if len(points) else (np.zeros(2), np.zeros(2))
     width = max(2.0 * min(array.pitches), math.sqrt(4.0 * float((high - low).prod()) / max(len(points), 1)))
@@ -357,7 +356,7 @@ def _grid(points: NDArray[np.float64], array: MicrolensArray) -> BinsRecord:
     return BinsRecord(float(low[0]), float(low[1]), width, rows, columns, first, members)
 
 
-def _cell_edges(cells: NDArray[np.float64], counts: NDArray[np.int64]) -> NDArray[np.float64]:
+def _cell_edges(cells: Floats, counts: NDArray[np.int64]) -> Floats:
     """(n, k, 3): edges of polygons (n, k, 2) of which the first `counts` corners count; others shut nothing out."""
     most = cells.shape[1]
     number = np.arange(most)
