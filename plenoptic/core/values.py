@@ -34,12 +34,13 @@ Choice = TypeVar("Choice", bound=enum.Enum)
 if TYPE_CHECKING:
 
     class Given(Generic[Kept, Taken]):
-        """The type of a field that takes more than it keeps, as lists for an array."""
+        """The type of a field that takes more than it keeps, as lists for an array; called, its default."""
 
+        def __init__(self, *, default: Any) -> None: ...
         def __get__(self, instance: object, owner: Any) -> Kept: ...
         def __set__(self, instance: object, value: Taken) -> None: ...
 else:
-    Given = dict
+    Given = dataclasses.field
 
 SHORTEST, LONGEST = 10.0, 1e6
 """Wavelengths in nm, from ultraviolet to far infrared; 0.55, meant as micrometres, is none."""
@@ -164,11 +165,6 @@ def _with_article(noun: str) -> str:
     return f"an {noun}" if noun[0] in "AEIOaeio" or noun.startswith("nd") else f"a {noun}"
 
 
-def given_field(*, default: Any, kw_only: bool = False) -> Any:
-    """The default of a field of the type `Given`."""
-    return dataclasses.field(default=default, kw_only=kw_only)
-
-
 def _same(a: Any, b: Any) -> bool:
     if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
         return (
@@ -225,7 +221,7 @@ def _restore(self: Any, state: dict[str, Any]) -> None:
         object.__setattr__(self, name, item)
 
 
-@dataclass_transform(frozen_default=True, field_specifiers=(dataclasses.field, given_field))
+@dataclass_transform(frozen_default=True, field_specifiers=(dataclasses.field, Given))
 def value(cls: type[T]) -> type[T]:
     """Make a class a frozen dataclass that also compares, hashes, prints and pickles with arrays in it."""
     has_own_repr = "__repr__" in cls.__dict__
@@ -264,7 +260,7 @@ def _freeze(self: Any) -> None:
             set_field(self, name, read_only(item))
 
 
-@dataclass_transform(frozen_default=True, field_specifiers=(dataclasses.field, given_field))
+@dataclass_transform(frozen_default=True, field_specifiers=(dataclasses.field, Given))
 def result(cls: type[T]) -> type[T]:
     """Make a class a value that only functions of the package make: its arrays become read-only, unchecked."""
     made: Any = cls

@@ -12,9 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 from plenoptic.core.files import images
 from plenoptic.core.files.preview import html_figure
 from plenoptic.core.files.serialization import described_fields, restored_fields
-from plenoptic.core.values import Floats, check_kind, file_path, set_field, value, whole
+from plenoptic.core.values import Floats, Given, check_kind, file_path, set_field, value, whole
 from plenoptic.errors import FileError, InvalidValueError
-from plenoptic.optics.sensor.color_filter import BayerPattern, channels_of
+from plenoptic.optics.sensor.color_filter import BayerPattern, Filters, channels_of
 from plenoptic.optics.sensor.demosaic import DemosaicMethod, demosaiced
 from plenoptic.optics.sensor.model import SensorModel, as_seed
 from plenoptic.rendering.exposure import Exposure, checked_region, region_text
@@ -66,26 +66,13 @@ class RawImage:
     Exposure(4 x 6 x 3)
     """
 
-    data: NDArray[Any]
+    data: Given[NDArray[Any], ArrayLike]
     model: SensorModel
     _: KW_ONLY
     region: tuple[int, int, int, int] | None = None
     seed: int | None = None
     samples: int | None = None
     camera: PlenopticCamera | None = None
-
-    if TYPE_CHECKING:
-
-        def __init__(
-            self,
-            data: ArrayLike,
-            model: SensorModel,
-            *,
-            region: tuple[int, int, int, int] | None = None,
-            seed: int | None = None,
-            samples: int | None = None,
-            camera: PlenopticCamera | None = None,
-        ) -> None: ...
 
     def __post_init__(self) -> None:
         check_kind(self.model, "model", SensorModel, "pl.SensorModel(photon_rate=1e6)")
@@ -108,7 +95,7 @@ class RawImage:
         return self.model.white_level
 
     @property
-    def colour_filters(self) -> BayerPattern | NDArray[np.int64] | None:
+    def colour_filters(self) -> Filters | None:
         """Filters of the sensor, whose period begins at row 0 and column 0 of the sensor, not of the region."""
         return self.model.colour_filters
 

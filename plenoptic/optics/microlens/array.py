@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import Floats, choice, finite, frozen_array, positive, read_only, set_field, value
+from plenoptic.core.values import Floats, Given, choice, finite, frozen_array, positive, read_only, set_field, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.glass.media import Medium, check_medium
 from plenoptic.optics.microlens.aperture import MicrolensAperture, Opening, Walls, opening_of
@@ -99,34 +98,14 @@ class MicrolensArray:
     thickness: float = 0.1
     index: float = _DEFAULT_INDEX
     convex_side: ConvexSide = ConvexSide.SCENE
-    pattern: NDArray[np.int64] | None = dataclasses.field(default=None, kw_only=True)
-    centres: Floats | None = dataclasses.field(default=None, kw_only=True)
-    types: NDArray[np.int64] | None = dataclasses.field(default=None, kw_only=True)
-    aperture: MicrolensAperture | None = dataclasses.field(default=None, kw_only=True)
-    imperfections: Imperfections | None = dataclasses.field(default=None, kw_only=True)
-    walls: Walls = dataclasses.field(default=Walls.NONE, kw_only=True)
-    medium: Medium | None = dataclasses.field(default=None, kw_only=True)
-
-    if TYPE_CHECKING:
-
-        def __init__(  # noqa: PLR0913
-            self,
-            pitch: float | tuple[float, float],
-            focal_lengths: tuple[float, ...],
-            lattice: Lattice = Lattice.HEXAGONAL,
-            model: MicrolensModel = MicrolensModel.THIN,
-            thickness: float = 0.1,
-            index: float = 1.5,
-            convex_side: ConvexSide = ConvexSide.SCENE,
-            *,
-            pattern: ArrayLike | None = None,
-            centres: ArrayLike | None = None,
-            types: ArrayLike | None = None,
-            aperture: MicrolensAperture | None = None,
-            imperfections: Imperfections | None = None,
-            walls: Walls = Walls.NONE,
-            medium: Medium | None = None,
-        ) -> None: ...
+    _: dataclasses.KW_ONLY
+    pattern: Given[NDArray[np.int64] | None, ArrayLike | None] = Given(default=None)
+    centres: Given[Floats | None, ArrayLike | None] = Given(default=None)
+    types: Given[NDArray[np.int64] | None, ArrayLike | None] = Given(default=None)
+    aperture: MicrolensAperture | None = None
+    imperfections: Imperfections | None = None
+    walls: Walls = Walls.NONE
+    medium: Medium | None = None
 
     def __post_init__(self) -> None:
         set_field(self, "lattice", choice(self.lattice, Lattice, "lattice"))

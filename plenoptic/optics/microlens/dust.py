@@ -5,12 +5,12 @@ from __future__ import annotations
 import dataclasses
 import enum
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import Floats, choice, finite, frozen_array, positive, set_field, value, whole
+from plenoptic.core.values import Floats, Given, choice, finite, frozen_array, positive, set_field, value, whole
 from plenoptic.errors import InvalidValueError
 
 MOST_BLEMISHES = 5_000_000
@@ -75,24 +75,11 @@ class Blemishes:
     """
 
     site: BlemishSite
-    start: Floats
-    end: Floats
-    radius: Floats
-    transmission: Floats
+    start: Given[Floats, ArrayLike]
+    end: Given[Floats, ArrayLike]
+    radius: Given[Floats, ArrayLike]
+    transmission: Given[Floats, ArrayLike]
     height: float = dataclasses.field(default=0.0, kw_only=True)
-
-    if TYPE_CHECKING:
-
-        def __init__(
-            self,
-            site: BlemishSite,
-            start: ArrayLike,
-            end: ArrayLike,
-            radius: ArrayLike,
-            transmission: ArrayLike,
-            *,
-            height: float = 0.0,
-        ) -> None: ...
 
     def __post_init__(self) -> None:
         set_field(self, "site", choice(self.site, BlemishSite, "site of the blemishes"))

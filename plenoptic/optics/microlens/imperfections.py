@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import Floats, finite, frozen_array, set_field, value, whole
+from plenoptic.core.values import Floats, Given, finite, frozen_array, set_field, value, whole
 from plenoptic.errors import InvalidValueError
 
 _LARGEST_SPREAD = 0.2
@@ -44,22 +44,11 @@ class MicrolensDeviations:
     2
     """
 
-    index: NDArray[np.int64]
-    shift: Floats | None = None
-    decentre: Floats | None = None
-    focal_length_factor: Floats | None = None
-    transmission: Floats | None = None
-
-    if TYPE_CHECKING:
-
-        def __init__(
-            self,
-            index: ArrayLike,
-            shift: ArrayLike | None = None,
-            decentre: ArrayLike | None = None,
-            focal_length_factor: ArrayLike | None = None,
-            transmission: ArrayLike | None = None,
-        ) -> None: ...
+    index: Given[NDArray[np.int64], ArrayLike]
+    shift: Given[Floats | None, ArrayLike | None] = Given(default=None)
+    decentre: Given[Floats | None, ArrayLike | None] = Given(default=None)
+    focal_length_factor: Given[Floats | None, ArrayLike | None] = Given(default=None)
+    transmission: Given[Floats | None, ArrayLike | None] = Given(default=None)
 
     def __post_init__(self) -> None:
         set_field(self, "index", frozen_array(self.index, name="index", shape=(None, 2), dtype=np.int64))
