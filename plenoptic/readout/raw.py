@@ -22,7 +22,6 @@ from plenoptic.rendering.exposure import Exposure, checked_region, region_text
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera
 
-__all__ = ["RawImage"]
 
 _KEPT_AS_TEXT = ("model", "region", "seed", "samples")
 
@@ -55,11 +54,8 @@ class RawImage:
     --------
     >>> import numpy as np
     >>> import plenoptic as pl
-    >>> from plenoptic.readout.develop import develop
-    >>> from plenoptic.optics.sensor.color_filter import BayerPattern
-    >>> from plenoptic.optics.sensor.model import SensorModel
-    >>> sensor = SensorModel(photon_rate=3000.0, black_level=64, colour_filters=BayerPattern.RGGB)
-    >>> raw = develop(pl.Exposure(np.ones((4, 6, 3))), sensor)
+    >>> sensor = pl.SensorModel(photon_rate=3000.0, black_level=64, colour_filters=pl.BayerPattern.RGGB)
+    >>> raw = pl.Exposure(np.ones((4, 6, 3))).develop(sensor)
     >>> raw.data.shape, raw.data.dtype, raw.black_level, raw.white_level
     ((4, 6), dtype('uint16'), 64.0, 4095.0)
     >>> raw.demosaic()
@@ -117,39 +113,29 @@ class RawImage:
         return (0, 0) if self.region is None else (self.region[0], self.region[2])
 
     def electrons(self) -> Floats:
-        """What the numbers stand for: (DN - black level) / gain.
+        """What the numbers stand for, shaped as `data`: (DN - black level) / gain.
 
-        Returns
-        -------
-        ndarray
-            Shaped as `data`; dark current included; noise makes some of them negative.
+        Dark current is included, and noise makes some of them negative.
 
         Examples
         --------
-        >>> from plenoptic.optics.sensor.model import SensorModel
-        >>> from plenoptic.readout.raw import RawImage
-        >>> RawImage([[100, 300]], SensorModel(photon_rate=1.0, gain=0.5, black_level=100)).electrons()
+        >>> import plenoptic as pl
+        >>> pl.sensor.RawImage([[100, 300]], pl.SensorModel(photon_rate=1.0, gain=0.5, black_level=100)).electrons()
         array([[  0., 400.]])
         """
         counted: Floats = (self.data.astype(np.float64) - self.model.black_level) / self.model.gain
         return counted
 
     def linear(self) -> Floats:
-        """The image's values back: electrons less the mean dark current, over those of an image of 1.
+        """The image's values back, shaped as `data`: electrons less the mean dark current, over those of an image of 1.
 
         What the sensor's fixed pattern, noise and saturation did stays in them. Every channel is divided
         by its own rate and quantum efficiency, so that equal channels of an exposure come back equal.
 
-        Returns
-        -------
-        ndarray
-            Shaped as `data`, in the units of the exposure.
-
         Examples
         --------
-        >>> from plenoptic.optics.sensor.model import SensorModel
-        >>> from plenoptic.readout.raw import RawImage
-        >>> RawImage([[100, 300]], SensorModel(photon_rate=800.0, gain=0.5, black_level=100)).linear()
+        >>> import plenoptic as pl
+        >>> pl.sensor.RawImage([[100, 300]], pl.SensorModel(photon_rate=800.0, gain=0.5, black_level=100)).linear()
         array([[0. , 0.5]])
         """
         per_unit = self.model.electrons_per_unit

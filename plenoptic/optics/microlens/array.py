@@ -259,10 +259,6 @@ class MicrolensArray:
         low, high : (2,) arrays
             Corners of the box on the plane of the array in mm.
 
-        Returns
-        -------
-        Lenslets
-
         Examples
         --------
         >>> import plenoptic as pl
@@ -273,17 +269,7 @@ class MicrolensArray:
         return lenslets(self, frozen_array(low, name="low", shape=(2,)), frozen_array(high, name="high", shape=(2,)))
 
     def nearest(self, points: Floats) -> Floats:
-        """Centres of the cells that hold points, as designed.
-
-        Parameters
-        ----------
-        points : (n, 2) array
-            Points on the plane of the array in mm.
-
-        Returns
-        -------
-        (n, 2) array
-            Centres in mm.
+        """Centres (n, 2), as designed, of the cells that hold points (n, 2) of the array's plane, in mm.
 
         Examples
         --------

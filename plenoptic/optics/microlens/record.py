@@ -21,16 +21,8 @@ MOST_LISTED = 4_000_000
 
 MICROLENS = np.dtype(
     [
-        ("power", "f8"),
-        ("centre_x", "f8"),
-        ("centre_y", "f8"),
-        ("cell_x", "f8"),
-        ("cell_y", "f8"),
-        ("clip", "f8"),
-        ("transmission", "f8"),
-        ("row", "i8"),
-        ("axis_x", "f8"),
-        ("axis_y", "f8"),
+        *((name, "f8") for name in ("power", "centre_x", "centre_y", "cell_x", "cell_y", "clip", "transmission")),
+        *(("row", "i8"), ("axis_x", "f8"), ("axis_y", "f8")),
     ],
     align=True,
 )

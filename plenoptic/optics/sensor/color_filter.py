@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 from plenoptic.core.values import choice, frozen_array
 from plenoptic.errors import InvalidValueError
 
-__all__ = ["BayerPattern"]
-
 _CHANNELS = {"R": 0, "G": 1, "B": 2}
 _LONGEST_PERIOD = 64
 
@@ -24,8 +22,8 @@ class BayerPattern(enum.IntEnum):
 
     Examples
     --------
-    >>> from plenoptic.optics.sensor.color_filter import BayerPattern
-    >>> BayerPattern.RGGB.channels
+    >>> import plenoptic as pl
+    >>> pl.BayerPattern.RGGB.channels
     array([[0, 1],
            [1, 2]])
     """

@@ -12,8 +12,6 @@ from plenoptic.core.values import Floats, choice
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.sensor.color_filter import Filters, bayer_from, channels_of, pattern_of
 
-__all__ = ["DemosaicMethod"]
-
 
 class DemosaicMethod(enum.IntEnum):
     """How missing channels are interpolated.
@@ -27,8 +25,8 @@ class DemosaicMethod(enum.IntEnum):
 
     Examples
     --------
-    >>> from plenoptic.optics.sensor.demosaic import DemosaicMethod
-    >>> DemosaicMethod.MHC.name
+    >>> import plenoptic as pl
+    >>> pl.DemosaicMethod.MHC.name
     'MHC'
     """
 

@@ -25,8 +25,6 @@ from plenoptic.core.values import (
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.sensor.color_filter import BayerPattern, Filters, as_filters, pattern_of
 
-__all__ = ["SensorModel", "ShotNoise"]
-
 FEWEST_BITS, MOST_BITS = 8, 16
 
 _NOT_NEGATIVE = (
@@ -45,8 +43,8 @@ class ShotNoise(enum.IntEnum):
 
     Examples
     --------
-    >>> from plenoptic.optics.sensor.model import ShotNoise
-    >>> ShotNoise.POISSON
+    >>> import plenoptic as pl
+    >>> pl.ShotNoise.POISSON
     <ShotNoise.POISSON: 1>
     """
 
@@ -131,11 +129,10 @@ class SensorModel:
 
     Examples
     --------
-    >>> from plenoptic.optics.sensor.color_filter import BayerPattern
-    >>> from plenoptic.optics.sensor.model import SensorModel
-    >>> sensor = SensorModel(
+    >>> import plenoptic as pl
+    >>> sensor = pl.SensorModel(
     ...     photon_rate=2.0e6, exposure_time=0.01, quantum_efficiency=(0.4, 0.55, 0.45), gain=0.25, black_level=64,
-    ...     bits=12, full_well=15000, colour_filters=BayerPattern.RGGB, read_noise=3.0, prnu=0.008,
+    ...     bits=12, full_well=15000, colour_filters=pl.BayerPattern.RGGB, read_noise=3.0, prnu=0.008,
     ... )
     >>> sensor.electrons_per_unit
     array([ 8000., 11000.,  9000.])
