@@ -14,6 +14,7 @@ from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.context import RenderContext, render_context
 from plenoptic.rendering.exposure import Exposure
 from plenoptic.rendering.integrator.path import Transport
+from plenoptic.rendering.plan.stages import Subject
 from plenoptic.rendering.tile import batch_of
 from plenoptic.replaying.events import Escape, Event, PathEnding, WorldRay
 from plenoptic.replaying.in_camera import CameraWay, trace_camera
@@ -132,9 +133,7 @@ def _context(exposure: Exposure, scene: Scene | None) -> RenderContext:
             "which that was saved"
         )
     check_scene_and_camera(scene, camera)
-    context = render_context(
-        scene, camera, settings, samples=samples, replicates=replicates, seed=seed, truth=Truth.NONE
-    )
+    context = render_context(Subject(scene, camera, samples, replicates, Truth.NONE, settings), seed)
     if context.channels != exposure.image.shape[2]:
         raise InvalidValueError(
             f"the image has {exposure.image.shape[2]} channels, and "

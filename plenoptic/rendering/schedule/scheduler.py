@@ -23,6 +23,7 @@ from plenoptic.optics.lens.analysis.conditioning import Conditioning
 from plenoptic.rendering.context import RenderContext, render_context
 from plenoptic.rendering.exposure import Exposure
 from plenoptic.rendering.plan.scene_stages import is_dark
+from plenoptic.rendering.plan.stages import Subject
 from plenoptic.rendering.schedule.budget import Budget
 from plenoptic.rendering.schedule.checkpoint import Checkpoint
 from plenoptic.rendering.schedule.clock import Clock
@@ -75,9 +76,8 @@ def run(
     region = sensor_region(camera.sensor.shape, work.region)
     if work.conditioning is not None:
         whole(work.conditioning, "conditioning", at_least=1)
-    context = render_context(
-        scene, camera, settings, samples=budget.max_samples, replicates=budget.replicates, seed=seed, truth=work.truth
-    )
+    subject = Subject(scene, camera, budget.max_samples, budget.replicates, work.truth, settings)
+    context = render_context(subject, seed)
     if context.scene is not None and is_dark(context.scene):
         warnings.warn(
             "nothing in the scene shines and its image will be black; give it lights=[...] or a background=",
