@@ -18,7 +18,7 @@ from plenoptic.optics.lens.record import LensRecord
 from plenoptic.optics.microlens.dust import BlemishSite
 from plenoptic.optics.record import ElementKind
 from plenoptic.replaying.events import ElementPassage, Event, MicrolensPassage, SensorPoint
-from plenoptic.truth.microlenses import fill_microlens, fill_microlens_type, listed_numbers
+from plenoptic.truth.lookups import fill_microlens, fill_microlens_type, listed_numbers
 from plenoptic.truth.stages import LitCells
 
 _NOWHERE = (RayStatus.MISSED, RayStatus.NOT_FINITE, RayStatus.NOT_CONVERGED)

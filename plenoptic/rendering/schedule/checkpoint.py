@@ -71,9 +71,7 @@ class Checkpoint:
         self._path = file_path(path)
         self._interval = positive(interval, "checkpoint_interval", "s")
         self._identity: dict[str, str] = {}
-        self._saved = self._begin = time.perf_counter()
-        self._begin_cpu = time.process_time()
-        self._before = (0.0, 0.0)
+        self._saved = time.perf_counter()
         self._kept = -1
         """Samples of all tiles in the file."""
 
@@ -85,7 +83,6 @@ class Checkpoint:
         found = load_checkpoint(self._path, self._identity)
         if found is not None:
             progress.restore(*found)
-            self._before = (progress.seconds, progress.cpu_seconds)
             self._kept = int(progress.done.sum())
         else:
             self._write(progress)  # a file that cannot be written is better known now
@@ -97,7 +94,6 @@ class Checkpoint:
 
     def save(self, progress: Progress) -> None:
         """Write the file unless it is up to date; a failure is a warning, since what is rendered is still there."""
-        self._time(progress)
         if self._kept == progress.done.sum():
             return
         try:
@@ -107,13 +103,9 @@ class Checkpoint:
             warnings.warn(f"the checkpoint has not been written: {error}", stacklevel=2)
 
     def _write(self, progress: Progress) -> None:
-        self._time(progress)
+        progress.note_time()
         save_checkpoint(self._path, self._identity, progress.arrays(), progress.facts())
         self._kept, self._saved = int(progress.done.sum()), time.perf_counter()
-
-    def _time(self, progress: Progress) -> None:
-        progress.seconds = self._before[0] + time.perf_counter() - self._begin
-        progress.cpu_seconds = self._before[1] + time.process_time() - self._begin_cpu
 
 
 def save_checkpoint(
