@@ -15,18 +15,16 @@ from plenoptic.core.color.spectra import colour_tables
 from plenoptic.core.files.digest import MARK, digest
 from plenoptic.errors import InvalidValueError
 from plenoptic.scene.compile import SceneRecord
-from plenoptic.scene.scene import Scene
 
 
-def identity(scene: Scene | SceneRecord | None, camera: PlenopticCamera, **facts: Any) -> dict[str, str]:
+def identity(scene: SceneRecord | None, camera: PlenopticCamera, **facts: Any) -> dict[str, str]:
     """What a render is of, in texts, or digests of what is long: two of the same identity add up to the same image.
 
     It has the version of this package, the fields of the camera and of values among the facts one by one, and facts:
     numbers, texts, enums and tuples of them. Media of other origin than this package count by their indices at the
     wavelengths of the camera. The same in every process; an InvalidValueError for what cannot be told apart there.
     """
-    record = scene.tables() if isinstance(scene, Scene) else scene
-    found = {"plenoptic": __version__, "scene": _text(record)}
+    found = {"plenoptic": __version__, "scene": _text(scene)}
     for name, fact in {"camera": camera, **facts}.items():
         parts = dataclasses.fields(fact) if dataclasses.is_dataclass(fact) else ()
         for part in parts:

@@ -201,12 +201,11 @@ class Progress:
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """What a checkpoint keeps, by name: views that `restore` fills."""
-        kept = {"mean": self.film.mean, "counts": self.counts}
-        kept |= {"done": self.done, "goal": self.goal, "open": self.open}
-        optional = {"squares": self.film.squares, "one_sample": self.one_sample}
-        optional |= {"sums": self.sums, "sample_counts": self.film.sample_counts, "seen": self.seen}
-        kept |= {name: array for name, array in optional.items() if array is not None}
-        return kept | {f"truth.{name}": array for name, array in self.truth.items()}
+        named = {"mean": self.film.mean, "counts": self.counts, "done": self.done, "goal": self.goal, "open": self.open}
+        optional = {"squares": self.film.squares, "one_sample": self.one_sample, "sums": self.sums}
+        optional |= {"sample_counts": self.film.sample_counts, "seen": self.seen}
+        named |= {name: array for name, array in optional.items() if array is not None}
+        return named | {f"truth.{name}": array for name, array in self.truth.items()}
 
     def facts(self) -> dict[str, Any]:
         """What else a checkpoint keeps."""
