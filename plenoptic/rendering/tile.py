@@ -90,7 +90,7 @@ def status_codes(camera: CameraRecord) -> int:
     return 8 * (camera.elements + 1)
 
 
-class _Sums:
+class PixelSums:
     """What the paths of a batch of a tile add up to."""
 
     def __init__(self, context: RenderContext, fed: FedPixels, batch: Batch, before: Floats) -> None:
@@ -165,7 +165,7 @@ def render_tile(
         whole[:] = before.reshape(whole.shape)
     paths = fed.place.size * batch.samples
     most = min(BUNDLE, paths)
-    sums, ways = _Sums(context, fed, batch, whole), CameraPaths(camera, fed, batch, most)
+    sums, ways = PixelSums(context, fed, batch, whole), CameraPaths(camera, fed, batch, most)
     transport = None if context.scene is None else Transport(context, most)
     for start in range(0, paths, BUNDLE):
         if stopped is not None and stopped():

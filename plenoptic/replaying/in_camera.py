@@ -11,7 +11,7 @@ from plenoptic.camera.dust import fill_dimmed_at_lens
 from plenoptic.camera.paths import CameraPaths, fill_through_lens
 from plenoptic.camera.record import CameraRecord
 from plenoptic.camera.sampling.pixel_regions import fed_pixels, pixel_centres
-from plenoptic.camera.sampling.record import Batch
+from plenoptic.camera.sampling.record import Batch, FedPixels
 from plenoptic.core.rays import RayStatus
 from plenoptic.core.values import Floats
 from plenoptic.optics.lens.record import LensRecord
@@ -33,8 +33,8 @@ class CameraWay(NamedTuple):
     """A block with one ray, behind the lens."""
     waves: NDArray[np.int64] | None
     """(BLOCK,): the first is the number of the path's wavelength. None where all paths have the camera's."""
-    number: NDArray[np.int64]
-    """(1,): of the pixel on the sensor."""
+    fed: FedPixels
+    """The pixel."""
 
     @property
     def weight(self) -> float:
@@ -75,7 +75,7 @@ def trace_camera(camera: CameraRecord, pixel: tuple[int, int], batch: Batch) -> 
     fill_dimmed_at_lens(before, camera.dust, BlemishSite.LENS_REAR)
     events += _lens_events(camera, ways.lens, before, ways.waves)
     ways.fill_through_lens(bundle)
-    return CameraWay(tuple(events), bundle, ways.waves, fed.number)
+    return CameraWay(tuple(events), bundle, ways.waves, fed)
 
 
 def _behind(camera: CameraRecord) -> float:
