@@ -82,10 +82,8 @@ def _into_the_cameras_frame(subject: Subject) -> Subject:
     pose, scene = subject.camera.pose, subject.scene
     assert pose is not None
     if scene is not None:
-        matrix = np.eye(4)
-        matrix[:3, :3] = pose.rotation.T
-        matrix[:3, 3] = -pose.rotation.T @ pose.position
-        scene = scene.transformed(matrix)
+        to_camera = pose.rotation.T
+        scene = scene.transformed(np.vstack([np.column_stack([to_camera, -to_camera @ pose.position]), [0, 0, 0, 1]]))
     return dataclasses.replace(subject, scene=scene, camera=dataclasses.replace(subject.camera, pose=None))
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.core.values import Floats, whole
+from plenoptic.core.values import Floats, check_kind, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.plan.stages import Plan, Subject
 from plenoptic.study.cost.ablation import Ablation, Inseparable, ablations
@@ -87,8 +87,7 @@ def cost_of(
     """
     whole(rounds, "rounds", at_least=2)
     whole(seed, "seed", at_least=0)
-    if not isinstance(plan, Plan):
-        raise InvalidValueError(f"plan is a {type(plan).__name__}; it must be a Plan, from pl.plan(scene, camera)")
+    check_kind(plan, "plan", Plan, "pl.plan(scene, camera)")
     found = ablations(plan)
     assert plan.subject is not None
     out = [one for one in found if isinstance(one, Ablation)]
