@@ -13,7 +13,6 @@ from plenoptic.camera.record import CameraRecord
 from plenoptic.camera.sampling.pixel_regions import fed_pixels, pixel_centres
 from plenoptic.camera.sampling.record import Batch, FedPixels, batch_record
 from plenoptic.rendering.context import RenderContext, Sampling
-from plenoptic.rendering.integrator.path import Transport
 from plenoptic.rendering.settings import Sampler
 from plenoptic.truth.compute import Arrays, truth_of
 from plenoptic.truth.stages import TruthTables
@@ -169,7 +168,11 @@ def render_tile(
     paths = fed.place.size * batch.samples
     most = min(BUNDLE, paths)
     sums, ways = _Sums(context, fed, batch, whole), CameraPaths(camera, fed, batch, most)
-    transport = None if context.scene is None else Transport(context, most)
+    transport = None
+    if context.scene is not None:
+        from plenoptic.rendering.integrator.path import Transport
+
+        transport = Transport(context, most)
     for start in range(0, paths, BUNDLE):
         if stopped is not None and stopped():
             return None
@@ -201,8 +204,7 @@ def render_tile(
 def _weights(camera: CameraRecord, fed: FedPixels, tile: Tile) -> NDArray[np.float64]:
     """(rows, columns): what a sample of each pixel weighs at most, about: the area of its region over distance^2."""
     found = np.zeros(tile.rows * tile.columns)
-    last = fed.regions.triangles[fed.regions.first[1:] - 1]
-    found[fed.place] = last["area"] / camera.sensor.plane.distance**2
+    found[fed.place] = fed.regions.triangles["area"][fed.regions.first[1:] - 1] / camera.sensor.plane.distance**2
     return found.reshape(tile.rows, tile.columns)
 
 
