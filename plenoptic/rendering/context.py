@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -11,11 +11,12 @@ from plenoptic.camera.record import CameraRecord, camera_record
 from plenoptic.rendering.plan.plan import plan_stages
 from plenoptic.rendering.plan.stages import Plan
 from plenoptic.rendering.settings import RenderSettings
-from plenoptic.scene.cache import prepared_scene
-from plenoptic.scene.compile import SceneRecord
-from plenoptic.scene.geometry.accel import Intersector
-from plenoptic.scene.scene import Scene
 from plenoptic.truth.channels import Truth
+
+if TYPE_CHECKING:
+    from plenoptic.scene.compile import SceneRecord
+    from plenoptic.scene.geometry.accel import Intersector
+    from plenoptic.scene.scene import Scene
 
 
 class Sampling(NamedTuple):
@@ -56,8 +57,12 @@ def render_context(
     truth: Truth,
 ) -> RenderContext:
     """Plan a render and compile what it needs."""
-    prepared = None if scene is None else prepared_scene(scene)
-    record, intersector = (None, None) if prepared is None else (prepared.record, prepared.intersector)
+    record = intersector = None
+    if scene is not None:
+        from plenoptic.scene.cache import prepared_scene
+
+        prepared = prepared_scene(scene)
+        record, intersector = prepared.record, prepared.intersector
     plan = plan_stages(record, camera, settings, samples=samples, replicates=replicates, truth=truth)
     return RenderContext(
         camera_record(camera), record, intersector, Sampling(replicates, np.uint64(seed), plan, settings)

@@ -40,8 +40,7 @@ class InteractionStage:
         scene, room, geometry, bsdf = self._scene, self._room, self._scene.geometry, self._scene.bsdf
         assert bsdf is not None
         count = fill_interactions(room, hits, queue.rays, queue.path, geometry, bsdf.scatters)
-        rows, ray, path, material, *rest = room
-        found = Interactions(rows, ray[:count], path[:count], material[:count], *rest)
+        found = room.first(count)
         sobol.fill_drawn(found.random, found.key, found.number, found.path, keys.key, keys.number, bounce + 1)
         parameters.fill_parameters(found, bsdf, wavelengths)
         if scene.textures is not None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import TYPE_CHECKING
 
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.checks import check_scene_and_camera
@@ -11,11 +12,12 @@ from plenoptic.rendering.plan.camera_stages import camera_decisions
 from plenoptic.rendering.plan.scene_stages import WHITE, scene_decisions
 from plenoptic.rendering.plan.stages import Plan, Stage, Subject, decide
 from plenoptic.rendering.settings import Caustics, RenderSettings, Sampler
-from plenoptic.scene.cache import prepared_scene
-from plenoptic.scene.compile import SceneRecord
-from plenoptic.scene.scene import Scene
 from plenoptic.truth.arrays import available_truth, checked_truth
 from plenoptic.truth.channels import Truth, truth_names
+
+if TYPE_CHECKING:
+    from plenoptic.scene.compile import SceneRecord
+    from plenoptic.scene.scene import Scene
 
 
 def plan(  # noqa: PLR0913
@@ -66,9 +68,13 @@ def plan(  # noqa: PLR0913
 
 def plan_for(subject: Subject) -> Plan:
     """The plan for what another one was made for, changed or not."""
-    scene = subject.scene
+    scene, record = subject.scene, None
+    if scene is not None:
+        from plenoptic.scene.cache import prepared_scene
+
+        record = prepared_scene(scene).record
     decided = plan_stages(
-        None if scene is None else prepared_scene(scene).record,
+        record,
         subject.camera,
         subject.settings,
         samples=subject.samples,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import enum
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,8 +14,10 @@ from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.core.color.spectra import colour_tables
 from plenoptic.core.files.digest import MARK, digest
 from plenoptic.errors import InvalidValueError
-from plenoptic.scene.compile import SceneRecord
-from plenoptic.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from plenoptic.scene.compile import SceneRecord
+    from plenoptic.scene.scene import Scene
 
 
 def identity(scene: Scene | SceneRecord | None, camera: PlenopticCamera, **facts: Any) -> dict[str, str]:
@@ -51,7 +53,11 @@ def identity(scene: Scene | SceneRecord | None, camera: PlenopticCamera, **facts
     >>> found["seed"], found["camera.wavelength"], found["settings.sampler"], found["scene"] == found["camera.lens"]
     ('3', '587.6', 'SOBOL', False)
     """
-    record = scene.tables() if isinstance(scene, Scene) else scene
+    record = None
+    if scene is not None:
+        from plenoptic.scene.scene import Scene
+
+        record = scene.tables() if isinstance(scene, Scene) else scene
     found = {"plenoptic": __version__, "scene": _text(record)}
     for name, fact in {"camera": camera, **facts}.items():
         parts = dataclasses.fields(fact) if dataclasses.is_dataclass(fact) else ()
