@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from plenoptic.core.values import wrong_kind
+from plenoptic.core.values import check_has, wrong_kind
 from plenoptic.plots.canvas import axes_or_new
 from plenoptic.plots.spots import LIMIT, MICROMETRES, field_label
 
@@ -34,13 +34,11 @@ def plot_point_spread(spread: PointSpread, ax: Axes | None = None) -> Axes:
     Examples
     --------
     >>> import plenoptic as pl
-    >>> from plenoptic.plots.contrast import plot_point_spread
-    >>> ax = plot_point_spread(pl.aberrations.point_spread(pl.load_lens("double-gauss-100mm-f2")))
+    >>> ax = pl.plots.plot_point_spread(pl.aberrations.point_spread(pl.load_lens("double-gauss-100mm-f2")))
     >>> ax.get_xlabel()
     'x / µm'
     """
-    if not hasattr(spread, "pixel_size") or not hasattr(spread, "outside"):
-        raise wrong_kind(spread, "spread", "PointSpread", "pl.aberrations.point_spread(lens)")
+    check_has(spread, "spread", "PointSpread", "pl.aberrations.point_spread(lens)", "pixel_size", "outside")
     ax = axes_or_new(ax, (5.6, 4.6))
     from matplotlib.colors import PowerNorm
 
@@ -88,9 +86,8 @@ def plot_mtf(mtfs: Mtf | Sequence[Mtf], ax: Axes | None = None) -> Axes:
     --------
     >>> import numpy as np
     >>> import plenoptic as pl
-    >>> from plenoptic.plots.contrast import plot_mtf
     >>> lens = pl.load_lens("double-gauss-100mm-f2")
-    >>> ax = plot_mtf([pl.aberrations.mtf(lens, np.linspace(0, 50, 11), field=(0, y)) for y in (0, 0.1)])
+    >>> ax = pl.plots.plot_mtf([pl.aberrations.mtf(lens, np.linspace(0, 50, 11), field=(0, y)) for y in (0, 0.1)])
     >>> ax.get_ylabel()
     'modulation'
     """

@@ -8,13 +8,12 @@ from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from plenoptic.core.values import set_field, value
+from plenoptic.core.values import Floats, set_field, value
 from plenoptic.errors import InvalidValueError, SceneError
 from plenoptic.scene.compile import SceneRecord, build_record
 from plenoptic.scene.file_cameras import View
-from plenoptic.scene.files.load import load_file
 from plenoptic.scene.geometry.instance import Instances
 from plenoptic.scene.geometry.mesh import Mesh
 from plenoptic.scene.geometry.transform import placed_environment, placed_view, similarity
@@ -144,11 +143,13 @@ class Scene:
         >>> pl.Scene.load("duck.glb", unit="cm", background=1.0)  # doctest: +SKIP
         Scene(1 mesh, 4212 triangles, background 1.0)
         """
+        from plenoptic.scene.files.load import load_file
+
         contents = load_file(path, unit=unit, material=material)
         return cls(contents.meshes, (*contents.lights, *lights), background, contents.views)
 
     @property
-    def bounds(self) -> NDArray[np.float64] | None:
+    def bounds(self) -> Floats | None:
         """(2, 3), mm: the lowest and the highest corner of all meshes and lights; None where there is neither.
 
         Examples

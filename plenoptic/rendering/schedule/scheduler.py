@@ -34,8 +34,8 @@ from plenoptic.rendering.tile import Tile, TileResult, batch_of, render_tile, st
 from plenoptic.rendering.tiling import cut_into_tiles
 from plenoptic.truth.arrays import available_truth, empty_truth, forget_truth
 from plenoptic.truth.channels import GroundTruth, Truth
-from plenoptic.truth.compute import truth_tables
-from plenoptic.truth.stages import TruthTables
+from plenoptic.truth.compute import truth_record
+from plenoptic.truth.stages import TruthRecord
 
 if TYPE_CHECKING:
     from plenoptic.optics.lens.analysis.conditioning import Conditioning
@@ -101,7 +101,7 @@ def run(
 
         found = camera_conditioning(context.camera, region, seed=seed, rays=work.conditioning)
     bar = ProgressBar(progress, begin, show=work.progress)
-    interrupted = _drive(progress, context, truth_tables(camera, context.camera, kept), clock, workers, checkpoint, bar)
+    interrupted = _drive(progress, context, truth_record(camera, context.camera, kept), clock, workers, checkpoint, bar)
     if scene is not None and context.intersector is not None:
         _warn_where_unmet(progress, scene)
     reason = _reason(progress, interrupted=interrupted)
@@ -143,7 +143,7 @@ def _progress(
 def _drive(
     progress: Progress,
     context: RenderContext,
-    truth: TruthTables | None,
+    truth: TruthRecord | None,
     clock: Clock,
     workers: int,
     checkpoint: Checkpoint | None,
