@@ -19,7 +19,7 @@ from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.record import lens_record
 from plenoptic.truth.arrays import available_truth, checked_truth, empty_truth, what_needs
 from plenoptic.truth.channels import CHANNELS, GroundTruth, Needs, Truth, channels_of
-from plenoptic.truth.microlenses import listed_numbers
+from plenoptic.truth.lookups import listed_numbers
 from plenoptic.truth.stages import SLOPE_STEP, PixelStages, TruthRecord
 
 if TYPE_CHECKING:
