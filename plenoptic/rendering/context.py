@@ -10,14 +10,10 @@ from plenoptic.camera.record import CameraRecord, camera_record
 from plenoptic.rendering.plan.plan import plan_stages
 from plenoptic.rendering.plan.stages import Plan, Subject
 from plenoptic.rendering.settings import RenderSettings
-from plenoptic.scene.cache import prepared_scene
-from plenoptic.scene.compile import SceneRecord
-from plenoptic.scene.geometry.accel import Intersector
 
 if TYPE_CHECKING:
     from plenoptic.scene.compile import SceneRecord
     from plenoptic.scene.geometry.accel import Intersector
-    from plenoptic.scene.scene import Scene
 
 
 class Sampling(NamedTuple):
@@ -49,7 +45,7 @@ class RenderContext(NamedTuple):
 
 def render_context(subject: Subject, seed: int) -> RenderContext:
     """Plan a render and compile what it needs."""
-    prepared = None if subject.scene is None else prepared_scene(subject.scene)
+    prepared = subject.prepared
     record, intersector = (None, None) if prepared is None else (prepared.record, prepared.intersector)
     sampling = Sampling(subject.replicates, np.uint64(seed), plan_stages(record, subject), subject.settings)
     return RenderContext(camera_record(subject.camera), record, intersector, sampling)

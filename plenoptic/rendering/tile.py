@@ -165,7 +165,11 @@ def render_tile(
     paths = fed.place.size * batch.samples
     most = min(BUNDLE, paths)
     sums, ways = PixelSums(context, fed, batch, whole), CameraPaths(camera, fed, batch, most)
-    transport = None if context.scene is None else Transport(context, most)
+    transport = None
+    if context.scene is not None:
+        from plenoptic.rendering.integrator.path import Transport
+
+        transport = Transport(context, most)
     for start in range(0, paths, BUNDLE):
         if stopped is not None and stopped():
             return None

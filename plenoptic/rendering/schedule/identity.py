@@ -14,7 +14,9 @@ from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.core.color.spectra import colour_tables
 from plenoptic.core.files.digest import MARK, digest
 from plenoptic.errors import InvalidValueError
-from plenoptic.scene.compile import SceneRecord
+
+if TYPE_CHECKING:
+    from plenoptic.scene.compile import SceneRecord
 
 
 def identity(scene: SceneRecord | None, camera: PlenopticCamera, **facts: Any) -> dict[str, str]:

@@ -117,7 +117,11 @@ def _progress(
     """Nothing is rendered yet."""
     first_row, end_row, first_column, end_column = region
     shape = (end_row - first_row, end_column - first_column)
-    radiance = 1.0 if context.scene is None else brightest_radiance(context.scene)
+    radiance = 1.0
+    if context.scene is not None:
+        from plenoptic.scene.lights.brightness import brightest_radiance
+
+        radiance = brightest_radiance(context.scene)
     batch = min(clock.samples_per_batch(tile.pixels, budget.replicates) for tile in tiles)
     return Progress(
         tiles,
