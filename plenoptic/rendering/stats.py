@@ -5,7 +5,8 @@ from __future__ import annotations
 import enum
 from typing import TYPE_CHECKING
 
-from plenoptic.core.values import choice, finite, set_field, value, whole
+from plenoptic.core.lost_rays import Lost, by_cause, checked_lost, in_words
+from plenoptic.core.values import choice, finite, not_negative, set_field, value, whole
 from plenoptic.errors import InvalidValueError
 
 if TYPE_CHECKING:
@@ -88,7 +89,7 @@ class RenderStats:
     cpu_seconds: float = 0.0
     paths: int = 0
     paths_through_lens: int = 0
-    lost: tuple[tuple[str, int | None, int], ...] = ()
+    lost: Lost = ()
     nonfinite: int = 0
     threads: int = 1
     clamped: float = 0.0
@@ -99,10 +100,7 @@ class RenderStats:
 
     def __post_init__(self) -> None:
         for name in ("seconds", "cpu_seconds"):
-            seconds = finite(getattr(self, name), name)
-            if seconds < 0:
-                raise InvalidValueError(f"{name} is {seconds:g} s; it must be at least 0")
-            set_field(self, name, seconds)
+            set_field(self, name, not_negative(getattr(self, name), name, "s"))
         set_field(self, "stopped_by", choice(self.stopped_by, StopReason, "stopped_by"))
         places = [[whole(k, "nonfinite_paths", at_least=0) for k in path] for path in self.nonfinite_paths]
         set_field(self, "nonfinite_paths", tuple((row, column, sample) for row, column, sample in places))
@@ -117,15 +115,7 @@ class RenderStats:
             raise InvalidValueError(
                 f"paths_through_lens is {self.paths_through_lens}; it must be at most paths, {self.paths}"
             )
-        lost = tuple(
-            (
-                str(cause),
-                None if element is None else whole(element, "lost: element", at_least=0),
-                whole(count, "lost: count", at_least=0),
-            )
-            for cause, element, count in self.lost
-        )
-        set_field(self, "lost", lost)
+        set_field(self, "lost", checked_lost(self.lost))
 
     @property
     def fraction_through_lens(self) -> float:
@@ -135,13 +125,10 @@ class RenderStats:
     @property
     def lost_by_cause(self) -> dict[str, int]:
         """The number of lost paths for each cause, over all elements."""
-        causes: dict[str, int] = {}
-        for cause, _, count in self.lost:
-            causes[cause] = causes.get(cause, 0) + count
-        return causes
+        return by_cause(self.lost)
 
     def __repr__(self) -> str:
-        lost = ", ".join(f"{count} {cause.replace('_', ' ')}" for cause, count in self.lost_by_cause.items())
+        lost = in_words(self.lost_by_cause)
         facts = [f"{self.seconds:.3g} s", f"{self.threads} threads" if self.threads > 1 else "1 thread"]
         facts.append(f"{self.paths} paths")
         if self.paths:

@@ -12,6 +12,7 @@ from plenoptic.truth.channels import Truth
 
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera
+    from plenoptic.scene.cache import PreparedScene
     from plenoptic.scene.scene import Scene
 
 
@@ -83,25 +84,7 @@ class Decision:
 
 @value
 class Subject:
-    """What a plan was made for; `plan` checks it.
-
-    Parameters
-    ----------
-    scene : Scene or None
-        None: a white image.
-    camera : PlenopticCamera
-    samples, replicates : int
-    truth : Truth
-    settings : RenderSettings
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
-    ...     sensor=pl.Sensor(shape=(16, 16), pixel_pitch=0.01), stop_to_microlenses=130.0)
-    >>> pl.plan(pl.shapes.white_plane(), camera, max_bounces=3).subject.settings.max_bounces
-    3
-    """
+    """What is planned or rendered: a scene (None: a white image), the camera, and what the paths are."""
 
     scene: Scene | None
     camera: PlenopticCamera
@@ -109,6 +92,15 @@ class Subject:
     replicates: int = 8
     truth: Truth = Truth.DEPTH
     settings: RenderSettings = RenderSettings()
+
+    @property
+    def prepared(self) -> PreparedScene | None:
+        """The scene, compiled."""
+        if self.scene is None:
+            return None
+        from plenoptic.scene.cache import prepared_scene
+
+        return prepared_scene(self.scene)
 
 
 @value
