@@ -160,12 +160,12 @@ def test_cutting_everything_away_leaves_nothing() -> None:
 def test_the_kernel_cuts_as_the_function_does(seed: int) -> None:
     rng = np.random.default_rng(seed)
     corners = regular_polygon(int(rng.integers(3, 9)), 1.0, rng.uniform(0, 6))
-    x, y, xs, ys = np.zeros((4, 32))
+    polygon = np.zeros((4, 32))
     n = len(corners)
-    x[:n], y[:n] = corners.T
+    polygon[:2, :n] = corners.T
     for a, b, limit in rng.normal(size=(4, 3)):
         corners = cut_polygon(corners, np.array([[a, b, limit]]))
-        n = cut(x, y, n, a, b, limit, xs, ys)
+        n = cut(polygon, n, a, b, limit)
         assert n == len(corners)
         # The same steps; the kernel may fuse a multiplication and an addition.
-        assert np.stack([x, y], axis=1)[:n] == pytest.approx(corners, abs=1e-12)
+        assert polygon[:2, :n].T == pytest.approx(corners, abs=1e-12)
