@@ -7,9 +7,12 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.dust import fill_dimmed_at_lens
 from plenoptic.camera.record import CameraRecord
+from plenoptic.camera.sampling.kernels import paths
 from plenoptic.camera.sampling.record import Batch, FedPixels
 from plenoptic.camera.stages import fill_before_array, fill_through_array, own_microlenses
+from plenoptic.core.kernels.ray_blocks import BLOCK, RAY
 from plenoptic.core.values import Floats
+from plenoptic.optics.lens.kernels.trace import fill_traced
 from plenoptic.optics.lens.record import LensRecord
 from plenoptic.optics.microlens.dust import BlemishSite
 
@@ -23,8 +26,6 @@ def wave_guide(cdf: Floats) -> NDArray[np.int64]:
 
 def fill_through_lens(bundle: Floats, lens: LensRecord, waves: NDArray[np.int64] | None) -> None:
     """Trace a bundle through the lens, each ray at its wavelength where `waves` has their numbers."""
-    from plenoptic.optics.lens.kernels.trace import fill_traced
-
     fill_traced(bundle, lens, waves)
 
 
@@ -32,8 +33,6 @@ class CameraPaths:
     """Bundles of paths of some pixels, of at most `most` paths; the arrays are used again for each bundle."""
 
     def __init__(self, camera: CameraRecord, fed: FedPixels, batch: Batch, most: int) -> None:
-        from plenoptic.core.kernels.ray_blocks import BLOCK, RAY
-
         blocks = -(-most // BLOCK)
         self._camera, self._fed, self._batch = camera, fed, batch
         self._blocks = np.empty(blocks * RAY)
@@ -49,9 +48,6 @@ class CameraPaths:
 
     def started(self, start: int, n: int) -> Floats:
         """A bundle of paths start ... start + n - 1: points on their pixels, aimed at what feeds these; wavelengths."""
-        from plenoptic.camera.sampling.kernels import paths
-        from plenoptic.core.kernels.ray_blocks import BLOCK, RAY
-
         bundle, colour = self._blocks[: -(-n // BLOCK) * RAY], self._camera.colour
         paths.fill_camera_samples(bundle, self.own, start, n, self._batch, self._fed, self._camera.sensor.pixel)
         if colour is not None and self.waves is not None:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from plenoptic.camera.dust import PlacedDust, fill_dimmed_aims
 from plenoptic.camera.record import CameraRecord
 from plenoptic.core.values import Floats
+from plenoptic.optics.microlens.kernels import to_lens
 from plenoptic.optics.microlens.model_rules import Crossing
 from plenoptic.optics.microlens.record import ResponseRecord, SensorPlane
 
@@ -27,8 +28,6 @@ def fill_dimmed_before_array(
 ) -> None:
     """Pixels dim aimed samples by their direction, and dust between sensor and array does."""
     if response is not None:
-        from plenoptic.optics.microlens.kernels import to_lens
-
         to_lens.fill_pixel_response(blocks, sensor, response)
     if dust:
         fill_dimmed_aims(blocks, sensor, dust)
@@ -41,8 +40,6 @@ def fill_through_array(
 
     `waves` are the numbers of the wavelengths that they have drawn; None for the camera's.
     """
-    from plenoptic.optics.microlens.kernels import to_lens
-
     array, sensor = camera.array, camera.sensor.plane
     z_plane = camera.z_plane if camera.frame is None else 0.0
     if array is None or camera.microlenses is None:

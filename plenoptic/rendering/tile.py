@@ -10,10 +10,14 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.paths import CameraPaths
 from plenoptic.camera.record import CameraRecord
+from plenoptic.camera.sampling.kernels.paths import path_place
 from plenoptic.camera.sampling.pixel_regions import fed_pixels, pixel_centres
 from plenoptic.camera.sampling.record import Batch, FedPixels, batch_record
+from plenoptic.core.kernels.bundles import fill_status_counts
+from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, WEIGHT
 from plenoptic.core.values import Floats
 from plenoptic.rendering.context import RenderContext, Sampling
+from plenoptic.rendering.kernels import film_sums
 from plenoptic.rendering.settings import Sampler
 from plenoptic.truth.compute import Arrays, truth_of
 from plenoptic.truth.stages import TruthRecord
@@ -107,8 +111,6 @@ class PixelSums:
 
     def add(self, bundle: Floats, radiance: Floats | None, waves: NDArray[np.int64] | None, start: int, n: int) -> None:
         """Add what the paths of a bundle bring, clamped."""
-        from plenoptic.rendering.kernels import film_sums
-
         clamp = self._sampling.settings.clamp
         if clamp is not None and radiance is not None:
             kept, removed = film_sums.fill_clamped(radiance, bundle, n, clamp)
@@ -129,9 +131,6 @@ class PixelSums:
 
     def _broken(self, bundle: Floats, radiance: Floats | None, start: int, n: int) -> list[tuple[int, int, int]]:
         """Row, column and sample of the first paths of a bundle that are not finite."""
-        from plenoptic.camera.sampling.kernels.paths import path_place
-        from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, WEIGHT
-
         batch, light = self._batch, bundle.reshape(-1, RAY // BLOCK, BLOCK)[:, WEIGHT // BLOCK].ravel()[:n, None]
         with np.errstate(all="ignore"):
             light = light if radiance is None else light * radiance
@@ -155,8 +154,6 @@ def render_tile(
 
     None where `stopped` says, between two bundles, that the result is no longer wanted.
     """
-    from plenoptic.core.kernels.bundles import fill_status_counts
-
     camera, shape, pixels = context.camera, (tile.rows, tile.columns), tile.centres(context.camera)
     fed = fed_pixels(camera, pixels, tile.numbers(camera))
     whole = np.zeros((tile.pixels, context.sampling.replicates, context.channels))

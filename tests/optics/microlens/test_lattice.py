@@ -168,4 +168,4 @@ def test_the_kernel_cuts_as_the_function_does(seed: int) -> None:
         n = cut(polygon, n, a, b, limit)
         assert n == len(corners)
         # The same steps; the kernel may fuse a multiplication and an addition.
-        assert polygon[:2, :n].T == pytest.approx(corners, abs=1e-12)
+        assert pytest.approx(corners, abs=1e-12) == polygon[:2, :n].T

@@ -80,9 +80,9 @@ def _slopes(centre, at, start, lens, per_h, pinhole, plane, radius):
 def _cut_opening(polygon, opening, at, slopes, room, azimuth, normals, support):
     """Cut an opening with the outline of the pupil; returns its corners.
 
-    A ray through d of the opening crosses the outline's plane at q + J d, no farther than `spread` from q; `room` is that and a margin. `azimuth`
-    is the cosine and sine of that of the cell, in whose direction the outline has its first axis. The outline's sides
-    have `normals` and are as far away as `support` says.
+    A ray through d of the opening crosses the outline's plane at q + J d, no farther than `spread` from q; `room` is
+    that and a margin. `azimuth` is the cosine and sine of that of the cell, in whose direction the outline has its
+    first axis. The outline's sides have `normals` and are as far away as `support` says.
     """
     qx, qy = at
     jxx, jxy, jyx, jyy = slopes
