@@ -198,8 +198,8 @@ def render_tile(
 def _weights(camera: CameraRecord, fed: FedPixels, tile: Tile) -> Floats:
     """(rows, columns): what a sample of each pixel weighs at most, about: the area of its region over distance^2."""
     found = np.zeros(tile.pixels)
-    last = fed.regions.triangles[fed.regions.first[1:] - 1]
-    found[fed.place] = last["area"] / camera.sensor.plane.distance**2
+    # The column before the rows: picking whole rows of a structured array takes two hundred times as long.
+    found[fed.place] = fed.regions.triangles["area"][fed.regions.first[1:] - 1] / camera.sensor.plane.distance**2
     return found.reshape(tile.rows, tile.columns)
 
 
