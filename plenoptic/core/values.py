@@ -8,7 +8,7 @@ import math
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,6 +27,9 @@ else:
 Floats = NDArray[np.float64]
 
 T = TypeVar("T")
+Number = TypeVar("Number", bound=np.generic)
+Kept = TypeVar("Kept", covariant=True)
+Given = TypeVar("Given", contravariant=True)
 Choice = TypeVar("Choice", bound=enum.Enum)
 
 SHORTEST, LONGEST = 10.0, 1e6
@@ -36,11 +39,31 @@ _SHOWN = 9
 """Numbers that an array may have to be shown in full: those of a rotation."""
 
 
-def read_only(array: NDArray[Any]) -> NDArray[Any]:
+class Converted(Protocol[Kept, Given]):
+    """For type checkers: a field that keeps what `__post_init__` makes of what it is given."""
+
+    def __get__(self, instance: object, owner: Any) -> Kept: ...
+    def __set__(self, instance: object, given: Given) -> None: ...
+
+
+ArrayField = Converted[Floats, ArrayLike]
+
+
+def unconverted(default: Any) -> Any:
+    """A default of a `Converted` field, as it may be given."""
+    return default
+
+
+def read_only(array: NDArray[Number]) -> NDArray[Number]:
     """A read-only view of an array; the array itself stays as it is."""
     view = array.view()
     view.flags.writeable = False
     return view
+
+
+def contiguous(array: NDArray[Number]) -> NDArray[Number]:
+    """A read-only, C-contiguous form of an array, as kernels take it."""
+    return read_only(np.ascontiguousarray(array))
 
 
 def frozen_array(

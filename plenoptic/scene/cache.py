@@ -34,16 +34,7 @@ _last: tuple[weakref.ref[Scene], PreparedScene] | None = None
 
 
 def prepared_scene(scene: Scene) -> PreparedScene:
-    """Compile a scene, unless it is the very one that was compiled last and still exists: scenes do not change.
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> from plenoptic.scene.cache import prepared_scene
-    >>> scene = pl.shapes.white_plane()
-    >>> prepared_scene(scene) is prepared_scene(scene), prepared_scene(pl.shapes.white_plane()) is prepared_scene(scene)
-    (True, False)
-    """
+    """Compile a scene, unless it is the very one that was compiled last and still exists: scenes do not change."""
     global _last
     last = _last
     if last is not None and last[0]() is scene:

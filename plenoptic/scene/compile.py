@@ -8,14 +8,14 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic.core.values import contiguous
 from plenoptic.errors import SceneError
 from plenoptic.scene.geometry.compile import geometry_record
 from plenoptic.scene.geometry.instance import Instances, instance_record
 from plenoptic.scene.geometry.mesh import Mesh
 from plenoptic.scene.geometry.record import Geometry, InstanceRecord
-from plenoptic.scene.lights.compile import Emitters, lights_record
-from plenoptic.scene.lights.environment import ConstantBackground, EnvironmentMap
-from plenoptic.scene.lights.environment_compile import environment_record
+from plenoptic.scene.lights.compile import Emitters, environment_record, lights_record
+from plenoptic.scene.lights.environment import Background, ConstantBackground, EnvironmentMap
 from plenoptic.scene.lights.record import Lights, Sky
 from plenoptic.scene.lights.registry import AreaLight, Light, PositionalLight
 from plenoptic.scene.materials.compile import alpha_record, bsdf_record, color_rows
@@ -36,13 +36,6 @@ class SceneRecord(NamedTuple):
     """What kernels read of a scene. Absence is None: a record that a scene has no use for is not there.
 
     nt triangles, nm different materials, C = `channels`. All arrays are C-contiguous and read-only.
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> record = pl.shapes.white_plane().tables()
-    >>> record.channels, record.geometry.triangles.shape, record.emission.radiance.tolist(), record.bsdf is None
-    (1, (2, 3), [[1.0]], True)
     """
 
     channels: int
@@ -68,17 +61,9 @@ class SceneRecord(NamedTuple):
 
 
 def build_record(
-    meshes: Sequence[Mesh | Instances], lights: Sequence[Light], background: ConstantBackground | EnvironmentMap | None
+    meshes: Sequence[Mesh | Instances], lights: Sequence[Light], background: Background | None
 ) -> SceneRecord:
-    """Compile meshes, lights and a background into a record.
-
-    Parameters
-    ----------
-    meshes : sequence of Mesh or Instances
-    lights : sequence of Light
-    background : ConstantBackground, EnvironmentMap or None
-        None where the world is black.
-    """
+    """Compile meshes, lights and a background (None: black) into a record."""
     shapes = [light.mesh() for light in lights if isinstance(light, AreaLight)]
     parts, first_of, numbers = _ordered(meshes, shapes)
     index: dict[Material, int] = {}
@@ -95,7 +80,7 @@ def build_record(
         geometry = geometry_record(
             _joined([part.vertices for part in parts]),
             _triangles(parts),
-            _frozen(np.repeat(np.array(mesh_material, dtype=np.int32), counts)),
+            contiguous(np.repeat(np.array(mesh_material, dtype=np.int32), counts)),
             uv=_per_vertex(parts, [part.uv for part in parts], 2) if columns.any else None,
             normals=_per_vertex(parts, [part.normals for part in parts], 3),
             instances=instances,
@@ -114,27 +99,28 @@ def build_record(
     compiled = lights_record(
         lights, emitters, _sky(background, channels), _around(boxes, lamps), channels, drawn=bsdf is not None
     )
+    emission = None
+    if emitters is not None:
+        emission = Emission(radiance, contiguous(two_sided), compiled.pdf, columns.column("emission"))
     return SceneRecord(
         channels=channels,
         geometry=geometry,
-        triangle_mesh=_frozen(np.repeat(np.array(numbers, dtype=np.int32), counts)) if parts else None,
+        triangle_mesh=contiguous(np.repeat(np.array(numbers, dtype=np.int32), counts)) if parts else None,
         instances=instances,
         bsdf=bsdf,
         textures=columns.of_surfaces(),
-        absorption=_frozen(absorption) if np.any(absorption) else None,
+        absorption=absorption if np.any(absorption) else None,
         alpha=alpha_record(rows, columns.column("opacity")),
-        emission=None
-        if emitters is None
-        else Emission(_frozen(radiance), _frozen(two_sided), compiled.pdf, columns.column("emission")),
+        emission=emission,
         lights=compiled.lights,
     )
 
 
-def _sky(background: ConstantBackground | EnvironmentMap | None, channels: int) -> Sky:
+def _sky(background: Background | None, channels: int) -> Sky:
     """A background or a map; None where they are black."""
     constant = environment = None
     if isinstance(background, ConstantBackground) and np.any(background.radiance):
-        constant = _frozen(color_rows([background.radiance], channels)[0])
+        constant = color_rows([background.radiance], channels)[0]
     elif isinstance(background, EnvironmentMap):
         environment = environment_record(background, channels)
     return Sky(constant, None, None, environment)
@@ -156,7 +142,7 @@ class _TextureColumns:
         column = np.array([row[0] for row in numbers] if len(names) == 1 else numbers, dtype=np.int32)
         if self._texels is None or self._textures is None or not np.any(column >= 0):
             return None
-        return TextureColumn(_frozen(column), self._textures, self._texels)
+        return TextureColumn(contiguous(column), self._textures, self._texels)
 
     def of_surfaces(self) -> Textures | None:
         """What textures say of how surfaces scatter."""
@@ -180,7 +166,7 @@ def _ordered(
     return [mesh for mesh, _ in parts], first_of, [number for _, number in parts]
 
 
-def _all_grey(lights: Sequence[Light], background: ConstantBackground | EnvironmentMap | None) -> bool:
+def _all_grey(lights: Sequence[Light], background: Background | None) -> bool:
     """Whether what shines besides surfaces is grey: colours are the fields of lights that are three numbers."""
     if isinstance(background, EnvironmentMap) and not background.is_grey:
         return False
@@ -197,14 +183,8 @@ def _around(boxes: Sequence[NDArray[np.float64]], points: Sequence[NDArray[np.fl
     return np.array([np.min(corners, axis=0)[0], np.max(corners, axis=0)[1]])
 
 
-def _frozen(array: NDArray[A]) -> NDArray[A]:
-    array = np.ascontiguousarray(array)
-    array.flags.writeable = False
-    return array
-
-
 def _joined(parts: Sequence[NDArray[A]]) -> NDArray[A]:
-    return _frozen(np.concatenate(parts))
+    return contiguous(np.concatenate(parts))
 
 
 def _triangles(meshes: Sequence[Mesh]) -> NDArray[np.int32]:

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import finite, frozen_array, positive, set_field, value
+from plenoptic.core.values import ArrayField, finite, frozen_array, positive, set_field, unconverted, value
 from plenoptic.errors import InvalidValueError
 
 
@@ -54,23 +52,11 @@ class View:
     """
 
     name: str
-    position: NDArray[np.float64]
-    look_at: NDArray[np.float64]
-    up: NDArray[np.float64] = (0.0, 1.0, 0.0)  # type: ignore[assignment]
+    position: ArrayField
+    look_at: ArrayField
+    up: ArrayField = unconverted((0.0, 1.0, 0.0))
     vertical_field_of_view: float | None = None
     aspect_ratio: float | None = None
-
-    if TYPE_CHECKING:
-
-        def __init__(
-            self,
-            name: str,
-            position: ArrayLike,
-            look_at: ArrayLike,
-            up: ArrayLike = ...,
-            vertical_field_of_view: float | None = None,
-            aspect_ratio: float | None = None,
-        ) -> None: ...
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str):

@@ -5,12 +5,12 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterable
 from os import PathLike
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import set_field, value
+from plenoptic.core.values import Converted, set_field, unconverted, value
 from plenoptic.errors import InvalidValueError, SceneError
 from plenoptic.scene.compile import SceneRecord, build_record
 from plenoptic.scene.file_cameras import View
@@ -18,7 +18,7 @@ from plenoptic.scene.files.load import load_file
 from plenoptic.scene.geometry.instance import Instances
 from plenoptic.scene.geometry.mesh import Mesh
 from plenoptic.scene.geometry.transform import placed_environment, placed_view, similarity
-from plenoptic.scene.lights.environment import ConstantBackground, EnvironmentMap
+from plenoptic.scene.lights.environment import Background, ConstantBackground, EnvironmentMap
 from plenoptic.scene.lights.registry import LIGHTS, AreaLight, Light
 from plenoptic.scene.materials.registry import Material
 from plenoptic.scene.textures.color import Colour
@@ -58,26 +58,16 @@ class Scene:
     [[0.8, 0.3, 0.2]]
     """
 
-    meshes: tuple[Mesh | Instances, ...] = ()
-    lights: tuple[Light, ...] = ()
-    background: ConstantBackground | EnvironmentMap | None = None
-    views: tuple[View, ...] = ()
-
-    if TYPE_CHECKING:
-
-        def __init__(
-            self,
-            meshes: Iterable[Mesh | Instances] = (),
-            lights: Iterable[Light] = (),
-            background: ConstantBackground | EnvironmentMap | Colour | None = None,
-            views: Iterable[View] = (),
-        ) -> None: ...
+    meshes: Converted[tuple[Mesh | Instances, ...], Iterable[Mesh | Instances]] = unconverted(())
+    lights: Converted[tuple[Light, ...], Iterable[Light]] = unconverted(())
+    background: Converted[Background | None, Background | Colour | None] = unconverted(None)
+    views: Converted[tuple[View, ...], Iterable[View]] = unconverted(())
 
     def __post_init__(self) -> None:
         set_field(self, "meshes", _tuple_of(self.meshes, (Mesh, Instances), "meshes"))
         set_field(self, "lights", _tuple_of(self.lights, LIGHTS, "lights"))
         set_field(self, "views", _tuple_of(self.views, View, "views"))
-        if self.background is not None and not isinstance(self.background, ConstantBackground | EnvironmentMap):
+        if self.background is not None and not isinstance(self.background, Background):
             if np.ndim(self.background) > 1:
                 raise InvalidValueError(
                     f"background is an array of shape {np.shape(self.background)}; give an image as pl.EnvironmentMap"
@@ -112,7 +102,7 @@ class Scene:
         unit: str | None = None,
         material: Material | None = None,
         lights: Iterable[Light] = (),
-        background: ConstantBackground | EnvironmentMap | Colour | None = None,
+        background: Background | Colour | None = None,
     ) -> Scene:
         """Read a scene from a file, with its lights and its cameras as `views`; see `load_file` for what is read.
 
@@ -121,22 +111,10 @@ class Scene:
 
         Parameters
         ----------
-        path : str or path
-            A .glb, .gltf, .obj, .ply or .stl file.
-        unit : str, optional
-            Length of one unit of the file: "um", "mm", "cm", "m", "km", "inch" or "foot". None: "m" for glTF files,
-            whose standard says so, and "mm" for all others.
-        material : Material, optional
-            Replaces all materials of the file.
+        path, unit, material
+            As in `load_file`, whose errors are raised.
         lights, background
             As in `Scene`; lights are added to those of the file.
-
-        Raises
-        ------
-        FileError
-            A file that is missing, damaged or of another kind.
-        InvalidValueError
-            An unknown unit.
 
         Examples
         --------

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from plenoptic.rendering.plan.stages import Decision, Stage, decide, left_out
 from plenoptic.scene.compile import SceneRecord
-from plenoptic.scene.materials.record import KIND_NAMES, LAMBERTIAN
+from plenoptic.scene.materials.registry import KIND_NAMES, LAMBERTIAN
 
 ROULETTE = 3
 """Paths that were scattered this often go on with a probability of what their surface gives back."""

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from plenoptic.core.values import file_path, set_field, value
+from plenoptic.core.values import Converted, file_path, set_field, unconverted, value
 from plenoptic.errors import FileError, InvalidValueError, PlenopticError
 from plenoptic.scene.file_cameras import View
 from plenoptic.scene.files.gltf.file import read_gltf
@@ -46,15 +45,9 @@ class FileContents:
     Scene(1 mesh, 12 triangles)
     """
 
-    meshes: tuple[Mesh | Instances, ...] = ()
-    lights: tuple[Light, ...] = ()
-    views: tuple[View, ...] = ()
-
-    if TYPE_CHECKING:
-
-        def __init__(
-            self, meshes: Iterable[Mesh | Instances] = (), lights: Iterable[Light] = (), views: Iterable[View] = ()
-        ) -> None: ...
+    meshes: Converted[tuple[Mesh | Instances, ...], Iterable[Mesh | Instances]] = unconverted(())
+    lights: Converted[tuple[Light, ...], Iterable[Light]] = unconverted(())
+    views: Converted[tuple[View, ...], Iterable[View]] = unconverted(())
 
     def __post_init__(self) -> None:
         for name in ("meshes", "lights", "views"):

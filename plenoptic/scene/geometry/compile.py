@@ -26,15 +26,7 @@ def geometry_record(
     normals: NDArray[np.float64] | None = None,
     instances: InstanceRecord | None = None,
 ) -> Geometry:
-    """The record of triangles; see `Geometry` for shapes.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from plenoptic.scene.geometry.compile import geometry_record
-    >>> geometry_record(np.eye(3), np.arange(3, dtype=np.int32)[None], np.zeros(1, np.int32)).middle.tolist()
-    [0.0, 0.0, 0.0]
-    """
+    """The record of triangles; see `Geometry` for shapes."""
     middle, rows = middle_of(vertices, triangles, instances), None
     if instances is not None:
         rows = np.column_stack([instances.matrices, np.zeros(len(instances.matrices))])

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-from math import radians
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.rotation import rotation_about
-from plenoptic.core.values import finite, frozen_array, positive, set_field, value
+from plenoptic.core.values import ArrayField, Converted, frozen_array, set_field, unconverted, value
 from plenoptic.errors import InvalidValueError, SceneError
+from plenoptic.scene.geometry import moves
 from plenoptic.scene.materials.diffuse import Lambertian
 from plenoptic.scene.materials.registry import MATERIALS, Material
 
@@ -57,24 +55,12 @@ class Mesh:
     Mesh(3 vertices, 1 triangle, Lambertian(albedo=0.8))
     """
 
-    vertices: NDArray[np.float64]
-    faces: NDArray[np.int32]
+    vertices: ArrayField
+    faces: Converted[NDArray[np.int32], ArrayLike]
     material: Material = Lambertian()
-    normals: NDArray[np.float64] | None = None
-    uv: NDArray[np.float64] | None = None
+    normals: Converted[NDArray[np.float64] | None, ArrayLike | None] = unconverted(None)
+    uv: Converted[NDArray[np.float64] | None, ArrayLike | None] = unconverted(None)
     name: str = ""
-
-    if TYPE_CHECKING:
-
-        def __init__(
-            self,
-            vertices: ArrayLike,
-            faces: ArrayLike,
-            material: Material = ...,
-            normals: ArrayLike | None = None,
-            uv: ArrayLike | None = None,
-            name: str = "",
-        ) -> None: ...
 
     def __post_init__(self) -> None:
         vertices = frozen_array(self.vertices, name="vertices", shape=(None, 3))
@@ -144,12 +130,8 @@ class Mesh:
         [1.0, 2.0, 3.0]
         """
         full = frozen_array(matrix, name="matrix", shape=(4, 4))
-        if not np.isfinite(full).all() or full[3].tolist() != [0.0, 0.0, 0.0, 1.0]:
-            raise SceneError(f"matrix is {full.tolist()}; it must be finite and end with the row 0, 0, 0, 1")
+        (determinant,) = affine_determinants(full[None])
         linear, shift = full[:3, :3], full[:3, 3]
-        determinant = np.linalg.det(linear)
-        if determinant == 0:
-            raise SceneError(f"matrix {linear.tolist()} flattens the mesh; its determinant must not be 0")
         return dataclasses.replace(
             self,
             vertices=self.vertices @ linear.T + shift,
@@ -158,65 +140,7 @@ class Mesh:
             normals=None if self.normals is None else self.normals @ np.linalg.inv(linear / np.abs(linear).max()),
         )
 
-    def translated(self, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Mesh:
-        """The mesh shifted by (x, y, z) mm.
-
-        Examples
-        --------
-        >>> import plenoptic as pl
-        >>> pl.box(2).translated(z=-404).bounds[:, 2].tolist()
-        [-405.0, -403.0]
-        """
-        shift = np.array([finite(x, "x"), finite(y, "y"), finite(z, "z")])
-        return dataclasses.replace(self, vertices=self.vertices + shift)
-
-    def rotated(self, axis: ArrayLike, angle: float) -> Mesh:
-        """The mesh turned about an axis through the origin.
-
-        Parameters
-        ----------
-        axis : (3,) array
-            Direction of the axis, of any length above 0.
-        angle : float
-            Radians, counter-clockwise as seen by one whom the axis points at.
-
-        Raises
-        ------
-        InvalidValueError
-            An axis without length, an angle that is not finite.
-
-        Examples
-        --------
-        >>> import numpy as np
-        >>> import plenoptic as pl
-        >>> pl.box((4, 2, 1)).rotated((0, 0, 1), np.pi / 2).bounds[1].round(12).tolist()
-        [1.0, 2.0, 0.5]
-        """
-        matrix = np.eye(4)
-        matrix[:3, :3] = rotation_about(axis, angle)
-        return self.transformed(matrix)
-
-    def rotated_deg(self, axis: ArrayLike, angle_deg: float) -> Mesh:
-        """As `rotated`, by an angle in degrees.
-
-        Examples
-        --------
-        >>> import plenoptic as pl
-        >>> pl.box((4, 2, 1)).rotated_deg((0, 0, 1), 90).bounds[1].round(12).tolist()
-        [1.0, 2.0, 0.5]
-        """
-        return self.rotated(axis, radians(finite(angle_deg, "angle_deg")))
-
-    def scaled(self, factor: float) -> Mesh:
-        """The mesh enlarged about the origin by a factor above 0.
-
-        Examples
-        --------
-        >>> import plenoptic as pl
-        >>> pl.box(2).scaled(0.5).bounds[1].tolist()
-        [0.5, 0.5, 0.5]
-        """
-        return dataclasses.replace(self, vertices=self.vertices * positive(factor, "factor"))
+    translated, rotated, rotated_deg, scaled = moves.translated, moves.rotated, moves.rotated_deg, moves.scaled
 
     def with_material(self, material: Material) -> Mesh:
         """The same mesh of another material.
@@ -228,6 +152,22 @@ class Mesh:
         Emissive(radiance=3.0)
         """
         return dataclasses.replace(self, material=material)
+
+
+def affine_determinants(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(n,): determinants of the 3 x 3 parts of matrices (n, 4, 4), which must be affine and not flatten."""
+    with np.errstate(all="ignore"):
+        determinants = np.asarray(np.linalg.det(matrices[:, :3, :3]))
+    affine = np.isfinite(matrices).all(axis=(1, 2)) & (matrices[:, 3] == (0, 0, 0, 1)).all(axis=1)
+    for fits, wanted in (
+        (affine, "it must be finite and end with the row 0, 0, 0, 1"),
+        (determinants != 0, "it flattens the mesh; its determinant must not be 0"),
+    ):
+        if not fits.all():
+            k = int(np.argmin(fits))
+            name = f"matrix {k}" if len(matrices) > 1 else "matrix"
+            raise SceneError(f"{name} is {matrices[k].tolist()}; {wanted}")
+    return determinants
 
 
 def _faces(faces: ArrayLike, count: int) -> NDArray[np.int32]:

@@ -12,22 +12,7 @@ from plenoptic.scene.compile import SceneRecord
 def brightest_radiance(record: SceneRecord) -> float:
     """About the brightest radiance that a path can bring: of what emits, the world, or matt surfaces under lights.
 
-    Parameters
-    ----------
-    record : SceneRecord
-
-    Returns
-    -------
-    float
-        Channels are averaged. Textures and maps count with their mean; point lights as seen from the middle of the
-        scene.
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> from plenoptic.scene.lights.brightness import brightest_radiance
-    >>> brightest_radiance(pl.shapes.white_plane().tables())
-    1.0
+    Channels are averaged. Textures and maps count with their mean; point lights as seen from the middle of the scene.
     """
     lights, sky, found = record.lights, record.lights.sky, [0.0]
     for rows in (None if record.emission is None else record.emission.radiance, sky.background):

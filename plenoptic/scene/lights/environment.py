@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from os import PathLike
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.rotation import rotation_about
-from plenoptic.core.values import finite, frozen_array, set_field, value
+from plenoptic.core.values import Converted, frozen_array, set_field, unconverted, value
 from plenoptic.errors import FileError, InvalidValueError, SceneError
+from plenoptic.scene.geometry import moves
 from plenoptic.scene.textures.color import Colour, as_colour
 from plenoptic.scene.textures.texels import as_texels, equal_channels
 
@@ -89,12 +89,8 @@ class EnvironmentMap:
     [[0.3, 0.5, 1.0], [0.1, 0.1, 0.1]]
     """
 
-    texels: NDArray[np.float32]
-    rotation: NDArray[np.float64] | None = None
-
-    if TYPE_CHECKING:
-
-        def __init__(self, texels: ArrayLike, rotation: ArrayLike | None = None) -> None: ...
+    texels: Converted[NDArray[np.float32], ArrayLike]
+    rotation: Converted[NDArray[np.float64] | None, ArrayLike | None] = unconverted(None)
 
     def __post_init__(self) -> None:
         codes = "EnvironmentMap.load for image files"
@@ -174,29 +170,15 @@ class EnvironmentMap:
         matrix = rotation_about(axis, angle)
         return dataclasses.replace(self, rotation=matrix if self.rotation is None else matrix @ self.rotation)
 
-    def rotated_deg(self, axis: ArrayLike, angle_deg: float) -> EnvironmentMap:
-        """As `rotated`, by an angle in degrees.
-
-        Examples
-        --------
-        >>> import numpy as np
-        >>> import plenoptic as pl
-        >>> pl.EnvironmentMap(np.ones((2, 4, 1))).rotated_deg((0, 1, 0), 90).rotation.round(12).tolist()
-        [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]
-        """
-        return self.rotated(axis, math.radians(finite(angle_deg, "angle_deg")))
+    rotated_deg = moves.rotated_deg
 
     def radiance(self, directions: ArrayLike) -> NDArray[np.float64]:
-        """Radiance that comes from directions.
+        """Radiance that comes from directions, (n, 1 or 3).
 
         Parameters
         ----------
         directions : (n, 3) array
             In the world, from the scene outwards, of any length above 0.
-
-        Returns
-        -------
-        (n, 1 or 3) array
 
         Raises
         ------

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from plenoptic.core.values import set_field, value
+from plenoptic.core.values import ArrayField, set_field, value
 from plenoptic.scene.lights.fields import PointRow, channel_mean, place_in_mm, times
 from plenoptic.scene.textures.color import Colour, as_colour
 
@@ -44,12 +43,8 @@ class PointLight:
     PointLight(position=[0.0, 200.0, 0.0], intensity=40000.0)
     """
 
-    position: NDArray[np.float64]
+    position: ArrayField
     intensity: Colour = 1.0
-
-    if TYPE_CHECKING:
-
-        def __init__(self, position: ArrayLike, intensity: Colour = 1.0) -> None: ...
 
     def __post_init__(self) -> None:
         set_field(self, "position", place_in_mm(self.position, "position"))

@@ -18,15 +18,7 @@ __all__ = ["Drawn", "Scattered", "draw", "evaluate"]
 
 
 class Scattered(NamedTuple):
-    """Values of a bidirectional distribution.
-
-    `value` (n, C), 1/sr, includes the cosine at the surface; `density` (n,), 1/sr, is that by which `draw` draws the
-    direction to the light, 0 for mirrors.
-
-    Examples
-    --------
-    See `evaluate`.
-    """
+    """Values of a bidirectional distribution; see `evaluate`."""
 
     value: NDArray[np.float64]
     """(n, C), 1/sr: reflected or transmitted radiance per radiance from the light's direction and solid angle, the
@@ -36,15 +28,7 @@ class Scattered(NamedTuple):
 
 
 class Drawn(NamedTuple):
-    """Directions drawn by what a material scatters.
-
-    `to_light` (n, 3) has unit length; `weight` (n, C) is value over density, 0 where the path ends; `density` (n,) is
-    per steradian, inf where there is only one direction to choose, or two.
-
-    Examples
-    --------
-    See `draw`.
-    """
+    """Directions drawn by what a material scatters; see `draw`."""
 
     to_light: NDArray[np.float64]
     """(n, 3), unit length."""
@@ -110,10 +94,6 @@ def draw(material: Material, to_viewer: ArrayLike, points: ArrayLike, *, front: 
         As for `evaluate`.
     points : (n, 3) array
         Numbers in [0, 1): two for the direction, and one by which rough glass reflects or refracts.
-
-    Returns
-    -------
-    Drawn
 
     Raises
     ------

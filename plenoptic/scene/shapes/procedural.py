@@ -48,7 +48,7 @@ def quad(corner: ArrayLike, edge_u: ArrayLike, edge_v: ArrayLike, *, material: M
 
 
 def box(size: ArrayLike, *, center: ArrayLike = (0.0, 0.0, 0.0), material: Material | None = None) -> Mesh:
-    """A rectangular block with its faces across the axes.
+    """A rectangular block of 12 triangles with its faces across the axes; each face has the whole texture.
 
     Parameters
     ----------
@@ -57,11 +57,6 @@ def box(size: ArrayLike, *, center: ArrayLike = (0.0, 0.0, 0.0), material: Mater
     center : (3,) array
         mm.
     material : Material, optional
-
-    Returns
-    -------
-    Mesh
-        12 triangles; each face has the whole texture.
 
     Examples
     --------
@@ -125,7 +120,7 @@ def sphere(
 
 
 def turned(profile: ArrayLike, *, segments: int = 128, material: Material | None = None) -> Mesh:
-    """A body of revolution around the y axis.
+    """A body of revolution around the y axis, with smooth normals and texture coordinates (around, along).
 
     Parameters
     ----------
@@ -135,11 +130,6 @@ def turned(profile: ArrayLike, *, segments: int = 128, material: Material | None
     segments : int
         Facets around the axis.
     material : Material, optional
-
-    Returns
-    -------
-    Mesh
-        With smooth normals and texture coordinates (around, along).
 
     Examples
     --------
@@ -184,7 +174,7 @@ def checkerboard(
     odd: Material | None = None,
     offset: tuple[float, float] = (0.0, 0.0),
 ) -> tuple[Mesh, Mesh]:
-    """A rectangle of squares in the plane z = 0, centred on the origin, facing +z. The squares are geometry.
+    """A rectangle of squares in the plane z = 0, centred on the origin, facing +z: the even ones and the odd ones.
 
     Parameters
     ----------
@@ -197,11 +187,6 @@ def checkerboard(
         by default. Square (0, 0) has its lower left corner at `offset`.
     offset : (float, float)
         mm.
-
-    Returns
-    -------
-    (Mesh, Mesh)
-        The even and the odd squares.
 
     Examples
     --------

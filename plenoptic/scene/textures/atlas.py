@@ -13,29 +13,9 @@ from plenoptic.scene.textures.texture import Texture
 
 
 def atlas(textures: Sequence[Texture]) -> tuple[NDArray[np.float32] | None, NDArray[Any] | None]:
-    """Lay textures into one array, one behind the other.
+    """Lay textures into one array, one behind the other, and the rows that say where; both None without textures.
 
-    Parameters
-    ----------
-    textures : sequence of Texture
-        May be empty.
-
-    Returns
-    -------
-    texels : (n,) float32 ndarray or None
-        Row by row from the top, the channels of a texel side by side. Read-only.
-    rows : (textures,) ndarray of TEXTURE, or None
-        Where each one lies; 1 channel where all are equal, otherwise 3. Read-only.
-
-    Both are None where there are no textures.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import plenoptic as pl
-    >>> texels, rows = atlas([pl.Texture(np.full((2, 2, 1), 0.5)), pl.Texture(np.eye(3)[None])])
-    >>> texels.shape, rows.tolist()
-    ((13,), [(0, 2, 2, 1, 0, 0, 1), (4, 1, 3, 3, 0, 0, 1)])
+    Channels lie side by side; there is 1 where all are equal, otherwise 3. Both arrays are read-only.
     """
     if not textures:
         return None, None

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.color.srgb import Encoding
-from plenoptic.core.values import choice, set_field, value
+from plenoptic.core.values import Converted, choice, set_field, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.scene.textures.texels import as_texels, check_size, equal_channels
 
@@ -100,19 +100,10 @@ class Texture:
     Lambertian(albedo=Texture(texels=<2 x 2 x 1 float32>))
     """
 
-    texels: NDArray[np.float32]
-    wrap: Wrap | tuple[Wrap, Wrap] = dataclasses.field(default=Wrap.REPEAT, kw_only=True)
-    filter: TextureFilter = dataclasses.field(default=TextureFilter.BILINEAR, kw_only=True)
-
-    if TYPE_CHECKING:
-
-        def __init__(
-            self,
-            texels: ArrayLike,
-            *,
-            wrap: Wrap | tuple[Wrap, Wrap] = Wrap.REPEAT,
-            filter: TextureFilter = TextureFilter.BILINEAR,
-        ) -> None: ...
+    texels: Converted[NDArray[np.float32], ArrayLike]
+    _: dataclasses.KW_ONLY
+    wrap: Wrap | tuple[Wrap, Wrap] = Wrap.REPEAT
+    filter: TextureFilter = TextureFilter.BILINEAR
 
     def __post_init__(self) -> None:
         codes = "Texture.from_image for image codes"
@@ -122,12 +113,7 @@ class Texture:
 
     @property
     def wraps(self) -> tuple[Wrap, Wrap]:
-        """What lies beyond the border along u and along v.
-
-        Examples
-        --------
-        See `Wrap`.
-        """
+        """What lies beyond the border along u and along v; see `Wrap`."""
         return self.wrap if isinstance(self.wrap, tuple) else (self.wrap, self.wrap)
 
     @property
@@ -144,15 +130,10 @@ class Texture:
         return equal_channels(self.texels)
 
     def halved(self) -> Texture:
-        """The texture with half as many rows and columns, rounded down but at least one.
+        """The texture with half as many rows and columns, rounded down but at least one; wrap and filter stay.
 
         Each new texel is the mean of the old ones over its area: of 2 x 2 where sizes are even, of 3 with
         weights along an odd size. So the mean of all texels stays.
-
-        Returns
-        -------
-        Texture
-            With the same wrap and filter.
 
         Examples
         --------

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from plenoptic.scene.files.file_materials import colour_of
-from plenoptic.scene.materials.dielectric import Dielectric
-from plenoptic.scene.materials.thin_dielectric import ThinGlass
+from plenoptic.scene.materials.dielectric import Dielectric, ThinGlass
 from plenoptic.scene.textures.color import Colour, mean_colour
 from plenoptic.scene.textures.texture import Texture
 

@@ -33,12 +33,6 @@ class TexturePlacement(NamedTuple):
 
     `coordinates` is the number of the set of texture coordinates; offset, rotation (radians) and scale are those of
     KHR_texture_transform, in glTF's texture coordinates, v down.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> TexturePlacement(scale=(2.0, 2.0)).uv(np.array([[0.0, 0.0], [0.5, 0.5]])).tolist()
-    [[0.0, 1.0], [1.0, 0.0]]
     """
 
     coordinates: int = 0

@@ -13,7 +13,12 @@ from plenoptic.core.jit import device, kernel
 from plenoptic.core.kernels.vectors import fill_vector, row_vector
 from plenoptic.scene.geometry.record import FRONT, INTERACTION_COLUMNS, METALLIC, ROUGHNESS
 from plenoptic.scene.materials.kernels.conductor import eval_conductor, sample_conductor
-from plenoptic.scene.materials.kernels.dielectric import eval_dielectric, relative_index, sample_dielectric
+from plenoptic.scene.materials.kernels.dielectric import (
+    eval_dielectric,
+    relative_index,
+    sample_dielectric,
+    sample_thin_dielectric,
+)
 from plenoptic.scene.materials.kernels.diffuse import (
     eval_lambertian,
     eval_oren_nayar,
@@ -22,15 +27,14 @@ from plenoptic.scene.materials.kernels.diffuse import (
 )
 from plenoptic.scene.materials.kernels.metallic_roughness import eval_metallic_roughness, sample_metallic_roughness
 from plenoptic.scene.materials.kernels.microfacets import nothing
-from plenoptic.scene.materials.kernels.thin_dielectric import sample_thin_dielectric
-from plenoptic.scene.materials.record import (
+from plenoptic.scene.materials.record import Surface
+from plenoptic.scene.materials.registry import (
     CONDUCTOR,
     DIELECTRIC,
     LAMBERTIAN,
     METALLIC_ROUGHNESS,
     OREN_NAYAR,
     THIN_DIELECTRIC,
-    Surface,
 )
 
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import frozen_array, set_field, value
+from plenoptic.core.values import ArrayField, Converted, frozen_array, set_field, unconverted, value
 from plenoptic.errors import InvalidValueError
+from plenoptic.scene.geometry import moves
 from plenoptic.scene.geometry.mesh import Mesh
 from plenoptic.scene.materials.diffuse import Lambertian
 
@@ -57,22 +57,11 @@ class Target:
     [-6.344, 4.0, -401.042]
     """
 
-    meshes: tuple[Mesh, ...]
-    points: NDArray[np.float64]
-    index: NDArray[np.int64] | None = None
-    frequencies: NDArray[np.float64] | None = None
+    meshes: Converted[tuple[Mesh, ...], Iterable[Mesh]]
+    points: ArrayField
+    index: Converted[NDArray[np.int64] | None, ArrayLike | None] = unconverted(None)
+    frequencies: Converted[NDArray[np.float64] | None, ArrayLike | None] = unconverted(None)
     name: str = ""
-
-    if TYPE_CHECKING:
-
-        def __init__(
-            self,
-            meshes: Iterable[Mesh],
-            points: ArrayLike,
-            index: ArrayLike | None = None,
-            frequencies: ArrayLike | None = None,
-            name: str = "",
-        ) -> None: ...
 
     def __post_init__(self) -> None:
         meshes = tuple(self.meshes) if isinstance(self.meshes, Iterable) else ()
@@ -137,16 +126,7 @@ class Target:
             )
         return dataclasses.replace(moved, frequencies=self.frequencies / scale)
 
-    def translated(self, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Target:
-        """The target shifted by (x, y, z) mm.
-
-        Examples
-        --------
-        >>> import plenoptic as pl
-        >>> pl.targets.slanted_edge(10).translated(z=-404).points[:, 2].tolist()
-        [-404.0, -404.0]
-        """
-        return self._moved(lambda mesh: mesh.translated(x, y, z))
+    translated, rotated_deg = moves.translated, moves.rotated_deg
 
     def rotated(self, axis: ArrayLike, angle: float) -> Target:
         """The target turned about an axis through the origin, as `Mesh.rotated`: radians.
@@ -159,17 +139,6 @@ class Target:
         [-5.0, 5.0]
         """
         return self._moved(lambda mesh: mesh.rotated(axis, angle))
-
-    def rotated_deg(self, axis: ArrayLike, angle_deg: float) -> Target:
-        """As `rotated`, by an angle in degrees.
-
-        Examples
-        --------
-        >>> import plenoptic as pl
-        >>> pl.targets.slanted_edge(10, angle_deg=0).rotated_deg((0, 0, 1), 90).points[:, 0].round(9).tolist()
-        [-5.0, 5.0]
-        """
-        return self._moved(lambda mesh: mesh.rotated_deg(axis, angle_deg))
 
     def _moved(self, move: Callable[[Mesh], Mesh]) -> Target:
         # Points ride on a mesh of their own, so that they move exactly as vertices do; its triangle is beside them.
