@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from plenoptic.core.values import ArrayField, finite, frozen_array, positive, set_field, unconverted, value
 from plenoptic.errors import InvalidValueError
@@ -79,3 +81,9 @@ class View:
             set_field(self, "vertical_field_of_view", angle)
         if self.aspect_ratio is not None:
             set_field(self, "aspect_ratio", positive(self.aspect_ratio, "aspect_ratio"))
+
+    def moved(self, matrix: NDArray[np.float64]) -> View:
+        """The view from where a (4, 4) similarity puts it."""
+        turn, shift = matrix[:3, :3], matrix[:3, 3]
+        position, look_at = turn @ self.position + shift, turn @ self.look_at + shift
+        return dataclasses.replace(self, position=position, look_at=look_at, up=turn @ self.up)

@@ -17,7 +17,7 @@ from plenoptic.scene.file_cameras import View
 from plenoptic.scene.files.load import load_file
 from plenoptic.scene.geometry.instance import Instances
 from plenoptic.scene.geometry.mesh import Mesh
-from plenoptic.scene.geometry.transform import placed_environment, placed_view, similarity
+from plenoptic.scene.geometry.moves import similarity
 from plenoptic.scene.lights.environment import Background, ConstantBackground, EnvironmentMap
 from plenoptic.scene.lights.registry import LIGHTS, AreaLight, Light
 from plenoptic.scene.materials.registry import Material
@@ -205,8 +205,8 @@ class Scene:
         return Scene(
             meshes,
             tuple(light.moved(full, scale) for light in self.lights),
-            placed_environment(world, full, scale) if isinstance(world, EnvironmentMap) else world,
-            tuple(placed_view(view, full) for view in self.views),
+            world.moved(full, scale) if isinstance(world, EnvironmentMap) else world,
+            tuple(view.moved(full) for view in self.views),
         )
 
     def with_lights(self, lights: Iterable[Light]) -> Scene:

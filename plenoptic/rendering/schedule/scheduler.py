@@ -33,7 +33,7 @@ from plenoptic.rendering.settings import RenderSettings
 from plenoptic.rendering.stats import RenderStats, StopReason
 from plenoptic.rendering.tile import Tile, TileResult, batch_of, render_tile, status_codes
 from plenoptic.rendering.tiling import cut_into_tiles
-from plenoptic.scene.lights.brightness import brightest_radiance
+from plenoptic.scene.compile import brightest_radiance
 from plenoptic.scene.scene import Scene
 from plenoptic.truth.arrays import available_truth, empty_truth, forget_truth
 from plenoptic.truth.channels import GroundTruth, Truth

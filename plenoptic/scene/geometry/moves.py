@@ -1,15 +1,18 @@
-"""Methods of all that can be moved: what follows from `transformed` and `rotated`."""
+"""Moves in space: methods that follow from `transformed` and `rotated`, and what a whole scene may undergo."""
 
 from __future__ import annotations
 
-from math import radians
+import math
 from typing import Protocol, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.rotation import rotation_about
-from plenoptic.core.values import finite, positive
+from plenoptic.core.values import finite, frozen_array, positive
+from plenoptic.errors import SceneError
+
+_ROUNDING = 1e-9
 
 
 class Movable(Protocol):
@@ -80,7 +83,7 @@ def rotated_deg(self: T, axis: ArrayLike, angle_deg: float) -> T:
     >>> pl.box((4, 2, 1)).rotated_deg((0, 0, 1), 90).bounds[1].round(12).tolist()
     [1.0, 2.0, 0.5]
     """
-    return self.rotated(axis, radians(finite(angle_deg, "angle_deg")))
+    return self.rotated(axis, math.radians(finite(angle_deg, "angle_deg")))
 
 
 def scaled(self: M, factor: float) -> M:
@@ -93,3 +96,21 @@ def scaled(self: M, factor: float) -> M:
     [0.5, 0.5, 0.5]
     """
     return self.transformed(np.diag([*3 * (positive(factor, "factor"),), 1.0]))
+
+
+def similarity(matrix: ArrayLike) -> tuple[NDArray[np.float64], float]:
+    """(4, 4) matrix and its scale, where it turns, shifts and scales equally in all directions; an error otherwise."""
+    full = frozen_array(matrix, name="matrix", shape=(4, 4))
+    linear = full[:3, :3]
+    scale = float(np.linalg.norm(linear)) / math.sqrt(3)
+    even = np.isfinite(full).all() and scale > 0 and full[3].tolist() == [0.0, 0.0, 0.0, 1.0]
+    if not even or np.abs(linear @ linear.T - scale**2 * np.eye(3)).max() > _ROUNDING * scale**2:
+        raise SceneError(
+            f"matrix is {full.tolist()}; for a scene with lights or views it must turn, shift and scale equally in all "
+            "directions, so that light stays what it is"
+        )
+    if np.linalg.det(linear) < 0:
+        raise SceneError(
+            f"matrix {linear.tolist()} mirrors; a scene with lights or views can be turned and scaled only"
+        )
+    return full, scale

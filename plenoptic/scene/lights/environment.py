@@ -14,7 +14,7 @@ from plenoptic.core.values import Converted, frozen_array, set_field, unconverte
 from plenoptic.errors import FileError, InvalidValueError, SceneError
 from plenoptic.scene.geometry import moves
 from plenoptic.scene.textures.color import Colour, as_colour
-from plenoptic.scene.textures.texels import as_texels, equal_channels
+from plenoptic.scene.textures.texture import as_texels, equal_channels
 
 MAX_TEXELS = 2**27
 """The most texels that an environment may have: 16384 columns x 8192 rows; in colour its tables then take 3.5 GiB."""
@@ -171,6 +171,13 @@ class EnvironmentMap:
         return dataclasses.replace(self, rotation=matrix if self.rotation is None else matrix @ self.rotation)
 
     rotated_deg = moves.rotated_deg
+
+    def moved(self, matrix: NDArray[np.float64], scale: float) -> EnvironmentMap:
+        """The environment turned by a (4, 4) similarity of that scale."""
+        # Rotations must be orthonormal to rounding, which a scaled one need not be.
+        u, _, v = np.linalg.svd(matrix[:3, :3] / scale)
+        turned = u @ v
+        return dataclasses.replace(self, rotation=turned if self.rotation is None else turned @ self.rotation)
 
     def radiance(self, directions: ArrayLike) -> NDArray[np.float64]:
         """Radiance that comes from directions, (n, 1 or 3).

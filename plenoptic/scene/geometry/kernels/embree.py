@@ -42,33 +42,22 @@ The first row is that of the only level here."""
 _EDGE = np.float32(2.0**-11)
 """Barycentric coordinates below this are near an edge: far above their rounding errors, and one ray in 400."""
 
+_POINTER, _INT, _UINT, _SIZE = ctypes.c_void_p, ctypes.c_int, ctypes.c_uint, ctypes.c_size_t
 _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
-    "rtcNewDevice": (ctypes.c_void_p, (ctypes.c_char_p,)),
-    "rtcReleaseDevice": (None, (ctypes.c_void_p,)),
-    "rtcGetDeviceError": (ctypes.c_int, (ctypes.c_void_p,)),
-    "rtcNewScene": (ctypes.c_void_p, (ctypes.c_void_p,)),
-    "rtcReleaseScene": (None, (ctypes.c_void_p,)),
-    "rtcSetSceneFlags": (None, (ctypes.c_void_p, ctypes.c_int)),
-    "rtcCommitScene": (None, (ctypes.c_void_p,)),
-    "rtcNewGeometry": (ctypes.c_void_p, (ctypes.c_void_p, ctypes.c_int)),
-    "rtcReleaseGeometry": (None, (ctypes.c_void_p,)),
-    "rtcSetSharedGeometryBuffer": (
-        None,
-        (
-            ctypes.c_void_p,
-            ctypes.c_int,
-            ctypes.c_uint,
-            ctypes.c_int,
-            ctypes.c_void_p,
-            ctypes.c_size_t,
-            ctypes.c_size_t,
-            ctypes.c_size_t,
-        ),
-    ),
-    "rtcCommitGeometry": (None, (ctypes.c_void_p,)),
-    "rtcAttachGeometryByID": (None, (ctypes.c_void_p, ctypes.c_void_p, ctypes.c_uint)),
-    "rtcSetGeometryInstancedScene": (None, (ctypes.c_void_p, ctypes.c_void_p)),
-    "rtcSetGeometryTransform": (None, (ctypes.c_void_p, ctypes.c_uint, ctypes.c_int, ctypes.c_void_p)),
+    "rtcNewDevice": (_POINTER, (ctypes.c_char_p,)),
+    "rtcReleaseDevice": (None, (_POINTER,)),
+    "rtcGetDeviceError": (_INT, (_POINTER,)),
+    "rtcNewScene": (_POINTER, (_POINTER,)),
+    "rtcReleaseScene": (None, (_POINTER,)),
+    "rtcSetSceneFlags": (None, (_POINTER, _INT)),
+    "rtcCommitScene": (None, (_POINTER,)),
+    "rtcNewGeometry": (_POINTER, (_POINTER, _INT)),
+    "rtcReleaseGeometry": (None, (_POINTER,)),
+    "rtcSetSharedGeometryBuffer": (None, (_POINTER, _INT, _UINT, _INT, _POINTER, _SIZE, _SIZE, _SIZE)),
+    "rtcCommitGeometry": (None, (_POINTER,)),
+    "rtcAttachGeometryByID": (None, (_POINTER, _POINTER, _UINT)),
+    "rtcSetGeometryInstancedScene": (None, (_POINTER, _POINTER)),
+    "rtcSetGeometryTransform": (None, (_POINTER, _UINT, _INT, _POINTER)),
 }
 
 

@@ -8,10 +8,28 @@ from __future__ import annotations
 import math
 
 from plenoptic.core.jit import device
-from plenoptic.scene.lights.kernels.sample_cdf import sample_cdf
 
 INSIDE = 2.0**-30
 """Drawn directions keep this part of a texel's extent off its borders, so that rounding leaves them in it."""
+
+
+@device
+def sample_cdf(cdf, u):
+    """Index of the entry of a cumulative distribution that holds u, and u stretched to [0, 1) within it."""
+    return _bisect(cdf, u, 0, cdf.size - 1)
+
+
+@device
+def _bisect(cdf, u, low, high):
+    """As `sample_cdf`, where the entry is known to lie within low and high."""
+    while low < high:
+        middle = (low + high) // 2
+        if cdf[middle] > u:
+            high = middle
+        else:
+            low = middle + 1
+    before = cdf[low - 1] if low > 0 else 0.0
+    return low, min(max((u - before) / (cdf[low] - before), 0.0), 1.0)
 
 
 @device
@@ -36,14 +54,7 @@ def sample_long_cdf(cdf, u):
             low += step + 1
             step *= 4
         high = min(low + step, last)
-    while low < high:
-        middle = (low + high) // 2
-        if cdf[middle] > u:
-            high = middle
-        else:
-            low = middle + 1
-    before = cdf[low - 1] if low > 0 else 0.0
-    return low, min(max((u - before) / (cdf[low] - before), 0.0), 1.0)
+    return _bisect(cdf, u, low, high)
 
 
 @device

@@ -7,10 +7,10 @@ import numpy as np
 from plenoptic.core.jit import device, kernel
 from plenoptic.core.kernels.sobol import mix
 from plenoptic.core.kernels.vectors import add, dot, fill_vector, row_vector, scale, vector
-from plenoptic.scene.geometry.kernels.instances import instance_distance
 from plenoptic.scene.geometry.kernels.intersect import (
     SHADOW_END,
     corners,
+    instance_distance,
     interpolate_uv,
     intersect_triangle,
     ray_offset,

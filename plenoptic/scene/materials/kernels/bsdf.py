@@ -90,24 +90,22 @@ def sample(f, surface, o, u, metal_index, coupling, basis):
 
 
 @device
-def _only_surface(kind, roughness, metallic, glass_index, pane_index, extra_shares, front):
+def _only_surface(bsdf, front):
     """The only material of a record."""
-    if kind is None:
+    if bsdf.kind is None:
         return Surface(None, 0.0, 0.0, None, None, None, 0, 0)
-    rough = 0.0 if roughness is None else roughness[0]
-    metal = 0.0 if metallic is None else metallic[0]
-    eta = None if glass_index is None else relative_index(glass_index, 0, front)
-    pane = None if pane_index is None else pane_index[0]
-    extra = None if extra_shares is None else extra_shares[0]
-    return Surface(kind[0], rough, metal, eta, pane, extra, 0, 0)
+    roughness = 0.0 if bsdf.roughness is None else bsdf.roughness[0]
+    metallic = 0.0 if bsdf.metallic is None else bsdf.metallic[0]
+    eta = None if bsdf.glass_index is None else relative_index(bsdf.glass_index, 0, front)
+    pane = None if bsdf.pane_index is None else bsdf.pane_index[0]
+    extra = None if bsdf.extra_shares is None else bsdf.extra_shares[0]
+    return Surface(bsdf.kind[0], roughness, metallic, eta, pane, extra, 0, 0)
 
 
 @kernel
 def fill_evaluated(values, pdf, to_viewer, to_light, front, bsdf):
     """F |cos| and density of pairs of directions in the frame of the surface of the only material of a record."""
-    surface = _only_surface(
-        bsdf.kind, bsdf.roughness, bsdf.metallic, bsdf.glass_index, bsdf.pane_index, bsdf.extra_shares, front
-    )
+    surface = _only_surface(bsdf, front)
     for i in range(pdf.size):
         values[i] = bsdf.base_color[0]
         light = row_vector(to_light, i, 0)
@@ -121,20 +119,11 @@ def fill_evaluated(values, pdf, to_viewer, to_light, front, bsdf):
 @kernel
 def fill_sampled(directions, weights, pdf, to_viewer, points, front, bsdf):
     """Directions drawn for each viewer by three numbers, their weights and densities."""
-    surface = _only_surface(
-        bsdf.kind, bsdf.roughness, bsdf.metallic, bsdf.glass_index, bsdf.pane_index, bsdf.extra_shares, front
-    )
+    surface = _only_surface(bsdf, front)
     for i in range(pdf.size):
         weights[i] = bsdf.base_color[0]
-        direction, density, spread = sample(
-            weights[i],
-            surface,
-            row_vector(to_viewer, i, 0),
-            row_vector(points, i, 0),
-            bsdf.metal_index,
-            bsdf.coupling,
-            None,
-        )
+        viewer, point = row_vector(to_viewer, i, 0), row_vector(points, i, 0)
+        direction, density, spread = sample(weights[i], surface, viewer, point, bsdf.metal_index, bsdf.coupling, None)
         fill_vector(directions, i, 0, direction)
         pdf[i] = np.inf if density < 0.0 else density
         for c in range(weights.shape[1]):
