@@ -6,9 +6,8 @@ import dataclasses
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from plenoptic.core.values import ArrayField, finite, frozen_array, positive, set_field, unconverted, value
+from plenoptic.core.values import ArrayField, Floats, finite, frozen_array, positive, set_field, unconverted, value
 from plenoptic.errors import InvalidValueError
 
 
@@ -82,7 +81,7 @@ class View:
         if self.aspect_ratio is not None:
             set_field(self, "aspect_ratio", positive(self.aspect_ratio, "aspect_ratio"))
 
-    def moved(self, matrix: NDArray[np.float64]) -> View:
+    def moved(self, matrix: Floats) -> View:
         """The view from where a (4, 4) similarity puts it."""
         turn, shift = matrix[:3, :3], matrix[:3, 3]
         position, look_at = turn @ self.position + shift, turn @ self.look_at + shift

@@ -6,9 +6,9 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from plenoptic.core.values import ArrayField, check_kind, frozen_array, set_field, value
+from plenoptic.core.values import ArrayField, Floats, check_kind, frozen_array, set_field, value
 from plenoptic.errors import SceneError
 from plenoptic.scene.geometry import moves
 from plenoptic.scene.geometry.mesh import MAX_COORDINATE, Mesh, affine_determinants
@@ -75,7 +75,7 @@ class Instances:
         return f"Instances({len(self)} of {self.mesh!r})"
 
     @property
-    def bounds(self) -> NDArray[np.float64]:
+    def bounds(self) -> Floats:
         """(2, 3), mm: the lowest and the highest corner of all triangles in the world.
 
         Examples
@@ -146,7 +146,7 @@ def instance_record(instances: Sequence[Instances], first: Sequence[int]) -> Ins
     return record
 
 
-def _farthest(points: NDArray[np.float64], rows: NDArray[np.float64]) -> float:
+def _farthest(points: Floats, rows: Floats) -> float:
     """Largest coordinate of any point (n, 3) in any place, given the row (m, 4) of each place's matrix for it.
 
     Places are tried in the order of the most that a box and a sphere around the points allow, until none can be

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import ArrayField, Converted, frozen_array, set_field, unconverted, value
+from plenoptic.core.values import ArrayField, Converted, Floats, frozen_array, set_field, unconverted, value
 from plenoptic.errors import InvalidValueError, SceneError
 from plenoptic.scene.geometry import moves
 from plenoptic.scene.materials.diffuse import Lambertian
@@ -58,8 +58,8 @@ class Mesh:
     vertices: ArrayField
     faces: Converted[NDArray[np.int32], ArrayLike]
     material: Material = Lambertian()
-    normals: Converted[NDArray[np.float64] | None, ArrayLike | None] = unconverted(None)
-    uv: Converted[NDArray[np.float64] | None, ArrayLike | None] = unconverted(None)
+    normals: Converted[Floats | None, ArrayLike | None] = unconverted(None)
+    uv: Converted[Floats | None, ArrayLike | None] = unconverted(None)
     name: str = ""
 
     def __post_init__(self) -> None:
@@ -92,7 +92,7 @@ class Mesh:
         return f"Mesh({name}{len(self.vertices)} vertices, {triangles}, {self.material!r})"
 
     @property
-    def bounds(self) -> NDArray[np.float64]:
+    def bounds(self) -> Floats:
         """(2, 3), mm: the lowest and the highest corner of its triangles.
 
         Examples
@@ -154,7 +154,7 @@ class Mesh:
         return dataclasses.replace(self, material=material)
 
 
-def affine_determinants(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
+def affine_determinants(matrices: Floats) -> Floats:
     """(n,): determinants of the 3 x 3 parts of matrices (n, 4, 4), which must be affine and not flatten."""
     with np.errstate(all="ignore"):
         determinants = np.asarray(np.linalg.det(matrices[:, :3, :3]))
@@ -186,14 +186,14 @@ def _faces(faces: ArrayLike, count: int) -> NDArray[np.int32]:
     return frozen_array(given, name="faces", shape=(None, 3), dtype=np.int32)
 
 
-def _check_range(array: NDArray[np.float64], name: str, remedy: str) -> None:
+def _check_range(array: Floats, name: str, remedy: str) -> None:
     # min and max hand NaN on, so this sees everything without temporaries.
     low, high = float(array.min()), float(array.max())
     if not (low >= -MAX_COORDINATE and high <= MAX_COORDINATE):
         raise SceneError(f"{name} lie within {low:g} and {high:g}; they must be finite and within +-1e15: {remedy}")
 
 
-def has_area(vertices: NDArray[np.float64], faces: NDArray[np.int32], block: int = 1 << 16) -> bool:
+def has_area(vertices: Floats, faces: NDArray[np.int32], block: int = 1 << 16) -> bool:
     """Whether any triangle has an area; ends at the first block that has."""
     for start in range(0, len(faces), block):
         a, b, c = (vertices[faces[start : start + block, k]] for k in range(3))
@@ -202,7 +202,7 @@ def has_area(vertices: NDArray[np.float64], faces: NDArray[np.int32], block: int
     return False
 
 
-def _unit_rows(normals: NDArray[np.float64]) -> NDArray[np.float64]:
+def _unit_rows(normals: Floats) -> Floats:
     """Rows at unit length; those that are to rounding, and zeros, keep their bits."""
     largest = np.abs(normals).max(axis=1, keepdims=True)
     # The largest component first, so that squares of tiny ones do not vanish.

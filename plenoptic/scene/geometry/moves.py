@@ -6,10 +6,10 @@ import math
 from typing import Protocol, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from plenoptic.core.rotation import rotation_about
-from plenoptic.core.values import finite, frozen_array, positive
+from plenoptic.core.values import Floats, finite, frozen_array, positive
 from plenoptic.errors import SceneError
 
 _ROUNDING = 1e-9
@@ -98,7 +98,7 @@ def scaled(self: M, factor: float) -> M:
     return self.transformed(np.diag([*3 * (positive(factor, "factor"),), 1.0]))
 
 
-def similarity(matrix: ArrayLike) -> tuple[NDArray[np.float64], float]:
+def similarity(matrix: ArrayLike) -> tuple[Floats, float]:
     """(4, 4) matrix and its scale, where it turns, shifts and scales equally in all directions; an error otherwise."""
     full = frozen_array(matrix, name="matrix", shape=(4, 4))
     linear = full[:3, :3]

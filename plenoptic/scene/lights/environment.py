@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.rotation import rotation_about
-from plenoptic.core.values import Converted, frozen_array, set_field, unconverted, value
+from plenoptic.core.values import Converted, Floats, frozen_array, set_field, unconverted, value
 from plenoptic.errors import FileError, InvalidValueError, SceneError
 from plenoptic.scene.geometry import moves
 from plenoptic.scene.textures.color import Colour, as_colour
@@ -90,7 +90,7 @@ class EnvironmentMap:
     """
 
     texels: Converted[NDArray[np.float32], ArrayLike]
-    rotation: Converted[NDArray[np.float64] | None, ArrayLike | None] = unconverted(None)
+    rotation: Converted[Floats | None, ArrayLike | None] = unconverted(None)
 
     def __post_init__(self) -> None:
         codes = "EnvironmentMap.load for image files"
@@ -172,14 +172,14 @@ class EnvironmentMap:
 
     rotated_deg = moves.rotated_deg
 
-    def moved(self, matrix: NDArray[np.float64], scale: float) -> EnvironmentMap:
+    def moved(self, matrix: Floats, scale: float) -> EnvironmentMap:
         """The environment turned by a (4, 4) similarity of that scale."""
         # Rotations must be orthonormal to rounding, which a scaled one need not be.
         u, _, v = np.linalg.svd(matrix[:3, :3] / scale)
         turned = u @ v
         return dataclasses.replace(self, rotation=turned if self.rotation is None else turned @ self.rotation)
 
-    def radiance(self, directions: ArrayLike) -> NDArray[np.float64]:
+    def radiance(self, directions: ArrayLike) -> Floats:
         """Radiance that comes from directions, (n, 1 or 3).
 
         Parameters
@@ -217,7 +217,7 @@ class EnvironmentMap:
 Background: TypeAlias = ConstantBackground | EnvironmentMap
 
 
-def _rotation(rotation: ArrayLike) -> NDArray[np.float64] | None:
+def _rotation(rotation: ArrayLike) -> Floats | None:
     """(3, 3), read-only; None where it turns nothing."""
     matrix = frozen_array(rotation, name="rotation", shape=(3, 3))
     with np.errstate(all="ignore"):

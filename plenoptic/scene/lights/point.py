@@ -5,10 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
-from plenoptic.core.values import ArrayField, set_field, value
+from plenoptic.core.values import ArrayField, Floats, set_field, value
 from plenoptic.scene.lights.fields import PointRow, channel_mean, place_in_mm, times
 from plenoptic.scene.textures.color import Colour, as_colour
 
@@ -62,7 +59,7 @@ class PointLight:
         """
         return 4 * math.pi * channel_mean(self.intensity)
 
-    def moved(self, matrix: NDArray[np.float64], scale: float) -> PointLight:
+    def moved(self, matrix: Floats, scale: float) -> PointLight:
         """The light where a (4, 4) similarity of that scale puts it; irradiances stay, so it grows by scale^2."""
         position = matrix[:3, :3] @ self.position + matrix[:3, 3]
         return dataclasses.replace(self, position=position, intensity=times(self.intensity, scale**2))

@@ -5,9 +5,9 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from plenoptic.core.values import ArrayField, flag, positive, set_field, value
+from plenoptic.core.values import ArrayField, Floats, flag, positive, set_field, value
 from plenoptic.errors import SceneError
 from plenoptic.scene.geometry.mesh import Mesh
 from plenoptic.scene.lights.fields import channel_mean, direction_towards, place_in_mm
@@ -113,7 +113,7 @@ class QuadLight:
         return cls(middle, u * positive(width, "width", "mm"), edge_v, radiance, two_sided)
 
     @property
-    def normal(self) -> NDArray[np.float64]:
+    def normal(self) -> Floats:
         """(3,), unit length: the direction in which the light emits.
 
         Examples
@@ -150,7 +150,7 @@ class QuadLight:
         """
         return np.pi * self.area * (1 + self.two_sided) * channel_mean(self.radiance)
 
-    def moved(self, matrix: NDArray[np.float64], scale: float) -> QuadLight:
+    def moved(self, matrix: Floats, scale: float) -> QuadLight:
         """The light where a (4, 4) similarity of that scale puts it; its radiance stays."""
         turn = matrix[:3, :3]
         center = turn @ self.center + matrix[:3, 3]

@@ -6,9 +6,8 @@ import dataclasses
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from plenoptic.core.values import ArrayField, finite, set_field, value
+from plenoptic.core.values import ArrayField, Floats, finite, set_field, value
 from plenoptic.errors import InvalidValueError, SceneError
 from plenoptic.scene.lights.fields import unit_vector
 from plenoptic.scene.textures.color import Colour, as_colour
@@ -126,7 +125,7 @@ class SunLight:
         red, green, blue = self.irradiance
         return red / projected, green / projected, blue / projected
 
-    def moved(self, matrix: NDArray[np.float64], scale: float) -> SunLight:
+    def moved(self, matrix: Floats, scale: float) -> SunLight:
         """The light turned by a (4, 4) similarity; its irradiance stays."""
         return dataclasses.replace(self, direction=matrix[:3, :3] @ self.direction)
 

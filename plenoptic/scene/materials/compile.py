@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from plenoptic.core.values import contiguous
+from plenoptic.core.values import Floats, contiguous
 from plenoptic.scene.materials.record import EXTRA_SHARES, SHARES, Alpha, Bsdf, MaterialRow
 from plenoptic.scene.materials.registry import CONDUCTOR, DIELECTRIC, LAMBERTIAN, MATERIALS, THIN_DIELECTRIC, Material
 from plenoptic.scene.textures.color import Colour
@@ -50,13 +49,13 @@ def alpha_record(rows: Sequence[MaterialRow], texture: TextureColumn | None) -> 
     return Alpha(opacity, contiguous(cutoff), texture)
 
 
-def color_rows(colors: Sequence[Colour], channels: int) -> NDArray[np.float64]:
+def color_rows(colors: Sequence[Colour], channels: int) -> Floats:
     """(n, C), read-only: grey scenes keep the one value that all channels share."""
     rows = np.array([np.broadcast_to(c, 3) for c in colors], dtype=np.float64).reshape(-1, 3)
     return contiguous(rows[:, :channels])
 
 
-def _shares(shares: Sequence[float | Texture | None]) -> NDArray[np.float64] | None:
+def _shares(shares: Sequence[float | Texture | None]) -> Floats | None:
     """As numbers: 0 where a texture gives one, or a material has none; None where all have none."""
     if all(share is None for share in shares):
         return None

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import ArrayField, Converted, frozen_array, set_field, unconverted, value
+from plenoptic.core.values import ArrayField, Converted, Floats, frozen_array, set_field, unconverted, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.scene.geometry import moves
 from plenoptic.scene.geometry.mesh import Mesh
@@ -60,7 +60,7 @@ class Target:
     meshes: Converted[tuple[Mesh, ...], Iterable[Mesh]]
     points: ArrayField
     index: Converted[NDArray[np.int64] | None, ArrayLike | None] = unconverted(None)
-    frequencies: Converted[NDArray[np.float64] | None, ArrayLike | None] = unconverted(None)
+    frequencies: Converted[Floats | None, ArrayLike | None] = unconverted(None)
     name: str = ""
 
     def __post_init__(self) -> None:
