@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,8 +26,6 @@ from plenoptic.scene.textures.atlas import atlas
 from plenoptic.scene.textures.color import is_grey, mean_colour
 from plenoptic.scene.textures.record import TextureColumn, Textures
 from plenoptic.scene.textures.texture import Texture
-
-A = TypeVar("A", bound=np.generic)
 
 _FIELDS = {"extra_shares": EXTRA_SHARES}
 """What members of `Textures` gather several fields of rows."""
@@ -79,11 +77,11 @@ def build_record(
     geometry = None
     if parts:
         geometry = geometry_record(
-            _joined([part.vertices for part in parts]),
+            contiguous(np.concatenate([part.vertices for part in parts])),
             _triangles(parts),
             contiguous(np.repeat(np.array(mesh_material, dtype=np.int32), counts)),
-            uv=_per_vertex(parts, [part.uv for part in parts], 2) if columns.any else None,
-            normals=_per_vertex(parts, [part.normals for part in parts], 3),
+            uv=_per_vertex(parts, "uv", 2) if columns.any else None,
+            normals=_per_vertex(parts, "normals", 3),
             instances=instances,
         )
     bsdf = bsdf_record(list(index), channels)
@@ -96,13 +94,13 @@ def build_record(
         exitance = (radiance / (2 * channels)).sum(axis=1) * (1 + two_sided)
         emitters = Emitters(geometry, exitance, instances)
     boxes = [mesh.bounds for mesh in (*meshes, *shapes)]
-    lamps = [light.position for light in lights if isinstance(light, PositionalLight)]
-    compiled = lights_record(
-        lights, emitters, _sky(background, channels), _around(boxes, lamps), channels, drawn=bsdf is not None
+    boxes += [np.stack([light.position] * 2) for light in lights if isinstance(light, PositionalLight)]
+    found, pdf = lights_record(
+        lights, emitters, _sky(background, channels), box_around(boxes), channels, drawn=bsdf is not None
     )
     emission = None
     if emitters is not None:
-        emission = Emission(radiance, contiguous(two_sided), compiled.pdf, columns.column("emission"))
+        emission = Emission(radiance, contiguous(two_sided), pdf, columns.column("emission"))
     return SceneRecord(
         channels=channels,
         geometry=geometry,
@@ -113,7 +111,7 @@ def build_record(
         absorption=absorption if np.any(absorption) else None,
         alpha=alpha_record(rows, columns.column("opacity")),
         emission=emission,
-        lights=compiled.lights,
+        lights=found,
     )
 
 
@@ -196,28 +194,23 @@ def _all_grey(lights: Sequence[Light], background: Background | None) -> bool:
     return all(is_grey(colour) for colour in (*world, *fields) if isinstance(colour, tuple))
 
 
-def _around(boxes: Sequence[Floats], points: Sequence[Floats]) -> Floats | None:
-    """(2, 3): lowest and highest corner of boxes and points together."""
-    corners = [*boxes, *(np.stack([point, point]) for point in points)]
-    if not corners:
-        return None
-    return np.array([np.min(corners, axis=0)[0], np.max(corners, axis=0)[1]])
-
-
-def _joined(parts: Sequence[NDArray[A]]) -> NDArray[A]:
-    return contiguous(np.concatenate(parts))
+def box_around(boxes: Sequence[Floats]) -> Floats | None:
+    """(2, 3): lowest and highest corner of boxes (2, 3) together; None where there is none."""
+    return np.array([np.min(boxes, axis=0)[0], np.max(boxes, axis=0)[1]]) if boxes else None
 
 
 def _triangles(meshes: Sequence[Mesh]) -> NDArray[np.int32]:
     starts = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes])
     if starts[-1] > np.iinfo(np.int32).max:
         raise SceneError(f"the scene has {starts[-1]} vertices; it must have fewer than 2^31, so split or simplify it")
-    return _joined([mesh.faces + np.int32(start) for mesh, start in zip(meshes, starts[:-1], strict=True)])
+    faces = [mesh.faces + np.int32(start) for mesh, start in zip(meshes, starts[:-1], strict=True)]
+    return contiguous(np.concatenate(faces))
 
 
-def _per_vertex(meshes: Sequence[Mesh], parts: Sequence[Floats | None], width: int) -> Floats | None:
-    """The parts one below the other, with rows of zeros for absent ones; None where all are absent."""
+def _per_vertex(meshes: Sequence[Mesh], name: str, width: int) -> Floats | None:
+    """The arrays of that name one below the other, with rows of zeros for absent ones; None where all are absent."""
+    parts = [getattr(mesh, name) for mesh in meshes]
     if all(part is None for part in parts):
         return None
     filled = [np.zeros((len(m.vertices), width)) if p is None else p for m, p in zip(meshes, parts, strict=True)]
-    return _joined(filled)
+    return contiguous(np.concatenate(filled))

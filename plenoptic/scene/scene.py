@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from plenoptic.core.values import Converted, Floats, set_field, unconverted, value
 from plenoptic.errors import InvalidValueError, SceneError
-from plenoptic.scene.compile import SceneRecord, build_record
+from plenoptic.scene.compile import SceneRecord, box_around, build_record
 from plenoptic.scene.file_cameras import View
 from plenoptic.scene.files.load import load_file
 from plenoptic.scene.geometry.instance import Instances
@@ -77,22 +77,20 @@ class Scene:
             raise SceneError("the scene has no mesh, no light and no background; give it at least one of them")
 
     def __repr__(self) -> str:
-        plain = [mesh for mesh in self.meshes if isinstance(mesh, Mesh)]
-        repeated = [mesh for mesh in self.meshes if isinstance(mesh, Instances)]
-        triangles = sum(len(mesh.faces) for mesh in (*plain, *(instances.mesh for instances in repeated)))
-        parts = [f"{_count(len(self.meshes), 'mesh', 'meshes')}, {_count(triangles, 'triangle', 'triangles')}"]
-        if not self.meshes:
-            parts = ["no meshes"]
-        if repeated:
-            parts.append(_count(sum(map(len, repeated)), "instance", "instances"))
-        if self.lights:
-            parts.append(_count(len(self.lights), "light", "lights"))
-        if self.background is not None:
-            constant = isinstance(self.background, ConstantBackground)
-            parts.append(f"background {self.background.radiance}" if constant else repr(self.background))
-        if self.views:
-            parts.append(_count(len(self.views), "view", "views"))
-        return f"Scene({', '.join(parts)})"
+        triangles = sum(len(part.mesh.faces if isinstance(part, Instances) else part.faces) for part in self.meshes)
+        instances = sum(len(part) for part in self.meshes if isinstance(part, Instances))
+        world = "" if self.background is None else repr(self.background)
+        if isinstance(self.background, ConstantBackground):
+            world = f"background {self.background.radiance}"
+        shown = [
+            _count(len(self.meshes), "mesh", "meshes") or "no meshes",
+            _count(triangles, "triangle", "triangles"),
+            _count(instances, "instance", "instances"),
+            _count(len(self.lights), "light", "lights"),
+            world,
+            _count(len(self.views), "view", "views"),
+        ]
+        return f"Scene({', '.join(part for part in shown if part)})"
 
     @classmethod
     def load(
@@ -136,10 +134,7 @@ class Scene:
         [[-200.0, -200.0, -404.0], [200.0, 200.0, -404.0]]
         """
         shapes = [light.mesh() for light in self.lights if isinstance(light, AreaLight)]
-        boxes = [mesh.bounds for mesh in (*self.meshes, *shapes)]
-        if not boxes:
-            return None
-        return np.array([np.min(boxes, axis=0)[0], np.max(boxes, axis=0)[1]])
+        return box_around([mesh.bounds for mesh in (*self.meshes, *shapes)])
 
     def merged(self, other: Scene) -> Scene:
         """This scene and another one in the same frame, together.
@@ -247,4 +242,4 @@ def _tuple_of(items: Any, kinds: type | tuple[type, ...], name: str) -> tuple[An
 
 
 def _count(number: int, one: str, many: str) -> str:
-    return f"{number} {one if number == 1 else many}"
+    return f"{number} {one if number == 1 else many}" if number else ""

@@ -42,20 +42,13 @@ class Emitters(NamedTuple):
     instances: InstanceRecord | None
 
 
-class CompiledLights(NamedTuple):
-    """Lights, and the probability per area with which triangles of materials are drawn."""
-
-    lights: Lights
-    pdf: Floats | None
-    """(nm,), 1/mm^2. None where no triangle is drawn."""
-
-
 def lights_record(
     lights: Sequence[Light], emitters: Emitters | None, sky: Sky, bounds: Floats | None, channels: int, *, drawn: bool
-) -> CompiledLights:
-    """Compile lights. `drawn` says whether anything reflects: otherwise they are only seen.
+) -> tuple[Lights, Floats | None]:
+    """Compile lights, and (nm,), 1/mm^2, with which probability triangles of materials are drawn; None where none is.
 
-    `sky` has background and environment; its suns are added.
+    `drawn` says whether anything reflects: otherwise lights are only seen. `sky` has background and environment; its
+    suns are added.
     """
     points = [light for light in lights if drawn and isinstance(light, PositionalLight)]
     suns = [light for light in lights if isinstance(light, DistantLight)]
@@ -64,7 +57,10 @@ def lights_record(
     diameter = float(np.linalg.norm(extent[1] - extent[0]))
     disc = math.pi * max(diameter / 2, 1e-9) ** 2
     # Powers relative to the brightest, so that no radiance overflows.
-    unit = _brightest(emitters, points, suns, environment)
+    found = [light.power for light in points] + [channel_mean(light.irradiance) for light in suns]
+    found += [] if emitters is None else [float(emitters.exitance.max())]
+    found += [] if environment is None else [environment.total]
+    unit = max(found, default=0.0) or 1.0
     near_rows, near_instances, near_power, area_power = _triangle_powers(emitters if drawn else None, unit)
     point_power = np.array([light.power / unit for light in points])
     sun_power = np.array([disc * (channel_mean(light.irradiance) / unit) for light in suns if drawn])
@@ -97,21 +93,7 @@ def lights_record(
         ),
         far=2 * diameter + 1.0,
     )
-    return CompiledLights(record, contiguous(area_power * per_near) if cdf is not None and near_power.size else None)
-
-
-def _brightest(
-    emitters: Emitters | None,
-    points: Sequence[PositionalLight],
-    suns: Sequence[DistantLight],
-    environment: Environment | None,
-) -> float:
-    found = [light.power for light in points] + [channel_mean(light.irradiance) for light in suns]
-    if emitters is not None:
-        found.append(float(emitters.exitance.max()))
-    if environment is not None:
-        found.append(environment.total)
-    return max(found, default=0.0) or 1.0
+    return record, contiguous(area_power * per_near) if cdf is not None and near_power.size else None
 
 
 def _triangle_powers(

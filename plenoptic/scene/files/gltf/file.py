@@ -85,10 +85,6 @@ class GltfFile:
             (count, width), kind, view, offset=place.get("byteOffset", 0), strides=(stride, kind.itemsize)
         )
 
-    def resource(self, uri: str) -> bytes:
-        """What a URI stands for: the data in it, or the content of a file."""
-        return _resource(uri, self.folder)
-
 
 def read_gltf(content: bytes, kind: str, folder: Path) -> GltfFile:
     """Take a file apart, of the kind "glb" (binary) or "gltf" (text), that lies in a folder.
@@ -108,7 +104,7 @@ def read_gltf(content: bytes, kind: str, folder: Path) -> GltfFile:
     buffers = []
     for number, buffer in enumerate(header.get("buffers", ())):
         if "uri" in buffer:
-            buffers.append(_resource(buffer["uri"], folder))
+            buffers.append(resource(buffer["uri"], folder))
         elif number == 0 and binary is not None:
             buffers.append(binary)
         else:
@@ -128,7 +124,8 @@ def _chunks(content: bytes) -> tuple[bytes, bytes | None]:
     return text, rest[8 : 8 + size] if rest[4:8] == b"BIN\0" else None
 
 
-def _resource(uri: str, folder: Path) -> bytes:
+def resource(uri: str, folder: Path) -> bytes:
+    """What a URI stands for: the data in it, or the content of a file in a folder."""
     if uri.startswith("data:"):
         head, _, data = uri.partition(",")
         return base64.b64decode(data) if head.endswith(";base64") else unquote_to_bytes(data)

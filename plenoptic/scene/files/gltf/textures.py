@@ -13,7 +13,7 @@ from plenoptic.core.color.srgb import Encoding
 from plenoptic.core.values import Floats
 from plenoptic.errors import FileError
 from plenoptic.scene.files.file_materials import REPLACE, colour_of, number_or_texture, times
-from plenoptic.scene.files.gltf.file import GltfFile
+from plenoptic.scene.files.gltf.file import GltfFile, resource
 from plenoptic.scene.textures.color import Colour
 from plenoptic.scene.textures.texture import Texture, TextureFilter, Wrap
 
@@ -137,7 +137,9 @@ class GltfTextures:
         number = webp.get("source", described.get("source"))
         if number not in self._images:
             image = self._file.described("images", number)
-            content = self._file.resource(image["uri"]) if "uri" in image else self._file.view(image["bufferView"])
+            content = (
+                resource(image["uri"], self._file.folder) if "uri" in image else self._file.view(image["bufferView"])
+            )
             with warnings.catch_warnings():
                 # Textures have a limit of their own.
                 warnings.simplefilter("ignore", PIL.Image.DecompressionBombWarning)
