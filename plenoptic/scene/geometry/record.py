@@ -104,3 +104,14 @@ class PathKeys(NamedTuple):
     """(paths,)."""
     number: NDArray[np.uint32]
     """(paths,): of their points of the sequence."""
+    salt: int = 0
+    """Another one for each surface that a path goes through."""
+
+
+class Shadows(NamedTuple):
+    """What becomes of shadow rays."""
+
+    blocked: NDArray[np.uint8]
+    """(rays,): 1 where something is in the way."""
+    radiance: Floats
+    """(rays, channels): what they bring, weakened by what they pass."""

@@ -144,26 +144,20 @@ def turned(profile: ArrayLike, *, segments: int = 128, material: Material | None
     around = whole(segments, "segments", at_least=3)
     angle = 2 * math.pi * np.arange(around + 1) / around
     rows = len(line)
-    # Axes so that the winding (around, then along the profile) faces outwards.
-    x = line[:, 0, None] * np.sin(angle)
-    z = line[:, 0, None] * np.cos(angle)
-    vertices = np.stack([x, np.broadcast_to(line[:, 1, None], x.shape), z], axis=-1)
     slope = np.gradient(line, axis=0)
-    out, up = slope[:, 1], -slope[:, 0]
-    normals = np.stack(
-        [out[:, None] * np.sin(angle), np.broadcast_to(up[:, None], x.shape), out[:, None] * np.cos(angle)], axis=-1
-    )
+    vertices, normals = _swept(line[:, 0], line[:, 1], angle), _swept(slope[:, 1], -slope[:, 0], angle)
     uv = np.stack(np.broadcast_arrays(np.arange(around + 1) / around, np.linspace(0, 1, rows)[:, None]), axis=-1)
     faces = grid_faces(np.ones((rows - 1, around), dtype=bool))
-    corners = vertices.reshape(-1, 3)[faces]
+    corners = vertices[faces]
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    return Mesh(
-        vertices.reshape(-1, 3),
-        faces[area > 1e-12 * area.max()],
-        _or_grey(material),
-        normals=normals.reshape(-1, 3),
-        uv=uv.reshape(-1, 2),
-    )
+    return Mesh(vertices, faces[area > 1e-12 * area.max()], _or_grey(material), normals=normals, uv=uv.reshape(-1, 2))
+
+
+def _swept(out: Floats, up: Floats, angle: Floats) -> Floats:
+    """(n, 3): a line of components away from the y axis and along it, at each angle around it, row by row."""
+    # Axes so that the winding (around, then along the profile) faces outwards.
+    parts = out[:, None] * np.sin(angle), up[:, None], out[:, None] * np.cos(angle)
+    return np.stack(np.broadcast_arrays(*parts), axis=-1).reshape(-1, 3)
 
 
 def checkerboard(

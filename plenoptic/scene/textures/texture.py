@@ -229,13 +229,6 @@ class Texture:
         >>> texture = pl.Texture.from_image(image)
         >>> texture.texels.shape, texture.texels[0, 0].round(2).tolist()
         ((4, 8, 3), [1.0, 0.5, 0.0])
-
-        The green of a glTF image is roughness, and no colour:
-
-        >>> import plenoptic as pl
-        >>> roughness = pl.Texture.from_image(image, encoding=pl.images.Encoding.LINEAR, channel=1)
-        >>> roughness.texels.shape, f"{roughness.texels[0, 0, 0]:.3f}"
-        ((4, 8, 1), '0.737')
         """
         from PIL.Image import Image
 

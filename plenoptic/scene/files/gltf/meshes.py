@@ -14,7 +14,7 @@ from plenoptic.scene.files.file_materials import colour_of
 from plenoptic.scene.files.gltf.file import GltfFile
 from plenoptic.scene.files.gltf.materials import WHITE, gltf_material
 from plenoptic.scene.files.gltf.nodes import PlacedNode, copies
-from plenoptic.scene.files.gltf.textures import GltfTextures, TexturePlacement
+from plenoptic.scene.files.gltf.textures import GltfTextures, MaterialTextures, TexturePlacement
 from plenoptic.scene.geometry.instance import Instances
 from plenoptic.scene.geometry.mesh import Mesh, has_area
 from plenoptic.scene.materials.diffuse import Lambertian
@@ -108,7 +108,9 @@ class _MeshReader:
         key = (primitive["material"], tint)
         if key not in self._materials:
             described = self._file.described("materials", primitive["material"])
-            self._materials[key] = gltf_material(described, self._textures, self._scale, tint or WHITE)
+            read = MaterialTextures(self._textures, str(described.get("name", "without a name")))
+            material = gltf_material(described, read, self._scale, tint or WHITE)
+            self._materials[key] = material, read.placement(material)
         return self._materials[key]
 
     def _tint(self, attributes: Mapping[str, Any]) -> tuple[float, ...] | None:
