@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,9 +22,8 @@ from plenoptic.scene.lights.registry import AreaLight, Light, PositionalLight
 from plenoptic.scene.materials.compile import alpha_record, bsdf_record, color_rows
 from plenoptic.scene.materials.record import EXTRA_SHARES, Alpha, Bsdf, Emission, MaterialRow
 from plenoptic.scene.materials.registry import Material
-from plenoptic.scene.textures.atlas import atlas
 from plenoptic.scene.textures.color import is_grey, mean_colour
-from plenoptic.scene.textures.record import TextureColumn, Textures
+from plenoptic.scene.textures.record import TEXTURE, TextureColumn, Textures
 from plenoptic.scene.textures.texture import Texture
 
 _FIELDS = {"extra_shares": EXTRA_SHARES}
@@ -143,6 +142,25 @@ def _sky(background: Background | None, channels: int) -> Sky:
     elif isinstance(background, EnvironmentMap):
         environment = environment_record(background, channels)
     return Sky(constant, None, None, environment)
+
+
+def atlas(textures: Sequence[Texture]) -> tuple[NDArray[np.float32] | None, NDArray[Any] | None]:
+    """Lay textures into one array, one behind the other, and the rows that say where; both None without textures.
+
+    Channels lie side by side; there is 1 where all are equal, otherwise 3. Both arrays are read-only.
+    """
+    if not textures:
+        return None, None
+    planes = [texture.texels[..., :1] if texture.is_grey else texture.texels for texture in textures]
+    ends = np.cumsum([plane.size for plane in planes], dtype=np.int64)
+    texels = np.empty(ends[-1], dtype=np.float32)
+    rows = np.empty(len(textures), dtype=TEXTURE)
+    for k, (texture, plane, end) in enumerate(zip(textures, planes, ends, strict=True)):
+        start = end - plane.size
+        texels[start:end].reshape(plane.shape)[...] = plane
+        rows[k] = (start, *plane.shape, *texture.wraps, texture.filter)
+    texels.flags.writeable = rows.flags.writeable = False
+    return texels, rows
 
 
 class _TextureColumns:

@@ -22,13 +22,11 @@ class View:
     position : (3,) array
         mm, in the world.
     look_at : (3,) array
-        mm, a point straight ahead. Files do not say how far away what they show is: those that are read have it one
-        unit of the file ahead.
+        mm, a point straight ahead; in files, which do not say how far away what they show is, one unit ahead.
     up : (3,) array
         The direction that is up in the picture; not along the view.
     vertical_field_of_view : float, optional
-        Radians, the whole angle between the lower and the upper edge of the picture, above 0 and below pi. None: an
-        orthographic view.
+        Radians, between the lower and the upper edge of the picture, above 0 and below pi. None: an orthographic view.
     aspect_ratio : float, optional
         Width over height of the picture, above 0. None: the file does not say.
 

@@ -35,8 +35,7 @@ class Scene:
     lights : sequence of QuadLight, SphereLight, PointLight, SpotLight or SunLight
         Light sources besides emissive meshes.
     background : ConstantBackground, EnvironmentMap, float, (float, float, float) or None
-        What rays see that meet no surface; a bare number or (red, green, blue) becomes a `ConstantBackground`,
-        None is a black world.
+        What rays see that meet no surface; a bare colour becomes a `ConstantBackground`, None is a black world.
     views : sequence of View
         Cameras of the file that the scene comes from, for `camera.posed`. They are no part of the image.
 
@@ -104,8 +103,7 @@ class Scene:
     ) -> Scene:
         """Read a scene from a file, with its lights and its cameras as `views`; see `load_file` for what is read.
 
-        No light is invented: a file without lights and emissive materials stays black unless `lights` or `background`
-        are given.
+        No light is invented: a file without any stays black unless `lights` or `background` are given.
 
         Parameters
         ----------
@@ -162,8 +160,7 @@ class Scene:
     def transformed(self, matrix: ArrayLike) -> Scene:
         """The scene moved by an affine map, p' = M p: meshes, lights, views and the environment.
 
-        Radiance stays as it is, and so does irradiance: intensities of points and spots grow with the square of the
-        scale.
+        Radiance and irradiance stay as they are: intensities of points and spots grow with the square of the scale.
 
         Parameters
         ----------
@@ -182,8 +179,7 @@ class Scene:
         --------
         From a file in metres to a model 400 mm before the camera:
 
-        >>> import numpy as np
-        >>> import plenoptic as pl
+        >>> import numpy as np, plenoptic as pl
         >>> model = pl.Scene([pl.box(2000)], [pl.lights.PointLight((0, 5000, 0), intensity=4e6)])
         >>> low, high = model.bounds
         >>> size = 10.0 / (high - low).max()

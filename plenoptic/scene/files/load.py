@@ -10,7 +10,7 @@ from plenoptic.core.values import Converted, file_path, set_field, unconverted, 
 from plenoptic.errors import FileError, InvalidValueError, PlenopticError
 from plenoptic.scene.file_cameras import View
 from plenoptic.scene.files.gltf.file import read_gltf
-from plenoptic.scene.files.gltf.lights import gltf_light, gltf_view
+from plenoptic.scene.files.gltf.lights import gltf_lights, gltf_views
 from plenoptic.scene.files.gltf.meshes import gltf_meshes
 from plenoptic.scene.files.gltf.nodes import placed_nodes
 from plenoptic.scene.files.trimesh_meshes import trimesh_meshes
@@ -170,10 +170,5 @@ def _contents(path: str | PathLike[str], unit: str | None, material: Material | 
 def _of_gltf(source: Path, kind: str, content: bytes, scale: float, material: Material | None) -> FileContents:
     file = read_gltf(content, kind, source.parent)
     nodes = list(placed_nodes(file))
-    lights = (gltf_light(node, file, scale) for node in nodes)
-    views = (gltf_view(node, file, scale) for node in nodes)
-    return FileContents(
-        gltf_meshes(nodes, file, scale, material, source.name),
-        (light for light in lights if light is not None),
-        (view for view in views if view is not None),
-    )
+    meshes = gltf_meshes(nodes, file, scale, material, source.name)
+    return FileContents(meshes, gltf_lights(nodes, file, scale), gltf_views(nodes, file, scale))

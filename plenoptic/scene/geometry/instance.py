@@ -36,8 +36,7 @@ class Instances:
     InvalidValueError
         Something that is not a mesh, or an array of another shape.
     SceneError
-        No place; a matrix that is not finite, projective (last row not 0, 0, 0, 1) or flattening (determinant 0), or
-        that leads beyond 1e15 mm.
+        No place; a matrix that is not finite, projective, flattening (determinant 0), or leads beyond 1e15 mm.
 
     Examples
     --------

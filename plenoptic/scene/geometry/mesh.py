@@ -30,8 +30,7 @@ class Mesh:
     faces : (m, 3) array of int
         The rows of `vertices` that make up each triangle. Triangles without area may be among them, not all of them.
     material : Material
-        `Lambertian`, `RoughDiffuse`, `Conductor`, `Dielectric`, `ThinGlass`, `MetallicRoughness` or `Emissive`; a
-        textured one needs `uv`.
+        One of `pl.materials`; a textured one needs `uv`.
     normals : (n, 3) array or None
         Smooth shading normals at the vertices, brought to unit length; rows of zeros stay and mean a flat
         surface there. None: flat triangles.
@@ -112,8 +111,7 @@ class Mesh:
         Parameters
         ----------
         matrix : (4, 4) array
-            For column vectors, lengths in mm. Where it mirrors, the winding is turned, so that the front stays
-            the front.
+            For column vectors, lengths in mm. Where it mirrors, the winding is turned: the front stays the front.
 
         Raises
         ------
@@ -124,8 +122,7 @@ class Mesh:
 
         Examples
         --------
-        >>> import numpy as np
-        >>> import plenoptic as pl
+        >>> import numpy as np, plenoptic as pl
         >>> pl.box(2).transformed(np.diag([1, 2, 3, 1])).bounds[1].tolist()
         [1.0, 2.0, 3.0]
         """

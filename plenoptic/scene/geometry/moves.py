@@ -64,8 +64,7 @@ def rotated(self: M, axis: ArrayLike, angle: float) -> M:
 
     Examples
     --------
-    >>> import numpy as np
-    >>> import plenoptic as pl
+    >>> import numpy as np, plenoptic as pl
     >>> pl.box((4, 2, 1)).rotated((0, 0, 1), np.pi / 2).bounds[1].round(12).tolist()
     [1.0, 2.0, 0.5]
     """

@@ -11,8 +11,7 @@ from plenoptic.core.values import Floats
 
 INSTANCE_DISTANCE = 12
 """Column of `Geometry.instance_to_world` behind the 3 x 4 matrix: how far, |x| + |y| + |z| in mm, the mesh has the
-middle from which its float32 coordinates count from that of the scene. Rays are turned into its frame in float32, and
-err by units of this."""
+middle from which its float32 coordinates count from that of the scene. Rays in its frame err by units of this."""
 
 POINT, NORMAL, SHADING_NORMAL, OFFSET, FRONT, ROUGHNESS, METALLIC, UV = 0, 3, 6, 9, 10, 11, 12, 13
 INTERACTION_COLUMNS = 15

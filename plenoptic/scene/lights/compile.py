@@ -47,8 +47,7 @@ def lights_record(
 ) -> tuple[Lights, Floats | None]:
     """Compile lights, and (nm,), 1/mm^2, with which probability triangles of materials are drawn; None where none is.
 
-    `drawn` says whether anything reflects: otherwise lights are only seen. `sky` has background and environment; its
-    suns are added.
+    `drawn` says whether anything reflects: otherwise lights are only seen. Suns are added to `sky`.
     """
     points = [light for light in lights if drawn and isinstance(light, PositionalLight)]
     suns = [light for light in lights if isinstance(light, DistantLight)]
@@ -173,8 +172,7 @@ def _cumulative(probability: Floats) -> Floats:
 def environment_record(environment: EnvironmentMap, channels: int) -> Environment | None:
     """Compile an environment map; None where it is black, so that there is nothing to see or draw.
 
-    `channels` are those of the scene, 1 only for maps whose channels are equal. Drawn with a probability of 0;
-    `lights_record` knows better.
+    `channels` are those of the scene, 1 only for maps whose channels are equal. Its probability is left at 0.
     """
     if not environment.texels.any():
         return None

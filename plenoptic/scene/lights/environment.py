@@ -80,8 +80,7 @@ class EnvironmentMap:
 
     Examples
     --------
-    >>> import numpy as np
-    >>> import plenoptic as pl
+    >>> import numpy as np, plenoptic as pl
     >>> sky = pl.EnvironmentMap(np.array([[[0.3, 0.5, 1.0]], [[0.1, 0.1, 0.1]]]))       # above, and below the horizon
     >>> sky
     EnvironmentMap(texels=<2 x 1 x 3 float32>)
@@ -132,15 +131,7 @@ class EnvironmentMap:
 
     @property
     def is_grey(self) -> bool:
-        """Whether all its channels are equal.
-
-        Examples
-        --------
-        >>> import numpy as np
-        >>> import plenoptic as pl
-        >>> pl.EnvironmentMap(np.ones((4, 8, 3))).is_grey
-        True
-        """
+        """Whether all its channels are equal, as `Texture.is_grey`."""
         return equal_channels(self.texels)
 
     def rotated(self, axis: ArrayLike, angle: float) -> EnvironmentMap:
@@ -161,8 +152,7 @@ class EnvironmentMap:
         Examples
         --------
         >>> import math
-        >>> import numpy as np
-        >>> import plenoptic as pl
+        >>> import numpy as np, plenoptic as pl
         >>> world = pl.EnvironmentMap(np.array([[[0.0], [1.0], [2.0], [3.0]]])).rotated((0, 1, 0), math.pi / 4)
         >>> world.radiance([[0, 0, -1], [-1, 0, 0], [0, 0, 1], [1, 0, 0]]).tolist()
         [[2.0], [1.0], [0.0], [3.0]]
@@ -196,8 +186,7 @@ class EnvironmentMap:
 
         Examples
         --------
-        >>> import numpy as np
-        >>> import plenoptic as pl
+        >>> import numpy as np, plenoptic as pl
         >>> left_and_right = pl.EnvironmentMap(np.array([[[1.0], [2.0]]]))
         >>> left_and_right.radiance([[-1, 0, 0], [1, 0, 0]]).tolist()
         [[1.0], [2.0]]

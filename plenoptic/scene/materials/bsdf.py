@@ -14,15 +14,12 @@ from plenoptic.scene.materials.diffuse import Lambertian
 from plenoptic.scene.materials.record import Bsdf
 from plenoptic.scene.materials.registry import MATERIALS, Material
 
-__all__ = ["Drawn", "Scattered", "draw", "evaluate"]
-
 
 class Scattered(NamedTuple):
     """Values of a bidirectional distribution. See `evaluate`."""
 
     value: Floats
-    """(n, C), 1/sr: reflected or transmitted radiance per radiance from the light's direction and solid angle, the
-    cosine at the surface included."""
+    """(n, C), 1/sr: scattered radiance per radiance from the light's direction and solid angle, with the cosine."""
     density: Floats
     """(n,), 1/sr: with which `draw` draws the light's direction; 0 for mirrors, whose direction is no solid angle."""
 
@@ -55,8 +52,7 @@ def evaluate(material: Material, to_viewer: ArrayLike, to_light: ArrayLike, *, f
     Returns
     -------
     Scattered
-        C = 1 where the material is grey, otherwise 3. Radiance that comes out of another medium is scaled by the square
-        of the ratio of the indices.
+        C = 1 where the material is grey, otherwise 3. Radiance out of another medium scales with the index ratio squared.
 
     Raises
     ------

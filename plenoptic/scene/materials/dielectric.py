@@ -72,8 +72,7 @@ class Dielectric:
 class ThinGlass:
     """A pane without thickness: it reflects, and lets the rest pass straight on.
 
-    Reflections to and fro inside the pane are counted, all of them: with Fresnel's reflectance R of one surface it
-    reflects 2 R / (1 + R).
+    All reflections inside the pane count: with Fresnel's reflectance R of one surface it reflects 2 R / (1 + R).
 
     Parameters
     ----------

@@ -125,8 +125,7 @@ def turned(profile: ArrayLike, *, segments: int = 128, material: Material | None
     Parameters
     ----------
     profile : (n, 2) array
-        Distance from the axis, 0 or more, and height y in mm, from the bottom to the top; the outside is to
-        the right of this line.
+        Distance from the axis, 0 or more, and height y in mm, from the bottom to the top; the outside is on the right.
     segments : int
         Facets around the axis.
     material : Material, optional

@@ -23,8 +23,7 @@ def linear_texels(image: Image, *, encoding: Encoding, channel: int | None) -> N
     """The (rows, columns, 1 or 3) linear values of an image of any mode, or of one of its channels.
 
     `encoding` is what codes of 8 and 16 bits mean; floats are linear. `channel` is 0, 1, 2 for red, green, blue, or
-    grey, 3 for alpha, which is never sRGB and 1 where there is none; None for all but alpha. A `FileError` where the
-    image cannot be decoded.
+    grey, 3 for alpha, which is never sRGB and 1 where there is none; None for all but alpha.
     """
     encoding, channel = choice(encoding, Encoding, "encoding"), images.channel_number(channel)
     try:

@@ -26,8 +26,7 @@ class Wrap(enum.IntEnum):
 
     Examples
     --------
-    >>> import numpy as np
-    >>> import plenoptic as pl
+    >>> import numpy as np, plenoptic as pl
     >>> pl.Texture(np.ones((1, 2, 1)), wrap=(pl.materials.Wrap.REPEAT, pl.materials.Wrap.CLAMP)).wraps
     (<Wrap.REPEAT: 0>, <Wrap.CLAMP: 1>)
     """
@@ -90,8 +89,7 @@ class Texture:
 
     Examples
     --------
-    >>> import numpy as np
-    >>> import plenoptic as pl
+    >>> import numpy as np, plenoptic as pl
     >>> chequer = pl.Texture(np.array([[[0.1], [0.9]], [[0.9], [0.1]]]))
     >>> chequer.texels.shape
     (2, 2, 1)
@@ -121,8 +119,7 @@ class Texture:
 
         Examples
         --------
-        >>> import numpy as np
-        >>> import plenoptic as pl
+        >>> import numpy as np, plenoptic as pl
         >>> pl.Texture(np.ones((4, 4, 3))).is_grey
         True
         """
@@ -136,8 +133,7 @@ class Texture:
 
         Examples
         --------
-        >>> import numpy as np
-        >>> import plenoptic as pl
+        >>> import numpy as np, plenoptic as pl
         >>> pl.Texture(np.arange(8.0).reshape(2, 4, 1)).halved().texels[..., 0].tolist()
         [[2.5, 4.5]]
         """

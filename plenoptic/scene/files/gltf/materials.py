@@ -29,8 +29,7 @@ def gltf_material(
     """One of the materials of a file.
 
     `scale` is mm in one unit of the file, for absorption in glass; `tint` the colour and opacity that all vertices
-    have, a factor beside the material's own. A `FileError` for a texture that is missing or damaged, a `SceneError` for
-    numbers out of range.
+    have, a further factor. A `FileError` for damaged textures, a `SceneError` for numbers out of range.
     """
     extensions = described.get("extensions", {})
     pbr = _metallic_roughness(described)

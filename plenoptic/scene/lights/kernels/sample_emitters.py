@@ -1,7 +1,6 @@
 """Points on lights, drawn by power.
 
-Lights are one table: each item is a triangle that emits, a point, a sun or the environment, with a cumulative
-probability.
+Lights are one table of triangles that emit, points, suns and the environment, with cumulative probabilities.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ from plenoptic.scene.geometry.kernels.intersect import (
     ray_offset,
 )
 from plenoptic.scene.geometry.record import POINT as INTERACTION_POINT
-from plenoptic.scene.lights.kernels.environment import sample_cdf, sample_environment
+from plenoptic.scene.lights.kernels.sky import sample_cdf, sample_environment
 from plenoptic.scene.lights.record import DELTA, DIRECTION, END, ENVIRONMENT, PDF, POINT, SUN, TRIANGLE
 from plenoptic.scene.textures.kernels.lookup import fill_texel, opacity_at
 

@@ -161,8 +161,7 @@ def random_dots(
 ) -> Target:
     """A board of square dots in the plane z = 0, each dark or bright at random: texture for matching everywhere.
 
-    The dots are texels of a texture that is not interpolated, so that their edges are sharp and a board of millions of
-    dots is two triangles.
+    The dots are texels of a texture that is not interpolated: edges are sharp, and millions of dots are two triangles.
 
     Parameters
     ----------

@@ -1,7 +1,6 @@
 """Regions of the plane z = 0 cut into triangles that neither overlap nor leave gaps.
 
-Neighbouring triangles share whole edges: no corner lies within the edge of another triangle, where rounding would open
-a crack.
+Neighbouring triangles share whole edges: a corner within the edge of another one would open a crack by rounding.
 """
 
 from __future__ import annotations

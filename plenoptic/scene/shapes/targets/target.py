@@ -96,8 +96,7 @@ class Target:
         Parameters
         ----------
         matrix : (4, 4) array
-            For column vectors, lengths in mm. With frequencies, it must turn, mirror, shift and scale only; they are
-            divided by the scale.
+            For column vectors, lengths in mm. With frequencies, which its scale divides, it must not stretch or shear.
 
         Raises
         ------
@@ -108,8 +107,7 @@ class Target:
 
         Examples
         --------
-        >>> import numpy as np
-        >>> import plenoptic as pl
+        >>> import numpy as np, plenoptic as pl
         >>> chart = pl.targets.usaf_1951([0]).transformed(np.diag([2, 2, 2, 1]))
         >>> chart.frequencies[0]
         np.float64(0.5)
@@ -133,8 +131,7 @@ class Target:
 
         Examples
         --------
-        >>> import numpy as np
-        >>> import plenoptic as pl
+        >>> import numpy as np, plenoptic as pl
         >>> pl.targets.slanted_edge(10, angle_deg=0).rotated((0, 0, 1), np.pi / 2).points[:, 0].round(9).tolist()
         [-5.0, 5.0]
         """
