@@ -52,7 +52,7 @@ def evaluate(material: Material, to_viewer: ArrayLike, to_light: ArrayLike, *, f
     Returns
     -------
     Scattered
-        C = 1 where the material is grey, otherwise 3. Radiance out of another medium scales with the index ratio squared.
+        C = 1 where the material is grey, otherwise 3. Radiance from another medium scales by the square of indices.
 
     Raises
     ------

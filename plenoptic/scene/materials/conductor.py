@@ -30,7 +30,7 @@ class Conductor:
         Width of the distribution of normals, in [0, 1]: 0 is a mirror (as is what lies below 0.0001), 0.1 brushed, 0.5
         matt. glTF's roughness is its square root.
     index : complex, (complex, complex, complex) or None
-        Refractive index n + i k, k at least 0, at all wavelengths or for red, green and blue. None: the angle is of no account.
+        Refractive index n + i k, k at least 0, at all wavelengths or for red, green and blue. None: all angles alike.
 
     Raises
     ------
