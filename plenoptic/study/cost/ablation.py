@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from plenoptic.core.values import value
 from plenoptic.errors import InvalidValueError, PlenopticError
 from plenoptic.optics.microlens.aperture import Walls
 from plenoptic.optics.microlens.models import MicrolensModel
@@ -22,78 +21,27 @@ from plenoptic.truth.channels import Truth
 _Change: TypeAlias = Callable[[Subject], Subject]
 
 
-@value
-class Ablation:
-    """A render without one of its stages.
-
-    Parameters
-    ----------
-    stage : Stage
-    instead : str
-        What is done instead.
-    subject : Subject
-        What is rendered then.
-    also : tuple of Stage
-        Other stages that do not run either without it.
-
-    Examples
-    --------
-    See `ablations`.
-    """
+class Ablation(NamedTuple):
+    """A render without one of its stages."""
 
     stage: Stage
     instead: str
+    """What is done instead."""
     subject: Subject
-    also: tuple[Stage, ...] = ()
+    """What is rendered then."""
+    also: tuple[Stage, ...]
+    """Other stages that do not run either without it."""
 
 
-@value
-class Inseparable:
-    """A stage that runs and cannot be left out alone.
-
-    Parameters
-    ----------
-    stage : Stage
-    reason : str
-
-    Examples
-    --------
-    See `ablations`.
-    """
+class Inseparable(NamedTuple):
+    """A stage that runs and cannot be left out alone."""
 
     stage: Stage
     reason: str
 
 
 def ablations(plan: Plan) -> tuple[Ablation | Inseparable, ...]:
-    """How each stage that a plan runs can be left out, one at a time.
-
-    Parameters
-    ----------
-    plan : Plan
-        Made by `plan`, which tells it for what.
-
-    Returns
-    -------
-    tuple of Ablation or Inseparable
-        In the order of the stages.
-
-    Raises
-    ------
-    InvalidValueError
-        Where the plan does not know what it was made for.
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> from plenoptic.study.cost.ablation import ablations
-    >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
-    ...     sensor=pl.Sensor(shape=(16, 16), pixel_pitch=0.01), stop_to_microlenses=130.0)
-    >>> for found in ablations(pl.plan(None, camera)):
-    ...     print(found.stage.name, "->", found.instead)
-    LENS -> an ideal thin lens
-    STANDARD_ERROR -> one replicate
-    """
+    """How each stage that a plan runs can be left out, one at a time, in the order of the stages."""
     if plan.subject is None:
         raise InvalidValueError("the plan does not know what it was made for; make it by pl.plan(scene, camera)")
     running = {decision.stage for decision in plan.decisions if decision.runs}
@@ -121,8 +69,8 @@ def _scene(change: Callable[..., Any]) -> _Change:
     return lambda subject: dataclasses.replace(subject, scene=change(subject.scene))
 
 
-def _materials(change: Callable[..., Any]) -> _Change:
-    return _scene(lambda scene: scene_ablation.with_materials(scene, change))
+def _materials(change: Callable[..., Any], **arguments: Any) -> _Change:
+    return _scene(lambda scene: scene_ablation.with_materials(scene, change, **arguments))
 
 
 def _settings(**changes: Any) -> _Change:
@@ -134,10 +82,8 @@ def _into_the_cameras_frame(subject: Subject) -> Subject:
     pose, scene = subject.camera.pose, subject.scene
     assert pose is not None
     if scene is not None:
-        matrix = np.eye(4)
-        matrix[:3, :3] = pose.rotation.T
-        matrix[:3, 3] = -pose.rotation.T @ pose.position
-        scene = scene.transformed(matrix)
+        to_camera = pose.rotation.T
+        scene = scene.transformed(np.vstack([np.column_stack([to_camera, -to_camera @ pose.position]), [0, 0, 0, 1]]))
     return dataclasses.replace(subject, scene=scene, camera=dataclasses.replace(subject.camera, pose=None))
 
 
@@ -175,17 +121,17 @@ _WAYS: dict[Stage, tuple[str, _Change]] = {
     Stage.POSE: ("the scene in the camera's frame", _into_the_cameras_frame),
     Stage.INTERSECTION: ("a scene without surfaces", _scene(scene_ablation.without_meshes)),
     Stage.INSTANCES: ("copies", _scene(scene_ablation.without_instances)),
-    Stage.OPACITY: ("opaque surfaces", _materials(scene_ablation.opaque)),
+    Stage.OPACITY: ("opaque surfaces", _materials(scene_ablation.with_fields, opacity=1.0, cutoff=None)),
     Stage.EMISSION: ("dark surfaces and lamps", _scene(scene_ablation.without_emission)),
     Stage.BACKGROUND: ("a black world", _scene(scene_ablation.without_world)),
     Stage.SCATTERING: ("0 bounces", _settings(max_bounces=0)),
     Stage.MATERIALS: ("Lambertian surfaces", _materials(scene_ablation.lambertian)),
-    Stage.ABSORPTION: ("clear glass", _materials(scene_ablation.clear)),
+    Stage.ABSORPTION: ("clear glass", _materials(scene_ablation.with_fields, absorption=0.0)),
     Stage.DIRECT_LIGHT: ("no lights but a constant world", _scene(scene_ablation.without_drawn_lights)),
     Stage.ONWARD_RAYS: ("one bounce", _one_bounce),
     Stage.RUSSIAN_ROULETTE: (f"at most {ROULETTE} bounces", _settings(max_bounces=ROULETTE)),
     Stage.VERTEX_NORMALS: ("flat triangles", _scene(scene_ablation.without_vertex_normals)),
-    Stage.NORMAL_MAPS: ("the normals of meshes", _materials(scene_ablation.without_normal_map)),
+    Stage.NORMAL_MAPS: ("the normals of meshes", _materials(scene_ablation.with_fields, normal_map=None)),
     Stage.TEXTURES: ("their mean colours", _materials(scene_ablation.untextured)),
     Stage.COLOUR: ("grey", _scene(scene_ablation.grey)),
     Stage.CAUSTICS_APART: ("all light alike", _settings(caustics=Caustics.KEPT)),
