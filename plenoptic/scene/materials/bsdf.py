@@ -52,7 +52,8 @@ def evaluate(material: Material, to_viewer: ArrayLike, to_light: ArrayLike, *, f
     Returns
     -------
     Scattered
-        C = 1 where the material is grey, otherwise 3. Radiance from another medium scales by the square of indices.
+        C = 1 where the material is grey, otherwise 3. Radiance that comes out of another medium is scaled by the square
+        of the ratio of the indices.
 
     Raises
     ------
