@@ -12,8 +12,7 @@ from plenoptic.scene.scene import Scene
 class PreparedScene:
     """A scene as a record, and what finds its triangles.
 
-    There is no lock: a process that is forked off while another thread builds would wait for it for ever. Two threads
-    that ask for the same at once build it twice, which does no harm.
+    There is no lock, for which a process that is forked off meanwhile would wait for ever: two threads may both build.
     """
 
     def __init__(self, record: SceneRecord) -> None:

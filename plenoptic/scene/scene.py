@@ -165,8 +165,7 @@ class Scene:
         Parameters
         ----------
         matrix : (4, 4) array
-            For column vectors, lengths in mm. Where there are lights, views or an environment map, it must turn, shift
-            and scale equally in all directions.
+            For column vectors, lengths in mm. With lights, views or an environment map, it must not stretch or shear.
 
         Raises
         ------

@@ -32,8 +32,7 @@ class Mesh:
     material : Material
         One of `pl.materials`; a textured one needs `uv`.
     normals : (n, 3) array or None
-        Smooth shading normals at the vertices, brought to unit length; rows of zeros stay and mean a flat
-        surface there. None: flat triangles.
+        Smooth shading normals at the vertices, brought to unit length; zeros mean a flat surface. None: flat triangles.
     uv : (n, 2) array or None
         Texture coordinates; (0, 0) is the lower left corner of the image, (1, 1) the upper right one.
     name : str

@@ -16,8 +16,7 @@ middle from which its float32 coordinates count from that of the scene. Rays in 
 POINT, NORMAL, SHADING_NORMAL, OFFSET, FRONT, ROUGHNESS, METALLIC, UV = 0, 3, 6, 9, 10, 11, 12, 13
 INTERACTION_COLUMNS = 15
 """Columns of the rows of `Interactions`: the point; the triangle's unit normal on the side of the ray; the shading
-normal; how far off the surface rays start; whether the front is seen (1 or 0); roughness; how metallic it is; texture
-coordinates."""
+normal; how far off the surface rays start; whether the front is seen (1 or 0); roughness; metallic; (u, v)."""
 
 
 class Geometry(NamedTuple):

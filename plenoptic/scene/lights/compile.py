@@ -74,13 +74,17 @@ def lights_record(
         items["row"] = np.concatenate([near_rows, *(np.arange(power.size) for power in powers[1:])])
         items["instance"] = -1
         items["instance"][: near_power.size] = near_instances
-        cdf, sun_pdf = contiguous(_cumulative(probability)), probability[items["kind"] == SUN]
+        sun_pdf = probability[items["kind"] == SUN]
+        cdf = np.cumsum(probability)
+        cdf /= cdf[-1]
+        # What has no power must not be drawn by the last random number either.
+        cdf[np.flatnonzero(probability)[-1] :] = 1.0
         if environment is not None:
             environment = environment._replace(probability=float(probability[-1]))
     sun_rows = [(*sun.row(), pdf) for sun, pdf in zip(suns, sun_pdf, strict=True)]
     sun_colors = [sun.irradiance if sun.radiance is None else sun.radiance for sun in suns]
     record = Lights(
-        cdf=cdf,
+        cdf=None if cdf is None else contiguous(cdf),
         items=None if items is None else contiguous(items),
         points=contiguous(np.array([light.row() for light in points], POINT_LIGHT)) if points else None,
         point_colors=color_rows([light.intensity for light in points], channels) if points else None,
@@ -159,14 +163,6 @@ def _shared(near: Floats, distant: Floats) -> tuple[Floats, float]:
         (kept / total if total > 0 else 0.0) / largest for kept, total in zip((1 - share, share), sums, strict=True)
     ]
     return np.concatenate([near * scales[0], distant * scales[1]]), scales[0]
-
-
-def _cumulative(probability: Floats) -> Floats:
-    cumulative = np.cumsum(probability)
-    cumulative /= cumulative[-1]
-    # What has no power must not be drawn by the last random number either.
-    cumulative[np.flatnonzero(probability)[-1] :] = 1.0
-    return np.asarray(cumulative)
 
 
 def environment_record(environment: EnvironmentMap, channels: int) -> Environment | None:

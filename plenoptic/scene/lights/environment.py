@@ -68,8 +68,7 @@ class EnvironmentMap:
     texels : (rows, columns, 1 or 3) array of float32
         Radiance in scene units, linear, 0 or more. Copied, then read-only. At most 2^27 rows x columns.
     rotation : (3, 3) array or None
-        From the image's axes, as above, to the world's: world = rotation @ direction. Orthonormal and right-handed.
-        None: the same axes, and what the identity becomes.
+        From the image's axes to the world's: world = rotation @ direction. The identity becomes None.
 
     Raises
     ------
@@ -104,8 +103,7 @@ class EnvironmentMap:
         Parameters
         ----------
         path : str or path
-            An equirectangular image: HDR, EXR, or what else OpenImageIO reads. Floats are taken as linear, codes of 8
-            and 16 bits are decoded from sRGB, alpha is dropped.
+            An equirectangular image (HDR, EXR, ...). Floats are linear, codes of 8 and 16 bits sRGB, alpha is dropped.
         rotation : (3, 3) array, optional
             As in `EnvironmentMap`.
 

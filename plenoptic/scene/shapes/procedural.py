@@ -64,7 +64,11 @@ def box(size: ArrayLike, *, center: ArrayLike = (0.0, 0.0, 0.0), material: Mater
     >>> pl.box(4).bounds.tolist()
     [[-2.0, -2.0, -2.0], [2.0, 2.0, 2.0]]
     """
-    edges = np.array([positive(edge, "size of the box", "mm") for edge in _edge_lengths(size)])
+    try:
+        sides = np.broadcast_to(np.asarray(size, dtype=np.float64), 3).tolist()
+    except (TypeError, ValueError, OverflowError):
+        raise InvalidValueError(f"size of the box is {size!r}; it must be one edge or (x, y, z) in mm") from None
+    edges = np.array([positive(side, "size of the box", "mm") for side in sides])
     middle = frozen_array(center, name="center", shape=(3,))
     corners: list[Floats] = []
     faces: list[list[int]] = []
@@ -212,13 +216,6 @@ def _squares_below(number: NDArray[np.int64], places: Floats, start: float, squa
     """Number of the square above each line but the last."""
     middle = 0.5 * (places[:-1] + places[1:])
     return np.floor((middle - start) / square).astype(np.int64)
-
-
-def _edge_lengths(size: ArrayLike) -> list[float]:
-    try:
-        return [float(edge) for edge in np.broadcast_to(np.asarray(size, dtype=np.float64), 3)]
-    except (TypeError, ValueError, OverflowError):
-        raise InvalidValueError(f"size of the box is {size!r}; it must be one edge or (x, y, z) in mm") from None
 
 
 def _pair(values: tuple[float, float], name: str, wanted: str) -> tuple[float, float]:

@@ -84,8 +84,7 @@ class Texture:
 
     References
     ----------
-    The OpenGL Graphics System, version 4.6, sections 8.14.2 and 8.14.3: wrap modes and filters are those of
-    OpenGL and glTF 2.0 (REPEAT, CLAMP_TO_EDGE, MIRRORED_REPEAT).
+    The OpenGL Graphics System, version 4.6, sections 8.14.2 and 8.14.3 (REPEAT, CLAMP_TO_EDGE, MIRRORED_REPEAT).
 
     Examples
     --------

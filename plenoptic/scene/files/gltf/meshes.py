@@ -36,7 +36,11 @@ def gltf_meshes(
     places: dict[int, list[Floats]] = {}
     for node in nodes:
         if "mesh" in node.described:
-            _warn_of_poses(node.described)
+            if "skin" in node.described or any(node.described.get("weights", ())):
+                label = node.described.get("name", "without a name")
+                warnings.warn(
+                    f"the node {label!r} bends its mesh, which is shown as it is stored, unbent", stacklevel=2
+                )
             places.setdefault(node.described["mesh"], []).append(copies(node, file))
     reader = _MeshReader(file, scale, material)
     for number, found in places.items():
@@ -53,12 +57,6 @@ def gltf_meshes(
                 yield Instances(mesh, matrices)
             else:
                 yield from (mesh.transformed(matrix) for matrix in matrices)
-
-
-def _warn_of_poses(node: Mapping[str, Any]) -> None:
-    if "skin" in node or any(node.get("weights", ())):
-        name = node.get("name", "without a name")
-        warnings.warn(f"the node {name!r} bends its mesh, which is shown as it is stored, unbent", stacklevel=2)
 
 
 class _MeshReader:

@@ -37,8 +37,7 @@ _INVALID = np.uint32(0xFFFFFFFF)
 _ORG_X, _ORG_Y, _ORG_Z, _NEAR, _DIR_X, _DIR_Y, _DIR_Z, _TIME, _FAR, _MASK, _ID, _FLAGS = (16 * k for k in range(12))
 _U, _V, _PRIMITIVE, _GEOMETRY, _INSTANCE = (16 * k for k in range(15, 20))
 _RAYHIT = 16 * 35
-"""Instance ids take two rows for each level that the library was built for, one by default: room for eight levels.
-The first row is that of the only level here."""
+"""Room for eight levels of instances, of two rows each; the library is built for one level by default, the first."""
 
 _EDGE = np.float32(2.0**-11)
 """Barycentric coordinates below this are near an edge: far above their rounding errors, and one ray in 400."""

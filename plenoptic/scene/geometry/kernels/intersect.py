@@ -29,8 +29,7 @@ SHADOW_END = 1.0 - 2.0**-18
 def corners(vertices, triangles, k, instance_to_world, instance):
     """The three corners of triangle k in the world.
 
-    `instance` is the row of `instance_to_world` that brings the triangle into the world, -1 where it is there already;
-    `instance_to_world` is None in scenes without instances.
+    `instance` is the row of `instance_to_world` (None without instances) that brings it there, -1 where it is there.
     """
     i, j, k = triangles[k, 0], triangles[k, 1], triangles[k, 2]
     a, b, c = row_vector(vertices, i, 0), row_vector(vertices, j, 0), row_vector(vertices, k, 0)

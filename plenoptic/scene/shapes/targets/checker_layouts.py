@@ -51,8 +51,7 @@ def snapped(places: Floats, tolerance: float) -> Floats:
 def free_rectangles(outer: ArrayLike, taken: Floats) -> Floats:
     """Rectangles (x0, y0, x1, y1) that tile what is left of an outer one beside others, (n, 4), which lie in it apart.
 
-    Strips between all their upper and lower edges are cut where the others begin and end; pieces of the same stretch
-    of x in strips one above the other are joined.
+    Strips between all their upper and lower edges are cut where the others begin and end, then joined upwards.
     """
     left, bottom, right, top = np.asarray(outer, dtype=np.float64).tolist()
     begun: dict[tuple[float, float], float] = {}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,8 +25,7 @@ _SIMILAR = 1e-9
 class Target:
     """A calibration target: meshes, and points on them that are known exactly.
 
-    The makers in `pl.targets` put it into the plane z = 0, centred on the origin and facing +z, towards the camera;
-    meshes and points then move together.
+    The makers in `pl.targets` put it into the plane z = 0, centred on the origin, facing +z: towards the camera.
 
     Parameters
     ----------
@@ -112,7 +111,11 @@ class Target:
         >>> chart.frequencies[0]
         np.float64(0.5)
         """
-        moved = self._moved(lambda mesh: mesh.transformed(matrix))
+        # Points ride on a mesh of their own, so that they move exactly as vertices do; its triangle is beside them.
+        n = len(self.points)
+        carrier = Mesh(np.concatenate([self.points, np.eye(3)]), [[n, n + 1, n + 2]])
+        meshes = tuple(mesh.transformed(matrix) for mesh in self.meshes)
+        moved = dataclasses.replace(self, meshes=meshes, points=carrier.transformed(matrix).vertices[:n])
         if self.frequencies is None:
             return moved
         linear = np.asarray(matrix, dtype=np.float64)[:3, :3]
@@ -122,24 +125,8 @@ class Target:
                 f"matrix {linear.tolist()} stretches or shears bars of known frequency; turn and scale them only, or "
                 "remove the frequencies by dataclasses.replace(target, frequencies=None)"
             )
-        return dataclasses.replace(moved, frequencies=self.frequencies / scale)
+        # A turn by itself changes nothing, not by rounding either.
+        turns = np.isclose(scale, 1.0, rtol=1e-14, atol=0)
+        return moved if turns else dataclasses.replace(moved, frequencies=self.frequencies / scale)
 
-    translated, rotated_deg = moves.translated, moves.rotated_deg
-
-    def rotated(self, axis: ArrayLike, angle: float) -> Target:
-        """The target turned about an axis through the origin, as `Mesh.rotated`: radians.
-
-        Examples
-        --------
-        >>> import numpy as np, plenoptic as pl
-        >>> pl.targets.slanted_edge(10, angle_deg=0).rotated((0, 0, 1), np.pi / 2).points[:, 0].round(9).tolist()
-        [-5.0, 5.0]
-        """
-        return self._moved(lambda mesh: mesh.rotated(axis, angle))
-
-    def _moved(self, move: Callable[[Mesh], Mesh]) -> Target:
-        # Points ride on a mesh of their own, so that they move exactly as vertices do; its triangle is beside them.
-        n = len(self.points)
-        carrier = Mesh(np.concatenate([self.points, np.eye(3)]), [[n, n + 1, n + 2]])
-        meshes = tuple(move(mesh) for mesh in self.meshes)
-        return dataclasses.replace(self, meshes=meshes, points=move(carrier).vertices[:n])
+    translated, rotated, rotated_deg = moves.translated, moves.rotated, moves.rotated_deg
