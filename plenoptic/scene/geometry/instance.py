@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic.core.values import ArrayField, Floats, check_kind, frozen_array, set_field, value
+from plenoptic.core.values import ArrayField, Floats, check_kind, contiguous, frozen_array, set_field, value
 from plenoptic.errors import SceneError
 from plenoptic.scene.geometry import moves
 from plenoptic.scene.geometry.mesh import MAX_COORDINATE, Mesh, affine_determinants
@@ -134,15 +134,12 @@ def instance_record(instances: Sequence[Instances], first: Sequence[int]) -> Ins
         return None
     matrices = np.concatenate([one.matrices for one in instances])
     lengths = [len(one) for one in instances]
-    record = InstanceRecord(
-        matrices=np.ascontiguousarray(matrices[:, :3]).reshape(-1, 12),
-        first=np.repeat(np.asarray(first, dtype=np.int32), lengths),
-        faces=np.repeat(np.array([len(one.mesh.faces) for one in instances], dtype=np.int32), lengths),
+    return InstanceRecord(
+        matrices=contiguous(matrices[:, :3].reshape(-1, 12)),
+        first=contiguous(np.repeat(np.asarray(first, dtype=np.int32), lengths)),
+        faces=contiguous(np.repeat(np.array([len(one.mesh.faces) for one in instances], dtype=np.int32), lengths)),
         plain=int(min(first)),
     )
-    for array in record[:3]:
-        array.flags.writeable = False
-    return record
 
 
 def _farthest(points: Floats, rows: Floats) -> float:

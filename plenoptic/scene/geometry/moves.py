@@ -15,22 +15,16 @@ from plenoptic.errors import SceneError
 _ROUNDING = 1e-9
 
 
-class Movable(Protocol):
-    """What an affine map moves."""
-
-    def transformed(self: M, matrix: ArrayLike) -> M:
-        """The same, moved by a (4, 4) matrix."""
+class _Movable(Protocol):
+    def transformed(self: M, matrix: ArrayLike) -> M: ...
 
 
-class Turning(Protocol):
-    """What turns about an axis."""
-
-    def rotated(self: T, axis: ArrayLike, angle: float) -> T:
-        """The same, turned by radians."""
+class _Turning(Protocol):
+    def rotated(self: T, axis: ArrayLike, angle: float) -> T: ...
 
 
-M = TypeVar("M", bound=Movable)
-T = TypeVar("T", bound=Turning)
+M = TypeVar("M", bound=_Movable)
+T = TypeVar("T", bound=_Turning)
 
 
 def translated(self: M, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> M:

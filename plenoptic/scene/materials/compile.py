@@ -20,6 +20,7 @@ def bsdf_record(materials: Sequence[Material], channels: int) -> Bsdf | None:
     if not any(row.reflects for row in rows):
         return None
     kinds = np.array([MATERIALS[type(material)] for material in materials], dtype=np.int64)
+    colors = [1.0 if isinstance(row.base_color, Texture) else row.base_color for row in rows]
     # All metals share the column; those of constant reflectance have zeros there.
     metals = np.array([np.broadcast_to(row.metal_index, 3)[:channels] for row in rows], dtype=np.complex128)
     extra = _shares([getattr(row, name) for row in rows for name in EXTRA_SHARES])
@@ -27,9 +28,7 @@ def bsdf_record(materials: Sequence[Material], channels: int) -> Bsdf | None:
     return Bsdf(
         scatters=contiguous(np.array([row.reflects for row in rows], dtype=np.uint8)),
         takes_light=contiguous(np.array([row.takes_light for row in rows], dtype=np.uint8)),
-        base_color=color_rows(
-            [1.0 if isinstance(row.base_color, Texture) else row.base_color for row in rows], channels
-        ),
+        base_color=color_rows(colors, channels),
         kind=contiguous(kinds) if np.any(kinds != LAMBERTIAN) else None,
         metal_index=contiguous(np.stack([metals.real, metals.imag], axis=-1)) if CONDUCTOR in kinds else None,
         glass_index=contiguous(np.array([row.glass_index for row in rows])) if DIELECTRIC in kinds else None,

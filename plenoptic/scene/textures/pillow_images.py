@@ -38,8 +38,7 @@ def linear_texels(image: Image, *, encoding: Encoding, channel: int | None) -> N
     values: NDArray[np.floating[Any]] = np.arange(white + 1) / white
     if encoding is Encoding.SRGB and channel != images.ALPHA:
         values = srgb_to_linear(values)
-    linear: NDArray[np.float32] = values.astype(np.float32)
-    return np.asarray(linear[codes])
+    return np.asarray(values.astype(np.float32)[codes])
 
 
 def _colours(image: Image) -> tuple[NDArray[Any], int | None]:

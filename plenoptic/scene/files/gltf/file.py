@@ -91,7 +91,7 @@ def read_gltf(content: bytes, kind: str, folder: Path) -> GltfFile:
 
     A `FileError` for another kind of file, one that is cut off, or one that requires an extension that is not read.
     """
-    text, binary = _chunks(content) if kind == "glb" else (content, None)
+    text, binary = _chunks(content) if kind == "glb" else (content, b"")
     header = json.loads(text)
     if not isinstance(header, dict):
         raise FileError("it is no glTF file, whatever its name says; export it again")
@@ -101,18 +101,14 @@ def read_gltf(content: bytes, kind: str, folder: Path) -> GltfFile:
     needed = [name for name in header.get("extensionsRequired", ()) if not name.startswith(KNOWN)]
     if needed:
         raise FileError(f"it needs the extensions {', '.join(needed)}, which are not read; export without them")
-    buffers = []
-    for number, buffer in enumerate(header.get("buffers", ())):
-        if "uri" in buffer:
-            buffers.append(resource(buffer["uri"], folder))
-        elif number == 0 and binary is not None:
-            buffers.append(binary)
-        else:
-            buffers.append(b"")
+    buffers = [
+        resource(buffer["uri"], folder) if "uri" in buffer else b"" if number else binary
+        for number, buffer in enumerate(header.get("buffers", ()))
+    ]
     return GltfFile(header, tuple(buffers), folder)
 
 
-def _chunks(content: bytes) -> tuple[bytes, bytes | None]:
+def _chunks(content: bytes) -> tuple[bytes, bytes]:
     """The JSON part of a binary file, and the buffer that comes with it."""
     if content[:4] != b"glTF":
         raise FileError("it is no binary glTF file, whatever its name says; export it again")
@@ -121,7 +117,7 @@ def _chunks(content: bytes) -> tuple[bytes, bytes | None]:
         raise FileError(f"it is cut off after {len(content)} of {max(length, end)} bytes; export it again")
     text, rest = content[20:end], content[end:length]
     size = int.from_bytes(rest[:4], "little")
-    return text, rest[8 : 8 + size] if rest[4:8] == b"BIN\0" else None
+    return text, rest[8 : 8 + size] if rest[4:8] == b"BIN\0" else b""
 
 
 def resource(uri: str, folder: Path) -> bytes:
