@@ -6,8 +6,9 @@ import dataclasses
 import math
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from plenoptic.core.values import ArrayField, Floats, finite, frozen_array, positive, set_field, unconverted, value
+from plenoptic.core.values import Floats, Given, finite, frozen_array, positive, set_field, value
 from plenoptic.errors import InvalidValueError
 
 
@@ -51,9 +52,9 @@ class View:
     """
 
     name: str
-    position: ArrayField
-    look_at: ArrayField
-    up: ArrayField = unconverted((0.0, 1.0, 0.0))
+    position: Given[Floats, ArrayLike]
+    look_at: Given[Floats, ArrayLike]
+    up: Given[Floats, ArrayLike] = Given(default=(0.0, 1.0, 0.0))
     vertical_field_of_view: float | None = None
     aspect_ratio: float | None = None
 

@@ -10,11 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic.core.values import Converted, Floats, set_field, unconverted, value
+from plenoptic.core.values import Floats, Given, set_field, value
 from plenoptic.errors import InvalidValueError, SceneError
 from plenoptic.scene.compile import SceneRecord, box_around, build_record
 from plenoptic.scene.file_cameras import View
-from plenoptic.scene.files.load import load_file
 from plenoptic.scene.geometry.instance import Instances
 from plenoptic.scene.geometry.mesh import Mesh
 from plenoptic.scene.geometry.moves import similarity
@@ -57,10 +56,10 @@ class Scene:
     [[0.8, 0.3, 0.2]]
     """
 
-    meshes: Converted[tuple[Mesh | Instances, ...], Iterable[Mesh | Instances]] = unconverted(())
-    lights: Converted[tuple[Light, ...], Iterable[Light]] = unconverted(())
-    background: Converted[Background | None, Background | Colour | None] = unconverted(None)
-    views: Converted[tuple[View, ...], Iterable[View]] = unconverted(())
+    meshes: Given[tuple[Mesh | Instances, ...], Iterable[Mesh | Instances]] = Given(default=())
+    lights: Given[tuple[Light, ...], Iterable[Light]] = Given(default=())
+    background: Given[Background | None, Background | Colour | None] = Given(default=None)
+    views: Given[tuple[View, ...], Iterable[View]] = Given(default=())
 
     def __post_init__(self) -> None:
         set_field(self, "meshes", _tuple_of(self.meshes, (Mesh, Instances), "meshes"))
@@ -118,6 +117,8 @@ class Scene:
         >>> pl.Scene.load("duck.glb", unit="cm", background=1.0)  # doctest: +SKIP
         Scene(1 mesh, 4212 triangles, background 1.0)
         """
+        from plenoptic.scene.files.load import load_file
+
         contents = load_file(path, unit=unit, material=material)
         return cls(contents.meshes, (*contents.lights, *lights), background, contents.views)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from os import PathLike
 
-from plenoptic.core.values import Converted, file_path, set_field, unconverted, value
+from plenoptic.core.values import Given, file_path, set_field, value
 from plenoptic.errors import FileError, InvalidValueError, PlenopticError
 from plenoptic.scene.file_cameras import View
 from plenoptic.scene.files.gltf.file import read_gltf
@@ -44,9 +44,9 @@ class FileContents:
     Scene(1 mesh, 12 triangles)
     """
 
-    meshes: Converted[tuple[Mesh | Instances, ...], Iterable[Mesh | Instances]] = unconverted(())
-    lights: Converted[tuple[Light, ...], Iterable[Light]] = unconverted(())
-    views: Converted[tuple[View, ...], Iterable[View]] = unconverted(())
+    meshes: Given[tuple[Mesh | Instances, ...], Iterable[Mesh | Instances]] = Given(default=())
+    lights: Given[tuple[Light, ...], Iterable[Light]] = Given(default=())
+    views: Given[tuple[View, ...], Iterable[View]] = Given(default=())
 
     def __post_init__(self) -> None:
         for name in ("meshes", "lights", "views"):

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic.core.values import ArrayField, Floats, check_kind, contiguous, frozen_array, set_field, value
+from plenoptic.core.values import Floats, Given, check_kind, contiguous, frozen_array, set_field, value
 from plenoptic.errors import SceneError
 from plenoptic.scene.geometry import moves
 from plenoptic.scene.geometry.mesh import MAX_COORDINATE, Mesh, affine_determinants
@@ -51,7 +51,7 @@ class Instances:
     """
 
     mesh: Mesh
-    matrices: ArrayField
+    matrices: Given[Floats, ArrayLike]
 
     def __post_init__(self) -> None:
         check_kind(self.mesh, "mesh", Mesh, "pl.box(4)")

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import ArrayField, Converted, Floats, frozen_array, set_field, unconverted, value
+from plenoptic.core.values import Floats, Given, frozen_array, set_field, value
 from plenoptic.errors import InvalidValueError, SceneError
 from plenoptic.scene.geometry import moves
 from plenoptic.scene.materials.diffuse import Lambertian
@@ -53,11 +53,11 @@ class Mesh:
     Mesh(3 vertices, 1 triangle, Lambertian(albedo=0.8))
     """
 
-    vertices: ArrayField
-    faces: Converted[NDArray[np.int32], ArrayLike]
+    vertices: Given[Floats, ArrayLike]
+    faces: Given[NDArray[np.int32], ArrayLike]
     material: Material = Lambertian()
-    normals: Converted[Floats | None, ArrayLike | None] = unconverted(None)
-    uv: Converted[Floats | None, ArrayLike | None] = unconverted(None)
+    normals: Given[Floats | None, ArrayLike | None] = Given(default=None)
+    uv: Given[Floats | None, ArrayLike | None] = Given(default=None)
     name: str = ""
 
     def __post_init__(self) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.rotation import rotation_about
-from plenoptic.core.values import Converted, Floats, frozen_array, set_field, unconverted, value
+from plenoptic.core.values import Floats, Given, frozen_array, set_field, value
 from plenoptic.errors import FileError, InvalidValueError, SceneError
 from plenoptic.scene.geometry import moves
 from plenoptic.scene.textures.color import Colour, as_colour
@@ -87,8 +87,8 @@ class EnvironmentMap:
     [[0.3, 0.5, 1.0], [0.1, 0.1, 0.1]]
     """
 
-    texels: Converted[NDArray[np.float32], ArrayLike]
-    rotation: Converted[Floats | None, ArrayLike | None] = unconverted(None)
+    texels: Given[NDArray[np.float32], ArrayLike]
+    rotation: Given[Floats | None, ArrayLike | None] = Given(default=None)
 
     def __post_init__(self) -> None:
         codes = "EnvironmentMap.load for image files"

@@ -5,7 +5,9 @@ from __future__ import annotations
 import dataclasses
 import math
 
-from plenoptic.core.values import ArrayField, Floats, set_field, value
+from numpy.typing import ArrayLike
+
+from plenoptic.core.values import Floats, Given, set_field, value
 from plenoptic.scene.lights.fields import channel_mean, place_in_mm, times
 from plenoptic.scene.textures.color import Colour, as_colour
 
@@ -40,7 +42,7 @@ class PointLight:
     PointLight(position=[0.0, 200.0, 0.0], intensity=40000.0)
     """
 
-    position: ArrayField
+    position: Given[Floats, ArrayLike]
     intensity: Colour = 1.0
 
     def __post_init__(self) -> None:

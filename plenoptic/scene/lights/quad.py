@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic.core.values import ArrayField, Floats, flag, positive, set_field, value
+from plenoptic.core.values import Floats, Given, flag, positive, set_field, value
 from plenoptic.errors import SceneError
 from plenoptic.scene.geometry.mesh import Mesh
 from plenoptic.scene.lights.fields import channel_mean, direction_towards, place_in_mm
@@ -47,9 +47,9 @@ class QuadLight:
     ([0.0, 0.0, 1.0], 200.0)
     """
 
-    center: ArrayField
-    edge_u: ArrayField
-    edge_v: ArrayField
+    center: Given[Floats, ArrayLike]
+    edge_u: Given[Floats, ArrayLike]
+    edge_v: Given[Floats, ArrayLike]
     radiance: Colour = 1.0
     two_sided: bool = False
 

@@ -7,9 +7,9 @@ import functools
 import math
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import ArrayField, Floats, positive, set_field, value
+from plenoptic.core.values import Floats, Given, positive, set_field, value
 from plenoptic.errors import SceneError
 from plenoptic.scene.geometry.mesh import MAX_COORDINATE, Mesh
 from plenoptic.scene.lights.fields import channel_mean, place_in_mm
@@ -54,7 +54,7 @@ class SphereLight:
     1280
     """
 
-    center: ArrayField
+    center: Given[Floats, ArrayLike]
     radius: float
     radiance: Colour = 1.0
 

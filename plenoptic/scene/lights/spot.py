@@ -8,7 +8,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic.core.values import ArrayField, Floats, finite, set_field, value
+from plenoptic.core.values import Floats, Given, finite, set_field, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.scene.lights.fields import channel_mean, direction_towards, place_in_mm, times, unit_vector
 from plenoptic.scene.textures.color import Colour, as_colour
@@ -54,8 +54,8 @@ class SpotLight:
         intensity=100000.0, inner_angle=0.2, outer_angle=0.4)
     """
 
-    position: ArrayField
-    direction: ArrayField
+    position: Given[Floats, ArrayLike]
+    direction: Given[Floats, ArrayLike]
     intensity: Colour = 1.0
     inner_angle: float = 0.0
     outer_angle: float = math.pi / 4

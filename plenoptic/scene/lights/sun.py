@@ -6,8 +6,9 @@ import dataclasses
 import math
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from plenoptic.core.values import ArrayField, Floats, finite, set_field, value
+from plenoptic.core.values import Floats, Given, finite, set_field, value
 from plenoptic.errors import InvalidValueError, SceneError
 from plenoptic.scene.lights.fields import unit_vector
 from plenoptic.scene.textures.color import Colour, as_colour
@@ -50,7 +51,7 @@ class SunLight:
     SunLight(direction=[0.0, -0.6, -0.8], irradiance=3.0)
     """
 
-    direction: ArrayField
+    direction: Given[Floats, ArrayLike]
     irradiance: Colour = 1.0
     angular_radius: float = SUN_RADIUS
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.color.srgb import Encoding
-from plenoptic.core.values import Converted, Floats, choice, frozen_array, set_field, value
+from plenoptic.core.values import Floats, Given, choice, frozen_array, set_field, value
 from plenoptic.errors import InvalidValueError, SceneError
 
 if TYPE_CHECKING:
@@ -96,7 +96,7 @@ class Texture:
     Lambertian(albedo=Texture(texels=<2 x 2 x 1 float32>))
     """
 
-    texels: Converted[NDArray[np.float32], ArrayLike]
+    texels: Given[NDArray[np.float32], ArrayLike]
     _: dataclasses.KW_ONLY
     wrap: Wrap | tuple[Wrap, Wrap] = Wrap.REPEAT
     filter: TextureFilter = TextureFilter.BILINEAR

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import ArrayField, Converted, Floats, frozen_array, set_field, unconverted, value
+from plenoptic.core.values import Floats, Given, frozen_array, set_field, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.scene.geometry import moves
 from plenoptic.scene.geometry.mesh import Mesh
@@ -56,10 +56,10 @@ class Target:
     [-6.344, 4.0, -401.042]
     """
 
-    meshes: Converted[tuple[Mesh, ...], Iterable[Mesh]]
-    points: ArrayField
-    index: Converted[NDArray[np.int64] | None, ArrayLike | None] = unconverted(None)
-    frequencies: Converted[Floats | None, ArrayLike | None] = unconverted(None)
+    meshes: Given[tuple[Mesh, ...], Iterable[Mesh]]
+    points: Given[Floats, ArrayLike]
+    index: Given[NDArray[np.int64] | None, ArrayLike | None] = Given(default=None)
+    frequencies: Given[Floats | None, ArrayLike | None] = Given(default=None)
     name: str = ""
 
     def __post_init__(self) -> None:
