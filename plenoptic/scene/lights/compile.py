@@ -105,10 +105,10 @@ def _triangle_powers(
     """Triangles that emit, in their places, with their powers; and power per area of each material."""
     if emitters is None:
         return np.empty(0, np.int64), np.empty(0, np.int32), np.empty(0), np.empty(0)
+    geometry, _, instances = emitters
     exitance = 2 * math.pi * (emitters.exitance / unit)
-    shines = exitance[emitters.geometry.triangle_material] > 0
-    instances, faces = emitters.instances, len(emitters.geometry.triangles)
-    parts: list[Any] = [(0, faces if instances is None else instances.plain, None)]
+    shines = exitance[geometry.triangle_material] > 0
+    parts: list[Any] = [(0, len(geometry.triangles) if instances is None else instances.plain, None)]
     if instances is not None:
         linear = instances.matrices.reshape(-1, 3, 4)[:, :, :3]
         parts += zip(instances.first.tolist(), instances.faces.tolist(), linear, strict=True)
@@ -116,18 +116,21 @@ def _triangle_powers(
     for place, (first, count, matrix) in enumerate(parts, start=-1):
         found = first + np.flatnonzero(shines[first : first + count])
         if found.size or place < 0:
+            corners = geometry.vertices[geometry.triangles[found]]
+            edges = corners[:, 1:] - corners[:, :1]
+            edges = edges if matrix is None else edges @ matrix.T
             rows.append(found)
             places.append(np.full(found.size, place, np.int32))
-            areas.append(_areas(emitters, found, matrix))
+            areas.append(0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1))
     row, where, area = np.concatenate(rows), np.concatenate(places), np.concatenate(areas)
-    power = area * exitance[emitters.geometry.triangle_material[row]]
-    kept = (power > 0) & ~_repeated(emitters, row, where)
+    power = area * exitance[geometry.triangle_material[row]]
+    kept = (power > 0) & ~_repeated(geometry, row, where)
     return row[kept], where[kept], power[kept], exitance
 
 
-def _repeated(emitters: Emitters, row: NDArray[np.int64], place: NDArray[np.int32]) -> NDArray[np.bool_]:
+def _repeated(geometry: Geometry, row: NDArray[np.int64], place: NDArray[np.int32]) -> NDArray[np.bool_]:
     """Which triangles lie exactly on an earlier one, facing the same way: rays meet one of them, not both."""
-    corners = emitters.geometry.vertices[emitters.geometry.triangles[row]]
+    corners = geometry.vertices[geometry.triangles[row]]
     # A number for each triangle that does not depend on its first corner; equal ones are compared in full.
     number = np.sort(corners @ np.array([0.8654, 0.4211, 0.2718]), axis=1) @ np.array([1.0, 0.5773, 0.3183])
     _, group, count = np.unique(number, return_inverse=True, return_counts=True)
@@ -139,14 +142,6 @@ def _repeated(emitters: Emitters, row: NDArray[np.int64], place: NDArray[np.int3
         repeated[k] = key in seen
         seen.add(key)
     return repeated
-
-
-def _areas(emitters: Emitters, rows: NDArray[np.int64], linear: Floats | None) -> Floats:
-    corners = emitters.geometry.vertices[emitters.geometry.triangles[rows]]
-    edges = corners[:, 1:] - corners[:, :1]
-    if linear is not None:
-        edges = edges @ linear.T
-    return np.asarray(0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1))
 
 
 def _shared(near: Floats, distant: Floats) -> tuple[Floats, float]:

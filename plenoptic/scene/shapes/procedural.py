@@ -19,8 +19,6 @@ from plenoptic.scene.materials.registry import Material
 from plenoptic.scene.scene import Scene
 from plenoptic.scene.shapes.targets.checker_layouts import flat_mesh, grid_corners, grid_faces
 
-_BLACK = Lambertian(0.0)
-
 
 def quad(corner: ArrayLike, edge_u: ArrayLike, edge_v: ArrayLike, *, material: Material | None = None) -> Mesh:
     """A parallelogram of two triangles whose front is on the side of edge_u x edge_v.
@@ -254,7 +252,7 @@ def check_scene() -> Scene:
     [[-200.0, -200.0, -404.0], [200.0, 200.0, -404.0]]
     """
     # floor(0.1 - y) is -1 - n on the square n of lines at y = 0.1 + n: odd sums become even ones and back.
-    even, odd = checkerboard((400, 400), 1.0, even=Emissive(1.0), odd=_BLACK, offset=(-0.05, 0.1))
+    even, odd = checkerboard((400, 400), 1.0, even=Emissive(1.0), odd=Lambertian(0.0), offset=(-0.05, 0.1))
     return Scene([even.translated(z=-404), odd.translated(z=-404)])
 
 

@@ -149,11 +149,9 @@ class EmbreeTriangles:
         rows[: faces.size] = faces.ravel()
         self._buffers += points, rows
         geometry: int = _library.rtcNewGeometry(self._device, _TRIANGLE)
-        for kind, layout, buffer, count in (
-            (_VERTEX, _FLOAT3, points, len(corners)),
-            (_INDEX, _UINT3, rows, len(faces)),
-        ):
-            _library.rtcSetSharedGeometryBuffer(geometry, kind, 0, layout, buffer.ctypes.data, 0, 12, count)
+        set_buffer = _library.rtcSetSharedGeometryBuffer
+        set_buffer(geometry, _VERTEX, 0, _FLOAT3, points.ctypes.data, 0, 12, len(corners))
+        set_buffer(geometry, _INDEX, 0, _UINT3, rows.ctypes.data, 0, 12, len(faces))
         return geometry
 
     def _attach(self, scene: int, geometry: int, number: int) -> None:
