@@ -104,15 +104,10 @@ def _reflecting(read: _Reader, illum: int, rest: Mapping[str, Any]) -> Material:
         return Conductor(glossy, read.alpha())
     metallic = 0.0
     if illum in _REFLECTING and np.any(diffuse):
-        diffuse, metallic = _mixture(diffuse, glossy)
+        scattered, mirrored = float(np.mean(diffuse)), float(np.mean(glossy))
+        whole = np.broadcast_to(diffuse, 3) * ((scattered + mirrored) / scattered)
+        diffuse, metallic = colour_of(np.minimum(whole, 1.0)), mirrored / (scattered + mirrored)
     return MetallicRoughness(read.textured("kd", diffuse), metallic, math.sqrt(read.alpha()), **rest)
-
-
-def _mixture(diffuse: Colour, glossy: Colour) -> tuple[Colour, float]:
-    """Base colour and metallic share of a surface that scatters one part of light and mirrors another."""
-    scattered, mirrored = float(np.mean(diffuse)), float(np.mean(glossy))
-    whole = np.broadcast_to(diffuse, 3) * ((scattered + mirrored) / scattered)
-    return colour_of(np.minimum(whole, 1.0)), mirrored / (scattered + mirrored)
 
 
 class _Reader:
