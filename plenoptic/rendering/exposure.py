@@ -15,7 +15,7 @@ from plenoptic.core.files import images
 from plenoptic.core.files.preview import html_figure
 from plenoptic.core.files.serialization import describe, described_fields, restore, restored_fields
 from plenoptic.core.relative_error import relative_error
-from plenoptic.core.values import Floats, check_kind, file_path, frozen_array, positive, set_field, value, whole
+from plenoptic.core.values import Floats, Given, check_kind, file_path, frozen_array, positive, set_field, value, whole
 from plenoptic.errors import FileError, InvalidValueError
 from plenoptic.rendering.settings import RenderSettings
 from plenoptic.rendering.stats import RenderStats, StopReason
@@ -77,9 +77,9 @@ class Exposure:
     Exposure(2 x 3 x 1, 64 samples per pixel, relative error 1 %)
     """
 
-    image: NDArray[np.float32]
+    image: Given[NDArray[np.float32], ArrayLike]
     _: KW_ONLY
-    standard_error: NDArray[np.float32] | None = None
+    standard_error: Given[NDArray[np.float32] | None, ArrayLike | None] = Given(default=None)
     truth: GroundTruth | None = None
     samples: int | None = None
     replicates: int | None = None
@@ -87,26 +87,8 @@ class Exposure:
     camera: PlenopticCamera | None = None
     region: tuple[int, int, int, int] | None = None
     stats: RenderStats | None = None
-    sample_counts: NDArray[np.int32] | None = None
+    sample_counts: Given[NDArray[np.int32] | None, ArrayLike | None] = Given(default=None)
     settings: RenderSettings | None = None
-
-    if TYPE_CHECKING:
-
-        def __init__(  # noqa: PLR0913
-            self,
-            image: ArrayLike,
-            *,
-            standard_error: ArrayLike | None = None,
-            truth: GroundTruth | None = None,
-            samples: int | None = None,
-            replicates: int | None = None,
-            seed: int | None = None,
-            camera: PlenopticCamera | None = None,
-            region: tuple[int, int, int, int] | None = None,
-            stats: RenderStats | None = None,
-            sample_counts: ArrayLike | None = None,
-            settings: RenderSettings | None = None,
-        ) -> None: ...
 
     def __post_init__(self) -> None:
         image = frozen_array(self.image, name="image", shape=("rows", "columns", "channels"), dtype=np.float32)

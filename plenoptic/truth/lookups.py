@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from plenoptic.camera.record import CameraRecord
 from plenoptic.core.values import Floats
 from plenoptic.optics.microlens.lattice import Lattice
-from plenoptic.optics.microlens.listed import lattice_types
+from plenoptic.optics.microlens.listed import types_of
 from plenoptic.truth.stages import LitCells, SurfaceHits
 
 
@@ -38,11 +38,7 @@ def fill_microlens(indices: NDArray[np.int32], cells: LitCells) -> None:
 
 def fill_microlens_type(types: NDArray[np.int32], cells: LitCells) -> None:
     """Rows of the array's focal lengths."""
-    array, index = cells.array, _indices(cells)
-    if array.lattice is not Lattice.FREE:
-        types[cells.lit] = lattice_types(array, index)
-    else:
-        types[cells.lit] = 0 if array.types is None else np.asarray(array.types)[index[:, 0]]
+    types[cells.lit] = types_of(cells.array, _indices(cells))
 
 
 def _indices(cells: LitCells) -> NDArray[np.int64]:

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.points.projection_light import REPLICATES, centroid_and_error, light_and_error, light_of
-from plenoptic.camera.points.projection_rows import Rows, lenses_of, rows_through_iris, rows_through_microlenses
+from plenoptic.camera.points.projection_rows import Rows, lenses_with, rows_through_iris, rows_through_microlenses
 from plenoptic.camera.psf.point_spread import world_points
 from plenoptic.camera.psf.sensor_hits import ForwardRecord, forward_record, in_lens_axes, tasks_of
 from plenoptic.core.parallel import thread_count
@@ -175,7 +175,7 @@ def project(
 
 def _assembled(tables: ForwardRecord, given: Floats, rows: Rows, pinhole: bool) -> Projection:
     sensor, array = tables.camera.sensor, tables.camera.microlenses
-    lenses = None if array is None or rows.lens is None else lenses_of(array, rows.lens)
+    lenses = None if array is None or rows.lens is None else lenses_with(array, rows.lens)
     light, light_error = light_and_error(rows.moments)
     centroid, centroid_error = centroid_and_error(rows.moments)
     height, width = sensor.size

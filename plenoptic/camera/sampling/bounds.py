@@ -12,6 +12,7 @@ from plenoptic.camera.sampling.margins import SAFETY, aberration_margins
 from plenoptic.core.values import Floats, read_only
 from plenoptic.optics.lens.pupil.exit_pupil import PupilBounds, outline_corners, pupil_bounds, rear_reach
 from plenoptic.optics.microlens.array import MicrolensArray
+from plenoptic.optics.microlens.imperfections import largest_offset
 
 
 class Bounds(NamedTuple):
@@ -54,7 +55,9 @@ def array_bounds(
         tilt = float(np.hypot(turn[2, 0], turn[2, 1]))
     sensor = float(np.hypot(in_lens[:, 0], in_lens[:, 1]).max())
     strongest = max(abs(_bend(array, power, pupil_distance, ratio)) for power in powers)
-    off_axis = _off_axis(array) * max(abs(pupil_distance * power) for power in (*powers, (1 + ratio) / pupil_distance))
+    off_axis = largest_offset(array.imperfections) * max(
+        abs(pupil_distance * power) for power in (*powers, (1 + ratio) / pupil_distance)
+    )
     margin, aside = (1.0 + tilt) * _chromatic_margin(array, powers, wavelengths, pupil_distance), 0.0
     rounds = 2 if array.is_plate else 1
     while True:
@@ -84,25 +87,16 @@ def _chromatic_margin(
     array: MicrolensArray, powers: Floats, wavelengths: tuple[float, ...], pupil_distance: float
 ) -> float:
     """How far ideal lenses of another power than at 587.6 nm send rays aside on the plane of the outlines, in mm."""
-    if array.is_plate or not array.model.focuses:
+    if not array.model.rules.is_thin:
         return 0.0
     change = max(abs(array.power_factor(wavelength) - 1.0) for wavelength in wavelengths)
-    height = array.cell_radius + _off_axis(array)
+    height = array.cell_radius + largest_offset(array.imperfections)
     return SAFETY * abs(pupil_distance) * change * float(np.abs(powers).max()) * height
 
 
 def _bend(array: MicrolensArray, power: float, pupil_distance: float, ratio: float) -> float:
     """How far a ray moves on the plane of the outlines when its point in the cell moves by 1."""
     return 1.0 + ratio - pupil_distance * power if array.model.focuses else 0.0
-
-
-def _off_axis(array: MicrolensArray) -> float:
-    """How far an optical axis may lie from its cell's centre, in mm."""
-    if array.imperfections is None:
-        return 0.0
-    from plenoptic.optics.microlens.imperfections import largest_offset
-
-    return largest_offset(array.imperfections)
 
 
 def _extremes(heights: Floats) -> tuple[float, ...]:

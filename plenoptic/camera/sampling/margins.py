@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
-from plenoptic.core.values import Floats
 from plenoptic.optics.microlens.array import MicrolensArray
-from plenoptic.optics.microlens.models import ConvexSide
-from plenoptic.optics.microlens.record import EdgesRecord, SensorPlane, plate_record
+from plenoptic.optics.microlens.model_rules import Crossing
+from plenoptic.optics.microlens.record import SensorPlane, lone_lens
 
 _AIMS, _OFFSETS = 33, 49
 SAFETY = 1.25
 """Margins found on a grid of rays are widened by this factor."""
-UNCUT = EdgesRecord(np.zeros((0, 3)), None, np.zeros((0, 3)), math.inf)
-"""Edges that end nothing."""
 
 
 def aberration_margins(
@@ -58,7 +53,6 @@ def _margins_from(
 ) -> tuple[float, float] | None:
     """Both margins, from sensor points up to `offset` from the lens's axis; None where no ray counts."""
     from plenoptic.core.kernels.ray_blocks import BLOCK
-    from plenoptic.optics.microlens.kernels.plano_convex import fill_plano_convex
 
     aims = np.linspace(-1.5 * array.cell_radius, 1.5 * array.cell_radius, _AIMS)
     dx, dy, sx = (g.ravel() for g in np.meshgrid(aims, aims, np.linspace(0.0, offset, _OFFSETS), indexing="ij"))
@@ -66,17 +60,11 @@ def _margins_from(
     for row, column in ((0, dx), (1, dy), (3, dx - sx), (4, dy)):
         fields[row, : dx.size] = column
     blocks = np.ascontiguousarray(fields.reshape(8, -1, BLOCK).transpose(1, 0, 2))
-    sensor, plate = SensorPlane(distance, None), plate_record(array, (wavelength,))
-    fill_plano_convex(blocks.reshape(-1), None, sensor, plate, power, UNCUT, pupil_distance, None)
+    rules, lens = array.model.rules, lone_lens(array, power, wavelength)
+    rules.to_lens(blocks.reshape(-1), None, Crossing(lens, SensorPlane(distance, None), pupil_distance), None)
     x, y, z, u, v, w, _, status = blocks.transpose(1, 0, 2).reshape(8, -1)[:, : dx.size]
-    radius = (array.index - 1.0) / power
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        if array.convex_side is ConvexSide.SCENE:
-            land_x, land_y = x, y
-        elif array.model.is_flat:
-            land_x, land_y = dx, dy
-        else:
-            land_x, land_y = _landing(radius, dx, dy, (dx - sx) / distance, dy / distance)
+        land_x, land_y = rules.landing(array, power, (dx, dy), ((dx - sx) / distance, dy / distance), (x, y))
         t = -z / w
         real_x, real_y = x + t * u, y + t * v
         counts = (status == 0) & (np.hypot(land_x, land_y) <= array.cell_radius) & (np.hypot(real_x, real_y) <= reach)
@@ -85,13 +73,3 @@ def _margins_from(
         off = np.hypot(real_x - (bend * dx - pupil_distance / distance * sx), real_y - bend * dy)
         beside = np.hypot(land_x - dx, land_y - dy)
     return float(off[counts].max()), float(beside[counts].max())
-
-
-def _landing(radius: float, x: Floats, y: Floats, slope_x: Floats, slope_y: Floats) -> tuple[Floats, Floats]:
-    """Where rays through (x, y) of the vertex's plane meet the curved side, which recedes by its sag."""
-    land_x, land_y = x, y
-    for _ in range(8):
-        r2 = np.minimum(land_x**2 + land_y**2, radius**2)
-        sag = r2 / (radius + np.sqrt(radius**2 - r2))
-        land_x, land_y = x + slope_x * sag, y + slope_y * sag
-    return land_x, land_y
