@@ -165,11 +165,11 @@ def render_tile(
     paths = fed.place.size * batch.samples
     most = min(BUNDLE, paths)
     sums, ways = PixelSums(context, fed, batch, whole), CameraPaths(camera, fed, batch, most)
-    transport = None
+    integrator = None
     if context.scene is not None:
-        from plenoptic.rendering.integrator.path import Transport
+        from plenoptic.rendering.integrator.path import PathIntegrator
 
-        transport = Transport(context, most)
+        integrator = PathIntegrator(context, most)
     for start in range(0, paths, BUNDLE):
         if stopped is not None and stopped():
             return None
@@ -179,8 +179,8 @@ def render_tile(
         ways.fill_through_lens(bundle)
         fill_status_counts(sums.counts, bundle, n)
         radiance = None
-        if transport is not None:
-            radiance = transport.radiance(bundle, start, n, batch, fed.number, ways.waves)
+        if integrator is not None:
+            radiance = integrator.radiance(bundle, start, n, batch, fed.number, ways.waves)
         sums.add(bundle, radiance, ways.waves, start, n)
     return TileResult(
         tile=tile,
@@ -192,7 +192,7 @@ def render_tile(
         paths=paths,
         nonfinite=sums.nonfinite,
         lost_paths=tuple(sums.lost_paths[:NAMED]),
-        met=0 if transport is None else transport.met,
+        met=0 if integrator is None else integrator.met,
         light=sums.light,
         clamped=sums.clamped,
     )

@@ -13,7 +13,7 @@ from plenoptic.core.values import Floats, check_kind, whole, wrong_kind
 from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.context import RenderContext, render_context
 from plenoptic.rendering.exposure import Exposure
-from plenoptic.rendering.integrator.path import Transport
+from plenoptic.rendering.integrator.path import PathIntegrator
 from plenoptic.rendering.plan.stages import Subject
 from plenoptic.rendering.tile import PixelSums, batch_of
 from plenoptic.replaying.events import Escape, Event, PathEnding, WorldRay
@@ -211,5 +211,5 @@ def _through_scene(
         escape = (Escape(rays[0, 3:], np.ones(1)),) if left else ()
         return ray + escape, None, PathEnding.LEFT_SCENE if left else PathEnding.LOST
     recorder = Recorder(scene, context.scene, sampling.plan, sampling.settings.max_bounces)
-    radiance = Transport(context, 1).radiance(way.bundle, 0, 1, batch, way.fed.number, way.waves, recorder)
+    radiance = PathIntegrator(context, 1).radiance(way.bundle, 0, 1, batch, way.fed.number, way.waves, recorder)
     return ray + tuple(recorder.events), radiance, recorder.ending if left else PathEnding.LOST

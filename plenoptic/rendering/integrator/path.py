@@ -22,7 +22,7 @@ from plenoptic.rendering.plan.stages import Stage
 from plenoptic.rendering.settings import Caustics
 from plenoptic.scene.geometry.record import Hits, Interactions, PathKeys
 from plenoptic.scene.lights.record import DELTA, DrawnLights
-from plenoptic.scene.materials.alpha_mask import NESTED, SALTS, media_at, no_hits, pass_through, thin_out
+from plenoptic.scene.materials.alpha_mask import NESTED, SALTS, attenuate_shadows, media_at, no_hits, skip_transparent
 
 
 class Witness(Protocol):
@@ -40,7 +40,7 @@ class Witness(Protocol):
         """So many rays go on, of those that were drawn: the others ended by chance. Known where none goes on."""
 
 
-class Transport:
+class PathIntegrator:
     """Follows the paths of a tile's bundles through the scene; its arrays are used again for each bundle."""
 
     def __init__(self, context: RenderContext, capacity: int) -> None:
@@ -137,7 +137,7 @@ class Transport:
         if self._intersector is not None:
             self._intersector.fill_closest(hits, rays, coherent=bounce == 0)
             if self._scene.alpha is not None:
-                pass_through(self._scene, self._intersector, rays, hits, self._path_keys(), bounce * SALTS)
+                skip_transparent(self._scene, self._intersector, rays, hits, self._path_keys(), bounce * SALTS)
         return hits
 
     def _see(self, radiance: Floats, hits: Hits, wavelengths: Wavelengths) -> None:
@@ -181,7 +181,7 @@ class Transport:
             if scene.alpha is None:
                 self._intersector.fill_blocked(blocked, shadow.rays)
             else:
-                thin_out(scene, self._intersector, shadow.rays, blocked, shadow.radiance)
+                attenuate_shadows(scene, self._intersector, shadow.rays, blocked, shadow.radiance)
             add_direct(radiance, blocked, shadow)
         return shadow, blocked
 
