@@ -45,13 +45,12 @@ class PathIntegrator:
 
     def __init__(self, context: RenderContext, capacity: int) -> None:
         assert context.scene is not None
-        camera, scene, intersector, sampling = context.camera, context.scene, context.intersector, context.sampling
-        self._camera, self._scene, self._intersector, self._sampling = camera, scene, intersector, sampling
+        camera, scene, intersector, plan = context.camera, context.scene, context.intersector, context.plan
+        self._camera, self._scene, self._intersector, self._settings = camera, scene, intersector, context.settings
         self._basis = None if camera.colour is None else camera.colour.basis
         self._channels = channels = scene.channels if camera.colour is None else 1
-        plan = sampling.plan
         self._scatters, self._lights = plan.runs(Stage.SCATTERING), plan.runs(Stage.DIRECT_LIGHT)
-        self._goes_on, self._apart = plan.runs(Stage.ONWARD_RAYS), sampling.settings.caustics is Caustics.LEFT_OUT
+        self._goes_on, self._apart = plan.runs(Stage.ONWARD_RAYS), context.settings.caustics is Caustics.LEFT_OUT
         self._radiance = np.empty((capacity, channels))
         self.met = 0
         """Paths that met a triangle."""
@@ -96,7 +95,7 @@ class PathIntegrator:
 
         With `waves`, the number of each path's wavelength, there is one channel.
         """
-        max_bounces, wavelengths = self._sampling.settings.max_bounces, Wavelengths(waves, self._basis)
+        max_bounces, wavelengths = self._settings.max_bounces, Wavelengths(waves, self._basis)
         radiance = self._radiance[:n]
         radiance[:] = 0.0
         found = self._start(blocks, start, n, batch, number)
