@@ -12,11 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 from plenoptic.core.files import images
 from plenoptic.core.files.preview import html_figure
 from plenoptic.core.files.serialization import described_fields, restored_fields
-from plenoptic.core.values import Floats, Given, check_kind, file_path, set_field, value, whole
+from plenoptic.core.values import Floats, Given, check_kind, file_path, seed_number, set_field, value, whole
 from plenoptic.errors import FileError, InvalidValueError
 from plenoptic.optics.sensor.color_filter import BayerPattern, Filters, channels_of
 from plenoptic.optics.sensor.demosaic import DemosaicMethod, demosaiced
-from plenoptic.optics.sensor.model import SensorModel, as_seed
+from plenoptic.optics.sensor.model import SensorModel
 from plenoptic.rendering.exposure import Exposure, checked_region, region_text
 
 if TYPE_CHECKING:
@@ -76,7 +76,7 @@ class RawImage:
         if self.region is not None:
             set_field(self, "region", checked_region(self.region, self.data.shape[:2]))
         if self.seed is not None:
-            set_field(self, "seed", as_seed(self.seed, "seed"))
+            set_field(self, "seed", seed_number(self.seed))
         if self.samples is not None:
             set_field(self, "samples", whole(self.samples, "samples", at_least=0))
 

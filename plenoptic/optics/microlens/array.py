@@ -83,7 +83,8 @@ class MicrolensArray:
     Examples
     --------
     >>> import plenoptic as pl
-    >>> array = pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,), lattice=pl.Lattice.HEXAGONAL)
+    >>> array = pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,), lattice=pl.Lattice.HEXAGONAL,
+    ...     walls=pl.optics.Walls.NONE)
     >>> f"{array.cell_area:.6f} mm^2"
     '0.040780 mm^2'
     >>> multi_focus = pl.MicrolensArray(pitch=0.217, focal_lengths=(1.7, 2.0, 2.4))

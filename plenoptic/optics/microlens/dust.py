@@ -32,14 +32,7 @@ _MOST_MEMBERS = 16
 
 
 class BlemishSite(enum.IntEnum):
-    """The plane on which blemishes lie, and whose axes their places are given in.
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> [site.name for site in pl.BlemishSite]
-    ['SENSOR', 'ARRAY', 'LENS_REAR', 'LENS_FRONT']
-    """
+    """The plane on which blemishes lie, and whose axes their places are given in. See `Blemishes`."""
 
     SENSOR = 0
     """Parallel to the sensor, at a distance in front of it: on its cover glass, or on the pixels."""

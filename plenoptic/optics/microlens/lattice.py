@@ -13,14 +13,7 @@ from plenoptic.errors import InvalidValueError
 
 
 class Lattice(enum.IntEnum):
-    """How the microlenses lie; in all but FREE one microlens is at the array's centre.
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> [lattice.name for lattice in pl.Lattice]
-    ['HEXAGONAL', 'SQUARE', 'RECTANGULAR', 'FREE']
-    """
+    """How the microlenses lie; in all but FREE one microlens is at the array's centre. See `MicrolensArray`."""
 
     HEXAGONAL = 0
     """Nearest neighbours along y; columns pitch sqrt(3)/2 apart along x."""

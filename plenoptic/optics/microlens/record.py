@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.microlens.aperture import Gaps, Opening, Walls
+from plenoptic.optics.microlens.aperture import Gaps, Walls
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.imperfections import extreme_factors
 from plenoptic.optics.microlens.lattice import Lattice, polygon_edges
@@ -240,7 +240,7 @@ def array_record(
         OpeningRecord(
             corners=_padded([_widened(part, margin) @ turn.T for part in parts]),
             radius=array.cell_radius + margin,
-            edges=_turned_edges(opening, turn),
+            edges=np.column_stack([opening.edges[:, :2] @ turn.T, opening.edges[:, 2]]),
             radius2=opening.radius**2,
             clip=1.0 if tested else 0.0,
             clear=clear,
@@ -264,12 +264,6 @@ def lone_lens(array: MicrolensArray, power: float, wavelength: float) -> ArrayRe
 def _power_factors(array: MicrolensArray, wavelengths: tuple[float, ...]) -> Floats | None:
     factors = np.array([array.power_factor(wavelength) for wavelength in wavelengths])
     return factors if (factors != 1.0).any() else None
-
-
-def _turned_edges(opening: Opening, turn: Floats) -> Floats:
-    edges = np.array(opening.edges)
-    edges[:, :2] = edges[:, :2] @ turn.T
-    return edges
 
 
 def _widened(corners: Floats, margin: float) -> Floats:
