@@ -117,6 +117,11 @@ class Opening:
         return np.zeros((0, 3)) if math.isfinite(self.radius) else polygon_edges(self.corners)
 
 
+def has_clear_gaps(aperture: MicrolensAperture | None) -> bool:
+    """Whether light passes beside the openings."""
+    return aperture is not None and aperture.gaps is Gaps.CLEAR
+
+
 def opening_of(aperture: MicrolensAperture, cell: Floats) -> Opening:
     """The opening for a cell (k, 2); an error where it sticks out of the cell."""
     area = aperture.fill_factor * polygon_area(cell)
