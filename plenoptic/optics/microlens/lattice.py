@@ -73,21 +73,6 @@ def polygon_area(corners: Floats) -> float:
     return 0.5 * float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
 
 
-def cut_polygon(corners: Floats, edges: Floats) -> Floats:
-    """The part of a convex polygon inside all edges (k, 3); may be empty."""
-    kept = [tuple(corner) for corner in corners.tolist()]
-    for a, b, limit in edges.tolist():
-        before, kept = kept, []
-        for (x, y), (next_x, next_y) in zip(before, before[1:] + before[:1], strict=True):
-            here, there = limit - (a * x + b * y), limit - (a * next_x + b * next_y)
-            if here >= 0:
-                kept.append((x, y))
-            if (here >= 0) != (there >= 0):
-                share = here / (here - there)
-                kept.append((x + share * (next_x - x), y + share * (next_y - y)))
-    return np.array(kept).reshape(-1, 2)
-
-
 def default_pattern(types: int) -> NDArray[np.int64]:
     """(types, types): the type of lens (i, j) is (i - j) mod types.
 
