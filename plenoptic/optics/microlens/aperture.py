@@ -89,7 +89,7 @@ class MicrolensAperture:
 
 @value
 class Opening:
-    """An aperture in mm: a convex polygon in which rays are drawn, and the circle that ends it, if it is round.
+    """An aperture in mm: a convex polygon for drawing rays, and the circle ending it if round. See `MicrolensAperture`.
 
     Parameters
     ----------
@@ -97,10 +97,6 @@ class Opening:
         Counter-clockwise, relative to the lens.
     radius : float
         Of a round opening; inf for polygons.
-
-    Examples
-    --------
-    See `MicrolensAperture`.
     """
 
     corners: Floats

@@ -40,14 +40,7 @@ _NOT_NEGATIVE = (
 
 
 class ShotNoise(enum.IntEnum):
-    """Whether electrons come one by one.
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> pl.ShotNoise.POISSON
-    <ShotNoise.POISSON: 1>
-    """
+    """Whether electrons come one by one. See `SensorModel`."""
 
     NONE = 0
     """A pixel collects exactly its mean, which need not be whole."""
@@ -134,6 +127,7 @@ class SensorModel:
     >>> sensor = pl.SensorModel(
     ...     photon_rate=2.0e6, exposure_time=0.01, quantum_efficiency=(0.4, 0.55, 0.45), gain=0.25, black_level=64,
     ...     bits=12, full_well=15000, colour_filters=pl.BayerPattern.RGGB, read_noise=3.0, prnu=0.008,
+    ...     shot_noise=pl.ShotNoise.POISSON,
     ... )
     >>> sensor.electrons_per_unit
     array([ 8000., 11000.,  9000.])
