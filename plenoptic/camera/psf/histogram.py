@@ -13,8 +13,8 @@ from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.psf.sensor_hits import ForwardRecord, Task, landed
 from plenoptic.camera.psf.spread import CameraSpread
 from plenoptic.core.kernels.ray_blocks import CAUSES
+from plenoptic.core.lost_rays import cause_and_element
 from plenoptic.core.parallel import run_in_order
-from plenoptic.core.rays import RayStatus
 from plenoptic.core.values import Floats
 
 
@@ -167,7 +167,6 @@ def _fates(counts: NDArray[np.int64], rays: int) -> tuple[tuple[tuple[str, int |
         names.append(("beside_opening", None))
         kept.append(shut)
     for code in np.flatnonzero(counts[:, 1:shut].any(axis=0)) + 1:
-        element, cause = divmod(int(code), CAUSES)
-        names.append((RayStatus(cause).name.lower(), element - 1 if element else None))
+        names.append(cause_and_element(int(code)))
         kept.append(int(code))
     return tuple(names), counts[:, kept] / rays
