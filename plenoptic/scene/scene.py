@@ -202,8 +202,7 @@ class Scene:
         --------
         From a file in metres to a model 400 mm before the camera:
 
-        >>> import numpy as np
-        >>> import plenoptic as pl
+        >>> import numpy as np, plenoptic as pl
         >>> model = pl.Scene([pl.box(2000)], [pl.lights.PointLight((0, 5000, 0), intensity=4e6)])
         >>> low, high = model.bounds
         >>> size = 10.0 / (high - low).max()

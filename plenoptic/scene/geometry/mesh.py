@@ -125,8 +125,7 @@ class Mesh:
 
         Examples
         --------
-        >>> import numpy as np
-        >>> import plenoptic as pl
+        >>> import numpy as np, plenoptic as pl
         >>> pl.box(2).transformed(np.diag([1, 2, 3, 1])).bounds[1].tolist()
         [1.0, 2.0, 3.0]
         """
@@ -174,8 +173,7 @@ class Mesh:
 
         Examples
         --------
-        >>> import numpy as np
-        >>> import plenoptic as pl
+        >>> import numpy as np, plenoptic as pl
         >>> pl.box((4, 2, 1)).rotated((0, 0, 1), np.pi / 2).bounds[1].round(12).tolist()
         [1.0, 2.0, 0.5]
         """

@@ -80,8 +80,7 @@ class EnvironmentMap:
 
     Examples
     --------
-    >>> import numpy as np
-    >>> import plenoptic as pl
+    >>> import numpy as np, plenoptic as pl
     >>> sky = pl.EnvironmentMap(np.array([[[0.3, 0.5, 1.0]], [[0.1, 0.1, 0.1]]]))       # above, and below the horizon
     >>> sky
     EnvironmentMap(texels=<2 x 1 x 3 float32>)
@@ -136,8 +135,7 @@ class EnvironmentMap:
 
         Examples
         --------
-        >>> import numpy as np
-        >>> import plenoptic as pl
+        >>> import numpy as np, plenoptic as pl
         >>> pl.EnvironmentMap(np.ones((4, 8, 3))).is_grey
         True
         """
@@ -160,9 +158,7 @@ class EnvironmentMap:
 
         Examples
         --------
-        >>> import math
-        >>> import numpy as np
-        >>> import plenoptic as pl
+        >>> import math, numpy as np, plenoptic as pl
         >>> world = pl.EnvironmentMap(np.array([[[0.0], [1.0], [2.0], [3.0]]])).rotated((0, 1, 0), math.pi / 4)
         >>> world.radiance([[0, 0, -1], [-1, 0, 0], [0, 0, 1], [1, 0, 0]]).tolist()
         [[2.0], [1.0], [0.0], [3.0]]
@@ -175,8 +171,7 @@ class EnvironmentMap:
 
         Examples
         --------
-        >>> import numpy as np
-        >>> import plenoptic as pl
+        >>> import numpy as np, plenoptic as pl
         >>> pl.EnvironmentMap(np.ones((2, 4, 1))).rotated_deg((0, 1, 0), 90).rotation.round(12).tolist()
         [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]
         """
@@ -203,8 +198,7 @@ class EnvironmentMap:
 
         Examples
         --------
-        >>> import numpy as np
-        >>> import plenoptic as pl
+        >>> import numpy as np, plenoptic as pl
         >>> left_and_right = pl.EnvironmentMap(np.array([[[1.0], [2.0]]]))
         >>> left_and_right.radiance([[-1, 0, 0], [1, 0, 0]]).tolist()
         [[1.0], [2.0]]

@@ -28,8 +28,7 @@ def environment_record(environment: EnvironmentMap, channels: int) -> Environmen
 
     Examples
     --------
-    >>> import numpy as np
-    >>> import plenoptic as pl
+    >>> import numpy as np, plenoptic as pl
     >>> environment_record(pl.EnvironmentMap(np.zeros((2, 4, 1))), channels=1) is None
     True
     >>> record = environment_record(pl.EnvironmentMap(np.array([[[3.0]], [[1.0]]])), channels=1)

@@ -31,8 +31,7 @@ def atlas(textures: Sequence[Texture]) -> tuple[NDArray[np.float32] | None, NDAr
 
     Examples
     --------
-    >>> import numpy as np
-    >>> import plenoptic as pl
+    >>> import numpy as np, plenoptic as pl
     >>> texels, rows = atlas([pl.Texture(np.full((2, 2, 1), 0.5)), pl.Texture(np.eye(3)[None])])
     >>> texels.shape, rows.tolist()
     ((13,), [(0, 2, 2, 1, 0, 0, 1), (4, 1, 3, 3, 0, 0, 1)])

@@ -41,8 +41,7 @@ def linear_texels(image: Image, *, encoding: Encoding, channel: int | None) -> N
 
     Examples
     --------
-    >>> import PIL.Image
-    >>> import plenoptic as pl
+    >>> import PIL.Image, plenoptic as pl
     >>> image = PIL.Image.new("RGBA", (2, 1), (0, 51, 255, 102))
     >>> linear_texels(image, encoding=pl.images.Encoding.LINEAR, channel=3)[0, 0].round(3)
     array([0.4], dtype=float32)

@@ -27,8 +27,7 @@ class Wrap(enum.IntEnum):
 
     Examples
     --------
-    >>> import numpy as np
-    >>> import plenoptic as pl
+    >>> import numpy as np, plenoptic as pl
     >>> pl.Texture(np.ones((1, 2, 1)), wrap=(pl.materials.Wrap.REPEAT, pl.materials.Wrap.CLAMP)).wraps
     (<Wrap.REPEAT: 0>, <Wrap.CLAMP: 1>)
     """
@@ -91,8 +90,7 @@ class Texture:
 
     Examples
     --------
-    >>> import numpy as np
-    >>> import plenoptic as pl
+    >>> import numpy as np, plenoptic as pl
     >>> chequer = pl.Texture(np.array([[[0.1], [0.9]], [[0.9], [0.1]]]))
     >>> chequer.texels.shape
     (2, 2, 1)
@@ -126,8 +124,7 @@ class Texture:
 
         Examples
         --------
-        >>> import numpy as np
-        >>> import plenoptic as pl
+        >>> import numpy as np, plenoptic as pl
         >>> pl.Texture(np.ones((4, 4, 3))).is_grey
         True
         """
@@ -146,8 +143,7 @@ class Texture:
 
         Examples
         --------
-        >>> import numpy as np
-        >>> import plenoptic as pl
+        >>> import numpy as np, plenoptic as pl
         >>> pl.Texture(np.arange(8.0).reshape(2, 4, 1)).halved().texels[..., 0].tolist()
         [[2.5, 4.5]]
         """
@@ -233,8 +229,7 @@ class Texture:
 
         Examples
         --------
-        >>> import PIL.Image
-        >>> import plenoptic as pl
+        >>> import PIL.Image, plenoptic as pl
         >>> image = PIL.Image.new("RGB", (8, 4), (255, 188, 0))
         >>> texture = pl.Texture.from_image(image)
         >>> texture.texels.shape, texture.texels[0, 0].round(2).tolist()

@@ -107,8 +107,7 @@ class Target:
 
         Examples
         --------
-        >>> import numpy as np
-        >>> import plenoptic as pl
+        >>> import numpy as np, plenoptic as pl
         >>> chart = pl.targets.usaf_1951([0]).transformed(np.diag([2, 2, 2, 1]))
         >>> chart.frequencies[0]
         np.float64(0.5)
@@ -141,8 +140,7 @@ class Target:
 
         Examples
         --------
-        >>> import numpy as np
-        >>> import plenoptic as pl
+        >>> import numpy as np, plenoptic as pl
         >>> pl.targets.slanted_edge(10, angle_deg=0).rotated((0, 0, 1), np.pi / 2).points[:, 0].round(9).tolist()
         [-5.0, 5.0]
         """
