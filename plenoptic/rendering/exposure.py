@@ -95,13 +95,9 @@ class Exposure:
         if image.shape[2] not in _NAMES or 0 in image.shape:
             raise InvalidValueError(f"image has shape {image.shape}; it must be (H, W, 1) or (H, W, 3), not empty")
         set_field(self, "image", image)
-        arrays: tuple[tuple[str, type, tuple[int, ...]], ...] = (
-            ("standard_error", np.float32, image.shape),
-            ("sample_counts", np.int32, image.shape[:2]),
-        )
-        for name, dtype, shape in arrays:
+        for name, dtype, axes in (("standard_error", np.float32, 3), ("sample_counts", np.int32, 2)):
             if (given := getattr(self, name)) is not None:
-                set_field(self, name, frozen_array(given, name=name, shape=shape, dtype=dtype))
+                set_field(self, name, frozen_array(given, name=name, shape=image.shape[:axes], dtype=dtype))
         if self.truth is not None:
             check_kind(self.truth, "truth", GroundTruth, "pl.GroundTruth(depth=...)")
             if self.truth.shape != image.shape[:2]:

@@ -142,7 +142,7 @@ def _drive(
     bar: ProgressBar,
 ) -> bool:
     """Render batches until nothing is pending, time is over or somebody interrupts, which is returned."""
-    replicates, interrupts = context.sampling.replicates, Interrupts(bar.end)
+    replicates, interrupts = context.replicates, Interrupts(bar.end)
     kept, pixels = progress.paths, sum(tile.pixels for tile in progress.tiles)
 
     def batches() -> Iterator[tuple[int, Batch]]:
@@ -151,7 +151,7 @@ def _drive(
             samples = min(progress.next_samples(i), clock.samples_per_batch(tile.pixels, replicates))
             if not clock.has_time(samples * tile.pixels):
                 return
-            yield i, batch_of(context.sampling, int(progress.done[i]), samples)
+            yield i, batch_of(context, int(progress.done[i]), samples)
 
     def work(task: tuple[int, Batch]) -> tuple[int, TileResult | None]:
         i, batch = task

@@ -17,7 +17,7 @@ NESTED = 4
 """Bodies of glass, one in the other, that a path knows it is in."""
 
 
-def pass_through(
+def skip_transparent(
     scene: SceneRecord, intersector: Intersector, rays: Floats, hits: Hits, keys: PathKeys | None = None, salt: int = 0
 ) -> None:
     """Move rays on until what they meet is there for their path, and say how far they have come by that.
@@ -35,7 +35,7 @@ def pass_through(
         _meet_again(intersector, hits, rays, which)
 
 
-def thin_out(
+def attenuate_shadows(
     scene: SceneRecord, intersector: Intersector, rays: Floats, blocked: NDArray[np.uint8], shadow_radiance: Floats
 ) -> None:
     """Follow shadow rays to their ends: mark those that are blocked and weaken those that are not."""
