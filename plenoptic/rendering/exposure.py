@@ -71,8 +71,7 @@ class Exposure:
 
     Examples
     --------
-    >>> import numpy as np
-    >>> import plenoptic as pl
+    >>> import numpy as np, plenoptic as pl
     >>> shot = pl.Exposure(np.ones((2, 3, 1)), standard_error=np.full((2, 3, 1), 0.01), samples=64)
     >>> shot
     Exposure(2 x 3 x 1, 64 samples per pixel, relative error 1 %)
@@ -193,9 +192,7 @@ class Exposure:
 
         Examples
         --------
-        >>> import pathlib, tempfile
-        >>> import numpy as np
-        >>> import plenoptic as pl
+        >>> import pathlib, tempfile, numpy as np, plenoptic as pl
         >>> shot = pl.Exposure(np.ones((2, 3, 1)), samples=64, seed=0)
         >>> with tempfile.TemporaryDirectory() as folder:
         ...     path = pathlib.Path(folder) / "shot.exr"

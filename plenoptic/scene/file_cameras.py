@@ -40,8 +40,7 @@ class View:
     --------
     A camera in its place, with its field of view: the sensor is as high as the picture behind the lens.
 
-    >>> import math
-    >>> import plenoptic as pl
+    >>> import math, plenoptic as pl
     >>> view = pl.scene.View("front", (0, 0, 400), (0, 0, 0), vertical_field_of_view=0.4, aspect_ratio=1.5)
     >>> height = 2 * 50.0 * math.tan(view.vertical_field_of_view / 2)
     >>> camera = pl.PlenopticCamera(lens=pl.no_lens(semi_diameter=1.0), stop_to_microlenses=50.0,

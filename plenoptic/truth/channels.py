@@ -172,8 +172,7 @@ class GroundTruth:
 
     Examples
     --------
-    >>> import numpy as np
-    >>> import plenoptic as pl
+    >>> import numpy as np, plenoptic as pl
     >>> truth = pl.GroundTruth(depth=[[400.0, np.inf]], object=[[0, -1]])
     >>> truth
     GroundTruth(1 x 2, depth, object)

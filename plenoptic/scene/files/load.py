@@ -117,8 +117,7 @@ def load_meshes(
 
     Examples
     --------
-    >>> import os, pathlib, tempfile
-    >>> import plenoptic as pl
+    >>> import os, pathlib, tempfile, plenoptic as pl
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = pathlib.Path(folder) / "corner.obj"
     ...     _ = path.write_text(os.linesep.join(["v 0 0 0", "v 1 0 0", "v 0 2 0", "f 1 2 3"]))

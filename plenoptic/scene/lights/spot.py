@@ -132,8 +132,7 @@ class SpotLight:
 
         Examples
         --------
-        >>> import math
-        >>> import plenoptic as pl
+        >>> import math, plenoptic as pl
         >>> round(pl.lights.SpotLight((0, 0, 0), (0, 0, -1), 3.0, 0.0, math.pi / 2).power, 6)
         6.283185
         """

@@ -94,8 +94,7 @@ class SunLight:
 
         Examples
         --------
-        >>> import math
-        >>> import plenoptic as pl
+        >>> import math, plenoptic as pl
         >>> sun = pl.SunLight.from_angles(azimuth=math.pi / 2, elevation=math.pi / 6)   # right, 30 degrees high
         >>> sun.direction.round(3).tolist()
         [-0.866, -0.5, 0.0]

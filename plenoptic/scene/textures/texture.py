@@ -218,8 +218,7 @@ class Texture:
 
         Examples
         --------
-        >>> import PIL.Image
-        >>> import plenoptic as pl
+        >>> import PIL.Image, plenoptic as pl
         >>> image = PIL.Image.new("RGB", (8, 4), (255, 188, 0))
         >>> texture = pl.Texture.from_image(image)
         >>> texture.texels.shape, texture.texels[0, 0].round(2).tolist()
