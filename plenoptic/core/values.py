@@ -31,6 +31,7 @@ AnyFloats = NDArray[np.floating[Any]]
 T = TypeVar("T")
 Kept = TypeVar("Kept")
 Taken = TypeVar("Taken")
+Number = TypeVar("Number", bound=np.generic)
 Choice = TypeVar("Choice", bound=enum.Enum)
 
 if TYPE_CHECKING:
@@ -51,11 +52,16 @@ _SHOWN = 9
 """Numbers that an array may have to be shown in full: those of a rotation."""
 
 
-def read_only(array: NDArray[Any]) -> NDArray[Any]:
+def read_only(array: NDArray[Number]) -> NDArray[Number]:
     """A read-only view of an array; the array itself stays as it is."""
     view = array.view()
     view.flags.writeable = False
     return view
+
+
+def contiguous(array: NDArray[Number]) -> NDArray[Number]:
+    """A read-only, C-contiguous form of an array, as kernels take it."""
+    return read_only(np.ascontiguousarray(array))
 
 
 def frozen_array(
@@ -140,6 +146,13 @@ def whole(value: int, name: str, *, at_least: int) -> int:
         raise InvalidValueError(f"{name} is {value!r}; it must be a whole number")
     if value < at_least:
         raise InvalidValueError(f"{name} is {value}; it must be at least {at_least}")
+    return int(value)
+
+
+def seed_number(value: int, name: str = "seed") -> int:
+    """`value` as an int, or an error where it is no whole number from 0 to 2^64 - 1."""
+    if whole(value, name, at_least=0) >= 1 << 64:
+        raise InvalidValueError(f"{name} is {value}; it must be below 2^64")
     return int(value)
 
 

@@ -12,7 +12,7 @@ from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.model_pupil import model_pupil
 from plenoptic.camera.points.centres import CentreMethod, microlens_centres
 from plenoptic.camera.report.optics import lateral_magnification, object_plane
-from plenoptic.core.values import Floats, check_kind, choice, finite, positive, read_only, whole
+from plenoptic.core.values import Floats, check_kind, choice, finite, positive, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield.planes import RawPlanes, raw_planes
 from plenoptic.lightfield.resample import Resampling, resampling
@@ -89,14 +89,13 @@ def decode(
     Examples
     --------
     >>> import plenoptic as pl
-    >>> from plenoptic.lightfield import decode
     >>> lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=4.25))
     >>> camera = pl.PlenopticCamera(lens=lens,
     ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,), lattice=pl.Lattice.SQUARE),
     ...     sensor=pl.Sensor(shape=(110, 154), pixel_pitch=0.01),
     ...     stop_to_microlenses=123.3, microlenses_to_sensor=2.0).focused_at(z=-404.0)
     >>> white = pl.render_white(camera, samples=16, progress=False)
-    >>> field = decode(white, white, views=9)
+    >>> field = pl.lightfield.decode(white, white, views=9)
     >>> field
     LightField(9 x 9 views of 5 x 7 x 1)
     >>> float(field.centre.min()), float(field.centre.max())
@@ -208,13 +207,13 @@ def _field(
     focus, larger = _focus(camera)
     across, down = grid.spacing
     return LightField(
-        views=read_only(seen),
-        standard_error=None if error is None else read_only(error),
-        u=read_only(offsets),
-        v=read_only(offsets.copy()),
-        exit_pupil=read_only(at_pupil),
-        pupil=read_only(pupil if math.isfinite(gap) else np.full(at_pupil.shape, np.nan)),
-        origin=read_only(grid.origin),
+        views=seen,
+        standard_error=error,
+        u=offsets,
+        v=offsets,
+        exit_pupil=at_pupil,
+        pupil=pupil if math.isfinite(gap) else np.full(at_pupil.shape, np.nan),
+        origin=grid.origin,
         spacing=grid.spacing,
         object_spacing=(across * larger, down * larger),
         z_focus=focus,

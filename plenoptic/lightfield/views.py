@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.model_pupil import model_pupil
 from plenoptic.camera.report.optics import image_plane
-from plenoptic.core.values import Floats, number, value
+from plenoptic.core.values import Floats, number, result
 from plenoptic.errors import InvalidValueError
 
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera
 
 
-@value
+@result
 class LightField:
     """Sub-aperture views of a plenoptic 1.0 camera. See `decode`, which makes them.
 

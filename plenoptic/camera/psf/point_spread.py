@@ -20,7 +20,7 @@ from plenoptic.camera.psf.histogram import assembled, spots_of
 from plenoptic.camera.psf.sensor_hits import HIT, Task, in_lens_axes, landed, measuring_record, tasks_of
 from plenoptic.camera.psf.spread import CameraSpread, LandingPoints
 from plenoptic.core.parallel import run_in_order, thread_count
-from plenoptic.core.values import Floats, check_kind, frozen_array, whole
+from plenoptic.core.values import Floats, check_kind, frozen_array, seed_number, whole
 from plenoptic.errors import InvalidValueError
 
 
@@ -80,7 +80,7 @@ def point_spread(
     given, several = _checked_points(camera, points)
     replicates = whole(replicates, "replicates", at_least=1)
     each = -(-whole(rays, "rays", at_least=1) // replicates)
-    scrambling, workers = _checked_seed(seed), thread_count(threads)
+    scrambling, workers = np.uint64(seed_number(seed)), thread_count(threads)
     record = measuring_record(camera)
     tasks = tasks_of(record, in_lens_axes(record, given), replicates, each)
     spots = dict(spots_of(record, tasks, each, scrambling, workers))
@@ -123,7 +123,7 @@ def landing_points(
     """
     given, _ = _checked_points(camera, points)
     each = whole(rays, "rays", at_least=1)
-    scrambling, workers = _checked_seed(seed), thread_count(threads)
+    scrambling, workers = np.uint64(seed_number(seed)), thread_count(threads)
     record = measuring_record(camera)
     tasks = tasks_of(record, in_lens_axes(record, given), 1, each)
 
@@ -140,12 +140,6 @@ def landing_points(
     index = np.column_stack([rows["first"], rows["second"]])
     microlens = index @ array.basis if array.centres is None else array.centres[index[:, 0]]
     return LandingPoints(position, rows["weight"] / each, source, microlens, index)
-
-
-def _checked_seed(seed: int) -> np.uint64:
-    if whole(seed, "seed", at_least=0) >= 1 << 64:
-        raise InvalidValueError(f"seed is {seed}; it must be below 2^64")
-    return np.uint64(seed)
 
 
 def _checked_points(camera: PlenopticCamera, points: ArrayLike) -> tuple[Floats, bool]:

@@ -17,8 +17,7 @@ from plenoptic.camera.sampling.pixel_regions import cells_per_pixel
 from plenoptic.camera.sampling.record import Batch
 from plenoptic.core.lost_rays import lost_rays
 from plenoptic.core.parallel import run_in_order, thread_count
-from plenoptic.core.values import whole
-from plenoptic.errors import InvalidValueError
+from plenoptic.core.values import seed_number, whole
 from plenoptic.rendering.context import RenderContext, render_context
 from plenoptic.rendering.exposure import Exposure
 from plenoptic.rendering.plan.scene_stages import is_dark
@@ -66,9 +65,7 @@ def run(subject: Subject, budget: Budget, work: Work) -> Exposure:
     camera, checkpoint = subject.camera, None
     if work.checkpoint is not None:
         checkpoint = Checkpoint(work.checkpoint, work.checkpoint_interval)
-    seed = whole(work.seed, "seed", at_least=0)
-    if seed >= 1 << 64:
-        raise InvalidValueError(f"seed is {seed}; it must be below 2^64")
+    seed = seed_number(work.seed)
     workers = thread_count(work.threads)
     region = sensor_region(camera.sensor.shape, work.region)
     if work.conditioning is not None:
@@ -119,7 +116,7 @@ def _progress(
     shape = (end_row - first_row, end_column - first_column)
     radiance = 1.0
     if context.scene is not None:
-        from plenoptic.scene.lights.brightness import brightest_radiance
+        from plenoptic.scene.compile import brightest_radiance
 
         radiance = brightest_radiance(context.scene)
     batch = min(clock.samples_per_batch(tile.pixels, budget.replicates) for tile in tiles)
@@ -145,7 +142,7 @@ def _drive(
     bar: ProgressBar,
 ) -> bool:
     """Render batches until nothing is pending, time is over or somebody interrupts, which is returned."""
-    replicates, interrupts = context.sampling.replicates, Interrupts(bar.end)
+    replicates, interrupts = context.replicates, Interrupts(bar.end)
     kept, pixels = progress.paths, sum(tile.pixels for tile in progress.tiles)
 
     def batches() -> Iterator[tuple[int, Batch]]:
@@ -154,7 +151,7 @@ def _drive(
             samples = min(progress.next_samples(i), clock.samples_per_batch(tile.pixels, replicates))
             if not clock.has_time(samples * tile.pixels):
                 return
-            yield i, batch_of(context.sampling, int(progress.done[i]), samples)
+            yield i, batch_of(context, int(progress.done[i]), samples)
 
     def work(task: tuple[int, Batch]) -> tuple[int, TileResult | None]:
         i, batch = task
