@@ -94,10 +94,8 @@ def design_camera(  # noqa: PLR0913
     Examples
     --------
     >>> import plenoptic as pl
-    >>> from plenoptic.camera.design.design import design_camera
-    >>> from plenoptic.camera.report.report import CameraKind
-    >>> design = design_camera(pl.load_lens("double-gauss-100mm-f2"), sensor=pl.Sensor((512, 512), 0.010), z=-404.0,
-    ...     kind=CameraKind.GALILEAN, pitch=0.217, focal_length=2.0, virtual_depth=4.0, image_fill=0.95)
+    >>> design = pl.design_camera(pl.load_lens("double-gauss-100mm-f2"), sensor=pl.Sensor((512, 512), 0.010), z=-404.0,
+    ...     kind=pl.CameraKind.GALILEAN, pitch=0.217, focal_length=2.0, virtual_depth=4.0, image_fill=0.95)
     >>> design.solved_for
     ('semi_diameter', 'stop_to_microlenses', 'microlenses_to_sensor')
     >>> camera = design.camera

@@ -36,8 +36,8 @@ class CameraKind(enum.IntEnum):
 
     Examples
     --------
-    >>> from plenoptic.camera.report.report import CameraKind
-    >>> [kind.name for kind in CameraKind]
+    >>> import plenoptic as pl
+    >>> [kind.name for kind in pl.CameraKind]
     ['CONVENTIONAL', 'PLENOPTIC_1', 'KEPLERIAN', 'GALILEAN', 'CAMERA_ARRAY']
     """
 
