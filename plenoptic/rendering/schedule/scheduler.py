@@ -116,7 +116,7 @@ def _progress(
     shape = (end_row - first_row, end_column - first_column)
     radiance = 1.0
     if context.scene is not None:
-        from plenoptic.scene.lights.brightness import brightest_radiance
+        from plenoptic.scene.compile import brightest_radiance
 
         radiance = brightest_radiance(context.scene)
     batch = min(clock.samples_per_batch(tile.pixels, budget.replicates) for tile in tiles)

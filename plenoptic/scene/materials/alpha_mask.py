@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from plenoptic.core.values import Floats
 from plenoptic.scene.compile import SceneRecord
 from plenoptic.scene.geometry.accel import Intersector
-from plenoptic.scene.geometry.record import Hits, PathKeys
+from plenoptic.scene.geometry.record import Hits, PathKeys, Shadows
 
 SALTS = 1 << 10
 """Surfaces that one path can meet without being stopped, until random numbers repeat."""
@@ -30,9 +30,10 @@ def skip_transparent(
     hits.travelled[:] = 0.0
     again, which = np.empty(len(rays), dtype=np.int64), np.arange(len(rays))
     while len(which):
-        passed = alpha.skip_transparent(again, rays, hits, which, keys, salt, scene.geometry, scene.alpha)
+        keys = None if keys is None else keys._replace(salt=salt)
+        passed = alpha.follow(again, rays, hits, which, keys, None, scene.geometry, scene.alpha)
         which, salt = again[:passed].copy(), salt + 1
-        _meet_again(intersector, hits, rays, which)
+        _meet_again(scene, intersector, hits, rays, which)
 
 
 def attenuate_shadows(
@@ -42,13 +43,13 @@ def attenuate_shadows(
     from plenoptic.scene.materials.kernels import alpha
 
     blocked[:] = 0
-    hits = no_hits(scene, len(rays))
+    hits, shadows = no_hits(scene, len(rays)), Shadows(blocked, shadow_radiance)
     again, which = np.empty(len(rays), dtype=np.int64), np.arange(len(rays))
     intersector.fill_closest(hits, rays, coherent=False)
     while len(which):
-        passed = alpha.attenuate_shadow(again, rays, shadow_radiance, blocked, hits, which, scene.geometry, scene.alpha)
+        passed = alpha.follow(again, rays, hits, which, None, shadows, scene.geometry, scene.alpha)
         which = again[:passed].copy()
-        _meet_again(intersector, hits, rays, which)
+        _meet_again(scene, intersector, hits, rays, which)
 
 
 def media_at(scene: SceneRecord, intersector: Intersector, point: Floats) -> NDArray[np.int32]:
@@ -94,12 +95,13 @@ def no_hits(scene: SceneRecord, n: int) -> Hits:
     return Hits(np.full(n, -1, dtype=np.int32), instance, travelled)
 
 
-def _meet_again(intersector: Intersector, hits: Hits, rays: Floats, which: NDArray[np.int64]) -> None:
+def _meet_again(
+    scene: SceneRecord, intersector: Intersector, hits: Hits, rays: Floats, which: NDArray[np.int64]
+) -> None:
     """Find what some of the rays meet from where they are now."""
     if not len(which):
         return
-    instance = None if hits.instance is None else np.full(len(which), -1, dtype=np.int32)
-    found = Hits(np.full(len(which), -1, dtype=np.int32), instance, None)
+    found = no_hits(scene, len(which))
     intersector.fill_closest(found, np.ascontiguousarray(rays[which]), coherent=False)
     hits.triangle[which] = found.triangle
     if hits.instance is not None and found.instance is not None:
