@@ -5,13 +5,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from plenoptic.camera.assembly import Assembly, Rigid, assembly, sensor_corners
 from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.core.values import Floats
 from plenoptic.optics.lens.elements import is_centred
-
-Floats = NDArray[np.float64]
 
 
 class ArrayAxes(NamedTuple):

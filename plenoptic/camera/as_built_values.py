@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from plenoptic.camera.assembly import assembly, sensor_corners
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.core.values import value
+from plenoptic.core.values import Floats, value
 from plenoptic.optics.lens.placement import Placement
 
 
@@ -120,7 +119,7 @@ def _moves(name: str, placement: Placement) -> list[BuiltValue]:
     return [BuiltValue(what, 0.0, amount, unit) for what, amount, unit in given if abs(amount) > 1e-12]
 
 
-def _distances(camera: PlenopticCamera) -> NDArray[np.float64]:
+def _distances(camera: PlenopticCamera) -> Floats:
     """(3,): to the sensor's centre, and the least and largest to its corners."""
     parts = assembly(camera)
     corners = sensor_corners(camera, parts)[:, 2]

@@ -11,8 +11,8 @@ import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from plenoptic.core.values import Floats
 from plenoptic.optics.lens.placement import Placement
 
 if TYPE_CHECKING:
@@ -25,8 +25,8 @@ _UPRIGHT = 1e-14
 class Rigid(NamedTuple):
     """A rigid motion: p goes to turn @ p + shift."""
 
-    turn: NDArray[np.float64]
-    shift: NDArray[np.float64]
+    turn: Floats
+    shift: Floats
 
     def of(self, inner: Rigid) -> Rigid:
         """This motion after another one."""
@@ -36,11 +36,11 @@ class Rigid(NamedTuple):
         """The motion back."""
         return Rigid(self.turn.T, -self.turn.T @ self.shift)
 
-    def points(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def points(self, points: Floats) -> Floats:
         """Points (..., 3) moved."""
         return np.asarray(points @ self.turn.T + self.shift)
 
-    def directions(self, directions: NDArray[np.float64]) -> NDArray[np.float64]:
+    def directions(self, directions: Floats) -> Floats:
         """Directions (..., 3) turned."""
         return np.asarray(directions @ self.turn.T)
 
@@ -61,19 +61,19 @@ class Assembly(NamedTuple):
 
     lens_to_camera: Rigid | None
     """None where the lens stands as designed."""
-    frame: NDArray[np.float64] | None
+    frame: Floats | None
     """(12,) rotation row by row and shift from local to lens axes; None where they are the same but for `z_plane`."""
     z_plane: float
     """The array's front principal plane in the lens's axes; where that is tilted, its centre."""
-    array_turn: NDArray[np.float64]
+    array_turn: Floats
     """(2, 2): the array's axes in the local ones."""
-    array_origin: NDArray[np.float64]
+    array_origin: Floats
     """(2,) the array's centre there."""
     sensor_to_local: Rigid
     """z is measured from the array's rear principal plane."""
     distance: float
     """From the rear principal plane to the sensor along the local axis, in mm."""
-    tilt: NDArray[np.float64] | None
+    tilt: Floats | None
     """(2,): how that distance grows with local x and y; None for a sensor parallel to the array."""
 
 
@@ -102,7 +102,7 @@ def assembly(camera: PlenopticCamera) -> Assembly:
     )
 
 
-def _plane(sensor: Rigid) -> tuple[float, NDArray[np.float64] | None]:
+def _plane(sensor: Rigid) -> tuple[float, Floats | None]:
     """A plane as distance and slopes: z = distance + tilt . (x, y)."""
     normal = sensor.turn[:, 2]
     slopes = -normal[:2] / normal[2]
@@ -111,7 +111,7 @@ def _plane(sensor: Rigid) -> tuple[float, NDArray[np.float64] | None]:
     return float(sensor.shift[2] - slopes @ sensor.shift[:2]), np.ascontiguousarray(slopes)
 
 
-def sensor_corners(camera: PlenopticCamera, parts: Assembly) -> NDArray[np.float64]:
+def sensor_corners(camera: PlenopticCamera, parts: Assembly) -> Floats:
     """(4, 3): corners of the sensor in local axes, in mm."""
     height, width = camera.sensor.size
     corners = np.array([[x, y, 0.0] for x in (-width / 2, width / 2) for y in (-height / 2, height / 2)])

@@ -11,7 +11,7 @@ from plenoptic.camera.paths import CameraPaths
 from plenoptic.camera.record import CameraRecord
 from plenoptic.camera.sampling.pixel_regions import fed_pixels, pixel_centres
 from plenoptic.camera.sampling.record import batch_record
-from plenoptic.core.values import whole
+from plenoptic.core.values import Floats, whole
 from plenoptic.optics.lens.analysis.conditioning import Conditioning, conditioning_of
 from plenoptic.optics.lens.analysis.conditioning_rows import noted
 
@@ -81,7 +81,7 @@ def _spread(record: CameraRecord, area: tuple[int, int, int, int], most: int, se
 
 def _paths(
     camera: CameraRecord, number: NDArray[np.int64], wanted: int, seed: np.uint64
-) -> tuple[NDArray[np.float64], NDArray[np.int64] | None, int]:
+) -> tuple[Floats, NDArray[np.int64] | None, int]:
     """Rays on their way to the lens, in blocks, the numbers of their wavelengths, and how many they are."""
     places = zip(*(at.tolist() for at in np.divmod(number, camera.sensor.columns)), strict=True)
     pixels = np.concatenate([pixel_centres(camera, (row, row + 1), (column, column + 1)) for row, column in places])

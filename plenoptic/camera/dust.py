@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from plenoptic.camera.assembly import Assembly
 from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.core.values import Floats
 from plenoptic.optics.microlens.dust import BlemishSite, DustRecord, dust_record, plane_axes
 from plenoptic.optics.microlens.record import SensorPlane
 
@@ -19,7 +19,7 @@ class PlacedDust(NamedTuple):
     site: BlemishSite
     height: float
     """SENSOR: in front of it; on the lens, z of the plane."""
-    axes: NDArray[np.float64] | None
+    axes: Floats | None
     """(2, 3): from the axes in which rays are there to those of the plane; None where they are the same."""
     record: DustRecord
 
@@ -43,7 +43,7 @@ def placed_dust(camera: PlenopticCamera, parts: Assembly) -> tuple[PlacedDust, .
     return tuple(found)
 
 
-def fill_dimmed_aims(blocks: NDArray[np.float64], sensor: SensorPlane, dust: tuple[PlacedDust, ...]) -> None:
+def fill_dimmed_aims(blocks: Floats, sensor: SensorPlane, dust: tuple[PlacedDust, ...]) -> None:
     """Dust between sensor and array dims aimed samples."""
     from plenoptic.optics.microlens.kernels import dust as kernels
 
@@ -54,7 +54,7 @@ def fill_dimmed_aims(blocks: NDArray[np.float64], sensor: SensorPlane, dust: tup
             kernels.fill_dimmed_aims(blocks, sensor, None, placed.axes, placed.record)
 
 
-def fill_dimmed_at_lens(blocks: NDArray[np.float64], dust: tuple[PlacedDust, ...], site: BlemishSite) -> None:
+def fill_dimmed_at_lens(blocks: Floats, dust: tuple[PlacedDust, ...], site: BlemishSite) -> None:
     """Dust on the lens: LENS_REAR before, LENS_FRONT behind the lens as seen from the sensor."""
     for placed in dust:
         if placed.site is site:

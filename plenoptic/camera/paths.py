@@ -9,18 +9,19 @@ from plenoptic.camera.dust import fill_dimmed_at_lens
 from plenoptic.camera.record import CameraRecord
 from plenoptic.camera.sampling.record import Batch, FedPixels
 from plenoptic.camera.stages import fill_before_array, fill_through_array, own_microlenses
+from plenoptic.core.values import Floats
 from plenoptic.optics.lens.record import LensRecord
 from plenoptic.optics.microlens.dust import BlemishSite
 
 _GUIDES = 1024
 
 
-def wave_guide(cdf: NDArray[np.float64]) -> NDArray[np.int64]:
+def wave_guide(cdf: Floats) -> NDArray[np.int64]:
     """Where to begin looking in a table of cumulative probabilities; see `paths.fill_waves`."""
     return np.asarray(np.searchsorted(cdf, np.arange(_GUIDES) / _GUIDES, side="right"), dtype=np.int64)
 
 
-def fill_through_lens(bundle: NDArray[np.float64], lens: LensRecord, waves: NDArray[np.int64] | None) -> None:
+def fill_through_lens(bundle: Floats, lens: LensRecord, waves: NDArray[np.int64] | None) -> None:
     """Trace a bundle through the lens, each ray at its wavelength where `waves` has their numbers."""
     from plenoptic.optics.lens.kernels.trace import fill_traced
 
@@ -46,7 +47,7 @@ class CameraPaths:
             self.waves, self.lens = np.empty(blocks * BLOCK, dtype=np.int64), camera.dispersed
             self._guide = wave_guide(camera.colour.cdf)
 
-    def started(self, start: int, n: int) -> NDArray[np.float64]:
+    def started(self, start: int, n: int) -> Floats:
         """A bundle of paths start ... start + n - 1: points on their pixels, aimed at what feeds these; wavelengths."""
         from plenoptic.camera.sampling.kernels import paths
         from plenoptic.core.kernels.ray_blocks import BLOCK, RAY
@@ -57,12 +58,12 @@ class CameraPaths:
             paths.fill_waves(self.waves, start, n, self._batch, self._fed.number, colour.cdf, self._guide)
         return bundle
 
-    def fill_through_array(self, bundle: NDArray[np.float64]) -> None:
+    def fill_through_array(self, bundle: Floats) -> None:
         """From the sensor to behind the array."""
         fill_before_array(bundle, self._camera)
         fill_through_array(bundle, self.own, self._camera, self.waves)
 
-    def fill_through_lens(self, bundle: NDArray[np.float64]) -> None:
+    def fill_through_lens(self, bundle: Floats) -> None:
         """Through the lens and the dust on it."""
         fill_dimmed_at_lens(bundle, self._camera.dust, BlemishSite.LENS_REAR)
         fill_through_lens(bundle, self.lens, self.waves)

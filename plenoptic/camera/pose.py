@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from plenoptic.core.values import frozen_array, set_field, value
+from plenoptic.core.values import Floats, frozen_array, set_field, value
 from plenoptic.errors import InvalidValueError
 
 
@@ -35,8 +35,8 @@ class Pose:
     array([[  0.,   0., 500.]])
     """
 
-    rotation: NDArray[np.float64]
-    position: NDArray[np.float64]
+    rotation: Floats
+    position: Floats
 
     if TYPE_CHECKING:
 
@@ -94,10 +94,10 @@ class Pose:
         x = x / sine
         return cls(rotation=np.stack([x, np.cross(z, x), z], axis=1), position=start)
 
-    def to_world(self, points: ArrayLike) -> NDArray[np.float64]:
+    def to_world(self, points: ArrayLike) -> Floats:
         """World coordinates of points (..., 3) of the camera's frame, in mm."""
         return np.asarray(np.asarray(points, dtype=np.float64) @ self.rotation.T + self.position)
 
-    def to_camera(self, points: ArrayLike) -> NDArray[np.float64]:
+    def to_camera(self, points: ArrayLike) -> Floats:
         """Coordinates in the camera's frame of world points (..., 3), in mm."""
         return np.asarray((np.asarray(points, dtype=np.float64) - self.position) @ self.rotation)

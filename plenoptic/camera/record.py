@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from plenoptic.camera.assembly import Assembly, Rigid, assembly
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.dust import PlacedDust, placed_dust
 from plenoptic.camera.sampling.bounds import array_bounds, sensor_bounds
 from plenoptic.core.color.spectra import ColourTables, colour_tables
+from plenoptic.core.values import Floats
 from plenoptic.optics.lens.record import LensRecord, lens_record
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.record import ArrayRecord, ResponseRecord, SensorPlane, array_record, possible_powers
@@ -22,7 +22,7 @@ class PixelRecord(NamedTuple):
 
     width: float
     height: float
-    skew: NDArray[np.float64] | None
+    skew: Floats | None
     """(2,): how far its width leads along y, at [1], and its height along x, at [0]; None for pixels along x and y."""
 
 
@@ -45,17 +45,17 @@ class OutlinePlane(NamedTuple):
 
     distance: float
     """From where rays start towards the lens; with a frame, the place of the plane in the lens's axes."""
-    frame: NDArray[np.float64] | None
+    frame: Floats | None
     """(12,): from the axes in which the array is traced to the lens's; None where they are the same but for z."""
 
 
 class PupilRecord(NamedTuple):
     """Outlines of the exit pupil (see `PupilBounds`), and how light gets there."""
 
-    normals: NDArray[np.float64]
-    support: NDArray[np.float64]
-    corners: NDArray[np.float64]
-    reach: NDArray[np.float64]
+    normals: Floats
+    support: Floats
+    corners: Floats
+    reach: Floats
     step: float
     z: float
     plane: OutlinePlane
@@ -82,14 +82,14 @@ class CameraRecord(NamedTuple):
     z_plane: float
     """Where rays start towards the lens: the front principal plane, or the last lens vertex."""
     microlenses: MicrolensArray | None
-    rotation: NDArray[np.float64] | None
+    rotation: Floats | None
     """From the lens's axes to the world; None where they are the same."""
-    position: NDArray[np.float64] | None
+    position: Floats | None
     elements: int
     """Lens elements, for counting lost rays."""
 
     @property
-    def frame(self) -> NDArray[np.float64] | None:
+    def frame(self) -> Floats | None:
         """(12,): from the axes in which the array is traced to the lens's; None where they are the same but for z."""
         return self.parts.frame
 
@@ -149,7 +149,7 @@ def _sensor_record(camera: PlenopticCamera, parts: Assembly) -> SensorRecord:
     )
 
 
-def _pixel_sides(camera: PlenopticCamera, parts: Assembly) -> NDArray[np.float64]:
+def _pixel_sides(camera: PlenopticCamera, parts: Assembly) -> Floats:
     """(2, 2): its columns are the sides of the part of a pixel that sees light, in local x and y."""
     sides = np.asarray(camera.sensor.pixel_aperture) * camera.sensor.pixel_pitch
     return np.asarray(parts.sensor_to_local.turn[:2, :2] * sides)

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.dust import PlacedDust, fill_dimmed_aims
 from plenoptic.camera.record import CameraRecord
+from plenoptic.core.values import Floats
 from plenoptic.optics.microlens.record import ResponseRecord, SensorPlane
 
 
@@ -15,13 +16,13 @@ def own_microlenses(camera: CameraRecord, n: int) -> NDArray[np.void] | None:
     return None if camera.array is None else camera.array.own(n)
 
 
-def fill_before_array(blocks: NDArray[np.float64], camera: CameraRecord) -> None:
+def fill_before_array(blocks: Floats, camera: CameraRecord) -> None:
     """What happens to aimed samples between the sensor and the array."""
     fill_dimmed_before_array(blocks, camera.sensor.plane, camera.sensor.response, camera.dust)
 
 
 def fill_dimmed_before_array(
-    blocks: NDArray[np.float64], sensor: SensorPlane, response: ResponseRecord | None, dust: tuple[PlacedDust, ...]
+    blocks: Floats, sensor: SensorPlane, response: ResponseRecord | None, dust: tuple[PlacedDust, ...]
 ) -> None:
     """Pixels dim aimed samples by their direction, and dust between sensor and array does."""
     if response is not None:
@@ -33,10 +34,7 @@ def fill_dimmed_before_array(
 
 
 def fill_through_array(
-    blocks: NDArray[np.float64],
-    own: NDArray[np.void] | None,
-    camera: CameraRecord,
-    waves: NDArray[np.int64] | None = None,
+    blocks: Floats, own: NDArray[np.void] | None, camera: CameraRecord, waves: NDArray[np.int64] | None = None
 ) -> None:
     """Aimed samples (see `to_lens`) become rays on their way to the lens, in its axes.
 

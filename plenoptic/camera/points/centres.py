@@ -15,7 +15,7 @@ from plenoptic.camera.model_pupil import model_pupil
 from plenoptic.camera.points.centroids import lit_centroids
 from plenoptic.camera.points.chief_rays import chief_slopes
 from plenoptic.camera.points.white_centroids import white_centroids
-from plenoptic.core.values import check_kind, choice, finite, read_only, value
+from plenoptic.core.values import Floats, check_kind, choice, finite, read_only, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.microlens.aperture import Walls
 from plenoptic.optics.microlens.array import MicrolensArray
@@ -25,7 +25,6 @@ from plenoptic.optics.microlens.models import ConvexSide
 if TYPE_CHECKING:
     from plenoptic.rendering.exposure import Exposure
 
-Floats = NDArray[np.float64]
 
 _ROOM = 0.1
 """Lenses are looked for farther out by this part of the sensor's size, since pupils have aberrations."""

@@ -10,13 +10,12 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.array_axes import ArrayAxes
 from plenoptic.core.rays import RayBundle
+from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.pupil.exit_pupil import PupilBounds, pupil_bounds
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.lattice import Lattice
 from plenoptic.optics.microlens.listed import Lenslets
-
-Floats = NDArray[np.float64]
 
 FIELDS = 33
 """Fields along x and along y for which centroids are computed; others lie between them."""

@@ -6,12 +6,10 @@ import math
 
 import numpy as np
 from numpy.polynomial import chebyshev
-from numpy.typing import NDArray
 
 from plenoptic.camera.array_axes import ArrayAxes
+from plenoptic.core.values import Floats
 from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays_reverse
-
-Floats = NDArray[np.float64]
 
 _RADII, _DEGREE = 48, 14
 """Traced fields of a centred lens, and degree of the polynomial in the squared radius that is put through them."""

@@ -14,12 +14,11 @@ from plenoptic.camera.points.projection_rows import Rows, lenses_of, rows_throug
 from plenoptic.camera.psf.point_spread import world_points
 from plenoptic.camera.psf.sensor_hits import ForwardRecord, forward_record, in_lens_axes, tasks_of
 from plenoptic.core.parallel import thread_count
-from plenoptic.core.values import check_kind, read_only, set_field, value, whole
+from plenoptic.core.values import Floats, check_kind, read_only, set_field, value, whole
 
 if TYPE_CHECKING:
     from plenoptic.scene.scene import Scene
 
-Floats = NDArray[np.float64]
 
 _CLEAR = 2.0**-12
 """What hides a point is farther from it than this part of its way to the lens: the surface that it lies on does not."""

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.psf.sensor_hits import ForwardRecord, Task, landed
 from plenoptic.core.parallel import run_in_order
-
-Floats = NDArray[np.float64]
+from plenoptic.core.values import Floats
 
 REPLICATES = 8
 """Independent scramblings of the rays of a point; errors come from their spread."""

@@ -12,13 +12,12 @@ from plenoptic.camera.array_axes import ArrayAxes
 from plenoptic.camera.points.centres import behind_centres, plate_displacement
 from plenoptic.camera.psf.sensor_hits import ForwardRecord
 from plenoptic.core.rays import RayBundle
+from plenoptic.core.values import Floats
 from plenoptic.optics.lens.record import LensRecord, lens_record
 from plenoptic.optics.lens.trace import traced_by
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.models import ConvexSide
 from plenoptic.optics.record import IDEAL
-
-Floats = NDArray[np.float64]
 
 CLOSE = 1e-10
 """How far from its place, in mm, an aimed ray may pass, above what the digits of the coordinates allow."""

@@ -13,11 +13,10 @@ from plenoptic.camera.points.projection_light import REPLICATES, Light, unique_r
 from plenoptic.camera.points.projection_rays import Aim, EntranceRays, ThroughArray, aimed, entrance_rays, through_iris
 from plenoptic.camera.psf.sensor_hits import ForwardRecord, Task
 from plenoptic.core.rays import RayBundle
+from plenoptic.core.values import Floats
 from plenoptic.optics.lens.trace import traced_by
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.listed import Lenslets, described, lattice_types
-
-Floats = NDArray[np.float64]
 
 _RINGS = (1.0, 0.75, 0.5, 0.25, 0.0)
 """Where rays enter, as parts of the way from the middle of what a point's light enters through to its corners."""

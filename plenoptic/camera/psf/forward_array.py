@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from plenoptic.camera.assembly import Assembly, sensor_corners
 from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.core.values import Floats
 from plenoptic.optics.lens.pupil.exit_pupil import rear_reach
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.imperfections import largest_offset, least_factor
@@ -79,7 +79,7 @@ def _numbers(lattice: LatticeRecord, listed: ListedRecord) -> NumbersRecord:
     return NumbersRecord(corner, rows)
 
 
-def _to_sensor(parts: Assembly) -> NDArray[np.float64] | None:
+def _to_sensor(parts: Assembly) -> Floats | None:
     """From points x, y, 1 of the sensor in local axes to its own; None where they are the same."""
     turn, shift = parts.sensor_to_local.turn[:2, :2], parts.sensor_to_local.shift[:2]
     if np.array_equal(turn, np.eye(2)) and not shift.any():
@@ -114,7 +114,7 @@ def _reach(camera: PlenopticCamera, parts: Assembly, array: MicrolensArray) -> f
     return reach
 
 
-def fill_through_array_forward(blocks: NDArray[np.float64], made: ForwardArray) -> None:
+def fill_through_array_forward(blocks: Floats, made: ForwardArray) -> None:
     """Rays behind the lens, in its axes, become points on the sensor; see `to_sensor`."""
     from plenoptic.optics.microlens.kernels import to_sensor
 

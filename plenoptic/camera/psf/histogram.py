@@ -15,6 +15,7 @@ from plenoptic.camera.psf.spread import CameraSpread
 from plenoptic.core.kernels.ray_blocks import CAUSES
 from plenoptic.core.parallel import run_in_order
 from plenoptic.core.rays import RayStatus
+from plenoptic.core.values import Floats
 
 
 class Crop(NamedTuple):
@@ -22,8 +23,8 @@ class Crop(NamedTuple):
 
     row: int
     column: int
-    sums: NDArray[np.float64]
-    moments: NDArray[np.float64]
+    sums: Floats
+    moments: Floats
     """(3,) sums of the weight, and of weight times x and y."""
     counts: NDArray[np.int64]
     """Rays by status code, and at the end those beside the openings of pixels, beside the sensor, and landed."""
@@ -34,8 +35,8 @@ class Spot(NamedTuple):
 
     crop: Crop
     """With the mean of the replicates as sums."""
-    error: NDArray[np.float64]
-    moments: NDArray[np.float64]
+    error: Floats
+    moments: Floats
     """(replicates, 3)."""
 
 
@@ -112,7 +113,7 @@ def spots_of(
 
 
 def assembled(
-    camera: PlenopticCamera, points: NDArray[np.float64], spots: dict[int, Spot], replicates: int, each: int
+    camera: PlenopticCamera, points: Floats, spots: dict[int, Spot], replicates: int, each: int
 ) -> CameraSpread:
     """Spots of several points as arrays of one shape."""
     n, height, width = len(points), *camera.sensor.shape
@@ -148,7 +149,7 @@ def assembled(
     )
 
 
-def _centroids(moments: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _centroids(moments: Floats) -> tuple[Floats, Floats]:
     """Centroids (n, 2) from moments (n, replicates, 3), and their errors, by leaving one replicate out at a time."""
     total, count = moments.sum(axis=1), moments.shape[1]
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -157,7 +158,7 @@ def _centroids(moments: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArr
         return total[:, 1:] / total[:, :1], np.sqrt((count - 1) * without.var(axis=1))
 
 
-def _fates(counts: NDArray[np.int64], rays: int) -> tuple[tuple[tuple[str, int | None], ...], NDArray[np.float64]]:
+def _fates(counts: NDArray[np.int64], rays: int) -> tuple[tuple[tuple[str, int | None], ...], Floats]:
     """Names and elements of what became of rays, and the part of them."""
     shut, beside, arrived = (counts.shape[1] - k for k in (3, 2, 1))
     names: list[tuple[str, int | None]] = [("landed", None), ("beside_sensor", None)]

@@ -20,7 +20,7 @@ from plenoptic.camera.psf.histogram import assembled, spots_of
 from plenoptic.camera.psf.sensor_hits import HIT, Task, in_lens_axes, landed, measuring_record, tasks_of
 from plenoptic.camera.psf.spread import CameraSpread, LandingPoints
 from plenoptic.core.parallel import run_in_order, thread_count
-from plenoptic.core.values import frozen_array, whole, wrong_kind
+from plenoptic.core.values import Floats, check_kind, frozen_array, whole
 from plenoptic.errors import InvalidValueError
 
 
@@ -148,10 +148,9 @@ def _checked_seed(seed: int) -> np.uint64:
     return np.uint64(seed)
 
 
-def _checked_points(camera: PlenopticCamera, points: ArrayLike) -> tuple[NDArray[np.float64], bool]:
+def _checked_points(camera: PlenopticCamera, points: ArrayLike) -> tuple[Floats, bool]:
     """The points (n, 3) in the world, and whether there may be several."""
-    if not isinstance(camera, PlenopticCamera):
-        raise wrong_kind(camera, "camera", "PlenopticCamera", "pl.PlenopticCamera(...)")
+    check_kind(camera, "camera", PlenopticCamera, "pl.PlenopticCamera(...)")
     array = camera.microlenses
     if array is not None and not array.model.focuses:
         raise InvalidValueError(
@@ -164,7 +163,7 @@ def _checked_points(camera: PlenopticCamera, points: ArrayLike) -> tuple[NDArray
     return given, several
 
 
-def world_points(points: ArrayLike) -> tuple[NDArray[np.float64], bool]:
+def world_points(points: ArrayLike) -> tuple[Floats, bool]:
     """One point or several as an array (n, 3), and whether there may be several."""
     try:
         several = np.ndim(points) != 1

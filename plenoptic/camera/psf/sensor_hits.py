@@ -18,6 +18,7 @@ from plenoptic.camera.psf.forward_array import ForwardArray, fill_through_array_
 from plenoptic.camera.record import response_record
 from plenoptic.camera.sampling.record import TRIANGLE
 from plenoptic.camera.stages import fill_dimmed_before_array
+from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.pupil.entrance_pupil import Entrance, entering_polygon, entrance
@@ -45,11 +46,11 @@ class ForwardRecord(NamedTuple):
     lens: LensRecord
     ideal: bool
     """Whether an ideal lens stands for the main lens."""
-    facing: NDArray[np.float64] | None
+    facing: Floats | None
     """(3,) the camera's axis, along which emitters face, in the lens's axes; None where it is the lens's."""
     entrance: Entrance
     array: ForwardArray
-    opening: NDArray[np.float64] | None = None
+    opening: Floats | None = None
     """(2,) half the height and half the width of what is open of a pixel, over the pitch; None: all of it."""
     response: ResponseRecord | None = None
     dust: tuple[PlacedDust, ...] = ()
@@ -64,7 +65,7 @@ class ForwardRecord(NamedTuple):
 class Task(NamedTuple):
     """Rays first ... first + n - 1 of a replicate of a point, which enter the lens through `triangles`."""
 
-    point: NDArray[np.float64]
+    point: Floats
     triangles: NDArray[np.void]
     number: int
     replicate: int
@@ -106,7 +107,7 @@ def measuring_record(camera: PlenopticCamera) -> ForwardRecord:
     )
 
 
-def _fill_dimmed_behind_array(blocks: NDArray[np.float64], aims: NDArray[np.float64], record: ForwardRecord) -> None:
+def _fill_dimmed_behind_array(blocks: Floats, aims: Floats, record: ForwardRecord) -> None:
     """Rays that have landed, dimmed as the renderer dims samples before the array; `aims` is room for them."""
     from plenoptic.optics.microlens.kernels import to_sensor
 
@@ -119,7 +120,7 @@ def _fill_dimmed_behind_array(blocks: NDArray[np.float64], aims: NDArray[np.floa
     to_sensor.fill_weights(blocks, aims)
 
 
-def in_lens_axes(record: ForwardRecord, points: NDArray[np.float64]) -> NDArray[np.float64]:
+def in_lens_axes(record: ForwardRecord, points: Floats) -> Floats:
     """World points in the lens's axes, or an error where one does not lie in front of the lens."""
     pose, placed = record.camera.pose, record.array.parts.lens_to_camera
     seen = points if pose is None else pose.to_camera(points)
@@ -133,7 +134,7 @@ def in_lens_axes(record: ForwardRecord, points: NDArray[np.float64]) -> NDArray[
     return seen
 
 
-def tasks_of(record: ForwardRecord, points: NDArray[np.float64], replicates: int, each: int) -> list[Task]:
+def tasks_of(record: ForwardRecord, points: Floats, replicates: int, each: int) -> list[Task]:
     """All there is to trace from points (n, 3) in the lens's axes, in the order of points, replicates and rays.
 
     Points out of sight have no tasks.
@@ -152,7 +153,7 @@ def tasks_of(record: ForwardRecord, points: NDArray[np.float64], replicates: int
     return tasks
 
 
-def _fan(corners: NDArray[np.float64]) -> NDArray[np.void]:
+def _fan(corners: Floats) -> NDArray[np.void]:
     """A convex polygon (counter-clockwise) as triangles, in the form that `paths.aim` reads."""
     edges = corners[1:] - corners[0]
     areas = 0.5 * (edges[:-1, 0] * edges[1:, 1] - edges[:-1, 1] * edges[1:, 0])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.core.values import read_only, set_field, value, whole
+from plenoptic.core.values import Floats, read_only, set_field, value, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.sensor.sensor import Sensor
 
@@ -60,16 +60,16 @@ class CameraSpread:
     True
     """
 
-    image: NDArray[np.float64]
-    standard_error: NDArray[np.float64] | None
+    image: Floats
+    standard_error: Floats | None
     corner: NDArray[np.int64]
-    points: NDArray[np.float64]
-    light: NDArray[np.float64] | float
-    light_error: NDArray[np.float64] | float | None
-    centroid: NDArray[np.float64]
-    centroid_error: NDArray[np.float64] | None
+    points: Floats
+    light: Floats | float
+    light_error: Floats | float | None
+    centroid: Floats
+    centroid_error: Floats | None
     fates: tuple[tuple[str, int | None], ...]
-    fractions: NDArray[np.float64]
+    fractions: Floats
     sensor: Sensor
     rays: int
 
@@ -94,9 +94,9 @@ class CameraSpread:
         return tuple((slice(r, r + rows), slice(c, c + columns)) for r, c in np.atleast_2d(self.corner).tolist())
 
     @property
-    def fraction_by_fate(self) -> dict[str, NDArray[np.float64]]:
+    def fraction_by_fate(self) -> dict[str, Floats]:
         """`fractions` by name alone, over all lens elements."""
-        found: dict[str, NDArray[np.float64]] = {}
+        found: dict[str, Floats] = {}
         for k, (name, _) in enumerate(self.fates):
             found[name] = found.get(name, 0.0) + self.fractions[..., k]
         return found
@@ -128,7 +128,7 @@ class CameraSpread:
         if not self._several:
             return self
 
-        def one(array: NDArray[np.float64] | float | None) -> NDArray[np.float64] | None:
+        def one(array: Floats | float | None) -> Floats | None:
             return None if array is None else np.asarray(array)[number]
 
         return CameraSpread(
@@ -146,7 +146,7 @@ class CameraSpread:
             self.rays,
         )
 
-    def whole(self) -> NDArray[np.float64]:
+    def whole(self) -> Floats:
         """The image on the whole sensor: (rows, columns), or (n, rows, columns) for several points."""
         images = self.image if self._several else self.image[None]
         full = np.zeros((len(images), *self.sensor.shape))
@@ -196,10 +196,10 @@ class LandingPoints:
     True
     """
 
-    position: NDArray[np.float64]
-    weight: NDArray[np.float64]
+    position: Floats
+    weight: Floats
     source: NDArray[np.int64]
-    microlens: NDArray[np.float64] | None
+    microlens: Floats | None
     index: NDArray[np.int64] | None
 
     def __post_init__(self) -> None:

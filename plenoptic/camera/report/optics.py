@@ -11,8 +11,8 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.analysis.focus import paraxial_focus
 from plenoptic.optics.lens.gaussian.matrices import transfer_matrix
@@ -28,7 +28,6 @@ from plenoptic.optics.stops.circle import CircularStop
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera
 
-Floats = NDArray[np.float64]
 
 _RIM = 1.0 - 1e-9
 """The rim of the iris is aimed at this much inside, so that rounding does not clip it."""

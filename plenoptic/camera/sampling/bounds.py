@@ -5,12 +5,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from plenoptic.camera.assembly import Assembly, sensor_corners
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.sampling.margins import SAFETY, aberration_margins
-from plenoptic.core.values import read_only
+from plenoptic.core.values import Floats, read_only
 from plenoptic.optics.lens.pupil.exit_pupil import PupilBounds, outline_corners, pupil_bounds, rear_reach
 from plenoptic.optics.microlens.array import MicrolensArray
 
@@ -37,11 +36,7 @@ def sensor_bounds(camera: PlenopticCamera, parts: Assembly, wavelengths: tuple[f
 
 
 def array_bounds(
-    camera: PlenopticCamera,
-    array: MicrolensArray,
-    parts: Assembly,
-    powers: NDArray[np.float64],
-    wavelengths: tuple[float, ...],
+    camera: PlenopticCamera, array: MicrolensArray, parts: Assembly, powers: Floats, wavelengths: tuple[float, ...]
 ) -> Bounds:
     """Outlines for all cells that matter, and how far the rays of real microlenses stray.
 
@@ -86,7 +81,7 @@ def _disperses(array: MicrolensArray, wavelengths: tuple[float, ...]) -> bool:
 
 
 def _chromatic_margin(
-    array: MicrolensArray, powers: NDArray[np.float64], wavelengths: tuple[float, ...], pupil_distance: float
+    array: MicrolensArray, powers: Floats, wavelengths: tuple[float, ...], pupil_distance: float
 ) -> float:
     """How far ideal lenses of another power than at 587.6 nm send rays aside on the plane of the outlines, in mm."""
     if array.is_plate or not array.model.focuses:
@@ -110,7 +105,7 @@ def _off_axis(array: MicrolensArray) -> float:
     return largest_offset(array.imperfections)
 
 
-def _extremes(heights: NDArray[np.float64]) -> tuple[float, ...]:
+def _extremes(heights: Floats) -> tuple[float, ...]:
     """Least and greatest, once where they are the same."""
     low, high = float(heights.min()), float(heights.max())
     return (low,) if high - low <= 1e-12 * abs(high) else (low, high)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from plenoptic.core.values import Floats
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.models import ConvexSide
 from plenoptic.optics.microlens.record import EdgesRecord, SensorPlane, plate_record
@@ -87,13 +87,7 @@ def _margins_from(
     return float(off[counts].max()), float(beside[counts].max())
 
 
-def _landing(
-    radius: float,
-    x: NDArray[np.float64],
-    y: NDArray[np.float64],
-    slope_x: NDArray[np.float64],
-    slope_y: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _landing(radius: float, x: Floats, y: Floats, slope_x: Floats, slope_y: Floats) -> tuple[Floats, Floats]:
     """Where rays through (x, y) of the vertex's plane meet the curved side, which recedes by its sag."""
     land_x, land_y = x, y
     for _ in range(8):

@@ -9,11 +9,12 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.record import CameraRecord
 from plenoptic.camera.sampling.record import TRIANGLE, FedPixels, Regions
+from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.microlens.record import MICROLENS
 
 
-def pixel_centres(camera: CameraRecord, rows: tuple[int, int], columns: tuple[int, int]) -> NDArray[np.float64]:
+def pixel_centres(camera: CameraRecord, rows: tuple[int, int], columns: tuple[int, int]) -> Floats:
     """(n, 2): centres of the pixels of a rectangle (first and end row and column), row by row: local x and y in mm."""
     sensor, placed = camera.sensor, camera.parts.sensor_to_local
     x = -(np.arange(*columns) + 0.5 - sensor.columns / 2) * sensor.pitch
@@ -54,7 +55,7 @@ def cells_per_pixel(camera: CameraRecord) -> float:
     return count
 
 
-def feeding_regions(camera: CameraRecord, pixels: NDArray[np.float64], margin: float) -> Regions:
+def feeding_regions(camera: CameraRecord, pixels: Floats, margin: float) -> Regions:
     """Triangles that cover what feeds each pixel.
 
     `margin` is the distance from a pixel's centre to the points of it that matter, in mm.
@@ -81,7 +82,7 @@ def feeding_regions(camera: CameraRecord, pixels: NDArray[np.float64], margin: f
         room = needed
 
 
-def fed_pixels(camera: CameraRecord, pixels: NDArray[np.float64], number: NDArray[np.int64]) -> FedPixels:
+def fed_pixels(camera: CameraRecord, pixels: Floats, number: NDArray[np.int64]) -> FedPixels:
     """What feeds pixels whose centres (n, 2) and numbers (n,) on the sensor are given."""
     triangles, first, details = feeding_regions(camera, pixels, 0.5 * math.sqrt(2) * camera.sensor.pitch)
     fed = np.flatnonzero(np.diff(first))

@@ -7,6 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic.core.values import Floats
+
 TRIANGLE = np.dtype(
     [(name, "f8") for name in ("x", "y", "ax", "ay", "bx", "by", "area", "axis_x", "axis_y")], align=True
 )
@@ -32,7 +34,7 @@ class FedPixels(NamedTuple):
     """(p,): their numbers in the tile."""
     number: NDArray[np.int64]
     """(p,): on the whole sensor."""
-    centres: NDArray[np.float64]
+    centres: Floats
     """(p, 2): see `pixel_centres`."""
     regions: Regions
     """What feeds them."""
