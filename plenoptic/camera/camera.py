@@ -109,29 +109,26 @@ class PlenopticCamera:
     sensitivity: Sensitivity | None = dataclasses.field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
-        for name, kind in (("lens", LensStack), ("sensor", Sensor)):
-            if not isinstance(getattr(self, name), kind):
-                raise InvalidValueError(f"{name} is {getattr(self, name)!r}; it must be a {kind.__name__}")
-        if self.pose is not None and not isinstance(self.pose, Pose):
-            raise InvalidValueError(f"pose is {self.pose!r}; it must be a Pose or None, see posed()")
+        parts = {"lens": LensStack, "sensor": Sensor}
+        for name, kind in (parts | {"microlenses": MicrolensArray, "pose": Pose, "sensitivity": Sensitivity}).items():
+            given, other = getattr(self, name), "" if name in parts else " or None"
+            if not isinstance(given, kind) and not (other and given is None):
+                raise InvalidValueError(f"{name} is {given!r}; it must be a {kind.__name__}{other}")
         set_field(self, "wavelength", wavelength_in_nm(self.wavelength))
-        self.lens.indices(self.wavelength)
-        set_field(self, "stop_to_microlenses", finite(self.stop_to_microlenses, "stop_to_microlenses"))
-        set_field(self, "microlenses_to_sensor", finite(self.microlenses_to_sensor, "microlenses_to_sensor"))
+        seen = () if self.sensitivity is None else self.sensitivity.wavelength_range
+        for wavelength in (self.wavelength, *seen):
+            self.lens.indices(wavelength)
+        for name in ("stop_to_microlenses", "microlenses_to_sensor"):
+            set_field(self, name, finite(getattr(self, name), name))
         for name in ("lens_placement", "microlenses_placement", "sensor_placement"):
             set_field(self, name, kept_placement(getattr(self, name)))
         if self.microlenses is None and self.microlenses_placement is not None:
             raise InvalidValueError("microlenses_placement is given without microlenses; leave it out")
-        given = (self.blemishes,) if isinstance(self.blemishes, Blemishes) else self.blemishes
-        set_field(self, "blemishes", tuple(given) if isinstance(given, tuple | list) else (given,))
+        several = isinstance(self.blemishes, tuple | list)
+        set_field(self, "blemishes", tuple(self.blemishes) if several else (self.blemishes,))
         if not all(isinstance(part, Blemishes) for part in self.blemishes):
             raise InvalidValueError(f"blemishes is {self.blemishes!r}; it must be a tuple of Blemishes")
         self._check_blemishes()
-        if self.sensitivity is not None:
-            if not isinstance(self.sensitivity, Sensitivity):
-                raise InvalidValueError(f"sensitivity is {self.sensitivity!r}; it must be a Sensitivity or None")
-            for wavelength in self.sensitivity.wavelength_range:
-                self.lens.indices(wavelength)
         self._check_distances()
         self._check_assembly()
 
@@ -146,8 +143,6 @@ class PlenopticCamera:
                 )
             front = self.stop_to_microlenses
         else:
-            if not isinstance(array, MicrolensArray):
-                raise InvalidValueError(f"microlenses is {array!r}; it must be a MicrolensArray or None")
             plate = array.thickness / array.index if array.is_plate else 0.0
             towards_scene = plate if array.convex_side is ConvexSide.SENSOR else 0.0
             towards_sensor = plate if array.convex_side is ConvexSide.SCENE else 0.0
@@ -165,8 +160,6 @@ class PlenopticCamera:
 
     def _check_assembly(self) -> None:
         """No corner of the sensor may touch the array, and neither may be inside the lens."""
-        if self.lens_placement is None and self.microlenses_placement is None and self.sensor_placement is None:
-            return
         parts = assembly(self)
         nearest = float(sensor_corners(self, parts)[:, 2].min())
         if parts.sensor_to_local.turn[2, 2] <= 0 or not nearest > 0:
@@ -273,10 +266,6 @@ class PlenopticCamera:
         up : (3,) array
             World direction that is up in the image.
 
-        Returns
-        -------
-        PlenopticCamera
-
         Examples
         --------
         >>> import plenoptic as pl
@@ -288,7 +277,7 @@ class PlenopticCamera:
         return dataclasses.replace(self, pose=Pose.look_at(position, look_at, up))
 
     def project(self, points: ArrayLike, scene: Scene | None = None) -> Projection:
-        """Where world points appear on the sensor: in the image of every microlens that sees them.
+        """Where world points appear on the sensor, in the image of every microlens that sees them; see `project`.
 
         Parameters
         ----------
@@ -296,27 +285,13 @@ class PlenopticCamera:
             World positions in mm.
         scene : Scene, optional
             What may stand in the way; None: nothing.
-
-        Returns
-        -------
-        Projection
-            See there; the same as `project` with its defaults.
-
-        Examples
-        --------
-        See `project`.
         """
         from plenoptic.camera.points.projection import project  # knows this class
 
         return project(self, points, scene=scene)
 
     def report(self) -> CameraReport:
-        """What the camera is and does, as numbers, and what users of such cameras trip over; print it.
-
-        Returns
-        -------
-        CameraReport
-            See there; the same as `camera_report`.
+        """What the camera is and does, as numbers, and what users of such cameras trip over; see `camera_report`.
 
         Examples
         --------

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.array_axes import ArrayAxes
+from plenoptic.camera.assembly import ArrayAxes
 from plenoptic.camera.points.centres import behind_centres, plate_displacement
 from plenoptic.camera.psf.sensor_hits import ForwardRecord
 from plenoptic.core.rays import RayBundle
@@ -71,7 +71,8 @@ class ThroughArray(NamedTuple):
 
         In plates whose vertices face the sensor, rays are displaced on their way to them.
         """
-        origin, slopes = self.axes.local_to_lens.inverse().points(rays.origin), self.axes.slopes_of(rays.direction)
+        slopes = self.axes.slopes_of(rays.direction)
+        origin = self.axes.parts.local_to_lens.inverse().points(rays.origin)
         points = origin[:, :2] - origin[:, 2:] * slopes
         if self.array.is_plate and self.array.convex_side is ConvexSide.SENSOR:
             return points + plate_displacement(self.array, slopes, self.axes.camera.wavelength)

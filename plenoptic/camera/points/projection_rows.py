@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.array_axes import array_axes
+from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.points.projection_light import REPLICATES, Light, unique_rows
 from plenoptic.camera.points.projection_rays import Aim, EntranceRays, ThroughArray, aimed, entrance_rays, through_iris
 from plenoptic.camera.psf.sensor_hits import ForwardRecord, Task

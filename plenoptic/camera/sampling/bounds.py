@@ -32,7 +32,7 @@ def sensor_bounds(camera: PlenopticCamera, parts: Assembly, wavelengths: tuple[f
     farthest = float(np.hypot(corners[:, 0], corners[:, 1]).max())
     heights = parts.z_plane + corners[:, 2]
     half_pixel = camera.sensor.pixel_pitch / np.sqrt(2)
-    return _united(camera, _extremes(heights), farthest, half_pixel, wavelengths)
+    return _united(camera, heights, farthest, half_pixel, wavelengths)
 
 
 def array_bounds(
@@ -47,11 +47,7 @@ def array_bounds(
     pupil_distance = parts.z_plane - float(camera.lens.vertices[-1])
     corners = sensor_corners(camera, parts)
     ratio = pupil_distance / float(corners[:, 2].min())
-    in_lens, tilt = corners, 0.0
-    if parts.frame is not None:
-        turn, shift = parts.frame[:9].reshape(3, 3), parts.frame[9:]
-        in_lens = corners @ turn.T + shift
-        tilt = float(np.hypot(turn[2, 0], turn[2, 1]))
+    in_lens, tilt = parts.local_to_lens.points(corners), float(np.hypot(*parts.local_to_lens.turn[2, :2]))
     sensor = float(np.hypot(in_lens[:, 0], in_lens[:, 1]).max())
     strongest = max(abs(_bend(array, power, pupil_distance, ratio)) for power in powers)
     off_axis = _off_axis(array) * max(abs(pupil_distance * power) for power in (*powers, (1 + ratio) / pupil_distance))
@@ -61,23 +57,20 @@ def array_bounds(
         farthest = (1.0 + tilt) * ratio * sensor + a + strongest * array.cell_radius + margin + off_axis
         widest = 1.02 * farthest / max(1.0 + ratio - b, 0.1 * (1.0 + ratio)) + array.cell_radius + aside
         heights = parts.z_plane + tilt * (widest + np.hypot(*in_lens[:, :2].T).max()) * np.array([-1.0, 0.0, 1.0])
-        bounds = _united(camera, _extremes(heights), widest, array.cell_radius + aside, wavelengths)
+        bounds = _united(camera, heights, widest, array.cell_radius + aside, wavelengths)
         rounds -= 1
         if rounds == 0:
             return Bounds(bounds, margin, aside, widest)
         reach = float(bounds.reach.max()) + widest
         distance = pupil_distance / ratio
         bends = [(power, _bend(array, power, pupil_distance, ratio)) for power in powers if power > 0]
+        disperses = any(array.index_at(wavelength) != array.index for wavelength in wavelengths)
         found = [
             aberration_margins(array, wavelength, power, distance, pupil_distance, bend, reach)
-            for wavelength in (wavelengths if _disperses(array, wavelengths) else wavelengths[:1])
+            for wavelength in (wavelengths if disperses else wavelengths[:1])
             for power, bend in bends
         ]
         margin, aside = (1.0 + tilt) * max(f[0] for f in found), (1.0 + tilt) * max(f[1] for f in found)
-
-
-def _disperses(array: MicrolensArray, wavelengths: tuple[float, ...]) -> bool:
-    return any(array.index_at(wavelength) != array.index for wavelength in wavelengths)
 
 
 def _chromatic_margin(
@@ -105,23 +98,14 @@ def _off_axis(array: MicrolensArray) -> float:
     return largest_offset(array.imperfections)
 
 
-def _extremes(heights: Floats) -> tuple[float, ...]:
-    """Least and greatest, once where they are the same."""
-    low, high = float(heights.min()), float(heights.max())
-    return (low,) if high - low <= 1e-12 * abs(high) else (low, high)
-
-
 def _united(
-    camera: PlenopticCamera,
-    heights: tuple[float, ...],
-    largest: float,
-    cell_radius: float,
-    wavelengths: tuple[float, ...],
+    camera: PlenopticCamera, heights: Floats, largest: float, cell_radius: float, wavelengths: tuple[float, ...]
 ) -> PupilBounds:
-    """Outlines that hold those of all heights of the plane and all wavelengths."""
+    """Outlines that hold those of planes of all heights, from the least to the greatest, and of all wavelengths."""
+    low, high = float(heights.min()), float(heights.max())
     found = [
         pupil_bounds(camera.lens, z_plane=z, largest_radius=largest, cell_radius=cell_radius, wavelength=wavelength)
-        for z in heights
+        for z in ((low,) if high - low <= 1e-12 * abs(high) else (low, high))
         for wavelength in wavelengths
     ]
     if len(found) == 1:

@@ -33,65 +33,44 @@ def aberration_margins(
     count that meet the curved side inside the cell and pass the plane of the outlines within `reach` of the lens's
     own axis. A lens is round, so one row of sensor points stands for all. Ideal rays are those at 587.6 nm.
     """
+    from plenoptic.core.kernels.ray_blocks import BLOCK
+    from plenoptic.optics.microlens.kernels.plano_convex import fill_plano_convex
+
+    sensor, plate, radius = SensorPlane(distance, None), plate_record(array, (wavelength,)), (array.index - 1.0) / power
+    aims = np.linspace(-1.5 * array.cell_radius, 1.5 * array.cell_radius, _AIMS)
     margin = aside = 0.0
     for _ in range(4):
-        offset = (reach + abs(bend) * array.cell_radius + margin) * distance / pupil_distance
-        found = _margins_from(array, wavelength, power, distance, pupil_distance, bend, reach, offset)
-        if found is None:
-            return margin, aside
-        settled = found[0] <= 1.01 * margin
-        margin, aside = max(margin, SAFETY * found[0]), max(aside, SAFETY * found[1])
+        # Sensor points as far from the lens's axis as light from them can pass the plane of the outlines within reach.
+        farthest = (reach + abs(bend) * array.cell_radius + margin) * distance / pupil_distance
+        dx, dy, sx = (g.ravel() for g in np.meshgrid(aims, aims, np.linspace(0.0, farthest, _OFFSETS), indexing="ij"))
+        fields = np.zeros((8, -(-dx.size // BLOCK) * BLOCK))
+        for row, column in ((0, dx), (1, dy), (3, dx - sx), (4, dy)):
+            fields[row, : dx.size] = column
+        blocks = np.ascontiguousarray(fields.reshape(8, -1, BLOCK).transpose(1, 0, 2))
+        fill_plano_convex(blocks.reshape(-1), None, sensor, plate, power, UNCUT, pupil_distance, None)
+        x, y, z, u, v, w, _, status = blocks.transpose(1, 0, 2).reshape(8, -1)[:, : dx.size]
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            landing = np.stack([x, y] if array.convex_side is ConvexSide.SCENE else [dx, dy])
+            if array.convex_side is not ConvexSide.SCENE and not array.model.is_flat:
+                landing = _landing(radius, landing, np.stack([(dx - sx) / distance, dy / distance]))
+            t = -z / w
+            real_x, real_y = x + t * u, y + t * v
+            counts = (status == 0) & (np.hypot(*landing) <= array.cell_radius) & (np.hypot(real_x, real_y) <= reach)
+            off = np.hypot(real_x - (bend * dx - pupil_distance / distance * sx), real_y - bend * dy)[counts]
+            beside = np.hypot(landing[0] - dx, landing[1] - dy)[counts]
+        if not counts.any():
+            break
+        settled = off.max() <= 1.01 * margin
+        margin, aside = max(margin, SAFETY * float(off.max())), max(aside, SAFETY * float(beside.max()))
         if settled:
             break
     return margin, aside
 
 
-def _margins_from(
-    array: MicrolensArray,
-    wavelength: float,
-    power: float,
-    distance: float,
-    pupil_distance: float,
-    bend: float,
-    reach: float,
-    offset: float,
-) -> tuple[float, float] | None:
-    """Both margins, from sensor points up to `offset` from the lens's axis; None where no ray counts."""
-    from plenoptic.core.kernels.ray_blocks import BLOCK
-    from plenoptic.optics.microlens.kernels.plano_convex import fill_plano_convex
-
-    aims = np.linspace(-1.5 * array.cell_radius, 1.5 * array.cell_radius, _AIMS)
-    dx, dy, sx = (g.ravel() for g in np.meshgrid(aims, aims, np.linspace(0.0, offset, _OFFSETS), indexing="ij"))
-    fields = np.zeros((8, -(-dx.size // BLOCK) * BLOCK))
-    for row, column in ((0, dx), (1, dy), (3, dx - sx), (4, dy)):
-        fields[row, : dx.size] = column
-    blocks = np.ascontiguousarray(fields.reshape(8, -1, BLOCK).transpose(1, 0, 2))
-    sensor, plate = SensorPlane(distance, None), plate_record(array, (wavelength,))
-    fill_plano_convex(blocks.reshape(-1), None, sensor, plate, power, UNCUT, pupil_distance, None)
-    x, y, z, u, v, w, _, status = blocks.transpose(1, 0, 2).reshape(8, -1)[:, : dx.size]
-    radius = (array.index - 1.0) / power
-    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        if array.convex_side is ConvexSide.SCENE:
-            land_x, land_y = x, y
-        elif array.model.is_flat:
-            land_x, land_y = dx, dy
-        else:
-            land_x, land_y = _landing(radius, dx, dy, (dx - sx) / distance, dy / distance)
-        t = -z / w
-        real_x, real_y = x + t * u, y + t * v
-        counts = (status == 0) & (np.hypot(land_x, land_y) <= array.cell_radius) & (np.hypot(real_x, real_y) <= reach)
-        if not counts.any():
-            return None
-        off = np.hypot(real_x - (bend * dx - pupil_distance / distance * sx), real_y - bend * dy)
-        beside = np.hypot(land_x - dx, land_y - dy)
-    return float(off[counts].max()), float(beside[counts].max())
-
-
-def _landing(radius: float, x: Floats, y: Floats, slope_x: Floats, slope_y: Floats) -> tuple[Floats, Floats]:
-    """Where rays through (x, y) of the vertex's plane meet the curved side, which recedes by its sag."""
-    land_x, land_y = x, y
+def _landing(radius: float, points: Floats, slopes: Floats) -> Floats:
+    """Where rays through points (2, n) of the vertex's plane meet the curved side, which recedes by its sag."""
+    land = points
     for _ in range(8):
-        r2 = np.minimum(land_x**2 + land_y**2, radius**2)
-        sag = r2 / (radius + np.sqrt(radius**2 - r2))
-        land_x, land_y = x + slope_x * sag, y + slope_y * sag
-    return land_x, land_y
+        r2 = np.minimum(land[0] ** 2 + land[1] ** 2, radius**2)
+        land = points + slopes * (r2 / (radius + np.sqrt(radius**2 - r2)))
+    return land
