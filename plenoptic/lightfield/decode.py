@@ -12,7 +12,7 @@ from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.model_pupil import model_pupil
 from plenoptic.camera.points.centres import CentreMethod, MicrolensCentres, microlens_centres
 from plenoptic.camera.report.optics import lateral_magnification, object_plane
-from plenoptic.core.values import check_kind, choice, finite, positive, read_only, whole
+from plenoptic.core.values import Floats, check_kind, choice, finite, positive, read_only, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield.planes import RawPlanes, raw_planes
 from plenoptic.lightfield.resample import Resampling, resampling
@@ -21,8 +21,6 @@ from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.lattice import Lattice
 from plenoptic.rendering.exposure import Exposure
-
-Floats = NDArray[np.float64]
 
 
 def decode(

@@ -10,13 +10,11 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.model_pupil import model_pupil
 from plenoptic.camera.report.optics import image_plane
-from plenoptic.core.values import number, value
+from plenoptic.core.values import Floats, number, value
 from plenoptic.errors import InvalidValueError
 
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera
-
-Floats = NDArray[np.float64]
 
 
 @value
