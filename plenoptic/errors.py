@@ -19,7 +19,7 @@ class PlenopticError(Exception):
 
 
 class InvalidValueError(PlenopticError, ValueError):
-    """A number, shape or choice that no camera, lens, scene or rendering can have.
+    """A number, shape or choice that no camera, lens, scene or render can have.
 
     Examples
     --------

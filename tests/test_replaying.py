@@ -10,11 +10,19 @@ import pytest
 
 import plenoptic as pl
 from plenoptic.camera.assembly import rigid
-from plenoptic.replaying.camera_events import ElementKind, ElementPassage, MicrolensPassage, SensorPoint, WorldRay
-from plenoptic.replaying.ending import PathEnding
+from plenoptic.optics.record import ElementKind
+from plenoptic.replaying.events import (
+    DrawnKind,
+    ElementPassage,
+    Escape,
+    Meeting,
+    MicrolensPassage,
+    PathEnding,
+    SensorPoint,
+    WorldRay,
+)
 from plenoptic.replaying.replay import Replay
 from plenoptic.replaying.retracing import replay, replay_all
-from plenoptic.replaying.scene_events import DrawnKind, Escape, Meeting
 from plenoptic.study.cameras import reference_camera
 from plenoptic.truth.channels import Truth
 
@@ -492,7 +500,7 @@ def test_what_cannot_be_replayed_says_why():
     with pytest.raises(pl.errors.InvalidValueError, match="exposure is a Scene; give an Exposure"):
         replay(scene, scene, pixel=(0, 0), sample=0)
     for paths, message in (
-        ([(300, 199)], r"a path is \(300, 199\); each must be \(row, column, sample\)"),
+        ([(300, 199)], r"a path is \(300, 199\); it must be \(row, column, sample\)"),
         ((300, 199, 0), "a path is 300"),
         (3, "paths is an int; give a sequence of"),
     ):

@@ -7,7 +7,7 @@ import enum
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import frozen_array, read_only, set_field, value, wavelength_in_nm
+from plenoptic.core.values import Floats, frozen_array, read_only, set_field, value, wavelength_in_nm
 from plenoptic.errors import InvalidValueError
 
 UNIT_TOLERANCE = 8 * np.finfo(np.float64).eps
@@ -73,10 +73,10 @@ class RayBundle:
     array([[  0.,   6., -92.]])
     """
 
-    origin: NDArray[np.float64]
-    direction: NDArray[np.float64]
+    origin: Floats
+    direction: Floats
     wavelength: float = 587.6
-    weight: NDArray[np.float64] = None  # type: ignore[assignment]
+    weight: Floats = None  # type: ignore[assignment]
     status: NDArray[np.uint8] = None  # type: ignore[assignment]
     lost_at: NDArray[np.int16] = None  # type: ignore[assignment]
 
@@ -121,10 +121,10 @@ class RayBundle:
     @classmethod
     def _made(
         cls,
-        origin: NDArray[np.float64],
-        direction: NDArray[np.float64],
+        origin: Floats,
+        direction: Floats,
         wavelength: float,
-        weight: NDArray[np.float64],
+        weight: Floats,
         status: NDArray[np.uint8],
         lost_at: NDArray[np.int16],
     ) -> RayBundle:
@@ -145,7 +145,7 @@ class RayBundle:
     def __len__(self) -> int:
         return len(self.origin)
 
-    def at(self, distance: ArrayLike) -> NDArray[np.float64]:
+    def at(self, distance: ArrayLike) -> Floats:
         """Points at a distance along the rays.
 
         Parameters
@@ -159,7 +159,7 @@ class RayBundle:
         """
         return self.origin + np.asarray(distance, dtype=np.float64)[..., None] * self.direction
 
-    def at_z(self, z: float) -> NDArray[np.float64]:
+    def at_z(self, z: float) -> Floats:
         """Points at which the rays, or their extensions backwards, meet a plane across the axis.
 
         Parameters
@@ -202,7 +202,7 @@ class RayBundle:
         return f"RayBundle({len(self)} ray{'s' * (len(self) != 1)}, {arrived} OK, {self.wavelength:g} nm)"
 
 
-def _normalised(direction: NDArray[np.float64]) -> NDArray[np.float64]:
+def _normalised(direction: Floats) -> Floats:
     # Scaling by the largest component first keeps squares of tiny and of huge numbers in range.
     largest = np.max(np.abs(direction), axis=1, keepdims=True)
     scaled = direction / largest

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import frozen_array
+from plenoptic.core.values import Floats, frozen_array
 from plenoptic.errors import InvalidValueError
 
 LIT = 0.1
@@ -13,12 +13,12 @@ LIT = 0.1
 _PERCENTILE = 99
 
 
-def brightness(image: NDArray[np.floating]) -> NDArray[np.float64]:  # type: ignore[type-arg]
+def brightness(image: NDArray[np.floating]) -> Floats:  # type: ignore[type-arg]
     """(..., C) to (...): the mean over the channels."""
     return np.asarray(np.mean(image, axis=-1, dtype=np.float64))
 
 
-def lit_level(bright: NDArray[np.float64]) -> float:
+def lit_level(bright: Floats) -> float:
     """Above what brightness a pixel is lit; black pixels, however many there are, do not matter."""
     seen = bright[bright > 0]
     return LIT * float(np.percentile(seen, _PERCENTILE)) if seen.size else 0.0
@@ -57,9 +57,9 @@ def lit_pixels(image: ArrayLike) -> NDArray[np.bool_]:
 
 
 def relative_squares(
-    bright: NDArray[np.float64],
+    bright: Floats,
     error: NDArray[np.floating],  # type: ignore[type-arg]
-) -> NDArray[np.float64]:
+) -> Floats:
     """Squared relative error (...) of pixels: mean square over the channels (..., C), over brightness; 0 where dark."""
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):  # inf is what it is then
         squares = np.mean(np.square(error / bright[..., None], dtype=np.float64), axis=-1)

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from plenoptic.core.values import finite, frozen_array
+from plenoptic.core.values import Floats, finite, frozen_array
 from plenoptic.errors import InvalidValueError
 
 
-def rotation_about(axis: ArrayLike, angle: float) -> NDArray[np.float64]:
+def rotation_about(axis: ArrayLike, angle: float) -> Floats:
     """(3, 3): the turn about an axis of any length by radians, counter-clockwise as seen by one whom it points at."""
     direction = frozen_array(axis, name="axis", shape=(3,))
     length = float(np.linalg.norm(direction))

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from plenoptic.core.values import whole
+from plenoptic.core.values import Floats, whole
 
 
-def sobol_points(
-    n: int, *, seed: int = 0, pixel: int = 0, replicate: int = 0, set_number: int = 0
-) -> NDArray[np.float64]:
+def sobol_points(n: int, *, seed: int = 0, pixel: int = 0, replicate: int = 0, set_number: int = 0) -> Floats:
     """The first points that paths of one pixel's replicate are made from.
 
     Parameters

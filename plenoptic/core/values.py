@@ -137,9 +137,15 @@ def wrong_kind(value: object, name: str, wanted: str, such_as: str) -> InvalidVa
 
 
 def check_kind(value: object, name: str, wanted: type, such_as: str) -> None:
-    """The same error, raised where it is one."""
+    """The same error, raised where the argument is of another type."""
     if not isinstance(value, wanted):
         raise wrong_kind(value, name, wanted.__name__, such_as)
+
+
+def check_has(value: object, name: str, wanted: str, such_as: str, *attributes: str) -> None:
+    """The same error, raised where an attribute is missing: for code that must not import the type."""
+    if not all(hasattr(value, attribute) for attribute in attributes):
+        raise wrong_kind(value, name, wanted, such_as)
 
 
 def _with_article(noun: str) -> str:

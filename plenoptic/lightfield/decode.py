@@ -11,7 +11,7 @@ from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.points.centres import CentreMethod, MicrolensCentres, microlens_centres
 from plenoptic.camera.report.optics import lateral_magnification, model_pupil, object_plane
-from plenoptic.core.values import check_kind, choice, finite, positive, read_only, whole
+from plenoptic.core.values import Floats, check_kind, choice, finite, positive, read_only, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield.planes import RawPlanes, raw_planes
 from plenoptic.lightfield.resample import Resampling, resampling
@@ -20,8 +20,6 @@ from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.lattice import Lattice
 from plenoptic.rendering.exposure import Exposure
-
-Floats = NDArray[np.float64]
 
 
 def decode(

@@ -5,11 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.core.values import value
+from plenoptic.core.values import Floats, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.exposure import Exposure
-
-Floats = NDArray[np.float64]
 
 _BRIGHT = 99.0
 """Percentile of the white image that counts as full light."""

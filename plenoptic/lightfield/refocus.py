@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.core.values import check_kind
+from plenoptic.core.values import Floats, check_kind
 from plenoptic.lightfield.views import LightField
-
-Floats = NDArray[np.float64]
 
 
 def refocus(field: LightField, z: float) -> NDArray[np.float32]:

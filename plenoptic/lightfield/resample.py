@@ -7,11 +7,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.core.values import value
+from plenoptic.core.values import Floats, value
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.lattice import Lattice
-
-Floats = NDArray[np.float64]
 
 _ROUNDING = 1e-9
 """Weights below it count as 0: a pixel that lies on a microlens depends on no other."""

@@ -9,13 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.camera.report.optics import image_plane, model_pupil
-from plenoptic.core.values import number, value
+from plenoptic.core.values import Floats, number, value
 from plenoptic.errors import InvalidValueError
 
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera
-
-Floats = NDArray[np.float64]
 
 
 @value

@@ -6,8 +6,7 @@ import enum
 import math
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
+from plenoptic.core.values import Floats
 
 
 class ElementKind(enum.IntEnum):
@@ -45,7 +44,7 @@ class ElementRow(NamedTuple):
     aspheric: tuple[float, ...] = ()
     departure: tuple[float, ...] = ()
     edges: tuple[tuple[float, ...], ...] = ()
-    cells: NDArray[np.float64] | None = None
+    cells: Floats | None = None
     """Transmission of the cells of a mask."""
     cells_per_mm: float = 0.0
     z: float = 0.0

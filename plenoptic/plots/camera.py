@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from plenoptic.core.values import wrong_kind
+from plenoptic.core.values import check_has
 from plenoptic.plots.canvas import figure_or_new
 from plenoptic.plots.lens import plot_lens
 
@@ -52,11 +52,9 @@ def plot_camera(camera: PlenopticCamera, report: CameraReport | None = None) -> 
     >>> [ax.get_title() for ax in plot_camera(camera, camera_report(camera)).axes]
     ['double-gauss-100mm-f2', 'f/7.83 under f/8.26: images 0.94 as wide as their distance']
     """
-    if not hasattr(camera, "stop_to_microlenses"):
-        raise wrong_kind(camera, "camera", "PlenopticCamera", "pl.PlenopticCamera(...)")
+    check_has(camera, "camera", "PlenopticCamera", "pl.PlenopticCamera(...)", "stop_to_microlenses")
     report = camera.report() if report is None else report
-    if not hasattr(report, "working_f_number"):
-        raise wrong_kind(report, "report", "CameraReport", "camera.report()")
+    check_has(report, "report", "CameraReport", "camera.report()", "working_f_number")
     two = camera.microlenses is not None
     figure = figure_or_new(None, (11.0, 4.5) if two else (7.0, 4.5))
     _draw_section(camera, report, figure.add_subplot(1, 2 if two else 1, 1))

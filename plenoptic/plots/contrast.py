@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from plenoptic.core.values import wrong_kind
+from plenoptic.core.values import check_has, wrong_kind
 from plenoptic.plots.canvas import axes_or_new
 from plenoptic.plots.spots import LIMIT, MICROMETRES, field_label
 
@@ -39,8 +39,7 @@ def plot_point_spread(spread: PointSpread, ax: Axes | None = None) -> Axes:
     >>> ax.get_xlabel()
     'x / µm'
     """
-    if not hasattr(spread, "pixel_size") or not hasattr(spread, "outside"):
-        raise wrong_kind(spread, "spread", "PointSpread", "pl.aberrations.point_spread(lens)")
+    check_has(spread, "spread", "PointSpread", "pl.aberrations.point_spread(lens)", "pixel_size", "outside")
     ax = axes_or_new(ax, (5.6, 4.6))
     from matplotlib.colors import PowerNorm
 

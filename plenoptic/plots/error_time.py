@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from plenoptic.core.values import wrong_kind
+from plenoptic.core.values import check_has, wrong_kind
 from plenoptic.plots.canvas import axes_or_new, figure_or_new
 
 if TYPE_CHECKING:
@@ -51,8 +51,7 @@ def plot_error_against_time(table: ErrorTable, ax: Axes | None = None) -> Axes:
     >>> plot_error_against_time(table).get_ylabel()
     'relative RMS error / %'
     """
-    if not hasattr(table, "pareto"):
-        raise wrong_kind(table, "table", "ErrorTable", "pl.study.error_against_time(scene, camera)")
+    check_has(table, "table", "ErrorTable", "pl.study.error_against_time(scene, camera)", "pareto")
     ax = axes_or_new(ax, (7.2, 6.0))
     for i, name in enumerate(table.variants):
         _draw_variant(ax, table, name, f"C{i % 10}", _MARKERS[i % len(_MARKERS)])

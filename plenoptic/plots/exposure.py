@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from plenoptic.core.files.images import linear_to_srgb
 from plenoptic.core.relative_error import lit_pixels
-from plenoptic.core.values import wrong_kind
+from plenoptic.core.values import check_has
 from plenoptic.plots.canvas import figure_or_new
 
 if TYPE_CHECKING:
@@ -78,8 +78,7 @@ def plot_exposure(exposure: Exposure, *, figure: Figure | None = None) -> Figure
     >>> [ax.get_title() for ax in figure.axes if ax.get_title()]
     ['image', 'standard error']
     """
-    if not hasattr(exposure, "standard_error"):
-        raise wrong_kind(exposure, "exposure", "Exposure", "pl.Exposure(image)")
+    check_has(exposure, "exposure", "Exposure", "pl.Exposure(image)", "standard_error")
     rows, columns, channels = exposure.image.shape
     panels = 1 + (exposure.standard_error is not None) + (exposure.depth is not None)
     figure = figure_or_new(figure, (5.4 * panels, 4.6))

@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from plenoptic.core.values import wrong_kind
+from plenoptic.core.values import Floats, wrong_kind
 from plenoptic.plots.canvas import axes_or_new
 
 if TYPE_CHECKING:
@@ -26,14 +25,14 @@ def _checked(result: Any, attribute: str, kind: str) -> None:
         raise wrong_kind(result, "result", kind, f"what pl.aberrations.{_maker(kind)}(lens, fields) returns")
 
 
-def _field_axis(result: Any) -> tuple[NDArray[np.float64], str]:
+def _field_axis(result: Any) -> tuple[Floats, str]:
     """Fields as figures show them, and their label: degrees of an object infinitely far away, otherwise mm."""
     if result.z_object == -np.inf:
         return np.degrees(result.fields), "half field / °"
     return np.asarray(result.fields), "object height / mm"
 
 
-def _upwards(result: Any, ax: Axes | None, curves: Sequence[NDArray[np.float64]], label: str, title: str) -> Axes:
+def _upwards(result: Any, ax: Axes | None, curves: Sequence[Floats], label: str, title: str) -> Axes:
     """Draw curves to the right, the field upwards from 0: a single one, or the sagittal and the tangential one."""
     ax = axes_or_new(ax, (3.6, 4.6))
     fields, field_label = _field_axis(result)

@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from plenoptic.core.values import wrong_kind
+from plenoptic.core.values import Floats, check_has
 from plenoptic.plots.canvas import axes_or_new
 
 if TYPE_CHECKING:
@@ -45,8 +44,7 @@ def plot_camera_spread(spread: CameraSpread, ax: Axes | None = None) -> Axes:
     >>> ax.get_xlabel()
     'column / pixel'
     """
-    if not (hasattr(spread, "regions") and hasattr(spread, "centroid")):
-        raise wrong_kind(spread, "spread", "CameraSpread", "pl.point_spread(camera, point)")
+    check_has(spread, "spread", "CameraSpread", "pl.point_spread(camera, point)", "regions", "centroid")
     ax = axes_or_new(ax, (6.2, 5.0))
     from matplotlib.colors import PowerNorm
 
@@ -67,7 +65,7 @@ def plot_camera_spread(spread: CameraSpread, ax: Axes | None = None) -> Axes:
     return ax
 
 
-def _together(spread: CameraSpread) -> tuple[NDArray[np.float64], int, int]:
+def _together(spread: CameraSpread) -> tuple[Floats, int, int]:
     """Sum of the images of all points on the rectangle that holds their light; its first row and column."""
     images = spread.image.reshape(-1, *spread.image.shape[-2:])
     corners = np.atleast_2d(spread.corner)
@@ -83,7 +81,7 @@ def _together(spread: CameraSpread) -> tuple[NDArray[np.float64], int, int]:
     return total[low[0] : high[0], low[1] : high[1]], int(first[0] + low[0]), int(first[1] + low[1])
 
 
-def _pixels(spread: CameraSpread) -> NDArray[np.float64]:
+def _pixels(spread: CameraSpread) -> Floats:
     """Row and column (n, 2) of the centroids: the sensor is read out rotated by 180 degrees."""
     rows, columns = spread.sensor.shape
     x, y = np.atleast_2d(spread.centroid).T / spread.sensor.pixel_pitch

@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from plenoptic.core.values import wrong_kind
+from plenoptic.core.values import Floats, check_has
 from plenoptic.errors import InvalidValueError
 from plenoptic.plots.canvas import axes_or_new
 from plenoptic.plots.lens import EDGE, GLASS, plot_lens
@@ -22,7 +21,7 @@ _IMAGE = "#222222"
 _COLOURS = ("#1f5fbf", "#2c8a3d", "#c23b2c", "#b07a00", "#7c4fa8", "#008b8b")
 
 
-def _joined(paths: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _joined(paths: Floats) -> tuple[Floats, Floats]:
     """Coordinates z and y of all paths as one line with gaps."""
     gap = np.full((len(paths), 1, 3), np.nan)
     points = np.concatenate([paths, gap], axis=1).reshape(-1, 3)
@@ -44,7 +43,7 @@ def _fill_glass(lens: LensStack, ax: Axes) -> None:
 
 def plot_layout(
     lens: LensStack,
-    paths: Sequence[NDArray[np.float64]],
+    paths: Sequence[Floats],
     *,
     labels: Sequence[str] = (),
     z_image: float | None = None,
@@ -81,8 +80,7 @@ def plot_layout(
     >>> ax.get_ylabel()
     'y / mm'
     """
-    if not hasattr(lens, "profiles"):
-        raise wrong_kind(lens, "lens", "LensStack", "camera.lens")
+    check_has(lens, "lens", "LensStack", "camera.lens", "profiles")
     if len(labels) not in (0, len(paths)):
         raise InvalidValueError(f"there are {len(labels)} labels for {len(paths)} fields; give one for each, or none")
     ax = axes_or_new(ax, (10.0, 5.0))

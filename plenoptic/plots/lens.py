@@ -6,9 +6,8 @@ import html
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from plenoptic.core.values import wrong_kind
+from plenoptic.core.values import Floats, check_has
 from plenoptic.plots.canvas import axes_or_new
 
 if TYPE_CHECKING:
@@ -27,7 +26,7 @@ def _stop_indices(lens: LensStack) -> list[int]:
     return [i for i, element in enumerate(lens.elements) if not hasattr(element, "medium")]
 
 
-def _glass_sections(lens: LensStack, profiles: tuple[NDArray[np.float64], ...]) -> list[NDArray[np.float64]]:
+def _glass_sections(lens: LensStack, profiles: tuple[Floats, ...]) -> list[Floats]:
     return [np.concatenate([profiles[i], profiles[j][::-1]]) for i, j in lens.glasses]
 
 
@@ -39,7 +38,7 @@ def _bars(lens: LensStack, reach: float) -> list[tuple[int, float, float, float]
     ]
 
 
-def _path(points: NDArray[np.float64], close: str = "") -> str:
+def _path(points: Floats, close: str = "") -> str:
     return "M" + " L".join(f"{z:.5g},{-y:.5g}" for z, y in points) + close
 
 
@@ -103,8 +102,7 @@ def plot_lens(lens: LensStack, ax: Axes | None = None) -> Axes:
     >>> ax.get_xlabel()
     'z / mm'
     """
-    if not hasattr(lens, "profiles"):
-        raise wrong_kind(lens, "lens", "LensStack", "camera.lens")
+    check_has(lens, "lens", "LensStack", "camera.lens", "profiles")
     ax = axes_or_new(ax, (7.0, 5.0))
     profiles = lens.profiles()
     for section in _glass_sections(lens, profiles):
@@ -145,8 +143,7 @@ def plot_stop(stop: Stop, ax: Axes | None = None) -> Axes:
     >>> ax.get_xlabel()
     'x / mm'
     """
-    if not hasattr(stop, "outline"):
-        raise wrong_kind(stop, "stop", "stop", "camera.lens.stop")
+    check_has(stop, "stop", "stop", "camera.lens.stop", "outline")
     ax = axes_or_new(ax, (4.0, 4.0))
     reach = 1.15 * stop.semi_diameter
     ax.set_facecolor(_STOP)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from plenoptic.core.files.images import linear_to_srgb
-from plenoptic.core.values import whole, wrong_kind
+from plenoptic.core.values import check_has, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.plots.canvas import axes_or_new
 
@@ -54,8 +54,7 @@ def plot_views(field: LightField, *, every: int = 1, ax: Axes | None = None) -> 
     'u / pixel'
     """
     # By what it has, since figures know no light fields.
-    if not (hasattr(field, "views") and hasattr(field, "u")):
-        raise wrong_kind(field, "field", "LightField", "pl.lightfield.decode(shot, white)")
+    check_has(field, "field", "LightField", "pl.lightfield.decode(shot, white)", "views", "u")
     step = whole(every, "every", at_least=1)
     ax = axes_or_new(ax, (6.4, 6.4))
     chosen = [np.arange(len(o) // 2 % step, len(o), step) for o in (field.u, field.v)]

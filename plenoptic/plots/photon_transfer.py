@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from plenoptic.core.values import wrong_kind
+from plenoptic.core.values import check_has
 from plenoptic.plots.canvas import axes_or_new
 
 if TYPE_CHECKING:
@@ -42,8 +42,7 @@ def plot_photon_transfer(curve: PhotonTransfer, ax: Axes | None = None) -> Axes:
     >>> ax.get_xlabel()
     'signal above dark / DN'
     """
-    if not hasattr(curve, "expected_pattern_variance"):
-        raise wrong_kind(curve, "curve", "PhotonTransfer", "photon_transfer(model, levels)")
+    check_has(curve, "curve", "PhotonTransfer", "photon_transfer(model, levels)", "expected_pattern_variance")
     ax = axes_or_new(ax, (6.0, 4.4))
     dark = float(np.min(curve.expected_mean))
     order = np.argsort(curve.expected_mean)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from plenoptic.core.values import wrong_kind
+from plenoptic.core.values import check_has
 from plenoptic.plots.canvas import axes_or_new
 
 if TYPE_CHECKING:
@@ -41,8 +41,7 @@ def plot_seidel(sums: SeidelSums, ax: Axes | None = None) -> Axes:
     >>> ax.get_ylabel()
     'Seidel sum / mm'
     """
-    if not hasattr(sums, "petzval"):
-        raise wrong_kind(sums, "sums", "SeidelSums", "what pl.aberrations.seidel_sums(lens, field=0.2) returns")
+    check_has(sums, "sums", "SeidelSums", "what pl.aberrations.seidel_sums(lens, field=0.2) returns", "petzval")
     ax = axes_or_new(ax, (8.0, 4.0))
     rows = [i for i, row in enumerate(sums.table) if row.any()]
     table = np.vstack([sums.table[rows], sums.total])
@@ -84,8 +83,7 @@ def plot_chromatic_shift(shift: ChromaticShift, ax: Axes | None = None) -> Axes:
     >>> pl.plots.plot_chromatic_shift(shift).get_ylabel()
     'wavelength / nm'
     """
-    if not hasattr(shift, "focus"):
-        raise wrong_kind(shift, "shift", "ChromaticShift", "what pl.aberrations.chromatic_shift(lens) returns")
+    check_has(shift, "shift", "ChromaticShift", "what pl.aberrations.chromatic_shift(lens) returns", "focus")
     ax = axes_or_new(ax, (5.0, 4.0))
     order = np.argsort(shift.wavelengths)
     middle = int(np.flatnonzero(shift.wavelengths == shift.reference)[0])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from plenoptic.core.values import wrong_kind
+from plenoptic.core.values import check_has
 from plenoptic.plots.canvas import axes_or_new
 
 if TYPE_CHECKING:
@@ -37,8 +37,7 @@ def plot_sensitivity(sensitivity: Sensitivity, ax: Axes | None = None) -> Axes:
     >>> plot_sensitivity(sensitivities.colour_camera()).get_xlabel()
     'wavelength / nm'
     """
-    if not hasattr(sensitivity, "normalised"):
-        raise wrong_kind(sensitivity, "sensitivity", "Sensitivity", "sensitivities.colour_camera()")
+    check_has(sensitivity, "sensitivity", "Sensitivity", "sensitivities.colour_camera()", "normalised")
     ax = axes_or_new(ax, (6.0, 3.6))
     colours = ("#c8553d", "#5b8e7d", "#31566f") if sensitivity.channels == 3 else ("black",)
     response = sensitivity.normalised.response

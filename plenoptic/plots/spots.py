@@ -7,9 +7,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from plenoptic.core.values import wrong_kind
+from plenoptic.core.values import Floats, check_has, wrong_kind
 from plenoptic.errors import InvalidValueError
 from plenoptic.plots.canvas import axes_or_new, figure_or_new
 
@@ -40,7 +39,7 @@ def _colours(wavelengths: Sequence[float]) -> list[Any]:
     return [tuple(hsv_to_rgb((_BLUE * (1.0 - share), 0.9, 0.75))) for share in place]
 
 
-def field_label(field: NDArray[np.float64], z_object: float) -> str:
+def field_label(field: Floats, z_object: float) -> str:
     """How an object point is named in titles: by its angle, or by its height."""
     x, y = (float(component) for component in field)
     if math.isinf(z_object):
@@ -215,8 +214,7 @@ def plot_ray_fan(fan: RayFan, *, figure: Figure | None = None) -> Figure:
     >>> [ax.get_title() for ax in figure.axes]
     ['tangential fan', 'sagittal fan']
     """
-    if not hasattr(fan, "tangential") or not hasattr(fan, "pupil"):
-        raise wrong_kind(fan, "fan", "RayFan", "pl.aberrations.ray_fan(lens)")
+    check_has(fan, "fan", "RayFan", "pl.aberrations.ray_fan(lens)", "tangential", "pupil")
     figure = figure_or_new(figure, (7.6, 3.6))
     axes = figure.subplots(1, 2, sharex=True, sharey=True)
     for ax, curves, title in (

@@ -9,14 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.core.parallel import run_in_order, thread_count
-from plenoptic.core.values import check_kind
+from plenoptic.core.values import Floats, check_kind
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.sensor.color_filter import channels_of
 from plenoptic.optics.sensor.model import SensorModel, ShotNoise, as_seed, has
 from plenoptic.readout.raw import RawImage
 from plenoptic.rendering.exposure import Exposure
-
-Floats = NDArray[np.float64]
 
 __all__ = ["develop"]
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from plenoptic.core.values import check_kind, frozen_array, set_field, value, whole
+from plenoptic.core.values import Floats, check_kind, frozen_array, set_field, value, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.sensor.model import SensorModel, ShotNoise, as_seed
 from plenoptic.readout.develop import develop
@@ -38,13 +38,13 @@ class PhotonTransfer:
         DN at which it saturates; may be inf.
     """
 
-    levels: NDArray[np.float64]
-    mean: NDArray[np.float64]
-    variance: NDArray[np.float64]
-    pattern_variance: NDArray[np.float64]
-    expected_mean: NDArray[np.float64]
-    expected_variance: NDArray[np.float64]
-    expected_pattern_variance: NDArray[np.float64]
+    levels: Floats
+    mean: Floats
+    variance: Floats
+    pattern_variance: Floats
+    expected_mean: Floats
+    expected_variance: Floats
+    expected_pattern_variance: Floats
     white_level: float
 
     def __post_init__(self) -> None:
@@ -150,9 +150,7 @@ def _measured(
     return float(0.5 * (one.mean() + two.mean())), temporal, spatial
 
 
-def _expected(
-    model: SensorModel, levels: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def _expected(model: SensorModel, levels: Floats) -> tuple[Floats, Floats, Floats]:
     """Mean, temporal variance and variance of the fixed pattern, without saturation."""
     light = levels.astype(np.float32) * model.electrons_per_unit
     collected = light + model.dark_electrons

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from plenoptic.core.files import images
 from plenoptic.core.files.preview import html_figure
 from plenoptic.core.files.serialization import described_fields, restored_fields
-from plenoptic.core.values import file_path, set_field, value, whole, wrong_kind
+from plenoptic.core.values import Floats, check_kind, file_path, set_field, value, whole
 from plenoptic.errors import FileError, InvalidValueError
 from plenoptic.optics.sensor.color_filter import BayerPattern, channels_of
 from plenoptic.optics.sensor.demosaic import DemosaicMethod, demosaiced
@@ -88,8 +88,7 @@ class RawImage:
         ) -> None: ...
 
     def __post_init__(self) -> None:
-        if not isinstance(self.model, SensorModel):
-            raise wrong_kind(self.model, "model", "SensorModel", "pl.SensorModel(photon_rate=1e6)")
+        check_kind(self.model, "model", SensorModel, "pl.SensorModel(photon_rate=1e6)")
         set_field(self, "data", _checked_data(self.data, self.model))
         if self.region is not None:
             set_field(self, "region", checked_region(self.region, self.data.shape[:2]))
@@ -130,7 +129,7 @@ class RawImage:
     def _first(self) -> tuple[int, int]:
         return (0, 0) if self.region is None else (self.region[0], self.region[2])
 
-    def electrons(self) -> NDArray[np.float64]:
+    def electrons(self) -> Floats:
         """What the numbers stand for: (DN - black level) / gain.
 
         Returns
@@ -145,10 +144,10 @@ class RawImage:
         >>> RawImage([[100, 300]], SensorModel(photon_rate=1.0, gain=0.5, black_level=100)).electrons()
         array([[  0., 400.]])
         """
-        counted: NDArray[np.float64] = (self.data.astype(np.float64) - self.model.black_level) / self.model.gain
+        counted: Floats = (self.data.astype(np.float64) - self.model.black_level) / self.model.gain
         return counted
 
-    def linear(self) -> NDArray[np.float64]:
+    def linear(self) -> Floats:
         """The image's values back: electrons less the mean dark current, over those of an image of 1.
 
         What the sensor's fixed pattern, noise and saturation did stays in them. Every channel is divided
@@ -170,7 +169,7 @@ class RawImage:
         seen = self.channels
         if seen is not None:
             per_unit = np.broadcast_to(per_unit, 3)[seen]
-        back: NDArray[np.float64] = (self.electrons() - self.model.dark_electrons) / per_unit
+        back: Floats = (self.electrons() - self.model.dark_electrons) / per_unit
         return back
 
     def demosaic(
@@ -305,7 +304,7 @@ def _checked_data(given: Any, model: SensorModel) -> NDArray[Any]:
     return data
 
 
-def _factors(white_balance: Any) -> NDArray[np.float64]:
+def _factors(white_balance: Any) -> Floats:
     factors = np.asarray(white_balance, dtype=np.float64)
     if factors.shape != (3,) or not (np.isfinite(factors) & (factors > 0)).all():
         raise InvalidValueError(f"white_balance is {white_balance!r}; it must be three finite factors above 0")

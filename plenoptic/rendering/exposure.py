@@ -15,7 +15,7 @@ from plenoptic.core.files import images
 from plenoptic.core.files.preview import html_figure
 from plenoptic.core.files.serialization import describe, described_fields, restore, restored_fields
 from plenoptic.core.relative_error import relative_error
-from plenoptic.core.values import file_path, frozen_array, positive, set_field, value, whole, wrong_kind
+from plenoptic.core.values import Floats, check_kind, file_path, frozen_array, positive, set_field, value, whole
 from plenoptic.errors import FileError, InvalidValueError
 from plenoptic.rendering.settings import RenderSettings
 from plenoptic.rendering.stats import RenderStats, StopReason
@@ -117,8 +117,7 @@ class Exposure:
             error = frozen_array(self.standard_error, name="standard_error", shape=image.shape, dtype=np.float32)
             set_field(self, "standard_error", error)
         if self.truth is not None:
-            if not isinstance(self.truth, GroundTruth):
-                raise wrong_kind(self.truth, "truth", "GroundTruth", "pl.GroundTruth(depth=...)")
+            check_kind(self.truth, "truth", GroundTruth, "pl.GroundTruth(depth=...)")
             if self.truth.shape != image.shape[:2]:
                 raise InvalidValueError(
                     f"truth has {self.truth.shape[0]} x {self.truth.shape[1]} pixels; "
@@ -144,7 +143,7 @@ class Exposure:
             raise InvalidValueError(f"settings is a {type(self.settings).__name__}; it must be RenderSettings or None")
 
     @property
-    def depth(self) -> NDArray[np.float64] | None:
+    def depth(self) -> Floats | None:
         """(H, W): -z in the camera's frame in mm, inf where nothing is met; None where it was not asked for."""
         return None if self.truth is None else self.truth.depth
 

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 
 
@@ -56,18 +57,18 @@ class Film:
         self.replicates = len(self._counts)
         self.sample_counts: NDArray[np.int32] | None = None
         """(rows, columns), once a tile was put in with its counts; None while pixels have `samples` or nothing."""
-        self.mean: NDArray[np.float64] = np.zeros(shape)
-        self.squares: NDArray[np.float64] | None = np.zeros(shape) if self.replicates >= 2 else None
+        self.mean: Floats = np.zeros(shape)
+        self.squares: Floats | None = np.zeros(shape) if self.replicates >= 2 else None
 
     def add(
         self,
         row: int,
         column: int,
-        sums: NDArray[np.float64],
+        sums: Floats,
         *,
         counts: ArrayLike | None = None,
         where: NDArray[np.bool_] | None = None,
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    ) -> tuple[Floats, Floats]:
         """Put in the sums (rows, columns, replicates, channels) of a tile whose upper left pixel is given.
 
         Parameters
@@ -174,9 +175,7 @@ class Film:
         return error
 
 
-def moments(
-    sums: NDArray[np.float64], counts: NDArray[np.float64] | NDArray[np.int64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def moments(sums: Floats, counts: Floats | NDArray[np.int64]) -> tuple[Floats, Floats]:
     """Mean and sum of squared deviations, (..., channels), of sums (..., replicates, channels); see `Film`."""
     counts = counts[counts > 0]  # the first ones have most
     used = sums[..., : counts.size, :]
@@ -185,20 +184,18 @@ def moments(
     return mean, np.einsum("...rc,...rc,r->...c", deviation, deviation, counts)
 
 
-def agree(
-    mean: NDArray[np.float64], squares: NDArray[np.float64], samples: float | NDArray[np.int32]
-) -> NDArray[np.bool_]:
+def agree(mean: Floats, squares: Floats, samples: float | NDArray[np.int32]) -> NDArray[np.bool_]:
     """Where replicates differ by no more than rounding."""
     return np.asarray(squares <= samples * np.square(_ROUNDING * mean))
 
 
 def spread(
-    mean: NDArray[np.float64],
-    squares: NDArray[np.float64],
+    mean: Floats,
+    squares: Floats,
     samples: float | NDArray[np.int32],
     freedom: float | NDArray[np.int32],
     one_sample: NDArray[np.floating] | None,  # type: ignore[type-arg]
-) -> NDArray[np.float64]:
+) -> Floats:
     """Standard error of pixels (..., channels); see `Film.standard_error`. inf where there is no freedom."""
     with np.errstate(divide="ignore", invalid="ignore"):
         error = np.sqrt(squares / (np.float64(1.0) * freedom * samples))

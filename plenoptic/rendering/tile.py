@@ -12,11 +12,12 @@ from plenoptic.camera.paths import CameraPaths
 from plenoptic.camera.record import CameraRecord
 from plenoptic.camera.sampling.pixel_regions import fed_pixels, pixel_centres
 from plenoptic.camera.sampling.record import Batch, FedPixels, batch_record
+from plenoptic.core.values import Floats
 from plenoptic.rendering.context import RenderContext, Sampling
 from plenoptic.rendering.integrator.path import Transport
 from plenoptic.rendering.settings import Sampler
 from plenoptic.truth.compute import Arrays, truth_of
-from plenoptic.truth.stages import TruthTables
+from plenoptic.truth.stages import TruthRecord
 
 BUNDLE = 1 << 13
 """Paths that go through the stages together. From 2^11 to 2^14 the time was the same to within 3 %, and long bundles
@@ -35,7 +36,7 @@ class Tile(NamedTuple):
     rows: int
     columns: int
 
-    def centres(self, camera: CameraRecord) -> NDArray[np.float64]:
+    def centres(self, camera: CameraRecord) -> Floats:
         """(rows * columns, 2): see `pixel_centres`."""
         return pixel_centres(camera, (self.row, self.row + self.rows), (self.column, self.column + self.columns))
 
@@ -50,9 +51,9 @@ class TileResult(NamedTuple):
 
     tile: Tile
     batch: Batch
-    sums: NDArray[np.float64]
+    sums: Floats
     """(rows, columns, replicates, channels): those of all batches until now."""
-    weights: NDArray[np.float64]
+    weights: Floats
     """(rows, columns): what a sample weighs at most, about; 0 for pixels that no light can reach."""
     counts: NDArray[np.int64]
     """Paths by status."""
@@ -72,11 +73,11 @@ class TileResult(NamedTuple):
 
 
 def batch_of(sampling: Sampling, first: int, samples: int) -> Batch:
-    """Samples first ... first + samples - 1; `first` must be a multiple of the replicates."""
+    """Samples first ... first + samples - 1: either one, or `first` is a multiple of the replicates."""
     if sampling.settings.sampler is Sampler.RANDOM:
         return batch_record(sampling.seed, first, samples, samples, first, 0)
-    streams = min(sampling.replicates, samples)
-    return batch_record(sampling.seed, first, samples, streams, 0, first // sampling.replicates)
+    index, stream = divmod(first, sampling.replicates)
+    return batch_record(sampling.seed, first, samples, min(sampling.replicates, samples), stream, index)
 
 
 def status_codes(camera: CameraRecord) -> int:
@@ -87,7 +88,7 @@ def status_codes(camera: CameraRecord) -> int:
 class _Sums:
     """What the paths of a batch of a tile add up to."""
 
-    def __init__(self, context: RenderContext, fed: FedPixels, batch: Batch, before: NDArray[np.float64]) -> None:
+    def __init__(self, context: RenderContext, fed: FedPixels, batch: Batch, before: Floats) -> None:
         sampling, colour = context.sampling, context.camera.colour
         self._fed, self._batch, self._sampling, self._before = fed, batch, sampling, before
         self._columns = context.camera.sensor.columns
@@ -100,14 +101,7 @@ class _Sums:
         self.nonfinite, self.light, self.clamped = 0, 0.0, 0.0
         self.lost_paths: list[tuple[int, int, int]] = []
 
-    def add(
-        self,
-        bundle: NDArray[np.float64],
-        radiance: NDArray[np.float64] | None,
-        waves: NDArray[np.int64] | None,
-        start: int,
-        n: int,
-    ) -> None:
+    def add(self, bundle: Floats, radiance: Floats | None, waves: NDArray[np.int64] | None, start: int, n: int) -> None:
         """Add what the paths of a bundle bring, clamped."""
         from plenoptic.rendering.kernels import film_sums
 
@@ -120,7 +114,7 @@ class _Sums:
             self.nonfinite += dropped
             self.lost_paths += self._broken(bundle, radiance, start, n)
 
-    def whole(self) -> NDArray[np.float64]:
+    def whole(self) -> Floats:
         """(pixels, replicates, channels): the sums of all batches until now."""
         replicates, place = self._sampling.replicates, self._fed.place
         sums = self._sums
@@ -129,9 +123,7 @@ class _Sums:
         self._before[place] = sums
         return self._before
 
-    def _broken(
-        self, bundle: NDArray[np.float64], radiance: NDArray[np.float64] | None, start: int, n: int
-    ) -> list[tuple[int, int, int]]:
+    def _broken(self, bundle: Floats, radiance: Floats | None, start: int, n: int) -> list[tuple[int, int, int]]:
         """Row, column and sample of the first paths of a bundle that are not finite."""
         from plenoptic.camera.sampling.kernels.paths import path_place
         from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, WEIGHT
@@ -151,8 +143,8 @@ def render_tile(
     context: RenderContext,
     tile: Tile,
     batch: Batch,
-    truth: TruthTables | None,
-    before: NDArray[np.float64] | None = None,
+    truth: TruthRecord | None,
+    before: Floats | None = None,
     stopped: Callable[[], bool] | None = None,
 ) -> TileResult | None:
     """A batch of samples of a tile's pixels, added to the sums of earlier batches: a pure function of its arguments.
@@ -198,7 +190,7 @@ def render_tile(
     )
 
 
-def _weights(camera: CameraRecord, fed: FedPixels, tile: Tile) -> NDArray[np.float64]:
+def _weights(camera: CameraRecord, fed: FedPixels, tile: Tile) -> Floats:
     """(rows, columns): what a sample of each pixel weighs at most, about: the area of its region over distance^2."""
     found = np.zeros(tile.rows * tile.columns)
     last = fed.regions.triangles[fed.regions.first[1:] - 1]
@@ -206,12 +198,12 @@ def _weights(camera: CameraRecord, fed: FedPixels, tile: Tile) -> NDArray[np.flo
     return found.reshape(tile.rows, tile.columns)
 
 
-def _truth(context: RenderContext, truth: TruthTables, tile: Tile, pixels: NDArray[np.float64]) -> Arrays:
+def _truth(context: RenderContext, truth: TruthRecord, tile: Tile, pixels: Floats) -> Arrays:
     flat = truth_of(context.camera, context.scene, context.intersector, truth, pixels)
     return {name: array.reshape(tile.rows, tile.columns, *array.shape[1:]) for name, array in flat.items()}
 
 
-def _by_replicate(sums: NDArray[np.float64], batch: Batch, replicates: int) -> NDArray[np.float64]:
+def _by_replicate(sums: Floats, batch: Batch, replicates: int) -> Floats:
     """Sums of independent samples (pixels, samples, channels) as those of replicates: sample s belongs to s % r."""
     grouped = np.zeros((sums.shape[0], replicates, sums.shape[2]))
     for replicate in range(min(replicates, batch.samples)):

@@ -13,18 +13,13 @@ from plenoptic.camera.record import CameraRecord
 from plenoptic.camera.sampling.pixel_regions import fed_pixels, pixel_centres
 from plenoptic.camera.sampling.record import Batch
 from plenoptic.core.rays import RayStatus
+from plenoptic.core.values import Floats
 from plenoptic.optics.lens.record import LensRecord
 from plenoptic.optics.microlens.dust import BlemishSite
-from plenoptic.optics.microlens.listed import lattice_types
-from plenoptic.replaying.camera_events import (
-    CameraEvent,
-    ElementKind,
-    ElementPassage,
-    MicrolensPassage,
-    SensorPoint,
-    Vector,
-)
-from plenoptic.truth.microlenses import listed_numbers
+from plenoptic.optics.record import ElementKind
+from plenoptic.replaying.events import ElementPassage, Event, MicrolensPassage, SensorPoint
+from plenoptic.truth.microlenses import fill_microlens, fill_microlens_type, listed_numbers
+from plenoptic.truth.stages import LitCells
 
 _NOWHERE = (RayStatus.MISSED, RayStatus.NOT_FINITE, RayStatus.NOT_CONVERGED)
 """Where a path is lost by these, it has no point on the element."""
@@ -33,15 +28,13 @@ _NOWHERE = (RayStatus.MISSED, RayStatus.NOT_FINITE, RayStatus.NOT_CONVERGED)
 class CameraWay(NamedTuple):
     """A path through the camera."""
 
-    events: tuple[CameraEvent, ...]
-    bundle: NDArray[np.float64]
+    events: tuple[Event, ...]
+    bundle: Floats
     """A block with one ray, behind the lens."""
     waves: NDArray[np.int64] | None
     """(BLOCK,): the first is the number of the path's wavelength. None where all paths have the camera's."""
     number: NDArray[np.int64]
     """(1,): of the pixel on the sensor."""
-    batch: Batch
-    """Of one path."""
 
     @property
     def weight(self) -> float:
@@ -52,104 +45,94 @@ class CameraWay(NamedTuple):
 class _Row(NamedTuple):
     """The first ray of a block."""
 
-    point: Vector
-    direction: Vector
+    point: Floats
+    direction: Floats
     weight: float
     status: float
 
 
-def _row(bundle: NDArray[np.float64]) -> _Row:
+def _row(bundle: Floats) -> _Row:
     numbers = bundle.reshape(8, -1)[:, 0].copy()
     return _Row(numbers[:3], numbers[3:6], float(numbers[6]), float(numbers[7]))
 
 
-def trace_camera(tables: CameraRecord, pixel: tuple[int, int], batch: Batch) -> CameraWay | None:
+def trace_camera(camera: CameraRecord, pixel: tuple[int, int], batch: Batch) -> CameraWay | None:
     """Follow the one path of a batch of one, as `tile.render_tile` does; None where no light reaches the pixel."""
     row, column = pixel
-    centres = pixel_centres(tables, (row, row + 1), (column, column + 1))
-    fed = fed_pixels(tables, centres, np.array([row * tables.sensor.columns + column]))
+    centres = pixel_centres(camera, (row, row + 1), (column, column + 1))
+    fed = fed_pixels(camera, centres, np.array([row * camera.sensor.columns + column]))
     if not fed.place.size:
         return None
-    ways = CameraPaths(tables, fed, batch, 1)
+    ways = CameraPaths(camera, fed, batch, 1)
     bundle = ways.started(0, 1)
     aimed = _row(bundle)
     ways.fill_through_array(bundle)
-    events: list[CameraEvent] = [
-        SensorPoint(pixel, _fixed(_in_camera(tables, _sensor_point(tables, aimed)))),
-        _array_event(tables, aimed, ways.own, _row(bundle)),
+    events: list[Event] = [
+        SensorPoint(pixel, _in_camera(camera, _sensor_point(camera, aimed))),
+        _array_event(camera, aimed, ways.own, _row(bundle)),
     ]
     before = bundle.copy()
-    fill_dimmed_at_lens(before, tables.dust, BlemishSite.LENS_REAR)
-    events += _lens_events(tables, ways.lens, before, ways.waves)
+    fill_dimmed_at_lens(before, camera.dust, BlemishSite.LENS_REAR)
+    events += _lens_events(camera, ways.lens, before, ways.waves)
     ways.fill_through_lens(bundle)
-    return CameraWay(tuple(events), bundle, ways.waves, fed.number, batch)
+    return CameraWay(tuple(events), bundle, ways.waves, fed.number)
 
 
-def _behind(tables: CameraRecord) -> float:
+def _behind(camera: CameraRecord) -> float:
     """From the array's front principal plane to the rear one, in mm."""
-    return 0.0 if tables.microlenses is None else tables.microlenses.principal_separation
+    return 0.0 if camera.microlenses is None else camera.microlenses.principal_separation
 
 
-def _sensor_point(tables: CameraRecord, aimed: _Row) -> Vector:
+def _sensor_point(camera: CameraRecord, aimed: _Row) -> Floats:
     """Where an aimed sample starts, in local axes; see `optics.microlens.kernels.to_lens` for its fields."""
     x, y = aimed.point[:2] - aimed.direction[:2]
-    plane = tables.sensor.plane
+    plane = camera.sensor.plane
     farther = 0.0 if plane.tilt is None else float(plane.tilt @ (x, y))
-    return np.array([x, y, plane.distance + farther + _behind(tables)])
+    return np.array([x, y, plane.distance + farther + _behind(camera)])
 
 
-def _in_camera(tables: CameraRecord, point: Vector) -> Vector:
+def _in_camera(camera: CameraRecord, point: Floats) -> Floats:
     """A point in local axes, z from the array's front principal plane, in the camera's."""
-    frame = tables.frame
+    frame = camera.frame
     if frame is None:
-        in_lens = np.array([point[0], point[1], point[2] + tables.z_plane])
-    else:
-        in_lens = frame[:9].reshape(3, 3) @ point + frame[9:]
-    moved = tables.parts.lens_to_camera
-    return in_lens if moved is None else moved.points(in_lens)
+        return _moved_point(camera, np.array([point[0], point[1], point[2] + camera.z_plane]))
+    return _moved_point(camera, frame[:9].reshape(3, 3) @ point + frame[9:])
 
 
-def _array_event(tables: CameraRecord, aimed: _Row, own: NDArray[np.void] | None, after: _Row) -> MicrolensPassage:
-    aim = np.array([*aimed.point[:2], _behind(tables)])
-    microlens, kind = _microlens(tables, aimed, own)
+def _array_event(camera: CameraRecord, aimed: _Row, own: NDArray[np.void] | None, after: _Row) -> MicrolensPassage:
+    microlens, kind = _microlens(camera, aimed, own)
     lost = after.status != 0
     return MicrolensPassage(
-        aim=_fixed(_in_camera(tables, aim)),
+        aim=_in_camera(camera, np.array([*aimed.point[:2], _behind(camera)])),
         microlens=microlens,
         type=kind,
         status=RayStatus(int(after.status)),
-        point=None if lost else _moved_point(tables, after.point),
-        direction=None if lost else _moved_direction(tables, after.direction),
+        point=None if lost else _moved_point(camera, after.point),
+        direction=None if lost else _moved_direction(camera, after.direction),
         weight=after.weight,
     )
 
 
 def _microlens(
-    tables: CameraRecord, aimed: _Row, own: NDArray[np.void] | None
+    camera: CameraRecord, aimed: _Row, own: NDArray[np.void] | None
 ) -> tuple[tuple[int, int] | None, int | None]:
     """Indices and type of the microlens that a sample is aimed at."""
-    array, cells = tables.microlenses, tables.array
-    if array is None or cells is None:
+    if camera.microlenses is None or camera.array is None:
         return None, None
-    numbers = listed_numbers(tables)
-    if numbers is not None and own is not None:
-        number = int(numbers[own[0]["row"]])
-        return (number, 0), 0 if array.types is None else int(np.asarray(array.types)[number])
     # The aimed sample holds its optical axis, which imperfections may move; the cell stays.
-    centre = (
-        np.array([aimed.point[2], aimed.direction[2]])
-        if own is None
-        else np.array([own[0]["cell_x"], own[0]["cell_y"]])
-    )
-    index = np.rint((centre - cells.lattice.origin) @ cells.lattice.inverse).astype(np.int64)
-    return (int(index[0]), int(index[1])), int(lattice_types(array, index[None])[0])
+    cell = (aimed.point[2], aimed.direction[2], -1) if own is None else own[0][["cell_x", "cell_y", "row"]].tolist()
+    cells = LitCells(np.ones(1, bool), np.array([cell]), camera.microlenses, camera.array, listed_numbers(camera))
+    index, kind = np.empty((1, 2), dtype=np.int32), np.empty(1, dtype=np.int32)
+    fill_microlens(index, cells)
+    fill_microlens_type(kind, cells)
+    return (int(index[0, 0]), int(index[0, 1])), int(kind[0])
 
 
 def _lens_events(
-    tables: CameraRecord, lens: LensRecord, bundle: NDArray[np.float64], waves: NDArray[np.int64] | None
-) -> list[CameraEvent]:
+    camera: CameraRecord, lens: LensRecord, bundle: Floats, waves: NDArray[np.int64] | None
+) -> list[Event]:
     """Passages through the elements, up to the one where the path ends."""
-    events: list[CameraEvent] = []
+    events: list[Event] = []
     before = _row(bundle)
     if before.status != 0:
         return events
@@ -165,9 +148,9 @@ def _lens_events(
                 element=int(lens.rows[last]["surface_index"]),
                 kind=ElementKind(int(lens.rows[last]["kind"])),
                 status=status,
-                point=None if status in _NOWHERE else _moved_point(tables, after.point),
-                before=_moved_direction(tables, before.direction),
-                after=None if lost else _moved_direction(tables, after.direction),
+                point=None if status in _NOWHERE else _moved_point(camera, after.point),
+                before=_moved_direction(camera, before.direction),
+                after=None if lost else _moved_direction(camera, after.direction),
             )
         )
         if lost:
@@ -176,17 +159,12 @@ def _lens_events(
     return events
 
 
-def _moved_point(tables: CameraRecord, point: Vector) -> Vector:
+def _moved_point(camera: CameraRecord, point: Floats) -> Floats:
     """From the lens's axes to the camera's."""
-    moved = tables.parts.lens_to_camera
-    return _fixed(point if moved is None else moved.points(point))
+    moved = camera.parts.lens_to_camera
+    return point if moved is None else moved.points(point)
 
 
-def _moved_direction(tables: CameraRecord, direction: Vector) -> Vector:
-    moved = tables.parts.lens_to_camera
-    return _fixed(direction if moved is None else moved.directions(direction))
-
-
-def _fixed(array: Vector) -> Vector:
-    array.flags.writeable = False
-    return array
+def _moved_direction(camera: CameraRecord, direction: Floats) -> Floats:
+    moved = camera.parts.lens_to_camera
+    return direction if moved is None else moved.directions(direction)

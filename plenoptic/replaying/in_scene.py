@@ -1,4 +1,4 @@
-"""What `transport` tells of one path, as events."""
+"""What one path meets in the scene, as events."""
 
 from __future__ import annotations
 
@@ -8,36 +8,38 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic.core.values import Floats
 from plenoptic.rendering.integrator.record import RayQueue, ShadowRays
 from plenoptic.rendering.plan.stages import Plan, Stage
-from plenoptic.replaying.ending import PathEnding
-from plenoptic.replaying.scene_events import DirectLight, Escape, Meeting, Vector
-from plenoptic.replaying.scene_names import SceneNames
+from plenoptic.replaying.events import DirectLight, DrawnKind, Escape, Meeting, PathEnding, Place
 from plenoptic.scene.compile import SceneRecord
+from plenoptic.scene.geometry.instance import Instances
 from plenoptic.scene.geometry.record import SHADING_NORMAL, Hits, Interactions
 from plenoptic.scene.lights.record import END, DrawnLights
+from plenoptic.scene.lights.registry import AreaLight, DistantLight, PositionalLight
+from plenoptic.scene.materials.registry import Material
 from plenoptic.scene.scene import Scene
 
 
 class Recorder:
-    """A `transport.Witness` of a bundle of one path."""
+    """A `path.Witness` of a bundle of one path."""
 
     def __init__(self, scene: Scene, record: SceneRecord, plan: Plan, max_bounces: int) -> None:
-        self._names, self._record, self._plan = SceneNames(scene, record), record, plan
+        self._names, self._record, self._plan = _SceneNames(scene, record), record, plan
         self._max_bounces = max_bounces
-        self._collected: Vector | None = None
+        self._collected: Floats | None = None
         self.events: list[Meeting | Escape] = []
         self.ending = PathEnding.LEFT_SCENE
 
-    def saw(self, rays: NDArray[np.float64], hits: Hits, radiance: NDArray[np.float64]) -> None:
+    def saw(self, rays: Floats, hits: Hits, radiance: Floats) -> None:
         """See `Witness`."""
         if not len(rays):
             return
         collected = radiance[0].copy()
         with np.errstate(all="ignore"):
-            emitted = _fixed(collected if self._collected is None else collected - self._collected)
+            emitted = collected if self._collected is None else collected - self._collected
         self._collected = collected
-        direction = _fixed(rays[0, 3:].copy())
+        direction = rays[0, 3:].copy()
         if hits.triangle[0] < 0:
             self.events.append(Escape(direction, emitted))
             self.ending = PathEnding.LEFT_SCENE
@@ -49,9 +51,9 @@ class Recorder:
             Meeting(
                 place=place,
                 material=self._names.material(place),
-                point=_fixed(rays[0, :3] + reached * direction),
+                point=rays[0, :3] + reached * direction,
                 distance=reached + (0.0 if hits.travelled is None else float(hits.travelled[0])),
-                normal=_fixed(normal),
+                normal=normal,
                 shading_normal=None,
                 emitted=emitted,
             )
@@ -85,9 +87,9 @@ class Recorder:
                 kind=kind,
                 place=place,
                 light=light,
-                point=_fixed(drawn.rows[0, END : END + 3].copy()) if shines else None,
+                point=drawn.rows[0, END : END + 3].copy() if shines else None,
                 blocked=bool(blocked[0]) if sent else None,
-                contribution=_fixed(added),
+                contribution=added,
             )
         )
 
@@ -95,10 +97,10 @@ class Recorder:
         """See `Witness`."""
         if not len(interactions.ray):
             return
-        self._amend(shading_normal=_fixed(interactions.rows[0, SHADING_NORMAL : SHADING_NORMAL + 3].copy()))
+        self._amend(shading_normal=interactions.rows[0, SHADING_NORMAL : SHADING_NORMAL + 3].copy())
         if onwards:
             assert onward.throughput is not None
-            self._amend(direction=_fixed(onward.rays[0, 3:].copy()), throughput=_fixed(onward.throughput[0].copy()))
+            self._amend(direction=onward.rays[0, 3:].copy(), throughput=onward.throughput[0].copy())
         elif not self._plan.runs(Stage.ONWARD_RAYS):
             self.ending = PathEnding.NOTHING_AHEAD
         else:
@@ -111,7 +113,62 @@ class Recorder:
         self.events[-1] = dataclasses.replace(last, **known)
 
 
-def _meet(ray: NDArray[np.float64], corners: NDArray[np.float64]) -> tuple[float, Vector]:
+class _SceneNames:
+    """Which mesh, instance, material and light of a scene the rows of its tables are."""
+
+    def __init__(self, scene: Scene, record: SceneRecord) -> None:
+        self._scene, self._record = scene, record
+        self._shapes = [light.mesh() for light in scene.lights if isinstance(light, AreaLight)]
+        self._points = [i for i, light in enumerate(scene.lights) if isinstance(light, PositionalLight)]
+        self._suns = [i for i, light in enumerate(scene.lights) if isinstance(light, DistantLight)]
+        repeated = [(i, len(mesh)) for i, mesh in enumerate(scene.meshes) if isinstance(mesh, Instances)]
+        self._repeated = np.array(repeated, dtype=np.int64).reshape(-1, 2)
+
+    def place(self, triangle: int, placed: int) -> Place:
+        """Of a row of the triangles and one of the instances, -1 for plain triangles."""
+        record = self._record
+        assert record.triangle_mesh is not None
+        number = int(record.triangle_mesh[triangle])
+        if placed < 0 or record.instances is None:
+            return Place(number, triangle - int(np.argmax(record.triangle_mesh == number)), None)
+        ends = np.cumsum(self._repeated[:, 1])
+        which = int(np.searchsorted(ends, placed, side="right"))
+        instance = placed - int(ends[which] - self._repeated[which, 1])
+        return Place(int(self._repeated[which, 0]), triangle - int(record.instances.first[placed]), instance)
+
+    def material(self, place: Place) -> Material:
+        """What a place is made of."""
+        meshes = self._scene.meshes
+        if place.object >= len(meshes):
+            return self._shapes[place.object - len(meshes)].material
+        mesh = meshes[place.object]
+        return mesh.mesh.material if isinstance(mesh, Instances) else mesh.material
+
+    def corners(self, triangle: int, placed: int) -> Floats:
+        """(3, 3): corners of a triangle in the world."""
+        record = self._record
+        geometry = record.geometry
+        assert geometry is not None
+        points = np.asarray(geometry.vertices[geometry.triangles[triangle]])
+        if placed < 0 or record.instances is None:
+            return points
+        matrix = record.instances.matrices[placed].reshape(3, 4)
+        return np.asarray(points @ matrix[:, :3].T + matrix[:, 3])
+
+    def light(self, number: float) -> tuple[DrawnKind, Place | None, int | None]:
+        """What is drawn by a random number."""
+        lights = self._record.lights
+        assert lights.cdf is not None and lights.items is not None
+        item = min(int(np.searchsorted(lights.cdf, number, side="right")), len(lights.cdf) - 1)
+        kind, row = DrawnKind(int(lights.items["kind"][item])), int(lights.items["row"][item])
+        if kind is DrawnKind.TRIANGLE:
+            return kind, self.place(row, int(lights.items["instance"][item])), None
+        if kind is DrawnKind.ENVIRONMENT:
+            return kind, None, None
+        return kind, None, (self._points if kind is DrawnKind.POINT else self._suns)[row]
+
+
+def _meet(ray: Floats, corners: Floats) -> tuple[float, Floats]:
     """Distance along a ray to a triangle, and its unit normal on the ray's side; not finite without area."""
     normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
     with np.errstate(all="ignore"):
@@ -119,8 +176,3 @@ def _meet(ray: NDArray[np.float64], corners: NDArray[np.float64]) -> tuple[float
         distance = float(-(normal @ (ray[:3] - corners[0])) / along)
         normal = normal / np.sqrt(normal @ normal)
     return distance, -normal if along > 0 else normal
-
-
-def _fixed(array: Vector) -> Vector:
-    array.flags.writeable = False
-    return array

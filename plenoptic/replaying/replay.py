@@ -3,76 +3,57 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from plenoptic.core.rays import RayStatus
-from plenoptic.core.values import value
-from plenoptic.replaying.camera_events import (
-    CameraEvent,
+from plenoptic.core.values import Floats, result
+from plenoptic.replaying.events import (
+    DirectLight,
     ElementPassage,
+    Escape,
+    Event,
+    Meeting,
     MicrolensPassage,
+    PathEnding,
+    Place,
     SensorPoint,
-    Vector,
     WorldRay,
 )
-from plenoptic.replaying.ending import PathEnding
-from plenoptic.replaying.scene_events import DirectLight, Escape, Meeting, Place, SceneEvent
-
-Event: TypeAlias = CameraEvent | SceneEvent
 
 _INDENT = 11
 
 
-@value
+@result
 class Replay:
-    """One path of an exposure, traced again; printing it shows a table of its events.
-
-    Parameters
-    ----------
-    pixel : (int, int)
-        Row and column on the whole sensor.
-    sample : int
-        Number of the path in its pixel.
-    replicate, index : int
-        To which replicate it belongs, and the number of its sampling point there.
-    wavelength : float or None
-        nm; None where all paths have the camera's.
-    events : tuple
-        In order: `SensorPoint`, `MicrolensPassage`, an `ElementPassage` for each element of the lens, `WorldRay`, a
-        `Meeting` for each surface, and an `Escape` where the path leaves the scene. Fewer where it ends before.
-    ending : PathEnding
-    weight : float
-        What its radiance is multiplied by, sr; 0 for a lost path.
-    radiance : (c,) array
-        What it saw, after clamping; c = 1 with a wavelength, and for grey scenes.
-    clamped : float
-        Part of its radiance that `clamp` left, in (0, 1].
-    contribution : (C,) array
-        What it adds to the sum of its pixel, in units of the image: with n samples, the pixel's value is the sum of
-        their contributions over n. Channels that are not finite count as 0, as in the image.
-    finite : bool
-        Whether all channels were finite.
-
-    Examples
-    --------
-    See `replay`.
-    """
+    """One path of an exposure, traced again; printing it shows a table of its events."""
 
     pixel: tuple[int, int]
+    """Row and column on the whole sensor."""
     sample: int
+    """Number of the path in its pixel."""
     replicate: int
+    """To which replicate it belongs."""
     index: int
+    """Number of its sampling point there."""
     wavelength: float | None
+    """nm; None where all paths have the camera's."""
     events: tuple[Event, ...]
+    """In order: `SensorPoint`, `MicrolensPassage`, an `ElementPassage` for each element of the lens, `WorldRay`, a
+    `Meeting` for each surface, and an `Escape` where the path leaves the scene. Fewer where it ends before."""
     ending: PathEnding
     weight: float
-    radiance: Vector
+    """What its radiance is multiplied by, sr; 0 for a lost path."""
+    radiance: Floats
+    """(c,): what it saw, after clamping; c = 1 with a wavelength, and for grey scenes."""
     clamped: float
-    contribution: Vector
+    """Part of its radiance that `clamp` left, in (0, 1]."""
+    contribution: Floats
+    """(C,): what it adds to the sum of its pixel, in units of the image: with n samples, the pixel's value is the sum
+    of their contributions over n. Channels that are not finite count as 0, as in the image."""
     finite: bool
+    """Whether all channels were finite."""
 
     @property
     def bounces(self) -> tuple[Meeting, ...]:
@@ -80,18 +61,16 @@ class Replay:
         return tuple(event for event in self.events if isinstance(event, Meeting))
 
     @property
-    def camera_points(self) -> Vector:
+    def camera_points(self) -> Floats:
         """(n, 3): where the path runs in the camera, in its axes, mm: sensor, array and the elements of the lens.
 
         `plenoptic.plots.layout.plot_layout(camera.lens, [way.camera_points[None]])` draws it.
         """
-        points: list[Vector | None] = []
+        points: list[Floats | None] = []
         for event in self.events:
-            if isinstance(event, SensorPoint):
-                points.append(event.point)
-            elif isinstance(event, MicrolensPassage):
-                points += [event.aim, event.point]
-            elif isinstance(event, ElementPassage):
+            if isinstance(event, MicrolensPassage):
+                points.append(event.aim)
+            if isinstance(event, SensorPoint | MicrolensPassage | ElementPassage):
                 points.append(event.point)
         return np.array([point for point in points if point is not None]).reshape(-1, 3)
 
@@ -101,19 +80,13 @@ class Replay:
 
         A path whose numbers only overflow when they are added has none either.
         """
-        for number, event in enumerate(self.events):
-            if not _is_finite(event):
-                return number
-        return None
+        return next((number for number, event in enumerate(self.events) if not _is_finite(event)), None)
 
     def __repr__(self) -> str:
         row, column = self.pixel
         wave = "" if self.wavelength is None else f", {self.wavelength:g} nm"
-        lines = [
-            f"sample {self.sample} of pixel ({row}, {column}): replicate {self.replicate}, point {self.index}{wave}"
-        ]
-        first = self.first_nonfinite
-        bounce = 0
+        place = f"replicate {self.replicate}, point {self.index}{wave}"
+        lines, bounce, first = [f"sample {self.sample} of pixel ({row}, {column}): {place}"], 0, self.first_nonfinite
         for number, event in enumerate(self.events):
             name, texts = _described(event, bounce)
             bounce += isinstance(event, Meeting)
@@ -130,13 +103,9 @@ class Replay:
 
 
 def _is_finite(event: Event | DirectLight) -> bool:
-    for field in dataclasses.fields(event):
-        item = getattr(event, field.name)
-        if isinstance(item, np.ndarray | float) and not np.isfinite(item).all():
-            return False
-        if isinstance(item, DirectLight) and not _is_finite(item):
-            return False
-    return True
+    items = [getattr(event, field.name) for field in dataclasses.fields(event)]
+    numbers = all(np.isfinite(item).all() for item in items if isinstance(item, np.ndarray | float))
+    return numbers and all(_is_finite(item) for item in items if isinstance(item, DirectLight))
 
 
 def _described(event: Event, bounce: int) -> tuple[str, list[str]]:
@@ -150,9 +119,8 @@ def _described(event: Event, bounce: int) -> tuple[str, list[str]]:
     if isinstance(event, WorldRay):
         return "world", [f"from {_point(event.origin)} towards {_numbers(event.direction)}"]
     if isinstance(event, Escape):
-        return f"bounce {bounce}", [
-            f"meets nothing towards {_numbers(event.direction)}, sees {_numbers(event.emitted)}"
-        ]
+        sky = f"meets nothing towards {_numbers(event.direction)}, sees {_numbers(event.emitted)}"
+        return f"bounce {bounce}", [sky]
     return f"bounce {bounce}", _meeting_lines(event)
 
 

@@ -3,28 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.checks import check_scene_and_camera
-from plenoptic.camera.record import CameraRecord
-from plenoptic.camera.sampling.record import Batch, batch_record
-from plenoptic.core.values import wrong_kind
+from plenoptic.camera.sampling.record import Batch
+from plenoptic.core.values import Floats, check_kind, whole, wrong_kind
 from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.context import RenderContext, render_context
 from plenoptic.rendering.exposure import Exposure
 from plenoptic.rendering.integrator.path import Transport
-from plenoptic.rendering.settings import Sampler
-from plenoptic.replaying.camera_events import WorldRay
-from plenoptic.replaying.ending import PathEnding
+from plenoptic.rendering.tile import batch_of
+from plenoptic.replaying.events import Escape, Event, PathEnding, WorldRay
 from plenoptic.replaying.in_camera import CameraWay, trace_camera
 from plenoptic.replaying.in_scene import Recorder
-from plenoptic.replaying.path_id import checked, known, pair, triple
-from plenoptic.replaying.replay import Event, Replay
-from plenoptic.replaying.scene_events import Escape
+from plenoptic.replaying.replay import Replay
 from plenoptic.scene.scene import Scene
 from plenoptic.truth.channels import Truth
 
@@ -92,7 +86,7 @@ def replay(exposure: Exposure, scene: Scene | None, *, pixel: tuple[int, int], s
     >>> bool(abs(np.mean([way.contribution for way in ways]) / shot.image[0, 0, 0] - 1) < 1e-7)
     True
     """
-    return replay_all(exposure, scene, [(*pair(pixel), sample)])[0]
+    return replay_all(exposure, scene, [(*_members(pixel, "pixel", "row", "column"), sample)])[0]
 
 
 def replay_all(exposure: Exposure, scene: Scene | None, paths: Iterable[tuple[int, int, int]]) -> tuple[Replay, ...]:
@@ -118,33 +112,28 @@ def replay_all(exposure: Exposure, scene: Scene | None, paths: Iterable[tuple[in
     >>> [way.ending.name for way in pl.replay_all(shot, None, [(0, 0, 0), (3, 1, 7)])]
     ['LEFT_SCENE', 'LEFT_SCENE']
     """
-    prepared = _prepared(exposure, scene)
+    context = _context(exposure, scene)
     if isinstance(paths, str | bytes) or not isinstance(paths, Iterable):
         raise wrong_kind(paths, "paths", "sequence of (row, column, sample)", "exposure.stats.nonfinite_paths")
-    return tuple(_retraced(prepared, *checked(exposure, *triple(path))) for path in paths)
+    checked = (_checked(exposure, *_members(path, "a path", "row", "column", "sample")) for path in paths)
+    return tuple(_retraced(context, scene, *path) for path in checked)
 
 
-class _Prepared(NamedTuple):
-    """What all paths of an exposure share."""
-
-    exposure: Exposure
-    camera: PlenopticCamera
-    scene: Scene | None
-    context: RenderContext
-
-
-def _prepared(exposure: Exposure, scene: Scene | None) -> _Prepared:
-    camera, settings = known(exposure)
+def _context(exposure: Exposure, scene: Scene | None) -> RenderContext:
+    """As it was rendered, or an error where the exposure does not know how."""
+    check_kind(exposure, "exposure", Exposure, "pl.render(scene, camera, samples=64)")
+    camera, settings, seed = exposure.camera, exposure.settings, exposure.seed
+    replicates, samples = exposure.replicates, exposure.samples
+    if camera is None or settings is None or seed is None or replicates is None or samples is None:
+        needed = ("camera", "settings", "seed", "replicates", "samples")
+        missing = ", ".join(name for name in needed if getattr(exposure, name) is None)
+        raise InvalidValueError(
+            f"the exposure does not know its {missing}; only what `render` made can be replayed, or an .exr file to "
+            "which that was saved"
+        )
     check_scene_and_camera(scene, camera)
-    assert exposure.seed is not None and exposure.replicates is not None and exposure.samples is not None
     context = render_context(
-        scene,
-        camera,
-        settings,
-        samples=exposure.samples,
-        replicates=exposure.replicates,
-        seed=exposure.seed,
-        truth=Truth.NONE,
+        scene, camera, settings, samples=samples, replicates=replicates, seed=seed, truth=Truth.NONE
     )
     if context.channels != exposure.image.shape[2]:
         raise InvalidValueError(
@@ -152,40 +141,55 @@ def _prepared(exposure: Exposure, scene: Scene | None) -> _Prepared:
             f"{'a white image' if scene is None else 'this scene'} gives {context.channels}; give the scene that was "
             f"rendered{'' if scene is None else ', or None for a white image'}"
         )
-    return _Prepared(exposure, camera, scene, context)
+    return context
 
 
-def _retraced(prepared: _Prepared, pixel: tuple[int, int], sample: int) -> Replay:
-    sampling, tables = prepared.context.sampling, prepared.context.camera
-    replicate, index = sample % sampling.replicates, sample // sampling.replicates
-    random = sampling.settings.sampler is Sampler.RANDOM
-    stream, point = (sample, 0) if random else (replicate, index)
-    batch = batch_record(sampling.seed, sample, 1, 1, stream, point)
-    way = trace_camera(tables, pixel, batch)
-    channels = prepared.exposure.image.shape[2]
-    if way is None:
-        nothing = np.zeros(channels)
-        nothing.flags.writeable = False
-        return Replay(
-            pixel, sample, replicate, index, None, (), PathEnding.UNLIT_PIXEL, 0.0, nothing, 1.0, nothing, True
+def _members(given: Any, name: str, *members: str) -> Any:
+    """What has as many members as it must, or an error that names these."""
+    if not isinstance(given, tuple | list | np.ndarray) or len(given) != len(members):
+        raise InvalidValueError(f"{name} is {given!r}; it must be ({', '.join(members)})")
+    return given
+
+
+def _checked(exposure: Exposure, row: int, column: int, sample: int) -> tuple[tuple[int, int], int]:
+    """Pixel and sample, or an error where the exposure has no such path."""
+    row, column = whole(row, "row of the pixel", at_least=0), whole(column, "column of the pixel", at_least=0)
+    height, width = exposure.image.shape[:2]
+    first_row, end_row, first_column, end_column = exposure.region or (0, height, 0, width)
+    if not (first_row <= row < end_row and first_column <= column < end_column):
+        raise InvalidValueError(
+            f"pixel ({row}, {column}) is outside the exposure, which has rows {first_row} to {end_row - 1} and columns "
+            f"{first_column} to {end_column - 1} of the sensor"
         )
-    events, radiance, ending = _through_scene(prepared, way, batch)
+    counts = exposure.sample_counts
+    samples = exposure.samples if counts is None else int(counts[row - first_row, column - first_column])
+    sample = whole(sample, "sample", at_least=0)
+    if samples is None or sample >= samples:
+        raise InvalidValueError(
+            f"sample is {sample}, and pixel ({row}, {column}) has {samples} samples; it must be below that"
+        )
+    return (row, column), sample
+
+
+def _retraced(context: RenderContext, scene: Scene | None, pixel: tuple[int, int], sample: int) -> Replay:
+    sampling, camera = context.sampling, context.camera
+    place = (pixel, sample, sample % sampling.replicates, sample // sampling.replicates)
+    batch = batch_of(sampling, sample, 1)
+    way = trace_camera(camera, pixel, batch)
+    if way is None:
+        nothing = np.zeros(context.channels)
+        return Replay(*place, None, (), PathEnding.UNLIT_PIXEL, 0.0, nothing, 1.0, nothing, True)
+    events, radiance, ending = _through_scene(context, scene, way, batch)
     clamped = _clamp(radiance, way, sampling.settings.clamp)
-    contribution, finite = _contribution(tables, way, radiance, channels)
-    seen = np.ones(1) if radiance is None else radiance[0].copy()
-    seen.flags.writeable = False
+    contribution, finite = _contribution(context, way, radiance, batch)
+    wave = None if camera.colour is None or way.waves is None else float(camera.colour.wavelengths[way.waves[0]])
     return Replay(
-        pixel=pixel,
-        sample=sample,
-        replicate=replicate,
-        index=index,
-        wavelength=None
-        if tables.colour is None or way.waves is None
-        else float(tables.colour.wavelengths[way.waves[0]]),
+        *place,
+        wavelength=wave,
         events=way.events + events,
         ending=ending if finite else PathEnding.NOT_FINITE,
         weight=way.weight,
-        radiance=seen,
+        radiance=np.ones(1) if radiance is None else radiance[0].copy(),
         clamped=clamped,
         contribution=contribution,
         finite=finite,
@@ -193,25 +197,24 @@ def _retraced(prepared: _Prepared, pixel: tuple[int, int], sample: int) -> Repla
 
 
 def _through_scene(
-    prepared: _Prepared, way: CameraWay, batch: Batch
-) -> tuple[tuple[Event, ...], NDArray[np.float64] | None, PathEnding]:
+    context: RenderContext, scene: Scene | None, way: CameraWay, batch: Batch
+) -> tuple[tuple[Event, ...], Floats | None, PathEnding]:
     """Follow a path behind the lens; its radiance is None in a white image."""
     from plenoptic.camera.kernels.world_rays import fill_world_rays
 
-    tables, scene, sampling = prepared.context.camera, prepared.context.scene, prepared.context.sampling
+    camera, sampling = context.camera, context.sampling
     rays, lanes = np.empty((1, 6)), np.empty(1, dtype=np.int64)
-    left = fill_world_rays(rays, lanes, way.bundle, 1, tables.rotation, tables.position)
-    rays.flags.writeable = False
+    left = fill_world_rays(rays, lanes, way.bundle, 1, camera.rotation, camera.position)
     ray = (WorldRay(rays[0, :3], rays[0, 3:], way.weight),) if left else ()
-    if prepared.scene is None or scene is None:
+    if scene is None or context.scene is None:
         escape = (Escape(rays[0, 3:], np.ones(1)),) if left else ()
         return ray + escape, None, PathEnding.LEFT_SCENE if left else PathEnding.LOST
-    recorder = Recorder(prepared.scene, scene, sampling.plan, sampling.settings.max_bounces)
-    radiance = Transport(prepared.context, 1).radiance(way.bundle, 0, 1, batch, way.number, way.waves, recorder)
+    recorder = Recorder(scene, context.scene, sampling.plan, sampling.settings.max_bounces)
+    radiance = Transport(context, 1).radiance(way.bundle, 0, 1, batch, way.number, way.waves, recorder)
     return ray + tuple(recorder.events), radiance, recorder.ending if left else PathEnding.LOST
 
 
-def _clamp(radiance: NDArray[np.float64] | None, way: CameraWay, limit: float | None) -> float:
+def _clamp(radiance: Floats | None, way: CameraWay, limit: float | None) -> float:
     """Scale radiance down as the renderer does; returns what part is left."""
     from plenoptic.rendering.kernels import film_sums
 
@@ -222,15 +225,12 @@ def _clamp(radiance: NDArray[np.float64] | None, way: CameraWay, limit: float | 
     return limit / brightest if brightest > limit else 1.0
 
 
-def _contribution(
-    tables: CameraRecord, way: CameraWay, radiance: NDArray[np.float64] | None, channels: int
-) -> tuple[NDArray[np.float64], bool]:
+def _contribution(context: RenderContext, way: CameraWay, radiance: Floats | None, batch: Batch) -> tuple[Floats, bool]:
     """What is added to the pixel's sum, and whether all of it is finite."""
     from plenoptic.rendering.kernels import film_sums
 
-    sums = np.zeros((1, 1, channels))
-    weights = None if tables.colour is None else tables.colour.weights
-    dropped = film_sums.fill_sums(sums, way.bundle, radiance, way.waves, weights, 0, 1, way.batch)
-    added = sums[0, 0] if tables.sensor.fill_factor == 1 else tables.sensor.fill_factor * sums[0, 0]
-    added.flags.writeable = False
-    return added, not dropped
+    colour, fill_factor = context.camera.colour, context.camera.sensor.fill_factor
+    weights = None if colour is None else colour.weights
+    sums = np.zeros((1, 1, context.channels))
+    dropped = film_sums.fill_sums(sums, way.bundle, radiance, way.waves, weights, 0, 1, batch)
+    return sums[0, 0] if fill_factor == 1 else fill_factor * sums[0, 0], not dropped

@@ -8,6 +8,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic.core.values import Floats
 from plenoptic.errors import SceneError
 from plenoptic.scene.geometry.compile import geometry_record
 from plenoptic.scene.geometry.instance import Instances, instance_record
@@ -57,7 +58,7 @@ class SceneRecord(NamedTuple):
     """None where nothing reflects."""
     textures: Textures | None
     """None where no texture gives what `bsdf` needs."""
-    absorption: NDArray[np.float64] | None
+    absorption: Floats | None
     """(nm, C), 1/mm. None where nothing absorbs."""
     alpha: Alpha | None
     """None where all is opaque."""
@@ -189,7 +190,7 @@ def _all_grey(lights: Sequence[Light], background: ConstantBackground | Environm
     return all(is_grey(colour) for colour in (*world, *fields) if isinstance(colour, tuple))
 
 
-def _around(boxes: Sequence[NDArray[np.float64]], points: Sequence[NDArray[np.float64]]) -> NDArray[np.float64] | None:
+def _around(boxes: Sequence[Floats], points: Sequence[Floats]) -> Floats | None:
     """(2, 3): lowest and highest corner of boxes and points together."""
     corners = [*boxes, *(np.stack([point, point]) for point in points)]
     if not corners:
@@ -214,9 +215,7 @@ def _triangles(meshes: Sequence[Mesh]) -> NDArray[np.int32]:
     return _joined([mesh.faces + np.int32(start) for mesh, start in zip(meshes, starts[:-1], strict=True)])
 
 
-def _per_vertex(
-    meshes: Sequence[Mesh], parts: Sequence[NDArray[np.float64] | None], width: int
-) -> NDArray[np.float64] | None:
+def _per_vertex(meshes: Sequence[Mesh], parts: Sequence[Floats | None], width: int) -> Floats | None:
     """The parts one below the other, with rows of zeros for absent ones; None where all are absent."""
     if all(part is None for part in parts):
         return None

@@ -6,9 +6,9 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from plenoptic.core.values import finite, frozen_array, positive, set_field, value
+from plenoptic.core.values import Floats, finite, frozen_array, positive, set_field, value
 from plenoptic.errors import InvalidValueError
 
 
@@ -54,9 +54,9 @@ class View:
     """
 
     name: str
-    position: NDArray[np.float64]
-    look_at: NDArray[np.float64]
-    up: NDArray[np.float64] = (0.0, 1.0, 0.0)  # type: ignore[assignment]
+    position: Floats
+    look_at: Floats
+    up: Floats = (0.0, 1.0, 0.0)  # type: ignore[assignment]
     vertical_field_of_view: float | None = None
     aspect_ratio: float | None = None
 

@@ -8,9 +8,9 @@ from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from plenoptic.core.values import set_field, value
+from plenoptic.core.values import Floats, set_field, value
 from plenoptic.errors import InvalidValueError, SceneError
 from plenoptic.scene.compile import SceneRecord, build_record
 from plenoptic.scene.file_cameras import View
@@ -148,7 +148,7 @@ class Scene:
         return cls(contents.meshes, (*contents.lights, *lights), background, contents.views)
 
     @property
-    def bounds(self) -> NDArray[np.float64] | None:
+    def bounds(self) -> Floats | None:
         """(2, 3), mm: the lowest and the highest corner of all meshes and lights; None where there is neither.
 
         Examples

@@ -8,16 +8,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.core.values import wrong_kind
-from plenoptic.truth.channels import CHANNELS, GroundTruth, Needs, Truth
+from plenoptic.core.values import check_kind
+from plenoptic.truth.channels import CHANNELS, GroundTruth, Needs, Truth, channels_of
 
 _PRECISION = "computed in float64, rounded to float32 in this file; whole numbers are exact up to 2^24"
 
 
 def checked_truth(truth: Truth) -> Truth:
     """`truth`, or an error where it is something else."""
-    if not isinstance(truth, Truth):
-        raise wrong_kind(truth, "truth", "Truth", "pl.Truth.DEPTH | pl.Truth.NORMAL")
+    check_kind(truth, "truth", Truth, "pl.Truth.DEPTH | pl.Truth.NORMAL")
     return truth & Truth.ALL
 
 
@@ -25,31 +24,23 @@ def available_truth(truth: Truth, *, meshes: bool, microlenses: bool) -> Truth:
     """What of it there can be in a scene with or without meshes, for a camera with or without microlenses."""
     there = (Needs.MESHES if meshes else Needs.NOTHING) | (Needs.MICROLENSES if microlenses else Needs.NOTHING)
     found = Truth.NONE
-    for channel in CHANNELS.values():
-        if not channel.needs & ~there:
-            found |= channel.flag & truth
-    return found
-
-
-def needs_of(truth: Truth) -> Needs:
-    """What all of this can only be had with."""
-    found = Needs.NOTHING
-    for channel in CHANNELS.values():
-        found |= channel.needs if channel.flag & truth else Needs.NOTHING
+    for channel in channels_of(truth).values():
+        if not channel.source.needs & ~there:
+            found |= channel.flag
     return found
 
 
 def what_needs(needs: Needs) -> str:
     """For a message: the flags of the channels that need this, VIRTUAL_DEPTH, DISPARITY."""
-    return ", ".join(dict.fromkeys(str(channel.flag.name) for channel in CHANNELS.values() if channel.needs & needs))
+    flags = dict.fromkeys(channel.flag for channel in CHANNELS.values() if channel.source.needs & needs)
+    return ", ".join(str(flag.name) for flag in flags)
 
 
 def empty_truth(truth: Truth, shape: tuple[int, ...]) -> dict[str, NDArray[Any]]:
     """Arrays for what is wanted of pixels of a shape, holding what stands for nothing."""
     return {
         name: np.full((*shape, *channel.shape), channel.void, dtype=channel.dtype)
-        for name, channel in CHANNELS.items()
-        if channel.flag & truth
+        for name, channel in channels_of(truth).items()
     }
 
 

@@ -8,13 +8,15 @@ from __future__ import annotations
 
 import dataclasses
 import enum
+import functools
+import operator
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import frozen_array, set_field, value
+from plenoptic.core.values import Floats, frozen_array, set_field, value
 from plenoptic.errors import InvalidValueError
 
 NO_MICROLENS = -(2**31)
@@ -53,32 +55,54 @@ class Needs(enum.Flag):
     MICROLENSES = enum.auto()
 
 
+class Source(NamedTuple):
+    """What channels are made from."""
+
+    stage: str
+    """What of `PixelStages` is read."""
+    needs: Needs
+    filled_in: str
+    """The module below `plenoptic.truth` with a function `fill_...` for each channel, which fills its array. By name,
+    since kernels are slow to import."""
+
+
+_SENSOR = Source("sensor", Needs.NOTHING, "kernels.incidence")
+_CELLS = Source("cells", Needs.MICROLENSES, "microlenses")
+_HITS = Source("hits", Needs.MESHES, "surfaces")
+_POINTS = Source("points", Needs.MESHES, "kernels.points")
+_IMAGES = Source("images", Needs.MESHES | Needs.MICROLENSES, "kernels.virtual_depth")
+
+
 class Channel(NamedTuple):
     """All about one array of the ground truth."""
 
     flag: Truth
+    source: Source
+    void: float
+    """What stands for nothing there; an int where the array holds whole numbers."""
     meaning: str
     """For files and documents: what its numbers are."""
-    void: float
-    """What stands for nothing there."""
-    needs: Needs
-    filled_by: str
-    """The function below `plenoptic.truth` that fills the array. By name, since kernels are slow to import."""
-    stage: str
-    """What of `PixelStages` that function reads."""
     in_files: tuple[str, ...]
     """Names in EXR files, one for each number of a pixel."""
-    unit: str = ""
-    dtype: type[np.generic] = np.float64
-    shape: tuple[int, ...] = ()
-    """What follows (H, W)."""
+    unit: str
+
+    @property
+    def dtype(self) -> type[np.generic]:
+        """Of its numbers."""
+        return np.int32 if isinstance(self.void, int) else np.float64
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """What follows (H, W)."""
+        return (len(self.in_files),) if len(self.in_files) > 1 else ()
 
 
-def _channel(*described: Any, **more: Any) -> Any:
-    return dataclasses.field(default=None, metadata={"channel": Channel(*described, **more)})
-
-
-_OF_IMAGES = Needs.MESHES | Needs.MICROLENSES
+def _channel(
+    flag: Truth, source: Source, void: float, meaning: str, plane: str, numbers: str = "", *, unit: str = ""
+) -> Any:
+    """A field that holds it; `numbers` has a letter for each number of a pixel, where there are several."""
+    in_files = tuple(f"{plane}.{letter}" for letter in numbers) or (plane,)
+    return dataclasses.field(default=None, metadata={"channel": Channel(flag, source, void, meaning, in_files, unit)})
 
 
 @value
@@ -149,115 +173,63 @@ class GroundTruth:
     """
 
     _: dataclasses.KW_ONLY
-    depth: NDArray[np.float64] | None = _channel(
-        Truth.DEPTH,
-        "-z in the camera's frame",
-        np.inf,
-        Needs.MESHES,
-        "kernels.points.fill_depth",
-        "points",
-        ("depth.Z",),
-        unit="mm",
+    depth: Floats | None = _channel(Truth.DEPTH, _POINTS, np.inf, "-z in the camera's frame", "depth.Z", unit="mm")
+    distance: Floats | None = _channel(
+        Truth.DISTANCE, _POINTS, np.inf, "from the camera's origin to the point", "truth.distance", unit="mm"
     )
-    distance: NDArray[np.float64] | None = _channel(
-        Truth.DISTANCE,
-        "from the camera's origin to the point",
-        np.inf,
-        Needs.MESHES,
-        "kernels.points.fill_distance",
-        "points",
-        ("truth.distance",),
-        unit="mm",
+    position: Floats | None = _channel(
+        Truth.POSITION, _POINTS, np.nan, "the point in the world", "truth.position", "XYZ", unit="mm"
     )
-    position: NDArray[np.float64] | None = _channel(
-        Truth.POSITION,
-        "the point in the world",
-        np.nan,
-        Needs.MESHES,
-        "kernels.points.fill_position",
-        "points",
-        ("truth.position.X", "truth.position.Y", "truth.position.Z"),
-        unit="mm",
-        shape=(3,),
-    )
-    normal: NDArray[np.float64] | None = _channel(
+    normal: Floats | None = _channel(
         Truth.NORMAL,
-        "unit normal of the triangle in the world, towards the side that is seen",
+        _HITS,
         np.nan,
-        Needs.MESHES,
-        "surfaces.fill_normal",
-        "hits",
-        ("truth.normal.X", "truth.normal.Y", "truth.normal.Z"),
-        shape=(3,),
+        "unit normal of the triangle in the world, towards the side that is seen",
+        "truth.normal",
+        "XYZ",
     )
     object: NDArray[np.int32] | None = _channel(
-        Truth.OBJECT,
-        "number of the mesh in `scene.meshes`; lights count on after the last",
-        -1,
-        Needs.MESHES,
-        "surfaces.fill_object",
-        "hits",
-        ("truth.object",),
-        dtype=np.int32,
+        Truth.OBJECT, _HITS, -1, "number of the mesh in `scene.meshes`; lights count on after the last", "truth.object"
     )
     material: NDArray[np.int32] | None = _channel(
         Truth.MATERIAL,
-        "number among the scene's different materials, in the order in which meshes, then lights bring them",
+        _HITS,
         -1,
-        Needs.MESHES,
-        "surfaces.fill_material",
-        "hits",
-        ("truth.material",),
-        dtype=np.int32,
+        "number among the scene's different materials, in the order in which meshes, then lights bring them",
+        "truth.material",
     )
     microlens: NDArray[np.int32] | None = _channel(
         Truth.MICROLENS,
-        "lattice indices i, j; in FREE lattices (number, 0)",
+        _CELLS,
         NO_MICROLENS,
-        Needs.MICROLENSES,
-        "microlenses.fill_microlens",
-        "cells",
-        ("truth.microlens.I", "truth.microlens.J"),
-        dtype=np.int32,
-        shape=(2,),
+        "lattice indices i, j; in FREE lattices (number, 0)",
+        "truth.microlens",
+        "IJ",
     )
     microlens_type: NDArray[np.int32] | None = _channel(
-        Truth.MICROLENS,
-        "row of the array's `focal_lengths`",
-        -1,
-        Needs.MICROLENSES,
-        "microlenses.fill_microlens_type",
-        "cells",
-        ("truth.microlens.type",),
-        dtype=np.int32,
+        Truth.MICROLENS, _CELLS, -1, "row of the array's `focal_lengths`", "truth.microlens.type"
     )
-    virtual_depth: NDArray[np.float64] | None = _channel(
+    virtual_depth: Floats | None = _channel(
         Truth.VIRTUAL_DEPTH,
+        _IMAGES,
+        np.nan,
         "v = a / b, the image's distance behind the array over the sensor's",
-        np.nan,
-        _OF_IMAGES,
-        "kernels.virtual_depth.fill_virtual_depth",
-        "images",
-        ("truth.virtual_depth",),
+        "truth.virtual_depth",
     )
-    disparity: NDArray[np.float64] | None = _channel(
+    disparity: Floats | None = _channel(
         Truth.DISPARITY,
-        "pitch / (v pixel pitch), between neighbouring microlenses",
+        _IMAGES,
         np.nan,
-        _OF_IMAGES,
-        "kernels.virtual_depth.fill_disparity",
-        "images",
-        ("truth.disparity",),
+        "pitch / (v pixel pitch), between neighbouring microlenses",
+        "truth.disparity",
         unit="pixels",
     )
-    incidence_angle: NDArray[np.float64] | None = _channel(
+    incidence_angle: Floats | None = _channel(
         Truth.INCIDENCE_ANGLE,
-        "angle of incidence on the sensor: between the ray and the sensor's normal",
+        _SENSOR,
         np.nan,
-        Needs.NOTHING,
-        "kernels.incidence.fill_incidence_angle",
-        "sensor",
-        ("truth.incidence_angle",),
+        "angle of incidence on the sensor: between the ray and the sensor's normal",
+        "truth.incidence_angle",
         unit="rad",
     )
 
@@ -285,13 +257,10 @@ class GroundTruth:
     @property
     def kinds(self) -> Truth:
         """What it holds."""
-        found = Truth.NONE
-        for name in self.arrays():
-            found |= CHANNELS[name].flag
-        return found
+        return functools.reduce(operator.or_, (CHANNELS[name].flag for name in self.arrays()))
 
     @property
-    def view_disparity(self) -> NDArray[np.float64] | None:
+    def view_disparity(self) -> Floats | None:
         """(H, W): microlenses by which the point moves from one sub-aperture view to the next pixel's; 0 in focus."""
         if self.disparity is None:
             return None
@@ -310,7 +279,12 @@ class GroundTruth:
 CHANNELS: dict[str, Channel] = {field.name: field.metadata["channel"] for field in dataclasses.fields(GroundTruth)}
 
 
+def channels_of(truth: Truth) -> dict[str, Channel]:
+    """The channels of what is wanted, by their names."""
+    return {name: channel for name, channel in CHANNELS.items() if channel.flag & truth}
+
+
 def truth_names(truth: Truth) -> str:
     """For a message: depth, virtual depth."""
-    flags = dict.fromkeys(channel.flag for channel in CHANNELS.values() if channel.flag & truth)
+    flags = dict.fromkeys(channel.flag for channel in channels_of(truth).values())
     return ", ".join(str(flag.name).lower().replace("_", " ") for flag in flags)

@@ -14,18 +14,17 @@ from plenoptic.camera.checks import check_scene_and_camera, sensor_region
 from plenoptic.camera.record import CameraRecord, camera_record
 from plenoptic.camera.sampling.pixel_regions import cells_per_pixel, pixel_centres
 from plenoptic.core.parallel import run_in_order, thread_count
+from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.record import lens_record
 from plenoptic.scene.cache import prepared_scene
 from plenoptic.scene.compile import SceneRecord
 from plenoptic.scene.geometry.accel import Intersector
 from plenoptic.scene.scene import Scene
-from plenoptic.truth.arrays import available_truth, checked_truth, empty_truth, needs_of, what_needs
-from plenoptic.truth.channels import CHANNELS, GroundTruth, Needs, Truth
+from plenoptic.truth.arrays import available_truth, checked_truth, empty_truth, what_needs
+from plenoptic.truth.channels import CHANNELS, GroundTruth, Needs, Truth, channels_of
 from plenoptic.truth.microlenses import listed_numbers
-from plenoptic.truth.stages import SLOPE_STEP, PixelStages, TruthTables
-
-__all__ = ["ground_truth"]
+from plenoptic.truth.stages import SLOPE_STEP, PixelStages, TruthRecord
 
 _PIXELS = 512
 """Pixels that go through the stages together."""
@@ -35,39 +34,35 @@ _STRIP = 1 << 13
 Arrays = dict[str, NDArray[Any]]
 
 
-def truth_tables(camera: PlenopticCamera, tables: CameraRecord, wanted: Truth) -> TruthTables | None:
+def truth_record(camera: PlenopticCamera, record: CameraRecord, wanted: Truth) -> TruthRecord | None:
     """Compile what is wanted; None where it is nothing."""
     if not wanted:
         return None
-    parts = tables.parts
+    parts = record.parts
     moved = parts.lens_to_camera
-    axes = np.concatenate([np.eye(3), [[0.0, 0.0, tables.z_plane]]])
-    if tables.frame is not None:
-        axes = np.concatenate([tables.frame[:9].reshape(3, 3).T, tables.frame[None, 9:]])
-    images = any(channel.flag & wanted and channel.stage == "images" for channel in CHANNELS.values())
-    return TruthTables(
+    axes = np.concatenate([np.eye(3), [[0.0, 0.0, record.z_plane]]])
+    if record.frame is not None:
+        axes = np.concatenate([record.frame[:9].reshape(3, 3).T, record.frame[None, 9:]])
+    images = any(channel.source.stage == "images" for channel in channels_of(wanted).values())
+    return TruthRecord(
         wanted=wanted,
         frame=None if moved is None else np.concatenate([moved.turn.ravel(), moved.shift]),
         unvignetted=lens_record(camera.lens, camera.wavelength, reverse=True, clipping=False) if images else None,
         axes=np.ascontiguousarray(axes),
         step=SLOPE_STEP * abs(parts.z_plane - float(camera.lens.vertices[-1])),
-        numbers=listed_numbers(tables),
+        numbers=listed_numbers(record),
     )
 
 
 def truth_of(
-    tables: CameraRecord,
-    scene: SceneRecord | None,
-    intersector: Intersector | None,
-    truth: TruthTables,
-    pixels: NDArray[np.float64],
+    record: CameraRecord, scene: SceneRecord | None, intersector: Intersector | None, truth: TruthRecord, pixels: Floats
 ) -> Arrays:
     """Ground truth of pixels with local centres (n, 2), as arrays (n, ...) by the names of `GroundTruth`."""
     found = empty_truth(truth.wanted, (len(pixels),))
     channels = {name: filling(name) for name in found}
     for start in range(0, len(pixels), _PIXELS):
         part = slice(start, start + _PIXELS)
-        stages = PixelStages(tables, scene, intersector, truth, pixels[part])
+        stages = PixelStages(record, scene, intersector, truth, pixels[part])
         for name, (fill, stage) in channels.items():
             fill(found[name][part], getattr(stages, stage))
     return found
@@ -75,8 +70,9 @@ def truth_of(
 
 def filling(name: str) -> tuple[Callable[[NDArray[Any], Any], None], str]:
     """The function that fills a channel, and the stage that it reads; kernels are loaded here."""
-    module, _, function = CHANNELS[name].filled_by.rpartition(".")
-    return getattr(importlib.import_module(f"plenoptic.truth.{module}"), function), CHANNELS[name].stage
+    source = CHANNELS[name].source
+    module = importlib.import_module(f"plenoptic.truth.{source.filled_in}")
+    return getattr(module, f"fill_{name}"), source.stage
 
 
 def ground_truth(
@@ -135,9 +131,9 @@ def ground_truth(
     prepared = None if scene is None else prepared_scene(scene)
     meshes = prepared is not None and prepared.record.geometry is not None
     wanted = available_truth(checked_truth(truth), meshes=meshes, microlenses=camera.microlenses is not None)
-    tables = camera_record(camera)
-    cells_per_pixel(tables)
-    finding = truth_tables(camera, tables, wanted)
+    record = camera_record(camera)
+    cells_per_pixel(record)
+    finding = truth_record(camera, record, wanted)
     if finding is None:
         raise InvalidValueError(
             f"nothing of {truth!r} can be found: the scene has {'' if meshes else 'no '}meshes and the camera "
@@ -145,19 +141,15 @@ def ground_truth(
             f"microlenses, {what_needs(Needs.MESHES)} need meshes"
         )
     surfaces = intersector = None
-    if prepared is not None and needs_of(wanted) & Needs.MESHES:
+    if prepared is not None and any(channel.source.needs & Needs.MESHES for channel in channels_of(wanted).values()):
         surfaces, intersector = prepared.record, prepared.intersector
     rows = max(1, _STRIP // (end_column - first_column))
 
     def work(row: int) -> Arrays:
-        pixels = pixel_centres(tables, (row, min(row + rows, end_row)), (first_column, end_column))
-        return truth_of(tables, surfaces, intersector, finding, pixels)
+        pixels = pixel_centres(record, (row, min(row + rows, end_row)), (first_column, end_column))
+        return truth_of(record, surfaces, intersector, finding, pixels)
 
     strips = list(run_in_order(work, range(first_row, end_row, rows), threads=workers))
     shape = (end_row - first_row, end_column - first_column)
-    return GroundTruth(
-        **{
-            name: np.concatenate([strip[name] for strip in strips]).reshape(*shape, *part.shape[1:])
-            for name, part in strips[0].items()
-        }
-    )
+    arrays = {name: np.concatenate([strip[name] for strip in strips]) for name in strips[0]}
+    return GroundTruth(**{name: array.reshape(*shape, *array.shape[1:]) for name, array in arrays.items()})

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from plenoptic.camera.record import CameraRecord
 from plenoptic.camera.sampling.pixel_regions import feeding_regions
 from plenoptic.camera.stages import fill_through_array, own_microlenses
+from plenoptic.core.values import Floats
 from plenoptic.optics.lens.record import LensRecord
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.record import ArrayRecord
@@ -28,15 +29,15 @@ SLOPE_STEP = 1e-5
 of the order of its square, 1e-10, and of the rounding of coordinates over it."""
 
 
-class TruthTables(NamedTuple):
+class TruthRecord(NamedTuple):
     """What finding the truth needs beside camera and scene."""
 
     wanted: Truth
-    frame: NDArray[np.float64] | None
+    frame: Floats | None
     """(12,) from the lens's axes to the camera's; None where they are the same."""
     unvignetted: LensRecord | None
     """The lens in reverse without stops and rims; None where images of points are not wanted."""
-    axes: NDArray[np.float64]
+    axes: Floats
     """(4, 3): x, y, normal and centre of the array's front principal plane, in the lens's axes."""
     step: float
     """How far aside neighbouring rays start, in mm."""
@@ -47,13 +48,13 @@ class TruthTables(NamedTuple):
 class PixelRays(NamedTuple):
     """One ray a pixel, the representative one."""
 
-    before: NDArray[np.float64]
+    before: Floats
     """Blocks of rays between array and lens, in the lens's axes, on their way to the scene."""
-    blocks: NDArray[np.float64]
+    blocks: Floats
     """The same rays behind the lens; those of pixels without light are lost."""
-    aims: NDArray[np.float64]
+    aims: Floats
     """(n, 2): where they pass the array's rear principal plane on their way from the sensor, local."""
-    cells: NDArray[np.float64]
+    cells: Floats
     """(n, 3): centre of the cell of each pixel's microlens, local, and its row in the list of lenses or -1; nan where
     the pixel has none."""
 
@@ -63,9 +64,9 @@ class SensorRays(NamedTuple):
 
     lanes: NDArray[np.int64]
     """(m,): the pixels whose centres get light."""
-    directions: NDArray[np.float64]
+    directions: Floats
     """(n, 3): from the pixel to where the ray passes the array's rear principal plane, mm."""
-    normal: NDArray[np.float64]
+    normal: Floats
     """(3,): the sensor's, unit length, towards the array."""
 
 
@@ -74,7 +75,7 @@ class LitCells(NamedTuple):
 
     lit: NDArray[np.bool_]
     """(n,): pixels whose centres get light."""
-    cells: NDArray[np.float64]
+    cells: Floats
     """(lit, 3): as those of `PixelRays`."""
     array: MicrolensArray
     record: ArrayRecord
@@ -87,12 +88,12 @@ class HitPoints(NamedTuple):
 
     lanes: NDArray[np.int64]
     """(m,): the pixels whose rays meet something."""
-    points: NDArray[np.float64]
+    points: Floats
     """(n, 3): where, in the lens's axes, for those."""
-    frame: NDArray[np.float64] | None
+    frame: Floats | None
     """(12,) from the lens's axes to the camera's; None where they are the same."""
-    rotation: NDArray[np.float64] | None
-    position: NDArray[np.float64] | None
+    rotation: Floats | None
+    position: Floats | None
     """From the lens's axes to the world; None where they are the same."""
 
 
@@ -101,11 +102,11 @@ class SurfaceHits(NamedTuple):
 
     lanes: NDArray[np.int64]
     """(m,): the pixels whose rays meet something."""
-    reached: NDArray[np.float64]
+    reached: Floats
     """(m,): how far along the ray, in mm."""
     found: Hits
     """Triangles and instances."""
-    rays: NDArray[np.float64]
+    rays: Floats
     """(m, 6): origins and directions in the world."""
     scene: SceneRecord
 
@@ -113,9 +114,9 @@ class SurfaceHits(NamedTuple):
 class ImagePoints(NamedTuple):
     """Where the main lens images what rays meet."""
 
-    distance: NDArray[np.float64]
+    distance: Floats
     """(n,): of the image behind the array's front principal plane, mm; nan where nothing is met."""
-    behind: NDArray[np.float64]
+    behind: Floats
     """(n,): of the sensor behind the array's rear principal plane at each pixel, mm."""
     pitch: float
     """Of the microlenses, the smaller one, over that of the pixels."""
@@ -126,13 +127,13 @@ class PixelStages:
 
     def __init__(
         self,
-        tables: CameraRecord,
+        camera: CameraRecord,
         scene: SceneRecord | None,
         intersector: Intersector | None,
-        truth: TruthTables,
-        pixels: NDArray[np.float64],
+        truth: TruthRecord,
+        pixels: Floats,
     ) -> None:
-        self._tables, self._scene, self._intersector = tables, scene, intersector
+        self._camera, self._scene, self._intersector = camera, scene, intersector
         self._truth, self._pixels = truth, pixels
 
     @cached_property
@@ -146,43 +147,43 @@ class PixelStages:
         from plenoptic.optics.lens.kernels.trace import fill_traced
         from plenoptic.truth.kernels import representative_ray
 
-        tables, pixels, n = self._tables, self._pixels, len(self._pixels)
-        regions = feeding_regions(tables, pixels, 0.0)
+        camera, pixels, n = self._camera, self._pixels, len(self._pixels)
+        regions = feeding_regions(camera, pixels, 0.0)
         aims = np.empty((n * representative_ray.PROBES, representative_ray.AIM))
         probes = np.empty(-(-len(aims) // BLOCK) * RAY)
-        probe_lanes, lanes = own_microlenses(tables, probes.size // 8), own_microlenses(tables, -(-n // BLOCK) * BLOCK)
+        probe_lanes, lanes = own_microlenses(camera, probes.size // 8), own_microlenses(camera, -(-n // BLOCK) * BLOCK)
         representative_ray.fill_probes(probes, probe_lanes, aims, pixels, regions)
-        fill_through_array(probes, probe_lanes, tables)
-        fill_traced(probes, tables.lens, None)
+        fill_through_array(probes, probe_lanes, camera)
+        fill_traced(probes, camera.lens, None)
         rays, cells = np.empty(-(-n // BLOCK) * RAY), np.empty((n, 3))
         representative_ray.fill_representative_rays(rays, lanes, cells, probes, aims, pixels, regions)
         aims = rays.reshape(-1, RAY // BLOCK, BLOCK)[:, [X // BLOCK, Y // BLOCK]].swapaxes(1, 2).reshape(-1, 2)[:n]
-        fill_through_array(rays, lanes, tables)
+        fill_through_array(rays, lanes, camera)
         before = rays.copy()
-        fill_traced(rays, tables.lens, None)
+        fill_traced(rays, camera.lens, None)
         return PixelRays(before, rays, aims, cells)
 
     @cached_property
-    def _behind(self) -> NDArray[np.float64]:
+    def _behind(self) -> Floats:
         """(n,): how far each pixel lies behind the array's rear principal plane, mm."""
-        tables, pixels = self._tables, self._pixels
-        plane = tables.sensor.plane
+        camera, pixels = self._camera, self._pixels
+        plane = camera.sensor.plane
         return np.full(len(pixels), plane.distance) if plane.tilt is None else plane.distance + pixels @ plane.tilt
 
     @cached_property
     def sensor(self) -> SensorRays:
         """The rays where they start."""
         directions = np.column_stack([self.rays.aims - self._pixels, -self._behind])
-        normal = -self._tables.parts.sensor_to_local.turn[:, 2]
+        normal = -self._camera.parts.sensor_to_local.turn[:, 2]
         return SensorRays(np.flatnonzero(np.isfinite(self.rays.cells[:, 0])), directions, np.ascontiguousarray(normal))
 
     @cached_property
     def cells(self) -> LitCells:
         """Cells of the microlenses that the rays pass."""
-        tables, cells = self._tables, self.rays.cells
-        assert tables.microlenses is not None and tables.array is not None
+        camera, cells = self._camera, self.rays.cells
+        assert camera.microlenses is not None and camera.array is not None
         lit = np.isfinite(cells[:, 0])
-        return LitCells(lit, cells[lit], tables.microlenses, tables.array, self._truth.numbers)
+        return LitCells(lit, cells[lit], camera.microlenses, camera.array, self._truth.numbers)
 
     @cached_property
     def hits(self) -> SurfaceHits:
@@ -190,10 +191,10 @@ class PixelStages:
         from plenoptic.camera.kernels.world_rays import fill_world_rays
         from plenoptic.scene.geometry.kernels import interaction
 
-        tables, scene, intersector, n = self._tables, self._scene, self._intersector, len(self._pixels)
+        camera, scene, intersector, n = self._camera, self._scene, self._intersector, len(self._pixels)
         assert scene is not None and scene.geometry is not None and intersector is not None
         rays, lanes = np.empty((n, 6)), np.empty(n, dtype=np.int64)
-        sent = fill_world_rays(rays, lanes, self.rays.blocks, n, tables.rotation, tables.position)
+        sent = fill_world_rays(rays, lanes, self.rays.blocks, n, camera.rotation, camera.position)
         rays, lanes = rays[:sent], lanes[:sent]
         hits, reached = no_hits(scene, sent), np.empty(sent)
         intersector.fill_closest(hits, rays, coherent=True)
@@ -211,10 +212,10 @@ class PixelStages:
         """The points where rays meet the scene."""
         from plenoptic.truth.kernels import points as point_kernels
 
-        tables, hits = self._tables, self.hits
+        camera, hits = self._camera, self.hits
         points = np.empty((len(self._pixels), 3))
         point_kernels.fill_hit_points(points, self.rays.blocks, hits.lanes, hits.reached)
-        return HitPoints(hits.lanes, points, self._truth.frame, tables.rotation, tables.position)
+        return HitPoints(hits.lanes, points, self._truth.frame, camera.rotation, camera.position)
 
     @cached_property
     def images(self) -> ImagePoints:
@@ -223,11 +224,11 @@ class PixelStages:
         from plenoptic.optics.lens.kernels.trace import fill_traced
         from plenoptic.truth.kernels import virtual_depth
 
-        tables, truth, pixels, rays, hit = self._tables, self._truth, self._pixels, self.rays, self.points
-        assert tables.microlenses is not None and truth.unvignetted is not None
+        camera, truth, pixels, rays, hit = self._camera, self._truth, self._pixels, self.rays, self.points
+        assert camera.microlenses is not None and truth.unvignetted is not None
         blocks = np.empty(-(-len(hit.lanes) * virtual_depth.NEIGHBOURS // BLOCK) * RAY)
         virtual_depth.fill_neighbours(blocks, rays.before, hit.lanes, truth.axes, truth.step, SLOPE_STEP)
         fill_traced(blocks, truth.unvignetted, None)
         distance = np.full(len(pixels), np.nan)
         virtual_depth.fill_image_distances(distance, blocks, rays.blocks, hit.points, hit.lanes, truth.step, SLOPE_STEP)
-        return ImagePoints(distance, self._behind, min(tables.microlenses.pitches) / tables.sensor.pitch)
+        return ImagePoints(distance, self._behind, min(camera.microlenses.pitches) / camera.sensor.pitch)

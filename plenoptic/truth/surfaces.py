@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic.core.values import Floats
 from plenoptic.truth.stages import SurfaceHits
 
 
-def fill_normal(normals: NDArray[np.float64], hits: SurfaceHits) -> None:
+def fill_normal(normals: Floats, hits: SurfaceHits) -> None:
     """Unit normals of the triangles in the world, towards the side that is seen."""
     from plenoptic.scene.geometry.kernels import interaction
 

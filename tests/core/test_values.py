@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from plenoptic.core.values import (
+    check_has,
     choice,
     finite,
     frozen_array,
@@ -150,3 +151,6 @@ def test_another_kind_is_named_with_a_way_out():
     assert str(wrong_kind(np.zeros(3), "shot", "Exposure", "Exposure(image)")).startswith(
         "shot is an ndarray; give an "
     )
+    check_has(plate(), "plate", "Sensor", "plate.sensor", "__class__", "__hash__")
+    with pytest.raises(InvalidValueError, match=r"plate is a Plate; give a Sensor, such as plate\.sensor"):
+        check_has(plate(), "plate", "Sensor", "plate.sensor", "__class__", "pixel_pitch")

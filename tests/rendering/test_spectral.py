@@ -133,7 +133,7 @@ def test_lateral_colour_is_that_of_the_chief_rays() -> None:
     chief = [chief_height(singlet, base, x, wavelength) for wavelength in wavelengths]
     # Differences between channels: coma moves all centroids alike to some 1e-4 mm.
     assert np.all(np.abs(np.diff(centroid) - np.diff(chief)) < 3 * np.hypot(error[1:], error[:-1]) + 1e-4)
-    # Traced bundles and the rendering agree in absolute place, too.
+    # Traced bundles and the render agree in absolute place, too.
     assert np.all(np.abs(centroid - landed) < 4 * error + 2e-4)
     assert abs(landed[0] - landed[2]) > 20 * error.max()
 

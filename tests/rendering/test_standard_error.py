@@ -1,4 +1,4 @@
-"""The standard error is right: against true errors of many seeds, whose truth is a converged rendering.
+"""The standard error is right: against true errors of many seeds, whose truth is a converged render.
 
 `python tests/benchmarks --only honesty` prints the figures of which these are limits.
 """
@@ -89,7 +89,7 @@ def samples_of(shot):
 
 
 class Truth(NamedTuple):
-    """(lit pixels, channels) of a converged rendering."""
+    """(lit pixels, channels) of a converged render."""
 
     lit: np.ndarray
     image: np.ndarray

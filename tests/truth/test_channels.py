@@ -117,7 +117,11 @@ def test_no_microlens_is_kept_by_single_precision():
 def test_every_channel_names_the_function_and_the_stage_that_fill_it():
     for name, channel in CHANNELS.items():
         fill, stage = filling(name)
-        assert callable(fill) and stage == channel.stage and isinstance(getattr(PixelStages, stage), cached_property)
+        assert (
+            callable(fill)
+            and stage == channel.source.stage
+            and isinstance(getattr(PixelStages, stage), cached_property)
+        )
 
 
 def test_the_table_in_the_documents_is_the_list():

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.camera.assembly import ArrayAxes
-from plenoptic.core.values import Floats, wrong_kind
+from plenoptic.core.values import Floats, check_has
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.lattice import Lattice
@@ -68,8 +68,7 @@ def _in_cell(array: MicrolensArray, design: Floats, offset: Floats) -> NDArray[n
 def _white_plane(shape: tuple[int, int], white: Exposure) -> tuple[Floats, NDArray[np.int64]]:
     """A white image as one plane, and the row and column of the sensor at which it begins."""
     # By what it has, since cameras know no exposures.
-    if not hasattr(white, "image"):
-        raise wrong_kind(white, "white", "Exposure", "pl.render_white(camera, samples=64)")
+    check_has(white, "white", "Exposure", "pl.render_white(camera, samples=64)", "image")
     image = np.asarray(white.image, dtype=np.float64).mean(axis=2)
     if white.region is not None:
         return image, np.array([white.region[0], white.region[2]])

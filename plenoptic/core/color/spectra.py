@@ -11,13 +11,13 @@ from numpy.typing import ArrayLike
 from plenoptic.core.color import rgb_basis as basis_table
 from plenoptic.core.values import (
     Floats,
+    check_kind,
     frozen_array,
     positive,
     read_only,
     set_field,
     value,
     wavelength_in_nm,
-    wrong_kind,
 )
 from plenoptic.errors import InvalidValueError
 
@@ -244,8 +244,7 @@ def colour_tables(sensitivity: Sensitivity, *, step: float = 1.0) -> ColourTable
     >>> f"{probability @ tables.weights[:, 0]:.12f}"
     '1.000000000000'
     """
-    if not isinstance(sensitivity, Sensitivity):
-        raise wrong_kind(sensitivity, "sensitivity", "Sensitivity", "sensitivities.colour_camera()")
+    check_kind(sensitivity, "sensitivity", Sensitivity, "sensitivities.colour_camera()")
     if sensitivity.response is None:
         wavelengths, shares = sensitivity.wavelengths, np.eye(sensitivity.channels)
         basis = shares if sensitivity.channels == 3 else rgb_basis(wavelengths)

@@ -6,7 +6,7 @@ import enum
 import math
 from dataclasses import KW_ONLY
 
-from plenoptic.core.values import choice, finite, set_field, value, wrong_kind
+from plenoptic.core.values import check_kind, choice, finite, set_field, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.glass.media import Medium, checked_index, wavelength_within
 
@@ -210,10 +210,8 @@ class Absolute:
     air: Air = Air()  # noqa: RUF009
 
     def __post_init__(self) -> None:
-        if not isinstance(self.medium, Medium):
-            raise wrong_kind(self.medium, "medium", "Medium", "pl.ModelGlass(1.67, 47.1)")
-        if not isinstance(self.air, Air):
-            raise wrong_kind(self.air, "air", "Air", "pl.optics.Air(temperature=22.0)")
+        check_kind(self.medium, "medium", Medium, "pl.ModelGlass(1.67, 47.1)")
+        check_kind(self.air, "air", Air, "pl.optics.Air(temperature=22.0)")
         if isinstance(self.medium, Air | Absolute):
             raise InvalidValueError("the medium is absolute already; give one whose index is relative to air")
 

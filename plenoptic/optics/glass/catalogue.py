@@ -12,7 +12,7 @@ import re
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from plenoptic.core.values import file_path, finite, set_field, value, whole, wrong_kind
+from plenoptic.core.values import check_kind, file_path, finite, set_field, value, whole
 from plenoptic.errors import FileError, InvalidValueError, PrescriptionError
 from plenoptic.optics.glass.dispersion import COEFFICIENT_COUNTS, DispersionFormula, Formula
 from plenoptic.optics.glass.media import D_LINE, Medium, ModelGlass, Schott, Sellmeier
@@ -98,8 +98,7 @@ class GlassCatalogue:
     def __post_init__(self) -> None:
         set_field(self, "entries", tuple(self.entries))
         for entry in self.entries:
-            if not isinstance(entry, GlassEntry):
-                raise wrong_kind(entry, "an entry", "GlassEntry", "those of pl.optics.load_glasses(path).entries")
+            check_kind(entry, "an entry", GlassEntry, "those of pl.optics.load_glasses(path).entries")
         places: dict[str, tuple[int, ...]] = {}
         for i, entry in enumerate(self.entries):
             places[_key(entry.name)] = (*places.get(_key(entry.name), ()), i)

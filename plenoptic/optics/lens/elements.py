@@ -8,9 +8,8 @@ from itertools import pairwise
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
-from plenoptic.core.values import whole
+from plenoptic.core.values import Floats, whole
 from plenoptic.errors import PrescriptionError
 from plenoptic.optics.glass.media import AIR, Medium
 from plenoptic.optics.stops.registry import STOPS, Stop
@@ -75,7 +74,7 @@ def checked_iris(elements: Sequence[Element], iris: int | None) -> int:
     return found
 
 
-def checked_indices(media: Sequence[Medium], wavelength: float) -> NDArray[np.float64]:
+def checked_indices(media: Sequence[Medium], wavelength: float) -> Floats:
     """Refractive indices of the media before and behind elements, or an error where they are none."""
     found = np.array([float(medium.index(wavelength)) for medium in media])
     for i in np.flatnonzero(~((found >= 1.0) & (found < np.inf))):
@@ -102,7 +101,7 @@ def counted(elements: Sequence[Element], length: float) -> str:
 
 
 def with_inserted(
-    elements: Sequence[Element], vertices: NDArray[np.float64], gap_media: Sequence[Medium], stop: Stop, z: float
+    elements: Sequence[Element], vertices: Floats, gap_media: Sequence[Medium], stop: Stop, z: float
 ) -> tuple[list[Element], int]:
     """The elements with a stop at z (mm, in the lens frame), and its index; see `LensStack.inserted`."""
     bounds = [-np.inf, *vertices.tolist(), np.inf]

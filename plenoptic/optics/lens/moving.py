@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from plenoptic.core.values import Floats
 from plenoptic.errors import PrescriptionError
 from plenoptic.optics.lens.elements import Element
 from plenoptic.optics.lens.placement import Placement, rotation_about_axes
@@ -18,7 +18,7 @@ Kind = TypeVar("Kind", bound=Element)
 
 def moved_group(
     elements: Sequence[Element],
-    vertices: NDArray[np.float64],
+    vertices: Floats,
     which: int | slice | Sequence[int],
     *,
     shift: Sequence[float],
@@ -42,13 +42,7 @@ def moved_group(
     return moved
 
 
-def _moved(
-    element: Kind,
-    vertex: NDArray[np.float64],
-    turn: NDArray[np.float64],
-    along: NDArray[np.float64],
-    centre: NDArray[np.float64],
-) -> Kind:
+def _moved(element: Kind, vertex: Floats, turn: Floats, along: Floats, centre: Floats) -> Kind:
     placed = element.placement or Placement()
     shift = turn @ (vertex + np.asarray(placed.shift) - centre) + centre + along - vertex
     return dataclasses.replace(element, placement=Placement(shift=shift, rotation=turn @ np.asarray(placed.rotation)))

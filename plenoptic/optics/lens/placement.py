@@ -6,9 +6,9 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from plenoptic.core.values import finite, frozen_array, set_field, value
+from plenoptic.core.values import Floats, finite, frozen_array, set_field, value
 from plenoptic.errors import PrescriptionError
 
 _ORTHONORMAL = 1e-12
@@ -17,7 +17,7 @@ _ORTHONORMAL = 1e-12
 _IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
-def rotation_about_axes(tilt: Sequence[float]) -> NDArray[np.float64]:
+def rotation_about_axes(tilt: Sequence[float]) -> Floats:
     """The matrix that turns about x by tilt[0], then about y by tilt[1], then about z by tilt[2]; axes fixed, radians.
 
     Positive angles turn y towards z, z towards x, and x towards y.

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic.core.values import Floats
 from plenoptic.errors import PrescriptionError
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
@@ -60,24 +61,24 @@ class LensRecord(NamedTuple):
 
     rows: NDArray[np.void]
     """(n,) of the dtype ROW."""
-    edges: NDArray[np.float64]
+    edges: Floats
     """(k, 4): a, b, p and q of the edges of all stops, a x + b y + q (x^2 + y^2) <= p; see `PolygonStop.edges` and
     `StarStop.edges`. Straight ones: outward normal x, y, distance from the axis, and 0."""
     first_edge: NDArray[np.int64]
     """(n + 1,): the edges of element i are first_edge[i] to first_edge[i + 1]."""
-    conic: NDArray[np.float64] | None
+    conic: Floats | None
     """(n,) conic constants; None where all surfaces are spheres and planes."""
-    aspheric: NDArray[np.float64] | None
+    aspheric: Floats | None
     """(n, FIRST_TERM + terms): the largest slope, the largest second derivative by r and the largest sag of an asphere,
     in size, and its coefficients of r^2, r^4, ...; None without aspheres."""
-    departure: NDArray[np.float64] | None
+    departure: Floats | None
     """(n, numbers) of surfaces without rotational symmetry: like `aspheric`, then what rounding may leave of the added
     sag, the kind of departure, and its own numbers; None without them."""
-    frames: NDArray[np.float64] | None
+    frames: Floats | None
     """(n, FRAME) placements; None where all elements are centred."""
-    masks: NDArray[np.float64] | None
+    masks: Floats | None
     """MASK_HEAD numbers for each element, then the cells of all masks, row by row; None without masks."""
-    index_ratios: NDArray[np.float64] | None
+    index_ratios: Floats | None
     """(n, wavelengths) ratios of indices; IDEAL: the power over that at the first wavelength. None: one wavelength."""
     direction: float
     """+1 towards the sensor, -1 towards the scene."""
@@ -91,7 +92,7 @@ class LensRecord(NamedTuple):
 
 def lens_record(
     lens: LensStack,
-    wavelength: float | NDArray[np.float64],
+    wavelength: float | Floats,
     *,
     reverse: bool,
     round_stops: bool = False,
@@ -160,13 +161,13 @@ def _columns(rows: list[ElementRow], direction: float) -> LensRecord:
     )
 
 
-def _padded(numbers: list[tuple[float, ...]]) -> NDArray[np.float64] | None:
+def _padded(numbers: list[tuple[float, ...]]) -> Floats | None:
     """One row an element, filled up with 0; None where no element has any."""
     width = max(map(len, numbers))
     return np.array([(*row, *[0.0] * (width - len(row))) for row in numbers]) if width else None
 
 
-def _masks(rows: list[ElementRow]) -> NDArray[np.float64] | None:
+def _masks(rows: list[ElementRow]) -> Floats | None:
     if all(row.cells is None for row in rows):
         return None
     heads, cells, begin = np.zeros((len(rows), MASK_HEAD)), [], MASK_HEAD * len(rows)

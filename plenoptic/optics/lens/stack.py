@@ -8,10 +8,10 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from plenoptic.core.rays import RayBundle
-from plenoptic.core.values import choice, finite, read_only, set_field, value, whole
+from plenoptic.core.values import Floats, choice, finite, read_only, set_field, value, whole
 from plenoptic.optics.glass.media import AIR, Medium
 from plenoptic.optics.lens.elements import (
     Element,
@@ -103,7 +103,7 @@ class LensStack:
         return element
 
     @property
-    def vertices(self) -> NDArray[np.float64]:
+    def vertices(self) -> Floats:
         """Position z of each element in mm, (n,), never decreasing; exactly 0 at the iris."""
         gaps = [element.thickness for element in self.elements]
         iris = self.iris_index
@@ -125,7 +125,7 @@ class LensStack:
             media.append(element.medium if isinstance(element, Surface) else media[-1])
         return tuple(media)
 
-    def indices(self, wavelength: float = 587.6) -> NDArray[np.float64]:
+    def indices(self, wavelength: float = 587.6) -> Floats:
         """Refractive index before the first element and behind each of them.
 
         Parameters
@@ -253,7 +253,7 @@ class LensStack:
         elements, at = with_inserted(self.elements, self.vertices, self.gap_media, stop, finite(z, "z"))
         return dataclasses.replace(self, elements=elements, iris=self.iris_index + (at <= self.iris_index))
 
-    def profiles(self, points: int = 41) -> tuple[NDArray[np.float64], ...]:
+    def profiles(self, points: int = 41) -> tuple[Floats, ...]:
         """The section of each element in the plane x = 0, up to its rim: (points, 2) arrays of z, y in mm.
 
         Of an element that is tilted out of that plane, the projection of its own section.

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from plenoptic.core.parallel import run_in_order, thread_count
 from plenoptic.core.rays import RayBundle
-from plenoptic.core.values import wrong_kind
+from plenoptic.core.values import Floats, check_kind
 from plenoptic.optics.lens.record import LensRecord, lens_record
 from plenoptic.optics.lens.stack import LensStack
 
@@ -19,8 +19,7 @@ CHUNK = 1 << 15
 
 def traced(lens: LensStack, rays: RayBundle, *, reverse: bool, threads: int | None = None) -> RayBundle:
     """Trace a bundle one way or the other; see `LensStack.trace`."""
-    if not isinstance(rays, RayBundle):
-        raise wrong_kind(rays, "rays", "RayBundle", "pl.RayBundle([[0, 0, -100]], [[0, 0, 1]])")
+    check_kind(rays, "rays", RayBundle, "pl.RayBundle([[0, 0, -100]], [[0, 0, 1]])")
     return traced_by(lens_record(lens, rays.wavelength, reverse=reverse), rays, threads=threads)
 
 
@@ -38,9 +37,9 @@ def traced_part(
 class RayArrays(NamedTuple):
     """A bundle as kernels see it; n rays."""
 
-    origin: NDArray[np.float64]
-    direction: NDArray[np.float64]
-    weight: NDArray[np.float64]
+    origin: Floats
+    direction: Floats
+    weight: Floats
     status: NDArray[np.uint8]
     lost_at: NDArray[np.int16]
 

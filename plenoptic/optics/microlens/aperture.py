@@ -6,9 +6,8 @@ import enum
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from plenoptic.core.values import choice, positive, set_field, value
+from plenoptic.core.values import Floats, choice, positive, set_field, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.microlens.lattice import polygon_area, polygon_edges, regular_polygon
 
@@ -124,7 +123,7 @@ class Opening:
     See `MicrolensAperture`.
     """
 
-    corners: NDArray[np.float64]
+    corners: Floats
     radius: float = math.inf
 
     @property
@@ -133,12 +132,12 @@ class Opening:
         return self.radius if math.isfinite(self.radius) else float(np.hypot(*self.corners.T).max())
 
     @property
-    def edges(self) -> NDArray[np.float64]:
+    def edges(self) -> Floats:
         """(k, 3): outward normals and distances of the edges; of a round opening, none."""
         return np.zeros((0, 3)) if math.isfinite(self.radius) else polygon_edges(self.corners)
 
 
-def opening_of(aperture: MicrolensAperture, cell: NDArray[np.float64]) -> Opening:
+def opening_of(aperture: MicrolensAperture, cell: Floats) -> Opening:
     """The opening for a cell (k, 2); an error where it sticks out of the cell."""
     area = aperture.fill_factor * polygon_area(cell)
     if aperture.shape is ApertureShape.CELL:

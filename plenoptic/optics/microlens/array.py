@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import choice, finite, frozen_array, positive, read_only, set_field, value
+from plenoptic.core.values import Floats, choice, finite, frozen_array, positive, read_only, set_field, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.glass.media import Medium, check_medium
 from plenoptic.optics.microlens.aperture import Gaps, MicrolensAperture, Opening, Walls, opening_of
@@ -99,7 +99,7 @@ class MicrolensArray:
     index: float = _DEFAULT_INDEX
     convex_side: ConvexSide = ConvexSide.SCENE
     pattern: NDArray[np.int64] | None = dataclasses.field(default=None, kw_only=True)
-    centres: NDArray[np.float64] | None = dataclasses.field(default=None, kw_only=True)
+    centres: Floats | None = dataclasses.field(default=None, kw_only=True)
     types: NDArray[np.int64] | None = dataclasses.field(default=None, kw_only=True)
     aperture: MicrolensAperture | None = dataclasses.field(default=None, kw_only=True)
     imperfections: Imperfections | None = dataclasses.field(default=None, kw_only=True)
@@ -242,12 +242,12 @@ class MicrolensArray:
         return (self.index_at(wavelength) - 1.0) / (self.index - 1.0)
 
     @property
-    def basis(self) -> NDArray[np.float64]:
+    def basis(self) -> Floats:
         """(2, 2) array: rows are the lattice vectors in mm; centres are their whole multiples, but for FREE."""
         return read_only(lattice_basis(self.lattice, self.pitches))
 
     @property
-    def cell_edges(self) -> NDArray[np.float64]:
+    def cell_edges(self) -> Floats:
         """(k, 3) array: outward normal x, y and distance from the centre of each edge of a cell."""
         return read_only(polygon_edges(self.cell_corners))
 
@@ -257,7 +257,7 @@ class MicrolensArray:
         return float(np.hypot(*self.cell_corners.T).max())
 
     @property
-    def cell_corners(self) -> NDArray[np.float64]:
+    def cell_corners(self) -> Floats:
         """(k, 2) array: corners of the cell at the centre in mm, counter-clockwise; of FREE ones, of the largest."""
         return read_only(cell_polygon(self.lattice, self.pitches))
 
@@ -295,7 +295,7 @@ class MicrolensArray:
         """
         return lenslets(self, frozen_array(low, name="low", shape=(2,)), frozen_array(high, name="high", shape=(2,)))
 
-    def nearest(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def nearest(self, points: Floats) -> Floats:
         """Centres of the cells that hold points, as designed.
 
         Parameters

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import choice, finite, frozen_array, positive, set_field, value, whole
+from plenoptic.core.values import Floats, choice, finite, frozen_array, positive, set_field, value, whole
 from plenoptic.errors import InvalidValueError
 
 MOST_BLEMISHES = 5_000_000
@@ -75,10 +75,10 @@ class Blemishes:
     """
 
     site: BlemishSite
-    start: NDArray[np.float64]
-    end: NDArray[np.float64]
-    radius: NDArray[np.float64]
-    transmission: NDArray[np.float64]
+    start: Floats
+    end: Floats
+    radius: Floats
+    transmission: Floats
     height: float = dataclasses.field(default=0.0, kw_only=True)
 
     if TYPE_CHECKING:
@@ -210,7 +210,7 @@ class Blemishes:
             height=height,
         )
 
-    def at(self, points: ArrayLike) -> NDArray[np.float64]:
+    def at(self, points: ArrayLike) -> Floats:
         """What part of the light passes at points (n, 2) of the plane, in its own axes in mm; (n,).
 
         Examples
@@ -225,7 +225,7 @@ class Blemishes:
         return passing
 
 
-def _numbers(given: ArrayLike, name: str, shape: tuple[int | str, ...]) -> NDArray[np.float64]:
+def _numbers(given: ArrayLike, name: str, shape: tuple[int | str, ...]) -> Floats:
     if len(shape) == 2 and isinstance(given, list | tuple) and not given:
         given = np.zeros((0, 2))
     array = frozen_array(given, name=f"{name} of the blemishes", shape=shape)
@@ -260,7 +260,7 @@ passes."""
 class DustRecord(NamedTuple):
     """Dust and scratches of one plane, and a grid of bins to find them."""
 
-    grid: NDArray[np.float64]
+    grid: Floats
     """(5,): corner x, y of the grid in mm, bins per mm, numbers of columns and rows."""
     first: NDArray[np.int64]
     members: NDArray[np.int64]
@@ -309,9 +309,7 @@ def _capsules(blemishes: Blemishes) -> NDArray[np.void]:
     return found
 
 
-def plane_axes(
-    turn: NDArray[np.float64], shift: NDArray[np.float64], *, height: float = 0.0
-) -> NDArray[np.float64] | None:
+def plane_axes(turn: Floats, shift: Floats, *, height: float = 0.0) -> Floats | None:
     """(2, 3): the affine map from x, y of points on a part's plane to the part's own axes; None for the identity.
 
     A point p of the part lies at turn @ p + shift, with turn (3, 3), shift (3,); the plane is z = -height in its own

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import finite, frozen_array, set_field, value, whole
+from plenoptic.core.values import Floats, finite, frozen_array, set_field, value, whole
 from plenoptic.errors import InvalidValueError
 
 _LARGEST_SPREAD = 0.2
@@ -45,10 +45,10 @@ class MicrolensDeviations:
     """
 
     index: NDArray[np.int64]
-    shift: NDArray[np.float64] | None = None
-    decentre: NDArray[np.float64] | None = None
-    focal_length_factor: NDArray[np.float64] | None = None
-    transmission: NDArray[np.float64] | None = None
+    shift: Floats | None = None
+    decentre: Floats | None = None
+    focal_length_factor: Floats | None = None
+    transmission: Floats | None = None
 
     if TYPE_CHECKING:
 
@@ -176,7 +176,7 @@ def deviations_of(imperfections: Imperfections, index: NDArray[np.int64]) -> Mic
     row = np.array([places.get(tuple(pair), -1) for pair in index.tolist()], dtype=np.int64).reshape(-1)
     listed = row >= 0
 
-    def column(values: NDArray[np.float64] | None, design: float) -> NDArray[np.float64] | None:
+    def column(values: Floats | None, design: float) -> Floats | None:
         if values is None or not len(values):
             return None
         where = listed if values.ndim == 1 else listed[:, None]
@@ -223,7 +223,7 @@ def _mixed(x: NDArray[np.uint64]) -> NDArray[np.uint64]:
         return np.asarray(x ^ (x >> np.uint64(31)))
 
 
-def _uniform(index: NDArray[np.int64], seed: int, stream: int) -> NDArray[np.float64]:
+def _uniform(index: NDArray[np.int64], seed: int, stream: int) -> Floats:
     """Numbers in (0, 1) for lenses (n, 2), a function of seed, stream and index alone."""
     state = np.full(len(index), (seed * 0x9E3779B97F4A7C15 + stream) % (1 << 64), dtype=np.uint64)
     state = _mixed(state)  # or stream s of lens (i, j) would be stream 0 of lens (i ^ s, j)
@@ -234,12 +234,12 @@ def _uniform(index: NDArray[np.int64], seed: int, stream: int) -> NDArray[np.flo
     return (_mixed(state) >> np.uint64(11)).astype(np.float64) * 2.0**-53 + 2.0**-54
 
 
-def _normal(index: NDArray[np.int64], seed: int, stream: int) -> NDArray[np.float64]:
+def _normal(index: NDArray[np.int64], seed: int, stream: int) -> Floats:
     """Standard normal numbers, cut at 4 (G. Box, M. Muller, Ann. Math. Stat. 29, 1958)."""
     radius = np.sqrt(-2.0 * np.log(_uniform(index, seed, 2 * stream)))
     angle = 2 * math.pi * _uniform(index, seed, 2 * stream + 1)
     return np.asarray(np.clip(radius * np.cos(angle), -4.0, 4.0))
 
 
-def _normal_pairs(index: NDArray[np.int64], seed: int, stream: int) -> NDArray[np.float64]:
+def _normal_pairs(index: NDArray[np.int64], seed: int, stream: int) -> Floats:
     return np.stack([_normal(index, seed, stream), _normal(index, seed, stream + 1)], axis=1)

@@ -8,6 +8,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic.core.values import Floats
+
 
 class Lattice(enum.IntEnum):
     """How the microlenses lie; in all but FREE one microlens is at the array's centre.
@@ -30,14 +32,14 @@ class Lattice(enum.IntEnum):
     the pitch."""
 
 
-def lattice_basis(lattice: Lattice, pitch: tuple[float, float]) -> NDArray[np.float64]:
+def lattice_basis(lattice: Lattice, pitch: tuple[float, float]) -> Floats:
     """(2, 2): rows are the lattice vectors in mm, for pitches along x and y (the same but for RECTANGULAR)."""
     if lattice is Lattice.HEXAGONAL:
         return np.array([[pitch[1] * math.sqrt(3) / 2, pitch[1] / 2], [0.0, pitch[1]]])
     return np.array([[pitch[0], 0.0], [0.0, pitch[1]]])
 
 
-def cell_polygon(lattice: Lattice, pitch: tuple[float, float]) -> NDArray[np.float64]:
+def cell_polygon(lattice: Lattice, pitch: tuple[float, float]) -> Floats:
     """(k, 2): corners of the cell around a lattice point in mm, counter-clockwise; of FREE ones, the largest cell."""
     if lattice is Lattice.HEXAGONAL:
         return regular_polygon(6, pitch[1] / math.sqrt(3), 0.0)
@@ -45,26 +47,26 @@ def cell_polygon(lattice: Lattice, pitch: tuple[float, float]) -> NDArray[np.flo
     return np.array([[x, y], [-x, y], [-x, -y], [x, -y]])
 
 
-def regular_polygon(sides: int, radius: float, first: float) -> NDArray[np.float64]:
+def regular_polygon(sides: int, radius: float, first: float) -> Floats:
     """(sides, 2): corners of a regular polygon, counter-clockwise, the first one at an angle in radians from +x."""
     angle = first + 2 * math.pi * np.arange(sides) / sides
     return radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 
-def polygon_edges(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+def polygon_edges(corners: Floats) -> Floats:
     """(k, 3): outward normal x, y and distance from the origin of the edges of a counter-clockwise polygon."""
     along = np.roll(corners, -1, axis=0) - corners
     normals = np.stack([along[:, 1], -along[:, 0]], axis=1) / np.linalg.norm(along, axis=1)[:, None]
     return np.column_stack([normals, np.einsum("ij,ij->i", normals, corners)])
 
 
-def polygon_area(corners: NDArray[np.float64]) -> float:
+def polygon_area(corners: Floats) -> float:
     """Area of a counter-clockwise polygon in mm^2."""
     x, y = corners.T
     return 0.5 * float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
 
 
-def cut_polygon(corners: NDArray[np.float64], edges: NDArray[np.float64]) -> NDArray[np.float64]:
+def cut_polygon(corners: Floats, edges: Floats) -> Floats:
     """The part of a convex polygon inside all edges (k, 3); may be empty."""
     kept = [tuple(corner) for corner in corners.tolist()]
     for a, b, limit in edges.tolist():

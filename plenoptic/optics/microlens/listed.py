@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.core.values import value
+from plenoptic.core.values import Floats, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.microlens.imperfections import deviations_of
 from plenoptic.optics.microlens.lattice import Lattice
@@ -46,18 +46,18 @@ class Lenslets:
     """
 
     index: NDArray[np.int64]
-    design: NDArray[np.float64]
-    centre: NDArray[np.float64]
-    axis: NDArray[np.float64]
+    design: Floats
+    centre: Floats
+    axis: Floats
     type: NDArray[np.int64]
-    power: NDArray[np.float64]
-    transmission: NDArray[np.float64]
+    power: Floats
+    transmission: Floats
 
     def __len__(self) -> int:
         return len(self.index)
 
 
-def lenslets(array: MicrolensArray, low: NDArray[np.float64], high: NDArray[np.float64]) -> Lenslets:
+def lenslets(array: MicrolensArray, low: Floats, high: Floats) -> Lenslets:
     """The microlenses whose designed centres lie in a box."""
     if np.isnan(low).any() or np.isnan(high).any():
         raise InvalidValueError(f"the box from {low} to {high} has a corner that is no number; give two points in mm")
@@ -76,7 +76,7 @@ def lattice_types(array: MicrolensArray, index: NDArray[np.int64]) -> NDArray[np
     return np.asarray(pattern[index[:, 0] % pattern.shape[0], index[:, 1] % pattern.shape[1]])
 
 
-def _lattice_indices(array: MicrolensArray, low: NDArray[np.float64], high: NDArray[np.float64]) -> NDArray[np.int64]:
+def _lattice_indices(array: MicrolensArray, low: Floats, high: Floats) -> NDArray[np.int64]:
     assert array.lattice is not Lattice.FREE
     if not np.isfinite([low, high]).all():
         raise InvalidValueError(f"the box from {low} to {high} is infinite, and so is the lattice; take a smaller one")
@@ -95,9 +95,7 @@ def _lattice_indices(array: MicrolensArray, low: NDArray[np.float64], high: NDAr
     return np.asarray(index[((centres >= low - slack) & (centres <= high + slack)).all(axis=1)])
 
 
-def described(
-    array: MicrolensArray, index: NDArray[np.int64], design: NDArray[np.float64], types: NDArray[np.int64]
-) -> Lenslets:
+def described(array: MicrolensArray, index: NDArray[np.int64], design: Floats, types: NDArray[np.int64]) -> Lenslets:
     """Lenses with their deviations."""
     power = 1.0 / np.asarray(array.focal_lengths)[types]
     centre, transmission = design, np.ones(len(index))

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.microlens.aperture import Gaps, Opening, Walls
 from plenoptic.optics.microlens.array import MicrolensArray
@@ -72,11 +73,11 @@ class ListedRecord(NamedTuple):
     """How far optical axes lie from the centres of cells at most, in mm."""
     lenses: NDArray[np.void]
     """(n,) of MICROLENS."""
-    corners: NDArray[np.float64]
+    corners: Floats
     """(n, parts, k, 2): opening, and what lies beside it where that is clear, relative to the cell's centre."""
     counts: NDArray[np.int64]
     """(n, parts): corners of each."""
-    cells: NDArray[np.float64] | None
+    cells: Floats | None
     """(n, k, 3): edges of the cells of FREE lenses; None where all cells are the lattice's."""
     numbers: NumbersRecord | None = None
     """Made for light that travels forwards; None for FREE lenses."""
@@ -85,11 +86,11 @@ class ListedRecord(NamedTuple):
 class LatticeRecord(NamedTuple):
     """Where microlenses lie and which types they have."""
 
-    origin: NDArray[np.float64]
+    origin: Floats
     """(2,) centre of the lattice."""
-    basis: NDArray[np.float64]
-    inverse: NDArray[np.float64]
-    powers: NDArray[np.float64]
+    basis: Floats
+    inverse: Floats
+    powers: Floats
     """1 / focal length of each type in 1/mm, or with listed lenses, the least and the greatest."""
     pattern: NDArray[np.int64] | None
     """(p, q) types on the lattice; None where there is one."""
@@ -98,11 +99,11 @@ class LatticeRecord(NamedTuple):
 class OpeningRecord(NamedTuple):
     """What part of a cell is a lens."""
 
-    corners: NDArray[np.float64]
+    corners: Floats
     """(parts, k, 2): the opening, and the cell where what lies beside openings is clear; widened by the margin."""
     radius: float
     """How far openings and cells reach from their centre, margin included."""
-    edges: NDArray[np.float64]
+    edges: Floats
     """(k, 3) edges of an opening; none of a round one."""
     radius2: float
     """Squared radius of a round opening, inf otherwise."""
@@ -124,18 +125,18 @@ class PlateRecord(NamedTuple):
     thickness: float
     refractive_index: float
     """At 587.6 nm: where the principal planes lie and how strongly the sphere is curved."""
-    indices: NDArray[np.float64] | None
+    indices: Floats | None
     """At the camera's wavelength, then at those that paths draw; None where all are that at 587.6 nm."""
 
 
 class EdgesRecord(NamedTuple):
     """Where lenses with thickness end."""
 
-    cell: NDArray[np.float64]
+    cell: Floats
     """(k, 3) edges of a cell."""
-    cells: NDArray[np.float64] | None
+    cells: Floats | None
     """(n, k, 3): those of each listed lens; None where all cells are alike."""
-    opening: NDArray[np.float64]
+    opening: Floats
     """(k, 3) edges of an opening."""
     radius2: float
     """Squared radius of a round opening, inf otherwise."""
@@ -146,9 +147,9 @@ class SensorPlane(NamedTuple):
 
     distance: float
     """Along the axis in mm."""
-    tilt: NDArray[np.float64] | None
+    tilt: Floats | None
     """(2,): how the distance grows with x and y; None for a sensor parallel to the array."""
-    axes: NDArray[np.float64] | None = None
+    axes: Floats | None = None
     """Forwards, (2, 3) from x, y, 1 to the sensor's own axes; None where they are the same."""
 
 
@@ -159,7 +160,7 @@ class ResponseRecord(NamedTuple):
     refractive_index: float
     inverse_pupil: float
     exponent: float
-    frame: NDArray[np.float64] | None
+    frame: Floats | None
     """(12,): the rotation, row by row, and the shift from the sensor's axes to the local ones; None where the sensor is
     centred and parallel to the array."""
 
@@ -168,16 +169,16 @@ class ArrayRecord(NamedTuple):
     """Lengths in mm, in the axes in which the array is traced."""
 
     lattice: LatticeRecord
-    cell: NDArray[np.float64]
+    cell: Floats
     """(k, 3) edges of a cell."""
     opening: OpeningRecord
     listed: ListedRecord | None
     """None where lenses differ by type only."""
-    walls: NDArray[np.float64] | None
+    walls: Floats | None
     """The edges of a cell where walls separate the spaces behind the cells."""
     model: PlateRecord | None
     """None for ideal lenses."""
-    power_factors: NDArray[np.float64] | None
+    power_factors: Floats | None
     """Power of ideal lenses over that at 587.6 nm, at the camera's wavelength, then at those that paths draw; None
     where it is 1."""
 
@@ -188,7 +189,7 @@ class ArrayRecord(NamedTuple):
         return self.listed is not None or several or self.opening.clip > 0 or self.walls is not None
 
     @property
-    def cells(self) -> NDArray[np.float64] | None:
+    def cells(self) -> Floats | None:
         """(n, k, 3) edges of the cells of FREE lenses; None where all cells are the lattice's."""
         return None if self.listed is None else self.listed.cells
 
@@ -207,7 +208,7 @@ class ArrayRecord(NamedTuple):
         return np.zeros(n, MICROLENS) if self.differs else None
 
 
-def possible_powers(array: MicrolensArray) -> NDArray[np.float64]:
+def possible_powers(array: MicrolensArray) -> Floats:
     """Powers of which bounds must know, in 1/mm.
 
     Those of the types, of the strongest and the weakest lens that imperfections make, and 0 where light passes unbent.
@@ -225,8 +226,8 @@ def possible_powers(array: MicrolensArray) -> NDArray[np.float64]:
 def array_record(
     array: MicrolensArray,
     *,
-    turn: NDArray[np.float64],
-    origin: NDArray[np.float64],
+    turn: Floats,
+    origin: Floats,
     reach: float,
     margin: float,
     wavelengths: tuple[float, ...] = (),
@@ -284,31 +285,29 @@ def plate_record(array: MicrolensArray, wavelengths: tuple[float, ...] = ()) -> 
     )
 
 
-def _power_factors(array: MicrolensArray, wavelengths: tuple[float, ...]) -> NDArray[np.float64] | None:
+def _power_factors(array: MicrolensArray, wavelengths: tuple[float, ...]) -> Floats | None:
     factors = np.array([array.power_factor(wavelength) for wavelength in wavelengths])
     return factors if (factors != 1.0).any() else None
 
 
-def _turned_edges(opening: Opening, turn: NDArray[np.float64]) -> NDArray[np.float64]:
+def _turned_edges(opening: Opening, turn: Floats) -> Floats:
     edges = np.array(opening.edges)
     edges[:, :2] = edges[:, :2] @ turn.T
     return edges
 
 
-def _widened(corners: NDArray[np.float64], margin: float) -> NDArray[np.float64]:
+def _widened(corners: Floats, margin: float) -> Floats:
     apothem = float(polygon_edges(corners)[:, 2].min())
     return np.asarray(corners * (1.0 + margin / apothem))
 
 
-def _padded(parts: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+def _padded(parts: list[Floats]) -> Floats:
     """Polygons as one array; the last corner of the shorter ones is repeated."""
     most = max(map(len, parts))
     return np.stack([np.concatenate([part, np.repeat(part[-1:], most - len(part), axis=0)]) for part in parts])
 
 
-def listed_record(
-    array: MicrolensArray, *, turn: NDArray[np.float64], origin: NDArray[np.float64], reach: float, margin: float
-) -> ListedRecord:
+def listed_record(array: MicrolensArray, *, turn: Floats, origin: Floats, reach: float, margin: float) -> ListedRecord:
     """The lenses up to `reach` from the origin of the axes, one by one; dark ones are left out."""
     from plenoptic.optics.microlens.kernels.listed import fill_bins, fill_cells, fill_openings
 
@@ -359,12 +358,12 @@ def listed_record(
     )
 
 
-def _search(base: NDArray[np.float64], margin: float) -> float:
+def _search(base: Floats, margin: float) -> float:
     """How far away a lens can be whose cell has an edge with another one."""
     return 2.0 * (float(np.hypot(*base.T).max()) + margin)
 
 
-def _grid(points: NDArray[np.float64], array: MicrolensArray) -> BinsRecord:
+def _grid(points: Floats, array: MicrolensArray) -> BinsRecord:
     """A grid of empty bins, for some lenses in each."""
     low, high = (points.min(axis=0), points.max(axis=0)) if len(points) else (np.zeros(2), np.zeros(2))
     width = max(2.0 * min(array.pitches), math.sqrt(4.0 * float((high - low).prod()) / max(len(points), 1)))
@@ -373,7 +372,7 @@ def _grid(points: NDArray[np.float64], array: MicrolensArray) -> BinsRecord:
     return BinsRecord(float(low[0]), float(low[1]), width, rows, columns, first, members)
 
 
-def _cell_edges(cells: NDArray[np.float64], counts: NDArray[np.int64]) -> NDArray[np.float64]:
+def _cell_edges(cells: Floats, counts: NDArray[np.int64]) -> Floats:
     """(n, k, 3): edges of polygons (n, k, 2) of which the first `counts` corners count; others shut nothing out."""
     most = cells.shape[1]
     number = np.arange(most)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from plenoptic.core.values import finite, number, set_field, value
+from plenoptic.core.values import Floats, finite, number, set_field, value
 from plenoptic.errors import InvalidValueError
 
 
@@ -68,9 +68,7 @@ class AngularResponse:
         if not self.pupil_distance > 0:
             raise InvalidValueError(f"pupil_distance is {self.pupil_distance:g} mm; it must be above 0, or inf")
 
-    def at(
-        self, slope_x: ArrayLike, slope_y: ArrayLike, *, x: ArrayLike = 0.0, y: ArrayLike = 0.0
-    ) -> NDArray[np.float64]:
+    def at(self, slope_x: ArrayLike, slope_y: ArrayLike, *, x: ArrayLike = 0.0, y: ArrayLike = 0.0) -> Floats:
         """Response, 1 at best, to light that comes from the directions (slope_x, slope_y, -1) at points of the sensor.
 
         Parameters
@@ -95,7 +93,7 @@ class AngularResponse:
             wells = wells * np.clip(1.0 - self.well_depth * beside, 0.0, None)
         return np.asarray(wells * cos**self.exponent)
 
-    def _inside(self, slope: NDArray[np.float64], cos: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _inside(self, slope: Floats, cos: Floats) -> Floats:
         """The slope in the well: by Snell's law the sines along both axes shrink by the index."""
         sine2 = (1.0 - cos**2) / self.index**2
         return np.asarray(slope * cos / self.index / np.sqrt(1.0 - sine2))

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.core.files import images
-from plenoptic.core.values import choice
+from plenoptic.core.values import Floats, choice
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.sensor.color_filter import BayerPattern, bayer_from, channels_of, pattern_of
 
@@ -47,10 +47,7 @@ _ALGORITHMS = {DemosaicMethod.LINEAR: "linear", DemosaicMethod.MHC: "MHC"}
 
 
 def demosaiced(
-    mosaic: NDArray[np.float64],
-    filters: BayerPattern | NDArray[np.int64],
-    first: tuple[int, int],
-    method: DemosaicMethod,
+    mosaic: Floats, filters: BayerPattern | NDArray[np.int64], first: tuple[int, int], method: DemosaicMethod
 ) -> NDArray[np.float32]:
     """(H, W, 3) from (H, W), whose first pixel is the pixel `first` (row, column) of the sensor."""
     method = choice(method, DemosaicMethod, "method")
@@ -66,9 +63,7 @@ def demosaiced(
     return images.bayer_to_rgb(mosaic, layout=pattern.name, algorithm=_ALGORITHMS[method])
 
 
-def _weighted_mean(
-    mosaic: NDArray[np.float64], seen: NDArray[np.int64], period: tuple[int, ...]
-) -> NDArray[np.float32]:
+def _weighted_mean(mosaic: Floats, seen: NDArray[np.int64], period: tuple[int, ...]) -> NDArray[np.float32]:
     """Normalised convolution with a tent that reaches to the next period; measured values stay as they are."""
     rows, columns = mosaic.shape
     p, q = period

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import choice, frozen_array, not_negative, number, positive, set_field, value, whole
+from plenoptic.core.values import Floats, choice, frozen_array, not_negative, number, positive, set_field, value, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.sensor.color_filter import BayerPattern, as_filters, pattern_of
 
@@ -223,11 +223,11 @@ class SensorModel:
             )
 
     @property
-    def electrons_per_unit(self) -> NDArray[np.float64]:
+    def electrons_per_unit(self) -> Floats:
         """Mean electrons from light where the image is 1: (1,), or (3,) where channels differ."""
         rates = np.atleast_1d(np.asarray(self.photon_rate)) * np.atleast_1d(np.asarray(self.quantum_efficiency))
         with np.errstate(over="ignore"):
-            mean: NDArray[np.float64] = rates * self.exposure_time
+            mean: Floats = rates * self.exposure_time
         return mean
 
     @property

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import positive, set_field, value, whole
+from plenoptic.core.values import Floats, positive, set_field, value, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.sensor.angular_response import AngularResponse
 
@@ -82,7 +82,7 @@ class Sensor:
         """Distance from the axis to a corner in mm."""
         return 0.5 * float(np.hypot(*self.size))
 
-    def centre_of(self, row: NDArray[np.integer] | int, column: NDArray[np.integer] | int) -> NDArray[np.float64]:
+    def centre_of(self, row: NDArray[np.integer] | int, column: NDArray[np.integer] | int) -> Floats:
         """Centres of pixels on the sensor, which is read out rotated by 180 degrees.
 
         Parameters
@@ -105,7 +105,7 @@ class Sensor:
         y = (np.asarray(row) + 0.5 - rows / 2) * self.pixel_pitch
         return np.stack(np.broadcast_arrays(x, y), axis=-1)
 
-    def pixel_of(self, points: ArrayLike) -> NDArray[np.float64]:
+    def pixel_of(self, points: ArrayLike) -> Floats:
         """Row and column of points on the sensor, as fractions: the inverse of `centre_of`.
 
         Parameters

@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import positive, set_field, value, whole
+from plenoptic.core.values import Floats, positive, set_field, value, whole
 from plenoptic.optics.lens.placement import Placement, kept_placement
 from plenoptic.optics.record import CIRCLE, ElementRow
 from plenoptic.optics.surfaces.surface import checked_gap
@@ -60,7 +60,7 @@ class CircularStop:
         x, y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
         return np.asarray(x * x + y * y <= self.semi_diameter**2)
 
-    def outline(self, n: int = 64) -> NDArray[np.float64]:
+    def outline(self, n: int = 64) -> Floats:
         """Points on the edge, counter-clockwise from +x: an (n, 2) array in mm, not closed; n at least 3."""
         angle = 2 * math.pi * np.arange(whole(n, "n", at_least=3)) / n
         return self.semi_diameter * np.stack([np.cos(angle), np.sin(angle)], axis=1)
@@ -78,7 +78,7 @@ class CircularStop:
         """Radius in mm of the largest circle about the axis that the hole holds."""
         return self.semi_diameter
 
-    def transmission_at(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
+    def transmission_at(self, x: ArrayLike, y: ArrayLike) -> Floats:
         """1 in the hole, 0 beside it, at points (x, y), mm; the shape is that of x and y broadcast."""
         return np.asarray(self.contains(x, y), dtype=np.float64)
 

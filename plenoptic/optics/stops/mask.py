@@ -8,14 +8,12 @@ import os
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import frozen_array, positive, set_field, value, whole
+from plenoptic.core.values import Floats, frozen_array, positive, set_field, value, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.placement import Placement, kept_placement
 from plenoptic.optics.record import MASK, ElementRow
 from plenoptic.optics.stops.outline import divided
 from plenoptic.optics.surfaces.surface import checked_gap
-
-Floats = NDArray[np.float64]
 
 
 @value

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import finite, number, positive, read_only, set_field, value, whole
+from plenoptic.core.values import Floats, finite, number, positive, read_only, set_field, value, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.placement import Placement, kept_placement
 from plenoptic.optics.record import ARCS, POLYGON, ElementRow
@@ -91,13 +91,13 @@ class PolygonStop:
         return self.semi_diameter * math.cos(math.pi / self.blades) + self._half_chord * (sine / (1.0 + root))
 
     @property
-    def normals(self) -> NDArray[np.float64]:
+    def normals(self) -> Floats:
         """Outward unit normals of the edges, (blades, 2); the first edge runs from the first corner to the second."""
         angle = self.rotation + math.pi * (2 * np.arange(self.blades) + 1) / self.blades
         return read_only(np.stack([np.cos(angle), np.sin(angle)], axis=1))
 
     @property
-    def edges(self) -> NDArray[np.float64]:
+    def edges(self) -> Floats:
         """(blades, 4): the hole is where a x + b y + q (x^2 + y^2) <= p for all rows (a, b, p, q), and in its circle.
 
         With the curvature c of the edges and their apothem p0, (a, b) is the normal times 1 - c p0, q is c / 2 and p is
@@ -130,7 +130,7 @@ class PolygonStop:
             inside &= x * a + y * b + (bend * r2 if curved else 0.0) <= limit
         return np.asarray(inside)
 
-    def outline(self, n: int = 64) -> NDArray[np.float64]:
+    def outline(self, n: int = 64) -> Floats:
         """Points on the edge, counter-clockwise from the first corner, in mm, not closed.
 
         A (k, 2) array, where k is the smallest multiple of `blades` that is at least n: all corners are among
@@ -166,7 +166,7 @@ class PolygonStop:
         """Radius in mm of the largest circle about the axis that the hole holds."""
         return self.apothem
 
-    def transmission_at(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
+    def transmission_at(self, x: ArrayLike, y: ArrayLike) -> Floats:
         """1 in the hole, 0 beside it, at points (x, y), mm; the shape is that of x and y broadcast."""
         return np.asarray(self.contains(x, y), dtype=np.float64)
 

@@ -8,14 +8,12 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import finite, positive, read_only, set_field, value, whole
+from plenoptic.core.values import Floats, finite, positive, read_only, set_field, value, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.placement import Placement, kept_placement
 from plenoptic.optics.record import STAR, ElementRow
 from plenoptic.optics.stops.outline import divided
 from plenoptic.optics.surfaces.surface import checked_gap
-
-Floats = NDArray[np.float64]
 
 
 @value
@@ -128,6 +126,6 @@ class StarStop:
         """Radius in mm of the largest circle about the axis that the hole holds."""
         return self.inner_semi_diameter
 
-    def transmission_at(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
+    def transmission_at(self, x: ArrayLike, y: ArrayLike) -> Floats:
         """1 in the hole, 0 beside it, at points (x, y), mm; the shape is that of x and y broadcast."""
         return np.asarray(self.contains(x, y), dtype=np.float64)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import NamedTuple, Protocol
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from plenoptic.core.values import Floats
 
 
 class VertexShape(NamedTuple):
@@ -39,10 +40,10 @@ class DepartureBounds(NamedTuple):
 class Departure(Protocol):
     """An added sag, 0 at the vertex: a frozen value. `registry` lists those that there are."""
 
-    def sag(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
+    def sag(self, x: ArrayLike, y: ArrayLike) -> Floats:
         """Added height in mm at points (x, y), mm."""
 
-    def gradient(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
+    def gradient(self, x: ArrayLike, y: ArrayLike) -> Floats:
         """(2, ...) derivatives of the sag by x and y."""
 
     @property

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from plenoptic.core.values import Floats
 from plenoptic.optics.lens.placement import Placement
 from plenoptic.optics.stops.registry import Stop
 from plenoptic.optics.surfaces.surface import Surface
 
 
-def section(element: Surface | Stop, points: int) -> NDArray[np.float64]:
+def section(element: Surface | Stop, points: int) -> Floats:
     """Points (n, 2), z and y in mm from the vertex, on the section of an element in the plane x = 0 of its axes."""
     if isinstance(element, Surface) and element.depth is not None:
         # An ellipse by its angle, so that the part beyond the equator has points too.
@@ -23,7 +23,7 @@ def section(element: Surface | Stop, points: int) -> NDArray[np.float64]:
     return np.stack([sag, y], axis=1)
 
 
-def placed(points: NDArray[np.float64], z: float, placement: Placement | None) -> NDArray[np.float64]:
+def placed(points: Floats, z: float, placement: Placement | None) -> Floats:
     """The points of a section in the lens frame, its vertex at z."""
     if placement is not None:
         local = np.column_stack([np.zeros(len(points)), points[:, 1], points[:, 0]])

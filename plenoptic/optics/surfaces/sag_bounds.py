@@ -6,7 +6,8 @@ import functools
 import math
 
 import numpy as np
-from numpy.typing import NDArray
+
+from plenoptic.core.values import Floats
 
 RINGS = 64
 """Rings of equal area that bounds are found in one by one: narrow enough to be some per cent above the truth."""
@@ -39,14 +40,14 @@ def asphere_bounds(c: float, conic: float, terms: tuple[float, ...], edge: float
     return tuple(bound if bound < math.inf else math.inf for bound in found)  # type: ignore[return-value]
 
 
-def _largest(monotone: NDArray[np.float64], powers: NDArray[np.float64]) -> NDArray[np.float64]:
+def _largest(monotone: Floats, powers: Floats) -> Floats:
     """Bound on the size of a monotone part, given at the ends of the rings, plus a polynomial in u, for each ring."""
     low, high = bernstein_range(powers)
     ends = np.stack([monotone[:-1], monotone[1:]])
     return np.asarray(np.maximum(np.abs(ends.min(axis=0) + low), np.abs(ends.max(axis=0) + high)))
 
 
-def bernstein_range(powers: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def bernstein_range(powers: Floats) -> tuple[Floats, Floats]:
     """Smallest and largest Bernstein coefficient of a polynomial on each ring, (RINGS,) each."""
     n = len(powers) - 1
     width = 1.0 / RINGS

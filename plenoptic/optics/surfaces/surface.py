@@ -7,9 +7,9 @@ import math
 from collections.abc import Mapping, Sequence, Set
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from plenoptic.core.values import finite, number, positive, set_field, value
+from plenoptic.core.values import Floats, finite, number, positive, set_field, value
 from plenoptic.errors import InvalidValueError, PrescriptionError
 from plenoptic.optics.glass.media import AIR, Medium, check_medium
 from plenoptic.optics.lens.placement import Placement, kept_placement
@@ -212,7 +212,7 @@ class Surface:
             return abs(self.radius)
         return abs(self.radius) / math.sqrt(1.0 + self.conic) if self.conic > -1 else math.inf
 
-    def sag(self, r: ArrayLike, y: ArrayLike | None = None) -> NDArray[np.float64]:
+    def sag(self, r: ArrayLike, y: ArrayLike | None = None) -> Floats:
         """Height of the surface over its vertex plane.
 
         Parameters
@@ -250,7 +250,7 @@ class Surface:
             height = height + a * distance ** (2 * i + 2)
         return height if self.departure is None else height + self.departure.sag(r, 0.0 if y is None else y)
 
-    def _conic_sag(self, distance: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _conic_sag(self, distance: Floats) -> Floats:
         size, out = abs(self.radius), distance
         if math.isinf(size):
             return np.zeros_like(distance)
@@ -266,7 +266,7 @@ class Surface:
             depth = size + np.hypot(size, out * math.sqrt(-1.0 - self.conic))
         return np.asarray(np.copysign(distance * (out / depth), self.radius))
 
-    def slope(self, r: ArrayLike) -> NDArray[np.float64]:
+    def slope(self, r: ArrayLike) -> Floats:
         """Slope dz/dr of the surface: the tangent of its angle against the vertex plane.
 
         Parameters
@@ -294,7 +294,7 @@ class Surface:
             angle = angle + (2 * i + 2) * a * distance ** (2 * i + 1)
         return angle
 
-    def gradient(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
+    def gradient(self, x: ArrayLike, y: ArrayLike) -> Floats:
         """(2, ...): derivatives of the sag by x and y at points (x, y), mm.
 
         Examples

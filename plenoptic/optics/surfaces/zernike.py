@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import finite, positive, set_field, value
+from plenoptic.core.values import Floats, finite, positive, set_field, value
 from plenoptic.errors import InvalidValueError, PrescriptionError
 from plenoptic.optics.surfaces.departure import DepartureBounds, VertexShape
 from plenoptic.optics.surfaces.sag_bounds import RINGS, bernstein_range
@@ -22,8 +22,6 @@ MOST_TERMS = 91
 """All of degree 12 and below. Beyond, sums of powers lose too many digits near the rim."""
 
 _EPS = float(np.finfo(np.float64).eps)
-
-Floats = NDArray[np.float64]
 
 
 class _Harmonics(NamedTuple):

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.sampling.record import Batch
 from plenoptic.core.color.record import Wavelengths
+from plenoptic.core.values import Floats
 from plenoptic.rendering.context import RenderContext
 from plenoptic.rendering.integrator.interaction import InteractionStage
 from plenoptic.rendering.integrator.record import RayQueue, ShadowRays
@@ -23,7 +24,7 @@ from plenoptic.scene.materials.alpha_mask import NESTED, SALTS, media_at, no_hit
 class Witness(Protocol):
     """Is told what the paths of a bundle go through. What it is handed is used again: it copies what it keeps."""
 
-    def saw(self, rays: NDArray[np.float64], hits: Hits, radiance: NDArray[np.float64]) -> None:
+    def saw(self, rays: Floats, hits: Hits, radiance: Floats) -> None:
         """Rays have met triangles, and paths have collected what shines there."""
 
     def lit(
@@ -79,14 +80,14 @@ class Transport:
 
     def radiance(
         self,
-        blocks: NDArray[np.float64],
+        blocks: Floats,
         start: int,
         n: int,
         batch: Batch,
         number: NDArray[np.int64],
         waves: NDArray[np.int64] | None,
         witness: Witness | None = None,
-    ) -> NDArray[np.float64]:
+    ) -> Floats:
         """What the paths of a bundle see, (n, channels); 0 for those that did not leave the lens.
 
         With `waves`, the number of each path's wavelength, there is one channel.
@@ -110,7 +111,7 @@ class Transport:
                 break
         return radiance
 
-    def _start(self, blocks: NDArray[np.float64], start: int, n: int, batch: Batch, number: NDArray[np.int64]) -> int:
+    def _start(self, blocks: Floats, start: int, n: int, batch: Batch, number: NDArray[np.int64]) -> int:
         """Rays from the camera; returns how many there are."""
         from plenoptic.camera.kernels.world_rays import fill_world_rays
 
@@ -139,7 +140,7 @@ class Transport:
                 pass_through(self._scene, self._intersector, rays, hits, self._path_keys(), bounce * SALTS)
         return hits
 
-    def _see(self, radiance: NDArray[np.float64], hits: Hits, wavelengths: Wavelengths) -> None:
+    def _see(self, radiance: Floats, hits: Hits, wavelengths: Wavelengths) -> None:
         """Add what rays meet that shines, and weaken them by what they have come through."""
         scene, now = self._scene, self._now
         if scene.absorption is not None and scene.bsdf is not None:
@@ -152,7 +153,7 @@ class Transport:
             add_emission(radiance, now, hits, scene.geometry, scene.emission, scene.lights.sky, wavelengths)
 
     def _scatter(
-        self, radiance: NDArray[np.float64], hits: Hits, bounce: int, wavelengths: Wavelengths, witness: Witness | None
+        self, radiance: Floats, hits: Hits, bounce: int, wavelengths: Wavelengths, witness: Witness | None
     ) -> int:
         """Add direct light and send the rays onwards; returns how many there are."""
         met = self._stage.find(self._now, hits, self._path_keys(), bounce, wavelengths)
@@ -171,7 +172,7 @@ class Transport:
         return onwards
 
     def _add_direct(
-        self, radiance: NDArray[np.float64], interactions: Interactions, drawn: DrawnLights, wavelengths: Wavelengths
+        self, radiance: Floats, interactions: Interactions, drawn: DrawnLights, wavelengths: Wavelengths
     ) -> tuple[ShadowRays, NDArray[np.uint8]]:
         """Add the drawn lights that nothing hides; returns the shadow rays that were sent, and which were blocked."""
         from plenoptic.rendering.integrator.kernels import direct_light

@@ -7,17 +7,19 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic.core.values import Floats
+
 
 class RayQueue(NamedTuple):
     """Rays and what belongs to them, C channels of their paths; None for what a scene does not need."""
 
-    rays: NDArray[np.float64]
+    rays: Floats
     """(n, 6): origin and direction."""
     path: NDArray[np.int64]
     """(n,): which path of the bundle a ray belongs to."""
-    throughput: NDArray[np.float64] | None
+    throughput: Floats | None
     """(n, C): what of the radiance along the ray reaches the camera. None where all of it does."""
-    pdf: NDArray[np.float64] | None
+    pdf: Floats | None
     """(n,), 1/sr: by which the direction was drawn; DELTA where it is certain. None where no ray is drawn."""
     media: NDArray[np.int32] | None
     """(n, NESTED): the bodies that the ray is in. None where nothing absorbs."""
@@ -28,11 +30,11 @@ class RayQueue(NamedTuple):
 class ShadowRays(NamedTuple):
     """Rays to lights, and what these bring where nothing lies between."""
 
-    rays: NDArray[np.float64]
+    rays: Floats
     """(n, 6): origin, and the way to the light."""
     path: NDArray[np.int64]
     """(n,)."""
-    radiance: NDArray[np.float64]
+    radiance: Floats
     """(n, C)."""
 
     def first(self, n: int) -> ShadowRays:

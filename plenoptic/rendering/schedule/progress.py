@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.core.relative_error import brightness, lit_level, relative_error, relative_squares
+from plenoptic.core.values import Floats
 from plenoptic.rendering.film import Film, replicate_counts, spread
 from plenoptic.rendering.schedule.budget import Budget
 from plenoptic.rendering.tile import NAMED, Tile, TileResult
@@ -85,7 +86,7 @@ class Progress:
         """How many samples a tile may be given next."""
         return int(self.goal[i] - self.done[i])
 
-    def sums_of(self, i: int) -> NDArray[np.float64] | None:
+    def sums_of(self, i: int) -> Floats | None:
         """Sums of a tile's samples until now; None where there are none."""
         return None if self.sums is None or not self.done[i] else self.sums[self._places(i)]
 
@@ -140,7 +141,7 @@ class Progress:
         for i in np.flatnonzero(going):
             self._decide(int(i), levels)
 
-    def _look(self, i: int, mean: NDArray[np.float64], squares: NDArray[np.float64]) -> None:
+    def _look(self, i: int, mean: Floats, squares: Floats) -> None:
         """Keep how bright and how good pixels are, where the other colour is yet to be decided upon."""
         assert self.seen is not None and self.one_sample is not None
         at, done = self._places(i), int(self.done[i])
@@ -217,7 +218,7 @@ class Progress:
         row, column = tile.row - self.setting.row, tile.column - self.setting.column
         return slice(row, row + tile.rows), slice(column, column + tile.columns)
 
-    def _scaled(self, sums: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _scaled(self, sums: Floats) -> Floats:
         return sums if self.setting.fill_factor == 1 else self.setting.fill_factor * sums
 
     @staticmethod

@@ -37,8 +37,8 @@ from plenoptic.scene.lights.brightness import brightest_radiance
 from plenoptic.scene.scene import Scene
 from plenoptic.truth.arrays import available_truth, empty_truth, forget_truth
 from plenoptic.truth.channels import GroundTruth, Truth
-from plenoptic.truth.compute import truth_tables
-from plenoptic.truth.stages import TruthTables
+from plenoptic.truth.compute import truth_record
+from plenoptic.truth.stages import TruthRecord
 
 _MISSED = 1.25
 """Ratio of the error reached to the one wanted that is worth a warning."""
@@ -100,7 +100,7 @@ def run(
 
         found = camera_conditioning(context.camera, region, seed=seed, rays=work.conditioning)
     bar = ProgressBar(progress, begin, show=work.progress)
-    interrupted = _drive(progress, context, truth_tables(camera, context.camera, kept), clock, workers, checkpoint, bar)
+    interrupted = _drive(progress, context, truth_record(camera, context.camera, kept), clock, workers, checkpoint, bar)
     if scene is not None and context.intersector is not None:
         _warn_where_unmet(progress, scene)
     reason = _reason(progress, interrupted=interrupted)
@@ -138,7 +138,7 @@ def _progress(
 def _drive(
     progress: Progress,
     context: RenderContext,
-    truth: TruthTables | None,
+    truth: TruthRecord | None,
     clock: Clock,
     workers: int,
     checkpoint: Checkpoint | None,

@@ -7,13 +7,14 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic.core.values import Floats
 from plenoptic.scene.geometry.record import Geometry, Hits, InstanceRecord
 
 
 class Intersector(Protocol):
     """Finds triangles, as float32 goes; the exact hit is computed from the triangle afterwards."""
 
-    def fill_closest(self, hits: Hits, rays: NDArray[np.float64], *, coherent: bool) -> None:
+    def fill_closest(self, hits: Hits, rays: Floats, *, coherent: bool) -> None:
         """Triangle that each ray (origin and direction, (n, 6)) meets first, and its instance; see `Hits`.
 
         `coherent` says that neighbouring rays go nearly the same way, as those of a pixel do; it changes nothing
@@ -21,7 +22,7 @@ class Intersector(Protocol):
         triangles at the very same place is found, inside both: that may then depend on the rays beside it.
         """
 
-    def fill_blocked(self, blocked: NDArray[np.uint8], rays: NDArray[np.float64]) -> None:
+    def fill_blocked(self, blocked: NDArray[np.uint8], rays: Floats) -> None:
         """1 where something lies between a ray's origin and origin + direction, else 0."""
 
 

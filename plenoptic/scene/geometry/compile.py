@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic.core.values import Floats
 from plenoptic.scene.geometry.record import INSTANCE_DISTANCE, Geometry, InstanceRecord
 
 _LARGEST_SCALE = 1e10
@@ -18,12 +19,12 @@ for shears only. A mesh placed otherwise is copied."""
 
 
 def geometry_record(
-    vertices: NDArray[np.float64],
+    vertices: Floats,
     triangles: NDArray[np.int32],
     triangle_material: NDArray[np.int32],
     *,
-    uv: NDArray[np.float64] | None = None,
-    normals: NDArray[np.float64] | None = None,
+    uv: Floats | None = None,
+    normals: Floats | None = None,
     instances: InstanceRecord | None = None,
 ) -> Geometry:
     """The record of triangles; see `Geometry` for shapes.
@@ -48,18 +49,18 @@ def geometry_record(
 class ChildMesh(NamedTuple):
     """A mesh that stands at several places, and how float32 may see it."""
 
-    vertices: NDArray[np.float64]
+    vertices: Floats
     triangles: NDArray[np.int32]
-    middle: NDArray[np.float64]
+    middle: Floats
     """(3,): its own float32 coordinates count from here."""
-    matrices: NDArray[np.float64]
+    matrices: Floats
     """(n, 3, 4): from those coordinates to those that count from the middle of the scene."""
     instances: NDArray[np.intp]
     """(n,): rows of the instances."""
 
 
 def child_meshes(
-    vertices: NDArray[np.float64], triangles: NDArray[np.int32], instances: InstanceRecord, middle: NDArray[np.float64]
+    vertices: Floats, triangles: NDArray[np.int32], instances: InstanceRecord, middle: Floats
 ) -> Iterator[ChildMesh]:
     """The meshes of instances; those whose matrix float32 cannot invert are copied into the world."""
     for first, count, rows in distinct_meshes(instances):
@@ -75,26 +76,20 @@ def child_meshes(
             yield ChildMesh(turned, faces, own, _relative(np.eye(4)[None, :3], own, middle), rows[[k]])
 
 
-def _relative(
-    matrices: NDArray[np.float64], own: NDArray[np.float64], middle: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _relative(matrices: Floats, own: Floats, middle: Floats) -> Floats:
     # p - M = A (q - m) + (A m + t - M), for points p of the world and q of the mesh and their middles M and m.
     relative = matrices.copy()
     relative[:, :, 3] += matrices[:, :, :3] @ own - middle
     return relative
 
 
-def part_of(
-    vertices: NDArray[np.float64], triangles: NDArray[np.int32]
-) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+def part_of(vertices: Floats, triangles: NDArray[np.int32]) -> tuple[Floats, NDArray[np.int32]]:
     """The range of vertices that some triangles use, and those triangles as rows of it."""
     low = triangles.min()
     return vertices[low : triangles.max() + 1], triangles - low if low else triangles
 
 
-def middle_of(
-    vertices: NDArray[np.float64], triangles: NDArray[np.int32], instances: InstanceRecord | None = None
-) -> NDArray[np.float64]:
+def middle_of(vertices: Floats, triangles: NDArray[np.int32], instances: InstanceRecord | None = None) -> Floats:
     """Median of the vertices: where the details are, whatever large surfaces lie around them.
 
     An instance counts as two opposite corners of the box around its mesh.
@@ -118,7 +113,7 @@ def distinct_meshes(instances: InstanceRecord) -> list[tuple[int, int, NDArray[n
     return [(int(instances.first[rows[0]]), int(instances.faces[rows[0]]), rows) for rows in groups]
 
 
-def suits_float32(linear: NDArray[np.float64]) -> NDArray[np.bool_]:
+def suits_float32(linear: Floats) -> NDArray[np.bool_]:
     """Which of the matrices (n, 3, 3) can be inverted in float32 without much loss."""
     scale = np.linalg.norm(linear, axis=1)
     suits: NDArray[np.bool_] = ((scale > 1 / _LARGEST_SCALE) & (scale < _LARGEST_SCALE)).all(axis=1)
@@ -126,11 +121,11 @@ def suits_float32(linear: NDArray[np.float64]) -> NDArray[np.bool_]:
     return suits
 
 
-def _spread(linear: NDArray[np.float64]) -> NDArray[np.float64]:
+def _spread(linear: Floats) -> Floats:
     """Largest row sum of |A| |A^-1|: by how much errors grow on the way into the frame of a mesh and back."""
     # With columns of unit length, which changes nothing in the product, no inverse overflows.
     unit = linear / np.linalg.norm(linear, axis=1, keepdims=True)
     flat = np.abs(np.linalg.det(unit)) < np.finfo(np.float64).eps
     unit[flat] = np.eye(3)
-    spread: NDArray[np.float64] = (np.abs(unit) @ np.abs(np.linalg.inv(unit))).sum(axis=2).max(axis=1)
+    spread: Floats = (np.abs(unit) @ np.abs(np.linalg.inv(unit))).sum(axis=2).max(axis=1)
     return np.where(flat, np.inf, spread)

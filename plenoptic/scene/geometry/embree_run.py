@@ -9,6 +9,7 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
+from plenoptic.core.values import Floats
 from plenoptic.scene.geometry.compile import part_of
 from plenoptic.scene.geometry.kernels.intersect import SHADOW_END
 from plenoptic.scene.geometry.record import Geometry, Hits, InstanceRecord
@@ -28,26 +29,26 @@ class SceneRunTriangles:
         centred = (vertices - self._middle).astype(np.float32)
         self._mesh = TriangleMesh(self._scene, centred, np.ascontiguousarray(triangles))
 
-    def fill_closest(self, hits: Hits, rays: NDArray[np.float64], *, coherent: bool) -> None:
+    def fill_closest(self, hits: Hits, rays: Floats, *, coherent: bool) -> None:
         """Triangle that each ray (origin and direction, (n, 6)) meets first, or -1; and its instance, or -1."""
         found = self._scene.run(*self._halves(rays), query="INTERSECT")
         hits.triangle[:] = found if self._row is None else np.where(found < 0, -1, self._row[found])
         if hits.instance is not None:
             hits.instance[:] = -1 if self._instance is None else np.where(found < 0, -1, self._instance[found])
 
-    def fill_blocked(self, blocked: NDArray[np.uint8], rays: NDArray[np.float64]) -> None:
+    def fill_blocked(self, blocked: NDArray[np.uint8], rays: Floats) -> None:
         """1 where something lies between a ray's origin and origin + direction, else 0."""
         blocked[: len(rays)] = self._scene.run(*self._halves(rays), query="DISTANCE") < SHADOW_END
 
-    def _halves(self, rays: NDArray[np.float64]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    def _halves(self, rays: Floats) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Origins, relative to the middle of the scene, and directions."""
         origins, directions = rays[:, :3] - self._middle, rays[:, 3:]
         return np.ascontiguousarray(origins, np.float32), np.ascontiguousarray(directions, np.float32)
 
 
 def _copied(
-    vertices: NDArray[np.float64], triangles: NDArray[np.int32], instances: InstanceRecord
-) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]:
+    vertices: Floats, triangles: NDArray[np.int32], instances: InstanceRecord
+) -> tuple[Floats, NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]:
     """All triangles in the world, and what each of them is: its row of `triangles` and its instance, or -1."""
     plain = triangles[: instances.plain]
     points, faces = [vertices[: plain.max() + 1] if len(plain) else vertices[:0]], [plain]

@@ -8,10 +8,10 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from plenoptic.core.rotation import rotation_about
-from plenoptic.core.values import finite, frozen_array, positive, set_field, value, wrong_kind
+from plenoptic.core.values import Floats, check_kind, finite, frozen_array, positive, set_field, value
 from plenoptic.errors import SceneError
 from plenoptic.scene.geometry.mesh import MAX_COORDINATE, Mesh
 from plenoptic.scene.geometry.record import InstanceRecord
@@ -54,15 +54,14 @@ class Instances:
     """
 
     mesh: Mesh
-    matrices: NDArray[np.float64]
+    matrices: Floats
 
     if TYPE_CHECKING:
 
         def __init__(self, mesh: Mesh, matrices: ArrayLike) -> None: ...
 
     def __post_init__(self) -> None:
-        if not isinstance(self.mesh, Mesh):
-            raise wrong_kind(self.mesh, "mesh", "Mesh", "pl.box(4)")
+        check_kind(self.mesh, "mesh", Mesh, "pl.box(4)")
         set_field(self, "matrices", frozen_array(self.matrices, name="matrices", shape=(None, 4, 4)))
         with np.errstate(over="ignore", invalid="ignore"):
             _check(self.matrices)
@@ -80,7 +79,7 @@ class Instances:
         return f"Instances({len(self)} of {self.mesh!r})"
 
     @property
-    def bounds(self) -> NDArray[np.float64]:
+    def bounds(self) -> Floats:
         """(2, 3), mm: the lowest and the highest corner of all triangles in the world.
 
         Examples
@@ -211,7 +210,7 @@ def instance_record(instances: Sequence[Instances], first: Sequence[int]) -> Ins
     return record
 
 
-def _check(matrices: NDArray[np.float64]) -> None:
+def _check(matrices: Floats) -> None:
     if not len(matrices):
         raise SceneError("matrices has no rows; give at least one place, or leave the instances out")
     affine = np.isfinite(matrices).all(axis=(1, 2)) & (matrices[:, 3] == (0, 0, 0, 1)).all(axis=1)
@@ -224,7 +223,7 @@ def _check(matrices: NDArray[np.float64]) -> None:
         raise SceneError(f"matrix {k} is {matrices[k].tolist()}: it flattens the mesh; its determinant must not be 0")
 
 
-def _farthest(points: NDArray[np.float64], rows: NDArray[np.float64]) -> float:
+def _farthest(points: Floats, rows: Floats) -> float:
     """Largest coordinate of any point (n, 3) in any place, given the row (m, 4) of each place's matrix for it.
 
     Places are tried in the order of the most that a box and a sphere around the points allow, until none can be

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.rotation import rotation_about
-from plenoptic.core.values import finite, frozen_array, positive, set_field, value
+from plenoptic.core.values import Floats, finite, frozen_array, positive, set_field, value
 from plenoptic.errors import InvalidValueError, SceneError
 from plenoptic.scene.materials.diffuse import Lambertian
 from plenoptic.scene.materials.registry import MATERIALS, Material
@@ -57,11 +57,11 @@ class Mesh:
     Mesh(3 vertices, 1 triangle, Lambertian(albedo=0.8))
     """
 
-    vertices: NDArray[np.float64]
+    vertices: Floats
     faces: NDArray[np.int32]
     material: Material = Lambertian()
-    normals: NDArray[np.float64] | None = None
-    uv: NDArray[np.float64] | None = None
+    normals: Floats | None = None
+    uv: Floats | None = None
     name: str = ""
 
     if TYPE_CHECKING:
@@ -106,7 +106,7 @@ class Mesh:
         return f"Mesh({name}{len(self.vertices)} vertices, {triangles}, {self.material!r})"
 
     @property
-    def bounds(self) -> NDArray[np.float64]:
+    def bounds(self) -> Floats:
         """(2, 3), mm: the lowest and the highest corner of its triangles.
 
         Examples
@@ -246,14 +246,14 @@ def _faces(faces: ArrayLike, count: int) -> NDArray[np.int32]:
     return frozen_array(given, name="faces", shape=(None, 3), dtype=np.int32)
 
 
-def _check_range(array: NDArray[np.float64], name: str, remedy: str) -> None:
+def _check_range(array: Floats, name: str, remedy: str) -> None:
     # min and max hand NaN on, so this sees everything without temporaries.
     low, high = float(array.min()), float(array.max())
     if not (low >= -MAX_COORDINATE and high <= MAX_COORDINATE):
         raise SceneError(f"{name} lie within {low:g} and {high:g}; they must be finite and within +-1e15: {remedy}")
 
 
-def has_area(vertices: NDArray[np.float64], faces: NDArray[np.int32], block: int = 1 << 16) -> bool:
+def has_area(vertices: Floats, faces: NDArray[np.int32], block: int = 1 << 16) -> bool:
     """Whether any triangle has an area; ends at the first block that has."""
     for start in range(0, len(faces), block):
         a, b, c = (vertices[faces[start : start + block, k]] for k in range(3))
@@ -262,7 +262,7 @@ def has_area(vertices: NDArray[np.float64], faces: NDArray[np.int32], block: int
     return False
 
 
-def _unit_rows(normals: NDArray[np.float64]) -> NDArray[np.float64]:
+def _unit_rows(normals: Floats) -> Floats:
     """Rows at unit length; those that are to rounding, and zeros, keep their bits."""
     largest = np.abs(normals).max(axis=1, keepdims=True)
     # The largest component first, so that squares of tiny ones do not vanish.

@@ -7,6 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic.core.values import Floats
+
 INSTANCE_DISTANCE = 12
 """Column of `Geometry.instance_to_world` behind the 3 x 4 matrix: how far, |x| + |y| + |z| in mm, the mesh has the
 middle from which its float32 coordinates count from that of the scene. Rays are turned into its frame in float32, and
@@ -25,26 +27,26 @@ class Geometry(NamedTuple):
     Triangles of plain meshes come first, then those of the shapes of lights, then those of instanced meshes, once each.
     """
 
-    vertices: NDArray[np.float64]
+    vertices: Floats
     """(nv, 3), mm; those of instanced meshes in frames of their own."""
     triangles: NDArray[np.int32]
     """(nt, 3): rows of `vertices`, counter-clockwise as seen from the front."""
     triangle_material: NDArray[np.int32]
     """(nt,): row of the material's columns."""
-    uv: NDArray[np.float64] | None
+    uv: Floats | None
     """(nv, 2): texture coordinates, v up; 0 where a mesh has none. None where no material has a texture."""
-    normals: NDArray[np.float64] | None
+    normals: Floats | None
     """(nv, 3), unit length; 0 where a mesh has none. None where no mesh has any."""
-    instance_to_world: NDArray[np.float64] | None
+    instance_to_world: Floats | None
     """(ni, 13): the upper three rows of each instance's matrix, and INSTANCE_DISTANCE. None without instances."""
-    middle: NDArray[np.float64]
+    middle: Floats
     """(3,): float32 coordinates count from here, so that a scene far from the world's origin loses no digits."""
 
 
 class InstanceRecord(NamedTuple):
     """Which triangles stand at which of ni places."""
 
-    matrices: NDArray[np.float64]
+    matrices: Floats
     """(ni, 12): the upper three rows, one after the other, from the frame of the mesh to the world, mm."""
     first: NDArray[np.int32]
     """(ni,): the row of `triangles` at which those of the mesh begin."""
@@ -61,7 +63,7 @@ class Hits(NamedTuple):
     """(n,): -1 for none."""
     instance: NDArray[np.int32] | None
     """(n,): -1 for plain triangles and where there is no hit. None in scenes without instances."""
-    travelled: NDArray[np.float64] | None
+    travelled: Floats | None
     """(n,), mm: how far rays have come through surfaces that were not there for them. None where all is opaque."""
 
     def first(self, n: int) -> Hits:
@@ -75,7 +77,7 @@ class Hits(NamedTuple):
 class Interactions(NamedTuple):
     """Where rays meet surfaces that scatter: n of them; all but `ray`, `path` and `material` may have room for more."""
 
-    rows: NDArray[np.float64]
+    rows: Floats
     """(n, INTERACTION_COLUMNS), and a column more for each of EXTRA_SHARES where a material of the scene has them."""
     ray: NDArray[np.int64]
     """(n,): row of the ray."""
@@ -83,9 +85,9 @@ class Interactions(NamedTuple):
     """(n,): the ray's path."""
     material: NDArray[np.int64]
     """(n,)."""
-    base_color: NDArray[np.float64]
+    base_color: Floats
     """(n, channels of the paths)."""
-    random: NDArray[np.float64]
+    random: Floats
     """(4, n): a point of the Sobol sequence; 0 and 1 draw a light, 2 and 3 a direction."""
     key: NDArray[np.uint64]
     """(n,): from which more random numbers are made."""

@@ -6,9 +6,9 @@ import dataclasses
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from plenoptic.core.values import frozen_array
+from plenoptic.core.values import Floats, frozen_array
 from plenoptic.errors import SceneError
 from plenoptic.scene.file_cameras import View
 from plenoptic.scene.lights.environment import EnvironmentMap
@@ -16,7 +16,7 @@ from plenoptic.scene.lights.environment import EnvironmentMap
 _ROUNDING = 1e-9
 
 
-def similarity(matrix: ArrayLike) -> tuple[NDArray[np.float64], float]:
+def similarity(matrix: ArrayLike) -> tuple[Floats, float]:
     """(4, 4) matrix and its scale, where it turns, shifts and scales equally in all directions; an error otherwise."""
     full = frozen_array(matrix, name="matrix", shape=(4, 4))
     linear = full[:3, :3]
@@ -34,14 +34,14 @@ def similarity(matrix: ArrayLike) -> tuple[NDArray[np.float64], float]:
     return full, scale
 
 
-def placed_view(view: View, matrix: NDArray[np.float64]) -> View:
+def placed_view(view: View, matrix: Floats) -> View:
     """A view from another place."""
     turn, shift = matrix[:3, :3], matrix[:3, 3]
     position, look_at = turn @ view.position + shift, turn @ view.look_at + shift
     return dataclasses.replace(view, position=position, look_at=look_at, up=turn @ view.up)
 
 
-def placed_environment(environment: EnvironmentMap, matrix: NDArray[np.float64], scale: float) -> EnvironmentMap:
+def placed_environment(environment: EnvironmentMap, matrix: Floats, scale: float) -> EnvironmentMap:
     """An environment turned with the scene."""
     turn = matrix[:3, :3] / scale
     # Rotations must be orthonormal to rounding, which a scaled one need not be.

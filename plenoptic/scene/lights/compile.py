@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic.core.values import Floats
 from plenoptic.scene.geometry.record import Geometry, InstanceRecord
 from plenoptic.scene.lights.fields import channel_mean
 from plenoptic.scene.lights.record import (
@@ -35,7 +36,7 @@ class Emitters(NamedTuple):
     """The triangles that emit."""
 
     geometry: Geometry
-    exitance: NDArray[np.float64]
+    exitance: Floats
     """(nm,): half of mean emitted radiance times sides that emit."""
     instances: InstanceRecord | None
 
@@ -44,18 +45,12 @@ class CompiledLights(NamedTuple):
     """Lights, and the probability per area with which triangles of materials are drawn."""
 
     lights: Lights
-    pdf: NDArray[np.float64] | None
+    pdf: Floats | None
     """(nm,), 1/mm^2. None where no triangle is drawn."""
 
 
 def lights_record(
-    lights: Sequence[Light],
-    emitters: Emitters | None,
-    sky: Sky,
-    bounds: NDArray[np.float64] | None,
-    channels: int,
-    *,
-    drawn: bool,
+    lights: Sequence[Light], emitters: Emitters | None, sky: Sky, bounds: Floats | None, channels: int, *, drawn: bool
 ) -> CompiledLights:
     """Compile lights. `drawn` says whether anything reflects: otherwise they are only seen.
 
@@ -121,7 +116,7 @@ def _brightest(
 
 def _triangle_powers(
     emitters: Emitters | None, unit: float
-) -> tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[NDArray[np.int64], NDArray[np.int32], Floats, Floats]:
     """Triangles that emit, in their places, with their powers; and power per area of each material."""
     if emitters is None:
         return np.empty(0, np.int64), np.empty(0, np.int32), np.empty(0), np.empty(0)
@@ -162,7 +157,7 @@ def _repeated(emitters: Emitters, row: NDArray[np.int64], place: NDArray[np.int3
     return repeated
 
 
-def _areas(emitters: Emitters, rows: NDArray[np.int64], linear: NDArray[np.float64] | None) -> NDArray[np.float64]:
+def _areas(emitters: Emitters, rows: NDArray[np.int64], linear: Floats | None) -> Floats:
     corners = emitters.geometry.vertices[emitters.geometry.triangles[rows]]
     edges = corners[:, 1:] - corners[:, :1]
     if linear is not None:
@@ -170,7 +165,7 @@ def _areas(emitters: Emitters, rows: NDArray[np.int64], linear: NDArray[np.float
     return np.asarray(0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1))
 
 
-def _shared(near: NDArray[np.float64], distant: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+def _shared(near: Floats, distant: Floats) -> tuple[Floats, float]:
     """Probabilities by power, and probability per power of the near lights."""
     # Relative to the strongest, so that no radiance overflows the sums.
     largest = max(near.max(initial=0.0), distant.max(initial=0.0))
@@ -186,7 +181,7 @@ def _shared(near: NDArray[np.float64], distant: NDArray[np.float64]) -> tuple[ND
     return np.concatenate([near * scales[0], distant * scales[1]]), scales[0]
 
 
-def _cumulative(probability: NDArray[np.float64]) -> NDArray[np.float64]:
+def _cumulative(probability: Floats) -> Floats:
     cumulative = np.cumsum(probability)
     cumulative /= cumulative[-1]
     # What has no power must not be drawn by the last random number either.

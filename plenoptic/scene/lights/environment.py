@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.rotation import rotation_about
-from plenoptic.core.values import finite, frozen_array, set_field, value
+from plenoptic.core.values import Floats, finite, frozen_array, set_field, value
 from plenoptic.errors import FileError, InvalidValueError, SceneError
 from plenoptic.scene.textures.color import Colour, as_colour
 from plenoptic.scene.textures.texels import as_texels, equal_channels
@@ -90,7 +90,7 @@ class EnvironmentMap:
     """
 
     texels: NDArray[np.float32]
-    rotation: NDArray[np.float64] | None = None
+    rotation: Floats | None = None
 
     if TYPE_CHECKING:
 
@@ -186,7 +186,7 @@ class EnvironmentMap:
         """
         return self.rotated(axis, math.radians(finite(angle_deg, "angle_deg")))
 
-    def radiance(self, directions: ArrayLike) -> NDArray[np.float64]:
+    def radiance(self, directions: ArrayLike) -> Floats:
         """Radiance that comes from directions.
 
         Parameters
@@ -228,7 +228,7 @@ class EnvironmentMap:
 Background: TypeAlias = ConstantBackground | EnvironmentMap
 
 
-def _rotation(rotation: ArrayLike) -> NDArray[np.float64] | None:
+def _rotation(rotation: ArrayLike) -> Floats | None:
     """(3, 3), read-only; None where it turns nothing."""
     matrix = frozen_array(rotation, name="rotation", shape=(3, 3))
     with np.errstate(all="ignore"):

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic.core.values import Floats
 from plenoptic.scene.lights.environment import EnvironmentMap
 from plenoptic.scene.lights.record import Environment
 
@@ -60,7 +61,7 @@ def environment_record(environment: EnvironmentMap, channels: int) -> Environmen
     return Environment(_frozen(texels), _frozen(rows_cdf), _frozen(columns_cdf), _frozen(pdf), turned, 0.0, total)
 
 
-def texel_solid_angles(rows: int, columns: int) -> NDArray[np.float64]:
+def texel_solid_angles(rows: int, columns: int) -> Floats:
     """(rows,), sr: solid angle of one texel in each row of an equirectangular image; together they make up 4 pi.
 
     2 pi / columns times the difference of the cosines of its upper and lower polar angle, as a product.

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from plenoptic.core.values import frozen_array
+from plenoptic.core.values import Floats, frozen_array
 from plenoptic.errors import SceneError
 from plenoptic.scene.geometry.mesh import MAX_COORDINATE
 from plenoptic.scene.textures.color import Colour
@@ -16,7 +16,7 @@ PointRow: TypeAlias = tuple[float, ...]
 """Position, axis, and the cosines of the outer and inner angle, both -2 where light goes everywhere."""
 
 
-def place_in_mm(vector: ArrayLike, name: str) -> NDArray[np.float64]:
+def place_in_mm(vector: ArrayLike, name: str) -> Floats:
     """(3,), mm, read-only, with coordinates that Embree can hold."""
     place = frozen_array(vector, name=name, shape=(3,))
     if not np.all(np.abs(place) <= MAX_COORDINATE):
@@ -24,7 +24,7 @@ def place_in_mm(vector: ArrayLike, name: str) -> NDArray[np.float64]:
     return place
 
 
-def unit_vector(vector: ArrayLike, name: str) -> NDArray[np.float64]:
+def unit_vector(vector: ArrayLike, name: str) -> Floats:
     """(3,), read-only: a direction of any length above 0, brought to length 1; to rounding so, it keeps its bits."""
     given = frozen_array(vector, name=name, shape=(3,))
     largest = float(np.abs(given).max())
@@ -38,7 +38,7 @@ def unit_vector(vector: ArrayLike, name: str) -> NDArray[np.float64]:
     return frozen_array(scaled / length, name=name, shape=(3,))
 
 
-def direction_towards(start: NDArray[np.float64], target: ArrayLike, name: str) -> NDArray[np.float64]:
+def direction_towards(start: Floats, target: ArrayLike, name: str) -> Floats:
     """(3,), unit length, from one point to another, both in mm."""
     towards = frozen_array(target, name="target", shape=(3,)) - start
     distance = float(np.linalg.norm(towards))

@@ -6,10 +6,9 @@ import dataclasses
 import math
 from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from plenoptic.core.values import set_field, value
+from plenoptic.core.values import Floats, set_field, value
 from plenoptic.scene.lights.fields import PointRow, channel_mean, place_in_mm, times
 from plenoptic.scene.textures.color import Colour, as_colour
 
@@ -44,7 +43,7 @@ class PointLight:
     PointLight(position=[0.0, 200.0, 0.0], intensity=40000.0)
     """
 
-    position: NDArray[np.float64]
+    position: Floats
     intensity: Colour = 1.0
 
     if TYPE_CHECKING:
@@ -67,7 +66,7 @@ class PointLight:
         """
         return 4 * math.pi * channel_mean(self.intensity)
 
-    def moved(self, matrix: NDArray[np.float64], scale: float) -> PointLight:
+    def moved(self, matrix: Floats, scale: float) -> PointLight:
         """The light where a (4, 4) similarity of that scale puts it; irradiances stay, so it grows by scale^2."""
         position = matrix[:3, :3] @ self.position + matrix[:3, 3]
         return dataclasses.replace(self, position=position, intensity=times(self.intensity, scale**2))

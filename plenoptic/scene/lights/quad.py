@@ -6,9 +6,9 @@ import dataclasses
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from plenoptic.core.values import flag, positive, set_field, value
+from plenoptic.core.values import Floats, flag, positive, set_field, value
 from plenoptic.errors import SceneError
 from plenoptic.scene.geometry.mesh import Mesh
 from plenoptic.scene.lights.fields import channel_mean, direction_towards, place_in_mm
@@ -48,9 +48,9 @@ class QuadLight:
     ([0.0, 0.0, 1.0], 200.0)
     """
 
-    center: NDArray[np.float64]
-    edge_u: NDArray[np.float64]
-    edge_v: NDArray[np.float64]
+    center: Floats
+    edge_u: Floats
+    edge_v: Floats
     radiance: Colour = 1.0
     two_sided: bool = False
 
@@ -125,7 +125,7 @@ class QuadLight:
         return cls(middle, u * positive(width, "width", "mm"), edge_v, radiance, two_sided)
 
     @property
-    def normal(self) -> NDArray[np.float64]:
+    def normal(self) -> Floats:
         """(3,), unit length: the direction in which the light emits.
 
         Examples
@@ -162,7 +162,7 @@ class QuadLight:
         """
         return np.pi * self.area * (1 + self.two_sided) * channel_mean(self.radiance)
 
-    def moved(self, matrix: NDArray[np.float64], scale: float) -> QuadLight:
+    def moved(self, matrix: Floats, scale: float) -> QuadLight:
         """The light where a (4, 4) similarity of that scale puts it; its radiance stays."""
         turn = matrix[:3, :3]
         center = turn @ self.center + matrix[:3, 3]

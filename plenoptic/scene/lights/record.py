@@ -7,6 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic.core.values import Floats
+
 TRIANGLE, POINT, SUN, ENVIRONMENT = range(4)
 """The kinds of lights that are drawn."""
 
@@ -38,13 +40,13 @@ class Environment(NamedTuple):
 
     texels: NDArray[np.float32]
     """(H, W, C): radiance."""
-    rows_cdf: NDArray[np.float64]
+    rows_cdf: Floats
     """(H,): cumulative probability of the rows; the last is exactly 1."""
-    columns_cdf: NDArray[np.float64]
+    columns_cdf: Floats
     """(H, W): that of the columns of each row, the last exactly 1; zeros in black rows."""
-    pdf: NDArray[np.float64]
+    pdf: Floats
     """(H, W), 1/sr: probability per solid angle, the same all over a texel; 0 where the map is black."""
-    rotation: NDArray[np.float64] | None
+    rotation: Floats | None
     """(9,): the map's rotation, row by row. None where it has the axes of the world."""
     probability: float
     """With which the environment is drawn as a light."""
@@ -55,11 +57,11 @@ class Environment(NamedTuple):
 class Sky(NamedTuple):
     """What rays see that meet nothing; C channels."""
 
-    background: NDArray[np.float64] | None
+    background: Floats | None
     """(C,): constant radiance of the world. None where it is black or a map."""
     suns: NDArray[Any] | None
     """(ns,) of SUN_LIGHT."""
-    sun_colors: NDArray[np.float64] | None
+    sun_colors: Floats | None
     """(ns, C): radiance of the disc; irradiance where there is none."""
     environment: Environment | None
     """None where there is no map, or a black one."""
@@ -71,13 +73,13 @@ class Lights(NamedTuple):
     A constant background is no item: rays that are scattered find it as well.
     """
 
-    cdf: NDArray[np.float64] | None
+    cdf: Floats | None
     """(n,): cumulative probability, the last exactly 1. None, as is the next one, where nothing is drawn."""
     items: NDArray[Any] | None
     """(n,) of LIGHT."""
     points: NDArray[Any] | None
     """(np,) of POINT_LIGHT: points and spots."""
-    point_colors: NDArray[np.float64] | None
+    point_colors: Floats | None
     """(np, C): intensity."""
     sky: Sky
     far: float
@@ -87,7 +89,7 @@ class Lights(NamedTuple):
 class DrawnLights(NamedTuple):
     """One light for each interaction."""
 
-    rows: NDArray[np.float64]
+    rows: Floats
     """(n, DRAWN_COLUMNS)."""
-    radiance: NDArray[np.float64]
+    radiance: Floats
     """(n, channels of the paths): radiance over density; irradiance over probability where the density is DELTA."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import positive, set_field, value
+from plenoptic.core.values import Floats, positive, set_field, value
 from plenoptic.errors import SceneError
 from plenoptic.scene.geometry.mesh import MAX_COORDINATE, Mesh
 from plenoptic.scene.lights.fields import channel_mean, place_in_mm
@@ -55,7 +55,7 @@ class SphereLight:
     1280
     """
 
-    center: NDArray[np.float64]
+    center: Floats
     radius: float
     radiance: Colour = 1.0
 
@@ -104,7 +104,7 @@ class SphereLight:
         """
         return math.pi * self.area * channel_mean(self.radiance)
 
-    def moved(self, matrix: NDArray[np.float64], scale: float) -> SphereLight:
+    def moved(self, matrix: Floats, scale: float) -> SphereLight:
         """The light where a (4, 4) similarity of that scale puts it; its radiance stays."""
         center = matrix[:3, :3] @ self.center + matrix[:3, 3]
         return dataclasses.replace(self, center=center, radius=scale * self.radius)
@@ -123,7 +123,7 @@ class SphereLight:
 
 
 @functools.cache
-def _body() -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def _body() -> tuple[Floats, NDArray[np.int64]]:
     """Vertices (642, 3) and faces (1280, 3) of a nearly round body around the origin with the area 4 pi."""
     vertices, faces = _icosahedron()
     for _ in range(_SUBDIVISIONS):
@@ -133,7 +133,7 @@ def _body() -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     return vertices * math.sqrt(4 * math.pi / area), faces
 
 
-def _icosahedron() -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def _icosahedron() -> tuple[Floats, NDArray[np.int64]]:
     """Two poles on z and two rings of five between them, at the height 1/sqrt(5), one turned by half a step."""
     angle = 2 * math.pi / 10 * np.arange(10)
     height = np.where(np.arange(10) % 2 == 0, 1.0, -1.0) / math.sqrt(5)
@@ -149,9 +149,7 @@ def _icosahedron() -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     return np.concatenate([ring, [[0, 0, 1.0], [0, 0, -1.0]]]), np.concatenate(faces)
 
 
-def _subdivided(
-    vertices: NDArray[np.float64], faces: NDArray[np.int64]
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def _subdivided(vertices: Floats, faces: NDArray[np.int64]) -> tuple[Floats, NDArray[np.int64]]:
     """Four triangles for each one, with the middles of its edges moved out to the unit sphere."""
     sides = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
     edges, numbers = np.unique(sides, axis=0, return_inverse=True)

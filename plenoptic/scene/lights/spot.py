@@ -7,9 +7,9 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from plenoptic.core.values import finite, set_field, value
+from plenoptic.core.values import Floats, finite, set_field, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.scene.lights.fields import PointRow, channel_mean, direction_towards, place_in_mm, times, unit_vector
 from plenoptic.scene.textures.color import Colour, as_colour
@@ -55,8 +55,8 @@ class SpotLight:
         intensity=100000.0, inner_angle=0.2, outer_angle=0.4)
     """
 
-    position: NDArray[np.float64]
-    direction: NDArray[np.float64]
+    position: Floats
+    direction: Floats
     intensity: Colour = 1.0
     inner_angle: float = 0.0
     outer_angle: float = math.pi / 4
@@ -123,7 +123,7 @@ class SpotLight:
         start = place_in_mm(position, "position")
         return cls(start, direction_towards(start, target, "position"), intensity, inner_angle, outer_angle)
 
-    def falloff(self, angle: ArrayLike) -> NDArray[np.float64]:
+    def falloff(self, angle: ArrayLike) -> Floats:
         """Share of the intensity, within 0 and 1, that it has at angles (in radians, of any shape) from its axis.
 
         Examples
@@ -153,7 +153,7 @@ class SpotLight:
         inner, outer = (2 * math.sin(angle / 2) ** 2 for angle in (self.inner_angle, self.outer_angle))
         return 2 * math.pi * channel_mean(self.intensity) * (inner + (outer - inner) / 3)
 
-    def moved(self, matrix: NDArray[np.float64], scale: float) -> SpotLight:
+    def moved(self, matrix: Floats, scale: float) -> SpotLight:
         """The light where a (4, 4) similarity of that scale puts it; irradiances stay, so it grows by scale^2."""
         position, direction = matrix[:3, :3] @ self.position + matrix[:3, 3], matrix[:3, :3] @ self.direction
         intensity = times(self.intensity, scale**2)

@@ -7,9 +7,9 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from plenoptic.core.values import finite, set_field, value
+from plenoptic.core.values import Floats, finite, set_field, value
 from plenoptic.errors import InvalidValueError, SceneError
 from plenoptic.scene.lights.fields import unit_vector
 from plenoptic.scene.textures.color import Colour, as_colour
@@ -53,7 +53,7 @@ class SunLight:
     SunLight(direction=[0.0, -0.6, -0.8], irradiance=3.0)
     """
 
-    direction: NDArray[np.float64]
+    direction: Floats
     irradiance: Colour = 1.0
     angular_radius: float = SUN_RADIUS
 
@@ -133,7 +133,7 @@ class SunLight:
         red, green, blue = self.irradiance
         return red / projected, green / projected, blue / projected
 
-    def moved(self, matrix: NDArray[np.float64], scale: float) -> SunLight:
+    def moved(self, matrix: Floats, scale: float) -> SunLight:
         """The light turned by a (4, 4) similarity; its irradiance stays."""
         return dataclasses.replace(self, direction=matrix[:3, :3] @ self.direction)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic.core.values import Floats
 from plenoptic.scene.compile import SceneRecord
 from plenoptic.scene.geometry.accel import Intersector
 from plenoptic.scene.geometry.record import Hits, PathKeys
@@ -17,12 +18,7 @@ NESTED = 4
 
 
 def pass_through(
-    scene: SceneRecord,
-    intersector: Intersector,
-    rays: NDArray[np.float64],
-    hits: Hits,
-    keys: PathKeys | None = None,
-    salt: int = 0,
+    scene: SceneRecord, intersector: Intersector, rays: Floats, hits: Hits, keys: PathKeys | None = None, salt: int = 0
 ) -> None:
     """Move rays on until what they meet is there for their path, and say how far they have come by that.
 
@@ -40,11 +36,7 @@ def pass_through(
 
 
 def thin_out(
-    scene: SceneRecord,
-    intersector: Intersector,
-    rays: NDArray[np.float64],
-    blocked: NDArray[np.uint8],
-    shadow_radiance: NDArray[np.float64],
+    scene: SceneRecord, intersector: Intersector, rays: Floats, blocked: NDArray[np.uint8], shadow_radiance: Floats
 ) -> None:
     """Follow shadow rays to their ends: mark those that are blocked and weaken those that are not."""
     from plenoptic.scene.materials.kernels import alpha
@@ -59,7 +51,7 @@ def thin_out(
         _meet_again(intersector, hits, rays, which)
 
 
-def media_at(scene: SceneRecord, intersector: Intersector, point: NDArray[np.float64]) -> NDArray[np.int32]:
+def media_at(scene: SceneRecord, intersector: Intersector, point: Floats) -> NDArray[np.int32]:
     """(NESTED,): materials of the bodies of glass that a point is in, the outermost first; -1 behind the last.
 
     Those are the bodies that a ray from there leaves without having entered them.
@@ -102,7 +94,7 @@ def no_hits(scene: SceneRecord, n: int) -> Hits:
     return Hits(np.full(n, -1, dtype=np.int32), instance, travelled)
 
 
-def _meet_again(intersector: Intersector, hits: Hits, rays: NDArray[np.float64], which: NDArray[np.int64]) -> None:
+def _meet_again(intersector: Intersector, hits: Hits, rays: Floats, which: NDArray[np.int64]) -> None:
     """Find what some of the rays meet from where they are now."""
     if not len(which):
         return

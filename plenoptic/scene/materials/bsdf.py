@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from plenoptic.core.values import frozen_array
+from plenoptic.core.values import Floats, frozen_array
 from plenoptic.errors import InvalidValueError, SceneError
 from plenoptic.scene.materials.compile import bsdf_record
 from plenoptic.scene.materials.diffuse import Lambertian
@@ -28,10 +28,10 @@ class Scattered(NamedTuple):
     See `evaluate`.
     """
 
-    value: NDArray[np.float64]
+    value: Floats
     """(n, C), 1/sr: reflected or transmitted radiance per radiance from the light's direction and solid angle, the
     cosine at the surface included."""
-    density: NDArray[np.float64]
+    density: Floats
     """(n,), 1/sr: with which `draw` draws the light's direction; 0 for mirrors, whose direction is no solid angle."""
 
 
@@ -46,11 +46,11 @@ class Drawn(NamedTuple):
     See `draw`.
     """
 
-    to_light: NDArray[np.float64]
+    to_light: Floats
     """(n, 3), unit length."""
-    weight: NDArray[np.float64]
+    weight: Floats
     """(n, C): value over density; 0 where the path ends."""
-    density: NDArray[np.float64]
+    density: Floats
     """(n,), 1/sr; inf where there is only one direction to choose, or two."""
 
 
@@ -144,7 +144,7 @@ def draw(material: Material, to_viewer: ArrayLike, points: ArrayLike, *, front: 
     return drawn
 
 
-def _directions(directions: ArrayLike, name: str) -> NDArray[np.float64]:
+def _directions(directions: ArrayLike, name: str) -> Floats:
     given = frozen_array(directions, name=name, shape=(3,) if np.ndim(directions) == 1 else (None, 3))
     rows = np.atleast_2d(given)
     length = np.linalg.norm(rows, axis=1, keepdims=True)
@@ -154,7 +154,7 @@ def _directions(directions: ArrayLike, name: str) -> NDArray[np.float64]:
     return np.where(np.abs(length - 1) > 1e-15, rows / length, rows)
 
 
-def _check_side(viewers: NDArray[np.float64]) -> None:
+def _check_side(viewers: Floats) -> None:
     if not np.all(viewers[:, 2] > 0):
         raise InvalidValueError("to_viewer has directions with z of 0 or less; z must point to the viewer's side")
 

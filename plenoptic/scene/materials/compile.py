@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic.core.values import Floats
 from plenoptic.scene.materials.record import (
     CONDUCTOR,
     DIELECTRIC,
@@ -59,7 +60,7 @@ def alpha_record(rows: Sequence[MaterialRow], texture: TextureColumn | None) -> 
     return Alpha(opacity, _fixed(cutoff), texture)
 
 
-def color_rows(colors: Sequence[Colour], channels: int) -> NDArray[np.float64]:
+def color_rows(colors: Sequence[Colour], channels: int) -> Floats:
     """(n, C): grey scenes keep the one value that all channels share."""
     rows = np.array([np.broadcast_to(c, 3) for c in colors], dtype=np.float64).reshape(-1, 3)
     return rows[:, :channels].copy()
@@ -69,14 +70,14 @@ def _plain(color: Colour | Texture) -> Colour:
     return 1.0 if isinstance(color, Texture) else color
 
 
-def _shares(shares: Sequence[float | Texture | None]) -> NDArray[np.float64] | None:
+def _shares(shares: Sequence[float | Texture | None]) -> Floats | None:
     """(materials,): 0 where a texture gives the number, or a material has none; None where all have none."""
     if all(share is None for share in shares):
         return None
     return _fixed(np.array([share if isinstance(share, float) else 0.0 for share in shares]))
 
 
-def _extra_shares(rows: Sequence[MaterialRow]) -> NDArray[np.float64] | None:
+def _extra_shares(rows: Sequence[MaterialRow]) -> Floats | None:
     columns = [_shares([getattr(row, name) for row in rows]) for name in EXTRA_SHARES]
     there = [np.zeros(len(rows)) if column is None else column for column in columns]
     return None if all(column is None for column in columns) else _fixed(np.stack(there, axis=1))

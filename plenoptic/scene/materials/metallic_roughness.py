@@ -7,9 +7,8 @@ from collections.abc import Mapping
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-from plenoptic.core.values import flag, read_only, set_field, value
+from plenoptic.core.values import Floats, flag, read_only, set_field, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.scene.materials.record import COUPLING_COSINES, MaterialRow
 from plenoptic.scene.textures.color import Colour, as_fraction, as_share, as_textured
@@ -119,7 +118,7 @@ class MetallicRoughness:
 
 
 @cache
-def coated_tables() -> Mapping[str, NDArray[np.float64]]:
+def coated_tables() -> Mapping[str, Floats]:
     """Those of the layer, with a column more for each roughness of a coat: means of what passes both.
 
     Products of what is linear between nodes of the root of the cosine, r, times 4 r^3 dr: three points are exact.
@@ -135,7 +134,7 @@ def coated_tables() -> Mapping[str, NDArray[np.float64]]:
 
 
 @cache
-def layer_tables() -> Mapping[str, NDArray[np.float64]]:
+def layer_tables() -> Mapping[str, Floats]:
     """What passes the layer of a METALLIC_ROUGHNESS material of reflectance 0.04, with its means in a column behind.
 
     The layer's directional albedo is the mean of F G2 / G1 over normals drawn by visibility, here at the midpoints of
@@ -158,13 +157,7 @@ def layer_tables() -> Mapping[str, NDArray[np.float64]]:
     return {"coupling": read_only(np.column_stack([passed, mean]))}
 
 
-def _layer_albedo(
-    alpha: NDArray[np.float64],
-    x: NDArray[np.float64],
-    z: NDArray[np.float64],
-    u: NDArray[np.float64],
-    v: NDArray[np.float64],
-) -> NDArray[np.float64]:
+def _layer_albedo(alpha: Floats, x: Floats, z: Floats, u: Floats, v: Floats) -> Floats:
     """(cosines,): directional albedo of one roughness."""
     length = np.hypot(alpha * x, z)
     sx, sz = alpha * x / length, z / length

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic.core.values import Floats
 from plenoptic.scene.textures.color import Colour, is_grey
 from plenoptic.scene.textures.record import TextureColumn
 from plenoptic.scene.textures.texture import Texture
@@ -73,7 +74,7 @@ class MaterialRow(NamedTuple):
     clearcoat_roughness: float | Texture | None = None
     specular: bool = False
     """Whether each direction is scattered into one or two others only: mirrors, polished glass, panes."""
-    tables: Callable[[], Mapping[str, NDArray[np.float64]]] = dict
+    tables: Callable[[], Mapping[str, Floats]] = dict
     """Makes what its kind reads besides: members of `Bsdf`."""
 
     @property
@@ -104,22 +105,22 @@ class Bsdf(NamedTuple):
     """(nm,): 1 for materials that reflect."""
     takes_light: NDArray[np.uint8]
     """(nm,): 1 for those that scatter light drawn directly; not mirrors and polished glass."""
-    base_color: NDArray[np.float64]
+    base_color: Floats
     """(nm, C), in [0, 1]: base colours; 1 where a texture gives it."""
     kind: NDArray[np.int64] | None
     """(nm,): what they are. None where all are Lambertian or black."""
-    metal_index: NDArray[np.float64] | None
+    metal_index: Floats | None
     """(nm, C, 2): n and k; 0 where the reflectance is constant. None where there is no metal."""
-    glass_index: NDArray[np.float64] | None
+    glass_index: Floats | None
     """(nm, 2): index behind the front and before it; 0 for what is no body. None where there is none."""
-    pane_index: NDArray[np.float64] | None
+    pane_index: Floats | None
     """(nm,). None where there is no pane."""
-    roughness: NDArray[np.float64] | None = None
+    roughness: Floats | None = None
     """(nm,), as all SHARES; 0 where a texture gives it or a material has none. None where all materials have none."""
-    metallic: NDArray[np.float64] | None = None
-    extra_shares: NDArray[np.float64] | None = None
+    metallic: Floats | None = None
+    extra_shares: Floats | None = None
     """(nm, EXTRA_SHARES). None where no material has any."""
-    coupling: NDArray[np.float64] | None = None
+    coupling: Floats | None = None
     """What passes the layer of MetallicRoughness: rows at equal steps of the root of the roughness, COUPLING_COSINES
     columns at those of the cosine; then a column with means over the cosine-weighted hemisphere. Where there are clear
     coats, a column more for each row, with the means of what passes both layers. None where none is MetallicRoughness.
@@ -129,11 +130,11 @@ class Bsdf(NamedTuple):
 class Emission(NamedTuple):
     """What nm materials emit."""
 
-    radiance: NDArray[np.float64]
+    radiance: Floats
     """(nm, C): emitted radiance, of textures their mean."""
     two_sided: NDArray[np.uint8]
     """(nm,): 1 where both sides emit."""
-    pdf: NDArray[np.float64] | None
+    pdf: Floats | None
     """(nm,), 1/mm^2: probability per area with which triangles are drawn as lights. None where none is drawn."""
     texture: TextureColumn | None
     """None where no texture emits."""
@@ -142,9 +143,9 @@ class Emission(NamedTuple):
 class Alpha(NamedTuple):
     """For which paths surfaces of nm materials are there."""
 
-    opacity: NDArray[np.float64]
+    opacity: Floats
     """(nm,): fraction of the paths; 0 where a texture gives it."""
-    cutoff: NDArray[np.float64]
+    cutoff: Floats
     """(nm,): opacity from which on the surface is there for all paths, and for none below; -1 where there is none."""
     texture: TextureColumn | None
     """None where no texture gives an opacity."""
@@ -160,7 +161,7 @@ class Surface(NamedTuple):
     eta: float | None
     """Index behind the surface over that on the viewer's side; 0 for what is no body."""
     pane_index: float | None
-    extra: NDArray[np.float64] | None
+    extra: Floats | None
     """(EXTRA_SHARES,)."""
     material: int
     wave: int

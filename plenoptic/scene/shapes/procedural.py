@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import finite, frozen_array, positive, whole
+from plenoptic.core.values import Floats, finite, frozen_array, positive, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.scene.geometry.mesh import Mesh
 from plenoptic.scene.lights.quad import QuadLight
@@ -71,7 +71,7 @@ def box(size: ArrayLike, *, center: ArrayLike = (0.0, 0.0, 0.0), material: Mater
     """
     edges = np.array([positive(edge, "size of the box", "mm") for edge in _edge_lengths(size)])
     middle = frozen_array(center, name="center", shape=(3,))
-    corners: list[NDArray[np.float64]] = []
+    corners: list[Floats] = []
     faces: list[list[int]] = []
     uv: list[list[float]] = []
     for axis in range(3):
@@ -230,9 +230,7 @@ def checkerboard(
     )
 
 
-def _squares_below(
-    number: NDArray[np.int64], places: NDArray[np.float64], start: float, square: float
-) -> NDArray[np.int64]:
+def _squares_below(number: NDArray[np.int64], places: Floats, start: float, square: float) -> NDArray[np.int64]:
     """Number of the square above each line but the last."""
     middle = 0.5 * (places[:-1] + places[1:])
     return np.floor((middle - start) / square).astype(np.int64)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.color.srgb import Encoding
-from plenoptic.core.values import choice, set_field, value
+from plenoptic.core.values import Floats, choice, set_field, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.scene.textures.texels import as_texels, check_size, equal_channels
 
@@ -290,5 +290,5 @@ def _halved_rows(texels: NDArray[np.floating[Any]]) -> NDArray[np.floating[Any]]
     if rows % 2 == 0:
         return 0.5 * first.astype(np.float64) + 0.5 * second
     k = np.arange(m, dtype=np.float64)[:, None, None]
-    inside: NDArray[np.float64] = (m - k) * first + m * second.astype(np.float64) + (k + 1) * texels[2::2]
+    inside: Floats = (m - k) * first + m * second.astype(np.float64) + (k + 1) * texels[2::2]
     return inside / rows

@@ -6,9 +6,9 @@ import dataclasses
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.elements import Element
 from plenoptic.optics.lens.models import LensModel
@@ -61,12 +61,12 @@ def without_imperfections(camera: PlenopticCamera) -> PlenopticCamera:
     return with_array(camera, imperfections=None)
 
 
-def _turned(placement: Placement | None, rotation: NDArray[np.float64] | None) -> Placement:
+def _turned(placement: Placement | None, rotation: Floats | None) -> Placement:
     shift = np.zeros(3) if placement is None else np.asarray(placement.shift)
     return Placement(shift=shift, rotation=np.eye(3) if rotation is None else rotation)
 
 
-def _rotation(placement: Placement | None) -> NDArray[np.float64] | None:
+def _rotation(placement: Placement | None) -> Floats | None:
     return None if placement is None else np.asarray(placement.rotation)
 
 

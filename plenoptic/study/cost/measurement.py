@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.camera.checks import sensor_region
-from plenoptic.core.values import whole
+from plenoptic.core.values import Floats, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.plan.stages import Plan, Subject
 from plenoptic.study.cost.ablation import Ablation, Inseparable, ablations
@@ -145,7 +145,7 @@ class Picture:
         self._squares = self._squares + off * (seen - self.mean)
 
     @property
-    def variance(self) -> NDArray[np.float64]:
+    def variance(self) -> Floats:
         """Of the mean."""
         return np.asarray(self._squares / (self.count * (self.count - 1)))
 
@@ -153,13 +153,13 @@ class Picture:
 class _Times(NamedTuple):
     """CPU seconds of n comparisons, and what they show."""
 
-    whole: NDArray[np.float64]
+    whole: Floats
     """(n, rounds + 1)."""
-    without: NDArray[np.float64]
+    without: Floats
     """(n, rounds)."""
-    set_up: NDArray[np.float64]
+    set_up: Floats
     """(n, 2, _SET_UPS or less): of the whole, and without the part."""
-    paths: NDArray[np.float64]
+    paths: Floats
     """(n + 1,): of the whole, and without each part."""
     pictures: list[Picture]
 
@@ -203,7 +203,7 @@ def _turns(subject: Subject, out: list[Ablation], run: _Run, rounds: int, progre
     return times
 
 
-def _per_path(took: _Times, k: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _per_path(took: _Times, k: int) -> tuple[Floats, Floats]:
     """CPU seconds per path beyond set-up, (rounds + 1,) of the whole and (rounds,) without part k.
 
     nan where a render took no longer than set-up: too short to tell.
@@ -231,7 +231,7 @@ def _row(one: Ablation, k: int, took: _Times) -> CostRow:
     )
 
 
-def share_of(without: NDArray[np.float64], beside: NDArray[np.float64]) -> tuple[float, float | None]:
+def share_of(without: Floats, beside: Floats) -> tuple[float, float | None]:
     """Median over the rounds of the per cent of the whole that a part takes, and its standard error.
 
     Parameters

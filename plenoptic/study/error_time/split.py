@@ -13,11 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.core.relative_error import brightness, lit_pixels
-from plenoptic.core.values import value
+from plenoptic.core.values import Floats, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.exposure import Exposure
-
-Floats = NDArray[np.float64]
 
 SIGNIFICANT = 3.0
 """Standard errors from which on a bias counts as found."""

@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Mapping
 
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.core.values import choice, positive, set_field, value, whole, wrong_kind
+from plenoptic.core.values import check_kind, choice, positive, set_field, value, whole, wrong_kind
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.microlens.models import MicrolensModel
@@ -198,6 +198,5 @@ def checked_variants(variants: Mapping[str, Variant]) -> dict[str, Variant]:
             raise InvalidValueError(
                 f"the name of a variant is {name!r}; it must be a text without bars and line breaks"
             )
-        if not isinstance(variant, Variant):
-            raise wrong_kind(variant, f"variants[{name!r}]", "Variant", "Variant(replicates=1)")
+        check_kind(variant, f"variants[{name!r}]", Variant, "Variant(replicates=1)")
     return dict(variants)

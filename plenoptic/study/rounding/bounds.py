@@ -9,9 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from plenoptic.core.rays import RayBundle, RayStatus
+from plenoptic.core.values import Floats
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.surfaces.surface import Surface
-from plenoptic.study.rounding.exact_asphere import Floats, Vector
+from plenoptic.study.rounding.exact_asphere import Vector
 from plenoptic.study.rounding.reference import Crossing, ExactRay, mpmath_context, normal_at, refracted
 
 EPS = float(np.finfo(np.float64).eps)

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from plenoptic.core.values import Floats
 from plenoptic.optics.surfaces.surface import Surface
 
 _SCAN = 2048
@@ -27,8 +27,6 @@ Number: TypeAlias = Any
 """An mpmath.mpf; mpmath has no types."""
 
 Vector: TypeAlias = list[Number]
-
-Floats: TypeAlias = NDArray[np.float64]
 
 
 def dot(a: Vector, b: Vector) -> Number:

@@ -5,13 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from plenoptic.core.rays import RayBundle
+from plenoptic.core.values import Floats
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.surfaces.surface import Surface
-
-Floats = NDArray[np.float64]
 
 
 def points_on(surface: Surface, rng: np.random.Generator, n: int, size: float | None = None) -> tuple[Floats, Floats]:

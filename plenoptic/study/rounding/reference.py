@@ -12,12 +12,13 @@ import math
 from typing import Any, NamedTuple
 
 from plenoptic.core.rays import RayBundle, RayStatus
+from plenoptic.core.values import Floats
 from plenoptic.errors import PlenopticError, PrescriptionError
 from plenoptic.optics.lens.elements import Element, is_centred
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.stops.circle import CircularStop
 from plenoptic.optics.surfaces.surface import Surface
-from plenoptic.study.rounding.exact_asphere import Floats, Number, Vector, along_ray, dot, exact_sag, first_crossing
+from plenoptic.study.rounding.exact_asphere import Number, Vector, along_ray, dot, exact_sag, first_crossing
 
 DIGITS = 50
 """Decimal digits, unless told otherwise: float64 has 16, an origin 1e9 mm from a radius of 1e-3 mm takes 24 more."""

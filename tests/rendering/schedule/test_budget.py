@@ -1,4 +1,4 @@
-"""What ends a rendering: samples, time, error, an interruption. None of them may bias the image."""
+"""What ends a render: samples, time, error, an interruption. None of them may bias the image."""
 
 import dataclasses
 import math

@@ -139,7 +139,7 @@ def test_every_flipped_bit_is_refused(state):
         for bit in range(8):
             changed = bytearray(whole)
             changed[place] ^= 1 << bit
-            # Saving looks at the header only; a rendering has loaded the file before.
+            # Saving looks at the header only; a render has loaded the file before.
             refused(state, bytes(changed), save=bit == place % 8 and place < end_of_header)
 
 

@@ -1,4 +1,4 @@
-"""Identities: what tells one rendering from another, the same in every process."""
+"""Identities: what tells one render from another, the same in every process."""
 
 import dataclasses
 import json

@@ -1,4 +1,4 @@
-"""When a rendering ends: steps, decisions by the other colour, and what interruptions leave."""
+"""When a render ends: steps, decisions by the other colour, and what interruptions leave."""
 
 import itertools
 import math

@@ -1,4 +1,4 @@
-"""A rendering that ends before its time goes on from its checkpoint, and gives the bits of one that never ended."""
+"""A render that ends before its time goes on from its checkpoint, and gives the bits of one that never ended."""
 
 import dataclasses
 import functools
@@ -214,7 +214,7 @@ def other_camera(which):
 
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory):
-    """The file of a rendering with 8 samples."""
+    """The file of a render with 8 samples."""
     path = tmp_path_factory.mktemp("finished") / "state"
     render(samples=8, checkpoint=path)
     return path.read_bytes()

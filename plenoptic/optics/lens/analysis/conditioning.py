@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.core.rays import RayBundle, RayStatus
-from plenoptic.core.values import Floats, frozen_array, set_field, value, whole, wrong_kind
+from plenoptic.core.values import Floats, check_kind, frozen_array, set_field, value, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.analysis.conditioning_rows import (
     Notes,
@@ -246,10 +246,8 @@ def conditioning(lens: LensStack, rays: RayBundle, *, reverse: bool = False) -> 
     >>> found.worst.element, found.worst.condition.name
     (0, 'CANCELLATION')
     """
-    if not isinstance(lens, LensStack):
-        raise wrong_kind(lens, "lens", "LensStack", 'pl.load_lens("double-gauss-100mm-f2")')
-    if not isinstance(rays, RayBundle):
-        raise wrong_kind(rays, "rays", "RayBundle", "pl.RayBundle([[0, 0, -100]], [[0, 0, 1]])")
+    check_kind(lens, "lens", LensStack, 'pl.load_lens("double-gauss-100mm-f2")')
+    check_kind(rays, "rays", RayBundle, "pl.RayBundle([[0, 0, -100]], [[0, 0, 1]])")
     return conditioning_of(noted(lens_record(lens, rays.wavelength, reverse=reverse), blocks_of(rays), len(rays)))
 
 

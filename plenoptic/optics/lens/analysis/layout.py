@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from plenoptic.core.rays import RayBundle
-from plenoptic.core.values import Floats, whole, wrong_kind
+from plenoptic.core.values import Floats, check_kind, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.analysis.fields import checked_fields, field_curvature
 from plenoptic.optics.lens.analysis.illumination import largest_field
@@ -127,8 +127,7 @@ def layout(
     """Draw a lens with a fan of real rays for each of some fields, true to scale; see `LensStack.layout`."""
     from plenoptic.plots.layout import plot_layout
 
-    if not isinstance(lens, LensStack):
-        raise wrong_kind(lens, "lens", "LensStack", "camera.lens")
+    check_kind(lens, "lens", LensStack, "camera.lens")
     place = _usual_object(lens, wavelength) if z_object is None else z_object
     parallel = place == -math.inf
     chosen = layout_fields(lens, z_object=place, wavelength=wavelength) if fields is None else fields

@@ -8,9 +8,9 @@ from collections.abc import Iterator
 from itertools import combinations, pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from plenoptic.core.values import positive, wrong_kind
+from plenoptic.core.values import Floats, check_kind, positive
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.glass.catalogue import glass
 from plenoptic.optics.glass.media import C_LINE, D_LINE, F_LINE, Medium
@@ -63,8 +63,7 @@ def findings(lens: LensStack, wavelength: float = 587.6) -> tuple[Finding, ...]:
     >>> findings(pl.load_lens("double-gauss-100mm-f2"))
     ()
     """
-    if not isinstance(lens, LensStack):
-        raise wrong_kind(lens, "lens", "LensStack", 'pl.load_lens("double-gauss-100mm-f2")')
+    check_kind(lens, "lens", LensStack, 'pl.load_lens("double-gauss-100mm-f2")')
     wave = positive(wavelength, "wavelength", "nm")
     lens.indices(wave)
     with np.errstate(all="ignore"):  # of numbers near the largest and smallest there are
@@ -86,7 +85,7 @@ def _surfaces(lens: LensStack) -> list[tuple[int, Surface]]:
     return [(i, element) for i, element in enumerate(lens.elements) if isinstance(element, Surface)]
 
 
-def _sag_around(surface: Surface, r: ArrayLike) -> NDArray[np.float64]:
+def _sag_around(surface: Surface, r: ArrayLike) -> Floats:
     """Sag at distances from the axis, (azimuths, n); one azimuth stands for all of a surface of revolution."""
     r = np.atleast_1d(r)
     if surface.departure is None:
@@ -94,7 +93,7 @@ def _sag_around(surface: Surface, r: ArrayLike) -> NDArray[np.float64]:
     return surface.sag(np.outer(np.cos(_AZIMUTHS), r), np.outer(np.sin(_AZIMUTHS), r))
 
 
-def _rim_depth(surface: Surface) -> NDArray[np.float64]:
+def _rim_depth(surface: Surface) -> Floats:
     """Axial position of the rim relative to the vertex, (azimuths,)."""
     if surface.depth is not None:
         return np.array([math.copysign(surface.depth, surface.radius)])
@@ -169,7 +168,7 @@ def _collisions(lens: LensStack) -> Iterator[Finding]:
             )
 
 
-def _sag_at(surface: Surface, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+def _sag_at(surface: Surface, x: Floats, y: Floats) -> Floats:
     """Sag at points; beyond the semi-diameter that at the rim."""
     r = np.hypot(x, y)
     within = np.minimum(r, surface.semi_diameter)
@@ -179,7 +178,7 @@ def _sag_at(surface: Surface, x: NDArray[np.float64], y: NDArray[np.float64]) ->
     return dataclasses.replace(surface, departure=None).sag(within) + surface.departure.sag(scale * x, scale * y)
 
 
-def _points_on(element: Element) -> NDArray[np.float64]:
+def _points_on(element: Element) -> Floats:
     """Points (n, 3) on a surface or on the plane of a stop, in the lens's axes, from the element's place."""
     across = np.linspace(-1.0, 1.0, 41) * element.semi_diameter
     x, y = (g.ravel() for g in np.meshgrid(across, across))
@@ -192,7 +191,7 @@ def _points_on(element: Element) -> NDArray[np.float64]:
     return points
 
 
-def _axes_of(element: Element, points: NDArray[np.float64], z: float) -> NDArray[np.float64]:
+def _axes_of(element: Element, points: Floats, z: float) -> Floats:
     """Points of the lens frame in the axes of an element whose place is z."""
     local = points - [0.0, 0.0, z]
     if element.placement is not None:

@@ -7,9 +7,9 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from plenoptic.core.rays import RayBundle, RayStatus
+from plenoptic.core.values import Floats
 from plenoptic.optics.lens.checks.finding import Finding, FindingKind
 from plenoptic.optics.lens.elements import Element
 from plenoptic.optics.lens.files.infer_stop import basis_rays
@@ -181,9 +181,7 @@ def _iris_is_outside(lens: LensStack) -> bool:
     return not (any(in_front) and any(behind))
 
 
-def _fan(
-    lens: LensStack, angle: NDArray[np.float64], wavelength: float, *, reverse: bool, height: float = 0.0
-) -> RayBundle:
+def _fan(lens: LensStack, angle: Floats, wavelength: float, *, reverse: bool, height: float = 0.0) -> RayBundle:
     """Rays through a point of the iris, at angles from the axis towards +y."""
     placement = lens.stop.placement
     point = np.array([0.0, height, 0.0])

@@ -7,8 +7,8 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from plenoptic.core.values import Floats
 from plenoptic.optics.glass.media import AIR, D_LINE, Medium
 from plenoptic.optics.lens.elements import Element
 from plenoptic.optics.stops.circle import CircularStop
@@ -17,7 +17,7 @@ from plenoptic.optics.surfaces.surface import Surface
 
 def basis_rays(
     elements: Sequence[Element], *, ambient: Medium = AIR, wavelength: float = D_LINE
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[Floats, Floats]:
     """Heights at all elements of two paraxial rays, and how they leave.
 
     Parameters

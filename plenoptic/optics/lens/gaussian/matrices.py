@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from plenoptic.core.values import Floats, number, wrong_kind
+from plenoptic.core.values import Floats, check_kind, number
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.surfaces.surface import Surface
@@ -50,8 +50,7 @@ def element_curvature(lens: LensStack, i: int) -> float:
 
 def end_surfaces(lens: LensStack) -> tuple[int, int]:
     """Indices of the first and the last surface, or an error for what is no lens."""
-    if not isinstance(lens, LensStack):
-        raise wrong_kind(lens, "lens", "LensStack", "camera.lens")
+    check_kind(lens, "lens", LensStack, "camera.lens")
     surfaces = [i for i, element in enumerate(lens.elements) if isinstance(element, Surface)]
     return surfaces[0], surfaces[-1]
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.sampling import sobol_points
-from plenoptic.core.values import Floats, finite, number, wavelength_in_nm, whole, wrong_kind
+from plenoptic.core.values import Floats, check_kind, finite, number, wavelength_in_nm, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.stack import LensStack
@@ -77,8 +77,7 @@ class _Launch(NamedTuple):
 
 def checked_point(lens: LensStack, field: Sequence[float], z_object: float) -> tuple[tuple[float, float], float]:
     """Field and object distance of one object point as floats, or an error."""
-    if not isinstance(lens, LensStack):
-        raise wrong_kind(lens, "lens", "LensStack", "camera.lens")
+    check_kind(lens, "lens", LensStack, "camera.lens")
     try:
         x, y = (0.0, field) if np.ndim(field) == 0 else field  # type: ignore[misc]
     except (TypeError, ValueError):

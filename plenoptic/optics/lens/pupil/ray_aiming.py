@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.rays import RayBundle, RayStatus
-from plenoptic.core.values import Floats, finite, frozen_array, number, wrong_kind
+from plenoptic.core.values import Floats, check_kind, finite, frozen_array, number
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points, magnification
 from plenoptic.optics.lens.models import LensModel
@@ -151,8 +151,7 @@ def _aim(lens: LensStack, pair: Floats, z: float, *, scene: bool) -> Floats:
 
 
 def _aimed(lens: LensStack, pair: Floats, z: float, pupil: ArrayLike, wavelength: float, *, scene: bool) -> RayBundle:
-    if not isinstance(lens, LensStack):
-        raise wrong_kind(lens, "lens", "LensStack", "camera.lens")
+    check_kind(lens, "lens", LensStack, "camera.lens")
     points, aim = _checked_pupil(pupil), _aim(lens, pair, z, scene=scene)
     if lens.model is not LensModel.EXACT:
         return _ideal_rays(lens, finite(wavelength, "wavelength"), points, aim, scene=scene)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic.core.values import Floats
 from plenoptic.scene.files.file_materials import colour_of
 from plenoptic.scene.files.gltf.file import GltfFile
 from plenoptic.scene.files.gltf.materials import WHITE, gltf_material
@@ -32,7 +33,7 @@ def gltf_meshes(
 
     A material replaces those of the file; `default_name` is for meshes that have none.
     """
-    places: dict[int, list[NDArray[np.float64]]] = {}
+    places: dict[int, list[Floats]] = {}
     for node in nodes:
         if "mesh" in node.described:
             _warn_of_poses(node.described)
@@ -87,7 +88,7 @@ class _MeshReader:
             normals, uv = (None if array is None else array[used] for array in (normals, uv))
         return Mesh(vertices, faces, material, normals, None if uv is None else placement.uv(uv), name)
 
-    def _array(self, attributes: Mapping[str, Any], name: str) -> NDArray[np.float64] | None:
+    def _array(self, attributes: Mapping[str, Any], name: str) -> Floats | None:
         return np.asarray(self._file.array(attributes[name]), dtype=np.float64) if name in attributes else None
 
     def _indices(self, primitive: Mapping[str, Any], count: int) -> NDArray[np.int32]:

@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from plenoptic.core.values import Floats
 from plenoptic.errors import FileError
 from plenoptic.scene.files.gltf.file import GltfFile
 
@@ -16,7 +16,7 @@ class PlacedNode(NamedTuple):
     """A node of the tree and its frame: `matrix` (4, 4) takes its own coordinates to the world, in the file's unit."""
 
     described: Mapping[str, Any]
-    matrix: NDArray[np.float64]
+    matrix: Floats
 
 
 def placed_nodes(file: GltfFile) -> Iterator[PlacedNode]:
@@ -46,7 +46,7 @@ def _roots(file: GltfFile) -> list[int]:
     return [number for number in range(len(nodes)) if number not in below]
 
 
-def _local(node: Mapping[str, Any]) -> NDArray[np.float64]:
+def _local(node: Mapping[str, Any]) -> Floats:
     """The frame of a node in that of its parent: a matrix by columns, or translation, rotation and scale."""
     if "matrix" in node:
         return np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
@@ -55,9 +55,7 @@ def _local(node: Mapping[str, Any]) -> NDArray[np.float64]:
     return np.asarray(matrices[0])
 
 
-def composed(
-    translations: NDArray[np.float64], rotations: NDArray[np.float64], scales: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def composed(translations: Floats, rotations: Floats, scales: Floats) -> Floats:
     """(n, 4, 4) matrices of (n, 3) translations, (n, 4) quaternions (x, y, z, w) and (n, 3) scales.
 
     Examples
@@ -83,7 +81,7 @@ def composed(
     return matrices
 
 
-def copies(node: PlacedNode, file: GltfFile) -> NDArray[np.float64]:
+def copies(node: PlacedNode, file: GltfFile) -> Floats:
     """(n, 4, 4): where the mesh of a node stands; n is 1 but for EXT_mesh_gpu_instancing."""
     described = node.described.get("extensions", {}).get("EXT_mesh_gpu_instancing")
     if described is None:

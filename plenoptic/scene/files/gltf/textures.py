@@ -8,9 +8,9 @@ from io import BytesIO
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from plenoptic.core.color.srgb import Encoding
+from plenoptic.core.values import Floats
 from plenoptic.errors import FileError
 from plenoptic.scene.files.file_materials import REPLACE, colour_of, number_or_texture, times
 from plenoptic.scene.files.gltf.file import GltfFile
@@ -46,7 +46,7 @@ class TexturePlacement(NamedTuple):
     rotation: float = 0.0
     scale: tuple[float, float] = (1.0, 1.0)
 
-    def uv(self, given: NDArray[np.float64]) -> NDArray[np.float64]:
+    def uv(self, given: Floats) -> Floats:
         """(n, 2) texture coordinates of a mesh, v up, of those in its file, v down.
 
         Scaled, turned, then shifted. The matrix in the text of the extension turns the other way than its words and its

@@ -18,6 +18,7 @@ from numba import types
 from numpy.typing import NDArray
 
 from plenoptic.core.jit import device, kernel
+from plenoptic.core.values import Floats
 from plenoptic.scene.geometry.compile import ChildMesh, child_meshes, part_of
 from plenoptic.scene.geometry.kernels.intersect import SHADOW_END
 from plenoptic.scene.geometry.record import Geometry, Hits, InstanceRecord
@@ -134,13 +135,13 @@ class EmbreeTriangles:
         self._coherent = _Arguments(flags=_COHERENT, feature_mask=_ALL_FEATURES)
         self._incoherent = _Arguments(flags=0, feature_mask=_ALL_FEATURES)
 
-    def fill_closest(self, hits: Hits, rays: NDArray[np.float64], *, coherent: bool) -> None:
+    def fill_closest(self, hits: Hits, rays: Floats, *, coherent: bool) -> None:
         """Triangle that each ray (origin and direction, (n, 6)) meets first, or -1; and its instance, or -1."""
         arguments = self._coherent if coherent else self._incoherent
         address = ctypes.addressof(arguments)
         _fill_closest(hits.triangle, hits.instance, self._first, rays, self._middle, self._scene, address)
 
-    def fill_blocked(self, blocked: NDArray[np.uint8], rays: NDArray[np.float64]) -> None:
+    def fill_blocked(self, blocked: NDArray[np.uint8], rays: Floats) -> None:
         """1 where something lies between a ray's origin and origin + direction, else 0."""
         _fill_blocked(blocked, rays, self._middle, self._scene, ctypes.addressof(self._incoherent))
 
@@ -150,9 +151,7 @@ class EmbreeTriangles:
         _library.rtcSetSceneFlags(scene, _SCENE_ROBUST)
         return scene
 
-    def _triangles(
-        self, vertices: NDArray[np.float64], triangles: NDArray[np.int32], middle: NDArray[np.float64]
-    ) -> int:
+    def _triangles(self, vertices: Floats, triangles: NDArray[np.int32], middle: Floats) -> int:
         """A geometry of triangles, in float32 relative to a point."""
         corners, faces = part_of(vertices, triangles)
         # Embree reads 16 bytes at a time: buffers end with room to spare.

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.core.values import finite, not_negative, positive, whole
+from plenoptic.core.values import Floats, finite, not_negative, positive, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.scene.materials.diffuse import Lambertian
 from plenoptic.scene.materials.registry import Material
@@ -216,7 +216,7 @@ def random_dots(
     return Target([mesh], in_plane(centres[kept]), index[kept], name="random dots")
 
 
-def _lines(cells: int, width: float) -> NDArray[np.float64]:
+def _lines(cells: int, width: float) -> Floats:
     """The cells + 1 lines around cells of a width, centred on 0 and ascending."""
     return (np.arange(cells + 1, dtype=np.float64) - cells / 2) * width
 

@@ -11,10 +11,10 @@ import itertools
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from plenoptic.core.values import Floats
 from plenoptic.scene.geometry.mesh import Mesh
 from plenoptic.scene.materials.registry import Material
 
-Floats = NDArray[np.float64]
 Faces = NDArray[np.int64]
 
 

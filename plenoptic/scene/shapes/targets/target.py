@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import frozen_array, set_field, value
+from plenoptic.core.values import Floats, frozen_array, set_field, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.scene.geometry.mesh import Mesh
 from plenoptic.scene.materials.diffuse import Lambertian
@@ -58,9 +58,9 @@ class Target:
     """
 
     meshes: tuple[Mesh, ...]
-    points: NDArray[np.float64]
+    points: Floats
     index: NDArray[np.int64] | None = None
-    frequencies: NDArray[np.float64] | None = None
+    frequencies: Floats | None = None
     name: str = ""
 
     if TYPE_CHECKING:

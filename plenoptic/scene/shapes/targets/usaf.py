@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
-from numpy.typing import NDArray
 
-from plenoptic.core.values import not_negative, positive, whole
+from plenoptic.core.values import Floats, not_negative, positive, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.scene.materials.registry import Material
 from plenoptic.scene.shapes.targets.checker_layouts import (
@@ -132,7 +131,7 @@ def _groups(groups: Iterable[int]) -> list[int]:
     return numbers
 
 
-def _place(group: int, element: int) -> NDArray[np.float64]:
+def _place(group: int, element: int) -> Floats:
     """Lower left corner of an element in mm, from the point on which groups converge."""
     pair, odd = divmod(group, 2)
     unit = 0.5 * 2.0 ** (-2 * pair)
@@ -150,7 +149,7 @@ _ACROSS_LINES, _UP_LINES = np.array([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 7.0, 12.0]), 
 _IS_BAR = np.array([True, False, True, False, True, False, True, False, True, False, True])
 
 
-def _element(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+def _element(x: Floats, y: Floats) -> Floats:
     """(11, 4): vertical bars and gaps, the gap between the sets, horizontal bars and gaps from below, as rectangles."""
     upright = [(x[k], y[0], x[k + 1], y[5]) for k in range(6)]
     lying = [(x[6], y[k], x[7], y[k + 1]) for k in range(5)]
