@@ -106,7 +106,7 @@ def spots_of(
     def work(task: Task) -> tuple[Task, Crop]:
         return task, _counted(record, task, seed)
 
-    results = run_in_order(work, tasks, threads=min(threads, max(len(tasks), 1)))
+    results = run_in_order(work, tasks, threads=threads)
     for number, of_point in groupby(results, key=lambda pair: pair[0].number):
         replicates = groupby(of_point, key=lambda pair: pair[0].replicate)
         yield number, _spot([_added([crop for _, crop in chunks]) for _, chunks in replicates], each)
@@ -130,7 +130,7 @@ def assembled(
             at = _within(spot.crop, *corner[number])
             image[number][at], error[number][at] = spot.crop.sums, spot.error
     area = camera.sensor.pixel_pitch**2
-    centroid, centroid_error = _centroids(moments)
+    centroid, centroid_error = centroids(moments)
     fates, fractions = _fates(counts, replicates * each)
     known = replicates >= 2
     return CameraSpread(
@@ -149,7 +149,7 @@ def assembled(
     )
 
 
-def _centroids(moments: Floats) -> tuple[Floats, Floats]:
+def centroids(moments: Floats) -> tuple[Floats, Floats]:
     """Centroids (n, 2) from moments (n, replicates, 3), and their errors, by leaving one replicate out at a time."""
     total, count = moments.sum(axis=1), moments.shape[1]
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -161,13 +161,10 @@ def _centroids(moments: Floats) -> tuple[Floats, Floats]:
 def _fates(counts: NDArray[np.int64], rays: int) -> tuple[tuple[tuple[str, int | None], ...], Floats]:
     """Names and elements of what became of rays, and the part of them."""
     shut, beside, arrived = (counts.shape[1] - k for k in (3, 2, 1))
-    names: list[tuple[str, int | None]] = [("landed", None), ("beside_sensor", None)]
-    kept = [arrived, beside]
+    fates: dict[int, tuple[str, int | None]] = {arrived: ("landed", None), beside: ("beside_sensor", None)}
     if counts[:, shut].any():
-        names.append(("beside_opening", None))
-        kept.append(shut)
-    for code in np.flatnonzero(counts[:, 1:shut].any(axis=0)) + 1:
-        element, cause = divmod(int(code), CAUSES)
-        names.append((RayStatus(cause).name.lower(), element - 1 if element else None))
-        kept.append(int(code))
-    return tuple(names), counts[:, kept] / rays
+        fates[shut] = "beside_opening", None
+    for code in (np.flatnonzero(counts[:, 1:shut].any(axis=0)) + 1).tolist():
+        element, cause = divmod(code, CAUSES)
+        fates[code] = RayStatus(cause).name.lower(), element - 1 if element else None
+    return tuple(fates.values()), counts[:, list(fates)] / rays

@@ -13,15 +13,16 @@ etendue; see `optics.microlens.kernels.to_sensor` for their factors. Dust and pi
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.psf.histogram import assembled, spots_of
-from plenoptic.camera.psf.sensor_hits import HIT, Task, in_lens_axes, landed, measuring_record, tasks_of
+from plenoptic.camera.psf.sensor_hits import HIT, in_lens_axes, landed, measuring_record, tasks_of
 from plenoptic.camera.psf.spread import CameraSpread, LandingPoints
 from plenoptic.core.parallel import run_in_order, thread_count
 from plenoptic.core.values import Floats, check_kind, frozen_array, whole
 from plenoptic.errors import InvalidValueError
+from plenoptic.optics.sensor.model import as_seed
 
 
 def point_spread(
@@ -80,7 +81,7 @@ def point_spread(
     given, several = _checked_points(camera, points)
     replicates = whole(replicates, "replicates", at_least=1)
     each = -(-whole(rays, "rays", at_least=1) // replicates)
-    scrambling, workers = _checked_seed(seed), thread_count(threads)
+    scrambling, workers = np.uint64(as_seed(seed, "seed")), thread_count(threads)
     record = measuring_record(camera)
     tasks = tasks_of(record, in_lens_axes(record, given), replicates, each)
     spots = dict(spots_of(record, tasks, each, scrambling, workers))
@@ -123,14 +124,10 @@ def landing_points(
     """
     given, _ = _checked_points(camera, points)
     each = whole(rays, "rays", at_least=1)
-    scrambling, workers = _checked_seed(seed), thread_count(threads)
+    scrambling, workers = np.uint64(as_seed(seed, "seed")), thread_count(threads)
     record = measuring_record(camera)
     tasks = tasks_of(record, in_lens_axes(record, given), 1, each)
-
-    def work(task: Task) -> NDArray[np.void]:
-        return landed(record, task, scrambling).rows
-
-    found = list(run_in_order(work, tasks, threads=min(workers, max(len(tasks), 1))))
+    found = list(run_in_order(lambda task: landed(record, task, scrambling).rows, tasks, threads=workers))
     rows = np.concatenate([np.empty(0, HIT), *found])
     source = np.repeat([task.number for task in tasks], [len(part) for part in found]).astype(np.int64)
     array = camera.microlenses
@@ -140,12 +137,6 @@ def landing_points(
     index = np.column_stack([rows["first"], rows["second"]])
     microlens = index @ array.basis if array.centres is None else array.centres[index[:, 0]]
     return LandingPoints(position, rows["weight"] / each, source, microlens, index)
-
-
-def _checked_seed(seed: int) -> np.uint64:
-    if whole(seed, "seed", at_least=0) >= 1 << 64:
-        raise InvalidValueError(f"seed is {seed}; it must be below 2^64")
-    return np.uint64(seed)
 
 
 def _checked_points(camera: PlenopticCamera, points: ArrayLike) -> tuple[Floats, bool]:
