@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from plenoptic.camera.design.search import CameraDesign, DesignStep, Search
+from plenoptic.camera.design.search import CameraDesign, Search
 from plenoptic.camera.design.wishes import Wishes, check_count, check_wishes, checked_numbers, template_array
 from plenoptic.camera.report.focus import CameraKind
 from plenoptic.camera.report.optics import neighbour_distance
@@ -12,8 +12,6 @@ from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.lattice import Lattice
 from plenoptic.optics.sensor.sensor import Sensor
-
-__all__ = ["CameraDesign", "DesignStep", "design_camera"]
 
 
 def design_camera(  # noqa: PLR0913
@@ -94,10 +92,8 @@ def design_camera(  # noqa: PLR0913
     Examples
     --------
     >>> import plenoptic as pl
-    >>> from plenoptic.camera.design.design import design_camera
-    >>> from plenoptic.camera.report.report import CameraKind
-    >>> design = design_camera(pl.load_lens("double-gauss-100mm-f2"), sensor=pl.Sensor((512, 512), 0.010), z=-404.0,
-    ...     kind=CameraKind.GALILEAN, pitch=0.217, focal_length=2.0, virtual_depth=4.0, image_fill=0.95)
+    >>> design = pl.design_camera(pl.load_lens("double-gauss-100mm-f2"), sensor=pl.Sensor((512, 512), 0.010), z=-404.0,
+    ...     kind=pl.CameraKind.GALILEAN, pitch=0.217, focal_length=2.0, virtual_depth=4.0, image_fill=0.95)
     >>> design.solved_for
     ('semi_diameter', 'stop_to_microlenses', 'microlenses_to_sensor')
     >>> camera = design.camera

@@ -14,6 +14,7 @@ from typing import NamedTuple
 from plenoptic.camera.design.wishes import FIELDS, Numbers, Wishes
 from plenoptic.camera.report.focus import CameraKind
 from plenoptic.errors import InvalidValueError
+from plenoptic.optics.lens.gaussian.matrices import over
 
 
 class Lens(NamedTuple):
@@ -95,10 +96,10 @@ def _rules(wishes: Wishes, lens: Lens) -> list[Rule]:
 def _sharpness(n: Numbers, u: str) -> float:
     """1/b - 1/f = 1/s."""
     if u == "s":
-        return math.inf if n["b"] == n["f"] else n["b"] * n["f"] / (n["f"] - n["b"])
+        return over(n["b"] * n["f"], n["f"] - n["b"])
     if u == "b":
-        return n["f"] * n["s"] / (n["f"] + n["s"]) if n["s"] != -n["f"] else math.inf
-    return n["b"] * n["s"] / (n["s"] - n["b"]) if n["s"] != n["b"] else math.inf
+        return over(n["f"] * n["s"], n["f"] + n["s"])
+    return over(n["b"] * n["s"], n["s"] - n["b"])
 
 
 def _depth(n: Numbers, u: str, sign: float, shift: float) -> float:
@@ -115,8 +116,7 @@ def _fill(n: Numbers, u: str, fill: float, lens: Lens) -> float:
         return fill * n["p"] * (1.0 + n["b"] * lens.vergence) / (2.0 * n["b"] * lens.slope)
     if u == "p":
         return 2.0 * n["b"] * n["h"] * lens.slope / (fill * (1.0 + n["b"] * lens.vergence))
-    below = 2.0 * n["h"] * lens.slope - fill * n["p"] * lens.vergence
-    return fill * n["p"] / below if below != 0 else math.inf
+    return over(fill * n["p"], 2.0 * n["h"] * lens.slope - fill * n["p"] * lens.vergence)
 
 
 def _solved_pair(known: Numbers, rules: list[Rule], wishes: Wishes, lens: Lens) -> bool:

@@ -38,8 +38,8 @@ class CameraFindingKind(enum.IntEnum):
 
     Examples
     --------
-    >>> from plenoptic.camera.report.report import CameraFindingKind
-    >>> CameraFindingKind.DARK_GAPS.name
+    >>> import plenoptic as pl
+    >>> pl.camera.CameraFindingKind.DARK_GAPS.name
     'DARK_GAPS'
     """
 
@@ -83,8 +83,8 @@ class CameraFinding:
 
     Examples
     --------
-    >>> from plenoptic.camera.report.report import CameraFinding, CameraFindingKind
-    >>> print(CameraFinding(CameraFindingKind.DARK_GAPS, "microlens images do not touch"))
+    >>> import plenoptic as pl
+    >>> print(pl.camera.CameraFinding(pl.camera.CameraFindingKind.DARK_GAPS, "microlens images do not touch"))
     microlens images do not touch
     """
 

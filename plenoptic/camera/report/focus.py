@@ -18,6 +18,7 @@ from plenoptic.camera.report.optics import (
 from plenoptic.core.values import value
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.analysis.focus import FocusCriterion, best_focus
+from plenoptic.optics.lens.gaussian.matrices import over
 from plenoptic.optics.lens.models import LensModel
 
 if TYPE_CHECKING:
@@ -36,8 +37,8 @@ class CameraKind(enum.IntEnum):
 
     Examples
     --------
-    >>> from plenoptic.camera.report.report import CameraKind
-    >>> [kind.name for kind in CameraKind]
+    >>> import plenoptic as pl
+    >>> [kind.name for kind in pl.CameraKind]
     ['CONVENTIONAL', 'PLENOPTIC_1', 'KEPLERIAN', 'GALILEAN', 'CAMERA_ARRAY']
     """
 
@@ -183,7 +184,7 @@ def microlens_focus(camera: PlenopticCamera, type_: int, cone: Cone) -> Microlen
         z_far=far,
         z_near=near,
         magnification=m,
-        object_sampling=_over(pixel, abs(m) * onwards),
+        object_sampling=over(pixel, abs(m) * onwards),
         lenses_across=across,
         lenses_seeing=seeing,
         disparity=disparities[0],
@@ -196,13 +197,13 @@ def microlens_focus(camera: PlenopticCamera, type_: int, cone: Cone) -> Microlen
 def footprint(cone: Cone, s: float) -> float:
     """Diameter on the array of the light that converges at s behind it, filling the exit pupil, in mm."""
     if math.isinf(s):
-        return _over(2.0 * cone.slope, abs(cone.vergence))
-    return _over(2.0 * cone.slope * abs(s), abs(1.0 + s * cone.vergence))
+        return over(2.0 * cone.slope, abs(cone.vergence))
+    return over(2.0 * cone.slope * abs(s), abs(1.0 + s * cone.vergence))
 
 
 def disparity_of(kind: CameraKind, s: float, b: float, p: float, q: float) -> float:
     """Between neighbouring microlenses in pixels, or between neighbouring views in microlenses; see MicrolensFocus."""
-    return s * q / (b * p) if kind is CameraKind.PLENOPTIC_1 else _over(p * b / q, abs(s))
+    return s * q / (b * p) if kind is CameraKind.PLENOPTIC_1 else over(p * b / q, abs(s))
 
 
 def traced_plane(camera: PlenopticCamera, z_image: float) -> float:
@@ -266,7 +267,7 @@ def _limits(camera: PlenopticCamera, kind: CameraKind, s: float, cone: Cone) -> 
 
     def place(z_image: float) -> float:
         z = object_plane(lens, z_image, camera.wavelength)
-        return 0.0 if math.isinf(z) else _over(1.0, front - z)
+        return 0.0 if math.isinf(z) else over(1.0, front - z)
 
     ends = sharp_ends(camera, kind, s, cone)
     best = place(camera.stop_to_microlenses + s)
@@ -287,7 +288,7 @@ def sharp_ends(camera: PlenopticCamera, kind: CameraKind, s: float, cone: Cone) 
     if array is None:
         # 2 R |s| / (D + s) = q with the exit pupil R at D, slope = R / D.
         turn, share = q * cone.vergence, 2.0 * cone.slope
-        return -_over(q, share + turn), _over(q, share - turn)
+        return -over(q, share + turn), over(q, share - turn)
     b, width = camera.microlenses_to_sensor, opening_width(array)
     if kind is CameraKind.PLENOPTIC_1:
         reach = neighbour_distance(array) * b / q
@@ -295,8 +296,4 @@ def sharp_ends(camera: PlenopticCamera, kind: CameraKind, s: float, cone: Cone) 
     if width == 0:
         return None
     blur, w = q / (width * b), 0.0 if math.isinf(s) else 1.0 / s
-    return _over(1.0, w - blur), _over(1.0, w + blur)
-
-
-def _over(a: float, b: float) -> float:
-    return a / b if b != 0 else math.inf
+    return over(1.0, w - blur), over(1.0, w + blur)

@@ -10,7 +10,7 @@ import math
 from typing import Any
 
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.camera.report.findings import CameraFinding, CameraFindingKind, camera_findings
+from plenoptic.camera.report.findings import CameraFinding, camera_findings
 from plenoptic.camera.report.focus import CameraKind, MicrolensFocus, microlens_focus
 from plenoptic.camera.report.optics import (
     Cone,
@@ -27,8 +27,6 @@ from plenoptic.core.values import check_kind, value
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.microlens.aperture import Walls
-
-__all__ = ["CameraFinding", "CameraFindingKind", "CameraKind", "CameraReport", "MicrolensFocus", "camera_report"]
 
 
 @value
@@ -132,13 +130,12 @@ def camera_report(camera: PlenopticCamera) -> CameraReport:
     Examples
     --------
     >>> import plenoptic as pl
-    >>> from plenoptic.camera.report.report import camera_report
     >>> camera = pl.PlenopticCamera(
     ...     lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=5.0)),
     ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
     ...     sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.010),
     ...     stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
-    >>> report = camera_report(camera)
+    >>> report = pl.camera.camera_report(camera)
     >>> print(f"{report.kind.name}: images every {report.image_pitch_pixels:.3f} pixels, fill {report.image_fill:.2f}")
     GALILEAN: images every 21.987 pixels, fill 0.94
     >>> focus = report.focus[0]
