@@ -8,24 +8,12 @@ from numpy.typing import NDArray
 from plenoptic.camera.dust import fill_dimmed_at_lens
 from plenoptic.camera.record import CameraRecord
 from plenoptic.camera.sampling.record import Batch, FedPixels
-from plenoptic.camera.stages import fill_before_array, fill_through_array, own_microlenses
+from plenoptic.camera.stages import fill_dimmed_before_array, fill_through_array, own_microlenses
 from plenoptic.core.values import Floats
-from plenoptic.optics.lens.record import LensRecord
 from plenoptic.optics.microlens.dust import BlemishSite
 
 _GUIDES = 1024
-
-
-def wave_guide(cdf: Floats) -> NDArray[np.int64]:
-    """Where to begin looking in a table of cumulative probabilities; see `paths.fill_waves`."""
-    return np.asarray(np.searchsorted(cdf, np.arange(_GUIDES) / _GUIDES, side="right"), dtype=np.int64)
-
-
-def fill_through_lens(bundle: Floats, lens: LensRecord, waves: NDArray[np.int64] | None) -> None:
-    """Trace a bundle through the lens, each ray at its wavelength where `waves` has their numbers."""
-    from plenoptic.optics.lens.kernels.trace import fill_traced
-
-    fill_traced(bundle, lens, waves)
+"""Places in a table of cumulative probabilities at which looking begins; see `fill_waves`."""
 
 
 class CameraPaths:
@@ -45,7 +33,7 @@ class CameraPaths:
         """What paths are traced through."""
         if camera.colour is not None and camera.dispersed is not None:
             self.waves, self.lens = np.empty(blocks * BLOCK, dtype=np.int64), camera.dispersed
-            self._guide = wave_guide(camera.colour.cdf)
+            self._guide = np.searchsorted(camera.colour.cdf, np.arange(_GUIDES) / _GUIDES, side="right")
 
     def started(self, start: int, n: int) -> Floats:
         """A bundle of paths start ... start + n - 1: points on their pixels, aimed at what feeds these; wavelengths."""
@@ -60,11 +48,14 @@ class CameraPaths:
 
     def fill_through_array(self, bundle: Floats) -> None:
         """From the sensor to behind the array."""
-        fill_before_array(bundle, self._camera)
+        sensor = self._camera.sensor
+        fill_dimmed_before_array(bundle, sensor.plane, sensor.response, self._camera.dust)
         fill_through_array(bundle, self.own, self._camera, self.waves)
 
     def fill_through_lens(self, bundle: Floats) -> None:
         """Through the lens and the dust on it."""
+        from plenoptic.optics.lens.kernels.trace import fill_traced
+
         fill_dimmed_at_lens(bundle, self._camera.dust, BlemishSite.LENS_REAR)
-        fill_through_lens(bundle, self.lens, self.waves)
+        fill_traced(bundle, self.lens, self.waves)
         fill_dimmed_at_lens(bundle, self._camera.dust, BlemishSite.LENS_FRONT)

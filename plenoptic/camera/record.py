@@ -136,7 +136,9 @@ def camera_record(camera: PlenopticCamera) -> CameraRecord:
 
 
 def _sensor_record(camera: PlenopticCamera, parts: Assembly) -> SensorRecord:
-    sensor, sides = camera.sensor, _pixel_sides(camera, parts)
+    sensor = camera.sensor
+    # Columns are the sides of the part of a pixel that sees light, in local x and y.
+    sides = parts.sensor_to_local.turn[:2, :2] * (np.asarray(sensor.pixel_aperture) * sensor.pixel_pitch)
     skew = None if sides[0, 1] == sides[1, 0] == 0 else np.array([sides[0, 1], sides[1, 0]])
     return SensorRecord(
         rows=sensor.shape[0],
@@ -147,12 +149,6 @@ def _sensor_record(camera: PlenopticCamera, parts: Assembly) -> SensorRecord:
         plane=SensorPlane(parts.distance, parts.tilt),
         response=response_record(camera, parts),
     )
-
-
-def _pixel_sides(camera: PlenopticCamera, parts: Assembly) -> Floats:
-    """(2, 2): its columns are the sides of the part of a pixel that sees light, in local x and y."""
-    sides = np.asarray(camera.sensor.pixel_aperture) * camera.sensor.pixel_pitch
-    return np.asarray(parts.sensor_to_local.turn[:2, :2] * sides)
 
 
 def response_record(camera: PlenopticCamera, parts: Assembly) -> ResponseRecord | None:

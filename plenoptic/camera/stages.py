@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.dust import PlacedDust, fill_dimmed_aims
+from plenoptic.camera.dust import BETWEEN, PlacedDust
 from plenoptic.camera.record import CameraRecord
 from plenoptic.core.values import Floats
 from plenoptic.optics.microlens.record import ResponseRecord, SensorPlane
@@ -16,11 +16,6 @@ def own_microlenses(camera: CameraRecord, n: int) -> NDArray[np.void] | None:
     return None if camera.array is None else camera.array.own(n)
 
 
-def fill_before_array(blocks: Floats, camera: CameraRecord) -> None:
-    """What happens to aimed samples between the sensor and the array."""
-    fill_dimmed_before_array(blocks, camera.sensor.plane, camera.sensor.response, camera.dust)
-
-
 def fill_dimmed_before_array(
     blocks: Floats, sensor: SensorPlane, response: ResponseRecord | None, dust: tuple[PlacedDust, ...]
 ) -> None:
@@ -29,8 +24,11 @@ def fill_dimmed_before_array(
         from plenoptic.optics.microlens.kernels import to_lens
 
         to_lens.fill_pixel_response(blocks, sensor, response)
-    if dust:
-        fill_dimmed_aims(blocks, sensor, dust)
+    for placed in dust:
+        if placed.site in BETWEEN:
+            from plenoptic.optics.microlens.kernels.dust import fill_dimmed_aims
+
+            fill_dimmed_aims(blocks, sensor, placed.height, placed.axes, placed.record)
 
 
 def fill_through_array(

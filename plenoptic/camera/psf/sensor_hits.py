@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.assembly import assembly
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.camera.dust import PlacedDust, fill_dimmed_at_lens, placed_dust
+from plenoptic.camera.dust import BETWEEN, PlacedDust, fill_dimmed_at_lens, placed_dust
 from plenoptic.camera.psf.forward_array import ForwardArray, fill_through_array_forward, forward_array
 from plenoptic.camera.record import response_record
 from plenoptic.camera.sampling.record import TRIANGLE
@@ -58,8 +58,7 @@ class ForwardRecord(NamedTuple):
     @property
     def dims_by_aim(self) -> bool:
         """Whether something between sensor and array dims light."""
-        between = any(part.site in (BlemishSite.SENSOR, BlemishSite.ARRAY) for part in self.dust)
-        return self.response is not None or between
+        return self.response is not None or any(part.site in BETWEEN for part in self.dust)
 
 
 class Task(NamedTuple):
