@@ -1,6 +1,5 @@
 """Gaussian optics of a lens: focal length, cardinal points, pupils, conjugates, marginal and chief ray."""
 
-from plenoptic.optics.lens.gaussian.conjugates import conjugates, numerical_apertures, working_f_number
 from plenoptic.optics.lens.gaussian.marginal_and_chief import (
     ParaxialRay,
     chief_ray,
@@ -11,10 +10,13 @@ from plenoptic.optics.lens.gaussian.marginal_and_chief import (
 from plenoptic.optics.lens.gaussian.paraxial import (
     CardinalPoints,
     cardinal_points,
+    conjugates,
     image_position,
     magnification,
+    numerical_apertures,
     object_position,
     system_matrix,
+    working_f_number,
 )
 
 __all__ = [

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import codecs
 import dataclasses
 import difflib
 import functools
@@ -12,6 +11,7 @@ import re
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+from plenoptic.core.files.text_lines import decoded, naming_line, written_number
 from plenoptic.core.values import check_kind, file_path, finite, set_field, value, whole
 from plenoptic.errors import FileError, InvalidValueError, PrescriptionError
 from plenoptic.optics.glass.dispersion import COEFFICIENT_COUNTS, DispersionFormula, Formula
@@ -260,7 +260,7 @@ def load_glasses(path: str | os.PathLike[str]) -> GlassCatalogue:
     """
     file = file_path(path)
     try:
-        text = _decoded(file.read_bytes())
+        text = decoded(file.read_bytes())
     except (OSError, ValueError) as error:
         raise FileError(f"cannot read {file}: {error}; give the path of an AGF file") from None
     return _from_agf(text, file.name)
@@ -273,28 +273,17 @@ def _key(name: str) -> str:
 # ---- reading ----
 
 
-def _decoded(content: bytes) -> str:
-    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        return content.decode("utf-16")
-    try:
-        return content.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        return content.decode("latin-1")
-
-
 def _from_agf(text: str, file: str) -> GlassCatalogue:
     entries: list[dict[str, Any]] = []
     for number, line in enumerate(re.split(r"\r\n|\r|\n", text), start=1):
         keyword, rest = (*line.split(maxsplit=1), "", "")[:2]
-        try:
+        with naming_line(file, number):
             if keyword == "NM":
                 entries.append({**_name_line(rest.split()), "line": number})
             elif keyword in ("CD", "LD", "GC"):
                 if not entries:
                     raise PrescriptionError(f"{keyword} stands before the first NM; a glass begins with its NM line")
                 _detail_line(entries[-1], keyword, rest)
-        except InvalidValueError as error:
-            raise PrescriptionError(f"{file}, line {number}: {error}") from None
     if not entries:
         raise PrescriptionError(f"{file} has no line NM, so no glass; give an AGF file")
     return GlassCatalogue(file, [GlassEntry(**entry) for entry in entries])
@@ -303,10 +292,11 @@ def _from_agf(text: str, file: str) -> GlassCatalogue:
 def _name_line(words: list[str]) -> dict[str, Any]:
     if len(words) < 5:
         raise PrescriptionError(f"NM has {len(words)} words; it must have name, formula, code, n_d and V_d")
-    formula = _number(words[1], "formula")
+    formula = written_number(words[1], "formula")
     if not formula.is_integer() or formula < 0:
         raise PrescriptionError(f"formula is {formula:g}; it must be a whole number, not below 0")
-    return {"name": words[0], "formula": int(formula), "nd": _number(words[3], "n_d"), "vd": _number(words[4], "V_d")}
+    nd, vd = written_number(words[3], "n_d"), written_number(words[4], "V_d")
+    return {"name": words[0], "formula": int(formula), "nd": nd, "vd": vd}
 
 
 def _detail_line(entry: dict[str, Any], keyword: str, rest: str) -> None:
@@ -316,22 +306,12 @@ def _detail_line(entry: dict[str, Any], keyword: str, rest: str) -> None:
     field = "coefficients" if keyword == "CD" else "wavelength_range"
     if field in entry:
         raise PrescriptionError(f"{keyword} stands twice for {entry['name']}; remove one of them")
-    numbers = [_number(word, keyword) for word in rest.split()]
+    numbers = [written_number(word, keyword) for word in rest.split()]
     if keyword == "LD":
         if len(numbers) != 2:
             raise PrescriptionError(f"LD has {len(numbers)} numbers; it must have the shortest and longest wavelength")
         numbers = [1e3 * micrometres for micrometres in numbers]
     entry[field] = tuple(numbers)
-
-
-def _number(word: str, name: str) -> float:
-    # Stricter than float(): no nan, no underscores, no decimal comma.
-    if not re.fullmatch(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?", word):
-        raise PrescriptionError(f"{name} is {word[:40]!r}; it must be a number with a decimal point")
-    number = float(word)
-    if abs(number) == float("inf"):
-        raise PrescriptionError(f"{name} is {word[:40]}, too large for a number; correct it")
-    return number
 
 
 # ---- from what the file says to a medium ----

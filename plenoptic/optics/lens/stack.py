@@ -32,7 +32,7 @@ from plenoptic.optics.surfaces.surface import Surface
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from plenoptic.optics.lens.checks.check import Finding
+    from plenoptic.optics.lens.checks.finding import Finding
 
 
 @value

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 import plenoptic as pl
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.glass.media import AIR, ConstantMedium, ModelGlass, Sellmeier
-from plenoptic.optics.lens.checks.check import Finding, FindingKind, findings
+from plenoptic.optics.lens.checks.check import findings
+from plenoptic.optics.lens.checks.finding import Finding, FindingKind
 from plenoptic.optics.lens.files.library import lens_names, load_lens
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.stack import LensStack

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from plenoptic.core.values import Floats, choice, frozen_array, result
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.lens.gaussian import conjugates
+from plenoptic.optics.lens.gaussian import paraxial
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points, image_position
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.pupil.beam import checked_point, checked_wavelengths, passing_light
@@ -98,7 +98,7 @@ def working_f_number(lens: LensStack, z_object: float = -math.inf, wavelength: f
         reach = abs(paraxial_focus(lens, z_object, wavelength) - points.rear_principal)
         return reach / (2.0 * points.entrance_pupil_semi_diameter * float(lens.indices(wavelength)[0]))
     try:
-        found = conjugates.working_f_number(lens, z_object, wavelength)
+        found = paraxial.working_f_number(lens, z_object, wavelength)
     except InvalidValueError:
         return math.nan
     return found if math.isfinite(found) else math.nan

@@ -11,9 +11,8 @@ import numpy as np
 from plenoptic.core.values import Floats, finite, frozen_array, result, set_field, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.glass.media import C_LINE, D_LINE, F_LINE
-from plenoptic.optics.lens.gaussian.conjugates import leaving_aperture
 from plenoptic.optics.lens.gaussian.marginal_and_chief import ParaxialRay, chief_ray, lagrange_invariant, marginal_ray
-from plenoptic.optics.lens.gaussian.paraxial import image_position
+from plenoptic.optics.lens.gaussian.paraxial import image_position, leaving_aperture
 from plenoptic.optics.surfaces.surface import Surface
 
 if TYPE_CHECKING:

@@ -13,11 +13,9 @@ from numpy.typing import ArrayLike
 from plenoptic.core.values import Floats, check_kind, positive
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.glass.catalogue import glass
-from plenoptic.optics.glass.media import C_LINE, D_LINE, F_LINE, Medium
-from plenoptic.optics.lens.checks.conditions import condition_findings
-from plenoptic.optics.lens.checks.finding import Finding as Finding
-from plenoptic.optics.lens.checks.finding import FindingKind as FindingKind
-from plenoptic.optics.lens.checks.rays import ray_findings
+from plenoptic.optics.glass.media import D_LINE, Medium, abbe_number
+from plenoptic.optics.lens.checks.finding import Finding, FindingKind
+from plenoptic.optics.lens.checks.rays import condition_findings, ray_findings
 from plenoptic.optics.lens.elements import Element
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.stack import LensStack
@@ -37,37 +35,14 @@ _INDEX_TOLERANCE, _ABBE_TOLERANCE = 0.01, 0.10
 def findings(lens: LensStack, wavelength: float = 587.6) -> tuple[Finding, ...]:
     """What looks wrong in a lens; see `FindingKind` for what is looked at.
 
-    Nothing of it keeps a lens from being traced. Rays go through the lens as it stands, also where `LensStack.model`
-    says otherwise.
-
-    Parameters
-    ----------
-    lens : LensStack
-    wavelength : float, optional
-        nm, of the rays.
-
-    Returns
-    -------
-    tuple of Finding
-        By kind, then by element; empty for a lens with which nothing looks wrong. Each one prints as a sentence.
-
-    Raises
-    ------
-    InvalidValueError
-        If a medium is not defined at that wavelength.
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> from plenoptic.optics.lens.checks.check import findings
-    >>> findings(pl.load_lens("double-gauss-100mm-f2"))
-    ()
+    Nothing of it keeps a lens from being traced. Rays of the `wavelength` in nm go through the lens as it stands, also
+    where `LensStack.model` says otherwise. By kind, then by element.
     """
     check_kind(lens, "lens", LensStack, 'pl.load_lens("double-gauss-100mm-f2")')
     wave = positive(wavelength, "wavelength", "nm")
     lens.indices(wave)
     with np.errstate(all="ignore"):  # of numbers near the largest and smallest there are
-        found: list[Finding] = [
+        found = [
             *_edges(lens),
             *_collisions(lens),
             *_stop_planes(lens),
@@ -115,12 +90,11 @@ def _edges(lens: LensStack) -> Iterator[Finding]:
             k = int(np.argmax(closes))
             crossing = r[k] - (r[k] - r[k - 1]) * room[k] / (room[k] - room[k - 1]) if k else 0.0
             deepest = int(np.argmin(room))
-            yield Finding(
-                FindingKind.OVERLAP,
-                (i, j),
+            message = (
                 f"surfaces {i} and {j} cross {crossing:.3g} mm from the axis: at {r[deepest]:.4g} mm there is "
-                f"{room[deepest]:.3g} mm of {between} between them; reduce a semi-diameter",
+                f"{room[deepest]:.3g} mm of {between} between them; reduce a semi-diameter"
             )
+            yield Finding(FindingKind.OVERLAP, (i, j), message)
         elif between == "glass":
             yield from _thin_edge(i, front, j, rear, gap)
 
@@ -134,12 +108,11 @@ def _thin_edge(i: int, front: Surface, j: int, rear: Surface, gap: float) -> Ite
     smallest = 0.0 if front.depth is not None or rear.depth is not None else _THIN * outermost
     if edge < smallest:
         kind = FindingKind.THIN_EDGE if edge >= 0 else FindingKind.OVERLAP
-        yield Finding(
-            kind,
-            (i, j),
+        message = (
             f"the lens between surfaces {i} and {j} is {edge:.3g} mm thick at its edge, {outermost:.4g} mm from the "
-            f"axis, where it should be at least {smallest:.3g} mm; reduce a semi-diameter or make it thicker",
+            f"axis, where it should be at least {smallest:.3g} mm; reduce a semi-diameter or make it thicker"
         )
+        yield Finding(kind, (i, j), message)
 
 
 def _collisions(lens: LensStack) -> Iterator[Finding]:
@@ -160,12 +133,11 @@ def _collisions(lens: LensStack) -> Iterator[Finding]:
         if not inside.any():
             yield Finding(FindingKind.OVERLAP, (i, j), f"elements {i} and {j} stand beside each other; move one back")
         elif float(ahead[inside].min()) < -1e-9 * float(np.abs(points).max()):
-            yield Finding(
-                FindingKind.OVERLAP,
-                (i, j),
+            message = (
                 f"element {i} reaches up to {-float(ahead[inside].min()):.3g} mm through element {j}, one of which is "
-                "out of place; reduce its shift or tilt",
+                "out of place; reduce its shift or tilt"
             )
+            yield Finding(FindingKind.OVERLAP, (i, j), message)
 
 
 def _sag_at(surface: Surface, x: Floats, y: Floats) -> Floats:
@@ -213,26 +185,24 @@ def _stop_planes(lens: LensStack) -> Iterator[Finding]:
         room = (float(z[j] - z[i]) + side * _sag_around(surface, r)).min(axis=0)
         if room.min() < 0:
             at, plane = (i, j) if side < 0 else (j, i)
-            yield Finding(
-                FindingKind.OVERLAP,
-                (i, j),
+            message = (
                 f"surface {at}, of semi-diameter {surface.semi_diameter:.4g} mm, reaches {-room.min():.3g} mm through "
                 f"the plane of stop {plane}, whose opening ends at {stop.semi_diameter:.4g} mm; reduce the "
-                "semi-diameter or move the stop",
+                "semi-diameter or move the stop"
             )
+            yield Finding(FindingKind.OVERLAP, (i, j), message)
 
 
 def _shapes(lens: LensStack) -> Iterator[Finding]:
     """Surfaces that go nearly to their equator, and steep aspheres."""
     for i, surface in _surfaces(lens):
         if surface.depth is None and surface.semi_diameter > _NEAR_EQUATOR * surface.equator:
-            yield Finding(
-                FindingKind.EQUATOR,
-                (i,),
+            message = (
                 f"surface {i} has a semi-diameter of {surface.semi_diameter:.5g} mm, "
                 f"{100 * surface.semi_diameter / surface.equator:.1f} % of its equator's {surface.equator:.5g} mm, "
-                "where it runs parallel to the axis; reduce it",
+                "where it runs parallel to the axis; reduce it"
             )
+            yield Finding(FindingKind.EQUATOR, (i,), message)
         if surface.departure is not None:
             yield from _vertex(i, surface)
         if surface.aspheric or surface.departure is not None:
@@ -242,12 +212,11 @@ def _shapes(lens: LensStack) -> Iterator[Finding]:
             slopes = np.hypot(*gradient).max(axis=0)
             if slopes.max() > _STEEPEST:
                 at = surface.semi_diameter * float(np.argmax(slopes)) / (_PLACES - 1)
-                yield Finding(
-                    FindingKind.STEEP,
-                    (i,),
+                message = (
                     f"the aspheric surface {i} has a slope of {math.degrees(math.atan(slopes.max())):.1f} degrees "
-                    f"{at:.4g} mm from the axis; above 60 it can hardly be made: check its coefficients",
+                    f"{at:.4g} mm from the axis; above 60 it can hardly be made: check its coefficients"
                 )
+                yield Finding(FindingKind.STEEP, (i,), message)
 
 
 def _vertex(i: int, surface: Surface) -> Iterator[Finding]:
@@ -256,13 +225,12 @@ def _vertex(i: int, surface: Surface) -> Iterator[Finding]:
     shape = surface.departure.vertex
     tilt, split = math.hypot(shape.dx, shape.dy), math.hypot(0.5 * (shape.dxx - shape.dyy), shape.dxy)
     if tilt > _TILTED or split * surface.semi_diameter > _TILTED:
-        yield Finding(
-            FindingKind.VERTEX,
-            (i,),
+        message = (
             f"surface {i} is tilted by {1e3 * math.atan(tilt):.3g} mrad at its vertex, where its curvatures differ by "
             f"up to {split:.3g} 1/mm from their mean; Gaussian data are those of an untilted surface of the mean "
-            "curvature: look at rays",
+            "curvature: look at rays"
         )
+        yield Finding(FindingKind.VERTEX, (i,), message)
 
 
 def _glass_numbers(lens: LensStack) -> Iterator[Finding]:
@@ -275,36 +243,28 @@ def _glass_numbers(lens: LensStack) -> Iterator[Finding]:
             if numbers is not None and numbers not in [known[1:] for known in named.get(name, [])]:
                 named.setdefault(name, []).append((i, *numbers))
     for name, seen in named.items():
-        bundled = _bundled_numbers(name)
-        for i, nd, vd in seen if bundled is not None else []:
+        bundled = _nd_vd(name)
+        for i, nd, vd in seen:
             if bundled is not None and _differ((nd, vd), bundled):
-                yield Finding(
-                    FindingKind.GLASS,
-                    (i,),
+                message = (
                     f"the glass {name[:40]} behind surface {i} has n_d {nd:.4f} and V_d {vd:.2f}, the bundled one of "
-                    f"that name {bundled[0]:.4f} and {bundled[1]:.2f}; it may be a misprint, or another glass",
+                    f"that name {bundled[0]:.4f} and {bundled[1]:.2f}; it may be a misprint, or another glass"
                 )
+                yield Finding(FindingKind.GLASS, (i,), message)
         for (i, nd, vd), (j, other_nd, other_vd) in combinations(seen, 2):
             if _differ((nd, vd), (other_nd, other_vd)):
-                yield Finding(
-                    FindingKind.GLASS,
-                    (i, j),
+                message = (
                     f"the glass {name[:40]} has n_d {nd:.4f} and V_d {vd:.2f} behind surface {i}, and {other_nd:.4f} "
-                    f"and {other_vd:.2f} behind surface {j}; one of them may be a misprint",
+                    f"and {other_vd:.2f} behind surface {j}; one of them may be a misprint"
                 )
+                yield Finding(FindingKind.GLASS, (i, j), message)
 
 
-def _nd_vd(medium: Medium) -> tuple[float, float] | None:
+def _nd_vd(medium: Medium | str) -> tuple[float, float] | None:
+    """Of a medium, or of the bundled glass of a name; None where there is none, or it is for the infrared."""
     try:
-        nd, blue, red = (float(medium.index(line)) for line in (D_LINE, F_LINE, C_LINE))
-    except InvalidValueError:
-        return None  # a glass for the infrared, for instance
-    return nd, (nd - 1.0) / (blue - red) if blue != red else math.inf
-
-
-def _bundled_numbers(name: str) -> tuple[float, float] | None:
-    try:
-        return _nd_vd(glass(name))
+        found = glass(medium) if isinstance(medium, str) else medium
+        return found.index(D_LINE), abbe_number(found)
     except InvalidValueError:
         return None
 
@@ -323,17 +283,15 @@ def _places(lens: LensStack, wavelength: float) -> Iterator[Finding]:
     outside = max(float(z[first]), -float(z[last]))
     reach = max(float(z[last] - z[first]), abs(points.efl))
     if outside > reach:
-        yield Finding(
-            FindingKind.IRIS_FAR,
-            (lens.iris_index,),
+        message = (
             f"the iris, element {lens.iris_index}, stands {outside:.4g} mm outside the lens, farther than the lens is "
-            f"long and than its focal length, {points.efl:.4g} mm; check the gap",
+            f"long and than its focal length, {points.efl:.4g} mm; check the gap"
         )
+        yield Finding(FindingKind.IRIS_FAR, (lens.iris_index,), message)
     rim = float(_rim_depth(rear).max())
     if 0 < points.bfl < rim:
-        yield Finding(
-            FindingKind.IMAGE_INSIDE,
-            (last,),
+        message = (
             f"the image of a far object lies {points.bfl:.4g} mm behind the vertex of the last surface, {last}, whose "
-            f"rim reaches {rim:.4g} mm; reduce its semi-diameter",
+            f"rim reaches {rim:.4g} mm; reduce its semi-diameter"
         )
+        yield Finding(FindingKind.IMAGE_INSIDE, (last,), message)

@@ -1,20 +1,21 @@
-"""Rays through a lens that show whether its rims let the light through that its iris would."""
+"""What rays through a lens show: whether rims let through what the iris would, and where their errors grow."""
 
 from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 
 import numpy as np
 
 from plenoptic.core.rays import RayBundle, RayStatus
 from plenoptic.core.values import Floats
+from plenoptic.optics.lens.analysis.conditioning_rows import blocks_of, noted, sizes
 from plenoptic.optics.lens.checks.finding import Finding, FindingKind
-from plenoptic.optics.lens.elements import Element
 from plenoptic.optics.lens.files.infer_stop import basis_rays
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
+from plenoptic.optics.lens.record import lens_record
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.lens.trace import traced_part
 from plenoptic.optics.stops.circle import circle_around
@@ -30,10 +31,13 @@ _WIDEST_OUTSIDE = 60.0
 """The same where the iris stands outside the lens, so that no rim between it and the scene, or the sensor, sets a
 limit."""
 _WIDEST_FREE = 45.0
-"""The same for `passing_rays`: what lies further out is hardly what the lens is for."""
-_FANS, _FAN = 9, 257
-"""Points of the iris, and rays through each of them, of `passing_rays`."""
+"""The same for `condition_findings`: what lies further out is hardly what the lens is for."""
 _LOST_IN_THE_LENS = (RayStatus.TOTAL_REFLECTION, RayStatus.MISSED)
+
+# Of 23 lenses of W. J. Smith, Modern Lens Design, and the bundled ones, the largest numbers are 3.4, 4.2 and 27.
+_GRAZING = 10.0
+_NEAR_CRITICAL = 10.0
+_CANCELLED = 1e4
 
 
 def ray_findings(lens: LensStack, wavelength: float) -> Iterator[Finding]:
@@ -41,55 +45,31 @@ def ray_findings(lens: LensStack, wavelength: float) -> Iterator[Finding]:
 
     The beam comes from infinity, or from the front focus of a lens of positive focal length whose rear focus does not
     lie behind it. Masks are taken as the circles around them.
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> from plenoptic.optics.lens.checks.rays import ray_findings
-    >>> list(ray_findings(pl.load_lens("telephoto-100mm-f2.8"), 587.6))
-    []
     """
-    exact = _without_masks(lens if lens.model is LensModel.EXACT else lens.with_model(LensModel.EXACT))
+    exact = _exact_without_masks(lens)
     rays, origin = _axial_beam(exact, wavelength)
     if rays is not None:
         whole = exact.trace(rays)
         if (whole.status == RayStatus.OK).any():
             yield from _axial_findings(exact, rays, whole, origin)
-        elif not _some_ray_passes(exact, wavelength):
-            yield Finding(
-                FindingKind.NO_LIGHT,
-                (),
+        elif not len(_passing_rays(exact, np.radians(np.linspace(-_WIDEST, _WIDEST, _RAYS)), 15, wavelength)):
+            message = (
                 "no ray passes the lens of those tried, from all over the iris and in all directions of the plane "
-                "x = 0; check decentres, tilts and semi-diameters",
+                "x = 0; check decentres, tilts and semi-diameters"
             )
+            yield Finding(FindingKind.NO_LIGHT, (), message)
     yield from _chief_findings(exact, wavelength)
 
 
-def passing_rays(lens: LensStack, wavelength: float) -> RayBundle:
-    """Rays of the plane x = 0, from all over the iris and in all directions, that pass the lens.
-
-    They start on the first element, on their way to the sensor; masks are taken as the circles around them.
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> from plenoptic.optics.lens.checks.rays import passing_rays
-    >>> lens = pl.load_lens("double-gauss-100mm-f2")
-    >>> bool((lens.trace(passing_rays(lens, 587.6)).status == 0).all())
-    True
-    """
-    exact = _without_masks(lens if lens.model is LensModel.EXACT else lens.with_model(LensModel.EXACT))
-    widest = math.radians(_WIDEST_FREE if _iris_is_outside(exact) else _WIDEST)
-    angle = np.linspace(-widest, widest, _FAN)
-    heights = np.linspace(-0.98, 0.98, _FANS) * exact.stop.inner_radius
-    fans = [_fan(exact, angle, wavelength, reverse=True, height=float(height)) for height in heights]
-    rays = RayBundle(
-        np.concatenate([fan.origin for fan in fans]), np.concatenate([fan.direction for fan in fans]), wavelength
-    )
-    ahead = traced_part(exact, rays, 0, exact.iris_index, reverse=True)
+def _passing_rays(lens: LensStack, angle: Floats, heights: int, wavelength: float) -> RayBundle:
+    """The rays of fans through a number of points of the iris that pass the lens, from its first element on."""
+    places = np.linspace(-0.98, 0.98, heights) * lens.stop.inner_radius
+    fans = [_fan(lens, angle, wavelength, reverse=True, height=float(height)) for height in places]
+    origin, direction = (np.concatenate([getattr(fan, name) for fan in fans]) for name in ("origin", "direction"))
+    ahead = traced_part(lens, RayBundle(origin, direction, wavelength), 0, lens.iris_index, reverse=True)
     ahead = ahead.selected(ahead.status == RayStatus.OK)
     there = RayBundle(ahead.origin, -ahead.direction, wavelength)
-    return there.selected(exact.trace(there).status == RayStatus.OK)
+    return there.selected(lens.trace(there).status == RayStatus.OK)
 
 
 def _axial_beam(lens: LensStack, wavelength: float) -> tuple[RayBundle | None, str]:
@@ -114,15 +94,11 @@ def _axial_beam(lens: LensStack, wavelength: float) -> tuple[RayBundle | None, s
     return beam, "from the front focus" if from_focus else "from infinity"
 
 
-def _without_masks(lens: LensStack) -> LensStack:
+def _exact_without_masks(lens: LensStack) -> LensStack:
     """The lens with circles around its masks: rays in one plane say little of the holes of a mask."""
-    masks = [i for i, element in enumerate(lens.elements) if element.row().cells is not None]
-    if not masks:
-        return lens
-    elements: list[Element] = list(lens.elements)
-    for i in masks:
-        elements[i] = circle_around(elements[i])
-    return dataclasses.replace(lens, elements=elements)
+    exact = lens if lens.model is LensModel.EXACT else lens.with_model(LensModel.EXACT)
+    elements = [circle_around(e) if e.row().cells is not None else e for e in exact.elements]
+    return exact if elements == list(exact.elements) else dataclasses.replace(exact, elements=elements)
 
 
 def _axial_findings(lens: LensStack, rays: RayBundle, whole: RayBundle, origin: str) -> Iterator[Finding]:
@@ -136,21 +112,19 @@ def _axial_findings(lens: LensStack, rays: RayBundle, whole: RayBundle, origin: 
     at, status = int(whole.lost_at[passing + 1]), RayStatus(int(whole.status[passing + 1]))
     if status in _LOST_IN_THE_LENS:
         how = "are totally reflected at" if status is RayStatus.TOTAL_REFLECTION else "miss"
-        yield Finding(
-            FindingKind.TOTAL_REFLECTION,
-            (at,),
+        message = (
             f"rays of the beam {origin} on the axis {how} surface {at} once they fill {100 * filled:.0f} % of "
-            f"the iris's semi-diameter, {lens.stop.inner_radius:.4g} mm; reduce the iris, or check the radii",
+            f"the iris's semi-diameter, {lens.stop.inner_radius:.4g} mm; reduce the iris, or check the radii"
         )
+        yield Finding(FindingKind.TOTAL_REFLECTION, (at,), message)
     elif filled < _FILLED:
         element = lens.elements[at]
-        yield Finding(
-            FindingKind.IRIS_NOT_FILLED,
-            tuple(sorted((at, lens.iris_index))),
+        message = (
             f"the beam {origin} on the axis is limited by element {at}, semi-diameter {element.semi_diameter:.4g} mm, "
             f"and fills {100 * filled:.0f} % of the iris's semi-diameter, {lens.stop.inner_radius:.4g} mm; reduce the "
-            f"iris or widen element {at}",
+            f"iris or widen element {at}"
         )
+        yield Finding(FindingKind.IRIS_NOT_FILLED, tuple(sorted((at, lens.iris_index))), message)
 
 
 def _chief_findings(lens: LensStack, wavelength: float) -> Iterator[Finding]:
@@ -166,13 +140,12 @@ def _chief_findings(lens: LensStack, wavelength: float) -> Iterator[Finding]:
     for out in (before, behind):
         if out.status[first] == RayStatus.TOTAL_REFLECTION:
             at, limit = int(out.lost_at[first]), math.degrees(angle[first])
-            yield Finding(
-                FindingKind.TOTAL_REFLECTION,
-                (at,),
+            message = (
                 f"rays through the centre of the iris at more than {limit:.1f} degrees are totally reflected at "
                 f"surface {at}, within its semi-diameter of {lens.elements[at].semi_diameter:.4g} mm; that limits "
-                "the field: reduce the semi-diameter, or check the radii",
+                "the field: reduce the semi-diameter, or check the radii"
             )
+            yield Finding(FindingKind.TOTAL_REFLECTION, (at,), message)
 
 
 def _iris_is_outside(lens: LensStack) -> bool:
@@ -192,14 +165,46 @@ def _fan(lens: LensStack, angle: Floats, wavelength: float, *, reverse: bool, he
     return RayBundle(np.tile(point, (len(angle), 1)), direction, wavelength)
 
 
-def _some_ray_passes(lens: LensStack, wavelength: float) -> bool:
-    angle = np.radians(np.linspace(-_WIDEST, _WIDEST, _RAYS))
-    last = len(lens.elements) - 1
-    for height in np.linspace(-0.98, 0.98, 15) * lens.stop.inner_radius:
-        rays = _fan(lens, angle, wavelength, reverse=False, height=float(height))
-        behind = traced_part(lens, rays, lens.iris_index, last)
-        back = dataclasses.replace(rays, direction=-rays.direction)
-        before = traced_part(lens, back, 0, lens.iris_index, reverse=True)
-        if ((behind.status == RayStatus.OK) & (before.status == RayStatus.OK)).any():
-            return True
-    return False
+def condition_findings(lens: LensStack, wavelength: float, *, leave_out: Collection[int] = ()) -> Iterator[Finding]:
+    """For each kind of condition number, the element at which it is largest, where that is too large.
+
+    Of rays that pass the lens, towards the sensor. In reverse, grazing incidence is emergence close to total
+    reflection, and the other way round. Elements to `leave_out` have been found to reflect rays totally.
+    """
+    exact = _exact_without_masks(lens)
+    widest = math.radians(_WIDEST_FREE if _iris_is_outside(exact) else _WIDEST)
+    rays = _passing_rays(exact, np.linspace(-widest, widest, 257), 9, wavelength)
+    if not len(rays):
+        return
+    record = lens_record(lens, wavelength, reverse=False, first=0, last=len(lens.elements) - 1)
+    notes = noted(record, blocks_of(rays), len(rays))
+    kept = [i not in leave_out for i in range(len(lens.elements))]
+    for kind, numbers, limit in (
+        (FindingKind.GRAZING, notes.incidence, _GRAZING),
+        (FindingKind.NEAR_TOTAL_REFLECTION, notes.refraction, _NEAR_CRITICAL),
+        (FindingKind.CANCELLATION, notes.cancellation, _CANCELLED),
+    ):
+        largest = np.where(kept, np.nan_to_num(numbers, nan=0.0, posinf=math.inf).max(axis=1), 0.0)
+        at = int(np.argmax(largest))
+        if largest[at] > limit:
+            yield Finding(kind, (at,), _sentence(kind, at, float(largest[at]), limit, float(sizes(record)[at])))
+
+
+def _sentence(kind: FindingKind, at: int, number: float, limit: float, size: float) -> str:
+    if kind is FindingKind.GRAZING:
+        return (
+            f"rays that pass the lens meet element {at} at up to {math.degrees(math.acos(1.0 / number)):.4g} degrees "
+            f"from its normal, which magnifies their errors there {number:.3g} times (1 / cos i), and more than "
+            f"{limit:g} times is too much; reduce its semi-diameter or check the radii"
+        )
+    if kind is FindingKind.NEAR_TOTAL_REFLECTION:
+        return (
+            f"rays that pass the lens are nearly totally reflected at surface {at}, which magnifies errors of their "
+            f"direction {number:.3g} times (n cos i / (n' cos i')), and more than {limit:g} times is too much; reduce "
+            "its semi-diameter or check the radii"
+        )
+    return (
+        f"rays come to element {at} over lengths that add up to {number:.3g} times its size of {size:.3g} mm, so that "
+        f"{math.log10(number):.2g} of 15.7 decimal digits are lost, and more than {math.log10(limit):g} are too many; "
+        "reduce the gaps beside it, or check the units"
+    )

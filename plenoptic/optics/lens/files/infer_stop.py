@@ -18,31 +18,9 @@ from plenoptic.optics.surfaces.surface import Surface
 def basis_rays(
     elements: Sequence[Element], *, ambient: Medium = AIR, wavelength: float = D_LINE
 ) -> tuple[Floats, Floats]:
-    """Heights at all elements of two paraxial rays, and how they leave.
+    """Heights (n, 2) at all elements of two paraxial rays, and (2, 2) their last heights and reduced angles behind.
 
-    Parameters
-    ----------
-    elements : sequence of Surface and stops
-    ambient : Medium, optional
-        What is in front of the first one.
-    wavelength : float, optional
-        nm.
-
-    Returns
-    -------
-    heights : ndarray
-        (n, 2): at each element, of the rays that meet the first one with height 1 and angle 0, and with height 0 and
-        reduced angle (angle times index) 1.
-    leaving : ndarray
-        (2, 2): heights at the last element, and reduced angles behind it, of the same rays.
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> from plenoptic.optics.lens.files.infer_stop import basis_rays
-    >>> heights, leaving = basis_rays(pl.load_lens("singlet-100mm-f4").elements)
-    >>> round(float(-1 / leaving[1, 0]), 2)               # the focal length
-    100.0
+    They meet the first element with height 1 and angle 0, and with height 0 and reduced angle (angle times index) 1.
     """
     height, angle = np.array([1.0, 0.0]), np.array([0.0, 1.0])
     index, heights = ambient.index(wavelength), []
@@ -65,20 +43,7 @@ def _axial_heights(surfaces: list[Surface]) -> list[float]:
 
 
 def with_inferred_stop(surfaces: list[Surface]) -> list[Element]:
-    """The surfaces, in air, with a stop in the middle of the longest air gap, as wide as the widest axial beam.
-
-    The rule is in `load_lens`.
-
-    Examples
-    --------
-    >>> import math
-    >>> import plenoptic as pl
-    >>> from plenoptic.optics.lens.files.infer_stop import with_inferred_stop
-    >>> glass = pl.ConstantMedium(1.5)
-    >>> front = [pl.Surface(math.inf, 2.0, glass, semi_diameter=9.0), pl.Surface(math.inf, 20.0, semi_diameter=9.0)]
-    >>> with_inferred_stop([*front, *front])[2]
-    CircularStop(semi_diameter=9.0, thickness=10.0)
-    """
+    """The surfaces, in air, with a stop in the middle of the longest air gap; the rule is in `load_lens`."""
     with np.errstate(all="ignore"):  # what overflows ends as a stop that is refused
         heights = _axial_heights(surfaces)
     # A surface that the ray crosses on the axis limits nothing.

@@ -37,16 +37,7 @@ _FORMAT = "plenoptic-lens-1"
 
 
 def json_of_lens(lens: LensStack) -> str:
-    """A lens as the text of a JSON file; floats keep every bit.
-
-    Parameters
-    ----------
-    lens : LensStack
-
-    Raises
-    ------
-    PrescriptionError
-        If a medium is none of this package's.
+    """A lens as the text of a JSON file; floats keep every bit. An error where a medium is none of this package's.
 
     Examples
     --------
@@ -76,27 +67,7 @@ def json_of_lens(lens: LensStack) -> str:
 
 
 def lens_from_json(text: str, where: str) -> LensStack:
-    """The lens that `json_of_lens` wrote down.
-
-    Parameters
-    ----------
-    text : str
-    where : str
-        Name of the file, for messages.
-
-    Raises
-    ------
-    PrescriptionError
-        Naming the file, and the element or the entry.
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> from plenoptic.optics.lens.files.lens_json import json_of_lens, lens_from_json
-    >>> lens = pl.load_lens("singlet-100mm-f4")
-    >>> lens_from_json(json_of_lens(lens), "mine.json") == lens
-    True
-    """
+    """The lens that `json_of_lens` wrote down; errors name the file `where`, and the element or the entry."""
     try:
         data = json.loads(text)
     except (ValueError, RecursionError) as error:
@@ -105,10 +76,8 @@ def lens_from_json(text: str, where: str) -> LensStack:
         head = _fields(data, "the file", "format name source iris elements", "ambient model")
         if head["format"] != _FORMAT:
             raise PrescriptionError(f"format is {head['format']!r:.40}; it must be {_FORMAT!r}")
-        if not isinstance(head["elements"], list):
-            raise PrescriptionError(f"elements is {head['elements']!r:.40}; it must be a list")
         elements = []
-        for i, row in enumerate(head["elements"]):
+        for i, row in enumerate(_list(head["elements"], "elements")):
             try:
                 elements.append(_element_from_json(row))
             except InvalidValueError as error:
@@ -137,16 +106,18 @@ def _number(data: Any, name: str) -> float:
         raise PrescriptionError(f"{name} is too large for a number; correct it") from None
 
 
-def _numbers(data: Any, name: str) -> tuple[float, ...]:
+def _list(data: Any, name: str, of: str = "") -> list[Any]:
     if not isinstance(data, list):
-        raise PrescriptionError(f"{name} is {data!r:.40}; it must be a list of numbers")
-    return tuple(_number(item, name) for item in data)
+        raise PrescriptionError(f"{name} is {data!r:.40}; it must be a list{of}")
+    return data
+
+
+def _numbers(data: Any, name: str) -> tuple[float, ...]:
+    return tuple(_number(item, name) for item in _list(data, name, " of numbers"))
 
 
 def _rows(data: Any, name: str) -> list[tuple[float, ...]]:
-    if not isinstance(data, list):
-        raise PrescriptionError(f"{name} is {data!r:.40}; it must be a list of lists of numbers")
-    return [_numbers(row, name) for row in data]
+    return [_numbers(row, name) for row in _list(data, name, " of lists of numbers")]
 
 
 def _text(data: Any, name: str) -> str:
@@ -207,7 +178,10 @@ def _medium_from_json(data: Any) -> Medium:
         glass = _fields(data, "medium", "name nd vd")
         return ModelGlass(_number(glass["nd"], "nd"), _number(glass["vd"], "vd"), _text(glass["name"], "name"))
     if kinds == {"value"}:
-        return _any_medium(data)
+        medium = _value(data, "medium")
+        if not isinstance(medium, Medium):
+            raise PrescriptionError(f"medium is a {type(medium).__name__}; it must have a refractive index")
+        return medium
     raise PrescriptionError(f'medium is {data!r:.40}; it must be "air" or have index, nd and vd, sellmeier, or schott')
 
 
@@ -217,13 +191,6 @@ def _value(data: Any, name: str) -> Any:
         return restore(json.dumps(data))
     except (FileError, ArithmeticError, IndexError) as error:
         raise PrescriptionError(f"{name}: {error}") from None
-
-
-def _any_medium(data: Any) -> Medium:
-    medium = _value(data, "medium")
-    if not isinstance(medium, Medium):
-        raise PrescriptionError(f"medium is a {type(medium).__name__}; it must be something with a refractive index")
-    return medium
 
 
 def _pair(data: Any) -> tuple[float, float]:
@@ -254,9 +221,8 @@ def _element_to_json(element: Element, i: int) -> dict[str, Any]:
     if isinstance(element, Surface):
         radius = None if math.isinf(element.radius) else element.radius
         row = {"radius": radius, **size, "medium": _medium_to_json(element.medium, f"behind element {i}")}
-        row |= {"conic": element.conic} if element.conic != 0 else {}
-        row |= {"aspheric": element.aspheric} if element.aspheric else {}
-        row |= {"depth": element.depth} if element.depth is not None else {}
+        own = {name: getattr(element, name) for name in ("conic", "aspheric", "depth")}
+        row |= {name: item for name, item in own.items() if item not in (0.0, (), None)}
         row |= {"departure": json.loads(describe(element.departure))} if element.departure is not None else {}
     else:
         row = _stop_to_json(element, size)

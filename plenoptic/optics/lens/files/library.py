@@ -8,6 +8,7 @@ import os
 from collections.abc import Mapping
 from pathlib import Path
 
+from plenoptic.core.files.text_lines import decoded
 from plenoptic.core.values import file_path
 from plenoptic.errors import FileError
 from plenoptic.optics.glass.catalogue import GlassCatalogue
@@ -15,7 +16,6 @@ from plenoptic.optics.glass.media import Medium
 from plenoptic.optics.lens.files.lens_csv import lens_from_csv
 from plenoptic.optics.lens.files.lens_json import json_of_lens, lens_from_json
 from plenoptic.optics.lens.files.zemax import lens_from_zmx
-from plenoptic.optics.lens.files.zemax_text import decoded
 from plenoptic.optics.lens.files.zemax_writing import zmx_of_lens
 from plenoptic.optics.lens.stack import LensStack
 
@@ -92,7 +92,7 @@ def load_lens(
     if ending == ".json":
         return lens_from_json(_utf8(path), path.name)
     if ending == ".zmx":
-        return lens_from_zmx(decoded(_content(path)), path.name, glasses=glasses)
+        return lens_from_zmx(decoded(_content(path), errors="replace"), path.name, glasses=glasses)
     if not isinstance(name_or_path, str) or path.parent != Path() or path.is_file():
         raise FileError(f"{name} ends in {ending!r}; the lens files that can be read are {_ENDINGS}")
     close = difflib.get_close_matches(name, lens_names(), n=3, cutoff=0.4) or lens_names()

@@ -26,12 +26,13 @@ import math
 import re
 from collections.abc import Mapping
 
+from plenoptic.core.files.text_lines import naming_line, written_number
 from plenoptic.core.values import wrong_kind
 from plenoptic.errors import InvalidValueError, PrescriptionError
 from plenoptic.optics.glass.catalogue import GlassCatalogue, glass
 from plenoptic.optics.glass.media import ConstantMedium, Medium, ModelGlass
 from plenoptic.optics.lens.files.zemax_stack import Row, System, stacked
-from plenoptic.optics.lens.files.zemax_text import Line, blocks_of, naming_line, real_number
+from plenoptic.optics.lens.files.zemax_text import Line, blocks_of
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.surfaces.registry import ZEMAX
 
@@ -51,42 +52,7 @@ _REFUSED = {
 
 
 def lens_from_zmx(text: str, where: str, *, glasses: Mapping[str, Medium] | GlassCatalogue | None = None) -> LensStack:
-    """The lens of a sequential Zemax file; see the top of this module.
-
-    Parameters
-    ----------
-    text : str
-        What stands in the file.
-    where : str
-        Name of the file, for messages and, without a NAME, for the name of the lens.
-    glasses : mapping from name to Medium, optional
-        Where glasses are looked up first.
-
-    Raises
-    ------
-    PrescriptionError
-        Naming the file and the line.
-
-    Examples
-    --------
-    >>> from plenoptic.optics.lens.files.zemax import lens_from_zmx
-    >>> lens_from_zmx('''MODE SEQ
-    ... UNIT MM
-    ... SURF 0
-    ...   DISZ INFINITY
-    ... SURF 1
-    ...   STOP
-    ...   CURV 0.02
-    ...   DISZ 4
-    ...   GLAS N-BK7 0 0
-    ...   DIAM 10
-    ... SURF 2
-    ...   DISZ 94
-    ...   DIAM 10
-    ... SURF 3
-    ... ''', "mine.zmx").elements[0]
-    CircularStop(semi_diameter=10.0)
-    """
+    """The lens of a Zemax file whose name is `where`, for messages and lenses without NAME; `glasses` come first."""
     head, blocks = blocks_of(text, where)
     unit = 1.0
     for line in head:
@@ -127,11 +93,8 @@ class _Glasses:
         if name.upper() == "MIRROR":
             raise PrescriptionError("the surface is a mirror; only lenses can be read: leave it out")
         if name.upper() == "___BLANK":
-            nd = line.real(3)
-            vd = line.real(4) if len(line.words) > 4 else 0.0
-            if vd == 0:
-                return ConstantMedium(nd)
-            return ModelGlass(nd, vd)
+            nd, vd = line.real(3), line.real(4) if len(line.words) > 4 else 0.0
+            return ModelGlass(nd, vd) if vd != 0 else ConstantMedium(nd)
         if name not in self._found:
             self._found[name] = self._named(name)
         return self._found[name]
@@ -210,7 +173,7 @@ def _with_line(row: Row, line: Line, unit: float, glasses: _Glasses) -> Row:
             return row._replace(aperture=line.real(1) * unit)
         case "STOP":
             return row._replace(is_stop=True)
-        case "OBDC" if any(real_number(word, "OBDC") != 0 for word in line.words[:2]):
+        case "OBDC" if any(written_number(word, "OBDC") != 0 for word in line.words[:2]):
             raise PrescriptionError("the aperture is decentred; only centred apertures can be read: leave it out")
         case "SCBD" if any(re.fullmatch(r".*[1-9].*", word) for word in line.words[2:]):
             raise PrescriptionError("the surface is decentred or tilted; read it centred and use lens.moved()")
@@ -238,11 +201,11 @@ def _system(head: list[Line], where: str, unit: float) -> System:
                 case "FTYP":
                     found = found._replace(field_type=int(line.real(0)))
                 case "XFLN" | "YFLN":
-                    fields[line.keyword] = [real_number(word, line.keyword) for word in line.words]
+                    fields[line.keyword] = line.reals
                 case "WAVM":
                     waves[int(line.real(0))] = line.real(1) * 1e3
                 case "WAVL":
-                    waves.update((i, real_number(word, "WAVL") * 1e3) for i, word in enumerate(line.words, start=1))
+                    waves.update((i, 1e3 * wave) for i, wave in enumerate(line.reals, start=1))
                 case "PWAV":
                     primary = int(line.real(0))
     pairs = max(map(len, fields.values()))

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from plenoptic.core.files.text_lines import naming_line
 from plenoptic.errors import InvalidValueError, PrescriptionError
 from plenoptic.optics.glass.media import AIR, D_LINE, Medium
 from plenoptic.optics.lens.elements import Element
@@ -72,13 +73,7 @@ class _Piece(NamedTuple):
 
 
 def stacked(rows: list[Row], system: System, where: str, name: str, source: str) -> LensStack:
-    """The lens of the rows, of which the first is the object and the last the image.
-
-    Raises
-    ------
-    PrescriptionError
-        Naming the file and the line.
-    """
+    """The lens of the rows, of which the first is the object and the last the image."""
     flagged = [row for row in rows if row.is_stop]
     if len(flagged) > 1:
         raise _error(where, flagged[1], "STOP", f"surface {flagged[1].number} is a second STOP; a lens has one")
@@ -98,14 +93,13 @@ def stacked(rows: list[Row], system: System, where: str, name: str, source: str)
     elements = [piece.element for piece in pieces]
     surfaces = [element for element in elements if isinstance(element, Surface)]
     iris = next((i for i, piece in enumerate(pieces) if piece.row.is_stop), None)
-    try:
+    with naming_line(where, rows[-2].lines["SURF"]):
         if iris is None and surfaces and len(surfaces) == len(elements) and ambient == AIR:
-            elements, iris, source = with_inferred_stop(surfaces), None, f"{source}; stop placed by rule"
+            elements, source = with_inferred_stop(surfaces), f"{source}; stop placed by rule"
         elif iris is None and surfaces:
             raise PrescriptionError("no surface is the STOP; mark one")
-        return LensStack(elements, iris, name, source, ambient=ambient)
-    except InvalidValueError as error:
-        raise _error(where, rows[-2], "SURF", str(error)) from None
+        lens = LensStack(elements, iris, name, source, ambient=ambient)
+    return lens
 
 
 def _error(where: str, row: Row, keyword: str, message: str) -> PrescriptionError:
@@ -142,9 +136,10 @@ def _piece(row: Row, as_stop: bool, gap: float, where: str) -> _Piece:
     try:
         if as_stop:
             return _Piece(CircularStop(size, gap), row, known)
-        if row.conic > -1 and size <= abs(radius) / math.sqrt(1.0 + row.conic) * (1.0 + _ROUNDING):
+        equator = abs(radius) / math.sqrt(1.0 + row.conic) if row.conic > -1 else 0.0
+        if size <= equator * (1.0 + _ROUNDING):
             # A curvature that was written from a radius gives it back to rounding only.
-            size = min(size, abs(radius) if row.conic == 0 else abs(radius) / math.sqrt(1.0 + row.conic))
+            size = min(size, equator)
         surface = Surface(
             radius, gap, row.medium, semi_diameter=size, conic=row.conic, aspheric=row.aspheric, departure=row.departure
         )

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import codecs
-import contextlib
 import re
-from collections.abc import Iterator
 from typing import NamedTuple
 
-from plenoptic.core.values import finite
-from plenoptic.errors import InvalidValueError, PrescriptionError
+from plenoptic.core.files.text_lines import naming_line, written_number
+from plenoptic.errors import PrescriptionError
 
 _OF_THE_SYSTEM = frozenset(
     ["MODE", "UNIT", "NAME", "NOTE", "GCAT", "ENPD", "FNUM", "FTYP", "XFLN", "YFLN", "WAVM", "WAVL", "PWAV"]
@@ -38,35 +35,12 @@ class Line(NamedTuple):
 
     def real(self, i: int) -> float:
         """The i-th entry as a finite number."""
-        return real_number(self.word(i), self.keyword)
+        return written_number(self.word(i), self.keyword)
 
-
-@contextlib.contextmanager
-def naming_line(where: str, line: int) -> Iterator[None]:
-    """Errors inside name the file and the line."""
-    try:
-        yield
-    except InvalidValueError as error:
-        raise PrescriptionError(f"{where}, line {line}: {error}") from None
-
-
-def decoded(content: bytes) -> str:
-    """The text of a file in UTF-16 with or without its mark, in UTF-8, or else in Latin-1.
-
-    Examples
-    --------
-    >>> from plenoptic.optics.lens.files.zemax_text import decoded
-    >>> decoded("MODE SEQ".encode("utf-16"))
-    'MODE SEQ'
-    """
-    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        return content.decode("utf-16", errors="replace")
-    if content[1:2] == b"\0":
-        return content.decode("utf-16-le", errors="replace")
-    try:
-        return content.decode("utf-8-sig")
-    except ValueError:
-        return content.decode("latin-1")
+    @property
+    def reals(self) -> list[float]:
+        """All entries as finite numbers."""
+        return [written_number(word, self.keyword) for word in self.words]
 
 
 def blocks_of(text: str, where: str) -> tuple[list[Line], list[list[Line]]]:
@@ -92,10 +66,3 @@ def blocks_of(text: str, where: str) -> tuple[list[Line], list[list[Line]]]:
             "the object, one of the lens, and the image"
         )
     return head, blocks
-
-
-def real_number(word: str, name: str) -> float:
-    """A finite number, or an error: no nan, no underscores, no decimal comma."""
-    if not re.fullmatch(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eEdD][+-]?[0-9]+)?", word):
-        raise PrescriptionError(f"{name} has {word[:40]!r}; it must be a number with a decimal point")
-    return finite(float(word.upper().replace("D", "E")), name)

@@ -7,7 +7,7 @@ import math
 
 from plenoptic.errors import InvalidValueError, PrescriptionError
 from plenoptic.optics.glass.catalogue import glass
-from plenoptic.optics.glass.media import AIR, C_LINE, D_LINE, F_LINE, Medium, ModelGlass
+from plenoptic.optics.glass.media import AIR, C_LINE, D_LINE, F_LINE, Medium, ModelGlass, abbe_number
 from plenoptic.optics.lens.elements import Element
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.stack import LensStack
@@ -23,24 +23,6 @@ def zmx_of_lens(lens: LensStack) -> bytes:
     Each surface has its semi-diameter as a fixed aperture (FLAP), so that rays are stopped there as in this package.
     The image lies in the rear focus at 587.6 nm. A medium that has the indices of the bundled glass of its name, to
     1e-6 at the lines F, d and C, is written by name, any other as a model glass of its n_d and V_d.
-
-    Parameters
-    ----------
-    lens : LensStack
-        Centred, in air, with round stops; even aspheres up to r^16.
-
-    Raises
-    ------
-    PrescriptionError
-        Naming what has no place in such a file.
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> from plenoptic.optics.lens.files.zemax_writing import zmx_of_lens
-    >>> text = zmx_of_lens(pl.load_lens("singlet-100mm-f4")).decode("utf-16")
-    >>> [line.strip() for line in text.splitlines() if "GLAS" in line]
-    ['GLAS N-BK7 0 0 1.51680 64.17']
     """
     if lens.ambient != AIR:
         raise PrescriptionError(
@@ -97,27 +79,26 @@ def _glass_lines(medium: Medium, i: int) -> list[str]:
     if medium == AIR:
         return []
     try:
-        nd, blue, red = (float(medium.index(line)) for line in (D_LINE, F_LINE, C_LINE))
+        nd, vd = float(medium.index(D_LINE)), float(abbe_number(medium))
     except InvalidValueError as error:
         raise PrescriptionError(f"the medium behind element {i} has no n_d and V_d: {error}") from None
-    vd = (nd - 1.0) / (blue - red) if blue != red else 0.0
+    vd = 0.0 if math.isinf(vd) else vd
     if vd < 0:
         raise PrescriptionError(
             f"the index of the medium behind element {i} rises with the wavelength, which cannot be written as .zmx; "
             "use .json"
         )
     name = getattr(medium, "name", "")
-    if name and " " not in name and not isinstance(medium, ModelGlass) and _is_bundled(name, (nd, blue, red)):
+    if name and " " not in name and not isinstance(medium, ModelGlass) and _is_bundled(name, medium):
         return [f"GLAS {name} 0 0 {nd:.5f} {vd:.2f}"]
     if isinstance(medium, ModelGlass):
         nd, vd = medium.nd, medium.vd
     return [f"GLAS ___BLANK 1 0 {nd!r} {vd!r} 0 0 0 0 0"]
 
 
-def _is_bundled(name: str, indices: tuple[float, ...]) -> bool:
+def _is_bundled(name: str, medium: Medium) -> bool:
     try:
         bundled = glass(name)
-        found = [bundled.index(line) for line in (D_LINE, F_LINE, C_LINE)]
+        return all(abs(bundled.index(line) - medium.index(line)) < 1e-6 for line in (D_LINE, F_LINE, C_LINE))
     except InvalidValueError:
         return False
-    return max(abs(a - b) for a, b in zip(found, indices, strict=True)) < 1e-6

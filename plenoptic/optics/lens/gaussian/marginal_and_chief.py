@@ -56,8 +56,7 @@ def paraxial_ray(lens: LensStack, *, height: float, angle: float, wavelength: fl
     Examples
     --------
     >>> import plenoptic as pl
-    >>> lens = pl.load_lens("double-gauss-100mm-f2")
-    >>> ray = pl.paraxial.paraxial_ray(lens, height=1.0, angle=0.0)
+    >>> ray = pl.paraxial.paraxial_ray(pl.load_lens("double-gauss-100mm-f2"), height=1.0, angle=0.0)
     >>> round(-1.0 / float(ray.angle[-1]), 2)           # the focal length
     100.72
     """

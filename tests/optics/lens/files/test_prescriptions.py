@@ -134,7 +134,7 @@ def test_the_bundled_reference_is_the_table() -> None:
         (2, "40.1;6.0;air;1.613;;13.0", "air has index"),
         (2, "40.1;6.0;SK4;1.613;58.6;41", "semi_diameter 41 mm exceeds the radius"),
         (2, "nan;6.0;SK4;1.613;58.6;13", "radius is 'nan'"),
-        (2, "40.1;1e999;SK4;1.613;58.6;13", "thickness is inf"),
+        (2, "40.1;1e999;SK4;1.613;58.6;13", "thickness is 1e999, too large"),
         (6, ";1.0;air;;;0", "semi_diameter is 0"),
         (9, "-60.0;80.5;SK4;1.6;;10.0", "the last material is 'SK4'"),
     ],

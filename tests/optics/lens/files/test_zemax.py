@@ -331,8 +331,8 @@ def test_missing_diameters_without_a_beam_are_named(tmp_path: Path, old: str, ne
         (("DISZ 1", "DIAM 5", "CLAP 1 2 0"), "CLAP has an inner radius of 1"),
         (("DISZ 1", "DIAM 5", "OBDC 0 0.5"), "the aperture is decentred"),
         (("DISZ 1", "DIAM 5", "SCBD 1 0 0.0 0.0 5.0 0.0 0.0"), "the surface is decentred or tilted"),
-        (("DISZ 1", "DIAM 5", "CURV 0,02"), "CURV has '0,02'"),
-        (("DISZ 1", "DIAM 5", "CURV 1e999"), "CURV is inf"),
+        (("DISZ 1", "DIAM 5", "CURV 0,02"), "CURV is '0,02'"),
+        (("DISZ 1", "DIAM 5", "CURV 1e999"), "CURV is 1e999, too large"),
         (("DISZ 1", "DIAM 5", "CURV"), "CURV has 0 entries"),
         (("DISZ 1", "DIAM 5", "STOP"), "surface 2 is a second STOP"),
         (("TYPE EVENASPH", "DISZ 1", "DIAM 5", "PARM 9 1e-9"), "PARM 9 is 1e-09"),
@@ -361,7 +361,7 @@ def test_the_line_of_an_error_is_right(tmp_path: Path) -> None:
         ("UNIT MM", "UNIT FT", "UNIT is 'FT'"),
         ("UNIT MM X W X CM MR CPMM", "UNIT", "UNIT has 0 entries"),
         ("SURF 2", "SURF 3", "SURF is '3'; the next surface has number 2"),
-        ("ENPD 1.0E+1", "ENPD ten", "ENPD has 'ten'"),
+        ("ENPD 1.0E+1", "ENPD ten", "ENPD is 'ten'"),
     ],
 )
 def test_a_wrong_head_is_refused(tmp_path: Path, old: str, new: str, message: str) -> None:

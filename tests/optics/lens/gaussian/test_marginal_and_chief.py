@@ -9,7 +9,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 import plenoptic as pl
-from plenoptic.optics.lens.gaussian import paraxial
+from plenoptic import paraxial
 from plenoptic.optics.lens.trace import traced_part
 
 GLASS = pl.ConstantMedium(1.5)

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from plenoptic import paraxial
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.glass.media import AIR, ConstantMedium
 from plenoptic.optics.lens.files.library import lens_names, load_lens
-from plenoptic.optics.lens.gaussian import paraxial
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.stops.circle import CircularStop
 from plenoptic.optics.surfaces.surface import Surface

@@ -1,0 +1,41 @@
+"""Text files that other programs or people have written: encodings, numbers, and errors that name the line."""
+
+from __future__ import annotations
+
+import codecs
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from plenoptic.errors import InvalidValueError, PrescriptionError
+
+
+def decoded(content: bytes, *, errors: str = "strict") -> str:
+    """The text of a file in UTF-16 with or without its mark (and `errors` as for `bytes.decode`), UTF-8, or Latin-1."""
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return content.decode("utf-16", errors)
+    if content[1:2] == b"\0":
+        return content.decode("utf-16-le", errors)
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return content.decode("latin-1")
+
+
+@contextmanager
+def naming_line(where: str, line: int) -> Iterator[None]:
+    """Errors inside name the file and the line."""
+    try:
+        yield
+    except InvalidValueError as error:
+        raise PrescriptionError(f"{where}, line {line}: {error}") from None
+
+
+def written_number(word: str, name: str) -> float:
+    """A finite number, also with Fortran's D for E; stricter than float(): no nan, underscores or decimal comma."""
+    if not re.fullmatch(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eEdD][+-]?[0-9]+)?", word):
+        raise PrescriptionError(f"{name} is {word[:40]!r}; it must be a number with a decimal point")
+    number = float(word.upper().replace("D", "E"))
+    if abs(number) == float("inf"):
+        raise PrescriptionError(f"{name} is {word[:40]}, too large for a number; correct it")
+    return number
