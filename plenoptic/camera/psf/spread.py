@@ -162,8 +162,7 @@ class LandingPoints:
     >>> import numpy as np, plenoptic as pl
     >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
     ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
-    ...     sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.01),
-    ...     stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
+    ...     sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.01), stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
     >>> landed = pl.camera.landing_points(camera, (0.0, 0.0, -404.0))
     >>> middle = (landed.index == 0).all(axis=1)          # through the microlens on the axis
     >>> bool(np.abs(landed.position[middle]).max() < 0.03)
