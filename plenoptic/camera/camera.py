@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import enum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from plenoptic.camera.assembly import assembly, sensor_corners
@@ -216,12 +215,8 @@ class PlenopticCamera:
         Returns
         -------
         PlenopticCamera
-            `design` is as before; movements add up.
-
-        Raises
-        ------
-        InvalidValueError
-            Where the part is missing, or would touch another one.
+            `design` is as before; movements add up. An InvalidValueError where the part is missing, or would touch
+            another one.
 
         Examples
         --------
@@ -235,14 +230,10 @@ class PlenopticCamera:
         ([0.01, 0.0, 0.0], True)
         """
         name = f"{choice(part, CameraPart, 'part').name.lower()}_placement"
-        turn, before = rotation_about_axes(tilt), getattr(self, name)
-        if np.shape(shift) != (3,):
-            raise InvalidValueError(f"shift is {shift!r}; it must be three lengths in mm, along x, y and z")
-        step = np.array([finite(length, f"shift[{k}]") for k, length in enumerate(shift)])
-        if before is not None:
-            turn, step = turn @ np.asarray(before.rotation), step + np.asarray(before.shift)
-        changes: dict[str, Placement] = {name: Placement(shift=step, rotation=turn)}
-        return dataclasses.replace(self, **changes)  # type: ignore[arg-type]
+        before: Any = getattr(self, name) or Placement()
+        moved = Placement(before.shift + Placement(shift=shift).shift, rotation_about_axes(tilt) @ before.rotation)
+        changes: dict[str, Any] = {name: moved}
+        return dataclasses.replace(self, **changes)
 
     @property
     def z_sensor(self) -> float:
