@@ -1,4 +1,5 @@
 from .camera import plot_camera as plot_camera
+from .camera import plot_camera_spread as plot_camera_spread
 from .contrast import plot_mtf as plot_mtf
 from .contrast import plot_point_spread as plot_point_spread
 from .error_time import plot_error_against_time as plot_error_against_time
@@ -10,14 +11,13 @@ from .fields import plot_distortion as plot_distortion
 from .fields import plot_field_curvature as plot_field_curvature
 from .fields import plot_relative_illumination as plot_relative_illumination
 from .fields import plot_vignetting as plot_vignetting
-from .forward import plot_camera_spread as plot_camera_spread
 from .lens import plot_lens as plot_lens
 from .lens import plot_stop as plot_stop
 from .lightfield import plot_views as plot_views
-from .photon_transfer import plot_photon_transfer as plot_photon_transfer
 from .seidel import plot_chromatic_shift as plot_chromatic_shift
 from .seidel import plot_seidel as plot_seidel
-from .spectra import plot_sensitivity as plot_sensitivity
+from .sensor import plot_photon_transfer as plot_photon_transfer
+from .sensor import plot_sensitivity as plot_sensitivity
 from .spots import plot_ray_fan as plot_ray_fan
 from .spots import plot_spots as plot_spots
 from .spots import plot_through_focus as plot_through_focus

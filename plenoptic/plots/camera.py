@@ -1,4 +1,4 @@
-"""A camera in section: lens, array and sensor, and how the images of neighbouring microlenses lie on the sensor."""
+"""A camera in section, how images of neighbouring microlenses lie on its sensor, what light of points leaves."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from plenoptic.core.values import check_has
-from plenoptic.plots.canvas import figure_or_new
+from plenoptic.core.values import Floats, check_has
+from plenoptic.plots.canvas import axes_or_new, figure_or_new, pixel_extent
 from plenoptic.plots.lens import plot_lens
 
 if TYPE_CHECKING:
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from plenoptic.camera.camera import PlenopticCamera
+    from plenoptic.camera.psf.spread import CameraSpread
     from plenoptic.camera.report.report import CameraReport
 
 _ARRAY, _SENSOR, _LIGHT = "#2c8a3d", "#222222", "#c23b2c"
@@ -23,6 +24,9 @@ _COLOURS = ("#1f5fbf", "#b07a00")
 _NEIGHBOURS = 2
 _BULGE = 0.06
 """Drawn height of a microlens over its width: a symbol, not its sag."""
+_MARGIN = 2
+"""Dark pixels left around the light of a smaller point among several."""
+_MARK = "#35c4ff"
 
 
 def plot_camera(camera: PlenopticCamera, report: CameraReport | None = None) -> Figure:
@@ -44,21 +48,19 @@ def plot_camera(camera: PlenopticCamera, report: CameraReport | None = None) -> 
     Examples
     --------
     >>> import plenoptic as pl
-    >>> from plenoptic.camera.report.report import camera_report
-    >>> from plenoptic.plots.camera import plot_camera
     >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(5.0)),
     ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
     ...     sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.010), stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
-    >>> [ax.get_title() for ax in plot_camera(camera, camera_report(camera)).axes]
+    >>> [ax.get_title() for ax in pl.plots.plot_camera(camera).axes]
     ['double-gauss-100mm-f2', 'f/7.83 under f/8.26: images 0.94 as wide as their distance']
     """
     check_has(camera, "camera", "PlenopticCamera", "pl.PlenopticCamera(...)", "stop_to_microlenses")
     report = camera.report() if report is None else report
     check_has(report, "report", "CameraReport", "camera.report()", "working_f_number")
-    two = camera.microlenses is not None
-    figure = figure_or_new(None, (11.0, 4.5) if two else (7.0, 4.5))
-    _draw_section(camera, report, figure.add_subplot(1, 2 if two else 1, 1))
-    if two:
+    panels = 1 if camera.microlenses is None else 2
+    figure = figure_or_new(None, (3.0 + 4.0 * panels, 4.5))
+    _draw_section(camera, report, figure.add_subplot(1, panels, 1))
+    if panels == 2:
         _draw_microlenses(camera, report, figure.add_subplot(1, 2, 2))
     return figure
 
@@ -102,3 +104,79 @@ def _draw_microlenses(camera: PlenopticCamera, report: CameraReport, ax: Axes) -
         f"images {report.image_fill:.2f} as wide as their distance",
         fontsize="medium",
     )
+
+
+def plot_camera_spread(spread: CameraSpread, ax: Axes | None = None) -> Axes:
+    """Draw what the light of one point, or of several together, leaves on the sensor.
+
+    Parameters
+    ----------
+    spread : CameraSpread
+        From `point_spread`.
+    ax : matplotlib.axes.Axes, optional
+        Where to draw; a new figure if it is left out.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The part of the sensor that the light reaches, with rows and columns as axes (pixel centres are whole numbers,
+        row 0 at the top, as in images). Brightness grows with the root of the value. Crosses are centroids.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
+    ...     sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.01), stop_to_microlenses=133.0)
+    >>> ax = pl.plots.plot_camera_spread(pl.point_spread(camera, (5.0, 0.0, -404.0)))
+    >>> ax.get_xlabel()
+    'column / pixel'
+    """
+    check_has(spread, "spread", "CameraSpread", "pl.point_spread(camera, point)", "regions", "centroid")
+    ax = axes_or_new(ax, (6.2, 5.0))
+    from matplotlib.colors import PowerNorm
+
+    image, row, column = _together(spread)
+    # Brightness by the root: the light of a point is a few bright pixels and a faint flare.
+    scale = PowerNorm(0.5, vmin=0.0, vmax=float(image.max()) or 1.0)
+    drawn = ax.imshow(
+        image, interpolation="nearest", cmap="inferno", norm=scale, extent=pixel_extent(row, column, image.shape)
+    )
+    ax.figure.colorbar(drawn, ax=ax, label="sr/mm²", shrink=0.8)
+    if not image.any():
+        ax.text(0.5, 0.5, "no light", transform=ax.transAxes, ha="center", va="center", color="white")
+    ax.locator_params(integer=True, min_n_ticks=1)
+    places = _pixels(spread)
+    ax.plot(places[:, 1], places[:, 0], linestyle="none", marker="+", color=_MARK, markersize=9)
+    ax.set(xlabel="column / pixel", ylabel="row / pixel")
+    ax.set_title(_title(spread), fontsize="medium")
+    return ax
+
+
+def _together(spread: CameraSpread) -> tuple[Floats, int, int]:
+    """Sum of the images of all points on the rectangle that holds their light; its first row and column."""
+    images = spread.image.reshape(-1, *spread.image.shape[-2:])
+    corners = np.atleast_2d(spread.corner)
+    first, size = corners.min(axis=0), np.array(images.shape[1:])
+    total = np.zeros(corners.max(axis=0) + size - first)
+    for image, (row, column) in zip(images, (corners - first).tolist(), strict=True):
+        total[row : row + size[0], column : column + size[1]] += image
+    lit = np.argwhere(total)
+    if not len(lit):
+        return total, int(first[0]), int(first[1])
+    low = np.maximum(lit.min(axis=0) - _MARGIN, 0)
+    high = lit.max(axis=0) + 1 + _MARGIN
+    return total[low[0] : high[0], low[1] : high[1]], int(first[0] + low[0]), int(first[1] + low[1])
+
+
+def _pixels(spread: CameraSpread) -> Floats:
+    """Row and column (n, 2) of the centroids: the sensor is read out rotated by 180 degrees."""
+    rows, columns = spread.sensor.shape
+    x, y = np.atleast_2d(spread.centroid).T / spread.sensor.pixel_pitch
+    return np.stack([y + rows / 2 - 0.5, columns / 2 - 0.5 - x], axis=1)
+
+
+def _title(spread: CameraSpread) -> str:
+    points, light = np.atleast_2d(spread.points), f"{1e3 * np.sum(spread.light):.3g} msr"
+    if len(points) > 1:
+        return f"{len(points)} points, {light} in all"
+    return f"point ({', '.join(f'{x:.4g}' for x in points[0])}) mm, {light}"

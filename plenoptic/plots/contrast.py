@@ -34,8 +34,7 @@ def plot_point_spread(spread: PointSpread, ax: Axes | None = None) -> Axes:
     Examples
     --------
     >>> import plenoptic as pl
-    >>> from plenoptic.plots.contrast import plot_point_spread
-    >>> ax = plot_point_spread(pl.aberrations.point_spread(pl.load_lens("double-gauss-100mm-f2")))
+    >>> ax = pl.plots.plot_point_spread(pl.aberrations.point_spread(pl.load_lens("double-gauss-100mm-f2")))
     >>> ax.get_xlabel()
     'x / µm'
     """
@@ -87,9 +86,8 @@ def plot_mtf(mtfs: Mtf | Sequence[Mtf], ax: Axes | None = None) -> Axes:
     --------
     >>> import numpy as np
     >>> import plenoptic as pl
-    >>> from plenoptic.plots.contrast import plot_mtf
     >>> lens = pl.load_lens("double-gauss-100mm-f2")
-    >>> ax = plot_mtf([pl.aberrations.mtf(lens, np.linspace(0, 50, 11), field=(0, y)) for y in (0, 0.1)])
+    >>> ax = pl.plots.plot_mtf([pl.aberrations.mtf(lens, np.linspace(0, 50, 11), field=(0, y)) for y in (0, 0.1)])
     >>> ax.get_ylabel()
     'modulation'
     """

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from plenoptic.core.files.images import linear_to_srgb
 from plenoptic.core.relative_error import lit_pixels
 from plenoptic.core.values import check_has
-from plenoptic.plots.canvas import figure_or_new
+from plenoptic.plots.canvas import brightest, figure_or_new, pixel_extent
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -18,21 +18,10 @@ if TYPE_CHECKING:
 
     from plenoptic.rendering.exposure import Exposure
 
-CLIPPED_ABOVE = 99.8
-"""Percentile at which brightness scales end: a few bright pixels must not darken all others."""
-
 _IRRADIANCE = "scene radiance x sr"
 
 _NOT_RENDERED = (0.72, 0.80, 0.90)
 """Pale blue: neither black nor a grey of the image."""
-
-
-def _upper(values: NDArray[np.floating[Any]]) -> float:
-    """End of a brightness scale that starts at 0: the percentile, the maximum, or 1, whichever is first above 0."""
-    seen = values[np.isfinite(values)]
-    if seen.size == 0:
-        return 1.0
-    return float(np.percentile(seen, CLIPPED_ABOVE)) or float(seen.max()) or 1.0
 
 
 def _panel(figure: Figure, ax: Axes, values: NDArray[Any], title: str, unit: str, **shown: Any) -> None:
@@ -44,7 +33,7 @@ def _panel(figure: Figure, ax: Axes, values: NDArray[Any], title: str, unit: str
 def _colour_picture(
     ax: Axes, image: NDArray[np.float32], unseen: NDArray[np.bool_], extent: tuple[float, float, float, float]
 ) -> None:
-    white = _upper(image)
+    white = brightest(image)
     encoded = linear_to_srgb(np.clip(np.nan_to_num(image / white), 0.0, 1.0))
     encoded[unseen] = _NOT_RENDERED
     ax.imshow(encoded, interpolation="nearest", extent=extent)
@@ -84,7 +73,7 @@ def plot_exposure(exposure: Exposure, *, figure: Figure | None = None) -> Figure
     figure = figure_or_new(figure, (5.4 * panels, 4.6))
     axes = list(figure.subplots(1, panels, sharex=True, sharey=True, squeeze=False)[0])
     row, column = (exposure.region[0], exposure.region[2]) if exposure.region is not None else (0, 0)
-    extent = (column - 0.5, column + columns - 0.5, row + rows - 0.5, row - 0.5)
+    extent = pixel_extent(row, column, exposure.image.shape)
     for ax in axes:
         ax.set_xlabel("column / pixel")
     axes[0].set_ylabel("row / pixel")
@@ -96,7 +85,7 @@ def plot_exposure(exposure: Exposure, *, figure: Figure | None = None) -> Figure
         axes[0].annotate("pale blue: not rendered", (0, 1), (2, 2), "axes fraction", "offset points", fontsize="small")
     ax = axes.pop(0)
     if channels == 1:
-        top = _upper(exposure.image)
+        top = brightest(exposure.image)
         grey = np.ma.array(exposure.image[:, :, 0], mask=unseen)
         _panel(figure, ax, grey, "image", _IRRADIANCE, extent=extent, cmap="gray", vmin=0.0, vmax=top)
     else:
@@ -104,7 +93,7 @@ def plot_exposure(exposure: Exposure, *, figure: Figure | None = None) -> Figure
     if exposure.standard_error is not None:
         error = np.sqrt(np.mean(np.square(exposure.standard_error, dtype=np.float64), axis=2))
         lit = lit_pixels(np.nan_to_num(exposure.image, posinf=0.0, neginf=0.0))
-        top = _upper(error[lit] if lit.any() else error)
+        top = brightest(error[lit] if lit.any() else error)
         seen = np.ma.array(error, mask=unseen)
         _panel(
             figure, axes.pop(0), seen, "standard error", _IRRADIANCE, extent=extent, cmap="magma", vmin=0.0, vmax=top

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from plenoptic.core.values import Floats, wrong_kind
+from plenoptic.core.values import Floats, check_has
 from plenoptic.plots.canvas import axes_or_new
 
 if TYPE_CHECKING:
@@ -20,9 +20,8 @@ if TYPE_CHECKING:
 _SAGITTAL, _TANGENTIAL, _OTHER = "#1f5fbf", "#c23b2c", "#888888"
 
 
-def _checked(result: Any, attribute: str, kind: str) -> None:
-    if not hasattr(result, attribute):
-        raise wrong_kind(result, "result", kind, f"what pl.aberrations.{_maker(kind)}(lens, fields) returns")
+def _check(result: Any, attribute: str, kind: str, maker: str) -> None:
+    check_has(result, "result", kind, f"what pl.aberrations.{maker}(lens, fields) returns", attribute)
 
 
 def _field_axis(result: Any) -> tuple[Floats, str]:
@@ -49,11 +48,6 @@ def _upwards(result: Any, ax: Axes | None, curves: Sequence[Floats], label: str,
     return ax
 
 
-def _maker(kind: str) -> str:
-    """The function that makes results of a kind: FieldCurvature is made by field_curvature."""
-    return "".join(f"_{letter.lower()}" if letter.isupper() else letter for letter in kind).lstrip("_")
-
-
 def plot_distortion(result: Distortion, ax: Axes | None = None) -> Axes:
     """Draw distortion in percent to the right, the field upwards.
 
@@ -74,7 +68,7 @@ def plot_distortion(result: Distortion, ax: Axes | None = None) -> Axes:
     >>> ax.get_xlabel(), ax.get_ylabel()
     ('distortion / %', 'half field / °')
     """
-    _checked(result, "projection", "Distortion")
+    _check(result, "projection", "Distortion", "distortion")
     percent = 100.0 * result.relative
     ax = _upwards(result, ax, [percent], "distortion / %", f"distortion, {result.projection.name.lower()}")
     reach = 1.15 * max(float(np.nanmax(np.abs(percent), initial=0.0)), 0.1)
@@ -104,7 +98,7 @@ def plot_field_curvature(result: FieldCurvature, ax: Axes | None = None) -> Axes
     >>> [text.get_text() for text in ax.get_legend().get_texts()]
     ['sagittal', 'tangential']
     """
-    _checked(result, "astigmatism", "FieldCurvature")
+    _check(result, "astigmatism", "FieldCurvature", "field_curvature")
     return _upwards(result, ax, [result.sagittal, result.tangential], "focus shift / mm", "field curvature")
 
 
@@ -128,7 +122,7 @@ def plot_coma(result: Coma, ax: Axes | None = None) -> Axes:
     >>> ax.get_title()
     'coma, zone 0.5'
     """
-    _checked(result, "zone", "Coma")
+    _check(result, "zone", "Coma", "coma")
     return _upwards(result, ax, [result.sagittal, result.tangential], "coma / mm", f"coma, zone {result.zone:g}")
 
 
@@ -154,7 +148,7 @@ def plot_vignetting(result: Vignetting, ax: Axes | None = None) -> Axes:
     >>> [text.get_text() for text in ax.get_legend().get_texts()]
     ['part of the iris filled', 'rim rays']
     """
-    _checked(result, "fraction", "Vignetting")
+    _check(result, "fraction", "Vignetting", "vignetting")
     ax = axes_or_new(ax, (5.4, 4.0))
     fields, field_label = _field_axis(result)
     ax.fill_between(fields, result.lower, result.upper, color=_OTHER, alpha=0.2, linewidth=0, label="rim rays")
@@ -187,7 +181,7 @@ def plot_relative_illumination(result: RelativeIllumination, ax: Axes | None = N
     >>> ax.get_title()
     'relative illumination'
     """
-    _checked(result, "projected_solid_angle", "RelativeIllumination")
+    _check(result, "projected_solid_angle", "RelativeIllumination", "relative_illumination")
     ax = axes_or_new(ax, (5.4, 4.0))
     fields, field_label = _field_axis(result)
     ax.plot(fields, result.relative, color=_SAGITTAL, label="lens")
@@ -223,7 +217,7 @@ def plot_depth_distortion(result: DepthDistortion, ax: Axes | None = None) -> Ax
     >>> [text.get_text() for text in ax.get_legend().get_texts()]
     ['-668.4 mm', '-404.2 mm']
     """
-    _checked(result, "medial", "DepthDistortion")
+    _check(result, "medial", "DepthDistortion", "depth_distortion")
     ax = axes_or_new(ax, (5.4, 4.0))
     for plane, medial in zip(result.z_object.tolist(), result.medial, strict=True):
         ax.plot(result.heights, 100.0 * (medial / plane - 1.0), label=f"{plane:.4g} mm")

@@ -1,13 +1,15 @@
-"""Sections of a lens and holes of its stops, true to scale."""
+"""Sections of a lens, rays through it and holes of its stops, true to scale."""
 
 from __future__ import annotations
 
 import html
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from plenoptic.core.values import Floats, check_has
+from plenoptic.errors import InvalidValueError
 from plenoptic.plots.canvas import axes_or_new
 
 if TYPE_CHECKING:
@@ -16,8 +18,10 @@ if TYPE_CHECKING:
     from plenoptic.optics.lens.stack import LensStack
     from plenoptic.optics.stops.registry import Stop
 
-GLASS = "#cfe3f3"
-EDGE = "#31566f"
+_GLASS = "#cfe3f3"
+_EDGE = "#31566f"
+_IMAGE = "#222222"
+_FIELDS = ("#1f5fbf", "#2c8a3d", "#c23b2c", "#b07a00", "#7c4fa8", "#008b8b")
 _STOP = "#222222"
 _OTHER_STOP = "#888888"
 
@@ -43,19 +47,7 @@ def _path(points: Floats, close: str = "") -> str:
 
 
 def lens_svg(lens: LensStack, width: int = 480) -> str:
-    """A small drawing of a lens as SVG text: glass filled, stops as bars, the iris darkest, one scale for z and y.
-
-    Parameters
-    ----------
-    lens : LensStack
-    width : int, optional
-        Width of the picture in pixels.
-
-    Returns
-    -------
-    str
-        A complete `<svg>` element whose user unit is 1 mm; light runs from left to right.
-    """
+    """A small drawing as an `<svg>` element `width` pixels wide whose unit is 1 mm: glass filled, stops as bars."""
     profiles = lens.profiles()
     bars = _bars(lens, 1.05 * max(element.semi_diameter for element in lens.elements))
     ends = [np.array([[z, -outer], [z, outer]]) for _, z, _, outer in bars]
@@ -71,9 +63,9 @@ def lens_svg(lens: LensStack, width: int = 480) -> str:
         f"<title>{html.escape(lens.name or 'lens')}</title>",
         f'<path d="M{box[0]:.5g},0 h{box[2]:.5g}" stroke="{_OTHER_STOP}" stroke-dasharray="{6 * line:.4g}"/>',
     ]
-    parts += [f'<path d="{_path(section, " Z")}" fill="{GLASS}"/>' for section in _glass_sections(lens, profiles)]
+    parts += [f'<path d="{_path(section, " Z")}" fill="{_GLASS}"/>' for section in _glass_sections(lens, profiles)]
     stops = set(_stop_indices(lens))
-    parts += [f'<path d="{_path(p)}" stroke="{EDGE}"/>' for i, p in enumerate(profiles) if i not in stops]
+    parts += [f'<path d="{_path(p)}" stroke="{_EDGE}"/>' for i, p in enumerate(profiles) if i not in stops]
     for i, z, inner, outer in bars:
         colour = _STOP if i == lens.iris_index else _OTHER_STOP
         bar = f"M{z:.5g},{-outer:.5g} V{-inner:.5g} M{z:.5g},{inner:.5g} V{outer:.5g}"
@@ -106,11 +98,11 @@ def plot_lens(lens: LensStack, ax: Axes | None = None) -> Axes:
     ax = axes_or_new(ax, (7.0, 5.0))
     profiles = lens.profiles()
     for section in _glass_sections(lens, profiles):
-        ax.fill(section[:, 0], section[:, 1], facecolor=GLASS, edgecolor="none")
+        ax.fill(section[:, 0], section[:, 1], facecolor=_GLASS, edgecolor="none")
     stops = set(_stop_indices(lens))
     for i, profile in enumerate(profiles):
         if i not in stops:
-            ax.plot(profile[:, 0], profile[:, 1], color=EDGE, linewidth=1.0)
+            ax.plot(profile[:, 0], profile[:, 1], color=_EDGE, linewidth=1.0)
     for i, z, inner, outer in _bars(lens, 1.05 * max(element.semi_diameter for element in lens.elements)):
         colour = _STOP if i == lens.iris_index else _OTHER_STOP
         ax.plot([z, z, np.nan, z, z], [-outer, -inner, np.nan, inner, outer], color=colour, linewidth=2.5)
@@ -138,8 +130,7 @@ def plot_stop(stop: Stop, ax: Axes | None = None) -> Axes:
     Examples
     --------
     >>> import plenoptic as pl
-    >>> from plenoptic.plots.lens import plot_stop
-    >>> ax = plot_stop(pl.PolygonStop(blades=6, semi_diameter=5.0, blade_radius=8.0))
+    >>> ax = pl.plots.plot_stop(pl.PolygonStop(blades=6, semi_diameter=5.0, blade_radius=8.0))
     >>> ax.get_xlabel()
     'x / mm'
     """
@@ -158,4 +149,56 @@ def plot_stop(stop: Stop, ax: Axes | None = None) -> Axes:
     ax.plot(*circle, color=_OTHER_STOP, linewidth=0.8, linestyle="--")
     ax.set(xlim=(-reach, reach), ylim=(-reach, reach), xlabel="x / mm", ylabel="y / mm", title=type(stop).__name__)
     ax.set_aspect("equal")
+    return ax
+
+
+def _joined(paths: Floats) -> tuple[Floats, Floats]:
+    """Coordinates z and y of all paths as one line with gaps."""
+    gap = np.full((len(paths), 1, 3), np.nan)
+    points = np.concatenate([paths, gap], axis=1).reshape(-1, 3)
+    return points[:, 2], points[:, 1]
+
+
+def _fill_glass(lens: LensStack, ax: Axes) -> None:
+    """Glass with closed outlines: from rim to rim along the axis and, where these differ in height, across."""
+    profiles = lens.profiles()
+    for i, j in lens.glasses:
+        front, rear = profiles[i], profiles[j]
+        low, high = (max(front[end, 1], rear[end, 1], key=abs) for end in (0, -1))
+        top = [(front[-1, 0], high), (rear[-1, 0], high)]
+        bottom = [(rear[0, 0], low), (front[0, 0], low)]
+        outline = np.concatenate([front, top, rear[::-1], bottom])
+        ax.fill(outline[:, 0], outline[:, 1], facecolor=_GLASS, edgecolor=_EDGE, linewidth=1.0, zorder=0.9)
+
+
+def plot_layout(
+    lens: LensStack,
+    paths: Sequence[Floats],
+    *,
+    labels: Sequence[str] = (),
+    z_image: float | None = None,
+    ax: Axes | None = None,
+) -> Axes:
+    """Draw the section of a lens, with closed glass outlines, and rays that have been traced, for `LensStack.layout`.
+
+    `paths` has one array (n_rays, n_points, 3) a field, drawn in one colour: points x, y, z in mm, to the first nan.
+    `labels` name the fields, and an image plane is drawn at `z_image`, mm.
+    """
+    check_has(lens, "lens", "LensStack", "camera.lens", "profiles")
+    if len(labels) not in (0, len(paths)):
+        raise InvalidValueError(f"there are {len(labels)} labels for {len(paths)} fields; give one for each, or none")
+    ax = axes_or_new(ax, (10.0, 5.0))
+    for k, field in enumerate(paths):
+        label = labels[k] if labels else None
+        z, y = _joined(np.asarray(field, dtype=np.float64))
+        ax.plot(z, y, color=_FIELDS[k % len(_FIELDS)], linewidth=0.7, label=label, zorder=1.5)
+    _fill_glass(lens, ax)
+    plot_lens(lens, ax)
+    if z_image is not None:
+        heights = [np.abs(field[:, -1, 1]) for field in paths]
+        reach = max((float(np.nanmax(h, initial=0.0)) for h in heights), default=0.0)
+        reach = 1.05 * reach or lens.stop.semi_diameter
+        ax.plot([z_image, z_image], [-reach, reach], color=_IMAGE, linewidth=1.2)
+    if labels:
+        ax.legend(title="field", loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False, fontsize="small")
     return ax

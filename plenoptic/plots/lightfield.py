@@ -9,7 +9,7 @@ import numpy as np
 from plenoptic.core.files.images import linear_to_srgb
 from plenoptic.core.values import check_has, whole
 from plenoptic.errors import InvalidValueError
-from plenoptic.plots.canvas import axes_or_new
+from plenoptic.plots.canvas import axes_or_new, brightest
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -42,32 +42,27 @@ def plot_views(field: LightField, *, every: int = 1, ax: Axes | None = None) -> 
     Examples
     --------
     >>> import plenoptic as pl
-    >>> from plenoptic.lightfield import decode
-    >>> from plenoptic.plots.lightfield import plot_views
     >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
     ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
     ...     sensor=pl.Sensor(shape=(80, 80), pixel_pitch=0.01),
     ...     stop_to_microlenses=134.6, microlenses_to_sensor=2.0)
     >>> white = pl.render_white(camera, samples=16, progress=False)
-    >>> ax = plot_views(decode(white, white, views=5))
+    >>> ax = pl.plots.plot_views(pl.lightfield.decode(white, white, views=5))
     >>> ax.get_xlabel()
     'u / pixel'
     """
-    # By what it has, since figures know no light fields.
     check_has(field, "field", "LightField", "pl.lightfield.decode(shot, white)", "views", "u")
     step = whole(every, "every", at_least=1)
     ax = axes_or_new(ax, (6.4, 6.4))
     chosen = [np.arange(len(o) // 2 % step, len(o), step) for o in (field.u, field.v)]
     views = np.asarray(field.views[np.ix_(*chosen)], dtype=np.float64)
     across, down, rows, columns, channels = views.shape
-    lit = views[np.isfinite(views)]
-    if not lit.size:
+    if not np.isfinite(views).any():
         raise InvalidValueError("no view of the light field holds any light; decode one with a larger region")
-    top = float(np.percentile(lit, 99.8)) or float(lit.max()) or 1.0
     framed = np.full((across, down, rows + _GAP, columns + _GAP, channels), np.nan)
     framed[:, :, :rows, :columns] = views
     mosaic = framed.transpose(1, 2, 0, 3, 4).reshape(down * (rows + _GAP), across * (columns + _GAP), channels)
-    scaled = np.clip(mosaic / top, 0.0, 1.0)
+    scaled = np.clip(mosaic / brightest(views), 0.0, 1.0)
     encoded = scaled if channels == 1 else linear_to_srgb(np.nan_to_num(scaled))
     filled = np.where(np.isfinite(scaled), encoded, _UNLIT)
     ax.imshow(np.broadcast_to(filled, (*filled.shape[:2], 3)), interpolation="nearest")

@@ -1,4 +1,4 @@
-"""Spot diagrams, ray fans, point-spread functions and modulation transfer."""
+"""Spot diagrams, through the focus too, and ray fans."""
 
 from __future__ import annotations
 
@@ -67,22 +67,19 @@ def _rows(spots: Any) -> list[list[SpotDiagram]]:
     return rows
 
 
-def _same(values: list[float]) -> bool:
-    return all(value == values[0] for value in values)
-
-
 def _rms_label(spot: SpotDiagram) -> str:
     radius = MICROMETRES * spot.rms_radius
     return f"RMS {radius:.3g} µm" if radius >= 1e-3 else "RMS < 0.001 µm"
 
 
 def _draw_spot(ax: Axes, spot: SpotDiagram, half: float, *, airy: bool) -> None:
+    from matplotlib.colors import to_rgba_array
+
     if len(spot.x):
         centre = spot.centroid
-        shown = np.arange(0, len(spot.x), -(-len(spot.x) // _MOST_DOTS))
         # In an order that lets no wavelength lie on top of the others.
-        shown = np.random.default_rng(0).permutation(shown)
-        colours = np.array([np.array(_rgba(colour)) for colour in _colours(spot.wavelengths)])
+        shown = np.random.default_rng(0).permutation(np.arange(0, len(spot.x), -(-len(spot.x) // _MOST_DOTS)))
+        colours = to_rgba_array(_colours(spot.wavelengths))
         x, y = spot.x[shown] - centre[0], spot.y[shown] - centre[1]
         size = 5.0 if len(shown) < 1000 else 2.0
         ax.scatter(
@@ -99,12 +96,6 @@ def _draw_spot(ax: Axes, spot: SpotDiagram, half: float, *, airy: bool) -> None:
     ax.set_ylim(-half, half)
     ax.locator_params(nbins=4)
     ax.set_aspect("equal")
-
-
-def _rgba(colour: Any) -> Any:
-    from matplotlib.colors import to_rgba
-
-    return to_rgba(colour)
 
 
 def _wavelength_legend(figure: Figure, wavelengths: Sequence[float], **shown: Any) -> None:
@@ -151,28 +142,25 @@ def plot_spots(
     Examples
     --------
     >>> import plenoptic as pl
-    >>> from plenoptic.plots.spots import plot_spots
     >>> lens, spot = pl.load_lens("double-gauss-100mm-f2"), pl.aberrations.spot_diagram
     >>> grid = [[spot(lens, field=(0, y), z_image=z) for z in (102, 102.5)] for y in (0, 0.1)]
-    >>> figure = plot_spots(grid)
+    >>> figure = pl.plots.plot_spots(grid)
     >>> len(figure.axes), figure.axes[0].get_title()
     (4, 'z = 102 mm')
     """
     rows = _rows(spots)
-    if len(titles) not in (0, len(rows) * len(rows[0])):
-        raise InvalidValueError(
-            f"there are {len(titles)} titles for {len(rows) * len(rows[0])} diagrams; give one each"
-        )
-    count, several = (len(rows), len(rows[0])), len(rows[0][0].wavelengths) > 1
+    flat, count = [spot for row in rows for spot in row], (len(rows), len(rows[0]))
+    wavelengths = flat[0].wavelengths
+    if len(titles) not in (0, len(flat)):
+        raise InvalidValueError(f"there are {len(titles)} titles for {len(flat)} diagrams; give one each")
+    several = len(wavelengths) > 1
     figure = figure_or_new(figure, (1.0 + 2.3 * count[1], 1.1 + 0.35 * several + 2.3 * count[0]))
     axes = figure.subplots(*count, sharex=True, sharey=True, squeeze=False)
-    radii = [spot.geometric_radius for row in rows for spot in row] + [
-        spot.airy_radius for row in rows for spot in row if airy
-    ]
+    radii = [spot.geometric_radius for spot in flat] + [spot.airy_radius for spot in flat if airy]
     largest = max((radius for radius in radii if math.isfinite(radius)), default=0.0)
     half = 1.15 * max(MICROMETRES * largest, _SMALLEST_SPOT)
-    by_row = all(_same([tuple(spot.field) for spot in row]) for row in rows) and count[0] > 1  # type: ignore[misc]
-    by_column = all(_same([row[j].z_image for row in rows]) for j in range(count[1])) and count[0] > 1
+    by_row = count[0] > 1 and all(len({tuple(spot.field) for spot in row}) == 1 for row in rows)
+    by_column = count[0] > 1 and all(len({spot.z_image for spot in column}) == 1 for column in zip(*rows, strict=True))
     for i, row in enumerate(rows):
         for j, spot in enumerate(row):
             ax = axes[i, j]
@@ -186,8 +174,8 @@ def plot_spots(
         axes[i, 0].set_ylabel(f"{field_label(row[0].field, row[0].z_object)}\n{label}" if by_row else label)
     for ax in axes[-1]:
         ax.set_xlabel("x / µm")
-    if len(rows[0][0].wavelengths) > 1:
-        _wavelength_legend(figure, rows[0][0].wavelengths, marker="o", markersize=4, linestyle="")
+    if several:
+        _wavelength_legend(figure, wavelengths, marker="o", markersize=4, linestyle="")
     return figure
 
 
@@ -209,8 +197,7 @@ def plot_ray_fan(fan: RayFan, *, figure: Figure | None = None) -> Figure:
     Examples
     --------
     >>> import plenoptic as pl
-    >>> from plenoptic.plots.spots import plot_ray_fan
-    >>> figure = plot_ray_fan(pl.aberrations.ray_fan(pl.load_lens("double-gauss-100mm-f2"), field=(0, 0.1)))
+    >>> figure = pl.plots.plot_ray_fan(pl.aberrations.ray_fan(pl.load_lens("double-gauss-100mm-f2"), field=(0, 0.1)))
     >>> [ax.get_title() for ax in figure.axes]
     ['tangential fan', 'sagittal fan']
     """
@@ -257,6 +244,7 @@ def plot_through_focus(found: ThroughFocus, ax: Axes | None = None) -> Axes:
     >>> ax.get_xlabel()
     'z / mm'
     """
+    check_has(found, "found", "ThroughFocus", "pl.aberrations.through_focus(lens)", "geometric_radius", "best")
     ax = axes_or_new(ax, (6.0, 4.0))
     ax.plot(found.z, 1e3 * found.rms_radius, color="#31566f", label="RMS")
     ax.plot(found.z, 1e3 * found.geometric_radius, color="#c8553d", linestyle="--", label="largest")

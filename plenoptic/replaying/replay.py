@@ -64,7 +64,7 @@ class Replay:
     def camera_points(self) -> Floats:
         """(n, 3): where the path runs in the camera, in its axes, mm: sensor, array and the elements of the lens.
 
-        `plenoptic.plots.layout.plot_layout(camera.lens, [way.camera_points[None]])` draws it.
+        `plenoptic.plots.lens.plot_layout(camera.lens, [way.camera_points[None]])` draws it.
         """
         points: list[Floats | None] = []
         for event in self.events:

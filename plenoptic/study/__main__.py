@@ -4,40 +4,29 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
 
-from plenoptic.errors import PlenopticError
-from plenoptic.study.cost import command as cost_command
-from plenoptic.study.error_time import command as error_command
-from plenoptic.study.options import study_command
+from plenoptic.errors import FileError, InvalidValueError, PlenopticError
+from plenoptic.rendering.schedule.budget import checked_target
+from plenoptic.study.cost.cases import COST_CASES
+from plenoptic.study.cost.measurement import cost_of
+from plenoptic.study.error_time.cases import ERROR_CASES, case_table
+from plenoptic.study.error_time.document import error_document, load_now
+from plenoptic.study.error_time.table import ErrorTable, csv_of
+from plenoptic.study.exposures import central_region
 from plenoptic.study.rounding.table import QUICK, THOROUGH, stability
 
 _INTERRUPTED = 130
 """128 and the number of SIGINT, as shells have it."""
 
+_QUICK_COST, _THOROUGH_COST = (4, 2, 16), (32, 9, 128)
+"""Samples, rounds and pixels along the side."""
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a study and print its table.
-
-    Parameters
-    ----------
-    arguments : sequence of str, optional
-        Those of the command line by default.
-
-    Returns
-    -------
-    int
-        0 where all is within its bounds, 1 where something is not, 2 where the study cannot run, 130 after Ctrl-C.
-
-    Examples
-    --------
-    >>> from plenoptic.study.__main__ import main
-    >>> main(["stability", "--rays", "2", "--only", "plane, in"])
-    case ...
-    plane, in reverse  2 ...
-    <StabilityTable: 1 cases, all within their bounds>
-    0
-    """
+    """Run a study and print its table; 0: all within bounds, 1: not so, 2: it cannot run, 130: after Ctrl-C."""
     options = _parser().parse_args(arguments)
     try:
         return int(options.run(options))
@@ -52,14 +41,49 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m plenoptic.study", description="Studies that print a table.")
     studies = parser.add_subparsers(title="studies", required=True)
+
     text = "rounding errors of ray tracing against a trace with 50 digits"
-    one = study_command(studies, "stability", text, run=_stability, quick=f"{QUICK} rays a case")
+    one = _command(studies, "stability", text, run=_stability, quick=f"{QUICK} rays a case")
     one.add_argument("--rays", type=int, help=f"rays a case ({THOROUGH})")
     one.add_argument("--seed", type=int, default=0, help="of the random rays (0)")
     one.add_argument("--only", action="append", help="cases whose name begins so; may be given several times")
-    error_command.add_command(studies)
-    cost_command.add_command(studies)
+
+    text, quick = "error against run time of the bundled cases", "few pixels, seeds and samples"
+    one = _command(studies, "error-against-time", text, run=_error_against_time, quick=quick)
+    _add_render_options(one)
+    one.epilog = "Cases: " + " ".join(f"{case.name}: {case.what}" for case in ERROR_CASES.values())
+    one.add_argument("--case", nargs="+", choices=tuple(ERROR_CASES), help="which cases; all by default")
+    one.add_argument("--target", type=float, action="append", help="recommend a setting for this error, such as 0.01")
+    one.add_argument("--document", action="store_true", help="print the document on error and time")
+    one.add_argument("--plot", metavar="FILE", help="draw all cases; a document refers to it as images/FILE")
+
+    text = "what each part of a render costs, by leaving it out"
+    one = _command(studies, "cost", text, run=_cost, quick="few pixels, samples and rounds")
+    _add_render_options(one)
+    samples, rounds, side = _THOROUGH_COST
+    one.add_argument("--case", choices=tuple(COST_CASES), default="check", help="which case (check)")
+    one.add_argument("--samples", type=int, help=f"paths per pixel ({samples})")
+    one.add_argument("--rounds", type=int, help=f"renders of each variant ({rounds})")
+    one.add_argument("--side", type=int, help=f"pixels along the side of the square in the middle ({side})")
+    one.add_argument("--plan", action="store_true", help="print the plan first")
     return parser
+
+
+def _command(
+    studies: Any, name: str, text: str, *, run: Callable[[argparse.Namespace], int], quick: str
+) -> argparse.ArgumentParser:
+    one: argparse.ArgumentParser = studies.add_parser(name, help=text, description=text)
+    one.set_defaults(run=run)
+    one.add_argument("--quick", action="store_true", help=f"{quick}: to see that all works")
+    one.add_argument("--markdown", action="store_true", help="print Markdown alone")
+    return one
+
+
+def _add_render_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--threads", type=int, default=1, help="of the renders that are timed (1)")
+    parser.add_argument("--csv", metavar="FILE", help="write all rows as comma-separated values")
+    show = argparse.BooleanOptionalAction
+    parser.add_argument("--progress", action=show, default=sys.stderr.isatty(), help="in terminals")
 
 
 def _stability(options: argparse.Namespace) -> int:
@@ -71,6 +95,66 @@ def _stability(options: argparse.Namespace) -> int:
     elif not table.holds:
         print(repr(table), file=sys.stderr)
     return 0 if table.holds else 1
+
+
+def _error_against_time(options: argparse.Namespace) -> int:
+    targets: list[float] = options.target or []
+    for target in targets:
+        checked_target(target, "--target")  # before minutes are spent
+    for path in filter(None, (options.csv, options.plot)):
+        if not Path(path).absolute().parent.is_dir():
+            raise FileError(f"{path!r} cannot be written: there is no such folder; make it first")
+    load, studies = load_now(), []
+    for case in (ERROR_CASES[name] for name in dict.fromkeys(options.case or ERROR_CASES)):
+        table = case_table(case, quick=options.quick, threads=options.threads, progress=options.progress)
+        studies.append((case, table))
+        if not options.document:
+            print(f"### `{case.name}`\n\n{table.to_markdown()}\n" if options.markdown else f"{table}\n")
+            for target in targets:
+                print(f"{_recommended(table, target)}\n", flush=True)
+    tables = [table for _, table in studies]
+    if options.csv:
+        csv_of(tables, options.csv)
+    if options.plot:
+        _draw(tables, options.plot)
+    if options.document:
+        figure = f"images/{Path(options.plot).name}" if options.plot else None
+        print(error_document(studies, load=load, figure=figure), end="")
+    return 0
+
+
+def _recommended(table: ErrorTable, target: float) -> str:
+    try:
+        return f"For {100 * target:g} %: {table.recommend(target)}"
+    except InvalidValueError as error:
+        return str(error)
+
+
+def _draw(tables: list[ErrorTable], path: str) -> None:
+    from plenoptic.plots.error_time import plot_error_studies
+
+    try:
+        plot_error_studies(tables).savefig(path, dpi=110)
+    except (OSError, ValueError) as error:
+        raise FileError(f"{path!r} cannot be written: {error}; it must end in .png, .svg or .pdf") from error
+
+
+def _cost(options: argparse.Namespace) -> int:
+    plan = COST_CASES[options.case]()
+    given = (options.samples, options.rounds, options.side)
+    usual = _QUICK_COST if options.quick else _THOROUGH_COST
+    samples, rounds, side = (u if g is None else g for g, u in zip(given, usual, strict=True))
+    assert plan.subject is not None
+    region = central_region(plan.subject.camera.sensor.shape, side)
+    table = cost_of(
+        plan, samples=samples, rounds=rounds, region=region, threads=options.threads, progress=options.progress
+    )
+    if options.plan:
+        print(f"{plan}\n")
+    print(table.to_markdown() if options.markdown else table)
+    if options.csv:
+        table.to_csv(options.csv)
+    return 0
 
 
 if __name__ == "__main__":

@@ -26,19 +26,7 @@ _SIDE = 128
 
 
 def reference_camera() -> PlenopticCamera:
-    """The reference camera: Tronnier's double Gauss, hexagonal microlenses, plenoptic 2.0.
-
-    Returns
-    -------
-    PlenopticCamera
-        512 x 512 pixels of 0.01 mm; its microlenses are focused on the plane z = -404 mm.
-
-    Examples
-    --------
-    >>> from plenoptic.study.cameras import reference_camera
-    >>> reference_camera().sensor.shape
-    (512, 512)
-    """
+    """Tronnier's double Gauss, hexagonal microlenses focused on the plane z = -404 mm, 512 x 512 pixels of 0.01 mm."""
     return PlenopticCamera(
         lens=load_lens("double-gauss-100mm-f2").with_stop(CircularStop(5.0)),
         microlenses=MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
@@ -49,19 +37,7 @@ def reference_camera() -> PlenopticCamera:
 
 
 def smooth_camera() -> PlenopticCamera:
-    """The reference camera wide open, with walls between square microlenses: nothing cuts the light of a pixel.
-
-    Returns
-    -------
-    PlenopticCamera
-        20 x 20 pixels of 0.01 mm behind one microlens. All light that passes its cell passes the lens.
-
-    Examples
-    --------
-    >>> from plenoptic.study.cameras import smooth_camera
-    >>> smooth_camera().microlenses.walls.name
-    'OPAQUE'
-    """
+    """The reference camera wide open, 20 x 20 pixels behind one square microlens between walls: nothing cuts light."""
     array = MicrolensArray(pitch=0.217, focal_lengths=(2.0,), lattice=Lattice.SQUARE, walls=Walls.OPAQUE)
     sensor = Sensor(shape=(20, 20), pixel_pitch=0.010)
     wide_open = load_lens("double-gauss-100mm-f2")
@@ -69,20 +45,7 @@ def smooth_camera() -> PlenopticCamera:
 
 
 def furnished_camera() -> PlenopticCamera:
-    """The reference camera with everything that a camera can have.
-
-    Returns
-    -------
-    PlenopticCamera
-        128 x 128 pixels; it stands and looks somewhere else than the reference camera.
-
-    Examples
-    --------
-    >>> from plenoptic.study.cameras import furnished_camera
-    >>> camera = furnished_camera()
-    >>> camera.microlenses.model.name, camera.pose is None
-    ('SPHERICAL', False)
-    """
+    """The reference camera with everything that a camera can have, 128 x 128 pixels, in another place."""
     plain = reference_camera()
     assert plain.microlenses is not None
     array = dataclasses.replace(

@@ -19,29 +19,12 @@ def _aligned(columns: Sequence[str], rows: Iterable[Sequence[str]], between: str
 
 
 def plain_table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A table for terminals, padded to equal widths.
-
-    Examples
-    --------
-    >>> from plenoptic.study.text_table import plain_table
-    >>> print(plain_table(("a", "bc"), [("10", "2")]))
-    a   bc
-    10  2
-    """
+    """A table for terminals, padded to equal widths."""
     return "\n".join(line.rstrip() for line in _aligned(columns, rows, "  "))
 
 
 def markdown_table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A table in Markdown, padded to equal widths.
-
-    Examples
-    --------
-    >>> from plenoptic.study.text_table import markdown_table
-    >>> print(markdown_table(("a", "b"), [("10", "2")]))
-    | a  | b |
-    | -- | - |
-    | 10 | 2 |
-    """
+    """A table in Markdown, padded to equal widths."""
     cells = [[" ".join(cell.replace("|", "\\|").split()) for cell in row] for row in rows]
     head, *body = _aligned(columns, cells, " | ")
     rule = " | ".join("-" * len(cell) for cell in head.split(" | "))
@@ -49,18 +32,9 @@ def markdown_table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str
 
 
 def comma_separated(rows: Iterable[Sequence[object]], path: str | os.PathLike[str] | None) -> str:
-    """Rows as comma-separated values, None as nothing; written too where there is a path.
-
-    Examples
-    --------
-    >>> from plenoptic.study.text_table import comma_separated
-    >>> comma_separated([("name", "s"), ("a, b", None), ("c", 0.1)], None).splitlines()
-    ['name,s', '"a, b",', 'c,0.1']
-    """
+    """Rows as comma-separated values, None as nothing; written too where there is a path."""
     stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    for row in rows:
-        writer.writerow(["" if cell is None else cell for cell in row])
+    csv.writer(stream, lineterminator="\n").writerows(rows)
     text = stream.getvalue()
     if path is not None:
         place = file_path(path)

@@ -8,7 +8,7 @@ import numpy as np
 from parts import part_costs
 from table import Table
 
-from plenoptic.study.cost.cases import cost_case
+from plenoptic.study.cost.cases import COST_CASES
 from plenoptic.study.cost.measurement import cost_of
 
 CASES = ("white", "check", "objects", "furnished")
@@ -24,7 +24,7 @@ def omitted(case: str, *, quick: bool) -> Table:
     """CPU time of a bundled rendering with and without each stage that runs."""
     # The furnished case has some forty stages, and every one of its paths does all that there is.
     samples, rounds, side = (8, 2, 64) if quick else (8, 5, 48) if case == "furnished" else (32, 9, 128)
-    plan = cost_case(case)
+    plan = COST_CASES[case]()
     centre = plan.subject.camera.sensor.shape[0] // 2
     middle = slice(centre - side // 2, centre + side // 2)
     found = cost_of(plan, samples=samples, rounds=rounds, region=np.s_[middle, middle])

@@ -15,7 +15,7 @@ from plenoptic.core.color import sensitivities
 from plenoptic.core.color.spectra import Sensitivity, colour_tables, rgb_basis, rgb_to_spectrum
 from plenoptic.core.files.serialization import describe, restore
 from plenoptic.errors import InvalidValueError
-from plenoptic.plots.spectra import plot_sensitivity
+from plenoptic.plots.sensor import plot_sensitivity
 
 matplotlib.use("Agg")
 

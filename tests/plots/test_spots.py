@@ -149,6 +149,8 @@ def test_through_focus_shows_both_radii_around_the_best_plane():
     assert ax.lines[0].get_ydata() == pytest.approx(1e3 * found.rms_radius)
     assert ax.lines[1].get_ydata() == pytest.approx(1e3 * found.geometric_radius)
     assert ax.lines[2].get_xdata()[0] == found.best
+    with pytest.raises(pl.errors.InvalidValueError, match="found is a LensStack; give a ThroughFocus"):
+        pl.plots.plot_through_focus(LENS)
     with pytest.raises(pl.errors.InvalidValueError, match="1 titles for 2 diagrams"):
         pl.plots.plot_spots(
             [pl.aberrations.spot_diagram(pl.load_lens("singlet-100mm-f4"), rays=64)] * 2, titles=["one"]

@@ -16,7 +16,7 @@ matplotlib.use("Agg")
 
 import matplotlib.pyplot as plt  # noqa: E402
 
-from plenoptic.plots.photon_transfer import plot_photon_transfer  # noqa: E402
+from plenoptic.plots.sensor import plot_photon_transfer  # noqa: E402
 
 SHAPE = (200, 200)
 PIXELS = 200 * 200

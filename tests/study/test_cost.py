@@ -1,6 +1,5 @@
 """What parts of a rendering cost: bookkeeping with known costs, and what is left out."""
 
-import argparse
 import csv
 import dataclasses
 import itertools
@@ -12,11 +11,11 @@ import pytest
 
 import plenoptic as pl
 from plenoptic.rendering.plan.stages import Plan, Stage
+from plenoptic.study.__main__ import main
 from plenoptic.study.cameras import furnished_camera, reference_camera
 from plenoptic.study.cost import ablation, camera_ablation, measurement, scene_ablation
 from plenoptic.study.cost.ablation import Ablation, Inseparable, ablations
-from plenoptic.study.cost.cases import cost_case, cost_cases
-from plenoptic.study.cost.command import add_command
+from plenoptic.study.cost.cases import COST_CASES
 from plenoptic.study.cost.measurement import Picture, cost_of, picture_change, share_of
 
 CROP = np.s_[252:260, 252:260]
@@ -24,7 +23,7 @@ CROP = np.s_[252:260, 252:260]
 
 @pytest.fixture(scope="module")
 def furnished():
-    return cost_case("furnished")
+    return COST_CASES["furnished"]()
 
 
 # ---- plans ----
@@ -69,9 +68,9 @@ def test_most_stages_are_left_out_alone(furnished):
     assert len(alone) >= 25
 
 
-@pytest.mark.parametrize("case", [case for case in cost_cases() if case != "furnished"])
+@pytest.mark.parametrize("case", [case for case in COST_CASES if case != "furnished"])
 def test_nothing_is_listed_that_does_not_run(case):
-    plan = cost_case(case)
+    plan = COST_CASES[case]()
     assert {one.stage for one in ablations(plan)} == {d.stage for d in plan.decisions if d.runs}
 
 
@@ -235,11 +234,8 @@ def test_meshes_are_the_dear_part_of_a_checkerboard():
 
 @pytest.mark.slow
 def test_the_command_line_prints_the_plan_and_the_table(capsys, tmp_path):
-    parser = argparse.ArgumentParser()
-    add_command(parser.add_subparsers())
     chosen = ["cost", "--case", "white", "--quick", "--plan", "--markdown", "--csv", str(tmp_path / "white.csv")]
-    options = parser.parse_args(chosen)
-    assert options.run(options) == 0
+    assert main(chosen) == 0
     shown = capsys.readouterr().out
     assert "left out  wavelengths" in shown and "| microlenses" in shown
     assert "MICROLENSES" in (tmp_path / "white.csv").read_text(encoding="utf-8")

@@ -14,6 +14,7 @@ from plenoptic.study.__main__ import main
 from plenoptic.study.rounding.bounds import EPS, LENS_DIRECTION, LENS_POSITION, Law, bounds_of
 from plenoptic.study.rounding.cases import GLASS, WIDE, single, stability_cases
 from plenoptic.study.rounding.exact_asphere import exact_sag, first_crossing
+from plenoptic.study.rounding.rays import points_on
 from plenoptic.study.rounding.reference import DIGITS, exact_rays, normal_at, refracted
 from plenoptic.study.rounding.table import QUICK, StabilityRow, StabilityTable, stability_row
 
@@ -132,6 +133,17 @@ def test_normals_of_an_asphere_are_gradients_of_its_sag():
     second = float(surface.slope(3.0 + h) - surface.slope(3.0 - h)) / (2 * h)
     both = (second / (1 + slope**2) ** 1.5, slope / 3.0 / math.sqrt(1 + slope**2))
     assert curvature == pytest.approx(max(both), rel=1e-6)
+
+
+def test_sags_and_crossings_of_a_bowl_are_those_of_its_formula():
+    bowl = pl.Surface(math.inf, semi_diameter=3.0, aspheric=(0.0, 0.01))  # 0.01 r^4
+    assert [float(x) for x in exact_sag(mpmath.mp, bowl, [mpmath.mpf(2), 0, 0])] == [0.16, 0.08, 0.02]
+    assert float(first_crossing(mpmath.mp, bowl, [mpmath.mpf(2), 0, -5], [0, 0, 1], 1)) == 5.16
+
+
+def test_points_on_a_sphere_and_their_normals_meet_in_its_centre():
+    points, normals = points_on(pl.Surface(10.0, semi_diameter=4.0), np.random.default_rng(0), 5)
+    np.testing.assert_allclose(points + 10.0 * normals, np.broadcast_to([0, 0, 10.0], (5, 3)), atol=1e-13)
 
 
 def test_total_reflection_has_no_direction():

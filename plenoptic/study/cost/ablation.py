@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from plenoptic.core.values import value
 from plenoptic.errors import InvalidValueError, PlenopticError
 from plenoptic.optics.microlens.aperture import Walls
 from plenoptic.optics.microlens.models import MicrolensModel
@@ -22,78 +21,27 @@ from plenoptic.truth.channels import Truth
 _Change: TypeAlias = Callable[[Subject], Subject]
 
 
-@value
-class Ablation:
-    """A render without one of its stages.
-
-    Parameters
-    ----------
-    stage : Stage
-    instead : str
-        What is done instead.
-    subject : Subject
-        What is rendered then.
-    also : tuple of Stage
-        Other stages that do not run either without it.
-
-    Examples
-    --------
-    See `ablations`.
-    """
+class Ablation(NamedTuple):
+    """A render without one of its stages."""
 
     stage: Stage
     instead: str
+    """What is done instead."""
     subject: Subject
-    also: tuple[Stage, ...] = ()
+    """What is rendered then."""
+    also: tuple[Stage, ...]
+    """Other stages that do not run either without it."""
 
 
-@value
-class Inseparable:
-    """A stage that runs and cannot be left out alone.
-
-    Parameters
-    ----------
-    stage : Stage
-    reason : str
-
-    Examples
-    --------
-    See `ablations`.
-    """
+class Inseparable(NamedTuple):
+    """A stage that runs and cannot be left out alone."""
 
     stage: Stage
     reason: str
 
 
 def ablations(plan: Plan) -> tuple[Ablation | Inseparable, ...]:
-    """How each stage that a plan runs can be left out, one at a time.
-
-    Parameters
-    ----------
-    plan : Plan
-        Made by `plan`, which tells it for what.
-
-    Returns
-    -------
-    tuple of Ablation or Inseparable
-        In the order of the stages.
-
-    Raises
-    ------
-    InvalidValueError
-        Where the plan does not know what it was made for.
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> from plenoptic.study.cost.ablation import ablations
-    >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
-    ...     sensor=pl.Sensor(shape=(16, 16), pixel_pitch=0.01), stop_to_microlenses=130.0)
-    >>> for found in ablations(pl.plan(None, camera)):
-    ...     print(found.stage.name, "->", found.instead)
-    LENS -> an ideal thin lens
-    STANDARD_ERROR -> one replicate
-    """
+    """How each stage that a plan runs can be left out, one at a time, in the order of the stages."""
     if plan.subject is None:
         raise InvalidValueError("the plan does not know what it was made for; make it by pl.plan(scene, camera)")
     running = {decision.stage for decision in plan.decisions if decision.runs}

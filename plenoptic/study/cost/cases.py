@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.plan.plan import plan
 from plenoptic.rendering.plan.stages import Plan
 from plenoptic.rendering.settings import Caustics, Sampler
@@ -28,24 +28,8 @@ from plenoptic.study.cameras import furnished_camera, reference_camera
 from plenoptic.truth.channels import Truth
 
 
-def furnished_scene(camera: PlenopticCamera) -> Scene:
-    """A still life with everything that a scene can have, before a camera that is posed.
-
-    Parameters
-    ----------
-    camera : PlenopticCamera
-
-    Returns
-    -------
-    Scene
-
-    Examples
-    --------
-    >>> from plenoptic.study.cameras import furnished_camera
-    >>> from plenoptic.study.cost.cases import furnished_scene
-    >>> furnished_scene(furnished_camera()).background.texels.shape
-    (4, 8, 3)
-    """
+def _furnished_scene(camera: PlenopticCamera) -> Scene:
+    """A still life with everything that a scene can have, before a camera that is posed."""
     rng = np.random.default_rng(0)
     life = still_life()
     places = np.tile(np.eye(4), (6, 1, 1))
@@ -61,12 +45,10 @@ def furnished_scene(camera: PlenopticCamera) -> Scene:
         Instances(box(0.4), places),
     ]
     lights = [*life.lights, PointLight((30, 40, -360), 2e3), SunLight((0.2, -1.0, -1.0), 0.5)]
-    before = Scene(meshes, lights, sky)
-    if camera.pose is None:
-        return before
+    assert camera.pose is not None
     world = np.eye(4)
     world[:3, :3], world[:3, 3] = camera.pose.rotation, camera.pose.position
-    return before.transformed(world)
+    return Scene(meshes, lights, sky).transformed(world)
 
 
 def _curtain(rng: np.random.Generator) -> Material:
@@ -81,61 +63,15 @@ def _curtain(rng: np.random.Generator) -> Material:
 
 def _furnished() -> Plan:
     camera = furnished_camera()
-    return plan(
-        furnished_scene(camera),
-        camera,
-        truth=Truth.ALL,
-        caustics=Caustics.LEFT_OUT,
-        clamp=100.0,
-        sampler=Sampler.RANDOM,
-    )
+    settings: dict[str, Any] = {"caustics": Caustics.LEFT_OUT, "clamp": 100.0, "sampler": Sampler.RANDOM}
+    return plan(_furnished_scene(camera), camera, truth=Truth.ALL, **settings)
 
 
-_CASES: dict[str, Callable[[], Plan]] = {
+COST_CASES: dict[str, Callable[[], Plan]] = {
     "white": lambda: plan(None, reference_camera()),
     "check": lambda: plan(check_scene(), reference_camera()),
     "objects": lambda: plan(objects_scene(), reference_camera()),
     "still_life": lambda: plan(still_life(), reference_camera()),
     "furnished": _furnished,
 }
-
-
-def cost_cases() -> tuple[str, ...]:
-    """Names of the bundled cases; "furnished" has everything that cameras and scenes can have.
-
-    Examples
-    --------
-    >>> from plenoptic.study.cost.cases import cost_cases
-    >>> cost_cases()
-    ('white', 'check', 'objects', 'still_life', 'furnished')
-    """
-    return tuple(_CASES)
-
-
-def cost_case(name: str) -> Plan:
-    """The plan of a bundled case.
-
-    Parameters
-    ----------
-    name : str
-        One of `cost_cases`.
-
-    Returns
-    -------
-    Plan
-
-    Raises
-    ------
-    InvalidValueError
-        Where there is no such case.
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> from plenoptic.study.cost.cases import cost_case
-    >>> cost_case("check").runs(pl.rendering.Stage.SCATTERING)
-    False
-    """
-    if name not in _CASES:
-        raise InvalidValueError(f"case is {name!r}; it must be one of {', '.join(map(repr, _CASES))}")
-    return _CASES[name]()
+"""What makes the plans of the bundled cases; "furnished" has everything that cameras and scenes can have."""

@@ -234,22 +234,8 @@ def _row(one: Ablation, k: int, took: _Times) -> CostRow:
 def share_of(without: Floats, beside: Floats) -> tuple[float, float | None]:
     """Median over the rounds of the per cent of the whole that a part takes, and its standard error.
 
-    Parameters
-    ----------
-    without, beside : (rounds,) arrays
-        Costs without the part, and of the whole in the same round.
-
-    Returns
-    -------
-    (float, float or None)
-        None with fewer than 3 rounds; nan and None where a cost is not known.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from plenoptic.study.cost.measurement import share_of
-    >>> share_of(np.array([0.7, 0.75, 0.8]), np.ones(3))[0]
-    25.0
+    `without` and `beside`, (rounds,): costs without the part, and of the whole in the same round. There is no error
+    with fewer than 3 rounds; nan and None where a cost is not known.
     """
     taken = (100.0 * (1.0 - without / beside)).tolist()
     if not all(map(math.isfinite, taken)):

@@ -123,10 +123,7 @@ class CostTable:
 
     def row(self, stage: Stage) -> CostRow:
         """The row of a stage, or a KeyError where there is none."""
-        for row in self.rows:
-            if row.stage is stage:
-                return row
-        raise KeyError(stage.name)
+        return {row.stage: row for row in self.rows}[stage]
 
     @property
     def dearest(self) -> tuple[CostRow, ...]:

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.core.values import value
-from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.settings import Sampler
 from plenoptic.scene.shapes.procedural import check_scene, objects_scene
 from plenoptic.study.cameras import reference_camera, smooth_camera
@@ -23,40 +21,20 @@ QUICK_SAMPLES, QUICK_SEEDS, QUICK_SIDE, QUICK_FACTOR = (8, 16, 32), 3, 32, 8
 SEEDS = 8
 
 
-@value
-class ErrorCase:
-    """A scene and a camera, and how thoroughly they are studied.
-
-    Attributes
-    ----------
-    name : str
-    what : str
-        Sentences on it.
-    scene : callable
-        Makes it; None is the white image.
-    camera : callable
-        Makes it.
-    samples : tuple of int
-    reference : Variant
-    reference_samples : int
-    variants : callable, optional
-        Makes them; None: the default ones.
-
-    Examples
-    --------
-    >>> from plenoptic.study.error_time.cases import error_case
-    >>> error_case("white").scene() is None
-    True
-    """
+class ErrorCase(NamedTuple):
+    """A scene and a camera, and how thoroughly they are studied."""
 
     name: str
     what: str
+    """Sentences on it."""
     scene: Callable[[], Scene | None]
+    """Makes it; None is the white image."""
     camera: Callable[[], PlenopticCamera]
     samples: tuple[int, ...]
     reference: Variant
     reference_samples: int
-    variants: Callable[[], dict[str, Variant]] | None = None
+    variants: Callable[[], dict[str, Variant]] = dict
+    """Makes them; none: the default ones."""
 
 
 def _samplers() -> dict[str, Variant]:
@@ -113,57 +91,17 @@ _CASES = (
 )
 
 
-def error_cases() -> tuple[str, ...]:
-    """Names of the bundled cases.
-
-    Examples
-    --------
-    >>> from plenoptic.study.error_time.cases import error_cases
-    >>> error_cases()
-    ('white', 'smooth', 'check', 'objects')
-    """
-    return tuple(case.name for case in _CASES)
-
-
-def error_case(name: str) -> ErrorCase:
-    """A bundled case by its name, or an error that lists them.
-
-    Examples
-    --------
-    See `ErrorCase`.
-    """
-    for case in _CASES:
-        if case.name == name:
-            return case
-    raise InvalidValueError(f"case is {name!r}; it must be one of {', '.join(map(repr, error_cases()))}")
+ERROR_CASES = {case.name: case for case in _CASES}
+"""The bundled cases by their names."""
 
 
 def case_table(case: ErrorCase, *, quick: bool, threads: int = 1, progress: bool = False) -> ErrorTable:
-    """Study a bundled case with its default variants, on the central pixels.
-
-    Parameters
-    ----------
-    case : ErrorCase
-    quick : bool
-        32 x 32 pixels, 3 seeds and few samples, in place of 64 x 64, 8 and many.
-    threads : int, optional
-    progress : bool, optional
-
-    Returns
-    -------
-    ErrorTable
-
-    Examples
-    --------
-    >>> from plenoptic.study.error_time.cases import case_table, error_case
-    >>> case_table(error_case("white"), quick=True).title
-    'white'
-    """
+    """Study a bundled case on the central pixels; quick: with 32 x 32 pixels, 3 seeds and few samples."""
     camera, side = case.camera(), QUICK_SIDE if quick else SIDE
     return error_against_time(
         case.scene(),
         camera,
-        None if case.variants is None else case.variants(),
+        case.variants() or None,
         samples=QUICK_SAMPLES if quick else case.samples,
         region=central_region(camera.sensor.shape, side),
         seeds=QUICK_SEEDS if quick else SEEDS,

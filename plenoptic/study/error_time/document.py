@@ -51,33 +51,7 @@ points in 8 replicates, depth limit 8. All others differ from it in what their n
 def error_document(
     studies: Sequence[tuple[ErrorCase, ErrorTable]], *, load: str | None = None, figure: str | None = None
 ) -> str:
-    """The whole document as Markdown.
-
-    Parameters
-    ----------
-    studies : sequence of (ErrorCase, ErrorTable)
-    load : str, optional
-        What `load_now` said when the studies began; None: what it says now.
-    figure : str, optional
-        Where the document finds a figure of all studies.
-
-    Returns
-    -------
-    str
-
-    Raises
-    ------
-    InvalidValueError
-        If there is no study.
-
-    Examples
-    --------
-    >>> from plenoptic.study.error_time.cases import case_table, error_case
-    >>> from plenoptic.study.error_time.document import error_document
-    >>> case = error_case("white")
-    >>> print(error_document([(case, case_table(case, quick=True))]).splitlines()[0])
-    # Error against time
-    """
+    """The whole document as Markdown, with what `load_now` said before, and where it finds a figure of all studies."""
     if not studies:
         raise InvalidValueError("there is no study; give at least one")
     names = " ".join(case.name for case, _ in studies)
@@ -87,102 +61,56 @@ def error_document(
         f"{'' if figure is None else ' --plot ' + figure.rpartition('/')[2]}` on {datetime.date.today().isoformat()}.",
         _WORDS,
         "## The machine",
-        machine(load),
+        _machine(load_now() if load is None else load),
     ]
     if figure is not None:
         parts.append(f"![Error against CPU time]({figure})")
-    parts += [section(case, table) for case, table in studies]
-    return "\n\n".join(parts) + "\n"
+    return "\n\n".join([*parts, *(_section(case, table) for case, table in studies)]) + "\n"
 
 
-def section(case: ErrorCase, table: ErrorTable) -> str:
-    """One case: its table, slopes and floors, recommendations.
-
-    Examples
-    --------
-    See `error_document`.
-    """
-    rows, slopes = table.to_markdown().split("\n\n")
+def _section(case: ErrorCase, table: ErrorTable) -> str:
+    """One case: its table, slopes and floors, recommendations."""
     threads = f"{table.threads} thread{'s' * (table.threads != 1)}"
     facts = (
         f"{case.what} The central {table.pixels} pixels, of which {table.lit_pixels} are lit; {threads}; "
         f"{table.seeds} seeds a row. Reference of {table.reference_samples} samples, whose own error of "
         f"{100 * table.reference_error:.2g} % is subtracted."
     )
-    return "\n\n".join([f"## `{case.name}`", facts, rows, slopes, recommendations_markdown(table)])
-
-
-def recommendations_markdown(table: ErrorTable, targets: Sequence[float] = TARGETS) -> str:
-    """The cheapest settings for some errors, in Markdown.
-
-    Examples
-    --------
-    See `error_document`.
-    """
-    cells: list[tuple[str, ...]] = []
-    for target in targets:
-        try:
-            found = table.recommend(target)
-        except InvalidValueError:
-            cells.append((f"{100 * target:g}", "none gets there", "", "", "", "", ""))
-            continue
-        cells.append(
-            (
-                f"{100 * target:g}",
-                found.variant,
-                str(found.samples),
-                f"{found.cpu_seconds:.3g}",
-                f"{found.wall_seconds:.3g}",
-                f"{100 * found.error:.2g}",
-                "; ".join(found.remarks),
-            )
-        )
     columns = ("wanted error %", "cheapest", "samples", "CPU s", "wall s", "expected error %", "remarks")
-    return markdown_table(columns, cells)
+    recommendations = markdown_table(columns, [_recommendation(table, target) for target in TARGETS])
+    return "\n\n".join([f"## `{case.name}`", facts, table.to_markdown(), recommendations])
 
 
-def machine(load: str | None = None) -> str:
-    """Processor, versions and load, as Markdown.
+def _recommendation(table: ErrorTable, target: float) -> tuple[str, ...]:
+    wanted = f"{100 * target:g}"
+    try:
+        found = table.recommend(target)
+    except InvalidValueError:
+        return (wanted, "none gets there", "", "", "", "", "")
+    seconds = (f"{found.cpu_seconds:.3g}", f"{found.wall_seconds:.3g}")
+    return (wanted, found.variant, str(found.samples), *seconds, f"{100 * found.error:.2g}", "; ".join(found.remarks))
 
-    Examples
-    --------
-    >>> from plenoptic.study.error_time.document import machine
-    >>> "Python" in machine()
-    True
-    """
+
+def _machine(load: str) -> str:
     versions = [f"Python {platform.python_version()}", *(f"{name} {_version(name)}" for name in _LIBRARIES)]
     return "\n".join(
         [
-            f"- Processor: {processor_model()}, {os.cpu_count()} logical processors, {platform.system()}",
+            f"- Processor: {_processor_model()}, {os.cpu_count()} logical processors, {platform.system()}",
             f"- {', '.join(versions)}",
-            f"- Load: {load_now() if load is None else load}",
+            f"- Load: {load}",
         ]
     )
 
 
 def load_now() -> str:
-    """How many processes ran in the last minute, in words.
-
-    Examples
-    --------
-    >>> from plenoptic.study.error_time.document import load_now
-    >>> "processes" in load_now() or "not known" in load_now()
-    True
-    """
+    """How many processes ran in the last minute, in words."""
     if not hasattr(os, "getloadavg"):
         return "not known on this system"
     return f"{os.getloadavg()[0]:.1f} processes ran on average in the minute before the study"
 
 
-def processor_model() -> str:
-    """The model of the processor, as the system names it.
-
-    Examples
-    --------
-    >>> from plenoptic.study.error_time.document import processor_model
-    >>> len(processor_model()) > 0
-    True
-    """
+def _processor_model() -> str:
+    """The model of the processor, as the system names it."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:

@@ -19,12 +19,8 @@ _SETUPS = 5
 Expose = Callable[[str, int, int], Exposure]
 """From the name of a variant, the number of samples and the seed."""
 
-
-class Cost(NamedTuple):
-    """Seconds of all processors together, and on the clock."""
-
-    cpu: float
-    wall: float
+Cost = tuple[float, float]
+"""Seconds of all processors together, and on the clock."""
 
 
 class Runs(NamedTuple):
@@ -52,33 +48,8 @@ def measured_rows(
     """Expose each variant with each number of samples and several seeds, and split its error.
 
     Variants take turns, so that what disturbs the machine disturbs all of them. Rows of different numbers of samples
-    have seeds of their own, so that their errors are independent.
-
-    Parameters
-    ----------
-    expose : callable
-        Gives an `Exposure` for the name of a variant, a number of samples and a seed.
-    variants : sequence of str
-    runs : Runs
-    reference : Reference
-    set_up, done : callable, optional
-        A call that renders next to nothing; what is called after each render, with its samples.
-
-    Returns
-    -------
-    list of ErrorRow
-
-    Examples
-    --------
-    >>> import numpy as np, plenoptic as pl
-    >>> from plenoptic.study.error_time.split import reference_of
-    >>> from plenoptic.study.error_time.measurement import Runs, measured_rows
-    >>> def expose(name, n, seed):
-    ...     noise = np.random.default_rng([n, seed]).standard_normal((64, 64, 1)) / n**0.5
-    ...     return pl.Exposure(10.0 + noise, standard_error=np.full((64, 64, 1), n**-0.5))
-    >>> rows = measured_rows(expose, ["noise"], Runs([16, 100], seeds=4), reference_of(expose("", 1024, 99)))
-    >>> [round(row.noise, 3) for row in rows]
-    [0.025, 0.01]
+    have seeds of their own, so that their errors are independent. `set_up` renders next to nothing in a variant, and
+    `done` is called after each render, with its samples.
     """
     samples, seeds, seed, repeats = runs
     for name in variants:  # compiles, and traces pupils, which are kept
@@ -96,32 +67,20 @@ def measured_rows(
                     if repeat == 0:
                         shots[name].append(shot)
                     done(n)
-        for name in variants:
-            split, cost, start = split_error(shots[name], reference), _median(costs[name]), starting[name]
-            rows.append(
-                ErrorRow(
-                    name,
-                    n,
-                    cost.cpu,
-                    cost.wall,
-                    start.cpu,
-                    start.wall,
-                    split.variance,
-                    split.variance_error,
-                    split.bias_squared,
-                    split.bias_squared_error,
-                    split.reported_variance,
-                )
-            )
+        rows += [
+            ErrorRow(name, n, *_median(costs[name]), *starting[name], **split_error(shots[name], reference)._asdict())
+            for name in variants
+        ]
     return rows
 
 
 def _timed(call: Callable[..., T], *arguments: object) -> tuple[T, Cost]:
     wall, cpu = time.perf_counter(), time.process_time()
     result = call(*arguments)
-    return result, Cost(time.process_time() - cpu, time.perf_counter() - wall)
+    return result, (time.process_time() - cpu, time.perf_counter() - wall)
 
 
 def _median(costs: Sequence[Cost]) -> Cost:
     """Median of CPU and of wall time, each by itself."""
-    return Cost(statistics.median(cost.cpu for cost in costs), statistics.median(cost.wall for cost in costs))
+    cpu, wall = (statistics.median(seconds) for seconds in zip(*costs, strict=True))
+    return cpu, wall

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
+
+import numpy as np
 
 from plenoptic.core.values import value
 from plenoptic.errors import InvalidValueError
@@ -69,41 +72,23 @@ class Recommendation:
 
 def recommended(fits: Mapping[str, Fit], target: float) -> Recommendation:
     """The cheapest of what the variants need for an error; see `ErrorTable.recommend`."""
-    reached: list[Recommendation] = []
-    refusals: list[str] = []
-    for name, fit in fits.items():
-        samples = _samples_for(name, fit, target)
-        if isinstance(samples, str):
-            refusals.append(samples)
-        else:
-            reached.append(_expected(name, fit, target, samples))
+    needed = {name: _samples_for(name, fit, target) for name, fit in fits.items()}
+    refusals = [why for why in needed.values() if isinstance(why, str)]
+    reached = [_expected(name, fits[name], target, n) for name, n in needed.items() if isinstance(n, int)]
     if not reached:
         raise InvalidValueError(
             f"target_error is {100 * target:.3g} %, which no variant reaches; {'; '.join(refusals)}. "
             "Raise the target, or study a variant without that bias"
         )
     best = min(reached, key=lambda found: found.cpu_seconds)
-    remarks = (*best.remarks, *_with_standard_errors(fits, reached, best), *refusals)
-    return Recommendation(**{**{name: getattr(best, name) for name in _NAMES}, "remarks": remarks})
-
-
-def _with_standard_errors(
-    fits: Mapping[str, Fit], reached: Sequence[Recommendation], best: Recommendation
-) -> list[str]:
-    """What it would cost to know the error of each image too, where the cheapest variant does not tell it."""
-    if fits[best.variant][0][0].reported_variance is not None:
-        return []
     telling = [found for found in reached if fits[found.variant][0][0].reported_variance is not None]
-    if not telling:
-        return [f"{best.variant} reports no standard errors"]
-    second = min(telling, key=lambda found: found.cpu_seconds)
-    return [
-        f"{best.variant} reports no standard errors; {second.variant} does, with {second.samples} samples in "
-        f"{second.cpu_seconds:.3g} CPU-s"
-    ]
-
-
-_NAMES = ("target_error", "variant", "samples", "cpu_seconds", "wall_seconds", "error", "bias", "extrapolated")
+    remarks = list(best.remarks)
+    if best not in telling:
+        remarks.append(f"{best.variant} reports no standard errors")
+        if telling:  # what it would cost to know the error of each image too
+            second = min(telling, key=lambda found: found.cpu_seconds)
+            remarks[-1] += f"; {second.variant} does, with {second.samples} samples in {second.cpu_seconds:.3g} CPU-s"
+    return dataclasses.replace(best, remarks=(*remarks, *refusals))
 
 
 def _samples_for(name: str, fit: Fit, target: float) -> int | str:
@@ -146,25 +131,20 @@ def _expected(name: str, fit: Fit, target: float, samples: int) -> Recommendatio
 
 
 def _variance_at(rows: Sequence[ErrorRow], slope: float, samples: int) -> float:
-    for less, more in pairwise(rows):
-        if less.samples <= samples < more.samples and less.variance > 0 < more.variance:
-            part = math.log(samples / less.samples) / math.log(more.samples / less.samples)
-            return float(less.variance ** (1 - part) * more.variance**part)
+    """The variance for a number of samples: straight in logarithms between rows, and by the slope beyond them."""
     last = rows[-1]
     if samples > last.samples:
         return float(last.variance * (samples / last.samples) ** (2.0 * slope))
-    return next(row.variance for row in rows if row.samples >= samples)
+    with np.errstate(divide="ignore"):  # there may be no noise at all
+        counts, variances = np.log([(row.samples, row.variance) for row in rows]).T
+    return float(np.exp(np.interp(np.log(samples), counts, variances)))
 
 
 def _seconds_at(rows: Sequence[ErrorRow], samples: int, clock: str) -> float:
     """Seconds for a number of samples: straight between rows, and beyond the last one by what its samples cost."""
-    seconds = [(row.samples, getattr(row, f"{clock}_seconds")) for row in rows]
-    for (less, before), (more, after) in pairwise(seconds):
-        if less <= samples <= more:
-            return float(before + (after - before) * (samples - less) / (more - less))
-    count, took = seconds[-1]
-    each = max(took - getattr(rows[-1], f"setup_{clock}_seconds"), 0.0) / count
-    return float(took + each * (samples - count))
+    counts, seconds = [row.samples for row in rows], [getattr(row, f"{clock}_seconds") for row in rows]
+    each = max(seconds[-1] - getattr(rows[-1], f"setup_{clock}_seconds"), 0.0) / counts[-1]
+    return float(np.interp(samples, counts, seconds) + each * max(samples - counts[-1], 0))
 
 
 def _rounded_up(samples: float) -> int:

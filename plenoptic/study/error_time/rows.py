@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 
-from plenoptic.core.values import finite, number, set_field, value, whole
+from plenoptic.core.values import finite, not_negative, number, set_field, value, whole
 from plenoptic.errors import InvalidValueError
-from plenoptic.study.error_time.split import SIGNIFICANT
+
+_SIGNIFICANT = 3.0
+"""Standard errors from which on a bias counts as found."""
 
 
 @value
@@ -53,13 +55,15 @@ class ErrorRow:
     def __post_init__(self) -> None:
         set_field(self, "samples", whole(self.samples, "samples", at_least=1))
         for name in ("cpu_seconds", "wall_seconds", "setup_cpu_seconds", "setup_wall_seconds", "variance"):
-            set_field(self, name, _at_least_0(finite(getattr(self, name), name), name))
+            set_field(self, name, not_negative(getattr(self, name), name))
         set_field(self, "bias_squared", finite(self.bias_squared, "bias_squared"))
         for name in ("variance_error", "bias_squared_error"):
-            set_field(self, name, _at_least_0(number(getattr(self, name), name), name))
+            error = number(getattr(self, name), name)
+            if not error >= 0:
+                raise InvalidValueError(f"{name} is {error:g}; it must be at least 0")
+            set_field(self, name, error)
         if self.reported_variance is not None:
-            reported = _at_least_0(finite(self.reported_variance, "reported_variance"), "reported_variance")
-            set_field(self, "reported_variance", reported)
+            set_field(self, "reported_variance", not_negative(self.reported_variance, "reported_variance"))
 
     @property
     def error(self) -> float:
@@ -79,7 +83,7 @@ class ErrorRow:
     @property
     def bias_is_found(self) -> bool:
         """Whether the squared bias is more than three of its standard errors above 0."""
-        return self.bias_squared > SIGNIFICANT * self.bias_squared_error
+        return self.bias_squared > _SIGNIFICANT * self.bias_squared_error
 
     @property
     def bias_error(self) -> float:
@@ -97,9 +101,3 @@ class ErrorRow:
         if not self.reported_variance:
             return None
         return math.sqrt(self.variance / self.reported_variance)
-
-
-def _at_least_0(number: float, name: str) -> float:
-    if not number >= 0:
-        raise InvalidValueError(f"{name} is {number:g}; it must be at least 0")
-    return number

@@ -8,65 +8,36 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.core.relative_error import brightness, lit_pixels
-from plenoptic.core.values import Floats, value
+from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.exposure import Exposure
 
-SIGNIFICANT = 3.0
-"""Standard errors from which on a bias counts as found."""
 
-
-@value
-class Split:
-    """What one setting's squared error is made of; all of it relative, and squared.
-
-    Attributes
-    ----------
-    variance, variance_error : float
-        From the spread among seeds, and its standard error.
-    bias_squared, bias_squared_error : float
-        What the mean over the seeds is off, without what noise explains, and its standard error. Noise can make it
-        negative.
-    reported_variance : float or None
-        From the standard errors that the renders carry; None where they have none.
-
-    Examples
-    --------
-    See `split_error`.
-    """
+class Split(NamedTuple):
+    """What one setting's squared error is made of: the last fields of an `ErrorRow`."""
 
     variance: float
     variance_error: float
     bias_squared: float
     bias_squared_error: float
-    reported_variance: float | None = None
+    reported_variance: float | None
 
 
-@value
-class Reference:
-    """A converged image, its own squared error, and the pixels that count; made by `reference_of`.
-
-    Attributes
-    ----------
-    image : (n, C) array
-        The lit pixels.
-    variance : (n, C) array
-        Of `image`, from its standard errors.
-    lit : (H, W) array of bool
-
-    Examples
-    --------
-    See `reference_of`.
-    """
+class Reference(NamedTuple):
+    """A converged image, its own squared error, and the pixels that count."""
 
     image: Floats
+    """(n, C): the lit pixels."""
     variance: Floats
+    """(n, C): of `image`, from its standard errors."""
     lit: NDArray[np.bool_]
+    """(H, W)."""
 
     @property
     def squared_error(self) -> float:
@@ -80,30 +51,7 @@ class Reference:
 
 
 def reference_of(exposure: Exposure) -> Reference:
-    """A reference from a converged render.
-
-    Parameters
-    ----------
-    exposure : Exposure
-        With standard errors.
-
-    Returns
-    -------
-    Reference
-
-    Raises
-    ------
-    InvalidValueError
-        If it has no standard errors or infinite ones, or is black.
-
-    Examples
-    --------
-    >>> import numpy as np, plenoptic as pl
-    >>> from plenoptic.study.error_time.split import reference_of
-    >>> shot = pl.Exposure(np.full((4, 4, 1), 2.0), standard_error=np.full((4, 4, 1), 0.02))
-    >>> round(reference_of(shot).squared_error ** 0.5, 6)
-    0.01
-    """
+    """A reference from a converged render, which must have standard errors."""
     if exposure.standard_error is None:
         raise InvalidValueError("the reference has no standard errors; render it with replicates of at least 2")
     if not np.isfinite(exposure.standard_error).all():
@@ -116,7 +64,7 @@ def reference_of(exposure: Exposure) -> Reference:
 
 
 def split_error(exposures: Sequence[Exposure], reference: Reference) -> Split:
-    """Split the squared error of independent renders.
+    """Split the squared error of independent renders, at least 2 that differ in their seeds alone.
 
     With S images x_s of mean m and sample variance v, and a reference r of variance w, per pixel and channel,
 
@@ -126,34 +74,6 @@ def split_error(exposures: Sequence[Exposure], reference: Reference) -> Split:
     Both are unbiased, whatever the reference's own error, and add up to mean((x_s - r)^2) - w. Standard errors
     are those of means over pixels, since random numbers of different pixels are independent; differences that pixels
     really have count too, so that they are rather too large where there is a bias.
-
-    Parameters
-    ----------
-    exposures : sequence of Exposure
-        At least 2, equal but for their seeds.
-    reference : Reference
-        Independent of them.
-
-    Returns
-    -------
-    Split
-
-    Raises
-    ------
-    InvalidValueError
-        If there are fewer than 2, or channels differ.
-
-    Examples
-    --------
-    >>> import numpy as np, plenoptic as pl
-    >>> from plenoptic.study.error_time.split import reference_of, split_error
-    >>> rng = np.random.default_rng(0)
-    >>> def shot(mean, error):
-    ...     image = mean + error * rng.standard_normal((64, 64, 1))
-    ...     return pl.Exposure(image, standard_error=np.full((64, 64, 1), error))
-    >>> split = split_error([shot(1.02, 0.05) for _ in range(8)], reference_of(shot(1.0, 0.002)))
-    >>> round(split.variance**0.5, 3), round(split.bias_squared**0.5, 3)
-    (0.05, 0.02)
     """
     count = len(exposures)
     if count < 2:
@@ -167,9 +87,8 @@ def split_error(exposures: Sequence[Exposure], reference: Reference) -> Split:
     images = np.stack([shot.image[reference.lit] for shot in exposures]).astype(np.float64)
     spread = np.var(images, axis=0, ddof=1)
     off = (np.mean(images, axis=0) - reference.image) ** 2 - spread / count - reference.variance
-    variance, variance_error = _mean_over_pixels(reference.relative_squares(spread))
-    bias_squared, bias_squared_error = _mean_over_pixels(reference.relative_squares(off))
-    return Split(variance, variance_error, bias_squared, bias_squared_error, _reported(exposures, reference))
+    variance, bias_squared = (_mean_over_pixels(reference.relative_squares(part)) for part in (spread, off))
+    return Split(*variance, *bias_squared, _reported(exposures, reference))
 
 
 def _reported(exposures: Sequence[Exposure], reference: Reference) -> float | None:

@@ -31,6 +31,8 @@ REFERENCE_FACTOR = 16
 SIDE = 64
 """Pixels along the central region that is rendered unless another is given."""
 
+_BAR = "{percentage:3.0f}%|{bar}| {elapsed}, {remaining} left"
+
 
 def error_against_time(  # noqa: PLR0913
     scene: Scene | None,
@@ -115,6 +117,8 @@ def error_against_time(  # noqa: PLR0913
     >>> table.recommend(0.02).variant
     '1 replicate'
     """
+    from tqdm.auto import tqdm
+
     check_scene_and_camera(scene, camera)
     numbers, first, workers = _checked_numbers(samples), whole(seed, "seed", at_least=0), thread_count(threads)
     count, rounds = whole(seeds, "seeds", at_least=2), whole(repeats, "repeats", at_least=1)
@@ -137,7 +141,8 @@ def error_against_time(  # noqa: PLR0913
         "reference_samples",
         at_least=2,
     )
-    with _progress_bar(converged + len(chosen) * sum(numbers) * count * rounds, progress) as bar:
+    total = converged + len(chosen) * sum(numbers) * count * rounds
+    with tqdm(total=total, bar_format=_BAR, disable=not progress) as bar:
         if isinstance(reference, Exposure):
             known = _given_reference(reference, window)
         else:
@@ -191,9 +196,3 @@ def _rendered_reference(
     # On all processors: it is not timed, and its bits do not depend on them.
     shot = complete(variant.render(scene, variant.camera_from(camera), samples=samples, seed=seed, region=window))
     return reference_of(shot)
-
-
-def _progress_bar(samples: int, show: bool):  # type: ignore[no-untyped-def]
-    from tqdm.auto import tqdm
-
-    return tqdm(total=samples, bar_format="{percentage:3.0f}%|{bar}| {elapsed}, {remaining} left", disable=not show)

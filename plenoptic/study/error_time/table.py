@@ -1,22 +1,39 @@
-"""The table of an error study: rows, and what follows from them."""
+"""The table of an error study: rows, what follows from them, and both as text."""
 
 from __future__ import annotations
 
+import csv
 import dataclasses
+import io
 import math
 import os
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from plenoptic.core.values import finite, set_field, value, whole
-from plenoptic.errors import InvalidValueError
+import numpy as np
+
+from plenoptic.core.values import file_path, not_negative, set_field, value, whole
+from plenoptic.errors import FileError, InvalidValueError
 from plenoptic.rendering.schedule.budget import checked_target
 from plenoptic.study.error_time.recommendation import Recommendation, recommended
 from plenoptic.study.error_time.rows import ErrorRow
-from plenoptic.study.error_time.text import csv_of, markdown_of, slopes_markdown, table_in
+from plenoptic.study.text_table import comma_separated, markdown_table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+_COUNTS = ("pixels", "lit_pixels", "seeds", "threads", "reference_samples")
+
+_FACTS: dict[str, type] = {"title": str, **dict.fromkeys(_COUNTS, int), "reference_error": float}
+"""What a table knows beside its rows; repeated in every line of a file."""
+
+_ROW = tuple(field.name for field in dataclasses.fields(ErrorRow))  # type: ignore[arg-type]
+
+_COLUMNS = (
+    *("variant", "samples", "CPU s", "wall s", "CPU us per pixel", "without setting up"),
+    *("error %", "noise %", "bias %", "true / reported", "front"),
+)
+_SLOPES = ("variant", "slope of the noise", "bias floor %", "setting up: CPU ms", "CPU ns per pixel and sample")
 
 
 @value
@@ -74,12 +91,9 @@ class ErrorTable:
             raise InvalidValueError("two rows have the same variant and number of samples; each may have one")
         names = list(dict.fromkeys(row.variant for row in rows))
         set_field(self, "rows", tuple(sorted(rows, key=lambda row: (names.index(row.variant), row.samples))))
-        for name in ("pixels", "lit_pixels", "seeds", "threads", "reference_samples"):
+        for name in _COUNTS:
             set_field(self, name, whole(getattr(self, name), name, at_least=1))
-        error = finite(self.reference_error, "reference_error")
-        if error < 0:
-            raise InvalidValueError(f"reference_error is {error:g}; it must be at least 0")
-        set_field(self, "reference_error", error)
+        set_field(self, "reference_error", not_negative(self.reference_error, "reference_error"))
 
     @property
     def variants(self) -> tuple[str, ...]:
@@ -105,10 +119,7 @@ class ErrorTable:
         return _fitted(self.of(variant))[1]
 
     def bias_floor(self, variant: str) -> float:
-        """The error that no number of samples gets below; 0 where none can be told from 0.
-
-        It is that of the row which knows it best.
-        """
+        """The error that no number of samples gets below, by the row that knows it best; 0 where none is found."""
         row = self.best_known_bias(variant)
         return row.bias if row.bias_is_found else 0.0
 
@@ -145,10 +156,6 @@ class ErrorTable:
         ------
         InvalidValueError
             If no variant gets there, saying why for each.
-
-        Examples
-        --------
-        See `ErrorTable`.
         """
         target = checked_target(target_error)
         # One standard error flatter than fitted: extrapolation is to promise too little rather than too much.
@@ -167,11 +174,21 @@ class ErrorTable:
 
     def to_markdown(self) -> str:
         """All rows in Markdown, and one table with slope and bias of each variant below it."""
-        fits = [
-            (name, self.slope(name), self.slope_error(name), self.best_known_bias(name), len(self.of(name)))
-            for name in self.variants
-        ]
-        return markdown_of(self.rows, self.pixels, self.pareto()) + "\n\n" + slopes_markdown(fits, self.pixels)
+        front = self.pareto()
+        rows = markdown_table(_COLUMNS, [_cells(row, self.pixels, row in front) for row in self.rows])
+        return rows + "\n\n" + markdown_table(_SLOPES, [self._slope_cells(name) for name in self.variants])
+
+    def _slope_cells(self, variant: str) -> tuple[str, ...]:
+        known = self.best_known_bias(variant)
+        each = max(known.cpu_seconds - known.setup_cpu_seconds, 0.0) / (self.pixels * known.samples)
+        several = len(self.of(variant)) > 1
+        return (
+            variant,
+            f"{self.slope(variant):.3f} ± {self.slope_error(variant):.3f}" if several else "",
+            _bias_text(known),
+            f"{1e3 * known.setup_cpu_seconds:.3g}",
+            f"{1e9 * each:.3g}",
+        )
 
     def to_csv(self, path: str | os.PathLike[str] | None = None) -> str:
         """All rows as comma-separated values, in a file too where `path` is given; `from_csv` reads it."""
@@ -196,7 +213,7 @@ class ErrorTable:
         FileError
             If it is missing or holds no such table.
         """
-        facts, rows = table_in(path, title)
+        facts, rows = _table_in(path, title)
         return cls(rows=[ErrorRow(**row) for row in rows], **facts)
 
     def plot(self, ax: Axes | None = None) -> Axes:
@@ -229,10 +246,67 @@ def _fitted(rows: Sequence[ErrorRow]) -> tuple[float, float]:
     points = [row for row in rows if row.variance > 0 and 0 < row.variance_error < math.inf]
     if len(points) < 2:
         return math.nan, math.nan
-    x = [math.log(row.samples) for row in points]
-    y = [0.5 * math.log(row.variance) for row in points]
-    weights = [(2.0 * row.variance / row.variance_error) ** 2 for row in points]
-    middle = sum(w * a for w, a in zip(weights, x, strict=True)) / sum(weights)
-    width = sum(w * (a - middle) ** 2 for w, a in zip(weights, x, strict=True))
-    slope = sum(w * (a - middle) * b for w, a, b in zip(weights, x, y, strict=True)) / width
-    return slope, 1.0 / math.sqrt(width)
+    samples, variance, error = np.array([(row.samples, row.variance, row.variance_error) for row in points]).T
+    line, covariance = np.polyfit(np.log(samples), 0.5 * np.log(variance), 1, w=2.0 * variance / error, cov="unscaled")
+    return float(line[0]), math.sqrt(covariance[0, 0])
+
+
+def _cells(row: ErrorRow, pixels: int, in_front: bool) -> tuple[str, ...]:
+    ratio = row.true_over_reported
+    return (
+        row.variant,
+        str(row.samples),
+        f"{row.cpu_seconds:.3g}",
+        f"{row.wall_seconds:.3g}",
+        f"{1e6 * row.cpu_seconds / pixels:.3g}",
+        f"{1e6 * max(row.cpu_seconds - row.setup_cpu_seconds, 0.0) / pixels:.3g}",
+        f"{100 * row.error:.3g}",
+        f"{100 * row.noise:.3g}",
+        _bias_text(row),
+        "" if ratio is None else f"{ratio:.2f}",
+        "*" if in_front else "",
+    )
+
+
+def _bias_text(row: ErrorRow) -> str:
+    """The bias in per cent with its standard error, or what it is below."""
+    if row.bias_is_found:
+        digits = max(0, -math.floor(math.log10(100 * row.bias_error))) if row.bias_error > 0 else 3
+        return f"{100 * row.bias:.{digits}f} ± {100 * row.bias_error:.{digits}f}"
+    return f"< {100 * row.bias_limit:.2g}"
+
+
+def csv_of(tables: Sequence[ErrorTable], path: str | os.PathLike[str] | None) -> str:
+    """Tables as one text of comma-separated values, which is also written where there is a path."""
+    rows: list[Sequence[object]] = [[*_FACTS, *_ROW]]
+    for table in tables:
+        facts = [getattr(table, name) for name in _FACTS]
+        rows += [[*facts, *(getattr(row, name) for name in _ROW)] for row in table.rows]
+    return comma_separated(rows, path)
+
+
+def _table_in(path: str | os.PathLike[str], title: str | None) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+    """Facts and rows of one table of a file of comma-separated values."""
+    place = file_path(path)
+    name = str(place)
+    try:
+        lines = list(csv.DictReader(io.StringIO(place.read_text(encoding="utf-8"))))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise FileError(f"{name!r} cannot be read: {error}") from error
+    titles = list(dict.fromkeys(line.get("title") for line in lines))
+    if title is None and len(titles) == 1:
+        title = titles[0]
+    if title is None or title not in titles:
+        raise FileError(f"{name!r} has the tables {titles}, and title is {title!r}; it must be one of them")
+    chosen = [line for line in lines if line["title"] == title]
+    try:
+        return {key: kind(chosen[0][key]) for key, kind in _FACTS.items()}, [_row_in(line) for line in chosen]
+    except (KeyError, TypeError, ValueError) as error:
+        raise FileError(f"{name!r} is no table of an error study: {error!r}") from error
+
+
+def _row_in(line: dict[str, str]) -> dict[str, Any]:
+    row: dict[str, Any] = {"variant": line["variant"], "samples": int(line["samples"])}
+    for name in _ROW[2:]:
+        row[name] = float(line[name]) if line[name] or name != "reported_variance" else None
+    return row

@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Mapping
 
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.core.values import check_kind, choice, positive, set_field, value, whole, wrong_kind
+from plenoptic.core.values import check_kind, choice, set_field, value, whole, wrong_kind
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.microlens.models import MicrolensModel
@@ -60,17 +60,19 @@ class Variant:
     clamp: float | None = None
 
     def __post_init__(self) -> None:
-        if self.camera is not None and not isinstance(self.camera, PlenopticCamera):
-            raise wrong_kind(self.camera, "camera", "PlenopticCamera", "pl.PlenopticCamera(lens=..., ...)")
+        if self.camera is not None:
+            check_kind(self.camera, "camera", PlenopticCamera, "pl.PlenopticCamera(lens=..., ...)")
         if self.lens is not None:
             set_field(self, "lens", choice(self.lens, LensModel, "lens"))
         if self.microlenses is not None:
             set_field(self, "microlenses", choice(self.microlenses, MicrolensModel, "microlenses"))
-        set_field(self, "sampler", choice(self.sampler, Sampler, "sampler"))
         set_field(self, "replicates", whole(self.replicates, "replicates", at_least=1))
-        set_field(self, "max_bounces", whole(self.max_bounces, "max_bounces", at_least=0))
-        set_field(self, "caustics", choice(self.caustics, Caustics, "caustics"))
-        set_field(self, "clamp", None if self.clamp is None else positive(self.clamp, "clamp"))
+        for name, checked in vars(self._settings).items():
+            set_field(self, name, checked)
+
+    @property
+    def _settings(self) -> RenderSettings:
+        return RenderSettings(self.max_bounces, self.caustics, self.clamp, self.sampler)
 
     def camera_from(self, camera: PlenopticCamera) -> PlenopticCamera:
         """The camera that this variant renders with.
@@ -138,13 +140,8 @@ class Variant:
         Returns
         -------
         Exposure
-
-        Examples
-        --------
-        See `error_against_time`.
         """
-        settings = RenderSettings(self.max_bounces, self.caustics, self.clamp, self.sampler)
-        subject = Subject(scene, camera, samples, self.replicates, Truth.NONE, settings)
+        subject = Subject(scene, camera, samples, self.replicates, Truth.NONE, self._settings)
         return expose(subject, seed=seed, region=region, threads=threads)
 
 

@@ -12,7 +12,7 @@ from plenoptic.core.rays import RayBundle, RayStatus
 from plenoptic.core.values import Floats
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.surfaces.surface import Surface
-from plenoptic.study.rounding.exact_asphere import Vector
+from plenoptic.study.rounding.exact_asphere import Vector, along_ray, dot, exact_vector
 from plenoptic.study.rounding.reference import Crossing, ExactRay, mpmath_context, normal_at, refracted
 
 EPS = float(np.finfo(np.float64).eps)
@@ -33,14 +33,7 @@ LENS_POSITION, LENS_DIRECTION = 1e-13, 3e-15
 
 
 class Law(enum.IntEnum):
-    """What a ray is held to.
-
-    Examples
-    --------
-    >>> from plenoptic.study.rounding.bounds import Law
-    >>> Law.LENS.name
-    'LENS'
-    """
+    """What a ray is held to."""
 
     SURFACES = 0
     """The bounds of the single surfaces, carried from surface to surface."""
@@ -75,27 +68,7 @@ def bounds_of(ray: ExactRay, surfaces: list[Surface]) -> Bounds:
     turns along, and its bound grows by as much; `Bounds.snell` does not know of it. Over several surfaces, an error of
     direction is an error of position at the next one, and the other way round, to first order.
 
-    Parameters
-    ----------
-    ray : ExactRay
-        With at least one crossing and a last one that is not totally reflected.
-    surfaces : list of Surface
-        Those of its crossings.
-
-    Returns
-    -------
-    Bounds
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> from plenoptic.study.rounding.reference import exact_rays
-    >>> from plenoptic.study.rounding.bounds import EPS, bounds_of
-    >>> lens = pl.load_lens("singlet-100mm-f4")
-    >>> ray, = exact_rays(lens, pl.RayBundle([[0, 3.0, -100.0]], [[0, 0, 1.0]]), 1, 1)
-    >>> bounds = bounds_of(ray, [lens.elements[1]])
-    >>> bounds.position < 20 * EPS, bounds.direction < 8 * EPS
-    (True, True)
+    The ray must not end in a total reflection; `surfaces` are those of its crossings.
     """
     position = direction = snell = 0.0
     for crossing, surface in zip(ray.crossings, surfaces, strict=True):
@@ -131,15 +104,15 @@ def _sizes(crossing: Crossing, surface: Surface) -> tuple[float, float]:
 
 
 class Found(NamedTuple):
-    """One traced ray beside the exact one. Errors are None where there is nothing to compare."""
+    """One traced ray beside the exact one, as a `StabilityRow` has it; None where there is nothing to compare."""
 
     right: bool
     """The status is one that it may have, and its numbers fit: finite for OK, nan for a lost ray."""
     position: float | None = None
-    direction: float | None = None
     ulps: float | None = None
     """Error of the position, in spacings of float64 at the size of the point (or z of the vertex)."""
     position_ratio: float | None = None
+    direction: float | None = None
     direction_ratio: float | None = None
     snell_ratio: float | None = None
 
@@ -149,34 +122,7 @@ def compared(
 ) -> Found:
     """Ray i of a traced bundle beside the exact one, and both beside what rounding may do.
 
-    Parameters
-    ----------
-    traced : RayBundle
-    i : int
-    exact : ExactRay
-    lens : LensStack
-        For the size of what is traced.
-    surfaces : list of Surface
-        Those traced through, in the order of travel.
-    law : Law
-    s : int
-        1 towards the sensor, -1 towards the scene.
-
-    Returns
-    -------
-    Found
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> from plenoptic.study.rounding.reference import exact_rays
-    >>> from plenoptic.study.rounding.bounds import Law, compared
-    >>> lens = pl.load_lens("singlet-100mm-f4")
-    >>> rays = pl.RayBundle([[0, 3.0, -100.0]], [[0, 0, 1.0]])
-    >>> exact, = exact_rays(lens, rays)
-    >>> found = compared(lens.trace(rays), 0, exact, lens, list(lens.elements[1:]), Law.SURFACES, 1)
-    >>> found.right, found.position_ratio < 1
-    (True, True)
+    `surfaces` are those traced through, in the order of travel; s is 1 towards the sensor, -1 towards the scene.
     """
     status = RayStatus(int(traced.status[i]))
     numbers = np.concatenate([traced.origin[i], traced.direction[i]])
@@ -209,26 +155,25 @@ def _may_be_lost(exact: ExactRay, status: RayStatus, law: Law) -> bool:
 def _measured(numbers: Floats, exact: ExactRay, surfaces: list[Surface], law: Law, s: int) -> Found:
     mp = mpmath_context()
     digits = mp.dps
-    point = [mp.mpf(float(x)) for x in numbers[:3]]
-    direction = [mp.mpf(float(x)) for x in numbers[3:]]
+    point, direction = exact_vector(mp, numbers[:3]), exact_vector(mp, numbers[3:])
     last, bounds = exact.crossings[-1], bounds_of(exact, surfaces)
     if law == Law.LENS:
         bounds = Bounds(LENS_POSITION, LENS_DIRECTION, math.inf)
-    off, turned = _distance(mp, point, exact.origin), _distance(mp, direction, exact.direction)
+    off, turned = _distance(point, exact.origin), _distance(direction, exact.direction)
     snell = None
     if law == Law.SURFACES and len(surfaces) == 1 and last.vertex == 0:
         normal, _ = normal_at(surfaces[0], point, digits=digits)
         wanted = refracted(last.incident, normal, last.mu, s=s, digits=digits)
         # At the critical angle the point found may be one that reflects.
-        snell = None if wanted is None or _is_critical(last) else _ratio(_distance(mp, direction, wanted), bounds.snell)
+        snell = None if wanted is None or _is_critical(last) else _ratio(_distance(direction, wanted), bounds.snell)
     spacing = float(np.spacing(max(math.hypot(*(float(x) for x in last.hit)), abs(last.vertex), NOTHING)))
     critical = any(_is_critical(crossing) for crossing in exact.crossings)
     return Found(
         True,
         off,
-        None if critical else turned,
         off / spacing,
         _ratio(off, bounds.position),
+        None if critical else turned,
         None if critical else _ratio(turned, bounds.direction),
         snell,
     )
@@ -239,14 +184,13 @@ def _touching(numbers: Floats, exact: ExactRay, surface: Surface, lens: LensStac
     vertex = float(lens.vertices[lens.elements.index(surface)])
     centre = [mp.mpf(0), mp.mpf(0), mp.mpf(surface.radius) + vertex]
     start, along = exact.given
-    aside = [a - b for a, b in zip(start, centre, strict=True)]
-    ahead = -sum(a * b for a, b in zip(aside, along, strict=True))
-    foot = [a + ahead * b for a, b in zip(start, along, strict=True)]
-    off = _distance(mp, [mp.mpf(float(x)) for x in numbers[:3]], foot)
+    aside = along_ray(start, centre, -1)
+    foot = along_ray(start, along, -dot(aside, along))
+    off = _distance(exact_vector(mp, numbers[:3]), foot)
     return Found(True, off, position_ratio=_ratio(off, 4 * abs(surface.radius) * math.sqrt(EPS)))
 
 
-def _distance(mp: object, a: Vector, b: Vector) -> float:
+def _distance(a: Vector, b: Vector) -> float:
     return float(sum((x - y) ** 2 for x, y in zip(a, b, strict=True)) ** 0.5)
 
 

@@ -30,54 +30,25 @@ Vector: TypeAlias = list[Number]
 
 
 def dot(a: Vector, b: Vector) -> Number:
-    """Scalar product.
-
-    Examples
-    --------
-    >>> from plenoptic.study.rounding.exact_asphere import dot
-    >>> dot([1, 2, 3], [4, 5, 6])
-    32
-    """
+    """Scalar product."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 def along_ray(p: Vector, d: Vector, t: Number) -> Vector:
-    """The point p + t d.
-
-    Examples
-    --------
-    >>> from plenoptic.study.rounding.exact_asphere import along_ray
-    >>> along_ray([0, 0, 1], [1, 0, 0], 2)
-    [2, 0, 1]
-    """
+    """The point p + t d."""
     return [a + t * b for a, b in zip(p, d, strict=True)]
 
 
+def exact_vector(mp: Any, numbers: Floats) -> Vector:
+    """Numbers of float64, as they are."""
+    return [mp.mpf(float(x)) for x in numbers]
+
+
 def first_crossing(mp: Any, surface: Surface, p: Vector, d: Vector, s: int) -> Number | None:
-    """The first of all crossings in the clear cylinder that go the right way: s (z - sag) from below 0 to above.
+    """Distance of the first crossing in the clear cylinder at which s (z - sag) rises from below 0; None without one.
 
-    Parameters
-    ----------
-    mp : mpmath context
-        Set to the digits wanted.
-    surface : Surface
-    p, d : list of mpf
-        A point of the ray, from the vertex, and its direction of unit length.
-    s : int
-        1 for light that travels towards the sensor, -1 in reverse.
-
-    Returns
-    -------
-    mpf or None
-        Distance from p along the ray; None where it does not cross.
-
-    Examples
-    --------
-    >>> import mpmath, plenoptic as pl
-    >>> from plenoptic.study.rounding.exact_asphere import first_crossing
-    >>> bowl = pl.Surface(float("inf"), semi_diameter=3.0, aspheric=(0.0, 0.01))
-    >>> float(first_crossing(mpmath.mp, bowl, [mpmath.mpf(2), 0, -5], [0, 0, 1], 1))          # 5 + 0.01 2^4
-    5.16
+    p, d: a point of the ray, from the vertex, in mm, and its direction of unit length; s is 1 for light that travels
+    towards the sensor, -1 in reverse.
     """
     nearest = -dot(p, d)
     start = along_ray(p, d, nearest)
@@ -108,16 +79,7 @@ def _polished(mp: Any, surface: Surface, p: Vector, d: Vector, s: int, rough: fl
 
 
 def exact_sag(mp: Any, surface: Surface, hit: Vector) -> tuple[Number, Number, Number]:
-    """The sag over the x and y of a point, and its first and second derivatives by r^2.
-
-    Examples
-    --------
-    >>> import mpmath, plenoptic as pl
-    >>> from plenoptic.study.rounding.exact_asphere import exact_sag
-    >>> bowl = pl.Surface(float("inf"), semi_diameter=3.0, aspheric=(0.0, 0.01))
-    >>> [float(x) for x in exact_sag(mpmath.mp, bowl, [mpmath.mpf(2), 0, 0])]
-    [0.16, 0.08, 0.02]
-    """
+    """The sag over the x and y of a point, and its first and second derivatives by r^2."""
     c, squash = 1 / mp.mpf(surface.radius), 1 + mp.mpf(surface.conic)
     r2 = hit[0] ** 2 + hit[1] ** 2
     w = mp.sqrt(1 - squash * c * c * r2)

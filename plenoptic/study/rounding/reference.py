@@ -18,7 +18,15 @@ from plenoptic.optics.lens.elements import Element, is_centred
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.stops.circle import CircularStop
 from plenoptic.optics.surfaces.surface import Surface
-from plenoptic.study.rounding.exact_asphere import Number, Vector, along_ray, dot, exact_sag, first_crossing
+from plenoptic.study.rounding.exact_asphere import (
+    Number,
+    Vector,
+    along_ray,
+    dot,
+    exact_sag,
+    exact_vector,
+    first_crossing,
+)
 
 DIGITS = 50
 """Decimal digits, unless told otherwise: float64 has 16, an origin 1e9 mm from a radius of 1e-3 mm takes 24 more."""
@@ -32,21 +40,7 @@ class _MissingMpmathError(PlenopticError, ImportError):
 
 
 def mpmath_context() -> Any:
-    """The numbers of `mpmath`, or an error that says how to get them.
-
-    Raises
-    ------
-    PlenopticError
-        If mpmath is not installed.
-
-    Examples
-    --------
-    >>> from plenoptic.study.rounding.reference import mpmath_context
-    >>> mp = mpmath_context()
-    >>> with mp.workdps(30):
-    ...     print(mp.sqrt(2))
-    1.41421356237309504880168872421
-    """
+    """The numbers of `mpmath`, or an error that says how to get them."""
     try:
         import mpmath
     except ImportError as error:
@@ -101,37 +95,10 @@ def exact_rays(
     reverse: bool = False,
     digits: int = DIGITS,
 ) -> list[ExactRay]:
-    """Trace rays through a centred lens, or a part of it, exactly but for the last of many digits.
+    """Trace rays through a lens of centred surfaces and circular stops, exactly but for the last of many digits.
 
-    Parameters
-    ----------
-    lens : LensStack
-        Surfaces and circular stops without a placement.
-    rays : RayBundle
-    first, last : int, optional
-        The elements to trace through, both included, as indices in `lens.elements` whatever the direction of travel.
-    reverse : bool, optional
-        Towards the scene.
-    digits : int, optional
-        Decimal digits of all numbers.
-
-    Returns
-    -------
-    list of ExactRay
-
-    Raises
-    ------
-    PlenopticError
-        If mpmath is not installed; a PrescriptionError for a polygonal stop or a placement.
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> from plenoptic.study.rounding.reference import exact_rays
-    >>> rays = pl.RayBundle([[0, 3.0, -100.0]], [[0, 0, 1.0]])
-    >>> exact, = exact_rays(pl.load_lens("singlet-100mm-f4"), rays)
-    >>> exact.status.name, len(exact.crossings)
-    ('OK', 2)
+    `first` and `last` are the elements at both ends, included, as indices in `lens.elements` whatever the direction of
+    travel; `reverse` is towards the scene. Other elements are a PrescriptionError.
     """
     mp = mpmath_context()
     end = len(lens.elements) - 1 if last is None else last
@@ -160,8 +127,7 @@ def _checked(element: Element, number: int) -> Surface | CircularStop:
 def _exact_ray(
     mp: Any, stations: list[tuple[Surface | CircularStop, float, Number]], origin: Floats, direction: Floats, s: int
 ) -> ExactRay:
-    p = [mp.mpf(float(x)) for x in origin]
-    d = [mp.mpf(float(x)) for x in direction]
+    p, d = exact_vector(mp, origin), exact_vector(mp, direction)
     length = mp.sqrt(dot(d, d))
     d = [x / length for x in d]
     given = (p, d)
@@ -242,28 +208,9 @@ def _intersect_conic(mp: Any, surface: Surface, p: Vector, d: Vector, s: int) ->
 
 
 def normal_at(surface: Surface, hit: Vector, *, digits: int = DIGITS) -> tuple[Vector, float]:
-    """Unit normal, towards +z at the vertex, and the larger principal curvature in size, at a point of a surface.
+    """Unit normal, towards +z at the vertex, and the larger principal curvature in size, 1/mm, at a point of a surface.
 
-    Parameters
-    ----------
-    surface : Surface
-    hit : list of mpf
-        From the vertex, mm. Off the surface, the normal of the surface of its kind through that point.
-    digits : int, optional
-
-    Returns
-    -------
-    normal : list of mpf
-    curvature : float
-        1/mm.
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> from plenoptic.study.rounding.reference import normal_at
-    >>> normal, curvature = normal_at(pl.Surface(5.0, semi_diameter=4.0), [3.0, 0.0, 1.0])
-    >>> [round(float(x), 12) for x in normal], curvature
-    ([-0.6, 0.0, 0.8], 0.2)
+    `hit` is measured from the vertex, mm. Off the surface: of the surface of its kind through that point.
     """
     mp = mpmath_context()
     with mp.workdps(digits):
@@ -283,27 +230,9 @@ def normal_at(surface: Surface, hit: Vector, *, digits: int = DIGITS) -> tuple[V
 
 
 def refracted(direction: Vector, normal: Vector, mu: Number, *, s: int, digits: int = DIGITS) -> Vector | None:
-    """Snell's law for unit vectors; None at total reflection.
+    """Snell's law for unit vectors, the normal towards +z at the vertex; None at total reflection.
 
-    Parameters
-    ----------
-    direction, normal : list of mpf
-        The normal towards +z at the vertex.
-    mu : mpf
-        Index before over index behind.
-    s : int
-        1 for light that travels towards the sensor, -1 in reverse.
-    digits : int, optional
-
-    Returns
-    -------
-    list of mpf or None
-
-    Examples
-    --------
-    >>> from plenoptic.study.rounding.reference import refracted
-    >>> [float(x) for x in refracted([0, 0, 1], [0, 0, 1], 0.5, s=1)]
-    [0.0, 0.0, 1.0]
+    mu: index before over index behind; s is 1 for light that travels towards the sensor, -1 in reverse.
     """
     mp = mpmath_context()
     with mp.workdps(digits):

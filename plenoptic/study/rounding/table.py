@@ -25,17 +25,8 @@ THOROUGH = 1000
 """Rays of a case, unless told otherwise."""
 
 _COLUMNS = (
-    "case",
-    "rays",
-    "position, mm",
-    "ulps",
-    "/ bound",
-    "direction",
-    "/ bound",
-    "Snell / bound",
-    "returned",
-    "wrong",
-    "s",
+    *("case", "rays", "position, mm", "ulps", "/ bound", "direction", "/ bound", "Snell / bound"),
+    *("returned", "wrong", "s"),
 )
 
 
@@ -165,39 +156,24 @@ def _share(ratio: float | None) -> str:
 
 
 def stability_row(case: StabilityCase, *, rays: int, seed: int = 0) -> StabilityRow:
-    """Trace one case in float64 and with many digits.
-
-    Parameters
-    ----------
-    case : StabilityCase
-    rays : int
-    seed : int, optional
-        Of the random rays.
-
-    Returns
-    -------
-    StabilityRow
-
-    Examples
-    --------
-    >>> from plenoptic.study.rounding.cases import stability_cases
-    >>> from plenoptic.study.rounding.table import stability_row
-    >>> stability_row(stability_cases()[0], rays=5).case
-    'double Gauss, full field'
-    """
+    """Trace one case in float64 and with many digits."""
     begin = time.perf_counter()
     # A case's rays do not depend on which other cases there are.
     setup = case.setup(np.random.default_rng([seed, *case.name.encode()]), rays)
     found, returned = _found(case, setup)
+
+    def largest(error: str) -> float | None:
+        return max((one for ray in found if (one := getattr(ray, error)) is not None), default=None)
+
     return StabilityRow(
         case.name,
         rays,
-        _largest([ray.position for ray in found]),
-        _largest([ray.ulps for ray in found]),
-        _largest([ray.position_ratio for ray in found]),
-        _largest([ray.direction for ray in found]),
-        _largest([ray.direction_ratio for ray in found]),
-        _largest([ray.snell_ratio for ray in found]),
+        largest("position"),
+        largest("ulps"),
+        largest("position_ratio"),
+        largest("direction"),
+        largest("direction_ratio"),
+        largest("snell_ratio"),
         returned,
         sum(not ray.right for ray in found),
         time.perf_counter() - begin,
@@ -221,10 +197,6 @@ def _found(case: StabilityCase, setup: Setup) -> tuple[list[Found], list[tuple[s
     found += [Found(bool(traced.status[i] == rays.status[i] and np.isnan(traced.origin[i]).all())) for i in void]
     counts = Counter(RayStatus(int(status)).name for status in traced.status)
     return found, sorted(counts.items(), key=lambda item: RayStatus[item[0]])
-
-
-def _largest(errors: Sequence[float | None]) -> float | None:
-    return max((error for error in errors if error is not None), default=None)
 
 
 def stability(*, rays: int = THOROUGH, seed: int = 0, only: Sequence[str] | None = None) -> StabilityTable:

@@ -514,7 +514,7 @@ def test_points_behind_a_posed_camera_are_refused():
 
 def test_figure_shows_the_pixels_where_the_sensor_has_them():
     plt = pytest.importorskip("matplotlib.pyplot")
-    from plenoptic.plots.forward import plot_camera_spread
+    from plenoptic.plots.camera import plot_camera_spread
 
     spread = point_spread(reference_camera(), [(3, 1, -404), (-4, 2, -404)], rays=1 << 13)
     ax = plot_camera_spread(spread)

@@ -11,7 +11,7 @@ import pytest
 
 import plenoptic as pl
 from plenoptic.study import ErrorRow, ErrorTable
-from plenoptic.study.error_time.text import csv_of
+from plenoptic.study.error_time.table import csv_of
 
 matplotlib.use("Agg")
 

@@ -125,7 +125,7 @@ def layout(
     ax: Axes | None = None,
 ) -> Axes:
     """Draw a lens with a fan of real rays for each of some fields, true to scale; see `LensStack.layout`."""
-    from plenoptic.plots.layout import plot_layout
+    from plenoptic.plots.lens import plot_layout
 
     check_kind(lens, "lens", LensStack, "camera.lens")
     place = _usual_object(lens, wavelength) if z_object is None else z_object

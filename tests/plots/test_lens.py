@@ -9,7 +9,7 @@ import pytest
 import plenoptic as pl
 from plenoptic.optics.lens.analysis.layout import layout, layout_fields, ray_paths
 from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays, fan
-from plenoptic.plots.layout import plot_layout
+from plenoptic.plots.lens import plot_layout
 
 matplotlib.use("Agg")
 
