@@ -117,7 +117,10 @@ def camera_record(camera: PlenopticCamera) -> CameraRecord:
         )
     plane = OutlinePlane(z_last if parts.frame is not None else parts.z_plane - z_last, parts.frame)
     pinhole = array is not None and not array.model.focuses
-    world = _lens_to_world(camera, parts)
+    world = parts.lens_to_camera
+    if camera.pose is not None:
+        pose = Rigid(np.asarray(camera.pose.rotation), np.asarray(camera.pose.position))
+        world = pose if world is None else pose.of(world)
     return CameraRecord(
         sensor=_sensor_record(camera, parts),
         array=compiled,
@@ -159,11 +162,3 @@ def response_record(camera: PlenopticCamera, parts: Assembly) -> ResponseRecord 
     along = np.array_equal(placed.turn, np.eye(3)) and not placed.shift[:2].any()
     frame = None if along else np.concatenate([placed.turn.ravel(), placed.shift])
     return ResponseRecord(seen.well_depth, seen.index, 1.0 / seen.pupil_distance, seen.exponent, frame)
-
-
-def _lens_to_world(camera: PlenopticCamera, parts: Assembly) -> Rigid | None:
-    """From the lens's axes to the world; None where they are the same."""
-    if camera.pose is None:
-        return parts.lens_to_camera
-    pose = Rigid(np.asarray(camera.pose.rotation), np.asarray(camera.pose.position))
-    return pose if parts.lens_to_camera is None else pose.of(parts.lens_to_camera)

@@ -188,7 +188,7 @@ class PixelStages:
     @cached_property
     def hits(self) -> SurfaceHits:
         """The triangles that the rays meet, through what is not there for most paths."""
-        from plenoptic.camera.kernels.world_rays import fill_world_rays
+        from plenoptic.core.kernels.bundles import fill_world_rays
         from plenoptic.scene.geometry.kernels import interaction
 
         camera, scene, intersector, n = self._camera, self._scene, self._intersector, len(self._pixels)

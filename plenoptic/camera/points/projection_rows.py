@@ -12,7 +12,6 @@ from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.points.projection_rays import Aim, EntranceRays, ThroughArray, aimed, entrance_rays, through_iris
 from plenoptic.camera.psf.sensor_hits import ForwardRecord, Task, landed, tasks_of
 from plenoptic.core.parallel import run_in_order
-from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats
 from plenoptic.optics.lens.trace import traced_by
 from plenoptic.optics.microlens.array import MicrolensArray
@@ -107,17 +106,11 @@ def _rows_through_iris(tables: ForwardRecord, seen: Floats, light: Light) -> Row
     rays = entrance.through(seen, entering)
     moments = np.zeros((n, REPLICATES, 3))
     moments[light.keys[:, 0]] = light.moments
-    position = _on_bare_sensor(tables, traced_by(entrance.bare, rays))
+    behind, to_sensor = traced_by(entrance.bare, rays), tables.array.parts.sensor_to_local.inverse()
+    origin = to_sensor.points(behind.origin - np.array([0.0, 0.0, tables.array.parts.z_plane]))
+    direction = to_sensor.directions(behind.direction)
+    position = origin[:, :2] - origin[:, 2:] / direction[:, 2:] * direction[:, :2]
     return Rows(np.arange(n), None, position, traced_by(entrance.lens, rays).status == 0, moments, entering)
-
-
-def _on_bare_sensor(tables: ForwardRecord, rays: RayBundle) -> Floats:
-    """Where rays behind the lens meet a sensor without microlenses, in its own axes."""
-    parts = tables.array.parts
-    to_sensor = parts.sensor_to_local.inverse()
-    origin = to_sensor.points(rays.origin - np.array([0.0, 0.0, parts.z_plane]))
-    direction = to_sensor.directions(rays.direction)
-    return np.asarray(origin[:, :2] - origin[:, 2:] / direction[:, 2:] * direction[:, :2])
 
 
 def _rows_through_microlenses(

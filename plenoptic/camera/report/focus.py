@@ -165,7 +165,7 @@ def microlens_focus(camera: PlenopticCamera, type_: int, cone: Cone) -> Microlen
         b, p = camera.microlenses_to_sensor, neighbour_distance(array)
         width = footprint(cone, s)
         across, seeing = width / p, max(1.0, math.pi / 4 * width**2 / cell_area(array))
-        images = [_image_behind(camera, x) for x in (far, near)]
+        images = [image_plane(camera.lens, x, camera.wavelength) - camera.stop_to_microlenses for x in (far, near)]
         disparities = tuple(disparity_of(kind, x, b, p, q) for x in (s, *images))  # type: ignore[assignment]
         v = abs(s) / b
         if kind is CameraKind.PLENOPTIC_1:
@@ -234,12 +234,6 @@ def traced_plane(camera: PlenopticCamera, z_image: float) -> float:
     if not math.isfinite(off) or (beyond and abs(off) > SAME * abs(z_image)):
         return math.nan
     return -math.inf if _at_horizon(camera, z) else z
-
-
-def _image_behind(camera: PlenopticCamera, z: float) -> float:
-    if math.isnan(z):
-        return z
-    return image_plane(camera.lens, z, camera.wavelength) - camera.stop_to_microlenses
 
 
 def _at_horizon(camera: PlenopticCamera, z: float) -> bool:

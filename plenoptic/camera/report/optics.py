@@ -15,7 +15,7 @@ import numpy as np
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.analysis.focus import paraxial_focus
-from plenoptic.optics.lens.gaussian.matrices import transfer_matrix
+from plenoptic.optics.lens.gaussian.matrices import over, transfer_matrix
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points, magnification, object_position
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays_reverse, hexapolar, square_grid
@@ -130,14 +130,13 @@ def object_plane(lens: LensStack, z_image: float, wavelength: float) -> float:
     if lens.model is not LensModel.THIN:
         return object_position(lens, z_image, wavelength)
     points = cardinal_points(lens, wavelength)
-    behind = z_image - points.rear_focus
-    front = points.rear_principal - points.efl
-    return -math.inf if behind == 0 else front - points.efl**2 / behind
+    return points.rear_principal - points.efl - over(points.efl**2, z_image - points.rear_focus)
 
 
 def image_plane(lens: LensStack, z_object: float, wavelength: float) -> float:
-    """The inverse of `object_plane`."""
-    return z_object if lens.model is LensModel.NONE else paraxial_focus(lens, z_object, wavelength)
+    """The inverse of `object_plane`; nan for nan."""
+    without = lens.model is LensModel.NONE or math.isnan(z_object)
+    return z_object if without else paraxial_focus(lens, z_object, wavelength)
 
 
 def lateral_magnification(lens: LensStack, z_object: float, wavelength: float) -> float:

@@ -113,7 +113,7 @@ class Transport:
 
     def _start(self, blocks: Floats, start: int, n: int, batch: Batch, number: NDArray[np.int64]) -> int:
         """Rays from the camera; returns how many there are."""
-        from plenoptic.camera.kernels.world_rays import fill_world_rays
+        from plenoptic.core.kernels.bundles import fill_world_rays
 
         now = self._now
         found = int(fill_world_rays(now.rays, now.path, blocks, n, self._camera.rotation, self._camera.position))
