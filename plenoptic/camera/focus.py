@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
+from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.report.focus import sharp_image
 from plenoptic.core.values import number, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.analysis.focus import FocusCriterion, best_focus, front_focus
-
-if TYPE_CHECKING:
-    from plenoptic.camera.camera import PlenopticCamera
 
 
 def focused_stop_to_microlenses(

@@ -37,25 +37,20 @@ Rule = tuple[str, tuple[str, ...], Callable[[Numbers, str], float]]
 def solved(wishes: Wishes, given: Numbers, lens: Lens) -> Numbers:
     """All unknowns, from those given; an error where they are not determined or impossible."""
     known, rules = dict(given), _rules(wishes, lens)
-    progress = True
-    while progress:
-        progress = False
-        for rule in list(rules):
+    while True:
+        rule = next((rule for rule in rules if sum(u not in known for u in rule[1]) <= 1), None)
+        if rule is not None:
             name, unknowns, solve = rule
             missing = [u for u in unknowns if u not in known]
-            if len(missing) == 1:
-                known[missing[0]] = _possible(solve(known, missing[0]), missing[0], name, wishes)
-            if len(missing) <= 1:
-                if not missing:
-                    raise InvalidValueError(
-                        f"{name} has nothing left to choose: what it acts on is given or follows from the rest; leave "
-                        f"out {name}, or one of what is given"
-                    )
-                rules.remove(rule)
-                progress = True
-                break
-        if not progress:
-            progress = _solved_pair(known, rules, wishes, lens)
+            if not missing:
+                raise InvalidValueError(
+                    f"{name} has nothing left to choose: what it acts on is given or follows from the rest; leave "
+                    f"out {name}, or one of what is given"
+                )
+            known[missing[0]] = _possible(solve(known, missing[0]), missing[0], name, wishes)
+            rules.remove(rule)
+        elif not _solved_pair(known, rules, wishes, lens):
+            break
     open_ = [FIELDS[u] for u in FIELDS if u not in known]
     if open_:
         raise InvalidValueError(

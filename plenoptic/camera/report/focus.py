@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import enum
 import math
-from typing import TYPE_CHECKING
 
+from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.report.optics import (
     Cone,
     cell_area,
@@ -20,9 +20,6 @@ from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.analysis.focus import FocusCriterion, best_focus
 from plenoptic.optics.lens.gaussian.matrices import over
 from plenoptic.optics.lens.models import LensModel
-
-if TYPE_CHECKING:
-    from plenoptic.camera.camera import PlenopticCamera
 
 _STEPS = 8
 """Corrections of the traced focus; each makes the error some ten to a thousand times smaller."""
@@ -159,14 +156,15 @@ def microlens_focus(camera: PlenopticCamera, type_: int, cone: Cone) -> Microlen
     z_image = camera.stop_to_microlenses + s
     z, (far, near) = _in_front(camera, z_image), _limits(camera, kind, s, cone)
     m = lateral_magnification(camera.lens, z, camera.wavelength) if not math.isnan(z) else math.nan
-    onwards, across, seeing, disparities, resolution = 1.0, math.nan, math.nan, (None, None, None), 1.0
+    onwards, across, seeing, resolution = 1.0, math.nan, math.nan, 1.0
     pixel, v = q, None
+    disparities: list[float | None] = [None] * 3
     if array is not None:
         b, p = camera.microlenses_to_sensor, neighbour_distance(array)
         width = footprint(cone, s)
         across, seeing = width / p, max(1.0, math.pi / 4 * width**2 / cell_area(array))
         images = [image_plane(camera.lens, x, camera.wavelength) - camera.stop_to_microlenses for x in (far, near)]
-        disparities = tuple(disparity_of(kind, x, b, p, q) for x in (s, *images))  # type: ignore[assignment]
+        disparities = [disparity_of(kind, x, b, p, q) for x in (s, *images)]
         v = abs(s) / b
         if kind is CameraKind.PLENOPTIC_1:
             resolution = min(1.0, q / math.sqrt(cell_area(array)) / abs(1.0 + b * cone.vergence))

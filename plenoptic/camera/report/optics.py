@@ -8,10 +8,11 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.analysis.focus import paraxial_focus
@@ -24,10 +25,6 @@ from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.lattice import Lattice
 from plenoptic.optics.microlens.models import ConvexSide
 from plenoptic.optics.stops.circle import CircularStop
-
-if TYPE_CHECKING:
-    from plenoptic.camera.camera import PlenopticCamera
-
 
 _RIM = 1.0 - 1e-9
 """The rim of the iris is aimed at this much inside, so that rounding does not clip it."""
