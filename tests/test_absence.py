@@ -228,7 +228,7 @@ SAMPLE, FILM, WORLD, TRACE, THIN = (
     "plenoptic.rendering.kernels.film_sums",
     "plenoptic.core.kernels.bundles",
     "plenoptic.optics.lens.kernels.trace",
-    "plenoptic.optics.microlens.kernels.thin",
+    "plenoptic.optics.microlens.kernels.ideal",
 )
 EMISSION, DIRECT, BOUNCE = (
     f"plenoptic.rendering.integrator.kernels.{n}" for n in ("emission", "direct_light", "bounce")
@@ -441,7 +441,7 @@ look(pl.render(pl.Scene([floor], [lamp]), camera, samples=8, max_bounces=2, trut
 """
 
 OF_THE_CAMERA = {
-    *("sobol.fill_net", "pixel_regions.fill_cell_regions", "thin.fill_thin", "trace.fill_traced"),
+    *("sobol.fill_net", "pixel_regions.fill_cell_regions", "ideal.fill_thin", "trace.fill_traced"),
     *("paths.fill_camera_samples", "film_sums.fill_sums", "bundles.fill_status_counts"),
 }
 OF_THE_SCENE = {

@@ -18,7 +18,6 @@ from plenoptic.optics.lens.placement import Placement, kept_placement, rotation_
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.dust import Blemishes, BlemishSite
-from plenoptic.optics.microlens.models import ConvexSide
 from plenoptic.optics.sensor.sensor import Sensor
 
 if TYPE_CHECKING:
@@ -138,14 +137,12 @@ class PlenopticCamera:
                 )
             front = self.stop_to_microlenses
         else:
-            plate = array.thickness / array.index if array.is_plate else 0.0
-            towards_scene = plate if array.convex_side is ConvexSide.SENSOR else 0.0
-            towards_sensor = plate if array.convex_side is ConvexSide.SCENE else 0.0
-            front = self.stop_to_microlenses - towards_scene
-            if not self.microlenses_to_sensor > towards_sensor:
+            depths = array.model.rules.depths(array)
+            front = self.stop_to_microlenses - depths.front
+            if not self.microlenses_to_sensor > depths.rear:
                 raise InvalidValueError(
                     f"microlenses_to_sensor is {self.microlenses_to_sensor:g} mm; it must be above "
-                    f"{towards_sensor:g} mm, where the sensor touches the array"
+                    f"{depths.rear:g} mm, where the sensor touches the array"
                 )
         if not front > behind:
             raise InvalidValueError(

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic.core.values import Floats, frozen_array, set_field, value
+from plenoptic.core.values import Floats, Given, frozen_array, set_field, value
 from plenoptic.errors import InvalidValueError
 
 
@@ -35,12 +33,8 @@ class Pose:
     array([[  0.,   0., 500.]])
     """
 
-    rotation: Floats
-    position: Floats
-
-    if TYPE_CHECKING:
-
-        def __init__(self, rotation: ArrayLike, position: ArrayLike) -> None: ...
+    rotation: Given[Floats, ArrayLike]
+    position: Given[Floats, ArrayLike]
 
     def __post_init__(self) -> None:
         set_field(self, "rotation", frozen_array(self.rotation, name="rotation", shape=(3, 3)))

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from plenoptic.camera.dust import BETWEEN, PlacedDust
 from plenoptic.camera.record import CameraRecord
 from plenoptic.core.values import Floats
+from plenoptic.optics.microlens.model_rules import Crossing
 from plenoptic.optics.microlens.record import ResponseRecord, SensorPlane
 
 
@@ -45,24 +46,8 @@ def fill_through_array(
     if array is None or camera.microlenses is None:
         to_lens.fill_straight(blocks, sensor, z_plane)
         return
-    if array.power_factors is None and (array.model is None or array.model.indices is None):
-        waves = None
     if array.walls is not None and own is not None:
         to_lens.fill_walls(blocks, own, array.cell, array.cells)
-    if array.model is not None:
-        from plenoptic.optics.microlens.kernels.plano_convex import fill_plano_convex
-
-        fill_plano_convex(blocks, own, sensor, array.model, array.power, array.edges, z_plane, waves)
-    else:
-        if own is not None:
-            to_lens.fill_openings(blocks, own, array.opening)
-        if camera.pupil.pinhole:
-            from plenoptic.optics.microlens.kernels.pinhole import fill_pinholes
-
-            fill_pinholes(blocks, sensor, z_plane)
-        else:
-            from plenoptic.optics.microlens.kernels.thin import fill_thin
-
-            fill_thin(blocks, own, sensor, array.power, z_plane, array.power_factors, waves)
+    camera.microlenses.model.rules.to_lens(blocks, own, Crossing(array, sensor, z_plane), waves)
     if camera.frame is not None:
         to_lens.fill_in_lens_axes(blocks, camera.frame)

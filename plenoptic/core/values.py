@@ -8,7 +8,7 @@ import math
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,7 +27,20 @@ else:
 Floats = NDArray[np.float64]
 
 T = TypeVar("T")
+Kept = TypeVar("Kept")
+Taken = TypeVar("Taken")
 Choice = TypeVar("Choice", bound=enum.Enum)
+
+if TYPE_CHECKING:
+
+    class Given(Generic[Kept, Taken]):
+        """The type of a field that takes more than it keeps, as lists for an array; called, its default."""
+
+        def __init__(self, *, default: Any) -> None: ...
+        def __get__(self, instance: object, owner: Any) -> Kept: ...
+        def __set__(self, instance: object, value: Taken) -> None: ...
+else:
+    Given = dataclasses.field
 
 SHORTEST, LONGEST = 10.0, 1e6
 """Wavelengths in nm, from ultraviolet to far infrared; 0.55, meant as micrometres, is none."""
@@ -208,7 +221,7 @@ def _restore(self: Any, state: dict[str, Any]) -> None:
         object.__setattr__(self, name, item)
 
 
-@dataclass_transform(frozen_default=True, field_specifiers=(dataclasses.field,))
+@dataclass_transform(frozen_default=True, field_specifiers=(dataclasses.field, Given))
 def value(cls: type[T]) -> type[T]:
     """Make a class a frozen dataclass that also compares, hashes, prints and pickles with arrays in it."""
     has_own_repr = "__repr__" in cls.__dict__
@@ -247,7 +260,7 @@ def _freeze(self: Any) -> None:
             set_field(self, name, read_only(item))
 
 
-@dataclass_transform(frozen_default=True, field_specifiers=(dataclasses.field,))
+@dataclass_transform(frozen_default=True, field_specifiers=(dataclasses.field, Given))
 def result(cls: type[T]) -> type[T]:
     """Make a class a value that only functions of the package make: its arrays become read-only, unchecked."""
     made: Any = cls

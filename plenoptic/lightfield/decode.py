@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.camera.points.centres import CentreMethod, MicrolensCentres, microlens_centres
+from plenoptic.camera.points.centres import CentreMethod, microlens_centres
 from plenoptic.camera.report.optics import lateral_magnification, model_pupil, object_plane
 from plenoptic.core.values import Floats, check_kind, choice, finite, positive, read_only, whole
 from plenoptic.errors import InvalidValueError
@@ -110,9 +110,9 @@ def decode(
     apart = None if spacing is None else positive(spacing, "spacing", "mm")
     offsets = _offsets(camera, array, views, step)
     planes = raw_planes(shot, white, least)
-    centres = _centres_in(camera, choice(method, CentreMethod, "method"), planes, float(offsets[-1]))
-    grid = resampling(array, centres.index, apart)
-    seen, error = _sampled(planes, centres.pixel, offsets, grid, _in_own_image(camera, array, offsets))
+    index, pixel = _centres_in(camera, choice(method, CentreMethod, "method"), planes, float(offsets[-1]))
+    grid = resampling(array, index, apart)
+    seen, error = _sampled(planes, pixel, offsets, grid, _in_own_image(camera, array, offsets))
     return _field(camera, seen, error, offsets, grid)
 
 
@@ -151,21 +151,16 @@ def _offsets(camera: PlenopticCamera, array: MicrolensArray, views: int | None, 
     return step * np.arange(-half, half + 1, dtype=np.float64)
 
 
-def _centres_in(camera: PlenopticCamera, method: CentreMethod, planes: RawPlanes, largest: float) -> MicrolensCentres:
-    """Microlenses of whose images the raw image may hold a view."""
+def _centres_in(
+    camera: PlenopticCamera, method: CentreMethod, planes: RawPlanes, largest: float
+) -> tuple[NDArray[np.int64], Floats]:
+    """Lattice indices (n, 2) of the microlenses of whose images the raw image may hold a view, and their pixels."""
     centres = microlens_centres(camera, method, margin=largest * camera.sensor.pixel_pitch)
     first, end = np.array(planes.first), np.array(planes.first) + planes.shot.shape[:2]
     near = ((centres.pixel >= first - largest) & (centres.pixel <= end - 1 + largest)).all(axis=1)
     if not near.any():
         raise InvalidValueError("the image holds no centre of a microlens image; take a larger region")
-    return MicrolensCentres(
-        centres.index[near],
-        centres.type[near],
-        centres.on_array[near],
-        centres.position[near],
-        centres.pixel[near],
-        method,
-    )
+    return centres.index[near], centres.pixel[near]
 
 
 def _in_own_image(camera: PlenopticCamera, array: MicrolensArray, offsets: Floats) -> NDArray[np.bool_]:

@@ -39,8 +39,8 @@ from .microlens.imperfections import MicrolensDeviations as MicrolensDeviations
 from .microlens.imperfections import MicrolensImperfections as MicrolensImperfections
 from .microlens.lattice import Lattice as Lattice
 from .microlens.listed import Lenslets as Lenslets
-from .microlens.models import ConvexSide as ConvexSide
 from .microlens.models import MicrolensModel as MicrolensModel
+from .microlens.plano_convex import ConvexSide as ConvexSide
 from .stops.circle import CircularStop as CircularStop
 from .stops.mask import MaskStop as MaskStop
 from .stops.polygon import PolygonStop as PolygonStop

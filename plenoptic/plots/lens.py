@@ -26,20 +26,18 @@ _STOP = "#222222"
 _OTHER_STOP = "#888888"
 
 
-def _stop_indices(lens: LensStack) -> list[int]:
-    return [i for i, element in enumerate(lens.elements) if not hasattr(element, "medium")]
-
-
 def _glass_sections(lens: LensStack, profiles: tuple[Floats, ...]) -> list[Floats]:
     return [np.concatenate([profiles[i], profiles[j][::-1]]) for i, j in lens.glasses]
 
 
-def _bars(lens: LensStack, reach: float) -> list[tuple[int, float, float, float]]:
-    """Element index, z, y at the hole and y at the outer end of the upper bar of each stop."""
-    return [
-        (i, float(lens.vertices[i]), lens.elements[i].semi_diameter, max(reach, 1.15 * lens.elements[i].semi_diameter))
-        for i in _stop_indices(lens)
-    ]
+def _bars(lens: LensStack) -> dict[int, tuple[float, float, float]]:
+    """By the index of each stop: its z, y at the hole and y at the outer end of its upper bar."""
+    reach = 1.05 * max(element.semi_diameter for element in lens.elements)
+    return {
+        i: (float(lens.vertices[i]), element.semi_diameter, max(reach, 1.15 * element.semi_diameter))
+        for i, element in enumerate(lens.elements)
+        if not hasattr(element, "medium")
+    }
 
 
 def _path(points: Floats, close: str = "") -> str:
@@ -49,8 +47,8 @@ def _path(points: Floats, close: str = "") -> str:
 def lens_svg(lens: LensStack, width: int = 480) -> str:
     """A small drawing as an `<svg>` element `width` pixels wide whose unit is 1 mm: glass filled, stops as bars."""
     profiles = lens.profiles()
-    bars = _bars(lens, 1.05 * max(element.semi_diameter for element in lens.elements))
-    ends = [np.array([[z, -outer], [z, outer]]) for _, z, _, outer in bars]
+    bars = _bars(lens)
+    ends = [np.array([[z, -outer], [z, outer]]) for z, _, outer in bars.values()]
     points = np.concatenate([*profiles, *ends])
     low, size = points.min(axis=0), np.ptp(points, axis=0)
     margin, line = 0.04 * float(size.max()), float(size.max()) / 300
@@ -64,9 +62,8 @@ def lens_svg(lens: LensStack, width: int = 480) -> str:
         f'<path d="M{box[0]:.5g},0 h{box[2]:.5g}" stroke="{_OTHER_STOP}" stroke-dasharray="{6 * line:.4g}"/>',
     ]
     parts += [f'<path d="{_path(section, " Z")}" fill="{_GLASS}"/>' for section in _glass_sections(lens, profiles)]
-    stops = set(_stop_indices(lens))
-    parts += [f'<path d="{_path(p)}" stroke="{_EDGE}"/>' for i, p in enumerate(profiles) if i not in stops]
-    for i, z, inner, outer in bars:
+    parts += [f'<path d="{_path(p)}" stroke="{_EDGE}"/>' for i, p in enumerate(profiles) if i not in bars]
+    for i, (z, inner, outer) in bars.items():
         colour = _STOP if i == lens.iris_index else _OTHER_STOP
         bar = f"M{z:.5g},{-outer:.5g} V{-inner:.5g} M{z:.5g},{inner:.5g} V{outer:.5g}"
         parts.append(f'<path d="{bar}" stroke="{colour}" stroke-width="{3 * line:.4g}"/>')
@@ -96,14 +93,13 @@ def plot_lens(lens: LensStack, ax: Axes | None = None) -> Axes:
     """
     check_has(lens, "lens", "LensStack", "camera.lens", "profiles")
     ax = axes_or_new(ax, (7.0, 5.0))
-    profiles = lens.profiles()
+    profiles, bars = lens.profiles(), _bars(lens)
     for section in _glass_sections(lens, profiles):
         ax.fill(section[:, 0], section[:, 1], facecolor=_GLASS, edgecolor="none")
-    stops = set(_stop_indices(lens))
     for i, profile in enumerate(profiles):
-        if i not in stops:
+        if i not in bars:
             ax.plot(profile[:, 0], profile[:, 1], color=_EDGE, linewidth=1.0)
-    for i, z, inner, outer in _bars(lens, 1.05 * max(element.semi_diameter for element in lens.elements)):
+    for i, (z, inner, outer) in bars.items():
         colour = _STOP if i == lens.iris_index else _OTHER_STOP
         ax.plot([z, z, np.nan, z, z], [-outer, -inner, np.nan, inner, outer], color=colour, linewidth=2.5)
     ax.axhline(0.0, color=_OTHER_STOP, linewidth=0.6, linestyle="--")

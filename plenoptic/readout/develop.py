@@ -16,8 +16,6 @@ from plenoptic.optics.sensor.model import SensorModel, ShotNoise, as_seed, has
 from plenoptic.readout.raw import RawImage
 from plenoptic.rendering.exposure import Exposure
 
-__all__ = ["develop"]
-
 _BAND = 1 << 18
 """Numbers in a band of rows: float64 of a few bands fit into a cache of 10 MB, and their overhead is negligible."""
 
@@ -40,41 +38,12 @@ class _Purpose(enum.IntEnum):
 
 
 def develop(exposure: Exposure, model: SensorModel, *, seed: int = 0, threads: int | None = None) -> RawImage:
-    """What a sensor reads out after an exposure.
+    """What a sensor reads out after an exposure; see `Exposure.develop`.
 
-    The image is taken for the mean light on each pixel. Its Monte Carlo error is not sensor noise: it is
-    there in addition, the same in every raw image of one exposure, and should be well below the shot noise.
-
-    Parameters
-    ----------
-    exposure : Exposure
-        Values finite and at least 0. One of a single channel stands for three equal ones where the sensor tells
-        channels apart, since scenes without colour, and white images, have one channel.
-    model : SensorModel
-    seed : int
-        Of shot, read and row noise, which differ from one exposure to the next; fixed patterns have the model's
-        `pattern_seed`. Every random number is a function of seed, purpose, row, column and channel, so that the
-        same seed gives the same bits, with any number of threads, and a region of an exposure those of the whole.
-    threads : int, optional
-        As many as there are processors by default.
-
-    Raises
-    ------
-    InvalidValueError
-        Where the exposure holds values that are negative or not finite, or the seed is none.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import plenoptic as pl
-    >>> from plenoptic.readout.develop import develop
-    >>> from plenoptic.optics.sensor.model import SensorModel
-    >>> shot = pl.Exposure(np.full((100, 100, 1), 0.5))
-    >>> raw = develop(shot, SensorModel(photon_rate=2000.0, read_noise=2.0), seed=1)
-    >>> raw
-    RawImage(100 x 100, 12 bits, 0 % saturated)
-    >>> bool(abs(raw.data.mean() - 1000) < 4 * raw.data.std() / 100)
-    True
+    The image is the mean light on each pixel, which must be finite and at least 0. One of a single channel, as of
+    scenes without colour, stands for three equal ones where the sensor tells channels apart. `seed` is that of shot,
+    read and row noise; fixed patterns have the model's `pattern_seed`. Every random number is a function of seed,
+    purpose, row, column and channel: bits depend on no number of threads, and those of a region are those of the whole.
     """
     check_kind(exposure, "exposure", Exposure, "pl.render(scene, camera)")
     check_kind(model, "model", SensorModel, "pl.SensorModel(photon_rate=1e6)")
@@ -111,7 +80,11 @@ def _band(image: NDArray[np.float32], model: SensorModel, seed: int, row: int, c
     if model.prnu:
         electrons *= np.maximum(1.0 + model.prnu * draw.normals(electrons, model.pattern_seed, _Purpose.PRNU), 0.0)
     electrons += model.dark_electrons
-    _spoil(electrons, model, draw)
+    # A pixel that is both hot and dead is dead.
+    if has(model.hot):
+        electrons[draw.chosen(model.hot, model.pattern_seed, _Purpose.HOT)] += model.hot_current * model.exposure_time
+    if has(model.dead):
+        electrons[draw.chosen(model.dead, model.pattern_seed, _Purpose.DEAD)] = 0.0
     if model.shot_noise == ShotNoise.POISSON:
         electrons = draw.poisson(electrons, seed)
     if model.full_well is not None:
@@ -124,7 +97,11 @@ def _band(image: NDArray[np.float32], model: SensorModel, seed: int, row: int, c
     ):
         if spread:
             electrons += spread * draw.normals(electrons, of, purpose)
-    return _converted(electrons, model)
+    with np.errstate(over="ignore"):
+        numbers = model.black_level + model.gain * electrons
+    if model.bits is None:
+        return numbers
+    return np.rint(np.clip(numbers, 0.0, 2.0**model.bits - 1)).astype(np.uint16)
 
 
 def _mean_light(image: NDArray[np.float32], model: SensorModel, row: int, column: int) -> Floats:
@@ -140,23 +117,6 @@ def _mean_light(image: NDArray[np.float32], model: SensorModel, row: int, column
     return np.take_along_axis(light, seen[:, :, np.newaxis], axis=2)
 
 
-def _spoil(electrons: Floats, model: SensorModel, draw: _Draws) -> None:
-    """Give hot pixels their current and take everything from dead ones; a pixel that is both is dead."""
-    if has(model.hot):
-        electrons[draw.chosen(model.hot, model.pattern_seed, _Purpose.HOT)] += model.hot_current * model.exposure_time
-    if has(model.dead):
-        electrons[draw.chosen(model.dead, model.pattern_seed, _Purpose.DEAD)] = 0.0
-
-
-def _converted(electrons: Floats, model: SensorModel) -> NDArray[Any]:
-    with np.errstate(over="ignore"):
-        numbers = model.black_level + model.gain * electrons
-    if model.bits is None:
-        return numbers
-    rounded: NDArray[np.uint16] = np.rint(np.clip(numbers, 0.0, 2.0**model.bits - 1)).astype(np.uint16)
-    return rounded
-
-
 class _Draws(NamedTuple):
     """Random numbers for a rectangle of pixels that begins at (row, column) of the sensor."""
 
@@ -166,7 +126,7 @@ class _Draws(NamedTuple):
 
     def normals(self, like: Floats, seed: int, purpose: _Purpose) -> Floats:
         """Standard normal numbers that fit `like`: one for each pixel, row or column."""
-        from plenoptic.optics.sensor.kernels import noise as noise_kernels
+        from plenoptic.optics.sensor.kernels.noise import fill_normals
 
         rows, columns, channels = like.shape
         _, row, column = self
@@ -175,28 +135,26 @@ class _Draws(NamedTuple):
         if purpose == _Purpose.COLUMN:
             rows, row = 1, 0
         normals = np.empty((rows, columns, channels))
-        noise_kernels.fill_normals(normals, np.uint64(seed), int(purpose), row, column)
+        fill_normals(normals, np.uint64(seed), int(purpose), row, column)
         return normals
 
     def poisson(self, means: Floats, seed: int) -> Floats:
         """Poisson numbers of these means."""
-        from plenoptic.optics.sensor.kernels import noise as noise_kernels
+        from plenoptic.optics.sensor.kernels.noise import fill_poisson
 
         counts = np.empty(means.shape)
-        noise_kernels.fill_poisson(counts, means, np.uint64(seed), int(_Purpose.SHOT), self.row, self.column)
+        fill_poisson(counts, means, np.uint64(seed), int(_Purpose.SHOT), self.row, self.column)
         return counts
 
     def chosen(self, which: float | NDArray[np.int64], seed: int, purpose: _Purpose) -> NDArray[np.bool_]:
         """(H, W): the pixels that a list names, or each with the probability that a fraction says."""
-        from plenoptic.optics.sensor.kernels import noise as noise_kernels
+        from plenoptic.optics.sensor.kernels.noise import fill_uniforms
 
         if isinstance(which, np.ndarray):
             mask = np.zeros(self.shape, dtype=np.bool_)
             place = which - (self.row, self.column)
-            inside = ((place >= 0) & (place < self.shape)).all(axis=1)
-            mask[tuple(place[inside].T)] = True
+            mask[tuple(place[((place >= 0) & (place < self.shape)).all(axis=1)].T)] = True
             return mask
         uniforms = np.empty(self.shape)
-        noise_kernels.fill_uniforms(uniforms, np.uint64(seed), int(purpose), self.row, self.column)
-        below: NDArray[np.bool_] = uniforms < which
-        return below
+        fill_uniforms(uniforms, np.uint64(seed), int(purpose), self.row, self.column)
+        return np.asarray(uniforms < which)

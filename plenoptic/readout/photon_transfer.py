@@ -13,8 +13,6 @@ from plenoptic.optics.sensor.model import SensorModel, ShotNoise, as_seed
 from plenoptic.readout.develop import develop
 from plenoptic.rendering.exposure import Exposure
 
-__all__ = ["PhotonTransfer", "photon_transfer"]
-
 LINEAR_PART = 0.7
 """Of the range to saturation: where EMVA 1288, section 6.6, fits the gain."""
 
@@ -104,11 +102,9 @@ def photon_transfer(
 
     Examples
     --------
-    >>> import numpy as np
-    >>> from plenoptic.optics.sensor.model import SensorModel
-    >>> from plenoptic.readout.photon_transfer import photon_transfer
-    >>> sensor = SensorModel(photon_rate=10000.0, gain=0.4, read_noise=5.0)
-    >>> curve = photon_transfer(sensor, np.linspace(0, 1, 11))
+    >>> import numpy as np, plenoptic as pl
+    >>> sensor = pl.SensorModel(photon_rate=10000.0, gain=0.4, read_noise=5.0)
+    >>> curve = pl.photon_transfer(sensor, np.linspace(0, 1, 11))
     >>> round(curve.gain, 1)
     0.4
     """

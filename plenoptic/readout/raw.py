@@ -12,9 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 from plenoptic.core.files import images
 from plenoptic.core.files.preview import html_figure
 from plenoptic.core.files.serialization import described_fields, restored_fields
-from plenoptic.core.values import Floats, check_kind, file_path, set_field, value, whole
+from plenoptic.core.values import Floats, Given, check_kind, file_path, set_field, value, whole
 from plenoptic.errors import FileError, InvalidValueError
-from plenoptic.optics.sensor.color_filter import BayerPattern, channels_of
+from plenoptic.optics.sensor.color_filter import BayerPattern, Filters, channels_of
 from plenoptic.optics.sensor.demosaic import DemosaicMethod, demosaiced
 from plenoptic.optics.sensor.model import SensorModel, as_seed
 from plenoptic.rendering.exposure import Exposure, checked_region, region_text
@@ -22,7 +22,6 @@ from plenoptic.rendering.exposure import Exposure, checked_region, region_text
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera
 
-__all__ = ["RawImage"]
 
 _KEPT_AS_TEXT = ("model", "region", "seed", "samples")
 
@@ -55,37 +54,21 @@ class RawImage:
     --------
     >>> import numpy as np
     >>> import plenoptic as pl
-    >>> from plenoptic.readout.develop import develop
-    >>> from plenoptic.optics.sensor.color_filter import BayerPattern
-    >>> from plenoptic.optics.sensor.model import SensorModel
-    >>> sensor = SensorModel(photon_rate=3000.0, black_level=64, colour_filters=BayerPattern.RGGB)
-    >>> raw = develop(pl.Exposure(np.ones((4, 6, 3))), sensor)
+    >>> sensor = pl.SensorModel(photon_rate=3000.0, black_level=64, colour_filters=pl.BayerPattern.RGGB)
+    >>> raw = pl.Exposure(np.ones((4, 6, 3))).develop(sensor)
     >>> raw.data.shape, raw.data.dtype, raw.black_level, raw.white_level
     ((4, 6), dtype('uint16'), 64.0, 4095.0)
     >>> raw.demosaic()
     Exposure(4 x 6 x 3)
     """
 
-    data: NDArray[Any]
+    data: Given[NDArray[Any], ArrayLike]
     model: SensorModel
     _: KW_ONLY
     region: tuple[int, int, int, int] | None = None
     seed: int | None = None
     samples: int | None = None
     camera: PlenopticCamera | None = None
-
-    if TYPE_CHECKING:
-
-        def __init__(
-            self,
-            data: ArrayLike,
-            model: SensorModel,
-            *,
-            region: tuple[int, int, int, int] | None = None,
-            seed: int | None = None,
-            samples: int | None = None,
-            camera: PlenopticCamera | None = None,
-        ) -> None: ...
 
     def __post_init__(self) -> None:
         check_kind(self.model, "model", SensorModel, "pl.SensorModel(photon_rate=1e6)")
@@ -108,7 +91,7 @@ class RawImage:
         return self.model.white_level
 
     @property
-    def colour_filters(self) -> BayerPattern | NDArray[np.int64] | None:
+    def colour_filters(self) -> Filters | None:
         """Filters of the sensor, whose period begins at row 0 and column 0 of the sensor, not of the region."""
         return self.model.colour_filters
 
@@ -130,39 +113,29 @@ class RawImage:
         return (0, 0) if self.region is None else (self.region[0], self.region[2])
 
     def electrons(self) -> Floats:
-        """What the numbers stand for: (DN - black level) / gain.
+        """What the numbers stand for, shaped as `data`: (DN - black level) / gain.
 
-        Returns
-        -------
-        ndarray
-            Shaped as `data`; dark current included; noise makes some of them negative.
+        Dark current is included, and noise makes some of them negative.
 
         Examples
         --------
-        >>> from plenoptic.optics.sensor.model import SensorModel
-        >>> from plenoptic.readout.raw import RawImage
-        >>> RawImage([[100, 300]], SensorModel(photon_rate=1.0, gain=0.5, black_level=100)).electrons()
+        >>> import plenoptic as pl
+        >>> pl.sensor.RawImage([[100, 300]], pl.SensorModel(photon_rate=1.0, gain=0.5, black_level=100)).electrons()
         array([[  0., 400.]])
         """
         counted: Floats = (self.data.astype(np.float64) - self.model.black_level) / self.model.gain
         return counted
 
     def linear(self) -> Floats:
-        """The image's values back: electrons less the mean dark current, over those of an image of 1.
+        """The image's values back, shaped as `data`: electrons less the mean dark current, over those of an image of 1.
 
         What the sensor's fixed pattern, noise and saturation did stays in them. Every channel is divided
         by its own rate and quantum efficiency, so that equal channels of an exposure come back equal.
 
-        Returns
-        -------
-        ndarray
-            Shaped as `data`, in the units of the exposure.
-
         Examples
         --------
-        >>> from plenoptic.optics.sensor.model import SensorModel
-        >>> from plenoptic.readout.raw import RawImage
-        >>> RawImage([[100, 300]], SensorModel(photon_rate=800.0, gain=0.5, black_level=100)).linear()
+        >>> import plenoptic as pl
+        >>> pl.sensor.RawImage([[100, 300]], pl.SensorModel(photon_rate=800.0, gain=0.5, black_level=100)).linear()
         array([[0. , 0.5]])
         """
         per_unit = self.model.electrons_per_unit

@@ -6,16 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.record import CameraRecord, camera_record
 from plenoptic.rendering.plan.plan import plan_stages
-from plenoptic.rendering.plan.stages import Plan
+from plenoptic.rendering.plan.stages import Plan, Subject
 from plenoptic.rendering.settings import RenderSettings
 from plenoptic.scene.cache import prepared_scene
 from plenoptic.scene.compile import SceneRecord
 from plenoptic.scene.geometry.accel import Intersector
-from plenoptic.scene.scene import Scene
-from plenoptic.truth.channels import Truth
 
 
 class Sampling(NamedTuple):
@@ -45,20 +42,9 @@ class RenderContext(NamedTuple):
         return 1 if self.scene is None else self.scene.channels
 
 
-def render_context(
-    scene: Scene | None,
-    camera: PlenopticCamera,
-    settings: RenderSettings,
-    *,
-    samples: int,
-    replicates: int,
-    seed: int,
-    truth: Truth,
-) -> RenderContext:
+def render_context(subject: Subject, seed: int) -> RenderContext:
     """Plan a render and compile what it needs."""
-    prepared = None if scene is None else prepared_scene(scene)
+    prepared = None if subject.scene is None else prepared_scene(subject.scene)
     record, intersector = (None, None) if prepared is None else (prepared.record, prepared.intersector)
-    plan = plan_stages(record, camera, settings, samples=samples, replicates=replicates, truth=truth)
-    return RenderContext(
-        camera_record(camera), record, intersector, Sampling(replicates, np.uint64(seed), plan, settings)
-    )
+    sampling = Sampling(subject.replicates, np.uint64(seed), plan_stages(record, subject), subject.settings)
+    return RenderContext(camera_record(subject.camera), record, intersector, sampling)

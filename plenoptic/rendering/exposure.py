@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.metadata
 import os
 from collections.abc import Mapping
 from dataclasses import KW_ONLY
@@ -11,11 +10,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from plenoptic import __version__
 from plenoptic.core.files import images
 from plenoptic.core.files.preview import html_figure
 from plenoptic.core.files.serialization import describe, described_fields, restore, restored_fields
 from plenoptic.core.relative_error import relative_error
-from plenoptic.core.values import Floats, check_kind, file_path, frozen_array, positive, set_field, value, whole
+from plenoptic.core.values import Floats, Given, check_kind, file_path, frozen_array, positive, set_field, value, whole
 from plenoptic.errors import FileError, InvalidValueError
 from plenoptic.rendering.settings import RenderSettings
 from plenoptic.rendering.stats import RenderStats, StopReason
@@ -77,9 +77,9 @@ class Exposure:
     Exposure(2 x 3 x 1, 64 samples per pixel, relative error 1 %)
     """
 
-    image: NDArray[np.float32]
+    image: Given[NDArray[np.float32], ArrayLike]
     _: KW_ONLY
-    standard_error: NDArray[np.float32] | None = None
+    standard_error: Given[NDArray[np.float32] | None, ArrayLike | None] = Given(default=None)
     truth: GroundTruth | None = None
     samples: int | None = None
     replicates: int | None = None
@@ -87,35 +87,21 @@ class Exposure:
     camera: PlenopticCamera | None = None
     region: tuple[int, int, int, int] | None = None
     stats: RenderStats | None = None
-    sample_counts: NDArray[np.int32] | None = None
+    sample_counts: Given[NDArray[np.int32] | None, ArrayLike | None] = Given(default=None)
     settings: RenderSettings | None = None
-
-    if TYPE_CHECKING:
-
-        def __init__(  # noqa: PLR0913
-            self,
-            image: ArrayLike,
-            *,
-            standard_error: ArrayLike | None = None,
-            truth: GroundTruth | None = None,
-            samples: int | None = None,
-            replicates: int | None = None,
-            seed: int | None = None,
-            camera: PlenopticCamera | None = None,
-            region: tuple[int, int, int, int] | None = None,
-            stats: RenderStats | None = None,
-            sample_counts: ArrayLike | None = None,
-            settings: RenderSettings | None = None,
-        ) -> None: ...
 
     def __post_init__(self) -> None:
         image = frozen_array(self.image, name="image", shape=("rows", "columns", "channels"), dtype=np.float32)
         if image.shape[2] not in _NAMES or 0 in image.shape:
             raise InvalidValueError(f"image has shape {image.shape}; it must be (H, W, 1) or (H, W, 3), not empty")
         set_field(self, "image", image)
-        if self.standard_error is not None:
-            error = frozen_array(self.standard_error, name="standard_error", shape=image.shape, dtype=np.float32)
-            set_field(self, "standard_error", error)
+        arrays: tuple[tuple[str, type, tuple[int, ...]], ...] = (
+            ("standard_error", np.float32, image.shape),
+            ("sample_counts", np.int32, image.shape[:2]),
+        )
+        for name, dtype, shape in arrays:
+            if (given := getattr(self, name)) is not None:
+                set_field(self, name, frozen_array(given, name=name, shape=shape, dtype=dtype))
         if self.truth is not None:
             check_kind(self.truth, "truth", GroundTruth, "pl.GroundTruth(depth=...)")
             if self.truth.shape != image.shape[:2]:
@@ -123,24 +109,21 @@ class Exposure:
                     f"truth has {self.truth.shape[0]} x {self.truth.shape[1]} pixels; "
                     f"it must have the image's {image.shape[0]} x {image.shape[1]}"
                 )
-        if self.sample_counts is not None:
-            counts = frozen_array(self.sample_counts, name="sample_counts", shape=image.shape[:2], dtype=np.int32)
-            if counts.min() < 0 or (self.samples is not None and counts.max() > self.samples):
-                raise InvalidValueError(
-                    f"sample_counts go from {counts.min()} to {counts.max()}; they must be within 0 and samples, "
-                    f"{self.samples}"
-                )
-            set_field(self, "sample_counts", counts)
+        counts = self.sample_counts
+        if counts is not None and (counts.min() < 0 or (self.samples is not None and counts.max() > self.samples)):
+            raise InvalidValueError(
+                f"sample_counts go from {counts.min()} to {counts.max()}; they must be within 0 and samples, "
+                f"{self.samples}"
+            )
         for name in ("samples", "replicates", "seed"):
             number = getattr(self, name)
             if number is not None:
                 set_field(self, name, whole(number, name, at_least=0))
         if self.region is not None:
             set_field(self, "region", checked_region(self.region, image.shape[:2]))
-        if self.stats is not None and not isinstance(self.stats, RenderStats):
-            raise InvalidValueError(f"stats is a {type(self.stats).__name__}; it must be a RenderStats or None")
-        if self.settings is not None and not isinstance(self.settings, RenderSettings):
-            raise InvalidValueError(f"settings is a {type(self.settings).__name__}; it must be RenderSettings or None")
+        for name, kind in (("stats", RenderStats), ("settings", RenderSettings)):
+            if getattr(self, name) is not None:
+                check_kind(getattr(self, name), name, kind, f"the `{name}` of another exposure")
 
     @property
     def depth(self) -> Floats | None:
@@ -174,10 +157,6 @@ class Exposure:
             Exposure time, gain, colour filters, noise, full well, bits; each effect can be absent.
         seed : int
             Of shot and read noise, at least 0; the same seed gives the same bits.
-
-        Returns
-        -------
-        RawImage
 
         Examples
         --------
@@ -241,16 +220,8 @@ class Exposure:
     def load(cls, path: str | os.PathLike[str]) -> Exposure:
         """Read an exposure that `save` wrote, or the image of any other file.
 
-        Parameters
-        ----------
-        path : path-like
-            An EXR file gives back everything; truth returns as float64 of float32 precision. Another
-            image file gives the linear image, times its scale if it has one. A file from elsewhere
-            gives what it holds.
-
-        Returns
-        -------
-        Exposure
+        An EXR file gives back everything; truth returns as float64 of float32 precision. Another image file gives the
+        linear image, times its scale if it has one. A file from elsewhere gives what it holds.
 
         Raises
         ------
@@ -291,7 +262,7 @@ class Exposure:
         return channels
 
     def _texts(self, names: tuple[str, ...]) -> dict[str, str]:
-        texts = {"Software": f"plenoptic {_version()}"}
+        texts = {"Software": f"plenoptic {__version__}"}
         texts |= described_fields(self, names)
         if "camera" in names and self.truth is not None:
             texts["plenoptic:note"] = file_note(self.truth)
@@ -319,11 +290,7 @@ class Exposure:
             facts.append("interrupted")
         if self.samples is not None:
             least = self.samples if self.sample_counts is None else int(self.sample_counts.min())
-            facts.append(
-                f"{least} to {self.samples} samples per pixel"
-                if least < self.samples
-                else f"{self.samples} samples per pixel"
-            )
+            facts.append(f"{least} to " * (least < self.samples) + f"{self.samples} samples per pixel")
         begun = 1.0 if self.sample_counts is None else float(np.mean(self.sample_counts > 0))
         if not self.image.any():
             facts.append("black")
@@ -367,10 +334,3 @@ def checked_region(region: tuple[int, ...], shape: tuple[int, ...]) -> tuple[int
             f"it must have the image's {shape[0]} x {shape[1]}"
         )
     return checked
-
-
-def _version() -> str:
-    try:
-        return importlib.metadata.version("plenoptic")
-    except importlib.metadata.PackageNotFoundError:  # run from its sources
-        return "(not installed)"

@@ -99,11 +99,11 @@ class Film:
             self.sample_counts[at][chosen] = int(used.sum())
         return mean, squares
 
-    def _divided(self) -> tuple[float | NDArray[np.int32], float | NDArray[np.int32]]:
+    def _divided(self, rows: slice) -> tuple[float | NDArray[np.int32], float | NDArray[np.int32]]:
         """Samples and degrees of freedom, of all pixels or (rows, columns, 1) of each."""
         if self.sample_counts is None:
             return np.float64(self.samples), np.float64(self.replicates - 1)
-        each = self.sample_counts[:, :, None]
+        each = self.sample_counts[rows, :, None]
         return each, np.minimum(each, self.replicates) - 1
 
     def merged(self, other: Film) -> Film:
@@ -132,10 +132,8 @@ class Film:
         if self.squares is None:
             return None
         found = np.empty(self.mean.shape[:2], dtype=bool)
-        samples, _ = self._divided()
         for rows in self._strips():
-            of_rows = samples if isinstance(samples, float) else samples[rows]
-            found[rows] = agree(self.mean[rows], self.squares[rows], of_rows).all(axis=-1)
+            found[rows] = agree(self.mean[rows], self.squares[rows], self._divided(rows)[0]).all(axis=-1)
         return found
 
     def _strips(self) -> Iterator[slice]:
@@ -153,24 +151,15 @@ class Film:
     def standard_error(self, one_sample: NDArray[np.floating] | None = None) -> NDArray[np.float32] | None:  # type: ignore[type-arg]
         """Standard error of the mean, (rows, columns, channels) float32; None with fewer than two replicates.
 
-        Parameters
-        ----------
-        one_sample : (rows, columns) array, optional
-            What one sample brings at most. Where all replicates agree, the error is that over the number of samples:
-            a single sample could have been another.
+        Where all replicates agree, it is `one_sample` (rows, columns), what one sample brings at most, over the number
+        of samples: a single sample could have been another.
         """
         if self.squares is None:
             return None
         error = np.empty(self.mean.shape, dtype=np.float32)
-        samples, freedom = self._divided()
         for rows in self._strips():
-            found = spread(
-                self.mean[rows],
-                self.squares[rows],
-                samples if isinstance(samples, float) else samples[rows],
-                freedom if isinstance(freedom, float) else freedom[rows],
-                None if one_sample is None else one_sample[rows],
-            )
+            most = None if one_sample is None else one_sample[rows]
+            found = spread(self.mean[rows], self.squares[rows], *self._divided(rows), most)
             error[rows] = np.where(np.isinf(found), found, np.minimum(found, _LARGEST))
         return error
 

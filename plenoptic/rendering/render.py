@@ -8,8 +8,8 @@ from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.checks import check_scene_and_camera
 from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.exposure import Exposure
+from plenoptic.rendering.plan.stages import Subject
 from plenoptic.rendering.schedule.budget import checked_budget
-from plenoptic.rendering.schedule.checkpoint import Checkpoint
 from plenoptic.rendering.schedule.scheduler import Work, run
 from plenoptic.rendering.settings import Caustics, RenderSettings, Sampler
 from plenoptic.scene.scene import Scene
@@ -124,14 +124,11 @@ def render(  # noqa: PLR0913
     if not isinstance(scene, Scene):
         raise InvalidValueError(f"scene is a {type(scene).__name__}; it must be a Scene")
     check_scene_and_camera(scene, camera)
-    return run(
-        scene,
-        camera,
-        checked_budget(samples, time_limit, target_error, replicates),
-        RenderSettings(max_bounces, caustics, clamp, sampler),
-        Work(region, seed, truth, threads, tile_side, progress, conditioning),
-        None if checkpoint is None else Checkpoint(checkpoint, checkpoint_interval),
-    )
+    budget = checked_budget(samples, time_limit, target_error, replicates)
+    settings = RenderSettings(max_bounces, caustics, clamp, sampler)
+    subject = Subject(scene, camera, budget.max_samples, budget.replicates, truth, settings)
+    work = Work(region, seed, threads, tile_side, progress, conditioning, checkpoint, checkpoint_interval)
+    return run(subject, budget, work)
 
 
 def render_white(  # noqa: PLR0913
@@ -174,11 +171,7 @@ def render_white(  # noqa: PLR0913
     '0.0140'
     """
     check_scene_and_camera(None, camera)
-    return run(
-        None,
-        camera,
-        checked_budget(samples, time_limit, target_error, replicates),
-        RenderSettings(max_bounces=0, sampler=sampler),
-        Work(region, seed, Truth.NONE, threads, tile_side, progress, conditioning),
-        None if checkpoint is None else Checkpoint(checkpoint, checkpoint_interval),
-    )
+    budget, settings = checked_budget(samples, time_limit, target_error, replicates), RenderSettings(0, sampler=sampler)
+    subject = Subject(None, camera, budget.max_samples, budget.replicates, Truth.NONE, settings)
+    work = Work(region, seed, threads, tile_side, progress, conditioning, checkpoint, checkpoint_interval)
+    return run(subject, budget, work)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import enum
 from typing import TYPE_CHECKING
 
-from plenoptic.core.values import choice, finite, set_field, value, whole
+from plenoptic.core.values import choice, finite, not_negative, set_field, value, whole
 from plenoptic.errors import InvalidValueError
 
 if TYPE_CHECKING:
@@ -99,10 +99,7 @@ class RenderStats:
 
     def __post_init__(self) -> None:
         for name in ("seconds", "cpu_seconds"):
-            seconds = finite(getattr(self, name), name)
-            if seconds < 0:
-                raise InvalidValueError(f"{name} is {seconds:g} s; it must be at least 0")
-            set_field(self, name, seconds)
+            set_field(self, name, not_negative(getattr(self, name), name, "s"))
         set_field(self, "stopped_by", choice(self.stopped_by, StopReason, "stopped_by"))
         places = [[whole(k, "nonfinite_paths", at_least=0) for k in path] for path in self.nonfinite_paths]
         set_field(self, "nonfinite_paths", tuple((row, column, sample) for row, column, sample in places))
@@ -117,15 +114,11 @@ class RenderStats:
             raise InvalidValueError(
                 f"paths_through_lens is {self.paths_through_lens}; it must be at most paths, {self.paths}"
             )
-        lost = tuple(
-            (
-                str(cause),
-                None if element is None else whole(element, "lost: element", at_least=0),
-                whole(count, "lost: count", at_least=0),
-            )
-            for cause, element, count in self.lost
-        )
-        set_field(self, "lost", lost)
+        lost = []
+        for cause, element, count in self.lost:
+            of = None if element is None else whole(element, "lost: element", at_least=0)
+            lost.append((str(cause), of, whole(count, "lost: count", at_least=0)))
+        set_field(self, "lost", tuple(lost))
 
     @property
     def fraction_through_lens(self) -> float:

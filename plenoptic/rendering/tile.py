@@ -36,13 +36,18 @@ class Tile(NamedTuple):
     rows: int
     columns: int
 
+    @property
+    def pixels(self) -> int:
+        """How many it has."""
+        return self.rows * self.columns
+
     def centres(self, camera: CameraRecord) -> Floats:
         """(rows * columns, 2): see `pixel_centres`."""
         return pixel_centres(camera, (self.row, self.row + self.rows), (self.column, self.column + self.columns))
 
     def numbers(self, camera: CameraRecord) -> NDArray[np.int64]:
         """(rows * columns,): numbers of the pixels on the whole sensor."""
-        row, column = np.divmod(np.arange(self.rows * self.columns), self.columns)
+        row, column = np.divmod(np.arange(self.pixels), self.columns)
         return (self.row + row) * camera.sensor.columns + self.column + column
 
 
@@ -85,7 +90,7 @@ def status_codes(camera: CameraRecord) -> int:
     return 8 * (camera.elements + 1)
 
 
-class _Sums:
+class PixelSums:
     """What the paths of a batch of a tile add up to."""
 
     def __init__(self, context: RenderContext, fed: FedPixels, batch: Batch, before: Floats) -> None:
@@ -155,12 +160,12 @@ def render_tile(
 
     camera, shape, pixels = context.camera, (tile.rows, tile.columns), tile.centres(context.camera)
     fed = fed_pixels(camera, pixels, tile.numbers(camera))
-    whole = np.zeros((tile.rows * tile.columns, context.sampling.replicates, context.channels))
+    whole = np.zeros((tile.pixels, context.sampling.replicates, context.channels))
     if before is not None:
         whole[:] = before.reshape(whole.shape)
     paths = fed.place.size * batch.samples
     most = min(BUNDLE, paths)
-    sums, ways = _Sums(context, fed, batch, whole), CameraPaths(camera, fed, batch, most)
+    sums, ways = PixelSums(context, fed, batch, whole), CameraPaths(camera, fed, batch, most)
     transport = None if context.scene is None else Transport(context, most)
     for start in range(0, paths, BUNDLE):
         if stopped is not None and stopped():
@@ -192,7 +197,7 @@ def render_tile(
 
 def _weights(camera: CameraRecord, fed: FedPixels, tile: Tile) -> Floats:
     """(rows, columns): what a sample of each pixel weighs at most, about: the area of its region over distance^2."""
-    found = np.zeros(tile.rows * tile.columns)
+    found = np.zeros(tile.pixels)
     last = fed.regions.triangles[fed.regions.first[1:] - 1]
     found[fed.place] = last["area"] / camera.sensor.plane.distance**2
     return found.reshape(tile.rows, tile.columns)

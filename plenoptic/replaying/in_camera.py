@@ -11,14 +11,14 @@ from plenoptic.camera.dust import fill_dimmed_at_lens
 from plenoptic.camera.paths import CameraPaths
 from plenoptic.camera.record import CameraRecord
 from plenoptic.camera.sampling.pixel_regions import fed_pixels, pixel_centres
-from plenoptic.camera.sampling.record import Batch
+from plenoptic.camera.sampling.record import Batch, FedPixels
 from plenoptic.core.rays import RayStatus
 from plenoptic.core.values import Floats
 from plenoptic.optics.lens.record import LensRecord
 from plenoptic.optics.microlens.dust import BlemishSite
 from plenoptic.optics.record import ElementKind
 from plenoptic.replaying.events import ElementPassage, Event, MicrolensPassage, SensorPoint
-from plenoptic.truth.microlenses import fill_microlens, fill_microlens_type, listed_numbers
+from plenoptic.truth.lookups import fill_microlens, fill_microlens_type, listed_numbers
 from plenoptic.truth.stages import LitCells
 
 _NOWHERE = (RayStatus.MISSED, RayStatus.NOT_FINITE, RayStatus.NOT_CONVERGED)
@@ -33,8 +33,8 @@ class CameraWay(NamedTuple):
     """A block with one ray, behind the lens."""
     waves: NDArray[np.int64] | None
     """(BLOCK,): the first is the number of the path's wavelength. None where all paths have the camera's."""
-    number: NDArray[np.int64]
-    """(1,): of the pixel on the sensor."""
+    fed: FedPixels
+    """The pixel."""
 
     @property
     def weight(self) -> float:
@@ -75,7 +75,7 @@ def trace_camera(camera: CameraRecord, pixel: tuple[int, int], batch: Batch) -> 
     fill_dimmed_at_lens(before, camera.dust, BlemishSite.LENS_REAR)
     events += _lens_events(camera, ways.lens, before, ways.waves)
     ways.fill_through_lens(bundle)
-    return CameraWay(tuple(events), bundle, ways.waves, fed.number)
+    return CameraWay(tuple(events), bundle, ways.waves, fed)
 
 
 def _behind(camera: CameraRecord) -> float:

@@ -14,7 +14,8 @@ from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.context import RenderContext, render_context
 from plenoptic.rendering.exposure import Exposure
 from plenoptic.rendering.integrator.path import Transport
-from plenoptic.rendering.tile import batch_of
+from plenoptic.rendering.plan.stages import Subject
+from plenoptic.rendering.tile import PixelSums, batch_of
 from plenoptic.replaying.events import Escape, Event, PathEnding, WorldRay
 from plenoptic.replaying.in_camera import CameraWay, trace_camera
 from plenoptic.replaying.in_scene import Recorder
@@ -132,9 +133,7 @@ def _context(exposure: Exposure, scene: Scene | None) -> RenderContext:
             "which that was saved"
         )
     check_scene_and_camera(scene, camera)
-    context = render_context(
-        scene, camera, settings, samples=samples, replicates=replicates, seed=seed, truth=Truth.NONE
-    )
+    context = render_context(Subject(scene, camera, samples, replicates, Truth.NONE, settings), seed)
     if context.channels != exposure.image.shape[2]:
         raise InvalidValueError(
             f"the image has {exposure.image.shape[2]} channels, and "
@@ -180,19 +179,21 @@ def _retraced(context: RenderContext, scene: Scene | None, pixel: tuple[int, int
         nothing = np.zeros(context.channels)
         return Replay(*place, None, (), PathEnding.UNLIT_PIXEL, 0.0, nothing, 1.0, nothing, True)
     events, radiance, ending = _through_scene(context, scene, way, batch)
-    clamped = _clamp(radiance, way, sampling.settings.clamp)
-    contribution, finite = _contribution(context, way, radiance, batch)
+    limit, brightest = sampling.settings.clamp, 0.0 if radiance is None else float(radiance.max())
+    sums = PixelSums(context, way.fed, batch, np.zeros((1, sampling.replicates, context.channels)))
+    sums.add(way.bundle, radiance, way.waves, 0, 1)
+    added, fill_factor = sums.whole()[0].sum(axis=0), camera.sensor.fill_factor
     wave = None if camera.colour is None or way.waves is None else float(camera.colour.wavelengths[way.waves[0]])
     return Replay(
         *place,
         wavelength=wave,
         events=way.events + events,
-        ending=ending if finite else PathEnding.NOT_FINITE,
+        ending=PathEnding.NOT_FINITE if sums.nonfinite else ending,
         weight=way.weight,
         radiance=np.ones(1) if radiance is None else radiance[0].copy(),
-        clamped=clamped,
-        contribution=contribution,
-        finite=finite,
+        clamped=1.0 if limit is None or not brightest > limit else limit / brightest,
+        contribution=added if fill_factor == 1 else fill_factor * added,
+        finite=not sums.nonfinite,
     )
 
 
@@ -210,27 +211,5 @@ def _through_scene(
         escape = (Escape(rays[0, 3:], np.ones(1)),) if left else ()
         return ray + escape, None, PathEnding.LEFT_SCENE if left else PathEnding.LOST
     recorder = Recorder(scene, context.scene, sampling.plan, sampling.settings.max_bounces)
-    radiance = Transport(context, 1).radiance(way.bundle, 0, 1, batch, way.number, way.waves, recorder)
+    radiance = Transport(context, 1).radiance(way.bundle, 0, 1, batch, way.fed.number, way.waves, recorder)
     return ray + tuple(recorder.events), radiance, recorder.ending if left else PathEnding.LOST
-
-
-def _clamp(radiance: Floats | None, way: CameraWay, limit: float | None) -> float:
-    """Scale radiance down as the renderer does; returns what part is left."""
-    from plenoptic.rendering.kernels import film_sums
-
-    if radiance is None or limit is None:
-        return 1.0
-    brightest = float(radiance.max())
-    film_sums.fill_clamped(radiance, way.bundle, 1, limit)
-    return limit / brightest if brightest > limit else 1.0
-
-
-def _contribution(context: RenderContext, way: CameraWay, radiance: Floats | None, batch: Batch) -> tuple[Floats, bool]:
-    """What is added to the pixel's sum, and whether all of it is finite."""
-    from plenoptic.rendering.kernels import film_sums
-
-    colour, fill_factor = context.camera.colour, context.camera.sensor.fill_factor
-    weights = None if colour is None else colour.weights
-    sums = np.zeros((1, 1, context.channels))
-    dropped = film_sums.fill_sums(sums, way.bundle, radiance, way.waves, weights, 0, 1, batch)
-    return sums[0, 0] if fill_factor == 1 else fill_factor * sums[0, 0], not dropped

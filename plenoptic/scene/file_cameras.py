@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic.core.values import Floats, finite, frozen_array, positive, set_field, value
+from plenoptic.core.values import Floats, Given, finite, frozen_array, positive, set_field, value
 from plenoptic.errors import InvalidValueError
 
 
@@ -54,23 +53,11 @@ class View:
     """
 
     name: str
-    position: Floats
-    look_at: Floats
-    up: Floats = (0.0, 1.0, 0.0)  # type: ignore[assignment]
+    position: Given[Floats, ArrayLike]
+    look_at: Given[Floats, ArrayLike]
+    up: Given[Floats, ArrayLike] = Given(default=(0.0, 1.0, 0.0))
     vertical_field_of_view: float | None = None
     aspect_ratio: float | None = None
-
-    if TYPE_CHECKING:
-
-        def __init__(
-            self,
-            name: str,
-            position: ArrayLike,
-            look_at: ArrayLike,
-            up: ArrayLike = ...,
-            vertical_field_of_view: float | None = None,
-            aspect_ratio: float | None = None,
-        ) -> None: ...
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str):

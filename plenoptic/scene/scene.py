@@ -5,12 +5,12 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterable
 from os import PathLike
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic.core.values import Floats, set_field, value
+from plenoptic.core.values import Floats, Given, set_field, value
 from plenoptic.errors import InvalidValueError, SceneError
 from plenoptic.scene.compile import SceneRecord, build_record
 from plenoptic.scene.file_cameras import View
@@ -58,20 +58,12 @@ class Scene:
     [[0.8, 0.3, 0.2]]
     """
 
-    meshes: tuple[Mesh | Instances, ...] = ()
-    lights: tuple[Light, ...] = ()
-    background: ConstantBackground | EnvironmentMap | None = None
-    views: tuple[View, ...] = ()
-
-    if TYPE_CHECKING:
-
-        def __init__(
-            self,
-            meshes: Iterable[Mesh | Instances] = (),
-            lights: Iterable[Light] = (),
-            background: ConstantBackground | EnvironmentMap | Colour | None = None,
-            views: Iterable[View] = (),
-        ) -> None: ...
+    meshes: Given[tuple[Mesh | Instances, ...], Iterable[Mesh | Instances]] = Given(default=())
+    lights: Given[tuple[Light, ...], Iterable[Light]] = Given(default=())
+    background: Given[
+        ConstantBackground | EnvironmentMap | None, ConstantBackground | EnvironmentMap | Colour | None
+    ] = Given(default=None)
+    views: Given[tuple[View, ...], Iterable[View]] = Given(default=())
 
     def __post_init__(self) -> None:
         set_field(self, "meshes", _tuple_of(self.meshes, (Mesh, Instances), "meshes"))

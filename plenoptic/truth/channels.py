@@ -67,8 +67,8 @@ class Source(NamedTuple):
 
 
 _SENSOR = Source("sensor", Needs.NOTHING, "kernels.incidence")
-_CELLS = Source("cells", Needs.MICROLENSES, "microlenses")
-_HITS = Source("hits", Needs.MESHES, "surfaces")
+_CELLS = Source("cells", Needs.MICROLENSES, "lookups")
+_HITS = Source("hits", Needs.MESHES, "lookups")
 _POINTS = Source("points", Needs.MESHES, "kernels.points")
 _IMAGES = Source("images", Needs.MESHES | Needs.MICROLENSES, "kernels.virtual_depth")
 

@@ -23,7 +23,7 @@ from plenoptic.scene.geometry.accel import Intersector
 from plenoptic.scene.scene import Scene
 from plenoptic.truth.arrays import available_truth, checked_truth, empty_truth, what_needs
 from plenoptic.truth.channels import CHANNELS, GroundTruth, Needs, Truth, channels_of
-from plenoptic.truth.microlenses import listed_numbers
+from plenoptic.truth.lookups import listed_numbers
 from plenoptic.truth.stages import SLOPE_STEP, PixelStages, TruthRecord
 
 _PIXELS = 512

@@ -77,7 +77,7 @@ def test_impossible_stats(change, sentence):
         ({"samples": 1.5}, "samples is 1.5; it must be a whole number"),
         ({"region": (0, 4, 0, 5)}, "has 4 x 5 pixels; it must have the image's 4 x 6"),
         ({"region": (0, 4)}, "it must be .first row, end row"),
-        ({"stats": 3}, "stats is a int; it must be a RenderStats or None"),
+        ({"stats": 3}, "stats is an int; give a RenderStats, such as the `stats` of another exposure"),
     ],
 )
 def test_impossible_exposures(change, sentence):

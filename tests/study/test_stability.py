@@ -113,7 +113,7 @@ def test_exact_points_lie_on_the_surface_and_obey_snell(name):
                 off = residual(surface, crossing.hit)
             # All digits but a few, and the condition 1 / cos i, at most 1e3 here.
             assert off < mpmath.mpf(10) ** -43
-            normal, _ = normal_at(surface, crossing.hit)
+            normal, _ = normal_at(mpmath.mp, surface, crossing.hit)
             across = [_cross(normal, v) for v in (crossing.incident, ray.direction)]
             sideways = [a - crossing.mu * b for a, b in zip(across[1], across[0], strict=True)]
             assert mpmath.norm(sideways) < mpmath.mpf(10) ** -45
@@ -126,7 +126,8 @@ def _cross(a, b):
 
 def test_normals_of_an_asphere_are_gradients_of_its_sag():
     surface = pl.Surface(20.0, semi_diameter=4.0, conic=-0.5, aspheric=(0.0, 1e-3, -1e-5))
-    normal, curvature = normal_at(surface, [mpmath.mpf(3), mpmath.mpf(0), mpmath.mpf(0)])
+    with mpmath.workdps(DIGITS):
+        normal, curvature = normal_at(mpmath.mp, surface, [mpmath.mpf(3), mpmath.mpf(0), mpmath.mpf(0)])
     assert float(-normal[0] / normal[2]) == pytest.approx(float(surface.slope(3.0)), rel=1e-14)
     # The larger of the curvatures of meridian and parallel; second derivative by differences, O(h^2).
     slope, h = float(surface.slope(3.0)), 1e-4
@@ -147,7 +148,7 @@ def test_points_on_a_sphere_and_their_normals_meet_in_its_centre():
 
 
 def test_total_reflection_has_no_direction():
-    assert refracted([0.8, 0, 0.6], [0, 0, 1], 1.5, s=1) is None
+    assert refracted(mpmath.mp, [0.8, 0, 0.6], [0, 0, 1], 1.5, 1) is None
 
 
 def test_a_hill_that_float64_only_touches_is_no_crossing():

@@ -20,7 +20,6 @@ from plenoptic.errors import InvalidValueError
 from plenoptic.optics.microlens.aperture import Walls
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.listed import Lenslets
-from plenoptic.optics.microlens.models import ConvexSide
 
 if TYPE_CHECKING:
     from plenoptic.rendering.exposure import Exposure
@@ -165,7 +164,7 @@ def microlens_centres(
     centres = axes.local(lenses.axis)
     straight = array.walls is Walls.OPAQUE or method is CentreMethod.ORTHOGONAL
     slopes = np.zeros_like(centres) if straight else chief_slopes(axes, centres)
-    position = axes.on_sensor(behind_centres(array, centres, slopes, camera.wavelength), slopes)
+    position = axes.on_sensor(array.model.rules.displaced(array, centres, slopes, camera.wavelength, True), slopes)
     if method is CentreMethod.CENTROID:
         if white is None:
             position = lit_centroids(axes, array, lenses)
@@ -177,25 +176,6 @@ def microlens_centres(
         kept = (np.abs(position) <= limit).all(axis=1)
     places, pixels = position[kept], camera.sensor.pixel_of(position[kept])
     return MicrolensCentres(lenses.index[kept], lenses.type[kept], lenses.axis[kept], places, pixels, method)
-
-
-def plate_displacement(array: MicrolensArray, slopes: Floats, wavelength: float) -> Floats:
-    """How far beside its undeviated way (n, 2) a ray through the vertex of a plate's curved side passes the flat side.
-
-    Inside, it runs at the slope tan t' with sin t = n sin t': it crosses the thickness by thickness tan t', and the
-    principal plane lies thickness / n from the vertex, n at 587.6 nm. tan t' / tan t = cos t / sqrt(n^2 - sin^2 t).
-    """
-    tangent2 = np.sum(slopes**2, axis=1, keepdims=True)
-    sine2 = tangent2 / (1.0 + tangent2)
-    inside = np.sqrt((1.0 - sine2) / (array.index_at(wavelength) ** 2 - sine2))
-    return np.asarray(array.thickness * (inside - 1.0 / array.index) * slopes)
-
-
-def behind_centres(array: MicrolensArray, centres: Floats, slopes: Floats, wavelength: float) -> Floats:
-    """Points (n, 2) of the rear principal plane from which undeviated rays through optical centres seem to come."""
-    if array.is_plate and array.convex_side is ConvexSide.SCENE:
-        return centres + plate_displacement(array, slopes, wavelength)
-    return centres
 
 
 def _images_apart(axes: ArrayAxes) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.camera.points.projection_rows import REPLICATES, Rows, lenses_of, rows_of
+from plenoptic.camera.points.projection_rows import REPLICATES, Rows, lenses_with, rows_of
 from plenoptic.camera.psf.histogram import centroids
 from plenoptic.camera.psf.point_spread import world_points
 from plenoptic.camera.psf.sensor_hits import ForwardRecord, forward_record, in_lens_axes
@@ -160,7 +160,7 @@ def project(
 
 def _assembled(tables: ForwardRecord, given: Floats, rows: Rows) -> Projection:
     sensor, array = tables.camera.sensor, tables.camera.microlenses
-    lenses = None if array is None or rows.lens is None else lenses_of(array, rows.lens)
+    lenses = None if array is None or rows.lens is None else lenses_with(array, rows.lens)
     light = rows.moments[:, :, 0].mean(axis=1)
     light_error = rows.moments[:, :, 0].std(axis=1, ddof=1) / np.sqrt(REPLICATES)
     centroid, centroid_error = centroids(rows.moments)

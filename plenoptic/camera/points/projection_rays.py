@@ -9,14 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.camera.assembly import ArrayAxes
-from plenoptic.camera.points.centres import behind_centres, plate_displacement
 from plenoptic.camera.psf.sensor_hits import ForwardRecord
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats
 from plenoptic.optics.lens.record import LensRecord, lens_record
 from plenoptic.optics.lens.trace import traced_by
 from plenoptic.optics.microlens.array import MicrolensArray
-from plenoptic.optics.microlens.models import ConvexSide
 from plenoptic.optics.record import IDEAL
 
 CLOSE = 1e-10
@@ -73,15 +71,15 @@ class ThroughArray(NamedTuple):
         """
         slopes = self.axes.slopes_of(rays.direction)
         origin = self.axes.parts.local_to_lens.inverse().points(rays.origin)
-        points = origin[:, :2] - origin[:, 2:] * slopes
-        if self.array.is_plate and self.array.convex_side is ConvexSide.SENSOR:
-            return points + plate_displacement(self.array, slopes, self.axes.camera.wavelength)
-        return points
+        return self._displaced(origin[:, :2] - origin[:, 2:] * slopes, slopes, False)
 
     def sensor_points(self, centres: Floats, rays: RayBundle) -> Floats:
         """Where rays through local optical centres meet the sensor, (n, 2) in its own axes."""
         slopes = self.axes.slopes_of(rays.direction)
-        return self.axes.on_sensor(behind_centres(self.array, centres, slopes, self.axes.camera.wavelength), slopes)
+        return self.axes.on_sensor(self._displaced(centres, slopes, True), slopes)
+
+    def _displaced(self, points: Floats, slopes: Floats, rear: bool) -> Floats:
+        return self.array.model.rules.displaced(self.array, points, slopes, self.axes.camera.wavelength, rear)
 
 
 def through_iris(tables: ForwardRecord, bare: LensRecord) -> tuple[Aim, Floats]:

@@ -15,7 +15,7 @@ from plenoptic.core.parallel import run_in_order
 from plenoptic.core.values import Floats
 from plenoptic.optics.lens.trace import traced_by
 from plenoptic.optics.microlens.array import MicrolensArray
-from plenoptic.optics.microlens.listed import Lenslets, described, lattice_types
+from plenoptic.optics.microlens.listed import Lenslets, lenses_of
 
 REPLICATES = 8
 """Independent scramblings of the rays of a point; errors come from their spread."""
@@ -126,7 +126,7 @@ def _rows_through_microlenses(
     keys, row = _unique_rows(np.concatenate([light.keys, _candidates(prints, through)]))
     moments = np.zeros((len(keys), REPLICATES, 3))
     moments[row[: len(light.keys)]] = light.moments
-    number, centres = keys[:, 0], axes.local(lenses_of(array, keys[:, 1:]).axis)
+    number, centres = keys[:, 0], axes.local(lenses_with(array, keys[:, 1:]).axis)
     start = _nearest_rays(prints, number, centres, passing=False)
     entering = aimed(entrance, Aim(entrance.bare, through.places), seen[number], centres, start)
     rays = entrance.through(seen[number], entering)
@@ -213,14 +213,10 @@ def _linear(places: Floats, values: Floats, wanted: Floats) -> Floats:
     return np.asarray((wanted - middle) @ series[:2] + series[2])
 
 
-def lenses_of(array: MicrolensArray, index: NDArray[np.int64]) -> Lenslets:
-    """The microlenses with the lattice indices (n, 2), those of FREE ones being (number, 0)."""
+def lenses_with(array: MicrolensArray, index: NDArray[np.int64]) -> Lenslets:
+    """The microlenses with lattice indices (n, 2), which may be the same."""
     once, row = _unique_rows(index)
-    if array.centres is None:
-        found = described(array, once, once @ array.basis, lattice_types(array, once))
-    else:
-        types = np.zeros(len(once), np.int64) if array.types is None else np.asarray(array.types)[once[:, 0]]
-        found = described(array, once, np.asarray(array.centres)[once[:, 0]], types)
+    found = lenses_of(array, once)
     return Lenslets(*(getattr(found, field.name)[row] for field in dataclasses.fields(found)))
 
 

@@ -11,8 +11,9 @@ from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.core.values import Floats
 from plenoptic.optics.lens.pupil.exit_pupil import rear_reach
 from plenoptic.optics.microlens.array import MicrolensArray
-from plenoptic.optics.microlens.imperfections import largest_offset, least_factor
+from plenoptic.optics.microlens.imperfections import extreme_factors, largest_offset
 from plenoptic.optics.microlens.lattice import Lattice
+from plenoptic.optics.microlens.model_rules import Crossing
 from plenoptic.optics.microlens.record import (
     ArrayRecord,
     LatticeRecord,
@@ -101,10 +102,8 @@ def _reach(camera: PlenopticCamera, parts: Assembly, array: MicrolensArray) -> f
         last = parts.frame[:9].reshape(3, 3).T @ (np.array([0.0, 0.0, z_last]) - parts.frame[9:])
     corners = sensor_corners(camera, parts)
     distance, pupil_distance = float(corners[:, 2].max()), -float(last[2])
-    height, power = array.cell_radius, max(1.0 / abs(f) for f in array.focal_lengths)
-    if array.imperfections is not None:
-        height += largest_offset(array.imperfections)
-        power /= max(least_factor(array.imperfections), 0.1)
+    height = array.cell_radius + largest_offset(array.imperfections)
+    power = max(1.0 / abs(f) for f in array.focal_lengths) / max(extreme_factors(array.imperfections)[0], 0.1)
     aside = float(np.hypot(*corners[:, :2].T).max()) + distance * (
         (a + float(np.hypot(*last[:2]))) / pupil_distance + height * power
     )
@@ -116,28 +115,16 @@ def _reach(camera: PlenopticCamera, parts: Assembly, array: MicrolensArray) -> f
 
 def fill_through_array_forward(blocks: Floats, made: ForwardArray) -> None:
     """Rays behind the lens, in its axes, become points on the sensor; see `to_sensor`."""
-    from plenoptic.optics.microlens.kernels import to_sensor
+    from plenoptic.optics.microlens.kernels.to_sensor import fill_in_array_axes, fill_straight_forward
 
     parts, array, sensor = made.parts, made.array, made.sensor
     z = parts.z_plane
-    if array is None:
-        to_sensor.fill_straight_forward(blocks, sensor._replace(distance=z + parts.distance))
+    if array is None or made.microlenses is None:
+        fill_straight_forward(blocks, sensor._replace(distance=z + parts.distance))
         return
     if parts.frame is not None:
-        to_sensor.fill_in_array_axes(blocks, parts.frame)
+        fill_in_array_axes(blocks, parts.frame)
         z = 0.0
-    differs, plate = array if made.differs else None, array.model
-    if plate is None:
-        from plenoptic.optics.microlens.kernels.thin import fill_thin_forward
-
-        fill_thin_forward(blocks, z, sensor, array, differs)
-        return
-    from plenoptic.optics.microlens.kernels.plano_convex_forward import fill_plano_convex_forward
-
-    # The principal planes lie at the vertex of the curved side and thickness / index from it.
-    inside = plate.thickness / plate.refractive_index
-    if plate.towards_scene:
-        sensor = sensor._replace(distance=sensor.distance - inside)
-    else:
-        z -= inside
-    fill_plano_convex_forward(blocks, z, sensor, plate, array, differs)
+    to_sensor = made.microlenses.model.rules.to_sensor
+    assert to_sensor is not None
+    to_sensor(blocks, Crossing(array, sensor, z), made.differs)

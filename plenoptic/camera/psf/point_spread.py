@@ -141,10 +141,10 @@ def _checked_points(camera: PlenopticCamera, points: ArrayLike) -> tuple[Floats,
     """The points (n, 3) in the world, and whether there may be several."""
     check_kind(camera, "camera", PlenopticCamera, "pl.PlenopticCamera(...)")
     array = camera.microlenses
-    if array is not None and not array.model.focuses:
+    if array is not None and array.model.rules.to_sensor is None:
         raise InvalidValueError(
-            "the microlenses have the model PINHOLE, and no ray from a point meets a hole without extent; render a "
-            "small emitter instead, or choose THIN"
+            f"the microlenses have the model {array.model.name}, and no ray from a point meets a hole without extent; "
+            "render a small emitter instead, or choose THIN"
         )
     given, several = world_points(points)
     if not len(given):

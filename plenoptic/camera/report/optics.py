@@ -23,7 +23,6 @@ from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays_reverse, hexapolar
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.lattice import Lattice
-from plenoptic.optics.microlens.models import ConvexSide
 from plenoptic.optics.stops.circle import CircularStop
 
 _RIM = 1.0 - 1e-9
@@ -265,8 +264,8 @@ def clearance(camera: PlenopticCamera) -> float:
     """Distance along z from the lens, rims included, to the first thing behind it, in mm; negative inside the lens."""
     array = camera.microlenses
     front = camera.stop_to_microlenses
-    if array is not None and array.is_plate and array.convex_side is ConvexSide.SENSOR:
-        front -= array.thickness / array.index
+    if array is not None:
+        front -= array.model.rules.depths(array).front
     if camera.lens.model is LensModel.NONE:
         return front - float(camera.lens.vertices[-1])
     return front - max(float(profile[:, 0].max()) for profile in camera.lens.profiles())

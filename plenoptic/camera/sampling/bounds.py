@@ -8,10 +8,16 @@ import numpy as np
 
 from plenoptic.camera.assembly import Assembly, sensor_corners
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.camera.sampling.margins import SAFETY, aberration_margins
 from plenoptic.core.values import Floats, read_only
 from plenoptic.optics.lens.pupil.exit_pupil import PupilBounds, outline_corners, pupil_bounds, rear_reach
 from plenoptic.optics.microlens.array import MicrolensArray
+from plenoptic.optics.microlens.imperfections import largest_offset
+from plenoptic.optics.microlens.model_rules import Crossing
+from plenoptic.optics.microlens.record import SensorPlane, lone_lens
+
+_AIMS, _OFFSETS = 33, 49
+_SAFETY = 1.25
+"""Margins found on a grid of rays are widened by this factor."""
 
 
 class Bounds(NamedTuple):
@@ -50,7 +56,9 @@ def array_bounds(
     in_lens, tilt = parts.local_to_lens.points(corners), float(np.hypot(*parts.local_to_lens.turn[2, :2]))
     sensor = float(np.hypot(in_lens[:, 0], in_lens[:, 1]).max())
     strongest = max(abs(_bend(array, power, pupil_distance, ratio)) for power in powers)
-    off_axis = _off_axis(array) * max(abs(pupil_distance * power) for power in (*powers, (1 + ratio) / pupil_distance))
+    off_axis = largest_offset(array.imperfections) * max(
+        abs(pupil_distance * power) for power in (*powers, (1 + ratio) / pupil_distance)
+    )
     margin, aside = (1.0 + tilt) * _chromatic_margin(array, powers, wavelengths, pupil_distance), 0.0
     rounds = 2 if array.is_plate else 1
     while True:
@@ -73,29 +81,68 @@ def array_bounds(
         margin, aside = (1.0 + tilt) * max(f[0] for f in found), (1.0 + tilt) * max(f[1] for f in found)
 
 
+def aberration_margins(
+    array: MicrolensArray,
+    wavelength: float,
+    power: float,
+    distance: float,
+    pupil_distance: float,
+    bend: float,
+    reach: float,
+) -> tuple[float, float]:
+    """How far real rays stray from ideal ones on the plane of the outlines, and on the curved side, in mm.
+
+    Rays of one lens are aimed from a row of sensor points at a grid of points on its rear principal plane; those
+    count that meet the curved side inside the cell and pass the plane of the outlines within `reach` of the lens's
+    own axis. A lens is round, so one row of sensor points stands for all. Ideal rays are those at 587.6 nm.
+    """
+    from plenoptic.core.kernels.ray_blocks import BLOCK
+
+    rules = array.model.rules
+    lens = Crossing(lone_lens(array, power, wavelength), SensorPlane(distance, None), pupil_distance)
+    aims = np.linspace(-1.5 * array.cell_radius, 1.5 * array.cell_radius, _AIMS)
+    margin = aside = 0.0
+    for _ in range(4):
+        # Sensor points as far from the lens's axis as rays that count can come from.
+        farthest = (reach + abs(bend) * array.cell_radius + margin) * distance / pupil_distance
+        dx, dy, sx = (g.ravel() for g in np.meshgrid(aims, aims, np.linspace(0.0, farthest, _OFFSETS), indexing="ij"))
+        fields = np.zeros((8, -(-dx.size // BLOCK) * BLOCK))
+        for row, column in ((0, dx), (1, dy), (3, dx - sx), (4, dy)):
+            fields[row, : dx.size] = column
+        blocks = np.ascontiguousarray(fields.reshape(8, -1, BLOCK).transpose(1, 0, 2))
+        rules.to_lens(blocks.reshape(-1), None, lens, None)
+        x, y, z, u, v, w, _, status = blocks.transpose(1, 0, 2).reshape(8, -1)[:, : dx.size]
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            land_x, land_y = rules.landing(array, power, (dx, dy), ((dx - sx) / distance, dy / distance), (x, y))
+            t = -z / w
+            real_x, real_y = x + t * u, y + t * v
+            counts = (status == 0) & (np.hypot(land_x, land_y) <= array.cell_radius)
+            counts &= np.hypot(real_x, real_y) <= reach
+            off = np.hypot(real_x - (bend * dx - pupil_distance / distance * sx), real_y - bend * dy)[counts]
+            beside = np.hypot(land_x - dx, land_y - dy)[counts]
+        if not off.size:
+            break
+        settled = off.max() <= 1.01 * margin
+        margin, aside = max(margin, _SAFETY * float(off.max())), max(aside, _SAFETY * float(beside.max()))
+        if settled:
+            break
+    return margin, aside
+
+
 def _chromatic_margin(
     array: MicrolensArray, powers: Floats, wavelengths: tuple[float, ...], pupil_distance: float
 ) -> float:
     """How far ideal lenses of another power than at 587.6 nm send rays aside on the plane of the outlines, in mm."""
-    if array.is_plate or not array.model.focuses:
+    if not array.model.rules.is_thin:
         return 0.0
     change = max(abs(array.power_factor(wavelength) - 1.0) for wavelength in wavelengths)
-    height = array.cell_radius + _off_axis(array)
-    return SAFETY * abs(pupil_distance) * change * float(np.abs(powers).max()) * height
+    height = array.cell_radius + largest_offset(array.imperfections)
+    return _SAFETY * abs(pupil_distance) * change * float(np.abs(powers).max()) * height
 
 
 def _bend(array: MicrolensArray, power: float, pupil_distance: float, ratio: float) -> float:
     """How far a ray moves on the plane of the outlines when its point in the cell moves by 1."""
     return 1.0 + ratio - pupil_distance * power if array.model.focuses else 0.0
-
-
-def _off_axis(array: MicrolensArray) -> float:
-    """How far an optical axis may lie from its cell's centre, in mm."""
-    if array.imperfections is None:
-        return 0.0
-    from plenoptic.optics.microlens.imperfections import largest_offset
-
-    return largest_offset(array.imperfections)
 
 
 def _united(

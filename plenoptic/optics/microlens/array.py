@@ -3,27 +3,27 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import Floats, choice, finite, frozen_array, positive, read_only, set_field, value
+from plenoptic.core.values import Floats, Given, choice, finite, frozen_array, positive, read_only, set_field, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.glass.media import Medium, check_medium
-from plenoptic.optics.microlens.aperture import Gaps, MicrolensAperture, Opening, Walls, opening_of
-from plenoptic.optics.microlens.checks import check_plate, checked_pitch
+from plenoptic.optics.microlens.aperture import MicrolensAperture, Opening, Walls, opening_of
 from plenoptic.optics.microlens.imperfections import Imperfections, MicrolensDeviations, MicrolensImperfections
 from plenoptic.optics.microlens.lattice import (
     Lattice,
     cell_polygon,
+    checked_pitch,
     default_pattern,
     lattice_basis,
     polygon_area,
     polygon_edges,
 )
 from plenoptic.optics.microlens.listed import Lenslets, lenslets
-from plenoptic.optics.microlens.models import ConvexSide, MicrolensModel
+from plenoptic.optics.microlens.models import MicrolensModel
+from plenoptic.optics.microlens.plano_convex import ConvexSide
 
 _MOST_DISTANCES = 1 << 22
 _DESIGN_WAVELENGTH, _DEFAULT_INDEX = 587.6, 1.5
@@ -98,34 +98,14 @@ class MicrolensArray:
     thickness: float = 0.1
     index: float = _DEFAULT_INDEX
     convex_side: ConvexSide = ConvexSide.SCENE
-    pattern: NDArray[np.int64] | None = dataclasses.field(default=None, kw_only=True)
-    centres: Floats | None = dataclasses.field(default=None, kw_only=True)
-    types: NDArray[np.int64] | None = dataclasses.field(default=None, kw_only=True)
-    aperture: MicrolensAperture | None = dataclasses.field(default=None, kw_only=True)
-    imperfections: Imperfections | None = dataclasses.field(default=None, kw_only=True)
-    walls: Walls = dataclasses.field(default=Walls.NONE, kw_only=True)
-    medium: Medium | None = dataclasses.field(default=None, kw_only=True)
-
-    if TYPE_CHECKING:
-
-        def __init__(  # noqa: PLR0913
-            self,
-            pitch: float | tuple[float, float],
-            focal_lengths: tuple[float, ...],
-            lattice: Lattice = Lattice.HEXAGONAL,
-            model: MicrolensModel = MicrolensModel.THIN,
-            thickness: float = 0.1,
-            index: float = 1.5,
-            convex_side: ConvexSide = ConvexSide.SCENE,
-            *,
-            pattern: ArrayLike | None = None,
-            centres: ArrayLike | None = None,
-            types: ArrayLike | None = None,
-            aperture: MicrolensAperture | None = None,
-            imperfections: Imperfections | None = None,
-            walls: Walls = Walls.NONE,
-            medium: Medium | None = None,
-        ) -> None: ...
+    _: dataclasses.KW_ONLY
+    pattern: Given[NDArray[np.int64] | None, ArrayLike | None] = Given(default=None)
+    centres: Given[Floats | None, ArrayLike | None] = Given(default=None)
+    types: Given[NDArray[np.int64] | None, ArrayLike | None] = Given(default=None)
+    aperture: MicrolensAperture | None = None
+    imperfections: Imperfections | None = None
+    walls: Walls = Walls.NONE
+    medium: Medium | None = None
 
     def __post_init__(self) -> None:
         set_field(self, "lattice", choice(self.lattice, Lattice, "lattice"))
@@ -154,10 +134,7 @@ class MicrolensArray:
                 raise InvalidValueError(f"{name} is {getattr(self, name)!r}; it must be a {kinds[0].__name__} or None")
         if self.aperture is not None:
             _ = self.opening
-            if not self.model.focuses and self.aperture.gaps is Gaps.CLEAR:
-                raise InvalidValueError("light passes a PINHOLE only at its centre; give gaps=Gaps.OPAQUE")
-        if self.is_plate:
-            check_plate(self)
+        self.model.rules.check(self)
 
     def _check_medium(self) -> None:
         """The index is that of the medium at the wavelength of the focal lengths."""
@@ -229,7 +206,7 @@ class MicrolensArray:
     @property
     def principal_separation(self) -> float:
         """Distance from the front to the rear principal plane in mm: 0 for a thin lens."""
-        return self.thickness * (1.0 - 1.0 / self.index) if self.is_plate else 0.0
+        return self.model.rules.depths(self).separation
 
     def index_at(self, wavelength: float) -> float:
         """Refractive index at a wavelength in nm."""
@@ -282,10 +259,6 @@ class MicrolensArray:
         low, high : (2,) arrays
             Corners of the box on the plane of the array in mm.
 
-        Returns
-        -------
-        Lenslets
-
         Examples
         --------
         >>> import plenoptic as pl
@@ -296,17 +269,7 @@ class MicrolensArray:
         return lenslets(self, frozen_array(low, name="low", shape=(2,)), frozen_array(high, name="high", shape=(2,)))
 
     def nearest(self, points: Floats) -> Floats:
-        """Centres of the cells that hold points, as designed.
-
-        Parameters
-        ----------
-        points : (n, 2) array
-            Points on the plane of the array in mm.
-
-        Returns
-        -------
-        (n, 2) array
-            Centres in mm.
+        """Centres (n, 2), as designed, of the cells that hold points (n, 2) of the array's plane, in mm.
 
         Examples
         --------

@@ -5,12 +5,23 @@ from __future__ import annotations
 import dataclasses
 import enum
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import Floats, choice, finite, frozen_array, positive, set_field, value, whole
+from plenoptic.core.values import (
+    Floats,
+    Given,
+    choice,
+    finite,
+    frozen_array,
+    not_negative,
+    positive,
+    set_field,
+    value,
+    whole,
+)
 from plenoptic.errors import InvalidValueError
 
 MOST_BLEMISHES = 5_000_000
@@ -25,8 +36,8 @@ class BlemishSite(enum.IntEnum):
 
     Examples
     --------
-    >>> from plenoptic.optics.microlens.dust import BlemishSite
-    >>> [site.name for site in BlemishSite]
+    >>> import plenoptic as pl
+    >>> [site.name for site in pl.BlemishSite]
     ['SENSOR', 'ARRAY', 'LENS_REAR', 'LENS_FRONT']
     """
 
@@ -68,31 +79,18 @@ class Blemishes:
 
     Examples
     --------
-    >>> from plenoptic.optics.microlens.dust import Blemishes, BlemishSite
-    >>> grain = Blemishes(BlemishSite.SENSOR, start=[(0, 0)], end=[(0, 0)], radius=[0.1], transmission=[0.25])
+    >>> import plenoptic as pl
+    >>> grain = pl.Blemishes(pl.BlemishSite.SENSOR, start=[(0, 0)], end=[(0, 0)], radius=[0.1], transmission=[0.25])
     >>> grain.at([(0.0, 0.05), (0.2, 0.0)])
     array([0.25, 1.  ])
     """
 
     site: BlemishSite
-    start: Floats
-    end: Floats
-    radius: Floats
-    transmission: Floats
+    start: Given[Floats, ArrayLike]
+    end: Given[Floats, ArrayLike]
+    radius: Given[Floats, ArrayLike]
+    transmission: Given[Floats, ArrayLike]
     height: float = dataclasses.field(default=0.0, kw_only=True)
-
-    if TYPE_CHECKING:
-
-        def __init__(
-            self,
-            site: BlemishSite,
-            start: ArrayLike,
-            end: ArrayLike,
-            radius: ArrayLike,
-            transmission: ArrayLike,
-            *,
-            height: float = 0.0,
-        ) -> None: ...
 
     def __post_init__(self) -> None:
         set_field(self, "site", choice(self.site, BlemishSite, "site of the blemishes"))
@@ -109,11 +107,7 @@ class Blemishes:
             raise InvalidValueError(
                 "transmission of the blemishes holds a number outside 0 to 1; it is the part of the light that passes"
             )
-        set_field(self, "height", finite(self.height, "height of the blemishes"))
-        if self.height < 0:
-            raise InvalidValueError(
-                f"height of the blemishes is {self.height:g} mm; it must be at least 0: they lie in front of the sensor"
-            )
+        set_field(self, "height", not_negative(self.height, "height of the blemishes", "mm"))
         if self.height > 0 and self.site is not BlemishSite.SENSOR:
             raise InvalidValueError(
                 f"height of the blemishes is {self.height:g} mm at the site {self.site.name}; only SENSOR has one: "
@@ -139,7 +133,7 @@ class Blemishes:
         seed: int = 0,
         height: float = 0.0,
     ) -> Blemishes:
-        """Dust and scratches at random places of a rectangle.
+        """Dust and scratches, in this order, at random places of a rectangle.
 
         Parameters
         ----------
@@ -164,11 +158,6 @@ class Blemishes:
         height : float
             As for `Blemishes`.
 
-        Returns
-        -------
-        Blemishes
-            Dust first, then scratches.
-
         Raises
         ------
         InvalidValueError
@@ -176,21 +165,21 @@ class Blemishes:
 
         Examples
         --------
-        >>> from plenoptic.optics.microlens.dust import Blemishes, BlemishSite
-        >>> dusty = Blemishes.scattered(BlemishSite.SENSOR, half_size=(5.0, 5.0), dust_per_mm2=2.0, seed=1)
+        >>> import plenoptic as pl
+        >>> dusty = pl.Blemishes.scattered(pl.BlemishSite.SENSOR, half_size=(5.0, 5.0), dust_per_mm2=2.0, seed=1)
         >>> 150 < len(dusty) < 250
         True
         """
         sides = frozen_array(half_size, name="half_size", shape=(2,))
         half = np.array([positive(side, "half_size", "mm") for side in sides])
-        mean = 4.0 * float(half.prod()) * _at_least_0(dust_per_mm2, "dust_per_mm2")
+        mean = 4.0 * float(half.prod()) * not_negative(dust_per_mm2, "dust_per_mm2")
         scratches = whole(scratches, "scratches", at_least=0)
         if mean + scratches > MOST_BLEMISHES:
             raise InvalidValueError(
                 f"some {mean + scratches:.3g} blemishes are asked for, and the limit is {MOST_BLEMISHES}; "
                 "reduce dust_per_mm2, scratches or half_size"
             )
-        spread = _at_least_0(dust_spread, "dust_spread")
+        spread = not_negative(dust_spread, "dust_spread")
         median, width = positive(dust_radius, "dust_radius", "mm"), positive(scratch_width, "scratch_width", "mm")
         length = positive(scratch_length, "scratch_length", "mm")
         seed = whole(seed, "seed", at_least=0)
@@ -234,25 +223,8 @@ def _numbers(given: ArrayLike, name: str, shape: tuple[int | str, ...]) -> Float
     return array
 
 
-def _at_least_0(number: float, name: str) -> float:
-    given = finite(number, name)
-    if given < 0:
-        raise InvalidValueError(f"{name} is {given:g}; it must be at least 0")
-    return given
-
-
-CAPSULE = np.dtype(
-    [
-        ("start_x", "f8"),
-        ("start_y", "f8"),
-        ("along_x", "f8"),
-        ("along_y", "f8"),
-        ("inverse_length2", "f8"),
-        ("radius2", "f8"),
-        ("transmission", "f8"),
-    ],
-    align=True,
-)
+_CAPSULE_NAMES = ("start_x", "start_y", "along_x", "along_y", "inverse_length2", "radius2", "transmission")
+CAPSULE = np.dtype([(name, "f8") for name in _CAPSULE_NAMES], align=True)
 """A grain or scratch: one end; from there to the other; 1 / squared length of that, 0 for grains; squared radius; what
 passes."""
 

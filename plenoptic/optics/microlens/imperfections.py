@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import Floats, finite, frozen_array, set_field, value, whole
+from plenoptic.core.values import Floats, Given, finite, frozen_array, set_field, value, whole
 from plenoptic.errors import InvalidValueError
 
 _LARGEST_SPREAD = 0.2
@@ -44,22 +44,11 @@ class MicrolensDeviations:
     2
     """
 
-    index: NDArray[np.int64]
-    shift: Floats | None = None
-    decentre: Floats | None = None
-    focal_length_factor: Floats | None = None
-    transmission: Floats | None = None
-
-    if TYPE_CHECKING:
-
-        def __init__(
-            self,
-            index: ArrayLike,
-            shift: ArrayLike | None = None,
-            decentre: ArrayLike | None = None,
-            focal_length_factor: ArrayLike | None = None,
-            transmission: ArrayLike | None = None,
-        ) -> None: ...
+    index: Given[NDArray[np.int64], ArrayLike]
+    shift: Given[Floats | None, ArrayLike | None] = Given(default=None)
+    decentre: Given[Floats | None, ArrayLike | None] = Given(default=None)
+    focal_length_factor: Given[Floats | None, ArrayLike | None] = Given(default=None)
+    transmission: Given[Floats | None, ArrayLike | None] = Given(default=None)
 
     def __post_init__(self) -> None:
         set_field(self, "index", frozen_array(self.index, name="index", shape=(None, 2), dtype=np.int64))
@@ -191,28 +180,25 @@ def deviations_of(imperfections: Imperfections, index: NDArray[np.int64]) -> Mic
     )
 
 
-def largest_offset(imperfections: Imperfections) -> float:
+def largest_offset(imperfections: Imperfections | None) -> float:
     """How far an optical axis can lie from where it is designed to be, in mm."""
+    if imperfections is None:
+        return 0.0
     if isinstance(imperfections, MicrolensImperfections):
         return 4.0 * math.sqrt(2.0) * (imperfections.pitch_jitter + imperfections.decentre)
     given = [part for part in (imperfections.shift, imperfections.decentre) if part is not None and len(part)]
     return sum(float(np.hypot(*part.T).max()) for part in given)
 
 
-def least_factor(imperfections: Imperfections) -> float:
-    """The shortest focal length that a lens can have, over that of its design."""
+def extreme_factors(imperfections: Imperfections | None) -> tuple[float, float]:
+    """The shortest and the longest focal length that lenses can have, over those of their design; inf: flat glass."""
     if isinstance(imperfections, MicrolensImperfections):
-        return max(1.0 - 4.0 * imperfections.focal_length_spread, 1e-3)
-    given = imperfections.focal_length_factor
-    return 1.0 if given is None or not len(given) else min(1.0, float(given.min()))
-
-
-def largest_factor(imperfections: Imperfections) -> float:
-    """The longest focal length that a lens can have, over that of its design; inf for flat glass."""
-    if isinstance(imperfections, MicrolensImperfections):
-        return math.inf if imperfections.missing else 1.0 + 4.0 * imperfections.focal_length_spread
-    given = imperfections.focal_length_factor
-    return 1.0 if given is None or not len(given) else max(1.0, float(given.max()))
+        spread = 4.0 * imperfections.focal_length_spread
+        return max(1.0 - spread, 1e-3), math.inf if imperfections.missing else 1.0 + spread
+    given = None if imperfections is None else imperfections.focal_length_factor
+    if given is None or not len(given):
+        return 1.0, 1.0
+    return min(1.0, float(given.min())), max(1.0, float(given.max()))
 
 
 def _mixed(x: NDArray[np.uint64]) -> NDArray[np.uint64]:

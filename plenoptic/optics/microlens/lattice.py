@@ -8,7 +8,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.core.values import Floats
+from plenoptic.core.values import Floats, positive
+from plenoptic.errors import InvalidValueError
 
 
 class Lattice(enum.IntEnum):
@@ -30,6 +31,19 @@ class Lattice(enum.IntEnum):
     FREE = 3
     """Listed centres; the cell of each is what lies nearer to it than to any other, and no farther along x and y than
     the pitch."""
+
+
+def checked_pitch(pitch: float | tuple[float, float], lattice: Lattice) -> float | tuple[float, float]:
+    """The pitch as one number, or two for RECTANGULAR."""
+    if lattice is not Lattice.RECTANGULAR:
+        if isinstance(pitch, tuple | list):
+            raise InvalidValueError(f"pitch is {pitch}; only Lattice.RECTANGULAR has two: give one number in mm")
+        return positive(pitch, "pitch", "mm")
+    try:
+        x, y = pitch  # type: ignore[misc]
+    except (TypeError, ValueError):
+        raise InvalidValueError(f"pitch is {pitch!r}; Lattice.RECTANGULAR needs two in mm, along x and y") from None
+    return positive(x, "pitch along x", "mm"), positive(y, "pitch along y", "mm")
 
 
 def lattice_basis(lattice: Lattice, pitch: tuple[float, float]) -> Floats:

@@ -61,23 +61,21 @@ def lenslets(array: MicrolensArray, low: Floats, high: Floats) -> Lenslets:
     """The microlenses whose designed centres lie in a box."""
     if np.isnan(low).any() or np.isnan(high).any():
         raise InvalidValueError(f"the box from {low} to {high} has a corner that is no number; give two points in mm")
-    if array.centres is not None:
-        number = np.flatnonzero(((array.centres >= low) & (array.centres <= high)).all(axis=1))
-        index = np.stack([number, np.zeros_like(number)], axis=1)
-        types = np.zeros(len(number), np.int64) if array.types is None else np.asarray(array.types)[number]
-        return described(array, index, array.centres[number], types)
-    index = _lattice_indices(array, low, high)
-    return described(array, index, index @ array.basis, lattice_types(array, index))
+    if array.centres is None:
+        return lenses_of(array, _lattice_indices(array, low, high))
+    number = np.flatnonzero(((array.centres >= low) & (array.centres <= high)).all(axis=1))
+    return lenses_of(array, np.stack([number, np.zeros_like(number)], axis=1))
 
 
-def lattice_types(array: MicrolensArray, index: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Types (n,) of the lenses with lattice indices (n, 2)."""
+def types_of(array: MicrolensArray, index: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Types (n,) of the lenses with lattice indices (n, 2), those of FREE ones being (number, 0)."""
+    if array.lattice is Lattice.FREE:
+        return np.zeros(len(index), np.int64) if array.types is None else array.types[index[:, 0]]
     pattern = array.type_pattern
     return np.asarray(pattern[index[:, 0] % pattern.shape[0], index[:, 1] % pattern.shape[1]])
 
 
 def _lattice_indices(array: MicrolensArray, low: Floats, high: Floats) -> NDArray[np.int64]:
-    assert array.lattice is not Lattice.FREE
     if not np.isfinite([low, high]).all():
         raise InvalidValueError(f"the box from {low} to {high} is infinite, and so is the lattice; take a smaller one")
     corners = np.array([[x, y] for x in (low[0], high[0]) for y in (low[1], high[1])]) @ np.linalg.inv(array.basis)
@@ -95,8 +93,10 @@ def _lattice_indices(array: MicrolensArray, low: Floats, high: Floats) -> NDArra
     return np.asarray(index[((centres >= low - slack) & (centres <= high + slack)).all(axis=1)])
 
 
-def described(array: MicrolensArray, index: NDArray[np.int64], design: Floats, types: NDArray[np.int64]) -> Lenslets:
-    """Lenses with their deviations."""
+def lenses_of(array: MicrolensArray, index: NDArray[np.int64]) -> Lenslets:
+    """The lenses with lattice indices (n, 2), those of FREE ones being (number, 0), with their deviations."""
+    design = index @ array.basis if array.centres is None else array.centres[index[:, 0]]
+    types = types_of(array, index)
     power = 1.0 / np.asarray(array.focal_lengths)[types]
     centre, transmission = design, np.ones(len(index))
     axis = centre

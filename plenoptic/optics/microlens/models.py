@@ -1,8 +1,12 @@
-"""Models of a microlens: the closed set, and what the rest of the package asks of its members."""
+"""Models of a microlens: the closed set."""
 
 from __future__ import annotations
 
 import enum
+
+from plenoptic.optics.microlens.ideal import PINHOLE, THIN
+from plenoptic.optics.microlens.model_rules import ModelRules
+from plenoptic.optics.microlens.plano_convex import FLAT_HIGH_INDEX, SPHERICAL
 
 
 class MicrolensModel(enum.IntEnum):
@@ -31,30 +35,29 @@ class MicrolensModel(enum.IntEnum):
     """Exact plano-convex lens: a sphere and a plane of glass."""
 
     @property
+    def rules(self) -> ModelRules:
+        """What the rest of the package asks of a model."""
+        return _RULES[self]
+
+    @property
     def focuses(self) -> bool:
         """Whether light is bent."""
-        return self is not MicrolensModel.PINHOLE
+        return self.rules.focuses
 
     @property
     def is_plate(self) -> bool:
         """Whether rays pass two surfaces of glass."""
-        return self in (MicrolensModel.FLAT_HIGH_INDEX, MicrolensModel.SPHERICAL)
+        return self.rules.is_plate
 
     @property
     def is_flat(self) -> bool:
         """Whether a plane with the normals of a sphere stands for the sphere."""
-        return self is MicrolensModel.FLAT_HIGH_INDEX
+        return self.rules.is_flat
 
 
-class ConvexSide(enum.IntEnum):
-    """Which side of a plano-convex microlens is curved.
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> pl.optics.ConvexSide.SCENE.name
-    'SCENE'
-    """
-
-    SCENE = 0
-    SENSOR = 1
+_RULES = {
+    MicrolensModel.PINHOLE: PINHOLE,
+    MicrolensModel.THIN: THIN,
+    MicrolensModel.FLAT_HIGH_INDEX: FLAT_HIGH_INDEX,
+    MicrolensModel.SPHERICAL: SPHERICAL,
+}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +12,8 @@ from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.microlens.aperture import Gaps, Opening, Walls
 from plenoptic.optics.microlens.array import MicrolensArray
-from plenoptic.optics.microlens.imperfections import largest_factor, least_factor
+from plenoptic.optics.microlens.imperfections import extreme_factors
 from plenoptic.optics.microlens.lattice import Lattice, polygon_edges
-from plenoptic.optics.microlens.models import ConvexSide
 
 MOST_LISTED = 4_000_000
 """Lenses with imperfections that a camera may need: each takes 1.1 kB and 5 us."""
@@ -22,16 +21,8 @@ MOST_LISTED = 4_000_000
 
 MICROLENS = np.dtype(
     [
-        ("power", "f8"),
-        ("centre_x", "f8"),
-        ("centre_y", "f8"),
-        ("cell_x", "f8"),
-        ("cell_y", "f8"),
-        ("clip", "f8"),
-        ("transmission", "f8"),
-        ("row", "i8"),
-        ("axis_x", "f8"),
-        ("axis_y", "f8"),
+        *((name, "f8") for name in ("power", "centre_x", "centre_y", "cell_x", "cell_y", "clip", "transmission")),
+        *(("row", "i8"), ("axis_x", "f8"), ("axis_y", "f8")),
     ],
     align=True,
 )
@@ -115,20 +106,6 @@ class OpeningRecord(NamedTuple):
     """Whether cells alone end the lenses."""
 
 
-class PlateRecord(NamedTuple):
-    """Plano-convex lenses: a plane and a sphere of radius (index - 1) / power."""
-
-    towards_scene: bool
-    """Whether the curved side faces the scene."""
-    flat: bool
-    """Whether a plane with the normals of the sphere stands for it."""
-    thickness: float
-    refractive_index: float
-    """At 587.6 nm: where the principal planes lie and how strongly the sphere is curved."""
-    indices: Floats | None
-    """At the camera's wavelength, then at those that paths draw; None where all are that at 587.6 nm."""
-
-
 class EdgesRecord(NamedTuple):
     """Where lenses with thickness end."""
 
@@ -176,8 +153,8 @@ class ArrayRecord(NamedTuple):
     """None where lenses differ by type only."""
     walls: Floats | None
     """The edges of a cell where walls separate the spaces behind the cells."""
-    model: PlateRecord | None
-    """None for ideal lenses."""
+    model: tuple[Any, ...] | None
+    """What the kernels of the model read beside all this, such as a `PlateRecord`; None for ideal lenses."""
     power_factors: Floats | None
     """Power of ideal lenses over that at 587.6 nm, at the camera's wavelength, then at those that paths draw; None
     where it is 1."""
@@ -214,13 +191,9 @@ def possible_powers(array: MicrolensArray) -> Floats:
     Those of the types, of the strongest and the weakest lens that imperfections make, and 0 where light passes unbent.
     """
     powers = 1.0 / np.asarray(array.focal_lengths)
-    found = [powers]
-    if array.imperfections is not None:
-        found.append(powers / least_factor(array.imperfections))
-        found.append(powers / largest_factor(array.imperfections))
-    if array.aperture is not None and array.aperture.gaps is Gaps.CLEAR:
-        found.append(np.zeros(1))
-    return np.unique(np.concatenate(found))
+    least, largest = extreme_factors(array.imperfections)
+    unbent = np.zeros(1 if array.aperture is not None and array.aperture.gaps is Gaps.CLEAR else 0)
+    return np.unique(np.concatenate([powers, powers / least, powers / largest, unbent]))
 
 
 def array_record(
@@ -238,7 +211,11 @@ def array_record(
     principal plane and the curved side, by which openings are widened for drawing. `wavelengths` are the camera's and
     those that paths draw, in nm.
     """
-    opening, clear = array.opening, array.aperture is not None and array.aperture.gaps is Gaps.CLEAR
+    opening, rules, clear = (
+        array.opening,
+        array.model.rules,
+        array.aperture is not None and array.aperture.gaps is Gaps.CLEAR,
+    )
     parts = [opening.corners, array.cell_corners] if clear else [opening.corners]
     basis, cell = array.basis @ turn.T, polygon_edges(array.cell_corners @ turn.T)
     several = len(set(array.focal_lengths)) > 1 and array.lattice is not Lattice.FREE
@@ -249,7 +226,7 @@ def array_record(
         found = listed.lenses["power"] if len(listed.lenses) else powers
         powers = np.unique([found.min(), found.max()])
     tested = array.aperture is not None and (
-        math.isfinite(opening.radius) or (array.is_plate and (array.aperture.fill_factor < 1 or listed is not None))
+        math.isfinite(opening.radius) or (rules.is_plate and (array.aperture.fill_factor < 1 or listed is not None))
     )
     return ArrayRecord(
         LatticeRecord(
@@ -271,18 +248,17 @@ def array_record(
         ),
         listed,
         cell if array.walls is Walls.OPAQUE else None,
-        plate_record(array, wavelengths) if array.is_plate else None,
-        None if array.is_plate or not array.model.focuses else _power_factors(array, wavelengths),
+        rules.record(array, wavelengths),
+        _power_factors(array, wavelengths) if rules.is_thin else None,
     )
 
 
-def plate_record(array: MicrolensArray, wavelengths: tuple[float, ...] = ()) -> PlateRecord:
-    """The numbers of a plate, for the camera's wavelength and those that paths draw."""
-    flat, indices = array.model.is_flat, np.array([array.index_at(w) for w in wavelengths])
-    disperses = bool((indices != array.index).any())
-    return PlateRecord(
-        array.convex_side is ConvexSide.SCENE, flat, array.thickness, array.index, indices if disperses else None
-    )
+def lone_lens(array: MicrolensArray, power: float, wavelength: float) -> ArrayRecord:
+    """A lens of the array's model and another power, about the origin, which nothing ends."""
+    none, nowhere = np.zeros((0, 3)), np.zeros((0, 0, 2))
+    opening = OpeningRecord(nowhere, math.inf, none, math.inf, clip=0.0, clear=False, fills=True)
+    lattice = LatticeRecord(np.zeros(2), np.eye(2), np.eye(2), np.array([power]), None)
+    return ArrayRecord(lattice, none, opening, None, None, array.model.rules.record(array, (wavelength,)), None)
 
 
 def _power_factors(array: MicrolensArray, wavelengths: tuple[float, ...]) -> Floats | None:

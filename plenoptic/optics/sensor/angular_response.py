@@ -77,11 +77,6 @@ class AngularResponse:
             Slopes against the sensor's normal of the way back towards the lens.
         x, y : array_like, optional
             Points of the sensor in mm.
-
-        Returns
-        -------
-        array
-            The shape of all broadcast.
         """
         sx, sy = np.asarray(slope_x, dtype=np.float64), np.asarray(slope_y, dtype=np.float64)
         cos = 1.0 / np.sqrt(1.0 + sx**2 + sy**2)

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import enum
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.core.values import choice, frozen_array
 from plenoptic.errors import InvalidValueError
-
-__all__ = ["BayerPattern"]
 
 _CHANNELS = {"R": 0, "G": 1, "B": 2}
 _LONGEST_PERIOD = 64
@@ -24,8 +22,8 @@ class BayerPattern(enum.IntEnum):
 
     Examples
     --------
-    >>> from plenoptic.optics.sensor.color_filter import BayerPattern
-    >>> BayerPattern.RGGB.channels
+    >>> import plenoptic as pl
+    >>> pl.BayerPattern.RGGB.channels
     array([[0, 1],
            [1, 2]])
     """
@@ -45,7 +43,11 @@ class BayerPattern(enum.IntEnum):
         return np.array([_CHANNELS[letter] for letter in self.name]).reshape(2, 2)
 
 
-def as_filters(given: Any, name: str) -> BayerPattern | NDArray[np.int64]:
+Filters: TypeAlias = BayerPattern | NDArray[np.int64]
+"""On each pixel: a Bayer pattern, or one period (p, q) of any pattern as channels."""
+
+
+def as_filters(given: Any, name: str) -> Filters:
     """A Bayer pattern, or any periodic one as a read-only (p, q) array of channels; an error for anything else."""
     if isinstance(given, str | int | np.integer):
         return choice(given, BayerPattern, name)
@@ -61,14 +63,12 @@ def as_filters(given: Any, name: str) -> BayerPattern | NDArray[np.int64]:
     return frozen_array(raw, name=name, shape=("p", "q"), dtype=np.int64)
 
 
-def pattern_of(filters: BayerPattern | NDArray[np.int64]) -> NDArray[np.int64]:
+def pattern_of(filters: Filters) -> NDArray[np.int64]:
     """The (p, q) channels of one period."""
     return filters.channels if isinstance(filters, BayerPattern) else filters
 
 
-def channels_of(
-    filters: BayerPattern | NDArray[np.int64], shape: tuple[int, int], first: tuple[int, int] = (0, 0)
-) -> NDArray[np.int64]:
+def channels_of(filters: Filters, shape: tuple[int, int], first: tuple[int, int] = (0, 0)) -> NDArray[np.int64]:
     """Channels of the `shape` pixels from the pixel `first` (row, column) of the sensor on."""
     pattern = pattern_of(filters)
     rows = (first[0] + np.arange(shape[0])) % pattern.shape[0]
@@ -77,7 +77,7 @@ def channels_of(
     return found
 
 
-def bayer_from(filters: BayerPattern | NDArray[np.int64], first: tuple[int, int]) -> BayerPattern | None:
+def bayer_from(filters: Filters, first: tuple[int, int]) -> BayerPattern | None:
     """The Bayer pattern that the pixel `first` begins; None where the filters are no Bayer pattern."""
     begins = channels_of(filters, (2, 2), first)
     period = pattern_of(filters).shape

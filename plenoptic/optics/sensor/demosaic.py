@@ -10,9 +10,7 @@ from numpy.typing import NDArray
 from plenoptic.core.files import images
 from plenoptic.core.values import Floats, choice
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.sensor.color_filter import BayerPattern, bayer_from, channels_of, pattern_of
-
-__all__ = ["DemosaicMethod"]
+from plenoptic.optics.sensor.color_filter import Filters, bayer_from, channels_of, pattern_of
 
 
 class DemosaicMethod(enum.IntEnum):
@@ -27,8 +25,8 @@ class DemosaicMethod(enum.IntEnum):
 
     Examples
     --------
-    >>> from plenoptic.optics.sensor.demosaic import DemosaicMethod
-    >>> DemosaicMethod.MHC.name
+    >>> import plenoptic as pl
+    >>> pl.DemosaicMethod.MHC.name
     'MHC'
     """
 
@@ -46,9 +44,7 @@ _ALGORITHMS = {DemosaicMethod.LINEAR: "linear", DemosaicMethod.MHC: "MHC"}
 """As OpenImageIO calls them."""
 
 
-def demosaiced(
-    mosaic: Floats, filters: BayerPattern | NDArray[np.int64], first: tuple[int, int], method: DemosaicMethod
-) -> NDArray[np.float32]:
+def demosaiced(mosaic: Floats, filters: Filters, first: tuple[int, int], method: DemosaicMethod) -> NDArray[np.float32]:
     """(H, W, 3) from (H, W), whose first pixel is the pixel `first` (row, column) of the sensor."""
     method = choice(method, DemosaicMethod, "method")
     if method == DemosaicMethod.WEIGHTED_MEAN:

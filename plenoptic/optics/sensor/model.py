@@ -5,16 +5,25 @@ from __future__ import annotations
 import enum
 import math
 from dataclasses import KW_ONLY
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import Floats, choice, frozen_array, not_negative, number, positive, set_field, value, whole
+from plenoptic.core.values import (
+    Floats,
+    Given,
+    choice,
+    frozen_array,
+    not_negative,
+    number,
+    positive,
+    set_field,
+    value,
+    whole,
+)
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.sensor.color_filter import BayerPattern, as_filters, pattern_of
-
-__all__ = ["SensorModel", "ShotNoise"]
+from plenoptic.optics.sensor.color_filter import BayerPattern, Filters, as_filters, pattern_of
 
 FEWEST_BITS, MOST_BITS = 8, 16
 
@@ -34,8 +43,8 @@ class ShotNoise(enum.IntEnum):
 
     Examples
     --------
-    >>> from plenoptic.optics.sensor.model import ShotNoise
-    >>> ShotNoise.POISSON
+    >>> import plenoptic as pl
+    >>> pl.ShotNoise.POISSON
     <ShotNoise.POISSON: 1>
     """
 
@@ -120,11 +129,10 @@ class SensorModel:
 
     Examples
     --------
-    >>> from plenoptic.optics.sensor.color_filter import BayerPattern
-    >>> from plenoptic.optics.sensor.model import SensorModel
-    >>> sensor = SensorModel(
+    >>> import plenoptic as pl
+    >>> sensor = pl.SensorModel(
     ...     photon_rate=2.0e6, exposure_time=0.01, quantum_efficiency=(0.4, 0.55, 0.45), gain=0.25, black_level=64,
-    ...     bits=12, full_well=15000, colour_filters=BayerPattern.RGGB, read_noise=3.0, prnu=0.008,
+    ...     bits=12, full_well=15000, colour_filters=pl.BayerPattern.RGGB, read_noise=3.0, prnu=0.008,
     ... )
     >>> sensor.electrons_per_unit
     array([ 8000., 11000.,  9000.])
@@ -132,15 +140,15 @@ class SensorModel:
     3814.0
     """
 
-    photon_rate: float | tuple[float, float, float]
+    photon_rate: Given[float | tuple[float, float, float], float | ArrayLike]
     _: KW_ONLY
     exposure_time: float = 1.0
-    quantum_efficiency: float | tuple[float, float, float] = 1.0
+    quantum_efficiency: Given[float | tuple[float, float, float], float | ArrayLike] = Given(default=1.0)
     gain: float = 1.0
     black_level: float = 0.0
     bits: int | None = 12
     full_well: float | None = None
-    colour_filters: BayerPattern | NDArray[np.int64] | None = None
+    colour_filters: Given[Filters | None, BayerPattern | ArrayLike | None] = Given(default=None)
     shot_noise: ShotNoise = ShotNoise.POISSON
     read_noise: float = 0.0
     row_noise: float = 0.0
@@ -148,36 +156,10 @@ class SensorModel:
     prnu: float = 0.0
     dsnu: float = 0.0
     column_dsnu: float = 0.0
-    dead: float | NDArray[np.int64] = 0.0
-    hot: float | NDArray[np.int64] = 0.0
+    dead: Given[float | NDArray[np.int64], float | ArrayLike] = Given(default=0.0)
+    hot: Given[float | NDArray[np.int64], float | ArrayLike] = Given(default=0.0)
     hot_current: float = math.inf
     pattern_seed: int = 0
-
-    if TYPE_CHECKING:
-
-        def __init__(  # noqa: PLR0913
-            self,
-            photon_rate: float | ArrayLike,
-            *,
-            exposure_time: float = 1.0,
-            quantum_efficiency: float | ArrayLike = 1.0,
-            gain: float = 1.0,
-            black_level: float = 0.0,
-            bits: int | None = 12,
-            full_well: float | None = None,
-            colour_filters: BayerPattern | ArrayLike | None = None,
-            shot_noise: ShotNoise = ShotNoise.POISSON,
-            read_noise: float = 0.0,
-            row_noise: float = 0.0,
-            dark_current: float = 0.0,
-            prnu: float = 0.0,
-            dsnu: float = 0.0,
-            column_dsnu: float = 0.0,
-            dead: float | ArrayLike = 0.0,
-            hot: float | ArrayLike = 0.0,
-            hot_current: float = math.inf,
-            pattern_seed: int = 0,
-        ) -> None: ...
 
     def __post_init__(self) -> None:
         set_field(self, "photon_rate", _per_channel(self.photon_rate, "photon_rate"))

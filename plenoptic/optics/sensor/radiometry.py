@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from plenoptic.core.values import finite, not_negative, positive, wavelength_in_nm
 
-__all__ = ["dark_current_at", "photon_rate"]
-
 PLANCK = 6.62607015e-34
 """J s; exact (SI, 2019)."""
 LIGHT_SPEED = 299792458.0
@@ -13,7 +11,7 @@ LIGHT_SPEED = 299792458.0
 
 
 def photon_rate(*, radiance: float, pixel_pitch: float, wavelength: float) -> float:
-    """Photons that fall on a pixel each second where the image is 1.
+    """Photons that fall on a pixel each second where the image is 1, for `SensorModel`.
 
     An image is radiance in scene units times steradian, so a value of 1 is the irradiance E = `radiance` sr, and
 
@@ -29,11 +27,6 @@ def photon_rate(*, radiance: float, pixel_pitch: float, wavelength: float) -> fl
     wavelength : float
         Of the light in vacuum, nm. For colours, take one rate for each channel.
 
-    Returns
-    -------
-    float
-        Photons per pixel and second, for `SensorModel`.
-
     Raises
     ------
     InvalidValueError
@@ -45,8 +38,8 @@ def photon_rate(*, radiance: float, pixel_pitch: float, wavelength: float) -> fl
 
     Examples
     --------
-    >>> from plenoptic.optics.sensor.radiometry import photon_rate
-    >>> round(photon_rate(radiance=1.0, pixel_pitch=0.010, wavelength=550.0))
+    >>> import plenoptic as pl
+    >>> round(pl.sensor.photon_rate(radiance=1.0, pixel_pitch=0.010, wavelength=550.0))
     276876411
     """
     watts = positive(radiance, "radiance", "W/(m^2 sr)") * (1e-3 * positive(pixel_pitch, "pixel_pitch", "mm")) ** 2
@@ -56,7 +49,7 @@ def photon_rate(*, radiance: float, pixel_pitch: float, wavelength: float) -> fl
 def dark_current_at(
     temperature: float, *, rate: float, reference_temperature: float, doubling_temperature: float
 ) -> float:
-    """The dark current at a temperature, from that at another: rate 2^((T - T_ref) / T_d).
+    """The dark current at a temperature, from that at another: rate 2^((T - T_ref) / T_d), in electrons per second.
 
     Parameters
     ----------
@@ -69,11 +62,6 @@ def dark_current_at(
     doubling_temperature : float
         T_d in kelvin, the step that doubles the dark current; about 6 to 8 K near room temperature for silicon.
 
-    Returns
-    -------
-    float
-        Electrons per second, for `SensorModel`.
-
     Raises
     ------
     InvalidValueError
@@ -85,8 +73,8 @@ def dark_current_at(
 
     Examples
     --------
-    >>> from plenoptic.optics.sensor.radiometry import dark_current_at
-    >>> dark_current_at(34.0, rate=10.0, reference_temperature=20.0, doubling_temperature=7.0)
+    >>> import plenoptic as pl
+    >>> pl.sensor.dark_current_at(34.0, rate=10.0, reference_temperature=20.0, doubling_temperature=7.0)
     40.0
     """
     given = not_negative(rate, "rate", "electrons/s")

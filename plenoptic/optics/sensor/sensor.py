@@ -83,16 +83,9 @@ class Sensor:
         return 0.5 * float(np.hypot(*self.size))
 
     def centre_of(self, row: NDArray[np.integer] | int, column: NDArray[np.integer] | int) -> Floats:
-        """Centres of pixels on the sensor, which is read out rotated by 180 degrees.
+        """Centres (..., 2) of pixels in mm on the sensor, which is read out rotated by 180 degrees.
 
-        Parameters
-        ----------
-        row, column : int or arrays of int
-
-        Returns
-        -------
-        (..., 2) array
-            x = -(column + 1/2 - W/2) pitch and y = (row + 1/2 - H/2) pitch in mm.
+        x = -(column + 1/2 - W/2) pitch and y = (row + 1/2 - H/2) pitch.
 
         Examples
         --------
@@ -106,17 +99,9 @@ class Sensor:
         return np.stack(np.broadcast_arrays(x, y), axis=-1)
 
     def pixel_of(self, points: ArrayLike) -> Floats:
-        """Row and column of points on the sensor, as fractions: the inverse of `centre_of`.
+        """Row and column (..., 2) of points (..., 2) on the sensor, in mm: the inverse of `centre_of`.
 
-        Parameters
-        ----------
-        points : (..., 2) array
-            x and y in mm.
-
-        Returns
-        -------
-        (..., 2) array
-            Row and column; whole numbers are centres of pixels.
+        Whole numbers are centres of pixels.
 
         Examples
         --------

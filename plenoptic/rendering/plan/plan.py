@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.checks import check_scene_and_camera
 from plenoptic.core.values import whole
@@ -58,48 +56,21 @@ def plan(  # noqa: PLR0913
     left out  blemishes              no dust and no scratches
     ...
     """
-    check_arguments(scene, camera, samples=samples, replicates=replicates, max_bounces=max_bounces)
+    check_scene_and_camera(scene, camera)
     settings = RenderSettings(max_bounces, caustics, clamp, sampler)
-    subject = Subject(scene, camera, int(samples), int(replicates), checked_truth(truth), settings)
-    return plan_for(subject)
+    paths, independent = whole(samples, "samples", at_least=1), whole(replicates, "replicates", at_least=1)
+    return plan_for(Subject(scene, camera, paths, independent, checked_truth(truth), settings))
 
 
 def plan_for(subject: Subject) -> Plan:
     """The plan for what another one was made for, changed or not."""
-    scene = subject.scene
-    decided = plan_stages(
-        None if scene is None else prepared_scene(scene).record,
-        subject.camera,
-        subject.settings,
-        samples=subject.samples,
-        replicates=subject.replicates,
-        truth=subject.truth,
-    )
-    return dataclasses.replace(decided, subject=subject)
+    return plan_stages(None if subject.scene is None else prepared_scene(subject.scene).record, subject)
 
 
-def check_arguments(
-    scene: Scene | None, camera: PlenopticCamera, *, samples: int, replicates: int, max_bounces: int
-) -> None:
-    """Raise where a render with these arguments is impossible."""
-    check_scene_and_camera(scene, camera)
-    whole(samples, "samples", at_least=1)
-    whole(replicates, "replicates", at_least=1)
-    whole(max_bounces, "max_bounces", at_least=0)
-
-
-def plan_stages(
-    record: SceneRecord | None,
-    camera: PlenopticCamera,
-    settings: RenderSettings,
-    *,
-    samples: int,
-    replicates: int,
-    truth: Truth,
-) -> Plan:
-    """`plan` for a scene that is compiled already."""
-    meshes = record is not None and record.geometry is not None
-    asked, independent = checked_truth(truth), min(samples, replicates)
+def plan_stages(record: SceneRecord | None, subject: Subject) -> Plan:
+    """`plan_for` with the record of the subject's scene."""
+    camera, settings, meshes = subject.camera, subject.settings, record is not None and record.geometry is not None
+    asked, independent = checked_truth(subject.truth), min(subject.samples, subject.replicates)
     found = available_truth(asked, meshes=meshes, microlenses=camera.microlenses is not None)
     replicated = f"{independent} independent replicate{'s' * (independent != 1)}"
     apart, clamp = settings.caustics is Caustics.LEFT_OUT, settings.clamp
@@ -120,5 +91,6 @@ def plan_stages(
                 truth_names(found),
             ),
             decide(Stage.STANDARD_ERROR, independent >= 2, replicated, replicated),
-        )
+        ),
+        subject,
     )

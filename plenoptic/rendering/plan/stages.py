@@ -83,25 +83,7 @@ class Decision:
 
 @value
 class Subject:
-    """What a plan was made for; `plan` checks it.
-
-    Parameters
-    ----------
-    scene : Scene or None
-        None: a white image.
-    camera : PlenopticCamera
-    samples, replicates : int
-    truth : Truth
-    settings : RenderSettings
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
-    ...     sensor=pl.Sensor(shape=(16, 16), pixel_pitch=0.01), stop_to_microlenses=130.0)
-    >>> pl.plan(pl.shapes.white_plane(), camera, max_bounces=3).subject.settings.max_bounces
-    3
-    """
+    """What is planned or rendered: a scene (None: a white image), the camera, and what the paths are."""
 
     scene: Scene | None
     camera: PlenopticCamera

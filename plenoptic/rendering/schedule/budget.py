@@ -83,14 +83,6 @@ class Budget(NamedTuple):
         return done
 
 
-def checked_samples(samples: int) -> int:
-    """A number of samples of a pixel that can be counted."""
-    number = whole(samples, "samples", at_least=1)
-    if number > MAX_SAMPLES:
-        raise InvalidValueError(f"samples is {number}; it must be at most {MAX_SAMPLES} of a pixel")
-    return number
-
-
 def checked_target(target_error: float, name: str = "target_error") -> float:
     """A relative error that can be aimed at: above 0 and below 1."""
     target = positive(target_error, name)
@@ -112,7 +104,9 @@ def checked_budget(
         )
     limit = None if time_limit is None else positive(time_limit, "time_limit", "s")
     target = None if target_error is None else checked_target(target_error)
-    most = None if samples is None else checked_samples(samples)
+    most = None if samples is None else whole(samples, "samples", at_least=1)
+    if most is not None and most > MAX_SAMPLES:
+        raise InvalidValueError(f"samples is {most}; it must be at most {MAX_SAMPLES} of a pixel")
     independent = whole(replicates, "replicates", at_least=1)
     if independent > _MOST_REPLICATES:
         raise InvalidValueError(f"replicates is {independent}; it must be at most {_MOST_REPLICATES}")

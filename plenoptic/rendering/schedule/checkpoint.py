@@ -71,9 +71,7 @@ class Checkpoint:
         self._path = file_path(path)
         self._interval = positive(interval, "checkpoint_interval", "s")
         self._identity: dict[str, str] = {}
-        self._saved = self._begin = time.perf_counter()
-        self._begin_cpu = time.process_time()
-        self._before = (0.0, 0.0)
+        self._saved = time.perf_counter()
         self._kept = -1
         """Samples of all tiles in the file."""
 
@@ -85,7 +83,6 @@ class Checkpoint:
         found = load_checkpoint(self._path, self._identity)
         if found is not None:
             progress.restore(*found)
-            self._before = (progress.seconds, progress.cpu_seconds)
             self._kept = int(progress.done.sum())
         else:
             self._write(progress)  # a file that cannot be written is better known now
@@ -97,7 +94,6 @@ class Checkpoint:
 
     def save(self, progress: Progress) -> None:
         """Write the file unless it is up to date; a failure is a warning, since what is rendered is still there."""
-        self._time(progress)
         if self._kept == progress.done.sum():
             return
         try:
@@ -107,13 +103,9 @@ class Checkpoint:
             warnings.warn(f"the checkpoint has not been written: {error}", stacklevel=2)
 
     def _write(self, progress: Progress) -> None:
-        self._time(progress)
+        progress.note_time()
         save_checkpoint(self._path, self._identity, progress.arrays(), progress.facts())
         self._kept, self._saved = int(progress.done.sum()), time.perf_counter()
-
-    def _time(self, progress: Progress) -> None:
-        progress.seconds = self._before[0] + time.perf_counter() - self._begin
-        progress.cpu_seconds = self._before[1] + time.process_time() - self._begin_cpu
 
 
 def save_checkpoint(
@@ -122,40 +114,11 @@ def save_checkpoint(
     arrays: Mapping[str, NDArray[Any]],
     facts: Mapping[str, Any],
 ) -> None:
-    """Save the state of a render, in place of the state that the file had.
+    """Save the state of a render, in place of the state that the file had: one of the same identity, or none.
 
-    Parameters
-    ----------
-    path : str or path
-        A file that does not exist yet, or a checkpoint of the same identity.
-    identity : mapping of str to str
-        From `identity`.
-    arrays : mapping of str to array
-        Booleans, integers, floats or complex numbers of any shape; every bit is kept. They must not change meanwhile.
-    facts : mapping
-        Numbers, texts, and lists of them.
-
-    Raises
-    ------
-    FileError
-        Where the file is something else or cannot be written; it stays as it was, and nothing is left beside it.
-    InvalidValueError
-        Where arrays or facts are of other kinds.
-
-    Notes
-    -----
-    Of the old file only the header is looked at, twice: before writing and when the new one is complete.
-
-    Examples
-    --------
-    >>> import tempfile, numpy as np
-    >>> from pathlib import Path
-    >>> from plenoptic.rendering.schedule.checkpoint import load_checkpoint, save_checkpoint
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     path = Path(folder) / "state"
-    ...     save_checkpoint(path, {"seed": "3"}, {"sums": np.arange(3.0)}, {"samples": 16})
-    ...     load_checkpoint(path, {"seed": "3"})
-    ({'sums': array([0., 1., 2.])}, {'samples': 16})
+    Arrays hold booleans or numbers, of which every bit is kept, and must not change meanwhile; facts are numbers, texts
+    and lists of them. Of the old file only the header is looked at, twice: before writing and when the new one is
+    complete. Where something else is there, or writing fails, the file stays as it was and nothing is left beside it.
     """
     target = real_path(path)
     kept = {name: _storable(name, array) for name, array in arrays.items()}
@@ -169,31 +132,10 @@ def save_checkpoint(
 def load_checkpoint(
     path: str | os.PathLike[str], identity: Mapping[str, str]
 ) -> tuple[dict[str, NDArray[Any]], dict[str, Any]] | None:
-    """Load the state of a render.
+    """Arrays, which may be written to, and facts of a render of this identity; None where there is no file but can be.
 
-    Parameters
-    ----------
-    path : str or path
-    identity : mapping of str to str
-        Of the render that is to go on, from `identity`.
-
-    Returns
-    -------
-    (dict of str to array, dict) or None
-        The arrays, which may be written to, and the facts, with lists for tuples. None where there is no file but can
-        be one.
-
-    Raises
-    ------
-    FileError
-        For a file that is no checkpoint, damaged, cut off, of another version of the format or of another render;
-        and where there is none, and no folder to save it in.
-
-    Examples
-    --------
-    >>> from plenoptic.rendering.schedule.checkpoint import load_checkpoint
-    >>> load_checkpoint("none-yet.checkpoint", {"seed": "3"}) is None
-    True
+    A FileError for a file that is no checkpoint, damaged, cut off, of another version of the format or of another
+    render, and where there is no folder to save it in.
     """
     target = real_path(path)
     if not is_there(target):

@@ -20,17 +20,7 @@ _FINISHING = 7e-8
 
 
 class Clock:
-    """How much can be done until a time limit.
-
-    Examples
-    --------
-    >>> import time
-    >>> from plenoptic.rendering.schedule.clock import Clock
-    >>> clock = Clock(time.perf_counter(), 0.5)
-    >>> clock.note(paths=1000, seconds=0.01)
-    >>> clock.has_time(1000), clock.has_time(1_000_000), clock.over
-    (True, False, True)
-    """
+    """How much can be done until a time limit."""
 
     def __init__(self, begin: float, limit: float | None, numbers: int = 0) -> None:
         """`numbers`: of the image, pixels times channels."""

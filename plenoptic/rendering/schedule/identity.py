@@ -15,44 +15,16 @@ from plenoptic.core.color.spectra import colour_tables
 from plenoptic.core.files.digest import MARK, digest
 from plenoptic.errors import InvalidValueError
 from plenoptic.scene.compile import SceneRecord
-from plenoptic.scene.scene import Scene
 
 
-def identity(scene: Scene | SceneRecord | None, camera: PlenopticCamera, **facts: Any) -> dict[str, str]:
-    """What a render is of: two of the same identity add up to the same image.
+def identity(scene: SceneRecord | None, camera: PlenopticCamera, **facts: Any) -> dict[str, str]:
+    """What a render is of, in texts, or digests of what is long: two of the same identity add up to the same image.
 
-    Parameters
-    ----------
-    scene : Scene, SceneRecord or None
-        None for white images. The record of a scene is the same as the scene.
-    camera : PlenopticCamera
-        Media of other origin than this package count by their indices at the wavelengths of the camera.
-    **facts
-        What else the image depends on: numbers, texts, enums, tuples of them, and values of this package.
-
-    Returns
-    -------
-    dict of str to str
-        The version of this package, fields of the camera and of values among the facts one by one, and facts: short
-        texts, or digests of what is long. The same in every process.
-
-    Raises
-    ------
-    InvalidValueError
-        For facts and parts of the camera that cannot be told apart in another process.
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> from plenoptic.rendering.schedule.identity import identity
-    >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
-    ...     sensor=pl.Sensor(shape=(4, 4), pixel_pitch=0.01), stop_to_microlenses=130.0)
-    >>> found = identity(pl.Scene(background=1.0), camera, seed=3, settings=pl.rendering.RenderSettings())
-    >>> found["seed"], found["camera.wavelength"], found["settings.sampler"], found["scene"] == found["camera.lens"]
-    ('3', '587.6', 'SOBOL', False)
+    It has the version of this package, the fields of the camera and of values among the facts one by one, and facts:
+    numbers, texts, enums and tuples of them. Media of other origin than this package count by their indices at the
+    wavelengths of the camera. The same in every process; an InvalidValueError for what cannot be told apart there.
     """
-    record = scene.tables() if isinstance(scene, Scene) else scene
-    found = {"plenoptic": __version__, "scene": _text(record)}
+    found = {"plenoptic": __version__, "scene": _text(scene)}
     for name, fact in {"camera": camera, **facts}.items():
         parts = dataclasses.fields(fact) if dataclasses.is_dataclass(fact) else ()
         for part in parts:
@@ -63,14 +35,7 @@ def identity(scene: Scene | SceneRecord | None, camera: PlenopticCamera, **facts
 
 
 def differences(theirs: Mapping[str, str], ours: Mapping[str, str]) -> Iterator[str]:
-    """What is different in their identity from ours, in words.
-
-    Examples
-    --------
-    >>> from plenoptic.rendering.schedule.identity import differences
-    >>> list(differences({"seed": "1", "clamp": "None"}, {"seed": "2", "clamp": "None"}))
-    ['seed 1, not 2']
-    """
+    """What is different in their identity from ours, in words: seed 1, not 2."""
     for name in {**ours, **theirs}:
         one, other = theirs.get(name), ours.get(name)
         if one == other:

@@ -13,15 +13,6 @@ class Interrupts:
     """While it is entered, the first SIGINT is noted in `asked` and the next ones go to the handler before.
 
     Only the main thread can listen to signals; elsewhere, and where SIGINT is not handled by Python, nothing changes.
-
-    Examples
-    --------
-    >>> import signal
-    >>> from plenoptic.rendering.schedule.interrupts import Interrupts
-    >>> with Interrupts() as interrupts:
-    ...     signal.raise_signal(signal.SIGINT)
-    ...     interrupts.asked
-    True
     """
 
     def __init__(self, on_first: Callable[[], None] = lambda: None) -> None:

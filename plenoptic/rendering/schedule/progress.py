@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,8 +17,8 @@ from plenoptic.rendering.tile import NAMED, Tile, TileResult
 _COUNTED = ("paths", "nonfinite", "met", "light", "clamped", "seconds", "cpu_seconds")
 
 
-class Setting(NamedTuple):
-    """What a film's numbers mean."""
+class FilmRegion(NamedTuple):
+    """Where a film lies on the sensor, and what its numbers mean."""
 
     row: int
     column: int
@@ -47,13 +48,15 @@ class Progress:
         tiles: list[Tile],
         shape: tuple[int, int, int],
         budget: Budget,
-        setting: Setting,
+        region: FilmRegion,
         truth: dict[str, NDArray[Any]],
         codes: int,
         *,
         batches: bool,
+        begin: tuple[float, float],
     ) -> None:
-        self.tiles, self.budget, self.setting, self.truth = tiles, budget, setting, truth
+        """`begin`: of the render, on the clock and in processor time."""
+        self.tiles, self.budget, self.region, self.truth = tiles, budget, region, truth
         replicates = budget.replicates
         self.film = Film(shape, counts=replicate_counts(budget.max_samples, replicates))
         self.sums = None
@@ -77,6 +80,7 @@ class Progress:
         self.nonfinite_paths: list[tuple[int, int, int]] = []
         self.paths = self.nonfinite = self.met = 0
         self.light = self.clamped = self.seconds = self.cpu_seconds = 0.0
+        self._begin, self._before = begin, (0.0, 0.0)
 
     def pending(self) -> list[int]:
         """Tiles that need further samples, in order. Those that wait for a decision are not among them."""
@@ -96,17 +100,18 @@ class Progress:
         first = not self.done[i]
         self.done[i] += result.batch.samples
         done, tile = int(self.done[i]), result.tile
-        assert self.sums is not None or done == result.batch.samples == self.budget.max_samples, (
-            "one batch must hold all"
-        )
+        # Without sums, one batch must hold all.
+        assert self.sums is not None or done == result.batch.samples == self.budget.max_samples
         if self.sums is not None:
             self.sums[at] = result.sums
-        where = None if self.open[i].all() else self.open[i][self._colours(tile)]
+        where = None if self.open[i].all() else self.open[i][_colours(tile)]
         counts = None if self.sums is None else replicate_counts(done, self.budget.replicates)
-        found = self.film.add(at[0].start, at[1].start, self._scaled(result.sums), counts=counts, where=where)
+        sums, fill_factor = result.sums, self.region.fill_factor
+        scaled = sums if fill_factor == 1 else fill_factor * sums
+        found = self.film.add(at[0].start, at[1].start, scaled, counts=counts, where=where)
         if first:
             if self.one_sample is not None:
-                brought = self.setting.fill_factor * self.setting.radiance * result.weights
+                brought = fill_factor * self.region.radiance * result.weights
                 self.one_sample[at] = np.minimum(brought, np.finfo(np.float32).max)
             for name, array in (result.truth or {}).items():
                 self.truth[name][at] = array
@@ -134,7 +139,7 @@ class Progress:
         if self.seen is None or (self.done < self.budget.enough)[going].any():
             self.goal[going] = [self.budget.within(int(done), affordable) for done in self.done[going]]
             return
-        colours = np.add.outer(*(np.arange(length) for length in self.seen.shape[1:])) + sum(self.setting[:2])
+        colours = np.add.outer(*(np.arange(length) for length in self.seen.shape[1:])) + sum(self.region[:2])
         bright, squares = self.seen
         surely = np.maximum(bright * (1.0 - np.sqrt(squares)), 0.0)
         levels = [lit_level(surely[colours % 2 == colour]) for colour in range(2)]
@@ -147,7 +152,7 @@ class Progress:
         at, done = self._places(i), int(self.done[i])
         freedom = min(done, self.budget.replicates) - 1
         error = spread(mean, squares, float(done), float(freedom), self.one_sample[at])
-        where = self.open[i][1 - self._colours(self.tiles[i])]
+        where = self.open[i][1 - _colours(self.tiles[i])]
         bright = brightness(mean)
         self.seen[0][at][where] = bright[where]
         self.seen[1][at][where] = relative_squares(bright, error)[where]
@@ -158,7 +163,7 @@ class Progress:
         assert target is not None and self.seen is not None
         rows, columns = self._places(i)
         bright, squares = self.seen[:, rows, columns]
-        colours = self._colours(self.tiles[i])
+        colours = _colours(self.tiles[i])
         going = []
         for colour in range(2):
             lit = (colours == 1 - colour) & (bright > levels[1 - colour])
@@ -189,19 +194,22 @@ class Progress:
                 self.film.sample_counts[self._places(i)] = done
         return self.film.sample_counts
 
+    def note_time(self) -> None:
+        """What has passed until now, with what had passed in the process before."""
+        self.seconds = self._before[0] + time.perf_counter() - self._begin[0]
+        self.cpu_seconds = self._before[1] + time.process_time() - self._begin[1]
+
     def arrays(self) -> dict[str, NDArray[Any]]:
         """What a checkpoint keeps, by name: views that `restore` fills."""
-        kept = {"mean": self.film.mean, "counts": self.counts}
-        kept |= {"done": self.done, "goal": self.goal, "open": self.open}
-        optional = {"squares": self.film.squares, "one_sample": self.one_sample}
-        optional |= {"sums": self.sums, "sample_counts": self.film.sample_counts, "seen": self.seen}
-        kept |= {name: array for name, array in optional.items() if array is not None}
-        return kept | {f"truth.{name}": array for name, array in self.truth.items()}
+        named = {"mean": self.film.mean, "counts": self.counts, "done": self.done, "goal": self.goal, "open": self.open}
+        optional = {"squares": self.film.squares, "one_sample": self.one_sample, "sums": self.sums}
+        optional |= {"sample_counts": self.film.sample_counts, "seen": self.seen}
+        named |= {name: array for name, array in optional.items() if array is not None}
+        return named | {f"truth.{name}": array for name, array in self.truth.items()}
 
     def facts(self) -> dict[str, Any]:
         """What else a checkpoint keeps."""
-        numbers = {name: getattr(self, name) for name in _COUNTED}
-        return numbers | {"capped": self.capped, "nonfinite_paths": [list(path) for path in self.nonfinite_paths]}
+        return {name: getattr(self, name) for name in (*_COUNTED, "capped", "nonfinite_paths")}
 
     def restore(self, arrays: dict[str, NDArray[Any]], facts: dict[str, Any]) -> None:
         """Go on from what `arrays` and `facts` once gave."""
@@ -209,20 +217,17 @@ class Progress:
             array[...] = arrays[name]
         for name in _COUNTED:
             setattr(self, name, facts[name])
-        self.capped = bool(facts["capped"])
+        self._before, self.capped = (self.seconds, self.cpu_seconds), bool(facts["capped"])
         self.nonfinite_paths = [tuple(path) for path in facts["nonfinite_paths"]]
         self.decide()  # it may have been kept just before
 
     def _places(self, i: int) -> tuple[slice, slice]:
         tile = self.tiles[i]
-        row, column = tile.row - self.setting.row, tile.column - self.setting.column
+        row, column = tile.row - self.region.row, tile.column - self.region.column
         return slice(row, row + tile.rows), slice(column, column + tile.columns)
 
-    def _scaled(self, sums: Floats) -> Floats:
-        return sums if self.setting.fill_factor == 1 else self.setting.fill_factor * sums
 
-    @staticmethod
-    def _colours(tile: Tile) -> NDArray[np.int64]:
-        """(rows, columns): 0 and 1 like a checkerboard's squares, by the place on the sensor."""
-        rows, columns = np.arange(tile.rows) + tile.row, np.arange(tile.columns) + tile.column
-        return np.asarray(np.add.outer(rows, columns) % 2)
+def _colours(tile: Tile) -> NDArray[np.int64]:
+    """(rows, columns): 0 and 1 like a checkerboard's squares, by the place on the sensor."""
+    rows, columns = np.arange(tile.rows) + tile.row, np.arange(tile.columns) + tile.column
+    return np.asarray(np.add.outer(rows, columns) % 2)

@@ -13,12 +13,7 @@ _SHARE = 50
 
 
 class ProgressBar:
-    """Shown with tqdm, in terminals and notebooks. Its position is that of the nearest end: samples, time or error.
-
-    Examples
-    --------
-    See `render`, `progress`.
-    """
+    """Shown with tqdm, in terminals and notebooks. Its position is that of the nearest end: samples, time or error."""
 
     def __init__(self, progress: Progress, begin: float, *, show: bool) -> None:
         self._progress, self._begin = progress, begin

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import time
 import warnings
 from collections.abc import Iterator
@@ -11,7 +12,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.checks import sensor_region
 from plenoptic.camera.sampling.pixel_regions import cells_per_pixel
 from plenoptic.camera.sampling.record import Batch
@@ -23,13 +23,13 @@ from plenoptic.optics.lens.analysis.conditioning import Conditioning
 from plenoptic.rendering.context import RenderContext, render_context
 from plenoptic.rendering.exposure import Exposure
 from plenoptic.rendering.plan.scene_stages import is_dark
+from plenoptic.rendering.plan.stages import Subject
 from plenoptic.rendering.schedule.budget import Budget
 from plenoptic.rendering.schedule.checkpoint import Checkpoint
 from plenoptic.rendering.schedule.clock import Clock
 from plenoptic.rendering.schedule.interrupts import Interrupts
-from plenoptic.rendering.schedule.progress import Progress, Setting
+from plenoptic.rendering.schedule.progress import FilmRegion, Progress
 from plenoptic.rendering.schedule.progress_bar import ProgressBar
-from plenoptic.rendering.settings import RenderSettings
 from plenoptic.rendering.stats import RenderStats, StopReason
 from plenoptic.rendering.tile import Tile, TileResult, batch_of, render_tile, status_codes
 from plenoptic.rendering.tiling import cut_into_tiles
@@ -51,23 +51,20 @@ class Work(NamedTuple):
 
     region: tuple[slice, slice] | None
     seed: int
-    truth: Truth
     threads: int | None
     tile_side: int | None
     progress: bool
     conditioning: int | None
+    checkpoint: str | os.PathLike[str] | None
+    checkpoint_interval: float
 
 
-def run(
-    scene: Scene | None,
-    camera: PlenopticCamera,
-    budget: Budget,
-    settings: RenderSettings,
-    work: Work,
-    checkpoint: Checkpoint | None,
-) -> Exposure:
-    """Render; scene None: a white image. See `render`."""
-    begin, begin_cpu = time.perf_counter(), time.process_time()
+def run(subject: Subject, budget: Budget, work: Work) -> Exposure:
+    """Render; see `render`."""
+    begin = time.perf_counter(), time.process_time()
+    camera, checkpoint = subject.camera, None
+    if work.checkpoint is not None:
+        checkpoint = Checkpoint(work.checkpoint, work.checkpoint_interval)
     seed = whole(work.seed, "seed", at_least=0)
     if seed >= 1 << 64:
         raise InvalidValueError(f"seed is {seed}; it must be below 2^64")
@@ -75,39 +72,35 @@ def run(
     region = sensor_region(camera.sensor.shape, work.region)
     if work.conditioning is not None:
         whole(work.conditioning, "conditioning", at_least=1)
-    context = render_context(
-        scene, camera, settings, samples=budget.max_samples, replicates=budget.replicates, seed=seed, truth=work.truth
-    )
+    context = render_context(subject, seed)
     if context.scene is not None and is_dark(context.scene):
         warnings.warn(
             "nothing in the scene shines and its image will be black; give it lights=[...] or a background=",
             stacklevel=3,
         )
-    kept = available_truth(
-        work.truth, meshes=context.intersector is not None, microlenses=camera.microlenses is not None
-    )
+    meshes = context.intersector is not None
+    kept = available_truth(subject.truth, meshes=meshes, microlenses=camera.microlenses is not None)
     side, tiles = cut_into_tiles(region, budget, work.tile_side, cells_per_pixel(context.camera))
-    clock = Clock(begin, budget.time_limit, sum(tile.rows * tile.columns for tile in tiles) * context.channels)
-    progress = _progress(context, budget, region, tiles, kept, clock)
+    clock = Clock(begin[0], budget.time_limit, sum(tile.pixels for tile in tiles) * context.channels)
+    progress = _progress(context, budget, region, tiles, kept, clock, begin)
     if checkpoint is not None:
         facts: dict[str, object] = {"seed": seed, "samples": budget.samples, "target_error": budget.target_error}
         facts |= {"time_limit": None if budget.time_limit is None else "given", "replicates": budget.replicates}
-        facts |= {"region": region, "truth": kept, "settings": settings, "tile_side": side}
+        facts |= {"region": region, "truth": kept, "settings": subject.settings, "tile_side": side}
         checkpoint.resume(progress, context.scene, camera, facts)
     found = None
     if work.conditioning is not None:
         from plenoptic.camera.conditioning import camera_conditioning
 
         found = camera_conditioning(context.camera, region, seed=seed, rays=work.conditioning)
-    bar = ProgressBar(progress, begin, show=work.progress)
+    bar = ProgressBar(progress, begin[0], show=work.progress)
     interrupted = _drive(progress, context, truth_record(camera, context.camera, kept), clock, workers, checkpoint, bar)
-    if scene is not None and context.intersector is not None:
-        _warn_where_unmet(progress, scene)
+    if subject.scene is not None and meshes:
+        _warn_where_unmet(progress, subject.scene)
     reason = _reason(progress, interrupted=interrupted)
-    since = (begin, begin_cpu) if checkpoint is None else None
-    shot = _exposure(progress, reason, camera, work, settings, workers, found, since)
+    shot = _exposure(progress, reason, subject, work, workers, found)
     if budget.time_limit is not None and not interrupted:
-        _warn_where_late(progress, budget.time_limit, time.perf_counter() - begin)
+        _warn_where_late(progress, budget.time_limit, time.perf_counter() - begin[0])
     return shot
 
 
@@ -118,20 +111,22 @@ def _progress(
     tiles: list[Tile],
     kept: Truth,
     clock: Clock,
+    begin: tuple[float, float],
 ) -> Progress:
     """Nothing is rendered yet."""
     first_row, end_row, first_column, end_column = region
     shape = (end_row - first_row, end_column - first_column)
     radiance = 1.0 if context.scene is None else brightest_radiance(context.scene)
-    batch = min(clock.samples_per_batch(tile.rows * tile.columns, budget.replicates) for tile in tiles)
+    batch = min(clock.samples_per_batch(tile.pixels, budget.replicates) for tile in tiles)
     return Progress(
         tiles,
         (*shape, context.channels),
         budget,
-        Setting(first_row, first_column, context.camera.sensor.fill_factor, radiance),
+        FilmRegion(first_row, first_column, context.camera.sensor.fill_factor, radiance),
         empty_truth(kept, shape),
         status_codes(context.camera),
         batches=batch < budget.max_samples,
+        begin=begin,
     )
 
 
@@ -146,13 +141,13 @@ def _drive(
 ) -> bool:
     """Render batches until nothing is pending, time is over or somebody interrupts, which is returned."""
     replicates, interrupts = context.sampling.replicates, Interrupts(bar.end)
-    kept, pixels = progress.paths, sum(tile.rows * tile.columns for tile in progress.tiles)
+    kept, pixels = progress.paths, sum(tile.pixels for tile in progress.tiles)
 
     def batches() -> Iterator[tuple[int, Batch]]:
         for i in progress.pending():
             tile = progress.tiles[i]
-            samples = min(progress.next_samples(i), clock.samples_per_batch(tile.rows * tile.columns, replicates))
-            if not clock.has_time(samples * tile.rows * tile.columns):
+            samples = min(progress.next_samples(i), clock.samples_per_batch(tile.pixels, replicates))
+            if not clock.has_time(samples * tile.pixels):
                 return
             yield i, batch_of(context.sampling, int(progress.done[i]), samples)
 
@@ -162,7 +157,7 @@ def _drive(
         wanted = truth if batch.first == 0 else None  # is found once
         before = progress.sums_of(i)
         result = render_tile(context, tile, batch, wanted, before, stopped=lambda: interrupts.asked or clock.late())
-        clock.note(batch.samples * tile.rows * tile.columns, time.perf_counter() - begin)
+        clock.note(batch.samples * tile.pixels, time.perf_counter() - begin)
         return i, result
 
     with interrupts:
@@ -230,21 +225,18 @@ def _reason(progress: Progress, *, interrupted: bool) -> StopReason:
 def _exposure(
     progress: Progress,
     reason: StopReason,
-    camera: PlenopticCamera,
+    subject: Subject,
     work: Work,
-    settings: RenderSettings,
     workers: int,
     conditioning: Conditioning | None,
-    since: tuple[float, float] | None,
 ) -> Exposure:
-    """What has been found; times are those that a checkpoint has kept, or `since` the begin on the clock and in CPU."""
+    """What has been found."""
     film, counts = progress.film, progress.sample_counts()
     if counts is not None:
         forget_truth(progress.truth, counts == 0)
     most = progress.budget.max_samples if counts is None else int(counts.max())
     image, error, agreeing = film.image(), film.standard_error(progress.one_sample), _agreeing(progress, counts)
-    if since is not None:
-        progress.seconds, progress.cpu_seconds = time.perf_counter() - since[0], time.process_time() - since[1]
+    progress.note_time()
     stats = RenderStats(
         seconds=progress.seconds,
         cpu_seconds=progress.cpu_seconds,
@@ -266,11 +258,11 @@ def _exposure(
         samples=most,
         replicates=min(progress.budget.replicates, max(most, 1)),
         seed=int(work.seed),
-        camera=camera,
-        region=None if work.region is None else sensor_region(camera.sensor.shape, work.region),
+        camera=subject.camera,
+        region=None if work.region is None else sensor_region(subject.camera.sensor.shape, work.region),
         stats=stats,
         sample_counts=None if counts is None or counts.min() == most else counts,
-        settings=settings,
+        settings=subject.settings,
     )
 
 
@@ -283,8 +275,9 @@ def _agreeing(progress: Progress, counts: NDArray[np.int32] | None) -> int:
 
 
 def _lost(counts: NDArray[np.int64]) -> tuple[tuple[str, int | None, int], ...]:
-    lost: list[tuple[str, int | None, int]] = []
-    for code in np.flatnonzero(counts[1:]) + 1:
-        element, cause = divmod(int(code), 8)
-        lost.append((RayStatus(cause).name.lower(), element - 1 if element else None, int(counts[code])))
-    return tuple(lost)
+    """Lost paths by cause and element, from paths by status."""
+    found = []
+    for code in (np.flatnonzero(counts[1:]) + 1).tolist():
+        element, cause = divmod(code, 8)
+        found.append((RayStatus(cause).name.lower(), element - 1 if element else None, int(counts[code])))
+    return tuple(found)

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from plenoptic.core.values import file_path, set_field, value
+from plenoptic.core.values import Given, file_path, set_field, value
 from plenoptic.errors import FileError, InvalidValueError, PlenopticError
 from plenoptic.scene.file_cameras import View
 from plenoptic.scene.files.gltf.file import read_gltf
@@ -46,15 +45,9 @@ class FileContents:
     Scene(1 mesh, 12 triangles)
     """
 
-    meshes: tuple[Mesh | Instances, ...] = ()
-    lights: tuple[Light, ...] = ()
-    views: tuple[View, ...] = ()
-
-    if TYPE_CHECKING:
-
-        def __init__(
-            self, meshes: Iterable[Mesh | Instances] = (), lights: Iterable[Light] = (), views: Iterable[View] = ()
-        ) -> None: ...
+    meshes: Given[tuple[Mesh | Instances, ...], Iterable[Mesh | Instances]] = Given(default=())
+    lights: Given[tuple[Light, ...], Iterable[Light]] = Given(default=())
+    views: Given[tuple[View, ...], Iterable[View]] = Given(default=())
 
     def __post_init__(self) -> None:
         for name in ("meshes", "lights", "views"):

@@ -5,13 +5,12 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from plenoptic.core.rotation import rotation_about
-from plenoptic.core.values import Floats, check_kind, finite, frozen_array, positive, set_field, value
+from plenoptic.core.values import Floats, Given, check_kind, finite, frozen_array, positive, set_field, value
 from plenoptic.errors import SceneError
 from plenoptic.scene.geometry.mesh import MAX_COORDINATE, Mesh
 from plenoptic.scene.geometry.record import InstanceRecord
@@ -54,11 +53,7 @@ class Instances:
     """
 
     mesh: Mesh
-    matrices: Floats
-
-    if TYPE_CHECKING:
-
-        def __init__(self, mesh: Mesh, matrices: ArrayLike) -> None: ...
+    matrices: Given[Floats, ArrayLike]
 
     def __post_init__(self) -> None:
         check_kind(self.mesh, "mesh", Mesh, "pl.box(4)")

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 from math import radians
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.rotation import rotation_about
-from plenoptic.core.values import Floats, finite, frozen_array, positive, set_field, value
+from plenoptic.core.values import Floats, Given, finite, frozen_array, positive, set_field, value
 from plenoptic.errors import InvalidValueError, SceneError
 from plenoptic.scene.materials.diffuse import Lambertian
 from plenoptic.scene.materials.registry import MATERIALS, Material
@@ -57,24 +56,12 @@ class Mesh:
     Mesh(3 vertices, 1 triangle, Lambertian(albedo=0.8))
     """
 
-    vertices: Floats
-    faces: NDArray[np.int32]
+    vertices: Given[Floats, ArrayLike]
+    faces: Given[NDArray[np.int32], ArrayLike]
     material: Material = Lambertian()
-    normals: Floats | None = None
-    uv: Floats | None = None
+    normals: Given[Floats | None, ArrayLike | None] = Given(default=None)
+    uv: Given[Floats | None, ArrayLike | None] = Given(default=None)
     name: str = ""
-
-    if TYPE_CHECKING:
-
-        def __init__(
-            self,
-            vertices: ArrayLike,
-            faces: ArrayLike,
-            material: Material = ...,
-            normals: ArrayLike | None = None,
-            uv: ArrayLike | None = None,
-            name: str = "",
-        ) -> None: ...
 
     def __post_init__(self) -> None:
         vertices = frozen_array(self.vertices, name="vertices", shape=(None, 3))

@@ -5,13 +5,13 @@ from __future__ import annotations
 import dataclasses
 import math
 from os import PathLike
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.rotation import rotation_about
-from plenoptic.core.values import Floats, finite, frozen_array, set_field, value
+from plenoptic.core.values import Floats, Given, finite, frozen_array, set_field, value
 from plenoptic.errors import FileError, InvalidValueError, SceneError
 from plenoptic.scene.textures.color import Colour, as_colour
 from plenoptic.scene.textures.texels import as_texels, equal_channels
@@ -89,12 +89,8 @@ class EnvironmentMap:
     [[0.3, 0.5, 1.0], [0.1, 0.1, 0.1]]
     """
 
-    texels: NDArray[np.float32]
-    rotation: Floats | None = None
-
-    if TYPE_CHECKING:
-
-        def __init__(self, texels: ArrayLike, rotation: ArrayLike | None = None) -> None: ...
+    texels: Given[NDArray[np.float32], ArrayLike]
+    rotation: Given[Floats | None, ArrayLike | None] = Given(default=None)
 
     def __post_init__(self) -> None:
         codes = "EnvironmentMap.load for image files"

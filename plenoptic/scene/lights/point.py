@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import TYPE_CHECKING
 
 from numpy.typing import ArrayLike
 
-from plenoptic.core.values import Floats, set_field, value
+from plenoptic.core.values import Floats, Given, set_field, value
 from plenoptic.scene.lights.fields import PointRow, channel_mean, place_in_mm, times
 from plenoptic.scene.textures.color import Colour, as_colour
 
@@ -43,12 +42,8 @@ class PointLight:
     PointLight(position=[0.0, 200.0, 0.0], intensity=40000.0)
     """
 
-    position: Floats
+    position: Given[Floats, ArrayLike]
     intensity: Colour = 1.0
-
-    if TYPE_CHECKING:
-
-        def __init__(self, position: ArrayLike, intensity: Colour = 1.0) -> None: ...
 
     def __post_init__(self) -> None:
         set_field(self, "position", place_in_mm(self.position, "position"))

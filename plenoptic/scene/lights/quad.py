@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic.core.values import Floats, flag, positive, set_field, value
+from plenoptic.core.values import Floats, Given, flag, positive, set_field, value
 from plenoptic.errors import SceneError
 from plenoptic.scene.geometry.mesh import Mesh
 from plenoptic.scene.lights.fields import channel_mean, direction_towards, place_in_mm
@@ -48,22 +47,11 @@ class QuadLight:
     ([0.0, 0.0, 1.0], 200.0)
     """
 
-    center: Floats
-    edge_u: Floats
-    edge_v: Floats
+    center: Given[Floats, ArrayLike]
+    edge_u: Given[Floats, ArrayLike]
+    edge_v: Given[Floats, ArrayLike]
     radiance: Colour = 1.0
     two_sided: bool = False
-
-    if TYPE_CHECKING:
-
-        def __init__(
-            self,
-            center: ArrayLike,
-            edge_u: ArrayLike,
-            edge_v: ArrayLike,
-            radiance: Colour = 1.0,
-            two_sided: bool = False,
-        ) -> None: ...
 
     def __post_init__(self) -> None:
         for name in ("center", "edge_u", "edge_v"):

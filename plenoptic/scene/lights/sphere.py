@@ -5,12 +5,11 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import Floats, positive, set_field, value
+from plenoptic.core.values import Floats, Given, positive, set_field, value
 from plenoptic.errors import SceneError
 from plenoptic.scene.geometry.mesh import MAX_COORDINATE, Mesh
 from plenoptic.scene.lights.fields import channel_mean, place_in_mm
@@ -55,13 +54,9 @@ class SphereLight:
     1280
     """
 
-    center: Floats
+    center: Given[Floats, ArrayLike]
     radius: float
     radiance: Colour = 1.0
-
-    if TYPE_CHECKING:
-
-        def __init__(self, center: ArrayLike, radius: float, radiance: Colour = 1.0) -> None: ...
 
     def __post_init__(self) -> None:
         set_field(self, "center", place_in_mm(self.center, "center"))

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic.core.values import Floats, finite, set_field, value
+from plenoptic.core.values import Floats, Given, finite, set_field, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.scene.lights.fields import PointRow, channel_mean, direction_towards, place_in_mm, times, unit_vector
 from plenoptic.scene.textures.color import Colour, as_colour
@@ -55,22 +54,11 @@ class SpotLight:
         intensity=100000.0, inner_angle=0.2, outer_angle=0.4)
     """
 
-    position: Floats
-    direction: Floats
+    position: Given[Floats, ArrayLike]
+    direction: Given[Floats, ArrayLike]
     intensity: Colour = 1.0
     inner_angle: float = 0.0
     outer_angle: float = math.pi / 4
-
-    if TYPE_CHECKING:
-
-        def __init__(
-            self,
-            position: ArrayLike,
-            direction: ArrayLike,
-            intensity: Colour = 1.0,
-            inner_angle: float = 0.0,
-            outer_angle: float = math.pi / 4,
-        ) -> None: ...
 
     def __post_init__(self) -> None:
         set_field(self, "position", place_in_mm(self.position, "position"))

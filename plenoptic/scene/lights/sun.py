@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic.core.values import Floats, finite, set_field, value
+from plenoptic.core.values import Floats, Given, finite, set_field, value
 from plenoptic.errors import InvalidValueError, SceneError
 from plenoptic.scene.lights.fields import unit_vector
 from plenoptic.scene.textures.color import Colour, as_colour
@@ -53,15 +52,9 @@ class SunLight:
     SunLight(direction=[0.0, -0.6, -0.8], irradiance=3.0)
     """
 
-    direction: Floats
+    direction: Given[Floats, ArrayLike]
     irradiance: Colour = 1.0
     angular_radius: float = SUN_RADIUS
-
-    if TYPE_CHECKING:
-
-        def __init__(
-            self, direction: ArrayLike, irradiance: Colour = 1.0, angular_radius: float = SUN_RADIUS
-        ) -> None: ...
 
     def __post_init__(self) -> None:
         set_field(self, "direction", unit_vector(self.direction, "direction"))

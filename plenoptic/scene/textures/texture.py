@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.color.srgb import Encoding
-from plenoptic.core.values import Floats, choice, set_field, value
+from plenoptic.core.values import Floats, Given, choice, set_field, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.scene.textures.texels import as_texels, check_size, equal_channels
 
@@ -100,19 +100,9 @@ class Texture:
     Lambertian(albedo=Texture(texels=<2 x 2 x 1 float32>))
     """
 
-    texels: NDArray[np.float32]
+    texels: Given[NDArray[np.float32], ArrayLike]
     wrap: Wrap | tuple[Wrap, Wrap] = dataclasses.field(default=Wrap.REPEAT, kw_only=True)
     filter: TextureFilter = dataclasses.field(default=TextureFilter.BILINEAR, kw_only=True)
-
-    if TYPE_CHECKING:
-
-        def __init__(
-            self,
-            texels: ArrayLike,
-            *,
-            wrap: Wrap | tuple[Wrap, Wrap] = Wrap.REPEAT,
-            filter: TextureFilter = TextureFilter.BILINEAR,
-        ) -> None: ...
 
     def __post_init__(self) -> None:
         codes = "Texture.from_image for image codes"

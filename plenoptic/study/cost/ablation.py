@@ -69,8 +69,8 @@ def _scene(change: Callable[..., Any]) -> _Change:
     return lambda subject: dataclasses.replace(subject, scene=change(subject.scene))
 
 
-def _materials(change: Callable[..., Any]) -> _Change:
-    return _scene(lambda scene: scene_ablation.with_materials(scene, change))
+def _materials(change: Callable[..., Any], **arguments: Any) -> _Change:
+    return _scene(lambda scene: scene_ablation.with_materials(scene, change, **arguments))
 
 
 def _settings(**changes: Any) -> _Change:
@@ -82,10 +82,8 @@ def _into_the_cameras_frame(subject: Subject) -> Subject:
     pose, scene = subject.camera.pose, subject.scene
     assert pose is not None
     if scene is not None:
-        matrix = np.eye(4)
-        matrix[:3, :3] = pose.rotation.T
-        matrix[:3, 3] = -pose.rotation.T @ pose.position
-        scene = scene.transformed(matrix)
+        to_camera = pose.rotation.T
+        scene = scene.transformed(np.vstack([np.column_stack([to_camera, -to_camera @ pose.position]), [0, 0, 0, 1]]))
     return dataclasses.replace(subject, scene=scene, camera=dataclasses.replace(subject.camera, pose=None))
 
 
@@ -123,17 +121,17 @@ _WAYS: dict[Stage, tuple[str, _Change]] = {
     Stage.POSE: ("the scene in the camera's frame", _into_the_cameras_frame),
     Stage.INTERSECTION: ("a scene without surfaces", _scene(scene_ablation.without_meshes)),
     Stage.INSTANCES: ("copies", _scene(scene_ablation.without_instances)),
-    Stage.OPACITY: ("opaque surfaces", _materials(scene_ablation.opaque)),
+    Stage.OPACITY: ("opaque surfaces", _materials(scene_ablation.with_fields, opacity=1.0, cutoff=None)),
     Stage.EMISSION: ("dark surfaces and lamps", _scene(scene_ablation.without_emission)),
     Stage.BACKGROUND: ("a black world", _scene(scene_ablation.without_world)),
     Stage.SCATTERING: ("0 bounces", _settings(max_bounces=0)),
     Stage.MATERIALS: ("Lambertian surfaces", _materials(scene_ablation.lambertian)),
-    Stage.ABSORPTION: ("clear glass", _materials(scene_ablation.clear)),
+    Stage.ABSORPTION: ("clear glass", _materials(scene_ablation.with_fields, absorption=0.0)),
     Stage.DIRECT_LIGHT: ("no lights but a constant world", _scene(scene_ablation.without_drawn_lights)),
     Stage.ONWARD_RAYS: ("one bounce", _one_bounce),
     Stage.RUSSIAN_ROULETTE: (f"at most {ROULETTE} bounces", _settings(max_bounces=ROULETTE)),
     Stage.VERTEX_NORMALS: ("flat triangles", _scene(scene_ablation.without_vertex_normals)),
-    Stage.NORMAL_MAPS: ("the normals of meshes", _materials(scene_ablation.without_normal_map)),
+    Stage.NORMAL_MAPS: ("the normals of meshes", _materials(scene_ablation.with_fields, normal_map=None)),
     Stage.TEXTURES: ("their mean colours", _materials(scene_ablation.untextured)),
     Stage.COLOUR: ("grey", _scene(scene_ablation.grey)),
     Stage.CAUSTICS_APART: ("all light alike", _settings(caustics=Caustics.KEPT)),

@@ -46,9 +46,8 @@ def _furnished_scene(camera: PlenopticCamera) -> Scene:
     ]
     lights = [*life.lights, PointLight((30, 40, -360), 2e3), SunLight((0.2, -1.0, -1.0), 0.5)]
     assert camera.pose is not None
-    world = np.eye(4)
-    world[:3, :3], world[:3, 3] = camera.pose.rotation, camera.pose.position
-    return Scene(meshes, lights, sky).transformed(world)
+    to_world = np.column_stack([camera.pose.rotation, camera.pose.position])
+    return Scene(meshes, lights, sky).transformed(np.vstack([to_world, [0, 0, 0, 1]]))
 
 
 def _curtain(rng: np.random.Generator) -> Material:

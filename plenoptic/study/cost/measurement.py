@@ -12,13 +12,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.checks import sensor_region
-from plenoptic.core.values import Floats, whole
+from plenoptic.core.values import Floats, check_kind, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.plan.stages import Plan, Subject
 from plenoptic.study.cost.ablation import Ablation, Inseparable, ablations
 from plenoptic.study.cost.table import CostRow, CostTable
-from plenoptic.study.exposures import central_region, complete, expose
+from plenoptic.study.exposures import central_pixel, complete, expose, studied_region
 
 if TYPE_CHECKING:
     from plenoptic.rendering.exposure import Exposure
@@ -88,15 +87,14 @@ def cost_of(
     """
     whole(rounds, "rounds", at_least=2)
     whole(seed, "seed", at_least=0)
-    if not isinstance(plan, Plan):
-        raise InvalidValueError(f"plan is a {type(plan).__name__}; it must be a Plan, from pl.plan(scene, camera)")
+    check_kind(plan, "plan", Plan, "pl.plan(scene, camera)")
     found = ablations(plan)
     assert plan.subject is not None
     out = [one for one in found if isinstance(one, Ablation)]
     if not out:
         raise InvalidValueError("nothing that the plan runs can be left out; choose a richer camera or scene")
-    run = _Run(samples, region or central_region(plan.subject.camera.sensor.shape, SIDE), seed, threads)
-    first, end, left, right = sensor_region(plan.subject.camera.sensor.shape, run.region)
+    window = studied_region(plan.subject.camera.sensor.shape, region, SIDE)
+    run = _Run(samples, window, seed, threads)
     took = _turns(plan.subject, out, run, rounds, progress)
     everything = np.concatenate([_per_path(took, k)[0] for k in range(len(out))])
     return CostTable(
@@ -106,7 +104,7 @@ def cost_of(
         float(np.median(took.set_up[:, 0])),
         samples=samples,
         rounds=rounds,
-        pixels=(end - first, right - left),
+        pixels=(window[0].stop - window[0].start, window[1].stop - window[1].start),
         threads=threads,
     )
 
@@ -176,8 +174,7 @@ def _turns(subject: Subject, out: list[Ablation], run: _Run, rounds: int, progre
     times = _Times(
         np.empty((n, rounds + 1)), np.empty((n, rounds)), np.empty((n, 2, set_ups)), np.ones(n + 1), pictures
     )
-    first, _, left, _ = sensor_region(subject.camera.sensor.shape, run.region)
-    one_path = run._replace(samples=1, region=(slice(first, first + 1), slice(left, left + 1)))
+    one_path = run._replace(samples=1, region=central_pixel(run.region))
     numbers = itertools.count(1)
     with tqdm(total=n * (2 * rounds + 3 + 2 * set_ups), disable=not progress) as bar:
 

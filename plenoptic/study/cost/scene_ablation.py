@@ -35,22 +35,13 @@ def _scene(meshes: Any, lights: Any, background: Any) -> Scene:
     return Scene(meshes, lights, background)
 
 
-def with_materials(scene: Scene, change: Callable[[Material], Material]) -> Scene:
+def with_materials(scene: Scene, change: Callable[..., Material], **arguments: Any) -> Scene:
     """The scene with all materials changed."""
     meshes = []
     for mesh in scene.meshes:
         material = mesh.mesh.material if isinstance(mesh, Instances) else mesh.material
-        changed = change(material)
+        changed = change(material, **arguments)
         meshes.append(mesh if changed == material else mesh.with_material(changed))
-    return dataclasses.replace(scene, meshes=tuple(meshes))
-
-
-def _with_plain(scene: Scene, change: Callable[[Mesh], Mesh]) -> Scene:
-    """The scene with all meshes changed, those that are repeated as well."""
-    meshes = [
-        dataclasses.replace(mesh, mesh=change(mesh.mesh)) if isinstance(mesh, Instances) else change(mesh)
-        for mesh in scene.meshes
-    ]
     return dataclasses.replace(scene, meshes=tuple(meshes))
 
 
@@ -69,23 +60,14 @@ def without_instances(scene: Scene) -> Scene:
     return dataclasses.replace(scene, meshes=tuple(mesh for some in copies for mesh in some))
 
 
-def _with(material: Material, **changes: Any) -> Material:
-    """A material with other values in those of its fields that are named."""
+def with_fields(material: Material, **changes: Any) -> Material:
+    """A material with other values in those of the fields named that it has."""
     return dataclasses.replace(material, **{k: v for k, v in changes.items() if k in material.__dataclass_fields__})
-
-
-def opaque(material: Material) -> Material:
-    """A material that is there for all paths."""
-    return _with(material, opacity=1.0, cutoff=None)
-
-
-def _dark(material: Material) -> Material:
-    return _with(material, emission=0.0, radiance=0.0)
 
 
 def without_emission(scene: Scene) -> Scene:
     """All surfaces dark, those of lamps too, which stay where they are."""
-    dark = with_materials(scene, _dark)
+    dark = with_materials(scene, with_fields, emission=0.0, radiance=0.0)
     lamps = [light for light in scene.lights if isinstance(light, AreaLight)]
     bodies = [light.mesh().with_material(_BLACK) for light in lamps]
     return _scene([*dark.meshes, *bodies], [light for light in scene.lights if light not in lamps], scene.background)
@@ -109,7 +91,8 @@ def _mean_of(world: EnvironmentMap) -> Colour:
     """Mean radiance of a map over the sphere: rows count by their solid angle."""
     edges = np.cos(np.pi * np.arange(world.texels.shape[0] + 1) / world.texels.shape[0])
     mean = (edges[:-1] - edges[1:]) @ world.texels.mean(axis=1, dtype=np.float64) / 2.0
-    return as_colour_of(np.broadcast_to(mean, 3))
+    red, green, blue = np.broadcast_to(mean, 3).tolist()
+    return red, green, blue
 
 
 def lambertian(material: Material) -> Material:
@@ -122,19 +105,17 @@ def lambertian(material: Material) -> Material:
     return Lambertian(0.5 if row.glass_index[0] or row.pane_index else row.base_color)
 
 
-def clear(material: Material) -> Material:
-    """Glass that does not absorb."""
-    return _with(material, absorption=0.0)
-
-
 def without_vertex_normals(scene: Scene) -> Scene:
-    """Flat triangles."""
-    return _with_plain(scene, lambda mesh: dataclasses.replace(mesh, normals=None))
+    """Flat triangles, those of meshes that are repeated as well."""
 
+    def flat(mesh: Mesh) -> Mesh:
+        return dataclasses.replace(mesh, normals=None)
 
-def without_normal_map(material: Material) -> Material:
-    """A material whose normals are those of the mesh."""
-    return _with(material, normal_map=None)
+    meshes = [
+        dataclasses.replace(mesh, mesh=flat(mesh.mesh)) if isinstance(mesh, Instances) else flat(mesh)
+        for mesh in scene.meshes
+    ]
+    return dataclasses.replace(scene, meshes=tuple(meshes))
 
 
 def _changed(one: T, change: Callable[[str, Any], Any]) -> T:
@@ -145,14 +126,8 @@ def _changed(one: T, change: Callable[[str, Any], Any]) -> T:
 
 def untextured(material: Material) -> Material:
     """A material with the mean of each of its textures."""
-    plain = without_normal_map(material)
+    plain = with_fields(material, normal_map=None)
     return _changed(plain, lambda _, field: mean_colour(field) if isinstance(field, Texture) else field)
-
-
-def as_colour_of(parts: Any) -> Colour:
-    """Three numbers as a colour."""
-    red, green, blue = (float(part) for part in parts)
-    return red, green, blue
 
 
 def _grey(name: str, field: Any) -> Any:

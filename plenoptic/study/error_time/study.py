@@ -7,16 +7,16 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
-from plenoptic.camera.checks import check_scene_and_camera, sensor_region
+from plenoptic.camera.checks import check_scene_and_camera
 from plenoptic.core.parallel import thread_count
 from plenoptic.core.values import whole, wrong_kind
 from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.exposure import Exposure
 from plenoptic.study.error_time.measurement import Runs, measured_rows
-from plenoptic.study.error_time.split import Reference, reference_of
+from plenoptic.study.error_time.split import reference_of
 from plenoptic.study.error_time.table import ErrorTable
 from plenoptic.study.error_time.variants import Variant, checked_variants, default_variants
-from plenoptic.study.exposures import central_region, complete
+from plenoptic.study.exposures import central_pixel, complete, studied_region
 
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera
@@ -124,29 +124,29 @@ def error_against_time(  # noqa: PLR0913
     count, rounds = whole(seeds, "seeds", at_least=2), whole(repeats, "repeats", at_least=1)
     chosen = default_variants(scene, camera) if variants is None else checked_variants(variants)
     cameras = {name: variant.camera_from(camera) for name, variant in chosen.items()}
-    rows, end_row, columns, end_column = sensor_region(
-        camera.sensor.shape, region or central_region(camera.sensor.shape, SIDE)
-    )
-    window = (slice(rows, end_row), slice(columns, end_column))
-    middle = tuple(slice((part.start + part.stop) // 2, (part.start + part.stop) // 2 + 1) for part in window)
+    window = studied_region(camera.sensor.shape, region, SIDE)
+    middle = central_pixel(window)
+    if isinstance(reference, Exposure):
+        _check_place(reference, window)
+    elif reference is not None and not isinstance(reference, Variant):
+        raise wrong_kind(reference, "reference", "Variant or an Exposure", "Variant(max_bounces=32)")
 
     def expose(name: str, n: int, seed: int) -> Exposure:
         return complete(chosen[name].render(scene, cameras[name], samples=n, seed=seed, region=window, threads=workers))
 
     def set_up(name: str) -> None:
-        chosen[name].render(scene, cameras[name], samples=1, seed=0, region=middle, threads=workers)  # type: ignore[arg-type]
+        chosen[name].render(scene, cameras[name], samples=1, seed=0, region=middle, threads=workers)
 
-    converged = whole(
-        REFERENCE_FACTOR * numbers[-1] if reference_samples is None else reference_samples,
-        "reference_samples",
-        at_least=2,
-    )
+    converged = REFERENCE_FACTOR * numbers[-1] if reference_samples is None else reference_samples
+    whole(converged, "reference_samples", at_least=2)
     total = converged + len(chosen) * sum(numbers) * count * rounds
     with tqdm(total=total, bar_format=_BAR, disable=not progress) as bar:
-        if isinstance(reference, Exposure):
-            known = _given_reference(reference, window)
-        else:
-            known = _rendered_reference(scene, camera, reference, converged, first + REFERENCE_SEED, window)
+        if not isinstance(reference, Exposure):
+            variant = Variant() if reference is None else reference
+            there, other = variant.camera_from(camera), first + REFERENCE_SEED
+            # On all processors: it is not timed, and its bits do not depend on them.
+            reference = complete(variant.render(scene, there, samples=converged, seed=other, region=window))
+        known = reference_of(reference)
         bar.update(converged)
         runs = Runs(numbers, count, first, rounds)
         found = measured_rows(expose, list(chosen), runs, known, set_up=set_up, done=bar.update)
@@ -157,7 +157,7 @@ def error_against_time(  # noqa: PLR0913
         lit_pixels=int(known.lit.sum()),
         seeds=count,
         threads=workers,
-        reference_samples=(isinstance(reference, Exposure) and reference.samples) or converged,
+        reference_samples=reference.samples or converged,
         reference_error=math.sqrt(known.squared_error),
     )
 
@@ -171,7 +171,8 @@ def _checked_numbers(samples: Sequence[int]) -> list[int]:
     return numbers
 
 
-def _given_reference(exposure: Exposure, window: tuple[slice, slice]) -> Reference:
+def _check_place(exposure: Exposure, window: tuple[slice, slice]) -> None:
+    """Raise where a reference is not that of the region studied."""
     wanted = tuple(part.stop - part.start for part in window)
     place = (window[0].start, window[0].stop, window[1].start, window[1].stop)
     if exposure.image.shape[:2] != wanted or (exposure.region is not None and exposure.region != place):
@@ -179,20 +180,3 @@ def _given_reference(exposure: Exposure, window: tuple[slice, slice]) -> Referen
             f"the reference has {exposure.image.shape[:2]} pixels of region {exposure.region}; it must be of "
             f"rows and columns {place}, as the study is: give it region="
         )
-    return reference_of(exposure)
-
-
-def _rendered_reference(
-    scene: Scene | None,
-    camera: PlenopticCamera,
-    reference: Variant | None,
-    samples: int,
-    seed: int,
-    window: tuple[slice, slice],
-) -> Reference:
-    variant = Variant() if reference is None else reference
-    if not isinstance(variant, Variant):
-        raise wrong_kind(reference, "reference", "Variant or an Exposure", "Variant(max_bounces=32)")
-    # On all processors: it is not timed, and its bits do not depend on them.
-    shot = complete(variant.render(scene, variant.camera_from(camera), samples=samples, seed=seed, region=window))
-    return reference_of(shot)

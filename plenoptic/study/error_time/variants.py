@@ -174,7 +174,7 @@ def default_variants(scene: Scene | None, camera: PlenopticCamera) -> dict[str, 
     variants = {f"{model.name} lens": Variant()}
     if model is LensModel.EXACT:
         variants |= {f"{simpler.name} lens": Variant(lens=simpler) for simpler in (LensModel.PARAXIAL, LensModel.THIN)}
-    if camera.microlenses is not None and camera.microlenses.model > MicrolensModel.THIN:
+    if camera.microlenses is not None and camera.microlenses.is_plate:
         variants["THIN microlenses"] = Variant(microlenses=MicrolensModel.THIN)
     variants |= {"RANDOM sampler": Variant(sampler=Sampler.RANDOM), "1 replicate": Variant(replicates=1)}
     if runs(Stage.SCATTERING):

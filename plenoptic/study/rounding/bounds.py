@@ -154,7 +154,6 @@ def _may_be_lost(exact: ExactRay, status: RayStatus, law: Law) -> bool:
 
 def _measured(numbers: Floats, exact: ExactRay, surfaces: list[Surface], law: Law, s: int) -> Found:
     mp = mpmath_context()
-    digits = mp.dps
     point, direction = exact_vector(mp, numbers[:3]), exact_vector(mp, numbers[3:])
     last, bounds = exact.crossings[-1], bounds_of(exact, surfaces)
     if law == Law.LENS:
@@ -162,8 +161,8 @@ def _measured(numbers: Floats, exact: ExactRay, surfaces: list[Surface], law: La
     off, turned = _distance(point, exact.origin), _distance(direction, exact.direction)
     snell = None
     if law == Law.SURFACES and len(surfaces) == 1 and last.vertex == 0:
-        normal, _ = normal_at(surfaces[0], point, digits=digits)
-        wanted = refracted(last.incident, normal, last.mu, s=s, digits=digits)
+        normal, _ = normal_at(mp, surfaces[0], point)
+        wanted = refracted(mp, last.incident, normal, last.mu, s)
         # At the critical angle the point found may be one that reflects.
         snell = None if wanted is None or _is_critical(last) else _ratio(_distance(direction, wanted), bounds.snell)
     spacing = float(np.spacing(max(math.hypot(*(float(x) for x in last.hit)), abs(last.vertex), NOTHING)))

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from plenoptic.core.rays import RayBundle
+from plenoptic.core.values import Floats
 from plenoptic.optics.glass.media import ConstantMedium
 from plenoptic.optics.lens.files.library import load_lens
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
@@ -24,6 +25,9 @@ from plenoptic.study.rounding.reference import DIGITS
 
 GLASS = 1.5
 """Index where a case does not ask for another."""
+
+_INTO_GLASS = (1.0, GLASS)
+"""Indices before and behind."""
 
 WIDE = 1e9
 """Semi-diameter in mm of what shall not clip."""
@@ -83,22 +87,31 @@ class _Aim(NamedTuple):
 
 def _aimed(surface: Surface, indices: tuple[float, float], aim: _Aim, rng: np.random.Generator, n: int) -> Setup:
     """Rays within a cone about the axis, through points of a surface."""
-    lens, k = single(surface, *indices, iris=aim.iris)
     points, _ = points_on(surface, rng, n, aim.size)
-    along = cone(rng, n, aim.widest)
+    return _through(surface, indices, points, cone(rng, n, aim.widest), aim)
+
+
+def _through(surface: Surface, indices: tuple[float, float], points: Floats, along: Floats, aim: _Aim) -> Setup:
+    """Rays through points of a surface, measured from its vertex."""
+    lens, k = single(surface, *indices, iris=aim.iris)
     rays = through_points(lens, k, points, along, distance=aim.distance, reverse=aim.reverse)
     return Setup(lens, rays, k, k, aim.reverse)
 
 
-def _one_way(name: str, surface: Surface, indices: tuple[float, float], **aim: Any) -> StabilityCase:
+def _one_way(name: str, surface: Surface, indices: tuple[float, float] = _INTO_GLASS, **aim: Any) -> StabilityCase:
     return StabilityCase(name, partial(_aimed, surface, indices, _Aim(**aim)))
 
 
-def _both_ways(name: str, surface: Surface, indices: tuple[float, float], **aim: Any) -> list[StabilityCase]:
+def _there_and_back(name: str, setup: Callable[..., Setup], *held: Any) -> list[StabilityCase]:
     return [
-        _one_way(name, surface, indices, **aim),
-        _one_way(f"{name}, in reverse", surface, indices[::-1], reverse=True, **aim),
+        StabilityCase(name, partial(setup, reverse=False), *held),
+        StabilityCase(f"{name}, in reverse", partial(setup, reverse=True), *held),
     ]
+
+
+def _both_ways(name: str, surface: Surface, **aim: Any) -> list[StabilityCase]:
+    back = _one_way(f"{name}, in reverse", surface, _INTO_GLASS[::-1], reverse=True, **aim)
+    return [_one_way(name, surface, **aim), back]
 
 
 # Whole lenses
@@ -106,13 +119,11 @@ def _both_ways(name: str, surface: Surface, indices: tuple[float, float], **aim:
 
 def _lenses() -> list[StabilityCase]:
     return [
-        StabilityCase("double Gauss, full field", partial(_double_gauss, reverse=False), Law.LENS),
-        StabilityCase("double Gauss, full field, in reverse", partial(_double_gauss, reverse=True), Law.LENS),
+        *_there_and_back("double Gauss, full field", _double_gauss, Law.LENS),
         StabilityCase("radius 1e9, then 1e-3, scene 1 km away", partial(_chain, reverse=False)),
         StabilityCase("radius 1e-3, then 1e9, in reverse", partial(_chain, reverse=True)),
         StabilityCase("plate of index 1000", _plate),
-        StabilityCase("wild numbers, double Gauss", partial(_wild, reverse=False), Law.WILD, WILD_DIGITS),
-        StabilityCase("wild numbers, double Gauss, in reverse", partial(_wild, reverse=True), Law.WILD, WILD_DIGITS),
+        *_there_and_back("wild numbers, double Gauss", _wild, Law.WILD, WILD_DIGITS),
         StabilityCase("wild numbers, conic", partial(_wild_single, ()), Law.WILD, WILD_DIGITS),
         StabilityCase("wild numbers, asphere", partial(_wild_single, (0.0, 1e-5)), Law.WILD, WILD_DIGITS),
     ]
@@ -173,22 +184,21 @@ def _wild_single(aspheric: Sequence[float], rng: np.random.Generator, n: int) ->
 
 
 def _spheres() -> list[StabilityCase]:
-    glass = (1.0, GLASS)
     ball, flat = Surface(50.0, semi_diameter=45.0), Surface(1e9, semi_diameter=20.0)
     tiny = Surface(1e-3, semi_diameter=1e-3)
     return [
-        *_both_ways("radius 50", ball, glass),
-        _one_way("radius -50", Surface(-50.0, semi_diameter=45.0), glass),
-        _one_way("radius 50, vertex 123 mm before the iris", ball, glass, iris=123.3),
-        _one_way("radius 1e9", flat, glass),
-        _one_way("radius -1e9, in reverse", Surface(-1e9, semi_diameter=20.0), glass, reverse=True),
-        *_both_ways("radius 1e-3", tiny, glass, distance=0.1),
-        _one_way("radius 1e-3, vertex 123 mm before the iris", tiny, glass, iris=123.3),
-        _one_way("origin 1e6 mm away", ball, glass, distance=1e6),
-        _one_way("origin 1e9 mm away", ball, glass, distance=1e9),
-        _one_way("origin 1e9 mm away, radius 1e9", flat, glass, distance=1e9),
-        _one_way("near the axis, 1e-4", ball, glass, widest=1e-4, size=1e-4),
-        *_both_ways("plane", Surface(math.inf, semi_diameter=50.0), glass),
+        *_both_ways("radius 50", ball),
+        _one_way("radius -50", Surface(-50.0, semi_diameter=45.0)),
+        _one_way("radius 50, vertex 123 mm before the iris", ball, iris=123.3),
+        _one_way("radius 1e9", flat),
+        _one_way("radius -1e9, in reverse", Surface(-1e9, semi_diameter=20.0), reverse=True),
+        *_both_ways("radius 1e-3", tiny, distance=0.1),
+        _one_way("radius 1e-3, vertex 123 mm before the iris", tiny, iris=123.3),
+        _one_way("origin 1e6 mm away", ball, distance=1e6),
+        _one_way("origin 1e9 mm away", ball, distance=1e9),
+        _one_way("origin 1e9 mm away, radius 1e9", flat, distance=1e9),
+        _one_way("near the axis, 1e-4", ball, widest=1e-4, size=1e-4),
+        *_both_ways("plane", Surface(math.inf, semi_diameter=50.0)),
         _one_way("index ratio 1 + 1e-12", ball, (1.0, 1.0 + 1e-12)),
         _one_way("index ratio 1 - 1e-12", ball, (1.0 + 1e-12, 1.0)),
         _one_way("index 1000", ball, (1.0, 1000.0)),
@@ -202,24 +212,22 @@ def _spheres() -> list[StabilityCase]:
 
 
 def _wrong_way(surface: Surface, rng: np.random.Generator, n: int) -> Setup:
-    made = _aimed(surface, (1.0, GLASS), _Aim(widest=0.5, size=20.0, reverse=True), rng, n)
+    made = _aimed(surface, _INTO_GLASS, _Aim(widest=0.5, size=20.0, reverse=True), rng, n)
     return made._replace(reverse=False)
 
 
 def _missing(rng: np.random.Generator, n: int) -> Setup:
     """Rays that pass a sphere at 1 + 1e-9 to 3 radii from its centre."""
     sphere = Surface(10.0, semi_diameter=10.0)
-    lens, k = single(sphere, 1.0, GLASS)
     along = cone(rng, n, 1.5)
     aside = inclined(rng, along, np.zeros(n)) * (1 + 10 ** rng.uniform(-9, 0.3, n))[:, None]
     points = sphere.radius * (aside + np.array([0, 0, 1.0]))
-    return Setup(lens, through_points(lens, k, points, along, distance=20.0, reverse=False), k, k, False)
+    return _through(sphere, _INTO_GLASS, points, along, _Aim(20.0))
 
 
 def _tangent(rng: np.random.Generator, n: int) -> Setup:
     """Half of the rays touch the sphere exactly; the others to rounding, in all directions."""
     sphere = Surface(5.0, semi_diameter=5.0)
-    lens, k = single(sphere, 1.0, GLASS)
     points, normals = points_on(sphere, rng, n)
     along = inclined(rng, normals, np.zeros(n))
     # 3, 4, 5: points of the sphere, and tangents there, that float64 has exactly.
@@ -227,7 +235,7 @@ def _tangent(rng: np.random.Generator, n: int) -> Setup:
     across = np.array([[0, 1.0, 0], [1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, 0, 1], [0, 0, 1], [1, 0, 0], [0, -1, 0]])
     which = rng.integers(len(exact), size=n // 2)
     points[: n // 2], along[: n // 2] = exact[which], across[which]
-    return Setup(lens, through_points(lens, k, points, along, distance=8.0, reverse=False), k, k, False)
+    return _through(sphere, _INTO_GLASS, points, along, _Aim(8.0))
 
 
 def _grazing() -> list[StabilityCase]:
@@ -236,10 +244,8 @@ def _grazing() -> list[StabilityCase]:
 
 def _grazed(cos_i: float, rng: np.random.Generator, n: int) -> Setup:
     sphere = Surface(10.0, semi_diameter=10.0)
-    lens, k = single(sphere, 1.0, GLASS)
     points, normals = points_on(sphere, rng, n, 9.0)
-    along = inclined(rng, normals, np.full(n, cos_i))
-    return Setup(lens, through_points(lens, k, points, along, distance=3.0, reverse=False), k, k, False)
+    return _through(sphere, _INTO_GLASS, points, inclined(rng, normals, np.full(n, cos_i)), _Aim(3.0))
 
 
 # Total reflection
@@ -256,12 +262,10 @@ def _reflections() -> list[StabilityCase]:
 
 def _critical(surface: Surface, index: float, rng: np.random.Generator, n: int) -> Setup:
     """Sines of incidence on both sides of the critical one, as close as they are spread by their logarithm."""
-    lens, k = single(surface, index, 1.0)
     beside = 10 ** rng.uniform(-16, -1, n) * rng.choice([-1.0, 1.0], n)
     sin_i = (1 + beside) / index
     points, normals = points_on(surface, rng, n, 30.0)
-    along = inclined(rng, normals, np.sqrt(1 - sin_i * sin_i))
-    return Setup(lens, through_points(lens, k, points, along, distance=10.0, reverse=False), k, k, False)
+    return _through(surface, (index, 1.0), points, inclined(rng, normals, np.sqrt(1 - sin_i * sin_i)), _Aim())
 
 
 # Hyper-hemispheres and balls
@@ -270,14 +274,9 @@ def _critical(surface: Surface, index: float, rng: np.random.Generator, n: int) 
 def _beyond_the_equator() -> list[StabilityCase]:
     front, rear = (Surface(r, semi_diameter=10.0, depth=17.0) for r in (10.0, -10.0))
     return [
-        StabilityCase("hyper-hemisphere", partial(_all_around, front, (1.0, GLASS), reverse=False)),
-        StabilityCase("hyper-hemisphere, in reverse", partial(_all_around, front, (1.0, GLASS), reverse=True)),
-        StabilityCase("hyper-hemisphere behind glass", partial(_all_around, rear, (GLASS, 1.0), reverse=False)),
-        StabilityCase(
-            "hyper-hemisphere behind glass, in reverse", partial(_all_around, rear, (GLASS, 1.0), reverse=True)
-        ),
-        StabilityCase("ball lens", partial(_ball, reverse=False)),
-        StabilityCase("ball lens, in reverse", partial(_ball, reverse=True)),
+        *_there_and_back("hyper-hemisphere", partial(_all_around, front, _INTO_GLASS)),
+        *_there_and_back("hyper-hemisphere behind glass", partial(_all_around, rear, _INTO_GLASS[::-1])),
+        *_there_and_back("ball lens", _ball),
     ]
 
 
@@ -285,10 +284,9 @@ def _all_around(
     surface: Surface, indices: tuple[float, float], rng: np.random.Generator, n: int, *, reverse: bool
 ) -> Setup:
     """Rays from all sides through the cap the way the stack goes, some of them against the axis."""
-    lens, k = single(surface, *indices)
     points, normals = points_on(surface, rng, n)
     along = inclined(rng, normals, rng.uniform(0.05, 1.0, n))
-    return Setup(lens, through_points(lens, k, points, along, distance=30.0, reverse=reverse), k, k, reverse)
+    return _through(surface, indices, points, along, _Aim(30.0, reverse=reverse))
 
 
 def _ball(rng: np.random.Generator, n: int, *, reverse: bool) -> Setup:
@@ -304,19 +302,17 @@ def _ball(rng: np.random.Generator, n: int, *, reverse: bool) -> Setup:
 
 
 def _conics() -> list[StabilityCase]:
-    glass = (1.0, GLASS)
     steep = Surface(50.0, semi_diameter=28.0, conic=2.0)
     return [
-        *_both_ways("conic -1", Surface(50.0, semi_diameter=45.0, conic=-1.0), glass),
-        *_both_ways("conic -3", Surface(-50.0, semi_diameter=60.0, conic=-3.0), glass),
-        *_both_ways("conic +2", steep, glass),
-        _one_way("conic -1, origin 1e9 mm away", Surface(50.0, semi_diameter=45.0, conic=-1.0), glass, distance=1e9),
-        _one_way("conic +2, vertex 123 mm before the iris", steep, glass, iris=123.3),
+        *_both_ways("conic -1", Surface(50.0, semi_diameter=45.0, conic=-1.0)),
+        *_both_ways("conic -3", Surface(-50.0, semi_diameter=60.0, conic=-3.0)),
+        *_both_ways("conic +2", steep),
+        _one_way("conic -1, origin 1e9 mm away", Surface(50.0, semi_diameter=45.0, conic=-1.0), distance=1e9),
+        _one_way("conic +2, vertex 123 mm before the iris", steep, iris=123.3),
     ]
 
 
 def _aspheres() -> list[StabilityCase]:
-    glass = (1.0, GLASS)
     usual = Surface(50.0, semi_diameter=25.0, conic=-1.0, aspheric=(0.0, 1e-6, -2e-9))
     strong = Surface(20.0, semi_diameter=4.5, aspheric=(0.0, -4e-3, 4e-4, -1e-5))
     ring = Surface(math.inf, semi_diameter=2.5, aspheric=(-0.2, 0.05))
@@ -324,11 +320,11 @@ def _aspheres() -> list[StabilityCase]:
     ripples = Surface(30.0, semi_diameter=3.4, aspheric=(0.3, -0.2, 0.035, -0.0018))
     equator = Surface(10.0, semi_diameter=10.0, aspheric=(0.0, 1e-6))
     return [
-        *_both_ways("asphere", usual, glass),
-        _one_way("asphere, origin 1e9 mm away", usual, glass, distance=1e9),
-        *_both_ways("strong asphere", strong, glass, widest=1.55),
-        *_both_ways("asphere crossed several times: a ring", ring, glass, widest=1.55),
-        *_both_ways("asphere crossed several times: gull wings", gull, glass, widest=1.55),
-        *_both_ways("asphere crossed several times: ripples", ripples, glass, widest=1.55),
-        _one_way("asphere up to its equator", equator, glass),
+        *_both_ways("asphere", usual),
+        _one_way("asphere, origin 1e9 mm away", usual, distance=1e9),
+        *_both_ways("strong asphere", strong, widest=1.55),
+        *_both_ways("asphere crossed several times: a ring", ring, widest=1.55),
+        *_both_ways("asphere crossed several times: gull wings", gull, widest=1.55),
+        *_both_ways("asphere crossed several times: ripples", ripples, widest=1.55),
+        _one_way("asphere up to its equator", equator),
     ]

@@ -144,11 +144,11 @@ def _exact_ray(
             return ExactRay(RayStatus.CLIPPED, p, d, tuple(crossings), given)
         if isinstance(element, CircularStop):
             continue
-        normal, curvature = normal_at(element, hit, digits=mp.dps)
+        normal, curvature = normal_at(mp, element, hit)
         cos_i = s * dot(normal, d)
         cos2_t = 1 - mu * mu * (1 - cos_i * cos_i)
         crossings.append(Crossing(hit, vertex, abs(distance), d, mu, cos_i, cos2_t, curvature))
-        onwards = refracted(d, normal, mu, s=s, digits=mp.dps)
+        onwards = refracted(mp, d, normal, mu, s)
         if onwards is None:
             return ExactRay(RayStatus.TOTAL_REFLECTION, p, d, tuple(crossings), given)
         d = onwards
@@ -207,38 +207,34 @@ def _intersect_conic(mp: Any, surface: Surface, p: Vector, d: Vector, s: int) ->
     return None
 
 
-def normal_at(surface: Surface, hit: Vector, *, digits: int = DIGITS) -> tuple[Vector, float]:
+def normal_at(mp: Any, surface: Surface, hit: Vector) -> tuple[Vector, float]:
     """Unit normal, towards +z at the vertex, and the larger principal curvature in size, 1/mm, at a point of a surface.
 
     `hit` is measured from the vertex, mm. Off the surface: of the surface of its kind through that point.
     """
-    mp = mpmath_context()
-    with mp.workdps(digits):
-        radius, squash = mp.mpf(surface.radius), 1 + mp.mpf(surface.conic)
-        if not surface.aspheric:
-            normal = [-hit[0] / radius, -hit[1] / radius, 1 - squash * hit[2] / radius]
-            length = mp.sqrt(dot(normal, normal))
-            # A conic's curvatures are 1 / (R w) along the parallel and 1 / (R w^3) along the meridian.
-            curvature = abs(1 / radius) * (max(1 / length, 1 / length**3) if surface.conic else 1)
-            return [x / length for x in normal], float(curvature)
-        _, by_r2, by_r4 = exact_sag(mp, surface, hit)
-        r2 = hit[0] ** 2 + hit[1] ** 2
-        length = mp.sqrt(1 + 4 * by_r2**2 * r2)
-        parallel, meridian = 2 * by_r2 / length, (2 * by_r2 + 4 * by_r4 * r2) / length**3
-        normal = [-2 * by_r2 * hit[0] / length, -2 * by_r2 * hit[1] / length, 1 / length]
-        return normal, float(max(abs(parallel), abs(meridian)))
+    radius, squash = mp.mpf(surface.radius), 1 + mp.mpf(surface.conic)
+    if not surface.aspheric:
+        normal = [-hit[0] / radius, -hit[1] / radius, 1 - squash * hit[2] / radius]
+        length = mp.sqrt(dot(normal, normal))
+        # A conic's curvatures are 1 / (R w) along the parallel and 1 / (R w^3) along the meridian.
+        curvature = abs(1 / radius) * (max(1 / length, 1 / length**3) if surface.conic else 1)
+        return [x / length for x in normal], float(curvature)
+    _, by_r2, by_r4 = exact_sag(mp, surface, hit)
+    r2 = hit[0] ** 2 + hit[1] ** 2
+    length = mp.sqrt(1 + 4 * by_r2**2 * r2)
+    parallel, meridian = 2 * by_r2 / length, (2 * by_r2 + 4 * by_r4 * r2) / length**3
+    normal = [-2 * by_r2 * hit[0] / length, -2 * by_r2 * hit[1] / length, 1 / length]
+    return normal, float(max(abs(parallel), abs(meridian)))
 
 
-def refracted(direction: Vector, normal: Vector, mu: Number, *, s: int, digits: int = DIGITS) -> Vector | None:
+def refracted(mp: Any, direction: Vector, normal: Vector, mu: Number, s: int) -> Vector | None:
     """Snell's law for unit vectors, the normal towards +z at the vertex; None at total reflection.
 
     mu: index before over index behind; s is 1 for light that travels towards the sensor, -1 in reverse.
     """
-    mp = mpmath_context()
-    with mp.workdps(digits):
-        cos_i = s * dot(normal, direction)
-        cos2_t = 1 - mu * mu * (1 - cos_i * cos_i)
-        if cos2_t < 0:
-            return None
-        bend = s * (mp.sqrt(cos2_t) - mu * cos_i)
-        return [mu * a + bend * b for a, b in zip(direction, normal, strict=True)]
+    cos_i = s * dot(normal, direction)
+    cos2_t = 1 - mu * mu * (1 - cos_i * cos_i)
+    if cos2_t < 0:
+        return None
+    bend = s * (mp.sqrt(cos2_t) - mu * cos_i)
+    return [mu * a + bend * b for a, b in zip(direction, normal, strict=True)]

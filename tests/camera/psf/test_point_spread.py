@@ -12,8 +12,8 @@ from plenoptic.camera.psf import sensor_hits
 from plenoptic.camera.psf.point_spread import landing_points, point_spread
 from plenoptic.camera.record import camera_record
 from plenoptic.core.kernels.ray_blocks import BLOCK
+from plenoptic.optics.microlens.kernels.ideal import fill_thin
 from plenoptic.optics.microlens.kernels.plano_convex import fill_plano_convex
-from plenoptic.optics.microlens.kernels.thin import fill_thin
 from plenoptic.optics.microlens.record import SensorPlane
 from plenoptic.truth.channels import Truth
 

@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.camera.sampling.margins import UNCUT
 from plenoptic.core.kernels.ray_blocks import BLOCK
-from plenoptic.optics.microlens.kernels.plano_convex import fill_plano_convex
-from plenoptic.optics.microlens.kernels.thin import fill_thin
-from plenoptic.optics.microlens.record import SensorPlane, array_record
+from plenoptic.optics.microlens.model_rules import Crossing
+from plenoptic.optics.microlens.record import SensorPlane, array_record, lone_lens
 
 FLINT = pl.ModelGlass(1.62, 36.4)
 THIN, FLAT, SPHERICAL = (
@@ -68,10 +66,9 @@ def test_the_focal_length_follows_the_index(model, side, wavelength):
     fields = np.zeros((8, BLOCK))
     fields[0], fields[6] = height, 1.0
     blocks, waves, plane = fields.reshape(-1), np.ones(BLOCK, dtype=np.int64), SensorPlane(2.0, None)
-    if model is THIN:
-        fill_thin(blocks, None, plane, record.power, 100.0, record.power_factors, waves)
-    else:
-        fill_plano_convex(blocks, None, plane, record.model, record.power, UNCUT, 100.0, waves)
+    uncut = lone_lens(array, record.power, wavelength)
+    uncut = uncut._replace(model=record.model, power_factors=record.power_factors)
+    model.rules.to_lens(blocks, None, Crossing(uncut, plane, 100.0), waves)
     u, w = fields[3], fields[5]
     medium = array.medium
     focal_length = 2.0 * (medium.index(587.6) - 1.0) / (medium.index(wavelength) - 1.0)

@@ -7,13 +7,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import plenoptic as pl
-from plenoptic.camera.sampling.margins import UNCUT
 from plenoptic.core.kernels.ray_blocks import BLOCK
-from plenoptic.optics.microlens.kernels.pinhole import fill_pinholes
+from plenoptic.optics.microlens.kernels.ideal import fill_pinholes, fill_thin
 from plenoptic.optics.microlens.kernels.plano_convex import fill_plano_convex
-from plenoptic.optics.microlens.kernels.thin import fill_thin
 from plenoptic.optics.microlens.kernels.to_lens import fill_straight
-from plenoptic.optics.microlens.record import SensorPlane, array_record, plate_record
+from plenoptic.optics.microlens.model_rules import Crossing
+from plenoptic.optics.microlens.record import SensorPlane, array_record, lone_lens
 
 EPS = np.finfo(float).eps
 REGULAR = [pl.Lattice.HEXAGONAL, pl.Lattice.SQUARE, pl.Lattice.RECTANGULAR]
@@ -29,9 +28,8 @@ def array_of(pitch: float, lattice: pl.Lattice) -> pl.MicrolensArray:
 
 def fill_uncut(blocks: np.ndarray, array: pl.MicrolensArray, distance: float, z_array: float) -> None:
     """Plates of which each lens goes on for ever."""
-    fill_plano_convex(
-        blocks, None, SensorPlane(distance, None), plate_record(array), 1.0 / array.focal_length, UNCUT, z_array, None
-    )
+    lens = lone_lens(array, 1.0 / array.focal_length, 587.6)
+    array.model.rules.to_lens(blocks, None, Crossing(lens, SensorPlane(distance, None), z_array), None)
 
 
 def fill_cut(blocks: np.ndarray, array: pl.MicrolensArray, distance: float, z_array: float) -> None:

@@ -17,7 +17,7 @@ from plenoptic.rendering.film import replicate_counts
 from plenoptic.rendering.schedule.budget import Budget, checked_budget
 from plenoptic.rendering.schedule.clock import Clock
 from plenoptic.rendering.schedule.interrupts import Interrupts
-from plenoptic.rendering.schedule.progress import Progress, Setting
+from plenoptic.rendering.schedule.progress import FilmRegion, Progress
 from plenoptic.rendering.tile import Tile, TileResult
 from plenoptic.rendering.tiling import _cuts
 
@@ -120,7 +120,7 @@ def result(tile: Tile, sums: np.ndarray, first: int, samples: int) -> TileResult
 
 def progress(tiles: list[Tile], shape: tuple[int, int], target: float, samples: int | None = None) -> Progress:
     budget = Budget(samples, None, target, REPLICATES)
-    return Progress(tiles, (*shape, 1), budget, Setting(0, 0, 1.0, 1e-9), {}, 8, batches=False)
+    return Progress(tiles, (*shape, 1), budget, FilmRegion(0, 0, 1.0, 1e-9), {}, 8, batches=False, begin=(0.0, 0.0))
 
 
 def noisy(colour: int, samples: int, value: float = 1.0) -> np.ndarray:
@@ -308,7 +308,8 @@ def test_the_bar_shows_how_much_is_left(monkeypatch: pytest.MonkeyPatch, capsys:
 def test_the_bar_knows_the_time_limit(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     from plenoptic.rendering.schedule import progress_bar
 
-    state = Progress([TILE], (2, 2, 1), Budget(None, 50.0, None, 8), Setting(0, 0, 1.0, 1.0), {}, 8, batches=False)
+    budget, region = Budget(None, 50.0, None, 8), FilmRegion(0, 0, 1.0, 1.0)
+    state = Progress([TILE], (2, 2, 1), budget, region, {}, 8, batches=False, begin=(0.0, 0.0))
     now = [100.0]
     monkeypatch.setattr(progress_bar.time, "perf_counter", lambda: now[0])
     bar = progress_bar.ProgressBar(state, 80.0, show=True)  # 20 s were spent before

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import Floats, frozen_array, set_field, value
+from plenoptic.core.values import Floats, Given, frozen_array, set_field, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.scene.geometry.mesh import Mesh
 from plenoptic.scene.materials.diffuse import Lambertian
@@ -57,22 +56,11 @@ class Target:
     [-6.344, 4.0, -401.042]
     """
 
-    meshes: tuple[Mesh, ...]
-    points: Floats
-    index: NDArray[np.int64] | None = None
-    frequencies: Floats | None = None
+    meshes: Given[tuple[Mesh, ...], Iterable[Mesh]]
+    points: Given[Floats, ArrayLike]
+    index: Given[NDArray[np.int64] | None, ArrayLike | None] = Given(default=None)
+    frequencies: Given[Floats | None, ArrayLike | None] = Given(default=None)
     name: str = ""
-
-    if TYPE_CHECKING:
-
-        def __init__(
-            self,
-            meshes: Iterable[Mesh],
-            points: ArrayLike,
-            index: ArrayLike | None = None,
-            frequencies: ArrayLike | None = None,
-            name: str = "",
-        ) -> None: ...
 
     def __post_init__(self) -> None:
         meshes = tuple(self.meshes) if isinstance(self.meshes, Iterable) else ()

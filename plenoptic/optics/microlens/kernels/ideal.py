@@ -1,4 +1,4 @@
-"""Ideal thin microlenses: the kernels, both ways."""
+"""Ideal microlenses, pinholes and thin lenses: the kernels."""
 
 from __future__ import annotations
 
@@ -11,6 +11,23 @@ from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, WEIGHT, L, M, N, X, Y,
 from plenoptic.optics.microlens.kernels.cell_lookup import AXIS_X, AXIS_Y, PLACE, POWER, find_cells, find_lenses
 from plenoptic.optics.microlens.kernels.to_lens import at_wavelength, distance_to_sensor, head_for, weigh
 from plenoptic.optics.microlens.kernels.to_sensor import land, to_plane
+
+
+@kernel
+def fill_pinholes(blocks, sensor, z_plane):
+    """Rays from the sensor straight through the centres of the cells in which they were aimed."""
+    distance = sensor.distance
+    for b in range(blocks.size // RAY):
+        ray = blocks[b * RAY : (b + 1) * RAY]
+        weigh(ray, distance, sensor.tilt)
+        for i in range(BLOCK):
+            h = distance_to_sensor(ray, i, distance, sensor.tilt)
+            # The point aimed at less what leads there from the sensor is the point on the sensor.
+            u = (ray[Z + i] - (ray[X + i] - ray[L + i])) / h
+            v = (ray[N + i] - (ray[Y + i] - ray[M + i])) / h
+            ray[X + i] = ray[Z + i]
+            ray[Y + i] = ray[N + i]
+            head_for(ray, i, (u, v), z_plane)
 
 
 @kernel

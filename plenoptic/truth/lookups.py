@@ -1,4 +1,4 @@
-"""Channels of the microlenses through which pixels see."""
+"""Channels that are looked up: of the surfaces that pixels show, and of the microlenses through which they see."""
 
 from __future__ import annotations
 
@@ -6,9 +6,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.camera.record import CameraRecord
+from plenoptic.core.values import Floats
 from plenoptic.optics.microlens.lattice import Lattice
-from plenoptic.optics.microlens.listed import lattice_types
-from plenoptic.truth.stages import LitCells
+from plenoptic.optics.microlens.listed import types_of
+from plenoptic.truth.stages import LitCells, SurfaceHits
+
+
+def fill_normal(normals: Floats, hits: SurfaceHits) -> None:
+    """Unit normals of the triangles in the world, towards the side that is seen."""
+    from plenoptic.scene.geometry.kernels import interaction
+
+    interaction.fill_normals(normals, hits.lanes, hits.found, hits.rays, hits.scene.geometry)
+
+
+def fill_object(numbers: NDArray[np.int32], hits: SurfaceHits) -> None:
+    """Numbers of the meshes."""
+    assert hits.scene.triangle_mesh is not None
+    numbers[hits.lanes] = hits.scene.triangle_mesh[hits.found.triangle]
+
+
+def fill_material(numbers: NDArray[np.int32], hits: SurfaceHits) -> None:
+    """Numbers of the materials."""
+    assert hits.scene.geometry is not None
+    numbers[hits.lanes] = hits.scene.geometry.triangle_material[hits.found.triangle]
 
 
 def fill_microlens(indices: NDArray[np.int32], cells: LitCells) -> None:
@@ -18,11 +38,7 @@ def fill_microlens(indices: NDArray[np.int32], cells: LitCells) -> None:
 
 def fill_microlens_type(types: NDArray[np.int32], cells: LitCells) -> None:
     """Rows of the array's focal lengths."""
-    array, index = cells.array, _indices(cells)
-    if array.lattice is not Lattice.FREE:
-        types[cells.lit] = lattice_types(array, index)
-    else:
-        types[cells.lit] = 0 if array.types is None else np.asarray(array.types)[index[:, 0]]
+    types[cells.lit] = types_of(cells.array, _indices(cells))
 
 
 def _indices(cells: LitCells) -> NDArray[np.int64]:

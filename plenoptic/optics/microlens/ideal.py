@@ -1,0 +1,47 @@
+"""Ideal microlenses, which act in one plane: pinholes and thin lenses."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from plenoptic.core.values import Floats
+from plenoptic.errors import InvalidValueError
+from plenoptic.optics.microlens.aperture import Gaps
+from plenoptic.optics.microlens.model_rules import Crossing, ModelRules, Own, Waves
+
+if TYPE_CHECKING:
+    from plenoptic.optics.microlens.array import MicrolensArray
+
+
+def _check_pinholes(array: MicrolensArray) -> None:
+    if array.aperture is not None and array.aperture.gaps is Gaps.CLEAR:
+        raise InvalidValueError("light passes a PINHOLE only at its centre; give gaps=Gaps.OPAQUE")
+
+
+def _pinholes_to_lens(blocks: Floats, own: Own, at: Crossing, _: Waves) -> None:
+    from plenoptic.optics.microlens.kernels.ideal import fill_pinholes
+    from plenoptic.optics.microlens.kernels.to_lens import fill_openings
+
+    if own is not None:
+        fill_openings(blocks, own, at.array.opening)
+    fill_pinholes(blocks, at.sensor, at.z_plane)
+
+
+def _thin_to_lens(blocks: Floats, own: Own, at: Crossing, waves: Waves) -> None:
+    from plenoptic.optics.microlens.kernels.ideal import fill_thin
+    from plenoptic.optics.microlens.kernels.to_lens import fill_openings
+
+    if own is not None:
+        fill_openings(blocks, own, at.array.opening)
+    factors = at.array.power_factors
+    fill_thin(blocks, own, at.sensor, at.array.power, at.z_plane, factors, None if factors is None else waves)
+
+
+def _thin_to_sensor(blocks: Floats, at: Crossing, differs: bool) -> None:
+    from plenoptic.optics.microlens.kernels.ideal import fill_thin_forward
+
+    fill_thin_forward(blocks, at.z_plane, at.sensor, at.array, at.array if differs else None)
+
+
+PINHOLE = ModelRules(_pinholes_to_lens, None, focuses=False, check=_check_pinholes)
+THIN = ModelRules(_thin_to_lens, _thin_to_sensor)

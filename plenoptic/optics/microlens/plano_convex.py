@@ -1,0 +1,155 @@
+"""Plano-convex microlenses of glass: exact ones, and flat ones of high index with the normals of a sphere."""
+
+from __future__ import annotations
+
+import enum
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from plenoptic.core.values import Floats
+from plenoptic.errors import InvalidValueError
+from plenoptic.optics.microlens.imperfections import extreme_factors, largest_offset
+from plenoptic.optics.microlens.model_rules import Crossing, Depths, ModelRules, Own, Pair, Waves
+
+if TYPE_CHECKING:
+    from plenoptic.optics.microlens.array import MicrolensArray
+
+_HIGH_INDEX = 10.0
+"""The least index of plates without height."""
+
+
+class ConvexSide(enum.IntEnum):
+    """Which side of a plano-convex microlens is curved.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> pl.optics.ConvexSide.SCENE.name
+    'SCENE'
+    """
+
+    SCENE = 0
+    SENSOR = 1
+
+
+class PlateRecord(NamedTuple):
+    """Plano-convex lenses: a plane and a sphere of radius (index - 1) / power."""
+
+    towards_scene: bool
+    """Whether the curved side faces the scene."""
+    flat: bool
+    """Whether a plane with the normals of the sphere stands for it."""
+    thickness: float
+    refractive_index: float
+    """At 587.6 nm: where the principal planes lie and how strongly the sphere is curved."""
+    indices: Floats | None
+    """At the camera's wavelength, then at those that paths draw; None where all are that at 587.6 nm."""
+
+
+def _record(array: MicrolensArray, wavelengths: tuple[float, ...]) -> PlateRecord:
+    """The numbers of a plate, for the camera's wavelength and those that paths draw."""
+    indices = np.array([array.index_at(w) for w in wavelengths])
+    side, flat = array.convex_side is ConvexSide.SCENE, array.model.is_flat
+    return PlateRecord(side, flat, array.thickness, array.index, indices if (indices != array.index).any() else None)
+
+
+def _check(array: MicrolensArray) -> None:
+    """Spheres must be as large as their openings, glass as thick as they are high, and its index high enough."""
+    shortest = min(array.focal_lengths)
+    if shortest < 0:
+        raise InvalidValueError(
+            f"focal length {shortest:g} mm: a plano-convex microlens collects light; use one above 0"
+        )
+    radius = shortest * extreme_factors(array.imperfections)[0] * (array.index - 1.0)
+    reach = array.opening.reach + largest_offset(array.imperfections)
+    if radius < reach:
+        raise InvalidValueError(
+            f"radius of curvature {radius:g} mm is below the corner of the opening at {reach:g} mm, "
+            "imperfections included; increase the focal length or the index, or reduce the pitch or the spread"
+        )
+    if array.model.is_flat:
+        if array.index < _HIGH_INDEX:
+            raise InvalidValueError(
+                f"index of the microlenses is {array.index:g}; FLAT_HIGH_INDEX stands for a nearly flat lens and "
+                f"needs at least {_HIGH_INDEX:g}: give index=100.0, or choose SPHERICAL"
+            )
+        return
+    sag = reach**2 / (radius + math.sqrt(radius**2 - reach**2))
+    if sag > array.thickness:
+        raise InvalidValueError(
+            f"thickness {array.thickness:g} mm is below the sag {sag:g} mm at the opening's corner; increase it"
+        )
+
+
+def _depths(array: MicrolensArray) -> Depths:
+    """One principal plane lies at the vertex of the curved side, the other thickness / index from the flat side."""
+    inside, separation = array.thickness / array.index, array.thickness * (1.0 - 1.0 / array.index)
+    towards_scene = array.convex_side is ConvexSide.SCENE
+    return Depths(0.0, separation, inside) if towards_scene else Depths(inside, separation, 0.0)
+
+
+def _displaced(array: MicrolensArray, points: Floats, slopes: Floats, wavelength: float, rear: bool) -> Floats:
+    """Rays through the vertex of the curved side are displaced on the flat side.
+
+    Inside, they run at the slope tan t' with sin t = n sin t': they cross the thickness by thickness tan t', and the
+    principal plane lies thickness / n from the vertex, n at 587.6 nm. tan t' / tan t = cos t / sqrt(n^2 - sin^2 t).
+    """
+    if rear is not (array.convex_side is ConvexSide.SCENE):
+        return points
+    tangent2 = np.sum(slopes**2, axis=1, keepdims=True)
+    sine2 = tangent2 / (1.0 + tangent2)
+    inside = np.sqrt((1.0 - sine2) / (array.index_at(wavelength) ** 2 - sine2))
+    return np.asarray(points + array.thickness * (inside - 1.0 / array.index) * slopes)
+
+
+def _landing(array: MicrolensArray, power: float, aimed: Pair, slopes: Pair, leaving: Pair) -> Pair:
+    """On the curved side, which recedes by its sag from the plane of its vertex."""
+    if array.convex_side is ConvexSide.SCENE:
+        return leaving
+    x, y = aimed
+    if not array.model.is_flat:
+        radius = (array.index - 1.0) / power
+        for _ in range(8):
+            r2 = np.minimum(x**2 + y**2, radius**2)
+            sag = r2 / (radius + np.sqrt(radius**2 - r2))
+            x, y = aimed[0] + slopes[0] * sag, aimed[1] + slopes[1] * sag
+    return x, y
+
+
+def _to_lens(blocks: Floats, own: Own, at: Crossing, waves: Waves) -> None:
+    from plenoptic.optics.microlens.kernels.plano_convex import fill_plano_convex
+
+    plate, array = at.array.model, at.array
+    assert isinstance(plate, PlateRecord)
+    drawn = None if plate.indices is None else waves
+    fill_plano_convex(blocks, own, at.sensor, plate, array.power, array.edges, at.z_plane, drawn)
+
+
+def _to_sensor(blocks: Floats, at: Crossing, differs: bool) -> None:
+    from plenoptic.optics.microlens.kernels.plano_convex_forward import fill_plano_convex_forward
+
+    array, sensor, z_front = at
+    plate = array.model
+    assert isinstance(plate, PlateRecord)
+    # As in `_depths`.
+    inside = plate.thickness / plate.refractive_index
+    if plate.towards_scene:
+        sensor = sensor._replace(distance=sensor.distance - inside)
+    else:
+        z_front -= inside
+    fill_plano_convex_forward(blocks, z_front, sensor, plate, array, array if differs else None)
+
+
+SPHERICAL = ModelRules(
+    _to_lens,
+    _to_sensor,
+    is_plate=True,
+    check=_check,
+    record=_record,
+    depths=_depths,
+    displaced=_displaced,
+    landing=_landing,
+)
+FLAT_HIGH_INDEX = SPHERICAL._replace(is_flat=True)
