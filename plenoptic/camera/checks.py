@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.errors import InvalidValueError
-from plenoptic.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from plenoptic.scene.scene import Scene
 
 
 def check_scene_and_camera(scene: Scene | None, camera: PlenopticCamera) -> None:
     """Raise where they are something else."""
-    if scene is not None and not isinstance(scene, Scene):
-        raise InvalidValueError(f"scene is a {type(scene).__name__}; it must be a Scene")
+    if scene is not None:
+        from plenoptic.scene.scene import Scene
+
+        if not isinstance(scene, Scene):
+            raise InvalidValueError(f"scene is a {type(scene).__name__}; it must be a Scene")
     if not isinstance(camera, PlenopticCamera):
         raise InvalidValueError(f"camera is a {type(camera).__name__}; it must be a PlenopticCamera")
 

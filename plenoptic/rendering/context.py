@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -10,9 +10,10 @@ from plenoptic.camera.record import CameraRecord, camera_record
 from plenoptic.rendering.plan.plan import plan_stages
 from plenoptic.rendering.plan.stages import Plan, Subject
 from plenoptic.rendering.settings import RenderSettings
-from plenoptic.scene.cache import prepared_scene
-from plenoptic.scene.compile import SceneRecord
-from plenoptic.scene.geometry.accel import Intersector
+
+if TYPE_CHECKING:
+    from plenoptic.scene.compile import SceneRecord
+    from plenoptic.scene.geometry.accel import Intersector
 
 
 class Sampling(NamedTuple):
@@ -44,7 +45,7 @@ class RenderContext(NamedTuple):
 
 def render_context(subject: Subject, seed: int) -> RenderContext:
     """Plan a render and compile what it needs."""
-    prepared = None if subject.scene is None else prepared_scene(subject.scene)
+    prepared = subject.prepared
     record, intersector = (None, None) if prepared is None else (prepared.record, prepared.intersector)
     sampling = Sampling(subject.replicates, np.uint64(seed), plan_stages(record, subject), subject.settings)
     return RenderContext(camera_record(subject.camera), record, intersector, sampling)

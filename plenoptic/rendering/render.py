@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from typing import TYPE_CHECKING
 
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.checks import check_scene_and_camera
@@ -12,8 +13,10 @@ from plenoptic.rendering.plan.stages import Subject
 from plenoptic.rendering.schedule.budget import checked_budget
 from plenoptic.rendering.schedule.scheduler import Work, run
 from plenoptic.rendering.settings import Caustics, RenderSettings, Sampler
-from plenoptic.scene.scene import Scene
 from plenoptic.truth.channels import Truth
+
+if TYPE_CHECKING:
+    from plenoptic.scene.scene import Scene
 
 
 def render(  # noqa: PLR0913
@@ -121,6 +124,8 @@ def render(  # noqa: PLR0913
     >>> pl.render(scene, camera, samples=16, region=region, progress=False).image.shape
     (10, 20, 1)
     """
+    from plenoptic.scene.scene import Scene
+
     if not isinstance(scene, Scene):
         raise InvalidValueError(f"scene is a {type(scene).__name__}; it must be a Scene")
     check_scene_and_camera(scene, camera)

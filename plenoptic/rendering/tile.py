@@ -14,7 +14,6 @@ from plenoptic.camera.sampling.pixel_regions import fed_pixels, pixel_centres
 from plenoptic.camera.sampling.record import Batch, FedPixels, batch_record
 from plenoptic.core.values import Floats
 from plenoptic.rendering.context import RenderContext, Sampling
-from plenoptic.rendering.integrator.path import Transport
 from plenoptic.rendering.settings import Sampler
 from plenoptic.truth.compute import Arrays, truth_of
 from plenoptic.truth.stages import TruthRecord
@@ -166,7 +165,11 @@ def render_tile(
     paths = fed.place.size * batch.samples
     most = min(BUNDLE, paths)
     sums, ways = PixelSums(context, fed, batch, whole), CameraPaths(camera, fed, batch, most)
-    transport = None if context.scene is None else Transport(context, most)
+    transport = None
+    if context.scene is not None:
+        from plenoptic.rendering.integrator.path import Transport
+
+        transport = Transport(context, most)
     for start in range(0, paths, BUNDLE):
         if stopped is not None and stopped():
             return None

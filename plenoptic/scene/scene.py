@@ -14,7 +14,6 @@ from plenoptic.core.values import Floats, Given, set_field, value
 from plenoptic.errors import InvalidValueError, SceneError
 from plenoptic.scene.compile import SceneRecord, build_record
 from plenoptic.scene.file_cameras import View
-from plenoptic.scene.files.load import load_file
 from plenoptic.scene.geometry.instance import Instances
 from plenoptic.scene.geometry.mesh import Mesh
 from plenoptic.scene.geometry.transform import placed_environment, placed_view, similarity
@@ -136,6 +135,8 @@ class Scene:
         >>> pl.Scene.load("duck.glb", unit="cm", background=1.0)  # doctest: +SKIP
         Scene(1 mesh, 4212 triangles, background 1.0)
         """
+        from plenoptic.scene.files.load import load_file
+
         contents = load_file(path, unit=unit, material=material)
         return cls(contents.meshes, (*contents.lights, *lights), background, contents.views)
 

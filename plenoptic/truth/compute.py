@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,14 +17,15 @@ from plenoptic.core.parallel import run_in_order, thread_count
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.record import lens_record
-from plenoptic.scene.cache import prepared_scene
-from plenoptic.scene.compile import SceneRecord
-from plenoptic.scene.geometry.accel import Intersector
-from plenoptic.scene.scene import Scene
 from plenoptic.truth.arrays import available_truth, checked_truth, empty_truth, what_needs
 from plenoptic.truth.channels import CHANNELS, GroundTruth, Needs, Truth, channels_of
 from plenoptic.truth.lookups import listed_numbers
 from plenoptic.truth.stages import SLOPE_STEP, PixelStages, TruthRecord
+
+if TYPE_CHECKING:
+    from plenoptic.scene.compile import SceneRecord
+    from plenoptic.scene.geometry.accel import Intersector
+    from plenoptic.scene.scene import Scene
 
 _PIXELS = 512
 """Pixels that go through the stages together."""
@@ -128,7 +129,11 @@ def ground_truth(
     check_scene_and_camera(scene, camera)
     first_row, end_row, first_column, end_column = sensor_region(camera.sensor.shape, region)
     workers = thread_count(threads)
-    prepared = None if scene is None else prepared_scene(scene)
+    prepared = None
+    if scene is not None:
+        from plenoptic.scene.cache import prepared_scene
+
+        prepared = prepared_scene(scene)
     meshes = prepared is not None and prepared.record.geometry is not None
     wanted = available_truth(checked_truth(truth), meshes=meshes, microlenses=camera.microlenses is not None)
     record = camera_record(camera)

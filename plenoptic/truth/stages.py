@@ -6,7 +6,7 @@ Each stage runs when the first channel reads it.
 from __future__ import annotations
 
 from functools import cached_property
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,11 +18,12 @@ from plenoptic.core.values import Floats
 from plenoptic.optics.lens.record import LensRecord
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.record import ArrayRecord
-from plenoptic.scene.compile import SceneRecord
-from plenoptic.scene.geometry.accel import Intersector
 from plenoptic.scene.geometry.record import Hits
-from plenoptic.scene.materials.alpha_mask import no_hits, pass_through
 from plenoptic.truth.channels import Truth
+
+if TYPE_CHECKING:
+    from plenoptic.scene.compile import SceneRecord
+    from plenoptic.scene.geometry.accel import Intersector
 
 SLOPE_STEP = 1e-5
 """How much the slopes of neighbouring rays differ, and how far apart they are over the distance of the lens: errors are
@@ -190,6 +191,7 @@ class PixelStages:
         """The triangles that the rays meet, through what is not there for most paths."""
         from plenoptic.core.kernels.bundles import fill_world_rays
         from plenoptic.scene.geometry.kernels import interaction
+        from plenoptic.scene.materials.alpha_mask import no_hits, pass_through
 
         camera, scene, intersector, n = self._camera, self._scene, self._intersector, len(self._pixels)
         assert scene is not None and scene.geometry is not None and intersector is not None

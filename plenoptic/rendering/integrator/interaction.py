@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from plenoptic.core.color.record import Wavelengths
+from plenoptic.core.kernels import sobol
 from plenoptic.rendering.integrator.record import RayQueue
 from plenoptic.scene.compile import SceneRecord
+from plenoptic.scene.geometry.kernels.interaction import fill_interactions
 from plenoptic.scene.geometry.record import INTERACTION_COLUMNS, Hits, Interactions, PathKeys
+from plenoptic.scene.lights.kernels.sample_emitters import sample_emitters
 from plenoptic.scene.lights.record import DRAWN_COLUMNS, DrawnLights
-
-_DIMENSIONS = 4
-"""Numbers of a Sobol point: `sobol.DIMENSIONS`."""
+from plenoptic.scene.materials.kernels import parameters
 
 
 class InteractionStage:
@@ -27,7 +28,7 @@ class InteractionStage:
             path=np.empty(capacity, dtype=np.int64),
             material=np.empty(capacity, dtype=np.int64),
             base_color=np.empty((capacity, channels)),
-            random=np.empty((_DIMENSIONS, capacity)),
+            random=np.empty((sobol.DIMENSIONS, capacity)),
             key=np.empty(capacity, dtype=np.uint64),
             number=np.empty(capacity, dtype=np.uint32),
         )
@@ -36,14 +37,10 @@ class InteractionStage:
 
     def find(self, queue: RayQueue, hits: Hits, keys: PathKeys, bounce: int, wavelengths: Wavelengths) -> Interactions:
         """The surfaces that scatter among those that rays meet."""
-        from plenoptic.core.kernels import sobol
-        from plenoptic.scene.geometry.kernels import interaction
-        from plenoptic.scene.materials.kernels import parameters
-
         scene, room, geometry, bsdf = self._scene, self._room, self._scene.geometry, self._scene.bsdf
         assert bsdf is not None
-        count = interaction.fill_interactions(room, hits, queue.rays, queue.path, geometry, bsdf.scatters)
-        found = room._replace(ray=room.ray[:count], path=room.path[:count], material=room.material[:count])
+        count = fill_interactions(room, hits, queue.rays, queue.path, geometry, bsdf.scatters)
+        found = room.first(count)
         sobol.fill_drawn(found.random, found.key, found.number, found.path, keys.key, keys.number, bounce + 1)
         parameters.fill_parameters(found, bsdf, wavelengths)
         if scene.textures is not None:
@@ -56,20 +53,10 @@ class InteractionStage:
 
     def draw_lights(self, interactions: Interactions, queue: RayQueue, wavelengths: Wavelengths) -> DrawnLights:
         """A light for each interaction."""
-        from plenoptic.scene.lights.kernels.sample_emitters import sample_emitters
-
         scene, drawn, bsdf = self._scene, self._drawn, self._scene.bsdf
         assert bsdf is not None
-        sample_emitters(
-            drawn,
-            interactions,
-            scene.geometry,
-            scene.emission,
-            scene.alpha,
-            scene.lights,
-            bsdf.takes_light,
-            wavelengths,
-        )
+        emitters = scene.geometry, scene.emission, scene.alpha, scene.lights
+        sample_emitters(drawn, interactions, *emitters, bsdf.takes_light, wavelengths)
         if scene.absorption is not None:
             from plenoptic.scene.materials.kernels import absorption
 

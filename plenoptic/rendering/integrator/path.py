@@ -9,9 +9,14 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.sampling.record import Batch
 from plenoptic.core.color.record import Wavelengths
+from plenoptic.core.kernels.bundles import fill_world_rays
 from plenoptic.core.values import Floats
 from plenoptic.rendering.context import RenderContext
 from plenoptic.rendering.integrator.interaction import InteractionStage
+from plenoptic.rendering.integrator.kernels.bounce import sample_bsdf
+from plenoptic.rendering.integrator.kernels.direct_light import add_direct, eval_direct
+from plenoptic.rendering.integrator.kernels.emission import add_emission
+from plenoptic.rendering.integrator.kernels.path_keys import fill_path_keys
 from plenoptic.rendering.integrator.record import RayQueue, ShadowRays
 from plenoptic.rendering.plan.scene_stages import ROULETTE
 from plenoptic.rendering.plan.stages import Stage
@@ -113,13 +118,9 @@ class Transport:
 
     def _start(self, blocks: Floats, start: int, n: int, batch: Batch, number: NDArray[np.int64]) -> int:
         """Rays from the camera; returns how many there are."""
-        from plenoptic.core.kernels.bundles import fill_world_rays
-
         now = self._now
         found = int(fill_world_rays(now.rays, now.path, blocks, n, self._camera.rotation, self._camera.position))
         if self._scatters or self._scene.alpha is not None:
-            from plenoptic.rendering.integrator.kernels.path_keys import fill_path_keys
-
             fill_path_keys(self._keys[:n], self._indices[:n], start, batch, number)
         for column, value in ((now.throughput, 1.0), (now.pdf, DELTA), (now.rough, 0)):
             if column is not None:
@@ -148,8 +149,6 @@ class Transport:
 
             fill_absorbed(now, hits, scene.geometry, scene.bsdf.glass_index, scene.absorption, wavelengths)
         if scene.emission is not None or any(part is not None for part in scene.lights.sky):
-            from plenoptic.rendering.integrator.kernels.emission import add_emission
-
             add_emission(radiance, now, hits, scene.geometry, scene.emission, scene.lights.sky, wavelengths)
 
     def _scatter(
@@ -175,24 +174,20 @@ class Transport:
         self, radiance: Floats, interactions: Interactions, drawn: DrawnLights, wavelengths: Wavelengths
     ) -> tuple[ShadowRays, NDArray[np.uint8]]:
         """Add the drawn lights that nothing hides; returns the shadow rays that were sent, and which were blocked."""
-        from plenoptic.rendering.integrator.kernels import direct_light
-
         assert self._intersector is not None
         scene = self._scene
-        count = direct_light.eval_direct(self._shadow, interactions, drawn, self._now, scene.bsdf, wavelengths)
+        count = eval_direct(self._shadow, interactions, drawn, self._now, scene.bsdf, wavelengths)
         shadow, blocked = self._shadow.first(count), self._blocked[:count]
         if count:
             if scene.alpha is None:
                 self._intersector.fill_blocked(blocked, shadow.rays)
             else:
                 thin_out(scene, self._intersector, shadow.rays, blocked, shadow.radiance)
-            direct_light.add_direct(radiance, blocked, shadow)
+            add_direct(radiance, blocked, shadow)
         return shadow, blocked
 
     def _send_on(self, interactions: Interactions, wavelengths: Wavelengths, *, russian_roulette: bool) -> int:
         """Draw the rays onwards; returns how many there are."""
-        from plenoptic.rendering.integrator.kernels.bounce import sample_bsdf
-
         scene, now, then = self._scene, self._now, self._next
         onwards = int(sample_bsdf(then, self._source, interactions, now, scene.bsdf, wavelengths, russian_roulette))
         if self._source is not None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.checks import check_scene_and_camera
 from plenoptic.core.values import whole
@@ -9,11 +11,12 @@ from plenoptic.rendering.plan.camera_stages import camera_decisions
 from plenoptic.rendering.plan.scene_stages import WHITE, scene_decisions
 from plenoptic.rendering.plan.stages import Plan, Stage, Subject, decide
 from plenoptic.rendering.settings import Caustics, RenderSettings, Sampler
-from plenoptic.scene.cache import prepared_scene
-from plenoptic.scene.compile import SceneRecord
-from plenoptic.scene.scene import Scene
 from plenoptic.truth.arrays import available_truth, checked_truth
 from plenoptic.truth.channels import Truth, truth_names
+
+if TYPE_CHECKING:
+    from plenoptic.scene.compile import SceneRecord
+    from plenoptic.scene.scene import Scene
 
 
 def plan(  # noqa: PLR0913
@@ -64,7 +67,8 @@ def plan(  # noqa: PLR0913
 
 def plan_for(subject: Subject) -> Plan:
     """The plan for what another one was made for, changed or not."""
-    return plan_stages(None if subject.scene is None else prepared_scene(subject.scene).record, subject)
+    prepared = subject.prepared
+    return plan_stages(None if prepared is None else prepared.record, subject)
 
 
 def plan_stages(record: SceneRecord | None, subject: Subject) -> Plan:

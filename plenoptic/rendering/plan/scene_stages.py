@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 from plenoptic.rendering.plan.stages import Decision, Stage, decide, left_out
-from plenoptic.scene.compile import SceneRecord
-from plenoptic.scene.materials.record import KIND_NAMES, LAMBERTIAN
+
+if TYPE_CHECKING:
+    from plenoptic.scene.compile import SceneRecord
 
 ROULETTE = 3
 """Paths that were scattered this often go on with a probability of what their surface gives back."""
@@ -73,6 +75,8 @@ def _surfaces(record: SceneRecord) -> list[Decision]:
 def _scattering(record: SceneRecord, max_bounces: int) -> list[Decision]:
     meshes, bsdf, scatters = record.geometry is not None, record.bsdf, _scatters(record, max_bounces)
     kinds = set() if bsdf is None or bsdf.kind is None else set(bsdf.kind.tolist())
+    from plenoptic.scene.materials.record import KIND_NAMES, LAMBERTIAN
+
     others = "there are " + ", ".join(KIND_NAMES[kind] for kind in sorted(kinds - {LAMBERTIAN}))
     absorbs, drawn = record.absorption is not None, record.lights.cdf is not None
     onward = scatters and (_visible(record) or (drawn and max_bounces > 1))

@@ -12,6 +12,7 @@ from plenoptic.truth.channels import Truth
 
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera
+    from plenoptic.scene.cache import PreparedScene
     from plenoptic.scene.scene import Scene
 
 
@@ -91,6 +92,15 @@ class Subject:
     replicates: int = 8
     truth: Truth = Truth.DEPTH
     settings: RenderSettings = RenderSettings()
+
+    @property
+    def prepared(self) -> PreparedScene | None:
+        """The scene, compiled."""
+        if self.scene is None:
+            return None
+        from plenoptic.scene.cache import prepared_scene
+
+        return prepared_scene(self.scene)
 
 
 @value

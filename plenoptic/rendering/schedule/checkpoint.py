@@ -20,7 +20,7 @@ import time
 import warnings
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple
+from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +32,9 @@ from plenoptic.core.values import file_path, positive
 from plenoptic.errors import FileError, InvalidValueError
 from plenoptic.rendering.schedule.identity import differences, identity
 from plenoptic.rendering.schedule.progress import Progress
-from plenoptic.scene.compile import SceneRecord
+
+if TYPE_CHECKING:
+    from plenoptic.scene.compile import SceneRecord
 
 _PREAMBLE = re.compile(rb"plenoptic checkpoint 1\n([0-9a-f]{64}) ([0-9]{16})\n")
 _PREAMBLE_BYTES = 105

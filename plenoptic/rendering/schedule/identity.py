@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import enum
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,7 +14,9 @@ from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.core.color.spectra import colour_tables
 from plenoptic.core.files.digest import MARK, digest
 from plenoptic.errors import InvalidValueError
-from plenoptic.scene.compile import SceneRecord
+
+if TYPE_CHECKING:
+    from plenoptic.scene.compile import SceneRecord
 
 
 def identity(scene: SceneRecord | None, camera: PlenopticCamera, **facts: Any) -> dict[str, str]:

@@ -7,7 +7,7 @@ import os
 import time
 import warnings
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,6 @@ from plenoptic.core.parallel import run_in_order, thread_count
 from plenoptic.core.rays import RayStatus
 from plenoptic.core.values import whole
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.lens.analysis.conditioning import Conditioning
 from plenoptic.rendering.context import RenderContext, render_context
 from plenoptic.rendering.exposure import Exposure
 from plenoptic.rendering.plan.scene_stages import is_dark
@@ -33,12 +32,14 @@ from plenoptic.rendering.schedule.progress_bar import ProgressBar
 from plenoptic.rendering.stats import RenderStats, StopReason
 from plenoptic.rendering.tile import Tile, TileResult, batch_of, render_tile, status_codes
 from plenoptic.rendering.tiling import cut_into_tiles
-from plenoptic.scene.lights.brightness import brightest_radiance
-from plenoptic.scene.scene import Scene
 from plenoptic.truth.arrays import available_truth, empty_truth, forget_truth
 from plenoptic.truth.channels import GroundTruth, Truth
 from plenoptic.truth.compute import truth_record
 from plenoptic.truth.stages import TruthRecord
+
+if TYPE_CHECKING:
+    from plenoptic.optics.lens.analysis.conditioning import Conditioning
+    from plenoptic.scene.scene import Scene
 
 _MISSED = 1.25
 """Ratio of the error reached to the one wanted that is worth a warning."""
@@ -116,7 +117,11 @@ def _progress(
     """Nothing is rendered yet."""
     first_row, end_row, first_column, end_column = region
     shape = (end_row - first_row, end_column - first_column)
-    radiance = 1.0 if context.scene is None else brightest_radiance(context.scene)
+    radiance = 1.0
+    if context.scene is not None:
+        from plenoptic.scene.lights.brightness import brightest_radiance
+
+        radiance = brightest_radiance(context.scene)
     batch = min(clock.samples_per_batch(tile.pixels, budget.replicates) for tile in tiles)
     return Progress(
         tiles,

@@ -94,6 +94,11 @@ class Interactions(NamedTuple):
     number: NDArray[np.uint32]
     """(n,): of the point of the sequence."""
 
+    def first(self, n: int) -> Interactions:
+        """The first of them."""
+        ray, path, material = self.ray[:n], self.path[:n], self.material[:n]
+        return Interactions(self.rows, ray, path, material, self.base_color, self.random, self.key, self.number)
+
 
 class PathKeys(NamedTuple):
     """From what the random numbers of paths are made."""

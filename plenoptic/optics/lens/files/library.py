@@ -8,15 +8,11 @@ import os
 from collections.abc import Mapping
 from pathlib import Path
 
-from plenoptic.core.files.text_lines import decoded
 from plenoptic.core.values import file_path
 from plenoptic.errors import FileError
 from plenoptic.optics.glass.catalogue import GlassCatalogue
 from plenoptic.optics.glass.media import Medium
-from plenoptic.optics.lens.files.lens_csv import lens_from_csv
 from plenoptic.optics.lens.files.lens_json import json_of_lens, lens_from_json
-from plenoptic.optics.lens.files.zemax import lens_from_zmx
-from plenoptic.optics.lens.files.zemax_writing import zmx_of_lens
 from plenoptic.optics.lens.stack import LensStack
 
 _ENDINGS = ".csv, .json and .zmx"
@@ -88,10 +84,15 @@ def load_lens(
         return lens_from_json(bundled.read_text(encoding="utf-8"), f"{name}.json")
     ending = path.suffix.lower()
     if ending == ".csv":
+        from plenoptic.optics.lens.files.lens_csv import lens_from_csv
+
         return lens_from_csv(_utf8(path), path.name)
     if ending == ".json":
         return lens_from_json(_utf8(path), path.name)
     if ending == ".zmx":
+        from plenoptic.core.files.text_lines import decoded
+        from plenoptic.optics.lens.files.zemax import lens_from_zmx
+
         return lens_from_zmx(decoded(_content(path), errors="replace"), path.name, glasses=glasses)
     if not isinstance(name_or_path, str) or path.parent != Path() or path.is_file():
         raise FileError(f"{name} ends in {ending!r}; the lens files that can be read are {_ENDINGS}")
@@ -138,6 +139,8 @@ def save_lens(lens: LensStack, path: str | os.PathLike[str]) -> None:
     if ending == ".json":
         content = json_of_lens(lens).encode("utf-8")
     elif ending == ".zmx":
+        from plenoptic.optics.lens.files.zemax_writing import zmx_of_lens
+
         content = zmx_of_lens(lens)
     else:
         raise FileError(f"{target} ends in {target.suffix!r}; lenses are saved as .json or .zmx: give it that ending")

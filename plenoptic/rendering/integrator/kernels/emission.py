@@ -28,7 +28,7 @@ def add_emission(radiance, queue, hits, geometry, emission, sky, wavelengths):
     throughput = queue.throughput
     pdf = queue.pdf
     rough = queue.rough
-    instances = hits.instance
+    hit, instances = hits.triangle, hits.instance
     travelled = hits.travelled
     vertices = geometry.vertices
     triangles = geometry.triangles
@@ -60,17 +60,17 @@ def add_emission(radiance, queue, hits, geometry, emission, sky, wavelengths):
     if environment_texels is not None:
         channels = environment_texels.shape[2]
     seen = np.empty(channels)
-    for i in range(hits.triangle.size):
-        k = hits.triangle[i]
+    for i in range(hit.size):
+        k = hit[i]
         path = path_of[i]
         drawn = DELTA if pdf is None else pdf[i]
         if rough is not None:
             if rough[i] != 0 and drawn < 0.0:
                 continue
-        direction = row_vector(rays, i, 3)
         if k < 0:
             if background is None and suns is None and environment_texels is None:
                 continue
+            direction = row_vector(rays, i, 3)
             # A constant background is not drawn directly, and counts in full.
             for c in range(channels):
                 seen[c] = 0.0 if background is None else background[c]
@@ -89,6 +89,7 @@ def add_emission(radiance, queue, hits, geometry, emission, sky, wavelengths):
                 brightest = max(brightest, seen[c])
             if not brightest > 0.0:
                 continue
+            direction = row_vector(rays, i, 3)
             instance = -1 if instances is None else instances[i]
             triangle = corners(vertices, triangles, k, instance_to_world, instance)
             t, u, v, normal = intersect_triangle(row_vector(rays, i, 0), direction, triangle)
