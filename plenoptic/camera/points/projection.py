@@ -164,6 +164,7 @@ def _assembled(tables: ForwardRecord, given: Floats, rows: Rows) -> Projection:
     light = rows.moments[:, :, 0].mean(axis=1)
     light_error = rows.moments[:, :, 0].std(axis=1, ddof=1) / np.sqrt(REPLICATES)
     centroid, centroid_error = centroids(rows.moments)
+    centroid[light == 0] = np.nan
     # All light in one replicate: the error is not known, and not small.
     centroid_error[~np.isfinite(centroid_error)] = np.inf
     with np.errstate(invalid="ignore"):
