@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,6 +13,8 @@ from plenoptic.errors import InvalidValueError
 
 UNIT_TOLERANCE = 8 * np.finfo(np.float64).eps
 """A direction whose length differs from 1 by less is left as it is: normalising would add error, not remove it."""
+
+_ARRAYS = ("origin", "direction", "weight", "status", "lost_at")
 
 
 class RayStatus(enum.IntEnum):
@@ -130,13 +133,8 @@ class RayBundle:
     ) -> RayBundle:
         """A bundle of arrays that a kernel has just filled: neither copied nor checked."""
         made = object.__new__(cls)
-        for name, array in (
-            ("origin", origin),
-            ("direction", direction),
-            ("weight", weight),
-            ("status", status),
-            ("lost_at", lost_at),
-        ):
+        arrays: tuple[NDArray[Any], ...] = (origin, direction, weight, status, lost_at)
+        for name, array in zip(_ARRAYS, arrays, strict=True):
             array.flags.writeable = False
             set_field(made, name, array)
         set_field(made, "wavelength", wavelength)
@@ -188,14 +186,8 @@ class RayBundle:
         mask = np.asarray(mask)
         if mask.size == 0:
             mask = mask.astype(np.intp)
-        return RayBundle(
-            self.origin[mask],
-            self.direction[mask],
-            self.wavelength,
-            weight=self.weight[mask],
-            status=self.status[mask],
-            lost_at=self.lost_at[mask],
-        )
+        kept = {name: getattr(self, name)[mask] for name in _ARRAYS}
+        return RayBundle(wavelength=self.wavelength, **kept)
 
     def __repr__(self) -> str:
         arrived = int(np.count_nonzero(self.status == 0))

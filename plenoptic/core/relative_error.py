@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import Floats, frozen_array
+from plenoptic.core.values import AnyFloats, Floats, frozen_array
 from plenoptic.errors import InvalidValueError
 
 LIT = 0.1
@@ -13,7 +13,7 @@ LIT = 0.1
 _PERCENTILE = 99
 
 
-def brightness(image: NDArray[np.floating]) -> Floats:  # type: ignore[type-arg]
+def brightness(image: AnyFloats) -> Floats:
     """(..., C) to (...): the mean over the channels."""
     return np.asarray(np.mean(image, axis=-1, dtype=np.float64))
 
@@ -56,20 +56,14 @@ def lit_pixels(image: ArrayLike) -> NDArray[np.bool_]:
     return np.asarray(bright > lit_level(bright))
 
 
-def relative_squares(
-    bright: Floats,
-    error: NDArray[np.floating],  # type: ignore[type-arg]
-) -> Floats:
+def relative_squares(bright: Floats, error: AnyFloats) -> Floats:
     """Squared relative error (...) of pixels: mean square over the channels (..., C), over brightness; 0 where dark."""
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):  # inf is what it is then
         squares = np.mean(np.square(error / bright[..., None], dtype=np.float64), axis=-1)
     return np.where(bright > 0, squares, 0.0)
 
 
-def relative_error(
-    image: NDArray[np.floating],  # type: ignore[type-arg]
-    error: NDArray[np.floating],  # type: ignore[type-arg]
-) -> float:
+def relative_error(image: AnyFloats, error: AnyFloats) -> float:
     """Root mean square of the relative errors of lit pixels; nan where there are neither lit pixels nor errors.
 
     inf where the error of any pixel is, since it may be lit.

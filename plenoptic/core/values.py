@@ -6,14 +6,14 @@ import dataclasses
 import enum
 import math
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping, Set
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.errors import FileError, InvalidValueError
+from plenoptic.errors import FileError, InvalidValueError, PrescriptionError
 
 if TYPE_CHECKING:
     from typing_extensions import dataclass_transform
@@ -25,6 +25,8 @@ else:
 
 
 Floats = NDArray[np.float64]
+AnyFloats = NDArray[np.floating[Any]]
+"""Of any precision."""
 
 T = TypeVar("T")
 Kept = TypeVar("Kept")
@@ -94,6 +96,16 @@ def finite(value: float, name: str) -> float:
     if not math.isfinite(given):
         raise InvalidValueError(f"{name} is {given}; it must be finite")
     return given
+
+
+def coefficients(values: Iterable[float], name: str, wanted: str = "a sequence of numbers") -> tuple[float, ...]:
+    """The finite numbers of a prescription, or an error, for what is no sequence a PrescriptionError."""
+    try:
+        if isinstance(values, str | bytes | Mapping | Set):
+            raise TypeError
+        return tuple(finite(item, f"{name}[{i}]") for i, item in enumerate(values))
+    except TypeError:
+        raise PrescriptionError(f"{name} is {values!r}; it must be {wanted}") from None
 
 
 def wavelength_in_nm(value: float, name: str = "wavelength") -> float:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.core.files.images import linear_to_srgb
+from plenoptic.core.color.srgb import linear_to_srgb
 from plenoptic.core.relative_error import lit_pixels
 from plenoptic.core.values import check_has
 from plenoptic.plots.canvas import brightest, figure_or_new, pixel_extent

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from plenoptic.core.files.images import linear_to_srgb
+from plenoptic.core.color.srgb import linear_to_srgb
 from plenoptic.core.values import check_has, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.plots.canvas import axes_or_new, brightest

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plenoptic import __version__
+from plenoptic.core.color.srgb import linear_to_srgb
 from plenoptic.core.files import images
 from plenoptic.core.files.preview import html_figure
 from plenoptic.core.files.serialization import describe, described_fields, restore, restored_fields
@@ -276,7 +277,7 @@ class Exposure:
         scale = positive(scale, "scale")
         relative: NDArray[np.floating[Any]] = np.clip(image / scale, 0.0, 1.0)
         if encoding == images.SRGB:
-            relative = images.linear_to_srgb(relative)
+            relative = linear_to_srgb(relative)
         texts = self._texts(("samples", "replicates", "seed", "region"))
         texts |= {"plenoptic:scale": describe(scale), images.COLOR_SPACE: encoding}
         images.write_16bit(path, np.rint(relative * _FULL).astype(np.uint16), texts)

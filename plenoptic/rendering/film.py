@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import Floats
+from plenoptic.core.values import AnyFloats, Floats
 from plenoptic.errors import InvalidValueError
 
 
@@ -148,7 +148,7 @@ class Film:
             image[rows] = np.clip(self.mean[rows], -_LARGEST, _LARGEST)
         return image
 
-    def standard_error(self, one_sample: NDArray[np.floating] | None = None) -> NDArray[np.float32] | None:  # type: ignore[type-arg]
+    def standard_error(self, one_sample: AnyFloats | None = None) -> NDArray[np.float32] | None:
         """Standard error of the mean, (rows, columns, channels) float32; None with fewer than two replicates.
 
         Where all replicates agree, it is `one_sample` (rows, columns), what one sample brings at most, over the number
@@ -183,7 +183,7 @@ def spread(
     squares: Floats,
     samples: float | NDArray[np.int32],
     freedom: float | NDArray[np.int32],
-    one_sample: NDArray[np.floating] | None,  # type: ignore[type-arg]
+    one_sample: AnyFloats | None,
 ) -> Floats:
     """Standard error of pixels (..., channels); see `Film.standard_error`. inf where there is no freedom."""
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import enum
 from typing import TYPE_CHECKING
 
+from plenoptic.core.lost_rays import Lost, by_cause, checked_lost, in_words
 from plenoptic.core.values import choice, finite, not_negative, set_field, value, whole
 from plenoptic.errors import InvalidValueError
 
@@ -88,7 +89,7 @@ class RenderStats:
     cpu_seconds: float = 0.0
     paths: int = 0
     paths_through_lens: int = 0
-    lost: tuple[tuple[str, int | None, int], ...] = ()
+    lost: Lost = ()
     nonfinite: int = 0
     threads: int = 1
     clamped: float = 0.0
@@ -114,11 +115,7 @@ class RenderStats:
             raise InvalidValueError(
                 f"paths_through_lens is {self.paths_through_lens}; it must be at most paths, {self.paths}"
             )
-        lost = []
-        for cause, element, count in self.lost:
-            of = None if element is None else whole(element, "lost: element", at_least=0)
-            lost.append((str(cause), of, whole(count, "lost: count", at_least=0)))
-        set_field(self, "lost", tuple(lost))
+        set_field(self, "lost", checked_lost(self.lost))
 
     @property
     def fraction_through_lens(self) -> float:
@@ -128,13 +125,10 @@ class RenderStats:
     @property
     def lost_by_cause(self) -> dict[str, int]:
         """The number of lost paths for each cause, over all elements."""
-        causes: dict[str, int] = {}
-        for cause, _, count in self.lost:
-            causes[cause] = causes.get(cause, 0) + count
-        return causes
+        return by_cause(self.lost)
 
     def __repr__(self) -> str:
-        lost = ", ".join(f"{count} {cause.replace('_', ' ')}" for cause, count in self.lost_by_cause.items())
+        lost = in_words(self.lost_by_cause)
         facts = [f"{self.seconds:.3g} s", f"{self.threads} threads" if self.threads > 1 else "1 thread"]
         facts.append(f"{self.paths} paths")
         if self.paths:

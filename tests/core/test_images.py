@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from plenoptic.core.color.srgb import Encoding
+from plenoptic.core.color.srgb import Encoding, linear_to_srgb, srgb_to_linear
 from plenoptic.core.files import images
 from plenoptic.errors import FileError, InvalidValueError
 
@@ -24,24 +24,24 @@ def left_over(folder):
 def test_srgb_and_back_is_the_identity():
     # Each way rounds a power of 2.4 at most: a few eps, relative.
     linear = np.concatenate([np.linspace(-2, 2, 1001), [1e-9, 0.0031308]])
-    np.testing.assert_allclose(images.srgb_to_linear(images.linear_to_srgb(linear)), linear, rtol=1e-14, atol=0)
+    np.testing.assert_allclose(srgb_to_linear(linear_to_srgb(linear)), linear, rtol=1e-14, atol=0)
 
 
 def test_srgb_pieces_meet():
     # The standard's rounded constants leave a step below 1e-7 in value.
-    below, above = images.srgb_to_linear(np.nextafter(0.04045, [0.0, 1.0]))
+    below, above = srgb_to_linear(np.nextafter(0.04045, [0.0, 1.0]))
     assert abs(above - below) < 1e-7
 
 
 def test_srgb_known_values():
     # IEC 61966-2-1: 18 % grey is code 117.6 of 255, full is full.
-    np.testing.assert_allclose(images.linear_to_srgb([0.0, 0.18, 1.0]) * 255, [0, 117.64, 255], atol=0.02)
+    np.testing.assert_allclose(linear_to_srgb([0.0, 0.18, 1.0]) * 255, [0, 117.64, 255], atol=0.02)
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 def test_srgb_keeps_the_floating_type(dtype):
-    assert images.srgb_to_linear(np.ones(2, dtype)).dtype == dtype
-    assert images.linear_to_srgb(np.ones(2, dtype)).dtype == dtype
+    assert srgb_to_linear(np.ones(2, dtype)).dtype == dtype
+    assert linear_to_srgb(np.ones(2, dtype)).dtype == dtype
 
 
 @pytest.mark.parametrize("ending", [".png", ".tif"])
@@ -50,7 +50,7 @@ def test_8_bit_colours_are_decoded_from_srgb(tmp_path, ending):
     Image.fromarray(codes).save(tmp_path / f"a{ending}")
     read = images.read_linear(tmp_path / f"a{ending}")
     assert read.dtype == np.float32
-    np.testing.assert_allclose(read, images.srgb_to_linear(codes / 255), rtol=4 * np.finfo(np.float32).eps)
+    np.testing.assert_allclose(read, srgb_to_linear(codes / 255), rtol=4 * np.finfo(np.float32).eps)
 
 
 def test_grey_has_one_channel(tmp_path):
@@ -76,7 +76,7 @@ def test_16_bits_come_back(tmp_path, ramp, ending, encoding, channels):
     stored, metadata = images.read_channels(path)
     np.testing.assert_array_equal(np.rint(np.stack(list(stored.values()), -1) * 65535), written)
     assert metadata["note"] == 'é "quoted"'
-    expected = written / 65535 if encoding == "Linear" else images.srgb_to_linear(written / 65535)
+    expected = written / 65535 if encoding == "Linear" else srgb_to_linear(written / 65535)
     np.testing.assert_allclose(images.read_linear(path), expected, atol=4 * np.finfo(np.float32).eps)
     assert not left_over(tmp_path)
 
@@ -191,7 +191,7 @@ def test_what_is_no_path(path):
 def test_names_that_no_file_can_have(tmp_path, name):
     with pytest.raises(FileError, match="does not exist"):
         images.read_linear(tmp_path / f"{name}.exr")
-    with pytest.raises(FileError, match="cannot be a file: .*; choose another name"):
+    with pytest.raises(FileError, match=r"cannot be (read|used) \(.*; check its name"):
         images.write_channels(tmp_path / f"{name}.exr", {"Y": np.ones((2, 2))})
     assert not list(tmp_path.iterdir())
 

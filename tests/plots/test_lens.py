@@ -8,7 +8,8 @@ import pytest
 
 import plenoptic as pl
 from plenoptic.optics.lens.analysis.layout import layout, layout_fields, ray_paths
-from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays, fan
+from plenoptic.optics.lens.pupil.iris_points import fan
+from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays
 from plenoptic.plots.lens import plot_layout
 
 matplotlib.use("Agg")

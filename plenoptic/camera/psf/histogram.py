@@ -13,8 +13,8 @@ from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.psf.sensor_hits import ForwardRecord, Task, landed
 from plenoptic.camera.psf.spread import CameraSpread
 from plenoptic.core.kernels.ray_blocks import CAUSES
+from plenoptic.core.lost_rays import cause_and_element
 from plenoptic.core.parallel import run_in_order
-from plenoptic.core.rays import RayStatus
 from plenoptic.core.values import Floats
 
 
@@ -163,6 +163,5 @@ def _fates(counts: NDArray[np.int64], rays: int) -> tuple[tuple[tuple[str, int |
     if counts[:, shut].any():
         fates[shut] = "beside_opening", None
     for code in (np.flatnonzero(counts[:, 1:shut].any(axis=0)) + 1).tolist():
-        element, cause = divmod(code, CAUSES)
-        fates[code] = RayStatus(cause).name.lower(), element - 1 if element else None
+        fates[code] = cause_and_element(code)
     return tuple(fates.values()), counts[:, list(fates)] / rays

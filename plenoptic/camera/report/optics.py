@@ -19,7 +19,8 @@ from plenoptic.optics.lens.analysis.focus import paraxial_focus
 from plenoptic.optics.lens.gaussian.matrices import over, transfer_matrix
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points, magnification, object_position
 from plenoptic.optics.lens.models import LensModel
-from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays_reverse, hexapolar, square_grid
+from plenoptic.optics.lens.pupil.iris_points import hexapolar, square_grid
+from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays_reverse
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.lattice import Lattice

@@ -221,28 +221,12 @@ class ColourTables(NamedTuple):
 def colour_tables(sensitivity: Sensitivity, *, step: float = 1.0) -> ColourTables:
     """Wavelengths for a renderer to draw, in proportion to what all channels together see of them.
 
-    The range is cut into bins of equal width; a bin's wavelength is its middle, its share of channel c the integral
-    of the normalised response over it, s[w, c], and its probability p[w] = sum_c |s[w, c]| / S with S the sum over all
-    bins. The weights s / p are at most S in magnitude (C where no response is negative), and exactly 1 for a single
-    channel without negative response. Shares add up to 1 for each channel: a constant spectrum of radiance 1 has the
-    mean 1. Bins that hardly any channel sees are left out. Lines are drawn as often as each other.
-
-    Parameters
-    ----------
-    sensitivity : Sensitivity
-    step : float
-        Width of the bins in nm at most. The error of a smooth spectrum falls with its square.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from plenoptic.core.color.spectra import Sensitivity, colour_tables
-    >>> tables = colour_tables(Sensitivity([500.0, 550.0, 600.0], [0.0, 1.0, 0.0]), step=2.0)
-    >>> tables.wavelengths[:3].tolist()
-    [501.0, 503.0, 505.0]
-    >>> probability = np.diff(tables.cdf, prepend=0.0)
-    >>> f"{probability @ tables.weights[:, 0]:.12f}"
-    '1.000000000000'
+    The range is cut into bins of equal width, `step` nm at most; the error of a smooth spectrum falls with its square.
+    A bin's wavelength is its middle, its share of channel c the integral of the normalised response over it, s[w, c],
+    and its probability p[w] = sum_c |s[w, c]| / S with S the sum over all bins. The weights s / p are at most S in
+    magnitude (C where no response is negative), and exactly 1 for a single channel without negative response. Shares
+    add up to 1 for each channel: a constant spectrum of radiance 1 has the mean 1. Bins that hardly any channel sees
+    are left out. Lines are drawn as often as each other.
     """
     check_kind(sensitivity, "sensitivity", Sensitivity, "sensitivities.colour_camera()")
     if sensitivity.response is None:

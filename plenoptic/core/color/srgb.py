@@ -7,7 +7,9 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from plenoptic.core.values import AnyFloats
 
 # IEC 61966-2-1: a straight piece near black, a power elsewhere; the two meet at these values.
 _SRGB_KNEE = 0.04045
@@ -30,7 +32,7 @@ class Encoding(enum.IntEnum):
     """Proportional to what they stand for: normals, roughness, opacity and other data."""
 
 
-def srgb_to_linear(encoded: ArrayLike) -> NDArray[np.floating[Any]]:
+def srgb_to_linear(encoded: ArrayLike) -> AnyFloats:
     """Decode sRGB values in 0..1 to linear values in 0..1.
 
     The curve is continued above 1 and, as an odd function, below 0.
@@ -58,7 +60,7 @@ def srgb_to_linear(encoded: ArrayLike) -> NDArray[np.floating[Any]]:
     return _odd(encoded, lambda size: np.where(size <= _SRGB_KNEE, size / 12.92, ((size + 0.055) / 1.055) ** 2.4))
 
 
-def linear_to_srgb(linear: ArrayLike) -> NDArray[np.floating[Any]]:
+def linear_to_srgb(linear: ArrayLike) -> AnyFloats:
     """Encode linear values in 0..1 as sRGB values in 0..1: the inverse of `srgb_to_linear`, see there.
 
     Examples
@@ -70,9 +72,9 @@ def linear_to_srgb(linear: ArrayLike) -> NDArray[np.floating[Any]]:
     return _odd(linear, lambda size: np.where(size <= _LINEAR_KNEE, size * 12.92, 1.055 * size ** (1 / 2.4) - 0.055))
 
 
-def _odd(values: ArrayLike, curve: Callable[[Any], Any]) -> NDArray[np.floating[Any]]:
+def _odd(values: ArrayLike, curve: Callable[[Any], Any]) -> AnyFloats:
     """A curve for values from 0, continued as an odd function; of integers in float64."""
     array = np.asarray(values)
     given = array if array.dtype.kind == "f" else array.astype(np.float64)
-    signed: NDArray[np.floating[Any]] = np.copysign(curve(np.abs(given)), given)
+    signed: AnyFloats = np.copysign(curve(np.abs(given)), given)
     return signed

@@ -31,21 +31,11 @@ _CANNOT_SYNC = (errno.EINVAL, errno.ENOTSUP, errno.EACCES, errno.EPERM, errno.EB
 
 
 @contextmanager
-def replaced(target: Path, *, check: Callable[[], None]) -> Iterator[BinaryIO]:
-    """A new file that takes the place of `target` when the block ends well; otherwise nothing changes.
+def replaced(target: Path, *, check: Callable[[], None] = lambda: None) -> Iterator[BinaryIO]:
+    """A new file that takes the place of `target`, from `real_path`, if the block ends well; else nothing changes.
 
-    Parameters
-    ----------
-    target : Path
-        From `real_path`.
-    check : function
-        Raises an error where the new file must not take the place of what is there; called before anything is written
-        and once more at the end.
-
-    Raises
-    ------
-    FileError
-        Where the file cannot be written or put in its place.
+    `check` raises an error where the new file must not take the place of what is there; it is called before anything
+    is written and once more at the end.
     """
     check()
     with explained(target, "written"):

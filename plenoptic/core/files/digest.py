@@ -20,27 +20,10 @@ MARK = "sha256:"
 def digest(value: Any, *, seen_as: Callable[[Any], Any] | None = None) -> str:
     """A text that is the same for values of the same bits, and different for any others.
 
-    Unlike `hash` it is the same in every process, and unlike pickles it does not depend on which parts are shared.
-    It is stricter than `==`: 0.0 and -0.0 differ, and so do float32 and float64.
-
-    Parameters
-    ----------
-    value : object
-        None, a number, a text, an array of numbers, a member of an enum, a tuple or named tuple, or a frozen dataclass
-        of this package made of these.
-    seen_as : function, optional
-        Makes a value of these kinds of an object that is none of them.
-
-    Raises
-    ------
-    InvalidValueError
-        Where something is of none of these kinds.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> digest((1, None)) == digest((1, None)), digest(np.zeros(2)) == digest(np.zeros((2, 1)))
-    (True, False)
+    Of None, numbers, texts, arrays of numbers, members of enums, tuples, and frozen dataclasses of this package made of
+    these; `seen_as` makes one of these of any other object. Unlike `hash` it is the same in every process, and unlike
+    pickles it does not depend on which parts are shared. It is stricter than `==`: 0.0 and -0.0 differ, and so do
+    float32 and float64.
     """
     sha = hashlib.sha256()
     _feed(sha, value, seen_as)

@@ -9,20 +9,18 @@ from __future__ import annotations
 
 import json
 import os
-import secrets
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.color.srgb import Encoding, linear_to_srgb, srgb_to_linear
-from plenoptic.core.values import choice, file_path, whole
+from plenoptic.core.color.srgb import Encoding, srgb_to_linear
+from plenoptic.core.files.atomic_file import check_folder, is_there, real_path, replaced
+from plenoptic.core.values import AnyFloats, choice, file_path, whole
 from plenoptic.errors import FileError, InvalidValueError
-
-__all__ = ["linear_to_srgb", "read_channels", "read_linear", "srgb_to_linear", "write_16bit", "write_channels"]
 
 COLOR_SPACE = "oiio:ColorSpace"  # the metadata key under which OpenImageIO keeps the encoding
 LINEAR = "Linear"
@@ -93,13 +91,7 @@ def read_linear(
 
 
 def channel_number(channel: int | None) -> int | None:
-    """`channel`, or an error where it is not None and no channel of an image.
-
-    Examples
-    --------
-    >>> channel_number(3)
-    3
-    """
+    """`channel`, or an error where it is not None and no channel of an image."""
     if channel is None or whole(channel, "channel", at_least=0) <= ALPHA:
         return channel
     raise InvalidValueError(f"channel is {channel}; it must be 0, 1, 2 (red, green, blue), 3 (alpha) or None")
@@ -224,21 +216,11 @@ def write_16bit(
     _write(target, pixels, names, {COLOR_SPACE: said[COLOR_SPACE], "ImageDescription": description})
 
 
-def bayer_to_rgb(mosaic: NDArray[np.floating[Any]], *, layout: str, algorithm: str) -> NDArray[np.float32]:
-    """All channels of a Bayer mosaic at all pixels, through OpenImageIO.
+def bayer_to_rgb(mosaic: AnyFloats, *, layout: str, algorithm: str) -> NDArray[np.float32]:
+    """(H, W, 3) from a linear Bayer mosaic (H, W) of at least 2 x 2.
 
-    Parameters
-    ----------
-    mosaic : (H, W) ndarray
-        At least 2 x 2, linear.
-    layout : str
-        The first two pixels of row 0, then those of row 1: RGGB, BGGR, GRBG or GBRG.
-    algorithm : str
-        As OpenImageIO calls it: linear or MHC.
-
-    Returns
-    -------
-    (H, W, 3) float32 ndarray
+    `layout` is the first two pixels of row 0, then those of row 1: RGGB, BGGR, GRBG or GBRG; `algorithm` is, as
+    OpenImageIO calls it, linear or MHC.
     """
     import OpenImageIO as oiio
 
@@ -306,17 +288,8 @@ def _writable(path: str | os.PathLike[str], endings: tuple[str, ...]) -> Path:
     target = file_path(path)
     if target.suffix.lower() not in endings:
         raise FileError(f"{str(target)!r} ends in {target.suffix!r}; it must end in {' or '.join(endings)}")
-    if os.path.isdir(target):  # unlike Path.is_dir, it is silent about names that no file can have
-        raise FileError(f"{str(target)!r} is a folder; give the path of a file")
-    if not os.path.isdir(target.parent):
-        raise FileError(f"the folder {str(target.parent)!r} does not exist; make it first")
-    if not os.access(target.parent, os.W_OK):
-        raise FileError(f"the folder {str(target.parent)!r} is not writable; choose another one")
-    try:
-        with suppress(FileNotFoundError):
-            os.lstat(target)
-    except (OSError, ValueError) as error:  # too long, or with a zero byte
-        raise FileError(f"{str(target)!r} cannot be a file: {error}; choose another name") from error
+    is_there(real_path(target))
+    check_folder(real_path(target))
     return target
 
 
@@ -328,11 +301,11 @@ def _write(target: Path, pixels: NDArray[Any], names: tuple[str, ...], metadata:
     spec.channelnames = names
     for name, text in metadata.items():
         spec.attribute(name, text)
-    with _replacing(target) as temporary:
-        sink = oiio.ImageOutput.create(str(temporary))
-        if sink is None:
-            raise FileError(f"{str(target)!r} cannot be written: {_said(oiio)}; choose another ending")
-        written = sink.open(str(temporary), spec) and sink.write_image(np.ascontiguousarray(pixels))
+    sink = oiio.ImageOutput.create(str(target))
+    if sink is None:
+        raise FileError(f"{str(target)!r} cannot be written: {_said(oiio)}; choose another ending")
+    with replaced(real_path(target)) as file:
+        written = sink.open(str(file.name), spec) and sink.write_image(np.ascontiguousarray(pixels))
         trouble = _reason(sink)
         if not (sink.close() and written):
             reason = trouble or _reason(sink)
@@ -349,18 +322,3 @@ def _reason(speaker: Any) -> str:
         return " ".join(str(speaker.geterror()).split())
     except UnicodeDecodeError:
         return "it is damaged"
-
-
-@contextmanager
-def _replacing(target: Path) -> Iterator[Path]:
-    """A temporary path beside the target that takes its place when the block ends well."""
-    final = Path(os.path.realpath(target))
-    temporary = final.with_name(f".{secrets.token_hex(8)}{target.suffix}")
-    try:
-        yield temporary
-        try:
-            os.replace(temporary, final)
-        except OSError as error:
-            raise FileError(f"{str(target)!r} cannot be replaced: {error.strerror}; remove it first") from error
-    finally:
-        temporary.unlink(missing_ok=True)

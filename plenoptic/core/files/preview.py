@@ -8,7 +8,7 @@ import io
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.core.files.images import linear_to_srgb
+from plenoptic.core.color.srgb import linear_to_srgb
 
 _PIXELS = 1024
 

@@ -35,45 +35,12 @@ _DTYPES = (
 
 
 def describe(value: Any) -> str:
-    """A value of this package as JSON text; floats keep every bit.
-
-    Parameters
-    ----------
-    value : object
-        None, a number, a text, an array, a tuple, a member of a public IntEnum, or a public frozen
-        dataclass made of these.
-
-    Returns
-    -------
-    str
-        ASCII only.
-
-    Raises
-    ------
-    InvalidValueError
-        Where something is none of these.
-    """
+    """A value of this package as JSON text in ASCII; floats keep every bit. An error for what has no such form."""
     return json.dumps(_described(value), allow_nan=False)
 
 
 def restore(text: str) -> Any:
-    """The value that `describe` wrote down.
-
-    Parameters
-    ----------
-    text : str
-        From `describe`.
-
-    Returns
-    -------
-    object
-        Equal to what was described.
-
-    Raises
-    ------
-    FileError
-        Where the text is not such a description, names nothing public, or describes what cannot be.
-    """
+    """The value that `describe` wrote down; a FileError where the text names nothing public, or what cannot be."""
     try:
         return _restored(json.loads(text))
     except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError) as error:

@@ -1,4 +1,4 @@
-"""Colours as paths see them: device functions. See `core.color.record.Wavelengths`."""
+"""Colours as paths see them: device functions. See `rendering.integrator.record.Wavelengths`."""
 
 from __future__ import annotations
 

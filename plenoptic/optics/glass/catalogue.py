@@ -29,35 +29,23 @@ class GlassEntry:
     """What a catalogue says of a glass, before it is known whether that makes sense.
 
     Made by `load_glasses`. See `GlassCatalogue.entry`, which gives it.
-
-    Parameters
-    ----------
-    name : str
-        As in the file.
-    formula : int
-        Number of the dispersion formula; those that are known are the members of `Formula`.
-    nd : float
-        Index at 587.5618 nm; 1 or less where the file does not state it.
-    vd : float
-        Abbe number.
-    coefficients : sequence of float
-        As in the file, wavelengths in micrometres.
-    wavelength_range : sequence of float
-        nm; empty where the file does not state it.
-    source : str
-        The comment on the glass: its source, in the bundled table.
-    line : int
-        Where the entry begins in the file.
     """
 
     name: str
     formula: int
+    """Number of the dispersion formula; those that are known are the members of `Formula`."""
     nd: float
+    """Index at 587.5618 nm; 1 or less where the file does not state it."""
     vd: float
+    """Abbe number."""
     coefficients: Sequence[float] = ()
+    """As in the file, wavelengths in micrometres."""
     wavelength_range: Sequence[float] = ()
+    """nm; empty where the file does not state it."""
     source: str = ""
+    """The comment on the glass: its source, in the bundled table."""
     line: int = 0
+    """Where the entry begins in the file."""
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not isinstance(self.source, str):
@@ -76,13 +64,6 @@ class GlassCatalogue:
     `catalogue[name]` is a medium. Names are found in upper or lower case, and whatever stands in them of '-', '_' and
     spaces, so "n bk7" is N-BK7; BK7 is another glass. `in`, `len` and iteration, over the names, work as for a mapping.
 
-    Parameters
-    ----------
-    name : str
-        Of the file.
-    entries : sequence of GlassEntry
-        In the order of the file.
-
     Examples
     --------
     >>> from plenoptic.optics.glass.catalogue import bundled_glasses
@@ -92,7 +73,9 @@ class GlassCatalogue:
     """
 
     name: str
+    """Of the file."""
     entries: Sequence[GlassEntry]
+    """In the order of the file."""
     _places: dict[str, tuple[int, ...]] = dataclasses.field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -161,17 +144,13 @@ def glass(name: str) -> Medium:
 
     The table has the glasses of the bundled lenses and some thirty common ones, with their makers' coefficients and the
     wavelengths these hold for; `bundled_glasses().entry(name).source` says whose. Where lens tables name a glass whose
-    coefficients were not found it is a `ModelGlass`, and its source begins with MODEL.
+    coefficients were not found it is a `ModelGlass`, and its source begins with MODEL. Indices are relative to air at
+    20 deg C.
 
     Parameters
     ----------
     name : str
         Case, '-', '_' and spaces make no difference, but N-BK7 and BK7 are two glasses.
-
-    Returns
-    -------
-    Medium
-        Its index is relative to air at 20 deg C.
 
     Raises
     ------
@@ -224,16 +203,13 @@ def load_glasses(path: str | os.PathLike[str]) -> GlassCatalogue:
     terms: the index is that at the temperature of the catalogue, mostly 20 deg C, relative to air. Formulas 1 to 13 are
     known: 1 gives a `Schott`, 2, 6 and 11 a `Sellmeier`, all others a `DispersionFormula`.
 
+    Each glass is made when it is asked for: one that makes no sense, such as a formula that is unknown, an index below
+    1, or one that differs by more than 0.001 from the n_d the file states, spoils none of the others.
+
     Parameters
     ----------
     path : str or path-like
         A text file in UTF-8, in UTF-16 with its mark, or else in Latin-1.
-
-    Returns
-    -------
-    GlassCatalogue
-        Each glass is made when it is asked for: one that makes no sense, such as a formula that is unknown, an index
-        below 1, or one that differs by more than 0.001 from the n_d the file states, spoils none of the others.
 
     Raises
     ------

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import enum
+import math
 from collections.abc import Callable, Sequence
 
 from plenoptic.core.values import choice, set_field, value
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.glass.media import checked_coefficients, index_by_formula, set_limits, square_root
+from plenoptic.optics.glass.media import checked_coefficients, index_by_formula, set_limits
 
 
 class Formula(enum.IntEnum):
@@ -65,22 +66,14 @@ def _herzberger(w: float, k: Sequence[float]) -> float:
     return k[0] + k[1] * resonance + k[2] * resonance**2 + k[3] * w**2 + k[4] * w**4 + k[5] * w**6
 
 
-def _sellmeier_2(w: float, k: Sequence[float]) -> float:
-    return 1.0 + k[0] + k[1] * w * w / (w * w - k[2] ** 2) + k[3] / (w * w - k[4] ** 2)
-
-
-def _sellmeier_4(w: float, k: Sequence[float]) -> float:
-    return k[0] + k[1] * w * w / (w * w - k[2]) + k[3] * w * w / (w * w - k[4])
-
-
 _SQUARES: dict[Formula, Callable[[float, Sequence[float]], float]] = {
     Formula.SCHOTT: lambda w, k: _powers(w, k, 0, 2, -2, -4, -6, -8),
     Formula.SELLMEIER_1: _sellmeier,
-    Formula.SELLMEIER_2: _sellmeier_2,
+    Formula.SELLMEIER_2: lambda w, k: 1.0 + k[0] + k[1] * w * w / (w * w - k[2] ** 2) + k[3] / (w * w - k[4] ** 2),
     Formula.SELLMEIER_3: _sellmeier,
     Formula.HANDBOOK_OF_OPTICS_1: lambda w, k: k[0] + k[1] / (w * w - k[2]) - k[3] * w * w,
     Formula.HANDBOOK_OF_OPTICS_2: lambda w, k: k[0] + k[1] * w * w / (w * w - k[2]) - k[3] * w * w,
-    Formula.SELLMEIER_4: _sellmeier_4,
+    Formula.SELLMEIER_4: lambda w, k: k[0] + k[1] * w * w / (w * w - k[2]) + k[3] * w * w / (w * w - k[4]),
     Formula.EXTENDED: lambda w, k: _powers(w, k, 0, 2, -2, -4, -6, -8, -10, -12),
     Formula.SELLMEIER_5: _sellmeier,
     Formula.EXTENDED_2: lambda w, k: _powers(w, k, 0, 2, -2, -4, -6, -8, 4, 6),
@@ -152,7 +145,7 @@ class DispersionFormula:
         def formula(w: float) -> float:
             if self.formula in _INDICES:
                 return _INDICES[self.formula](w, self.coefficients)
-            return square_root(_SQUARES[self.formula](w, self.coefficients))
+            return math.sqrt(_SQUARES[self.formula](w, self.coefficients))
 
         name = self.name or f"this {self.formula.name} medium"
         return index_by_formula(formula, wavelength, self.wavelength_range, name)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Protocol, runtime_checkable
 
-from plenoptic.core.values import finite, positive, set_field, value
+from plenoptic.core.values import coefficients, finite, positive, set_field, value
 from plenoptic.errors import InvalidValueError, PrescriptionError
 
 F_LINE = 486.1327
@@ -30,25 +30,17 @@ _SMALLEST_VD = 5.0
 class Medium(Protocol):
     """Anything that has a refractive index at a wavelength.
 
-    Any object with this one method is a medium; media that can be compared (`==`) and saved are those of this
-    package.
+    Any object with this one method is a medium; media that can be compared (`==`) and saved are those of this package.
 
     Examples
     --------
     >>> import plenoptic as pl
-    >>> isinstance(pl.optics.AIR, pl.optics.Medium)
-    True
+    >>> isinstance(pl.optics.AIR, pl.optics.Medium), pl.optics.AIR.index(587.6)
+    (True, 1.0)
     """
 
     def index(self, wavelength: float) -> float:
-        """Refractive index at a wavelength in nm: relative to air, and of `Air` and `Absolute` to vacuum.
-
-        Examples
-        --------
-        >>> import plenoptic as pl
-        >>> pl.optics.AIR.index(587.6)
-        1.0
-        """
+        """Refractive index at a wavelength in nm: relative to air, and of `Air` and `Absolute` to vacuum."""
         ...
 
 
@@ -84,24 +76,9 @@ def wavelength_within(wavelength: float, limits: tuple[float, float], medium: st
     return number
 
 
-def checked_range(limits: Sequence[float]) -> tuple[float, float]:
-    """Shortest and longest wavelength in nm, or an error where they are none."""
-    try:
-        low, high = limits
-    except (TypeError, ValueError):
-        raise InvalidValueError(f"wavelength_range is {limits!r}; it must be two wavelengths in nm") from None
-    low, high = positive(low, "wavelength_range", "nm"), positive(high, "wavelength_range", "nm")
-    if not low < high:
-        raise InvalidValueError(f"wavelength_range ({low:g}, {high:g}) is empty; put the shorter wavelength first")
-    return low, high
-
-
 def checked_coefficients(values: Sequence[float], name: str, count: int | None = None) -> tuple[float, ...]:
     """Finite coefficients, `count` of them where it is given, or an error."""
-    try:
-        numbers = tuple(finite(number, f"{name}[{i}]") for i, number in enumerate(values))
-    except TypeError:
-        raise InvalidValueError(f"{name} is {values!r}; it must be a sequence of numbers") from None
+    numbers = coefficients(values, name)
     if not numbers or (count is not None and len(numbers) != count):
         raise InvalidValueError(f"{name} has {len(numbers)} numbers; it must have {count or 'at least 1'}")
     return numbers
@@ -116,19 +93,22 @@ def index_by_formula(
         index = formula(micrometres)
     except (ZeroDivisionError, OverflowError):
         index = math.inf
+    except ValueError:  # the root of a negative number
+        index = math.nan
     return checked_index(index, wavelength, medium)
 
 
-def square_root(square: float) -> float:
-    """Square root, nan of numbers below 0."""
-    return math.sqrt(square) if square >= 0 else math.nan
-
-
 def set_limits(medium: Medium, limits: Sequence[float]) -> None:
-    """Set the range of wavelengths of a medium, and check the index at both ends."""
-    checked = checked_range(limits)
-    set_field(medium, "wavelength_range", checked)
-    for wavelength in checked:
+    """Set the range of wavelengths of a medium in nm, and check the index at both ends."""
+    try:
+        low, high = limits
+    except (TypeError, ValueError):
+        raise InvalidValueError(f"wavelength_range is {limits!r}; it must be two wavelengths in nm") from None
+    ends = low, high = positive(low, "wavelength_range", "nm"), positive(high, "wavelength_range", "nm")
+    if not low < high:
+        raise InvalidValueError(f"wavelength_range ({low:g}, {high:g}) is empty; put the shorter wavelength first")
+    set_field(medium, "wavelength_range", ends)
+    for wavelength in ends:
         medium.index(wavelength)
 
 
@@ -192,8 +172,7 @@ VACUUM = ConstantMedium(1.0)
 class ModelGlass:
     r"""A glass known by its index n_d and its Abbe number V_d only, as in most old prescriptions.
 
-    Conrady's formula, fixed by n_d, by V_d = (n_d - 1) / (n_F - n_C) and by the normal line of the partial
-    dispersion:
+    Conrady's formula, fixed by n_d, by V_d = (n_d - 1) / (n_F - n_C) and by the normal line of the partial dispersion:
 
     .. math:: n = a + b / \lambda + c / \lambda^{3.5}, \qquad
               P_{gF} = \frac{n_g - n_F}{n_F - n_C} = 0.6438 - 0.001682\, V_d
@@ -317,7 +296,7 @@ class Sellmeier:
 
         def formula(w: float) -> float:
             square = w * w
-            return square_root(1.0 + sum(b * square / (square - c) for b, c in zip(self.b, self.c, strict=True)))
+            return math.sqrt(1.0 + sum(b * square / (square - c) for b, c in zip(self.b, self.c, strict=True)))
 
         return index_by_formula(formula, wavelength, self.wavelength_range, self.name or "this Sellmeier medium")
 
@@ -362,6 +341,6 @@ class Schott:
 
         def formula(w: float) -> float:
             square, powers = w * w, (0, 1, -1, -2, -3, -4)
-            return square_root(sum(a * square**power for a, power in zip(self.coefficients, powers, strict=True)))
+            return math.sqrt(sum(a * square**power for a, power in zip(self.coefficients, powers, strict=True)))
 
         return index_by_formula(formula, wavelength, self.wavelength_range, self.name or "this Schott medium")

@@ -8,10 +8,15 @@ import enum
 class LensModel(enum.IntEnum):
     """What a ray meets where the lens stands; `LensStack.with_model` chooses it.
 
-    NONE: the stops alone, without glass. THIN: one plane with the lens's focal length, in its rear principal point,
-    with the iris in it as large as the entrance pupil. PARAXIAL: an ideal thick lens with the principal planes and the
-    exit pupil of the lens; no aberrations, no vignetting by rims or further stops, nothing out of place. EXACT: every
-    surface and stop. Gaussian optics, Seidel sums, `check` and `layout` describe the prescription, whatever the model.
+    - NONE: the stops alone, without glass.
+    - THIN: one plane with the lens's focal length, in its rear principal point, with the iris in it as large as the
+      entrance pupil: the same f-number. Both principal planes are one, so that the scene seems farther away or nearer
+      by their distance.
+    - PARAXIAL: an ideal thick lens: rays meet the front principal plane, leave from the rear one at the same height,
+      and pass the paraxial exit pupil. No aberrations, no vignetting by rims or further stops, nothing out of place.
+    - EXACT: every surface and stop.
+
+    Gaussian optics, Seidel sums, `check` and `layout` describe the prescription, whatever the model.
 
     Examples
     --------
@@ -22,13 +27,6 @@ class LensModel(enum.IntEnum):
     """
 
     NONE = 0
-    """No lens: the stops stay, the glass is left out."""
     THIN = 1
-    """An ideal thin lens of the focal length of the lens, in the plane of its rear principal point, with the iris in
-    the same plane, as large as the entrance pupil: the same f-number. Both principal planes are one, so that the scene
-    seems farther away or nearer by their distance."""
     PARAXIAL = 2
-    """An ideal thick lens: rays meet the front principal plane, leave from the rear one at the same height, and pass
-    the paraxial exit pupil. No aberrations, no vignetting by the rims of the glass."""
     EXACT = 3
-    """Every surface and stop."""

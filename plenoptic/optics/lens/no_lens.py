@@ -14,16 +14,13 @@ from plenoptic.optics.surfaces.surface import Surface
 def no_lens(semi_diameter: float) -> LensStack:
     """An opening and no lens: an array of microlenses behind it is an array of cameras.
 
+    As a stack it is a stop and a plane of air, with LensModel.NONE.
+
     Parameters
     ----------
     semi_diameter : float
         Radius in mm of the round opening at z = 0; the array stands behind it. What it cuts off is not seen. Rays
         are drawn over all of it, so that it should be just large enough for the array and its field.
-
-    Returns
-    -------
-    LensStack
-        A stop and a plane of air, with LensModel.NONE.
 
     Examples
     --------

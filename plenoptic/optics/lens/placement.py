@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic.core.values import Floats, finite, frozen_array, set_field, value
+from plenoptic.core.values import Floats, coefficients, finite, frozen_array, positive, set_field, value
 from plenoptic.errors import PrescriptionError
 
 _ORTHONORMAL = 1e-12
@@ -22,12 +23,10 @@ def rotation_about_axes(tilt: Sequence[float]) -> Floats:
 
     Positive angles turn y towards z, z towards x, and x towards y.
     """
-    try:
-        angles = [finite(angle, f"tilt[{i}]") for i, angle in enumerate(tilt)]
-    except TypeError:
-        angles = []
+    wanted = "three angles in radians, about x, y and z"
+    angles = coefficients(tilt, "tilt", wanted)
     if len(angles) != 3:
-        raise PrescriptionError(f"tilt is {tilt!r}; it must be three angles in radians, about x, y and z")
+        raise PrescriptionError(f"tilt is {tilt!r}; it must be {wanted}")
     if not max(abs(angles[0]), abs(angles[1])) < math.pi / 2:
         raise PrescriptionError(
             f"tilt is {tuple(tilt)!r} rad; about x and y it must be below pi / 2, or light meets the back of the "
@@ -99,3 +98,16 @@ def kept_placement(placement: Placement | None) -> Placement | None:
     if not isinstance(placement, Placement):
         raise PrescriptionError(f"placement is {placement!r}; it must be a Placement or None, see LensStack.moved")
     return None if placement.is_identity else placement
+
+
+def set_place(element: Any) -> None:
+    """Check and set what all elements have: the semi-diameter and the gap that follows in mm, and the placement."""
+    set_field(element, "semi_diameter", positive(element.semi_diameter, "semi_diameter", "mm"))
+    gap = finite(element.thickness, "thickness")
+    if gap < 0:
+        raise PrescriptionError(
+            f"thickness is {gap:g} mm; the gap to the next element must be at least 0: "
+            "list the elements in the order in which light meets them"
+        )
+    set_field(element, "thickness", gap)
+    set_field(element, "placement", kept_placement(element.placement))

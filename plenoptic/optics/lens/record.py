@@ -12,7 +12,6 @@ from plenoptic.core.values import Floats
 from plenoptic.errors import PrescriptionError
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
-from plenoptic.optics.lens.placement import Placement
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.record import ASPHERE, CONIC, FREEFORM, IDEAL, ElementRow
 from plenoptic.optics.surfaces.surface import Surface
@@ -20,24 +19,17 @@ from plenoptic.optics.surfaces.surface import Surface
 ROW = np.dtype(
     [
         ("kind", np.int64),
-        ("z", np.float64),
-        ("curvature", np.float64),
-        ("index_ratio", np.float64),
-        ("semi_diameter2", np.float64),
+        ("z", np.float64),  # vertex in mm
+        ("curvature", np.float64),  # 1 / radius in 1/mm, 0 for planes and stops; IDEAL: 1 / focal length
+        ("index_ratio", np.float64),  # before over behind, in the direction of travel; at the first of wavelengths
+        ("semi_diameter2", np.float64),  # mm^2
+        # Largest c (1 + k) z of a point of the surface: 1 is the equator, inf no limit; IDEAL: from the principal plane
+        # where light arrives to the one where it leaves, in mm.
         ("max_depth", np.float64),
-        ("surface_index", np.int64),
+        ("surface_index", np.int64),  # index of the element in the lens
     ]
 )
-"""One element of a lens.
-
-z               vertex in mm
-curvature       1 / radius in 1/mm, 0 for planes and stops; IDEAL: 1 / focal length
-index_ratio     index before over index behind, in the direction of travel; of several wavelengths that of the first one
-semi_diameter2  mm^2
-max_depth       largest c (1 + k) z of a point of the surface: 1 is the equator, inf no limit; IDEAL: from the principal
-                plane where light arrives to the one where it leaves, in mm
-surface_index   index of the element in the lens
-"""
+"""One element of a lens."""
 
 FRAME = 13
 """Numbers of a placement: the rotation row by row, the shift, and 1 if there is one."""
@@ -106,41 +98,28 @@ def lens_record(
     `last` choose a part of the lens, both included, always traced exactly. Without `clipping`, neither semi-diameters
     nor stops stop a ray.
     """
-    if not isinstance(wavelength, np.ndarray):
-        return _record_at(lens, float(wavelength), reverse, round_stops, first, last, clipping)
-    found = _record_at(lens, float(wavelength[0]), reverse, round_stops, first, last, clipping)
-    kind, at = found.rows["kind"], found.rows["surface_index"]
-    if IDEAL in kind:
-        ratios = np.ones((len(kind), len(wavelength)))
-        power = 1.0 / np.array([cardinal_points(lens, float(each)).efl for each in wavelength])
-        ratios[kind == IDEAL] = power / power[0]
-        return found._replace(index_ratios=ratios)
-    index = np.array([lens.indices(float(each)) for each in wavelength]).T
-    ahead, behind = index[at], index[at + 1]
-    return found._replace(index_ratios=np.ascontiguousarray(behind / ahead if reverse else ahead / behind))
-
-
-def _record_at(
-    lens: LensStack,
-    wavelength: float,
-    reverse: bool,
-    round_stops: bool,
-    first: int | None,
-    last: int | None,
-    clipping: bool,
-) -> LensRecord:
-    """The record for one wavelength."""
+    wavelengths = np.array(wavelength, dtype=np.float64, ndmin=1).tolist()
     if first is None and last is None and lens.model is not LensModel.EXACT:
-        rows = _ideal_rows(lens, wavelength, reverse=reverse)
+        rows = _ideal_rows(lens, wavelengths[0], reverse=reverse)
     else:
-        begin = 0 if first is None else first
-        end = len(lens.elements) - 1 if last is None else last
-        rows = _exact_rows(lens, wavelength, begin, end, reverse=reverse)
+        begin, end = 0 if first is None else first, len(lens.elements) - 1 if last is None else last
+        rows = _exact_rows(lens, wavelengths[0], begin, end, reverse=reverse)
     if round_stops or not clipping:
         rows = [row.opened for row in rows]
     if not clipping:
         rows = [row._replace(semi_diameter2=math.inf) for row in rows]
-    return _columns(rows, -1.0 if reverse else 1.0)
+    found = _columns(rows[::-1], -1.0) if reverse else _columns(rows, 1.0)
+    if not isinstance(wavelength, np.ndarray):
+        return found
+    kind, at = found.rows["kind"], found.rows["surface_index"]
+    if IDEAL in kind:
+        ratios = np.ones((len(kind), len(wavelengths)))
+        power = 1.0 / np.array([cardinal_points(lens, each).efl for each in wavelengths])
+        ratios[kind == IDEAL] = power / power[0]
+        return found._replace(index_ratios=ratios)
+    index = np.array([lens.indices(each) for each in wavelengths]).T
+    ahead, behind = index[at], index[at + 1]
+    return found._replace(index_ratios=np.ascontiguousarray(behind / ahead if reverse else ahead / behind))
 
 
 def _columns(rows: list[ElementRow], direction: float) -> LensRecord:
@@ -180,30 +159,24 @@ def _masks(rows: list[ElementRow]) -> Floats | None:
 
 
 def _exact_rows(lens: LensStack, wavelength: float, first: int, last: int, *, reverse: bool) -> list[ElementRow]:
-    index = np.asarray(lens.indices(wavelength), dtype=np.float64)
-    vertices = lens.vertices
-    rows = []
+    index, vertices, rows = lens.indices(wavelength), lens.vertices, []
     for i in range(first, last + 1):
         element = lens.elements[i]
-        row = element.row()._replace(z=float(vertices[i]), surface_index=i, frame=_frame(element.placement))
+        row = element.row()._replace(z=float(vertices[i]), surface_index=i)
+        if element.placement is not None:
+            turn, shift = np.ravel(element.placement.rotation).tolist(), np.asarray(element.placement.shift).tolist()
+            row = row._replace(frame=(*turn, *shift, 1.0))
         if isinstance(element, Surface):
             row = row._replace(index_ratio=float(index[i + 1] / index[i] if reverse else index[i] / index[i + 1]))
         rows.append(row)
-    return rows[::-1] if reverse else rows
-
-
-def _frame(placement: Placement | None) -> tuple[float, ...]:
-    if placement is None:
-        return ()
-    return (*np.ravel(placement.rotation).tolist(), *np.asarray(placement.shift).tolist(), 1.0)
+    return rows
 
 
 def _ideal_rows(lens: LensStack, wavelength: float, *, reverse: bool) -> list[ElementRow]:
-    """What stands for the lens in the models NONE, THIN and PARAXIAL, from scene to sensor unless `reverse`."""
+    """What stands for the lens in the models NONE, THIN and PARAXIAL, from scene to sensor."""
     if lens.model is LensModel.NONE:
         stops = [i for i, element in enumerate(lens.elements) if not isinstance(element, Surface)]
-        rows = [lens.elements[i].row()._replace(z=float(lens.vertices[i]), surface_index=i) for i in stops]
-        return rows[::-1] if reverse else rows
+        return [lens.elements[i].row()._replace(z=float(lens.vertices[i]), surface_index=i) for i in stops]
     points = cardinal_points(lens, wavelength)
     if not math.isfinite(points.efl):
         raise PrescriptionError(
@@ -214,12 +187,12 @@ def _ideal_rows(lens: LensStack, wavelength: float, *, reverse: bool) -> list[El
     front = rear if lens.model is LensModel.THIN else points.front_principal
     arrives, leaves = (rear, front) if reverse else (front, rear)
     ideal = ElementRow(IDEAL, curvature=1.0 / points.efl, max_depth=leaves - arrives, z=arrives, surface_index=iris)
+    scale, behind = points.entrance_pupil_semi_diameter / lens.stop.semi_diameter, True
     if lens.model is LensModel.THIN:
-        z_stop, scale, behind = rear, points.entrance_pupil_semi_diameter / lens.stop.semi_diameter, True
+        z_stop = rear
     elif math.isfinite(points.exit_pupil):
-        z_stop, scale, behind = points.exit_pupil, points.pupil_magnification, True
+        z_stop, scale = points.exit_pupil, points.pupil_magnification
     else:
-        z_stop, scale = points.entrance_pupil, points.entrance_pupil_semi_diameter / lens.stop.semi_diameter
-        behind = False
+        z_stop, behind = points.entrance_pupil, False
     stop = lens.stop.image(scale).row()._replace(z=z_stop, surface_index=iris)
-    return [ideal, stop] if behind != reverse else [stop, ideal]
+    return [ideal, stop] if behind else [stop, ideal]

@@ -12,21 +12,12 @@ from numpy.typing import ArrayLike
 
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats, choice, finite, read_only, set_field, value, whole
+from plenoptic.errors import PrescriptionError
 from plenoptic.optics.glass.media import AIR, Medium
-from plenoptic.optics.lens.elements import (
-    Element,
-    checked_elements,
-    checked_indices,
-    checked_iris,
-    checked_stop,
-    counted,
-    is_stop,
-    with_inserted,
-)
+from plenoptic.optics.lens.elements import Element, checked_elements, profile_of
 from plenoptic.optics.lens.models import LensModel
-from plenoptic.optics.lens.moving import moved_group
+from plenoptic.optics.lens.placement import Placement, rotation_about_axes
 from plenoptic.optics.stops.registry import Stop
-from plenoptic.optics.surfaces.outline import placed, section
 from plenoptic.optics.surfaces.surface import Surface
 
 if TYPE_CHECKING:
@@ -87,7 +78,11 @@ class LensStack:
     def __post_init__(self) -> None:
         set_field(self, "model", choice(self.model, LensModel, "model"))
         set_field(self, "elements", checked_elements(self.elements, self.ambient))
-        set_field(self, "iris", checked_iris(self.elements, self.iris))
+        stops = [i for i, element in enumerate(self.elements) if not isinstance(element, Surface)]
+        iris = stops[0] if self.iris is None else whole(self.iris, "iris", at_least=0)
+        if iris not in stops:
+            raise PrescriptionError(f"iris is element {iris}, which is not a stop; the stops are elements {stops}")
+        set_field(self, "iris", iris)
 
     @property
     def iris_index(self) -> int:
@@ -126,23 +121,10 @@ class LensStack:
         return tuple(media)
 
     def indices(self, wavelength: float = 587.6) -> Floats:
-        """Refractive index before the first element and behind each of them.
+        """Refractive index before the first element and behind each of them, (n + 1,), at a wavelength in nm.
 
-        Parameters
-        ----------
-        wavelength : float, optional
-            nm.
-
-        Returns
-        -------
-        ndarray
-            (n + 1,); a stop has the index of the gap in which it stands.
-
-        Raises
-        ------
-        InvalidValueError
-            If a medium is not defined at that wavelength; a PrescriptionError if it answers with an index that is
-            below 1 or not finite.
+        A stop has the index of the gap in which it stands. An InvalidValueError where a medium is not defined, a
+        PrescriptionError where it answers with an index that is below 1 or not finite.
 
         Examples
         --------
@@ -150,7 +132,13 @@ class LensStack:
         >>> pl.load_lens("singlet-100mm-f4").indices(587.6).round(4)
         array([1.    , 1.    , 1.5168, 1.    ])
         """
-        return read_only(checked_indices(self.gap_media, wavelength))
+        found = np.array([float(medium.index(wavelength)) for medium in self.gap_media])
+        for i in np.flatnonzero(~((found >= 1.0) & (found < np.inf))):
+            raise PrescriptionError(
+                f"the medium behind element {i - 1} has the refractive index {found[i]:g} at {wavelength:g} nm; "
+                "it must be finite and at least 1: use another medium"
+            )
+        return read_only(found)
 
     def with_model(self, model: LensModel) -> LensStack:
         """The same lens, followed more or less faithfully: `trace` and cameras treat it as the model says.
@@ -191,10 +179,6 @@ class LensStack:
             z in the lens frame of the point of the axis about which the group is turned, mm; the vertex of its first
             element if it is left out.
 
-        Returns
-        -------
-        LensStack
-
         Raises
         ------
         PrescriptionError
@@ -207,9 +191,23 @@ class LensStack:
         >>> lens.moved(slice(1, 3), shift=(0.2, 0, 0)).elements[1].placement.shift.tolist()
         [0.2, 0.0, 0.0]
         """
-        place = None if pivot is None else finite(pivot, "pivot")
-        moved = moved_group(self.elements, self.vertices, which, shift=shift, tilt=tilt, pivot=place)
-        return dataclasses.replace(self, elements=moved)
+        elements, places = list(self.elements), range(len(self.elements))
+        try:
+            chosen = places[which] if isinstance(which, slice) else [places[i] for i in np.atleast_1d(which)]
+        except (IndexError, TypeError, ValueError):
+            chosen = []
+        if not chosen:
+            raise PrescriptionError(f"which is {which!r}; it must name elements, from 0 to {len(elements) - 1}")
+        turn, along = rotation_about_axes(tilt), np.asarray(Placement(shift=shift).shift)
+        vertices = np.zeros((len(elements), 3))
+        vertices[:, 2] = self.vertices
+        centre = vertices[min(chosen)] if pivot is None else np.array([0.0, 0.0, finite(pivot, "pivot")])
+        for i in set(chosen):
+            before = elements[i].placement or Placement()
+            moved = turn @ (vertices[i] + np.asarray(before.shift) - centre) + centre + along - vertices[i]
+            placement = Placement(moved, turn @ np.asarray(before.rotation))
+            elements[i] = dataclasses.replace(elements[i], placement=placement)
+        return dataclasses.replace(self, elements=elements)
 
     def with_stop(self, stop: Stop) -> LensStack:
         """The same lens with another iris in the same place; the gap behind the iris stays.
@@ -221,26 +219,17 @@ class LensStack:
         >>> lens.stop
         PolygonStop(blades=6, semi_diameter=5.0, thickness=9.0)
         """
-        checked_stop(stop)
+        _check_stop(stop)
         elements = list(self.elements)
         placement = self.stop.placement if stop.placement is None else stop.placement
         elements[self.iris_index] = dataclasses.replace(stop, thickness=self.stop.thickness, placement=placement)
         return dataclasses.replace(self, elements=elements)
 
     def inserted(self, stop: Stop, z: float) -> LensStack:
-        """The same lens with one more stop, in an air gap, in front of the lens or behind it; the iris stays.
+        """The same lens with one more stop at z, mm in the lens frame, where no glass is; the iris stays.
 
-        Parameters
-        ----------
-        stop : Stop
-            Its own thickness is replaced by what is left of the gap.
-        z : float
-            Position in the lens frame, mm; z = 0 is the iris.
-
-        Raises
-        ------
-        PrescriptionError
-            If `z` lies inside glass.
+        It may stand in front of the lens or behind it. Its own thickness is replaced by what is left of the gap. A
+        PrescriptionError if z lies inside glass.
 
         Examples
         --------
@@ -249,9 +238,21 @@ class LensStack:
         >>> lens.inserted(pl.CircularStop(18.0), z=31.0).vertices[-2:]
         array([30.31, 31.  ])
         """
-        checked_stop(stop)
-        elements, at = with_inserted(self.elements, self.vertices, self.gap_media, stop, finite(z, "z"))
-        return dataclasses.replace(self, elements=elements, iris=self.iris_index + (at <= self.iris_index))
+        _check_stop(stop)
+        place, ends = finite(z, "z"), [-np.inf, *self.vertices.tolist(), np.inf]
+        gaps = [i for i, (low, high) in enumerate(pairwise(ends)) if low <= place <= high]
+        in_air = [i for i in gaps if self.gap_media[i] == self.ambient]
+        if not in_air:
+            low, high = ends[gaps[0]], ends[gaps[0] + 1]
+            raise PrescriptionError(
+                f"z {place:g} mm lies in glass, which reaches from {low:g} to {high:g} mm; place the stop in an air gap"
+            )
+        gap, elements = in_air[0], list(self.elements)
+        if gap > 0:
+            elements[gap - 1] = dataclasses.replace(elements[gap - 1], thickness=place - ends[gap])
+        behind = ends[gap + 1] - place if gap < len(elements) else 0.0
+        elements.insert(gap, dataclasses.replace(stop, thickness=behind))
+        return dataclasses.replace(self, elements=elements, iris=self.iris_index + (gap <= self.iris_index))
 
     def profiles(self, points: int = 41) -> tuple[Floats, ...]:
         """The section of each element in the plane x = 0, up to its rim: (points, 2) arrays of z, y in mm.
@@ -259,20 +260,23 @@ class LensStack:
         Of an element that is tilted out of that plane, the projection of its own section.
         """
         count = whole(points, "points", at_least=2)
-        return tuple(
-            placed(section(element, count), float(z), element.placement)
-            for z, element in zip(self.vertices, self.elements, strict=True)
-        )
+        return tuple(profile_of(*at, count) for at in zip(self.elements, self.vertices.tolist(), strict=True))
 
     @property
     def glasses(self) -> tuple[tuple[int, int], ...]:
         """The pairs of surfaces (indices in `elements`) that have glass between them."""
-        surfaces = [i for i, element in enumerate(self.elements) if not is_stop(element)]
+        surfaces = [i for i, element in enumerate(self.elements) if isinstance(element, Surface)]
         return tuple((i, j) for i, j in pairwise(surfaces) if self.gap_media[i + 1] != self.ambient)
 
     def __repr__(self) -> str:
-        model = "" if self.model is LensModel.EXACT else f", as {self.model.name}"
-        return f"<LensStack {self.name!r}: {counted(self.elements, self.length)}{model}>"
+        surfaces = sum(isinstance(element, Surface) for element in self.elements)
+        stops, moved = len(self.elements) - surfaces, sum(e.placement is not None for e in self.elements)
+        text = f"{surfaces} surface{'s' * (surfaces != 1)}, {stops} stop{'s' * (stops != 1)}, {self.length:g} mm long"
+        if moved:
+            text += f", {moved} element{'s' * (moved != 1)} out of place"
+        if self.model is not LensModel.EXACT:
+            text += f", as {self.model.name}"
+        return f"<LensStack {self.name!r}: {text}>"
 
     def _repr_svg_(self) -> str:
         from plenoptic.plots.lens import lens_svg
@@ -280,17 +284,9 @@ class LensStack:
         return lens_svg(self)
 
     def check(self, wavelength: float = 587.6) -> tuple[Finding, ...]:
-        """What looks wrong with the lens: edges that overlap, rays that cannot pass, total reflection at the rims.
+        """What looks wrong with the lens at a wavelength in nm; empty where nothing does.
 
-        Parameters
-        ----------
-        wavelength : float, optional
-            nm.
-
-        Returns
-        -------
-        tuple of Finding
-            Empty for a lens with which nothing looks wrong.
+        Edges that overlap, rays that cannot pass, total reflection at the rims.
 
         Examples
         --------
@@ -314,6 +310,8 @@ class LensStack:
     ) -> Axes:
         """Draw the lens with a fan of real rays for each of some fields, true to scale.
 
+        z to the right, y upwards, in mm; one colour a field.
+
         Parameters
         ----------
         fields : (n,) array, optional
@@ -328,11 +326,6 @@ class LensStack:
             Where rays end, mm; the paraxial image plane if left out.
         ax : matplotlib.axes.Axes, optional
             Where to draw; a new figure if left out.
-
-        Returns
-        -------
-        matplotlib.axes.Axes
-            z in mm to the right, y in mm upwards; one colour a field.
 
         Raises
         ------
@@ -393,3 +386,8 @@ class LensStack:
         from plenoptic.optics.lens.trace import traced  # knows this class
 
         return traced(self, rays, reverse=True, threads=threads)
+
+
+def _check_stop(stop: Stop) -> None:
+    if not isinstance(stop, Stop):
+        raise PrescriptionError(f"stop is {stop!r}; it must be a stop, such as a CircularStop")

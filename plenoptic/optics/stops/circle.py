@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import Floats, positive, set_field, value, whole
-from plenoptic.optics.lens.placement import Placement, kept_placement
+from plenoptic.core.values import Floats, value, whole
+from plenoptic.optics.lens.placement import Placement, set_place
 from plenoptic.optics.record import CIRCLE, ElementRow
-from plenoptic.optics.surfaces.surface import checked_gap
 
 
 @value
@@ -46,9 +44,7 @@ class CircularStop:
     placement: Placement | None = dataclasses.field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
-        set_field(self, "semi_diameter", positive(self.semi_diameter, "semi_diameter", "mm"))
-        set_field(self, "thickness", checked_gap(self.thickness))
-        set_field(self, "placement", kept_placement(self.placement))
+        set_place(self)
 
     @property
     def area(self) -> float:
@@ -81,19 +77,3 @@ class CircularStop:
     def transmission_at(self, x: ArrayLike, y: ArrayLike) -> Floats:
         """1 in the hole, 0 beside it, at points (x, y), mm; the shape is that of x and y broadcast."""
         return np.asarray(self.contains(x, y), dtype=np.float64)
-
-
-class _Sized(Protocol):
-    @property
-    def semi_diameter(self) -> float: ...
-    @property
-    def thickness(self) -> float: ...
-    @property
-    def placement(self) -> Placement | None: ...
-
-
-def circle_around(stop: _Sized) -> CircularStop:
-    """The circle about its axis that holds the hole of a stop, at the same place."""
-    if isinstance(stop, CircularStop):
-        return stop
-    return CircularStop(stop.semi_diameter, stop.thickness, placement=stop.placement)

@@ -10,10 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.values import Floats, frozen_array, positive, set_field, value, whole
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.lens.placement import Placement, kept_placement
+from plenoptic.optics.lens.placement import Placement, set_place
 from plenoptic.optics.record import MASK, ElementRow
-from plenoptic.optics.stops.outline import divided
-from plenoptic.optics.surfaces.surface import checked_gap
+from plenoptic.optics.stops.polygon import divided
 
 
 @value
@@ -32,10 +31,8 @@ class MaskStop:
     semi_diameter : float
         Radius in mm of the circle about the axis that just holds all cells that are not opaque: as for a polygon, the
         distance of the outermost corners. An opaque border changes nothing. See `of_cells` for the size of a cell.
-    thickness : float, optional
-        Axial gap to the next element in mm, at least 0.
-    placement : Placement, optional
-        Decentre and tilt; see `LensStack.moved`. None: centred.
+    thickness, placement
+        As of `CircularStop`.
 
     Raises
     ------
@@ -60,9 +57,7 @@ class MaskStop:
     def __post_init__(self) -> None:
         cells = frozen_array(self.transmission, name="transmission", shape=("rows", "columns"))
         set_field(self, "transmission", cells)
-        set_field(self, "semi_diameter", positive(self.semi_diameter, "semi_diameter", "mm"))
-        set_field(self, "thickness", checked_gap(self.thickness))
-        set_field(self, "placement", kept_placement(self.placement))
+        set_place(self)
         if not ((cells >= 0) & (cells <= 1)).all():
             wrong = cells[~((cells >= 0) & (cells <= 1))][0]
             raise InvalidValueError(f"transmission holds {wrong:g}; it must be from 0, opaque, to 1, clear: scale it")
@@ -116,11 +111,10 @@ class MaskStop:
         >>> import pathlib, tempfile
         >>> import numpy as np
         >>> import plenoptic as pl
-        >>> from plenoptic.optics.stops.mask import MaskStop
         >>> with tempfile.TemporaryDirectory() as folder:
         ...     path = pathlib.Path(folder) / "mask.exr"
         ...     pl.images.write_channels(path, {"Y": np.eye(3)})
-        ...     mask = MaskStop.load(path, semi_diameter=5.0)
+        ...     mask = pl.optics.MaskStop.load(path, semi_diameter=5.0)
         >>> mask.transmission.tolist()
         [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
         """

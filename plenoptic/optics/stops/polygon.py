@@ -9,11 +9,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import Floats, finite, number, positive, read_only, set_field, value, whole
+from plenoptic.core.values import Floats, finite, number, read_only, set_field, value, whole
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.lens.placement import Placement, kept_placement
+from plenoptic.optics.lens.placement import Placement, set_place
 from plenoptic.optics.record import ARCS, POLYGON, ElementRow
-from plenoptic.optics.surfaces.surface import checked_gap
 
 _ROUNDING = 1e-12
 """How far, relatively, a radius may be beyond its limit: sizes that are scaled together differ by rounding."""
@@ -31,14 +30,12 @@ class PolygonStop:
         Distance of the corners from the axis (circumradius) in mm, above 0.
     rotation : float, optional
         Angle of the first corner from +x towards +y, radians.
-    thickness : float, optional
-        Axial gap to the next element in mm, at least 0.
     blade_radius : float, optional
         Radius in mm of the arcs that the edges of the blades are, from corner to corner; inf (default): straight.
         Positive: the hole bulges outwards, at least `semi_diameter`, with which it is a circle. Negative: the blades
         bulge into the hole, in size at least semi_diameter tan(pi / blades), with which neighbours touch.
-    placement : Placement, optional
-        Decentre and tilt; see `LensStack.moved`. None: centred.
+    thickness, placement
+        As of `CircularStop`.
 
     Raises
     ------
@@ -65,12 +62,10 @@ class PolygonStop:
     placement: Placement | None = dataclasses.field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
+        set_place(self)
         set_field(self, "blades", whole(self.blades, "blades", at_least=3))
-        set_field(self, "semi_diameter", positive(self.semi_diameter, "semi_diameter", "mm"))
         set_field(self, "rotation", finite(self.rotation, "rotation"))
-        set_field(self, "thickness", checked_gap(self.thickness))
         set_field(self, "blade_radius", self._checked_blade_radius())
-        set_field(self, "placement", kept_placement(self.placement))
 
     def _checked_blade_radius(self) -> float:
         radius = number(self.blade_radius, "blade_radius")
@@ -139,14 +134,13 @@ class PolygonStop:
         per_edge = -(-whole(n, "n", at_least=3) // self.blades)
         angle = self.rotation + 2 * math.pi * np.arange(self.blades + 1) / self.blades
         corners = self.semi_diameter * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        share = np.arange(per_edge) / per_edge
-        if math.isinf(self.blade_radius):
-            return np.concatenate([a + share[:, None] * (b - a) for a, b in pairwise(corners)])
-        # Along an arc of the angle 2 alpha the chord is divided as sines are, and left by the height of the arc.
-        alpha = math.asin(max(-1.0, min(1.0, self._half_chord / self.blade_radius)))
-        turn = alpha * (2 * share - 1)
-        along = 0.5 * (1.0 + np.sin(turn) / math.sin(alpha))
-        out = self._half_chord * 2 * np.sin(0.5 * (alpha + turn)) * np.sin(0.5 * (alpha - turn)) / math.sin(alpha)
+        along, out = np.arange(per_edge) / per_edge, np.zeros(per_edge)
+        if math.isfinite(self.blade_radius):
+            # Along an arc of the angle 2 alpha the chord is divided as sines are, and left by the height of the arc.
+            alpha = math.asin(max(-1.0, min(1.0, self._half_chord / self.blade_radius)))
+            turn = alpha * (2 * along - 1)
+            along = 0.5 * (1.0 + np.sin(turn) / math.sin(alpha))
+            out = self._half_chord * 2 * np.sin(0.5 * (alpha + turn)) * np.sin(0.5 * (alpha - turn)) / math.sin(alpha)
         edges = zip(pairwise(corners), self.normals, strict=True)
         return np.concatenate([a + along[:, None] * (b - a) + out[:, None] * normal for (a, b), normal in edges])
 
@@ -169,6 +163,14 @@ class PolygonStop:
     def transmission_at(self, x: ArrayLike, y: ArrayLike) -> Floats:
         """1 in the hole, 0 beside it, at points (x, y), mm; the shape is that of x and y broadcast."""
         return np.asarray(self.contains(x, y), dtype=np.float64)
+
+
+def divided(corners: Floats, n: int) -> Floats:
+    """The corners (k, 2) of a polygon, and points that divide its edges evenly: at least n in all, not closed."""
+    per_edge = -(-n // len(corners))
+    share = np.arange(per_edge) / per_edge
+    after = np.roll(corners, -1, axis=0)
+    return np.asarray((corners[:, None] + share[:, None] * (after - corners)[:, None]).reshape(-1, 2))
 
 
 def _segment(half_angle: float) -> float:

@@ -18,3 +18,10 @@ Stop: TypeAlias = CircularStop | PolygonStop | StarStop | MaskStop
 
 STOPS: dict[str, type[Stop]] = {"circle": CircularStop, "polygon": PolygonStop, "star": StarStop, "mask": MaskStop}
 """Stops by their names in files."""
+
+
+def circle_around(stop: Stop) -> CircularStop:
+    """The circle about its axis that holds the hole of a stop, at the same place."""
+    if isinstance(stop, CircularStop):
+        return stop
+    return CircularStop(stop.semi_diameter, stop.thickness, placement=stop.placement)

@@ -10,10 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.values import Floats, finite, positive, read_only, set_field, value, whole
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.lens.placement import Placement, kept_placement
+from plenoptic.optics.lens.placement import Placement, set_place
 from plenoptic.optics.record import STAR, ElementRow
-from plenoptic.optics.stops.outline import divided
-from plenoptic.optics.surfaces.surface import checked_gap
+from plenoptic.optics.stops.polygon import divided
 
 
 @value
@@ -31,10 +30,8 @@ class StarStop:
         points), with which the star is a polygon.
     rotation : float, optional
         Angle of the first tip from +x towards +y, radians.
-    thickness : float, optional
-        Axial gap to the next element in mm, at least 0.
-    placement : Placement, optional
-        Decentre and tilt; see `LensStack.moved`. None: centred.
+    thickness, placement
+        As of `CircularStop`.
 
     Raises
     ------
@@ -59,12 +56,10 @@ class StarStop:
     placement: Placement | None = dataclasses.field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
+        set_place(self)
         set_field(self, "points", whole(self.points, "points", at_least=3))
-        set_field(self, "semi_diameter", positive(self.semi_diameter, "semi_diameter", "mm"))
         set_field(self, "inner_semi_diameter", positive(self.inner_semi_diameter, "inner_semi_diameter", "mm"))
         set_field(self, "rotation", finite(self.rotation, "rotation"))
-        set_field(self, "thickness", checked_gap(self.thickness))
-        set_field(self, "placement", kept_placement(self.placement))
         largest = self.semi_diameter * math.cos(math.pi / self.points)
         if self.inner_semi_diameter > largest * (1 + 1e-12):
             raise InvalidValueError(

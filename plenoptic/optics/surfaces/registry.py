@@ -1,11 +1,17 @@
-"""Departures from rotational symmetry: the closed set, their kinds for kernels, and their types in Zemax files."""
+"""Departures from rotational symmetry: the closed set, and their types in Zemax files.
+
+Each is a sag that is added to a conic or asphere, and 0 at the vertex.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from typing import TypeAlias
 
-from plenoptic.optics.surfaces.departure import Departure
 from plenoptic.optics.surfaces.zernike import ZernikeSag
+
+Departure: TypeAlias = ZernikeSag
+"""Any departure."""
 
 DEPARTURES: tuple[type[Departure], ...] = (ZernikeSag,)
 

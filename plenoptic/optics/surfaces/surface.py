@@ -4,33 +4,21 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic.core.values import Floats, finite, number, positive, set_field, value
+from plenoptic.core.values import Floats, coefficients, finite, number, positive, set_field, value
 from plenoptic.errors import InvalidValueError, PrescriptionError
 from plenoptic.optics.glass.media import AIR, Medium, check_medium
-from plenoptic.optics.lens.placement import Placement, kept_placement
+from plenoptic.optics.lens.placement import Placement, set_place
 from plenoptic.optics.record import ASPHERE, CONIC, FREEFORM, SPHERE, ElementRow
-from plenoptic.optics.surfaces.departure import Departure
-from plenoptic.optics.surfaces.registry import DEPARTURES
+from plenoptic.optics.surfaces.registry import DEPARTURES, Departure
 from plenoptic.optics.surfaces.sag_bounds import asphere_bounds
 
 EQUATOR_TOLERANCE = 1e-12
 """A rim that is the equator itself belongs to the surface."""
-
-
-def checked_gap(thickness: float) -> float:
-    """An axial gap in mm, or an error where it is negative or not finite."""
-    gap = finite(thickness, "thickness")
-    if gap < 0:
-        raise PrescriptionError(
-            f"thickness is {gap:g} mm; the gap to the next element must be at least 0: "
-            "list the elements in the order in which light meets them"
-        )
-    return gap
 
 
 @value
@@ -97,11 +85,9 @@ class Surface:
 
     def __post_init__(self) -> None:
         set_field(self, "radius", self._checked_radius())
-        set_field(self, "thickness", checked_gap(self.thickness))
-        set_field(self, "semi_diameter", positive(self.semi_diameter, "semi_diameter", "mm"))
+        set_place(self)
         set_field(self, "conic", finite(self.conic, "conic"))
         set_field(self, "aspheric", self._checked_coefficients())
-        set_field(self, "placement", kept_placement(self.placement))
         if self.semi_diameter > self.equator:
             what = "radius of curvature" if self.conic == 0 else "semi-axis of the ellipsoid,"
             raise PrescriptionError(
@@ -133,14 +119,7 @@ class Surface:
         return radius
 
     def _checked_coefficients(self) -> tuple[float, ...]:
-        try:
-            if isinstance(self.aspheric, str | bytes | Mapping | Set):
-                raise TypeError
-            terms = [finite(a, f"aspheric[{i}]") for i, a in enumerate(self.aspheric)]
-        except TypeError:
-            raise PrescriptionError(
-                f"aspheric is {self.aspheric!r}; it must be a sequence of coefficients, of r^2 first"
-            ) from None
+        terms = list(coefficients(self.aspheric, "aspheric", "a sequence of coefficients, of r^2 first"))
         while terms and terms[-1] == 0:
             terms.pop()
         edge = self.semi_diameter
@@ -208,30 +187,13 @@ class Surface:
     @property
     def equator(self) -> float:
         """Distance from the axis in mm beyond which the sphere or ellipsoid has no points; inf for other conics."""
-        if self.conic == 0:
-            return abs(self.radius)
         return abs(self.radius) / math.sqrt(1.0 + self.conic) if self.conic > -1 else math.inf
 
     def sag(self, r: ArrayLike, y: ArrayLike | None = None) -> Floats:
-        """Height of the surface over its vertex plane.
+        """Height z in mm over the vertex plane, of the shape of `r`; a sphere's has the sign of the curvature.
 
-        Parameters
-        ----------
-        r : array_like
-            Distance from the axis in mm, any shape, at most that of the equator. The semi-diameter is no limit.
-            With `y`, or of a surface without rotational symmetry: x in mm.
-        y : array_like, optional
-            y in mm; None: 0.
-
-        Returns
-        -------
-        ndarray
-            z in mm relative to the vertex, of the shape of `r`; a sphere's has the sign of the curvature.
-
-        Raises
-        ------
-        PrescriptionError
-            If the surface does not reach out to `r`.
+        `r` is the distance from the axis in mm, or x with `y` and for a surface without rotational symmetry; without
+        `y`, that is 0. A PrescriptionError beyond the equator; the semi-diameter is no limit.
 
         Examples
         --------
@@ -251,15 +213,12 @@ class Surface:
         return height if self.departure is None else height + self.departure.sag(r, 0.0 if y is None else y)
 
     def _conic_sag(self, distance: Floats) -> Floats:
-        size, out = abs(self.radius), distance
-        if math.isinf(size):
-            return np.zeros_like(distance)
         # In terms of the radius, which is exact at the equator too; roots apart and all lengths over 4, which is
         # exact, so that neither a square nor a sum overflows.
-        size, out = size / 4, out / 4
-        if self.conic == 0:
-            depth = size + np.sqrt(size - out) * np.sqrt(size + out)
-        elif self.conic > -1:
+        size, out = abs(self.radius) / 4, distance / 4
+        if math.isinf(size):
+            return np.zeros_like(distance)
+        if self.conic > -1:
             scaled = np.minimum(out * math.sqrt(1.0 + self.conic), size)
             depth = size + np.sqrt(size - scaled) * np.sqrt(size + scaled)
         else:
@@ -267,17 +226,9 @@ class Surface:
         return np.asarray(np.copysign(distance * (out / depth), self.radius))
 
     def slope(self, r: ArrayLike) -> Floats:
-        """Slope dz/dr of the surface: the tangent of its angle against the vertex plane.
+        """Slope dz/dr, the tangent of the angle against the vertex plane, at distances r from the axis in mm.
 
-        Parameters
-        ----------
-        r : array_like
-            Distance from the axis in mm, any shape, at most that of the equator.
-
-        Returns
-        -------
-        ndarray
-            Of the shape of `r`; infinite at the equator. Without what departs from rotational symmetry.
+        Of the shape of `r`, infinite at the equator and a PrescriptionError beyond it; without the departure.
 
         Examples
         --------

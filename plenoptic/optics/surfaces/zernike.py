@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import Floats, finite, positive, set_field, value
-from plenoptic.errors import InvalidValueError, PrescriptionError
+from plenoptic.core.values import Floats, coefficients, positive, set_field, value
+from plenoptic.errors import PrescriptionError
 from plenoptic.optics.surfaces.departure import DepartureBounds, VertexShape
 from plenoptic.optics.surfaces.sag_bounds import RINGS, bernstein_range
 
@@ -63,8 +63,7 @@ class ZernikeSag:
     Examples
     --------
     >>> import plenoptic as pl
-    >>> from plenoptic.optics.surfaces.zernike import ZernikeSag
-    >>> astigmatism = ZernikeSag([0, 0, 0, 0, 0, 1e-3], norm_radius=10.0)     # sqrt(6) rho^2 cos(2 phi)
+    >>> astigmatism = pl.optics.ZernikeSag([0, 0, 0, 0, 0, 1e-3], norm_radius=10.0)     # sqrt(6) rho^2 cos(2 phi)
     >>> (1e3 * astigmatism.sag([10.0, 0.0], [0.0, 10.0])).round(4).tolist()
     [2.4495, -2.4495]
     >>> front = pl.Surface(50.0, semi_diameter=10.0, departure=astigmatism)
@@ -80,14 +79,8 @@ class ZernikeSag:
         set_field(self, "norm_radius", positive(self.norm_radius, "norm_radius", "mm"))
 
     def _checked_coefficients(self) -> tuple[float, ...]:
-        try:
-            if isinstance(self.coefficients, str | bytes | Mapping | Set):
-                raise TypeError
-            terms = [finite(a, f"coefficients[{j}]") for j, a in enumerate(self.coefficients)]
-        except TypeError:
-            raise InvalidValueError(
-                f"coefficients is {self.coefficients!r}; it must be a sequence of numbers, that of piston first"
-            ) from None
+        wanted = "a sequence of numbers, that of piston first"
+        terms = list(coefficients(self.coefficients, "coefficients", wanted))
         while terms and terms[-1] == 0:
             terms.pop()
         if len(terms) > MOST_TERMS:
@@ -143,13 +136,7 @@ class ZernikeSag:
         return VertexShape(*map(float, shape))
 
     def bounds(self, radius: float) -> DepartureBounds:
-        """Bounds up to a distance from the vertex in mm.
-
-        In polar coordinates, a term f(rho) cos(m phi), f = rho^m P(u), has the gradient f', m f / rho, and the second
-        derivatives f'', f' / rho - m^2 f / rho^2 and m (f' / rho - f / rho^2): powers of rho times polynomials in u,
-        which lie in each of many rings between their Bernstein coefficients. The parts of all terms are added up in
-        size.
-        """
+        """Bounds up to a distance from the vertex in mm."""
         return _bounds(tuple(self.coefficients), self.norm_radius, float(radius))
 
     def numbers(self) -> tuple[float, ...]:
@@ -183,8 +170,8 @@ def _degree_and_order(j: int) -> tuple[int, int]:
 
 
 @functools.lru_cache(maxsize=256)
-def _harmonics(coefficients: tuple[float, ...]) -> _Harmonics:
-    terms = [(*_degree_and_order(j), a) for j, a in enumerate(coefficients, start=1)]
+def _harmonics(noll: tuple[float, ...]) -> _Harmonics:
+    terms = [(*_degree_and_order(j), a) for j, a in enumerate(noll, start=1)]
     # Vertex curvatures are read from orders up to 2 and terms up to u.
     orders = max([2, *(abs(m) for _, m, _ in terms)]) + 1
     width = max([1, *((n - abs(m)) // 2 for n, m, _ in terms)]) + 1
@@ -224,8 +211,11 @@ def _sum(*parts: Floats) -> Floats:
 
 @functools.lru_cache(maxsize=256)
 @np.errstate(over="ignore", invalid="ignore")  # a departure without a finite height is refused by its surface
-def _bounds(coefficients: tuple[float, ...], norm_radius: float, radius: float) -> DepartureBounds:
-    parts = _harmonics(coefficients)
+def _bounds(terms: tuple[float, ...], norm_radius: float, radius: float) -> DepartureBounds:
+    # In polar coordinates, a term f(rho) cos(m phi), f = rho^m P(u), has the gradient f', m f / rho, and the second
+    # derivatives f'', f' / rho - m^2 f / rho^2 and m (f' / rho - f / rho^2): powers of rho times polynomials in u,
+    # which lie in each of many rings between their Bernstein coefficients. The sizes of all terms are added up.
+    parts = _harmonics(terms)
     edge2 = (radius / norm_radius) ** 2
     rho = np.sqrt(np.linspace(0.0, edge2, RINGS + 1)[1:])  # at the outer end of each ring
 

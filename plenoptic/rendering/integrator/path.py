@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.camera.sampling.record import Batch
-from plenoptic.core.color.record import Wavelengths
 from plenoptic.core.kernels.bundles import fill_world_rays
 from plenoptic.core.values import Floats
 from plenoptic.rendering.context import RenderContext
@@ -17,7 +16,7 @@ from plenoptic.rendering.integrator.kernels.bounce import sample_bsdf
 from plenoptic.rendering.integrator.kernels.direct_light import add_direct, eval_direct
 from plenoptic.rendering.integrator.kernels.emission import add_emission
 from plenoptic.rendering.integrator.kernels.path_keys import fill_path_keys
-from plenoptic.rendering.integrator.record import RayQueue, ShadowRays
+from plenoptic.rendering.integrator.record import RayQueue, ShadowRays, Wavelengths
 from plenoptic.rendering.plan.scene_stages import ROULETTE
 from plenoptic.rendering.plan.stages import Stage
 from plenoptic.rendering.settings import Caustics

@@ -40,3 +40,12 @@ class ShadowRays(NamedTuple):
     def first(self, n: int) -> ShadowRays:
         """The first of them."""
         return ShadowRays(self.rays[:n], self.path[:n], self.radiance[:n])
+
+
+class Wavelengths(NamedTuple):
+    """At which wavelengths paths see the colours of a scene; both are None where they see its channels."""
+
+    number: NDArray[np.int64] | None
+    """(paths,): number of each path's wavelength."""
+    basis: Floats | None
+    """(wavelengths, 3): what red, green and blue are at each."""

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from plenoptic.camera.checks import sensor_region
 from plenoptic.camera.sampling.pixel_regions import cells_per_pixel
 from plenoptic.camera.sampling.record import Batch
+from plenoptic.core.lost_rays import lost_rays
 from plenoptic.core.parallel import run_in_order, thread_count
-from plenoptic.core.rays import RayStatus
 from plenoptic.core.values import whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.context import RenderContext, render_context
@@ -247,7 +247,7 @@ def _exposure(
         cpu_seconds=progress.cpu_seconds,
         paths=progress.paths,
         paths_through_lens=int(progress.counts[0]),
-        lost=_lost(progress.counts),
+        lost=lost_rays(progress.counts),
         nonfinite=progress.nonfinite,
         threads=workers,
         clamped=progress.clamped / progress.light if progress.light > 0 else 0.0,
@@ -277,12 +277,3 @@ def _agreeing(progress: Progress, counts: NDArray[np.int32] | None) -> int:
     if agreeing is None or progress.one_sample is None:
         return 0
     return int(np.count_nonzero(agreeing & (progress.one_sample > 0) & (True if counts is None else counts > 0)))
-
-
-def _lost(counts: NDArray[np.int64]) -> tuple[tuple[str, int | None, int], ...]:
-    """Lost paths by cause and element, from paths by status."""
-    found = []
-    for code in (np.flatnonzero(counts[1:]) + 1).tolist():
-        element, cause = divmod(code, 8)
-        found.append((RayStatus(cause).name.lower(), element - 1 if element else None, int(counts[code])))
-    return tuple(found)

@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.core.rays import RayBundle, RayStatus
+from plenoptic.core.lost_rays import Lost, by_cause, checked_lost, in_words, lost_rays
+from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats, check_kind, frozen_array, set_field, value, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.analysis.conditioning_rows import (
@@ -23,7 +24,6 @@ from plenoptic.optics.lens.record import lens_record
 from plenoptic.optics.lens.stack import LensStack
 
 _MEASURED = ("incidence", "refraction", "cancellation", "newton", "search")
-_CAUSES = 8
 
 
 class Condition(enum.IntEnum):
@@ -109,7 +109,7 @@ class Conditioning:
     newton: Floats
     search: Floats
     searched: NDArray[np.int64]
-    lost: tuple[tuple[str, int | None, int], ...] = ()
+    lost: Lost = ()
 
     def __post_init__(self) -> None:
         set_field(self, "elements", frozen_array(self.elements, name="elements", shape=(None,), dtype=np.int64))
@@ -122,11 +122,7 @@ class Conditioning:
             set_field(self, name, frozen_array(getattr(self, name), name=name, shape=(n,), dtype=np.int64))
         for name in _MEASURED:
             set_field(self, name, frozen_array(getattr(self, name), name=name, shape=(n, 2)))
-        lost = tuple(
-            (str(cause), None if at is None else whole(at, "lost: element", at_least=0), whole(k, "lost", at_least=0))
-            for cause, at, k in self.lost
-        )
-        set_field(self, "lost", lost)
+        set_field(self, "lost", checked_lost(self.lost))
 
     @property
     def digits_lost(self) -> Floats:
@@ -145,10 +141,7 @@ class Conditioning:
     @property
     def lost_by_cause(self) -> dict[str, int]:
         """The number of lost rays for each cause, over all elements."""
-        causes: dict[str, int] = {}
-        for cause, _, count in self.lost:
-            causes[cause] = causes.get(cause, 0) + count
-        return causes
+        return by_cause(self.lost)
 
     def lost_at(self, element: int | None) -> dict[str, int]:
         """The number of rays lost at an element, or (None) where no element is to blame, for each cause.
@@ -171,7 +164,7 @@ class Conditioning:
         rows = [_HEAD, *(self._row(i) for i in range(len(self.elements)))]
         before = self.lost_at(None)
         if before:
-            rows.append(("", "before the lens", *([""] * 7), _causes(before)))
+            rows.append(("", "before the lens", *([""] * 7), in_words(before)))
         widths = [max(len(row[column]) for row in rows) for column in range(len(_HEAD) - 1)]
         lines = ["  ".join([*map(str.rjust, row[:-1], widths), row[-1]]).rstrip() for row in rows]
         worst = self.worst
@@ -191,7 +184,7 @@ class Conditioning:
             _pair(self.newton[i]) if asphere else "",
             _pair(self.search[i]) if self.searched[i] else "",
             str(self.searched[i]) if asphere else "",
-            _causes(self.lost_at(int(self.elements[i]))) if last else "",
+            in_words(self.lost_at(int(self.elements[i]))) if last else "",
         )
 
 
@@ -211,10 +204,6 @@ _HEAD = (
 
 def _pair(numbers: Floats) -> str:
     return "" if np.isnan(numbers).any() else " / ".join(f"{number:.3g}" for number in numbers)
-
-
-def _causes(lost: dict[str, int]) -> str:
-    return ", ".join(f"{count} {cause.replace('_', ' ')}" for cause, count in lost.items())
 
 
 def _named(worst: Worst) -> str:
@@ -265,14 +254,5 @@ def conditioning_of(notes: Notes) -> Conditioning:
         newton=largest_and_mean(notes.newton),
         search=largest_and_mean(notes.search),
         searched=(notes.search > 0).sum(axis=1),
-        lost=_lost(notes.codes),
+        lost=lost_rays(np.bincount(notes.codes)),
     )
-
-
-def _lost(codes: NDArray[np.int64]) -> tuple[tuple[str, int | None, int], ...]:
-    """Causes, elements and numbers of lost rays from their codes, see `ray_blocks`."""
-    found = []
-    for code, count in zip(*np.unique(codes[codes != 0], return_counts=True), strict=True):
-        element, cause = divmod(int(code), _CAUSES)
-        found.append((RayStatus(cause).name.lower(), element - 1 if element else None, int(count)))
-    return tuple(found)

@@ -18,7 +18,8 @@ from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.record import lens_record
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.lens.trace import traced_part
-from plenoptic.optics.stops.circle import circle_around
+from plenoptic.optics.stops.mask import MaskStop
+from plenoptic.optics.stops.registry import circle_around
 from plenoptic.optics.surfaces.surface import Surface
 
 _FILLED = 0.95
@@ -97,7 +98,7 @@ def _axial_beam(lens: LensStack, wavelength: float) -> tuple[RayBundle | None, s
 def _exact_without_masks(lens: LensStack) -> LensStack:
     """The lens with circles around its masks: rays in one plane say little of the holes of a mask."""
     exact = lens if lens.model is LensModel.EXACT else lens.with_model(LensModel.EXACT)
-    elements = [circle_around(e) if e.row().cells is not None else e for e in exact.elements]
+    elements = [circle_around(e) if isinstance(e, MaskStop) else e for e in exact.elements]
     return exact if elements == list(exact.elements) else dataclasses.replace(exact, elements=elements)
 
 

@@ -15,7 +15,7 @@ from plenoptic.optics.lens.elements import Element
 from plenoptic.optics.lens.files.infer_stop import basis_rays, with_inferred_stop
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.stops.circle import CircularStop
-from plenoptic.optics.surfaces.departure import Departure
+from plenoptic.optics.surfaces.registry import Departure
 from plenoptic.optics.surfaces.surface import Surface
 
 _ROUNDING = 1e-12

@@ -20,6 +20,7 @@ from plenoptic.core.sampling import sobol_points
 from plenoptic.core.values import Floats, check_kind, finite, number, wavelength_in_nm, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.models import LensModel
+from plenoptic.optics.lens.pupil.exit_pupil import normals_of, polygon_around
 from plenoptic.optics.lens.stack import LensStack
 
 REPLICATES = 8
@@ -135,23 +136,23 @@ def pencil(
 
 
 class PassingLight(NamedTuple):
-    """What of one object point's light passes the lens: one row a ray, m in all."""
+    """What of one object point's light passes the lens: one row a ray, m in all; without arguments no light."""
 
-    points: Floats
+    points: Floats = np.empty((0, 2))
     """(m, 2) x and y on the image plane in mm."""
-    slopes: Floats
+    slopes: Floats = np.empty((0, 2))
     """(m, 2) change of x and y with z."""
-    weight: Floats
+    weight: Floats = np.empty(0)
     """(m,) relative light: less than of other rays where grey masks take some of it."""
-    colour: NDArray[np.uint8]
+    colour: NDArray[np.uint8] = np.empty(0, np.uint8)
     """(m,) which wavelength."""
-    replicate: NDArray[np.uint8]
+    replicate: NDArray[np.uint8] = np.empty(0, np.uint8)
     """(m,) which of the `REPLICATES`."""
-    through_iris: Floats
+    through_iris: Floats = np.zeros(REPLICATES)
     """(REPLICATES,) light that passes the iris where nothing else stops or dims it."""
-    chief: Floats
+    chief: Floats = np.full((1, 2), np.nan)
     """(wavelengths, 2) where the chief rays meet the image plane in mm; NaN for those that are lost."""
-    emitted: int
+    emitted: int = 0
     """Rays that were traced."""
 
 
@@ -172,48 +173,27 @@ def passing_light(
     parts = []
     for colour, wavelength in enumerate(wavelengths):
         beam = pencil(lens, field=field, z_object=z_object, wavelength=wavelength, rays=count, seed=start)
-        parts.append(_NO_LIGHT if beam is None else _passing_part(lens, beam, z_image, colour))
-    return PassingLight(
-        points=np.concatenate([part.points for part in parts]),
-        slopes=np.concatenate([part.slopes for part in parts]),
-        weight=np.concatenate([part.weight for part in parts]),
-        colour=np.concatenate([part.colour for part in parts]),
-        replicate=np.concatenate([part.replicate for part in parts]),
-        through_iris=np.array([part.through_iris for part in parts]).sum(axis=0),
-        chief=np.concatenate([part.chief for part in parts]),
-        emitted=sum(part.emitted for part in parts),
-    )
-
-
-_NO_LIGHT = PassingLight(
-    points=np.empty((0, 2)),
-    slopes=np.empty((0, 2)),
-    weight=np.empty(0),
-    colour=np.empty(0, np.uint8),
-    replicate=np.empty(0, np.uint8),
-    through_iris=np.zeros(REPLICATES),
-    chief=np.full((1, 2), np.nan),
-    emitted=0,
-)
+        parts.append(PassingLight() if beam is None else _passing_part(lens, beam, z_image, colour))
+    rows = ("points", "slopes", "weight", "colour", "replicate", "chief")
+    joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in rows}
+    through_iris = np.array([part.through_iris for part in parts]).sum(axis=0)
+    return PassingLight(**joined, through_iris=through_iris, emitted=sum(part.emitted for part in parts))
 
 
 def _passing_part(lens: LensStack, beam: Pencil, z_image: float, colour: int) -> PassingLight:
     out, passes = beam.leaving, np.flatnonzero(beam.leaving.status == 0)
     direction, origin = out.direction[passes], out.origin[passes]
     slopes = direction[:, :2] / direction[:, 2:]
-    each = np.full(len(out), beam.extent / len(out))
-    at_iris = light_at_iris(lens, beam)
-    reached = np.flatnonzero(at_iris)
+    each = beam.extent / len(out)
     replicate = np.repeat(np.arange(REPLICATES, dtype=np.uint8), len(out) // REPLICATES)
+    through_iris = np.bincount(replicate, weights=each * light_at_iris(lens, beam), minlength=REPLICATES)
     return PassingLight(
         points=origin[:, :2] + (z_image - origin[:, 2:]) * slopes,
         slopes=slopes,
-        weight=each[passes] * out.weight[passes],
+        weight=each * out.weight[passes],
         colour=np.full(len(passes), colour, np.uint8),
         replicate=replicate[passes],
-        through_iris=np.asarray(
-            np.bincount(replicate[reached], weights=(each * at_iris)[reached], minlength=REPLICATES), dtype=np.float64
-        ),
+        through_iris=np.asarray(through_iris, dtype=np.float64),
         chief=beam.chief.at_z(z_image)[:, :2],
         emitted=len(out),
     )
@@ -263,13 +243,8 @@ def _outline(points: Floats) -> Floats:
     # Seen in units of their own spread along two axes, the points lie near a circle.
     spread = np.linalg.cholesky(covariance + 1e-12 * np.trace(covariance) * np.eye(2))
     round_points = np.linalg.solve(spread, offsets.T).T
-    angle = 2 * math.pi * np.arange(_SIDES) / _SIDES
-    normals = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    support = (1.0 + _MARGIN) * (round_points @ normals.T).max(axis=0)
-    after, turn = np.roll(support, -1), 2 * math.pi / _SIDES
-    along = (after - support * math.cos(turn)) / math.sin(turn)
-    corners = support[:, None] * normals + along[:, None] * np.stack([-normals[:, 1], normals[:, 0]], axis=1)
-    return np.asarray(centre + corners @ spread.T)
+    support = (1.0 + _MARGIN) * (round_points @ normals_of(_SIDES).T).max(axis=0)
+    return np.asarray(centre + polygon_around(support) @ spread.T)
 
 
 def _grown(lens: LensStack, launch: _Launch, corners: Floats) -> Floats:

@@ -13,7 +13,7 @@ import numpy as np
 from plenoptic.core.values import Floats
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
-from plenoptic.optics.lens.pupil.exit_pupil import grid, unvignetted
+from plenoptic.optics.lens.pupil.exit_pupil import SIDES, grid, lit_box, normals_of, polygon_around, unvignetted
 from plenoptic.optics.lens.record import LensRecord, lens_record
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.record import IDEAL
@@ -22,7 +22,6 @@ from plenoptic.optics.surfaces.surface import Surface
 _COARSE, _DENSE, _FINE = 64, 512, 64
 """Rays along a side of the grids that look for light: over the whole rim, again where none was found, and over the
 part that passes."""
-_SIDES = 16
 _HEIGHTS = 65
 _LARGEST_TANGENT = 1e3
 """Tangent of the steepest ray that is drawn: steeper ones hold a millionth of the light of a plane."""
@@ -74,57 +73,26 @@ def entrance(lens: LensStack, wavelength: float) -> Entrance:
 
 
 def entering_polygon(where: Entrance, point: Floats) -> Floats | None:
-    """Corners (16, 2) of a polygon on the plane of the entrance that all rays from a point pass; None without light."""
+    """Corners (SIDES, 2) of a polygon on the plane of the entrance that all rays from a point pass; None if dark.
+
+    It lies around the points of a grid that pass, widened by one step of the grid.
+    """
+
+    def passing(points: Floats) -> Floats:
+        return points[unvignetted(where.lens, point, points, where.z)]
+
     with np.errstate(all="ignore"):  # a point too far away for its squares is out of sight
-        return _searched(where, point)
-
-
-def _searched(where: Entrance, point: Floats) -> Floats | None:
-    low, high = _rim_box(where, point)
-    searches = [(low, high, _COARSE), (low, high, _DENSE)]
-    seen = _pupil_box(where, point)
-    if seen is not None:
-        searches.insert(1, (*seen, _COARSE))
-    for near, far, n in searches:
-        box = _lit_box(where, point, near, far, n, (low, high))
-        if box is not None:
-            return _outline(where, point, *box)
+        rim, seen = _rim_box(where, point), _pupil_box(where, point)
+        for near, far, n in [(*rim, _COARSE), *([] if seen is None else [(*seen, _COARSE)]), (*rim, _DENSE)]:
+            box = lit_box(passing, near, far, n, rim)
+            if box is not None:
+                low, high = np.maximum(box[0], rim[0]), np.minimum(box[1], rim[1])
+                points, mesh = grid(low, high, _FINE)
+                lit = passing(points)
+                if not len(lit):
+                    lit = np.array([low, [low[0], high[1]], high, [high[0], low[1]]])
+                return polygon_around((lit @ normals_of(SIDES).T).max(axis=0) + mesh)
     return None
-
-
-def _lit_box(
-    where: Entrance, point: Floats, near: Floats, far: Floats, n: int, rim: tuple[Floats, Floats]
-) -> tuple[Floats, Floats] | None:
-    """A box around the points of an n x n grid that pass; where they reach its border, it grows up to the rim."""
-    while True:
-        points, mesh = grid(near, far, n)
-        passing = points[unvignetted(where.lens, point, points, where.z)]
-        if not len(passing):
-            return None
-        low = np.maximum(passing.min(axis=0) - mesh, rim[0])
-        high = np.minimum(passing.max(axis=0) + mesh, rim[1])
-        if (low >= near).all() and (high <= far).all():
-            return low, high
-        width = far - near
-        near = np.where(low < near, np.maximum(near - width, rim[0]), near)
-        far = np.where(high > far, np.minimum(far + width, rim[1]), far)
-
-
-def _outline(where: Entrance, point: Floats, low: Floats, high: Floats) -> Floats:
-    """The polygon of 16 sides around the points of a box that pass, widened by one step of the grid."""
-    points, mesh = grid(low, high, _FINE)
-    passing = points[unvignetted(where.lens, point, points, where.z)]
-    if not len(passing):
-        passing = np.array([low, [low[0], high[1]], high, [high[0], low[1]]])
-    angle = 2 * math.pi * np.arange(_SIDES) / _SIDES
-    normals = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    support = (passing @ normals.T).max(axis=0) + mesh
-    # A corner is where a side meets the next one, turned by `turn`: along the side from its foot.
-    after, along = np.roll(support, -1), np.stack([-normals[:, 1], normals[:, 0]], axis=1)
-    turn = 2 * math.pi / _SIDES
-    return np.asarray(
-        support[:, None] * normals + ((after - support * math.cos(turn)) / math.sin(turn))[:, None] * along
-    )
 
 
 def _rim_box(where: Entrance, point: Floats) -> tuple[Floats, Floats]:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import functools
 import math
+from collections.abc import Callable
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -69,9 +70,19 @@ class PupilBounds(NamedTuple):
     """Plane of the outlines in the lens frame in mm."""
 
 
-def _normals() -> Floats:
-    angle = 2 * math.pi * np.arange(SIDES) / SIDES
+def normals_of(sides: int) -> Floats:
+    """Unit vectors (sides, 2) in evenly spaced directions, +x first: outward normals of a polygon."""
+    angle = 2 * math.pi * np.arange(sides) / sides
     return np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
+def polygon_around(support: Floats) -> Floats:
+    """Corners (n, 2) of a polygon whose sides have the normals `normals_of(n)` and these distances (n,) from 0."""
+    normals, turn = normals_of(len(support)), 2 * math.pi / len(support)
+    # A corner is where a side meets the next one, turned by `turn`: along the side from its foot.
+    after, along = np.roll(support, -1), np.stack([-normals[:, 1], normals[:, 0]], axis=1)
+    foot = support[:, None] * normals
+    return np.asarray(foot + ((after - support * math.cos(turn)) / math.sin(turn))[:, None] * along)
 
 
 def unvignetted(lens: LensRecord, origin: Floats, points: Floats, z: float) -> NDArray[np.bool_]:
@@ -102,48 +113,54 @@ def grid(low: Floats, high: Floats, n: int) -> tuple[Floats, float]:
     return points, float(np.hypot(*((high - low) / (n - 1))))
 
 
-def _passing_box(
-    lens: LensRecord, origin: Floats, z: float, guesses: list[Guess], rim: float
+def lit_box(
+    passing: Callable[[Floats], Floats], low: Floats, high: Floats, n: int, rim: tuple[Floats, Floats]
 ) -> tuple[Floats, Floats] | None:
-    """A box around all points that pass. It starts from a guess (centre x, y, half width) and grows up to the rim."""
-    grazing = rim * _GRAZING
-    grazing = grazing[unvignetted(lens, origin, grazing, z)]
-    for x, y, half_width in guesses:
-        low = np.array([x - half_width, y - half_width])
-        high = np.array([x + half_width, y + half_width])
-        while True:
-            points, mesh = grid(low, high, _WHOLE if half_width >= rim else _COARSE)
-            passing = points[unvignetted(lens, origin, points, z)]
-            if not len(passing):
-                break
-            passing = np.concatenate([passing, grazing])
-            found_low, found_high = passing.min(axis=0) - mesh, passing.max(axis=0) + mesh
-            grow_low = (found_low < low) & (low > -rim)
-            grow_high = (found_high > high) & (high < rim)
-            if not (grow_low.any() or grow_high.any()):
-                return found_low, found_high
-            width = high - low
-            low = np.where(grow_low, np.maximum(low - width, -rim), low)
-            high = np.where(grow_high, np.minimum(high + width, rim), high)
-    return None
+    """A box around those of an n x n grid's points that `passing` keeps, wider by one step of the grid; None if dark.
+
+    Where light reaches the border of the grid, from `low` to `high`, that grows, at most up to the box `rim`.
+    """
+    while True:
+        points, mesh = grid(low, high, n)
+        lit = passing(points)
+        if not len(lit):
+            return None
+        found_low, found_high = lit.min(axis=0) - mesh, lit.max(axis=0) + mesh
+        grow_low, grow_high = (found_low < low) & (low > rim[0]), (found_high > high) & (high < rim[1])
+        if not (grow_low.any() or grow_high.any()):
+            return found_low, found_high
+        width = high - low
+        low = np.where(grow_low, np.maximum(low - width, rim[0]), low)
+        high = np.where(grow_high, np.minimum(high + width, rim[1]), high)
 
 
 def _outline(lens: LensRecord, origin: Floats, z: float, guesses: list[Guess], rim: float) -> Floats:
-    """Support distances of the passing points as seen from one origin, (SIDES,)."""
-    box = _passing_box(lens, origin, z, guesses, rim)
-    if box is None:
-        return np.full(SIDES, -np.inf)
-    points, mesh = grid(*box, _FINE)
-    points = np.concatenate([points, rim * _GRAZING])
-    passing = points[unvignetted(lens, origin, points, z)]
-    if not len(passing):
-        passing, mesh = np.array(box), 0.0
-    return np.asarray((passing @ _normals().T).max(axis=0) + mesh)
+    """Support distances of the passing points as seen from one origin, (SIDES,): -inf where all guesses are dark."""
+
+    def passing(points: Floats) -> Floats:
+        return points[unvignetted(lens, origin, points, z)]
+
+    def passing_with_grazing(points: Floats) -> Floats:
+        lit = passing(points)
+        return np.concatenate([lit, grazing]) if len(lit) else lit
+
+    grazing, corner = passing(rim * _GRAZING), np.full(2, rim)
+    for x, y, half_width in guesses:
+        low, high = np.array([x - half_width, y - half_width]), np.array([x + half_width, y + half_width])
+        n = _WHOLE if half_width >= rim else _COARSE
+        box = lit_box(passing_with_grazing, low, high, n, (-corner, corner))
+        if box is not None:
+            points, mesh = grid(*box, _FINE)
+            lit = np.concatenate([passing(points), grazing])
+            if not len(lit):
+                lit, mesh = np.array(box), 0.0
+            return np.asarray((lit @ normals_of(SIDES).T).max(axis=0) + mesh)
+    return np.full(SIDES, -np.inf)
 
 
 def outline_corners(support: Floats) -> Floats:
     """Corners (n, SIDES, 2) of polygons given by (n, SIDES) support distances: neighbouring sides intersected."""
-    normals = _normals()
+    normals = normals_of(SIDES)
     after = np.roll(normals, -1, axis=0)
     turn = normals[:, 0] * after[:, 1] - normals[:, 1] * after[:, 0]
     next_support = np.roll(support, -1, axis=-1)
@@ -157,30 +174,18 @@ def pupil_bounds(
 ) -> PupilBounds:
     """Outlines of the exit pupil for cells of a plane behind the lens; remembered for the cameras used last.
 
-    Parameters
-    ----------
-    lens : LensStack
-    z_plane : float
-        Plane of the cells in the lens frame in mm, behind the last vertex.
-    largest_radius : float
-        Distance from the axis up to which cells matter, in mm.
-    cell_radius : float
-        Largest distance of a cell's points from its centre in mm.
-    wavelength : float
-        nm.
+    The cells lie on the plane `z_plane` of the lens frame, up to `largest_radius` from the axis; `cell_radius` is the
+    largest distance of a cell's points from its centre. In mm, the wavelength in nm.
     """
     record = lens_record(lens, wavelength, reverse=True, round_stops=True)
     points = cardinal_points(lens, wavelength)
     # Where the iris is, its image is: shifted with it, magnified.
-    placed = lens.stop.placement
-    across = (
-        (0.0, 0.0) if placed is None else tuple((points.pupil_magnification * np.asarray(placed.shift)[:2]).tolist())
-    )
-    pupil = (points.exit_pupil, points.exit_pupil_semi_diameter, *across)
-    rear = rear_reach(lens, z_plane, wavelength)
-    return _traced_bounds(
-        _ByContent(record), pupil, rear, float(lens.vertices[-1]), z_plane, largest_radius, cell_radius
-    )
+    shift, placed = np.zeros(2), lens.stop.placement
+    if placed is not None:
+        shift = points.pupil_magnification * np.asarray(placed.shift)[:2]
+    pupil = (points.exit_pupil, points.exit_pupil_semi_diameter, *shift.tolist())
+    rear, z = rear_reach(lens, z_plane, wavelength), float(lens.vertices[-1])
+    return _traced_bounds(_ByContent(record), pupil, rear, z, z_plane, largest_radius, cell_radius)
 
 
 def rear_reach(lens: LensStack, z_plane: float, wavelength: float) -> tuple[float, float]:
@@ -277,9 +282,8 @@ def _all_round(
     if lens.frames is None and lens.departure is None:
         return _followed_outlines(lens, rho, pupil, z, z_plane, rear)
     angles = 2 * math.pi * np.arange(_AZIMUTHS) / _AZIMUTHS
-    found = np.array(
-        [_followed_outlines(_turned(lens, a), rho, _turned_pupil(pupil, a), z, z_plane, rear) for a in angles]
-    )
+    outlines = [_followed_outlines(_turned(lens, a), rho, _turned_pupil(pupil, a), z, z_plane, rear) for a in angles]
+    found = np.array(outlines)
     largest = found.max(axis=0)
     smallest = np.where(np.isfinite(found), found, np.inf).min(axis=0)
     # A change like cos(azimuth) reaches at most (1 - cos(pi / n)) of its amplitude beyond the samples.
@@ -359,7 +363,7 @@ def _middle(support: Floats) -> Guess:
 
 def _widened(rho: Floats, support: Floats, cell_radius: float, largest_radius: float, z: float) -> PupilBounds:
     """Union of the outlines of all points of a cell, for intervals of the distance of its centre."""
-    normals = _normals()
+    normals = normals_of(SIDES)
     bins, spacing = len(rho) - 1, rho[1] - rho[0]
     step = largest_radius / bins if largest_radius > 0 else 1.0
     lit = np.isfinite(support[:, 0])

@@ -13,17 +13,14 @@ INSIDE = 1.0 - 1e-9
 
 
 def hexapolar(rings: int) -> Floats:
-    """The centre and rings of 6, 12, 18, ... points around it, the outermost on the rim.
+    """The centre and rings of 6, 12, 18, ... points around it, the outermost on the rim: (1 + 3 rings (rings + 1), 2).
+
+    The centre comes first; each point but those of the rim stands for nearly the same area.
 
     Parameters
     ----------
     rings : int
         At least 1.
-
-    Returns
-    -------
-    ndarray
-        (1 + 3 rings (rings + 1), 2), the centre first; each point but those of the rim stands for nearly the same area.
 
     Examples
     --------
@@ -40,18 +37,14 @@ def hexapolar(rings: int) -> Floats:
 
 
 def square_grid(n: int) -> Floats:
-    """The centres of those of n x n equal squares over the disc that lie within it.
+    """The centres of those of n x n equal squares over the disc that lie within it: (k, 2), k near pi n^2 / 4.
+
+    Row by row from negative y. Each point stands for the same area, and for an odd n one lies in the centre.
 
     Parameters
     ----------
     n : int
         At least 1.
-
-    Returns
-    -------
-    ndarray
-        (k, 2), k near pi n^2 / 4; row by row from negative y. Each point stands for the same area, and for an odd n
-        one lies in the centre.
 
     Examples
     --------
@@ -66,17 +59,14 @@ def square_grid(n: int) -> Floats:
 
 
 def fan(n: int) -> Floats:
-    """Points on the diameter along y, from -1 to 1; the tangential fan of a field along y.
+    """Points on the diameter along y, from -1 to 1: (n, 2), the tangential fan of a field along y.
+
+    `fan(n)[:, ::-1]` is the fan along x.
 
     Parameters
     ----------
     n : int
         At least 2; with an odd n one lies in the centre.
-
-    Returns
-    -------
-    ndarray
-        (n, 2). `fan(n)[:, ::-1]` is the fan along x.
 
     Examples
     --------

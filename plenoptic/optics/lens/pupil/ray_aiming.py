@@ -1,7 +1,7 @@
 """Ray aiming: rays from one object point through given points of the real iris.
 
 A ray that starts towards a point of the paraxial entrance pupil misses the iris where pupils have aberrations: in wide
-angles by much, in fisheyes altogether. Here rays are searched from the iris outwards (see `iris_search`), and each one
+angles by much, in fisheyes altogether. Here rays are searched from the iris outwards (see `search`), and each one
 that is found is traced inwards again and compared with its point of the iris.
 """
 
@@ -18,7 +18,6 @@ from plenoptic.core.values import Floats, check_kind, finite, frozen_array, numb
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points, magnification
 from plenoptic.optics.lens.models import LensModel
-from plenoptic.optics.lens.pupil.iris_points import fan, hexapolar, square_grid
 from plenoptic.optics.lens.pupil.search import (
     SOLVED,
     Half,
@@ -30,8 +29,6 @@ from plenoptic.optics.lens.pupil.search import (
     traced_through,
 )
 from plenoptic.optics.lens.stack import LensStack
-
-__all__ = ["aimed_rays", "aimed_rays_reverse", "chief_ray", "entrance_pupil_of", "fan", "hexapolar", "square_grid"]
 
 _EPS = float(np.finfo(np.float64).eps)
 
@@ -272,15 +269,8 @@ def entrance_pupil_of(
 ) -> float:
     """Where the entrance pupil is for one field: the point of the axis nearest to the chief ray before the lens.
 
-    Parameters
-    ----------
-    lens, field, z_object, wavelength
-        See `aimed_rays`.
-
-    Returns
-    -------
-    float
-        z in the lens frame, mm; nan where there is no chief ray. On the axis, the paraxial entrance pupil.
+    z in the lens frame, mm; nan where there is no chief ray. On the axis, the paraxial entrance pupil. Parameters as
+    those of `aimed_rays`.
 
     Examples
     --------

@@ -1,0 +1,49 @@
+"""How many rays were lost for which cause at which element of the lens."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.core.kernels.ray_blocks import CAUSES
+from plenoptic.core.rays import RayStatus
+from plenoptic.core.values import whole
+
+Lost = tuple[tuple[str, int | None, int], ...]
+"""Causes, indices of elements (None where no element is to blame) and numbers of rays."""
+
+
+def cause_and_element(code: int) -> tuple[str, int | None]:
+    """What a status of a ray that is lost says, see `ray_blocks`."""
+    element, cause = divmod(code, CAUSES)
+    return RayStatus(cause).name.lower(), element - 1 if element else None
+
+
+def lost_rays(counts: NDArray[np.int64]) -> Lost:
+    """From the numbers of rays for each status, of which the first is that of those on their way."""
+    return tuple((*cause_and_element(code), int(counts[code])) for code in range(1, len(counts)) if counts[code])
+
+
+def checked_lost(lost: Lost) -> Lost:
+    """The same as plain values, or an error."""
+    return tuple(
+        (
+            str(cause),
+            None if at is None else whole(at, "lost: element", at_least=0),
+            whole(n, "lost: count", at_least=0),
+        )
+        for cause, at, n in lost
+    )
+
+
+def by_cause(lost: Lost) -> dict[str, int]:
+    """The number of rays for each cause, over all elements."""
+    causes: dict[str, int] = {}
+    for cause, _, count in lost:
+        causes[cause] = causes.get(cause, 0) + count
+    return causes
+
+
+def in_words(causes: dict[str, int]) -> str:
+    """Such as "200 clipped, 3 total reflection"."""
+    return ", ".join(f"{count} {cause.replace('_', ' ')}" for cause, count in causes.items())
