@@ -1,16 +1,17 @@
-"""Paths from the sensor to behind the lens."""
+"""Paths from the sensor to behind the lens: the stages that a camera needs."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.dust import fill_dimmed_at_lens
+from plenoptic.camera.dust import BETWEEN, PlacedDust, fill_dimmed_at_lens
 from plenoptic.camera.record import CameraRecord
 from plenoptic.camera.sampling.record import Batch, FedPixels
-from plenoptic.camera.stages import fill_dimmed_before_array, fill_through_array, own_microlenses
 from plenoptic.core.values import Floats
 from plenoptic.optics.microlens.dust import BlemishSite
+from plenoptic.optics.microlens.model_rules import Crossing
+from plenoptic.optics.microlens.record import ResponseRecord, SensorPlane
 
 _GUIDES = 1024
 """Places in a table of cumulative probabilities at which looking begins; see `fill_waves`."""
@@ -25,7 +26,7 @@ class CameraPaths:
         blocks = -(-most // BLOCK)
         self._camera, self._fed, self._batch = camera, fed, batch
         self._blocks = np.empty(blocks * RAY)
-        self.own = own_microlenses(camera, blocks * BLOCK)
+        self.own = camera.own(blocks * BLOCK)
         """What is individual about the paths' microlenses; None where these do not differ."""
         self.waves: NDArray[np.int64] | None = None
         """Numbers of the paths' wavelengths; None where all have the camera's."""
@@ -59,3 +60,39 @@ class CameraPaths:
         fill_dimmed_at_lens(bundle, self._camera.dust, BlemishSite.LENS_REAR)
         fill_traced(bundle, self.lens, self.waves)
         fill_dimmed_at_lens(bundle, self._camera.dust, BlemishSite.LENS_FRONT)
+
+
+def fill_dimmed_before_array(
+    blocks: Floats, sensor: SensorPlane, response: ResponseRecord | None, dust: tuple[PlacedDust, ...]
+) -> None:
+    """Pixels dim aimed samples by their direction, and dust between sensor and array does."""
+    if response is not None:
+        from plenoptic.optics.microlens.kernels import to_lens
+
+        to_lens.fill_pixel_response(blocks, sensor, response)
+    for placed in dust:
+        if placed.site in BETWEEN:
+            from plenoptic.optics.microlens.kernels.dust import fill_dimmed_aims
+
+            fill_dimmed_aims(blocks, sensor, placed.height, placed.axes, placed.record)
+
+
+def fill_through_array(
+    blocks: Floats, own: NDArray[np.void] | None, camera: CameraRecord, waves: NDArray[np.int64] | None = None
+) -> None:
+    """Aimed samples (see `to_lens`) become rays on their way to the lens, in its axes.
+
+    `waves` are the numbers of the wavelengths that they have drawn; None for the camera's.
+    """
+    from plenoptic.optics.microlens.kernels import to_lens
+
+    array, sensor = camera.array, camera.sensor.plane
+    z_plane = camera.z_plane if camera.frame is None else 0.0
+    if array is None or camera.microlenses is None:
+        to_lens.fill_straight(blocks, sensor, z_plane)
+        return
+    if array.walls is not None and own is not None:
+        to_lens.fill_walls(blocks, own, array.cell, array.cells)
+    camera.microlenses.model.rules.to_lens(blocks, own, Crossing(array, sensor, z_plane), waves)
+    if camera.frame is not None:
+        to_lens.fill_in_lens_axes(blocks, camera.frame)

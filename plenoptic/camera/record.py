@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from plenoptic.camera.assembly import Assembly, Rigid, assembly
 from plenoptic.camera.camera import PlenopticCamera
@@ -92,6 +93,10 @@ class CameraRecord(NamedTuple):
     def frame(self) -> Floats | None:
         """(12,): from the axes in which the array is traced to the lens's; None where they are the same but for z."""
         return self.parts.frame
+
+    def own(self, n: int) -> NDArray[np.void] | None:
+        """Room for what n paths, in whole blocks, keep of their microlenses; None where these do not differ."""
+        return None if self.array is None else self.array.own(n)
 
 
 def camera_record(camera: PlenopticCamera) -> CameraRecord:

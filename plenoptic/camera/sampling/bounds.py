@@ -53,8 +53,8 @@ def array_bounds(
     pupil_distance = parts.z_plane - float(camera.lens.vertices[-1])
     corners = sensor_corners(camera, parts)
     ratio = pupil_distance / float(corners[:, 2].min())
-    in_lens, tilt = parts.local_to_lens.points(corners), float(np.hypot(*parts.local_to_lens.turn[2, :2]))
-    sensor = float(np.hypot(in_lens[:, 0], in_lens[:, 1]).max())
+    sensor = float(np.hypot(*parts.local_to_lens.points(corners)[:, :2].T).max())
+    tilt = float(np.hypot(*parts.local_to_lens.turn[2, :2]))
     strongest = max(abs(_bend(array, power, pupil_distance, ratio)) for power in powers)
     off_axis = largest_offset(array.imperfections) * max(
         abs(pupil_distance * power) for power in (*powers, (1 + ratio) / pupil_distance)
@@ -64,7 +64,7 @@ def array_bounds(
     while True:
         farthest = (1.0 + tilt) * ratio * sensor + a + strongest * array.cell_radius + margin + off_axis
         widest = 1.02 * farthest / max(1.0 + ratio - b, 0.1 * (1.0 + ratio)) + array.cell_radius + aside
-        heights = parts.z_plane + tilt * (widest + np.hypot(*in_lens[:, :2].T).max()) * np.array([-1.0, 0.0, 1.0])
+        heights = parts.z_plane + tilt * (widest + sensor) * np.array([-1.0, 0.0, 1.0])
         bounds = _united(camera, heights, widest, array.cell_radius + aside, wavelengths)
         rounds -= 1
         if rounds == 0:
