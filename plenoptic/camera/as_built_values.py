@@ -94,11 +94,8 @@ def as_built(camera: PlenopticCamera) -> AsBuilt:
     array to sensor, least at a corner, mm               1.7      1.6744
     array to sensor, largest at a corner, mm             1.7      1.7256
     """
-    parts = (
-        ("lens", camera.lens_placement),
-        ("array", camera.microlenses_placement),
-        ("sensor", camera.sensor_placement),
-    )
+    places = (camera.lens_placement, camera.microlenses_placement, camera.sensor_placement)
+    parts = zip(("lens", "array", "sensor"), places, strict=True)
     found = [each for name, placement in parts if placement is not None for each in _moves(name, placement)]
     behind = "lens to sensor" if camera.microlenses is None else "array to sensor"
     design, built = (_distances(each) for each in (camera.design, camera))

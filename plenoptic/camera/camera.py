@@ -127,18 +127,16 @@ class PlenopticCamera:
         self._check_assembly()
 
     def _check_distances(self) -> None:
-        behind = float(self.lens.vertices[-1])
-        array = self.microlenses
+        array, front, behind = self.microlenses, self.stop_to_microlenses, float(self.lens.vertices[-1])
         if array is None:
             if self.microlenses_to_sensor != 0:
                 raise InvalidValueError(
                     f"microlenses_to_sensor is {self.microlenses_to_sensor:g} mm without microlenses; leave it at 0 "
                     "and give the distance from stop to sensor as stop_to_microlenses"
                 )
-            front = self.stop_to_microlenses
         else:
             depths = array.model.rules.depths(array)
-            front = self.stop_to_microlenses - depths.front
+            front -= depths.front
             if not self.microlenses_to_sensor > depths.rear:
                 raise InvalidValueError(
                     f"microlenses_to_sensor is {self.microlenses_to_sensor:g} mm; it must be above "

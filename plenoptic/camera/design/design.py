@@ -85,9 +85,8 @@ def design_camera(  # noqa: PLR0913
 
     Notes
     -----
-    The first solution is paraxial. Then the image of the plane in focus and the slope of the rim ray at the centre of
-    the array are traced and the equations solved again with these, until nothing changes: each round corrects what
-    aberrations do.
+    The first solution is paraxial. Each round then traces the image of the plane in focus and the slope of the rim ray
+    at the centre of the array, and solves the equations again with these, until nothing changes.
 
     Examples
     --------
