@@ -1,13 +1,14 @@
 """Aberrations of a lens: third-order sums, and what exact rays say of spots, fans, fields and contrast."""
 
 from plenoptic.optics.lens.analysis.astigmatic import Foci, foci
-from plenoptic.optics.lens.analysis.depth import DepthDistortion, depth_distortion
 from plenoptic.optics.lens.analysis.fields import (
     Coma,
+    DepthDistortion,
     Distortion,
     FieldCurvature,
     Projection,
     coma,
+    depth_distortion,
     distortion,
     field_curvature,
 )

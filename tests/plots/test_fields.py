@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.optics.lens.analysis.depth import depth_distortion
-from plenoptic.optics.lens.analysis.fields import Projection, coma, distortion, field_curvature
+from plenoptic.optics.lens.analysis.fields import Projection, coma, depth_distortion, distortion, field_curvature
 from plenoptic.optics.lens.analysis.illumination import relative_illumination, vignetting
 from plenoptic.plots.fields import (
     plot_coma,

@@ -160,8 +160,7 @@ def _masks(rows: list[ElementRow]) -> Floats | None:
 
 def _exact_rows(lens: LensStack, wavelength: float, first: int, last: int, *, reverse: bool) -> list[ElementRow]:
     index, vertices, rows = lens.indices(wavelength), lens.vertices, []
-    for i in range(first, last + 1):
-        element = lens.elements[i]
+    for i, element in enumerate(lens.elements[first : last + 1], start=first):
         row = element.row()._replace(z=float(vertices[i]), surface_index=i)
         if element.placement is not None:
             turn, shift = np.ravel(element.placement.rotation).tolist(), np.asarray(element.placement.shift).tolist()

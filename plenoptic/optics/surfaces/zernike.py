@@ -75,10 +75,7 @@ class ZernikeSag:
     norm_radius: float
 
     def __post_init__(self) -> None:
-        set_field(self, "coefficients", self._checked_coefficients())
         set_field(self, "norm_radius", positive(self.norm_radius, "norm_radius", "mm"))
-
-    def _checked_coefficients(self) -> tuple[float, ...]:
         wanted = "a sequence of numbers, that of piston first"
         terms = list(coefficients(self.coefficients, "coefficients", wanted))
         while terms and terms[-1] == 0:
@@ -88,7 +85,7 @@ class ZernikeSag:
                 f"coefficients has {len(terms)} terms, up to degree {_degree_and_order(len(terms))[0]}; at most "
                 f"{MOST_TERMS}, of degree 12, can be traced: leave out the others if they are small"
             )
-        return tuple(terms)
+        set_field(self, "coefficients", tuple(terms))
 
     @property
     def _harmonics(self) -> _Harmonics:

@@ -12,14 +12,7 @@ from plenoptic.core.lost_rays import Lost, by_cause, checked_lost, in_words, los
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats, check_kind, frozen_array, set_field, value, whole
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.lens.analysis.conditioning_rows import (
-    Notes,
-    blocks_of,
-    kinds,
-    largest_and_mean,
-    largest_and_median,
-    noted,
-)
+from plenoptic.optics.lens.analysis.conditioning_rows import Notes, blocks_of, kinds, largest_and, noted
 from plenoptic.optics.lens.record import lens_record
 from plenoptic.optics.lens.stack import LensStack
 
@@ -188,18 +181,8 @@ class Conditioning:
         )
 
 
-_HEAD = (
-    "element",
-    "kind",
-    "rays",
-    "1 / cos i",
-    "n cos i / (n' cos i')",
-    "digits lost",
-    "Newton",
-    "search",
-    "searched",
-    "lost",
-)
+_HEAD = ("element", "kind", "rays", "1 / cos i", "n cos i / (n' cos i')", "digits lost", "Newton", "search", "searched",
+         "lost")  # fmt: skip
 
 
 def _pair(numbers: Floats) -> str:
@@ -248,11 +231,11 @@ def conditioning_of(notes: Notes) -> Conditioning:
         kinds=kinds(notes.lens),
         rays=len(notes.codes),
         reached=met.sum(axis=1),
-        incidence=largest_and_median(notes.incidence),
-        refraction=largest_and_median(notes.refraction),
-        cancellation=largest_and_median(notes.cancellation),
-        newton=largest_and_mean(notes.newton),
-        search=largest_and_mean(notes.search),
+        incidence=largest_and(np.median, notes.incidence),
+        refraction=largest_and(np.median, notes.refraction),
+        cancellation=largest_and(np.median, notes.cancellation),
+        newton=largest_and(np.mean, notes.newton),
+        search=largest_and(np.mean, notes.search),
         searched=(notes.search > 0).sum(axis=1),
         lost=lost_rays(np.bincount(notes.codes)),
     )

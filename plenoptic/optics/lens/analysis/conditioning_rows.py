@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,10 +65,7 @@ def noted(lens: LensRecord, blocks: Floats, n: int, waves: NDArray[np.int64] | N
 
 
 def _completed(lens: LensRecord) -> LensRecord:
-    """The same lens in one of two forms, with spheres and planes only or with nothing left out.
-
-    Two kernels then serve all lenses: they are compiled once and run on few rays.
-    """
+    """The same lens with spheres and planes only, or with nothing left out: two kernels then serve all lenses."""
     n = len(lens.rows)
     completed = lens._replace(
         frames=np.zeros((n, FRAME)) if lens.frames is None else lens.frames,
@@ -79,10 +77,7 @@ def _completed(lens: LensRecord) -> LensRecord:
 
 
 def sizes(lens: LensRecord) -> Floats:
-    """What the size of each element is measured by, mm.
-
-    Its semi-diameter, or, where it ends at its depth or nowhere, its radius of curvature or focal length.
-    """
+    """Semi-diameters in mm, or, where an element ends at its depth or nowhere, its radius or focal length."""
     squared, curvature = lens.rows["semi_diameter2"], lens.rows["curvature"]
     with np.errstate(divide="ignore"):
         return np.asarray(np.where(np.isfinite(squared), np.sqrt(squared), 1.0 / np.abs(curvature)))
@@ -90,25 +85,13 @@ def sizes(lens: LensRecord) -> Floats:
 
 def kinds(lens: LensRecord) -> tuple[str, ...]:
     """What each row is, in words."""
-    return tuple(_kind(int(row["kind"]), float(row["curvature"])) for row in lens.rows)
+    names = {CONIC: "conic", ASPHERE: "asphere", FREEFORM: "freeform", IDEAL: "ideal lens"}
+    of_spheres = ("sphere" if c else "plane" for c in lens.rows["curvature"])
+    shapes = zip(lens.rows["kind"].tolist(), of_spheres, strict=True)
+    return tuple(sphere if kind == SPHERE else names.get(kind, "stop") for kind, sphere in shapes)
 
 
-def _kind(kind: int, c: float) -> str:
-    if kind == SPHERE:
-        return "sphere" if c else "plane"
-    return {CONIC: "conic", ASPHERE: "asphere", FREEFORM: "freeform", IDEAL: "ideal lens"}.get(kind, "stop")
-
-
-def largest_and_median(numbers: Floats) -> Floats:
-    """(n, 2) of (n, rays), without the rays that are nan; nan where all are."""
-    return _pairs(numbers, lambda row: (float(row.max()), float(np.median(row))))
-
-
-def largest_and_mean(numbers: Floats) -> Floats:
-    """(n, 2) of (n, rays), without the rays that are nan; nan where all are."""
-    return _pairs(numbers, lambda row: (float(row.max()), float(row.mean())))
-
-
-def _pairs(numbers: Floats, of) -> Floats:  # type: ignore[no-untyped-def]
+def largest_and(typical: Callable[[Floats], Any], numbers: Floats) -> Floats:
+    """(n, 2) of (n, rays): the largest number and the mean or median, without rays that are nan; nan where all are."""
     kept = (row[~np.isnan(row)] for row in numbers)
-    return np.array([of(row) if len(row) else (math.nan, math.nan) for row in kept]).reshape(-1, 2)
+    return np.array([(row.max(), typical(row)) if len(row) else (math.nan, math.nan) for row in kept]).reshape(-1, 2)

@@ -1,4 +1,4 @@
-"""Aberrations against the field, by real rays: distortion, curvature of the image, coma.
+"""Aberrations against the field, by real rays: distortion, curvature of the image, coma, distortion of depth.
 
 Fields lie along +y: half angles in rad of objects infinitely far away, otherwise heights in mm of points in the plane
 z_object. Rays are aimed at the real iris and pass all rims; a field whose chief ray does not exist has nan. What passes
@@ -17,9 +17,9 @@ from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats, choice, frozen_array, positive, result
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.analysis.astigmatic import foci, require_axis
-from plenoptic.optics.lens.gaussian.paraxial import cardinal_points, image_position, magnification
+from plenoptic.optics.lens.gaussian.paraxial import cardinal_points, image_position, magnification, object_position
 from plenoptic.optics.lens.models import LensModel
-from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays, chief_ray
+from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays, aimed_rays_reverse, chief_ray
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.lens.trace import traced_part
 
@@ -60,9 +60,9 @@ class Projection(enum.IntEnum):
 def checked_fields(fields: ArrayLike, z_object: float, *, name: str = "fields") -> Floats:
     """Fields (n,): finite, angles below pi."""
     radii = frozen_array(np.atleast_1d(np.asarray(fields, dtype=object)), name=name, shape=(None,))
-    limit = math.pi if z_object == -math.inf else math.inf
-    if not np.all(np.abs(radii) < limit):
-        unit = "angles below pi, in rad" if z_object == -math.inf else "finite heights in mm"
+    far = z_object == -math.inf
+    if not np.all(np.abs(radii) < (math.pi if far else math.inf)):
+        unit = "angles below pi, in rad" if far else "finite heights in mm"
         raise InvalidValueError(f"{name} reach {np.max(np.abs(radii)):g}; with this z_object they must be {unit}")
     return radii
 
@@ -87,8 +87,7 @@ def unclipped(lens: LensStack, rays: RayBundle) -> RayBundle:
 def chief_rays(lens: LensStack, fields: Floats, z_object: float, wavelength: float) -> RayBundle:
     """The chief rays of fields (n,) along +y, before the lens."""
     rays = [chief_ray(lens, field=(0.0, y), z_object=z_object, wavelength=wavelength) for y in fields.tolist()]
-    origin = np.reshape([ray.origin for ray in rays], (-1, 3))
-    direction = np.reshape([ray.direction for ray in rays], (-1, 3))
+    origin, direction = (np.reshape([getattr(ray, name) for ray in rays], (-1, 3)) for name in ("origin", "direction"))
     return RayBundle(origin, direction, wavelength, status=np.ravel([ray.status for ray in rays]))
 
 
@@ -316,3 +315,78 @@ def coma(
         rays = aimed_rays(lens, field=(0.0, field), pupil=pupil, z_object=z_object, wavelength=wavelength)
         y[i] = unclipped(lens, rays).at_z(z_image)[:, 1]
     return Coma(radii, (y[:, 1] + y[:, 2]) / 2 - y[:, 0], (y[:, 3] + y[:, 4]) / 2 - y[:, 0], size, z_image, z_object)
+
+
+@result
+class DepthDistortion:
+    """Which distances are sharp on a flat sensor. See `depth_distortion`, which makes it.
+
+    Attributes
+    ----------
+    heights : (n,) array
+        y of points of the sensor, mm.
+    z_image : (m,) array
+        Planes of the sensor, mm.
+    z_object : (m,) array
+        Their paraxial conjugates, mm.
+    sagittal, tangential : (m, n) array
+        z in mm of the object points on the chief rays that are sharp; above 0 where the lens is focused beyond
+        infinity.
+    """
+
+    heights: Floats
+    z_image: Floats
+    z_object: Floats
+    sagittal: Floats
+    tangential: Floats
+
+    @property
+    def medial(self) -> Floats:
+        """Harmonic mean of the sagittal and tangential z, (m, n), mm: the mean of their reciprocals."""
+        with np.errstate(divide="ignore"):
+            return np.asarray(2.0 / (1.0 / self.sagittal + 1.0 / self.tangential))
+
+
+def depth_distortion(
+    lens: LensStack, heights: ArrayLike, *, z_image: ArrayLike, wavelength: float = 587.6
+) -> DepthDistortion:
+    """Which object points are sharp on flat sensors, against the height on them: field curvature in object space.
+
+    A camera that takes depth from sharpness or disparity, and was calibrated on the axis, errs by the difference to
+    `z_object`. Chief rays are followed backwards from the sensor.
+
+    Parameters
+    ----------
+    lens, wavelength
+        See `field_curvature`.
+    heights : (n,) array
+        y on the sensor, mm.
+    z_image : float or (m,) array
+        Planes of the sensor behind the lens, mm. For a plenoptic camera, those of the virtual images.
+
+    Raises
+    ------
+    InvalidValueError
+        If the lens is not centred or not EXACT, or a plane does not lie behind it.
+
+    References
+    ----------
+    O. Johannsen et al., On the calibration of focused plenoptic cameras, LNCS 8200, 2013 (the term).
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> found = pl.aberrations.depth_distortion(pl.load_lens("double-gauss-100mm-f2"), [0.0, 20.0], z_image=134.624)
+    >>> found.z_object.round(2).tolist(), found.medial.round(2).tolist()
+    ([-404.0], [[-404.0, -399.29]])
+    """
+    radii = checked_fields(heights, 0.0, name="heights")
+    planes = checked_fields(np.atleast_1d(z_image), 0.0, name="z_image")
+    sagittal, tangential = np.empty((2, len(planes), len(radii)))
+    for i, z in enumerate(planes.tolist()):
+        for j, y in enumerate(radii.tolist()):
+            ray = aimed_rays_reverse(lens, image_point=(0.0, y), z_image=z, pupil=[[0.0, 0.0]], wavelength=wavelength)
+            found = foci(lens, ray, parallel=False, reverse=True)
+            sagittal[i, j], tangential[i, j] = found.sagittal[0, 2], found.tangential[0, 2]
+    conjugates = np.array([object_position(lens, z, wavelength) for z in planes.tolist()])
+    return DepthDistortion(radii, planes, conjugates, sagittal, tangential)

@@ -21,7 +21,9 @@ from plenoptic.core.values import Floats, check_kind, finite, number, wavelength
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.pupil.exit_pupil import normals_of, polygon_around
+from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays
 from plenoptic.optics.lens.stack import LensStack
+from plenoptic.optics.lens.trace import traced_part
 
 REPLICATES = 8
 """Independent scramblings of the sampling points, from which errors are estimated."""
@@ -61,9 +63,8 @@ class _Launch(NamedTuple):
     def rays(self, coordinates: Floats) -> RayBundle:
         n = len(coordinates)
         if self.across is not None:
-            return RayBundle(
-                self.origin + coordinates @ self.across, np.broadcast_to(self.direction, (n, 3)), self.wavelength
-            )
+            direction = np.broadcast_to(self.direction, (n, 3))
+            return RayBundle(self.origin + coordinates @ self.across, direction, self.wavelength)
         along = np.empty((n, 3))
         along[:, :2] = coordinates
         with np.errstate(invalid="ignore"):  # beyond the horizon: NaN, which no lens lets pass
@@ -112,8 +113,6 @@ def pencil(
     Each carries the same light: of an object at infinity they are spread evenly over the cross section of the beam, and
     of a finite one evenly over the direction cosines, as a Lambertian patch of the object plane sends them.
     """
-    from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays
-
     rim = np.asarray(lens.stop.outline(_RIM)) / lens.stop.semi_diameter
     chief = aimed_rays(lens, field=field, pupil=np.zeros((1, 2)), z_object=z_object, wavelength=wavelength)
     if chief.status[0] != 0:
@@ -205,8 +204,6 @@ def light_at_iris(lens: LensStack, beam: Pencil) -> Floats:
     Rays lost behind the iris have passed it; those lost before it, and all but those lost at it where the iris is a
     mask, are traced again to the iris, through surfaces and stops without rims.
     """
-    from plenoptic.optics.lens.trace import traced_part
-
     if lens.model in (LensModel.THIN, LensModel.PARAXIAL):  # they have no other stop
         return beam.leaving.weight
     iris, lost_at = lens.iris_index, beam.leaving.lost_at
@@ -230,9 +227,8 @@ def _launch(aimed: RayBundle, *, finite_object: bool) -> _Launch:
     aside = np.array([1.0, 0.0, 0.0]) if abs(direction[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
     first = aside - (aside @ direction) * direction
     first /= math.sqrt(first @ first)
-    return _Launch(
-        aimed.origin.mean(axis=0), np.stack([first, np.cross(direction, first)]), direction, aimed.wavelength
-    )
+    across = np.stack([first, np.cross(direction, first)])
+    return _Launch(aimed.origin.mean(axis=0), across, direction, aimed.wavelength)
 
 
 def _outline(points: Floats) -> Floats:
@@ -249,10 +245,8 @@ def _outline(points: Floats) -> Floats:
 
 def _grown(lens: LensStack, launch: _Launch, corners: Floats) -> Floats:
     """The polygon, enlarged until no ray from its edge passes the lens."""
-    between = 0.5 * (corners + np.roll(corners, -1, axis=0))
-    edge = np.concatenate([corners, between])
-    centre = corners.mean(axis=0)
-    size = 1.0
+    edge = np.concatenate([corners, 0.5 * (corners + np.roll(corners, -1, axis=0))])
+    centre, size = corners.mean(axis=0), 1.0
     for _ in range(_MOST_GROWTHS):
         if np.all(lens.trace(launch.rays(centre + size * (edge - centre))).status != 0):
             break

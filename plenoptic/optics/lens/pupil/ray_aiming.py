@@ -102,15 +102,14 @@ def _ideal_rays(lens: LensStack, wavelength: float, pupil: Floats, aim: Floats, 
     points = np.column_stack([scale * lens.stop.semi_diameter * pupil, np.full(len(pupil), z)])
     if lens.model is LensModel.NONE:
         points = points_of(lens, pupil)
-    sign = -1.0 if scene else 1.0
+    sign, none_lost = -1.0 if scene else 1.0, np.zeros(len(points), dtype=bool)
     if aim.size == 3:
         # Inwards, even where the image of the iris lies farther out than the object.
         direction = (points - aim) * np.where(sign * (points[:, 2:] - aim[2]) > 0, -1.0, 1.0)
-        return _bundle(np.broadcast_to(aim, points.shape), direction, wavelength, np.zeros(len(points), dtype=bool))
+        return _bundle(np.broadcast_to(aim, points.shape), direction, wavelength, none_lost)
     towards = directions_of(aim[None], sign)[0]
     back = _wavefront(lens, towards, points) - points @ towards
-    direction = np.broadcast_to(-towards, points.shape)
-    return _bundle(points + back[:, None] * towards, direction, wavelength, np.zeros(len(points), dtype=bool))
+    return _bundle(points + back[:, None] * towards, np.broadcast_to(-towards, points.shape), wavelength, none_lost)
 
 
 def _checked_pair(values: float | Sequence[float] | Floats, name: str) -> Floats:
@@ -120,39 +119,31 @@ def _checked_pair(values: float | Sequence[float] | Floats, name: str) -> Floats
     return pair
 
 
-def _checked_pupil(pupil: ArrayLike) -> Floats:
-    points = frozen_array(pupil, name="pupil", shape=(None, 2))
-    if not np.isfinite(points).all():
-        raise InvalidValueError("pupil holds a number that is not finite; give points of the iris")
-    return points
-
-
 def _aim(lens: LensStack, pair: Floats, z: float, *, scene: bool) -> Floats:
     """The point that is aimed at, as `Half` has it."""
     name, sign = ("z_object", -1.0) if scene else ("z_image", 1.0)
     place = number(z, name)
     if place == sign * math.inf:
         if not math.hypot(*pair) < math.pi:
-            raise InvalidValueError(
-                f"{'field' if scene else 'image_point'} {pair.tolist()} is not below pi; give radians"
-            )
+            what = "field" if scene else "image_point"
+            raise InvalidValueError(f"{what} {pair.tolist()} is not below pi; give radians")
         return pair
     end = float(lens.vertices[0 if scene else -1])
     if not (math.isfinite(place) and sign * (place - end) > 0):
-        side = "before the first" if scene else "behind the last"
-        limit = f"{'below' if scene else 'above'} {end:g}"
-        raise InvalidValueError(
-            f"{name} is {place:g} mm; it must lie {side} element, {limit}, or be {sign * math.inf:g}"
-        )
+        side = "before the first element, below" if scene else "behind the last element, above"
+        raise InvalidValueError(f"{name} is {place:g} mm; it must lie {side} {end:g}, or be {sign * math.inf:g}")
     return np.array([*pair, place])
 
 
 def _aimed(lens: LensStack, pair: Floats, z: float, pupil: ArrayLike, wavelength: float, *, scene: bool) -> RayBundle:
     check_kind(lens, "lens", LensStack, "camera.lens")
-    points, aim = _checked_pupil(pupil), _aim(lens, pair, z, scene=scene)
+    points = frozen_array(pupil, name="pupil", shape=(None, 2))
+    if not np.isfinite(points).all():
+        raise InvalidValueError("pupil holds a number that is not finite; give points of the iris")
+    aim, at = _aim(lens, pair, z, scene=scene), finite(wavelength, "wavelength")
     if lens.model is not LensModel.EXACT:
-        return _ideal_rays(lens, finite(wavelength, "wavelength"), points, aim, scene=scene)
-    return _exact_rays(lens, half_of(lens, finite(wavelength, "wavelength"), aim, scene=scene), points)
+        return _ideal_rays(lens, at, points, aim, scene=scene)
+    return _exact_rays(lens, half_of(lens, at, aim, scene=scene), points)
 
 
 def aimed_rays(
@@ -219,6 +210,8 @@ def aimed_rays_reverse(
 ) -> RayBundle:
     """Rays from one point behind the lens, towards the scene, that pass the real iris at given points.
 
+    They start behind the lens, for `LensStack.trace_reverse`; otherwise as those of `aimed_rays`.
+
     Parameters
     ----------
     lens : LensStack
@@ -228,11 +221,6 @@ def aimed_rays_reverse(
         z of the point in the lens frame, mm, behind the last vertex; inf: infinitely far away.
     pupil, wavelength
         See `aimed_rays`.
-
-    Returns
-    -------
-    RayBundle
-        n rays behind the lens, for `LensStack.trace_reverse`; otherwise as `aimed_rays`.
 
     Raises
     ------

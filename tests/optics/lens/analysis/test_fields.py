@@ -7,8 +7,7 @@ import pytest
 
 import plenoptic as pl
 from plenoptic.optics.lens.analysis.astigmatic import foci
-from plenoptic.optics.lens.analysis.depth import depth_distortion
-from plenoptic.optics.lens.analysis.fields import Projection, coma, distortion, field_curvature
+from plenoptic.optics.lens.analysis.fields import Projection, coma, depth_distortion, distortion, field_curvature
 from plenoptic.optics.lens.analysis.seidel import seidel_sums
 from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays, aimed_rays_reverse, chief_ray
 from plenoptic.optics.lens.trace import traced_part
