@@ -97,19 +97,10 @@ def landing_points(
 
     Parameters
     ----------
-    camera, points, seed, threads : optional
-        As in `point_spread`.
+    camera, points, seed, threads
+        As in `point_spread`, with the same errors.
     rays : int, optional
         Rays of each point; those that land are returned.
-
-    Returns
-    -------
-    LandingPoints
-
-    Raises
-    ------
-    InvalidValueError
-        As in `point_spread`.
 
     Examples
     --------
