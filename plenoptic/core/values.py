@@ -143,6 +143,13 @@ def whole(value: int, name: str, *, at_least: int) -> int:
     return int(value)
 
 
+def seed_number(value: int, name: str = "seed") -> int:
+    """`value` as an int, or an error where it is no whole number from 0 to 2^64 - 1."""
+    if whole(value, name, at_least=0) >= 1 << 64:
+        raise InvalidValueError(f"{name} is {value}; it must be below 2^64")
+    return int(value)
+
+
 def choice(value: Any, kind: type[Choice], name: str) -> Choice:
     """`value` as a member of an enum, or an error that lists its members."""
     try:

@@ -11,7 +11,7 @@ from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.points.centres import CentreMethod, microlens_centres
 from plenoptic.camera.report.optics import lateral_magnification, model_pupil, object_plane
-from plenoptic.core.values import Floats, check_kind, choice, finite, positive, read_only, whole
+from plenoptic.core.values import Floats, check_kind, choice, finite, positive, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield.planes import RawPlanes, raw_planes
 from plenoptic.lightfield.resample import Resampling, resampling
@@ -207,13 +207,13 @@ def _field(
     focus, larger = _focus(camera)
     across, down = grid.spacing
     return LightField(
-        views=read_only(seen),
-        standard_error=None if error is None else read_only(error),
-        u=read_only(offsets),
-        v=read_only(offsets.copy()),
-        exit_pupil=read_only(at_pupil),
-        pupil=read_only(pupil if math.isfinite(gap) else np.full(at_pupil.shape, np.nan)),
-        origin=read_only(grid.origin),
+        views=seen,
+        standard_error=error,
+        u=offsets,
+        v=offsets,
+        exit_pupil=at_pupil,
+        pupil=pupil if math.isfinite(gap) else np.full(at_pupil.shape, np.nan),
+        origin=grid.origin,
         spacing=grid.spacing,
         object_spacing=(across * larger, down * larger),
         z_focus=focus,

@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.camera.report.optics import image_plane, model_pupil
-from plenoptic.core.values import Floats, number, value
+from plenoptic.core.values import Floats, number, result
 from plenoptic.errors import InvalidValueError
 
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera
 
 
-@value
+@result
 class LightField:
     """Sub-aperture views of a plenoptic 1.0 camera. See `decode`, which makes them.
 

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.core.parallel import run_in_order, thread_count
-from plenoptic.core.values import Floats, check_kind
+from plenoptic.core.values import Floats, check_kind, seed_number
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.sensor.color_filter import channels_of
-from plenoptic.optics.sensor.model import SensorModel, ShotNoise, as_seed, has
+from plenoptic.optics.sensor.model import SensorModel, ShotNoise, has
 from plenoptic.readout.raw import RawImage
 from plenoptic.rendering.exposure import Exposure
 
@@ -48,7 +48,7 @@ def develop(exposure: Exposure, model: SensorModel, *, seed: int = 0, threads: i
     check_kind(exposure, "exposure", Exposure, "pl.render(scene, camera)")
     check_kind(model, "model", SensorModel, "pl.SensorModel(photon_rate=1e6)")
     _check_light(exposure.image)
-    seed = as_seed(seed, "seed")
+    seed = seed_number(seed)
     rows, columns, channels = exposure.image.shape
     height = max(1, _BAND // (columns * channels))
     first_row, first_column = (0, 0) if exposure.region is None else (exposure.region[0], exposure.region[2])

@@ -7,9 +7,9 @@ import dataclasses
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic.core.values import Floats, check_kind, frozen_array, set_field, value, whole
+from plenoptic.core.values import Floats, check_kind, frozen_array, result, seed_number, whole
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.sensor.model import SensorModel, ShotNoise, as_seed
+from plenoptic.optics.sensor.model import SensorModel, ShotNoise
 from plenoptic.readout.develop import develop
 from plenoptic.rendering.exposure import Exposure
 
@@ -17,7 +17,7 @@ LINEAR_PART = 0.7
 """Of the range to saturation: where EMVA 1288, section 6.6, fits the gain."""
 
 
-@value
+@result
 class PhotonTransfer:
     """Mean and variance of even exposures, in DN and DN^2, and what the sensor's parameters predict.
 
@@ -44,13 +44,6 @@ class PhotonTransfer:
     expected_variance: Floats
     expected_pattern_variance: Floats
     white_level: float
-
-    def __post_init__(self) -> None:
-        levels = frozen_array(self.levels, name="levels", shape=("n",))
-        set_field(self, "levels", levels)
-        for field in dataclasses.fields(self)[1:-1]:
-            set_field(self, field.name, frozen_array(getattr(self, field.name), name=field.name, shape=levels.shape))
-        set_field(self, "white_level", float(self.white_level))
 
     @property
     def gain(self) -> float:
@@ -113,7 +106,7 @@ def photon_transfer(
     rows, columns = shape
     size = whole(rows, "rows", at_least=2), whole(columns, "columns", at_least=2)
     single = _one_channel(model, channel)
-    seeds = np.random.SeedSequence(as_seed(seed, "seed")).generate_state(2 * len(given), np.uint64)
+    seeds = np.random.SeedSequence(seed_number(seed)).generate_state(2 * len(given), np.uint64)
     measured = [
         _measured(single, level, size, int(seeds[2 * i]), int(seeds[2 * i + 1])) for i, level in enumerate(given)
     ]

@@ -12,11 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 from plenoptic.core.files import images
 from plenoptic.core.files.preview import html_figure
 from plenoptic.core.files.serialization import described_fields, restored_fields
-from plenoptic.core.values import Floats, Given, check_kind, file_path, set_field, value, whole
+from plenoptic.core.values import Floats, Given, check_kind, file_path, seed_number, set_field, value, whole
 from plenoptic.errors import FileError, InvalidValueError
 from plenoptic.optics.sensor.color_filter import BayerPattern, Filters, channels_of
 from plenoptic.optics.sensor.demosaic import DemosaicMethod, demosaiced
-from plenoptic.optics.sensor.model import SensorModel, as_seed
+from plenoptic.optics.sensor.model import SensorModel
 from plenoptic.rendering.exposure import Exposure, checked_region, region_text
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ class RawImage:
     >>> raw = pl.Exposure(np.ones((4, 6, 3))).develop(sensor)
     >>> raw.data.shape, raw.data.dtype, raw.black_level, raw.white_level
     ((4, 6), dtype('uint16'), 64.0, 4095.0)
-    >>> raw.demosaic()
+    >>> raw.demosaic(pl.DemosaicMethod.MHC)
     Exposure(4 x 6 x 3)
     """
 
@@ -76,7 +76,7 @@ class RawImage:
         if self.region is not None:
             set_field(self, "region", checked_region(self.region, self.data.shape[:2]))
         if self.seed is not None:
-            set_field(self, "seed", as_seed(self.seed, "seed"))
+            set_field(self, "seed", seed_number(self.seed))
         if self.samples is not None:
             set_field(self, "samples", whole(self.samples, "samples", at_least=0))
 
@@ -123,8 +123,7 @@ class RawImage:
         >>> pl.sensor.RawImage([[100, 300]], pl.SensorModel(photon_rate=1.0, gain=0.5, black_level=100)).electrons()
         array([[  0., 400.]])
         """
-        counted: Floats = (self.data.astype(np.float64) - self.model.black_level) / self.model.gain
-        return counted
+        return np.asarray((self.data.astype(np.float64) - self.model.black_level) / self.model.gain)
 
     def linear(self) -> Floats:
         """The image's values back, shaped as `data`: electrons less the mean dark current, over those of an image of 1.
@@ -138,12 +137,10 @@ class RawImage:
         >>> pl.sensor.RawImage([[100, 300]], pl.SensorModel(photon_rate=800.0, gain=0.5, black_level=100)).linear()
         array([[0. , 0.5]])
         """
-        per_unit = self.model.electrons_per_unit
-        seen = self.channels
+        per_unit, seen = self.model.electrons_per_unit, self.channels
         if seen is not None:
             per_unit = np.broadcast_to(per_unit, 3)[seen]
-        back: Floats = (self.electrons() - self.model.dark_electrons) / per_unit
-        return back
+        return np.asarray((self.electrons() - self.model.dark_electrons) / per_unit)
 
     def demosaic(
         self, method: DemosaicMethod = DemosaicMethod.LINEAR, *, white_balance: tuple[float, float, float] | None = None
@@ -168,16 +165,13 @@ class RawImage:
         InvalidValueError
             Where the method does not know the pattern, a channel has no pixel, or the image is too small.
         """
-        known = self.linear()
+        known, filters = self.linear(), self.model.colour_filters
         factors = np.ones(3) if white_balance is None else _factors(white_balance)
-        filters, seen = self.model.colour_filters, self.channels
-        picture: NDArray[np.floating[Any]]
+        picture: NDArray[np.floating[Any]] = known.reshape(*known.shape[:2], -1)
         if filters is not None:
-            picture = demosaiced(known * factors[seen], filters, self._first, method)
-        elif white_balance is None:
-            picture = known.reshape(*known.shape[:2], -1)
-        else:
-            picture = known.reshape(*known.shape[:2], -1) * factors
+            picture = demosaiced(known * factors[self.channels], filters, self._first, method)
+        elif white_balance is not None:
+            picture = picture * factors
         return Exposure(picture, samples=self.samples, seed=self.seed, camera=self.camera, region=self.region)
 
     def save(self, path: str | os.PathLike[str]) -> None:
@@ -242,12 +236,11 @@ class RawImage:
         return f"RawImage({self._facts()})"
 
     def _facts(self) -> str:
-        facts = [" x ".join(map(str, self.data.shape))]
-        filters = self.model.colour_filters
-        if filters is not None:
-            facts.append(
-                filters.name if isinstance(filters, BayerPattern) else "{} x {} filters".format(*filters.shape)
-            )
+        facts, filters = [" x ".join(map(str, self.data.shape))], self.model.colour_filters
+        if isinstance(filters, BayerPattern):
+            facts.append(filters.name)
+        elif filters is not None:
+            facts.append("{} x {} filters".format(*filters.shape))
         facts.append("not quantised" if self.model.bits is None else f"{self.model.bits} bits")
         facts.append(f"{100 * self.fraction_saturated:.3g} % saturated")
         if self.region is not None:

@@ -20,9 +20,8 @@ from plenoptic.camera.psf.histogram import assembled, spots_of
 from plenoptic.camera.psf.sensor_hits import HIT, in_lens_axes, landed, measuring_record, tasks_of
 from plenoptic.camera.psf.spread import CameraSpread, LandingPoints
 from plenoptic.core.parallel import run_in_order, thread_count
-from plenoptic.core.values import Floats, check_kind, frozen_array, whole
+from plenoptic.core.values import Floats, check_kind, frozen_array, seed_number, whole
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.sensor.model import as_seed
 
 
 def point_spread(
@@ -79,7 +78,7 @@ def point_spread(
     given, several = _checked_points(camera, points)
     replicates = whole(replicates, "replicates", at_least=1)
     each = -(-whole(rays, "rays", at_least=1) // replicates)
-    scrambling, workers = np.uint64(as_seed(seed, "seed")), thread_count(threads)
+    scrambling, workers = np.uint64(seed_number(seed)), thread_count(threads)
     record = measuring_record(camera)
     tasks = tasks_of(record, in_lens_axes(record, given), replicates, each)
     spots = dict(spots_of(record, tasks, each, scrambling, workers))
@@ -113,7 +112,7 @@ def landing_points(
     """
     given, _ = _checked_points(camera, points)
     each = whole(rays, "rays", at_least=1)
-    scrambling, workers = np.uint64(as_seed(seed, "seed")), thread_count(threads)
+    scrambling, workers = np.uint64(seed_number(seed)), thread_count(threads)
     record = measuring_record(camera)
     tasks = tasks_of(record, in_lens_axes(record, given), 1, each)
     found = list(run_in_order(lambda task: landed(record, task, scrambling).rows, tasks, threads=workers))

@@ -16,14 +16,7 @@ _CIRCLE_SIDES = 24
 
 
 class ApertureShape(enum.IntEnum):
-    """The shape of a microlens's opening.
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> [shape.name for shape in pl.optics.ApertureShape]
-    ['CELL', 'CIRCLE', 'SQUARE', 'HEXAGON']
-    """
+    """The shape of a microlens's opening. See `MicrolensAperture`."""
 
     CELL = 0
     """The shape of the lattice's cell."""
@@ -35,14 +28,7 @@ class ApertureShape(enum.IntEnum):
 
 
 class Gaps(enum.IntEnum):
-    """What lies between the openings.
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> [gaps.name for gaps in pl.optics.Gaps]
-    ['OPAQUE', 'CLEAR']
-    """
+    """What lies between the openings. See `MicrolensAperture`."""
 
     OPAQUE = 0
     """Nothing passes, as through chromium."""
@@ -51,14 +37,7 @@ class Gaps(enum.IntEnum):
 
 
 class Walls(enum.IntEnum):
-    """What lies between the spaces behind neighbouring cells, from the array to the sensor.
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> [walls.name for walls in pl.optics.Walls]
-    ['NONE', 'OPAQUE']
-    """
+    """What lies between the spaces behind neighbouring cells, from the array to the sensor. See `MicrolensArray`."""
 
     NONE = 0
     """Nothing: a microlens sends light to all of the sensor, as in plenoptic cameras."""
@@ -87,7 +66,8 @@ class MicrolensAperture:
     Examples
     --------
     >>> import plenoptic as pl
-    >>> aperture = pl.optics.MicrolensAperture(pl.optics.ApertureShape.CIRCLE, fill_factor=0.8)
+    >>> round_ones, glass = pl.optics.ApertureShape.CIRCLE, pl.optics.Gaps.CLEAR
+    >>> aperture = pl.optics.MicrolensAperture(round_ones, fill_factor=0.8, gaps=glass)
     >>> array = pl.MicrolensArray(pitch=0.2, focal_lengths=(2.0,), aperture=aperture)
     >>> f"{array.opening.radius:.4f} mm"
     '0.0939 mm'
@@ -109,7 +89,7 @@ class MicrolensAperture:
 
 @value
 class Opening:
-    """An aperture in mm: a convex polygon in which rays are drawn, and the circle that ends it, if it is round.
+    """An aperture in mm: a convex polygon for drawing rays, and the circle ending it if round. See `MicrolensAperture`.
 
     Parameters
     ----------
@@ -117,10 +97,6 @@ class Opening:
         Counter-clockwise, relative to the lens.
     radius : float
         Of a round opening; inf for polygons.
-
-    Examples
-    --------
-    See `MicrolensAperture`.
     """
 
     corners: Floats
@@ -135,6 +111,11 @@ class Opening:
     def edges(self) -> Floats:
         """(k, 3): outward normals and distances of the edges; of a round opening, none."""
         return np.zeros((0, 3)) if math.isfinite(self.radius) else polygon_edges(self.corners)
+
+
+def has_clear_gaps(aperture: MicrolensAperture | None) -> bool:
+    """Whether light passes beside the openings."""
+    return aperture is not None and aperture.gaps is Gaps.CLEAR
 
 
 def opening_of(aperture: MicrolensAperture, cell: Floats) -> Opening:

@@ -89,6 +89,10 @@ class MicrolensArray:
     >>> multi_focus = pl.MicrolensArray(pitch=0.217, focal_lengths=(1.7, 2.0, 2.4))
     >>> multi_focus.lenses((-0.3, -0.3), (0.3, 0.3)).type.tolist()
     [2, 1, 1, 0, 2, 2, 1]
+    >>> glass = pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,), model=pl.optics.MicrolensModel.SPHERICAL,
+    ...     convex_side=pl.optics.ConvexSide.SENSOR, walls=pl.optics.Walls.OPAQUE)
+    >>> f"{glass.radius:g} mm"
+    '1 mm'
     """
 
     pitch: float | tuple[float, float]

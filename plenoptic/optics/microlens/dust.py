@@ -32,14 +32,7 @@ _MOST_MEMBERS = 16
 
 
 class BlemishSite(enum.IntEnum):
-    """The plane on which blemishes lie, and whose axes their places are given in.
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> [site.name for site in pl.BlemishSite]
-    ['SENSOR', 'ARRAY', 'LENS_REAR', 'LENS_FRONT']
-    """
+    """The plane on which blemishes lie, and whose axes their places are given in. See `Blemishes`."""
 
     SENSOR = 0
     """Parallel to the sensor, at a distance in front of it: on its cover glass, or on the pixels."""
@@ -200,12 +193,7 @@ class Blemishes:
         )
 
     def at(self, points: ArrayLike) -> Floats:
-        """What part of the light passes at points (n, 2) of the plane, in its own axes in mm; (n,).
-
-        Examples
-        --------
-        See `Blemishes`.
-        """
+        """What part of the light passes at points (n, 2) of the plane, in its own axes in mm; (n,). See `Blemishes`."""
         from plenoptic.optics.microlens.kernels.dust import fill_passing
 
         given = frozen_array(points, name="points", shape=("n", 2))

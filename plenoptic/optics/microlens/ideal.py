@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.microlens.aperture import Gaps
+from plenoptic.optics.microlens.aperture import has_clear_gaps
 from plenoptic.optics.microlens.model_rules import Crossing, ModelRules, Own, Waves
 
 if TYPE_CHECKING:
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def _check_pinholes(array: MicrolensArray) -> None:
-    if array.aperture is not None and array.aperture.gaps is Gaps.CLEAR:
+    if has_clear_gaps(array.aperture):
         raise InvalidValueError("light passes a PINHOLE only at its centre; give gaps=Gaps.OPAQUE")
 
 

@@ -13,14 +13,7 @@ from plenoptic.errors import InvalidValueError
 
 
 class Lattice(enum.IntEnum):
-    """How the microlenses lie; in all but FREE one microlens is at the array's centre.
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> [lattice.name for lattice in pl.Lattice]
-    ['HEXAGONAL', 'SQUARE', 'RECTANGULAR', 'FREE']
-    """
+    """How the microlenses lie; in all but FREE one microlens is at the array's centre. See `MicrolensArray`."""
 
     HEXAGONAL = 0
     """Nearest neighbours along y; columns pitch sqrt(3)/2 apart along x."""
@@ -78,21 +71,6 @@ def polygon_area(corners: Floats) -> float:
     """Area of a counter-clockwise polygon in mm^2."""
     x, y = corners.T
     return 0.5 * float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
-
-
-def cut_polygon(corners: Floats, edges: Floats) -> Floats:
-    """The part of a convex polygon inside all edges (k, 3); may be empty."""
-    kept = [tuple(corner) for corner in corners.tolist()]
-    for a, b, limit in edges.tolist():
-        before, kept = kept, []
-        for (x, y), (next_x, next_y) in zip(before, before[1:] + before[:1], strict=True):
-            here, there = limit - (a * x + b * y), limit - (a * next_x + b * next_y)
-            if here >= 0:
-                kept.append((x, y))
-            if (here >= 0) != (there >= 0):
-                share = here / (here - there)
-                kept.append((x + share * (next_x - x), y + share * (next_y - y)))
-    return np.array(kept).reshape(-1, 2)
 
 
 def default_pattern(types: int) -> NDArray[np.int64]:

@@ -21,7 +21,7 @@ MOST_LENSES = 20_000_000
 
 @value
 class Lenslets:
-    """Microlenses of an array, one a row, ordered by their indices; `MicrolensArray.lenses` lists them.
+    """Microlenses of an array, one a row, ordered by their indices. See `MicrolensArray.lenses`, which lists them.
 
     Parameters
     ----------
@@ -39,10 +39,6 @@ class Lenslets:
         1 / focal length in 1/mm; 0 for flat glass.
     transmission : (n,) array
         0 for dark lenses, 1 for clear ones.
-
-    Examples
-    --------
-    See `MicrolensArray.lenses`.
     """
 
     index: NDArray[np.int64]

@@ -10,17 +10,11 @@ from plenoptic.optics.microlens.plano_convex import FLAT_HIGH_INDEX, SPHERICAL
 
 
 class MicrolensModel(enum.IntEnum):
-    """How a microlens refracts.
+    """How a microlens refracts. See `MicrolensArray`.
 
     PINHOLE: all light of a cell passes its centre, undeviated. THIN: an ideal thin lens in one plane. FLAT_HIGH_INDEX:
     two planes of high index, one with the normals of a sphere, as published Blender models have it. SPHERICAL: an
     exact plano-convex lens of glass.
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> [model.name for model in pl.optics.MicrolensModel]
-    ['PINHOLE', 'THIN', 'FLAT_HIGH_INDEX', 'SPHERICAL']
     """
 
     PINHOLE = 0

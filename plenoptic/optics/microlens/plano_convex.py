@@ -21,14 +21,7 @@ _HIGH_INDEX = 10.0
 
 
 class ConvexSide(enum.IntEnum):
-    """Which side of a plano-convex microlens is curved.
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> pl.optics.ConvexSide.SCENE.name
-    'SCENE'
-    """
+    """Which side of a plano-convex microlens is curved. See `MicrolensArray`."""
 
     SCENE = 0
     SENSOR = 1

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.microlens.aperture import Gaps, Opening, Walls
+from plenoptic.optics.microlens.aperture import Walls, has_clear_gaps
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.imperfections import extreme_factors
 from plenoptic.optics.microlens.lattice import Lattice, polygon_edges
@@ -192,7 +192,7 @@ def possible_powers(array: MicrolensArray) -> Floats:
     """
     powers = 1.0 / np.asarray(array.focal_lengths)
     least, largest = extreme_factors(array.imperfections)
-    unbent = np.zeros(1 if array.aperture is not None and array.aperture.gaps is Gaps.CLEAR else 0)
+    unbent = np.zeros(1 if has_clear_gaps(array.aperture) else 0)
     return np.unique(np.concatenate([powers, powers / least, powers / largest, unbent]))
 
 
@@ -211,11 +211,7 @@ def array_record(
     principal plane and the curved side, by which openings are widened for drawing. `wavelengths` are the camera's and
     those that paths draw, in nm.
     """
-    opening, rules, clear = (
-        array.opening,
-        array.model.rules,
-        array.aperture is not None and array.aperture.gaps is Gaps.CLEAR,
-    )
+    opening, rules, clear = array.opening, array.model.rules, has_clear_gaps(array.aperture)
     parts = [opening.corners, array.cell_corners] if clear else [opening.corners]
     basis, cell = array.basis @ turn.T, polygon_edges(array.cell_corners @ turn.T)
     several = len(set(array.focal_lengths)) > 1 and array.lattice is not Lattice.FREE
@@ -240,7 +236,7 @@ def array_record(
         OpeningRecord(
             corners=_padded([_widened(part, margin) @ turn.T for part in parts]),
             radius=array.cell_radius + margin,
-            edges=_turned_edges(opening, turn),
+            edges=np.column_stack([opening.edges[:, :2] @ turn.T, opening.edges[:, 2]]),
             radius2=opening.radius**2,
             clip=1.0 if tested else 0.0,
             clear=clear,
@@ -264,12 +260,6 @@ def lone_lens(array: MicrolensArray, power: float, wavelength: float) -> ArrayRe
 def _power_factors(array: MicrolensArray, wavelengths: tuple[float, ...]) -> Floats | None:
     factors = np.array([array.power_factor(wavelength) for wavelength in wavelengths])
     return factors if (factors != 1.0).any() else None
-
-
-def _turned_edges(opening: Opening, turn: Floats) -> Floats:
-    edges = np.array(opening.edges)
-    edges[:, :2] = edges[:, :2] @ turn.T
-    return edges
 
 
 def _widened(corners: Floats, margin: float) -> Floats:
@@ -303,13 +293,14 @@ def listed_record(array: MicrolensArray, *, turn: Floats, origin: Floats, reach:
         opening = 4.0 * base  # the cell alone ends the lens
     shifts = np.ascontiguousarray((found.centre - found.design) @ turn.T)
     cell_counts, wide_counts, counts = np.empty((3, len(points)), np.int64)
-    room = 12
+    # Cells have edges with those of lenses up to twice as far away.
+    widest = float(np.hypot(*base.T).max())
+    room, neighbours = 12, bins if free else None
     while True:
         cells, wide, corners = np.zeros((3, len(points), room, 2))
-        neighbours = bins if free else None
         most = max(
-            fill_cells(cells, cell_counts, points, base, 0.0, _search(base, margin), neighbours),
-            fill_cells(wide, wide_counts, points, base, margin, _search(base, margin), neighbours),
+            fill_cells(cells, cell_counts, points, base, 0.0, 2.0 * widest, neighbours),
+            fill_cells(wide, wide_counts, points, base, margin, 2.0 * (widest + margin), neighbours),
         )
         if most <= room:
             most = fill_openings(corners, counts, wide, wide_counts, opening, shifts)
@@ -323,7 +314,7 @@ def listed_record(array: MicrolensArray, *, turn: Floats, origin: Floats, reach:
     lenses["clip"], lenses["row"] = 0.0, np.arange(len(points))
     lenses["axis_x"], lenses["axis_y"] = (found.axis @ turn.T + origin).T
     counts[found.transmission == 0] = 0
-    both = array.aperture is not None and array.aperture.gaps is Gaps.CLEAR
+    both = has_clear_gaps(array.aperture)
     return ListedRecord(
         bins=bins,
         offset=float(np.hypot(*(found.axis - found.design).T).max(initial=0.0)),
@@ -332,11 +323,6 @@ def listed_record(array: MicrolensArray, *, turn: Floats, origin: Floats, reach:
         counts=np.stack([counts, wide_counts] if both else [counts], axis=1),
         cells=_cell_edges(cells, cell_counts) if free else None,
     )
-
-
-def _search(base: Floats, margin: float) -> float:
-    """How far away a lens can be whose cell has an edge with another one."""
-    return 2.0 * (float(np.hypot(*base.T).max()) + margin)
 
 
 def _grid(points: Floats, array: MicrolensArray) -> BinsRecord:

@@ -73,8 +73,7 @@ def channels_of(filters: Filters, shape: tuple[int, int], first: tuple[int, int]
     pattern = pattern_of(filters)
     rows = (first[0] + np.arange(shape[0])) % pattern.shape[0]
     columns = (first[1] + np.arange(shape[1])) % pattern.shape[1]
-    found: NDArray[np.int64] = pattern[np.ix_(rows, columns)]
-    return found
+    return np.asarray(pattern[np.ix_(rows, columns)])
 
 
 def bayer_from(filters: Filters, first: tuple[int, int]) -> BayerPattern | None:

@@ -14,7 +14,7 @@ from plenoptic.optics.sensor.color_filter import Filters, bayer_from, channels_o
 
 
 class DemosaicMethod(enum.IntEnum):
-    """How missing channels are interpolated.
+    """How missing channels are interpolated. See `RawImage`.
 
     All three invent colours at edges, which is what they are here for: a camera's pictures have them too.
 
@@ -22,12 +22,6 @@ class DemosaicMethod(enum.IntEnum):
     ----------
     H. S. Malvar, L. He and R. Cutler, ICASSP 2004, doi:10.1109/ICASSP.2004.1326587. H. Knutsson and C.-F. Westin,
     "Normalized and differential convolution", CVPR 1993, doi:10.1109/CVPR.1993.341081.
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> pl.DemosaicMethod.MHC.name
-    'MHC'
     """
 
     LINEAR = 0

@@ -18,6 +18,7 @@ from plenoptic.core.values import (
     not_negative,
     number,
     positive,
+    seed_number,
     set_field,
     value,
     whole,
@@ -39,14 +40,7 @@ _NOT_NEGATIVE = (
 
 
 class ShotNoise(enum.IntEnum):
-    """Whether electrons come one by one.
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> pl.ShotNoise.POISSON
-    <ShotNoise.POISSON: 1>
-    """
+    """Whether electrons come one by one. See `SensorModel`."""
 
     NONE = 0
     """A pixel collects exactly its mean, which need not be whole."""
@@ -133,6 +127,7 @@ class SensorModel:
     >>> sensor = pl.SensorModel(
     ...     photon_rate=2.0e6, exposure_time=0.01, quantum_efficiency=(0.4, 0.55, 0.45), gain=0.25, black_level=64,
     ...     bits=12, full_well=15000, colour_filters=pl.BayerPattern.RGGB, read_noise=3.0, prnu=0.008,
+    ...     shot_noise=pl.ShotNoise.POISSON,
     ... )
     >>> sensor.electrons_per_unit
     array([ 8000., 11000.,  9000.])
@@ -182,7 +177,7 @@ class SensorModel:
         set_field(self, "dead", _which(self.dead, "dead"))
         set_field(self, "hot", _which(self.hot, "hot"))
         self._check_hot()
-        set_field(self, "pattern_seed", as_seed(self.pattern_seed, "pattern_seed"))
+        set_field(self, "pattern_seed", seed_number(self.pattern_seed, "pattern_seed"))
 
     def _check_converter(self, bits: int) -> None:
         whole(bits, "bits", at_least=FEWEST_BITS)
@@ -237,14 +232,6 @@ class SensorModel:
 def has(which: float | NDArray[np.int64]) -> bool:
     """Whether a fraction or list of pixels names any."""
     return len(which) > 0 if isinstance(which, np.ndarray) else which > 0
-
-
-def as_seed(given: int, name: str) -> int:
-    """A seed, or an error where it is no whole number from 0 to 2^64 - 1."""
-    seed = whole(given, name, at_least=0)
-    if seed >= 1 << 64:
-        raise InvalidValueError(f"{name} is {seed}; it must be below 2^64")
-    return seed
 
 
 def _per_channel(given: Any, name: str, at_most: float = math.inf) -> float | tuple[float, ...]:

@@ -17,8 +17,7 @@ from plenoptic.camera.sampling.pixel_regions import cells_per_pixel
 from plenoptic.camera.sampling.record import Batch
 from plenoptic.core.lost_rays import lost_rays
 from plenoptic.core.parallel import run_in_order, thread_count
-from plenoptic.core.values import whole
-from plenoptic.errors import InvalidValueError
+from plenoptic.core.values import seed_number, whole
 from plenoptic.rendering.context import RenderContext, render_context
 from plenoptic.rendering.exposure import Exposure
 from plenoptic.rendering.plan.scene_stages import is_dark
@@ -66,9 +65,7 @@ def run(subject: Subject, budget: Budget, work: Work) -> Exposure:
     camera, checkpoint = subject.camera, None
     if work.checkpoint is not None:
         checkpoint = Checkpoint(work.checkpoint, work.checkpoint_interval)
-    seed = whole(work.seed, "seed", at_least=0)
-    if seed >= 1 << 64:
-        raise InvalidValueError(f"seed is {seed}; it must be below 2^64")
+    seed = seed_number(work.seed)
     workers = thread_count(work.threads)
     region = sensor_region(camera.sensor.shape, work.region)
     if work.conditioning is not None:

@@ -207,12 +207,25 @@ def _model(data: Any) -> LensModel:
     return LensModel[data]
 
 
+def _placement(data: Any, name: str) -> Placement:
+    fields = _fields(data, name, "shift rotation")
+    return Placement(_numbers(fields["shift"], "shift"), _rows(fields["rotation"], "rotation"))
+
+
 # ---- elements ----
 
 _SIZE = ("thickness", "semi_diameter")
 _OF_ALL = (*_SIZE, "placement")
 _READERS: dict[str, Callable[[Any, str], Any]] = {"float": _number, "int": lambda data, name: data, "ArrayLike": _rows}
 """How the fields of a stop are read, by their types."""
+_OPTIONAL: dict[str, Callable[[Any, str], Any]] = {
+    "conic": _number,
+    "aspheric": _numbers,
+    "depth": _number,
+    "departure": _value,
+    "placement": _placement,
+}
+"""Fields of a surface that may be left out, and how they are read."""
 
 
 def _element_to_json(element: Element, i: int) -> dict[str, Any]:
@@ -261,28 +274,14 @@ def _stop_from_json(data: Mapping[str, Any]) -> Stop:
     row = _fields(data, "it", " ".join(["stop", *_SIZE, *wanted]), " ".join(["placement", *(set(own) - set(wanted))]))
     made: dict[str, Any] = {name: _number(row[name], name) for name in _SIZE}
     made |= {name: _READERS[str(own[name].type)](row[name], name) for name in own if name in row}
-    return STOPS[name](**made, placement=_placement(row["placement"]) if "placement" in row else None)
+    return STOPS[name](**made, placement=_placement(row["placement"], "placement") if "placement" in row else None)
 
 
 def _element_from_json(data: Any) -> Element:
     if isinstance(data, dict) and "stop" in data:
         return _stop_from_json(data)
-    row = _fields(data, "it", "radius thickness semi_diameter medium", "conic aspheric depth departure placement")
-    thickness, semi_diameter = _number(row["thickness"], "thickness"), _number(row["semi_diameter"], "semi_diameter")
-    placement = _placement(row["placement"]) if "placement" in row else None
-    return Surface(
-        math.inf if row["radius"] is None else _number(row["radius"], "radius"),
-        thickness,
-        _medium_from_json(row["medium"]),
-        semi_diameter=semi_diameter,
-        conic=_number(row.get("conic", 0.0), "conic"),
-        aspheric=_numbers(row.get("aspheric", []), "aspheric"),
-        depth=_number(row["depth"], "depth") if "depth" in row else None,
-        departure=_value(row["departure"], "departure") if "departure" in row else None,
-        placement=placement,
-    )
-
-
-def _placement(data: Any) -> Placement:
-    fields = _fields(data, "placement", "shift rotation")
-    return Placement(_numbers(fields["shift"], "shift"), _rows(fields["rotation"], "rotation"))
+    row = _fields(data, "it", "radius thickness semi_diameter medium", " ".join(_OPTIONAL))
+    radius = math.inf if row["radius"] is None else _number(row["radius"], "radius")
+    thickness, semi_diameter = (_number(row[name], name) for name in _SIZE)
+    given = {name: read(row[name], name) for name, read in _OPTIONAL.items() if name in row}
+    return Surface(radius, thickness, _medium_from_json(row["medium"]), semi_diameter=semi_diameter, **given)

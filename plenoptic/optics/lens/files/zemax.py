@@ -25,6 +25,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
+from typing import NamedTuple
 
 from plenoptic.core.files.text_lines import naming_line, written_number
 from plenoptic.core.values import wrong_kind
@@ -32,28 +33,56 @@ from plenoptic.errors import InvalidValueError, PrescriptionError
 from plenoptic.optics.glass.catalogue import GlassCatalogue, glass
 from plenoptic.optics.glass.media import ConstantMedium, Medium, ModelGlass
 from plenoptic.optics.lens.files.zemax_stack import Row, System, stacked
-from plenoptic.optics.lens.files.zemax_text import Line, blocks_of
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.surfaces.registry import ZEMAX
 
 _UNITS = {"MM": 1.0, "CM": 10.0, "IN": 25.4, "M": 1000.0, "METER": 1000.0, "METERS": 1000.0}
 _TERMS = 8
 _REFUSED = {
-    "OBSC": "obscurations",
-    "SQOB": "obscurations",
-    "ELOB": "obscurations",
-    "USOB": "obscurations",
+    **dict.fromkeys(("OBSC", "SQOB", "ELOB", "USOB"), "obscurations"),
+    **dict.fromkeys(("USAP", "UDAD"), "user-defined apertures"),
     "SPID": "spiders",
     "SQAP": "rectangular apertures",
     "ELAP": "elliptical apertures",
-    "USAP": "user-defined apertures",
-    "UDAD": "user-defined apertures",
 }
+_OF_THE_SYSTEM = frozenset(
+    ["MODE", "UNIT", "NAME", "NOTE", "GCAT", "ENPD", "FNUM", "FTYP", "XFLN", "YFLN", "WAVM", "WAVL", "PWAV"]
+)
+"""Keywords that belong to no surface, wherever they stand."""
+
+
+class Line(NamedTuple):
+    """A line of the file."""
+
+    number: int
+    keyword: str
+    rest: str
+
+    @property
+    def words(self) -> list[str]:
+        """What follows the keyword."""
+        return self.rest.split()
+
+    def word(self, i: int) -> str:
+        """The i-th entry behind the keyword, or an error where there are fewer."""
+        words = self.words
+        if i >= len(words):
+            raise PrescriptionError(f"{self.keyword} has {len(words)} entries; it must have at least {i + 1}")
+        return words[i]
+
+    def real(self, i: int) -> float:
+        """The i-th entry as a finite number."""
+        return written_number(self.word(i), self.keyword)
+
+    @property
+    def reals(self) -> list[float]:
+        """All entries as finite numbers."""
+        return [written_number(word, self.keyword) for word in self.words]
 
 
 def lens_from_zmx(text: str, where: str, *, glasses: Mapping[str, Medium] | GlassCatalogue | None = None) -> LensStack:
     """The lens of a Zemax file whose name is `where`, for messages and lenses without NAME; `glasses` come first."""
-    head, blocks = blocks_of(text, where)
+    head, blocks = _blocks(text, where)
     unit = 1.0
     for line in head:
         with naming_line(where, line.number):
@@ -69,6 +98,31 @@ def lens_from_zmx(text: str, where: str, *, glasses: Mapping[str, Medium] | Glas
     notes = [line.rest.partition(" ")[2].strip() for line in head if line.keyword == "NOTE"]
     source = "; ".join([where, *filter(None, notes)])
     return stacked(rows, _system(head, where, unit), where, (names or [where.rpartition(".")[0]])[0], source)
+
+
+def _blocks(text: str, where: str) -> tuple[list[Line], list[list[Line]]]:
+    """The lines that belong to the whole system, and those of each surface."""
+    head: list[Line] = []
+    blocks: list[list[Line]] = []
+    for number, line in enumerate(re.split(r"\r\n|\r|\n", text), start=1):
+        keyword, *rest = line.split(None, 1) or [""]
+        entry = Line(number, keyword.upper(), rest[0].strip() if rest else "")
+        if entry.keyword == "SURF":
+            with naming_line(where, number):
+                if entry.word(0) != str(len(blocks)):
+                    raise PrescriptionError(
+                        f"SURF is {entry.word(0)[:40]!r}; the next surface has number {len(blocks)}"
+                    )
+            blocks.append([entry])
+        elif entry.keyword:
+            (blocks[-1] if blocks and entry.keyword not in _OF_THE_SYSTEM else head).append(entry)
+    if len(blocks) < 3:
+        line_number = blocks[-1][0].number if blocks else 1
+        raise PrescriptionError(
+            f"{where}, line {line_number}: there are {len(blocks)} surfaces (SURF); a Zemax file has at least three, "
+            "the object, one of the lens, and the image"
+        )
+    return head, blocks
 
 
 def _unit(name: str) -> float:
@@ -96,12 +150,10 @@ class _Glasses:
             nd, vd = line.real(3), line.real(4) if len(line.words) > 4 else 0.0
             return ModelGlass(nd, vd) if vd != 0 else ConstantMedium(nd)
         if name not in self._found:
-            self._found[name] = self._named(name)
+            self._found[name] = self._own[name] if name in self._own else self._bundled(name)
         return self._found[name]
 
-    def _named(self, name: str) -> Medium:
-        if name in self._own:
-            return self._own[name]
+    def _bundled(self, name: str) -> Medium:
         try:
             return glass(name)
         except PrescriptionError:
