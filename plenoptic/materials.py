@@ -1,11 +1,10 @@
 """What surfaces do with light, and images laid over them."""
 
 from plenoptic.scene.materials.conductor import Conductor
-from plenoptic.scene.materials.dielectric import Dielectric
+from plenoptic.scene.materials.dielectric import Dielectric, ThinGlass
 from plenoptic.scene.materials.diffuse import Lambertian, RoughDiffuse
 from plenoptic.scene.materials.emissive import Emissive
 from plenoptic.scene.materials.metallic_roughness import MetallicRoughness
-from plenoptic.scene.materials.thin_dielectric import ThinGlass
 from plenoptic.scene.textures.texture import Texture, TextureFilter, Wrap
 
 __all__ = [

@@ -7,9 +7,13 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.dust import BETWEEN, PlacedDust, fill_dimmed_at_lens
 from plenoptic.camera.record import CameraRecord
+from plenoptic.camera.sampling.kernels import paths
 from plenoptic.camera.sampling.record import Batch, FedPixels
+from plenoptic.core.kernels.ray_blocks import BLOCK, RAY
 from plenoptic.core.values import Floats
+from plenoptic.optics.lens.kernels.trace import fill_traced
 from plenoptic.optics.microlens.dust import BlemishSite
+from plenoptic.optics.microlens.kernels import to_lens
 from plenoptic.optics.microlens.model_rules import Crossing
 from plenoptic.optics.microlens.record import ResponseRecord, SensorPlane
 
@@ -21,8 +25,6 @@ class CameraPaths:
     """Bundles of paths of some pixels, of at most `most` paths; the arrays are used again for each bundle."""
 
     def __init__(self, camera: CameraRecord, fed: FedPixels, batch: Batch, most: int) -> None:
-        from plenoptic.core.kernels.ray_blocks import BLOCK, RAY
-
         blocks = -(-most // BLOCK)
         self._camera, self._fed, self._batch = camera, fed, batch
         self._blocks = np.empty(blocks * RAY)
@@ -38,9 +40,6 @@ class CameraPaths:
 
     def started(self, start: int, n: int) -> Floats:
         """A bundle of paths start ... start + n - 1: points on their pixels, aimed at what feeds these; wavelengths."""
-        from plenoptic.camera.sampling.kernels import paths
-        from plenoptic.core.kernels.ray_blocks import BLOCK, RAY
-
         bundle, colour = self._blocks[: -(-n // BLOCK) * RAY], self._camera.colour
         paths.fill_camera_samples(bundle, self.own, start, n, self._batch, self._fed, self._camera.sensor.pixel)
         if colour is not None and self.waves is not None:
@@ -55,8 +54,6 @@ class CameraPaths:
 
     def fill_through_lens(self, bundle: Floats) -> None:
         """Through the lens and the dust on it."""
-        from plenoptic.optics.lens.kernels.trace import fill_traced
-
         fill_dimmed_at_lens(bundle, self._camera.dust, BlemishSite.LENS_REAR)
         fill_traced(bundle, self.lens, self.waves)
         fill_dimmed_at_lens(bundle, self._camera.dust, BlemishSite.LENS_FRONT)
@@ -67,8 +64,6 @@ def fill_dimmed_before_array(
 ) -> None:
     """Pixels dim aimed samples by their direction, and dust between sensor and array does."""
     if response is not None:
-        from plenoptic.optics.microlens.kernels import to_lens
-
         to_lens.fill_pixel_response(blocks, sensor, response)
     for placed in dust:
         if placed.site in BETWEEN:
@@ -84,8 +79,6 @@ def fill_through_array(
 
     `waves` are the numbers of the wavelengths that they have drawn; None for the camera's.
     """
-    from plenoptic.optics.microlens.kernels import to_lens
-
     array, sensor = camera.array, camera.sensor.plane
     z_plane = camera.z_plane if camera.frame is None else 0.0
     if array is None or camera.microlenses is None:

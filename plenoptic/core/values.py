@@ -31,6 +31,7 @@ AnyFloats = NDArray[np.floating[Any]]
 T = TypeVar("T")
 Kept = TypeVar("Kept")
 Taken = TypeVar("Taken")
+Number = TypeVar("Number", bound=np.generic)
 Choice = TypeVar("Choice", bound=enum.Enum)
 
 if TYPE_CHECKING:
@@ -51,11 +52,16 @@ _SHOWN = 9
 """Numbers that an array may have to be shown in full: those of a rotation."""
 
 
-def read_only(array: NDArray[Any]) -> NDArray[Any]:
+def read_only(array: NDArray[Number]) -> NDArray[Number]:
     """A read-only view of an array; the array itself stays as it is."""
     view = array.view()
     view.flags.writeable = False
     return view
+
+
+def contiguous(array: NDArray[Number]) -> NDArray[Number]:
+    """A read-only, C-contiguous form of an array, as kernels take it."""
+    return read_only(np.ascontiguousarray(array))
 
 
 def frozen_array(

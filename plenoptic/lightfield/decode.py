@@ -88,14 +88,13 @@ def decode(
     Examples
     --------
     >>> import plenoptic as pl
-    >>> from plenoptic.lightfield import decode
     >>> lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=4.25))
     >>> camera = pl.PlenopticCamera(lens=lens,
     ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,), lattice=pl.Lattice.SQUARE),
     ...     sensor=pl.Sensor(shape=(110, 154), pixel_pitch=0.01),
     ...     stop_to_microlenses=123.3, microlenses_to_sensor=2.0).focused_at(z=-404.0)
     >>> white = pl.render_white(camera, samples=16, progress=False)
-    >>> field = decode(white, white, views=9)
+    >>> field = pl.lightfield.decode(white, white, views=9)
     >>> field
     LightField(9 x 9 views of 5 x 7 x 1)
     >>> float(field.centre.min()), float(field.centre.max())

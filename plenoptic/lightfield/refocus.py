@@ -31,14 +31,13 @@ def refocus(field: LightField, z: float) -> NDArray[np.float32]:
     Examples
     --------
     >>> import plenoptic as pl
-    >>> from plenoptic.lightfield import decode, refocus
     >>> lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=4.25))
     >>> camera = pl.PlenopticCamera(lens=lens,
     ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
     ...     sensor=pl.Sensor(shape=(110, 110), pixel_pitch=0.01),
     ...     stop_to_microlenses=123.3, microlenses_to_sensor=2.0).focused_at(z=-404.0)
     >>> white = pl.render_white(camera, samples=16, progress=False)
-    >>> picture = refocus(decode(white, white, views=5), z=-390.0)
+    >>> picture = pl.lightfield.refocus(pl.lightfield.decode(white, white, views=5), z=-390.0)
     >>> bool(abs(picture[2, 2, 0] - 1) < 1e-6)
     True
     """

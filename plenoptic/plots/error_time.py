@@ -42,11 +42,10 @@ def plot_error_against_time(table: ErrorTable, ax: Axes | None = None) -> Axes:
     Examples
     --------
     >>> import plenoptic as pl
-    >>> from plenoptic.study import ErrorRow, ErrorTable
-    >>> rows = [ErrorRow("THIN lens", n, cpu_seconds=0.001 * n, wall_seconds=0.001 * n, setup_cpu_seconds=0.0,
+    >>> rows = [pl.study.ErrorRow("THIN lens", n, cpu_seconds=0.001 * n, wall_seconds=0.001 * n, setup_cpu_seconds=0.0,
     ...     setup_wall_seconds=0.0, variance=0.01 / n, variance_error=1e-3 / n, bias_squared=1e-4,
     ...     bias_squared_error=1e-6) for n in (16, 64)]
-    >>> table = ErrorTable("an example", rows, pixels=4096, lit_pixels=4000, seeds=8, threads=1,
+    >>> table = pl.study.ErrorTable("an example", rows, pixels=4096, lit_pixels=4000, seeds=8, threads=1,
     ...     reference_samples=4096, reference_error=0.001)
     >>> pl.plots.plot_error_against_time(table).get_ylabel()
     'relative RMS error / %'

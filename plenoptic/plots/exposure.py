@@ -60,8 +60,7 @@ def plot_exposure(exposure: Exposure, *, figure: Figure | None = None) -> Figure
 
     Examples
     --------
-    >>> import numpy as np
-    >>> import plenoptic as pl
+    >>> import numpy as np, plenoptic as pl
     >>> shot = pl.Exposure(np.ones((4, 6, 1)), standard_error=np.full((4, 6, 1), 0.01))
     >>> figure = pl.plots.plot_exposure(shot)
     >>> [ax.get_title() for ax in figure.axes if ax.get_title()]

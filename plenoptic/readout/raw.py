@@ -52,8 +52,7 @@ class RawImage:
 
     Examples
     --------
-    >>> import numpy as np
-    >>> import plenoptic as pl
+    >>> import numpy as np, plenoptic as pl
     >>> sensor = pl.SensorModel(photon_rate=3000.0, black_level=64, colour_filters=pl.BayerPattern.RGGB)
     >>> raw = pl.Exposure(np.ones((4, 6, 3))).develop(sensor)
     >>> raw.data.shape, raw.data.dtype, raw.black_level, raw.white_level
@@ -193,8 +192,7 @@ class RawImage:
 
         Examples
         --------
-        >>> import pathlib, tempfile
-        >>> import plenoptic as pl
+        >>> import pathlib, tempfile, plenoptic as pl
         >>> raw = pl.sensor.RawImage([[100, 300]], pl.SensorModel(photon_rate=1.0))
         >>> with tempfile.TemporaryDirectory() as folder:
         ...     path = pathlib.Path(folder) / "raw.tif"

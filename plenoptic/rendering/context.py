@@ -16,24 +16,18 @@ if TYPE_CHECKING:
     from plenoptic.scene.geometry.accel import Intersector
 
 
-class Sampling(NamedTuple):
-    """How paths are sampled, and what they may do."""
-
-    replicates: int
-    seed: np.uint64
-    plan: Plan
-    settings: RenderSettings
-
-
 class RenderContext(NamedTuple):
-    """Camera and scene as records."""
+    """Camera and scene as records, how paths are sampled, and what they may do."""
 
     camera: CameraRecord
     scene: SceneRecord | None
     """None: a white image."""
     intersector: Intersector | None
     """None where there are no triangles to meet."""
-    sampling: Sampling
+    plan: Plan
+    settings: RenderSettings
+    replicates: int
+    seed: np.uint64
 
     @property
     def channels(self) -> int:
@@ -47,5 +41,5 @@ def render_context(subject: Subject, seed: int) -> RenderContext:
     """Plan a render and compile what it needs."""
     prepared = subject.prepared
     record, intersector = (None, None) if prepared is None else (prepared.record, prepared.intersector)
-    sampling = Sampling(subject.replicates, np.uint64(seed), plan_stages(record, subject), subject.settings)
-    return RenderContext(camera_record(subject.camera), record, intersector, sampling)
+    camera, plan = camera_record(subject.camera), plan_stages(record, subject)
+    return RenderContext(camera, record, intersector, plan, subject.settings, subject.replicates, np.uint64(seed))

@@ -71,8 +71,7 @@ class Exposure:
 
     Examples
     --------
-    >>> import numpy as np
-    >>> import plenoptic as pl
+    >>> import numpy as np, plenoptic as pl
     >>> shot = pl.Exposure(np.ones((2, 3, 1)), standard_error=np.full((2, 3, 1), 0.01), samples=64)
     >>> shot
     Exposure(2 x 3 x 1, 64 samples per pixel, relative error 1 %)
@@ -96,13 +95,9 @@ class Exposure:
         if image.shape[2] not in _NAMES or 0 in image.shape:
             raise InvalidValueError(f"image has shape {image.shape}; it must be (H, W, 1) or (H, W, 3), not empty")
         set_field(self, "image", image)
-        arrays: tuple[tuple[str, type, tuple[int, ...]], ...] = (
-            ("standard_error", np.float32, image.shape),
-            ("sample_counts", np.int32, image.shape[:2]),
-        )
-        for name, dtype, shape in arrays:
+        for name, dtype, axes in (("standard_error", np.float32, 3), ("sample_counts", np.int32, 2)):
             if (given := getattr(self, name)) is not None:
-                set_field(self, name, frozen_array(given, name=name, shape=shape, dtype=dtype))
+                set_field(self, name, frozen_array(given, name=name, shape=image.shape[:axes], dtype=dtype))
         if self.truth is not None:
             check_kind(self.truth, "truth", GroundTruth, "pl.GroundTruth(depth=...)")
             if self.truth.shape != image.shape[:2]:
@@ -197,9 +192,7 @@ class Exposure:
 
         Examples
         --------
-        >>> import pathlib, tempfile
-        >>> import numpy as np
-        >>> import plenoptic as pl
+        >>> import pathlib, tempfile, numpy as np, plenoptic as pl
         >>> shot = pl.Exposure(np.ones((2, 3, 1)), samples=64, seed=0)
         >>> with tempfile.TemporaryDirectory() as folder:
         ...     path = pathlib.Path(folder) / "shot.exr"

@@ -39,10 +39,8 @@ class RenderSettings:
 
     Parameters
     ----------
-    max_bounces : int
-    caustics : Caustics
-    clamp : float, optional
-    sampler : Sampler
+    max_bounces, caustics, clamp, sampler
+        As for `render`.
 
     Examples
     --------

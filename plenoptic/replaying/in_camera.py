@@ -10,13 +10,14 @@ from numpy.typing import NDArray
 from plenoptic.camera.dust import fill_dimmed_at_lens
 from plenoptic.camera.paths import CameraPaths
 from plenoptic.camera.record import CameraRecord
-from plenoptic.camera.sampling.pixel_regions import fed_pixels, pixel_centres
+from plenoptic.camera.sampling.pixel_regions import fed_pixels
 from plenoptic.camera.sampling.record import Batch, FedPixels
 from plenoptic.core.rays import RayStatus
 from plenoptic.core.values import Floats
 from plenoptic.optics.lens.record import LensRecord
 from plenoptic.optics.microlens.dust import BlemishSite
 from plenoptic.optics.record import ElementKind
+from plenoptic.rendering.tile import Tile
 from plenoptic.replaying.events import ElementPassage, Event, MicrolensPassage, SensorPoint
 from plenoptic.truth.lookups import fill_microlens, fill_microlens_type, listed_numbers
 from plenoptic.truth.stages import LitCells
@@ -58,9 +59,8 @@ def _row(bundle: Floats) -> _Row:
 
 def trace_camera(camera: CameraRecord, pixel: tuple[int, int], batch: Batch) -> CameraWay | None:
     """Follow the one path of a batch of one, as `tile.render_tile` does; None where no light reaches the pixel."""
-    row, column = pixel
-    centres = pixel_centres(camera, (row, row + 1), (column, column + 1))
-    fed = fed_pixels(camera, centres, np.array([row * camera.sensor.columns + column]))
+    tile = Tile(*pixel, 1, 1)
+    fed = fed_pixels(camera, tile.centres(camera), tile.numbers(camera))
     if not fed.place.size:
         return None
     ways = CameraPaths(camera, fed, batch, 1)

@@ -114,7 +114,7 @@ class Recorder:
 
 
 class _SceneNames:
-    """Which mesh, instance, material and light of a scene the rows of its tables are."""
+    """Which mesh, instance, material and light of a scene the rows of its record are."""
 
     def __init__(self, scene: Scene, record: SceneRecord) -> None:
         self._scene, self._record = scene, record

@@ -13,7 +13,7 @@ from plenoptic.core.values import Floats, check_kind, whole, wrong_kind
 from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.context import RenderContext, render_context
 from plenoptic.rendering.exposure import Exposure
-from plenoptic.rendering.integrator.path import Transport
+from plenoptic.rendering.integrator.path import PathIntegrator
 from plenoptic.rendering.plan.stages import Subject
 from plenoptic.rendering.tile import PixelSums, batch_of
 from plenoptic.replaying.events import Escape, Event, PathEnding, WorldRay
@@ -171,16 +171,16 @@ def _checked(exposure: Exposure, row: int, column: int, sample: int) -> tuple[tu
 
 
 def _retraced(context: RenderContext, scene: Scene | None, pixel: tuple[int, int], sample: int) -> Replay:
-    sampling, camera = context.sampling, context.camera
-    place = (pixel, sample, sample % sampling.replicates, sample // sampling.replicates)
-    batch = batch_of(sampling, sample, 1)
+    camera, replicates = context.camera, context.replicates
+    place = (pixel, sample, sample % replicates, sample // replicates)
+    batch = batch_of(context, sample, 1)
     way = trace_camera(camera, pixel, batch)
     if way is None:
         nothing = np.zeros(context.channels)
         return Replay(*place, None, (), PathEnding.UNLIT_PIXEL, 0.0, nothing, 1.0, nothing, True)
     events, radiance, ending = _through_scene(context, scene, way, batch)
-    limit, brightest = sampling.settings.clamp, 0.0 if radiance is None else float(radiance.max())
-    sums = PixelSums(context, way.fed, batch, np.zeros((1, sampling.replicates, context.channels)))
+    limit, brightest = context.settings.clamp, 0.0 if radiance is None else float(radiance.max())
+    sums = PixelSums(context, way.fed, batch, np.zeros((1, replicates, context.channels)))
     sums.add(way.bundle, radiance, way.waves, 0, 1)
     added, fill_factor = sums.whole()[0].sum(axis=0), camera.sensor.fill_factor
     wave = None if camera.colour is None or way.waves is None else float(camera.colour.wavelengths[way.waves[0]])
@@ -203,13 +203,13 @@ def _through_scene(
     """Follow a path behind the lens; its radiance is None in a white image."""
     from plenoptic.core.kernels.bundles import fill_world_rays
 
-    camera, sampling = context.camera, context.sampling
+    camera = context.camera
     rays, lanes = np.empty((1, 6)), np.empty(1, dtype=np.int64)
     left = fill_world_rays(rays, lanes, way.bundle, 1, camera.rotation, camera.position)
     ray = (WorldRay(rays[0, :3], rays[0, 3:], way.weight),) if left else ()
     if scene is None or context.scene is None:
         escape = (Escape(rays[0, 3:], np.ones(1)),) if left else ()
         return ray + escape, None, PathEnding.LEFT_SCENE if left else PathEnding.LOST
-    recorder = Recorder(scene, context.scene, sampling.plan, sampling.settings.max_bounces)
-    radiance = Transport(context, 1).radiance(way.bundle, 0, 1, batch, way.fed.number, way.waves, recorder)
+    recorder = Recorder(scene, context.scene, context.plan, context.settings.max_bounces)
+    radiance = PathIntegrator(context, 1).radiance(way.bundle, 0, 1, batch, way.fed.number, way.waves, recorder)
     return ray + tuple(recorder.events), radiance, recorder.ending if left else PathEnding.LOST

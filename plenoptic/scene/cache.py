@@ -12,8 +12,7 @@ from plenoptic.scene.scene import Scene
 class PreparedScene:
     """A scene as a record, and what finds its triangles.
 
-    There is no lock: a process that is forked off while another thread builds would wait for it for ever. Two threads
-    that ask for the same at once build it twice, which does no harm.
+    There is no lock, for which a process that is forked off meanwhile would wait for ever: two threads may both build.
     """
 
     def __init__(self, record: SceneRecord) -> None:
@@ -34,16 +33,7 @@ _last: tuple[weakref.ref[Scene], PreparedScene] | None = None
 
 
 def prepared_scene(scene: Scene) -> PreparedScene:
-    """Compile a scene, unless it is the very one that was compiled last and still exists: scenes do not change.
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> from plenoptic.scene.cache import prepared_scene
-    >>> scene = pl.shapes.white_plane()
-    >>> prepared_scene(scene) is prepared_scene(scene), prepared_scene(pl.shapes.white_plane()) is prepared_scene(scene)
-    (True, False)
-    """
+    """Compile a scene, unless it is the very one that was compiled last and still exists: scenes do not change."""
     global _last
     last = _last
     if last is not None and last[0]() is scene:

@@ -2,32 +2,29 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.core.values import Floats
+from plenoptic.core.values import Floats, contiguous
 from plenoptic.errors import SceneError
 from plenoptic.scene.geometry.compile import geometry_record
 from plenoptic.scene.geometry.instance import Instances, instance_record
 from plenoptic.scene.geometry.mesh import Mesh
 from plenoptic.scene.geometry.record import Geometry, InstanceRecord
-from plenoptic.scene.lights.compile import Emitters, lights_record
-from plenoptic.scene.lights.environment import ConstantBackground, EnvironmentMap
-from plenoptic.scene.lights.environment_compile import environment_record
+from plenoptic.scene.lights.compile import Emitters, environment_record, lights_record
+from plenoptic.scene.lights.environment import Background, ConstantBackground, EnvironmentMap
 from plenoptic.scene.lights.record import Lights, Sky
 from plenoptic.scene.lights.registry import AreaLight, Light, PositionalLight
 from plenoptic.scene.materials.compile import alpha_record, bsdf_record, color_rows
 from plenoptic.scene.materials.record import EXTRA_SHARES, Alpha, Bsdf, Emission, MaterialRow
 from plenoptic.scene.materials.registry import Material
-from plenoptic.scene.textures.atlas import atlas
 from plenoptic.scene.textures.color import is_grey, mean_colour
-from plenoptic.scene.textures.record import TextureColumn, Textures
+from plenoptic.scene.textures.record import TEXTURE, TextureColumn, Textures
 from plenoptic.scene.textures.texture import Texture
-
-A = TypeVar("A", bound=np.generic)
 
 _FIELDS = {"extra_shares": EXTRA_SHARES}
 """What members of `Textures` gather several fields of rows."""
@@ -37,13 +34,6 @@ class SceneRecord(NamedTuple):
     """What kernels read of a scene. Absence is None: a record that a scene has no use for is not there.
 
     nt triangles, nm different materials, C = `channels`. All arrays are C-contiguous and read-only.
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> record = pl.shapes.white_plane().tables()
-    >>> record.channels, record.geometry.triangles.shape, record.emission.radiance.tolist(), record.bsdf is None
-    (1, (2, 3), [[1.0]], True)
     """
 
     channels: int
@@ -69,17 +59,9 @@ class SceneRecord(NamedTuple):
 
 
 def build_record(
-    meshes: Sequence[Mesh | Instances], lights: Sequence[Light], background: ConstantBackground | EnvironmentMap | None
+    meshes: Sequence[Mesh | Instances], lights: Sequence[Light], background: Background | None
 ) -> SceneRecord:
-    """Compile meshes, lights and a background into a record.
-
-    Parameters
-    ----------
-    meshes : sequence of Mesh or Instances
-    lights : sequence of Light
-    background : ConstantBackground, EnvironmentMap or None
-        None where the world is black.
-    """
+    """Compile meshes, lights and a background (None: black) into a record."""
     shapes = [light.mesh() for light in lights if isinstance(light, AreaLight)]
     parts, first_of, numbers = _ordered(meshes, shapes)
     index: dict[Material, int] = {}
@@ -94,11 +76,11 @@ def build_record(
     geometry = None
     if parts:
         geometry = geometry_record(
-            _joined([part.vertices for part in parts]),
+            contiguous(np.concatenate([part.vertices for part in parts])),
             _triangles(parts),
-            _frozen(np.repeat(np.array(mesh_material, dtype=np.int32), counts)),
-            uv=_per_vertex(parts, [part.uv for part in parts], 2) if columns.any else None,
-            normals=_per_vertex(parts, [part.normals for part in parts], 3),
+            contiguous(np.repeat(np.array(mesh_material, dtype=np.int32), counts)),
+            uv=_per_vertex(parts, "uv", 2) if columns.any else None,
+            normals=_per_vertex(parts, "normals", 3),
             instances=instances,
         )
     bsdf = bsdf_record(list(index), channels)
@@ -111,34 +93,74 @@ def build_record(
         exitance = (radiance / (2 * channels)).sum(axis=1) * (1 + two_sided)
         emitters = Emitters(geometry, exitance, instances)
     boxes = [mesh.bounds for mesh in (*meshes, *shapes)]
-    lamps = [light.position for light in lights if isinstance(light, PositionalLight)]
-    compiled = lights_record(
-        lights, emitters, _sky(background, channels), _around(boxes, lamps), channels, drawn=bsdf is not None
+    boxes += [np.stack([light.position] * 2) for light in lights if isinstance(light, PositionalLight)]
+    found, pdf = lights_record(
+        lights, emitters, _sky(background, channels), box_around(boxes), channels, drawn=bsdf is not None
     )
+    emission = None
+    if emitters is not None:
+        emission = Emission(radiance, contiguous(two_sided), pdf, columns.column("emission"))
     return SceneRecord(
         channels=channels,
         geometry=geometry,
-        triangle_mesh=_frozen(np.repeat(np.array(numbers, dtype=np.int32), counts)) if parts else None,
+        triangle_mesh=contiguous(np.repeat(np.array(numbers, dtype=np.int32), counts)) if parts else None,
         instances=instances,
         bsdf=bsdf,
         textures=columns.of_surfaces(),
-        absorption=_frozen(absorption) if np.any(absorption) else None,
+        absorption=absorption if np.any(absorption) else None,
         alpha=alpha_record(rows, columns.column("opacity")),
-        emission=None
-        if emitters is None
-        else Emission(_frozen(radiance), _frozen(two_sided), compiled.pdf, columns.column("emission")),
-        lights=compiled.lights,
+        emission=emission,
+        lights=found,
     )
 
 
-def _sky(background: ConstantBackground | EnvironmentMap | None, channels: int) -> Sky:
+def brightest_radiance(record: SceneRecord) -> float:
+    """About the brightest radiance that a path can bring: of what emits, the world, or matt surfaces under lights.
+
+    Channels are averaged. Textures and maps count with their mean; point lights as seen from the middle of the scene.
+    """
+    lights, sky, found = record.lights, record.lights.sky, [0.0]
+    for rows in (None if record.emission is None else record.emission.radiance, sky.background):
+        if rows is not None:
+            found.append(float(np.atleast_2d(rows).mean(axis=1).max()))
+    if sky.environment is not None:
+        found.append(sky.environment.total / math.pi)
+    if sky.suns is not None and sky.sun_colors is not None:
+        angle = 2 * math.pi * sky.suns["cap"]
+        irradiance = sky.sun_colors.mean(axis=1) * np.where(angle > 0, angle, 1.0)
+        found.append(float(irradiance.max()) / math.pi)
+    if lights.point_colors is not None:
+        found.append(float(lights.point_colors.mean(axis=1).max()) / (math.pi * (lights.far / 4) ** 2))
+    return max(found)
+
+
+def _sky(background: Background | None, channels: int) -> Sky:
     """A background or a map; None where they are black."""
     constant = environment = None
     if isinstance(background, ConstantBackground) and np.any(background.radiance):
-        constant = _frozen(color_rows([background.radiance], channels)[0])
+        constant = color_rows([background.radiance], channels)[0]
     elif isinstance(background, EnvironmentMap):
         environment = environment_record(background, channels)
     return Sky(constant, None, None, environment)
+
+
+def atlas(textures: Sequence[Texture]) -> tuple[NDArray[np.float32] | None, NDArray[Any] | None]:
+    """Lay textures into one array, one behind the other, and the rows that say where; both None without textures.
+
+    Channels lie side by side; there is 1 where all are equal, otherwise 3. Both arrays are read-only.
+    """
+    if not textures:
+        return None, None
+    planes = [texture.texels[..., :1] if texture.is_grey else texture.texels for texture in textures]
+    ends = np.cumsum([plane.size for plane in planes], dtype=np.int64)
+    texels = np.empty(ends[-1], dtype=np.float32)
+    rows = np.empty(len(textures), dtype=TEXTURE)
+    for k, (texture, plane, end) in enumerate(zip(textures, planes, ends, strict=True)):
+        start = end - plane.size
+        texels[start:end].reshape(plane.shape)[...] = plane
+        rows[k] = (start, *plane.shape, *texture.wraps, texture.filter)
+    texels.flags.writeable = rows.flags.writeable = False
+    return texels, rows
 
 
 class _TextureColumns:
@@ -157,7 +179,7 @@ class _TextureColumns:
         column = np.array([row[0] for row in numbers] if len(names) == 1 else numbers, dtype=np.int32)
         if self._texels is None or self._textures is None or not np.any(column >= 0):
             return None
-        return TextureColumn(_frozen(column), self._textures, self._texels)
+        return TextureColumn(contiguous(column), self._textures, self._texels)
 
     def of_surfaces(self) -> Textures | None:
         """What textures say of how surfaces scatter."""
@@ -181,7 +203,7 @@ def _ordered(
     return [mesh for mesh, _ in parts], first_of, [number for _, number in parts]
 
 
-def _all_grey(lights: Sequence[Light], background: ConstantBackground | EnvironmentMap | None) -> bool:
+def _all_grey(lights: Sequence[Light], background: Background | None) -> bool:
     """Whether what shines besides surfaces is grey: colours are the fields of lights that are three numbers."""
     if isinstance(background, EnvironmentMap) and not background.is_grey:
         return False
@@ -190,34 +212,23 @@ def _all_grey(lights: Sequence[Light], background: ConstantBackground | Environm
     return all(is_grey(colour) for colour in (*world, *fields) if isinstance(colour, tuple))
 
 
-def _around(boxes: Sequence[Floats], points: Sequence[Floats]) -> Floats | None:
-    """(2, 3): lowest and highest corner of boxes and points together."""
-    corners = [*boxes, *(np.stack([point, point]) for point in points)]
-    if not corners:
-        return None
-    return np.array([np.min(corners, axis=0)[0], np.max(corners, axis=0)[1]])
-
-
-def _frozen(array: NDArray[A]) -> NDArray[A]:
-    array = np.ascontiguousarray(array)
-    array.flags.writeable = False
-    return array
-
-
-def _joined(parts: Sequence[NDArray[A]]) -> NDArray[A]:
-    return _frozen(np.concatenate(parts))
+def box_around(boxes: Sequence[Floats]) -> Floats | None:
+    """(2, 3): lowest and highest corner of boxes (2, 3) together; None where there is none."""
+    return np.array([np.min(boxes, axis=0)[0], np.max(boxes, axis=0)[1]]) if boxes else None
 
 
 def _triangles(meshes: Sequence[Mesh]) -> NDArray[np.int32]:
     starts = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes])
     if starts[-1] > np.iinfo(np.int32).max:
         raise SceneError(f"the scene has {starts[-1]} vertices; it must have fewer than 2^31, so split or simplify it")
-    return _joined([mesh.faces + np.int32(start) for mesh, start in zip(meshes, starts[:-1], strict=True)])
+    faces = [mesh.faces + np.int32(start) for mesh, start in zip(meshes, starts[:-1], strict=True)]
+    return contiguous(np.concatenate(faces))
 
 
-def _per_vertex(meshes: Sequence[Mesh], parts: Sequence[Floats | None], width: int) -> Floats | None:
-    """The parts one below the other, with rows of zeros for absent ones; None where all are absent."""
+def _per_vertex(meshes: Sequence[Mesh], name: str, width: int) -> Floats | None:
+    """The arrays of that name one below the other, with rows of zeros for absent ones; None where all are absent."""
+    parts = [getattr(mesh, name) for mesh in meshes]
     if all(part is None for part in parts):
         return None
     filled = [np.zeros((len(m.vertices), width)) if p is None else p for m, p in zip(meshes, parts, strict=True)]
-    return _joined(filled)
+    return contiguous(np.concatenate(filled))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -22,13 +23,11 @@ class View:
     position : (3,) array
         mm, in the world.
     look_at : (3,) array
-        mm, a point straight ahead. Files do not say how far away what they show is: those that are read have it one
-        unit of the file ahead.
+        mm, a point straight ahead; in files, which do not say how far away what they show is, one unit ahead.
     up : (3,) array
         The direction that is up in the picture; not along the view.
     vertical_field_of_view : float, optional
-        Radians, the whole angle between the lower and the upper edge of the picture, above 0 and below pi. None: an
-        orthographic view.
+        Radians, between the lower and the upper edge of the picture, above 0 and below pi. None: an orthographic view.
     aspect_ratio : float, optional
         Width over height of the picture, above 0. None: the file does not say.
 
@@ -41,8 +40,7 @@ class View:
     --------
     A camera in its place, with its field of view: the sensor is as high as the picture behind the lens.
 
-    >>> import math
-    >>> import plenoptic as pl
+    >>> import math, plenoptic as pl
     >>> view = pl.scene.View("front", (0, 0, 400), (0, 0, 0), vertical_field_of_view=0.4, aspect_ratio=1.5)
     >>> height = 2 * 50.0 * math.tan(view.vertical_field_of_view / 2)
     >>> camera = pl.PlenopticCamera(lens=pl.no_lens(semi_diameter=1.0), stop_to_microlenses=50.0,
@@ -80,3 +78,9 @@ class View:
             set_field(self, "vertical_field_of_view", angle)
         if self.aspect_ratio is not None:
             set_field(self, "aspect_ratio", positive(self.aspect_ratio, "aspect_ratio"))
+
+    def moved(self, matrix: Floats) -> View:
+        """The view from where a (4, 4) similarity puts it."""
+        turn, shift = matrix[:3, :3], matrix[:3, 3]
+        position, look_at = turn @ self.position + shift, turn @ self.look_at + shift
+        return dataclasses.replace(self, position=position, look_at=look_at, up=turn @ self.up)

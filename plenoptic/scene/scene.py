@@ -12,12 +12,12 @@ from numpy.typing import ArrayLike
 
 from plenoptic.core.values import Floats, Given, set_field, value
 from plenoptic.errors import InvalidValueError, SceneError
-from plenoptic.scene.compile import SceneRecord, build_record
+from plenoptic.scene.compile import SceneRecord, box_around, build_record
 from plenoptic.scene.file_cameras import View
 from plenoptic.scene.geometry.instance import Instances
 from plenoptic.scene.geometry.mesh import Mesh
-from plenoptic.scene.geometry.transform import placed_environment, placed_view, similarity
-from plenoptic.scene.lights.environment import ConstantBackground, EnvironmentMap
+from plenoptic.scene.geometry.moves import similarity
+from plenoptic.scene.lights.environment import Background, ConstantBackground, EnvironmentMap
 from plenoptic.scene.lights.registry import LIGHTS, AreaLight, Light
 from plenoptic.scene.materials.registry import Material
 from plenoptic.scene.textures.color import Colour
@@ -34,8 +34,7 @@ class Scene:
     lights : sequence of QuadLight, SphereLight, PointLight, SpotLight or SunLight
         Light sources besides emissive meshes.
     background : ConstantBackground, EnvironmentMap, float, (float, float, float) or None
-        What rays see that meet no surface; a bare number or (red, green, blue) becomes a `ConstantBackground`,
-        None is a black world.
+        What rays see that meet no surface; a bare colour becomes a `ConstantBackground`, None is a black world.
     views : sequence of View
         Cameras of the file that the scene comes from, for `camera.posed`. They are no part of the image.
 
@@ -59,16 +58,14 @@ class Scene:
 
     meshes: Given[tuple[Mesh | Instances, ...], Iterable[Mesh | Instances]] = Given(default=())
     lights: Given[tuple[Light, ...], Iterable[Light]] = Given(default=())
-    background: Given[
-        ConstantBackground | EnvironmentMap | None, ConstantBackground | EnvironmentMap | Colour | None
-    ] = Given(default=None)
+    background: Given[Background | None, Background | Colour | None] = Given(default=None)
     views: Given[tuple[View, ...], Iterable[View]] = Given(default=())
 
     def __post_init__(self) -> None:
         set_field(self, "meshes", _tuple_of(self.meshes, (Mesh, Instances), "meshes"))
         set_field(self, "lights", _tuple_of(self.lights, LIGHTS, "lights"))
         set_field(self, "views", _tuple_of(self.views, View, "views"))
-        if self.background is not None and not isinstance(self.background, ConstantBackground | EnvironmentMap):
+        if self.background is not None and not isinstance(self.background, Background):
             if np.ndim(self.background) > 1:
                 raise InvalidValueError(
                     f"background is an array of shape {np.shape(self.background)}; give an image as pl.EnvironmentMap"
@@ -78,22 +75,20 @@ class Scene:
             raise SceneError("the scene has no mesh, no light and no background; give it at least one of them")
 
     def __repr__(self) -> str:
-        plain = [mesh for mesh in self.meshes if isinstance(mesh, Mesh)]
-        repeated = [mesh for mesh in self.meshes if isinstance(mesh, Instances)]
-        triangles = sum(len(mesh.faces) for mesh in (*plain, *(instances.mesh for instances in repeated)))
-        parts = [f"{_count(len(self.meshes), 'mesh', 'meshes')}, {_count(triangles, 'triangle', 'triangles')}"]
-        if not self.meshes:
-            parts = ["no meshes"]
-        if repeated:
-            parts.append(_count(sum(map(len, repeated)), "instance", "instances"))
-        if self.lights:
-            parts.append(_count(len(self.lights), "light", "lights"))
-        if self.background is not None:
-            constant = isinstance(self.background, ConstantBackground)
-            parts.append(f"background {self.background.radiance}" if constant else repr(self.background))
-        if self.views:
-            parts.append(_count(len(self.views), "view", "views"))
-        return f"Scene({', '.join(parts)})"
+        triangles = sum(len(part.mesh.faces if isinstance(part, Instances) else part.faces) for part in self.meshes)
+        instances = sum(len(part) for part in self.meshes if isinstance(part, Instances))
+        world = "" if self.background is None else repr(self.background)
+        if isinstance(self.background, ConstantBackground):
+            world = f"background {self.background.radiance}"
+        shown = [
+            _count(len(self.meshes), "mesh", "meshes") or "no meshes",
+            _count(triangles, "triangle", "triangles"),
+            _count(instances, "instance", "instances"),
+            _count(len(self.lights), "light", "lights"),
+            world,
+            _count(len(self.views), "view", "views"),
+        ]
+        return f"Scene({', '.join(part for part in shown if part)})"
 
     @classmethod
     def load(
@@ -103,31 +98,18 @@ class Scene:
         unit: str | None = None,
         material: Material | None = None,
         lights: Iterable[Light] = (),
-        background: ConstantBackground | EnvironmentMap | Colour | None = None,
+        background: Background | Colour | None = None,
     ) -> Scene:
         """Read a scene from a file, with its lights and its cameras as `views`; see `load_file` for what is read.
 
-        No light is invented: a file without lights and emissive materials stays black unless `lights` or `background`
-        are given.
+        No light is invented: a file without any stays black unless `lights` or `background` are given.
 
         Parameters
         ----------
-        path : str or path
-            A .glb, .gltf, .obj, .ply or .stl file.
-        unit : str, optional
-            Length of one unit of the file: "um", "mm", "cm", "m", "km", "inch" or "foot". None: "m" for glTF files,
-            whose standard says so, and "mm" for all others.
-        material : Material, optional
-            Replaces all materials of the file.
+        path, unit, material
+            As in `load_file`, whose errors are raised.
         lights, background
             As in `Scene`; lights are added to those of the file.
-
-        Raises
-        ------
-        FileError
-            A file that is missing, damaged or of another kind.
-        InvalidValueError
-            An unknown unit.
 
         Examples
         --------
@@ -151,10 +133,7 @@ class Scene:
         [[-200.0, -200.0, -404.0], [200.0, 200.0, -404.0]]
         """
         shapes = [light.mesh() for light in self.lights if isinstance(light, AreaLight)]
-        boxes = [mesh.bounds for mesh in (*self.meshes, *shapes)]
-        if not boxes:
-            return None
-        return np.array([np.min(boxes, axis=0)[0], np.max(boxes, axis=0)[1]])
+        return box_around([mesh.bounds for mesh in (*self.meshes, *shapes)])
 
     def merged(self, other: Scene) -> Scene:
         """This scene and another one in the same frame, together.
@@ -182,14 +161,12 @@ class Scene:
     def transformed(self, matrix: ArrayLike) -> Scene:
         """The scene moved by an affine map, p' = M p: meshes, lights, views and the environment.
 
-        Radiance stays as it is, and so does irradiance: intensities of points and spots grow with the square of the
-        scale.
+        Radiance and irradiance stay as they are: intensities of points and spots grow with the square of the scale.
 
         Parameters
         ----------
         matrix : (4, 4) array
-            For column vectors, lengths in mm. Where there are lights, views or an environment map, it must turn, shift
-            and scale equally in all directions.
+            For column vectors, lengths in mm. With lights, views or an environment map, it must not stretch or shear.
 
         Raises
         ------
@@ -202,8 +179,7 @@ class Scene:
         --------
         From a file in metres to a model 400 mm before the camera:
 
-        >>> import numpy as np
-        >>> import plenoptic as pl
+        >>> import numpy as np, plenoptic as pl
         >>> model = pl.Scene([pl.box(2000)], [pl.lights.PointLight((0, 5000, 0), intensity=4e6)])
         >>> low, high = model.bounds
         >>> size = 10.0 / (high - low).max()
@@ -220,8 +196,8 @@ class Scene:
         return Scene(
             meshes,
             tuple(light.moved(full, scale) for light in self.lights),
-            placed_environment(world, full, scale) if isinstance(world, EnvironmentMap) else world,
-            tuple(placed_view(view, full) for view in self.views),
+            world.moved(full, scale) if isinstance(world, EnvironmentMap) else world,
+            tuple(view.moved(full) for view in self.views),
         )
 
     def with_lights(self, lights: Iterable[Light]) -> Scene:
@@ -262,4 +238,4 @@ def _tuple_of(items: Any, kinds: type | tuple[type, ...], name: str) -> tuple[An
 
 
 def _count(number: int, one: str, many: str) -> str:
-    return f"{number} {one if number == 1 else many}"
+    return f"{number} {one if number == 1 else many}" if number else ""

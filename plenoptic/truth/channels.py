@@ -82,9 +82,16 @@ class Channel(NamedTuple):
     """What stands for nothing there; an int where the array holds whole numbers."""
     meaning: str
     """For files and documents: what its numbers are."""
-    in_files: tuple[str, ...]
-    """Names in EXR files, one for each number of a pixel."""
+    numbers: str
+    """A letter for each number of a pixel; empty for one number."""
     unit: str
+    plane: str
+    """The name in EXR files, before a letter."""
+
+    @property
+    def in_files(self) -> tuple[str, ...]:
+        """Names in EXR files, one for each number of a pixel."""
+        return tuple(f"{self.plane}.{letter}" for letter in self.numbers) or (self.plane,)
 
     @property
     def dtype(self) -> type[np.generic]:
@@ -94,15 +101,15 @@ class Channel(NamedTuple):
     @property
     def shape(self) -> tuple[int, ...]:
         """What follows (H, W)."""
-        return (len(self.in_files),) if len(self.in_files) > 1 else ()
+        return (len(self.numbers),) if self.numbers else ()
 
 
 def _channel(
-    flag: Truth, source: Source, void: float, meaning: str, plane: str, numbers: str = "", *, unit: str = ""
+    flag: Truth, source: Source, void: float, meaning: str, numbers: str = "", *, unit: str = "", plane: str = ""
 ) -> Any:
-    """A field that holds it; `numbers` has a letter for each number of a pixel, where there are several."""
-    in_files = tuple(f"{plane}.{letter}" for letter in numbers) or (plane,)
-    return dataclasses.field(default=None, metadata={"channel": Channel(flag, source, void, meaning, in_files, unit)})
+    """A field that holds it; its plane is "truth." and the field's name, unless it is given."""
+    channel = Channel(flag, source, void, meaning, numbers, unit, plane)
+    return dataclasses.field(default=None, metadata={"channel": channel})
 
 
 @value
@@ -165,71 +172,49 @@ class GroundTruth:
 
     Examples
     --------
-    >>> import numpy as np
-    >>> import plenoptic as pl
+    >>> import numpy as np, plenoptic as pl
     >>> truth = pl.GroundTruth(depth=[[400.0, np.inf]], object=[[0, -1]])
     >>> truth
     GroundTruth(1 x 2, depth, object)
     """
 
     _: dataclasses.KW_ONLY
-    depth: Floats | None = _channel(Truth.DEPTH, _POINTS, np.inf, "-z in the camera's frame", "depth.Z", unit="mm")
+    depth: Floats | None = _channel(
+        Truth.DEPTH, _POINTS, np.inf, "-z in the camera's frame", unit="mm", plane="depth.Z"
+    )
     distance: Floats | None = _channel(
-        Truth.DISTANCE, _POINTS, np.inf, "from the camera's origin to the point", "truth.distance", unit="mm"
+        Truth.DISTANCE, _POINTS, np.inf, "from the camera's origin to the point", unit="mm"
     )
-    position: Floats | None = _channel(
-        Truth.POSITION, _POINTS, np.nan, "the point in the world", "truth.position", "XYZ", unit="mm"
-    )
+    position: Floats | None = _channel(Truth.POSITION, _POINTS, np.nan, "the point in the world", "XYZ", unit="mm")
     normal: Floats | None = _channel(
-        Truth.NORMAL,
-        _HITS,
-        np.nan,
-        "unit normal of the triangle in the world, towards the side that is seen",
-        "truth.normal",
-        "XYZ",
+        Truth.NORMAL, _HITS, np.nan, "unit normal of the triangle in the world, towards the side that is seen", "XYZ"
     )
     object: NDArray[np.int32] | None = _channel(
-        Truth.OBJECT, _HITS, -1, "number of the mesh in `scene.meshes`; lights count on after the last", "truth.object"
+        Truth.OBJECT, _HITS, -1, "number of the mesh in `scene.meshes`; lights count on after the last"
     )
     material: NDArray[np.int32] | None = _channel(
         Truth.MATERIAL,
         _HITS,
         -1,
         "number among the scene's different materials, in the order in which meshes, then lights bring them",
-        "truth.material",
     )
     microlens: NDArray[np.int32] | None = _channel(
-        Truth.MICROLENS,
-        _CELLS,
-        NO_MICROLENS,
-        "lattice indices i, j; in FREE lattices (number, 0)",
-        "truth.microlens",
-        "IJ",
+        Truth.MICROLENS, _CELLS, NO_MICROLENS, "lattice indices i, j; in FREE lattices (number, 0)", "IJ"
     )
     microlens_type: NDArray[np.int32] | None = _channel(
-        Truth.MICROLENS, _CELLS, -1, "row of the array's `focal_lengths`", "truth.microlens.type"
+        Truth.MICROLENS, _CELLS, -1, "row of the array's `focal_lengths`", plane="truth.microlens.type"
     )
     virtual_depth: Floats | None = _channel(
-        Truth.VIRTUAL_DEPTH,
-        _IMAGES,
-        np.nan,
-        "v = a / b, the image's distance behind the array over the sensor's",
-        "truth.virtual_depth",
+        Truth.VIRTUAL_DEPTH, _IMAGES, np.nan, "v = a / b, the image's distance behind the array over the sensor's"
     )
     disparity: Floats | None = _channel(
-        Truth.DISPARITY,
-        _IMAGES,
-        np.nan,
-        "pitch / (v pixel pitch), between neighbouring microlenses",
-        "truth.disparity",
-        unit="pixels",
+        Truth.DISPARITY, _IMAGES, np.nan, "pitch / (v pixel pitch), between neighbouring microlenses", unit="pixels"
     )
     incidence_angle: Floats | None = _channel(
         Truth.INCIDENCE_ANGLE,
         _SENSOR,
         np.nan,
         "angle of incidence on the sensor: between the ray and the sensor's normal",
-        "truth.incidence_angle",
         unit="rad",
     )
 
@@ -276,7 +261,10 @@ class GroundTruth:
         return f"GroundTruth({rows} x {columns}, {truth_names(self.kinds)})"
 
 
-CHANNELS: dict[str, Channel] = {field.name: field.metadata["channel"] for field in dataclasses.fields(GroundTruth)}
+CHANNELS: dict[str, Channel] = {
+    field.name: (found := field.metadata["channel"])._replace(plane=found.plane or f"truth.{field.name}")
+    for field in dataclasses.fields(GroundTruth)
+}
 
 
 def channels_of(truth: Truth) -> dict[str, Channel]:

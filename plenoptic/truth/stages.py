@@ -191,7 +191,7 @@ class PixelStages:
         """The triangles that the rays meet, through what is not there for most paths."""
         from plenoptic.core.kernels.bundles import fill_world_rays
         from plenoptic.scene.geometry.kernels import interaction
-        from plenoptic.scene.materials.alpha_mask import no_hits, pass_through
+        from plenoptic.scene.materials.alpha_mask import no_hits, skip_transparent
 
         camera, scene, intersector, n = self._camera, self._scene, self._intersector, len(self._pixels)
         assert scene is not None and scene.geometry is not None and intersector is not None
@@ -201,7 +201,7 @@ class PixelStages:
         hits, reached = no_hits(scene, sent), np.empty(sent)
         intersector.fill_closest(hits, rays, coherent=True)
         if scene.alpha is not None:
-            pass_through(scene, intersector, rays, hits)
+            skip_transparent(scene, intersector, rays, hits)
         interaction.fill_distances(reached, hits, rays, scene.geometry)
         if hits.travelled is not None:
             reached += hits.travelled

@@ -197,7 +197,7 @@ def _assembled(tables: ForwardRecord, given: Floats, rows: Rows) -> Projection:
 def _unhidden(tables: ForwardRecord, found: Projection, entering: Floats, scene: Scene) -> Projection:
     """Rows whose points are hidden from the place (k, 2) where their rays enter the lens are no longer visible."""
     from plenoptic.scene.cache import prepared_scene
-    from plenoptic.scene.materials.alpha_mask import thin_out
+    from plenoptic.scene.materials.alpha_mask import attenuate_shadows
     from plenoptic.scene.scene import Scene
 
     check_kind(scene, "scene", Scene, "pl.Scene(...)")
@@ -218,7 +218,7 @@ def _unhidden(tables: ForwardRecord, found: Projection, entering: Floats, scene:
     if record.alpha is None:
         intersector.fill_blocked(blocked, rays)
     else:
-        thin_out(record, intersector, rays, blocked, left)
+        attenuate_shadows(record, intersector, rays, blocked, left)
     visible = found.visible.copy()
     visible[rows] = (blocked == 0) & (left[:, 0] > 0.5)
     return dataclasses.replace(found, visible=visible)

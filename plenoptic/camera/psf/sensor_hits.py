@@ -108,15 +108,17 @@ def measuring_record(camera: PlenopticCamera) -> ForwardRecord:
 
 def _fill_dimmed_behind_array(blocks: Floats, aims: Floats, record: ForwardRecord) -> None:
     """Rays that have landed, dimmed as the renderer dims samples before the array; `aims` is room for them."""
-    from plenoptic.optics.microlens.kernels import to_sensor
+    from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, WEIGHT
+    from plenoptic.optics.microlens.kernels.to_sensor import fill_aims
 
     parts, sensor = record.array.parts, record.array.sensor._replace(axes=None)
     placed = None
     if record.array.sensor.axes is not None:
         placed = np.column_stack([parts.sensor_to_local.turn[:2, :2], parts.sensor_to_local.shift[:2]])
-    to_sensor.fill_aims(aims, blocks, sensor, placed)
+    fill_aims(aims, blocks, sensor, placed)
     fill_dimmed_before_array(aims, sensor, record.response, record.dust)
-    to_sensor.fill_weights(blocks, aims)
+    weights = np.s_[:, WEIGHT : WEIGHT + BLOCK]
+    blocks.reshape(-1, RAY)[weights] = aims.reshape(-1, RAY)[weights]
 
 
 def in_lens_axes(record: ForwardRecord, points: Floats) -> Floats:

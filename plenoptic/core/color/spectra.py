@@ -58,16 +58,15 @@ class Sensitivity:
     --------
     A table as it comes from a file has the wavelengths in its first column:
 
-    >>> import numpy as np
-    >>> from plenoptic.core.color.spectra import Sensitivity
+    >>> import numpy as np, plenoptic as pl
     >>> table = np.array([[500, 0.0], [550, 1.0], [600, 0.0]])
-    >>> green = Sensitivity(table[:, 0], table[:, 1:])
+    >>> green = pl.sensor.Sensitivity(table[:, 0], table[:, 1:])
     >>> green.at([525.0, 700.0])
     array([[0.5],
            [0. ]])
     >>> green.normalised.response.max(axis=0).tolist()
     [0.02]
-    >>> Sensitivity.lines((610.0, 550.0, 465.0)).wavelength_range
+    >>> pl.sensor.Sensitivity.lines((610.0, 550.0, 465.0)).wavelength_range
     (465.0, 610.0)
     """
 
@@ -155,8 +154,8 @@ def rgb_basis(wavelengths: ArrayLike) -> Floats:
 
     Examples
     --------
-    >>> from plenoptic.core.color.spectra import rgb_basis
-    >>> rgb_basis([450.0, 540.0, 620.0]).round(2)
+    >>> import plenoptic as pl
+    >>> pl.sensor.rgb_basis([450.0, 540.0, 620.0]).round(2)
     array([[0.03, 0.  , 0.97],
            [0.  , 1.  , 0.  ],
            [0.96, 0.04, 0.  ]])
@@ -186,8 +185,8 @@ def rgb_to_spectrum(rgb: ArrayLike, wavelengths: ArrayLike) -> Floats:
 
     Examples
     --------
-    >>> from plenoptic.core.color.spectra import rgb_to_spectrum
-    >>> rgb_to_spectrum((0.5, 0.5, 0.5), [450.0, 550.0])
+    >>> import plenoptic as pl
+    >>> pl.sensor.rgb_to_spectrum((0.5, 0.5, 0.5), [450.0, 550.0])
     array([0.5, 0.5])
     """
     try:

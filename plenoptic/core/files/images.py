@@ -68,9 +68,7 @@ def read_linear(
 
     Examples
     --------
-    >>> import plenoptic as pl
-    >>> import tempfile, pathlib
-    >>> import numpy as np
+    >>> import pathlib, tempfile, numpy as np, plenoptic as pl
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = pathlib.Path(folder) / "grey.png"
     ...     pl.images.write_16bit(path, np.full((2, 3, 1), 32768, dtype=np.uint16))
@@ -120,9 +118,7 @@ def read_channels(path: str | os.PathLike[str]) -> tuple[dict[str, NDArray[np.fl
 
     Examples
     --------
-    >>> import plenoptic as pl
-    >>> import tempfile, pathlib
-    >>> import numpy as np
+    >>> import pathlib, tempfile, numpy as np, plenoptic as pl
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = pathlib.Path(folder) / "depth.exr"
     ...     pl.images.write_channels(path, {"Z": np.ones((2, 3))}, {"unit": "mm"})

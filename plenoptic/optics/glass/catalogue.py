@@ -220,8 +220,7 @@ def load_glasses(path: str | os.PathLike[str]) -> GlassCatalogue:
 
     Examples
     --------
-    >>> import pathlib, tempfile
-    >>> import plenoptic as pl
+    >>> import pathlib, tempfile, plenoptic as pl
     >>> text = '''NM MY-BK7 2 517642 1.5168 64.17
     ... CD 1.03961212 6.00069867E-3 0.231792344 2.00179144E-2 1.01046945 103.560653
     ... LD 0.3 2.5'''

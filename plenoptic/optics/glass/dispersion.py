@@ -120,8 +120,9 @@ class DispersionFormula:
 
     Examples
     --------
-    >>> from plenoptic.optics.glass.dispersion import DispersionFormula, Formula
-    >>> basf5 = DispersionFormula(Formula.CONRADY, (1.57410327, 1.39786149e-2, 8.3004511e-4), "BASF5", (334.0, 2325.0))
+    >>> import plenoptic as pl
+    >>> numbers = (1.57410327, 1.39786149e-2, 8.3004511e-4)
+    >>> basf5 = pl.optics.DispersionFormula(pl.optics.Formula.CONRADY, numbers, "BASF5", (334.0, 2325.0))
     >>> round(basf5.index(587.5618), 5)
     1.60323
     """

@@ -20,18 +20,20 @@ def _check_pinholes(array: MicrolensArray) -> None:
 
 def _pinholes_to_lens(blocks: Floats, own: Own, at: Crossing, _: Waves) -> None:
     from plenoptic.optics.microlens.kernels.ideal import fill_pinholes
-    from plenoptic.optics.microlens.kernels.to_lens import fill_openings
 
     if own is not None:
+        from plenoptic.optics.microlens.kernels.to_lens import fill_openings
+
         fill_openings(blocks, own, at.array.opening)
     fill_pinholes(blocks, at.sensor, at.z_plane)
 
 
 def _thin_to_lens(blocks: Floats, own: Own, at: Crossing, waves: Waves) -> None:
     from plenoptic.optics.microlens.kernels.ideal import fill_thin
-    from plenoptic.optics.microlens.kernels.to_lens import fill_openings
 
     if own is not None:
+        from plenoptic.optics.microlens.kernels.to_lens import fill_openings
+
         fill_openings(blocks, own, at.array.opening)
     factors = at.array.power_factors
     fill_thin(blocks, own, at.sensor, at.array.power, at.z_plane, factors, None if factors is None else waves)

@@ -41,8 +41,8 @@ class MaskStop:
 
     Examples
     --------
-    >>> from plenoptic.optics.stops.mask import MaskStop
-    >>> mask = MaskStop([[0.0, 1.0], [0.5, 0.0]], semi_diameter=2.0**0.5)
+    >>> import plenoptic as pl
+    >>> mask = pl.optics.MaskStop([[0.0, 1.0], [0.5, 0.0]], semi_diameter=2.0**0.5)
     >>> mask.cell_size, mask.area
     (1.0, 1.5)
     >>> mask.transmission_at([0.5, -0.5], [0.5, -0.5]).tolist()
@@ -72,8 +72,8 @@ class MaskStop:
 
         Examples
         --------
-        >>> from plenoptic.optics.stops.mask import MaskStop
-        >>> MaskStop.of_cells([[1.0, 1.0], [1.0, 1.0]], 3.0).semi_diameter
+        >>> import plenoptic as pl
+        >>> pl.optics.MaskStop.of_cells([[1.0, 1.0], [1.0, 1.0]], 3.0).semi_diameter
         4.242640687119286
         """
         unit = cls(transmission, 1.0, thickness, placement=placement)
@@ -108,9 +108,7 @@ class MaskStop:
 
         Examples
         --------
-        >>> import pathlib, tempfile
-        >>> import numpy as np
-        >>> import plenoptic as pl
+        >>> import pathlib, tempfile, numpy as np, plenoptic as pl
         >>> with tempfile.TemporaryDirectory() as folder:
         ...     path = pathlib.Path(folder) / "mask.exr"
         ...     pl.images.write_channels(path, {"Y": np.eye(3)})

@@ -40,8 +40,8 @@ class StarStop:
 
     Examples
     --------
-    >>> from plenoptic.optics.stops.star import StarStop
-    >>> star = StarStop(points=5, semi_diameter=5.0, inner_semi_diameter=2.0)
+    >>> import plenoptic as pl
+    >>> star = pl.StarStop(points=5, semi_diameter=5.0, inner_semi_diameter=2.0)
     >>> star.contains([4.9, -4.9, -1.9], [0.0, 0.0, 0.0]).tolist()
     [True, False, True]
     >>> round(star.area, 3)

@@ -22,7 +22,7 @@ from plenoptic.rendering.plan.stages import Stage
 from plenoptic.rendering.settings import Caustics
 from plenoptic.scene.geometry.record import Hits, Interactions, PathKeys
 from plenoptic.scene.lights.record import DELTA, DrawnLights
-from plenoptic.scene.materials.alpha_mask import NESTED, SALTS, media_at, no_hits, pass_through, thin_out
+from plenoptic.scene.materials.alpha_mask import NESTED, SALTS, attenuate_shadows, media_at, no_hits, skip_transparent
 
 
 class Witness(Protocol):
@@ -40,18 +40,17 @@ class Witness(Protocol):
         """So many rays go on, of those that were drawn: the others ended by chance. Known where none goes on."""
 
 
-class Transport:
+class PathIntegrator:
     """Follows the paths of a tile's bundles through the scene; its arrays are used again for each bundle."""
 
     def __init__(self, context: RenderContext, capacity: int) -> None:
         assert context.scene is not None
-        camera, scene, intersector, sampling = context.camera, context.scene, context.intersector, context.sampling
-        self._camera, self._scene, self._intersector, self._sampling = camera, scene, intersector, sampling
+        camera, scene, intersector, plan = context.camera, context.scene, context.intersector, context.plan
+        self._camera, self._scene, self._intersector, self._settings = camera, scene, intersector, context.settings
         self._basis = None if camera.colour is None else camera.colour.basis
         self._channels = channels = scene.channels if camera.colour is None else 1
-        plan = sampling.plan
         self._scatters, self._lights = plan.runs(Stage.SCATTERING), plan.runs(Stage.DIRECT_LIGHT)
-        self._goes_on, self._apart = plan.runs(Stage.ONWARD_RAYS), sampling.settings.caustics is Caustics.LEFT_OUT
+        self._goes_on, self._apart = plan.runs(Stage.ONWARD_RAYS), context.settings.caustics is Caustics.LEFT_OUT
         self._radiance = np.empty((capacity, channels))
         self.met = 0
         """Paths that met a triangle."""
@@ -96,7 +95,7 @@ class Transport:
 
         With `waves`, the number of each path's wavelength, there is one channel.
         """
-        max_bounces, wavelengths = self._sampling.settings.max_bounces, Wavelengths(waves, self._basis)
+        max_bounces, wavelengths = self._settings.max_bounces, Wavelengths(waves, self._basis)
         radiance = self._radiance[:n]
         radiance[:] = 0.0
         found = self._start(blocks, start, n, batch, number)
@@ -137,7 +136,7 @@ class Transport:
         if self._intersector is not None:
             self._intersector.fill_closest(hits, rays, coherent=bounce == 0)
             if self._scene.alpha is not None:
-                pass_through(self._scene, self._intersector, rays, hits, self._path_keys(), bounce * SALTS)
+                skip_transparent(self._scene, self._intersector, rays, hits, self._path_keys(), bounce * SALTS)
         return hits
 
     def _see(self, radiance: Floats, hits: Hits, wavelengths: Wavelengths) -> None:
@@ -181,7 +180,7 @@ class Transport:
             if scene.alpha is None:
                 self._intersector.fill_blocked(blocked, shadow.rays)
             else:
-                thin_out(scene, self._intersector, shadow.rays, blocked, shadow.radiance)
+                attenuate_shadows(scene, self._intersector, shadow.rays, blocked, shadow.radiance)
             add_direct(radiance, blocked, shadow)
         return shadow, blocked
 

@@ -75,7 +75,7 @@ def _surfaces(record: SceneRecord) -> list[Decision]:
 def _scattering(record: SceneRecord, max_bounces: int) -> list[Decision]:
     meshes, bsdf, scatters = record.geometry is not None, record.bsdf, _scatters(record, max_bounces)
     kinds = set() if bsdf is None or bsdf.kind is None else set(bsdf.kind.tolist())
-    from plenoptic.scene.materials.record import KIND_NAMES, LAMBERTIAN
+    from plenoptic.scene.materials.registry import KIND_NAMES, LAMBERTIAN
 
     others = "there are " + ", ".join(KIND_NAMES[kind] for kind in sorted(kinds - {LAMBERTIAN}))
     absorbs, drawn = record.absorption is not None, record.lights.cdf is not None

@@ -116,7 +116,7 @@ def _progress(
     shape = (end_row - first_row, end_column - first_column)
     radiance = 1.0
     if context.scene is not None:
-        from plenoptic.scene.lights.brightness import brightest_radiance
+        from plenoptic.scene.compile import brightest_radiance
 
         radiance = brightest_radiance(context.scene)
     batch = min(clock.samples_per_batch(tile.pixels, budget.replicates) for tile in tiles)
@@ -142,7 +142,7 @@ def _drive(
     bar: ProgressBar,
 ) -> bool:
     """Render batches until nothing is pending, time is over or somebody interrupts, which is returned."""
-    replicates, interrupts = context.sampling.replicates, Interrupts(bar.end)
+    replicates, interrupts = context.replicates, Interrupts(bar.end)
     kept, pixels = progress.paths, sum(tile.pixels for tile in progress.tiles)
 
     def batches() -> Iterator[tuple[int, Batch]]:
@@ -151,7 +151,7 @@ def _drive(
             samples = min(progress.next_samples(i), clock.samples_per_batch(tile.pixels, replicates))
             if not clock.has_time(samples * tile.pixels):
                 return
-            yield i, batch_of(context.sampling, int(progress.done[i]), samples)
+            yield i, batch_of(context, int(progress.done[i]), samples)
 
     def work(task: tuple[int, Batch]) -> tuple[int, TileResult | None]:
         i, batch = task

@@ -14,14 +14,7 @@ REPLACE = "or replace all materials by material="
 
 
 def colour_of(parts: Iterable[float]) -> Colour:
-    """Red, green and blue as a colour: one number where they are equal.
-
-    Examples
-    --------
-    >>> from plenoptic.scene.files.file_materials import colour_of
-    >>> colour_of([0.5, 0.5, 0.5]), colour_of([0.5, 0.5, 0.25])
-    (0.5, (0.5, 0.5, 0.25))
-    """
+    """Red, green and blue as a colour: one number where they are equal."""
     red, green, blue = (float(part) + 0.0 for part in parts)  # -0 becomes 0
     return red if red == green == blue else (red, green, blue)
 

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from os import PathLike
-from pathlib import Path
 
 from plenoptic.core.values import Given, file_path, set_field, value
 from plenoptic.errors import FileError, InvalidValueError, PlenopticError
 from plenoptic.scene.file_cameras import View
 from plenoptic.scene.files.gltf.file import read_gltf
-from plenoptic.scene.files.gltf.lights import gltf_light, gltf_view
+from plenoptic.scene.files.gltf.lights import gltf_lights, gltf_views
 from plenoptic.scene.files.gltf.meshes import gltf_meshes
 from plenoptic.scene.files.gltf.nodes import placed_nodes
 from plenoptic.scene.files.trimesh_meshes import trimesh_meshes
@@ -58,8 +57,7 @@ def load_file(path: str | PathLike[str], *, unit: str | None = None, material: M
     """Read all that a file holds of a scene.
 
     Everything stands in its place in the file's scene graph. Normals and texture coordinates are read where the file
-    has them; triangles are flat where it has no normals. Meshes of 1000 triangles or more that stand in several places
-    become `Instances`.
+    has them, else triangles are flat. Meshes of 1000 triangles or more that stand in several places become `Instances`.
 
     Materials of glTF files become `MetallicRoughness` with all their textures; `Dielectric` or, without a volume,
     `ThinGlass` where they transmit all light; `Emissive` where they are unlit (KHR_materials_unlit). Sheen, occlusion
@@ -119,8 +117,7 @@ def load_meshes(
 
     Examples
     --------
-    >>> import os, pathlib, tempfile
-    >>> import plenoptic as pl
+    >>> import os, pathlib, tempfile, plenoptic as pl
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = pathlib.Path(folder) / "corner.obj"
     ...     _ = path.write_text(os.linesep.join(["v 0 0 0", "v 1 0 0", "v 0 2 0", "f 1 2 3"]))
@@ -155,7 +152,10 @@ def _contents(path: str | PathLike[str], unit: str | None, material: Material | 
     scale = UNITS[unit] if unit is not None else UNITS["m" if gltf else "mm"]
     try:
         if gltf:
-            return _of_gltf(source, kind, content, scale, material)
+            file = read_gltf(content, kind, source.parent)
+            nodes = list(placed_nodes(file))
+            meshes = gltf_meshes(nodes, file, scale, material, source.name)
+            return FileContents(meshes, gltf_lights(nodes, file, scale), gltf_views(nodes, file, scale))
         return FileContents(trimesh_meshes(source, kind, content, scale, material))
     except PlenopticError as error:
         raise FileError(f"{source}: {error}") from error
@@ -165,15 +165,3 @@ def _contents(path: str | PathLike[str], unit: str | None, material: Material | 
         raise FileError(
             f"{source} cannot be read as .{kind} ({error or type(error).__name__}); export it again"
         ) from error
-
-
-def _of_gltf(source: Path, kind: str, content: bytes, scale: float, material: Material | None) -> FileContents:
-    file = read_gltf(content, kind, source.parent)
-    nodes = list(placed_nodes(file))
-    lights = (gltf_light(node, file, scale) for node in nodes)
-    views = (gltf_view(node, file, scale) for node in nodes)
-    return FileContents(
-        gltf_meshes(nodes, file, scale, material, source.name),
-        (light for light in lights if light is not None),
-        (view for view in views if view is not None),
-    )

@@ -13,12 +13,11 @@ from plenoptic.core.color.srgb import Encoding
 from plenoptic.errors import FileError, PlenopticError
 from plenoptic.scene.files.file_materials import REPLACE, colour_of, dark_or_not, number_or_texture, times
 from plenoptic.scene.materials.conductor import Conductor
-from plenoptic.scene.materials.dielectric import Dielectric
+from plenoptic.scene.materials.dielectric import Dielectric, ThinGlass
 from plenoptic.scene.materials.diffuse import Lambertian
 from plenoptic.scene.materials.emissive import Emissive
 from plenoptic.scene.materials.metallic_roughness import MetallicRoughness
 from plenoptic.scene.materials.registry import Material
-from plenoptic.scene.materials.thin_dielectric import ThinGlass
 from plenoptic.scene.textures.color import Colour
 from plenoptic.scene.textures.texture import Texture, Wrap
 
@@ -31,14 +30,7 @@ _ALPHA = 3
 
 
 def read_mtl(text: str) -> dict[str, dict[str, str]]:
-    r"""The materials that a file describes, by their names.
-
-    Examples
-    --------
-    >>> from plenoptic.scene.files.obj import read_mtl
-    >>> read_mtl("newmtl red  # a comment\n  Kd 1 0 0")
-    {'red': {'kd': '1 0 0'}}
-    """
+    """The materials that a file describes, by their names."""
     found: dict[str, dict[str, str]] = {}
     material: dict[str, str] = {}
     for line in text.splitlines():
@@ -112,15 +104,10 @@ def _reflecting(read: _Reader, illum: int, rest: Mapping[str, Any]) -> Material:
         return Conductor(glossy, read.alpha())
     metallic = 0.0
     if illum in _REFLECTING and np.any(diffuse):
-        diffuse, metallic = _mixture(diffuse, glossy)
+        scattered, mirrored = float(np.mean(diffuse)), float(np.mean(glossy))
+        whole = np.broadcast_to(diffuse, 3) * ((scattered + mirrored) / scattered)
+        diffuse, metallic = colour_of(np.minimum(whole, 1.0)), mirrored / (scattered + mirrored)
     return MetallicRoughness(read.textured("kd", diffuse), metallic, math.sqrt(read.alpha()), **rest)
-
-
-def _mixture(diffuse: Colour, glossy: Colour) -> tuple[Colour, float]:
-    """Base colour and metallic share of a surface that scatters one part of light and mirrors another."""
-    scattered, mirrored = float(np.mean(diffuse)), float(np.mean(glossy))
-    whole = np.broadcast_to(diffuse, 3) * ((scattered + mirrored) / scattered)
-    return colour_of(np.minimum(whole, 1.0)), mirrored / (scattered + mirrored)
 
 
 class _Reader:

@@ -27,25 +27,7 @@ class Intersector(Protocol):
 
 
 def build_intersector(geometry: Geometry, instances: InstanceRecord | None = None) -> Intersector:
-    """Embree through its C library, or through `EmbreeScene.run` where that cannot be had.
-
-    Parameters
-    ----------
-    geometry : Geometry
-    instances : InstanceRecord or None
-        None: all triangles are plain.
-
-    Examples
-    --------
-    >>> import numpy as np, plenoptic as pl
-    >>> from plenoptic.scene.geometry.accel import build_intersector
-    >>> from plenoptic.scene.geometry.record import Hits
-    >>> hits = Hits(np.empty(2, np.int32), None, None)
-    >>> rays = np.array([[10, 20, 0, 0, 0, -1.0], [10, 20, 0, 0, 0, 1.0]])
-    >>> build_intersector(pl.shapes.white_plane().tables().geometry).fill_closest(hits, rays, coherent=False)
-    >>> hits.triangle.tolist()
-    [1, -1]
-    """
+    """Embree through its C library, or through `EmbreeScene.run` where that cannot be had."""
     try:
         from plenoptic.scene.geometry.kernels.embree import EmbreeTriangles
     except ImportError:

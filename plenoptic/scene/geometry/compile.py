@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.core.values import Floats
+from plenoptic.core.values import Floats, read_only
 from plenoptic.scene.geometry.record import INSTANCE_DISTANCE, Geometry, InstanceRecord
 
 _LARGEST_SCALE = 1e10
@@ -27,23 +27,14 @@ def geometry_record(
     normals: Floats | None = None,
     instances: InstanceRecord | None = None,
 ) -> Geometry:
-    """The record of triangles; see `Geometry` for shapes.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from plenoptic.scene.geometry.compile import geometry_record
-    >>> geometry_record(np.eye(3), np.arange(3, dtype=np.int32)[None], np.zeros(1, np.int32)).middle.tolist()
-    [0.0, 0.0, 0.0]
-    """
+    """The record of triangles; see `Geometry` for shapes."""
     middle, rows = middle_of(vertices, triangles, instances), None
     if instances is not None:
         rows = np.column_stack([instances.matrices, np.zeros(len(instances.matrices))])
         for child in child_meshes(vertices, triangles, instances, middle):
             rows[child.instances, INSTANCE_DISTANCE] = np.abs(child.matrices[:, :, 3]).sum(axis=1)
-        rows.flags.writeable = False
-    middle.flags.writeable = False
-    return Geometry(vertices, triangles, triangle_material, uv, normals, rows, middle)
+        rows = read_only(rows)
+    return Geometry(vertices, triangles, triangle_material, uv, normals, rows, read_only(middle))
 
 
 class ChildMesh(NamedTuple):

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic.core.rotation import rotation_about
-from plenoptic.core.values import Floats, Given, check_kind, finite, frozen_array, positive, set_field, value
+from plenoptic.core.values import Floats, Given, check_kind, contiguous, frozen_array, set_field, value
 from plenoptic.errors import SceneError
-from plenoptic.scene.geometry.mesh import MAX_COORDINATE, Mesh
+from plenoptic.scene.geometry import moves
+from plenoptic.scene.geometry.mesh import MAX_COORDINATE, Mesh, affine_determinants
 from plenoptic.scene.geometry.record import InstanceRecord
 from plenoptic.scene.materials.registry import Material
 
@@ -37,8 +36,7 @@ class Instances:
     InvalidValueError
         Something that is not a mesh, or an array of another shape.
     SceneError
-        No place; a matrix that is not finite, projective (last row not 0, 0, 0, 1) or flattening (determinant 0), or
-        that leads beyond 1e15 mm.
+        No place; a matrix that is not finite, projective, flattening (determinant 0), or leads beyond 1e15 mm.
 
     Examples
     --------
@@ -58,8 +56,10 @@ class Instances:
     def __post_init__(self) -> None:
         check_kind(self.mesh, "mesh", Mesh, "pl.box(4)")
         set_field(self, "matrices", frozen_array(self.matrices, name="matrices", shape=(None, 4, 4)))
+        if not len(self.matrices):
+            raise SceneError("matrices has no rows; give at least one place, or leave the instances out")
         with np.errstate(over="ignore", invalid="ignore"):
-            _check(self.matrices)
+            affine_determinants(self.matrices)
             low, high = self.bounds
         if not np.abs([low, high]).max() <= MAX_COORDINATE:
             raise SceneError(
@@ -97,56 +97,10 @@ class Instances:
         [3.0, 1.0, 1.0]
         """
         full = frozen_array(matrix, name="matrix", shape=(4, 4))
-        _check(full[None])
+        affine_determinants(full[None])
         return dataclasses.replace(self, matrices=full @ self.matrices)
 
-    def translated(self, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Instances:
-        """All of them shifted by (x, y, z) mm.
-
-        Examples
-        --------
-        >>> import numpy as np, plenoptic as pl
-        >>> pl.scene.Instances(pl.box(2), [np.eye(4)]).translated(z=-404).bounds[:, 2].tolist()
-        [-405.0, -403.0]
-        """
-        matrices = self.matrices.copy()
-        matrices[:, :3, 3] += finite(x, "x"), finite(y, "y"), finite(z, "z")
-        return dataclasses.replace(self, matrices=matrices)
-
-    def rotated(self, axis: ArrayLike, angle: float) -> Instances:
-        """All of them turned about an axis through the origin of the world, as `Mesh.rotated`: radians.
-
-        Examples
-        --------
-        >>> import numpy as np, plenoptic as pl
-        >>> pl.scene.Instances(pl.box((4, 2, 1)), [np.eye(4)]).rotated((0, 0, 1), np.pi / 2).bounds[1].round(9).tolist()
-        [1.0, 2.0, 0.5]
-        """
-        turn = np.eye(4)
-        turn[:3, :3] = rotation_about(axis, angle)
-        return self.transformed(turn)
-
-    def rotated_deg(self, axis: ArrayLike, angle_deg: float) -> Instances:
-        """As `rotated`, by an angle in degrees.
-
-        Examples
-        --------
-        >>> import numpy as np, plenoptic as pl
-        >>> pl.scene.Instances(pl.box((4, 2, 1)), [np.eye(4)]).rotated_deg((0, 0, 1), 90).bounds[1].round(9).tolist()
-        [1.0, 2.0, 0.5]
-        """
-        return self.rotated(axis, math.radians(finite(angle_deg, "angle_deg")))
-
-    def scaled(self, factor: float) -> Instances:
-        """All of them enlarged about the origin of the world by a factor above 0, and their distances with them.
-
-        Examples
-        --------
-        >>> import numpy as np, plenoptic as pl
-        >>> pl.scene.Instances(pl.box(2), [np.eye(4)]).scaled(3).bounds[1].tolist()
-        [3.0, 3.0, 3.0]
-        """
-        return self.transformed(np.diag([*3 * (positive(factor, "factor"),), 1.0]))
+    translated, rotated, rotated_deg, scaled = moves.translated, moves.rotated, moves.rotated_deg, moves.scaled
 
     def with_material(self, material: Material) -> Instances:
         """The same places of a mesh of another material.
@@ -173,49 +127,19 @@ class Instances:
 
 
 def instance_record(instances: Sequence[Instances], first: Sequence[int]) -> InstanceRecord | None:
-    """Instances as plain arrays; None where there are none.
-
-    Parameters
-    ----------
-    instances : sequence of Instances
-    first : sequence of int
-        The row of `triangles` at which those of each one's mesh begin; the same for those of one mesh. The lowest is
-        the number of plain triangles.
-
-    Examples
-    --------
-    >>> import numpy as np, plenoptic as pl
-    >>> from plenoptic.scene.geometry.instance import instance_record
-    >>> record = instance_record([pl.scene.Instances(pl.box(2), [np.eye(4), np.diag([1, 1, -1, 1])])], [12])
-    >>> record.first.tolist(), record.faces.tolist(), record.plain
-    ([12, 12], [12, 12], 12)
+    """Instances as plain arrays; None where there are none. `first` holds the row of `triangles` at which those of each
+    one's mesh begin, the same for those of one mesh; the lowest is the number of plain triangles.
     """
     if not instances:
         return None
     matrices = np.concatenate([one.matrices for one in instances])
     lengths = [len(one) for one in instances]
-    record = InstanceRecord(
-        matrices=np.ascontiguousarray(matrices[:, :3]).reshape(-1, 12),
-        first=np.repeat(np.asarray(first, dtype=np.int32), lengths),
-        faces=np.repeat(np.array([len(one.mesh.faces) for one in instances], dtype=np.int32), lengths),
+    return InstanceRecord(
+        matrices=contiguous(matrices[:, :3].reshape(-1, 12)),
+        first=contiguous(np.repeat(np.asarray(first, dtype=np.int32), lengths)),
+        faces=contiguous(np.repeat(np.array([len(one.mesh.faces) for one in instances], dtype=np.int32), lengths)),
         plain=int(min(first)),
     )
-    for array in record[:3]:
-        array.flags.writeable = False
-    return record
-
-
-def _check(matrices: Floats) -> None:
-    if not len(matrices):
-        raise SceneError("matrices has no rows; give at least one place, or leave the instances out")
-    affine = np.isfinite(matrices).all(axis=(1, 2)) & (matrices[:, 3] == (0, 0, 0, 1)).all(axis=1)
-    if not affine.all():
-        k = int(np.argmin(affine))
-        raise SceneError(f"matrix {k} is {matrices[k].tolist()}; it must be finite and end with the row 0, 0, 0, 1")
-    determinants = np.linalg.det(matrices[:, :3, :3])
-    if not determinants.all():
-        k = int(np.argmin(determinants != 0))
-        raise SceneError(f"matrix {k} is {matrices[k].tolist()}: it flattens the mesh; its determinant must not be 0")
 
 
 def _farthest(points: Floats, rows: Floats) -> float:

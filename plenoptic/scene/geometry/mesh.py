@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-from math import radians
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.rotation import rotation_about
-from plenoptic.core.values import Floats, Given, finite, frozen_array, positive, set_field, value
+from plenoptic.core.values import Floats, Given, frozen_array, set_field, value
 from plenoptic.errors import InvalidValueError, SceneError
+from plenoptic.scene.geometry import moves
 from plenoptic.scene.materials.diffuse import Lambertian
 from plenoptic.scene.materials.registry import MATERIALS, Material
 
@@ -31,11 +30,9 @@ class Mesh:
     faces : (m, 3) array of int
         The rows of `vertices` that make up each triangle. Triangles without area may be among them, not all of them.
     material : Material
-        `Lambertian`, `RoughDiffuse`, `Conductor`, `Dielectric`, `ThinGlass`, `MetallicRoughness` or `Emissive`; a
-        textured one needs `uv`.
+        One of `pl.materials`; a textured one needs `uv`.
     normals : (n, 3) array or None
-        Smooth shading normals at the vertices, brought to unit length; rows of zeros stay and mean a flat
-        surface there. None: flat triangles.
+        Smooth shading normals at the vertices, brought to unit length; zeros mean a flat surface. None: flat triangles.
     uv : (n, 2) array or None
         Texture coordinates; (0, 0) is the lower left corner of the image, (1, 1) the upper right one.
     name : str
@@ -113,8 +110,7 @@ class Mesh:
         Parameters
         ----------
         matrix : (4, 4) array
-            For column vectors, lengths in mm. Where it mirrors, the winding is turned, so that the front stays
-            the front.
+            For column vectors, lengths in mm. Where it mirrors, the winding is turned: the front stays the front.
 
         Raises
         ------
@@ -125,18 +121,13 @@ class Mesh:
 
         Examples
         --------
-        >>> import numpy as np
-        >>> import plenoptic as pl
+        >>> import numpy as np, plenoptic as pl
         >>> pl.box(2).transformed(np.diag([1, 2, 3, 1])).bounds[1].tolist()
         [1.0, 2.0, 3.0]
         """
         full = frozen_array(matrix, name="matrix", shape=(4, 4))
-        if not np.isfinite(full).all() or full[3].tolist() != [0.0, 0.0, 0.0, 1.0]:
-            raise SceneError(f"matrix is {full.tolist()}; it must be finite and end with the row 0, 0, 0, 1")
+        (determinant,) = affine_determinants(full[None])
         linear, shift = full[:3, :3], full[:3, 3]
-        determinant = np.linalg.det(linear)
-        if determinant == 0:
-            raise SceneError(f"matrix {linear.tolist()} flattens the mesh; its determinant must not be 0")
         return dataclasses.replace(
             self,
             vertices=self.vertices @ linear.T + shift,
@@ -145,65 +136,7 @@ class Mesh:
             normals=None if self.normals is None else self.normals @ np.linalg.inv(linear / np.abs(linear).max()),
         )
 
-    def translated(self, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Mesh:
-        """The mesh shifted by (x, y, z) mm.
-
-        Examples
-        --------
-        >>> import plenoptic as pl
-        >>> pl.box(2).translated(z=-404).bounds[:, 2].tolist()
-        [-405.0, -403.0]
-        """
-        shift = np.array([finite(x, "x"), finite(y, "y"), finite(z, "z")])
-        return dataclasses.replace(self, vertices=self.vertices + shift)
-
-    def rotated(self, axis: ArrayLike, angle: float) -> Mesh:
-        """The mesh turned about an axis through the origin.
-
-        Parameters
-        ----------
-        axis : (3,) array
-            Direction of the axis, of any length above 0.
-        angle : float
-            Radians, counter-clockwise as seen by one whom the axis points at.
-
-        Raises
-        ------
-        InvalidValueError
-            An axis without length, an angle that is not finite.
-
-        Examples
-        --------
-        >>> import numpy as np
-        >>> import plenoptic as pl
-        >>> pl.box((4, 2, 1)).rotated((0, 0, 1), np.pi / 2).bounds[1].round(12).tolist()
-        [1.0, 2.0, 0.5]
-        """
-        matrix = np.eye(4)
-        matrix[:3, :3] = rotation_about(axis, angle)
-        return self.transformed(matrix)
-
-    def rotated_deg(self, axis: ArrayLike, angle_deg: float) -> Mesh:
-        """As `rotated`, by an angle in degrees.
-
-        Examples
-        --------
-        >>> import plenoptic as pl
-        >>> pl.box((4, 2, 1)).rotated_deg((0, 0, 1), 90).bounds[1].round(12).tolist()
-        [1.0, 2.0, 0.5]
-        """
-        return self.rotated(axis, radians(finite(angle_deg, "angle_deg")))
-
-    def scaled(self, factor: float) -> Mesh:
-        """The mesh enlarged about the origin by a factor above 0.
-
-        Examples
-        --------
-        >>> import plenoptic as pl
-        >>> pl.box(2).scaled(0.5).bounds[1].tolist()
-        [0.5, 0.5, 0.5]
-        """
-        return dataclasses.replace(self, vertices=self.vertices * positive(factor, "factor"))
+    translated, rotated, rotated_deg, scaled = moves.translated, moves.rotated, moves.rotated_deg, moves.scaled
 
     def with_material(self, material: Material) -> Mesh:
         """The same mesh of another material.
@@ -215,6 +148,22 @@ class Mesh:
         Emissive(radiance=3.0)
         """
         return dataclasses.replace(self, material=material)
+
+
+def affine_determinants(matrices: Floats) -> Floats:
+    """(n,): determinants of the 3 x 3 parts of matrices (n, 4, 4), which must be affine and not flatten."""
+    with np.errstate(all="ignore"):
+        determinants = np.asarray(np.linalg.det(matrices[:, :3, :3]))
+    affine = np.isfinite(matrices).all(axis=(1, 2)) & (matrices[:, 3] == (0, 0, 0, 1)).all(axis=1)
+    for fits, wanted in (
+        (affine, "it must be finite and end with the row 0, 0, 0, 1"),
+        (determinants != 0, "it flattens the mesh; its determinant must not be 0"),
+    ):
+        if not fits.all():
+            k = int(np.argmin(fits))
+            name = f"matrix {k}" if len(matrices) > 1 else "matrix"
+            raise SceneError(f"{name} is {matrices[k].tolist()}; {wanted}")
+    return determinants
 
 
 def _faces(faces: ArrayLike, count: int) -> NDArray[np.int32]:

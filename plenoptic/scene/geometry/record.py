@@ -11,14 +11,12 @@ from plenoptic.core.values import Floats
 
 INSTANCE_DISTANCE = 12
 """Column of `Geometry.instance_to_world` behind the 3 x 4 matrix: how far, |x| + |y| + |z| in mm, the mesh has the
-middle from which its float32 coordinates count from that of the scene. Rays are turned into its frame in float32, and
-err by units of this."""
+middle from which its float32 coordinates count from that of the scene. Rays in its frame err by units of this."""
 
 POINT, NORMAL, SHADING_NORMAL, OFFSET, FRONT, ROUGHNESS, METALLIC, UV = 0, 3, 6, 9, 10, 11, 12, 13
 INTERACTION_COLUMNS = 15
 """Columns of the rows of `Interactions`: the point; the triangle's unit normal on the side of the ray; the shading
-normal; how far off the surface rays start; whether the front is seen (1 or 0); roughness; how metallic it is; texture
-coordinates."""
+normal; how far off the surface rays start; whether the front is seen (1 or 0); roughness; metallic; (u, v)."""
 
 
 class Geometry(NamedTuple):
@@ -109,3 +107,14 @@ class PathKeys(NamedTuple):
     """(paths,)."""
     number: NDArray[np.uint32]
     """(paths,): of their points of the sequence."""
+    salt: int = 0
+    """Another one for each surface that a path goes through."""
+
+
+class Shadows(NamedTuple):
+    """What becomes of shadow rays."""
+
+    blocked: NDArray[np.uint8]
+    """(rays,): 1 where something is in the way."""
+    radiance: Floats
+    """(rays, channels): what they bring, weakened by what they pass."""

@@ -9,8 +9,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.core.values import Floats
+from plenoptic.core.values import Floats, contiguous
 from plenoptic.scene.geometry.record import Geometry, InstanceRecord
+from plenoptic.scene.lights.environment import EnvironmentMap
 from plenoptic.scene.lights.fields import channel_mean
 from plenoptic.scene.lights.record import (
     ENVIRONMENT,
@@ -41,77 +42,61 @@ class Emitters(NamedTuple):
     instances: InstanceRecord | None
 
 
-class CompiledLights(NamedTuple):
-    """Lights, and the probability per area with which triangles of materials are drawn."""
-
-    lights: Lights
-    pdf: Floats | None
-    """(nm,), 1/mm^2. None where no triangle is drawn."""
-
-
 def lights_record(
     lights: Sequence[Light], emitters: Emitters | None, sky: Sky, bounds: Floats | None, channels: int, *, drawn: bool
-) -> CompiledLights:
-    """Compile lights. `drawn` says whether anything reflects: otherwise they are only seen.
+) -> tuple[Lights, Floats | None]:
+    """Compile lights, and (nm,), 1/mm^2, with which probability triangles of materials are drawn; None where none is.
 
-    `sky` has background and environment; its suns are added.
+    `drawn` says whether anything reflects: otherwise lights are only seen. Suns are added to `sky`.
     """
-    points = [light for light in lights if isinstance(light, PositionalLight)]
+    points = [light for light in lights if drawn and isinstance(light, PositionalLight)]
     suns = [light for light in lights if isinstance(light, DistantLight)]
     environment = sky.environment
     extent = np.zeros((2, 3)) if bounds is None else bounds
     diameter = float(np.linalg.norm(extent[1] - extent[0]))
     disc = math.pi * max(diameter / 2, 1e-9) ** 2
     # Powers relative to the brightest, so that no radiance overflows.
-    unit = _brightest(emitters, points, suns, environment)
+    found = [light.power for light in points] + [channel_mean(light.irradiance) for light in suns]
+    found += [] if emitters is None else [float(emitters.exitance.max())]
+    found += [] if environment is None else [environment.total]
+    unit = max(found, default=0.0) or 1.0
     near_rows, near_instances, near_power, area_power = _triangle_powers(emitters if drawn else None, unit)
-    point_power = np.array([light.power / unit for light in points if drawn])
+    point_power = np.array([light.power / unit for light in points])
     sun_power = np.array([disc * (channel_mean(light.irradiance) / unit) for light in suns if drawn])
     sky_power = np.array([] if environment is None or not drawn else [disc * (environment.total / unit)])
-    near, distant = np.concatenate([near_power, point_power]), np.concatenate([sun_power, sky_power])
-    probability, per_near = _shared(near, distant)
-    any_drawn = bool(probability.size)
-    items = np.empty(probability.size, dtype=LIGHT)
-    if any_drawn:
+    probability, per_near = _shared(np.concatenate([near_power, point_power]), np.concatenate([sun_power, sky_power]))
+    cdf = items = None
+    sun_pdf = np.zeros(len(suns))
+    if probability.size:
         powers = (near_power, point_power, sun_power, sky_power)
+        items = np.empty(probability.size, dtype=LIGHT)
         items["kind"] = np.repeat([TRIANGLE, POINT, SUN, ENVIRONMENT], [power.size for power in powers])
         items["row"] = np.concatenate([near_rows, *(np.arange(power.size) for power in powers[1:])])
         items["instance"] = -1
         items["instance"][: near_power.size] = near_instances
-    sun_pdf = probability[items["kind"] == SUN] if suns and any_drawn and drawn else np.zeros(len(suns))
-    if environment is not None and sky_power.size and any_drawn:
-        environment = environment._replace(probability=float(probability[-1]))
+        sun_pdf = probability[items["kind"] == SUN]
+        cdf = np.cumsum(probability)
+        cdf /= cdf[-1]
+        # What has no power must not be drawn by the last random number either.
+        cdf[np.flatnonzero(probability)[-1] :] = 1.0
+        if environment is not None:
+            environment = environment._replace(probability=float(probability[-1]))
+    sun_rows = [(*sun.row(), pdf) for sun, pdf in zip(suns, sun_pdf, strict=True)]
     sun_colors = [sun.irradiance if sun.radiance is None else sun.radiance for sun in suns]
     record = Lights(
-        cdf=_fixed(_cumulative(probability)) if any_drawn else None,
-        items=_fixed(items) if any_drawn else None,
-        points=_fixed(np.array([light.row() for light in points], POINT_LIGHT)) if points and drawn else None,
-        point_colors=_fixed(color_rows([p.intensity for p in points], channels)) if points and drawn else None,
+        cdf=None if cdf is None else contiguous(cdf),
+        items=None if items is None else contiguous(items),
+        points=contiguous(np.array([light.row() for light in points], POINT_LIGHT)) if points else None,
+        point_colors=color_rows([light.intensity for light in points], channels) if points else None,
         sky=Sky(
             background=sky.background,
-            suns=_fixed(np.array([(*s.row(), p) for s, p in zip(suns, sun_pdf, strict=True)], SUN_LIGHT))
-            if suns
-            else None,
-            sun_colors=_fixed(color_rows(sun_colors, channels)) if suns else None,
+            suns=contiguous(np.array(sun_rows, SUN_LIGHT)) if suns else None,
+            sun_colors=color_rows(sun_colors, channels) if suns else None,
             environment=environment,
         ),
         far=2 * diameter + 1.0,
     )
-    return CompiledLights(record, _fixed(area_power * per_near) if any_drawn and near_power.size else None)
-
-
-def _brightest(
-    emitters: Emitters | None,
-    points: Sequence[PositionalLight],
-    suns: Sequence[DistantLight],
-    environment: Environment | None,
-) -> float:
-    found = [light.power for light in points] + [channel_mean(light.irradiance) for light in suns]
-    if emitters is not None:
-        found.append(float(emitters.exitance.max()))
-    if environment is not None:
-        found.append(environment.total)
-    return max(found, default=0.0) or 1.0
+    return record, contiguous(area_power * per_near) if cdf is not None and near_power.size else None
 
 
 def _triangle_powers(
@@ -120,30 +105,32 @@ def _triangle_powers(
     """Triangles that emit, in their places, with their powers; and power per area of each material."""
     if emitters is None:
         return np.empty(0, np.int64), np.empty(0, np.int32), np.empty(0), np.empty(0)
+    geometry, _, instances = emitters
     exitance = 2 * math.pi * (emitters.exitance / unit)
-    shines = exitance[emitters.geometry.triangle_material] > 0
-    instances = emitters.instances
-    plain = len(emitters.geometry.triangles) if instances is None else instances.plain
-    rows = [np.flatnonzero(shines[:plain])]
-    places = [np.full(rows[0].size, -1, np.int32)]
-    areas = [_areas(emitters, rows[0], None)]
-    for place in range(0 if instances is None else len(instances.matrices)):
-        assert instances is not None
-        first, faces = int(instances.first[place]), int(instances.faces[place])
-        found = first + np.flatnonzero(shines[first : first + faces])
-        if found.size:
+    shines = exitance[geometry.triangle_material] > 0
+    parts: list[Any] = [(0, len(geometry.triangles) if instances is None else instances.plain, None)]
+    if instances is not None:
+        linear = instances.matrices.reshape(-1, 3, 4)[:, :, :3]
+        parts += zip(instances.first.tolist(), instances.faces.tolist(), linear, strict=True)
+    rows, places, areas = [], [], []
+    for place, (first, count, matrix) in enumerate(parts, start=-1):
+        found = first + np.flatnonzero(shines[first : first + count])
+        if found.size or place < 0:
+            corners = geometry.vertices[geometry.triangles[found]]
+            edges = corners[:, 1:] - corners[:, :1]
+            edges = edges if matrix is None else edges @ matrix.T
             rows.append(found)
             places.append(np.full(found.size, place, np.int32))
-            areas.append(_areas(emitters, found, instances.matrices[place].reshape(3, 4)[:, :3]))
+            areas.append(0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1))
     row, where, area = np.concatenate(rows), np.concatenate(places), np.concatenate(areas)
-    power = area * exitance[emitters.geometry.triangle_material[row]]
-    kept = (power > 0) & ~_repeated(emitters, row, where)
+    power = area * exitance[geometry.triangle_material[row]]
+    kept = (power > 0) & ~_repeated(geometry, row, where)
     return row[kept], where[kept], power[kept], exitance
 
 
-def _repeated(emitters: Emitters, row: NDArray[np.int64], place: NDArray[np.int32]) -> NDArray[np.bool_]:
+def _repeated(geometry: Geometry, row: NDArray[np.int64], place: NDArray[np.int32]) -> NDArray[np.bool_]:
     """Which triangles lie exactly on an earlier one, facing the same way: rays meet one of them, not both."""
-    corners = emitters.geometry.vertices[emitters.geometry.triangles[row]]
+    corners = geometry.vertices[geometry.triangles[row]]
     # A number for each triangle that does not depend on its first corner; equal ones are compared in full.
     number = np.sort(corners @ np.array([0.8654, 0.4211, 0.2718]), axis=1) @ np.array([1.0, 0.5773, 0.3183])
     _, group, count = np.unique(number, return_inverse=True, return_counts=True)
@@ -155,14 +142,6 @@ def _repeated(emitters: Emitters, row: NDArray[np.int64], place: NDArray[np.int3
         repeated[k] = key in seen
         seen.add(key)
     return repeated
-
-
-def _areas(emitters: Emitters, rows: NDArray[np.int64], linear: Floats | None) -> Floats:
-    corners = emitters.geometry.vertices[emitters.geometry.triangles[rows]]
-    edges = corners[:, 1:] - corners[:, :1]
-    if linear is not None:
-        edges = edges @ linear.T
-    return np.asarray(0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1))
 
 
 def _shared(near: Floats, distant: Floats) -> tuple[Floats, float]:
@@ -181,15 +160,42 @@ def _shared(near: Floats, distant: Floats) -> tuple[Floats, float]:
     return np.concatenate([near * scales[0], distant * scales[1]]), scales[0]
 
 
-def _cumulative(probability: Floats) -> Floats:
-    cumulative = np.cumsum(probability)
-    cumulative /= cumulative[-1]
-    # What has no power must not be drawn by the last random number either.
-    cumulative[np.flatnonzero(probability)[-1] :] = 1.0
-    return np.asarray(cumulative)
+def environment_record(environment: EnvironmentMap, channels: int) -> Environment | None:
+    """Compile an environment map; None where it is black, so that there is nothing to see or draw.
+
+    `channels` are those of the scene, 1 only for maps whose channels are equal. Its probability is left at 0.
+    """
+    if not environment.texels.any():
+        return None
+    rows, columns, _ = environment.texels.shape
+    solid_angle = texel_solid_angles(rows, columns)
+    # Weights in their final place: large maps have few copies of themselves.
+    weight = environment.texels.mean(axis=2, dtype=np.float64)
+    columns_cdf = np.cumsum(weight, axis=1)
+    row_weight = columns_cdf[:, -1] * solid_angle
+    lit = row_weight > 0
+    np.divide(columns_cdf, columns_cdf[:, -1:].copy(), out=columns_cdf, where=lit[:, None])
+    rows_cdf = np.cumsum(row_weight)
+    total = float(rows_cdf[-1])
+    rows_cdf /= total
+    # What is drawn are the steps of the cumulative sums, roundings included.
+    pdf = weight
+    pdf[:, 0] = columns_cdf[:, 0]
+    np.subtract(columns_cdf[:, 1:], columns_cdf[:, :-1], out=pdf[:, 1:])
+    pdf *= (np.diff(rows_cdf, prepend=0.0) / solid_angle)[:, None]
+    texels = environment.texels
+    if texels.shape[2] != channels:
+        texels = texels[..., :1] if channels == 1 else np.repeat(texels, channels, axis=2)
+    rotation = None if environment.rotation is None else contiguous(environment.rotation.reshape(9))
+    return Environment(
+        contiguous(texels), contiguous(rows_cdf), contiguous(columns_cdf), contiguous(pdf), rotation, 0.0, total
+    )
 
 
-def _fixed(array: NDArray[Any]) -> NDArray[Any]:
-    array = np.ascontiguousarray(array)
-    array.flags.writeable = False
-    return array
+def texel_solid_angles(rows: int, columns: int) -> Floats:
+    """(rows,), sr: solid angle of one texel in each row of an equirectangular image; together they make up 4 pi.
+
+    2 pi / columns times the difference of the cosines of its upper and lower polar angle, as a product.
+    """
+    middles = np.pi * (np.arange(rows) + 0.5) / rows
+    return np.asarray(4 * np.pi / columns * np.sin(0.5 * np.pi / rows) * np.sin(middles))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from os import PathLike
 from typing import TypeAlias
 
@@ -11,10 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.rotation import rotation_about
-from plenoptic.core.values import Floats, Given, finite, frozen_array, set_field, value
+from plenoptic.core.values import Floats, Given, frozen_array, set_field, value
 from plenoptic.errors import FileError, InvalidValueError, SceneError
+from plenoptic.scene.geometry import moves
 from plenoptic.scene.textures.color import Colour, as_colour
-from plenoptic.scene.textures.texels import as_texels, equal_channels
+from plenoptic.scene.textures.texture import as_texels, equal_channels
 
 MAX_TEXELS = 2**27
 """The most texels that an environment may have: 16384 columns x 8192 rows; in colour its tables then take 3.5 GiB."""
@@ -68,8 +68,7 @@ class EnvironmentMap:
     texels : (rows, columns, 1 or 3) array of float32
         Radiance in scene units, linear, 0 or more. Copied, then read-only. At most 2^27 rows x columns.
     rotation : (3, 3) array or None
-        From the image's axes, as above, to the world's: world = rotation @ direction. Orthonormal and right-handed.
-        None: the same axes, and what the identity becomes.
+        From the image's axes to the world's: world = rotation @ direction. The identity becomes None.
 
     Raises
     ------
@@ -80,8 +79,7 @@ class EnvironmentMap:
 
     Examples
     --------
-    >>> import numpy as np
-    >>> import plenoptic as pl
+    >>> import numpy as np, plenoptic as pl
     >>> sky = pl.EnvironmentMap(np.array([[[0.3, 0.5, 1.0]], [[0.1, 0.1, 0.1]]]))       # above, and below the horizon
     >>> sky
     EnvironmentMap(texels=<2 x 1 x 3 float32>)
@@ -105,8 +103,7 @@ class EnvironmentMap:
         Parameters
         ----------
         path : str or path
-            An equirectangular image: HDR, EXR, or what else OpenImageIO reads. Floats are taken as linear, codes of 8
-            and 16 bits are decoded from sRGB, alpha is dropped.
+            An equirectangular image (HDR, EXR, ...). Floats are linear, codes of 8 and 16 bits sRGB, alpha is dropped.
         rotation : (3, 3) array, optional
             As in `EnvironmentMap`.
 
@@ -132,15 +129,7 @@ class EnvironmentMap:
 
     @property
     def is_grey(self) -> bool:
-        """Whether all its channels are equal.
-
-        Examples
-        --------
-        >>> import numpy as np
-        >>> import plenoptic as pl
-        >>> pl.EnvironmentMap(np.ones((4, 8, 3))).is_grey
-        True
-        """
+        """Whether all its channels are equal, as `Texture.is_grey`."""
         return equal_channels(self.texels)
 
     def rotated(self, axis: ArrayLike, angle: float) -> EnvironmentMap:
@@ -161,8 +150,7 @@ class EnvironmentMap:
         Examples
         --------
         >>> import math
-        >>> import numpy as np
-        >>> import plenoptic as pl
+        >>> import numpy as np, plenoptic as pl
         >>> world = pl.EnvironmentMap(np.array([[[0.0], [1.0], [2.0], [3.0]]])).rotated((0, 1, 0), math.pi / 4)
         >>> world.radiance([[0, 0, -1], [-1, 0, 0], [0, 0, 1], [1, 0, 0]]).tolist()
         [[2.0], [1.0], [0.0], [3.0]]
@@ -170,29 +158,22 @@ class EnvironmentMap:
         matrix = rotation_about(axis, angle)
         return dataclasses.replace(self, rotation=matrix if self.rotation is None else matrix @ self.rotation)
 
-    def rotated_deg(self, axis: ArrayLike, angle_deg: float) -> EnvironmentMap:
-        """As `rotated`, by an angle in degrees.
+    rotated_deg = moves.rotated_deg
 
-        Examples
-        --------
-        >>> import numpy as np
-        >>> import plenoptic as pl
-        >>> pl.EnvironmentMap(np.ones((2, 4, 1))).rotated_deg((0, 1, 0), 90).rotation.round(12).tolist()
-        [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]
-        """
-        return self.rotated(axis, math.radians(finite(angle_deg, "angle_deg")))
+    def moved(self, matrix: Floats, scale: float) -> EnvironmentMap:
+        """The environment turned by a (4, 4) similarity of that scale."""
+        # Rotations must be orthonormal to rounding, which a scaled one need not be.
+        u, _, v = np.linalg.svd(matrix[:3, :3] / scale)
+        turned = u @ v
+        return dataclasses.replace(self, rotation=turned if self.rotation is None else turned @ self.rotation)
 
     def radiance(self, directions: ArrayLike) -> Floats:
-        """Radiance that comes from directions.
+        """Radiance that comes from directions, (n, 1 or 3).
 
         Parameters
         ----------
         directions : (n, 3) array
             In the world, from the scene outwards, of any length above 0.
-
-        Returns
-        -------
-        (n, 1 or 3) array
 
         Raises
         ------
@@ -203,8 +184,7 @@ class EnvironmentMap:
 
         Examples
         --------
-        >>> import numpy as np
-        >>> import plenoptic as pl
+        >>> import numpy as np, plenoptic as pl
         >>> left_and_right = pl.EnvironmentMap(np.array([[[1.0], [2.0]]]))
         >>> left_and_right.radiance([[-1, 0, 0], [1, 0, 0]]).tolist()
         [[1.0], [2.0]]

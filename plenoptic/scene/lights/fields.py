@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TypeAlias
-
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -11,9 +9,6 @@ from plenoptic.core.values import Floats, frozen_array
 from plenoptic.errors import SceneError
 from plenoptic.scene.geometry.mesh import MAX_COORDINATE
 from plenoptic.scene.textures.color import Colour
-
-PointRow: TypeAlias = tuple[float, ...]
-"""Position, axis, and the cosines of the outer and inner angle, both -2 where light goes everywhere."""
 
 
 def place_in_mm(vector: ArrayLike, name: str) -> Floats:

@@ -8,7 +8,7 @@ import math
 from numpy.typing import ArrayLike
 
 from plenoptic.core.values import Floats, Given, set_field, value
-from plenoptic.scene.lights.fields import PointRow, channel_mean, place_in_mm, times
+from plenoptic.scene.lights.fields import channel_mean, place_in_mm, times
 from plenoptic.scene.textures.color import Colour, as_colour
 
 
@@ -66,6 +66,6 @@ class PointLight:
         position = matrix[:3, :3] @ self.position + matrix[:3, 3]
         return dataclasses.replace(self, position=position, intensity=times(self.intensity, scale**2))
 
-    def row(self) -> PointRow:
-        """Its numbers, besides its intensity."""
+    def row(self) -> tuple[float, ...]:
+        """Its row of POINT_LIGHT."""
         return (*self.position, 0.0, 0.0, 0.0, -2.0, -2.0)

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from plenoptic.core.values import Floats, Given, finite, set_field, value
 from plenoptic.errors import InvalidValueError
-from plenoptic.scene.lights.fields import PointRow, channel_mean, direction_towards, place_in_mm, times, unit_vector
+from plenoptic.scene.lights.fields import channel_mean, direction_towards, place_in_mm, times, unit_vector
 from plenoptic.scene.textures.color import Colour, as_colour
 
 
@@ -132,8 +132,7 @@ class SpotLight:
 
         Examples
         --------
-        >>> import math
-        >>> import plenoptic as pl
+        >>> import math, plenoptic as pl
         >>> round(pl.lights.SpotLight((0, 0, 0), (0, 0, -1), 3.0, 0.0, math.pi / 2).power, 6)
         6.283185
         """
@@ -147,6 +146,6 @@ class SpotLight:
         intensity = times(self.intensity, scale**2)
         return dataclasses.replace(self, position=position, direction=direction, intensity=intensity)
 
-    def row(self) -> PointRow:
-        """Its numbers, besides its intensity."""
+    def row(self) -> tuple[float, ...]:
+        """Its row of POINT_LIGHT."""
         return (*self.position, *self.direction, math.cos(self.outer_angle), math.cos(self.inner_angle))

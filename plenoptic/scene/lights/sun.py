@@ -35,8 +35,7 @@ class SunLight:
         On a surface that faces it, radiance in scene units times sr, 0 or more: one number, or (red, green, blue).
         pi makes a white matt surface that faces it as bright as radiance 1.
     angular_radius : float
-        Radians, of the disc; by default that of the Sun. 0: parallel light, with sharp shadows; otherwise from 1e-6
-        to below pi/2.
+        Radians, of the disc, by default that of the Sun: from 1e-6 to below pi/2, or 0 for parallel light.
 
     Raises
     ------
@@ -82,8 +81,7 @@ class SunLight:
         Parameters
         ----------
         azimuth : float
-            Radians, from straight ahead of a camera without pose (-z) to its right (+x): 0 is the sun in front of the
-            camera, pi the sun behind it.
+            Radians, from straight ahead of a camera without pose (-z) to its right (+x): pi is the sun behind it.
         elevation : float
             Radians above the horizon (the plane of x and z) towards +y, within -pi/2 and pi/2.
         irradiance, angular_radius
@@ -96,8 +94,7 @@ class SunLight:
 
         Examples
         --------
-        >>> import math
-        >>> import plenoptic as pl
+        >>> import math, plenoptic as pl
         >>> sun = pl.SunLight.from_angles(azimuth=math.pi / 2, elevation=math.pi / 6)   # right, 30 degrees high
         >>> sun.direction.round(3).tolist()
         [-0.866, -0.5, 0.0]

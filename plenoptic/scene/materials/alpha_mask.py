@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from plenoptic.core.values import Floats
 from plenoptic.scene.compile import SceneRecord
 from plenoptic.scene.geometry.accel import Intersector
-from plenoptic.scene.geometry.record import Hits, PathKeys
+from plenoptic.scene.geometry.record import Hits, PathKeys, Shadows
 
 SALTS = 1 << 10
 """Surfaces that one path can meet without being stopped, until random numbers repeat."""
@@ -17,7 +17,7 @@ NESTED = 4
 """Bodies of glass, one in the other, that a path knows it is in."""
 
 
-def pass_through(
+def skip_transparent(
     scene: SceneRecord, intersector: Intersector, rays: Floats, hits: Hits, keys: PathKeys | None = None, salt: int = 0
 ) -> None:
     """Move rays on until what they meet is there for their path, and say how far they have come by that.
@@ -30,25 +30,26 @@ def pass_through(
     hits.travelled[:] = 0.0
     again, which = np.empty(len(rays), dtype=np.int64), np.arange(len(rays))
     while len(which):
-        passed = alpha.skip_transparent(again, rays, hits, which, keys, salt, scene.geometry, scene.alpha)
+        keys = None if keys is None else keys._replace(salt=salt)
+        passed = alpha.follow(again, rays, hits, which, keys, None, scene.geometry, scene.alpha)
         which, salt = again[:passed].copy(), salt + 1
-        _meet_again(intersector, hits, rays, which)
+        _meet_again(scene, intersector, hits, rays, which)
 
 
-def thin_out(
+def attenuate_shadows(
     scene: SceneRecord, intersector: Intersector, rays: Floats, blocked: NDArray[np.uint8], shadow_radiance: Floats
 ) -> None:
     """Follow shadow rays to their ends: mark those that are blocked and weaken those that are not."""
     from plenoptic.scene.materials.kernels import alpha
 
     blocked[:] = 0
-    hits = no_hits(scene, len(rays))
+    hits, shadows = no_hits(scene, len(rays)), Shadows(blocked, shadow_radiance)
     again, which = np.empty(len(rays), dtype=np.int64), np.arange(len(rays))
     intersector.fill_closest(hits, rays, coherent=False)
     while len(which):
-        passed = alpha.attenuate_shadow(again, rays, shadow_radiance, blocked, hits, which, scene.geometry, scene.alpha)
+        passed = alpha.follow(again, rays, hits, which, None, shadows, scene.geometry, scene.alpha)
         which = again[:passed].copy()
-        _meet_again(intersector, hits, rays, which)
+        _meet_again(scene, intersector, hits, rays, which)
 
 
 def media_at(scene: SceneRecord, intersector: Intersector, point: Floats) -> NDArray[np.int32]:
@@ -94,12 +95,13 @@ def no_hits(scene: SceneRecord, n: int) -> Hits:
     return Hits(np.full(n, -1, dtype=np.int32), instance, travelled)
 
 
-def _meet_again(intersector: Intersector, hits: Hits, rays: Floats, which: NDArray[np.int64]) -> None:
+def _meet_again(
+    scene: SceneRecord, intersector: Intersector, hits: Hits, rays: Floats, which: NDArray[np.int64]
+) -> None:
     """Find what some of the rays meet from where they are now."""
     if not len(which):
         return
-    instance = None if hits.instance is None else np.full(len(which), -1, dtype=np.int32)
-    found = Hits(np.full(len(which), -1, dtype=np.int32), instance, None)
+    found = no_hits(scene, len(which))
     intersector.fill_closest(found, np.ascontiguousarray(rays[which]), coherent=False)
     hits.triangle[which] = found.triangle
     if hits.instance is not None and found.instance is not None:

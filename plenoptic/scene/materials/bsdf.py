@@ -14,37 +14,18 @@ from plenoptic.scene.materials.diffuse import Lambertian
 from plenoptic.scene.materials.record import Bsdf
 from plenoptic.scene.materials.registry import MATERIALS, Material
 
-__all__ = ["Drawn", "Scattered", "draw", "evaluate"]
-
 
 class Scattered(NamedTuple):
-    """Values of a bidirectional distribution.
-
-    `value` (n, C), 1/sr, includes the cosine at the surface; `density` (n,), 1/sr, is that by which `draw` draws the
-    direction to the light, 0 for mirrors.
-
-    Examples
-    --------
-    See `evaluate`.
-    """
+    """Values of a bidirectional distribution. See `evaluate`."""
 
     value: Floats
-    """(n, C), 1/sr: reflected or transmitted radiance per radiance from the light's direction and solid angle, the
-    cosine at the surface included."""
+    """(n, C), 1/sr: scattered radiance per radiance from the light's direction and solid angle, with the cosine."""
     density: Floats
     """(n,), 1/sr: with which `draw` draws the light's direction; 0 for mirrors, whose direction is no solid angle."""
 
 
 class Drawn(NamedTuple):
-    """Directions drawn by what a material scatters.
-
-    `to_light` (n, 3) has unit length; `weight` (n, C) is value over density, 0 where the path ends; `density` (n,) is
-    per steradian, inf where there is only one direction to choose, or two.
-
-    Examples
-    --------
-    See `draw`.
-    """
+    """Directions drawn by what a material scatters. See `draw`."""
 
     to_light: Floats
     """(n, 3), unit length."""
@@ -90,11 +71,10 @@ def evaluate(material: Material, to_viewer: ArrayLike, to_light: ArrayLike, *, f
     """
     from plenoptic.scene.materials.kernels import bsdf
 
-    viewers, lights = _directions(to_viewer, "to_viewer"), _directions(to_light, "to_light")
+    viewers, lights = _to_viewer(to_viewer), _directions(to_light, "to_light")
     if 1 not in (len(viewers), len(lights)) and len(viewers) != len(lights):
         raise InvalidValueError(f"to_viewer has {len(viewers)} rows and to_light {len(lights)}; give as many, or one")
     viewers, lights = np.broadcast_arrays(viewers, lights)
-    _check_side(viewers)
     record = _record(material)
     scattered = Scattered(np.empty((len(viewers), record.base_color.shape[1])), np.empty(len(viewers)))
     bsdf.fill_evaluated(*scattered, np.ascontiguousarray(viewers), np.ascontiguousarray(lights), bool(front), record)
@@ -110,10 +90,6 @@ def draw(material: Material, to_viewer: ArrayLike, points: ArrayLike, *, front: 
         As for `evaluate`.
     points : (n, 3) array
         Numbers in [0, 1): two for the direction, and one by which rough glass reflects or refracts.
-
-    Returns
-    -------
-    Drawn
 
     Raises
     ------
@@ -136,8 +112,7 @@ def draw(material: Material, to_viewer: ArrayLike, points: ArrayLike, *, front: 
         raise InvalidValueError(
             "points has numbers outside [0, 1); take them from a random generator or pl.sobol_points"
         )
-    viewers = np.broadcast_to(_directions(to_viewer, "to_viewer"), (len(given), 3))
-    _check_side(viewers)
+    viewers = np.broadcast_to(_to_viewer(to_viewer), (len(given), 3))
     record = _record(material)
     drawn = Drawn(np.empty((len(given), 3)), np.empty((len(given), record.base_color.shape[1])), np.empty(len(given)))
     bsdf.fill_sampled(*drawn, np.ascontiguousarray(viewers), given, bool(front), record)
@@ -154,9 +129,11 @@ def _directions(directions: ArrayLike, name: str) -> Floats:
     return np.where(np.abs(length - 1) > 1e-15, rows / length, rows)
 
 
-def _check_side(viewers: Floats) -> None:
+def _to_viewer(directions: ArrayLike) -> Floats:
+    viewers = _directions(directions, "to_viewer")
     if not np.all(viewers[:, 2] > 0):
         raise InvalidValueError("to_viewer has directions with z of 0 or less; z must point to the viewer's side")
+    return viewers
 
 
 def _record(material: Any) -> Bsdf:

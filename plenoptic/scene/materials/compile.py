@@ -3,24 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from plenoptic.core.values import Floats
-from plenoptic.scene.materials.record import (
-    CONDUCTOR,
-    DIELECTRIC,
-    EXTRA_SHARES,
-    LAMBERTIAN,
-    SHARES,
-    THIN_DIELECTRIC,
-    Alpha,
-    Bsdf,
-    MaterialRow,
-)
-from plenoptic.scene.materials.registry import MATERIALS, Material
+from plenoptic.core.values import Floats, contiguous
+from plenoptic.scene.materials.record import EXTRA_SHARES, SHARES, Alpha, Bsdf, MaterialRow
+from plenoptic.scene.materials.registry import CONDUCTOR, DIELECTRIC, LAMBERTIAN, MATERIALS, THIN_DIELECTRIC, Material
 from plenoptic.scene.textures.color import Colour
 from plenoptic.scene.textures.record import TextureColumn
 from plenoptic.scene.textures.texture import Texture
@@ -32,21 +20,21 @@ def bsdf_record(materials: Sequence[Material], channels: int) -> Bsdf | None:
     if not any(row.reflects for row in rows):
         return None
     kinds = np.array([MATERIALS[type(material)] for material in materials], dtype=np.int64)
-    there = set(kinds.tolist())
-    plain = there <= {LAMBERTIAN}
+    colors = [1.0 if isinstance(row.base_color, Texture) else row.base_color for row in rows]
     # All metals share the column; those of constant reflectance have zeros there.
     metals = np.array([np.broadcast_to(row.metal_index, 3)[:channels] for row in rows], dtype=np.complex128)
+    extra = _shares([getattr(row, name) for row in rows for name in EXTRA_SHARES])
     tables = {name: table for makes in {row.tables for row in rows} for name, table in makes().items()}
     return Bsdf(
-        scatters=_fixed(np.array([row.reflects for row in rows], dtype=np.uint8)),
-        takes_light=_fixed(np.array([row.takes_light for row in rows], dtype=np.uint8)),
-        base_color=_fixed(color_rows([_plain(row.base_color) for row in rows], channels)),
-        kind=None if plain else _fixed(kinds),
-        metal_index=_fixed(np.stack([metals.real, metals.imag], axis=-1)) if CONDUCTOR in there else None,
-        glass_index=_fixed(np.array([row.glass_index for row in rows])) if DIELECTRIC in there else None,
-        pane_index=_fixed(np.array([row.pane_index for row in rows])) if THIN_DIELECTRIC in there else None,
+        scatters=contiguous(np.array([row.reflects for row in rows], dtype=np.uint8)),
+        takes_light=contiguous(np.array([row.takes_light for row in rows], dtype=np.uint8)),
+        base_color=color_rows(colors, channels),
+        kind=contiguous(kinds) if np.any(kinds != LAMBERTIAN) else None,
+        metal_index=contiguous(np.stack([metals.real, metals.imag], axis=-1)) if CONDUCTOR in kinds else None,
+        glass_index=contiguous(np.array([row.glass_index for row in rows])) if DIELECTRIC in kinds else None,
+        pane_index=contiguous(np.array([row.pane_index for row in rows])) if THIN_DIELECTRIC in kinds else None,
         **{name: _shares([getattr(row, name) for row in rows]) for name in SHARES},
-        extra_shares=_extra_shares(rows),
+        extra_shares=None if extra is None else extra.reshape(len(rows), -1),
         **tables,
     )
 
@@ -57,33 +45,17 @@ def alpha_record(rows: Sequence[MaterialRow], texture: TextureColumn | None) -> 
     if opacity is None or np.all(opacity == 1):
         return None
     cutoff = np.array([-1.0 if row.cutoff is None else row.cutoff for row in rows])
-    return Alpha(opacity, _fixed(cutoff), texture)
+    return Alpha(opacity, contiguous(cutoff), texture)
 
 
 def color_rows(colors: Sequence[Colour], channels: int) -> Floats:
-    """(n, C): grey scenes keep the one value that all channels share."""
+    """(n, C), read-only: grey scenes keep the one value that all channels share."""
     rows = np.array([np.broadcast_to(c, 3) for c in colors], dtype=np.float64).reshape(-1, 3)
-    return rows[:, :channels].copy()
-
-
-def _plain(color: Colour | Texture) -> Colour:
-    return 1.0 if isinstance(color, Texture) else color
+    return contiguous(rows[:, :channels])
 
 
 def _shares(shares: Sequence[float | Texture | None]) -> Floats | None:
-    """(materials,): 0 where a texture gives the number, or a material has none; None where all have none."""
+    """As numbers: 0 where a texture gives one, or a material has none; None where all have none."""
     if all(share is None for share in shares):
         return None
-    return _fixed(np.array([share if isinstance(share, float) else 0.0 for share in shares]))
-
-
-def _extra_shares(rows: Sequence[MaterialRow]) -> Floats | None:
-    columns = [_shares([getattr(row, name) for row in rows]) for name in EXTRA_SHARES]
-    there = [np.zeros(len(rows)) if column is None else column for column in columns]
-    return None if all(column is None for column in columns) else _fixed(np.stack(there, axis=1))
-
-
-def _fixed(array: NDArray[Any]) -> NDArray[Any]:
-    array = np.ascontiguousarray(array)
-    array.flags.writeable = False
-    return array
+    return contiguous(np.array([share if isinstance(share, float) else 0.0 for share in shares]))

@@ -25,14 +25,12 @@ class Conductor:
     Parameters
     ----------
     reflectance : float or (float, float, float)
-        Share that each small mirror reflects, in [0, 1], at all angles; with an `index`, a factor beside Fresnel's
-        equations.
+        Share that each small mirror reflects, in [0, 1], at all angles; a factor where there is an `index`.
     alpha : float
         Width of the distribution of normals, in [0, 1]: 0 is a mirror (as is what lies below 0.0001), 0.1 brushed, 0.5
         matt. glTF's roughness is its square root.
     index : complex, (complex, complex, complex) or None
-        Refractive index n + i k, k at least 0, at all wavelengths or for red, green and blue. None: a reflectance that
-        does not depend on the angle.
+        Refractive index n + i k, k at least 0, at all wavelengths or for red, green and blue. None: all angles alike.
 
     Raises
     ------

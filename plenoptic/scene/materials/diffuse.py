@@ -53,8 +53,7 @@ class RoughDiffuse:
     Parameters
     ----------
     albedo : float, (float, float, float) or Texture
-        In [0, 1]: the reflected share of a surface of roughness 0. Rough ones of less than 1 reflect a little less, and
-        more saturated colours.
+        In [0, 1]: the reflected share at roughness 0. Rough surfaces reflect a little less, and more saturated colours.
     roughness : float
         From 0 (`Lambertian`) to 1, where the slopes of the grooves have a standard deviation of about pi / 2.
 

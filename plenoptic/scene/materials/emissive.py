@@ -15,11 +15,9 @@ class Emissive:
     Parameters
     ----------
     radiance : float, (float, float, float) or Texture
-        Emitted radiance in scene units, 0 or more: one number, (red, green, blue), or a texture of such numbers, as of
-        a screen. 0 is a black surface.
+        Emitted radiance in scene units, 0 (black) or more: one number, (red, green, blue), or a texture of such.
     two_sided : bool
-        Whether both sides emit. Otherwise the front emits, the side from which a triangle winds
-        counter-clockwise, and the back is black.
+        Whether both sides emit. Otherwise the back is black, from which a triangle winds clockwise.
 
     Raises
     ------

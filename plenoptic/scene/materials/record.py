@@ -15,10 +15,6 @@ from plenoptic.scene.textures.texture import Texture
 
 Index = complex | tuple[complex, complex, complex]
 
-KIND_NAMES = ("Lambertian", "rough diffuse", "metal", "glass", "panes", "metallic-roughness")
-"""What a plan calls the kinds by which kernels scatter."""
-LAMBERTIAN, OREN_NAYAR, CONDUCTOR, DIELECTRIC, THIN_DIELECTRIC, METALLIC_ROUGHNESS = range(6)
-
 SMOOTH = 1e-4
 """Below this width of the distribution of normals a surface reflects as if it were perfectly smooth."""
 
@@ -40,15 +36,7 @@ EXTRA_SHARES: tuple[str, ...] = ("clearcoat", "clearcoat_roughness")
 
 
 class MaterialRow(NamedTuple):
-    """One row of the columns that all materials of a scene are compiled into; what a material lacks keeps its default.
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> row = pl.Conductor(0.9).row()
-    >>> row.base_color, row.reflects, row.takes_light
-    (0.9, True, False)
-    """
+    """One row of the columns that materials are compiled into; what a material lacks keeps its default."""
 
     base_color: Colour | Texture = 0.0
     """The colour that it multiplies light by."""

@@ -5,21 +5,16 @@ from __future__ import annotations
 from typing import TypeAlias
 
 from plenoptic.scene.materials.conductor import Conductor
-from plenoptic.scene.materials.dielectric import Dielectric
+from plenoptic.scene.materials.dielectric import Dielectric, ThinGlass
 from plenoptic.scene.materials.diffuse import Lambertian, RoughDiffuse
 from plenoptic.scene.materials.emissive import Emissive
 from plenoptic.scene.materials.metallic_roughness import MetallicRoughness
-from plenoptic.scene.materials.record import (
-    CONDUCTOR,
-    DIELECTRIC,
-    LAMBERTIAN,
-    METALLIC_ROUGHNESS,
-    OREN_NAYAR,
-    THIN_DIELECTRIC,
-)
-from plenoptic.scene.materials.thin_dielectric import ThinGlass
 
 Material: TypeAlias = Lambertian | RoughDiffuse | Conductor | Dielectric | ThinGlass | MetallicRoughness | Emissive
+
+KIND_NAMES = ("Lambertian", "rough diffuse", "metal", "glass", "panes", "metallic-roughness")
+"""What a plan calls the kinds by which kernels scatter."""
+LAMBERTIAN, OREN_NAYAR, CONDUCTOR, DIELECTRIC, THIN_DIELECTRIC, METALLIC_ROUGHNESS = range(6)
 
 MATERIALS: dict[type[Material], int] = {
     Lambertian: LAMBERTIAN,

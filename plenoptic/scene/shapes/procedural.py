@@ -19,8 +19,6 @@ from plenoptic.scene.materials.registry import Material
 from plenoptic.scene.scene import Scene
 from plenoptic.scene.shapes.targets.checker_layouts import flat_mesh, grid_corners, grid_faces
 
-_BLACK = Lambertian(0.0)
-
 
 def quad(corner: ArrayLike, edge_u: ArrayLike, edge_v: ArrayLike, *, material: Material | None = None) -> Mesh:
     """A parallelogram of two triangles whose front is on the side of edge_u x edge_v.
@@ -48,7 +46,7 @@ def quad(corner: ArrayLike, edge_u: ArrayLike, edge_v: ArrayLike, *, material: M
 
 
 def box(size: ArrayLike, *, center: ArrayLike = (0.0, 0.0, 0.0), material: Material | None = None) -> Mesh:
-    """A rectangular block with its faces across the axes.
+    """A rectangular block of 12 triangles with its faces across the axes; each face has the whole texture.
 
     Parameters
     ----------
@@ -58,18 +56,17 @@ def box(size: ArrayLike, *, center: ArrayLike = (0.0, 0.0, 0.0), material: Mater
         mm.
     material : Material, optional
 
-    Returns
-    -------
-    Mesh
-        12 triangles; each face has the whole texture.
-
     Examples
     --------
     >>> import plenoptic as pl
     >>> pl.box(4).bounds.tolist()
     [[-2.0, -2.0, -2.0], [2.0, 2.0, 2.0]]
     """
-    edges = np.array([positive(edge, "size of the box", "mm") for edge in _edge_lengths(size)])
+    try:
+        sides = np.broadcast_to(np.asarray(size, dtype=np.float64), 3).tolist()
+    except (TypeError, ValueError, OverflowError):
+        raise InvalidValueError(f"size of the box is {size!r}; it must be one edge or (x, y, z) in mm") from None
+    edges = np.array([positive(side, "size of the box", "mm") for side in sides])
     middle = frozen_array(center, name="center", shape=(3,))
     corners: list[Floats] = []
     faces: list[list[int]] = []
@@ -125,21 +122,15 @@ def sphere(
 
 
 def turned(profile: ArrayLike, *, segments: int = 128, material: Material | None = None) -> Mesh:
-    """A body of revolution around the y axis.
+    """A body of revolution around the y axis, with smooth normals and texture coordinates (around, along).
 
     Parameters
     ----------
     profile : (n, 2) array
-        Distance from the axis, 0 or more, and height y in mm, from the bottom to the top; the outside is to
-        the right of this line.
+        Distance from the axis, 0 or more, and height y in mm, from the bottom to the top; the outside is on the right.
     segments : int
         Facets around the axis.
     material : Material, optional
-
-    Returns
-    -------
-    Mesh
-        With smooth normals and texture coordinates (around, along).
 
     Examples
     --------
@@ -154,26 +145,20 @@ def turned(profile: ArrayLike, *, segments: int = 128, material: Material | None
     around = whole(segments, "segments", at_least=3)
     angle = 2 * math.pi * np.arange(around + 1) / around
     rows = len(line)
-    # Axes so that the winding (around, then along the profile) faces outwards.
-    x = line[:, 0, None] * np.sin(angle)
-    z = line[:, 0, None] * np.cos(angle)
-    vertices = np.stack([x, np.broadcast_to(line[:, 1, None], x.shape), z], axis=-1)
     slope = np.gradient(line, axis=0)
-    out, up = slope[:, 1], -slope[:, 0]
-    normals = np.stack(
-        [out[:, None] * np.sin(angle), np.broadcast_to(up[:, None], x.shape), out[:, None] * np.cos(angle)], axis=-1
-    )
+    vertices, normals = _swept(line[:, 0], line[:, 1], angle), _swept(slope[:, 1], -slope[:, 0], angle)
     uv = np.stack(np.broadcast_arrays(np.arange(around + 1) / around, np.linspace(0, 1, rows)[:, None]), axis=-1)
     faces = grid_faces(np.ones((rows - 1, around), dtype=bool))
-    corners = vertices.reshape(-1, 3)[faces]
+    corners = vertices[faces]
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    return Mesh(
-        vertices.reshape(-1, 3),
-        faces[area > 1e-12 * area.max()],
-        _or_grey(material),
-        normals=normals.reshape(-1, 3),
-        uv=uv.reshape(-1, 2),
-    )
+    return Mesh(vertices, faces[area > 1e-12 * area.max()], _or_grey(material), normals=normals, uv=uv.reshape(-1, 2))
+
+
+def _swept(out: Floats, up: Floats, angle: Floats) -> Floats:
+    """(n, 3): a line of components away from the y axis and along it, at each angle around it, row by row."""
+    # Axes so that the winding (around, then along the profile) faces outwards.
+    parts = out[:, None] * np.sin(angle), up[:, None], out[:, None] * np.cos(angle)
+    return np.stack(np.broadcast_arrays(*parts), axis=-1).reshape(-1, 3)
 
 
 def checkerboard(
@@ -184,7 +169,7 @@ def checkerboard(
     odd: Material | None = None,
     offset: tuple[float, float] = (0.0, 0.0),
 ) -> tuple[Mesh, Mesh]:
-    """A rectangle of squares in the plane z = 0, centred on the origin, facing +z. The squares are geometry.
+    """A rectangle of squares in the plane z = 0, centred on the origin, facing +z: the even ones and the odd ones.
 
     Parameters
     ----------
@@ -197,11 +182,6 @@ def checkerboard(
         by default. Square (0, 0) has its lower left corner at `offset`.
     offset : (float, float)
         mm.
-
-    Returns
-    -------
-    (Mesh, Mesh)
-        The even and the odd squares.
 
     Examples
     --------
@@ -234,13 +214,6 @@ def _squares_below(number: NDArray[np.int64], places: Floats, start: float, squa
     """Number of the square above each line but the last."""
     middle = 0.5 * (places[:-1] + places[1:])
     return np.floor((middle - start) / square).astype(np.int64)
-
-
-def _edge_lengths(size: ArrayLike) -> list[float]:
-    try:
-        return [float(edge) for edge in np.broadcast_to(np.asarray(size, dtype=np.float64), 3)]
-    except (TypeError, ValueError, OverflowError):
-        raise InvalidValueError(f"size of the box is {size!r}; it must be one edge or (x, y, z) in mm") from None
 
 
 def _pair(values: tuple[float, float], name: str, wanted: str) -> tuple[float, float]:
@@ -279,7 +252,7 @@ def check_scene() -> Scene:
     [[-200.0, -200.0, -404.0], [200.0, 200.0, -404.0]]
     """
     # floor(0.1 - y) is -1 - n on the square n of lines at y = 0.1 + n: odd sums become even ones and back.
-    even, odd = checkerboard((400, 400), 1.0, even=Emissive(1.0), odd=_BLACK, offset=(-0.05, 0.1))
+    even, odd = checkerboard((400, 400), 1.0, even=Emissive(1.0), odd=Lambertian(0.0), offset=(-0.05, 0.1))
     return Scene([even.translated(z=-404), odd.translated(z=-404)])
 
 

@@ -20,32 +20,10 @@ _OF_RESULT = {"La": "LA", "RGBa": "RGBA"}
 
 
 def linear_texels(image: Image, *, encoding: Encoding, channel: int | None) -> NDArray[np.float32]:
-    """The (rows, columns, 1 or 3) linear values of an image, or of one of its channels.
+    """The (rows, columns, 1 or 3) linear values of an image of any mode, or of one of its channels.
 
-    Parameters
-    ----------
-    image : PIL.Image.Image
-        Of any mode; one that is opened lazily is read now.
-    encoding : Encoding
-        What codes of 8 and 16 bits mean; floats are linear.
-    channel : int or None
-        0, 1, 2: red, green, blue, or grey; 3: alpha, which is never sRGB and 1 where there is none. None: all but
-        alpha.
-
-    Raises
-    ------
-    InvalidValueError
-        No such encoding or channel.
-    FileError
-        The image cannot be decoded.
-
-    Examples
-    --------
-    >>> import PIL.Image
-    >>> import plenoptic as pl
-    >>> image = PIL.Image.new("RGBA", (2, 1), (0, 51, 255, 102))
-    >>> linear_texels(image, encoding=pl.images.Encoding.LINEAR, channel=3)[0, 0].round(3)
-    array([0.4], dtype=float32)
+    `encoding` is what codes of 8 and 16 bits mean; floats are linear. `channel` is 0, 1, 2 for red, green, blue, or
+    grey, 3 for alpha, which is never sRGB and 1 where there is none; None for all but alpha.
     """
     encoding, channel = choice(encoding, Encoding, "encoding"), images.channel_number(channel)
     try:
@@ -60,8 +38,7 @@ def linear_texels(image: Image, *, encoding: Encoding, channel: int | None) -> N
     values: NDArray[np.floating[Any]] = np.arange(white + 1) / white
     if encoding is Encoding.SRGB and channel != images.ALPHA:
         values = srgb_to_linear(values)
-    linear: NDArray[np.float32] = values.astype(np.float32)
-    return np.asarray(linear[codes])
+    return np.asarray(values.astype(np.float32)[codes])
 
 
 def _colours(image: Image) -> tuple[NDArray[Any], int | None]:

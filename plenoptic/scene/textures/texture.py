@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.color.srgb import Encoding
-from plenoptic.core.values import Floats, Given, choice, set_field, value
-from plenoptic.errors import InvalidValueError
-from plenoptic.scene.textures.texels import as_texels, check_size, equal_channels
+from plenoptic.core.values import Floats, Given, choice, frozen_array, set_field, value
+from plenoptic.errors import InvalidValueError, SceneError
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -27,8 +26,7 @@ class Wrap(enum.IntEnum):
 
     Examples
     --------
-    >>> import numpy as np
-    >>> import plenoptic as pl
+    >>> import numpy as np, plenoptic as pl
     >>> pl.Texture(np.ones((1, 2, 1)), wrap=(pl.materials.Wrap.REPEAT, pl.materials.Wrap.CLAMP)).wraps
     (<Wrap.REPEAT: 0>, <Wrap.CLAMP: 1>)
     """
@@ -86,13 +84,11 @@ class Texture:
 
     References
     ----------
-    The OpenGL Graphics System, version 4.6, sections 8.14.2 and 8.14.3: wrap modes and filters are those of
-    OpenGL and glTF 2.0 (REPEAT, CLAMP_TO_EDGE, MIRRORED_REPEAT).
+    The OpenGL Graphics System, version 4.6, sections 8.14.2 and 8.14.3 (REPEAT, CLAMP_TO_EDGE, MIRRORED_REPEAT).
 
     Examples
     --------
-    >>> import numpy as np
-    >>> import plenoptic as pl
+    >>> import numpy as np, plenoptic as pl
     >>> chequer = pl.Texture(np.array([[[0.1], [0.9]], [[0.9], [0.1]]]))
     >>> chequer.texels.shape
     (2, 2, 1)
@@ -101,8 +97,9 @@ class Texture:
     """
 
     texels: Given[NDArray[np.float32], ArrayLike]
-    wrap: Wrap | tuple[Wrap, Wrap] = dataclasses.field(default=Wrap.REPEAT, kw_only=True)
-    filter: TextureFilter = dataclasses.field(default=TextureFilter.BILINEAR, kw_only=True)
+    _: dataclasses.KW_ONLY
+    wrap: Wrap | tuple[Wrap, Wrap] = Wrap.REPEAT
+    filter: TextureFilter = TextureFilter.BILINEAR
 
     def __post_init__(self) -> None:
         codes = "Texture.from_image for image codes"
@@ -112,12 +109,7 @@ class Texture:
 
     @property
     def wraps(self) -> tuple[Wrap, Wrap]:
-        """What lies beyond the border along u and along v.
-
-        Examples
-        --------
-        See `Wrap`.
-        """
+        """What lies beyond the border along u and along v; see `Wrap`."""
         return self.wrap if isinstance(self.wrap, tuple) else (self.wrap, self.wrap)
 
     @property
@@ -126,28 +118,21 @@ class Texture:
 
         Examples
         --------
-        >>> import numpy as np
-        >>> import plenoptic as pl
+        >>> import numpy as np, plenoptic as pl
         >>> pl.Texture(np.ones((4, 4, 3))).is_grey
         True
         """
         return equal_channels(self.texels)
 
     def halved(self) -> Texture:
-        """The texture with half as many rows and columns, rounded down but at least one.
+        """The texture with half as many rows and columns, rounded down but at least one; wrap and filter stay.
 
         Each new texel is the mean of the old ones over its area: of 2 x 2 where sizes are even, of 3 with
         weights along an odd size. So the mean of all texels stays.
 
-        Returns
-        -------
-        Texture
-            With the same wrap and filter.
-
         Examples
         --------
-        >>> import numpy as np
-        >>> import plenoptic as pl
+        >>> import numpy as np, plenoptic as pl
         >>> pl.Texture(np.arange(8.0).reshape(2, 4, 1)).halved().texels[..., 0].tolist()
         [[2.5, 4.5]]
         """
@@ -233,19 +218,11 @@ class Texture:
 
         Examples
         --------
-        >>> import PIL.Image
-        >>> import plenoptic as pl
+        >>> import PIL.Image, plenoptic as pl
         >>> image = PIL.Image.new("RGB", (8, 4), (255, 188, 0))
         >>> texture = pl.Texture.from_image(image)
         >>> texture.texels.shape, texture.texels[0, 0].round(2).tolist()
         ((4, 8, 3), [1.0, 0.5, 0.0])
-
-        The green of a glTF image is roughness, and no colour:
-
-        >>> import plenoptic as pl
-        >>> roughness = pl.Texture.from_image(image, encoding=pl.images.Encoding.LINEAR, channel=1)
-        >>> roughness.texels.shape, f"{roughness.texels[0, 0, 0]:.3f}"
-        ((4, 8, 1), '0.737')
         """
         from PIL.Image import Image
 
@@ -255,6 +232,41 @@ class Texture:
             raise InvalidValueError(f"image is {type(image).__name__}; it must be a Pillow image")
         check_size((image.height, image.width), "the image", MAX_TEXELS)
         return cls(linear_texels(image, encoding=encoding, channel=channel), wrap=wrap, filter=filter)
+
+
+def as_texels(texels: ArrayLike, owner: type, *, most: int, from_codes: str) -> NDArray[np.float32]:
+    """(rows, columns, 1 or 3), read-only, finite and 0 or more; `from_codes` is what takes codes of image files."""
+    if isinstance(texels, str | PathLike):
+        raise InvalidValueError(f"texels are {texels!r}; use {owner.__name__}.load for files")
+    if isinstance(texels, np.ndarray):
+        if texels.dtype.kind in "iub":
+            raise InvalidValueError(f"texels are {texels.dtype}; they must be linear floats, or use {from_codes}")
+        check_size(texels.shape, "texels", most)  # before they are copied
+    with np.errstate(over="ignore"):
+        kept = frozen_array(texels, name="texels", shape=("rows", "columns", "channels"), dtype=np.float32)
+    if kept.shape[2] not in (1, 3):
+        raise InvalidValueError(f"texels has {kept.shape[2]} channels; it must have 1 or 3 (drop alpha)")
+    check_size(kept.shape, "texels", most)
+    # min and max hand NaN on, so two passes without temporaries see everything.
+    low, high = float(kept.min()), float(kept.max())
+    if not (low >= 0 and high < np.inf):
+        raise SceneError(f"texels lie between {low:g} and {high:g}; they must be finite and 0 or more, so clip them")
+    return kept
+
+
+def check_size(shape: tuple[int, ...], name: str, most: int) -> None:
+    """Refuse an image without texels, and one that is too large."""
+    if len(shape) >= 2 and not 0 < shape[0] * shape[1] <= most:
+        raise SceneError(
+            f"{name} has {shape[0]} x {shape[1]} texels; it must have at least 1 row and 1 column of them, and at most "
+            f"{most}, so scale it down"
+        )
+
+
+def equal_channels(texels: NDArray[Any]) -> bool:
+    """Whether all channels of an image are equal."""
+    first = texels[..., 0]
+    return all(np.array_equal(first, texels[..., k]) for k in range(1, texels.shape[2]))
 
 
 def _one_or_two(wrap: Any) -> Wrap | tuple[Wrap, Wrap]:

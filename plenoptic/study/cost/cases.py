@@ -15,11 +15,10 @@ from plenoptic.scene.geometry.instance import Instances
 from plenoptic.scene.lights.environment import EnvironmentMap
 from plenoptic.scene.lights.point import PointLight
 from plenoptic.scene.lights.sun import SunLight
-from plenoptic.scene.materials.dielectric import Dielectric
+from plenoptic.scene.materials.dielectric import Dielectric, ThinGlass
 from plenoptic.scene.materials.emissive import Emissive
 from plenoptic.scene.materials.metallic_roughness import MetallicRoughness
 from plenoptic.scene.materials.registry import Material
-from plenoptic.scene.materials.thin_dielectric import ThinGlass
 from plenoptic.scene.scene import Scene
 from plenoptic.scene.shapes.procedural import box, check_scene, objects_scene, quad, sphere
 from plenoptic.scene.shapes.still_life import still_life

@@ -15,8 +15,7 @@ from plenoptic.scene.lights.environment import ConstantBackground, EnvironmentMa
 from plenoptic.scene.lights.registry import AreaLight, DistantLight, Light
 from plenoptic.scene.materials.diffuse import Lambertian
 from plenoptic.scene.materials.emissive import Emissive
-from plenoptic.scene.materials.record import LAMBERTIAN
-from plenoptic.scene.materials.registry import MATERIALS, Material
+from plenoptic.scene.materials.registry import LAMBERTIAN, MATERIALS, Material
 from plenoptic.scene.scene import Scene
 from plenoptic.scene.textures.color import Colour, mean_colour
 from plenoptic.scene.textures.texture import Texture

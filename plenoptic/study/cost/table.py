@@ -98,10 +98,10 @@ class CostTable:
 
     Examples
     --------
-    >>> from plenoptic.rendering.plan.stages import Stage
-    >>> from plenoptic.study.cost.table import CostRow, CostTable
-    >>> row = CostRow(Stage.POSE, "the scene in the camera's frame", 2.0, 1.96, 2.0, 0.3, 0.001, 0.0)
-    >>> table = CostTable([row], [], 2.0, 0.1, samples=16, rounds=5, pixels=(128, 128), threads=1)
+    >>> import plenoptic as pl
+    >>> stage = pl.rendering.Stage.POSE
+    >>> row = pl.study.CostRow(stage, "the scene in the camera's frame", 2.0, 1.96, 2.0, 0.3, 0.001, 0.0)
+    >>> table = pl.study.CostTable([row], [], 2.0, 0.1, samples=16, rounds=5, pixels=(128, 128), threads=1)
     >>> table
     <CostTable: 1 stage left out one at a time, 2 CPU s per million paths with all of them>
     >>> print(table.to_markdown().splitlines()[2])

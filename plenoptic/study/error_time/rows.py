@@ -33,8 +33,8 @@ class ErrorRow:
 
     Examples
     --------
-    >>> from plenoptic.study import ErrorRow
-    >>> row = ErrorRow("THIN lens", 64, cpu_seconds=0.03, wall_seconds=0.03, setup_cpu_seconds=0.001,
+    >>> import plenoptic as pl
+    >>> row = pl.study.ErrorRow("THIN lens", 64, cpu_seconds=0.03, wall_seconds=0.03, setup_cpu_seconds=0.001,
     ...     setup_wall_seconds=0.001, variance=9e-4, variance_error=2e-5, bias_squared=16e-4, bias_squared_error=1e-5)
     >>> round(row.error, 6), row.noise, row.bias, row.bias_is_found
     (0.05, 0.03, 0.04, True)

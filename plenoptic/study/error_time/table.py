@@ -57,12 +57,12 @@ class ErrorTable:
 
     Examples
     --------
-    >>> from plenoptic.study import ErrorRow, ErrorTable
+    >>> import plenoptic as pl
     >>> def row(n):
-    ...     return ErrorRow("THIN lens", n, cpu_seconds=0.001 * n, wall_seconds=0.001 * n, setup_cpu_seconds=0.0,
-    ...         setup_wall_seconds=0.0, variance=0.01 / n, variance_error=1e-3 / n, bias_squared=1e-4,
-    ...         bias_squared_error=1e-6, reported_variance=0.01 / n)
-    >>> table = ErrorTable("an example", [row(16), row(64)], pixels=4096, lit_pixels=4000, seeds=8, threads=1,
+    ...     return pl.study.ErrorRow("THIN lens", n, cpu_seconds=0.001 * n, wall_seconds=0.001 * n,
+    ...         setup_cpu_seconds=0.0, setup_wall_seconds=0.0, variance=0.01 / n, variance_error=1e-3 / n,
+    ...         bias_squared=1e-4, bias_squared_error=1e-6, reported_variance=0.01 / n)
+    >>> table = pl.study.ErrorTable("an example", [row(16), row(64)], pixels=4096, lit_pixels=4000, seeds=8, threads=1,
     ...     reference_samples=4096, reference_error=0.001)
     >>> table
     <ErrorTable 'an example': 1 variant, 16 to 64 samples, errors of 2.69 % to 1.6 %>

@@ -45,8 +45,7 @@ class Variant:
     Examples
     --------
     >>> import plenoptic as pl
-    >>> from plenoptic.study import Variant
-    >>> Variant(lens=pl.LensModel.THIN, replicates=1)
+    >>> pl.study.Variant(lens=pl.LensModel.THIN, replicates=1)
     Variant(lens=<LensModel.THIN: 1>, replicates=1)
     """
 
@@ -94,10 +93,9 @@ class Variant:
         Examples
         --------
         >>> import plenoptic as pl
-        >>> from plenoptic.study import Variant
         >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
         ...     sensor=pl.Sensor(shape=(16, 16), pixel_pitch=0.01), stop_to_microlenses=130.0)
-        >>> Variant(lens=pl.LensModel.THIN).camera_from(camera).lens.model.name
+        >>> pl.study.Variant(lens=pl.LensModel.THIN).camera_from(camera).lens.model.name
         'THIN'
         """
         chosen = camera if self.camera is None else self.camera
@@ -163,10 +161,9 @@ def default_variants(scene: Scene | None, camera: PlenopticCamera) -> dict[str, 
     Examples
     --------
     >>> import plenoptic as pl
-    >>> from plenoptic.study import default_variants
     >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
     ...     sensor=pl.Sensor(shape=(16, 16), pixel_pitch=0.01), stop_to_microlenses=130.0)
-    >>> list(default_variants(None, camera))
+    >>> list(pl.study.default_variants(None, camera))
     ['EXACT lens', 'PARAXIAL lens', 'THIN lens', 'RANDOM sampler', '1 replicate']
     """
     runs = plan(scene, camera).runs

@@ -84,7 +84,7 @@ def test_arrays_of_other_kinds_are_refused(tmp_path, array):
 
 
 def test_facts_of_other_kinds_are_refused(tmp_path):
-    with pytest.raises(pl.errors.InvalidValueError, match="must be numbers, texts and lists"):
+    with pytest.raises(TypeError):
         save_checkpoint(tmp_path / "state", OURS, {}, {"camera": object()})
     assert not os.listdir(tmp_path)
 

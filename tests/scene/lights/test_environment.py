@@ -9,10 +9,9 @@ import pytest
 import plenoptic as pl
 from plenoptic.core.jit import kernel
 from plenoptic.core.kernels.vectors import row_vector
+from plenoptic.scene.lights.compile import environment_record, texel_solid_angles
 from plenoptic.scene.lights.environment import MAX_TEXELS, EnvironmentMap
-from plenoptic.scene.lights.environment_compile import environment_record, texel_solid_angles
-from plenoptic.scene.lights.kernels.environment import environment_texel, sample_environment, sample_long_cdf
-from plenoptic.scene.lights.kernels.sample_cdf import sample_cdf
+from plenoptic.scene.lights.kernels.sky import environment_texel, sample_cdf, sample_environment, sample_long_cdf
 
 LAST = 1 - 2.0**-32
 """The largest coordinate of a sampling point."""

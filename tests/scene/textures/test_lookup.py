@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 import plenoptic as pl
 from plenoptic.core.jit import kernel
+from plenoptic.scene.compile import atlas
 from plenoptic.scene.textures import record
-from plenoptic.scene.textures.atlas import atlas
 from plenoptic.scene.textures.kernels.lookup import fill_texel
 from plenoptic.scene.textures.texture import TextureFilter, Wrap
 

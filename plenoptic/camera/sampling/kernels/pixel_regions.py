@@ -21,17 +21,17 @@ _MOST_CORNERS = 64
 @device
 def _store_fan(triangles, used, polygon, n, shift, axis, area):
     """Append a polygon as a fan of triangles; returns the triangles used and the area so far."""
-    x, y, _, _ = polygon
+    x, y = polygon[0, 0], polygon[1, 0]
     for k in range(1, n - 1):
-        ax, ay = x[k] - x[0], y[k] - y[0]
-        bx, by = x[k + 1] - x[0], y[k + 1] - y[0]
+        ax, ay = polygon[0, k] - x, polygon[1, k] - y
+        bx, by = polygon[0, k + 1] - x, polygon[1, k + 1] - y
         twice = ax * by - ay * bx
         if twice <= 0.0:
             continue
         area += 0.5 * twice
         if used < triangles.size:
             triangle = triangles[used]
-            triangle.x, triangle.y = x[0] + shift[0], y[0] + shift[1]
+            triangle.x, triangle.y = x + shift[0], y + shift[1]
             triangle.ax, triangle.ay, triangle.bx, triangle.by = ax, ay, bx, by
             triangle.area = area
             triangle.axis_x, triangle.axis_y = axis
@@ -77,39 +77,38 @@ def _slopes(centre, at, start, lens, per_h, pinhole, plane, radius):
 
 
 @device
-def _cut_opening(polygon, opening, at, slopes, spread, azimuth, outline):
+def _cut_opening(polygon, opening, at, slopes, room, azimuth, normals, support):
     """Cut an opening with the outline of the pupil; returns its corners.
 
-    A ray through d of the opening crosses the outline's plane at q + J d, no farther than `spread` from q. `azimuth`
-    is the cosine and sine of that of the cell, in whose direction the outline has its first axis. The outline has
-    normals, their distances and a margin.
+    A ray through d of the opening crosses the outline's plane at q + J d, no farther than `spread` from q; `room` is
+    that and a margin. `azimuth` is the cosine and sine of that of the cell, in whose direction the outline has its
+    first axis. The outline's sides have `normals` and are as far away as `support` says.
     """
-    x, y, xs, ys = polygon
     qx, qy = at
     jxx, jxy, jyx, jyy = slopes
     cos, sin = azimuth
-    normals, support, margin = outline
+    spread, margin = room
     tx, ty = cos * qx + sin * qy, cos * qy - sin * qx
     n = -1
     for k in range(normals.shape[0]):
-        room = support[k] + margin - (normals[k, 0] * tx + normals[k, 1] * ty)
-        if room >= spread:
+        limit = support[k] + margin - (normals[k, 0] * tx + normals[k, 1] * ty)
+        if limit >= spread:
             continue
-        if room < -spread:
+        if limit < -spread:
             return 0
         if n < 0:
             n = opening.shape[0]
             for q in range(n):
-                x[q], y[q] = opening[q, 0], opening[q, 1]
+                polygon[0, q], polygon[1, q] = opening[q, 0], opening[q, 1]
         # The side's normal, turned back.
         ux, uy = cos * normals[k, 0] - sin * normals[k, 1], sin * normals[k, 0] + cos * normals[k, 1]
-        n = cut(x, y, n, jxx * ux + jyx * uy, jxy * ux + jyy * uy, room, xs, ys)
+        n = cut(polygon, n, jxx * ux + jyx * uy, jxy * ux + jyy * uy, limit)
         if n == 0:
             return 0
     if n < 0:
         n = opening.shape[0]
         for q in range(n):
-            x[q], y[q] = opening[q, 0], opening[q, 1]
+            polygon[0, q], polygon[1, q] = opening[q, 0], opening[q, 1]
     return n
 
 
@@ -140,9 +139,7 @@ def fill_cell_regions(regions, pixels, pixel_margin, sensor, array, pupil):
     origin, basis, inverse = array.lattice.origin, array.lattice.basis, array.lattice.inverse
     powers, radius, plane, pinhole = array.lattice.powers, array.opening.radius, pupil.plane, pupil.pinhole
     normals, support, reach, step = pupil.normals, pupil.support, pupil.reach, pupil.step
-    x, y = np.empty(_MOST_CORNERS), np.empty(_MOST_CORNERS)
-    spare_x, spare_y = np.empty(_MOST_CORNERS), np.empty(_MOST_CORNERS)
-    polygon = x, y, spare_x, spare_y
+    polygon = np.empty((4, _MOST_CORNERS))
     largest = 0.0
     for i in range(reach.size):
         largest = max(largest, reach[i])
@@ -239,8 +236,8 @@ def fill_cell_regions(regions, pixels, pixel_margin, sensor, array, pupil):
                             opening = array.opening.corners[part]
                         else:
                             opening = listed.corners[row, part, : listed.counts[row, part]]
-                        outline = (normals, support[interval], margin)
-                        n = _cut_opening(polygon, opening, at, slopes, spread, azimuth, outline)
+                        room = spread, margin
+                        n = _cut_opening(polygon, opening, at, slopes, room, azimuth, normals, support[interval])
                         if n < 3:
                             continue
                         start = used
@@ -267,7 +264,7 @@ def fill_pupil_regions(regions, pixels, pupil):
     triangles, first = regions.triangles, regions.first
     corners, reach, step = pupil.corners, pupil.reach, pupil.step
     sides = corners.shape[1]
-    x, y = np.empty(sides), np.empty(sides)
+    polygon = np.empty((4, sides))
     used = 0
     for p in range(pixels.shape[0]):
         first[p] = used
@@ -278,8 +275,8 @@ def fill_pupil_regions(regions, pixels, pupil):
             continue
         cos, sin = (sx / rho, sy / rho) if rho > 0.0 else (1.0, 0.0)
         for k in range(sides):
-            x[k] = cos * corners[interval, k, 0] - sin * corners[interval, k, 1]
-            y[k] = sin * corners[interval, k, 0] + cos * corners[interval, k, 1]
-        used, _ = _store_fan(triangles, used, (x, y, x, y), sides, (0.0, 0.0), (0.0, 0.0), 0.0)
+            polygon[0, k] = cos * corners[interval, k, 0] - sin * corners[interval, k, 1]
+            polygon[1, k] = sin * corners[interval, k, 0] + cos * corners[interval, k, 1]
+        used, _ = _store_fan(triangles, used, polygon, sides, (0.0, 0.0), (0.0, 0.0), 0.0)
     first[pixels.shape[0]] = used
     return used

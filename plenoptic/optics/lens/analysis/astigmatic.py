@@ -76,10 +76,9 @@ def foci(lens: LensStack, rays: RayBundle, *, parallel: bool, reverse: bool = Fa
     Examples
     --------
     >>> import plenoptic as pl
-    >>> from plenoptic.optics.lens.analysis.astigmatic import foci
     >>> lens = pl.load_lens("double-gauss-100mm-f2")
     >>> axis = pl.RayBundle([[0.0, 0.0, -404.0]], [[0.0, 0.0, 1.0]])
-    >>> foci(lens, axis, parallel=False).sagittal.round(3).tolist()
+    >>> pl.aberrations.foci(lens, axis, parallel=False).sagittal.round(3).tolist()
     [[0.0, 0.0, 134.624]]
     """
     require_axis(lens, "astigmatism is")

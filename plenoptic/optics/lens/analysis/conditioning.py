@@ -142,7 +142,7 @@ class Conditioning:
         Examples
         --------
         >>> import plenoptic as pl
-            >>> rays = pl.RayBundle([[0, 30.0, -100.0]], [[0, 0, 1.0]])
+        >>> rays = pl.RayBundle([[0, 30.0, -100.0]], [[0, 0, 1.0]])
         >>> pl.conditioning(pl.load_lens("singlet-100mm-f4"), rays).lost_at(0)
         {'clipped': 1}
         """

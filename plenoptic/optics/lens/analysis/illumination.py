@@ -53,8 +53,7 @@ def largest_field(lens: LensStack, *, z_object: float = -math.inf, wavelength: f
 
     Examples
     --------
-    >>> import math
-    >>> import plenoptic as pl
+    >>> import math, plenoptic as pl
     >>> round(math.degrees(pl.aberrations.largest_field(pl.load_lens("fisheye-100mm-f8"))), 1)
     91.5
     """

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,10 +12,8 @@ from plenoptic.errors import InvalidValueError
 from plenoptic.optics.glass.media import C_LINE, D_LINE, F_LINE
 from plenoptic.optics.lens.gaussian.marginal_and_chief import ParaxialRay, chief_ray, lagrange_invariant, marginal_ray
 from plenoptic.optics.lens.gaussian.paraxial import image_position, leaving_aperture
+from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.surfaces.surface import Surface
-
-if TYPE_CHECKING:
-    from plenoptic.optics.lens.stack import LensStack
 
 _SUMS = ("spherical", "coma", "astigmatism", "petzval", "distortion")
 _LINES = (F_LINE, D_LINE, C_LINE)

@@ -15,8 +15,7 @@ class FindingKind(enum.IntEnum):
     Examples
     --------
     >>> import plenoptic as pl
-    >>> from plenoptic.optics.lens.checks.finding import FindingKind
-    >>> FindingKind(1).name
+    >>> pl.optics.FindingKind(1).name
     'THIN_EDGE'
     """
 
@@ -68,11 +67,10 @@ class Finding:
     Examples
     --------
     >>> import plenoptic as pl
-    >>> from plenoptic.optics.lens.checks.check import findings
     >>> lens = pl.LensStack([pl.CircularStop(4.0, thickness=1.0),
     ...                      pl.Surface(10.0, 2.0, pl.ConstantMedium(1.5), semi_diameter=8.0),
     ...                      pl.Surface(-10.0, semi_diameter=8.0)])
-    >>> print(findings(lens)[0])
+    >>> print(lens.check()[0])
     surfaces 1 and 2 cross 4.36 mm from the axis: at 8 mm there is -6 mm of glass between them; reduce a semi-diameter
     """
 

@@ -126,8 +126,7 @@ def save_lens(lens: LensStack, path: str | os.PathLike[str]) -> None:
 
     Examples
     --------
-    >>> import plenoptic as pl
-    >>> import tempfile, pathlib
+    >>> import pathlib, tempfile, plenoptic as pl
     >>> lens = pl.load_lens("double-gauss-100mm-f2")
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     pl.save_lens(lens, pathlib.Path(folder) / "mine.json")

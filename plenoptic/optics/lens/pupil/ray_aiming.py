@@ -188,8 +188,7 @@ def aimed_rays(
 
     Examples
     --------
-    >>> import math
-    >>> import plenoptic as pl
+    >>> import math, plenoptic as pl
     >>> lens = pl.load_lens("fisheye-100mm-f8")
     >>> rays = pl.aiming.aimed_rays(lens, field=(0.0, math.radians(85.0)), pupil=[[0.0, 0.0], [0.0, 0.5]])
     >>> rays.direction.round(4).tolist()
@@ -262,8 +261,7 @@ def entrance_pupil_of(
 
     Examples
     --------
-    >>> import math
-    >>> import plenoptic as pl
+    >>> import math, plenoptic as pl
     >>> lens = pl.load_lens("fisheye-100mm-f8")
     >>> [round(pl.aiming.entrance_pupil_of(lens, (0.0, math.radians(angle)))) for angle in (0, 40, 80)]
     [-238, -251, -302]

@@ -43,13 +43,12 @@ def fill_bins(bins, points):
 @device
 def _cut_by_edges(polygon, n, corners, shift, margin):
     """Cut a polygon, of which n corners count, with the edges of another one, moved outwards by a margin."""
-    x, y, spare_x, spare_y = polygon
     sides = corners.shape[0]
     for q in range(sides):
         r = q + 1 if q + 1 < sides else 0
         a, b = corners[r, 1] - corners[q, 1], corners[q, 0] - corners[r, 0]
         limit = a * (corners[q, 0] + shift[0]) + b * (corners[q, 1] + shift[1])
-        n = cut(x, y, n, a, b, limit + margin * math.hypot(a, b), spare_x, spare_y)
+        n = cut(polygon, n, a, b, limit + margin * math.hypot(a, b))
     return n
 
 
@@ -62,12 +61,11 @@ def fill_cells(cells, counts, points, base, margin, reach, neighbours):
     counted and not written.
     """
     polygon = np.empty((4, _MOST_CORNERS))
-    x, y, spare_x, spare_y = polygon
     most = 0
     for k in range(points.shape[0]):
         n = base.shape[0]
         for q in range(n):
-            x[q], y[q] = 8.0 * base[q, 0], 8.0 * base[q, 1]
+            polygon[0, q], polygon[1, q] = 8.0 * base[q, 0], 8.0 * base[q, 1]
         n = _cut_by_edges(polygon, n, base, (0.0, 0.0), margin)
         if neighbours is not None:
             low_i, high_i, low_j, high_j = bins_around(points[k, 0], points[k, 1], reach, neighbours)
@@ -80,11 +78,11 @@ def fill_cells(cells, counts, points, base, margin, reach, neighbours):
                             continue
                         dx, dy = points[other, 0] - points[k, 0], points[other, 1] - points[k, 1]
                         limit = 0.5 * (dx * dx + dy * dy) + margin * math.hypot(dx, dy)
-                        n = cut(x, y, n, dx, dy, limit, spare_x, spare_y)
+                        n = cut(polygon, n, dx, dy, limit)
         most = max(most, n)
         counts[k] = n
         for q in range(min(n, cells.shape[1])):
-            cells[k, q, 0], cells[k, q, 1] = x[q], y[q]
+            cells[k, q, 0], cells[k, q, 1] = polygon[0, q], polygon[1, q]
     return most
 
 
@@ -95,15 +93,14 @@ def fill_openings(corners, counts, cells, cell_counts, opening, shifts):
     Returns the most corners that one has; see `fill_cells`.
     """
     polygon = np.empty((4, _MOST_CORNERS))
-    x, y, _, _ = polygon
     most = 0
     for k in range(cells.shape[0]):
         n = cell_counts[k]
         for q in range(n):
-            x[q], y[q] = cells[k, q, 0], cells[k, q, 1]
+            polygon[0, q], polygon[1, q] = cells[k, q, 0], cells[k, q, 1]
         n = _cut_by_edges(polygon, n, opening, (shifts[k, 0], shifts[k, 1]), 0.0)
         most = max(most, n)
         counts[k] = n
         for q in range(min(n, corners.shape[1])):
-            corners[k, q, 0], corners[k, q, 1] = x[q], y[q]
+            corners[k, q, 0], corners[k, q, 1] = polygon[0, q], polygon[1, q]
     return most

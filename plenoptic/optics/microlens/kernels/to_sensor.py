@@ -88,14 +88,6 @@ def fill_aims(aims, blocks, sensor, placed):
 
 
 @kernel
-def fill_weights(blocks, aims):
-    """The weights of aims back to their rays."""
-    for b in range(blocks.size // RAY):
-        for i in range(WEIGHT, WEIGHT + BLOCK):
-            blocks[b * RAY + i] = aims[b * RAY + i]
-
-
-@kernel
 def fill_ideal_weights(blocks):
     """Behind an ideal main lens, in its axes: dx dy du dv, which it keeps, becomes etendue."""
     for b in range(blocks.size // RAY):

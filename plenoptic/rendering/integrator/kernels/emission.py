@@ -9,8 +9,7 @@ import numpy as np
 from plenoptic.core.jit import kernel
 from plenoptic.core.kernels.vectors import dot, row_vector
 from plenoptic.core.kernels.wavelengths import one_channel, wave_of
-from plenoptic.scene.geometry.kernels.instances import is_mirrored
-from plenoptic.scene.geometry.kernels.intersect import corners, interpolate_uv, intersect_triangle
+from plenoptic.scene.geometry.kernels.intersect import corners, interpolate_uv, intersect_triangle, is_mirrored
 from plenoptic.scene.lights.kernels.sky import add_environment, add_suns, weight
 from plenoptic.scene.lights.record import DELTA
 from plenoptic.scene.textures.kernels.lookup import fill_texel

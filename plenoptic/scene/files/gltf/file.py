@@ -85,24 +85,13 @@ class GltfFile:
             (count, width), kind, view, offset=place.get("byteOffset", 0), strides=(stride, kind.itemsize)
         )
 
-    def resource(self, uri: str) -> bytes:
-        """What a URI stands for: the data in it, or the content of a file."""
-        return _resource(uri, self.folder)
-
 
 def read_gltf(content: bytes, kind: str, folder: Path) -> GltfFile:
     """Take a file apart, of the kind "glb" (binary) or "gltf" (text), that lies in a folder.
 
     A `FileError` for another kind of file, one that is cut off, or one that requires an extension that is not read.
-
-    Examples
-    --------
-    >>> from pathlib import Path
-    >>> from plenoptic.scene.files.gltf.file import read_gltf
-    >>> read_gltf(b'{"asset": {"version": "2.0"}, "nodes": [{}]}', "gltf", Path()).header["nodes"]
-    [{}]
     """
-    text, binary = _chunks(content) if kind == "glb" else (content, None)
+    text, binary = _chunks(content) if kind == "glb" else (content, b"")
     header = json.loads(text)
     if not isinstance(header, dict):
         raise FileError("it is no glTF file, whatever its name says; export it again")
@@ -112,18 +101,14 @@ def read_gltf(content: bytes, kind: str, folder: Path) -> GltfFile:
     needed = [name for name in header.get("extensionsRequired", ()) if not name.startswith(KNOWN)]
     if needed:
         raise FileError(f"it needs the extensions {', '.join(needed)}, which are not read; export without them")
-    buffers = []
-    for number, buffer in enumerate(header.get("buffers", ())):
-        if "uri" in buffer:
-            buffers.append(_resource(buffer["uri"], folder))
-        elif number == 0 and binary is not None:
-            buffers.append(binary)
-        else:
-            buffers.append(b"")
+    buffers = [
+        resource(buffer["uri"], folder) if "uri" in buffer else b"" if number else binary
+        for number, buffer in enumerate(header.get("buffers", ()))
+    ]
     return GltfFile(header, tuple(buffers), folder)
 
 
-def _chunks(content: bytes) -> tuple[bytes, bytes | None]:
+def _chunks(content: bytes) -> tuple[bytes, bytes]:
     """The JSON part of a binary file, and the buffer that comes with it."""
     if content[:4] != b"glTF":
         raise FileError("it is no binary glTF file, whatever its name says; export it again")
@@ -132,10 +117,11 @@ def _chunks(content: bytes) -> tuple[bytes, bytes | None]:
         raise FileError(f"it is cut off after {len(content)} of {max(length, end)} bytes; export it again")
     text, rest = content[20:end], content[end:length]
     size = int.from_bytes(rest[:4], "little")
-    return text, rest[8 : 8 + size] if rest[4:8] == b"BIN\0" else None
+    return text, rest[8 : 8 + size] if rest[4:8] == b"BIN\0" else b""
 
 
-def _resource(uri: str, folder: Path) -> bytes:
+def resource(uri: str, folder: Path) -> bytes:
+    """What a URI stands for: the data in it, or the content of a file in a folder."""
     if uri.startswith("data:"):
         head, _, data = uri.partition(",")
         return base64.b64decode(data) if head.endswith(";base64") else unquote_to_bytes(data)

@@ -14,7 +14,7 @@ from plenoptic.scene.files.file_materials import colour_of
 from plenoptic.scene.files.gltf.file import GltfFile
 from plenoptic.scene.files.gltf.materials import WHITE, gltf_material
 from plenoptic.scene.files.gltf.nodes import PlacedNode, copies
-from plenoptic.scene.files.gltf.textures import GltfTextures, TexturePlacement
+from plenoptic.scene.files.gltf.textures import GltfTextures, MaterialTextures, TexturePlacement
 from plenoptic.scene.geometry.instance import Instances
 from plenoptic.scene.geometry.mesh import Mesh, has_area
 from plenoptic.scene.materials.diffuse import Lambertian
@@ -36,7 +36,11 @@ def gltf_meshes(
     places: dict[int, list[Floats]] = {}
     for node in nodes:
         if "mesh" in node.described:
-            _warn_of_poses(node.described)
+            if "skin" in node.described or any(node.described.get("weights", ())):
+                label = node.described.get("name", "without a name")
+                warnings.warn(
+                    f"the node {label!r} bends its mesh, which is shown as it is stored, unbent", stacklevel=2
+                )
             places.setdefault(node.described["mesh"], []).append(copies(node, file))
     reader = _MeshReader(file, scale, material)
     for number, found in places.items():
@@ -53,12 +57,6 @@ def gltf_meshes(
                 yield Instances(mesh, matrices)
             else:
                 yield from (mesh.transformed(matrix) for matrix in matrices)
-
-
-def _warn_of_poses(node: Mapping[str, Any]) -> None:
-    if "skin" in node or any(node.get("weights", ())):
-        name = node.get("name", "without a name")
-        warnings.warn(f"the node {name!r} bends its mesh, which is shown as it is stored, unbent", stacklevel=2)
 
 
 class _MeshReader:
@@ -108,7 +106,9 @@ class _MeshReader:
         key = (primitive["material"], tint)
         if key not in self._materials:
             described = self._file.described("materials", primitive["material"])
-            self._materials[key] = gltf_material(described, self._textures, self._scale, tint or WHITE)
+            read = MaterialTextures(self._textures, str(described.get("name", "without a name")))
+            material = gltf_material(described, read, self._scale, tint or WHITE)
+            self._materials[key] = material, read.placement(material)
         return self._materials[key]
 
     def _tint(self, attributes: Mapping[str, Any]) -> tuple[float, ...] | None:

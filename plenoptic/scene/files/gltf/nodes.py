@@ -56,18 +56,7 @@ def _local(node: Mapping[str, Any]) -> Floats:
 
 
 def composed(translations: Floats, rotations: Floats, scales: Floats) -> Floats:
-    """(n, 4, 4) matrices of (n, 3) translations, (n, 4) quaternions (x, y, z, w) and (n, 3) scales.
-
-    Examples
-    --------
-    Twice as large, half a turn about y, then up:
-
-    >>> import numpy as np
-    >>> from plenoptic.scene.files.gltf.nodes import composed
-    >>> (matrix,) = composed(np.array([[0, 5, 0]]), np.array([[0, 1, 0, 0]]), np.array([[2, 2, 2]]))
-    >>> (matrix @ (1, 1, 1, 1)).tolist()
-    [-2.0, 7.0, -2.0, 1.0]
-    """
+    """(n, 4, 4) matrices of (n, 3) translations, (n, 4) quaternions (x, y, z, w) and (n, 3) scales."""
     x, y, z, w = (rotations / np.linalg.norm(rotations, axis=1, keepdims=True)).T
     rows = [
         [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Mapping
 from io import BytesIO
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -13,7 +13,8 @@ from plenoptic.core.color.srgb import Encoding
 from plenoptic.core.values import Floats
 from plenoptic.errors import FileError
 from plenoptic.scene.files.file_materials import REPLACE, colour_of, number_or_texture, times
-from plenoptic.scene.files.gltf.file import GltfFile
+from plenoptic.scene.files.gltf.file import GltfFile, resource
+from plenoptic.scene.materials.registry import Material
 from plenoptic.scene.textures.color import Colour
 from plenoptic.scene.textures.texture import Texture, TextureFilter, Wrap
 
@@ -33,12 +34,6 @@ class TexturePlacement(NamedTuple):
 
     `coordinates` is the number of the set of texture coordinates; offset, rotation (radians) and scale are those of
     KHR_texture_transform, in glTF's texture coordinates, v down.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> TexturePlacement(scale=(2.0, 2.0)).uv(np.array([[0.0, 0.0], [0.5, 0.5]])).tolist()
-    [[0.0, 1.0], [1.0, 0.0]]
     """
 
     coordinates: int = 0
@@ -59,82 +54,24 @@ class TexturePlacement(NamedTuple):
         return np.stack([u + self.offset[0], 1 - (v + self.offset[1])], axis=1)
 
 
-def placement_of(infos: Iterable[Info], material: str) -> TexturePlacement:
-    """The one way in which several textures of a material lie on a mesh; a `FileError` where there are several."""
-    found = set()
-    for info in infos:
-        moved = info.get("extensions", {}).get("KHR_texture_transform", {})
-        (x, y), (along_u, along_v) = moved.get("offset", (0.0, 0.0)), moved.get("scale", (1.0, 1.0))
-        coordinates = moved.get("texCoord", info.get("texCoord", 0))
-        found.add(TexturePlacement(coordinates, (x, y), moved.get("rotation", 0.0), (along_u, along_v)))
-    if len(found) > 1:
-        raise FileError(
-            f"material {material!r} moves its textures in {len(found)} ways, or uses several sets of uv; "
-            "bake them and export again"
-        )
-    return found.pop() if found else TexturePlacement()
-
-
 class GltfTextures:
     """The textures of a file, each read once for all materials that use it."""
 
     def __init__(self, file: GltfFile) -> None:
+        self.made: dict[Any, Texture] = {}
         self._file = file
         self._images: dict[int, Image] = {}
-        self._textures: dict[Any, Texture] = {}
 
-    def colour(self, info: Info | None, factor: Any, material: str) -> Colour | Texture:
-        """A colour, or a texture in sRGB times that colour."""
-        colour = colour_of(factor)
-        if info is None or not np.any(colour):
-            return colour
-        key = (info["index"], "colour", colour)
-        if key not in self._textures:
-            self._textures[key] = times(self._read(info, material, Encoding.SRGB, None), colour)
-        return self._textures[key]
-
-    def share(self, info: Info | None, factor: float, channel: int, material: str) -> float | Texture:
-        """A number, or one channel of a texture times that number; a number too where the channel is constant."""
-        if info is None or factor == 0:
-            return float(factor)
-        key = (info["index"], channel, float(factor))
-        if key not in self._textures:
-            self._textures[key] = times(self._read(info, material, Encoding.LINEAR, channel), float(factor))
-        return number_or_texture(self._textures[key])
-
-    def normals(self, info: Info | None, material: str) -> Texture | None:
-        """A map of normals, its slopes times the `scale` that the file gives for them."""
-        if info is None:
-            return None
-        scale = float(info.get("scale", 1.0))
-        key = (info["index"], "normals", scale)
-        if key not in self._textures:
-            texture = self._read(info, material, Encoding.LINEAR, None)
-            if texture.texels.shape[2] == 1:
-                raise FileError(f"the normal texture of material {material!r} is grey; it must have three channels")
-            self._textures[key] = texture if scale == 1 else _steeper(texture, scale)
-        return self._textures[key]
-
-    def _read(self, info: Info, material: str, encoding: Encoding, channel: int | None) -> Texture:
+    def read(self, info: Info, encoding: Encoding, channel: int | None) -> Texture:
+        """An image, or one of its channels, with the wrap and filter that the file gives it."""
         described = self._file.described("textures", info["index"])
         sampler: Mapping[str, Any] = {}
         if "sampler" in described:
             sampler = self._file.described("samplers", described["sampler"])
         along_u, along_v = (_WRAPS[sampler.get(axis, 10497)] for axis in ("wrapS", "wrapT"))
-        nearest = sampler.get("magFilter") == _NEAREST
-        try:
-            return Texture.from_image(
-                self._image(described),
-                encoding=encoding,
-                channel=channel,
-                wrap=(along_u, along_v),
-                filter=TextureFilter.NEAREST if nearest else TextureFilter.BILINEAR,
-            )
-        except Exception as error:  # Pillow raises whatever the damage leads to
-            raise FileError(
-                f"the texture of material {material!r} is missing or not an image ({error}); put it beside the file, "
-                f"{REPLACE}"
-            ) from None
+        between = TextureFilter.NEAREST if sampler.get("magFilter") == _NEAREST else TextureFilter.BILINEAR
+        image = self._image(described)
+        return Texture.from_image(image, encoding=encoding, channel=channel, wrap=(along_u, along_v), filter=between)
 
     def _image(self, described: Mapping[str, Any]) -> Image:
         import PIL.Image
@@ -142,13 +79,86 @@ class GltfTextures:
         webp = described.get("extensions", {}).get("EXT_texture_webp", {})
         number = webp.get("source", described.get("source"))
         if number not in self._images:
-            image = self._file.described("images", number)
-            content = self._file.resource(image["uri"]) if "uri" in image else self._file.view(image["bufferView"])
+            image, file = self._file.described("images", number), self._file
+            content = resource(image["uri"], file.folder) if "uri" in image else file.view(image["bufferView"])
             with warnings.catch_warnings():
                 # Textures have a limit of their own.
                 warnings.simplefilter("ignore", PIL.Image.DecompressionBombWarning)
                 self._images[number] = PIL.Image.open(BytesIO(content))
         return self._images[number]
+
+
+class MaterialTextures:
+    """The textures of one material, and how those lie on meshes that it comes to use."""
+
+    def __init__(self, textures: GltfTextures, name: str) -> None:
+        self.name = name
+        self._textures = textures
+        self._made: list[tuple[Info, Texture]] = []
+
+    def colour(self, info: Info | None, factor: Any) -> Colour | Texture:
+        """A colour, or a texture in sRGB times that colour."""
+        colour = colour_of(factor)
+        if info is None or not np.any(colour):
+            return colour
+        return self._once(info, "colour", colour, lambda: times(self._read(info, Encoding.SRGB, None), colour))
+
+    def share(self, info: Info | None, factor: float, channel: int) -> float | Texture:
+        """A number, or one channel of a texture times that number; a number too where the channel is constant."""
+        share = float(factor)
+        if info is None or share == 0:
+            return share
+        made = self._once(info, channel, share, lambda: times(self._read(info, Encoding.LINEAR, channel), share))
+        return number_or_texture(made)
+
+    def normals(self, info: Info | None) -> Texture | None:
+        """A map of normals, its slopes times the `scale` that the file gives for them."""
+        if info is None:
+            return None
+        scale = float(info.get("scale", 1.0))
+
+        def steep() -> Texture:
+            texture = self._read(info, Encoding.LINEAR, None)
+            if texture.texels.shape[2] == 1:
+                raise FileError(f"the normal texture of material {self.name!r} is grey; it must have three channels")
+            return texture if scale == 1 else _steeper(texture, scale)
+
+        return self._once(info, "normals", scale, steep)
+
+    def placement(self, material: Material) -> TexturePlacement:
+        """The one way in which the textures of the finished material lie on meshes.
+
+        Some turned out to be a number, or multiplied by 0. A `FileError` where there are several ways.
+        """
+        used = material.row().textures
+        found = set()
+        for info in (info for info, texture in self._made if any(texture is one for one in used)):
+            moved = info.get("extensions", {}).get("KHR_texture_transform", {})
+            (x, y), (along_u, along_v) = moved.get("offset", (0.0, 0.0)), moved.get("scale", (1.0, 1.0))
+            coordinates = moved.get("texCoord", info.get("texCoord", 0))
+            found.add(TexturePlacement(coordinates, (x, y), moved.get("rotation", 0.0), (along_u, along_v)))
+        if len(found) > 1:
+            raise FileError(
+                f"material {self.name!r} moves its textures in {len(found)} ways, or uses several sets of uv; "
+                "bake them and export again"
+            )
+        return found.pop() if found else TexturePlacement()
+
+    def _once(self, info: Info, kind: str | int, factor: Colour, make: Callable[[], Texture]) -> Texture:
+        key = (info["index"], kind, factor)
+        if key not in self._textures.made:
+            self._textures.made[key] = make()
+        self._made.append((info, self._textures.made[key]))
+        return self._textures.made[key]
+
+    def _read(self, info: Info, encoding: Encoding, channel: int | None) -> Texture:
+        try:
+            return self._textures.read(info, encoding, channel)
+        except Exception as error:  # Pillow raises whatever the damage leads to
+            raise FileError(
+                f"the texture of material {self.name!r} is missing or not an image ({error}); put it beside the file, "
+                f"{REPLACE}"
+            ) from None
 
 
 def _steeper(texture: Texture, scale: float) -> Texture:

@@ -37,39 +37,27 @@ _INVALID = np.uint32(0xFFFFFFFF)
 _ORG_X, _ORG_Y, _ORG_Z, _NEAR, _DIR_X, _DIR_Y, _DIR_Z, _TIME, _FAR, _MASK, _ID, _FLAGS = (16 * k for k in range(12))
 _U, _V, _PRIMITIVE, _GEOMETRY, _INSTANCE = (16 * k for k in range(15, 20))
 _RAYHIT = 16 * 35
-"""Instance ids take two rows for each level that the library was built for, one by default: room for eight levels.
-The first row is that of the only level here."""
+"""Room for eight levels of instances, of two rows each; the library is built for one level by default, the first."""
 
 _EDGE = np.float32(2.0**-11)
 """Barycentric coordinates below this are near an edge: far above their rounding errors, and one ray in 400."""
 
+_POINTER, _INT, _UINT, _SIZE = ctypes.c_void_p, ctypes.c_int, ctypes.c_uint, ctypes.c_size_t
 _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
-    "rtcNewDevice": (ctypes.c_void_p, (ctypes.c_char_p,)),
-    "rtcReleaseDevice": (None, (ctypes.c_void_p,)),
-    "rtcGetDeviceError": (ctypes.c_int, (ctypes.c_void_p,)),
-    "rtcNewScene": (ctypes.c_void_p, (ctypes.c_void_p,)),
-    "rtcReleaseScene": (None, (ctypes.c_void_p,)),
-    "rtcSetSceneFlags": (None, (ctypes.c_void_p, ctypes.c_int)),
-    "rtcCommitScene": (None, (ctypes.c_void_p,)),
-    "rtcNewGeometry": (ctypes.c_void_p, (ctypes.c_void_p, ctypes.c_int)),
-    "rtcReleaseGeometry": (None, (ctypes.c_void_p,)),
-    "rtcSetSharedGeometryBuffer": (
-        None,
-        (
-            ctypes.c_void_p,
-            ctypes.c_int,
-            ctypes.c_uint,
-            ctypes.c_int,
-            ctypes.c_void_p,
-            ctypes.c_size_t,
-            ctypes.c_size_t,
-            ctypes.c_size_t,
-        ),
-    ),
-    "rtcCommitGeometry": (None, (ctypes.c_void_p,)),
-    "rtcAttachGeometryByID": (None, (ctypes.c_void_p, ctypes.c_void_p, ctypes.c_uint)),
-    "rtcSetGeometryInstancedScene": (None, (ctypes.c_void_p, ctypes.c_void_p)),
-    "rtcSetGeometryTransform": (None, (ctypes.c_void_p, ctypes.c_uint, ctypes.c_int, ctypes.c_void_p)),
+    "rtcNewDevice": (_POINTER, (ctypes.c_char_p,)),
+    "rtcReleaseDevice": (None, (_POINTER,)),
+    "rtcGetDeviceError": (_INT, (_POINTER,)),
+    "rtcNewScene": (_POINTER, (_POINTER,)),
+    "rtcReleaseScene": (None, (_POINTER,)),
+    "rtcSetSceneFlags": (None, (_POINTER, _INT)),
+    "rtcCommitScene": (None, (_POINTER,)),
+    "rtcNewGeometry": (_POINTER, (_POINTER, _INT)),
+    "rtcReleaseGeometry": (None, (_POINTER,)),
+    "rtcSetSharedGeometryBuffer": (None, (_POINTER, _INT, _UINT, _INT, _POINTER, _SIZE, _SIZE, _SIZE)),
+    "rtcCommitGeometry": (None, (_POINTER,)),
+    "rtcAttachGeometryByID": (None, (_POINTER, _POINTER, _UINT)),
+    "rtcSetGeometryInstancedScene": (None, (_POINTER, _POINTER)),
+    "rtcSetGeometryTransform": (None, (_POINTER, _UINT, _INT, _POINTER)),
 }
 
 
@@ -161,11 +149,9 @@ class EmbreeTriangles:
         rows[: faces.size] = faces.ravel()
         self._buffers += points, rows
         geometry: int = _library.rtcNewGeometry(self._device, _TRIANGLE)
-        for kind, layout, buffer, count in (
-            (_VERTEX, _FLOAT3, points, len(corners)),
-            (_INDEX, _UINT3, rows, len(faces)),
-        ):
-            _library.rtcSetSharedGeometryBuffer(geometry, kind, 0, layout, buffer.ctypes.data, 0, 12, count)
+        set_buffer = _library.rtcSetSharedGeometryBuffer
+        set_buffer(geometry, _VERTEX, 0, _FLOAT3, points.ctypes.data, 0, 12, len(corners))
+        set_buffer(geometry, _INDEX, 0, _UINT3, rows.ctypes.data, 0, 12, len(faces))
         return geometry
 
     def _attach(self, scene: int, geometry: int, number: int) -> None:

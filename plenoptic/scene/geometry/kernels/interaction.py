@@ -6,13 +6,15 @@ import math
 
 from plenoptic.core.jit import kernel
 from plenoptic.core.kernels.vectors import add, dot, fill_vector, row_vector, scale, vector
-from plenoptic.scene.geometry.kernels.instances import instance_distance, is_mirrored, transform_normal
 from plenoptic.scene.geometry.kernels.intersect import (
     corners,
+    instance_distance,
     interpolate_normal,
     interpolate_uv,
     intersect_triangle,
+    is_mirrored,
     ray_offset,
+    transform_normal,
 )
 from plenoptic.scene.geometry.record import FRONT, NORMAL, OFFSET, POINT, SHADING_NORMAL, UV
 

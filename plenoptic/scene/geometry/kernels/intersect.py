@@ -1,4 +1,7 @@
-"""Where exactly a ray meets a triangle, and what the surface is like there: device functions."""
+"""Where exactly a ray meets a triangle, and what the surface is like there: device functions.
+
+The rows of `Geometry.instance_to_world` begin with the 12 numbers of a 3 x 4 matrix, row by row.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +9,7 @@ import math
 
 from plenoptic.core.jit import device
 from plenoptic.core.kernels.vectors import absolute, add, cross, dot, row_vector, scale, sub
-from plenoptic.scene.geometry.kernels.instances import transform_point
+from plenoptic.scene.geometry.record import INSTANCE_DISTANCE
 
 OFFSET = 2.0**-20
 """Secondary rays start off the surface by this much of the coordinates that float32 has rounded: 16 units of
@@ -26,8 +29,7 @@ SHADOW_END = 1.0 - 2.0**-18
 def corners(vertices, triangles, k, instance_to_world, instance):
     """The three corners of triangle k in the world.
 
-    `instance` is the row of `instance_to_world` that brings the triangle into the world, -1 where it is there already;
-    `instance_to_world` is None in scenes without instances.
+    `instance` is the row of `instance_to_world` (None without instances) that brings it there, -1 where it is there.
     """
     i, j, k = triangles[k, 0], triangles[k, 1], triangles[k, 2]
     a, b, c = row_vector(vertices, i, 0), row_vector(vertices, j, 0), row_vector(vertices, k, 0)
@@ -104,3 +106,48 @@ def interpolate_uv(uv, triangles, k, u, v):
     i, j, k = triangles[k, 0], triangles[k, 1], triangles[k, 2]
     w = 1.0 - u - v
     return w * uv[i, 0] + u * uv[j, 0] + v * uv[k, 0], w * uv[i, 1] + u * uv[j, 1] + v * uv[k, 1]
+
+
+@device
+def transform_point(m, p):
+    """A point through a matrix."""
+    return (
+        m[0] * p[0] + m[1] * p[1] + m[2] * p[2] + m[3],
+        m[4] * p[0] + m[5] * p[1] + m[6] * p[2] + m[7],
+        m[8] * p[0] + m[9] * p[1] + m[10] * p[2] + m[11],
+    )
+
+
+@device
+def transform_normal(m, n):
+    """A normal by the cofactors of the 3 x 3 part of a matrix, at unit length; zeros stay."""
+    x, y, z = n
+    a = (m[5] * m[10] - m[6] * m[9]) * x + (m[6] * m[8] - m[4] * m[10]) * y + (m[4] * m[9] - m[5] * m[8]) * z
+    b = (m[2] * m[9] - m[1] * m[10]) * x + (m[0] * m[10] - m[2] * m[8]) * y + (m[1] * m[8] - m[0] * m[9]) * z
+    c = (m[1] * m[6] - m[2] * m[5]) * x + (m[2] * m[4] - m[0] * m[6]) * y + (m[0] * m[5] - m[1] * m[4]) * z
+    length = math.sqrt(a * a + b * b + c * c)
+    if not length > 0.0:
+        return 0.0, 0.0, 0.0
+    return a / length, b / length, c / length
+
+
+@device
+def is_mirrored(instance_to_world, instance):
+    """Whether corners that run counter-clockwise in the frame of the mesh run clockwise in the world."""
+    if instance_to_world is not None:
+        if instance >= 0:
+            m = instance_to_world[instance]
+            x = m[5] * m[10] - m[6] * m[9]
+            y = m[6] * m[8] - m[4] * m[10]
+            z = m[4] * m[9] - m[5] * m[8]
+            return m[0] * x + m[1] * y + m[2] * z < 0.0
+    return False
+
+
+@device
+def instance_distance(instance_to_world, instance):
+    """How far the middle of an instance's mesh is from that of the scene, see `ray_offset`; -1 for plain triangles."""
+    if instance_to_world is not None:
+        if instance >= 0:
+            return instance_to_world[instance, INSTANCE_DISTANCE]
+    return -1.0

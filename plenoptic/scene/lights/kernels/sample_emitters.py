@@ -1,7 +1,6 @@
 """Points on lights, drawn by power.
 
-Lights are one table: each item is a triangle that emits, a point, a sun or the environment, with a cumulative
-probability.
+Lights are one table of triangles that emit, points, suns and the environment, with cumulative probabilities.
 """
 
 from __future__ import annotations
@@ -15,11 +14,15 @@ from plenoptic.core.kernels.frames import frame_about
 from plenoptic.core.kernels.sincos import turn
 from plenoptic.core.kernels.vectors import add, cross, dot, fill_vector, row_vector, scale, sub, vector
 from plenoptic.core.kernels.wavelengths import one_channel, wave_of
-from plenoptic.scene.geometry.kernels.instances import instance_distance, is_mirrored
-from plenoptic.scene.geometry.kernels.intersect import corners, interpolate_uv, ray_offset
+from plenoptic.scene.geometry.kernels.intersect import (
+    corners,
+    instance_distance,
+    interpolate_uv,
+    is_mirrored,
+    ray_offset,
+)
 from plenoptic.scene.geometry.record import POINT as INTERACTION_POINT
-from plenoptic.scene.lights.kernels.environment import sample_environment
-from plenoptic.scene.lights.kernels.sample_cdf import sample_cdf
+from plenoptic.scene.lights.kernels.sky import sample_cdf, sample_environment
 from plenoptic.scene.lights.record import DELTA, DIRECTION, END, ENVIRONMENT, PDF, POINT, SUN, TRIANGLE
 from plenoptic.scene.textures.kernels.lookup import fill_texel, opacity_at
 
@@ -118,12 +121,8 @@ def sample_emitters(drawn, interactions, geometry, emission, alpha, lights, take
     The radiance is 0 where the light shines the other way, or where the material takes no light that is drawn directly.
     """
     rows, radiance = drawn.rows, drawn.radiance
-    points_at, path, material_of, random = (
-        interactions.rows,
-        interactions.path,
-        interactions.material,
-        interactions.random,
-    )
+    points_at, path = interactions.rows, interactions.path
+    material_of, random = interactions.material, interactions.random
     vertices, triangles, triangle_material = geometry.vertices, geometry.triangles, geometry.triangle_material
     instance_to_world = geometry.instance_to_world
     uv = geometry.uv

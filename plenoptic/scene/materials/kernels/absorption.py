@@ -12,8 +12,7 @@ import numpy as np
 from plenoptic.core.jit import device, kernel
 from plenoptic.core.kernels.vectors import dot, row_vector, sub
 from plenoptic.core.kernels.wavelengths import row_channel, wave_of
-from plenoptic.scene.geometry.kernels.instances import is_mirrored
-from plenoptic.scene.geometry.kernels.intersect import corners, intersect_triangle
+from plenoptic.scene.geometry.kernels.intersect import corners, intersect_triangle, is_mirrored
 from plenoptic.scene.geometry.record import FRONT, NORMAL, POINT
 from plenoptic.scene.lights.record import DIRECTION, END
 from plenoptic.scene.materials.record import INSIDE

@@ -7,10 +7,10 @@ import numpy as np
 from plenoptic.core.jit import device, kernel
 from plenoptic.core.kernels.sobol import mix
 from plenoptic.core.kernels.vectors import add, dot, fill_vector, row_vector, scale, vector
-from plenoptic.scene.geometry.kernels.instances import instance_distance
 from plenoptic.scene.geometry.kernels.intersect import (
     SHADOW_END,
     corners,
+    instance_distance,
     interpolate_uv,
     intersect_triangle,
     ray_offset,
@@ -22,10 +22,11 @@ _UNIT_53 = 2.0**-53
 
 
 @kernel
-def skip_transparent(again, rays, hits, which, keys, salt, geometry, alpha):
+def follow(again, rays, hits, which, keys, shadows, geometry, alpha):
     """Of the rays `which`, move those on that go through the surface they met; returns how many, named in `again`.
 
-    With `keys` None they go through what is opaque to less than half.
+    Those of paths go through it by chance, and with `keys` None through what is opaque to less than half. With
+    `shadows` they are shadow rays, which are marked as blocked, or weakened and moved on.
     """
     vertices, triangles, uv = geometry.vertices, geometry.triangles, geometry.uv
     instance_to_world = geometry.instance_to_world
@@ -42,29 +43,46 @@ def skip_transparent(again, rays, hits, which, keys, salt, geometry, alpha):
         if k < 0:
             continue
         material = geometry.triangle_material[k]
-        if not alpha.opacity[material] < 1.0:
-            continue
+        if shadows is None:
+            if not alpha.opacity[material] < 1.0:
+                continue
         instance = -1 if instances is None else instances[i]
         triangle = corners(vertices, triangles, k, instance_to_world, instance)
         origin, direction = row_vector(rays, i, 0), row_vector(rays, i, 3)
         t, u, v, normal = intersect_triangle(origin, direction, triangle)
-        if not t > 0.0:
+        if shadows is None:
+            if not t > 0.0:
+                continue
+        elif not t < SHADOW_END:
             continue
-        st = interpolate_uv(uv, triangles, k, u, v)
-        texture = -1 if rows is None else rows[material]
-        there = opacity_at(number, alpha.opacity[material], alpha.cutoff[material], texture, st, texels, textures)
-        if keys is None:
+        there = 1.0
+        if alpha.opacity[material] < 1.0 and t > 0.0:
+            st = interpolate_uv(uv, triangles, k, u, v)
+            texture = -1 if rows is None else rows[material]
+            there = opacity_at(number, alpha.opacity[material], alpha.cutoff[material], texture, st, texels, textures)
+        if shadows is not None:
+            if there >= 1.0:
+                shadows.blocked[i] = 1
+                continue
+            for c in range(shadows.radiance.shape[1]):
+                shadows.radiance[i, c] *= 1.0 - there
+        elif keys is None:
             if there >= 0.5:
                 continue
         else:
             path = keys.path[i]
-            key = mix(mix(keys.key[path], _THERE + np.uint64(salt)), np.uint64(keys.number[path]))
+            key = mix(mix(keys.key[path], _THERE + np.uint64(keys.salt)), np.uint64(keys.number[path]))
             if np.float64(key >> np.uint64(11)) * _UNIT_53 < there:
                 continue
         distance = instance_distance(instance_to_world, instance)
         way = t + _behind(origin, direction, t, normal, triangle, middle, distance)
+        if shadows is None:
+            hits.travelled[i] += way
+        else:
+            if not way < SHADOW_END:
+                continue
+            fill_vector(rays, i, 3, scale(direction, 1.0 - way))
         fill_vector(rays, i, 0, add(origin, scale(direction, way)))
-        hits.travelled[i] += way
         again[passed] = i
         passed += 1
     return passed
@@ -80,48 +98,3 @@ def _behind(origin, direction, t, normal, triangle, middle, distance):
     slope = abs(dot(n, direction)) / speed
     # At grazing incidence the way through the gap is long, but never longer than a hundred times its width.
     return off / (max(slope, 0.01) * speed)
-
-
-@kernel
-def attenuate_shadow(again, rays, radiance, blocked, hits, which, geometry, alpha):
-    """Of the shadow rays `which`, mark the blocked ones and weaken and move on those that go through what they met."""
-    vertices, triangles, uv = geometry.vertices, geometry.triangles, geometry.uv
-    instance_to_world = geometry.instance_to_world
-    instances = hits.instance
-    rows = alpha.texture.row
-    texels = alpha.texture.texels
-    textures = alpha.texture.textures
-    middle = vector(geometry.middle, 0)
-    number = np.empty(1)
-    passed = 0
-    for j in range(which.size):
-        i = which[j]
-        k = hits.triangle[i]
-        if k < 0:
-            continue
-        instance = -1 if instances is None else instances[i]
-        triangle = corners(vertices, triangles, k, instance_to_world, instance)
-        origin, direction = row_vector(rays, i, 0), row_vector(rays, i, 3)
-        t, u, v, normal = intersect_triangle(origin, direction, triangle)
-        if not t < SHADOW_END:
-            continue
-        material = geometry.triangle_material[k]
-        there = 1.0
-        if alpha.opacity[material] < 1.0 and t > 0.0:
-            st = interpolate_uv(uv, triangles, k, u, v)
-            texture = -1 if rows is None else rows[material]
-            there = opacity_at(number, alpha.opacity[material], alpha.cutoff[material], texture, st, texels, textures)
-        if there >= 1.0:
-            blocked[i] = 1
-            continue
-        for c in range(radiance.shape[1]):
-            radiance[i, c] *= 1.0 - there
-        distance = instance_distance(instance_to_world, instance)
-        way = t + _behind(origin, direction, t, normal, triangle, middle, distance)
-        if not way < SHADOW_END:
-            continue
-        fill_vector(rays, i, 0, add(origin, scale(direction, way)))
-        fill_vector(rays, i, 3, scale(direction, 1.0 - way))
-        again[passed] = i
-        passed += 1
-    return passed

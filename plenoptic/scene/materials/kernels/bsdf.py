@@ -12,25 +12,16 @@ import numpy as np
 from plenoptic.core.jit import device, kernel
 from plenoptic.core.kernels.vectors import fill_vector, row_vector
 from plenoptic.scene.geometry.record import FRONT, INTERACTION_COLUMNS, METALLIC, ROUGHNESS
-from plenoptic.scene.materials.kernels.conductor import eval_conductor, sample_conductor
-from plenoptic.scene.materials.kernels.dielectric import eval_dielectric, relative_index, sample_dielectric
-from plenoptic.scene.materials.kernels.diffuse import (
-    eval_lambertian,
-    eval_oren_nayar,
-    sample_lambertian,
-    sample_oren_nayar,
-)
-from plenoptic.scene.materials.kernels.metallic_roughness import eval_metallic_roughness, sample_metallic_roughness
+from plenoptic.scene.materials.kernels import conductor, dielectric, diffuse, metallic_roughness
 from plenoptic.scene.materials.kernels.microfacets import nothing
-from plenoptic.scene.materials.kernels.thin_dielectric import sample_thin_dielectric
-from plenoptic.scene.materials.record import (
+from plenoptic.scene.materials.record import Surface
+from plenoptic.scene.materials.registry import (
     CONDUCTOR,
     DIELECTRIC,
     LAMBERTIAN,
     METALLIC_ROUGHNESS,
     OREN_NAYAR,
     THIN_DIELECTRIC,
-    Surface,
 )
 
 
@@ -39,7 +30,7 @@ def surface_at(rows, i, material, wave, kind, glass_index, pane_index, extra_sha
     """What the material of an interaction is."""
     if kind is None:
         return Surface(None, 0.0, 0.0, None, None, None, material, wave)
-    eta = None if glass_index is None else relative_index(glass_index, material, rows[i, FRONT] > 0.0)
+    eta = None if glass_index is None else dielectric.relative_index(glass_index, material, rows[i, FRONT] > 0.0)
     pane = None if pane_index is None else pane_index[material]
     extra = None if extra_shares is None else rows[i, INTERACTION_COLUMNS:]
     return Surface(kind[material], rows[i, ROUGHNESS], rows[i, METALLIC], eta, pane, extra, material, wave)
@@ -49,17 +40,17 @@ def surface_at(rows, i, material, wave, kind, glass_index, pane_index, extra_sha
 def evaluate(f, surface, o, i, metal_index, coupling, basis):
     """Fill f with f |cos i| and return the density by which `sample` would draw i; 0 for exact directions."""
     if surface.kind is None:
-        return eval_lambertian(f, i)
+        return diffuse.eval_lambertian(f, i)
     if surface.kind == LAMBERTIAN:
-        return eval_lambertian(f, i)
+        return diffuse.eval_lambertian(f, i)
     if surface.kind == OREN_NAYAR:
-        return eval_oren_nayar(f, o, i, surface.roughness)
+        return diffuse.eval_oren_nayar(f, o, i, surface.roughness)
     if metal_index is not None and surface.kind == CONDUCTOR:
-        return eval_conductor(f, surface, o, i, metal_index, basis)
+        return conductor.eval_conductor(f, surface, o, i, metal_index, basis)
     if surface.eta is not None and surface.kind == DIELECTRIC:
-        return eval_dielectric(f, surface.roughness, surface.eta, o, i)
+        return dielectric.eval_dielectric(f, surface.roughness, surface.eta, o, i)
     if coupling is not None and surface.kind == METALLIC_ROUGHNESS:
-        return eval_metallic_roughness(f, surface, o, i, coupling)
+        return metallic_roughness.eval_metallic_roughness(f, surface, o, i, coupling)
     return nothing(f)
 
 
@@ -71,39 +62,37 @@ def sample(f, surface, o, u, metal_index, coupling, basis):
     into another medium (1 otherwise), by which radiance is to be multiplied besides.
     """
     if surface.kind is None:
-        return sample_lambertian(u[0], u[1])
+        return diffuse.sample_lambertian(u[0], u[1])
     if surface.eta is not None and surface.kind == DIELECTRIC:
-        return sample_dielectric(f, surface.roughness, surface.eta, o, u)
+        return dielectric.sample_dielectric(f, surface.roughness, surface.eta, o, u)
     if surface.pane_index is not None and surface.kind == THIN_DIELECTRIC:
-        return sample_thin_dielectric(f, surface.pane_index, o, u[0])
+        return dielectric.sample_thin_dielectric(f, surface.pane_index, o, u[0])
     if metal_index is not None and surface.kind == CONDUCTOR:
-        return sample_conductor(f, surface, o, u, metal_index, basis)
+        return conductor.sample_conductor(f, surface, o, u, metal_index, basis)
     if coupling is not None and surface.kind == METALLIC_ROUGHNESS:
-        return sample_metallic_roughness(f, surface, o, u, coupling)
+        return metallic_roughness.sample_metallic_roughness(f, surface, o, u, coupling)
     if surface.kind == OREN_NAYAR:
-        return sample_oren_nayar(f, o, surface.roughness, u[0], u[1])
-    return sample_lambertian(u[0], u[1])
+        return diffuse.sample_oren_nayar(f, o, surface.roughness, u[0], u[1])
+    return diffuse.sample_lambertian(u[0], u[1])
 
 
 @device
-def _only_surface(kind, roughness, metallic, glass_index, pane_index, extra_shares, front):
+def _only_surface(bsdf, front):
     """The only material of a record."""
-    if kind is None:
+    if bsdf.kind is None:
         return Surface(None, 0.0, 0.0, None, None, None, 0, 0)
-    rough = 0.0 if roughness is None else roughness[0]
-    metal = 0.0 if metallic is None else metallic[0]
-    eta = None if glass_index is None else relative_index(glass_index, 0, front)
-    pane = None if pane_index is None else pane_index[0]
-    extra = None if extra_shares is None else extra_shares[0]
-    return Surface(kind[0], rough, metal, eta, pane, extra, 0, 0)
+    roughness = 0.0 if bsdf.roughness is None else bsdf.roughness[0]
+    metallic = 0.0 if bsdf.metallic is None else bsdf.metallic[0]
+    eta = None if bsdf.glass_index is None else dielectric.relative_index(bsdf.glass_index, 0, front)
+    pane = None if bsdf.pane_index is None else bsdf.pane_index[0]
+    extra = None if bsdf.extra_shares is None else bsdf.extra_shares[0]
+    return Surface(bsdf.kind[0], roughness, metallic, eta, pane, extra, 0, 0)
 
 
 @kernel
 def fill_evaluated(values, pdf, to_viewer, to_light, front, bsdf):
     """F |cos| and density of pairs of directions in the frame of the surface of the only material of a record."""
-    surface = _only_surface(
-        bsdf.kind, bsdf.roughness, bsdf.metallic, bsdf.glass_index, bsdf.pane_index, bsdf.extra_shares, front
-    )
+    surface = _only_surface(bsdf, front)
     for i in range(pdf.size):
         values[i] = bsdf.base_color[0]
         light = row_vector(to_light, i, 0)
@@ -117,20 +106,11 @@ def fill_evaluated(values, pdf, to_viewer, to_light, front, bsdf):
 @kernel
 def fill_sampled(directions, weights, pdf, to_viewer, points, front, bsdf):
     """Directions drawn for each viewer by three numbers, their weights and densities."""
-    surface = _only_surface(
-        bsdf.kind, bsdf.roughness, bsdf.metallic, bsdf.glass_index, bsdf.pane_index, bsdf.extra_shares, front
-    )
+    surface = _only_surface(bsdf, front)
     for i in range(pdf.size):
         weights[i] = bsdf.base_color[0]
-        direction, density, spread = sample(
-            weights[i],
-            surface,
-            row_vector(to_viewer, i, 0),
-            row_vector(points, i, 0),
-            bsdf.metal_index,
-            bsdf.coupling,
-            None,
-        )
+        viewer, point = row_vector(to_viewer, i, 0), row_vector(points, i, 0)
+        direction, density, spread = sample(weights[i], surface, viewer, point, bsdf.metal_index, bsdf.coupling, None)
         fill_vector(directions, i, 0, direction)
         pdf[i] = np.inf if density < 0.0 else density
         for c in range(weights.shape[1]):

@@ -1,4 +1,4 @@
-"""Bodies of glass, polished and rough: device functions. See `bsdf` for directions and f.
+"""Bodies of glass, polished and rough, and panes without thickness: device functions. See `bsdf` for directions and f.
 
 `eta` is the index behind the surface over that on the viewer's side.
 """
@@ -91,3 +91,14 @@ def sample_dielectric(f, alpha, eta, o, u):
     for c in range(f.size):
         f[c] /= 1.0 + hidden_i
     return i, pdf / (spread * spread), 1.0 / (eta * eta)
+
+
+@device
+def sample_thin_dielectric(f, index, o, u):
+    """See `bsdf.sample`: with all reflections inside, a pane reflects 2 R / (1 + R)."""
+    once, _ = dielectric(min(o[2], 1.0), index)
+    if u < 2.0 * once / (1.0 + once):
+        for c in range(f.size):
+            f[c] = 1.0
+        return (-o[0], -o[1], o[2]), DELTA, 1.0
+    return (-o[0], -o[1], -o[2]), DELTA, 1.0

@@ -21,8 +21,7 @@ PLASTIC = 0.04
 def layer_albedo(coupling, cosine, roughness):
     """Fraction that the layer does not reflect, seen at a cosine; bilinear in a table.
 
-    Columns are at equal steps of the root of the cosine, rows at equal steps of the root of the roughness; the column
-    behind them is their mean over the cosine.
+    Columns are at equal steps of the root of the cosine, rows at equal steps of the root of the roughness.
     """
     x = math.sqrt(min(max(cosine, 0.0), 1.0)) * (COUPLING_COSINES - 1)
     y = math.sqrt(min(max(roughness, 0.0), 1.0)) * (coupling.shape[0] - 1)

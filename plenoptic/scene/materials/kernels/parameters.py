@@ -17,12 +17,8 @@ from plenoptic.scene.textures.kernels.lookup import fill_texel
 @kernel
 def fill_parameters(interactions, bsdf, wavelengths):
     """Fill base colour, roughness and metallic of each interaction, as its path's channels see them."""
-    rows, base_color, path, material = (
-        interactions.rows,
-        interactions.base_color,
-        interactions.path,
-        interactions.material,
-    )
+    rows, base_color = interactions.rows, interactions.base_color
+    path, material = interactions.path, interactions.material
     colors = bsdf.base_color
     roughness = bsdf.roughness
     metallic = bsdf.metallic
@@ -45,12 +41,8 @@ def fill_parameters(interactions, bsdf, wavelengths):
 @kernel
 def apply_textures(interactions, textures, channels, wavelengths):
     """Replace base colours, roughness and metallic by what textures say; `channels` is the number of the scene's."""
-    rows, base_color, path, material = (
-        interactions.rows,
-        interactions.base_color,
-        interactions.path,
-        interactions.material,
-    )
+    rows, base_color = interactions.rows, interactions.base_color
+    path, material = interactions.path, interactions.material
     waves = wavelengths.number
     basis = wavelengths.basis
     texel, number = np.empty(channels), np.empty(1)

@@ -68,7 +68,6 @@ def checkerboard(
     x, y = _lines(columns, square), _lines(rows, square)
     # Rows count downwards, lines upwards.
     is_dark = (np.arange(rows)[::-1, None] + np.arange(columns)) % 2 == 0
-    inner = [axis[1:-1] for axis in (x, y)]
     if border > 0:
         x, y = (np.concatenate([[axis[0] - border], axis, [axis[-1] + border]]) for axis in (x, y))
         is_dark = np.pad(is_dark, 1)
@@ -77,8 +76,8 @@ def checkerboard(
         flat_mesh(corners, grid_faces(is_dark), dark, "dark"),
         flat_mesh(corners, grid_faces(~is_dark), bright, "bright"),
     ]
-    points = in_plane(grid_corners(inner[0], inner[1][::-1]))
-    return Target(meshes, points, _rows_and_columns(rows - 1, columns - 1), name="checkerboard")
+    points, index = _lattice(columns - 1, rows - 1, square)
+    return Target(meshes, in_plane(points), index, name="checkerboard")
 
 
 def point_grid(
@@ -134,12 +133,11 @@ def point_grid(
             f"dots reach {reach:g} mm from their centres; reduce radius {radius:g} mm until that is below half the "
             f"pitch, {pitch / 2:g} mm"
         )
-    centres = grid_corners(_lines(columns - 1, pitch), _lines(rows - 1, pitch)[::-1])
+    centres, index = _lattice(columns, rows, pitch)
     lattice = grid_corners(_lines(columns, pitch), _lines(rows, pitch))
     rims = centres[:, None] + polygon(sides, reach)
     corners = np.concatenate([lattice, rims.reshape(-1, 2)])
     # Corners of each dot, then of its cell: upper right, upper left, lower left, lower right.
-    index = _rows_and_columns(rows, columns)
     below = (rows - 1 - index[:, 0]) * (columns + 1) + index[:, 1]
     cell = below[:, None] + np.array([columns + 2, columns + 1, 0, 1])
     own = np.concatenate([len(lattice) + np.arange(len(centres) * sides).reshape(-1, sides), cell], axis=1)
@@ -163,8 +161,7 @@ def random_dots(
 ) -> Target:
     """A board of square dots in the plane z = 0, each dark or bright at random: texture for matching everywhere.
 
-    The dots are texels of a texture that is not interpolated, so that their edges are sharp and a board of millions of
-    dots is two triangles.
+    The dots are texels of a texture that is not interpolated: edges are sharp, and millions of dots are two triangles.
 
     Parameters
     ----------
@@ -210,8 +207,7 @@ def random_dots(
     texture = Texture(texels, wrap=Wrap.CLAMP, filter=TextureFilter.NEAREST)
     width, height = columns * dot, rows * dot
     mesh = quad((-width / 2, -height / 2, 0), (width, 0, 0), (0, height, 0), material=Lambertian(texture))
-    centres = grid_corners(_lines(columns - 1, dot), _lines(rows - 1, dot)[::-1])
-    index = _rows_and_columns(rows, columns)
+    centres, index = _lattice(columns, rows, dot)
     kept = is_dark.ravel()
     return Target([mesh], in_plane(centres[kept]), index[kept], name="random dots")
 
@@ -221,5 +217,7 @@ def _lines(cells: int, width: float) -> Floats:
     return (np.arange(cells + 1, dtype=np.float64) - cells / 2) * width
 
 
-def _rows_and_columns(rows: int, columns: int) -> NDArray[np.int64]:
-    return np.stack(np.divmod(np.arange(rows * columns), columns), axis=1)
+def _lattice(columns: int, rows: int, pitch: float) -> tuple[Floats, NDArray[np.int64]]:
+    """Places (n, 2) of a grid, row by row from the upper left one, and the row and column of each."""
+    index = np.stack(np.divmod(np.arange(rows * columns), columns), axis=1)
+    return grid_corners(_lines(columns - 1, pitch), _lines(rows - 1, pitch)[::-1]), index

@@ -93,8 +93,7 @@ def siemens_star(
 def slanted_edge(size: float, *, angle_deg: float = 5.0, dark: Material = DARK, bright: Material = BRIGHT) -> Target:
     """A square in the plane z = 0 with one straight edge through its centre, dark on the left and bright on the right.
 
-    The edge is slanted so that pixels see it at all distances from their centres, from which ISO 12233 finds the
-    contrast of a camera at all frequencies.
+    Pixels see a slanted edge at all distances, from which ISO 12233 finds a camera's contrast at all frequencies.
 
     Parameters
     ----------

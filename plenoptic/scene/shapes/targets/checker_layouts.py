@@ -1,7 +1,6 @@
 """Regions of the plane z = 0 cut into triangles that neither overlap nor leave gaps.
 
-Neighbouring triangles share whole edges: no corner lies within the edge of another triangle, where rounding would open
-a crack.
+Neighbouring triangles share whole edges: a corner within the edge of another one would open a crack by rounding.
 """
 
 from __future__ import annotations
@@ -52,8 +51,7 @@ def snapped(places: Floats, tolerance: float) -> Floats:
 def free_rectangles(outer: ArrayLike, taken: Floats) -> Floats:
     """Rectangles (x0, y0, x1, y1) that tile what is left of an outer one beside others, (n, 4), which lie in it apart.
 
-    Strips between all their upper and lower edges are cut where the others begin and end; pieces of the same stretch
-    of x in strips one above the other are joined.
+    Strips between all their upper and lower edges are cut where the others begin and end, then joined upwards.
     """
     left, bottom, right, top = np.asarray(outer, dtype=np.float64).tolist()
     begun: dict[tuple[float, float], float] = {}

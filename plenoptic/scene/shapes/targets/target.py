@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.values import Floats, Given, frozen_array, set_field, value
 from plenoptic.errors import InvalidValueError
+from plenoptic.scene.geometry import moves
 from plenoptic.scene.geometry.mesh import Mesh
 from plenoptic.scene.materials.diffuse import Lambertian
 
@@ -24,8 +25,7 @@ _SIMILAR = 1e-9
 class Target:
     """A calibration target: meshes, and points on them that are known exactly.
 
-    The makers in `pl.targets` put it into the plane z = 0, centred on the origin and facing +z, towards the camera;
-    meshes and points then move together.
+    The makers in `pl.targets` put it into the plane z = 0, centred on the origin, facing +z: towards the camera.
 
     Parameters
     ----------
@@ -95,8 +95,7 @@ class Target:
         Parameters
         ----------
         matrix : (4, 4) array
-            For column vectors, lengths in mm. With frequencies, it must turn, mirror, shift and scale only; they are
-            divided by the scale.
+            For column vectors, lengths in mm. With frequencies, which its scale divides, it must not stretch or shear.
 
         Raises
         ------
@@ -107,13 +106,16 @@ class Target:
 
         Examples
         --------
-        >>> import numpy as np
-        >>> import plenoptic as pl
+        >>> import numpy as np, plenoptic as pl
         >>> chart = pl.targets.usaf_1951([0]).transformed(np.diag([2, 2, 2, 1]))
         >>> chart.frequencies[0]
         np.float64(0.5)
         """
-        moved = self._moved(lambda mesh: mesh.transformed(matrix))
+        # Points ride on a mesh of their own, so that they move exactly as vertices do; its triangle is beside them.
+        n = len(self.points)
+        carrier = Mesh(np.concatenate([self.points, np.eye(3)]), [[n, n + 1, n + 2]])
+        meshes = tuple(mesh.transformed(matrix) for mesh in self.meshes)
+        moved = dataclasses.replace(self, meshes=meshes, points=carrier.transformed(matrix).vertices[:n])
         if self.frequencies is None:
             return moved
         linear = np.asarray(matrix, dtype=np.float64)[:3, :3]
@@ -123,45 +125,8 @@ class Target:
                 f"matrix {linear.tolist()} stretches or shears bars of known frequency; turn and scale them only, or "
                 "remove the frequencies by dataclasses.replace(target, frequencies=None)"
             )
-        return dataclasses.replace(moved, frequencies=self.frequencies / scale)
+        # A turn by itself changes nothing, not by rounding either.
+        turns = np.isclose(scale, 1.0, rtol=1e-14, atol=0)
+        return moved if turns else dataclasses.replace(moved, frequencies=self.frequencies / scale)
 
-    def translated(self, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Target:
-        """The target shifted by (x, y, z) mm.
-
-        Examples
-        --------
-        >>> import plenoptic as pl
-        >>> pl.targets.slanted_edge(10).translated(z=-404).points[:, 2].tolist()
-        [-404.0, -404.0]
-        """
-        return self._moved(lambda mesh: mesh.translated(x, y, z))
-
-    def rotated(self, axis: ArrayLike, angle: float) -> Target:
-        """The target turned about an axis through the origin, as `Mesh.rotated`: radians.
-
-        Examples
-        --------
-        >>> import numpy as np
-        >>> import plenoptic as pl
-        >>> pl.targets.slanted_edge(10, angle_deg=0).rotated((0, 0, 1), np.pi / 2).points[:, 0].round(9).tolist()
-        [-5.0, 5.0]
-        """
-        return self._moved(lambda mesh: mesh.rotated(axis, angle))
-
-    def rotated_deg(self, axis: ArrayLike, angle_deg: float) -> Target:
-        """As `rotated`, by an angle in degrees.
-
-        Examples
-        --------
-        >>> import plenoptic as pl
-        >>> pl.targets.slanted_edge(10, angle_deg=0).rotated_deg((0, 0, 1), 90).points[:, 0].round(9).tolist()
-        [-5.0, 5.0]
-        """
-        return self._moved(lambda mesh: mesh.rotated_deg(axis, angle_deg))
-
-    def _moved(self, move: Callable[[Mesh], Mesh]) -> Target:
-        # Points ride on a mesh of their own, so that they move exactly as vertices do; its triangle is beside them.
-        n = len(self.points)
-        carrier = Mesh(np.concatenate([self.points, np.eye(3)]), [[n, n + 1, n + 2]])
-        meshes = tuple(move(mesh) for mesh in self.meshes)
-        return dataclasses.replace(self, meshes=meshes, points=move(carrier).vertices[:n])
+    translated, rotated, rotated_deg = moves.translated, moves.rotated, moves.rotated_deg

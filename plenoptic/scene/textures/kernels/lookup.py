@@ -43,8 +43,7 @@ def neighbours(s, n, wrap):
 def fill_texel(value, texels, row, s, t):
     """Fill `value` (1 or 3) with the texture of a row at the coordinates (s, t), of which t points up.
 
-    A texture of one channel fills all of `value`; of three channels, a `value` of one takes the first. Coordinates
-    may be any numbers, and none at all.
+    A texture of one channel fills all of `value`; a `value` of one takes the first channel. Coordinates may be NaN.
     """
     start, rows, columns, channels = row.start, row.rows, row.columns, row.channels
     last = value.shape[0] if channels > 1 else 1
