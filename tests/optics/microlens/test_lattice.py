@@ -28,12 +28,11 @@ NEIGHBOURS = {
 
 def cut_polygon(corners: np.ndarray, edges: np.ndarray) -> np.ndarray:
     """The part of a convex polygon inside all edges (k, 3), cut by the kernel."""
-    x, y, spare_x, spare_y = np.zeros((4, 32))
-    n = len(corners)
-    x[:n], y[:n] = corners.T
+    polygon, n = np.zeros((4, 32)), len(corners)
+    polygon[:2, :n] = corners.T
     for a, b, limit in edges:
-        n = cut(x, y, n, a, b, limit, spare_x, spare_y)
-    return np.stack([x, y], axis=1)[:n]
+        n = cut(polygon, n, a, b, limit)
+    return polygon[:2, :n].T
 
 
 # Cells
