@@ -26,7 +26,7 @@ from .camera.points.centres import microlens_centres as microlens_centres
 from .camera.points.projection import project as project
 from .camera.pose import Pose as Pose
 from .camera.psf.point_spread import point_spread as point_spread
-from .camera.report.report import CameraKind as CameraKind
+from .camera.report.focus import CameraKind as CameraKind
 from .core.rays import RayBundle as RayBundle
 from .core.rays import RayStatus as RayStatus
 from .core.relative_error import lit_pixels as lit_pixels

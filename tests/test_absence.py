@@ -226,7 +226,7 @@ def _suns(record):
 SAMPLE, FILM, WORLD, TRACE, THIN = (
     "plenoptic.camera.sampling.kernels.paths",
     "plenoptic.rendering.kernels.film_sums",
-    "plenoptic.camera.kernels.world_rays",
+    "plenoptic.core.kernels.bundles",
     "plenoptic.optics.lens.kernels.trace",
     "plenoptic.optics.microlens.kernels.ideal",
 )
@@ -445,7 +445,7 @@ OF_THE_CAMERA = {
     *("paths.fill_camera_samples", "film_sums.fill_sums", "bundles.fill_status_counts"),
 }
 OF_THE_SCENE = {
-    *("world_rays.fill_world_rays", "path_keys.fill_path_keys", "sobol.fill_drawn", "embree._fill_closest"),
+    *("bundles.fill_world_rays", "path_keys.fill_path_keys", "sobol.fill_drawn", "embree._fill_closest"),
     *("interaction.fill_interactions", "parameters.fill_parameters", "sample_emitters.sample_emitters"),
     *("emission.add_emission", "direct_light.eval_direct", "bounce.sample_bsdf"),
 }

@@ -16,9 +16,9 @@ from .psf.point_spread import landing_points as landing_points
 from .psf.point_spread import point_spread as point_spread
 from .psf.spread import CameraSpread as CameraSpread
 from .psf.spread import LandingPoints as LandingPoints
-from .report.report import CameraFinding as CameraFinding
-from .report.report import CameraFindingKind as CameraFindingKind
-from .report.report import CameraKind as CameraKind
+from .report.findings import CameraFinding as CameraFinding
+from .report.findings import CameraFindingKind as CameraFindingKind
+from .report.focus import CameraKind as CameraKind
+from .report.focus import MicrolensFocus as MicrolensFocus
 from .report.report import CameraReport as CameraReport
-from .report.report import MicrolensFocus as MicrolensFocus
 from .report.report import camera_report as camera_report

@@ -86,8 +86,7 @@ def as_built(camera: PlenopticCamera) -> AsBuilt:
     >>> import math, plenoptic as pl
     >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
     ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
-    ...     sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.010),
-    ...     stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
+    ...     sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.01), stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
     >>> print(pl.camera.as_built(camera.moved(pl.CameraPart.SENSOR, tilt=(0.0, 0.01, 0.0))))
                                                       design    as built
     sensor: tilt towards x, mrad                           0          10
@@ -95,11 +94,8 @@ def as_built(camera: PlenopticCamera) -> AsBuilt:
     array to sensor, least at a corner, mm               1.7      1.6744
     array to sensor, largest at a corner, mm             1.7      1.7256
     """
-    parts = (
-        ("lens", camera.lens_placement),
-        ("array", camera.microlenses_placement),
-        ("sensor", camera.sensor_placement),
-    )
+    places = (camera.lens_placement, camera.microlenses_placement, camera.sensor_placement)
+    parts = zip(("lens", "array", "sensor"), places, strict=True)
     found = [each for name, placement in parts if placement is not None for each in _moves(name, placement)]
     behind = "lens to sensor" if camera.microlenses is None else "array to sensor"
     design, built = (_distances(each) for each in (camera.design, camera))

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from plenoptic.core.values import Floats
+from plenoptic.optics.lens.elements import is_centred
 from plenoptic.optics.lens.placement import Placement
 
 if TYPE_CHECKING:
@@ -76,6 +77,13 @@ class Assembly(NamedTuple):
     tilt: Floats | None
     """(2,): how that distance grows with local x and y; None for a sensor parallel to the array."""
 
+    @property
+    def local_to_lens(self) -> Rigid:
+        """From local axes to those of the lens."""
+        if self.frame is None:
+            return Rigid(np.eye(3), np.array([0.0, 0.0, self.z_plane]))
+        return Rigid(self.frame[:9].reshape(3, 3), self.frame[9:])
+
 
 def assembly(camera: PlenopticCamera) -> Assembly:
     """Where the parts of a camera stand; without microlenses, local axes are those of the lens at its last vertex."""
@@ -116,3 +124,49 @@ def sensor_corners(camera: PlenopticCamera, parts: Assembly) -> Floats:
     height, width = camera.sensor.size
     corners = np.array([[x, y, 0.0] for x in (-width / 2, width / 2) for y in (-height / 2, height / 2)])
     return parts.sensor_to_local.points(corners)
+
+
+class ArrayAxes(NamedTuple):
+    """A camera's parts seen from its array: points on it and slopes there, in the local axes of `Assembly`."""
+
+    camera: PlenopticCamera
+    parts: Assembly
+
+    @property
+    def lens_is_round(self) -> bool:
+        """Whether the local field is the same in all directions from the lens's axis."""
+        return self.parts.frame is None and all(map(is_centred, self.camera.lens.elements))
+
+    def local(self, points: Floats) -> Floats:
+        """Points (n, 2) of the array, in local axes."""
+        return np.asarray(points @ self.parts.array_turn.T + self.parts.array_origin)
+
+    def on_array(self, local: Floats) -> Floats:
+        """The other way."""
+        return np.asarray((local - self.parts.array_origin) @ self.parts.array_turn)
+
+    def in_lens(self, local: Floats) -> Floats:
+        """Local points (n, 2) of the array's front principal plane, in the lens's axes (n, 3)."""
+        return self.parts.local_to_lens.points(np.column_stack([local, np.zeros(len(local))]))
+
+    def slopes_of(self, directions: Floats) -> Floats:
+        """Local slopes dx/dz, dy/dz (n, 2) of directions (n, 3) in the lens's axes."""
+        turned = self.parts.local_to_lens.inverse().directions(directions)
+        return np.asarray(turned[:, :2] / turned[:, 2:])
+
+    def on_sensor(self, points: Floats, slopes: Floats) -> Floats:
+        """Where rays behind the array meet the sensor: x and y (n, 2) in its own axes, in mm.
+
+        `points` (n, 2) lie on the array's rear principal plane, `slopes` (n, 2) are dx/dz and dy/dz; both local.
+        """
+        parts = self.parts
+        z = np.full(len(points), parts.distance)
+        if parts.tilt is not None:
+            z = (z + points @ parts.tilt) / (1.0 - slopes @ parts.tilt)
+        met = np.column_stack([points + z[:, None] * slopes, z])
+        return parts.sensor_to_local.inverse().points(met)[:, :2]
+
+
+def array_axes(camera: PlenopticCamera) -> ArrayAxes:
+    """The axes of a camera with microlenses."""
+    return ArrayAxes(camera, assembly(camera))

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import enum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from plenoptic.camera.assembly import assembly, sensor_corners
@@ -83,13 +82,9 @@ class PlenopticCamera:
     Examples
     --------
     >>> import plenoptic as pl
-    >>> camera = pl.PlenopticCamera(
-    ...     lens=pl.load_lens("double-gauss-100mm-f2"),
+    >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
     ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
-    ...     sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.010),
-    ...     stop_to_microlenses=123.3,
-    ...     microlenses_to_sensor=1.7,
-    ... )
+    ...     sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.01), stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
     >>> f"{camera.z_sensor:.1f} mm"
     '125.0 mm'
     """
@@ -108,47 +103,40 @@ class PlenopticCamera:
     sensitivity: Sensitivity | None = dataclasses.field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
-        for name, kind in (("lens", LensStack), ("sensor", Sensor)):
-            if not isinstance(getattr(self, name), kind):
-                raise InvalidValueError(f"{name} is {getattr(self, name)!r}; it must be a {kind.__name__}")
-        if self.pose is not None and not isinstance(self.pose, Pose):
-            raise InvalidValueError(f"pose is {self.pose!r}; it must be a Pose or None, see posed()")
+        parts = {"lens": LensStack, "sensor": Sensor}
+        for name, kind in (parts | {"microlenses": MicrolensArray, "pose": Pose, "sensitivity": Sensitivity}).items():
+            given, other = getattr(self, name), "" if name in parts else " or None"
+            if not isinstance(given, kind) and not (other and given is None):
+                raise InvalidValueError(f"{name} is {given!r}; it must be a {kind.__name__}{other}")
         set_field(self, "wavelength", wavelength_in_nm(self.wavelength))
-        self.lens.indices(self.wavelength)
-        set_field(self, "stop_to_microlenses", finite(self.stop_to_microlenses, "stop_to_microlenses"))
-        set_field(self, "microlenses_to_sensor", finite(self.microlenses_to_sensor, "microlenses_to_sensor"))
+        seen = () if self.sensitivity is None else self.sensitivity.wavelength_range
+        for wavelength in (self.wavelength, *seen):
+            self.lens.indices(wavelength)
+        for name in ("stop_to_microlenses", "microlenses_to_sensor"):
+            set_field(self, name, finite(getattr(self, name), name))
         for name in ("lens_placement", "microlenses_placement", "sensor_placement"):
             set_field(self, name, kept_placement(getattr(self, name)))
         if self.microlenses is None and self.microlenses_placement is not None:
             raise InvalidValueError("microlenses_placement is given without microlenses; leave it out")
-        given = (self.blemishes,) if isinstance(self.blemishes, Blemishes) else self.blemishes
-        set_field(self, "blemishes", tuple(given) if isinstance(given, tuple | list) else (given,))
+        several = isinstance(self.blemishes, tuple | list)
+        set_field(self, "blemishes", tuple(self.blemishes) if several else (self.blemishes,))
         if not all(isinstance(part, Blemishes) for part in self.blemishes):
             raise InvalidValueError(f"blemishes is {self.blemishes!r}; it must be a tuple of Blemishes")
         self._check_blemishes()
-        if self.sensitivity is not None:
-            if not isinstance(self.sensitivity, Sensitivity):
-                raise InvalidValueError(f"sensitivity is {self.sensitivity!r}; it must be a Sensitivity or None")
-            for wavelength in self.sensitivity.wavelength_range:
-                self.lens.indices(wavelength)
         self._check_distances()
         self._check_assembly()
 
     def _check_distances(self) -> None:
-        behind = float(self.lens.vertices[-1])
-        array = self.microlenses
+        array, front, behind = self.microlenses, self.stop_to_microlenses, float(self.lens.vertices[-1])
         if array is None:
             if self.microlenses_to_sensor != 0:
                 raise InvalidValueError(
                     f"microlenses_to_sensor is {self.microlenses_to_sensor:g} mm without microlenses; leave it at 0 "
                     "and give the distance from stop to sensor as stop_to_microlenses"
                 )
-            front = self.stop_to_microlenses
         else:
-            if not isinstance(array, MicrolensArray):
-                raise InvalidValueError(f"microlenses is {array!r}; it must be a MicrolensArray or None")
             depths = array.model.rules.depths(array)
-            front = self.stop_to_microlenses - depths.front
+            front -= depths.front
             if not self.microlenses_to_sensor > depths.rear:
                 raise InvalidValueError(
                     f"microlenses_to_sensor is {self.microlenses_to_sensor:g} mm; it must be above "
@@ -162,8 +150,6 @@ class PlenopticCamera:
 
     def _check_assembly(self) -> None:
         """No corner of the sensor may touch the array, and neither may be inside the lens."""
-        if self.lens_placement is None and self.microlenses_placement is None and self.sensor_placement is None:
-            return
         parts = assembly(self)
         nearest = float(sensor_corners(self, parts)[:, 2].min())
         if parts.sensor_to_local.turn[2, 2] <= 0 or not nearest > 0:
@@ -224,12 +210,8 @@ class PlenopticCamera:
         Returns
         -------
         PlenopticCamera
-            `design` is as before; movements add up.
-
-        Raises
-        ------
-        InvalidValueError
-            Where the part is missing, or would touch another one.
+            `design` is as before; movements add up. An InvalidValueError where the part is missing, or would touch
+            another one.
 
         Examples
         --------
@@ -243,14 +225,10 @@ class PlenopticCamera:
         ([0.01, 0.0, 0.0], True)
         """
         name = f"{choice(part, CameraPart, 'part').name.lower()}_placement"
-        turn, before = rotation_about_axes(tilt), getattr(self, name)
-        if np.shape(shift) != (3,):
-            raise InvalidValueError(f"shift is {shift!r}; it must be three lengths in mm, along x, y and z")
-        step = np.array([finite(length, f"shift[{k}]") for k, length in enumerate(shift)])
-        if before is not None:
-            turn, step = turn @ np.asarray(before.rotation), step + np.asarray(before.shift)
-        changes: dict[str, Placement] = {name: Placement(shift=step, rotation=turn)}
-        return dataclasses.replace(self, **changes)  # type: ignore[arg-type]
+        before: Any = getattr(self, name) or Placement()
+        moved = Placement(before.shift + Placement(shift=shift).shift, rotation_about_axes(tilt) @ before.rotation)
+        changes: dict[str, Any] = {name: moved}
+        return dataclasses.replace(self, **changes)
 
     @property
     def z_sensor(self) -> float:
@@ -270,10 +248,6 @@ class PlenopticCamera:
         up : (3,) array
             World direction that is up in the image.
 
-        Returns
-        -------
-        PlenopticCamera
-
         Examples
         --------
         >>> import plenoptic as pl
@@ -285,7 +259,7 @@ class PlenopticCamera:
         return dataclasses.replace(self, pose=Pose.look_at(position, look_at, up))
 
     def project(self, points: ArrayLike, scene: Scene | None = None) -> Projection:
-        """Where world points appear on the sensor: in the image of every microlens that sees them.
+        """Where world points appear on the sensor, in the image of every microlens that sees them; see `project`.
 
         Parameters
         ----------
@@ -293,27 +267,13 @@ class PlenopticCamera:
             World positions in mm.
         scene : Scene, optional
             What may stand in the way; None: nothing.
-
-        Returns
-        -------
-        Projection
-            See there; the same as `project` with its defaults.
-
-        Examples
-        --------
-        See `project`.
         """
         from plenoptic.camera.points.projection import project  # knows this class
 
         return project(self, points, scene=scene)
 
     def report(self) -> CameraReport:
-        """What the camera is and does, as numbers, and what users of such cameras trip over; print it.
-
-        Returns
-        -------
-        CameraReport
-            See there; the same as `camera_report`.
+        """What the camera is and does, as numbers, and what users of such cameras trip over; see `camera_report`.
 
         Examples
         --------
@@ -371,7 +331,7 @@ class PlenopticCamera:
         >>> f"{least_confused.stop_to_microlenses:.2f} mm"
         '134.86 mm'
         """
-        from plenoptic.camera.focus import focused_stop_to_microlenses
+        from plenoptic.camera.focus import focused_stop_to_microlenses  # knows this class
 
         moved = focused_stop_to_microlenses(self, z, criterion, microlens_type)
         return dataclasses.replace(self, stop_to_microlenses=moved)

@@ -3,50 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
+from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.camera.report.focus import sharp_image
 from plenoptic.core.values import number, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.analysis.focus import FocusCriterion, best_focus, front_focus
-
-if TYPE_CHECKING:
-    from plenoptic.camera.camera import PlenopticCamera
-
-
-def image_behind_array(camera: PlenopticCamera, microlens_type: int | None = None) -> float:
-    """How far behind the array the main lens must form the image that is sharp on the sensor, in mm.
-
-    Arrays with several focal lengths need the type of the microlenses that are meant.
-
-    With microlenses of focal length f at distance b from the sensor, light that meets on the sensor comes,
-    seen in front of the microlenses, from the distance a with 1/a + 1/b = 1/f; the image then lies at -a
-    behind the array. At b = f the microlenses see infinity, and a plenoptic camera of the first kind
-    focuses its main lens on the array itself: 0.
-    """
-    array = camera.microlenses
-    if array is None:
-        return 0.0
-    b, f = camera.microlenses_to_sensor, _meant(array.focal_lengths, microlens_type)
-    # Rounding of b or f in the last digits must not send the image to infinity.
-    if math.isclose(b, f, rel_tol=1e-9):
-        return 0.0
-    return b * f / (f - b)
-
-
-def _meant(focal_lengths: tuple[float, ...], microlens_type: int | None) -> float:
-    """The focal length of a type, which must be named where they differ."""
-    if microlens_type is None:
-        if len(set(focal_lengths)) > 1:
-            raise InvalidValueError(
-                f"the microlenses have the focal lengths {focal_lengths} mm, which see different planes sharply; name "
-                f"one by microlens_type, 0 to {len(focal_lengths) - 1}"
-            )
-        return focal_lengths[0]
-    if whole(microlens_type, "microlens_type", at_least=0) >= len(focal_lengths):
-        raise InvalidValueError(
-            f"microlens_type is {microlens_type}; the microlenses have {len(focal_lengths)} types, counted from 0"
-        )
-    return focal_lengths[microlens_type]
 
 
 def focused_stop_to_microlenses(
@@ -67,4 +29,23 @@ def focused_stop_to_microlenses(
         raise InvalidValueError(
             f"the plane z = {z:g} mm has its image at infinity; choose another plane or a lens with a focal length"
         )
-    return image - image_behind_array(camera, microlens_type)
+    return image - sharp_image(camera, _focal_length(camera, microlens_type))
+
+
+def _focal_length(camera: PlenopticCamera, microlens_type: int | None) -> float | None:
+    """That of the microlenses of a type, which must be named where they differ; None without microlenses."""
+    if camera.microlenses is None:
+        return None
+    focal_lengths = camera.microlenses.focal_lengths
+    if microlens_type is None:
+        if len(set(focal_lengths)) > 1:
+            raise InvalidValueError(
+                f"the microlenses have the focal lengths {focal_lengths} mm, which see different planes sharply; name "
+                f"one by microlens_type, 0 to {len(focal_lengths) - 1}"
+            )
+        return focal_lengths[0]
+    if whole(microlens_type, "microlens_type", at_least=0) >= len(focal_lengths):
+        raise InvalidValueError(
+            f"microlens_type is {microlens_type}; the microlenses have {len(focal_lengths)} types, counted from 0"
+        )
+    return focal_lengths[microlens_type]

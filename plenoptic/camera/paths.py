@@ -1,32 +1,24 @@
-"""Paths from the sensor to behind the lens."""
+"""Paths from the sensor to behind the lens: the stages that a camera needs."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.dust import fill_dimmed_at_lens
+from plenoptic.camera.dust import BETWEEN, PlacedDust, fill_dimmed_at_lens
 from plenoptic.camera.record import CameraRecord
 from plenoptic.camera.sampling.kernels import paths
 from plenoptic.camera.sampling.record import Batch, FedPixels
-from plenoptic.camera.stages import fill_before_array, fill_through_array, own_microlenses
 from plenoptic.core.kernels.ray_blocks import BLOCK, RAY
 from plenoptic.core.values import Floats
 from plenoptic.optics.lens.kernels.trace import fill_traced
-from plenoptic.optics.lens.record import LensRecord
 from plenoptic.optics.microlens.dust import BlemishSite
+from plenoptic.optics.microlens.kernels import to_lens
+from plenoptic.optics.microlens.model_rules import Crossing
+from plenoptic.optics.microlens.record import ResponseRecord, SensorPlane
 
 _GUIDES = 1024
-
-
-def wave_guide(cdf: Floats) -> NDArray[np.int64]:
-    """Where to begin looking in a table of cumulative probabilities; see `paths.fill_waves`."""
-    return np.asarray(np.searchsorted(cdf, np.arange(_GUIDES) / _GUIDES, side="right"), dtype=np.int64)
-
-
-def fill_through_lens(bundle: Floats, lens: LensRecord, waves: NDArray[np.int64] | None) -> None:
-    """Trace a bundle through the lens, each ray at its wavelength where `waves` has their numbers."""
-    fill_traced(bundle, lens, waves)
+"""Places in a table of cumulative probabilities at which looking begins; see `fill_waves`."""
 
 
 class CameraPaths:
@@ -36,7 +28,7 @@ class CameraPaths:
         blocks = -(-most // BLOCK)
         self._camera, self._fed, self._batch = camera, fed, batch
         self._blocks = np.empty(blocks * RAY)
-        self.own = own_microlenses(camera, blocks * BLOCK)
+        self.own = camera.own(blocks * BLOCK)
         """What is individual about the paths' microlenses; None where these do not differ."""
         self.waves: NDArray[np.int64] | None = None
         """Numbers of the paths' wavelengths; None where all have the camera's."""
@@ -44,7 +36,7 @@ class CameraPaths:
         """What paths are traced through."""
         if camera.colour is not None and camera.dispersed is not None:
             self.waves, self.lens = np.empty(blocks * BLOCK, dtype=np.int64), camera.dispersed
-            self._guide = wave_guide(camera.colour.cdf)
+            self._guide = np.searchsorted(camera.colour.cdf, np.arange(_GUIDES) / _GUIDES, side="right")
 
     def started(self, start: int, n: int) -> Floats:
         """A bundle of paths start ... start + n - 1: points on their pixels, aimed at what feeds these; wavelengths."""
@@ -56,11 +48,44 @@ class CameraPaths:
 
     def fill_through_array(self, bundle: Floats) -> None:
         """From the sensor to behind the array."""
-        fill_before_array(bundle, self._camera)
+        sensor = self._camera.sensor
+        fill_dimmed_before_array(bundle, sensor.plane, sensor.response, self._camera.dust)
         fill_through_array(bundle, self.own, self._camera, self.waves)
 
     def fill_through_lens(self, bundle: Floats) -> None:
         """Through the lens and the dust on it."""
         fill_dimmed_at_lens(bundle, self._camera.dust, BlemishSite.LENS_REAR)
-        fill_through_lens(bundle, self.lens, self.waves)
+        fill_traced(bundle, self.lens, self.waves)
         fill_dimmed_at_lens(bundle, self._camera.dust, BlemishSite.LENS_FRONT)
+
+
+def fill_dimmed_before_array(
+    blocks: Floats, sensor: SensorPlane, response: ResponseRecord | None, dust: tuple[PlacedDust, ...]
+) -> None:
+    """Pixels dim aimed samples by their direction, and dust between sensor and array does."""
+    if response is not None:
+        to_lens.fill_pixel_response(blocks, sensor, response)
+    for placed in dust:
+        if placed.site in BETWEEN:
+            from plenoptic.optics.microlens.kernels.dust import fill_dimmed_aims
+
+            fill_dimmed_aims(blocks, sensor, placed.height, placed.axes, placed.record)
+
+
+def fill_through_array(
+    blocks: Floats, own: NDArray[np.void] | None, camera: CameraRecord, waves: NDArray[np.int64] | None = None
+) -> None:
+    """Aimed samples (see `to_lens`) become rays on their way to the lens, in its axes.
+
+    `waves` are the numbers of the wavelengths that they have drawn; None for the camera's.
+    """
+    array, sensor = camera.array, camera.sensor.plane
+    z_plane = camera.z_plane if camera.frame is None else 0.0
+    if array is None or camera.microlenses is None:
+        to_lens.fill_straight(blocks, sensor, z_plane)
+        return
+    if array.walls is not None and own is not None:
+        to_lens.fill_walls(blocks, own, array.cell, array.cells)
+    camera.microlenses.model.rules.to_lens(blocks, own, Crossing(array, sensor, z_plane), waves)
+    if camera.frame is not None:
+        to_lens.fill_in_lens_axes(blocks, camera.frame)

@@ -59,10 +59,6 @@ class Pose:
         up : (3,) array
             Any direction that is not along the view.
 
-        Returns
-        -------
-        Pose
-
         Raises
         ------
         InvalidValueError

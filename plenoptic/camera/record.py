@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from plenoptic.camera.assembly import Assembly, Rigid, assembly
 from plenoptic.camera.camera import PlenopticCamera
@@ -93,6 +94,10 @@ class CameraRecord(NamedTuple):
         """(12,): from the axes in which the array is traced to the lens's; None where they are the same but for z."""
         return self.parts.frame
 
+    def own(self, n: int) -> NDArray[np.void] | None:
+        """Room for what n paths, in whole blocks, keep of their microlenses; None where these do not differ."""
+        return None if self.array is None else self.array.own(n)
+
 
 def camera_record(camera: PlenopticCamera) -> CameraRecord:
     """Compile a camera: numbers for the kernels, with bounds on the exit pupil found by tracing."""
@@ -117,7 +122,10 @@ def camera_record(camera: PlenopticCamera) -> CameraRecord:
         )
     plane = OutlinePlane(z_last if parts.frame is not None else parts.z_plane - z_last, parts.frame)
     pinhole = array is not None and not array.model.focuses
-    world = _lens_to_world(camera, parts)
+    world = parts.lens_to_camera
+    if camera.pose is not None:
+        pose = Rigid(np.asarray(camera.pose.rotation), np.asarray(camera.pose.position))
+        world = pose if world is None else pose.of(world)
     return CameraRecord(
         sensor=_sensor_record(camera, parts),
         array=compiled,
@@ -136,7 +144,9 @@ def camera_record(camera: PlenopticCamera) -> CameraRecord:
 
 
 def _sensor_record(camera: PlenopticCamera, parts: Assembly) -> SensorRecord:
-    sensor, sides = camera.sensor, _pixel_sides(camera, parts)
+    sensor = camera.sensor
+    # Columns are the sides of the part of a pixel that sees light, in local x and y.
+    sides = parts.sensor_to_local.turn[:2, :2] * (np.asarray(sensor.pixel_aperture) * sensor.pixel_pitch)
     skew = None if sides[0, 1] == sides[1, 0] == 0 else np.array([sides[0, 1], sides[1, 0]])
     return SensorRecord(
         rows=sensor.shape[0],
@@ -149,12 +159,6 @@ def _sensor_record(camera: PlenopticCamera, parts: Assembly) -> SensorRecord:
     )
 
 
-def _pixel_sides(camera: PlenopticCamera, parts: Assembly) -> Floats:
-    """(2, 2): its columns are the sides of the part of a pixel that sees light, in local x and y."""
-    sides = np.asarray(camera.sensor.pixel_aperture) * camera.sensor.pixel_pitch
-    return np.asarray(parts.sensor_to_local.turn[:2, :2] * sides)
-
-
 def response_record(camera: PlenopticCamera, parts: Assembly) -> ResponseRecord | None:
     """How the camera's pixels respond to directions; None where all are alike."""
     seen, placed = camera.sensor.angular_response, parts.sensor_to_local
@@ -163,11 +167,3 @@ def response_record(camera: PlenopticCamera, parts: Assembly) -> ResponseRecord 
     along = np.array_equal(placed.turn, np.eye(3)) and not placed.shift[:2].any()
     frame = None if along else np.concatenate([placed.turn.ravel(), placed.shift])
     return ResponseRecord(seen.well_depth, seen.index, 1.0 / seen.pupil_distance, seen.exponent, frame)
-
-
-def _lens_to_world(camera: PlenopticCamera, parts: Assembly) -> Rigid | None:
-    """From the lens's axes to the world; None where they are the same."""
-    if camera.pose is None:
-        return parts.lens_to_camera
-    pose = Rigid(np.asarray(camera.pose.rotation), np.asarray(camera.pose.position))
-    return pose if parts.lens_to_camera is None else pose.of(parts.lens_to_camera)

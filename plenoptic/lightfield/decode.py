@@ -7,11 +7,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.array_axes import array_axes
+from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.camera.model_pupil import model_pupil
 from plenoptic.camera.points.centres import CentreMethod, microlens_centres
-from plenoptic.camera.report.optics import lateral_magnification, object_plane
+from plenoptic.camera.report.optics import lateral_magnification, model_pupil, object_plane
 from plenoptic.core.values import Floats, check_kind, choice, finite, positive, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield.planes import RawPlanes, raw_planes

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.model_pupil import model_pupil
-from plenoptic.camera.report.optics import image_plane
+from plenoptic.camera.report.optics import image_plane, model_pupil
 from plenoptic.core.values import Floats, number, result
 from plenoptic.errors import InvalidValueError
 

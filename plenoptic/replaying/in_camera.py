@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.camera.dust import fill_dimmed_at_lens
-from plenoptic.camera.paths import CameraPaths, fill_through_lens
+from plenoptic.camera.paths import CameraPaths
 from plenoptic.camera.record import CameraRecord
 from plenoptic.camera.sampling.pixel_regions import fed_pixels
 from plenoptic.camera.sampling.record import Batch, FedPixels
@@ -132,6 +132,8 @@ def _lens_events(
     camera: CameraRecord, lens: LensRecord, bundle: Floats, waves: NDArray[np.int64] | None
 ) -> list[Event]:
     """Passages through the elements, up to the one where the path ends."""
+    from plenoptic.optics.lens.kernels.trace import fill_traced
+
     events: list[Event] = []
     before = _row(bundle)
     if before.status != 0:
@@ -139,7 +141,7 @@ def _lens_events(
     for last in range(len(lens.rows)):
         # From the beginning each time: the rays that a whole trace has there, to the bit.
         part = bundle.copy()
-        fill_through_lens(part, lens.first(last + 1), waves)
+        fill_traced(part, lens.first(last + 1), waves)
         after = _row(part)
         lost = after.status != 0
         status = RayStatus(int(after.status) % 8)

@@ -201,7 +201,7 @@ def _through_scene(
     context: RenderContext, scene: Scene | None, way: CameraWay, batch: Batch
 ) -> tuple[tuple[Event, ...], Floats | None, PathEnding]:
     """Follow a path behind the lens; its radiance is None in a white image."""
-    from plenoptic.camera.kernels.world_rays import fill_world_rays
+    from plenoptic.core.kernels.bundles import fill_world_rays
 
     camera = context.camera
     rays, lanes = np.empty((1, 6)), np.empty(1, dtype=np.int64)

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic.camera.paths import fill_through_array
 from plenoptic.camera.record import CameraRecord
 from plenoptic.camera.sampling.pixel_regions import feeding_regions
-from plenoptic.camera.stages import fill_through_array, own_microlenses
 from plenoptic.core.values import Floats
 from plenoptic.optics.lens.record import LensRecord
 from plenoptic.optics.microlens.array import MicrolensArray
@@ -152,7 +152,7 @@ class PixelStages:
         regions = feeding_regions(camera, pixels, 0.0)
         aims = np.empty((n * representative_ray.PROBES, representative_ray.AIM))
         probes = np.empty(-(-len(aims) // BLOCK) * RAY)
-        probe_lanes, lanes = own_microlenses(camera, probes.size // 8), own_microlenses(camera, -(-n // BLOCK) * BLOCK)
+        probe_lanes, lanes = camera.own(probes.size // 8), camera.own(-(-n // BLOCK) * BLOCK)
         representative_ray.fill_probes(probes, probe_lanes, aims, pixels, regions)
         fill_through_array(probes, probe_lanes, camera)
         fill_traced(probes, camera.lens, None)
@@ -189,7 +189,7 @@ class PixelStages:
     @cached_property
     def hits(self) -> SurfaceHits:
         """The triangles that the rays meet, through what is not there for most paths."""
-        from plenoptic.camera.kernels.world_rays import fill_world_rays
+        from plenoptic.core.kernels.bundles import fill_world_rays
         from plenoptic.scene.geometry.kernels import interaction
         from plenoptic.scene.materials.alpha_mask import no_hits, skip_transparent
 

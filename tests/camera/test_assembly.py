@@ -238,7 +238,7 @@ def test_reports_say_that_they_are_on_the_design():
     kinds = {finding.kind for finding in moved.report().warnings}
     assert pl.camera.CameraFindingKind.OUT_OF_PLACE in kinds
     assert pl.camera.CameraFindingKind.OUT_OF_PLACE not in {finding.kind for finding in CAMERA.report().warnings}
-    with pytest.raises(pl.errors.InvalidValueError, match="three lengths"):
+    with pytest.raises(pl.errors.InvalidValueError, match="shift has shape"):
         CAMERA.moved(SENSOR, shift=0.1)
 
 

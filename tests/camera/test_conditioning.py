@@ -18,6 +18,7 @@ CAMERA = pl.PlenopticCamera(
     microlenses_to_sensor=1.7,
 )
 TABLES = camera_record(CAMERA)
+SENSOR, PIXEL = (0, 64, 0, 48), (32, 33, 24, 25)
 
 
 @pytest.mark.parametrize("pixel", [(32, 24), (3, 40)])
@@ -33,12 +34,11 @@ def test_paths_are_those_that_are_rendered(pixel):
 
 
 def test_pixels_are_spread_over_the_region():
-    found = camera_conditioning(TABLES, seed=3)
+    found = camera_conditioning(TABLES, SENSOR, seed=3)
     assert 900 <= found.rays <= 1024
     assert found.elements.tolist() == list(range(10, -1, -1))
     assert found.reached[0] == found.rays - sum(found.lost_at(None).values())
-    assert found == camera_conditioning(TABLES, (0, 64, 0, 48), seed=3)
-    assert found != camera_conditioning(TABLES, seed=4)
+    assert found == camera_conditioning(TABLES, SENSOR, seed=3) != camera_conditioning(TABLES, SENSOR, seed=4)
     # As many lost as in the image, within five standard deviations of as many independent paths.
     stats = pl.render_white(CAMERA, samples=8, seed=3, progress=False).stats
     share = 1.0 - stats.fraction_through_lens
@@ -49,7 +49,7 @@ def test_pixels_are_spread_over_the_region():
 def test_digits_are_lost_on_the_way_from_the_array():
     # 93 mm from the array to the last surface, of semi-diameter 18 mm, twice, and the terms of its equation and its
     # place, 30.31 mm: about 220 / 20 mm.
-    found = camera_conditioning(TABLES)
+    found = camera_conditioning(TABLES, SENSOR)
     last = CAMERA.lens.elements[10].semi_diameter
     assert found.cancellation[0, 1] * last == pytest.approx(2 * (123.3 - 30.31) + 30.31, rel=0.05)
     assert found.worst.element == 10 and found.worst.condition.name == "CANCELLATION"
@@ -68,8 +68,8 @@ def test_dark_pixels_have_no_rays():
         assert (found.worst is None) == (found.rays == 0)
         rays.append(found.rays)
     assert set(rays) == {0, 16}
-    with pytest.raises(InvalidValueError, match="rays is 0"):
-        camera_conditioning(TABLES, rays=0)
+    with pytest.raises(InvalidValueError, match="conditioning is 0"):
+        pl.render_white(small, samples=16, conditioning=0, progress=False)
 
 
 @pytest.mark.slow
@@ -77,7 +77,7 @@ def test_paths_of_colour_cameras_have_their_wavelengths():
     colour = dataclasses.replace(CAMERA, sensitivity=pl.sensitivities.cie_1931())
     region = np.s_[32:33, 24:25]
     white = pl.render_white(colour, samples=1024, replicates=1, seed=7, region=region, progress=False)
-    found = camera_conditioning(camera_record(colour), (32, 33, 24, 25), seed=7, rays=1024)
+    found = camera_conditioning(camera_record(colour), PIXEL, seed=7, rays=1024)
     assert found.lost == white.stats.lost
     # Red and blue meet the surfaces otherwise than the camera's own wavelength.
-    assert found.refraction[0].tolist() != camera_conditioning(TABLES, (32, 33, 24, 25), seed=7).refraction[0].tolist()
+    assert found.refraction[0].tolist() != camera_conditioning(TABLES, PIXEL, seed=7).refraction[0].tolist()

@@ -6,7 +6,8 @@ import pytest
 
 import plenoptic as pl
 from plenoptic.camera.design.design import design_camera
-from plenoptic.camera.report.report import CameraKind, camera_report
+from plenoptic.camera.report.focus import CameraKind
+from plenoptic.camera.report.report import camera_report
 from plenoptic.optics.lens.analysis.focus import best_focus
 
 LENS = pl.load_lens("double-gauss-100mm-f2")

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
+from plenoptic.camera.report.findings import CameraFindingKind
+from plenoptic.camera.report.focus import CameraKind
 from plenoptic.camera.report.optics import (
     images_on_sensor,
     lateral_magnification,
@@ -14,7 +16,7 @@ from plenoptic.camera.report.optics import (
     paraxial_cone,
     traced_slope,
 )
-from plenoptic.camera.report.report import CameraFindingKind, CameraKind, camera_report
+from plenoptic.camera.report.report import camera_report
 
 LENS = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=5.0))
 THIN = LENS.with_model(pl.LensModel.THIN)

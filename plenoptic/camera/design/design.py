@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from plenoptic.camera.design.search import CameraDesign, DesignStep, Search
+from plenoptic.camera.design.search import CameraDesign, Search
 from plenoptic.camera.design.wishes import Wishes, check_count, check_wishes, checked_numbers, template_array
 from plenoptic.camera.report.focus import CameraKind
 from plenoptic.camera.report.optics import neighbour_distance
@@ -12,8 +12,6 @@ from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.lattice import Lattice
 from plenoptic.optics.sensor.sensor import Sensor
-
-__all__ = ["CameraDesign", "DesignStep", "design_camera"]
 
 
 def design_camera(  # noqa: PLR0913
@@ -87,9 +85,8 @@ def design_camera(  # noqa: PLR0913
 
     Notes
     -----
-    The first solution is paraxial. Then the image of the plane in focus and the slope of the rim ray at the centre of
-    the array are traced and the equations solved again with these, until nothing changes: each round corrects what
-    aberrations do.
+    The first solution is paraxial. Each round then traces the image of the plane in focus and the slope of the rim ray
+    at the centre of the array, and solves the equations again with these, until nothing changes.
 
     Examples
     --------

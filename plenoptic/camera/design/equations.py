@@ -14,6 +14,7 @@ from typing import NamedTuple
 from plenoptic.camera.design.wishes import FIELDS, Numbers, Wishes
 from plenoptic.camera.report.focus import CameraKind
 from plenoptic.errors import InvalidValueError
+from plenoptic.optics.lens.gaussian.matrices import over
 
 
 class Lens(NamedTuple):
@@ -36,25 +37,20 @@ Rule = tuple[str, tuple[str, ...], Callable[[Numbers, str], float]]
 def solved(wishes: Wishes, given: Numbers, lens: Lens) -> Numbers:
     """All unknowns, from those given; an error where they are not determined or impossible."""
     known, rules = dict(given), _rules(wishes, lens)
-    progress = True
-    while progress:
-        progress = False
-        for rule in list(rules):
+    while True:
+        rule = next((rule for rule in rules if sum(u not in known for u in rule[1]) <= 1), None)
+        if rule is not None:
             name, unknowns, solve = rule
             missing = [u for u in unknowns if u not in known]
-            if len(missing) == 1:
-                known[missing[0]] = _possible(solve(known, missing[0]), missing[0], name, wishes)
-            if len(missing) <= 1:
-                if not missing:
-                    raise InvalidValueError(
-                        f"{name} has nothing left to choose: what it acts on is given or follows from the rest; leave "
-                        f"out {name}, or one of what is given"
-                    )
-                rules.remove(rule)
-                progress = True
-                break
-        if not progress:
-            progress = _solved_pair(known, rules, wishes, lens)
+            if not missing:
+                raise InvalidValueError(
+                    f"{name} has nothing left to choose: what it acts on is given or follows from the rest; leave "
+                    f"out {name}, or one of what is given"
+                )
+            known[missing[0]] = _possible(solve(known, missing[0]), missing[0], name, wishes)
+            rules.remove(rule)
+        elif not _solved_pair(known, rules, wishes, lens):
+            break
     open_ = [FIELDS[u] for u in FIELDS if u not in known]
     if open_:
         raise InvalidValueError(
@@ -95,10 +91,10 @@ def _rules(wishes: Wishes, lens: Lens) -> list[Rule]:
 def _sharpness(n: Numbers, u: str) -> float:
     """1/b - 1/f = 1/s."""
     if u == "s":
-        return math.inf if n["b"] == n["f"] else n["b"] * n["f"] / (n["f"] - n["b"])
+        return over(n["b"] * n["f"], n["f"] - n["b"])
     if u == "b":
-        return n["f"] * n["s"] / (n["f"] + n["s"]) if n["s"] != -n["f"] else math.inf
-    return n["b"] * n["s"] / (n["s"] - n["b"]) if n["s"] != n["b"] else math.inf
+        return over(n["f"] * n["s"], n["f"] + n["s"])
+    return over(n["b"] * n["s"], n["s"] - n["b"])
 
 
 def _depth(n: Numbers, u: str, sign: float, shift: float) -> float:
@@ -115,8 +111,7 @@ def _fill(n: Numbers, u: str, fill: float, lens: Lens) -> float:
         return fill * n["p"] * (1.0 + n["b"] * lens.vergence) / (2.0 * n["b"] * lens.slope)
     if u == "p":
         return 2.0 * n["b"] * n["h"] * lens.slope / (fill * (1.0 + n["b"] * lens.vergence))
-    below = 2.0 * n["h"] * lens.slope - fill * n["p"] * lens.vergence
-    return fill * n["p"] / below if below != 0 else math.inf
+    return over(fill * n["p"], 2.0 * n["h"] * lens.slope - fill * n["p"] * lens.vergence)
 
 
 def _solved_pair(known: Numbers, rules: list[Rule], wishes: Wishes, lens: Lens) -> bool:

@@ -99,13 +99,10 @@ def template_array(
 
 def checked_numbers(numbers: dict[str, float | None]) -> Numbers:
     """What is given, checked."""
-    kept = {u: finite(x, FIELDS[u]) for u, x in numbers.items() if x is not None}
-    for u, x in kept.items():
-        if not (x > 0 or (u == "f" and x < 0)):
-            raise InvalidValueError(
-                f"{FIELDS[u]} is {x:g} mm; it must be {'another number' if u == 'f' else 'above 0'}"
-            )
-    return kept
+    given = {u: x for u, x in numbers.items() if x is not None}
+    if given.get("f") == 0:
+        raise InvalidValueError(f"{FIELDS['f']} is 0 mm; it must be another number")
+    return {u: finite(x, FIELDS[u]) if u == "f" else positive(x, FIELDS[u], "mm") for u, x in given.items()}
 
 
 def check_count(wishes: Wishes, given: Numbers) -> None:

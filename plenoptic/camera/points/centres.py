@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.array_axes import ArrayAxes, array_axes
+from plenoptic.camera.assembly import ArrayAxes, array_axes, sensor_corners
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.camera.model_pupil import model_pupil
 from plenoptic.camera.points.centroids import lit_centroids
 from plenoptic.camera.points.chief_rays import chief_slopes
 from plenoptic.camera.points.white_centroids import white_centroids
-from plenoptic.core.values import Floats, check_kind, choice, finite, read_only, value
+from plenoptic.camera.report.optics import model_pupil
+from plenoptic.core.values import Floats, check_kind, choice, finite, result
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.microlens.aperture import Walls
 from plenoptic.optics.microlens.array import MicrolensArray
@@ -50,7 +50,7 @@ class CentreMethod(enum.IntEnum):
     """The centroid of the light of a uniform white scene that passes the microlens: what a white image shows."""
 
 
-@value
+@result
 class MicrolensCentres:
     """Centres of microlens images, one a row. See `microlens_centres`, which finds them.
 
@@ -140,8 +140,7 @@ def microlens_centres(
     >>> lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=4.25))
     >>> camera = pl.PlenopticCamera(lens=lens,
     ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,), lattice=pl.Lattice.SQUARE),
-    ...     sensor=pl.Sensor(shape=(64, 64), pixel_pitch=0.01),
-    ...     stop_to_microlenses=123.3, microlenses_to_sensor=2.0)
+    ...     sensor=pl.Sensor(shape=(64, 64), pixel_pitch=0.01), stop_to_microlenses=123.3, microlenses_to_sensor=2.0)
     >>> centres = pl.microlens_centres(camera)
     >>> centres.pixel[4].tolist(), (centres.pixel[4] - centres.pixel[3]).round(3).tolist()
     ([31.5, 31.5], [22.038, 0.0])
@@ -155,18 +154,15 @@ def microlens_centres(
         raise InvalidValueError(
             f"a white image is given, but {method.name} does not look at it; use CentreMethod.CENTROID or leave it out"
         )
-    axes = array_axes(camera)
-    lenses = _lenses_near_sensor(axes, array, margin)
-    if not len(lenses):
-        return _kept(camera, lenses, np.zeros((0, 2)), method, margin)
-    centres = axes.local(lenses.axis)
-    walls = array.walls is Walls.OPAQUE
-    if walls and method is CentreMethod.CENTROID:
+    if array.walls is Walls.OPAQUE and method is CentreMethod.CENTROID:
         raise InvalidValueError(
             "walls end the image of each microlens at its cell, and centroids are not defined for them; take "
             "CentreMethod.CHIEF_RAY"
         )
-    straight = walls or method is CentreMethod.ORTHOGONAL
+    axes = array_axes(camera)
+    lenses = _lenses_near_sensor(axes, array, margin)
+    centres = axes.local(lenses.axis)
+    straight = array.walls is Walls.OPAQUE or method is CentreMethod.ORTHOGONAL
     slopes = np.zeros_like(centres) if straight else chief_slopes(axes, centres)
     position = axes.on_sensor(array.model.rules.displaced(array, centres, slopes, camera.wavelength, True), slopes)
     if method is CentreMethod.CENTROID:
@@ -174,7 +170,12 @@ def microlens_centres(
             position = lit_centroids(axes, array, lenses)
         else:
             position = white_centroids(axes, array, white, lenses.design, position, _images_apart(axes))
-    return _kept(camera, lenses, position, method, margin)
+    # Rounding must not decide about a centre on the edge.
+    limit = 0.5 * np.array(camera.sensor.size[::-1]) + margin + 1e-9 * camera.sensor.pixel_pitch
+    with np.errstate(invalid="ignore"):
+        kept = (np.abs(position) <= limit).all(axis=1)
+    places, pixels = position[kept], camera.sensor.pixel_of(position[kept])
+    return MicrolensCentres(lenses.index[kept], lenses.type[kept], lenses.axis[kept], places, pixels, method)
 
 
 def _images_apart(axes: ArrayAxes) -> float:
@@ -182,8 +183,7 @@ def _images_apart(axes: ArrayAxes) -> float:
     array = axes.camera.microlenses
     if array is not None and array.walls is Walls.OPAQUE:
         return 1.0
-    pupil, _ = model_pupil(axes.camera)
-    gap = axes.parts.z_plane - pupil if math.isfinite(pupil) else math.inf
+    gap = axes.parts.z_plane - model_pupil(axes.camera)[0]
     return 1.0 + axes.parts.distance / gap if gap != 0 else math.inf
 
 
@@ -192,30 +192,10 @@ def _lenses_near_sensor(axes: ArrayAxes, array: MicrolensArray, margin: float) -
 
     They are nearer where the exit pupil lies behind the array.
     """
-    across = axes.local_to_lens.inverse().points(np.array([0.0, 0.0, axes.parts.z_plane]))[:2]
-    corners = axes.sensor_corners()
+    across = axes.parts.local_to_lens.inverse().points(np.array([0.0, 0.0, axes.parts.z_plane]))[:2]
+    corners = sensor_corners(axes.camera, axes.parts)[:, :2]
     shrunk = across + (corners - across) / max(_images_apart(axes), _LEAST_APART)
     reached = axes.on_array(np.concatenate([corners, shrunk]))
     low, high = reached.min(axis=0), reached.max(axis=0)
     room = _ROOM * (high - low) + max(array.pitches) + margin * (high - low).max() / (corners.max() - corners.min())
     return array.lenses(low - room, np.maximum(high + room, low - room))
-
-
-def _kept(
-    camera: PlenopticCamera, lenses: Lenslets, position: Floats, method: CentreMethod, margin: float
-) -> MicrolensCentres:
-    """Those with an image on the sensor."""
-    height, width = camera.sensor.size
-    # Rounding must not decide about a centre on the edge.
-    limit = np.array([width, height]) / 2 + margin + 1e-9 * camera.sensor.pixel_pitch
-    with np.errstate(invalid="ignore"):
-        kept = (np.abs(position) <= limit).all(axis=1)
-    places = position[kept]
-    return MicrolensCentres(
-        index=read_only(lenses.index[kept]),
-        type=read_only(lenses.type[kept]),
-        on_array=read_only(lenses.axis[kept]),
-        position=read_only(places),
-        pixel=read_only(camera.sensor.pixel_of(places)),
-        method=method,
-    )

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.array_axes import ArrayAxes
+from plenoptic.camera.assembly import ArrayAxes
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError

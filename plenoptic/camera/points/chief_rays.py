@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from plenoptic.camera.array_axes import ArrayAxes
+from plenoptic.camera.assembly import ArrayAxes
 from plenoptic.core.values import Floats
 from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays_reverse
 

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.camera.points.projection_light import REPLICATES, centroid_and_error, light_and_error, light_of
-from plenoptic.camera.points.projection_rows import Rows, lenses_with, rows_through_iris, rows_through_microlenses
+from plenoptic.camera.points.projection_rows import REPLICATES, Rows, lenses_with, rows_of
+from plenoptic.camera.psf.histogram import centroids
 from plenoptic.camera.psf.point_spread import world_points
-from plenoptic.camera.psf.sensor_hits import ForwardRecord, forward_record, in_lens_axes, tasks_of
+from plenoptic.camera.psf.sensor_hits import ForwardRecord, forward_record, in_lens_axes
 from plenoptic.core.parallel import thread_count
-from plenoptic.core.values import Floats, check_kind, read_only, set_field, value, whole
+from plenoptic.core.values import Floats, check_kind, result, whole
 
 if TYPE_CHECKING:
     from plenoptic.scene.scene import Scene
@@ -24,7 +24,7 @@ _CLEAR = 2.0**-12
 """What hides a point is farther from it than this part of its way to the lens: the surface that it lies on does not."""
 
 
-@value
+@result
 class Projection:
     """Where points appear on the sensor, a row for each point and microlens. See `project`, which makes it.
 
@@ -73,20 +73,13 @@ class Projection:
     passes: NDArray[np.bool_]
     visible: NDArray[np.bool_]
 
-    def __post_init__(self) -> None:
-        for field in dataclasses.fields(self):
-            given = getattr(self, field.name)
-            if given is not None:
-                set_field(self, field.name, read_only(np.asarray(given)))
-
     def __len__(self) -> int:
         return len(self.point)
 
     def selected(self, rows: ArrayLike) -> Projection:
         """The rows that a mask (k,) or an array of row numbers selects."""
-        given = {field.name: getattr(self, field.name) for field in dataclasses.fields(self) if field.name != "points"}
-        chosen: dict[str, Any] = {name: a[np.asarray(rows)] for name, a in given.items() if a is not None}
-        return dataclasses.replace(self, **chosen)
+        given = {name: array for name, array in vars(self).items() if name != "points" and array is not None}
+        return dataclasses.replace(self, **{name: array[np.asarray(rows)] for name, array in given.items()})
 
     def __repr__(self) -> str:
         seen = int(np.count_nonzero(self.visible))
@@ -147,8 +140,7 @@ def project(
     >>> camera = pl.PlenopticCamera(
     ...     lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=5.0)),
     ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
-    ...     sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.01),
-    ...     stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
+    ...     sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.01), stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
     >>> seen = pl.project(camera, (0.0, 0.0, -404.0))
     >>> seen
     Projection(1 points, 37 rows, 37 of them visible)
@@ -161,29 +153,25 @@ def project(
     each = -(-whole(rays, "rays", at_least=1) // REPLICATES)
     workers = thread_count(threads)
     tables = forward_record(camera)
-    seen = in_lens_axes(tables, given)
-    tasks = tasks_of(tables, seen, REPLICATES, each)
-    pinhole = camera.microlenses is not None and not camera.microlenses.model.focuses
-    light = light_of(tables, [] if pinhole else tasks, each, workers)
-    if camera.microlenses is None:
-        rows = rows_through_iris(tables, seen, light)
-    else:
-        rows = rows_through_microlenses(tables, camera.microlenses, seen, tasks, light)
-    projection = _assembled(tables, given, rows, pinhole)
+    rows = rows_of(tables, in_lens_axes(tables, given), each, workers)
+    projection = _assembled(tables, given, rows)
     return projection if scene is None else _unhidden(tables, projection, rows.entering, scene)
 
 
-def _assembled(tables: ForwardRecord, given: Floats, rows: Rows, pinhole: bool) -> Projection:
+def _assembled(tables: ForwardRecord, given: Floats, rows: Rows) -> Projection:
     sensor, array = tables.camera.sensor, tables.camera.microlenses
     lenses = None if array is None or rows.lens is None else lenses_with(array, rows.lens)
-    light, light_error = light_and_error(rows.moments)
-    centroid, centroid_error = centroid_and_error(rows.moments)
-    height, width = sensor.size
+    light = rows.moments[:, :, 0].mean(axis=1)
+    light_error = rows.moments[:, :, 0].std(axis=1, ddof=1) / np.sqrt(REPLICATES)
+    centroid, centroid_error = centroids(rows.moments)
+    centroid[light == 0] = np.nan
+    # All light in one replicate: the error is not known, and not small.
+    centroid_error[~np.isfinite(centroid_error)] = np.inf
     with np.errstate(invalid="ignore"):
-        shown = rows.passes & (np.abs(rows.position) <= np.array([width, height]) / 2).all(axis=1)
+        shown = rows.passes & (np.abs(rows.position) <= 0.5 * np.array(sensor.size[::-1])).all(axis=1)
     if lenses is not None:
         shown &= lenses.transmission > 0
-    if pinhole:
+    if array is not None and not array.model.focuses:
         light, light_error = np.full((2, len(light)), np.nan)
         centroid = np.where(shown[:, None], rows.position, np.nan)
         centroid_error = np.where(shown[:, None], 0.0, np.inf)

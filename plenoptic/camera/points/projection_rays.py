@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.array_axes import ArrayAxes
+from plenoptic.camera.assembly import ArrayAxes
 from plenoptic.camera.psf.sensor_hits import ForwardRecord
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats
@@ -69,7 +69,8 @@ class ThroughArray(NamedTuple):
 
         In plates whose vertices face the sensor, rays are displaced on their way to them.
         """
-        origin, slopes = self.axes.local_to_lens.inverse().points(rays.origin), self.axes.slopes_of(rays.direction)
+        slopes = self.axes.slopes_of(rays.direction)
+        origin = self.axes.parts.local_to_lens.inverse().points(rays.origin)
         return self._displaced(origin[:, :2] - origin[:, 2:] * slopes, slopes, False)
 
     def sensor_points(self, centres: Floats, rays: RayBundle) -> Floats:

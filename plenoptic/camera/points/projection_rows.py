@@ -8,20 +8,64 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.array_axes import array_axes
-from plenoptic.camera.points.projection_light import REPLICATES, Light, unique_rows
+from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.points.projection_rays import Aim, EntranceRays, ThroughArray, aimed, entrance_rays, through_iris
-from plenoptic.camera.psf.sensor_hits import ForwardRecord, Task
-from plenoptic.core.rays import RayBundle
+from plenoptic.camera.psf.sensor_hits import ForwardRecord, Task, landed, tasks_of
+from plenoptic.core.parallel import run_in_order
 from plenoptic.core.values import Floats
 from plenoptic.optics.lens.trace import traced_by
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.listed import Lenslets, lenses_of
 
+REPLICATES = 8
+"""Independent scramblings of the rays of a point; errors come from their spread."""
 _RINGS = (1.0, 0.75, 0.5, 0.25, 0.0)
 """Where rays enter, as parts of the way from the middle of what a point's light enters through to its corners."""
 _ROOM = 1.25
 """Microlenses are looked for in a box around the light that is larger by this factor."""
+
+
+class Light(NamedTuple):
+    """Light of points that lands on the sensor, a row for each point and microlens."""
+
+    keys: NDArray[np.int64]
+    """(k, 3): number of the point and lattice indices of the microlens, in order; 0, 0 without microlenses."""
+    moments: Floats
+    """(k, replicates, 3): light, and light times x and y on the sensor, in mm."""
+
+
+def _light_of(tables: ForwardRecord, tasks: list[Task], each: int, threads: int) -> Light:
+    """Trace tasks that come to `each` rays for every point and replicate."""
+
+    def work(task: Task) -> tuple[NDArray[np.int64], Floats]:
+        rows = landed(tables, task, np.uint64(0)).rows
+        lens, place = _unique_rows(np.column_stack([rows["first"], rows["second"]]))
+        sums = np.empty((len(lens), 3))
+        for k, amount in enumerate((rows["weight"], rows["weight"] * rows["x"], rows["weight"] * rows["y"])):
+            sums[:, k] = np.bincount(place, amount, minlength=len(lens))
+        return lens, sums / each
+
+    parts = list(run_in_order(work, tasks, threads=threads))
+    counts = [len(lens) for lens, _ in parts]
+    number = np.repeat([task.number for task in tasks], counts).astype(np.int64)
+    replicate = np.repeat([task.replicate for task in tasks], counts).astype(np.int64)
+    index = np.concatenate([np.empty((0, 2), np.int64), *(lens for lens, _ in parts)])
+    keys, row = _unique_rows(np.column_stack([number, index]))
+    moments = np.zeros((len(keys), REPLICATES, 3))
+    np.add.at(moments, (row, replicate), np.concatenate([np.empty((0, 3)), *(sums for _, sums in parts)]))
+    return Light(keys, moments)
+
+
+def _unique_rows(keys: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The different rows (k, c) of whole numbers (n, c) in order, and which of them each row is (n,)."""
+    if not len(keys):
+        return keys, np.empty(0, np.int64)
+    order = np.lexsort(keys.T[::-1])
+    ordered = keys[order]
+    new = np.append(True, (ordered[1:] != ordered[:-1]).any(axis=1))
+    row = np.empty(len(keys), np.int64)
+    row[order] = np.cumsum(new) - 1
+    return ordered[new], row
 
 
 class Rows(NamedTuple):
@@ -41,8 +85,17 @@ class Rows(NamedTuple):
     """(k, 2): where a ray enters, on the plane of the entrance, that stands for the light."""
 
 
-def rows_through_iris(tables: ForwardRecord, seen: Floats, light: Light) -> Rows:
-    """One row for each point (n, 3), in the lens's axes, of a camera without microlenses."""
+def rows_of(tables: ForwardRecord, seen: Floats, each: int, threads: int) -> Rows:
+    """The rows of points (n, 3) in the lens's axes, with the light of `each` rays for every point and replicate."""
+    tasks, array = tasks_of(tables, seen, REPLICATES, each), tables.camera.microlenses
+    if array is None:
+        return _rows_through_iris(tables, seen, _light_of(tables, tasks, each, threads))
+    light = _light_of(tables, tasks if array.model.focuses else [], each, threads)
+    return _rows_through_microlenses(tables, array, seen, tasks, light)
+
+
+def _rows_through_iris(tables: ForwardRecord, seen: Floats, light: Light) -> Rows:
+    """One row for each point of a camera without microlenses."""
     entrance, n = entrance_rays(tables), len(seen)
     aim, centre = through_iris(tables, entrance.bare)
     z, pupil = entrance.z, tables.entrance.pupil[0]
@@ -53,30 +106,24 @@ def rows_through_iris(tables: ForwardRecord, seen: Floats, light: Light) -> Rows
     rays = entrance.through(seen, entering)
     moments = np.zeros((n, REPLICATES, 3))
     moments[light.keys[:, 0]] = light.moments
-    position = _on_bare_sensor(tables, traced_by(entrance.bare, rays))
+    behind, to_sensor = traced_by(entrance.bare, rays), tables.array.parts.sensor_to_local.inverse()
+    origin = to_sensor.points(behind.origin - np.array([0.0, 0.0, tables.array.parts.z_plane]))
+    direction = to_sensor.directions(behind.direction)
+    position = origin[:, :2] - origin[:, 2:] / direction[:, 2:] * direction[:, :2]
     return Rows(np.arange(n), None, position, traced_by(entrance.lens, rays).status == 0, moments, entering)
 
 
-def _on_bare_sensor(tables: ForwardRecord, rays: RayBundle) -> Floats:
-    """Where rays behind the lens meet a sensor without microlenses, in its own axes."""
-    parts = tables.array.parts
-    to_sensor = parts.sensor_to_local.inverse()
-    origin = to_sensor.points(rays.origin - np.array([0.0, 0.0, parts.z_plane]))
-    direction = to_sensor.directions(rays.direction)
-    return np.asarray(origin[:, :2] - origin[:, 2:] / direction[:, 2:] * direction[:, :2])
-
-
-def rows_through_microlenses(
+def _rows_through_microlenses(
     tables: ForwardRecord, array: MicrolensArray, seen: Floats, tasks: list[Task], light: Light
 ) -> Rows:
-    """A row for each of the points (n, 3), in the lens's axes, and each microlens that gets its light or chief ray."""
+    """A row for each point and each microlens that gets its light or chief ray."""
     if not tasks:
         none, keys = np.empty((0, 2)), np.empty((0, 3), np.int64)
         return Rows(keys[:, 0], keys[:, 1:], none, keys[:, 0] > 0, np.empty((0, REPLICATES, 3)), none)
     entrance, axes = entrance_rays(tables), array_axes(tables.camera)
     through = ThroughArray(axes, array)
     prints = _footprints(tasks, entrance, through)
-    keys, row = unique_rows(np.concatenate([light.keys, _candidates(prints, through)]))
+    keys, row = _unique_rows(np.concatenate([light.keys, _candidates(prints, through)]))
     moments = np.zeros((len(keys), REPLICATES, 3))
     moments[row[: len(light.keys)]] = light.moments
     number, centres = keys[:, 0], axes.local(lenses_with(array, keys[:, 1:]).axis)
@@ -168,7 +215,7 @@ def _linear(places: Floats, values: Floats, wanted: Floats) -> Floats:
 
 def lenses_with(array: MicrolensArray, index: NDArray[np.int64]) -> Lenslets:
     """The microlenses with lattice indices (n, 2), which may be the same."""
-    once, row = unique_rows(index)
+    once, row = _unique_rows(index)
     found = lenses_of(array, once)
     return Lenslets(*(getattr(found, field.name)[row] for field in dataclasses.fields(found)))
 

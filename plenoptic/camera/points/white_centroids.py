@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.array_axes import ArrayAxes
+from plenoptic.camera.assembly import ArrayAxes
 from plenoptic.core.values import Floats, check_has
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.microlens.array import MicrolensArray

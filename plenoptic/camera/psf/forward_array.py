@@ -96,10 +96,7 @@ def _reach(camera: PlenopticCamera, parts: Assembly, array: MicrolensArray) -> f
     strongest power times the largest height in a cell. All FREE lenses are listed.
     """
     a, b = rear_reach(camera.lens, parts.z_plane, camera.wavelength)
-    z_last = float(camera.lens.vertices[-1])
-    last = np.array([0.0, 0.0, z_last - parts.z_plane])
-    if parts.frame is not None:
-        last = parts.frame[:9].reshape(3, 3).T @ (np.array([0.0, 0.0, z_last]) - parts.frame[9:])
+    last = parts.local_to_lens.inverse().points(np.array([0.0, 0.0, float(camera.lens.vertices[-1])]))
     corners = sensor_corners(camera, parts)
     distance, pupil_distance = float(corners[:, 2].max()), -float(last[2])
     height = array.cell_radius + largest_offset(array.imperfections)

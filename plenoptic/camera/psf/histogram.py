@@ -21,8 +21,8 @@ from plenoptic.core.values import Floats
 class Crop(NamedTuple):
     """Part of the sensor that rays reach, and what they bring."""
 
-    row: int
-    column: int
+    corner: NDArray[np.int64]
+    """(2,): row and column of its first pixel."""
     sums: Floats
     moments: Floats
     """(3,) sums of the weight, and of weight times x and y."""
@@ -46,56 +46,54 @@ def _counted(record: ForwardRecord, task: Task, seed: np.uint64) -> Crop:
 
     result = landed(record, task, seed)
     counts = np.append(result.counts, [result.shut, result.beside, len(result.rows)])
-    moments = np.zeros(3)
-    if not len(result.rows):
-        return Crop(0, 0, np.zeros((0, 0)), moments, counts)
-    row, last_row, column, last_column = extent(result.rows)
-    sums = np.zeros((last_row + 1 - row, last_column + 1 - column))
-    fill_crop(sums, moments, result.rows, row, column)
-    return Crop(row, column, sums, moments, counts)
+    corner, sums, moments = np.zeros(2, np.int64), np.zeros((0, 0)), np.zeros(3)
+    if len(result.rows):
+        top, bottom, left, right = extent(result.rows)
+        corner, sums = np.array([top, left]), np.zeros((bottom + 1 - top, right + 1 - left))
+        fill_crop(sums, moments, result.rows, top, left)
+    return Crop(corner, sums, moments, counts)
 
 
 def _added(crops: list[Crop]) -> Crop:
     """Crops of the chunks of a replicate as one."""
-    row, column, shape = _around(crops)
-    sums = np.zeros(shape)
-    for crop in crops:
-        sums[_within(crop, row, column)] += crop.sums
-    return Crop(row, column, sums, sum(c.moments for c in crops), sum(c.counts for c in crops))  # type: ignore[arg-type]
+    corner, shape = _around(crops)
+    sums = sum((_within(crop.sums, crop.corner, corner, shape) for crop in crops), start=np.zeros(shape))
+    moments, counts = sum((c.moments for c in crops), start=np.zeros(3)), np.sum([c.counts for c in crops], axis=0)
+    return Crop(corner, sums, moments, counts)
 
 
-def _around(crops: list[Crop]) -> tuple[int, int, tuple[int, int]]:
-    """First row, first column and shape of the rectangle that holds crops."""
+def _around(crops: list[Crop]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """First pixel and shape, (2,) each, of the rectangle that holds crops."""
     lit = [crop for crop in crops if crop.sums.size]
     if not lit:
-        return 0, 0, (0, 0)
-    row, column = min(crop.row for crop in lit), min(crop.column for crop in lit)
-    rows = max(crop.row + crop.sums.shape[0] for crop in lit) - row
-    return row, column, (rows, max(crop.column + crop.sums.shape[1] for crop in lit) - column)
+        return np.zeros(2, np.int64), np.zeros(2, np.int64)
+    first = np.min([crop.corner for crop in lit], axis=0)
+    return first, np.max([crop.corner + crop.sums.shape for crop in lit], axis=0) - first
 
 
-def _within(crop: Crop, row: int, column: int) -> tuple[slice, slice]:
-    """Where a crop lies in an array whose first pixel is given."""
-    rows, columns = crop.sums.shape
-    # An empty crop lies nowhere.
-    top, left = (crop.row - row, crop.column - column) if crop.sums.size else (0, 0)
-    return slice(top, top + rows), slice(left, left + columns)
+def _within(pixels: Floats, at: NDArray[np.int64], corner: NDArray[np.int64], shape: NDArray[np.int64]) -> Floats:
+    """Pixels of which the first is `at` on the sensor, in an array of which the first is `corner`."""
+    found = np.zeros(shape)
+    # What is empty lies nowhere.
+    if pixels.size:
+        (top, left), (rows, columns) = at - corner, pixels.shape
+        found[top : top + rows, left : left + columns] = pixels
+    return found
 
 
 def _spot(crops: list[Crop], each: int) -> Spot:
     """Mean and standard error over replicates of `each` rays."""
-    row, column, shape = _around(crops)
+    corner, shape = _around(crops)
     mean, squares = np.zeros(shape), np.zeros(shape)
     for k, crop in enumerate(crops, start=1):
-        image = np.zeros(shape)
-        image[_within(crop, row, column)] = crop.sums / each
+        image = _within(crop.sums / each, crop.corner, corner, shape)
         step = image - mean
         mean += step / k
         squares += step * (image - mean)
     moments = np.array([crop.moments / each for crop in crops])
     counts = np.sum([crop.counts for crop in crops], axis=0)
     error = np.sqrt(squares / (max(len(crops) - 1, 1) * len(crops)))
-    return Spot(Crop(row, column, mean, moments.mean(axis=0), counts), error, moments)
+    return Spot(Crop(corner, mean, moments.mean(axis=0), counts), error, moments)
 
 
 def spots_of(
@@ -106,7 +104,7 @@ def spots_of(
     def work(task: Task) -> tuple[Task, Crop]:
         return task, _counted(record, task, seed)
 
-    results = run_in_order(work, tasks, threads=min(threads, max(len(tasks), 1)))
+    results = run_in_order(work, tasks, threads=threads)
     for number, of_point in groupby(results, key=lambda pair: pair[0].number):
         replicates = groupby(of_point, key=lambda pair: pair[0].replicate)
         yield number, _spot([_added([crop for _, crop in chunks]) for _, chunks in replicates], each)
@@ -116,21 +114,21 @@ def assembled(
     camera: PlenopticCamera, points: Floats, spots: dict[int, Spot], replicates: int, each: int
 ) -> CameraSpread:
     """Spots of several points as arrays of one shape."""
-    n, height, width = len(points), *camera.sensor.shape
-    shapes = [spot.crop.sums.shape for spot in spots.values()]
-    rows, columns = (max([1, *(shape[k] for shape in shapes)]) for k in range(2))
-    image, error = np.zeros((n, rows, columns)), np.zeros((n, rows, columns))
-    corner = np.tile([(height - rows) // 2, (width - columns) // 2], (n, 1))
+    n = len(points)
+    shape = np.max([(1, 1), *(spot.crop.sums.shape for spot in spots.values())], axis=0)
+    last = np.array(camera.sensor.shape) - shape
+    image, error = np.zeros((2, n, *shape))
+    corner = np.tile(last // 2, (n, 1))
     moments = np.zeros((n, replicates, 3))
     counts = np.zeros((n, CAUSES * (len(camera.lens.elements) + 1) + 3), dtype=np.int64)
     for number, spot in spots.items():
         counts[number], moments[number] = spot.crop.counts, spot.moments
         if spot.crop.sums.size:
-            corner[number] = min(spot.crop.row, height - rows), min(spot.crop.column, width - columns)
-            at = _within(spot.crop, *corner[number])
-            image[number][at], error[number][at] = spot.crop.sums, spot.error
+            corner[number] = np.minimum(spot.crop.corner, last)
+        for full, part in ((image, spot.crop.sums), (error, spot.error)):
+            full[number] = _within(part, spot.crop.corner, corner[number], shape)
     area = camera.sensor.pixel_pitch**2
-    centroid, centroid_error = _centroids(moments)
+    centroid, centroid_error = centroids(moments)
     fates, fractions = _fates(counts, replicates * each)
     known = replicates >= 2
     return CameraSpread(
@@ -149,7 +147,7 @@ def assembled(
     )
 
 
-def _centroids(moments: Floats) -> tuple[Floats, Floats]:
+def centroids(moments: Floats) -> tuple[Floats, Floats]:
     """Centroids (n, 2) from moments (n, replicates, 3), and their errors, by leaving one replicate out at a time."""
     total, count = moments.sum(axis=1), moments.shape[1]
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -161,12 +159,9 @@ def _centroids(moments: Floats) -> tuple[Floats, Floats]:
 def _fates(counts: NDArray[np.int64], rays: int) -> tuple[tuple[tuple[str, int | None], ...], Floats]:
     """Names and elements of what became of rays, and the part of them."""
     shut, beside, arrived = (counts.shape[1] - k for k in (3, 2, 1))
-    names: list[tuple[str, int | None]] = [("landed", None), ("beside_sensor", None)]
-    kept = [arrived, beside]
+    fates: dict[int, tuple[str, int | None]] = {arrived: ("landed", None), beside: ("beside_sensor", None)}
     if counts[:, shut].any():
-        names.append(("beside_opening", None))
-        kept.append(shut)
-    for code in np.flatnonzero(counts[:, 1:shut].any(axis=0)) + 1:
-        names.append(cause_and_element(int(code)))
-        kept.append(int(code))
-    return tuple(names), counts[:, kept] / rays
+        fates[shut] = "beside_opening", None
+    for code in (np.flatnonzero(counts[:, 1:shut].any(axis=0)) + 1).tolist():
+        fates[code] = cause_and_element(code)
+    return tuple(fates.values()), counts[:, list(fates)] / rays

@@ -13,11 +13,11 @@ etendue; see `optics.microlens.kernels.to_sensor` for their factors. Dust and pi
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.psf.histogram import assembled, spots_of
-from plenoptic.camera.psf.sensor_hits import HIT, Task, in_lens_axes, landed, measuring_record, tasks_of
+from plenoptic.camera.psf.sensor_hits import HIT, in_lens_axes, landed, measuring_record, tasks_of
 from plenoptic.camera.psf.spread import CameraSpread, LandingPoints
 from plenoptic.core.parallel import run_in_order, thread_count
 from plenoptic.core.values import Floats, check_kind, frozen_array, seed_number, whole
@@ -69,10 +69,8 @@ def point_spread(
     --------
     >>> import plenoptic as pl
     >>> lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=5.0))
-    >>> camera = pl.PlenopticCamera(lens=lens,
-    ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
-    ...     sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.01),
-    ...     stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
+    >>> camera = pl.PlenopticCamera(lens=lens, microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
+    ...     sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.01), stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
     >>> spread = pl.point_spread(camera, (0.0, 0.0, -404.0))
     >>> f"{1e3 * spread.light:.3f} msr"
     '0.982 msr'
@@ -98,19 +96,10 @@ def landing_points(
 
     Parameters
     ----------
-    camera, points, seed, threads : optional
-        As in `point_spread`.
+    camera, points, seed, threads
+        As in `point_spread`, with the same errors.
     rays : int, optional
         Rays of each point; those that land are returned.
-
-    Returns
-    -------
-    LandingPoints
-
-    Raises
-    ------
-    InvalidValueError
-        As in `point_spread`.
 
     Examples
     --------
@@ -126,11 +115,7 @@ def landing_points(
     scrambling, workers = np.uint64(seed_number(seed)), thread_count(threads)
     record = measuring_record(camera)
     tasks = tasks_of(record, in_lens_axes(record, given), 1, each)
-
-    def work(task: Task) -> NDArray[np.void]:
-        return landed(record, task, scrambling).rows
-
-    found = list(run_in_order(work, tasks, threads=min(workers, max(len(tasks), 1))))
+    found = list(run_in_order(lambda task: landed(record, task, scrambling).rows, tasks, threads=workers))
     rows = np.concatenate([np.empty(0, HIT), *found])
     source = np.repeat([task.number for task in tasks], [len(part) for part in found]).astype(np.int64)
     array = camera.microlenses

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.assembly import assembly
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.camera.dust import PlacedDust, fill_dimmed_at_lens, placed_dust
+from plenoptic.camera.dust import BETWEEN, PlacedDust, fill_dimmed_at_lens, placed_dust
+from plenoptic.camera.paths import fill_dimmed_before_array
 from plenoptic.camera.psf.forward_array import ForwardArray, fill_through_array_forward, forward_array
 from plenoptic.camera.record import response_record
 from plenoptic.camera.sampling.record import TRIANGLE
-from plenoptic.camera.stages import fill_dimmed_before_array
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.models import LensModel
@@ -58,8 +58,7 @@ class ForwardRecord(NamedTuple):
     @property
     def dims_by_aim(self) -> bool:
         """Whether something between sensor and array dims light."""
-        between = any(part.site in (BlemishSite.SENSOR, BlemishSite.ARRAY) for part in self.dust)
-        return self.response is not None or between
+        return self.response is not None or any(part.site in BETWEEN for part in self.dust)
 
 
 class Task(NamedTuple):

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import dataclasses
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.core.values import Floats, read_only, set_field, value, whole
+from plenoptic.core.values import Floats, result, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.sensor.sensor import Sensor
 
 
-@value
+@result
 class CameraSpread:
     """Images of points on the sensor, the point-spread functions of the whole camera; made by `point_spread`.
 
@@ -73,16 +76,6 @@ class CameraSpread:
     sensor: Sensor
     rays: int
 
-    def __post_init__(self) -> None:
-        for name in ("image", "standard_error", "corner", "points", "centroid", "centroid_error", "fractions"):
-            given = getattr(self, name)
-            if given is not None:
-                set_field(self, name, read_only(np.asarray(given)))
-        for name in ("light", "light_error"):
-            given = getattr(self, name)
-            if given is not None:
-                set_field(self, name, float(given) if np.ndim(given) == 0 else read_only(np.asarray(given)))
-
     @property
     def _several(self) -> bool:
         return self.points.ndim == 2
@@ -107,12 +100,7 @@ class CameraSpread:
         Parameters
         ----------
         number : int
-            Which of the points, from 0.
-
-        Raises
-        ------
-        InvalidValueError
-            If there is no such point.
+            Which of the points, from 0; an InvalidValueError if there is no such point.
 
         Examples
         --------
@@ -128,23 +116,9 @@ class CameraSpread:
         if not self._several:
             return self
 
-        def one(array: Floats | float | None) -> Floats | None:
-            return None if array is None else np.asarray(array)[number]
-
-        return CameraSpread(
-            self.image[number],
-            one(self.standard_error),
-            self.corner[number],
-            self.points[number],
-            float(np.asarray(self.light)[number]),
-            one(self.light_error),
-            self.centroid[number],
-            one(self.centroid_error),
-            self.fates,
-            self.fractions[number],
-            self.sensor,
-            self.rays,
-        )
+        arrays = {name: given[number] for name, given in vars(self).items() if isinstance(given, np.ndarray)}
+        of_one: dict[str, Any] = {name: each if each.ndim else float(each) for name, each in arrays.items()}
+        return dataclasses.replace(self, **of_one)
 
     def whole(self) -> Floats:
         """The image on the whole sensor: (rows, columns), or (n, rows, columns) for several points."""
@@ -163,7 +137,7 @@ class CameraSpread:
         )
 
 
-@value
+@result
 class LandingPoints:
     """Where rays from points land on the sensor; made by `landing_points`.
 
@@ -188,8 +162,7 @@ class LandingPoints:
     >>> import numpy as np, plenoptic as pl
     >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
     ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
-    ...     sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.01),
-    ...     stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
+    ...     sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.01), stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
     >>> landed = pl.camera.landing_points(camera, (0.0, 0.0, -404.0))
     >>> middle = (landed.index == 0).all(axis=1)          # through the microlens on the axis
     >>> bool(np.abs(landed.position[middle]).max() < 0.03)
@@ -201,12 +174,6 @@ class LandingPoints:
     source: NDArray[np.int64]
     microlens: Floats | None
     index: NDArray[np.int64] | None
-
-    def __post_init__(self) -> None:
-        for name in ("position", "weight", "source", "microlens", "index"):
-            given = getattr(self, name)
-            if given is not None:
-                set_field(self, name, read_only(np.asarray(given)))
 
     def __repr__(self) -> str:
         return f"<LandingPoints: {len(self.position)} rays>"

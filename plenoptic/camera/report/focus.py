@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import enum
 import math
-from typing import TYPE_CHECKING
 
+from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.report.optics import (
     Cone,
     cell_area,
@@ -18,10 +18,8 @@ from plenoptic.camera.report.optics import (
 from plenoptic.core.values import value
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.analysis.focus import FocusCriterion, best_focus
+from plenoptic.optics.lens.gaussian.matrices import over
 from plenoptic.optics.lens.models import LensModel
-
-if TYPE_CHECKING:
-    from plenoptic.camera.camera import PlenopticCamera
 
 _STEPS = 8
 """Corrections of the traced focus; each makes the error some ten to a thousand times smaller."""
@@ -158,14 +156,15 @@ def microlens_focus(camera: PlenopticCamera, type_: int, cone: Cone) -> Microlen
     z_image = camera.stop_to_microlenses + s
     z, (far, near) = _in_front(camera, z_image), _limits(camera, kind, s, cone)
     m = lateral_magnification(camera.lens, z, camera.wavelength) if not math.isnan(z) else math.nan
-    onwards, across, seeing, disparities, resolution = 1.0, math.nan, math.nan, (None, None, None), 1.0
+    onwards, across, seeing, resolution = 1.0, math.nan, math.nan, 1.0
     pixel, v = q, None
+    disparities: list[float | None] = [None] * 3
     if array is not None:
         b, p = camera.microlenses_to_sensor, neighbour_distance(array)
         width = footprint(cone, s)
         across, seeing = width / p, max(1.0, math.pi / 4 * width**2 / cell_area(array))
-        images = [_image_behind(camera, x) for x in (far, near)]
-        disparities = tuple(disparity_of(kind, x, b, p, q) for x in (s, *images))  # type: ignore[assignment]
+        images = [image_plane(camera.lens, x, camera.wavelength) - camera.stop_to_microlenses for x in (far, near)]
+        disparities = [disparity_of(kind, x, b, p, q) for x in (s, *images)]
         v = abs(s) / b
         if kind is CameraKind.PLENOPTIC_1:
             resolution = min(1.0, q / math.sqrt(cell_area(array)) / abs(1.0 + b * cone.vergence))
@@ -183,7 +182,7 @@ def microlens_focus(camera: PlenopticCamera, type_: int, cone: Cone) -> Microlen
         z_far=far,
         z_near=near,
         magnification=m,
-        object_sampling=_over(pixel, abs(m) * onwards),
+        object_sampling=over(pixel, abs(m) * onwards),
         lenses_across=across,
         lenses_seeing=seeing,
         disparity=disparities[0],
@@ -196,13 +195,13 @@ def microlens_focus(camera: PlenopticCamera, type_: int, cone: Cone) -> Microlen
 def footprint(cone: Cone, s: float) -> float:
     """Diameter on the array of the light that converges at s behind it, filling the exit pupil, in mm."""
     if math.isinf(s):
-        return _over(2.0 * cone.slope, abs(cone.vergence))
-    return _over(2.0 * cone.slope * abs(s), abs(1.0 + s * cone.vergence))
+        return over(2.0 * cone.slope, abs(cone.vergence))
+    return over(2.0 * cone.slope * abs(s), abs(1.0 + s * cone.vergence))
 
 
 def disparity_of(kind: CameraKind, s: float, b: float, p: float, q: float) -> float:
     """Between neighbouring microlenses in pixels, or between neighbouring views in microlenses; see MicrolensFocus."""
-    return s * q / (b * p) if kind is CameraKind.PLENOPTIC_1 else _over(p * b / q, abs(s))
+    return s * q / (b * p) if kind is CameraKind.PLENOPTIC_1 else over(p * b / q, abs(s))
 
 
 def traced_plane(camera: PlenopticCamera, z_image: float) -> float:
@@ -235,12 +234,6 @@ def traced_plane(camera: PlenopticCamera, z_image: float) -> float:
     return -math.inf if _at_horizon(camera, z) else z
 
 
-def _image_behind(camera: PlenopticCamera, z: float) -> float:
-    if math.isnan(z):
-        return z
-    return image_plane(camera.lens, z, camera.wavelength) - camera.stop_to_microlenses
-
-
 def _at_horizon(camera: PlenopticCamera, z: float) -> bool:
     """Whether the images of a plane and of the horizon are the same but for rounding."""
     image, horizon = (image_plane(camera.lens, x, camera.wavelength) for x in (z, -math.inf))
@@ -266,7 +259,7 @@ def _limits(camera: PlenopticCamera, kind: CameraKind, s: float, cone: Cone) -> 
 
     def place(z_image: float) -> float:
         z = object_plane(lens, z_image, camera.wavelength)
-        return 0.0 if math.isinf(z) else _over(1.0, front - z)
+        return 0.0 if math.isinf(z) else over(1.0, front - z)
 
     ends = sharp_ends(camera, kind, s, cone)
     best = place(camera.stop_to_microlenses + s)
@@ -287,7 +280,7 @@ def sharp_ends(camera: PlenopticCamera, kind: CameraKind, s: float, cone: Cone) 
     if array is None:
         # 2 R |s| / (D + s) = q with the exit pupil R at D, slope = R / D.
         turn, share = q * cone.vergence, 2.0 * cone.slope
-        return -_over(q, share + turn), _over(q, share - turn)
+        return -over(q, share + turn), over(q, share - turn)
     b, width = camera.microlenses_to_sensor, opening_width(array)
     if kind is CameraKind.PLENOPTIC_1:
         reach = neighbour_distance(array) * b / q
@@ -295,8 +288,4 @@ def sharp_ends(camera: PlenopticCamera, kind: CameraKind, s: float, cone: Cone) 
     if width == 0:
         return None
     blur, w = q / (width * b), 0.0 if math.isinf(s) else 1.0 / s
-    return _over(1.0, w - blur), _over(1.0, w + blur)
-
-
-def _over(a: float, b: float) -> float:
-    return a / b if b != 0 else math.inf
+    return over(1.0, w - blur), over(1.0, w + blur)

@@ -8,14 +8,15 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.analysis.focus import paraxial_focus
-from plenoptic.optics.lens.gaussian.matrices import transfer_matrix
+from plenoptic.optics.lens.gaussian.matrices import over, transfer_matrix
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points, magnification, object_position
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.pupil.iris_points import hexapolar, square_grid
@@ -24,10 +25,6 @@ from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.lattice import Lattice
 from plenoptic.optics.stops.circle import CircularStop
-
-if TYPE_CHECKING:
-    from plenoptic.camera.camera import PlenopticCamera
-
 
 _RIM = 1.0 - 1e-9
 """The rim of the iris is aimed at this much inside, so that rounding does not clip it."""
@@ -68,6 +65,20 @@ def paraxial_cone(lens: LensStack, z: float, wavelength: float) -> Cone:
     (_, b), (_, d) = transfer_matrix(lens, wavelength, lens.iris_index, last).tolist()
     across = float(lens.indices(wavelength)[0]) * b + (z - float(lens.vertices[-1])) * d
     return Cone(d / across, abs(lens.stop.semi_diameter / across))
+
+
+def model_pupil(camera: PlenopticCamera) -> tuple[float, float]:
+    """Where the exit pupil is, z in the lens's axes in mm, inf for a telecentric lens, and its size over the iris's.
+
+    As the lens's model has it; the size is negative where the pupil stands upside down.
+    """
+    lens = camera.lens
+    if lens.model is LensModel.NONE:
+        return 0.0, 1.0
+    points = cardinal_points(lens, camera.wavelength)
+    if lens.model is LensModel.THIN:
+        return points.rear_principal, points.entrance_pupil_semi_diameter / lens.stop.semi_diameter
+    return points.exit_pupil, points.pupil_magnification
 
 
 def traced_slope(lens: LensStack, z: float, wavelength: float) -> float:
@@ -116,14 +127,13 @@ def object_plane(lens: LensStack, z_image: float, wavelength: float) -> float:
     if lens.model is not LensModel.THIN:
         return object_position(lens, z_image, wavelength)
     points = cardinal_points(lens, wavelength)
-    behind = z_image - points.rear_focus
-    front = points.rear_principal - points.efl
-    return -math.inf if behind == 0 else front - points.efl**2 / behind
+    return points.rear_principal - points.efl - over(points.efl**2, z_image - points.rear_focus)
 
 
 def image_plane(lens: LensStack, z_object: float, wavelength: float) -> float:
-    """The inverse of `object_plane`."""
-    return z_object if lens.model is LensModel.NONE else paraxial_focus(lens, z_object, wavelength)
+    """The inverse of `object_plane`; nan for nan."""
+    without = lens.model is LensModel.NONE or math.isnan(z_object)
+    return z_object if without else paraxial_focus(lens, z_object, wavelength)
 
 
 def lateral_magnification(lens: LensStack, z_object: float, wavelength: float) -> float:

@@ -10,25 +10,13 @@ import math
 from typing import Any
 
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.camera.report.findings import CameraFinding, CameraFindingKind, camera_findings
+from plenoptic.camera.report import optics
+from plenoptic.camera.report.findings import CameraFinding, camera_findings
 from plenoptic.camera.report.focus import CameraKind, MicrolensFocus, microlens_focus
-from plenoptic.camera.report.optics import (
-    Cone,
-    clearance,
-    corner_light,
-    coverage,
-    images_on_sensor,
-    neighbour_distance,
-    opening_width,
-    paraxial_cone,
-    traced_slope,
-)
 from plenoptic.core.values import check_kind, value
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.microlens.aperture import Walls
-
-__all__ = ["CameraFinding", "CameraFindingKind", "CameraKind", "CameraReport", "MicrolensFocus", "camera_report"]
 
 
 @value
@@ -135,8 +123,7 @@ def camera_report(camera: PlenopticCamera) -> CameraReport:
     >>> camera = pl.PlenopticCamera(
     ...     lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=5.0)),
     ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
-    ...     sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.010),
-    ...     stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
+    ...     sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.01), stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
     >>> report = pl.camera.camera_report(camera)
     >>> print(f"{report.kind.name}: images every {report.image_pitch_pixels:.3f} pixels, fill {report.image_fill:.2f}")
     GALILEAN: images every 21.987 pixels, fill 0.94
@@ -149,15 +136,15 @@ def camera_report(camera: PlenopticCamera) -> CameraReport:
     check_kind(camera, "camera", PlenopticCamera, "pl.PlenopticCamera(...)")
     lens, array, wavelength = camera.lens, camera.microlenses, camera.wavelength
     z = camera.stop_to_microlenses
-    cone = paraxial_cone(lens, z, wavelength)
-    slope = traced_slope(lens, z, wavelength)
+    cone = optics.paraxial_cone(lens, z, wavelength)
+    slope = optics.traced_slope(lens, z, wavelength)
     if array is not None and array.walls is Walls.OPAQUE:
         # Each microlens is a camera of its own, whose field ends at the walls.
-        cone = Cone(0.0, neighbour_distance(array) / (2 * camera.microlenses_to_sensor))
+        cone = optics.Cone(0.0, optics.neighbour_distance(array) / (2 * camera.microlenses_to_sensor))
         slope = cone.slope
     stretch = 1.0 if array is None else 1.0 + camera.microlenses_to_sensor * cone.vergence
     corner = (camera.sensor.size[1] / (2 * stretch), camera.sensor.size[0] / (2 * stretch))
-    light = corner_light(lens, corner, z, wavelength)
+    light = optics.corner_light(lens, corner, z, wavelength)
     if array is not None and array.walls is Walls.OPAQUE:
         light = light._replace(pupil_fraction=1.0, chief_angle=0.0)
     points = None if lens.model is LensModel.NONE else cardinal_points(lens, wavelength)
@@ -173,7 +160,7 @@ def camera_report(camera: PlenopticCamera) -> CameraReport:
         working_f_number=0.5 / slope,
         **_image_numbers(camera, cone, slope),
         focus=focus,
-        clearance=clearance(camera),
+        clearance=optics.clearance(camera),
         corner_pupil_fraction=light.pupil_fraction,
         corner_chief_angle=light.chief_angle,
         wavelength=wavelength,
@@ -186,16 +173,16 @@ _IMAGES = ("microlens_f_number", "f_number_match", "image_diameter", "image_diam
            "microlenses")  # fmt: skip
 
 
-def _image_numbers(camera: PlenopticCamera, cone: Cone, slope: float) -> dict[str, Any]:
+def _image_numbers(camera: PlenopticCamera, cone: optics.Cone, slope: float) -> dict[str, Any]:
     array, b, q = camera.microlenses, camera.microlenses_to_sensor, camera.sensor.pixel_pitch
     if array is None:
         return dict.fromkeys(_IMAGES)
-    p, stretch = neighbour_distance(array), 1.0 + b * cone.vergence
+    p, stretch = optics.neighbour_distance(array), 1.0 + b * cone.vergence
     diameter, pitch = 2.0 * b * slope, p * abs(stretch)
     # The exit pupil is at -D: blur d b |1/b - 1/f + 1/D|, see MicrolensFocus.
-    border = opening_width(array) * max(abs(stretch - b / f) for f in array.focal_lengths)
-    dark, overlap = coverage(camera, cone)
+    border = optics.opening_width(array) * max(abs(stretch - b / f) for f in array.focal_lengths)
+    dark, overlap = optics.coverage(camera, cone)
     if array.walls is Walls.OPAQUE:
         dark = overlap = 0.0
     numbers = (b / p, diameter / p, diameter, diameter / q, pitch, pitch / q, diameter / pitch, border / q)
-    return dict(zip(_IMAGES, (*numbers, dark, overlap, images_on_sensor(camera, cone.vergence)), strict=True))
+    return dict(zip(_IMAGES, (*numbers, dark, overlap, optics.images_on_sensor(camera, cone.vergence)), strict=True))

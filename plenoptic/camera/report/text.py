@@ -27,7 +27,7 @@ def report_text(report: CameraReport) -> str:
         _line(f"working f-number at the {place}, paraxial", report.working_f_number_paraxial),
         _line(f"working f-number at the {place}, traced", report.working_f_number),
         _line(f"clearance from lens to {place}", report.clearance, "mm"),
-        _line("part of the iris seen from the corner", _times(report.corner_pupil_fraction, 100.0), "%"),
+        _line("part of the iris seen from the corner", report.corner_pupil_fraction, "%"),
         _line("angle of the chief ray in the corner", math.degrees(report.corner_chief_angle), "deg"),
     ]
     if report.microlenses is not None:
@@ -49,8 +49,8 @@ def _image_lines(report: CameraReport) -> list[str]:
         _line("distance of neighbours", report.image_pitch_pixels, "pixels", report.image_pitch),
         _line("diameter over distance", report.image_fill),
         _line("border that fades out", report.image_border_pixels, "pixels"),
-        _line("dark part of the sensor", _times(report.dark_fraction, 100.0), "%"),
-        _line("part lit by several microlenses", _times(report.overlap_fraction, 100.0), "%"),
+        _line("dark part of the sensor", report.dark_fraction, "%"),
+        _line("part lit by several microlenses", report.overlap_fraction, "%"),
         _line("microlenses with their image on the sensor", report.microlenses),
     ]
 
@@ -76,18 +76,14 @@ def _focus_lines(report: CameraReport, focus: MicrolensFocus) -> list[str]:
         _line("disparity", focus.disparity, views),
         _line("disparity at the far limit", focus.disparity_far, views),
         _line("disparity at the near limit", focus.disparity_near, views),
-        _line("effective resolution along an axis", _times(focus.effective_resolution, 100.0), "%"),
+        _line("effective resolution along an axis", focus.effective_resolution, "%"),
     ]
-
-
-def _times(number: float | None, factor: float) -> float | None:
-    return None if number is None else factor * number
 
 
 def _line(label: str, number: float | None, unit: str = "", millimetres: float | None = None) -> str:
     """One line; none for what the camera lacks."""
     if number is None:
         return ""
-    shown = "none" if math.isnan(number) else f"{number:.6g}"
+    shown = "none" if math.isnan(number) else f"{100.0 * number if unit == '%' else number:.6g}"
     also = "" if millimetres is None else f" ({millimetres:.6g} mm)"
     return f"  {label:<{_LABEL}} {shown:>12} {unit}".rstrip() + also

@@ -8,11 +8,16 @@ import numpy as np
 
 from plenoptic.camera.assembly import Assembly, sensor_corners
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.camera.sampling.margins import SAFETY, aberration_margins
 from plenoptic.core.values import Floats, read_only
 from plenoptic.optics.lens.pupil.exit_pupil import PupilBounds, outline_corners, pupil_bounds, rear_reach
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.imperfections import largest_offset
+from plenoptic.optics.microlens.model_rules import Crossing
+from plenoptic.optics.microlens.record import SensorPlane, lone_lens
+
+_AIMS, _OFFSETS = 33, 49
+_SAFETY = 1.25
+"""Margins found on a grid of rays are widened by this factor."""
 
 
 class Bounds(NamedTuple):
@@ -33,7 +38,7 @@ def sensor_bounds(camera: PlenopticCamera, parts: Assembly, wavelengths: tuple[f
     farthest = float(np.hypot(corners[:, 0], corners[:, 1]).max())
     heights = parts.z_plane + corners[:, 2]
     half_pixel = camera.sensor.pixel_pitch / np.sqrt(2)
-    return _united(camera, _extremes(heights), farthest, half_pixel, wavelengths)
+    return _united(camera, heights, farthest, half_pixel, wavelengths)
 
 
 def array_bounds(
@@ -48,12 +53,8 @@ def array_bounds(
     pupil_distance = parts.z_plane - float(camera.lens.vertices[-1])
     corners = sensor_corners(camera, parts)
     ratio = pupil_distance / float(corners[:, 2].min())
-    in_lens, tilt = corners, 0.0
-    if parts.frame is not None:
-        turn, shift = parts.frame[:9].reshape(3, 3), parts.frame[9:]
-        in_lens = corners @ turn.T + shift
-        tilt = float(np.hypot(turn[2, 0], turn[2, 1]))
-    sensor = float(np.hypot(in_lens[:, 0], in_lens[:, 1]).max())
+    sensor = float(np.hypot(*parts.local_to_lens.points(corners)[:, :2].T).max())
+    tilt = float(np.hypot(*parts.local_to_lens.turn[2, :2]))
     strongest = max(abs(_bend(array, power, pupil_distance, ratio)) for power in powers)
     off_axis = largest_offset(array.imperfections) * max(
         abs(pupil_distance * power) for power in (*powers, (1 + ratio) / pupil_distance)
@@ -63,24 +64,69 @@ def array_bounds(
     while True:
         farthest = (1.0 + tilt) * ratio * sensor + a + strongest * array.cell_radius + margin + off_axis
         widest = 1.02 * farthest / max(1.0 + ratio - b, 0.1 * (1.0 + ratio)) + array.cell_radius + aside
-        heights = parts.z_plane + tilt * (widest + np.hypot(*in_lens[:, :2].T).max()) * np.array([-1.0, 0.0, 1.0])
-        bounds = _united(camera, _extremes(heights), widest, array.cell_radius + aside, wavelengths)
+        heights = parts.z_plane + tilt * (widest + sensor) * np.array([-1.0, 0.0, 1.0])
+        bounds = _united(camera, heights, widest, array.cell_radius + aside, wavelengths)
         rounds -= 1
         if rounds == 0:
             return Bounds(bounds, margin, aside, widest)
         reach = float(bounds.reach.max()) + widest
         distance = pupil_distance / ratio
         bends = [(power, _bend(array, power, pupil_distance, ratio)) for power in powers if power > 0]
+        disperses = any(array.index_at(wavelength) != array.index for wavelength in wavelengths)
         found = [
             aberration_margins(array, wavelength, power, distance, pupil_distance, bend, reach)
-            for wavelength in (wavelengths if _disperses(array, wavelengths) else wavelengths[:1])
+            for wavelength in (wavelengths if disperses else wavelengths[:1])
             for power, bend in bends
         ]
         margin, aside = (1.0 + tilt) * max(f[0] for f in found), (1.0 + tilt) * max(f[1] for f in found)
 
 
-def _disperses(array: MicrolensArray, wavelengths: tuple[float, ...]) -> bool:
-    return any(array.index_at(wavelength) != array.index for wavelength in wavelengths)
+def aberration_margins(
+    array: MicrolensArray,
+    wavelength: float,
+    power: float,
+    distance: float,
+    pupil_distance: float,
+    bend: float,
+    reach: float,
+) -> tuple[float, float]:
+    """How far real rays stray from ideal ones on the plane of the outlines, and on the curved side, in mm.
+
+    Rays of one lens are aimed from a row of sensor points at a grid of points on its rear principal plane; those
+    count that meet the curved side inside the cell and pass the plane of the outlines within `reach` of the lens's
+    own axis. A lens is round, so one row of sensor points stands for all. Ideal rays are those at 587.6 nm.
+    """
+    from plenoptic.core.kernels.ray_blocks import BLOCK
+
+    rules = array.model.rules
+    lens = Crossing(lone_lens(array, power, wavelength), SensorPlane(distance, None), pupil_distance)
+    aims = np.linspace(-1.5 * array.cell_radius, 1.5 * array.cell_radius, _AIMS)
+    margin = aside = 0.0
+    for _ in range(4):
+        # Sensor points as far from the lens's axis as rays that count can come from.
+        farthest = (reach + abs(bend) * array.cell_radius + margin) * distance / pupil_distance
+        dx, dy, sx = (g.ravel() for g in np.meshgrid(aims, aims, np.linspace(0.0, farthest, _OFFSETS), indexing="ij"))
+        fields = np.zeros((8, -(-dx.size // BLOCK) * BLOCK))
+        for row, column in ((0, dx), (1, dy), (3, dx - sx), (4, dy)):
+            fields[row, : dx.size] = column
+        blocks = np.ascontiguousarray(fields.reshape(8, -1, BLOCK).transpose(1, 0, 2))
+        rules.to_lens(blocks.reshape(-1), None, lens, None)
+        x, y, z, u, v, w, _, status = blocks.transpose(1, 0, 2).reshape(8, -1)[:, : dx.size]
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            land_x, land_y = rules.landing(array, power, (dx, dy), ((dx - sx) / distance, dy / distance), (x, y))
+            t = -z / w
+            real_x, real_y = x + t * u, y + t * v
+            counts = (status == 0) & (np.hypot(land_x, land_y) <= array.cell_radius)
+            counts &= np.hypot(real_x, real_y) <= reach
+            off = np.hypot(real_x - (bend * dx - pupil_distance / distance * sx), real_y - bend * dy)[counts]
+            beside = np.hypot(land_x - dx, land_y - dy)[counts]
+        if not off.size:
+            break
+        settled = off.max() <= 1.01 * margin
+        margin, aside = max(margin, _SAFETY * float(off.max())), max(aside, _SAFETY * float(beside.max()))
+        if settled:
+            break
+    return margin, aside
 
 
 def _chromatic_margin(
@@ -91,7 +137,7 @@ def _chromatic_margin(
         return 0.0
     change = max(abs(array.power_factor(wavelength) - 1.0) for wavelength in wavelengths)
     height = array.cell_radius + largest_offset(array.imperfections)
-    return SAFETY * abs(pupil_distance) * change * float(np.abs(powers).max()) * height
+    return _SAFETY * abs(pupil_distance) * change * float(np.abs(powers).max()) * height
 
 
 def _bend(array: MicrolensArray, power: float, pupil_distance: float, ratio: float) -> float:
@@ -99,23 +145,14 @@ def _bend(array: MicrolensArray, power: float, pupil_distance: float, ratio: flo
     return 1.0 + ratio - pupil_distance * power if array.model.focuses else 0.0
 
 
-def _extremes(heights: Floats) -> tuple[float, ...]:
-    """Least and greatest, once where they are the same."""
-    low, high = float(heights.min()), float(heights.max())
-    return (low,) if high - low <= 1e-12 * abs(high) else (low, high)
-
-
 def _united(
-    camera: PlenopticCamera,
-    heights: tuple[float, ...],
-    largest: float,
-    cell_radius: float,
-    wavelengths: tuple[float, ...],
+    camera: PlenopticCamera, heights: Floats, largest: float, cell_radius: float, wavelengths: tuple[float, ...]
 ) -> PupilBounds:
-    """Outlines that hold those of all heights of the plane and all wavelengths."""
+    """Outlines that hold those of planes of all heights, from the least to the greatest, and of all wavelengths."""
+    low, high = float(heights.min()), float(heights.max())
     found = [
         pupil_bounds(camera.lens, z_plane=z, largest_radius=largest, cell_radius=cell_radius, wavelength=wavelength)
-        for z in heights
+        for z in ((low,) if high - low <= 1e-12 * abs(high) else (low, high))
         for wavelength in wavelengths
     ]
     if len(found) == 1:

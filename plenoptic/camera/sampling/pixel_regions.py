@@ -28,13 +28,7 @@ MOST_CELLS = 100_000
 
 
 def cells_per_pixel(camera: CameraRecord) -> float:
-    """About how many microlenses are looked at for each pixel, at least 1.
-
-    Raises
-    ------
-    InvalidValueError
-        Where they are too many: the images of far too many microlenses overlap.
-    """
+    """About how many microlenses are looked at for each pixel, at least 1; an InvalidValueError for far too many."""
     array, pupil = camera.array, camera.pupil
     if array is None:
         return 1.0
@@ -56,15 +50,7 @@ def cells_per_pixel(camera: CameraRecord) -> float:
 
 
 def feeding_regions(camera: CameraRecord, pixels: Floats, margin: float) -> Regions:
-    """Triangles that cover what feeds each pixel.
-
-    `margin` is the distance from a pixel's centre to the points of it that matter, in mm.
-
-    Raises
-    ------
-    InvalidValueError
-        Where far too many microlenses feed each pixel; see `cells_per_pixel`.
-    """
+    """Triangles that cover what feeds each pixel's points up to `margin` mm from its centre; see `cells_per_pixel`."""
     from plenoptic.camera.sampling.kernels import pixel_regions
 
     cells_per_pixel(camera)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from plenoptic.core.jit import device, kernel
-from plenoptic.core.kernels.ray_blocks import BLOCK, MISSED, RAY, STATUS
+from plenoptic.core.kernels.ray_blocks import BLOCK, MISSED, RAY, STATUS, L, M, N, X, Y, Z
 
 
 @device
@@ -22,3 +22,28 @@ def fill_status_counts(counts, blocks, n):
     """Count the rays of a bundle by their status."""
     for k in range(n):
         counts[int(blocks[(k // BLOCK) * RAY + STATUS + k % BLOCK])] += 1
+
+
+@kernel
+def fill_world_rays(rays, path, blocks, n, rotation, position):
+    """The rays of a bundle that left the lens, as rows of origin and direction in the world; returns how many.
+
+    `rotation` and `position` are None where the world is the camera's frame.
+    """
+    found = 0
+    for k in range(n):
+        base = (k // BLOCK) * RAY + k % BLOCK
+        if blocks[base + STATUS] != 0.0:
+            continue
+        x, y, z = blocks[base + X], blocks[base + Y], blocks[base + Z]
+        l, m, n_z = blocks[base + L], blocks[base + M], blocks[base + N]
+        row = rays[found]
+        if rotation is None:
+            row[0], row[1], row[2], row[3], row[4], row[5] = x, y, z, l, m, n_z
+        else:
+            for axis in range(3):
+                row[axis] = rotation[axis, 0] * x + rotation[axis, 1] * y + rotation[axis, 2] * z + position[axis]
+                row[3 + axis] = rotation[axis, 0] * l + rotation[axis, 1] * m + rotation[axis, 2] * n_z
+        path[found] = k
+        found += 1
+    return found

@@ -7,8 +7,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.kernels.world_rays import fill_world_rays
 from plenoptic.camera.sampling.record import Batch
+from plenoptic.core.kernels.bundles import fill_world_rays
 from plenoptic.core.values import Floats
 from plenoptic.rendering.context import RenderContext
 from plenoptic.rendering.integrator.interaction import InteractionStage

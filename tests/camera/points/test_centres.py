@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.camera.array_axes import array_axes
+from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.camera import CameraPart
 from plenoptic.camera.points import centroids
 from plenoptic.camera.points.centres import CentreMethod, microlens_centres

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.camera.array_axes import array_axes
+from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.points.projection import project
 from plenoptic.camera.points.projection_rays import Aim, EntranceRays, ThroughArray, aimed
 from plenoptic.camera.psf.point_spread import landing_points, point_spread

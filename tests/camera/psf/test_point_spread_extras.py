@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.camera.array_axes import array_axes
+from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.points.centroids import centroids_at
 from plenoptic.camera.psf.point_spread import landing_points, point_spread
 from plenoptic.camera.report.optics import corner_light

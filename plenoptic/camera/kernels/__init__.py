@@ -1,1 +1,0 @@
-"""Kernels: rays of a whole camera."""
