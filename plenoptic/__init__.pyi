@@ -87,6 +87,6 @@ from .scene.shapes.still_life import still_life as still_life
 from .scene.textures.texture import Texture as Texture
 from .truth.channels import GroundTruth as GroundTruth
 from .truth.channels import Truth as Truth
-from .truth.compute import ground_truth as ground_truth
+from .truth.ground_truth import ground_truth as ground_truth
 
 __version__: str

@@ -19,7 +19,7 @@ from plenoptic.core.values import Floats
 from plenoptic.rendering.context import RenderContext
 from plenoptic.rendering.kernels import film_sums
 from plenoptic.rendering.settings import Sampler
-from plenoptic.truth.compute import Arrays, truth_of
+from plenoptic.truth.ground_truth import Arrays, truth_of
 from plenoptic.truth.stages import TruthRecord
 
 BUNDLE = 1 << 13

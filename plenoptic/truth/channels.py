@@ -69,7 +69,7 @@ class Source(NamedTuple):
 _SENSOR = Source("sensor", Needs.NOTHING, "kernels.incidence")
 _CELLS = Source("cells", Needs.MICROLENSES, "lookups")
 _HITS = Source("hits", Needs.MESHES, "lookups")
-_POINTS = Source("points", Needs.MESHES, "kernels.points")
+_POINTS = Source("points", Needs.MESHES, "kernels.depth")
 _IMAGES = Source("images", Needs.MESHES | Needs.MICROLENSES, "kernels.virtual_depth")
 
 

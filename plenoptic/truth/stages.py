@@ -212,7 +212,7 @@ class PixelStages:
     @cached_property
     def points(self) -> HitPoints:
         """The points where rays meet the scene."""
-        from plenoptic.truth.kernels import points as point_kernels
+        from plenoptic.truth.kernels import depth as point_kernels
 
         camera, hits = self._camera, self.hits
         points = np.empty((len(self._pixels), 3))

@@ -11,7 +11,7 @@ import pytest
 import plenoptic as pl
 from plenoptic.truth.arrays import available_truth, checked_truth, empty_truth, file_note, file_planes, truth_in
 from plenoptic.truth.channels import CHANNELS, NO_MICROLENS, GroundTruth, Truth, truth_names
-from plenoptic.truth.compute import filling
+from plenoptic.truth.ground_truth import filling
 from plenoptic.truth.stages import PixelStages
 
 

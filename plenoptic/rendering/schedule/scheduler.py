@@ -33,7 +33,7 @@ from plenoptic.rendering.tile import Tile, TileResult, batch_of, render_tile, st
 from plenoptic.rendering.tiling import cut_into_tiles
 from plenoptic.truth.arrays import available_truth, empty_truth, forget_truth
 from plenoptic.truth.channels import GroundTruth, Truth
-from plenoptic.truth.compute import truth_record
+from plenoptic.truth.ground_truth import truth_record
 from plenoptic.truth.stages import TruthRecord
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ import pytest
 import plenoptic as pl
 from plenoptic.camera.points.projection import project
 from plenoptic.truth.channels import NO_MICROLENS, Truth
-from plenoptic.truth.compute import ground_truth
+from plenoptic.truth.ground_truth import ground_truth
 
 THIN_LENS = pl.LensModel.THIN
 
