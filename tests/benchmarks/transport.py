@@ -85,24 +85,23 @@ def stages(*, samples: int) -> Table:
     from plenoptic.camera import paths
     from plenoptic.camera.sampling.kernels import paths as camera_paths
     from plenoptic.core.kernels import sobol
-    from plenoptic.optics.lens.kernels import trace
-    from plenoptic.rendering.integrator.kernels import bounce, direct_light, emission
-    from plenoptic.scene.geometry.kernels import embree, interaction
-    from plenoptic.scene.lights.kernels import sample_emitters
+    from plenoptic.rendering.integrator import interaction, path
+    from plenoptic.scene.geometry.kernels import embree
     from plenoptic.scene.materials.kernels import parameters
 
+    # Each function where its caller finds it.
     parts: tuple[tuple[Any, str, str], ...] = (
         (camera_paths, "fill_camera_samples", "points on pixels and microlenses"),
         (paths, "fill_through_array", "microlenses"),
-        (trace, "fill_traced", "lens"),
+        (paths, "fill_traced", "lens"),
         (embree.EmbreeTriangles, "fill_closest", "Embree, nearest triangles"),
-        (emission, "add_emission", "what rays see that shines"),
+        (path, "add_emission", "what rays see that shines"),
         (interaction, "fill_interactions", "points and normals"),
         (parameters, "fill_parameters", "colours and roughness"),
-        (sample_emitters, "sample_emitters", "points on lights"),
+        (interaction, "sample_emitters", "points on lights"),
         (sobol, "fill_drawn", "random numbers of surfaces"),
-        (direct_light, "eval_direct", "materials under these lights"),
-        (bounce, "sample_bsdf", "materials, rays onwards"),
+        (path, "eval_direct", "materials under these lights"),
+        (path, "sample_bsdf", "materials, rays onwards"),
         (embree.EmbreeTriangles, "fill_blocked", "Embree, shadow rays"),
     )
     render(8, threads=1)
