@@ -11,6 +11,7 @@ from . import optics as optics
 from . import paraxial as paraxial
 from . import plots as plots
 from . import rendering as rendering
+from . import replaying as replaying
 from . import sampling as sampling
 from . import scene as scene
 from . import sensitivities as sensitivities
@@ -67,7 +68,6 @@ from .replaying.retracing import replay_all as replay_all
 from .scene.files.load import load_file as load_file
 from .scene.files.load import load_meshes as load_meshes
 from .scene.geometry.mesh import Mesh as Mesh
-from .scene.lights.environment import ConstantBackground as ConstantBackground
 from .scene.lights.environment import EnvironmentMap as EnvironmentMap
 from .scene.lights.quad import QuadLight as QuadLight
 from .scene.lights.sun import SunLight as SunLight

@@ -36,7 +36,7 @@ def _focal_length(camera: PlenopticCamera, microlens_type: int | None) -> float 
     """That of the microlenses of a type, which must be named where they differ; None without microlenses."""
     if camera.microlenses is None:
         return None
-    focal_lengths = camera.microlenses.focal_lengths
+    focal_lengths = camera.microlenses.focal_lengths_at(camera.wavelength)
     if microlens_type is None:
         if len(set(focal_lengths)) > 1:
             raise InvalidValueError(

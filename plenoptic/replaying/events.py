@@ -159,7 +159,7 @@ Event: TypeAlias = SensorPoint | MicrolensPassage | ElementPassage | WorldRay | 
 
 
 class PathEnding(enum.IntEnum):
-    """How a path ended."""
+    """How a path ended. See `replay`."""
 
     LEFT_SCENE = 0
     """It met nothing more; in a white image, it left the lens."""

@@ -27,7 +27,7 @@ _INDENT = 11
 
 @result
 class Replay:
-    """One path of an exposure, traced again; printing it shows a table of its events."""
+    """One path of an exposure, traced again; printing it shows a table of its events. See `replay`."""
 
     pixel: tuple[int, int]
     """Row and column on the whole sensor."""

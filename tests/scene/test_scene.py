@@ -24,8 +24,8 @@ ROW = pl.scene.Instances(square(), PLACES)
 
 def test_scenes_compare_pickle_and_take_bare_backgrounds():
     scene = pl.Scene([square()], [LAMP], 0.5)
-    assert scene.background == pl.ConstantBackground(0.5)
-    assert pl.Scene([square()], [LAMP], pl.ConstantBackground(0.5)) == scene == pickle.loads(pickle.dumps(scene))
+    assert scene.background == pl.lights.ConstantBackground(0.5)
+    assert pl.Scene([square()], [LAMP], pl.lights.ConstantBackground(0.5)) == scene == pickle.loads(pickle.dumps(scene))
     assert repr(scene) == "Scene(1 mesh, 2 triangles, 1 light, background 0.5)"
     assert pl.Scene(mesh for mesh in [square()]).meshes == (square(),)
 
@@ -58,7 +58,7 @@ def test_bounds_hold_meshes_instances_and_lights_with_a_surface():
 def test_merging_adds_up():
     lit = pl.Scene([square()], [LAMP])
     both = lit.merged(pl.Scene([square(pl.Emissive(1.0))], background=0.2))
-    assert len(both.meshes) == 2 and both.lights == (LAMP,) and both.background == pl.ConstantBackground(0.2)
+    assert len(both.meshes) == 2 and both.lights == (LAMP,) and both.background == pl.lights.ConstantBackground(0.2)
     assert both.merged(pl.Scene(background=0.2)) == both
     with pytest.raises(pl.errors.SceneError, match="different backgrounds"):
         both.merged(pl.Scene(background=0.3))

@@ -61,7 +61,7 @@ def design_camera(  # noqa: PLR0913
     depth_at : float, optional
         The plane that virtual_depth or disparity are for, in mm; the plane in focus if left out.
     microlenses : MicrolensArray, optional
-        Gives pitch and focal length (that of the lens on the axis), and all else that an array has.
+        Gives pitch and focal length (that of the lens on the axis, at `wavelength`), and all else that an array has.
     pitch, focal_length : float, optional
         Of the microlenses in mm, in place of `microlenses`.
     lattice : Lattice, optional
@@ -104,6 +104,7 @@ def design_camera(  # noqa: PLR0913
     kind = choice(kind, CameraKind, "kind")
     wishes = Wishes(kind, z, depth_at, image_fill, virtual_depth, disparity, sensor.pixel_pitch)
     check_wishes(wishes, lens)
+    wave = wavelength_in_nm(wavelength)
     template = template_array(microlenses, pitch, focal_length, lattice)
     given = checked_numbers(
         {
@@ -111,12 +112,12 @@ def design_camera(  # noqa: PLR0913
             "L": stop_to_microlenses,
             "b": microlenses_to_sensor,
             "p": pitch if microlenses is None else neighbour_distance(microlenses),
-            "f": focal_length if microlenses is None else microlenses.focal_length,
+            "f": focal_length if microlenses is None else microlenses.focal_length / microlenses.power_factor(wave),
         }
     )
     if "h" not in given and (wishes.image_fill is None or len(wishes.names) <= 4 - len(given)):
         given["h"] = lens.stop.semi_diameter
     check_count(wishes, given)
     best = choice(criterion, FocusCriterion, "criterion")
-    search = Search(lens, sensor, wishes, given, template, best, wavelength_in_nm(wavelength))
+    search = Search(lens, sensor, wishes, given, template, best, wave)
     return search.found(positive(tolerance, "tolerance"))

@@ -73,7 +73,7 @@ class MicrolensFocus:
         Row of the array's `focal_lengths`; 0 without microlenses.
     kind : CameraKind
     focal_length : float or None
-        mm.
+        mm, at the camera's wavelength.
     image_distance : float
         s in mm; 0 in a plenoptic 1.0 and without microlenses.
     virtual_depth : float or None
@@ -151,7 +151,7 @@ def sharp_image(camera: PlenopticCamera, focal_length: float | None) -> float:
 def microlens_focus(camera: PlenopticCamera, type_: int, cone: Cone) -> MicrolensFocus:
     """All of it for one type of microlens."""
     array, q = camera.microlenses, camera.sensor.pixel_pitch
-    f = None if array is None else array.focal_lengths[type_]
+    f = None if array is None else array.focal_lengths_at(camera.wavelength)[type_]
     kind, s = kind_of(camera, f), sharp_image(camera, f)
     z_image = camera.stop_to_microlenses + s
     z, (far, near) = _in_front(camera, z_image), _limits(camera, kind, s, cone)

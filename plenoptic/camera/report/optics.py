@@ -199,8 +199,8 @@ def coverage(camera: PlenopticCamera, cone: Cone) -> tuple[float, float]:
     """
     array, b = camera.microlenses, camera.microlenses_to_sensor
     assert array is not None
-    stop, stretch = camera.lens.stop, 1.0 + b * cone.vergence
-    blur = max(abs(stretch - b / f) for f in array.focal_lengths) * array.opening.reach
+    stop, stretch, factor = camera.lens.stop, 1.0 + b * cone.vergence, array.power_factor(camera.wavelength)
+    blur = max(abs(stretch - b / f) for f in array.focal_lengths_at(camera.wavelength)) * array.opening.reach
     farthest = min((b * cone.slope + blur) / abs(stretch), _MOST_PITCHES * neighbour_distance(array))
     reach = farthest + 2.0 * neighbour_distance(array)
     lenses = array.lenses((-reach, -reach), (reach, reach))
@@ -211,7 +211,7 @@ def coverage(camera: PlenopticCamera, cone: Cone) -> tuple[float, float]:
     lit = np.zeros(len(sensor), dtype=np.int64)
     for k in np.flatnonzero(lenses.transmission > 0).tolist():
         through = lenses.centre[k] + inside
-        bent = through * cone.vergence - (through - lenses.axis[k]) * float(lenses.power[k])
+        bent = through * cone.vergence - (through - lenses.axis[k]) * factor * float(lenses.power[k])
         if not array.model.focuses:
             bent = through * cone.vergence
         pupil = ((through - sensor[:, None]) / b + bent) * (stop.semi_diameter / cone.slope)

@@ -180,7 +180,7 @@ def _image_numbers(camera: PlenopticCamera, cone: optics.Cone, slope: float) -> 
     p, stretch = optics.neighbour_distance(array), 1.0 + b * cone.vergence
     diameter, pitch = 2.0 * b * slope, p * abs(stretch)
     # The exit pupil is at -D: blur d b |1/b - 1/f + 1/D|, see MicrolensFocus.
-    border = optics.opening_width(array) * max(abs(stretch - b / f) for f in array.focal_lengths)
+    border = optics.opening_width(array) * max(abs(stretch - b / f) for f in array.focal_lengths_at(camera.wavelength))
     dark, overlap = optics.coverage(camera, cone)
     if array.walls is Walls.OPAQUE:
         dark = overlap = 0.0

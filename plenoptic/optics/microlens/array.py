@@ -222,6 +222,11 @@ class MicrolensArray:
         """Power at a wavelength in nm over that at 587.6 nm: surfaces keep their curvature, so that it is n - 1."""
         return (self.index_at(wavelength) - 1.0) / (self.index - 1.0)
 
+    def focal_lengths_at(self, wavelength: float) -> tuple[float, ...]:
+        """Focal lengths of the types at a wavelength in nm, in mm."""
+        factor = self.power_factor(wavelength)
+        return tuple(f / factor for f in self.focal_lengths)
+
     @property
     def basis(self) -> Floats:
         """(2, 2) array: rows are the lattice vectors in mm; centres are their whole multiples, but for FREE."""

@@ -64,9 +64,10 @@ def _check(array: MicrolensArray) -> None:
         )
     if array.model.is_flat:
         if array.index < _HIGH_INDEX:
+            way = "give index=100.0" if array.medium is None else "leave the medium out and give index=100.0"
             raise InvalidValueError(
                 f"index of the microlenses is {array.index:g}; FLAT_HIGH_INDEX stands for a nearly flat lens and "
-                f"needs at least {_HIGH_INDEX:g}: give index=100.0, or choose SPHERICAL"
+                f"needs at least {_HIGH_INDEX:g}: {way}, or choose SPHERICAL"
             )
         return
     sag = reach**2 / (radius + math.sqrt(radius**2 - reach**2))

@@ -47,6 +47,8 @@ def _array(array: MicrolensArray | None) -> list[Decision]:
     lengths = _counted(types, "focal length")
     free = array.lattice is Lattice.FREE
     listed = "centres are listed" if free else "lenses have imperfections"
+    if array.medium is not None:
+        pitch += ", of a medium"
     model = f"microlenses are {array.model.name}"
     return [
         decide(Stage.MICROLENSES, pitch),

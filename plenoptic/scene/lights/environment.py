@@ -41,7 +41,7 @@ class ConstantBackground:
     Examples
     --------
     >>> import plenoptic as pl
-    >>> pl.Scene(background=pl.ConstantBackground((0.2, 0.3, 0.5)))
+    >>> pl.Scene(background=pl.lights.ConstantBackground((0.2, 0.3, 0.5)))
     Scene(no meshes, background (0.2, 0.3, 0.5))
     """
 

@@ -160,3 +160,29 @@ def test_light_of_points_meets_microlenses_of_its_wavelength(model):
 def test_impossible_media_are_refused(fields, said):
     with pytest.raises(pl.errors.InvalidValueError, match=said):
         pl.MicrolensArray(**({"pitch": 0.217, "focal_lengths": (2.0,), "model": SPHERICAL} | fields))
+
+
+# ---- reports ----
+
+
+@pytest.mark.parametrize("wavelength", [450.0, 680.0])
+def test_reports_focus_and_designs_are_those_of_the_focal_length_at_the_wavelength(wavelength):
+    focal_length = 2.0 * (FLINT.index(587.6) - 1.0) / (FLINT.index(wavelength) - 1.0)
+    array = array_of(THIN)
+    plain = array_of(THIN, medium=None, focal_lengths=(focal_length,))
+    assert array.focal_lengths_at(wavelength) == pytest.approx((focal_length,), rel=1e-14)
+    one, other = (camera_of(made, wavelength=wavelength) for made in (array, plain))
+    assert str(one.report()) == str(other.report())
+    assert one.report().focus[0].z == pytest.approx(other.report().focus[0].z, rel=1e-9)
+    moved = [camera.focused_at(-500.0).stop_to_microlenses for camera in (one, other)]
+    assert moved[0] == pytest.approx(moved[1], rel=1e-12)
+    kind = pl.CameraKind.PLENOPTIC_1
+    made = [
+        pl.design_camera(
+            one.lens, sensor=one.sensor, kind=kind, z=-500.0, microlenses=given, wavelength=wavelength
+        ).camera
+        for given in (array, plain)
+    ]
+    assert made[0].microlenses_to_sensor == pytest.approx(focal_length, rel=1e-12)
+    assert made[0].stop_to_microlenses == pytest.approx(made[1].stop_to_microlenses, rel=1e-12)
+    assert made[0].report().kind is kind

@@ -484,7 +484,7 @@ def test_zemax_files_are_read():
     ("old", "new", "message"),
     [
         ("XDAT 2 1.1", "XDAT 90 1.1", "line 13.*XDAT 2, the norm radius of the Zernike terms, is missing"),
-        ("PARM 2", "PARM 9", "PARM 9 is 0.001; an even asphere has PARM 1 to 8"),
+        ("PARM 2", "PARM 9", "PARM 9 is 0.001; only PARM 1 to 8"),
         ("SZERNSAG", "FZERNSAG", "only STANDARD, EVENASPH and SZERNSAG surfaces can be read"),
     ],
 )

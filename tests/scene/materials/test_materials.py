@@ -37,7 +37,7 @@ SOME = st.one_of(
         cutoff=st.none() | SHARE,
     ),
     st.builds(pl.Emissive, colours(RADIANCE), st.booleans()),
-    st.builds(pl.ConstantBackground, colours(RADIANCE)),
+    st.builds(pl.lights.ConstantBackground, colours(RADIANCE)),
 )
 
 TEXTURED = [
@@ -154,7 +154,7 @@ def test_nothing_reflects_more_than_it_gets(field, albedo):
     ("make", "name"),
     [
         (pl.Emissive, "radiance"),
-        (pl.ConstantBackground, "radiance"),
+        (pl.lights.ConstantBackground, "radiance"),
         (pl.MetallicRoughness, "emission"),
         (pl.Dielectric, "absorption"),
     ],

@@ -3,10 +3,11 @@
 Text in UTF-16 with its mark, UTF-8 or Latin-1. Surface 0 is the object and the last one the image: neither is part of
 the lens, nor are the gaps next to them. A glass on the object is the medium around the lens.
 
-- TYPE STANDARD and EVENASPH, with CURV, CONI, PARM 1 to 8 (r^2 to r^16), DISZ and GLAS; lengths are converted from UNIT
-  to mm. All other types are refused, and so are mirrors, coordinate breaks, tilts, obscurations, and apertures that are
-  not round. Solves and pickups count with the value that the file holds, several configurations as the one that it was
-  saved in.
+- TYPE STANDARD, EVENASPH and SZERNSAG, with CURV, CONI, PARM 1 to 8 (r^2 to r^16), DISZ and GLAS; lengths are converted
+  from UNIT to mm. SZERNSAG adds Noll's Zernike terms, of mean square 1 over the disc of the norm radius: XDAT 1 is
+  their number, XDAT 2 the norm radius, XDAT 3 and on the terms; their sag at the vertex moves the surface. All other
+  types are refused, and so are mirrors, coordinate breaks, tilts, obscurations, and apertures that are not round.
+  Solves and pickups count with the value that the file holds, several configurations as the one that it was saved in.
 - GLAS: a name is looked up in the catalogue that the caller gives, then among the bundled glasses; ___BLANK is a model
   glass of n_d and V_d (a V_d of 0: no dispersion; the deviation of the partial dispersion is left out).
 - Semi-diameters: the radius of a round aperture (CLAP, FLAP) if there is one, otherwise DIAM. Where DIAM is 0 or
@@ -203,7 +204,8 @@ def _set_term(terms: list[float], line: Line) -> None:
     if i in range(1, _TERMS + 1):
         terms[int(i) - 1] = coefficient
     elif coefficient != 0:
-        raise PrescriptionError(f"PARM {line.word(0)[:40]} is {coefficient:g}; an even asphere has PARM 1 to {_TERMS}")
+        given = f"PARM {line.word(0)[:40]} is {coefficient:g}"
+        raise PrescriptionError(f"{given}; only PARM 1 to {_TERMS}, those of even aspheres, are read: set it to 0")
 
 
 def _with_line(row: Row, line: Line, unit: float, glasses: _Glasses) -> Row:

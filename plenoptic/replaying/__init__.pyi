@@ -1,0 +1,2 @@
+from .events import PathEnding as PathEnding
+from .replay import Replay as Replay
