@@ -37,10 +37,10 @@ from .optics.glass.media import ConstantMedium as ConstantMedium
 from .optics.glass.media import ModelGlass as ModelGlass
 from .optics.glass.media import Sellmeier as Sellmeier
 from .optics.lens.analysis.conditioning import conditioning as conditioning
-from .optics.lens.analysis.focus import FocusCriterion as FocusCriterion
 from .optics.lens.files.library import lens_names as lens_names
 from .optics.lens.files.library import load_lens as load_lens
 from .optics.lens.files.library import save_lens as save_lens
+from .optics.lens.models import FocusCriterion as FocusCriterion
 from .optics.lens.models import LensModel as LensModel
 from .optics.lens.no_lens import no_lens as no_lens
 from .optics.lens.stack import LensStack as LensStack

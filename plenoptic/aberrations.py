@@ -12,7 +12,7 @@ from plenoptic.optics.lens.analysis.fields import (
     distortion,
     field_curvature,
 )
-from plenoptic.optics.lens.analysis.focus import FocusCriterion, ThroughFocus, best_focus, through_focus
+from plenoptic.optics.lens.analysis.focus import ThroughFocus, best_focus, through_focus
 from plenoptic.optics.lens.analysis.illumination import (
     RelativeIllumination,
     Vignetting,
@@ -23,6 +23,7 @@ from plenoptic.optics.lens.analysis.illumination import (
 from plenoptic.optics.lens.analysis.mtf import Mtf, PointSpread, diffraction_mtf, mtf, point_spread
 from plenoptic.optics.lens.analysis.seidel import ChromaticShift, SeidelSums, chromatic_shift, colour_sums, seidel_sums
 from plenoptic.optics.lens.analysis.spots import RayFan, SpotDiagram, ray_fan, spot_diagram
+from plenoptic.optics.lens.models import FocusCriterion
 
 __all__ = [
     "ChromaticShift",

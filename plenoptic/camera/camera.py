@@ -13,7 +13,7 @@ from plenoptic.camera.pose import Pose
 from plenoptic.core.color.spectra import Sensitivity
 from plenoptic.core.values import choice, finite, set_field, value, wavelength_in_nm
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.lens.analysis.focus import FocusCriterion
+from plenoptic.optics.lens.models import FocusCriterion
 from plenoptic.optics.lens.placement import Placement, kept_placement, rotation_about_axes
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.microlens.array import MicrolensArray

@@ -8,7 +8,8 @@ from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.report.focus import sharp_image
 from plenoptic.core.values import number, whole
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.lens.analysis.focus import FocusCriterion, best_focus, front_focus
+from plenoptic.optics.lens.analysis.focus import best_focus, front_focus
+from plenoptic.optics.lens.models import FocusCriterion
 
 
 def focused_stop_to_microlenses(

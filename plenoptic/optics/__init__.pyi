@@ -17,12 +17,12 @@ from .glass.media import abbe_number as abbe_number
 from .lens.analysis.conditioning import Condition as Condition
 from .lens.analysis.conditioning import Conditioning as Conditioning
 from .lens.analysis.conditioning import conditioning as conditioning
-from .lens.analysis.focus import FocusCriterion as FocusCriterion
 from .lens.checks.finding import Finding as Finding
 from .lens.checks.finding import FindingKind as FindingKind
 from .lens.files.library import lens_names as lens_names
 from .lens.files.library import load_lens as load_lens
 from .lens.files.library import save_lens as save_lens
+from .lens.models import FocusCriterion as FocusCriterion
 from .lens.models import LensModel as LensModel
 from .lens.no_lens import no_lens as no_lens
 from .lens.placement import Placement as Placement

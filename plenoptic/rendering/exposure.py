@@ -12,8 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from plenoptic import __version__
 from plenoptic.core.color.srgb import linear_to_srgb
-from plenoptic.core.files import images
-from plenoptic.core.files.preview import html_figure
 from plenoptic.core.files.serialization import describe, described_fields, restore, restored_fields
 from plenoptic.core.relative_error import relative_error
 from plenoptic.core.values import Floats, Given, check_kind, file_path, frozen_array, positive, set_field, value, whole
@@ -200,6 +198,8 @@ class Exposure:
         ...     pl.Exposure.load(path) == shot
         True
         """
+        from plenoptic.core.files import images
+
         ending = file_path(path).suffix.lower()
         if ending == ".exr":
             if scale is not None:
@@ -226,6 +226,8 @@ class Exposure:
         --------
         See `save`.
         """
+        from plenoptic.core.files import images
+
         channels, metadata = images.read_channels(path)
         kept = restored_fields(metadata, _KEPT_AS_TEXT)
         image = images.read_linear(path)
@@ -263,6 +265,8 @@ class Exposure:
         return texts
 
     def _save_16bit(self, path: str | os.PathLike[str], encoding: str, scale: float | None) -> None:
+        from plenoptic.core.files import images
+
         image = np.nan_to_num(self.image.astype(np.float64), nan=0.0, posinf=np.inf, neginf=0.0)
         if scale is None:
             brightest = float(np.max(image, initial=0.0, where=np.isfinite(image)))
@@ -302,6 +306,8 @@ class Exposure:
 
     def _repr_html_(self) -> str:
         """The picture, its brightest 0.1 % cut, with one line of facts, for notebooks."""
+        from plenoptic.core.files.preview import html_figure
+
         return html_figure(self.image, self._facts())
 
 

@@ -7,8 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import plenoptic as pl
-from plenoptic.optics.lens.analysis.focus import FocusCriterion, best_focus
+from plenoptic.optics.lens.analysis.focus import best_focus
 from plenoptic.optics.lens.analysis.spots import spot_diagram
+from plenoptic.optics.lens.models import FocusCriterion
 
 LENS = pl.load_lens("double-gauss-100mm-f2")
 SENSOR = pl.Sensor(shape=(512, 512), pixel_pitch=0.01)

@@ -7,7 +7,7 @@ from plenoptic.camera.design.wishes import Wishes, check_count, check_wishes, ch
 from plenoptic.camera.report.focus import CameraKind
 from plenoptic.camera.report.optics import neighbour_distance
 from plenoptic.core.values import check_kind, choice, positive, wavelength_in_nm
-from plenoptic.optics.lens.analysis.focus import FocusCriterion
+from plenoptic.optics.lens.models import FocusCriterion
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.lattice import Lattice

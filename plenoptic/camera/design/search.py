@@ -12,8 +12,8 @@ from plenoptic.camera.report.focus import sharp_image
 from plenoptic.camera.report.optics import image_plane, paraxial_cone, traced_slope, with_semi_diameter
 from plenoptic.core.values import value
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.lens.analysis.focus import FocusCriterion, best_focus
-from plenoptic.optics.lens.models import LensModel
+from plenoptic.optics.lens.analysis.focus import best_focus
+from plenoptic.optics.lens.models import FocusCriterion, LensModel
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.sensor.sensor import Sensor

@@ -17,9 +17,9 @@ from plenoptic.camera.report.optics import (
 )
 from plenoptic.core.values import value
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.lens.analysis.focus import FocusCriterion, best_focus
+from plenoptic.optics.lens.analysis.focus import best_focus
 from plenoptic.optics.lens.gaussian.matrices import over
-from plenoptic.optics.lens.models import LensModel
+from plenoptic.optics.lens.models import FocusCriterion, LensModel
 
 _STEPS = 8
 """Corrections of the traced focus; each makes the error some ten to a thousand times smaller."""

@@ -1,4 +1,4 @@
-"""How faithfully the main lens is followed."""
+"""How faithfully the main lens is followed, and what is meant by sharp."""
 
 from __future__ import annotations
 
@@ -30,3 +30,21 @@ class LensModel(enum.IntEnum):
     THIN = 1
     PARAXIAL = 2
     EXACT = 3
+
+
+class FocusCriterion(enum.IntEnum):
+    """What is meant by sharp.
+
+    PARAXIAL: where rays close to the axis meet. RMS_SPOT: the least root mean square distance of all rays from their
+    centroid. GEOMETRIC_SPOT: the least largest distance, the circle of least confusion.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> pl.FocusCriterion.RMS_SPOT.name
+    'RMS_SPOT'
+    """
+
+    PARAXIAL = 0
+    RMS_SPOT = 1
+    GEOMETRIC_SPOT = 2

@@ -145,13 +145,13 @@ class MicrolensArray:
         if self.medium is None:
             return
         check_medium(self.medium, "medium of the microlenses")
-        index = float(self.medium.index(_DESIGN_WAVELENGTH))
+        index = finite(self.medium.index(_DESIGN_WAVELENGTH), "index of the medium of the microlenses")
         if self.index not in (_DEFAULT_INDEX, index):
             raise InvalidValueError(
                 f"index of the microlenses is {self.index:g}, and their medium has {index:g} at 587.6 nm; leave one of "
                 f"them out (index={_DEFAULT_INDEX:g} is left out)"
             )
-        set_field(self, "index", finite(index, "index of the medium of the microlenses"))
+        set_field(self, "index", index)
 
     def _check_types(self) -> None:
         free = self.lattice is Lattice.FREE

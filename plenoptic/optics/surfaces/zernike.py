@@ -18,6 +18,9 @@ from plenoptic.optics.surfaces.sag_bounds import RINGS, bernstein_range
 ZERNIKE = 1
 """The kind of departure, for kernels."""
 
+_LEAST_RADIUS = 1e-9
+"""Norm radii in mm, down to here and up to its reciprocal; powers of others overflow."""
+
 MOST_TERMS = 91
 """All of degree 12 and below. Beyond, sums of powers lose too many digits near the rim."""
 
@@ -76,6 +79,9 @@ class ZernikeSag:
 
     def __post_init__(self) -> None:
         set_field(self, "norm_radius", positive(self.norm_radius, "norm_radius", "mm"))
+        if not _LEAST_RADIUS <= self.norm_radius <= 1.0 / _LEAST_RADIUS:
+            limits = f"from {_LEAST_RADIUS:g} to {1.0 / _LEAST_RADIUS:g} mm"
+            raise PrescriptionError(f"norm_radius is {self.norm_radius:g} mm; it must be {limits}")
         wanted = "a sequence of numbers, that of piston first"
         terms = list(coefficients(self.coefficients, "coefficients", wanted))
         while terms and terms[-1] == 0:

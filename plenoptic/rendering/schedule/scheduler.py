@@ -23,7 +23,6 @@ from plenoptic.rendering.exposure import Exposure
 from plenoptic.rendering.plan.scene_stages import is_dark
 from plenoptic.rendering.plan.stages import Subject
 from plenoptic.rendering.schedule.budget import Budget
-from plenoptic.rendering.schedule.checkpoint import Checkpoint
 from plenoptic.rendering.schedule.clock import Clock
 from plenoptic.rendering.schedule.interrupts import Interrupts
 from plenoptic.rendering.schedule.progress import FilmRegion, Progress
@@ -38,6 +37,7 @@ from plenoptic.truth.stages import TruthRecord
 
 if TYPE_CHECKING:
     from plenoptic.optics.lens.analysis.conditioning import Conditioning
+    from plenoptic.rendering.schedule.checkpoint import Checkpoint
     from plenoptic.scene.scene import Scene
 
 _MISSED = 1.25
@@ -64,6 +64,8 @@ def run(subject: Subject, budget: Budget, work: Work) -> Exposure:
     begin = time.perf_counter(), time.process_time()
     camera, checkpoint = subject.camera, None
     if work.checkpoint is not None:
+        from plenoptic.rendering.schedule.checkpoint import Checkpoint
+
         checkpoint = Checkpoint(work.checkpoint, work.checkpoint_interval)
     seed = seed_number(work.seed)
     workers = thread_count(work.threads)

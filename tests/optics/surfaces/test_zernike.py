@@ -381,6 +381,8 @@ def test_a_departure_is_simplified_away():
         (lambda: ZernikeSag("ab", 5.0), "it must be a sequence of numbers, that of piston first"),
         (lambda: ZernikeSag([1.0, math.nan], 5.0), r"coefficients\[1\]"),
         (lambda: ZernikeSag([1.0], 0.0), "norm_radius"),
+        (lambda: ZernikeSag([1.0], 1e-160), "norm_radius is 1e-160 mm; it must be from 1e-09"),
+        (lambda: ZernikeSag([1.0], 1e300), "norm_radius"),
         (lambda: pl.Surface(9.0, semi_diameter=5.0, departure=(0.0, 1.0)), "departure is .*; it must be ZernikeSag"),
         (lambda: pl.Surface(9.0, semi_diameter=9.0, depth=10.0, departure=ZernikeSag([], 9.0)), "without equator"),
         (lambda: pl.Surface(9.0, semi_diameter=5.0, departure=ZernikeSag([0, 0, 0, 1e300], 1e-9)), "no finite height"),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import enum
 import math
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -14,31 +13,13 @@ from plenoptic.core.values import Floats, choice, frozen_array, result
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.gaussian import paraxial
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points, image_position
-from plenoptic.optics.lens.models import LensModel
+from plenoptic.optics.lens.models import FocusCriterion, LensModel
 from plenoptic.optics.lens.pupil.beam import checked_point, checked_wavelengths, passing_light
 from plenoptic.optics.lens.stack import LensStack
 
 _GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 _SEARCH_STEPS = 80
 """Golden sections: 0.618^80 is 2e-17 of the first interval."""
-
-
-class FocusCriterion(enum.IntEnum):
-    """What is meant by sharp.
-
-    PARAXIAL: where rays close to the axis meet. RMS_SPOT: the least root mean square distance of all rays from their
-    centroid. GEOMETRIC_SPOT: the least largest distance, the circle of least confusion.
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> pl.FocusCriterion.RMS_SPOT.name
-    'RMS_SPOT'
-    """
-
-    PARAXIAL = 0
-    RMS_SPOT = 1
-    GEOMETRIC_SPOT = 2
 
 
 def _needs_a_lens(lens: LensStack) -> None:
