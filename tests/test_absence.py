@@ -5,6 +5,7 @@ arguments that they were for, and both are compiled alike. What counts is the nu
 """
 
 import ast
+import importlib
 import inspect
 import json
 import re
@@ -314,8 +315,13 @@ def plain():
             found.setdefault(name, (kernel, [numba.typeof(argument) for argument in arguments]))
             return kernel(*arguments)
 
-        patch.setattr(module, name, record)
+        # Those who call it may hold it by name.
+        for place in [held for there, held in sys.modules.items() if there.startswith("plenoptic.")]:
+            if getattr(place, name, None) is kernel:
+                patch.setattr(place, name, record)
 
+    importlib.import_module("plenoptic.rendering.tile")
+    importlib.import_module("plenoptic.rendering.integrator.path")
     for module, name in {(feature.module, feature.kernel) for feature in FEATURES}:
         recorded(__import__(module, fromlist=["_"]), name)
     camera = pl.PlenopticCamera(

@@ -14,7 +14,6 @@ from plenoptic.rendering.context import RenderContext
 from plenoptic.rendering.integrator.interaction import InteractionStage
 from plenoptic.rendering.integrator.kernels.bounce import sample_bsdf
 from plenoptic.rendering.integrator.kernels.direct_light import add_direct, eval_direct
-from plenoptic.rendering.integrator.kernels.emission import add_emission
 from plenoptic.rendering.integrator.kernels.path_keys import fill_path_keys
 from plenoptic.rendering.integrator.record import RayQueue, ShadowRays, Wavelengths
 from plenoptic.rendering.plan.scene_stages import ROULETTE
@@ -147,6 +146,8 @@ class PathIntegrator:
 
             fill_absorbed(now, hits, scene.geometry, scene.bsdf.glass_index, scene.absorption, wavelengths)
         if scene.emission is not None or any(part is not None for part in scene.lights.sky):
+            from plenoptic.rendering.integrator.kernels.emission import add_emission
+
             add_emission(radiance, now, hits, scene.geometry, scene.emission, scene.lights.sky, wavelengths)
 
     def _scatter(

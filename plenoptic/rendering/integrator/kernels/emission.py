@@ -27,7 +27,8 @@ def add_emission(radiance, queue, hits, geometry, emission, sky, wavelengths):
     throughput = queue.throughput
     pdf = queue.pdf
     rough = queue.rough
-    hit, instances = hits.triangle, hits.instance
+    hit = hits.triangle
+    instances = hits.instance
     travelled = hits.travelled
     vertices = geometry.vertices
     triangles = geometry.triangles
