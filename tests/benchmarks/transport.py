@@ -86,6 +86,7 @@ def stages(*, samples: int) -> Table:
     from plenoptic.camera.sampling.kernels import paths as camera_paths
     from plenoptic.core.kernels import sobol
     from plenoptic.rendering.integrator import interaction, path
+    from plenoptic.rendering.integrator.kernels import emission
     from plenoptic.scene.geometry.kernels import embree
     from plenoptic.scene.materials.kernels import parameters
 
@@ -95,7 +96,7 @@ def stages(*, samples: int) -> Table:
         (paths, "fill_through_array", "microlenses"),
         (paths, "fill_traced", "lens"),
         (embree.EmbreeTriangles, "fill_closest", "Embree, nearest triangles"),
-        (path, "add_emission", "what rays see that shines"),
+        (emission, "add_emission", "what rays see that shines"),
         (interaction, "fill_interactions", "points and normals"),
         (parameters, "fill_parameters", "colours and roughness"),
         (interaction, "sample_emitters", "points on lights"),
