@@ -1,7 +1,9 @@
-"""The shape of the package: few arguments, small files, no import circles, kernels and private names by themselves."""
+"""The shape of the package: few arguments, small files, no import circles, kernels and private names by themselves,
+and documents that name what is there."""
 
 import ast
 import inspect
+import re
 import tokenize
 from collections import Counter
 from pathlib import Path
@@ -192,3 +194,24 @@ def test_private_names_stay_in_their_module():
         if alias.name.startswith("_") and not alias.name.startswith("__")
     }
     assert found == set()
+
+
+# ---- documents ----
+
+
+def test_what_the_validation_page_names_exists():
+    tests = Path(__file__).parent
+    page = (tests.parent / "docs" / "validation.md").read_text(encoding="utf-8")
+    files = set(re.findall(r"`((?:\w+/)*test_\w+\.py)", page))
+    assert len(files) > 20 and [name for name in sorted(files) if not (tests / name).is_file()] == []
+    defined = set(
+        re.findall(r"def (test_\w+)", "\n".join(path.read_text("utf-8") for path in tests.rglob("test_*.py")))
+    )
+    assert set(re.findall(r"\b(test_\w+)\b(?!\.py)", page)) <= defined
+
+
+def test_files_that_the_table_of_questions_names_exist():
+    page = (Path(__file__).parents[1] / "docs" / "architecture.md").read_text(encoding="utf-8")
+    table = page.partition("| question | file |")[2].partition("## ")[0]
+    named = re.findall(r"`(\w+/[\w/]+\.py)`", table)
+    assert len(named) >= 6 and [name for name in named if not (ROOT / name).is_file()] == []
