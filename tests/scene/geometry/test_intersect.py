@@ -223,6 +223,30 @@ def test_rays_along_shared_edges_find_the_same_whatever_goes_beside_them(coheren
     assert (together >= 0).all()
 
 
+TINY = (1e-45, 1e-38, 1e-30, 1e-20, 0.9e-18, 1.1e-18, 1e-15, 1e-8, 1e-3)
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_tiny_components_of_directions_lose_no_ray(turned):
+    # Embree's coherent packets lost all of a packet in which one component was -1e-20 in some rays, -1e-10 in others.
+    rng = np.random.default_rng(8)
+    ball = pl.shapes.sphere(200.0, center=(7.3, -11.1, 0.0), segments=(256, 128))
+    quarter = np.eye(4)  # its cosine is 6e-17, which makes tiny components of exact zeros
+    quarter[:2, :2] = [[np.cos(np.pi / 2), -1.0], [1.0, np.cos(np.pi / 2)]]
+    middle = [0.0, 0.0, -600.0]
+    places = [Instances(ball, [quarter]).translated(*middle)] if turned else [ball.translated(*middle)]
+    intersector = build_intersector(*(records_of([], places) if turned else records_of(places)))
+    for axis in (0, 1):
+        for sign in (-1, 1):
+            directions = np.tile([0.0, 0.0, -1.0], (len(TINY) * 2000, 1))
+            directions[:, axis] = rng.choice([0.0, -0.0, *(sign * np.array(TINY))], len(directions))
+            directions[:, 1 - axis] = rng.choice([0.0, 0.01, -0.02], len(directions))
+            rays = np.column_stack([np.zeros_like(directions), directions])
+            hits, placed = np.empty((2, len(rays)), np.int32)
+            intersector.fill_closest(Hits(hits, placed if turned else None, None), rays, coherent=True)
+            assert (hits >= 0).all()
+
+
 def test_neighbours_and_threads_change_nothing():
     rng = np.random.default_rng(6)
     records, rays = crowd(rng), random_rays(rng, 20000, reach=20)

@@ -42,6 +42,10 @@ _RAYHIT = 16 * 35
 _EDGE = np.float32(2.0**-11)
 """Barycentric coordinates below this are near an edge: far above their rounding errors, and one ray in 400."""
 
+_STEEPEST = 1e-18
+"""Embree takes the inverse of a smaller component of a direction for that of this one, without its sign. A coherent
+packet, which is bounded as a whole, then loses rays; a component that is exactly 0 does no harm."""
+
 _POINTER, _INT, _UINT, _SIZE = ctypes.c_void_p, ctypes.c_int, ctypes.c_uint, ctypes.c_size_t
 _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "rtcNewDevice": (_POINTER, (ctypes.c_char_p,)),
@@ -125,7 +129,8 @@ class EmbreeTriangles:
 
     def fill_closest(self, hits: Hits, rays: Floats, *, coherent: bool) -> None:
         """Triangle that each ray (origin and direction, (n, 6)) meets first, or -1; and its instance, or -1."""
-        arguments = self._coherent if coherent else self._incoherent
+        # Embree turns directions into the axes of an instance, where a component may be tiny: see _STEEPEST.
+        arguments = self._coherent if coherent and self._first is None else self._incoherent
         address = ctypes.addressof(arguments)
         _fill_closest(hits.triangle, hits.instance, self._first, rays, self._middle, self._scene, address)
 
@@ -198,6 +203,11 @@ def _prepare(packet):
 
 
 @device
+def _direction(component):
+    return component if abs(component) > _STEEPEST else 0.0
+
+
+@device
 def _pack(packet, valid, rays, middle, start, far):
     """Put rays start ... start + 15 into a packet; lanes beyond the last ray are switched off."""
     number = packet.view(np.uint32)
@@ -210,9 +220,9 @@ def _pack(packet, valid, rays, middle, start, far):
         packet[_ORG_X + lane] = rays[i, 0] - x
         packet[_ORG_Y + lane] = rays[i, 1] - y
         packet[_ORG_Z + lane] = rays[i, 2] - z
-        packet[_DIR_X + lane] = rays[i, 3]
-        packet[_DIR_Y + lane] = rays[i, 4]
-        packet[_DIR_Z + lane] = rays[i, 5]
+        packet[_DIR_X + lane] = _direction(rays[i, 3])
+        packet[_DIR_Y + lane] = _direction(rays[i, 4])
+        packet[_DIR_Z + lane] = _direction(rays[i, 5])
         packet[_FAR + lane] = far
         number[_GEOMETRY + lane] = _INVALID
         number[_INSTANCE + lane] = _INVALID
