@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import enum
 import math
 from typing import TYPE_CHECKING
@@ -47,7 +48,7 @@ class CentreMethod(enum.IntEnum):
     """Where the ray through the centres of the real iris and of the microlens meets the sensor: the image of the middle
     of the exit pupil."""
     CENTROID = 2
-    """The centroid of the light of a uniform white scene that passes the microlens: what a white image shows."""
+    """The centroid of the light of a uniform white scene that passes the microlens's cell: what a white image shows."""
 
 
 @result
@@ -61,7 +62,7 @@ class MicrolensCentres:
     type : (n,) array of int
         Row of the array's `focal_lengths`.
     on_array : (n, 2) array
-        The microlenses' optical centres on the array's plane, x and y in mm.
+        The microlenses' optical centres on the array's plane, x and y in mm; of flat glass, the middle of its opening.
     position, pixel : (n, 2) array
         Centres of their images on the sensor: x and y in mm, and row and column, whole numbers at centres of pixels.
     method : CentreMethod
@@ -100,8 +101,8 @@ def microlens_centres(
         but for aberrations of the pupil and the fall-off of light across an image.
     white : Exposure, optional
         For CENTROID: a white image of this camera, whose centroids are taken pixel by pixel in place of the geometry;
-        microlens images that it does not hold wholly are left out, and light of neighbouring images that overlap with
-        one counts to it.
+        microlens images that it does not hold wholly are left out. The light in the cell around each CHIEF_RAY counts:
+        that of neighbouring images that overlap with it does, that of its own beyond, as of a missing lens, does not.
     margin : float, optional
         How far outside the sensor centres may lie, in mm; negative: how far inside they must.
 
@@ -115,8 +116,7 @@ def microlens_centres(
     ------
     InvalidValueError
         Without microlenses; where a white image is given for another method than CENTROID or does not fit the camera;
-        for CENTROID with walls, and with a FREE lattice, whose cells all have other shapes, unless it has an
-        `aperture`.
+        for CENTROID with walls.
 
     Notes
     -----
@@ -129,9 +129,13 @@ def microlens_centres(
     Centroids are sums over rays from four points of the opening to 32 lines across the pupil, with their ends found by
     bisection; above 1089 microlenses of a type the difference from the chief ray is interpolated between 33 x 33
     fields. Both are good to some 0.01 pixels of 10 micrometres, less well where light ends. Microlenses count there as
-    ideal ones between their principal planes, with the focal length of their type, and their aberrations do not.
+    ideal ones between their principal planes, and their aberrations do not. Of openings that differ, each has its own
+    centroid, and all have the median of their second moments.
 
-    Deviations of single microlenses (`imperfections`) move their centres, and parts stand as they are built.
+    Deviations of single microlenses (`imperfections`) move their centres, and parts stand as they are built: a lens
+    that is displaced, or whose neighbours in a FREE lattice are uneven, is cut by its cell, which stays. Light beside
+    the openings of an array with clear gaps counts to the centroid. The optical centre of a missing lens is the middle
+    of its opening. Dust and the sensor's response to directions do not count, but in a white image.
     Microlenses between walls (`Walls.OPAQUE`) are cameras of their own: their chief rays run along the array's normal.
 
     Examples
@@ -161,13 +165,17 @@ def microlens_centres(
         )
     axes = array_axes(camera)
     lenses = _lenses_near_sensor(axes, array, margin)
+    if array.model.focuses:
+        # Flat glass has no optical axis.
+        flat = (lenses.power == 0)[:, None]
+        lenses = dataclasses.replace(lenses, axis=np.where(flat, lenses.centre, lenses.axis))
     centres = axes.local(lenses.axis)
     straight = array.walls is Walls.OPAQUE or method is CentreMethod.ORTHOGONAL
     slopes = np.zeros_like(centres) if straight else chief_slopes(axes, centres)
     position = axes.on_sensor(array.model.rules.displaced(array, centres, slopes, camera.wavelength, True), slopes)
     if method is CentreMethod.CENTROID:
         if white is None:
-            position = lit_centroids(axes, array, lenses)
+            position = lit_centroids(axes, array, lenses, slopes)
         else:
             position = white_centroids(axes, array, white, lenses.design, position, _images_apart(axes))
     # Rounding must not decide about a centre on the edge.

@@ -11,51 +11,101 @@ from numpy.typing import NDArray
 from plenoptic.camera.assembly import ArrayAxes
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats
-from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.pupil.exit_pupil import PupilBounds, pupil_bounds
+from plenoptic.optics.microlens.aperture import has_clear_gaps
 from plenoptic.optics.microlens.array import MicrolensArray
-from plenoptic.optics.microlens.lattice import Lattice
+from plenoptic.optics.microlens.lattice import Lattice, polygon_area, polygon_moments
 from plenoptic.optics.microlens.listed import Lenslets
+from plenoptic.optics.microlens.record import outlines
 
 FIELDS = 33
 """Fields along x and along y for which centroids are computed; others lie between them."""
 LINES, PLACES = 32, 24
 """Lines across the outline of the pupil, and places on each at which it is tried whether light passes."""
 _HALVINGS = 8
+_ROUNDING = 1e-12
 _RAYS = 1 << 18
 """Rays that are traced together."""
 
 
-def lit_centroids(axes: ArrayAxes, array: MicrolensArray, lenses: Lenslets) -> Floats:
-    """Centroids (n, 2) on the sensor of the light of a white scene through each microlens; nan where it is dark."""
-    if array.lattice is Lattice.FREE and array.aperture is None:
-        raise InvalidValueError(
-            "the lattice is FREE and its microlenses have no aperture, so that every cell has another shape; give "
-            "white=pl.render_white(camera, ...), or the array an aperture"
-        )
-    found = np.full(lenses.axis.shape, np.nan)
-    local, clear = axes.local(lenses.axis), lenses.transmission > 0
-    factor = array.power_factor(axes.camera.wavelength)
-    for kind in np.unique(lenses.type[clear]):
-        of_kind = clear & (lenses.type == kind)
-        power = factor / array.focal_lengths[int(kind)]
-        found[of_kind] = _centroids_of_type(axes, array, local[of_kind], power)
+class _Parts(NamedTuple):
+    """The openings of n lenses, or their cells."""
+
+    area: Floats
+    middle: Floats
+    """(n, 2) their centroids, on the array."""
+    points: Floats
+    """(4, 2) see `moment_points`; for the median of their variances."""
+
+
+def lit_centroids(axes: ArrayAxes, array: MicrolensArray, lenses: Lenslets, slopes: Floats) -> Floats:
+    """Centroids (n, 2) on the sensor of the light of a white scene through each cell; nan where it is dark.
+
+    `slopes` (n, 2) are those of the chief rays, or nan.
+    """
+    found, clear = np.full(lenses.axis.shape, np.nan), lenses.transmission > 0
     if not array.model.focuses:
+        found[clear] = _centroids_of_kind(axes, array, axes.local(lenses.axis[clear]), 0.0, np.zeros((1, 2)))
         return found
-    # Light through an opening beside the optical axis is deviated on the whole.
-    aside = (lenses.centre - lenses.axis) * (1.0 - axes.parts.distance * factor * lenses.power)[:, None]
-    turn = axes.parts.sensor_to_local.turn[:2, :2].T @ axes.parts.array_turn
-    return np.asarray(found + aside @ turn.T)
+    opening, cell = _parts(array, lenses)
+    beside, factor = has_clear_gaps(array.aperture), array.power_factor(axes.camera.wavelength)
+    slopes = np.where(np.isfinite(slopes), slopes, 0.0)
+    for kind in np.unique(lenses.type[clear]):
+        focal_length = array.focal_lengths[int(kind)]
+        of = clear & (lenses.type == kind) & (beside | (opening.area > 0))
+        middle, ratio = axes.local(opening.middle[of]), (lenses.power[of] * focal_length)[:, None]
+        lit = _centroids_of_kind(axes, array, middle, factor / focal_length, opening.points)
+        if beside or (np.abs(ratio - 1.0) > _ROUNDING).any():
+            # Where light lands is linear in the power.
+            straight = _centroids_of_kind(axes, array, middle, 0.0, opening.points)
+            lit = lit + (1.0 - ratio) * (straight - lit)
+        # All light of an opening beside the optical axis is deviated alike.
+        bent = slopes[of] + (factor * lenses.power[of])[:, None] * (axes.local(lenses.axis[of]) - middle)
+        lit = lit + (axes.on_sensor(middle, bent) - axes.on_sensor(middle, slopes[of]))
+        if beside:
+            whole = _centroids_of_kind(axes, array, axes.local(cell.middle[of]), 0.0, cell.points)
+            lit = whole + (opening.area[of] / cell.area[of])[:, None] * (lit - straight)
+        found[of] = lit
+    return found
 
 
-def _centroids_of_type(axes: ArrayAxes, array: MicrolensArray, points: Floats, power: float) -> Floats:
+def _parts(array: MicrolensArray, lenses: Lenslets) -> tuple[_Parts, _Parts]:
+    """The openings of the lenses, and their cells."""
+    alike = array.imperfections is None and array.lattice is not Lattice.FREE
+    if alike:
+        polygons = [array.opening.corners[None], array.cell_corners[None]]
+    else:
+        free = array.lattice is Lattice.FREE
+        known = array.lenses((-np.inf, -np.inf), (np.inf, np.inf)) if free else lenses
+        these = lenses.index[:, 0] if free else np.arange(len(lenses))
+        shapes = outlines(array, known.design, known.centre - known.design, turn=np.eye(2), margin=0.0)
+        corner = np.arange(shapes.wide.shape[1])
+        polygons = [
+            np.take_along_axis(corners[these], np.minimum(corner, counts[these, None] - 1)[..., None], axis=1)
+            for corners, counts in ((shapes.openings, shapes.counts), (shapes.wide, shapes.wide_counts))
+        ]
+    found = []
+    for corners, outline in zip(polygons, (array.opening.radius, math.inf), strict=True):
+        area, middle, variance = polygon_moments(corners)
+        if math.isfinite(outline):
+            # The polygon around a circle is larger.
+            share = math.pi * outline**2 / polygon_area(array.opening.corners)
+            area, variance = share * area, share * variance
+        lit = area > 0
+        places = lenses.design + (0.0 if alike else np.where(lit[:, None], middle, 0.0))
+        points = moment_points(np.median(variance[lit], axis=0) if lit.any() else np.zeros(2))
+        found.append(_Parts(np.broadcast_to(area, (len(lenses),)), places, points))
+    return found[0], found[1]
+
+
+def _centroids_of_kind(axes: ArrayAxes, array: MicrolensArray, points: Floats, power: float, offsets: Floats) -> Floats:
     if len(points) <= FIELDS * FIELDS:
-        return centroids_at(axes, array, points, power)
+        return centroids_at(axes, array, points, power, offsets)
     low, high = points.min(axis=0), points.max(axis=0)
     size = np.maximum(high - low, 1e-9)
     knots = [np.linspace(low[k], low[k] + size[k], FIELDS) for k in range(2)]
     grid = np.stack(np.meshgrid(*knots, indexing="ij"), axis=-1)
-    lit = centroids_at(axes, array, grid.reshape(-1, 2), power).reshape(grid.shape)
+    lit = centroids_at(axes, array, grid.reshape(-1, 2), power, offsets).reshape(grid.shape)
     return _interpolated(lit, (points - low) / size * (FIELDS - 1))
 
 
@@ -112,17 +162,26 @@ class _Openings(NamedTuple):
 
 
 def centroids_at(
-    axes: ArrayAxes, array: MicrolensArray, points: Floats, power: float, *, lines: int = LINES, places: int = PLACES
+    axes: ArrayAxes,
+    array: MicrolensArray,
+    points: Floats,
+    power: float,
+    offsets: Floats,
+    *,
+    lines: int = LINES,
+    places: int = PLACES,
 ) -> Floats:
-    """Centroids (n, 2) on the sensor for microlenses of a power in 1/mm with their centres at local points (n, 2)."""
+    """Centroids (n, 2) on the sensor for microlenses of a power in 1/mm with their centres at local points (n, 2).
+
+    `offsets` (k, 2) are points of their openings, on the array, from there.
+    """
     bounds = _bounds(axes, array, points)
-    pinhole = not array.model.focuses
-    offsets = np.zeros((1, 2)) if pinhole else opening_points(array) @ axes.parts.array_turn.T
+    offsets = offsets @ axes.parts.array_turn.T
     each = max(1, _RAYS // (len(offsets) * lines * places))
     parts = []
     for k in range(0, len(points), each):
         openings = _narrowed(_openings(axes, points[k : k + each], offsets, bounds))
-        sums = _sums(openings, len(offsets), 0.0 if pinhole else power, lines, places)
+        sums = _sums(openings, len(offsets), power, lines, places)
         with np.errstate(invalid="ignore", divide="ignore"):
             parts.append(sums[:, 1:] / sums[:, :1])
     return np.concatenate(parts)
@@ -181,20 +240,9 @@ def _narrowed(openings: _Openings) -> _Openings:
     return openings._replace(low=low, high=high)
 
 
-def opening_points(array: MicrolensArray) -> Floats:
-    """Four points (4, 2) that have mean, second and third moments of the opening, which is its own mirror image.
-
-    They lie on its axes, sqrt(2) standard deviations from its centre.
-    """
-    opening = array.opening
-    if math.isfinite(opening.radius):
-        deviation = np.full(2, opening.radius / 2)
-    else:
-        here, after = opening.corners, np.roll(opening.corners, -1, axis=0)
-        cross = here[:, 0] * after[:, 1] - here[:, 1] * after[:, 0]
-        # Second moments of triangles that have a corner in the centre.
-        deviation = np.sqrt(cross @ ((here**2 + here * after + after**2) / 6) / cross.sum())
-    x, y = math.sqrt(2.0) * deviation
+def moment_points(variance: Floats) -> Floats:
+    """Four points (4, 2) on the axes that have mean 0, the variance (2,) along them, and no third moments."""
+    x, y = math.sqrt(2.0) * np.sqrt(variance)
     return np.array([[x, 0.0], [-x, 0.0], [0.0, y], [0.0, -y]])
 
 

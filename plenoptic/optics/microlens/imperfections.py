@@ -23,7 +23,7 @@ class MicrolensDeviations:
     index : (n, 2) array of int
         Lattice indices (i, j) of the lenses, each once; in FREE lattices (number, 0).
     shift : (n, 2) array, optional
-        Displacement of the lens with its opening in mm; None: none.
+        Displacement of the lens in mm, with its `aperture` if it has one; None: none.
     decentre : (n, 2) array, optional
         Displacement of the optical axis within the opening in mm.
     focal_length_factor : (n,) array, optional

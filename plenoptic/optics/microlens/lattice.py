@@ -73,6 +73,18 @@ def polygon_area(corners: Floats) -> float:
     return 0.5 * float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
 
 
+def polygon_moments(corners: Floats) -> tuple[Floats, Floats, Floats]:
+    """Areas (n,), centroids (n, 2) and variances along x and y (n, 2) of counter-clockwise polygons (n, k, 2)."""
+    here, after = corners, np.roll(corners, -1, axis=1)
+    # Moments of triangles that have a corner in the origin.
+    cross = here[..., 0] * after[..., 1] - here[..., 1] * after[..., 0]
+    total = cross.sum(axis=1)[:, None]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        middle = np.einsum("ij,ijk->ik", cross, here + after) / (3.0 * total)
+        second = np.einsum("ij,ijk->ik", cross, (here**2 + here * after + after**2) / 6) / total
+    return 0.5 * total[:, 0], middle, second - middle**2
+
+
 def default_pattern(types: int) -> NDArray[np.int64]:
     """(types, types): the type of lens (i, j) is (i - j) mod types.
 

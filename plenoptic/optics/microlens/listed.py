@@ -30,7 +30,7 @@ class Lenslets:
     design : (n, 2) array
         Centres as designed, in mm on the plane of the array.
     centre : (n, 2) array
-        Centres of the openings as they are.
+        Centres of the openings as they are, which are those of the cells where lenses fill them.
     axis : (n, 2) array
         Where the optical axes are.
     type : (n,) array of int
@@ -98,8 +98,10 @@ def lenses_of(array: MicrolensArray, index: NDArray[np.int64]) -> Lenslets:
     axis = centre
     if array.imperfections is not None:
         deviations = deviations_of(array.imperfections, index)
-        centre = design if deviations.shift is None else design + deviations.shift
-        axis = centre if deviations.decentre is None else centre + deviations.decentre
+        moved = design if deviations.shift is None else design + deviations.shift
+        axis = moved if deviations.decentre is None else moved + deviations.decentre
+        # What fills its cell is as large as before.
+        centre = design if array.aperture is None else moved
         if deviations.focal_length_factor is not None:
             power = power / deviations.focal_length_factor
         if deviations.transmission is not None:

@@ -273,29 +273,37 @@ def _padded(parts: list[Floats]) -> Floats:
     return np.stack([np.concatenate([part, np.repeat(part[-1:], most - len(part), axis=0)]) for part in parts])
 
 
-def listed_record(array: MicrolensArray, *, turn: Floats, origin: Floats, reach: float, margin: float) -> ListedRecord:
-    """The lenses up to `reach` from the origin of the axes, one by one; dark ones are left out."""
+class Outlines(NamedTuple):
+    """Cells and openings of listed lenses about their designed centres: corners (n, k, 2), and how many count."""
+
+    bins: BinsRecord
+    cells: Floats
+    cell_counts: NDArray[np.int64]
+    wide: Floats
+    """The cells, widened by a margin."""
+    wide_counts: NDArray[np.int64]
+    openings: Floats
+    """Those of the design, displaced and widened, as far as they lie in the widened cells."""
+    counts: NDArray[np.int64]
+
+
+def outlines(array: MicrolensArray, points: Floats, shifts: Floats, *, turn: Floats, margin: float) -> Outlines:
+    """Of the lenses with their designed centres at points (n, 2) and openings displaced by shifts (n, 2).
+
+    Those of FREE lattices must be all there are, since each ends the cells of its neighbours.
+    """
     from plenoptic.optics.microlens.kernels.listed import fill_bins, fill_cells, fill_openings
 
-    far = reach + float(np.hypot(*origin)) + array.cell_radius
-    if array.lattice is not Lattice.FREE and (2 * far) ** 2 / array.cell_area > MOST_LISTED:
-        raise InvalidValueError(
-            f"some {(2 * far) ** 2 / array.cell_area:.3g} microlenses have imperfections, and the limit is "
-            f"{MOST_LISTED}; list deviations of single lenses, or increase the pitch"
-        )
-    found = array.lenses((-far, -far), (far, far))
-    points = np.ascontiguousarray(found.design @ turn.T + origin)
-    bins, free = _grid(points, array), array.lattice is Lattice.FREE
+    bins = _grid(points, array)
     fill_bins(bins, points)
     base = np.asarray(array.cell_corners) @ turn.T
     opening = _widened(array.opening.corners, margin) @ turn.T
     if array.aperture is None:
         opening = 4.0 * base  # the cell alone ends the lens
-    shifts = np.ascontiguousarray((found.centre - found.design) @ turn.T)
     cell_counts, wide_counts, counts = np.empty((3, len(points)), np.int64)
     # Cells have edges with those of lenses up to twice as far away.
     widest = float(np.hypot(*base.T).max())
-    room, neighbours = 12, bins if free else None
+    room, neighbours = 12, bins if array.lattice is Lattice.FREE else None
     while True:
         cells, wide, corners = np.zeros((3, len(points), room, 2))
         most = max(
@@ -305,8 +313,24 @@ def listed_record(array: MicrolensArray, *, turn: Floats, origin: Floats, reach:
         if most <= room:
             most = fill_openings(corners, counts, wide, wide_counts, opening, shifts)
         if most <= room:
-            break
+            return Outlines(bins, cells, cell_counts, wide, wide_counts, corners, counts)
         room = most
+
+
+def listed_record(array: MicrolensArray, *, turn: Floats, origin: Floats, reach: float, margin: float) -> ListedRecord:
+    """The lenses up to `reach` from the origin of the axes, one by one; dark ones are left out."""
+    far = reach + float(np.hypot(*origin)) + array.cell_radius
+    if array.lattice is not Lattice.FREE and (2 * far) ** 2 / array.cell_area > MOST_LISTED:
+        raise InvalidValueError(
+            f"some {(2 * far) ** 2 / array.cell_area:.3g} microlenses have imperfections, and the limit is "
+            f"{MOST_LISTED}; list deviations of single lenses, or increase the pitch"
+        )
+    found = array.lenses((-far, -far), (far, far))
+    points = np.ascontiguousarray(found.design @ turn.T + origin)
+    shifts = np.ascontiguousarray((found.centre - found.design) @ turn.T)
+    bins, cells, cell_counts, wide, wide_counts, corners, counts = outlines(
+        array, points, shifts, turn=turn, margin=margin
+    )
     lenses = np.empty(len(points), MICROLENS)
     lenses["power"], lenses["transmission"] = found.power, found.transmission
     lenses["centre_x"], lenses["centre_y"] = (found.centre @ turn.T + origin).T
@@ -321,7 +345,7 @@ def listed_record(array: MicrolensArray, *, turn: Floats, origin: Floats, reach:
         lenses=lenses,
         corners=np.stack([corners, wide] if both else [corners], axis=1),
         counts=np.stack([counts, wide_counts] if both else [counts], axis=1),
-        cells=_cell_edges(cells, cell_counts) if free else None,
+        cells=_cell_edges(cells, cell_counts) if array.lattice is Lattice.FREE else None,
     )
 
 

@@ -128,8 +128,12 @@ def test_listed_deviations_change_their_lenses_and_no_others() -> None:
     for field in dataclasses.fields(plain):
         assert np.array_equal(getattr(changed, field.name)[others], getattr(plain, field.name)[others])
     assert np.array_equal(changed.design, plain.design)
-    # The shift takes the opening and its axis along, the decentre the axis alone.
-    assert changed.centre[[first, second]].tolist() == [[1.01, 0.02], [0.0, -1.0]]
+    # The shift takes the axis along, and an opening of its own; the decentre the axis alone.
+    assert np.array_equal(changed.centre, plain.design)
+    opening = pl.optics.MicrolensAperture(fill_factor=0.5)
+    opened = array_of(pl.Lattice.SQUARE, imperfections=listed, aperture=opening).lenses((-1.5, -1.5), (1.5, 1.5))
+    assert opened.centre[[first, second]].tolist() == [[1.01, 0.02], [0.0, -1.0]]
+    assert np.array_equal(opened.axis, changed.axis)
     assert changed.axis[[first, second]].tolist() == [[1.01, 0.06], [-0.03, -1.0]]
     assert changed.power[[first, second]].tolist() == [0.25, 0.0]
     assert changed.transmission[[first, second]].tolist() == [0.25, 1.0]
@@ -139,8 +143,8 @@ def test_drawn_deviations_are_those_of_their_index() -> None:
     array = array_of(pl.Lattice.HEXAGONAL, focal_lengths=(1.0, 2.0, 4.0), imperfections=SPOILED)
     found = array.lenses((-5, -5), (5, 5))
     drawn = SPOILED.deviations(found.index)
-    assert np.array_equal(found.centre, found.design + drawn.shift)
-    assert np.array_equal(found.axis, found.centre + drawn.decentre)
+    assert np.array_equal(found.centre, found.design)
+    assert np.array_equal(found.axis, found.design + drawn.shift + drawn.decentre)
     # A spread of focal lengths multiplies that of the type; missing lenses have no power.
     assert np.array_equal(found.power, 1.0 / np.array([1.0, 2.0, 4.0])[found.type] / drawn.focal_length_factor)
     assert np.array_equal(found.power == 0, np.isinf(drawn.focal_length_factor))
@@ -155,7 +159,7 @@ def test_free_lenses_are_numbered() -> None:
     assert np.array_equal(found.design, array.centres[inside])
     assert np.array_equal(found.type, np.flatnonzero(inside) % 2)
     drawn = SPOILED.deviations(found.index)
-    assert np.array_equal(found.centre, found.design + drawn.shift)
+    assert np.array_equal(found.axis, found.design + drawn.shift + drawn.decentre)
     assert array.focal_length == 1.0
 
 
