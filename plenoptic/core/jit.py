@@ -4,7 +4,7 @@ Kernels see numbers, arrays and records of these, release the GIL, divide as IEE
 add (`contract`): the intersection formula of `optics.lens.kernels.sphere` needs the fused form for distant origins.
 Compiled code is kept outside site-packages in a folder named after a hash of all that kernels are compiled from
 (`core`, the folders `kernels`, and the files `record.py` and `registry.py`), because Numba by itself does not notice
-that a callee in another file has changed.
+that a callee in another file has changed. Within it Numba keeps variants for different processors apart.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from __future__ import annotations
 import functools
 import hashlib
 import os
+import pickle
 import secrets
 import tempfile
 from collections.abc import Callable
@@ -20,7 +21,8 @@ from pathlib import Path
 from typing import Any
 
 import numba
-from numba.core import caching
+from numba.core import caching, codegen
+from numba.core.registry import cpu_target
 
 from plenoptic.core.absent_fields import RecordCompiler
 
@@ -34,6 +36,20 @@ def _sources_hash() -> str:
         digest.update(str(path.relative_to(root)).encode())
         digest.update(path.read_bytes())
     return digest.hexdigest()[:20]
+
+
+@functools.cache
+def processor() -> str:
+    """The kind of processor that kernels are compiled for, and its instructions for vectors: bits depend on them.
+
+    NUMBA_CPU_NAME and NUMBA_CPU_FEATURES can name another than that which is there, and which NumPy, Embree and the
+    system's mathematics still use: then both are named.
+    """
+    triple, name, features = cpu_target.target_context.codegen().magic_tuple()
+    vectors = [one[1:] for one in features.split(",") if one.startswith(("+avx", "+fma", "+neon", "+sve"))]
+    there = codegen.ll.get_host_cpu_name()  # type: ignore[attr-defined]
+    named = name if name == there else f"{name} on {there}"
+    return f"{named} ({triple.split('-')[0]}: {' '.join(vectors) or 'without avx and fma'})"
 
 
 @functools.cache
@@ -85,14 +101,38 @@ class _Implementation(caching.CompileResultCacheImpl):
     _locator_classes: list[Any] = [_Locator]
 
 
+class _Files(caching.IndexDataCacheFile):
+    """Data files that say what they are: their digest, then for which function and variant the code is, then the code.
+
+    A variant is named by its signature, its bytecode, and the processor's name and instructions.
+    """
+
+    def save(self, key: Any, data: Any) -> None:
+        super().save(key, (self._index_name, key, data))
+
+    def load(self, key: Any) -> Any:
+        *whose, data = super().load(key) or (None,)
+        return data if whose == [self._index_name, key] else None
+
+    def _save_data(self, name: str, data: Any) -> None:
+        content = self._dump(data)
+        with self._open_for_write(self._data_path(name)) as file:
+            file.write(hashlib.sha256(content).digest() + content)
+
+    def _load_data(self, name: str) -> Any:
+        digest, content = (whole := Path(self._data_path(name)).read_bytes())[:32], whole[32:]
+        return pickle.loads(content) if hashlib.sha256(content).digest() == digest else None
+
+
 class _KernelCache(caching.FunctionCache):
     _impl_class = _Implementation
 
     def __init__(self, function: Any) -> None:
         super().__init__(function)
+        name = self._impl.filename_base
+        file = self._cache_file = _Files(self._cache_path, name, self._impl.locator.get_source_stamp())
         # Numba numbers its files; two processes that compile two variants at once would both write number 1.
-        file = self._cache_file
-        file._data_name_pattern = f"{self._impl.filename_base}.{secrets.token_hex(6)}.{{number:d}}.nbc"
+        file._data_name_pattern = f"{name}.{secrets.token_hex(6)}.{{number:d}}.nbc"
 
     def load_overload(self, signature: Any, context: Any) -> Any:
         try:

@@ -14,12 +14,18 @@ _Task = TypeVar("_Task")
 _Result = TypeVar("_Result")
 
 
+MOST_THREADS = 4096
+"""Threads that a system starts without further ado; processors have fewer."""
+
+
 def thread_count(threads: int | None) -> int:
-    """The number of threads asked for; None: as many as this process may use processors."""
+    """The number of threads asked for; None: one a processor that this process may use, at most NUMBA_NUM_THREADS."""
     if threads is not None:
-        return whole(threads, "threads", at_least=1)
+        return whole(threads, "threads", at_least=1, at_most=MOST_THREADS)
     affinity = getattr(os, "sched_getaffinity", None)
-    return len(affinity(0)) if affinity is not None else os.cpu_count() or 1
+    there = len(affinity(0)) if affinity is not None else os.cpu_count() or 1
+    chosen = os.environ.get("NUMBA_NUM_THREADS", "")
+    return min(there, max(int(chosen), 1)) if chosen.isdecimal() else there
 
 
 def run_in_order(

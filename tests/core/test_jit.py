@@ -123,3 +123,55 @@ def test_what_kernels_are_compiled_from_is_hashed():
                 source = root.parent.joinpath(*node.module.split("."))
                 files = [source.with_suffix(".py"), *(source / f"{alias.name}.py" for alias in node.names)]
                 assert hashed.intersection(files), f"{path.name} compiles from {node.module}, which is not hashed"
+
+
+TWO = (
+    KERNEL
+    + """
+@kernel
+def fill_sum(x, y, out):
+    for i in range(x.size):
+        out[i] = x[i] + y[i]
+"""
+)
+USE_TWO = USE.replace(
+    "hits =", "from one_kernel import fill_sum\nfill_sum(out, out, out)\nassert out[2] == 8.0\nhits ="
+)
+
+
+def test_code_of_another_kernel_is_compiled_anew(run, tmp_path):
+    # Files that changed places: the arguments of the one do not fit the other.
+    cache = tmp_path / "cache"
+    (tmp_path / "one_kernel.py").write_text(TWO)
+    assert run(cache, USE_TWO)[0] == 0
+    one, other = cached_files(cache, ".nbc")
+    content = one.read_bytes()
+    one.write_bytes(other.read_bytes())
+    other.write_bytes(content)
+    assert run(cache, USE_TWO)[0] == 0
+    assert run(cache, USE_TWO)[0] == 1
+
+
+def test_a_flipped_bit_in_compiled_code_is_noticed(run, tmp_path):
+    cache = tmp_path / "cache"
+    run(cache)
+    (code,) = cached_files(cache, ".nbc")
+    content = bytearray(code.read_bytes())
+    content[len(content) // 2] ^= 1
+    code.write_bytes(content)
+    assert run(cache)[0] == 0
+    assert run(cache)[0] == 1
+
+
+def test_processors_have_their_own_code_and_say_so(run, tmp_path, monkeypatch):
+    # Whoever loads the other's code finds no fused multiplication, or one that his processor has not.
+    cache, kind = tmp_path / "cache", USE + "from plenoptic.core.jit import processor\nprint(processor())\n"
+    kind = kind.replace("print(hits, cache_folder())\n", "").replace("print(processor())", "print(hits, processor())")
+    hits, native = run(cache, kind)
+    monkeypatch.setenv("NUMBA_CPU_NAME", "generic")
+    other, generic = run(cache, kind)
+    assert (hits, other) == (0, 0)
+    assert generic.startswith("generic on " + native.split()[0])
+    assert run(cache, kind) == (1, generic)
+    monkeypatch.delenv("NUMBA_CPU_NAME")
+    assert run(cache, kind) == (1, native)
