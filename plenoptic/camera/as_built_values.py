@@ -8,7 +8,7 @@ import numpy as np
 
 from plenoptic.camera.assembly import assembly, sensor_corners
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.core.values import Floats, value
+from plenoptic.core.values import Floats, check_kind, value
 from plenoptic.optics.lens.placement import Placement
 
 
@@ -94,6 +94,7 @@ def as_built(camera: PlenopticCamera) -> AsBuilt:
     array to sensor, least at a corner, mm               1.7      1.6744
     array to sensor, largest at a corner, mm             1.7      1.7256
     """
+    check_kind(camera, "camera", PlenopticCamera, "pl.PlenopticCamera(...)")
     places = (camera.lens_placement, camera.microlenses_placement, camera.sensor_placement)
     parts = zip(("lens", "array", "sensor"), places, strict=True)
     found = [each for name, placement in parts if placement is not None for each in _moves(name, placement)]

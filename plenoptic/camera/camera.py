@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from plenoptic.camera.assembly import assembly, sensor_corners
 from plenoptic.camera.pose import Pose
 from plenoptic.core.color.spectra import Sensitivity
-from plenoptic.core.values import choice, finite, set_field, value, wavelength_in_nm
+from plenoptic.core.values import SMALLEST_LENGTH, choice, coordinate, set_field, value, wavelength_in_nm
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.models import FocusCriterion
 from plenoptic.optics.lens.placement import Placement, kept_placement, rotation_about_axes
@@ -113,7 +113,7 @@ class PlenopticCamera:
         for wavelength in (self.wavelength, *seen):
             self.lens.indices(wavelength)
         for name in ("stop_to_microlenses", "microlenses_to_sensor"):
-            set_field(self, name, finite(getattr(self, name), name))
+            set_field(self, name, coordinate(getattr(self, name), name))
         for name in ("lens_placement", "microlenses_placement", "sensor_placement"):
             set_field(self, name, kept_placement(getattr(self, name)))
         if self.microlenses is None and self.microlenses_placement is not None:
@@ -137,7 +137,7 @@ class PlenopticCamera:
         else:
             depths = array.model.rules.depths(array)
             front -= depths.front
-            if not self.microlenses_to_sensor > depths.rear:
+            if not self.microlenses_to_sensor > max(depths.rear, SMALLEST_LENGTH):
                 raise InvalidValueError(
                     f"microlenses_to_sensor is {self.microlenses_to_sensor:g} mm; it must be above "
                     f"{depths.rear:g} mm, where the sensor touches the array"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic.core.values import Floats, Given, frozen_array, set_field, value
+from plenoptic.core.values import Floats, Given, frozen_array, numbers, set_field, value
 from plenoptic.errors import InvalidValueError
 
 
@@ -86,8 +86,8 @@ class Pose:
 
     def to_world(self, points: ArrayLike) -> Floats:
         """World coordinates of points (..., 3) of the camera's frame, in mm."""
-        return np.asarray(np.asarray(points, dtype=np.float64) @ self.rotation.T + self.position)
+        return np.asarray(numbers(points, "points", columns=3) @ self.rotation.T + self.position)
 
     def to_camera(self, points: ArrayLike) -> Floats:
         """Coordinates in the camera's frame of world points (..., 3), in mm."""
-        return np.asarray((np.asarray(points, dtype=np.float64) - self.position) @ self.rotation)
+        return np.asarray((numbers(points, "points", columns=3) - self.position) @ self.rotation)

@@ -8,7 +8,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import Floats, frozen_array, read_only, set_field, value, wavelength_in_nm
+from plenoptic.core.values import (
+    Floats,
+    frozen_array,
+    number,
+    numbers,
+    plain_array,
+    read_only,
+    set_field,
+    value,
+    wavelength_in_nm,
+)
 from plenoptic.errors import InvalidValueError
 
 UNIT_TOLERANCE = 8 * np.finfo(np.float64).eps
@@ -155,7 +165,10 @@ class RayBundle:
         -------
         (n, 3) array
         """
-        return self.origin + np.asarray(distance, dtype=np.float64)[..., None] * self.direction
+        along = numbers(distance, "distance")
+        if along.shape not in ((), (len(self),)):
+            raise InvalidValueError(f"distance has shape {along.shape}; give one number or ({len(self)},), one a ray")
+        return self.origin + along[..., None] * self.direction
 
     def at_z(self, z: float) -> Floats:
         """Points at which the rays, or their extensions backwards, meet a plane across the axis.
@@ -177,16 +190,20 @@ class RayBundle:
         array([[  0.,   6., -92.]])
         """
         with np.errstate(divide="ignore", invalid="ignore"):
-            points = self.at((z - self.origin[:, 2]) / self.direction[:, 2])
+            points = self.at((number(z, "z") - self.origin[:, 2]) / self.direction[:, 2])
         points[:, 2] = z
         return points
 
     def selected(self, mask: ArrayLike) -> RayBundle:
         """The rays that a mask (n,) or an array of row numbers selects."""
-        mask = np.asarray(mask)
-        if mask.size == 0:
-            mask = mask.astype(np.intp)
-        kept = {name: getattr(self, name)[mask] for name in _ARRAYS}
+        chosen, n = plain_array(mask, "mask"), len(self)
+        if chosen.dtype == bool:
+            rows = np.flatnonzero(chosen) if chosen.shape == (n,) else np.array([n])
+        else:
+            rows = frozen_array(chosen, name="mask", shape=("n",), dtype=np.intp)
+        if ((rows < -n) | (rows >= n)).any():
+            raise InvalidValueError(f"mask must be ({n},) of booleans, or numbers of rows below {n}")
+        kept = {name: getattr(self, name)[rows] for name in _ARRAYS}
         return RayBundle(wavelength=self.wavelength, **kept)
 
     def __repr__(self) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from plenoptic.core.values import Floats, whole
+from plenoptic.core.values import MOST_POINTS, Floats, seed_number, whole
 
 
 def sobol_points(n: int, *, seed: int = 0, pixel: int = 0, replicate: int = 0, set_number: int = 0) -> Floats:
@@ -39,7 +39,8 @@ def sobol_points(n: int, *, seed: int = 0, pixel: int = 0, replicate: int = 0, s
     """
     from plenoptic.core.kernels.sobol import DIMENSIONS, fill_points
 
-    points = np.empty((whole(n, "n", at_least=0), DIMENSIONS))
-    keys = [whole(k, name, at_least=0) for k, name in ((seed, "seed"), (pixel, "pixel"), (replicate, "replicate"))]
-    fill_points(points, *keys, whole(set_number, "set_number", at_least=0))
+    points = np.empty((whole(n, "n", at_least=0, at_most=MOST_POINTS), DIMENSIONS))
+    others = {"pixel": pixel, "replicate": replicate, "set_number": set_number}
+    keys = [whole(k, name, at_least=0) for name, k in others.items()]
+    fill_points(points, seed_number(seed), *keys)
     return points

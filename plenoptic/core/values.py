@@ -48,6 +48,21 @@ else:
 SHORTEST, LONGEST = 10.0, 1e6
 """Wavelengths in nm, from ultraviolet to far infrared; 0.55, meant as micrometres, is none."""
 
+SMALLEST_LENGTH, LARGEST_LENGTH = 1e-15, 1e15
+"""mm, from a nucleus to a light-month: products and quotients of four are finite, as are areas in float32.
+
+Embree, in float32, drops vertices beyond 1.8e18.
+"""
+
+LARGEST_WHOLE = (1 << 63) - 1
+"""Of 64 bits with a sign, as kernels count."""
+
+MOST_PIXELS = 1 << 31
+"""Of a sensor, as random numbers and files count them."""
+
+MOST_POINTS = 1 << 24
+"""Points, rays or corners that one array holds: 400 MB of their coordinates."""
+
 _SHOWN = 9
 """Numbers that an array may have to be shown in full: those of a rotation."""
 
@@ -64,18 +79,47 @@ def contiguous(array: NDArray[Number]) -> NDArray[Number]:
     return read_only(np.ascontiguousarray(array))
 
 
+def plain_array(values: ArrayLike, name: str) -> NDArray[Any]:
+    """An array of booleans, whole numbers or floats, or an error that names it."""
+    try:
+        given = np.asarray(values)
+        if given.dtype.kind == "O":  # whole numbers beyond 64 bits, fractions; None would become nan
+            given = np.array([number(item, f"an item of {name}") for item in given.ravel()]).reshape(given.shape)
+        if given.dtype.kind in "biuf":
+            return given
+        found = f"it has the type {given.dtype}"
+    except ValueError as error:
+        found = str(error)
+    raise InvalidValueError(f"{name} is not an array of numbers: {found}")
+
+
+def numbers(values: ArrayLike, name: str, *, columns: int | None = None) -> Floats:
+    """Numbers in an array of any shape, or one whose rows have so many columns; an error that names it otherwise."""
+    array = plain_array(values, name).astype(np.float64, copy=False)
+    if columns is not None and array.shape[-1:] != (columns,):
+        raise InvalidValueError(f"{name} has shape {array.shape}; it must have shape (..., {columns})")
+    return array
+
+
+def alike(**arrays: ArrayLike) -> tuple[Floats, ...]:
+    """Several arrays of numbers, brought to one shape as NumPy does, or an error that names them."""
+    given = [numbers(values, name) for name, values in arrays.items()]
+    try:
+        return tuple(np.broadcast_arrays(*given))
+    except ValueError:
+        shapes = " and ".join(f"{name} {array.shape}" for name, array in zip(arrays, given, strict=True))
+        raise InvalidValueError(f"the shapes of {shapes} do not fit; give one for each, or one for all") from None
+
+
 def frozen_array(
     values: ArrayLike, *, name: str, shape: tuple[int | str | None, ...], dtype: Any = np.float64
 ) -> NDArray[Any]:
     """A read-only copy of `values`, of the given shape (None, or a name for the message: any length)."""
-    try:
-        array = np.array(values, dtype=dtype)
-    except (TypeError, ValueError, OverflowError) as error:
-        raise InvalidValueError(f"{name} is not an array of numbers: {error}") from None
-    if array.dtype.kind in "iu":
-        given = np.asarray(values)
-        if given.dtype.kind == "f" and not np.array_equal(given, array):
-            raise InvalidValueError(f"{name} holds fractions; it must hold whole numbers")
+    given = plain_array(values, name)
+    with np.errstate(invalid="ignore", over="ignore"):
+        array = given.astype(dtype, order="C")
+    if array.dtype.kind in "iu" and array.dtype != given.dtype and not np.array_equal(given, array):
+        raise InvalidValueError(f"{name} must hold whole numbers, from {np.iinfo(dtype).min} to {np.iinfo(dtype).max}")
     fits = array.ndim == len(shape) and all(
         not isinstance(want, int) or have == want for have, want in zip(array.shape, shape, strict=True)
     )
@@ -132,6 +176,35 @@ def positive(value: float, name: str, unit: str = "") -> float:
     return given
 
 
+def length_in_mm(value: float, name: str) -> float:
+    """`value` as a float, or an error that names it where it is no length above 0 mm that anything has."""
+    given = positive(value, name, "mm")
+    if not SMALLEST_LENGTH <= given <= LARGEST_LENGTH:
+        raise InvalidValueError(
+            f"{name} is {given:g} mm; it must be from {SMALLEST_LENGTH:g} to {LARGEST_LENGTH:g} mm: lengths are in mm"
+        )
+    return given
+
+
+def coordinate(value: float, name: str) -> float:
+    """`value` as a float, or an error that names it where it is farther from 0 mm than anything."""
+    given = finite(value, name)
+    if abs(given) > LARGEST_LENGTH:
+        raise InvalidValueError(f"{name} is {given:g} mm; it must be within {LARGEST_LENGTH:g} mm of 0")
+    return given
+
+
+def positions(values: ArrayLike, *, name: str, shape: tuple[int | str | None, ...]) -> Floats:
+    """A read-only copy of coordinates, of the given shape, none of them farther from 0 mm than anything."""
+    array = frozen_array(values, name=name, shape=shape)
+    near = np.abs(array) <= LARGEST_LENGTH
+    if not near.all():
+        raise InvalidValueError(
+            f"{name} holds {array[~near][0]:g} mm, which is not finite or farther than {LARGEST_LENGTH:g} mm from 0"
+        )
+    return array
+
+
 def not_negative(value: float, name: str, unit: str = "") -> float:
     """`value` as a float, or an error that names it where it is below zero or not finite."""
     given = finite(value, name)
@@ -140,20 +213,34 @@ def not_negative(value: float, name: str, unit: str = "") -> float:
     return given
 
 
-def whole(value: int, name: str, *, at_least: int) -> int:
-    """`value` as an int, or an error where it is no whole number or too small."""
-    if isinstance(value, bool | np.bool_) or not isinstance(value, int | np.integer):
+def whole(value: int, name: str, *, at_least: int, at_most: int = LARGEST_WHOLE) -> int:
+    """`value` as an int, or an error where it is no whole number, too small or too large."""
+    if isinstance(value, bool | np.bool_ | np.timedelta64) or not isinstance(value, int | np.integer):
         raise InvalidValueError(f"{name} is {value!r}; it must be a whole number")
-    if value < at_least:
-        raise InvalidValueError(f"{name} is {value}; it must be at least {at_least}")
-    return int(value)
+    given = int(value)
+    if not at_least <= given <= at_most:
+        limit = f"at least {at_least}" if given < at_least else f"at most {at_most}"
+        raise InvalidValueError(f"{name} is {given}; it must be {limit}")
+    return given
+
+
+def checked_shape(shape: Any, names: tuple[str, ...], *, at_least: int = 1) -> tuple[int, ...]:
+    """`shape` as ints, one for each name, or an error where one is too small or all together are too many."""
+    try:
+        sides = tuple(shape)
+    except TypeError:
+        sides = ()
+    if len(sides) != len(names) or isinstance(shape, str | Mapping | Set):
+        raise InvalidValueError(f"shape is {shape!r}; it must be ({', '.join(name.split()[0] for name in names)})")
+    found = tuple(whole(side, name, at_least=at_least) for side, name in zip(sides, names, strict=True))
+    if math.prod(found) > MOST_PIXELS:
+        raise InvalidValueError(f"shape is {found}, {math.prod(found):.3g} in all; it must be {MOST_PIXELS} at most")
+    return found
 
 
 def seed_number(value: int, name: str = "seed") -> int:
     """`value` as an int, or an error where it is no whole number from 0 to 2^64 - 1."""
-    if whole(value, name, at_least=0) >= 1 << 64:
-        raise InvalidValueError(f"{name} is {value}; it must be below 2^64")
-    return int(value)
+    return whole(value, name, at_least=0, at_most=(1 << 64) - 1)
 
 
 def choice(value: Any, kind: type[Choice], name: str) -> Choice:

@@ -11,7 +11,7 @@ from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.points.centres import CentreMethod, microlens_centres
 from plenoptic.camera.report.optics import lateral_magnification, model_pupil, object_plane
-from plenoptic.core.values import Floats, check_kind, choice, finite, positive, whole
+from plenoptic.core.values import Floats, check_kind, choice, finite, length_in_mm, positive, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield.planes import RawPlanes, raw_planes
 from plenoptic.lightfield.resample import Resampling, resampling
@@ -106,7 +106,7 @@ def decode(
     step, least = positive(step, "step", "pixels"), finite(least_light, "least_light")
     if not 0 < least <= 1:
         raise InvalidValueError(f"least_light is {least:g}; it must be above 0 and at most 1")
-    apart = None if spacing is None else positive(spacing, "spacing", "mm")
+    apart = None if spacing is None else length_in_mm(spacing, "spacing")
     offsets = _offsets(camera, array, views, step)
     planes = raw_planes(shot, white, least)
     index, pixel = _centres_in(camera, choice(method, CentreMethod, "method"), planes, float(offsets[-1]))

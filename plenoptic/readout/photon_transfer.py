@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic.core.values import Floats, check_kind, frozen_array, result, seed_number, whole
+from plenoptic.core.values import Floats, check_kind, checked_shape, frozen_array, result, seed_number, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.sensor.model import SensorModel, ShotNoise
 from plenoptic.readout.develop import develop
@@ -103,8 +103,7 @@ def photon_transfer(
     """
     check_kind(model, "model", SensorModel, "pl.SensorModel(photon_rate=1e6)")
     given = frozen_array(levels, name="levels", shape=("n",))
-    rows, columns = shape
-    size = whole(rows, "rows", at_least=2), whole(columns, "columns", at_least=2)
+    size = checked_shape(shape, ("rows", "columns"), at_least=2)
     single = _one_channel(model, channel)
     seeds = np.random.SeedSequence(seed_number(seed)).generate_state(2 * len(given), np.uint64)
     measured = [
@@ -129,7 +128,7 @@ def _one_channel(model: SensorModel, channel: int) -> SensorModel:
 
 
 def _measured(
-    model: SensorModel, level: float, shape: tuple[int, int], seed: int, other_seed: int
+    model: SensorModel, level: float, shape: tuple[int, ...], seed: int, other_seed: int
 ) -> tuple[float, float, float]:
     """Mean, temporal variance and variance of the fixed pattern of two raw images."""
     even = Exposure(np.full((*shape, 1), level))

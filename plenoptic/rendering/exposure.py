@@ -14,7 +14,18 @@ from plenoptic import __version__
 from plenoptic.core.color.srgb import linear_to_srgb
 from plenoptic.core.files.serialization import describe, described_fields, restore, restored_fields
 from plenoptic.core.relative_error import relative_error
-from plenoptic.core.values import Floats, Given, check_kind, file_path, frozen_array, positive, set_field, value, whole
+from plenoptic.core.values import (
+    Floats,
+    Given,
+    check_kind,
+    file_path,
+    frozen_array,
+    positive,
+    seed_number,
+    set_field,
+    value,
+    whole,
+)
 from plenoptic.errors import FileError, InvalidValueError
 from plenoptic.rendering.settings import RenderSettings
 from plenoptic.rendering.stats import RenderStats, StopReason
@@ -103,16 +114,16 @@ class Exposure:
                     f"truth has {self.truth.shape[0]} x {self.truth.shape[1]} pixels; "
                     f"it must have the image's {image.shape[0]} x {image.shape[1]}"
                 )
+        for name in ("samples", "replicates", "seed"):
+            number = getattr(self, name)
+            if number is not None:
+                set_field(self, name, seed_number(number, name))
         counts = self.sample_counts
         if counts is not None and (counts.min() < 0 or (self.samples is not None and counts.max() > self.samples)):
             raise InvalidValueError(
                 f"sample_counts go from {counts.min()} to {counts.max()}; they must be within 0 and samples, "
                 f"{self.samples}"
             )
-        for name in ("samples", "replicates", "seed"):
-            number = getattr(self, name)
-            if number is not None:
-                set_field(self, name, whole(number, name, at_least=0))
         if self.region is not None:
             set_field(self, "region", checked_region(self.region, image.shape[:2]))
         for name, kind in (("stats", RenderStats), ("settings", RenderSettings)):

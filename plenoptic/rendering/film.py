@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import AnyFloats, Floats
+from plenoptic.core.values import AnyFloats, Floats, checked_shape, frozen_array
 from plenoptic.errors import InvalidValueError
 
 
@@ -51,14 +51,15 @@ class Film:
     """
 
     def __init__(self, shape: tuple[int, int, int], *, counts: ArrayLike) -> None:
-        used = np.asarray(counts)
+        rows, columns, channels = checked_shape(shape, ("rows", "columns", "channels"))
+        used = frozen_array(counts, name="counts", shape=("replicates",), dtype=np.int64)
         self._counts = used[used > 0].astype(np.float64)
         self.samples = int(self._counts.sum())
         self.replicates = len(self._counts)
         self.sample_counts: NDArray[np.int32] | None = None
         """(rows, columns), once a tile was put in with its counts; None while pixels have `samples` or nothing."""
-        self.mean: Floats = np.zeros(shape)
-        self.squares: Floats | None = np.zeros(shape) if self.replicates >= 2 else None
+        self.mean: Floats = np.zeros((rows, columns, channels))
+        self.squares: Floats | None = np.zeros((rows, columns, channels)) if self.replicates >= 2 else None
 
     def add(
         self,

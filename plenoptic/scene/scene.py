@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic.core.values import Floats, Given, set_field, value
+from plenoptic.core.values import Floats, Given, check_kind, numbers, set_field, value
 from plenoptic.errors import InvalidValueError, SceneError
 from plenoptic.scene.compile import SceneRecord, box_around, build_record
 from plenoptic.scene.file_cameras import View
@@ -66,7 +66,7 @@ class Scene:
         set_field(self, "lights", _tuple_of(self.lights, LIGHTS, "lights"))
         set_field(self, "views", _tuple_of(self.views, View, "views"))
         if self.background is not None and not isinstance(self.background, Background):
-            if np.ndim(self.background) > 1:
+            if isinstance(self.background, np.ndarray | list) and numbers(self.background, "background").ndim > 1:
                 raise InvalidValueError(
                     f"background is an array of shape {np.shape(self.background)}; give an image as pl.EnvironmentMap"
                 )
@@ -150,6 +150,7 @@ class Scene:
         >>> pl.Scene([pl.box(4)]).merged(pl.Scene(lights=[lamp], background=0.1))
         Scene(1 mesh, 12 triangles, 1 light, background 0.1)
         """
+        check_kind(other, "other", Scene, "pl.Scene(...)")
         if self.background is not None and other.background is not None and self.background != other.background:
             raise SceneError(
                 f"the scenes have different backgrounds, {self.background!r} and {other.background!r}; "

@@ -7,11 +7,14 @@ import numpy as np
 import pytest
 
 from plenoptic.core.values import (
+    alike,
     check_has,
     choice,
     finite,
     frozen_array,
+    length_in_mm,
     number,
+    positions,
     positive,
     read_only,
     set_field,
@@ -136,7 +139,16 @@ def test_read_only_leaves_the_original_writable():
         (lambda: choice(2, Side, "side"), "side is 2; it must be Side.LEFT or Side.RIGHT"),
         (lambda: choice([], Side, "side"), r"side is \[\]; it must be Side.LEFT or Side.RIGHT"),
         (lambda: frozen_array(["a"], name="axis", shape=(1,)), "axis is not an array of numbers"),
-        (lambda: frozen_array([300], name="mask", shape=(1,), dtype=np.uint8), "mask is not an array of numbers"),
+        (lambda: frozen_array([300], name="mask", shape=(1,), dtype=np.uint8), "mask must hold whole numbers, from 0"),
+        (lambda: frozen_array([1j], name="axis", shape=(1,)), "axis is not an array of numbers: .* complex128"),
+        (lambda: frozen_array([None], name="axis", shape=(1,)), "an item of axis is None; it must be a number"),
+        (lambda: frozen_array([[1], [2, 3]], name="axis", shape=(1,)), "axis is not an array of numbers"),
+        (lambda: frozen_array([1.0, 2**63], name="axis", shape=(2,), dtype=np.int64), "axis must hold whole numbers"),
+        (lambda: whole(np.uint64(2**64 - 1), "rows", at_least=1), "rows is 18446744073709551615; it must be at most"),
+        (lambda: whole(np.timedelta64(5, "s"), "rows", at_least=1), "rows is .*; it must be a whole number"),
+        (lambda: length_in_mm(1e-300, "pitch"), "pitch is 1e-300 mm; it must be from 1e-15 to 1e\\+15 mm"),
+        (lambda: positions([0, 1e38, 0], name="shift", shape=(3,)), "shift holds 1e\\+38 mm, which is not finite"),
+        (lambda: alike(x=[1, 2], y=[1, 2, 3]), r"the shapes of x \(2,\) and y \(3,\) do not fit"),
     ],
 )
 def test_what_cannot_be_is_named(check, sentence):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 
 from plenoptic.camera.report.focus import CameraKind
-from plenoptic.core.values import check_kind, choice, finite, number, positive
+from plenoptic.core.values import check_kind, choice, finite, length_in_mm, number, positive
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.stack import LensStack
@@ -102,7 +102,7 @@ def checked_numbers(numbers: dict[str, float | None]) -> Numbers:
     given = {u: x for u, x in numbers.items() if x is not None}
     if given.get("f") == 0:
         raise InvalidValueError(f"{FIELDS['f']} is 0 mm; it must be another number")
-    return {u: finite(x, FIELDS[u]) if u == "f" else positive(x, FIELDS[u], "mm") for u, x in given.items()}
+    return {u: finite(x, FIELDS[u]) if u == "f" else length_in_mm(x, FIELDS[u]) for u, x in given.items()}
 
 
 def check_count(wishes: Wishes, given: Numbers) -> None:

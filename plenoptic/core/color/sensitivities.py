@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from plenoptic.core.color.spectra import Sensitivity
-from plenoptic.core.values import Floats, frozen_array, positive, wavelength_in_nm
+from plenoptic.core.values import Floats, frozen_array, length_in_mm, positive, wavelength_in_nm
 from plenoptic.errors import InvalidValueError
 
 __all__ = ["cie_1931", "colour_camera", "linear_srgb", "silicon"]
@@ -178,7 +178,7 @@ def silicon(*, depth: float = 0.005, band: tuple[float, float] = (400.0, 700.0))
     >>> sensitivities.silicon(band=(400.0, 1000.0)).wavelength_range
     (390.0, 1010.0)
     """
-    positive(depth, "depth", "mm")
+    depth = length_in_mm(depth, "depth")
     wavelengths, transmitted = _cut_filter(band)
     tabulated = 360.0 + 20.0 * np.arange(len(_EXTINCTION))
     if wavelengths[0] < tabulated[0] or wavelengths[-1] > tabulated[-1]:

@@ -121,6 +121,7 @@ def abbe_number(medium: Medium) -> float:
     >>> round(pl.optics.abbe_number(pl.glass("N-BK7")), 2)
     64.17
     """
+    check_medium(medium, "medium")
     spread = medium.index(F_LINE) - medium.index(C_LINE)
     return (medium.index(D_LINE) - 1.0) / spread if spread != 0 else math.inf
 

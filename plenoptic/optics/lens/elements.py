@@ -52,8 +52,6 @@ def checked_elements(elements: Sequence[Element], ambient: Medium) -> tuple[Elem
         raise PrescriptionError(
             f"element {surfaces[-1]}, the last surface, is followed by {last.medium!r}; the sensor is in {around}"
         )
-    if not np.isfinite(sum(element.thickness for element in stack[:-1])):
-        raise PrescriptionError("the gaps add up to no finite length; reduce their thickness")
     # The gap behind the last element belongs to the camera.
     return (*stack[:-1], dataclasses.replace(stack[-1], thickness=0.0))
 

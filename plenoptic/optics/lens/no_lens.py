@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from plenoptic.core.values import positive
+from plenoptic.core.values import length_in_mm
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.stops.circle import CircularStop
@@ -33,7 +33,7 @@ def no_lens(semi_diameter: float) -> LensStack:
     >>> cameras.report().kind.name
     'CAMERA_ARRAY'
     """
-    radius = positive(semi_diameter, "semi_diameter", "mm")
+    radius = length_in_mm(semi_diameter, "semi_diameter")
     return LensStack(
         [CircularStop(radius), Surface(radius=math.inf, semi_diameter=2.0 * radius)],
         name="no lens",

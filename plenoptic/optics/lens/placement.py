@@ -9,7 +9,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic.core.values import Floats, coefficients, finite, frozen_array, positive, set_field, value
+from plenoptic.core.values import (
+    Floats,
+    coefficients,
+    coordinate,
+    frozen_array,
+    length_in_mm,
+    positions,
+    set_field,
+    value,
+)
 from plenoptic.errors import PrescriptionError
 
 _ORTHONORMAL = 1e-12
@@ -72,10 +81,10 @@ class Placement:
     rotation: ArrayLike = _IDENTITY
 
     def __post_init__(self) -> None:
-        shift = frozen_array(self.shift, name="shift", shape=(3,))
+        shift = positions(self.shift, name="shift", shape=(3,))
         rotation = frozen_array(self.rotation, name="rotation", shape=(3, 3))
-        if not (np.isfinite(shift).all() and np.isfinite(rotation).all()):
-            raise PrescriptionError("shift or rotation holds a number that is not finite; correct it")
+        if not np.isfinite(rotation).all():
+            raise PrescriptionError("rotation holds a number that is not finite; correct it")
         off = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
         if off > _ORTHONORMAL or np.linalg.det(rotation) < 0:
             raise PrescriptionError(
@@ -102,8 +111,8 @@ def kept_placement(placement: Placement | None) -> Placement | None:
 
 def set_place(element: Any) -> None:
     """Check and set what all elements have: the semi-diameter and the gap that follows in mm, and the placement."""
-    set_field(element, "semi_diameter", positive(element.semi_diameter, "semi_diameter", "mm"))
-    gap = finite(element.thickness, "thickness")
+    set_field(element, "semi_diameter", length_in_mm(element.semi_diameter, "semi_diameter"))
+    gap = coordinate(element.thickness, "thickness")
     if gap < 0:
         raise PrescriptionError(
             f"thickness is {gap:g} mm; the gap to the next element must be at least 0: "

@@ -7,7 +7,20 @@ import dataclasses
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import Floats, Given, choice, finite, frozen_array, positive, read_only, set_field, value
+from plenoptic.core.values import (
+    SMALLEST_LENGTH,
+    Floats,
+    Given,
+    choice,
+    coordinate,
+    finite,
+    frozen_array,
+    length_in_mm,
+    positions,
+    read_only,
+    set_field,
+    value,
+)
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.glass.media import Medium, check_medium
 from plenoptic.optics.microlens.aperture import MicrolensAperture, Opening, Walls, opening_of
@@ -115,15 +128,15 @@ class MicrolensArray:
         set_field(self, "lattice", choice(self.lattice, Lattice, "lattice"))
         set_field(self, "pitch", checked_pitch(self.pitch, self.lattice))
         given = self.focal_lengths if isinstance(self.focal_lengths, tuple | list) else (self.focal_lengths,)
-        focal_lengths = tuple(finite(f, "focal_lengths") for f in given)
-        if not focal_lengths or 0 in focal_lengths:
+        focal_lengths = tuple(coordinate(f, "focal_lengths") for f in given)
+        if not focal_lengths or min(map(abs, focal_lengths)) < SMALLEST_LENGTH:
             raise InvalidValueError(
                 f"focal_lengths is {focal_lengths}; give one in mm for each type, not 0, such as (2.0,)"
             )
         set_field(self, "focal_lengths", focal_lengths)
         set_field(self, "model", choice(self.model, MicrolensModel, "model"))
         set_field(self, "convex_side", choice(self.convex_side, ConvexSide, "convex_side"))
-        set_field(self, "thickness", positive(self.thickness, "thickness of the microlenses", "mm"))
+        set_field(self, "thickness", length_in_mm(self.thickness, "thickness of the microlenses"))
         set_field(self, "index", finite(self.index, "index of the microlenses"))
         self._check_medium()
         if not self.index > 1:
@@ -164,9 +177,9 @@ class MicrolensArray:
         if free:
             if self.centres is None:
                 raise InvalidValueError("the lattice is FREE and has no centres; give centres, an (n, 2) array in mm")
-            set_field(self, "centres", frozen_array(self.centres, name="centres", shape=("n", 2)))
-            if not len(self.centres) or not np.isfinite(self.centres).all():
-                raise InvalidValueError("centres is empty or holds a number that is not finite; list centres in mm")
+            set_field(self, "centres", positions(self.centres, name="centres", shape=("n", 2)))
+            if not len(self.centres):
+                raise InvalidValueError("centres is empty; list centres in mm")
             if len(np.unique(self.centres, axis=0)) < len(self.centres):
                 raise InvalidValueError("centres lists a place twice; give each microlens its own")
         for name, shape in (("pattern", ("p", "q")), ("types", (None if self.centres is None else len(self.centres),))):
@@ -287,7 +300,7 @@ class MicrolensArray:
         >>> array.nearest(np.array([[0.6, 0.4]]))
         array([[1., 0.]])
         """
-        points = np.asarray(points, dtype=np.float64)
+        points = frozen_array(points, name="points", shape=("n", 2))
         if self.centres is not None:
             each = max(1, _MOST_DISTANCES // len(self.centres))
             parts = [

@@ -16,8 +16,9 @@ from plenoptic.core.values import (
     choice,
     finite,
     frozen_array,
+    length_in_mm,
     not_negative,
-    positive,
+    seed_number,
     set_field,
     value,
     whole,
@@ -164,7 +165,7 @@ class Blemishes:
         True
         """
         sides = frozen_array(half_size, name="half_size", shape=(2,))
-        half = np.array([positive(side, "half_size", "mm") for side in sides])
+        half = np.array([length_in_mm(side, "half_size") for side in sides])
         mean = 4.0 * float(half.prod()) * not_negative(dust_per_mm2, "dust_per_mm2")
         scratches = whole(scratches, "scratches", at_least=0)
         if mean + scratches > MOST_BLEMISHES:
@@ -173,9 +174,9 @@ class Blemishes:
                 "reduce dust_per_mm2, scratches or half_size"
             )
         spread = not_negative(dust_spread, "dust_spread")
-        median, width = positive(dust_radius, "dust_radius", "mm"), positive(scratch_width, "scratch_width", "mm")
-        length = positive(scratch_length, "scratch_length", "mm")
-        seed = whole(seed, "seed", at_least=0)
+        median, width = length_in_mm(dust_radius, "dust_radius"), length_in_mm(scratch_width, "scratch_width")
+        length = length_in_mm(scratch_length, "scratch_length")
+        seed = seed_number(seed)
         dust, lines = (np.random.default_rng([seed, kind]) for kind in range(2))
         grains = int(dust.poisson(mean))
         grain = dust.uniform(-1.0, 1.0, (grains, 2)) * half

@@ -8,7 +8,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import Floats, Given, finite, frozen_array, set_field, value, whole
+from plenoptic.core.values import LARGEST_LENGTH, Floats, Given, finite, frozen_array, seed_number, set_field, value
 from plenoptic.errors import InvalidValueError
 
 _LARGEST_SPREAD = 0.2
@@ -125,16 +125,15 @@ class MicrolensImperfections:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        limits = {"pitch_jitter": math.inf, "decentre": math.inf, "focal_length_spread": _LARGEST_SPREAD}
+        limits = {"pitch_jitter": LARGEST_LENGTH, "decentre": LARGEST_LENGTH, "focal_length_spread": _LARGEST_SPREAD}
         for name, limit in (*limits.items(), ("missing", 1.0), ("dark", 1.0)):
             given = finite(getattr(self, name), name)
             if not 0 <= given <= limit:
-                allowed = "at least 0" if math.isinf(limit) else f"from 0 to {limit:g}"
-                raise InvalidValueError(f"{name} is {given:g}; it must be {allowed}")
+                raise InvalidValueError(f"{name} is {given:g}; it must be from 0 to {limit:g}")
             set_field(self, name, given)
         if self.missing + self.dark > 1:
             raise InvalidValueError(f"missing and dark add up to {self.missing + self.dark:g}; at most 1 is possible")
-        set_field(self, "seed", whole(self.seed, "seed", at_least=0))
+        set_field(self, "seed", seed_number(self.seed))
 
     def deviations(self, index: ArrayLike) -> MicrolensDeviations:
         """What these lenses draw; index is (n, 2)."""

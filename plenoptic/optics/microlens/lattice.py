@@ -8,7 +8,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.core.values import Floats, positive
+from plenoptic.core.values import Floats, length_in_mm
 from plenoptic.errors import InvalidValueError
 
 
@@ -31,12 +31,12 @@ def checked_pitch(pitch: float | tuple[float, float], lattice: Lattice) -> float
     if lattice is not Lattice.RECTANGULAR:
         if isinstance(pitch, tuple | list):
             raise InvalidValueError(f"pitch is {pitch}; only Lattice.RECTANGULAR has two: give one number in mm")
-        return positive(pitch, "pitch", "mm")
+        return length_in_mm(pitch, "pitch")
     try:
         x, y = pitch  # type: ignore[misc]
     except (TypeError, ValueError):
         raise InvalidValueError(f"pitch is {pitch!r}; Lattice.RECTANGULAR needs two in mm, along x and y") from None
-    return positive(x, "pitch along x", "mm"), positive(y, "pitch along y", "mm")
+    return length_in_mm(x, "pitch along x"), length_in_mm(y, "pitch along y")
 
 
 def lattice_basis(lattice: Lattice, pitch: tuple[float, float]) -> Floats:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from plenoptic.core.values import finite, not_negative, positive, wavelength_in_nm
+from plenoptic.core.values import finite, length_in_mm, not_negative, positive, wavelength_in_nm
+from plenoptic.errors import InvalidValueError
 
 PLANCK = 6.62607015e-34
 """J s; exact (SI, 2019)."""
@@ -42,7 +43,7 @@ def photon_rate(*, radiance: float, pixel_pitch: float, wavelength: float) -> fl
     >>> round(pl.sensor.photon_rate(radiance=1.0, pixel_pitch=0.010, wavelength=550.0))
     276876411
     """
-    watts = positive(radiance, "radiance", "W/(m^2 sr)") * (1e-3 * positive(pixel_pitch, "pixel_pitch", "mm")) ** 2
+    watts = positive(radiance, "radiance", "W/(m^2 sr)") * (1e-3 * length_in_mm(pixel_pitch, "pixel_pitch")) ** 2
     return watts * (1e-9 * wavelength_in_nm(wavelength)) / (PLANCK * LIGHT_SPEED)
 
 
@@ -79,4 +80,9 @@ def dark_current_at(
     """
     given = not_negative(rate, "rate", "electrons/s")
     steps = finite(temperature, "temperature") - finite(reference_temperature, "reference_temperature")
-    return float(given * 2.0 ** (steps / positive(doubling_temperature, "doubling_temperature", "K")))
+    doublings = steps / positive(doubling_temperature, "doubling_temperature", "K")
+    if not doublings < 1000:
+        raise InvalidValueError(
+            f"the rate doubles {doublings:.3g} times: temperatures and doubling_temperature are in K"
+        )
+    return float(given * 2.0**doublings)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import Floats, positive, set_field, value, whole
+from plenoptic.core.values import Floats, alike, checked_shape, length_in_mm, numbers, positive, set_field, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.sensor.angular_response import AngularResponse
 
@@ -45,13 +45,9 @@ class Sensor:
     angular_response: AngularResponse | None = None
 
     def __post_init__(self) -> None:
-        try:
-            rows, columns = self.shape
-        except (TypeError, ValueError):
-            raise InvalidValueError(f"shape is {self.shape!r}; it must be (rows, columns)") from None
-        rows = whole(rows, "rows of the sensor", at_least=1)
-        set_field(self, "shape", (rows, whole(columns, "columns of the sensor", at_least=1)))
-        set_field(self, "pixel_pitch", positive(self.pixel_pitch, "pixel_pitch", "mm"))
+        rows, columns = checked_shape(self.shape, ("rows of the sensor", "columns of the sensor"))
+        set_field(self, "shape", (rows, columns))
+        set_field(self, "pixel_pitch", length_in_mm(self.pixel_pitch, "pixel_pitch"))
         try:
             width, height = (positive(side, "pixel_aperture") for side in self.pixel_aperture)
         except (TypeError, ValueError):
@@ -94,9 +90,8 @@ class Sensor:
         array([ 1.5, -1.5])
         """
         rows, columns = self.shape
-        x = -(np.asarray(column) + 0.5 - columns / 2) * self.pixel_pitch
-        y = (np.asarray(row) + 0.5 - rows / 2) * self.pixel_pitch
-        return np.stack(np.broadcast_arrays(x, y), axis=-1)
+        y, x = alike(row=row, column=column)
+        return np.stack([-(x + 0.5 - columns / 2), y + 0.5 - rows / 2], axis=-1) * self.pixel_pitch
 
     def pixel_of(self, points: ArrayLike) -> Floats:
         """Row and column (..., 2) of points (..., 2) on the sensor, in mm: the inverse of `centre_of`.
@@ -110,7 +105,7 @@ class Sensor:
         array([0., 0.])
         """
         rows, columns = self.shape
-        given = np.asarray(points, dtype=np.float64)
+        given = numbers(points, "points", columns=2)
         row = given[..., 1] / self.pixel_pitch + rows / 2 - 0.5
         column = -given[..., 0] / self.pixel_pitch + columns / 2 - 0.5
         return np.stack([row, column], axis=-1)

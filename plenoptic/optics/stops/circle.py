@@ -8,7 +8,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import Floats, value, whole
+from plenoptic.core.values import MOST_POINTS, Floats, alike, finite, value, whole
 from plenoptic.optics.lens.placement import Placement, set_place
 from plenoptic.optics.record import CIRCLE, ElementRow
 
@@ -53,12 +53,12 @@ class CircularStop:
 
     def contains(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.bool_]:
         """Whether points (x, y), mm, lie in the hole or on its edge; the shape is that of x and y broadcast."""
-        x, y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
+        x, y = alike(x=x, y=y)
         return np.asarray(x * x + y * y <= self.semi_diameter**2)
 
     def outline(self, n: int = 64) -> Floats:
         """Points on the edge, counter-clockwise from +x: an (n, 2) array in mm, not closed; n at least 3."""
-        angle = 2 * math.pi * np.arange(whole(n, "n", at_least=3)) / n
+        angle = 2 * math.pi * np.arange(whole(n, "n", at_least=3, at_most=MOST_POINTS)) / n
         return self.semi_diameter * np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
     def row(self) -> ElementRow:
@@ -67,7 +67,7 @@ class CircularStop:
 
     def image(self, scale: float) -> CircularStop:
         """The stop as a lens shows it: `scale` times as large, and turned by half a turn where that is negative."""
-        return CircularStop(abs(scale) * self.semi_diameter)
+        return CircularStop(abs(finite(scale, "scale")) * self.semi_diameter)
 
     @property
     def inner_radius(self) -> float:

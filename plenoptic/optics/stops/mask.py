@@ -8,7 +8,7 @@ import os
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import Floats, frozen_array, positive, set_field, value, whole
+from plenoptic.core.values import MOST_POINTS, Floats, alike, frozen_array, length_in_mm, set_field, value, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.placement import Placement, set_place
 from plenoptic.optics.record import MASK, ElementRow
@@ -77,7 +77,7 @@ class MaskStop:
         4.242640687119286
         """
         unit = cls(transmission, 1.0, thickness, placement=placement)
-        return dataclasses.replace(unit, semi_diameter=positive(cell_size, "cell_size", "mm") / unit.cell_size)
+        return dataclasses.replace(unit, semi_diameter=length_in_mm(cell_size, "cell_size") / unit.cell_size)
 
     @classmethod
     def load(
@@ -136,9 +136,8 @@ class MaskStop:
         """The transmission at points (x, y), mm; the shape is that of x and y broadcast."""
         cells, per_mm = np.asarray(self.transmission), 1.0 / self.cell_size
         rows, columns = cells.shape
-        u = 0.5 * columns + np.asarray(x, dtype=np.float64) * per_mm
-        v = 0.5 * rows - np.asarray(y, dtype=np.float64) * per_mm
-        u, v = np.broadcast_arrays(u, v)
+        x, y = alike(x=x, y=y)
+        u, v = 0.5 * columns + x * per_mm, 0.5 * rows - y * per_mm
         inside = (u >= 0) & (u <= columns) & (v >= 0) & (v <= rows)
         column = np.minimum(np.where(inside, u, 0.0).astype(np.intp), columns - 1)
         row = np.minimum(np.where(inside, v, 0.0).astype(np.intp), rows - 1)
@@ -154,7 +153,7 @@ class MaskStop:
         A (k, 2) array with k at least n, not closed: the corners of the polygon, and points that divide its sides.
         """
         corners = _hull(self.cell_size * _open_corners(np.asarray(self.transmission)))
-        return divided(corners, whole(n, "n", at_least=3))
+        return divided(corners, whole(n, "n", at_least=3, at_most=MOST_POINTS))
 
     def row(self) -> ElementRow:
         """The numbers that kernels read."""

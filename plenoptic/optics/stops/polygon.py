@@ -9,10 +9,13 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import Floats, finite, number, read_only, set_field, value, whole
+from plenoptic.core.values import MOST_POINTS, Floats, alike, finite, number, read_only, set_field, value, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.placement import Placement, set_place
 from plenoptic.optics.record import ARCS, POLYGON, ElementRow
+
+MOST_CORNERS = 1024
+"""Of stops with more, which kernels would all look at, edges differ from a circle by 5e-6 of its radius."""
 
 _ROUNDING = 1e-12
 """How far, relatively, a radius may be beyond its limit: sizes that are scaled together differ by rounding."""
@@ -63,7 +66,7 @@ class PolygonStop:
 
     def __post_init__(self) -> None:
         set_place(self)
-        set_field(self, "blades", whole(self.blades, "blades", at_least=3))
+        set_field(self, "blades", whole(self.blades, "blades", at_least=3, at_most=MOST_CORNERS))
         set_field(self, "rotation", finite(self.rotation, "rotation"))
         set_field(self, "blade_radius", self._checked_blade_radius())
 
@@ -117,7 +120,7 @@ class PolygonStop:
 
     def contains(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.bool_]:
         """Whether points (x, y), mm, lie in the hole or on its edge; the shape is that of x and y broadcast."""
-        x, y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
+        x, y = alike(x=x, y=y)
         curved = math.isfinite(self.blade_radius)
         r2 = x * x + y * y
         inside = r2 <= self.semi_diameter**2 if curved else np.ones(r2.shape, dtype=np.bool_)
@@ -131,7 +134,7 @@ class PolygonStop:
         A (k, 2) array, where k is the smallest multiple of `blades` that is at least n: all corners are among
         the points, the others divide the edges evenly.
         """
-        per_edge = -(-whole(n, "n", at_least=3) // self.blades)
+        per_edge = -(-whole(n, "n", at_least=3, at_most=MOST_POINTS) // self.blades)
         angle = self.rotation + 2 * math.pi * np.arange(self.blades + 1) / self.blades
         corners = self.semi_diameter * np.stack([np.cos(angle), np.sin(angle)], axis=1)
         along, out = np.arange(per_edge) / per_edge, np.zeros(per_edge)
@@ -151,7 +154,7 @@ class PolygonStop:
 
     def image(self, scale: float) -> PolygonStop:
         """The stop as a lens shows it: `scale` times as large, and turned by half a turn where that is negative."""
-        size, turn = abs(scale), math.pi if scale < 0 else 0.0
+        size, turn = abs(finite(scale, "scale")), math.pi if scale < 0 else 0.0
         bulge = size * self.blade_radius
         return PolygonStop(self.blades, size * self.semi_diameter, self.rotation + turn, blade_radius=bulge)
 

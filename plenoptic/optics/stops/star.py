@@ -8,11 +8,11 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import Floats, finite, positive, read_only, set_field, value, whole
+from plenoptic.core.values import MOST_POINTS, Floats, alike, finite, length_in_mm, read_only, set_field, value, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.placement import Placement, set_place
 from plenoptic.optics.record import STAR, ElementRow
-from plenoptic.optics.stops.polygon import divided
+from plenoptic.optics.stops.polygon import MOST_CORNERS, divided
 
 
 @value
@@ -57,8 +57,8 @@ class StarStop:
 
     def __post_init__(self) -> None:
         set_place(self)
-        set_field(self, "points", whole(self.points, "points", at_least=3))
-        set_field(self, "inner_semi_diameter", positive(self.inner_semi_diameter, "inner_semi_diameter", "mm"))
+        set_field(self, "points", whole(self.points, "points", at_least=3, at_most=MOST_CORNERS))
+        set_field(self, "inner_semi_diameter", length_in_mm(self.inner_semi_diameter, "inner_semi_diameter"))
         set_field(self, "rotation", finite(self.rotation, "rotation"))
         largest = self.semi_diameter * math.cos(math.pi / self.points)
         if self.inner_semi_diameter > largest * (1 + 1e-12):
@@ -90,7 +90,7 @@ class StarStop:
 
     def contains(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.bool_]:
         """Whether points (x, y), mm, lie in the hole or on its edge; the shape is that of x and y broadcast."""
-        x, y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
+        x, y = alike(x=x, y=y)
         inside = x * x + y * y <= self.semi_diameter**2
         for one, other in self.edges.reshape(-1, 2, 4):
             inside &= np.minimum(x * one[0] + y * one[1], x * other[0] + y * other[1]) <= one[2]
@@ -105,7 +105,7 @@ class StarStop:
         angle = self.rotation + math.pi / self.points * np.arange(2 * self.points)
         radius = np.tile([self.semi_diameter, self.inner_semi_diameter], self.points)
         corners = radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        return divided(corners, whole(n, "n", at_least=3))
+        return divided(corners, whole(n, "n", at_least=3, at_most=MOST_POINTS))
 
     def row(self) -> ElementRow:
         """The numbers that kernels read."""
@@ -113,7 +113,7 @@ class StarStop:
 
     def image(self, scale: float) -> StarStop:
         """The stop as a lens shows it: `scale` times as large, and turned by half a turn where that is negative."""
-        size, turn = abs(scale), math.pi if scale < 0 else 0.0
+        size, turn = abs(finite(scale, "scale")), math.pi if scale < 0 else 0.0
         return StarStop(self.points, size * self.semi_diameter, size * self.inner_semi_diameter, self.rotation + turn)
 
     @property

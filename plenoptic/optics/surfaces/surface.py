@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic.core.values import Floats, coefficients, finite, number, positive, set_field, value
+from plenoptic.core.values import Floats, alike, coefficients, finite, length_in_mm, number, numbers, set_field, value
 from plenoptic.errors import InvalidValueError, PrescriptionError
 from plenoptic.optics.glass.media import AIR, Medium, check_medium
 from plenoptic.optics.lens.placement import Placement, set_place
@@ -130,7 +130,7 @@ class Surface:
         return tuple(terms)
 
     def _checked_depth(self, depth: float) -> float:
-        reach = positive(depth, "depth", "mm")
+        reach = length_in_mm(depth, "depth")
         pole = abs(self.radius) / (1.0 + self.conic) if self.conic > -1 else math.inf
         if self.aspheric or self.departure is not None or not math.isfinite(pole):
             raise PrescriptionError(
@@ -201,7 +201,8 @@ class Surface:
         >>> round(float(pl.Surface(5.0, semi_diameter=4.0).sag(3.0)), 12)
         1.0
         """
-        distance = np.abs(np.asarray(r, dtype=np.float64)) if y is None else np.hypot(r, y)
+        x, across = alike(r=r, y=0.0 if y is None else y)
+        distance = np.abs(x) if y is None else np.hypot(x, across)
         if not np.all(distance <= self.equator):
             raise PrescriptionError(
                 f"r reaches {np.max(distance):g} mm, where the surface of radius {self.radius:g} mm has no "
@@ -210,7 +211,7 @@ class Surface:
         height = self._conic_sag(distance)
         for i, a in enumerate(self.aspheric):
             height = height + a * distance ** (2 * i + 2)
-        return height if self.departure is None else height + self.departure.sag(r, 0.0 if y is None else y)
+        return height if self.departure is None else height + self.departure.sag(x, across)
 
     def _conic_sag(self, distance: Floats) -> Floats:
         # In terms of the radius, which is exact at the equator too; roots apart and all lengths over 4, which is
@@ -236,7 +237,7 @@ class Surface:
         >>> round(float(pl.Surface(5.0, semi_diameter=4.0).slope(3.0)), 12)
         0.75
         """
-        distance = np.asarray(r, dtype=np.float64)
+        distance = numbers(r, "r")
         dataclasses.replace(self, departure=None).sag(distance)
         steep = distance * self.curvature
         with np.errstate(divide="ignore"):
@@ -254,7 +255,7 @@ class Surface:
         >>> pl.Surface(5.0, semi_diameter=4.0).gradient(0.0, 3.0).round(12).tolist()
         [0.0, 0.75]
         """
-        along = np.stack(np.broadcast_arrays(np.asarray(x, np.float64), np.asarray(y, np.float64)))
+        along = np.stack(alike(x=x, y=y))
         r = np.hypot(*along)
         slope = self.slope(r) / np.where(r > 0, r, 1.0) * along
-        return np.asarray(slope if self.departure is None else slope + self.departure.gradient(x, y))
+        return np.asarray(slope if self.departure is None else slope + self.departure.gradient(*along))

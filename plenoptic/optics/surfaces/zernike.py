@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import Floats, coefficients, positive, set_field, value
+from plenoptic.core.values import Floats, alike, coefficients, positive, set_field, value
 from plenoptic.errors import PrescriptionError
 from plenoptic.optics.surfaces.departure import DepartureBounds, VertexShape
 from plenoptic.optics.surfaces.sag_bounds import RINGS, bernstein_range
@@ -125,7 +125,7 @@ class ZernikeSag:
         return np.asarray(total / self.norm_radius)
 
     def _zeta(self, x: ArrayLike, y: ArrayLike) -> tuple[NDArray[np.complex128], Floats]:
-        across, up = np.asarray(x, np.float64) / self.norm_radius, np.asarray(y, np.float64) / self.norm_radius
+        across, up = (each / self.norm_radius for each in alike(x=x, y=y))
         zeta: NDArray[np.complex128] = np.asarray(across + 1j * up, np.complex128)
         return zeta, np.asarray(across * across + up * up)
 

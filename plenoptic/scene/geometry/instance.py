@@ -8,10 +8,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic.core.values import Floats, Given, check_kind, contiguous, frozen_array, set_field, value
+from plenoptic.core.values import LARGEST_LENGTH, Floats, Given, check_kind, contiguous, frozen_array, set_field, value
 from plenoptic.errors import SceneError
 from plenoptic.scene.geometry import moves
-from plenoptic.scene.geometry.mesh import MAX_COORDINATE, Mesh, affine_determinants
+from plenoptic.scene.geometry.mesh import Mesh, affine_determinants
 from plenoptic.scene.geometry.record import InstanceRecord
 from plenoptic.scene.materials.registry import Material
 
@@ -61,7 +61,7 @@ class Instances:
         with np.errstate(over="ignore", invalid="ignore"):
             affine_determinants(self.matrices)
             low, high = self.bounds
-        if not np.abs([low, high]).max() <= MAX_COORDINATE:
+        if not np.abs([low, high]).max() <= LARGEST_LENGTH:
             raise SceneError(
                 f"the instances reach from {low.tolist()} to {high.tolist()} mm; they must stay within +-1e15 mm: "
                 "check the units of mesh and matrices"

@@ -7,14 +7,11 @@ import dataclasses
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import Floats, Given, frozen_array, set_field, value
+from plenoptic.core.values import LARGEST_LENGTH, Floats, Given, frozen_array, set_field, value
 from plenoptic.errors import InvalidValueError, SceneError
 from plenoptic.scene.geometry import moves
 from plenoptic.scene.materials.diffuse import Lambertian
 from plenoptic.scene.materials.registry import MATERIALS, Material
-
-MAX_COORDINATE = 1e15
-"""mm: Embree, in float32, drops vertices beyond 1.8e18, and areas must stay finite in float32 too."""
 
 
 @value
@@ -185,7 +182,7 @@ def _faces(faces: ArrayLike, count: int) -> NDArray[np.int32]:
 def _check_range(array: Floats, name: str, remedy: str) -> None:
     # min and max hand NaN on, so this sees everything without temporaries.
     low, high = float(array.min()), float(array.max())
-    if not (low >= -MAX_COORDINATE and high <= MAX_COORDINATE):
+    if not (low >= -LARGEST_LENGTH and high <= LARGEST_LENGTH):
         raise SceneError(f"{name} lie within {low:g} and {high:g}; they must be finite and within +-1e15: {remedy}")
 
 

@@ -5,17 +5,16 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic.core.values import Floats, frozen_array
+from plenoptic.core.values import LARGEST_LENGTH, Floats, frozen_array
 from plenoptic.errors import SceneError
-from plenoptic.scene.geometry.mesh import MAX_COORDINATE
 from plenoptic.scene.textures.color import Colour
 
 
 def place_in_mm(vector: ArrayLike, name: str) -> Floats:
     """(3,), mm, read-only, with coordinates that Embree can hold."""
     place = frozen_array(vector, name=name, shape=(3,))
-    if not np.all(np.abs(place) <= MAX_COORDINATE):
-        raise SceneError(f"{name} is {place.tolist()} mm; it must be finite and within {MAX_COORDINATE:g} mm")
+    if not np.all(np.abs(place) <= LARGEST_LENGTH):
+        raise SceneError(f"{name} is {place.tolist()} mm; it must be finite and within {LARGEST_LENGTH:g} mm")
     return place
 
 

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic.core.values import Floats, Given, flag, positive, set_field, value
+from plenoptic.core.values import Floats, Given, flag, length_in_mm, set_field, value
 from plenoptic.errors import SceneError
 from plenoptic.scene.geometry.mesh import Mesh
 from plenoptic.scene.lights.fields import channel_mean, direction_towards, place_in_mm
@@ -109,8 +109,8 @@ class QuadLight:
         up = (0.0, 1.0, 0.0) if abs(normal[1]) < 1 - 1e-9 else (0.0, 0.0, 1.0)
         u = np.cross(up, normal)
         u /= np.linalg.norm(u)
-        edge_v = np.cross(normal, u) * positive(height, "height", "mm")
-        return cls(middle, u * positive(width, "width", "mm"), edge_v, radiance, two_sided)
+        edge_v = np.cross(normal, u) * length_in_mm(height, "height")
+        return cls(middle, u * length_in_mm(width, "width"), edge_v, radiance, two_sided)
 
     @property
     def normal(self) -> Floats:

@@ -9,9 +9,9 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import Floats, Given, positive, set_field, value
+from plenoptic.core.values import LARGEST_LENGTH, Floats, Given, length_in_mm, set_field, value
 from plenoptic.errors import SceneError
-from plenoptic.scene.geometry.mesh import MAX_COORDINATE, Mesh
+from plenoptic.scene.geometry.mesh import Mesh
 from plenoptic.scene.lights.fields import channel_mean, place_in_mm
 from plenoptic.scene.materials.emissive import Emissive
 from plenoptic.scene.textures.color import Colour, as_colour
@@ -60,17 +60,17 @@ class SphereLight:
 
     def __post_init__(self) -> None:
         set_field(self, "center", place_in_mm(self.center, "center"))
-        radius = positive(self.radius, "radius", "mm")
+        radius = length_in_mm(self.radius, "radius")
         farthest = float(np.abs(self.center).max())
         if radius < _SMALLEST * farthest:
             raise SceneError(
                 f"radius is {radius:g} mm; around center {self.center.tolist()} mm it must be at least "
                 f"{_SMALLEST * farthest:g} mm, so move the scene to the origin or give a PointLight"
             )
-        if not farthest + 1.01 * radius <= MAX_COORDINATE:
+        if not farthest + 1.01 * radius <= LARGEST_LENGTH:
             raise SceneError(
                 f"radius is {radius:g} mm; around center {self.center.tolist()} mm the sphere must stay within "
-                f"{MAX_COORDINATE:g} mm, so reduce it"
+                f"{LARGEST_LENGTH:g} mm, so reduce it"
             )
         set_field(self, "radius", radius)
         set_field(self, "radiance", as_colour(self.radiance, "radiance"))

@@ -8,7 +8,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic.core.values import Floats, Given, finite, set_field, value
+from plenoptic.core.values import Floats, Given, finite, numbers, set_field, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.scene.lights.fields import channel_mean, direction_towards, place_in_mm, times, unit_vector
 from plenoptic.scene.textures.color import Colour, as_colour
@@ -121,7 +121,7 @@ class SpotLight:
         [1.0, 0.538, 0.0]
         """
         inner, outer = math.cos(self.inner_angle), math.cos(self.outer_angle)
-        share = (np.cos(np.asarray(angle, dtype=np.float64)) - outer) / (inner - outer)
+        share = (np.cos(numbers(angle, "angle")) - outer) / (inner - outer)
         return np.asarray(np.clip(share, 0.0, 1.0) ** 2)
 
     @property

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic.core.values import Floats, frozen_array
+from plenoptic.core.values import Floats, frozen_array, numbers
 from plenoptic.errors import InvalidValueError, SceneError
 from plenoptic.scene.materials.compile import bsdf_record
 from plenoptic.scene.materials.diffuse import Lambertian
@@ -120,7 +120,7 @@ def draw(material: Material, to_viewer: ArrayLike, points: ArrayLike, *, front: 
 
 
 def _directions(directions: ArrayLike, name: str) -> Floats:
-    given = frozen_array(directions, name=name, shape=(3,) if np.ndim(directions) == 1 else (None, 3))
+    given = frozen_array(directions, name=name, shape=(3,) if numbers(directions, name).ndim == 1 else (None, 3))
     rows = np.atleast_2d(given)
     length = np.linalg.norm(rows, axis=1, keepdims=True)
     if not np.all((length > 0) & np.isfinite(length)):

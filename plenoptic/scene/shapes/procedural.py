@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import Floats, finite, frozen_array, positive, whole
+from plenoptic.core.values import Floats, finite, frozen_array, length_in_mm, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.scene.geometry.mesh import Mesh
 from plenoptic.scene.lights.quad import QuadLight
@@ -66,7 +66,7 @@ def box(size: ArrayLike, *, center: ArrayLike = (0.0, 0.0, 0.0), material: Mater
         sides = np.broadcast_to(np.asarray(size, dtype=np.float64), 3).tolist()
     except (TypeError, ValueError, OverflowError):
         raise InvalidValueError(f"size of the box is {size!r}; it must be one edge or (x, y, z) in mm") from None
-    edges = np.array([positive(side, "size of the box", "mm") for side in sides])
+    edges = np.array([length_in_mm(side, "size of the box") for side in sides])
     middle = frozen_array(center, name="center", shape=(3,))
     corners: list[Floats] = []
     faces: list[list[int]] = []
@@ -114,7 +114,7 @@ def sphere(
     except (TypeError, ValueError):
         raise InvalidValueError(f"segments is {segments!r}; it must be (around, from pole to pole)") from None
     angle = np.linspace(-math.pi / 2, math.pi / 2, whole(along, "segments from pole to pole", at_least=2) + 1)
-    profile = positive(radius, "radius", "mm") * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    profile = length_in_mm(radius, "radius") * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     profile[[0, -1], 0] = 0.0
     return turned(profile, segments=around, material=material).translated(
         *frozen_array(center, name="center", shape=(3,)).tolist()
@@ -190,11 +190,11 @@ def checkerboard(
     >>> len(even.faces), len(odd.faces)
     (4, 4)
     """
-    square = positive(square, "square", "mm")
+    square = length_in_mm(square, "square")
     extents, starts = _pair(size, "size", "(width, height)"), _pair(offset, "offset", "(x, y)")
     lines = []
     for extent, start in zip(extents, starts, strict=True):
-        half = positive(extent, "size of the checkerboard", "mm") / 2
+        half = length_in_mm(extent, "size of the checkerboard") / 2
         first, last = math.floor((-half - start) / square), math.ceil((half - start) / square)
         places = np.clip(start + square * np.arange(first, last + 1), -half, half)
         kept = np.append(True, np.diff(places) > 0)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.core.values import Floats, check_kind, whole
+from plenoptic.core.values import Floats, check_kind, seed_number, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.plan.stages import Plan, Subject
 from plenoptic.study.cost.ablation import Ablation, Inseparable, ablations
@@ -86,7 +86,7 @@ def cost_of(
     ['LENS', 'STANDARD_ERROR']
     """
     whole(rounds, "rounds", at_least=2)
-    whole(seed, "seed", at_least=0)
+    seed_number(seed)
     check_kind(plan, "plan", Plan, "pl.plan(scene, camera)")
     found = ablations(plan)
     assert plan.subject is not None

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from plenoptic.camera.checks import check_scene_and_camera
 from plenoptic.core.parallel import thread_count
-from plenoptic.core.values import whole, wrong_kind
+from plenoptic.core.values import seed_number, whole, wrong_kind
 from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.exposure import Exposure
 from plenoptic.study.error_time.measurement import Runs, measured_rows
@@ -120,7 +120,7 @@ def error_against_time(  # noqa: PLR0913
     from tqdm.auto import tqdm
 
     check_scene_and_camera(scene, camera)
-    numbers, first, workers = _checked_numbers(samples), whole(seed, "seed", at_least=0), thread_count(threads)
+    numbers, first, workers = _checked_numbers(samples), seed_number(seed), thread_count(threads)
     count, rounds = whole(seeds, "seeds", at_least=2), whole(repeats, "repeats", at_least=1)
     chosen = default_variants(scene, camera) if variants is None else checked_variants(variants)
     cameras = {name: variant.camera_from(camera) for name, variant in chosen.items()}

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from plenoptic.core.rays import RayStatus
-from plenoptic.core.values import set_field, value, whole
+from plenoptic.core.values import seed_number, set_field, value, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.trace import traced_part
 from plenoptic.optics.surfaces.surface import Surface
@@ -216,4 +216,4 @@ def stability(*, rays: int = THOROUGH, seed: int = 0, only: Sequence[str] | None
     if not chosen:
         names = ", ".join(repr(case.name) for case in stability_cases())
         raise InvalidValueError(f"only is {only!r}, and no case begins so; the cases are {names}")
-    return StabilityTable([stability_row(case, rays=count, seed=whole(seed, "seed", at_least=0)) for case in chosen])
+    return StabilityTable([stability_row(case, rays=count, seed=seed_number(seed)) for case in chosen])

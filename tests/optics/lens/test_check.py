@@ -311,8 +311,8 @@ def test_the_lens_has_it_as_a_method() -> None:
 
 @st.composite
 def any_lens(draw: st.DrawFn) -> LensStack:
-    size = st.one_of(st.floats(0.1, 50.0), st.floats(1e-30, 1e30))
-    gaps = st.one_of(st.floats(0.0, 100.0), st.floats(0.0, 1e30))
+    size = st.one_of(st.floats(0.1, 50.0), st.floats(1e-15, 1e15))
+    gaps = st.one_of(st.floats(0.0, 100.0), st.floats(0.0, 1e15))
     elements: list[Surface | CircularStop] = []
     for _ in range(draw(st.integers(0, 5))):
         if draw(st.integers(0, 3)) == 0:
@@ -328,8 +328,6 @@ def any_lens(draw: st.DrawFn) -> LensStack:
         except InvalidValueError:
             elements.append(Surface(math.inf, 1.0, medium, semi_diameter=1.0))
     elements += [CircularStop(draw(size), draw(gaps)), Surface(100.0, semi_diameter=10.0)]
-    if not math.isfinite(sum(element.thickness for element in elements)):
-        return REFERENCE
     lens = LensStack(elements)
     move = st.floats(-1.5, 1.5)
     return lens.moved(0, shift=(0, draw(move), 0), tilt=(draw(move), 0, 0)) if draw(st.booleans()) else lens

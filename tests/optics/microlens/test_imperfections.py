@@ -109,7 +109,7 @@ def test_what_is_not_there_takes_no_memory() -> None:
 
 
 @settings(max_examples=30)
-@given(seed=st.integers(0, 2**80), choice=st.integers(0, 10_000))
+@given(seed=st.integers(0, 2**64 - 1), choice=st.integers(0, 10_000))
 def test_a_lens_s_numbers_depend_on_the_seed_and_its_index_alone(seed: int, choice: int) -> None:
     spoiled = pl.MicrolensImperfections(**ALL, seed=seed)
     index = np.random.default_rng(choice).permutation(indices(6))[:20]
@@ -196,7 +196,7 @@ def test_imperfections_are_values() -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"pitch_jitter": -0.1}, "pitch_jitter is -0.1; it must be at least 0"),
+        ({"pitch_jitter": -0.1}, "pitch_jitter is -0.1; it must be from 0 to"),
         ({"decentre": math.inf}, "decentre is inf; it must be finite"),
         ({"focal_length_spread": 0.3}, "focal_length_spread is 0.3; it must be from 0 to 0.2"),
         ({"missing": 1.1}, "missing is 1.1; it must be from 0 to 1"),

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from plenoptic.core.rays import RayBundle
-from plenoptic.core.values import Floats
+from plenoptic.core.values import Floats, check_kind
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.elements import is_centred
 from plenoptic.optics.lens.models import LensModel
@@ -113,6 +113,7 @@ def foci(lens: LensStack, rays: RayBundle, *, parallel: bool, reverse: bool = Fa
 
 def require_axis(lens: LensStack, what: str) -> None:
     """An error where a lens has no axis of symmetry, or is left out, so that `what` means nothing."""
+    check_kind(lens, "lens", LensStack, "camera.lens")
     moved = [i for i, element in enumerate(lens.elements) if element.placement is not None]
     if moved:
         raise InvalidValueError(

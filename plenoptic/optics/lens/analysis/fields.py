@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from plenoptic.core.rays import RayBundle
-from plenoptic.core.values import Floats, choice, frozen_array, positive, result
+from plenoptic.core.values import Floats, check_kind, choice, frozen_array, number, positive, result
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.analysis.astigmatic import foci, require_axis
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points, image_position, magnification, object_position
@@ -57,10 +57,11 @@ class Projection(enum.IntEnum):
         return np.asarray(focal_length * scaled)
 
 
-def checked_fields(fields: ArrayLike, z_object: float, *, name: str = "fields") -> Floats:
-    """Fields (n,): finite, angles below pi."""
+def checked_fields(lens: LensStack, fields: ArrayLike, z_object: float, *, name: str = "fields") -> Floats:
+    """Fields (n,) of a lens: finite, angles below pi."""
+    check_kind(lens, "lens", LensStack, "camera.lens")
     radii = frozen_array(np.atleast_1d(np.asarray(fields, dtype=object)), name=name, shape=(None,))
-    far = z_object == -math.inf
+    far = number(z_object, "z_object") == -math.inf
     if not np.all(np.abs(radii) < (math.pi if far else math.inf)):
         unit = "angles below pi, in rad" if far else "finite heights in mm"
         raise InvalidValueError(f"{name} reach {np.max(np.abs(radii)):g}; with this z_object they must be {unit}")
@@ -162,7 +163,7 @@ def distortion(
     >>> (100 * found.relative).round(2).tolist()
     [0.0, -0.3, -1.08]
     """
-    radii, ideal = checked_fields(fields, z_object), choice(projection, Projection, "projection")
+    radii, ideal = checked_fields(lens, fields, z_object), choice(projection, Projection, "projection")
     require_axis(lens, "distortion is")
     z_image = image_plane(lens, z_object, wavelength)
     if z_object != -math.inf:
@@ -243,7 +244,7 @@ def field_curvature(
     >>> found.sagittal.round(2).tolist(), found.tangential.round(2).tolist()
     ([0.0, -0.82], [0.0, -1.8])
     """
-    radii = checked_fields(fields, z_object)
+    radii = checked_fields(lens, fields, z_object)
     z_image = image_plane(lens, z_object, wavelength)
     chiefs = chief_rays(lens, radii, z_object, wavelength)
     found = foci(lens, chiefs, parallel=z_object == -math.inf)
@@ -306,7 +307,7 @@ def coma(
     >>> bool(abs(found.tangential[0] / found.sagittal[0] - 3) < 0.01)
     True
     """
-    radii, size = checked_fields(fields, z_object), positive(zone, "zone")
+    radii, size = checked_fields(lens, fields, z_object), positive(zone, "zone")
     require_axis(lens, "coma here is")
     z_image = image_plane(lens, z_object, wavelength)
     pupil = size * np.array([[0.0, 0.0], [1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
@@ -380,8 +381,8 @@ def depth_distortion(
     >>> found.z_object.round(2).tolist(), found.medial.round(2).tolist()
     ([-404.0], [[-404.0, -399.29]])
     """
-    radii = checked_fields(heights, 0.0, name="heights")
-    planes = checked_fields(np.atleast_1d(z_image), 0.0, name="z_image")
+    radii = checked_fields(lens, heights, 0.0, name="heights")
+    planes = checked_fields(lens, np.atleast_1d(z_image), 0.0, name="z_image")
     sagittal, tangential = np.empty((2, len(planes), len(radii)))
     for i, z in enumerate(planes.tolist()):
         for j, y in enumerate(radii.tolist()):

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic.core.values import Floats, choice, frozen_array, result
+from plenoptic.core.values import Floats, check_kind, choice, frozen_array, result
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.gaussian import paraxial
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points, image_position
@@ -23,6 +23,7 @@ _SEARCH_STEPS = 80
 
 
 def _needs_a_lens(lens: LensStack) -> None:
+    check_kind(lens, "lens", LensStack, "camera.lens")
     if lens.model is LensModel.NONE:
         raise InvalidValueError(
             "the lens has the model LensModel.NONE, which bends no ray, so no plane is its image; "

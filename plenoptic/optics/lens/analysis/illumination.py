@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from plenoptic.core.rays import RayBundle
-from plenoptic.core.values import Floats, result, whole
+from plenoptic.core.values import Floats, check_kind, result, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.analysis.fields import checked_fields, chief_rays, image_plane, unclipped
-from plenoptic.optics.lens.pupil.iris_points import INSIDE, hexapolar
+from plenoptic.optics.lens.pupil.iris_points import INSIDE, MOST_ACROSS, hexapolar
 from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays, aimed_rays_reverse
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.lens.trace import traced_part
@@ -57,6 +57,7 @@ def largest_field(lens: LensStack, *, z_object: float = -math.inf, wavelength: f
     >>> round(math.degrees(pl.aberrations.largest_field(pl.load_lens("fisheye-100mm-f8"))), 1)
     91.5
     """
+    check_kind(lens, "lens", LensStack, "camera.lens")
     iris, last = lens.iris_index, len(lens.elements) - 1
     low, high, field = 0.0, math.radians(89.9), 0.0
     centre = np.zeros(3) if lens.stop.placement is None else np.asarray(lens.stop.placement.shift)
@@ -135,8 +136,8 @@ def vignetting(
     >>> found.fraction.round(2).tolist()
     [0.99, 0.68, 0.36]
     """
-    radii, stop = checked_fields(fields, z_object), lens.stop
-    side = whole(grid, "grid", at_least=2)
+    radii, stop = checked_fields(lens, fields, z_object), lens.stop
+    side = whole(grid, "grid", at_least=2, at_most=MOST_ACROSS)
     # Off the centre, so that what is symmetric does not meet the grid symmetrically.
     x, y = (-1.0 + 2.0 / side * (np.arange(side) + 0.5 + off) for off in (-0.13, 0.29))
     pupil = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
@@ -244,7 +245,7 @@ def relative_illumination(
     >>> found.relative.round(2).tolist()
     [1.0, 0.65, 0.29]
     """
-    radii, cells = checked_fields(fields, z_object), whole(grid, "grid", at_least=8)
+    radii, cells = checked_fields(lens, fields, z_object), whole(grid, "grid", at_least=8, at_most=MOST_ACROSS)
     z_image = image_plane(lens, z_object, wavelength)
     with_axis = np.concatenate([[0.0], radii])
     points = unclipped(lens, chief_rays(lens, with_axis, z_object, wavelength)).at_z(z_image)

@@ -110,7 +110,7 @@ def layout(
     place = _usual_object(lens, wavelength) if z_object is None else z_object
     parallel = place == -math.inf
     chosen = layout_fields(lens, z_object=place, wavelength=wavelength) if fields is None else fields
-    radii = checked_fields(chosen, place)
+    radii = checked_fields(lens, chosen, place)
     pupil = INSIDE * fan(whole(rays, "rays", at_least=2))
     last, plane = float(lens.vertices[-1]), z_image
     if plane is None:

@@ -12,7 +12,17 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic.core.values import Floats, frozen_array, number, positive, result, wavelength_in_nm, whole
+from plenoptic.core.values import (
+    Floats,
+    frozen_array,
+    length_in_mm,
+    number,
+    numbers,
+    positive,
+    result,
+    wavelength_in_nm,
+    whole,
+)
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.analysis.focus import working_f_number
 from plenoptic.optics.lens.analysis.spots import SpotDiagram, jackknife_error, spot_diagram, without_one
@@ -106,7 +116,7 @@ def point_spread(  # noqa: PLR0913
     if pixel_size is None:
         size = max(2.0 * _SPREAD * spot.geometric_radius, _SMALLEST_PICTURE) / min(rows, columns)
     else:
-        size = positive(pixel_size, "pixel_size", "mm")
+        size = length_in_mm(pixel_size, "pixel_size")
     middle = spot.centroid if centre is None else frozen_array(centre, name="centre", shape=(2,))
     counted = _counted(spot, middle, size, rows, columns)
     image = counted.sum(axis=0)
@@ -242,7 +252,7 @@ def mtf(
 
 
 def _checked_frequencies(frequencies: ArrayLike) -> Floats:
-    given = frozen_array(np.atleast_1d(frequencies), name="frequencies", shape=("k",))  # type: ignore[arg-type]
+    given = frozen_array(np.atleast_1d(numbers(frequencies, "frequencies")), name="frequencies", shape=("k",))  # type: ignore[arg-type]
     if not (np.isfinite(given) & (given >= 0)).all():
         raise InvalidValueError("frequencies holds a number that is below 0 or not finite; give cycles per mm")
     return given

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.sampling import sobol_points
-from plenoptic.core.values import Floats, check_kind, finite, number, wavelength_in_nm, whole
+from plenoptic.core.values import Floats, check_kind, finite, number, seed_number, wavelength_in_nm, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.pupil.exit_pupil import normals_of, polygon_around
@@ -168,7 +168,7 @@ def passing_light(
     """Light from one object point on the plane z_image, equal radiance at each wavelength."""
     if len(wavelengths) > _MOST_WAVELENGTHS:
         raise InvalidValueError(f"wavelength has {len(wavelengths)} entries; give at most {_MOST_WAVELENGTHS}")
-    count, start = whole(rays, "rays", at_least=1), whole(seed, "seed", at_least=0)
+    count, start = whole(rays, "rays", at_least=1), seed_number(seed)
     parts = []
     for colour, wavelength in enumerate(wavelengths):
         beam = pencil(lens, field=field, z_object=z_object, wavelength=wavelength, rays=count, seed=start)

@@ -6,7 +6,10 @@ import math
 
 import numpy as np
 
-from plenoptic.core.values import Floats, whole
+from plenoptic.core.values import MOST_POINTS, Floats, whole
+
+MOST_ACROSS = 2048
+"""Points along a diameter, some 4 million in all."""
 
 INSIDE = 1.0 - 1e-9
 """Rays through the rim of the iris pass this much inside, so that rounding does not clip them."""
@@ -28,7 +31,7 @@ def hexapolar(rings: int) -> Floats:
     >>> pl.aiming.hexapolar(1).round(3).tolist()[:3]
     [[0.0, 0.0], [1.0, 0.0], [0.5, 0.866]]
     """
-    count = whole(rings, "rings", at_least=1)
+    count = whole(rings, "rings", at_least=1, at_most=MOST_ACROSS)
     points = [np.zeros((1, 2))]
     for ring in range(1, count + 1):
         angle = 2 * math.pi * np.arange(6 * ring) / (6 * ring)
@@ -52,7 +55,7 @@ def square_grid(n: int) -> Floats:
     >>> pl.aiming.square_grid(2).tolist()
     [[-0.5, -0.5], [0.5, -0.5], [-0.5, 0.5], [0.5, 0.5]]
     """
-    count = whole(n, "n", at_least=1)
+    count = whole(n, "n", at_least=1, at_most=MOST_ACROSS)
     x = (2 * np.arange(count) + 1 - count) / count
     points = np.stack(np.meshgrid(x, x), axis=-1).reshape(-1, 2)
     return np.asarray(points[np.hypot(points[:, 0], points[:, 1]) <= 1])
@@ -74,4 +77,4 @@ def fan(n: int) -> Floats:
     >>> pl.aiming.fan(3).tolist()
     [[0.0, -1.0], [0.0, 0.0], [0.0, 1.0]]
     """
-    return np.column_stack([np.zeros(whole(n, "n", at_least=2)), np.linspace(-1.0, 1.0, n)])
+    return np.column_stack([np.zeros(whole(n, "n", at_least=2, at_most=MOST_POINTS)), np.linspace(-1.0, 1.0, n)])

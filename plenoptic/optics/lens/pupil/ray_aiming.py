@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.rays import RayBundle, RayStatus
-from plenoptic.core.values import Floats, check_kind, finite, frozen_array, number
+from plenoptic.core.values import Floats, check_kind, finite, frozen_array, number, numbers
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points, magnification
 from plenoptic.optics.lens.models import LensModel
@@ -113,7 +113,8 @@ def _ideal_rays(lens: LensStack, wavelength: float, pupil: Floats, aim: Floats, 
 
 
 def _checked_pair(values: float | Sequence[float] | Floats, name: str) -> Floats:
-    pair = frozen_array(np.array([0.0, values]) if np.ndim(values) == 0 else values, name=name, shape=(2,))  # type: ignore[arg-type]
+    given = numbers(values, name)
+    pair = frozen_array(np.array([0.0, given]) if given.ndim == 0 else given, name=name, shape=(2,))
     if not np.isfinite(pair).all():
         raise InvalidValueError(f"{name} is {pair.tolist()}; it must be two finite numbers")
     return pair

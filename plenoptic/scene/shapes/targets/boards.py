@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.core.values import Floats, finite, not_negative, positive, whole
+from plenoptic.core.values import Floats, finite, length_in_mm, not_negative, seed_number, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.scene.materials.diffuse import Lambertian
 from plenoptic.scene.materials.registry import Material
@@ -64,7 +64,7 @@ def checkerboard(
     ([-7.0, 4.0, 0.0], [0, 0])
     """
     columns, rows = whole(columns, "columns", at_least=2), whole(rows, "rows", at_least=2)
-    square, border = positive(square, "square", "mm"), not_negative(margin, "margin", "mm")
+    square, border = length_in_mm(square, "square"), not_negative(margin, "margin", "mm")
     x, y = _lines(columns, square), _lines(rows, square)
     # Rows count downwards, lines upwards.
     is_dark = (np.arange(rows)[::-1, None] + np.arange(columns)) % 2 == 0
@@ -125,9 +125,9 @@ def point_grid(
     [-8.0, 6.0, 0.0]
     """
     columns, rows = whole(columns, "columns", at_least=1), whole(rows, "rows", at_least=1)
-    pitch, sides = positive(pitch, "pitch", "mm"), whole(sides, "sides", at_least=4)
+    pitch, sides = length_in_mm(pitch, "pitch"), whole(sides, "sides", at_least=4)
     # A polygon of n sides has the area n / 2 sin(2 pi / n) times that of the square over the radius of its corners.
-    reach = positive(radius, "radius", "mm") * math.sqrt(2 * math.pi / (sides * math.sin(2 * math.pi / sides)))
+    reach = length_in_mm(radius, "radius") * math.sqrt(2 * math.pi / (sides * math.sin(2 * math.pi / sides)))
     if not reach < pitch / 2:
         raise InvalidValueError(
             f"dots reach {reach:g} mm from their centres; reduce radius {radius:g} mm until that is below half the "
@@ -196,12 +196,12 @@ def random_dots(
     Lambertian(albedo=Texture(texels=<100 x 200 x 1 float32>, ...))
     """
     columns, rows = whole(columns, "columns", at_least=1), whole(rows, "rows", at_least=1)
-    dot, share = positive(dot, "dot", "mm"), finite(density, "density")
+    dot, share = length_in_mm(dot, "dot"), finite(density, "density")
     if not 0 <= share <= 1:
         raise InvalidValueError(f"density is {share:g}; it must be within 0 and 1, the expected share of dark dots")
     colours = [np.ravel(as_colour(c, n, at_most=1.0)) for c, n in ((bright, "bright"), (dark, "dark"))]
     # Raw numbers of the generator: NumPy promises that they stay the same; 53 of their bits make a number in [0, 1).
-    raw = np.random.PCG64(whole(seed, "seed", at_least=0)).random_raw(rows * columns)
+    raw = np.random.PCG64(seed_number(seed)).random_raw(rows * columns)
     is_dark = ((raw >> np.uint64(11)) * 2.0**-53 < share).reshape(rows, columns)
     texels = np.stack(np.broadcast_arrays(*colours))[is_dark.astype(np.int64)]
     texture = Texture(texels, wrap=Wrap.CLAMP, filter=TextureFilter.NEAREST)

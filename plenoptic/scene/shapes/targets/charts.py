@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from plenoptic.core.values import finite, not_negative, positive, whole
+from plenoptic.core.values import finite, length_in_mm, not_negative, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.scene.materials.registry import Material
 from plenoptic.scene.shapes.targets.checker_layouts import faces_around, flat_mesh, in_plane, polygon
@@ -60,7 +60,7 @@ def siemens_star(
     >>> star.points[1].tolist()
     [5.0, 0.0, 0.0]
     """
-    radius, inner = positive(radius, "radius", "mm"), finite(inner_radius, "inner_radius")
+    radius, inner = length_in_mm(radius, "radius"), finite(inner_radius, "inner_radius")
     sides, border = 2 * whole(spokes, "spokes", at_least=2), not_negative(margin, "margin", "mm")
     if not 0 <= inner < radius:
         raise InvalidValueError(
@@ -119,7 +119,7 @@ def slanted_edge(size: float, *, angle_deg: float = 5.0, dark: Material = DARK, 
     >>> pl.targets.slanted_edge(20.0).points.round(4).tolist()
     [[-0.8749, 10.0, 0.0], [0.8749, -10.0, 0.0]]
     """
-    half, angle = positive(size, "size", "mm") / 2, finite(angle_deg, "angle_deg")
+    half, angle = length_in_mm(size, "size") / 2, finite(angle_deg, "angle_deg")
     if not -45 < angle < 45:
         raise InvalidValueError(
             f"angle_deg is {angle:g}; it must be within -45 and 45, or turn the target: rotated_deg((0, 0, 1), 90)"
