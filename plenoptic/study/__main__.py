@@ -8,7 +8,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from plenoptic.errors import FileError, InvalidValueError, PlenopticError
+from plenoptic.core.files.atomic_file import check_folder, real_path, replaced
+from plenoptic.errors import InvalidValueError, PlenopticError
 from plenoptic.rendering.schedule.budget import checked_target
 from plenoptic.study.cost.cases import COST_CASES
 from plenoptic.study.cost.measurement import cost_of
@@ -102,8 +103,7 @@ def _error_against_time(options: argparse.Namespace) -> int:
     for target in targets:
         checked_target(target, "--target")  # before minutes are spent
     for path in filter(None, (options.csv, options.plot)):
-        if not Path(path).absolute().parent.is_dir():
-            raise FileError(f"{path!r} cannot be written: there is no such folder; make it first")
+        check_folder(real_path(path))
     load, studies = load_now(), []
     for case in (ERROR_CASES[name] for name in dict.fromkeys(options.case or ERROR_CASES)):
         table = case_table(case, quick=options.quick, threads=options.threads, progress=options.progress)
@@ -133,10 +133,9 @@ def _recommended(table: ErrorTable, target: float) -> str:
 def _draw(tables: list[ErrorTable], path: str) -> None:
     from plenoptic.plots.error_time import plot_error_studies
 
-    try:
-        plot_error_studies(tables).savefig(path, dpi=110)
-    except (OSError, ValueError) as error:
-        raise FileError(f"{path!r} cannot be written: {error}; it must end in .png, .svg or .pdf") from error
+    figure = plot_error_studies(tables)
+    with replaced(path) as file:
+        figure.savefig(file, format=Path(path).suffix[1:] or None, dpi=110)
 
 
 def _cost(options: argparse.Namespace) -> int:

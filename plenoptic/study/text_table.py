@@ -7,8 +7,7 @@ import io
 import os
 from collections.abc import Iterable, Sequence
 
-from plenoptic.core.values import file_path
-from plenoptic.errors import FileError
+from plenoptic.core.files.atomic_file import write_file
 
 
 def _aligned(columns: Sequence[str], rows: Iterable[Sequence[str]], between: str) -> list[str]:
@@ -37,9 +36,5 @@ def comma_separated(rows: Iterable[Sequence[object]], path: str | os.PathLike[st
     csv.writer(stream, lineterminator="\n").writerows(rows)
     text = stream.getvalue()
     if path is not None:
-        place = file_path(path)
-        try:
-            place.write_text(text, encoding="utf-8")
-        except OSError as error:
-            raise FileError(f"{os.fspath(path)!r} cannot be written: {error.strerror}; choose another place") from error
+        write_file(path, text.encode())
     return text

@@ -1,8 +1,8 @@
-"""A file that is replaced as a whole: temporary files beside it, their locks, and errors in words.
+"""How all files are written: as a whole, in the place of those before. Temporary files, their locks, errors in words.
 
 Until the new file is complete and on the disk it is a temporary one in the same folder, ``.<digits>-<digits>.part``.
 Whoever writes one holds a lock on it, which ends with its process, however that ends; what is found without a lock has
-been left behind, and the next one to replace the same file removes it.
+been left behind, and goes when the same file is written again, or after a day when any other one in the folder is.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import os
 import re
 import secrets
 import stat
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -28,15 +29,24 @@ except ImportError:  # Windows, where what has been left behind stays
 
 _CANNOT_SYNC = (errno.EINVAL, errno.ENOTSUP, errno.EACCES, errno.EPERM, errno.EBADF)
 """What file systems say that cannot flush a folder; the file itself is on the disk then."""
+_TEMPORARY = re.compile(r"\.[0-9a-f]{16}-[0-9a-f]{16}\.part")
+_FORGOTTEN = 86400.0
+"""Seconds after which a temporary file of another target goes too. Locks may not reach other machines."""
+_ROOM = 1 << 16
+"""Bytes that must still fit: more than the buffers of libraries that write."""
 
 
 @contextmanager
-def replaced(target: Path, *, check: Callable[[], None] = lambda: None) -> Iterator[BinaryIO]:
-    """A new file that takes the place of `target`, from `real_path`, if the block ends well; else nothing changes.
+def replaced(path: str | os.PathLike[str], *, check: Callable[[], None] = lambda: None) -> Iterator[BinaryIO]:
+    """A new file that takes the place of the one at `path` if the block ends well; else nothing changes.
 
-    `check` raises an error where the new file must not take the place of what is there; it is called before anything
-    is written and once more at the end.
+    It has the rights of the one before, and links to that stay links. `check` raises an error where the new file must
+    not take the place of what is there; it is called before anything is written and once more at the end.
     """
+    target = real_path(path)
+    if is_there(target) and not os.access(target, os.W_OK):
+        raise FileError(f"{str(target)!r} is write-protected; choose another name, or change its rights")
+    check_folder(target)
     check()
     with explained(target, "written"):
         _remove_left_behind(target)
@@ -49,6 +59,20 @@ def replaced(target: Path, *, check: Callable[[], None] = lambda: None) -> Itera
                 file.close()
             os.replace(temporary, target)
         _sync_folder(target.parent)
+
+
+def write_file(path: str | os.PathLike[str], content: bytes) -> None:
+    """Write a file as a whole, or an error and all stays as it was."""
+    with replaced(path) as file:
+        file.write(content)
+
+
+def check_room(file: BinaryIO) -> None:
+    """An error where the disk is full: libraries that write by name may lose the end of a file and say nothing."""
+    size = file.seek(0, os.SEEK_END)
+    file.write(bytes(_ROOM))
+    file.flush()
+    file.truncate(size)
 
 
 def real_path(path: str | os.PathLike[str]) -> Path:
@@ -112,6 +136,8 @@ def _temporary(target: Path) -> Iterator[tuple[Path, BinaryIO]]:
                 if fcntl is not None:
                     with suppress(OSError):  # there are file systems without locks: what is left behind stays
                         fcntl.flock(file, fcntl.LOCK_EX)
+                with suppress(OSError):  # there may be no file before
+                    path.chmod(stat.S_IMODE(target.stat().st_mode))
                 # Before it was locked, another process may have taken it for left behind.
                 if path.exists():
                     yield path, file
@@ -123,14 +149,15 @@ def _temporary(target: Path) -> Iterator[tuple[Path, BinaryIO]]:
 
 def _remove_left_behind(target: Path) -> None:
     """Remove temporary files of processes that have ended while they wrote them."""
-    name = re.compile(re.escape(_beginning(target)) + r"[0-9a-f]{16}\.part")
     if fcntl is None:
         return
+    ours, forgotten = _beginning(target), time.time() - _FORGOTTEN
     with suppress(PermissionError):  # a folder that may be written but not read
-        for found in filter(name.fullmatch, os.listdir(target.parent)):
+        for found in filter(_TEMPORARY.fullmatch, os.listdir(target.parent)):
             with suppress(OSError), open(target.with_name(found), "r+b") as file:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)  # fails while the process that writes it lives
-                os.unlink(file.name)
+                if found.startswith(ours) or os.fstat(file.fileno()).st_mtime < forgotten:
+                    os.unlink(file.name)
 
 
 def _sync_folder(folder: Path) -> None:

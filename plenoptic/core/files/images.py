@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.color.srgb import Encoding, srgb_to_linear
-from plenoptic.core.files.atomic_file import check_folder, is_there, real_path, replaced
+from plenoptic.core.files.atomic_file import check_room, replaced
 from plenoptic.core.values import AnyFloats, choice, file_path, whole
 from plenoptic.errors import FileError, InvalidValueError
 
@@ -27,6 +27,9 @@ LINEAR = "Linear"
 SRGB = "sRGB"
 
 _LONGEST_DESCRIPTION = 65535  # OpenImageIO cuts a TIFF text off beyond this many characters
+
+_ROWS = 64
+"""Rows of an image that are compared at a time."""
 
 ALPHA = 3
 """The number of the channel that says how opaque a pixel is."""
@@ -284,8 +287,6 @@ def _writable(path: str | os.PathLike[str], endings: tuple[str, ...]) -> Path:
     target = file_path(path)
     if target.suffix.lower() not in endings:
         raise FileError(f"{str(target)!r} ends in {target.suffix!r}; it must end in {' or '.join(endings)}")
-    is_there(real_path(target))
-    check_folder(real_path(target))
     return target
 
 
@@ -300,12 +301,35 @@ def _write(target: Path, pixels: NDArray[Any], names: tuple[str, ...], metadata:
     sink = oiio.ImageOutput.create(str(target))
     if sink is None:
         raise FileError(f"{str(target)!r} cannot be written: {_said(oiio)}; choose another ending")
-    with replaced(real_path(target)) as file:
-        written = sink.open(str(file.name), spec) and sink.write_image(np.ascontiguousarray(pixels))
-        trouble = _reason(sink)
-        if not (sink.close() and written):
-            reason = trouble or _reason(sink)
+    with replaced(target) as file:
+        name = str(file.name)
+        written = sink.open(name, spec) and sink.write_image(np.ascontiguousarray(pixels))
+        reason = _reason(sink)
+        written = sink.close() and written
+        check_room(file)
+        if not written or not _comes_back(name, pixels, names):
+            reason = "what was written does not come back" if written else reason or _reason(sink)
             raise FileError(f"{str(target)!r} cannot be written: {reason}; check the folder's rights and free space")
+
+
+def _comes_back(name: str, pixels: NDArray[Any], names: tuple[str, ...]) -> bool:
+    """Whether a file holds these pixels: writers may lose some and say nothing."""
+    import OpenImageIO as oiio
+
+    source = oiio.ImageInput.open(name)
+    if source is None:
+        return False
+    spec = source.spec()
+    try:
+        order = [names.index(channel) for channel in spec.channelnames]
+        for row in range(0, len(pixels), _ROWS):
+            part = np.ascontiguousarray(pixels[row : row + _ROWS, :, order])
+            read = source.read_scanlines(row, row + len(part), 0, 0, len(order), spec.format)
+            if read is None or read.tobytes() != part.tobytes():  # nan are to come back too
+                return False
+    finally:
+        source.close()
+    return True
 
 
 def _said(oiio: Any) -> str:

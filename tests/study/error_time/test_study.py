@@ -297,7 +297,7 @@ def test_the_command_prints_writes_and_draws(tmp_path, capsys):
     assert main(["error-against-time", "--case", "white", "--target", "0"]) == 2
     assert "--target is 0" in capsys.readouterr().err
     assert main(["error-against-time", "--csv", str(tmp_path / "nowhere" / "a.csv")]) == 2
-    assert "there is no such folder" in capsys.readouterr().err
+    assert "does not exist; make it first" in capsys.readouterr().err
 
 
 @pytest.mark.slow

@@ -8,6 +8,7 @@ import os
 from collections.abc import Mapping
 from pathlib import Path
 
+from plenoptic.core.files.atomic_file import write_file
 from plenoptic.core.values import file_path
 from plenoptic.errors import FileError
 from plenoptic.optics.glass.catalogue import GlassCatalogue
@@ -115,7 +116,7 @@ def save_lens(lens: LensStack, path: str | os.PathLike[str]) -> None:
     lens : LensStack
         Its media must be of this package.
     path : str or path-like
-        Must end in `.json` or `.zmx`. A file of that name is replaced.
+        Must end in `.json` or `.zmx`. A file of that name is replaced, as a whole or not at all.
 
     Raises
     ------
@@ -143,10 +144,7 @@ def save_lens(lens: LensStack, path: str | os.PathLike[str]) -> None:
         content = zmx_of_lens(lens)
     else:
         raise FileError(f"{target} ends in {target.suffix!r}; lenses are saved as .json or .zmx: give it that ending")
-    try:
-        target.write_bytes(content)
-    except (OSError, ValueError) as error:
-        raise FileError(f"cannot write {target}: {error}; choose a place that can be written") from None
+    write_file(target, content)
 
 
 def _content(path: Path) -> bytes:

@@ -1,0 +1,202 @@
+"""Every kind of file that the package writes, and what is left where writing ends early: by signals, or a full disk.
+
+    python tests/core/kinds_of_saves.py FOLDER {SIGKILL,SIGINT} TIMES [KIND ...]
+    python tests/core/kinds_of_saves.py FOLDER {limit,full} [KIND ...]
+
+For each kind two different files take turns. Whatever happens, the one that is there is one of the two to the last
+byte, at most one temporary file is beside it after a signal, none after an error, and none after the next save.
+`limit` allows few bytes a file; `full` fills the disk, which must be a small one of its own.
+"""
+
+import dataclasses
+import os
+import random
+import re
+import resource
+import signal
+import sys
+import time
+import traceback
+from contextlib import suppress
+from pathlib import Path
+
+import matplotlib
+
+matplotlib.use("Agg")
+
+import matplotlib.pyplot as plt
+import numpy as np
+import OpenImageIO  # noqa: F401  An interrupt while it is loaded aborts the process.
+
+import plenoptic as pl
+from plenoptic.errors import FileError
+from plenoptic.rendering.schedule.checkpoint import save_checkpoint
+from plenoptic.study.__main__ import _draw
+
+LENS = pl.load_lens("double-gauss-100mm-f2")
+SEED = 7
+DATE = re.compile(rb"\d{4}:\d\d:\d\d \d\d:\d\d:\d\d")
+"""What image files say about when they were written."""
+MOST = 20
+"""Signals sent for each that is to meet a save: some come between two of them."""
+
+
+def lens(path, n):
+    pl.save_lens(LENS.with_stop(pl.CircularStop(semi_diameter=5.0 + n)), path)
+
+
+def shot(path, n):
+    noise = np.random.default_rng(n).random((2, 96, 96, 3))
+    pl.Exposure(noise[0], standard_error=noise[1], samples=64, seed=n).save(path)
+
+
+def raw(path, n):
+    numbers = np.random.default_rng(n).integers(0, 4096, (128, 128))
+    pl.sensor.RawImage(numbers, pl.SensorModel(photon_rate=1.0), seed=n).save(path)
+
+
+def tables(n):
+    numbers = dict.fromkeys([field.name for field in dataclasses.fields(pl.study.ErrorRow)[2:]], 0.25 + n)
+    rows = [pl.study.ErrorRow("THIN lens", k, **numbers) for k in range(1, 400)]
+    return [pl.study.ErrorTable("made up", rows, 1, 1, 2, 1, 1, 0.1)]
+
+
+def table(path, n):
+    tables(n)[0].to_csv(path)
+
+
+def figure(path, n):
+    _draw(tables(n), str(path))
+    plt.close("all")
+
+
+def state(path, n):
+    save_checkpoint(path, {"seed": "1"}, {"a": np.full(50_000, n)}, {"n": n})
+
+
+KINDS = {
+    **{"lens.json": lens, "lens.zmx": lens, "shot.exr": shot, "shot.tif": shot, "shot.png": shot},
+    **{"raw.tif": raw, "raw.png": raw, "table.csv": table, "figure.png": figure, "state": state},
+}
+
+
+def in_child(work):
+    """The number of a process that does some work until it is interrupted.
+
+    Image libraries begin threads, which forks do not have: only children use them.
+    """
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    child = os.fork()
+    if child == 0:
+        code = 1
+        try:
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+            work()
+            code = 0
+        except KeyboardInterrupt:
+            code = 0
+        except BaseException:
+            traceback.print_exc()
+        finally:
+            os._exit(code)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+    return child
+
+
+def end(child, number):
+    """Send a signal until the child has ended: Python drops interrupts that come while it frees objects."""
+    while True:
+        os.kill(child, number)
+        for _ in range(1000):
+            found, status = os.waitpid(child, os.WNOHANG)
+            if found:
+                return status
+            time.sleep(0.003)
+
+
+def done(work):
+    assert os.waitpid(in_child(work), 0)[1] == 0
+
+
+def content(path):
+    return DATE.sub(b"", path.read_bytes())
+
+
+def both(path, save):
+    """What the file may hold, how long a save takes, and the size of the second one; the first is there."""
+    contents, sizes, begin = set(), [], time.perf_counter()
+    for n in (1, 0):
+        done(lambda n=n: save(path, n))
+        contents.add(content(path))
+        sizes.append(path.stat().st_size)
+    assert len(contents) == 2 and os.listdir(path.parent) == [path.name]
+    return contents, (time.perf_counter() - begin) / 2, sizes[0]
+
+
+def ended_by(number, times, path, save):
+    """How many signals met a save, of `times` that are to, and how many have been sent."""
+    contents, seconds, _ = both(path, save)
+
+    def saving():
+        while True:
+            for n in (1, 0):
+                save(path, n)
+
+    met = sent = 0
+    while met < times and sent < MOST * times:
+        child = in_child(saving)
+        time.sleep(random.uniform(0, 2 * seconds))
+        status = end(child, number)
+        # An interrupt may come out of a library as another error.
+        assert os.WIFEXITED(status) if number == signal.SIGINT else status == number, status
+        left = set(os.listdir(path.parent)) - {path.name}
+        assert len(left) <= 1 and content(path) in contents, (path.name, left, path.stat().st_size)
+        met, sent = met + (number == signal.SIGINT or len(left)), sent + 1
+    done(lambda: save(path, 0))
+    assert os.listdir(path.parent) == [path.name] and content(path) in contents
+    return met, sent
+
+
+def without_room(how, path, save):
+    """How often a save was refused since there was no room, of how often it was to be."""
+    _, _, size = both(path, save)
+    before, filler = content(path), path.with_name("filler")
+
+    def refused(room):
+        if how == "limit":
+            resource.setrlimit(resource.RLIMIT_FSIZE, (room, -1))
+        try:
+            save(path, 1)
+        except FileError as error:
+            assert "No space left" in str(error) or "File too large" in str(error), error
+        else:
+            raise AssertionError(f"{path.name} has been saved where there were {room} bytes of {size}")
+
+    rooms = (0, size // 3, max(size - 4096, 1), size - 1) if how == "limit" else (0, (size - 1) // 4096 * 4096)
+    for room in rooms:
+        if how == "full":
+            filler.touch()
+            with open(filler, "r+b", buffering=0) as file:
+                with suppress(OSError):
+                    while file.write(bytes(4096)):
+                        pass
+                file.truncate(max(file.tell() - room, 0))
+        done(lambda room=room: refused(room))
+        filler.unlink(missing_ok=True)
+        assert content(path) == before and os.listdir(path.parent) == [path.name]
+    done(lambda: save(path, 1))
+    return len(rooms), len(rooms)
+
+
+if __name__ == "__main__":
+    folder, how, *more = sys.argv[1:]
+    random.seed(SEED)
+    if how not in ("limit", "full"):
+        times, *more = more
+    for kind in more or KINDS:
+        place = Path(folder) / kind
+        if how in ("limit", "full"):
+            print(kind, *without_room(how, place, KINDS[kind]))
+        else:
+            print(kind, *ended_by(signal.Signals[how], int(times), place, KINDS[kind]))
+        place.unlink()

@@ -1,0 +1,121 @@
+"""Files that are written: whole or not at all, whatever happens meanwhile, and all by one writer."""
+
+import ast
+import os
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import plenoptic as pl
+from plenoptic.core.files import images
+from plenoptic.core.files.atomic_file import write_file
+
+HARNESS = Path(__file__).with_name("kinds_of_saves.py")
+FORKS = pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+ROOT = Path(pl.__file__).parent
+WRITERS = {"write_text", "write_bytes", "tofile", "savetxt", "savez", "savez_compressed", "touch", "mkstemp"}
+
+
+def run(*arguments, within=()):
+    """What the program prints: for each kind, how often a save was met and how often it was tried."""
+    command = [*within, sys.executable, str(HARNESS), *map(str, arguments)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=600)
+    assert done.returncode == 0, done.stderr
+    found = {kind: (int(met), int(tried)) for kind, met, tried in map(str.split, done.stdout.splitlines())}
+    assert len(found) == 10
+    return found
+
+
+@FORKS
+@pytest.mark.parametrize(
+    ("name", "times"),
+    [
+        *(("SIGKILL", 2), ("SIGINT", 2)),
+        *(pytest.param("SIGKILL", 25, marks=pytest.mark.slow), pytest.param("SIGINT", 10, marks=pytest.mark.slow)),
+    ],
+)
+def test_a_signal_at_any_moment_leaves_the_old_file_or_the_new_one(tmp_path, name, times):
+    assert all(met == times for met, _ in run(tmp_path, name, times).values())
+
+
+@FORKS
+def test_files_that_may_not_grow_leave_the_old_one(tmp_path):
+    run(tmp_path, "limit")
+
+
+@FORKS
+@pytest.mark.slow
+def test_a_full_disk_leaves_the_old_file(tmp_path):
+    mounting = ["unshare", "-rm", "sh", "-c", f"mount -t tmpfs -o size=4m none {tmp_path} && exec " + '"$@"', "sh"]
+    if shutil.which("unshare") is None or subprocess.run([*mounting, "true"], capture_output=True).returncode:
+        pytest.skip("needs rights to mount a file system")
+    run(tmp_path, "full", within=mounting)
+
+
+@pytest.mark.parametrize("ending", [".exr", ".tif", ".png"])
+@pytest.mark.parametrize("place", [0.1, 0.5, 0.9])
+def test_an_image_that_does_not_come_back_is_not_put_in_place(tmp_path, monkeypatch, ending, place):
+    path = tmp_path / f"shot{ending}"
+    shot = pl.Exposure(np.random.default_rng(1).random((40, 50, 3)))
+    shot.save(path)
+    before = path.read_bytes()
+
+    def damage(file):
+        file.seek(int(place * len(before)))
+        file.write(bytes(64))
+        file.flush()
+
+    monkeypatch.setattr(images, "check_room", damage)  # stands for a disk that was full for a while
+    with pytest.raises(pl.errors.FileError, match="cannot be written: what was written does not come back"):
+        shot.save(path)
+    assert path.read_bytes() == before and os.listdir(tmp_path) == [path.name]
+
+
+def test_every_value_of_an_image_comes_back(tmp_path):
+    # Nan with other bits than usual, infinities, zeros of both signs, and more rows than are compared at a time.
+    plane = np.arange(150 * 7, dtype=np.uint32).reshape(150, 7)
+    odd = {"R": (plane | 0x7FC00000).view(np.float32), "G": np.full((150, 7), -0.0), "a": np.full((150, 7), np.inf)}
+    images.write_channels(tmp_path / "odd.exr", {"Z": np.ones((150, 7)), **odd})
+    assert set(images.read_channels(tmp_path / "odd.exr")[0]) == {"R", "G", "a", "Z"}
+
+
+def test_a_file_keeps_its_rights_and_a_protected_one_stays(tmp_path, monkeypatch):
+    path, lens = tmp_path / "mine.json", pl.load_lens("singlet-100mm-f4")
+    pl.save_lens(lens, path)
+    path.chmod(0o640)
+    pl.save_lens(lens.with_stop(pl.CircularStop(semi_diameter=2.0)), path)
+    assert path.stat().st_mode & 0o777 == 0o640
+    before, access = path.read_bytes(), os.access
+    monkeypatch.setattr(os, "access", lambda file, mode: Path(file) != path and access(file, mode))
+    with pytest.raises(pl.errors.FileError, match=r"mine.json' is write-protected; choose another name"):
+        pl.save_lens(lens, path)
+    assert path.read_bytes() == before
+
+
+def test_what_others_left_behind_goes_after_a_day(tmp_path):
+    fresh, old = (tmp_path / f".{'0' * 16}-{n:016x}.part" for n in (1, 2))
+    for file in (fresh, old):
+        file.touch()
+    os.utime(old, (time.time() - 90_000,) * 2)
+    write_file(tmp_path / "text", b"new")
+    assert fresh.exists() and not old.exists()
+
+
+def test_all_that_is_written_goes_through_one_writer():
+    found = set()
+    for path in ROOT.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Call):
+                name = getattr(node.func, "attr", getattr(node.func, "id", ""))
+                texts = [part.value for part in ast.walk(node) if isinstance(part, ast.Constant)]
+                modes = {text for text in texts if isinstance(text, str) and set(text) <= set("wxabrt+")}
+                if name in WRITERS or (name == "open" and any(set(mode) & set("wxa+") for mode in modes)):
+                    found.add(path.relative_to(ROOT).as_posix())
+                if name == "savefig":
+                    assert isinstance(node.args[0], ast.Name) and node.args[0].id == "file", path
+    assert found == {"core/files/atomic_file.py"}
