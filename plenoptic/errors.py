@@ -1,4 +1,4 @@
-"""What goes wrong and can be put right by the caller.
+"""What goes wrong and can be put right by the caller, and what is warned of.
 
 Every message names the value, the limit and the remedy.
 """
@@ -65,4 +65,41 @@ class FileError(PlenopticError, OSError):
     >>> import plenoptic as pl
     >>> issubclass(pl.errors.FileError, OSError)
     True
+    """
+
+
+class PlenopticWarning(UserWarning):
+    """Anything this package warns of: what was asked for is done, and is hardly what was meant.
+
+    Each is given once a call, at the line that called the package.
+
+    Examples
+    --------
+    >>> import warnings, plenoptic as pl
+    >>> warnings.simplefilter("error", pl.errors.BlackImageWarning)              # stop at black images
+    >>> warnings.simplefilter("ignore", pl.errors.ImplausibleCameraWarning)      # be silent about odd cameras
+    >>> warnings.resetwarnings()
+    """
+
+
+class BlackImageWarning(PlenopticWarning):
+    """An image without any light, and why. See `PlenopticWarning`."""
+
+
+class ImplausibleCameraWarning(PlenopticWarning):
+    """A camera with a number that no real one has, as from mistaken units. See `PlenopticWarning`."""
+
+
+class UnseenSceneWarning(PlenopticWarning):
+    """A scene that lies outside of what the camera sees, before a bright background. See `PlenopticWarning`."""
+
+
+class BudgetWarning(PlenopticWarning):
+    """A time limit that was passed, or a target error that was not reached. See `PlenopticWarning`."""
+
+
+class FileWarning(PlenopticWarning):
+    """Something that a file says and that is left out or replaced, or a file that was not written.
+
+    See `PlenopticWarning`.
     """

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic.core.values import Floats, finite, frozen_array
+from plenoptic.core.values import Floats, frozen_array, radians
 from plenoptic.errors import InvalidValueError
 
 
@@ -19,6 +19,6 @@ def rotation_about(axis: ArrayLike, angle: float) -> Floats:
         raise InvalidValueError(f"axis {direction.tolist()} has length {length:g}; it must be finite and above 0")
     x, y, z = direction / length
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    turn = finite(angle, "angle")
+    turn = radians(angle, "angle")
     # Rodrigues' formula; 1 - cos as a square keeps the digits of small turns.
     return np.asarray(np.eye(3) + math.sin(turn) * cross + 2 * math.sin(turn / 2) ** 2 * (cross @ cross))

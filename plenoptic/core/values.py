@@ -148,6 +148,20 @@ def finite(value: float, name: str) -> float:
     return given
 
 
+_TURNS = 4
+"""More than that are degrees."""
+
+
+def radians(value: float, name: str) -> float:
+    """`value` as an angle in radians, or an error where it must be one in degrees."""
+    given = finite(value, name)
+    if abs(given) > _TURNS * math.tau:
+        raise InvalidValueError(
+            f"{name} is {given:g} rad; it must be at most {_TURNS} turns: give radians, such as math.radians({given:g})"
+        )
+    return given
+
+
 def coefficients(values: Iterable[float], name: str, wanted: str = "a sequence of numbers") -> tuple[float, ...]:
     """The finite numbers of a prescription, or an error, for what is no sequence a PrescriptionError."""
     try:
@@ -246,8 +260,8 @@ def seed_number(value: int, name: str = "seed") -> int:
 def choice(value: Any, kind: type[Choice], name: str) -> Choice:
     """`value` as a member of an enum, or an error that lists its members."""
     try:
-        # True would pass as the number 1.
-        if isinstance(value, bool | np.bool_):
+        # True would pass as the number 1, and a member of another enum as its number.
+        if isinstance(value, bool | np.bool_) or isinstance(value, enum.Enum) > isinstance(value, kind):
             raise TypeError
         return kind(value)
     except (TypeError, ValueError):

@@ -97,6 +97,24 @@ def test_reference_camera_in_mode_2() -> None:
     assert [finding.kind for finding in report.warnings] == [CameraFindingKind.OVERLAP]
 
 
+def test_the_plane_imaged_onto_the_array_is_named() -> None:
+    # There virtual depth passes 0 from either side, and with it the disparity has no bound.
+    report = camera_report(REFERENCE)
+    plane = report.array_plane
+    assert plane == pytest.approx(pl.paraxial.object_position(LENS, 123.3), rel=1e-14)
+    assert f"{plane:.6g} mm" in repr(report) and report.focus[0].z != plane
+    depths, disparities = [], []
+    for off in (-4.0, -1.0, 1.0, 4.0):
+        wall = pl.Scene([pl.quad((-40, -40, plane + off), (80, 0, 0), (0, 80, 0))])
+        truth = pl.ground_truth(wall, REFERENCE, region=np.s_[256:257, 256:257])
+        depths.append(truth.virtual_depth[0, 0])
+        disparities.append(truth.disparity[0, 0])
+    # Linear in the distance to first order: a quarter of it is a quarter of the depth, to the 4 mm over some 400 mm.
+    assert np.abs(np.divide(depths[1:3], [depths[0], depths[3]])) == pytest.approx(0.25, rel=0.05)
+    assert np.abs(np.divide(disparities[1:3], [disparities[0], disparities[3]])) == pytest.approx(4.0, rel=0.05)
+    assert camera_report(KINDS[CameraKind.CONVENTIONAL]).array_plane is None
+
+
 def test_reference_camera_in_mode_1() -> None:
     report = camera_report(camera_with(2.0, lens=LENS.with_stop(pl.CircularStop(semi_diameter=4.25))))
     assert report.kind is CameraKind.PLENOPTIC_1

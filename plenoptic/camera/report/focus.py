@@ -154,7 +154,7 @@ def microlens_focus(camera: PlenopticCamera, type_: int, cone: Cone) -> Microlen
     f = None if array is None else array.focal_lengths_at(camera.wavelength)[type_]
     kind, s = kind_of(camera, f), sharp_image(camera, f)
     z_image = camera.stop_to_microlenses + s
-    z, (far, near) = _in_front(camera, z_image), _limits(camera, kind, s, cone)
+    z, (far, near) = plane_in_front(camera, z_image), _limits(camera, kind, s, cone)
     m = lateral_magnification(camera.lens, z, camera.wavelength) if not math.isnan(z) else math.nan
     onwards, across, seeing, resolution = 1.0, math.nan, math.nan, 1.0
     pixel, v = q, None
@@ -212,7 +212,7 @@ def traced_plane(camera: PlenopticCamera, z_image: float) -> float:
     """
     lens, wavelength = camera.lens, camera.wavelength
     if lens.model is not LensModel.EXACT:
-        return _in_front(camera, z_image)
+        return plane_in_front(camera, z_image)
     aim, front = z_image, float(lens.vertices[0])
     for _ in range(_STEPS):
         z = object_plane(lens, aim, wavelength)
@@ -240,7 +240,7 @@ def _at_horizon(camera: PlenopticCamera, z: float) -> bool:
     return abs(image - horizon) <= SAME * abs(horizon)
 
 
-def _in_front(camera: PlenopticCamera, z_image: float) -> float:
+def plane_in_front(camera: PlenopticCamera, z_image: float) -> float:
     """The object plane of an image; nan where it does not lie in front of the lens."""
     z = object_plane(camera.lens, z_image, camera.wavelength)
     if camera.lens.model is not LensModel.NONE and _at_horizon(camera, z):

@@ -12,7 +12,7 @@ from typing import Any
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.report import optics
 from plenoptic.camera.report.findings import CameraFinding, camera_findings
-from plenoptic.camera.report.focus import CameraKind, MicrolensFocus, microlens_focus
+from plenoptic.camera.report.focus import CameraKind, MicrolensFocus, microlens_focus, plane_in_front
 from plenoptic.core.values import check_kind, value
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
@@ -58,6 +58,9 @@ class CameraReport:
         Parts of the area around the axis that no microlens lights, and that several light.
     microlenses : int or None
         How many microlenses have the centre of their image on the sensor.
+    array_plane : float or None
+        z in mm of the plane that the main lens images onto the array, by Gaussian optics; nan where none lies in front
+        of it. There virtual depth passes 0, and the disparity of focused cameras has no bound.
     focus : tuple of MicrolensFocus
         One for each type of microlens.
     clearance : float
@@ -89,6 +92,7 @@ class CameraReport:
     dark_fraction: float | None
     overlap_fraction: float | None
     microlenses: int | None
+    array_plane: float | None
     focus: tuple[MicrolensFocus, ...]
     clearance: float
     corner_pupil_fraction: float
@@ -159,6 +163,7 @@ def camera_report(camera: PlenopticCamera) -> CameraReport:
         working_f_number_paraxial=0.5 / cone.slope,
         working_f_number=0.5 / slope,
         **_image_numbers(camera, cone, slope),
+        array_plane=None if array is None or points is None else plane_in_front(camera, z),
         focus=focus,
         clearance=optics.clearance(camera),
         corner_pupil_fraction=light.pupil_fraction,

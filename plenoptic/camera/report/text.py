@@ -52,6 +52,7 @@ def _image_lines(report: CameraReport) -> list[str]:
         _line("dark part of the sensor", report.dark_fraction, "%"),
         _line("part lit by several microlenses", report.overlap_fraction, "%"),
         _line("microlenses with their image on the sensor", report.microlenses),
+        _line("plane imaged onto the array (v = 0): z", report.array_plane, "mm"),
     ]
 
 

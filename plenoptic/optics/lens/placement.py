@@ -16,6 +16,7 @@ from plenoptic.core.values import (
     frozen_array,
     length_in_mm,
     positions,
+    radians,
     set_field,
     value,
 )
@@ -42,7 +43,7 @@ def rotation_about_axes(tilt: Sequence[float]) -> Floats:
             "element: give radians, such as math.radians(2.0)"
         )
     matrix = np.eye(3)
-    for axis, angle in enumerate(angles):
+    for axis, angle in enumerate((*angles[:2], radians(angles[2], "tilt about z"))):
         i, j = (axis + 1) % 3, (axis + 2) % 3
         turn = np.eye(3)
         turn[i, i] = turn[j, j] = math.cos(angle)

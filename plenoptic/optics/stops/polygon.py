@@ -9,7 +9,18 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import MOST_POINTS, Floats, alike, finite, number, read_only, set_field, value, whole
+from plenoptic.core.values import (
+    MOST_POINTS,
+    Floats,
+    alike,
+    finite,
+    number,
+    radians,
+    read_only,
+    set_field,
+    value,
+    whole,
+)
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.placement import Placement, set_place
 from plenoptic.optics.record import ARCS, POLYGON, ElementRow
@@ -67,7 +78,7 @@ class PolygonStop:
     def __post_init__(self) -> None:
         set_place(self)
         set_field(self, "blades", whole(self.blades, "blades", at_least=3, at_most=MOST_CORNERS))
-        set_field(self, "rotation", finite(self.rotation, "rotation"))
+        set_field(self, "rotation", radians(self.rotation, "rotation"))
         set_field(self, "blade_radius", self._checked_blade_radius())
 
     def _checked_blade_radius(self) -> float:

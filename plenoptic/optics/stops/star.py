@@ -8,7 +8,18 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import MOST_POINTS, Floats, alike, finite, length_in_mm, read_only, set_field, value, whole
+from plenoptic.core.values import (
+    MOST_POINTS,
+    Floats,
+    alike,
+    finite,
+    length_in_mm,
+    radians,
+    read_only,
+    set_field,
+    value,
+    whole,
+)
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.placement import Placement, set_place
 from plenoptic.optics.record import STAR, ElementRow
@@ -59,7 +70,7 @@ class StarStop:
         set_place(self)
         set_field(self, "points", whole(self.points, "points", at_least=3, at_most=MOST_CORNERS))
         set_field(self, "inner_semi_diameter", length_in_mm(self.inner_semi_diameter, "inner_semi_diameter"))
-        set_field(self, "rotation", finite(self.rotation, "rotation"))
+        set_field(self, "rotation", radians(self.rotation, "rotation"))
         largest = self.semi_diameter * math.cos(math.pi / self.points)
         if self.inner_semi_diameter > largest * (1 + 1e-12):
             raise InvalidValueError(

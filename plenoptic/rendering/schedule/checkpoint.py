@@ -17,7 +17,6 @@ import math
 import os
 import re
 import time
-import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
@@ -29,7 +28,8 @@ from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.core.files.atomic_file import check_folder, explained, is_there, real_path, replaced
 from plenoptic.core.files.digest import bytes_of, little_endian
 from plenoptic.core.values import file_path, positive
-from plenoptic.errors import FileError, InvalidValueError
+from plenoptic.core.warn import warn
+from plenoptic.errors import FileError, FileWarning, InvalidValueError
 from plenoptic.rendering.schedule.identity import differences, identity
 from plenoptic.rendering.schedule.progress import Progress
 
@@ -102,7 +102,7 @@ class Checkpoint:
             self._write(progress)
         except FileError as error:
             self._saved = time.perf_counter()
-            warnings.warn(f"the checkpoint has not been written: {error}", stacklevel=2)
+            warn(f"the checkpoint has not been written: {error}", FileWarning)
 
     def _write(self, progress: Progress) -> None:
         progress.note_time()

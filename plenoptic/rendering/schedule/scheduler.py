@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import os
 import time
-import warnings
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -18,6 +17,8 @@ from plenoptic.camera.sampling.record import Batch
 from plenoptic.core.lost_rays import lost_rays
 from plenoptic.core.parallel import run_in_order, thread_count
 from plenoptic.core.values import seed_number, whole
+from plenoptic.core.warn import warn
+from plenoptic.errors import BlackImageWarning, BudgetWarning
 from plenoptic.rendering.context import RenderContext, render_context
 from plenoptic.rendering.exposure import Exposure
 from plenoptic.rendering.plan.scene_stages import is_dark
@@ -38,7 +39,6 @@ from plenoptic.truth.stages import TruthRecord
 if TYPE_CHECKING:
     from plenoptic.optics.lens.analysis.conditioning import Conditioning
     from plenoptic.rendering.schedule.checkpoint import Checkpoint
-    from plenoptic.scene.scene import Scene
 
 _MISSED = 1.25
 """Ratio of the error reached to the one wanted that is worth a warning."""
@@ -73,11 +73,10 @@ def run(subject: Subject, budget: Budget, work: Work) -> Exposure:
     if work.conditioning is not None:
         whole(work.conditioning, "conditioning", at_least=1)
     context = render_context(subject, seed)
-    if context.scene is not None and is_dark(context.scene):
-        warnings.warn(
-            "nothing in the scene shines and its image will be black; give it lights=[...] or a background=",
-            stacklevel=3,
-        )
+    if dark := context.scene is not None and is_dark(context.scene):
+        assert subject.scene is not None
+        dull = "no light shines on anything" if subject.scene.lights else "nothing in the scene shines"
+        warn(f"{dull} and the image will be black; give it lights=[...] above 0 or a background=", BlackImageWarning)
     meshes = context.intersector is not None
     kept = available_truth(subject.truth, meshes=meshes, microlenses=camera.microlenses is not None)
     side, tiles = cut_into_tiles(region, budget, work.tile_side, cells_per_pixel(context.camera))
@@ -95,12 +94,18 @@ def run(subject: Subject, budget: Budget, work: Work) -> Exposure:
         found = camera_conditioning(context.camera, region, seed=seed, rays=work.conditioning)
     bar = ProgressBar(progress, begin[0], show=work.progress)
     interrupted = _drive(progress, context, truth_record(camera, context.camera, kept), clock, workers, checkpoint, bar)
-    if subject.scene is not None and meshes:
-        _warn_where_unmet(progress, subject.scene)
     reason = _reason(progress, interrupted=interrupted)
     shot = _exposure(progress, reason, subject, work, workers, found)
     if budget.time_limit is not None and not interrupted:
         _warn_where_late(progress, budget.time_limit, time.perf_counter() - begin[0])
+    lit = bool(shot.image.any())
+    if progress.done.all() and not interrupted and not dark and not (lit and (progress.met or not meshes)):
+        from plenoptic.rendering.black_image import Rendered, warn_of_darkness
+
+        found_by = Rendered(
+            region, shot.region is None, progress.counts, progress.met, lit, subject.settings.max_bounces
+        )
+        warn_of_darkness(context, subject.scene, found_by)
     return shot
 
 
@@ -181,29 +186,19 @@ def _drive(
         return interrupts.asked
 
 
-def _warn_where_unmet(progress: Progress, scene: Scene) -> None:
-    if not progress.met and progress.counts[0] and progress.done.all():
-        low, high = np.asarray(scene.bounds).round(3).tolist()
-        warnings.warn(
-            f"no path met the scene, which lies between {low} and {high} mm; move it, or the camera, which without a "
-            "pose looks from the origin along -z",
-            stacklevel=4,
-        )
-
-
 def _warn_where_late(progress: Progress, limit: float, took: float) -> None:
-    why = "setting up and finishing the image take long, and so does compiling what is used for the first time"
+    why = "set-up, compiling what is used for the first time, and finishing take long; give more time"
     begun = float((progress.done > 0).mean())
     if not begun:
-        warnings.warn(f"nothing has been rendered within {limit:g} s, and the image is black: {why}", stacklevel=4)
+        warn(f"nothing has been rendered within {limit:g} s, and the image is black: {why}", BudgetWarning)
     elif begun < 1:
-        warnings.warn(
+        warn(
             f"only {math.floor(100 * begun)} % of the tiles were begun within {limit:g} s; the other pixels are black, "
             "with infinite errors",
-            stacklevel=4,
+            BudgetWarning,
         )
     elif took > limit + max(_LATE * limit, _LATE_SECONDS):
-        warnings.warn(f"rendering took {took:.3g} s instead of {limit:g} s: {why}", stacklevel=4)
+        warn(f"rendering took {took:.3g} s instead of {limit:g} s: {why}", BudgetWarning)
 
 
 def _reason(progress: Progress, *, interrupted: bool) -> StopReason:
@@ -216,13 +211,12 @@ def _reason(progress: Progress, *, interrupted: bool) -> StopReason:
     reached = progress.error()
     if reached is None or not _MISSED * target < reached:  # nan where nothing can be lit
         return StopReason.TARGET_ERROR
-    warnings.warn(
-        f"the error reached is {100 * reached:.2g} % instead of {100 * target:.2g} %: light comes by rare paths, or "
-        "too few pixels are lit to decide for each other; give samples"
-        if reached < math.inf
-        else "no path has met any light, and the image is black; give samples if some can be met",
-        stacklevel=4,
-    )
+    if reached < math.inf:  # otherwise the image is black, of which there is a warning of its own
+        warn(
+            f"the error reached is {100 * reached:.2g} % instead of {100 * target:.2g} %: light comes by rare paths, "
+            "or too few pixels are lit to decide for each other; give samples",
+            BudgetWarning,
+        )
     return StopReason.TARGET_MISSED
 
 

@@ -76,7 +76,7 @@ def rotated_deg(self: T, axis: ArrayLike, angle_deg: float) -> T:
     >>> pl.box((4, 2, 1)).rotated_deg((0, 0, 1), 90).bounds[1].round(12).tolist()
     [1.0, 2.0, 0.5]
     """
-    return self.rotated(axis, math.radians(finite(angle_deg, "angle_deg")))
+    return self.rotated(axis, math.radians(math.fmod(finite(angle_deg, "angle_deg"), 360)))
 
 
 def scaled(self: M, factor: float) -> M:

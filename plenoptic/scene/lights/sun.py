@@ -8,7 +8,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic.core.values import Floats, Given, finite, set_field, value
+from plenoptic.core.values import Floats, Given, finite, radians, set_field, value
 from plenoptic.errors import InvalidValueError, SceneError
 from plenoptic.scene.lights.fields import unit_vector
 from plenoptic.scene.textures.color import Colour, as_colour
@@ -99,7 +99,7 @@ class SunLight:
         >>> sun.direction.round(3).tolist()
         [-0.866, -0.5, 0.0]
         """
-        around, up = finite(azimuth, "azimuth"), finite(elevation, "elevation")
+        around, up = radians(azimuth, "azimuth"), finite(elevation, "elevation")
         if not abs(up) <= math.pi / 2:
             raise InvalidValueError(f"elevation is {up:g} rad; it must be within -pi/2 and pi/2")
         direction = (-math.cos(up) * math.sin(around), -math.sin(up), math.cos(up) * math.cos(around))

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.core.values import Floats, finite, read_only, result, whole
+from plenoptic.core.warn import warn
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.analysis.focus import paraxial_focus, working_f_number
 from plenoptic.optics.lens.pupil.beam import REPLICATES, checked_point, checked_wavelengths, meridian, passing_light
@@ -199,7 +199,7 @@ def spot_diagram(
     total = float(light.weight.sum())
     if total == 0:
         unit = "rad, not degrees" if math.isinf(z) else "mm"
-        warnings.warn(f"no light from the field {point} ({unit}) passes {lens.name or 'the lens'}", stacklevel=2)
+        warn(f"no light from the field {point} ({unit}) passes {lens.name or 'the lens'}; choose a smaller field")
     passing, through_iris = without_one([light.weight], light.replicate)[0], light.through_iris
     emitted = float(through_iris.sum())
     others = emitted - through_iris

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
+from plenoptic.core.warn import warn
+from plenoptic.errors import FileWarning
 from plenoptic.scene.files.file_materials import colour_of, dark_or_not
 from plenoptic.scene.files.gltf.textures import ALPHA, BLUE, GREEN, RED, Info, MaterialTextures
 from plenoptic.scene.materials.dielectric import Dielectric, ThinGlass
@@ -107,7 +108,7 @@ def _thinned(opacity: float | Texture, passed: float, name: str) -> float | Text
         return opacity
     if not isinstance(opacity, Texture):
         return opacity * (1 - passed)
-    warnings.warn(f"the transmission of material {name!r} is left out beside its opacity", stacklevel=2)
+    warn(f"the transmission of material {name!r} is left out beside its opacity", FileWarning)
     return opacity
 
 
@@ -121,10 +122,10 @@ def _transmitted(extensions: Mapping[str, Any], metallic: float | Texture, name:
     if factor == 0 or metallic == 1:
         return 0.0
     if "transmissionTexture" in described or isinstance(metallic, Texture):
-        warnings.warn(
+        warn(
             f"material {name!r} transmits light through parts of it, by a texture, which is not rendered: it is "
             "opaque; give these parts a mesh of their own",
-            stacklevel=2,
+            FileWarning,
         )
         return 0.0
     return factor * (1 - metallic)
@@ -143,7 +144,7 @@ def _glass(
     volume = extensions.get("KHR_materials_volume", {})
     thickness = float(volume.get("thicknessFactor", 0.0)) * scale
     if isinstance(base, Texture) or isinstance(roughness, Texture):
-        warnings.warn(f"the textures of the glass {name!r} are replaced by their means", stacklevel=2)
+        warn(f"the textures of the glass {name!r} are replaced by their means", FileWarning)
     tint = np.broadcast_to(mean_colour(base), 3)
     if thickness == 0:
         return ThinGlass(index, colour_of(tint))

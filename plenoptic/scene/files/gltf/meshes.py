@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -10,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.core.values import Floats
+from plenoptic.core.warn import warn
+from plenoptic.errors import FileWarning
 from plenoptic.scene.files.file_materials import colour_of
 from plenoptic.scene.files.gltf.file import GltfFile
 from plenoptic.scene.files.gltf.materials import WHITE, gltf_material
@@ -38,9 +39,7 @@ def gltf_meshes(
         if "mesh" in node.described:
             if "skin" in node.described or any(node.described.get("weights", ())):
                 label = node.described.get("name", "without a name")
-                warnings.warn(
-                    f"the node {label!r} bends its mesh, which is shown as it is stored, unbent", stacklevel=2
-                )
+                warn(f"the node {label!r} bends its mesh, which is shown as it is stored, unbent", FileWarning)
             places.setdefault(node.described["mesh"], []).append(copies(node, file))
     reader = _MeshReader(file, scale, material)
     for number, found in places.items():
@@ -117,7 +116,7 @@ class _MeshReader:
         if colours is None or len(colours) == 0:
             return None
         if np.any(colours != colours[0]):
-            warnings.warn("colours that vary from vertex to vertex are left out", stacklevel=2)
+            warn("colours that vary from vertex to vertex are left out", FileWarning)
             return None
         return (*(float(part) for part in colours[0]), 1.0)[:4]
 

@@ -1,0 +1,303 @@
+"""Why an image is black, or shows nothing of its scene: found by a few paths over the whole sensor."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.camera.paths import CameraPaths
+from plenoptic.camera.sampling.pixel_regions import fed_pixels
+from plenoptic.core.kernels.bundles import fill_status_counts
+from plenoptic.core.lost_rays import by_cause, in_words, lost_rays
+from plenoptic.core.values import Floats
+from plenoptic.core.warn import warn
+from plenoptic.errors import BlackImageWarning, UnseenSceneWarning
+from plenoptic.rendering.context import RenderContext
+from plenoptic.rendering.tile import Tile, batch_of, status_codes
+from plenoptic.scene.geometry.mesh import Mesh
+from plenoptic.scene.geometry.record import NORMAL, OFFSET, POINT
+from plenoptic.scene.lights.environment import ConstantBackground
+from plenoptic.scene.lights.registry import AreaLight, DistantLight
+from plenoptic.scene.lights.spot import SpotLight
+from plenoptic.scene.textures.color import mean_colour
+
+if TYPE_CHECKING:
+    from plenoptic.rendering.integrator.record import RayQueue
+    from plenoptic.scene.geometry.record import Hits, Interactions
+    from plenoptic.scene.scene import Scene
+
+_PIXELS, _SAMPLES = 256, 16
+"""Of the probe, at random places of the sensor."""
+_POINTS, _PARTS = 64, 16
+"""Points that are seen, and parts of each light, that are looked at."""
+_FEW = 32 * 32
+"""Pixels of a region that may well be dark: between microlens images, or beside all that shines."""
+_NAMED = 3
+"""Lights that are spoken of."""
+_TURN = "turn it round, as QuadLight.facing does, or make it two_sided"
+_SHORT = 0.999
+"""Rays to a light end this far on their way, before the light's own surface."""
+
+
+class Rendered(NamedTuple):
+    """What a render brought."""
+
+    region: tuple[int, int, int, int]
+    whole: bool
+    """Whether the region is the whole sensor."""
+    counts: NDArray[np.int64]
+    """Paths by status."""
+    met: int
+    """Paths that met the scene."""
+    lit: bool
+    max_bounces: int
+
+    @property
+    def few(self) -> bool:
+        """Whether nothing need be wrong if these pixels alone are dark."""
+        first_row, end_row, first_column, end_column = self.region
+        return not self.whole and (end_row - first_row) * (end_column - first_column) < _FEW
+
+
+def warn_of_darkness(context: RenderContext, scene: Scene | None, rendered: Rendered) -> None:
+    """Say why an image is black, or shows nothing of its meshes; silent where that is so for a few pixels only."""
+    probe = _Probe(context)
+    if not rendered.lit and (cause := _cause(context, scene, rendered, probe)):
+        warn(f"the image is black: {cause}", BlackImageWarning)
+    elif rendered.lit and scene is not None and (rendered.whole or probe.is_past(scene)):
+        warn(f"no path met the scene, {_place(scene)}", UnseenSceneWarning)
+
+
+def _cause(context: RenderContext, scene: Scene | None, rendered: Rendered, probe: _Probe) -> str:
+    """One sentence; empty where nothing need be wrong."""
+    counts = rendered.counts if rendered.whole else probe.counts
+    if not counts[0]:
+        lost = in_words(by_cause(lost_rays(counts))) or "nothing feeds the pixels"
+        return f"no light passes the camera ({lost}); look at camera.report(), the stop and the size of the sensor"
+    if probe.bright and not rendered.whole:
+        return "" if rendered.few else "this region of the sensor gets no light, and others do; choose another region"
+    if scene is None:
+        return "hardly any light passes the camera; look at camera.report()"
+    if context.intersector is None:
+        return (
+            "there is no surface for light to fall on, and none of the lights is in view; give the scene meshes=[...]"
+        )
+    if (rendered.whole and not rendered.met) or probe.is_past(scene):
+        return f"the camera looks past the scene, {_place(scene)}"
+    if rendered.max_bounces == 0:
+        return "max_bounces is 0, which shows only what emits, and none of that is in view; give more"
+    return _unlit(context, scene, rendered, probe)
+
+
+def _place(scene: Scene) -> str:
+    low, high = np.asarray(scene.bounds).round(3).tolist()
+    return (
+        f"which lies between {low} and {high} mm; move it, or the camera, which without a pose looks from the origin "
+        "along -z"
+    )
+
+
+def _unlit(context: RenderContext, scene: Scene, rendered: Rendered, probe: _Probe) -> str:
+    """Which lights there are, and why each does not reach what is seen."""
+    labels, emitters = _labels(scene), list(_emitters(scene))
+    inside = _surrounding(context, labels, probe)
+    start = f"the camera is inside {inside}; " * bool(inside)
+    seen, normals = probe.surfaces()
+    if not len(seen):
+        met = {labels[number] for number in probe.meshes}
+        backs = [e.name for e in emitters if e.name in met and e.normals is not None][:_NAMED]
+        if backs:
+            return f"{start}{', '.join(backs)} shines away from the camera; {_TURN}"
+        return f"{start}what is seen is black, glass or a mirror and shows no light; give it matt materials, or move it"
+    found = [(e.name, _obstacle(context, e, seen, normals, labels)) for e in emitters]
+    if not all(obstacle for _, obstacle in found):
+        dim = f"{start}light reaches what is seen and not the camera, within {rendered.max_bounces} bounces; give more "
+        return "" if rendered.few else f"{dim}bounces or samples, or look at the colours of lights and materials"
+    named = "; ".join(f"{name} {obstacle}" for name, obstacle in found[:_NAMED])
+    more = f"; and {len(found) - _NAMED} more" * (len(found) > _NAMED)
+    return f"{start}{len(found)} light{'s' * (len(found) > 1)}, none reaches what is seen; {named}{more}"
+
+
+class _Emitter(NamedTuple):
+    """Something that shines: by points on it, or by directions towards it."""
+
+    name: str
+    ends: Floats
+    """(m, 3), mm."""
+    distant: bool = False
+    normals: Floats | None = None
+    """(m, 3), where one side is dark."""
+    spot: SpotLight | None = None
+
+
+def _labels(scene: Scene) -> list[str]:
+    """What the numbers of `triangle_mesh` are called."""
+    labels = []
+    for number, part in enumerate(scene.meshes):
+        name = (part if isinstance(part, Mesh) else part.mesh).name
+        labels.append(f"mesh {number}" + (f" ({name!r})" if name else ""))
+    shapes = [f"{type(light).__name__} {k}" for k, light in enumerate(scene.lights) if isinstance(light, AreaLight)]
+    return labels + shapes
+
+
+def _emitters(scene: Scene) -> Iterator[_Emitter]:
+    for number, light in enumerate(scene.lights):
+        name = f"{type(light).__name__} {number}"
+        if isinstance(light, AreaLight):
+            yield _of_mesh(name, [light.mesh()])
+        elif isinstance(light, DistantLight):
+            yield _Emitter(name, -light.direction[None], distant=True)
+        else:
+            yield _Emitter(name, light.position[None], spot=light if isinstance(light, SpotLight) else None)
+    for part, name in zip(scene.meshes, _labels(scene), strict=False):
+        copies = (
+            [part] if isinstance(part, Mesh) else dataclasses.replace(part, matrices=part.matrices[:_PARTS]).meshes()
+        )
+        if np.any(mean_colour(copies[0].material.row().emission)):
+            yield _of_mesh(name, copies)
+    world = scene.background
+    if world is not None and np.any(world.radiance if isinstance(world, ConstantBackground) else world.texels):
+        yield _Emitter("the background", _directions(_PARTS), distant=True)
+
+
+def _of_mesh(name: str, copies: Sequence[Mesh]) -> _Emitter:
+    """Middles and normals of some triangles."""
+    corners = np.concatenate([mesh.vertices[mesh.faces] for mesh in copies])
+    corners = corners[:: -(-len(corners) // _PARTS)]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return _Emitter(name, corners.mean(axis=1), normals=None if copies[0].material.row().two_sided else normals)
+
+
+def _directions(n: int) -> Floats:
+    """(n, 3): unit vectors all around, on a Fibonacci spiral."""
+    z = 1 - (2 * np.arange(n) + 1) / n
+    turn = math.pi * (3 - math.sqrt(5)) * np.arange(n)
+    return np.stack([np.sqrt(1 - z * z) * np.cos(turn), np.sqrt(1 - z * z) * np.sin(turn), z], axis=1)
+
+
+def _obstacle(context: RenderContext, e: _Emitter, seen: Floats, normals: Floats, labels: list[str]) -> str:
+    """Why no light of one emitter gets to points (n, 3); empty where some does."""
+    record, intersector = context.scene, context.intersector
+    assert record is not None and intersector is not None
+    assert record.triangle_mesh is not None and record.geometry is not None
+    ways = np.broadcast_to(e.ends * record.lights.far, (len(seen), len(e.ends), 3))
+    if not e.distant:
+        ways = e.ends - seen[:, None]
+    open_ = np.ones(ways.shape[:2], dtype=bool)
+    if e.normals is not None:
+        open_ &= (ways * e.normals).sum(axis=2) < 0
+        if not open_.any():
+            return f"faces away: {_TURN}"
+    if e.spot is not None:
+        along = -(ways @ e.spot.direction) / np.linalg.norm(ways, axis=2)
+        open_ &= e.spot.falloff(np.arccos(np.clip(along, -1, 1))) > 0
+        if not open_.any():
+            return "shines past it: aim it with SpotLight.facing, or widen outer_angle (radians)"
+    open_ &= (ways * normals[:, None]).sum(axis=2) > 0
+    if not open_.any():
+        remedy = "reverse its direction, the way its light travels" if e.distant else "move it to the camera's side"
+        return f"shines from behind: {remedy}"
+    start = np.broadcast_to(seen[:, None], ways.shape)[open_]
+    rays, blocked = np.hstack([start, _SHORT * ways[open_]]), np.empty(len(start), dtype=np.uint8)
+    intersector.fill_blocked(blocked, rays)
+    if not blocked.all():
+        return ""
+    triangles = _triangles_met(context, rays)
+    label = labels[np.bincount(record.triangle_mesh[triangles]).argmax()]
+    bsdf, materials = record.bsdf, record.geometry.triangle_material[triangles]
+    if bsdf is not None and (bsdf.scatters[materials] > bsdf.takes_light[materials]).any():
+        return f"is behind {label}, whose glass lets light pass by chance only, and that of points never: move it"
+    return f"is hidden by {label}: move one of them, or the camera"
+
+
+def _triangles_met(context: RenderContext, rays: Floats) -> NDArray[np.int32]:
+    """Rows of the triangles that rays (n, 6) meet; those that meet none are left out."""
+    from plenoptic.scene.materials.alpha_mask import no_hits
+
+    assert context.scene is not None and context.intersector is not None
+    hits = no_hits(context.scene, len(rays))
+    context.intersector.fill_closest(hits, np.ascontiguousarray(rays), coherent=False)
+    return hits.triangle[hits.triangle >= 0]
+
+
+def _surrounding(context: RenderContext, labels: list[str], probe: _Probe) -> str:
+    """The mesh that is all around the camera; empty where there is none."""
+    assert context.scene is not None and context.scene.triangle_mesh is not None
+    around = _directions(_POINTS)
+    triangles = _triangles_met(context, np.hstack([np.broadcast_to(probe.rays[0, :3], around.shape), around]))
+    met = context.scene.triangle_mesh[triangles]
+    return labels[met[0]] if len(met) == len(around) and (met == met[0]).all() else ""
+
+
+class _Probe:
+    """Some paths over the whole sensor, and what becomes of them: a `Witness` of them."""
+
+    def __init__(self, context: RenderContext) -> None:
+        self.counts = np.zeros(status_codes(context.camera), dtype=np.int64)
+        """Paths by status."""
+        self.rays, self.found = np.empty((0, 6)), np.empty((0, 6))
+        """Those that leave the camera; points and normals of the matt surfaces that they meet first."""
+        self.meshes = np.empty(0, dtype=np.int32)
+        """Numbers of the meshes that are seen."""
+        self.bright, self._scene = False, context.scene
+        sensor, drawn = context.camera.sensor, np.random.default_rng(0)
+        places = zip(
+            drawn.integers(sensor.rows, size=_PIXELS), drawn.integers(sensor.columns, size=_PIXELS), strict=True
+        )
+        tiles = [Tile(int(row), int(column), 1, 1) for row, column in places]
+        centres = np.concatenate([tile.centres(context.camera) for tile in tiles])
+        fed = fed_pixels(context.camera, centres, np.concatenate([tile.numbers(context.camera) for tile in tiles]))
+        batch, n = batch_of(context, 0, _SAMPLES), fed.place.size * _SAMPLES
+        if not n:
+            return
+        ways = CameraPaths(context.camera, fed, batch, n)
+        bundle = ways.started(0, n)
+        ways.fill_through_array(bundle)
+        ways.fill_through_lens(bundle)
+        fill_status_counts(self.counts, bundle, n)
+        self.bright = context.scene is None and bool(self.counts[0])
+        if context.scene is not None:
+            from plenoptic.rendering.integrator.path import PathIntegrator
+
+            radiance = PathIntegrator(context, n).radiance(bundle, 0, n, batch, fed.number, ways.waves, witness=self)
+            self.bright = bool(radiance.any())
+
+    def saw(self, rays: Floats, hits: Hits, radiance: Floats) -> None:
+        """Keep the rays that leave the camera, and the numbers of the meshes that they meet."""
+        if not len(self.rays) and self._scene is not None and self._scene.triangle_mesh is not None:
+            self.rays = rays.copy()
+            self.meshes = np.unique(self._scene.triangle_mesh[hits.triangle[hits.triangle >= 0]])
+
+    def lit(self, *_: object) -> None:
+        """Lights were drawn."""
+
+    def scattered(self, interactions: Interactions, onward: RayQueue, onwards: int, drawn: int) -> None:
+        """Keep the first surfaces that scatter the light of lamps."""
+        if len(self.found) == 0 and self._scene is not None and self._scene.bsdf is not None:
+            matt = self._scene.bsdf.takes_light[interactions.material] > 0
+            rows = interactions.rows[: len(matt)][matt]
+            normals = rows[:, NORMAL : NORMAL + 3]
+            self.found = np.hstack([rows[:, POINT : POINT + 3] + rows[:, OFFSET, None] * normals, normals])
+
+    def surfaces(self) -> tuple[Floats, Floats]:
+        """Points (n, 3) on some of them, and normals."""
+        some = self.found[:: max(1, -(-len(self.found) // _POINTS))]
+        return some[:, :3], some[:, 3:]
+
+    def is_past(self, scene: Scene) -> bool:
+        """Whether all meshes and area lights are outside of the cone of rays that leave the camera."""
+        if len(self.meshes) or not len(self.rays) or scene.bounds is None:
+            return False
+        start, directions = self.rays[:, :3].mean(axis=0), self.rays[:, 3:]
+        axis = directions.mean(axis=0) / np.linalg.norm(directions.mean(axis=0))
+        middle, radius = scene.bounds.mean(axis=0) - start, np.linalg.norm(np.ptp(scene.bounds, axis=0)) / 2
+        far = float(np.linalg.norm(middle))
+        if far <= radius:
+            return False
+        width = math.acos(min(1.0, float((directions @ axis).min()))) + math.asin(radius / far)
+        return math.acos(max(-1.0, min(1.0, float(middle @ axis) / far))) > width

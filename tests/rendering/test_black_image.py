@@ -1,0 +1,160 @@
+"""Black images and scenes out of view: one warning that names the cause, and none where nothing is wrong."""
+
+import re
+import warnings
+
+import numpy as np
+import pytest
+
+import plenoptic as pl
+from plenoptic.errors import BlackImageWarning, PlenopticWarning, UnseenSceneWarning
+
+CAMERA = pl.PlenopticCamera(
+    lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=5.0)),
+    microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
+    sensor=pl.Sensor(shape=(64, 64), pixel_pitch=0.01),
+    stop_to_microlenses=123.3,
+    microlenses_to_sensor=1.7,
+)
+
+
+def wall(z=-404.0, material=None):
+    return pl.quad((-100, -100, z), (200, 0, 0), (0, 200, 0), material=material)
+
+
+def lamp(towards, **more):
+    return pl.QuadLight.facing((0, 60, -300), towards, (40, 40), **{"radiance": 10.0, **more})
+
+
+LAMP, AWAY = lamp((0, 0, -404)), lamp((0, 0, 404))
+AHEAD, BACK = np.s_[20:44, 20:44], pl.quad((-100, -100, -404), (0, 200, 0), (200, 0, 0), material=pl.Emissive(5.0))
+
+
+def said(scene, camera=CAMERA, **settings):
+    """The warnings of a render, and whether its image is black."""
+    with warnings.catch_warnings(record=True) as found:
+        warnings.simplefilter("always")
+        shot = pl.render(scene, camera, **{"samples": 8, "progress": False, "threads": 2, "tile_side": 16, **settings})
+    assert all(issubclass(warning.category, PlenopticWarning) for warning in found)
+    assert all(warning.filename == __file__ for warning in found)  # at the user's line
+    return [(warning.category, str(warning.message)) for warning in found], not shot.image.any()
+
+
+HALF = pl.quad((-100, -100, -404), (0, 200, 0), (100, 0, 0), material=pl.Emissive(5.0))
+"""It shines away from the camera, in the left half of the view."""
+
+BLACK = {
+    "nothing shines": ((wall(),), (), {}, "nothing in the scene shines"),
+    "a lamp of radiance 0": ((wall(),), (lamp((0, 0, -404), radiance=0.0),), {}, "no light shines on anything"),
+    "a lamp that faces away": ((wall(),), (AWAY,), {}, "1 light, none reaches what is seen; QuadLight 0 faces away"),
+    "two lamps": ((wall(),), (AWAY, AWAY), {}, "2 lights, .* QuadLight 0 faces away.* QuadLight 1 faces away"),
+    "on a wall of instances": (
+        (pl.scene.Instances(wall(0.0), [np.eye(4) + np.outer([0, 0, -404.0, 0], [0, 0, 0, 1])]),),
+        (AWAY,),
+        {},
+        "QuadLight 0 faces away",
+    ),
+    "one pixel of it": ((wall(),), (AWAY,), {"region": np.s_[30:31, 30:31]}, "QuadLight 0 faces away"),
+    "a target": ((wall(),), (AWAY,), {"samples": None, "target_error": 0.1}, "QuadLight 0 faces away"),
+    "a lamp behind the wall": (
+        (wall(),),
+        (pl.lights.PointLight((0, 0, -500), 1e5),),
+        {},
+        "PointLight 0 shines from be",
+    ),
+    "a sun the other way": ((wall(),), (pl.SunLight((0, 0, 1)),), {}, "SunLight 0 shines from behind: reverse its dir"),
+    "a spot that aims elsewhere": (
+        (wall(),),
+        (pl.lights.SpotLight((0, 100, -300), (0, 1, 0), 1e5),),
+        {},
+        "SpotLight 0 shines past it: aim it",
+    ),
+    "a roof": (
+        (wall(), pl.Mesh([[-300, 30, -500], [300, 30, -500], [0, 30, 100]], [[0, 2, 1]], name="roof")),
+        (LAMP,),
+        {},
+        r"QuadLight 0 is hidden by mesh 1 \('roof'\)",
+    ),
+    "in a closed box": (
+        (pl.box(600), wall()),
+        (),
+        {"background": 1.0},
+        "camera is inside mesh 0; .*the background is hi",
+    ),
+    "emission from behind": ((BACK,), (), {}, "mesh 0 shines away from the camera; turn it round"),
+    "emission beside a wall": ((HALF, pl.quad((0, -100, -403), (100, 0, 0), (0, 200, 0))), (), {}, "mesh 0 faces away"),
+    "a black wall": ((wall(material=pl.Lambertian(0.0)),), (LAMP,), {}, "what is seen is black, glass or a mirror"),
+    "colours": (
+        (wall(material=pl.Lambertian((1.0, 0.0, 0.0))),),
+        (lamp((0, 0, -404), radiance=(0.0, 0.0, 9.0)),),
+        {},
+        "colours of lights and materials",
+    ),
+    "no bounces": ((wall(),), (LAMP,), {"max_bounces": 0}, "max_bounces is 0"),
+    "behind the camera": (
+        (wall(404.0),),
+        (LAMP.moved(np.diag([1, 1, -1.0, 1]), 1),),
+        {},
+        r"past the scene.* between \[.*move it, or",
+    ),
+    "a sun and no mesh": ((), (pl.SunLight((0, -1, 0)),), {}, "no surface for light to fall on"),
+}
+
+
+@pytest.mark.parametrize("case", BLACK)
+def test_a_black_image_names_its_cause_once(case):
+    meshes, lights, settings, words = BLACK[case]
+    settings = dict(settings)
+    found, black = said(pl.Scene(meshes, lights, settings.pop("background", None)), **settings)
+    assert black and [category for category, _ in found] == [BlackImageWarning]
+    assert re.search(words, found[0][1])
+
+
+def test_a_camera_that_lets_nothing_pass():
+    aside = CAMERA.moved(pl.CameraPart.SENSOR, shift=(500.0, 0.0, 0.0))
+    with pytest.warns(BlackImageWarning, match="no light passes the camera"):
+        pl.render_white(aside, samples=8, progress=False)
+
+
+def test_a_scene_before_a_bright_background_may_be_out_of_view():
+    found, black = said(pl.Scene([wall(404.0)], background=1.0))
+    assert not black and [category for category, _ in found] == [UnseenSceneWarning]
+
+
+SMALL = pl.Scene([pl.box(4, center=(0, 0, -404))], [LAMP])
+"""In plain view, in the middle."""
+
+
+@pytest.mark.parametrize(
+    "scene, settings",
+    [
+        (SMALL, {}),
+        (pl.Scene([HALF, wall(-500.0)]), {}),
+        (pl.Scene([wall()], [LAMP, AWAY]), {}),
+        (pl.Scene([pl.box(600), wall(-299.0)], [pl.QuadLight.facing((0, 60, -200), (0, 0, -299), (9, 9))]), {}),
+        (pl.Scene([pl.box(0.1, center=(0, 0, -404))], background=1.0), {"region": np.s_[0:1, 0:1]}),
+        (pl.Scene([pl.box(0.1, center=(0, 0, -404))], background=1.0), {"region": np.s_[0:8, 20:44]}),
+        (pl.Scene(background=1.0), {}),
+    ],
+    ids=["lit", "one side of two", "one lamp of two", "lit box", "a pixel beside it", "pixels beside it", "no mesh"],
+)
+def test_nothing_is_said_where_nothing_is_wrong(scene, settings):
+    assert said(scene, **settings)[0] == []
+
+
+def test_dark_pixels_of_a_scene_in_plain_view_are_no_news():
+    # Between microlens images, and beside the box before a black world: single pixels, some of them dark.
+    dark = 0
+    for k in range(0, 64, 2):
+        found, black = said(SMALL, region=np.s_[k : k + 1, k : k + 1])
+        assert found == []
+        dark += black
+    assert dark > 3
+
+
+def test_a_whole_dark_region_is_told_from_a_dark_scene():
+    sensor = pl.Sensor(shape=(256, 256), pixel_pitch=0.01)
+    found, black = said(
+        SMALL, pl.PlenopticCamera(CAMERA.lens, sensor, 123.3, CAMERA.microlenses, 1.7), region=np.s_[:32, :32]
+    )
+    assert black and len(found) == 1 and "this region of the sensor gets no light, and others do" in found[0][1]
