@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY
 from typing import TYPE_CHECKING, Any
 
@@ -39,7 +39,9 @@ if TYPE_CHECKING:
 
 _NAMES = {1: ("Y",), 3: ("R", "G", "B")}
 _FULL = 65535  # the largest 16-bit value
-_KEPT_AS_TEXT = ("samples", "replicates", "seed", "region", "camera", "stats", "settings")
+_KEPT_AS_TEXT = ("samples", "replicates", "seed", "region", "camera", "stats", "settings", "object_names")
+MOST_NAMES = 10_000
+"""Objects of a scene whose names are kept: at most a megabyte in the head of a file."""
 _SAMPLES = "samples"
 
 
@@ -72,6 +74,10 @@ class Exposure:
         Paths of each pixel; None where all have `samples`, which is otherwise the most that a pixel has.
     settings : RenderSettings, optional
         How it was rendered: what `replay` needs to know.
+    object_names : sequence of str, optional
+        The name of each number in `truth.object`, as `Scene.object_names` has them, the last one '' for -1:
+        ``np.array(shot.object_names)[shot.truth.object]`` names what each pixel shows. None where the objects of pixels
+        were not asked for, or the scene has more than 10 000.
 
     Raises
     ------
@@ -98,6 +104,7 @@ class Exposure:
     stats: RenderStats | None = None
     sample_counts: Given[NDArray[np.int32] | None, ArrayLike | None] = Given(default=None)
     settings: RenderSettings | None = None
+    object_names: Given[tuple[str, ...] | None, Sequence[str] | None] = Given(default=None)
 
     def __post_init__(self) -> None:
         image = frozen_array(self.image, name="image", shape=("rows", "columns", "channels"), dtype=np.float32)
@@ -129,6 +136,10 @@ class Exposure:
         for name, kind in (("stats", RenderStats), ("settings", RenderSettings)):
             if getattr(self, name) is not None:
                 check_kind(getattr(self, name), name, kind, f"the `{name}` of another exposure")
+        if (names := self.object_names) is not None:
+            if not isinstance(names, tuple | list) or not all(isinstance(name, str) for name in names):
+                raise InvalidValueError(f"object_names is {names!r}; it must be texts, one for each object")
+            set_field(self, "object_names", tuple(names))
 
     @property
     def depth(self) -> Floats | None:
@@ -298,14 +309,11 @@ class Exposure:
         if self.interrupted:
             facts.append("interrupted")
         if self.samples is not None:
-            least = self.samples if self.sample_counts is None else int(self.sample_counts.min())
-            facts.append(f"{least} to " * (least < self.samples) + f"{self.samples} samples per pixel")
-        begun = 1.0 if self.sample_counts is None else float(np.mean(self.sample_counts > 0))
+            counts = self.sample_counts
+            facts.append(f"{self.samples} samples per pixel" if counts is None else samples_text(counts))
         if not self.image.any():
             facts.append("black")
-        elif begun < 1:
-            facts.append(f"{100 * begun:.3g} % of the pixels rendered")
-        elif self.relative_error is not None:
+        elif self.relative_error is not None and self.relative_error < np.inf:
             facts.append(f"relative error {100 * self.relative_error:.3g} %")
         if self.truth is not None:
             facts.append(f"with {truth_names(self.truth.kinds)}")
@@ -325,6 +333,19 @@ class Exposure:
 def _counts_in(plane: NDArray[Any] | None, samples: Any) -> NDArray[Any] | None:
     """Counts of samples of a file, which are rounded beyond 2^24."""
     return plane if plane is None or not isinstance(samples, int) else np.minimum(plane.astype(np.float64), samples)
+
+
+def samples_text(counts: NDArray[Any]) -> str:
+    """How much of the frame has what: 64 samples in 40 % of the pixels, 8 to 56 in 35 %, none in 25 %."""
+    most, between = int(counts.max()), counts[(counts > 0) & (counts < counts.max())]
+    parts = [f"{most or 'no'} samples in {100 * np.mean(counts == most):.3g} % of the pixels"]
+    if between.size:
+        low, high = int(between.min()), int(between.max())
+        parts.append(f"{low} to {high}" if low < high else f"{low}")
+        parts[-1] += f" in {100 * between.size / counts.size:.3g} %"
+    if most and not counts.all():
+        parts.append(f"none in {100 * np.mean(counts == 0):.3g} %")
+    return ", ".join(parts)
 
 
 def region_text(region: tuple[int, int, int, int]) -> str:

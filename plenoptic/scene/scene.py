@@ -22,6 +22,8 @@ from plenoptic.scene.lights.registry import LIGHTS, AreaLight, Light
 from plenoptic.scene.materials.registry import Material
 from plenoptic.scene.textures.color import Colour
 
+_NAME_LENGTH = 100
+
 
 @value
 class Scene:
@@ -134,6 +136,26 @@ class Scene:
         """
         shapes = [light.mesh() for light in self.lights if isinstance(light, AreaLight)]
         return box_around([mesh.bounds for mesh in (*self.meshes, *shapes)])
+
+    @property
+    def object_names(self) -> tuple[str, ...]:
+        """The name of each number in `truth.object`: of meshes, then of lights that have a surface; '' at last, for -1.
+
+        What has no name is called by its kind and its place in `meshes` or `lights`. Names are cut at 100 characters.
+
+        Examples
+        --------
+        >>> import plenoptic as pl
+        >>> lamp = pl.QuadLight.facing((0, 60, -360), (0, 0, -404), (40, 40), radiance=10)
+        >>> flag = pl.Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]], name="flag")
+        >>> pl.Scene([pl.box(4), flag], [lamp]).object_names
+        ('Mesh 0', 'flag', 'QuadLight 0', '')
+        """
+        meshes = [part.mesh.name if isinstance(part, Instances) else part.name for part in self.meshes]
+        names = [name or f"{type(self.meshes[k]).__name__} {k}" for k, name in enumerate(meshes)]
+        shining = [(k, light) for k, light in enumerate(self.lights) if isinstance(light, AreaLight)]
+        names += [f"{type(light).__name__} {k}" for k, light in shining]
+        return (*(name[:_NAME_LENGTH] for name in names), "")
 
     def merged(self, other: Scene) -> Scene:
         """This scene and another one in the same frame, together.

@@ -2,6 +2,8 @@ import base64
 import io
 import pickle
 import re
+from dataclasses import replace
+from itertools import groupby
 
 import numpy as np
 import pytest
@@ -10,6 +12,8 @@ from PIL import Image
 import plenoptic as pl
 from plenoptic.core.files import images
 from plenoptic.errors import FileError, InvalidValueError
+from plenoptic.rendering.exposure import samples_text
+from plenoptic.rendering.schedule import scheduler
 from plenoptic.truth.channels import NO_MICROLENS, GroundTruth
 
 STATS = {
@@ -165,6 +169,31 @@ def test_exr_keeps_all_ground_truth(tmp_path):
     )
 
 
+def test_exr_keeps_what_the_numbers_of_objects_mean(tmp_path, monkeypatch):
+    wall, ball = pl.box((280, 280, 1)).translated(0, 0, -600), pl.sphere(40.0).translated(-60, 0, -500)
+    lamp = pl.QuadLight.facing((60, 0, -500), (60, 0, 0), (80, 80), radiance=1.0)
+    scene = pl.Scene([replace(wall, name="wall"), ball], [pl.lights.PointLight((0, 0, 0), intensity=1.0), lamp])
+    assert scene.object_names == ("wall", "Mesh 1", "QuadLight 1", "")
+    lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=1.0))
+    camera = pl.PlenopticCamera(lens=lens, sensor=pl.Sensor(shape=(9, 33), pixel_pitch=2.0), stop_to_microlenses=123.3)
+    settings = {"samples": 1, "replicates": 1, "truth": pl.Truth.OBJECT, "progress": False}
+    pl.render(scene, camera, **settings).save(tmp_path / "shot.exr")
+    shot = pl.Exposure.load(tmp_path / "shot.exr")
+    names = np.array(shot.object_names)[shot.truth.object][4].tolist()
+    assert [name for name, _ in groupby(names)] == ["", "wall", "Mesh 1", "wall", "QuadLight 1", "wall", ""]
+    assert pl.render(scene, camera, **(settings | {"truth": pl.Truth.DEPTH})).object_names is None
+    long = pl.Scene([replace(wall, name="w" * 5000)])
+    assert long.object_names == ("w" * 100, "")
+    monkeypatch.setattr(scheduler, "MOST_NAMES", 3)
+    assert pl.render(scene, camera, **settings).object_names is None
+
+
+def test_how_much_of_the_frame_has_what():
+    assert samples_text(np.array([[64, 64], [8, 0]])) == "64 samples in 50 % of the pixels, 8 in 25 %, none in 25 %"
+    assert samples_text(np.array([[8, 8, 4, 2]])) == "8 samples in 50 % of the pixels, 2 to 4 in 50 %"
+    assert samples_text(np.zeros(4, int)) == "no samples in 100 % of the pixels"
+
+
 def test_exr_keeps_the_camera(tmp_path):
     shot = exposure(camera=pl.Sensor(shape=(24, 30), pixel_pitch=0.01))
     shot.save(tmp_path / "shot.exr")
@@ -247,6 +276,7 @@ def test_what_cannot_be_saved_or_loaded(tmp_path):
     ("texts", "sentence"),
     [
         ({"plenoptic:samples": "-1"}, "holds no possible exposure: samples is -1"),
+        ({"plenoptic:object_names": "7"}, "holds no possible exposure: object_names is 7; it must be texts"),
         ({"plenoptic:camera": "nonsense"}, "a description cannot be understood"),
         ({"plenoptic:scale": "0"}, "holds no possible exposure: scale is 0"),
     ],

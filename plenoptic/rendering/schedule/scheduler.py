@@ -20,7 +20,7 @@ from plenoptic.core.values import seed_number, whole
 from plenoptic.core.warn import warn
 from plenoptic.errors import BlackImageWarning, BudgetWarning
 from plenoptic.rendering.context import RenderContext, render_context
-from plenoptic.rendering.exposure import Exposure
+from plenoptic.rendering.exposure import MOST_NAMES, Exposure, samples_text
 from plenoptic.rendering.plan.scene_stages import is_dark
 from plenoptic.rendering.plan.stages import Subject
 from plenoptic.rendering.schedule.budget import Budget
@@ -96,7 +96,11 @@ def run(subject: Subject, budget: Budget, work: Work) -> Exposure:
     interrupted = _drive(progress, context, truth_record(camera, context.camera, kept), clock, workers, checkpoint, bar)
     reason = _reason(progress, interrupted=interrupted)
     shot = _exposure(progress, reason, subject, work, workers, found)
-    if budget.time_limit is not None and not interrupted:
+    if interrupted:
+        counts = np.array([shot.samples]) if shot.sample_counts is None else shot.sample_counts
+        left = "" if counts.all() else "; pixels without samples are black, with infinite errors"
+        warnings.warn(f"the render was interrupted with {samples_text(counts)}{left}", stacklevel=3)
+    elif budget.time_limit is not None:
         _warn_where_late(progress, budget.time_limit, time.perf_counter() - begin[0])
     lit = bool(shot.image.any())
     if progress.done.all() and not interrupted and not dark and not (lit and (progress.met or not meshes)):
@@ -234,6 +238,7 @@ def _exposure(
         forget_truth(progress.truth, counts == 0)
     most = progress.budget.max_samples if counts is None else int(counts.max())
     image, error, agreeing = film.image(), film.standard_error(progress.one_sample), _agreeing(progress, counts)
+    names = subject.scene.object_names if subject.scene is not None and "object" in progress.truth else None
     progress.note_time()
     stats = RenderStats(
         seconds=progress.seconds,
@@ -261,6 +266,7 @@ def _exposure(
         stats=stats,
         sample_counts=None if counts is None or counts.min() == most else counts,
         settings=subject.settings,
+        object_names=names if names is None or len(names) <= MOST_NAMES else None,
     )
 
 

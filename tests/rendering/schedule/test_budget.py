@@ -414,7 +414,8 @@ def interrupting(handler, monkeypatch):
 )
 def test_ctrl_c_gives_what_is_there(interrupting, threads, budget):
     begin = time.perf_counter()
-    shot = white(threads=threads, **budget)
+    with pytest.warns(UserWarning, match="the render was interrupted with .* samples in "):
+        shot = white(threads=threads, **budget)
     assert time.perf_counter() - begin < 30
     assert shot.interrupted and shot.stats.stopped_by is pl.rendering.StopReason.INTERRUPTED
     assert "interrupted" in repr(shot)
@@ -434,7 +435,8 @@ def test_ctrl_c_before_anything_is_there(handler, monkeypatch):
         return original(*arguments, **named)
 
     monkeypatch.setattr(scheduler, "render_tile", interrupted)
-    shot = white(samples=LONG, threads=1)
+    with pytest.warns(UserWarning, match="with no samples in 100 % of the pixels; pixels without samples are black"):
+        shot = white(samples=LONG, threads=1)
     assert shot.interrupted and not shot.image.any() and np.all(np.isinf(shot.standard_error))
     assert not counts_of(shot).any()
 
@@ -464,6 +466,23 @@ def test_rendering_goes_on_in_other_threads(handler):
     thread.start()
     thread.join()
     assert same_bits(shots[0], white(samples=32))
+
+
+def test_an_interrupted_exposure_says_how_much_of_the_frame_has_what(handler, monkeypatch):
+    original, taken = Progress.take, []
+
+    def take(*arguments):
+        original(*arguments)
+        taken.append(True)
+        if len(taken) == 6:
+            signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(Progress, "take", take)
+    with pytest.warns(UserWarning) as said:
+        shot = white(time_limit=600.0, tile_side=8, threads=1)  # nine tiles, of which six are begun
+    share = f"{shot.samples} samples in 66.7 % of the pixels, none in 33.3 %"
+    assert [str(one.message).partition(";")[0] for one in said] == [f"the render was interrupted with {share}"]
+    assert share in repr(shot)
 
 
 def test_an_interrupted_exposure_is_saved_as_one(tmp_path, interrupting):
