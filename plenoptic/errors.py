@@ -95,7 +95,7 @@ class UnseenSceneWarning(PlenopticWarning):
 
 
 class BudgetWarning(PlenopticWarning):
-    """A time limit that was passed, or a target error that was not reached. See `PlenopticWarning`."""
+    """A time limit that was passed, a target error that was not reached, an interruption. See `PlenopticWarning`."""
 
 
 class FileWarning(PlenopticWarning):

@@ -99,7 +99,7 @@ def run(subject: Subject, budget: Budget, work: Work) -> Exposure:
     if interrupted:
         counts = np.array([shot.samples]) if shot.sample_counts is None else shot.sample_counts
         left = "" if counts.all() else "; pixels without samples are black, with infinite errors"
-        warnings.warn(f"the render was interrupted with {samples_text(counts)}{left}", stacklevel=3)
+        warn(f"the render was interrupted with {samples_text(counts)}{left}", BudgetWarning)
     elif budget.time_limit is not None:
         _warn_where_late(progress, budget.time_limit, time.perf_counter() - begin[0])
     lit = bool(shot.image.any())

@@ -414,7 +414,7 @@ def interrupting(handler, monkeypatch):
 )
 def test_ctrl_c_gives_what_is_there(interrupting, threads, budget):
     begin = time.perf_counter()
-    with pytest.warns(UserWarning, match="the render was interrupted with .* samples in "):
+    with pytest.warns(pl.errors.BudgetWarning, match="the render was interrupted with .* samples in "):
         shot = white(threads=threads, **budget)
     assert time.perf_counter() - begin < 30
     assert shot.interrupted and shot.stats.stopped_by is pl.rendering.StopReason.INTERRUPTED
@@ -435,7 +435,7 @@ def test_ctrl_c_before_anything_is_there(handler, monkeypatch):
         return original(*arguments, **named)
 
     monkeypatch.setattr(scheduler, "render_tile", interrupted)
-    with pytest.warns(UserWarning, match="with no samples in 100 % of the pixels; pixels without samples are black"):
+    with pytest.warns(pl.errors.BudgetWarning, match="with no samples in 100 % of the pixels; .* are black"):
         shot = white(samples=LONG, threads=1)
     assert shot.interrupted and not shot.image.any() and np.all(np.isinf(shot.standard_error))
     assert not counts_of(shot).any()
@@ -478,7 +478,7 @@ def test_an_interrupted_exposure_says_how_much_of_the_frame_has_what(handler, mo
             signal.raise_signal(signal.SIGINT)
 
     monkeypatch.setattr(Progress, "take", take)
-    with pytest.warns(UserWarning) as said:
+    with pytest.warns(pl.errors.BudgetWarning) as said:
         shot = white(time_limit=600.0, tile_side=8, threads=1)  # nine tiles, of which six are begun
     share = f"{shot.samples} samples in 66.7 % of the pixels, none in 33.3 %"
     assert [str(one.message).partition(";")[0] for one in said] == [f"the render was interrupted with {share}"]
