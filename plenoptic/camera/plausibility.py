@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 
 from plenoptic.camera.camera import PlenopticCamera
@@ -32,46 +31,27 @@ def warn_where_implausible(camera: PlenopticCamera) -> None:
 
 def _oddities(camera: PlenopticCamera) -> Iterator[str]:
     sensor, array, q, z = camera.sensor, camera.microlenses, camera.sensor.pixel_pitch, camera.stop_to_microlenses
-    size = f"{sensor.size[1]:.4g} x {sensor.size[0]:.4g} mm"
+    size = f"the sensor is {sensor.size[1]:.4g} x {sensor.size[0]:.4g} mm large"
     if q * 1e6 < SMALLEST * camera.wavelength:
         yield f"pixel_pitch is {q:g} mm, less than half a wavelength; give it in mm, as 0.005 for 5 micrometres"
-    elif math.hypot(*sensor.size) / 2 > WIDEST * camera.z_sensor:
-        yield (
-            f"the sensor is {size} large, {camera.z_sensor:.4g} mm behind the iris; give pixel_pitch ({q:g}) in mm, "
-            "as 0.005 for 5 micrometres"
-        )
-    yield from _lens(camera, z)
+    elif sensor.half_diagonal > WIDEST * camera.z_sensor:
+        yield f"{size}, {camera.z_sensor:.4g} mm behind the iris; give pixel_pitch ({q:g}) in mm"
+    if camera.lens.model is not LensModel.NONE:
+        points, stop = cardinal_points(camera.lens, camera.wavelength), camera.lens.stop.semi_diameter
+        fast, far = points.f_number, z / abs(points.efl)
+        if fast < FASTEST:
+            yield f"a stop of semi_diameter {stop:g} mm makes the lens f/{fast:.2g}, and f/0.5 is the limit; close it"
+        if far > FARTHEST:
+            yield f"stop_to_microlenses is {z:g} mm, {far:.3g} focal lengths; give it in mm, or see focused_at"
     if array is None:
         return
     b, p = camera.microlenses_to_sensor, min(array.pitches)
     if max(sensor.size) < p:
-        yield f"the sensor is {size} large, smaller than one microlens of pitch {p:g} mm; give both in mm"
+        yield f"{size}, smaller than one microlens of pitch {p:g} mm; give both in mm"
     if q > p:
         yield f"a pixel of {q:g} mm is larger than a microlens of pitch {p:g} mm; give both in mm"
     for f in array.focal_lengths if array.model.focuses else ():
         if abs(f) < FASTEST * min(p, 2 * array.opening.radius):
-            yield (
-                f"microlenses of pitch {p:g} and focal length {f:g} mm work at f/{abs(f) / p:.2g}; were they swapped? "
-                "The focal length is usually 3 to 20 times the pitch"
-            )
+            yield f"microlenses of pitch {p:g} and focal length {f:g} mm are f/{abs(f) / p:.2g}; were they swapped?"
         if not 1 / BLURRED < abs(b / f) < BLURRED:
-            yield (
-                f"microlenses_to_sensor is {b:g} mm and their focal length {f:g} mm; give both in mm, nearly the same "
-                "for sharp images"
-            )
-
-
-def _lens(camera: PlenopticCamera, z: float) -> Iterator[str]:
-    if camera.lens.model is LensModel.NONE:
-        return
-    points = cardinal_points(camera.lens, camera.wavelength)
-    if points.f_number < FASTEST:
-        yield (
-            f"a stop of semi_diameter {camera.lens.stop.semi_diameter:g} mm makes the lens of focal length "
-            f"{points.efl:.4g} mm work at f/{points.f_number:.2g}, and none is faster than f/{FASTEST:g}; close it"
-        )
-    if z > FARTHEST * abs(points.efl):
-        yield (
-            f"stop_to_microlenses is {z:g} mm, {z / abs(points.efl):.3g} focal lengths of the lens; give it in mm, "
-            "near the focal length, or see focused_at"
-        )
+            yield f"microlenses_to_sensor is {b:g} mm and their focal length {f:g}; give both in mm, nearly the same"

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -28,6 +27,8 @@ from plenoptic.scene.textures.color import mean_colour
 
 if TYPE_CHECKING:
     from plenoptic.rendering.integrator.record import RayQueue
+    from plenoptic.rendering.plan.stages import Subject
+    from plenoptic.rendering.schedule.progress import Progress
     from plenoptic.scene.geometry.record import Hits, Interactions
     from plenoptic.scene.scene import Scene
 
@@ -44,80 +45,62 @@ _SHORT = 0.999
 """Rays to a light end this far on their way, before the light's own surface."""
 
 
-class Rendered(NamedTuple):
-    """What a render brought."""
-
-    region: tuple[int, int, int, int]
-    whole: bool
-    """Whether the region is the whole sensor."""
-    counts: NDArray[np.int64]
-    """Paths by status."""
-    met: int
-    """Paths that met the scene."""
-    lit: bool
-    max_bounces: int
-
-    @property
-    def few(self) -> bool:
-        """Whether nothing need be wrong if these pixels alone are dark."""
-        first_row, end_row, first_column, end_column = self.region
-        return not self.whole and (end_row - first_row) * (end_column - first_column) < _FEW
-
-
-def warn_of_darkness(context: RenderContext, scene: Scene | None, rendered: Rendered) -> None:
+def warn_of_darkness(context: RenderContext, subject: Subject, progress: Progress, *, lit: bool) -> None:
     """Say why an image is black, or shows nothing of its meshes; silent where that is so for a few pixels only."""
-    probe = _Probe(context)
-    if not rendered.lit and (cause := _cause(context, scene, rendered, probe)):
+    scene, probe = subject.scene, _Probe(context)
+    rows, columns = progress.film.mean.shape[:2]
+    whole = (rows, columns) == (context.camera.sensor.rows, context.camera.sensor.columns)
+    if not lit and (cause := _cause(context, subject, progress, probe, whole, not whole and rows * columns < _FEW)):
         warn(f"the image is black: {cause}", BlackImageWarning)
-    elif rendered.lit and scene is not None and (rendered.whole or probe.is_past(scene)):
+    elif lit and scene is not None and (whole or probe.is_past(scene)):
         warn(f"no path met the scene, {_place(scene)}", UnseenSceneWarning)
 
 
-def _cause(context: RenderContext, scene: Scene | None, rendered: Rendered, probe: _Probe) -> str:
+def _cause(context: RenderContext, subject: Subject, progress: Progress, probe: _Probe, whole: bool, few: bool) -> str:
     """One sentence; empty where nothing need be wrong."""
-    counts = rendered.counts if rendered.whole else probe.counts
+    scene, bounces, counts = subject.scene, subject.settings.max_bounces, progress.counts if whole else probe.counts
     if not counts[0]:
         lost = in_words(by_cause(lost_rays(counts))) or "nothing feeds the pixels"
         return f"no light passes the camera ({lost}); look at camera.report(), the stop and the size of the sensor"
-    if probe.bright and not rendered.whole:
-        return "" if rendered.few else "this region of the sensor gets no light, and others do; choose another region"
-    if scene is None:
-        return "hardly any light passes the camera; look at camera.report()"
-    if context.intersector is None:
-        return (
-            "there is no surface for light to fall on, and none of the lights is in view; give the scene meshes=[...]"
-        )
-    if (rendered.whole and not rendered.met) or probe.is_past(scene):
+    if probe.bright and not whole:
+        return "" if few else "this region of the sensor gets no light, and others do; choose another region"
+    if scene is not None and context.intersector is None:
+        return "nothing is there for light to fall on, and no light is in view; give the scene meshes=[...]"
+    if scene is not None and ((whole and not progress.met) or probe.is_past(scene)):
         return f"the camera looks past the scene, {_place(scene)}"
-    if rendered.max_bounces == 0:
+    if scene is not None and bounces == 0:
         return "max_bounces is 0, which shows only what emits, and none of that is in view; give more"
-    return _unlit(context, scene, rendered, probe)
+    if scene is not None and len(probe.meshes):
+        found = _unlit(context, scene, probe)
+        if found or few:
+            return found
+        return (
+            f"light reaches what is seen and not the camera, within {bounces} bounces; give more bounces or samples, "
+            "or look at the colours of lights and materials"
+        )
+    return "" if few else "hardly any path passes the camera and meets the scene; look at camera.report()"
 
 
 def _place(scene: Scene) -> str:
     low, high = np.asarray(scene.bounds).round(3).tolist()
-    return (
-        f"which lies between {low} and {high} mm; move it, or the camera, which without a pose looks from the origin "
-        "along -z"
-    )
+    where = f"which lies between {low} and {high} mm"
+    return f"{where}; move it, or the camera, which without a pose looks from the origin along -z"
 
 
-def _unlit(context: RenderContext, scene: Scene, rendered: Rendered, probe: _Probe) -> str:
-    """Which lights there are, and why each does not reach what is seen."""
+def _unlit(context: RenderContext, scene: Scene, probe: _Probe) -> str:
+    """Which lights there are, and why each does not reach what is seen; empty where one does."""
     labels, emitters = _labels(scene), list(_emitters(scene))
     inside = _surrounding(context, labels, probe)
     start = f"the camera is inside {inside}; " * bool(inside)
-    seen, normals = probe.surfaces()
-    if not len(seen):
+    if not len(probe.found):
         met = {labels[number] for number in probe.meshes}
-        backs = [e.name for e in emitters if e.name in met and e.normals is not None][:_NAMED]
-        if backs:
+        if backs := [e.name for e in emitters if e.name in met and e.normals is not None][:_NAMED]:
             return f"{start}{', '.join(backs)} shines away from the camera; {_TURN}"
         return f"{start}what is seen is black, glass or a mirror and shows no light; give it matt materials, or move it"
-    found = [(e.name, _obstacle(context, e, seen, normals, labels)) for e in emitters]
+    seen = probe.found[:: -(-len(probe.found) // _POINTS)]
+    found = [(e.name, _obstacle(context, e, seen[:, :3], seen[:, 3:], labels)) for e in emitters]
     if not all(obstacle for _, obstacle in found):
-        dim = f"{start}light reaches what is seen and not the camera, within {rendered.max_bounces} bounces; give more "
-        return "" if rendered.few else f"{dim}bounces or samples, or look at the colours of lights and materials"
+        return ""
     named = "; ".join(f"{name} {obstacle}" for name, obstacle in found[:_NAMED])
     more = f"; and {len(found) - _NAMED} more" * (len(found) > _NAMED)
     return f"{start}{len(found)} light{'s' * (len(found) > 1)}, none reaches what is seen; {named}{more}"
@@ -155,17 +138,15 @@ def _emitters(scene: Scene) -> Iterator[_Emitter]:
         else:
             yield _Emitter(name, light.position[None], spot=light if isinstance(light, SpotLight) else None)
     for part, name in zip(scene.meshes, _labels(scene), strict=False):
-        copies = (
-            [part] if isinstance(part, Mesh) else dataclasses.replace(part, matrices=part.matrices[:_PARTS]).meshes()
-        )
-        if np.any(mean_colour(copies[0].material.row().emission)):
-            yield _of_mesh(name, copies)
+        mesh, places = (part, np.eye(4)[None]) if isinstance(part, Mesh) else (part.mesh, part.matrices[:_PARTS])
+        if np.any(mean_colour(mesh.material.row().emission)):
+            yield _of_mesh(name, [mesh.transformed(place) for place in places])
     world = scene.background
     if world is not None and np.any(world.radiance if isinstance(world, ConstantBackground) else world.texels):
         yield _Emitter("the background", _directions(_PARTS), distant=True)
 
 
-def _of_mesh(name: str, copies: Sequence[Mesh]) -> _Emitter:
+def _of_mesh(name: str, copies: list[Mesh]) -> _Emitter:
     """Middles and normals of some triangles."""
     corners = np.concatenate([mesh.vertices[mesh.faces] for mesh in copies])
     corners = corners[:: -(-len(corners) // _PARTS)]
@@ -245,17 +226,15 @@ class _Probe:
         self.meshes = np.empty(0, dtype=np.int32)
         """Numbers of the meshes that are seen."""
         self.bright, self._scene = False, context.scene
-        sensor, drawn = context.camera.sensor, np.random.default_rng(0)
-        places = zip(
-            drawn.integers(sensor.rows, size=_PIXELS), drawn.integers(sensor.columns, size=_PIXELS), strict=True
-        )
-        tiles = [Tile(int(row), int(column), 1, 1) for row, column in places]
-        centres = np.concatenate([tile.centres(context.camera) for tile in tiles])
-        fed = fed_pixels(context.camera, centres, np.concatenate([tile.numbers(context.camera) for tile in tiles]))
+        camera = context.camera
+        places = np.random.default_rng(0).integers((camera.sensor.rows, camera.sensor.columns), size=(_PIXELS, 2))
+        tiles = [Tile(row, column, 1, 1) for row, column in places.tolist()]
+        centres, numbers = ([of(tile, camera) for tile in tiles] for of in (Tile.centres, Tile.numbers))
+        fed = fed_pixels(camera, np.concatenate(centres), np.concatenate(numbers))
         batch, n = batch_of(context, 0, _SAMPLES), fed.place.size * _SAMPLES
         if not n:
             return
-        ways = CameraPaths(context.camera, fed, batch, n)
+        ways = CameraPaths(camera, fed, batch, n)
         bundle = ways.started(0, n)
         ways.fill_through_array(bundle)
         ways.fill_through_lens(bundle)
@@ -283,11 +262,6 @@ class _Probe:
             rows = interactions.rows[: len(matt)][matt]
             normals = rows[:, NORMAL : NORMAL + 3]
             self.found = np.hstack([rows[:, POINT : POINT + 3] + rows[:, OFFSET, None] * normals, normals])
-
-    def surfaces(self) -> tuple[Floats, Floats]:
-        """Points (n, 3) on some of them, and normals."""
-        some = self.found[:: max(1, -(-len(self.found) // _POINTS))]
-        return some[:, :3], some[:, 3:]
 
     def is_past(self, scene: Scene) -> bool:
         """Whether all meshes and area lights are outside of the cone of rays that leave the camera."""

@@ -26,7 +26,10 @@ IMPLAUSIBLE = {
         {"microlenses": pl.MicrolensArray(2.17e-4, (2e-3,)), "microlenses_to_sensor": 1.7e-3},
         "a pixel of 0.01 mm is larger than a microlens of pitch 0.000217 mm",
     ),
-    "a stop of 200 mm": ({"lens": LENS.with_stop(pl.CircularStop(200.0))}, "a stop of semi_diameter 200 mm .* f/0.1"),
+    "a stop of 200 mm": (
+        {"lens": LENS.with_stop(pl.CircularStop(200.0))},
+        "a stop of semi_diameter 200 mm makes the lens f/0.1",
+    ),
     "a gap in micrometres": ({"microlenses_to_sensor": 1700.0}, "microlenses_to_sensor is 1700 mm"),
     "a gap in metres": ({"microlenses_to_sensor": 0.0017}, "microlenses_to_sensor is 0.0017 mm"),
     "a back in micrometres": ({"stop_to_microlenses": 123300.0}, "stop_to_microlenses is 123300 mm, 1.22e.03 focal"),

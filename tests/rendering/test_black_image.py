@@ -97,7 +97,7 @@ BLACK = {
         {},
         r"past the scene.* between \[.*move it, or",
     ),
-    "a sun and no mesh": ((), (pl.SunLight((0, -1, 0)),), {}, "no surface for light to fall on"),
+    "a sun and no mesh": ((), (pl.SunLight((0, -1, 0)),), {}, "nothing is there for light to fall on"),
 }
 
 

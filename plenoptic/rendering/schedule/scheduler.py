@@ -104,12 +104,9 @@ def run(subject: Subject, budget: Budget, work: Work) -> Exposure:
         _warn_where_late(progress, budget.time_limit, time.perf_counter() - begin[0])
     lit = bool(shot.image.any())
     if progress.done.all() and not interrupted and not dark and not (lit and (progress.met or not meshes)):
-        from plenoptic.rendering.black_image import Rendered, warn_of_darkness
+        from plenoptic.rendering.black_image import warn_of_darkness
 
-        found_by = Rendered(
-            region, shot.region is None, progress.counts, progress.met, lit, subject.settings.max_bounces
-        )
-        warn_of_darkness(context, subject.scene, found_by)
+        warn_of_darkness(context, subject, progress, lit=lit)
     return shot
 
 
