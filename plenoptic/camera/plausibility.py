@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 from plenoptic.camera.camera import PlenopticCamera
@@ -9,6 +10,7 @@ from plenoptic.core.warn import warn
 from plenoptic.errors import ImplausibleCameraWarning
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
+from plenoptic.optics.microlens.lattice import Lattice
 
 FASTEST = 0.5
 """f-number of a lens in air whose outermost rays come in at a right angle (Abbe's sine condition): none is faster."""
@@ -45,7 +47,8 @@ def _oddities(camera: PlenopticCamera) -> Iterator[str]:
             yield f"stop_to_microlenses is {z:g} mm, {far:.3g} focal lengths; give it in mm, or see focused_at"
     if array is None:
         return
-    b, p = camera.microlenses_to_sensor, min(array.pitches)
+    # A listed lens may be any size: its pitch is a bound, and nothing is above nan.
+    b, p = camera.microlenses_to_sensor, math.nan if array.lattice is Lattice.FREE else min(array.pitches)
     if max(sensor.size) < p:
         yield f"{size}, smaller than one microlens of pitch {p:g} mm; give both in mm"
     if q > p:

@@ -71,6 +71,8 @@ def sane_cameras():
     yield dataclasses.replace(
         CAMERA, microlenses=pl.MicrolensArray(0.217, (2.0,), model=pl.optics.MicrolensModel.PINHOLE)
     )
+    one = pl.MicrolensArray(20.0, (10.0,), pl.Lattice.FREE, centres=[(0, 0)])
+    yield pl.PlenopticCamera(pl.no_lens(5.0), pl.Sensor((64, 64), 0.05), 1.0, one, 11.0)
     yield dataclasses.replace(CAMERA, microlenses=pl.MicrolensArray(0.125, (0.5, 0.6, 0.7)), microlenses_to_sensor=0.4)
 
 
