@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.camera.paths import CameraPaths
-from plenoptic.camera.sampling.pixel_regions import fed_pixels
+from plenoptic.camera.sampling.pixel_regions import cells_per_pixel, fed_pixels
 from plenoptic.core.kernels.bundles import fill_status_counts
 from plenoptic.core.lost_rays import by_cause, in_words, lost_rays
 from plenoptic.core.values import Floats
@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 
 _PIXELS, _SAMPLES = 256, 16
 """Of the probe, at random places of the sensor."""
+_CELLS = 1 << 14
+"""Microlenses that it looks at, about: fewer pixels where many feed each."""
 _POINTS, _PARTS = 64, 16
 """Points that are seen, and parts of each light, that are looked at."""
 _FEW = 32 * 32
@@ -58,7 +60,7 @@ def warn_of_darkness(context: RenderContext, subject: Subject, progress: Progres
 
 def _cause(context: RenderContext, subject: Subject, progress: Progress, probe: _Probe, whole: bool, few: bool) -> str:
     """One sentence; empty where nothing need be wrong."""
-    scene, bounces, counts = subject.scene, subject.settings.max_bounces, progress.counts if whole else probe.counts
+    scene, bounces, counts = subject.scene, context.settings.max_bounces, progress.counts if whole else probe.counts
     if not counts[0]:
         lost = in_words(by_cause(lost_rays(counts))) or "nothing feeds the pixels"
         return f"no light passes the camera ({lost}); look at camera.report(), the stop and the size of the sensor"
@@ -96,7 +98,8 @@ def _unlit(context: RenderContext, scene: Scene, probe: _Probe) -> str:
         met = {labels[number] for number in probe.meshes}
         if backs := [e.name for e in emitters if e.name in met and e.normals is not None][:_NAMED]:
             return f"{start}{', '.join(backs)} shines away from the camera; {_TURN}"
-        return f"{start}what is seen is black, glass or a mirror and shows no light; give it matt materials, or move it"
+        dim = f"{start}what is seen is black, glass or a mirror and shows no light within"
+        return f"{dim} {context.settings.max_bounces} bounces; give more, matt materials, or other lights"
     seen = probe.found[:: -(-len(probe.found) // _POINTS)]
     found = [(e.name, _obstacle(context, e, seen[:, :3], seen[:, 3:], labels)) for e in emitters]
     if not all(obstacle for _, obstacle in found):
@@ -227,7 +230,8 @@ class _Probe:
         """Numbers of the meshes that are seen."""
         self.bright, self._scene = False, context.scene
         camera = context.camera
-        places = np.random.default_rng(0).integers((camera.sensor.rows, camera.sensor.columns), size=(_PIXELS, 2))
+        pixels = min(_PIXELS, 1 + int(_CELLS / cells_per_pixel(camera)))
+        places = np.random.default_rng(0).integers((camera.sensor.rows, camera.sensor.columns), size=(pixels, 2))
         tiles = [Tile(row, column, 1, 1) for row, column in places.tolist()]
         centres, numbers = ([of(tile, camera) for tile in tiles] for of in (Tile.centres, Tile.numbers))
         fed = fed_pixels(camera, np.concatenate(centres), np.concatenate(numbers))
