@@ -13,7 +13,7 @@ from plenoptic.errors import InvalidValueError, PlenopticError
 from plenoptic.rendering.schedule.budget import checked_target
 from plenoptic.study.cost.cases import COST_CASES
 from plenoptic.study.cost.measurement import cost_of
-from plenoptic.study.error_time.cases import ERROR_CASES, case_table
+from plenoptic.study.error_time.cases import ERROR_CASES, ErrorCase, case_table
 from plenoptic.study.error_time.document import error_document, load_now
 from plenoptic.study.error_time.table import ErrorTable, csv_of
 from plenoptic.study.exposures import central_region
@@ -27,16 +27,21 @@ _QUICK_COST, _THOROUGH_COST = (4, 2, 16), (32, 9, 128)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a study and print its table; 0: all within bounds, 1: not so, 2: it cannot run, 130: after Ctrl-C."""
+    """Run a study and print its table; 0: all within bounds, 1: not so, 2: it cannot run, 130: after Ctrl-C.
+
+    What was measured before Ctrl-C is printed and written too.
+    """
     options = _parser().parse_args(arguments)
     try:
-        return int(options.run(options))
+        code = int(options.run(options))
     except PlenopticError as error:
         print(error, file=sys.stderr)
         return 2
     except KeyboardInterrupt:
+        code = _INTERRUPTED
+    if code == _INTERRUPTED:
         print("interrupted", file=sys.stderr)
-        return _INTERRUPTED
+    return code
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -95,7 +100,7 @@ def _stability(options: argparse.Namespace) -> int:
         print(repr(table))
     elif not table.holds:
         print(repr(table), file=sys.stderr)
-    return 0 if table.holds else 1
+    return _INTERRUPTED if table.interrupted else 0 if table.holds else 1
 
 
 def _error_against_time(options: argparse.Namespace) -> int:
@@ -104,14 +109,24 @@ def _error_against_time(options: argparse.Namespace) -> int:
         checked_target(target, "--target")  # before minutes are spent
     for path in filter(None, (options.csv, options.plot)):
         check_folder(real_path(path))
-    load, studies = load_now(), []
+    studies: list[tuple[ErrorCase, ErrorTable]] = []
+    load, code = load_now(), _INTERRUPTED
     for case in (ERROR_CASES[name] for name in dict.fromkeys(options.case or ERROR_CASES)):
-        table = case_table(case, quick=options.quick, threads=options.threads, progress=options.progress)
+        try:
+            table = case_table(case, quick=options.quick, threads=options.threads, progress=options.progress)
+        except KeyboardInterrupt:
+            if not studies:
+                raise
+            break
         studies.append((case, table))
         if not options.document:
             print(f"### `{case.name}`\n\n{table.to_markdown()}\n" if options.markdown else f"{table}\n")
             for target in targets:
                 print(f"{_recommended(table, target)}\n", flush=True)
+        if table.interrupted:
+            break
+    else:
+        code = 0
     tables = [table for _, table in studies]
     if options.csv:
         csv_of(tables, options.csv)
@@ -120,7 +135,7 @@ def _error_against_time(options: argparse.Namespace) -> int:
     if options.document:
         figure = f"images/{Path(options.plot).name}" if options.plot else None
         print(error_document(studies, load=load, figure=figure), end="")
-    return 0
+    return code
 
 
 def _recommended(table: ErrorTable, target: float) -> str:
@@ -153,7 +168,7 @@ def _cost(options: argparse.Namespace) -> int:
     print(table.to_markdown() if options.markdown else table)
     if options.csv:
         table.to_csv(options.csv)
-    return 0
+    return _INTERRUPTED if table.interrupted else 0
 
 
 if __name__ == "__main__":

@@ -217,6 +217,24 @@ def test_a_table_is_text_markdown_and_csv(made_up, tmp_path):
         table.to_csv(tmp_path / "nowhere" / "costs.csv")
 
 
+def test_an_interrupted_study_keeps_the_stages_it_has(made_up, monkeypatch):
+    original, calls = measurement._exposed, itertools.count(1)
+    whole = cost_of(made_up, rounds=3)
+
+    def interrupted(*arguments):
+        if next(calls) == 40:  # each stage takes 2 (1 + 2 * 3) + 1 renders
+            raise KeyboardInterrupt
+        return original(*arguments)
+
+    monkeypatch.setattr(measurement, "_exposed", interrupted)
+    table = cost_of(made_up, rounds=3)
+    assert table.interrupted and not whole.interrupted and len(whole.rows) == 5
+    assert [row.stage for row in table.rows] == [row.stage for row in whole.rows[:2]]
+    assert [stage for stage, _ in table.kept[len(whole.kept) :]] == [row.stage for row in whole.rows[2:]]
+    assert str(table).count("the study was interrupted before.") == 3
+    assert table.to_csv().count("the study was interrupted before") == 3
+
+
 # ---- real renderings ----
 
 

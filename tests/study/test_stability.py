@@ -289,3 +289,20 @@ def test_the_same_seed_gives_the_same_numbers_whatever_else_runs():
     same = [row for row in among.rows if row.case.startswith("plane")]
     assert [row.cells[:-1] for row in alone.rows] == [row.cells[:-1] for row in same]
     assert stability(rays=10, seed=1, only=["plane"]).rows[0].position_error != alone.rows[0].position_error
+
+
+def test_an_interrupted_study_keeps_the_cases_it_has(monkeypatch, capsys):
+    def interrupted(case, **given):
+        if case.name.startswith("miss"):
+            raise KeyboardInterrupt
+        return stability_row(case, **given)
+
+    monkeypatch.setattr("plenoptic.study.rounding.table.stability_row", interrupted)
+    table = stability(rays=10, only=["plane", "miss"])
+    assert table.interrupted and len(table.rows) == 2 and table.holds
+    assert repr(table) == "<StabilityTable: 2 cases, all within their bounds, interrupted>"
+    assert table.to_markdown().endswith("|\n\nInterrupted: further rows were asked for.")
+    assert main(["stability", "--rays", "10", "--only", "plane", "--only", "miss"]) == 130
+    assert "Interrupted: further rows" in capsys.readouterr().out
+    with pytest.raises(KeyboardInterrupt):
+        stability(rays=10, only=["miss"])

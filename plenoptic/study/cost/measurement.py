@@ -16,8 +16,9 @@ from plenoptic.core.values import Floats, check_kind, seed_number, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.plan.stages import Plan, Subject
 from plenoptic.study.cost.ablation import Ablation, Inseparable, ablations
-from plenoptic.study.cost.table import CostRow, CostTable
+from plenoptic.study.cost.table import NOT_MEASURED, CostRow, CostTable
 from plenoptic.study.exposures import central_pixel, complete, expose, studied_region
+from plenoptic.study.interruption import until_interrupted
 
 if TYPE_CHECKING:
     from plenoptic.rendering.exposure import Exposure
@@ -69,7 +70,8 @@ def cost_of(
     Returns
     -------
     CostTable
-        `print` shows it; `to_markdown()`, `to_csv()`, and `rows` with the numbers.
+        `print` shows it; `to_markdown()`, `to_csv()`, and `rows` with the numbers. After Ctrl-C it is `interrupted`,
+        with the parts that were done.
 
     Raises
     ------
@@ -96,12 +98,14 @@ def cost_of(
     window = studied_region(plan.subject.camera.sensor.shape, region, SIDE)
     run = _Run(samples, window, seed, threads)
     took = _turns(plan.subject, out, run, rounds, progress)
-    everything = np.concatenate([_per_path(took, k)[0] for k in range(len(out))])
+    measured, missing = out[: took.measured], out[took.measured :]
+    everything = np.concatenate([_per_path(took, k)[0] for k in range(len(measured))])
+    kept = [(one.stage, one.reason) for one in found if isinstance(one, Inseparable)]
     return CostTable(
-        [_row(one, k, took) for k, one in enumerate(out)],
-        [(one.stage, one.reason) for one in found if isinstance(one, Inseparable)],
+        [_row(one, k, took) for k, one in enumerate(measured)],
+        [*kept, *((one.stage, NOT_MEASURED) for one in missing)],
         1e6 * float(np.nanmedian(everything)) if np.isfinite(everything).any() else math.nan,
-        float(np.median(took.set_up[:, 0])),
+        float(np.median(took.set_up[: len(measured), 0])),
         samples=samples,
         rounds=rounds,
         pixels=(window[0].stop - window[0].start, window[1].stop - window[1].start),
@@ -160,6 +164,8 @@ class _Times(NamedTuple):
     paths: Floats
     """(n + 1,): of the whole, and without each part."""
     pictures: list[Picture]
+    measured: int
+    """How many of the comparisons are there: all but after an interrupt."""
 
 
 def _turns(subject: Subject, out: list[Ablation], run: _Run, rounds: int, progress: bool) -> _Times:
@@ -172,7 +178,7 @@ def _turns(subject: Subject, out: list[Ablation], run: _Run, rounds: int, progre
     n, set_ups = len(out), min(rounds, _SET_UPS)
     pictures = [Picture() for _ in range(n + 1)]
     times = _Times(
-        np.empty((n, rounds + 1)), np.empty((n, rounds)), np.empty((n, 2, set_ups)), np.ones(n + 1), pictures
+        np.empty((n, rounds + 1)), np.empty((n, rounds)), np.empty((n, 2, set_ups)), np.ones(n + 1), pictures, 0
     )
     one_path = run._replace(samples=1, region=central_pixel(run.region))
     numbers = itertools.count(1)
@@ -187,7 +193,8 @@ def _turns(subject: Subject, out: list[Ablation], run: _Run, rounds: int, progre
                 times.paths[picture] = max(shot.stats.paths, 1)
             return shot.stats.cpu_seconds
 
-        for k, one in enumerate(out):
+        def compare(k: int) -> None:
+            one = out[k]
             both = (subject, one.subject)
             for each in both:  # compiles
                 seconds(each, run)
@@ -197,7 +204,8 @@ def _turns(subject: Subject, out: list[Ablation], run: _Run, rounds: int, progre
             for round_ in range(rounds):
                 times.without[k, round_] = seconds(one.subject, run, k + 1)
                 times.whole[k, round_ + 1] = seconds(subject, run, 0)
-    return times
+
+        return times._replace(measured=len(until_interrupted(compare, range(n))))
 
 
 def _per_path(took: _Times, k: int) -> tuple[Floats, Floats]:

@@ -16,6 +16,8 @@ _CSV = (
     *("percent_of_cpu", "standard_error", "set_up_s", "picture_change_percent", "stops_too", "kept_because"),
 )
 
+NOT_MEASURED = "the study was interrupted before"
+
 
 def _number(number: float, form: str) -> str:
     return "" if math.isnan(number) else format(number, form)
@@ -120,6 +122,11 @@ class CostTable:
     def __post_init__(self) -> None:
         set_field(self, "rows", tuple(self.rows))
         set_field(self, "kept", tuple((stage, reason) for stage, reason in self.kept))
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether stages were not measured, since Ctrl-C came before."""
+        return any(reason == NOT_MEASURED for _, reason in self.kept)
 
     def row(self, stage: Stage) -> CostRow:
         """The row of a stage, or a KeyError where there is none."""

@@ -10,6 +10,7 @@ from typing import NamedTuple, TypeVar
 from plenoptic.rendering.exposure import Exposure
 from plenoptic.study.error_time.rows import ErrorRow
 from plenoptic.study.error_time.split import Reference, split_error
+from plenoptic.study.interruption import until_interrupted
 
 T = TypeVar("T")
 
@@ -49,14 +50,15 @@ def measured_rows(
 
     Variants take turns, so that what disturbs the machine disturbs all of them. Rows of different numbers of samples
     have seeds of their own, so that their errors are independent. `set_up` renders next to nothing in a variant, and
-    `done` is called after each render, with its samples.
+    `done` is called after each render, with its samples. An interrupt ends it with the rows that are done.
     """
     samples, seeds, seed, repeats = runs
     for name in variants:  # compiles, and traces pupils, which are kept
         expose(name, samples[0], seed)
     starting = {name: _median([_timed(set_up, name)[1] for _ in range(_SETUPS)]) for name in variants}
-    rows = []
-    for place, n in enumerate(samples):
+
+    def measure(place: int) -> list[ErrorRow]:
+        n = samples[place]
         shots: dict[str, list[Exposure]] = {name: [] for name in variants}
         costs: dict[str, list[Cost]] = {name: [] for name in variants}
         for number in range(seed + place * seeds, seed + (place + 1) * seeds):
@@ -67,11 +69,12 @@ def measured_rows(
                     if repeat == 0:
                         shots[name].append(shot)
                     done(n)
-        rows += [
+        return [
             ErrorRow(name, n, *_median(costs[name]), *starting[name], **split_error(shots[name], reference)._asdict())
             for name in variants
         ]
-    return rows
+
+    return [row for rows in until_interrupted(measure, range(len(samples))) for row in rows]
 
 
 def _timed(call: Callable[..., T], *arguments: object) -> tuple[T, Cost]:

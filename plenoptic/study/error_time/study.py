@@ -90,7 +90,7 @@ def error_against_time(  # noqa: PLR0913
     -------
     ErrorTable
         `print` shows it; `plot()`, `recommend(target_error)`, `slope(variant)`, `bias_floor(variant)`, `pareto()`,
-        `to_csv()`, `to_markdown()`.
+        `to_csv()`, `to_markdown()`. After Ctrl-C it is `interrupted`, with the numbers of samples that were done.
 
     Raises
     ------
@@ -159,6 +159,7 @@ def error_against_time(  # noqa: PLR0913
         threads=workers,
         reference_samples=reference.samples or converged,
         reference_error=math.sqrt(known.squared_error),
+        interrupted=len(found) < len(chosen) * len(numbers),
     )
 
 

@@ -7,7 +7,7 @@ import dataclasses
 import io
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from plenoptic.errors import FileError, InvalidValueError
 from plenoptic.rendering.schedule.budget import checked_target
 from plenoptic.study.error_time.recommendation import Recommendation, recommended
 from plenoptic.study.error_time.rows import ErrorRow
+from plenoptic.study.interruption import with_note
 from plenoptic.study.text_table import comma_separated, markdown_table
 
 if TYPE_CHECKING:
@@ -24,7 +25,10 @@ if TYPE_CHECKING:
 
 _COUNTS = ("pixels", "lit_pixels", "seeds", "threads", "reference_samples")
 
-_FACTS: dict[str, type] = {"title": str, **dict.fromkeys(_COUNTS, int), "reference_error": float}
+_FACTS: dict[str, Callable[[str], Any]] = {
+    **{"title": str, **dict.fromkeys(_COUNTS, int)},
+    **{"reference_error": float, "interrupted": "True".__eq__},
+}
 """What a table knows beside its rows; repeated in every line of a file."""
 
 _ROW = tuple(field.name for field in dataclasses.fields(ErrorRow))  # type: ignore[arg-type]
@@ -54,6 +58,8 @@ class ErrorTable:
         Paths per pixel of the reference.
     reference_error : float
         The relative error of the reference itself, which is subtracted.
+    interrupted : bool
+        Whether further rows were asked for.
 
     Examples
     --------
@@ -81,6 +87,7 @@ class ErrorTable:
     threads: int
     reference_samples: int
     reference_error: float
+    interrupted: bool = False
 
     def __post_init__(self) -> None:
         rows = tuple(self.rows)
@@ -176,7 +183,8 @@ class ErrorTable:
         """All rows in Markdown, and one table with slope and bias of each variant below it."""
         front = self.pareto()
         rows = markdown_table(_COLUMNS, [_cells(row, self.pixels, row in front) for row in self.rows])
-        return rows + "\n\n" + markdown_table(_SLOPES, [self._slope_cells(name) for name in self.variants])
+        slopes = markdown_table(_SLOPES, [self._slope_cells(name) for name in self.variants])
+        return with_note(f"{rows}\n\n{slopes}", interrupted=self.interrupted)
 
     def _slope_cells(self, variant: str) -> tuple[str, ...]:
         known = self.best_known_bias(variant)
@@ -227,7 +235,8 @@ class ErrorTable:
         count = len(self.variants)
         return (
             f"<ErrorTable {self.title!r}: {count} variant{'s' * (count != 1)}, {min(samples)} to {max(samples)} "
-            f"samples, errors of {100 * max(errors):.3g} % to {100 * min(errors):.3g} %>"
+            f"samples, errors of {100 * max(errors):.3g} % to {100 * min(errors):.3g} %"
+            f"{', interrupted' * self.interrupted}>"
         )
 
     def _repr_markdown_(self) -> str:
@@ -300,7 +309,7 @@ def _table_in(path: str | os.PathLike[str], title: str | None) -> tuple[dict[str
         raise FileError(f"{name!r} has the tables {titles}, and title is {title!r}; it must be one of them")
     chosen = [line for line in lines if line["title"] == title]
     try:
-        return {key: kind(chosen[0][key]) for key, kind in _FACTS.items()}, [_row_in(line) for line in chosen]
+        return {key: kind(chosen[0].get(key, "")) for key, kind in _FACTS.items()}, [_row_in(line) for line in chosen]
     except (KeyError, TypeError, ValueError) as error:
         raise FileError(f"{name!r} is no table of an error study: {error!r}") from error
 

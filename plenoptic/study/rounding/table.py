@@ -13,6 +13,7 @@ from plenoptic.core.values import seed_number, set_field, value, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.trace import traced_part
 from plenoptic.optics.surfaces.surface import Surface
+from plenoptic.study.interruption import until_interrupted, with_note
 from plenoptic.study.rounding.bounds import Found, compared
 from plenoptic.study.rounding.cases import Setup, StabilityCase, stability_cases
 from plenoptic.study.rounding.reference import exact_rays, mpmath_context
@@ -102,6 +103,7 @@ class StabilityTable:
     """Rounding errors of ray tracing, case by case; `print` shows it."""
 
     rows: Sequence[StabilityRow]
+    interrupted: bool = False
 
     def __post_init__(self) -> None:
         set_field(self, "rows", tuple(self.rows))
@@ -113,15 +115,15 @@ class StabilityTable:
 
     def to_markdown(self) -> str:
         """The table in Markdown."""
-        return markdown_table(_COLUMNS, [row.cells for row in self.rows])
+        return with_note(markdown_table(_COLUMNS, [row.cells for row in self.rows]), interrupted=self.interrupted)
 
     def __str__(self) -> str:
-        return plain_table(_COLUMNS, [row.cells for row in self.rows])
+        return with_note(plain_table(_COLUMNS, [row.cells for row in self.rows]), interrupted=self.interrupted)
 
     def __repr__(self) -> str:
         missed = [row.case for row in self.rows if not row.holds]
         how = f"{len(missed)} beyond their bounds: {', '.join(missed)}" if missed else "all within their bounds"
-        return f"<StabilityTable: {len(self.rows)} cases, {how}>"
+        return f"<StabilityTable: {len(self.rows)} cases, {how}{', interrupted' * self.interrupted}>"
 
 
 def _size(error: float | None) -> str:
@@ -197,7 +199,7 @@ def stability(*, rays: int = THOROUGH, seed: int = 0, only: Sequence[str] | None
     Returns
     -------
     StabilityTable
-        `print` shows it; `to_markdown()`, and `rows` with the numbers.
+        `print` shows it; `to_markdown()`, and `rows` with the numbers; after Ctrl-C those of the cases that were done.
 
     Raises
     ------
@@ -216,4 +218,6 @@ def stability(*, rays: int = THOROUGH, seed: int = 0, only: Sequence[str] | None
     if not chosen:
         names = ", ".join(repr(case.name) for case in stability_cases())
         raise InvalidValueError(f"only is {only!r}, and no case begins so; the cases are {names}")
-    return StabilityTable([stability_row(case, rays=count, seed=seed_number(seed)) for case in chosen])
+    first = seed_number(seed)
+    rows = until_interrupted(lambda case: stability_row(case, rays=count, seed=first), chosen)
+    return StabilityTable(rows, interrupted=len(rows) < len(chosen))

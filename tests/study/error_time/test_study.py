@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+import signal
 import subprocess
 import sys
 
@@ -9,7 +10,9 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.study import ErrorTable, Variant, default_variants
+from plenoptic.rendering.schedule import scheduler
+from plenoptic.study import ErrorRow, ErrorTable, Variant, default_variants
+from plenoptic.study import __main__ as study_command
 from plenoptic.study.__main__ import main
 from plenoptic.study.cameras import reference_camera, smooth_camera
 from plenoptic.study.error_time.measurement import Runs, measured_rows
@@ -60,6 +63,26 @@ def test_rows_find_what_was_put_in():
     seeds = {(name, n): {s for a, b, s in calls[2:] if (a, b) == (name, n)} for name, n, _ in calls}
     assert seeds["plain", 64] == seeds["biased", 64] == set(range(6))
     assert seeds["plain", 256] == set(range(6, 12)) and len(calls) == 2 + 2 * 3 * 6 * 2
+
+
+def test_an_interrupted_study_keeps_the_rows_it_has(monkeypatch):
+    original, settings = scheduler.render_tile, {"seeds": 2, "reference_samples": 64, "progress": False}
+
+    def interrupted(context, tile, batch, *arguments, **named):
+        if batch.samples == 32:
+            signal.raise_signal(signal.SIGINT)
+        return original(context, tile, batch, *arguments, **named)
+
+    whole = pl.study.error_against_time(None, conventional(5.0, side=8), samples=(8, 16), **settings)
+    monkeypatch.setattr(scheduler, "render_tile", interrupted)
+    with pytest.warns(pl.errors.BudgetWarning, match="interrupted"):
+        table = pl.study.error_against_time(None, conventional(5.0, side=8), samples=(8, 16, 32), **settings)
+    assert table.interrupted and "interrupted" in repr(table)
+    assert not whole.interrupted and "nterrupted" not in f"{whole!r}{whole}"
+    assert str(table).endswith("\n\nInterrupted: further rows were asked for.")
+    assert [row.variance for row in table.rows] == [row.variance for row in whole.rows]
+    with pytest.warns(pl.errors.BudgetWarning), pytest.raises(KeyboardInterrupt):
+        pl.study.error_against_time(None, conventional(5.0, side=8), samples=(32,), **settings)
 
 
 def test_times_are_medians_and_setting_up_is_measured_by_itself():
@@ -298,6 +321,26 @@ def test_the_command_prints_writes_and_draws(tmp_path, capsys):
     assert "--target is 0" in capsys.readouterr().err
     assert main(["error-against-time", "--csv", str(tmp_path / "nowhere" / "a.csv")]) == 2
     assert "does not exist; make it first" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("when", ["between rows", "before the first"])
+def test_the_command_writes_what_it_has_when_interrupted(tmp_path, capsys, monkeypatch, when):
+    def made_up(case, **_):
+        row = ErrorRow("THIN lens", 16, **dict.fromkeys([f.name for f in dataclasses.fields(ErrorRow)[2:]], 0.25))
+        if case.name == "check" and when == "before the first":
+            raise KeyboardInterrupt
+        return ErrorTable(case.name, [row], 1, 1, 2, 1, 1, 0.1, interrupted=case.name == "check")
+
+    monkeypatch.setattr(study_command, "case_table", made_up)
+    written, cases = tmp_path / "all.csv", ["white", "check", "objects"]
+    assert main(["error-against-time", "--csv", str(written), "--case", *cases]) == 130
+    shown = capsys.readouterr()
+    assert shown.err == "interrupted\n" and "white: 1 pixels" in shown.out and "objects" not in shown.out
+    assert not ErrorTable.from_csv(written, title="white").interrupted
+    if when == "between rows":
+        assert ErrorTable.from_csv(written, title="check").interrupted and "check: 1 pixels" in shown.out
+    monkeypatch.setattr(study_command, "case_table", lambda case, **_: made_up(case._replace(name="white")))
+    assert main(["error-against-time", "--case", *cases]) == 0
 
 
 @pytest.mark.slow

@@ -1,0 +1,29 @@
+"""Studies that are interrupted keep what they have."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import TypeVar
+
+Item = TypeVar("Item")
+Row = TypeVar("Row")
+
+INTERRUPTED = "Interrupted: further rows were asked for."
+"""Said below the rows that are there."""
+
+
+def until_interrupted(measure: Callable[[Item], Row], items: Iterable[Item]) -> list[Row]:
+    """What is measured of each item, or of the first ones after Ctrl-C, which is raised where there is nothing yet."""
+    rows: list[Row] = []
+    try:
+        for item in items:
+            rows.append(measure(item))
+    except KeyboardInterrupt:
+        if not rows:
+            raise
+    return rows
+
+
+def with_note(table: str, *, interrupted: bool) -> str:
+    """A table as text, and what is to be said below it."""
+    return f"{table}\n\n{INTERRUPTED}" if interrupted else table
