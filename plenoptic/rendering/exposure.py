@@ -148,7 +148,7 @@ class Exposure:
 
     @property
     def interrupted(self) -> bool:
-        """Whether the render was interrupted before it had done what it was asked for."""
+        """Whether Ctrl-C came while it was rendered; in its last moment all may have been done."""
         return self.stats is not None and self.stats.stopped_by is StopReason.INTERRUPTED
 
     @property

@@ -124,6 +124,14 @@ def test_one_channel_of_a_file(tmp_path):
         assert grey.shape == (2, 3, 1) and (grey == (1 if channel == 3 else 0.5)).all()
 
 
+@pytest.mark.parametrize("name", ["", "a" * 300])
+def test_names_of_channels_that_do_not_come_back_are_refused(tmp_path, name):
+    # OpenImageIO calls the first R and cuts the second at 255 characters.
+    with pytest.raises(FileError, match="what was written does not come back"):
+        images.write_channels(tmp_path / "a.exr", {name: np.ones((2, 3)), "Y": np.ones((2, 3))})
+    assert not os.listdir(tmp_path)
+
+
 def test_data_are_not_decoded_whatever_the_file_says(tmp_path, ramp):
     for said in ("Linear", "sRGB"):
         images.write_16bit(tmp_path / "a.png", ramp, {images.COLOR_SPACE: said})

@@ -321,6 +321,8 @@ def _comes_back(name: str, pixels: NDArray[Any], names: tuple[str, ...]) -> bool
         return False
     spec = source.spec()
     try:
+        if sorted(spec.channelnames) != sorted(names):
+            return False
         order = [names.index(channel) for channel in spec.channelnames]
         for row in range(0, len(pixels), _ROWS):
             part = np.ascontiguousarray(pixels[row : row + _ROWS, :, order])

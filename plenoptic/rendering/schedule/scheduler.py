@@ -205,8 +205,10 @@ def _warn_where_late(progress: Progress, limit: float, took: float) -> None:
 def _reason(progress: Progress, *, interrupted: bool) -> StopReason:
     """Why it has ended; a warning where that is not the error that was wanted."""
     target = progress.budget.target_error
+    if interrupted:  # also where all was done at that moment: loops of renders are to hear of it
+        return StopReason.INTERRUPTED
     if progress.pending():
-        return StopReason.INTERRUPTED if interrupted else StopReason.TIME_LIMIT
+        return StopReason.TIME_LIMIT
     if progress.capped or target is None:
         return StopReason.SAMPLES
     reached = progress.error()

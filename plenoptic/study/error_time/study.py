@@ -135,7 +135,7 @@ def error_against_time(  # noqa: PLR0913
         return complete(chosen[name].render(scene, cameras[name], samples=n, seed=seed, region=window, threads=workers))
 
     def set_up(name: str) -> None:
-        chosen[name].render(scene, cameras[name], samples=1, seed=0, region=middle, threads=workers)
+        complete(chosen[name].render(scene, cameras[name], samples=1, seed=0, region=middle, threads=workers))
 
     converged = REFERENCE_FACTOR * numbers[-1] if reference_samples is None else reference_samples
     whole(converged, "reference_samples", at_least=2)

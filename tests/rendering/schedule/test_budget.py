@@ -468,6 +468,21 @@ def test_rendering_goes_on_in_other_threads(handler):
     assert same_bits(shots[0], white(samples=32))
 
 
+def test_ctrl_c_in_the_last_moment_is_told_too(handler, monkeypatch):
+    original = Progress.take
+
+    def take(*arguments):
+        original(*arguments)
+        signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(Progress, "take", take)
+    with pytest.warns(
+        pl.errors.BudgetWarning, match="the render was interrupted with 8 samples in 100 % of the pixels$"
+    ):
+        shot = white(samples=8, threads=1)
+    assert shot.interrupted and shot.samples == 8 and shot.sample_counts is None
+
+
 def test_an_interrupted_exposure_says_how_much_of_the_frame_has_what(handler, monkeypatch):
     original, taken = Progress.take, []
 
