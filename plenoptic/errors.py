@@ -76,9 +76,9 @@ class PlenopticWarning(UserWarning):
     Examples
     --------
     >>> import warnings, plenoptic as pl
-    >>> warnings.simplefilter("error", pl.errors.BlackImageWarning)              # stop at black images
-    >>> warnings.simplefilter("ignore", pl.errors.ImplausibleCameraWarning)      # be silent about odd cameras
-    >>> warnings.resetwarnings()
+    >>> with warnings.catch_warnings():
+    ...     warnings.simplefilter("error", pl.errors.BlackImageWarning)              # stop at black images
+    ...     warnings.simplefilter("ignore", pl.errors.ImplausibleCameraWarning)      # be silent about odd cameras
     """
 
 
@@ -99,7 +99,4 @@ class BudgetWarning(PlenopticWarning):
 
 
 class FileWarning(PlenopticWarning):
-    """Something that a file says and that is left out or replaced, or a file that was not written.
-
-    See `PlenopticWarning`.
-    """
+    """What a file says and is left out or replaced, or a file that was not written. See `PlenopticWarning`."""

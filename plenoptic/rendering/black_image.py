@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,15 +27,12 @@ from plenoptic.scene.textures.color import mean_colour
 
 if TYPE_CHECKING:
     from plenoptic.rendering.integrator.record import RayQueue
-    from plenoptic.rendering.plan.stages import Subject
     from plenoptic.rendering.schedule.progress import Progress
     from plenoptic.scene.geometry.record import Hits, Interactions
     from plenoptic.scene.scene import Scene
 
-_PIXELS, _SAMPLES = 256, 16
-"""Of the probe, at random places of the sensor."""
-_CELLS = 1 << 14
-"""Microlenses that it looks at, about: fewer pixels where many feed each."""
+_PIXELS, _SAMPLES, _CELLS = 256, 16, 1 << 14
+"""Of the probe, at random places of the sensor; fewer pixels where they are fed by more microlenses in all."""
 _POINTS, _PARTS = 64, 16
 """Points that are seen, and parts of each light, that are looked at."""
 _FEW = 32 * 32
@@ -47,20 +44,21 @@ _SHORT = 0.999
 """Rays to a light end this far on their way, before the light's own surface."""
 
 
-def warn_of_darkness(context: RenderContext, subject: Subject, progress: Progress, *, lit: bool) -> None:
+def warn_of_darkness(context: RenderContext, scene: Scene | None, progress: Progress, *, lit: bool) -> None:
     """Say why an image is black, or shows nothing of its meshes; silent where that is so for a few pixels only."""
-    scene, probe = subject.scene, _Probe(context)
+    probe, sensor = _Probe(context, scene), context.camera.sensor
     rows, columns = progress.film.mean.shape[:2]
-    whole = (rows, columns) == (context.camera.sensor.rows, context.camera.sensor.columns)
-    if not lit and (cause := _cause(context, subject, progress, probe, whole, not whole and rows * columns < _FEW)):
+    whole = (rows, columns) == (sensor.rows, sensor.columns)
+    if not lit and (cause := _cause(probe, progress, whole, few=not whole and rows * columns < _FEW)):
         warn(f"the image is black: {cause}", BlackImageWarning)
     elif lit and scene is not None and (whole or probe.is_past(scene)):
         warn(f"no path met the scene, {_place(scene)}", UnseenSceneWarning)
 
 
-def _cause(context: RenderContext, subject: Subject, progress: Progress, probe: _Probe, whole: bool, few: bool) -> str:
+def _cause(probe: _Probe, progress: Progress, whole: bool, *, few: bool) -> str:
     """One sentence; empty where nothing need be wrong."""
-    scene, bounces, counts = subject.scene, context.settings.max_bounces, progress.counts if whole else probe.counts
+    context, scene, counts = probe.context, probe.scene, progress.counts if whole else probe.counts
+    bounces = f"within {context.settings.max_bounces} bounces; give more"
     if not counts[0]:
         lost = in_words(by_cause(lost_rays(counts))) or "nothing feeds the pixels"
         return f"no light passes the camera ({lost}); look at camera.report(), the stop and the size of the sensor"
@@ -70,43 +68,31 @@ def _cause(context: RenderContext, subject: Subject, progress: Progress, probe: 
         return "nothing is there for light to fall on, and no light is in view; give the scene meshes=[...]"
     if scene is not None and ((whole and not progress.met) or probe.is_past(scene)):
         return f"the camera looks past the scene, {_place(scene)}"
-    if scene is not None and bounces == 0:
+    if scene is None or not len(probe.meshes):
+        return "" if few else "hardly any path passes the camera and meets the scene; look at camera.report()"
+    if context.settings.max_bounces == 0:
         return "max_bounces is 0, which shows only what emits, and none of that is in view; give more"
-    if scene is not None and len(probe.meshes):
-        found = _unlit(context, scene, probe)
-        if found or few:
-            return found
-        return (
-            f"light reaches what is seen and not the camera, within {bounces} bounces; give more bounces or samples, "
-            "or look at the colours of lights and materials"
-        )
-    return "" if few else "hardly any path passes the camera and meets the scene; look at camera.report()"
+    labels, emitters = _labels(scene), list(_emitters(scene))
+    inside = probe.surrounding()
+    start = "" if inside is None else f"the camera is inside {labels[inside]}; "
+    if not len(probe.found):
+        met = {labels[number] for number in probe.meshes}
+        if backs := [e.name for e in emitters if e.name in met and e.normals is not None][:_NAMED]:
+            return f"{start}{', '.join(backs)} shines away from the camera; {_TURN}"
+        return f"{start}what is seen is black, glass or a mirror, and no light is met {bounces}, or matt materials"
+    found = [(e.name, probe.obstacle(e, labels)) for e in emitters]
+    if not all(obstacle for _, obstacle in found):
+        dim = f"{start}light reaches what is seen and not the camera {bounces}"
+        return "" if few else f"{dim}, or samples, or look at the colours of lights and materials"
+    named = "; ".join(f"{name} {obstacle}" for name, obstacle in found[:_NAMED])
+    more = f"; and {len(found) - _NAMED} more" * (len(found) > _NAMED)
+    return f"{start}{len(found)} light{'s' * (len(found) > 1)}, none reaches what is seen; {named}{more}"
 
 
 def _place(scene: Scene) -> str:
     low, high = np.asarray(scene.bounds).round(3).tolist()
     where = f"which lies between {low} and {high} mm"
     return f"{where}; move it, or the camera, which without a pose looks from the origin along -z"
-
-
-def _unlit(context: RenderContext, scene: Scene, probe: _Probe) -> str:
-    """Which lights there are, and why each does not reach what is seen; empty where one does."""
-    labels, emitters = _labels(scene), list(_emitters(scene))
-    inside = _surrounding(context, labels, probe)
-    start = f"the camera is inside {inside}; " * bool(inside)
-    if not len(probe.found):
-        met = {labels[number] for number in probe.meshes}
-        if backs := [e.name for e in emitters if e.name in met and e.normals is not None][:_NAMED]:
-            return f"{start}{', '.join(backs)} shines away from the camera; {_TURN}"
-        dim = f"{start}what is seen is black, glass or a mirror and shows no light within"
-        return f"{dim} {context.settings.max_bounces} bounces; give more, matt materials, or other lights"
-    seen = probe.found[:: -(-len(probe.found) // _POINTS)]
-    found = [(e.name, _obstacle(context, e, seen[:, :3], seen[:, 3:], labels)) for e in emitters]
-    if not all(obstacle for _, obstacle in found):
-        return ""
-    named = "; ".join(f"{name} {obstacle}" for name, obstacle in found[:_NAMED])
-    more = f"; and {len(found) - _NAMED} more" * (len(found) > _NAMED)
-    return f"{start}{len(found)} light{'s' * (len(found) > 1)}, none reaches what is seen; {named}{more}"
 
 
 class _Emitter(NamedTuple):
@@ -164,72 +150,20 @@ def _directions(n: int) -> Floats:
     return np.stack([np.sqrt(1 - z * z) * np.cos(turn), np.sqrt(1 - z * z) * np.sin(turn), z], axis=1)
 
 
-def _obstacle(context: RenderContext, e: _Emitter, seen: Floats, normals: Floats, labels: list[str]) -> str:
-    """Why no light of one emitter gets to points (n, 3); empty where some does."""
-    record, intersector = context.scene, context.intersector
-    assert record is not None and intersector is not None
-    assert record.triangle_mesh is not None and record.geometry is not None
-    ways = np.broadcast_to(e.ends * record.lights.far, (len(seen), len(e.ends), 3))
-    if not e.distant:
-        ways = e.ends - seen[:, None]
-    open_ = np.ones(ways.shape[:2], dtype=bool)
-    if e.normals is not None:
-        open_ &= (ways * e.normals).sum(axis=2) < 0
-        if not open_.any():
-            return f"faces away: {_TURN}"
-    if e.spot is not None:
-        along = -(ways @ e.spot.direction) / np.linalg.norm(ways, axis=2)
-        open_ &= e.spot.falloff(np.arccos(np.clip(along, -1, 1))) > 0
-        if not open_.any():
-            return "shines past it: aim it with SpotLight.facing, or widen outer_angle (radians)"
-    open_ &= (ways * normals[:, None]).sum(axis=2) > 0
-    if not open_.any():
-        remedy = "reverse its direction, the way its light travels" if e.distant else "move it to the camera's side"
-        return f"shines from behind: {remedy}"
-    start = np.broadcast_to(seen[:, None], ways.shape)[open_]
-    rays, blocked = np.hstack([start, _SHORT * ways[open_]]), np.empty(len(start), dtype=np.uint8)
-    intersector.fill_blocked(blocked, rays)
-    if not blocked.all():
-        return ""
-    triangles = _triangles_met(context, rays)
-    label = labels[np.bincount(record.triangle_mesh[triangles]).argmax()]
-    bsdf, materials = record.bsdf, record.geometry.triangle_material[triangles]
-    if bsdf is not None and (bsdf.scatters[materials] > bsdf.takes_light[materials]).any():
-        return f"is behind {label}, whose glass lets light pass by chance only, and that of points never: move it"
-    return f"is hidden by {label}: move one of them, or the camera"
-
-
-def _triangles_met(context: RenderContext, rays: Floats) -> NDArray[np.int32]:
-    """Rows of the triangles that rays (n, 6) meet; those that meet none are left out."""
-    from plenoptic.scene.materials.alpha_mask import no_hits
-
-    assert context.scene is not None and context.intersector is not None
-    hits = no_hits(context.scene, len(rays))
-    context.intersector.fill_closest(hits, np.ascontiguousarray(rays), coherent=False)
-    return hits.triangle[hits.triangle >= 0]
-
-
-def _surrounding(context: RenderContext, labels: list[str], probe: _Probe) -> str:
-    """The mesh that is all around the camera; empty where there is none."""
-    assert context.scene is not None and context.scene.triangle_mesh is not None
-    around = _directions(_POINTS)
-    triangles = _triangles_met(context, np.hstack([np.broadcast_to(probe.rays[0, :3], around.shape), around]))
-    met = context.scene.triangle_mesh[triangles]
-    return labels[met[0]] if len(met) == len(around) and (met == met[0]).all() else ""
-
-
 class _Probe:
     """Some paths over the whole sensor, and what becomes of them: a `Witness` of them."""
 
-    def __init__(self, context: RenderContext) -> None:
-        self.counts = np.zeros(status_codes(context.camera), dtype=np.int64)
+    def __init__(self, context: RenderContext, scene: Scene | None) -> None:
+        self.context, self.scene, camera = context, scene, context.camera
+        self.record: Any = context.scene
+        self.intersector: Any = context.intersector
+        self.counts = np.zeros(status_codes(camera), dtype=np.int64)
         """Paths by status."""
         self.rays, self.found = np.empty((0, 6)), np.empty((0, 6))
         """Those that leave the camera; points and normals of the matt surfaces that they meet first."""
         self.meshes = np.empty(0, dtype=np.int32)
         """Numbers of the meshes that are seen."""
-        self.bright, self._scene = False, context.scene
-        camera = context.camera
+        self.bright = False
         pixels = min(_PIXELS, 1 + int(_CELLS / cells_per_pixel(camera)))
         places = np.random.default_rng(0).integers((camera.sensor.rows, camera.sensor.columns), size=(pixels, 2))
         tiles = [Tile(row, column, 1, 1) for row, column in places.tolist()]
@@ -252,20 +186,68 @@ class _Probe:
 
     def saw(self, rays: Floats, hits: Hits, radiance: Floats) -> None:
         """Keep the rays that leave the camera, and the numbers of the meshes that they meet."""
-        if not len(self.rays) and self._scene is not None and self._scene.triangle_mesh is not None:
+        if not len(self.rays) and self.intersector is not None:
             self.rays = rays.copy()
-            self.meshes = np.unique(self._scene.triangle_mesh[hits.triangle[hits.triangle >= 0]])
+            self.meshes = np.unique(self.record.triangle_mesh[hits.triangle[hits.triangle >= 0]])
 
     def lit(self, *_: object) -> None:
         """Lights were drawn."""
 
     def scattered(self, interactions: Interactions, onward: RayQueue, onwards: int, drawn: int) -> None:
         """Keep the first surfaces that scatter the light of lamps."""
-        if len(self.found) == 0 and self._scene is not None and self._scene.bsdf is not None:
-            matt = self._scene.bsdf.takes_light[interactions.material] > 0
+        if not len(self.found):
+            matt = self.record.bsdf.takes_light[interactions.material] > 0
             rows = interactions.rows[: len(matt)][matt]
             normals = rows[:, NORMAL : NORMAL + 3]
             self.found = np.hstack([rows[:, POINT : POINT + 3] + rows[:, OFFSET, None] * normals, normals])
+
+    def obstacle(self, e: _Emitter, labels: list[str]) -> str:
+        """Why no light of one emitter gets to what is seen; empty where some does."""
+        some = self.found[:: -(-len(self.found) // _POINTS)]
+        seen, normals = some[:, :3], some[:, 3:]
+        ways = np.broadcast_to(e.ends * self.record.lights.far, (len(seen), len(e.ends), 3))
+        if not e.distant:
+            ways = e.ends - seen[:, None]
+        open_ = np.ones(ways.shape[:2], dtype=bool)
+        if e.normals is not None:
+            open_ &= (ways * e.normals).sum(axis=2) < 0
+            if not open_.any():
+                return f"faces away: {_TURN}"
+        if e.spot is not None:
+            along = -(ways @ e.spot.direction) / np.linalg.norm(ways, axis=2)
+            open_ &= e.spot.falloff(np.arccos(np.clip(along, -1, 1))) > 0
+            if not open_.any():
+                return "shines past it: aim it with SpotLight.facing, or widen outer_angle (radians)"
+        open_ &= (ways * normals[:, None]).sum(axis=2) > 0
+        if not open_.any():
+            remedy = "reverse its direction, the way its light travels" if e.distant else "move it to the camera's side"
+            return f"shines from behind: {remedy}"
+        start = np.broadcast_to(seen[:, None], ways.shape)[open_]
+        rays, blocked = np.hstack([start, _SHORT * ways[open_]]), np.empty(len(start), dtype=np.uint8)
+        self.intersector.fill_blocked(blocked, rays)
+        if not blocked.all():
+            return ""
+        triangles = self._triangles_met(rays)
+        label = labels[np.bincount(self.record.triangle_mesh[triangles]).argmax()]
+        bsdf, materials = self.record.bsdf, self.record.geometry.triangle_material[triangles]
+        if (bsdf.scatters[materials] > bsdf.takes_light[materials]).any():
+            return f"is behind {label}, whose glass lets light pass by chance only, and that of points never: move it"
+        return f"is hidden by {label}: move one of them, or the camera"
+
+    def _triangles_met(self, rays: Floats) -> NDArray[np.int32]:
+        """Rows of the triangles that rays (n, 6) meet; those that meet none are left out."""
+        from plenoptic.scene.materials.alpha_mask import no_hits
+
+        hits = no_hits(self.record, len(rays))
+        self.intersector.fill_closest(hits, np.ascontiguousarray(rays), coherent=False)
+        return hits.triangle[hits.triangle >= 0]
+
+    def surrounding(self) -> int | None:
+        """The mesh that is all around the camera; None where there is none."""
+        around = _directions(_POINTS)
+        rays = np.hstack([np.broadcast_to(self.rays[0, :3], around.shape), around])
+        met = self.record.triangle_mesh[self._triangles_met(rays)]
+        return int(met[0]) if len(met) == len(around) and (met == met[0]).all() else None
 
     def is_past(self, scene: Scene) -> bool:
         """Whether all meshes and area lights are outside of the cone of rays that leave the camera."""

@@ -106,7 +106,7 @@ def run(subject: Subject, budget: Budget, work: Work) -> Exposure:
     if progress.done.all() and not interrupted and not dark and not (lit and (progress.met or not meshes)):
         from plenoptic.rendering.black_image import warn_of_darkness
 
-        warn_of_darkness(context, subject, progress, lit=lit)
+        warn_of_darkness(context, subject.scene, progress, lit=lit)
     return shot
 
 
