@@ -52,7 +52,7 @@ def warn_of_darkness(context: RenderContext, scene: Scene | None, progress: Prog
     if not lit and (cause := _cause(probe, progress, whole, few=not whole and rows * columns < _FEW)):
         warn(f"the image is black: {cause}", BlackImageWarning)
     elif lit and scene is not None and (whole or probe.is_past(scene)):
-        warn(f"no path met the scene, {_place(scene)}", UnseenSceneWarning)
+        warn(f"no path met the scene, {probe.place(scene)}", UnseenSceneWarning)
 
 
 def _cause(probe: _Probe, progress: Progress, whole: bool, *, few: bool) -> str:
@@ -67,7 +67,7 @@ def _cause(probe: _Probe, progress: Progress, whole: bool, *, few: bool) -> str:
     if scene is not None and context.intersector is None:
         return "nothing is there for light to fall on, and no light is in view; give the scene meshes=[...]"
     if scene is not None and ((whole and not progress.met) or probe.is_past(scene)):
-        return f"the camera looks past the scene, {_place(scene)}"
+        return f"no path met the scene, {probe.place(scene)}"
     if scene is None or not len(probe.meshes):
         return "" if few else "hardly any path passes the camera and meets the scene; look at camera.report()"
     if context.settings.max_bounces == 0:
@@ -87,12 +87,6 @@ def _cause(probe: _Probe, progress: Progress, whole: bool, *, few: bool) -> str:
     named = "; ".join(f"{name} {obstacle}" for name, obstacle in found[:_NAMED])
     more = f"; and {len(found) - _NAMED} more" * (len(found) > _NAMED)
     return f"{start}{len(found)} light{'s' * (len(found) > 1)}, none reaches what is seen; {named}{more}"
-
-
-def _place(scene: Scene) -> str:
-    low, high = np.asarray(scene.bounds).round(3).tolist()
-    where = f"which lies between {low} and {high} mm"
-    return f"{where}; move it, or the camera, which without a pose looks from the origin along -z"
 
 
 class _Emitter(NamedTuple):
@@ -248,6 +242,14 @@ class _Probe:
         rays = np.hstack([np.broadcast_to(self.rays[0, :3], around.shape), around])
         met = self.record.triangle_mesh[self._triangles_met(rays)]
         return int(met[0]) if len(met) == len(around) and (met == met[0]).all() else None
+
+    def place(self, scene: Scene) -> str:
+        """Where a scene is that no path met."""
+        low, high = np.asarray(scene.bounds).round(3).tolist()
+        remedy = "move it, or the camera, which without a pose looks from the origin along -z"
+        if not self.is_past(scene):
+            remedy = "it is in view and small: give more samples, or go nearer"
+        return f"which lies between {low} and {high} mm; {remedy}"
 
     def is_past(self, scene: Scene) -> bool:
         """Whether all meshes and area lights are outside of the cone of rays that leave the camera."""

@@ -95,7 +95,7 @@ BLACK = {
         (wall(404.0),),
         (LAMP.moved(np.diag([1, 1, -1.0, 1]), 1),),
         {},
-        r"past the scene.* between \[.*move it, or",
+        r"no path met the scene.* between \[.*move it, or",
     ),
     "a sun and no mesh": ((), (pl.SunLight((0, -1, 0)),), {}, "nothing is there for light to fall on"),
 }
@@ -158,3 +158,8 @@ def test_a_whole_dark_region_is_told_from_a_dark_scene():
         SMALL, pl.PlenopticCamera(CAMERA.lens, sensor, 123.3, CAMERA.microlenses, 1.7), region=np.s_[:32, :32]
     )
     assert black and len(found) == 1 and "this region of the sensor gets no light, and others do" in found[0][1]
+
+
+def test_what_is_too_small_to_be_met_is_told_from_what_is_out_of_view():
+    found, _ = said(pl.Scene([pl.box(1e-6, center=(0, 0, -404))], background=1.0))
+    assert len(found) == 1 and "in view and small: give more samples" in found[0][1]

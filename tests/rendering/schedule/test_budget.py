@@ -111,7 +111,7 @@ def test_few_samples_come_before_any_target(samples):
 
 def test_light_that_no_path_has_met_is_no_target_reached():
     behind = pl.Scene(lights=[pl.QuadLight((0, 0, 500.0), (1, 0, 0), (0, 1, 0), radiance=5.0)])
-    with pytest.warns(UserWarning, match="camera looks past the scene"):
+    with pytest.warns(UserWarning, match="no path met the scene"):
         shot = shoot(behind, target_error=0.05)
     assert shot.stats.stopped_by is pl.rendering.StopReason.TARGET_MISSED and shot.relative_error == math.inf
 
