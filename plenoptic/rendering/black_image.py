@@ -40,8 +40,6 @@ _FEW = 32 * 32
 _NAMED = 3
 """Lights that are spoken of."""
 _TURN = "turn it round, as QuadLight.facing does, or make it two_sided"
-_SHORT = 0.999
-"""Rays to a light end this far on their way, before the light's own surface."""
 
 
 def warn_of_darkness(context: RenderContext, scene: Scene | None, progress: Progress, *, lit: bool) -> None:
@@ -217,7 +215,7 @@ class _Probe:
             remedy = "reverse its direction, the way its light travels" if e.distant else "move it to the camera's side"
             return f"shines from behind: {remedy}"
         start = np.broadcast_to(seen[:, None], ways.shape)[open_]
-        rays, blocked = np.hstack([start, _SHORT * ways[open_]]), np.empty(len(start), dtype=np.uint8)
+        rays, blocked = np.hstack([start, ways[open_]]), np.empty(len(start), dtype=np.uint8)
         self.intersector.fill_blocked(blocked, rays)
         if not blocked.all():
             return ""
