@@ -2,9 +2,11 @@
 
 from plenoptic.core.color.srgb import Encoding, linear_to_srgb, srgb_to_linear
 from plenoptic.core.files.images import read_channels, read_linear, write_16bit, write_channels
+from plenoptic.core.files.reading import FileLimits
 
 __all__ = [
     "Encoding",
+    "FileLimits",
     "linear_to_srgb",
     "read_channels",
     "read_linear",

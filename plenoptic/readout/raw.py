@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.files import images
 from plenoptic.core.files.preview import html_figure
+from plenoptic.core.files.reading import DEFAULT, FileLimits
 from plenoptic.core.files.serialization import described_fields, restored_fields
 from plenoptic.core.values import Floats, Given, check_kind, file_path, seed_number, set_field, value, whole
 from plenoptic.errors import FileError, InvalidValueError
@@ -207,19 +208,21 @@ class RawImage:
         images.write_16bit(path, pixels, {"plenoptic:kind": "raw", images.COLOR_SPACE: images.LINEAR, **texts})
 
     @classmethod
-    def load(cls, path: str | os.PathLike[str]) -> RawImage:
+    def load(cls, path: str | os.PathLike[str], *, limits: FileLimits = DEFAULT) -> RawImage:
         """Read a raw image that `save` wrote.
 
         Parameters
         ----------
         path : path-like
+        limits : FileLimits
+            The size of the file, and of the image.
 
         Raises
         ------
         FileError
             Where the file is missing, damaged or no raw image of this package.
         """
-        channels, metadata = images.read_channels(file_path(path))
+        channels, metadata = images.read_channels(file_path(path), limits=limits)
         if "plenoptic:model" not in metadata:
             raise FileError(f"{os.fspath(path)!r} names no sensor model; read it with pl.images.read_channels")
         kept = restored_fields(metadata, _KEPT_AS_TEXT)

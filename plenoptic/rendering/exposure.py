@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from plenoptic import __version__
 from plenoptic.core.color.srgb import linear_to_srgb
+from plenoptic.core.files.reading import DEFAULT, FileLimits
 from plenoptic.core.files.serialization import describe, described_fields, restore, restored_fields
 from plenoptic.core.relative_error import relative_error
 from plenoptic.core.values import (
@@ -233,11 +234,12 @@ class Exposure:
             raise FileError(f"{os.fspath(path)!r} ends in {ending!r}; it must end in .exr, .tif, .tiff or .png")
 
     @classmethod
-    def load(cls, path: str | os.PathLike[str]) -> Exposure:
+    def load(cls, path: str | os.PathLike[str], *, limits: FileLimits = DEFAULT) -> Exposure:
         """Read an exposure that `save` wrote, or the image of any other file.
 
         An EXR file gives back everything; truth returns as float64 of float32 precision. Another image file gives the
-        linear image, times its scale if it has one. A file from elsewhere gives what it holds.
+        linear image, times its scale if it has one. A file from elsewhere gives what it holds. `limits` is as of
+        `images.read_linear`.
 
         Raises
         ------
@@ -250,9 +252,8 @@ class Exposure:
         """
         from plenoptic.core.files import images
 
-        channels, metadata = images.read_channels(path)
+        image, channels, metadata = images.read_picture(path, limits=limits)
         kept = restored_fields(metadata, _KEPT_AS_TEXT)
-        image = images.read_linear(path)
         planes = [channels.get(f"error.{name}") for name in _NAMES[image.shape[2]]]
         errors = [plane for plane in planes if plane is not None]
         try:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from plenoptic.core.files.reading import DEFAULT, FileLimits
 from plenoptic.core.values import Floats, Given, check_kind, numbers, set_field, value
 from plenoptic.errors import InvalidValueError, SceneError
 from plenoptic.scene.compile import SceneRecord, box_around, build_record
@@ -101,6 +102,7 @@ class Scene:
         material: Material | None = None,
         lights: Iterable[Light] = (),
         background: Background | Colour | None = None,
+        limits: FileLimits = DEFAULT,
     ) -> Scene:
         """Read a scene from a file, with its lights and its cameras as `views`; see `load_file` for what is read.
 
@@ -108,7 +110,7 @@ class Scene:
 
         Parameters
         ----------
-        path, unit, material
+        path, unit, material, limits
             As in `load_file`, whose errors are raised.
         lights, background
             As in `Scene`; lights are added to those of the file.
@@ -121,7 +123,7 @@ class Scene:
         """
         from plenoptic.scene.files.load import load_file
 
-        contents = load_file(path, unit=unit, material=material)
+        contents = load_file(path, unit=unit, material=material, limits=limits)
         return cls(contents.meshes, (*contents.lights, *lights), background, contents.views)
 
     @property

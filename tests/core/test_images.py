@@ -197,7 +197,7 @@ def test_what_is_no_path(path):
 
 @pytest.mark.parametrize("name", ["a\0b", "a" * 5000])
 def test_names_that_no_file_can_have(tmp_path, name):
-    with pytest.raises(FileError, match="does not exist"):
+    with pytest.raises(FileError, match=r"cannot be read \(.*; check its name"):
         images.read_linear(tmp_path / f"{name}.exr")
     with pytest.raises(FileError, match=r"cannot be (read|used) \(.*; check its name"):
         images.write_channels(tmp_path / f"{name}.exr", {"Y": np.ones((2, 2))})

@@ -9,16 +9,18 @@ from __future__ import annotations
 
 import json
 import os
+import threading
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.color.srgb import Encoding, srgb_to_linear
 from plenoptic.core.files.atomic_file import check_room, replaced
+from plenoptic.core.files.reading import DEFAULT, FileLimits, allowed_memory, check_file, check_memory
 from plenoptic.core.values import AnyFloats, choice, file_path, whole
 from plenoptic.errors import FileError, InvalidValueError
 
@@ -31,6 +33,12 @@ _LONGEST_DESCRIPTION = 65535  # OpenImageIO cuts a TIFF text off beyond this man
 _ROWS = 64
 """Rows of an image that are compared at a time."""
 
+_Content: TypeAlias = tuple[dict[str, NDArray[np.float32]], dict[str, Any], bool]
+"""Channels, metadata, and whether the file has whole numbers."""
+
+_LIMIT = "limits:imagesize_MB"
+_OPENING = threading.Lock()
+
 ALPHA = 3
 """The number of the channel that says how opaque a pixel is."""
 
@@ -41,6 +49,7 @@ def read_linear(
     encoding: Encoding = Encoding.SRGB,
     channel: int | None = None,
     max_pixels: int | None = None,
+    limits: FileLimits = DEFAULT,
 ) -> NDArray[np.float32]:
     """Read an image file as linear values.
 
@@ -56,6 +65,8 @@ def read_linear(
         never sRGB and 1 where the file has none. By default all but alpha.
     max_pixels : int, optional
         An image of more pixels is refused before they are read.
+    limits : FileLimits
+        The size of the file, and of the image.
 
     Returns
     -------
@@ -79,16 +90,14 @@ def read_linear(
     array([0.214], dtype=float32)
     """
     encoding, channel = choice(encoding, Encoding, "encoding"), channel_number(channel)
-    channels, metadata, is_integer = _read(path, max_pixels)
+    channels, *_ = content = _read(path, limits, max_pixels)
     if channel == ALPHA:
         opaque = np.ones_like(next(iter(channels.values())))
         return channels.get("A", opaque)[:, :, np.newaxis]
     image = _picture(channels, path)
     if channel is not None and image.shape[2] > 1:
-        image = image[:, :, channel : channel + 1]
-    if encoding is Encoding.SRGB and is_integer and "lin" not in str(metadata.get(COLOR_SPACE, SRGB)).lower():
-        image = srgb_to_linear(image).astype(np.float32)
-    return np.ascontiguousarray(image)
+        image = np.ascontiguousarray(image[:, :, channel : channel + 1])
+    return _decoded(image, content) if encoding is Encoding.SRGB else image
 
 
 def channel_number(channel: int | None) -> int | None:
@@ -98,13 +107,17 @@ def channel_number(channel: int | None) -> int | None:
     raise InvalidValueError(f"channel is {channel}; it must be 0, 1, 2 (red, green, blue), 3 (alpha) or None")
 
 
-def read_channels(path: str | os.PathLike[str]) -> tuple[dict[str, NDArray[np.float32]], dict[str, Any]]:
+def read_channels(
+    path: str | os.PathLike[str], *, limits: FileLimits = DEFAULT
+) -> tuple[dict[str, NDArray[np.float32]], dict[str, Any]]:
     """Read every channel of an image file by name, with its metadata.
 
     Parameters
     ----------
     path : path-like
         An image file.
+    limits : FileLimits
+        The size of the file, and of the image.
 
     Returns
     -------
@@ -129,8 +142,16 @@ def read_channels(path: str | os.PathLike[str]) -> tuple[dict[str, NDArray[np.fl
     >>> list(channels), metadata["unit"]
     (['Z'], 'mm')
     """
-    channels, metadata, _ = _read(path)
+    channels, metadata, _ = _read(path, limits)
     return channels, metadata
+
+
+def read_picture(
+    path: str | os.PathLike[str], *, limits: FileLimits = DEFAULT
+) -> tuple[NDArray[np.float32], dict[str, NDArray[np.float32]], dict[str, Any]]:
+    """What `read_linear` and `read_channels` return, of a file that is read once."""
+    channels, metadata, _ = content = _read(path, limits)
+    return _decoded(_picture(channels, path), content), channels, metadata
 
 
 def write_channels(
@@ -243,24 +264,38 @@ def _picture(channels: Mapping[str, NDArray[np.float32]], path: str | os.PathLik
             f"{os.fspath(path)!r} holds the channels {', '.join(channels)}; a picture needs R, G, B, or Y, "
             "or a single channel"
         )
-    return others[0][:, :, np.newaxis]
+    return others[0][:, :, np.newaxis].copy()
 
 
-def _read(
-    path: str | os.PathLike[str], max_pixels: int | None = None
-) -> tuple[dict[str, NDArray[np.float32]], dict[str, Any], bool]:
+def _decoded(image: NDArray[np.float32], content: _Content) -> NDArray[np.float32]:
+    """The image, in place, linear where it was encoded."""
+    _, metadata, is_integer = content
+    if is_integer and "lin" not in str(metadata.get(COLOR_SPACE, SRGB)).lower():
+        for rows in np.array_split(image, max(1, image.size >> 20)):  # what is made on the way stays small
+            rows[...] = srgb_to_linear(rows)
+    return image
+
+
+def _read(path: str | os.PathLike[str], limits: FileLimits, max_pixels: int | None = None) -> _Content:
     import OpenImageIO as oiio
 
     name = os.fspath(file_path(path))
-    if not os.path.exists(name):
-        raise FileError(f"{name!r} does not exist; check the path")
-    if os.path.isdir(name):
-        raise FileError(f"{name!r} is a folder; give the path of an image file")
+    size = check_file(Path(name), limits)
     wish = oiio.ImageSpec()
     wish.attribute("oiio:UnassociatedAlpha", 1)  # otherwise colours come multiplied by alpha
-    source = oiio.ImageInput.open(name, wish)
+    # Some formats are decoded when they are opened: the library itself must know the limit, which it has for all only.
+    with _OPENING:
+        before = oiio.get_int_attribute(_LIMIT)
+        oiio.attribute(_LIMIT, max(1, allowed_memory(size, limits) >> 21))
+        try:
+            source = oiio.ImageInput.open(name, wish)
+        finally:
+            oiio.attribute(_LIMIT, before)
     if source is None:
-        raise FileError(f"{name!r} cannot be read as an image: {_said(oiio)}; give an image file")
+        reason = _said(oiio)
+        if _LIMIT in reason:
+            reason = f"{reason.partition('. Image')[0]}; if you trust it, give limits=pl.images.FileLimits(memory=...)"
+        raise FileError(f"{name!r} cannot be read as an image: {reason}; give an image file")
     try:
         spec = source.spec()
         if max_pixels is not None and spec.width * spec.height > max_pixels:
@@ -268,6 +303,8 @@ def _read(
                 f"{name!r} has {spec.height} x {spec.width} pixels; it must have at most {max_pixels} here, "
                 "so scale it down"
             )
+        # It is read as float32, and each channel is copied.
+        check_memory(8 * max(spec.image_pixels(), spec.tile_pixels()) * spec.nchannels, repr(name), size, limits)
         pixels = source.read_image(oiio.FLOAT)
         trouble = _reason(source)
     finally:
@@ -277,7 +314,7 @@ def _read(
     pixels = pixels.reshape(spec.height, spec.width, spec.nchannels)
     channels = {channel: np.ascontiguousarray(pixels[:, :, i]) for i, channel in enumerate(spec.channelnames)}
     metadata: dict[str, Any] = {item.name: item.value for item in spec.extra_attribs}
-    with suppress(ValueError):  # any other description stays a plain text
+    with suppress(ValueError, RecursionError):  # any other description stays a plain text
         described = json.loads(metadata.get("ImageDescription", ""))
         metadata |= described if isinstance(described, dict) else {}
     return channels, metadata, str(spec.format) not in ("half", "float", "double")
@@ -316,7 +353,8 @@ def _comes_back(name: str, pixels: NDArray[Any], names: tuple[str, ...]) -> bool
     """Whether a file holds these pixels: writers may lose some and say nothing."""
     import OpenImageIO as oiio
 
-    source = oiio.ImageInput.open(name)
+    with _OPENING:
+        source = oiio.ImageInput.open(name)
     if source is None:
         return False
     spec = source.spec()

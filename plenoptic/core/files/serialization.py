@@ -43,7 +43,7 @@ def restore(text: str) -> Any:
     """The value that `describe` wrote down; a FileError where the text names nothing public, or what cannot be."""
     try:
         return _restored(json.loads(text))
-    except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError) as error:
+    except (ValueError, TypeError, LookupError, AttributeError, ArithmeticError, RecursionError) as error:
         raise FileError(
             f"a description cannot be understood: {error}; "
             "it must come from this package in this version or a compatible one"

@@ -11,6 +11,7 @@ import re
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+from plenoptic.core.files.reading import TEXT, FileLimits, read_file
 from plenoptic.core.files.text_lines import decoded, naming_line, written_number
 from plenoptic.core.values import check_kind, file_path, finite, set_field, value, whole
 from plenoptic.errors import FileError, InvalidValueError, PrescriptionError
@@ -82,10 +83,10 @@ class GlassCatalogue:
         set_field(self, "entries", tuple(self.entries))
         for entry in self.entries:
             check_kind(entry, "an entry", GlassEntry, "those of pl.optics.load_glasses(path).entries")
-        places: dict[str, tuple[int, ...]] = {}
+        places: dict[str, list[int]] = {}
         for i, entry in enumerate(self.entries):
-            places[_key(entry.name)] = (*places.get(_key(entry.name), ()), i)
-        set_field(self, "_places", places)
+            places.setdefault(_key(entry.name), []).append(i)
+        set_field(self, "_places", {key: tuple(found) for key, found in places.items()})
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -195,7 +196,7 @@ def bundled_glasses() -> GlassCatalogue:
     return _from_agf(file.read_text(encoding="utf-8"), "the bundled table")
 
 
-def load_glasses(path: str | os.PathLike[str]) -> GlassCatalogue:
+def load_glasses(path: str | os.PathLike[str], *, limits: FileLimits = TEXT) -> GlassCatalogue:
     """The glasses of an AGF file, the format of Zemax in which makers publish their catalogues.
 
     Lines NM (name, formula, code, n_d, V_d), CD (coefficients), LD (range) and GC (comment) are read, all others
@@ -210,6 +211,8 @@ def load_glasses(path: str | os.PathLike[str]) -> GlassCatalogue:
     ----------
     path : str or path-like
         A text file in UTF-8, in UTF-16 with its mark, or else in Latin-1.
+    limits : FileLimits
+        The size of the file: by default at most 4 MiB.
 
     Raises
     ------
@@ -235,8 +238,8 @@ def load_glasses(path: str | os.PathLike[str]) -> GlassCatalogue:
     """
     file = file_path(path)
     try:
-        text = decoded(file.read_bytes())
-    except (OSError, ValueError) as error:
+        text = decoded(read_file(file, limits))
+    except ValueError as error:
         raise FileError(f"cannot read {file}: {error}; give the path of an AGF file") from None
     return _from_agf(text, file.name)
 

@@ -8,6 +8,7 @@ import os
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from plenoptic.core.files.reading import DEFAULT, FileLimits
 from plenoptic.core.values import MOST_POINTS, Floats, alike, frozen_array, length_in_mm, set_field, value, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.placement import Placement, set_place
@@ -87,6 +88,7 @@ class MaskStop:
         *,
         thickness: float = 0.0,
         placement: Placement | None = None,
+        limits: FileLimits = DEFAULT,
     ) -> MaskStop:
         """A mask from an image file: white is clear, black is opaque.
 
@@ -98,6 +100,8 @@ class MaskStop:
             black is opaque: files that are compressed with losses (JPEG) have open specks all over.
         semi_diameter, thickness, placement
             As of the class.
+        limits : FileLimits
+            The size of the file, and of the image.
 
         Raises
         ------
@@ -118,7 +122,7 @@ class MaskStop:
         """
         from plenoptic.core.files.images import read_linear
 
-        cells = read_linear(path).astype(np.float64).mean(axis=2)
+        cells = read_linear(path, limits=limits).mean(axis=2, dtype=np.float64)
         return cls(cells, semi_diameter, thickness, placement=placement)
 
     @property

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 
+from plenoptic.core.files.reading import FileReader
 from plenoptic.scene.textures.color import Colour
 from plenoptic.scene.textures.texture import Texture
 
@@ -23,8 +25,20 @@ def times(texture: Texture, colour: Colour) -> Texture:
     """A texture times a colour; the texture itself where that is 1."""
     if colour == 1:
         return texture
-    texels = texture.texels * np.asarray(colour, dtype=np.float64)
+    texels = np.empty((*texture.texels.shape[:2], max(texture.texels.shape[2], np.size(colour))), dtype=np.float32)
+    with np.errstate(over="ignore"):  # what is infinite is refused with its value
+        np.multiply(texture.texels, np.asarray(colour, dtype=np.float64), out=texels, casting="same_kind")
     return Texture(texels, wrap=texture.wrap, filter=texture.filter)
+
+
+def file_texture(reader: FileReader, name: str, **options: Any) -> Texture:
+    """The texture that a file names, whose backslashes may stand for slashes."""
+    place = reader.named(name)
+    texture = Texture.load(
+        place if place.exists() else reader.named(name.replace("\\", "/")), limits=reader.limits, **options
+    )
+    reader.take(texture.texels.nbytes, f"its image {name!r}")
+    return texture
 
 
 def number_or_texture(texture: Texture) -> float | Texture:

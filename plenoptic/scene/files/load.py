@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from os import PathLike
 
-from plenoptic.core.values import Given, file_path, set_field, value
+from plenoptic.core.files.reading import DEFAULT, FileLimits, FileReader
+from plenoptic.core.values import Given, check_kind, file_path, set_field, value
 from plenoptic.errors import FileError, InvalidValueError, PlenopticError
 from plenoptic.scene.file_cameras import View
 from plenoptic.scene.files.gltf.file import read_gltf
@@ -53,7 +54,13 @@ class FileContents:
             set_field(self, name, tuple(getattr(self, name)))
 
 
-def load_file(path: str | PathLike[str], *, unit: str | None = None, material: Material | None = None) -> FileContents:
+def load_file(
+    path: str | PathLike[str],
+    *,
+    unit: str | None = None,
+    material: Material | None = None,
+    limits: FileLimits = DEFAULT,
+) -> FileContents:
     """Read all that a file holds of a scene.
 
     Everything stands in its place in the file's scene graph. Normals and texture coordinates are read where the file
@@ -77,12 +84,16 @@ def load_file(path: str | PathLike[str], *, unit: str | None = None, material: M
         standard says so, and "mm" for all others.
     material : Material, optional
         Replaces all materials of the file, which are not looked at then.
+    limits : FileLimits
+        Where other files may lie that this one names, and how much it may ask for: by default they lie beside or below
+        it, and what it becomes takes at most 512 MiB, or 1024 times its size.
 
     Raises
     ------
     FileError
         A file that is missing, damaged, of another kind, or with neither triangles nor lights; a material file or
-        texture that is missing or not an image; a feature that would be rendered wrongly. The message names the file.
+        texture that is missing, not an image, or out of bounds; what the standard of glTF forbids; a feature that would
+        be rendered wrongly. The message names the file.
     InvalidValueError
         An unknown unit.
 
@@ -102,14 +113,18 @@ def load_file(path: str | PathLike[str], *, unit: str | None = None, material: M
     >>> contents.views[0].position.tolist()  # doctest: +SKIP
     [0.0, 1700.0, 4000.0]
     """
-    contents = _contents(path, unit, material)
+    contents = _contents(path, unit, material, limits)
     if not contents.meshes and not contents.lights:
         raise FileError(f"{path} holds no triangles that have an area, and no lights; export a mesh")
     return contents
 
 
 def load_meshes(
-    path: str | PathLike[str], *, unit: str | None = None, material: Material | None = None
+    path: str | PathLike[str],
+    *,
+    unit: str | None = None,
+    material: Material | None = None,
+    limits: FileLimits = DEFAULT,
 ) -> tuple[Mesh | Instances, ...]:
     """Read all triangles of a file: the meshes of `load_file`, which see.
 
@@ -127,36 +142,35 @@ def load_meshes(
     >>> meshes[0].bounds[1].tolist()
     [10.0, 20.0, 0.0]
     """
-    meshes = _contents(path, unit, material).meshes
+    meshes = _contents(path, unit, material, limits).meshes
     if not meshes:
         raise FileError(f"{path} holds no triangles that have an area; export a mesh")
     return meshes
 
 
-def _contents(path: str | PathLike[str], unit: str | None, material: Material | None) -> FileContents:
+def _contents(
+    path: str | PathLike[str], unit: str | None, material: Material | None, limits: FileLimits
+) -> FileContents:
     source = file_path(path)
+    check_kind(limits, "limits", FileLimits, "pl.images.FileLimits(memory=2**32)")
     if unit is not None and (not isinstance(unit, str) or unit not in UNITS):
         raise InvalidValueError(f"unit is {unit!r}; it must be one of {', '.join(UNITS)}")
     if material is not None and type(material) not in MATERIALS:
         raise InvalidValueError(f"material is {material!r}; it must be a material or None")
-    if not source.is_file():
-        raise FileError(f"{source} is {'a folder' if source.is_dir() else 'missing'}; give the path of a mesh file")
     kind = source.suffix[1:].lower()
     if f".{kind}" not in ENDINGS:
         raise FileError(f"{source} ends in {source.suffix!r}; it must be one of {', '.join(ENDINGS)}, so convert it")
-    try:
-        content = source.read_bytes()
-    except OSError as error:
-        raise FileError(f"{source} cannot be opened ({error.strerror}); check the rights to read it") from error
+    reader = FileReader(source, limits)
+    content = reader.read(source)
     gltf = kind in ("glb", "gltf")
     scale = UNITS[unit] if unit is not None else UNITS["m" if gltf else "mm"]
     try:
         if gltf:
-            file = read_gltf(content, kind, source.parent)
-            nodes = list(placed_nodes(file))
+            file = read_gltf(content, kind, reader)
+            nodes = placed_nodes(file)
             meshes = gltf_meshes(nodes, file, scale, material, source.name)
             return FileContents(meshes, gltf_lights(nodes, file, scale), gltf_views(nodes, file, scale))
-        return FileContents(trimesh_meshes(source, kind, content, scale, material))
+        return FileContents(trimesh_meshes(source.name, kind, content, reader, scale, material))
     except PlenopticError as error:
         raise FileError(f"{source}: {error}") from error
     except ImportError as error:  # trimesh asks for another package where text is not UTF-8

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from plenoptic.core.color.srgb import Encoding
+from plenoptic.core.files.reading import FileReader
 from plenoptic.errors import FileError, PlenopticError
-from plenoptic.scene.files.file_materials import REPLACE, colour_of, dark_or_not, number_or_texture, times
+from plenoptic.scene.files.file_materials import REPLACE, colour_of, dark_or_not, file_texture, number_or_texture, times
 from plenoptic.scene.materials.conductor import Conductor
 from plenoptic.scene.materials.dielectric import Dielectric, ThinGlass
 from plenoptic.scene.materials.diffuse import Lambertian
@@ -42,7 +42,7 @@ def read_mtl(text: str) -> dict[str, dict[str, str]]:
     return found
 
 
-def obj_material(name: str, said: Said, folder: Path) -> Material:
+def obj_material(name: str, said: Said, reader: FileReader) -> Material:
     """What comes nearest to one of the materials of an OBJ file.
 
     The first row that fits counts. alpha is sqrt(2 / (Ns + 2)), the width of the GGX distribution that is nearest to
@@ -68,15 +68,15 @@ def obj_material(name: str, said: Said, folder: Path) -> Material:
     d or 1 - Tr, times map_d, is the opacity of all `MetallicRoughness`, Ke times map_Ke their emission, norm their map
     of normals. map_d is the alpha of its image, or its grey where that has none. Ka, bump and others are left out.
 
-    `said` is what `read_mtl` returns for it; its images lie in `folder`. A `FileError` for what is no number and for an
-    image that is missing, damaged or has options other than -clamp, a `SceneError` for numbers out of range.
+    `said` is what `read_mtl` returns for it; its images are found by `reader`. A `FileError` for what is no number and
+    for an image that is missing, damaged or has options other than -clamp, a `SceneError` for numbers out of range.
 
     References
     ----------
     Wavefront, "MTL material format", Object Files version 4.2 (1995), appendix B; B. Walter et al., EGSR 2007,
     doi:10.2312/EGWR/EGSR07/195-206, section 6.3 (alpha and exponent).
     """
-    read = _Reader(name, said, folder)
+    read = _Reader(name, said, reader)
     illum = int(read.number("illum", 2.0))
     opacity, filtered, index = read.opacity(), read.colour("tf", 0.0), read.number("ni", 1.5)
     if illum in _BODIES and (np.any(filtered) or opacity != 1):
@@ -113,8 +113,8 @@ def _reflecting(read: _Reader, illum: int, rest: Mapping[str, Any]) -> Material:
 class _Reader:
     """The numbers and images of one material."""
 
-    def __init__(self, name: str, said: Said, folder: Path) -> None:
-        self._name, self._said, self._folder = name, said, folder
+    def __init__(self, name: str, said: Said, reader: FileReader) -> None:
+        self._name, self._said, self._reader = name, said, reader
 
     def colour(self, keyword: str, default: float) -> Colour:
         """One number or three."""
@@ -176,11 +176,8 @@ class _Reader:
             path = " ".join(words[2:])
         if path.startswith("-") or not path:
             raise FileError(f"the image {path!r} of material {self._name!r} has options; bake them, {REPLACE}")
-        place = self._folder / path
-        if not place.exists():
-            place = self._folder / path.replace("\\", "/")
         try:
-            return Texture.load(place, encoding=encoding, channel=channel, wrap=wrap)
+            return file_texture(self._reader, path, encoding=encoding, channel=channel, wrap=wrap)
         except PlenopticError as error:
             raise FileError(
                 f"the texture {path!r} of material {self._name!r} is missing or not an image ({error}); put it beside "

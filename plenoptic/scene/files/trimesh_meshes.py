@@ -2,40 +2,49 @@
 
 from __future__ import annotations
 
+import os
 import re
 import warnings
 from collections.abc import Iterator, Mapping
 from io import BytesIO
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from plenoptic.core.files.reading import FileReader
 from plenoptic.errors import FileError, PlenopticError
-from plenoptic.scene.files.file_materials import REPLACE, colour_of
+from plenoptic.scene.files.file_materials import REPLACE, colour_of, file_texture
 from plenoptic.scene.files.obj import obj_material, read_mtl
 from plenoptic.scene.geometry.mesh import Mesh, has_area
 from plenoptic.scene.materials.diffuse import Lambertian
 from plenoptic.scene.materials.registry import Material
-from plenoptic.scene.textures.texture import Texture
+
+_PLY_LISTS = 16
+_PARTS = 4000
+"""Parts without names of their own: trimesh takes time by their square, here 3 s."""
 
 
-def trimesh_meshes(source: Path, kind: str, content: bytes, scale: float, material: Material | None) -> Iterator[Mesh]:
+def trimesh_meshes(
+    file_name: str, kind: str, content: bytes, reader: FileReader, scale: float, material: Material | None
+) -> Iterator[Mesh]:
     """All that is visible in a file of the kind "obj", "ply" or "stl", whose unit is `scale` mm, in mm.
 
-    Other files that it names lie beside it. A material replaces those of the file.
+    Other files that it names are read by `reader`. A material replaces those of the file.
     """
     import trimesh
 
     known: Mapping[str, Material] = {}
     if kind == "obj":
         content = _plain_obj(content)
-        known = {} if material is not None else _obj_materials(content, source.parent)
-    elif kind == "ply" and material is None:
-        material = _ply_texture(content, source.parent)
+        known = {} if material is not None else _obj_materials(content, reader)
+        if len(known) < 2:
+            _check_parts(len(set(re.findall(rb"^usemtl [^\n]*", content, re.MULTILINE))))
+    elif kind == "ply":
+        header = _ply_header(content)
+        material = _ply_texture(header, reader) if material is None else material
     elif kind == "stl":
         _check_stl(content)
-    for key, part in _parts(source, kind, content, known).items():
+    for key, part in _parts(file_name, kind, content, known).items():
         visible = isinstance(part, trimesh.Trimesh) and len(part.faces) > 0
         if not visible or not has_area(np.asarray(part.vertices), np.asarray(part.faces)):
             continue
@@ -46,14 +55,14 @@ def trimesh_meshes(source: Path, kind: str, content: bytes, scale: float, materi
         # trimesh makes up normals when asked for them; only the file's are there before.
         normals = part.vertex_normals if "vertex_normals" in part._cache else None
         uv = getattr(part.visual, "uv", None)
-        yield Mesh(scale * part.vertices, part.faces, chosen, normals, uv, key if kind == "obj" else source.name)
+        yield Mesh(scale * part.vertices, part.faces, chosen, normals, uv, key if kind == "obj" else file_name)
 
 
 class _Names:
     """What trimesh asks for a material file: it tells it no more than names, by which it parts the triangles."""
 
-    def __init__(self, source: Path, names: Mapping[str, Any]) -> None:
-        self.file_name = source.name
+    def __init__(self, file_name: str, names: Mapping[str, Any]) -> None:
+        self.file_name = file_name
         self._text = "".join(f"newmtl {name}\nKd 1 1 1\n" for name in names).encode()
 
     def get(self, name: str) -> bytes:
@@ -62,7 +71,7 @@ class _Names:
     __getitem__ = get
 
 
-def _parts(source: Path, kind: str, content: bytes, names: Mapping[str, Any]) -> Mapping[str, Any]:
+def _parts(file_name: str, kind: str, content: bytes, names: Mapping[str, Any]) -> Mapping[str, Any]:
     """What trimesh reads. It keeps vertices apart that differ in uv or normal, unless told to maintain their order."""
     import trimesh
 
@@ -70,7 +79,7 @@ def _parts(source: Path, kind: str, content: bytes, names: Mapping[str, Any]) ->
         warnings.simplefilter("ignore", DeprecationWarning)
         # NumPy only warns, and trimesh goes on, where text stops being numbers.
         warnings.filterwarnings("error", message="string or file could not be read")
-        resolver: Any = _Names(source, names)
+        resolver: Any = _Names(file_name, names)
         loaded = trimesh.load_scene(BytesIO(content), file_type=kind, resolver=resolver, process=False)
     parts: Mapping[str, Any] = loaded.geometry
     return parts
@@ -93,7 +102,7 @@ def _plain_obj(content: bytes) -> bytes:
 def _check_stl(content: bytes) -> None:
     """Refuse an STL file that is not whole: trimesh takes a binary one for text, in which it finds nothing."""
     if b"endsolid" in content.lower():
-        return
+        return _check_parts(content.lower().count(b"endsolid"))
     if content.lstrip().lower().startswith(b"solid") and content.isascii() and b"\0" not in content:
         raise FileError("it is cut off: it has no 'endsolid'; export it again")
     announced = 84 + 50 * int.from_bytes(content[80:84], "little")
@@ -103,29 +112,51 @@ def _check_stl(content: bytes) -> None:
         )
 
 
-def _obj_materials(content: bytes, folder: Path) -> Mapping[str, Material]:
+def _said(text: str, keyword: str) -> list[str]:
+    """What follows a keyword at the beginning of lines, each once. (A pattern that strips is quadratic.)"""
+    lines = (line.split(maxsplit=1) for line in re.findall(rf"^{keyword}[^\n]*", text, re.MULTILINE))
+    return list(dict.fromkeys(words[1].rstrip() for words in lines if len(words) > 1 and words[0] == keyword))
+
+
+def _check_parts(count: int) -> None:
+    if count > _PARTS:
+        raise FileError(f"it has {count} parts; at most {_PARTS} are read: join them, or write them to several files")
+
+
+def _obj_materials(content: bytes, reader: FileReader) -> Mapping[str, Material]:
     """The materials that an OBJ file uses and its material files describe."""
     text = content.decode(errors="replace")
     described: dict[str, dict[str, str]] = {}
-    for named in dict.fromkeys(re.findall(r"^mtllib\s+(.+?)\s*$", text, re.MULTILINE)):
+    for named in _said(text, "mtllib"):
         # A name may hold spaces, and a line several names.
-        for name in [named] if (folder / named).is_file() else named.split():
-            library = folder / name
-            if not library.is_file():
+        for name in [named] if len(named.split()) < 2 or reader.named(named).is_file() else named.split():
+            library = reader.named(name)
+            if not os.path.lexists(library):
                 raise FileError(f"its material file {name!r} is missing; put it beside the file, {REPLACE}")
-            described |= read_mtl(library.read_text(errors="replace"))
-    used = dict.fromkeys(" ".join(name.split()) for name in re.findall(r"^usemtl\s+(.+?)\s*$", text, re.MULTILINE))
-    return {name: obj_material(name, described[name], folder) for name in used if name in described}
+            described |= read_mtl(reader.read(library).decode(errors="replace"))
+    used = dict.fromkeys(" ".join(name.split()) for name in _said(text, "usemtl"))
+    return {name: obj_material(name, described[name], reader) for name in used if name in described}
 
 
-def _ply_texture(content: bytes, folder: Path) -> Lambertian | None:
-    """The texture that the header of a PLY file names, if it does."""
+def _ply_header(content: bytes) -> str:
+    """The text before the data; refused where trimesh would take quadratic time for it."""
     header = content[: content.find(b"end_header")].decode(errors="replace")
-    named = re.search(r"^comment\s+texturefile\s+(.+?)\s*$", header, re.MULTILINE | re.IGNORECASE)
-    if named is None:
+    lists = header.count("property list")
+    if lists > _PLY_LISTS:
+        raise FileError(
+            f"its header has {lists} lists; at most {_PLY_LISTS} are read: export triangles and points only"
+        )
+    return header
+
+
+def _ply_texture(header: str, reader: FileReader) -> Lambertian | None:
+    """The texture that the header of a PLY file names, if it does."""
+    said = [[*line.split(maxsplit=1), ""] for line in _said(header, "comment")]
+    name = next((words[1] for words in said if words[0].lower() == "texturefile"), "")
+    if not name:
         return None
     try:
-        return Lambertian(Texture.load(folder / named[1]))
+        return Lambertian(file_texture(reader, name))
     except PlenopticError as error:
         raise FileError(f"its texture cannot be used: {error}, {REPLACE}") from None
 

@@ -190,7 +190,8 @@ def has_area(vertices: Floats, faces: NDArray[np.int32], block: int = 1 << 16) -
     """Whether any triangle has an area; ends at the first block that has."""
     for start in range(0, len(faces), block):
         a, b, c = (vertices[faces[start : start + block, k]] for k in range(3))
-        if np.cross(b - a, c - a).any():
+        u, v = b - a, c - a
+        if (u[:, [1, 2, 0]] * v[:, [2, 0, 1]] - u[:, [2, 0, 1]] * v[:, [1, 2, 0]]).any():
             return True
     return False
 

@@ -9,6 +9,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from plenoptic.core.files.reading import DEFAULT, FileLimits
 from plenoptic.core.rotation import rotation_about
 from plenoptic.core.values import Floats, Given, frozen_array, set_field, value
 from plenoptic.errors import FileError, InvalidValueError, SceneError
@@ -97,7 +98,9 @@ class EnvironmentMap:
             set_field(self, "rotation", _rotation(self.rotation))
 
     @classmethod
-    def load(cls, path: str | PathLike[str], rotation: ArrayLike | None = None) -> EnvironmentMap:
+    def load(
+        cls, path: str | PathLike[str], rotation: ArrayLike | None = None, *, limits: FileLimits = DEFAULT
+    ) -> EnvironmentMap:
         """Read an environment from an image file.
 
         Parameters
@@ -106,6 +109,8 @@ class EnvironmentMap:
             An equirectangular image (HDR, EXR, ...). Floats are linear, codes of 8 and 16 bits sRGB, alpha is dropped.
         rotation : (3, 3) array, optional
             As in `EnvironmentMap`.
+        limits : FileLimits
+            The size of the file, and of the image.
 
         Raises
         ------
@@ -123,7 +128,7 @@ class EnvironmentMap:
         from plenoptic.core.files import images
 
         try:
-            return cls(images.read_linear(path, max_pixels=MAX_TEXELS), rotation)
+            return cls(images.read_linear(path, max_pixels=MAX_TEXELS, limits=limits), rotation)
         except SceneError as error:
             raise FileError(f"{path}: {error}: EnvironmentMap(np.clip(pl.images.read_linear(path), ...))") from error
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.color.srgb import Encoding
+from plenoptic.core.files.reading import DEFAULT, FileLimits
 from plenoptic.core.values import Floats, Given, choice, frozen_array, set_field, value
 from plenoptic.errors import InvalidValueError, SceneError
 
@@ -149,6 +150,7 @@ class Texture:
         channel: int | None = None,
         wrap: Wrap | tuple[Wrap, Wrap] = Wrap.REPEAT,
         filter: TextureFilter = TextureFilter.BILINEAR,
+        limits: FileLimits = DEFAULT,
     ) -> Texture:
         """Read a texture from an image file.
 
@@ -163,6 +165,8 @@ class Texture:
             never sRGB, and 1 where the image has none. By default all but opacity.
         wrap, filter
             As in `Texture`.
+        limits : FileLimits
+            The size of the file, and of the image.
 
         Raises
         ------
@@ -181,7 +185,7 @@ class Texture:
         """
         from plenoptic.core.files import images
 
-        texels = images.read_linear(path, encoding=encoding, channel=channel, max_pixels=MAX_TEXELS)
+        texels = images.read_linear(path, encoding=encoding, channel=channel, max_pixels=MAX_TEXELS, limits=limits)
         return cls(texels, wrap=wrap, filter=filter)
 
     @classmethod

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from plenoptic.core.files.reading import read_file
 from plenoptic.core.values import file_path, not_negative, set_field, value, whole
 from plenoptic.errors import FileError, InvalidValueError
 from plenoptic.rendering.schedule.budget import checked_target
@@ -299,8 +300,8 @@ def _table_in(path: str | os.PathLike[str], title: str | None) -> tuple[dict[str
     place = file_path(path)
     name = str(place)
     try:
-        lines = list(csv.DictReader(io.StringIO(place.read_text(encoding="utf-8"))))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        lines = list(csv.DictReader(io.StringIO(read_file(place).decode())))
+    except (UnicodeDecodeError, csv.Error) as error:
         raise FileError(f"{name!r} cannot be read: {error}") from error
     titles = list(dict.fromkeys(line.get("title") for line in lines))
     if title is None and len(titles) == 1:

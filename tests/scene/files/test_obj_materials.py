@@ -8,6 +8,7 @@ import pytest
 
 import plenoptic as pl
 from plenoptic.core.color.srgb import Encoding
+from plenoptic.core.files.reading import FileLimits, FileReader
 from plenoptic.scene.files.obj import obj_material, read_mtl
 from plenoptic.scene.textures.texture import Wrap
 
@@ -21,7 +22,7 @@ def read(folder, *lines):
     PIL.Image.fromarray(CODES).save(folder / "a b.png")
     PIL.Image.fromarray(CODES[..., 0]).save(folder / "grey.png")
     (described,) = read_mtl("\n".join(["newmtl skin", *lines])).values()
-    return obj_material("skin", described, folder)
+    return obj_material("skin", described, FileReader(folder / "skin.obj", FileLimits()))
 
 
 def assert_is_image(found, *, encoding=Encoding.SRGB, wrap=Wrap.REPEAT):

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from plenoptic.core.files.atomic_file import write_file
+from plenoptic.core.files.reading import TEXT, FileLimits, read_file
 from plenoptic.core.values import file_path
 from plenoptic.errors import FileError
 from plenoptic.optics.glass.catalogue import GlassCatalogue
@@ -33,7 +34,10 @@ def lens_names() -> tuple[str, ...]:
 
 
 def load_lens(
-    name_or_path: str | os.PathLike[str], *, glasses: Mapping[str, Medium] | GlassCatalogue | None = None
+    name_or_path: str | os.PathLike[str],
+    *,
+    glasses: Mapping[str, Medium] | GlassCatalogue | None = None,
+    limits: FileLimits = TEXT,
 ) -> LensStack:
     """A lens that comes with the package, or one from a file.
 
@@ -60,6 +64,8 @@ def load_lens(
     glasses : mapping from name to Medium, optional
         Where the glasses that a `.zmx` file names are looked up first, such as a catalogue from `load_glasses`; then
         among the bundled ones. Other formats bring their glasses along.
+    limits : FileLimits
+        The size of the file: by default at most 4 MiB.
 
     Returns
     -------
@@ -87,14 +93,14 @@ def load_lens(
     if ending == ".csv":
         from plenoptic.optics.lens.files.lens_csv import lens_from_csv
 
-        return lens_from_csv(_utf8(path), path.name)
+        return lens_from_csv(_utf8(path, limits), path.name)
     if ending == ".json":
-        return lens_from_json(_utf8(path), path.name)
+        return lens_from_json(_utf8(path, limits), path.name)
     if ending == ".zmx":
         from plenoptic.core.files.text_lines import decoded
         from plenoptic.optics.lens.files.zemax import lens_from_zmx
 
-        return lens_from_zmx(decoded(_content(path), errors="replace"), path.name, glasses=glasses)
+        return lens_from_zmx(decoded(read_file(path, limits), errors="replace"), path.name, glasses=glasses)
     if not isinstance(name_or_path, str) or path.parent != Path() or path.is_file():
         raise FileError(f"{name} ends in {ending!r}; the lens files that can be read are {_ENDINGS}")
     close = difflib.get_close_matches(name, lens_names(), n=3, cutoff=0.4) or lens_names()
@@ -147,15 +153,8 @@ def save_lens(lens: LensStack, path: str | os.PathLike[str]) -> None:
     write_file(target, content)
 
 
-def _content(path: Path) -> bytes:
+def _utf8(path: Path, limits: FileLimits) -> str:
     try:
-        return path.read_bytes()
-    except (OSError, ValueError) as error:
-        raise FileError(f"cannot read {path}: {error}; give the path of a lens file") from None
-
-
-def _utf8(path: Path) -> str:
-    try:
-        return _content(path).decode("utf-8-sig")
+        return read_file(path, limits).decode("utf-8-sig")
     except ValueError as error:
         raise FileError(f"cannot read {path}: {error}; give the path of a UTF-8 text file") from None

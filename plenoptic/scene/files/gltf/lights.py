@@ -9,7 +9,7 @@ import numpy as np
 from plenoptic.errors import FileError
 from plenoptic.scene.file_cameras import View
 from plenoptic.scene.files.file_materials import colour_of
-from plenoptic.scene.files.gltf.file import GltfFile
+from plenoptic.scene.files.gltf.file import GltfFile, entry_of
 from plenoptic.scene.files.gltf.nodes import PlacedNode
 from plenoptic.scene.lights.point import PointLight
 from plenoptic.scene.lights.registry import Light
@@ -32,7 +32,8 @@ def gltf_lights(nodes: Iterable[PlacedNode], file: GltfFile, scale: float) -> It
         named = node.described.get("extensions", {}).get("KHR_lights_punctual")
         if named is None:
             continue
-        light = file.header["extensions"]["KHR_lights_punctual"]["lights"][named["light"]]
+        listed = file.header.get("extensions", {}).get("KHR_lights_punctual", {}).get("lights")
+        light = entry_of(listed, named.get("light"), "lights")
         emitted = np.array(light.get("color", (1.0, 1.0, 1.0)), dtype=np.float64) * light.get("intensity", 1.0)
         if not emitted.any():
             continue

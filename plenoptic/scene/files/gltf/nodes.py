@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from plenoptic.core.values import Floats
 from plenoptic.errors import FileError
-from plenoptic.scene.files.gltf.file import GltfFile
+from plenoptic.scene.files.gltf.file import GltfFile, entry_of
+
+PLACE = 700
+"""Bytes that a place costs; see `Instances`."""
+_INSTANCED = {"TRANSLATION": 3, "ROTATION": 4, "SCALE": 3}
 
 
 class PlacedNode(NamedTuple):
@@ -19,40 +23,78 @@ class PlacedNode(NamedTuple):
     matrix: Floats
 
 
-def placed_nodes(file: GltfFile) -> Iterator[PlacedNode]:
+def placed_nodes(file: GltfFile) -> list[PlacedNode]:
     """All nodes of the scene that a file shows first, parents before their children, in the order of the file.
 
     A `FileError` for a node that hangs on two others, or on itself.
     """
-    waiting = [(number, np.eye(4)) for number in reversed(_roots(file))]
-    met: set[int] = set()
+    nodes = [file.described("nodes", number) for number in range(len(file.header.get("nodes", ())))]
+    above = _parents(nodes)
+    own, found = _local(nodes), []
+    waiting = [(number, np.eye(4)) for number in reversed(_roots(file, above))]
     while waiting:
-        number, above = waiting.pop()
-        node = file.described("nodes", number)
-        if number in met:
-            raise FileError(f"its node {number} hangs on several others; export it again")
-        met.add(number)
-        matrix = above @ _local(node)
-        yield PlacedNode(node, matrix)
-        waiting.extend((child, matrix) for child in reversed(node.get("children", ())))
+        number, frame = waiting.pop()
+        matrix = frame @ own[number]
+        found.append(PlacedNode(nodes[number], matrix))
+        waiting.extend((child, matrix) for child in reversed(nodes[number].get("children", ())))
+    return found
 
 
-def _roots(file: GltfFile) -> list[int]:
+def _parents(nodes: list[Mapping[str, Any]]) -> list[int | None]:
+    """Of each node that on which it hangs, in a forest."""
+    above: list[int | None] = [None] * len(nodes)
+    for number, node in enumerate(nodes):
+        for child in node.get("children", ()):
+            entry_of(nodes, child, "nodes")
+            if above[child] is not None:
+                raise FileError(f"its node {child} hangs on several others; export it again")
+            above[child] = number
+    reached = [number for number, parent in enumerate(above) if parent is None]
+    for number in reached:  # grows meanwhile
+        reached.extend(nodes[number].get("children", ()))
+    if len(reached) < len(nodes):
+        number = min(set(range(len(nodes))) - set(reached))
+        raise FileError(f"its node {number} hangs on itself, or below a node that does; export it again")
+    return above
+
+
+def _roots(file: GltfFile, above: list[int | None]) -> list[int]:
     """The nodes that hang on no other, of the scene to show; of the whole file where it has no scenes."""
-    if file.header.get("scenes"):
-        return list(file.described("scenes", file.header.get("scene", 0)).get("nodes", ()))
-    nodes = file.header.get("nodes", ())
-    below = {child for node in nodes for child in node.get("children", ())}
-    return [number for number in range(len(nodes)) if number not in below]
+    if not file.header.get("scenes"):
+        return [number for number, parent in enumerate(above) if parent is None]
+    roots = file.described("scenes", file.header.get("scene", 0)).get("nodes", ())
+    for number in roots:
+        file.described("nodes", number)
+        if above[number] is not None:
+            raise FileError(f"its scene begins with node {number}, which hangs on another; export it again")
+    if len(set(roots)) < len(roots):
+        raise FileError("its scene lists a node twice; export it again")
+    return list(roots)
 
 
-def _local(node: Mapping[str, Any]) -> Floats:
-    """The frame of a node in that of its parent: a matrix by columns, or translation, rotation and scale."""
-    if "matrix" in node:
-        return np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
-    moved = [node.get("translation", (0, 0, 0)), node.get("rotation", (0, 0, 0, 1)), node.get("scale", (1, 1, 1))]
-    matrices = composed(*(np.array([part], dtype=np.float64) for part in moved))
-    return np.asarray(matrices[0])
+def _local(nodes: list[Mapping[str, Any]]) -> Floats:
+    """(n, 4, 4): the frame of each node in that of its parent: matrices by columns, or translation, rotation, scale."""
+    identity = {"translation": (0, 0, 0), "rotation": (0, 0, 0, 1), "scale": (1, 1, 1)}
+    parts = (
+        np.array([_numbers(node, name, number, one) for number, node in enumerate(nodes)]).reshape(-1, len(one))
+        for name, one in identity.items()
+    )
+    matrices = composed(*parts)
+    for number, node in enumerate(nodes):
+        if "matrix" in node:
+            matrices[number] = np.reshape(_numbers(node, "matrix", number, (0,) * 16), (4, 4)).T
+    return matrices
+
+
+def _numbers(node: Mapping[str, Any], name: str, number: int, default: tuple[float, ...]) -> tuple[float, ...]:
+    if name not in node:
+        return default
+    given = node[name]
+    if not isinstance(given, list) or len(given) != len(default) or not all(type(x) in (int, float) for x in given):
+        raise FileError(f"its node {number} has a {name} that is not {len(default)} numbers; export it again")
+    if name == "rotation" and not any(given):
+        raise FileError(f"its node {number} has a rotation of 0, which is none; export it again")
+    return tuple(map(float, given))
 
 
 def composed(translations: Floats, rotations: Floats, scales: Floats) -> Floats:
@@ -75,8 +117,16 @@ def copies(node: PlacedNode, file: GltfFile) -> Floats:
     described = node.described.get("extensions", {}).get("EXT_mesh_gpu_instancing")
     if described is None:
         return node.matrix[None]
-    given = {name: file.array(number).astype(np.float64) for name, number in described["attributes"].items()}
-    count = max(len(array) for array in given.values())
+    given = {
+        name: file.array(number).astype(np.float64)
+        for name, number in described["attributes"].items()
+        if name in _INSTANCED
+    }
+    count = max((len(array) for array in given.values()), default=1)
+    for name, array in given.items():
+        if array.shape != (count, _INSTANCED[name]):
+            raise FileError(f"its instances have {name} of the shape {array.shape} for {count} places; export it again")
+    file.reader.take(PLACE * count, f"{count} instances")
     translations = given.get("TRANSLATION", np.zeros((count, 3)))
     rotations = given.get("ROTATION", np.tile([0.0, 0.0, 0.0, 1.0], (count, 1)))
     scales = given.get("SCALE", np.ones((count, 3)))

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 RED, GREEN, BLUE, ALPHA = range(4)
 _WRAPS = {10497: Wrap.REPEAT, 33071: Wrap.CLAMP, 33648: Wrap.MIRROR}
 _NEAREST = 9728
+_FORMATS = ("PNG", "JPEG", "WEBP")
+"""Others could start other programs: Ghostscript for EPS."""
 
 Info = Mapping[str, Any]
 """How a material refers to a texture: by `index`, `texCoord` and extensions."""
@@ -71,6 +73,10 @@ class GltfTextures:
         along_u, along_v = (_WRAPS[sampler.get(axis, 10497)] for axis in ("wrapS", "wrapT"))
         between = TextureFilter.NEAREST if sampler.get("magFilter") == _NEAREST else TextureFilter.BILINEAR
         image = self._image(described)
+        # Texels are float32, and copied once.
+        wanted = 4 * image.width * image.height * (3 if channel is None else 1)
+        self._file.reader.check(2 * wanted, "its image")
+        self._file.reader.take(wanted, "its image")
         return Texture.from_image(image, encoding=encoding, channel=channel, wrap=(along_u, along_v), filter=between)
 
     def _image(self, described: Mapping[str, Any]) -> Image:
@@ -80,11 +86,11 @@ class GltfTextures:
         number = webp.get("source", described.get("source"))
         if number not in self._images:
             image, file = self._file.described("images", number), self._file
-            content = resource(image["uri"], file.folder) if "uri" in image else file.view(image["bufferView"])
+            content = resource(image["uri"], file.reader) if "uri" in image else file.view(image.get("bufferView"))
             with warnings.catch_warnings():
                 # Textures have a limit of their own.
                 warnings.simplefilter("ignore", PIL.Image.DecompressionBombWarning)
-                self._images[number] = PIL.Image.open(BytesIO(content))
+                self._images[number] = PIL.Image.open(BytesIO(content), formats=_FORMATS)
         return self._images[number]
 
 

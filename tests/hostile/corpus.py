@@ -1,0 +1,92 @@
+"""Files made by hand to do harm: by what they name, by what they claim to hold, by how they are built.
+
+`python corpus.py FOLDER` writes and reads all of them and prints, as JSON, what came of each. A case is a function that
+writes its files into a folder and says what is to be done, and a pattern of what must be said; None: the file is read.
+"""
+
+import faulthandler
+import json
+import os
+import resource
+import sys
+import time
+import warnings
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
+from hostile_gltf import GLTF  # noqa: E402
+from hostile_images import IMAGES, png  # noqa: E402
+from hostile_texts import TEXTS  # noqa: E402
+
+CASES = {**GLTF, **TEXTS, **IMAGES}
+HANGS = 60
+"""s: no case comes near it."""
+
+
+def secrets(folder):
+    """What lies beside the folder of a case and must stay unread."""
+    folder.mkdir()
+    for name, content in (
+        ("secret.bin", bytes(36)),
+        ("secret.mtl", b"newmtl a\nKd 1 0 0\n"),
+        ("secret.png", png(2, 2)),
+    ):
+        (folder / name).write_bytes(content)
+
+
+def outcome(make, folder):
+    """What came of a case: what was said, CPU time, and what was opened beside its folder."""
+    import plenoptic as pl
+
+    secrets(folder.parent)
+    folder.mkdir()
+    (folder / "secret.bin").symlink_to(folder.parent / "secret.bin")
+    read = make(folder)
+    opened.clear()
+    begin, error = time.process_time(), None
+    try:
+        read()
+    except pl.PlenopticError as found:
+        error = f"{type(found).__name__}: {found}"
+    except BaseException as found:
+        error = f"FOREIGN {type(found).__name__}: {found}"
+    seconds = time.process_time() - begin
+    strays = [name for name in opened if "secret" in name]
+    return {"error": error, "seconds": seconds, "strays": strays, "memory": peak()}
+
+
+def peak():
+    """The most memory of this process so far, in bytes."""
+    return 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+
+opened = []
+
+
+def note(event, arguments):
+    """Note every file that Python opens."""
+    if event == "open" and isinstance(arguments[0], str | bytes | os.PathLike):
+        opened.append(os.path.realpath(os.fsdecode(arguments[0])))
+
+
+def main(folder):
+    import plenoptic as pl
+
+    warnings.simplefilter("ignore")
+    # All libraries are loaded before memory is measured.
+    for name in ("trimesh", "PIL.Image", "OpenImageIO"):
+        __import__(name)
+    pl.Scene([pl.box(1)])
+    start = peak()
+    resource.setrlimit(resource.RLIMIT_AS, (6 << 30, 6 << 30))
+    sys.addaudithook(note)
+    found = {}
+    for number, (name, (make, _)) in enumerate(CASES.items()):
+        faulthandler.dump_traceback_later(HANGS, exit=True)
+        found[name] = outcome(make, folder / str(number) / "files")
+    faulthandler.cancel_dump_traceback_later()
+    print(json.dumps({"start": start, "peak": peak(), "cases": found}))
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

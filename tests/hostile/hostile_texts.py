@@ -1,0 +1,183 @@
+"""OBJ, PLY, STL, lens files, glasses, checkpoints."""
+
+import hashlib
+import json
+import os
+from pathlib import Path
+
+CORNERS = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
+FACE = "f 1 2 3\n"
+OUTSIDE = "lies outside of"
+PLY = "ply\nformat {} 1.0\n{}element vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+PLY_FACES = "element face {}\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
+
+
+def written(name, content, **others):
+    """A file that is loaded, and others beside it."""
+
+    def make(folder):
+        for other, inside in {name: content, **others}.items():
+            inside = inside(folder) if callable(inside) else inside
+            (folder / other).write_bytes(inside if isinstance(inside, bytes) else inside.encode())
+        loaders = {".agf": load_glasses, ".checkpoint": load_checkpoint, ".csv": load_lens, ".json": load_lens}
+        loader = loaders.get(Path(name).suffix, load_lens if name.endswith(".zmx") else load_scene)
+        return lambda: loader()(folder / name)
+
+    return make
+
+
+def obj(text, mtl="newmtl a\nKd 1 1 1\n"):
+    return written("a.obj", text, **{"a.mtl": mtl})
+
+
+def textured(image):
+    return obj(f"mtllib a.mtl\n{CORNERS}vt 0 0\nusemtl a\nf 1/1 2/1 3/1\n", f"newmtl a\nmap_Kd {image}\n")
+
+
+def pipe(name, loader):
+    def make(folder):
+        os.mkfifo(folder / name)
+        return lambda: loader()(folder / name)
+
+    return make
+
+
+def named_pipe(folder):
+    os.mkfifo(folder / "pipe.png")
+    return textured("pipe.png")(folder)
+
+
+def checkpoint(arrays, content=b""):
+    described = {"identity": {}, "facts": {}, "arrays": arrays, "sha256": hashlib.sha256(content).hexdigest()}
+    header = json.dumps(described).encode()
+    digest = hashlib.sha256(header).hexdigest().encode()
+    start = b"plenoptic checkpoint 1\n%s %016d\n" % (digest, len(header))
+    return written("a.checkpoint", start + header + content)
+
+
+def large(name, loader):
+    """A file with a hole in it, that takes no room on the disk."""
+
+    def make(folder):
+        with open(folder / name, "wb") as file:
+            file.truncate(2**40)
+        return lambda: loader()(folder / name)
+
+    return make
+
+
+def load_scene():
+    import plenoptic as pl
+
+    return pl.load_file
+
+
+def load_lens():
+    import plenoptic as pl
+
+    return pl.load_lens
+
+
+def load_glasses():
+    import plenoptic as pl
+
+    return pl.optics.load_glasses
+
+
+def load_checkpoint():
+    from plenoptic.rendering.schedule import checkpoint as module
+
+    return lambda path: module.load_checkpoint(path, {})
+
+
+ZMX = "MODE SEQ\nUNIT MM\n"
+TEXTS = {
+    "obj: a good file": (obj(CORNERS + FACE), None),
+    "obj: materials of the parent folder": (obj(f"mtllib ../secret.mtl\n{CORNERS}{FACE}"), OUTSIDE),
+    "obj: materials by an absolute path": (
+        written("a.obj", lambda folder: f"mtllib {folder.parent}/secret.mtl\n{CORNERS}{FACE}"),
+        OUTSIDE,
+    ),
+    "obj: materials from a device": (obj(f"mtllib /dev/zero\n{CORNERS}{FACE}"), OUTSIDE),
+    "obj: materials in a folder": (obj(f"mtllib .\n{CORNERS}{FACE}"), "is a folder"),
+    "obj: materials again and again": (
+        obj("".join(f"mtllib {'./' * k}a.mtl\n" for k in range(1, 3000)) + CORNERS + FACE, "# " + "x" * 100_000),
+        "the limit is 268435456",
+    ),
+    "obj: map of the parent folder": (textured("../secret.png"), OUTSIDE),
+    "obj: map of the parent folder, backslashes": (textured("..\\secret.png"), OUTSIDE),
+    "obj: map that is a link out": (textured("secret.bin"), OUTSIDE),
+    "obj: map that is a pipe": (named_pipe, "pipe.png' is no file"),
+    "obj: map that is missing": (textured("C:\\a.png"), "does not exist"),
+    "obj: a pipe": (pipe("a.obj", load_scene), "a.obj' is no file"),
+    "obj: spaces in a name": (obj(f"mtllib a{' ' * 100_000}b\n{CORNERS}{FACE}"), "a.obj"),
+    "obj: spaces before a comment": (obj(CORNERS + FACE + ("f " + " " * 1000 + "\n") * 100 + " " * 10**6), None),
+    "obj: index beyond": (obj(CORNERS + "f 1 2 1000000000000\n"), "a.obj"),
+    "obj: index beyond any number": (obj(CORNERS + f"f 1 2 {10**40}\n"), "a.obj"),
+    "obj: no vertices": (obj(FACE), "a.obj"),
+    "obj: a face of 1e6 corners": (obj(CORNERS + "f " + "1 2 3 " * 333_333 + "\n"), None),
+    "obj: 100 000 materials": (obj(CORNERS + "".join(f"usemtl m{k}\n{FACE}" for k in range(100_000))), "100000 parts"),
+    "obj: zeros": (obj(b"\0" * 10**6), "a.obj"),
+    "obj: a hole": (large("a.obj", load_scene), "the limit is 268435456"),
+    "ply: a good file": (written("a.ply", PLY.format("ascii", "") + PLY_FACES.format(1)), None),
+    "ply: texture of the parent folder": (
+        written("a.ply", PLY.format("ascii", "comment TextureFile ../secret.png\n") + PLY_FACES.format(1)),
+        OUTSIDE,
+    ),
+    "ply: texture from a device": (
+        written("a.ply", PLY.format("ascii", "comment TextureFile /dev/stdin\n") + PLY_FACES.format(1)),
+        OUTSIDE,
+    ),
+    "ply: 4e9 faces": (
+        written("a.ply", PLY.format("binary_little_endian", "") + PLY_FACES.format(4 * 10**9)),
+        "unexpected length",
+    ),
+    "ply: 1e30 faces": (written("a.ply", PLY.format("binary_little_endian", "") + PLY_FACES.format(10**30)), "a.ply"),
+    "ply: -1 faces": (written("a.ply", PLY.format("binary_big_endian", "") + PLY_FACES.format(-1)), "a.ply"),
+    "ply: endless header": (written("a.ply", PLY.format("ascii", "comment\n" * 200_000)), "a.ply"),
+    "ply: 990 lists": (
+        written(
+            "a.ply", PLY.format("binary_little_endian", "") + "property list uchar int a\n" * 990 + PLY_FACES.format(1)
+        ),
+        "991 lists",
+    ),
+    "ply: spaces in a comment": (
+        written("a.ply", PLY.format("ascii", f"comment texturefile{' ' * 100_000}a{' ' * 100_000}b\n")),
+        "a.ply",
+    ),
+    "ply: a pipe": (pipe("a.ply", load_scene), "a.ply' is no file"),
+    "stl: 4e9 triangles": (written("a.stl", bytes(80) + b"\xff\xff\xff\xff" + bytes(50)), "cut off"),
+    "stl: 100 000 solids": (
+        written("a.stl", "solid a\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendsolid a\n" * 100_000),
+        "100000 parts",
+    ),
+    "lens: a pipe": (pipe("a.json", load_lens), "a.json' is no file"),
+    "lens: a device": (lambda folder: lambda: load_lens()("/dev/zero.csv"), "does not exist"),
+    "lens: a hole": (large("a.zmx", load_lens), "the limit is 4194304"),
+    "lens: brackets": (written("a.json", "[" * 10**6), "a.json"),
+    "lens: 1e5 surfaces in a table": (
+        written("a.csv", "radius;thickness;material;index;v-no;sa\n" + "10;1;;1.5;;1\n" * 100_000),
+        "a.csv",
+    ),
+    "lens: 1e5 surfaces of Zemax": (
+        written("a.zmx", ZMX + "".join(f"SURF {k}\n CURV 0.01\n DISZ 1\n" for k in range(100_000))),
+        "a.zmx",
+    ),
+    "lens: numbers of 1e5 digits": (
+        written("a.csv", f"radius;thickness;material;index;v-no;sa\n{'9' * 100_000};1;;1.5;;1\n"),
+        "a.csv",
+    ),
+    "glasses: a pipe": (pipe("a.agf", load_glasses), "a.agf' is no file"),
+    "glasses: 1e5 names": (written("a.agf", "NM A 2 517642 1.5168 64.17\n" * 100_000), None),
+    "glasses: a number of 1e5 digits": (written("a.agf", f"NM A {'9' * 100_000} 517642 1.5 64\n"), "a.agf"),
+    "checkpoint: 1e18 numbers": (
+        checkpoint([{"name": "a", "dtype": "<f8", "shape": [10**9, 10**9]}]),
+        "damaged checkpoint",
+    ),
+    "checkpoint: no number, in rows of 1e18": (
+        checkpoint([{"name": "a", "dtype": "<f8", "shape": [0, 10**18, 10**18]}]),
+        "cannot be read",
+    ),
+    "checkpoint: objects": (checkpoint([{"name": "a", "dtype": "|O", "shape": [1]}], bytes(8)), "damaged checkpoint"),
+    "checkpoint: a pipe": (pipe("a.checkpoint", load_checkpoint), "is no file"),
+}

@@ -1,0 +1,87 @@
+"""No file reads what lies outside of its folder, hangs, fills memory, or raises what is no error of the package."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import plenoptic as pl
+from plenoptic.scene.files.gltf.nodes import composed
+
+sys.path.insert(0, str(Path(__file__).parent))
+from corpus import CASES  # noqa: E402
+from hostile_gltf import TRIANGLE, header  # noqa: E402
+from hostile_images import png  # noqa: E402
+
+MOST_SECONDS = 5.0
+"""s of CPU for one file."""
+MOST_MEMORY = 1 << 30
+"""Bytes beside those of the libraries."""
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory):
+    """What came of all cases, in one process with little memory."""
+    command = [sys.executable, str(Path(__file__).with_name("corpus.py")), str(tmp_path_factory.mktemp("hostile"))]
+    run = subprocess.run(command, capture_output=True, text=True, timeout=300, env={**os.environ, "LC_ALL": "C.UTF-8"})
+    assert run.returncode == 0, run.stderr[-3000:]
+    return json.loads(run.stdout.splitlines()[-1])
+
+
+def test_there_are_enough():
+    assert len(CASES) >= 60
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_hostile_file(report, name):
+    found, said = report["cases"][name], CASES[name][1]
+    if said is None:
+        assert found["error"] is None
+    else:
+        assert re.search(said, found["error"] or "nothing"), found["error"]
+    assert not (found["error"] or "").startswith("FOREIGN")
+    assert found["strays"] == []
+    assert found["seconds"] < MOST_SECONDS
+
+
+def test_limits_can_be_raised(tmp_path):
+    folder, limits = tmp_path / "files", pl.images.FileLimits
+    folder.mkdir()
+    (tmp_path / "secret.bin").write_bytes(TRIANGLE)
+    for name, loads in (("../secret.bin", True), (str(tmp_path / "secret.bin"), True), ("/dev/null", False)):
+        described = header()
+        described["buffers"].append({"uri": name, "byteLength": 36})
+        (folder / "a.gltf").write_text(json.dumps(described))
+        with pytest.raises(pl.errors.FileError, match=r"lies outside of .*FileLimits\(folder"):
+            pl.load_meshes(folder / "a.gltf")
+        if loads:
+            assert len(pl.load_meshes(folder / "a.gltf", limits=limits(folder=tmp_path))) == 1
+            assert pl.Scene.load(folder / "a.gltf", limits=limits(folder="/")).meshes
+        else:
+            with pytest.raises(pl.errors.FileError, match="is no file"):
+                pl.load_meshes(folder / "a.gltf", limits=limits(folder="/"))
+    (tmp_path / "a.png").write_bytes(png(64, 64))
+    assert pl.Texture.load(tmp_path / "a.png", limits=limits(memory=64 * 64 * 24)).texels.shape == (64, 64, 3)
+    with pytest.raises(pl.errors.FileError, match=r"would take 98304 bytes.*give limits=.*memory=98304"):
+        pl.Texture.load(tmp_path / "a.png", limits=limits(memory=64 * 64 * 24 - 1))
+    size = (tmp_path / "a.png").stat().st_size
+    with pytest.raises(pl.errors.FileError, match=f"has {size} bytes; the limit is {size - 1}: raise it"):
+        pl.images.read_linear(tmp_path / "a.png", limits=limits(file_size=size - 1))
+    with pytest.raises(pl.errors.InvalidValueError, match="memory is 0; it must be at least 1"):
+        limits(memory=0)
+
+
+def test_nodes_stand_where_each_alone_would():
+    random = np.random.default_rng(3)
+    parts = [random.normal(size=(100, count)) for count in (3, 4, 3)]
+    alone = [composed(*(part[k : k + 1] for part in parts))[0] for k in range(100)]
+    np.testing.assert_array_equal(composed(*parts), alone)
+
+
+def test_all_of_them_take_little_memory(report):
+    assert report["peak"] - report["start"] < MOST_MEMORY
