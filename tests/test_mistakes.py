@@ -179,7 +179,7 @@ RENDERS = [
     ),
     ("render(pl.Scene([WALL], [pl.lights.SpotLight((0, 9, -300), (0, 1, 0))]))", BLACK, "aim it with SpotLight.facing"),
     ("render(pl.Scene([WALL], [pl.SunLight((0, 0, 1))]))", BLACK, "reverse its direction"),
-    ("render(pl.Scene([pl.box(600)], background=1.0))", BLACK, "the camera is inside mesh 0"),
+    ("render(pl.Scene([pl.box(600)], background=1.0))", BLACK, "the camera is inside Mesh 0"),
     ("render(pl.Scene([WALL], [pl.lights.PointLight((0, 0, -500), 1e5)]))", BLACK, "move it to the camera's side"),
     ("render(pl.Scene([WALL.with_material(pl.Lambertian(0))], [LAMP]))", BLACK, "give more, or matt materials"),
     ("render(camera=CAMERA.posed((0, 0, 0), (0, 0, 404)))", BLACK, "move it, or the camera"),

@@ -70,7 +70,7 @@ def _cause(probe: _Probe, progress: Progress, whole: bool, *, few: bool) -> str:
         return "" if few else "hardly any path passes the camera and meets the scene; look at camera.report()"
     if context.settings.max_bounces == 0:
         return "max_bounces is 0, which shows only what emits, and none of that is in view; give more"
-    labels, emitters = _labels(scene), list(_emitters(scene))
+    labels, emitters = scene.object_names, list(_emitters(scene))
     inside = probe.surrounding()
     start = "" if inside is None else f"the camera is inside {labels[inside]}; "
     if not len(probe.found):
@@ -99,16 +99,6 @@ class _Emitter(NamedTuple):
     spot: SpotLight | None = None
 
 
-def _labels(scene: Scene) -> list[str]:
-    """What the numbers of `triangle_mesh` are called."""
-    labels = []
-    for number, part in enumerate(scene.meshes):
-        name = (part if isinstance(part, Mesh) else part.mesh).name
-        labels.append(f"mesh {number}" + (f" ({name!r})" if name else ""))
-    shapes = [f"{type(light).__name__} {k}" for k, light in enumerate(scene.lights) if isinstance(light, AreaLight)]
-    return labels + shapes
-
-
 def _emitters(scene: Scene) -> Iterator[_Emitter]:
     for number, light in enumerate(scene.lights):
         name = f"{type(light).__name__} {number}"
@@ -118,7 +108,7 @@ def _emitters(scene: Scene) -> Iterator[_Emitter]:
             yield _Emitter(name, -light.direction[None], distant=True)
         else:
             yield _Emitter(name, light.position[None], spot=light if isinstance(light, SpotLight) else None)
-    for part, name in zip(scene.meshes, _labels(scene), strict=False):
+    for part, name in zip(scene.meshes, scene.object_names, strict=False):
         mesh, places = (part, np.eye(4)[None]) if isinstance(part, Mesh) else (part.mesh, part.matrices[:_PARTS])
         if np.any(mean_colour(mesh.material.row().emission)):
             yield _of_mesh(name, [mesh.transformed(place) for place in places])
@@ -193,7 +183,7 @@ class _Probe:
             normals = rows[:, NORMAL : NORMAL + 3]
             self.found = np.hstack([rows[:, POINT : POINT + 3] + rows[:, OFFSET, None] * normals, normals])
 
-    def obstacle(self, e: _Emitter, labels: list[str]) -> str:
+    def obstacle(self, e: _Emitter, labels: tuple[str, ...]) -> str:
         """Why no light of one emitter gets to what is seen; empty where some does."""
         some = self.found[:: -(-len(self.found) // _POINTS)]
         seen, normals = some[:, :3], some[:, 3:]
