@@ -21,7 +21,7 @@ from plenoptic.rendering.tile import Tile, batch_of, status_codes
 from plenoptic.scene.geometry.mesh import Mesh
 from plenoptic.scene.geometry.record import NORMAL, OFFSET, POINT
 from plenoptic.scene.lights.environment import ConstantBackground
-from plenoptic.scene.lights.registry import AreaLight, DistantLight
+from plenoptic.scene.lights.registry import AreaLight, DistantLight, PositionalLight
 from plenoptic.scene.lights.spot import SpotLight
 from plenoptic.scene.textures.color import mean_colour
 
@@ -102,11 +102,11 @@ class _Emitter(NamedTuple):
 def _emitters(scene: Scene) -> Iterator[_Emitter]:
     for number, light in enumerate(scene.lights):
         name = f"{type(light).__name__} {number}"
-        if isinstance(light, AreaLight):
+        if isinstance(light, AreaLight) and np.any(light.radiance):
             yield _of_mesh(name, [light.mesh()])
-        elif isinstance(light, DistantLight):
+        elif isinstance(light, DistantLight) and np.any(light.irradiance):
             yield _Emitter(name, -light.direction[None], distant=True)
-        else:
+        elif isinstance(light, PositionalLight) and np.any(light.intensity):
             yield _Emitter(name, light.position[None], spot=light if isinstance(light, SpotLight) else None)
     for part, name in zip(scene.meshes, scene.object_names, strict=False):
         mesh, places = (part, np.eye(4)[None]) if isinstance(part, Mesh) else (part.mesh, part.matrices[:_PARTS])

@@ -47,6 +47,12 @@ BLACK = {
     "nothing shines": ((wall(),), (), {}, "nothing in the scene shines"),
     "a lamp of radiance 0": ((wall(),), (lamp((0, 0, -404), radiance=0.0),), {}, "no light shines on anything"),
     "a lamp that faces away": ((wall(),), (AWAY,), {}, "1 light, none reaches what is seen; QuadLight 0 faces away"),
+    "one lamp of two that shines": (
+        (wall(),),
+        (lamp((0, 0, -404), radiance=0.0), AWAY),
+        {},
+        "1 light, .* QuadLight 1 faces",
+    ),
     "two lamps": ((wall(),), (AWAY, AWAY), {}, "2 lights, .* QuadLight 0 faces away.* QuadLight 1 faces away"),
     "on a wall of instances": (
         (pl.scene.Instances(wall(0.0), [np.eye(4) + np.outer([0, 0, -404.0, 0], [0, 0, 0, 1])]),),
