@@ -26,6 +26,8 @@ from .lens.models import FocusCriterion as FocusCriterion
 from .lens.models import LensModel as LensModel
 from .lens.no_lens import no_lens as no_lens
 from .lens.placement import Placement as Placement
+from .lens.specification import Specification as Specification
+from .lens.specification import StopSize as StopSize
 from .lens.stack import LensStack as LensStack
 from .microlens.aperture import ApertureShape as ApertureShape
 from .microlens.aperture import Gaps as Gaps

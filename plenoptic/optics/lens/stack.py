@@ -11,12 +11,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from plenoptic.core.rays import RayBundle
-from plenoptic.core.values import Floats, choice, finite, read_only, set_field, value, whole
+from plenoptic.core.values import Floats, check_kind, choice, finite, read_only, set_field, value, whole
 from plenoptic.errors import PrescriptionError
 from plenoptic.optics.glass.media import AIR, Medium
 from plenoptic.optics.lens.elements import Element, checked_elements, profile_of
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.placement import Placement, rotation_about_axes
+from plenoptic.optics.lens.specification import Specification
 from plenoptic.optics.stops.registry import Stop
 from plenoptic.optics.surfaces.surface import Surface
 
@@ -49,6 +50,8 @@ class LensStack:
         to air, as in glass catalogues. For a lens in vacuum, or in real air with absolute indices, see `Absolute`.
     model : LensModel, optional
         How faithfully rays are followed; keyword only. EXACT: through every surface.
+    specification : Specification, optional
+        What the file of the lens says of fields, wavelengths, object and image; keyword only.
 
     Raises
     ------
@@ -74,9 +77,12 @@ class LensStack:
     source: str = ""
     ambient: Medium = dataclasses.field(default=AIR, kw_only=True)
     model: LensModel = dataclasses.field(default=LensModel.EXACT, kw_only=True)
+    specification: Specification | None = dataclasses.field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         set_field(self, "model", choice(self.model, LensModel, "model"))
+        if self.specification is not None:
+            check_kind(self.specification, "specification", Specification, "that of another lens, or leave it out")
         set_field(self, "elements", checked_elements(self.elements, self.ambient))
         stops = [i for i, element in enumerate(self.elements) if not isinstance(element, Surface)]
         iris = stops[0] if self.iris is None else whole(self.iris, "iris", at_least=0)
@@ -223,7 +229,8 @@ class LensStack:
         elements = list(self.elements)
         placement = self.stop.placement if stop.placement is None else stop.placement
         elements[self.iris_index] = dataclasses.replace(stop, thickness=self.stop.thickness, placement=placement)
-        return dataclasses.replace(self, elements=elements)
+        told = None if self.specification is None else self.specification.without_aperture()
+        return dataclasses.replace(self, elements=elements, specification=told)
 
     def inserted(self, stop: Stop, z: float) -> LensStack:
         """The same lens with one more stop at z, mm in the lens frame, where no glass is; the iris stays.
@@ -286,7 +293,7 @@ class LensStack:
     def check(self, wavelength: float = 587.6) -> tuple[Finding, ...]:
         """What looks wrong with the lens at a wavelength in nm; empty where nothing does.
 
-        Edges that overlap, rays that cannot pass, total reflection at the rims.
+        Edges that overlap, rays that cannot pass, total reflection at the rims, another aperture than its file's.
 
         Examples
         --------

@@ -154,13 +154,24 @@ class ZernikeSag:
 
         `extra` is its XDAT: the number of terms, the norm radius, and the coefficients, in units of `unit` mm.
         """
-        count = int(extra.get(1, 0.0))
-        terms = [extra.get(2 + j, 0.0) * unit for j in range(1, count + 1)]
-        if not any(terms):
+        if 1 not in extra or not float(extra[1]).is_integer() or extra[1] < 0:
+            raise PrescriptionError("XDAT 1, the number of Zernike terms, is missing or no such number; give it")
+        last = 2 + int(extra[1])
+        if last > max(2, *extra):
+            raise PrescriptionError(
+                f"XDAT 1 says that there are {last - 2} Zernike terms, and XDAT {last}, the last of them, is missing: "
+                "give all of them, or their number"
+            )
+        terms = {j - 2: a * unit for j, a in extra.items() if 2 < j <= last and a != 0}
+        if not terms:
             return None, 0.0
+        if max(terms) > MOST_TERMS:
+            raise PrescriptionError(
+                f"XDAT {max(terms) + 2} is Zernike term {max(terms)}; at most {MOST_TERMS} are read"
+            )
         if 2 not in extra:
             raise PrescriptionError("XDAT 2, the norm radius of the Zernike terms, is missing; give it")
-        found = cls(terms, extra[2] * unit)
+        found = cls([terms.get(j, 0.0) for j in range(1, max(terms) + 1)], extra[2] * unit)
         return found, found.offset
 
 

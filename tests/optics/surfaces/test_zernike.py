@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import math
+import re
 from fractions import Fraction
 
 import numpy as np
@@ -487,6 +488,11 @@ def test_zemax_files_are_read():
     [
         ("XDAT 2 1.1", "XDAT 90 1.1", "line 13.*XDAT 2, the norm radius of the Zernike terms, is missing"),
         ("PARM 2", "PARM 9", "PARM 9 is 0.001; only PARM 1 to 8"),
+        ("XDAT 1 6.0", "XDAT 1 7.0", "line 13.*there are 7 Zernike terms, and XDAT 9, the last of them, is missing"),
+        ("XDAT 1 6.0", "XDAT 1 1e15 ", "XDAT 1000000000000002, the last of them, is missing"),
+        ("XDAT 1 6.0", "XDAT 1 5.5", "XDAT 1, the number of Zernike terms, is missing or no such number"),
+        ("XDAT 1 6.0", "XDAT 1 -6.0", "XDAT 1, the number of Zernike terms, is missing or no such number"),
+        ("XDAT 1 6.0", "XDAT 90 6.0", "XDAT 1, the number of Zernike terms, is missing or no such number"),
         ("SZERNSAG", "FZERNSAG", "only STANDARD, EVENASPH and SZERNSAG surfaces can be read"),
     ],
 )
@@ -496,5 +502,5 @@ def test_zemax_files_that_cannot_be_read(old, new, message):
 
 
 def test_zemax_terms_of_zero_are_none():
-    plain = lens_from_zmx("\n".join(line for line in ZMX.splitlines() if "XDAT" not in line), "mine.zmx")
-    assert plain.elements[0].departure is None
+    for nothing in (re.sub(r"(XDAT [68]) \S+", r"\1 0", ZMX), ZMX.replace("XDAT 1 6.0", "XDAT 1 0.0")):
+        assert lens_from_zmx(nothing, "mine.zmx").elements[0].departure is None

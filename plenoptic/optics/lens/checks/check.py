@@ -28,6 +28,7 @@ _TILTED = 1e-3
 """Slopes that the second order does not know, of the vertex or of the rim."""
 _NEAR_EQUATOR = 0.99
 _AZIMUTHS = np.linspace(0.0, 2.0 * math.pi, 24, endpoint=False)
+_OTHER_SIZE = 0.01
 _STEEPEST = math.tan(math.radians(60.0))
 _INDEX_TOLERANCE, _ABBE_TOLERANCE = 0.01, 0.10
 
@@ -49,6 +50,7 @@ def findings(lens: LensStack, wavelength: float = 587.6) -> tuple[Finding, ...]:
             *_shapes(lens),
             *_glass_numbers(lens),
             *_places(lens, wave),
+            *_aperture(lens),
             *ray_findings(lens, wave),
         ]
         reflecting = {i for finding in found if finding.kind is FindingKind.TOTAL_REFLECTION for i in finding.elements}
@@ -295,3 +297,20 @@ def _places(lens: LensStack, wavelength: float) -> Iterator[Finding]:
             f"rim reaches {rim:.4g} mm; reduce its semi-diameter"
         )
         yield Finding(FindingKind.IMAGE_INSIDE, (last,), message)
+
+
+def _aperture(lens: LensStack) -> Iterator[Finding]:
+    """An iris of another size than the lens's file says."""
+    told, size, kind, iris = lens.specification, lens.stop.semi_diameter, FindingKind.APERTURE, (lens.iris_index,)
+    given, asked = (told.stop_semi_diameter, told.entrance_pupil_diameter) if told is not None else (None, None)
+    message = f"the iris has a semi-diameter of {size:.4g} mm, and its file says "
+    if given is not None and abs(size - given) > _OTHER_SIZE * given:
+        way = "which its system aperture overrules; load_lens(path, stop_size=pl.optics.StopSize.DIAMETER) takes it"
+        yield Finding(kind, iris, f"{message}{given:.4g} mm, {way}")
+    if told is not None and asked is not None:
+        points = cardinal_points(lens, told.wavelengths[0])
+        pupil, length = 2.0 * points.entrance_pupil_semi_diameter, abs(points.efl)
+        if abs(pupil - asked) > _OTHER_SIZE * asked:
+            wanted = f"that the entrance pupil is {asked:.4g} mm wide (f/{length / asked:.3g}), which it makes "
+            way = "lens.with_stop() gives it another iris"
+            yield Finding(kind, iris, f"{message}{wanted}{pupil:.4g} mm (f/{length / pupil:.3g}); {way}")

@@ -50,6 +50,8 @@ class FindingKind(enum.IntEnum):
     VERTEX = 13
     """A surface without rotational symmetry is tilted or astigmatic at its vertex, by slopes above 0.001: Gaussian data
     leave that out."""
+    APERTURE = 14
+    """The entrance pupil, or the semi-diameter of the iris, is another than the lens's file says, by more than 1 %."""
 
 
 @value

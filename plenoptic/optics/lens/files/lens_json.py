@@ -1,9 +1,9 @@
 """The package's own lens files: JSON with one element per line.
 
 A file is an object with `format`, `name`, `source`, `iris` (index of the element that is the iris), and `elements`.
-What is at its default is left out, so `ambient`, `model`, `conic`, `aspheric`, `depth`, `departure`, `blade_radius` and
-`placement` stand only where they say something. Stops are circle, polygon, star or mask; the `transmission` of a mask
-is a list of its rows. A medium is one of
+What is at its default is left out, so `ambient`, `model`, `specification`, `conic`, `aspheric`, `depth`, `departure`,
+`blade_radius` and `placement` stand only where they say something. Stops are circle, polygon, star or mask; the
+`transmission` of a mask is a list of its rows. A medium is one of
 
     "air"
     {"index": 1.5}
@@ -61,6 +61,8 @@ def json_of_lens(lens: LensStack) -> str:
         head["ambient"] = _medium_to_json(lens.ambient, "around the lens")
     if lens.model is not LensModel.EXACT:
         head["model"] = lens.model.name
+    if lens.specification is not None:
+        head["specification"] = json.loads(describe(lens.specification))
     rows = [json.dumps(_element_to_json(element, i)) for i, element in enumerate(lens.elements)]
     lines = [*(f"  {json.dumps(key)}: {json.dumps(item)}," for key, item in head.items()), '  "elements": [']
     return "\n".join(["{", *lines, ",\n".join(f"    {row}" for row in rows), "  ]", "}", ""])
@@ -73,7 +75,7 @@ def lens_from_json(text: str, where: str) -> LensStack:
     except (ValueError, RecursionError) as error:
         raise PrescriptionError(f"{where} is not JSON: {error}; correct it there") from None
     try:
-        head = _fields(data, "the file", "format name source iris elements", "ambient model")
+        head = _fields(data, "the file", "format name source iris elements", "ambient model specification")
         if head["format"] != _FORMAT:
             raise PrescriptionError(f"format is {head['format']!r:.40}; it must be {_FORMAT!r}")
         elements = []
@@ -89,6 +91,7 @@ def lens_from_json(text: str, where: str) -> LensStack:
             _text(head["source"], "source"),
             ambient=_medium_from_json(head.get("ambient", "air")),
             model=_model(head.get("model", "EXACT")),
+            specification=_value(head.get("specification"), "specification"),
         )
     except (InvalidValueError, RecursionError) as error:
         raise PrescriptionError(f"{where}: {error}") from None

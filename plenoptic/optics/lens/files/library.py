@@ -10,11 +10,12 @@ from pathlib import Path
 
 from plenoptic.core.files.atomic_file import write_file
 from plenoptic.core.files.reading import TEXT, FileLimits, read_file
-from plenoptic.core.values import file_path
+from plenoptic.core.values import choice, file_path
 from plenoptic.errors import FileError
 from plenoptic.optics.glass.catalogue import GlassCatalogue
 from plenoptic.optics.glass.media import Medium
 from plenoptic.optics.lens.files.lens_json import json_of_lens, lens_from_json
+from plenoptic.optics.lens.specification import StopSize
 from plenoptic.optics.lens.stack import LensStack
 
 _ENDINGS = ".csv, .json and .zmx"
@@ -37,6 +38,7 @@ def load_lens(
     name_or_path: str | os.PathLike[str],
     *,
     glasses: Mapping[str, Medium] | GlassCatalogue | None = None,
+    stop_size: StopSize = StopSize.SYSTEM_APERTURE,
     limits: FileLimits = TEXT,
 ) -> LensStack:
     """A lens that comes with the package, or one from a file.
@@ -44,7 +46,8 @@ def load_lens(
     Formats, by the ending of the path:
 
     - `.json`: what `save_lens` writes; nothing is lost.
-    - `.zmx`: a sequential Zemax file; what is read of it, and how, stands in `plenoptic.optics.lens.files.zemax`.
+    - `.zmx`: a sequential Zemax file; what is read of it, and how, stands in `plenoptic.optics.lens.files.zemax`. Its
+      fields, wavelengths, object and image are the lens's `specification`; what is left out is named in a warning.
     - `.csv`: a table with the columns `radius;thickness;material;index;v-no;sa`, mm, one row per element from the scene
       to the sensor. An empty radius is a plane, and a plane with air on both sides is a stop: the first is the iris. A
       row with index and V-number is a `ModelGlass`, one with an index only a `ConstantMedium`, one with neither one of
@@ -64,6 +67,9 @@ def load_lens(
     glasses : mapping from name to Medium, optional
         Where the glasses that a `.zmx` file names are looked up first, such as a catalogue from `load_glasses`; then
         among the bundled ones. Other formats bring their glasses along.
+    stop_size : StopSize, optional
+        What counts in a `.zmx` file: its system aperture, or the semi-diameter of the stop's surface. `lens.check()`
+        says where the two disagree.
     limits : FileLimits
         The size of the file: by default at most 4 MiB.
 
@@ -84,7 +90,7 @@ def load_lens(
     >>> pl.load_lens("double-gauss-100mm-f2")
     <LensStack 'double-gauss-100mm-f2': 10 surfaces, 1 stop, 64.08 mm long>
     """
-    path = file_path(name_or_path)
+    path, stop_size = file_path(name_or_path), choice(stop_size, StopSize, "stop_size")
     name = os.fspath(name_or_path)
     if isinstance(name_or_path, str) and name in lens_names():
         bundled = importlib.resources.files("plenoptic.optics.lens.files") / "data" / f"{name}.json"
@@ -100,7 +106,8 @@ def load_lens(
         from plenoptic.core.files.text_lines import decoded
         from plenoptic.optics.lens.files.zemax import lens_from_zmx
 
-        return lens_from_zmx(decoded(read_file(path, limits), errors="replace"), path.name, glasses=glasses)
+        text = decoded(read_file(path, limits), errors="replace")
+        return lens_from_zmx(text, path.name, glasses=glasses, stop_size=stop_size)
     if not isinstance(name_or_path, str) or path.parent != Path() or path.is_file():
         raise FileError(f"{name} ends in {ending!r}; the lens files that can be read are {_ENDINGS}")
     close = difflib.get_close_matches(name, lens_names(), n=3, cutoff=0.4) or lens_names()

@@ -10,30 +10,39 @@ the lens, nor are the gaps next to them. A glass on the object is the medium aro
   Solves and pickups count with the value that the file holds, several configurations as the one that it was saved in.
 - GLAS: a name is looked up in the catalogue that the caller gives, then among the bundled glasses; ___BLANK is a model
   glass of n_d and V_d (a V_d of 0: no dispersion; the deviation of the partial dispersion is left out).
-- Semi-diameters: the radius of a round aperture (CLAP, FLAP) if there is one, otherwise DIAM. Where DIAM is 0 or
-  missing: the sum of the paraxial heights of the marginal ray (size of the stop, ENPD, or FNUM) and of the chief ray of
-  the largest field (XFLN, YFLN).
+- The stop is as large as the system aperture asks for, by the paraxial marginal ray: entrance pupil diameter (ENPD),
+  f-number (FNUM; its second number is 1 for the working one) or numerical aperture in object space (OBNA; with a 1,
+  half the angle of the cone in degrees), and not larger than its aperture, if it has one. Where the system floats by
+  the stop (FLOA), or the file says nothing, it is as large as its surface says. See `StopSize`.
+- Semi-diameters: the radius of a round aperture (CLAP, FLAP) if there is one, otherwise DIAM; of the stop's own surface
+  at least that of the stop. Where DIAM is 0 or missing: the sum of the paraxial heights of the marginal ray and of the
+  chief ray of the largest field (XFLN, YFLN).
 - STOP on a surface between equal media is the iris. On a refracting surface it becomes a stop of the same size in the
   plane of the vertex, in front of it.
 - Other surfaces between equal media vanish, and their gaps are added to the one before. With an aperture they stay:
   planes as stops that are not the iris.
-- NAME and NOTE are kept. Wavelengths, fields and glass catalogues (GCAT) serve semi-diameters and messages only. All
-  other lines are passed over.
+- NAME and NOTE are kept. Fields (of FTYP 0 to 3, real image heights as paraxial ones), wavelengths (WAVM, WAVL, PWAV),
+  the places of object and image, and the curvature of the image are the lens's `Specification`.
+- Left out, with a warning where they say something: vignetting factors, temperature and pressure (ENVD), coatings
+  (COAT), further configurations (MNUM), telecentric object space, fields of other types, other shapes of the image. All
+  other lines are passed over; glass catalogues (GCAT) serve messages only.
 """
 
 from __future__ import annotations
 
 import math
 import re
+import warnings
 from collections.abc import Mapping
-from typing import NamedTuple
 
 from plenoptic.core.files.text_lines import naming_line, written_number
 from plenoptic.core.values import wrong_kind
 from plenoptic.errors import InvalidValueError, PrescriptionError
 from plenoptic.optics.glass.catalogue import GlassCatalogue, glass
 from plenoptic.optics.glass.media import ConstantMedium, Medium, ModelGlass
-from plenoptic.optics.lens.files.zemax_stack import Row, System, stacked
+from plenoptic.optics.lens.files.zemax_stack import Row, stacked
+from plenoptic.optics.lens.files.zemax_system import KEYWORDS, Line, read_system
+from plenoptic.optics.lens.specification import StopSize
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.surfaces.registry import ZEMAX
 
@@ -46,42 +55,15 @@ _REFUSED = {
     "SQAP": "rectangular apertures",
     "ELAP": "elliptical apertures",
 }
-_OF_THE_SYSTEM = frozenset(
-    ["MODE", "UNIT", "NAME", "NOTE", "GCAT", "ENPD", "FNUM", "FTYP", "XFLN", "YFLN", "WAVM", "WAVL", "PWAV"]
-)
-"""Keywords that belong to no surface, wherever they stand."""
 
 
-class Line(NamedTuple):
-    """A line of the file."""
-
-    number: int
-    keyword: str
-    rest: str
-
-    @property
-    def words(self) -> list[str]:
-        """What follows the keyword."""
-        return self.rest.split()
-
-    def word(self, i: int) -> str:
-        """The i-th entry behind the keyword, or an error where there are fewer."""
-        words = self.words
-        if i >= len(words):
-            raise PrescriptionError(f"{self.keyword} has {len(words)} entries; it must have at least {i + 1}")
-        return words[i]
-
-    def real(self, i: int) -> float:
-        """The i-th entry as a finite number."""
-        return written_number(self.word(i), self.keyword)
-
-    @property
-    def reals(self) -> list[float]:
-        """All entries as finite numbers."""
-        return [written_number(word, self.keyword) for word in self.words]
-
-
-def lens_from_zmx(text: str, where: str, *, glasses: Mapping[str, Medium] | GlassCatalogue | None = None) -> LensStack:
+def lens_from_zmx(
+    text: str,
+    where: str,
+    *,
+    glasses: Mapping[str, Medium] | GlassCatalogue | None = None,
+    stop_size: StopSize = StopSize.SYSTEM_APERTURE,
+) -> LensStack:
     """The lens of a Zemax file whose name is `where`, for messages and lenses without NAME; `glasses` come first."""
     head, blocks = _blocks(text, where)
     unit = 1.0
@@ -92,13 +74,30 @@ def lens_from_zmx(text: str, where: str, *, glasses: Mapping[str, Medium] | Glas
             if line.keyword == "UNIT":
                 unit = _unit(line.word(0))
     media = _Glasses(glasses, " ".join(line.rest for line in head if line.keyword == "GCAT"))
-    # Of the image, nothing but a stop would matter.
-    blocks[-1] = [line for line in blocks[-1] if line.keyword in ("SURF", "STOP")]
+    left_out = _left_out(blocks)
+    blocks[-1] = [line for line in blocks[-1] if line.keyword in ("SURF", "STOP", "CURV")]
     rows = [_row(number, block, where, unit, media) for number, block in enumerate(blocks)]
     names = [line.rest for line in head if line.keyword == "NAME" and line.rest]
     notes = [line.rest.partition(" ")[2].strip() for line in head if line.keyword == "NOTE"]
     source = "; ".join([where, *filter(None, notes)])
-    return stacked(rows, _system(head, where, unit), where, (names or [where.rpartition(".")[0]])[0], source)
+    system = read_system(head, where, unit)
+    lens = stacked(rows, system, where, (names or [where.rpartition(".")[0]])[0], source, stop_size=stop_size)
+    left_out = [*system.left_out, *left_out]
+    if len(system.fields) and lens.specification is not None and not len(lens.specification.fields):
+        left_out.append(f"fields of type {system.field_type} (FTYP)")
+    if left_out:
+        warnings.warn(f"{where}: left out are {', '.join(left_out)}; see lens.specification for the rest", stacklevel=3)
+    return lens
+
+
+def _left_out(blocks: list[list[Line]]) -> list[str]:
+    """What surfaces have that is no part of the lens that is read."""
+    coated = [str(i) for i, block in enumerate(blocks) for line in block if line.keyword == "COAT" and line.rest]
+    found = [f"coatings (COAT of surface{'s' * (len(coated) > 1)} {', '.join(coated)})"] if coated else []
+    shape = [line for line in blocks[-1] if (line.keyword, line.rest.upper()) != ("TYPE", "STANDARD")]
+    if any(line.keyword in ("TYPE", "CONI", "PARM", "XDAT") for line in shape):
+        found.append("the shape of the image but for its curvature")
+    return found
 
 
 def _blocks(text: str, where: str) -> tuple[list[Line], list[list[Line]]]:
@@ -116,7 +115,7 @@ def _blocks(text: str, where: str) -> tuple[list[Line], list[list[Line]]]:
                     )
             blocks.append([entry])
         elif entry.keyword:
-            (blocks[-1] if blocks and entry.keyword not in _OF_THE_SYSTEM else head).append(entry)
+            (blocks[-1] if blocks and entry.keyword not in KEYWORDS else head).append(entry)
     if len(blocks) < 3:
         line_number = blocks[-1][0].number if blocks else 1
         raise PrescriptionError(
@@ -237,34 +236,3 @@ def _with_line(row: Row, line: Line, unit: float, glasses: _Glasses) -> Row:
                 "remove the line if that does not matter"
             )
     return row
-
-
-def _system(head: list[Line], where: str, unit: float) -> System:
-    """What the file says of aperture, fields and wavelengths."""
-    found = System()
-    waves: dict[int, float] = {}
-    fields: dict[str, list[float]] = {"XFLN": [], "YFLN": []}
-    primary = 1
-    for line in head:
-        with naming_line(where, line.number):
-            match line.keyword:
-                case "ENPD":
-                    found = found._replace(pupil_diameter=line.real(0) * unit)
-                case "FNUM" if len(line.words) < 2 or line.real(1) == 0:
-                    found = found._replace(f_number=line.real(0))
-                case "FTYP":
-                    found = found._replace(field_type=int(line.real(0)))
-                case "XFLN" | "YFLN":
-                    fields[line.keyword] = line.reals
-                case "WAVM":
-                    waves[int(line.real(0))] = line.real(1) * 1e3
-                case "WAVL":
-                    waves.update((i, 1e3 * wave) for i, wave in enumerate(line.reals, start=1))
-                case "PWAV":
-                    primary = int(line.real(0))
-    pairs = max(map(len, fields.values()))
-    x, y = (list(values) + [0.0] * (pairs - len(values)) for values in fields.values())
-    largest = max((abs(complex(a, b)) for a, b in zip(x, y, strict=True)), default=None)
-    if largest is not None:
-        found = found._replace(field=largest * (1.0 if found.field_type == 0 else unit))
-    return found._replace(wavelength=waves[primary]) if waves.get(primary, 0.0) > 0 else found

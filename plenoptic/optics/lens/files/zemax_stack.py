@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import math
 from typing import NamedTuple
@@ -9,10 +10,13 @@ from typing import NamedTuple
 import numpy as np
 
 from plenoptic.core.files.text_lines import naming_line
+from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError, PrescriptionError
-from plenoptic.optics.glass.media import AIR, D_LINE, Medium
+from plenoptic.optics.glass.media import AIR, Medium
 from plenoptic.optics.lens.elements import Element
 from plenoptic.optics.lens.files.infer_stop import basis_rays, with_inferred_stop
+from plenoptic.optics.lens.files.zemax_system import Aperture, System
+from plenoptic.optics.lens.specification import Specification, StopSize
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.stops.circle import CircularStop
 from plenoptic.optics.surfaces.registry import Departure
@@ -25,8 +29,6 @@ _UNKNOWN_SIZE = 1e-9
 
 _INFINITE = 1e10
 """mm; an object so far away is infinitely far."""
-
-_ANGLE, _OBJECT_HEIGHT, _IMAGE_HEIGHT, _REAL_IMAGE_HEIGHT = range(4)
 
 
 class Row(NamedTuple):
@@ -55,24 +57,13 @@ class Row(NamedTuple):
         return self.curvature == 0 and not any(self.aspheric) and self.departure is None
 
 
-class System(NamedTuple):
-    """What the file says of the beam; lengths in mm, wavelength in nm, None where it says nothing."""
-
-    pupil_diameter: float | None = None
-    f_number: float | None = None
-    field: float | None = None
-    """The largest; degrees, or mm where `field_type` says that fields are heights."""
-    field_type: int = _ANGLE
-    wavelength: float = D_LINE
-
-
 class _Piece(NamedTuple):
     element: Element
     row: Row
     size_is_known: bool
 
 
-def stacked(rows: list[Row], system: System, where: str, name: str, source: str) -> LensStack:
+def stacked(rows: list[Row], system: System, where: str, name: str, source: str, *, stop_size: StopSize) -> LensStack:
     """The lens of the rows, of which the first is the object and the last the image."""
     flagged = [row for row in rows if row.is_stop]
     if len(flagged) > 1:
@@ -87,27 +78,40 @@ def stacked(rows: list[Row], system: System, where: str, name: str, source: str)
     # A surface whose vertex lies behind its place has a longer gap before it and a shorter one behind.
     offsets = [row.offset for row in rows] + [0.0]
     rows = [row._replace(gap=row.gap + (offsets[i + 1] - offsets[i])) for i, row in enumerate(rows)]
-    pieces, distance = _pieces(rows, ambient, where)
-    if any(not piece.size_is_known for piece in pieces):
-        pieces = _with_sizes(pieces, system, distance, ambient, where)
+    pieces, distance, behind = _pieces(rows, ambient, where)
+    if not pieces:
+        raise _error(where, rows[-2], "SURF", "there is no surface and no stop; a lens needs both")
+    stop = next((piece for piece in pieces if piece.row.is_stop), None)
+    aperture = system.aperture
+    if stop is None or (stop_size is StopSize.DIAMETER and stop.size_is_known):
+        aperture = None
+    beam = None
+    try:
+        beam = _Beam.of(pieces, system, distance, ambient)
+    except InvalidValueError as error:
+        if aperture is not None or not all(piece.size_is_known for piece in pieces):
+            raise _error(where, rows[1], "SURF", f"at the primary wavelength, {error}") from None
+    if beam is not None:
+        pieces = _with_sizes(pieces, system, aperture, beam, where)
     elements = [piece.element for piece in pieces]
     surfaces = [element for element in elements if isinstance(element, Surface)]
-    iris = next((i for i, piece in enumerate(pieces) if piece.row.is_stop), None)
+    iris = None if stop is None else next(i for i, piece in enumerate(pieces) if piece.row is stop.row)
     with naming_line(where, rows[-2].lines["SURF"]):
         if iris is None and surfaces and len(surfaces) == len(elements) and ambient == AIR:
             elements, source = with_inferred_stop(surfaces), f"{source}; stop placed by rule"
         elif iris is None and surfaces:
             raise PrescriptionError("no surface is the STOP; mark one")
         lens = LensStack(elements, iris, name, source, ambient=ambient)
-    return lens
+        told = _specification(lens, stop and stop.row, system, beam, (distance, behind), rows[-1])
+    return dataclasses.replace(lens, specification=told)
 
 
 def _error(where: str, row: Row, keyword: str, message: str) -> PrescriptionError:
     return PrescriptionError(f"{where}, line {row.lines.get(keyword, row.lines['SURF'])}: {message}")
 
 
-def _pieces(rows: list[Row], ambient: Medium, where: str) -> tuple[list[_Piece], float]:
-    """The elements, and the distance in mm from the object to the first of them."""
+def _pieces(rows: list[Row], ambient: Medium, where: str) -> tuple[list[_Piece], float, float]:
+    """The elements, and the distances in mm from the object to the first of them, and from the last to the image."""
     kept: list[tuple[Row, bool, float]] = []  # row, whether a stop or a surface, gap
     before, distance = ambient, rows[0].gap
     for row in rows[1:-1]:
@@ -124,7 +128,8 @@ def _pieces(rows: list[Row], ambient: Medium, where: str) -> tuple[list[_Piece],
             distance += gap
         before = row.medium
     last = len(kept) - 1
-    return [_piece(row, stop, 0.0 if i == last else gap, where) for i, (row, stop, gap) in enumerate(kept)], distance
+    pieces = [_piece(row, stop, 0.0 if i == last else gap, where) for i, (row, stop, gap) in enumerate(kept)]
+    return pieces, distance, kept[-1][2] if kept else 0.0
 
 
 def _piece(row: Row, as_stop: bool, gap: float, where: str) -> _Piece:
@@ -150,64 +155,153 @@ def _piece(row: Row, as_stop: bool, gap: float, where: str) -> _Piece:
         raise _error(where, row, keyword, str(error)) from None
 
 
-def _with_sizes(pieces: list[_Piece], system: System, distance: float, ambient: Medium, where: str) -> list[_Piece]:
-    first = next(piece.row for piece in pieces if not piece.size_is_known)
-    try:
+class _Beam(NamedTuple):
+    """The paraxial beam: rays as (height, reduced angle) at the first element, lengths in mm."""
+
+    heights: Floats
+    """(n, 2) at the elements, of the basis rays."""
+    leaving: float
+    """Reduced angle behind the lens of the marginal ray."""
+    stop: int | None
+    medium_index: float
+    distance: float
+    focal_length: float
+    pupil: float
+    """From the first element to the entrance pupil; inf or nan where there is none."""
+    marginal: Floats
+    """Up to a factor."""
+
+    @classmethod
+    def of(cls, pieces: list[_Piece], system: System, distance: float, ambient: Medium) -> _Beam:
+        """Of the elements, without their sizes."""
+        wavelength = system.wavelengths[0]
         with np.errstate(all="ignore"):  # what overflows ends as a semi-diameter that is refused
-            sizes = _beam(pieces, system, distance, ambient)
-    except InvalidValueError as error:
-        raise _error(where, first, "DIAM", f"surface {first.number} has no semi-diameter (DIAM): {error}") from None
-    made = []
-    for piece, size in zip(pieces, sizes, strict=True):
+            heights, leaving = basis_rays([piece.element for piece in pieces], ambient=ambient, wavelength=wavelength)
+            stop = next((i for i, piece in enumerate(pieces) if piece.row.is_stop), None)
+            index = float(ambient.index(wavelength))
+            a, b = heights[stop].tolist() if stop is not None else (0.0, 0.0)
+            focal_length = float(-1.0 / leaving[1, 0]) if leaving[1, 0] != 0 else math.inf
+            marginal = np.array([1.0, 0.0]) if math.isinf(distance) else np.array([distance, index])
+            pupil = index * b / a if a != 0 else math.inf
+            return cls(heights, float(leaving[1] @ marginal), stop, index, distance, focal_length, pupil, marginal)
+
+    @property
+    def at_pupil(self) -> float:
+        """Height of the marginal ray in the entrance pupil."""
+        if not math.isfinite(self.pupil):
+            raise PrescriptionError("the entrance pupil is infinitely far away")
+        return float(abs(self.marginal[0] + self.marginal[1] * self.pupil / self.medium_index))
+
+    def factor(self, aperture: Aperture) -> float:
+        """What makes the marginal ray that of a system aperture."""
+        keyword, size, is_other = aperture.keyword, aperture.size, aperture.is_other
+        if not size > 0:
+            raise PrescriptionError("it must be above 0")
+        if keyword == "OBNA":
+            if math.isinf(self.distance):
+                raise PrescriptionError("the object is infinitely far away, where it has no numerical aperture")
+            sine = math.sin(math.radians(min(size, 90.0))) if is_other else size / self.medium_index
+            if sine >= 1:
+                raise PrescriptionError("it must be below that of a half space")
+            return sine / math.sqrt(1.0 - sine * sine)
+        if keyword == "FNUM" and is_other:
+            wanted, has = 0.5 / size, abs(self.leaving)
+        else:
+            wanted, has = 0.5 * self.pupil_diameter(aperture), self.at_pupil
+        if not (0 < has < math.inf and 0 < wanted < math.inf):
+            raise PrescriptionError("the marginal ray does not follow from it here")
+        return wanted / has
+
+    def pupil_diameter(self, aperture: Aperture) -> float:
+        """Of the entrance pupil that a system aperture asks for."""
+        if aperture.keyword == "ENPD":
+            return aperture.size
+        if aperture.keyword == "FNUM" and not aperture.is_other:
+            return abs(self.focal_length) / aperture.size
+        return 2.0 * self.factor(aperture) * self.at_pupil
+
+
+def _with_sizes(
+    pieces: list[_Piece], system: System, aperture: Aperture | None, beam: _Beam, where: str
+) -> list[_Piece]:
+    """With the semi-diameters that follow from the beam; that of the stop from the aperture, if there is one."""
+    scale = 0.0
+    if beam.stop is not None and aperture is not None:
         try:
-            element = piece.element if piece.size_is_known else dataclasses.replace(piece.element, semi_diameter=size)
-        except InvalidValueError as error:
-            raise _error(where, piece.row, "DIAM", f"semi-diameter from the paraxial beam: {error}") from None
-        made.append(piece._replace(element=element))
-    return made
-
-
-def _beam(pieces: list[_Piece], system: System, distance: float, ambient: Medium) -> list[float]:
-    """Height of the marginal ray plus, at surfaces, of the chief ray of the largest field, at every element."""
-    heights, leaving = basis_rays([piece.element for piece in pieces], ambient=ambient, wavelength=system.wavelength)
-    stop = next((i for i, piece in enumerate(pieces) if piece.row.is_stop), None)
-    if stop is None or system.field is None:
-        raise PrescriptionError("it follows from the beam only with a STOP and a field (YFLN); give it")
-    index, (a, b) = ambient.index(system.wavelength), heights[stop].tolist()
-    if a == 0:
-        raise PrescriptionError("the entrance pupil is infinitely far away; give it")
-    pupil = index * b / a  # behind the first element
-    focal_length = float(-1.0 / leaving[1, 0]) if leaving[1, 0] != 0 else math.inf
-    # Rays as (height, reduced angle) at the first element: the marginal one up to a factor.
-    marginal = np.array([1.0, 0.0]) if math.isinf(distance) else np.array([distance, index])
-    radius = _pupil_radius(pieces[stop], system, focal_length, 1.0 / abs(a))
-    at_pupil = float(abs(marginal[0] + marginal[1] * pupil / index))
-    marginal = marginal * (radius / at_pupil if at_pupil else math.inf)
-    slope = _chief_slope(system, distance, pupil, focal_length)
-    chief = slope * np.array([-pupil, index])
+            scale = beam.factor(aperture)
+        except PrescriptionError as error:
+            raise PrescriptionError(
+                f"{where}, line {aperture.line}: {aperture.keyword} {aperture.size:g} does not say how large the stop "
+                f"is: {error}; give stop_size=pl.optics.StopSize.DIAMETER"
+            ) from None
+        pieces = _with_stop(pieces, beam.stop, scale * float(abs(beam.heights[beam.stop] @ beam.marginal)), where)
+    unknown = [piece for piece in pieces if not piece.size_is_known]
+    if not unknown:
+        return pieces
+    try:
+        if beam.stop is None or not len(system.fields):
+            raise PrescriptionError("it follows from the beam only with a STOP and a field (YFLN); give it")
+        if aperture is None:
+            if not pieces[beam.stop].size_is_known:
+                raise PrescriptionError(
+                    "it follows from the beam only with its size (ENPD, FNUM, OBNA or DIAM); give it"
+                )
+            at_stop = float(abs(beam.heights[beam.stop] @ beam.marginal))
+            scale = pieces[beam.stop].element.semi_diameter / at_stop if at_stop else math.inf
+        if not math.isfinite(beam.pupil):
+            raise PrescriptionError("the entrance pupil is infinitely far away; give it")
+        slopes = system.chief_slopes(beam.distance, beam.pupil, beam.focal_length)
+    except InvalidValueError as error:
+        row = unknown[0].row
+        raise _error(where, row, "DIAM", f"surface {row.number} has no semi-diameter (DIAM): {error}") from None
+    chief = float(np.hypot(*slopes.T).max()) * np.array([-beam.pupil, beam.medium_index])
+    with np.errstate(all="ignore"):
+        sizes = np.abs(beam.heights @ beam.marginal) * scale + np.abs(beam.heights @ chief)
     return [
-        float(abs(pair @ marginal)) + (0.0 if isinstance(piece.element, CircularStop) else float(abs(pair @ chief)))
-        for piece, pair in zip(pieces, heights, strict=True)
+        piece if piece.size_is_known else _resized(piece, float(size), where)
+        for piece, size in zip(pieces, sizes, strict=True)
     ]
 
 
-def _pupil_radius(stop: _Piece, system: System, focal_length: float, magnification: float) -> float:
-    if stop.size_is_known:
-        return stop.element.semi_diameter * magnification
-    if system.pupil_diameter is not None:
-        return system.pupil_diameter / 2
-    if system.f_number is not None and system.f_number > 0:
-        return abs(focal_length) / (2 * system.f_number)
-    raise PrescriptionError("it follows from the beam only with its size (ENPD, FNUM or DIAM of the stop); give it")
+def _with_stop(pieces: list[_Piece], stop: int, size: float, where: str) -> list[_Piece]:
+    """With a stop of that semi-diameter, or of its aperture; the surface on which it lies is at least as large."""
+    made, aperture = list(pieces), pieces[stop].row.aperture
+    made[stop] = _resized(pieces[stop], size if aperture is None else min(size, aperture), where)
+    for i, piece in enumerate(pieces[stop + 1 :], start=stop + 1):
+        if piece.row.is_stop and piece.size_is_known and piece.row.aperture is None:
+            made[i] = _resized(piece, max(size, piece.element.semi_diameter), where)
+    return made
 
 
-def _chief_slope(system: System, distance: float, pupil: float, focal_length: float) -> float:
-    """Tangent of the chief ray's angle in front of the lens."""
-    assert system.field is not None
-    if system.field_type == _ANGLE:
-        return math.tan(math.radians(min(system.field, 89.0)))
-    if system.field_type == _OBJECT_HEIGHT and math.isfinite(distance) and distance + pupil != 0:
-        return system.field / (distance + pupil)
-    if system.field_type in (_IMAGE_HEIGHT, _REAL_IMAGE_HEIGHT) and math.isinf(distance):
-        return system.field / focal_length
-    raise PrescriptionError(f"fields of type {system.field_type} do not give the chief ray here; give it")
+def _resized(piece: _Piece, size: float, where: str) -> _Piece:
+    try:
+        return piece._replace(element=dataclasses.replace(piece.element, semi_diameter=size), size_is_known=True)
+    except InvalidValueError as error:
+        raise _error(where, piece.row, "DIAM", f"semi-diameter from the paraxial beam: {error}") from None
+
+
+def _specification(
+    lens: LensStack, stop: Row | None, system: System, beam: _Beam | None, gaps: tuple[float, float], image: Row
+) -> Specification:
+    """What the file says of the use of the lens; without what does not follow."""
+    size, aperture, diameter, fields = None, system.aperture, None, np.zeros((0, 2))
+    if stop is not None:
+        size = stop.diameter if stop.aperture is None else min(stop.aperture, stop.diameter or math.inf)
+    if beam is not None:
+        with contextlib.suppress(PrescriptionError), np.errstate(all="ignore"):
+            points = system.object_points(beam.distance, beam.pupil, beam.focal_length)
+            fields = points if np.isfinite(points).all() else fields
+        if aperture is not None and aperture.size > 0:
+            with contextlib.suppress(PrescriptionError):
+                found = beam.pupil_diameter(aperture)
+                diameter = found if 0 < found < math.inf else None
+    z = lens.vertices
+    return Specification(
+        fields,
+        system.wavelengths,
+        z_object=float(z[0]) - gaps[0],
+        z_image=float(z[-1]) + gaps[1],
+        image_radius=1.0 / image.curvature if image.curvature else math.inf,
+        entrance_pupil_diameter=diameter,
+        stop_semi_diameter=size or None,
+    )

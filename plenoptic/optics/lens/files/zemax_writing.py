@@ -20,7 +20,8 @@ _TERMS = 8
 def zmx_of_lens(lens: LensStack) -> bytes:
     """A lens as the content of a Zemax file: UTF-16 with its mark, lines that end in CR LF, millimetres.
 
-    Each surface has its semi-diameter as a fixed aperture (FLAP), so that rays are stopped there as in this package.
+    Each surface has its semi-diameter as a fixed aperture (FLAP), so that rays are stopped there as in this package;
+    the system aperture floats by the stop (FLOA).
     The image lies in the rear focus at 587.6 nm. A medium that has the indices of the bundled glass of its name, to
     1e-6 at the lines F, d and C, is written by name, any other as a model glass of its n_d and V_d.
     """
@@ -31,10 +32,8 @@ def zmx_of_lens(lens: LensStack) -> bytes:
     points = cardinal_points(lens)
     last = float(lens.vertices[-1])
     to_image = points.rear_focus - last if math.isfinite(points.rear_focus) else 0.0
-    pupil = 2 * points.entrance_pupil_semi_diameter
     lines = ["MODE SEQ", f"NAME {_one_line(lens.name)}", f"NOTE 0 {_one_line(lens.source)}", "UNIT MM X W X CM MR CPMM"]
-    lines += [f"ENPD {pupil!r} 0"] if math.isfinite(pupil) else ["FLOA"]
-    lines += ["FTYP 0 0 1 3 0 0 0", "XFLN 0.0", "YFLN 0.0"]
+    lines += ["FLOA", "FTYP 0 0 1 3 0 0 0", "XFLN 0.0", "YFLN 0.0"]
     lines += [f"WAVM {i} {wave / 1e3!r} 1" for i, wave in enumerate((F_LINE, D_LINE, C_LINE), start=1)]
     lines += ["PWAV 2", "SURF 0", "  TYPE STANDARD", "  CURV 0.0", "  DISZ INFINITY"]
     for i, element in enumerate(lens.elements):

@@ -24,7 +24,7 @@ MODE SEQ
 NAME A test lens
 NOTE 0 Written for a test
 UNIT MM X W X CM MR CPMM
-ENPD 1.0E+1 0
+FLOA
 GCAT SCHOTT OHARA
 FTYP 0 0 2 3 0 0 0
 XFLN 0 0
@@ -34,6 +34,7 @@ WAVM 2 5.875618E-1 1
 WAVM 3 6.562725E-1 1
 PWAV 2
 """
+PUPIL = HEAD.replace("FLOA", "ENPD 1.0E+1 0")
 OBJECT = ("DISZ INFINITY",)
 IMAGE = ("TYPE STANDARD", "CURV 0.0", "DIAM 3.2 0 0 0 1")
 REL = 1e-12  # some ten roundings, each of 1.1e-16, times the cancellation of powers of opposite signs
@@ -177,7 +178,10 @@ def test_dummy_planes_vanish_and_their_gaps_stay(tmp_path: Path) -> None:
     short_front = (FRONT[0], "DISZ 2.5", *FRONT[2:])
     plain = load(tmp_path, zmx(FRONT, ("CURV -0.01", "DISZ 10.0", "DIAM 10"), STOP, FRONT, BACK))
     # The one in front and the one behind change nothing at all.
-    assert load(tmp_path, zmx(dummy, short_front, in_glass, back, dummy, STOP, FRONT, BACK, dummy)) == plain
+    assert (
+        load(tmp_path, zmx(dummy, short_front, in_glass, back, dummy, STOP, FRONT, BACK, dummy)).elements
+        == plain.elements
+    )
     distance = 10.0 + 2.0  # from back to front, over the stop
     single = thick(1.5, 0.02, -0.01, 4.0)
     # From the rear principal plane of one to the front one of the other; Hecht, eq. 6.3.
@@ -256,7 +260,7 @@ UNSIZED = (("STOP", "DISZ 20.0"), ("CURV 0.02", "DISZ 4.0", blank(1.5)), ("CURV 
 
 
 def test_missing_diameters_are_those_of_the_beam(tmp_path: Path) -> None:
-    lens = load(tmp_path, zmx(*UNSIZED))
+    lens = load(tmp_path, zmx(*UNSIZED, head=PUPIL))
     # From infinity through the stop: 5 mm of the marginal ray, and 20 tan 5 deg of the chief ray at the first surface.
     slope = math.tan(math.radians(5.0))
     first = 5.0 + 20.0 * slope
@@ -269,10 +273,10 @@ def test_missing_diameters_are_those_of_the_beam(tmp_path: Path) -> None:
 
 
 def test_the_f_number_or_the_stop_give_the_beam_too(tmp_path: Path) -> None:
-    expected = load(tmp_path, zmx(*UNSIZED))
-    by_number = load(tmp_path, zmx(*UNSIZED, head=HEAD.replace("ENPD 1.0E+1", f"FNUM {SINGLET / 10!r}")))
+    expected = load(tmp_path, zmx(*UNSIZED, head=PUPIL))
+    by_number = load(tmp_path, zmx(*UNSIZED, head=PUPIL.replace("ENPD 1.0E+1", f"FNUM {SINGLET / 10!r}")))
     stop = ("STOP", "DISZ 20.0", "DIAM 5.0")
-    by_stop = load(tmp_path, zmx(stop, *UNSIZED[1:], head=HEAD.replace("ENPD 1.0E+1 0", "FLOA")))
+    by_stop = load(tmp_path, zmx(stop, *UNSIZED[1:], head=HEAD))
     for lens in (by_number, by_stop):
         sizes = [element.semi_diameter for element in lens.elements]
         assert sizes == pytest.approx([element.semi_diameter for element in expected.elements], rel=1e-12)
@@ -280,32 +284,28 @@ def test_the_f_number_or_the_stop_give_the_beam_too(tmp_path: Path) -> None:
 
 def test_fields_may_be_heights(tmp_path: Path) -> None:
     # An object of 30 mm, 100 mm in front of the stop, 10 mm of which are a dummy's gap.
-    head = HEAD.replace("FTYP 0", "FTYP 1").replace("YFLN 0 5.0", "YFLN 0 30.0")
+    head = PUPIL.replace("FTYP 0", "FTYP 1").replace("YFLN 0 5.0", "YFLN 0 30.0")
     lens = load(tmp_path, zmx(("DISZ 10.0",), *UNSIZED, head=head, first=("DISZ 90.0",)))
     marginal, chief = 5.0 * 1.2, 0.3 * 20.0
     assert lens.stop.semi_diameter == pytest.approx(5.0, rel=1e-12)
     assert lens.elements[1].semi_diameter == pytest.approx(marginal + chief, rel=1e-12)
     # An image height of f tan 5 deg is a field of 5 deg.
     height = SINGLET * math.tan(math.radians(5.0))
-    of_image = HEAD.replace("FTYP 0", "FTYP 2").replace("YFLN 0 5.0", f"YFLN 0 {height!r}")
+    of_image = PUPIL.replace("FTYP 0", "FTYP 2").replace("YFLN 0 5.0", f"YFLN 0 {height!r}")
     sizes = [element.semi_diameter for element in load(tmp_path, zmx(*UNSIZED, head=of_image)).elements]
-    expected = [element.semi_diameter for element in load(tmp_path, zmx(*UNSIZED)).elements]
+    expected = [element.semi_diameter for element in load(tmp_path, zmx(*UNSIZED, head=PUPIL)).elements]
     assert sizes == pytest.approx(expected, rel=1e-12)
 
 
 @pytest.mark.parametrize(
     ("old", "new"),
-    [
-        ("ENPD 1.0E+1 0\n", ""),
-        ("ENPD 1.0E+1 0", "OBNA 0.1 0"),
-        ("XFLN 0 0\nYFLN 0 5.0\n", ""),
-        ("FTYP 0", "FTYP 1"),
-        ("FTYP 0", "FTYP 7"),
-    ],
+    [("ENPD 1.0E+1 0\n", ""), ("XFLN 0 0\nYFLN 0 5.0\n", ""), ("FTYP 0", "FTYP 1"), ("FTYP 0", "FTYP 7")],
 )
 def test_missing_diameters_without_a_beam_are_named(tmp_path: Path, old: str, new: str) -> None:
-    text = zmx(*UNSIZED, head=HEAD.replace(old, new))
-    refused(tmp_path, text, r"surface 1 has no semi-diameter \(DIAM\)", "SURF 1")
+    text = zmx(*UNSIZED, head=PUPIL.replace(old, new))
+    # Without its size the stop has none itself.
+    surface = 1 if "ENPD" in old else 2
+    refused(tmp_path, text, rf"surface {surface} has no semi-diameter \(DIAM\)", f"SURF {surface}")
 
 
 # ---- what is refused ----
@@ -361,7 +361,10 @@ def test_the_line_of_an_error_is_right(tmp_path: Path) -> None:
         ("UNIT MM", "UNIT FT", "UNIT is 'FT'"),
         ("UNIT MM X W X CM MR CPMM", "UNIT", "UNIT has 0 entries"),
         ("SURF 2", "SURF 3", "SURF is '3'; the next surface has number 2"),
-        ("ENPD 1.0E+1", "ENPD ten", "ENPD is 'ten'"),
+        ("FLOA", "ENPD ten", "ENPD is 'ten'"),
+        ("FLOA", "ENPD 0 0", "ENPD 0 does not say how large the stop is: it must be above 0; give stop_size="),
+        ("FLOA", "OBNA 0.1 0", "the object is infinitely far away"),
+        ("FLOA", "FNUM -1 0", "it must be above 0"),
     ],
 )
 def test_a_wrong_head_is_refused(tmp_path: Path, old: str, new: str, message: str) -> None:
