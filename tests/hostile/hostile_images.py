@@ -45,8 +45,8 @@ def exr(folder, columns, rows, names=("R", "G", "B"), metadata=None):
     return content.replace(box, struct.pack("<iiii", 0, 0, columns - 1, rows - 1))
 
 
-def jpeg(folder):
-    """A JPEG file of 8 x 8 pixels that claims to be large."""
+def jpeg(folder, side=65500):
+    """A JPEG file of 8 x 8 pixels that claims to be of another size."""
     import PIL.Image
 
     path = folder / "made.jpg"
@@ -54,7 +54,7 @@ def jpeg(folder):
     content = path.read_bytes()
     path.unlink()
     at = content.index(b"\xff\xc0") + 5
-    return content[:at] + struct.pack(">HH", 65500, 65500) + content[at + 4 :]
+    return content[:at] + struct.pack(">HH", side, side) + content[at + 4 :]
 
 
 def webp(columns, rows):

@@ -24,13 +24,26 @@ MOST_MEMORY = 1 << 30
 """Bytes beside those of the libraries."""
 
 
+def run(script, *arguments):
+    """What a script of this folder prints at its end, in a process of its own."""
+    command = [sys.executable, str(Path(__file__).with_name(script)), *map(str, arguments)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=600, env={**os.environ, "LC_ALL": "C.UTF-8"})
+    assert done.returncode == 0, done.stderr[-3000:]
+    return json.loads(done.stdout.splitlines()[-1])
+
+
 @pytest.fixture(scope="module")
 def report(tmp_path_factory):
-    """What came of all cases, in one process with little memory."""
-    command = [sys.executable, str(Path(__file__).with_name("corpus.py")), str(tmp_path_factory.mktemp("hostile"))]
-    run = subprocess.run(command, capture_output=True, text=True, timeout=300, env={**os.environ, "LC_ALL": "C.UTF-8"})
-    assert run.returncode == 0, run.stderr[-3000:]
-    return json.loads(run.stdout.splitlines()[-1])
+    """What came of all cases."""
+    return run("corpus.py", tmp_path_factory.mktemp("hostile"))
+
+
+@pytest.mark.parametrize("count", [50, pytest.param(1500, marks=pytest.mark.slow)])
+def test_damaged_files_are_read_or_refused(tmp_path, count):
+    found = run("mutations.py", tmp_path, count, count)
+    assert found["wrong"] == []
+    assert found["of"] >= 19 * count and 0.1 * found["of"] < found["read"] < 0.5 * found["of"]
+    assert found["memory"] < MOST_MEMORY
 
 
 def test_there_are_enough():

@@ -1,0 +1,206 @@
+"""Small good files of all formats, damaged at random: bits, numbers, pieces, ends.
+
+`python mutations.py FOLDER COUNT SEED` damages each COUNT times, reads them, and prints as JSON what went wrong.
+"""
+
+import faulthandler
+import json
+import random
+import re
+import resource
+import sys
+import time
+import warnings
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parent))
+from corpus import HANGS, peak  # noqa: E402
+from hostile_gltf import INDICES, TRIANGLE, data, header  # noqa: E402
+from hostile_images import jpeg, png, tiff, webp  # noqa: E402
+from hostile_texts import CORNERS, PLY, PLY_FACES  # noqa: E402
+
+NUMBERS = (
+    "-1",
+    "0",
+    "2",
+    "65535",
+    "4294967296",
+    "1e300",
+    "-1e-300",
+    "NaN",
+    "1e999",
+    "9" * 400,
+    "null",
+    "true",
+    '"a"',
+    "[]",
+)
+"""What takes the place of a number in a text."""
+SLOW = 5.0
+"""s of CPU."""
+EDGES = (0, 1, 0x7F, 0x80, 0xFF)
+
+
+def texts():
+    """Files that are texts, for the most part."""
+    described = header()
+    described["accessors"].append({"bufferView": 2, "componentType": 5126, "type": "VEC2", "count": 3})
+    described["bufferViews"] += [{"buffer": 0, "byteLength": 36, "byteStride": 12}, {"buffer": 1, "byteLength": 81}]
+    described["buffers"].append(data(png(2, 2)))
+    described["bufferViews"][3]["byteLength"] = described["buffers"][1]["byteLength"]
+    primitive = described["meshes"][0]["primitives"][0]
+    primitive["attributes"] |= {"TEXCOORD_0": 2, "NORMAL": 0, "COLOR_0": 0, "TANGENT": 3}
+    described["accessors"].append({"componentType": 5126, "type": "VEC4", "count": 3})
+    primitive["material"], described["images"] = 0, [{"bufferView": 3, "mimeType": "image/png"}]
+    described["textures"], described["samplers"] = [{"source": 0, "sampler": 0}], [{"wrapS": 33071, "magFilter": 9728}]
+    info = {"index": 0, "extensions": {"KHR_texture_transform": {"offset": [0.5, 0.5], "scale": [2, 2]}}}
+    described["materials"] = [
+        {
+            "pbrMetallicRoughness": {"baseColorTexture": info, "metallicFactor": 0.5, "baseColorFactor": [1, 1, 1, 1]},
+            "normalTexture": {**info, "scale": 0.5},
+            "alphaMode": "MASK",
+            "extensions": {"KHR_materials_clearcoat": {"clearcoatFactor": 0.5}},
+        }
+    ]
+    lights = [{"type": "spot", "spot": {"outerConeAngle": 0.5}, "intensity": 3}]
+    described["extensions"] = {"KHR_lights_punctual": {"lights": lights}}
+    described["cameras"] = [{"perspective": {"yfov": 0.5, "aspectRatio": 1.5}}]
+    places = {"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": 0}}}
+    described["nodes"] = [
+        {"mesh": 0, "children": [1, 2], "rotation": [0, 0, 0, 1], "scale": [1, 2, 3], "extensions": places},
+        {"camera": 0, "matrix": np.eye(4).ravel().tolist()},
+        {"translation": [1, 2, 3], "extensions": {"KHR_lights_punctual": {"light": 0}}},
+    ]
+    mtl = "newmtl a\nKd 1 1 0.5\nKs 0.1 0.1 0.1\nNs 30\nd 0.5\nillum 2\nmap_Kd a.png\n"
+    zmx = "MODE SEQ\nUNIT MM\nENPD 5\nWAVM 1 0.55 1\n"
+    surfaces = ((0, ""), (0.02, "GLAS BK7 1 0 1.5168 64.2"), (-0.02, ""), (0, "STOP"), (0, ""))
+    for k, (curvature, glass) in enumerate(surfaces):
+        zmx += f"SURF {k}\n TYPE STANDARD\n CURV {curvature}\n DISZ 3\n {glass}\n DIAM 5 1 0 0 1\n"
+    return {
+        "a.gltf": json.dumps(described),
+        "a.obj": f"mtllib a.mtl\n{CORNERS}vt 0 0\nvn 0 0 1\nusemtl a\nf 1/1/1 2/1/1 3/1/1\n",
+        "a.mtl": mtl,
+        "a.ply": PLY.format("ascii", "comment made by hand\n") + PLY_FACES.format(1),
+        "a.stl": "solid a\nfacet normal 0 0 1\nouter loop\n"
+        "vertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid a\n",
+        "a.csv": "radius;thickness;material;index;v-no;sa\n10;1;BK7;1.5;60;5\n-50;3;air;;;5\n;1;air;;;3\n",
+        "a.zmx": zmx,
+        "a.agf": "NM N-BK7 2 517642 1.5168 64.17 0\nCD 1.04 0.006 0.23 0.02 1.01 103.56\nLD 0.3 2.5\n",
+    }
+
+
+def good_files(folder):
+    """Name and content of good files; some are only there for others."""
+    import plenoptic as pl
+
+    found = {name: text.encode() for name, text in texts().items()}
+    described = {**header(), "buffers": [{"byteLength": 42}]}
+    text = json.dumps(described).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = (
+        len(text).to_bytes(4, "little") + b"JSON" + text + (44).to_bytes(4, "little") + b"BIN\0" + TRIANGLE + INDICES
+    )
+    found["a.glb"] = b"glTF" + (2).to_bytes(4, "little") + (12 + len(chunks)).to_bytes(4, "little") + chunks
+    ply = PLY.format("binary_little_endian", "") + PLY_FACES.format(1).partition("0 0 0\n")[0]
+    found["b.ply"] = ply.encode() + TRIANGLE + b"\3" + np.arange(3, dtype="<i4").tobytes()
+    found["b.stl"] = bytes(80) + (1).to_bytes(4, "little") + bytes(12) + TRIANGLE + bytes(2)
+    found |= {"a.png": png(4, 4, b"\x80"), "a.tif": tiff(4, 4), "a.jpg": jpeg(folder, 8), "a.webp": webp(8, 8)}
+    found["a.hdr"] = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 2 +X 2\n" + bytes(range(100, 116))
+    camera = pl.PlenopticCamera(
+        lens=pl.load_lens("double-gauss-100mm-f2"),
+        microlenses=pl.MicrolensArray(pitch=0.1, focal_lengths=0.4),
+        sensor=pl.Sensor(shape=(4, 4), pixel_pitch=0.01),
+        stop_to_microlenses=100.0,
+        microlenses_to_sensor=0.4,
+    )
+    shot = pl.Exposure(np.ones((4, 4, 3)), standard_error=np.ones((4, 4, 3)), samples=4, seed=1, camera=camera)
+    shot.save(folder / "a.exr")
+    shot.develop(pl.SensorModel(photon_rate=100.0)).save(folder / "raw.tif")
+    pl.save_lens(pl.load_lens("double-gauss-100mm-f2"), folder / "a.json")
+    for name in ("a.exr", "raw.tif", "a.json"):
+        found[name] = (folder / name).read_bytes()
+    return found
+
+
+def damaged(content, dice):
+    """The content with one to four faults."""
+    for _ in range(dice.choice((1, 1, 2, 4))):
+        at, kind = dice.randrange(max(1, len(content))), dice.randrange(6)
+        if kind == 0:
+            content = content[:at]
+        elif kind == 1:
+            content = content[:at] + bytes([dice.choice((dice.randrange(256), *EDGES))]) + content[at + 1 :]
+        elif kind == 2:
+            content = (
+                content[:at] + dice.choice((b"\xff\xff\xff\xff", b"\xff\xff\xff\x7f", bytes(4))) + content[at + 4 :]
+            )
+        elif kind == 3:
+            size = dice.randrange(1, 64)
+            content = content[:at] + content[at : at + size] * dice.choice((0, 2, 50)) + content[at + size :]
+        else:
+            numbers = list(re.finditer(rb"-?\d+(\.\d+)?(e-?\d+)?", content))
+            if numbers:
+                one = dice.choice(numbers)
+                content = content[: one.start()] + dice.choice(NUMBERS).encode() + content[one.end() :]
+    return content
+
+
+def readers(name):
+    """What reads a file of that name."""
+    import plenoptic as pl
+
+    ending = Path(name).suffix
+    if ending in (".gltf", ".glb", ".obj", ".ply", ".stl"):
+        return [pl.Scene.load]
+    if ending in (".json", ".csv", ".zmx"):
+        return [pl.load_lens]
+    if ending == ".agf":
+        return [lambda path: [pl.optics.load_glasses(path)[name] for name in pl.optics.load_glasses(path).names]]
+    images = [
+        pl.Texture.load,
+        pl.Exposure.load,
+        lambda path: pl.optics.MaskStop.load(path, 2.0),
+        pl.EnvironmentMap.load,
+    ]
+    return {".mtl": [lambda path: pl.Scene.load(path.with_suffix(".obj"))], "raw.tif": [pl.sensor.RawImage.load]}.get(
+        name if name == "raw.tif" else ending, images
+    )
+
+
+def main(folder, count, seed):
+    import plenoptic as pl
+
+    warnings.simplefilter("ignore")
+    good, wrong, read = good_files(folder), [], 0
+    for name, content in good.items():
+        (folder / name).write_bytes(content)
+    for name in good:
+        readers(name)[0](folder / name)
+    start = peak()
+    resource.setrlimit(resource.RLIMIT_AS, (6 << 30, 6 << 30))
+    for name, content in good.items():
+        for k in range(count):
+            dice = random.Random(f"{seed} {name} {k}")
+            (folder / name).write_bytes(damaged(content, dice))
+            faulthandler.dump_traceback_later(HANGS, exit=True)
+            print(name, k, file=sys.stderr)  # the last one, should the process be gone
+            begin = time.process_time()
+            try:
+                dice.choice(readers(name))(folder / name)
+                read += 1
+            except pl.PlenopticError as error:
+                if "llocate" in str(error) or "MemoryError" in str(error):
+                    wrong.append(f"{name} {k}: fills memory: {error}")
+            except BaseException as error:
+                wrong.append(f"{name} {k}: {type(error).__name__}: {error}")
+            if time.process_time() - begin > SLOW:
+                wrong.append(f"{name} {k}: takes {time.process_time() - begin:.1f} s")
+        (folder / name).write_bytes(content)
+    faulthandler.cancel_dump_traceback_later()
+    print(json.dumps({"wrong": wrong, "read": read, "of": count * len(good), "memory": peak() - start}))
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3]))
