@@ -13,7 +13,8 @@ the lens, nor are the gaps next to them. A glass on the object is the medium aro
 - The stop is as large as the system aperture asks for, by the paraxial marginal ray: entrance pupil diameter (ENPD),
   f-number (FNUM; its second number is 1 for the working one) or numerical aperture in object space (OBNA; with a 1,
   half the angle of the cone in degrees), and not larger than its aperture, if it has one. Where the system floats by
-  the stop (FLOA), or the file says nothing, it is as large as its surface says. See `StopSize`.
+  the stop (FLOA), or the file says nothing, it is as large as its surface says: DIAM, or its aperture where that is
+  smaller. See `StopSize`.
 - Semi-diameters: the radius of a round aperture (CLAP, FLAP) if there is one, otherwise DIAM; of the stop's own surface
   at least that of the stop. Where DIAM is 0 or missing: the sum of the paraxial heights of the marginal ray and of the
   chief ray of the largest field (XFLN, YFLN).
@@ -32,12 +33,12 @@ from __future__ import annotations
 
 import math
 import re
-import warnings
 from collections.abc import Mapping
 
 from plenoptic.core.files.text_lines import naming_line, written_number
 from plenoptic.core.values import wrong_kind
-from plenoptic.errors import InvalidValueError, PrescriptionError
+from plenoptic.core.warn import warn
+from plenoptic.errors import FileWarning, InvalidValueError, PrescriptionError
 from plenoptic.optics.glass.catalogue import GlassCatalogue, glass
 from plenoptic.optics.glass.media import ConstantMedium, Medium, ModelGlass
 from plenoptic.optics.lens.files.zemax_stack import Row, stacked
@@ -86,7 +87,7 @@ def lens_from_zmx(
     if len(system.fields) and lens.specification is not None and not len(lens.specification.fields):
         left_out.append(f"fields of type {system.field_type} (FTYP)")
     if left_out:
-        warnings.warn(f"{where}: left out are {', '.join(left_out)}; see lens.specification for the rest", stacklevel=3)
+        warn(f"{where}: left out are {', '.join(left_out)}; see lens.specification for the rest", FileWarning)
     return lens
 
 

@@ -52,6 +52,11 @@ class Row(NamedTuple):
     is_stop: bool = False
 
     @property
+    def stop_size(self) -> float:
+        """Semi-diameter of a stop here; 0 where it is unknown."""
+        return min([size for size in (self.aperture, self.diameter or None) if size is not None], default=0.0)
+
+    @property
     def is_plane(self) -> bool:
         """Whether it has no curvature at all."""
         return self.curvature == 0 and not any(self.aspheric) and self.departure is None
@@ -134,6 +139,7 @@ def _pieces(rows: list[Row], ambient: Medium, where: str) -> tuple[list[_Piece],
 
 def _piece(row: Row, as_stop: bool, gap: float, where: str) -> _Piece:
     size = row.aperture if row.aperture is not None else row.diameter
+    size = row.stop_size if as_stop and row.is_stop else size
     known = size != 0 or row.aperture is not None
     radius = 1.0 / row.curvature if row.curvature else math.inf
     if not known:
@@ -284,9 +290,7 @@ def _specification(
     lens: LensStack, stop: Row | None, system: System, beam: _Beam | None, gaps: tuple[float, float], image: Row
 ) -> Specification:
     """What the file says of the use of the lens; without what does not follow."""
-    size, aperture, diameter, fields = None, system.aperture, None, np.zeros((0, 2))
-    if stop is not None:
-        size = stop.diameter if stop.aperture is None else min(stop.aperture, stop.diameter or math.inf)
+    aperture, diameter, fields = system.aperture, None, np.zeros((0, 2))
     if beam is not None:
         with contextlib.suppress(PrescriptionError), np.errstate(all="ignore"):
             points = system.object_points(beam.distance, beam.pupil, beam.focal_length)
@@ -303,5 +307,5 @@ def _specification(
         z_image=float(z[-1]) + gaps[1],
         image_radius=1.0 / image.curvature if image.curvature else math.inf,
         entrance_pupil_diameter=diameter,
-        stop_semi_diameter=size or None,
+        stop_semi_diameter=None if stop is None else stop.stop_size or None,
     )

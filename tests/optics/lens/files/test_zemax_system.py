@@ -91,6 +91,9 @@ def test_an_aperture_on_the_stop_ends_the_beam(tmp_path: Path) -> None:
     lens = load(tmp_path, "ENPD 30", f"{STOP}; CLAP 0 6", *LENS)
     assert lens.stop.semi_diameter == 6.0
     assert "30 mm wide" in about_aperture(lens)[0]
+    for radius, size in ((6, 6.0), (12, 10.0)):
+        floating = load(tmp_path, "FLOA", f"{STOP}; CLAP 0 {radius}", *LENS)
+        assert floating.stop.semi_diameter == size and about_aperture(floating) == []
     assert load(tmp_path, "ENPD 8", f"{STOP}; CLAP 0 6", *LENS).stop.semi_diameter == pytest.approx(4.0, rel=1e-12)
 
 
@@ -185,11 +188,11 @@ def test_the_specification_travels_with_the_lens(tmp_path: Path) -> None:
 )
 def test_what_is_left_out_is_said_once(tmp_path: Path, head: str, surface: str, image: str, named: str) -> None:
     given = "; ".join(filter(None, ["FLOA; XFLN 0; YFLN 5", head]))
-    with pytest.warns(UserWarning, match=rf"^lens\.zmx: left out are {named}.*; see") as caught:
+    with pytest.warns(pl.errors.FileWarning, match=rf"^lens\.zmx: left out are {named}.*; see") as caught:
         load(tmp_path, given, STOP, *(lens + surface for lens in LENS), image=IMAGE + image)
     assert len(caught) == 1 and caught[0].filename == __file__
     everything = "; ".join([given, "VDYN 0.1", "ENVD 40 1"])
-    with pytest.warns(UserWarning, match=r"vignetting factors.*, temperature and pressure") as caught:
+    with pytest.warns(pl.errors.FileWarning, match=r"vignetting factors.*, temperature and pressure") as caught:
         load(tmp_path, everything, STOP, *LENS)
     assert len(caught) == 1
 
@@ -204,7 +207,7 @@ def test_nothing_is_said_of_what_stands_in_every_file(tmp_path: Path) -> None:
 def test_a_glass_that_ends_before_the_primary_wavelength_is_no_matter_where_sizes_are_known(tmp_path: Path) -> None:
     glass = [surface.replace(GLASS, "GLAS N-BK7 0 0") for surface in LENS]
     wave = "WAVM 1 10.6 1; PWAV 1; XFLN 0; YFLN 5"
-    with pytest.warns(UserWarning, match="fields"):
+    with pytest.warns(pl.errors.FileWarning, match="fields"):
         lens = load(tmp_path, f"FLOA; {wave}", STOP, *glass)
     assert lens.stop.semi_diameter == 10.0 and isinstance(lens.check(), tuple)
     with pytest.raises(PrescriptionError, match="at the primary wavelength, .*10600"):
