@@ -68,7 +68,8 @@ def load_file(
 
     Materials of glTF files become `MetallicRoughness` with all their textures; `Dielectric` or, without a volume,
     `ThinGlass` where they transmit all light; `Emissive` where they are unlit (KHR_materials_unlit). Sheen, occlusion
-    maps, normal maps of clear coats and others beyond these are left out. Those of OBJ files become what the table of
+    maps, normal maps of clear coats and others beyond these are left out. Normal maps go by the directions of the
+    texture; a warning says where a file has tangents that differ. Those of OBJ files become what the table of
     `plenoptic.scene.files.obj.obj_material` says. Parts without a material take the colour that all their vertices
     have; all others are grey, `Lambertian(0.5)`.
 

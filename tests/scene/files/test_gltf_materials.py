@@ -1,6 +1,7 @@
 """glTF materials: each number and texture of the format in its place."""
 
 import json
+import warnings
 
 import numpy as np
 import PIL.features
@@ -17,8 +18,9 @@ UV = np.array([(0, 1), (1, 1), (1, 0), (0, 0)], dtype="<f4")  # v down, so that 
 CODES = np.array([[[255, 0, 0, 255], [0, 255, 0, 128]], [[0, 0, 255, 51], [188, 100, 20, 0]]], dtype=np.uint8)
 
 
-def quad(tmp_path, material, *, codes=CODES, sampler=None, more_uv=None, colours=None):
+def quad(tmp_path, material, *, codes=CODES, sampler=None, more_uv=None, colours=None, tangents=None):
     """The mesh of a square of this material, whose textures 0 and 1 are images of `codes`."""
+    name, colours = ("COLOR_0", colours) if tangents is None else ("TANGENT", tangents)
     uv = [UV] + ([] if more_uv is None else [np.asarray(more_uv, dtype="<f4")])
     arrays = [POINTS, *uv] + ([] if colours is None else [np.asarray(colours, dtype="<f4")])
     content = b"".join(array.tobytes() for array in arrays) + np.array([0, 1, 2, 0, 2, 3], "<u2").tobytes()
@@ -26,7 +28,7 @@ def quad(tmp_path, material, *, codes=CODES, sampler=None, more_uv=None, colours
     starts = np.cumsum([0, *lengths]).tolist()
     types = ["VEC3", *["VEC2"] * len(uv), "VEC4"][: len(arrays)]
     attributes = {"POSITION": 0} | {f"TEXCOORD_{k}": k + 1 for k in range(len(uv))}
-    attributes |= {} if colours is None else {"COLOR_0": len(arrays) - 1}
+    attributes |= {} if colours is None else {name: len(arrays) - 1}
     accessors = [{"bufferView": k, "componentType": 5126, "count": 4, "type": kind} for k, kind in enumerate(types)]
     accessors.append({"bufferView": len(arrays), "componentType": 5123, "count": 6, "type": "SCALAR"})
     views = [{"buffer": 0, "byteOffset": a, "byteLength": n} for a, n in zip(starts, lengths, strict=False)]
@@ -125,6 +127,30 @@ def test_the_slopes_of_normals_are_multiplied_by_their_scale(tmp_path, scale):
     np.testing.assert_allclose(after[..., :2] / after[..., 2:], slopes, atol=1e-6)
     if scale != 1:
         np.testing.assert_allclose(np.linalg.norm(after, axis=2), 1.0, atol=3e-7)
+
+
+@pytest.mark.parametrize(
+    ("turn", "hand", "share"), [(0, 1, None), (8, 1, None), (-8, 1, None), (12, 1, 100), (90, 1, 100), (0, -1, 100)]
+)
+def test_tangents_that_differ_from_the_texture_are_spoken_of(tmp_path, turn, hand, share):
+    told = {"normalTexture": IMAGE}
+    one = [np.cos(np.radians(turn)), np.sin(np.radians(turn)), 0, hand]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        plain = quad(tmp_path, told)
+        if share is None:
+            assert quad(tmp_path, told, tangents=[one] * 4) == plain
+        assert quad(tmp_path, {}, tangents=[one] * 4).material.normal_map is None
+    if share is not None:
+        with pytest.warns(pl.errors.FileWarning, match=f"on {share} % of its triangles they differ .* 10 degrees"):
+            assert quad(tmp_path, told, tangents=[one] * 4) == plain
+
+
+def test_tangents_that_differ_on_one_of_two_triangles(tmp_path):
+    along, across = [1, 0, 0, 1], [0, 1, 0, 1]
+    with pytest.warns(pl.errors.FileWarning, match="on 50 % of its triangles"):
+        # Only the second triangle has the last corner.
+        quad(tmp_path, {"normalTexture": IMAGE}, tangents=[along, along, along, across])
 
 
 def test_a_grey_normal_texture_is_refused(tmp_path):

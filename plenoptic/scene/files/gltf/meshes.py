@@ -15,10 +15,12 @@ from plenoptic.scene.files.file_materials import colour_of
 from plenoptic.scene.files.gltf.file import INDICES, GltfFile, whole
 from plenoptic.scene.files.gltf.materials import WHITE, gltf_material
 from plenoptic.scene.files.gltf.nodes import PlacedNode, copies
+from plenoptic.scene.files.gltf.tangents import warn_of_tangents
 from plenoptic.scene.files.gltf.textures import GltfTextures, MaterialTextures, TexturePlacement
 from plenoptic.scene.geometry.instance import Instances
 from plenoptic.scene.geometry.mesh import Mesh, has_area
 from plenoptic.scene.materials.diffuse import Lambertian
+from plenoptic.scene.materials.metallic_roughness import MetallicRoughness
 from plenoptic.scene.materials.registry import Material
 
 INSTANCED_FROM = 1000
@@ -27,7 +29,7 @@ INSTANCED_FROM = 1000
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 _MESH = 1 << 15
 """Bytes that a mesh counts for beside its arrays: it takes fewer, but some 40 microseconds."""
-_SHAPES = {"POSITION": (3,), "NORMAL": (3,), "TEXCOORD": (2,), "COLOR": (3, 4)}
+_SHAPES = {"POSITION": (3,), "NORMAL": (3,), "TEXCOORD": (2,), "COLOR": (3, 4), "TANGENT": (4,)}
 
 
 def gltf_meshes(
@@ -90,7 +92,12 @@ class _MeshReader:
         if not used.all():  # several parts often share one list of vertices
             faces, vertices = (np.cumsum(used, dtype=np.int32) - 1)[faces], vertices[used]
             normals, uv = (None if array is None else array[used] for array in (normals, uv))
-        return Mesh(vertices, faces, material, normals, None if uv is None else placement.uv(uv), name)
+        mesh = Mesh(vertices, faces, material, normals, None if uv is None else placement.uv(uv), name)
+        if isinstance(material, MetallicRoughness) and material.normal_map is not None and "TANGENT" in attributes:
+            tangents = self._array(attributes, "TANGENT")
+            assert tangents is not None
+            warn_of_tangents(mesh, tangents if used.all() else tangents[used])
+        return mesh
 
     def _array(self, attributes: Mapping[str, Any], name: str) -> Floats | None:
         if name not in attributes:
