@@ -1,12 +1,14 @@
-"""Reading and writing images: the only module that knows OpenImageIO, which it loads on first use."""
+"""Reading and writing images, through OpenImageIO, which is loaded on first use; what is known of their pixels."""
 
 from plenoptic.core.color.srgb import Encoding, linear_to_srgb, srgb_to_linear
 from plenoptic.core.files.images import read_channels, read_linear, write_16bit, write_channels
 from plenoptic.core.files.reading import FileLimits
+from plenoptic.truth.channels import PixelState
 
 __all__ = [
     "Encoding",
     "FileLimits",
+    "PixelState",
     "linear_to_srgb",
     "read_channels",
     "read_linear",

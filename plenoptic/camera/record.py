@@ -16,6 +16,7 @@ from plenoptic.core.values import Floats
 from plenoptic.optics.lens.record import LensRecord, lens_record
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.record import ArrayRecord, ResponseRecord, SensorPlane, array_record, possible_powers
+from plenoptic.optics.stops.registry import Stop, is_convex
 
 
 class PixelRecord(NamedTuple):
@@ -25,6 +26,11 @@ class PixelRecord(NamedTuple):
     height: float
     skew: Floats | None
     """(2,): how far its width leads along y, at [1], and its height along x, at [0]; None for pixels along x and y."""
+
+    def within(self, parts: Floats) -> Floats:
+        """Points (n, 2) from its centre, of those in parts of its width and height."""
+        along = np.zeros(2) if self.skew is None else self.skew
+        return np.asarray(parts * [self.width, self.height] + parts[:, ::-1] * along)
 
 
 class SensorRecord(NamedTuple):
@@ -88,6 +94,8 @@ class CameraRecord(NamedTuple):
     position: Floats | None
     elements: int
     """Lens elements, for counting lost rays."""
+    convex: bool
+    """Whether the holes of all stops are."""
 
     @property
     def frame(self) -> Floats | None:
@@ -140,6 +148,7 @@ def camera_record(camera: PlenopticCamera) -> CameraRecord:
         rotation=None if world is None else world.turn,
         position=None if world is None else world.shift,
         elements=len(lens.elements),
+        convex=all(is_convex(element) for element in lens.elements if isinstance(element, Stop)),
     )
 
 

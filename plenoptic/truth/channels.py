@@ -44,7 +44,34 @@ class Truth(enum.IntFlag):
     VIRTUAL_DEPTH = 128
     DISPARITY = 256
     INCIDENCE_ANGLE = 512
-    ALL = 1023
+    STATE = 1024
+    ALL = 2047
+    """All that one ray tells."""
+    OBJECT_SHARE = 2048
+    """Takes many rays a pixel, and is found where it is asked for by name: ``pl.Truth.ALL | pl.Truth.OBJECT_SHARE``."""
+
+
+class PixelState(enum.IntEnum):
+    """What is known of a pixel: `GroundTruth.state`.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"), sensor=pl.Sensor(shape=(2, 2),
+    ...     pixel_pitch=0.01), stop_to_microlenses=123.3)
+    >>> state = pl.ground_truth(pl.shapes.white_plane(), camera, truth=pl.Truth.STATE).state
+    >>> bool((state == pl.images.PixelState.SEEN).all())
+    True
+    """
+
+    UNKNOWN = 0
+    """Not looked at, or light may reach it and was not found."""
+    DARK = 1
+    """No light can reach it."""
+    EMPTY = 2
+    """Light reaches it, and its ray meets nothing."""
+    SEEN = 3
+    """Its ray meets something."""
 
 
 class Needs(enum.Flag):
@@ -64,8 +91,12 @@ class Source(NamedTuple):
     filled_in: str
     """The module below `plenoptic.truth` with a function `fill_...` for each channel, which fills its array. By name,
     since kernels are slow to import."""
+    uses: Needs = Needs.NOTHING
+    """What it takes beside, where there is any."""
 
 
+_STATES = Source("states", Needs.NOTHING, "lookups", Needs.MESHES)
+_SHARES = Source("shares", Needs.MESHES, "lookups")
 _SENSOR = Source("sensor", Needs.NOTHING, "kernels.incidence")
 _CELLS = Source("cells", Needs.MICROLENSES, "lookups")
 _HITS = Source("hits", Needs.MESHES, "lookups")
@@ -116,8 +147,9 @@ def _channel(
 class GroundTruth:
     """What the pixels of a raw image show: of each, the point where *one ray* meets the scene.
 
-    The ray starts at the centre of the pixel and passes the lit centroid of the microlens that gives the pixel most
-    light (docs/conventions.md). What was not asked for is None.
+    The ray starts at the centre of the pixel and passes the lit centroid of the microlens that gives the centre most
+    light; where the centre is dark, it starts elsewhere on the pixel (docs/conventions.md). What was not asked for is
+    None.
 
     Parameters
     ----------
@@ -137,20 +169,25 @@ class GroundTruth:
         where nothing is met.
     microlens : (H, W, 2) array of int32, optional
         Lattice indices of the microlens that the ray passes; in FREE lattices (number, 0); `NO_MICROLENS`, -2^31, twice
-        where no light reaches the pixel's centre.
+        where no light reaches the pixel.
     microlens_type : (H, W) array of int32, optional
-        Its type: a row of the array's `focal_lengths`; -1 where no light reaches the pixel's centre.
+        Its type: a row of the array's `focal_lengths`; -1 where no light reaches the pixel.
     virtual_depth : (H, W) array, optional
         v = a / b. a is the distance along the array's normal from its front principal plane to the main lens's image of
         the point, positive for an image behind the array (Galilean: virtual) and negative for one in front of it
-        (Keplerian: real); b that from its rear principal plane to the sensor at the pixel. nan where nothing is met,
-        +-inf where the light of the point arrives parallel.
+        (Keplerian: real); b that from its rear principal plane to the sensor where the ray starts. nan where nothing is
+        met, +-inf where the light of the point arrives parallel.
     disparity : (H, W) array, optional
         pitch / (v pixel_pitch): by how many pixels the image of the point moves between neighbouring microlenses,
         relative to their centres; see the notes. nan where nothing is met.
     incidence_angle : (H, W) array, optional
         Angle between the ray and the normal of the sensor, tilted or not, where the ray meets the pixel, in radians;
-        nan where no light reaches the pixel's centre.
+        nan where no light reaches the pixel.
+    state : (H, W) array of int32, optional
+        What is known of the pixel, a `PixelState`: dark, lit but meeting nothing, seen, or unknown.
+    object_share : (H, W) array, optional
+        Of the light that reaches the pixel in a scene of even brightness, the share that comes from `object`: less than
+        1 at edges and out of focus. From 64 paths or more, to within about 0.06; nan where nothing is met.
 
     Raises
     ------
@@ -216,6 +253,12 @@ class GroundTruth:
         np.nan,
         "angle of incidence on the sensor: between the ray and the sensor's normal",
         unit="rad",
+    )
+    state: NDArray[np.int32] | None = _channel(
+        Truth.STATE, _STATES, int(PixelState.UNKNOWN), "0 unknown, 1 dark, 2 lit but meeting nothing, 3 seen"
+    )
+    object_share: Floats | None = _channel(
+        Truth.OBJECT_SHARE, _SHARES, np.nan, "share of the pixel's light that comes from its object"
     )
 
     if TYPE_CHECKING:

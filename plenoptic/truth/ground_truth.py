@@ -146,7 +146,8 @@ def ground_truth(
             f"microlenses, {what_needs(Needs.MESHES)} need meshes"
         )
     surfaces = intersector = None
-    if prepared is not None and any(channel.source.needs & Needs.MESHES for channel in channels_of(wanted).values()):
+    sources = [channel.source for channel in channels_of(wanted).values()]
+    if meshes and prepared is not None and any((source.needs | source.uses) & Needs.MESHES for source in sources):
         surfaces, intersector = prepared.record, prepared.intersector
     rows = max(1, _STRIP // (end_column - first_column))
 

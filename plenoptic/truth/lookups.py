@@ -9,7 +9,8 @@ from plenoptic.camera.record import CameraRecord
 from plenoptic.core.values import Floats
 from plenoptic.optics.microlens.lattice import Lattice
 from plenoptic.optics.microlens.listed import types_of
-from plenoptic.truth.stages import LitCells, SurfaceHits
+from plenoptic.truth.channels import PixelState
+from plenoptic.truth.stages import LitCells, ObjectShares, PixelStates, SurfaceHits
 
 
 def fill_normal(normals: Floats, hits: SurfaceHits) -> None:
@@ -39,6 +40,18 @@ def fill_microlens(indices: NDArray[np.int32], cells: LitCells) -> None:
 def fill_microlens_type(types: NDArray[np.int32], cells: LitCells) -> None:
     """Rows of the array's focal lengths."""
     types[cells.lit] = types_of(cells.array, _indices(cells))
+
+
+def fill_state(states: NDArray[np.int32], pixels: PixelStates) -> None:
+    """What is known of the pixels."""
+    states[pixels.dark] = PixelState.DARK
+    states[pixels.lit] = PixelState.EMPTY
+    states[pixels.met] = PixelState.SEEN
+
+
+def fill_object_share(shares: Floats, found: ObjectShares) -> None:
+    """Shares of the light."""
+    shares[found.lanes] = found.share
 
 
 def _indices(cells: LitCells) -> NDArray[np.int64]:

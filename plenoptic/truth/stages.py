@@ -11,15 +11,14 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.paths import fill_through_array
 from plenoptic.camera.record import CameraRecord
-from plenoptic.camera.sampling.pixel_regions import feeding_regions
 from plenoptic.core.values import Floats
 from plenoptic.optics.lens.record import LensRecord
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.record import ArrayRecord
 from plenoptic.scene.geometry.record import Hits
 from plenoptic.truth.channels import Truth
+from plenoptic.truth.representative_rays import PixelRays, representative_rays
 
 if TYPE_CHECKING:
     from plenoptic.scene.compile import SceneRecord
@@ -46,25 +45,11 @@ class TruthRecord(NamedTuple):
     """FREE lattices: numbers of the listed lenses, row by row."""
 
 
-class PixelRays(NamedTuple):
-    """One ray a pixel, the representative one."""
-
-    before: Floats
-    """Blocks of rays between array and lens, in the lens's axes, on their way to the scene."""
-    blocks: Floats
-    """The same rays behind the lens; those of pixels without light are lost."""
-    aims: Floats
-    """(n, 2): where they pass the array's rear principal plane on their way from the sensor, local."""
-    cells: Floats
-    """(n, 3): centre of the cell of each pixel's microlens, local, and its row in the list of lenses or -1; nan where
-    the pixel has none."""
-
-
 class SensorRays(NamedTuple):
     """The rays at the sensor, in the local axes of the array."""
 
     lanes: NDArray[np.int64]
-    """(m,): the pixels whose centres get light."""
+    """(m,): the pixels that get light."""
     directions: Floats
     """(n, 3): from the pixel to where the ray passes the array's rear principal plane, mm."""
     normal: Floats
@@ -75,13 +60,33 @@ class LitCells(NamedTuple):
     """The microlenses that the rays pass."""
 
     lit: NDArray[np.bool_]
-    """(n,): pixels whose centres get light."""
+    """(n,): pixels that get light."""
     cells: Floats
     """(lit, 3): as those of `PixelRays`."""
     array: MicrolensArray
     record: ArrayRecord
     numbers: NDArray[np.int64] | None
     """FREE lattices: numbers of the listed lenses, row by row."""
+
+
+class PixelStates(NamedTuple):
+    """What is known of pixels."""
+
+    dark: NDArray[np.bool_]
+    """(n,): no light can reach them."""
+    lit: NDArray[np.bool_]
+    """(n,): their rays leave the lens."""
+    met: NDArray[np.int64]
+    """(m,): the pixels whose rays meet something."""
+
+
+class ObjectShares(NamedTuple):
+    """Shares of light."""
+
+    lanes: NDArray[np.int64]
+    """(m,): the pixels whose rays meet something."""
+    share: Floats
+    """(m,)."""
 
 
 class HitPoints(NamedTuple):
@@ -139,42 +144,19 @@ class PixelStages:
 
     @cached_property
     def rays(self) -> PixelRays:
-        """Rays through the lens, one for each pixel.
-
-        A pixel's ray goes from its centre through the lit centroid of the microlens that gives it most light, found
-        with a fixed set of probes and so without noise. A pixel without light has a lost ray.
-        """
-        from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, X, Y
-        from plenoptic.optics.lens.kernels.trace import fill_traced
-        from plenoptic.truth.kernels import representative_ray
-
-        camera, pixels, n = self._camera, self._pixels, len(self._pixels)
-        regions = feeding_regions(camera, pixels, 0.0)
-        aims = np.empty((n * representative_ray.PROBES, representative_ray.AIM))
-        probes = np.empty(-(-len(aims) // BLOCK) * RAY)
-        probe_lanes, lanes = camera.own(probes.size // 8), camera.own(-(-n // BLOCK) * BLOCK)
-        representative_ray.fill_probes(probes, probe_lanes, aims, pixels, regions)
-        fill_through_array(probes, probe_lanes, camera)
-        fill_traced(probes, camera.lens, None)
-        rays, cells = np.empty(-(-n // BLOCK) * RAY), np.empty((n, 3))
-        representative_ray.fill_representative_rays(rays, lanes, cells, probes, aims, pixels, regions)
-        aims = rays.reshape(-1, RAY // BLOCK, BLOCK)[:, [X // BLOCK, Y // BLOCK]].swapaxes(1, 2).reshape(-1, 2)[:n]
-        fill_through_array(rays, lanes, camera)
-        before = rays.copy()
-        fill_traced(rays, camera.lens, None)
-        return PixelRays(before, rays, aims, cells)
+        """Rays through the lens, one for each pixel."""
+        return representative_rays(self._camera, self._pixels)
 
     @cached_property
     def _behind(self) -> Floats:
-        """(n,): how far each pixel lies behind the array's rear principal plane, mm."""
-        camera, pixels = self._camera, self._pixels
-        plane = camera.sensor.plane
-        return np.full(len(pixels), plane.distance) if plane.tilt is None else plane.distance + pixels @ plane.tilt
+        """(n,): how far each ray starts behind the array's rear principal plane, mm."""
+        plane, starts = self._camera.sensor.plane, self.rays.starts
+        return np.full(len(starts), plane.distance) if plane.tilt is None else plane.distance + starts @ plane.tilt
 
     @cached_property
     def sensor(self) -> SensorRays:
         """The rays where they start."""
-        directions = np.column_stack([self.rays.aims - self._pixels, -self._behind])
+        directions = np.column_stack([self.rays.aims - self.rays.starts, -self._behind])
         normal = -self._camera.parts.sensor_to_local.turn[:, 2]
         return SensorRays(np.flatnonzero(np.isfinite(self.rays.cells[:, 0])), directions, np.ascontiguousarray(normal))
 
@@ -208,6 +190,24 @@ class PixelStages:
         met = np.isfinite(reached)
         instance = None if hits.instance is None else hits.instance[met]
         return SurfaceHits(lanes[met], reached[met], Hits(hits.triangle[met], instance, None), rays[met], scene)
+
+    @cached_property
+    def states(self) -> PixelStates:
+        """What is known of the pixels."""
+        rays, scene = self.rays, self._scene
+        meshes = scene is not None and scene.geometry is not None
+        return PixelStates(rays.dark, ~rays.lost, self.hits.lanes if meshes else np.empty(0, dtype=np.int64))
+
+    @cached_property
+    def shares(self) -> ObjectShares:
+        """How much of the light comes from the objects that the rays meet."""
+        from plenoptic.truth.shares import object_shares
+
+        hits, intersector = self.hits, self._intersector
+        assert hits.scene.triangle_mesh is not None and intersector is not None
+        objects = hits.scene.triangle_mesh[hits.found.triangle]
+        share = object_shares(self._camera, hits.scene, intersector, self._pixels[hits.lanes], objects)
+        return ObjectShares(hits.lanes, share)
 
     @cached_property
     def points(self) -> HitPoints:

@@ -30,7 +30,8 @@ def test_all_is_everything_and_each_array_has_a_kind_of_it():
     for kind in CHANNELS.values():
         union |= kind.flag
     alone = [flag for flag in Truth if flag.value.bit_count() == 1]  # before Python 3.11 ALL is one of them too
-    assert union == Truth.ALL == Truth(sum(alone))
+    assert union == Truth.ALL | Truth.OBJECT_SHARE == Truth(sum(alone))
+    assert Truth.OBJECT_SHARE not in Truth.ALL  # many rays a pixel, for those who ask
 
 
 def test_what_is_wanted_is_what_is_made():
@@ -47,9 +48,10 @@ def test_what_is_wanted_is_what_is_made():
 
 
 def test_a_scene_without_meshes_and_a_camera_without_microlenses_have_less():
+    bare = Truth.INCIDENCE_ANGLE | Truth.STATE
     assert available_truth(Truth.ALL, meshes=True, microlenses=True) == Truth.ALL
-    assert available_truth(Truth.ALL, meshes=False, microlenses=True) == Truth.MICROLENS | Truth.INCIDENCE_ANGLE
-    assert available_truth(Truth.ALL, meshes=False, microlenses=False) == Truth.INCIDENCE_ANGLE
+    assert available_truth(Truth.ALL, meshes=False, microlenses=True) == bare | Truth.MICROLENS
+    assert available_truth(Truth.ALL, meshes=False, microlenses=False) == bare
     bare = available_truth(Truth.ALL, meshes=True, microlenses=False)
     assert bare == Truth.ALL & ~(Truth.MICROLENS | Truth.VIRTUAL_DEPTH | Truth.DISPARITY)
     assert truth_names(Truth.VIRTUAL_DEPTH | Truth.DEPTH) == "depth, virtual depth"
@@ -65,7 +67,7 @@ def test_it_is_a_value():
     truth = everything()
     again = pickle.loads(pickle.dumps(truth))
     assert again == truth and hash(again) == hash(truth) and not again.normal.flags.writeable
-    assert truth.shape == (2, 3) and truth.kinds == Truth.ALL
+    assert truth.shape == (2, 3) and truth.kinds == Truth.ALL | Truth.OBJECT_SHARE
     assert repr(GroundTruth(depth=truth.depth, object=truth.object)) == "GroundTruth(2 x 3, depth, object)"
 
 
@@ -106,7 +108,7 @@ def test_files_from_before_a_channel_have_the_others():
     planes = file_planes(truth)
     del planes["truth.incidence_angle"]
     older = truth_in(planes)
-    assert older.kinds == Truth.ALL & ~Truth.INCIDENCE_ANGLE and older.incidence_angle is None
+    assert older.kinds == truth.kinds & ~Truth.INCIDENCE_ANGLE and older.incidence_angle is None
     assert older == dataclasses.replace(truth, incidence_angle=None)
 
 

@@ -137,7 +137,7 @@ def test_a_pixel_belongs_to_the_microlens_whose_image_is_nearest(array):
     camera = reference_camera(**array)
     made = camera.microlenses
     truth = ground_truth(None, camera, region=np.s_[40:60, 40:60])
-    assert truth.kinds == Truth.MICROLENS | Truth.INCIDENCE_ANGLE
+    assert truth.kinds == Truth.MICROLENS | Truth.INCIDENCE_ANGLE | Truth.STATE
     rows, columns = np.mgrid[40:60, 40:60]
     on_array = camera.sensor.centre_of(rows, columns) / (1 + 1.7 / 128.5)
     lit = truth.microlens_type >= 0
@@ -290,7 +290,9 @@ def test_virtual_depth_on_a_tilted_array_and_sensor():
     share = (z_image - principal) / (-404.0 - principal)
     image = truth.position[met][:, :2] * share
     a = (np.column_stack([image, np.full(len(image), z_image)]) - [0, 0, 123.3]) @ normal
-    np.testing.assert_allclose(truth.virtual_depth[met], a / b, rtol=1e-8)
+    # Where the centre is dark the ray starts half a pixel aside at most: 0.005 mm of 1.7, times the tilt.
+    off = np.abs(truth.virtual_depth[met] * b / a - 1.0)
+    assert (off < 1e-8).mean() > 0.98 and off.max() < 1.1 * tilt * 0.005 / 1.7
     assert np.ptp(truth.virtual_depth[met]) > 0.02
 
 
@@ -322,7 +324,8 @@ PINHOLES = {
 @pytest.mark.parametrize("placed", [False, True])
 @pytest.mark.parametrize("array", PINHOLES.values(), ids=PINHOLES)
 def test_what_a_pixel_sees_through_a_pinhole_is_projected_onto_its_centre(array, placed):
-    # Its ray passes the microlens's centre: it is the chief ray itself. 1e-9 mm behind the lens is 1e-7 pixels.
+    # Its ray passes the microlens's centre: it is the chief ray itself. 1e-9 mm behind the lens is 1e-7 pixels. Where
+    # the pixel's centre is dark, the ray starts elsewhere on the pixel.
     camera = reference_camera(model=pl.optics.MicrolensModel.PINHOLE, **array)
     if placed:
         camera = (
@@ -337,10 +340,12 @@ def test_what_a_pixel_sees_through_a_pinhole_is_projected_onto_its_centre(array,
     assert met.mean() > 0.5
     seen = project(camera, truth.position[met])
     rows, columns = np.mgrid[region]
+    off = []
     for k, (row, column, index) in enumerate(zip(rows[met], columns[met], truth.microlens[met], strict=True)):
         here = (seen.point == k) & (seen.index == index).all(axis=1)
         assert here.sum() == 1 and seen.passes[here].all() and seen.visible[here].all()
-        np.testing.assert_allclose(seen.pixel[here][0], [row, column], rtol=0, atol=1e-6)
+        off.append(np.abs(seen.pixel[here][0] - [row, column]).max())
+    assert np.mean(np.array(off) < 1e-6) > 0.6 and max(off) < 0.5
 
 
 def test_what_a_pixel_sees_sharply_is_projected_onto_it():
@@ -396,7 +401,7 @@ def test_a_conventional_camera_has_no_microlenses():
     assert truth.kinds == Truth.ALL & ~(Truth.MICROLENS | Truth.VIRTUAL_DEPTH | Truth.DISPARITY)
     np.testing.assert_allclose(truth.depth, 404.0, rtol=1e-14)
     with pytest.raises(pl.errors.InvalidValueError, match="no meshes and the camera no microlenses"):
-        ground_truth(None, camera, truth=Truth.ALL & ~Truth.INCIDENCE_ANGLE)
+        ground_truth(None, camera, truth=Truth.ALL & ~(Truth.INCIDENCE_ANGLE | Truth.STATE))
 
 
 def test_depth_stays_exact_far_away_and_close_by():

@@ -25,3 +25,8 @@ def circle_around(stop: Stop) -> CircularStop:
     if isinstance(stop, CircularStop):
         return stop
     return CircularStop(stop.semi_diameter, stop.thickness, placement=stop.placement)
+
+
+def is_convex(stop: Stop) -> bool:
+    """Whether the hole is a convex body: those of stars and masks need not be."""
+    return isinstance(stop, CircularStop | PolygonStop)

@@ -1,4 +1,4 @@
-"""Which ray stands for a pixel: from its centre through the lit centroid of its brightest microlens."""
+"""Which ray stands for a pixel: from a point on it through the lit centroid of its brightest microlens."""
 
 from __future__ import annotations
 
@@ -7,38 +7,44 @@ import math
 import numpy as np
 
 from plenoptic.camera.sampling.kernels.paths import aim
+from plenoptic.camera.sampling.kernels.pixel_regions import crossing
 from plenoptic.core.jit import device, kernel
 from plenoptic.core.kernels.bundles import pad
 from plenoptic.core.kernels.ray_blocks import BLOCK, MISSED, RAY, STATUS, WEIGHT, L, M, N, X, Y, Z
 
-PROBES = 16
-"""Rays that look for the lit part of the microlenses over a pixel."""
-
-_U = (np.arange(PROBES) + 0.5) / PROBES
-_V = np.array([int(f"{i:04b}"[::-1], 2) for i in range(PROBES)]) / PROBES + 0.5 / PROBES
-
-
 AIM = 6
 """Numbers of a probe: the point aimed at, the optical axis of its microlens, its triangle, and whether it counts."""
 
+CANDIDATES = 4
+"""Microlenses for which a start on a pixel is sought."""
+
+_INSIDE = 0.499
+"""How far from the centre of a pixel a start may lie, in its sides: not on the edge, which belongs to two."""
+
+_ROUNDS = 4
+"""Corrections of a start; on a sensor parallel to the array the first one is exact."""
+
 
 @kernel
-def fill_probes(blocks, lanes, aims, pixels, regions):
-    """Aim PROBES rays from the centre of each pixel at its region; where they are aimed is kept in `aims`.
+def fill_probes(blocks, lanes, aims, starts, regions, patterns):
+    """Aim rays from each start at its region; where they are aimed is kept in `aims`.
+
+    Starts take the `patterns` (s, k, 2) of points in the unit square in turn.
 
     Light that passes beside the openings of microlenses does not count.
     """
     triangles, first = regions.triangles, regions.first
     n = 0
-    for p in range(pixels.shape[0]):
-        for k in range(PROBES):
+    for p in range(starts.shape[0]):
+        points = patterns[p % patterns.shape[0]]
+        for k in range(points.shape[0]):
             base = (n // BLOCK) * RAY
             ray = blocks[base : base + RAY]
             i = n % BLOCK
             chosen, counts = -1, 1.0
             if first[p + 1] > first[p]:
-                start = pixels[p, 0], pixels[p, 1]
-                chosen = aim(ray, i, triangles, (first[p], first[p + 1]), start, (_U[k], _V[k]))
+                start = starts[p, 0], starts[p, 1]
+                chosen = aim(ray, i, triangles, (first[p], first[p + 1]), start, (points[k, 0], points[k, 1]))
                 if regions.details is not None:
                     lanes[n] = regions.details[chosen]
                     counts = 0.0 if regions.details[chosen].clip < 0.0 else 1.0
@@ -53,25 +59,27 @@ def fill_probes(blocks, lanes, aims, pixels, regions):
 
 
 @kernel
-def fill_representative_rays(blocks, lanes, cells, probes, aims, pixels, regions):
-    """From the traced probes, aim one ray a pixel at the lit centroid of the cell that passes most light.
+def fill_centroid_rays(rays, starts, probes, aims, regions):
+    """From the traced probes, aim one ray from each start at the lit centroid of the cell that passes most light.
 
     Probes run through the region in the order of its triangles, so that those of a cell are neighbours. Where all
-    probes of a cell arrive, its centroid is that of its whole region. Pixels without light get a lost ray.
-    `cells` (n, 3) gets the centre of that cell and the row of its microlens in the list of lenses.
+    probes of a cell arrive, its centroid is that of its whole region. Starts without light get a lost ray. Beside a
+    ray, `rays` gets its light and the probe of that cell that arrives nearest to the centroid; see `StartRays`.
     """
     triangles, first = regions.triangles, regions.first
-    for p in range(pixels.shape[0]):
+    blocks, lanes, cells = rays.blocks, rays.lanes, rays.cells
+    count = aims.shape[0] // starts.shape[0]
+    for p in range(starts.shape[0]):
         best, best_x, best_y, found = 0.0, 0.0, 0.0, 0
+        low, high = 0, 0
         k = 0
-        while k < PROBES:
-            start = p * PROBES + k
+        while k < count:
+            start = p * count + k
             light, sum_x, sum_y, lit, seen = 0.0, 0.0, 0.0, 0, 0
-            while k < PROBES and _same_cell(aims, p * PROBES + k, start):
-                n = p * PROBES + k
-                base = (n // BLOCK) * RAY + n % BLOCK
-                if probes[base + STATUS] == 0.0 and aims[n, 5] > 0.0:
-                    light += probes[base + WEIGHT]
+            while k < count and _same_cell(aims, p * count + k, start):
+                n = p * count + k
+                if _arrives(probes, aims, n):
+                    light += probes[(n // BLOCK) * RAY + n % BLOCK + WEIGHT]
                     sum_x += aims[n, 0]
                     sum_y += aims[n, 1]
                     lit += 1
@@ -80,13 +88,14 @@ def fill_representative_rays(blocks, lanes, cells, probes, aims, pixels, regions
             if light > best:
                 best, found = light, int(aims[start, 4])
                 best_x, best_y = sum_x / lit, sum_y / lit
+                low, high = start, p * count + k
                 if lit == seen:
                     best_x, best_y = _centroid(triangles, regions.details, first[p], first[p + 1], found)
         base = (p // BLOCK) * RAY
         ray = blocks[base : base + RAY]
         i = p % BLOCK
         ray[X + i], ray[Y + i] = best_x, best_y
-        ray[L + i], ray[M + i] = best_x - pixels[p, 0], best_y - pixels[p, 1]
+        ray[L + i], ray[M + i] = best_x - starts[p, 0], best_y - starts[p, 1]
         ray[Z + i] = ray[N + i] = 0.0
         cells[p, 0], cells[p, 1], cells[p, 2] = math.nan, math.nan, math.nan
         if best > 0.0:
@@ -98,7 +107,80 @@ def fill_representative_rays(blocks, lanes, cells, probes, aims, pixels, regions
                 cells[p, 2] = regions.details[found].row
         ray[WEIGHT + i] = 1.0
         ray[STATUS + i] = 0.0 if best > 0.0 else MISSED
-    pad(blocks, pixels.shape[0])
+        rays.light[p] = best
+        rays.nearest[p], least = -1, math.inf
+        for n in range(low, high):
+            away = math.hypot(aims[n, 0] - best_x, aims[n, 1] - best_y)
+            if away < least and _arrives(probes, aims, n):
+                rays.nearest[p], least = n, away
+    pad(blocks, starts.shape[0])
+
+
+@kernel
+def fill_aimed_starts(starts, pixels, regions, pixel, sensor, pupil):
+    """Points (n, CANDIDATES, 2) of pixels from which microlenses see the middle of the pupil, or nearest to such ones.
+
+    The middle is that of the pupil's outline for the cell; light passes the optical axis of a microlens straight. Of
+    the microlenses in `regions`, those count whose points are nearest to the pixel; the centre stands for no further.
+    """
+    triangles, first = regions.triangles, regions.first
+    # Members that may be absent are read one by one, so that their branches are pruned.
+    tilt = sensor.tilt
+    skew = pixel.skew
+    frame = pupil.plane.frame
+    plane = pupil.plane
+    far = plane.distance
+    if frame is not None:
+        far = frame[11] - plane.distance
+    along_x, along_y = 0.0, 0.0
+    if skew is not None:
+        along_x, along_y = skew[0], skew[1]
+    across = pixel.width * pixel.height - along_x * along_y
+    distances = np.empty(CANDIDATES)
+    for p in range(pixels.shape[0]):
+        distances[:] = math.inf
+        for k in range(CANDIDATES):
+            starts[p, k, 0], starts[p, k, 1] = pixels[p, 0], pixels[p, 1]
+        for t in range(first[p], first[p + 1]):
+            ox, oy = triangles[t].axis_x, triangles[t].axis_y
+            if t > first[p] and ox == triangles[t - 1].axis_x and oy == triangles[t - 1].axis_y:
+                continue
+            fx, fy = ox, oy
+            if frame is not None:
+                fx = frame[0] * ox + frame[1] * oy + frame[9]
+                fy = frame[3] * ox + frame[4] * oy + frame[10]
+            rho = math.hypot(fx, fy)
+            interval = min(int(rho / pupil.step), pupil.reach.size - 1)
+            cos, sin = (fx / rho, fy / rho) if rho > 0.0 else (1.0, 0.0)
+            mx, my = np.mean(pupil.corners[interval, :, 0]), np.mean(pupil.corners[interval, :, 1])
+            mx, my = cos * mx - sin * my, sin * mx + cos * my
+            sx, sy = pixels[p, 0], pixels[p, 1]
+            for _ in range(_ROUNDS):
+                h = sensor.distance
+                if tilt is not None:
+                    h += tilt[0] * sx + tilt[1] * sy
+                qx, qy = crossing((ox, oy), (sx, sy), (ox, oy, 0.0), 1.0 / h, pupil.pinhole, plane)
+                sx += (qx - mx) * h / far
+                sy += (qy - my) * h / far
+            dx, dy = sx - pixels[p, 0], sy - pixels[p, 1]
+            a = min(max((pixel.height * dx - along_x * dy) / across, -_INSIDE), _INSIDE)
+            b = min(max((pixel.width * dy - along_y * dx) / across, -_INSIDE), _INSIDE)
+            x, y = pixels[p, 0] + a * pixel.width + b * along_x, pixels[p, 1] + b * pixel.height + a * along_y
+            away = math.hypot(sx - x, sy - y)
+            k = CANDIDATES
+            while k > 0 and away < distances[k - 1]:
+                k -= 1
+            for later in range(CANDIDATES - 1, k, -1):
+                distances[later] = distances[later - 1]
+                starts[p, later, 0], starts[p, later, 1] = starts[p, later - 1, 0], starts[p, later - 1, 1]
+            if k < CANDIDATES:
+                distances[k] = away
+                starts[p, k, 0], starts[p, k, 1] = x, y
+
+
+@device
+def _arrives(probes, aims, n):
+    return probes[(n // BLOCK) * RAY + n % BLOCK + STATUS] == 0.0 and aims[n, 5] > 0.0
 
 
 @device

@@ -1,0 +1,176 @@
+"""The ray that stands for a pixel, of all that bring it light.
+
+It starts at the pixel's centre and passes the lit centroid of the microlens that gives the centre most light. Where no
+light reaches the centre, it starts at the point of the sensitive area that is nearest to where a microlens images the
+middle of the pupil: the image of a small stop may light a corner of a pixel only. Where stars and masks let light pass
+beside the middle, it starts at the brightest of many points. Fixed sets of probes find the light, so that neither
+samples nor seeds matter.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.camera.paths import fill_through_array
+from plenoptic.camera.record import CameraRecord
+from plenoptic.camera.sampling.pixel_regions import feeding_regions
+from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, STATUS
+from plenoptic.core.values import Floats
+
+
+def _points(bits: int) -> Floats:
+    """(2^bits, 2): evenly spread in the unit square, in the order of their first coordinate (Hammersley)."""
+    count = 1 << bits
+    reversed_bits = [int(f"{i:0{bits}b}"[::-1], 2) for i in range(count)]
+    return np.stack([np.arange(count) + 0.5, np.array(reversed_bits) + 0.5], axis=1) / count
+
+
+def _shifted(points: Floats, count: int) -> Floats:
+    """(count, n, 2): patterns that fill the gaps of one another, each in its order (M. Roberts's R2 sequence)."""
+    shift = np.arange(count)[:, None] * np.array([0.7548776662466927, 0.5698402909980532])
+    first, second = np.modf(0.5 + shift)[0].T[:, :, None]
+    return np.stack([(np.arange(len(points)) + first) / len(points), np.modf(points[:, 1] + second)[0]], axis=-1)
+
+
+_PROBES, _MORE_PROBES = _points(4)[None], _points(6)[None]
+"""Where rays look for light in what feeds a start: the pixel's centre, and any other."""
+_STARTS = _points(6) - 0.5
+_SHIFTED_PROBES = _shifted(_points(6), len(_STARTS))
+"""Starts on a pixel, in parts of its sides, and their probes, where the hole of a stop is not convex."""
+_TOGETHER = 8
+"""Pixels with so many probes at a time."""
+
+
+class StartRays(NamedTuple):
+    """One ray for each of n starts on the sensor."""
+
+    blocks: Floats
+    """Aimed, then traced; lost where no light reaches the start."""
+    lanes: NDArray[np.void] | None
+    """What is individual about the rays' microlenses."""
+    cells: Floats
+    """(n, 3): see `PixelRays`."""
+    light: Floats
+    """(n,): of its microlens, as its probes weigh it."""
+    nearest: NDArray[np.int64]
+    """(n,): the probe that arrives nearest to where the ray is aimed; -1 without light."""
+
+
+class PixelRays(NamedTuple):
+    """One ray a pixel, the representative one."""
+
+    starts: Floats
+    """(n, 2): on the sensor, local."""
+    before: Floats
+    """Blocks of rays between array and lens, in the lens's axes, on their way to the scene."""
+    blocks: Floats
+    """The same rays behind the lens; those of pixels without light are lost."""
+    aims: Floats
+    """(n, 2): where they pass the array's rear principal plane on their way from the sensor, local."""
+    cells: Floats
+    """(n, 3): centre of the cell of each pixel's microlens, local, and its row in the list of lenses or -1; nan where
+    the pixel has none."""
+    dark: NDArray[np.bool_]
+    """(n,): whether no light can reach the pixel, as far as bounds on the pupil tell."""
+
+    @property
+    def lost(self) -> NDArray[np.bool_]:
+        """(n,): whether no light was found for the pixel."""
+        return _are_lost(self.blocks, len(self.starts))
+
+
+def representative_rays(camera: CameraRecord, pixels: Floats) -> PixelRays:
+    """The rays of pixels with centres (n, 2)."""
+    rays, _ = _rays_from(camera, pixels, _PROBES)
+    unlit = np.flatnonzero(rays.lost)
+    if not unlit.size:
+        return rays
+    regions = feeding_regions(camera, pixels[unlit], 0.5 * math.sqrt(2) * camera.sensor.pitch)
+    fed = np.diff(regions.first) > 0
+    rays.dark[unlit[~fed]] = True
+    if fed.any():
+        from plenoptic.truth.kernels import representative_ray
+
+        starts = np.empty((len(unlit), representative_ray.CANDIDATES, 2))
+        if camera.array is None:
+            starts[:] = pixels[unlit, None]
+        else:
+            plane, pixel = camera.sensor.plane, camera.sensor.pixel
+            representative_ray.fill_aimed_starts(starts, pixels[unlit], regions, pixel, plane, camera.pupil)
+        _look_again(rays, camera, unlit[fed], starts[fed], _MORE_PROBES)
+    if not camera.convex:
+        left = np.flatnonzero(rays.lost & ~rays.dark)
+        for first in range(0, len(left), _TOGETHER):
+            some = left[first : first + _TOGETHER]
+            _look_again(rays, camera, some, pixels[some, None] + camera.sensor.pixel.within(_STARTS), _SHIFTED_PROBES)
+    return rays
+
+
+def _look_again(
+    rays: PixelRays, camera: CameraRecord, which: NDArray[np.int64], starts: Floats, probes: Floats
+) -> None:
+    """Put the brightest ray of the starts (m, k, 2) in the place of those of pixels `which` (m,)."""
+    more, light = _rays_from(camera, np.ascontiguousarray(starts.reshape(-1, 2)), probes)
+    best = light.reshape(starts.shape[:2]).argmax(axis=1) + np.arange(len(which)) * starts.shape[1]
+    lit = light[best] > 0
+    to, source = which[lit], best[lit]
+    for name in ("starts", "aims", "cells"):
+        getattr(rays, name)[to] = getattr(more, name)[source]
+    for name in ("before", "blocks"):
+        _put(getattr(rays, name), to, _fields(getattr(more, name), source))
+
+
+def _rays_from(camera: CameraRecord, starts: Floats, patterns: Floats) -> tuple[PixelRays, Floats]:
+    """A ray from each start (n, 2), found by probes in patterns (s, k, 2) in what feeds it; and its light (n,)."""
+    from plenoptic.truth.kernels import representative_ray
+
+    n = len(starts)
+    regions = feeding_regions(camera, starts, 0.0)
+    aims = np.empty((n * patterns.shape[1], representative_ray.AIM))
+    probes = np.empty(-(-len(aims) // BLOCK) * RAY)
+    lanes = camera.own(probes.size // 8)
+    representative_ray.fill_probes(probes, lanes, aims, starts, regions, patterns)
+    _trace(probes, lanes, camera)
+    size = -(-n // BLOCK)
+    blocks, lanes, cells = np.empty(size * RAY), camera.own(size * BLOCK), np.empty((n, 3))
+    rays = StartRays(blocks, lanes, cells, np.empty(n), np.empty(n, dtype=np.int64))
+    representative_ray.fill_centroid_rays(rays, starts, probes, aims, regions)
+    every = np.arange(n)
+    aimed = _fields(blocks, every)
+    before = _trace(blocks, lanes, camera)
+    missed = np.flatnonzero(_are_lost(blocks, n) & (rays.nearest >= 0))
+    if missed.size:
+        # Where what passes is no convex body, its centroid may be dark.
+        aimed[missed, :2] = aims[rays.nearest[missed], :2]
+        aimed[missed, 3:5] = aimed[missed, :2] - starts[missed]
+        _put(blocks, every, aimed)
+        before = _trace(blocks, lanes, camera)
+    return PixelRays(starts.copy(), before, blocks, aimed[:, :2], cells, np.zeros(n, dtype=bool)), rays.light
+
+
+def _trace(blocks: Floats, lanes: NDArray[np.void] | None, camera: CameraRecord) -> Floats:
+    """Trace aimed rays to the scene; returns them as they are between array and lens."""
+    from plenoptic.optics.lens.kernels.trace import fill_traced
+
+    fill_through_array(blocks, lanes, camera)
+    before = blocks.copy()
+    fill_traced(blocks, camera.lens, None)
+    return before
+
+
+def _are_lost(blocks: Floats, n: int) -> NDArray[np.bool_]:
+    return np.asarray(blocks.reshape(-1, 8, BLOCK)[:, STATUS // BLOCK].reshape(-1)[:n] != 0)
+
+
+def _fields(blocks: Floats, which: NDArray[np.int64]) -> Floats:
+    """(m, 8): x, y, z, direction, weight and status of some rays of a bundle."""
+    return blocks.reshape(-1, 8, BLOCK)[which // BLOCK, :, which % BLOCK]
+
+
+def _put(blocks: Floats, which: NDArray[np.int64], fields: Floats) -> None:
+    """Set them."""
+    blocks.reshape(-1, 8, BLOCK)[which // BLOCK, :, which % BLOCK] = fields

@@ -1,0 +1,189 @@
+"""The ray that stands for a pixel: it is there wherever light is, starts on the pixel, and sees what dense rays see."""
+
+import signal
+
+import numpy as np
+import pytest
+
+import plenoptic as pl
+from plenoptic.camera.record import camera_record
+from plenoptic.camera.sampling.pixel_regions import pixel_centres
+from plenoptic.images import PixelState
+from plenoptic.rendering.schedule import scheduler
+from plenoptic.truth.channels import NO_MICROLENS, Truth
+from plenoptic.truth.representative_rays import representative_rays
+
+CORNER, MIDDLE = np.s_[0:24, 0:24], np.s_[244:268, 244:268]
+
+
+def camera_of(stop, b=1.7, aperture=1.0, sensor=None, **array):
+    stop = pl.CircularStop(stop) if isinstance(stop, float) else stop
+    made = {"pitch": 0.217, "focal_lengths": (2.0,)} | array
+    return pl.PlenopticCamera(
+        lens=pl.load_lens("double-gauss-100mm-f2").with_stop(stop),
+        microlenses=pl.MicrolensArray(**made),
+        sensor=sensor or pl.Sensor(shape=(512, 512), pixel_pitch=0.01, pixel_aperture=(aperture, aperture)),
+        stop_to_microlenses=123.3,
+        microlenses_to_sensor=b,
+    )
+
+
+def ring(semi_diameter):
+    y, x = np.mgrid[-1:1:64j, -1:1:64j]
+    return pl.optics.MaskStop(np.where(np.hypot(x, y) < 0.8, 0.0, 1.0), semi_diameter)
+
+
+def tilted(camera):
+    return camera.moved(pl.CameraPart.SENSOR, tilt=(0.02, -0.01, 0.3)).moved(
+        pl.CameraPart.LENS, shift=(0.5, -0.3, 0.2), tilt=(0.01, -0.02, 0.3)
+    )
+
+
+CAMERAS = {
+    **{f"{b} {stop}": camera_of(stop, b) for b in (2.0, 1.7) for stop in (5.0, 2.3, 1.5, 1.0, 0.5, 0.2, 0.1)},
+    "blades": camera_of(pl.PolygonStop(blades=6, semi_diameter=1.0), 2.0),
+    "star": camera_of(pl.StarStop(points=8, semi_diameter=1.0, inner_semi_diameter=0.3), 2.0),
+    "ring": camera_of(ring(0.2), 2.0),
+    "tilted": tilted(camera_of(1.0)),
+    "small pixels": camera_of(0.5, 2.0, aperture=0.5),
+    "irregular": camera_of(0.5, imperfections=pl.MicrolensImperfections(pitch_jitter=0.004, decentre=0.004, seed=3)),
+    "multi-focus": camera_of(1.0, focal_lengths=(1.7, 2.0, 2.4), lattice=pl.Lattice.SQUARE),
+    "thick": camera_of(1.0, 2.0, model=pl.optics.MicrolensModel.SPHERICAL),
+}
+
+
+@pytest.mark.parametrize("name", CAMERAS)
+def test_every_lit_pixel_has_truth(name):
+    # Up to 100 % of lit pixels had none: no light reaches their centres.
+    camera = CAMERAS[name]
+    for region in (CORNER, MIDDLE):
+        white = pl.render_white(camera, samples=4096, replicates=2, region=region, progress=False).image[..., 0]
+        truth = pl.ground_truth(pl.shapes.white_plane(), camera, region=region)
+        lit = white > 0.01 * white.max()
+        assert lit.any()
+        assert np.isfinite(truth.depth[lit]).all()
+        assert (truth.microlens[lit] != NO_MICROLENS).all()
+        assert (truth.state[lit] == PixelState.SEEN).all()
+        # What bounds call dark is.
+        assert not white[truth.state == PixelState.DARK].any()
+
+
+@pytest.mark.parametrize("name", ["2.0 0.1", "1.7 1.0", "star", "ring", "small pixels", "tilted"])
+def test_rays_start_at_the_centre_or_inside_the_sensitive_area(name):
+    camera = CAMERAS[name]
+    record = camera_record(camera)
+    pixels = pixel_centres(record, (0, 24), (0, 24))
+    off = representative_rays(record, pixels).starts - pixels
+    pixel = record.sensor.pixel
+    sides = pixel.within(np.eye(2))
+    # In parts of the sides, which are turned with the sensor.
+    parts = np.abs(off @ np.linalg.inv(sides))
+    assert parts.any() and parts.max() <= 0.5 and (parts == 0).all(axis=1).any()
+
+
+def test_states_tell_the_dark_from_the_background():
+    ball = pl.Scene([pl.sphere(0.7, center=(0.0, 0.0, -404.0), segments=(64, 32))])
+    region = np.s_[220:290, 220:290]
+    truth = pl.ground_truth(ball, camera_of(1.0), region=region)
+    empty = pl.ground_truth(None, camera_of(1.0), region=region, truth=Truth.STATE)
+    counts = np.bincount(truth.state.ravel(), minlength=4) / truth.state.size
+    assert counts[PixelState.DARK] > 0.5 and counts[PixelState.UNKNOWN] < 0.1
+    assert counts[PixelState.EMPTY] > 0.02 and counts[PixelState.SEEN] > 0.005
+    np.testing.assert_array_equal(truth.state == PixelState.SEEN, np.isfinite(truth.depth))
+    # Without a scene, what is lit meets nothing.
+    lit = truth.state >= PixelState.EMPTY
+    np.testing.assert_array_equal(empty.state, np.where(lit, PixelState.EMPTY, truth.state))
+    np.testing.assert_array_equal(lit, truth.microlens_type >= 0)
+
+
+def test_pixels_that_were_not_looked_at_are_unknown(monkeypatch):
+    original = scheduler.render_tile
+
+    def interrupted(*arguments, **named):
+        signal.raise_signal(signal.SIGINT)
+        return original(*arguments, **named)
+
+    monkeypatch.setattr(scheduler, "render_tile", interrupted)
+    camera = camera_of(5.0, sensor=pl.Sensor((32, 32), 0.01))
+    with pytest.warns(pl.errors.BudgetWarning):
+        shot = pl.render(pl.shapes.white_plane(), camera, samples=2, truth=Truth.STATE, threads=1, progress=False)
+    assert shot.interrupted and (shot.truth.state == PixelState.UNKNOWN).all()
+
+
+@pytest.mark.parametrize("stop", [5.0, 0.1])
+def test_shares_are_those_of_rendered_light(stop):
+    # Of two half planes one shines: what it sends is its share, or what the other one leaves. 64 points of a pixel
+    # are within 0.06 or so of 4096; the plane is out of focus, so that its edge is many pixels wide.
+    bright = pl.quad((0, -400, -500), (400, 0, 0), (0, 800, 0), material=pl.Emissive(1.0))
+    dark = pl.quad((-400, -400, -500), (400, 0, 0), (0, 800, 0), material=pl.Lambertian(0.5))
+    camera, region = camera_of(stop), np.s_[240:272, 240:272]
+    truth = pl.ground_truth(pl.Scene([bright, dark]), camera, region=region, truth=Truth.OBJECT | Truth.OBJECT_SHARE)
+    shot = pl.render(pl.Scene([bright, dark]), camera, samples=4096, region=region, truth=Truth.NONE, progress=False)
+    white = pl.render_white(camera, samples=4096, region=region, progress=False)
+    light = white.image[..., 0]
+    lit = (light > 0.01 * light.max()) & (truth.object >= 0)
+    share = (shot.image.mean(axis=-1) / np.where(lit, light, 1.0))[lit]
+    expected = np.where(truth.object[lit] == 0, share, 1 - share)
+    off = truth.object_share[lit] - expected
+    assert np.isfinite(off).all() and ((share > 0.02) & (share < 0.98)).mean() > 0.02
+    # Behind a small stop some 16 paths arrive of either.
+    assert np.sqrt(np.mean(off**2)) < (0.03 if stop == 5.0 else 0.1)
+    assert np.isnan(truth.object_share[truth.object < 0]).all()
+
+
+# ---- beside dense rays, traced here ----
+
+DENSE = [
+    camera_of(5.0),
+    camera_of(5.0, 2.0),
+    camera_of(1.0, 2.0, lattice=pl.Lattice.SQUARE),
+    camera_of(1.0, focal_lengths=(1.7, 2.0, 2.4)),
+    camera_of(0.2),
+    camera_of(0.2, 2.0, aperture=0.7),
+    camera_of(pl.StarStop(points=5, semi_diameter=3.0, inner_semi_diameter=1.0), lattice=pl.Lattice.SQUARE),
+    camera_of(2.3, sensor=pl.Sensor(shape=(511, 511), pixel_pitch=0.01)),
+]
+
+
+def dense_rays(camera, rng, row, column, count):
+    """Depths at which rays of one pixel meet two planes, and the microlenses that they pass: thin lenses, by hand."""
+    pitch, aperture = camera.sensor.pixel_pitch, camera.sensor.pixel_aperture
+    start = camera.sensor.centre_of(row, column) + (rng.random((count, 2)) - 0.5) * pitch * np.asarray(aperture)
+    array, b, to_array = camera.microlenses, camera.microlenses_to_sensor, camera.stop_to_microlenses
+    # The image of a stop of 5 mm, and of the cells beside it, is no wider than two pitches.
+    cross = camera.sensor.centre_of(row, column) + (rng.random((count, 2)) - 0.5) * 4 * 0.217
+    cell = array.nearest(cross)
+    index = np.rint(cell @ np.linalg.inv(array.basis)).astype(int)
+    kinds = array.type_pattern
+    kind = kinds[index[:, 0] % kinds.shape[0], index[:, 1] % kinds.shape[1]]
+    slope = (cross - start) / b + (cross - cell) / np.asarray(array.focal_lengths)[kind][:, None] * -1.0
+    direction = np.column_stack([slope, -np.ones(count)])
+    rays = camera.lens.trace_reverse(pl.RayBundle(np.column_stack([cross, np.full(count, to_array)]), direction))
+    passed = rays.weight > 0
+    near = rays.at_z(-350.0)
+    depth = np.where(near[:, 0] > 0, 350.0, 450.0)
+    return depth[passed], index[passed]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("camera", DENSE, ids=range(len(DENSE)))
+def test_rays_see_what_dense_rays_see(camera):
+    near = pl.quad((0, -2000, -350), (2000, 0, 0), (0, 4000, 0))
+    far = pl.quad((-2000, -2000, -450), (4000, 0, 0), (0, 4000, 0))
+    truth = pl.ground_truth(pl.Scene([near, far]), camera)
+    rng = np.random.default_rng(1)
+    seen = np.argwhere(truth.state == PixelState.SEEN)
+    own = []
+    for row, column in rng.permutation(seen)[:120]:
+        if len(own) == 60:
+            break
+        for _ in range(20):
+            depth, index = dense_rays(camera, rng, row, column, 20_000)
+            if len(depth) >= 5:
+                break
+        if not len(depth):
+            continue  # too little light for so few rays
+        own.append((index == truth.microlens[row, column]).all(axis=1).mean())
+        assert depth.min() - 1e-9 <= truth.depth[row, column] <= depth.max() + 1e-9
+        assert own[-1] > 0
+    assert len(own) == 60 and np.median(own) > 0.5
