@@ -137,10 +137,11 @@ class PlenopticCamera:
         else:
             depths = array.model.rules.depths(array)
             front -= depths.front
-            if not self.microlenses_to_sensor > max(depths.rear, SMALLEST_LENGTH):
+            nearest = max(depths.rear, SMALLEST_LENGTH)
+            if not self.microlenses_to_sensor > nearest:
                 raise InvalidValueError(
                     f"microlenses_to_sensor is {self.microlenses_to_sensor:g} mm; it must be above "
-                    f"{depths.rear:g} mm, where the sensor touches the array"
+                    f"{nearest:g} mm, where the sensor touches the array"
                 )
         if not front > behind:
             raise InvalidValueError(

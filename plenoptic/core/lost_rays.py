@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from plenoptic.core.kernels.ray_blocks import CAUSES
 from plenoptic.core.rays import RayStatus
 from plenoptic.core.values import whole
+from plenoptic.errors import InvalidValueError
 
 Lost = tuple[tuple[str, int | None, int], ...]
 """Causes, indices of elements (None where no element is to blame) and numbers of rays."""
@@ -26,6 +27,8 @@ def lost_rays(counts: NDArray[np.int64]) -> Lost:
 
 def checked_lost(lost: Lost) -> Lost:
     """The same as plain values, or an error."""
+    if not isinstance(lost, tuple | list) or not all(isinstance(one, tuple | list) and len(one) == 3 for one in lost):
+        raise InvalidValueError(f"lost is {lost!r}; it must be a tuple of (cause, element or None, number)")
     return tuple(
         (
             str(cause),

@@ -6,7 +6,7 @@ import dataclasses
 import enum
 import math
 import os
-from collections.abc import Callable, Iterable, Mapping, Set
+from collections.abc import Callable, Iterable, Mapping, Sequence, Set
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
@@ -238,17 +238,17 @@ def whole(value: int, name: str, *, at_least: int, at_most: int = LARGEST_WHOLE)
     return given
 
 
-def checked_shape(shape: Any, names: tuple[str, ...], *, at_least: int = 1) -> tuple[int, ...]:
+def checked_shape(
+    shape: Any, names: tuple[str, ...], *, at_least: int = 1, at_most: int = MOST_PIXELS
+) -> tuple[int, ...]:
     """`shape` as ints, one for each name, or an error where one is too small or all together are too many."""
-    try:
-        sides = tuple(shape)
-    except TypeError:
-        sides = ()
-    if len(sides) != len(names) or isinstance(shape, str | Mapping | Set):
+    sides = tuple(shape) if isinstance(shape, Sequence) or (isinstance(shape, np.ndarray) and shape.ndim) else ()
+    if len(sides) != len(names) or isinstance(shape, str | bytes):
         raise InvalidValueError(f"shape is {shape!r}; it must be ({', '.join(name.split()[0] for name in names)})")
     found = tuple(whole(side, name, at_least=at_least) for side, name in zip(sides, names, strict=True))
-    if math.prod(found) > MOST_PIXELS:
-        raise InvalidValueError(f"shape is {found}, {math.prod(found):.3g} in all; it must be {MOST_PIXELS} at most")
+    if math.prod(found) > at_most:
+        product = " x ".join(map(str, found))
+        raise InvalidValueError(f"{' x '.join(names)} is {product}; it must be at most {at_most} in all")
     return found
 
 

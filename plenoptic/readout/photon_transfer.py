@@ -7,7 +7,16 @@ import dataclasses
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic.core.values import Floats, check_kind, checked_shape, frozen_array, result, seed_number, whole
+from plenoptic.core.values import (
+    MOST_POINTS,
+    Floats,
+    check_kind,
+    checked_shape,
+    frozen_array,
+    result,
+    seed_number,
+    whole,
+)
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.sensor.model import SensorModel, ShotNoise
 from plenoptic.readout.develop import develop
@@ -103,7 +112,7 @@ def photon_transfer(
     """
     check_kind(model, "model", SensorModel, "pl.SensorModel(photon_rate=1e6)")
     given = frozen_array(levels, name="levels", shape=("n",))
-    size = checked_shape(shape, ("rows", "columns"), at_least=2)
+    size = checked_shape(shape, ("rows", "columns"), at_least=2, at_most=MOST_POINTS)
     single = _one_channel(model, channel)
     seeds = np.random.SeedSequence(seed_number(seed)).generate_state(2 * len(given), np.uint64)
     measured = [

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import AnyFloats, Floats, checked_shape, frozen_array
+from plenoptic.core.values import MOST_PIXELS, AnyFloats, Floats, checked_shape, frozen_array
 from plenoptic.errors import InvalidValueError
 
 
@@ -51,13 +51,17 @@ class Film:
     """
 
     def __init__(self, shape: tuple[int, int, int], *, counts: ArrayLike) -> None:
-        rows, columns, channels = checked_shape(shape, ("rows", "columns", "channels"))
+        from plenoptic.core.jit import processor
+
+        rows, columns, channels = checked_shape(shape, ("rows", "columns", "channels"), at_most=3 * MOST_PIXELS)
         used = frozen_array(counts, name="counts", shape=("replicates",), dtype=np.int64)
         self._counts = used[used > 0].astype(np.float64)
         self.samples = int(self._counts.sum())
         self.replicates = len(self._counts)
         self.sample_counts: NDArray[np.int32] | None = None
         """(rows, columns), once a tile was put in with its counts; None while pixels have `samples` or nothing."""
+        self.processors: tuple[str, ...] = (processor(),)
+        """Kinds of processors on which its parts were made: the bits are those of none where there are several."""
         self.mean: Floats = np.zeros((rows, columns, channels))
         self.squares: Floats | None = np.zeros((rows, columns, channels)) if self.replicates >= 2 else None
 
@@ -110,6 +114,8 @@ class Film:
     def merged(self, other: Film) -> Film:
         """Both films as one, as if their independent replicates had been rendered together (other seeds).
 
+        They may come from different kinds of processors, which `processors` then names.
+
         Raises
         ------
         InvalidValueError
@@ -120,6 +126,7 @@ class Film:
         if self.sample_counts is not None or other.sample_counts is not None:
             raise InvalidValueError("films whose pixels have different numbers of samples cannot be merged")
         both = Film(self.mean.shape, counts=np.concatenate([self._counts, other._counts]).astype(np.int64))
+        both.processors = tuple(dict.fromkeys(self.processors + other.processors))
         share = other.samples / both.samples
         step = other.mean - self.mean
         both.mean = self.mean + share * step

@@ -90,11 +90,13 @@ def render(  # noqa: PLR0913
     checkpoint : path-like, optional
         A file in which the state is kept while rendering. Called again with the same arguments, the render goes on
         from there and gives the same bits as without a break (with a `time_limit` it goes on for that long again).
-        Files of other renders, and damaged ones, are refused and stay as they are.
+        Files of other renders, and damaged ones, are refused and stay as they are. On another kind of processor it
+        goes on too, with a warning, since bits depend on instructions: `shot.stats.processors` names the kinds.
     checkpoint_interval : float
         Seconds between two savings: what is lost at most, besides the tiles in work, when the program is killed.
     threads : int, optional
-        None: one for each processor. The image does not depend on it, unless there is a time limit.
+        None: one for each processor, at most NUMBA_NUM_THREADS. The image does not depend on it, unless there is a
+        time limit.
     tile_side : int, optional
         Pixels along a tile; None: chosen by the number of samples. The image does not depend on it, unless there is a
         time limit or a target error: what ends is a tile, of 32 x 32 pixels if not told otherwise.

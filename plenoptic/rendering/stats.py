@@ -75,6 +75,9 @@ class RenderStats:
     conditioning : Conditioning, optional
         How much the lens's surfaces magnify rounding errors, and Newton iterations, of some of the paths; only where
         `render` was asked for it.
+    processors : tuple of str
+        Kinds of processors that kernels were compiled for: several where a checkpoint went on on another one. The bits
+        of an image depend on them.
 
     Examples
     --------
@@ -99,6 +102,7 @@ class RenderStats:
     zero_variance: int = 0
     stopped_by: StopReason = StopReason.SAMPLES
     conditioning: Conditioning | None = None
+    processors: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         for name in ("seconds", "cpu_seconds"):
@@ -111,6 +115,9 @@ class RenderStats:
         least_of = {"paths": 0, "paths_through_lens": 0, "nonfinite": 0, "zero_variance": 0, "threads": 1}
         for name, least in least_of.items():
             set_field(self, name, whole(getattr(self, name), name, at_least=least))
+        if isinstance(self.processors, str) or not all(isinstance(kind, str) for kind in self.processors):
+            raise InvalidValueError(f"processors is {self.processors!r}; it must be a tuple of texts")
+        set_field(self, "processors", tuple(self.processors))
         share = finite(self.clamped, "clamped")
         if not 0 <= share <= 1:
             raise InvalidValueError(f"clamped is {share:g}; it must be within 0 and 1")

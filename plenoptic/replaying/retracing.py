@@ -145,7 +145,8 @@ def _context(exposure: Exposure, scene: Scene | None) -> RenderContext:
 
 def _members(given: Any, name: str, *members: str) -> Any:
     """What has as many members as it must, or an error that names these."""
-    if not isinstance(given, tuple | list | np.ndarray) or len(given) != len(members):
+    given = given.tolist() if isinstance(given, np.ndarray) else given
+    if not isinstance(given, tuple | list) or len(given) != len(members):
         raise InvalidValueError(f"{name} is {given!r}; it must be ({', '.join(members)})")
     return given
 

@@ -96,7 +96,7 @@ def ground_truth(
     region : (slice, slice), optional
         Rows and columns of the sensor, such as ``np.s_[256:384, 192:320]``; the same bits as in the whole image.
     threads : int, optional
-        None: one for each processor. The result does not depend on it.
+        None: one for each processor, at most NUMBA_NUM_THREADS. The result does not depend on it.
 
     Returns
     -------

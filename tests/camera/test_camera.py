@@ -45,7 +45,7 @@ def test_the_sensor_lies_behind_both_principal_planes() -> None:
         ({"stop_to_microlenses": -5.0}, "must be above 30.31"),
         ({"stop_to_microlenses": math.nan}, "stop_to_microlenses is nan; it must be finite"),
         ({"stop_to_microlenses": math.inf}, "stop_to_microlenses is inf; it must be finite"),
-        ({"microlenses_to_sensor": 0.0}, "microlenses_to_sensor is 0 mm; it must be above 0 mm"),
+        ({"microlenses_to_sensor": 0.0}, "microlenses_to_sensor is 0 mm; it must be above 1e-15 mm"),
         ({"microlenses_to_sensor": -1.0}, "microlenses_to_sensor is -1 mm"),
         ({"microlenses": None}, "microlenses_to_sensor is 1.7 mm without microlenses; leave it at 0"),
         ({"microlenses": None, "microlenses_to_sensor": 0.0, "stop_to_microlenses": 20.0}, "must be above 30.31"),

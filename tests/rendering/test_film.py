@@ -82,6 +82,14 @@ def test_merged_films_are_one_film_of_all(first: list[int], second: list[int], s
     assert both.standard_error() == pytest.approx(whole.standard_error(), rel=1e-5, abs=math.sqrt(64 * EPS * 36))
 
 
+def test_merged_films_name_all_kinds_of_processors(monkeypatch: pytest.MonkeyPatch) -> None:
+    here = film_of([np.ones(2), np.zeros(2)])
+    monkeypatch.setattr("plenoptic.core.jit.processor", lambda: "another kind")
+    elsewhere = film_of([np.ones(2), np.zeros(2)])
+    assert here.merged(elsewhere).processors == (*here.processors, "another kind")
+    assert here.merged(here).processors == here.processors
+
+
 def test_merging_leaves_both_films_and_needs_one_shape() -> None:
     a, b = film_of([np.ones(2), np.zeros(2)]), film_of([np.ones(4), np.zeros(1)])
     before = a.mean.copy(), b.mean.copy()

@@ -16,7 +16,7 @@ from plenoptic.camera.points.centroids import lit_centroids
 from plenoptic.camera.points.chief_rays import chief_slopes
 from plenoptic.camera.points.white_centroids import white_centroids
 from plenoptic.camera.report.optics import model_pupil
-from plenoptic.core.values import Floats, check_kind, choice, finite, result
+from plenoptic.core.values import Floats, check_kind, choice, coordinate, result
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.microlens.aperture import Walls
 from plenoptic.optics.microlens.array import MicrolensArray
@@ -150,7 +150,7 @@ def microlens_centres(
     ([31.5, 31.5], [22.038, 0.0])
     """
     check_kind(camera, "camera", PlenopticCamera, "pl.PlenopticCamera(...)")
-    method, margin = choice(method, CentreMethod, "method"), finite(margin, "margin")
+    method, margin = choice(method, CentreMethod, "method"), coordinate(margin, "margin")
     array = camera.microlenses
     if array is None:
         raise InvalidValueError("the camera has no microlenses, so there are no centres; give it a MicrolensArray")

@@ -107,7 +107,7 @@ def project(
     rays : int, optional
         Rays of each point for `light` and `centroid`, rounded up to a multiple of 8. They do not change `position`.
     threads : int, optional
-        None: one for each processor. The result does not depend on it.
+        None: one for each processor, at most NUMBA_NUM_THREADS. The result does not depend on it.
 
     Returns
     -------

@@ -52,7 +52,7 @@ def point_spread(
     replicates : int, optional
         Independent scramblings of the sampling points, at least 1; errors come from their spread.
     threads : int, optional
-        None: one for each processor. The result does not depend on it.
+        None: one for each processor, at most NUMBA_NUM_THREADS. The result does not depend on it.
 
     Returns
     -------

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic.core.values import AnyFloats, numbers
+from plenoptic.core.values import AnyFloats, plain_array
 
 # IEC 61966-2-1: a straight piece near black, a power elsewhere; the two meet at these values.
 _SRGB_KNEE = 0.04045
@@ -74,7 +74,7 @@ def linear_to_srgb(linear: ArrayLike) -> AnyFloats:
 
 def _odd(values: ArrayLike, curve: Callable[[Any], Any]) -> AnyFloats:
     """A curve for values from 0, continued as an odd function; of integers in float64."""
-    array = np.asarray(values)
-    given = array if array.dtype.kind == "f" else numbers(array, "values")
+    array = plain_array(values, "values")
+    given = array if array.dtype.kind == "f" else array.astype(np.float64)
     signed: AnyFloats = np.copysign(curve(np.abs(given)), given)
     return signed

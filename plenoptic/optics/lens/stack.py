@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from plenoptic.core.rays import RayBundle
-from plenoptic.core.values import Floats, check_kind, choice, finite, read_only, set_field, value, whole
+from plenoptic.core.values import MOST_POINTS, Floats, check_kind, choice, finite, read_only, set_field, value, whole
 from plenoptic.errors import PrescriptionError
 from plenoptic.optics.glass.media import AIR, Medium
 from plenoptic.optics.lens.elements import Element, checked_elements, profile_of
@@ -266,7 +266,7 @@ class LensStack:
 
         Of an element that is tilted out of that plane, the projection of its own section.
         """
-        count = whole(points, "points", at_least=2)
+        count = whole(points, "points", at_least=2, at_most=MOST_POINTS)
         return tuple(profile_of(*at, count) for at in zip(self.elements, self.vertices.tolist(), strict=True))
 
     @property
@@ -360,7 +360,7 @@ class LensStack:
         rays : RayBundle
             In the lens frame. Where a ray's origin lies on it does not matter.
         threads : int, optional
-            Threads for large bundles; None: one for each processor.
+            Threads for large bundles; None: one for each processor, at most NUMBA_NUM_THREADS.
 
         Returns
         -------

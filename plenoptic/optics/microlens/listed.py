@@ -76,6 +76,8 @@ def _lattice_indices(array: MicrolensArray, low: Floats, high: Floats) -> NDArra
         raise InvalidValueError(f"the box from {low} to {high} is infinite, and so is the lattice; take a smaller one")
     corners = np.array([[x, y] for x in (low[0], high[0]) for y in (low[1], high[1])]) @ np.linalg.inv(array.basis)
     first, last = np.floor(corners.min(axis=0)), np.ceil(corners.max(axis=0))
+    if (first > last).any():
+        return np.empty((0, 2), np.int64)
     if (last - first + 1).prod() > MOST_LENSES:
         raise InvalidValueError(
             f"the box holds some {(last - first + 1).prod():.3g} microlenses, and the limit is {MOST_LENSES}; "

@@ -17,6 +17,9 @@ from plenoptic.optics.record import ASPHERE, CONIC, FREEFORM, SPHERE, ElementRow
 from plenoptic.optics.surfaces.registry import DEPARTURES, Departure
 from plenoptic.optics.surfaces.sag_bounds import asphere_bounds
 
+STEEPEST_ASPHERE = 100.0
+"""Slope of a rim at 89.4 degrees. Real ones have a few; the search for crossings takes ever more steps."""
+
 EQUATOR_TOLERANCE = 1e-12
 """A rim that is the equator itself belongs to the surface."""
 
@@ -122,10 +125,14 @@ class Surface:
         terms = list(coefficients(self.aspheric, "aspheric", "a sequence of coefficients, of r^2 first"))
         while terms and terms[-1] == 0:
             terms.pop()
-        edge = self.semi_diameter
-        if not np.isfinite(sum(abs(a) * edge * (2 * i + 2) * edge ** min(2 * i, 200) for i, a in enumerate(terms))):
+        edge, powers = self.semi_diameter, 2.0 * np.arange(len(terms)) + 2.0
+        with np.errstate(over="ignore", invalid="ignore"):
+            slopes = (edge * np.linspace(0.0, 1.0, 65)[:, None]) ** (powers - 1.0) @ (powers * terms)
+        slope = float(np.abs(slopes).max())
+        if not slope <= STEEPEST_ASPHERE:
             raise PrescriptionError(
-                f"aspheric {tuple(terms)} gives no finite height at the semi-diameter {edge:g} mm; correct it"
+                f"aspheric {tuple(terms)} gives slopes of {slope:.3g} at the semi-diameter {edge:g} mm; they must "
+                f"be at most {STEEPEST_ASPHERE:g}: the first coefficient is that of r^2, in 1/mm"
             )
         return tuple(terms)
 

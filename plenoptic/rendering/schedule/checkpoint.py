@@ -86,6 +86,12 @@ class Checkpoint:
         if found is not None:
             progress.restore(*found)
             self._kept = int(progress.done.sum())
+            *others, here = progress.film.processors
+            if others:
+                warn(
+                    f"{str(self._path)!r} was begun on another kind of processor, {' and '.join(others)}; this is "
+                    f"{here}: the image is as good, but its bits are those of neither; stats.processors names both"
+                )
         else:
             self._write(progress)  # a file that cannot be written is better known now
 

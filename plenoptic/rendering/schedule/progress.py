@@ -209,7 +209,8 @@ class Progress:
 
     def facts(self) -> dict[str, Any]:
         """What else a checkpoint keeps."""
-        return {name: getattr(self, name) for name in (*_COUNTED, "capped", "nonfinite_paths")}
+        counted = {name: getattr(self, name) for name in (*_COUNTED, "capped", "nonfinite_paths")}
+        return counted | {"processors": self.film.processors}
 
     def restore(self, arrays: dict[str, NDArray[Any]], facts: dict[str, Any]) -> None:
         """Go on from what `arrays` and `facts` once gave."""
@@ -219,6 +220,7 @@ class Progress:
             setattr(self, name, facts[name])
         self._before, self.capped = (self.seconds, self.cpu_seconds), bool(facts["capped"])
         self.nonfinite_paths = [tuple(path) for path in facts["nonfinite_paths"]]
+        self.film.processors = tuple(dict.fromkeys([*facts.get("processors", ()), *self.film.processors]))
         self.decide()  # it may have been kept just before
 
     def _places(self, i: int) -> tuple[slice, slice]:

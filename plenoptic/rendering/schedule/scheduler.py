@@ -16,7 +16,7 @@ from plenoptic.camera.sampling.pixel_regions import cells_per_pixel
 from plenoptic.camera.sampling.record import Batch
 from plenoptic.core.lost_rays import lost_rays
 from plenoptic.core.parallel import run_in_order, thread_count
-from plenoptic.core.values import seed_number, whole
+from plenoptic.core.values import flag, seed_number, whole
 from plenoptic.core.warn import warn
 from plenoptic.errors import BlackImageWarning, BudgetWarning
 from plenoptic.rendering.context import RenderContext, render_context
@@ -68,7 +68,7 @@ def run(subject: Subject, budget: Budget, work: Work) -> Exposure:
 
         checkpoint = Checkpoint(work.checkpoint, work.checkpoint_interval)
     seed = seed_number(work.seed)
-    workers = thread_count(work.threads)
+    workers, show = thread_count(work.threads), flag(work.progress, "progress")
     region = sensor_region(camera.sensor.shape, work.region)
     if work.conditioning is not None:
         whole(work.conditioning, "conditioning", at_least=1)
@@ -92,7 +92,7 @@ def run(subject: Subject, budget: Budget, work: Work) -> Exposure:
         from plenoptic.camera.conditioning import camera_conditioning
 
         found = camera_conditioning(context.camera, region, seed=seed, rays=work.conditioning)
-    bar = ProgressBar(progress, begin[0], show=work.progress)
+    bar = ProgressBar(progress, begin[0], show=show)
     interrupted = _drive(progress, context, truth_record(camera, context.camera, kept), clock, workers, checkpoint, bar)
     reason = _reason(progress, interrupted=interrupted)
     shot = _exposure(progress, reason, subject, work, workers, found)
@@ -252,6 +252,7 @@ def _exposure(
         zero_variance=agreeing,
         stopped_by=reason,
         conditioning=conditioning,
+        processors=film.processors,
     )
     return Exposure(
         image=image,

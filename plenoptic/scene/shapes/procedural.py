@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import Floats, finite, frozen_array, length_in_mm, whole
+from plenoptic.core.values import Floats, checked_shape, coordinate, length_in_mm, positions, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.scene.geometry.mesh import Mesh
 from plenoptic.scene.lights.quad import QuadLight
@@ -17,7 +17,7 @@ from plenoptic.scene.materials.diffuse import Lambertian
 from plenoptic.scene.materials.emissive import Emissive
 from plenoptic.scene.materials.registry import Material
 from plenoptic.scene.scene import Scene
-from plenoptic.scene.shapes.targets.checker_layouts import flat_mesh, grid_corners, grid_faces
+from plenoptic.scene.shapes.targets.checker_layouts import MOST_SQUARES, flat_mesh, grid_corners, grid_faces
 
 
 def quad(corner: ArrayLike, edge_u: ArrayLike, edge_v: ArrayLike, *, material: Material | None = None) -> Mesh:
@@ -39,7 +39,7 @@ def quad(corner: ArrayLike, edge_u: ArrayLike, edge_v: ArrayLike, *, material: M
     [[0.0, 0.0, 0.0], [2.0, 1.0, 0.0]]
     """
     c, u, v = (
-        frozen_array(a, name=n, shape=(3,)) for a, n in ((corner, "corner"), (edge_u, "edge_u"), (edge_v, "edge_v"))
+        positions(a, name=n, shape=(3,)) for a, n in ((corner, "corner"), (edge_u, "edge_u"), (edge_v, "edge_v"))
     )
     uv = [[0, 0], [1, 0], [1, 1], [0, 1]]
     return Mesh(np.stack([c, c + u, c + u + v, c + v]), [[0, 1, 2], [0, 2, 3]], _or_grey(material), uv=uv)
@@ -67,7 +67,7 @@ def box(size: ArrayLike, *, center: ArrayLike = (0.0, 0.0, 0.0), material: Mater
     except (TypeError, ValueError, OverflowError):
         raise InvalidValueError(f"size of the box is {size!r}; it must be one edge or (x, y, z) in mm") from None
     edges = np.array([length_in_mm(side, "size of the box") for side in sides])
-    middle = frozen_array(center, name="center", shape=(3,))
+    middle = positions(center, name="center", shape=(3,))
     corners: list[Floats] = []
     faces: list[list[int]] = []
     uv: list[list[float]] = []
@@ -113,11 +113,12 @@ def sphere(
         around, along = segments
     except (TypeError, ValueError):
         raise InvalidValueError(f"segments is {segments!r}; it must be (around, from pole to pole)") from None
+    around, along = checked_shape((around, along), ("segments", "segments from pole to pole"), at_most=MOST_SQUARES)
     angle = np.linspace(-math.pi / 2, math.pi / 2, whole(along, "segments from pole to pole", at_least=2) + 1)
     profile = length_in_mm(radius, "radius") * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     profile[[0, -1], 0] = 0.0
     return turned(profile, segments=around, material=material).translated(
-        *frozen_array(center, name="center", shape=(3,)).tolist()
+        *positions(center, name="center", shape=(3,)).tolist()
     )
 
 
@@ -139,10 +140,10 @@ def turned(profile: ArrayLike, *, segments: int = 128, material: Material | None
     >>> cone.bounds.tolist()
     [[-1.0, 0.0, -1.0], [1.0, 2.0, 1.0]]
     """
-    line = frozen_array(profile, name="profile", shape=(None, 2))
+    line = positions(profile, name="profile", shape=(None, 2))
     if len(line) < 2 or np.any(line[:, 0] < 0):
         raise InvalidValueError("profile must have two points or more, none at a negative distance from the axis")
-    around = whole(segments, "segments", at_least=3)
+    around = whole(segments, "segments", at_least=3, at_most=MOST_SQUARES // len(line))
     angle = 2 * math.pi * np.arange(around + 1) / around
     rows = len(line)
     slope = np.gradient(line, axis=0)
@@ -195,6 +196,8 @@ def checkerboard(
     lines = []
     for extent, start in zip(extents, starts, strict=True):
         half = length_in_mm(extent, "size of the checkerboard") / 2
+        if not (extent + abs(start)) / square < MOST_SQUARES:
+            raise InvalidValueError(f"square is {square:g} mm; squares along an edge must be below {MOST_SQUARES}")
         first, last = math.floor((-half - start) / square), math.ceil((half - start) / square)
         places = np.clip(start + square * np.arange(first, last + 1), -half, half)
         kept = np.append(True, np.diff(places) > 0)
@@ -221,7 +224,7 @@ def _pair(values: tuple[float, float], name: str, wanted: str) -> tuple[float, f
         first, second = values
     except (TypeError, ValueError):
         raise InvalidValueError(f"{name} is {values!r}; it must be {wanted} in mm") from None
-    return finite(first, name), finite(second, name)
+    return coordinate(first, name), coordinate(second, name)
 
 
 def _or_grey(material: Material | None) -> Material:

@@ -363,3 +363,17 @@ def paths_in(path):
     header = json.loads(path.read_bytes().split(b"\n", 3)[2])
     _, facts = checkpoints.load_checkpoint(path, header["identity"])
     return facts["paths"]
+
+
+def test_a_checkpoint_of_another_kind_of_processor_goes_on_with_a_warning(tmp_path, monkeypatch):
+    # Bits depend on instructions: a cluster of several kinds mixed them without a word.
+    path, here = tmp_path / "shot.part", render(samples=4).stats.processors
+    assert len(here) == 1
+    with monkeypatch.context() as elsewhere:
+        elsewhere.setattr("plenoptic.core.jit.processor", lambda: "another kind")
+        assert render(samples=4, checkpoint=path).stats.processors == ("another kind",)
+    with pytest.warns(pl.errors.PlenopticWarning, match="begun on another kind of processor, another kind; this is "):
+        shot = render(samples=4, checkpoint=path)
+    assert shot.stats.processors == ("another kind", *here)
+    shot.save(tmp_path / "shot.exr")
+    assert pl.Exposure.load(tmp_path / "shot.exr").stats.processors == shot.stats.processors

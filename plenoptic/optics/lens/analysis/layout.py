@@ -23,6 +23,8 @@ from plenoptic.optics.lens.trace import traced_part
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+_MOST_RAYS = 10_000
+"""Of a field in a picture, where they are lines."""
 _LEAD = 0.35
 """Length of the rays that are drawn before the lens, over that of the lens."""
 
@@ -111,7 +113,7 @@ def layout(
     parallel = place == -math.inf
     chosen = layout_fields(lens, z_object=place, wavelength=wavelength) if fields is None else fields
     radii = checked_fields(lens, chosen, place)
-    pupil = INSIDE * fan(whole(rays, "rays", at_least=2))
+    pupil = INSIDE * fan(whole(rays, "rays", at_least=2, at_most=_MOST_RAYS))
     last, plane = float(lens.vertices[-1]), z_image
     if plane is None:
         image = image_position(lens, place, wavelength)

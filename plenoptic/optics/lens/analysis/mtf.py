@@ -13,7 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from plenoptic.core.values import (
+    MOST_POINTS,
     Floats,
+    checked_shape,
     frozen_array,
     length_in_mm,
     number,
@@ -21,7 +23,6 @@ from plenoptic.core.values import (
     positive,
     result,
     wavelength_in_nm,
-    whole,
 )
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.analysis.focus import working_f_number
@@ -105,10 +106,7 @@ def point_spread(  # noqa: PLR0913
     >>> spread.image.shape, 0 < spread.outside < 1, round(float(spread.image.sum()) + spread.outside, 12)
     ((64, 64), True, 1.0)
     """
-    try:
-        rows, columns = (whole(n, name, at_least=1) for n, name in zip(shape, ("rows", "columns"), strict=True))
-    except (TypeError, ValueError) as error:
-        raise InvalidValueError(f"shape is {shape!r}; it must be a pair (rows, columns): {error}") from None
+    rows, columns = checked_shape(shape, ("rows", "columns"), at_most=MOST_POINTS)
     spot = spot_diagram(
         lens, field=field, z_object=z_object, z_image=z_image, wavelength=wavelength, rays=rays, seed=seed
     )

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from plenoptic.core.values import Floats, finite, frozen_array, result, set_field, value
+from plenoptic.core.values import Floats, finite, frozen_array, numbers, result, set_field, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.glass.media import C_LINE, D_LINE, F_LINE
 from plenoptic.optics.lens.gaussian.marginal_and_chief import ParaxialRay, chief_ray, lagrange_invariant, marginal_ray
@@ -258,7 +258,7 @@ def chromatic_shift(
         raise InvalidValueError(f"reference is {middle:g} nm; it must be one of the wavelengths {lines.tolist()}")
     focus = np.array([image_position(lens, z_object, w) for w in lines.tolist()])
     plane, height = float(focus[np.flatnonzero(lines == middle)[0]]), np.zeros(len(lines))
-    if field == 0.0:
+    if finite(field, "field") == 0.0:
         return ChromaticShift(lines, focus, height, middle)
     if math.isinf(plane):
         raise InvalidValueError(
@@ -271,7 +271,7 @@ def chromatic_shift(
 
 
 def _checked_lines(wavelengths: Sequence[float]) -> Floats:
-    lines = np.atleast_1d(frozen_array(list(wavelengths), name="wavelengths", shape=(None,)))
+    lines = frozen_array(np.atleast_1d(numbers(wavelengths, "wavelengths")), name="wavelengths", shape=(None,))
     if len(lines) == 0:
         raise InvalidValueError("wavelengths is empty; give at least one, in nm")
     return lines

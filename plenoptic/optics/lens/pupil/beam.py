@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.sampling import sobol_points
-from plenoptic.core.values import Floats, check_kind, finite, number, seed_number, wavelength_in_nm, whole
+from plenoptic.core.values import MOST_POINTS, Floats, check_kind, finite, number, seed_number, wavelength_in_nm, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.pupil.exit_pupil import normals_of, polygon_around
@@ -92,7 +92,8 @@ def checked_point(lens: LensStack, field: Sequence[float], z_object: float) -> t
 
 def checked_wavelengths(wavelength: float | Sequence[float]) -> tuple[float, ...]:
     """One wavelength or several as a tuple, or an error."""
-    given: list[Any] = list(wavelength) if isinstance(wavelength, Sequence | np.ndarray) else [wavelength]
+    several = isinstance(wavelength, Sequence) or (isinstance(wavelength, np.ndarray) and wavelength.ndim > 0)
+    given: list[Any] = list(wavelength) if several else [wavelength]  # type: ignore[arg-type]
     if not given:
         raise InvalidValueError("wavelength is an empty sequence; give at least one, in nm")
     return tuple(wavelength_in_nm(w) for w in given)
@@ -168,7 +169,7 @@ def passing_light(
     """Light from one object point on the plane z_image, equal radiance at each wavelength."""
     if len(wavelengths) > _MOST_WAVELENGTHS:
         raise InvalidValueError(f"wavelength has {len(wavelengths)} entries; give at most {_MOST_WAVELENGTHS}")
-    count, start = whole(rays, "rays", at_least=1), seed_number(seed)
+    count, start = whole(rays, "rays", at_least=1, at_most=MOST_POINTS), seed_number(seed)
     parts = []
     for colour, wavelength in enumerate(wavelengths):
         beam = pencil(lens, field=field, z_object=z_object, wavelength=wavelength, rays=count, seed=start)

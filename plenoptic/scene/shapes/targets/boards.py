@@ -7,12 +7,22 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.core.values import Floats, finite, length_in_mm, not_negative, seed_number, whole
+from plenoptic.core.values import (
+    MOST_POINTS,
+    Floats,
+    checked_shape,
+    finite,
+    length_in_mm,
+    not_negative,
+    seed_number,
+    whole,
+)
 from plenoptic.errors import InvalidValueError
 from plenoptic.scene.materials.diffuse import Lambertian
 from plenoptic.scene.materials.registry import Material
 from plenoptic.scene.shapes.procedural import quad
 from plenoptic.scene.shapes.targets.checker_layouts import (
+    MOST_SQUARES,
     faces_around,
     flat_mesh,
     grid_corners,
@@ -63,7 +73,7 @@ def checkerboard(
     >>> board.points[0].tolist(), board.index[0].tolist()
     ([-7.0, 4.0, 0.0], [0, 0])
     """
-    columns, rows = whole(columns, "columns", at_least=2), whole(rows, "rows", at_least=2)
+    columns, rows = checked_shape((columns, rows), ("columns", "rows"), at_least=2, at_most=MOST_SQUARES)
     square, border = length_in_mm(square, "square"), not_negative(margin, "margin", "mm")
     x, y = _lines(columns, square), _lines(rows, square)
     # Rows count downwards, lines upwards.
@@ -124,8 +134,9 @@ def point_grid(
     >>> dots.points[0].tolist()
     [-8.0, 6.0, 0.0]
     """
-    columns, rows = whole(columns, "columns", at_least=1), whole(rows, "rows", at_least=1)
-    pitch, sides = length_in_mm(pitch, "pitch"), whole(sides, "sides", at_least=4)
+    columns, rows, sides = checked_shape((columns, rows, sides), ("columns", "rows", "sides"), at_most=MOST_SQUARES)
+    sides = whole(sides, "sides", at_least=4)
+    pitch = length_in_mm(pitch, "pitch")
     # A polygon of n sides has the area n / 2 sin(2 pi / n) times that of the square over the radius of its corners.
     reach = length_in_mm(radius, "radius") * math.sqrt(2 * math.pi / (sides * math.sin(2 * math.pi / sides)))
     if not reach < pitch / 2:
@@ -195,7 +206,7 @@ def random_dots(
     >>> board.meshes[0].material
     Lambertian(albedo=Texture(texels=<100 x 200 x 1 float32>, ...))
     """
-    columns, rows = whole(columns, "columns", at_least=1), whole(rows, "rows", at_least=1)
+    columns, rows = checked_shape((columns, rows), ("columns", "rows"), at_most=MOST_POINTS)
     dot, share = length_in_mm(dot, "dot"), finite(density, "density")
     if not 0 <= share <= 1:
         raise InvalidValueError(f"density is {share:g}; it must be within 0 and 1, the expected share of dark dots")

@@ -9,7 +9,7 @@ import numpy as np
 from plenoptic.core.values import finite, length_in_mm, not_negative, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.scene.materials.registry import Material
-from plenoptic.scene.shapes.targets.checker_layouts import faces_around, flat_mesh, in_plane, polygon
+from plenoptic.scene.shapes.targets.checker_layouts import MOST_SQUARES, faces_around, flat_mesh, in_plane, polygon
 from plenoptic.scene.shapes.targets.target import BRIGHT, DARK, Target
 
 
@@ -61,7 +61,7 @@ def siemens_star(
     [5.0, 0.0, 0.0]
     """
     radius, inner = length_in_mm(radius, "radius"), finite(inner_radius, "inner_radius")
-    sides, border = 2 * whole(spokes, "spokes", at_least=2), not_negative(margin, "margin", "mm")
+    sides, border = 2 * whole(spokes, "spokes", at_least=2, at_most=MOST_SQUARES), not_negative(margin, "margin", "mm")
     if not 0 <= inner < radius:
         raise InvalidValueError(
             f"inner_radius is {inner:g} mm; it must be 0 or more, and below the radius {radius:g} mm"

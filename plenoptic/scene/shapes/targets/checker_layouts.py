@@ -16,6 +16,9 @@ from plenoptic.scene.materials.registry import Material
 
 Faces = NDArray[np.int64]
 
+MOST_SQUARES = 1 << 20
+"""Of a board, or facets of a body: some 500 MB while they are made."""
+
 
 def flat_mesh(corners: ArrayLike, faces: ArrayLike, material: Material, name: str = "") -> Mesh:
     """A mesh in the plane z = 0 of those corners (n, 2) that the faces use."""

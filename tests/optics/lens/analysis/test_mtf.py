@@ -171,7 +171,7 @@ def test_a_perfect_image_falls_on_one_pixel() -> None:
         (lambda: mtf(GAUSS, [1.0], field=(0, 1.3)), "no ray from the field .* passes the lens"),
         (lambda: point_spread(GAUSS, field=(0, 1.3)), "no ray from the field .* passes the lens"),
         (lambda: point_spread(GAUSS, shape=(0, 3)), "rows is 0; it must be at least 1"),
-        (lambda: point_spread(GAUSS, shape=5), "shape is 5; it must be a pair"),
+        (lambda: point_spread(GAUSS, shape=5), r"shape is 5; it must be \(rows, columns\)"),
         (lambda: point_spread(GAUSS, pixel_size=0.0), "pixel_size is 0 mm"),
         (lambda: point_spread(GAUSS, centre=(0.0,)), "centre has shape"),
         (lambda: diffraction_mtf([1.0], f_number=0.0), "f_number is 0; it must be above 0"),

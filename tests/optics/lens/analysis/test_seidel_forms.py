@@ -94,7 +94,7 @@ def test_an_ellipsoid_collects_parallel_light(n, radius) -> None:
     k = -1 / n**2
     plain = seidel_sums(front_of_glass(n, radius, 0.1 * radius), field=0.1)
     fourth = k / (8 * radius**3)
-    for shape in ({"conic": k}, {"aspheric": (0.0, fourth)}, {"aspheric": (0.0, fourth, 1.0)}):
+    for shape in ({"conic": k}, {"aspheric": (0.0, fourth)}, {"aspheric": (0.0, fourth, radius**-5)}):
         sums = seidel_sums(front_of_glass(n, radius, 0.1 * radius, **shape), field=0.1)
         assert abs(sums.spherical[1]) <= 1e-14 * plain.spherical[1]
         assert sums.petzval[1] == plain.petzval[1]
