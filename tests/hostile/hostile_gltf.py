@@ -112,6 +112,13 @@ def postscript(folder):
     return image(uri="picture.png")(folder)
 
 
+def scans(folder):
+    from hostile_images import many_scans
+
+    (folder / "picture.jpg").write_bytes(many_scans(folder))
+    return image(uri="picture.jpg")(folder)
+
+
 def bomb(folder):
     from hostile_images import png
 
@@ -271,6 +278,7 @@ GLTF = {
         ),
         "number -1 of its 1 lights",
     ),
+    "gltf: JPEG of 20 000 scans": (scans, "JPEG file of 200[0-9]+ scans"),
     "gltf: image bomb": (bomb, "bytes of memory, while files of"),
     "gltf: one image in many colours": (many_materials, "bytes of memory, while files of"),
     "gltf: image without content": (image(), "texture of material"),

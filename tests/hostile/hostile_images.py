@@ -57,6 +57,18 @@ def jpeg(folder, side=65500):
     return content[:at] + struct.pack(">HH", side, side) + content[at + 4 :]
 
 
+def many_scans(folder):
+    """A JPEG file whose second scan comes again and again."""
+    import PIL.Image
+
+    path = folder / "made.jpg"
+    PIL.Image.new("L", (2048, 2048), 128).save(path, progressive=True)
+    content = path.read_bytes()
+    path.unlink()
+    first = content.index(b"\xff\xda", content.index(b"\xff\xda") + 2)
+    return content[:first] + content[first : content.index(b"\xff\xc4", first)] * 20_000 + content[first:]
+
+
 def webp(columns, rows):
     """A WebP file without loss and of one value: codes of one symbol take no bits."""
     size = b"\x2f" + struct.pack("<I", columns - 1 | rows - 1 << 14) + bytes.fromhex("88888800")
@@ -150,6 +162,7 @@ IMAGES = {
         NO_IMAGE,
     ),
     "image: JPEG of 65500 x 65500": (image("a.jpg", jpeg), NO_IMAGE),
+    "image: JPEG of 20 000 scans": (image("a.jpg", many_scans), "JPEG file of 200[0-9]+ scans"),
     "image: WebP of 16000 x 16000": (image("a.webp", webp(16_000, 16_000)), r"exceeds the 256 MB limit; .*FileLimits"),
     "image: PNM of 1e5 x 1e5": (image("a.ppm", b"P6 100000 100000 255\n" + bytes(64)), NO_IMAGE),
     "image: BMP of 1e5 x 1e5": (

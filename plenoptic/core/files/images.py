@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.color.srgb import Encoding, srgb_to_linear
-from plenoptic.core.files.atomic_file import check_room, replaced
-from plenoptic.core.files.reading import DEFAULT, FileLimits, allowed_memory, check_file, check_memory
+from plenoptic.core.files.atomic_file import check_room, explained, replaced
+from plenoptic.core.files.reading import DEFAULT, FileLimits, allowed_memory, check_file, check_memory, check_scans
 from plenoptic.core.values import AnyFloats, choice, file_path, whole
 from plenoptic.errors import FileError, InvalidValueError
 
@@ -281,6 +281,9 @@ def _read(path: str | os.PathLike[str], limits: FileLimits, max_pixels: int | No
 
     name = os.fspath(file_path(path))
     size = check_file(Path(name), limits)
+    with explained(Path(name), "read"), open(name, "rb") as file:
+        start = file.read(2)
+        check_scans(start + file.read() if start == b"\xff\xd8" else start, repr(name))
     wish = oiio.ImageSpec()
     wish.attribute("oiio:UnassociatedAlpha", 1)  # otherwise colours come multiplied by alpha
     # Some formats are decoded when they are opened: the library itself must know the limit, which it has for all only.

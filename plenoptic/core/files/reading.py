@@ -19,6 +19,8 @@ MEMORY = 1 << 29
 """Bytes that may come of a small file: 512 MiB. An image takes twice its float32 values while it is read."""
 EXPANSION = 1024
 """Bytes that may come of one byte of a larger file: no format of images compresses further."""
+_SCANS = 1000
+"""Scans of a JPEG file, each a passage over all pixels, of 33 bytes at least: 1.5 s for 4096 x 4096."""
 
 
 @value
@@ -101,6 +103,13 @@ def check_memory(wanted: int, what: str, size: int, limits: FileLimits) -> None:
             f"{what} would take {wanted} bytes of memory, while files of {size} bytes may take {allowed}; if you trust "
             f"them, give limits=pl.images.FileLimits(memory={wanted})"
         )
+
+
+def check_scans(content: bytes, what: str) -> None:
+    """An error where a JPEG file takes longer than any that is meant to be seen."""
+    scans = content.count(b"\xff\xda") if content.startswith(b"\xff\xd8") else 0
+    if scans > _SCANS:
+        raise FileError(f"{what} is a JPEG file of {scans} scans; at most {_SCANS} are read: save it again")
 
 
 class FileReader:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from plenoptic.core.color.srgb import Encoding
+from plenoptic.core.files.reading import check_scans
 from plenoptic.core.values import Floats
 from plenoptic.errors import FileError
 from plenoptic.scene.files.file_materials import REPLACE, colour_of, number_or_texture, times
@@ -87,6 +88,7 @@ class GltfTextures:
         if number not in self._images:
             image, file = self._file.described("images", number), self._file
             content = resource(image["uri"], file.reader) if "uri" in image else file.view(image.get("bufferView"))
+            check_scans(bytes(content), "it")
             with warnings.catch_warnings():
                 # Textures have a limit of their own.
                 warnings.simplefilter("ignore", PIL.Image.DecompressionBombWarning)
