@@ -109,10 +109,10 @@ def decode(
     apart = None if spacing is None else length_in_mm(spacing, "spacing")
     offsets = _offsets(camera, array, views, step)
     planes = raw_planes(shot, white, least)
-    index, pixel = _centres_in(camera, choice(method, CentreMethod, "method"), planes, float(offsets[-1]))
+    index, on_array, pixel = _centres_in(camera, choice(method, CentreMethod, "method"), planes, float(offsets[-1]))
     grid = resampling(array, index, apart)
     seen, error = _sampled(planes, pixel, offsets, grid, _in_own_image(camera, array, offsets))
-    return _field(camera, seen, error, offsets, grid)
+    return _field(camera, seen, error, offsets, grid, grid.mixed(np.column_stack([pixel, on_array])))
 
 
 def _checked_camera(
@@ -152,14 +152,14 @@ def _offsets(camera: PlenopticCamera, array: MicrolensArray, views: int | None, 
 
 def _centres_in(
     camera: PlenopticCamera, method: CentreMethod, planes: RawPlanes, largest: float
-) -> tuple[NDArray[np.int64], Floats]:
-    """Lattice indices (n, 2) of the microlenses of whose images the raw image may hold a view, and their pixels."""
+) -> tuple[NDArray[np.int64], Floats, Floats]:
+    """Lattice indices (n, 2) of the microlenses of whose images the raw image may hold a view, places and pixels."""
     centres = microlens_centres(camera, method, margin=largest * camera.sensor.pixel_pitch)
     first, end = np.array(planes.first), np.array(planes.first) + planes.shot.shape[:2]
     near = ((centres.pixel >= first - largest) & (centres.pixel <= end - 1 + largest)).all(axis=1)
     if not near.any():
         raise InvalidValueError("the image holds no centre of a microlens image; take a larger region")
-    return centres.index[near], centres.pixel[near]
+    return centres.index[near], centres.on_array[near], centres.pixel[near]
 
 
 def _in_own_image(camera: PlenopticCamera, array: MicrolensArray, offsets: Floats) -> NDArray[np.bool_]:
@@ -195,6 +195,7 @@ def _field(
     error: NDArray[np.float32] | None,
     offsets: Floats,
     grid: Resampling,
+    places: Floats,
 ) -> LightField:
     z, size = model_pupil(camera)
     gap = camera.stop_to_microlenses - z
@@ -210,6 +211,8 @@ def _field(
         standard_error=error,
         u=offsets,
         v=offsets,
+        pixel=places[..., :2],
+        on_array=places[..., 2:],
         exit_pupil=at_pupil,
         pupil=pupil if math.isfinite(gap) else np.full(at_pupil.shape, np.nan),
         origin=grid.origin,

@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 from plenoptic.camera.report.optics import image_plane, model_pupil
 from plenoptic.core.values import Floats, number, result
 from plenoptic.errors import InvalidValueError
+from plenoptic.truth.channels import GroundTruth, Truth
 
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera
+    from plenoptic.scene.scene import Scene
 
 
 @result
@@ -33,6 +35,10 @@ class LightField:
     u, v : (U,) and (V,) arrays
         Offsets from the centres of the microlens images along columns (to the right) and rows (down) of the raw image,
         in pixels.
+    pixel : (rows, columns, 2) array
+        Row and column of the raw image at which the central view looks, between whole ones; nan beyond its end.
+    on_array : (rows, columns, 2) array
+        x and y, in mm, where the light of the pixels passes the array.
     exit_pupil : (U, V, 2) array
         x and y, in mm, at which the light of a view passes the exit pupil, from its centre (paraxial).
     pupil : (U, V, 2) array
@@ -53,6 +59,8 @@ class LightField:
     standard_error: NDArray[np.float32] | None
     u: Floats
     v: Floats
+    pixel: Floats
+    on_array: Floats
     exit_pupil: Floats
     pupil: Floats
     origin: Floats
@@ -76,6 +84,49 @@ class LightField:
         """
         place = (self._row_of(u, len(self.u), "u"), self._row_of(v, len(self.v), "v"))
         return np.asarray(self.views[place])
+
+    def truth(self, scene: Scene, u: int = 0, v: int = 0, *, truth: Truth = Truth.ALL) -> GroundTruth:
+        """What the pixels of a view show, traced along its own rays: nothing is resampled.
+
+        A pixel's ray starts at its place in the raw image and passes its place on the array straight, as light through
+        the optical centre of a microlens does.
+
+        Parameters
+        ----------
+        scene : Scene
+        u, v : int, optional
+            Which view; see `view`.
+        truth : Truth, optional
+            What is wanted; rays between microlenses have neither MICROLENS nor OBJECT_SHARE.
+
+        Returns
+        -------
+        GroundTruth
+            Of (rows, columns) pixels. Where the view has no pixel, its state is UNKNOWN.
+
+        Raises
+        ------
+        InvalidValueError
+            Where there is no such view, or nothing of what is wanted can be had.
+
+        Examples
+        --------
+        >>> import plenoptic as pl
+        >>> lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=4.25))
+        >>> camera = pl.PlenopticCamera(lens=lens,
+        ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
+        ...     sensor=pl.Sensor(shape=(110, 154), pixel_pitch=0.01),
+        ...     stop_to_microlenses=123.3, microlenses_to_sensor=2.0)
+        >>> white = pl.render_white(camera, samples=16, progress=False)
+        >>> field = pl.lightfield.decode(white, white, views=3)
+        >>> field.truth(pl.shapes.white_plane(), 1, 0).depth[3, 3].round(9).item()
+        404.0
+        """
+        from plenoptic.truth.view_truth import truth_along
+
+        across, down = self.u[self._row_of(u, len(self.u), "u")], self.v[self._row_of(v, len(self.v), "v")]
+        on_sensor = self.camera.sensor.centre_of(self.pixel[..., 0] + down, self.pixel[..., 1] + across)
+        return truth_along(scene, self.camera, on_sensor, self.on_array, truth=truth)
 
     @property
     def centre(self) -> NDArray[np.float32]:

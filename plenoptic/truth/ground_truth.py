@@ -20,6 +20,7 @@ from plenoptic.optics.lens.record import lens_record
 from plenoptic.truth.arrays import available_truth, checked_truth, empty_truth, what_needs
 from plenoptic.truth.channels import CHANNELS, GroundTruth, Needs, Truth, channels_of
 from plenoptic.truth.lookups import listed_numbers
+from plenoptic.truth.representative_rays import PixelRays
 from plenoptic.truth.stages import SLOPE_STEP, PixelStages, TruthRecord
 
 if TYPE_CHECKING:
@@ -56,14 +57,25 @@ def truth_record(camera: PlenopticCamera, record: CameraRecord, wanted: Truth) -
 
 
 def truth_of(
-    record: CameraRecord, scene: SceneRecord | None, intersector: Intersector | None, truth: TruthRecord, pixels: Floats
+    record: CameraRecord,
+    scene: SceneRecord | None,
+    intersector: Intersector | None,
+    truth: TruthRecord,
+    pixels: Floats,
+    rays: PixelRays | None = None,
 ) -> Arrays:
-    """Ground truth of pixels with local centres (n, 2), as arrays (n, ...) by the names of `GroundTruth`."""
+    """Ground truth of pixels with local centres (n, 2), as arrays (n, ...) by the names of `GroundTruth`.
+
+    `rays` stand for all of them, if given.
+    """
     found = empty_truth(truth.wanted, (len(pixels),))
     channels = {name: filling(name) for name in found}
-    for start in range(0, len(pixels), _PIXELS):
-        part = slice(start, start + _PIXELS)
+    together = _PIXELS if rays is None else len(pixels)
+    for start in range(0, len(pixels), together):
+        part = slice(start, start + together)
         stages = PixelStages(record, scene, intersector, truth, pixels[part])
+        if rays is not None:
+            stages.rays = rays
         for name, (fill, stage) in channels.items():
             fill(found[name][part], getattr(stages, stage))
     return found

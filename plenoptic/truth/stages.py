@@ -144,7 +144,7 @@ class PixelStages:
 
     @cached_property
     def rays(self) -> PixelRays:
-        """Rays through the lens, one for each pixel."""
+        """Rays through the lens, one for each pixel; those of views are set from outside."""
         return representative_rays(self._camera, self._pixels)
 
     @cached_property
@@ -158,7 +158,7 @@ class PixelStages:
         """The rays where they start."""
         directions = np.column_stack([self.rays.aims - self.rays.starts, -self._behind])
         normal = -self._camera.parts.sensor_to_local.turn[:, 2]
-        return SensorRays(np.flatnonzero(np.isfinite(self.rays.cells[:, 0])), directions, np.ascontiguousarray(normal))
+        return SensorRays(np.flatnonzero(~self.rays.lost), directions, np.ascontiguousarray(normal))
 
     @cached_property
     def cells(self) -> LitCells:
