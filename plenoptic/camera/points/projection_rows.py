@@ -17,7 +17,7 @@ from plenoptic.optics.lens.trace import traced_by
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.listed import Lenslets, lenses_of
 
-REPLICATES = 8
+REPLICATES = 32
 """Independent scramblings of the rays of a point; errors come from their spread."""
 _RINGS = (1.0, 0.75, 0.5, 0.25, 0.0)
 """Where rays enter, as parts of the way from the middle of what a point's light enters through to its corners."""

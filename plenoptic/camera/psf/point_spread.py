@@ -30,7 +30,7 @@ def point_spread(
     *,
     rays: int = 1 << 18,
     seed: int = 0,
-    replicates: int = 8,
+    replicates: int = 32,
     threads: int | None = None,
 ) -> CameraSpread:
     """Trace the light of points through lens and microlenses and see where it lands on the sensor.

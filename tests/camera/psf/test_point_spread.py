@@ -282,7 +282,7 @@ def test_light_of_a_narrow_stop_is_the_projected_solid_angle_of_the_entrance_pup
     lens = the_lens(0.5)
     points = pl.paraxial.cardinal_points(lens)
     a, d = points.entrance_pupil_semi_diameter, points.entrance_pupil + 404.0
-    spread = point_spread(bare_camera(lens), (0, 0, -404))
+    spread = point_spread(bare_camera(lens), (0, 0, -404), replicates=8)
     # Aberrations of the pupil are of the order of (stop / focal length)^2 = 2.5e-5.
     expected = math.pi * a * a / (a * a + d * d)
     assert abs(spread.light - expected) < 5 * spread.light_error + 1e-4 * expected
@@ -295,7 +295,7 @@ def test_light_of_a_perfect_lens_is_pi_m2_sin2(z):
     # angle. For a narrow pupil it is the projected solid angle of the entrance pupil, off it by the cosines.
     lens = the_lens(20.0).with_model(pl.LensModel.PARAXIAL)
     points = pl.paraxial.cardinal_points(lens)
-    spread = point_spread(bare_camera(lens, z=z, shape=(512, 512), pitch=0.1), (0, 0, -404))
+    spread = point_spread(bare_camera(lens, z=z, shape=(512, 512), pitch=0.1), (0, 0, -404), replicates=8)
     away = points.front_focus + 404.0
     m, image = points.efl / away, points.rear_focus + points.efl**2 / away
     tangent = points.exit_pupil_semi_diameter / (image - points.exit_pupil)
@@ -362,12 +362,14 @@ def test_in_focus_plenoptic_camera_sends_a_point_once_through_each_microlens():
 
 
 def test_standard_errors_are_honest():
-    # 12 seeds: the spread of 'light' against what each reports, F-distributed with 11 and 84 degrees of freedom.
+    # 12 seeds: the spread of 'light' against what each reports, F-distributed with 11 and 372 degrees of freedom.
     camera = reference_camera()
     spreads = [point_spread(camera, (5, 3, -380), rays=1 << 12, seed=s) for s in range(12)]
     light = np.array([s.light for s in spreads])
     reported = np.mean([s.light_error**2 for s in spreads])
     assert 0.2 < light.var(ddof=1) / reported < 3.0
+    # Of 32 replicates, each variance is off by sqrt(2 / 31) = 0.25; of 8, by 0.53.
+    assert np.std([s.light_error**2 for s in spreads], ddof=1) / reported < 0.42
     pixels = np.array([s.whole() for s in spreads])
     errors = np.zeros_like(pixels)
     for error, s in zip(errors, spreads, strict=True):

@@ -34,7 +34,7 @@ class SpotDiagram:
     colour : (m,) array
         Index in `wavelengths` of each ray.
     replicate : (m,) array
-        Which of 8 independent samples each ray belongs to; errors are estimated from their differences.
+        Which of 32 independent samples each ray belongs to; errors are estimated from their differences.
     chief : (w, 2) array
         Where the chief ray of each wavelength meets the image plane, mm; NaN for one that is lost.
     field : (2,) array

@@ -25,8 +25,9 @@ from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.lens.trace import traced_part
 
-REPLICATES = 8
-"""Independent scramblings of the sampling points, from which errors are estimated."""
+REPLICATES = 32
+"""Independent scramblings of the sampling points, from which errors are estimated. From 8 of them, errors of all fields
+and wavelengths are right on average, and one in a hundred states a fifth of what it is."""
 
 _RIM = 64
 """Rays aimed at the edge of the iris."""
