@@ -14,7 +14,7 @@ from plenoptic import __version__
 from plenoptic.core.color.srgb import linear_to_srgb
 from plenoptic.core.files.reading import DEFAULT, FileLimits
 from plenoptic.core.files.serialization import describe, described_fields, restore, restored_fields
-from plenoptic.core.relative_error import relative_error
+from plenoptic.core.relative_error import lit_squares, relative_error, rests_on_few
 from plenoptic.core.values import (
     Floats,
     Given,
@@ -156,11 +156,30 @@ class Exposure:
     def relative_error(self) -> float | None:
         """The root mean square, over lit pixels, of the standard error over the value; None without standard error.
 
-        Errors and values are those of the channels together: root mean square and mean. Lit are the pixels above a
-        tenth of the 99th percentile, see `lit_pixels`. nan for an image without light or error, inf for one that has
-        error only, or pixels without samples.
+        Errors and values are those of the channels together: root mean square and mean, the latter drawn towards that
+        of neighbours as far as it is noisy. Lit are the pixels above a tenth of the 99th percentile, see `lit_pixels`.
+        nan for an image without light or error, inf for one that has error only, or pixels without samples. With
+        `rare_light` it may be far too small.
         """
         return None if self.standard_error is None else relative_error(self.image, self.standard_error)
+
+    @property
+    def rare_light(self) -> bool | None:
+        """Whether `relative_error` cannot be known: it is that of few pixels, the only ones to have met rare light.
+
+        Fewer than 8 pixels, and than a 16th of the lit ones, carry it. None without standard error.
+
+        Examples
+        --------
+        >>> import numpy as np, plenoptic as pl
+        >>> error = np.full((32, 32, 1), 0.02)
+        >>> pl.Exposure(np.ones((32, 32, 1)), standard_error=error).rare_light
+        False
+        >>> error[9, 7] = 3.0
+        >>> pl.Exposure(np.ones((32, 32, 1)), standard_error=error).rare_light
+        True
+        """
+        return None if self.standard_error is None else rests_on_few(lit_squares(self.image, self.standard_error))
 
     def develop(self, sensor: SensorModel, *, seed: int = 0) -> RawImage:
         """What a sensor reads out when exposed to this image: electrons, noise and digital numbers.
@@ -315,7 +334,8 @@ class Exposure:
         if not self.image.any():
             facts.append("black")
         elif self.relative_error is not None and self.relative_error < np.inf:
-            facts.append(f"relative error {100 * self.relative_error:.3g} %")
+            more = " or more: light is rare" if self.rare_light else ""
+            facts.append(f"relative error {100 * self.relative_error:.3g} %{more}")
         if self.truth is not None:
             facts.append(f"with {truth_names(self.truth.kinds)}")
         if self.region is not None:

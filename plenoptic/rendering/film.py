@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from plenoptic.core.relative_error import brightness, diagonal_sums
 from plenoptic.core.values import MOST_PIXELS, AnyFloats, Floats, checked_shape, frozen_array
 from plenoptic.errors import InvalidValueError
 
@@ -19,6 +20,8 @@ def replicate_counts(samples: int, replicates: int) -> NDArray[np.int64]:
 
 
 _STRIP = 256
+_REACH = 2
+"""Rows and columns from which it is known what one sample brings."""
 _LARGEST = float(np.finfo(np.float32).max)
 _ROUNDING = 16 * np.finfo(np.float64).eps
 
@@ -159,14 +162,18 @@ class Film:
     def standard_error(self, one_sample: AnyFloats | None = None) -> NDArray[np.float32] | None:
         """Standard error of the mean, (rows, columns, channels) float32; None with fewer than two replicates.
 
-        Where all replicates agree, it is `one_sample` (rows, columns), what one sample brings at most, over the number
-        of samples: a single sample could have been another.
+        Where all replicates agree, it is what one sample brings (see `brought_by_one`), at most `one_sample` (rows,
+        columns), over the number of samples: a single sample could have been another.
         """
         if self.squares is None:
             return None
         error = np.empty(self.mean.shape, dtype=np.float32)
         for rows in self._strips():
-            most = None if one_sample is None else one_sample[rows]
+            most = None
+            if one_sample is not None:
+                wide = slice(max(rows.start - _REACH, 0), rows.stop + _REACH)
+                brought = brought_by_one(self.mean[wide], self.squares[wide], *self._divided(wide), one_sample[wide])
+                most = brought[rows.start - wide.start :][: len(error[rows])]
             found = spread(self.mean[rows], self.squares[rows], *self._divided(rows), most)
             error[rows] = np.where(np.isinf(found), found, np.minimum(found, _LARGEST))
         return error
@@ -184,6 +191,27 @@ def moments(sums: Floats, counts: Floats | NDArray[np.int64]) -> tuple[Floats, F
 def agree(mean: Floats, squares: Floats, samples: float | NDArray[np.int32]) -> NDArray[np.bool_]:
     """Where replicates differ by no more than rounding."""
     return np.asarray(squares <= samples * np.square(_ROUNDING * mean))
+
+
+def brought_by_one(
+    mean: Floats,
+    squares: Floats,
+    samples: float | NDArray[np.int32],
+    freedom: float | NDArray[np.int32],
+    one_sample: AnyFloats,
+) -> Floats:
+    """What one sample that brings light brings (rows, columns): as around, and at most `one_sample`.
+
+    The mean of x weighed by light, E[x^2] / E[x], over samples x of the pixels of the same colour of a checkerboard
+    that are up to two away, where x is in units of what their samples bring at most. `one_sample` where all are dark.
+    """
+    light = brightness(mean)
+    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+        second = light * light + np.where(np.asarray(freedom) > 0, squares / freedom, 0.0).mean(axis=-1)
+        second = np.divide(second, one_sample, out=np.zeros_like(light), where=one_sample > 0)
+        for _ in range(2):
+            light, second = light + diagonal_sums(light), second + diagonal_sums(second)
+        return np.asarray(one_sample * np.where(light > 0, np.fmin(second / light, 1.0), 1.0))
 
 
 def spread(

@@ -60,7 +60,8 @@ def render(  # noqa: PLR0913
         Wanted `Exposure.relative_error`, such as 0.02: the root mean square of the relative standard errors of lit
         pixels. Tiles end when their own lit pixels are as good, after steps that add a quarter; which
         pixels go on is decided by the errors of others, so that stopping does not bias the image. Needs at least 8
-        replicates and two pixels. Errors above some 10 % are too small where light comes by rare paths.
+        replicates and two pixels. Where light is too rare to know the error (`Exposure.rare_light`), the render goes
+        on to `samples` or `time_limit`, with neither to 4096 samples.
     region : (slice, slice), optional
         Rows and columns of the sensor, such as ``np.s_[256:384, 192:320]``; the same bits as in the whole image.
     seed : int

@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 class StopReason(enum.IntEnum):
     """Why a render ended: with all its samples, after its time, at its error, or because it was interrupted.
 
-    TARGET_MISSED: neighbours' errors said that it was enough, and the image's own is more than 1.25 times the target.
+    TARGET_MISSED: neighbours' errors said that it was enough, and the image's own is more than 1.25 times the target,
+    or is not known, because light is rare (`Exposure.rare_light`).
 
     Examples
     --------

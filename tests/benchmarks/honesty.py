@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import sys
 from collections.abc import Iterator
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -15,10 +17,14 @@ from table import Table
 import plenoptic as pl
 from plenoptic.truth.channels import Truth
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "validation"))
+import mitsuba_scenes as scenes  # noqa: E402
+
 REFERENCE_SEED = 1_000_003
 REPLICATES = 16
 TARGETS = {"white": 0.02, "`check`": 0.02, "room, 8 bounces": 0.02, "`objects`: beside the cube": 0.15}
 LIT = 0.1  # of the reference's 99th percentile of channel means
+FILM_TARGET = 0.1
 STUDENT = 2.13145  # 95 % of Student's t distribution with 15 degrees of freedom lie within
 
 
@@ -57,6 +63,29 @@ def tables(*, quick: bool) -> Iterator[Table]:
     )
     columns = ("scene", "target %", "stated error %", "true error %", "samples, mean", *shared)
     yield Table("The same with a target error", columns, adaptive, [remark])
+    yield _reported(quick=quick)
+
+
+def _reported(*, quick: bool) -> Table:
+    """What an exposure says of its own error, on films that show whole scenes."""
+    side, seeds, converged = (16, 2, 256) if quick else (64, 24, 1 << 14)
+    rows: list[tuple[object, ...]] = []
+    for film in films(side):
+        truth = Converged(film, converged)
+        budgets: list[dict[str, object]] = [{"samples": n} for n in ((32,) if quick else (32, 128))]
+        budgets.append({"target_error": 0.5 if quick else FILM_TARGET})
+        for budget in budgets:
+            found = honesty(truth, range(seeds), replicates=8, **budget)
+            name = "samples" if "samples" in budget else f"target {100 * float(str(budget['target_error'])):g} %"
+            ratio = f"{found.stated / found.error:.3f}"
+            errors = (f"{100 * found.error:.2f}", f"{100 * found.stated:.2f}", ratio)
+            rows.append((film.name, name, round(found.samples), *errors, round(found.rare * seeds)))
+    remark = (
+        f"{side} x {side} pixels, 8 replicates, {seeds} seeds a row, references of {converged} samples. RMS over seeds "
+        "and lit pixels of the reference. Rare: how many exposures say that light is too rare to know their error."
+    )
+    columns = ("scene", "ends by", "samples", "true error %", "reported %", "reported over true", "rare")
+    return Table("What exposures report", columns, rows, [remark])
 
 
 def _cells(found: Honesty) -> tuple[object, ...]:
@@ -95,6 +124,8 @@ class Honesty(NamedTuple):
     """The same where the true standard error is at least mean / n."""
     spread: float
     """Share of these pixels."""
+    rare: float
+    """Share of the exposures whose light is too rare."""
 
 
 def room() -> pl.Scene:
@@ -141,6 +172,41 @@ def subjects(side: int) -> list[Subject]:
     ]
 
 
+def films(side: int) -> list[Subject]:
+    """Scenes by a thin lens, each on a whole small film, and parts of the reference camera's."""
+    camera, whole = scenes.camera(pixel_pitch=7.2 / side), np.s_[:side, :side]
+    camera = dataclasses.replace(camera, sensor=pl.Sensor((side, side), 7.2 / side))
+    plenoptic, middle = reference.camera(), np.s_[224 : 224 + side, 224 : 224 + side]
+    return [
+        Subject("white", None, plenoptic, middle),
+        Subject("`check`", pl.check_scene(), plenoptic, middle),
+        Subject("many lights", scenes.many_lights(), camera, whole),
+        Subject("textures, environment", textures(), camera, whole),
+        Subject("glass", scenes.glass(), camera, whole),
+        Subject("`objects`", scenes.objects(), camera, whole),
+        Subject("`objects`, plenoptic", pl.objects_scene(), plenoptic, middle),
+        Subject("caustic", caustic(16.0, 5.0), camera, whole),
+        Subject("rare caustic", caustic(2.0, 300.0), camera, whole),
+    ]
+
+
+def textures() -> pl.Scene:
+    """Texels of two sizes under a sky with a bright spot."""
+    rng = np.random.default_rng(4)
+    coarse, fine = (pl.Texture(rng.uniform(0, 1, (n, n + 2, 3))) for n in (5, 40))
+    picture = pl.quad((-20, -20, -8), (40, 0, 0), (0, 40, 0), material=pl.Lambertian(fine))
+    block = scenes.tilted_box(8, (4, -3, 0), pl.Lambertian(coarse))
+    sky = pl.EnvironmentMap(scenes.sky_map(64)).rotated((1, 2, 3), 0.4)
+    return pl.Scene([picture, block, scenes.floor()], background=sky)
+
+
+def caustic(side: float, radiance: float) -> pl.Scene:
+    """A glass ball between a square lamp and matt planes: paths find the lamp through it by chance alone."""
+    ball = pl.sphere(4.0, center=(0, -3, 0), segments=(128, 64), material=pl.Dielectric(1.5))
+    lamp = pl.QuadLight.facing((-10, 30, 5), (0, -3, 0), (side, side), radiance=radiance)
+    return pl.Scene([ball, scenes.wall((0.7, 0.6, 0.5)), scenes.floor(0.7)], [lamp])
+
+
 class Converged:
     """The truth about a crop, as far as many samples of another seed tell."""
 
@@ -162,7 +228,7 @@ def expose(subject: Subject, **settings: object) -> pl.Exposure:
 
 def honesty(truth: Converged, seeds: range, **budget: object) -> Honesty:
     """Errors of renderings with these seeds. Which pixels spread is judged by the other half of the seeds."""
-    shots = [expose(truth.subject, seed=seed, replicates=REPLICATES, **budget) for seed in seeds]
+    shots = [expose(truth.subject, seed=seed, **{"replicates": REPLICATES, **budget}) for seed in seeds]
     errors = np.array([(shot.image - truth.image)[truth.lit] for shot in shots])
     stated = np.array([np.square(shot.standard_error, dtype=np.float64)[truth.lit] for shot in shots])
     counts = np.array([counts_of(shot)[truth.lit] for shot in shots])[..., None]
@@ -195,6 +261,7 @@ def honesty(truth: Converged, seeds: range, **budget: object) -> Honesty:
         covered=float(inside.mean()),
         covered_spread=float(inside[spread].mean()) if spread.any() else math.nan,
         spread=float(spread.mean()),
+        rare=float(np.mean([bool(shot.rare_light) for shot in shots])),
     )
 
 

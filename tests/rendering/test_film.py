@@ -150,5 +150,21 @@ def test_agreement_is_no_certainty(value: float, counts: list[int]) -> None:
     film = pl.rendering.Film((1, 1, 1), counts=np.array(counts))
     film.add(0, 0, (value * np.array(counts)).reshape(1, 1, -1, 1))
     assert film.agreeing().all()
-    one_sample = np.full((1, 1), 3.0)
-    assert film.standard_error(one_sample)[0, 0, 0] == pytest.approx(3.0 / sum(counts))
+    # A sample of a pixel that has light brings what the others did; of one that has none, what it brings at most.
+    brought = min(value, 3.0) if value > 0 else 3.0
+    assert film.standard_error(np.full((1, 1), 3.0))[0, 0, 0] == pytest.approx(brought / sum(counts))
+
+
+def test_what_one_sample_brings_is_known_from_pixels_around() -> None:
+    # Dark, but for one in eight samples of the four pixels beside its corners, which brings 16: with the mean m = 2 and
+    # the variance of a sample 32, E[x^2] / E[x] is 18.
+    film = pl.rendering.Film((9, 3, 1), counts=np.ones(8))
+    sums = np.zeros((9, 3, 8, 1))
+    sums[:3:2, ::2, 3] = 16.0
+    sums[1, 0] = 1e6  # of the other colour of a checkerboard, which must know nothing of this one
+    film.add(0, 0, sums)
+    error = film.standard_error(np.full((9, 3), 1e9))[..., 0]
+    assert error[1, 1] == pytest.approx(18.0 / 8)
+    # Where a sample weighs less, it brings less; where all is dark around, it may be the brightest.
+    assert film.standard_error(np.full((9, 3), 17.0))[1, 1, 0] == pytest.approx(17.0 / 8)
+    assert error[8, 1] == pytest.approx(1e9 / 8)

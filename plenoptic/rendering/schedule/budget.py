@@ -14,6 +14,8 @@ _START = 4
 """Samples of each replicate before anything is decided."""
 _PART = 0.6
 """Of what fits into a time limit: how fast the rest will go is not known exactly."""
+ENOUGH_OF_RARE = 1 << 12
+"""Samples up to which it is tried to know the error of rare light, where neither samples nor a time limit is given."""
 MAX_SAMPLES = (1 << 31) - 1
 """Of a pixel: they are counted in 32 bits, and Sobol points end at 2^32 of a replicate."""
 
@@ -41,6 +43,11 @@ class Budget(NamedTuple):
     def enough(self) -> int:
         """Samples from which on errors are looked at."""
         return min(_START * self.replicates, self.max_samples)
+
+    @property
+    def enough_of_rare(self) -> int:
+        """Samples from which on an error counts that rests on few pixels."""
+        return ENOUGH_OF_RARE if self.samples is None and self.time_limit is None else self.max_samples
 
     def following(self, done: int) -> int:
         """How many samples there are after the next step: at most a quarter more.

@@ -8,7 +8,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.core.relative_error import brightness, lit_level, relative_error, relative_squares
+from plenoptic.core.relative_error import (
+    brightness,
+    expected_brightness,
+    lit_level,
+    lit_squares,
+    relative_error,
+    relative_squares,
+    rests_on_few,
+)
 from plenoptic.core.values import Floats
 from plenoptic.rendering.film import Film, replicate_counts, spread
 from plenoptic.rendering.schedule.budget import Budget
@@ -39,8 +47,8 @@ class Progress:
     is to be decided upon, do not count in its image.
 
     Which pixels are lit is found anew before each round of decisions: for one colour, from what its pixels had when the
-    other one was last decided upon, so that this too is independent of what is decided. Brightness counts there less
-    its standard error, or the few first pixels that have met a rare bright path would make all others dark.
+    other one was last decided upon, so that this too is independent of what is decided. Where the error of all of a
+    colour rests on few pixels, light is rare, no tile knows whether it has met it, and the other colour goes on.
     """
 
     def __init__(
@@ -74,7 +82,7 @@ class Progress:
         self.open = np.ones((len(tiles), 2), dtype=bool)
         """Whether the pixels of each colour of a tile go on."""
         self.seen = None if budget.target_error is None else np.zeros((2, *shape[:2]))
-        """Brightness and squared relative error of pixels, while the other colour of their tile goes on."""
+        """Brightness and squared standard error of pixels, while the other colour of their tile goes on."""
         self.capped = False
         """Whether some pixels ended with all their samples."""
         self.nonfinite_paths: list[tuple[int, int, int]] = []
@@ -139,38 +147,42 @@ class Progress:
         if self.seen is None or (self.done < self.budget.enough)[going].any():
             self.goal[going] = [self.budget.within(int(done), affordable) for done in self.done[going]]
             return
-        colours = np.add.outer(*(np.arange(length) for length in self.seen.shape[1:])) + sum(self.region[:2])
-        bright, squares = self.seen
-        surely = np.maximum(bright * (1.0 - np.sqrt(squares)), 0.0)
-        levels = [lit_level(surely[colours % 2 == colour]) for colour in range(2)]
+        expected = expected_brightness(*self.seen)
+        colours = (np.add.outer(*map(np.arange, expected.shape)) + sum(self.region[:2])) % 2
+        lit = np.zeros(expected.shape, dtype=bool)
+        squares, rare = relative_squares(expected, self.seen[1]), []
+        for colour in range(2):
+            own = colours == colour
+            lit |= own & (expected > lit_level(expected[own]))
+            rare.append(rests_on_few(squares[own & lit]))
         for i in np.flatnonzero(going):
-            self._decide(int(i), levels)
+            self._decide(int(i), np.where(lit, squares, np.nan), rare)
 
     def _look(self, i: int, mean: Floats, squares: Floats) -> None:
         """Keep how bright and how good pixels are, where the other colour is yet to be decided upon."""
         assert self.seen is not None and self.one_sample is not None
         at, done = self._places(i), int(self.done[i])
         freedom = min(done, self.budget.replicates) - 1
-        error = spread(mean, squares, float(done), float(freedom), self.one_sample[at])
-        where = self.open[i][1 - _colours(self.tiles[i])]
         bright = brightness(mean)
+        # What one sample brings is known from the pixel itself: where it is 0, the pixel is not lit.
+        error = spread(mean, squares, float(done), float(freedom), bright)
+        where = self.open[i][1 - _colours(self.tiles[i])]
         self.seen[0][at][where] = bright[where]
-        self.seen[1][at][where] = relative_squares(bright, error)[where]
+        self.seen[1][at][where] = np.mean(np.square(error), axis=-1)[where]
 
-    def _decide(self, i: int, levels: list[float]) -> None:
-        """Close the colours of a tile whose other colour is as good as wanted."""
+    def _decide(self, i: int, squares: Floats, rare: list[bool]) -> None:
+        """Close the colours of a tile whose other colour is as good as wanted; squares are nan where it is not lit."""
         target, done = self.budget.target_error, int(self.done[i])
-        assert target is not None and self.seen is not None
-        rows, columns = self._places(i)
-        bright, squares = self.seen[:, rows, columns]
-        colours = _colours(self.tiles[i])
+        assert target is not None
+        here, colours = squares[self._places(i)], _colours(self.tiles[i])
         going = []
         for colour in range(2):
-            lit = (colours == 1 - colour) & (bright > levels[1 - colour])
-            found = float(np.sqrt(np.mean(squares[lit]))) if lit.any() else 0.0
-            self.open[i, colour] &= found > target
+            others = here[(colours == 1 - colour) & ~np.isnan(here)]
+            found = float(np.sqrt(np.mean(others))) if others.size else 0.0
+            unknown = rare[1 - colour] and others.size > 0
+            self.open[i, colour] &= done < self.budget.enough_of_rare if unknown else found > target
             if self.open[i, colour]:
-                going.append(found)
+                going.append(0.0 if unknown else found)  # nothing is to be gained by the error of few pixels
         self.goal[i] = self.budget.following(done)
         if going:
             start = min(self.budget.start_towards(done, found) for found in going)
@@ -178,13 +190,22 @@ class Progress:
 
     def error(self) -> float | None:
         """Relative error over lit pixels until now; None without standard errors."""
+        errors = self._errors()
+        return None if errors is None else relative_error(self.film.mean, errors)
+
+    def rests_on_few(self) -> bool:
+        """Whether this error is that of few pixels, because light is rare."""
+        errors = self._errors()
+        return errors is not None and rests_on_few(lit_squares(self.film.mean, errors))
+
+    def _errors(self) -> NDArray[np.float32] | None:
+        """Standard errors, nan where a tile is to come; None where there are none."""
         errors = self.film.standard_error(self.one_sample)
         if errors is None or not self.done.any():
             return None
-        if self.film.sample_counts is None:
-            return relative_error(self.film.mean, errors)  # tiles that are to come are dark
-        begun = self.film.sample_counts > 0
-        return relative_error(self.film.mean[begun], errors[begun])
+        if self.film.sample_counts is not None:
+            errors[self.film.sample_counts == 0] = np.nan
+        return errors  # without counts, tiles that are to come are dark
 
     def sample_counts(self) -> NDArray[np.int32] | None:
         """(rows, columns): samples of each pixel that are in the image; None where they are all of the budget's."""

@@ -84,6 +84,8 @@ def run(subject: Subject, budget: Budget, work: Work) -> Exposure:
     progress = _progress(context, budget, region, tiles, kept, clock, begin)
     if checkpoint is not None:
         facts: dict[str, object] = {"seed": seed, "samples": budget.samples, "target_error": budget.target_error}
+        if budget.target_error is not None:
+            facts["decided by"] = "errors over expected brightness"  # what is kept for decisions, and how they are made
         facts |= {"time_limit": None if budget.time_limit is None else "given", "replicates": budget.replicates}
         facts |= {"region": region, "truth": kept, "settings": subject.settings, "tile_side": side}
         checkpoint.resume(progress, context.scene, camera, facts)
@@ -211,13 +213,20 @@ def _reason(progress: Progress, *, interrupted: bool) -> StopReason:
         return StopReason.TIME_LIMIT
     if progress.capped or target is None:
         return StopReason.SAMPLES
-    reached = progress.error()
-    if reached is None or not _MISSED * target < reached:  # nan where nothing can be lit
+    reached, rare = progress.error(), progress.rests_on_few()
+    if reached is None or not (rare or _MISSED * target < reached):  # nan where nothing can be lit
         return StopReason.TARGET_ERROR
-    if reached < math.inf:  # otherwise the image is black, of which there is a warning of its own
+    wanted = f"{100 * target:.2g} %"
+    if rare:
         warn(
-            f"the error reached is {100 * reached:.2g} % instead of {100 * target:.2g} %: light comes by rare paths, "
-            "or too few pixels are lit to decide for each other; give samples",
+            f"light is so rare that few pixels have met it: the error is {100 * reached:.2g} % or more, and whether it "
+            f"is {wanted} is not known; give samples, a larger lamp or caustics=pl.rendering.Caustics.LEFT_OUT",
+            BudgetWarning,
+        )
+    elif reached < math.inf:  # otherwise the image is black, of which there is a warning of its own
+        warn(
+            f"the error reached is {100 * reached:.2g} % instead of {wanted}: light comes by rare paths, or too few "
+            "pixels are lit to decide for each other; give samples",
             BudgetWarning,
         )
     return StopReason.TARGET_MISSED

@@ -149,7 +149,10 @@ def test_what_has_stopped_is_what_so_many_samples_give():
         there = shot.sample_counts == samples
         plain = white(region, samples=int(samples))
         assert np.array_equal(shot.image[there], plain.image[there])
-        assert np.array_equal(shot.standard_error[there], plain.standard_error[there])
+        # Where replicates agree, what a sample brings is known from neighbours, which may have other numbers of them.
+        other = shot.standard_error[there] != plain.standard_error[there]
+        assert np.count_nonzero(other) <= plain.stats.zero_variance
+        np.testing.assert_allclose(shot.standard_error[there], plain.standard_error[there], rtol=0.1)
 
 
 def test_stopping_does_not_depend_on_threads():

@@ -178,15 +178,39 @@ def test_dark_tiles_end_at_once() -> None:
 
 def test_a_few_bright_paths_do_not_make_all_other_pixels_dark() -> None:
     # A pixel of each colour has met something a million times as bright, in one replicate of eight.
-    tiles = [TILE, Tile(0, 2, 2, 2)]
-    state = progress(tiles, (2, 4), target=0.1)
-    rare = noisy(0, 32) + noisy(1, 32) - 32 / REPLICATES
-    state.take(1, result(tiles[1], rare, 0, 32))
-    rare = rare.copy()
+    tiles = [Tile(row, column, 2, 2) for row in range(0, 8, 2) for column in range(0, 8, 2)]
+    state = progress(tiles, (8, 8), target=0.1)
+    plain = noisy(0, 32) + noisy(1, 32) - 32 / REPLICATES
+    rare = plain.copy()
     rare[0, :, 0] = 1e6
-    state.take(0, result(TILE, rare, 0, 32))
+    for i, tile in enumerate(tiles):
+        state.take(i, result(tile, rare if (tile.row, tile.column) == (4, 4) else plain, 0, 32))
     state.decide()
     assert state.open.all()
+
+
+def rare_light(value: float) -> Progress:
+    """Four tiles of 32 x 32 pixels, all as good as wanted but one of each colour, which has met a bright path."""
+    side = 32
+    tiles = [Tile(row, column, side, side) for row in (0, side) for column in (0, side)]
+    state = progress(tiles, (2 * side, 2 * side), target=0.3)
+    sums = np.tile(noisy(0, 32) + noisy(1, 32) - 32 / REPLICATES, (side // 2, side // 2, 1, 1))
+    for i, tile in enumerate(tiles):
+        met = sums.copy()
+        met[8, 8:10, 0] += value if i == 1 else 0.0
+        state.take(i, result(tile, met, 0, 32))
+    state.decide()
+    return state
+
+
+def test_where_the_error_rests_on_few_pixels_all_tiles_go_on() -> None:
+    assert not rare_light(0.0).open.any()
+    state = rare_light(1e4)
+    assert state.open.all() and state.rests_on_few()
+    # Until there are 4096 samples, or as many as were asked for.
+    assert state.budget.enough_of_rare == 4096
+    assert Budget(64, None, 0.3, REPLICATES).enough_of_rare == 64
+    assert Budget(None, 1.0, 0.3, REPLICATES).enough_of_rare > 1 << 30
 
 
 def test_stopping_by_the_other_colour_does_not_bias() -> None:

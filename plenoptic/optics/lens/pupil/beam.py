@@ -41,7 +41,7 @@ _PARTS_OF_IRIS = (1.0, 0.9, 0.7, 0.5, 0.3, 0.1)
 
 
 class Pencil(NamedTuple):
-    """Rays from one object point, before and behind the lens, in `REPLICATES` equal parts one after the other."""
+    """Rays from one object point, before and behind the lens, in equal parts one after the other, the replicates."""
 
     entering: RayBundle
     leaving: RayBundle
@@ -108,9 +108,16 @@ def meridian(field: Sequence[float] | Floats) -> Floats:
 
 
 def pencil(
-    lens: LensStack, *, field: tuple[float, float], z_object: float, wavelength: float, rays: int, seed: int
+    lens: LensStack,
+    *,
+    field: tuple[float, float],
+    z_object: float,
+    wavelength: float,
+    rays: int,
+    seed: int,
+    replicates: int = REPLICATES,
 ) -> Pencil | None:
-    """At least `rays` rays (a multiple of `REPLICATES`) from one object point; None where no ray reaches the iris.
+    """At least `rays` rays (a multiple of `replicates`) from one object point; None where no ray reaches the iris.
 
     Each carries the same light: of an object at infinity they are spread evenly over the cross section of the beam, and
     of a finite one evenly over the direction cosines, as a Lambertian patch of the object plane sends them.
@@ -129,8 +136,8 @@ def pencil(
         return None
     launch = _launch(aimed, finite_object=math.isfinite(z_object))
     corners = _grown(lens, launch, _outline(launch.coordinates(aimed)))
-    each = -(-rays // REPLICATES)
-    uniform = np.concatenate([sobol_points(each, seed=seed, replicate=k)[:, :2] for k in range(REPLICATES)])
+    each = -(-rays // replicates)
+    uniform = np.concatenate([sobol_points(each, seed=seed, replicate=k)[:, :2] for k in range(replicates)])
     points, extent = _filled(corners, uniform)
     entering = launch.rays(points)
     return Pencil(entering, lens.trace(entering), lens.trace(chief), extent)
@@ -148,9 +155,9 @@ class PassingLight(NamedTuple):
     colour: NDArray[np.uint8] = np.empty(0, np.uint8)
     """(m,) which wavelength."""
     replicate: NDArray[np.uint8] = np.empty(0, np.uint8)
-    """(m,) which of the `REPLICATES`."""
+    """(m,) which of the replicates."""
     through_iris: Floats = np.zeros(REPLICATES)
-    """(REPLICATES,) light that passes the iris where nothing else stops or dims it."""
+    """(replicates,) light that passes the iris where nothing else stops or dims it."""
     chief: Floats = np.full((1, 2), np.nan)
     """(wavelengths, 2) where the chief rays meet the image plane in mm; NaN for those that are lost."""
     emitted: int = 0
@@ -166,6 +173,7 @@ def passing_light(
     wavelengths: tuple[float, ...],
     rays: int,
     seed: int,
+    replicates: int = REPLICATES,
 ) -> PassingLight:
     """Light from one object point on the plane z_image, equal radiance at each wavelength."""
     if len(wavelengths) > _MOST_WAVELENGTHS:
@@ -173,21 +181,23 @@ def passing_light(
     count, start = whole(rays, "rays", at_least=1, at_most=MOST_POINTS), seed_number(seed)
     parts = []
     for colour, wavelength in enumerate(wavelengths):
-        beam = pencil(lens, field=field, z_object=z_object, wavelength=wavelength, rays=count, seed=start)
-        parts.append(PassingLight() if beam is None else _passing_part(lens, beam, z_image, colour))
+        drawn = {"rays": count, "seed": start, "replicates": replicates}
+        beam = pencil(lens, field=field, z_object=z_object, wavelength=wavelength, **drawn)
+        dark = PassingLight(through_iris=np.zeros(replicates))
+        parts.append(dark if beam is None else _passing_part(lens, beam, z_image, colour, replicates))
     rows = ("points", "slopes", "weight", "colour", "replicate", "chief")
     joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in rows}
     through_iris = np.array([part.through_iris for part in parts]).sum(axis=0)
     return PassingLight(**joined, through_iris=through_iris, emitted=sum(part.emitted for part in parts))
 
 
-def _passing_part(lens: LensStack, beam: Pencil, z_image: float, colour: int) -> PassingLight:
+def _passing_part(lens: LensStack, beam: Pencil, z_image: float, colour: int, replicates: int) -> PassingLight:
     out, passes = beam.leaving, np.flatnonzero(beam.leaving.status == 0)
     direction, origin = out.direction[passes], out.origin[passes]
     slopes = direction[:, :2] / direction[:, 2:]
     each = beam.extent / len(out)
-    replicate = np.repeat(np.arange(REPLICATES, dtype=np.uint8), len(out) // REPLICATES)
-    through_iris = np.bincount(replicate, weights=each * light_at_iris(lens, beam), minlength=REPLICATES)
+    replicate = np.repeat(np.arange(replicates, dtype=np.uint8), len(out) // replicates)
+    through_iris = np.bincount(replicate, weights=each * light_at_iris(lens, beam), minlength=replicates)
     return PassingLight(
         points=origin[:, :2] + (z_image - origin[:, 2:]) * slopes,
         slopes=slopes,
