@@ -17,8 +17,8 @@ TEXT_SIZE = 1 << 22
 """Bytes of a lens file or a catalogue of glasses: 4 MiB, some hundred times what the largest have."""
 MEMORY = 1 << 29
 """Bytes that may come of a small file: 512 MiB. An image takes twice its float32 values while it is read."""
-EXPANSION = 1024
-"""Bytes that may come of one byte of a larger file: no format of images compresses further."""
+EXPANSION = 256
+"""Bytes that may come of one byte of a larger file: those of good photographs, as JPEG, are some 200."""
 _SCANS = 1000
 """Scans of a JPEG file, each a passage over all pixels, of 33 bytes at least: 1.5 s for 4096 x 4096."""
 
@@ -37,7 +37,7 @@ class FileLimits:
     file_size : int
         Bytes of a file, together with all that it names.
     memory : int
-        Bytes that images, triangles and their copies may take. 1024 times the size of the files where that is more.
+        Bytes that images, triangles and their copies may take. 256 times the size of the files where that is more.
 
     Raises
     ------
