@@ -87,7 +87,7 @@ def load_file(
         Replaces all materials of the file, which are not looked at then.
     limits : FileLimits
         Where other files may lie that this one names, and how much it may ask for: by default they lie beside or below
-        it, and what it becomes takes at most 512 MiB, or 1024 times its size.
+        it, and what it becomes takes at most 512 MiB, or 256 times its size.
 
     Raises
     ------
