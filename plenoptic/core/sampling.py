@@ -42,5 +42,5 @@ def sobol_points(n: int, *, seed: int = 0, pixel: int = 0, replicate: int = 0, s
     points = np.empty((whole(n, "n", at_least=0, at_most=MOST_POINTS), DIMENSIONS))
     others = {"pixel": pixel, "replicate": replicate, "set_number": set_number}
     keys = [whole(k, name, at_least=0) for name, k in others.items()]
-    fill_points(points, seed_number(seed), *keys)
+    fill_points(points, np.uint64(seed_number(seed)), *keys)
     return points

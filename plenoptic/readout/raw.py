@@ -13,7 +13,17 @@ from plenoptic.core.files import images
 from plenoptic.core.files.preview import html_figure
 from plenoptic.core.files.reading import DEFAULT, FileLimits
 from plenoptic.core.files.serialization import described_fields, restored_fields
-from plenoptic.core.values import Floats, Given, check_kind, file_path, seed_number, set_field, value, whole
+from plenoptic.core.values import (
+    Floats,
+    Given,
+    check_kind,
+    file_path,
+    plain_array,
+    seed_number,
+    set_field,
+    value,
+    whole,
+)
 from plenoptic.errors import FileError, InvalidValueError
 from plenoptic.optics.sensor.color_filter import BayerPattern, Filters, channels_of
 from plenoptic.optics.sensor.demosaic import DemosaicMethod, demosaiced
@@ -255,7 +265,7 @@ class RawImage:
 
 
 def _checked_data(given: Any, model: SensorModel) -> NDArray[Any]:
-    data = np.array(given)
+    data = plain_array(given, "data").copy()
     if data.ndim not in (2, 3) or data.size == 0 or data.shape[2:] not in ((), (3,)) or data.dtype.kind not in "iuf":
         raise InvalidValueError(
             f"data has shape {data.shape} and type {data.dtype}; it must be numbers (H, W) or (H, W, 3), not empty"

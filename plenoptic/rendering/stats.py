@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from plenoptic.core.lost_rays import Lost, by_cause, checked_lost, in_words
-from plenoptic.core.values import choice, finite, frozen_array, not_negative, set_field, value, whole
+from plenoptic.core.values import choice, finite, frozen_array, not_negative, plain_array, set_field, value, whole
 from plenoptic.errors import InvalidValueError
 
 if TYPE_CHECKING:
@@ -109,9 +109,9 @@ class RenderStats:
         for name in ("seconds", "cpu_seconds"):
             set_field(self, name, not_negative(getattr(self, name), name, "s"))
         set_field(self, "stopped_by", choice(self.stopped_by, StopReason, "stopped_by"))
-        paths = frozen_array(
-            self.nonfinite_paths or np.empty((0, 3)), name="nonfinite_paths", shape=("n", 3), dtype=np.int64
-        )
+        paths = plain_array(self.nonfinite_paths, "nonfinite_paths")
+        paths = paths if paths.size else np.empty((0, 3))
+        paths = frozen_array(paths, name="nonfinite_paths", shape=("n", 3), dtype=np.int64)
         set_field(self, "nonfinite_paths", tuple((row, column, sample) for row, column, sample in paths.tolist()))
         least_of = {"paths": 0, "paths_through_lens": 0, "nonfinite": 0, "zero_variance": 0, "threads": 1}
         for name, least in least_of.items():

@@ -94,7 +94,9 @@ def template_array(
         return microlenses
     if choice(lattice, Lattice, "lattice") in (Lattice.RECTANGULAR, Lattice.FREE):
         raise InvalidValueError(f"lattice is {lattice!r}, which needs more than a pitch; give microlenses")
-    return MicrolensArray(pitch=pitch or 1.0, focal_lengths=(focal_length or 1.0,), lattice=lattice)
+    pitch = 1.0 if pitch is None else length_in_mm(pitch, "pitch")
+    focal_length = 0.0 if focal_length is None else finite(focal_length, "focal_length")
+    return MicrolensArray(pitch=pitch, focal_lengths=(focal_length or 1.0,), lattice=lattice)
 
 
 def checked_numbers(numbers: dict[str, float | None]) -> Numbers:

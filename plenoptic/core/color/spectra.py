@@ -13,6 +13,7 @@ from plenoptic.core.values import (
     Floats,
     check_kind,
     frozen_array,
+    numbers,
     positive,
     read_only,
     set_field,
@@ -189,10 +190,7 @@ def rgb_to_spectrum(rgb: ArrayLike, wavelengths: ArrayLike) -> Floats:
     >>> pl.sensor.rgb_to_spectrum((0.5, 0.5, 0.5), [450.0, 550.0])
     array([0.5, 0.5])
     """
-    try:
-        colours = np.asarray(rgb, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InvalidValueError(f"rgb is not an array of numbers: {error}") from None
+    colours = numbers(rgb, "rgb")
     if colours.ndim == 0 or colours.shape[-1] != 3:
         raise InvalidValueError(f"rgb has shape {colours.shape}; its last axis must be 3: red, green and blue")
     if not np.isfinite(colours).all():

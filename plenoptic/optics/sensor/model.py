@@ -17,6 +17,7 @@ from plenoptic.core.values import (
     frozen_array,
     not_negative,
     number,
+    plain_array,
     positive,
     seed_number,
     set_field,
@@ -236,7 +237,7 @@ def has(which: float | NDArray[np.int64]) -> bool:
 
 def _per_channel(given: Any, name: str, at_most: float = math.inf) -> float | tuple[float, ...]:
     """One number for all channels, or a tuple of three."""
-    several = np.ndim(given) > 0
+    several = isinstance(given, tuple | list) or (isinstance(given, np.ndarray) and given.ndim > 0)
     numbers = tuple(positive(item, name) for item in (given if several else (given,)))
     if several and len(numbers) != 3:
         raise InvalidValueError(f"{name} has {len(numbers)} numbers; give one, or one for each of red, green and blue")
@@ -247,12 +248,12 @@ def _per_channel(given: Any, name: str, at_most: float = math.inf) -> float | tu
 
 def _which(given: Any, name: str) -> float | NDArray[np.int64]:
     """A fraction of all pixels, or a list of (row, column)."""
-    if np.ndim(given) == 0:
+    if not isinstance(given, tuple | list) and np.ndim(given) == 0:
         fraction = not_negative(given, name)
         if fraction > 1:
             raise InvalidValueError(f"{name} is {fraction:g}; a fraction of the pixels must be at most 1")
         return fraction
-    raw = np.asarray(given)
+    raw = plain_array(given, name)
     if raw.size and (raw.dtype.kind not in "iu" or raw.min() < 0):
         raise InvalidValueError(f"{name} must be a fraction, or rows and columns that are whole numbers from 0 on")
     return frozen_array(raw.reshape(0, 2) if raw.size == 0 else raw, name=name, shape=("n", 2), dtype=np.int64)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.values import (
+    LARGEST_LENGTH,
     MOST_POINTS,
     Floats,
     alike,
@@ -85,7 +86,7 @@ class PolygonStop:
         radius = number(self.blade_radius, "blade_radius")
         inwards = self.semi_diameter * math.tan(math.pi / self.blades)
         if radius >= self.semi_diameter * (1 - _ROUNDING) or radius <= -inwards * (1 - _ROUNDING):
-            return abs(radius) if math.isinf(radius) else radius  # -inf is as straight as inf
+            return radius if abs(radius) <= LARGEST_LENGTH else math.inf  # -inf is as straight as inf
         raise InvalidValueError(
             f"blade_radius is {radius:g} mm; for {self.blades} blades it must be at least {self.semi_diameter:g} mm, "
             f"or at most {-inwards:g} mm for blades that bulge into the hole: math.inf makes them straight"

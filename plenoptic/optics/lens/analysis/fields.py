@@ -382,7 +382,7 @@ def depth_distortion(
     ([-404.0], [[-404.0, -399.29]])
     """
     radii = checked_fields(lens, heights, 0.0, name="heights")
-    planes = checked_fields(lens, np.atleast_1d(z_image), 0.0, name="z_image")
+    planes = checked_fields(lens, z_image, 0.0, name="z_image")
     sagittal, tangential = np.empty((2, len(planes), len(radii)))
     for i, z in enumerate(planes.tolist()):
         for j, y in enumerate(radii.tolist()):
