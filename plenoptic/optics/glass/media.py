@@ -217,6 +217,8 @@ class ModelGlass:
         if self.nd <= 1.0:
             raise InvalidValueError(f"nd is {self.nd:g}; a glass must have an index above 1: for air use pl.optics.AIR")
         set_field(self, "vd", positive(self.vd, "vd"))
+        if not isinstance(self.name, str):
+            raise InvalidValueError(f"name is {self.name!r}; it must be a text")
         if self.nd > _LARGEST_ND:
             raise InvalidValueError(
                 f"nd is {self.nd:g}; it must be at most {_LARGEST_ND:g}: give the index first and the Abbe number "

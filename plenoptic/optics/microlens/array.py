@@ -40,6 +40,8 @@ from plenoptic.optics.microlens.plano_convex import ConvexSide
 
 _MOST_DISTANCES = 1 << 22
 _DESIGN_WAVELENGTH, _DEFAULT_INDEX = 587.6, 1.5
+_MOST_PITCHES = 1e6
+"""Over which listed centres may reach: bins of two pitches are laid over all of them."""
 """Where focal lengths hold, in nm, and the index of microlenses whose medium is not given."""
 
 
@@ -180,6 +182,11 @@ class MicrolensArray:
             set_field(self, "centres", positions(self.centres, name="centres", shape=("n", 2)))
             if not len(self.centres):
                 raise InvalidValueError("centres is empty; list centres in mm")
+            if (reach := float(np.ptp(self.centres, axis=0).max())) > _MOST_PITCHES * max(self.pitches):
+                raise InvalidValueError(
+                    f"centres reach over {reach:g} mm, more than {_MOST_PITCHES:g} times the pitch "
+                    f"{max(self.pitches):g} mm; give both in mm"
+                )
             if len(np.unique(self.centres, axis=0)) < len(self.centres):
                 raise InvalidValueError("centres lists a place twice; give each microlens its own")
         for name, shape in (("pattern", ("p", "q")), ("types", (None if self.centres is None else len(self.centres),))):

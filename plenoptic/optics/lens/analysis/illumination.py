@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from plenoptic.core.rays import RayBundle
-from plenoptic.core.values import Floats, check_kind, result, whole
+from plenoptic.core.values import Floats, check_kind, number, result, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.analysis.fields import checked_fields, chief_rays, image_plane, unclipped
 from plenoptic.optics.lens.pupil.iris_points import INSIDE, MOST_ACROSS, hexapolar
@@ -58,6 +58,7 @@ def largest_field(lens: LensStack, *, z_object: float = -math.inf, wavelength: f
     91.5
     """
     check_kind(lens, "lens", LensStack, "camera.lens")
+    z_object = number(z_object, "z_object")
     iris, last = lens.iris_index, len(lens.elements) - 1
     low, high, field = 0.0, math.radians(89.9), 0.0
     centre = np.zeros(3) if lens.stop.placement is None else np.asarray(lens.stop.placement.shift)
