@@ -20,7 +20,7 @@ from plenoptic.camera.psf.histogram import assembled, spots_of
 from plenoptic.camera.psf.sensor_hits import HIT, in_lens_axes, landed, measuring_record, tasks_of
 from plenoptic.camera.psf.spread import CameraSpread, LandingPoints
 from plenoptic.core.parallel import run_in_order, thread_count
-from plenoptic.core.values import Floats, check_kind, frozen_array, seed_number, whole
+from plenoptic.core.values import MOST_POINTS, Floats, check_kind, frozen_array, seed_number, whole
 from plenoptic.errors import InvalidValueError
 
 
@@ -111,7 +111,7 @@ def landing_points(
     '-1.0 mm'
     """
     given, _ = _checked_points(camera, points)
-    each = whole(rays, "rays", at_least=1)
+    each = whole(rays, "rays", at_least=1, at_most=MOST_POINTS)
     scrambling, workers = np.uint64(seed_number(seed)), thread_count(threads)
     record = measuring_record(camera)
     tasks = tasks_of(record, in_lens_axes(record, given), 1, each)

@@ -204,6 +204,7 @@ def checkerboard(
         # A line that the border cuts away leaves its number to the border itself.
         lines.append((places[kept], np.arange(first, last + 1)[kept]))
     (x, column), (y, row) = lines
+    checked_shape((len(x), len(y)), ("lines across", "lines up"), at_most=MOST_SQUARES)
     corners = grid_corners(x, y)
     parity = _squares_below(row, y, starts[1], square)[:, None] + _squares_below(column, x, starts[0], square)
     is_odd = parity % 2 == 1
