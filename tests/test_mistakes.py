@@ -113,7 +113,7 @@ ARRAYS_AND_SENSORS = [
 ASSEMBLY = [
     ("camera(stop_to_microlenses=0.1233)", INVALID, "so it must be above 30.31"),
     ("camera(stop_to_microlenses=1.7, microlenses_to_sensor=123.3)", INVALID, "so it must be above 30.31"),
-    ("camera(microlenses_to_sensor=-1.7)", INVALID, "it must be above 0 mm, where the sensor touches the array"),
+    ("camera(microlenses_to_sensor=-1.7)", INVALID, "where the sensor touches the array"),
     ("camera(microlenses=None)", INVALID, "give the distance from stop to sensor as stop_to_microlenses"),
     ("camera(wavelength=0.5876)", INVALID, "wavelengths are in nanometres"),
     ('camera(lens="double-gauss-100mm-f2")', INVALID, "it must be a LensStack"),

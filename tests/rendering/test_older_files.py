@@ -25,7 +25,7 @@ def written():
 def test_an_exposure_opens_with_camera_settings_and_all_truth_of_its_time(written):
     shot = pl.Exposure.load(FOLDER / "shot.exr")
     assert shot.camera == written.camera() and shot.settings.clamp == 9.0 and shot.samples == 16
-    assert shot.truth.kinds == Truth.ALL & ~Truth.INCIDENCE_ANGLE
+    assert shot.truth.kinds == Truth.ALL & ~(Truth.INCIDENCE_ANGLE | Truth.STATE)
     assert shot.stats.paths_through_lens > 0 and shot.stats.lost_by_cause
     again = pl.replay(shot, written.scene(), pixel=(6, 8), sample=3)
     assert np.isfinite(again.contribution).all()

@@ -357,7 +357,7 @@ def test_matrices_that_float32_cannot_invert(radius, matrix, suits):
 def test_huge_degenerate_and_double_triangles_give_answers(build):
     point, line = pl.quad((0, 0, 0), (1, 0, 0), (0, 1, 0)), [[0, 0, 1], [1, 1, 1], [0, 1, 0]]
     poor = pl.Mesh(point.vertices, np.vstack([line, point.faces, point.faces]))
-    vast = pl.quad((-1e15, -1e15, -500), (2e15, 0, 0), (0, 2e15, 0))
+    vast = pl.quad((-5e14, -5e14, -500), (1e15, 0, 0), (0, 1e15, 0))
     place, up = np.eye(4), np.eye(4)
     place[:3, 3], up[2, 3] = (1e6, 0, 1), 1
     records = records_of([poor, vast], [Instances(poor, [place, place]), Instances(vast, [up])])
