@@ -75,7 +75,7 @@ class LightField:
         Parameters
         ----------
         u, v : int
-            From -(U - 1) / 2 to (U - 1) / 2.
+            From -(U - 1) / 2 to (U - 1) / 2: numbers of views, where `LightField.u` and `v` are pixels.
 
         Raises
         ------
@@ -95,7 +95,7 @@ class LightField:
         ----------
         scene : Scene
         u, v : int, optional
-            Which view; see `view`.
+            Which view, by its number from the middle; see `view`.
         truth : Truth, optional
             What is wanted; rays between microlenses have neither MICROLENS nor OBJECT_SHARE.
 
@@ -136,9 +136,13 @@ class LightField:
     @staticmethod
     def _row_of(which: int, count: int, name: str) -> int:
         most = count // 2
-        if isinstance(which, bool) or not isinstance(which, int | np.integer) or abs(which) > most:
-            raise InvalidValueError(f"{name} is {which!r}; it must be a whole number from {-most} to {most}")
-        return int(which) + most
+        given = number(which, name)
+        if not given.is_integer() or abs(given) > most:
+            raise InvalidValueError(
+                f"{name} is {given:g}; it must be a whole number from {-most} to {most}, the number of a view from the "
+                "middle"
+            )
+        return int(given) + most
 
     def disparity_at(self, z: float) -> tuple[float, float]:
         """How far the image of a plane moves from one view to the next, by Gaussian optics.

@@ -120,7 +120,8 @@ def _emitters(scene: Scene) -> Iterator[_Emitter]:
 def _of_mesh(name: str, copies: list[Mesh]) -> _Emitter:
     """Middles and normals of some triangles."""
     corners = np.concatenate([mesh.vertices[mesh.faces] for mesh in copies])
-    corners = corners[:: -(-len(corners) // _PARTS)]
+    # At random: every n-th triangle of a sphere may lie on one of its sides.
+    corners = corners[np.random.default_rng(0).permutation(len(corners))[:_PARTS]]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     return _Emitter(name, corners.mean(axis=1), normals=None if copies[0].material.row().two_sided else normals)
 

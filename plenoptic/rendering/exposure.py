@@ -14,7 +14,7 @@ from plenoptic import __version__
 from plenoptic.core.color.srgb import linear_to_srgb
 from plenoptic.core.files.reading import DEFAULT, FileLimits
 from plenoptic.core.files.serialization import describe, described_fields, restore, restored_fields
-from plenoptic.core.relative_error import lit_squares, relative_error, rests_on_few
+from plenoptic.core.relative_error import light_is_rare, relative_error
 from plenoptic.core.values import (
     Floats,
     Given,
@@ -165,9 +165,10 @@ class Exposure:
 
     @property
     def rare_light(self) -> bool | None:
-        """Whether `relative_error` cannot be known: it is that of few pixels, the only ones to have met rare light.
+        """Whether `relative_error` cannot be known: some pixels are the only ones to have met rare light.
 
-        Fewer than 8 pixels, and than a 16th of the lit ones, carry it. None without standard error.
+        Fewer than 8 pixels, and than a 16th of the lit ones, carry the error; or they are so bright that others look
+        dark: without the standard errors, pixels of 1/2.5 of the brightness would be lit. None without standard error.
 
         Examples
         --------
@@ -179,7 +180,7 @@ class Exposure:
         >>> pl.Exposure(np.ones((32, 32, 1)), standard_error=error).rare_light
         True
         """
-        return None if self.standard_error is None else rests_on_few(lit_squares(self.image, self.standard_error))
+        return None if self.standard_error is None else light_is_rare(self.image, self.standard_error)
 
     def develop(self, sensor: SensorModel, *, seed: int = 0) -> RawImage:
         """What a sensor reads out when exposed to this image: electrons, noise and digital numbers.

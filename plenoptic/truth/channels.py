@@ -187,7 +187,8 @@ class GroundTruth:
         What is known of the pixel, a `PixelState`: dark, lit but meeting nothing, seen, or unknown.
     object_share : (H, W) array, optional
         Of the light that reaches the pixel in a scene of even brightness, the share that comes from `object`: less than
-        1 at edges and out of focus. From 64 paths or more, to within about 0.06; nan where nothing is met.
+        1 at edges and out of focus. From 64 paths or more, to within about 0.06; nan where nothing is met, or none of
+        4096 paths arrives.
 
     Raises
     ------

@@ -86,6 +86,19 @@ def test_reported_errors_are_true_or_said_to_be_unknown(name):
         assert 0.9 < found.stated / found.error < 1.1 and found.rare == 0
 
 
+def test_paths_that_make_others_dark_are_rare_light():
+    # A bulb: 2 % of the pixels have met its lamp, and are a thousand times as bright; the others are a tenth of them.
+    rng = np.random.default_rng(5)
+    image, error = np.full((64, 64, 1), 0.05), np.full((64, 64, 1), 0.002)
+    met = rng.random(image.shape) < 0.02
+    image[met], error[met] = 30.0, 30.0
+    assert pl.lit_pixels(image).sum() == met.sum()
+    assert pl.Exposure(image, standard_error=error).rare_light
+    # The same brightness, known: lamps in view.
+    error[met] = 1.0
+    assert not pl.Exposure(image, standard_error=error).rare_light
+
+
 @pytest.mark.slow
 def test_rare_light_misses_its_target(monkeypatch):
     monkeypatch.setattr("plenoptic.rendering.schedule.budget.ENOUGH_OF_RARE", 256)

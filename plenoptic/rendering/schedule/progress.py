@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from plenoptic.core.relative_error import (
     brightness,
     expected_brightness,
+    level_is_known,
+    light_is_rare,
     lit_level,
-    lit_squares,
     relative_error,
     relative_squares,
     rests_on_few,
@@ -154,7 +155,7 @@ class Progress:
         for colour in range(2):
             own = colours == colour
             lit |= own & (expected > lit_level(expected[own]))
-            rare.append(rests_on_few(squares[own & lit]))
+            rare.append((rests_on_few(squares[own & lit]), not level_is_known(*self.seen[:, own])))
         for i in np.flatnonzero(going):
             self._decide(int(i), np.where(lit, squares, np.nan), rare)
 
@@ -170,8 +171,12 @@ class Progress:
         self.seen[0][at][where] = bright[where]
         self.seen[1][at][where] = np.mean(np.square(error), axis=-1)[where]
 
-    def _decide(self, i: int, squares: Floats, rare: list[bool]) -> None:
-        """Close the colours of a tile whose other colour is as good as wanted; squares are nan where it is not lit."""
+    def _decide(self, i: int, squares: Floats, rare: list[tuple[bool, bool]]) -> None:
+        """Close the colours of a tile whose other colour is as good as wanted; squares are nan where it is not lit.
+
+        Not those whose other colour, all over the image, says too little: its error is that of few pixels, or it is not
+        known which of them are lit.
+        """
         target, done = self.budget.target_error, int(self.done[i])
         assert target is not None
         here, colours = squares[self._places(i)], _colours(self.tiles[i])
@@ -179,7 +184,8 @@ class Progress:
         for colour in range(2):
             others = here[(colours == 1 - colour) & ~np.isnan(here)]
             found = float(np.sqrt(np.mean(others))) if others.size else 0.0
-            unknown = rare[1 - colour] and others.size > 0
+            few, any_may_be_lit = rare[1 - colour]
+            unknown = any_may_be_lit or (few and others.size > 0)
             self.open[i, colour] &= done < self.budget.enough_of_rare if unknown else found > target
             if self.open[i, colour]:
                 going.append(0.0 if unknown else found)  # nothing is to be gained by the error of few pixels
@@ -193,10 +199,10 @@ class Progress:
         errors = self._errors()
         return None if errors is None else relative_error(self.film.mean, errors)
 
-    def rests_on_few(self) -> bool:
-        """Whether this error is that of few pixels, because light is rare."""
+    def light_is_rare(self) -> bool:
+        """Whether light is too rare to know this error."""
         errors = self._errors()
-        return errors is not None and rests_on_few(lit_squares(self.film.mean, errors))
+        return errors is not None and light_is_rare(self.film.mean, errors)
 
     def _errors(self) -> NDArray[np.float32] | None:
         """Standard errors, nan where a tile is to come; None where there are none."""

@@ -213,7 +213,7 @@ def _reason(progress: Progress, *, interrupted: bool) -> StopReason:
         return StopReason.TIME_LIMIT
     if progress.capped or target is None:
         return StopReason.SAMPLES
-    reached, rare = progress.error(), progress.rests_on_few()
+    reached, rare = progress.error(), progress.light_is_rare()
     if reached is None or not (rare or _MISSED * target < reached):  # nan where nothing can be lit
         return StopReason.TARGET_ERROR
     wanted = f"{100 * target:.2g} %"

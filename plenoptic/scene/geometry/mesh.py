@@ -33,7 +33,7 @@ class Mesh:
     uv : (n, 2) array or None
         Texture coordinates; (0, 0) is the lower left corner of the image, (1, 1) the upper right one.
     name : str
-        For the reader.
+        What `object_names`, files and warnings call it.
 
     Raises
     ------

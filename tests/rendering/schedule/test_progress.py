@@ -206,7 +206,7 @@ def rare_light(value: float) -> Progress:
 def test_where_the_error_rests_on_few_pixels_all_tiles_go_on() -> None:
     assert not rare_light(0.0).open.any()
     state = rare_light(1e4)
-    assert state.open.all() and state.rests_on_few()
+    assert state.open.all() and state.light_is_rare()
     # Until there are 4096 samples, or as many as were asked for.
     assert state.budget.enough_of_rare == 4096
     assert Budget(64, None, 0.3, REPLICATES).enough_of_rare == 64
