@@ -2,9 +2,9 @@
 
 It starts at the pixel's centre and passes the lit centroid of the microlens that gives the centre most light. Where no
 light reaches the centre, it starts at the point of the sensitive area that is nearest to where a microlens images the
-middle of the pupil: the image of a small stop may light a corner of a pixel only. Where stars and masks let light pass
-beside the middle, it starts at the brightest of many points. Fixed sets of probes find the light, so that neither
-samples nor seeds matter.
+middle of the pupil: the image of a small stop may light a corner of a pixel only. Where light passes beside the middle,
+between several rims, and through stars and masks, it starts at the brightest of many points. Fixed sets of probes find
+the light, so that neither samples nor seeds matter.
 """
 
 from __future__ import annotations
@@ -38,9 +38,10 @@ def _shifted(points: Floats, count: int) -> Floats:
 
 _PROBES, _MORE_PROBES = _points(4)[None], _points(6)[None]
 """Where rays look for light in what feeds a start: the pixel's centre, and any other."""
+_RIM_STARTS = np.stack(np.meshgrid(*2 * [np.linspace(-0.499, 0.499, 4)]), axis=-1).reshape(-1, 2)
 _STARTS = _points(6) - 0.5
 _SHIFTED_PROBES = _shifted(_points(6), len(_STARTS))
-"""Starts on a pixel, in parts of its sides, and their probes, where the hole of a stop is not convex."""
+"""Starts on a pixel, in parts of its sides, and their probes; more where the hole of a stop is not convex."""
 _TOGETHER = 8
 """Pixels with so many probes at a time."""
 
@@ -102,11 +103,12 @@ def representative_rays(camera: CameraRecord, pixels: Floats) -> PixelRays:
             plane, pixel = camera.sensor.plane, camera.sensor.pixel
             representative_ray.fill_aimed_starts(starts, pixels[unlit], regions, pixel, plane, camera.pupil)
         _look_again(rays, camera, unlit[fed], starts[fed], _MORE_PROBES)
-    if not camera.convex:
-        left = np.flatnonzero(rays.lost & ~rays.dark)
-        for first in range(0, len(left), _TOGETHER):
-            some = left[first : first + _TOGETHER]
-            _look_again(rays, camera, some, pixels[some, None] + camera.sensor.pixel.within(_STARTS), _SHIFTED_PROBES)
+    # A pupil that several rims end is pointed: its tips, far from the middle, light corners of pixels.
+    on_pixel = camera.sensor.pixel.within(_RIM_STARTS if camera.convex else _STARTS)
+    left = np.flatnonzero(rays.lost & ~rays.dark)
+    for first in range(0, len(left), _TOGETHER):
+        some = left[first : first + _TOGETHER]
+        _look_again(rays, camera, some, pixels[some, None] + on_pixel, _SHIFTED_PROBES[: len(on_pixel)])
     return rays
 
 

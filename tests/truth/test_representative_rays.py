@@ -1,5 +1,6 @@
 """The ray that stands for a pixel: it is there wherever light is, starts on the pixel, and sees what dense rays see."""
 
+import dataclasses
 import signal
 
 import numpy as np
@@ -39,6 +40,12 @@ def tilted(camera):
     )
 
 
+def two_rims(camera):
+    """Light passes what two round stops have in common, which is pointed."""
+    lens = camera.lens.inserted(pl.CircularStop(4.99), 0.001)
+    return dataclasses.replace(camera, lens=lens.moved(camera.lens.iris + 1, shift=(6.0, 0.0, 0.0)))
+
+
 CAMERAS = {
     **{f"{b} {stop}": camera_of(stop, b) for b in (2.0, 1.7) for stop in (5.0, 2.3, 1.5, 1.0, 0.5, 0.2, 0.1)},
     "blades": camera_of(pl.PolygonStop(blades=6, semi_diameter=1.0), 2.0),
@@ -48,6 +55,8 @@ CAMERAS = {
     "small pixels": camera_of(0.5, 2.0, aperture=0.5),
     "irregular": camera_of(0.5, imperfections=pl.MicrolensImperfections(pitch_jitter=0.004, decentre=0.004, seed=3)),
     "multi-focus": camera_of(1.0, focal_lengths=(1.7, 2.0, 2.4), lattice=pl.Lattice.SQUARE),
+    "two rims": two_rims(camera_of(5.0, 2.0)),
+    "wide open": camera_of(17.1, 0.45, focal_lengths=(0.45,), sensor=pl.Sensor((5000, 5000), 0.01)),
     "thick": camera_of(1.0, 2.0, model=pl.optics.MicrolensModel.SPHERICAL),
 }
 
