@@ -62,7 +62,7 @@ def main() -> None:
     axes.text(left + 0.2, HEIGHT + 0.2, "once per render", fontsize=9, color="#2c5d8f")
     x3, _ = corner(3)
     axes.text(
-        x3, HEIGHT + 0.2, "for each tile, then for each bundle of 8192 paths", fontsize=9, color="#9a5b00", ha="left"
+        x3, HEIGHT + 0.2, "for each tile, then for each bundle of 16384 paths", fontsize=9, color="#9a5b00", ha="left"
     )
     axes.set(xlim=(left, right + 0.5), ylim=(y8 - 1.0, HEIGHT + 0.5), aspect="equal")
     axes.axis("off")

@@ -54,9 +54,15 @@ class _Cut(ast.NodeTransformer):
         """What is given a name is absent by that name too."""
         self.generic_visit(node)
         nothing = isinstance(node.value, ast.Constant) and node.value.value is None
-        if isinstance(node.targets[0], ast.Name) and (nothing or self.is_absent(node.value)):
-            self.absent.add(node.targets[0].id)
+        if not isinstance(node.targets[0], ast.Name):
+            return node
+        name, chain = node.targets[0].id, _chain(node.value)
+        if nothing or self.is_absent(node.value):
+            self.absent.add(name)
             return []
+        self.absent |= {
+            name + gone.removeprefix(chain) for gone in self.absent if chain and gone.startswith(chain + ".")
+        }
         return node
 
     def _known(self, test):
@@ -288,7 +294,7 @@ FEATURES = [
 ]
 
 LARGE = {
-    *("fill_camera_samples: own, fed.regions.details", "fill_thin: sensor.tilt", "fill_thin: own"),
+    *("fill_thin: sensor.tilt", "fill_thin: own"),
     *("fill_traced: lens.conic, lens.aspheric", "fill_traced: lens.frames", "fill_traced: lens.masks"),
     *("add_emission: geometry.uv, emission.texture", "add_emission: hits.instance, geometry.instance_to_world"),
     *("add_emission: sky.suns, sky.sun_colors", "add_emission: wavelengths.number, wavelengths.basis"),
@@ -447,11 +453,19 @@ look(pl.render(pl.Scene([floor], [lamp]), camera, samples=8, max_bounces=2, trut
 """
 
 OF_THE_CAMERA = {
-    *("sobol.fill_net", "pixel_regions.fill_cell_regions", "ideal.fill_thin", "trace.fill_traced"),
+    *("sobol.fill_net", "candidates.fill_cells", "views.fill_view_rays", "views.fill_views"),
+    *(
+        "views.fill_reopened",
+        "pixel_regions.fill_boxes",
+        "pixel_regions.fill_regions",
+        "ideal.fill_thin",
+        "trace.fill_traced",
+    ),
     *("paths.fill_camera_samples", "film_sums.fill_sums", "bundles.fill_status_counts"),
 }
 OF_THE_SCENE = {
     *("bundles.fill_world_rays", "path_keys.fill_path_keys", "sobol.fill_drawn", "embree._fill_closest"),
+    "grown.fill_grown",
     *("interaction.fill_interactions", "parameters.fill_parameters", "sample_emitters.sample_emitters"),
     *("emission.add_emission", "direct_light.eval_direct", "bounce.sample_bsdf"),
 }

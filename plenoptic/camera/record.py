@@ -11,6 +11,8 @@ from plenoptic.camera.assembly import Assembly, Rigid, assembly
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.dust import PlacedDust, placed_dust
 from plenoptic.camera.sampling.bounds import array_bounds, sensor_bounds
+from plenoptic.camera.sampling.openings import openings
+from plenoptic.camera.sampling.record import Openings
 from plenoptic.core.color.spectra import ColourTables, colour_tables
 from plenoptic.core.values import Floats
 from plenoptic.optics.lens.record import LensRecord, lens_record
@@ -26,6 +28,12 @@ class PixelRecord(NamedTuple):
     height: float
     skew: Floats | None
     """(2,): how far its width leads along y, at [1], and its height along x, at [0]; None for pixels along x and y."""
+
+    @property
+    def half(self) -> tuple[float, float]:
+        """Half sides in mm of the box around it along x and y."""
+        along = (0.0, 0.0) if self.skew is None else self.skew
+        return 0.5 * (abs(self.width) + abs(float(along[0]))), 0.5 * (abs(self.height) + abs(float(along[1])))
 
     def within(self, parts: Floats) -> Floats:
         """Points (n, 2) from its centre, of those in parts of its width and height."""
@@ -92,6 +100,8 @@ class CameraRecord(NamedTuple):
     rotation: Floats | None
     """From the lens's axes to the world; None where they are the same."""
     position: Floats | None
+    openings: Openings
+    """What its elements let pass."""
     elements: int
     """Lens elements, for counting lost rays."""
     convex: bool
@@ -147,6 +157,7 @@ def camera_record(camera: PlenopticCamera) -> CameraRecord:
         microlenses=array,
         rotation=None if world is None else world.turn,
         position=None if world is None else world.shift,
+        openings=openings(lens, camera.wavelength if colour is None else colour.wavelengths),
         elements=len(lens.elements),
         convex=all(is_convex(element) for element in lens.elements if isinstance(element, Stop)),
     )

@@ -12,10 +12,8 @@ import operator
 from typing import Any
 
 from numba.core import ir, types
-from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import FunctionPass, register_pass
 from numba.core.ir_utils import get_definition, guard
-from numba.core.untyped_passes import IRProcessing
 
 
 def _type_of(state: Any, variable: Any) -> Any:
@@ -47,13 +45,16 @@ def _is_present(state: Any, comparison: Any) -> bool:
 
 
 @register_pass(mutates_CFG=False, analysis_only=False)
-class _AbsentFields(FunctionPass):
+class AbsentFields(FunctionPass):
+    """That pass."""
+
     _name = "absent_fields"
 
     def __init__(self) -> None:
         FunctionPass.__init__(self)
 
     def run_pass(self, state: Any) -> bool:
+        """Replace what is absent, and say whether anything was."""
         changed = False
         for block in state.func_ir.blocks.values():
             for statement in block.body:
@@ -68,14 +69,3 @@ class _AbsentFields(FunctionPass):
                 state.func_ir._definitions[statement.target.name] = [statement.value]
                 changed = True
         return changed
-
-
-class RecordCompiler(CompilerBase):
-    """Numba's compiler with that pass."""
-
-    def define_pipelines(self) -> list[Any]:
-        """The passes, in their order."""
-        passes = DefaultPassBuilder.define_nopython_pipeline(self.state)
-        passes.add_pass_after(_AbsentFields, IRProcessing)
-        passes.finalize()
-        return [passes]

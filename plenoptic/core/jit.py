@@ -20,11 +20,11 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-import numba
 from numba.core import caching, codegen
 from numba.core.registry import cpu_target
 
-from plenoptic.core.absent_fields import RecordCompiler
+from plenoptic.core.ahead import Kernel
+from plenoptic.core.compiler import Device, KernelCompiler
 
 
 @functools.cache
@@ -134,6 +134,13 @@ class _KernelCache(caching.FunctionCache):
         # Numba numbers its files; two processes that compile two variants at once would both write number 1.
         file._data_name_pattern = f"{name}.{secrets.token_hex(6)}.{{number:d}}.nbc"
 
+    def has(self, signature: Any, context: Any) -> bool:
+        """Whether there is a variant, which may turn out to be damaged."""
+        try:
+            return self._index_key(signature, context.codegen()) in self._cache_file._load_index()
+        except Exception:  # a damaged index
+            return False
+
     def load_overload(self, signature: Any, context: Any) -> Any:
         try:
             return super().load_overload(signature, context)
@@ -151,14 +158,19 @@ class _KernelCache(caching.FunctionCache):
                 super().save_overload(signature, data)
 
 
+_OPTIONS = {"nopython": True, "nogil": True, "boundscheck": None, "error_model": "numpy", "fastmath": {"contract"}}
+_OPTIONS |= {"no_cfunc_wrapper": True}
+
+
 def kernel(function: Callable[..., Any]) -> Any:
     """Compile a function for numbers and arrays, without the GIL, cached on disk."""
-    compiled: Any = device(function)
+    compiled = Kernel(function, targetoptions=dict(_OPTIONS), pipeline_class=KernelCompiler)
     with suppress(RuntimeError):  # nowhere to write: compile in memory
         compiled._cache = _KernelCache(function)
     return compiled
 
 
 def device(function: Callable[..., Any]) -> Any:
-    """Compile a small function that only kernels call; it is inlined into them and cached with them."""
-    return numba.njit(nogil=True, error_model="numpy", fastmath={"contract"}, pipeline_class=RecordCompiler)(function)
+    """Compile a small function that kernels call; it is inlined into them and cached with them."""
+    options = {**_OPTIONS, "no_cpython_wrapper": True}
+    return Device(function, targetoptions=options, pipeline_class=KernelCompiler)

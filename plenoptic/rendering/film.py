@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,23 +20,32 @@ def replicate_counts(samples: int, replicates: int) -> NDArray[np.int64]:
     return counts
 
 
-_STRIP = 256
+OWN_ERRORS = 8
+"""Replicates from which on the error of a pixel is its own; with fewer, what they say is pooled over blocks."""
+BLOCK = 8
+"""Rows and columns of a block of pixels."""
+_STRIP = 32 * BLOCK
 _REACH = 2
 """Rows and columns from which it is known what one sample brings."""
 _LARGEST = float(np.finfo(np.float32).max)
-_ROUNDING = 16 * np.finfo(np.float64).eps
+_EPS = np.finfo(np.float64).eps
 
 
 class Film:
-    """Mean, sum of squared deviations and count of the replicates of every pixel.
+    """Mean, squared deviations of replicates and of samples, and their count, of every pixel.
 
     A replicate is the mean of the samples of one scrambling of the points, so that replicates are independent
-    and identically distributed while the samples within one are not. With replicate means m_r of n_r samples
+    and identically distributed while the samples x within one are not. With replicate means m_r of n_r samples
     each, n = sum n_r in all:
 
     - mean = sum n_r m_r / n
     - squares = sum n_r (m_r - mean)^2, with replicates - 1 degrees of freedom
+    - scatter = sum (x - mean)^2
     - standard error = sqrt(squares / (replicates - 1) / n)
+
+    With fewer than 8 replicates and known scatter, the standard error is that of independent samples,
+    sqrt(scatter / (n - 1) / n), times what even points make of it: the ratio of the two root mean squares over the
+    pixels of the same colour of a checkerboard in a block of 8 x 8, counted from the upper left pixel.
 
     Parameters
     ----------
@@ -48,7 +58,7 @@ class Film:
     --------
     >>> import numpy as np, plenoptic as pl
     >>> film = pl.rendering.Film((1, 1, 1), counts=np.array([2, 2]))
-    >>> mean, squares = film.add(0, 0, np.array([[[[2.0], [6.0]]]]))      # sums of two replicates of two samples
+    >>> moments = film.add(0, 0, np.array([[[[2.0], [6.0]]]]))      # sums of two replicates of two samples
     >>> film.mean[0, 0, 0], film.standard_error()[0, 0, 0]
     (np.float64(2.0), np.float32(1.0))
     """
@@ -67,6 +77,8 @@ class Film:
         """Kinds of processors on which its parts were made: the bits are those of none where there are several."""
         self.mean: Floats = np.zeros((rows, columns, channels))
         self.squares: Floats | None = np.zeros((rows, columns, channels)) if self.replicates >= 2 else None
+        self.scatter: Floats | None = None
+        """(rows, columns, channels), once a tile was put in with its powers."""
 
     def add(
         self,
@@ -74,15 +86,18 @@ class Film:
         column: int,
         sums: Floats,
         *,
+        powers: Floats | None = None,
         counts: ArrayLike | None = None,
         where: NDArray[np.bool_] | None = None,
-    ) -> tuple[Floats, Floats]:
+    ) -> Moments:
         """Put in the sums (rows, columns, replicates, channels) of a tile whose upper left pixel is given.
 
         Parameters
         ----------
         row, column : int
         sums : (rows, columns, replicates, channels) array
+        powers : (rows, columns, channels) array, optional
+            Sums of the squares of the samples.
         counts : (replicates,) array of int, optional
             Samples of each replicate of these pixels, where it is not that of all.
         where : (rows, columns) array of bool, optional
@@ -90,29 +105,35 @@ class Film:
 
         Returns
         -------
-        mean, squares : (rows, columns, channels) array
+        Moments
             Of all pixels of the tile, whether they are put in or not.
         """
         height, width = sums.shape[:2]
         at = (slice(row, row + height), slice(column, column + width))
         chosen = ... if where is None else where
         used = self._counts if counts is None else np.asarray(counts, dtype=np.float64)
-        mean, squares = moments(sums, used)
-        self.mean[at][chosen] = mean[chosen]
+        found = moments(sums, used, powers)
+        self.mean[at][chosen] = found.mean[chosen]
         if self.squares is not None:
-            self.squares[at][chosen] = squares[chosen]
+            self.squares[at][chosen] = found.squares[chosen]
+        if found.scatter is not None:
+            if self.scatter is None:
+                self.scatter = np.zeros_like(self.mean)
+            self.scatter[at][chosen] = found.scatter[chosen]
         if counts is not None:
             if self.sample_counts is None:
                 self.sample_counts = np.zeros(self.mean.shape[:2], dtype=np.int32)
             self.sample_counts[at][chosen] = int(used.sum())
-        return mean, squares
+        return found
 
-    def _divided(self, rows: slice) -> tuple[float | NDArray[np.int32], float | NDArray[np.int32]]:
-        """Samples and degrees of freedom, of all pixels or (rows, columns, 1) of each."""
-        if self.sample_counts is None:
-            return np.float64(self.samples), np.float64(self.replicates - 1)
-        each = self.sample_counts[rows, :, None]
-        return each, np.minimum(each, self.replicates) - 1
+    def _moments(self, rows: slice) -> Moments:
+        """Of all pixels of some rows; there are two replicates or more."""
+        assert self.squares is not None
+        scatter = None if self.scatter is None else self.scatter[rows]
+        samples: float | NDArray[np.int32] = np.float64(self.samples)
+        if self.sample_counts is not None:
+            samples = self.sample_counts[rows, :, None]
+        return Moments(self.mean[rows], self.squares[rows], scatter, samples, self.replicates)
 
     def merged(self, other: Film) -> Film:
         """Both films as one, as if their independent replicates had been rendered together (other seeds).
@@ -136,6 +157,8 @@ class Film:
         none = np.zeros_like(step)
         within = (none if self.squares is None else self.squares) + (none if other.squares is None else other.squares)
         both.squares = within + step * step * (self.samples * share)
+        if self.scatter is not None and other.scatter is not None:
+            both.scatter = self.scatter + other.scatter + step * step * (self.samples * share)
         return both
 
     def agreeing(self) -> NDArray[np.bool_] | None:
@@ -144,7 +167,7 @@ class Film:
             return None
         found = np.empty(self.mean.shape[:2], dtype=bool)
         for rows in self._strips():
-            found[rows] = agree(self.mean[rows], self.squares[rows], self._divided(rows)[0]).all(axis=-1)
+            found[rows] = agree(self.mean[rows], variance(self._moments(rows))).all(axis=-1)
         return found
 
     def _strips(self) -> Iterator[slice]:
@@ -172,59 +195,105 @@ class Film:
             most = None
             if one_sample is not None:
                 wide = slice(max(rows.start - _REACH, 0), rows.stop + _REACH)
-                brought = brought_by_one(self.mean[wide], self.squares[wide], *self._divided(wide), one_sample[wide])
+                brought = brought_by_one(self._moments(wide), one_sample[wide])
                 most = brought[rows.start - wide.start :][: len(error[rows])]
-            found = spread(self.mean[rows], self.squares[rows], *self._divided(rows), most)
+            found = spread(self._moments(rows), most)
             error[rows] = np.where(np.isinf(found), found, np.minimum(found, _LARGEST))
         return error
 
 
-def moments(sums: Floats, counts: Floats | NDArray[np.int64]) -> tuple[Floats, Floats]:
-    """Mean and sum of squared deviations, (..., channels), of sums (..., replicates, channels); see `Film`."""
+class Moments(NamedTuple):
+    """Mean and sums of squared deviations of pixels (..., channels); see `Film`."""
+
+    mean: Floats
+    squares: Floats
+    scatter: Floats | None
+    """None where squares of samples are not known."""
+    samples: float | NDArray[np.int32]
+    """Of all pixels, or (..., 1) of each."""
+    replicates: int
+    """Of pixels that have as many samples."""
+
+    @property
+    def freedom(self) -> float | NDArray[np.int32]:
+        """Degrees of freedom of `squares`; not above 0 where there are fewer than two samples."""
+        return np.minimum(self.samples, self.replicates) - 1
+
+
+def moments(sums: Floats, counts: Floats | NDArray[np.int64], powers: Floats | None = None) -> Moments:
+    """Those of sums (..., replicates, channels) and sums of squares (..., channels); see `Film.add`."""
     counts = counts[counts > 0]  # the first ones have most
-    used = sums[..., : counts.size, :]
-    mean = used.sum(axis=-2) / counts.sum()
+    used, samples = sums[..., : counts.size, :], counts.sum()
+    mean = used.sum(axis=-2) / samples
     deviation = used / counts[:, None] - mean[..., None, :]
-    return mean, np.einsum("...rc,...rc,r->...c", deviation, deviation, counts)
+    squares, scatter = np.einsum("...rc,...rc,r->...c", deviation, deviation, counts), None
+    if powers is not None:
+        with np.errstate(over="ignore", invalid="ignore"):
+            scatter = powers - samples * mean * mean
+            # Sums of n equal terms are off by n / 4 of a rounding error; what is below that agrees.
+            scatter = np.where(scatter > (16 + samples) * _EPS * powers, scatter, 0.0)
+    return Moments(mean, squares, scatter, np.float64(samples), counts.size)
 
 
-def agree(mean: Floats, squares: Floats, samples: float | NDArray[np.int32]) -> NDArray[np.bool_]:
-    """Where replicates differ by no more than rounding."""
-    return np.asarray(squares <= samples * np.square(_ROUNDING * mean))
+def variance(known: Moments) -> Floats:
+    """Squared standard error of pixels (rows, columns, channels); see `Film`. inf where there is no freedom."""
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        own = known.squares / (np.float64(1.0) * known.freedom * known.samples)
+        own = np.where(np.asarray(known.freedom) > 0, own, np.inf)
+        if known.scatter is None or known.replicates >= OWN_ERRORS:
+            return own
+        single = known.scatter / (np.float64(1.0) * (known.samples - 1) * known.samples)
+        counted = np.isfinite(own) & np.isfinite(single)
+        between, within = (block_sums(np.where(counted, part, 0.0).sum(axis=-1)) for part in (own, single))
+        pooled = single * (between / within)[..., None]
+        return np.where(counted & np.isfinite(pooled), pooled, own)
 
 
-def brought_by_one(
-    mean: Floats,
-    squares: Floats,
-    samples: float | NDArray[np.int32],
-    freedom: float | NDArray[np.int32],
-    one_sample: AnyFloats,
-) -> Floats:
+def in_whole_blocks(region: tuple[int, int, int, int], shape: tuple[int, int]) -> tuple[int, int, int, int]:
+    """The first and end row and column of the blocks of a sensor that a region has a part of."""
+    first_row, end_row, first_column, end_column = region
+    ends = [min(-(-end // BLOCK) * BLOCK, most) for end, most in zip((end_row, end_column), shape, strict=True)]
+    return first_row // BLOCK * BLOCK, ends[0], first_column // BLOCK * BLOCK, ends[1]
+
+
+def block_sums(values: Floats) -> Floats:
+    """Of each pixel (rows, columns): the sum over those of its colour of a checkerboard in its block of 8 x 8."""
+    rows, columns = values.shape
+    high, wide = -(-rows // BLOCK), -(-columns // BLOCK)
+    padded = np.zeros((high * BLOCK, wide * BLOCK))
+    padded[:rows, :columns] = values
+    squares = padded.reshape(high, BLOCK // 2, 2, wide, BLOCK // 2, 2)
+    four = squares.sum(axis=(1, 4))
+    squares[:] = (four + four[:, ::-1, :, ::-1])[:, None, :, :, None, :]
+    return padded[:rows, :columns]
+
+
+def agree(mean: Floats, squared_error: Floats) -> NDArray[np.bool_]:
+    """Where samples or their replicates differ by no more than rounding."""
+    return np.asarray(squared_error <= np.square(16 * _EPS * mean))
+
+
+def brought_by_one(known: Moments, one_sample: AnyFloats) -> Floats:
     """What one sample that brings light brings (rows, columns): as around, and at most `one_sample`.
 
     The mean of x weighed by light, E[x^2] / E[x], over samples x of the pixels of the same colour of a checkerboard
     that are up to two away, where x is in units of what their samples bring at most. `one_sample` where all are dark.
     """
-    light = brightness(mean)
+    light = brightness(known.mean)
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
-        second = light * light + np.where(np.asarray(freedom) > 0, squares / freedom, 0.0).mean(axis=-1)
+        each = known.squares / known.freedom if known.scatter is None else known.scatter / known.samples
+        second = light * light + np.where(np.asarray(known.freedom) > 0, each, 0.0).mean(axis=-1)
         second = np.divide(second, one_sample, out=np.zeros_like(light), where=one_sample > 0)
         for _ in range(2):
             light, second = light + diagonal_sums(light), second + diagonal_sums(second)
         return np.asarray(one_sample * np.where(light > 0, np.fmin(second / light, 1.0), 1.0))
 
 
-def spread(
-    mean: Floats,
-    squares: Floats,
-    samples: float | NDArray[np.int32],
-    freedom: float | NDArray[np.int32],
-    one_sample: AnyFloats | None,
-) -> Floats:
-    """Standard error of pixels (..., channels); see `Film.standard_error`. inf where there is no freedom."""
+def spread(known: Moments, one_sample: AnyFloats | None) -> Floats:
+    """Standard error of pixels (rows, columns, channels); see `Film.standard_error`. inf where there is no freedom."""
+    squared = variance(known)
+    if one_sample is None:
+        return np.sqrt(squared)
     with np.errstate(divide="ignore", invalid="ignore"):
-        error = np.sqrt(squares / (np.float64(1.0) * freedom * samples))
-        if one_sample is not None:
-            floor = np.broadcast_to(one_sample[..., None] / samples, error.shape)
-            error = np.where(agree(mean, squares, samples), floor, error)
-    return np.where(np.asarray(freedom) > 0, error, np.inf)
+        floor = one_sample[..., None] / known.samples
+    return np.where(agree(known.mean, squared), floor, np.sqrt(squared))

@@ -65,8 +65,8 @@ class RenderStats:
     nonfinite_paths : tuple of (int, int, int)
         Row and column on the sensor, and sample, of the first such paths; `replay` shows them.
     zero_variance : int
-        Pixels that light could reach and whose replicates agree. Their standard error is what a single other sample
-        would have changed.
+        Pixels that light could reach and whose samples (with 8 replicates and more: replicates) agree. Their standard
+        error is what a single other sample would have changed.
     threads : int
         Threads that were there to work.
     clamped : float

@@ -141,7 +141,7 @@ def _lens_events(
     for last in range(len(lens.rows)):
         # From the beginning each time: the rays that a whole trace has there, to the bit.
         part = bundle.copy()
-        fill_traced(part, lens.first(last + 1), waves)
+        fill_traced(part, lens.part(0, last + 1), waves)
         after = _row(part)
         lost = after.status != 0
         status = RayStatus(int(after.status) % 8)

@@ -70,7 +70,7 @@ def replay(exposure: Exposure, scene: Scene | None, *, pixel: tuple[int, int], s
     >>> scene = pl.shapes.white_plane()
     >>> shot = pl.render(scene, camera, samples=16, region=np.s_[256:257, 256:257], progress=False)
     >>> pl.replay(shot, scene, pixel=(256, 256), sample=9)      # doctest: +ELLIPSIS
-    sample 9 of pixel (256, 256): replicate 1, point 1
+    sample 9 of pixel (256, 256): replicate 1, point 4
     sensor     from (...) mm
     array      microlens (0, 0), type 0, aimed at (..., 123.3) mm, 0.01... sr
                leaves (..., 123.3) mm towards (...)
@@ -181,9 +181,9 @@ def _retraced(context: RenderContext, scene: Scene | None, pixel: tuple[int, int
         return Replay(*place, None, (), PathEnding.UNLIT_PIXEL, 0.0, nothing, 1.0, nothing, True)
     events, radiance, ending = _through_scene(context, scene, way, batch)
     limit, brightest = context.settings.clamp, 0.0 if radiance is None else float(radiance.max())
-    sums = PixelSums(context, way.fed, batch, np.zeros((1, replicates, context.channels)))
+    sums = PixelSums(context, way.fed, batch, np.zeros((1, replicates + 1, context.channels)))
     sums.add(way.bundle, radiance, way.waves, 0, 1)
-    added, fill_factor = sums.whole()[0].sum(axis=0), camera.sensor.fill_factor
+    added, fill_factor = sums.whole()[0, :-1].sum(axis=0), camera.sensor.fill_factor
     wave = None if camera.colour is None or way.waves is None else float(camera.colour.wavelengths[way.waves[0]])
     return Replay(
         *place,

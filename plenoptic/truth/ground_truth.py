@@ -71,7 +71,7 @@ def truth_of(
     found = empty_truth(truth.wanted, (len(pixels),))
     channels = {name: filling(name) for name in found}
     together = _PIXELS if rays is None else len(pixels)
-    for start in range(0, len(pixels), together):
+    for start in range(0, len(pixels) or 1, together):
         part = slice(start, start + together)
         stages = PixelStages(record, scene, intersector, truth, pixels[part])
         if rays is not None:

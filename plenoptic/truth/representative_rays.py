@@ -9,7 +9,6 @@ the light, so that neither samples nor seeds matter.
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -90,7 +89,7 @@ def representative_rays(camera: CameraRecord, pixels: Floats) -> PixelRays:
     unlit = np.flatnonzero(rays.lost)
     if not unlit.size:
         return rays
-    regions = feeding_regions(camera, pixels[unlit], 0.5 * math.sqrt(2) * camera.sensor.pitch)
+    regions = feeding_regions(camera, pixels[unlit], camera.sensor.pixel.half)
     fed = np.diff(regions.first) > 0
     rays.dark[unlit[~fed]] = True
     if fed.any():
@@ -131,7 +130,7 @@ def _rays_from(camera: CameraRecord, starts: Floats, patterns: Floats) -> tuple[
     from plenoptic.truth.kernels import representative_ray
 
     n = len(starts)
-    regions = feeding_regions(camera, starts, 0.0)
+    regions = feeding_regions(camera, starts)
     aims = np.empty((n * patterns.shape[1], representative_ray.AIM))
     probes = np.empty(-(-len(aims) // BLOCK) * RAY)
     lanes = camera.own(probes.size // 8)

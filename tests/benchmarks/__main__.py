@@ -11,9 +11,9 @@ import time
 
 BENCHMARKS = (
     *("tracing", "analysis", "fidelity", "images", "threads", "error_time", "starting", "memory", "omissions"),
-    *("transport", "large_scenes", "against_mitsuba", "honesty", "budgets"),
+    *("transport", "large_scenes", "peers", "honesty", "budgets"),
 )
-PROGRAMS = ("plenoptic", "numpy", "numba", "embreex", "trimesh", "OpenImageIO", "batoid", "mitsuba")
+PROGRAMS = ("plenoptic", "numpy", "numba", "embreex", "trimesh", "OpenImageIO", "batoid", "mitsuba", "bpy")
 
 
 def main() -> None:

@@ -227,8 +227,8 @@ def test_cameras_of_an_array_see_points_with_the_disparity_of_their_baseline() -
         for j in (-1, 0, 1):
             own = (np.abs(points - 10.0 * np.array([i, j])) < 5.0).all(axis=-1)
             centroid = (light[own, None] * points[own]).sum(axis=0) / light[own].sum()
-            # The pixel raster cuts an image 1.3 pixels wide: a tenth of a pixel.
-            assert centroid == pytest.approx(10.0 * np.array([i, j]) * (1 + 8.2 / 500.0), abs=0.005)
+            # The pixel raster cuts an image 1.3 pixels wide: a tenth of a pixel, and half of that for noise.
+            assert centroid == pytest.approx(10.0 * np.array([i, j]) * (1 + 8.2 / 500.0), abs=0.0075)
     # Forwards, light lands where it is seen: nine images, and nothing behind other cells.
     landed = pl.camera.landing_points(camera, (0.0, 0.0, -499.0), rays=1 << 15)
     assert len(np.unique(landed.index, axis=0)) == 9

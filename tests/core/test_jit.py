@@ -1,6 +1,7 @@
 """The cache of compiled kernels, each time in processes of their own, with a kernel of one line."""
 
 import ast
+import math
 import os
 import subprocess
 import sys
@@ -110,6 +111,19 @@ def test_kernels_release_the_gil_divide_as_ieee_and_contract():
     assert ratio.targetoptions["nogil"] is True
     assert ratio.targetoptions["fastmath"] == {"contract"}
     assert ratio(1.0, 0.0) == float("inf")
+
+
+def test_vectors_are_as_wide_as_registers_where_that_pays():
+    from plenoptic.core.jit import device, processor
+
+    @device
+    def fill_roots(x):
+        for i in range(256):
+            x[i] = math.sqrt(x[i])
+
+    fill_roots.compile("(f8[::1],)")
+    (code,) = fill_roots.inspect_asm().values()
+    assert ("zmm" in code) == ("avx512vbmi2" in processor())
 
 
 def test_what_kernels_are_compiled_from_is_hashed():

@@ -36,7 +36,7 @@ def run(*arguments, within=()):
     ("name", "times"),
     [
         *(("SIGKILL", 2), ("SIGINT", 2)),
-        *(pytest.param("SIGKILL", 25, marks=pytest.mark.slow), pytest.param("SIGINT", 10, marks=pytest.mark.slow)),
+        *(pytest.param("SIGKILL", 10, marks=pytest.mark.slow), pytest.param("SIGINT", 10, marks=pytest.mark.slow)),
     ],
 )
 def test_a_signal_at_any_moment_leaves_the_old_file_or_the_new_one(tmp_path, name, times):

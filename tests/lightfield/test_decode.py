@@ -29,7 +29,7 @@ def the_camera(shape=(242, 242), model=pl.LensModel.THIN, stop=4.25, **array):
 
 
 def white_of(camera, samples=64, seed=11, **more):
-    return pl.render_white(camera, samples=samples, seed=seed, progress=False, **more)
+    return pl.render_white(camera, samples=samples, seed=seed, replicates=8, progress=False, **more)
 
 
 def tiles(radiance, side, z):
@@ -46,7 +46,7 @@ def tiles(radiance, side, z):
 
 
 def shot_of(scene, camera, samples=64, seed=3, **more):
-    return pl.render(scene, camera, samples=samples, seed=seed, max_bounces=0, progress=False, **more)
+    return pl.render(scene, camera, samples=samples, seed=seed, replicates=8, max_bounces=0, progress=False, **more)
 
 
 def blob(n, sigma, centre=(0.0, 0.0)):

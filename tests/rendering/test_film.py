@@ -82,6 +82,72 @@ def test_merged_films_are_one_film_of_all(first: list[int], second: list[int], s
     assert both.standard_error() == pytest.approx(whole.standard_error(), rel=1e-5, abs=math.sqrt(64 * EPS * 36))
 
 
+def drawn(rng: np.random.Generator, spread: np.ndarray, counts: list[int]) -> pl.rendering.Film:
+    """A film of pixels (rows, columns) whose samples are normal, of mean 5, independent but for a part that replicates
+    share: the variance of a replicate of n samples is that of independent ones over 4."""
+    film, sums, powers = pl.rendering.Film((*spread.shape, 1), counts=np.array(counts)), [], 0.0
+    for n in counts:
+        x = rng.normal(size=(*spread.shape, n))
+        x = 5.0 + spread[..., None] * (x - 0.5 * x.mean(axis=-1, keepdims=True))
+        sums.append(x.sum(axis=-1))
+        powers += np.square(x).sum(axis=-1)
+    film.add(0, 0, np.stack(sums, axis=-1)[..., None], powers=powers[..., None])
+    return film
+
+
+@pytest.mark.parametrize("counts", [[64, 64], [40, 24], [32] * 4])
+def test_few_replicates_are_pooled_over_a_block(counts: list[int]) -> None:
+    rng = np.random.default_rng(2)
+    spread = rng.uniform(0.1, 2.0, (64, 64))
+    film = drawn(rng, spread, counts)
+    squared = np.square(film.standard_error()[..., 0], dtype=float)
+    true = np.square(spread) / 4 / sum(counts)
+    # Each block's ratio has 32 degrees of freedom or more, spread unevenly, the scatter of each pixel 126.
+    assert squared.sum() == pytest.approx(true.sum(), rel=4 * math.sqrt(2 * 1.8 / 4096))
+    assert np.all(np.abs(np.log(squared / true)) < 2.0)
+    assert np.mean(np.abs(np.log(squared / true))) < 0.35  # of replicates alone: 1.3
+    # Over the pixels of a block and colour, squares are those of the replicates.
+    own = (film.squares / (len(counts) - 1) / sum(counts))[..., 0]
+    colour = np.add.outer(np.arange(8), np.arange(8)) % 2 == 1
+    for block in (np.s_[:8, :8], np.s_[24:32, 56:64]):
+        for part in (colour, ~colour):
+            assert squared[block][part].sum() == pytest.approx(own[block][part].sum(), rel=1e-5)
+
+
+def test_what_one_colour_of_a_block_shows_changes_no_other_pixel() -> None:
+    rng = np.random.default_rng(3)
+    film = drawn(rng, np.ones((16, 20)), [8, 8])
+    before = film.standard_error()[..., 0]
+    film.add(3, 9, np.array([80.0, 40.0]).reshape(1, 1, 2, 1), powers=np.full((1, 1, 1), 2000.0))
+    changed = np.argwhere(film.standard_error()[..., 0] != before)
+    assert len(changed) == 32 and np.all(changed // 8 == (0, 1)) and np.all(changed.sum(axis=1) % 2 == 0)
+
+
+def test_with_eight_replicates_a_pixel_has_an_error_of_its_own() -> None:
+    film = drawn(np.random.default_rng(4), np.ones((8, 8)), [4] * 8)
+    own = np.sqrt(film.squares / 7 / 32)
+    np.testing.assert_allclose(film.standard_error(), own, rtol=4 * EPS32)
+
+
+def test_the_scatter_of_merged_films_is_that_of_all_samples() -> None:
+    rng = np.random.default_rng(5)
+    one, other = (drawn(rng, np.ones((4, 4)), counts) for counts in ([8, 8], [20]))
+    both = one.merged(other)
+    assert both.scatter is not None
+    total = sum(film.scatter + film.samples * film.mean**2 for film in (one, other))
+    assert both.scatter == pytest.approx(total - both.samples * both.mean**2, rel=1e-10)
+
+
+@settings(max_examples=40)
+@given(value=st.floats(1e-6, 1e6), n=st.integers(2, 5000))
+def test_sums_of_equal_samples_have_no_scatter(value: float, n: int) -> None:
+    film = pl.rendering.Film((1, 1, 1), counts=np.array([n - n // 2, n // 2]))
+    sums = [np.cumsum(np.full(k, value))[-1] for k in (n - n // 2, n // 2)]  # one after the other, as kernels add
+    power = np.cumsum(np.full(n, value * value))[-1]
+    film.add(0, 0, np.reshape(sums, (1, 1, 2, 1)), powers=np.full((1, 1, 1), power))
+    assert film.scatter[0, 0, 0] == 0.0 and film.agreeing().all()
+
+
 def test_merged_films_name_all_kinds_of_processors(monkeypatch: pytest.MonkeyPatch) -> None:
     here = film_of([np.ones(2), np.zeros(2)])
     monkeypatch.setattr("plenoptic.core.jit.processor", lambda: "another kind")

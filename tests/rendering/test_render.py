@@ -47,7 +47,7 @@ def test_white_pixel_is_projected_solid_angle_of_its_cell():
     expected = hexagon_solid_angle(0.217, 1.7)
     assert expected == pytest.approx(0.0140472, abs=5e-8)
     camera = reference_camera(shape=(1, 1), pitch=1e-4)
-    white = pl.render_white(camera, samples=1 << 14, progress=False)
+    white = pl.render_white(camera, samples=1 << 14, replicates=8, progress=False)  # a block has one pixel
     error = float(white.standard_error[0, 0, 0])
     assert error < 1e-6
     # 5 standard errors with 7 degrees of freedom, and float32.
@@ -76,10 +76,10 @@ def test_uniform_scene_is_its_radiance_times_white(mode, lattice):
     shot = pl.render(scene, camera, samples=64, region=region, seed=2, progress=False)
     deviation = shot.image - 2.5 * white.image
     joint = np.hypot(shot.standard_error, 2.5 * white.standard_error)
-    lit = joint > 0
     # Sum over pixels: independent errors. 4 standard errors.
     assert abs(deviation.sum(dtype=np.float64)) < 4 * math.sqrt(np.square(joint, dtype=np.float64).sum())
-    assert np.sqrt(np.mean((deviation[lit] / joint[lit]) ** 2)) < 1.6  # t with 7 degrees of freedom: RMS 1.2
+    # Errors are pooled over blocks, so that those of pixels that lose one path in a hundred are right on average only.
+    assert np.sqrt(np.mean(deviation**2) / np.mean(joint**2)) < 1.3
 
 
 def test_same_seed_makes_uniform_scene_exactly_radiance_times_white():
@@ -332,7 +332,7 @@ def test_error_needs_two_replicates():
     camera, region = reference_camera(), np.s_[:4, :4]
     assert pl.render_white(camera, samples=1, region=region, progress=False).standard_error is None
     assert pl.render_white(camera, samples=8, replicates=1, region=region, progress=False).standard_error is None
-    shot = pl.render_white(camera, samples=3, region=region, progress=False)
+    shot = pl.render_white(camera, samples=3, replicates=8, region=region, progress=False)
     assert shot.standard_error is not None and shot.replicates == 3
 
 

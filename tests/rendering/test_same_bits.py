@@ -55,6 +55,8 @@ def held(number, tmp_path, monkeypatch):
         same(pl.render(scene, camera, threads=threads, tile_side=side, **settings), whole)
     part = pl.render(scene, camera, threads=2, tile_side=7, region=region, **settings)
     assert np.array_equal(part.image, whole.image[region])
+    seen = part.image.any(axis=-1)  # where all is dark, errors are those of what pixels around have met
+    assert np.array_equal(part.standard_error[seen], whole.standard_error[region][seen])
     for name, array in part.truth.arrays().items():
         np.testing.assert_array_equal(array, getattr(whole.truth, name)[region], err_msg=name)
     found = pl.ground_truth(scene, camera, truth=EVERYTHING, threads=2)
@@ -83,6 +85,6 @@ def test_the_same_bits_however_it_is_rendered(number, tmp_path, monkeypatch):
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::plenoptic.errors.PlenopticWarning")
-def test_the_same_bits_in_a_hundred_trials(tmp_path, monkeypatch):
-    for number in range(100):
+def test_the_same_bits_in_forty_trials(tmp_path, monkeypatch):
+    for number in range(40):
         held(number, tmp_path, monkeypatch)

@@ -46,6 +46,7 @@ MESHES = {"geometry.middle", "geometry.vertices", "geometry.triangles", "geometr
 REFLECTING = {"bsdf.scatters", "bsdf.takes_light", "bsdf.base_color"}
 EMITTING = {"emission.radiance", "emission.two_sided"}
 DRAWN = {"lights.cdf", "lights.items"}
+LAMPS = {"lights.areas", "emission.pdf"}
 KINDS = {"bsdf.kind", "bsdf.roughness"}
 LAYERED = KINDS | {"bsdf.coupling", "bsdf.metallic"}
 TEXTURED = {"geometry.uv"}
@@ -68,7 +69,7 @@ SCENES = {
     "geometry.normals": (pl.Scene([square(normals=UP), square()]), PLAIN | {"geometry.normals"}),
     "only emissive": (pl.Scene([square(pl.Emissive(1.0)), square(pl.Lambertian(0.0))]), MESHES | EMITTING),
     "black emitter": (pl.Scene([square(pl.Emissive(0.0)), square()]), PLAIN),
-    "lamp": (pl.Scene([square()], [LAMP]), PLAIN | EMITTING | DRAWN | {"emission.pdf"}),
+    "lamp": (pl.Scene([square()], [LAMP]), PLAIN | EMITTING | DRAWN | LAMPS),
     "lamp in black": (pl.Scene([square(pl.Lambertian(0.0))], [LAMP]), MESHES | EMITTING),
     "point": (pl.Scene([square()], [pl.lights.PointLight((0, 0, 9))]), PLAIN | DRAWN | POINTS),
     "dark point": (pl.Scene([square()], [pl.lights.PointLight((0, 0, 9), 0.0)]), PLAIN | POINTS),

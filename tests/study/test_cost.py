@@ -241,10 +241,10 @@ def test_an_interrupted_study_keeps_the_stages_it_has(made_up, monkeypatch):
 @pytest.mark.slow
 def test_meshes_are_the_dear_part_of_a_checkerboard():
     plan = pl.plan(pl.check_scene(), reference_camera())
-    table = cost_of(plan, samples=32, rounds=5)
+    table = cost_of(plan, samples=16, rounds=5)
     assert {row.stage for row in table.rows} == {one.stage for one in ablations(plan) if isinstance(one, Ablation)}
     meshes, truth = table.row(Stage.INTERSECTION), table.row(Stage.TRUTH)
-    # Finding what half a million rays meet takes half of the time; a busy processor disturbs this by some per cent.
+    # Finding what rays meet takes half of the time; a busy processor disturbs this by some per cent.
     assert meshes.percent > 20 and meshes.percent > 3 * meshes.standard_error
     assert meshes.set_up > 0.01 and meshes.picture_change > 50
     assert truth.percent > 0 and truth.picture_change == 0.0

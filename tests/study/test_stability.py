@@ -31,7 +31,7 @@ def test_every_ray_is_within_its_bounds(name):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_every_one_of_many_rays_is_within_its_bounds(name):
-    row = stability_row(CASES[name], rays=2000, seed=1)
+    row = stability_row(CASES[name], rays=500, seed=1)
     assert row.holds, row
 
 

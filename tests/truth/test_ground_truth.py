@@ -229,7 +229,8 @@ def test_angles_of_incidence_turn_with_the_sensor():
         tilted = camera.moved(pl.CameraPart.SENSOR, tilt=(tilt, 0.0, 0.0))
         angle = ground_truth(None, tilted, truth=Truth.INCIDENCE_ANGLE).incidence_angle[0, 0]
         straight = ground_truth(None, camera, truth=Truth.INCIDENCE_ANGLE).incidence_angle[0, 0]
-        assert abs(angle - tilt) <= straight + 1e-12
+        # The middle of the pupil is that of what linear views leave of it: to some 1e-9 of the distance.
+        assert abs(angle - tilt) <= straight + 1e-8
     assert straight < 0.02
 
 

@@ -179,12 +179,12 @@ def dense_rays(camera, rng, row, column, count):
 def test_rays_see_what_dense_rays_see(camera):
     near = pl.quad((0, -2000, -350), (2000, 0, 0), (0, 4000, 0))
     far = pl.quad((-2000, -2000, -450), (4000, 0, 0), (0, 4000, 0))
-    truth = pl.ground_truth(pl.Scene([near, far]), camera)
+    truth = pl.ground_truth(pl.Scene([near, far]), camera, region=np.s_[:128, :])
     rng = np.random.default_rng(1)
     seen = np.argwhere(truth.state == PixelState.SEEN)
     own = []
-    for row, column in rng.permutation(seen)[:120]:
-        if len(own) == 60:
+    for row, column in rng.permutation(seen)[:60]:
+        if len(own) == 30:
             break
         for _ in range(20):
             depth, index = dense_rays(camera, rng, row, column, 20_000)
@@ -195,4 +195,4 @@ def test_rays_see_what_dense_rays_see(camera):
         own.append((index == truth.microlens[row, column]).all(axis=1).mean())
         assert depth.min() - 1e-9 <= truth.depth[row, column] <= depth.max() + 1e-9
         assert own[-1] > 0
-    assert len(own) == 60 and np.median(own) > 0.5
+    assert len(own) == 30 and np.median(own) > 0.5

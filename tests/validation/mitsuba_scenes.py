@@ -10,12 +10,12 @@ VIEWED_FROM = 404 * np.array([0.1, 0.42, 0.9]) / np.linalg.norm([0.1, 0.42, 0.9]
 """mm, in the world."""
 
 
-def camera(semi_diameter=2.0, pixel_pitch=0.15, position=VIEWED_FROM):
+def camera(semi_diameter=2.0, pixel_pitch=0.15, position=VIEWED_FROM, pixels=48):
     """The double Gauss as a thin lens that looks down at the origin, 404 mm away; 22 mm there fill the picture."""
     lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter))
     design = pl.PlenopticCamera(
         lens=lens.with_model(pl.LensModel.THIN),
-        sensor=pl.Sensor(shape=(48, 48), pixel_pitch=pixel_pitch),
+        sensor=pl.Sensor(shape=(pixels, pixels), pixel_pitch=pixel_pitch),
         stop_to_microlenses=130.0,
     )
     return design.focused_at(z=-404.0).posed(position=position, look_at=(0, 0, 0), up=(0, 1, 0))

@@ -20,6 +20,7 @@ pytest.importorskip("mitsuba", reason="the extra `validation` installs it")
 sys.path.insert(0, str(Path(__file__).parent))
 import in_mitsuba  # noqa: E402
 from mitsuba_scenes import SCENES, camera, lambertian_bodies, objects, open_box  # noqa: E402
+from thin_lens import projected_solid_angles  # noqa: E402
 
 pytestmark = pytest.mark.validation
 
@@ -91,7 +92,8 @@ def test_both_see_the_reference_scene_alike():
 
 @pytest.mark.parametrize("max_bounces", [0, 1, 2])
 def test_depth_limits_mean_the_same(max_bounces):
-    assert disagreements(*both(open_box(), camera(), max_bounces=max_bounces)) == []
+    # Pixels that see the sky alone lose 6 paths of 1024 at the margin of the pupil, which is not normal noise yet.
+    assert disagreements(*both(open_box(), camera(), max_bounces=max_bounces, samples=4 * SAMPLES)) == []
 
 
 def test_a_wide_stop_blurs_alike():
@@ -103,7 +105,7 @@ def test_a_wide_stop_blurs_alike():
 def test_the_white_image_is_the_projected_solid_angle_of_the_aperture():
     seen_by = camera(semi_diameter=10.0)
     white = pl.render_white(seen_by, samples=2048, progress=False)
-    closed = in_mitsuba.projected_solid_angles(seen_by)
+    closed = projected_solid_angles(seen_by)
     error = np.sqrt(np.mean(white.standard_error**2) / white.image.size)
     assert abs((white.image - closed).mean()) < MOST * error < 1e-3 * closed.mean()
 

@@ -87,7 +87,7 @@ def through_iris(tables: ForwardRecord, bare: LensRecord) -> tuple[Aim, Floats]:
     stops = (bare.rows["surface_index"] == tables.camera.lens.iris_index) & (bare.rows["kind"] != IDEAL)
     last = int(np.flatnonzero(stops)[0])
     centre = np.zeros(2) if bare.frames is None else bare.frames[last, 9:11] * bare.frames[last, 12]
-    return Aim(bare.first(last + 1), lambda rays: rays.origin[:, :2]), centre
+    return Aim(bare.part(0, last + 1), lambda rays: rays.origin[:, :2]), centre
 
 
 def aimed(entrance: EntranceRays, aim: Aim, points: Floats, wanted: Floats, start: Floats) -> Floats:

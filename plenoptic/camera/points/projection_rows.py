@@ -162,7 +162,7 @@ def _footprints(tasks: list[Task], entrance: EntranceRays, through: ThroughArray
     """Trace the rings of rays of every point that has tasks."""
     firsts = {task.number: task for task in tasks[::-1]}
     number = np.array(sorted(firsts), dtype=np.int64)
-    entering = np.stack([_rings(firsts[k].triangles) for k in number])
+    entering = np.stack([_rings(firsts[k].polygon) for k in number])
     points = np.repeat([firsts[k].point for k in number], entering.shape[1], axis=0)
     rays = entrance.through(points, entering.reshape(-1, 2))
     traced = traced_by(entrance.bare, rays)
@@ -172,13 +172,11 @@ def _footprints(tasks: list[Task], entrance: EntranceRays, through: ThroughArray
     return Footprints(number, entering, arriving.reshape(entering.shape), on_sensor, passing)
 
 
-def _rings(triangles: NDArray[np.void]) -> Floats:
-    """Points (f, 2) of a fan of triangles: its corners, and others towards the middle."""
-    fan = triangles[np.linspace(0, len(triangles) - 1, 16).round().astype(int)]
-    start, first, second = (np.column_stack([fan[x], fan[y]]) for x, y in (("x", "y"), ("ax", "ay"), ("bx", "by")))
-    corners = start[:, None] + np.stack([np.zeros((16, 2)), first, second], axis=1)
-    middle = corners.reshape(-1, 2).mean(axis=0)
-    outline = corners[:, 1:].reshape(-1, 2)
+def _rings(polygon: Floats) -> Floats:
+    """Points (f, 2) of a polygon (2, k), divided into a fan: corners of triangles, and others towards the middle."""
+    fan = np.linspace(0, polygon.shape[1] - 3, 16).round().astype(int)
+    outline = polygon.T[np.stack([fan + 1, fan + 2], axis=1)].reshape(-1, 2)
+    middle = (2.0 * outline.mean(axis=0) + polygon[:, 0]) / 3.0
     return np.concatenate([middle + share * (outline - middle) for share in _RINGS])
 
 

@@ -17,7 +17,6 @@ from plenoptic.camera.dust import BETWEEN, PlacedDust, fill_dimmed_at_lens, plac
 from plenoptic.camera.paths import fill_dimmed_before_array
 from plenoptic.camera.psf.forward_array import ForwardArray, fill_through_array_forward, forward_array
 from plenoptic.camera.record import response_record
-from plenoptic.camera.sampling.record import TRIANGLE
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.models import LensModel
@@ -62,10 +61,11 @@ class ForwardRecord(NamedTuple):
 
 
 class Task(NamedTuple):
-    """Rays first ... first + n - 1 of a replicate of a point, which enter the lens through `triangles`."""
+    """Rays first ... first + n - 1 of a replicate of a point, which enter the lens through a polygon."""
 
     point: Floats
-    triangles: NDArray[np.void]
+    polygon: Floats
+    """(2, k): corners, counter-clockwise."""
     number: int
     replicate: int
     first: int
@@ -145,26 +145,13 @@ def tasks_of(record: ForwardRecord, points: Floats, replicates: int, each: int) 
         corners = entering_polygon(record.entrance, point)
         if corners is None:
             continue
-        triangles = _fan(corners)
+        polygon = np.ascontiguousarray(corners.T)
         tasks += [
-            Task(point, triangles, number, replicate, first, min(CHUNK, each - first))
+            Task(point, polygon, number, replicate, first, min(CHUNK, each - first))
             for replicate in range(replicates)
             for first in range(0, each, CHUNK)
         ]
     return tasks
-
-
-def _fan(corners: Floats) -> NDArray[np.void]:
-    """A convex polygon (counter-clockwise) as triangles, in the form that `paths.aim` reads."""
-    edges = corners[1:] - corners[0]
-    areas = 0.5 * (edges[:-1, 0] * edges[1:, 1] - edges[:-1, 1] * edges[1:, 0])
-    kept = areas > 1e-12 * areas.sum()
-    triangles = np.zeros(int(kept.sum()), TRIANGLE)
-    triangles["x"], triangles["y"] = corners[0]
-    triangles["ax"], triangles["ay"] = edges[:-1][kept].T
-    triangles["bx"], triangles["by"] = edges[1:][kept].T
-    triangles["area"] = np.cumsum(areas[kept])
-    return triangles
 
 
 def landed(record: ForwardRecord, task: Task, seed: np.uint64) -> Landed:

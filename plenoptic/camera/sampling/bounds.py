@@ -8,6 +8,7 @@ import numpy as np
 
 from plenoptic.camera.assembly import Assembly, sensor_corners
 from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.camera.sampling.record import SIDE
 from plenoptic.core.values import Floats, read_only
 from plenoptic.optics.lens.pupil.exit_pupil import PupilBounds, outline_corners, pupil_bounds, rear_reach
 from plenoptic.optics.microlens.array import MicrolensArray
@@ -37,8 +38,7 @@ def sensor_bounds(camera: PlenopticCamera, parts: Assembly, wavelengths: tuple[f
     corners = sensor_corners(camera, parts)
     farthest = float(np.hypot(corners[:, 0], corners[:, 1]).max())
     heights = parts.z_plane + corners[:, 2]
-    half_pixel = camera.sensor.pixel_pitch / np.sqrt(2)
-    return _united(camera, heights, farthest, half_pixel, wavelengths)
+    return _united(camera, heights, farthest, SIDE * camera.sensor.pixel_pitch / np.sqrt(2), wavelengths)
 
 
 def array_bounds(

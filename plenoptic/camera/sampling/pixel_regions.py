@@ -2,24 +2,38 @@
 
 from __future__ import annotations
 
-import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.camera.record import CameraRecord
-from plenoptic.camera.sampling.record import TRIANGLE, FedPixels, Regions
+from plenoptic.camera.sampling.record import CANDIDATE, PIECE, PLANE, SIDE, VIEW, Candidates, FedPixels, Regions
+from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, STATUS
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
+from plenoptic.optics.lens.record import MOVED
 from plenoptic.optics.microlens.record import MICROLENS
+
+_MANY = 12.0
+"""Microlenses near a pixel on the axis beyond which bounds on the pupil must do: polygons that are cut for each path
+then take longer than they lower the variance."""
+_TOGETHER = 512
+"""Candidates whose rays are traced together."""
+_PASSES, _SLACK = 4, 2e-3
+"""Times that a candidate is looked at, and how large margins may be, in parts of what they bound."""
 
 
 def pixel_centres(camera: CameraRecord, rows: tuple[int, int], columns: tuple[int, int]) -> Floats:
     """(n, 2): centres of the pixels of a rectangle (first and end row and column), row by row: local x and y in mm."""
+    row, column = np.meshgrid(np.arange(*rows) + 0.5, np.arange(*columns) + 0.5, indexing="ij")
+    return _on_sensor(camera, row.ravel(), column.ravel())
+
+
+def _on_sensor(camera: CameraRecord, row: Floats, column: Floats) -> Floats:
+    """(n, 2): points of the sensor, given in rows and columns from its corner: local x and y in mm."""
     sensor, placed = camera.sensor, camera.parts.sensor_to_local
-    x = -(np.arange(*columns) + 0.5 - sensor.columns / 2) * sensor.pitch
-    y = (np.arange(*rows) + 0.5 - sensor.rows / 2) * sensor.pitch
-    on_sensor = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    on_sensor = np.stack([-(column - sensor.columns / 2), row - sensor.rows / 2], axis=-1) * sensor.pitch
     return np.ascontiguousarray(on_sensor @ placed.turn[:2, :2].T + placed.shift[:2])
 
 
@@ -29,18 +43,7 @@ MOST_CELLS = 100_000
 
 def cells_per_pixel(camera: CameraRecord) -> float:
     """About how many microlenses are looked at for each pixel, at least 1; an InvalidValueError for far too many."""
-    array, pupil = camera.array, camera.pupil
-    if array is None:
-        return 1.0
-    distance = camera.z_plane - pupil.z
-    ratio = distance / camera.sensor.plane.distance
-    bend = 0.0 if pupil.pinhole else float(np.abs(1.0 + ratio - distance * array.lattice.powers).max())
-    reach = float(pupil.reach.max()) + pupil.margin + bend * array.opening.radius
-    search = (reach + ratio * camera.sensor.pitch) / (1.0 + ratio) + array.opening.radius
-    area, listed = abs(float(np.linalg.det(array.lattice.basis))), array.listed
-    if listed is not None:
-        area = float(listed.bins.width**2 * (len(listed.bins.first) - 1) / max(len(listed.lenses), 1))
-    count = 1.0 + np.pi * search**2 / area
+    count = _cells(camera, float(camera.pupil.reach.max()))
     if count > MOST_CELLS:
         raise InvalidValueError(
             f"each pixel sees about {count:.3g} microlenses, and the limit is {MOST_CELLS}; their pitch is too small, "
@@ -49,28 +52,154 @@ def cells_per_pixel(camera: CameraRecord) -> float:
     return count
 
 
-def feeding_regions(camera: CameraRecord, pixels: Floats, margin: float) -> Regions:
-    """Triangles that cover what feeds each pixel's points up to `margin` mm from its centre; see `cells_per_pixel`."""
-    from plenoptic.camera.sampling.kernels import pixel_regions
+def _cells(camera: CameraRecord, reach: float) -> float:
+    """About how many microlenses see a pixel through a pupil that reaches so far from the axis, in mm."""
+    array, pupil = camera.array, camera.pupil
+    if array is None:
+        return 1.0
+    distance = camera.z_plane - pupil.z
+    ratio = distance / camera.sensor.plane.distance
+    bend = 0.0 if pupil.pinhole else float(np.abs(1.0 + ratio - distance * array.lattice.powers).max())
+    reach += pupil.margin + bend * array.opening.radius
+    search = (reach + ratio * camera.sensor.pitch) / (1.0 + ratio) + array.opening.radius
+    area, listed = abs(float(np.linalg.det(array.lattice.basis))), array.listed
+    if listed is not None:
+        area = float(listed.bins.width**2 * (len(listed.bins.first) - 1) / max(len(listed.lenses), 1))
+    return 1.0 + float(np.pi * search**2 / area)
 
-    cells_per_pixel(camera)
-    array, plane = camera.array, camera.sensor.plane
-    first, room = np.zeros(len(pixels) + 1, dtype=np.int64), 16 * len(pixels)
+
+def is_exact(camera: CameraRecord) -> bool:
+    """Whether what feeds pixels is found through the openings of the lens, or by bounds on its pupil alone."""
+    # Of light beside openings half of the cell is lost in any case.
+    clear = camera.array is not None and camera.array.opening.clear
+    return not clear and _cells(camera, float(camera.pupil.reach[0])) <= _MANY
+
+
+class _Half(NamedTuple):
+    """Of a group: half its sides in local x and y, and how it is looked at."""
+
+    x: float
+    y: float
+    rays: int
+    slack: float
+
+
+def _grouped(camera: CameraRecord, starts: Floats) -> tuple[Floats, NDArray[np.int64]]:
+    """Centres (g, 2) of the groups of pixels in which points of the sensor (n, 2) lie, and which is whose (n,)."""
+    sensor, placed = camera.sensor, camera.parts.sensor_to_local
+    on_sensor = (starts - placed.shift[:2]) @ np.linalg.inv(placed.turn[:2, :2]).T / sensor.pitch
+    column = np.floor((sensor.columns / 2 - on_sensor[:, 0]) / SIDE).astype(np.int64)
+    row = np.floor((on_sensor[:, 1] + sensor.rows / 2) / SIDE).astype(np.int64)
+    across = sensor.columns // SIDE + 2
+    number, group = np.unique((row + 1) * across + column + 1, return_inverse=True)
+    row, column = np.divmod(number, across)
+    return _on_sensor(camera, (row - 0.5) * SIDE, (column - 0.5) * SIDE), np.ascontiguousarray(group.ravel())
+
+
+def _candidates(camera: CameraRecord, centres: Floats, margin: float) -> tuple[Candidates, Floats]:
+    """What may feed groups, by the bounds on the pupil, and the corners of their polygons."""
+    from plenoptic.camera.sampling.kernels import candidates
+
+    array, plane, used = camera.array, camera.sensor.plane, np.zeros(2, dtype=np.int64)
+    first, room, ends = np.zeros(len(centres) + 1, dtype=np.int64), 4 * len(centres) + 4, 64 * len(centres) + 64
     while True:
         details = np.empty(room, MICROLENS) if array is not None and array.differs else None
-        regions = Regions(np.empty(room, TRIANGLE), first, details)
+        found, corners = Candidates(first, np.empty(room, CANDIDATE), details), np.empty((2, ends))
         if array is None:
-            needed = pixel_regions.fill_pupil_regions(regions, pixels, camera.pupil)
+            candidates.fill_pupil(found, corners, used, centres, camera.pupil)
         else:
-            needed = pixel_regions.fill_cell_regions(regions, pixels, margin, plane, array, camera.pupil)
-        if needed <= room:
-            return Regions(regions.triangles[:needed], first, None if details is None else details[:needed])
-        room = needed
+            candidates.fill_cells(found, corners, used, centres, margin, plane, array, camera.pupil)
+        if used[0] <= room and used[1] <= ends:
+            return found._replace(rows=found.rows[: used[0]]), corners
+        room, ends = max(room, used[0]), max(ends, used[1])
+
+
+def _met(camera: CameraRecord, blocks: Floats, waves: NDArray[np.int64] | None) -> Floats:
+    """(elements, 3, rays): where rays between array and lens meet its elements, in their axes, and if not, why."""
+    from plenoptic.optics.lens.kernels.trace import fill_traced
+
+    fields = blocks.reshape(-1, 8, BLOCK)
+    found = np.empty((len(camera.openings.elements), 3, len(fields), BLOCK))
+    for at, element in zip(found, camera.openings.elements, strict=True):
+        fill_traced(blocks, element, waves)
+        at[0], at[1], at[2] = fields[:, 0], fields[:, 1], fields[:, STATUS // BLOCK]
+        if element.frames is not None and element.frames[0, MOVED] != 0:
+            frame = element.frames[0]
+            x, y, z = at[0] - frame[9], at[1] - frame[10], fields[:, 2] - element.rows[0]["z"] - frame[11]
+            at[0] = frame[0] * x + frame[3] * y + frame[6] * z
+            at[1] = frame[1] * x + frame[4] * y + frame[7] * z
+    return found.reshape(len(found), 3, -1)
+
+
+def _views(camera: CameraRecord, found: Candidates, corners: Floats, centres: Floats, half: _Half) -> NDArray[np.void]:
+    """How candidates see the openings of the lens; each keeps where its views are."""
+    from plenoptic.camera.paths import fill_through_array
+    from plenoptic.camera.sampling.kernels import views as kernels
+    from plenoptic.camera.sampling.kernels.pixel_regions import MOST_PIECES, fill_boxes
+
+    group, openings = np.repeat(np.arange(len(centres)), np.diff(found.first)), camera.openings
+    left = np.flatnonzero(np.diff(found.first)[group] <= MOST_PIECES)
+    views, used = np.empty(4 * len(centres) + 64, VIEW), 0
+    for _ in range(_PASSES):
+        again = [left[:0]]
+        for start in range(0, max(len(left), 1), _TOGETHER):
+            chosen = left[start : start + _TOGETHER].copy()
+            rays = half.rays * len(chosen)
+            blocks = np.empty(-(-rays // BLOCK) * RAY)
+            own, waves = camera.own(blocks.size // 8), None
+            if camera.dispersed is not None and camera.dispersed.index_ratios is not None:
+                last = camera.dispersed.index_ratios.shape[1] - 1
+                waves = np.zeros(blocks.size // 8, dtype=np.int64)
+                waves[:rays].reshape(-1, half.rays)[:] = np.repeat([last // 2, 0, last], half.rays // 3)
+            kernels.fill_view_rays(blocks, own, found, chosen, centres[group[chosen]], half)
+            fill_through_array(blocks, own, camera, waves)
+            kernels.fill_reopened(blocks)
+            points = _met(camera, blocks, waves)
+            while (end := kernels.fill_views(views, used, found, chosen, points, openings, half)) > len(views):
+                views = np.concatenate([views, np.empty(end, VIEW)])
+            used = end
+            again.append(chosen[: fill_boxes(found, chosen, corners, views, openings.edges, half)])
+        left = np.concatenate(again)
+        if not left.size:
+            break
+    return views
+
+
+def feeding_regions(camera: CameraRecord, starts: Floats, half: tuple[float, float] = (0.0, 0.0)) -> Regions:
+    """What feeds points of the sensor (n, 2), and those up to `half` mm beside them in x and y; see `cells_per_pixel`.
+
+    The points lie in pixels, with what is beside them.
+    """
+    from plenoptic.camera.sampling.kernels import pixel_regions
+    from plenoptic.camera.sampling.kernels.views import RAYS
+
+    cells_per_pixel(camera)
+    if is_exact(camera):
+        centres, group = _grouped(camera, starts)
+        turn = camera.parts.sensor_to_local.turn
+        sides = 0.5 * SIDE * camera.sensor.pitch * np.abs(turn[:2, :2]).sum(axis=1)
+        colours = 1 if camera.dispersed is None else 3
+        size = _Half(float(sides[0]), float(sides[1]), RAYS * colours, _SLACK)
+        found, corners = _candidates(camera, centres, float(np.hypot(*sides)))
+        views = _views(camera, found, corners, centres, size)
+    else:
+        centres, group, views = starts, np.arange(len(starts)), np.empty(1, VIEW)
+        found, corners = _candidates(camera, centres, float(np.hypot(*half)))
+    seen = views, camera.openings.edges, centres
+    first, used = np.zeros(len(starts) + 1, dtype=np.int64), np.zeros(3, dtype=np.int64)
+    room, ends, most = (k * len(starts) + 64 for k in (2, 16, 4))
+    while True:
+        details = None if found.details is None else np.empty(room, MICROLENS)
+        regions = Regions(np.empty(room, PIECE), first, np.empty((2, ends)), np.empty(most, PLANE), details)
+        pixel_regions.fill_regions(regions, used, starts, group, found, corners, seen, half)
+        if used[0] <= room and used[1] <= ends and used[2] <= most:
+            return regions
+        room, ends, most = max(room, used[0]), max(ends, used[1]), max(most, used[2])
 
 
 def fed_pixels(camera: CameraRecord, pixels: Floats, number: NDArray[np.int64]) -> FedPixels:
     """What feeds pixels whose centres (n, 2) and numbers (n,) on the sensor are given."""
-    triangles, first, details = feeding_regions(camera, pixels, 0.5 * math.sqrt(2) * camera.sensor.pitch)
-    fed = np.flatnonzero(np.diff(first))
-    regions = Regions(triangles, np.append(first[fed], first[-1]), details)
-    return FedPixels(fed, number[fed], np.ascontiguousarray(pixels[fed]), regions)
+    regions = feeding_regions(camera, pixels, camera.sensor.pixel.half)
+    fed = np.flatnonzero(np.diff(regions.first))
+    first = np.append(regions.first[fed], regions.first[-1])
+    return FedPixels(fed, number[fed], np.ascontiguousarray(pixels[fed]), regions._replace(first=first))

@@ -8,23 +8,88 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.core.values import Floats
+from plenoptic.optics.lens.record import LensRecord
 
-TRIANGLE = np.dtype(
-    [(name, "f8") for name in ("x", "y", "ax", "ay", "bx", "by", "area", "axis_x", "axis_y")], align=True
+SIDE = 4
+"""Pixels along a side of a group, whose views of the lens are found together."""
+
+CANDIDATE = np.dtype(
+    [
+        *((name, "f8") for name in ("cell_x", "cell_y", "axis_x", "axis_y", "x", "y", "half_x", "half_y", "slack")),
+        *((name, "i8") for name in ("first_corner", "corners", "first_view", "views")),
+    ],
+    align=True,
 )
-"""A triangle of a region: a corner, two edges from there, the area up to and with this triangle, and the optical axis
-of its microlens."""
+"""A microlens that may feed a group of pixels: centre of its cell, optical axis, the box in which light may pass (its
+middle and half sides, from the cell's centre), how large the margins of its planes are beside what they bound; first
+and number of the corners of a polygon that holds all its light, and of its views of elements. -1 views: it is dark."""
+
+VIEW = np.dtype(
+    [
+        *((name, "f8") for name in ("x", "y", "x_by_x", "x_by_y", "y_by_x", "y_by_y")),
+        *((name, "f8") for name in ("x_by_u", "x_by_v", "y_by_u", "y_by_v", "radius", "margin")),
+        *((name, "i8") for name in ("first_edge", "edges")),
+    ],
+    align=True,
+)
+"""Where rays of a microlens meet an element, in mm from its axis, up to a margin: the ray through the centre of the
+cell from that of a group, and by how much more for points of the cell (x, y) and of the sensor (u, v) beside these;
+the radius of the element's circle, the margin, and the first and the number of the edges around its hole."""
+
+PLANE = np.dtype([(name, "f8") for name in ("a", "b", "limit", "s", "t", "high")], align=True)
+"""An edge or a tangent of what an element lets pass: a x + b y + s u + t v <= limit, where (x, y) is a point of the
+cell from its centre, and (u, v) one of the sensor from the centre of the pixel; how far the piece reaches along (a, b).
+"""
+
+PIECE = np.dtype(
+    [
+        *((name, "f8") for name in ("cell_x", "cell_y", "axis_x", "axis_y", "area", "xu", "xv", "yu", "yv")),
+        *((name, "i8") for name in ("first_corner", "corners", "first_plane", "planes")),
+    ],
+    align=True,
+)
+"""The part of a microlens that feeds a pixel: a polygon, which moves by (xu u + xv v, yu u + yv v) for points (u, v) of
+the pixel from its centre, and planes that cut it then. Centre of the cell and optical axis; the area of the polygon,
+uncut, and of those before it; first and number of corners, from the cell's centre, and of planes."""
+
+
+class Candidates(NamedTuple):
+    """The microlenses that may feed groups of pixels."""
+
+    first: NDArray[np.int64]
+    """(groups + 1,): where each group's candidates begin."""
+    rows: NDArray[np.void]
+    """(n,) of CANDIDATE."""
+    details: NDArray[np.void] | None
+    """(n,) of MICROLENS: what paths keep of their microlens; None where these do not differ."""
 
 
 class Regions(NamedTuple):
     """What feeds pixels."""
 
-    triangles: NDArray[np.void]
-    """(n,) of TRIANGLE."""
+    pieces: NDArray[np.void]
+    """(n,) of PIECE."""
     first: NDArray[np.int64]
-    """(pixels + 1,): where each pixel's triangles begin."""
+    """(pixels + 1,): where each pixel's pieces begin."""
+    corners: Floats
+    """(2, c): x and y."""
+    planes: NDArray[np.void]
+    """(m,) of PLANE."""
     details: NDArray[np.void] | None
     """(n,) of MICROLENS: what paths keep of their microlens; None where these do not differ."""
+
+
+class Openings(NamedTuple):
+    """What the elements of a lens let pass, in the order in which light from the sensor meets them."""
+
+    elements: tuple[LensRecord, ...]
+    """Each alone, without rims."""
+    semi_diameter2: Floats
+    """(elements,): mm^2."""
+    edges: Floats
+    """(k, 3) edges of the convex polygons around the holes of stops that are not round: x, y, distance."""
+    first_edge: NDArray[np.int64]
+    """(elements + 1,): where each element's edges begin."""
 
 
 class FedPixels(NamedTuple):

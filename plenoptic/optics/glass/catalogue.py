@@ -13,7 +13,7 @@ from typing import Any
 
 from plenoptic.core.files.reading import TEXT, FileLimits, read_file
 from plenoptic.core.files.text_lines import decoded, naming_line, written_number
-from plenoptic.core.values import check_kind, file_path, finite, set_field, value, whole
+from plenoptic.core.values import LARGEST_WHOLE, check_kind, file_path, finite, set_field, value, whole
 from plenoptic.errors import FileError, InvalidValueError, PrescriptionError
 from plenoptic.optics.glass.dispersion import COEFFICIENT_COUNTS, DispersionFormula, Formula
 from plenoptic.optics.glass.media import D_LINE, Medium, ModelGlass, Schott, Sellmeier
@@ -271,7 +271,7 @@ def _name_line(words: list[str]) -> dict[str, Any]:
     if len(words) < 5:
         raise PrescriptionError(f"NM has {len(words)} words; it must have name, formula, code, n_d and V_d")
     formula = written_number(words[1], "formula")
-    if not formula.is_integer() or formula < 0:
+    if not formula.is_integer() or not 0 <= formula <= LARGEST_WHOLE:
         raise PrescriptionError(f"formula is {formula:g}; it must be a whole number, not below 0")
     nd, vd = written_number(words[3], "n_d"), written_number(words[4], "V_d")
     return {"name": words[0], "formula": int(formula), "nd": nd, "vd": vd}

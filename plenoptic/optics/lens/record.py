@@ -14,6 +14,7 @@ from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.record import ASPHERE, CONIC, FREEFORM, IDEAL, ElementRow
+from plenoptic.optics.stops.registry import Stop
 from plenoptic.optics.surfaces.surface import Surface
 
 ROW = np.dtype(
@@ -75,11 +76,11 @@ class LensRecord(NamedTuple):
     direction: float
     """+1 towards the sensor, -1 towards the scene."""
 
-    def first(self, count: int) -> LensRecord:
-        """The elements where light arrives first."""
+    def part(self, begin: int, end: int) -> LensRecord:
+        """Elements begin ... end - 1; where the lens has masks, from the first one on."""
         by_element = ("rows", "conic", "aspheric", "departure", "frames", "index_ratios")
-        cut = {name: column[:count] for name in by_element if (column := getattr(self, name)) is not None}
-        return self._replace(first_edge=self.first_edge[: count + 1], **cut)
+        cut = {name: column[begin:end] for name in by_element if (column := getattr(self, name)) is not None}
+        return self._replace(first_edge=self.first_edge[begin : end + 1], **cut)
 
 
 def lens_record(
@@ -186,12 +187,17 @@ def _ideal_rows(lens: LensStack, wavelength: float, *, reverse: bool) -> list[El
     front = rear if lens.model is LensModel.THIN else points.front_principal
     arrives, leaves = (rear, front) if reverse else (front, rear)
     ideal = ElementRow(IDEAL, curvature=1.0 / points.efl, max_depth=leaves - arrives, z=arrives, surface_index=iris)
-    scale, behind = points.entrance_pupil_semi_diameter / lens.stop.semi_diameter, True
-    if lens.model is LensModel.THIN:
-        z_stop = rear
-    elif math.isfinite(points.exit_pupil):
-        z_stop, scale = points.exit_pupil, points.pupil_magnification
-    else:
-        z_stop, behind = points.entrance_pupil, False
-    stop = lens.stop.image(scale).row()._replace(z=z_stop, surface_index=iris)
+    shown, z_stop, behind = shown_stop(lens, wavelength)
+    stop = shown.row()._replace(z=z_stop, surface_index=iris)
     return [ideal, stop] if behind else [stop, ideal]
+
+
+def shown_stop(lens: LensStack, wavelength: float) -> tuple[Stop, float, bool]:
+    """The iris as an ideal model of a lens shows it, its place on the axis, and whether it lies behind the lens."""
+    points = cardinal_points(lens, wavelength)
+    scale = points.entrance_pupil_semi_diameter / lens.stop.semi_diameter
+    if lens.model is LensModel.THIN:
+        return lens.stop.image(scale), points.rear_principal, True
+    if math.isfinite(points.exit_pupil):
+        return lens.stop.image(points.pupil_magnification), points.exit_pupil, True
+    return lens.stop.image(scale), points.entrance_pupil, False

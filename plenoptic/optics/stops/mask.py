@@ -13,7 +13,7 @@ from plenoptic.core.values import MOST_POINTS, Floats, alike, frozen_array, leng
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.placement import Placement, set_place
 from plenoptic.optics.record import MASK, ElementRow
-from plenoptic.optics.stops.polygon import divided
+from plenoptic.optics.stops.polygon import convex_hull, divided
 
 
 @value
@@ -156,7 +156,7 @@ class MaskStop:
 
         A (k, 2) array with k at least n, not closed: the corners of the polygon, and points that divide its sides.
         """
-        corners = _hull(self.cell_size * _open_corners(np.asarray(self.transmission)))
+        corners = convex_hull(self.cell_size * _open_corners(np.asarray(self.transmission)))
         return divided(corners, whole(n, "n", at_least=3, at_most=MOST_POINTS))
 
     def row(self) -> ElementRow:
@@ -184,20 +184,3 @@ def _open_corners(cells: Floats) -> Floats:
     top = 0.5 * rows - lit
     sides = [(x, y) for x in (left, right) for y in (top, top - 1.0)]
     return np.concatenate([np.stack(side, axis=1) for side in sides])
-
-
-def _hull(points: Floats) -> Floats:
-    """Corners of the convex hull of points (n, 2), counter-clockwise, by Andrew's monotone chain."""
-    ordered = np.unique(points, axis=0).tolist()
-    chains: list[list[list[float]]] = []
-    for run in (ordered, ordered[::-1]):
-        chain: list[list[float]] = []
-        for x, y in run:
-            while len(chain) > 1:
-                (ax, ay), (bx, by) = chain[-2:]
-                if (bx - ax) * (y - ay) - (by - ay) * (x - ax) > 0:
-                    break
-                chain.pop()
-            chain.append([x, y])
-        chains.append(chain[:-1])
-    return np.array([*chains[0], *chains[1]])

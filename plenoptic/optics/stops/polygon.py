@@ -188,6 +188,23 @@ def divided(corners: Floats, n: int) -> Floats:
     return np.asarray((corners[:, None] + share[:, None] * (after - corners)[:, None]).reshape(-1, 2))
 
 
+def convex_hull(points: Floats) -> Floats:
+    """Corners of the convex hull of points (n, 2), counter-clockwise, by Andrew's monotone chain."""
+    ordered = np.unique(points, axis=0).tolist()
+    chains: list[list[list[float]]] = []
+    for run in (ordered, ordered[::-1]):
+        chain: list[list[float]] = []
+        for x, y in run:
+            while len(chain) > 1:
+                (ax, ay), (bx, by) = chain[-2:]
+                if (bx - ax) * (y - ay) - (by - ay) * (x - ax) > 0:
+                    break
+                chain.pop()
+            chain.append([x, y])
+        chains.append(chain[:-1])
+    return np.array([*chains[0], *chains[1]])
+
+
 def _segment(half_angle: float) -> float:
     """Area between arc and chord of a circle of radius 1, whose arc has twice this angle; negative for negative ones.
 

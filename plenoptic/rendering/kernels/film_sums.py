@@ -11,6 +11,8 @@ from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, WEIGHT
 def fill_sums(sums, blocks, radiance, waves, weights, start, n, batch):
     """Add what the paths of a bundle bring to sums (pixels, streams, channels), in the order of their numbers.
 
+    The last row of a pixel's sums gets the squares of what its paths bring, those of all streams.
+
     `radiance` is (n, channels), or None for 1 everywhere: a white image. With `weights` (wavelengths, channels), each
     path has a wavelength, its radiance is one number, and the weights are what that adds to the channels. Returns how
     many contributions were not finite; these are left out.
@@ -23,7 +25,7 @@ def fill_sums(sums, blocks, radiance, waves, weights, start, n, batch):
         pixel, stream, index = path_place(path, samples, streams)
         run = min(replicate_size(stream, samples, streams) - index, end - path)
         for c in range(sums.shape[2]):
-            total = sums[pixel, stream, c]
+            total, squares = sums[pixel, stream, c], sums[pixel, -1, c]
             for k in range(path - start, path - start + run):
                 light = blocks[(k // BLOCK) * RAY + WEIGHT + k % BLOCK]
                 if weights is not None:
@@ -34,9 +36,10 @@ def fill_sums(sums, blocks, radiance, waves, weights, start, n, batch):
                     light *= radiance[k, c]
                 if light - light == 0.0:
                     total += light
+                    squares += light * light
                 else:
                     broken += 1
-            sums[pixel, stream, c] = total
+            sums[pixel, stream, c], sums[pixel, -1, c] = total, squares
         path += run
     return broken
 

@@ -24,7 +24,7 @@ def plan(  # noqa: PLR0913
     camera: PlenopticCamera,
     *,
     samples: int = 64,
-    replicates: int = 8,
+    replicates: int = 2,
     max_bounces: int = 8,
     truth: Truth = Truth.DEPTH,
     caustics: Caustics = Caustics.KEPT,

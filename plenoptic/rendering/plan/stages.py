@@ -89,7 +89,7 @@ class Subject:
     scene: Scene | None
     camera: PlenopticCamera
     samples: int = 64
-    replicates: int = 8
+    replicates: int = 2
     truth: Truth = Truth.DEPTH
     settings: RenderSettings = RenderSettings()
 

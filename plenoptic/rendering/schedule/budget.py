@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 from plenoptic.core.values import positive, whole
 from plenoptic.errors import InvalidValueError
 
-FEWEST_REPLICATES = 8
-"""Replicates from which errors are trusted enough to stop by them."""
+_FEWEST_REPLICATES = 2
+"""Replicates from which there are errors to stop by."""
 _MOST_REPLICATES = 1 << 16
-_START = 4
-"""Samples of each replicate before anything is decided."""
+_START, _FEWEST_OF_EACH = 32, 4
+"""Samples before anything is decided, and those of each replicate."""
+_STEEP, _FLAT = 0.9, 0.5
+"""Exponents with which errors fall: the steepest that is believed, and that of independent samples."""
+_UNKNOWN = 0.8
+"""The exponent of which nothing is known yet: steep, since samples too few cost a step, and too many are lost."""
 _PART = 0.6
 """Of what fits into a time limit: how fast the rest will go is not known exactly."""
 ENOUGH_OF_RARE = 1 << 12
@@ -42,7 +47,12 @@ class Budget(NamedTuple):
     @property
     def enough(self) -> int:
         """Samples from which on errors are looked at."""
-        return min(_START * self.replicates, self.max_samples)
+        return min(self._start * self.replicates, self.max_samples)
+
+    @property
+    def _start(self) -> int:
+        """Samples of each replicate, a power of 2."""
+        return max(1 << (_START // self.replicates).bit_length() >> 1, _FEWEST_OF_EACH)
 
     @property
     def enough_of_rare(self) -> int:
@@ -52,14 +62,14 @@ class Budget(NamedTuple):
     def following(self, done: int) -> int:
         """How many samples there are after the next step: at most a quarter more.
 
-        Steps are 4, 5, 6, 7 times the replicates times powers of 2, so that four of them double the samples. With a
-        time limit 1 and 2 times come before, so that all pixels have something soon.
+        Steps are 4, 5, 6, 7 times the replicates times powers of 2, so that four of them double the samples; the first
+        has about 32 samples. With a time limit powers of 2 come before, so that all pixels have something soon.
         """
         if not self.steps:
             return self.max_samples
         each = done // self.replicates
-        if each < _START:
-            first = max(2 * each, 1) if self.time_limit is not None else _START
+        if each < self._start:
+            first = max(2 * each, 1) if self.time_limit is not None else self._start
             return min(first * self.replicates, self.max_samples)
         return min((each + (1 << (each.bit_length() - 3))) * self.replicates, self.max_samples)
 
@@ -74,20 +84,23 @@ class Budget(NamedTuple):
             step = after
         return step
 
-    def start_towards(self, done: int, error: float) -> int:
-        """How many samples still leave an error above twice the target, as long as it falls no faster than 1/n.
+    def towards(self, done: int, error: float, before: tuple[float, float]) -> int:
+        """The number of samples at which the target should be reached, on the steps of `following`.
 
-        On the steps of `following`; never fewer than `done`. With a time limit at most twice as many, or time might be
-        over when some pixels have all and others next to nothing.
+        `before` are fewer samples and the error that they left, which tell how fast it falls; 0 where there are none.
+        Twice as many samples where the error is not known (0), and with a time limit, which might be over when some
+        pixels have all and others next to nothing.
         """
-        if self.target_error is None or not error > 2 * self.target_error:
-            return done
-        wanted = min(done * error / (2 * self.target_error), float(self.max_samples))
-        if self.time_limit is not None:
-            wanted = min(wanted, 2.0 * done)
-        while (step := self.following(done)) <= wanted and step > done:
-            done = step
-        return done
+        assert self.target_error is not None
+        wanted, falls = 2.0 * done, _UNKNOWN
+        if before[0] and 0 < error < before[1] < math.inf:
+            falls = min(max(math.log(before[1] / error) / math.log(done / before[0]), _FLAT), _STEEP)
+        if self.target_error < error < math.inf and self.time_limit is None:
+            wanted = done * (error / self.target_error) ** (1 / falls)
+        step, wanted = self.following(done), min(wanted, float(self.max_samples))
+        while step < wanted:
+            step = self.following(step)
+        return step
 
 
 def checked_target(target_error: float, name: str = "target_error") -> float:
@@ -117,9 +130,9 @@ def checked_budget(
     independent = whole(replicates, "replicates", at_least=1)
     if independent > _MOST_REPLICATES:
         raise InvalidValueError(f"replicates is {independent}; it must be at most {_MOST_REPLICATES}")
-    if target is not None and independent < FEWEST_REPLICATES:
+    if target is not None and independent < _FEWEST_REPLICATES:
         raise InvalidValueError(
-            f"replicates is {independent}; with a target_error it must be at least {FEWEST_REPLICATES}, or the error "
-            "would be too uncertain to stop by"
+            f"replicates is {independent}; with a target_error it must be at least {_FEWEST_REPLICATES}, or there "
+            "would be no error to stop by"
         )
     return Budget(most, limit, target, independent if most is None else min(independent, most))

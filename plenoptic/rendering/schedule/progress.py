@@ -19,8 +19,8 @@ from plenoptic.core.relative_error import (
     rests_on_few,
 )
 from plenoptic.core.values import Floats
-from plenoptic.rendering.film import Film, replicate_counts, spread
-from plenoptic.rendering.schedule.budget import Budget
+from plenoptic.rendering.film import Film, Moments, replicate_counts, spread
+from plenoptic.rendering.schedule.budget import MAX_SAMPLES, Budget
 from plenoptic.rendering.tile import NAMED, Tile, TileResult
 
 _COUNTED = ("paths", "nonfinite", "met", "light", "clamped", "seconds", "cpu_seconds")
@@ -36,6 +36,8 @@ class FilmRegion(NamedTuple):
     """The part of a pixel that sees light: sums are of radiance on that part."""
     radiance: float
     """About the brightest of the scene."""
+    asked: tuple[slice, slice] = (slice(None), slice(None))
+    """Of the film, what was asked for: errors are pooled over blocks, and those at its rim are rendered too."""
 
 
 class Progress:
@@ -46,6 +48,8 @@ class Progress:
     happened to see little, and its expectation is that of a fixed number of samples. Where nothing of the other colour
     is lit, they do not go on. The samples that a colour gets after it has stopped, because the other colour goes on and
     is to be decided upon, do not count in its image.
+
+    Each colour is decided upon at numbers of samples of its own, which are predicted from the errors of the other.
 
     Which pixels are lit is found anew before each round of decisions: for one colour, from what its pixels had when the
     other one was last decided upon, so that this too is independent of what is decided. Where the error of all of a
@@ -68,20 +72,24 @@ class Progress:
         self.tiles, self.budget, self.region, self.truth = tiles, budget, region, truth
         replicates = budget.replicates
         self.film = Film(shape, counts=replicate_counts(budget.max_samples, replicates))
+        if self.film.squares is not None:
+            self.film.scatter = np.zeros(shape)
         self.sums = None
         """Of all samples of unfinished tiles; None where each tile is done in one batch."""
         if budget.steps or batches:
-            self.sums = np.zeros((*shape[:2], replicates, shape[2]))
+            self.sums = np.zeros((*shape[:2], replicates + 1, shape[2]))
             self.film.sample_counts = np.zeros(shape[:2], dtype=np.int32)
         self.one_sample = None if self.film.squares is None else np.zeros(shape[:2], dtype=np.float32)
         """What one sample brings, at most; None without standard errors."""
         self.counts = np.zeros(codes, dtype=np.int64)
         self.done = np.zeros(len(tiles), dtype=np.int64)
         """Samples of each tile."""
-        self.goal = np.full(len(tiles), budget.following(0), dtype=np.int64)
-        """Number of samples at which it is decided whether a tile goes on."""
+        self.goal = np.full((len(tiles), 2), budget.following(0), dtype=np.int64)
+        """Number of samples at which it is decided whether each colour of a tile goes on."""
         self.open = np.ones((len(tiles), 2), dtype=bool)
         """Whether the pixels of each colour of a tile go on."""
+        self.found = np.zeros((len(tiles), 2, 2))
+        """Samples at which a colour was last decided upon, and the error of the other colour then."""
         self.seen = None if budget.target_error is None else np.zeros((2, *shape[:2]))
         """Brightness and squared standard error of pixels, while the other colour of their tile goes on."""
         self.capped = False
@@ -93,11 +101,15 @@ class Progress:
 
     def pending(self) -> list[int]:
         """Tiles that need further samples, in order. Those that wait for a decision are not among them."""
-        return [int(i) for i in np.flatnonzero(self.open.any(axis=1) & (self.done < self.goal))]
+        return [int(i) for i in np.flatnonzero(self.open.any(axis=1) & (self.done < self._next()))]
 
     def next_samples(self, i: int) -> int:
         """How many samples a tile may be given next."""
-        return int(self.goal[i] - self.done[i])
+        return int(self._next()[i] - self.done[i])
+
+    def _next(self) -> NDArray[np.int64]:
+        """(tiles,): samples at which a colour of each is decided upon next."""
+        return np.asarray(np.where(self.open, self.goal, MAX_SAMPLES).min(axis=1))
 
     def sums_of(self, i: int) -> Floats | None:
         """Sums of a tile's samples until now; None where there are none."""
@@ -115,9 +127,10 @@ class Progress:
             self.sums[at] = result.sums
         where = None if self.open[i].all() else self.open[i][_colours(tile)]
         counts = None if self.sums is None else replicate_counts(done, self.budget.replicates)
-        sums, fill_factor = result.sums, self.region.fill_factor
-        scaled = sums if fill_factor == 1 else fill_factor * sums
-        found = self.film.add(at[0].start, at[1].start, scaled, counts=counts, where=where)
+        fill_factor = self.region.fill_factor
+        sums, powers = fill_factor * result.sums[..., :-1, :], fill_factor**2 * result.sums[..., -1, :]
+        known = None if self.film.scatter is None else powers
+        found = self.film.add(at[0].start, at[1].start, sums, powers=known, counts=counts, where=where)
         if first:
             if self.one_sample is not None:
                 brought = fill_factor * self.region.radiance * result.weights
@@ -125,7 +138,7 @@ class Progress:
             for name, array in (result.truth or {}).items():
                 self.truth[name][at] = array
         if self.seen is not None and done < self.budget.max_samples:
-            self._look(i, *found)
+            self._look(i, found)
         self.counts += result.counts
         self.paths += result.paths
         self.nonfinite += result.nonfinite
@@ -143,10 +156,10 @@ class Progress:
         them are the next step.
         """
         going = self.open.any(axis=1)
-        if not going.any() or (self.done < self.goal)[going].any():
+        if not going.any() or (self.done < self._next())[going].any():
             return
         if self.seen is None or (self.done < self.budget.enough)[going].any():
-            self.goal[going] = [self.budget.within(int(done), affordable) for done in self.done[going]]
+            self.goal[going] = [2 * [self.budget.within(int(done), affordable)] for done in self.done[going]]
             return
         expected = expected_brightness(*self.seen)
         colours = (np.add.outer(*map(np.arange, expected.shape)) + sum(self.region[:2])) % 2
@@ -159,15 +172,13 @@ class Progress:
         for i in np.flatnonzero(going):
             self._decide(int(i), np.where(lit, squares, np.nan), rare)
 
-    def _look(self, i: int, mean: Floats, squares: Floats) -> None:
-        """Keep how bright and how good pixels are, where the other colour is yet to be decided upon."""
+    def _look(self, i: int, found: Moments) -> None:
+        """Keep how bright and how good pixels are, where it is now decided upon the other colour."""
         assert self.seen is not None and self.one_sample is not None
-        at, done = self._places(i), int(self.done[i])
-        freedom = min(done, self.budget.replicates) - 1
-        bright = brightness(mean)
+        at, bright = self._places(i), brightness(found.mean)
         # What one sample brings is known from the pixel itself: where it is 0, the pixel is not lit.
-        error = spread(mean, squares, float(done), float(freedom), bright)
-        where = self.open[i][1 - _colours(self.tiles[i])]
+        error = spread(found, bright)
+        where = (self.open[i] & (self.goal[i] == self.done[i]))[1 - _colours(self.tiles[i])]
         self.seen[0][at][where] = bright[where]
         self.seen[1][at][where] = np.mean(np.square(error), axis=-1)[where]
 
@@ -180,29 +191,26 @@ class Progress:
         target, done = self.budget.target_error, int(self.done[i])
         assert target is not None
         here, colours = squares[self._places(i)], _colours(self.tiles[i])
-        going = []
-        for colour in range(2):
+        for colour in np.flatnonzero(self.open[i] & (self.goal[i] == done)):
             others = here[(colours == 1 - colour) & ~np.isnan(here)]
             found = float(np.sqrt(np.mean(others))) if others.size else 0.0
             few, any_may_be_lit = rare[1 - colour]
-            unknown = any_may_be_lit or (few and others.size > 0)
-            self.open[i, colour] &= done < self.budget.enough_of_rare if unknown else found > target
-            if self.open[i, colour]:
-                going.append(0.0 if unknown else found)  # nothing is to be gained by the error of few pixels
-        self.goal[i] = self.budget.following(done)
-        if going:
-            start = min(self.budget.start_towards(done, found) for found in going)
-            self.goal[i] = max(self.goal[i], start)
+            if any_may_be_lit or (few and others.size > 0):
+                self.open[i, colour], found = done < self.budget.enough_of_rare, 0.0
+            else:
+                self.open[i, colour] = found > target
+            self.goal[i, colour] = self.budget.towards(done, found, tuple(self.found[i, colour]))
+            self.found[i, colour] = done, found
 
     def error(self) -> float | None:
         """Relative error over lit pixels until now; None without standard errors."""
         errors = self._errors()
-        return None if errors is None else relative_error(self.film.mean, errors)
+        return None if errors is None else relative_error(self.film.mean[self.region.asked], errors)
 
     def light_is_rare(self) -> bool:
         """Whether light is too rare to know this error."""
         errors = self._errors()
-        return errors is not None and light_is_rare(self.film.mean, errors)
+        return errors is not None and light_is_rare(self.film.mean[self.region.asked], errors)
 
     def _errors(self) -> NDArray[np.float32] | None:
         """Standard errors, nan where a tile is to come; None where there are none."""
@@ -211,7 +219,7 @@ class Progress:
             return None
         if self.film.sample_counts is not None:
             errors[self.film.sample_counts == 0] = np.nan
-        return errors  # without counts, tiles that are to come are dark
+        return errors[self.region.asked]  # without counts, tiles that are to come are dark
 
     def sample_counts(self) -> NDArray[np.int32] | None:
         """(rows, columns): samples of each pixel that are in the image; None where they are all of the budget's."""
@@ -229,7 +237,9 @@ class Progress:
     def arrays(self) -> dict[str, NDArray[Any]]:
         """What a checkpoint keeps, by name: views that `restore` fills."""
         named = {"mean": self.film.mean, "counts": self.counts, "done": self.done, "goal": self.goal, "open": self.open}
-        optional = {"squares": self.film.squares, "one_sample": self.one_sample, "sums": self.sums}
+        named["found"] = self.found
+        optional: dict[str, NDArray[Any] | None] = {"squares": self.film.squares, "scatter": self.film.scatter}
+        optional |= {"one_sample": self.one_sample, "sums": self.sums}
         optional |= {"sample_counts": self.film.sample_counts, "seen": self.seen}
         named |= {name: array for name, array in optional.items() if array is not None}
         return named | {f"truth.{name}": array for name, array in self.truth.items()}

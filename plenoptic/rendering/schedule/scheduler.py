@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from plenoptic.camera.checks import sensor_region
 from plenoptic.camera.sampling.pixel_regions import cells_per_pixel
 from plenoptic.camera.sampling.record import Batch
+from plenoptic.core.ahead import compiled_ahead
 from plenoptic.core.lost_rays import lost_rays
 from plenoptic.core.parallel import run_in_order, thread_count
 from plenoptic.core.values import flag, seed_number, whole
@@ -21,6 +22,7 @@ from plenoptic.core.warn import warn
 from plenoptic.errors import BlackImageWarning, BudgetWarning
 from plenoptic.rendering.context import RenderContext, render_context
 from plenoptic.rendering.exposure import MOST_NAMES, Exposure, samples_text
+from plenoptic.rendering.film import OWN_ERRORS, in_whole_blocks
 from plenoptic.rendering.plan.scene_stages import is_dark
 from plenoptic.rendering.plan.stages import Subject
 from plenoptic.rendering.schedule.budget import Budget
@@ -69,7 +71,9 @@ def run(subject: Subject, budget: Budget, work: Work) -> Exposure:
         checkpoint = Checkpoint(work.checkpoint, work.checkpoint_interval)
     seed = seed_number(work.seed)
     workers, show = thread_count(work.threads), flag(work.progress, "progress")
-    region = sensor_region(camera.sensor.shape, work.region)
+    region = asked = sensor_region(camera.sensor.shape, work.region)
+    if 2 <= budget.replicates < OWN_ERRORS:  # errors, or their bits would be others at the rim of a region
+        region = in_whole_blocks(asked, camera.sensor.shape)
     if work.conditioning is not None:
         whole(work.conditioning, "conditioning", at_least=1)
     context = render_context(subject, seed)
@@ -81,21 +85,31 @@ def run(subject: Subject, budget: Budget, work: Work) -> Exposure:
     kept = available_truth(subject.truth, meshes=meshes, microlenses=camera.microlenses is not None)
     side, tiles = cut_into_tiles(region, budget, work.tile_side, cells_per_pixel(context.camera))
     clock = Clock(begin[0], budget.time_limit, sum(tile.pixels for tile in tiles) * context.channels)
-    progress = _progress(context, budget, region, tiles, kept, clock, begin)
+    here = slice(asked[0] - region[0], asked[1] - region[0]), slice(asked[2] - region[2], asked[3] - region[2])
+    progress = _progress(context, budget, region, here, tiles, kept, clock, begin)
     if checkpoint is not None:
         facts: dict[str, object] = {"seed": seed, "samples": budget.samples, "target_error": budget.target_error}
         if budget.target_error is not None:
-            facts["decided by"] = "errors over expected brightness"  # what is kept for decisions, and how they are made
+            # What is kept for decisions, and how they are made.
+            facts["decided by"] = "errors over expected brightness, in predicted steps"
         facts |= {"time_limit": None if budget.time_limit is None else "given", "replicates": budget.replicates}
-        facts |= {"region": region, "truth": kept, "settings": subject.settings, "tile_side": side}
+        facts |= {
+            "errors from": "samples and replicates",
+            "region": region,
+            "truth": kept,
+            "settings": subject.settings,
+            "tile_side": side,
+        }
         checkpoint.resume(progress, context.scene, camera, facts)
     found = None
     if work.conditioning is not None:
         from plenoptic.camera.conditioning import camera_conditioning
 
-        found = camera_conditioning(context.camera, region, seed=seed, rays=work.conditioning)
+        found = camera_conditioning(context.camera, asked, seed=seed, rays=work.conditioning)
     bar = ProgressBar(progress, begin[0], show=show)
-    interrupted = _drive(progress, context, truth_record(camera, context.camera, kept), clock, workers, checkpoint, bar)
+    truth, batch = truth_record(camera, context.camera, kept), batch_of(context, 0, 1)
+    with compiled_ahead(lambda: render_tile(context, Tile(0, 0, 0, 0), batch, truth), threads=workers):
+        interrupted = _drive(progress, context, truth, clock, workers, checkpoint, bar)
     reason = _reason(progress, interrupted=interrupted)
     shot = _exposure(progress, reason, subject, work, workers, found)
     if interrupted:
@@ -116,6 +130,7 @@ def _progress(
     context: RenderContext,
     budget: Budget,
     region: tuple[int, int, int, int],
+    asked: tuple[slice, slice],
     tiles: list[Tile],
     kept: Truth,
     clock: Clock,
@@ -134,7 +149,7 @@ def _progress(
         tiles,
         (*shape, context.channels),
         budget,
-        FilmRegion(first_row, first_column, context.camera.sensor.fill_factor, radiance),
+        FilmRegion(first_row, first_column, context.camera.sensor.fill_factor, radiance, asked),
         empty_truth(kept, shape),
         status_codes(context.camera),
         batches=batch < budget.max_samples,
@@ -240,12 +255,17 @@ def _exposure(
     workers: int,
     conditioning: Conditioning | None,
 ) -> Exposure:
-    """What has been found."""
+    """What has been found, of the region that was asked for."""
     film, counts = progress.film, progress.sample_counts()
     if counts is not None:
         forget_truth(progress.truth, counts == 0)
+    error, agreeing = film.standard_error(progress.one_sample), _agreeing(progress, counts)
+    here = progress.region.asked
+    truth, counts = (
+        {name: array[here] for name, array in progress.truth.items()},
+        None if counts is None else counts[here],
+    )
     most = progress.budget.max_samples if counts is None else int(counts.max())
-    image, error, agreeing = film.image(), film.standard_error(progress.one_sample), _agreeing(progress, counts)
     names = subject.scene.object_names if subject.scene is not None and "object" in progress.truth else None
     progress.note_time()
     stats = RenderStats(
@@ -258,15 +278,15 @@ def _exposure(
         threads=workers,
         clamped=progress.clamped / progress.light if progress.light > 0 else 0.0,
         nonfinite_paths=tuple(progress.nonfinite_paths),
-        zero_variance=agreeing,
+        zero_variance=int(np.count_nonzero(agreeing[here])),
         stopped_by=reason,
         conditioning=conditioning,
         processors=film.processors,
     )
     return Exposure(
-        image=image,
-        standard_error=error,
-        truth=GroundTruth(**progress.truth) if progress.truth else None,
+        image=film.image()[here],
+        standard_error=None if error is None else error[here],
+        truth=GroundTruth(**truth) if truth else None,
         samples=most,
         replicates=min(progress.budget.replicates, max(most, 1)),
         seed=int(work.seed),
@@ -279,9 +299,9 @@ def _exposure(
     )
 
 
-def _agreeing(progress: Progress, counts: NDArray[np.int32] | None) -> int:
-    """How many pixels that light can reach have replicates that are all the same."""
+def _agreeing(progress: Progress, counts: NDArray[np.int32] | None) -> NDArray[np.bool_]:
+    """(rows, columns): pixels that light can reach and whose samples or replicates are all the same."""
     agreeing = progress.film.agreeing()
     if agreeing is None or progress.one_sample is None:
-        return 0
-    return int(np.count_nonzero(agreeing & (progress.one_sample > 0) & (True if counts is None else counts > 0)))
+        return np.zeros(progress.film.mean.shape[:2], dtype=bool)
+    return agreeing & (progress.one_sample > 0) & (True if counts is None else counts > 0)

@@ -18,6 +18,14 @@ INTERACTION_COLUMNS = 15
 """Columns of the rows of `Interactions`: the point; the triangle's unit normal on the side of the ray; the shading
 normal; how far off the surface rays start; whether the front is seen (1 or 0); roughness; metallic; (u, v)."""
 
+RAY_OFFSET = 2.0**-20
+"""Secondary rays start off the surface by this much of the coordinates that float32 has rounded: 16 units of
+rounding of the numbers in which Embree holds the triangles (after C. Waechter and N. Binder, Ray Tracing Gems,
+2019, ch. 6, with a length along the normal in place of one shift a component)."""
+
+RAY_OFFSET_64 = 2.0**-42
+"""And by this much of all coordinates, for the rounding of the hit point itself in float64."""
+
 
 class Geometry(NamedTuple):
     """Triangles: nv vertices, nt triangles, ni instances. All arrays are C-contiguous and read-only.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -10,14 +11,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.core.values import Floats, contiguous
-from plenoptic.scene.geometry.record import Geometry, InstanceRecord
+from plenoptic.scene.geometry.record import INSTANCE_DISTANCE, RAY_OFFSET, RAY_OFFSET_64, Geometry, InstanceRecord
 from plenoptic.scene.lights.environment import EnvironmentMap
 from plenoptic.scene.lights.fields import channel_mean
 from plenoptic.scene.lights.record import (
+    AREA_COLUMNS,
+    CORNER,
+    EDGE_1,
+    EDGE_2,
     ENVIRONMENT,
+    FRONT_NORMAL,
     LIGHT,
     POINT,
     POINT_LIGHT,
+    SHORT,
     SUN,
     SUN_LIGHT,
     TRIANGLE,
@@ -86,6 +93,7 @@ def lights_record(
     record = Lights(
         cdf=None if cdf is None else contiguous(cdf),
         items=None if items is None else contiguous(items),
+        areas=None if emitters is None or not near_power.size else _area_rows(emitters, near_rows, near_instances),
         points=contiguous(np.array([light.row() for light in points], POINT_LIGHT)) if points else None,
         point_colors=color_rows([light.intensity for light in points], channels) if points else None,
         sky=Sky(
@@ -126,6 +134,39 @@ def _triangle_powers(
     power = area * exitance[geometry.triangle_material[row]]
     kept = (power > 0) & ~_repeated(geometry, row, where)
     return row[kept], where[kept], power[kept], exitance
+
+
+def _area_rows(emitters: Emitters, row: NDArray[np.int64], place: NDArray[np.int32]) -> Floats:
+    """(n, AREA_COLUMNS): triangles in their places."""
+    geometry, instances = emitters.geometry, emitters.instances
+    corners = geometry.vertices[geometry.triangles[row]]
+    mirrored, distance = np.zeros(len(row), dtype=bool), np.full(len(row), -1.0)
+    moved = place >= 0
+    if instances is not None and geometry.instance_to_world is not None and moved.any():
+        matrices = instances.matrices[place[moved]].reshape(-1, 3, 4)
+        corners[moved] = corners[moved] @ matrices[:, :, :3].transpose(0, 2, 1) + matrices[:, None, :, 3]
+        mirrored[moved] = np.linalg.det(matrices[:, :, :3]) < 0
+        distance[moved] = geometry.instance_to_world[place[moved], INSTANCE_DISTANCE]
+    rows = np.empty((len(row), AREA_COLUMNS))
+    rows[:, CORNER : CORNER + 3] = corners[:, 0]
+    rows[:, EDGE_1 : EDGE_1 + 3] = corners[:, 1] - corners[:, 0]
+    rows[:, EDGE_2 : EDGE_2 + 3] = corners[:, 2] - corners[:, 0]
+    normal = np.cross(rows[:, EDGE_1 : EDGE_1 + 3], rows[:, EDGE_2 : EDGE_2 + 3])
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    rows[:, FRONT_NORMAL : FRONT_NORMAL + 3] = np.where(mirrored[:, None], -normal, normal)
+    rows[:, SHORT] = _largest_offsets(corners, normal, geometry.middle, distance)
+    return contiguous(rows)
+
+
+def _largest_offsets(corners: Floats, normal: Floats, middle: Floats, distance: Floats) -> Floats:
+    """(n,): the largest `ray_offset` that a triangle's points have, which is that of a corner: it is convex."""
+    across = np.where(distance[:, None] >= 0, 1.0, np.abs(normal))
+    off_middle = np.einsum("nij,nj->ni", np.abs(corners - middle), across)
+    near = distance
+    for a, b in itertools.product(range(3), repeat=2):
+        apart = np.einsum("nj,nj->n", np.abs(corners[:, a] - corners[:, b]), across)
+        near = np.maximum(near, off_middle[:, a] + apart)
+    return np.asarray(RAY_OFFSET * near + RAY_OFFSET_64 * np.abs(corners).sum(axis=2).max(axis=1))
 
 
 def _repeated(geometry: Geometry, row: NDArray[np.int64], place: NDArray[np.int32]) -> NDArray[np.bool_]:

@@ -15,6 +15,11 @@ TRIANGLE, POINT, SUN, ENVIRONMENT = range(4)
 LIGHT = np.dtype([("row", np.int64), ("instance", np.int32), ("kind", np.uint8)])
 """What is drawn: row of the triangles, points or suns; instance of a triangle, -1 for a plain one; kind."""
 
+CORNER, EDGE_1, EDGE_2, FRONT_NORMAL, SHORT = 0, 3, 6, 9, 12
+AREA_COLUMNS = 13
+"""Columns of a triangle that emits, in the world: a corner, both edges from there, the unit normal towards the front,
+and how far before it shadow rays end."""
+
 POINT_LIGHT = np.dtype(
     [(name, np.float64) for name in ("x", "y", "z", "axis_x", "axis_y", "axis_z", "cos_outer", "cos_inner")]
 )
@@ -77,6 +82,8 @@ class Lights(NamedTuple):
     """(n,): cumulative probability, the last exactly 1. None, as is the next one, where nothing is drawn."""
     items: NDArray[Any] | None
     """(n,) of LIGHT."""
+    areas: Floats | None
+    """(nl, AREA_COLUMNS): triangles that emit, which are the first items. None where none is drawn."""
     points: NDArray[Any] | None
     """(np,) of POINT_LIGHT: points and spots."""
     point_colors: Floats | None

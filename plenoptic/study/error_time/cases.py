@@ -39,7 +39,7 @@ class ErrorCase(NamedTuple):
 
 def _samplers() -> dict[str, Variant]:
     return {
-        "8 replicates": Variant(),
+        "2 replicates": Variant(),
         "1 replicate": Variant(replicates=1),
         "RANDOM sampler": Variant(sampler=Sampler.RANDOM),
     }

@@ -22,7 +22,7 @@ _LIBRARIES = ("numpy", "numba", "embreex")
 _WORDS = """\
 Each case is rendered in several ways (variants), each with several numbers of samples and several seeds, and compared
 with a converged reference. The first variant is the camera as it is: exact lens, thin microlenses, scrambled Sobol
-points in 8 replicates, depth limit 8. All others differ from it in what their name says.
+points in 2 replicates, depth limit 8. All others differ from it in what their name says.
 
 ## What the numbers are
 
@@ -36,7 +36,7 @@ points in 8 replicates, depth limit 8. All others differ from it in what their n
   squared error is the sum of both squares. Where the squared bias is less than three of its standard errors above 0, it
   cannot be told from 0, and the table says what it is below with 97.7 % confidence.
 - **True / reported**: noise among seeds over the noise that the standard errors of the renders report; 1 where they
-  are right. With few samples under bright lights it is below 1: a pixel whose replicates all agree is told the error of
+  are right. With few samples under bright lights it is below 1: a pixel whose samples all agree is told the error of
   a single sample. Empty with one replicate, which has no standard error.
 - **Slope**: of the logarithm of the noise against that of the number of samples. Independent samples give -0.5.
 - **Time**: CPU time of all threads of a whole call, and wall time; medians over the seeds, with kernels compiled, and

@@ -53,7 +53,7 @@ class Variant:
     lens: LensModel | None = None
     microlenses: MicrolensModel | None = None
     sampler: Sampler = Sampler.SOBOL
-    replicates: int = 8
+    replicates: int = 2
     max_bounces: int = 8
     caustics: Caustics = Caustics.KEPT
     clamp: float | None = None

@@ -6,14 +6,14 @@ import math
 
 import numpy as np
 
+from plenoptic.camera.sampling.kernels.candidates import crossing, polar
 from plenoptic.camera.sampling.kernels.paths import aim
-from plenoptic.camera.sampling.kernels.pixel_regions import crossing
 from plenoptic.core.jit import device, kernel
 from plenoptic.core.kernels.bundles import pad
 from plenoptic.core.kernels.ray_blocks import BLOCK, MISSED, RAY, STATUS, WEIGHT, L, M, N, X, Y, Z
 
 AIM = 6
-"""Numbers of a probe: the point aimed at, the optical axis of its microlens, its triangle, and whether it counts."""
+"""Numbers of a probe: the point aimed at, the optical axis of its microlens, its piece, and whether it counts."""
 
 CANDIDATES = 4
 """Microlenses for which a start on a pixel is sought."""
@@ -33,7 +33,7 @@ def fill_probes(blocks, lanes, aims, starts, regions, patterns):
 
     Light that passes beside the openings of microlenses does not count.
     """
-    triangles, first = regions.triangles, regions.first
+    first = regions.first
     n = 0
     for p in range(starts.shape[0]):
         points = patterns[p % patterns.shape[0]]
@@ -44,7 +44,7 @@ def fill_probes(blocks, lanes, aims, starts, regions, patterns):
             chosen, counts = -1, 1.0
             if first[p + 1] > first[p]:
                 start = starts[p, 0], starts[p, 1]
-                chosen = aim(ray, i, triangles, (first[p], first[p + 1]), start, (points[k, 0], points[k, 1]))
+                chosen = aim(ray, i, regions, (first[p], first[p + 1]), start, (points[k, 0], points[k, 1]))
                 if regions.details is not None:
                     lanes[n] = regions.details[chosen]
                     counts = 0.0 if regions.details[chosen].clip < 0.0 else 1.0
@@ -62,11 +62,11 @@ def fill_probes(blocks, lanes, aims, starts, regions, patterns):
 def fill_centroid_rays(rays, starts, probes, aims, regions):
     """From the traced probes, aim one ray from each start at the lit centroid of the cell that passes most light.
 
-    Probes run through the region in the order of its triangles, so that those of a cell are neighbours. Where all
+    Probes run through the region in the order of its pieces, so that those of a cell are neighbours. Where all
     probes of a cell arrive, its centroid is that of its whole region. Starts without light get a lost ray. Beside a
     ray, `rays` gets its light and the probe of that cell that arrives nearest to the centroid; see `StartRays`.
     """
-    triangles, first = regions.triangles, regions.first
+    pieces = regions.pieces
     blocks, lanes, cells = rays.blocks, rays.lanes, rays.cells
     count = aims.shape[0] // starts.shape[0]
     for p in range(starts.shape[0]):
@@ -90,7 +90,7 @@ def fill_centroid_rays(rays, starts, probes, aims, regions):
                 best_x, best_y = sum_x / lit, sum_y / lit
                 low, high = start, p * count + k
                 if lit == seen:
-                    best_x, best_y = _centroid(triangles, regions.details, first[p], first[p + 1], found)
+                    best_x, best_y = _centroid(regions.corners, pieces[found])
         base = (p // BLOCK) * RAY
         ray = blocks[base : base + RAY]
         i = p % BLOCK
@@ -99,7 +99,7 @@ def fill_centroid_rays(rays, starts, probes, aims, regions):
         ray[Z + i] = ray[N + i] = 0.0
         cells[p, 0], cells[p, 1], cells[p, 2] = math.nan, math.nan, math.nan
         if best > 0.0:
-            ray[Z + i], ray[N + i] = triangles[found].axis_x, triangles[found].axis_y
+            ray[Z + i], ray[N + i] = pieces[found].axis_x, pieces[found].axis_y
             cells[p, 0], cells[p, 1], cells[p, 2] = ray[Z + i], ray[N + i], -1.0
             if regions.details is not None:
                 lanes[p] = regions.details[found]
@@ -123,7 +123,7 @@ def fill_aimed_starts(starts, pixels, regions, pixel, sensor, pupil):
     The middle is that of the pupil's outline for the cell; light passes the optical axis of a microlens straight. Of
     the microlenses in `regions`, those count whose points are nearest to the pixel; the centre stands for no further.
     """
-    triangles, first = regions.triangles, regions.first
+    pieces, first = regions.pieces, regions.first
     # Members that may be absent are read one by one, so that their branches are pruned.
     tilt = sensor.tilt
     skew = pixel.skew
@@ -142,16 +142,11 @@ def fill_aimed_starts(starts, pixels, regions, pixel, sensor, pupil):
         for k in range(CANDIDATES):
             starts[p, k, 0], starts[p, k, 1] = pixels[p, 0], pixels[p, 1]
         for t in range(first[p], first[p + 1]):
-            ox, oy = triangles[t].axis_x, triangles[t].axis_y
-            if t > first[p] and ox == triangles[t - 1].axis_x and oy == triangles[t - 1].axis_y:
+            ox, oy = pieces[t].axis_x, pieces[t].axis_y
+            if t > first[p] and ox == pieces[t - 1].axis_x and oy == pieces[t - 1].axis_y:
                 continue
-            fx, fy = ox, oy
-            if frame is not None:
-                fx = frame[0] * ox + frame[1] * oy + frame[9]
-                fy = frame[3] * ox + frame[4] * oy + frame[10]
-            rho = math.hypot(fx, fy)
+            rho, (cos, sin) = polar(ox, oy, frame)
             interval = min(int(rho / pupil.step), pupil.reach.size - 1)
-            cos, sin = (fx / rho, fy / rho) if rho > 0.0 else (1.0, 0.0)
             mx, my = np.mean(pupil.corners[interval, :, 0]), np.mean(pupil.corners[interval, :, 1])
             mx, my = cos * mx - sin * my, sin * mx + cos * my
             sx, sy = pixels[p, 0], pixels[p, 1]
@@ -189,17 +184,15 @@ def _same_cell(aims, n, start):
 
 
 @device
-def _centroid(triangles, details, low, high, found):
-    """Centroid of the triangles of the cell to which triangle `found` belongs."""
+def _centroid(corners, piece):
+    """Centroid of a piece, which stands for one point of the sensor."""
+    first = piece.first_corner
+    x, y = corners[0, first], corners[1, first]
     area, sum_x, sum_y = 0.0, 0.0, 0.0
-    for k in range(low, high):
-        same = triangles[k].axis_x == triangles[found].axis_x and triangles[k].axis_y == triangles[found].axis_y
-        if details is not None:
-            same = same and details[k].clip == details[found].clip
-        if same:
-            triangle = triangles[k]
-            a = triangle.area - (triangles[k - 1].area if k > low else 0.0)
-            area += a
-            sum_x += a * (triangle.x + (triangle.ax + triangle.bx) / 3.0)
-            sum_y += a * (triangle.y + (triangle.ay + triangle.by) / 3.0)
-    return sum_x / area, sum_y / area
+    for q in range(first + 1, first + piece.corners - 1):
+        ax, ay, bx, by = corners[0, q] - x, corners[1, q] - y, corners[0, q + 1] - x, corners[1, q + 1] - y
+        twice = ax * by - ay * bx
+        area += twice
+        sum_x += twice * (ax + bx)
+        sum_y += twice * (ay + by)
+    return piece.cell_x + x + sum_x / (3.0 * area), piece.cell_y + y + sum_y / (3.0 * area)

@@ -249,9 +249,9 @@ def test_forward_image_is_what_is_rendered(made):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("made", [*QUICK.values(), *LONG.values()], ids=[*QUICK, *LONG])
-def test_forward_image_is_what_is_rendered_to_more_digits(made):
-    assert_agrees_with_rendering(*made(), across=8, rays=1024, samples=1024)
+@pytest.mark.parametrize("made", LONG.values(), ids=LONG)
+def test_forward_image_of_further_cameras_is_what_is_rendered(made):
+    assert_agrees_with_rendering(*made())
 
 
 @pytest.mark.parametrize("model", [pl.LensModel.THIN, pl.LensModel.PARAXIAL, pl.LensModel.NONE])

@@ -92,7 +92,7 @@ def in_world(camera, points):
     return np.asarray(points, dtype=float) if camera.pose is None else camera.pose.to_world(points)
 
 
-def compared(camera, centre=POINT, *, side=0.8, across=4, groups=16, rays=1024, samples=256):
+def compared(camera, centre=POINT, *, side=0.8, across=4, groups=16, rays=1024, samples=128):
     """A square emitter of radiance 1 over its area, forwards and rendered: images of the lit pixels, and errors."""
     rng = np.random.default_rng(3)
     grid = np.stack(np.meshgrid(np.arange(across), np.arange(across)), axis=-1).reshape(-1, 2)
@@ -256,7 +256,7 @@ def test_every_kind_is_what_is_rendered(given):
 @pytest.mark.parametrize("given", LONG.values(), ids=LONG)
 def test_every_kind_is_what_is_rendered_to_more_digits(given):
     # Where gaps are clear, half of the renderer's paths are in vain.
-    assert_agrees(camera_with(**given), precision=0.01)
+    assert_agrees(camera_with(**given), samples=256, precision=0.01)
 
 
 @pytest.mark.slow
@@ -270,7 +270,7 @@ def test_without_microlenses_what_dims_is_what_is_rendered(model):
         microlenses_to_sensor=0.0,
         blemishes=tuple(grains for grains in DUSTY.values() if grains.site is not BlemishSite.ARRAY),
     )
-    assert_agrees(camera.moved(SENSOR, shift=(0.3, -0.2, 0.05), tilt=(0.03, -0.05, 0.2)), precision=0.005)
+    assert_agrees(camera.moved(SENSOR, shift=(0.3, -0.2, 0.05), tilt=(0.03, -0.05, 0.2)), samples=256, precision=0.005)
 
 
 def test_all_that_dims_together_is_what_is_rendered():
@@ -282,7 +282,7 @@ def test_all_that_dims_together_is_what_is_rendered():
 @pytest.mark.slow
 @pytest.mark.parametrize("plate", PLATES.values(), ids=PLATES)
 def test_all_that_dims_together_is_what_is_rendered_to_more_digits(plate):
-    assert_agrees(camera_with(**plate, **ALL_DIMMED, moved=ALL_MOVED), rays=2048, samples=512, precision=0.007)
+    assert_agrees(camera_with(**plate, **ALL_DIMMED, moved=ALL_MOVED), precision=0.009)
 
 
 @pytest.mark.parametrize("given", DIMMED.values(), ids=DIMMED)
@@ -293,12 +293,20 @@ def test_what_dims_takes_more_light_than_agreement_could_hide(given):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("plate", PLATES.values(), ids=PLATES)
-@pytest.mark.parametrize("model", [pl.LensModel.THIN, pl.LensModel.PARAXIAL, pl.LensModel.EXACT])
+@pytest.mark.parametrize(
+    "model, plate",
+    [
+        *((pl.LensModel.EXACT, name) for name in PLATES),
+        *((model, "thin") for model in (pl.LensModel.THIN, pl.LensModel.PARAXIAL)),
+    ],
+)
 def test_steep_tilts_are_what_is_rendered(model, plate):
-    # cos(0.25) is 3 % below 1: a cosine about the wrong axis would show.
+    # cos(0.25) is 3 % below 1, four errors or more: a cosine about the wrong axis would show. Lens and array do not
+    # know each other, so that not all models of one meet all of the other.
     lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=8.0)).with_model(model)
-    assert_agrees(camera_with(lens=lens, moved=STEEP, **plate), (2.0, -0.5, -404.0), samples=512, precision=0.004)
+    assert_agrees(
+        camera_with(lens=lens, moved=STEEP, **PLATES[plate]), (2.0, -0.5, -404.0), samples=256, precision=0.0065
+    )
 
 
 @pytest.mark.slow

@@ -28,10 +28,10 @@ NEIGHBOURS = {
 
 def cut_polygon(corners: np.ndarray, edges: np.ndarray) -> np.ndarray:
     """The part of a convex polygon inside all edges (k, 3), cut by the kernel."""
-    polygon, n = np.zeros((4, 32)), len(corners)
+    polygon, n = np.zeros((3, 32)), len(corners)
     polygon[:2, :n] = corners.T
     for a, b, limit in edges:
-        n = cut(polygon, n, a, b, limit)
+        n = cut(polygon, 0, n, a, b, limit)
     return polygon[:2, :n].T
 
 

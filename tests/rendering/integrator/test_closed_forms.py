@@ -58,7 +58,7 @@ def directions(camera, parts):
     return (way if camera.pose is None else way @ camera.pose.rotation.T), length**-4.0
 
 
-def expected_image(camera, seen, parts=4):
+def expected_image(camera, seen, parts=16):
     """(H, W): mean over each pixel of seen(origin, directions), which returns radiances."""
     way, weight = directions(camera, parts)
     origin = np.zeros(3) if camera.pose is None else camera.pose.position
@@ -136,7 +136,7 @@ def test_spot_lights_fade_between_their_angles():
         between = np.clip((cosine - math.cos(outer)) / (math.cos(inner) - math.cos(outer)), 0, 1)
         return 0.6 / math.pi * 500.0 * between**2 * -from_light[:, 2] / d**3
 
-    expected = expected_image(camera, seen, parts=16)
+    expected = expected_image(camera, seen, parts=64)
     assert (expected == 0).any()
     scene = pl.Scene([floor(pl.Lambertian(0.6))], [light])
     assert_agree(radiance(scene, camera, max_bounces=1), expected, bias=1e-3)

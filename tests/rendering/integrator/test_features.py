@@ -333,8 +333,9 @@ def test_a_screen_is_seen_as_its_texture_says():
     values = np.arange(16.0).reshape(4, 4) + 1
     wall = plate(-60.0, pl.Emissive(nearest(values)), half=12.0)
     seen = shoot(pl.Scene([wall]), samples=64).image / brightness(samples=64)
-    # A pinhole of 1e-4 blurs by 7 / 10 of it, of 2.5 mm.
-    np.testing.assert_allclose(seen[..., 0], np.kron(values, np.ones((2, 2))), rtol=1e-3)
+    # A pinhole of 1e-4 blurs by 7 / 10 of it, of 2.5 mm: one path of 64 may see the next square.
+    np.testing.assert_allclose(seen[..., 0], np.kron(values, np.ones((2, 2))), rtol=1e-3, atol=4.0 / 64)
+    assert np.median(np.abs(seen[..., 0] / np.kron(values, np.ones((2, 2))) - 1.0)) < 1e-6
 
 
 def pieces_of(values):
@@ -493,8 +494,8 @@ GOLD = (0.18 + 3.4j, 0.42 + 2.35j, 1.37 + 1.77j)
     ids=["as it is", "clamped, without caustics"],
 )
 def test_the_same_bits_for_any_threads_tiles_and_regions(options):
-    # Bundles of 8192 paths: of many pixels, and of parts of some.
-    scene, options = everything(), {"samples": 160, "truth": Truth.ALL, **options}
+    # Bundles of 16384 paths: of many pixels, and of parts of some.
+    scene, options = everything(), {"samples": 320, "truth": Truth.ALL, **options}
     whole = shoot(scene, threads=1, **options)
     other = shoot(scene, threads=3, tile_side=3, **options)
     assert np.array_equal(whole.image, other.image) and np.array_equal(whole.standard_error, other.standard_error)

@@ -61,10 +61,9 @@ def test_one_of_them_is_needed():
         white()
 
 
-@pytest.mark.parametrize("replicates", [1, 2, 7])
-def test_a_target_needs_8_replicates(replicates):
-    with pytest.raises(pl.errors.InvalidValueError, match=rf"replicates is {replicates}.*at least 8"):
-        white(target_error=0.1, replicates=replicates)
+def test_a_target_needs_2_replicates():
+    with pytest.raises(pl.errors.InvalidValueError, match="replicates is 1.*at least 2"):
+        white(target_error=0.1, replicates=1)
 
 
 def test_whichever_comes_first_ends_it():
@@ -90,7 +89,7 @@ def test_no_number_of_samples_is_passed():
 def test_an_error_that_is_there_at_once_takes_the_fewest_samples():
     shot = white(target_error=0.9)
     assert shot.stats.stopped_by is pl.rendering.StopReason.TARGET_ERROR
-    assert same_bits(shot, white(samples=4 * 8))
+    assert same_bits(shot, white(samples=32))
 
 
 def test_a_black_scene_ends():
@@ -118,7 +117,7 @@ def test_light_that_no_path_has_met_is_no_target_reached():
 
 def test_a_single_pixel_has_nobody_to_decide_for_it():
     with pytest.raises(pl.errors.InvalidValueError, match="single pixel"):
-        white(np.s_[256:257, 256:257], target_error=0.05)
+        white(np.s_[256:257, 256:257], target_error=0.05, replicates=8)
     assert white(np.s_[256:257, 256:258], target_error=0.2).stats.stopped_by is pl.rendering.StopReason.TARGET_ERROR
 
 
@@ -142,7 +141,7 @@ def test_an_error_that_was_missed_is_announced():
 
 def test_what_has_stopped_is_what_so_many_samples_give():
     region = np.s_[240:300, 240:300]
-    shot = white(region, target_error=0.05, tile_side=16)
+    shot = white(region, target_error=0.012, tile_side=16)
     numbers = np.unique(shot.sample_counts)
     assert len(numbers) >= 2
     for samples in numbers:
@@ -163,10 +162,10 @@ def test_stopping_does_not_depend_on_threads():
 
 
 def test_independent_samples_stop_too():
-    shot = white(target_error=0.05, sampler=pl.rendering.Sampler.RANDOM)
+    shot = white(target_error=0.02, sampler=pl.rendering.Sampler.RANDOM)
     assert shot.stats.stopped_by is pl.rendering.StopReason.TARGET_ERROR
-    assert shot.relative_error < 0.055
-    assert shot.samples > white(target_error=0.05).samples
+    assert shot.relative_error < 0.022
+    assert shot.samples > white(target_error=0.02).samples
 
 
 # ---- time ----
@@ -201,7 +200,7 @@ def test_too_little_time_is_announced(monkeypatch):
 
     def slow(*arguments, **named):
         result = original(*arguments, **named)
-        time.sleep(0.8)
+        time.sleep(0.8 if result.tile.pixels else 0.0)
         return result
 
     monkeypatch.setattr(scheduler, "render_tile", slow)
@@ -219,8 +218,7 @@ def test_all_samples_of_limited_time_count():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("limit", [0.5, 2.0])
-@pytest.mark.parametrize("region", [MIDDLE, np.s_[:, :]], ids=["crop", "whole"])
+@pytest.mark.parametrize("region, limit", [(MIDDLE, 0.5), (np.s_[:, :], 2.0)], ids=["crop", "whole"])
 @pytest.mark.parametrize("name", ["white", "check", "objects"])
 def test_a_time_limit_is_kept(name, region, limit):
     scene = {"white": lambda: None, "check": pl.check_scene, "objects": pl.objects_scene}[name]()

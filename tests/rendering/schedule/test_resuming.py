@@ -96,8 +96,8 @@ BUDGETS = {
     "samples": {"samples": 24},
     "independent samples": {"samples": 17, "sampler": pl.rendering.Sampler.RANDOM},
     "one replicate": {"samples": 5, "replicates": 1},
-    "target": {"target_error": 0.1},
-    "target and samples": {"target_error": 0.1, "samples": 60, "truth": pl.Truth.NONE},
+    "target": {"target_error": 0.03},
+    "target and samples": {"target_error": 0.03, "samples": 60, "truth": pl.Truth.NONE},
 }
 
 
@@ -192,13 +192,13 @@ OTHERS = {
     "samples": ({"samples": 9}, "samples 8, not 9"),
     "no samples": ({"samples": None, "target_error": 0.1}, "samples 8, not None"),
     "target": ({"target_error": 0.1}, "target_error None, not 0.1"),
-    "replicates": ({"replicates": 4}, "replicates 8, not 4"),
+    "replicates": ({"replicates": 4}, "replicates 2, not 4"),
     "sampler": ({"sampler": pl.rendering.Sampler.RANDOM}, "sampler SOBOL, not RANDOM"),
     "bounces": ({"max_bounces": 2}, "max_bounces 8, not 2"),
     "clamp": ({"clamp": 0.5}, "clamp None, not 0.5"),
     "caustics": ({"caustics": pl.rendering.Caustics.LEFT_OUT}, "caustics KEPT, not LEFT_OUT"),
     "truth": ({"truth": pl.Truth.NONE}, "truth"),
-    "region": ({"region": np.s_[240:264, 239:263]}, r"region .240, 264, 240, 264., not .240, 264, 239, 263."),
+    "region": ({"region": np.s_[240:264, 239:263]}, r"region .240, 264, 240, 264., not .240, 264, 232, 264."),
     "scene": ({"scene": board(2.0)}, "another scene"),
     "lens": ({"camera": "lens"}, "another camera.lens"),
     "gap": ({"camera": "gap"}, "camera.microlenses_to_sensor 1.7, not 1.75"),

@@ -3,6 +3,7 @@
 import dataclasses
 import math
 import signal
+import statistics
 import subprocess
 import sys
 
@@ -107,16 +108,16 @@ def test_random_samples_have_the_slope_of_a_half_and_scrambled_points_a_steeper_
     table = pl.study.error_against_time(
         None,
         smooth_camera(),
-        {"random": RANDOM, "1 replicate": ONE, "8 replicates": Variant()},
+        {"random": RANDOM, "1 replicate": ONE, "2 replicates": Variant()},
         samples=(16, 64, 256),
         seeds=5,
         progress=False,
     )
     assert abs(table.slope("random") + 0.5) < SIGMAS * table.slope_error("random")
     assert table.slope_error("random") < 0.02
-    assert table.slope("1 replicate") < -1.15 and table.slope("8 replicates") < -1.0
+    assert table.slope("1 replicate") < -1.15 and table.slope("2 replicates") < -1.0
     # Independent samples have the same noise however they are divided, and report it.
-    for name in ("random", "8 replicates"):
+    for name in ("random", "2 replicates"):
         assert all(row.true_over_reported == pytest.approx(1.0, abs=0.1) for row in table.of(name))
     assert all(row.true_over_reported is None for row in table.of("1 replicate"))
     assert not any(row.bias_is_found for row in table.rows)
@@ -196,11 +197,12 @@ def test_optics_predicts_all_floors(stop, floors):
         "PARAXIAL": Variant(lens=pl.LensModel.PARAXIAL),
     }
     table = pl.study.error_against_time(
-        None, camera, variants, samples=(64, 256, 1024, 4096), seeds=8, reference_samples=1 << 15, progress=False
+        None, camera, variants, samples=(64, 256, 1024), seeds=8, reference_samples=1 << 13, progress=False
     )
-    assert table.bias_floor("EXACT") == 0.0
-    # Noise of 0.27 % in 8 seeds, over 576 pixels: 2 sqrt(2) (0.0027^2 / 8) / 24 is the square of 3.3e-4.
-    assert table.best_known_bias("EXACT").bias_limit < 5e-4
+    own = table.best_known_bias("EXACT")
+    assert abs(own.bias_squared) < SIGMAS * own.bias_squared_error
+    # Noise v = 0.007^2 of each of 8 renders, v / 8 of the reference: 2 sqrt(2) (v / 8) / 24 = 7e-7, over 576 pixels.
+    assert own.bias_squared_error < 2e-6
     for name, image, floor in (("THIN", thin, floors[0]), ("PARAXIAL", paraxial, floors[1])):
         known, wanted = table.best_known_bias(name), relative_square(image, exact)
         assert math.sqrt(wanted) == pytest.approx(floor, abs=2e-4)
@@ -213,9 +215,12 @@ def test_optics_predicts_all_floors(stop, floors):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("scene", [None, pl.check_scene()], ids=["white", "check"])
-def test_the_reference_camera_converges_as_its_samples_let_it(scene):
-    """Pixels at rims and edges count most: slopes of -0.65 to -0.75, far from those of smooth content."""
+@pytest.mark.parametrize("scene, slope", [(None, -0.57), (pl.check_scene(), -0.65)], ids=["white", "check"])
+def test_the_reference_camera_converges_as_its_samples_let_it(scene, slope):
+    """Boundaries in four dimensions: -5/8 where points resolve them, -1/2 where they are thinner than that.
+
+    In white images these are the margins around pupils, in which one path in 40 is lost; `check` has edges of its own.
+    """
     crop = np.s_[240:272, 240:272]
     variants = {"EXACT": Variant(), "random": RANDOM, "1 replicate": ONE, "THIN": Variant(lens=pl.LensModel.THIN)}
     table = pl.study.error_against_time(
@@ -223,8 +228,11 @@ def test_the_reference_camera_converges_as_its_samples_let_it(scene):
     )
     assert abs(table.slope("random") + 0.5) < SIGMAS * table.slope_error("random")
     for name in ("EXACT", "1 replicate"):
-        assert -0.85 < table.slope(name) < -0.6
-    assert all(row.true_over_reported == pytest.approx(1.0, abs=0.1) for row in table.rows if row.reported_variance)
+        assert abs(table.slope(name) - slope) < SIGMAS * table.slope_error(name)
+    # Each row is known to 4 %, its mean over five to 2 %. Errors pooled over blocks are right in the sum over a block.
+    # Relative ones count the darkest pixels most, a hundred times: at rims of white images these are told too large.
+    assert told(table.of("random")) == pytest.approx(1.0, abs=SIGMAS * 0.02)
+    assert all(0.72 < told(table.of(name)) < 1.0 + SIGMAS * 0.02 for name in ("EXACT", "THIN"))
     assert not any(row.bias_is_found for name in ("EXACT", "random", "1 replicate") for row in table.of(name))
     assert table.bias_floor("THIN") > 0.05
     # Another seed keeps what is promised: the error of a new image at the recommended setting.
@@ -240,7 +248,13 @@ def test_the_reference_camera_converges_as_its_samples_let_it(scene):
         reference_samples=4096,
         progress=False,
     )
-    assert again.rows[0].error == pytest.approx(found.error, rel=0.1) and again.rows[0].error < 0.055
+    # Both are known to 4.5 %.
+    assert again.rows[0].error == pytest.approx(found.error, rel=SIGMAS * math.hypot(0.045, 0.045))
+
+
+def told(rows):
+    """True over reported noise, mean over rows."""
+    return statistics.mean(row.true_over_reported for row in rows)
 
 
 # Variants
@@ -314,7 +328,7 @@ def test_the_command_prints_writes_and_draws(tmp_path, capsys):
     arguments = ["error-against-time", "--case", "white", "--quick", "--target", "0.1", "--target", "0.001"]
     assert main([*arguments, "--csv", str(written), "--plot", str(drawn)]) == 0
     shown = capsys.readouterr().out
-    assert "| THIN lens " in shown and "For 10 %: 1 replicate with " in shown and "extrapolated" in shown
+    assert "| THIN lens " in shown and "For 10 %: " in shown and "extrapolated" in shown
     assert drawn.read_bytes().startswith(b"\x89PNG")
     assert ErrorTable.from_csv(written).title == "white"
     assert main(["error-against-time", "--case", "white", "--target", "0"]) == 2

@@ -6,38 +6,39 @@ import math
 
 import numpy as np
 
-from plenoptic.camera.sampling.kernels.paths import aim
 from plenoptic.core.jit import kernel
 from plenoptic.core.kernels.bundles import pad
+from plenoptic.core.kernels.polygons import area_of, point_in
 from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, STATUS, WEIGHT, L, M, N, X, Y, Z
 from plenoptic.core.kernels.sobol import sample, set_key, stream
 
 
 @kernel
 def fill_source_rays(blocks, start, n, seed, task, z, ideal, facing):
-    """Rays start ... start + n - 1 of a `Task` from its point to the plane z, which its triangles cover.
+    """Rays start ... start + n - 1 of a `Task` from its point to the plane z, which its polygon covers.
 
     WEIGHT is the projected solid angle that a ray would stand for if it were the only one, area cos^4 / height^2;
     before an `ideal` lens it is du dv = area / height^2 instead (see `microlens.kernels.to_sensor`). Both are for
     a unit of area across the z-axis; `facing` is the direction across which it lies instead, or None.
     """
-    point, triangles, first = task.point, task.triangles, task.first + start
+    point, polygon, first = task.point, task.polygon, task.first + start
+    area = area_of(polygon, 0, polygon.shape[1])
     key = set_key(stream(seed, task.number, task.replicate), 0)
     height = z - point[2]
     for k in range(n):
         ray = blocks[(k // BLOCK) * RAY : (k // BLOCK + 1) * RAY]
         i = k % BLOCK
         index = np.uint32(first + k)
-        random = sample(index, 0, key), sample(index, 1, key)
-        aim(ray, i, triangles, (0, triangles.size), (point[0], point[1]), random)
-        u, v = ray[L + i] / height, ray[M + i] / height
+        x, y = point_in(polygon, 0, polygon.shape[1], sample(index, 0, key) * area, sample(index, 1, key))
+        u, v = (x - point[0]) / height, (y - point[1]) / height
         cos2 = 1.0 / (1.0 + u * u + v * v)
         cos = math.sqrt(cos2)
-        ray[Z + i] = z
+        ray[X + i], ray[Y + i], ray[Z + i] = x, y, z
         ray[L + i] = u * cos
         ray[M + i] = v * cos
         ray[N + i] = cos
-        ray[WEIGHT + i] *= (1.0 if ideal else cos2 * cos2) / (height * height)
+        ray[STATUS + i] = 0.0
+        ray[WEIGHT + i] = area * (1.0 if ideal else cos2 * cos2) / (height * height)
         if facing is not None:
             ray[WEIGHT + i] *= max(facing[0] * u + facing[1] * v + facing[2], 0.0)
     pad(blocks, n)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
+from plenoptic.camera.sampling.kernels.pieces import MOST_CORNERS, MOST_PLANES
+from plenoptic.camera.sampling.kernels.pixel_regions import MOST_PIECES
 from plenoptic.core.jit import device, kernel
 from plenoptic.core.kernels.bundles import pad
-from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, STATUS, WEIGHT, L, M, N, X, Y, Z
+from plenoptic.core.kernels.polygons import area_of, cut, point_in
+from plenoptic.core.kernels.ray_blocks import BLOCK, MISSED, RAY, STATUS, WEIGHT, L, M, N, X, Y, Z
 from plenoptic.core.kernels.sobol import (
     DIMENSIONS,
     mix,
@@ -21,6 +22,7 @@ from plenoptic.core.kernels.sobol import (
 )
 
 _FEW = 8
+_ROOM = MOST_CORNERS + MOST_PLANES + 2
 
 
 @device
@@ -48,49 +50,60 @@ def replicate_size(replicate, samples, replicates):
 
 
 @device
-def _find(triangles, low, high, area):
-    """The triangle between low and high - 1 whose part of the summed area holds `area`."""
+def _find(pieces, low, high, area):
+    """The piece between low and high - 1 whose part of the summed area holds `area`."""
     while high - low > _FEW:
         middle = (low + high) // 2
-        if triangles[middle - 1].area > area:
+        if pieces[middle - 1].area > area:
             high = middle
         else:
             low = middle
     # Counting has no branch that a processor could guess wrong.
     k = low
     for i in range(low, high - 1):
-        k += 1 if triangles[i].area <= area else 0
+        k += 1 if pieces[i].area <= area else 0
     return k
 
 
 @device
-def aim(ray, i, triangles, region, start, random):
-    """Point of a region by areas: one random number finds the triangle and, stretched, with the other the point in it.
-
-    `region` is the first triangle and the end of the region's, `start` x and y on the sensor. Returns the triangle.
-    """
+def choose(pieces, region, random):
+    """The piece of a region, its first and the end of its pieces, by areas; with the area of all, and what is left."""
     low, high = region
-    u, v = random
-    total = triangles[high - 1].area
-    wanted = u * total
-    k = _find(triangles, low, high, wanted)
-    # Read first: behind the triangle, this branch is one that the processor guesses, and costs 20 ns a path.
+    total = pieces[high - 1].area
+    wanted = random * total
+    k = _find(pieces, low, high, wanted)
+    # Read first: behind the piece, this branch is one that the processor guesses, and costs 20 ns a path.
     before = 0.0
     if k > low:
-        before = triangles[k - 1].area
-    triangle = triangles[k]
-    root = math.sqrt(min(max((wanted - before) / (triangle.area - before), 0.0), 1.0))
-    a, b = root * (1.0 - v), root * v
-    mx = triangle.x + a * triangle.ax + b * triangle.bx
-    my = triangle.y + a * triangle.ay + b * triangle.by
+        before = pieces[k - 1].area
+    return total, k, wanted - before
+
+
+@device
+def aim_at(ray, i, piece, point, start, area):
+    """Start path i towards a point of a piece, from its cell's centre; `area` is what the sample stands for."""
+    mx, my = piece.cell_x + point[0], piece.cell_y + point[1]
     ray[X + i] = mx
     ray[Y + i] = my
     ray[L + i] = mx - start[0]
     ray[M + i] = my - start[1]
-    ray[Z + i] = triangle.axis_x
-    ray[N + i] = triangle.axis_y
-    ray[WEIGHT + i] = total
+    ray[Z + i] = piece.axis_x
+    ray[N + i] = piece.axis_y
+    ray[WEIGHT + i] = area
     ray[STATUS + i] = 0.0
+
+
+@device
+def aim(ray, i, regions, region, start, random):
+    """Point of the region of one point of the sensor, by areas: one random number finds the piece and, stretched, the
+    triangle of its fan, the other the point in it.
+
+    `region` is the first piece and the end of the region's, `start` x and y on the sensor. Returns the piece.
+    """
+    total, k, left = choose(regions.pieces, region, random[0])
+    piece = regions.pieces[k]
+    point = point_in(regions.corners, piece.first_corner, piece.corners, left, random[1])
+    aim_at(ray, i, piece, point, start, total)
     return k
 
 
@@ -102,39 +115,91 @@ def _fill_coordinates(u, net, dimension, index, run, key):
         u[dimension, k] = to_unit(scramble_reversed(net[dimension, index + k], seed))
 
 
+@device
+def _is_still(pieces, low, high):
+    """Whether a region has the same area for all points of its pixel."""
+    still = True
+    for k in range(low, high):
+        still = still and pieces[k].planes == 0
+    return still
+
+
+@device
+def _fill_part(polygon, first, corners, planes, piece, at):
+    """The part of a piece that feeds the point `at` of a pixel, from its centre, as a polygon from a corner on.
+
+    Returns its number of corners.
+    """
+    (u, v), n = at, piece.corners
+    dx, dy = piece.xu * u + piece.xv * v, piece.yu * u + piece.yv * v
+    for q in range(n):
+        polygon[0, first + q] = corners[0, piece.first_corner + q] + dx
+        polygon[1, first + q] = corners[1, piece.first_corner + q] + dy
+    for j in range(piece.first_plane, piece.first_plane + piece.planes):
+        plane = planes[j]
+        limit = plane.limit - plane.s * u - plane.t * v
+        if n > 0 and limit < plane.high:
+            n = cut(polygon, first, n, plane.a, plane.b, limit)
+    return n
+
+
 @kernel
 def fill_camera_samples(blocks, own, start, n, batch, fed, pixel):
     """Start paths start ... start + n - 1 of a batch of the pixels of a tile, which are `FedPixels`.
 
     A pixel is a `PixelRecord`; one that is turned has the sides (width, skew[1]) and (skew[0], height). `own` gets what
-    the microlenses of the paths are, where they differ.
+    the microlenses of the paths are, where they differ. Of each path, first the point on the pixel is drawn, then one
+    of what feeds that very point; paths from points that nothing feeds are lost.
     """
     net, samples, streams = batch.net, batch.samples, batch.streams
-    triangles, first = fed.regions.triangles, fed.regions.first
+    regions = fed.regions
+    pieces, first, corners, planes = regions.pieces, regions.first, regions.corners, regions.planes
+    details = regions.details
     centres, number = fed.centres, fed.number
     u = np.empty((DIMENSIONS, net.shape[1]))
-    width, height = pixel.width, pixel.height
-    path = start
-    end = start + n
+    polygon = np.empty((3, MOST_PIECES * _ROOM))
+    counts, areas = np.empty(MOST_PIECES, np.int64), np.empty(MOST_PIECES)
+    path, end = start, start + n
     while path < end:
         p, replicate, index = path_place(path, samples, streams)
         run = min(replicate_size(replicate, samples, streams) - index, end - path)
         key = set_key(stream(batch.seed, number[p], batch.first_stream + replicate), 0)
         for dimension in range(DIMENSIONS):
             _fill_coordinates(u, net, dimension, index, run, key)
-        region = first[p], first[p + 1]
-        corner_x = centres[p, 0] - 0.5 * width
-        corner_y = centres[p, 1] - 0.5 * height
+        low, high = first[p], first[p + 1]
+        still = _is_still(pieces, low, high)
         for k in range(run):
             at = path - start + k
-            base = (at // BLOCK) * RAY
-            sx, sy = corner_x + width * u[0, k], corner_y + height * u[1, k]
+            ray, i = blocks[(at // BLOCK) * RAY : (at // BLOCK + 1) * RAY], at % BLOCK
+            across, down = u[0, k] - 0.5, u[1, k] - 0.5
+            dx, dy = pixel.width * across, pixel.height * down
             if pixel.skew is not None:
-                sx += pixel.skew[0] * (u[1, k] - 0.5)
-                sy += pixel.skew[1] * (u[0, k] - 0.5)
-            chosen = aim(blocks[base : base + RAY], at % BLOCK, triangles, region, (sx, sy), (u[2, k], u[3, k]))
-            if fed.regions.details is not None:
-                own[at] = fed.regions.details[chosen]
+                dx, dy = dx + pixel.skew[0] * down, dy + pixel.skew[1] * across
+            on_sensor = centres[p, 0] + dx, centres[p, 1] + dy
+            if still:
+                total, chosen, left = choose(pieces, (low, high), u[2, k])
+                piece = pieces[chosen]
+                x, y = point_in(corners, piece.first_corner, piece.corners, left, u[3, k])
+                point = x + piece.xu * dx + piece.xv * dy, y + piece.yu * dx + piece.yv * dy
+                aim_at(ray, i, piece, point, on_sensor, total)
+            else:
+                total = 0.0
+                for c in range(high - low):
+                    counts[c] = _fill_part(polygon, c * _ROOM, corners, planes, pieces[low + c], (dx, dy))
+                    areas[c] = area_of(polygon, c * _ROOM, counts[c]) if counts[c] >= 3 else 0.0
+                    total += areas[c]
+                c, left = 0, u[2, k] * total
+                while c < high - low - 1 and left >= areas[c]:
+                    left -= areas[c]
+                    c += 1
+                chosen, point = low + c, (0.0, 0.0)
+                if areas[c] > 0.0:
+                    point = point_in(polygon, c * _ROOM, counts[c], left, u[3, k])
+                aim_at(ray, i, pieces[chosen], point, on_sensor, total)
+                if not areas[c] > 0.0:
+                    ray[WEIGHT + i], ray[STATUS + i] = 0.0, MISSED
+            if details is not None:
+                own[at] = details[chosen]
         path += run
     pad(blocks, n)
 

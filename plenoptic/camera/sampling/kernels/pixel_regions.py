@@ -1,282 +1,170 @@
-"""The part of the microlens plane from which light can reach a pixel, as triangles: the kernels.
-
-For each pixel and each microlens that may feed it, the microlens's opening is cut with the outline of the
-exit pupil as seen through the lens from the pixel (an affine map in the thin-lens limit, which is where
-margins for thick and tilted microlenses come in). What is left is a convex polygon, kept as a fan of triangles.
-"""
+"""What part of each microlens feeds each pixel, as polygons and planes that cut them: the kernels."""
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
+from plenoptic.camera.sampling.kernels.candidates import set_box
+from plenoptic.camera.sampling.kernels.pieces import (
+    LIMIT,
+    MOST_CORNERS,
+    MOST_PLANES,
+    NUMBERS,
+    A,
+    B,
+    S,
+    T,
+    begin,
+    begin_moving,
+    cut_exactly,
+    cut_widely,
+    fill_planes,
+    reach_of,
+    sweep,
+)
 from plenoptic.core.jit import device, kernel
-from plenoptic.core.kernels.polygons import cut
-from plenoptic.optics.microlens.kernels.listed import bins_around
+from plenoptic.core.kernels.polygons import area_of
 
-_MOST_CORNERS = 64
-
-
-@device
-def _store_fan(triangles, used, polygon, n, shift, axis, area):
-    """Append a polygon as a fan of triangles; returns the triangles used and the area so far."""
-    x, y = polygon[0, 0], polygon[1, 0]
-    for k in range(1, n - 1):
-        ax, ay = polygon[0, k] - x, polygon[1, k] - y
-        bx, by = polygon[0, k + 1] - x, polygon[1, k + 1] - y
-        twice = ax * by - ay * bx
-        if twice <= 0.0:
-            continue
-        area += 0.5 * twice
-        if used < triangles.size:
-            triangle = triangles[used]
-            triangle.x, triangle.y = x + shift[0], y + shift[1]
-            triangle.ax, triangle.ay, triangle.bx, triangle.by = ax, ay, bx, by
-            triangle.area = area
-            triangle.axis_x, triangle.axis_y = axis
-        used += 1
-    return used, area
-
-
-@device
-def crossing(point, start, lens, per_h, pinhole, plane):
-    """Where a ray from a point of the sensor through one of an ideal microlens crosses the plane of the outlines.
-
-    `lens` is the optical axis x, y and the power, 1 / per_h the distance to the sensor. `plane` is the distance to the
-    plane of the outlines or, with a frame that leads to the lens's axes, the place of that plane there.
-    """
-    mx, my = point
-    sx, sy = start
-    ox, oy, power = lens
-    if pinhole:
-        u, v = (ox - sx) * per_h, (oy - sy) * per_h
-        mx, my = ox, oy
-    else:
-        u, v = (mx - sx) * per_h - (mx - ox) * power, (my - sy) * per_h - (my - oy) * power
-    if plane.frame is None:
-        return mx + plane.distance * u, my + plane.distance * v
-    frame = plane.frame
-    z = frame[6] * mx + frame[7] * my + frame[11]
-    t = (plane.distance - z) / (frame[6] * u + frame[7] * v - frame[8])
-    return (
-        frame[0] * mx + frame[1] * my + frame[9] + t * (frame[0] * u + frame[1] * v - frame[2]),
-        frame[3] * mx + frame[4] * my + frame[10] + t * (frame[3] * u + frame[4] * v - frame[5]),
-    )
-
-
-@device
-def _slopes(centre, at, start, lens, per_h, pinhole, plane, radius):
-    """How the crossing `at` of a ray through the centre of a cell moves with that point: a matrix, row by row."""
-    if plane.frame is None:
-        bend = 0.0 if pinhole else 1.0 + plane.distance * (per_h - lens[2])
-        return bend, 0.0, 0.0, bend
-    ax, ay = crossing((centre[0] + radius, centre[1]), start, lens, per_h, pinhole, plane)
-    bx, by = crossing((centre[0], centre[1] + radius), start, lens, per_h, pinhole, plane)
-    return (ax - at[0]) / radius, (bx - at[0]) / radius, (ay - at[1]) / radius, (by - at[1]) / radius
-
-
-@device
-def _cut_opening(polygon, opening, at, slopes, room, azimuth, normals, support):
-    """Cut an opening with the outline of the pupil; returns its corners.
-
-    A ray through d of the opening crosses the outline's plane at q + J d, no farther than `spread` from q; `room` is
-    that and a margin. `azimuth` is the cosine and sine of that of the cell, in whose direction the outline has its
-    first axis. The outline's sides have `normals` and are as far away as `support` says.
-    """
-    qx, qy = at
-    jxx, jxy, jyx, jyy = slopes
-    cos, sin = azimuth
-    spread, margin = room
-    tx, ty = cos * qx + sin * qy, cos * qy - sin * qx
-    n = -1
-    for k in range(normals.shape[0]):
-        limit = support[k] + margin - (normals[k, 0] * tx + normals[k, 1] * ty)
-        if limit >= spread:
-            continue
-        if limit < -spread:
-            return 0
-        if n < 0:
-            n = opening.shape[0]
-            for q in range(n):
-                polygon[0, q], polygon[1, q] = opening[q, 0], opening[q, 1]
-        # The side's normal, turned back.
-        ux, uy = cos * normals[k, 0] - sin * normals[k, 1], sin * normals[k, 0] + cos * normals[k, 1]
-        n = cut(polygon, n, jxx * ux + jyx * uy, jxy * ux + jyy * uy, limit)
-        if n == 0:
-            return 0
-    if n < 0:
-        n = opening.shape[0]
-        for q in range(n):
-            polygon[0, q], polygon[1, q] = opening[q, 0], opening[q, 1]
-    return n
-
-
-@device
-def _is_behind(x, y, walls, margin):
-    """Whether a pixel at (x, y) from a cell's centre lies wholly behind one of the walls (k, 3) about it."""
-    behind = False
-    for k in range(walls.shape[0]):
-        behind = behind or walls[k, 0] * x + walls[k, 1] * y > walls[k, 2] + margin
-    return behind
+MOST_PIECES = 16
+"""Microlenses of a group; where there are more, their bounds must do."""
+_MOST_CUTS = 24
+"""Planes that cut a piece differently at each point of the pixel; where there are more, none does."""
+_FEW_CUTS = 6
+"""Planes that cut a piece for each path before it is tried whether the edges of its microlens are fewer, where what the
+stop lets pass moves as a whole."""
+_LITTLE = 1e-3
+"""How far a plane may move over a pixel, in parts of the piece, and count as still."""
 
 
 @kernel
-def fill_cell_regions(regions, pixels, pixel_margin, sensor, array, pupil):
-    """Regions of the pixels whose centres are `pixels` (n, 2); returns the number of triangles they need.
+def fill_boxes(found, chosen, corners, views, edges, half):
+    """Boxes around what candidates let pass; `chosen` becomes those that shrank much, with margins that are large."""
+    polygon, planes = np.empty((3, MOST_CORNERS + 2)), np.empty((MOST_PLANES, NUMBERS))
+    left, size = 0, (half.x, half.y)
+    for k in range(chosen.size):
+        candidate = found.rows[chosen[k]]
+        if candidate.views <= 0:
+            continue
+        count, n = 0, begin(polygon, corners, candidate)
+        for j in range(candidate.first_view, candidate.first_view + candidate.views):
+            count = fill_planes(planes, count, views[j], edges, candidate, (polygon, n), ((0.0, 0.0), size))
+        n = cut_widely(polygon, n, planes, 0, count, size)
+        if n < 3:
+            candidate.views = -1
+            continue
+        before = candidate.half_x * candidate.half_y
+        set_box(candidate, polygon, n)
+        if candidate.half_x * candidate.half_y < 0.5 * before and candidate.slack > half.slack:
+            chosen[left] = chosen[k]
+            left += 1
+    return left
 
-    Points of a pixel that matter are at most `pixel_margin` from its centre. Pixels no light reaches get no triangle.
-    Where the room in `regions` is too small nothing beyond it is written. The sensor is a `SensorPlane`.
+
+@device
+def _count_moved(polygon, n, planes, end, half):
+    """How many planes cut a polygon deeper at some points of the pixel than at others, by more than next to nothing."""
+    count = 0
+    for j in range(end):
+        by = sweep(planes[j], half)
+        high = reach_of(polygon, n, planes[j, A], planes[j, B])
+        little = _LITTLE * (high + reach_of(polygon, n, -planes[j, A], -planes[j, B]))
+        count += 1 if high > planes[j, LIMIT] - by and 2.0 * by > little else 0
+    return count
+
+
+@device
+def _store_cuts(kept, used, polygon, n, planes, end, half):
+    """Append the planes that cut a polygon somewhere on the pixel."""
+    for j in range(end):
+        high = reach_of(polygon, n, planes[j, A], planes[j, B])
+        if high > planes[j, LIMIT] - sweep(planes[j], half):
+            if used < kept.size:
+                plane = kept[used]
+                plane.a, plane.b, plane.limit = planes[j, A], planes[j, B], planes[j, LIMIT]
+                plane.s, plane.t, plane.high = planes[j, S], planes[j, T], high
+            used += 1
+    return used
+
+
+@device
+def _store_edges(kept, used, base, m, move, corners, candidate, half):
+    """Append the edges of a candidate that cut a moving polygon somewhere on the pixel."""
+    for q in range(candidate.corners):
+        here = candidate.first_corner + q
+        after = candidate.first_corner + (q + 1 if q + 1 < candidate.corners else 0)
+        a, b = corners[1, after] - corners[1, here], corners[0, here] - corners[0, after]
+        limit, high = a * corners[0, here] + b * corners[1, here], reach_of(base, m, a, b)
+        high += abs(a * move[0] + b * move[2]) * half[0] + abs(a * move[1] + b * move[3]) * half[1]
+        if high > limit:
+            if used < kept.size:
+                plane = kept[used]
+                plane.a, plane.b, plane.limit, plane.s, plane.t, plane.high = a, b, limit, 0.0, 0.0, high
+            used += 1
+    return used
+
+
+@kernel
+def fill_regions(regions, needed, starts, group, found, corners, seen, half):
+    """Regions of starts (n, 2) in groups (n,); `needed` (3,) counts pieces, corners and planes.
+
+    A start stands for the points of the sensor up to `half` (2,) beside it. `corners` are those of the candidates,
+    `seen` their views, the edges of elements, and the centres of groups. Where the room in `regions` is too small
+    nothing beyond it is written.
     """
-    triangles, first = regions.triangles, regions.first
-    # Members that may be absent are read one by one, so that their branches are pruned.
+    pieces, first = regions.pieces, regions.first
     details = regions.details
-    tilt = sensor.tilt
-    frame = pupil.plane.frame
-    pattern = array.lattice.pattern
-    listed = array.listed
-    walls = array.walls
-    origin, basis, inverse = array.lattice.origin, array.lattice.basis, array.lattice.inverse
-    powers, radius, plane, pinhole = array.lattice.powers, array.opening.radius, pupil.plane, pupil.pinhole
-    normals, support, reach, step = pupil.normals, pupil.support, pupil.reach, pupil.step
-    polygon = np.empty((4, _MOST_CORNERS))
-    largest = 0.0
-    for i in range(reach.size):
-        largest = max(largest, reach[i])
-    used = 0
-    for p in range(pixels.shape[0]):
+    views, edges, centres = seen
+    polygon, base = np.empty((3, MOST_CORNERS + 2)), np.empty((3, MOST_CORNERS + 2))
+    planes, move = np.empty((MOST_PLANES, NUMBERS)), np.zeros(4)
+    used, end_corner, end_plane = 0, 0, 0
+    for p in range(starts.shape[0]):
         first[p] = used
-        sx, sy = pixels[p, 0], pixels[p, 1]
-        h = sensor.distance
-        far = plane.distance
-        steep = 1.0
-        if tilt is not None:
-            h = sensor.distance + tilt[0] * sx + tilt[1] * sy
-            steep = 1.0 + abs(tilt[0]) + abs(tilt[1])
-        if frame is not None:
-            far = frame[11] - plane.distance
-            steep *= 1.25
-        per_h = 1.0 / h
-        ratio = far * per_h
-        strongest = 0.0
-        if not pinhole:
-            for i in range(powers.size):
-                strongest = max(strongest, abs(1.0 + far * (per_h - powers[i])))
-        margin = pupil.margin + steep * ratio * pixel_margin
-        search = steep * (largest + strongest * radius + margin) / (1.0 + ratio)
-        if listed is not None:
-            # An axis beside its cell's centre takes the light with it.
-            search += listed.offset * (1.0 + (1.0 + ratio + strongest) / (1.0 + ratio))
-        # Where the ray through the centre of a cell would go along the lens's axis.
-        mid_x, mid_y = sx * ratio / (1.0 + ratio), sy * ratio / (1.0 + ratio)
-        if frame is not None:
-            for _ in range(3):
-                qx, qy = crossing((mid_x, mid_y), (sx, sy), (mid_x, mid_y, 0.0), per_h, pinhole, plane)
-                mid_x, mid_y = mid_x - qx / (1.0 + ratio), mid_y - qy / (1.0 + ratio)
-        if walls is not None:
-            # Only the lenses in whose cells the pixel lies.
-            mid_x, mid_y, search = sx, sy, radius + pixel_margin
-        if listed is None:
-            mx, my = mid_x - origin[0], mid_y - origin[1]
-            mid_i, mid_j = mx * inverse[0, 0] + my * inverse[1, 0], mx * inverse[0, 1] + my * inverse[1, 1]
-            span_i = search * math.hypot(inverse[0, 0], inverse[1, 0])
-            span_j = search * math.hypot(inverse[0, 1], inverse[1, 1])
-            low_i, high_i = math.ceil(mid_i - span_i), math.floor(mid_i + span_i)
-            low_j, high_j = math.ceil(mid_j - span_j), math.floor(mid_j + span_j)
-        else:
-            low_i, high_i, low_j, high_j = bins_around(mid_x, mid_y, search, listed.bins)
+        g = group[p]
+        centre = starts[p, 0] - centres[g, 0], starts[p, 1] - centres[g, 1]
         area = 0.0
-        for i in range(low_i, high_i + 1):
-            for j in range(low_j, high_j + 1):
-                low_k, high_k = 0, 1
-                if listed is not None:
-                    b = i * listed.bins.columns + j
-                    low_k, high_k = listed.bins.first[b], listed.bins.first[b + 1]
-                for k in range(low_k, high_k):
-                    power, row = powers[0], 0
-                    if listed is None:
-                        cx = origin[0] + i * basis[0, 0] + j * basis[1, 0]
-                        cy = origin[1] + i * basis[0, 1] + j * basis[1, 1]
-                        ox, oy = cx, cy
-                        if pattern is not None:
-                            power = powers[pattern[i % pattern.shape[0], j % pattern.shape[1]]]
-                    else:
-                        row = listed.bins.members[k]
-                        lens = listed.lenses[row]
-                        power = lens.power
-                        cx, cy, ox, oy = lens.cell_x, lens.cell_y, lens.axis_x, lens.axis_y
-                    at = crossing((cx, cy), (sx, sy), (ox, oy, power), per_h, pinhole, plane)
-                    if walls is not None:  # noqa: SIM102 - alone, so that it is pruned
-                        if _is_behind(sx - cx, sy - cy, walls, pixel_margin):
-                            continue
-                    fx, fy = cx, cy
-                    if frame is not None:
-                        fx = frame[0] * cx + frame[1] * cy + frame[9]
-                        fy = frame[3] * cx + frame[4] * cy + frame[10]
-                    rho = math.hypot(fx, fy)
-                    interval = int(rho / step)
-                    if interval >= reach.size:
-                        continue
-                    azimuth = (fx / rho, fy / rho) if rho > 0.0 else (1.0, 0.0)
-                    parts = array.opening.corners.shape[0] if listed is None else listed.corners.shape[1]
-                    for part in range(parts):
-                        if part == 1:
-                            # Beside the opening, where that is clear, light is not bent.
-                            power = 0.0
-                            at = crossing((cx, cy), (sx, sy), (ox, oy, power), per_h, pinhole, plane)
-                        slopes = _slopes((cx, cy), at, (sx, sy), (ox, oy, power), per_h, pinhole, plane, radius)
-                        jxx, jxy, jyx, jyy = slopes
-                        spread = radius * abs(jxx)
-                        if frame is not None:
-                            spread = 1.1 * radius * math.sqrt(jxx * jxx + jxy * jxy + jyx * jyx + jyy * jyy)
-                        limit = reach[interval] + spread + margin
-                        if at[0] * at[0] + at[1] * at[1] > limit * limit:
-                            continue
-                        if listed is None:
-                            opening = array.opening.corners[part]
-                        else:
-                            opening = listed.corners[row, part, : listed.counts[row, part]]
-                        room = spread, margin
-                        n = _cut_opening(polygon, opening, at, slopes, room, azimuth, normals, support[interval])
-                        if n < 3:
-                            continue
-                        start = used
-                        used, area = _store_fan(triangles, used, polygon, n, (cx, cy), (ox, oy), area)
-                        if details is not None:
-                            for t in range(start, min(used, details.size)):
-                                detail = details[t]
-                                if listed is None:
-                                    detail.centre_x, detail.centre_y = cx, cy
-                                    detail.cell_x, detail.cell_y = cx, cy
-                                    detail.transmission, detail.row = 1.0, -1
-                                    detail.axis_x, detail.axis_y = ox, oy
-                                else:
-                                    details[t] = listed.lenses[row]
-                                detail.power = power
-                                detail.clip = array.opening.clip if part == 0 else -1.0
-    first[pixels.shape[0]] = used
-    return used
-
-
-@kernel
-def fill_pupil_regions(regions, pixels, pupil):
-    """Without microlenses: the outline of the pupil itself, seen from each pixel."""
-    triangles, first = regions.triangles, regions.first
-    corners, reach, step = pupil.corners, pupil.reach, pupil.step
-    sides = corners.shape[1]
-    polygon = np.empty((4, sides))
-    used = 0
-    for p in range(pixels.shape[0]):
-        first[p] = used
-        sx, sy = pixels[p, 0], pixels[p, 1]
-        rho = math.hypot(sx, sy)
-        interval = min(int(rho / step), reach.size - 1)
-        if reach[interval] <= 0.0:
-            continue
-        cos, sin = (sx / rho, sy / rho) if rho > 0.0 else (1.0, 0.0)
-        for k in range(sides):
-            polygon[0, k] = cos * corners[interval, k, 0] - sin * corners[interval, k, 1]
-            polygon[1, k] = sin * corners[interval, k, 0] + cos * corners[interval, k, 1]
-        used, _ = _store_fan(triangles, used, polygon, sides, (0.0, 0.0), (0.0, 0.0), 0.0)
-    first[pixels.shape[0]] = used
-    return used
+        varies = half[0] + half[1] > 0.0
+        for c in range(found.first[g], found.first[g + 1]):
+            candidate = found.rows[c]
+            if candidate.views < 0:
+                continue
+            count, n = 0, begin(polygon, corners, candidate)
+            for j in range(candidate.first_view, candidate.first_view + candidate.views):
+                count = fill_planes(planes, count, views[j], edges, candidate, (polygon, n), (centre, half))
+            n = cut_widely(polygon, n, planes, 0, count, half)
+            part = area_of(polygon, 0, n) if n >= 3 else 0.0
+            if not part > 0.0:
+                continue
+            start, moved = end_plane, 0 if not varies else _count_moved(polygon, n, planes, count, half)
+            move[:] = 0.0
+            if moved > _FEW_CUTS and candidate.views == 1:
+                m = begin_moving(base, move, views[candidate.first_view], candidate, (polygon, n), half)
+                m = cut_exactly(base, m, planes, 0, count)
+                end_plane = _store_edges(regions.planes, start, base, m, move, corners, candidate, half)
+                if 3 <= m < MOST_CORNERS and end_plane - start < moved:
+                    moved, n, part = 0, m, area_of(base, 0, m)
+                    for q in range(m):
+                        polygon[0, q], polygon[1, q] = base[0, q], base[1, q]
+                else:
+                    end_plane = start
+                    move[:] = 0.0
+            if 0 < moved <= _MOST_CUTS:
+                end_plane = _store_cuts(regions.planes, start, polygon, n, planes, count, half)
+            area += part
+            if used < pieces.size:
+                piece = pieces[used]
+                piece.cell_x, piece.cell_y = candidate.cell_x, candidate.cell_y
+                piece.axis_x, piece.axis_y = candidate.axis_x, candidate.axis_y
+                piece.area = area
+                piece.xu, piece.xv, piece.yu, piece.yv = move[0], move[1], move[2], move[3]
+                piece.first_corner, piece.corners = end_corner, n
+                piece.first_plane, piece.planes = start, end_plane - start
+                if details is not None:
+                    details[used] = found.details[c]
+            for q in range(n):
+                if end_corner + q < regions.corners.shape[1]:
+                    regions.corners[0, end_corner + q] = polygon[0, q]
+                    regions.corners[1, end_corner + q] = polygon[1, q]
+            end_corner += n
+            used += 1
+    first[starts.shape[0]] = used
+    needed[0], needed[1], needed[2] = used, end_corner, end_plane

@@ -132,34 +132,47 @@ def fill_traced(blocks, lens, waves):
         trace_block(blocks[b * RAY : (b + 1) * RAY], lens, waves, b * BLOCK, index_ratios, None)
 
 
+@device
+def _take_rays(ray, given, first, last):
+    """Rays of `RayArrays` into a block."""
+    origin, direction = given.origin[3 * first : 3 * last], given.direction[3 * first : 3 * last]
+    weight, status, lost_at = given.weight[first:last], given.status[first:last], given.lost_at[first:last]
+    for i in range(last - first):
+        ray[X + i] = origin[3 * i]
+        ray[Y + i] = origin[3 * i + 1]
+        ray[Z + i] = origin[3 * i + 2]
+        ray[L + i] = direction[3 * i]
+        ray[M + i] = direction[3 * i + 1]
+        ray[N + i] = direction[3 * i + 2]
+        ray[WEIGHT + i] = weight[i]
+        ray[STATUS + i] = 0.0 if status[i] == 0 else status[i] + CAUSES * (lost_at[i] + 1.0)
+
+
+@device
+def _give_rays(out, ray, first, last):
+    """The way back; lost rays become NaN."""
+    origin, direction = out.origin[3 * first : 3 * last], out.direction[3 * first : 3 * last]
+    weight, status, lost_at = out.weight[first:last], out.status[first:last], out.lost_at[first:last]
+    for i in range(last - first):
+        code = np.uint32(ray[STATUS + i])
+        void = 0.0 if code == 0 else math.nan
+        origin[3 * i] = ray[X + i] + void
+        origin[3 * i + 1] = ray[Y + i] + void
+        origin[3 * i + 2] = ray[Z + i] + void
+        direction[3 * i] = ray[L + i] + void
+        direction[3 * i + 1] = ray[M + i] + void
+        direction[3 * i + 2] = ray[N + i] + void
+        weight[i] = ray[WEIGHT + i]
+        status[i] = code % CAUSES
+        lost_at[i] = code // CAUSES - 1
+
+
 @kernel
-def fill_traced_rows(out, given, lens):
-    """Trace rays that are `RayArrays`, into others. Lost rays end as NaN with weight 0 and a status."""
+def fill_traced_rows(out, given, lens, first, last):
+    """Trace the rays `first` to `last` of `RayArrays` into others. Lost ones end as NaN with weight 0 and a status."""
     ray = np.zeros(RAY)
-    n = given.origin.shape[0]
-    for start in range(0, n, BLOCK):
-        filled = min(BLOCK, n - start)
-        for i in range(filled):
-            j = start + i
-            ray[X + i] = given.origin[j, 0]
-            ray[Y + i] = given.origin[j, 1]
-            ray[Z + i] = given.origin[j, 2]
-            ray[L + i] = given.direction[j, 0]
-            ray[M + i] = given.direction[j, 1]
-            ray[N + i] = given.direction[j, 2]
-            ray[WEIGHT + i] = given.weight[j]
-            ray[STATUS + i] = 0.0 if given.status[j] == 0 else given.status[j] + CAUSES * (given.lost_at[j] + 1.0)
+    for start in range(first, last, BLOCK):
+        end = min(start + BLOCK, last)
+        _take_rays(ray, given, start, end)
         trace_block(ray, lens, None, 0, None, None)
-        for i in range(filled):
-            j = start + i
-            code = int(ray[STATUS + i])
-            out.status[j] = code % CAUSES
-            out.lost_at[j] = code // CAUSES - 1
-            void = 0.0 if code == 0 else math.nan
-            out.weight[j] = ray[WEIGHT + i]
-            out.origin[j, 0] = ray[X + i] + void
-            out.origin[j, 1] = ray[Y + i] + void
-            out.origin[j, 2] = ray[Z + i] + void
-            out.direction[j, 0] = ray[L + i] + void
-            out.direction[j, 1] = ray[M + i] + void
-            out.direction[j, 2] = ray[N + i] + void
+        _give_rays(out, ray, start, end)

@@ -48,7 +48,7 @@ def _cut_by_edges(polygon, n, corners, shift, margin):
         r = q + 1 if q + 1 < sides else 0
         a, b = corners[r, 1] - corners[q, 1], corners[q, 0] - corners[r, 0]
         limit = a * (corners[q, 0] + shift[0]) + b * (corners[q, 1] + shift[1])
-        n = cut(polygon, n, a, b, limit + margin * math.hypot(a, b))
+        n = cut(polygon, 0, n, a, b, limit + margin * math.hypot(a, b))
     return n
 
 
@@ -60,7 +60,7 @@ def fill_cells(cells, counts, points, base, margin, reach, neighbours):
     points no farther than `reach`, moved outwards by the margin. `cells` is (n, most, 2); corners beyond its room are
     counted and not written.
     """
-    polygon = np.empty((4, _MOST_CORNERS))
+    polygon = np.empty((3, _MOST_CORNERS))
     most = 0
     for k in range(points.shape[0]):
         n = base.shape[0]
@@ -78,7 +78,7 @@ def fill_cells(cells, counts, points, base, margin, reach, neighbours):
                             continue
                         dx, dy = points[other, 0] - points[k, 0], points[other, 1] - points[k, 1]
                         limit = 0.5 * (dx * dx + dy * dy) + margin * math.hypot(dx, dy)
-                        n = cut(polygon, n, dx, dy, limit)
+                        n = cut(polygon, 0, n, dx, dy, limit)
         most = max(most, n)
         counts[k] = n
         for q in range(min(n, cells.shape[1])):
@@ -92,7 +92,7 @@ def fill_openings(corners, counts, cells, cell_counts, opening, shifts):
 
     Returns the most corners that one has; see `fill_cells`.
     """
-    polygon = np.empty((4, _MOST_CORNERS))
+    polygon = np.empty((3, _MOST_CORNERS))
     most = 0
     for k in range(cells.shape[0]):
         n = cell_counts[k]

@@ -9,17 +9,7 @@ import math
 
 from plenoptic.core.jit import device
 from plenoptic.core.kernels.vectors import absolute, add, cross, dot, row_vector, scale, sub
-from plenoptic.scene.geometry.record import INSTANCE_DISTANCE
-
-OFFSET = 2.0**-20
-"""Secondary rays start off the surface by this much of the coordinates that float32 has rounded: 16 units of
-rounding of the numbers in which Embree holds the triangles (after C. Waechter and N. Binder, Ray Tracing Gems,
-2019, ch. 6, with a length along the normal in place of one shift a component)."""
-
-
-OFFSET_64 = 2.0**-42
-"""And by this much of all coordinates, for the rounding of the hit point itself in float64."""
-
+from plenoptic.scene.geometry.record import INSTANCE_DISTANCE, RAY_OFFSET, RAY_OFFSET_64
 
 SHADOW_END = 1.0 - 2.0**-18
 """Where shadow rays end, as a part of the way to the light: float32 must not find the light itself in between."""
@@ -75,7 +65,7 @@ def ray_offset(point, normal, triangle, middle, distance):
     at_b = dot(m, add(absolute(sub(b, middle)), absolute(sub(b, point))))
     at_c = dot(m, add(absolute(sub(c, middle)), absolute(sub(c, point))))
     along = max(_sum(absolute(point)), max(_sum(absolute(a)), _sum(absolute(b)), _sum(absolute(c))))
-    return OFFSET * max(across, at_a, at_b, at_c, distance) + OFFSET_64 * along
+    return RAY_OFFSET * max(across, at_a, at_b, at_c, distance) + RAY_OFFSET_64 * along
 
 
 @device

@@ -12,18 +12,26 @@ import numpy as np
 from plenoptic.core.jit import device, kernel
 from plenoptic.core.kernels.frames import frame_about
 from plenoptic.core.kernels.sincos import turn
-from plenoptic.core.kernels.vectors import add, cross, dot, fill_vector, row_vector, scale, sub, vector
+from plenoptic.core.kernels.vectors import add, dot, fill_vector, row_vector, scale, sub
 from plenoptic.core.kernels.wavelengths import one_channel, wave_of
-from plenoptic.scene.geometry.kernels.intersect import (
-    corners,
-    instance_distance,
-    interpolate_uv,
-    is_mirrored,
-    ray_offset,
-)
+from plenoptic.scene.geometry.kernels.intersect import interpolate_uv
 from plenoptic.scene.geometry.record import POINT as INTERACTION_POINT
 from plenoptic.scene.lights.kernels.sky import sample_cdf, sample_environment
-from plenoptic.scene.lights.record import DELTA, DIRECTION, END, ENVIRONMENT, PDF, POINT, SUN, TRIANGLE
+from plenoptic.scene.lights.record import (
+    CORNER,
+    DELTA,
+    DIRECTION,
+    EDGE_1,
+    EDGE_2,
+    END,
+    ENVIRONMENT,
+    FRONT_NORMAL,
+    PDF,
+    POINT,
+    SHORT,
+    SUN,
+    TRIANGLE,
+)
 from plenoptic.scene.textures.kernels.lookup import fill_texel, opacity_at
 
 
@@ -40,28 +48,24 @@ def _spot_fraction(light, w):
 
 
 @device
-def _to_triangle(rows, i, point, st, triangle, pdf, sides, near):
+def _to_triangle(rows, i, point, st, area, both_sides, pdf):
     """Fill row i for a point of a triangle, s and t along its edges; 1 / density per sr, 0 where it shines away.
 
-    `sides` says whether the back shines and whether the triangle is mirrored; `near` is what `ray_offset` has last.
+    `area` is `Lights.areas` and a row of it, whose points are drawn with the probability `pdf` per mm^2.
     """
-    a, b, c = triangle
-    e1, e2 = sub(b, a), sub(c, a)
-    h = cross(e1, e2)
-    light = add(add(a, scale(e1, st[0])), scale(e2, st[1]))
+    areas, k = area
+    on_edges = add(scale(row_vector(areas, k, EDGE_1), st[0]), scale(row_vector(areas, k, EDGE_2), st[1]))
+    light = add(row_vector(areas, k, CORNER), on_edges)
+    normal = row_vector(areas, k, FRONT_NORMAL)
     w = sub(light, point)
     r2 = dot(w, w)
-    # One division each: they take most of the time here.
-    over_r, over_area = 1.0 / math.sqrt(r2), 1.0 / math.sqrt(dot(h, h))
-    at_light = -dot(h, w) * over_area * over_r
-    facing = 1.0 if at_light > 0.0 else -1.0
-    front = (facing > 0.0) != sides[1]
-    if not (front or sides[0]) or not abs(at_light) > 0.0 or not r2 > 0.0:
+    # One division: they take most of the time here.
+    over_r = 1.0 / math.sqrt(r2)
+    at_light = -dot(normal, w) * over_r
+    if not (at_light > 0.0 or both_sides) or not abs(at_light) > 0.0 or not r2 > 0.0:
         return 0.0
-    h = scale(h, over_area * facing)
-    off = ray_offset(light, h, triangle, near[0], near[1])
     fill_vector(rows, i, DIRECTION, scale(w, over_r))
-    fill_vector(rows, i, END, add(light, scale(h, off)))
+    fill_vector(rows, i, END, add(light, scale(normal, areas[k, SHORT] if at_light > 0.0 else -areas[k, SHORT])))
     rows[i, PDF] = pdf * r2 / abs(at_light)
     return 1.0 / rows[i, PDF]
 
@@ -123,10 +127,7 @@ def sample_emitters(drawn, interactions, geometry, emission, alpha, lights, take
     rows, radiance = drawn.rows, drawn.radiance
     points_at, path = interactions.rows, interactions.path
     material_of, random = interactions.material, interactions.random
-    vertices, triangles, triangle_material = geometry.vertices, geometry.triangles, geometry.triangle_material
-    instance_to_world = geometry.instance_to_world
-    uv = geometry.uv
-    middle = vector(geometry.middle, 0)
+    triangles, triangle_material, uv = geometry.triangles, geometry.triangle_material, geometry.uv
     emitted = emission.radiance
     two_sided = emission.two_sided
     area_pdf = emission.pdf
@@ -138,7 +139,7 @@ def sample_emitters(drawn, interactions, geometry, emission, alpha, lights, take
     alpha_row = alpha.texture.row
     alpha_texels = alpha.texture.texels
     alpha_textures = alpha.texture.textures
-    cdf, items, far = lights.cdf, lights.items, lights.far
+    cdf, items, areas, far = lights.cdf, lights.items, lights.areas, lights.far
     points = lights.points
     point_colors = lights.point_colors
     suns = lights.sky.suns
@@ -175,17 +176,11 @@ def sample_emitters(drawn, interactions, geometry, emission, alpha, lights, take
         row = items[light].row
         value = 0.0
         if emitted is not None and kind == TRIANGLE:
-            instance = np.int32(-1)
-            if instance_to_world is not None:
-                instance = items[light].instance
-            triangle = corners(vertices, triangles, row, instance_to_world, instance)
             source = triangle_material[row]
             # Uniform over the triangle.
             root = math.sqrt(u)
             s, t = root * (1.0 - v), root * v
-            sides = (two_sided[source] != 0, is_mirrored(instance_to_world, instance))
-            near = (middle, instance_distance(instance_to_world, instance))
-            value = _to_triangle(rows, i, point, (s, t), triangle, area_pdf[source], sides, near)
+            value = _to_triangle(rows, i, point, (s, t), (areas, light), two_sided[source] != 0, area_pdf[source])
             _fill_row(color, emitted, source)
             if glow_row is not None:
                 texture = glow_row[source]

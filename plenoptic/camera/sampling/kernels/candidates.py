@@ -1,0 +1,288 @@
+"""The microlenses from which light may reach a group of pixels: the kernels.
+
+For each group and each microlens that may feed it, the microlens's opening is cut with bounds on the exit pupil as seen
+through the lens from the group (an affine map in the thin-lens limit, which is where margins for thick and tilted
+microlenses come in). What is left is a convex polygon.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from plenoptic.core.jit import device, kernel
+from plenoptic.core.kernels.polygons import cut
+from plenoptic.optics.microlens.kernels.listed import bins_around
+
+_MOST_CORNERS = 64
+
+
+@device
+def _store(found, corners, used, polygon, n, cell, axis):
+    """Append a candidate, where there is room; `used` counts candidates and corners."""
+    at, end = used
+    if at < found.rows.size and end + n <= corners.shape[1]:
+        candidate = found.rows[at]
+        candidate.cell_x, candidate.cell_y = cell
+        candidate.axis_x, candidate.axis_y = axis
+        candidate.first_corner, candidate.corners = end, n
+        candidate.first_view, candidate.views, candidate.slack = 0, 0, math.inf
+        for q in range(n):
+            corners[0, end + q], corners[1, end + q] = polygon[0, q], polygon[1, q]
+        set_box(candidate, polygon, n)
+    used[0], used[1] = at + 1, end + n
+
+
+@device
+def set_box(candidate, polygon, n):
+    """The box around a polygon."""
+    left, right, low, high = math.inf, -math.inf, math.inf, -math.inf
+    for q in range(n):
+        left, right = min(left, polygon[0, q]), max(right, polygon[0, q])
+        low, high = min(low, polygon[1, q]), max(high, polygon[1, q])
+    candidate.x, candidate.y = 0.5 * (left + right), 0.5 * (low + high)
+    candidate.half_x, candidate.half_y = 0.5 * (right - left), 0.5 * (high - low)
+
+
+@device
+def crossing(point, start, lens, per_h, pinhole, plane):
+    """Where a ray from a point of the sensor through one of an ideal microlens crosses the plane of the outlines.
+
+    `lens` is the optical axis x, y and the power, 1 / per_h the distance to the sensor. `plane` is the distance to the
+    plane of the outlines or, with a frame that leads to the lens's axes, the place of that plane there.
+    """
+    mx, my = point
+    sx, sy = start
+    ox, oy, power = lens
+    if pinhole:
+        u, v = (ox - sx) * per_h, (oy - sy) * per_h
+        mx, my = ox, oy
+    else:
+        u, v = (mx - sx) * per_h - (mx - ox) * power, (my - sy) * per_h - (my - oy) * power
+    if plane.frame is None:
+        return mx + plane.distance * u, my + plane.distance * v
+    frame = plane.frame
+    z = frame[6] * mx + frame[7] * my + frame[11]
+    t = (plane.distance - z) / (frame[6] * u + frame[7] * v - frame[8])
+    return (
+        frame[0] * mx + frame[1] * my + frame[9] + t * (frame[0] * u + frame[1] * v - frame[2]),
+        frame[3] * mx + frame[4] * my + frame[10] + t * (frame[3] * u + frame[4] * v - frame[5]),
+    )
+
+
+@device
+def polar(x, y, frame):
+    """Distance of a point from the lens's axis, to whose axes a frame may lead, and the direction to it."""
+    fx, fy = x, y
+    if frame is not None:
+        fx = frame[0] * x + frame[1] * y + frame[9]
+        fy = frame[3] * x + frame[4] * y + frame[10]
+    rho = math.hypot(fx, fy)
+    return rho, (fx / rho, fy / rho) if rho > 0.0 else (1.0, 0.0)
+
+
+@device
+def _slopes(centre, at, start, lens, per_h, pinhole, plane, radius):
+    """How the crossing `at` of a ray through the centre of a cell moves with that point: a matrix, row by row."""
+    if plane.frame is None:
+        bend = 0.0 if pinhole else 1.0 + plane.distance * (per_h - lens[2])
+        return bend, 0.0, 0.0, bend
+    ax, ay = crossing((centre[0] + radius, centre[1]), start, lens, per_h, pinhole, plane)
+    bx, by = crossing((centre[0], centre[1] + radius), start, lens, per_h, pinhole, plane)
+    return (ax - at[0]) / radius, (bx - at[0]) / radius, (ay - at[1]) / radius, (by - at[1]) / radius
+
+
+@device
+def _cut_opening(polygon, opening, at, slopes, room, azimuth, normals, support):
+    """Cut an opening with the outline of the pupil; returns its corners.
+
+    A ray through d of the opening crosses the outline's plane at q + J d, no farther than `spread` from q; `room` is
+    that and a margin. `azimuth` is the cosine and sine of that of the cell, in whose direction the outline has its
+    first axis. The outline's sides have `normals` and are as far away as `support` says.
+    """
+    qx, qy = at
+    jxx, jxy, jyx, jyy = slopes
+    cos, sin = azimuth
+    spread, margin = room
+    tx, ty = cos * qx + sin * qy, cos * qy - sin * qx
+    n = -1
+    for k in range(normals.shape[0]):
+        limit = support[k] + margin - (normals[k, 0] * tx + normals[k, 1] * ty)
+        if limit >= spread:
+            continue
+        if limit < -spread:
+            return 0
+        if n < 0:
+            n = opening.shape[0]
+            for q in range(n):
+                polygon[0, q], polygon[1, q] = opening[q, 0], opening[q, 1]
+        # The side's normal, turned back.
+        ux, uy = cos * normals[k, 0] - sin * normals[k, 1], sin * normals[k, 0] + cos * normals[k, 1]
+        n = cut(polygon, 0, n, jxx * ux + jyx * uy, jxy * ux + jyy * uy, limit)
+        if n == 0:
+            return 0
+    if n < 0:
+        n = opening.shape[0]
+        for q in range(n):
+            polygon[0, q], polygon[1, q] = opening[q, 0], opening[q, 1]
+    return n
+
+
+@device
+def _is_behind(x, y, walls, margin):
+    """Whether a pixel at (x, y) from a cell's centre lies wholly behind one of the walls (k, 3) about it."""
+    behind = False
+    for k in range(walls.shape[0]):
+        behind = behind or walls[k, 0] * x + walls[k, 1] * y > walls[k, 2] + margin
+    return behind
+
+
+@kernel
+def fill_cells(found, corners, used, pixels, pixel_margin, sensor, array, pupil):
+    """Candidates of groups with their centres at `pixels` (n, 2); `used` (2,) counts them and their corners.
+
+    Points of a group that matter are at most `pixel_margin` from its centre. Where the room in `found` and `corners` is
+    too small nothing beyond it is written. The sensor is a `SensorPlane`.
+    """
+    first = found.first
+    # Members that may be absent are read one by one, so that their branches are pruned.
+    details = found.details
+    tilt = sensor.tilt
+    frame = pupil.plane.frame
+    pattern = array.lattice.pattern
+    listed = array.listed
+    walls = array.walls
+    origin, basis, inverse = array.lattice.origin, array.lattice.basis, array.lattice.inverse
+    powers, radius, plane, pinhole = array.lattice.powers, array.opening.radius, pupil.plane, pupil.pinhole
+    normals, support, reach, step = pupil.normals, pupil.support, pupil.reach, pupil.step
+    polygon = np.empty((3, _MOST_CORNERS))
+    largest = 0.0
+    for i in range(reach.size):
+        largest = max(largest, reach[i])
+    used[:] = 0
+    for p in range(pixels.shape[0]):
+        first[p] = used[0]
+        sx, sy = pixels[p, 0], pixels[p, 1]
+        h = sensor.distance
+        far = plane.distance
+        steep = 1.0
+        if tilt is not None:
+            h = sensor.distance + tilt[0] * sx + tilt[1] * sy
+            steep = 1.0 + abs(tilt[0]) + abs(tilt[1])
+        if frame is not None:
+            far = frame[11] - plane.distance
+            steep *= 1.25
+        per_h = 1.0 / h
+        ratio = far * per_h
+        strongest = 0.0
+        if not pinhole:
+            for i in range(powers.size):
+                strongest = max(strongest, abs(1.0 + far * (per_h - powers[i])))
+        margin = pupil.margin + steep * ratio * pixel_margin
+        search = steep * (largest + strongest * radius + margin) / (1.0 + ratio)
+        if listed is not None:
+            # An axis beside its cell's centre takes the light with it.
+            search += listed.offset * (1.0 + (1.0 + ratio + strongest) / (1.0 + ratio))
+        # Where the ray through the centre of a cell would go along the lens's axis.
+        mid_x, mid_y = sx * ratio / (1.0 + ratio), sy * ratio / (1.0 + ratio)
+        if frame is not None:
+            for _ in range(3):
+                qx, qy = crossing((mid_x, mid_y), (sx, sy), (mid_x, mid_y, 0.0), per_h, pinhole, plane)
+                mid_x, mid_y = mid_x - qx / (1.0 + ratio), mid_y - qy / (1.0 + ratio)
+        if walls is not None:
+            # Only the lenses in whose cells the pixel lies.
+            mid_x, mid_y, search = sx, sy, radius + pixel_margin
+        if listed is None:
+            mx, my = mid_x - origin[0], mid_y - origin[1]
+            mid_i, mid_j = mx * inverse[0, 0] + my * inverse[1, 0], mx * inverse[0, 1] + my * inverse[1, 1]
+            span_i = search * math.hypot(inverse[0, 0], inverse[1, 0])
+            span_j = search * math.hypot(inverse[0, 1], inverse[1, 1])
+            low_i, high_i = math.ceil(mid_i - span_i), math.floor(mid_i + span_i)
+            low_j, high_j = math.ceil(mid_j - span_j), math.floor(mid_j + span_j)
+        else:
+            low_i, high_i, low_j, high_j = bins_around(mid_x, mid_y, search, listed.bins)
+        for i in range(low_i, high_i + 1):
+            for j in range(low_j, high_j + 1):
+                low_k, high_k = 0, 1
+                if listed is not None:
+                    b = i * listed.bins.columns + j
+                    low_k, high_k = listed.bins.first[b], listed.bins.first[b + 1]
+                for k in range(low_k, high_k):
+                    power, row = powers[0], 0
+                    if listed is None:
+                        cx = origin[0] + i * basis[0, 0] + j * basis[1, 0]
+                        cy = origin[1] + i * basis[0, 1] + j * basis[1, 1]
+                        ox, oy = cx, cy
+                        if pattern is not None:
+                            power = powers[pattern[i % pattern.shape[0], j % pattern.shape[1]]]
+                    else:
+                        row = listed.bins.members[k]
+                        lens = listed.lenses[row]
+                        power = lens.power
+                        cx, cy, ox, oy = lens.cell_x, lens.cell_y, lens.axis_x, lens.axis_y
+                    at = crossing((cx, cy), (sx, sy), (ox, oy, power), per_h, pinhole, plane)
+                    if walls is not None:  # noqa: SIM102 - alone, so that it is pruned
+                        if _is_behind(sx - cx, sy - cy, walls, pixel_margin):
+                            continue
+                    rho, azimuth = polar(cx, cy, frame)
+                    interval = int(rho / step)
+                    if interval >= reach.size:
+                        continue
+                    parts = array.opening.corners.shape[0] if listed is None else listed.corners.shape[1]
+                    for part in range(parts):
+                        if part == 1:
+                            # Beside the opening, where that is clear, light is not bent.
+                            power = 0.0
+                            at = crossing((cx, cy), (sx, sy), (ox, oy, power), per_h, pinhole, plane)
+                        slopes = _slopes((cx, cy), at, (sx, sy), (ox, oy, power), per_h, pinhole, plane, radius)
+                        jxx, jxy, jyx, jyy = slopes
+                        spread = radius * abs(jxx)
+                        if frame is not None:
+                            spread = 1.1 * radius * math.sqrt(jxx * jxx + jxy * jxy + jyx * jyx + jyy * jyy)
+                        limit = reach[interval] + spread + margin
+                        if at[0] * at[0] + at[1] * at[1] > limit * limit:
+                            continue
+                        if listed is None:
+                            opening = array.opening.corners[part]
+                        else:
+                            opening = listed.corners[row, part, : listed.counts[row, part]]
+                        room = spread, margin
+                        n = _cut_opening(polygon, opening, at, slopes, room, azimuth, normals, support[interval])
+                        if n < 3:
+                            continue
+                        if details is not None and used[0] < found.rows.size:
+                            detail = details[used[0]]
+                            if listed is None:
+                                detail.centre_x, detail.centre_y = cx, cy
+                                detail.cell_x, detail.cell_y = cx, cy
+                                detail.transmission, detail.row = 1.0, -1
+                                detail.axis_x, detail.axis_y = ox, oy
+                            else:
+                                details[used[0]] = listed.lenses[row]
+                            detail.power = power
+                            detail.clip = array.opening.clip if part == 0 else -1.0
+                        _store(found, corners, used, polygon, n, (cx, cy), (ox, oy))
+    first[pixels.shape[0]] = used[0]
+
+
+@kernel
+def fill_pupil(found, corners, used, pixels, pupil):
+    """Without microlenses: the bounds on the pupil itself, seen from each group."""
+    first = found.first
+    outlines, reach, step = pupil.corners, pupil.reach, pupil.step
+    sides = outlines.shape[1]
+    polygon = np.empty((3, sides))
+    used[:] = 0
+    for p in range(pixels.shape[0]):
+        first[p] = used[0]
+        sx, sy = pixels[p, 0], pixels[p, 1]
+        rho, (cos, sin) = polar(sx, sy, None)
+        interval = min(int(rho / step), reach.size - 1)
+        if reach[interval] <= 0.0:
+            continue
+        for k in range(sides):
+            polygon[0, k] = cos * outlines[interval, k, 0] - sin * outlines[interval, k, 1]
+            polygon[1, k] = sin * outlines[interval, k, 0] + cos * outlines[interval, k, 1]
+        _store(found, corners, used, polygon, sides, (0.0, 0.0), (0.0, 0.0))
+    first[pixels.shape[0]] = used[0]

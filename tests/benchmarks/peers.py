@@ -1,0 +1,205 @@
+"""Error against CPU time beside other renderers: the same scenes, thin lens and limit of depth."""
+
+from __future__ import annotations
+
+import functools
+import importlib.util
+import os
+import sys
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+from table import Table
+from timing import Cost, Task, cost_of, median
+
+import plenoptic as pl
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "validation"))
+import mitsuba_scenes
+from thin_lens import projected_solid_angles
+
+SIDE = 64
+PIXELS = SIDE * SIDE
+BOUNCES = 8
+LIT = 0.1  # of the 99th percentile of this package's reference
+REFERENCE_SEED = 1_000_003
+PARTS = 8
+"""Renders whose mean is a reference; their spread is its error."""
+SCENES = ("lambertian_bodies", "metals", "glass", "textured", "environment", "many_lights", "objects")
+OURS = "plenoptic"
+
+Image: TypeAlias = NDArray[np.float64]
+Renderer: TypeAlias = Callable[[int, int], Image]
+"""Renders a number of samples with a seed: (H, W) radiance, the mean of the channels."""
+Maker: TypeAlias = Callable[[pl.Scene, pl.PlenopticCamera], Renderer]
+Row: TypeAlias = tuple[object, ...]
+
+
+def tables(*, quick: bool) -> Iterator[Table]:
+    programs, absent = installed()
+    rows: tuple[list[Row], list[Row], list[Row]] = ([], [], [])
+    for name in SCENES[-1:] if quick else SCENES:
+        # Each scene is gone before the next: Mitsuba's calls take longer with others about.
+        for found, more in zip(rows, _rows(name, programs, quick=quick), strict=True):
+            found += more
+    for title, found in zip(("one number of samples", "several"), rows, strict=False):
+        yield _errors_table(f"Other renderers: error against time, {title}", found, absent)
+    if rows[2]:
+        columns = (
+            "scene",
+            "program",
+            "its mean over plenoptic's, less 1, %",
+            "standard error %",
+            "RMS z of lit pixels",
+        )
+        yield Table("Other renderers: their references beside plenoptic's", columns, rows[2])
+
+
+def _rows(name: str, programs: Mapping[str, Maker], *, quick: bool) -> tuple[list[Row], list[Row], list[Row]]:
+    seeds, converged = (1, 8) if quick else (3, 256)
+    shown = Shown(name, programs, converged)
+    several = ((1, 4) if quick else (4, 16, 64)) if name in (SCENES[0], SCENES[-1]) else ()
+    return shown.errors((4 if quick else 256,), seeds), shown.errors(several, seeds), shown.compared()
+
+
+def installed() -> tuple[dict[str, Maker], str]:
+    """Renderers that can be had here, and sentences on those that cannot."""
+    programs: dict[str, Maker] = {OURS: plenoptic}
+    absent, with_llvm = "", "DRJIT_LIBLLVM_PATH" in os.environ
+    if importlib.util.find_spec("mitsuba") is None:
+        absent += "Mitsuba is left out: it is not installed; the extra `validation` has it. "
+    else:
+        for variant in ("scalar_rgb", "llvm_ad_rgb")[: 1 + with_llvm]:
+            for sampler in ("independent", "multijitter"):
+                programs[f"Mitsuba {variant}, {sampler}"] = functools.partial(mitsuba, variant, sampler)
+    if len(programs) == 3:
+        absent += "`llvm_ad_rgb` is left out: DRJIT_LIBLLVM_PATH must name libLLVM.so, version 19 (older ones crash). "
+    if importlib.util.find_spec("bpy") is None:
+        absent += "Cycles is left out: `pip install bpy` has it, for the Python that Blender has. "
+    else:
+        programs["Cycles"] = cycles
+    return programs, absent
+
+
+def plenoptic(scene: pl.Scene, camera: pl.PlenopticCamera) -> Renderer:
+    white = projected_solid_angles(camera)
+
+    def render(samples: int, seed: int) -> Image:
+        settings = {"max_bounces": BOUNCES, "replicates": 1, "threads": 1, "truth": pl.Truth.NONE, "progress": False}
+        shot = pl.render(scene, camera, samples=samples, seed=seed, **settings)
+        return np.asarray((shot.image / white).mean(axis=2, dtype=np.float64))
+
+    return render
+
+
+def mitsuba(variant: str, sampler: str, scene: pl.Scene, camera: pl.PlenopticCamera) -> Renderer:
+    import drjit
+    import in_mitsuba
+    import mitsuba as mi
+
+    drjit.set_thread_count(1)
+    mi.set_variant(variant)
+    described = in_mitsuba.described_scene(scene, camera, max_bounces=BOUNCES)
+    described["integrator"]["rr_depth"] = 5  # Mitsuba's own default
+    described["sensor"]["sampler"] = {"type": sampler}
+    loaded = mi.load_dict(described)
+
+    def render(samples: int, seed: int) -> Image:
+        shown = loaded.integrator().render(loaded, spp=samples, seed=seed)  # mi.render would switch variants, for 70 ms
+        return np.array(shown, dtype=np.float64).mean(axis=2)
+
+    return render
+
+
+def cycles(scene: pl.Scene, camera: pl.PlenopticCamera) -> Renderer:
+    import in_cycles
+
+    render = in_cycles.renderer(scene, camera, max_bounces=BOUNCES, threads=1)
+    return lambda samples, seed: render(samples, seed).mean(axis=2, dtype=np.float64)
+
+
+class Reference(NamedTuple):
+    """A converged picture and its standard error."""
+
+    image: Image
+    standard_error: Image
+
+    @classmethod
+    def made(cls, render: Renderer, samples: int) -> Reference:
+        parts = np.array([render(samples, REFERENCE_SEED + part) for part in range(PARTS)])
+        return cls(parts.mean(axis=0), parts.std(axis=0, ddof=1) / np.sqrt(PARTS))
+
+
+class Shown:
+    """A scene in all renderers, with a reference of each family of them."""
+
+    def __init__(self, name: str, programs: Mapping[str, Maker], converged: int) -> None:
+        width, place = (4.8, (0, 0, 404)) if name == "objects" else (7.2, mitsuba_scenes.VIEWED_FROM)
+        camera = mitsuba_scenes.camera(semi_diameter=5.0, pixel_pitch=width / SIDE, position=place, pixels=SIDE)
+        self.name, scene = name, getattr(mitsuba_scenes, name)()
+        self.renderers = {program: maker(scene, camera) for program, maker in programs.items()}
+        best = {program.split()[0]: program for program in programs}  # the last of a family converges fastest
+        self.references = {family: Reference.made(self.renderers[best[family]], converged) for family in best}
+        image = self.references[OURS].image
+        self.lit = image > LIT * np.percentile(image, 99)
+
+    def costs_and_errors(self, samples: int, seeds: int) -> Iterator[tuple[str, float, float, float]]:
+        """Of each program: CPU ms per pixel, median and RMS of relative errors; all of them in turns, first unseen."""
+        costs: dict[str, list[Cost]] = defaultdict(list)
+        off: dict[str, list[Image]] = defaultdict(list)
+        for seed in range(seeds + 1):
+            for program, render in self.renderers.items():
+                images: list[Image] = []
+                cost = cost_of(Task(lambda _, r=render, s=seed, to=images: to.append(r(samples, s))))
+                if seed:
+                    costs[program].append(cost)
+                    off[program].append(images[0][self.lit] / self._reference(program).image[self.lit] - 1.0)
+        for program in self.renderers:
+            reference = self._reference(program)
+            own = np.mean((reference.standard_error[self.lit] / reference.image[self.lit]) ** 2)
+            ms, found = 1e3 * median(costs[program]).cpu / PIXELS, np.array(off[program])
+            rms = np.sqrt(max(np.mean(found**2) - own, 0.0))
+            yield program, ms, float(np.median(np.abs(found))), float(rms)
+
+    def _reference(self, program: str) -> Reference:
+        return self.references[program.split()[0]]
+
+    def errors(self, numbers: tuple[int, ...], seeds: int) -> list[Row]:
+        """What numbers of samples cost, and how far they are off."""
+        rows: list[Row] = []
+        for samples in numbers:
+            first = None
+            for program, ms, middle, rms in self.costs_and_errors(samples, seeds):
+                worth = rms**2 * ms
+                first = worth if first is None else first
+                rows.append((self.name, samples, program, ms, 100 * middle, 100 * rms, 1e3 * worth, worth / first))
+        return rows
+
+    def compared(self) -> list[Row]:
+        """Whether references show the same as this package's."""
+        rows: list[Row] = []
+        ours = self.references[OURS]
+        for family, theirs in list(self.references.items())[1:]:
+            error = np.hypot(ours.standard_error, theirs.standard_error)
+            z = ((theirs.image - ours.image) / error)[self.lit & (error > 0)]
+            of_mean = 100 * np.sqrt(np.mean(error**2) / PIXELS) / ours.image.mean()
+            mean = 100 * (theirs.image.mean() / ours.image.mean() - 1)
+            rows.append((self.name, family, float(mean), float(of_mean), float(np.sqrt(np.mean(z**2)))))
+        return rows
+
+
+def _errors_table(title: str, rows: list[Row], absent: str) -> Table:
+    columns = (
+        *("scene", "samples", "program", "CPU ms per pixel", "median relative error %", "relative RMS error %"),
+        *("RMS^2 x CPU, us per pixel", "over plenoptic's"),
+    )
+    remark = (
+        f"{SIDE} x {SIDE} pixels through a thin lens, at most {BOUNCES} bounces, each program with its own Russian "
+        f"roulette, one thread, whole warm calls in turns, one replicate. Lit pixels, mean of the channels, against a "
+        f"reference of the program's own. {absent}"
+    )
+    return Table(title, columns, rows, [remark])
