@@ -443,26 +443,25 @@ def look(shot):
     parts = [name for name in ("standard_error", "truth", "sample_counts") if getattr(shot, name, None) is not None]
     print(json.dumps([kernels, parts, sorted(sys.modules)]))
 
-camera = pl.PlenopticCamera(
-    lens=pl.load_lens("double-gauss-100mm-f2"), microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
-    sensor=pl.Sensor(shape=(4, 4), pixel_pitch=0.01), stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
+def camera(stop):
+    return pl.PlenopticCamera(
+        lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(stop)),
+        microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
+        sensor=pl.Sensor(shape=(4, 4), pixel_pitch=0.01), stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
+
 floor = pl.quad((-50, -50, -404), (100, 0, 0), (0, 100, 0))
 lamp = pl.QuadLight((0, 30, -360), (20, 0, 0), (0, 12, -16), radiance=3.0)
-look(pl.render_white(camera, samples=8, replicates=1, progress=False))
-look(pl.render(pl.Scene([floor], [lamp]), camera, samples=8, max_bounces=2, truth=pl.Truth.NONE, progress=False))
+look(pl.render_white(camera(16.0), samples=8, replicates=1, progress=False))
+look(pl.render_white(camera(5.0), samples=8, replicates=1, progress=False))
+look(pl.render(pl.Scene([floor], [lamp]), camera(5.0), samples=8, max_bounces=2, truth=pl.Truth.NONE, progress=False))
 """
 
 OF_THE_CAMERA = {
-    *("sobol.fill_net", "candidates.fill_cells", "views.fill_view_rays", "views.fill_views"),
-    *(
-        "views.fill_reopened",
-        "pixel_regions.fill_boxes",
-        "pixel_regions.fill_regions",
-        "ideal.fill_thin",
-        "trace.fill_traced",
-    ),
+    *("sobol.fill_net", "candidates.fill_cells", "pixel_regions.fill_regions", "ideal.fill_thin", "trace.fill_traced"),
     *("paths.fill_camera_samples", "film_sums.fill_sums", "bundles.fill_status_counts"),
 }
+OF_OPENINGS = {"views.fill_view_rays", "views.fill_views", "views.fill_reopened", "pixel_regions.fill_boxes"}
+"""Where few microlenses are near a pixel, so that it pays to look through them at the openings of the lens."""
 OF_THE_SCENE = {
     *("bundles.fill_world_rays", "path_keys.fill_path_keys", "sobol.fill_drawn", "embree._fill_closest"),
     "grown.fill_grown",
@@ -475,22 +474,23 @@ AS_NEEDED = {"embree._fill_blocked", "direct_light.add_direct"}
 
 @pytest.fixture(scope="module")
 def seen():
-    """Kernels, parts of the exposure, and modules, after a white image and then after a Lambertian scene."""
+    """Kernels, parts of the exposure, and modules, after white images of open and closed stop and a Lambertian scene."""
     done = subprocess.run([sys.executable, "-c", LOOK], capture_output=True, text=True, check=True)
     return [tuple(map(set, json.loads(line))) for line in done.stdout.splitlines()]
 
 
 def test_a_white_image_calls_the_kernels_of_the_camera_alone(seen):
-    kernels, parts, modules = seen[0]
-    assert kernels == OF_THE_CAMERA
+    assert seen[0][0] == OF_THE_CAMERA
+    kernels, parts, modules = seen[1]
+    assert kernels == OF_THE_CAMERA | OF_OPENINGS
     assert not parts
     assert not modules & LIBRARIES
     assert not [module for module in modules if re.match(r"plenoptic\.scene\..*kernels\.", module)]
 
 
 def test_a_lambertian_scene_calls_what_it_needs(seen):
-    kernels, parts, modules = seen[1]
-    assert kernels - AS_NEEDED == OF_THE_CAMERA | OF_THE_SCENE
+    kernels, parts, modules = seen[2]
+    assert kernels - AS_NEEDED == OF_THE_CAMERA | OF_OPENINGS | OF_THE_SCENE
     assert parts == {"standard_error"}
     assert modules & LIBRARIES <= {"embreex"}
     kernels = "plenoptic.scene.materials.kernels"

@@ -125,6 +125,8 @@ class Surface:
         terms = list(coefficients(self.aspheric, "aspheric", "a sequence of coefficients, of r^2 first"))
         while terms and terms[-1] == 0:
             terms.pop()
+        if not terms:
+            return ()
         edge, powers = self.semi_diameter, 2.0 * np.arange(len(terms)) + 2.0
         with np.errstate(over="ignore", invalid="ignore"):
             slopes = (edge * np.linspace(0.0, 1.0, 65)[:, None]) ** (powers - 1.0) @ (powers * terms)
