@@ -155,7 +155,7 @@ def render_tile(
     None where `stopped` says, between two bundles, that the result is no longer wanted.
     """
     camera, shape, pixels = context.camera, (tile.rows, tile.columns), tile.centres(context.camera)
-    fed = fed_pixels(camera, pixels, tile.numbers(camera))
+    fed = fed_pixels(camera, pixels, tile.numbers(camera), white=context.scene is None)
     whole = np.zeros((tile.pixels, context.replicates + 1, context.channels))
     if before is not None:
         whole[:] = before.reshape(whole.shape)

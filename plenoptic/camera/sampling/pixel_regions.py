@@ -15,9 +15,9 @@ from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.record import MOVED
 from plenoptic.optics.microlens.record import MICROLENS
 
-_MANY = 12.0
+_MANY, _MANY_CERTAIN = 12.0, 48.0
 """Microlenses near a pixel on the axis beyond which bounds on the pupil must do: polygons that are cut for each path
-then take longer than they lower the variance."""
+then take longer than they lower the variance. More where light that surely passes is looked for."""
 _TOGETHER = 512
 """Candidates whose rays are traced together."""
 _PASSES, _SLACK = 4, 2e-3
@@ -68,11 +68,22 @@ def _cells(camera: CameraRecord, reach: float) -> float:
     return 1.0 + float(np.pi * search**2 / area)
 
 
-def is_exact(camera: CameraRecord) -> bool:
+def is_exact(camera: CameraRecord, *, certain: bool = False) -> bool:
     """Whether what feeds pixels is found through the openings of the lens, or by bounds on its pupil alone."""
     # Of light beside openings half of the cell is lost in any case.
     clear = camera.array is not None and camera.array.opening.clear
-    return not clear and _cells(camera, float(camera.pupil.reach[0])) <= _MANY
+    return not clear and _cells(camera, float(camera.pupil.reach[0])) <= (_MANY_CERTAIN if certain else _MANY)
+
+
+def is_certain(camera: CameraRecord) -> bool:
+    """Whether the openings of the lens, and the cells of microlenses, are all that stops light, and few enough."""
+    array = camera.array
+    if array is not None and camera.microlenses is not None:
+        # Glass plates move rays aside before their rims stop them.
+        model = camera.microlenses.model.rules
+        if model.is_plate or array.opening.clip > 0 or array.walls is not None:
+            return False
+    return not camera.dust and is_exact(camera, certain=True)
 
 
 class _Half(NamedTuple):
@@ -165,16 +176,18 @@ def _views(camera: CameraRecord, found: Candidates, corners: Floats, centres: Fl
     return views
 
 
-def feeding_regions(camera: CameraRecord, starts: Floats, half: tuple[float, float] = (0.0, 0.0)) -> Regions:
+def feeding_regions(
+    camera: CameraRecord, starts: Floats, half: tuple[float, float] = (0.0, 0.0), *, certain: bool = False
+) -> Regions:
     """What feeds points of the sensor (n, 2), and those up to `half` mm beside them in x and y; see `cells_per_pixel`.
 
-    The points lie in pixels, with what is beside them.
+    The points lie in pixels, with what is beside them. `certain`: whether it is looked for what surely passes.
     """
     from plenoptic.camera.sampling.kernels import pixel_regions
     from plenoptic.camera.sampling.kernels.views import RAYS
 
     cells_per_pixel(camera)
-    if is_exact(camera):
+    if is_exact(camera, certain=certain):
         centres, group = _grouped(camera, starts)
         turn = camera.parts.sensor_to_local.turn
         sides = 0.5 * SIDE * camera.sensor.pitch * np.abs(turn[:2, :2]).sum(axis=1)
@@ -191,15 +204,16 @@ def feeding_regions(camera: CameraRecord, starts: Floats, half: tuple[float, flo
     while True:
         details = None if found.details is None else np.empty(room, MICROLENS)
         regions = Regions(np.empty(room, PIECE), first, np.empty((2, ends)), np.empty(most, PLANE), details)
-        pixel_regions.fill_regions(regions, used, starts, group, found, corners, seen, half)
+        pixel_regions.fill_regions(regions, used, starts, group, found, corners, seen, half, certain)
         if used[0] <= room and used[1] <= ends and used[2] <= most:
             return regions
         room, ends, most = max(room, used[0]), max(ends, used[1]), max(most, used[2])
 
 
-def fed_pixels(camera: CameraRecord, pixels: Floats, number: NDArray[np.int64]) -> FedPixels:
+def fed_pixels(camera: CameraRecord, pixels: Floats, number: NDArray[np.int64], *, white: bool = False) -> FedPixels:
     """What feeds pixels whose centres (n, 2) and numbers (n,) on the sensor are given."""
-    regions = feeding_regions(camera, pixels, camera.sensor.pixel.half)
+    certain = white and is_certain(camera)
+    regions = feeding_regions(camera, pixels, camera.sensor.pixel.half, certain=certain)
     fed = np.flatnonzero(np.diff(regions.first))
     first = np.append(regions.first[fed], regions.first[-1])
-    return FedPixels(fed, number[fed], np.ascontiguousarray(pixels[fed]), regions._replace(first=first))
+    return FedPixels(fed, number[fed], np.ascontiguousarray(pixels[fed]), regions._replace(first=first), certain)
