@@ -474,7 +474,7 @@ AS_NEEDED = {"embree._fill_blocked", "direct_light.add_direct"}
 
 @pytest.fixture(scope="module")
 def seen():
-    """Kernels, parts of the exposure, and modules, after white images of open and closed stop and a Lambertian scene."""
+    """Kernels, parts of the exposure, and modules, after white images through open and closed stops, then a scene."""
     done = subprocess.run([sys.executable, "-c", LOOK], capture_output=True, text=True, check=True)
     return [tuple(map(set, json.loads(line))) for line in done.stdout.splitlines()]
 

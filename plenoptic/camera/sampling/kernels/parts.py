@@ -20,7 +20,7 @@ RIMS, RIM_ROOM = 49, 1024
 
 
 class Divided(NamedTuple):
-    """Of k pieces the parts that feed one point of a pixel, divided: light surely passes the core, and may pass rims."""
+    """The parts of k pieces that feed one point of a pixel: light surely passes their cores, and may pass their rims."""
 
     core: Floats
     """(3, k ROOM): polygons."""
@@ -125,13 +125,17 @@ def _divide(divided, c, corners, planes, piece, at):
 
 
 @device
-def divide(divided, c, corners, planes, piece, at, transmission):
-    """Divide a piece for the point `at` of a pixel, unless that is known."""
-    cut_here = _is_cut(planes, piece, at)
-    if cut_here or divided.counts[c, 1] == 0:
-        _divide(divided, c, corners, planes, piece, at)
-        divided.areas[c, 0] *= transmission
-        divided.counts[c, 1] = 0 if cut_here else 1
+def divide(divided, regions, region, at):
+    """Divide the pieces of a region (first and end) for the point `at` of a pixel, but for those that are known."""
+    corners, planes, details = regions.corners, regions.planes, regions.details
+    for k in range(region[0], region[1]):
+        c, piece = k - region[0], regions.pieces[k]
+        cut_here = _is_cut(planes, piece, at)
+        if cut_here or divided.counts[c, 1] == 0:
+            _divide(divided, c, corners, planes, piece, at)
+            if details is not None:
+                divided.areas[c, 0] *= details[k].transmission
+            divided.counts[c, 1] = 0 if cut_here else 1
 
 
 @device
@@ -148,30 +152,31 @@ def _found(areas, column, count, left):
 
 
 @device
-def aim_divided(ray, sure, i, divided, pieces, low, high, start, at, random):
-    """Start path i towards a rim of the pieces low ... high - 1, by areas, with what passes their cores beside it.
+def aim_divided(ray, sure, i, divided, pieces, place, random):
+    """Start path i towards a rim of some pieces, by areas, and with what passes their cores beside it.
 
-    Where there is no rim, the path counts nothing, and passes a core.
+    `place` is the point of the pixel, on the sensor and from the pixel's centre. Where there is no rim, the path counts
+    nothing, and passes a core. Returns the number of the piece.
     """
-    areas, certain, total = divided.areas, 0.0, 0.0
-    for c in range(high - low):
+    (start, at), areas, certain, total = place, divided.areas, 0.0, 0.0
+    for c in range(pieces.size):
         certain += areas[c, 0]
         total += areas[c, 1]
-    c, left = _found(areas, 0, high - low, random[0] * certain)
+    c, left = _found(areas, 0, pieces.size, random[0] * certain)
     point = 0.0, 0.0
     if areas[c, 0] > 0.0:
         scale = area_of(divided.core, c * ROOM, divided.corners[c]) / areas[c, 0]
         point = point_in(divided.core, c * ROOM, divided.corners[c], left * scale, random[1])
-    aim_at(sure, i, pieces[low + c], moved(pieces[low + c], point, at), start, certain)
+    aim_at(sure, i, pieces[c], moved(pieces[c], point, at), start, certain)
     if total > 0.0:
-        c, left = _found(areas, 1, high - low, random[0] * total)
+        c, left = _found(areas, 1, pieces.size, random[0] * total)
         k = 0
         while k < divided.counts[c, 0] - 1 and left >= divided.rim_areas[c, k]:
             left -= divided.rim_areas[c, k]
             k += 1
         begin = divided.begins[c, k]
         point = point_in(divided.rims, begin, divided.begins[c, k + 1] - begin, left, random[1])
-    aim_at(ray, i, pieces[low + c], moved(pieces[low + c], point, at), start, total)
+    aim_at(ray, i, pieces[c], moved(pieces[c], point, at), start, total)
     if not certain + total > 0.0:
         ray[STATUS + i] = MISSED
-    return low + c
+    return c

@@ -18,8 +18,8 @@ from plenoptic.camera.sampling.kernels.parts import (
 from plenoptic.camera.sampling.kernels.pixel_regions import MOST_PIECES
 from plenoptic.core.jit import device, kernel
 from plenoptic.core.kernels.bundles import pad
-from plenoptic.core.kernels.polygons import area_of, cut, point_in
-from plenoptic.core.kernels.ray_blocks import BLOCK, MISSED, RAY, STATUS, WEIGHT, L, M, N, X, Y, Z
+from plenoptic.core.kernels.polygons import area_of, point_in
+from plenoptic.core.kernels.ray_blocks import BLOCK, MISSED, RAY, STATUS, WEIGHT
 from plenoptic.core.kernels.sobol import (
     DIMENSIONS,
     mix,
@@ -168,13 +168,9 @@ def fill_camera_samples(blocks, sure, own, start, n, batch, fed, pixel):  # noqa
                 dx, dy = dx + pixel.skew[0] * down, dy + pixel.skew[1] * across
             place, on_sensor, random = (dx, dy), (centres[p, 0] + dx, centres[p, 1] + dy), (u[2, k], u[3, k])
             if sure is not None:
-                for c in range(high - low):
-                    passes = 1.0
-                    if details is not None:
-                        passes = details[low + c].transmission
-                    divide(divided, c, corners, planes, pieces[low + c], place, passes)
+                divide(divided, regions, (low, high), place)
                 beside = sure[(at // BLOCK) * RAY : (at // BLOCK + 1) * RAY]
-                chosen = aim_divided(ray, beside, i, divided, pieces, low, high, on_sensor, place, random)
+                chosen = low + aim_divided(ray, beside, i, divided, pieces[low:high], (on_sensor, place), random)
             elif still:
                 total, chosen, left = choose(pieces, (low, high), random[0])
                 piece = pieces[chosen]

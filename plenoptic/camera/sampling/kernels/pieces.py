@@ -48,10 +48,8 @@ def _add(planes, n, view, edge, centre):
     if n < MOST_PLANES:
         planes[n, A], planes[n, B] = nx * view.x_by_x + ny * view.y_by_x, nx * view.x_by_y + ny * view.y_by_y
         planes[n, S], planes[n, T] = nx * view.x_by_u + ny * view.y_by_u, nx * view.x_by_v + ny * view.y_by_v
-        planes[n, LIMIT], planes[n, GAP] = (
-            distance + view.margin - nx * view.x - ny * view.y,
-            inside + 2.0 * view.margin,
-        )
+        planes[n, GAP] = inside + 2.0 * view.margin
+        planes[n, LIMIT] = distance + view.margin - nx * view.x - ny * view.y
         planes[n, LIMIT] -= planes[n, S] * centre[0] + planes[n, T] * centre[1]
         return n + 1
     return n

@@ -84,10 +84,10 @@ def _set_view(view, fit, candidate, half):
 @device
 def _all_arrive(points, element, first, each):
     """Whether all rays of a candidate come to an element, and none is reflected there."""
+    arrived = 0
     for r in range(first, first + each):
-        if points[element, 2, r] != 0.0:
-            return False
-    return True
+        arrived += 1 if points[element, 2, r] == 0.0 else 0
+    return arrived == each
 
 
 @device
