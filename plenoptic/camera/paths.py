@@ -28,7 +28,7 @@ class CameraPaths:
         blocks = -(-most // BLOCK)
         self._camera, self._fed, self._batch = camera, fed, batch
         self._blocks = np.empty(blocks * RAY)
-        self._sure = np.empty(blocks * RAY) if fed.certain else None
+        self.sure = np.empty(blocks * RAY) if fed.certain else None
         """What surely passes the lens, aimed; None where that is not known."""
         self.own = camera.own(blocks * BLOCK)
         """What is individual about the paths' microlenses; None where these do not differ."""
@@ -43,7 +43,7 @@ class CameraPaths:
     def started(self, start: int, n: int) -> Floats:
         """A bundle of paths start ... start + n - 1: points on their pixels, aimed at what feeds these; wavelengths."""
         bundle, colour = self._blocks[: -(-n // BLOCK) * RAY], self._camera.colour
-        sure = None if self._sure is None else self._sure[: bundle.size]
+        sure = None if self.sure is None else self.sure[: bundle.size]
         paths.fill_camera_samples(bundle, sure, self.own, start, n, self._batch, self._fed, self._camera.sensor.pixel)
         if colour is not None and self.waves is not None:
             paths.fill_waves(self.waves, start, n, self._batch, self._fed.number, colour.cdf, self._guide)
@@ -54,8 +54,8 @@ class CameraPaths:
         sensor = self._camera.sensor
         fill_dimmed_before_array(bundle, sensor.plane, sensor.response, self._camera.dust)
         fill_through_array(bundle, self.own, self._camera, self.waves)
-        if self._sure is not None:
-            sure = self._sure[: bundle.size]
+        if self.sure is not None:
+            sure = self.sure[: bundle.size]
             fill_dimmed_before_array(sure, sensor.plane, sensor.response, ())
             to_lens.fill_weights(sure, sensor.plane)
 
@@ -64,8 +64,8 @@ class CameraPaths:
         fill_dimmed_at_lens(bundle, self._camera.dust, BlemishSite.LENS_REAR)
         fill_traced(bundle, self.lens, self.waves)
         fill_dimmed_at_lens(bundle, self._camera.dust, BlemishSite.LENS_FRONT)
-        if self._sure is not None:
-            weights, sure = bundle.reshape(-1, 8, BLOCK), self._sure[: bundle.size].reshape(-1, 8, BLOCK)
+        if self.sure is not None:
+            weights, sure = bundle.reshape(-1, 8, BLOCK), self.sure[: bundle.size].reshape(-1, 8, BLOCK)
             weights[:, WEIGHT // BLOCK] += sure[:, WEIGHT // BLOCK]
 
 

@@ -41,5 +41,6 @@ def render_context(subject: Subject, seed: int) -> RenderContext:
     """Plan a render and compile what it needs."""
     prepared = subject.prepared
     record, intersector = (None, None) if prepared is None else (prepared.record, prepared.intersector)
-    camera, plan = camera_record(subject.camera), plan_stages(record, subject)
+    camera = camera_record(subject.camera)
+    plan = plan_stages(record, camera, subject)
     return RenderContext(camera, record, intersector, plan, subject.settings, subject.replicates, np.uint64(seed))

@@ -18,6 +18,7 @@ from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, WEIGHT
 from plenoptic.core.values import Floats
 from plenoptic.rendering.context import RenderContext
 from plenoptic.rendering.kernels import film_sums
+from plenoptic.rendering.plan.stages import Stage
 from plenoptic.rendering.settings import Sampler
 from plenoptic.truth.ground_truth import Arrays, truth_of
 from plenoptic.truth.stages import TruthRecord
@@ -155,7 +156,7 @@ def render_tile(
     None where `stopped` says, between two bundles, that the result is no longer wanted.
     """
     camera, shape, pixels = context.camera, (tile.rows, tile.columns), tile.centres(context.camera)
-    fed = fed_pixels(camera, pixels, tile.numbers(camera), white=context.scene is None)
+    fed = fed_pixels(camera, pixels, tile.numbers(camera), certain=context.plan.runs(Stage.CERTAIN_LIGHT))
     whole = np.zeros((tile.pixels, context.replicates + 1, context.channels))
     if before is not None:
         whole[:] = before.reshape(whole.shape)

@@ -57,10 +57,10 @@ def _row(bundle: Floats) -> _Row:
     return _Row(numbers[:3], numbers[3:6], float(numbers[6]), float(numbers[7]))
 
 
-def trace_camera(camera: CameraRecord, pixel: tuple[int, int], batch: Batch) -> CameraWay | None:
+def trace_camera(camera: CameraRecord, pixel: tuple[int, int], batch: Batch, *, certain: bool) -> CameraWay | None:
     """Follow the one path of a batch of one, as `tile.render_tile` does; None where no light reaches the pixel."""
     tile = Tile(*pixel, 1, 1)
-    fed = fed_pixels(camera, tile.centres(camera), tile.numbers(camera))
+    fed = fed_pixels(camera, tile.centres(camera), tile.numbers(camera), certain=certain)
     if not fed.place.size:
         return None
     ways = CameraPaths(camera, fed, batch, 1)

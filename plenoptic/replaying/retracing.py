@@ -14,7 +14,7 @@ from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.context import RenderContext, render_context
 from plenoptic.rendering.exposure import Exposure
 from plenoptic.rendering.integrator.path import PathIntegrator
-from plenoptic.rendering.plan.stages import Subject
+from plenoptic.rendering.plan.stages import Stage, Subject
 from plenoptic.rendering.tile import PixelSums, batch_of
 from plenoptic.replaying.events import Escape, Event, PathEnding, WorldRay
 from plenoptic.replaying.in_camera import CameraWay, trace_camera
@@ -175,7 +175,7 @@ def _retraced(context: RenderContext, scene: Scene | None, pixel: tuple[int, int
     camera, replicates = context.camera, context.replicates
     place = (pixel, sample, sample % replicates, sample // replicates)
     batch = batch_of(context, sample, 1)
-    way = trace_camera(camera, pixel, batch)
+    way = trace_camera(camera, pixel, batch, certain=context.plan.runs(Stage.CERTAIN_LIGHT))
     if way is None:
         nothing = np.zeros(context.channels)
         return Replay(*place, None, (), PathEnding.UNLIT_PIXEL, 0.0, nothing, 1.0, nothing, True)

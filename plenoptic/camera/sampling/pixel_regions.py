@@ -68,22 +68,34 @@ def _cells(camera: CameraRecord, reach: float) -> float:
     return 1.0 + float(np.pi * search**2 / area)
 
 
+def microlenses_near(camera: CameraRecord) -> float:
+    """About how many microlenses see a pixel on the axis."""
+    return _cells(camera, float(camera.pupil.reach[0]))
+
+
+def is_clear(camera: CameraRecord) -> bool:
+    """Whether light passes beside the openings of microlenses."""
+    return camera.array is not None and camera.array.opening.clear
+
+
 def is_exact(camera: CameraRecord, *, certain: bool = False) -> bool:
     """Whether what feeds pixels is found through the openings of the lens, or by bounds on its pupil alone."""
     # Of light beside openings half of the cell is lost in any case.
-    clear = camera.array is not None and camera.array.opening.clear
-    return not clear and _cells(camera, float(camera.pupil.reach[0])) <= (_MANY_CERTAIN if certain else _MANY)
+    return not is_clear(camera) and microlenses_near(camera) <= (_MANY_CERTAIN if certain else _MANY)
 
 
-def is_certain(camera: CameraRecord) -> bool:
-    """Whether the openings of the lens, and the cells of microlenses, are all that stops light, and few enough."""
-    array = camera.array
-    if array is not None and camera.microlenses is not None:
-        # Glass plates move rays aside before their rims stop them.
-        model = camera.microlenses.model.rules
-        if model.is_plate or array.opening.clip > 0 or array.walls is not None:
-            return False
-    return not camera.dust and is_exact(camera, certain=True)
+def what_else_stops(camera: CameraRecord) -> str:
+    """What stops light beside the openings of the lens and the straight sides of microlenses; empty for nothing."""
+    array, microlenses = camera.array, camera.microlenses
+    if camera.dust:
+        return "dust stops light"
+    if array is None or microlenses is None:
+        return ""
+    if microlenses.is_plate:
+        return "plates move rays aside before their rims stop them"
+    if array.walls is not None:
+        return "walls stop light"
+    return "round openings stop light" if array.opening.clip > 0 else ""
 
 
 class _Half(NamedTuple):
@@ -210,9 +222,8 @@ def feeding_regions(
         room, ends, most = max(room, used[0]), max(ends, used[1]), max(most, used[2])
 
 
-def fed_pixels(camera: CameraRecord, pixels: Floats, number: NDArray[np.int64], *, white: bool = False) -> FedPixels:
-    """What feeds pixels whose centres (n, 2) and numbers (n,) on the sensor are given."""
-    certain = white and is_certain(camera)
+def fed_pixels(camera: CameraRecord, pixels: Floats, number: NDArray[np.int64], *, certain: bool = False) -> FedPixels:
+    """What feeds pixels whose centres (n, 2) and numbers (n,) on the sensor are given; see `feeding_regions`."""
     regions = feeding_regions(camera, pixels, camera.sensor.pixel.half, certain=certain)
     fed = np.flatnonzero(np.diff(regions.first))
     first = np.append(regions.first[fed], regions.first[-1])

@@ -20,7 +20,7 @@ RIMS, RIM_ROOM = 49, 1024
 
 
 class Divided(NamedTuple):
-    """The parts of k pieces that feed one point of a pixel: light surely passes their cores, and may pass their rims."""
+    """What of k pieces feeds one point of a pixel: cores, which light surely passes, and rims around them."""
 
     core: Floats
     """(3, k ROOM): polygons."""
