@@ -167,7 +167,9 @@ def render_white(  # noqa: PLR0913
 ) -> Exposure:
     """Render the image of a scene of radiance 1 everywhere; `shot.image / white.image` is then radiance.
 
-    There is no scene: nothing is intersected or shaded. Parameters are those of `render`.
+    There is no scene: nothing is intersected or shaded, and light that surely passes the lens is added without being
+    traced. Parameters are those of `render`. The paths are not those of a scene with the same seed; a `Scene` of
+    nothing but `background=1.0` has those.
 
     Returns
     -------

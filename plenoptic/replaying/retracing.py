@@ -178,7 +178,7 @@ def _retraced(context: RenderContext, scene: Scene | None, pixel: tuple[int, int
     way = trace_camera(camera, pixel, batch, certain=context.plan.runs(Stage.CERTAIN_LIGHT))
     if way is None:
         nothing = np.zeros(context.channels)
-        return Replay(*place, None, (), PathEnding.UNLIT_PIXEL, 0.0, nothing, 1.0, nothing, True)
+        return Replay(*place, None, (), PathEnding.UNLIT_PIXEL, 0.0, 0.0, nothing, 1.0, nothing, True)
     events, radiance, ending = _through_scene(context, scene, way, batch)
     limit, brightest = context.settings.clamp, 0.0 if radiance is None else float(radiance.max())
     sums = PixelSums(context, way.fed, batch, np.zeros((1, replicates + 1, context.channels)))
@@ -191,6 +191,7 @@ def _retraced(context: RenderContext, scene: Scene | None, pixel: tuple[int, int
         events=way.events + events,
         ending=PathEnding.NOT_FINITE if sums.nonfinite else ending,
         weight=way.weight,
+        certain=way.certain,
         radiance=np.ones(1) if radiance is None else radiance[0].copy(),
         clamped=1.0 if limit is None or not brightest > limit else limit / brightest,
         contribution=added if fill_factor == 1 else fill_factor * added,

@@ -158,7 +158,8 @@ def fill_camera_samples(blocks, sure, own, start, n, batch, fed, pixel):  # noqa
         low, high = first[p], first[p + 1]
         still = _is_still(pieces, low, high)
         if sure is not None:
-            divided.counts[:, 1] = 0
+            for c in range(high - low):
+                divided.counts[c, 1] = 0
         for k in range(run):
             at = path - start + k
             ray, i = blocks[(at // BLOCK) * RAY : (at // BLOCK + 1) * RAY], at % BLOCK

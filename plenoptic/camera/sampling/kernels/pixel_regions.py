@@ -141,8 +141,8 @@ def fill_regions(regions, needed, starts, group, found, corners, seen, half, whi
             if not part > 0.0:
                 continue
             certain = white and candidate.certain == 1 and count < MOST_PLANES
-            if not certain:
-                planes[:count, GAP] = 0.0
+            for j in range(0 if certain else count):
+                planes[j, GAP] = 0.0
             start, moved = end_plane, 0 if not varies else _count_cuts(polygon, n, planes, count, half)
             move[:] = 0.0
             if moved > _FEW_CUTS and candidate.views == 1:
@@ -154,7 +154,8 @@ def fill_regions(regions, needed, starts, group, found, corners, seen, half, whi
                     for q in range(m):
                         polygon[0, q], polygon[1, q] = base[0, q], base[1, q]
                     if certain and moved <= MOST_CERTAIN:
-                        planes[:count, S], planes[:count, T] = 0.0, 0.0
+                        for j in range(count):
+                            planes[j, S], planes[j, T] = 0.0, 0.0
                         end_plane = _store_cuts(regions.planes, end_plane, polygon, n, planes, count, half)
                     moved = -moved
                 else:
