@@ -77,8 +77,8 @@ def trace_camera(camera: CameraRecord, pixel: tuple[int, int], batch: Batch, *, 
     fill_dimmed_at_lens(before, camera.dust, BlemishSite.LENS_REAR)
     events += _lens_events(camera, ways.lens, before, ways.waves)
     ways.fill_through_lens(bundle)
-    certain = 0.0 if ways.sure is None else _row(ways.sure).weight
-    return CameraWay(tuple(events), bundle, ways.waves, fed, certain)
+    beside = 0.0 if ways.sure is None else _row(ways.sure).weight
+    return CameraWay(tuple(events), bundle, ways.waves, fed, beside)
 
 
 def _behind(camera: CameraRecord) -> float:

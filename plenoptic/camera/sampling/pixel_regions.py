@@ -210,13 +210,13 @@ def feeding_regions(
     else:
         centres, group, views = starts, np.arange(len(starts)), np.empty(1, VIEW)
         found, corners = _candidates(camera, centres, float(np.hypot(*half)))
-    seen = views, camera.openings.edges, centres
+    seen = views, camera.openings.edges, centres, certain
     first, used = np.zeros(len(starts) + 1, dtype=np.int64), np.zeros(3, dtype=np.int64)
     room, ends, most = (k * len(starts) + 64 for k in (2, 16, 4))
     while True:
         details = None if found.details is None else np.empty(room, MICROLENS)
         regions = Regions(np.empty(room, PIECE), first, np.empty((2, ends)), np.empty(most, PLANE), details)
-        pixel_regions.fill_regions(regions, used, starts, group, found, corners, seen, half, certain)
+        pixel_regions.fill_regions(regions, used, starts, group, found, corners, seen, half)
         if used[0] <= room and used[1] <= ends and used[2] <= most:
             return regions
         room, ends, most = max(room, used[0]), max(ends, used[1]), max(most, used[2])

@@ -120,7 +120,7 @@ def _is_still(pieces, low, high):
 
 
 @kernel
-def fill_camera_samples(blocks, sure, own, start, n, batch, fed, pixel):  # noqa: PLR0913
+def fill_camera_samples(blocks, sure, own, start, n, batch, fed, pixel):
     """Start paths start ... start + n - 1 of a batch of the pixels of a tile, which are `FedPixels`.
 
     A pixel is a `PixelRecord`; one that is turned has the sides (width, skew[1]) and (skew[0], height). `own` gets what

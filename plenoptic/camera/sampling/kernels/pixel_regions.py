@@ -110,16 +110,16 @@ def _store_edges(kept, used, base, m, move, corners, candidate, half):
 
 
 @kernel
-def fill_regions(regions, needed, starts, group, found, corners, seen, half, white):  # noqa: PLR0913
+def fill_regions(regions, needed, starts, group, found, corners, seen, half):
     """Regions of starts (n, 2) in groups (n,); `needed` (3,) counts pieces, corners and planes.
 
     A start stands for the points of the sensor up to `half` (2,) beside it. `corners` are those of the candidates,
-    `seen` their views, the edges of elements, and the centres of groups. Where the room in `regions` is too small
-    nothing beyond it is written. For a white image, pieces say what surely passes.
+    `seen` their views, the edges of elements, the centres of groups, and whether pieces shall say what surely passes.
+    Where the room in `regions` is too small nothing beyond it is written.
     """
     pieces, first = regions.pieces, regions.first
     details = regions.details
-    views, edges, centres = seen
+    views, edges, centres, known = seen
     polygon, base = np.empty((3, MOST_CORNERS + 2)), np.empty((3, MOST_CORNERS + 2))
     planes, move = np.empty((MOST_PLANES, NUMBERS)), np.zeros(4)
     used, end_corner, end_plane = 0, 0, 0
@@ -140,7 +140,7 @@ def fill_regions(regions, needed, starts, group, found, corners, seen, half, whi
             part = area_of(polygon, 0, n) if n >= 3 else 0.0
             if not part > 0.0:
                 continue
-            certain = white and candidate.certain == 1 and count < MOST_PLANES
+            certain = known and candidate.certain == 1 and count < MOST_PLANES
             for j in range(0 if certain else count):
                 planes[j, GAP] = 0.0
             start, moved = end_plane, 0 if not varies else _count_cuts(polygon, n, planes, count, half)
