@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.paths import fill_through_array
 from plenoptic.camera.record import CameraRecord
-from plenoptic.camera.sampling.pixel_regions import feeding_regions
-from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, STATUS
+from plenoptic.camera.sampling.pixel_regions import feeding_regions, is_exact
+from plenoptic.camera.sampling.record import FedPixels
+from plenoptic.core.kernels.ray_blocks import BLOCK, MISSED, RAY, STATUS
 from plenoptic.core.values import Floats
 
 
@@ -41,8 +42,8 @@ _RIM_STARTS = np.stack(np.meshgrid(*2 * [np.linspace(-0.499, 0.499, 4)]), axis=-
 _STARTS = _points(6) - 0.5
 _SHIFTED_PROBES = _shifted(_points(6), len(_STARTS))
 """Starts on a pixel, in parts of its sides, and their probes; more where the hole of a stop is not convex."""
-_TOGETHER = 8
-"""Pixels with so many probes at a time."""
+_TOGETHER = 1 << 15
+"""Probes at a time."""
 
 
 class StartRays(NamedTuple):
@@ -83,46 +84,78 @@ class PixelRays(NamedTuple):
         return _are_lost(self.blocks, len(self.starts))
 
 
-def representative_rays(camera: CameraRecord, pixels: Floats) -> PixelRays:
-    """The rays of pixels with centres (n, 2)."""
-    rays, _ = _rays_from(camera, pixels, _PROBES)
-    unlit = np.flatnonzero(rays.lost)
-    if not unlit.size:
-        return rays
-    regions = feeding_regions(camera, pixels[unlit], camera.sensor.pixel.half)
-    fed = np.diff(regions.first) > 0
-    rays.dark[unlit[~fed]] = True
-    if fed.any():
+def _lost_rays(pixels: Floats) -> PixelRays:
+    """Those of dark pixels."""
+    n = len(pixels)
+    blocks = np.zeros((-(-n // BLOCK), 8, BLOCK))
+    blocks[:, STATUS // BLOCK] = MISSED
+    flat = blocks.reshape(-1)
+    return PixelRays(pixels.copy(), flat.copy(), flat, pixels.copy(), np.full((n, 3), np.nan), np.ones(n, dtype=bool))
+
+
+def representative_rays(camera: CameraRecord, pixels: Floats, fed: FedPixels) -> PixelRays:
+    """The rays of pixels with centres (n, 2), and what feeds them."""
+    rays = _lost_rays(pixels)
+    rays.dark[fed.place] = False
+    which = np.arange(len(fed.place))
+    if camera.convex and is_exact(camera):
+        _fill_region_rays(rays, camera, fed.place, which, fed.centres[:, None], fed)
+    left = np.flatnonzero(rays.lost[fed.place])
+    if left.size:
+        left = _look(rays, camera, left, fed.centres[left, None], fed, _PROBES)
+    if left.size:
         from plenoptic.truth.kernels import representative_ray
 
-        starts = np.empty((len(unlit), representative_ray.CANDIDATES, 2))
+        starts = np.empty((len(left), representative_ray.CANDIDATES, 2))
         if camera.array is None:
-            starts[:] = pixels[unlit, None]
+            starts[:] = fed.centres[left, None]
         else:
             plane, pixel = camera.sensor.plane, camera.sensor.pixel
-            representative_ray.fill_aimed_starts(starts, pixels[unlit], regions, pixel, plane, camera.pupil)
-        _look_again(rays, camera, unlit[fed], starts[fed], _MORE_PROBES)
-    # A pupil that several rims end is pointed: its tips, far from the middle, light corners of pixels.
-    on_pixel = camera.sensor.pixel.within(_RIM_STARTS if camera.convex else _STARTS)
-    left = np.flatnonzero(rays.lost & ~rays.dark)
-    for first in range(0, len(left), _TOGETHER):
-        some = left[first : first + _TOGETHER]
-        _look_again(rays, camera, some, pixels[some, None] + on_pixel, _SHIFTED_PROBES[: len(on_pixel)])
+            representative_ray.fill_aimed_starts(starts, left, fed, pixel, plane, camera.pupil)
+        left = _look(rays, camera, left, starts, fed, _MORE_PROBES)
+    if left.size:
+        # A pupil that several rims end is pointed: its tips, far from the middle, light corners of pixels.
+        on_pixel = camera.sensor.pixel.within(_RIM_STARTS if camera.convex else _STARTS)
+        _look(rays, camera, left, fed.centres[left, None] + on_pixel, fed, _SHIFTED_PROBES[: len(on_pixel)])
     return rays
 
 
-def _look_again(
-    rays: PixelRays, camera: CameraRecord, which: NDArray[np.int64], starts: Floats, probes: Floats
+def _look(
+    rays: PixelRays, camera: CameraRecord, which: NDArray[np.int64], starts: Floats, fed: FedPixels, probes: Floats
+) -> NDArray[np.int64]:
+    """Put the brightest ray of the starts (m, k, 2) in the place of those of fed pixels `which` (m,).
+
+    Returns the pixels that still have none.
+    """
+    lit = np.zeros(len(which), dtype=bool)
+    together = max(1, _TOGETHER // (starts.shape[1] * probes.shape[1]))
+    for first in range(0, len(which), together):
+        some = starts[first : first + together]
+        more, light = _rays_from(camera, np.ascontiguousarray(some.reshape(-1, 2)), probes)
+        best = light.reshape(some.shape[:2]).argmax(axis=1) + np.arange(len(some)) * some.shape[1]
+        found = lit[first : first + together] = light[best] > 0
+        to, source = fed.place[which[first : first + together][found]], best[found]
+        for name in ("starts", "aims", "cells"):
+            getattr(rays, name)[to] = getattr(more, name)[source]
+        for name in ("before", "blocks"):
+            _put(getattr(rays, name), to, _fields(getattr(more, name), source))
+    return which[~lit]
+
+
+def _fill_region_rays(
+    rays: PixelRays,
+    camera: CameraRecord,
+    at: NDArray[np.int64],
+    which: NDArray[np.int64],
+    starts: Floats,
+    fed: FedPixels,
 ) -> None:
-    """Put the brightest ray of the starts (m, k, 2) in the place of those of pixels `which` (m,)."""
-    more, light = _rays_from(camera, np.ascontiguousarray(starts.reshape(-1, 2)), probes)
-    best = light.reshape(starts.shape[:2]).argmax(axis=1) + np.arange(len(which)) * starts.shape[1]
-    lit = light[best] > 0
-    to, source = which[lit], best[lit]
-    for name in ("starts", "aims", "cells"):
-        getattr(rays, name)[to] = getattr(more, name)[source]
-    for name in ("before", "blocks"):
-        _put(getattr(rays, name), to, _fields(getattr(more, name), source))
+    """Rays from starts (m, k, 2) on fed pixels `which`, through the largest part of a microlens that feeds one."""
+    from plenoptic.truth.kernels import representative_ray
+
+    lanes = camera.own(rays.blocks.size // 8)
+    representative_ray.fill_region_rays(rays, lanes, at, which, starts, fed)
+    rays.before[:] = _trace(rays.blocks, lanes, camera)
 
 
 def _rays_from(camera: CameraRecord, starts: Floats, patterns: Floats) -> tuple[PixelRays, Floats]:

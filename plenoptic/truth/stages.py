@@ -18,7 +18,7 @@ from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.record import ArrayRecord
 from plenoptic.scene.geometry.record import Hits
 from plenoptic.truth.channels import Truth
-from plenoptic.truth.representative_rays import PixelRays, representative_rays
+from plenoptic.truth.representative_rays import PixelRays
 
 if TYPE_CHECKING:
     from plenoptic.scene.compile import SceneRecord
@@ -138,14 +138,10 @@ class PixelStages:
         intersector: Intersector | None,
         truth: TruthRecord,
         pixels: Floats,
+        rays: PixelRays,
     ) -> None:
         self._camera, self._scene, self._intersector = camera, scene, intersector
-        self._truth, self._pixels = truth, pixels
-
-    @cached_property
-    def rays(self) -> PixelRays:
-        """Rays through the lens, one for each pixel; those of views are set from outside."""
-        return representative_rays(self._camera, self._pixels)
+        self._truth, self._pixels, self.rays = truth, pixels, rays
 
     @cached_property
     def _behind(self) -> Floats:

@@ -22,7 +22,8 @@ from plenoptic.core.kernels.sobol import (
 )
 
 _FEW = 8
-_ROOM = MOST_CORNERS + MOST_PLANES + 2
+ROOM = MOST_CORNERS + MOST_PLANES + 2
+"""Corners of a part of a piece, at most."""
 
 
 @device
@@ -125,7 +126,7 @@ def _is_still(pieces, low, high):
 
 
 @device
-def _fill_part(polygon, first, corners, planes, piece, at):
+def fill_part(polygon, first, corners, planes, piece, at):
     """The part of a piece that feeds the point `at` of a pixel, from its centre, as a polygon from a corner on.
 
     Returns its number of corners.
@@ -157,7 +158,7 @@ def fill_camera_samples(blocks, own, start, n, batch, fed, pixel):
     details = regions.details
     centres, number = fed.centres, fed.number
     u = np.empty((DIMENSIONS, net.shape[1]))
-    polygon = np.empty((3, MOST_PIECES * _ROOM))
+    polygon = np.empty((3, MOST_PIECES * ROOM))
     counts, areas = np.empty(MOST_PIECES, np.int64), np.empty(MOST_PIECES)
     path, end = start, start + n
     while path < end:
@@ -185,8 +186,8 @@ def fill_camera_samples(blocks, own, start, n, batch, fed, pixel):
             else:
                 total = 0.0
                 for c in range(high - low):
-                    counts[c] = _fill_part(polygon, c * _ROOM, corners, planes, pieces[low + c], (dx, dy))
-                    areas[c] = area_of(polygon, c * _ROOM, counts[c]) if counts[c] >= 3 else 0.0
+                    counts[c] = fill_part(polygon, c * ROOM, corners, planes, pieces[low + c], (dx, dy))
+                    areas[c] = area_of(polygon, c * ROOM, counts[c]) if counts[c] >= 3 else 0.0
                     total += areas[c]
                 c, left = 0, u[2, k] * total
                 while c < high - low - 1 and left >= areas[c]:
@@ -194,7 +195,7 @@ def fill_camera_samples(blocks, own, start, n, batch, fed, pixel):
                     c += 1
                 chosen, point = low + c, (0.0, 0.0)
                 if areas[c] > 0.0:
-                    point = point_in(polygon, c * _ROOM, counts[c], left, u[3, k])
+                    point = point_in(polygon, c * ROOM, counts[c], left, u[3, k])
                 aim_at(ray, i, pieces[chosen], point, on_sensor, total)
                 if not areas[c] > 0.0:
                     ray[WEIGHT + i], ray[STATUS + i] = 0.0, MISSED
