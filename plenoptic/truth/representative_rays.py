@@ -94,68 +94,74 @@ def _lost_rays(pixels: Floats) -> PixelRays:
 
 
 def representative_rays(camera: CameraRecord, pixels: Floats, fed: FedPixels) -> PixelRays:
-    """The rays of pixels with centres (n, 2), and what feeds them."""
-    rays = _lost_rays(pixels)
+    """The rays of pixels with centres (n, 2), of which those `fed` get light."""
+    rays = _found_rays(camera, pixels, fed.place, np.arange(len(fed.place)), fed.centres[:, None], fed, _PROBES)
     rays.dark[fed.place] = False
-    which = np.arange(len(fed.place))
-    if camera.convex and is_exact(camera):
-        _fill_region_rays(rays, camera, fed.place, which, fed.centres[:, None], fed)
-    left = np.flatnonzero(rays.lost[fed.place])
-    if left.size:
-        left = _look(rays, camera, left, fed.centres[left, None], fed, _PROBES)
-    if left.size:
-        from plenoptic.truth.kernels import representative_ray
-
-        starts = np.empty((len(left), representative_ray.CANDIDATES, 2))
-        if camera.array is None:
-            starts[:] = fed.centres[left, None]
-        else:
-            plane, pixel = camera.sensor.plane, camera.sensor.pixel
-            representative_ray.fill_aimed_starts(starts, left, fed, pixel, plane, camera.pupil)
-        left = _look(rays, camera, left, starts, fed, _MORE_PROBES)
-    if left.size:
-        # A pupil that several rims end is pointed: its tips, far from the middle, light corners of pixels.
-        on_pixel = camera.sensor.pixel.within(_RIM_STARTS if camera.convex else _STARTS)
-        _look(rays, camera, left, fed.centres[left, None] + on_pixel, fed, _SHIFTED_PROBES[: len(on_pixel)])
+    for starts_on, probes in ((_aimed_starts, _MORE_PROBES), (_spread_starts, _SHIFTED_PROBES)):
+        left = np.flatnonzero(rays.lost[fed.place])
+        if not left.size:
+            break
+        starts, every = starts_on(camera, left, fed), np.arange(len(left))
+        more = _found_rays(camera, fed.centres[left], every, left, starts, fed, probes)
+        lit = np.flatnonzero(~more.lost)
+        _take(rays, fed.place[left[lit]], more, lit)
     return rays
 
 
-def _look(
-    rays: PixelRays, camera: CameraRecord, which: NDArray[np.int64], starts: Floats, fed: FedPixels, probes: Floats
-) -> NDArray[np.int64]:
-    """Put the brightest ray of the starts (m, k, 2) in the place of those of fed pixels `which` (m,).
+def _aimed_starts(camera: CameraRecord, which: NDArray[np.int64], fed: FedPixels) -> Floats:
+    """(m, k, 2): on fed pixels `which`, near where microlenses image the middle of the pupil."""
+    from plenoptic.truth.kernels import representative_ray
 
-    Returns the pixels that still have none.
-    """
-    lit = np.zeros(len(which), dtype=bool)
-    together = max(1, _TOGETHER // (starts.shape[1] * probes.shape[1]))
-    for first in range(0, len(which), together):
-        some = starts[first : first + together]
-        more, light = _rays_from(camera, np.ascontiguousarray(some.reshape(-1, 2)), probes)
-        best = light.reshape(some.shape[:2]).argmax(axis=1) + np.arange(len(some)) * some.shape[1]
-        found = lit[first : first + together] = light[best] > 0
-        to, source = fed.place[which[first : first + together][found]], best[found]
-        for name in ("starts", "aims", "cells"):
-            getattr(rays, name)[to] = getattr(more, name)[source]
-        for name in ("before", "blocks"):
-            _put(getattr(rays, name), to, _fields(getattr(more, name), source))
-    return which[~lit]
+    starts = np.repeat(fed.centres[which, None], representative_ray.CANDIDATES, axis=1)
+    if camera.array is not None:
+        plane, pixel = camera.sensor.plane, camera.sensor.pixel
+        representative_ray.fill_aimed_starts(starts, which, fed, pixel, plane, camera.pupil)
+    return starts
 
 
-def _fill_region_rays(
-    rays: PixelRays,
+def _spread_starts(camera: CameraRecord, which: NDArray[np.int64], fed: FedPixels) -> Floats:
+    """(m, k, 2): all over them. A pupil that several rims end is pointed: its tips light corners of pixels."""
+    return fed.centres[which, None] + camera.sensor.pixel.within(_RIM_STARTS if camera.convex else _STARTS)
+
+
+def _found_rays(
     camera: CameraRecord,
+    pixels: Floats,
     at: NDArray[np.int64],
     which: NDArray[np.int64],
     starts: Floats,
     fed: FedPixels,
-) -> None:
-    """Rays from starts (m, k, 2) on fed pixels `which`, through the largest part of a microlens that feeds one."""
-    from plenoptic.truth.kernels import representative_ray
+    probes: Floats,
+) -> PixelRays:
+    """Rays of pixels (n, 2), those `at` some of them from their starts (m, k, 2); there are the fed pixels `which`.
 
-    lanes = camera.own(rays.blocks.size // 8)
-    representative_ray.fill_region_rays(rays, lanes, at, which, starts, fed)
-    rays.before[:] = _trace(rays.blocks, lanes, camera)
+    Where what feeds starts is known, a ray passes the largest part of a microlens; probes look where that is no light,
+    or not known.
+    """
+    rays, left = _lost_rays(pixels), np.arange(len(at))
+    if camera.convex and is_exact(camera):
+        from plenoptic.truth.kernels import representative_ray
+
+        lanes = camera.own(rays.blocks.size // 8)
+        representative_ray.fill_region_rays(rays, lanes, at, which, starts, fed)
+        aimed = ~rays.lost
+        rays.before[:] = _trace(rays.blocks, lanes, camera)
+        left = np.flatnonzero((aimed & rays.lost)[at])
+    patterns, together = probes[: starts.shape[1]], max(1, _TOGETHER // (starts.shape[1] * probes.shape[1]))
+    for first in range(0, len(left), together):
+        some = left[first : first + together]
+        more, light = _rays_from(camera, np.ascontiguousarray(starts[some].reshape(-1, 2)), patterns)
+        best = light.reshape(len(some), -1).argmax(axis=1) + np.arange(len(some)) * starts.shape[1]
+        lit = light[best] > 0
+        _take(rays, at[some[lit]], more, best[lit])
+    return rays
+
+
+def _take(rays: PixelRays, to: NDArray[np.int64], others: PixelRays, which: NDArray[np.int64]) -> None:
+    """Put some of other rays in the place of those `to`."""
+    rays.starts[to], rays.aims[to], rays.cells[to] = others.starts[which], others.aims[which], others.cells[which]
+    _put(rays.before, to, _fields(others.before, which))
+    _put(rays.blocks, to, _fields(others.blocks, which))
 
 
 def _rays_from(camera: CameraRecord, starts: Floats, patterns: Floats) -> tuple[PixelRays, Floats]:

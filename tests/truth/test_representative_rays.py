@@ -8,7 +8,7 @@ import pytest
 
 import plenoptic as pl
 from plenoptic.camera.record import camera_record
-from plenoptic.camera.sampling.pixel_regions import pixel_centres
+from plenoptic.camera.sampling.pixel_regions import fed_pixels, pixel_centres
 from plenoptic.images import PixelState
 from plenoptic.rendering.schedule import scheduler
 from plenoptic.truth.channels import NO_MICROLENS, Truth
@@ -82,7 +82,7 @@ def test_rays_start_at_the_centre_or_inside_the_sensitive_area(name):
     camera = CAMERAS[name]
     record = camera_record(camera)
     pixels = pixel_centres(record, (0, 24), (0, 24))
-    off = representative_rays(record, pixels).starts - pixels
+    off = representative_rays(record, pixels, fed_pixels(record, pixels, np.arange(24 * 24))).starts - pixels
     pixel = record.sensor.pixel
     sides = pixel.within(np.eye(2))
     # In parts of the sides, which are turned with the sensor.
