@@ -3,8 +3,8 @@
 It starts at the pixel's centre and passes the lit centroid of the microlens that gives the centre most light. Where no
 light reaches the centre, it starts at the point of the sensitive area that is nearest to where a microlens images the
 middle of the pupil: the image of a small stop may light a corner of a pixel only. Where light passes beside the middle,
-between several rims, and through stars and masks, it starts at the brightest of many points. Fixed sets of probes find
-the light, so that neither samples nor seeds matter.
+between several rims, and through stars and masks, it starts at the brightest of many points. Light is found through the
+regions that feed pixels, where these are exact, or by fixed sets of probes, so that neither samples nor seeds matter.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ _RIM_STARTS = np.stack(np.meshgrid(*2 * [np.linspace(-0.499, 0.499, 4)]), axis=-
 _STARTS = _points(6) - 0.5
 _SHIFTED_PROBES = _shifted(_points(6), len(_STARTS))
 """Starts on a pixel, in parts of its sides, and their probes; more where the hole of a stop is not convex."""
-_TOGETHER = 1 << 15
+_TOGETHER = 1 << 14
 """Probes at a time."""
 
 
@@ -99,7 +99,7 @@ def representative_rays(camera: CameraRecord, pixels: Floats, fed: FedPixels) ->
     rays.dark[fed.place] = False
     for starts_on, probes in ((_aimed_starts, _MORE_PROBES), (_spread_starts, _SHIFTED_PROBES)):
         left = np.flatnonzero(rays.lost[fed.place])
-        if not left.size:
+        if len(pixels) and not left.size:
             break
         starts, every = starts_on(camera, left, fed), np.arange(len(left))
         more = _found_rays(camera, fed.centres[left], every, left, starts, fed, probes)
@@ -133,10 +133,10 @@ def _found_rays(
     fed: FedPixels,
     probes: Floats,
 ) -> PixelRays:
-    """Rays of pixels (n, 2), those `at` some of them from their starts (m, k, 2); there are the fed pixels `which`.
+    """Rays of pixels (n, 2), of which those `at` some places, the fed ones `which`, have starts (m, k, 2).
 
-    Where what feeds starts is known, a ray passes the largest part of a microlens; probes look where that is no light,
-    or not known.
+    Where it is known what feeds starts, a ray passes the largest part of a microlens; probes look where it is lost, and
+    where it is not known.
     """
     rays, left = _lost_rays(pixels), np.arange(len(at))
     if camera.convex and is_exact(camera):
@@ -148,10 +148,11 @@ def _found_rays(
         rays.before[:] = _trace(rays.blocks, lanes, camera)
         left = np.flatnonzero((aimed & rays.lost)[at])
     patterns, together = probes[: starts.shape[1]], max(1, _TOGETHER // (starts.shape[1] * probes.shape[1]))
-    for first in range(0, len(left), together):
+    # Without pixels, a look at nothing shows which kernels there will be.
+    for first in range(0, len(left), together) if len(pixels) else (0,):
         some = left[first : first + together]
         more, light = _rays_from(camera, np.ascontiguousarray(starts[some].reshape(-1, 2)), patterns)
-        best = light.reshape(len(some), -1).argmax(axis=1) + np.arange(len(some)) * starts.shape[1]
+        best = light.reshape(len(some), starts.shape[1]).argmax(axis=1) + np.arange(len(some)) * starts.shape[1]
         lit = light[best] > 0
         _take(rays, at[some[lit]], more, best[lit])
     return rays

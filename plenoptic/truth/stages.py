@@ -28,6 +28,9 @@ SLOPE_STEP = 1e-5
 """How much the slopes of neighbouring rays differ, and how far apart they are over the distance of the lens: errors are
 of the order of its square, 1e-10, and of the rounding of coordinates over it."""
 
+_TOGETHER = 1 << 10
+"""Pixels whose neighbouring rays are traced together."""
+
 
 class TruthRecord(NamedTuple):
     """What finding the truth needs beside camera and scene."""
@@ -224,9 +227,11 @@ class PixelStages:
 
         camera, truth, pixels, rays, hit = self._camera, self._truth, self._pixels, self.rays, self.points
         assert camera.microlenses is not None and truth.unvignetted is not None
-        blocks = np.empty(-(-len(hit.lanes) * virtual_depth.NEIGHBOURS // BLOCK) * RAY)
-        virtual_depth.fill_neighbours(blocks, rays.before, hit.lanes, truth.axes, truth.step, SLOPE_STEP)
-        fill_traced(blocks, truth.unvignetted, None)
         distance = np.full(len(pixels), np.nan)
-        virtual_depth.fill_image_distances(distance, blocks, rays.blocks, hit.points, hit.lanes, truth.step, SLOPE_STEP)
+        for start in range(0, len(hit.lanes) or 1, _TOGETHER):
+            lanes = hit.lanes[start : start + _TOGETHER]
+            blocks = np.empty(-(-len(lanes) * virtual_depth.NEIGHBOURS // BLOCK) * RAY)
+            virtual_depth.fill_neighbours(blocks, rays.before, lanes, truth.axes, truth.step, SLOPE_STEP)
+            fill_traced(blocks, truth.unvignetted, None)
+            virtual_depth.fill_image_distances(distance, blocks, rays.blocks, hit.points, lanes, truth.step, SLOPE_STEP)
         return ImagePoints(distance, self._behind, min(camera.microlenses.pitches) / camera.sensor.pitch)

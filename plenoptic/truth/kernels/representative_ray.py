@@ -27,7 +27,7 @@ _ROUNDS = 4
 
 @kernel
 def fill_region_rays(rays, lanes, at, which, starts, fed):
-    """Aim a ray of each of some fed pixels at the centroid of the largest part of a microlens that feeds a start.
+    """Aim a ray of each of some fed pixels at the centroid of the part of a microlens that gives a start most light.
 
     `which` (m,) are their numbers among the fed ones, `at` (m,) the places of their `rays` (see `PixelRays`), `starts`
     (m, k, 2) points on them. Where nothing feeds these, rays keep what they have.
@@ -43,12 +43,14 @@ def fill_region_rays(rays, lanes, at, which, starts, fed):
             x, y = starts[m, k, 0], starts[m, k, 1]
             before = 0.0
             for t in range(first[p], first[p + 1]):
-                uncut, before = pieces[t].area - before, pieces[t].area
-                if uncut > best:
+                uncut, before, passes = pieces[t].area - before, pieces[t].area, 1.0
+                if details is not None:
+                    passes = details[t].transmission
+                if passes * uncut > best:
                     n = fill_part(polygon, 0, corners, planes, pieces[t], (x - centres[p, 0], y - centres[p, 1]))
                     area, middle_x, middle_y = _centroid(polygon, 0, n)
-                    if area > best:
-                        best, found, start, point = area, t, (x, y), (middle_x, middle_y)
+                    if passes * area > best:
+                        best, found, start, point = passes * area, t, (x, y), (middle_x, middle_y)
         if found < 0:
             continue
         to, piece = at[m], pieces[found]
