@@ -143,7 +143,7 @@ def _found_rays(
         from plenoptic.truth.kernels import representative_ray
 
         lanes = camera.own(rays.blocks.size // 8)
-        representative_ray.fill_region_rays(rays, lanes, at, which, starts, fed)
+        representative_ray.fill_region_rays(rays, lanes, at, which, starts, fed, camera.sensor.plane.distance)
         aimed = ~rays.lost
         rays.before[:] = _trace(rays.blocks, lanes, camera)
         left = np.flatnonzero((aimed & rays.lost)[at])

@@ -26,11 +26,11 @@ _ROUNDS = 4
 
 
 @kernel
-def fill_region_rays(rays, lanes, at, which, starts, fed):
+def fill_region_rays(rays, lanes, at, which, starts, fed, distance):
     """Aim a ray of each of some fed pixels at the centroid of the part of a microlens that gives a start most light.
 
     `which` (m,) are their numbers among the fed ones, `at` (m,) the places of their `rays` (see `PixelRays`), `starts`
-    (m, k, 2) points on them. Where nothing feeds these, rays keep what they have.
+    (m, k, 2) points on them. Where nothing feeds these, rays keep what they have. `distance`: of the sensor, in mm.
     """
     centres, regions = fed.centres, fed.regions
     pieces, first, corners, planes = regions.pieces, regions.first, regions.corners, regions.planes
@@ -49,8 +49,11 @@ def fill_region_rays(rays, lanes, at, which, starts, fed):
                 if passes * uncut > best:
                     n = fill_part(polygon, 0, corners, planes, pieces[t], (x - centres[p, 0], y - centres[p, 1]))
                     area, middle_x, middle_y = _centroid(polygon, 0, n)
-                    if passes * area > best:
-                        best, found, start, point = passes * area, t, (x, y), (middle_x, middle_y)
+                    u, v = pieces[t].cell_x + middle_x - x, pieces[t].cell_y + middle_y - y
+                    # The fourth power of the cosine decides where several microlenses are lit to the full.
+                    light = passes * area / (1.0 + (u * u + v * v) / (distance * distance)) ** 2
+                    if light > best:
+                        best, found, start, point = light, t, (x, y), (middle_x, middle_y)
         if found < 0:
             continue
         to, piece = at[m], pieces[found]
