@@ -21,6 +21,7 @@ from plenoptic.rendering.kernels import film_sums
 from plenoptic.rendering.plan.stages import Stage
 from plenoptic.rendering.settings import Sampler
 from plenoptic.truth.ground_truth import Arrays, truth_of
+from plenoptic.truth.representative_rays import representative_rays
 from plenoptic.truth.stages import TruthRecord
 
 BUNDLE = 1 << 14
@@ -187,7 +188,7 @@ def render_tile(
         sums=sums.whole().reshape(*shape, *whole.shape[1:]),
         weights=_weights(camera, fed, tile),
         counts=sums.counts,
-        truth=None if truth is None else _truth(context, truth, tile, pixels),
+        truth=None if truth is None else _truth(context, truth, tile, pixels, fed),
         paths=paths,
         nonfinite=sums.nonfinite,
         lost_paths=tuple(sums.lost_paths[:NAMED]),
@@ -205,8 +206,9 @@ def _weights(camera: CameraRecord, fed: FedPixels, tile: Tile) -> Floats:
     return found.reshape(tile.rows, tile.columns)
 
 
-def _truth(context: RenderContext, truth: TruthRecord, tile: Tile, pixels: Floats) -> Arrays:
-    flat = truth_of(context.camera, context.scene, context.intersector, truth, pixels)
+def _truth(context: RenderContext, truth: TruthRecord, tile: Tile, pixels: Floats, fed: FedPixels) -> Arrays:
+    rays = representative_rays(context.camera, pixels, fed)
+    flat = truth_of(context.camera, context.scene, context.intersector, truth, pixels, rays)
     return {name: array.reshape(tile.rows, tile.columns, *array.shape[1:]) for name, array in flat.items()}
 
 
