@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from plenoptic.camera.paths import CameraPaths
 from plenoptic.camera.record import CameraRecord
 from plenoptic.camera.sampling.kernels.paths import path_place
-from plenoptic.camera.sampling.pixel_regions import fed_pixels, pixel_centres
+from plenoptic.camera.sampling.pixel_regions import pixel_centres
 from plenoptic.camera.sampling.record import Batch, FedPixels, batch_record
 from plenoptic.core.kernels.bundles import fill_status_counts
 from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, WEIGHT
@@ -155,7 +155,7 @@ def render_tile(
     None where `stopped` says, between two bundles, that the result is no longer wanted.
     """
     camera, shape, pixels = context.camera, (tile.rows, tile.columns), tile.centres(context.camera)
-    fed = fed_pixels(camera, pixels, tile.numbers(camera))
+    fed = context.prepared.fed_pixels(tile, pixels, tile.numbers(camera))
     whole = np.zeros((tile.pixels, context.replicates + 1, context.channels))
     if before is not None:
         whole[:] = before.reshape(whole.shape)
