@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import weakref
 from collections.abc import Hashable
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,16 @@ MOST_BYTES = 1 << 28
 """Of what feeds pixels, some 500 bytes each: what has no room is found again whenever it is needed."""
 
 
+class Pixels(Hashable, Protocol):
+    """Some pixels, such as a tile."""
+
+    def centres(self, camera: CameraRecord) -> Floats:
+        """(n, 2): see `pixel_regions.pixel_centres`."""
+
+    def numbers(self, camera: CameraRecord) -> NDArray[np.int64]:
+        """(n,): on the whole sensor."""
+
+
 class PreparedCamera:
     """A camera as a record, and what feeds the pixels of the tiles into which its sensor was cut last.
 
@@ -30,23 +41,23 @@ class PreparedCamera:
 
     def __init__(self, record: CameraRecord) -> None:
         self.record = record
-        self._tiles: tuple[Hashable, ...] = ()
+        self._tiles: tuple[Pixels, ...] = ()
         self._keeps = False
-        self._fed: dict[Hashable, FedPixels] = {}
+        self._fed: dict[Pixels, FedPixels] = {}
         self._bytes = 0
 
-    def cut_into(self, tiles: tuple[Hashable, ...], *, steps: bool) -> None:
+    def cut_into(self, tiles: tuple[Pixels, ...], *, steps: bool) -> None:
         """Let go of what feeds the pixels of other tiles than these, which are rendered in several steps or at once."""
         self._keeps = steps or self._tiles == tiles
         if self._tiles != tiles:
             self._tiles, self._fed, self._bytes = tiles, {}, 0
 
-    def fed_pixels(self, tile: Hashable, pixels: Floats, number: NDArray[np.int64]) -> FedPixels:
+    def fed_pixels(self, tile: Pixels) -> FedPixels:
         """What feeds the pixels of a tile; see `pixel_regions.fed_pixels`."""
         found = self._fed.get(tile)
         if found is not None:
             return found
-        found = fed_pixels(self.record, pixels, number)
+        found = fed_pixels(self.record, tile.centres(self.record), tile.numbers(self.record))
         if self._keeps:
             found = _fitted(found)
             size = sum(array.nbytes for array in (*found[:3], *found.regions) if array is not None)

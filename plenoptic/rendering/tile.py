@@ -62,8 +62,8 @@ class TileResult(NamedTuple):
     sums: Floats
     """(rows, columns, replicates + 1, channels): what the samples of each replicate bring, and the squares of what all
     bring, of all batches until now."""
-    weights: Floats
-    """(rows, columns): what a sample weighs at most, about; 0 for pixels that no light can reach."""
+    weights: Floats | None
+    """(rows, columns): what a sample weighs at most, about; 0 for pixels that no light can reach. Of first batches."""
     counts: NDArray[np.int64]
     """Paths by status."""
     truth: Arrays | None
@@ -154,8 +154,7 @@ def render_tile(
 
     None where `stopped` says, between two bundles, that the result is no longer wanted.
     """
-    camera, shape, pixels = context.camera, (tile.rows, tile.columns), tile.centres(context.camera)
-    fed = context.prepared.fed_pixels(tile, pixels, tile.numbers(camera))
+    camera, shape, fed = context.camera, (tile.rows, tile.columns), context.prepared.fed_pixels(tile)
     whole = np.zeros((tile.pixels, context.replicates + 1, context.channels))
     if before is not None:
         whole[:] = before.reshape(whole.shape)
@@ -184,9 +183,9 @@ def render_tile(
         tile=tile,
         batch=batch,
         sums=sums.whole().reshape(*shape, *whole.shape[1:]),
-        weights=_weights(camera, fed, tile),
+        weights=None if batch.first else _weights(camera, fed, tile),
         counts=sums.counts,
-        truth=None if truth is None else _truth(context, truth, tile, pixels),
+        truth=None if truth is None else _truth(context, truth, tile, tile.centres(camera)),
         paths=paths,
         nonfinite=sums.nonfinite,
         lost_paths=tuple(sums.lost_paths[:NAMED]),

@@ -17,6 +17,8 @@ _STEEP, _FLAT = 0.9, 0.5
 """Exponents with which errors fall: the steepest that is believed, and that of independent samples."""
 _UNKNOWN = 0.8
 """The exponent of which nothing is known yet: steep, since samples too few cost a step, and too many are lost."""
+_NEAR = 1.05
+"""Error over the one wanted up to which tiles end: another step would take a quarter more samples for as little."""
 _PART = 0.6
 """Of what fits into a time limit: how fast the rest will go is not known exactly."""
 ENOUGH_OF_RARE = 1 << 12
@@ -83,6 +85,11 @@ class Budget(NamedTuple):
         while self.target_error is None and step < (after := self.following(step)) <= done + _PART * affordable:
             step = after
         return step
+
+    def is_near(self, error: float) -> bool:
+        """Whether an error is as small as the one wanted, or hardly larger."""
+        assert self.target_error is not None
+        return error <= _NEAR * self.target_error
 
     def towards(self, done: int, error: float, before: tuple[float, float]) -> int:
         """The number of samples at which the target should be reached, on the steps of `following`.

@@ -92,7 +92,7 @@ def run(subject: Subject, budget: Budget, work: Work) -> Exposure:
         facts: dict[str, object] = {"seed": seed, "samples": budget.samples, "target_error": budget.target_error}
         if budget.target_error is not None:
             # What is kept for decisions, and how they are made.
-            facts["decided by"] = "errors over expected brightness, in predicted steps"
+            facts["decided by"] = "errors over expected brightness, up to a twentieth, in predicted steps"
         facts |= {"time_limit": None if budget.time_limit is None else "given", "replicates": budget.replicates}
         facts |= {
             "errors from": "samples and replicates",
