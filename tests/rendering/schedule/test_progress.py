@@ -19,7 +19,7 @@ from plenoptic.rendering.schedule.clock import Clock
 from plenoptic.rendering.schedule.interrupts import Interrupts
 from plenoptic.rendering.schedule.progress import FilmRegion, Progress
 from plenoptic.rendering.tile import Tile, TileResult
-from plenoptic.rendering.tiling import _cuts
+from plenoptic.rendering.tiling import _cuts, cut_into_tiles
 
 
 @pytest.fixture(autouse=True)
@@ -93,6 +93,14 @@ def test_the_samples_that_are_needed_are_known_from_two_errors(slope: float, tar
 
 
 @pytest.mark.parametrize(
+    ("limit", "target", "replicates", "side"),
+    [(None, 0.1, 2, 64), (None, 0.1, 64, 22), (1.0, 0.1, 2, 32), (1.0, None, 2, 32)],
+)
+def test_many_pixels_decide_where_time_is_not_short(limit, target, replicates: int, side: int) -> None:
+    assert cut_into_tiles((0, 512, 0, 512), Budget(None, limit, target, replicates), None, 1.0)[0] == side
+
+
+@pytest.mark.parametrize(
     ("given_numbers", "said"),
     [
         ((None, None, None, 8), "all None"),
@@ -158,6 +166,15 @@ def test_a_colour_ends_when_the_other_is_good(colour: int) -> None:
     state.take(0, result(TILE, noisy(1 - colour, done + more), done, more))  # now the other way round: both have ended
     state.decide()
     assert state.pending() == []
+
+
+def test_an_error_that_is_hardly_too_large_will_do() -> None:
+    # Both colours have 0.5 / sqrt(7) = 0.189.
+    for target, ends in ((0.19, True), (0.182, True), (0.178, False)):
+        state = progress([TILE], (2, 2), target)
+        state.take(0, result(TILE, noisy(0, 32) + noisy(1, 32) - 32 / REPLICATES, 0, 32))
+        state.decide()
+        assert (state.pending() == []) == ends
 
 
 def test_nothing_is_decided_before_all_have_begun() -> None:
