@@ -101,7 +101,7 @@ def render(  # noqa: PLR0913
         time limit.
     tile_side : int, optional
         Pixels along a tile; None: chosen by the number of samples. The image does not depend on it, unless there is a
-        time limit or a target error: what ends is a tile, of 32 x 32 pixels if not told otherwise.
+        time limit or a target error: what ends is a tile, of 64 x 64 pixels if not told otherwise.
     progress : bool
         Whether to show a progress bar, with the time left and the error reached.
 

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic.camera.cache import prepared_camera
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.checks import check_scene_and_camera, sensor_region
-from plenoptic.camera.record import CameraRecord, camera_record
+from plenoptic.camera.record import CameraRecord
 from plenoptic.camera.sampling.pixel_regions import cells_per_pixel, fed_pixels, pixel_centres
 from plenoptic.core.parallel import run_in_order, thread_count
 from plenoptic.core.values import Floats
@@ -140,7 +141,7 @@ def ground_truth(
         prepared = prepared_scene(scene)
     meshes = prepared is not None and prepared.record.geometry is not None
     wanted = available_truth(checked_truth(truth), meshes=meshes, microlenses=camera.microlenses is not None)
-    record = camera_record(camera)
+    record = prepared_camera(camera).record
     cells_per_pixel(record)
     finding = truth_record(camera, record, wanted)
     if finding is None:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from plenoptic.camera.cache import prepared_camera
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.checks import check_scene_and_camera
-from plenoptic.camera.record import CameraRecord, camera_record
+from plenoptic.camera.record import CameraRecord
 from plenoptic.core.values import whole
 from plenoptic.rendering.plan.camera_stages import camera_decisions
 from plenoptic.rendering.plan.scene_stages import WHITE, scene_decisions
@@ -71,7 +72,7 @@ def plan(  # noqa: PLR0913
 def plan_for(subject: Subject) -> Plan:
     """The plan for what another one was made for, changed or not."""
     prepared = subject.prepared
-    return plan_stages(None if prepared is None else prepared.record, camera_record(subject.camera), subject)
+    return plan_stages(None if prepared is None else prepared.record, prepared_camera(subject.camera).record, subject)
 
 
 def plan_stages(record: SceneRecord | None, compiled: CameraRecord, subject: Subject) -> Plan:
