@@ -22,9 +22,9 @@ def found(monkeypatch):
     """Of how many pixels it has been found what feeds them."""
     find, numbers = cache.fed_pixels, []
 
-    def counted(record, pixels, number):
+    def counted(record, pixels, number, **how):
         numbers.append(len(pixels))
-        return find(record, pixels, number)
+        return find(record, pixels, number, **how)
 
     monkeypatch.setattr(cache, "fed_pixels", counted)
     return numbers
