@@ -443,15 +443,15 @@ def look(shot):
     parts = [name for name in ("standard_error", "truth", "sample_counts") if getattr(shot, name, None) is not None]
     print(json.dumps([kernels, parts, sorted(sys.modules)]))
 
-def camera(stop):
+def camera(stop, pitch=0.217):
     return pl.PlenopticCamera(
         lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(stop)),
-        microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
+        microlenses=pl.MicrolensArray(pitch=pitch, focal_lengths=(2.0,)),
         sensor=pl.Sensor(shape=(4, 4), pixel_pitch=0.01), stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
 
 floor = pl.quad((-50, -50, -404), (100, 0, 0), (0, 100, 0))
 lamp = pl.QuadLight((0, 30, -360), (20, 0, 0), (0, 12, -16), radiance=3.0)
-look(pl.render_white(camera(16.0), samples=8, replicates=1, progress=False))
+look(pl.render_white(camera(16.0, 0.1), samples=8, replicates=1, progress=False))
 look(pl.render_white(camera(5.0), samples=8, replicates=1, progress=False))
 look(pl.render(pl.Scene([floor], [lamp]), camera(5.0), samples=8, max_bounces=2, truth=pl.Truth.NONE, progress=False))
 """
@@ -460,7 +460,10 @@ OF_THE_CAMERA = {
     *("sobol.fill_net", "candidates.fill_cells", "pixel_regions.fill_regions", "ideal.fill_thin", "trace.fill_traced"),
     *("paths.fill_camera_samples", "film_sums.fill_sums", "bundles.fill_status_counts"),
 }
-OF_OPENINGS = {"views.fill_view_rays", "views.fill_views", "views.fill_reopened", "pixel_regions.fill_boxes"}
+OF_OPENINGS = {
+    *("views.fill_view_rays", "views.fill_views", "views.fill_reopened", "pixel_regions.fill_boxes"),
+    "to_lens.fill_weights",
+}
 """Where few microlenses are near a pixel, so that it pays to look through them at the openings of the lens."""
 OF_THE_SCENE = {
     *("bundles.fill_world_rays", "path_keys.fill_path_keys", "sobol.fill_drawn", "embree._fill_closest"),

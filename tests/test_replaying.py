@@ -95,7 +95,8 @@ def assert_connected(way, camera):
         assert (event.after is None) == (event.status != pl.RayStatus.OK)
     assert (world is None) == (way.ending is PathEnding.LOST)
     if world is None:
-        assert direction is None and not scene and not way.contribution.any()
+        assert direction is None and not scene and way.weight == 0.0
+        assert way.certain or not way.contribution.any()
         return
     if camera.pose is None and camera.lens_placement is None:
         # The elements' points come from traces of a part of the lens: the same bits as those of the whole trace.
@@ -168,6 +169,10 @@ def test_contributions_are_those_of_the_image(name):
             lost[last.status.name.lower(), element] += 1
     assert sorted(shot.stats.lost) == sorted((cause, element, count) for (cause, element), count in lost.items())
     assert shot.stats.lost and shot.stats.paths == len(ways)
+    # What surely passes is added to white images alone, beside paths that are lost too.
+    assert any(way.certain for way in ways) == (scene is None)
+    for way in ways if scene is None else ():
+        assert float(way.contribution[0]) == pytest.approx(way.weight + way.certain, rel=1e-15)
 
 
 def lit_room():

@@ -9,7 +9,7 @@ from plenoptic.camera.dust import BETWEEN, PlacedDust, fill_dimmed_at_lens
 from plenoptic.camera.record import CameraRecord
 from plenoptic.camera.sampling.kernels import paths
 from plenoptic.camera.sampling.record import Batch, FedPixels
-from plenoptic.core.kernels.ray_blocks import BLOCK, RAY
+from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, WEIGHT
 from plenoptic.core.values import Floats
 from plenoptic.optics.lens.kernels.trace import fill_traced
 from plenoptic.optics.microlens.dust import BlemishSite
@@ -28,6 +28,8 @@ class CameraPaths:
         blocks = -(-most // BLOCK)
         self._camera, self._fed, self._batch = camera, fed, batch
         self._blocks = np.empty(blocks * RAY)
+        self.sure = np.empty(blocks * RAY) if fed.certain else None
+        """What surely passes the lens, aimed; None where that is not known."""
         self.own = camera.own(blocks * BLOCK)
         """What is individual about the paths' microlenses; None where these do not differ."""
         self.waves: NDArray[np.int64] | None = None
@@ -41,7 +43,8 @@ class CameraPaths:
     def started(self, start: int, n: int) -> Floats:
         """A bundle of paths start ... start + n - 1: points on their pixels, aimed at what feeds these; wavelengths."""
         bundle, colour = self._blocks[: -(-n // BLOCK) * RAY], self._camera.colour
-        paths.fill_camera_samples(bundle, self.own, start, n, self._batch, self._fed, self._camera.sensor.pixel)
+        sure = None if self.sure is None else self.sure[: bundle.size]
+        paths.fill_camera_samples(bundle, sure, self.own, start, n, self._batch, self._fed, self._camera.sensor.pixel)
         if colour is not None and self.waves is not None:
             paths.fill_waves(self.waves, start, n, self._batch, self._fed.number, colour.cdf, self._guide)
         return bundle
@@ -51,12 +54,19 @@ class CameraPaths:
         sensor = self._camera.sensor
         fill_dimmed_before_array(bundle, sensor.plane, sensor.response, self._camera.dust)
         fill_through_array(bundle, self.own, self._camera, self.waves)
+        if self.sure is not None:
+            sure = self.sure[: bundle.size]
+            fill_dimmed_before_array(sure, sensor.plane, sensor.response, ())
+            to_lens.fill_weights(sure, sensor.plane)
 
     def fill_through_lens(self, bundle: Floats) -> None:
         """Through the lens and the dust on it."""
         fill_dimmed_at_lens(bundle, self._camera.dust, BlemishSite.LENS_REAR)
         fill_traced(bundle, self.lens, self.waves)
         fill_dimmed_at_lens(bundle, self._camera.dust, BlemishSite.LENS_FRONT)
+        if self.sure is not None:
+            weights, sure = bundle.reshape(-1, 8, BLOCK), self.sure[: bundle.size].reshape(-1, 8, BLOCK)
+            weights[:, WEIGHT // BLOCK] += sure[:, WEIGHT // BLOCK]
 
 
 def fill_dimmed_before_array(

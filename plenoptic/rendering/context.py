@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from plenoptic.camera.record import CameraRecord, camera_record
+from plenoptic.camera.cache import PreparedCamera, prepared_camera
+from plenoptic.camera.record import CameraRecord
 from plenoptic.rendering.plan.plan import plan_stages
 from plenoptic.rendering.plan.stages import Plan, Subject
 from plenoptic.rendering.settings import RenderSettings
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 class RenderContext(NamedTuple):
     """Camera and scene as records, how paths are sampled, and what they may do."""
 
-    camera: CameraRecord
+    prepared: PreparedCamera
     scene: SceneRecord | None
     """None: a white image."""
     intersector: Intersector | None
@@ -28,6 +29,11 @@ class RenderContext(NamedTuple):
     settings: RenderSettings
     replicates: int
     seed: np.uint64
+
+    @property
+    def camera(self) -> CameraRecord:
+        """The camera as a record."""
+        return self.prepared.record
 
     @property
     def channels(self) -> int:
@@ -41,5 +47,6 @@ def render_context(subject: Subject, seed: int) -> RenderContext:
     """Plan a render and compile what it needs."""
     prepared = subject.prepared
     record, intersector = (None, None) if prepared is None else (prepared.record, prepared.intersector)
-    camera, plan = camera_record(subject.camera), plan_stages(record, subject)
+    camera = prepared_camera(subject.camera)
+    plan = plan_stages(record, camera.record, subject)
     return RenderContext(camera, record, intersector, plan, subject.settings, subject.replicates, np.uint64(seed))

@@ -24,6 +24,9 @@ OWN_ERRORS = 8
 """Replicates from which on the error of a pixel is its own; with fewer, what they say is pooled over blocks."""
 BLOCK = 8
 """Rows and columns of a block of pixels."""
+_SHARED = 0.1
+"""Of what is pooled over a block, the part that is the same for all of its pixels: even points save less in smooth
+pixels than in others, which have more to save."""
 _STRIP = 32 * BLOCK
 _REACH = 2
 """Rows and columns from which it is known what one sample brings."""
@@ -43,9 +46,9 @@ class Film:
     - scatter = sum (x - mean)^2
     - standard error = sqrt(squares / (replicates - 1) / n)
 
-    With fewer than 8 replicates and known scatter, the standard error is that of independent samples,
-    sqrt(scatter / (n - 1) / n), times what even points make of it: the ratio of the two root mean squares over the
-    pixels of the same colour of a checkerboard in a block of 8 x 8, counted from the upper left pixel.
+    With fewer than 8 replicates and known scatter, the squared standard error is that of independent samples,
+    scatter / (n - 1) / n, with a tenth of its mean beside it, times what even points make of it: the sums of both go
+    over the pixels of the same colour of a checkerboard in a block of 8 x 8, counted from the upper left pixel.
 
     Parameters
     ----------
@@ -244,8 +247,10 @@ def variance(known: Moments) -> Floats:
             return own
         single = known.scatter / (np.float64(1.0) * (known.samples - 1) * known.samples)
         counted = np.isfinite(own) & np.isfinite(single)
-        between, within = (block_sums(np.where(counted, part, 0.0).sum(axis=-1)) for part in (own, single))
-        pooled = single * (between / within)[..., None]
+        parts = np.where(counted, own, 0.0), np.where(counted, single, 0.0), counted & (single > 0)
+        between, within, count = (block_sums(part.sum(axis=-1, dtype=np.float64)) for part in parts)
+        alike = np.where(single > 0, (within / count)[..., None], 0.0)
+        pooled = (single + _SHARED * alike) / (1.0 + _SHARED) * (between / within)[..., None]
         return np.where(counted & np.isfinite(pooled), pooled, own)
 
 

@@ -101,7 +101,7 @@ def render(  # noqa: PLR0913
         time limit.
     tile_side : int, optional
         Pixels along a tile; None: chosen by the number of samples. The image does not depend on it, unless there is a
-        time limit or a target error: what ends is a tile, of 32 x 32 pixels if not told otherwise.
+        time limit or a target error: what ends is a tile, of 64 x 64 pixels if not told otherwise.
     progress : bool
         Whether to show a progress bar, with the time left and the error reached.
 
@@ -167,7 +167,9 @@ def render_white(  # noqa: PLR0913
 ) -> Exposure:
     """Render the image of a scene of radiance 1 everywhere; `shot.image / white.image` is then radiance.
 
-    There is no scene: nothing is intersected or shaded. Parameters are those of `render`.
+    There is no scene: nothing is intersected or shaded, and light that surely passes the lens is added without being
+    traced. Parameters are those of `render`. The paths are not those of a scene with the same seed; a `Scene` of
+    nothing but `background=1.0` has those.
 
     Returns
     -------

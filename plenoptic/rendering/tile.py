@@ -11,15 +11,17 @@ from numpy.typing import NDArray
 from plenoptic.camera.paths import CameraPaths
 from plenoptic.camera.record import CameraRecord
 from plenoptic.camera.sampling.kernels.paths import path_place
-from plenoptic.camera.sampling.pixel_regions import fed_pixels, pixel_centres
+from plenoptic.camera.sampling.pixel_regions import pixel_centres
 from plenoptic.camera.sampling.record import Batch, FedPixels, batch_record
 from plenoptic.core.kernels.bundles import fill_status_counts
 from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, WEIGHT
 from plenoptic.core.values import Floats
 from plenoptic.rendering.context import RenderContext
 from plenoptic.rendering.kernels import film_sums
+from plenoptic.rendering.plan.stages import Stage
 from plenoptic.rendering.settings import Sampler
 from plenoptic.truth.ground_truth import Arrays, truth_of
+from plenoptic.truth.representative_rays import representative_rays
 from plenoptic.truth.stages import TruthRecord
 
 BUNDLE = 1 << 14
@@ -62,8 +64,8 @@ class TileResult(NamedTuple):
     sums: Floats
     """(rows, columns, replicates + 1, channels): what the samples of each replicate bring, and the squares of what all
     bring, of all batches until now."""
-    weights: Floats
-    """(rows, columns): what a sample weighs at most, about; 0 for pixels that no light can reach."""
+    weights: Floats | None
+    """(rows, columns): what a sample weighs at most, about; 0 for pixels that no light can reach. Of first batches."""
     counts: NDArray[np.int64]
     """Paths by status."""
     truth: Arrays | None
@@ -154,8 +156,8 @@ def render_tile(
 
     None where `stopped` says, between two bundles, that the result is no longer wanted.
     """
-    camera, shape, pixels = context.camera, (tile.rows, tile.columns), tile.centres(context.camera)
-    fed = fed_pixels(camera, pixels, tile.numbers(camera))
+    camera, shape, certain = context.camera, (tile.rows, tile.columns), context.plan.runs(Stage.CERTAIN_LIGHT)
+    fed = context.prepared.fed_pixels(tile, certain=certain)
     whole = np.zeros((tile.pixels, context.replicates + 1, context.channels))
     if before is not None:
         whole[:] = before.reshape(whole.shape)
@@ -184,9 +186,9 @@ def render_tile(
         tile=tile,
         batch=batch,
         sums=sums.whole().reshape(*shape, *whole.shape[1:]),
-        weights=_weights(camera, fed, tile),
+        weights=None if batch.first else _weights(camera, fed, tile),
         counts=sums.counts,
-        truth=None if truth is None else _truth(context, truth, tile, pixels),
+        truth=None if truth is None else _truth(context, truth, tile, tile.centres(camera), fed),
         paths=paths,
         nonfinite=sums.nonfinite,
         lost_paths=tuple(sums.lost_paths[:NAMED]),
@@ -204,8 +206,9 @@ def _weights(camera: CameraRecord, fed: FedPixels, tile: Tile) -> Floats:
     return found.reshape(tile.rows, tile.columns)
 
 
-def _truth(context: RenderContext, truth: TruthRecord, tile: Tile, pixels: Floats) -> Arrays:
-    flat = truth_of(context.camera, context.scene, context.intersector, truth, pixels)
+def _truth(context: RenderContext, truth: TruthRecord, tile: Tile, pixels: Floats, fed: FedPixels) -> Arrays:
+    rays = representative_rays(context.camera, pixels, fed)
+    flat = truth_of(context.camera, context.scene, context.intersector, truth, pixels, rays)
     return {name: array.reshape(tile.rows, tile.columns, *array.shape[1:]) for name, array in flat.items()}
 
 

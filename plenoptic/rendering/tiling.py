@@ -12,8 +12,9 @@ from plenoptic.rendering.tile import Tile
 
 PATHS_PER_TILE = 1 << 17
 _SMALLEST_SIDE, _LARGEST_SIDE = 16, 256
-_DECIDING_SIDE, _FEWEST = 32, 2
-"""Side of tiles that grow step by step, and the least that they may have where they end by themselves."""
+_GROWING_SIDE, _DECIDING_SIDE, _FEWEST = 32, 64, 2
+"""Side of tiles that grow until time is over, of those that end by themselves (the more pixels decide, the better they
+agree), and the least that these may have."""
 _FIRST_PATHS = 1 << 15
 """Paths of a tile with one sample of each replicate, where tiles grow step by step."""
 _CELLS_PER_TILE = 1 << 18
@@ -52,7 +53,8 @@ def cut_into_tiles(
 def _chosen_side(budget: Budget) -> int:
     if budget.steps:
         side = int(math.sqrt(_FIRST_PATHS / budget.replicates))
-        return max(1 if budget.target_error is None else _FEWEST, min(_DECIDING_SIDE, side))
+        least, most = (1, _GROWING_SIDE) if budget.target_error is None else (_FEWEST, _DECIDING_SIDE)
+        return max(least, min(most if budget.time_limit is None else _GROWING_SIDE, side))
     return min(max(int(math.sqrt(PATHS_PER_TILE / budget.max_samples)), _SMALLEST_SIDE), _LARGEST_SIDE)
 
 

@@ -36,11 +36,13 @@ class CameraWay(NamedTuple):
     """(BLOCK,): the first is the number of the path's wavelength. None where all paths have the camera's."""
     fed: FedPixels
     """The pixel."""
+    certain: float
+    """Projected solid angle that surely passes beside the path, sr; the bundle's weight holds it too."""
 
     @property
     def weight(self) -> float:
         """Projected solid angle that the path stands for, sr."""
-        return _row(self.bundle).weight
+        return _row(self.bundle).weight - self.certain
 
 
 class _Row(NamedTuple):
@@ -57,10 +59,10 @@ def _row(bundle: Floats) -> _Row:
     return _Row(numbers[:3], numbers[3:6], float(numbers[6]), float(numbers[7]))
 
 
-def trace_camera(camera: CameraRecord, pixel: tuple[int, int], batch: Batch) -> CameraWay | None:
+def trace_camera(camera: CameraRecord, pixel: tuple[int, int], batch: Batch, *, certain: bool) -> CameraWay | None:
     """Follow the one path of a batch of one, as `tile.render_tile` does; None where no light reaches the pixel."""
     tile = Tile(*pixel, 1, 1)
-    fed = fed_pixels(camera, tile.centres(camera), tile.numbers(camera))
+    fed = fed_pixels(camera, tile.centres(camera), tile.numbers(camera), certain=certain)
     if not fed.place.size:
         return None
     ways = CameraPaths(camera, fed, batch, 1)
@@ -75,7 +77,8 @@ def trace_camera(camera: CameraRecord, pixel: tuple[int, int], batch: Batch) -> 
     fill_dimmed_at_lens(before, camera.dust, BlemishSite.LENS_REAR)
     events += _lens_events(camera, ways.lens, before, ways.waves)
     ways.fill_through_lens(bundle)
-    return CameraWay(tuple(events), bundle, ways.waves, fed)
+    beside = 0.0 if ways.sure is None else _row(ways.sure).weight
+    return CameraWay(tuple(events), bundle, ways.waves, fed, beside)
 
 
 def _behind(camera: CameraRecord) -> float:

@@ -45,6 +45,8 @@ class Replay:
     ending: PathEnding
     weight: float
     """What its radiance is multiplied by, sr; 0 for a lost path."""
+    certain: float
+    """Of a white image, what is added beside the path since it surely passes the lens, sr; otherwise 0."""
     radiance: Floats
     """(c,): what it saw, after clamping; c = 1 with a wavelength, and for grey scenes."""
     clamped: float
@@ -97,6 +99,8 @@ class Replay:
         lines.append(f"{'ends':<{_INDENT}}{self.ending.name.lower().replace('_', ' ')}")
         clamped = "" if self.clamped == 1 else f", clamped to {self.clamped:.3g} of it"
         lines.append(f"{'brings':<{_INDENT}}radiance {_numbers(self.radiance)}{clamped}, times {self.weight:.6g} sr")
+        if self.certain:
+            lines.append(" " * _INDENT + f"and {self.certain:.6g} sr beside it that surely pass")
         dropped = "" if self.finite else ", not finite: left out of the image"
         lines.append(f"{'adds':<{_INDENT}}{_numbers(self.contribution)}{dropped}")
         return "\n".join(lines)

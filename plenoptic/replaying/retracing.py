@@ -14,7 +14,7 @@ from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.context import RenderContext, render_context
 from plenoptic.rendering.exposure import Exposure
 from plenoptic.rendering.integrator.path import PathIntegrator
-from plenoptic.rendering.plan.stages import Subject
+from plenoptic.rendering.plan.stages import Stage, Subject
 from plenoptic.rendering.tile import PixelSums, batch_of
 from plenoptic.replaying.events import Escape, Event, PathEnding, WorldRay
 from plenoptic.replaying.in_camera import CameraWay, trace_camera
@@ -175,10 +175,10 @@ def _retraced(context: RenderContext, scene: Scene | None, pixel: tuple[int, int
     camera, replicates = context.camera, context.replicates
     place = (pixel, sample, sample % replicates, sample // replicates)
     batch = batch_of(context, sample, 1)
-    way = trace_camera(camera, pixel, batch)
+    way = trace_camera(camera, pixel, batch, certain=context.plan.runs(Stage.CERTAIN_LIGHT))
     if way is None:
         nothing = np.zeros(context.channels)
-        return Replay(*place, None, (), PathEnding.UNLIT_PIXEL, 0.0, nothing, 1.0, nothing, True)
+        return Replay(*place, None, (), PathEnding.UNLIT_PIXEL, 0.0, 0.0, nothing, 1.0, nothing, True)
     events, radiance, ending = _through_scene(context, scene, way, batch)
     limit, brightest = context.settings.clamp, 0.0 if radiance is None else float(radiance.max())
     sums = PixelSums(context, way.fed, batch, np.zeros((1, replicates + 1, context.channels)))
@@ -191,6 +191,7 @@ def _retraced(context: RenderContext, scene: Scene | None, pixel: tuple[int, int
         events=way.events + events,
         ending=PathEnding.NOT_FINITE if sums.nonfinite else ending,
         weight=way.weight,
+        certain=way.certain,
         radiance=np.ones(1) if radiance is None else radiance[0].copy(),
         clamped=1.0 if limit is None or not brightest > limit else limit / brightest,
         contribution=added if fill_factor == 1 else fill_factor * added,

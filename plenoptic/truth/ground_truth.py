@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic.camera.cache import prepared_camera
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.checks import check_scene_and_camera, sensor_region
-from plenoptic.camera.record import CameraRecord, camera_record
-from plenoptic.camera.sampling.pixel_regions import cells_per_pixel, pixel_centres
+from plenoptic.camera.record import CameraRecord
+from plenoptic.camera.sampling.pixel_regions import cells_per_pixel, fed_pixels, pixel_centres
 from plenoptic.core.parallel import run_in_order, thread_count
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
@@ -20,7 +21,7 @@ from plenoptic.optics.lens.record import lens_record
 from plenoptic.truth.arrays import available_truth, checked_truth, empty_truth, what_needs
 from plenoptic.truth.channels import CHANNELS, GroundTruth, Needs, Truth, channels_of
 from plenoptic.truth.lookups import listed_numbers
-from plenoptic.truth.representative_rays import PixelRays
+from plenoptic.truth.representative_rays import PixelRays, representative_rays
 from plenoptic.truth.stages import SLOPE_STEP, PixelStages, TruthRecord
 
 if TYPE_CHECKING:
@@ -28,8 +29,6 @@ if TYPE_CHECKING:
     from plenoptic.scene.geometry.accel import Intersector
     from plenoptic.scene.scene import Scene
 
-_PIXELS = 512
-"""Pixels that go through the stages together."""
 _STRIP = 1 << 13
 """Pixels that one thread takes at a time."""
 
@@ -62,22 +61,16 @@ def truth_of(
     intersector: Intersector | None,
     truth: TruthRecord,
     pixels: Floats,
-    rays: PixelRays | None = None,
+    rays: PixelRays,
 ) -> Arrays:
-    """Ground truth of pixels with local centres (n, 2), as arrays (n, ...) by the names of `GroundTruth`.
-
-    `rays` stand for all of them, if given.
+    """Ground truth of pixels with local centres (n, 2), for which rays stand: arrays (n, ...) by the names of
+    `GroundTruth`.
     """
     found = empty_truth(truth.wanted, (len(pixels),))
-    channels = {name: filling(name) for name in found}
-    together = _PIXELS if rays is None else len(pixels)
-    for start in range(0, len(pixels) or 1, together):
-        part = slice(start, start + together)
-        stages = PixelStages(record, scene, intersector, truth, pixels[part])
-        if rays is not None:
-            stages.rays = rays
-        for name, (fill, stage) in channels.items():
-            fill(found[name][part], getattr(stages, stage))
+    stages = PixelStages(record, scene, intersector, truth, pixels, rays)
+    for name, array in found.items():
+        fill, stage = filling(name)
+        fill(array, getattr(stages, stage))
     return found
 
 
@@ -148,7 +141,7 @@ def ground_truth(
         prepared = prepared_scene(scene)
     meshes = prepared is not None and prepared.record.geometry is not None
     wanted = available_truth(checked_truth(truth), meshes=meshes, microlenses=camera.microlenses is not None)
-    record = camera_record(camera)
+    record = prepared_camera(camera).record
     cells_per_pixel(record)
     finding = truth_record(camera, record, wanted)
     if finding is None:
@@ -165,7 +158,8 @@ def ground_truth(
 
     def work(row: int) -> Arrays:
         pixels = pixel_centres(record, (row, min(row + rows, end_row)), (first_column, end_column))
-        return truth_of(record, surfaces, intersector, finding, pixels)
+        fed = fed_pixels(record, pixels, np.arange(len(pixels)))
+        return truth_of(record, surfaces, intersector, finding, pixels, representative_rays(record, pixels, fed))
 
     strips = list(run_in_order(work, range(first_row, end_row, rows), threads=workers))
     shape = (end_row - first_row, end_column - first_column)

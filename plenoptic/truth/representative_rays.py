@@ -3,8 +3,8 @@
 It starts at the pixel's centre and passes the lit centroid of the microlens that gives the centre most light. Where no
 light reaches the centre, it starts at the point of the sensitive area that is nearest to where a microlens images the
 middle of the pupil: the image of a small stop may light a corner of a pixel only. Where light passes beside the middle,
-between several rims, and through stars and masks, it starts at the brightest of many points. Fixed sets of probes find
-the light, so that neither samples nor seeds matter.
+between several rims, and through stars and masks, it starts at the brightest of many points. Light is found through the
+regions that feed pixels, where these are exact, or by fixed sets of probes, so that neither samples nor seeds matter.
 """
 
 from __future__ import annotations
@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.paths import fill_through_array
 from plenoptic.camera.record import CameraRecord
-from plenoptic.camera.sampling.pixel_regions import feeding_regions
-from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, STATUS
+from plenoptic.camera.sampling.pixel_regions import feeding_regions, is_exact
+from plenoptic.camera.sampling.record import FedPixels
+from plenoptic.core.kernels.ray_blocks import BLOCK, MISSED, RAY, STATUS
 from plenoptic.core.values import Floats
 
 
@@ -41,8 +42,8 @@ _RIM_STARTS = np.stack(np.meshgrid(*2 * [np.linspace(-0.499, 0.499, 4)]), axis=-
 _STARTS = _points(6) - 0.5
 _SHIFTED_PROBES = _shifted(_points(6), len(_STARTS))
 """Starts on a pixel, in parts of its sides, and their probes; more where the hole of a stop is not convex."""
-_TOGETHER = 8
-"""Pixels with so many probes at a time."""
+_TOGETHER = 1 << 14
+"""Probes at a time."""
 
 
 class StartRays(NamedTuple):
@@ -83,46 +84,85 @@ class PixelRays(NamedTuple):
         return _are_lost(self.blocks, len(self.starts))
 
 
-def representative_rays(camera: CameraRecord, pixels: Floats) -> PixelRays:
-    """The rays of pixels with centres (n, 2)."""
-    rays, _ = _rays_from(camera, pixels, _PROBES)
-    unlit = np.flatnonzero(rays.lost)
-    if not unlit.size:
-        return rays
-    regions = feeding_regions(camera, pixels[unlit], camera.sensor.pixel.half)
-    fed = np.diff(regions.first) > 0
-    rays.dark[unlit[~fed]] = True
-    if fed.any():
-        from plenoptic.truth.kernels import representative_ray
+def _lost_rays(pixels: Floats) -> PixelRays:
+    """Those of dark pixels."""
+    n = len(pixels)
+    blocks = np.zeros((-(-n // BLOCK), 8, BLOCK))
+    blocks[:, STATUS // BLOCK] = MISSED
+    flat = blocks.reshape(-1)
+    return PixelRays(pixels.copy(), flat.copy(), flat, pixels.copy(), np.full((n, 3), np.nan), np.ones(n, dtype=bool))
 
-        starts = np.empty((len(unlit), representative_ray.CANDIDATES, 2))
-        if camera.array is None:
-            starts[:] = pixels[unlit, None]
-        else:
-            plane, pixel = camera.sensor.plane, camera.sensor.pixel
-            representative_ray.fill_aimed_starts(starts, pixels[unlit], regions, pixel, plane, camera.pupil)
-        _look_again(rays, camera, unlit[fed], starts[fed], _MORE_PROBES)
-    # A pupil that several rims end is pointed: its tips, far from the middle, light corners of pixels.
-    on_pixel = camera.sensor.pixel.within(_RIM_STARTS if camera.convex else _STARTS)
-    left = np.flatnonzero(rays.lost & ~rays.dark)
-    for first in range(0, len(left), _TOGETHER):
-        some = left[first : first + _TOGETHER]
-        _look_again(rays, camera, some, pixels[some, None] + on_pixel, _SHIFTED_PROBES[: len(on_pixel)])
+
+def representative_rays(camera: CameraRecord, pixels: Floats, fed: FedPixels) -> PixelRays:
+    """The rays of pixels with centres (n, 2), of which those `fed` get light."""
+    rays = _found_rays(camera, pixels, fed.place, np.arange(len(fed.place)), fed.centres[:, None], fed, _PROBES)
+    rays.dark[fed.place] = False
+    for starts_on, probes in ((_aimed_starts, _MORE_PROBES), (_spread_starts, _SHIFTED_PROBES)):
+        left = np.flatnonzero(rays.lost[fed.place])
+        if len(pixels) and not left.size:
+            break
+        starts, every = starts_on(camera, left, fed), np.arange(len(left))
+        more = _found_rays(camera, fed.centres[left], every, left, starts, fed, probes)
+        lit = np.flatnonzero(~more.lost)
+        _take(rays, fed.place[left[lit]], more, lit)
     return rays
 
 
-def _look_again(
-    rays: PixelRays, camera: CameraRecord, which: NDArray[np.int64], starts: Floats, probes: Floats
-) -> None:
-    """Put the brightest ray of the starts (m, k, 2) in the place of those of pixels `which` (m,)."""
-    more, light = _rays_from(camera, np.ascontiguousarray(starts.reshape(-1, 2)), probes)
-    best = light.reshape(starts.shape[:2]).argmax(axis=1) + np.arange(len(which)) * starts.shape[1]
-    lit = light[best] > 0
-    to, source = which[lit], best[lit]
-    for name in ("starts", "aims", "cells"):
-        getattr(rays, name)[to] = getattr(more, name)[source]
-    for name in ("before", "blocks"):
-        _put(getattr(rays, name), to, _fields(getattr(more, name), source))
+def _aimed_starts(camera: CameraRecord, which: NDArray[np.int64], fed: FedPixels) -> Floats:
+    """(m, k, 2): on fed pixels `which`, near where microlenses image the middle of the pupil."""
+    from plenoptic.truth.kernels import representative_ray
+
+    starts = np.repeat(fed.centres[which, None], representative_ray.CANDIDATES, axis=1)
+    if camera.array is not None:
+        plane, pixel = camera.sensor.plane, camera.sensor.pixel
+        representative_ray.fill_aimed_starts(starts, which, fed, pixel, plane, camera.pupil)
+    return starts
+
+
+def _spread_starts(camera: CameraRecord, which: NDArray[np.int64], fed: FedPixels) -> Floats:
+    """(m, k, 2): all over them. A pupil that several rims end is pointed: its tips light corners of pixels."""
+    return fed.centres[which, None] + camera.sensor.pixel.within(_RIM_STARTS if camera.convex else _STARTS)
+
+
+def _found_rays(
+    camera: CameraRecord,
+    pixels: Floats,
+    at: NDArray[np.int64],
+    which: NDArray[np.int64],
+    starts: Floats,
+    fed: FedPixels,
+    probes: Floats,
+) -> PixelRays:
+    """Rays of pixels (n, 2), of which those `at` some places, the fed ones `which`, have starts (m, k, 2).
+
+    Where it is known what feeds starts, a ray passes the largest part of a microlens; probes look where it is lost, and
+    where it is not known.
+    """
+    rays, left = _lost_rays(pixels), np.arange(len(at))
+    if camera.convex and is_exact(camera):
+        from plenoptic.truth.kernels import representative_ray
+
+        lanes = camera.own(rays.blocks.size // 8)
+        representative_ray.fill_region_rays(rays, lanes, at, which, starts, fed, camera.sensor.plane.distance)
+        aimed = ~rays.lost
+        rays.before[:] = _trace(rays.blocks, lanes, camera)
+        left = np.flatnonzero((aimed & rays.lost)[at])
+    patterns, together = probes[: starts.shape[1]], max(1, _TOGETHER // (starts.shape[1] * probes.shape[1]))
+    # Without pixels, a look at nothing shows which kernels there will be.
+    for first in range(0, len(left), together) if len(pixels) else (0,):
+        some = left[first : first + together]
+        more, light = _rays_from(camera, np.ascontiguousarray(starts[some].reshape(-1, 2)), patterns)
+        best = light.reshape(len(some), starts.shape[1]).argmax(axis=1) + np.arange(len(some)) * starts.shape[1]
+        lit = light[best] > 0
+        _take(rays, at[some[lit]], more, best[lit])
+    return rays
+
+
+def _take(rays: PixelRays, to: NDArray[np.int64], others: PixelRays, which: NDArray[np.int64]) -> None:
+    """Put some of other rays in the place of those `to`."""
+    rays.starts[to], rays.aims[to], rays.cells[to] = others.starts[which], others.aims[which], others.cells[which]
+    _put(rays.before, to, _fields(others.before, which))
+    _put(rays.blocks, to, _fields(others.blocks, which))
 
 
 def _rays_from(camera: CameraRecord, starts: Floats, patterns: Floats) -> tuple[PixelRays, Floats]:

@@ -18,7 +18,7 @@ from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.record import ArrayRecord
 from plenoptic.scene.geometry.record import Hits
 from plenoptic.truth.channels import Truth
-from plenoptic.truth.representative_rays import PixelRays, representative_rays
+from plenoptic.truth.representative_rays import PixelRays
 
 if TYPE_CHECKING:
     from plenoptic.scene.compile import SceneRecord
@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 SLOPE_STEP = 1e-5
 """How much the slopes of neighbouring rays differ, and how far apart they are over the distance of the lens: errors are
 of the order of its square, 1e-10, and of the rounding of coordinates over it."""
+
+_TOGETHER = 1 << 10
+"""Pixels whose neighbouring rays are traced together."""
 
 
 class TruthRecord(NamedTuple):
@@ -138,14 +141,10 @@ class PixelStages:
         intersector: Intersector | None,
         truth: TruthRecord,
         pixels: Floats,
+        rays: PixelRays,
     ) -> None:
         self._camera, self._scene, self._intersector = camera, scene, intersector
-        self._truth, self._pixels = truth, pixels
-
-    @cached_property
-    def rays(self) -> PixelRays:
-        """Rays through the lens, one for each pixel; those of views are set from outside."""
-        return representative_rays(self._camera, self._pixels)
+        self._truth, self._pixels, self.rays = truth, pixels, rays
 
     @cached_property
     def _behind(self) -> Floats:
@@ -228,9 +227,11 @@ class PixelStages:
 
         camera, truth, pixels, rays, hit = self._camera, self._truth, self._pixels, self.rays, self.points
         assert camera.microlenses is not None and truth.unvignetted is not None
-        blocks = np.empty(-(-len(hit.lanes) * virtual_depth.NEIGHBOURS // BLOCK) * RAY)
-        virtual_depth.fill_neighbours(blocks, rays.before, hit.lanes, truth.axes, truth.step, SLOPE_STEP)
-        fill_traced(blocks, truth.unvignetted, None)
         distance = np.full(len(pixels), np.nan)
-        virtual_depth.fill_image_distances(distance, blocks, rays.blocks, hit.points, hit.lanes, truth.step, SLOPE_STEP)
+        for start in range(0, len(hit.lanes) or 1, _TOGETHER):
+            lanes = hit.lanes[start : start + _TOGETHER]
+            blocks = np.empty(-(-len(lanes) * virtual_depth.NEIGHBOURS // BLOCK) * RAY)
+            virtual_depth.fill_neighbours(blocks, rays.before, lanes, truth.axes, truth.step, SLOPE_STEP)
+            fill_traced(blocks, truth.unvignetted, None)
+            virtual_depth.fill_image_distances(distance, blocks, rays.blocks, hit.points, lanes, truth.step, SLOPE_STEP)
         return ImagePoints(distance, self._behind, min(camera.microlenses.pitches) / camera.sensor.pitch)

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from plenoptic.camera.assembly import array_axes
+from plenoptic.camera.cache import prepared_camera
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.checks import check_scene_and_camera
-from plenoptic.camera.record import CameraRecord, camera_record
+from plenoptic.camera.record import CameraRecord
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.scene.scene import Scene
@@ -31,7 +32,7 @@ def truth_along(
     from plenoptic.scene.cache import prepared_scene
 
     check_scene_and_camera(scene, camera)
-    prepared, record = prepared_scene(scene), camera_record(camera)
+    prepared, record = prepared_scene(scene), prepared_camera(camera).record
     meshes = prepared.record.geometry is not None
     wanted = available_truth(checked_truth(truth), meshes=meshes, microlenses=True) & ~_OF_PIXELS
     finding = truth_record(camera, record, wanted)

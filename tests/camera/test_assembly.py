@@ -192,8 +192,8 @@ def test_wider_margins_change_no_image(moves, model, monkeypatch):
         tables = camera_records.camera_record(camera)
         return tables._replace(pupil=tables.pupil._replace(margin=tables.pupil.margin + 1.0))
 
-    monkeypatch.setattr("plenoptic.rendering.context.camera_record", with_slack)
-    wide = white(camera, 1024, region, seed=1)
+    monkeypatch.setattr("plenoptic.camera.cache.camera_record", with_slack)
+    wide = white(dataclasses.replace(camera), 1024, region, seed=1)
     agree(narrow, wide)
 
 

@@ -18,6 +18,7 @@ CAMERA = pl.PlenopticCamera(
     microlenses_to_sensor=1.7,
 )
 TABLES = camera_record(CAMERA)
+SKY = pl.Scene(background=1.0)
 SENSOR, PIXEL = (0, 64, 0, 48), (32, 33, 24, 25)
 
 
@@ -25,12 +26,11 @@ SENSOR, PIXEL = (0, 64, 0, 48), (32, 33, 24, 25)
 def test_paths_are_those_that_are_rendered(pixel):
     # All paths of a pixel and of a single replicate: the same rays, and so the same ones lost where.
     row, column = pixel
-    white = pl.render_white(
-        CAMERA, samples=1024, replicates=1, seed=7, region=np.s_[row : row + 1, column : column + 1], progress=False
-    )
+    region = np.s_[row : row + 1, column : column + 1]
+    sky = pl.render(SKY, CAMERA, samples=1024, replicates=1, seed=7, region=region, progress=False)
     found = camera_conditioning(TABLES, (row, row + 1, column, column + 1), seed=7, rays=1024)
-    assert found.rays == white.stats.paths == 1024
-    assert found.lost == white.stats.lost and len(found.lost) >= 1
+    assert found.rays == sky.stats.paths == 1024
+    assert found.lost == sky.stats.lost and len(found.lost) >= 1
 
 
 def test_pixels_are_spread_over_the_region():
@@ -40,7 +40,7 @@ def test_pixels_are_spread_over_the_region():
     assert found.reached[0] == found.rays - sum(found.lost_at(None).values())
     assert found == camera_conditioning(TABLES, SENSOR, seed=3) != camera_conditioning(TABLES, SENSOR, seed=4)
     # As many lost as in the image, within five standard deviations of as many independent paths.
-    stats = pl.render_white(CAMERA, samples=8, seed=3, progress=False).stats
+    stats = pl.render(SKY, CAMERA, samples=8, seed=3, progress=False).stats
     share = 1.0 - stats.fraction_through_lens
     lost = sum(found.lost_by_cause.values())
     assert abs(lost - share * found.rays) < 5 * np.sqrt(found.rays * share * (1 - share))

@@ -32,9 +32,10 @@ def camera_of(stop: float, array: pl.MicrolensArray = ARRAY, size: int = 512) ->
 def test_exact_regions_bring_the_light_of_bounds(camera, monkeypatch):
     # Pinholes send all rays of a cell alike: no movement of their regions with the point on the pixel can be known.
     arguments = {"samples": 256, "replicates": 16, "region": np.s_[:32, :32], "progress": False}
-    exact = pl.render_white(camera, seed=1, **arguments)
-    monkeypatch.setattr(pixel_regions, "is_exact", lambda _: False)
-    bounds = pl.render_white(camera, seed=2, **arguments)
+    sky = pl.Scene(background=1.0)
+    exact = pl.render(sky, camera, seed=1, **arguments)
+    monkeypatch.setattr(pixel_regions, "is_exact", lambda *_, **__: False)
+    bounds = pl.render(sky, camera, seed=2, **arguments)
     error = np.hypot(exact.standard_error, bounds.standard_error).astype(float)
     assert abs(float(exact.image.sum()) - float(bounds.image.sum())) <= 4 * np.sqrt((error**2).sum())
     assert exact.stats.paths_through_lens / exact.stats.paths > bounds.stats.paths_through_lens / bounds.stats.paths

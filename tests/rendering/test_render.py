@@ -82,20 +82,22 @@ def test_uniform_scene_is_its_radiance_times_white(mode, lattice):
     assert np.sqrt(np.mean(deviation**2) / np.mean(joint**2)) < 1.3
 
 
-def test_same_seed_makes_uniform_scene_exactly_radiance_times_white():
+def test_the_same_seed_makes_light_of_all_radiances_alike():
     camera = reference_camera()
     region = np.s_[250:260, 250:260]
-    white = pl.render_white(camera, samples=16, region=region, progress=False)
-    shot = pl.render(pl.Scene(background=4.0), camera, samples=16, region=region, progress=False)
-    np.testing.assert_array_equal(shot.image, 4.0 * white.image)
+    one, four = (
+        pl.render(pl.Scene(background=radiance), camera, samples=16, region=region, progress=False)
+        for radiance in (1.0, 4.0)
+    )
+    np.testing.assert_array_equal(four.image, 4.0 * one.image)
 
 
-def test_emissive_plane_of_radiance_one_is_white_where_it_fills_the_view():
+def test_an_emissive_plane_that_fills_the_view_is_a_sky():
     camera = reference_camera()
     region = np.s_[250:260, 250:260]
-    white = pl.render_white(camera, samples=16, region=region, progress=False)
+    sky = pl.render(pl.Scene(background=1.0), camera, samples=16, region=region, progress=False)
     shot = pl.render(pl.shapes.white_plane(), camera, samples=16, region=region, progress=False)
-    np.testing.assert_array_equal(shot.image, white.image)
+    np.testing.assert_array_equal(shot.image, sky.image)
 
 
 # ---- geometry ----
@@ -377,9 +379,9 @@ def test_lambertian_in_a_uniform_world_returns_its_albedo():
     camera, region = reference_camera(), np.s_[250:262, 250:262]
     scene = irradiated_plane(pl.Lambertian(0.6), None, background=2.0)
     shot = pl.render(scene, camera, samples=64, region=region, progress=False)
-    white = pl.render_white(camera, samples=64, region=region, progress=False)
-    # Every path ends in the same background, after one scattering: the estimate has no noise beyond white's own.
-    np.testing.assert_allclose(shot.image, 1.2 * white.image, rtol=1e-6)
+    sky = pl.render(pl.Scene(background=1.0), camera, samples=64, region=region, progress=False)
+    # Every path ends in the same background, after one scattering: the estimate has no noise beyond the sky's own.
+    np.testing.assert_allclose(shot.image, 1.2 * sky.image, rtol=1e-6)
 
 
 def test_two_plates_face_to_face_exchange_light():
@@ -634,12 +636,12 @@ def test_surfaces_do_not_shadow_themselves(half, tilt):
     shot = pl.render(
         pl.Scene([plane.translated(z=-404)], background=1.0), camera, samples=32, max_bounces=3, progress=False
     )
-    white = pl.render_white(camera, samples=32, progress=False)
+    sky = pl.render(pl.Scene(background=1.0), camera, samples=32, progress=False)
     met = np.isfinite(shot.depth)
     assert met.mean() > 0.5
     # Pixels in which some paths pass beside the small plane see the background too.
-    inside = met if half > 100 else met & (np.abs(shot.image[:, :, 0] / white.image[:, :, 0] - 0.7) < 1e-3)
-    np.testing.assert_allclose((shot.image / white.image)[inside], 0.7, rtol=1e-5)
+    inside = met if half > 100 else met & (np.abs(shot.image[:, :, 0] / sky.image[:, :, 0] - 0.7) < 1e-3)
+    np.testing.assert_allclose((shot.image / sky.image)[inside], 0.7, rtol=1e-5)
 
 
 @pytest.mark.parametrize("size", [1e3, 1e6])

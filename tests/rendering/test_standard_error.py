@@ -67,6 +67,7 @@ def subject(name, **changes):
     spectral = reference_camera(sensitivity=pl.sensitivities.colour_camera())
     made = {
         "white": lambda: Subject(None, camera, 240, 240),
+        "sky": lambda: Subject(pl.Scene(background=1.0), camera, 240, 240),
         "check": lambda: Subject(pl.check_scene(), camera, 240, 240),
         "room": lambda: Subject(room(), camera, 330, 120),
         "spectral": lambda: Subject(coloured(), spectral, 224, 150),
@@ -143,7 +144,8 @@ class Errors(NamedTuple):
 
 
 def errors_of(subject, truth, seeds, **settings):
-    shots = [subject.shot(seed=seed, replicates=REPLICATES, **settings) for seed in range(seeds)]
+    settings = {"replicates": REPLICATES} | settings
+    shots = [subject.shot(seed=seed, **settings) for seed in range(seeds)]
     true = np.array([shot.image[truth.lit] - truth.image for shot in shots])
     squared = np.array([np.square(shot.standard_error, dtype=np.float64)[truth.lit] for shot in shots])
     return Errors(true, squared, truth, shots)
@@ -163,10 +165,19 @@ def check_honest(errors, covers=True):
 # ---- a fixed number of samples ----
 
 
-@pytest.mark.parametrize("name", ["white", pytest.param("check", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", ["sky", pytest.param("check", marks=pytest.mark.slow)])
 def test_standard_error_is_right(name):
     crop = subject(name)
     check_honest(errors_of(crop, converged(crop, 1 << 13), 8, samples=512))
+
+
+@pytest.mark.parametrize("replicates", [2, REPLICATES])
+def test_standard_error_of_what_is_not_certain_is_right(replicates):
+    # Where light is certain, all samples of a pixel bring nearly the same: none weighs as much as its error.
+    crop = subject("white")
+    errors = errors_of(crop, converged(crop, 1 << 13), 8, samples=128, replicates=replicates)
+    check_honest(errors, covers=False)
+    assert errors.inside.mean() > 0.9
 
 
 @pytest.mark.slow

@@ -8,7 +8,7 @@ import pytest
 
 import plenoptic as pl
 from plenoptic.camera.record import camera_record
-from plenoptic.camera.sampling.pixel_regions import pixel_centres
+from plenoptic.camera.sampling.pixel_regions import fed_pixels, pixel_centres
 from plenoptic.images import PixelState
 from plenoptic.rendering.schedule import scheduler
 from plenoptic.truth.channels import NO_MICROLENS, Truth
@@ -32,6 +32,10 @@ def camera_of(stop, b=1.7, aperture=1.0, sensor=None, **array):
 def ring(semi_diameter):
     y, x = np.mgrid[-1:1:64j, -1:1:64j]
     return pl.optics.MaskStop(np.where(np.hypot(x, y) < 0.8, 0.0, 1.0), semi_diameter)
+
+
+def rays_of(record, pixels):
+    return representative_rays(record, pixels, fed_pixels(record, pixels, np.arange(len(pixels))))
 
 
 def tilted(camera):
@@ -82,7 +86,7 @@ def test_rays_start_at_the_centre_or_inside_the_sensitive_area(name):
     camera = CAMERAS[name]
     record = camera_record(camera)
     pixels = pixel_centres(record, (0, 24), (0, 24))
-    off = representative_rays(record, pixels).starts - pixels
+    off = rays_of(record, pixels).starts - pixels
     pixel = record.sensor.pixel
     sides = pixel.within(np.eye(2))
     # In parts of the sides, which are turned with the sensor.
@@ -154,24 +158,55 @@ DENSE = [
 ]
 
 
-def dense_rays(camera, rng, row, column, count):
-    """Depths at which rays of one pixel meet two planes, and the microlenses that they pass: thin lenses, by hand."""
-    pitch, aperture = camera.sensor.pixel_pitch, camera.sensor.pixel_aperture
-    start = camera.sensor.centre_of(row, column) + (rng.random((count, 2)) - 0.5) * pitch * np.asarray(aperture)
-    array, b, to_array = camera.microlenses, camera.microlenses_to_sensor, camera.stop_to_microlenses
-    # The image of a stop of 5 mm, and of the cells beside it, is no wider than two pitches.
-    cross = camera.sensor.centre_of(row, column) + (rng.random((count, 2)) - 0.5) * 4 * 0.217
+def traced(camera, start, cross):
+    """Rays from a point of the sensor through points (n, 2) of the array, and the thin microlenses there, by hand."""
+    array, b = camera.microlenses, camera.microlenses_to_sensor
     cell = array.nearest(cross)
     index = np.rint(cell @ np.linalg.inv(array.basis)).astype(int)
     kinds = array.type_pattern
     kind = kinds[index[:, 0] % kinds.shape[0], index[:, 1] % kinds.shape[1]]
     slope = (cross - start) / b + (cross - cell) / np.asarray(array.focal_lengths)[kind][:, None] * -1.0
-    direction = np.column_stack([slope, -np.ones(count)])
-    rays = camera.lens.trace_reverse(pl.RayBundle(np.column_stack([cross, np.full(count, to_array)]), direction))
+    direction = np.column_stack([slope, -np.ones(len(cross))])
+    points = np.column_stack([cross, np.full(len(cross), camera.stop_to_microlenses)])
+    return camera.lens.trace_reverse(pl.RayBundle(points, direction)), index
+
+
+def dense_rays(camera, rng, row, column, count):
+    """Depths at which rays of one pixel meet two planes, and the microlenses that they pass."""
+    pitch, aperture = camera.sensor.pixel_pitch, camera.sensor.pixel_aperture
+    start = camera.sensor.centre_of(row, column) + (rng.random((count, 2)) - 0.5) * pitch * np.asarray(aperture)
+    # The image of a stop of 5 mm, and of the cells beside it, is no wider than two pitches.
+    cross = camera.sensor.centre_of(row, column) + (rng.random((count, 2)) - 0.5) * 4 * 0.217
+    rays, index = traced(camera, start, cross)
     passed = rays.weight > 0
     near = rays.at_z(-350.0)
     depth = np.where(near[:, 0] > 0, 350.0, 450.0)
     return depth[passed], index[passed]
+
+
+@pytest.mark.parametrize("stop", [5.0, 2.3, 0.2])
+def test_rays_pass_the_lit_centroid(stop):
+    camera = camera_of(stop)
+    record = camera_record(camera)
+    rays = rays_of(record, pixel_centres(record, (100, 228), (0, 512)))
+    grid = np.stack(np.meshgrid(*2 * [np.linspace(-0.127, 0.127, 255)]), axis=-1).reshape(-1, 2)
+    off, strips = [], []
+    for k in np.random.default_rng(3).permutation(np.flatnonzero(~rays.lost))[:60]:
+        cell = rays.cells[k, :2]
+        bundle, index = traced(camera, rays.starts[k], cell + grid)
+        own = (index == np.rint(cell @ np.linalg.inv(camera.microlenses.basis))).all(axis=1)
+        lit = (cell + grid)[own & (bundle.weight > 0)]
+        if len(lit) < 300:
+            continue  # a micrometre is no small part of it
+        off.append(np.hypot(*(rays.aims[k] - lit.mean(axis=0))))
+        # What feeds a point is bounded by tangents, which are 1 % of what a pixel sees outside their circle, a third of
+        # it on average, and by margins on both sides of 0.2 % of what a group of 4 x 4 pixels sees. What is seen moves
+        # 6.1 times as far as the point (by thin lenses). Such a strip at its rim moves a centroid by half the strip's
+        # width where the lit part is a rectangle, and by less than all of it at its tips.
+        half, aside = 0.5 * np.ptp(lit, axis=0).max(), 6.1 * 0.01 * np.sqrt(0.5)
+        strips.append(0.01 / 3 * (half + aside) + 2 * 0.002 * (half + 4 * aside))
+    assert len(off) > 40
+    assert np.sqrt(np.mean(np.square(off))) < np.sqrt(np.mean(np.square(strips)))
 
 
 @pytest.mark.slow

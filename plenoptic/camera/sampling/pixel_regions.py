@@ -15,9 +15,9 @@ from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.record import MOVED
 from plenoptic.optics.microlens.record import MICROLENS
 
-_MANY = 12.0
+_MANY, _MANY_CERTAIN = 12.0, 48.0
 """Microlenses near a pixel on the axis beyond which bounds on the pupil must do: polygons that are cut for each path
-then take longer than they lower the variance."""
+then take longer than they lower the variance. More where light that surely passes is looked for."""
 _TOGETHER = 512
 """Candidates whose rays are traced together."""
 _PASSES, _SLACK = 4, 2e-3
@@ -68,11 +68,34 @@ def _cells(camera: CameraRecord, reach: float) -> float:
     return 1.0 + float(np.pi * search**2 / area)
 
 
-def is_exact(camera: CameraRecord) -> bool:
+def microlenses_near(camera: CameraRecord) -> float:
+    """About how many microlenses see a pixel on the axis."""
+    return _cells(camera, float(camera.pupil.reach[0]))
+
+
+def is_clear(camera: CameraRecord) -> bool:
+    """Whether light passes beside the openings of microlenses."""
+    return camera.array is not None and camera.array.opening.clear
+
+
+def is_exact(camera: CameraRecord, *, certain: bool = False) -> bool:
     """Whether what feeds pixels is found through the openings of the lens, or by bounds on its pupil alone."""
     # Of light beside openings half of the cell is lost in any case.
-    clear = camera.array is not None and camera.array.opening.clear
-    return not clear and _cells(camera, float(camera.pupil.reach[0])) <= _MANY
+    return not is_clear(camera) and microlenses_near(camera) <= (_MANY_CERTAIN if certain else _MANY)
+
+
+def what_else_stops(camera: CameraRecord) -> str:
+    """What stops light beside the openings of the lens and the straight sides of microlenses; empty for nothing."""
+    array, microlenses = camera.array, camera.microlenses
+    if camera.dust:
+        return "dust stops light"
+    if array is None or microlenses is None:
+        return ""
+    if microlenses.is_plate:
+        return "plates move rays aside before their rims stop them"
+    if array.walls is not None:
+        return "walls stop light"
+    return "round openings stop light" if array.opening.clip > 0 else ""
 
 
 class _Half(NamedTuple):
@@ -165,16 +188,18 @@ def _views(camera: CameraRecord, found: Candidates, corners: Floats, centres: Fl
     return views
 
 
-def feeding_regions(camera: CameraRecord, starts: Floats, half: tuple[float, float] = (0.0, 0.0)) -> Regions:
+def feeding_regions(
+    camera: CameraRecord, starts: Floats, half: tuple[float, float] = (0.0, 0.0), *, certain: bool = False
+) -> Regions:
     """What feeds points of the sensor (n, 2), and those up to `half` mm beside them in x and y; see `cells_per_pixel`.
 
-    The points lie in pixels, with what is beside them.
+    The points lie in pixels, with what is beside them. `certain`: whether it is looked for what surely passes.
     """
     from plenoptic.camera.sampling.kernels import pixel_regions
     from plenoptic.camera.sampling.kernels.views import RAYS
 
     cells_per_pixel(camera)
-    if is_exact(camera):
+    if is_exact(camera, certain=certain):
         centres, group = _grouped(camera, starts)
         turn = camera.parts.sensor_to_local.turn
         sides = 0.5 * SIDE * camera.sensor.pitch * np.abs(turn[:2, :2]).sum(axis=1)
@@ -185,7 +210,7 @@ def feeding_regions(camera: CameraRecord, starts: Floats, half: tuple[float, flo
     else:
         centres, group, views = starts, np.arange(len(starts)), np.empty(1, VIEW)
         found, corners = _candidates(camera, centres, float(np.hypot(*half)))
-    seen = views, camera.openings.edges, centres
+    seen = views, camera.openings.edges, centres, certain
     first, used = np.zeros(len(starts) + 1, dtype=np.int64), np.zeros(3, dtype=np.int64)
     room, ends, most = (k * len(starts) + 64 for k in (2, 16, 4))
     while True:
@@ -197,9 +222,9 @@ def feeding_regions(camera: CameraRecord, starts: Floats, half: tuple[float, flo
         room, ends, most = max(room, used[0]), max(ends, used[1]), max(most, used[2])
 
 
-def fed_pixels(camera: CameraRecord, pixels: Floats, number: NDArray[np.int64]) -> FedPixels:
-    """What feeds pixels whose centres (n, 2) and numbers (n,) on the sensor are given."""
-    regions = feeding_regions(camera, pixels, camera.sensor.pixel.half)
+def fed_pixels(camera: CameraRecord, pixels: Floats, number: NDArray[np.int64], *, certain: bool = False) -> FedPixels:
+    """What feeds pixels whose centres (n, 2) and numbers (n,) on the sensor are given; see `feeding_regions`."""
+    regions = feeding_regions(camera, pixels, camera.sensor.pixel.half, certain=certain)
     fed = np.flatnonzero(np.diff(regions.first))
     first = np.append(regions.first[fed], regions.first[-1])
-    return FedPixels(fed, number[fed], np.ascontiguousarray(pixels[fed]), regions._replace(first=first))
+    return FedPixels(fed, number[fed], np.ascontiguousarray(pixels[fed]), regions._replace(first=first), certain)

@@ -16,13 +16,14 @@ SIDE = 4
 CANDIDATE = np.dtype(
     [
         *((name, "f8") for name in ("cell_x", "cell_y", "axis_x", "axis_y", "x", "y", "half_x", "half_y", "slack")),
-        *((name, "i8") for name in ("first_corner", "corners", "first_view", "views")),
+        *((name, "i8") for name in ("first_corner", "corners", "first_view", "views", "certain")),
     ],
     align=True,
 )
 """A microlens that may feed a group of pixels: centre of its cell, optical axis, the box in which light may pass (its
 middle and half sides, from the cell's centre), how large the margins of its planes are beside what they bound; first
-and number of the corners of a polygon that holds all its light, and of its views of elements. -1 views: it is dark."""
+and number of the corners of a polygon that holds all its light, and of its views of elements, -1 where it is dark; 1
+where nothing but what the views show stops light in that polygon."""
 
 VIEW = np.dtype(
     [
@@ -36,21 +37,22 @@ VIEW = np.dtype(
 cell from that of a group, and by how much more for points of the cell (x, y) and of the sensor (u, v) beside these;
 the radius of the element's circle, the margin, and the first and the number of the edges around its hole."""
 
-PLANE = np.dtype([(name, "f8") for name in ("a", "b", "limit", "s", "t", "high")], align=True)
-"""An edge or a tangent of what an element lets pass: a x + b y + s u + t v <= limit, where (x, y) is a point of the
-cell from its centre, and (u, v) one of the sensor from the centre of the pixel; how far the piece reaches along (a, b).
-"""
+PLANE = np.dtype([(name, "f8") for name in ("a", "b", "limit", "s", "t", "high", "gap")], align=True)
+"""An edge or a tangent of what an element lets pass, or an edge of a moving piece's cell: a x + b y + s u + t v <=
+limit, where (x, y) is a point of the piece, and (u, v) one of the sensor from the centre of the pixel; how far the
+piece reaches along (a, b); how far inside the limit light is certain to pass."""
 
 PIECE = np.dtype(
     [
         *((name, "f8") for name in ("cell_x", "cell_y", "axis_x", "axis_y", "area", "xu", "xv", "yu", "yv")),
-        *((name, "i8") for name in ("first_corner", "corners", "first_plane", "planes")),
+        *((name, "i8") for name in ("first_corner", "corners", "first_plane", "planes", "certain")),
     ],
     align=True,
 )
-"""The part of a microlens that feeds a pixel: a polygon, which moves by (xu u + xv v, yu u + yv v) for points (u, v) of
-the pixel from its centre, and planes that cut it then. Centre of the cell and optical axis; the area of the polygon,
-uncut, and of those before it; first and number of corners, from the cell's centre, and of planes."""
+"""The part of a microlens that feeds a pixel: a polygon that is cut with planes, and the place from which it is
+measured: the centre of the cell, moved by (xu u + xv v, yu u + yv v) for points (u, v) of the pixel from its centre.
+Centre of the cell and optical axis; the area of the polygon, uncut, and of those before it; first and number of corners
+and of planes; 1 where all light inside the planes' gaps passes."""
 
 
 class Candidates(NamedTuple):
@@ -90,6 +92,8 @@ class Openings(NamedTuple):
     """(k, 3) edges of the convex polygons around the holes of stops that are not round: x, y, distance."""
     first_edge: NDArray[np.int64]
     """(elements + 1,): where each element's edges begin."""
+    whole: NDArray[np.bool_]
+    """(elements,): whether these let all pass that they bound."""
 
 
 class FedPixels(NamedTuple):
@@ -103,6 +107,8 @@ class FedPixels(NamedTuple):
     """(p, 2): see `pixel_centres`."""
     regions: Regions
     """What feeds them."""
+    certain: bool
+    """Whether it is known of pieces what surely passes: that is asked for white images."""
 
 
 class Batch(NamedTuple):

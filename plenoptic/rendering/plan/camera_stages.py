@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from plenoptic.camera.assembly import assembly
 from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.camera.record import CameraRecord
+from plenoptic.camera.sampling.pixel_regions import is_clear, is_exact, microlenses_near, what_else_stops
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.microlens.aperture import ApertureShape, Gaps, Walls
 from plenoptic.optics.microlens.array import MicrolensArray
@@ -15,9 +17,10 @@ from plenoptic.rendering.plan.stages import Decision, Stage, decide, left_out
 _NONE = "the camera has none"
 
 
-def camera_decisions(camera: PlenopticCamera) -> list[Decision]:
+def camera_decisions(camera: PlenopticCamera, record: CameraRecord, *, white: bool) -> list[Decision]:
     """Decisions on everything between the pixel and the scene, in the order of the stages."""
-    return [*_sensor(camera), *_array(camera.microlenses), *_assembly(camera), *_lens(camera)]
+    parts = [_sensor(camera), _pupils(record, white=white), _array(camera.microlenses), _assembly(camera)]
+    return [*(decision for part in parts for decision in part), *_lens(camera)]
 
 
 def _counted(number: int, noun: str) -> str:
@@ -36,6 +39,24 @@ def _sensor(camera: PlenopticCamera) -> list[Decision]:
         decide(Stage.PIXEL_RESPONSE, response is not None, alike, "it depends on direction"),
         decide(Stage.TURNED_PIXELS, askew, along, "their sides lie askew to x and y"),
         decide(Stage.BLEMISHES, camera.blemishes, "no dust and no scratches", f"{grains} grains of dust or scratches"),
+    ]
+
+
+def _pupils(record: CameraRecord, *, white: bool) -> list[Decision]:
+    """How it is found what feeds pixels."""
+    stopped = what_else_stops(record)
+    many = f"{microlenses_near(record):.0f} microlenses are near a pixel, and bounds on the pupil cost less"
+    why = "light passes beside the openings of microlenses" if is_clear(record) else many
+    exact = is_exact(record, certain=white and not stopped)
+    return [
+        decide(Stage.EXACT_PUPILS, exact, why, "each point of a pixel sees the openings of the lens"),
+        decide(
+            Stage.CERTAIN_LIGHT,
+            *(white, "a scene is seen"),
+            *(not stopped, stopped),
+            *(exact, why),
+            "what surely passes them is not traced",
+        ),
     ]
 
 

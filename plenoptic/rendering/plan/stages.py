@@ -31,39 +31,41 @@ class Stage(enum.IntEnum):
     PIXEL_RESPONSE = 2
     TURNED_PIXELS = 3
     BLEMISHES = 4
-    MICROLENSES = 5
-    MICROLENS_TYPES = 6
-    OPENINGS = 7
-    WALLS = 8
-    LISTED_LENSES = 9
-    MICROLENS_PLATES = 10
-    TILTED_SENSOR = 11
-    TILTED_ARRAY = 12
-    LENS = 13
-    ASPHERES = 14
-    PLACEMENTS = 15
-    SHAPED_STOPS = 16
-    DISPLACED_LENS = 17
-    POSE = 18
-    INTERSECTION = 19
-    INSTANCES = 20
-    OPACITY = 21
-    EMISSION = 22
-    BACKGROUND = 23
-    SCATTERING = 24
-    MATERIALS = 25
-    ABSORPTION = 26
-    DIRECT_LIGHT = 27
-    ONWARD_RAYS = 28
-    RUSSIAN_ROULETTE = 29
-    VERTEX_NORMALS = 30
-    NORMAL_MAPS = 31
-    TEXTURES = 32
-    COLOUR = 33
-    CAUSTICS_APART = 34
-    CLAMPING = 35
-    TRUTH = 36
-    STANDARD_ERROR = 37
+    EXACT_PUPILS = 5
+    CERTAIN_LIGHT = 6
+    MICROLENSES = 7
+    MICROLENS_TYPES = 8
+    OPENINGS = 9
+    WALLS = 10
+    LISTED_LENSES = 11
+    MICROLENS_PLATES = 12
+    TILTED_SENSOR = 13
+    TILTED_ARRAY = 14
+    LENS = 15
+    ASPHERES = 16
+    PLACEMENTS = 17
+    SHAPED_STOPS = 18
+    DISPLACED_LENS = 19
+    POSE = 20
+    INTERSECTION = 21
+    INSTANCES = 22
+    OPACITY = 23
+    EMISSION = 24
+    BACKGROUND = 25
+    SCATTERING = 26
+    MATERIALS = 27
+    ABSORPTION = 28
+    DIRECT_LIGHT = 29
+    ONWARD_RAYS = 30
+    RUSSIAN_ROULETTE = 31
+    VERTEX_NORMALS = 32
+    NORMAL_MAPS = 33
+    TEXTURES = 34
+    COLOUR = 35
+    CAUSTICS_APART = 36
+    CLAMPING = 37
+    TRUTH = 38
+    STANDARD_ERROR = 39
 
 
 @value
@@ -74,7 +76,7 @@ class Decision:
     --------
     >>> import plenoptic as pl
     >>> pl.rendering.Decision(pl.rendering.Stage.POSE, runs=False, reason="not posed")
-    Decision(stage=<Stage.POSE: 18>, runs=False, reason='not posed')
+    Decision(stage=<Stage.POSE: 20>, runs=False, reason='not posed')
     """
 
     stage: Stage

@@ -15,8 +15,11 @@ _START, _FEWEST_OF_EACH = 32, 4
 """Samples before anything is decided, and those of each replicate."""
 _STEEP, _FLAT = 0.9, 0.5
 """Exponents with which errors fall: the steepest that is believed, and that of independent samples."""
-_UNKNOWN = 0.8
-"""The exponent of which nothing is known yet: steep, since samples too few cost a step, and too many are lost."""
+_USUAL, _NEXT = 0.6, 4
+"""The exponent where none is known yet, and how many times the samples may then be: too few cost a step, too many are
+lost."""
+_NEAR = 1.05
+"""Error over the one wanted up to which tiles end: another step would take a quarter more samples for as little."""
 _PART = 0.6
 """Of what fits into a time limit: how fast the rest will go is not known exactly."""
 ENOUGH_OF_RARE = 1 << 12
@@ -84,6 +87,11 @@ class Budget(NamedTuple):
             step = after
         return step
 
+    def is_near(self, error: float) -> bool:
+        """Whether an error is as small as the one wanted, or hardly larger."""
+        assert self.target_error is not None
+        return error <= _NEAR * self.target_error
+
     def towards(self, done: int, error: float, before: tuple[float, float]) -> int:
         """The number of samples at which the target should be reached, on the steps of `following`.
 
@@ -92,12 +100,13 @@ class Budget(NamedTuple):
         pixels have all and others next to nothing.
         """
         assert self.target_error is not None
-        wanted, falls = 2.0 * done, _UNKNOWN
+        wanted, falls, most = 2.0 * done, _USUAL, _NEXT * done
         if before[0] and 0 < error < before[1] < math.inf:
+            most = self.max_samples
             falls = min(max(math.log(before[1] / error) / math.log(done / before[0]), _FLAT), _STEEP)
         if self.target_error < error < math.inf and self.time_limit is None:
             wanted = done * (error / self.target_error) ** (1 / falls)
-        step, wanted = self.following(done), min(wanted, float(self.max_samples))
+        step, wanted = self.following(done), min(wanted, most, self.max_samples)
         while step < wanted:
             step = self.following(step)
         return step

@@ -132,7 +132,7 @@ class Progress:
         known = None if self.film.scatter is None else powers
         found = self.film.add(at[0].start, at[1].start, sums, powers=known, counts=counts, where=where)
         if first:
-            if self.one_sample is not None:
+            if self.one_sample is not None and result.weights is not None:
                 brought = fill_factor * self.region.radiance * result.weights
                 self.one_sample[at] = np.minimum(brought, np.finfo(np.float32).max)
             for name, array in (result.truth or {}).items():
@@ -188,9 +188,7 @@ class Progress:
         Not those whose other colour, all over the image, says too little: its error is that of few pixels, or it is not
         known which of them are lit.
         """
-        target, done = self.budget.target_error, int(self.done[i])
-        assert target is not None
-        here, colours = squares[self._places(i)], _colours(self.tiles[i])
+        done, here, colours = int(self.done[i]), squares[self._places(i)], _colours(self.tiles[i])
         for colour in np.flatnonzero(self.open[i] & (self.goal[i] == done)):
             others = here[(colours == 1 - colour) & ~np.isnan(here)]
             found = float(np.sqrt(np.mean(others))) if others.size else 0.0
@@ -198,7 +196,7 @@ class Progress:
             if any_may_be_lit or (few and others.size > 0):
                 self.open[i, colour], found = done < self.budget.enough_of_rare, 0.0
             else:
-                self.open[i, colour] = found > target
+                self.open[i, colour] = not self.budget.is_near(found)
             self.goal[i, colour] = self.budget.towards(done, found, tuple(self.found[i, colour]))
             self.found[i, colour] = done, found
 

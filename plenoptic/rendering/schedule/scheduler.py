@@ -84,6 +84,7 @@ def run(subject: Subject, budget: Budget, work: Work) -> Exposure:
     meshes = context.intersector is not None
     kept = available_truth(subject.truth, meshes=meshes, microlenses=camera.microlenses is not None)
     side, tiles = cut_into_tiles(region, budget, work.tile_side, cells_per_pixel(context.camera))
+    context.prepared.cut_into(tuple(tiles), steps=budget.steps)
     clock = Clock(begin[0], budget.time_limit, sum(tile.pixels for tile in tiles) * context.channels)
     here = slice(asked[0] - region[0], asked[1] - region[0]), slice(asked[2] - region[2], asked[3] - region[2])
     progress = _progress(context, budget, region, here, tiles, kept, clock, begin)
@@ -91,7 +92,7 @@ def run(subject: Subject, budget: Budget, work: Work) -> Exposure:
         facts: dict[str, object] = {"seed": seed, "samples": budget.samples, "target_error": budget.target_error}
         if budget.target_error is not None:
             # What is kept for decisions, and how they are made.
-            facts["decided by"] = "errors over expected brightness, in predicted steps"
+            facts["decided by"] = "errors over expected brightness, up to a twentieth, in predicted steps"
         facts |= {"time_limit": None if budget.time_limit is None else "given", "replicates": budget.replicates}
         facts |= {
             "errors from": "samples and replicates",

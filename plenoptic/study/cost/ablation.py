@@ -93,6 +93,16 @@ def _one_bounce(subject: Subject) -> Subject:
     return _settings(max_bounces=1)(subject)
 
 
+def _under_a_sky(subject: Subject) -> Subject:
+    from plenoptic.scene.scene import Scene
+
+    return dataclasses.replace(subject, scene=Scene(background=1.0))
+
+
+def _chosen(_: Subject) -> Subject:
+    raise InvalidValueError("the camera says what costs less: bounds on the pupil where microlenses are many")
+
+
 _REDUCED = {Stage.LENS, Stage.ONWARD_RAYS}
 """Stages of which something must stay: rays pass a lens, and with one bounce lights are still met by chance."""
 
@@ -105,6 +115,8 @@ _WAYS: dict[Stage, tuple[str, _Change]] = {
     ),
     Stage.TURNED_PIXELS: ("parts that are not turned", _camera(camera_ablation.with_upright_pixels)),
     Stage.BLEMISHES: ("a clean camera", _camera(dataclasses.replace, blemishes=())),
+    Stage.EXACT_PUPILS: ("bounds on the pupil", _chosen),
+    Stage.CERTAIN_LIGHT: ("a sky, which is traced", _under_a_sky),
     Stage.MICROLENSES: ("a bare sensor", _camera(camera_ablation.without_microlenses)),
     Stage.MICROLENS_TYPES: ("one focal length", _camera(camera_ablation.with_one_type)),
     Stage.OPENINGS: ("lenses that fill their cells", _camera(camera_ablation.with_array, aperture=None)),

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from plenoptic.camera.sampling.kernels.candidates import crossing, polar
+from plenoptic.camera.sampling.kernels.parts import ROOM, aim_at, fill_part, moved
 from plenoptic.camera.sampling.kernels.paths import aim
 from plenoptic.core.jit import device, kernel
 from plenoptic.core.kernels.bundles import pad
@@ -23,6 +24,48 @@ _INSIDE = 0.499
 
 _ROUNDS = 4
 """Corrections of a start; on a sensor parallel to the array the first one is exact."""
+
+
+@kernel
+def fill_region_rays(rays, lanes, at, which, starts, fed, distance):
+    """Aim a ray of each of some fed pixels at the centroid of the part of a microlens that gives a start most light.
+
+    `which` (m,) are their numbers among the fed ones, `at` (m,) the places of their `rays` (see `PixelRays`), `starts`
+    (m, k, 2) points on them. Where nothing feeds these, rays keep what they have. `distance`: of the sensor, in mm.
+    """
+    centres, regions = fed.centres, fed.regions
+    pieces, first, corners, planes = regions.pieces, regions.first, regions.corners, regions.planes
+    details = regions.details
+    polygon = np.empty((3, ROOM))
+    for m in range(which.size):
+        p = which[m]
+        best, found, start, point = 0.0, -1, (0.0, 0.0), (0.0, 0.0)
+        for k in range(starts.shape[1]):
+            x, y = starts[m, k, 0], starts[m, k, 1]
+            before = 0.0
+            for t in range(first[p], first[p + 1]):
+                uncut, before, passes = pieces[t].area - before, pieces[t].area, 1.0
+                if details is not None:
+                    passes = details[t].transmission
+                if passes * uncut > best:
+                    beside = x - centres[p, 0], y - centres[p, 1]
+                    n = fill_part(polygon, 0, corners, planes, pieces[t], beside)
+                    area, middle_x, middle_y = _centroid(polygon, 0, n)
+                    middle_x, middle_y = moved(pieces[t], (middle_x, middle_y), beside)
+                    u, v = pieces[t].cell_x + middle_x - x, pieces[t].cell_y + middle_y - y
+                    # The fourth power of the cosine decides where several microlenses are lit to the full.
+                    light = passes * area / (1.0 + (u * u + v * v) / (distance * distance)) ** 2
+                    if light > best:
+                        best, found, start, point = light, t, (x, y), (middle_x, middle_y)
+        if found < 0:
+            continue
+        to, piece = at[m], pieces[found]
+        aim_at(rays.blocks[(to // BLOCK) * RAY : (to // BLOCK + 1) * RAY], to % BLOCK, piece, point, start, 1.0)
+        rays.starts[to, 0], rays.starts[to, 1] = start
+        rays.aims[to, 0], rays.aims[to, 1] = piece.cell_x + point[0], piece.cell_y + point[1]
+        _name_cell(rays.cells[to], piece, details, found)
+        if details is not None:
+            lanes[to] = details[found]
 
 
 @kernel
@@ -90,7 +133,9 @@ def fill_centroid_rays(rays, starts, probes, aims, regions):
                 best_x, best_y = sum_x / lit, sum_y / lit
                 low, high = start, p * count + k
                 if lit == seen:
-                    best_x, best_y = _centroid(regions.corners, pieces[found])
+                    piece = pieces[found]
+                    _, best_x, best_y = _centroid(regions.corners, piece.first_corner, piece.corners)
+                    best_x, best_y = piece.cell_x + best_x, piece.cell_y + best_y
         base = (p // BLOCK) * RAY
         ray = blocks[base : base + RAY]
         i = p % BLOCK
@@ -100,11 +145,9 @@ def fill_centroid_rays(rays, starts, probes, aims, regions):
         cells[p, 0], cells[p, 1], cells[p, 2] = math.nan, math.nan, math.nan
         if best > 0.0:
             ray[Z + i], ray[N + i] = pieces[found].axis_x, pieces[found].axis_y
-            cells[p, 0], cells[p, 1], cells[p, 2] = ray[Z + i], ray[N + i], -1.0
+            _name_cell(cells[p], pieces[found], regions.details, found)
             if regions.details is not None:
                 lanes[p] = regions.details[found]
-                cells[p, 0], cells[p, 1] = regions.details[found].cell_x, regions.details[found].cell_y
-                cells[p, 2] = regions.details[found].row
         ray[WEIGHT + i] = 1.0
         ray[STATUS + i] = 0.0 if best > 0.0 else MISSED
         rays.light[p] = best
@@ -117,13 +160,14 @@ def fill_centroid_rays(rays, starts, probes, aims, regions):
 
 
 @kernel
-def fill_aimed_starts(starts, pixels, regions, pixel, sensor, pupil):
+def fill_aimed_starts(starts, which, fed, pixel, sensor, pupil):
     """Points (n, CANDIDATES, 2) of pixels from which microlenses see the middle of the pupil, or nearest to such ones.
 
     The middle is that of the pupil's outline for the cell; light passes the optical axis of a microlens straight. Of
-    the microlenses in `regions`, those count whose points are nearest to the pixel; the centre stands for no further.
+    the microlenses that feed the fed pixels `which` (n,), those count whose points are nearest to the pixel; the centre
+    stands for no further.
     """
-    pieces, first = regions.pieces, regions.first
+    centres, pieces, first = fed.centres, fed.regions.pieces, fed.regions.first
     # Members that may be absent are read one by one, so that their branches are pruned.
     tilt = sensor.tilt
     skew = pixel.skew
@@ -137,10 +181,12 @@ def fill_aimed_starts(starts, pixels, regions, pixel, sensor, pupil):
         along_x, along_y = skew[0], skew[1]
     across = pixel.width * pixel.height - along_x * along_y
     distances = np.empty(CANDIDATES)
-    for p in range(pixels.shape[0]):
+    for m in range(which.size):
+        p = which[m]
+        centre_x, centre_y = centres[p, 0], centres[p, 1]
         distances[:] = math.inf
         for k in range(CANDIDATES):
-            starts[p, k, 0], starts[p, k, 1] = pixels[p, 0], pixels[p, 1]
+            starts[m, k, 0], starts[m, k, 1] = centre_x, centre_y
         for t in range(first[p], first[p + 1]):
             ox, oy = pieces[t].axis_x, pieces[t].axis_y
             if t > first[p] and ox == pieces[t - 1].axis_x and oy == pieces[t - 1].axis_y:
@@ -149,7 +195,7 @@ def fill_aimed_starts(starts, pixels, regions, pixel, sensor, pupil):
             interval = min(int(rho / pupil.step), pupil.reach.size - 1)
             mx, my = np.mean(pupil.corners[interval, :, 0]), np.mean(pupil.corners[interval, :, 1])
             mx, my = cos * mx - sin * my, sin * mx + cos * my
-            sx, sy = pixels[p, 0], pixels[p, 1]
+            sx, sy = centre_x, centre_y
             for _ in range(_ROUNDS):
                 h = sensor.distance
                 if tilt is not None:
@@ -157,20 +203,20 @@ def fill_aimed_starts(starts, pixels, regions, pixel, sensor, pupil):
                 qx, qy = crossing((ox, oy), (sx, sy), (ox, oy, 0.0), 1.0 / h, pupil.pinhole, plane)
                 sx += (qx - mx) * h / far
                 sy += (qy - my) * h / far
-            dx, dy = sx - pixels[p, 0], sy - pixels[p, 1]
+            dx, dy = sx - centre_x, sy - centre_y
             a = min(max((pixel.height * dx - along_x * dy) / across, -_INSIDE), _INSIDE)
             b = min(max((pixel.width * dy - along_y * dx) / across, -_INSIDE), _INSIDE)
-            x, y = pixels[p, 0] + a * pixel.width + b * along_x, pixels[p, 1] + b * pixel.height + a * along_y
+            x, y = centre_x + a * pixel.width + b * along_x, centre_y + b * pixel.height + a * along_y
             away = math.hypot(sx - x, sy - y)
             k = CANDIDATES
             while k > 0 and away < distances[k - 1]:
                 k -= 1
             for later in range(CANDIDATES - 1, k, -1):
                 distances[later] = distances[later - 1]
-                starts[p, later, 0], starts[p, later, 1] = starts[p, later - 1, 0], starts[p, later - 1, 1]
+                starts[m, later, 0], starts[m, later, 1] = starts[m, later - 1, 0], starts[m, later - 1, 1]
             if k < CANDIDATES:
                 distances[k] = away
-                starts[p, k, 0], starts[p, k, 1] = x, y
+                starts[m, k, 0], starts[m, k, 1] = x, y
 
 
 @device
@@ -184,15 +230,24 @@ def _same_cell(aims, n, start):
 
 
 @device
-def _centroid(corners, piece):
-    """Centroid of a piece, which stands for one point of the sensor."""
-    first = piece.first_corner
-    x, y = corners[0, first], corners[1, first]
-    area, sum_x, sum_y = 0.0, 0.0, 0.0
-    for q in range(first + 1, first + piece.corners - 1):
-        ax, ay, bx, by = corners[0, q] - x, corners[1, q] - y, corners[0, q + 1] - x, corners[1, q + 1] - y
-        twice = ax * by - ay * bx
-        area += twice
-        sum_x += twice * (ax + bx)
-        sum_y += twice * (ay + by)
-    return piece.cell_x + x + sum_x / (3.0 * area), piece.cell_y + y + sum_y / (3.0 * area)
+def _name_cell(cell, piece, details, k):
+    """Centre of the cell of piece k, and the row of its lens; see `PixelRays`."""
+    cell[0], cell[1], cell[2] = piece.axis_x, piece.axis_y, -1.0
+    if details is not None:
+        cell[0], cell[1], cell[2] = details[k].cell_x, details[k].cell_y, details[k].row
+
+
+@device
+def _centroid(polygon, first, n):
+    """Area and centroid of a polygon."""
+    x, y = polygon[0, first], polygon[1, first]
+    twice, sum_x, sum_y = 0.0, 0.0, 0.0
+    for q in range(first + 1, first + n - 1):
+        ax, ay, bx, by = polygon[0, q] - x, polygon[1, q] - y, polygon[0, q + 1] - x, polygon[1, q + 1] - y
+        part = ax * by - ay * bx
+        twice += part
+        sum_x += part * (ax + bx)
+        sum_y += part * (ay + by)
+    if not twice > 0.0:
+        return 0.0, x, y
+    return 0.5 * twice, x + sum_x / (3.0 * twice), y + sum_y / (3.0 * twice)

@@ -22,14 +22,16 @@ def pinhole(half=0.2, pixels=8):
 
 
 @functools.lru_cache(maxsize=64)
-def white_image(camera, samples, seed):
-    return pl.render_white(camera, samples=samples, seed=seed, replicates=1, progress=False).image
+def sky(camera, samples, seed):
+    """(H, W, C): radiance 1 everywhere, seen by the paths of any scene."""
+    settings = {"replicates": 1, "truth": Truth.NONE, "progress": False}
+    return pl.render(pl.Scene([], background=1.0), camera, samples=samples, seed=seed, **settings).image
 
 
 def radiance(scene, camera, samples=256, seeds=16, **options):
     """(H, W, C) mean radiance and its standard error, from independent renderings.
 
-    Divided by the white image of the same seed: the same rays, so that the noise of the camera cancels.
+    Divided by a sky of radiance 1 with the same seed: the same rays, so that the noise of the camera cancels.
     """
     shots = []
     for seed in range(seeds):
@@ -37,7 +39,7 @@ def radiance(scene, camera, samples=256, seeds=16, **options):
             scene, camera, samples=samples, seed=seed, replicates=1, truth=Truth.NONE, progress=False, **options
         )
         assert shot.stats.nonfinite == 0
-        shots.append(shot.image.astype(np.float64) / white_image(camera, samples, seed))
+        shots.append(shot.image.astype(np.float64) / sky(camera, samples, seed))
     return np.mean(shots, axis=0), np.std(shots, axis=0, ddof=1) / math.sqrt(seeds)
 
 

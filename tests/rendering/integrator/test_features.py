@@ -32,7 +32,7 @@ def shoot(scene, camera=CAMERA, samples=512, truth=Truth.NONE, **options):
 
 def brightness(camera=CAMERA, samples=512):
     """(H, W, 1) what radiance 1 is, in images of the same seed."""
-    return pl.render_white(camera, samples=samples, progress=False).image.astype(float)
+    return shoot(pl.Scene([], background=1.0), camera, samples).image.astype(float)
 
 
 def mixed(shots, weights):

@@ -24,12 +24,14 @@ def pinhole(half=0.2, pixels=8, opening=1e-4):
 
 
 @functools.lru_cache(maxsize=64)
-def white_image(camera, samples, seed):
-    return pl.render_white(camera, samples=samples, seed=seed, replicates=1, progress=False).image
+def sky(camera, samples, seed):
+    """(H, W, C): radiance 1 everywhere, seen by the paths of any scene."""
+    settings = {"replicates": 1, "truth": Truth.NONE, "progress": False}
+    return pl.render(pl.Scene([], background=1.0), camera, samples=samples, seed=seed, **settings).image
 
 
 def radiance(scene, camera, samples=64, seed=0, max_bounces=32):
-    """(H, W, C) radiance; the noise of the camera cancels, since the white image has the same rays."""
+    """(H, W, C) radiance; the noise of the camera cancels, since a sky of radiance 1 has the same rays."""
     shot = pl.render(
         scene,
         camera,
@@ -42,7 +44,7 @@ def radiance(scene, camera, samples=64, seed=0, max_bounces=32):
     )
     assert shot.stats.nonfinite == 0
     assert np.isfinite(shot.image).all()
-    return shot.image.astype(np.float64) / white_image(camera, samples, seed)
+    return shot.image.astype(np.float64) / sky(camera, samples, seed)
 
 
 def flat(mesh):

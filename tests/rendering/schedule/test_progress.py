@@ -19,7 +19,7 @@ from plenoptic.rendering.schedule.clock import Clock
 from plenoptic.rendering.schedule.interrupts import Interrupts
 from plenoptic.rendering.schedule.progress import FilmRegion, Progress
 from plenoptic.rendering.tile import Tile, TileResult
-from plenoptic.rendering.tiling import _cuts
+from plenoptic.rendering.tiling import _cuts, cut_into_tiles
 
 
 @pytest.fixture(autouse=True)
@@ -57,7 +57,7 @@ def test_with_a_time_limit_all_pixels_have_something_soon(replicates: int) -> No
     assert counts[first + 1 :] == [budget.following(done) for done in counts[first:-1]]
     done = counts[first]
     nothing = (0.0, 0.0)
-    assert budget.towards(done, 1e3, nothing) > 1000 * done and timed.towards(done, 1e3, nothing) == 2 * done
+    assert budget.towards(done, 1e3, nothing) == 4 * done and timed.towards(done, 1e3, nothing) == 2 * done
 
 
 @given(done=st.sampled_from([8, 32, 56, 1024]), affordable=st.floats(0.0, 1e6))
@@ -85,11 +85,20 @@ def test_the_samples_that_are_needed_are_known_from_two_errors(slope: float, tar
     aimed = budget.towards(done, error, (32.0, error * 4**slope))
     needed = done * excess ** (1 / slope)
     assert needed * (1 - 1e-9) <= aimed <= max(1.25 * needed * (1 + 1e-9), budget.following(done))
-    # With one error alone it is taken to fall fast, so that few samples are lost.
-    assert budget.towards(done, error, (0.0, 0.0)) <= aimed or slope > 0.8
+    # With one error alone it is taken to fall as usual, and few samples are lost where it falls faster.
+    alone, usual = budget.towards(done, error, (0.0, 0.0)), done * excess ** (1 / 0.6)
+    assert min(usual * (1 - 1e-9), 4 * done) <= alone <= min(max(1.25 * usual * (1 + 1e-9), 1.25 * done), 4 * done)
     # Nothing known: twice as many.
     assert budget.towards(done, 0.0, (0.0, 0.0)) == 2 * done
     assert Budget(150, None, target, REPLICATES).towards(done, error, (0.0, 0.0)) <= 150
+
+
+@pytest.mark.parametrize(
+    ("limit", "target", "replicates", "side"),
+    [(None, 0.1, 2, 64), (None, 0.1, 64, 22), (1.0, 0.1, 2, 32), (1.0, None, 2, 32)],
+)
+def test_many_pixels_decide_where_time_is_not_short(limit, target, replicates: int, side: int) -> None:
+    assert cut_into_tiles((0, 512, 0, 512), Budget(None, limit, target, replicates), None, 1.0)[0] == side
 
 
 @pytest.mark.parametrize(
@@ -158,6 +167,15 @@ def test_a_colour_ends_when_the_other_is_good(colour: int) -> None:
     state.take(0, result(TILE, noisy(1 - colour, done + more), done, more))  # now the other way round: both have ended
     state.decide()
     assert state.pending() == []
+
+
+def test_an_error_that_is_hardly_too_large_will_do() -> None:
+    # Both colours have 0.5 / sqrt(7) = 0.189.
+    for target, ends in ((0.19, True), (0.182, True), (0.178, False)):
+        state = progress([TILE], (2, 2), target)
+        state.take(0, result(TILE, noisy(0, 32) + noisy(1, 32) - 32 / REPLICATES, 0, 32))
+        state.decide()
+        assert (state.pending() == []) == ends
 
 
 def test_nothing_is_decided_before_all_have_begun() -> None:

@@ -46,7 +46,7 @@ def board(radiance=1.0):
 @pytest.fixture
 def quick(monkeypatch):
     """The same camera over and over needs its tables once, and no disk has to be waited for."""
-    monkeypatch.setattr("plenoptic.rendering.context.camera_record", functools.cache(camera_record))
+    monkeypatch.setattr("plenoptic.camera.cache.camera_record", functools.cache(camera_record))
     monkeypatch.setattr(os, "fsync", lambda descriptor: None)
 
 

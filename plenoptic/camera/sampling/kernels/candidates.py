@@ -27,7 +27,7 @@ def _store(found, corners, used, polygon, n, cell, axis):
         candidate.cell_x, candidate.cell_y = cell
         candidate.axis_x, candidate.axis_y = axis
         candidate.first_corner, candidate.corners = end, n
-        candidate.first_view, candidate.views, candidate.slack = 0, 0, math.inf
+        candidate.first_view, candidate.views, candidate.certain, candidate.slack = 0, 0, 0, math.inf
         for q in range(n):
             corners[0, end + q], corners[1, end + q] = polygon[0, q], polygon[1, q]
         set_box(candidate, polygon, n)

@@ -4,12 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 
-from plenoptic.camera.sampling.kernels.pieces import MOST_CORNERS, MOST_PLANES
+from plenoptic.camera.sampling.kernels.parts import (
+    RIM_ROOM,
+    RIMS,
+    ROOM,
+    Divided,
+    aim_at,
+    aim_divided,
+    divide,
+    fill_part,
+    moved,
+)
 from plenoptic.camera.sampling.kernels.pixel_regions import MOST_PIECES
 from plenoptic.core.jit import device, kernel
 from plenoptic.core.kernels.bundles import pad
-from plenoptic.core.kernels.polygons import area_of, cut, point_in
-from plenoptic.core.kernels.ray_blocks import BLOCK, MISSED, RAY, STATUS, WEIGHT, L, M, N, X, Y, Z
+from plenoptic.core.kernels.polygons import area_of, point_in
+from plenoptic.core.kernels.ray_blocks import BLOCK, MISSED, RAY, STATUS, WEIGHT
 from plenoptic.core.kernels.sobol import (
     DIMENSIONS,
     mix,
@@ -22,7 +32,6 @@ from plenoptic.core.kernels.sobol import (
 )
 
 _FEW = 8
-_ROOM = MOST_CORNERS + MOST_PLANES + 2
 
 
 @device
@@ -80,20 +89,6 @@ def choose(pieces, region, random):
 
 
 @device
-def aim_at(ray, i, piece, point, start, area):
-    """Start path i towards a point of a piece, from its cell's centre; `area` is what the sample stands for."""
-    mx, my = piece.cell_x + point[0], piece.cell_y + point[1]
-    ray[X + i] = mx
-    ray[Y + i] = my
-    ray[L + i] = mx - start[0]
-    ray[M + i] = my - start[1]
-    ray[Z + i] = piece.axis_x
-    ray[N + i] = piece.axis_y
-    ray[WEIGHT + i] = area
-    ray[STATUS + i] = 0.0
-
-
-@device
 def aim(ray, i, regions, region, start, random):
     """Point of the region of one point of the sensor, by areas: one random number finds the piece and, stretched, the
     triangle of its fan, the other the point in it.
@@ -124,32 +119,16 @@ def _is_still(pieces, low, high):
     return still
 
 
-@device
-def _fill_part(polygon, first, corners, planes, piece, at):
-    """The part of a piece that feeds the point `at` of a pixel, from its centre, as a polygon from a corner on.
-
-    Returns its number of corners.
-    """
-    (u, v), n = at, piece.corners
-    dx, dy = piece.xu * u + piece.xv * v, piece.yu * u + piece.yv * v
-    for q in range(n):
-        polygon[0, first + q] = corners[0, piece.first_corner + q] + dx
-        polygon[1, first + q] = corners[1, piece.first_corner + q] + dy
-    for j in range(piece.first_plane, piece.first_plane + piece.planes):
-        plane = planes[j]
-        limit = plane.limit - plane.s * u - plane.t * v
-        if n > 0 and limit < plane.high:
-            n = cut(polygon, first, n, plane.a, plane.b, limit)
-    return n
-
-
 @kernel
-def fill_camera_samples(blocks, own, start, n, batch, fed, pixel):
+def fill_camera_samples(blocks, sure, own, start, n, batch, fed, pixel):
     """Start paths start ... start + n - 1 of a batch of the pixels of a tile, which are `FedPixels`.
 
     A pixel is a `PixelRecord`; one that is turned has the sides (width, skew[1]) and (skew[0], height). `own` gets what
     the microlenses of the paths are, where they differ. Of each path, first the point on the pixel is drawn, then one
     of what feeds that very point; paths from points that nothing feeds are lost.
+
+    With `sure`, blocks as well, what surely passes the lens is aimed there and need not be traced, and paths are drawn
+    in what is left around it.
     """
     net, samples, streams = batch.net, batch.samples, batch.streams
     regions = fed.regions
@@ -157,8 +136,18 @@ def fill_camera_samples(blocks, own, start, n, batch, fed, pixel):
     details = regions.details
     centres, number = fed.centres, fed.number
     u = np.empty((DIMENSIONS, net.shape[1]))
-    polygon = np.empty((3, MOST_PIECES * _ROOM))
+    polygon = np.empty((3, MOST_PIECES * ROOM))
     counts, areas = np.empty(MOST_PIECES, np.int64), np.empty(MOST_PIECES)
+    if sure is not None:
+        divided = Divided(
+            polygon,
+            counts,
+            np.empty((MOST_PIECES, 2)),
+            np.empty((3, MOST_PIECES * RIM_ROOM)),
+            np.empty((MOST_PIECES, RIMS + 1), np.int64),
+            np.empty((MOST_PIECES, RIMS)),
+            np.empty((MOST_PIECES, 2), np.int64),
+        )
     path, end = start, start + n
     while path < end:
         p, replicate, index = path_place(path, samples, streams)
@@ -168,6 +157,9 @@ def fill_camera_samples(blocks, own, start, n, batch, fed, pixel):
             _fill_coordinates(u, net, dimension, index, run, key)
         low, high = first[p], first[p + 1]
         still = _is_still(pieces, low, high)
+        if sure is not None:
+            for c in range(high - low):
+                divided.counts[c, 1] = 0
         for k in range(run):
             at = path - start + k
             ray, i = blocks[(at // BLOCK) * RAY : (at // BLOCK + 1) * RAY], at % BLOCK
@@ -175,33 +167,38 @@ def fill_camera_samples(blocks, own, start, n, batch, fed, pixel):
             dx, dy = pixel.width * across, pixel.height * down
             if pixel.skew is not None:
                 dx, dy = dx + pixel.skew[0] * down, dy + pixel.skew[1] * across
-            on_sensor = centres[p, 0] + dx, centres[p, 1] + dy
-            if still:
-                total, chosen, left = choose(pieces, (low, high), u[2, k])
+            place, on_sensor, random = (dx, dy), (centres[p, 0] + dx, centres[p, 1] + dy), (u[2, k], u[3, k])
+            if sure is not None:
+                divide(divided, regions, (low, high), place)
+                beside = sure[(at // BLOCK) * RAY : (at // BLOCK + 1) * RAY]
+                chosen = low + aim_divided(ray, beside, i, divided, pieces[low:high], (on_sensor, place), random)
+            elif still:
+                total, chosen, left = choose(pieces, (low, high), random[0])
                 piece = pieces[chosen]
-                x, y = point_in(corners, piece.first_corner, piece.corners, left, u[3, k])
-                point = x + piece.xu * dx + piece.xv * dy, y + piece.yu * dx + piece.yv * dy
-                aim_at(ray, i, piece, point, on_sensor, total)
+                point = point_in(corners, piece.first_corner, piece.corners, left, random[1])
+                aim_at(ray, i, piece, moved(piece, point, place), on_sensor, total)
             else:
                 total = 0.0
                 for c in range(high - low):
-                    counts[c] = _fill_part(polygon, c * _ROOM, corners, planes, pieces[low + c], (dx, dy))
-                    areas[c] = area_of(polygon, c * _ROOM, counts[c]) if counts[c] >= 3 else 0.0
+                    counts[c] = fill_part(polygon, c * ROOM, corners, planes, pieces[low + c], place)
+                    areas[c] = area_of(polygon, c * ROOM, counts[c]) if counts[c] >= 3 else 0.0
                     total += areas[c]
-                c, left = 0, u[2, k] * total
+                c, left = 0, random[0] * total
                 while c < high - low - 1 and left >= areas[c]:
                     left -= areas[c]
                     c += 1
                 chosen, point = low + c, (0.0, 0.0)
                 if areas[c] > 0.0:
-                    point = point_in(polygon, c * _ROOM, counts[c], left, u[3, k])
-                aim_at(ray, i, pieces[chosen], point, on_sensor, total)
+                    point = point_in(polygon, c * ROOM, counts[c], left, random[1])
+                aim_at(ray, i, pieces[chosen], moved(pieces[chosen], point, place), on_sensor, total)
                 if not areas[c] > 0.0:
                     ray[WEIGHT + i], ray[STATUS + i] = 0.0, MISSED
             if details is not None:
                 own[at] = details[chosen]
         path += run
     pad(blocks, n)
+    if sure is not None:
+        pad(sure, n)
 
 
 COLOUR_SET = 1 << 20

@@ -16,7 +16,7 @@ MOST_PLANES = 128
 _TANGENTS, _SAGITTA = 24, 0.01
 """Tangents around a circle, and how far it lies inside them, in parts of what is seen of it."""
 
-A, B, LIMIT, S, T, NUMBERS = range(6)
+A, B, LIMIT, S, T, GAP, NUMBERS = range(7)
 """Numbers of a plane: see `PLANE`."""
 
 
@@ -42,11 +42,13 @@ def _tangents(far, reach, radius):
 
 @device
 def _add(planes, n, view, edge, centre):
-    """Append the plane of an edge for (u, v) from a centre; returns how many there are."""
-    nx, ny, distance = edge
+    """Append the plane of an edge, and how far the opening lies inside it, for (u, v) from a centre; returns how many
+    there are."""
+    nx, ny, distance, inside = edge
     if n < MOST_PLANES:
         planes[n, A], planes[n, B] = nx * view.x_by_x + ny * view.y_by_x, nx * view.x_by_y + ny * view.y_by_y
         planes[n, S], planes[n, T] = nx * view.x_by_u + ny * view.y_by_u, nx * view.x_by_v + ny * view.y_by_v
+        planes[n, GAP] = inside + 2.0 * view.margin
         planes[n, LIMIT] = distance + view.margin - nx * view.x - ny * view.y
         planes[n, LIMIT] -= planes[n, S] * centre[0] + planes[n, T] * centre[1]
         return n + 1
@@ -75,12 +77,14 @@ def fill_planes(planes, count, view, edges, candidate, shape, at):
     if view.edges == 0 and far + reach > radius:
         tangents, angle, step = _tangents(far, reach, radius)
         angle += math.atan2(y, x)
+        # Chords of the arcs between the points at which tangents meet lie inside the circle.
+        sagitta = radius * (1.0 - math.cos(0.5 * step))
         for k in range(tangents):
             normal = math.cos(angle + k * step), math.sin(angle + k * step)
-            count = _add(planes, count, view, (normal[0], normal[1], radius), centre)
+            count = _add(planes, count, view, (normal[0], normal[1], radius, sagitta), centre)
     for j in range(view.first_edge, view.first_edge + view.edges):
         if edges[j, 0] * x + edges[j, 1] * y + reach > edges[j, 2]:
-            count = _add(planes, count, view, (edges[j, 0], edges[j, 1], edges[j, 2]), centre)
+            count = _add(planes, count, view, (edges[j, 0], edges[j, 1], edges[j, 2], 0.0), centre)
     return count
 
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from plenoptic.camera.sampling.kernels.candidates import set_box
 from plenoptic.camera.sampling.kernels.pieces import (
+    GAP,
     LIMIT,
     MOST_CORNERS,
     MOST_PLANES,
@@ -25,10 +26,12 @@ from plenoptic.camera.sampling.kernels.pieces import (
 from plenoptic.core.jit import device, kernel
 from plenoptic.core.kernels.polygons import area_of
 
-MOST_PIECES = 16
+MOST_PIECES = 64
 """Microlenses of a group; where there are more, their bounds must do."""
 _MOST_CUTS = 24
 """Planes that cut a piece differently at each point of the pixel; where there are more, none does."""
+MOST_CERTAIN = 48
+"""Planes inside of which light is certain to pass; where there are more, it is not known of any."""
 _FEW_CUTS = 6
 """Planes that cut a piece for each path before it is tried whether the edges of its microlens are fewer, where what the
 stop lets pass moves as a whole."""
@@ -61,44 +64,47 @@ def fill_boxes(found, chosen, corners, views, edges, half):
 
 
 @device
-def _count_moved(polygon, n, planes, end, half):
-    """How many planes cut a polygon deeper at some points of the pixel than at others, by more than next to nothing."""
+def _count_cuts(polygon, n, planes, end, half):
+    """How many planes cut a polygon deeper at some points of the pixel than at others, by more than next to nothing, or
+    leave light inside of them that is not certain."""
     count = 0
     for j in range(end):
         by = sweep(planes[j], half)
         high = reach_of(polygon, n, planes[j, A], planes[j, B])
         little = _LITTLE * (high + reach_of(polygon, n, -planes[j, A], -planes[j, B]))
-        count += 1 if high > planes[j, LIMIT] - by and 2.0 * by > little else 0
+        gap = planes[j, GAP]
+        count += 1 if high > planes[j, LIMIT] - by - gap and (gap > 0.0 or 2.0 * by > little) else 0
     return count
 
 
 @device
 def _store_cuts(kept, used, polygon, n, planes, end, half):
-    """Append the planes that cut a polygon somewhere on the pixel."""
+    """Append the planes that cut a polygon somewhere on the pixel, or leave light in it that is not certain."""
     for j in range(end):
         high = reach_of(polygon, n, planes[j, A], planes[j, B])
-        if high > planes[j, LIMIT] - sweep(planes[j], half):
+        if high > planes[j, LIMIT] - sweep(planes[j], half) - planes[j, GAP]:
             if used < kept.size:
                 plane = kept[used]
                 plane.a, plane.b, plane.limit = planes[j, A], planes[j, B], planes[j, LIMIT]
-                plane.s, plane.t, plane.high = planes[j, S], planes[j, T], high
+                plane.s, plane.t, plane.high, plane.gap = planes[j, S], planes[j, T], high, planes[j, GAP]
             used += 1
     return used
 
 
 @device
 def _store_edges(kept, used, base, m, move, corners, candidate, half):
-    """Append the edges of a candidate that cut a moving polygon somewhere on the pixel."""
+    """Append the edges of a candidate that cut a moving polygon somewhere on the pixel, as that sees them."""
     for q in range(candidate.corners):
         here = candidate.first_corner + q
         after = candidate.first_corner + (q + 1 if q + 1 < candidate.corners else 0)
         a, b = corners[1, after] - corners[1, here], corners[0, here] - corners[0, after]
         limit, high = a * corners[0, here] + b * corners[1, here], reach_of(base, m, a, b)
-        high += abs(a * move[0] + b * move[2]) * half[0] + abs(a * move[1] + b * move[3]) * half[1]
-        if high > limit:
+        s, t = a * move[0] + b * move[2], a * move[1] + b * move[3]
+        if high > limit - abs(s) * half[0] - abs(t) * half[1]:
             if used < kept.size:
                 plane = kept[used]
-                plane.a, plane.b, plane.limit, plane.s, plane.t, plane.high = a, b, limit, 0.0, 0.0, high
+                plane.a, plane.b, plane.limit, plane.s, plane.t, plane.high = a, b, limit, s, t, high
+                plane.gap = 0.0
             used += 1
     return used
 
@@ -108,12 +114,12 @@ def fill_regions(regions, needed, starts, group, found, corners, seen, half):
     """Regions of starts (n, 2) in groups (n,); `needed` (3,) counts pieces, corners and planes.
 
     A start stands for the points of the sensor up to `half` (2,) beside it. `corners` are those of the candidates,
-    `seen` their views, the edges of elements, and the centres of groups. Where the room in `regions` is too small
-    nothing beyond it is written.
+    `seen` their views, the edges of elements, the centres of groups, and whether pieces shall say what surely passes.
+    Where the room in `regions` is too small nothing beyond it is written.
     """
     pieces, first = regions.pieces, regions.first
     details = regions.details
-    views, edges, centres = seen
+    views, edges, centres, known = seen
     polygon, base = np.empty((3, MOST_CORNERS + 2)), np.empty((3, MOST_CORNERS + 2))
     planes, move = np.empty((MOST_PLANES, NUMBERS)), np.zeros(4)
     used, end_corner, end_plane = 0, 0, 0
@@ -134,21 +140,30 @@ def fill_regions(regions, needed, starts, group, found, corners, seen, half):
             part = area_of(polygon, 0, n) if n >= 3 else 0.0
             if not part > 0.0:
                 continue
-            start, moved = end_plane, 0 if not varies else _count_moved(polygon, n, planes, count, half)
+            certain = known and candidate.certain == 1 and count < MOST_PLANES
+            for j in range(0 if certain else count):
+                planes[j, GAP] = 0.0
+            start, moved = end_plane, 0 if not varies else _count_cuts(polygon, n, planes, count, half)
             move[:] = 0.0
             if moved > _FEW_CUTS and candidate.views == 1:
                 m = begin_moving(base, move, views[candidate.first_view], candidate, (polygon, n), half)
                 m = cut_exactly(base, m, planes, 0, count)
                 end_plane = _store_edges(regions.planes, start, base, m, move, corners, candidate, half)
                 if 3 <= m < MOST_CORNERS and end_plane - start < moved:
-                    moved, n, part = 0, m, area_of(base, 0, m)
+                    n, part = m, area_of(base, 0, m)
                     for q in range(m):
                         polygon[0, q], polygon[1, q] = base[0, q], base[1, q]
+                    if certain and moved <= MOST_CERTAIN:
+                        for j in range(count):
+                            planes[j, S], planes[j, T] = 0.0, 0.0
+                        end_plane = _store_cuts(regions.planes, end_plane, polygon, n, planes, count, half)
+                    moved = -moved
                 else:
                     end_plane = start
                     move[:] = 0.0
-            if 0 < moved <= _MOST_CUTS:
+            if 0 < moved <= (MOST_CERTAIN if certain else _MOST_CUTS):
                 end_plane = _store_cuts(regions.planes, start, polygon, n, planes, count, half)
+            certain = certain and abs(moved) <= MOST_CERTAIN
             area += part
             if used < pieces.size:
                 piece = pieces[used]
@@ -158,6 +173,7 @@ def fill_regions(regions, needed, starts, group, found, corners, seen, half):
                 piece.xu, piece.xv, piece.yu, piece.yv = move[0], move[1], move[2], move[3]
                 piece.first_corner, piece.corners = end_corner, n
                 piece.first_plane, piece.planes = start, end_plane - start
+                piece.certain = 1 if certain else 0
                 if details is not None:
                     details[used] = found.details[c]
             for q in range(n):

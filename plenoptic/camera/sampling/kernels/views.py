@@ -82,16 +82,25 @@ def _set_view(view, fit, candidate, half):
 
 
 @device
+def _all_arrive(points, element, first, each):
+    """Whether all rays of a candidate come to an element, and none is reflected there."""
+    arrived = 0
+    for r in range(first, first + each):
+        arrived += 1 if points[element, 2, r] == 0.0 else 0
+    return arrived == each
+
+
+@device
 def _is_inside(points, element, first, each, radius):
     """Whether all rays of a candidate surely meet an element inside its circle.
 
     Corners of a box that are not in the design are at most twice as far from the middle, in any direction, as those in
     it are, with a tenth for what is not linear.
     """
+    if not _all_arrive(points, element, first, each):
+        return False
     x, y, spread = points[element, 0, first], points[element, 1, first], 0.0
     for r in range(first, first + each):
-        if points[element, 2, r] != 0.0:
-            return False
         dx, dy = points[element, 0, r] - x, points[element, 1, r] - y
         spread = max(spread, dx * dx + dy * dy)
     return math.hypot(x, y) + 2.2 * math.sqrt(spread) <= radius
@@ -103,10 +112,10 @@ def _fitted(fit, points, element, first, each):
 
     Points have x, y and whether the ray came there; -1 where one did not.
     """
+    if not _all_arrive(points, element, first, each):
+        return -1.0
     fit[:] = 0.0
     for r in range(each):
-        if points[element, 2, first + r] != 0.0:
-            return -1.0
         for axis in range(2):
             at = points[element, axis, first + r] / each
             fit[axis, 0] += at
@@ -129,15 +138,17 @@ def fill_views(views, used, found, chosen, points, openings, half):
     Only those elements are kept that may stop light. They are stored from number `used` on, as far as there is room;
     returns the number behind them.
     """
-    ends, first_edge = openings.semi_diameter2, openings.first_edge
+    ends, first_edge, whole = openings.semi_diameter2, openings.first_edge, openings.whole
     each = half.rays
     fit = np.empty((2, 5))
     for k in range(chosen.size):
         candidate = found.rows[chosen[k]]
-        candidate.first_view, candidate.slack = used, 0.0
+        candidate.first_view, candidate.certain, candidate.slack = used, 1, 0.0
         dark = False
         for e in range(ends.size):
             margin, edges = -1.0, first_edge[e + 1] - first_edge[e]
+            if not whole[e] or not _all_arrive(points, e, each * k, each):
+                candidate.certain = 0
             if ends[e] < math.inf and (edges > 0 or not _is_inside(points, e, each * k, each, math.sqrt(ends[e]))):
                 margin = _fitted(fit, points, e, each * k, each)
             if margin < 0.0:

@@ -102,6 +102,13 @@ def fill_pixel_response(blocks, sensor, response):
 
 
 @kernel
+def fill_weights(blocks, sensor):
+    """Weigh aimed samples that go nowhere."""
+    for b in range(blocks.size // RAY):
+        weigh(blocks[b * RAY : (b + 1) * RAY], sensor.distance, sensor.tilt)
+
+
+@kernel
 def fill_straight(blocks, sensor, z_plane):
     """No microlenses: rays from the sensor straight through points of a plane at z_plane."""
     distance = sensor.distance

@@ -1,0 +1,101 @@
+"""What is compiled of the camera that was rendered last, for the next call with the same one."""
+
+from __future__ import annotations
+
+import weakref
+from collections.abc import Hashable
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.camera.record import CameraRecord, camera_record
+from plenoptic.camera.sampling.pixel_regions import fed_pixels
+from plenoptic.camera.sampling.record import FedPixels, Regions
+from plenoptic.core.values import Floats
+
+MOST_BYTES = 1 << 28
+"""Of what feeds pixels, some 500 bytes each: what has no room is found again whenever it is needed."""
+
+
+class Pixels(Hashable, Protocol):
+    """Some pixels, such as a tile."""
+
+    def centres(self, camera: CameraRecord) -> Floats:
+        """(n, 2): see `pixel_regions.pixel_centres`."""
+
+    def numbers(self, camera: CameraRecord) -> NDArray[np.int64]:
+        """(n,): on the whole sensor."""
+
+
+class PreparedCamera:
+    """A camera as a record, and what feeds the pixels of the tiles into which its sensor was cut last.
+
+    That is kept from the second time on that they are cut, or where there are several steps: new memory takes a third
+    of the time in which it is found.
+
+    There is no lock, for which a process that is forked off meanwhile would wait for ever: two threads may both find
+    the same.
+    """
+
+    def __init__(self, record: CameraRecord) -> None:
+        self.record = record
+        self._tiles: tuple[Pixels, ...] = ()
+        self._keeps = False
+        self._fed: dict[tuple[Pixels, bool], FedPixels] = {}
+        self._bytes = 0
+
+    def cut_into(self, tiles: tuple[Pixels, ...], *, steps: bool) -> None:
+        """Let go of what feeds the pixels of other tiles than these, which are rendered in several steps or at once."""
+        self._keeps = steps or self._tiles == tiles
+        if self._tiles != tiles:
+            self._tiles, self._fed, self._bytes = tiles, {}, 0
+
+    def fed_pixels(self, tile: Pixels, *, certain: bool = False) -> FedPixels:
+        """What feeds the pixels of a tile; see `pixel_regions.fed_pixels`."""
+        found = self._fed.get((tile, certain))
+        if found is not None:
+            return found
+        found = fed_pixels(self.record, tile.centres(self.record), tile.numbers(self.record), certain=certain)
+        if self._keeps:
+            found = _fitted(found)
+            size = sum(array.nbytes for array in (*found[:3], *found.regions) if array is not None)
+            if self._bytes + size <= MOST_BYTES:
+                self._fed[tile, certain], self._bytes = found, self._bytes + size
+        return found
+
+
+def _fitted(fed: FedPixels) -> FedPixels:
+    """The same in arrays without room for more."""
+    pieces, first, corners, planes, details = fed.regions
+    last = pieces[: first[-1]][-1:]
+    ends = [int((last[f"first_{name}"] + last[f"{name}s"]).sum()) for name in ("corner", "plane")]
+    details = None if details is None else details[: first[-1]].copy()
+    fitted = pieces[: first[-1]].copy(), first, corners[:, : ends[0]].copy(), planes[: ends[1]].copy(), details
+    return fed._replace(regions=Regions(*fitted))
+
+
+_last: tuple[weakref.ref[PlenopticCamera], PreparedCamera] | None = None
+"""Of one camera only."""
+
+
+def prepared_camera(camera: PlenopticCamera) -> PreparedCamera:
+    """Compile a camera, unless it is the very one that was compiled last and still exists: cameras do not change."""
+    global _last
+    last = _last
+    if last is not None and last[0]() is camera:
+        return last[1]
+    del last
+    _last = None  # before the next one takes memory
+    found = PreparedCamera(camera_record(camera))
+    _last = (weakref.ref(camera, _forget), found)
+    return found
+
+
+def _forget(gone: weakref.ref[PlenopticCamera]) -> None:
+    """Let go of what was compiled of a camera that no longer exists."""
+    global _last
+    last = _last
+    if last is not None and last[0] is gone:
+        _last = None

@@ -1,0 +1,126 @@
+"""A camera's record and what feeds its pixels are kept for the camera that was compiled last, and for no other."""
+
+import dataclasses
+import gc
+import threading
+import weakref
+
+import numpy as np
+import pytest
+
+import plenoptic as pl
+from plenoptic.camera import cache
+from plenoptic.camera.cache import prepared_camera
+from plenoptic.study.cameras import reference_camera
+
+SCENE = pl.Scene([pl.quad((-30, -30, -404), (60, 0, 0), (0, 60, 0), material=pl.Emissive(1.0))])
+REGION = np.s_[240:264, 240:264]
+
+
+@pytest.fixture
+def found(monkeypatch):
+    """Of how many pixels it has been found what feeds them."""
+    find, numbers = cache.fed_pixels, []
+
+    def counted(record, pixels, number, **how):
+        numbers.append(len(pixels))
+        return find(record, pixels, number, **how)
+
+    monkeypatch.setattr(cache, "fed_pixels", counted)
+    return numbers
+
+
+def rendered(camera, **settings):
+    budget = {} if "target_error" in settings else {"samples": 8}
+    return pl.render(SCENE, camera, **{"region": REGION, "progress": False, "threads": 1, **budget, **settings})
+
+
+def same(one, other):
+    return one.image.tobytes() == other.image.tobytes() and np.array_equal(one.standard_error, other.standard_error)
+
+
+def test_a_camera_is_compiled_once(found, monkeypatch):
+    compiled, compile_it = [], cache.camera_record
+    monkeypatch.setattr(cache, "camera_record", lambda camera: compiled.append(camera) or compile_it(camera))
+    camera = reference_camera()
+    first = rendered(camera)
+    assert sum(found) == 24 * 24 and not prepared_camera(camera)._fed  # who renders once has no use for it
+    assert same(rendered(camera), first) and sum(found) == 2 * 24 * 24
+    assert same(rendered(camera), first) and sum(found) == 2 * 24 * 24
+    pl.ground_truth(SCENE, camera, region=REGION)
+    assert len(compiled) == 1
+    # One that is equal is another one.
+    other = dataclasses.replace(camera)
+    assert other == camera
+    assert same(rendered(other), first)
+    assert len(compiled) == 2 and sum(found) == 3 * 24 * 24
+
+
+def test_what_feeds_pixels_is_found_once_for_all_steps(found):
+    camera = reference_camera()
+    shot = rendered(camera, target_error=0.02)
+    assert shot.samples > 32
+    assert sum(found) == 24 * 24
+    # Other tiles take the place of these.
+    cut = rendered(camera, tile_side=7)
+    assert sum(found) == 2 * 24 * 24 and not prepared_camera(camera)._fed
+    assert same(cut, rendered(camera))
+
+
+@pytest.mark.parametrize("most", [0, 100_000])
+def test_no_more_is_kept_than_there_is_room_for(most, found, monkeypatch):
+    camera, budget = reference_camera(), {"target_error": 0.02, "tile_side": 8}
+    whole = rendered(camera, **budget)
+    assert sum(found) == 24 * 24
+    monkeypatch.setattr(cache, "MOST_BYTES", most)
+    found.clear()
+    other = dataclasses.replace(camera)
+    assert same(rendered(other, **budget), whole)
+    assert sum(found) > 24 * 24  # in each step those for which there was no room
+    kept = prepared_camera(other)._fed.values()
+    arrays = [array for fed in kept for array in (*fed[:3], *fed.regions) if array is not None]
+    assert sum(array.nbytes for array in arrays) <= most
+    assert (len(kept) > 0) == (most > 0)
+    assert all(array.base is None for fed in kept for array in fed.regions[:4])  # which would have room for more
+
+
+def test_pixels_whose_microlenses_differ_and_those_in_the_dark_are_kept_too():
+    camera = reference_camera()
+    typed = dataclasses.replace(camera.microlenses, focal_lengths=(1.8, 2.0, 2.2))
+    dark = dataclasses.replace(camera, lens=camera.lens.with_stop(pl.CircularStop(0.05)))
+    for each in (dataclasses.replace(camera, microlenses=typed), dark):
+        first = rendered(each, tile_side=3)
+        assert all(same(rendered(each, tile_side=3), first) for _ in range(2))
+        assert prepared_camera(each)._fed
+
+
+def test_it_goes_when_its_camera_goes():
+    camera = reference_camera()
+    rendered(camera, target_error=0.05)
+    kept = weakref.ref(prepared_camera(camera))
+    assert prepared_camera(camera) is kept() and kept()._fed
+    del camera
+    gc.collect()
+    assert kept() is None
+    # And when another one comes.
+    one, other = reference_camera(), reference_camera()
+    kept = weakref.ref(prepared_camera(one))
+    prepared_camera(other)
+    gc.collect()
+    assert kept() is None
+
+
+def test_threads_with_cuts_of_their_own_do_not_disturb_each_other():
+    camera, sides, shots = reference_camera(), (5, 8, 16, 24), {}
+    alone = rendered(camera)
+
+    def work(side):
+        for _ in range(5):
+            shots[side] = rendered(camera, tile_side=side)
+
+    threads = [threading.Thread(target=work, args=[side]) for side in sides]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert all(same(shots[side], alone) for side in sides)

@@ -1,0 +1,162 @@
+"""White images: what is added without tracing passes the lens, and nothing else is added."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+import plenoptic as pl
+from plenoptic.camera.paths import CameraPaths, fill_through_array
+from plenoptic.camera.record import camera_record
+from plenoptic.camera.sampling import pixel_regions
+from plenoptic.camera.sampling.pixel_regions import fed_pixels, pixel_centres
+from plenoptic.camera.sampling.record import batch_record
+from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, STATUS, WEIGHT, N, Z
+from plenoptic.optics.lens.kernels.trace import fill_traced
+from plenoptic.optics.lens.models import LensModel
+from plenoptic.rendering import Stage
+
+LENS = pl.load_lens("double-gauss-100mm-f2")
+ARRAY = pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,), lattice=pl.Lattice.HEXAGONAL)
+SENSOR = pl.Sensor(shape=(512, 512), pixel_pitch=0.01)
+
+
+def camera_of(stop, array=ARRAY, distance=1.7, **changes):
+    hole = pl.CircularStop(stop) if isinstance(stop, float) else stop
+    fields = {"lens": LENS.with_stop(hole), "sensor": SENSOR, "stop_to_microlenses": 123.3} | changes
+    if array is not None:
+        fields |= {"microlenses_to_sensor": distance}
+    return pl.PlenopticCamera(microlenses=array, **fields)
+
+
+def of(**changes):
+    return dataclasses.replace(ARRAY, **changes)
+
+
+def moved(part, **how):
+    return camera_of(5.0).moved(part, **how)
+
+
+def ball(index=1.8, stop=9.0):
+    """A ball before a stop: rays meet its rim steeply, and some are reflected there."""
+    surfaces = [pl.Surface(20.0, 40.0, pl.ConstantMedium(index), semi_diameter=19.9)]
+    surfaces += [pl.Surface(-20.0, 20.0, semi_diameter=19.9), pl.CircularStop(stop, 1.0)]
+    return pl.LensStack(surfaces)
+
+
+CAMERAS = {
+    "2.0": camera_of(5.0),
+    "1.0": camera_of(4.25, distance=2.0),
+    "1.0, small stop": camera_of(1.0, distance=2.0),
+    "small stop": camera_of(1.0),
+    "tiny stop": camera_of(0.1),
+    "barrel": camera_of(14.0),
+    "blades": camera_of(pl.PolygonStop(6, 5.0, rotation=0.2)),
+    "pinholes": camera_of(0.5, of(model=pl.optics.MicrolensModel.PINHOLE)),
+    "overlap": camera_of(8.0, of(pitch=0.1)),
+    "types": camera_of(5.0, of(focal_lengths=(1.6, 2.0, 2.4))),
+    "square": camera_of(5.0, of(lattice=pl.Lattice.SQUARE)),
+    "spoiled": camera_of(5.0, of(imperfections=pl.MicrolensImperfections(pitch_jitter=0.003, dark=0.2, missing=0.1))),
+    "tilted array": moved(pl.CameraPart.MICROLENSES, tilt=(0.02, -0.01, 0.3)),
+    "tilted sensor": moved(pl.CameraPart.SENSOR, tilt=(0.02, -0.01, 0.3), shift=(0.0, 0.1, 0.02)),
+    "displaced stop": camera_of(5.0, lens=LENS.with_stop(pl.CircularStop(5.0)).moved(5, shift=(1.0, 0.5, 0.0))),
+    "no array": camera_of(5.0, None),
+    "no array, barrel": camera_of(17.0, None),
+    "colours": camera_of(3.0, sensitivity=pl.sensitivities.cie_1931()),
+    "thin lens": camera_of(5.0, lens=dataclasses.replace(LENS.with_stop(pl.CircularStop(5.0)), model=LensModel.THIN)),
+    "ball": camera_of(5.0, None, lens=ball(), stop_to_microlenses=40.0),
+    "large sensor": camera_of(5.0, sensor=pl.Sensor(shape=(8192, 8192), pixel_pitch=0.003)),
+}
+BY_NAME = pytest.mark.parametrize("name", CAMERAS)
+
+
+def some_regions(camera):
+    """Rows and columns in the middle, at the edge and in a corner."""
+    rows, columns = camera.sensor.shape
+    return [
+        ((row, row + 12), (column, column + 12))
+        for row, column in ((rows // 2, columns // 2 - 5), (rows // 2, 0), (rows - 12, columns - 12))
+    ]
+
+
+@BY_NAME
+def test_what_is_certain_passes(name):
+    camera = camera_record(CAMERAS[name])
+    added = 0
+    for rows, columns in some_regions(CAMERAS[name]):
+        number = np.arange((rows[1] - rows[0]) * (columns[1] - columns[0]))
+        fed = fed_pixels(camera, pixel_centres(camera, rows, columns), number, certain=True)
+        if not fed.place.size:
+            continue
+        n = 64 * fed.place.size
+        ways = CameraPaths(camera, fed, batch_record(np.uint64(7), 0, 64, 1, 0, 0), n)
+        ways.started(0, n)
+        sure = ways.sure
+        fields = sure.reshape(-1, RAY // BLOCK, BLOCK)
+        lanes = None
+        if fed.regions.details is not None:
+            # The microlens of a path beside is another one; that of what is certain is known by its axis.
+            rows_of = {(d["axis_x"], d["axis_y"]): d for d in fed.regions.details[: fed.regions.first[-1]]}
+            lanes = camera.own(sure.size // 8)
+            axes = zip(fields[:, Z // BLOCK].ravel(), fields[:, N // BLOCK].ravel(), strict=True)
+            for k, axis in enumerate(axes):
+                lanes[k] = rows_of.get(axis, lanes[k])
+        weights = fields[:, WEIGHT // BLOCK].ravel().copy()
+        fill_through_array(sure, lanes, camera, ways.waves)
+        fill_traced(sure, ways.lens, ways.waves)
+        lost = fields[:, STATUS // BLOCK].ravel() != 0
+        assert not (lost & (weights > 0)).any()
+        added += int((weights > 0).sum())
+    # Corners of a box around a wide pupil pass no lens, so that nothing is known.
+    assert (added > 100) == (name not in {"no array, barrel", "ball"})
+
+
+@pytest.mark.parametrize(
+    "camera, why",
+    [
+        (camera_of(5.0, of(aperture=pl.optics.MicrolensAperture(pl.optics.ApertureShape.CIRCLE, 0.8))), "round"),
+        (camera_of(5.0, of(model=pl.optics.MicrolensModel.SPHERICAL, thickness=0.3, index=1.5)), "plates"),
+        (camera_of(5.0, of(walls=pl.optics.Walls.OPAQUE)), "walls"),
+        (camera_of(5.0, of(pitch=0.03)), "microlenses are near a pixel"),
+    ],
+)
+def test_where_something_else_stops_light_none_is_certain(camera, why):
+    (said,) = (d for d in pl.plan(None, camera).decisions if d.stage is Stage.CERTAIN_LIGHT)
+    assert not said.runs
+    assert why in said.reason
+
+
+@pytest.mark.parametrize("stop", [pl.StarStop(5, 5.0, 2.0), pl.PolygonStop(6, 5.0, blade_radius=9.0)])
+def test_no_light_is_certain_through_holes_that_are_no_polygons(stop):
+    camera = camera_record(camera_of(stop))
+    centres = pixel_centres(camera, (250, 258), (250, 258))
+    regions = fed_pixels(camera, centres, np.arange(64), certain=True).regions
+    assert not regions.pieces["certain"][: regions.first[-1]].any()
+
+
+def test_a_scene_is_traced_whole():
+    plan = pl.plan(pl.Scene([], background=1.0), camera_of(5.0))
+    assert plan.runs(Stage.EXACT_PUPILS)
+    assert not plan.runs(Stage.CERTAIN_LIGHT)
+
+
+@pytest.mark.slow
+@BY_NAME
+def test_white_images_are_those_of_traced_paths(name, monkeypatch):
+    camera = CAMERAS[name]
+    for seed, (rows, columns) in enumerate(some_regions(camera)):
+        arguments = {"replicates": 32, "region": (slice(*rows), slice(*columns)), "progress": False}
+        white = pl.render_white(camera, samples=256, seed=seed, **arguments)
+        with monkeypatch.context() as patch:
+            patch.setattr(pixel_regions, "_MANY_CERTAIN", -1.0)
+            traced = pl.render_white(camera, samples=2048, seed=100 + seed, **arguments)
+        error = np.hypot(white.standard_error, traced.standard_error).astype(float)
+        assert np.abs((white.image - traced.image).astype(float).sum()) <= 4 * math.sqrt((error**2).sum())
+        lit = traced.image > 0.5 * traced.image.max()
+        if lit.any():
+            squares = (
+                np.square(white.standard_error[lit]).mean() * 256,
+                np.square(traced.standard_error[lit]).mean() * 2048,
+            )
+            assert squares[0] < squares[1]
