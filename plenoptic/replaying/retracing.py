@@ -109,8 +109,9 @@ def replay_all(exposure: Exposure, scene: Scene | None, paths: Iterable[tuple[in
     >>> import plenoptic as pl
     >>> camera = pl.PlenopticCamera(lens=pl.no_lens(1.0), sensor=pl.Sensor(shape=(4, 4), pixel_pitch=0.1),
     ...     stop_to_microlenses=10.0)
-    >>> shot = pl.render_white(camera, samples=8, progress=False)
-    >>> [way.ending.name for way in pl.replay_all(shot, None, [(0, 0, 0), (3, 1, 7)])]
+    >>> sky = pl.Scene(background=1.0)
+    >>> shot = pl.render(sky, camera, samples=8, progress=False)
+    >>> [way.ending.name for way in pl.replay_all(shot, sky, [(0, 0, 0), (3, 1, 7)])]
     ['LEFT_SCENE', 'LEFT_SCENE']
     """
     context = _context(exposure, scene)

@@ -2,7 +2,6 @@
 
 import math
 import pickle
-import time
 
 import numpy as np
 import pytest
@@ -307,20 +306,6 @@ def test_a_perfect_lens_has_flat_fans(lens) -> None:
 def test_what_is_no_fan() -> None:
     with pytest.raises(InvalidValueError, match="points is 1; it must be at least 2"):
         ray_fan(GAUSS, points=1)
-
-
-# ---- speed ----
-
-
-@pytest.mark.benchmark
-def test_a_million_rays_take_well_under_a_second() -> None:
-    spot_diagram(GAUSS)
-    seconds = []
-    for seed in range(3):
-        start = time.perf_counter()
-        spot_diagram(GAUSS, field=(0.0, 0.1), rays=1_000_000, seed=seed)
-        seconds.append(time.perf_counter() - start)
-    assert min(seconds) < 0.8
 
 
 @pytest.mark.parametrize("stop", [1.0, 2.0, 5.0, 15.0])
