@@ -315,7 +315,7 @@ def test_microlenses_have_the_numbers_that_lists_have():
 @pytest.mark.slow
 def test_pixels_of_their_own_number_of_samples():
     scene = pl.check_scene()
-    shot = shoot(scene, region=np.s_[250:314, 200:264], samples=None, target_error=0.1)
+    shot = shoot(scene, region=np.s_[250:314, 200:264], samples=None, target_error=0.1, tile_side=16)
     assert shot.sample_counts is not None and len(np.unique(shot.sample_counts)) > 1
     rows, columns = (places[:: len(places) // 4] for places in np.nonzero(shot.sample_counts < shot.samples))
     few = list(zip(rows + 250, columns + 200, strict=True))

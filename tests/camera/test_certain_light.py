@@ -151,12 +151,9 @@ def test_white_images_are_those_of_traced_paths(name, monkeypatch):
         with monkeypatch.context() as patch:
             patch.setattr(pixel_regions, "_MANY_CERTAIN", -1.0)
             traced = pl.render_white(camera, samples=2048, seed=100 + seed, **arguments)
+            few = pl.render_white(camera, samples=256, seed=200 + seed, **arguments)
         error = np.hypot(white.standard_error, traced.standard_error).astype(float)
         assert np.abs((white.image - traced.image).astype(float).sum()) <= 4 * math.sqrt((error**2).sum())
-        lit = traced.image > 0.5 * traced.image.max()
-        if lit.any():
-            squares = (
-                np.square(white.standard_error[lit]).mean() * 256,
-                np.square(traced.standard_error[lit]).mean() * 2048,
-            )
-            assert squares[0] < squares[1]
+        # Where all is certain, or nothing, both draw alike.
+        lit = traced.image > 0.1 * traced.image.max()
+        assert np.square(white.standard_error[lit]).sum() <= 1.2 * np.square(few.standard_error[lit]).sum()

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.sampling.kernels.pieces import MOST_CORNERS, MOST_PLANES
+from plenoptic.camera.sampling.kernels.pieces import MOST_CERTAIN, MOST_CORNERS, MOST_PLANES
 from plenoptic.core.jit import device
 from plenoptic.core.kernels.polygons import area_of, cut, point_in
 from plenoptic.core.kernels.ray_blocks import MISSED, STATUS, WEIGHT, L, M, N, X, Y, Z
@@ -15,27 +15,25 @@ from plenoptic.core.values import Floats
 
 ROOM = MOST_CORNERS + MOST_PLANES + 2
 """Corners of a part, at most."""
-RIMS, RIM_ROOM = 49, 1024
-"""Rims of a piece, and their corners; what is beyond is not divided further."""
+STEPS = MOST_CERTAIN + 16
+"""Planes of a piece of which something is certain, and the sides of its microlens."""
 
 
 class Divided(NamedTuple):
     """What of k pieces feeds one point of a pixel: cores, which light surely passes, and rims around them."""
 
-    core: Floats
+    parts: Floats
+    """(3, k ROOM): all that feeds the point, polygons."""
+    cores: Floats
     """(3, k ROOM): polygons."""
+    rim: Floats
+    """(3, ROOM): room for one."""
     corners: NDArray[np.int64]
-    """(k,): of cores."""
+    """(k, 3): of parts, of cores, and 1 where all this is so for all points that no moving plane cuts."""
     areas: Floats
     """(k, 2): of the core, by how much light it lets pass, and of all rims."""
-    rims: Floats
-    """(3, k RIM_ROOM): polygons."""
-    begins: NDArray[np.int64]
-    """(k, RIMS + 1): where they begin."""
-    rim_areas: Floats
-    """(k, RIMS)."""
-    counts: NDArray[np.int64]
-    """(k, 2): of rims, and 1 where all this is so for all points of the pixel that no moving plane cuts."""
+    steps: Floats
+    """(k, STEPS): of the rim that each plane, moved inwards, cuts off; of a part of which nothing is certain, all."""
 
 
 @device
@@ -88,40 +86,58 @@ def _is_cut(planes, piece, at):
 
 
 @device
-def _keep_rim(divided, c, first, n, a, b, limit):
-    """Keep as a rim what of a core of n corners lies beyond a x + b y = limit; whether there is any."""
-    core, rims, count = divided.core, divided.rims, divided.counts[c, 0]
-    begin = divided.begins[c, count]
+def _inner(plane, at):
+    """How far out light is certain to pass a plane."""
+    return plane.limit - plane.s * at[0] - plane.t * at[1] - plane.gap
+
+
+@device
+def _copy(polygon, to, source, first, n):
+    """Copy n corners of a polygon."""
     for q in range(n):
-        rims[0, begin + q], rims[1, begin + q] = core[0, first + q], core[1, first + q]
-    m = cut(rims, begin, n, -a, -b, -limit)
-    area = area_of(rims, begin, m) if m >= 3 else 0.0
-    if area > 0.0:
-        divided.rim_areas[c, count], divided.begins[c, count + 1] = area, begin + m
-        divided.areas[c, 1] += area
-        divided.counts[c, 0] = count + 1
-    return m >= 3
+        polygon[0, to + q], polygon[1, to + q] = source[0, first + q], source[1, first + q]
 
 
 @device
 def _divide(divided, c, corners, planes, piece, at):
     """Divide what of a piece feeds the point `at` of a pixel: its planes, moved inwards, cut off one rim each."""
-    core, first = divided.core, c * ROOM
-    divided.begins[c, 0], divided.counts[c, 0], divided.areas[c, 1] = c * RIM_ROOM, 0, 0.0
-    n, certain = fill_part(core, first, corners, planes, piece, at), piece.certain == 1
-    for j in range(piece.first_plane, piece.first_plane + piece.planes):
-        plane = planes[j]
-        limit = plane.limit - plane.s * at[0] - plane.t * at[1] - plane.gap
-        if certain and n >= 3 and plane.gap > 0.0 and limit < plane.high:
-            count = divided.counts[c, 0]
-            certain = count < RIMS - 1 and divided.begins[c, count] + 2 * n + 4 <= (c + 1) * RIM_ROOM
-            if certain and _keep_rim(divided, c, first, n, plane.a, plane.b, limit):
-                n = cut(core, first, n, plane.a, plane.b, limit)
-    if not certain and n >= 3:
-        _keep_rim(divided, c, first, n, 0.0, 0.0, -1.0)
-        n = 0
-    divided.corners[c] = n
-    divided.areas[c, 0] = area_of(core, first, n) if n >= 3 else 0.0
+    parts, cores, steps, first = divided.parts, divided.cores, divided.steps, c * ROOM
+    n = fill_part(parts, first, corners, planes, piece, at)
+    left = area_of(parts, first, n) if n >= 3 else 0.0
+    divided.corners[c, 0], divided.areas[c, 1], steps[c, 0] = n, 0.0, 0.0
+    if piece.certain == 1:
+        _copy(cores, first, parts, first, n)
+        for j in range(piece.planes):
+            plane, before = planes[piece.first_plane + j], left
+            limit = _inner(plane, at)
+            if n >= 3 and plane.gap > 0.0 and limit < plane.high:
+                n = cut(cores, first, n, plane.a, plane.b, limit)
+                left = min(area_of(cores, first, n), before) if n >= 3 else 0.0
+            steps[c, j] = before - left
+            divided.areas[c, 1] += before - left
+    else:
+        steps[c, 0], divided.areas[c, 1] = left, left
+        n, left = 0, 0.0
+    divided.corners[c, 1], divided.areas[c, 0] = n, left
+
+
+@device
+def _point_on_rim(divided, c, planes, piece, at, left, random):
+    """A point on the rims of a piece, `left` of whose area lies before it."""
+    rim, j = divided.rim, 0
+    n = divided.corners[c, 0]
+    _copy(rim, 0, divided.parts, c * ROOM, n)
+    while j < piece.planes - 1 and left >= divided.steps[c, j]:
+        left -= divided.steps[c, j]
+        j += 1
+    for i in range(j + 1 if piece.certain == 1 else 0):
+        plane = planes[piece.first_plane + i]
+        limit, sign = _inner(plane, at), -1.0 if i == j else 1.0
+        if n >= 3 and plane.gap > 0.0 and limit < plane.high:
+            n = cut(rim, 0, n, sign * plane.a, sign * plane.b, sign * limit)
+    if n >= 3:
+        return point_in(rim, 0, n, left, random)
+    return rim[0, 0], rim[1, 0]
 
 
 @device
@@ -131,11 +147,11 @@ def divide(divided, regions, region, at):
     for k in range(region[0], region[1]):
         c, piece = k - region[0], regions.pieces[k]
         cut_here = _is_cut(planes, piece, at)
-        if cut_here or divided.counts[c, 1] == 0:
+        if cut_here or divided.corners[c, 2] == 0:
             _divide(divided, c, corners, planes, piece, at)
             if details is not None:
                 divided.areas[c, 0] *= details[k].transmission
-            divided.counts[c, 1] = 0 if cut_here else 1
+            divided.corners[c, 2] = 0 if cut_here else 1
 
 
 @device
@@ -152,31 +168,27 @@ def _found(areas, column, count, left):
 
 
 @device
-def aim_divided(ray, sure, i, divided, pieces, place, random):
-    """Start path i towards a rim of some pieces, by areas, and with what passes their cores beside it.
+def aim_divided(ray, sure, i, divided, regions, region, place, random):
+    """Start path i towards a rim of the pieces of a region, by areas, and with what passes their cores beside it.
 
     `place` is the point of the pixel, on the sensor and from the pixel's centre. Where there is no rim, the path counts
-    nothing, and passes a core. Returns the number of the piece.
+    nothing, and passes a core. Returns the piece.
     """
-    (start, at), areas, certain, total = place, divided.areas, 0.0, 0.0
-    for c in range(pieces.size):
+    (start, at), pieces, low, areas = place, regions.pieces, region[0], divided.areas
+    certain, total, count = 0.0, 0.0, region[1] - region[0]
+    for c in range(count):
         certain += areas[c, 0]
         total += areas[c, 1]
-    c, left = _found(areas, 0, pieces.size, random[0] * certain)
+    c, left = _found(areas, 0, count, random[0] * certain)
     point = 0.0, 0.0
     if areas[c, 0] > 0.0:
-        scale = area_of(divided.core, c * ROOM, divided.corners[c]) / areas[c, 0]
-        point = point_in(divided.core, c * ROOM, divided.corners[c], left * scale, random[1])
-    aim_at(sure, i, pieces[c], moved(pieces[c], point, at), start, certain)
+        scale = area_of(divided.cores, c * ROOM, divided.corners[c, 1]) / areas[c, 0]
+        point = point_in(divided.cores, c * ROOM, divided.corners[c, 1], left * scale, random[1])
+    aim_at(sure, i, pieces[low + c], moved(pieces[low + c], point, at), start, certain)
     if total > 0.0:
-        c, left = _found(areas, 1, pieces.size, random[0] * total)
-        k = 0
-        while k < divided.counts[c, 0] - 1 and left >= divided.rim_areas[c, k]:
-            left -= divided.rim_areas[c, k]
-            k += 1
-        begin = divided.begins[c, k]
-        point = point_in(divided.rims, begin, divided.begins[c, k + 1] - begin, left, random[1])
-    aim_at(ray, i, pieces[c], moved(pieces[c], point, at), start, total)
+        c, left = _found(areas, 1, count, random[0] * total)
+        point = _point_on_rim(divided, c, regions.planes, pieces[low + c], at, left, random[1])
+    aim_at(ray, i, pieces[low + c], moved(pieces[low + c], point, at), start, total)
     if not certain + total > 0.0:
         ray[STATUS + i] = MISSED
-    return c
+    return low + c

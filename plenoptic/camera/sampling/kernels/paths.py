@@ -4,17 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from plenoptic.camera.sampling.kernels.parts import (
-    RIM_ROOM,
-    RIMS,
-    ROOM,
-    Divided,
-    aim_at,
-    aim_divided,
-    divide,
-    fill_part,
-    moved,
-)
+from plenoptic.camera.sampling.kernels.parts import ROOM, STEPS, Divided, aim_at, aim_divided, divide, fill_part, moved
 from plenoptic.camera.sampling.kernels.pixel_regions import MOST_PIECES
 from plenoptic.core.jit import device, kernel
 from plenoptic.core.kernels.bundles import pad
@@ -141,12 +131,11 @@ def fill_camera_samples(blocks, sure, own, start, n, batch, fed, pixel):
     if sure is not None:
         divided = Divided(
             polygon,
-            counts,
+            np.empty((3, MOST_PIECES * ROOM)),
+            np.empty((3, ROOM)),
+            np.empty((MOST_PIECES, 3), np.int64),
             np.empty((MOST_PIECES, 2)),
-            np.empty((3, MOST_PIECES * RIM_ROOM)),
-            np.empty((MOST_PIECES, RIMS + 1), np.int64),
-            np.empty((MOST_PIECES, RIMS)),
-            np.empty((MOST_PIECES, 2), np.int64),
+            np.empty((MOST_PIECES, STEPS)),
         )
     path, end = start, start + n
     while path < end:
@@ -159,7 +148,7 @@ def fill_camera_samples(blocks, sure, own, start, n, batch, fed, pixel):
         still = _is_still(pieces, low, high)
         if sure is not None:
             for c in range(high - low):
-                divided.counts[c, 1] = 0
+                divided.corners[c, 2] = 0
         for k in range(run):
             at = path - start + k
             ray, i = blocks[(at // BLOCK) * RAY : (at // BLOCK + 1) * RAY], at % BLOCK
@@ -171,7 +160,7 @@ def fill_camera_samples(blocks, sure, own, start, n, batch, fed, pixel):
             if sure is not None:
                 divide(divided, regions, (low, high), place)
                 beside = sure[(at // BLOCK) * RAY : (at // BLOCK + 1) * RAY]
-                chosen = low + aim_divided(ray, beside, i, divided, pieces[low:high], (on_sensor, place), random)
+                chosen = aim_divided(ray, beside, i, divided, regions, (low, high), (on_sensor, place), random)
             elif still:
                 total, chosen, left = choose(pieces, (low, high), random[0])
                 piece = pieces[chosen]

@@ -13,6 +13,9 @@ MOST_CORNERS = 64
 MOST_PLANES = 128
 """Tangents and edges of all elements that a microlens may see; further ones are left out."""
 
+MOST_CERTAIN = 48
+"""Planes inside of which light is certain to pass; where there are more, it is not known of any."""
+
 _TANGENTS, _SAGITTA = 24, 0.01
 """Tangents around a circle, and how far it lies inside them, in parts of what is seen of it."""
 

@@ -8,6 +8,7 @@ from plenoptic.camera.sampling.kernels.candidates import set_box
 from plenoptic.camera.sampling.kernels.pieces import (
     GAP,
     LIMIT,
+    MOST_CERTAIN,
     MOST_CORNERS,
     MOST_PLANES,
     NUMBERS,
@@ -30,8 +31,6 @@ MOST_PIECES = 64
 """Microlenses of a group; where there are more, their bounds must do."""
 _MOST_CUTS = 24
 """Planes that cut a piece differently at each point of the pixel; where there are more, none does."""
-MOST_CERTAIN = 48
-"""Planes inside of which light is certain to pass; where there are more, it is not known of any."""
 _FEW_CUTS = 6
 """Planes that cut a piece for each path before it is tried whether the edges of its microlens are fewer, where what the
 stop lets pass moves as a whole."""
