@@ -78,8 +78,8 @@ def test_dark_pixels_have_no_rays():
 def test_paths_of_colour_cameras_have_their_wavelengths():
     colour = dataclasses.replace(CAMERA, sensitivity=pl.sensitivities.cie_1931())
     region = np.s_[32:33, 24:25]
-    white = pl.render_white(colour, samples=1024, replicates=1, seed=7, region=region, progress=False)
+    sky = pl.render(SKY, colour, samples=1024, replicates=1, seed=7, region=region, progress=False)
     found = camera_conditioning(camera_record(colour), PIXEL, seed=7, rays=1024)
-    assert found.lost == white.stats.lost
+    assert found.lost == sky.stats.lost
     # Red and blue meet the surfaces otherwise than the camera's own wavelength.
     assert found.refraction[0].tolist() != camera_conditioning(TABLES, PIXEL, seed=7).refraction[0].tolist()

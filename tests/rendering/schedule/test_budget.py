@@ -280,7 +280,7 @@ def budget_of(seed, budget):
 @pytest.mark.parametrize(
     "name, budget",
     [
-        ("white", {"target_error": 0.06}),
+        ("white", {"target_error": 0.001}),
         ("check", {"target_error": 0.06}),
         ("objects", {"target_error": 0.2}),
         ("objects", {"time_limit": 0.16}),

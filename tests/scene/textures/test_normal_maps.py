@@ -49,12 +49,12 @@ def radiances(meshes, view=VIEW, target=(1e-3, 2e-3, 0.0), suns=SUNS):
     """(3,) radiance under each of the suns."""
     camera = camera_from(view, target)
     options = {"samples": 4, "replicates": 1, "progress": False}
-    white = pl.render_white(camera, **options).image[0, 0, 0]
+    sky = pl.render(pl.Scene(background=1.0), camera, truth=Truth.NONE, **options).image[0, 0, 0]
     found = []
     for sun in suns:
         scene = pl.Scene(meshes, [pl.SunLight(-sun, 3.0, angular_radius=0.0)])
         shot = pl.render(scene, camera, truth=Truth.NONE, max_bounces=1, **options)
-        found.append(float(shot.image[0, 0, 0]) / float(white))
+        found.append(float(shot.image[0, 0, 0]) / float(sky))
     return np.array(found)
 
 
@@ -186,7 +186,7 @@ def test_bumpy_white_plastic_makes_no_light():
     plate = pl.Mesh(CORNERS, FACES, material, uv=UV)
     camera = camera_from(VIEW, half=0.02)
     options = {"samples": 4096, "replicates": 1, "progress": False}
-    white = pl.render_white(camera, **options)
+    sky = pl.render(pl.Scene(background=1.0), camera, **options)
     shot = pl.render(pl.Scene([plate], background=1.0), camera, truth=Truth.NONE, max_bounces=1, **options)
     # Paths bring 0 to some 2: 4096 of them 1 %.
-    assert 0.9 < shot.image[0, 0, 0] / white.image[0, 0, 0] < 1.02
+    assert 0.9 < shot.image[0, 0, 0] / sky.image[0, 0, 0] < 1.02

@@ -143,7 +143,8 @@ def _point_on_rim(divided, c, planes, piece, at, left, random):
 @device
 def divide(divided, regions, region, at):
     """Divide the pieces of a region (first and end) for the point `at` of a pixel, but for those that are known."""
-    corners, planes, details = regions.corners, regions.planes, regions.details
+    corners, planes = regions.corners, regions.planes
+    details = regions.details
     for k in range(region[0], region[1]):
         c, piece = k - region[0], regions.pieces[k]
         cut_here = _is_cut(planes, piece, at)
