@@ -58,7 +58,7 @@ print(shot.stats)
 # ## White image
 #
 # A scene of radiance 1 everywhere: what vignetting and microlenses leave of it. The raw image divided by the
-# white image is radiance. Only the rims of microlens images are not known beforehand, so that few samples do.
+# white image is radiance. In this camera only the rims of microlens images are not known beforehand: few samples do.
 
 # %%
 white = pl.render_white(camera, samples=16)

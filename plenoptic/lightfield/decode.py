@@ -77,8 +77,9 @@ def decode(
     Notes
     -----
     Errors are propagated as those of independent pixels: with a shot S and a white image W between pixels, the variance
-    of r = S / W is (var S + r^2 var W) / W^2. A white image without standard error counts as exact. Render shot and
-    white image with different seeds: with the same one their errors are correlated, and what is stated is too large.
+    of r = S / W is (var S + r^2 var W) / W^2. A white image without standard error counts as exact. Render them
+    with different seeds: where both have the same paths (`plan(None, camera)` says that no light is certain), errors
+    are correlated with the same one, and what is stated is too large.
 
     Linear interpolation reproduces linear functions of the place on the array; of others it leaves an error of
     h^2 / 8 times the largest second derivative at most on a square mesh of side h, h^2 / 6 on triangles of side h.

@@ -167,9 +167,10 @@ def render_white(  # noqa: PLR0913
 ) -> Exposure:
     """Render the image of a scene of radiance 1 everywhere; `shot.image / white.image` is then radiance.
 
-    There is no scene: nothing is intersected or shaded, and light that surely passes the lens is added without being
-    traced. Parameters are those of `render`. The paths are not those of a scene with the same seed; a `Scene` of
-    nothing but `background=1.0` has those.
+    There is no scene: nothing is intersected or shaded, and where it pays (`plan(None, camera)` says so), light that
+    surely passes the lens is added without being traced: a sample takes some four times as long as another, and as few
+    are needed. Statistics are those of the paths that are traced. They are not those of a scene with the same seed; a
+    `Scene` of nothing but `background=1.0` has these. Parameters are those of `render`.
 
     Returns
     -------

@@ -56,7 +56,7 @@ class RenderStats:
     paths : int
         Paths sampled.
     paths_through_lens : int
-        Paths that left the lens towards the scene.
+        Paths that left the lens towards the scene; of a white image, of those around what surely passes.
     lost : tuple of (str, int or None, int)
         Cause, index of the lens element (None where no element is to blame) and number of paths.
         Causes are "outside_microlens", "missed", "clipped", "total_reflection" and "not_finite".

@@ -118,7 +118,10 @@ def test_what_is_certain_passes(name):
         (camera_of(5.0, of(aperture=pl.optics.MicrolensAperture(pl.optics.ApertureShape.CIRCLE, 0.8))), "round"),
         (camera_of(5.0, of(model=pl.optics.MicrolensModel.SPHERICAL, thickness=0.3, index=1.5)), "plates"),
         (camera_of(5.0, of(walls=pl.optics.Walls.OPAQUE)), "walls"),
-        (camera_of(5.0, of(pitch=0.03)), "microlenses are near a pixel"),
+        (camera_of(10.0, of(pitch=0.07)), "microlenses are near a pixel"),
+        (camera_of(5.0, distance=2.0), "changes more over a pixel than over a microlens"),
+        (camera_of(pl.StarStop(5, 5.0, 2.0)), "no circle and no polygon"),
+        (camera_of(5.0, sensitivity=pl.sensitivities.cie_1931()), "wavelengths"),
     ],
 )
 def test_where_something_else_stops_light_none_is_certain(camera, why):
@@ -133,6 +136,18 @@ def test_no_light_is_certain_through_holes_that_are_no_polygons(stop):
     centres = pixel_centres(camera, (250, 258), (250, 258))
     regions = fed_pixels(camera, centres, np.arange(64), certain=True).regions
     assert not regions.pieces["certain"][: regions.first[-1]].any()
+
+
+@pytest.mark.parametrize("pitch, stop", [(0.1, 8.0), (0.2, 3.0)])
+def test_pixels_that_see_very_many_microlenses_are_traced_whole(pitch, stop):
+    # Few are near a point of such large pixels, but a hundred near all of them.
+    array = pl.MicrolensArray(pitch=pitch, focal_lengths=(2.0,), lattice=pl.Lattice.SQUARE)
+    camera = camera_of(stop, array, sensor=pl.Sensor(shape=(64, 64), pixel_pitch=pitch))
+    settings = {"samples": 256, "replicates": 8, "region": np.s_[32:40, 32:40], "progress": False}
+    white = pl.render_white(camera, **settings)
+    sky = pl.render(pl.Scene(background=1.0), camera, seed=1, **settings)
+    error = np.hypot(white.standard_error, sky.standard_error).astype(float)
+    assert abs(float(white.image.sum()) - float(sky.image.sum())) <= 4 * math.sqrt((error**2).sum())
 
 
 def test_a_scene_is_traced_whole():

@@ -84,18 +84,33 @@ def is_exact(camera: CameraRecord, *, certain: bool = False) -> bool:
     return not is_clear(camera) and microlenses_near(camera) <= (_MANY_CERTAIN if certain else _MANY)
 
 
-def what_else_stops(camera: CameraRecord) -> str:
-    """What stops light beside the openings of the lens and the straight sides of microlenses; empty for nothing."""
+def why_uncertain(camera: CameraRecord) -> str:
+    """Why light that surely passes is not looked for; empty where it is.
+
+    Something else than round and straight openings of the lens and straight sides of microlenses stops it, or it has
+    little part in the noise.
+    """
     array, microlenses = camera.array, camera.microlenses
     if camera.dust:
         return "dust stops light"
+    if not camera.openings.whole.all():
+        return "an opening is no circle and no polygon"
+    if camera.colour is not None:
+        return "the noise is that of the wavelengths"
     if array is None or microlenses is None:
         return ""
     if microlenses.is_plate:
         return "plates move rays aside before their rims stop them"
     if array.walls is not None:
         return "walls stop light"
-    return "round openings stop light" if array.opening.clip > 0 else ""
+    if array.opening.clip > 0:
+        return "round openings stop light"
+    # On the pupil, from one point of the sensor and of the array.
+    distance, pixel = camera.z_plane - camera.pupil.z, max(camera.sensor.pixel.half)
+    ratio = distance / camera.sensor.plane.distance
+    bend = float(np.abs(1.0 + ratio - distance * array.lattice.powers).max())
+    pixels = not camera.pupil.pinhole and bend * array.opening.radius < ratio * pixel
+    return "what passes changes more over a pixel than over a microlens" if pixels else ""
 
 
 class _Half(NamedTuple):

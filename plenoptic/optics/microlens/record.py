@@ -19,6 +19,9 @@ MOST_LISTED = 4_000_000
 """Lenses with imperfections that a camera may need: each takes 1.1 kB and 5 us."""
 
 
+MOST_SIDES = 40
+"""Of a cell: the outline of a pupil, of 16 sides, may cut it, and there is room for 64."""
+
 MICROLENS = np.dtype(
     [
         *((name, "f8") for name in ("power", "centre_x", "centre_y", "cell_x", "cell_y", "clip", "transmission")),
@@ -310,8 +313,13 @@ def outlines(array: MicrolensArray, points: Floats, shifts: Floats, *, turn: Flo
             fill_cells(cells, cell_counts, points, base, 0.0, 2.0 * widest, neighbours),
             fill_cells(wide, wide_counts, points, base, margin, 2.0 * (widest + margin), neighbours),
         )
-        if most <= room:
+        if most <= min(room, MOST_SIDES):
             most = fill_openings(corners, counts, wide, wide_counts, opening, shifts)
+        if most > MOST_SIDES:
+            raise InvalidValueError(
+                f"a cell of the FREE lattice has {most} sides or more, and the limit is {MOST_SIDES}; spread its "
+                "neighbours, which stand around it in a circle"
+            )
         if most <= room:
             return Outlines(bins, cells, cell_counts, wide, wide_counts, corners, counts)
         room = most

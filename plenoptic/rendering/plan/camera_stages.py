@@ -5,7 +5,7 @@ from __future__ import annotations
 from plenoptic.camera.assembly import assembly
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.record import CameraRecord
-from plenoptic.camera.sampling.pixel_regions import is_clear, is_exact, microlenses_near, what_else_stops
+from plenoptic.camera.sampling.pixel_regions import is_clear, is_exact, microlenses_near, why_uncertain
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.microlens.aperture import ApertureShape, Gaps, Walls
 from plenoptic.optics.microlens.array import MicrolensArray
@@ -44,7 +44,7 @@ def _sensor(camera: PlenopticCamera) -> list[Decision]:
 
 def _pupils(record: CameraRecord, *, white: bool) -> list[Decision]:
     """How it is found what feeds pixels."""
-    stopped = what_else_stops(record)
+    stopped = why_uncertain(record)
     many = f"{microlenses_near(record):.0f} microlenses are near a pixel, and bounds on the pupil cost less"
     why = "light passes beside the openings of microlenses" if is_clear(record) else many
     exact = is_exact(record, certain=white and not stopped)

@@ -33,6 +33,14 @@ def tables_of(array: pl.MicrolensArray, reach: float):
     return array_record(array, turn=np.eye(2), origin=np.zeros(2), reach=reach, margin=0.0)
 
 
+@pytest.mark.parametrize("around", [50, 100])
+def test_cells_with_very_many_sides_are_refused(around):
+    angle = np.arange(around) * 2 * np.pi / around
+    centres = np.concatenate([[[0.0, 0.0]], np.stack([np.cos(angle), np.sin(angle)], axis=1)])
+    with pytest.raises(pl.errors.InvalidValueError, match="sides or more, and the limit is 40"):
+        tables_of(array_of(pl.Lattice.FREE, 1.0, centres=centres), 1.0)
+
+
 # Which lenses
 
 

@@ -109,6 +109,16 @@ def _is_still(pieces, low, high):
     return still
 
 
+@device
+def _aim_still(ray, i, regions, region, place, random):
+    """Start path i towards a region that is the same for all points of its pixel; returns the piece."""
+    total, chosen, left = choose(regions.pieces, region, random[0])
+    piece = regions.pieces[chosen]
+    point = point_in(regions.corners, piece.first_corner, piece.corners, left, random[1])
+    aim_at(ray, i, piece, moved(piece, point, place[1]), place[0], total)
+    return chosen
+
+
 @kernel
 def fill_camera_samples(blocks, sure, own, start, n, batch, fed, pixel):
     """Start paths start ... start + n - 1 of a batch of the pixels of a tile, which are `FedPixels`.
@@ -147,7 +157,7 @@ def fill_camera_samples(blocks, sure, own, start, n, batch, fed, pixel):
         low, high = first[p], first[p + 1]
         still = _is_still(pieces, low, high)
         if sure is not None:
-            for c in range(high - low):
+            for c in range(min(high - low, MOST_PIECES)):
                 divided.corners[c, 2] = 0
         for k in range(run):
             at = path - start + k
@@ -158,14 +168,15 @@ def fill_camera_samples(blocks, sure, own, start, n, batch, fed, pixel):
                 dx, dy = dx + pixel.skew[0] * down, dy + pixel.skew[1] * across
             place, on_sensor, random = (dx, dy), (centres[p, 0] + dx, centres[p, 1] + dy), (u[2, k], u[3, k])
             if sure is not None:
-                divide(divided, regions, (low, high), place)
                 beside = sure[(at // BLOCK) * RAY : (at // BLOCK + 1) * RAY]
-                chosen = aim_divided(ray, beside, i, divided, regions, (low, high), (on_sensor, place), random)
+                if high - low <= MOST_PIECES:
+                    divide(divided, regions, (low, high), place)
+                    chosen = aim_divided(ray, beside, i, divided, regions, (low, high), (on_sensor, place), random)
+                else:
+                    chosen = _aim_still(ray, i, regions, (low, high), (on_sensor, place), random)
+                    aim_at(beside, i, pieces[chosen], (0.0, 0.0), on_sensor, 0.0)
             elif still:
-                total, chosen, left = choose(pieces, (low, high), random[0])
-                piece = pieces[chosen]
-                point = point_in(corners, piece.first_corner, piece.corners, left, random[1])
-                aim_at(ray, i, piece, moved(piece, point, place), on_sensor, total)
+                chosen = _aim_still(ray, i, regions, (low, high), (on_sensor, place), random)
             else:
                 total = 0.0
                 for c in range(high - low):

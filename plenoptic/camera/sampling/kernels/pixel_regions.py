@@ -28,7 +28,7 @@ from plenoptic.core.jit import device, kernel
 from plenoptic.core.kernels.polygons import area_of
 
 MOST_PIECES = 64
-"""Microlenses of a group; where there are more, their bounds must do."""
+"""Microlenses of a group; where there are more, their bounds must do, which are the same for all points of a pixel."""
 _MOST_CUTS = 24
 """Planes that cut a piece differently at each point of the pixel; where there are more, none does."""
 _FEW_CUTS = 6

@@ -78,7 +78,8 @@ def fill_cells(cells, counts, points, base, margin, reach, neighbours):
                             continue
                         dx, dy = points[other, 0] - points[k, 0], points[other, 1] - points[k, 1]
                         limit = 0.5 * (dx * dx + dy * dy) + margin * math.hypot(dx, dy)
-                        n = cut(polygon, 0, n, dx, dy, limit)
+                        if n < _MOST_CORNERS:
+                            n = cut(polygon, 0, n, dx, dy, limit)
         most = max(most, n)
         counts[k] = n
         for q in range(min(n, cells.shape[1])):
