@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import weakref
 from collections.abc import Hashable
 from typing import Protocol
 
@@ -13,6 +12,7 @@ from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.record import CameraRecord, camera_record
 from plenoptic.camera.sampling.pixel_regions import fed_pixels
 from plenoptic.camera.sampling.record import FedPixels, Regions
+from plenoptic.core.last_made import LastMade
 from plenoptic.core.values import Floats
 
 MOST_BYTES = 1 << 28
@@ -76,26 +76,10 @@ def _fitted(fed: FedPixels) -> FedPixels:
     return fed._replace(regions=Regions(*fitted))
 
 
-_last: tuple[weakref.ref[PlenopticCamera], PreparedCamera] | None = None
-"""Of one camera only."""
-
-
 def prepared_camera(camera: PlenopticCamera) -> PreparedCamera:
     """Compile a camera, unless it is the very one that was compiled last and still exists: cameras do not change."""
-    global _last
-    last = _last
-    if last is not None and last[0]() is camera:
-        return last[1]
-    del last
-    _last = None  # before the next one takes memory
-    found = PreparedCamera(camera_record(camera))
-    _last = (weakref.ref(camera, _forget), found)
-    return found
+    return _last(camera)
 
 
-def _forget(gone: weakref.ref[PlenopticCamera]) -> None:
-    """Let go of what was compiled of a camera that no longer exists."""
-    global _last
-    last = _last
-    if last is not None and last[0] is gone:
-        _last = None
+_last: LastMade[PlenopticCamera, PreparedCamera] = LastMade(lambda camera: PreparedCamera(camera_record(camera)))
+"""Of one camera only."""

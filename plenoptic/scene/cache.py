@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import weakref
-
+from plenoptic.core.last_made import LastMade
 from plenoptic.scene.compile import SceneRecord
 from plenoptic.scene.geometry.accel import Intersector, build_intersector
 from plenoptic.scene.scene import Scene
@@ -28,26 +27,10 @@ class PreparedScene:
         return self._built[0]
 
 
-_last: tuple[weakref.ref[Scene], PreparedScene] | None = None
-"""Of one scene only: trees take as much memory as scenes do."""
-
-
 def prepared_scene(scene: Scene) -> PreparedScene:
     """Compile a scene, unless it is the very one that was compiled last and still exists: scenes do not change."""
-    global _last
-    last = _last
-    if last is not None and last[0]() is scene:
-        return last[1]
-    del last
-    _last = None  # before the next one takes memory
-    found = PreparedScene(scene.tables())
-    _last = (weakref.ref(scene, _forget), found)
-    return found
+    return _last(scene)
 
 
-def _forget(gone: weakref.ref[Scene]) -> None:
-    """Let go of what was compiled of a scene that no longer exists."""
-    global _last
-    last = _last
-    if last is not None and last[0] is gone:
-        _last = None
+_last: LastMade[Scene, PreparedScene] = LastMade(lambda scene: PreparedScene(scene.tables()))
+"""Of one scene only: trees take as much memory as scenes do."""
