@@ -515,6 +515,10 @@ def test_what_cannot_be_replayed_says_why():
         replay(shot, 1.0, pixel=(300, 199), sample=0)
     with pytest.raises(pl.errors.InvalidValueError, match="the image has 1 channels, and this scene gives 3"):
         replay(shot, pl.objects_scene(), pixel=(300, 199), sample=0)
+    with pytest.raises(pl.errors.InvalidValueError, match="is the image of a scene"):
+        replay(shot, None, pixel=(300, 199), sample=0)
+    with pytest.raises(pl.errors.InvalidValueError, match="is a white image, which has no scene; give None"):
+        replay(shoot(None), pl.Scene(background=1.0), pixel=(300, 199), sample=0)
 
 
 def test_pixels_that_no_light_reaches_have_no_events():

@@ -11,6 +11,7 @@ from plenoptic.camera.assembly import Assembly, Rigid, assembly
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.dust import PlacedDust, placed_dust
 from plenoptic.camera.sampling.bounds import array_bounds, sensor_bounds
+from plenoptic.camera.sampling.choice import why_bounds
 from plenoptic.camera.sampling.openings import openings
 from plenoptic.camera.sampling.record import Openings
 from plenoptic.core.color.spectra import ColourTables, colour_tables
@@ -102,6 +103,8 @@ class CameraRecord(NamedTuple):
     position: Floats | None
     openings: Openings
     """What its elements let pass."""
+    exact: bool
+    """Whether what feeds pixels is found through these, where paths are traced, or by bounds on the pupil alone."""
     elements: int
     """Lens elements, for counting lost rays."""
     convex: bool
@@ -158,6 +161,7 @@ def camera_record(camera: PlenopticCamera) -> CameraRecord:
         rotation=None if world is None else world.turn,
         position=None if world is None else world.shift,
         openings=openings(lens, camera.wavelength if colour is None else colour.wavelengths),
+        exact=not why_bounds(camera, certain=False),
         elements=len(lens.elements),
         convex=all(is_convex(element) for element in lens.elements if isinstance(element, Stop)),
     )

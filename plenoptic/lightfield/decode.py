@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.camera.model_pupil import model_pupil
 from plenoptic.camera.points.centres import CentreMethod, microlens_centres
-from plenoptic.camera.report.optics import lateral_magnification, model_pupil, object_plane
+from plenoptic.camera.report.optics import lateral_magnification, object_plane
 from plenoptic.core.values import Floats, check_kind, choice, finite, length_in_mm, positive, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield.planes import RawPlanes, raw_planes

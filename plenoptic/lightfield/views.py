@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.report.optics import image_plane, model_pupil
+from plenoptic.camera.model_pupil import model_pupil
+from plenoptic.camera.report.optics import image_plane
 from plenoptic.core.values import Floats, number, result
 from plenoptic.errors import InvalidValueError
 from plenoptic.truth.channels import GroundTruth, Truth

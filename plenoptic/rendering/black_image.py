@@ -222,7 +222,7 @@ class _Probe:
         from plenoptic.scene.materials.alpha_mask import no_hits
 
         hits = no_hits(self.record, len(rays))
-        self.intersector.fill_closest(hits, np.ascontiguousarray(rays), coherent=False)
+        self.intersector.fill_closest(hits, np.ascontiguousarray(rays))
         return hits.triangle[hits.triangle >= 0]
 
     def surrounding(self) -> int | None:

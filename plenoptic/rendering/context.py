@@ -47,6 +47,5 @@ def render_context(subject: Subject, seed: int) -> RenderContext:
     """Plan a render and compile what it needs."""
     prepared = subject.prepared
     record, intersector = (None, None) if prepared is None else (prepared.record, prepared.intersector)
-    camera = prepared_camera(subject.camera)
-    plan = plan_stages(record, camera.record, subject)
+    camera, plan = prepared_camera(subject.camera), plan_stages(record, subject)
     return RenderContext(camera, record, intersector, plan, subject.settings, subject.replicates, np.uint64(seed))

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 _NAMES = {1: ("Y",), 3: ("R", "G", "B")}
 _FULL = 65535  # the largest 16-bit value
-_KEPT_AS_TEXT = ("samples", "replicates", "seed", "region", "camera", "stats", "settings", "object_names")
+_KEPT_AS_TEXT = ("samples", "replicates", "seed", "region", "camera", "stats", "settings", "white", "object_names")
 MOST_NAMES = 10_000
 """Objects of a scene whose names are kept: at most a megabyte in the head of a file."""
 _SAMPLES = "samples"
@@ -75,6 +75,8 @@ class Exposure:
         Paths of each pixel; None where all have `samples`, which is otherwise the most that a pixel has.
     settings : RenderSettings, optional
         How it was rendered: what `replay` needs to know.
+    white : bool, optional
+        Whether `render_white` made it; None where it is not known.
     object_names : sequence of str, optional
         The name of each number in `truth.object`, as `Scene.object_names` has them, the last one '' for -1:
         ``np.array(shot.object_names)[shot.truth.object]`` names what each pixel shows. None where the objects of pixels
@@ -105,6 +107,7 @@ class Exposure:
     stats: RenderStats | None = None
     sample_counts: Given[NDArray[np.int32] | None, ArrayLike | None] = Given(default=None)
     settings: RenderSettings | None = None
+    white: bool | None = None
     object_names: Given[tuple[str, ...] | None, Sequence[str] | None] = Given(default=None)
 
     def __post_init__(self) -> None:
@@ -137,6 +140,8 @@ class Exposure:
         for name, kind in (("stats", RenderStats), ("settings", RenderSettings)):
             if getattr(self, name) is not None:
                 check_kind(getattr(self, name), name, kind, f"the `{name}` of another exposure")
+        if self.white is not None:
+            check_kind(self.white, "white", bool, "True")
         if (names := self.object_names) is not None:
             if not isinstance(names, tuple | list) or not all(isinstance(name, str) for name in names):
                 raise InvalidValueError(f"object_names is {names!r}; it must be texts, one for each object")

@@ -138,7 +138,8 @@ def render(  # noqa: PLR0913
     from plenoptic.scene.scene import Scene
 
     if not isinstance(scene, Scene):
-        raise InvalidValueError(f"scene is a {type(scene).__name__}; it must be a Scene")
+        hint = "; `render_white` needs none" if scene is None else ""
+        raise InvalidValueError(f"scene is a {type(scene).__name__}; it must be a Scene{hint}")
     check_scene_and_camera(scene, camera)
     warn_where_implausible(camera)
     budget = checked_budget(samples, time_limit, target_error, replicates)

@@ -46,7 +46,8 @@ def replay(exposure: Exposure, scene: Scene | None, *, pixel: tuple[int, int], s
     ------
     InvalidValueError
         Where the exposure does not know its camera, seed or settings, the pixel is outside its region, or it has fewer
-        samples there; where the image has other channels than this scene would give.
+        samples there; where a white image gets a scene or another image none; where the image has other channels than
+        this scene would give.
 
     Notes
     -----
@@ -133,13 +134,18 @@ def _context(exposure: Exposure, scene: Scene | None) -> RenderContext:
             f"the exposure does not know its {missing}; only what `render` made can be replayed, or an .exr file to "
             "which that was saved"
         )
+    if exposure.white is not None and exposure.white != (scene is None):
+        raise InvalidValueError(
+            "the exposure is a white image, which has no scene; give None in its place"
+            if exposure.white
+            else "the exposure is the image of a scene, and only white images have none; give the scene rendered"
+        )
     check_scene_and_camera(scene, camera)
     context = render_context(Subject(scene, camera, samples, replicates, Truth.NONE, settings), seed)
     if context.channels != exposure.image.shape[2]:
         raise InvalidValueError(
-            f"the image has {exposure.image.shape[2]} channels, and "
-            f"{'a white image' if scene is None else 'this scene'} gives {context.channels}; give the scene that was "
-            f"rendered{'' if scene is None else ', or None for a white image'}"
+            f"the image has {exposure.image.shape[2]} channels, and this scene gives {context.channels}; give the "
+            "scene that was rendered"
         )
     return context
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.paths import fill_through_array
 from plenoptic.camera.record import CameraRecord
-from plenoptic.camera.sampling.pixel_regions import feeding_regions, is_exact
+from plenoptic.camera.sampling.pixel_regions import feeding_regions
 from plenoptic.camera.sampling.record import FedPixels
 from plenoptic.core.kernels.ray_blocks import BLOCK, MISSED, RAY, STATUS
 from plenoptic.core.values import Floats
@@ -138,7 +138,7 @@ def _found_rays(
     Where it is known what feeds starts, a ray passes the largest part of a microlens; probes look where it is lost, and
     where it is not known.
     """
-    rays, left, known = _lost_rays(pixels), np.arange(len(at)), camera.convex and is_exact(camera)
+    rays, left, known = _lost_rays(pixels), np.arange(len(at)), camera.convex and camera.exact
     if known:
         from plenoptic.truth.kernels import representative_ray
 

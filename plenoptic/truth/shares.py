@@ -65,7 +65,7 @@ def _sums(
         paths.fill_through_lens(bundle)
         sent = fill_world_rays(rays, lanes, bundle, n, camera.rotation, camera.position)
         hits = no_hits(scene, sent)
-        intersector.fill_closest(hits, rays[:sent], coherent=True)
+        intersector.fill_closest(hits, rays[:sent])
         if scene.alpha is not None:
             skip_transparent(scene, intersector, rays[:sent], hits)
         pixel = fed.place[(start + lanes[:sent]) // samples]

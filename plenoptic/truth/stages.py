@@ -180,7 +180,7 @@ class PixelStages:
         sent = fill_world_rays(rays, lanes, self.rays.blocks, n, camera.rotation, camera.position)
         rays, lanes = rays[:sent], lanes[:sent]
         hits, reached = no_hits(scene, sent), np.empty(sent)
-        intersector.fill_closest(hits, rays, coherent=True)
+        intersector.fill_closest(hits, rays)
         if scene.alpha is not None:
             skip_transparent(scene, intersector, rays, hits)
         interaction.fill_distances(reached, hits, rays, scene.geometry)

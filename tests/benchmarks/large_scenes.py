@@ -130,8 +130,8 @@ def speed(intersector: Intersector, rays: NDArray[np.float64], kind: str) -> flo
             if kind == "shadow":
                 intersector.fill_blocked(blocked[: len(part)], part)
             else:
-                n, coherent = len(part), kind == "first"
-                intersector.fill_closest(Hits(hits[:n], placed[:n], None), part, coherent=coherent)
+                n = len(part)
+                intersector.fill_closest(Hits(hits[:n], placed[:n], None), part)
         times.append(time.process_time() - begin)
     return 1e-6 * len(rays) / min(times[1:])
 

@@ -9,7 +9,7 @@ import pytest
 import plenoptic as pl
 from plenoptic.camera.paths import CameraPaths, fill_through_array
 from plenoptic.camera.record import camera_record
-from plenoptic.camera.sampling import pixel_regions
+from plenoptic.camera.sampling import choice
 from plenoptic.camera.sampling.pixel_regions import fed_pixels, pixel_centres
 from plenoptic.camera.sampling.record import batch_record
 from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, STATUS, WEIGHT, N, Z
@@ -164,7 +164,7 @@ def test_white_images_are_those_of_traced_paths(name, monkeypatch):
         arguments = {"replicates": 32, "region": (slice(*rows), slice(*columns)), "progress": False}
         white = pl.render_white(camera, samples=256, seed=seed, **arguments)
         with monkeypatch.context() as patch:
-            patch.setattr(pixel_regions, "_MANY_CERTAIN", -1.0)
+            patch.setattr(choice, "_MANY_CERTAIN", -1.0)
             traced = pl.render_white(camera, samples=2048, seed=100 + seed, **arguments)
             few = pl.render_white(camera, samples=256, seed=200 + seed, **arguments)
         error = np.hypot(white.standard_error, traced.standard_error).astype(float)

@@ -73,7 +73,7 @@ def test_helpers_compile_what_a_run_without_data_calls(hits):
 
 @pytest.mark.parametrize("executable", ["None", "'/no/such/python'", "'some-other-program'"])
 def test_where_no_helper_can_be_started_all_is_compiled_here(hits, executable):
-    assert hits(f"sys.executable = {executable}") == 0
+    assert hits(f"sys.executable = {executable}", wait=False) == 0
 
 
 @pytest.mark.skipif(os.name == "nt", reason="needs a script that can be executed")

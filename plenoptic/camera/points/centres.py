@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.assembly import ArrayAxes, array_axes, sensor_corners
 from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.camera.model_pupil import model_pupil
 from plenoptic.camera.points.centroids import lit_centroids
 from plenoptic.camera.points.chief_rays import chief_slopes
 from plenoptic.camera.points.white_centroids import white_centroids
-from plenoptic.camera.report.optics import model_pupil
 from plenoptic.core.values import Floats, check_kind, choice, coordinate, result
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.microlens.aperture import Walls

@@ -67,20 +67,6 @@ def paraxial_cone(lens: LensStack, z: float, wavelength: float) -> Cone:
     return Cone(d / across, abs(lens.stop.semi_diameter / across))
 
 
-def model_pupil(camera: PlenopticCamera) -> tuple[float, float]:
-    """Where the exit pupil is, z in the lens's axes in mm, inf for a telecentric lens, and its size over the iris's.
-
-    As the lens's model has it; the size is negative where the pupil stands upside down.
-    """
-    lens = camera.lens
-    if lens.model is LensModel.NONE:
-        return 0.0, 1.0
-    points = cardinal_points(lens, camera.wavelength)
-    if lens.model is LensModel.THIN:
-        return points.rear_principal, points.entrance_pupil_semi_diameter / lens.stop.semi_diameter
-    return points.exit_pupil, points.pupil_magnification
-
-
 def traced_slope(lens: LensStack, z: float, wavelength: float) -> float:
     """Half the range of slopes of the rays from a point of the axis that leave the lens, by tracing; nan for none.
 

@@ -15,9 +15,6 @@ from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.record import MOVED
 from plenoptic.optics.microlens.record import MICROLENS
 
-_MANY, _MANY_CERTAIN = 12.0, 48.0
-"""Microlenses near a pixel on the axis beyond which bounds on the pupil must do: polygons that are cut for each path
-then take longer than they lower the variance. More where light that surely passes is looked for."""
 _TOGETHER = 512
 """Candidates whose rays are traced together."""
 _PASSES, _SLACK = 4, 2e-3
@@ -43,7 +40,7 @@ MOST_CELLS = 100_000
 
 def cells_per_pixel(camera: CameraRecord) -> float:
     """About how many microlenses are looked at for each pixel, at least 1; an InvalidValueError for far too many."""
-    count = _cells(camera, float(camera.pupil.reach.max()))
+    count = _cells(camera)
     if count > MOST_CELLS:
         raise InvalidValueError(
             f"each pixel sees about {count:.3g} microlenses, and the limit is {MOST_CELLS}; their pitch is too small, "
@@ -52,65 +49,20 @@ def cells_per_pixel(camera: CameraRecord) -> float:
     return count
 
 
-def _cells(camera: CameraRecord, reach: float) -> float:
-    """About how many microlenses see a pixel through a pupil that reaches so far from the axis, in mm."""
+def _cells(camera: CameraRecord) -> float:
+    """About how many microlenses see a pixel, at most."""
     array, pupil = camera.array, camera.pupil
     if array is None:
         return 1.0
     distance = camera.z_plane - pupil.z
     ratio = distance / camera.sensor.plane.distance
     bend = 0.0 if pupil.pinhole else float(np.abs(1.0 + ratio - distance * array.lattice.powers).max())
-    reach += pupil.margin + bend * array.opening.radius
+    reach = float(pupil.reach.max()) + pupil.margin + bend * array.opening.radius
     search = (reach + ratio * camera.sensor.pitch) / (1.0 + ratio) + array.opening.radius
     area, listed = abs(float(np.linalg.det(array.lattice.basis))), array.listed
     if listed is not None:
         area = float(listed.bins.width**2 * (len(listed.bins.first) - 1) / max(len(listed.lenses), 1))
     return 1.0 + float(np.pi * search**2 / area)
-
-
-def microlenses_near(camera: CameraRecord) -> float:
-    """About how many microlenses see a pixel on the axis."""
-    return _cells(camera, float(camera.pupil.reach[0]))
-
-
-def is_clear(camera: CameraRecord) -> bool:
-    """Whether light passes beside the openings of microlenses."""
-    return camera.array is not None and camera.array.opening.clear
-
-
-def is_exact(camera: CameraRecord, *, certain: bool = False) -> bool:
-    """Whether what feeds pixels is found through the openings of the lens, or by bounds on its pupil alone."""
-    # Of light beside openings half of the cell is lost in any case.
-    return not is_clear(camera) and microlenses_near(camera) <= (_MANY_CERTAIN if certain else _MANY)
-
-
-def why_uncertain(camera: CameraRecord) -> str:
-    """Why light that surely passes is not looked for; empty where it is.
-
-    Something else than round and straight openings of the lens and straight sides of microlenses stops it, or it has
-    little part in the noise.
-    """
-    array, microlenses = camera.array, camera.microlenses
-    if camera.dust:
-        return "dust stops light"
-    if not camera.openings.whole.all():
-        return "an opening is no circle and no polygon"
-    if camera.colour is not None:
-        return "the noise is that of the wavelengths"
-    if array is None or microlenses is None:
-        return ""
-    if microlenses.is_plate:
-        return "plates move rays aside before their rims stop them"
-    if array.walls is not None:
-        return "walls stop light"
-    if array.opening.clip > 0:
-        return "round openings stop light"
-    # On the pupil, from one point of the sensor and of the array.
-    distance, pixel = camera.z_plane - camera.pupil.z, max(camera.sensor.pixel.half)
-    ratio = distance / camera.sensor.plane.distance
-    bend = float(np.abs(1.0 + ratio - distance * array.lattice.powers).max())
-    pixels = not camera.pupil.pinhole and bend * array.opening.radius < ratio * pixel
-    return "what passes changes more over a pixel than over a microlens" if pixels else ""
 
 
 class _Half(NamedTuple):
@@ -214,7 +166,7 @@ def feeding_regions(
     from plenoptic.camera.sampling.kernels.views import RAYS
 
     cells_per_pixel(camera)
-    if is_exact(camera, certain=certain):
+    if certain or camera.exact:
         centres, group = _grouped(camera, starts)
         turn = camera.parts.sensor_to_local.turn
         sides = 0.5 * SIDE * camera.sensor.pitch * np.abs(turn[:2, :2]).sum(axis=1)

@@ -133,7 +133,7 @@ class PathIntegrator:
         """Find what rays meet, through surfaces that are not there for their paths."""
         hits, rays = self._hits.first(found), self._now.rays[:found]
         if self._intersector is not None:
-            self._intersector.fill_closest(hits, rays, coherent=bounce == 0)
+            self._intersector.fill_closest(hits, rays)
             if self._scene.alpha is not None:
                 skip_transparent(self._scene, self._intersector, rays, hits, self._path_keys(), bounce * SALTS)
         return hits

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from plenoptic.camera.assembly import assembly
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.camera.record import CameraRecord
-from plenoptic.camera.sampling.pixel_regions import is_clear, is_exact, microlenses_near, why_uncertain
+from plenoptic.camera.sampling.choice import why_bounds, why_uncertain
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.microlens.aperture import ApertureShape, Gaps, Walls
 from plenoptic.optics.microlens.array import MicrolensArray
@@ -17,9 +16,9 @@ from plenoptic.rendering.plan.stages import Decision, Stage, decide, left_out
 _NONE = "the camera has none"
 
 
-def camera_decisions(camera: PlenopticCamera, record: CameraRecord, *, white: bool) -> list[Decision]:
+def camera_decisions(camera: PlenopticCamera, *, white: bool) -> list[Decision]:
     """Decisions on everything between the pixel and the scene, in the order of the stages."""
-    parts = [_sensor(camera), _pupils(record, white=white), _array(camera.microlenses), _assembly(camera)]
+    parts = [_sensor(camera), _pupils(camera, white=white), _array(camera.microlenses), _assembly(camera)]
     return [*(decision for part in parts for decision in part), *_lens(camera)]
 
 
@@ -42,19 +41,17 @@ def _sensor(camera: PlenopticCamera) -> list[Decision]:
     ]
 
 
-def _pupils(record: CameraRecord, *, white: bool) -> list[Decision]:
+def _pupils(camera: PlenopticCamera, *, white: bool) -> list[Decision]:
     """How it is found what feeds pixels."""
-    stopped = why_uncertain(record)
-    many = f"{microlenses_near(record):.0f} microlenses are near a pixel, and bounds on the pupil cost less"
-    why = "light passes beside the openings of microlenses" if is_clear(record) else many
-    exact = is_exact(record, certain=white and not stopped)
+    stopped = why_uncertain(camera)
+    bounds = why_bounds(camera, certain=white and not stopped)
     return [
-        decide(Stage.EXACT_PUPILS, exact, why, "each point of a pixel sees the openings of the lens"),
+        decide(Stage.EXACT_PUPILS, not bounds, bounds, "each point of a pixel sees the openings of the lens"),
         decide(
             Stage.CERTAIN_LIGHT,
             *(white, "a scene is seen"),
             *(not stopped, stopped),
-            *(exact, why),
+            *(not bounds, bounds),
             "what surely passes them is not traced",
         ),
     ]

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from plenoptic.camera.cache import prepared_camera
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.checks import check_scene_and_camera
-from plenoptic.camera.record import CameraRecord
 from plenoptic.core.values import whole
 from plenoptic.rendering.plan.camera_stages import camera_decisions
 from plenoptic.rendering.plan.scene_stages import WHITE, scene_decisions
@@ -72,11 +70,11 @@ def plan(  # noqa: PLR0913
 def plan_for(subject: Subject) -> Plan:
     """The plan for what another one was made for, changed or not."""
     prepared = subject.prepared
-    return plan_stages(None if prepared is None else prepared.record, prepared_camera(subject.camera).record, subject)
+    return plan_stages(None if prepared is None else prepared.record, subject)
 
 
-def plan_stages(record: SceneRecord | None, compiled: CameraRecord, subject: Subject) -> Plan:
-    """`plan_for` with the records of the subject's scene and camera."""
+def plan_stages(record: SceneRecord | None, subject: Subject) -> Plan:
+    """`plan_for` with the record of the subject's scene."""
     camera, settings, meshes = subject.camera, subject.settings, record is not None and record.geometry is not None
     asked, independent = checked_truth(subject.truth), min(subject.samples, subject.replicates)
     found = available_truth(asked, meshes=meshes, microlenses=camera.microlenses is not None)
@@ -87,7 +85,7 @@ def plan_stages(record: SceneRecord | None, compiled: CameraRecord, subject: Sub
     return Plan(
         (
             decide(Stage.INDEPENDENT_SAMPLES, settings.sampler is Sampler.RANDOM, points, single),
-            *camera_decisions(camera, compiled, white=subject.scene is None),
+            *camera_decisions(camera, white=subject.scene is None),
             *scene_decisions(record, settings.max_bounces),
             decide(Stage.CAUSTICS_APART, record, WHITE, apart, everything, "caustics are left out"),
             decide(Stage.CLAMPING, record, WHITE, clamp is not None, as_it_is, f"radiance above {clamp}"),

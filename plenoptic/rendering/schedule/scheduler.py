@@ -296,6 +296,7 @@ def _exposure(
         stats=stats,
         sample_counts=None if counts is None or counts.min() == most else counts,
         settings=subject.settings,
+        white=subject.scene is None,
         object_names=names if names is None or len(names) <= MOST_NAMES else None,
     )
 

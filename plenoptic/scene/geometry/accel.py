@@ -14,13 +14,8 @@ from plenoptic.scene.geometry.record import Geometry, Hits, InstanceRecord
 class Intersector(Protocol):
     """Finds triangles, as float32 goes; the exact hit is computed from the triangle afterwards."""
 
-    def fill_closest(self, hits: Hits, rays: Floats, *, coherent: bool) -> None:
-        """Triangle that each ray (origin and direction, (n, 6)) meets first, and its instance; see `Hits`.
-
-        `coherent` says that neighbouring rays go nearly the same way, as those of a pixel do; it changes nothing
-        but the time (a third less where it is so, up to three times as much where it is not), and which of two
-        triangles at the very same place is found, inside both: that may then depend on the rays beside it.
-        """
+    def fill_closest(self, hits: Hits, rays: Floats) -> None:
+        """Triangle that each ray (origin and direction, (n, 6)) meets first, and its instance; see `Hits`."""
 
     def fill_blocked(self, blocked: NDArray[np.uint8], rays: Floats) -> None:
         """1 where something lies between a ray's origin and origin + direction, else 0."""

@@ -29,7 +29,7 @@ class SceneRunTriangles:
         centred = (vertices - self._middle).astype(np.float32)
         self._mesh = TriangleMesh(self._scene, centred, np.ascontiguousarray(triangles))
 
-    def fill_closest(self, hits: Hits, rays: Floats, *, coherent: bool) -> None:
+    def fill_closest(self, hits: Hits, rays: Floats) -> None:
         """Triangle that each ray (origin and direction, (n, 6)) meets first, or -1; and its instance, or -1."""
         found = self._scene.run(*self._halves(rays), query="INTERSECT")
         hits.triangle[:] = found if self._row is None else np.where(found < 0, -1, self._row[found])

@@ -45,7 +45,7 @@ def attenuate_shadows(
     blocked[:] = 0
     hits, shadows = no_hits(scene, len(rays)), Shadows(blocked, shadow_radiance)
     again, which = np.empty(len(rays), dtype=np.int64), np.arange(len(rays))
-    intersector.fill_closest(hits, rays, coherent=False)
+    intersector.fill_closest(hits, rays)
     while len(which):
         passed = alpha.follow(again, rays, hits, which, None, shadows, scene.geometry, scene.alpha)
         which = again[:passed].copy()
@@ -69,7 +69,7 @@ def media_at(scene: SceneRecord, intersector: Intersector, point: Floats) -> NDA
     entered: list[int] = []
     left: list[int] = []
     for _ in range(SALTS):
-        intersector.fill_closest(hits, ray, coherent=False)
+        intersector.fill_closest(hits, ray)
         if hits.triangle[0] < 0:
             break
         material = int(geometry.triangle_material[hits.triangle[0]])
@@ -102,7 +102,7 @@ def _meet_again(
     if not len(which):
         return
     found = no_hits(scene, len(which))
-    intersector.fill_closest(found, np.ascontiguousarray(rays[which]), coherent=False)
+    intersector.fill_closest(found, np.ascontiguousarray(rays[which]))
     hits.triangle[which] = found.triangle
     if hits.instance is not None and found.instance is not None:
         hits.instance[which] = found.instance

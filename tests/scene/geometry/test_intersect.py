@@ -95,9 +95,9 @@ def nearest(records, rays):
     return np.where(found, rows[first], -1), np.where(found, places[first], -1), reached, clear
 
 
-def ask(intersector, rays, *, coherent=False):
+def ask(intersector, rays):
     hits = Hits(np.full(len(rays), -7, np.int32), np.full(len(rays), -7, np.int32), None)
-    intersector.fill_closest(hits, rays, coherent=coherent)
+    intersector.fill_closest(hits, rays)
     return hits.triangle, hits.instance
 
 
@@ -124,12 +124,11 @@ def crowd(rng):
 
 
 @BOTH
-@pytest.mark.parametrize("coherent", [False, True])
-def test_finds_what_float64_finds(build, coherent):
+def test_finds_what_float64_finds(build):
     rng = np.random.default_rng(1)
     records, rays = crowd(rng), random_rays(rng, 2000, reach=14)
     rows, places, _, clear = nearest(records, rays)
-    hits, placed = ask(build(*records), rays, coherent=coherent)
+    hits, placed = ask(build(*records), rays)
     assert clear.mean() > 0.95 and (places >= 0).mean() > 0.2 and ((rows >= 0) & (places < 0)).mean() > 0.01
     np.testing.assert_array_equal(hits[clear], rows[clear])
     np.testing.assert_array_equal(placed[clear], places[clear])
@@ -166,7 +165,7 @@ def test_what_is_not_asked_for_or_not_there(build):
     records, rays = crowd(rng), random_rays(rng, 500, reach=20)
     with_places, _ = ask(build(*records), rays)
     hits = np.empty(500, np.int32)
-    build(*records).fill_closest(Hits(hits, None, None), rays, coherent=False)
+    build(*records).fill_closest(Hits(hits, None, None), rays)
     np.testing.assert_array_equal(hits, with_places)
     bare = records_of([pl.box(4)])
     intersector = build(*bare)
@@ -198,8 +197,7 @@ def test_only_instances():
         np.testing.assert_array_equal(placed[clear], places[clear])
 
 
-@pytest.mark.parametrize("coherent", [True, False])
-def test_rays_along_shared_edges_find_the_same_whatever_goes_beside_them(coherent):
+def test_rays_along_shared_edges_find_the_same_whatever_goes_beside_them():
     # A board of 40 x 40 squares, and rays towards points some 1e-7 of a square beside its edges and diagonals.
     rng = np.random.default_rng(3)
     board = pl.Scene([pl.quad((x, y, -404.0), (1, 0, 0), (0, 1, 0)) for x in range(-20, 20) for y in range(-20, 20)])
@@ -212,11 +210,11 @@ def test_rays_along_shared_edges_find_the_same_whatever_goes_beside_them(coheren
     directions = np.column_stack([points, np.full(count, -404.0)]) - origins
     rays = np.ascontiguousarray(np.column_stack([origins, directions / np.linalg.norm(directions, axis=1)[:, None]]))
     together, mixed, apart = (np.empty(count, np.int32) for _ in range(3))
-    build.fill_closest(Hits(together, None, None), rays, coherent=coherent)
+    build.fill_closest(Hits(together, None, None), rays)
     order = rng.permutation(count)
-    build.fill_closest(Hits(mixed, None, None), np.ascontiguousarray(rays[order]), coherent=coherent)
+    build.fill_closest(Hits(mixed, None, None), np.ascontiguousarray(rays[order]))
     for k in range(count):
-        build.fill_closest(Hits(apart[k : k + 1], None, None), rays[k : k + 1], coherent=coherent)
+        build.fill_closest(Hits(apart[k : k + 1], None, None), rays[k : k + 1])
     assert np.array_equal(together, apart)
     assert np.array_equal(together[order], mixed)
     assert (together >= 0).all()
@@ -237,8 +235,7 @@ def test_no_ray_slips_between_triangles(offset):
     aims = aims[np.abs(aims[:, :2] - offset).max(axis=1) < 5.5]
     starts = offset + rng.uniform(-4, 4, aims.shape) * [1, 1, 0] + [0, 0, 5]
     rays = np.concatenate([starts, 1.1 * (aims - starts)], axis=1)
-    for coherent in (True, False):
-        assert (ask(build, rays, coherent=coherent)[0] >= 0).all()
+    assert (ask(build, rays)[0] >= 0).all()
     blocked = np.empty(len(rays), np.uint8)
     build.fill_blocked(blocked, rays)
     assert blocked.all()
@@ -249,7 +246,7 @@ TINY = (1e-45, 1e-38, 1e-30, 1e-20, 0.9e-18, 1.1e-18, 1e-15, 1e-8, 1e-3)
 
 @pytest.mark.parametrize("turned", [False, True])
 def test_tiny_components_of_directions_lose_no_ray(turned):
-    # Embree's coherent packets lost all of a packet in which one component was -1e-20 in some rays, -1e-10 in others.
+    # Embree takes the inverse of a component below 1e-18 for that of 1e-18.
     rng = np.random.default_rng(8)
     ball = pl.shapes.sphere(200.0, center=(7.3, -11.1, 0.0), segments=(256, 128))
     quarter = np.eye(4)  # its cosine is 6e-17, which makes tiny components of exact zeros
@@ -264,7 +261,7 @@ def test_tiny_components_of_directions_lose_no_ray(turned):
             directions[:, 1 - axis] = rng.choice([0.0, 0.01, -0.02], len(directions))
             rays = np.column_stack([np.zeros_like(directions), directions])
             hits, placed = np.empty((2, len(rays)), np.int32)
-            intersector.fill_closest(Hits(hits, placed if turned else None, None), rays, coherent=True)
+            intersector.fill_closest(Hits(hits, placed if turned else None, None), rays)
             assert (hits >= 0).all()
 
 

@@ -24,32 +24,22 @@ from plenoptic.scene.geometry.kernels.grown import fill_grown
 from plenoptic.scene.geometry.kernels.intersect import SHADOW_END
 from plenoptic.scene.geometry.record import Geometry, Hits, InstanceRecord
 
-PACKET = 16
-
 _VERTEX, _INDEX, _FLOAT3, _UINT3, _FLOAT3X4 = 1, 0, 0x9003, 0x5003, 0x9134
 _TRIANGLE, _INSTANCED = 0, 121
 _SCENE_ROBUST = 4
 """Embree's own way to lose no ray between triangles, which takes a third longer. Scenes without instances do without:
 their triangles are grown. Rays in the frame of an instance err by coordinates that its triangles do not know."""
-_COHERENT = 1 << 16
 _ALL_FEATURES = 0xFFFFFFFF
 _PADDING = 16
 _SOME = 1000
 """Vertices of which the usual distance from the middle is known well enough."""
 _INVALID = np.uint32(0xFFFFFFFF)
 
-# float32 rows of 16 lanes in RTCRay16 and, behind it, RTCHit16 (embree4/rtcore_ray.h).
-_ORG_X, _ORG_Y, _ORG_Z, _NEAR, _DIR_X, _DIR_Y, _DIR_Z, _TIME, _FAR, _MASK, _ID, _FLAGS = (16 * k for k in range(12))
-_U, _V, _PRIMITIVE, _GEOMETRY, _INSTANCE = (16 * k for k in range(15, 20))
-_RAYHIT = 16 * 35
-"""Room for eight levels of instances, of two rows each; the library is built for one level by default, the first."""
-
-_EDGE = np.float32(2.0**-9)
-"""Barycentric coordinates below this are near an edge: where grown triangles overlap, and one ray in 100."""
-
-_STEEPEST = 1e-18
-"""Embree takes the inverse of a smaller component of a direction for that of this one, without its sign. A coherent
-packet, which is bounded as a whole, then loses rays; a component that is exactly 0 does no harm."""
+# Members of 4 bytes of RTCRay and, behind it, RTCHit (embree4/rtcore_ray.h).
+_ORIGIN, _NEAR, _DIRECTION, _TIME, _FAR, _MASK, _ID, _FLAGS = 0, 3, 4, 7, 8, 9, 10, 11
+_PRIMITIVE, _GEOMETRY, _INSTANCE = 17, 18, 19
+_RAYHIT = 40
+"""Room for eight levels of instances, of two numbers each; the library is built for one level by default, the first."""
 
 _POINTER, _INT, _UINT, _SIZE = ctypes.c_void_p, ctypes.c_int, ctypes.c_uint, ctypes.c_size_t
 _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
@@ -71,13 +61,13 @@ _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
 
 
 def _load() -> Any:
-    """The library with typed functions; its packet queries made known to the compiler."""
+    """The library with typed functions; its queries made known to the compiler."""
     try:
         library = ctypes.CDLL(rtcore_scene.__file__)
         for name, (result, arguments) in _FUNCTIONS.items():
             function = getattr(library, name)
             function.restype, function.argtypes = result, arguments
-        for name in ("rtcIntersect16", "rtcOccluded16"):
+        for name in ("rtcIntersect1", "rtcOccluded1"):
             address = ctypes.cast(getattr(library, name), ctypes.c_void_p).value
             llvmlite.binding.add_symbol(name, address)
     except (OSError, AttributeError, TypeError) as error:
@@ -86,8 +76,8 @@ def _load() -> Any:
 
 
 _library = _load()
-_intersect16 = types.ExternalFunction("rtcIntersect16", types.void(types.intp, types.intp, types.intp, types.intp))
-_occluded16 = types.ExternalFunction("rtcOccluded16", types.void(types.intp, types.intp, types.intp, types.intp))
+_intersect = types.ExternalFunction("rtcIntersect1", types.void(types.intp, types.intp, types.intp))
+_occluded = types.ExternalFunction("rtcOccluded1", types.void(types.intp, types.intp, types.intp))
 
 
 class _Arguments(ctypes.Structure):
@@ -129,19 +119,16 @@ class EmbreeTriangles:
         error = _library.rtcGetDeviceError(self._device)
         if error:
             raise RuntimeError(f"Embree could not build the scene (error {error})")
-        self._coherent = _Arguments(flags=_COHERENT, feature_mask=_ALL_FEATURES)
-        self._incoherent = _Arguments(flags=0, feature_mask=_ALL_FEATURES)
+        self._arguments = _Arguments(flags=0, feature_mask=_ALL_FEATURES)
 
-    def fill_closest(self, hits: Hits, rays: Floats, *, coherent: bool) -> None:
+    def fill_closest(self, hits: Hits, rays: Floats) -> None:
         """Triangle that each ray (origin and direction, (n, 6)) meets first, or -1; and its instance, or -1."""
-        # Embree turns directions into the axes of an instance, where a component may be tiny: see _STEEPEST.
-        arguments = self._coherent if coherent and self._first is None else self._incoherent
-        address = ctypes.addressof(arguments)
+        address = ctypes.addressof(self._arguments)
         _fill_closest(hits.triangle, hits.instance, self._first, rays, self._middle, self._scene, address)
 
     def fill_blocked(self, blocked: NDArray[np.uint8], rays: Floats) -> None:
         """1 where something lies between a ray's origin and origin + direction, else 0."""
-        _fill_blocked(blocked, rays, self._middle, self._scene, ctypes.addressof(self._incoherent))
+        _fill_blocked(blocked, rays, self._middle, self._scene, ctypes.addressof(self._arguments))
 
     def _new_scene(self) -> int:
         scene: int = _library.rtcNewScene(self._device)
@@ -205,97 +192,51 @@ def _release(scenes: list[int], device: int) -> None:
 
 
 @device
-def _aligned(rows, spare):
-    """The part of `rows` that starts at a multiple of 64 bytes, as packets want it."""
-    shift = (-rows.ctypes.data) % 64 // 4
-    return rows[shift : rows.size - spare + shift]
+def _new_ray():
+    """An RTCRayHit at a multiple of 16 bytes, and what is the same for all rays."""
+    rows = np.zeros(_RAYHIT + 4, np.float32)
+    shift = (-rows.ctypes.data) % 16 // 4
+    ray = rows[shift : shift + _RAYHIT]
+    ray.view(np.uint32)[_MASK] = _INVALID
+    return ray
 
 
 @device
-def _prepare(packet):
-    """What is the same for all rays of a call, and what Embree leaves as it is."""
-    number = packet.view(np.uint32)
-    for lane in range(PACKET):
-        packet[_NEAR + lane] = 0.0
-        packet[_TIME + lane] = 0.0
-        number[_MASK + lane] = _INVALID
-        number[_FLAGS + lane] = np.uint32(0)
+def _begin(ray, rays, i, middle, far):
+    """Write ray i, relative to the middle, in which nothing has been met."""
+    number = ray.view(np.uint32)
+    for axis in range(3):
+        ray[_ORIGIN + axis] = rays[i, axis] - middle[axis]
+        ray[_DIRECTION + axis] = rays[i, 3 + axis]
+    ray[_FAR] = far
+    number[_GEOMETRY] = _INVALID
+    number[_INSTANCE] = _INVALID
 
 
-@device
-def _direction(component):
-    return component if abs(component) > _STEEPEST else 0.0
-
-
-@device
-def _pack(packet, valid, rays, middle, start, far):
-    """Put rays start ... start + 15 into a packet; lanes beyond the last ray are switched off."""
-    number = packet.view(np.uint32)
-    x, y, z = middle[0], middle[1], middle[2]
-    n = rays.shape[0]
-    for lane in range(PACKET):
-        inside = start + lane < n
-        i = start + lane if inside else start
-        valid[lane] = -1 if inside else 0
-        packet[_ORG_X + lane] = rays[i, 0] - x
-        packet[_ORG_Y + lane] = rays[i, 1] - y
-        packet[_ORG_Z + lane] = rays[i, 2] - z
-        packet[_DIR_X + lane] = _direction(rays[i, 3])
-        packet[_DIR_Y + lane] = _direction(rays[i, 4])
-        packet[_DIR_Z + lane] = _direction(rays[i, 5])
-        packet[_FAR + lane] = far
-        number[_GEOMETRY + lane] = _INVALID
-        number[_INSTANCE + lane] = _INVALID
-
-
-@device
-def _again_alone(packet, valid, lane, scene, arguments):
-    """Ask again for a lane that met a triangle near an edge: which neighbour is found depends on the other lanes."""
-    u, v = packet[_U + lane], packet[_V + lane]
-    if min(u, v, np.float32(1.0) - u - v) > _EDGE:
-        return
-    number = packet.view(np.uint32)
-    for other in range(PACKET):
-        valid[other] = -1 if other == lane else 0
-    packet[_FAR + lane] = np.inf
-    number[_GEOMETRY + lane] = _INVALID
-    number[_INSTANCE + lane] = _INVALID
-    _intersect16(valid.ctypes.data, scene, packet.ctypes.data, arguments)
-
-
+# One ray at a time: packets of 16 take a quarter longer, and what a ray meets near an edge depends on the others.
 @kernel
 def _fill_closest(triangles, instances, first, rays, middle, scene, arguments):
-    packet = _aligned(np.zeros(_RAYHIT + 16, np.float32), 16)
-    valid = _aligned(np.zeros(PACKET + 16, np.int32), 16)
-    number = packet.view(np.uint32)
-    n = rays.shape[0]
-    _prepare(packet)
-    for start in range(0, n, PACKET):
-        _pack(packet, valid, rays, middle, start, np.inf)
-        _intersect16(valid.ctypes.data, scene, packet.ctypes.data, arguments)
-        for lane in range(min(PACKET, n - start)):
-            if number[_GEOMETRY + lane] != _INVALID:
-                _again_alone(packet, valid, lane, scene, arguments)
-            hit = number[_GEOMETRY + lane] != _INVALID
-            row = np.int32(number[_PRIMITIVE + lane])
-            instance = np.int32(-1)
-            if first is not None and hit and number[_INSTANCE + lane] != _INVALID:
-                instance = np.int32(number[_INSTANCE + lane])
-                row += first[instance]
-            if instances is not None:
-                instances[start + lane] = instance
-            triangles[start + lane] = row if hit else np.int32(-1)
+    ray = _new_ray()
+    number = ray.view(np.uint32)
+    for i in range(rays.shape[0]):
+        _begin(ray, rays, i, middle, np.inf)
+        _intersect(scene, ray.ctypes.data, arguments)
+        hit = number[_GEOMETRY] != _INVALID
+        row = np.int32(number[_PRIMITIVE])
+        instance = np.int32(-1)
+        if first is not None and hit and number[_INSTANCE] != _INVALID:
+            instance = np.int32(number[_INSTANCE])
+            row += first[instance]
+        if instances is not None:
+            instances[i] = instance
+        triangles[i] = row if hit else np.int32(-1)
 
 
 @kernel
 def _fill_blocked(blocked, rays, middle, scene, arguments):
-    packet = _aligned(np.zeros(_RAYHIT + 16, np.float32), 16)
-    valid = _aligned(np.zeros(PACKET + 16, np.int32), 16)
-    n = rays.shape[0]
-    _prepare(packet)
-    for start in range(0, n, PACKET):
-        _pack(packet, valid, rays, middle, start, SHADOW_END)
-        _occluded16(valid.ctypes.data, scene, packet.ctypes.data, arguments)
-        for lane in range(min(PACKET, n - start)):
-            # Embree marks an occluded ray by a far end of minus infinity.
-            blocked[start + lane] = 1 if packet[_FAR + lane] < 0.0 else 0
+    ray = _new_ray()
+    for i in range(rays.shape[0]):
+        _begin(ray, rays, i, middle, SHADOW_END)
+        _occluded(scene, ray.ctypes.data, arguments)
+        # Embree marks an occluded ray by a far end of minus infinity.
+        blocked[i] = 1 if ray[_FAR] < 0.0 else 0
