@@ -13,10 +13,11 @@ from typing import Any, ClassVar
 from numba.core import codegen, types
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.registry import CPUDispatcher
-from numba.core.typed_passes import NativeLowering, NopythonRewrites
+from numba.core.typed_passes import AnnotateTypes, NativeLowering, NopythonRewrites
 from numba.core.untyped_passes import InlineClosureLikes, IRProcessing, WithLifting
 
 from plenoptic.core.absent_fields import AbsentFields
+from plenoptic.core.borrowed_arrays import BorrowedArrays
 from plenoptic.core.wide_vectors import WideLowering
 
 _UNUSED = (WithLifting, InlineClosureLikes, NopythonRewrites)
@@ -80,6 +81,7 @@ class KernelCompiler(CompilerBase):
         passes = DefaultPassBuilder.define_nopython_pipeline(self.state)
         passes.passes = [one for one in passes.passes if one[0] not in _UNUSED]
         passes.add_pass_after(AbsentFields, IRProcessing)
+        passes.add_pass_after(BorrowedArrays, AnnotateTypes)
         passes.passes = [(WideLowering if one is NativeLowering else one, text) for one, text in passes.passes]
         passes.finalize()
         return [passes]

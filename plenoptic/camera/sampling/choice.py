@@ -69,7 +69,7 @@ def why_uncertain(camera: PlenopticCamera) -> str:
     little part in the noise.
     """
     array, parts = camera.microlenses, assembly(camera)
-    if camera.blemishes:
+    if any(map(len, camera.blemishes)):
         return "dust stops light"
     if not openings(camera.lens, camera.wavelength).whole.all():
         return "an opening is no circle and no polygon"

@@ -18,6 +18,7 @@ from numba import types
 from numpy.typing import NDArray
 
 from plenoptic.core.jit import device, kernel
+from plenoptic.core.kernels.vectors import vector
 from plenoptic.core.values import Floats
 from plenoptic.scene.geometry.compile import ChildMesh, child_meshes, part_of
 from plenoptic.scene.geometry.kernels.grown import fill_grown
@@ -202,12 +203,12 @@ def _new_ray():
 
 
 @device
-def _begin(ray, rays, i, middle, far):
+def _begin(ray, number, rays, i, middle, far):
     """Write ray i, relative to the middle, in which nothing has been met."""
-    number = ray.view(np.uint32)
-    for axis in range(3):
-        ray[_ORIGIN + axis] = rays[i, axis] - middle[axis]
-        ray[_DIRECTION + axis] = rays[i, 3 + axis]
+    ray[_ORIGIN] = rays[i, 0] - middle[0]
+    ray[_ORIGIN + 1] = rays[i, 1] - middle[1]
+    ray[_ORIGIN + 2] = rays[i, 2] - middle[2]
+    ray[_DIRECTION], ray[_DIRECTION + 1], ray[_DIRECTION + 2] = rays[i, 3], rays[i, 4], rays[i, 5]
     ray[_FAR] = far
     number[_GEOMETRY] = _INVALID
     number[_INSTANCE] = _INVALID
@@ -216,11 +217,11 @@ def _begin(ray, rays, i, middle, far):
 # One ray at a time: packets of 16 take a quarter longer, and what a ray meets near an edge depends on the others.
 @kernel
 def _fill_closest(triangles, instances, first, rays, middle, scene, arguments):
-    ray = _new_ray()
-    number = ray.view(np.uint32)
+    ray, around = _new_ray(), vector(middle, 0)
+    number, address = ray.view(np.uint32), ray.ctypes.data
     for i in range(rays.shape[0]):
-        _begin(ray, rays, i, middle, np.inf)
-        _intersect(scene, ray.ctypes.data, arguments)
+        _begin(ray, number, rays, i, around, np.inf)
+        _intersect(scene, address, arguments)
         hit = number[_GEOMETRY] != _INVALID
         row = np.int32(number[_PRIMITIVE])
         instance = np.int32(-1)
@@ -234,9 +235,10 @@ def _fill_closest(triangles, instances, first, rays, middle, scene, arguments):
 
 @kernel
 def _fill_blocked(blocked, rays, middle, scene, arguments):
-    ray = _new_ray()
+    ray, around = _new_ray(), vector(middle, 0)
+    number, address = ray.view(np.uint32), ray.ctypes.data
     for i in range(rays.shape[0]):
-        _begin(ray, rays, i, middle, SHADOW_END)
-        _occluded(scene, ray.ctypes.data, arguments)
+        _begin(ray, number, rays, i, around, SHADOW_END)
+        _occluded(scene, address, arguments)
         # Embree marks an occluded ray by a far end of minus infinity.
         blocked[i] = 1 if ray[_FAR] < 0.0 else 0
