@@ -7,7 +7,9 @@ import math
 from plenoptic.core.jit import kernel
 from plenoptic.core.kernels.vectors import add, dot, fill_vector, row_vector, scale, vector
 from plenoptic.scene.geometry.kernels.intersect import (
+    NEAR_EDGE,
     corners,
+    drawn_in,
     instance_distance,
     interpolate_normal,
     interpolate_uv,
@@ -56,6 +58,10 @@ def fill_interactions(interactions, hits, rays, path, geometry, scatters):
             front = 1.0 - front
         g = scale(g, over)
         point = add(row_vector(rays, i, 0), scale(direction, t))
+        offset = ray_offset(point, g, triangle, middle, instance_distance(instance_to_world, instance))
+        w = 1.0 - u - v
+        if min(u, v, w) < NEAR_EDGE:
+            point = drawn_in(point, triangle, (w, u, v), 1.0 / abs(over), offset)
         fill_vector(rows, found, POINT, point)
         fill_vector(rows, found, NORMAL, g)
         fill_vector(rows, found, SHADING_NORMAL, g)
@@ -67,8 +73,7 @@ def fill_interactions(interactions, hits, rays, path, geometry, scatters):
             s = scale(s, 1.0 if dot(s, g) >= 0.0 else -1.0)
             if dot(s, direction) < 0.0:
                 fill_vector(rows, found, SHADING_NORMAL, s)
-        distance = instance_distance(instance_to_world, instance)
-        rows[found, OFFSET] = ray_offset(point, g, triangle, middle, distance)
+        rows[found, OFFSET] = offset
         rows[found, FRONT] = front
         if uv is not None:
             rows[found, UV], rows[found, UV + 1] = interpolate_uv(uv, triangles, k, u, v)

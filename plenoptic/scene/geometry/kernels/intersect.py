@@ -68,6 +68,29 @@ def ray_offset(point, normal, triangle, middle, distance):
     return RAY_OFFSET * max(across, at_a, at_b, at_c, distance) + RAY_OFFSET_64 * along
 
 
+NEAR_EDGE = 2.0**-10
+"""Barycentric coordinates below which it is asked whether a point lies beyond an edge; and how far it moves at most,
+in parts of its way to the middle of the triangle."""
+
+
+@device
+def drawn_in(point, triangle, coordinates, twice, offset):
+    """A point of a triangle, from beyond an edge, where Embree finds grown triangles, to `offset` inside.
+
+    A ray from beyond the edge between two walls has left the room, and one that starts nearer than the offset may have,
+    in float32. `coordinates` are barycentric, `twice` is double the area.
+    """
+    a, b, c = triangle
+    sides = sub(c, b), sub(a, c), sub(b, a)
+    share = 0.0
+    for k in range(3):
+        inside = offset * math.sqrt(dot(sides[k], sides[k])) / twice
+        if coordinates[k] < inside:
+            share = max(share, (inside - coordinates[k]) / (1.0 / 3.0 - coordinates[k]))
+    centre = scale(add(add(a, b), c), 1.0 / 3.0)
+    return add(point, scale(sub(centre, point), min(share, NEAR_EDGE)))
+
+
 @device
 def _sum(a):
     return a[0] + a[1] + a[2]
