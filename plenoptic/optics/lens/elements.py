@@ -23,6 +23,16 @@ def is_centred(element: Element) -> bool:
     return element.placement is None and not (isinstance(element, Surface) and element.departure is not None)
 
 
+MOST_ELEMENTS = 10_000
+"""Of one lens."""
+
+
+def check_count(elements: int) -> None:
+    """Refuse a file or list of more elements than anyone means, before each of them takes its time."""
+    if elements > MOST_ELEMENTS:
+        raise PrescriptionError(f"there are {elements} surfaces and stops; a lens has at most {MOST_ELEMENTS}")
+
+
 def checked_elements(elements: Sequence[Element], ambient: Medium) -> tuple[Element, ...]:
     """The elements of a lens, or an error where they cannot be one."""
     check_medium(ambient, "ambient")
@@ -30,6 +40,7 @@ def checked_elements(elements: Sequence[Element], ambient: Medium) -> tuple[Elem
         stack = tuple(elements)
     except TypeError:
         raise PrescriptionError(f"elements is {elements!r}; it must be a sequence of surfaces and stops") from None
+    check_count(len(stack))
     for i, element in enumerate(stack):
         if not isinstance(element, Element):
             *others, last = (kind.__name__ for kind in (Surface, *STOPS.values()))

@@ -8,7 +8,7 @@ from plenoptic.core.files.text_lines import naming_line, written_number
 from plenoptic.errors import InvalidValueError, PrescriptionError
 from plenoptic.optics.glass.catalogue import glass
 from plenoptic.optics.glass.media import AIR, ConstantMedium, Medium, ModelGlass
-from plenoptic.optics.lens.elements import Element
+from plenoptic.optics.lens.elements import Element, check_count
 from plenoptic.optics.lens.files.infer_stop import with_inferred_stop
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.stops.circle import CircularStop
@@ -24,6 +24,8 @@ def lens_from_csv(text: str, where: str) -> LensStack:
     if header != _HEADER:
         first = rows[0][0] if rows else 1
         raise PrescriptionError(f"{where}, line {first}: the first line must be {';'.join(_HEADER)}")
+    with naming_line(where, rows[-1][0]):
+        check_count(len(rows) - 1)
     elements: list[Element] = []
     before: Medium = AIR
     for number, line in rows[1:]:

@@ -26,7 +26,7 @@ import numpy as np
 from plenoptic.core.files.serialization import describe, restore
 from plenoptic.errors import FileError, InvalidValueError, PrescriptionError
 from plenoptic.optics.glass.media import AIR, ConstantMedium, Medium, ModelGlass, Schott, Sellmeier
-from plenoptic.optics.lens.elements import Element
+from plenoptic.optics.lens.elements import Element, check_count
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.placement import Placement
 from plenoptic.optics.lens.stack import LensStack
@@ -78,8 +78,9 @@ def lens_from_json(text: str, where: str) -> LensStack:
         head = _fields(data, "the file", "format name source iris elements", "ambient model specification")
         if head["format"] != _FORMAT:
             raise PrescriptionError(f"format is {head['format']!r:.40}; it must be {_FORMAT!r}")
-        elements = []
-        for i, row in enumerate(_list(head["elements"], "elements")):
+        rows, elements = _list(head["elements"], "elements"), []
+        check_count(len(rows))
+        for i, row in enumerate(rows):
             try:
                 elements.append(_element_from_json(row))
             except InvalidValueError as error:

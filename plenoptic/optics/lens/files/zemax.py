@@ -41,6 +41,7 @@ from plenoptic.core.warn import warn
 from plenoptic.errors import FileWarning, InvalidValueError, PrescriptionError
 from plenoptic.optics.glass.catalogue import GlassCatalogue, glass
 from plenoptic.optics.glass.media import ConstantMedium, Medium, ModelGlass
+from plenoptic.optics.lens.elements import check_count
 from plenoptic.optics.lens.files.zemax_stack import Row, stacked
 from plenoptic.optics.lens.files.zemax_system import KEYWORDS, Line, read_system
 from plenoptic.optics.lens.specification import StopSize
@@ -114,6 +115,7 @@ def _blocks(text: str, where: str) -> tuple[list[Line], list[list[Line]]]:
                     raise PrescriptionError(
                         f"SURF is {entry.word(0)[:40]!r}; the next surface has number {len(blocks)}"
                     )
+                check_count(len(blocks))
             blocks.append([entry])
         elif entry.keyword:
             (blocks[-1] if blocks and entry.keyword not in KEYWORDS else head).append(entry)
