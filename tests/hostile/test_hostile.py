@@ -19,7 +19,7 @@ from hostile_gltf import TRIANGLE, header  # noqa: E402
 from hostile_images import png  # noqa: E402
 
 MOST_SECONDS = 5.0
-"""s of CPU for one file."""
+"""s of CPU for one file; what the system takes to hand out memory is bounded by the next one."""
 MOST_MEMORY = 1 << 30
 """Bytes beside those of the libraries."""
 

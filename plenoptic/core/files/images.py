@@ -33,7 +33,7 @@ _LONGEST_DESCRIPTION = 65535  # OpenImageIO cuts a TIFF text off beyond this man
 _ROWS = 64
 """Rows of an image that are compared at a time."""
 
-_Content: TypeAlias = tuple[dict[str, NDArray[np.float32]], dict[str, Any], bool]
+_Content: TypeAlias = tuple[NDArray[np.float32], list[str], dict[str, Any], bool]
 """Channels, metadata, and whether the file has whole numbers."""
 
 _LIMIT = "limits:imagesize_MB"
@@ -90,11 +90,10 @@ def read_linear(
     array([0.214], dtype=float32)
     """
     encoding, channel = choice(encoding, Encoding, "encoding"), channel_number(channel)
-    channels, *_ = content = _read(path, limits, max_pixels)
+    pixels, names, *_ = content = _read(path, limits, max_pixels)
     if channel == ALPHA:
-        opaque = np.ones_like(next(iter(channels.values())))
-        return channels.get("A", opaque)[:, :, np.newaxis]
-    image = _picture(channels, path)
+        return np.take(pixels, [names.index("A")], axis=2) if "A" in names else np.ones_like(pixels[:, :, :1])
+    image = _picture(pixels, names, path)
     if channel is not None and image.shape[2] > 1:
         image = np.ascontiguousarray(image[:, :, channel : channel + 1])
     return _decoded(image, content) if encoding is Encoding.SRGB else image
@@ -142,16 +141,17 @@ def read_channels(
     >>> list(channels), metadata["unit"]
     (['Z'], 'mm')
     """
-    channels, metadata, _ = _read(path, limits)
-    return channels, metadata
+    pixels, names, metadata, _ = _read(path, limits)
+    return _channels(pixels, names), metadata
 
 
 def read_picture(
     path: str | os.PathLike[str], *, limits: FileLimits = DEFAULT
 ) -> tuple[NDArray[np.float32], dict[str, NDArray[np.float32]], dict[str, Any]]:
     """What `read_linear` and `read_channels` return, of a file that is read once."""
-    channels, metadata, _ = content = _read(path, limits)
-    return _decoded(_picture(channels, path), content), channels, metadata
+    pixels, names, metadata, _ = content = _read(path, limits)
+    channels = _channels(pixels, names)
+    return _decoded(_picture(pixels, names, path), content), channels, metadata
 
 
 def write_channels(
@@ -253,23 +253,30 @@ def bayer_to_rgb(mosaic: AnyFloats, *, layout: str, algorithm: str) -> NDArray[n
     return np.asarray(made.get_pixels(oiio.FLOAT), dtype=np.float32)
 
 
-def _picture(channels: Mapping[str, NDArray[np.float32]], path: str | os.PathLike[str]) -> NDArray[np.float32]:
-    """The (H, W, 3) or (H, W, 1) picture among the channels of a file: R, G, B, or Y, or the only one."""
-    for names in (("R", "G", "B"), ("Y",)):
-        if all(name in channels for name in names):
-            return np.stack([channels[name] for name in names], axis=-1)
-    others = [plane for name, plane in channels.items() if name != "A"]
-    if len(others) != 1:
-        raise FileError(
-            f"{os.fspath(path)!r} holds the channels {', '.join(channels)}; a picture needs R, G, B, or Y, "
-            "or a single channel"
-        )
-    return others[0][:, :, np.newaxis].copy()
+def _channels(pixels: NDArray[np.float32], names: list[str]) -> dict[str, NDArray[np.float32]]:
+    """Each channel of an image by itself, so that it outlives the others."""
+    return {name: pixels[:, :, i].copy() for i, name in enumerate(names)}
+
+
+def _picture(pixels: NDArray[np.float32], names: list[str], path: str | os.PathLike[str]) -> NDArray[np.float32]:
+    """The (H, W, 3) or (H, W, 1) picture among the channels of a file: R, G, B, or Y, or the only one.
+
+    The pixels themselves where they are nothing else.
+    """
+    wanted = next((found for found in (["R", "G", "B"], ["Y"]) if set(found) <= set(names)), None)
+    if wanted is None:
+        wanted = [name for name in names if name != "A"]
+        if len(wanted) != 1:
+            raise FileError(
+                f"{os.fspath(path)!r} holds the channels {', '.join(names)}; a picture needs R, G, B, or Y, "
+                "or a single channel"
+            )
+    return pixels if names == wanted else np.take(pixels, [names.index(name) for name in wanted], axis=2)
 
 
 def _decoded(image: NDArray[np.float32], content: _Content) -> NDArray[np.float32]:
     """The image, in place, linear where it was encoded."""
-    _, metadata, is_integer = content
+    _, _, metadata, is_integer = content
     if is_integer and "lin" not in str(metadata.get(COLOR_SPACE, SRGB)).lower():
         for rows in np.array_split(image, max(1, image.size >> 20)):  # what is made on the way stays small
             rows[...] = srgb_to_linear(rows)
@@ -315,12 +322,11 @@ def _read(path: str | os.PathLike[str], limits: FileLimits, max_pixels: int | No
     if pixels is None:
         raise FileError(f"{name!r} is damaged: {trouble}; restore it from its origin")
     pixels = pixels.reshape(spec.height, spec.width, spec.nchannels)
-    channels = {channel: np.ascontiguousarray(pixels[:, :, i]) for i, channel in enumerate(spec.channelnames)}
     metadata: dict[str, Any] = {item.name: item.value for item in spec.extra_attribs}
     with suppress(ValueError, RecursionError):  # any other description stays a plain text
         described = json.loads(metadata.get("ImageDescription", ""))
         metadata |= described if isinstance(described, dict) else {}
-    return channels, metadata, str(spec.format) not in ("half", "float", "double")
+    return pixels, list(spec.channelnames), metadata, str(spec.format) not in ("half", "float", "double")
 
 
 def _writable(path: str | os.PathLike[str], endings: tuple[str, ...]) -> Path:
