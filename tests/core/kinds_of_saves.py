@@ -37,7 +37,7 @@ LENS = pl.load_lens("double-gauss-100mm-f2")
 SEED = 7
 DATE = re.compile(rb"\d{4}:\d\d:\d\d \d\d:\d\d:\d\d")
 """What image files say about when they were written."""
-MOST = 20
+MOST = 200
 """Signals sent for each that is to meet a save: some come between two of them."""
 
 
