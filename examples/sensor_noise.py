@@ -113,7 +113,7 @@ for method, picture in white_pictures.items():
 
 # %%
 levels = np.append(0.0, brightest * np.geomspace(3e-5, 1.3, 8 if SMALL else 25))
-transfer = pl.photon_transfer(layers, levels, shape=(64, 64) if SMALL else (512, 512))
+transfer = pl.sensor.photon_transfer(layers, levels, shape=(64, 64) if SMALL else (512, 512))
 print(f"\ngain from photon transfer {transfer.gain:.4f} DN per electron; the sensor has {layers.gain:.4f}")
 
 # %%

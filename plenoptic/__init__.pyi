@@ -8,6 +8,7 @@ from . import lightfield as lightfield
 from . import lights as lights
 from . import materials as materials
 from . import optics as optics
+from . import package as package
 from . import paraxial as paraxial
 from . import plots as plots
 from . import rendering as rendering
@@ -36,7 +37,6 @@ from .optics.glass.catalogue import glass as glass
 from .optics.glass.media import ConstantMedium as ConstantMedium
 from .optics.glass.media import ModelGlass as ModelGlass
 from .optics.glass.media import Sellmeier as Sellmeier
-from .optics.lens.analysis.conditioning import conditioning as conditioning
 from .optics.lens.files.library import lens_names as lens_names
 from .optics.lens.files.library import load_lens as load_lens
 from .optics.lens.files.library import save_lens as save_lens
@@ -58,7 +58,6 @@ from .optics.stops.circle import CircularStop as CircularStop
 from .optics.stops.polygon import PolygonStop as PolygonStop
 from .optics.stops.star import StarStop as StarStop
 from .optics.surfaces.surface import Surface as Surface
-from .readout.photon_transfer import photon_transfer as photon_transfer
 from .rendering.exposure import Exposure as Exposure
 from .rendering.plan.plan import plan as plan
 from .rendering.render import render as render

@@ -79,7 +79,7 @@ def plot_photon_transfer(curve: PhotonTransfer, ax: Axes | None = None) -> Axes:
     --------
     >>> import numpy as np, plenoptic as pl
     >>> sensor = pl.SensorModel(photon_rate=20000.0, gain=0.25, read_noise=6.0, prnu=0.01)
-    >>> ax = pl.plots.plot_photon_transfer(pl.photon_transfer(sensor, np.append(0.0, np.geomspace(1e-4, 1, 13))))
+    >>> ax = pl.plots.plot_photon_transfer(pl.sensor.photon_transfer(sensor, np.append(0.0, np.geomspace(1e-4, 1, 13))))
     >>> ax.get_xlabel()
     'signal above dark / DN'
     """

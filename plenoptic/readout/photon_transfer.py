@@ -106,7 +106,7 @@ def photon_transfer(
     --------
     >>> import numpy as np, plenoptic as pl
     >>> sensor = pl.SensorModel(photon_rate=10000.0, gain=0.4, read_noise=5.0)
-    >>> curve = pl.photon_transfer(sensor, np.linspace(0, 1, 11))
+    >>> curve = pl.sensor.photon_transfer(sensor, np.linspace(0, 1, 11))
     >>> round(curve.gain, 1)
     0.4
     """

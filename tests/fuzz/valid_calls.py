@@ -120,7 +120,7 @@ def calls():
         "RayBundle.at": (rays().at, {"distance": [1.0, 2.0]}),
         "RayBundle.at_z": (rays().at_z, {"z": 1.0}),
         "RayBundle.selected": (rays().selected, {"mask": [True, False]}),
-        "conditioning": (pl.conditioning, {"lens": lens(), "rays": rays(), "reverse": False}),
+        "conditioning": (pl.optics.conditioning, {"lens": lens(), "rays": rays(), "reverse": False}),
         "no_lens": (pl.no_lens, {"semi_diameter": 5.0}),
         "ConstantMedium": (pl.ConstantMedium, {"refractive_index": 1.5}),
         "ModelGlass": (pl.ModelGlass, {"nd": 1.5, "vd": 60.0, "name": "x"}),
@@ -298,7 +298,7 @@ def calls():
         ),
         "RawImage": (sensor.RawImage, {"data": np.ones((2, 3), np.uint16), "model": grey, "seed": 1, "samples": 3}),
         "photon_transfer": (
-            pl.photon_transfer,
+            pl.sensor.photon_transfer,
             {"model": grey, "levels": [1.0, 2.0], "shape": (8, 8), "channel": 0, "seed": 0},
         ),
         "photon_rate": (sensor.photon_rate, {"radiance": 1.0, "pixel_pitch": 0.01, "wavelength": wave}),

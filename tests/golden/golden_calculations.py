@@ -126,7 +126,7 @@ def of_lens(lens, name):
         }
         found += [numbers(result, f"{name}.{key}") for key, result in results.items()]
         found.append({f"{name}.colour_sums": look.colour_sums(lens, field=0.1)})
-    condition = pl.conditioning(lens, rays_towards_iris(lens, -404.0, seed=0, wavelength=587.6))
+    condition = pl.optics.conditioning(lens, rays_towards_iris(lens, -404.0, seed=0, wavelength=587.6))
     return merged(*found, numbers(condition, f"{name}.conditioning"))
 
 

@@ -174,7 +174,9 @@ def sensing():
     found |= {f"{name}.electrons": raw.electrons() for name, raw in raws.items()}
     for method in pl.DemosaicMethod:
         found[f"bayer.{method.name}"] = raws["bayer"].demosaic(method).image
-    return merged(found, numbers(pl.photon_transfer(models["bayer"], [0.0, 0.1, 0.3], shape=(32, 32)), "transfer"))
+    return merged(
+        found, numbers(pl.sensor.photon_transfer(models["bayer"], [0.0, 0.1, 0.3], shape=(32, 32)), "transfer")
+    )
 
 
 def light_fields():

@@ -12,6 +12,7 @@ import hashlib
 import os
 import re
 import secrets
+import shutil
 import stat
 import time
 from collections.abc import Callable, Iterator
@@ -20,7 +21,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from plenoptic.core.values import file_path
-from plenoptic.errors import FileError
+from plenoptic.errors import FileError, PlenopticError
 
 try:
     import fcntl
@@ -67,6 +68,25 @@ def write_file(path: str | os.PathLike[str], content: bytes) -> None:
         file.write(content)
 
 
+@contextmanager
+def replaced_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """A new folder that takes the place of the one at `path`, if there is one, if the block ends well."""
+    target = file_path(path)
+    check_folder(target)
+    new, old = (target.with_name(f"{_beginning(target)}{secrets.token_hex(8)}.{kind}") for kind in ("part", "old"))
+    with explained(target, "written"):
+        new.mkdir()
+        try:
+            yield new
+            if target.exists():
+                os.replace(target, old)
+            os.replace(new, target)
+        finally:
+            for folder in (new, old):
+                shutil.rmtree(folder, ignore_errors=True)
+        _sync_folder(target.parent)
+
+
 def check_room(file: BinaryIO) -> None:
     """An error where the disk is full: libraries that write by name may lose the end of a file and say nothing."""
     size = file.seek(0, os.SEEK_END)
@@ -109,7 +129,7 @@ def explained(target: Path, what: str) -> Iterator[None]:
     """Errors of the system in this package's words."""
     try:
         yield
-    except FileError:
+    except PlenopticError:
         raise
     except FileNotFoundError as error:
         check_folder(target)

@@ -36,18 +36,32 @@ _DTYPES = (
 
 def describe(value: Any) -> str:
     """A value of this package as JSON text in ASCII; floats keep every bit. An error for what has no such form."""
-    return json.dumps(_described(value), allow_nan=False)
+    return json.dumps(described(value), allow_nan=False)
 
 
 def restore(text: str) -> Any:
     """The value that `describe` wrote down; a FileError where the text names nothing public, or what cannot be."""
     try:
-        return _restored(json.loads(text))
+        return restored(json.loads(text))
+    except FileError:
+        raise
+    except (ValueError, RecursionError) as error:
+        raise _not_understood(error) from error
+
+
+def restored(tree: Any) -> Any:
+    """The value that `described` made a tree of."""
+    try:
+        return _restored(tree)
     except (ValueError, TypeError, LookupError, AttributeError, ArithmeticError, RecursionError) as error:
-        raise FileError(
-            f"a description cannot be understood: {error}; "
-            "it must come from this package in this version or a compatible one"
-        ) from error
+        raise _not_understood(error) from error
+
+
+def _not_understood(error: BaseException) -> FileError:
+    return FileError(
+        f"a description cannot be understood: {error}; "
+        "it must come from this package in this version or a compatible one"
+    )
 
 
 def described_fields(value: Any, names: Iterable[str]) -> dict[str, str]:
@@ -60,7 +74,8 @@ def restored_fields(metadata: Mapping[str, Any], names: Iterable[str]) -> dict[s
     return {name: restore(metadata[key]) for name in names if (key := f"plenoptic:{name}") in metadata}
 
 
-def _described(value: Any) -> Any:
+def described(value: Any) -> Any:
+    """A value as what JSON holds."""
     if isinstance(value, enum.IntEnum):
         _check_public(type(value))
         return {"enum": [type(value).__name__, value.name]}
@@ -71,14 +86,14 @@ def _described(value: Any) -> Any:
     if isinstance(value, float):
         return _described_float(value) if math.isfinite(value) else {"float": str(value)}
     if isinstance(value, tuple):
-        return [_described(item) for item in value]
+        return [described(item) for item in value]
     if isinstance(value, np.ndarray) and value.dtype.name in _DTYPES:
         values = [_described_float(item) for item in value.ravel().tolist()]
         return {"array": {"dtype": value.dtype.name, "shape": list(value.shape), "values": values}}
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         _check_public(type(value))
         fields = {field.name: getattr(value, field.name) for field in dataclasses.fields(value) if field.init}
-        return {"value": [type(value).__name__, {name: _described(item) for name, item in fields.items()}]}
+        return {"value": [type(value).__name__, {name: described(item) for name, item in fields.items()}]}
     raise InvalidValueError(
         f"a {type(value).__name__} cannot be described in a file; only numbers, texts, tuples, arrays of numbers "
         "and the package's own values can"

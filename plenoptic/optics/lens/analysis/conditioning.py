@@ -85,7 +85,7 @@ class Conditioning:
     --------
     >>> import plenoptic as pl
     >>> lens = pl.load_lens("singlet-100mm-f4")
-    >>> found = pl.conditioning(lens, pl.RayBundle([[0, 3.0, -100.0], [0, 30, -100]], [[0, 0, 1.0], [0, 0, 1]]))
+    >>> found = pl.optics.conditioning(lens, pl.RayBundle([[0, 3.0, -100.0], [0, 30, -100]], [[0, 0, 1.0], [0, 0, 1]]))
     >>> found
     <Conditioning of 2 rays at 3 elements: worst at element 0, cancellation 16>
     >>> found.lost
@@ -143,7 +143,7 @@ class Conditioning:
         --------
         >>> import plenoptic as pl
         >>> rays = pl.RayBundle([[0, 30.0, -100.0]], [[0, 0, 1.0]])
-        >>> pl.conditioning(pl.load_lens("singlet-100mm-f4"), rays).lost_at(0)
+        >>> pl.optics.conditioning(pl.load_lens("singlet-100mm-f4"), rays).lost_at(0)
         {'clipped': 1}
         """
         return {cause: count for cause, at, count in self.lost if at == element}
@@ -212,7 +212,8 @@ def conditioning(lens: LensStack, rays: RayBundle, *, reverse: bool = False) -> 
     >>> import numpy as np, plenoptic as pl
     >>> lens = pl.load_lens("double-gauss-100mm-f2")
     >>> y = np.linspace(-12.0, 12.0, 101)
-    >>> found = pl.conditioning(lens, pl.RayBundle(np.stack([0 * y, y, 0 * y - 50.0], axis=1), [[0, 0, 1.0]] * 101))
+    >>> rays = pl.RayBundle(np.stack([0 * y, y, 0 * y - 50.0], axis=1), [[0, 0, 1.0]] * 101)
+    >>> found = pl.optics.conditioning(lens, rays)
     >>> bool(found.incidence.max() < 2), bool(found.digits_lost.max() < 1)
     (True, True)
     >>> found.worst.element, found.worst.condition.name

@@ -1,0 +1,84 @@
+"""Values of the package as JSON files: cameras, lenses, scenes' settings, sensor models."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from typing import Any
+
+from plenoptic import __version__
+from plenoptic.core.files.atomic_file import write_file
+from plenoptic.core.files.reading import DEFAULT, FileLimits, read_file
+from plenoptic.core.files.serialization import described, restored
+from plenoptic.core.values import file_path
+from plenoptic.errors import FileError
+
+FORMAT = "plenoptic-value-1"
+
+
+def save_value(value: Any, path: str | os.PathLike[str], *, about: Mapping[str, Any] | None = None) -> None:
+    """Write a camera, or any other value of the package, as JSON, from which `load_value` makes an equal one.
+
+    The file is an object with `format`, `software`, what `about` says, and `value`: how values are written there stands
+    in docs/package.md. Floats keep every bit.
+
+    Parameters
+    ----------
+    value
+        A public frozen value: a camera, lens, sensor model, pose, render settings, ..., or a tuple of them.
+    path : path-like
+        A file of that name is replaced, as a whole or not at all.
+    about : mapping, optional
+        What readers should know, as JSON; it is not read back.
+
+    Raises
+    ------
+    InvalidValueError
+        Where something in it is not of this package.
+    FileError
+        Where the file cannot be written.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile, plenoptic as pl
+    >>> sensor = pl.Sensor(shape=(512, 512), pixel_pitch=0.01)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     pl.package.save_value(sensor, pathlib.Path(folder) / "sensor.json")
+    ...     pl.package.load_value(pathlib.Path(folder) / "sensor.json") == sensor
+    True
+    """
+    content = {"format": FORMAT, "software": f"plenoptic {__version__}", **(about or {}), "value": described(value)}
+    write_file(file_path(path), (json.dumps(content, indent=1, allow_nan=False) + "\n").encode("ascii"))
+
+
+def load_value(path: str | os.PathLike[str], *, limits: FileLimits = DEFAULT) -> Any:
+    """The value that `save_value` wrote.
+
+    Parameters
+    ----------
+    path : path-like
+    limits : FileLimits
+        The size of the file.
+
+    Raises
+    ------
+    FileError
+        Where there is no such file, or it holds no value of this package.
+
+    Examples
+    --------
+    See `save_value`.
+    """
+    source = file_path(path)
+    try:
+        content = json.loads(read_file(source, limits))
+    except (ValueError, RecursionError) as error:
+        raise FileError(f"{str(source)!r} is not JSON: {error}; give a file that save_value wrote") from None
+    if not isinstance(content, dict) or content.get("format") != FORMAT or "value" not in content:
+        found = content.get("format") if isinstance(content, dict) else None
+        raise FileError(f"{str(source)!r} has format {found!r:.40}; it must be {FORMAT!r}, with a value")
+    try:
+        return restored(content["value"])
+    except FileError as error:
+        raise FileError(f"{str(source)!r}: {error}") from None

@@ -1,0 +1,143 @@
+"""Calibration points: where known points of targets appear in the images of the microlenses."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.camera.points.projection import project
+from plenoptic.camera.report.optics import image_plane
+from plenoptic.core.values import Floats, check_kind, result
+from plenoptic.errors import FileError, InvalidValueError
+from plenoptic.scene.shapes.targets.target import Target
+
+if TYPE_CHECKING:
+    from plenoptic.scene.scene import Scene
+
+_HEADER = ["frame", "point", "X_mm", "Y_mm", "Z_mm", "k", "l", "u_px", "v_px", "blur_px"]
+
+
+@result
+class CalibrationPoints:
+    """Points of calibration targets on the sensor, a row for each point and microlens that shows it.
+
+    Parameters
+    ----------
+    frame : (n,) array of int
+        Number of the target.
+    point : (n,) array of int
+        Row of its `points`.
+    world : (n, 3) array
+        The point in mm.
+    index : (n, 2) array of int
+        Lattice indices of the microlens.
+    pixel : (n, 2) array
+        Row and column of the chief ray, whole numbers at the centres of pixels.
+    blur : (n,) array
+        Radius of its image in pixels, by Gaussian optics, behind a wholly lit microlens.
+
+    Examples
+    --------
+    See `calibration_points`, which makes them.
+    """
+
+    frame: NDArray[np.int64]
+    point: NDArray[np.int64]
+    world: Floats
+    index: NDArray[np.int64]
+    pixel: Floats
+    blur: Floats
+
+    def __len__(self) -> int:
+        return len(self.frame)
+
+    def __repr__(self) -> str:
+        return f"CalibrationPoints({len(self)} rows, {len(np.unique(self.frame))} targets)"
+
+    def to_csv(self) -> str:
+        """A table with a heading; u is the column and v the row."""
+        text = io.StringIO()
+        table = csv.writer(text, lineterminator="\n")
+        table.writerow(_HEADER)
+        for row in zip(self.frame, self.point, self.world, self.index, self.pixel, self.blur, strict=True):
+            frame, point, world, index, (v, u), blur = (np.asarray(part).tolist() for part in row)
+            table.writerow([frame, point, *world, *index, u, v, blur])
+        return text.getvalue()
+
+    @classmethod
+    def from_csv(cls, text: str) -> CalibrationPoints:
+        """What `to_csv` wrote; a FileError where it is something else."""
+        try:
+            rows = list(csv.reader(io.StringIO(text)))
+            if rows[0] != _HEADER:
+                raise ValueError(f"the heading is {','.join(rows[0])[:80]!r}")
+            table = np.array(rows[1:], dtype=np.float64).reshape(-1, len(_HEADER))
+        except (ValueError, IndexError, csv.Error) as error:
+            raise FileError(f"the calibration points cannot be read: {error}") from None
+        whole = table.astype(np.int64)
+        return cls(whole[:, 0], whole[:, 1], table[:, 2:5], whole[:, 5:7], table[:, [8, 7]], table[:, 9])
+
+
+def calibration_points(
+    camera: PlenopticCamera, targets: Target | Sequence[Target], *, scene: Scene | None = None
+) -> CalibrationPoints:
+    """Where the points of targets appear on the sensor, in the image of every microlens that shows them.
+
+    Parameters
+    ----------
+    camera : PlenopticCamera
+        With microlenses.
+    targets : Target or sequence of Target
+        In the world, one for each frame.
+    scene : Scene, optional
+        What may hide points; None: nothing does.
+
+    Returns
+    -------
+    CalibrationPoints
+
+    Notes
+    -----
+    Pixels are those of chief rays, traced; see `project`. The radius of the blur is half the pitch times
+    1 - b (1/f - 1/s), with the microlens's focal length f, b from array to sensor, and s from the main lens's image of
+    the point to the array, all paraxial.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> camera = pl.PlenopticCamera(
+    ...     lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=5.0)),
+    ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
+    ...     sensor=pl.Sensor(shape=(128, 128), pixel_pitch=0.01), stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
+    >>> board = pl.targets.checkerboard(3, 3, square=1.0).translated(z=-404.0)
+    >>> pl.package.calibration_points(camera, board)
+    CalibrationPoints(128 rows, 1 targets)
+    """
+    check_kind(camera, "camera", PlenopticCamera, "pl.PlenopticCamera(...)")
+    array = camera.microlenses
+    if array is None:
+        raise InvalidValueError("the camera has no microlenses; use pl.project(camera, target.points)")
+    given = (targets,) if isinstance(targets, Target) else tuple(targets)
+    parts = []
+    for frame, target in enumerate(given):
+        check_kind(target, "targets", Target, "pl.targets.checkerboard(9, 6, square=2.0)")
+        seen = project(camera, target.points, scene=scene, rays=1 << 8)
+        seen = seen.selected(seen.visible & np.isfinite(seen.pixel).all(axis=1))
+        assert seen.index is not None and seen.type is not None
+        in_camera = target.points if camera.pose is None else camera.pose.to_camera(target.points)
+        behind = np.array([image_plane(camera.lens, z, camera.wavelength) for z in in_camera[:, 2]])
+        distance = (camera.stop_to_microlenses - behind)[seen.point]
+        power = 1.0 / np.array(array.focal_lengths)[seen.type]
+        with np.errstate(divide="ignore"):
+            spread = np.abs(1.0 - camera.microlenses_to_sensor * (power - 1.0 / distance))
+        blur = 0.5 * min(array.pitches) * spread / camera.sensor.pixel_pitch
+        parts.append((np.full(len(seen), frame), seen.point, target.points[seen.point], seen.index, seen.pixel, blur))
+    if not parts:
+        raise InvalidValueError("targets is empty; give one target or more")
+    return CalibrationPoints(*(np.concatenate(part) for part in zip(*parts, strict=True)))

@@ -1,0 +1,297 @@
+"""Writing packages."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import io
+import json
+import os
+import platform
+import tempfile
+import zipfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from plenoptic import __version__
+from plenoptic.camera.assembly import assembly, rigid
+from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.camera.points.centres import CentreMethod, MicrolensCentres, microlens_centres
+from plenoptic.camera.report.report import camera_report
+from plenoptic.core.files import images
+from plenoptic.core.files.atomic_file import replaced, replaced_folder, write_file
+from plenoptic.core.files.value_files import save_value
+from plenoptic.core.values import check_kind, file_path, seed_number
+from plenoptic.errors import FileError, InvalidValueError
+from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
+from plenoptic.optics.microlens.aperture import Walls
+from plenoptic.optics.sensor.model import SensorModel, ShotNoise
+from plenoptic.package.calibration import calibration_points
+from plenoptic.package.contents import (
+    CAMERA,
+    POINTS,
+    PROVENANCE,
+    PROVENANCE_FORMAT,
+    TRUTH,
+    centre_arrays,
+    centre_table,
+    without_truth,
+)
+from plenoptic.rendering.exposure import Exposure
+from plenoptic.rendering.plan.plan import plan
+from plenoptic.scene.shapes.targets.target import Target
+from plenoptic.truth.arrays import file_note, file_planes
+
+if TYPE_CHECKING:
+    from plenoptic.scene.scene import Scene
+
+_WHITE_PART = 0.8
+"""Of the white level, which the brightest pixels of a white image reach."""
+
+
+def write(
+    path: str | os.PathLike[str],
+    exposure: Exposure,
+    white: Exposure | None = None,
+    *,
+    sensor: SensorModel | None = None,
+    other_whites: Sequence[Exposure] = (),
+    targets: Target | Sequence[Target] = (),
+    scene: Scene | None = None,
+    seed: int = 0,
+) -> None:
+    """Write a picture with its white image, truth and camera into a folder or a zip file, which `read` opens.
+
+    docs/package.md says what is in which file. Programs that know nothing of this library find 16-bit images, CSV, JSON
+    and NPZ files there.
+
+    Parameters
+    ----------
+    path : path-like
+        A new or empty folder, or one that holds a package, which is replaced; with the ending `.zip`, one file.
+    exposure : Exposure
+        From `render`; names its camera.
+    white : Exposure, optional
+        From `render_white`, of the same camera.
+    sensor : SensorModel, optional
+        What reads the exposure out, of at least 8 bits. None: 16 bits without noise, on which the brightest pixel
+        reaches 0.8 of the white level.
+    other_whites : sequence of Exposure, optional
+        White images at other stops; each names its camera.
+    targets : Target or sequence of Target, optional
+        Whose points are written as calibration points.
+    scene : Scene, optional
+        What was rendered: for the plan, and for what hides calibration points.
+    seed : int, optional
+        Of the noise of raw, white (seed + 1), dark (seed + 2) and further white images.
+
+    Raises
+    ------
+    InvalidValueError
+        Where the exposure names no camera, white images are of other cameras, or the sensor has no quantisation.
+    FileError
+        Where the package cannot be written.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile, plenoptic as pl
+    >>> camera = pl.PlenopticCamera(
+    ...     lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=5.0)),
+    ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
+    ...     sensor=pl.Sensor(shape=(64, 64), pixel_pitch=0.01), stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
+    >>> shot = pl.render(pl.check_scene(), camera, samples=8, progress=False)
+    >>> white = pl.render_white(camera, samples=8, progress=False)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     pl.package.write(pathlib.Path(folder) / "shot", shot, white)
+    ...     found = pl.package.read(pathlib.Path(folder) / "shot")
+    >>> found.camera == camera, found.exposure == shot, found.raw.data.dtype
+    (True, True, dtype('uint16'))
+    """
+    target, seed = file_path(path), seed_number(seed)
+    camera = _checked_camera(exposure, white, other_whites)
+    model = _quiet_sensor(exposure) if sensor is None else sensor
+    check_kind(model, "sensor", SensorModel, "pl.SensorModel(photon_rate=1e6)")
+    zipped = target.suffix.lower() == ".zip"
+    if not zipped:
+        _check_replaceable(target)
+    with tempfile.TemporaryDirectory() if zipped else replaced_folder(target) as made:
+        folder = Path(made)
+        _fill(folder, exposure, white, tuple(other_whites), model, seed)
+        _describe(folder, camera)
+        if len(given := (targets,) if isinstance(targets, Target) else tuple(targets)):
+            write_file(folder / POINTS, calibration_points(camera, given, scene=scene).to_csv().encode("ascii"))
+        _sign(folder, exposure, None if scene is None else str(_plan(exposure, scene, camera)))
+        if zipped:
+            _zip(folder, target)
+
+
+def _checked_camera(exposure: Exposure, white: Exposure | None, others: Sequence[Exposure]) -> PlenopticCamera:
+    for name, given in [("exposure", exposure), ("white", white), *(("other_whites", other) for other in others)]:
+        if given is not None or name != "white":
+            check_kind(given, name, Exposure, "pl.render(scene, camera)")
+    camera = exposure.camera
+    if camera is None:
+        raise InvalidValueError("the exposure names no camera; give one that render made")
+    if white is not None and white.camera not in (None, camera):
+        raise InvalidValueError("the white image is of another camera than the exposure; render it with the same one")
+    if any(other.camera is None for other in others):
+        raise InvalidValueError("other_whites holds an exposure without a camera; give what render_white made")
+    return camera
+
+
+def _quiet_sensor(exposure: Exposure) -> SensorModel:
+    brightest = float(np.nanmax(exposure.image, initial=0.0))
+    rate = _WHITE_PART * 65535 / brightest if brightest > 0 else 1.0
+    return SensorModel(rate, bits=16, shot_noise=ShotNoise.NONE)
+
+
+def _lit(white: Exposure, model: SensorModel) -> SensorModel:
+    """The same sensor before as much light as a white image needs."""
+    brightest = float(np.max(white.image.max(axis=(0, 1)) * np.broadcast_to(model.electrons_per_unit, 3)))
+    wanted = _WHITE_PART * (model.white_level - model.black_level) / model.gain - model.dark_electrons
+    if not brightest > 0 or not wanted > 0:
+        return model
+    rate = tuple(np.atleast_1d(model.photon_rate) * (wanted / brightest))
+    return dataclasses.replace(model, photon_rate=rate if len(rate) > 1 else rate[0])
+
+
+def _fill(
+    folder: Path,
+    exposure: Exposure,
+    white: Exposure | None,
+    others: tuple[Exposure, ...],
+    model: SensorModel,
+    seed: int,
+) -> None:
+    """The pictures."""
+    without_truth(exposure).save(folder / "raw.exr")
+    exposure.develop(model, seed=seed).save(folder / "raw.tif")
+    whites = {} if white is None else {"white": white}
+    for other in others:
+        whites[_white_name(other, whites)] = other
+    for number, (name, found) in enumerate(whites.items()):
+        found.save(folder / f"{name}.exr")
+        found.develop(_lit(found, model), seed=seed + 1 + number + (number > 0)).save(folder / f"{name}.tif")
+    dark = dataclasses.replace(without_truth(exposure), image=np.zeros_like(exposure.image), standard_error=None)
+    dark.develop(model, seed=seed + 2).save(folder / "dark.tif")
+    if exposure.truth is not None:
+        note = {"plenoptic:note": file_note(exposure.truth)}
+        images.write_channels(folder / "truth.exr", file_planes(exposure.truth), note)
+        write_file(folder / TRUTH, _npz(exposure.truth.arrays()))
+
+
+def _describe(folder: Path, camera: PlenopticCamera) -> None:
+    """The camera and the centres of its microlens images."""
+    save_value(camera, folder / CAMERA, about=_about(camera))
+    if centres := _centres(camera):
+        arrays = centre_arrays(centres)
+        write_file(folder / "centres.npz", _npz(arrays))
+        write_file(folder / "centres.csv", centre_table(arrays).encode("ascii"))
+
+
+def _npz(arrays: Mapping[str, Any]) -> bytes:
+    file = io.BytesIO()
+    np.savez_compressed(file, **arrays)
+    return file.getvalue()
+
+
+def _white_name(white: Exposure, taken: Any) -> str:
+    assert white.camera is not None
+    name = base = f"white_f{cardinal_points(white.camera.lens, white.camera.wavelength).f_number:.3g}"
+    number = 2
+    while name in taken:
+        name, number = f"{base}_{number}", number + 1
+    return name
+
+
+def _centres(camera: PlenopticCamera) -> dict[CentreMethod, MicrolensCentres]:
+    if camera.microlenses is None:
+        return {}
+    walls = camera.microlenses.walls is Walls.OPAQUE
+    methods = [method for method in CentreMethod if not (walls and method is CentreMethod.CENTROID)]
+    return {method: microlens_centres(camera, method) for method in methods}
+
+
+def _about(camera: PlenopticCamera) -> dict[str, Any]:
+    """What other programs need to understand a camera, beside its value."""
+    parts, sensor = assembly(camera), camera.sensor
+    said: dict[str, Any] = {
+        "units": "mm, nm, radians; light in the scene's units",
+        "axes": "of the camera: origin at the centre of the iris, x right, y up, the scene at z < 0, the sensor at "
+        "z > 0; rotations take a part's own axes to the camera's",
+        "pixels": "row 0, column 0 is the upper left of the upright picture; whole numbers are centres of pixels; from "
+        "the sensor's centre, x = -(column + 1/2 - columns/2) pitch and y = (row + 1/2 - rows/2) pitch",
+        "sensor": {"rows": sensor.shape[0], "columns": sensor.shape[1], "pixel_pitch": sensor.pixel_pitch},
+        "sensor_as_built": _place(rigid(camera.sensor_placement, camera.z_sensor)),
+        "lens_as_built": _place(rigid(camera.lens_placement, 0.0)),
+        "lens_vertices": camera.lens.vertices.tolist(),
+        "lens_indices": camera.lens.indices(camera.wavelength).tolist(),
+        "report": str(camera_report(camera)).splitlines(),
+    }
+    array = camera.microlenses
+    if array is not None:
+        said["array_as_built"] = _place(rigid(camera.microlenses_placement, camera.stop_to_microlenses))
+        said["array_origin_and_turn_before_the_lens"] = [parts.array_origin.tolist(), parts.array_turn.tolist()]
+        said["array"] = {
+            "lattice": array.lattice.name,
+            "basis": None if array.centres is not None else array.basis.tolist(),
+            "pitches": list(array.pitches),
+            "focal_lengths": list(array.focal_lengths),
+            "distance_to_sensor": camera.microlenses_to_sensor,
+        }
+    return said
+
+
+def _place(place: Any) -> dict[str, Any]:
+    return {"rotation": place.turn.tolist(), "origin": place.shift.tolist()}
+
+
+def _plan(exposure: Exposure, scene: Scene, camera: PlenopticCamera) -> Any:
+    options = {} if exposure.settings is None else vars(exposure.settings)
+    return plan(scene, camera, samples=exposure.samples or 1, replicates=exposure.replicates or 1, **options)
+
+
+def _sign(folder: Path, exposure: Exposure, planned: str | None) -> None:
+    """Write down where everything comes from, with the hash of every file."""
+    files = {file.name: _hash(file) for file in sorted(folder.iterdir())}
+    said = {
+        "format": PROVENANCE_FORMAT,
+        "versions": {"plenoptic": __version__, "numpy": np.__version__, "python": platform.python_version()},
+        "seed": exposure.seed,
+        "samples": exposure.samples,
+        "replicates": exposure.replicates,
+        "relative_error": _finite(exposure.relative_error),
+        "plan": None if planned is None else planned.splitlines(),
+        "files": files,
+    }
+    write_file(folder / PROVENANCE, (json.dumps(said, indent=1, allow_nan=False) + "\n").encode("ascii"))
+
+
+def _finite(number: float | None) -> float | None:
+    return number if number is not None and np.isfinite(number) else None
+
+
+def _hash(file: Path) -> str:
+    found = hashlib.sha256()
+    with open(file, "rb") as opened:
+        while part := opened.read(1 << 20):
+            found.update(part)
+    return found.hexdigest()
+
+
+def _check_replaceable(folder: Path) -> None:
+    if not folder.exists() and not folder.is_symlink():
+        return
+    if not folder.is_dir() or folder.is_symlink():
+        raise FileError(f"{str(folder)!r} is no folder; choose another name, or one that ends in .zip")
+    if not (folder / PROVENANCE).is_file() and any(folder.iterdir()):
+        raise FileError(f"the folder {str(folder)!r} holds something else than a package; choose a new one")
+
+
+def _zip(folder: Path, target: Path) -> None:
+    with replaced(target) as file, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+        for found in sorted(folder.iterdir()):
+            archive.write(found, found.name)
