@@ -3,6 +3,7 @@ from . import aiming as aiming
 from . import bsdf as bsdf
 from . import camera as camera
 from . import errors as errors
+from . import export as export
 from . import images as images
 from . import lightfield as lightfield
 from . import lights as lights

@@ -219,12 +219,17 @@ def write_16bit(
     --------
     See `read_linear`.
     """
-    target = _writable(path, (".png", ".tif", ".tiff"))
     pixels = np.asarray(image)
     if pixels.dtype != np.uint16 or pixels.ndim != 3 or pixels.shape[2] not in (1, 3) or 0 in pixels.shape:
         raise InvalidValueError(
             f"the image has shape {pixels.shape} and type {pixels.dtype}; it must be (H, W, 1) or (H, W, 3) uint16"
         )
+    write_codes(path, pixels, metadata)
+
+
+def write_codes(path: str | os.PathLike[str], pixels: NDArray[Any], metadata: Mapping[str, str] | None = None) -> None:
+    """What `write_16bit` does, with codes (H, W, 1 or 3) of 8 bits too."""
+    target = _writable(path, (".png", ".tif", ".tiff"))
     said = {COLOR_SPACE: SRGB, **(metadata or {})}
     description = json.dumps(said)
     if len(description) > _LONGEST_DESCRIPTION:
@@ -340,7 +345,8 @@ def _write(target: Path, pixels: NDArray[Any], names: tuple[str, ...], metadata:
     import OpenImageIO as oiio
 
     height, width, count = pixels.shape
-    spec = oiio.ImageSpec(width, height, count, oiio.UINT16 if pixels.dtype == np.uint16 else oiio.FLOAT)
+    kind = {"uint8": oiio.UINT8, "uint16": oiio.UINT16}.get(pixels.dtype.name, oiio.FLOAT)
+    spec = oiio.ImageSpec(width, height, count, kind)
     spec.channelnames = names
     for name, text in metadata.items():
         spec.attribute(name, text)

@@ -1,0 +1,96 @@
+"""Pictures as other programs read them, and what stands beside them."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic import __version__
+from plenoptic.core.color.srgb import linear_to_srgb
+from plenoptic.core.files.atomic_file import explained, write_file
+from plenoptic.core.files.images import COLOR_SPACE, LINEAR, SRGB, write_codes
+from plenoptic.core.values import file_path
+from plenoptic.errors import FileError, InvalidValueError
+
+
+def folder_at(path: str | os.PathLike[str], *below: str) -> Path:
+    """A folder, made where it is missing, with folders below it."""
+    folder = file_path(path)
+    with explained(folder, "made"):
+        for part in (folder, *(folder / name for name in below)):
+            part.mkdir(exist_ok=True)
+    if not folder.is_dir():
+        raise FileError(f"{str(folder)!r} is no folder; choose another name")
+    return folder
+
+
+def plain_name(name: str) -> str:
+    """A name that files can have in all programs, or an error."""
+    if not isinstance(name, str) or not name.replace("_", "").replace("-", "").isalnum() or not name.isascii():
+        raise InvalidValueError(f"name is {name!r}; it must be of letters, digits, - and _")
+    return name
+
+
+def brightest(image: NDArray[np.floating[Any]]) -> float:
+    """What becomes the largest code: the image's maximum, or 1."""
+    largest = float(np.nanmax(np.where(np.isfinite(image), image, 0.0), initial=0.0))
+    return largest if largest > 0 else 1.0
+
+
+def write_picture(
+    path: Path,
+    image: NDArray[np.floating[Any]],
+    *,
+    scale: float,
+    bits: int = 16,
+    encoded: bool = False,
+    rgb: bool = True,
+) -> None:
+    """A linear image (H, W, C), divided by `scale`, as whole numbers: encoded as sRGB or linear."""
+    part: NDArray[np.floating[Any]] = np.clip(
+        np.nan_to_num(image.astype(np.float64), nan=0.0, posinf=np.inf, neginf=0.0) / scale, 0.0, 1.0
+    )
+    part = linear_to_srgb(part) if encoded else part
+    if rgb and part.shape[2] == 1:
+        part = np.repeat(part, 3, axis=2)
+    codes = np.rint(part * (2**bits - 1)).astype(np.uint16 if bits == 16 else np.uint8)
+    write_codes(path, codes, {COLOR_SPACE: SRGB if encoded else LINEAR})
+
+
+def write_pfm(path: Path, plane: NDArray[np.floating[Any]]) -> None:
+    """A plane (H, W) as a portable float map: float32, little-endian, the lowest row first."""
+    rows, columns = plane.shape
+    head = f"Pf\n{columns} {rows}\n-1\n".encode("ascii")
+    write_file(path, head + np.ascontiguousarray(plane[::-1], dtype="<f4").tobytes())
+
+
+def read_pfm(path: Path, content: bytes) -> NDArray[np.float32]:
+    """The plane of a portable float map of one channel, the highest row first."""
+    parts = content.split(b"\n", 3)
+    try:
+        (kind, size, order), data = (part.strip() for part in parts[:3]), parts[3]
+        columns, rows = map(int, size.split())
+        if kind != b"Pf" or rows < 1 or columns < 1:
+            raise ValueError("it is not of one channel")
+        plane = np.frombuffer(data, dtype="<f4" if float(order) < 0 else ">f4", count=rows * columns)
+    except (ValueError, IndexError) as error:
+        raise FileError(f"{str(path)!r} is no portable float map: {error}") from None
+    return plane.reshape(rows, columns)[::-1].astype(np.float32)
+
+
+def write_json(path: Path, content: Any) -> None:
+    """A JSON file; floats keep every bit."""
+    write_file(path, (json.dumps(content, indent=1, allow_nan=False) + "\n").encode("ascii"))
+
+
+def write_readme(folder: Path, program: str, how: str, cannot: str, more: Mapping[str, Any] | None = None) -> None:
+    """How the program is started, and what it cannot know."""
+    lines = [f"For {program}, by plenoptic {__version__}.", "", how, "", f"What it cannot express: {cannot}"]
+    lines += [f"{name}: {found}" for name, found in (more or {}).items()]
+    write_file(folder / "README.txt", ("\n".join(lines) + "\n").encode("utf-8"))

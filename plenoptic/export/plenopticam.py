@@ -1,0 +1,89 @@
+"""For PlenoptiCam (C. Hahne and A. Aggoun, IEEE Trans. Image Process. 30 (2021), doi:10.1109/TIP.2021.3095671)."""
+
+from __future__ import annotations
+
+import os
+
+import numpy as np
+
+from plenoptic.camera.points.centres import CentreMethod
+from plenoptic.export.lattice import checked_white, lens_rows
+from plenoptic.export.pictures import brightest, folder_at, plain_name, write_json, write_picture, write_readme
+from plenoptic.rendering.exposure import Exposure
+
+
+def plenopticam(
+    folder: str | os.PathLike[str],
+    shot: Exposure,
+    white: Exposure,
+    *,
+    name: str = "shot",
+    method: CentreMethod = CentreMethod.CENTROID,
+) -> None:
+    """Write a raw image, its white image and the centres of the microlens images for PlenoptiCam.
+
+    The raw image is sRGB-encoded and the white one linear, as it reads them; both are turned by a quarter where rows of
+    lenses run along columns. With the centres it need not search; README.txt has the commands.
+
+    Parameters
+    ----------
+    folder : path-like
+        Is made where it is missing; files of the same name are replaced.
+    shot, white : Exposure
+        Of the same pixels, `shot` with its camera.
+    name : str, optional
+        Of the files.
+    method : CentreMethod, optional
+        What the centres are.
+
+    Raises
+    ------
+    InvalidValueError
+        Without microlenses on a lattice, or where the white image has other pixels.
+    FileError
+        Where a file cannot be written.
+
+    Notes
+    -----
+    What it cannot express: errors and truth; focal types; microlenses out of place one by one, of which it only needs
+    the centres. It takes rows that run along those of the image within some degrees.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile, plenoptic as pl
+    >>> lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=4.25))
+    >>> camera = pl.PlenopticCamera(lens=lens,
+    ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
+    ...     sensor=pl.Sensor(shape=(110, 154), pixel_pitch=0.01), stop_to_microlenses=123.3, microlenses_to_sensor=2.0)
+    >>> white = pl.render_white(camera, samples=16, progress=False)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     pl.export.plenopticam(folder, white, white, name="flat")
+    ...     sorted(path.name for path in pathlib.Path(folder).iterdir())
+    ['README.txt', 'flat.tiff', 'flat_centres.json', 'flat_white.tiff']
+    """
+    target, name, white = folder_at(folder), plain_name(name), checked_white(shot, white)
+    lens = lens_rows(shot, turn=True, method=method).whole(shot.image.shape[:2]).rectangle()
+    scale = brightest(shot.image)
+    write_picture(target / f"{name}.tiff", lens.turned(shot.image), scale=scale, encoded=True)
+    write_picture(target / f"{name}_white.tiff", lens.turned(white.image), scale=brightest(white.image))
+    listed = np.column_stack([lens.centre, lens.row, lens.place]).tolist()
+    across, apart = lens.pitch
+    content = {
+        "mic_list": [[y, x, int(row), int(place)] for y, x, row, place in listed],
+        "pat_type": "hex" if lens.hexagonal else "rec",
+        "ptc_mean": [apart, across],
+    }
+    write_json(target / f"{name}_centres.json", content)
+    patch = max(int(across) // 2 * 2 - 1, 3)
+    command = f"plenopticam --file={name}.tiff --cali={name}_white.tiff --patch={patch}"
+    write_readme(
+        target,
+        "PlenoptiCam",
+        f"with these centres:   {command} --meta={name}_centres.json\nwith its own search:  {command} --meth=grid-fit",
+        "errors, truth, focal types.",
+        {
+            "quarters turned, counter-clockwise": lens.turns,
+            "rows of lenses against rows of pixels, degrees": f"{np.degrees(lens.angle):.4f}",
+            "full code, in the units of the exposure": scale,
+        },
+    )

@@ -1,0 +1,82 @@
+"""For plenpy (M. Schambach and F. Puente Leon, plenpy: a Python package for light field cameras, 2020)."""
+
+from __future__ import annotations
+
+import os
+
+import numpy as np
+
+from plenoptic.camera.report.optics import object_plane
+from plenoptic.export.lattice import checked_white, lens_rows
+from plenoptic.export.pictures import brightest, folder_at, plain_name, write_json, write_picture, write_readme
+from plenoptic.rendering.exposure import Exposure
+
+_WHITE = "Calibration/WhiteImages"
+
+
+def plenpy(folder: str | os.PathLike[str], shot: Exposure, white: Exposure, *, name: str = "shot") -> None:
+    """Write a raw image and its white image as a camera's folder of plenpy, which its `RayTracerLF` opens.
+
+    Images are linear, 16 bits, and turned by a quarter where rows of lenses run along columns. README.txt has the call.
+
+    Parameters
+    ----------
+    folder : path-like
+        Is made where it is missing; files of the same name are replaced.
+    shot, white : Exposure
+        Of the same pixels, `shot` with its camera.
+    name : str, optional
+        Of the raw image.
+
+    Raises
+    ------
+    InvalidValueError
+        Without microlenses on a lattice, or where the white image has other pixels.
+    FileError
+        Where a file cannot be written.
+
+    Notes
+    -----
+    What it cannot express: errors, truth, focal types; where the lenses are, which it finds in the white image. Square
+    lattices raise an error there.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile, plenoptic as pl
+    >>> lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=4.25))
+    >>> camera = pl.PlenopticCamera(lens=lens,
+    ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
+    ...     sensor=pl.Sensor(shape=(110, 154), pixel_pitch=0.01), stop_to_microlenses=123.3, microlenses_to_sensor=2.0)
+    >>> white = pl.render_white(camera, samples=16, progress=False)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     pl.export.plenpy(folder, white, white)
+    ...     sorted(path.name for path in pathlib.Path(folder).rglob("*.*"))
+    ['README.txt', 'shot.json', 'shot.png', 'white.json', 'white.png']
+    """
+    target, name, white = (
+        folder_at(folder, "Images", "Calibration", _WHITE),
+        plain_name(name),
+        checked_white(shot, white),
+    )
+    lens = lens_rows(shot, turn=True)
+    camera, scale = lens.camera, brightest(white.image)
+    # What the raw image is divided by the white one, which then is 1 where a white scene is.
+    ratio = max(brightest(shot.image) / scale, 1e-30)
+    write_picture(target / "Images" / f"{name}.png", lens.turned(shot.image), scale=scale * max(ratio, 1.0))
+    write_picture(target / _WHITE / "white.png", lens.turned(white.image), scale=scale)
+    z = object_plane(camera.lens, camera.stop_to_microlenses, camera.wavelength)
+    said = {"camera": {"imageDistance": camera.stop_to_microlenses, "focusDistance": -z if np.isfinite(z) else 1e9}}
+    for file in (target / "Images" / f"{name}.json", target / _WHITE / "white.json"):
+        write_json(file, said)
+    array = camera.microlenses
+    assert array is not None
+    call = f"RayTracerLF(folder, grid_type={'hex' if lens.hexagonal else 'rect'!r}, ml_size={lens.pitch[0]:.6g}, "
+    write_readme(
+        target,
+        "plenpy",
+        "from plenpy.cameras.raytracer_lightfield_camera import RayTracerLF\n"
+        f'camera = {call}ml_focal_length={1e-3 * array.focal_lengths[0]:.6g}, format="PNG-PIL")\n'
+        "camera.calibrate()\ncamera.load_sensor_image(0)\ncamera.decode_sensor_image(0)",
+        "errors, truth, focal types, centres.",
+        {"quarters turned, counter-clockwise": lens.turns, "full code over that of the white image": max(ratio, 1.0)},
+    )

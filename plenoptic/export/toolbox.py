@@ -1,0 +1,166 @@
+"""For the PlenopticToolbox 2.0 (L. Palmieri, R. Op het Veld, R. Koch, ICIP 2018, doi:10.1109/ICIP.2018.8451051)."""
+
+from __future__ import annotations
+
+import math
+import os
+from itertools import product
+
+import numpy as np
+
+from plenoptic.camera.points.centres import CentreMethod
+from plenoptic.core.files.atomic_file import write_file
+from plenoptic.core.values import Floats
+from plenoptic.errors import InvalidValueError
+from plenoptic.export.lattice import LensRows, lens_rows
+from plenoptic.export.pictures import brightest, folder_at, plain_name, write_picture, write_readme
+from plenoptic.rendering.exposure import Exposure
+
+_TYPES = 3
+_SHARPEST, _FARTHEST = 2.0, 20.0
+"""Virtual depths between which a type is said to be sharp, if it is there."""
+
+
+def plenoptic_toolbox(
+    folder: str | os.PathLike[str], shot: Exposure, *, name: str = "shot", method: CentreMethod = CentreMethod.CHIEF_RAY
+) -> None:
+    """Write a raw image of a hexagonal array with its calibration for the PlenopticToolbox 2.0.
+
+    Parameters
+    ----------
+    folder : path-like
+        Is made where it is missing; files of the same name are replaced.
+    shot : Exposure
+        With its camera. Where it has DISPARITY, a picture of it is written too, in lens diameters.
+    name : str, optional
+        Of the files.
+    method : CentreMethod, optional
+        What the centres are to which the grid is fitted.
+
+    Raises
+    ------
+    InvalidValueError
+        Where the array is not hexagonal, or its types do not repeat as the format has them.
+    FileError
+        Where a file cannot be written.
+
+    Notes
+    -----
+    What it cannot express: square lattices, distortion of the grid (the fit's residual is in README.txt), errors, white
+    images. One or two focal lengths are written as three types, some of which are equal. The picture is sRGB-encoded,
+    8 bits; the image is not turned: the format knows the grid's rotation.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile, plenoptic as pl
+    >>> lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=4.25))
+    >>> camera = pl.PlenopticCamera(lens=lens,
+    ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(1.7, 2.0, 2.4)),
+    ...     sensor=pl.Sensor(shape=(110, 154), pixel_pitch=0.01), stop_to_microlenses=123.3, microlenses_to_sensor=1.6)
+    >>> shot = pl.render(pl.check_scene(), camera, samples=4, progress=False)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     pl.export.plenoptic_toolbox(folder, shot)
+    ...     sorted(path.name for path in pathlib.Path(folder).iterdir())
+    ['README.txt', 'shot.png', 'shot.xml']
+    """
+    target, name = folder_at(folder), plain_name(name)
+    rows = lens_rows(shot, turn=False, method=method)
+    if not rows.hexagonal:
+        raise InvalidValueError("the PlenopticToolbox knows hexagonal arrays only; use another exporter")
+    size = shot.image.shape[:2]
+    first, axes, steps, residual = _grid(rows, size)
+    diameter, rotation, offset = axes
+    types = _types(rows, first, steps)
+    scale = brightest(shot.image)
+    write_picture(target / f"{name}.png", shot.image, scale=scale, bits=8, encoded=True)
+    ranges = [_sharp(rows, kind) for kind in types]
+    lines = [
+        '<?xml version="1.0" encoding="UTF-8"?>',
+        '<RayCalibData version="1.0">',
+        f'  <offset units="pix"><x>{offset[0]!r}</x><y>{offset[1]!r}</y></offset>',
+        f'  <diameter units="pix">{diameter!r}</diameter>',
+        f'  <rotation units="rad">{rotation!r}</rotation>',
+        '  <lens_border units="pix">0.0</lens_border>',
+        '  <tcp units="virtual_depth">0.0</tcp>',
+        '  <lens_base_x units="lens"><x>1.0</x><y>0.0</y></lens_base_x>',
+        f'  <lens_base_y units="lens"><x>0.5</x><y>{math.sqrt(0.75)!r}</y></lens_base_y>',
+        f'  <sub_grid_base units="lens"><x>3.0</x><y>{math.sqrt(3.0)!r}</y></sub_grid_base>',
+        '  <distortion type="radial"><function>constant</function><parameter count="0"></parameter>'
+        '<offset units="pix"><x>0.0</x><y>0.0</y></offset></distortion>',
+    ]
+    for number, (x, (nearest, farthest)) in enumerate(zip((0.0, 1.0, -1.0), ranges, strict=True)):
+        lines += [
+            f'  <lens_type id="{number}">',
+            f'    <offset units="lens"><x>{x}</x><y>0.0</y></offset>',
+            f'    <depth_range units="virtual_depth"><min>{nearest!r}</min><max>{farthest!r}</max></depth_range>',
+            "  </lens_type>",
+        ]
+    write_file(target / f"{name}.xml", "\n".join([*lines, "</RayCalibData>", ""]).encode("ascii"))
+    disparity = None if shot.truth is None else shot.truth.disparity
+    if disparity is not None:
+        write_picture(target / f"{name}_disp.png", np.abs(disparity)[:, :, np.newaxis], scale=diameter)
+    write_readme(
+        target,
+        "the PlenopticToolbox 2.0",
+        f"rtxIO.load_from_xml('{name}.png', '{name}.xml')",
+        "square lattices, distortion of the grid, errors, white images; more than three focal lengths.",
+        {
+            "focal type of each lens_type": types,
+            "root mean square distance of the centres from the grid, pixels": f"{residual:.5f}",
+            "full code, in the units of the exposure": scale,
+            "full code of *_disp.png": "a disparity of one lens diameter",
+        },
+    )
+
+
+def _grid(
+    rows: LensRows, size: tuple[int, int]
+) -> tuple[np.ndarray, tuple[float, float, tuple[float, float]], np.ndarray, float]:
+    """The central lens, (diameter, rotation, offset), lattice steps of both axes (2, 2), and the residual of the fit.
+
+    x to the right, y up, from the middle of the image.
+    """
+    x = rows.centre[:, 1] - 0.5 * (size[1] - 1)
+    y = 0.5 * (size[0] - 1) - rows.centre[:, 0]
+    first = rows.lens[np.argmin(x**2 + y**2)]
+    table = np.column_stack([rows.lens, np.ones(len(x))])
+    step, *_ = np.linalg.lstsq(table, x + 1j * y, rcond=None)
+    neighbours = [np.array(pair) for pair in product((-1, 0, 1), repeat=2) if pair not in ((0, 0), (1, 1), (-1, -1))]
+    turned = [complex(pair @ step[:2]) for pair in neighbours]
+    # The row that is most level, from left to right, and the one 60 degrees farther.
+    along = max(range(6), key=lambda k: turned[k].real / abs(turned[k]))
+    beside = max(range(6), key=lambda k: (turned[k] / turned[along] * np.exp(-1j * math.pi / 3)).real)
+    steps = np.array([neighbours[along], neighbours[beside]])
+    place = (rows.lens - first) @ np.linalg.inv(steps)
+    ideal = place @ np.array([1.0, np.exp(1j * math.pi / 3)])
+    (grow, start), *_ = np.linalg.lstsq(np.column_stack([ideal, np.ones(len(ideal))]), x + 1j * y, rcond=None)
+    residual = float(np.sqrt(np.mean(np.abs(grow * ideal + start - (x + 1j * y)) ** 2)))
+    axes = (float(abs(grow)), float(np.angle(grow)), (float(start.real), float(start.imag)))
+    return first, axes, steps, residual
+
+
+def _types(rows: LensRows, first: Floats, steps: Floats) -> list[int]:
+    """The type of the array for each of the three of the format."""
+    place = np.rint((rows.lens - first) @ np.linalg.inv(steps)).astype(int)
+    number = (np.mod(-place[:, 0], _TYPES) + place[:, 1]) % _TYPES
+    found = [np.unique(rows.type[number == k]).tolist() for k in range(_TYPES)]
+    if any(len(kinds) != 1 for kinds in found):
+        raise InvalidValueError(
+            "the focal types do not repeat every three lenses of a row, each beside both others; the format has no "
+            "other pattern"
+        )
+    return [kinds[0] for kinds in found]
+
+
+def _sharp(rows: LensRows, kind: int) -> tuple[float, float]:
+    """Virtual depths that a type of microlens images to within a pixel, between the bounds."""
+    camera, array = rows.camera, rows.camera.microlenses
+    assert array is not None
+    b = camera.microlenses_to_sensor
+    # A circle of confusion of 1 - b (1/f - 1/(v b)) diameters.
+    focus, room = b / array.focal_lengths[kind] - 1.0, camera.sensor.pixel_pitch / max(array.pitches)
+    near, far = focus + room, focus - room
+    nearest = 1.0 / near if near > 0 else _FARTHEST
+    farthest = 1.0 / far if far > 0 else _FARTHEST
+    low, high = (min(max(end, _SHARPEST), _FARTHEST) for end in (nearest, farthest))
+    return (low, high) if low < high else (_SHARPEST, _FARTHEST)

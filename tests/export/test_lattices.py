@@ -1,0 +1,170 @@
+"""Raw images for programs that look for microlenses: rows as they count them, pictures turned as they need."""
+
+import json
+import sys
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import plenoptic as pl
+from plenoptic.errors import InvalidValueError
+from plenoptic.export.lattice import lens_rows
+
+sys.path.insert(0, str(Path(__file__).parent))
+from raws import camera, focused, nearest, shots  # noqa: E402
+
+HEXAGONAL, SQUARE, RECTANGULAR = pl.Lattice.HEXAGONAL, pl.Lattice.SQUARE, pl.Lattice.RECTANGULAR
+
+
+def blank(taken_by, region=None):
+    rows, columns = taken_by.sensor.shape if region is None else (region[1] - region[0], region[3] - region[2])
+    return pl.Exposure(np.zeros((rows, columns, 1)), camera=taken_by, region=region)
+
+
+# ---- rows ----
+
+
+@pytest.mark.parametrize("lattice", [HEXAGONAL, SQUARE, RECTANGULAR])
+@pytest.mark.parametrize("degrees", [-170, -91, -60, -31, -3, 0, 2, 29, 44, 88, 121, 179])
+@pytest.mark.parametrize("turn", [True, False])
+def test_rows_run_along_rows(lattice, degrees, turn):
+    pitch = (0.147, 0.12) if lattice is RECTANGULAR else 0.147
+    found = lens_rows(blank(camera(lattice, turned=np.radians(degrees), pitch=pitch)), turn=turn)
+    # Neighbours in a row lie a pitch apart along the row; rows as far apart as the lattice has them.
+    order = np.lexsort((found.place, found.row))
+    same = np.diff(found.row[order]) == 0
+    step = np.diff(found.centre[order], axis=0)[same] / np.diff(found.place[order])[same, None]
+    np.testing.assert_allclose(np.hypot(*step.T), found.pitch[0], rtol=2e-3)
+    assert (step[:, 1] > 0).all() or abs(found.angle) > 0.6
+    if lattice is HEXAGONAL:
+        assert found.pitch[1] == pytest.approx(found.pitch[0] * np.sqrt(0.75), rel=2e-3)
+        assert abs(found.angle) <= np.radians(15.1 if turn else 30.1)
+    elif lattice is SQUARE:
+        assert found.pitch[1] == pytest.approx(found.pitch[0], rel=2e-3) and abs(found.angle) <= np.radians(45.1)
+    assert found.shifted.any() == (lattice is HEXAGONAL)
+    # The place of a lens follows from its row and number: what other programs assume.
+    down = np.array([np.cos(found.angle), np.sin(found.angle)])
+    across = np.array([-np.sin(found.angle), np.cos(found.angle)])
+    expected = np.outer(found.row * found.pitch[1], down) + np.outer(
+        (found.place + 0.5 * found.shifted) * found.pitch[0], across
+    )
+    rest = found.centre - expected
+    assert np.abs(rest - rest.mean(axis=0)).max() < 0.1
+
+
+def test_a_turned_centre_is_where_the_turned_image_shows_it():
+    shot, white = shots(camera())
+    found = lens_rows(shot, turn=True)
+    assert found.turns == 1  # as rendered, neighbours lie along columns
+    picture = found.turned(white.image)[:, :, 0]
+    half = int(found.pitch[0] / 2)
+    rows, columns = np.mgrid[-half : half + 1, -half : half + 1]
+    inside = rows**2 + columns**2 <= half**2
+    whole = found.whole(shot.image.shape[:2])
+    for centre in whole.centre[:: len(whole.centre) // 10]:
+        r, c = np.rint(centre).astype(int)
+        patch = picture[r + rows, c + columns] * inside
+        light = np.array([(patch * (r + rows)).sum(), (patch * (c + columns)).sum()]) / patch.sum()
+        assert np.abs(light - centre).max() < 0.45  # the window lies off by up to half a pixel
+
+
+def test_a_region_has_the_lenses_that_the_whole_has_there():
+    taken_by = camera()
+    whole, part = lens_rows(blank(taken_by), turn=False), lens_rows(blank(taken_by, (40, 160, 30, 130)), turn=False)
+    assert nearest(part.centre + np.array([40, 30]), whole.centre).max() == 0
+
+
+def test_rectangles_have_no_gaps():
+    for degrees in (0, 3, 12):
+        lens = lens_rows(blank(camera(turned=np.radians(degrees))), turn=True)
+        found = lens.rectangle()
+        rows, places = found.row.max() + 1, found.place.max() + 1
+        assert len(found.row) == rows * places > 0.4 * len(lens.row)
+        np.testing.assert_array_equal(found.row * places + found.place, np.arange(rows * places))
+
+
+def test_what_has_no_rows_is_refused():
+    conventional = pl.PlenopticCamera(
+        lens=pl.load_lens("double-gauss-100mm-f2"),
+        sensor=pl.Sensor(shape=(16, 16), pixel_pitch=0.01),
+        stop_to_microlenses=130.0,
+    )
+    with pytest.raises(InvalidValueError, match="has no microlenses"):
+        lens_rows(blank(conventional), turn=True)
+    with pytest.raises(InvalidValueError, match="names no camera"):
+        lens_rows(pl.Exposure(np.ones((2, 2, 1))), turn=True)
+    listed = camera(pl.Lattice.FREE, centres=[[0.0, 0.0], [0.3, 0.0]])
+    with pytest.raises(InvalidValueError, match="lie on no lattice"):
+        lens_rows(blank(listed), turn=True)
+    with pytest.raises(InvalidValueError, match="fewer than three"):
+        lens_rows(blank(camera(), (0, 8, 0, 8)), turn=True)
+
+
+# ---- files ----
+
+
+@pytest.mark.parametrize("lattice", [HEXAGONAL, SQUARE])
+def test_plenopticam_gets_what_it_reads(tmp_path, lattice):
+    shot, white = shots(camera(lattice))
+    pl.export.plenopticam(tmp_path / "a", shot, white, name="flat-1")
+    listed = json.loads((tmp_path / "a" / "flat-1_centres.json").read_text())
+    assert listed["pat_type"] == ("hex" if lattice is HEXAGONAL else "rec")
+    table = np.array(listed["mic_list"])
+    assert len(table) == (table[:, 2].max() + 1) * (table[:, 3].max() + 1)
+    turned = lattice is HEXAGONAL
+    known = pl.microlens_centres(shot.camera, pl.CentreMethod.CENTROID).pixel
+    # Back from the turned image: (row, column) was (column, columns - 1 - row).
+    back = np.column_stack([table[:, 1], shot.image.shape[1] - 1 - table[:, 0]]) if turned else table[:, :2]
+    assert nearest(back, known).max() < 1e-9
+    raw = pl.images.read_linear(tmp_path / "a" / "flat-1.tiff")[:, :, 0]
+    expected = np.rot90(shot.image[:, :, 0], int(turned)) / shot.image.max()
+    np.testing.assert_allclose(raw, expected, atol=2 / 65535)
+    lit = pl.images.read_channels(tmp_path / "a" / "flat-1_white.tiff")[0]["R"]
+    np.testing.assert_allclose(lit, np.rot90(white.image[:, :, 0], int(turned)) / white.image.max(), atol=1 / 65535)
+
+
+@pytest.mark.parametrize("focal_lengths", [(1.7, 2.0, 2.4), (2.0,)])
+@pytest.mark.parametrize("degrees", [0, 17, 30, 100])
+def test_the_toolbox_gets_what_it_reads(tmp_path, focal_lengths, degrees):
+    taken_by = focused(focal_lengths=focal_lengths).moved(
+        pl.CameraPart.MICROLENSES, shift=(0.05, 0.02, 0.0), tilt=(0.0, 0.0, np.radians(degrees))
+    )
+    shot = pl.render(pl.check_scene(), taken_by, samples=2, truth=pl.Truth.ALL, progress=False)
+    pl.export.plenoptic_toolbox(tmp_path, shot)
+    root = ET.parse(tmp_path / "shot.xml").getroot()
+    number = {key: float(root.find(key).text) for key in ("diameter", "rotation")}
+    offset = complex(*(float(root.find(f"offset/{axis}").text) for axis in "xy"))
+    base = [complex(*(float(root.find(f"lens_base_{k}/{axis}").text) for axis in "xy")) for k in "xy"]
+    rows, columns = shot.image.shape[:2]
+    centres = pl.microlens_centres(taken_by)
+    measured = (centres.pixel[:, 1] - (columns - 1) / 2) + 1j * ((rows - 1) / 2 - centres.pixel[:, 0])
+    # Axial coordinates of each lens, then its place and its type as the format has them.
+    scaled = (measured - offset) / (number["diameter"] * np.exp(1j * number["rotation"]))
+    second = scaled.imag / base[1].imag
+    axial = np.rint(np.column_stack([scaled.real - second * base[1].real, second])).astype(int)
+    place = offset + number["diameter"] * np.exp(1j * number["rotation"]) * (axial @ np.array(base))
+    assert np.sqrt(np.mean(np.abs(place - measured) ** 2)) < 0.005
+    kind = ((-axial[:, 0]) % 3 + axial[:, 1]) % 3
+    assert [len(np.unique(centres.type[kind == k])) for k in range(3)] == [1, 1, 1]
+    assert len(root.findall("lens_type")) == 3
+    drawn = pl.images.read_channels(tmp_path / "shot_disp.png")[0]["R"] * number["diameter"]
+    known = np.abs(shot.truth.disparity)
+    seen = np.isfinite(known) & (known < number["diameter"])
+    np.testing.assert_allclose(drawn[seen], known[seen], atol=number["diameter"] / 65535)
+
+
+def test_the_toolbox_has_no_other_lattices(tmp_path):
+    with pytest.raises(InvalidValueError, match="hexagonal arrays only"):
+        pl.export.plenoptic_toolbox(tmp_path, blank(camera(SQUARE)))
+    with pytest.raises(InvalidValueError, match="do not repeat"):
+        pl.export.plenoptic_toolbox(tmp_path, blank(focused(pattern=[[0, 1, 2, 2]])))
+
+
+def test_names_and_white_images_are_checked(tmp_path):
+    shot, white = blank(camera()), blank(camera())
+    with pytest.raises(InvalidValueError, match="name is '../a'"):
+        pl.export.plenopticam(tmp_path, shot, white, name="../a")
+    with pytest.raises(InvalidValueError, match="render both with the same region"):
+        pl.export.plenpy(tmp_path, shot, blank(camera(), (0, 90, 0, 240)))
