@@ -89,7 +89,7 @@ class LensRows(NamedTuple):
 
         while first < last:
             best = max((size(first + 1, last)[0], first + 1, last), (size(first, last - 1)[0], first, last - 1))
-            if best[0] <= size(first, last)[0]:
+            if 0 < size(first, last)[0] >= best[0]:
                 break
             _, first, last = best
         _, left, right = size(first, last)

@@ -22,6 +22,9 @@ from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.lattice import Lattice
 from plenoptic.rendering.exposure import Exposure
 
+_MOST_VIEWS = 4095
+"""Along u: more pixels than any microlens image has."""
+
 
 def decode(
     shot: Exposure,
@@ -139,7 +142,7 @@ def _checked_camera(
 def _offsets(camera: PlenopticCamera, array: MicrolensArray, views: int | None, step: float) -> Floats:
     """Offsets of the views in pixels, from -m step to m step."""
     if views is not None:
-        if whole(views, "views", at_least=1) % 2 == 0:
+        if whole(views, "views", at_least=1, at_most=_MOST_VIEWS) % 2 == 0:
             raise InvalidValueError(f"views is {views}; it must be odd, so that one is central: take {views + 1}")
         half = views // 2
     else:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.points.projection import project
-from plenoptic.camera.report.optics import image_plane
+from plenoptic.camera.report.optics import image_plane, opening_width
 from plenoptic.core.values import Floats, check_kind, result
 from plenoptic.errors import FileError, InvalidValueError
 from plenoptic.scene.shapes.targets.target import Target
@@ -104,8 +104,8 @@ def calibration_points(
 
     Notes
     -----
-    Pixels are those of chief rays, traced; see `project`. The radius of the blur is half the pitch times
-    1 - b (1/f - 1/s), with the microlens's focal length f, b from array to sensor, and s from the main lens's image of
+    Pixels are those of chief rays, traced; see `project`. The radius of the blur is half a microlens's opening times
+    1 - b (1/f - 1/s), with its focal length f, b from array to sensor, and s from the main lens's image of
     the point to the array, all paraxial.
 
     Examples
@@ -136,7 +136,7 @@ def calibration_points(
         power = 1.0 / np.array(array.focal_lengths)[seen.type]
         with np.errstate(divide="ignore"):
             spread = np.abs(1.0 - camera.microlenses_to_sensor * (power - 1.0 / distance))
-        blur = 0.5 * min(array.pitches) * spread / camera.sensor.pixel_pitch
+        blur = 0.5 * opening_width(array) * spread / camera.sensor.pixel_pitch
         parts.append((np.full(len(seen), frame), seen.point, target.points[seen.point], seen.index, seen.pixel, blur))
     if not parts:
         raise InvalidValueError("targets is empty; give one target or more")

@@ -8,10 +8,10 @@ import decimal
 import faulthandler
 import fractions
 import math
+import os
 import random
 import resource
 import sys
-import time
 import traceback
 import warnings
 from pathlib import Path
@@ -140,7 +140,7 @@ def findings(seed, count, names=None, *, used=True):
         name = rnd.choice(sorted(table if names is None else names))
         function, arguments = table[name]
         changed = spoil(rnd, arguments)
-        memory, begin = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, time.process_time()
+        memory, begin = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, os.times().user
         faulthandler.dump_traceback_later(HANGS, exit=True)
         found = ""
         with event.install_recorder("numba:compile") as compiled:
@@ -156,7 +156,7 @@ def findings(seed, count, names=None, *, used=True):
                 place = traceback.extract_tb(error.__traceback__)[-1]
                 found = f"{type(error).__name__}: {error} ({place.filename}:{place.lineno})"
         faulthandler.cancel_dump_traceback_later()
-        took = time.process_time() - begin
+        took = os.times().user - begin
         more = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - memory) * (1 if sys.platform == "darwin" else 1024)
         if took > LONGEST and not compiled.buffer:
             found = f"took {took:.1f} s"

@@ -15,7 +15,7 @@ import plenoptic as pl
 
 sys.path.insert(0, str(Path(__file__).parent))
 from fuzzed_calls import findings  # noqa: E402
-from valid_calls import calls, camera, lens  # noqa: E402
+from valid_calls import calls, camera, lens, shot  # noqa: E402
 
 RENDERING = ("render", "render.target", "render_white", "ground_truth", "replay", "replay_all", "project")
 RENDERING += ("point_spread", "landing_points", "microlens_centres", "design_camera", "decode", "report")
@@ -69,6 +69,7 @@ def test_functions_and_classes_of_the_top_are_called():
         (lambda: pl.render_white(camera(), samples=1, progress=[1.0, 2.0]), "progress is .*; it must be True or False"),
         (lambda: pl.sphere(1.0, segments=(8, 2**64 - 1)), "segments from pole to pole is 18446744073709551615; it"),
         (lambda: pl.sphere(1.0, segments=(1 << 15, 1 << 15)), "segments x .* is 32768 x 32768; it must be at most"),
+        (lambda: pl.lightfield.decode(shot(), shot(), views=123456789), "views is 123456789; it must be at most 4095"),
         (lambda: pl.Surface(float("inf"), semi_diameter=9.0, aspheric=[1e3]), "gives slopes of 1.8e.04 .* at most 100"),
     ],
 )

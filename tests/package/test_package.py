@@ -143,9 +143,7 @@ def test_blur_is_that_of_the_traced_spot(z):
     x = np.arange(image.shape[1])
     spread = np.sqrt(np.cov(x, aweights=image.sum(axis=0), ddof=0))
     # The standard deviation of a disc along x is half its radius; pixels add a twelfth of their size squared.
-    assert 2 * np.sqrt(spread**2 - 1 / 12) == pytest.approx(
-        blur * array.opening.radius / (0.5 * array.pitches[0]), rel=0.01
-    )
+    assert 2 * np.sqrt(spread**2 - 1 / 12) == pytest.approx(blur, rel=0.01)
 
 
 # ---- refusals ----

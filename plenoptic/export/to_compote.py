@@ -1,0 +1,271 @@
+"""For COMPOTE, PRISM and BLADE (M. Labussiere et al., IJCV 130 (2022), doi:10.1007/s11263-022-01582-z)."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.camera.assembly import Rigid, rigid
+from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.camera.points.centres import CentreMethod, microlens_centres
+from plenoptic.camera.report.focus import CameraKind
+from plenoptic.camera.report.report import camera_report
+from plenoptic.core.files.atomic_file import write_file
+from plenoptic.core.values import Floats
+from plenoptic.errors import InvalidValueError
+from plenoptic.export.lattice import LensRows, checked_white, lens_rows
+from plenoptic.export.pictures import brightest, folder_at, plain_name, write_json, write_picture, write_readme
+from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
+from plenoptic.optics.lens.models import LensModel
+from plenoptic.package.calibration import calibration_points
+from plenoptic.rendering.exposure import Exposure
+from plenoptic.scene.shapes.targets.target import Target
+
+if TYPE_CHECKING:
+    from plenoptic.scene.scene import Scene
+
+_MODES = {CameraKind.PLENOPTIC_1: 0, CameraKind.KEPLERIAN: 1, CameraKind.GALILEAN: 2}
+_TURNED = (np.diag([1.0, -1.0, -1.0]), np.array([[0.0, -1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]))
+"""From the camera's axes to those of the program, whose z runs towards the scene: for a picture as it is, and for one
+that is turned by a quarter."""
+
+
+def compote(  # noqa: PLR0913
+    folder: str | os.PathLike[str],
+    shot: Exposure,
+    white: Exposure,
+    *,
+    other_whites: Sequence[Exposure] = (),
+    targets: Target | Sequence[Target] = (),
+    scene: Scene | None = None,
+    name: str = "shot",
+) -> None:
+    """Write images, camera, poses and observations for COMPOTE, and for PRISM and BLADE, which read the same files.
+
+    Parameters
+    ----------
+    folder : path-like
+        Is made where it is missing; files of the same name are replaced.
+    shot, white : Exposure
+        Of the whole sensor, `shot` with its camera.
+    other_whites : sequence of Exposure, optional
+        White images at other stops, of which its pre-calibration wants one at least; each names its camera.
+    targets : Target or sequence of Target, optional
+        In the world, one for each frame: their points are written as observations, traced through the real lens.
+    scene : Scene, optional
+        What may hide points.
+    name : str, optional
+        Of the picture.
+
+    Raises
+    ------
+    InvalidValueError
+        Without microlenses on a lattice, or for images of a region.
+    FileError
+        Where a file cannot be written.
+
+    Notes
+    -----
+    The camera is the thin lens of the same focal length: object distances count from the front principal plane, image
+    distances from the rear one. What the real lens does beside stays in the observations: their distance from this
+    model is its error. Lenses of a rectangle with an even number of rows are written, of which every first row is
+    shifted by half a pitch to the right.
+
+    What it cannot express: thick lenses, stops but the iris, microlenses out of place one by one, errors and truth.
+    params.js is left out, since its pre-calibration finds it in the white images.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile, plenoptic as pl
+    >>> lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=5.0))
+    >>> camera = pl.PlenopticCamera(lens=lens, microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
+    ...     sensor=pl.Sensor(shape=(110, 154), pixel_pitch=0.01), stop_to_microlenses=123.3, microlenses_to_sensor=1.6)
+    >>> white = pl.render_white(camera, samples=4, progress=False)
+    >>> board = pl.targets.checkerboard(3, 3, square=1.0).translated(z=-404)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     pl.export.compote(folder, white, white, targets=board)
+    ...     names = sorted(path.name for path in pathlib.Path(folder).iterdir())
+    >>> names[:5], names[5:]
+    (['README.txt', 'camera.js', 'centres.csv', 'features.csv', 'images.js'],
+     ['intrinsics.js', 'poses.js', 'scene.js', 'shot.png', 'white.png'])
+    """
+    target, name, white = folder_at(folder), plain_name(name), checked_white(shot, white)
+    if shot.region is not None:
+        raise InvalidValueError("the images are of a region; render the whole sensor")
+    rows = _with_even_rows(lens_rows(shot, turn=True))
+    camera = rows.camera
+    f_number = cardinal_points(camera.lens, camera.wavelength).f_number
+    whites = [("white.png", f_number, white)]
+    for number, other in enumerate(other_whites):
+        if other.camera is None:
+            raise InvalidValueError("other_whites holds an exposure without a camera; give what render_white made")
+        stopped = cardinal_points(other.camera.lens, other.camera.wavelength).f_number
+        whites.append((f"white_{number + 2}.png", stopped, checked_white(shot, other)))
+    for file, _, picture in [(f"{name}.png", f_number, shot), *whites]:
+        write_picture(target / file, rows.turned(picture.image), scale=brightest(picture.image), bits=8, encoded=True)
+    boards = (targets,) if isinstance(targets, Target) else tuple(targets)
+    own = {"path": f"{name}.png", "fnumber": f_number}
+    listed = [{"path": file, "fnumber": stopped} for file, stopped, _ in whites]
+    write_json(
+        target / "images.js",
+        {
+            "meta": {"debayered": "true", "format": "8", "rgb": "true"},
+            "whites": listed,
+            "checkerboards": [own | {"frame": frame} for frame in range(len(boards))],
+            "mask": listed[0],
+            "images": [own | {"frame": 0}],
+        },
+    )
+    _write_camera(target, rows, f_number)
+    table = zip(rows.place.tolist(), rows.row.tolist(), rows.centre.tolist(), strict=True)
+    centre = [f"{i},{j},{u!r},{v!r}" for i, j, (v, u) in table]
+    write_file(target / "centres.csv", "\n".join(["k,l,u,v", *centre, ""]).encode("ascii"))
+    if boards:
+        _write_boards(target, rows, boards, scene)
+    write_readme(
+        target,
+        "COMPOTE, PRISM and BLADE",
+        "-i images.js -c camera.js --features features.csv; intrinsics.js, poses.js and scene.js are the truth.",
+        "thick lenses, further stops, single microlenses out of place, errors, truth.",
+        {"quarters turned, counter-clockwise": rows.turns},
+    )
+
+
+def _with_even_rows(rows: LensRows) -> LensRows:
+    """A rectangle of lenses with an even number of rows, the first of which is shifted in a hexagonal lattice."""
+    lens = rows.rectangle()
+    if lens.hexagonal and not lens.shifted[0]:
+        lens = lens.selected(lens.row > 0)._replace(row=lens.row[lens.row > 0] - 1)
+    return lens.selected(lens.row < (lens.row.max() + 1) // 2 * 2)
+
+
+def _mesh(rows: LensRows, places: Floats, columns: NDArray[np.int64], lines: NDArray[np.int64]) -> dict[str, Any]:
+    """The mesh of nodes `places` (n, 2 or 3) by their numbers, with the pose of its own axes."""
+    ideal = np.column_stack([columns + (0.5 * (lines % 2 == 0) if rows.hexagonal else 0.0), lines])
+    height = np.sqrt(0.75) if rows.hexagonal else 1.0
+    (along, down, start), *_ = np.linalg.lstsq(np.column_stack([ideal, np.ones(len(ideal))]), places, rcond=None)
+    pitch = [float(np.linalg.norm(along)), float(np.linalg.norm(down) / height)]
+    axes = [along / np.linalg.norm(along), down / np.linalg.norm(down)]
+    axes += [np.cross(*axes)] if places.shape[1] == 3 else []
+    return {
+        "geometry": int(rows.hexagonal),
+        "width": int(columns.max()) + 1,
+        "height": int(lines.max()) + 1,
+        "pitch": [pitch],
+        "pose": {"rotation": np.column_stack(axes).tolist(), "translation": [start.tolist()]},
+    }
+
+
+def _principal(camera: PlenopticCamera) -> tuple[float, float]:
+    """Z of the thin lens for the scene and for the sensor."""
+    points = cardinal_points(camera.lens, camera.wavelength)
+    rear = points.rear_principal
+    return (rear if camera.lens.model is LensModel.THIN else points.front_principal), rear
+
+
+def _write_camera(target: Path, rows: LensRows, f_number: float) -> None:
+    camera, turn = rows.camera, _TURNED[rows.turns]
+    array, points = camera.microlenses, cardinal_points(camera.lens, camera.wavelength)
+    assert array is not None
+    rear = _principal(camera)[1]
+    report = camera_report(camera)
+    focus = report.array_plane
+    size = camera.sensor.shape if rows.turns == 0 else camera.sensor.shape[::-1]
+    height, width = size
+
+    def placed(place: Rigid, on_part: Floats) -> Floats:
+        return np.asarray((place.points(on_part) - [0.0, 0.0, rear]) @ turn.T)
+
+    # The last pixel is the origin of the sensor, and numbers of lenses of the array run against those of their images.
+    sensor_place = rigid(camera.sensor_placement, camera.z_sensor)
+    corners = np.array([[width - 1.0, height - 1.0], [width - 2.0, height - 1.0], [width - 1.0, height - 2.0]])
+    u, v = corners.T
+    row, column = (v, u) if rows.turns == 0 else (u, camera.sensor.shape[1] - 1 - v)
+    flat = np.column_stack([camera.sensor.centre_of(row, column), np.zeros(3)])  # type: ignore[arg-type]
+    origin, beside, above = placed(sensor_place, flat)
+    pixel = camera.sensor.pixel_pitch
+    axes = [(beside - origin) / pixel, (above - origin) / pixel]
+    turned = np.column_stack([*axes, np.cross(*axes)])
+    lenses = microlens_centres(camera, CentreMethod.ORTHOGONAL, margin=10 * max(array.pitches))
+    known = {tuple(pair): number for number, pair in enumerate(lenses.index.tolist())}
+    centres = lenses.on_array[[known[tuple(pair)] for pair in rows.lens.tolist()]]
+    nodes = placed(rigid(camera.microlenses_placement, camera.stop_to_microlenses), np.pad(centres, ((0, 0), (0, 1))))
+    last_column, last_line = rows.place.max(), rows.row.max()
+    own_mesh = _mesh(rows, nodes, last_column - rows.place, last_line - rows.row)
+    mia = {"mesh": _mesh(rows, rows.centre[:, ::-1], rows.place, rows.row)}
+    sensor = {"scale": pixel, "width": width, "height": height}
+    common = {
+        "mia": mia,
+        "dist_focus": abs(focus) if focus is not None and np.isfinite(focus) else 0.0,
+        "I": len(array.focal_lengths),
+        "mode": _MODES.get(report.kind, 2),
+    }
+    write_json(
+        target / "camera.js", common | {"sensor": sensor, "main_lens": {"aperture": f_number, "f": abs(points.efl)}}
+    )
+    pose = {"rotation": np.eye(3).tolist(), "translation": [[0.0, 0.0, 0.0]]}
+    write_json(
+        target / "intrinsics.js",
+        common
+        | {
+            "D": camera.stop_to_microlenses - rear,
+            "d": camera.microlenses_to_sensor,
+            "distortions": {"radial": [0.0] * 3, "tangential": [0.0] * 2, "depth": [0.0] * 3, "model": 0},
+            "distortions_inverse": {"radial": [0.0] * 3, "tangential": [0.0] * 2, "depth": [0.0] * 3, "model": 0},
+            "main_lens": {
+                "aperture": f_number,
+                "diameter": 2 * points.entrance_pupil_semi_diameter,
+                "f": abs(points.efl),
+                "pose": pose,
+            },
+            "mla": {"focal_lengths": list(array.focal_lengths), "mesh": own_mesh},
+            "sensor": sensor | {"pose": {"rotation": turned.tolist(), "translation": [origin.tolist()]}},
+        },
+    )
+
+
+def _write_boards(target: Path, rows: LensRows, boards: tuple[Target, ...], scene: Scene | None) -> None:
+    camera, turn = rows.camera, _TURNED[rows.turns]
+    front = np.array([0.0, 0.0, _principal(camera)[0]])
+    # From the program's axes of the camera to the world.
+    rotation, place = turn.T, front
+    if camera.pose is not None:
+        place = camera.pose.to_world(front)
+        rotation = np.column_stack([camera.pose.to_world(front + axis) - place for axis in turn])
+    pose = {"rotation": np.asarray(rotation).tolist(), "translation": [np.asarray(place).tolist()]}
+    write_json(target / "poses.js", {"poses": [{"frame": frame, "pose": pose} for frame in range(len(boards))]})
+    write_json(target / "scene.js", {"checkerboards": [_board(board) for board in boards]})
+    seen = calibration_points(camera, boards, scene=scene)
+    known = {tuple(pair): number for number, pair in enumerate(rows.lens.tolist())}
+    lines = ["k,l,u,v,rho,cluster,frame"]
+    width = camera.sensor.shape[1]
+    for frame, point, lens, (row, column), blur in zip(
+        *(a.tolist() for a in (seen.frame, seen.point, seen.index, seen.pixel, seen.blur)), strict=True
+    ):
+        number = known.get(tuple(lens))
+        if number is not None:
+            u, v = (column, row) if rows.turns == 0 else (row, width - 1 - column)
+            lines.append(f"{rows.place[number]},{rows.row[number]},{u!r},{v!r},{blur!r},{point},{frame}")
+    write_file(target / "features.csv", "\n".join([*lines, ""]).encode("ascii"))
+
+
+def _board(board: Target) -> dict[str, Any]:
+    """The points of a target in the world; as a grid where it is one."""
+    said: dict[str, Any] = {"points": board.points.tolist()}
+    if board.index is None or len(board.points) < 3:
+        return said
+    table = np.column_stack([board.index[:, ::-1] - board.index.min(axis=0)[::-1], np.ones(len(board.points))])
+    if np.linalg.matrix_rank(table) < 3:
+        return said
+    (along, down, start), *_ = np.linalg.lstsq(table, board.points, rcond=None)
+    side = float(np.linalg.norm(along))
+    axes = [along / side, down / np.linalg.norm(down)]
+    columns, lines = (np.ptp(board.index[:, ::-1], axis=0) + 1).tolist()
+    rotation = np.column_stack([*axes, np.cross(*axes)]).tolist()
+    grid = {"lph": side, "x_grid": columns, "y_grid": lines}
+    return said | grid | {"pose": {"rotation": rotation, "translation": [start.tolist()]}}

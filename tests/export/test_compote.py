@@ -1,0 +1,135 @@
+"""What is written for COMPOTE, projected by a port of its camera model, is what this package projects."""
+
+import dataclasses
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import plenoptic as pl
+from plenoptic.errors import InvalidValueError
+
+sys.path.insert(0, str(Path(__file__).parent))
+from raws import nearest  # noqa: E402
+
+BOARD = pl.targets.checkerboard(5, 4, square=3.0)
+BOARDS = (BOARD.translated(z=-404.0), BOARD.rotated_deg((1, 2, 0), 25).translated(2.0, -1.0, -330.0))
+
+
+def a_camera(lattice=pl.Lattice.HEXAGONAL, degrees=0.0, model=pl.LensModel.THIN, z=0.0):
+    camera = pl.PlenopticCamera(
+        lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=6.0)).with_model(model),
+        microlenses=pl.MicrolensArray(
+            pitch=0.217, focal_lengths=(2.0,), lattice=lattice, model=pl.optics.MicrolensModel.PINHOLE
+        ),
+        sensor=pl.Sensor(shape=(180, 220), pixel_pitch=0.01),
+        stop_to_microlenses=123.3,
+        microlenses_to_sensor=1.7,
+    )
+    camera = camera.moved(pl.CameraPart.MICROLENSES, shift=(0.031, -0.05, 0.0), tilt=(0.0, 0.0, np.radians(degrees)))
+    return camera.posed(position=(0, 0, z), look_at=(0, 0, z - 400), up=(0.1, 1, 0))
+
+
+def pose(found):
+    return np.array(found["rotation"]), np.array(found["translation"])[0]
+
+
+def in_frame(found, points):
+    rotation, translation = pose(found)
+    return (points - translation) @ rotation
+
+
+def nodes(mesh):
+    """Places of all nodes of a mesh by (column, row) in the frame around it."""
+    columns, rows = np.meshgrid(np.arange(mesh["width"]), np.arange(mesh["height"]), indexing="ij")
+    (along, down), hexagonal = mesh["pitch"][0], mesh["geometry"] == 1
+    shifted = 0.5 * (rows % 2 == 0) if hexagonal else 0.0
+    flat = np.stack([(columns + shifted) * along, rows * down * (np.sqrt(0.75) if hexagonal else 1.0)], axis=-1)
+    rotation, translation = pose(mesh["pose"])
+    flat = np.concatenate([flat, np.zeros((*columns.shape, len(translation) - 2))], axis=-1)
+    return flat @ rotation.T + translation
+
+
+def projected(inner, camera_pose, point, i, j):
+    """(u, v) of a world point through the lens of micro-image (i, j)."""
+    x, y, z = in_frame(camera_pose, point)
+    focal = inner["main_lens"]["f"]
+    image = np.array([x, y, z]) * focal / (focal - z)
+    mesh = inner["mla"]["mesh"]
+    lens = nodes(mesh)[mesh["width"] - 1 - i, mesh["height"] - 1 - j]
+    start, end = (in_frame(inner["sensor"]["pose"], place) for place in (image, lens))
+    x, y, _ = start + (end - start) * start[2] / (start[2] - end[2])
+    sensor = inner["sensor"]
+    return sensor["width"] - 1 - x / sensor["scale"], sensor["height"] - 1 - y / sensor["scale"]
+
+
+def written(folder, camera, **more):
+    shot = pl.Exposure(np.ones((*camera.sensor.shape, 1)), camera=camera)
+    pl.export.compote(folder, shot, shot, **more)
+    return {path.stem: json.loads(path.read_text()) for path in folder.glob("*.js")}
+
+
+def table(path):
+    return np.genfromtxt(path, delimiter=",", names=True)
+
+
+@pytest.mark.parametrize("z", [0.0, 30.0])
+@pytest.mark.parametrize("degrees", [0.0, 4.0, 33.0, -87.0])
+@pytest.mark.parametrize("lattice", [pl.Lattice.HEXAGONAL, pl.Lattice.SQUARE])
+def test_its_model_projects_as_ours(tmp_path, lattice, degrees, z):
+    said = written(tmp_path, a_camera(lattice, degrees, z=z), targets=BOARDS)
+    seen = table(tmp_path / "features.csv")
+    assert len(seen) > 100 and set(seen["frame"]) == {0, 1}
+    poses = {entry["frame"]: entry["pose"] for entry in said["poses"]["poses"]}
+    for row in seen[:: len(seen) // 25]:
+        frame, i, j = (int(row[name]) for name in ("frame", "k", "l"))
+        board = said["scene"]["checkerboards"][frame]
+        place, rotation = pose(board["pose"])[1], pose(board["pose"])[0]
+        corner = divmod(int(row["cluster"]), board["x_grid"])
+        point = place + rotation @ [corner[1] * board["lph"], corner[0] * board["lph"], 0.0]
+        np.testing.assert_allclose(point, board["points"][int(row["cluster"])], atol=1e-9)
+        u, v = projected(said["intrinsics"], poses[frame], point, i, j)
+        assert abs(u - row["u"]) < 1e-9 and abs(v - row["v"]) < 1e-9
+
+
+@pytest.mark.parametrize("degrees", [0.0, 4.0, 33.0])
+def test_meshes_are_where_the_images_are(tmp_path, degrees):
+    camera = a_camera(degrees=degrees, model=pl.LensModel.EXACT)
+    said, centres = written(tmp_path, camera), None
+    mesh, centres = said["camera"]["mia"]["mesh"], table(tmp_path / "centres.csv")
+    assert mesh["height"] % 2 == 0 and len(centres) == mesh["width"] * mesh["height"]
+    ideal = nodes(mesh)[centres["k"].astype(int), centres["l"].astype(int)]
+    assert np.abs(ideal - np.column_stack([centres["u"], centres["v"]])).max() < 0.03  # aberrations of the pupil
+    pixels = pl.microlens_centres(camera).pixel
+    turned = said["camera"]["sensor"]["width"] != camera.sensor.shape[1]
+    places = np.column_stack([centres["v"], centres["u"]])
+    if turned:
+        places = np.column_stack([centres["u"], camera.sensor.shape[1] - 1 - centres["v"]])
+    assert nearest(places, pixels).max() < 1e-9
+
+
+def test_the_real_lens_stays_in_the_observations(tmp_path):
+    said = written(tmp_path, a_camera(model=pl.LensModel.EXACT), targets=BOARDS)
+    seen = table(tmp_path / "features.csv")
+    rest = []
+    for row in seen[:: len(seen) // 25]:
+        point = np.array(said["scene"]["checkerboards"][int(row["frame"])]["points"][int(row["cluster"])])
+        u, v = projected(said["intrinsics"], said["poses"]["poses"][0]["pose"], point, int(row["k"]), int(row["l"]))
+        rest.append(np.hypot(u - row["u"], v - row["v"]))
+    assert 1e-4 < np.median(rest) < 0.5
+
+
+def test_what_it_needs(tmp_path):
+    camera = a_camera()
+    part = pl.Exposure(np.ones((40, 50, 1)), camera=camera, region=(0, 40, 0, 50))
+    with pytest.raises(InvalidValueError, match="images are of a region"):
+        pl.export.compote(tmp_path, part, part)
+    whole = pl.Exposure(np.ones((180, 220, 1)), camera=camera)
+    stopped = dataclasses.replace(camera, lens=camera.lens.with_stop(pl.CircularStop(semi_diameter=3.0)))
+    pl.export.compote(tmp_path, whole, whole, other_whites=[dataclasses.replace(whole, camera=stopped)])
+    whites = json.loads((tmp_path / "images.js").read_text())["whites"]
+    assert len(whites) == 2 and whites[1]["fnumber"] == pytest.approx(2 * whites[0]["fnumber"])
+    with pytest.raises(InvalidValueError, match="without a camera"):
+        pl.export.compote(tmp_path, whole, whole, other_whites=[pl.Exposure(np.ones((180, 220, 1)))])
