@@ -22,7 +22,7 @@ def refocus(field: LightField, z: float) -> NDArray[np.float32]:
     -------
     (rows, columns, C) array of float32
         Mean of the views that have light at a pixel; nan where none has. Shifts follow Gaussian optics
-        (`LightField.disparity_at`), and views are read between pixels bilinearly.
+        (`LightField.disparity_at`), and views are read between pixels by cubic convolution.
 
     References
     ----------
@@ -57,11 +57,20 @@ def refocus(field: LightField, z: float) -> NDArray[np.float32]:
 
 
 def _moved(view: Floats, down: float, right: float) -> Floats:
-    """What a view (rows, columns, C) shows `down` rows below and `right` columns beside each pixel; nan outside."""
+    """What a view (rows, columns, C) shows `down` rows below and `right` columns beside each pixel; nan outside.
+
+    By cubic convolution (R. G. Keys, IEEE Trans. ASSP 29 (1981), doi:10.1109/TASSP.1981.1163711), linearly at borders.
+    """
     for axis, shift in enumerate((down, right)):
         base = int(np.floor(shift))
-        part = shift - base
-        view = (1 - part) * _rolled(view, base, axis) + (part * _rolled(view, base + 1, axis) if part else 0.0)
+        t = shift - base
+        if t == 0:
+            view = _rolled(view, base, axis)
+            continue
+        taps = [_rolled(view, base + k, axis) for k in (-1, 0, 1, 2)]
+        shares = (-0.5 * t * (1 - t) ** 2, 1 - 2.5 * t**2 + 1.5 * t**3, 0.5 * t + 2 * t**2 - 1.5 * t**3)
+        cubic = sum(share * tap for share, tap in zip((*shares, -0.5 * t**2 * (1 - t)), taps, strict=True))
+        view = np.where(np.isnan(cubic), (1 - t) * taps[1] + t * taps[2], cubic)
     return view
 
 

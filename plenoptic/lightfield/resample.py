@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,18 +16,30 @@ _ROUNDING = 1e-9
 """Weights below it count as 0: a pixel that lies on a microlens depends on no other."""
 
 
+_NEIGHBOURS = 24
+"""Microlenses that make a pixel: more change nothing that was measured."""
+_REACH = 3
+"""Steps of the lattice from the nearest microlens within which they lie."""
+_DOUBT = 0.5
+"""Error of a pixel amid microlenses over that of one foretold from its neighbours: 0.2 to 0.7 where it was measured."""
+
+
 @value
 class Resampling:
-    """Which microlenses make each pixel of a view of `rows` x `columns` pixels, and with which weights."""
+    """Which microlenses make each pixel of a view of `rows` x `columns` pixels, and with which weights.
+
+    Where all neighbours are known, values are interpolated by cubic radial functions and a linear one; at borders,
+    linearly between the corners of the lattice's mesh.
+    """
 
     rows: int
     columns: int
-    source: NDArray[np.int64]
-    """(rows columns, k) rows of the microlenses; -1 where there is none."""
-    weight: Floats
-    """(rows columns, k); their sum is 1."""
+    smooth: Weights
+    linear: Weights
+    foretold: Weights
+    """Of each microlens by its neighbours."""
     origin: Floats
-    """(2,) x and y of the first pixel on the array, mm."""
+    """(2,) x and y of the first pixel, mm."""
     spacing: tuple[float, float]
     """mm."""
 
@@ -36,31 +49,89 @@ class Resampling:
         With power 2, variances become variances: light of different microlenses falls on different pixels, and so
         their errors are independent.
         """
+        smooth = self.smooth.mixed(values, power)
+        lacking = np.isnan(smooth)
+        if lacking.any():
+            smooth = np.where(lacking, self.linear.mixed(values, power), smooth)
+        return smooth.reshape(self.rows, self.columns, -1)
+
+    def doubt(self, values: Floats, variance: Floats) -> Floats:
+        """Variance (rows, columns, C) of what interpolation may have missed, from values and variances (n, C).
+
+        Each microlens is foretold from its neighbours: what it differs by, beyond its own error, stands for detail that
+        the lattice does not resolve, and half of it is taken to be missed amid microlenses, none of it on one.
+        """
+        amiss = (values - self.foretold.mixed(values)) ** 2 - variance - self.foretold.mixed(variance, 2)
+        found = np.where(np.isfinite(amiss), np.maximum(amiss, 0.0), np.nan)
+        spread = self.smooth.shares().mean_of_known(found)
+        amid = np.clip(1.0 - (self.smooth.weight**2).sum(axis=1), 0.0, 1.0)
+        return np.asarray((_DOUBT**2 * amid[:, None] * spread).reshape(self.rows, self.columns, -1))
+
+
+class Weights(NamedTuple):
+    """Sums of microlenses, k for each of n places."""
+
+    source: NDArray[np.int64]
+    """(n, k) rows of the microlenses; -1 where there is none."""
+    weight: Floats
+    """(n, k); their sum is 1."""
+
+    def mixed(self, values: Floats, power: int = 1) -> Floats:
+        """(n, C) from values (m, C), with the weights to a power; nan where one lacks."""
         # A microlens that does not exist is the last row.
         known = np.vstack([values, np.full((1, values.shape[1]), np.nan)])
         total = np.zeros((len(self.source), values.shape[1]))
         for k in range(self.source.shape[1]):
             share = self.weight[:, k, None] ** power
             # No nan times 0: what has no weight may be missing.
-            total += np.where(share > 0, share * known[self.source[:, k]], 0.0)
-        return total.reshape(self.rows, self.columns, -1)
+            total += np.where(share != 0, share * known[self.source[:, k]], 0.0)
+        return total
+
+    def shares(self) -> Weights:
+        """The same with shares for weights, all at least 0."""
+        share = np.abs(self.weight)
+        return Weights(self.source, share / share.sum(axis=1, keepdims=True))
+
+    def mean_of_known(self, values: Floats) -> Floats:
+        """As `mixed` of shares, over what is known alone; 0 where nothing is."""
+        known = np.isfinite(values)
+        total = self.mixed(np.where(known, values, 0.0))
+        part = self._present(known)
+        return np.where(part > 0, np.nan_to_num(total) / np.where(part > 0, part, 1.0), 0.0)
+
+    def _present(self, known: NDArray[np.bool_]) -> Floats:
+        there = np.vstack([known, np.zeros((1, known.shape[1]), dtype=bool)])
+        return np.asarray(np.einsum("nk,nkc->nc", self.weight, there[self.source]))
 
 
-def resampling(array: MicrolensArray, index: NDArray[np.int64], spacing: float | None) -> Resampling:
+def resampling(
+    array: MicrolensArray,
+    index: NDArray[np.int64],
+    spacing: float | None,
+    *,
+    places: Floats | None = None,
+    turn: Floats | None = None,
+    origin: Floats | None = None,
+) -> Resampling:
     """How views of the microlenses `index` (n, 2) are resampled to a grid of a spacing in mm.
 
-    Without a spacing, square and rectangular lattices are taken as they are, and hexagonal ones get square pixels of
-    the area of a cell. Pixels lie at whole multiples of the spacing, so that one is on the axis and views of a part
-    of the sensor are parts of the views of all of it.
+    Without a spacing, lattices whose vectors run along x and y are taken as they are, and others get square pixels of
+    the area of a cell. Pixels lie at whole multiples of the spacing from the array's origin, so that views of a part of
+    the sensor are parts of the views of all of it, but for its border. `places` (n, 2) are where the microlenses are
+    built, by default where the lattice has them, which is turned by `turn` (2, 2) about `origin`.
     """
-    hexagonal = array.lattice is Lattice.HEXAGONAL
+    start = np.zeros(2) if origin is None else origin
+    basis = array.basis if turn is None else array.basis @ turn.T
+    design = index @ basis
+    built = design if places is None else places - start
+    size = np.abs(basis)
+    level = min(np.delete(size.ravel(), (0, 3)).max(), np.delete(size.ravel(), (1, 2)).max()) < _ROUNDING * size.max()
     if spacing is not None:
         apart = (spacing, spacing)
-    elif hexagonal:
-        apart = (math.sqrt(array.cell_area),) * 2
+    elif level and array.lattice is not Lattice.HEXAGONAL:
+        apart = (float(size[:, 0].max()), float(size[:, 1].max()))
     else:
-        apart = array.pitches
-    design = index @ array.basis
+        apart = (math.sqrt(array.cell_area),) * 2
     low, high = design.min(axis=0), design.max(axis=0)
     first = [math.ceil(low[k] / apart[k] - _ROUNDING) for k in range(2)]
     last = [max(math.floor(high[k] / apart[k] + _ROUNDING), first[k]) for k in range(2)]
@@ -68,9 +139,70 @@ def resampling(array: MicrolensArray, index: NDArray[np.int64], spacing: float |
     x = apart[0] * np.arange(last[0], first[0] - 1, -1)
     y = apart[1] * np.arange(first[1], last[1] + 1)
     points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    nodes, weight = (_triangle if hexagonal else _mesh)(points @ np.linalg.inv(array.basis))
-    source = _rows_of(index, nodes)
-    return Resampling(len(y), len(x), source, weight, np.array([x[0], y[0]]), apart)
+    on_lattice = points @ np.linalg.inv(basis)
+    nodes, weight = (_triangle if array.lattice is Lattice.HEXAGONAL else _mesh)(on_lattice)
+    at = Lenses(index, built, basis)
+    linear = _linear(at, points, nodes, weight)
+    return Resampling(
+        len(y),
+        len(x),
+        _cubic(at, points, on_lattice, own=True),
+        linear,
+        _cubic(at, built, index.astype(np.float64), own=False),
+        np.array([x[0], y[0]]) + start,
+        apart,
+    )
+
+
+class Lenses(NamedTuple):
+    """Microlenses by lattice index, and where they are built, in mm."""
+
+    lens: NDArray[np.int64]
+    built: Floats
+    basis: Floats
+
+
+def _linear(lenses: Lenses, points: Floats, nodes: NDArray[np.int64], weight: Floats) -> Weights:
+    """Weights of the corners of a mesh, changed so little that linear functions are right where lenses stand."""
+    rows = _rows_of(lenses.lens, nodes)
+    place = np.where(rows[..., None] >= 0, lenses.built[rows], nodes @ lenses.basis) - points[:, None]
+    scale = float(np.abs(lenses.basis).max())
+    table = np.concatenate([np.ones((*rows.shape, 1)), place / scale], axis=2)
+    amiss = np.array([1.0, 0.0, 0.0]) - np.einsum("nk,nkc->nc", weight, table)
+    moved = np.abs(amiss).max(axis=1) > _ROUNDING
+    if moved.any():
+        bent = table[moved]
+        squares = bent.transpose(0, 2, 1) @ bent
+        weight = weight.copy()
+        weight[moved] += (bent @ np.linalg.solve(squares, amiss[moved][..., None]))[..., 0]
+    return Weights(rows, weight)
+
+
+def _cubic(lenses: Lenses, points: Floats, on_lattice: Floats, *, own: bool) -> Weights:
+    """Weights of the nearest microlenses for each point (n, 2): cubic radial functions that reproduce linear ones.
+
+    Without `own`, the microlens at the point itself does not count. G. B. Wright, Radial Basis Function Interpolation,
+    PhD thesis, University of Colorado (2003), section 2.
+    """
+    steps = np.stack(np.meshgrid(*[np.arange(-_REACH, _REACH + 1)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
+    nodes = np.rint(on_lattice).astype(np.int64)[:, None] + steps
+    rows = _rows_of(lenses.lens, nodes)
+    scale = float(np.sqrt(abs(np.linalg.det(lenses.basis))))
+    beside = (np.where(rows[..., None] >= 0, lenses.built[rows], nodes @ lenses.basis) - points[:, None]) / scale
+    far = (beside**2).sum(axis=2)
+    # Distances that are equal but for rounding keep the order of the lattice.
+    order = np.argsort(np.round(far, 9), axis=1, kind="stable")[:, slice(int(not own), _NEIGHBOURS + int(not own))]
+    rows, beside = np.take_along_axis(rows, order, axis=1), np.take_along_axis(beside, order[..., None], axis=1)
+    count, near = rows.shape
+    table = np.zeros((count, near + 3, near + 3))
+    table[:, :near, :near] = np.linalg.norm(beside[:, :, None] - beside[:, None], axis=3) ** 3
+    linear = np.concatenate([np.ones((count, near, 1)), beside], axis=2)
+    table[:, :near, near:], table[:, near:, :near] = linear, linear.transpose(0, 2, 1)
+    wanted = np.zeros((count, near + 3, 1))
+    wanted[:, :near, 0], wanted[:, near, 0] = np.linalg.norm(beside, axis=2) ** 3, 1.0
+    weight = np.linalg.solve(table, wanted)[:, :near, 0]
+    kept = np.where(np.abs(weight) > _ROUNDING, weight, 0.0)
+    return Weights(rows, np.asarray(kept / kept.sum(axis=1, keepdims=True)))
 
 
 def _triangle(place: Floats) -> tuple[NDArray[np.int64], Floats]:

@@ -134,23 +134,74 @@ def test_resampling_reproduces_linear_functions_exactly(lattice, spacing):
 
 
 def test_resampling_of_a_smooth_function_errs_by_the_square_of_the_pitch():
-    """Linear interpolation on equilateral triangles of side h errs by at most h^2 / 6 times the second derivative."""
+    """Linear interpolation on triangles of side h errs by h^2 / 6 times the second derivative; cubic functions less."""
     largest = []
     for pitch in (0.1, 0.05):
         design, grid, x, y = grid_of(pl.MicrolensArray(pitch, (1.0,), HEXAGONAL), 1.0, 0.0137)
-        seen = grid.mixed(np.sin(3 * design[:, :1]) * np.cos(2 * design[:, 1:]))[:, :, 0]
-        error = np.abs(seen - np.sin(3 * x) * np.cos(2 * y))
-        largest.append(np.nanmax(error))
+        values = np.sin(3 * design[:, :1]) * np.cos(2 * design[:, 1:])
+        true = np.sin(3 * x) * np.cos(2 * y)
+        smooth = grid.smooth.mixed(values)[:, 0].reshape(x.shape)
+        linear = grid.linear.mixed(values)[:, 0].reshape(x.shape)
         # Second derivatives are at most 9 + 4 in sum of the main directions.
-        assert largest[-1] < pitch**2 / 6 * 13
-    assert largest[0] / largest[1] == pytest.approx(4.0, rel=0.15)
+        assert np.nanmax(np.abs(linear - true)) < pitch**2 / 6 * 13
+        known = np.isfinite(smooth)
+        assert known.mean() > 0.5
+        np.testing.assert_array_equal(grid.mixed(values)[:, :, 0], np.where(known, smooth, linear))
+        largest.append(np.abs(smooth - true)[known].max())
+        assert largest[-1] < 0.1 * np.abs(linear - true)[known].max()
+    assert largest[0] / largest[1] > 3.0
 
 
 def test_weights_are_shares():
     for lattice in (HEXAGONAL, SQUARE):
         _, grid, _, _ = grid_of(pl.MicrolensArray(0.1, (1.0,), lattice), 0.7, 0.031)
-        assert (grid.weight >= 0).all()
-        np.testing.assert_allclose(grid.weight.sum(axis=1), 1.0, rtol=1e-14)
+        assert (grid.linear.weight >= 0).all()
+        for weights in (grid.linear, grid.smooth, grid.foretold):
+            np.testing.assert_allclose(weights.weight.sum(axis=1), 1.0, rtol=1e-12)
+
+
+def test_what_the_lattice_resolves_is_not_in_doubt():
+    design, grid, x, y = grid_of(pl.MicrolensArray(0.1, (1.0,), HEXAGONAL), 2.0)
+    middle = np.s_[5:-5, 5:-5]
+    random = np.random.default_rng(5)
+    for frequency, resolved in ((1.0, True), (4.3, False)):
+        phase = random.uniform(0, 2 * np.pi, 40)
+        angle = random.uniform(0, np.pi, 40)
+        wave = 2 * np.pi * frequency * np.column_stack([np.cos(angle), np.sin(angle)])
+
+        def picture(places, wave=wave, phase=phase):
+            return np.cos(places @ wave.T + phase).mean(axis=-1)
+
+        values = picture(design)[:, None]
+        error = grid.mixed(values)[:, :, 0] - picture(np.stack([x, y], axis=-1))
+        stated = np.sqrt(grid.doubt(values, np.zeros_like(values)))[:, :, 0]
+        true, said = (np.sqrt(np.mean(part[middle] ** 2)) for part in (error, stated))
+        assert said < 2e-3 if resolved else 0.4 < true / said < 2.5
+    # Noise alone is not taken for detail; a view on the microlenses themselves misses nothing.
+    noise = random.normal(size=(len(design), 1))
+    assert np.mean(grid.doubt(noise, np.ones_like(noise))[middle]) < 0.25
+    design, square, _, _ = grid_of(pl.MicrolensArray(0.1, (1.0,), SQUARE), 1.0)
+    assert square.doubt(design[:, :1] ** 2, 0 * design[:, :1]).max() == 0.0
+
+
+@pytest.mark.parametrize("lattice", [HEXAGONAL, SQUARE])
+def test_a_turned_array_shows_the_scene_upright(lattice):
+    """What is linear in the camera's own x and y stays so, wherever and however the array is put."""
+    built = the_camera((242, 242), lattice=lattice, imperfections=pl.MicrolensImperfections(pitch_jitter=0.01, seed=2))
+    camera = built.moved(pl.CameraPart.MICROLENSES, shift=(0.1, -0.05, 0.0), tilt=(0.0, 0.0, 0.35))
+    rows, columns = np.mgrid[0:242, 0:242]
+    place = camera.sensor.centre_of(rows, columns)
+    shot = pl.Exposure((5 + place @ [0.7, -0.4])[:, :, None], camera=camera)
+    field = decode(shot, pl.Exposure(np.ones((242, 242, 1))), views=1)
+    x = field.origin[0] - field.spacing[0] * np.arange(field.views.shape[3])
+    y = field.origin[1] + field.spacing[1] * np.arange(field.views.shape[2])
+    seen = field.centre[:, :, 0]
+    known = np.isfinite(seen)
+    table = np.column_stack([*(part[known] for part in np.meshgrid(x, y)), np.ones(known.sum())])
+    fit, *_ = np.linalg.lstsq(table, seen[known], rcond=None)
+    assert known.mean() > 0.5
+    assert fit[1] / fit[0] == pytest.approx(-0.4 / 0.7, rel=1e-3)
+    assert np.abs(table @ fit - seen[known]).max() < 1e-3
 
 
 def test_square_lattices_are_taken_as_they_are():
@@ -272,8 +323,8 @@ def test_refocusing_gathers_what_lies_beside_the_focus():
 
 @pytest.mark.parametrize("lattice", [HEXAGONAL, SQUARE])
 def test_a_region_decodes_to_a_part_of_the_whole(lattice):
-    camera = the_camera((200, 240), lattice=lattice)
-    region = np.s_[40:150, 30:170]
+    camera = the_camera((300, 320), lattice=lattice)
+    region = np.s_[40:250, 30:270]
     white, scene = white_of(camera, 16), pl.Scene([pl.sphere(12.0, center=(3, 2, -404), material=pl.Emissive(2.0))])
     whole, part = decode(shot_of(scene, camera, 16), white, views=5), None
     cut = shot_of(scene, camera, 16, region=region)
@@ -286,7 +337,10 @@ def test_a_region_decodes_to_a_part_of_the_whole(lattice):
         there = whole.views[:, :, down : down + rows, right : right + columns]
         known = np.isfinite(part.views)
         assert known.mean() > 0.6
-        np.testing.assert_array_equal(part.views[known], there[known])
+        # At the border of the part, a hexagonal lattice lacks neighbours that the whole has.
+        inner = np.s_[:, :, 3:-3, 3:-3] if lattice is HEXAGONAL else np.s_[:]
+        assert known[inner].all() or lattice is SQUARE
+        np.testing.assert_array_equal(part.views[inner][known[inner]], there[inner][known[inner]])
 
 
 # ---- values, errors, figures ----
