@@ -192,7 +192,9 @@ def _sampled(
     error = None if planes.variance is None else np.full(shape, np.nan, dtype=np.float32)
     for i, j in np.argwhere(own):
         radiance, variance = planes.read(centres + np.array([offsets[j], offsets[i]]))
-        seen[i, j] = grid.mixed(radiance)
+        # Beside bright edges interpolation swings below 0, where no light can be.
+        lowest = min(0.0, np.nanmin(radiance, initial=0.0))
+        seen[i, j] = np.maximum(grid.mixed(radiance), lowest)
         if error is not None and variance is not None:
             error[i, j] = np.sqrt(grid.mixed(variance, power=2) + grid.doubt(radiance, variance))
     return seen, error
