@@ -168,6 +168,8 @@ def _array(camera: PlenopticCamera):  # type: ignore[no-untyped-def]
 def checked_white(shot: Exposure, white: Exposure) -> Exposure:
     """The white image of the same pixels as the shot."""
     check_kind(white, "white", Exposure, "pl.render_white(camera)")
+    if white.white is False:
+        raise InvalidValueError("the white image shows a scene; give what pl.render_white(camera) made")
     region = shot.region
     if region is not None and white.region is None and shot.camera is not None:
         rows, columns = slice(*region[:2]), slice(*region[2:])

@@ -43,6 +43,12 @@ def brightest(image: NDArray[np.floating[Any]]) -> float:
     return largest if largest > 0 else 1.0
 
 
+def white_point(image: NDArray[np.floating[Any]]) -> float:
+    """What becomes the largest code of 8 bits: the 99.9th percentile, so that a highlight does not darken the rest."""
+    known = image[np.isfinite(image)]
+    return float(np.percentile(known, 99.9)) if known.size and np.percentile(known, 99.9) > 0 else brightest(image)
+
+
 def write_picture(
     path: Path,
     image: NDArray[np.floating[Any]],

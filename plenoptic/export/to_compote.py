@@ -19,10 +19,10 @@ from plenoptic.core.files.atomic_file import write_file
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.export.lattice import LensRows, checked_white, lens_rows
-from plenoptic.export.pictures import brightest, folder_at, plain_name, write_json, write_picture, write_readme
+from plenoptic.export.pictures import folder_at, plain_name, white_point, write_json, write_picture, write_readme
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
-from plenoptic.package.calibration import calibration_points
+from plenoptic.package.calibration import calibration_points, targets_of
 from plenoptic.rendering.exposure import Exposure
 from plenoptic.scene.shapes.targets.target import Target
 
@@ -107,8 +107,8 @@ def compote(  # noqa: PLR0913
         stopped = cardinal_points(other.camera.lens, other.camera.wavelength).f_number
         whites.append((f"white_{number + 2}.png", stopped, checked_white(shot, other)))
     for file, _, picture in [(f"{name}.png", f_number, shot), *whites]:
-        write_picture(target / file, rows.turned(picture.image), scale=brightest(picture.image), bits=8, encoded=True)
-    boards = (targets,) if isinstance(targets, Target) else tuple(targets)
+        write_picture(target / file, rows.turned(picture.image), scale=white_point(picture.image), bits=8, encoded=True)
+    boards = targets_of(targets)
     own = {"path": f"{name}.png", "fnumber": f_number}
     listed = [{"path": file, "fnumber": stopped} for file, stopped, _ in whites]
     write_json(
@@ -127,12 +127,18 @@ def compote(  # noqa: PLR0913
     write_file(target / "centres.csv", "\n".join(["k,l,u,v", *centre, ""]).encode("ascii"))
     if boards:
         _write_boards(target, rows, boards, scene)
+    turned = ", and so do width and height in camera.js" if rows.turns else ""
+    known = "its model of this camera and poses (intrinsics.js, poses.js, scene.js) is what calibration should find"
     write_readme(
         target,
         "COMPOTE, PRISM and BLADE",
-        "-i images.js -c camera.js --features features.csv; intrinsics.js, poses.js and scene.js are the truth.",
+        "1. precalibrate finds params.js: -i images.js -c camera.js"
+        + ("" if other_whites else "   (it wants white images at several stops: give other_whites)")
+        + "\n2. calibrate -i images.js -c camera.js -p params.js "
+        + ("-f features.csv -s scene.js" if boards else "-s SCENE   (no targets were given)")
+        + f"\n3. compare: {known}."
+        + f"\nImages have been turned by {90 * rows.turns} degrees counter-clockwise{turned}.",
         "thick lenses, further stops, single microlenses out of place, errors, truth.",
-        {"quarters turned, counter-clockwise": rows.turns},
     )
 
 

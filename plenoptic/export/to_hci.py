@@ -15,7 +15,7 @@ from plenoptic import __version__
 from plenoptic.core.files.atomic_file import write_file
 from plenoptic.core.values import Floats, check_kind
 from plenoptic.errors import InvalidValueError
-from plenoptic.export.pictures import brightest, folder_at, write_pfm, write_picture, write_readme
+from plenoptic.export.pictures import folder_at, white_point, write_pfm, write_picture, write_readme
 from plenoptic.lightfield.views import LightField
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
@@ -46,10 +46,11 @@ def hci(folder: str | os.PathLike[str], field: LightField, *, scene: Scene | Non
 
     Notes
     -----
-    Pictures are 8-bit sRGB with one scale for all; pixels without light are black there and in `valid_mask.png`. Depth
-    is in metres before the lens's entrance pupil, where the views' centres lie; disparity is `LightField.disparity_at`
-    of that depth, which is the benchmark's formula with the numbers of `parameters.cfg`: sensor_size_mm is what a thin
-    lens of the same focal length at the entrance pupil would need. `highres` maps are the same as `lowres` ones.
+    Pictures are 8-bit sRGB with one scale for all, the 99.9th percentile; pixels without light are black there and in
+    `valid_mask.png`. Depth is in metres before the lens's entrance pupil, where the views' centres lie; disparity is
+    `LightField.disparity_at` of that depth, which is the benchmark's formula with the numbers of `parameters.cfg`:
+    sensor_size_mm is what a thin lens of the same focal length at the entrance pupil would need. `highres` maps are the
+    same as `lowres` ones.
 
     What it cannot express: errors, views that are not on a square grid of the pupil, how the real lens departs from
     Gaussian optics.
@@ -78,7 +79,7 @@ def hci(folder: str | os.PathLike[str], field: LightField, *, scene: Scene | Non
         )
     numbers = _thin_lens(field)
     target = folder_at(folder)
-    scale = brightest(field.views)
+    scale = white_point(field.views)
     for v in range(down):
         for u in range(across):
             view = field.views[u, v]
@@ -87,10 +88,15 @@ def hci(folder: str | os.PathLike[str], field: LightField, *, scene: Scene | Non
     write_picture(target / "valid_mask.png", valid[:, :, np.newaxis].astype(float), scale=1.0, bits=8)
     disparities = np.zeros(1) if scene is None else _write_truth(target, field, scene, numbers)
     write_file(target / "parameters.cfg", _parameters(field, numbers, disparities).encode("utf-8"))
+    rows, columns = field.views.shape[2:4]
     write_readme(
         target,
         "the HCI 4D Light Field Benchmark",
-        "Cam000 is the upper left view; numbers run along rows. Many loaders expect 9 x 9 views of 512 x 512 pixels.",
+        f"input_CamNNN.png: {across} x {down} views of {columns} x {rows} pixels, row by row, Cam000 upper left.\n"
+        "gt_depth_*.pfm: metres before the entrance pupil. gt_disp_*.pfm: pixels from view to view, positive before\n"
+        "the plane in focus. Files without Cam are of the central view, highres ones the same as lowres.\n"
+        "valid_mask.png: white where all views have light.\n"
+        "Many loaders expect 9 x 9 views of 512 x 512 pixels: decode with views=9, and have 512 x 512 microlenses.",
         "errors; how the real lens departs from Gaussian optics; another resolution of depth maps.",
         {"full code, in the units of the light field": scale},
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from itertools import product
+from typing import Any
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from plenoptic.core.files.atomic_file import write_file
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.export.lattice import LensRows, lens_rows
-from plenoptic.export.pictures import brightest, folder_at, plain_name, write_picture, write_readme
+from plenoptic.export.pictures import folder_at, plain_name, white_point, write_picture, write_readme
 from plenoptic.rendering.exposure import Exposure
 
 _TYPES = 3
@@ -71,7 +72,7 @@ def plenoptic_toolbox(
     first, axes, steps, residual = _grid(rows, size)
     diameter, rotation, offset = axes
     types = _types(rows, first, steps)
-    scale = brightest(shot.image)
+    scale = white_point(shot.image)
     write_picture(target / f"{name}.png", shot.image, scale=scale, bits=8, encoded=True)
     ranges = [_sharp(rows, kind) for kind in types]
     lines = [
@@ -99,17 +100,21 @@ def plenoptic_toolbox(
     disparity = None if shot.truth is None else shot.truth.disparity
     if disparity is not None:
         write_picture(target / f"{name}_disp.png", np.abs(disparity)[:, :, np.newaxis], scale=diameter)
+    more: dict[str, Any] = {
+        "focal type of each lens_type": types,
+        "root mean square distance of the centres from the grid, pixels": f"{residual:.5f}",
+        "full code, in the units of the exposure": scale,
+    }
+    if disparity is None:
+        more["no disparity"] = "render with truth=pl.Truth.DISPARITY for a picture of it"
+    else:
+        more[f"full code of {name}_disp.png, 16 bits"] = "a disparity of one lens diameter"
     write_readme(
         target,
         "the PlenopticToolbox 2.0",
-        f"rtxIO.load_from_xml('{name}.png', '{name}.xml')",
+        f"Load {name}.png; its calibration {name}.xml lies beside it, in the form of RxLive's files.",
         "square lattices, distortion of the grid, errors, white images; more than three focal lengths.",
-        {
-            "focal type of each lens_type": types,
-            "root mean square distance of the centres from the grid, pixels": f"{residual:.5f}",
-            "full code, in the units of the exposure": scale,
-            "full code of *_disp.png": "a disparity of one lens diameter",
-        },
+        more,
     )
 
 

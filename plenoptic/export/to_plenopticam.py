@@ -79,8 +79,10 @@ def plenopticam(
     write_readme(
         target,
         "PlenoptiCam",
-        f"with these centres:   {command} --meta={name}_centres.json\nwith its own search:  {command} --meth=grid-fit",
-        "errors, truth, focal types.",
+        f"pip install plenopticam; views and refocused pictures appear in {name}/.\n"
+        f"with these centres:   {command} --meta={name}_centres.json\n"
+        f"with its own search:  {command} --meth=grid-fit",
+        "errors, truth, focal types; cameras whose microlenses are not focused at infinity give it no sharp views.",
         {
             "quarters turned, counter-clockwise": lens.turns,
             "rows of lenses against rows of pixels, degrees": f"{np.degrees(lens.angle):.4f}",

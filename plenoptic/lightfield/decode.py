@@ -13,6 +13,7 @@ from plenoptic.camera.model_pupil import model_pupil
 from plenoptic.camera.points.centres import CentreMethod, microlens_centres
 from plenoptic.camera.report.optics import lateral_magnification, object_plane
 from plenoptic.core.values import Floats, check_kind, choice, finite, length_in_mm, positive, whole
+from plenoptic.core.warn import warn
 from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield.planes import RawPlanes, raw_planes
 from plenoptic.lightfield.resample import Resampling, resampling
@@ -24,6 +25,9 @@ from plenoptic.rendering.exposure import Exposure
 
 _MOST_VIEWS = 4095
 """Along u: more pixels than any microlens image has."""
+
+_FOCUSED = 0.05
+"""Relative difference of b and f from which microlenses are not meant to be focused at infinity."""
 
 
 def decode(
@@ -110,6 +114,7 @@ def decode(
     (0.42, [0.33, 0.33])
     """
     camera, array = _checked_camera(shot, white, camera)
+    _warn_of_focused(camera)
     step, least = positive(step, "step", "pixels"), finite(least_light, "least_light")
     if not 0 < least <= 1:
         raise InvalidValueError(f"least_light is {least:g}; it must be above 0 and at most 1")
@@ -141,6 +146,16 @@ def _checked_camera(
             "image at microlens_centres(camera).pixel"
         )
     return found, array
+
+
+def _warn_of_focused(camera: PlenopticCamera) -> None:
+    b, array = camera.microlenses_to_sensor, camera.microlenses
+    assert array is not None
+    if array.model.focuses and any(abs(b / f - 1.0) > _FOCUSED for f in array.focal_lengths_at(camera.wavelength)):
+        warn(
+            f"the sensor is {b:g} mm behind microlenses of focal lengths {array.focal_lengths} mm: a focused camera, "
+            "whose views are no sharp pictures; views need microlenses focused at infinity"
+        )
 
 
 def _offsets(camera: PlenopticCamera, array: MicrolensArray, views: int | None, step: float) -> Floats:

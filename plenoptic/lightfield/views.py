@@ -165,9 +165,12 @@ class LightField:
             nearer than that, where points move against the step (to the left in views farther right), negative beyond.
         """
         place = number(z, "z")
-        if not place < 0:
-            raise InvalidValueError(f"z is {place:g} mm; the plane must lie in front of the camera, at z below 0")
         camera = self.camera
+        front = min(0.0, float(camera.lens.vertices[0]))
+        if not place < front:
+            raise InvalidValueError(
+                f"z is {place:g} mm; the plane must lie in front of the camera, beyond its lens at z = {front:g} mm"
+            )
         behind = image_plane(camera.lens, place, camera.wavelength) - camera.stop_to_microlenses
         pupil, _ = model_pupil(camera)
         gap = camera.stop_to_microlenses - pupil

@@ -14,7 +14,8 @@ from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.points.projection import project
 from plenoptic.camera.report.optics import image_plane, opening_width
 from plenoptic.core.values import Floats, check_kind, result
-from plenoptic.errors import FileError, InvalidValueError
+from plenoptic.core.warn import warn
+from plenoptic.errors import FileError, InvalidValueError, UnseenSceneWarning
 from plenoptic.scene.shapes.targets.target import Target
 
 if TYPE_CHECKING:
@@ -84,6 +85,14 @@ class CalibrationPoints:
         return cls(whole[:, 0], whole[:, 1], table[:, 2:5], whole[:, 5:7], table[:, [8, 7]], table[:, 9])
 
 
+def targets_of(targets: Target | Sequence[Target]) -> tuple[Target, ...]:
+    """One target or several, as a tuple; an error where something else is among them."""
+    given = (targets,) if isinstance(targets, Target) else tuple(targets)
+    for target in given:
+        check_kind(target, "targets", Target, "pl.targets.checkerboard(9, 6, square=2.0)")
+    return given
+
+
 def calibration_points(
     camera: PlenopticCamera, targets: Target | Sequence[Target], *, scene: Scene | None = None
 ) -> CalibrationPoints:
@@ -123,10 +132,9 @@ def calibration_points(
     array = camera.microlenses
     if array is None:
         raise InvalidValueError("the camera has no microlenses; use pl.project(camera, target.points)")
-    given = (targets,) if isinstance(targets, Target) else tuple(targets)
+    given = targets_of(targets)
     parts = []
     for frame, target in enumerate(given):
-        check_kind(target, "targets", Target, "pl.targets.checkerboard(9, 6, square=2.0)")
         seen = project(camera, target.points, scene=scene, rays=1 << 8)
         seen = seen.selected(seen.visible & np.isfinite(seen.pixel).all(axis=1))
         assert seen.index is not None and seen.type is not None
@@ -140,4 +148,6 @@ def calibration_points(
         parts.append((np.full(len(seen), frame), seen.point, target.points[seen.point], seen.index, seen.pixel, blur))
     if not parts:
         raise InvalidValueError("targets is empty; give one target or more")
+    if not any(len(part[0]) for part in parts):
+        warn("the camera sees none of the targets' points; move them into view", UnseenSceneWarning)
     return CalibrationPoints(*(np.concatenate(part) for part in zip(*parts, strict=True)))

@@ -61,7 +61,10 @@ class Package:
 
     def __repr__(self) -> str:
         whites = (self.white is not None) + len(self.other_whites)
-        parts = [f"{whites} white image{'s' * (whites != 1)}", f"{sum(map(len, self.centres.values()))} centres"]
+        parts = [
+            f"{whites} white image{'s' * (whites != 1)}",
+            f"{max(map(len, self.centres.values()), default=0)} microlenses",
+        ]
         parts += [] if self.points is None else [repr(self.points)]
         return f"Package({self.exposure!r}, {', '.join(parts)})"
 

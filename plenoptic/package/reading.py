@@ -124,6 +124,8 @@ def _read(folder: Path, limits: FileLimits) -> Package:
 
 def _provenance(folder: Path, limits: FileLimits) -> dict[str, Any]:
     path = folder / PROVENANCE
+    if not path.is_file():
+        raise FileError(f"{str(folder)!r} is no package: it holds no {PROVENANCE}; give the folder that write made")
     try:
         found = json.loads(read_file(path, limits))
     except (ValueError, RecursionError) as error:

@@ -29,7 +29,7 @@ from plenoptic.errors import FileError, InvalidValueError
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.microlens.aperture import Walls
 from plenoptic.optics.sensor.model import SensorModel, ShotNoise
-from plenoptic.package.calibration import calibration_points
+from plenoptic.package.calibration import calibration_points, targets_of
 from plenoptic.package.contents import (
     CAMERA,
     POINTS,
@@ -50,6 +50,8 @@ if TYPE_CHECKING:
 
 _WHITE_PART = 0.8
 """Of the white level, which the brightest pixels of a white image reach."""
+
+_OF_FILES = (".json", ".exr", ".tif", ".tiff", ".png", ".npz", ".csv")
 
 
 def write(
@@ -115,13 +117,15 @@ def write(
     model = _quiet_sensor(exposure) if sensor is None else sensor
     check_kind(model, "sensor", SensorModel, "pl.SensorModel(photon_rate=1e6)")
     zipped = target.suffix.lower() == ".zip"
+    if target.suffix.lower() in _OF_FILES:
+        raise FileError(f"{str(target)!r} ends in {target.suffix}; a package is a folder, or a file that ends in .zip")
     if not zipped:
         _check_replaceable(target)
     with tempfile.TemporaryDirectory() if zipped else replaced_folder(target) as made:
         folder = Path(made)
         _fill(folder, exposure, white, tuple(other_whites), model, seed)
         _describe(folder, camera)
-        if len(given := (targets,) if isinstance(targets, Target) else tuple(targets)):
+        if given := targets_of(targets):
             write_file(folder / POINTS, calibration_points(camera, given, scene=scene).to_csv().encode("ascii"))
         _sign(folder, exposure, None if scene is None else str(_plan(exposure, scene, camera)))
         if zipped:
@@ -135,6 +139,9 @@ def _checked_camera(exposure: Exposure, white: Exposure | None, others: Sequence
     camera = exposure.camera
     if camera is None:
         raise InvalidValueError("the exposure names no camera; give one that render made")
+    for found in (white, *others):
+        if found is not None and found.white is False:
+            raise InvalidValueError("a white image shows a scene; give what pl.render_white(camera) made")
     if white is not None and white.camera not in (None, camera):
         raise InvalidValueError("the white image is of another camera than the exposure; render it with the same one")
     if any(other.camera is None for other in others):

@@ -150,7 +150,11 @@ class PixelStages:
     def _behind(self) -> Floats:
         """(n,): how far each ray starts behind the array's rear principal plane, mm."""
         plane, starts = self._camera.sensor.plane, self.rays.starts
-        return np.full(len(starts), plane.distance) if plane.tilt is None else plane.distance + starts @ plane.tilt
+        return (
+            np.full(len(starts), plane.distance)
+            if plane.tilt is None
+            else plane.distance + (starts[:, 0] * plane.tilt[0] + starts[:, 1] * plane.tilt[1])
+        )
 
     @cached_property
     def sensor(self) -> SensorRays:

@@ -88,3 +88,21 @@ def test_the_same_bits_however_it_is_rendered(number, tmp_path, monkeypatch):
 def test_the_same_bits_in_forty_trials(tmp_path, monkeypatch):
     for number in range(40):
         held(number, tmp_path, monkeypatch)
+
+
+def test_a_sensor_tilted_about_both_axes_has_the_same_bits_in_parts():
+    """Centres of groups of pixels lie where outlines of the pupil change; products of arrays round by their length."""
+    camera = pl.PlenopticCamera(
+        lens=pl.load_lens("double-gauss-105mm-f1.4"),
+        sensor=pl.Sensor(shape=(12, 12), pixel_pitch=0.025),
+        stop_to_microlenses=128.4,
+    ).moved(pl.CameraPart.SENSOR, tilt=(0.01, 0.005, 0.0))
+    scene = pl.Scene([pl.quad((-90, -90, -400), (180, 0, 0), (0, 180, 0), material=pl.Lambertian(0.6))], background=1.0)
+    settings = {"samples": 16, "replicates": 8, "progress": False}
+    for taken in (lambda **more: pl.render_white(camera, **more), lambda **more: pl.render(scene, camera, **more)):
+        whole = taken(**settings)
+        np.testing.assert_array_equal(taken(tile_side=4, **settings).image, whole.image)
+        for row in range(0, 12, 3):
+            part = taken(region=np.s_[row : row + 1, 8:9], **settings)
+            np.testing.assert_array_equal(part.image, whole.image[row : row + 1, 8:9])
+    np.testing.assert_array_equal(part.truth.depth, whole.truth.depth[row : row + 1, 8:9])

@@ -31,7 +31,12 @@ def _on_sensor(camera: CameraRecord, row: Floats, column: Floats) -> Floats:
     """(n, 2): points of the sensor, given in rows and columns from its corner: local x and y in mm."""
     sensor, placed = camera.sensor, camera.parts.sensor_to_local
     on_sensor = np.stack([-(column - sensor.columns / 2), row - sensor.rows / 2], axis=-1) * sensor.pitch
-    return np.ascontiguousarray(on_sensor @ placed.turn[:2, :2].T + placed.shift[:2])
+    return _turned(on_sensor, placed.turn[:2, :2]) + placed.shift[:2]
+
+
+def _turned(points: Floats, matrix: Floats) -> Floats:
+    """Points (n, 2) under a matrix. Products of matrices would round otherwise for one point than for many."""
+    return np.stack([points[:, 0] * row[0] + points[:, 1] * row[1] for row in matrix], axis=-1)
 
 
 MOST_CELLS = 100_000
@@ -77,7 +82,8 @@ class _Half(NamedTuple):
 def _grouped(camera: CameraRecord, starts: Floats) -> tuple[Floats, NDArray[np.int64]]:
     """Centres (g, 2) of the groups of pixels in which points of the sensor (n, 2) lie, and which is whose (n,)."""
     sensor, placed = camera.sensor, camera.parts.sensor_to_local
-    on_sensor = (starts - placed.shift[:2]) @ np.linalg.inv(placed.turn[:2, :2]).T / sensor.pitch
+    back = np.asarray(np.linalg.inv(placed.turn[:2, :2]), dtype=np.float64)
+    on_sensor = _turned(starts - placed.shift[:2], back) / sensor.pitch
     column = np.floor((sensor.columns / 2 - on_sensor[:, 0]) / SIDE).astype(np.int64)
     row = np.floor((on_sensor[:, 1] + sensor.rows / 2) / SIDE).astype(np.int64)
     across = sensor.columns // SIDE + 2

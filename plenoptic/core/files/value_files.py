@@ -12,7 +12,7 @@ from plenoptic.core.files.atomic_file import write_file
 from plenoptic.core.files.reading import DEFAULT, FileLimits, read_file
 from plenoptic.core.files.serialization import described, restored
 from plenoptic.core.values import file_path
-from plenoptic.errors import FileError
+from plenoptic.errors import FileError, InvalidValueError
 
 FORMAT = "plenoptic-value-1"
 
@@ -26,7 +26,7 @@ def save_value(value: Any, path: str | os.PathLike[str], *, about: Mapping[str, 
     Parameters
     ----------
     value
-        A public frozen value: a camera, lens, sensor model, pose, render settings, ..., or a tuple of them.
+        A camera, lens, array, sensor, sensor model, pose, render settings, or a tuple of them. Not scenes.
     path : path-like
         A file of that name is replaced, as a whole or not at all.
     about : mapping, optional
@@ -48,6 +48,8 @@ def save_value(value: Any, path: str | os.PathLike[str], *, about: Mapping[str, 
     ...     pl.package.load_value(pathlib.Path(folder) / "sensor.json") == sensor
     True
     """
+    if isinstance(value, str | os.PathLike) and not isinstance(path, str | os.PathLike):
+        raise InvalidValueError(f"the value is {value!r}; give the value first and then the path")
     content = {"format": FORMAT, "software": f"plenoptic {__version__}", **(about or {}), "value": described(value)}
     write_file(file_path(path), (json.dumps(content, indent=1, allow_nan=False) + "\n").encode("ascii"))
 
