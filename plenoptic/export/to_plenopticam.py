@@ -75,13 +75,14 @@ def plenopticam(
     }
     write_json(target / f"{name}_centres.json", content)
     patch = max(int(across) // 2 * 2 - 1, 3)
-    command = f"plenopticam --file={name}.tiff --cali={name}_white.tiff --patch={patch}"
+    command = f"plenopticam --file={name}.tiff --cali={name}_white.tiff --patch={patch} --smpl=local"
     write_readme(
         target,
         "PlenoptiCam",
         f"pip install plenopticam; views and refocused pictures appear in {name}/.\n"
         f"with these centres:   {command} --meta={name}_centres.json\n"
-        f"with its own search:  {command} --meth=grid-fit",
+        f"with its own search:  {command} --meth=grid-fit   (images of less than 0.7 of their distance)\n"
+        "Its global resampling, the default, fails for some numbers of lenses.",
         "errors, truth, focal types; cameras whose microlenses are not focused at infinity give it no sharp views.",
         {
             "quarters turned, counter-clockwise": lens.turns,

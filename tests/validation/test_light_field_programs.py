@@ -1,0 +1,137 @@
+"""Other programs open what is exported for them, by their own command lines, and find what this package knows.
+
+They need old libraries, in an environment of their own, which the tests make. Where that cannot be had, tests skip.
+"""
+
+import json
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import plenoptic as pl
+
+pytestmark = [pytest.mark.validation, pytest.mark.timeout(1200)]
+
+# PlenoptiCam asks for an old pyinstaller, which it does not need, and plenpy for torch, of which a stub is enough.
+PROGRAMS = ["plenopticam==0.9.3", "plenpy==0.9.2"]
+LIBRARIES = [
+    *(
+        "numpy==1.23.5",
+        "scipy==1.11.4",
+        "scikit-image==0.20.0",
+        "Pillow==9.5.0",
+        "matplotlib==3.8.4",
+        "imageio==2.31.6",
+    ),
+    *("tifffile==2023.12.9", "h5py", "jsmin", "joblib", "tqdm", "colour-science==0.4.4", "colour-demosaicing==0.2.5"),
+    *("color-matcher==0.4.0", "color-space-converter==0.1.4", "depthy==0.4.0", "colour", "docutils", "requests"),
+]
+STUBS = """
+import sys, types
+class Stub(types.ModuleType):
+    def __getattr__(self, name):
+        if name.startswith("__"):
+            raise AttributeError(name)
+        return type(name, (), {})
+for name in ("torch", "torchvision", "torchvision.transforms"):
+    sys.modules[name] = Stub(name)
+"""
+
+
+@pytest.fixture(scope="module")
+def programs(tmp_path_factory):
+    """The folder with their Python and commands."""
+    folder = tmp_path_factory.mktemp("programs") / "env"
+    steps = [[sys.executable, "-m", "venv", str(folder)]]
+    pip = [str(folder / "bin" / "python"), "-m", "pip", "install", "-q"]
+    steps += [[*pip, "--no-deps", *PROGRAMS], [*pip, *LIBRARIES]]
+    for step in steps:
+        done = subprocess.run(step, capture_output=True, text=True)
+        if done.returncode:
+            pytest.skip(f"cannot be installed: {done.stderr[-300:]}")
+    return folder / "bin"
+
+
+@pytest.fixture(scope="module")
+def exported(tmp_path_factory):
+    """A plenoptic 1.0 camera, and folders for both programs."""
+    camera = pl.PlenopticCamera(
+        lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=3.5)),
+        microlenses=pl.MicrolensArray(pitch=0.147, focal_lengths=(1.2,)),
+        sensor=pl.Sensor(shape=(604, 604), pixel_pitch=0.01),
+        stop_to_microlenses=134.6,
+        microlenses_to_sensor=1.2,
+    ).moved(pl.CameraPart.MICROLENSES, shift=(0.03, -0.05, 0.0), tilt=(0.0, 0.0, 0.002))
+    white = pl.render_white(camera, samples=16, seed=1, progress=False)
+    shot = pl.render(pl.check_scene(), camera, samples=16, progress=False)
+    folder = tmp_path_factory.mktemp("exported")
+    pl.export.plenopticam(folder / "a", shot, white)
+    pl.export.plenpy(folder / "b", shot, white)
+    return camera, shot, white, folder
+
+
+def run(folder, command):
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, env={**os.environ, "MPLBACKEND": "Agg"})
+    return done.stdout + done.stderr
+
+
+def distances(found, known):
+    return np.sqrt(((np.asarray(found)[:, None] - np.asarray(known)[None]) ** 2).sum(axis=2)).min(axis=1)
+
+
+def commands(folder):
+    """What README.txt tells to type, by what stands before it."""
+    found = {}
+    for line in (folder / "README.txt").read_text().splitlines():
+        name, _, command = line.partition(":")
+        if " --" in command:
+            found[name] = command.partition("  (")[0].split()
+    return found
+
+
+def test_plenopticam_finds_our_centres_and_makes_views(programs, exported):
+    *_, folder = exported
+    own = json.loads((folder / "a" / "shot_centres.json").read_text())["mic_list"]
+    program, *arguments = commands(folder / "a")["with its own search"]
+    said = run(folder / "a", [str(programs / program), *arguments])
+    found = json.loads((folder / "a" / "shot_white.json").read_text())["mic_list"]
+    off = distances(np.array(found)[:, :2], np.array(own)[:, :2])
+    # It lists lenses at the border that are not wholly in the image.
+    inside = off < 3.0
+    assert inside.sum() >= 0.95 * len(own), said[-2000:]
+    assert np.sqrt(np.mean(off[inside] ** 2)) < 0.05
+    program, *arguments = commands(folder / "a")["with these centres"]
+    said = run(folder / "a", [str(programs / program), *arguments])
+    views = sorted((folder / "a" / "shot").glob("viewpoints_*/*.png"))
+    size = int(np.sqrt(len(views)))
+    assert size >= 9 and size**2 == len(views), said[-2000:]
+    # The squares of the scene are seen: bright and black ones.
+    seen = pl.images.read_linear(views[len(views) // 2])[:, :, 0]
+    assert min(seen.shape) > 30 and np.percentile(seen, 90) > 10 * np.percentile(seen, 10)
+
+
+def test_plenpy_finds_our_centres_and_makes_views(programs, exported):
+    *_, folder = exported
+    text = (folder / "b" / "README.txt").read_text()
+    call = text[text.index("from plenpy") : text.index("What it cannot")]
+    script = f"""{STUBS}
+import json
+folder = {str(folder / "b")!r}
+{call}
+from plenpy.utilities.grids import HexGrid
+points = HexGrid(camera._calibrationDb[0]["ideal_grid_params"]).gridPoints
+print("FOUND", json.dumps([list(camera.get_decoded_image(0).shape), points.tolist()]))
+"""
+    said = run(folder, [str(programs / "python"), "-c", script])
+    lines = [line for line in said.splitlines() if line.startswith("FOUND")]
+    assert lines, said[-3000:]
+    shape, points = json.loads(lines[0][6:])
+    assert shape[0] == shape[1] >= 9
+    listed = np.array(json.loads((folder / "a" / "shot_centres.json").read_text())["mic_list"])
+    off = distances(listed[:, :2], np.array(points))
+    # Its grid ends before the border.
+    inside = off < 3.0
+    assert inside.mean() > 0.9 and np.sqrt(np.mean(off[inside] ** 2)) < 0.1
