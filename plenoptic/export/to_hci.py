@@ -124,6 +124,8 @@ class _ThinLens(NamedTuple):
 
 def _thin_lens(field: LightField) -> _ThinLens:
     camera = field.camera
+    if camera is None:
+        raise InvalidValueError("the light field names no camera; export one that decode made")
     points = cardinal_points(camera.lens, camera.wavelength)
     pupil = points.rear_principal if camera.lens.model is LensModel.THIN else points.entrance_pupil
     step = float(np.abs(np.diff(field.pupil[:, 0, 0])).mean()) * points.entrance_pupil_semi_diameter

@@ -1,7 +1,8 @@
 """Light fields: raw images of plenoptic cameras taken apart into views, and put together again."""
 
 from plenoptic.lightfield.decode import decode
+from plenoptic.lightfield.reading import read_eslf, read_hci, read_views
 from plenoptic.lightfield.refocus import refocus
 from plenoptic.lightfield.views import LightField
 
-__all__ = ["LightField", "decode", "refocus"]
+__all__ = ["LightField", "decode", "read_eslf", "read_hci", "read_views", "refocus"]

@@ -5,18 +5,22 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.core.values import Floats, check_kind
+from plenoptic.core.values import Floats, check_kind, finite
+from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield.views import LightField
 
 
-def refocus(field: LightField, z: float) -> NDArray[np.float32]:
+def refocus(field: LightField, z: float | None = None, *, disparity: float | None = None) -> NDArray[np.float32]:
     """The picture of a conventional camera focused on a plane: all views, shifted so that the plane stands still.
 
     Parameters
     ----------
     field : LightField
-    z : float
+    z : float, optional
         The plane in the camera's frame in mm, negative: in front of the camera.
+    disparity : float, optional
+        In place of a plane: pixels by which what is to be sharp moves for each unit of `field.u` and `v`, positive
+        against the step. For light fields that know no distances.
 
     Returns
     -------
@@ -43,7 +47,10 @@ def refocus(field: LightField, z: float) -> NDArray[np.float32]:
     """
     check_kind(field, "field", LightField, "pl.lightfield.decode(shot, white)")
     # A positive disparity goes against the step from view to view.
-    across, down = (-disparity for disparity in field.disparity_at(z))
+    if (z is None) == (disparity is None):
+        raise InvalidValueError("give either z, the plane in mm, or disparity=, in pixels from view to view")
+    moves = field.disparity_at(z) if z is not None else (finite(disparity, "disparity"),) * 2  # type: ignore[arg-type]
+    across, down = (-move for move in moves)
     total = np.zeros(field.views.shape[2:])
     count = np.zeros(field.views.shape[2:])
     for i, u in enumerate(field.u):

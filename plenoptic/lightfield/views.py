@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @result
 class LightField:
-    """Sub-aperture views of a plenoptic 1.0 camera. See `decode`, which makes them.
+    """Sub-aperture views of a plenoptic 1.0 camera. See `decode`, which makes them, and `read_hci` and its like.
 
     A view holds the light that passes one part of the main lens's pupil: what lies at the same offset from the centre
     of every microlens image. Views are upright; the view of u = 1 is seen from a place farther to the right than that
@@ -53,7 +53,10 @@ class LightField:
         The same in the plane in focus, mm; nan where there is none in front of the lens.
     z_focus : float
         The plane in focus, which the lens images onto the array, in mm of the camera's frame (paraxial).
-    camera : PlenopticCamera
+    camera : PlenopticCamera or None
+        None for light fields of other origin, which have no raw image: `pixel`, `on_array`, `pupil`, `origin` and
+        `spacing` are nan, `u` and `v` count views, and `exit_pupil` holds the places of the cameras, in whose frame z
+        is measured, or nan.
     """
 
     views: NDArray[np.float32]
@@ -68,7 +71,7 @@ class LightField:
     spacing: tuple[float, float]
     object_spacing: tuple[float, float]
     z_focus: float
-    camera: PlenopticCamera
+    camera: PlenopticCamera | None
 
     def view(self, u: int, v: int) -> NDArray[np.float32]:
         """The view that is `u` places to the right of the central one and `v` below it: (rows, columns, C).
@@ -125,6 +128,8 @@ class LightField:
         """
         from plenoptic.truth.view_truth import truth_along
 
+        if self.camera is None:
+            raise InvalidValueError("the light field names no camera, so that its rays are not known; decode one")
         across, down = self.u[self._row_of(u, len(self.u), "u")], self.v[self._row_of(v, len(self.v), "v")]
         on_sensor = self.camera.sensor.centre_of(self.pixel[..., 0] + down, self.pixel[..., 1] + across)
         return truth_along(scene, self.camera, on_sensor, self.on_array, truth=truth)
@@ -136,14 +141,14 @@ class LightField:
 
     @staticmethod
     def _row_of(which: int, count: int, name: str) -> int:
-        most = count // 2
+        first, last = -(count // 2), (count - 1) // 2
         given = number(which, name)
-        if not given.is_integer() or abs(given) > most:
+        if not given.is_integer() or not first <= given <= last:
             raise InvalidValueError(
-                f"{name} is {given:g}; it must be a whole number from {-most} to {most}, the number of a view from the "
+                f"{name} is {given:g}; it must be a whole number from {first} to {last}, the number of a view from the "
                 "middle"
             )
-        return int(given) + most
+        return int(given) - first
 
     def disparity_at(self, z: float) -> tuple[float, float]:
         """How far the image of a plane moves from one view to the next, by Gaussian optics.
@@ -166,6 +171,8 @@ class LightField:
         """
         place = number(z, "z")
         camera = self.camera
+        if camera is None:
+            return self._between_cameras(place)
         front = min(0.0, float(camera.lens.vertices[0]))
         if not place < front:
             raise InvalidValueError(
@@ -179,6 +186,24 @@ class LightField:
         lever = gap * share if math.isfinite(gap) else behind
         per_pixel = lever * camera.sensor.pixel_pitch / camera.microlenses_to_sensor
         return per_pixel / self.spacing[0], per_pixel / self.spacing[1]
+
+    def _between_cameras(self, z: float) -> tuple[float, float]:
+        """`disparity_at` of cameras side by side that look at one plane."""
+        if not z < 0:
+            raise InvalidValueError(f"z is {z:g} mm; the plane must lie in front of the cameras, at z below 0")
+        steps = (
+            self.exit_pupil[1:2, 0, 0] - self.exit_pupil[:1, 0, 0],
+            self.exit_pupil[0, :1, 1] - self.exit_pupil[0, 1:2, 1],
+        )
+        apart = [float(step[0]) if len(step) else math.nan for step in steps]
+        across, down = (
+            step * (self.z_focus / z - 1.0) / pixel for step, pixel in zip(apart, self.object_spacing, strict=True)
+        )
+        if math.isnan(across) and math.isnan(down):
+            raise InvalidValueError(
+                "the light field does not say where its views were seen from; refocus it by disparity"
+            )
+        return across, down
 
     def __repr__(self) -> str:
         across, down, rows, columns, channels = self.views.shape

@@ -1,0 +1,213 @@
+"""Light fields of other origin: folders of views, and images of macro-pixels."""
+
+from __future__ import annotations
+
+import configparser
+import math
+import os
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.core.files.images import read_linear
+from plenoptic.core.files.reading import DEFAULT, FileLimits, check_memory, read_file
+from plenoptic.core.values import file_path, whole
+from plenoptic.errors import FileError, InvalidValueError
+from plenoptic.lightfield.views import LightField
+
+_PICTURES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".exr", ".ppm", ".bmp")
+_MOST_VIEWS = 10_000
+
+
+def read_hci(folder: str | os.PathLike[str], *, limits: FileLimits = DEFAULT) -> LightField:
+    """The light field of a scene's folder of the HCI 4D Light Field Benchmark.
+
+    Parameters
+    ----------
+    folder : path-like
+        With `input_Cam000.png`, ... and `parameters.cfg`.
+    limits : FileLimits
+        The size of each file, and of all views.
+
+    Returns
+    -------
+    LightField
+        Linear, without camera and standard error: `exit_pupil` holds the places of its cameras, `z_focus` and
+        `object_spacing` the plane where disparity is 0, and `u`, `v` count views from the middle.
+
+    Raises
+    ------
+    FileError
+        Where something is missing or cannot be understood.
+
+    References
+    ----------
+    K. Honauer et al., ACCV 2016, doi:10.1007/978-3-319-54187-7_2.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile, plenoptic as pl
+    >>> lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=4.25))
+    >>> camera = pl.PlenopticCamera(lens=lens,
+    ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,), lattice=pl.Lattice.SQUARE),
+    ...     sensor=pl.Sensor(shape=(110, 154), pixel_pitch=0.01),
+    ...     stop_to_microlenses=123.3, microlenses_to_sensor=2.0).focused_at(z=-404.0)
+    >>> white = pl.render_white(camera, samples=16, progress=False)
+    >>> field = pl.lightfield.decode(white, white, views=3)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     pl.export.hci(folder, field)
+    ...     found = pl.lightfield.read_hci(folder)
+    >>> found, round(found.disparity_at(-300.0)[0], 2)  # from the entrance pupil
+    (LightField(3 x 3 views of 5 x 7 x 3), 0.35)
+    """
+    source = file_path(folder)
+    path = source / "parameters.cfg"
+    parser = configparser.ConfigParser()
+    try:
+        parser.read_string(read_file(path, limits).decode("utf-8"))
+        inner, outer = parser["intrinsics"], parser["extrinsics"]
+        across, down = int(outer["num_cams_x"]), int(outer["num_cams_y"])
+        focus, baseline = 1e3 * float(outer["focus_distance_m"]), float(outer["baseline_mm"])
+        sensor, focal_length = float(inner["sensor_size_mm"]), float(inner["focal_length_mm"])
+    except (configparser.Error, KeyError, ValueError) as error:
+        raise FileError(
+            f"{str(path)!r} cannot be understood: {error}; give a scene's folder of the benchmark"
+        ) from None
+    if not (across > 0 and down > 0 and across * down <= _MOST_VIEWS and min(focus, focal_length, sensor) > 0):
+        raise FileError(f"{str(path)!r} holds {across} x {down} cameras at {focus:g} mm, which cannot be")
+    files = [source / f"input_Cam{number:03d}.png" for number in range(across * down)]
+    views = _stacked(files, (down, across), limits)
+    spacing = sensor * focus / (focal_length * max(views.shape[2:4]))
+    return _light_field(views, baseline, -focus, spacing)
+
+
+def read_views(folder: str | os.PathLike[str], shape: tuple[int, int], *, limits: FileLimits = DEFAULT) -> LightField:
+    """The light field of a folder of views, in the order of their names row by row from the upper left.
+
+    Such are the light fields of the Stanford archives and most others. Where the order of rows is another one, turn
+    `views` of the result around.
+
+    Parameters
+    ----------
+    folder : path-like
+        Its pictures are the views; other files do not count.
+    shape : (int, int)
+        Rows and columns of views, such as (17, 17).
+    limits : FileLimits
+        The size of each file, and of all views.
+
+    Returns
+    -------
+    LightField
+        Linear, without camera, standard error and places: refocus it by disparity.
+
+    Raises
+    ------
+    FileError
+        Where there are not as many pictures, or they differ in size.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile, numpy as np, plenoptic as pl
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     for number in range(6):
+    ...         view = np.full((4, 5, 3), 1000 * number, dtype=np.uint16)
+    ...         pl.images.write_16bit(pathlib.Path(folder) / f"out_{number:02d}.png", view)
+    ...     pl.lightfield.read_views(folder, (2, 3))
+    LightField(3 x 2 views of 4 x 5 x 3)
+    """
+    source = file_path(folder)
+    rows, columns = (whole(number, "shape", at_least=1, at_most=_MOST_VIEWS) for number in _pair(shape))
+    if not source.is_dir():
+        raise FileError(f"{str(source)!r} is no folder; give the one that holds the views")
+    files = sorted(path for path in source.iterdir() if path.suffix.lower() in _PICTURES)
+    if len(files) != rows * columns:
+        raise FileError(f"{str(source)!r} holds {len(files)} pictures; {rows} x {columns} views are {rows * columns}")
+    return _light_field(_stacked(files, (rows, columns), limits), math.nan, math.nan, math.nan)
+
+
+def read_eslf(
+    path: str | os.PathLike[str], shape: tuple[int, int] = (14, 14), *, limits: FileLimits = DEFAULT
+) -> LightField:
+    """The light field of an ESLF picture, as the LFToolbox and Lytro's tools write them: macro-pixels side by side.
+
+    Parameters
+    ----------
+    path : path-like
+        Rows of the picture are rows of views times rows of pixels, each macro-pixel holding all views of one pixel.
+    shape : (int, int), optional
+        Rows and columns of views.
+    limits : FileLimits
+        The size of the file and of the picture.
+
+    Returns
+    -------
+    LightField
+        Linear, without camera, standard error and places: refocus it by disparity.
+
+    Raises
+    ------
+    FileError
+        Where it is no picture, or its size is no multiple of the views'.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile, numpy as np, plenoptic as pl
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     pl.images.write_16bit(pathlib.Path(folder) / "a_eslf.png", np.zeros((8, 15, 3), dtype=np.uint16))
+    ...     pl.lightfield.read_eslf(pathlib.Path(folder) / "a_eslf.png", (2, 3))
+    LightField(3 x 2 views of 4 x 5 x 3)
+    """
+    rows, columns = (whole(number, "shape", at_least=1, at_most=_MOST_VIEWS) for number in _pair(shape))
+    image = read_linear(path, limits=limits)
+    height, width, channels = image.shape
+    if height % rows or width % columns:
+        raise FileError(
+            f"{os.fspath(path)!r} has {height} x {width} pixels; {rows} x {columns} views do not divide them"
+        )
+    split = image.reshape(height // rows, rows, width // columns, columns, channels)
+    return _light_field(np.ascontiguousarray(split.transpose(3, 1, 0, 2, 4)), math.nan, math.nan, math.nan)
+
+
+def _pair(shape: tuple[int, int]) -> tuple[int, int]:
+    if not isinstance(shape, tuple | list) or len(shape) != 2:
+        raise InvalidValueError(f"shape is {shape!r}; it must be (rows of views, columns of views)")
+    return shape[0], shape[1]
+
+
+def _stacked(files: list[Path], shape: tuple[int, int], limits: FileLimits) -> NDArray[np.float32]:
+    """Views (U, V, rows, columns, C) from files row by row."""
+    first = read_linear(files[0], limits=limits)
+    size = sum(file.stat().st_size for file in files if file.is_file())
+    check_memory(len(files) * first.nbytes, f"{len(files)} views like {str(files[0])!r}", size, limits)
+    views = np.empty((shape[1], shape[0], *first.shape), dtype=np.float32)
+    for number, file in enumerate(files):
+        view = read_linear(file, limits=limits)
+        if view.shape != first.shape:
+            raise FileError(
+                f"{str(file)!r} has shape {view.shape}, and {str(files[0])!r} {first.shape}; they must agree"
+            )
+        views[number % shape[1], number // shape[1]] = view
+    return views
+
+
+def _light_field(views: NDArray[np.float32], baseline: float, z_focus: float, spacing: float) -> LightField:
+    u, v = (np.arange(count, dtype=np.float64) - count // 2 for count in views.shape[:2])
+    places = baseline * np.stack(np.meshgrid(u, -v, indexing="ij"), axis=-1)
+    unknown = np.full((*views.shape[2:4], 2), np.nan)
+    return LightField(
+        views=views,
+        standard_error=None,
+        u=u,
+        v=v,
+        pixel=unknown,
+        on_array=unknown,
+        exit_pupil=places,
+        pupil=np.full(places.shape, np.nan),
+        origin=np.full(2, np.nan),
+        spacing=(math.nan, math.nan),
+        object_spacing=(spacing, spacing),
+        z_focus=z_focus,
+        camera=None,
+    )

@@ -1,0 +1,111 @@
+"""Light fields of other origin: what is written comes back, distances mean the same, damaged folders are refused."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import plenoptic as pl
+from plenoptic.errors import FileError, InvalidValueError
+from plenoptic.lightfield import read_eslf, read_hci, read_views, refocus
+
+
+@pytest.fixture(scope="module")
+def field():
+    camera = pl.PlenopticCamera(
+        lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=4.25)),
+        microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,), lattice=pl.Lattice.SQUARE),
+        sensor=pl.Sensor(shape=(154, 198), pixel_pitch=0.01),
+        stop_to_microlenses=123.3,
+        microlenses_to_sensor=2.0,
+    ).focused_at(z=-404.0)
+    scene = pl.Scene(pl.targets.checkerboard(30, 30, square=1.5).translated(z=-390.0).meshes, background=0.2)
+    shot = pl.render(scene, camera, samples=16, progress=False)
+    return pl.lightfield.decode(shot, pl.render_white(camera, samples=16, progress=False), views=5)
+
+
+@pytest.fixture
+def folder(field, tmp_path):
+    pl.export.hci(tmp_path / "scene", field)
+    return tmp_path / "scene"
+
+
+def test_a_light_field_of_the_benchmark_comes_back(field, folder):
+    found = read_hci(folder)
+    assert found.views.shape == (5, 5, *field.views.shape[2:4], 3) and found.camera is None
+    scale = np.nanpercentile(field.views, 99.9)
+    wanted = np.clip(np.nan_to_num(field.views) / scale, 0, 1)
+    np.testing.assert_allclose(found.views, np.repeat(wanted, 3, axis=4), atol=0.005)
+    np.testing.assert_array_equal(found.view(2, -1), found.views[4, 1])
+    pupil = pl.paraxial.cardinal_points(field.camera.lens).entrance_pupil
+    for z in (-300.0, -404.0, -1000.0):
+        assert found.disparity_at(z - pupil) == pytest.approx(field.disparity_at(z), abs=1e-9)
+    # Refocused alike, where no view was dark.
+    ours, theirs = refocus(field, -390.0) / scale, refocus(found, -390.0 - pupil)
+    known = np.isfinite(field.views).all(axis=(0, 1, 4))
+    np.testing.assert_allclose(
+        theirs[2:-2, 2:-2, :1][known[2:-2, 2:-2]], np.clip(ours, 0, 1)[2:-2, 2:-2][known[2:-2, 2:-2]], atol=0.03
+    )
+
+
+def test_views_and_macro_pixels_come_back(tmp_path):
+    views = np.random.default_rng(4).integers(0, 65536, (3, 2, 4, 5, 3)).astype(np.uint16)  # u, v, rows, columns
+    for v in range(2):
+        for u in range(3):
+            pl.images.write_16bit(tmp_path / f"out_{v:02d}_{u:02d}.png", views[u, v])
+    (tmp_path / "README").write_text("order")
+    (tmp_path / "macro").mkdir()
+    macro = views.transpose(2, 1, 3, 0, 4).reshape(4 * 2, 5 * 3, 3)
+    pl.images.write_16bit(tmp_path / "macro" / "a_eslf.png", macro)
+    linear = pl.images.srgb_to_linear(views / 65535)
+    for found in (read_views(tmp_path, (2, 3)), read_eslf(tmp_path / "macro" / "a_eslf.png", (2, 3))):
+        np.testing.assert_allclose(found.views, linear, atol=1e-5)
+        np.testing.assert_array_equal(found.view(0, -1), found.views[1, 0])
+        assert np.isfinite(refocus(found, disparity=0.4)).any()
+        with pytest.raises(InvalidValueError, match="refocus it by disparity"):
+            found.disparity_at(-300.0)
+        with pytest.raises(InvalidValueError, match="names no camera"):
+            found.truth(pl.shapes.white_plane())
+        with pytest.raises(InvalidValueError, match="names no camera"):
+            pl.export.hci(tmp_path / "other", square(found))
+
+
+def square(found):
+    """As many views along u as along v."""
+    views = np.concatenate([found.views, found.views[:, :1]], axis=1)
+    return dataclasses.replace(found, views=views, v=np.arange(3.0) - 1)
+
+
+def test_refocusing_by_disparity_is_refocusing_on_the_plane(field):
+    across, down = field.disparity_at(-390.0)
+    assert across == pytest.approx(down)
+    np.testing.assert_allclose(refocus(field, disparity=across), refocus(field, -390.0), rtol=1e-5)
+    for given in ({}, {"z": -390.0, "disparity": 0.1}):
+        with pytest.raises(InvalidValueError, match="give either z"):
+            refocus(field, **given)
+
+
+def test_damaged_folders_are_refused(folder, tmp_path):
+    with pytest.raises(FileError, match=r"parameters\.cfg"):
+        read_hci(tmp_path)
+    with pytest.raises(FileError, match="is no folder"):
+        read_views(tmp_path / "none", (2, 2))
+    with pytest.raises(FileError, match="holds 26 pictures; 3 x 3"):
+        read_views(folder, (3, 3))
+    with pytest.raises(FileError, match="do not divide"):
+        read_eslf(folder / "input_Cam000.png", (4, 4))
+    text = (folder / "parameters.cfg").read_text()
+    for old, new, said in (
+        ("num_cams_x = 5", "num_cams_x = 5000", "cannot be"),
+        ("baseline_mm", "base", "cannot be unders"),
+    ):
+        (folder / "parameters.cfg").write_text(text.replace(old, new))
+        with pytest.raises(FileError, match=said):
+            read_hci(folder)
+    (folder / "parameters.cfg").write_text(text)
+    pl.images.write_16bit(folder / "input_Cam003.png", np.zeros((2, 2, 3), dtype=np.uint16))
+    with pytest.raises(FileError, match="they must agree"):
+        read_hci(folder)
+    (folder / "input_Cam003.png").unlink()
+    with pytest.raises(FileError, match="Cam003"):
+        read_hci(folder)
