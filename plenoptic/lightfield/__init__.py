@@ -3,6 +3,16 @@
 from plenoptic.lightfield.decode import decode
 from plenoptic.lightfield.reading import read_eslf, read_hci, read_views
 from plenoptic.lightfield.refocus import refocus
+from plenoptic.lightfield.scores import DisparityScores, disparity_scores
 from plenoptic.lightfield.views import LightField
 
-__all__ = ["LightField", "decode", "read_eslf", "read_hci", "read_views", "refocus"]
+__all__ = [
+    "DisparityScores",
+    "LightField",
+    "decode",
+    "disparity_scores",
+    "read_eslf",
+    "read_hci",
+    "read_views",
+    "refocus",
+]

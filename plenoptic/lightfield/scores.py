@@ -1,0 +1,143 @@
+"""How good a map of disparity is, in the words of the 4D Light Field Benchmark and relative to the truth."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from plenoptic.core.values import Floats, frozen_array, plain_array, result
+from plenoptic.errors import InvalidValueError
+
+_PIXELS = (0.07, 0.03, 0.01)
+_RELATIVE = (0.07, 0.03, 0.01)
+
+
+@result
+class DisparityScores:
+    """Errors of a map of disparity. See `disparity_scores`, which makes it.
+
+    Attributes
+    ----------
+    pixels : int
+        That were compared.
+    kept : float
+        Their share of the pixels with truth.
+    mse : float
+        100 times the mean squared error, pixel^2.
+    bad : (float, float, float)
+        Percent of pixels whose error exceeds 0.07, 0.03 and 0.01 pixels: BadPix.
+    q25 : float
+        100 times the error that a quarter of the pixels do not exceed, pixels.
+    relative : (float, float, float)
+        Percent of pixels whose relative error exceeds 7, 3 and 1 %: Rel7, Rel3, Rel1.
+    bias : float
+        Median of estimate over truth, less 1.
+    of_types : tuple of DisparityScores
+        The same of each type of microlens alone; empty where types were not given.
+    """
+
+    pixels: int
+    kept: float
+    mse: float
+    bad: tuple[float, float, float]
+    q25: float
+    relative: tuple[float, float, float]
+    bias: float
+    of_types: tuple[DisparityScores, ...] = ()
+
+    def __str__(self) -> str:
+        heading = f"{'':8}{'pixels':>9}{'kept %':>8}{'MSE x100':>10}"
+        heading += "".join(f"{f'Bad{part:g}':>9}" for part in _PIXELS) + f"{'Q25':>9}"
+        heading += "".join(f"{f'Rel{100 * part:.0f}':>8}" for part in _RELATIVE) + f"{'bias %':>9}"
+        named = [("all", self), *((f"type {number}", scores) for number, scores in enumerate(self.of_types))]
+        return "\n".join([heading, *(scores._line(name) for name, scores in named)])
+
+    def _line(self, name: str) -> str:
+        numbers = f"{name:8}{self.pixels:9d}{100 * self.kept:8.2f}{self.mse:10.4g}"
+        numbers += "".join(f"{part:9.2f}" for part in self.bad) + f"{self.q25:9.3g}"
+        return numbers + "".join(f"{part:8.2f}" for part in self.relative) + f"{100 * self.bias:9.3f}"
+
+
+def disparity_scores(
+    estimate: ArrayLike, truth: ArrayLike, *, where: ArrayLike | None = None, types: ArrayLike | None = None
+) -> DisparityScores:
+    """Compare a map of disparity with the truth.
+
+    Parameters
+    ----------
+    estimate, truth : (H, W) array_like
+        Disparity in pixels; nan where it is not known. Of another quantity, such as depth, the relative errors alone
+        mean something.
+    where : (H, W) array_like of bool, optional
+        Which pixels count, such as those away from the border (the benchmark leaves out 15 pixels), near
+        discontinuities, or on planes. None: all.
+    types : (H, W) array_like of int, optional
+        The type of the microlens of each pixel, `GroundTruth.microlens_type`: scores of each type are found too; pixels
+        of a negative type belong to none.
+
+    Returns
+    -------
+    DisparityScores
+        Of the pixels with both; nan where there are none. Relative errors are those of pixels whose truth is not 0.
+
+    Raises
+    ------
+    InvalidValueError
+        Where shapes differ, or something is not what it must be.
+
+    References
+    ----------
+    K. Honauer et al., ACCV 2016, doi:10.1007/978-3-319-54187-7_2: MSE, BadPix, Q25.
+
+    Examples
+    --------
+    >>> import numpy as np, plenoptic as pl
+    >>> truth = np.full((10, 10), 4.0)
+    >>> scores = pl.lightfield.disparity_scores(truth + 0.05, truth)
+    >>> scores.bad, scores.relative, round(scores.bias, 4)
+    ((0.0, 100.0, 100.0), (0.0, 0.0, 100.0), 0.0125)
+    """
+    known = frozen_array(truth, name="truth", shape=("rows", "columns"))
+    shape = known.shape
+    found = frozen_array(estimate, name="estimate", shape=shape)
+    counted = np.ones(shape, dtype=bool) if where is None else _mask(where, shape)
+    kinds = None if types is None else frozen_array(types, name="types", shape=shape, dtype=np.int64)
+    scores = _scores(found, known, counted)
+    if kinds is None:
+        return scores
+    apart = tuple(_scores(found, known, counted & (kinds == kind)) for kind in range(int(kinds.max(initial=-1)) + 1))
+    return dataclasses.replace(scores, of_types=apart)
+
+
+def _mask(where: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    mask = plain_array(where, "where")
+    if mask.dtype != bool or mask.shape != shape:
+        raise InvalidValueError(f"where has shape {mask.shape} and type {mask.dtype}; it must be booleans {shape}")
+    return mask
+
+
+def _scores(found: Floats, known: Floats, counted: NDArray[np.bool_]) -> DisparityScores:
+    there = counted & np.isfinite(known)
+    both = there & np.isfinite(found)
+    if not both.any():
+        nothing = (np.nan,) * 3
+        return DisparityScores(0, 0.0 if there.any() else np.nan, np.nan, nothing, np.nan, nothing, np.nan)
+    error, true = np.abs(found[both] - known[both]), known[both]
+    relative, ratio = error[true != 0] / np.abs(true[true != 0]), found[both][true != 0] / true[true != 0]
+    return DisparityScores(
+        pixels=int(both.sum()),
+        kept=float(both.sum() / there.sum()),
+        mse=float(100 * np.mean(error**2)),
+        bad=_shares(error, _PIXELS),
+        q25=float(100 * np.percentile(error, 25)),
+        relative=_shares(relative, _RELATIVE),
+        bias=float(np.median(ratio) - 1) if ratio.size else np.nan,
+    )
+
+
+def _shares(error: Floats, limits: tuple[float, float, float]) -> tuple[float, float, float]:
+    """Percent of errors above each limit."""
+    first, second, third = (float(100 * np.mean(error > limit)) if error.size else np.nan for limit in limits)
+    return first, second, third
