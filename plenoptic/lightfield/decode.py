@@ -124,7 +124,8 @@ def decode(
     index, on_array, pixel = _centres_in(camera, choice(method, CentreMethod, "method"), planes, float(offsets[-1]))
     axes = array_axes(camera)
     turn, origin = axes.parts.array_turn, axes.parts.array_origin
-    grid = resampling(array, index, apart, places=axes.local(on_array), turn=turn, origin=origin)
+    errors = planes.variance is not None
+    grid = resampling(array, index, apart, places=axes.local(on_array), turn=turn, origin=origin, errors=errors)
     seen, error = _sampled(planes, pixel, offsets, grid, _in_own_image(camera, array, offsets))
     return _field(camera, seen, error, offsets, grid, grid.mixed(np.column_stack([pixel, on_array])))
 

@@ -20,6 +20,8 @@ _NEIGHBOURS = 24
 """Microlenses that make a pixel: more change nothing that was measured."""
 _REACH = 3
 """Steps of the lattice from the nearest microlens within which they lie."""
+_BLOCK = 4096
+"""Pixels whose weights are found together: each takes 12 kB for a moment."""
 _DOUBT = 0.5
 """Error of a pixel amid microlenses over that of one foretold from its neighbours: 0.2 to 0.7 where it was measured."""
 
@@ -34,10 +36,11 @@ class Resampling:
 
     rows: int
     columns: int
-    smooth: Weights
     linear: Weights
-    foretold: Weights
-    """Of each microlens by its neighbours."""
+    smooth: Weights | None
+    """None where every pixel is a microlens."""
+    foretold: Weights | None
+    """Of each microlens by its neighbours; None where errors are not wanted, or nothing is between microlenses."""
     origin: Floats
     """(2,) x and y of the first pixel, mm."""
     spacing: tuple[float, float]
@@ -49,11 +52,11 @@ class Resampling:
         With power 2, variances become variances: light of different microlenses falls on different pixels, and so
         their errors are independent.
         """
-        smooth = self.smooth.mixed(values, power)
-        lacking = np.isnan(smooth)
-        if lacking.any():
-            smooth = np.where(lacking, self.linear.mixed(values, power), smooth)
-        return smooth.reshape(self.rows, self.columns, -1)
+        found = (self.linear if self.smooth is None else self.smooth).mixed(values, power)
+        lacking = np.isnan(found)
+        if self.smooth is not None and lacking.any():
+            found = np.where(lacking, self.linear.mixed(values, power), found)
+        return found.reshape(self.rows, self.columns, -1)
 
     def doubt(self, values: Floats, variance: Floats) -> Floats:
         """Variance (rows, columns, C) of what interpolation may have missed, from values and variances (n, C).
@@ -61,6 +64,8 @@ class Resampling:
         Each microlens is foretold from its neighbours: what it differs by, beyond its own error, stands for detail that
         the lattice does not resolve, and half of it is taken to be missed amid microlenses, none of it on one.
         """
+        if self.smooth is None or self.foretold is None:
+            return np.zeros((self.rows, self.columns, values.shape[1]))
         amiss = (values - self.foretold.mixed(values)) ** 2 - variance - self.foretold.mixed(variance, 2)
         found = np.where(np.isfinite(amiss), np.maximum(amiss, 0.0), np.nan)
         spread = self.smooth.shares().mean_of_known(found)
@@ -112,13 +117,15 @@ def resampling(
     places: Floats | None = None,
     turn: Floats | None = None,
     origin: Floats | None = None,
+    errors: bool = True,
 ) -> Resampling:
     """How views of the microlenses `index` (n, 2) are resampled to a grid of a spacing in mm.
 
     Without a spacing, lattices whose vectors run along x and y are taken as they are, and others get square pixels of
     the area of a cell. Pixels lie at whole multiples of the spacing from the array's origin, so that views of a part of
     the sensor are parts of the views of all of it, but for its border. `places` (n, 2) are where the microlenses are
-    built, by default where the lattice has them, which is turned by `turn` (2, 2) about `origin`.
+    built, by default where the lattice has them, which is turned by `turn` (2, 2) about `origin`. Without `errors`,
+    nothing is in doubt.
     """
     start = np.zeros(2) if origin is None else origin
     basis = array.basis if turn is None else array.basis @ turn.T
@@ -143,15 +150,11 @@ def resampling(
     nodes, weight = (_triangle if array.lattice is Lattice.HEXAGONAL else _mesh)(on_lattice)
     at = Lenses(index, built, basis)
     linear = _linear(at, points, nodes, weight)
-    return Resampling(
-        len(y),
-        len(x),
-        _cubic(at, points, on_lattice, own=True),
-        linear,
-        _cubic(at, built, index.astype(np.float64), own=False),
-        np.array([x[0], y[0]]) + start,
-        apart,
-    )
+    smooth = foretold = None
+    if linear.weight.max(axis=1).min() < 1.0 - _ROUNDING:
+        smooth = _cubic(at, points, on_lattice, own=True)
+        foretold = _cubic(at, built, index.astype(np.float64), own=False) if errors else None
+    return Resampling(len(y), len(x), linear, smooth, foretold, np.array([x[0], y[0]]) + start, apart)
 
 
 class Lenses(NamedTuple):
@@ -184,6 +187,12 @@ def _cubic(lenses: Lenses, points: Floats, on_lattice: Floats, *, own: bool) -> 
     Without `own`, the microlens at the point itself does not count. G. B. Wright, Radial Basis Function Interpolation,
     PhD thesis, University of Colorado (2003), section 2.
     """
+    blocks = range(0, len(points), _BLOCK)
+    parts = [_cubic_block(lenses, points[k : k + _BLOCK], on_lattice[k : k + _BLOCK], own) for k in blocks]
+    return Weights(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+
+
+def _cubic_block(lenses: Lenses, points: Floats, on_lattice: Floats, own: bool) -> Weights:
     steps = np.stack(np.meshgrid(*[np.arange(-_REACH, _REACH + 1)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
     nodes = np.rint(on_lattice).astype(np.int64)[:, None] + steps
     rows = _rows_of(lenses.lens, nodes)

@@ -158,6 +158,8 @@ def test_weights_are_shares():
         assert (grid.linear.weight >= 0).all()
         for weights in (grid.linear, grid.smooth, grid.foretold):
             np.testing.assert_allclose(weights.weight.sum(axis=1), 1.0, rtol=1e-12)
+    _, plain, _, _ = grid_of(pl.MicrolensArray(0.1, (1.0,), SQUARE), 0.7)
+    assert plain.smooth is None and plain.foretold is None  # every pixel is a microlens
 
 
 def test_what_the_lattice_resolves_is_not_in_doubt():
