@@ -121,8 +121,10 @@ def test_random_samples_have_the_slope_of_a_half_and_scrambled_points_a_steeper_
         assert all(row.true_over_reported == pytest.approx(1.0, abs=0.1) for row in table.of(name))
     assert all(row.true_over_reported is None for row in table.of("1 replicate"))
     assert not any(row.bias_is_found for row in table.rows)
-    # All variants see the same image, and one replicate is the cheapest way to it.
-    assert table.recommend(0.001).variant == "1 replicate"
+    # All variants see the same image, and one replicate is the nearest to it. (Which is the cheapest is a matter of
+    # times, too near each other to be held on a busy machine; `recommend` is held on made-up ones.)
+    variances = {name: table.of(name)[-1].variance for name in ("random", "1 replicate", "2 replicates")}
+    assert variances["1 replicate"] < variances["2 replicates"] < variances["random"]
 
 
 def solid_angle(radius_squared, distance, semi_diameter):
