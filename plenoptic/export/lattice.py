@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from typing import Any, NamedTuple
 
@@ -13,6 +12,7 @@ from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.points.centres import CentreMethod, microlens_centres
 from plenoptic.core.values import Floats, check_kind
 from plenoptic.errors import InvalidValueError
+from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.lattice import Lattice
 from plenoptic.rendering.exposure import Exposure
 
@@ -159,32 +159,7 @@ def _steps(index: NDArray[np.int64], places: Floats) -> Floats:
     return np.asarray(np.linalg.lstsq(table, places, rcond=None)[0][:2])
 
 
-def _array(camera: PlenopticCamera):  # type: ignore[no-untyped-def]
+def _array(camera: PlenopticCamera) -> MicrolensArray:
     if camera.microlenses is None:
         raise InvalidValueError("the camera has no microlenses, and its image is a single view; use shot.save")
     return camera.microlenses
-
-
-def checked_white(shot: Exposure, white: Exposure) -> Exposure:
-    """The white image of the same pixels as the shot."""
-    check_kind(white, "white", Exposure, "pl.render_white(camera)")
-    if white.white is False:
-        raise InvalidValueError("the white image shows a scene; give what pl.render_white(camera) made")
-    region = shot.region
-    if region is not None and white.region is None and shot.camera is not None:
-        rows, columns = slice(*region[:2]), slice(*region[2:])
-        if white.image.shape[:2] == shot.camera.sensor.shape:
-            white = dataclasses.replace(
-                white,
-                image=white.image[rows, columns],
-                standard_error=None,
-                truth=None,
-                sample_counts=None,
-                region=region,
-            )
-    if white.image.shape[:2] != shot.image.shape[:2] or white.region != region:
-        raise InvalidValueError(
-            f"the white image has {white.image.shape[0]} x {white.image.shape[1]} pixels, the shot "
-            f"{shot.image.shape[0]} x {shot.image.shape[1]}; render both with the same region"
-        )
-    return white

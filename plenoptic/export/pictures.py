@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic import __version__
-from plenoptic.core.color.srgb import linear_to_srgb
 from plenoptic.core.files.atomic_file import explained, write_file
+from plenoptic.core.files.codes import codes
 from plenoptic.core.files.images import COLOR_SPACE, LINEAR, SRGB, write_codes
 from plenoptic.core.values import file_path
 from plenoptic.errors import FileError, InvalidValueError
@@ -37,36 +36,13 @@ def plain_name(name: str) -> str:
     return name
 
 
-def brightest(image: NDArray[np.floating[Any]]) -> float:
-    """What becomes the largest code: the image's maximum, or 1."""
-    largest = float(np.nanmax(np.where(np.isfinite(image), image, 0.0), initial=0.0))
-    return largest if largest > 0 else 1.0
-
-
-def white_point(image: NDArray[np.floating[Any]]) -> float:
-    """What becomes the largest code of 8 bits: the 99.9th percentile, so that a highlight does not darken the rest."""
-    known = image[np.isfinite(image)]
-    return float(np.percentile(known, 99.9)) if known.size and np.percentile(known, 99.9) > 0 else brightest(image)
-
-
 def write_picture(
-    path: Path,
-    image: NDArray[np.floating[Any]],
-    *,
-    scale: float,
-    bits: int = 16,
-    encoded: bool = False,
-    rgb: bool = True,
+    path: Path, image: NDArray[np.floating[Any]], *, scale: float, bits: int = 16, encoded: bool = False
 ) -> None:
-    """A linear image (H, W, C), divided by `scale`, as whole numbers: encoded as sRGB or linear."""
-    part: NDArray[np.floating[Any]] = np.clip(
-        np.nan_to_num(image.astype(np.float64), nan=0.0, posinf=np.inf, neginf=0.0) / scale, 0.0, 1.0
-    )
-    part = linear_to_srgb(part) if encoded else part
-    if rgb and part.shape[2] == 1:
-        part = np.repeat(part, 3, axis=2)
-    codes = np.rint(part * (2**bits - 1)).astype(np.uint16 if bits == 16 else np.uint8)
-    write_codes(path, codes, {COLOR_SPACE: SRGB if encoded else LINEAR})
+    """A linear image (H, W, C), divided by `scale`, as RGB codes: encoded as sRGB or linear."""
+    shown = codes(image, scale=scale, encoded=encoded, bits=bits)
+    rgb = np.repeat(shown, 3, axis=2) if shown.shape[2] == 1 else shown
+    write_codes(path, rgb, {COLOR_SPACE: SRGB if encoded else LINEAR})
 
 
 def write_pfm(path: Path, plane: NDArray[np.floating[Any]]) -> None:
@@ -88,11 +64,6 @@ def read_pfm(path: Path, content: bytes) -> NDArray[np.float32]:
     except (ValueError, IndexError) as error:
         raise FileError(f"{str(path)!r} is no portable float map: {error}") from None
     return plane.reshape(rows, columns)[::-1].astype(np.float32)
-
-
-def write_json(path: Path, content: Any) -> None:
-    """A JSON file; floats keep every bit."""
-    write_file(path, (json.dumps(content, indent=1, allow_nan=False) + "\n").encode("ascii"))
 
 
 def write_readme(folder: Path, program: str, how: str, cannot: str, more: Mapping[str, Any] | None = None) -> None:

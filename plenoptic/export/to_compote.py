@@ -15,11 +15,13 @@ from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.points.centres import CentreMethod, microlens_centres
 from plenoptic.camera.report.focus import CameraKind
 from plenoptic.camera.report.report import camera_report
-from plenoptic.core.files.atomic_file import write_file
+from plenoptic.core.files.atomic_file import write_file, write_json
+from plenoptic.core.files.codes import white_point
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
-from plenoptic.export.lattice import LensRows, checked_white, lens_rows
-from plenoptic.export.pictures import folder_at, plain_name, white_point, write_json, write_picture, write_readme
+from plenoptic.export.lattice import LensRows, lens_rows
+from plenoptic.export.pictures import folder_at, plain_name, write_picture, write_readme
+from plenoptic.lightfield.planes import on_white
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.package.calibration import calibration_points, targets_of
@@ -94,20 +96,21 @@ def compote(  # noqa: PLR0913
     (['README.txt', 'camera.js', 'centres.csv', 'features.csv', 'images.js'],
      ['intrinsics.js', 'poses.js', 'scene.js', 'shot.png', 'white.png'])
     """
-    target, name, white = folder_at(folder), plain_name(name), checked_white(shot, white)
+    cut, _ = on_white(shot, white)
+    target, name = folder_at(folder), plain_name(name)
     if shot.region is not None:
         raise InvalidValueError("the images are of a region; render the whole sensor")
     rows = _with_even_rows(lens_rows(shot, turn=True))
     camera = rows.camera
     f_number = cardinal_points(camera.lens, camera.wavelength).f_number
-    whites = [("white.png", f_number, white)]
+    whites = [("white.png", f_number, white.image[cut])]
     for number, other in enumerate(other_whites):
         if other.camera is None:
             raise InvalidValueError("other_whites holds an exposure without a camera; give what render_white made")
         stopped = cardinal_points(other.camera.lens, other.camera.wavelength).f_number
-        whites.append((f"white_{number + 2}.png", stopped, checked_white(shot, other)))
-    for file, _, picture in [(f"{name}.png", f_number, shot), *whites]:
-        write_picture(target / file, rows.turned(picture.image), scale=white_point(picture.image), bits=8, encoded=True)
+        whites.append((f"white_{number + 2}.png", stopped, other.image[on_white(shot, other)[0]]))
+    for file, _, image in [(f"{name}.png", f_number, shot.image), *whites]:
+        write_picture(target / file, rows.turned(image), scale=white_point(image), bits=8, encoded=True)
     boards = targets_of(targets)
     own = {"path": f"{name}.png", "fnumber": f_number}
     listed = [{"path": file, "fnumber": stopped} for file, stopped, _ in whites]

@@ -11,10 +11,11 @@ import numpy as np
 
 from plenoptic.camera.points.centres import CentreMethod
 from plenoptic.core.files.atomic_file import write_file
+from plenoptic.core.files.codes import white_point
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.export.lattice import LensRows, lens_rows
-from plenoptic.export.pictures import folder_at, plain_name, white_point, write_picture, write_readme
+from plenoptic.export.pictures import folder_at, plain_name, write_picture, write_readme
 from plenoptic.rendering.exposure import Exposure
 
 _TYPES = 3

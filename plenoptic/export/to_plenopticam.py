@@ -7,8 +7,11 @@ import os
 import numpy as np
 
 from plenoptic.camera.points.centres import CentreMethod
-from plenoptic.export.lattice import checked_white, lens_rows
-from plenoptic.export.pictures import brightest, folder_at, plain_name, write_json, write_picture, write_readme
+from plenoptic.core.files.atomic_file import write_json
+from plenoptic.core.files.codes import brightest
+from plenoptic.export.lattice import lens_rows
+from plenoptic.export.pictures import folder_at, plain_name, write_picture, write_readme
+from plenoptic.lightfield.planes import on_white
 from plenoptic.rendering.exposure import Exposure
 
 
@@ -61,11 +64,11 @@ def plenopticam(
     ...     sorted(path.name for path in pathlib.Path(folder).iterdir())
     ['README.txt', 'flat.tiff', 'flat_centres.json', 'flat_white.tiff']
     """
-    target, name, white = folder_at(folder), plain_name(name), checked_white(shot, white)
+    target, name, light = folder_at(folder), plain_name(name), white.image[on_white(shot, white)[0]]
     lens = lens_rows(shot, turn=True, method=method).whole(shot.image.shape[:2]).rectangle()
     scale = brightest(shot.image)
     write_picture(target / f"{name}.tiff", lens.turned(shot.image), scale=scale, encoded=True)
-    write_picture(target / f"{name}_white.tiff", lens.turned(white.image), scale=brightest(white.image))
+    write_picture(target / f"{name}_white.tiff", lens.turned(light), scale=brightest(light))
     listed = np.column_stack([lens.centre, lens.row, lens.place]).tolist()
     across, apart = lens.pitch
     content = {

@@ -7,8 +7,11 @@ import os
 import numpy as np
 
 from plenoptic.camera.report.optics import object_plane
-from plenoptic.export.lattice import checked_white, lens_rows
-from plenoptic.export.pictures import brightest, folder_at, plain_name, write_json, write_picture, write_readme
+from plenoptic.core.files.atomic_file import write_json
+from plenoptic.core.files.codes import brightest
+from plenoptic.export.lattice import lens_rows
+from plenoptic.export.pictures import folder_at, plain_name, write_picture, write_readme
+from plenoptic.lightfield.planes import on_white
 from plenoptic.rendering.exposure import Exposure
 
 _WHITE = "Calibration/WhiteImages"
@@ -53,17 +56,14 @@ def plenpy(folder: str | os.PathLike[str], shot: Exposure, white: Exposure, *, n
     ...     sorted(path.name for path in pathlib.Path(folder).rglob("*.*"))
     ['README.txt', 'shot.json', 'shot.png', 'white.json', 'white.png']
     """
-    target, name, white = (
-        folder_at(folder, "Images", "Calibration", _WHITE),
-        plain_name(name),
-        checked_white(shot, white),
-    )
+    light = white.image[on_white(shot, white)[0]]
+    target, name = folder_at(folder, "Images", "Calibration", _WHITE), plain_name(name)
     lens = lens_rows(shot, turn=True)
-    camera, scale = lens.camera, brightest(white.image)
+    camera, scale = lens.camera, brightest(light)
     # What the raw image is divided by the white one, which then is 1 where a white scene is.
     ratio = max(brightest(shot.image) / scale, 1e-30)
     write_picture(target / "Images" / f"{name}.png", lens.turned(shot.image), scale=scale * max(ratio, 1.0))
-    write_picture(target / _WHITE / "white.png", lens.turned(white.image), scale=scale)
+    write_picture(target / _WHITE / "white.png", lens.turned(light), scale=scale)
     z = object_plane(camera.lens, camera.stop_to_microlenses, camera.wavelength)
     said = {"camera": {"imageDistance": camera.stop_to_microlenses, "focusDistance": -z if np.isfinite(z) else 1e9}}
     for file in (target / "Images" / f"{name}.json", target / _WHITE / "white.json"):

@@ -12,10 +12,10 @@ from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.model_pupil import model_pupil
 from plenoptic.camera.points.centres import CentreMethod, microlens_centres
 from plenoptic.camera.report.optics import lateral_magnification, object_plane
-from plenoptic.core.values import Floats, check_kind, choice, finite, length_in_mm, positive, whole
+from plenoptic.core.values import Floats, choice, finite, length_in_mm, positive, whole
 from plenoptic.core.warn import warn
 from plenoptic.errors import InvalidValueError
-from plenoptic.lightfield.planes import RawPlanes, raw_planes
+from plenoptic.lightfield.planes import RawPlanes, on_white, raw_planes
 from plenoptic.lightfield.resample import Resampling, resampling
 from plenoptic.lightfield.views import LightField
 from plenoptic.optics.lens.models import LensModel
@@ -133,8 +133,7 @@ def decode(
 def _checked_camera(
     shot: Exposure, white: Exposure, camera: PlenopticCamera | None
 ) -> tuple[PlenopticCamera, MicrolensArray]:
-    for name, given in (("shot", shot), ("white", white)):
-        check_kind(given, name, Exposure, "pl.render(...)" if name == "shot" else "pl.render_white(camera)")
+    on_white(shot, white)
     found = shot.camera if camera is None else camera
     if not isinstance(found, PlenopticCamera):
         raise InvalidValueError("the shot names no camera that took it; give camera=")

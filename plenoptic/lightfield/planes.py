@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.core.values import Floats, value
+from plenoptic.core.values import Floats, check_kind, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.exposure import Exposure
 
@@ -66,22 +66,7 @@ def _corners(place: Floats, shape: tuple[int, ...]) -> tuple[NDArray[np.int64], 
 
 def raw_planes(shot: Exposure, white: Exposure, least_light: float) -> RawPlanes:
     """Cut the white image to the pixels of the shot; its dark parts are below `least_light` of its 99th percentile."""
-    rows, columns, channels = shot.image.shape
-    first = (0, 0) if shot.region is None else (shot.region[0], shot.region[2])
-    start = (0, 0) if white.region is None else (white.region[0], white.region[2])
-    top, left = first[0] - start[0], first[1] - start[1]
-    if top < 0 or left < 0 or top + rows > white.image.shape[0] or left + columns > white.image.shape[1]:
-        raise InvalidValueError(
-            f"the white image holds {white.image.shape[0]} x {white.image.shape[1]} pixels from row {start[0]}, column "
-            f"{start[1]}, and not all {rows} x {columns} of the shot from row {first[0]}, column {first[1]}; render it "
-            "of the same region"
-        )
-    if white.image.shape[2] not in (1, channels):
-        raise InvalidValueError(
-            f"the white image has {white.image.shape[2]} channels and the shot {channels}; render one with 1 or "
-            f"{channels}"
-        )
-    cut = np.s_[top : top + rows, left : left + columns]
+    cut, first = on_white(shot, white)
 
     def plane(image: NDArray[np.float32]) -> Floats:
         return np.asarray(np.broadcast_to(image[cut].astype(np.float64), shot.image.shape))
@@ -97,3 +82,27 @@ def raw_planes(shot: Exposure, white: Exposure, least_light: float) -> RawPlanes
         first=first,
         least=least_light * bright,
     )
+
+
+def on_white(shot: Exposure, white: Exposure) -> tuple[tuple[slice, slice], tuple[int, int]]:
+    """Where the pixels of a shot are in a white image, and the first one on the sensor; or an error."""
+    check_kind(shot, "shot", Exposure, "pl.render(scene, camera)")
+    check_kind(white, "white", Exposure, "pl.render_white(camera)")
+    if white.white is False:
+        raise InvalidValueError("the white image shows a scene; give what pl.render_white(camera) made")
+    rows, columns, channels = shot.image.shape
+    first = (0, 0) if shot.region is None else (shot.region[0], shot.region[2])
+    start = (0, 0) if white.region is None else (white.region[0], white.region[2])
+    top, left = first[0] - start[0], first[1] - start[1]
+    if top < 0 or left < 0 or top + rows > white.image.shape[0] or left + columns > white.image.shape[1]:
+        raise InvalidValueError(
+            f"the white image holds {white.image.shape[0]} x {white.image.shape[1]} pixels from row {start[0]}, column "
+            f"{start[1]}, and not all {rows} x {columns} of the shot from row {first[0]}, column {first[1]}; render it "
+            "of the same region"
+        )
+    if white.image.shape[2] not in (1, channels):
+        raise InvalidValueError(
+            f"the white image has {white.image.shape[2]} channels and the shot {channels}; render one with 1 or "
+            f"{channels}"
+        )
+    return (slice(top, top + rows), slice(left, left + columns)), first

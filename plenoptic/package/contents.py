@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
@@ -106,8 +105,3 @@ def centre_table(arrays: Mapping[str, Any]) -> str:
     for (k, l), kind, places in zip(arrays["index"].tolist(), arrays["type"].tolist(), pixels.tolist(), strict=True):
         rows.append(",".join(map(repr, (k, l, kind, *places))))
     return "\n".join([*rows, ""])
-
-
-def without_truth(exposure: Exposure) -> Exposure:
-    """The light alone; truth has files of its own."""
-    return dataclasses.replace(exposure, truth=None)

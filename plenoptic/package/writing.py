@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import io
-import json
 import os
 import platform
 import tempfile
@@ -22,7 +21,7 @@ from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.points.centres import CentreMethod, MicrolensCentres, microlens_centres
 from plenoptic.camera.report.report import camera_report
 from plenoptic.core.files import images
-from plenoptic.core.files.atomic_file import replaced, replaced_folder, write_file
+from plenoptic.core.files.atomic_file import replaced, replaced_folder, write_file, write_json
 from plenoptic.core.files.value_files import save_value
 from plenoptic.core.values import check_kind, file_path, seed_number
 from plenoptic.errors import FileError, InvalidValueError
@@ -30,16 +29,7 @@ from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.microlens.aperture import Walls
 from plenoptic.optics.sensor.model import SensorModel, ShotNoise
 from plenoptic.package.calibration import calibration_points, targets_of
-from plenoptic.package.contents import (
-    CAMERA,
-    POINTS,
-    PROVENANCE,
-    PROVENANCE_FORMAT,
-    TRUTH,
-    centre_arrays,
-    centre_table,
-    without_truth,
-)
+from plenoptic.package.contents import CAMERA, POINTS, PROVENANCE, PROVENANCE_FORMAT, TRUTH, centre_arrays, centre_table
 from plenoptic.rendering.exposure import Exposure
 from plenoptic.rendering.plan.plan import plan
 from plenoptic.scene.shapes.targets.target import Target
@@ -174,7 +164,8 @@ def _fill(
     seed: int,
 ) -> None:
     """The pictures."""
-    without_truth(exposure).save(folder / "raw.exr")
+    light = dataclasses.replace(exposure, truth=None)
+    light.save(folder / "raw.exr")
     exposure.develop(model, seed=seed).save(folder / "raw.tif")
     whites = {} if white is None else {"white": white}
     for other in others:
@@ -182,7 +173,7 @@ def _fill(
     for number, (name, found) in enumerate(whites.items()):
         found.save(folder / f"{name}.exr")
         found.develop(_lit(found, model), seed=seed + 1 + number + (number > 0)).save(folder / f"{name}.tif")
-    dark = dataclasses.replace(without_truth(exposure), image=np.zeros_like(exposure.image), standard_error=None)
+    dark = dataclasses.replace(light, image=np.zeros_like(exposure.image), standard_error=None)
     dark.develop(model, seed=seed + 2).save(folder / "dark.tif")
     if exposure.truth is not None:
         note = {"plenoptic:note": file_note(exposure.truth)}
@@ -274,7 +265,7 @@ def _sign(folder: Path, exposure: Exposure, planned: str | None) -> None:
         "plan": None if planned is None else planned.splitlines(),
         "files": files,
     }
-    write_file(folder / PROVENANCE, (json.dumps(said, indent=1, allow_nan=False) + "\n").encode("ascii"))
+    write_json(folder / PROVENANCE, said)
 
 
 def _finite(number: float | None) -> float | None:

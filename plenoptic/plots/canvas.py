@@ -4,17 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from plenoptic.errors import PlenopticError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-CLIPPED_ABOVE = 99.8
-"""Percentile at which brightness scales end: a few bright pixels must not darken all others."""
 
 
 class _MissingMatplotlibError(PlenopticError, ImportError):
@@ -46,14 +40,6 @@ def figure_or_new(figure: Figure | None, size: tuple[float, float]) -> Figure:
         return figure
     made: Figure = pyplot().figure(figsize=size, layout="constrained")
     return made
-
-
-def brightest(values: NDArray[np.floating[Any]]) -> float:
-    """End of a brightness scale that starts at 0: the percentile, the maximum, or 1, whichever is first above 0."""
-    seen = values[np.isfinite(values)]
-    if seen.size == 0:
-        return 1.0
-    return float(np.percentile(seen, CLIPPED_ABOVE)) or float(seen.max()) or 1.0
 
 
 def pixel_extent(row: int, column: int, shape: tuple[int, ...]) -> tuple[float, float, float, float]:

@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.core.color.srgb import linear_to_srgb
+from plenoptic.core.files.codes import white_point
 from plenoptic.core.relative_error import lit_pixels
 from plenoptic.core.values import check_has
-from plenoptic.plots.canvas import brightest, figure_or_new, pixel_extent
+from plenoptic.plots.canvas import figure_or_new, pixel_extent
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -33,7 +34,7 @@ def _panel(figure: Figure, ax: Axes, values: NDArray[Any], title: str, unit: str
 def _colour_picture(
     ax: Axes, image: NDArray[np.float32], unseen: NDArray[np.bool_], extent: tuple[float, float, float, float]
 ) -> None:
-    white = brightest(image)
+    white = white_point(image)
     encoded = linear_to_srgb(np.clip(np.nan_to_num(image / white), 0.0, 1.0))
     encoded[unseen] = _NOT_RENDERED
     ax.imshow(encoded, interpolation="nearest", extent=extent)
@@ -84,7 +85,7 @@ def plot_exposure(exposure: Exposure, *, figure: Figure | None = None) -> Figure
         axes[0].annotate("pale blue: not rendered", (0, 1), (2, 2), "axes fraction", "offset points", fontsize="small")
     ax = axes.pop(0)
     if channels == 1:
-        top = brightest(exposure.image)
+        top = white_point(exposure.image)
         grey = np.ma.array(exposure.image[:, :, 0], mask=unseen)
         _panel(figure, ax, grey, "image", _IRRADIANCE, extent=extent, cmap="gray", vmin=0.0, vmax=top)
     else:
@@ -92,7 +93,7 @@ def plot_exposure(exposure: Exposure, *, figure: Figure | None = None) -> Figure
     if exposure.standard_error is not None:
         error = np.sqrt(np.mean(np.square(exposure.standard_error, dtype=np.float64), axis=2))
         lit = lit_pixels(np.nan_to_num(exposure.image, posinf=0.0, neginf=0.0))
-        top = brightest(error[lit] if lit.any() else error)
+        top = white_point(error[lit] if lit.any() else error)
         seen = np.ma.array(error, mask=unseen)
         _panel(
             figure, axes.pop(0), seen, "standard error", _IRRADIANCE, extent=extent, cmap="magma", vmin=0.0, vmax=top

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from plenoptic.core.color.srgb import linear_to_srgb
+from plenoptic.core.files.codes import white_point
 from plenoptic.core.values import check_has, whole
 from plenoptic.errors import InvalidValueError
-from plenoptic.plots.canvas import axes_or_new, brightest
+from plenoptic.plots.canvas import axes_or_new
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -62,7 +63,7 @@ def plot_views(field: LightField, *, every: int = 1, ax: Axes | None = None) -> 
     framed = np.full((across, down, rows + _GAP, columns + _GAP, channels), np.nan)
     framed[:, :, :rows, :columns] = views
     mosaic = framed.transpose(1, 2, 0, 3, 4).reshape(down * (rows + _GAP), across * (columns + _GAP), channels)
-    scaled = np.clip(mosaic / brightest(views), 0.0, 1.0)
+    scaled = np.clip(mosaic / white_point(views), 0.0, 1.0)
     encoded = scaled if channels == 1 else linear_to_srgb(np.nan_to_num(scaled))
     filled = np.where(np.isfinite(scaled), encoded, _UNLIT)
     ax.imshow(np.broadcast_to(filled, (*filled.shape[:2], 3)), interpolation="nearest")

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plenoptic import __version__
-from plenoptic.core.color.srgb import linear_to_srgb
 from plenoptic.core.files.reading import DEFAULT, FileLimits
 from plenoptic.core.files.serialization import describe, described_fields, restore, restored_fields
 from plenoptic.core.relative_error import light_is_rare, relative_error
@@ -39,7 +38,6 @@ if TYPE_CHECKING:
     from plenoptic.readout.raw import RawImage
 
 _NAMES = {1: ("Y",), 3: ("R", "G", "B")}
-_FULL = 65535  # the largest 16-bit value
 _KEPT_AS_TEXT = ("samples", "replicates", "seed", "region", "camera", "stats", "settings", "white", "object_names")
 MOST_NAMES = 10_000
 """Objects of a scene whose names are kept: at most a megabyte in the head of a file."""
@@ -314,18 +312,12 @@ class Exposure:
 
     def _save_16bit(self, path: str | os.PathLike[str], encoding: str, scale: float | None) -> None:
         from plenoptic.core.files import images
+        from plenoptic.core.files.codes import brightest, codes
 
-        image = np.nan_to_num(self.image.astype(np.float64), nan=0.0, posinf=np.inf, neginf=0.0)
-        if scale is None:
-            brightest = float(np.max(image, initial=0.0, where=np.isfinite(image)))
-            scale = brightest if brightest > 0 else 1.0
-        scale = positive(scale, "scale")
-        relative: NDArray[np.floating[Any]] = np.clip(image / scale, 0.0, 1.0)
-        if encoding == images.SRGB:
-            relative = linear_to_srgb(relative)
+        scale = positive(brightest(self.image) if scale is None else scale, "scale")
         texts = self._texts(("samples", "replicates", "seed", "region"))
         texts |= {"plenoptic:scale": describe(scale), images.COLOR_SPACE: encoding}
-        images.write_16bit(path, np.rint(relative * _FULL).astype(np.uint16), texts)
+        images.write_16bit(path, codes(self.image, scale=scale, encoded=encoding == images.SRGB), texts)
 
     def __repr__(self) -> str:
         return f"Exposure({self._facts()})"

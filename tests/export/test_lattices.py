@@ -166,5 +166,5 @@ def test_names_and_white_images_are_checked(tmp_path):
     shot, white = blank(camera()), blank(camera())
     with pytest.raises(InvalidValueError, match="name is '../a'"):
         pl.export.plenopticam(tmp_path, shot, white, name="../a")
-    with pytest.raises(InvalidValueError, match="render both with the same region"):
+    with pytest.raises(InvalidValueError, match="render it of the same region"):
         pl.export.plenpy(tmp_path, shot, blank(camera(), (0, 90, 0, 240)))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import errno
 import hashlib
+import json
 import os
 import re
 import secrets
@@ -18,7 +19,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 from plenoptic.core.values import file_path
 from plenoptic.errors import FileError, PlenopticError
@@ -66,6 +67,11 @@ def write_file(path: str | os.PathLike[str], content: bytes) -> None:
     """Write a file as a whole, or an error and all stays as it was."""
     with replaced(path) as file:
         file.write(content)
+
+
+def write_json(path: str | os.PathLike[str], content: Any) -> None:
+    """A JSON file; floats keep every bit, and must be finite."""
+    write_file(path, (json.dumps(content, indent=1, allow_nan=False) + "\n").encode("ascii"))
 
 
 @contextmanager

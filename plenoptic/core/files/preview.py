@@ -8,7 +8,7 @@ import io
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.core.color.srgb import linear_to_srgb
+from plenoptic.core.files.codes import codes, white_point
 
 _PIXELS = 1024
 
@@ -24,14 +24,13 @@ def _png(image: NDArray[np.float32]) -> bytes:
     from PIL import Image
 
     block = -(-max(image.shape[:2]) // _PIXELS)
-    brightest = float(np.max(image, initial=0, where=np.isfinite(image)))
-    shown = np.clip(np.nan_to_num(image, posinf=brightest), 0, brightest).astype(np.float64)
+    top = float(np.max(image, initial=0, where=np.isfinite(image)))
+    shown = np.clip(np.nan_to_num(image, posinf=top), 0, top).astype(np.float64)
     rows, columns = (max(length // block, 1) for length in image.shape[:2])
     shown = shown[: rows * block, : columns * block]
     rows_per, columns_per = shown.shape[0] // rows, shown.shape[1] // columns
     shown = shown.reshape(rows, rows_per, columns, columns_per, -1).mean(axis=(1, 3))
-    white = float(np.percentile(shown, 99.9)) or float(shown.max()) or 1.0
-    pixels = np.rint(255 * linear_to_srgb(np.minimum(shown / white, 1.0))).astype(np.uint8)
+    pixels = codes(shown, scale=white_point(shown), encoded=True, bits=8)
     stream = io.BytesIO()
     Image.fromarray(pixels[:, :, 0] if pixels.shape[2] == 1 else pixels).save(stream, format="PNG")
     return stream.getvalue()

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from plenoptic import __version__
-from plenoptic.core.files.atomic_file import write_file
+from plenoptic.core.files.atomic_file import write_json
 from plenoptic.core.files.reading import DEFAULT, FileLimits, read_file
 from plenoptic.core.files.serialization import described, restored
 from plenoptic.core.values import file_path
@@ -51,7 +51,7 @@ def save_value(value: Any, path: str | os.PathLike[str], *, about: Mapping[str, 
     if isinstance(value, str | os.PathLike) and not isinstance(path, str | os.PathLike):
         raise InvalidValueError(f"the value is {value!r}; give the value first and then the path")
     content = {"format": FORMAT, "software": f"plenoptic {__version__}", **(about or {}), "value": described(value)}
-    write_file(file_path(path), (json.dumps(content, indent=1, allow_nan=False) + "\n").encode("ascii"))
+    write_json(file_path(path), content)
 
 
 def load_value(path: str | os.PathLike[str], *, limits: FileLimits = DEFAULT) -> Any:

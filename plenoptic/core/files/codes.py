@@ -1,0 +1,31 @@
+"""Linear images as whole numbers of 8 or 16 bits."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.core.color.srgb import linear_to_srgb
+
+SHOWN = 99.9
+"""Percentile of an image above which pictures to be looked at are cut, so that a highlight does not darken the rest."""
+
+
+def brightest(image: NDArray[np.floating[Any]]) -> float:
+    """What becomes the largest code where nothing is to be cut: the finite maximum, or 1 where it is 0."""
+    return float(np.max(image, initial=0.0, where=np.isfinite(image))) or 1.0
+
+
+def white_point(image: NDArray[np.floating[Any]]) -> float:
+    """What is white in pictures to be looked at: the percentile, the maximum, or 1, whichever is first above 0."""
+    known = image[np.isfinite(image)]
+    return (float(np.percentile(known, SHOWN)) if known.size else 0.0) or brightest(known)
+
+
+def codes(image: NDArray[np.floating[Any]], *, scale: float, encoded: bool, bits: int = 16) -> NDArray[Any]:
+    """An image over `scale`, encoded as sRGB or linear: nan and negative values become 0, what exceeds 1 is cut."""
+    relative = np.clip(np.nan_to_num(image.astype(np.float64), posinf=np.inf, neginf=0.0) / scale, 0.0, 1.0)
+    shown = linear_to_srgb(relative) if encoded else relative
+    return np.asarray(np.rint(shown * (2**bits - 1)), dtype=np.uint16 if bits == 16 else np.uint8)
