@@ -101,7 +101,7 @@ class LightField:
         u, v : int, optional
             Which view, by its number from the middle; see `view`.
         truth : Truth, optional
-            What is wanted; rays between microlenses have neither MICROLENS nor OBJECT_SHARE.
+            What is wanted; rays between microlenses have no MICROLENS, OBJECT_SHARE and CHORD_DISPARITY.
 
         Returns
         -------

@@ -17,7 +17,7 @@ _PRECISION = "computed in float64, rounded to float32 in this file; whole number
 def checked_truth(truth: Truth) -> Truth:
     """`truth`, or an error where it is something else."""
     check_kind(truth, "truth", Truth, "pl.Truth.DEPTH | pl.Truth.NORMAL")
-    return truth & (Truth.ALL | Truth.OBJECT_SHARE)
+    return truth & (Truth.ALL | Truth.OBJECT_SHARE | Truth.CHORD_DISPARITY)
 
 
 def available_truth(truth: Truth, *, meshes: bool, microlenses: bool) -> Truth:

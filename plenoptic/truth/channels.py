@@ -49,6 +49,8 @@ class Truth(enum.IntFlag):
     """All that one ray tells."""
     OBJECT_SHARE = 2048
     """Takes many rays a pixel, and is found where it is asked for by name: ``pl.Truth.ALL | pl.Truth.OBJECT_SHARE``."""
+    CHORD_DISPARITY = 4096
+    """Takes chief rays through all neighbouring microlenses, and is found where it is asked for by name."""
 
 
 class PixelState(enum.IntEnum):
@@ -101,6 +103,7 @@ _SENSOR = Source("sensor", Needs.NOTHING, "kernels.incidence")
 _CELLS = Source("cells", Needs.MICROLENSES, "lookups")
 _HITS = Source("hits", Needs.MESHES, "lookups")
 _POINTS = Source("points", Needs.MESHES, "kernels.depth")
+_CHORDS = Source("chords", Needs.MESHES | Needs.MICROLENSES, "lookups")
 _IMAGES = Source("images", Needs.MESHES | Needs.MICROLENSES, "kernels.virtual_depth")
 
 
@@ -180,6 +183,10 @@ class GroundTruth:
     disparity : (H, W) array, optional
         pitch / (v pixel_pitch): by how many pixels the image of the point moves between neighbouring microlenses,
         relative to their centres; see the notes. nan where nothing is met.
+    chord_disparity : (H, W) array, optional
+        The same between the pixel's microlens and its neighbours, by the chief rays of the point as `project` finds
+        them: what matching microlens images measures, and what algorithms are to be judged by. nan where nothing is met
+        and in FREE lattices.
     incidence_angle : (H, W) array, optional
         Angle between the ray and the normal of the sensor, tilted or not, where the ray meets the pixel, in radians;
         nan where no light reaches the pixel.
@@ -201,6 +208,9 @@ class GroundTruth:
     directions of how much the slope falls for each mm across the array, found by tracing eight rays around the pixel's
     through the main lens; without aberrations they all meet at a. C. Perwass and L. Wietzke, Proc. SPIE 8291, 829108
     (2012), doi 10.1117/12.909882, call v the virtual depth; there it has no sign.
+
+    With aberrations it depends on how far apart the rays are. `virtual_depth` and `disparity` are those of rays near
+    the pixel's own, at its part of the pupil; `chord_disparity` is that of rays through microlenses a pitch apart.
 
     Seen through the microlens with its centre at c, an image point at x falls at c + (x - c) / v, so that from one
     microlens to the next, dc away, it moves by -dc / v relative to the centre. A positive disparity therefore goes
@@ -247,6 +257,13 @@ class GroundTruth:
     )
     disparity: Floats | None = _channel(
         Truth.DISPARITY, _IMAGES, np.nan, "pitch / (v pixel pitch), between neighbouring microlenses", unit="pixels"
+    )
+    chord_disparity: Floats | None = _channel(
+        Truth.CHORD_DISPARITY,
+        _CHORDS,
+        np.nan,
+        "disparity by chief rays of the point through neighbouring microlenses",
+        unit="pixels",
     )
     incidence_angle: Floats | None = _channel(
         Truth.INCIDENCE_ANGLE,

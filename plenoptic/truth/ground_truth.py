@@ -20,6 +20,7 @@ from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.record import lens_record
 from plenoptic.truth.arrays import available_truth, checked_truth, empty_truth, what_needs
 from plenoptic.truth.channels import CHANNELS, GroundTruth, Needs, Truth, channels_of
+from plenoptic.truth.chords import chord_record
 from plenoptic.truth.lookups import listed_numbers
 from plenoptic.truth.representative_rays import PixelRays, representative_rays
 from plenoptic.truth.stages import SLOPE_STEP, PixelStages, TruthRecord
@@ -52,6 +53,7 @@ def truth_record(camera: PlenopticCamera, record: CameraRecord, wanted: Truth) -
         axes=np.ascontiguousarray(axes),
         step=SLOPE_STEP * abs(parts.z_plane - float(camera.lens.vertices[-1])),
         numbers=listed_numbers(record),
+        chords=chord_record(camera) if wanted & Truth.CHORD_DISPARITY else None,
     )
 
 

@@ -10,7 +10,7 @@ from plenoptic.core.values import Floats
 from plenoptic.optics.microlens.lattice import Lattice
 from plenoptic.optics.microlens.listed import types_of
 from plenoptic.truth.channels import PixelState
-from plenoptic.truth.stages import LitCells, ObjectShares, PixelStates, SurfaceHits
+from plenoptic.truth.stages import Chords, LitCells, ObjectShares, PixelStates, SurfaceHits
 
 
 def fill_normal(normals: Floats, hits: SurfaceHits) -> None:
@@ -34,12 +34,12 @@ def fill_material(numbers: NDArray[np.int32], hits: SurfaceHits) -> None:
 
 def fill_microlens(indices: NDArray[np.int32], cells: LitCells) -> None:
     """Lattice indices, in FREE lattices (number, 0)."""
-    indices[cells.lit] = _indices(cells)
+    indices[cells.lit] = cells.indices()
 
 
 def fill_microlens_type(types: NDArray[np.int32], cells: LitCells) -> None:
     """Rows of the array's focal lengths."""
-    types[cells.lit] = types_of(cells.array, _indices(cells))
+    types[cells.lit] = types_of(cells.array, cells.indices())
 
 
 def fill_state(states: NDArray[np.int32], pixels: PixelStates) -> None:
@@ -54,13 +54,9 @@ def fill_object_share(shares: Floats, found: ObjectShares) -> None:
     shares[found.lanes] = found.share
 
 
-def _indices(cells: LitCells) -> NDArray[np.int64]:
-    if cells.numbers is None:
-        return np.rint((cells.cells[:, :2] - cells.record.lattice.origin) @ cells.record.lattice.inverse).astype(
-            np.int64
-        )
-    number = cells.numbers[cells.cells[:, 2].astype(np.int64)]
-    return np.stack([number, np.zeros_like(number)], axis=1)
+def fill_chord_disparity(disparities: Floats, chords: Chords) -> None:
+    """Slopes between chief rays."""
+    disparities[chords.lanes] = chords.disparity
 
 
 def listed_numbers(camera: CameraRecord) -> NDArray[np.int64] | None:

@@ -23,6 +23,7 @@ from plenoptic.truth.representative_rays import PixelRays
 if TYPE_CHECKING:
     from plenoptic.scene.compile import SceneRecord
     from plenoptic.scene.geometry.accel import Intersector
+    from plenoptic.truth.chords import ChordRecord
 
 SLOPE_STEP = 1e-5
 """How much the slopes of neighbouring rays differ, and how far apart they are over the distance of the lens: errors are
@@ -46,6 +47,8 @@ class TruthRecord(NamedTuple):
     """How far aside neighbouring rays start, in mm."""
     numbers: NDArray[np.int64] | None
     """FREE lattices: numbers of the listed lenses, row by row."""
+    chords: ChordRecord | None
+    """None where they are not wanted, or there are none."""
 
 
 class SensorRays(NamedTuple):
@@ -70,6 +73,14 @@ class LitCells(NamedTuple):
     record: ArrayRecord
     numbers: NDArray[np.int64] | None
     """FREE lattices: numbers of the listed lenses, row by row."""
+
+    def indices(self) -> NDArray[np.int64]:
+        """(lit, 2) lattice indices; in FREE lattices (number, 0)."""
+        if self.numbers is None:
+            lattice = self.record.lattice
+            return np.rint((self.cells[:, :2] - lattice.origin) @ lattice.inverse).astype(np.int64)
+        number = self.numbers[self.cells[:, 2].astype(np.int64)]
+        return np.stack([number, np.zeros_like(number)], axis=1)
 
 
 class PixelStates(NamedTuple):
@@ -129,6 +140,15 @@ class ImagePoints(NamedTuple):
     """(n,): of the sensor behind the array's rear principal plane at each pixel, mm."""
     pitch: float
     """Of the microlenses, the smaller one, over that of the pixels."""
+
+
+class Chords(NamedTuple):
+    """Disparities between chief rays."""
+
+    lanes: NDArray[np.int64]
+    """(m,): the pixels whose rays meet something."""
+    disparity: Floats
+    """(m,)."""
 
 
 class PixelStages:
@@ -239,3 +259,19 @@ class PixelStages:
             fill_traced(blocks, truth.unvignetted, None)
             virtual_depth.fill_image_distances(distance, blocks, rays.blocks, hit.points, lanes, truth.step, SLOPE_STEP)
         return ImagePoints(distance, self._behind, min(camera.microlenses.pitches) / camera.sensor.pitch)
+
+    @cached_property
+    def chords(self) -> Chords:
+        """How far the points' images move between neighbouring microlenses."""
+        from plenoptic.core.kernels.ray_blocks import BLOCK
+        from plenoptic.truth.chords import chord_disparities
+
+        record, hit = self._truth.chords, self.points
+        if record is None:
+            return Chords(np.empty(0, dtype=np.int64), np.empty(0))
+        lenses = np.zeros((len(self._pixels), 2), dtype=np.int64)
+        lenses[self.cells.lit] = self.cells.indices()
+        rays = self.rays.blocks.reshape(-1, 8, BLOCK).swapaxes(1, 2).reshape(-1, 8)[hit.lanes]
+        ahead = (record.entrance.z - rays[:, 2]) / rays[:, 5]
+        entering = rays[:, :2] + ahead[:, np.newaxis] * rays[:, 3:5]
+        return Chords(hit.lanes, chord_disparities(record, hit.points[hit.lanes], lenses[hit.lanes], entering))

@@ -17,7 +17,7 @@ from plenoptic.truth.channels import GroundTruth, Truth
 from plenoptic.truth.ground_truth import truth_of, truth_record
 from plenoptic.truth.representative_rays import PixelRays
 
-_OF_PIXELS = Truth.MICROLENS | Truth.OBJECT_SHARE
+_OF_PIXELS = Truth.MICROLENS | Truth.OBJECT_SHARE | Truth.CHORD_DISPARITY
 """What rays between microlenses do not have."""
 
 

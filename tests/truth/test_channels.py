@@ -30,8 +30,8 @@ def test_all_is_everything_and_each_array_has_a_kind_of_it():
     for kind in CHANNELS.values():
         union |= kind.flag
     alone = [flag for flag in Truth if flag.value.bit_count() == 1]  # before Python 3.11 ALL is one of them too
-    assert union == Truth.ALL | Truth.OBJECT_SHARE == Truth(sum(alone))
-    assert Truth.OBJECT_SHARE not in Truth.ALL  # many rays a pixel, for those who ask
+    assert union == Truth.ALL | Truth.OBJECT_SHARE | Truth.CHORD_DISPARITY == Truth(sum(alone))
+    assert not Truth.ALL & (Truth.OBJECT_SHARE | Truth.CHORD_DISPARITY)  # many rays a pixel, for those who ask
 
 
 def test_what_is_wanted_is_what_is_made():
@@ -67,7 +67,7 @@ def test_it_is_a_value():
     truth = everything()
     again = pickle.loads(pickle.dumps(truth))
     assert again == truth and hash(again) == hash(truth) and not again.normal.flags.writeable
-    assert truth.shape == (2, 3) and truth.kinds == Truth.ALL | Truth.OBJECT_SHARE
+    assert truth.shape == (2, 3) and truth.kinds == Truth.ALL | Truth.OBJECT_SHARE | Truth.CHORD_DISPARITY
     assert repr(GroundTruth(depth=truth.depth, object=truth.object)) == "GroundTruth(2 x 3, depth, object)"
 
 

@@ -115,7 +115,7 @@ def aimed(entrance: EntranceRays, aim: Aim, points: Floats, wanted: Floats, star
             open_ = np.flatnonzero(np.isfinite(off) & (off > limit) & (share > 1e-6))
             if not len(open_):
                 break
-            step = _solved(slope[open_], miss[open_])
+            step = solved(slope[open_], miss[open_])
             length = np.hypot(*step.T)
             step *= (share[open_] * np.minimum(1.0, 4.0 * size / length))[:, None]
             trial = found[open_] + step
@@ -128,7 +128,7 @@ def aimed(entrance: EntranceRays, aim: Aim, points: Floats, wanted: Floats, star
     return found
 
 
-def _solved(matrix: Floats, right: Floats) -> Floats:
+def solved(matrix: Floats, right: Floats) -> Floats:
     """Solutions (n, 2) of systems (n, 2, 2); not finite where they are singular."""
     a, b, c, d = matrix[:, 0, 0], matrix[:, 0, 1], matrix[:, 1, 0], matrix[:, 1, 1]
     crossed = np.stack([d * right[:, 0] - b * right[:, 1], a * right[:, 1] - c * right[:, 0]], axis=1)

@@ -46,6 +46,12 @@ def lattice_basis(lattice: Lattice, pitch: tuple[float, float]) -> Floats:
     return np.array([[pitch[0], 0.0], [0.0, pitch[1]]])
 
 
+def neighbour_steps(lattice: Lattice) -> NDArray[np.int64]:
+    """(k, 2): from a lens to its neighbours, in lattice indices: six in a hexagonal lattice, four in others."""
+    steps = [[1, 0], [0, 1], [-1, 0], [0, -1]]
+    return np.array([*steps, [1, -1], [-1, 1]] if lattice is Lattice.HEXAGONAL else steps, dtype=np.int64)
+
+
 def cell_polygon(lattice: Lattice, pitch: tuple[float, float]) -> Floats:
     """(k, 2): corners of the cell around a lattice point in mm, counter-clockwise; of FREE ones, the largest cell."""
     if lattice is Lattice.HEXAGONAL:
