@@ -1,0 +1,113 @@
+"""What the kernels of matching need, as numbers, and their threads."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.core.parallel import run_in_order
+from plenoptic.core.values import Floats
+
+
+class Images(NamedTuple):
+    """Pictures of one size, (k, rows, columns)."""
+
+    values: NDArray[np.float32]
+    known: NDArray[np.uint8]
+    """1 where a pixel belongs to the picture. Around them, values go on for two pixels."""
+
+
+class Pairs(NamedTuple):
+    """Which pictures are compared: row j of picture m, from first[m] to first[m + 1], with `other[j]`, nearest first."""
+
+    first: NDArray[np.int64]
+    other: NDArray[np.int64]
+    base: Floats
+    """(n, 2): a point p is seen at p + base - disparity step there, row and column."""
+    step: Floats
+
+
+class Sweep(NamedTuple):
+    """How they are compared."""
+
+    disparities: Floats
+    """Of the planes, in order."""
+    radius: int
+    """Of windows, in pixels."""
+    farthest: float
+    """Pixels by which pictures are moved at most."""
+    floor: float
+    """Variance of noise."""
+    small: float
+    large: float
+    """Costs of steps between neighbouring pixels: of one plane, and of more."""
+    worst: float
+    """Correlations below it do not count in the refinement."""
+    reach: float
+    least_reach: float
+    """How far the refinement goes from a plane, as a part of the disparity and in pixels."""
+
+
+class Work(NamedTuple):
+    """Room for one thread."""
+
+    moved: NDArray[np.float32]
+    there: NDArray[np.uint8]
+    sums: Floats
+    scores: NDArray[np.float32]
+    cost: NDArray[np.float32]
+    total: NDArray[np.float32]
+    before: NDArray[np.float32]
+    now: NDArray[np.float32]
+    slopes: Floats
+    common: Floats
+
+
+_COMPARED = 18
+"""Pictures with which one is compared on each plane."""
+
+
+def matched(images: Images, pairs: Pairs, sweep: Sweep, threads: int) -> tuple[Floats, Floats, Floats]:
+    """Disparity, its standard error and the correlation, (k, rows, columns); nan where a pixel is not known."""
+    from plenoptic.lightfield.kernels.matching import fill_disparities
+
+    disparity, error, score = (np.full(images.values.shape, np.nan) for _ in range(3))
+    _, rows, columns = images.values.shape
+    planes, window = len(sweep.disparities), (2 * sweep.radius + 1) ** 2
+
+    def work(first: int) -> None:
+        room = Work(
+            np.empty((rows, columns), np.float32),
+            np.empty((rows, columns), np.uint8),
+            np.empty((6, rows + 1, columns)),
+            np.empty((_COMPARED, rows, columns), np.float32),
+            np.empty((rows, columns, planes), np.float32),
+            np.empty((rows, columns, planes), np.float32),
+            np.empty(planes, np.float32),
+            np.empty(planes, np.float32),
+            np.empty(window),
+            np.empty(window),
+        )
+        fill_disparities(disparity, error, score, images, pairs, sweep, room, first, min(first + together, count))
+
+    count = len(images.values)
+    together = max(1, 1 << 14 >> (rows * columns).bit_length())
+    for _ in run_in_order(work, range(0, count, together), threads=threads):
+        pass
+    return disparity, error, score
+
+
+def continued(values: Floats, known: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """Values (k, rows, columns) that go on for two pixels around what is known, as means of their neighbours; then 0."""
+    found, there = np.where(known, values, 0.0), known.copy()
+    for _ in range(2):
+        total, count = np.zeros_like(found), np.zeros(found.shape)
+        for down in (-1, 0, 1):
+            for right in (-1, 0, 1):
+                moved = np.roll(np.where(there, found, 0.0), (down, right), axis=(1, 2))
+                total, count = total + moved, count + np.roll(there, (down, right), axis=(1, 2))
+        new = ~there & (count > 0)
+        found, there = np.where(new, total / np.maximum(count, 1), found), there | new
+    return found.astype(np.float32)
