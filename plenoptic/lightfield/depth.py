@@ -13,6 +13,7 @@ from plenoptic.core.values import Floats, check_kind, numbers, result, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield.calibration import DepthCalibration
 from plenoptic.lightfield.estimation import Estimate, agreed, estimated, focused_array
+from plenoptic.lightfield.ideal import chord_excess, parabola
 from plenoptic.lightfield.planes import camera_of, raw_planes, share_of_light
 from plenoptic.lightfield.triangulation import object_depths
 from plenoptic.optics.microlens.array import MicrolensArray
@@ -129,11 +130,25 @@ def depth(
         found = found._replace(disparity=found.disparity * factor, error=found.error * factor)
     shape = (planes.shot.shape[0], planes.shot.shape[1])
     disparity, error, confidence = agreed(found, shape)
+    disparity = _chords(array_axes(seen_by), array, found, disparity, planes.first, thread_count(threads))
     with np.errstate(divide="ignore"):
         virtual = found.lenses.pitch / disparity
     return DepthMap(
         disparity, error, confidence, virtual, _object_depths(seen_by, array, found, disparity, planes.first)
     )
+
+
+def _chords(axes, array, found, disparity, first, threads):
+    lenses = found.lenses
+    rows, columns = lenses.rows_and_columns()
+    lens, y, x = np.nonzero(lenses.images.known)
+    row, column = rows[lens, y, 0], columns[lens, 0, x]
+    pixel = np.column_stack([row, column]) + np.array(first)
+    excess = chord_excess(axes, array, pixel, lenses.index[lens], lenses.steps, found.ideal, threads)
+    at, slope, bend = parabola(found.ideal, excess)
+    out=disparity.copy()
+    out[row, column] = disparity[row, column]*(1+slope+bend*disparity[row,column]/lenses.pitch) + lenses.pitch * at
+    return out
 
 
 def _object_depths(
@@ -152,6 +167,7 @@ def _object_depths(
         lens,
         np.column_stack([row, column]) + np.array(first),
         disparity[row, column],
+        1,
     )
     return depths
 

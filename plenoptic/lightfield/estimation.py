@@ -6,12 +6,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from plenoptic.camera.assembly import ArrayAxes, array_axes
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.report.focus import CameraKind, kind_of
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
+from plenoptic.lightfield.ideal import IdealPlane, displacement, ideal_planes, parabola
 from plenoptic.lightfield.lens_images import LensImages, lens_images
-from plenoptic.lightfield.matching import Sweep, matched
+from plenoptic.lightfield.matching import Images, Sweep, continued, matched
 from plenoptic.lightfield.planes import RawPlanes
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.lattice import Lattice
@@ -28,6 +30,8 @@ _SMALL, _LARGE = 0.03, 0.3
 """Correlation that a step to the next plane costs, and one to any other."""
 _WORST = 0.3
 """Correlation that counts at least."""
+_OWN = float(__import__("os").environ.get("OWN","0.8"))
+"""Part of the light of the brightest pixels, by which others belong to the image of a microlens alone."""
 _AGREES = 0.03
 """Relative difference, beside three standard errors, up to which microlenses see the same."""
 
@@ -36,6 +40,7 @@ class Estimate(NamedTuple):
     """Of the pixels of microlens images, (k, n, n); nan where none is."""
 
     lenses: LensImages
+    ideal: tuple[IdealPlane, ...]
     disparity: Floats
     error: Floats
 
@@ -60,9 +65,35 @@ def estimated(
         worst=_WORST,
         reach=_RATIO - 1.0,
         least_reach=0.0,
+        pitch=lenses.pitch,
     )
-    disparity, error, _ = matched(lenses.images, lenses.pairs, sweep, threads)
-    return Estimate(lenses, disparity, _ERRORS * error)
+    axes = array_axes(camera)
+    ideal = ideal_planes(axes, array, virtual_depths, depth_sign(camera))
+    images = _displaced(axes, array, lenses, ideal, planes.first, threads)
+    disparity, error, _ = matched(images, lenses.pairs, sweep, threads)
+    return Estimate(lenses, ideal, disparity, _ERRORS * error)
+
+
+def _displaced(
+    axes: ArrayAxes,
+    array: MicrolensArray,
+    lenses: LensImages,
+    ideal: tuple[IdealPlane, ...],
+    first: tuple[int, int],
+    threads: int,
+) -> Images:
+    """The images without what neighbours light too, and what they show beside the ideal camera."""
+    images = lenses.images
+    rows, columns = lenses.rows_and_columns()
+    lens, y, x = np.nonzero(images.known)
+    pixel = np.column_stack([rows[lens, y, 0], columns[lens, 0, x]]) + np.array(first)
+    found = displacement(axes, array, pixel, lenses.on_array[lens], lenses.type[lens], ideal, threads)
+    share = np.zeros(images.known.shape)
+    share[lens, y, x] = found.share
+    known = (images.known > 0) & (share >= _OWN * share.max(axis=(1, 2), keepdims=True))
+    shift = np.full((*known.shape, 3, 2), np.nan)
+    shift[lens, y, x] = parabola(ideal, found.shift).transpose(1, 0, 2)
+    return Images(continued(images.values, known), known.astype(np.uint8), shift)
 
 
 def focused_array(camera: PlenopticCamera) -> MicrolensArray:

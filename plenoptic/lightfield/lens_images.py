@@ -18,7 +18,7 @@ from plenoptic.lightfield.planes import RawPlanes
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.lattice import neighbour_steps
 
-_RINGS = 3.05
+_RINGS = float(__import__("os").environ.get("RINGS","3.05"))
 """Pitches up to which microlenses are compared."""
 _ROOM = 2
 """Pixels around the image of a microlens, for reading between pixels."""

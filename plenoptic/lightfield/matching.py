@@ -17,6 +17,9 @@ class Images(NamedTuple):
     values: NDArray[np.float32]
     known: NDArray[np.uint8]
     """1 where a pixel belongs to the picture. Around them, values go on for two pixels."""
+    shift: Floats | None = None
+    """(k, rows, columns, 3, 2): how far beside where they should pixels show points, in rows and columns: what 1, u and
+    u^2 multiply, with u = disparity / pitch; nan where it is not known. None: not at all."""
 
 
 class Pairs(NamedTuple):
@@ -48,6 +51,8 @@ class Sweep(NamedTuple):
     reach: float
     least_reach: float
     """How far the refinement goes from a plane, as a part of the disparity and in pixels."""
+    pitch: float
+    """Of microlenses over that of pixels."""
 
 
 class Work(NamedTuple):

@@ -6,11 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.camera.assembly import ArrayAxes
-from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats
 from plenoptic.lightfield.lens_images import LensImages
-from plenoptic.optics.lens.record import lens_record
-from plenoptic.optics.lens.trace import traced_by
+from plenoptic.lightfield.outward_rays import chief_rays
 from plenoptic.optics.microlens.array import MicrolensArray
 
 _TOGETHER = 1 << 13
@@ -24,6 +22,7 @@ def object_depths(
     lens: NDArray[np.int64],
     pixel: Floats,
     disparity: Floats,
+    threads: int,
 ) -> Floats:
     """-z in the camera's frame (n,), mm: where rays of n pixels meet that show one point.
 
@@ -32,7 +31,7 @@ def object_depths(
     them; nan where fewer than two leave the lens, or they do not meet in front of it.
     """
     found = [
-        _nearest(axes, array, lenses, lens[part], pixel[part], disparity[part])
+        _nearest(axes, array, lenses, lens[part], pixel[part], disparity[part], threads)
         for part in (slice(start, start + _TOGETHER) for start in range(0, len(lens), _TOGETHER))
     ]
     return np.concatenate([np.empty(0), *found])
@@ -45,16 +44,16 @@ def _nearest(
     lens: NDArray[np.int64],
     pixel: Floats,
     disparity: Floats,
+    threads: int,
 ) -> Floats:
     n, camera = len(lens), axes.camera
     matrix, right = np.zeros((n, 3, 3)), np.zeros((n, 3))
     count = np.zeros(n)
-    reverse = lens_record(camera.lens, camera.wavelength, reverse=True, clipping=False)
     for other in (lens, *lenses.neighbours(lens).T):
         there = other >= 0
         moved = lenses.straight[other] - lenses.straight[lens]
         at = pixel + moved * (1.0 - disparity / lenses.pitch)[:, None]
-        rays = traced_by(reverse, _outwards(axes, array, lenses.on_array[other], at))
+        rays = chief_rays(axes, array, at, lenses.on_array[other], threads)
         known = there & (rays.status == 0) & np.isfinite(at).all(axis=1)
         across = np.eye(3) - rays.direction[:, :, None] * rays.direction[:, None, :]
         across[~known] = 0.0
@@ -68,19 +67,3 @@ def _nearest(
     z = (point if placed is None else placed.points(point))[:, 2]
     front = min(0.0, float(camera.lens.vertices[0]))
     return np.where(z < front, -z, np.nan)
-
-
-def _outwards(axes: ArrayAxes, array: MicrolensArray, on_array: Floats, pixel: Floats) -> RayBundle:
-    """Rays from pixels (n, 2) through optical centres (n, 2) towards the main lens, in its axes."""
-    camera, parts = axes.camera, axes.parts
-    centres = axes.local(on_array)
-    on_sensor = camera.sensor.centre_of(pixel[:, 0], pixel[:, 1])
-    start = parts.sensor_to_local.points(np.column_stack([on_sensor, np.zeros(len(pixel))]))
-    slopes, rules = np.zeros_like(centres), array.model.rules
-    # Plates displace rays by what depends on their slope, which depends on the displacement.
-    for _ in range(3):
-        rear = rules.displaced(array, centres, slopes, camera.wavelength, True)
-        slopes = (start[:, :2] - rear) / start[:, 2:]
-    front = 2.0 * centres - rules.displaced(array, centres, slopes, camera.wavelength, False)
-    towards = -np.column_stack([slopes, np.ones(len(slopes))])
-    return RayBundle(axes.in_lens(front), parts.local_to_lens.directions(towards), camera.wavelength)

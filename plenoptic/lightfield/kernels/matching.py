@@ -225,6 +225,25 @@ def _best_plane(total, y, x, disparities):
 
 
 @device
+def _displaced(images, pairs, sweep, m, j, y, x, d):
+    """How much farther a point is seen in another picture than it should: rows, columns, and how both grow with d."""
+    other, near = pairs.other[j], d / sweep.pitch
+    yy = int(round(y + pairs.base[j, 0] - d * pairs.step[j, 0]))
+    xx = int(round(x + pairs.base[j, 1] - d * pairs.step[j, 1]))
+    if not (0 <= yy < images.values.shape[1] and 0 <= xx < images.values.shape[2]):
+        return math.nan, math.nan, math.nan, math.nan
+    here, there = images.shift[m, y, x], images.shift[other, yy, xx]
+    a0, a1, a2 = there[0, 0] - here[0, 0], there[1, 0] - here[1, 0], there[2, 0] - here[2, 0]
+    b0, b1, b2 = there[0, 1] - here[0, 1], there[1, 1] - here[1, 1], there[2, 1] - here[2, 1]
+    return (
+        a0 + near * (a1 + near * a2),
+        b0 + near * (b1 + near * b2),
+        (a1 + 2.0 * near * a2) / sweep.pitch,
+        (b1 + 2.0 * near * b2) / sweep.pitch,
+    )
+
+
+@device
 def _window(images, pairs, sweep, work, m, j, y, x, d):
     """Comparison of a window with another picture: (count, correlation, sum of residual slope, slope^2, residual^2).
 
@@ -235,6 +254,11 @@ def _window(images, pairs, sweep, work, m, j, y, x, d):
     other = pairs.other[j]
     sy, sx = pairs.step[j, 0], pairs.step[j, 1]
     down, right = pairs.base[j, 0] - d * sy, pairs.base[j, 1] - d * sx
+    if images.shift is not None:
+        more_down, more_right, by_down, by_right = _displaced(images, pairs, sweep, m, j, y, x, d)
+        if not more_down == more_down:
+            return 0.0, 0.0, 0.0, 0.0, 0.0
+        down, right, sy, sx = down + more_down, right + more_right, sy - by_down, sx - by_right
     top, left = math.floor(down), math.floor(right)
     (a0, a1, a2, a3), (e0, e1, e2, e3) = _keys(down - top)
     (b0, b1, b2, b3), (f0, f1, f2, f3) = _keys(right - left)
