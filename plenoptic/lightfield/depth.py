@@ -13,9 +13,8 @@ from plenoptic.core.values import Floats, check_kind, numbers, result, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield.calibration import DepthCalibration
 from plenoptic.lightfield.estimation import Estimate, agreed, estimated, focused_array
-from plenoptic.lightfield.ideal import chord_excess, parabola
-from plenoptic.lightfield.planes import camera_of, raw_planes, share_of_light
-from plenoptic.lightfield.triangulation import object_depths
+from plenoptic.lightfield.ideal import chords, object_depths
+from plenoptic.lightfield.planes import RawPlanes, camera_of, raw_planes, share_of_light
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.rendering.exposure import Exposure
 
@@ -128,48 +127,26 @@ def depth(
         check_kind(calibration, "calibration", DepthCalibration, "pl.lightfield.calibrate_depth(camera)")
         factor = calibration.factor(found.disparity, found.lenses.type, found.lenses.radius())
         found = found._replace(disparity=found.disparity * factor, error=found.error * factor)
-    shape = (planes.shot.shape[0], planes.shot.shape[1])
-    disparity, error, confidence = agreed(found, shape)
-    disparity = _chords(array_axes(seen_by), array, found, disparity, planes.first, thread_count(threads))
+    return _depth_map(seen_by, array, found, planes, thread_count(threads))
+
+
+def _depth_map(
+    camera: PlenopticCamera, array: MicrolensArray, found: Estimate, planes: RawPlanes, threads: int
+) -> DepthMap:
+    """What was matched, on the raw image: the chord's disparity and depth for the ideal camera's disparity."""
+    lenses, axes, ideal = found.lenses, array_axes(camera), found.ideal
+    disparity, error, confidence = agreed(found, planes.shot.shape[:2])
+    rows, columns = lenses.rows_and_columns()
+    lens, y, x = np.nonzero(lenses.images.known)
+    row, column = rows[lens, y, 0], columns[lens, 0, x]
+    pixel = np.column_stack([row, column]) + np.array(planes.first)
+    near = disparity[row, column] / lenses.pitch
+    depths = np.full_like(disparity, np.nan)
+    depths[row, column] = object_depths(axes, array, pixel, lenses.on_array[lens], near, ideal, threads)
+    chord = chords(axes, array, pixel, lenses.index[lens], lenses.steps, near, ideal, threads)
+    disparity[row, column] = chord * lenses.pitch
     with np.errstate(divide="ignore"):
-        virtual = found.lenses.pitch / disparity
-    return DepthMap(
-        disparity, error, confidence, virtual, _object_depths(seen_by, array, found, disparity, planes.first)
-    )
-
-
-def _chords(axes, array, found, disparity, first, threads):
-    lenses = found.lenses
-    rows, columns = lenses.rows_and_columns()
-    lens, y, x = np.nonzero(lenses.images.known)
-    row, column = rows[lens, y, 0], columns[lens, 0, x]
-    pixel = np.column_stack([row, column]) + np.array(first)
-    excess = chord_excess(axes, array, pixel, lenses.index[lens], lenses.steps, found.ideal, threads)
-    at, slope, bend = parabola(found.ideal, excess)
-    out=disparity.copy()
-    out[row, column] = disparity[row, column]*(1+slope+bend*disparity[row,column]/lenses.pitch) + lenses.pitch * at
-    return out
-
-
-def _object_depths(
-    camera: PlenopticCamera, array: MicrolensArray, found: Estimate, disparity: Floats, first: tuple[int, int]
-) -> Floats:
-    """Depth of the pixels of a raw image (H, W) that starts at a pixel of the sensor."""
-    lenses = found.lenses
-    rows, columns = lenses.rows_and_columns()
-    lens, y, x = np.nonzero(lenses.images.known)
-    row, column = rows[lens, y, 0], columns[lens, 0, x]
-    depths = np.full(disparity.shape, np.nan)
-    depths[row, column] = object_depths(
-        array_axes(camera),
-        array,
-        lenses,
-        lens,
-        np.column_stack([row, column]) + np.array(first),
-        disparity[row, column],
-        1,
-    )
-    return depths
+        return DepthMap(disparity, error, confidence, lenses.pitch / disparity, depths)
 
 
 def _checked_range(virtual_depths: tuple[float, float]) -> tuple[float, float]:

@@ -11,7 +11,7 @@ from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.report.focus import CameraKind, kind_of
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
-from plenoptic.lightfield.ideal import IdealPlane, displacement, ideal_planes, parabola
+from plenoptic.lightfield.ideal import Planes, displacement, ideal_planes
 from plenoptic.lightfield.lens_images import LensImages, lens_images
 from plenoptic.lightfield.matching import Images, Sweep, continued, matched
 from plenoptic.lightfield.planes import RawPlanes
@@ -40,7 +40,7 @@ class Estimate(NamedTuple):
     """Of the pixels of microlens images, (k, n, n); nan where none is."""
 
     lenses: LensImages
-    ideal: tuple[IdealPlane, ...]
+    ideal: Planes
     disparity: Floats
     error: Floats
 
@@ -68,7 +68,7 @@ def estimated(
         pitch=lenses.pitch,
     )
     axes = array_axes(camera)
-    ideal = ideal_planes(axes, array, virtual_depths, depth_sign(camera))
+    ideal = ideal_planes(camera, virtual_depths, depth_sign(camera))
     images = _displaced(axes, array, lenses, ideal, planes.first, threads)
     disparity, error, _ = matched(images, lenses.pairs, sweep, threads)
     return Estimate(lenses, ideal, disparity, _ERRORS * error)
@@ -78,7 +78,7 @@ def _displaced(
     axes: ArrayAxes,
     array: MicrolensArray,
     lenses: LensImages,
-    ideal: tuple[IdealPlane, ...],
+    ideal: Planes,
     first: tuple[int, int],
     threads: int,
 ) -> Images:
@@ -91,8 +91,8 @@ def _displaced(
     share = np.zeros(images.known.shape)
     share[lens, y, x] = found.share
     known = (images.known > 0) & (share >= _OWN * share.max(axis=(1, 2), keepdims=True))
-    shift = np.full((*known.shape, 3, 2), np.nan)
-    shift[lens, y, x] = parabola(ideal, found.shift).transpose(1, 0, 2)
+    shift = np.full((*known.shape, 2, 2), np.nan)
+    shift[lens, y, x] = found.shift
     return Images(continued(images.values, known), known.astype(np.uint8), shift)
 
 

@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.assembly import ArrayAxes
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.camera.points.centres import CentreMethod, microlens_centres
 from plenoptic.camera.points.projection_rows import lenses_with
-from plenoptic.camera.report.optics import object_plane
+from plenoptic.camera.report.optics import lateral_magnification, object_plane
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield.outward_rays import chief_rays, met, rays_of_openings
@@ -26,71 +25,76 @@ from plenoptic.optics.microlens.array import MicrolensArray
 
 _TRIED = 24
 """Virtual depths at which a plane is looked for in front of the lens."""
-_NODES = np.sqrt(0.75) * np.array([-1.0, 0.0, 1.0])
-_LENSES = 37
-"""In the middle of the sensor, to which the ideal camera is fitted."""
-_FITTED = np.linspace(-0.35, 0.35, 7)
-"""Places in their images, over the pitch."""
 _PIXELS = 1 << 9
 """Whose rays are traced together."""
 
 
 class IdealPlane(NamedTuple):
-    """A plane as the ideal camera sees it: pixel = (1 - disparity / pitch) straight + (place - origin) matrix."""
+    """A plane across the axis, and its image by Gaussian optics."""
 
     z: float
     """In the axes of the lens."""
+    z_image: float
     near: float
-    """disparity / pitch, negative for images in front of the array."""
-    origin: Floats
-    matrix: Floats
-
-    def seen_at(self, places: Floats, straight: Floats) -> Floats:
-        """Pixels (n, 2) at which points (n, 2) of the plane are seen through microlenses straight before (n, 2)."""
-        return np.asarray((1.0 - self.near) * straight + (places - self.origin) @ self.matrix)
+    """disparity / pitch: microlenses_to_sensor over how far the image lies behind the array, negative before it."""
+    larger: float
+    """Height of the image over that of the object."""
 
 
 class Displacement(NamedTuple):
-    """What n pixels of the real camera have beside the ideal one on several planes."""
+    """What n pixels of the real camera have beside the ideal one."""
 
     share: Floats
     """(n,): of the opening of their microlens that lights them."""
     shift: Floats
-    """(planes, n, 2): how far from where the ideal camera sees it, rows and columns, a point is seen, on the mean."""
+    """(n, 2, 2): how far from where the ideal camera sees it, in rows and columns, a point is seen, on the mean: what 1
+    and disparity / pitch multiply; nan in the dark."""
 
 
-def ideal_planes(
-    axes: ArrayAxes, array: MicrolensArray, virtual_depths: tuple[float, float], sign: float
-) -> tuple[IdealPlane, ...]:
-    """Three planes in front of the lens whose virtual depths, of one sign, lie within a range.
+Planes = tuple[IdealPlane, IdealPlane]
+"""Two tell all: Gaussian optics images lines to lines, on which places are weighted means of two."""
 
-    What lies between them is a parabola in the disparity. They lie at the zeros of Chebyshev's polynomial over the
-    disparities of the range, where that is off least.
-    """
+
+def ideal_planes(camera: PlenopticCamera, virtual_depths: tuple[float, float], sign: float) -> Planes:
+    """Two planes in front of the lens whose virtual depths, of one sign, lie within a range."""
     low, high = virtual_depths
-    there = [u for u in np.linspace(1.0 / high, 1.0 / low, _TRIED) if _plane_at(axes.camera, sign * u) is not None]
+    tried = (_plane_at(camera, sign * u) for u in np.linspace(1.0 / high, 1.0 / low, _TRIED).tolist())
+    there = [plane for plane in tried if plane is not None]
     if len(there) < 2:
         raise InvalidValueError(
             f"images of planes at virtual depths {low:g} to {high:g} do not lie in front of the lens; give the "
             "virtual_depths of the scene, or focus the camera on it"
         )
-    nodes = 0.5 * (there[0] + there[-1]) + 0.5 * (there[-1] - there[0]) * _NODES
-    places = [z for u in nodes if (z := _plane_at(axes.camera, sign * u)) is not None]
-    camera = axes.camera
-    centres = microlens_centres(camera, CentreMethod.CHIEF_RAY)
-    chosen = np.argsort(np.hypot(*(centres.pixel - 0.5 * np.array(camera.sensor.shape)).T), kind="stable")[:_LENSES]
-    offsets = min(array.pitches) / camera.sensor.pixel_pitch * np.stack(np.meshgrid(_FITTED, _FITTED), -1).reshape(-1, 2)
-    pixel = (centres.pixel[chosen, None] + offsets).reshape(-1, 2)
-    on_array = np.repeat(centres.on_array[chosen], len(offsets), axis=0)
-    rays = chief_rays(axes, array, pixel, on_array, 1)
-    straight = straight_pixels(axes, on_array)
-    return tuple(_fitted(z, met(rays, z), pixel, straight) for z in places)
+    return there[len(there) // 4], there[-1 - len(there) // 4]
 
 
-def _plane_at(camera: PlenopticCamera, near: float) -> float | None:
+def _plane_at(camera: PlenopticCamera, near: float) -> IdealPlane | None:
     """The plane whose image lies microlenses_to_sensor / near behind the array, if it is in front of the lens."""
-    z = object_plane(camera.lens, camera.stop_to_microlenses + camera.microlenses_to_sensor / near, camera.wavelength)
-    return z if -math.inf < z < min(0.0, float(camera.lens.vertices[0])) else None
+    z_image = camera.stop_to_microlenses + camera.microlenses_to_sensor / near
+    z = object_plane(camera.lens, z_image, camera.wavelength)
+    if not -math.inf < z < min(0.0, float(camera.lens.vertices[0])):
+        return None
+    return IdealPlane(z, z_image, near, lateral_magnification(camera.lens, z, camera.wavelength))
+
+
+def z_at(planes: Planes, near: Floats) -> Floats:
+    """Planes, in the axes of the lens, of disparities over the pitch (n,).
+
+    Where the line of a pixel's ray has its images on the sensor's side at the parts 1 - t and t of the way between two
+    planes, it lies at the weights (1 - t) near m and t near m, of each plane, on the object's side.
+    """
+    one, two = planes
+    t = (near - one.near) / (two.near - one.near)
+    first, second = (1.0 - t) * one.near * one.larger, t * two.near * two.larger
+    return np.asarray((first * one.z + second * two.z) / (first + second))
+
+
+def _seen_at(axes: ArrayAxes, plane: IdealPlane, places: Floats, on_array: Floats) -> Floats:
+    """Pixels (n, 2) at which the ideal camera sees points (n, 2) of a plane through microlenses at (n, 2)."""
+    image = np.column_stack([plane.larger * places, np.full(len(places), plane.z_image)])
+    straight = axes.parts.local_to_lens.inverse().points(image)[:, :2]
+    crossed = (1.0 - plane.near) * axes.local(on_array) + plane.near * straight
+    return np.asarray(axes.camera.sensor.pixel_of(axes.on_sensor(crossed, np.zeros_like(crossed))))
 
 
 def straight_pixels(axes: ArrayAxes, on_array: Floats) -> Floats:
@@ -121,58 +125,80 @@ def displacement(
     pixel: Floats,
     on_array: Floats,
     types: NDArray[np.int64],
-    planes: tuple[IdealPlane, ...],
+    planes: Planes,
     threads: int,
 ) -> Displacement:
     """Of pixels (n, 2) in the images of microlenses at (n, 2), of types (n,)."""
-    share, shift = np.zeros(len(pixel)), np.full((len(planes), len(pixel), 2), np.nan)
-    straight = straight_pixels(axes, on_array)
+    share, shift = np.zeros(len(pixel)), np.empty((2, len(pixel), 2))
     for start in range(0, len(pixel), _PIXELS):
         part = slice(start, start + _PIXELS)
         rays = rays_of_openings(axes, array, pixel[part], on_array[part], types[part], threads)
         light = rays.weight.reshape(len(pixel[part]), -1)
         share[part] = light.mean(axis=1)
         for k, plane in enumerate(planes):
-            seen = np.where(rays.weight[:, None] > 0, met(rays, plane.z), 0.0).reshape(*light.shape, 2)
+            places = np.where(rays.weight[:, None] > 0, met(rays, plane.z), 0.0).reshape(*light.shape, 2)
             with np.errstate(invalid="ignore"):
-                middle = np.einsum("nk,nkc->nc", light, seen) / light.sum(axis=1)[:, None]
-            shift[k, part] = pixel[part] - plane.seen_at(middle, straight[part])
-    return Displacement(share, shift)
+                middle = np.einsum("nk,nkc->nc", light, places) / light.sum(axis=1)[:, None]
+            shift[k, part] = pixel[part] - _seen_at(axes, plane, middle, on_array[part])
+    return Displacement(share, np.stack(_line(planes, shift), axis=1))
 
 
-def chord_excess(
+def chords(
     axes: ArrayAxes,
     array: MicrolensArray,
     pixel: Floats,
     index: NDArray[np.int64],
     steps: NDArray[np.int64],
-    planes: tuple[IdealPlane, ...],
+    near: Floats,
+    planes: Planes,
     threads: int,
 ) -> Floats:
-    """(planes, n): what the chord's disparity over the pitch has beyond the ideal camera's, at pixels (n, 2).
+    """(n,): the chord's disparity over the pitch of what pixels (n, 2) show at the ideal camera's (n,).
 
-    Chief rays pass microlenses of indices (n, 2) and their neighbours, as in `GroundTruth.chord_disparity`, and how far
-    from the ideal camera's pixels these see a plane is taken at those very pixels: aberrations hardly change between.
+    Chief rays pass microlenses of indices (n, 2) and their neighbours, as in `GroundTruth.chord_disparity`. How far
+    beside the ideal camera these see a point is taken at the very pixels where that does: it hardly changes between.
     """
     own = lenses_with(array, index).axis
     straight = straight_pixels(axes, own)
-    others = [lenses_with(array, index + step).axis for step in steps]
-    apart = [straight_pixels(axes, other) - straight for other in others]
-    excess = np.empty((len(planes), len(pixel)))
-    for k, plane in enumerate(planes):
-        here = _beside(axes, array, pixel, own, plane, threads)
-        along, length = np.zeros(len(pixel)), np.zeros(len(pixel))
-        for other, away in zip(others, apart, strict=True):
-            there = _beside(axes, array, pixel + (1.0 - plane.near) * away, other, plane, threads)
-            along += ((there - here) * away).sum(axis=1)
-            length += (away**2).sum(axis=1)
-        excess[k] = -along / length
-    return excess
+    here = _beside(axes, array, pixel, own, near, planes, threads)
+    along, length = np.zeros(len(pixel)), np.zeros(len(pixel))
+    for step in steps:
+        other = lenses_with(array, index + step).axis
+        away = straight_pixels(axes, other) - straight
+        there = _beside(axes, array, pixel + (1.0 - near)[:, None] * away, other, near, planes, threads)
+        along += ((there - here) * away).sum(axis=1)
+        length += (away**2).sum(axis=1)
+    return near - along / length
+
+
+def object_depths(
+    axes: ArrayAxes,
+    array: MicrolensArray,
+    pixel: Floats,
+    on_array: Floats,
+    near: Floats,
+    planes: Planes,
+    threads: int,
+) -> Floats:
+    """-z in the camera's frame (n,), mm, of what pixels (n, 2) show through microlenses; nan where it lies in the lens."""
+    camera, placed, z = axes.camera, axes.parts.lens_to_camera, z_at(planes, near)
+    z = np.where(z < min(0.0, float(camera.lens.vertices[0])), z, np.nan)
+    if placed is not None:
+        rays = chief_rays(axes, array, pixel, on_array, threads)
+        z = placed.points(np.column_stack([met(rays, z), z]))[:, 2]
+    return -z
 
 
 def _beside(
-    axes: ArrayAxes, array: MicrolensArray, pixel: Floats, on_array: Floats, plane: IdealPlane, threads: int
+    axes: ArrayAxes, array: MicrolensArray, pixel: Floats, on_array: Floats, near: Floats, planes: Planes, threads: int
 ) -> Floats:
-    """How far chief rays' pixels lie from where the ideal camera sees the same points of a plane."""
+    """How far pixels (n, 2) lie from where the ideal camera sees what their chief rays meet."""
     rays = chief_rays(axes, array, pixel, on_array, threads)
-    return pixel - plane.seen_at(met(rays, plane.z), straight_pixels(axes, on_array))
+    at, slope = _line(planes, np.stack([pixel - _seen_at(axes, p, met(rays, p.z), on_array) for p in planes]))
+    return at + near[:, None] * slope
+
+
+def _line(planes: Planes, values: Floats) -> tuple[Floats, Floats]:
+    """Of values (2, ...) on two planes: what they are at disparity 0, and what disparity / pitch multiplies."""
+    slope = (values[1] - values[0]) / (planes[1].near - planes[0].near)
+    return values[0] - slope * planes[0].near, slope

@@ -18,8 +18,8 @@ class Images(NamedTuple):
     known: NDArray[np.uint8]
     """1 where a pixel belongs to the picture. Around them, values go on for two pixels."""
     shift: Floats | None = None
-    """(k, rows, columns, 3, 2): how far beside where they should pixels show points, in rows and columns: what 1, u and
-    u^2 multiply, with u = disparity / pitch; nan where it is not known. None: not at all."""
+    """(k, rows, columns, 2, 2): how far beside where they should pixels show points, in rows and columns: what 1 and
+    disparity / pitch multiply; nan where it is not known. None: not at all."""
 
 
 class Pairs(NamedTuple):

@@ -48,7 +48,7 @@ def rays_of_openings(
     return traced_by(lens_record(camera.lens, camera.wavelength, reverse=True), rays, threads=threads)
 
 
-def met(rays: RayBundle, z: float) -> Floats:
+def met(rays: RayBundle, z: float | Floats) -> Floats:
     """x and y (n, 2) where rays, or the lines along them, meet a plane."""
     along = (z - rays.origin[:, 2]) / rays.direction[:, 2]
     return np.asarray(rays.origin[:, :2] + along[:, None] * rays.direction[:, :2])

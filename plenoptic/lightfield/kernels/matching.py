@@ -233,13 +233,12 @@ def _displaced(images, pairs, sweep, m, j, y, x, d):
     if not (0 <= yy < images.values.shape[1] and 0 <= xx < images.values.shape[2]):
         return math.nan, math.nan, math.nan, math.nan
     here, there = images.shift[m, y, x], images.shift[other, yy, xx]
-    a0, a1, a2 = there[0, 0] - here[0, 0], there[1, 0] - here[1, 0], there[2, 0] - here[2, 0]
-    b0, b1, b2 = there[0, 1] - here[0, 1], there[1, 1] - here[1, 1], there[2, 1] - here[2, 1]
+    down, right = there[1, 0] - here[1, 0], there[1, 1] - here[1, 1]
     return (
-        a0 + near * (a1 + near * a2),
-        b0 + near * (b1 + near * b2),
-        (a1 + 2.0 * near * a2) / sweep.pitch,
-        (b1 + 2.0 * near * b2) / sweep.pitch,
+        there[0, 0] - here[0, 0] + near * down,
+        there[0, 1] - here[0, 1] + near * right,
+        down / sweep.pitch,
+        right / sweep.pitch,
     )
 
 
