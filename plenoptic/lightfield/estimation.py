@@ -26,7 +26,7 @@ _LEAST_NOISE = 1e-3
 """Standard deviation over the mean radiance below which differences do not count as texture."""
 _ERRORS = 2.0
 """Errors found over what independent residuals give: neighbouring pixels are blurred alike."""
-_SMALL, _LARGE = 0.03, 0.3
+_SMALL, _LARGE = (float(__import__("os").environ.get(k,v)) for k,v in (("SMALL",0.03),("LARGE",0.3)))
 """Correlation that a step to the next plane costs, and one to any other."""
 _WORST = 0.3
 """Correlation that counts at least."""
@@ -60,6 +60,7 @@ def estimated(
         radius=radius,
         farthest=_FARTHEST * lenses.pitch,
         floor=max(lenses.noise, (_LEAST_NOISE * mean) ** 2, 1e-30),
+        same=float(__import__("os").environ.get("SAME","0.1")),least=float(__import__("os").environ.get("LEAST","0.35")),
         small=_SMALL,
         large=_LARGE,
         worst=_WORST,

@@ -43,6 +43,8 @@ class Sweep(NamedTuple):
     """Pixels by which pictures are moved at most."""
     floor: float
     """Variance of noise."""
+    same: float
+    least: float
     small: float
     large: float
     """Costs of steps between neighbouring pixels: of one plane, and of more."""
@@ -66,6 +68,7 @@ class Work(NamedTuple):
     total: NDArray[np.float32]
     before: NDArray[np.float32]
     now: NDArray[np.float32]
+    start: Floats
     slopes: Floats
     common: Floats
 
@@ -92,6 +95,7 @@ def matched(images: Images, pairs: Pairs, sweep: Sweep, threads: int) -> tuple[F
             np.empty((rows, columns, planes), np.float32),
             np.empty(planes, np.float32),
             np.empty(planes, np.float32),
+            np.empty((rows, columns)),
             np.empty(window),
             np.empty(window),
         )

@@ -15,6 +15,8 @@ from plenoptic.core.jit import device, kernel
 
 _UNKNOWN = -2.0
 """A correlation that cannot be had."""
+_WORST_COST = 2.0
+"""Of pixels that are not known."""
 _STEPS = 3
 """Of the refinement."""
 
@@ -178,7 +180,28 @@ def _fill_costs(cost, images, pairs, sweep, work, m):
             count += 1
         for y in range(rows):
             for x in range(columns):
-                cost[y, x, k] = 1.0 - _better_half(work.scores, count, y, x) if known[y, x] else 1.0
+                cost[y, x, k] = 1.0 - _better_half(work.scores, count, y, x) if known[y, x] else _WORST_COST
+    _shift_windows(cost, work.total, sweep.radius)
+
+
+@device
+def _shift_windows(cost, room, reach):
+    """Take the lowest cost of all windows that hold a pixel: where one lies across an edge, another does not."""
+    rows, columns, planes = cost.shape
+    for y in range(rows):
+        for x in range(columns):
+            for k in range(planes):
+                least = cost[y, x, k]
+                for xx in range(max(0, x - reach), min(columns, x + reach + 1)):
+                    least = min(least, cost[y, xx, k])
+                room[y, x, k] = least
+    for y in range(rows):
+        for x in range(columns):
+            for k in range(planes):
+                least = room[y, x, k]
+                for yy in range(max(0, y - reach), min(rows, y + reach + 1)):
+                    least = min(least, room[yy, x, k])
+                cost[y, x, k] = least
 
 
 @device
@@ -272,6 +295,8 @@ def _window(images, pairs, sweep, work, m, j, y, x, d):
             r, c = yy + top, xx + left
             if not (0 <= yy < rows and 0 <= xx < columns and 1 <= r < rows - 2 and 1 <= c < columns - 2):
                 continue
+            if not abs(work.start[yy, xx] - work.start[y, x]) <= sweep.same * abs(work.start[y, x]):
+                continue
             if not (images.known[m, yy, xx] & known[r, c] & known[r, c + 1] & known[r + 1, c] & known[r + 1, c + 1]):
                 continue
             v, vy, vx = 0.0, 0.0, 0.0
@@ -300,7 +325,7 @@ def _window(images, pairs, sweep, work, m, j, y, x, d):
             ps += here * slope
             qs += v * slope
             ss += slope * slope
-    if n < 0.5 * place:
+    if n < sweep.least * place:
         return 0.0, 0.0, 0.0, 0.0, 0.0
     pp, qq, pq = pp - p * p / n, qq - q * q / n, pq - p * q / n
     ps, qs, ss = ps - p * s / n, qs - q * s / n, ss - s * s / n
@@ -366,9 +391,12 @@ def fill_disparities(disparity, error, score, images, pairs, sweep, work, first,
             _add_paths(work.total, work.cost, work.before, work.now, sweep.small, sweep.large, down, right)
         for y in range(rows):
             for x in range(columns):
+                work.start[y, x] = _best_plane(work.total, y, x, sweep.disparities)
+        for y in range(rows):
+            for x in range(columns):
                 if not images.known[m, y, x]:
                     continue
-                start = _best_plane(work.total, y, x, sweep.disparities)
+                start = work.start[y, x]
                 d, spread, seen = _refined(images, pairs, sweep, work, m, y, x, start)
                 disparity[m, y, x] = d
                 error[m, y, x] = spread
