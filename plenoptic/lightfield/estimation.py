@@ -13,7 +13,8 @@ from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield.ideal import Planes, displacement, ideal_planes
 from plenoptic.lightfield.lens_images import LensImages, lens_images
-from plenoptic.lightfield.matching import Images, Sweep, continued, matched
+from plenoptic.lightfield.matching import Images, Sweep, blurred, continued, matched
+from plenoptic.lightfield.outward_rays import opening_variance
 from plenoptic.lightfield.planes import RawPlanes
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.lattice import Lattice
@@ -32,6 +33,7 @@ _WORST = 0.3
 """Correlation that counts at least."""
 _OWN = float(__import__("os").environ.get("OWN","0.8"))
 """Part of the light of the brightest pixels, by which others belong to the image of a microlens alone."""
+_LEVEL, _LEVELS = 0.5, 5
 _AGREES = 0.03
 """Relative difference, beside three standard errors, up to which microlenses see the same."""
 
@@ -60,13 +62,15 @@ def estimated(
         radius=radius,
         farthest=_FARTHEST * lenses.pitch,
         floor=max(lenses.noise, (_LEAST_NOISE * mean) ** 2, 1e-30),
-        same=float(__import__("os").environ.get("SAME","0.1")),least=float(__import__("os").environ.get("LEAST","0.35")),
+        same=float(__import__("os").environ.get("SAME","0.1")),least=float(__import__("os").environ.get("LEAST","0.25")),
         small=_SMALL,
         large=_LARGE,
         worst=_WORST,
         reach=_RATIO - 1.0,
         least_reach=0.0,
         pitch=lenses.pitch,
+        opening=opening_variance(array) / camera.sensor.pixel_pitch**2,
+        level=_LEVEL,
     )
     axes = array_axes(camera)
     ideal = ideal_planes(camera, virtual_depths, depth_sign(camera))
@@ -94,7 +98,16 @@ def _displaced(
     known = (images.known > 0) & (share >= _OWN * share.max(axis=(1, 2), keepdims=True))
     shift = np.full((*known.shape, 2, 2), np.nan)
     shift[lens, y, x] = found.shift
-    return Images(continued(images.values, known), known.astype(np.uint8), shift)
+    values = images.values.astype(np.float64)
+    found_ = Images(continued(values, known), known.astype(np.uint8), shift)
+    if not array.model.focuses or len(set(array.focal_lengths)) == 1 or __import__("os").environ.get("NOBLUR"):
+        return found_
+    bent = 1.0 - camera_b(axes) / np.array(array.focal_lengths_at(axes.camera.wavelength))[lenses.type]
+    return found_._replace(blurred=blurred(values, known, _LEVEL * np.arange(_LEVELS)), bent=bent)
+
+
+def camera_b(axes):
+    return axes.camera.microlenses_to_sensor
 
 
 def focused_array(camera: PlenopticCamera) -> MicrolensArray:

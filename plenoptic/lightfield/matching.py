@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -20,6 +21,11 @@ class Images(NamedTuple):
     shift: Floats | None = None
     """(k, rows, columns, 2, 2): how far beside where they should pixels show points, in rows and columns: what 1 and
     disparity / pitch multiply; nan where it is not known. None: not at all."""
+    blurred: NDArray[np.float32] | None = None
+    """(k, levels, rows, columns): the pictures blurred by Gaussian functions of variances in steps of `Sweep.level`; None
+    where all are equally blurred."""
+    bent: Floats | None = None
+    """(k,): 1 - b / f of their microlenses: less disparity / pitch, the size of a point's image over the opening."""
 
 
 class Pairs(NamedTuple):
@@ -55,6 +61,10 @@ class Sweep(NamedTuple):
     """How far the refinement goes from a plane, as a part of the disparity and in pixels."""
     pitch: float
     """Of microlenses over that of pixels."""
+    opening: float
+    """Variance of places in the opening of a microlens along one axis, pixel^2."""
+    level: float
+    """Variance from one level of blur to the next, pixel^2."""
 
 
 class Work(NamedTuple):
@@ -106,6 +116,22 @@ def matched(images: Images, pairs: Pairs, sweep: Sweep, threads: int) -> tuple[F
     for _ in run_in_order(work, range(0, count, together), threads=threads):
         pass
     return disparity, error, score
+
+
+def blurred(values: Floats, known: NDArray[np.bool_], variances: Floats) -> NDArray[np.float32]:
+    """Pictures (k, rows, columns) as they are and blurred by Gaussian functions, of what is known: (k, levels, ...)."""
+    found = []
+    for variance in variances.tolist():
+        sums = [np.where(known, values, 0.0), known.astype(np.float64)]
+        reach = math.ceil(3.0 * math.sqrt(variance))
+        weights = np.exp(-0.5 * np.arange(-reach, reach + 1) ** 2 / max(variance, 1e-9))
+        for axis in (1, 2):
+            sums = [
+                sum(w * np.roll(part, k, axis=axis) for w, k in zip(weights, range(-reach, reach + 1), strict=True))
+                for part in sums
+            ]
+        found.append(continued(sums[0] / np.maximum(sums[1], 1e-9), known))
+    return np.stack(found, axis=1)
 
 
 def continued(values: Floats, known: NDArray[np.bool_]) -> NDArray[np.float32]:

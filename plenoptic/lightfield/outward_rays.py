@@ -54,6 +54,11 @@ def met(rays: RayBundle, z: float | Floats) -> Floats:
     return np.asarray(rays.origin[:, :2] + along[:, None] * rays.direction[:, :2])
 
 
+def opening_variance(array: MicrolensArray) -> float:
+    """Variance of places in an opening along one axis, the mean of both, mm^2."""
+    return float(0.5 * (_opening_points(array) ** 2).sum(axis=1).mean())
+
+
 def _leaving(axes: ArrayAxes, array: MicrolensArray, pixel: Floats, on_array: Floats) -> tuple[Floats, Floats]:
     """Where rays through optical centres leave the array for the lens, and their slopes; local, (n, 2)."""
     camera, parts, passed = axes.camera, axes.parts, axes.local(on_array)

@@ -160,11 +160,20 @@ def _better_half(scores, count, y, x):
 
 
 @device
+def _levels(images, sweep, m, other, d):
+    """How far the sharper of two pictures is to be blurred, so that both show points of a disparity equally blurred."""
+    here, there = images.bent[m] - d / sweep.pitch, images.bent[other] - d / sweep.pitch
+    blurrier = sweep.opening * (there * there - here * here) / sweep.level
+    last = images.blurred.shape[1] - 1
+    return min(int(max(blurrier, 0.0) + 0.5), last), min(int(max(-blurrier, 0.0) + 0.5), last)
+
+
+@device
 def _fill_costs(cost, images, pairs, sweep, work, m):
     """1 - correlation of each plane, (rows, columns, planes)."""
     shape = (images.values.shape[1], images.values.shape[2])
     rows, columns = shape
-    values, known = images.values[m], images.known[m]
+    known = images.known[m]
     for k in range(sweep.disparities.size):
         d, count = sweep.disparities[k], 0
         for j in range(pairs.first[m], pairs.first[m + 1]):
@@ -173,7 +182,11 @@ def _fill_costs(cost, images, pairs, sweep, work, m):
                 continue
             other = pairs.other[j]
             down, right = pairs.base[j, 0] - down, pairs.base[j, 1] - right
-            _fill_moved(work.moved, work.there, images.values[other], images.known[other], down, right, shape)
+            values, seen = images.values[m], images.values[other]
+            if images.blurred is not None:
+                own, theirs = _levels(images, sweep, m, other, d)
+                values, seen = images.blurred[m, own], images.blurred[other, theirs]
+            _fill_moved(work.moved, work.there, seen, images.known[other], down, right, shape)
             _fill_correlation(
                 work.scores[count], values, known, work.moved, work.there, work.sums, sweep.floor, sweep.radius, shape
             )
@@ -286,7 +299,10 @@ def _window(images, pairs, sweep, work, m, j, y, x, d):
     (b0, b1, b2, b3), (f0, f1, f2, f3) = _keys(right - left)
     top, left = int(top), int(left)
     n, p, q, s, pp, qq, pq, ps, qs, ss = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    values, known = images.values[other], images.known[other]
+    mine, values, known = images.values[m], images.values[other], images.known[other]
+    if images.blurred is not None:
+        own, theirs = _levels(images, sweep, m, other, d)
+        mine, values = images.blurred[m, own], images.blurred[other, theirs]
     place = 0
     for yy in range(y - radius, y + radius + 1):
         for xx in range(x - radius, x + radius + 1):
@@ -313,7 +329,7 @@ def _window(images, pairs, sweep, work, m, j, y, x, d):
                 v += w * along
                 vy += e * along
                 vx += w * (f0 * g0 + f1 * g1 + f2 * g2 + f3 * g3)
-            here, slope = images.values[m, yy, xx], -(sy * vy + sx * vx)
+            here, slope = mine[yy, xx], -(sy * vy + sx * vx)
             work.slopes[place - 1] = slope
             n += 1.0
             p += here
