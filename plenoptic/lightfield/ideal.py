@@ -25,6 +25,8 @@ from plenoptic.optics.microlens.array import MicrolensArray
 
 _TRIED = 24
 """Virtual depths at which a plane is looked for in front of the lens."""
+_DISPLACED = 2
+"""Corrections of where a neighbour sees a point; each leaves a twentieth."""
 _PIXELS = 1 << 9
 """Whose rays are traced together."""
 
@@ -36,7 +38,9 @@ class IdealPlane(NamedTuple):
     """In the axes of the lens."""
     z_image: float
     near: float
-    """disparity / pitch: microlenses_to_sensor over how far the image lies behind the array, negative before it."""
+    """disparity / pitch: microlenses_to_sensor over `behind`."""
+    behind: float
+    """How far behind the array the image lies, mm; negative before it."""
     larger: float
     """Height of the image over that of the object."""
 
@@ -58,35 +62,44 @@ Planes = tuple[IdealPlane, IdealPlane]
 def ideal_planes(camera: PlenopticCamera, virtual_depths: tuple[float, float], sign: float) -> Planes:
     """Two planes in front of the lens whose virtual depths, of one sign, lie within a range."""
     low, high = virtual_depths
-    tried = (_plane_at(camera, sign * u) for u in np.linspace(1.0 / high, 1.0 / low, _TRIED).tolist())
-    there = [plane for plane in tried if plane is not None]
+    b = camera.microlenses_to_sensor
+    there = planes_in_front(camera, sign * b / np.linspace(1.0 / high, 1.0 / low, _TRIED))
     if len(there) < 2:
         raise InvalidValueError(
             f"images of planes at virtual depths {low:g} to {high:g} do not lie in front of the lens; give the "
-            "virtual_depths of the scene, or focus the camera on it"
+            "virtual depths of the scene, or focus the camera on it"
         )
     return there[len(there) // 4], there[-1 - len(there) // 4]
 
 
-def _plane_at(camera: PlenopticCamera, near: float) -> IdealPlane | None:
-    """The plane whose image lies microlenses_to_sensor / near behind the array, if it is in front of the lens."""
-    z_image = camera.stop_to_microlenses + camera.microlenses_to_sensor / near
-    z = object_plane(camera.lens, z_image, camera.wavelength)
-    if not -math.inf < z < min(0.0, float(camera.lens.vertices[0])):
-        return None
-    return IdealPlane(z, z_image, near, lateral_magnification(camera.lens, z, camera.wavelength))
+def planes_in_front(camera: PlenopticCamera, behind: Floats) -> list[IdealPlane]:
+    """Those of the planes with images some distances (n,) behind the array that lie in front of the lens."""
+    found = []
+    for distance in behind.tolist():
+        z_image = camera.stop_to_microlenses + distance
+        z = object_plane(camera.lens, z_image, camera.wavelength)
+        if -math.inf < z < front_of(camera):
+            larger = lateral_magnification(camera.lens, z, camera.wavelength)
+            found.append(IdealPlane(z, z_image, camera.microlenses_to_sensor / distance, distance, larger))
+    return found
 
 
-def z_at(planes: Planes, near: Floats) -> Floats:
-    """Planes, in the axes of the lens, of disparities over the pitch (n,).
+def front_of(camera: PlenopticCamera) -> float:
+    """Where the lens begins, in its axes."""
+    return min(0.0, float(camera.lens.vertices[0]))
 
-    Where the line of a pixel's ray has its images on the sensor's side at the parts 1 - t and t of the way between two
-    planes, it lies at the weights (1 - t) near m and t near m, of each plane, on the object's side.
+
+def z_at(planes: Planes, behind: Floats) -> Floats:
+    """Planes, in the axes of the lens, whose images lie some distances (n,) behind the array.
+
+    A place at the parts 1 - t and t of the way between two planes' images on a line has the weights (1 - t) larger and
+    t larger, of each plane, on the object's side.
     """
     one, two = planes
-    t = (near - one.near) / (two.near - one.near)
-    first, second = (1.0 - t) * one.near * one.larger, t * two.near * two.larger
-    return np.asarray((first * one.z + second * two.z) / (first + second))
+    t = (behind - one.behind) / (two.behind - one.behind)
+    first, second = (1.0 - t) * one.larger, t * two.larger
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray((first * one.z + second * two.z) / (first + second))
 
 
 def _seen_at(axes: ArrayAxes, plane: IdealPlane, places: Floats, on_array: Floats) -> Floats:
@@ -155,8 +168,7 @@ def chords(
 ) -> Floats:
     """(n,): the chord's disparity over the pitch of what pixels (n, 2) show at the ideal camera's (n,).
 
-    Chief rays pass microlenses of indices (n, 2) and their neighbours, as in `GroundTruth.chord_disparity`. How far
-    beside the ideal camera these see a point is taken at the very pixels where that does: it hardly changes between.
+    Chief rays pass microlenses of indices (n, 2) and their neighbours, as in `GroundTruth.chord_disparity`.
     """
     own = lenses_with(array, index).axis
     straight = straight_pixels(axes, own)
@@ -165,24 +177,23 @@ def chords(
     for step in steps:
         other = lenses_with(array, index + step).axis
         away = straight_pixels(axes, other) - straight
-        there = _beside(axes, array, pixel + (1.0 - near)[:, None] * away, other, near, planes, threads)
+        ideal, there = pixel - here + (1.0 - near)[:, None] * away, here
+        # Aberrations hardly change over the pixels that they displace by.
+        for _ in range(_DISPLACED):
+            there = _beside(axes, array, ideal + there, other, near, planes, threads)
         along += ((there - here) * away).sum(axis=1)
         length += (away**2).sum(axis=1)
     return near - along / length
 
 
-def object_depths(
-    axes: ArrayAxes,
-    array: MicrolensArray,
-    pixel: Floats,
-    on_array: Floats,
-    near: Floats,
-    planes: Planes,
-    threads: int,
+def depths_of(
+    axes: ArrayAxes, array: MicrolensArray, pixel: Floats, on_array: Floats, near: Floats, planes: Planes, threads: int
 ) -> Floats:
-    """-z in the camera's frame (n,), mm, of what pixels (n, 2) show through microlenses; nan where it lies in the lens."""
-    camera, placed, z = axes.camera, axes.parts.lens_to_camera, z_at(planes, near)
-    z = np.where(z < min(0.0, float(camera.lens.vertices[0])), z, np.nan)
+    """-z in the camera's frame (n,), mm, of what pixels (n, 2) show through microlenses; nan behind the lens's front."""
+    camera, placed = axes.camera, axes.parts.lens_to_camera
+    with np.errstate(divide="ignore"):
+        z = z_at(planes, camera.microlenses_to_sensor / near)
+    z = np.where(z < front_of(camera), z, np.nan)
     if placed is not None:
         rays = chief_rays(axes, array, pixel, on_array, threads)
         z = placed.points(np.column_stack([met(rays, z), z]))[:, 2]

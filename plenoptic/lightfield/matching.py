@@ -18,6 +18,8 @@ class Images(NamedTuple):
     values: NDArray[np.float32]
     known: NDArray[np.uint8]
     """1 where a pixel belongs to the picture. Around them, values go on for two pixels."""
+    floor: Floats
+    """(k,): variance up to which differences are no texture."""
     shift: Floats | None = None
     """(k, rows, columns, 2, 2): how far beside where they should pixels show points, in rows and columns: what 1 and
     disparity / pitch multiply; nan where it is not known. None: not at all."""
@@ -45,25 +47,18 @@ class Sweep(NamedTuple):
     """Of the planes, in order."""
     radius: int
     """Of windows, in pixels."""
+    compared: int
+    """Pictures with which one is compared at most on each plane: the nearest."""
     farthest: float
     """Pixels by which pictures are moved at most."""
-    floor: float
-    """Variance of noise."""
-    same: float
-    least: float
-    small: float
-    large: float
-    """Costs of steps between neighbouring pixels: of one plane, and of more."""
-    worst: float
-    """Correlations below it do not count in the refinement."""
     reach: float
     least_reach: float
     """How far the refinement goes from a plane, as a part of the disparity and in pixels."""
-    pitch: float
+    pitch: float = 1.0
     """Of microlenses over that of pixels."""
-    opening: float
+    opening: float = 0.0
     """Variance of places in the opening of a microlens along one axis, pixel^2."""
-    level: float
+    level: float = 1.0
     """Variance from one level of blur to the next, pixel^2."""
 
 
@@ -83,16 +78,16 @@ class Work(NamedTuple):
     common: Floats
 
 
-_COMPARED = 18
-"""Pictures with which one is compared on each plane."""
-
-
 def matched(images: Images, pairs: Pairs, sweep: Sweep, threads: int) -> tuple[Floats, Floats, Floats]:
-    """Disparity, its standard error and the correlation, (k, rows, columns); nan where a pixel is not known."""
+    """Disparity, its standard error by independent residuals, and the share of pictures that show it, each (k, n, n).
+
+    Of as many pictures as `pairs` lists; nan where a pixel is not known, inf the error where nothing was matched.
+    """
     from plenoptic.lightfield.kernels.matching import fill_disparities
 
-    disparity, error, score = (np.full(images.values.shape, np.nan) for _ in range(3))
+    count = len(pairs.first) - 1
     _, rows, columns = images.values.shape
+    disparity, error, share = (np.full((count, rows, columns), np.nan) for _ in range(3))
     planes, window = len(sweep.disparities), (2 * sweep.radius + 1) ** 2
 
     def work(first: int) -> None:
@@ -100,7 +95,7 @@ def matched(images: Images, pairs: Pairs, sweep: Sweep, threads: int) -> tuple[F
             np.empty((rows, columns), np.float32),
             np.empty((rows, columns), np.uint8),
             np.empty((6, rows + 1, columns)),
-            np.empty((_COMPARED, rows, columns), np.float32),
+            np.empty((sweep.compared, rows, columns), np.float32),
             np.empty((rows, columns, planes), np.float32),
             np.empty((rows, columns, planes), np.float32),
             np.empty(planes, np.float32),
@@ -109,29 +104,13 @@ def matched(images: Images, pairs: Pairs, sweep: Sweep, threads: int) -> tuple[F
             np.empty(window),
             np.empty(window),
         )
-        fill_disparities(disparity, error, score, images, pairs, sweep, room, first, min(first + together, count))
+        end = min(first + together, count)
+        fill_disparities(disparity, error, share, images, pairs, sweep, room, (first, end))
 
-    count = len(images.values)
     together = max(1, 1 << 14 >> (rows * columns).bit_length())
     for _ in run_in_order(work, range(0, count, together), threads=threads):
         pass
-    return disparity, error, score
-
-
-def blurred(values: Floats, known: NDArray[np.bool_], variances: Floats) -> NDArray[np.float32]:
-    """Pictures (k, rows, columns) as they are and blurred by Gaussian functions, of what is known: (k, levels, ...)."""
-    found = []
-    for variance in variances.tolist():
-        sums = [np.where(known, values, 0.0), known.astype(np.float64)]
-        reach = math.ceil(3.0 * math.sqrt(variance))
-        weights = np.exp(-0.5 * np.arange(-reach, reach + 1) ** 2 / max(variance, 1e-9))
-        for axis in (1, 2):
-            sums = [
-                sum(w * np.roll(part, k, axis=axis) for w, k in zip(weights, range(-reach, reach + 1), strict=True))
-                for part in sums
-            ]
-        found.append(continued(sums[0] / np.maximum(sums[1], 1e-9), known))
-    return np.stack(found, axis=1)
+    return disparity, error, share
 
 
 def continued(values: Floats, known: NDArray[np.bool_]) -> NDArray[np.float32]:
@@ -146,3 +125,20 @@ def continued(values: Floats, known: NDArray[np.bool_]) -> NDArray[np.float32]:
         new = ~there & (count > 0)
         found, there = np.where(new, total / np.maximum(count, 1), found), there | new
     return found.astype(np.float32)
+
+
+def blurred(values: Floats, known: NDArray[np.bool_], variances: Floats) -> NDArray[np.float32]:
+    """Pictures (k, rows, columns) blurred by Gaussian functions, over what is known: (k, variances, rows, columns)."""
+    levels = []
+    for variance in variances.tolist():
+        reach = math.ceil(3.0 * math.sqrt(variance))
+        offsets = range(-reach, reach + 1)
+        weights = np.exp(-0.5 * np.square(offsets) / max(variance, 1e-9))
+        total, share = np.where(known, values, 0.0), known.astype(np.float64)
+        for axis in (1, 2):
+            total, share = (
+                np.sum([w * np.roll(part, k, axis=axis) for w, k in zip(weights, offsets, strict=True)], axis=0)
+                for part in (total, share)
+            )
+        levels.append(continued(total / np.maximum(share, 1e-9), known))
+    return np.stack(levels, axis=1)
