@@ -58,7 +58,7 @@ def view_disparities(field: LightField, between: tuple[float, float], radius: in
 
 def _in_four_directions(field: LightField) -> tuple[NDArray[np.int64], Floats]:
     """Numbers (n, 2) of views along u, v and both diagonals, and how a point moves there at disparity 1, in pixels."""
-    there = np.isfinite(field.views).any(axis=(2, 3, 4))
+    there = np.asarray(np.isfinite(field.views).any(axis=(2, 3, 4)))
     u, v = (np.arange(len(part)) - len(part) // 2 for part in (field.u, field.v))
     right, down = np.meshgrid(u, v, indexing="ij")
     straight = (right == 0) | (down == 0) | (np.abs(right) == np.abs(down))

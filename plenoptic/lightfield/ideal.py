@@ -189,7 +189,7 @@ def chords(
 def depths_of(
     axes: ArrayAxes, array: MicrolensArray, pixel: Floats, on_array: Floats, near: Floats, planes: Planes, threads: int
 ) -> Floats:
-    """-z in the camera's frame (n,), mm, of what pixels (n, 2) show through microlenses; nan behind the lens's front."""
+    """-z in the camera's frame (n,), mm, of what pixels (n, 2) show; nan behind the lens's front."""
     camera, placed = axes.camera, axes.parts.lens_to_camera
     with np.errstate(divide="ignore"):
         z = z_at(planes, camera.microlenses_to_sensor / near)
