@@ -108,13 +108,13 @@ def _beside_ideal(axes: ArrayAxes, lenses: LensImages, ideal: Planes, planes: Ra
     full, whole = (np.where(middle, part, 0.0).sum(axis=(1, 2), keepdims=True) for part in (light, share))
     own = share * full / np.maximum(whole, 1e-9)
     known = (images.known > 0) & (own >= _OWN * light) & (share >= _LIT * share.max(axis=(1, 2), keepdims=True))
-    values: Floats = images.values.astype(np.float64)
+    values: Floats = np.asarray(images.values, dtype=np.float64)
     images = Images(continued(values, known), known.astype(np.uint8), images.floor, shift)
     if not array.model.focuses or len(set(array.focal_lengths)) == 1:
         return images
     focal_lengths = np.array(array.focal_lengths_at(axes.camera.wavelength))[lenses.type]
     return images._replace(
-        blurred=blurred(values, known, _LEVEL * np.arange(_LEVELS)),
+        blurred=blurred(values, known, _LEVEL * np.arange(_LEVELS, dtype=np.float64)),
         bent=1.0 - axes.camera.microlenses_to_sensor / focal_lengths,
     )
 

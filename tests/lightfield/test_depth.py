@@ -54,7 +54,7 @@ def test_a_plane_is_found_where_it_is(white):
     scores = scored(CAMERA, shot, found)
     assert scores.kept == 1 and abs(scores.bias) < 0.005 and scores.relative[1] < 1
     assert abs(np.nanmedian((found.depth / shot.truth.depth)[where]) - 1) < 0.002
-    np.testing.assert_allclose(found.virtual_depth * found.disparity, 21.7)
+    np.testing.assert_allclose((found.virtual_depth * found.disparity)[where], 21.7)
     assert repr(found) == "DepthMap(110 x 110)"
 
 
@@ -167,10 +167,10 @@ def test_views_of_cameras_side_by_side_have_depth():
     apart = np.stack(np.meshgrid([-4.0, 0.0, 4.0], [4.0, 0.0, -4.0], indexing="ij"), axis=-1)
     views = dataclasses.replace(field(0.5, count=3), exit_pupil=apart, object_spacing=(0.8, 0.8), z_focus=-500.0)
     found = depth(views, between=(-1.0, 1.0))
-    z = -np.median(found.depth)
+    z = -np.nanmedian(found.depth)
     assert views.disparity_at(z) == pytest.approx((0.5, 0.5), abs=5e-3)
     halved = depth(field(0.5, steps=0.5), between=(-1.0, 1.0))
-    assert np.median(halved.disparity) == pytest.approx(0.5, abs=5e-3)
+    assert np.nanmedian(halved.disparity) == pytest.approx(0.5, abs=1e-2)  # half the lever
     for given, said in (({"white": views}, "neither white"), ({"between": (-900, 900)}, "planes to compare")):
         with pytest.raises(InvalidValueError, match=said):
             depth(views, **given)

@@ -56,8 +56,8 @@ def _displaced(images, pairs, sweep, m, j, place, d):
 def _window(images, pairs, sweep, work, m, j, place, d):
     """Comparison of a window with another picture: (count, correlation, sum of residual slope, slope^2, residual^2).
 
-    Brightness and contrast of the other picture are fitted. The slopes stay in `work.slopes`, less their mean; nan where
-    a pixel is not known.
+    Brightness and contrast of the other picture are fitted. The slopes stay in `work.slopes`, less their mean; nan
+    where a pixel is not known.
     """
     rows, columns, radius = images.values.shape[1], images.values.shape[2], sweep.radius
     (y, x), other = place, pairs.other[j]
