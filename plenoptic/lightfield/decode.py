@@ -12,10 +12,10 @@ from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.model_pupil import model_pupil
 from plenoptic.camera.points.centres import CentreMethod, microlens_centres
 from plenoptic.camera.report.optics import lateral_magnification, object_plane
-from plenoptic.core.values import Floats, choice, finite, length_in_mm, positive, whole
+from plenoptic.core.values import Floats, choice, length_in_mm, positive, whole
 from plenoptic.core.warn import warn
 from plenoptic.errors import InvalidValueError
-from plenoptic.lightfield.planes import RawPlanes, on_white, raw_planes
+from plenoptic.lightfield.planes import RawPlanes, camera_of, on_white, raw_planes, share_of_light
 from plenoptic.lightfield.resample import Resampling, resampling
 from plenoptic.lightfield.views import LightField
 from plenoptic.optics.lens.models import LensModel
@@ -115,9 +115,7 @@ def decode(
     """
     camera, array = _checked_camera(shot, white, camera)
     _warn_of_focused(camera)
-    step, least = positive(step, "step", "pixels"), finite(least_light, "least_light")
-    if not 0 < least <= 1:
-        raise InvalidValueError(f"least_light is {least:g}; it must be above 0 and at most 1")
+    step, least = positive(step, "step", "pixels"), share_of_light(least_light)
     apart = None if spacing is None else length_in_mm(spacing, "spacing")
     offsets = _offsets(camera, array, views, step)
     planes = raw_planes(shot, white, least)
@@ -134,9 +132,7 @@ def _checked_camera(
     shot: Exposure, white: Exposure, camera: PlenopticCamera | None
 ) -> tuple[PlenopticCamera, MicrolensArray]:
     on_white(shot, white)
-    found = shot.camera if camera is None else camera
-    if not isinstance(found, PlenopticCamera):
-        raise InvalidValueError("the shot names no camera that took it; give camera=")
+    found = camera_of(shot, camera)
     array = found.microlenses
     if array is None:
         raise InvalidValueError("the camera has no microlenses, and its image is a single view; use shot.image")

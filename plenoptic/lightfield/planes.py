@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.core.values import Floats, check_kind, value
+from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.core.values import Floats, check_kind, finite, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.exposure import Exposure
 
@@ -82,6 +83,22 @@ def raw_planes(shot: Exposure, white: Exposure, least_light: float) -> RawPlanes
         first=first,
         least=least_light * bright,
     )
+
+
+def share_of_light(least_light: float) -> float:
+    """`least_light`, or an error."""
+    least = finite(least_light, "least_light")
+    if not 0 < least <= 1:
+        raise InvalidValueError(f"least_light is {least:g}; it must be above 0 and at most 1")
+    return least
+
+
+def camera_of(shot: Exposure, camera: PlenopticCamera | None) -> PlenopticCamera:
+    """The camera that took a shot, or the one given, or an error."""
+    found = shot.camera if camera is None else camera
+    if not isinstance(found, PlenopticCamera):
+        raise InvalidValueError("the shot names no camera that took it; give camera=")
+    return found
 
 
 def on_white(shot: Exposure, white: Exposure) -> tuple[tuple[slice, slice], tuple[int, int]]:
