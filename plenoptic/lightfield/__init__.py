@@ -3,6 +3,8 @@
 from plenoptic.lightfield.calibration import DepthCalibration, calibrate_depth
 from plenoptic.lightfield.decode import decode
 from plenoptic.lightfield.depth import DepthMap, depth
+from plenoptic.lightfield.focused.rendering import render_view
+from plenoptic.lightfield.focused.view import View
 from plenoptic.lightfield.reading import read_eslf, read_hci, read_views
 from plenoptic.lightfield.refocus import refocus
 from plenoptic.lightfield.scores import DisparityScores, disparity_scores
@@ -13,6 +15,7 @@ __all__ = [
     "DepthMap",
     "DisparityScores",
     "LightField",
+    "View",
     "calibrate_depth",
     "decode",
     "depth",
@@ -21,4 +24,5 @@ __all__ = [
     "read_hci",
     "read_views",
     "refocus",
+    "render_view",
 ]

@@ -1,0 +1,245 @@
+"""Views of a focused camera: its raw image is put together to one picture."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from plenoptic.camera.assembly import array_axes
+from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.camera.report.optics import image_plane
+from plenoptic.core.parallel import thread_count
+from plenoptic.core.values import Floats, coordinate, finite, length_in_mm, numbers, positive
+from plenoptic.errors import InvalidValueError
+from plenoptic.lightfield.estimation import focused_array
+from plenoptic.lightfield.focused.pixel_rays import PixelRays, Pupil, pixel_rays, seen_pupil
+from plenoptic.lightfield.focused.splats import (
+    Splats,
+    Surfaces,
+    footprints,
+    grid_of,
+    sorted_splats,
+    splatted,
+    surface_depth,
+    unmixed,
+)
+from plenoptic.lightfield.focused.view import View
+from plenoptic.lightfield.planes import RawPlanes, camera_of, raw_planes, share_of_light
+from plenoptic.optics.microlens.array import MicrolensArray
+from plenoptic.rendering.exposure import Exposure
+
+_PARTS = 6
+"""Pixels of a view to a pitch."""
+_QUADRATIC, _LINEAR = 6, 3
+"""Terms of the functions that are fitted."""
+
+
+class Seen(NamedTuple):
+    """A raw image, and the rays of its pixels."""
+
+    camera: PlenopticCamera
+    array: MicrolensArray
+    pupil: Pupil
+    planes: RawPlanes
+    rays: PixelRays
+
+
+def render_view(
+    shot: Exposure,
+    white: Exposure,
+    disparity: ArrayLike | None = None,
+    *,
+    z: float | None = None,
+    viewpoint: tuple[float, float] = (0.0, 0.0),
+    aperture: float | None = None,
+    spacing: float | None = None,
+    least_light: float = 0.1,
+    camera: PlenopticCamera | None = None,
+    threads: int | None = None,
+) -> View:
+    """Put the raw image of a focused plenoptic camera (2.0) together to a picture, sharp everywhere or on one plane.
+
+    Parameters
+    ----------
+    shot, white : Exposure
+        As in `decode`.
+    disparity : (H, W) array_like or float, optional
+        Of each pixel of the shot, as `GroundTruth.chord_disparity` and `DepthMap.disparity` have it, nan where it is
+        not known: the picture is sharp everywhere (total focus), and what is nearer hides what is behind it. A number:
+        the picture is refocused, sharp where points have this disparity.
+    z : float, optional
+        In place of it, the plane in the camera's frame in mm that the picture is refocused on, by Gaussian optics.
+    viewpoint : (float, float), optional
+        The place of the pupil from which the scene is seen, to the right and up, in semi-diameters of the iris.
+    aperture : float, optional
+        Pixels count whose rays pass the pupil within this distance of the viewpoint, in semi-diameters of the iris.
+        None: all. Refocused pictures are those of a camera with this aperture; others differ where surfaces are glossy,
+        and by noise.
+    spacing : float, optional
+        Distance of the picture's pixels on the array, in mm. None: a sixth of the pitch.
+    least_light : float, optional
+        Pixels count where the white image has this part of its 99th percentile.
+    camera : PlenopticCamera, optional
+        Where the shot names none.
+    threads : int, optional
+        None: one for each processor, at most NUMBA_NUM_THREADS. The result does not depend on it.
+
+    Returns
+    -------
+    View
+        Upright, also where the array is turned. A pixel is the mean of its area. Pixels lie at whole multiples of the
+        spacing from the middle of the array, so that the view of a region is part of that of the whole.
+
+    Raises
+    ------
+    InvalidValueError
+        Without microlenses on a lattice, for a camera whose microlenses are focused at infinity, where not one of
+        disparity and z is given, or for a number out of range.
+
+    Notes
+    -----
+    A pixel's ray passes the optical centre of its microlens at c and the pupil, D before the array, at p. With the
+    image of its point a = b pitch / (disparity pixel pitch) behind the array, light of the point that passes the
+    viewpoint P meets the array at c + (P - p) a / (D + a).
+
+    There pixels are samples of the picture. Around each of its pixels a quadratic function is fitted to them (a linear
+    one, where it is refocused), whose means over the samples' footprints are compared: over pixels, and the openings
+    of microlenses that are out of focus. The sharper a sample is, and the more light its pixel has, the more it counts.
+    Samples whose places differ by a pixel at the rim of the pupil belong to different surfaces; the nearest is seen
+    where its samples lie dense enough. Pixels beside edges of depth count a twentieth.
+
+    A refocused picture has the aperture of the main lens and averages it with as many places as microlenses see a
+    point: where it is not sharp, their images show beside each other.
+
+    References
+    ----------
+    T. Georgiev and A. Lumsdaine, Computer Graphics Forum 29 (2010), doi:10.1111/j.1467-8659.2009.01569.x, for patches;
+    H. Takeda, S. Farsiu and P. Milanfar, IEEE Trans. Image Process. 16 (2007), doi:10.1109/TIP.2006.888330, for
+    regression.
+
+    Examples
+    --------
+    >>> import numpy as np, plenoptic as pl
+    >>> camera = pl.PlenopticCamera(
+    ...     lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=5.0)),
+    ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
+    ...     sensor=pl.Sensor(shape=(96, 96), pixel_pitch=0.01), stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
+    >>> shot = pl.render(pl.check_scene(), camera, samples=64, progress=False, truth=pl.Truth.CHORD_DISPARITY)
+    >>> white = pl.render_white(camera, samples=16, progress=False)
+    >>> view = pl.lightfield.render_view(shot, white, shot.truth.chord_disparity)
+    >>> view, round(float(np.nanmedian(view.disparity)), 2)
+    (View(20 x 17 x 1 from (0.0, 0.0)), 3.25)
+    """
+    planes, seen_by = raw_planes(shot, white, share_of_light(least_light)), camera_of(shot, camera)
+    array, pupil, axes = focused_array(seen_by), seen_pupil(seen_by), array_axes(seen_by)
+    if (disparity is not None and z is not None) or (disparity is None and z is None):
+        raise InvalidValueError("give either disparity, of each pixel or one, or z=, the plane in mm")
+    place = _checked_viewpoint(viewpoint)
+    apart = min(array.pitches) / _PARTS if spacing is None else length_in_mm(spacing, "spacing")
+    wide = math.inf if aperture is None else positive(aperture, "aperture")
+    seen = Seen(seen_by, array, pupil, planes, pixel_rays(axes, array, planes, pupil))
+    rays, grid = seen.rays, grid_of(seen.rays, apart)
+    # In pitches: a share of the distance to the sensor.
+    given = _of_plane(seen, finite(z, "z")) if z is not None else _of_pixels(seen, disparity)
+    towards = np.array(place) * pupil.slope
+    chosen = np.hypot(*(rays.pupil - towards).T) <= wide * abs(pupil.slope)
+    everywhere = np.ndim(disparity) > 0
+    samples = _samples(seen, given, chosen, everywhere, apart)
+    on_array = rays.through + (towards - rays.pupil) * samples.nearness[:, None]
+    surfaces = Surfaces(
+        surface_depth(pupil, apart), _area(seen, wide) / apart**2, _QUADRATIC if everywhere else _LINEAR
+    )
+    canvas = splatted(sorted_splats(grid, on_array, samples), grid, surfaces, thread_count(threads))
+    return View(
+        picture=canvas.picture.astype(np.float32),
+        standard_error=None if canvas.variance is None else np.sqrt(canvas.variance).astype(np.float32),
+        disparity=canvas.disparity,
+        coverage=canvas.coverage,
+        on_array=axes.on_array(grid.places().reshape(-1, 2)).reshape(*grid.shape, 2),
+        spacing=apart,
+        viewpoint=place,
+        camera=seen_by,
+    )
+
+
+def _checked_viewpoint(viewpoint: tuple[float, float]) -> tuple[float, float]:
+    place = numbers(viewpoint, "viewpoint")
+    if place.shape != (2,):
+        raise InvalidValueError(f"viewpoint has shape {place.shape}; it must be (x, y), in semi-diameters of the iris")
+    return coordinate(place[0], "viewpoint[0]"), coordinate(place[1], "viewpoint[1]")
+
+
+def _of_pixels(seen: Seen, disparity: ArrayLike) -> Floats:
+    """Disparities (n,) of rays, in pitches, from those of the raw image in pixels."""
+    given, shape = numbers(disparity, "disparity"), seen.planes.shot.shape[:2]
+    if given.shape not in ((), shape):
+        raise InvalidValueError(
+            f"disparity has shape {given.shape}; give that of the shot, {shape}, or one number to refocus"
+        )
+    if not np.isfinite(given).any():
+        raise InvalidValueError("disparity is nowhere finite; give that of the pixels, such as truth.chord_disparity")
+    pixels = seen.camera.sensor.pixel_pitch / min(seen.array.pitches)
+    return seen.rays.at(np.broadcast_to(given, shape)) * pixels
+
+
+def _of_plane(seen: Seen, z: float) -> Floats:
+    camera = seen.camera
+    front = min(0.0, float(camera.lens.vertices[0]))
+    if not z < front:
+        raise InvalidValueError(
+            f"z is {z:g} mm; the plane must lie in front of the camera, beyond its lens at z = {front:g} mm"
+        )
+    behind = image_plane(camera.lens, z, camera.wavelength) - camera.stop_to_microlenses
+    if behind == 0:
+        raise InvalidValueError(
+            f"z is {z:g} mm, which the lens images onto the microlenses: they do not show it; take another plane"
+        )
+    return seen.rays.to_sensor / behind
+
+
+def _samples(seen: Seen, disparity: Floats, chosen: NDArray[np.bool_], everywhere: bool, spacing: float) -> Splats:
+    """Rays as samples of a picture of everything in focus, or of one plane; nearness is nan where they are not chosen."""
+    camera, array, pupil, planes, rays = seen
+    pixel, depth = camera.sensor.pixel_pitch, surface_depth(pupil, spacing)
+    # a / (1 + a V) of the image a behind the array, as the Notes of `render_view` have it.
+    nearness = rays.to_sensor / (disparity + rays.to_sensor * pupil.vergence)
+    foot = footprints(array, rays, pupil, nearness, pixel, camera.wavelength)
+    light = rays.at(planes.white)
+    weight = light.mean(axis=1) / planes.least
+    if everywhere:
+        weight = (weight * foot.pixel / (foot.pixel + foot.lens)) ** 2
+        weight *= unmixed(rays, nearness, foot.blur(), depth, planes.shot.shape[:2])
+    lit = np.bincount(rays.lens, chosen)[rays.lens]
+    radiance = rays.at(planes.shot) / light
+    return Splats(
+        first=np.empty(0, dtype=np.int64),
+        place=np.empty((0, 2)),
+        nearness=np.where(chosen, nearness, np.nan),
+        disparity=disparity * min(array.pitches) / pixel,
+        weight=weight,
+        area=array.cell_area * (1.0 - pupil.vergence * nearness) ** 2 / np.maximum(lit, 1) / spacing**2,
+        spread=(foot.pixel + foot.lens) / spacing**2,
+        radiance=radiance,
+        variance=_variance(planes, rays, radiance, light),
+    )
+
+
+def _variance(planes: RawPlanes, rays: PixelRays, radiance: Floats, light: Floats) -> Floats | None:
+    if planes.variance is None:
+        return None
+    spread = rays.at(planes.variance)
+    if planes.white_variance is not None:
+        spread = spread + radiance**2 * rays.at(planes.white_variance)
+    return np.asarray(spread / light**2)
+
+
+def _area(seen: Seen, aperture: float) -> float:
+    """Of the array for each pixel of a microlens image, with as many of them as the pupil lights, in mm^2."""
+    camera, array, pupil, _, _ = seen
+    pixels = (
+        math.pi * (min(aperture, 1.0) * pupil.slope * camera.microlenses_to_sensor / camera.sensor.pixel_pitch) ** 2
+    )
+    return array.cell_area / min(max(pixels, 1.0), array.cell_area / camera.sensor.pixel_pitch**2)
