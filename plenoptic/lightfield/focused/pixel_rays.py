@@ -12,11 +12,15 @@ from plenoptic.camera.assembly import ArrayAxes
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.model_pupil import model_pupil
 from plenoptic.camera.points.centres import CentreMethod, microlens_centres
-from plenoptic.camera.report.optics import paraxial_cone
+from plenoptic.camera.report.optics import opening_width, paraxial_cone
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield.planes import RawPlanes
 from plenoptic.optics.microlens.array import MicrolensArray
+
+
+_LEAST = 0.25
+"""Of the distance between microlens images: the radius of what is used of them at least, however much they overlap."""
 
 
 class Pupil(NamedTuple):
@@ -58,11 +62,10 @@ def seen_pupil(camera: PlenopticCamera) -> Pupil:
 
 
 def pixel_rays(axes: ArrayAxes, array: MicrolensArray, planes: RawPlanes, pupil: Pupil) -> PixelRays:
-    """Of all lit pixels in the circles around the centres of microlens images that do not overlap."""
+    """Of all lit pixels that see one microlens alone."""
     camera, first = axes.camera, np.array(planes.first)
     shape = np.array(planes.shot.shape[:2])
-    apart = abs(1.0 + camera.microlenses_to_sensor * pupil.vergence)
-    radius = 0.5 * apart * min(array.pitches) / camera.sensor.pixel_pitch
+    radius = _radius(camera, array, pupil)
     centres = microlens_centres(camera, CentreMethod.CHIEF_RAY, margin=max(array.pitches))
     near = np.flatnonzero(
         ((centres.pixel >= first - radius) & (centres.pixel <= first + shape - 1 + radius)).all(axis=1)
@@ -84,6 +87,18 @@ def pixel_rays(axes: ArrayAxes, array: MicrolensArray, planes: RawPlanes, pupil:
     return PixelRays(
         row[known], column[known], lens, centres.type[near][lens], through, through * pupil.vergence - slopes, to_sensor
     )
+
+
+def _radius(camera: PlenopticCamera, array: MicrolensArray, pupil: Pupil) -> float:
+    """Pixels up to which the image of a microlens is free of its neighbours' light.
+
+    They lie d apart and have the radius b slope, blurred by the opening w to b |V + 1 / b - 1 / f| w / 2 beyond.
+    """
+    b, focal = camera.microlenses_to_sensor, np.array(array.focal_lengths_at(camera.wavelength))
+    apart = abs(1.0 + b * pupil.vergence) * min(array.pitches)
+    blur = 0.5 * opening_width(array) * float(np.abs(pupil.vergence + 1.0 / b - 1.0 / focal).max())
+    free = apart - b * (abs(pupil.slope) + blur)
+    return min(max(free, _LEAST * apart), 0.5 * apart) / camera.sensor.pixel_pitch
 
 
 def _straight(

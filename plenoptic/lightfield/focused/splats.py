@@ -18,17 +18,17 @@ _WIDTH = 0.4
 """Of a window: the standard deviation of its weights, in pixels of the picture."""
 _SAMPLES = 1.2
 """The same in roots of the area of the picture that a sample has, where that is more."""
-_CUT = 3.5
+_CUT = 3.0
 """Widths at which a window ends."""
 _DEPTH = 1.0
 """Pixels by which rays through the middle and the rim of the pupil may differ within a surface."""
-_NONE, _FULL = 0.05, 0.75
+_NONE, _FULL = 0.1, 0.65
 """A surface whose samples are so dense, over what it has where nothing hides it, shows nothing or fills a pixel."""
-_LEAST = 0.25
-"""Share of a pixel that must be seen."""
+_PIVOT = 0.1
+"""Samples fix a function where each of its terms varies so much among them, beside the terms before it."""
 _MIXED = 0.05
 """Weight of pixels beside edges of depth, in which light of two surfaces is mixed."""
-_FARTHEST_MIXED = 4
+_FARTHEST_MIXED = 3
 _ROWS = 8
 """Of the picture, a task."""
 
@@ -46,8 +46,10 @@ class Splats(NamedTuple):
     weight: Floats
     area: Floats
     """Of the picture, for each sample, where nothing hides the surface."""
+    pixel: Floats
+    """Variance of the footprint of the pixel alone along each axis."""
     spread: Floats
-    """Variance of the footprint along each axis."""
+    """Variance of the footprint."""
     radiance: Floats
     variance: Floats | None
 
@@ -62,10 +64,21 @@ class Window(NamedTuple):
     """Difference of nearness within a surface."""
     none: float
     full: float
-    least: float
-    pixel: float
-    """Variance of a pixel of the picture."""
     terms: int
+    pivot: float
+    largest: float
+    """The largest variance of a pixel's footprint."""
+
+
+class Near(NamedTuple):
+    """Room for the samples around a pixel."""
+
+    number: NDArray[np.int64]
+    share: Floats
+    cover: Floats
+    down: Floats
+    along: Floats
+    used: Floats
 
 
 class Surfaces(NamedTuple):
@@ -172,23 +185,18 @@ def splatted(splats: Splats, grid: Grid, surfaces: Surfaces, threads: int) -> Ca
     """The picture that samples make."""
     from plenoptic.lightfield.kernels.splat import WIDENINGS, WIDER, fill_view
 
-    width = max(_WIDTH, _SAMPLES * math.sqrt(surfaces.area))
-    window = Window(grid.shape, width, _CUT, surfaces.depth, _NONE, _FULL, _LEAST, 1.0 / 12.0, surfaces.terms)
+    width, largest = max(_WIDTH, _SAMPLES * math.sqrt(surfaces.area)), float(splats.pixel.max(initial=0.0))
+    window = Window(grid.shape, width, _CUT, surfaces.depth, _NONE, _FULL, surfaces.terms, _PIVOT, largest)
     shape = (*grid.shape, splats.radiance.shape[1])
     variance = None if splats.variance is None else np.empty(shape)
     canvas = Canvas(np.empty(shape), variance, np.empty(grid.shape), np.empty(grid.shape))
-    room = _most_in(splats.first, grid.shape, math.ceil(_CUT * width * WIDER ** (WIDENINGS - 1)))
+    reach = math.ceil(_CUT * max(width * WIDER ** (WIDENINGS - 1), math.hypot(width, math.sqrt(largest))))
+    room = _most_in(splats.first, grid.shape, reach)
 
     def work(row: int) -> None:
-        near = np.empty(room, dtype=np.int64), np.empty(room), np.empty(room), np.empty(room)
-        fill_view(
-            canvas,
-            splats,
-            window,
-            near,
-            (np.empty(6), np.empty((6, 6)), np.empty(6)),
-            (row, min(row + _ROWS, grid.shape[0])),
-        )
+        near = Near(np.empty(room, dtype=np.int64), *np.empty((5, room)))
+        fit = np.empty(6), np.empty((6, 6)), np.empty(6)
+        fill_view(canvas, splats, window, near, fit, (row, min(row + _ROWS, grid.shape[0])))
 
     for _ in run_in_order(work, range(0, grid.shape[0], _ROWS), threads=threads):
         pass

@@ -11,56 +11,58 @@ import math
 
 from plenoptic.core.jit import device, kernel
 
-WIDER, WIDENINGS = 2.0, 3
-"""By what a window that shows too little is widened, and how many windows are tried."""
+PIXEL = 1.0 / 12.0
+"""Variance of a pixel of the picture along each axis."""
+WIDER, WIDENINGS = 1.5, 4
+"""By what a window is widened whose samples fix no function, and how many windows are tried."""
 _LAYERS = 8
 """Surfaces behind each other that are looked at."""
 _REST = 0.02
-"""Share of a pixel that is no longer looked for."""
-_PIVOT = 0.02
-"""A fit is of lower order where what is left of a term, after those before it, is less than this part of the weight."""
+"""Share of a pixel that is no longer looked for, and that must be seen at least."""
 
 
 @device
-def _gathered(near, splats, row, column, window, width):
-    """Collect the samples around a pixel: number, weight, and how far down and along they lie; how many there are."""
-    number, share, down, along = near
+def _gathered(near, splats, at, window, width):
+    """Collect the samples around a pixel: numbers, weights, what they cover, places from it; how many there are."""
+    row, column = at
     rows, columns = window.shape
-    reach = window.cut * width
-    cells = int(math.ceil(reach))
+    cells = math.ceil(window.cut * math.sqrt(max(width * width, window.width * window.width + window.largest)))
     scale, count = -0.5 / (width * width), 0
     for i in range(max(0, row - cells), min(rows, row + cells + 1)):
         for j in range(max(0, column - cells), min(columns, column + cells + 1)):
             cell = i * columns + j
             for k in range(splats.first[cell], splats.first[cell + 1]):
                 y, x = splats.place[k, 0] + (i - row), splats.place[k, 1] + (j - column)
-                square = y * y + x * x
-                if square < reach * reach:
-                    number[count], share[count], down[count], along[count] = k, math.exp(scale * square), y, x
+                square = (y * y + x * x) / (window.cut * window.cut)
+                covering = window.width * window.width + splats.pixel[k]
+                if square < max(width * width, covering):
+                    square *= window.cut * window.cut
+                    near.number[count], near.down[count], near.along[count] = k, y, x
+                    near.share[count] = math.exp(scale * square)
+                    density = math.exp(-0.5 * square / covering) / (2.0 * math.pi * covering)
+                    near.cover[count] = splats.area[k] * density
                     count += 1
     return count
 
 
 @device
 def _next_layer(near, count, splats, behind, depth):
-    """Where the nearest surface behind a nearness lies, how much it covers (times 2 pi width^2), its disparity and end."""
-    number, share, _, _ = near
+    """Where the nearest surface behind a nearness lies, how much of the pixel it covers, its disparity and its end."""
     nearest = -math.inf
     for j in range(count):
-        e = splats.nearness[number[j]]
+        e = splats.nearness[near.number[j]]
         if nearest < e < behind:
             nearest = e
     covered, mean, disparity = 0.0, 0.0, 0.0
     for j in range(count):
-        k = number[j]
+        k = near.number[j]
         e = splats.nearness[k]
         if nearest - depth <= e < behind:
-            part = share[j] * splats.area[k]
-            covered += part
-            mean += part * e
-            disparity += part * splats.disparity[k]
+            covered += near.cover[j]
+            mean += near.cover[j] * e
+            disparity += near.cover[j] * splats.disparity[k]
     if covered <= 0.0:
-        return math.nan, 0.0, math.nan, nearest
+        return math.nan, 0.0, math.nan, nearest - depth
     return mean / covered, covered, disparity / covered, nearest - depth
 
 
@@ -77,8 +79,8 @@ def _fill_terms(terms, down, along, spread, width):
 
 
 @device
-def _fitted(solution, squares, order):
-    """The first row of the inverse of `squares`, by Cholesky, which it overwrites; False where it is near singular."""
+def _solved(solution, squares, order, pivot):
+    """The first row of the inverse of `squares`, by Cholesky, which it overwrites; False where a pivot is too small."""
     weight = squares[0, 0]
     for i in range(order):
         for j in range(i + 1):
@@ -87,7 +89,7 @@ def _fitted(solution, squares, order):
                 t -= squares[i, k] * squares[j, k]
             if i > j:
                 squares[i, j] = t / squares[j, j]
-            elif t <= _PIVOT * weight:
+            elif t <= pivot * weight:
                 return False
             else:
                 squares[i, i] = math.sqrt(t)
@@ -105,44 +107,48 @@ def _fitted(solution, squares, order):
 
 
 @device
-def _fill_fit(fit, near, count, splats, middle, window, width):
-    """Find the function that turns samples near a depth into weights; how many terms it has, 0 where none is found."""
+def _fill_used(near, count, fit, splats, window, middle, width):
+    """Find weights that make samples near a depth the value of a function at the pixel; how many terms it has.
+
+    0 where they do not fix it. In the widest window, a function of fewer terms does.
+    """
     solution, squares, terms = fit
-    number, share, down, along = near
-    order = window.terms
+    order, last = window.terms, width > 0.99 * window.width * WIDER ** (WIDENINGS - 1)
     while order > 0:
         squares[:] = 0.0
         for j in range(count):
-            k = number[j]
+            k = near.number[j]
+            near.used[j] = 0.0
             if abs(splats.nearness[k] - middle) > window.depth:
                 continue
-            weight = share[j] * splats.weight[k]
-            _fill_terms(terms, down[j], along[j], splats.spread[k] - window.pixel, width)
+            near.used[j] = near.share[j] * splats.weight[k]
+            _fill_terms(terms, near.down[j], near.along[j], splats.spread[k] - PIXEL, width)
             for p in range(order):
                 for q in range(p + 1):
-                    squares[p, q] += weight * terms[p] * terms[q]
-        if squares[0, 0] > 0.0 and _fitted(solution, squares, order):
-            return order
+                    squares[p, q] += near.used[j] * terms[p] * terms[q]
+        if squares[0, 0] > 0.0 and _solved(solution, squares, order, window.pivot):
+            break
         # From a quadratic function to a linear one, to a constant.
-        order = order // 2 if order > 1 else 0
-    return 0
+        order = order // 2 if last and order > 1 else 0
+    for j in range(count):
+        k = near.number[j]
+        if near.used[j] > 0.0 and order > 0:
+            _fill_terms(terms, near.down[j], near.along[j], splats.spread[k] - PIXEL, width)
+            value = 0.0
+            for p in range(order):
+                value += solution[p] * terms[p]
+            near.used[j] *= value
+    return order
 
 
 @device
-def _add_layer(canvas, at, part, fit, order, near, count, splats, middle, window, width):
-    """Add a part of what a fit says of a surface to a pixel."""
-    solution, _, terms = fit
-    number, share, down, along = near
+def _add_surface(canvas, at, part, near, count, splats):
+    """Add a part of what samples say of a surface to a pixel."""
     row, column = at
     for j in range(count):
-        k = number[j]
-        if abs(splats.nearness[k] - middle) > window.depth:
+        k, weight = near.number[j], part * near.used[j]
+        if weight == 0.0:
             continue
-        _fill_terms(terms, down[j], along[j], splats.spread[k] - window.pixel, width)
-        weight = 0.0
-        for p in range(order):
-            weight += solution[p] * terms[p]
-        weight *= part * share[j] * splats.weight[k]
         for channel in range(canvas.picture.shape[2]):
             canvas.picture[row, column, channel] += weight * splats.radiance[k, channel]
             if splats.variance is not None:
@@ -150,26 +156,30 @@ def _add_layer(canvas, at, part, fit, order, near, count, splats, middle, window
 
 
 @device
-def _shown(canvas, at, fit, near, count, splats, window, width):
-    """Add surfaces to a pixel, the nearest first, until nothing shines through; the share of it that they cover."""
+def _shown(canvas, at, near, count, fit, splats, window, width):
+    """Add surfaces to a pixel, the nearest first, until nothing shines through; the share of it that they cover.
+
+    nan where the samples of one fix no function.
+    """
     row, column = at
     left, behind, most = 1.0, math.inf, 0.0
-    scale = 1.0 / (2.0 * math.pi * width * width)
+    canvas.picture[row, column] = 0.0
+    if splats.variance is not None:
+        canvas.variance[row, column] = 0.0
     for _ in range(_LAYERS):
         middle, covered, disparity, behind = _next_layer(near, count, splats, behind, window.depth)
         if covered == 0.0:
             break
-        part = left * min(1.0, (covered * scale - window.none) / (window.full - window.none))
+        part = left * min(1.0, (covered - window.none) / (window.full - window.none))
         if part <= 0.0:
             continue
-        order = _fill_fit(fit, near, count, splats, middle, window, width)
-        if order == 0:
-            continue
-        _add_layer(canvas, at, part, fit, order, near, count, splats, middle, window, width)
+        if _fill_used(near, count, fit, splats, window, middle, width) == 0:
+            return math.nan
+        _add_surface(canvas, at, part, near, count, splats)
         left -= part
         if part > most:
             most = part
-            canvas.disparity[row, column], canvas.coverage[row, column] = disparity, covered * scale
+            canvas.disparity[row, column], canvas.coverage[row, column] = disparity, covered
         if left < _REST:
             break
     return 1.0 - left
@@ -177,23 +187,19 @@ def _shown(canvas, at, fit, near, count, splats, window, width):
 
 @kernel
 def fill_view(canvas, splats, window, near, fit, part):
-    """Fill the rows `part` = (first, end) of a canvas; what shows nothing stays nan."""
+    """Fill the rows `part` = (first, end) of a canvas; nan where nothing is seen."""
     for row in range(part[0], part[1]):
         for column in range(canvas.picture.shape[1]):
-            width, shown = window.width, 0.0
+            width, shown = window.width, math.nan
             for _ in range(WIDENINGS):
-                canvas.picture[row, column] = 0.0
-                if splats.variance is not None:
-                    canvas.variance[row, column] = 0.0
-                count = _gathered(near, splats, row, column, window, width)
-                shown = _shown(canvas, (row, column), fit, near, count, splats, window, width)
-                if shown >= window.least:
+                count = _gathered(near, splats, (row, column), window, width)
+                shown = _shown(canvas, (row, column), near, count, fit, splats, window, width)
+                if not math.isnan(shown):
                     break
                 width *= WIDER
-            if shown < window.least:
+            if not shown > _REST:
                 shown = math.nan
-                canvas.disparity[row, column] = math.nan
-                canvas.coverage[row, column] = 0.0
+                canvas.disparity[row, column], canvas.coverage[row, column] = math.nan, 0.0
             canvas.picture[row, column] /= shown
             if splats.variance is not None:
                 canvas.variance[row, column] /= shown * shown
