@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,6 @@ from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield.planes import RawPlanes
 from plenoptic.optics.microlens.array import MicrolensArray
-
 
 _LEAST = 0.25
 """Of the distance between microlens images: the radius of what is used of them at least, however much they overlap."""
@@ -35,6 +34,8 @@ class Pupil(NamedTuple):
 class PixelRays(NamedTuple):
     """Rays of n pixels through the optical centres of their microlenses, in the local axes of the array."""
 
+    shape: tuple[int, int]
+    """Of the raw image."""
     row: NDArray[np.int64]
     column: NDArray[np.int64]
     """In the raw image."""
@@ -48,9 +49,15 @@ class PixelRays(NamedTuple):
     to_sensor: Floats
     """From the array's rear principal plane, mm."""
 
-    def at(self, plane: Floats) -> Floats:
+    def at(self, plane: NDArray[Any]) -> Floats:
         """What the raw image (H, W) or (H, W, C) has for the rays."""
         return np.asarray(plane[self.row, self.column])
+
+    def on_image(self, of_rays: NDArray[Any], empty: float) -> NDArray[Any]:
+        """What the rays (n,) have, on the raw image (H, W)."""
+        plane = np.full(self.shape, empty, dtype=of_rays.dtype)
+        plane[self.row, self.column] = of_rays
+        return plane
 
 
 def seen_pupil(camera: PlenopticCamera) -> Pupil:
@@ -85,7 +92,14 @@ def pixel_rays(axes: ArrayAxes, array: MicrolensArray, planes: RawPlanes, pupil:
         axes, array, centres.on_array[near][lens], row[known] + first[0], column[known] + first[1]
     )
     return PixelRays(
-        row[known], column[known], lens, centres.type[near][lens], through, through * pupil.vergence - slopes, to_sensor
+        (int(shape[0]), int(shape[1])),
+        row[known],
+        column[known],
+        lens,
+        centres.type[near][lens],
+        through,
+        through * pupil.vergence - slopes,
+        to_sensor,
     )
 
 
@@ -102,7 +116,7 @@ def _radius(camera: PlenopticCamera, array: MicrolensArray, pupil: Pupil) -> flo
 
 
 def _straight(
-    axes: ArrayAxes, array: MicrolensArray, on_array: Floats, row: Floats, column: Floats
+    axes: ArrayAxes, array: MicrolensArray, on_array: Floats, row: NDArray[np.int64], column: NDArray[np.int64]
 ) -> tuple[Floats, Floats, Floats]:
     """Where rays from pixels pass the front of the array, their slopes (n, 2), and how far the sensor is (n,)."""
     camera, rules = axes.camera, array.model.rules

@@ -15,6 +15,7 @@ from plenoptic.core.parallel import thread_count
 from plenoptic.core.values import Floats, coordinate, finite, length_in_mm, numbers, positive
 from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield.estimation import focused_array
+from plenoptic.lightfield.focused.edges import corrected, unmixed
 from plenoptic.lightfield.focused.pixel_rays import PixelRays, Pupil, pixel_rays, seen_pupil
 from plenoptic.lightfield.focused.splats import (
     Splats,
@@ -24,7 +25,6 @@ from plenoptic.lightfield.focused.splats import (
     sorted_splats,
     splatted,
     surface_depth,
-    unmixed,
 )
 from plenoptic.lightfield.focused.view import View
 from plenoptic.lightfield.planes import RawPlanes, camera_of, raw_planes, share_of_light
@@ -47,7 +47,7 @@ class Seen(NamedTuple):
     rays: PixelRays
 
 
-def render_view(
+def render_view(  # noqa: PLR0913
     shot: Exposure,
     white: Exposure,
     disparity: ArrayLike | None = None,
@@ -135,18 +135,14 @@ def render_view(
     """
     planes, seen_by = raw_planes(shot, white, share_of_light(least_light)), camera_of(shot, camera)
     array, pupil, axes = focused_array(seen_by), seen_pupil(seen_by), array_axes(seen_by)
-    if (disparity is not None and z is not None) or (disparity is None and z is None):
-        raise InvalidValueError("give either disparity, of each pixel or one, or z=, the plane in mm")
     place = _checked_viewpoint(viewpoint)
     apart = min(array.pitches) / _PARTS if spacing is None else length_in_mm(spacing, "spacing")
     wide = math.inf if aperture is None else positive(aperture, "aperture")
     seen = Seen(seen_by, array, pupil, planes, pixel_rays(axes, array, planes, pupil))
     rays, grid = seen.rays, grid_of(seen.rays, apart)
-    # In pitches: a share of the distance to the sensor.
-    given = _of_plane(seen, finite(z, "z")) if z is not None else _of_pixels(seen, disparity)
+    given, everywhere = _disparities(seen, disparity, z)
     towards = np.array(place) * pupil.slope
     chosen = np.hypot(*(rays.pupil - towards).T) <= wide * abs(pupil.slope)
-    everywhere = np.ndim(disparity) > 0
     samples = _samples(seen, given, chosen, everywhere, apart)
     on_array = rays.through + (towards - rays.pupil) * samples.nearness[:, None]
     surfaces = Surfaces(
@@ -172,17 +168,21 @@ def _checked_viewpoint(viewpoint: tuple[float, float]) -> tuple[float, float]:
     return coordinate(place[0], "viewpoint[0]"), coordinate(place[1], "viewpoint[1]")
 
 
-def _of_pixels(seen: Seen, disparity: ArrayLike) -> Floats:
-    """Disparities (n,) of rays, in pitches, from those of the raw image in pixels."""
-    given, shape = numbers(disparity, "disparity"), seen.planes.shot.shape[:2]
+def _disparities(seen: Seen, disparity: ArrayLike | None, z: float | None) -> tuple[Floats, bool]:
+    """Disparities (n,) of rays, in pitches, and whether each pixel has its own."""
+    if z is not None and disparity is None:
+        return _of_plane(seen, finite(z, "z")), False
+    if z is not None or disparity is None:
+        raise InvalidValueError("give either disparity, of each pixel or one, or z=, the plane in mm")
+    given, shape = numbers(disparity, "disparity"), seen.rays.shape
     if given.shape not in ((), shape):
         raise InvalidValueError(
             f"disparity has shape {given.shape}; give that of the shot, {shape}, or one number to refocus"
         )
     if not np.isfinite(given).any():
         raise InvalidValueError("disparity is nowhere finite; give that of the pixels, such as truth.chord_disparity")
-    pixels = seen.camera.sensor.pixel_pitch / min(seen.array.pitches)
-    return seen.rays.at(np.broadcast_to(given, shape)) * pixels
+    in_pitches = seen.camera.sensor.pixel_pitch / min(seen.array.pitches)
+    return seen.rays.at(np.broadcast_to(given, shape)) * in_pitches, given.ndim > 0
 
 
 def _of_plane(seen: Seen, z: float) -> Floats:
@@ -201,19 +201,21 @@ def _of_plane(seen: Seen, z: float) -> Floats:
 
 
 def _samples(seen: Seen, disparity: Floats, chosen: NDArray[np.bool_], everywhere: bool, spacing: float) -> Splats:
-    """Rays as samples of a picture of everything in focus, or of one plane; nearness is nan where they are not chosen."""
+    """Rays as samples of a picture of everything in focus, or of one plane; nearness is nan where they do not count."""
     camera, array, pupil, planes, rays = seen
     pixel, depth = camera.sensor.pixel_pitch, surface_depth(pupil, spacing)
-    # a / (1 + a V) of the image a behind the array, as the Notes of `render_view` have it.
-    nearness = rays.to_sensor / (disparity + rays.to_sensor * pupil.vergence)
-    foot = footprints(array, rays, pupil, nearness, pixel, camera.wavelength)
     light = rays.at(planes.white)
-    weight = light.mean(axis=1) / planes.least
+    radiance, weight = rays.at(planes.shot) / light, light.mean(axis=1) / planes.least
+    # a / (1 + a V) of the image a behind the array, as the Notes of `render_view` have it.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        nearness = rays.to_sensor / (disparity + rays.to_sensor * pupil.vergence)
+        if everywhere:
+            nearness = corrected(rays, nearness, radiance.mean(axis=1), spacing, depth)
+            disparity = rays.to_sensor * (1.0 / nearness - pupil.vergence)
+    foot = footprints(array, rays, pupil, nearness, pixel, camera.wavelength)
     if everywhere:
-        weight = (weight * foot.pixel / (foot.pixel + foot.lens)) ** 2
-        weight *= unmixed(rays, nearness, foot.blur(), depth, planes.shot.shape[:2])
+        weight = (weight * foot.pixel / (foot.pixel + foot.lens)) ** 2 * unmixed(rays, nearness, foot.blur(), depth)
     lit = np.bincount(rays.lens, chosen)[rays.lens]
-    radiance = rays.at(planes.shot) / light
     return Splats(
         first=np.empty(0, dtype=np.int64),
         place=np.empty((0, 2)),

@@ -26,9 +26,6 @@ _NONE, _FULL = 0.1, 0.65
 """A surface whose samples are so dense, over what it has where nothing hides it, shows nothing or fills a pixel."""
 _PIVOT = 0.1
 """Samples fix a function where each of its terms varies so much among them, beside the terms before it."""
-_MIXED = 0.05
-"""Weight of pixels beside edges of depth, in which light of two surfaces is mixed."""
-_FARTHEST_MIXED = 3
 _ROWS = 8
 """Of the picture, a task."""
 
@@ -102,7 +99,7 @@ class Canvas(NamedTuple):
 
 
 class Grid(NamedTuple):
-    """Where its pixels lie on the array: row i at y = (first[0] + i) spacing, column j at x = -(first[1] + j) spacing."""
+    """Its pixels on the array: row i lies at y = (first[0] + i) spacing, column j at -x = (first[1] + j) spacing."""
 
     first: tuple[int, int]
     shape: tuple[int, int]
@@ -151,18 +148,6 @@ def footprints(
 def surface_depth(pupil: Pupil, spacing: float) -> float:
     """Difference of nearness within a surface."""
     return _DEPTH * spacing / abs(pupil.slope)
-
-
-def unmixed(rays: PixelRays, nearness: Floats, blur: Floats, depth: float, shape: tuple[int, int]) -> Floats:
-    """Weights of pixels, small where they lie beside edges of depth."""
-    from plenoptic.lightfield.kernels.depth_edges import fill_mixed
-
-    near, blurred = np.full(shape, np.nan), np.zeros(shape)
-    lens, mixed = np.full(shape, -1, dtype=np.int64), np.zeros(shape, dtype=np.uint8)
-    near[rays.row, rays.column], blurred[rays.row, rays.column] = nearness, blur
-    lens[rays.row, rays.column] = rays.lens
-    fill_mixed(mixed, near, lens, blurred, depth, _FARTHEST_MIXED)
-    return np.where(rays.at(mixed) > 0, _MIXED, 1.0)
 
 
 def sorted_splats(grid: Grid, on_array: Floats, samples: Splats) -> Splats:

@@ -1,8 +1,9 @@
 """Scattered samples of light become a picture: at each pixel what is nearest, by local quadratic regression.
 
-Around a pixel, samples near one depth are fitted by a quadratic function with Gaussian weights (W. S. Cleveland and S. J.
-Devlin, J. Am. Stat. Assoc. 83 (1988) 596). A sample is the mean of the picture over its footprint, and so are the
-functions that are fitted: what pixels and microlenses blur is sharpened as far as the samples allow.
+Around a pixel, samples near one depth are fitted by a quadratic function with Gaussian weights (W. S. Cleveland and
+S. J. Devlin, J. Am. Stat. Assoc. 83 (1988), doi:10.1080/01621459.1988.10478639). A sample is the mean of the picture
+over its footprint, and so are the functions that are fitted: what pixels and microlenses blur is sharpened as far as
+the samples allow.
 """
 
 from __future__ import annotations
