@@ -179,7 +179,7 @@ def test_one_plane_is_sharp_where_it_is_refocused(hidden, white):
         for v, aperture in ((7.0, None), (3.5, None), (3.5, 0.3))
     )
     # Columns between dark and bright, right of the square's middle.
-    between = [np.count_nonzero(np.abs(p[21:29].mean(axis=0)[9:] - 0.6) < 0.25) for p in (sharp, blurred, stopped)]
+    between = [np.count_nonzero(np.abs(p[13:21].mean(axis=0)[17:] - 0.6) < 0.25) for p in (sharp, blurred, stopped)]
     assert between[0] < between[2] < between[1] and between[0] <= 2
     again = render_view(shot, white, 0.217 / (7.0 * 0.01)).picture[..., 0]
     assert np.allclose(again, sharp, atol=1e-5, equal_nan=True)
