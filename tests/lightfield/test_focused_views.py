@@ -173,7 +173,7 @@ def test_what_is_nearer_hides_what_is_behind(white, hidden, viewpoint, fat):
 
 def test_one_plane_is_sharp_where_it_is_refocused(hidden, white):
     """The edge of the dark square: as sharp as the samples are, or blurred by the aperture."""
-    scene, shot = hidden
+    _, shot = hidden
     sharp, blurred, stopped = (
         render_view(shot, white, z=plane_at(GALILEAN, v), aperture=aperture).picture[..., 0]
         for v, aperture in ((7.0, None), (3.5, None), (3.5, 0.3))
