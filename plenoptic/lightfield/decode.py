@@ -226,7 +226,7 @@ def _field(
         right = offsets * camera.sensor.pixel_pitch * gap / camera.microlenses_to_sensor
         at_pupil = np.stack(np.broadcast_arrays(right[:, None], -right[None, :]), axis=-1)
         pupil = at_pupil / (size * camera.lens.stop.semi_diameter)
-    focus, larger = _focus(camera)
+    focus, larger = plane_in_focus(camera)
     across, down = grid.spacing
     return LightField(
         views=seen,
@@ -245,7 +245,7 @@ def _field(
     )
 
 
-def _focus(camera: PlenopticCamera) -> tuple[float, float]:
+def plane_in_focus(camera: PlenopticCamera) -> tuple[float, float]:
     """The plane in focus, and how much larger it is than its image; nan without one in front of the lens."""
     z = object_plane(camera.lens, camera.stop_to_microlenses, camera.wavelength)
     if camera.lens.model is LensModel.NONE or not z < float(camera.lens.vertices[0]):

@@ -6,7 +6,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.camera import PlenopticCamera
@@ -18,6 +18,7 @@ from plenoptic.lightfield.estimation import focused_array
 from plenoptic.lightfield.focused.edges import corrected, unmixed
 from plenoptic.lightfield.focused.pixel_rays import PixelRays, Pupil, pixel_rays, seen_pupil
 from plenoptic.lightfield.focused.splats import (
+    Grid,
     Splats,
     Surfaces,
     footprints,
@@ -45,6 +46,25 @@ class Seen(NamedTuple):
     pupil: Pupil
     planes: RawPlanes
     rays: PixelRays
+
+
+class Focus(NamedTuple):
+    """What pictures are sharp at."""
+
+    disparity: Floats
+    """(n,): of rays, in pitches."""
+    everywhere: bool
+    """Whether each pixel has its own."""
+
+
+class Samples(NamedTuple):
+    """Samples of pictures from all viewpoints."""
+
+    seen: Seen
+    splats: Splats
+    """In the order of rays; `first`, `place` and `area` are not yet known."""
+    grid: Grid
+    terms: int
 
 
 def render_view(  # noqa: PLR0913
@@ -133,32 +153,43 @@ def render_view(  # noqa: PLR0913
     >>> view, round(float(np.nanmedian(view.disparity)), 2)
     (View(20 x 17 x 1 from (0.0, 0.0)), 3.25)
     """
-    planes, seen_by = raw_planes(shot, white, share_of_light(least_light)), camera_of(shot, camera)
-    array, pupil, axes = focused_array(seen_by), seen_pupil(seen_by), array_axes(seen_by)
-    place = _checked_viewpoint(viewpoint)
-    apart = min(array.pitches) / _PARTS if spacing is None else length_in_mm(spacing, "spacing")
+    seen = _seen(shot, white, share_of_light(least_light), camera)
+    apart = min(seen.array.pitches) / _PARTS if spacing is None else length_in_mm(spacing, "spacing")
     wide = math.inf if aperture is None else positive(aperture, "aperture")
-    seen = Seen(seen_by, array, pupil, planes, pixel_rays(axes, array, planes, pupil))
-    rays, grid = seen.rays, grid_of(seen.rays, apart)
-    given, everywhere = _disparities(seen, disparity, z)
-    towards = np.array(place) * pupil.slope
-    chosen = np.hypot(*(rays.pupil - towards).T) <= wide * abs(pupil.slope)
-    samples = _samples(seen, given, chosen, everywhere, apart)
-    on_array = rays.through + (towards - rays.pupil) * samples.nearness[:, None]
-    surfaces = Surfaces(
-        surface_depth(pupil, apart), _area(seen, wide) / apart**2, _QUADRATIC if everywhere else _LINEAR
+    place = _checked_viewpoint(viewpoint)
+    focus = _disparities(seen, disparity, z)
+    return rendered(samples_of(seen, focus, apart), place, wide, thread_count(threads))
+
+
+def rendered(samples: Samples, viewpoint: tuple[float, float], aperture: float, threads: int) -> View:
+    """The view from a place of the pupil, of the pixels whose rays pass within an aperture around it."""
+    (camera, array, pupil, _, rays), splats, grid, terms = samples
+    towards = np.array(viewpoint) * pupil.slope
+    chosen = np.hypot(*(rays.pupil - towards).T) <= aperture * abs(pupil.slope)
+    lit = np.bincount(rays.lens, chosen)[rays.lens]
+    splats = splats._replace(
+        nearness=np.where(chosen, splats.nearness, np.nan), area=array.cell_area / np.maximum(lit, 1) / grid.spacing**2
     )
-    canvas = splatted(sorted_splats(grid, on_array, samples), grid, surfaces, thread_count(threads))
+    on_array = rays.through + (towards - rays.pupil) * splats.nearness[:, None]
+    area = _area(samples.seen, aperture) / grid.spacing**2
+    surfaces = Surfaces(surface_depth(pupil, grid.spacing), area, terms)
+    canvas = splatted(sorted_splats(grid, on_array, splats), grid, surfaces, threads)
     return View(
         picture=canvas.picture.astype(np.float32),
         standard_error=None if canvas.variance is None else np.sqrt(canvas.variance).astype(np.float32),
         disparity=canvas.disparity,
         coverage=canvas.coverage,
-        on_array=axes.on_array(grid.places().reshape(-1, 2)).reshape(*grid.shape, 2),
-        spacing=apart,
-        viewpoint=place,
-        camera=seen_by,
+        on_array=array_axes(camera).on_array(grid.places().reshape(-1, 2)).reshape(*grid.shape, 2),
+        spacing=grid.spacing,
+        viewpoint=viewpoint,
+        camera=camera,
     )
+
+
+def _seen(shot: Exposure, white: Exposure, least_light: float, camera: PlenopticCamera | None) -> Seen:
+    planes, seen_by = raw_planes(shot, white, least_light), camera_of(shot, camera)
+    array, pupil = focused_array(seen_by), seen_pupil(seen_by)
+    return Seen(seen_by, array, pupil, planes, pixel_rays(array_axes(seen_by), array, planes, pupil))
 
 
 def _checked_viewpoint(viewpoint: tuple[float, float]) -> tuple[float, float]:
@@ -168,10 +199,9 @@ def _checked_viewpoint(viewpoint: tuple[float, float]) -> tuple[float, float]:
     return coordinate(place[0], "viewpoint[0]"), coordinate(place[1], "viewpoint[1]")
 
 
-def _disparities(seen: Seen, disparity: ArrayLike | None, z: float | None) -> tuple[Floats, bool]:
-    """Disparities (n,) of rays, in pitches, and whether each pixel has its own."""
+def _disparities(seen: Seen, disparity: ArrayLike | None, z: float | None) -> Focus:
     if z is not None and disparity is None:
-        return _of_plane(seen, finite(z, "z")), False
+        return Focus(_of_plane(seen, finite(z, "z")), False)
     if z is not None or disparity is None:
         raise InvalidValueError("give either disparity, of each pixel or one, or z=, the plane in mm")
     given, shape = numbers(disparity, "disparity"), seen.rays.shape
@@ -182,7 +212,7 @@ def _disparities(seen: Seen, disparity: ArrayLike | None, z: float | None) -> tu
     if not np.isfinite(given).any():
         raise InvalidValueError("disparity is nowhere finite; give that of the pixels, such as truth.chord_disparity")
     in_pitches = seen.camera.sensor.pixel_pitch / min(seen.array.pitches)
-    return seen.rays.at(np.broadcast_to(given, shape)) * in_pitches, given.ndim > 0
+    return Focus(seen.rays.at(np.broadcast_to(given, shape)) * in_pitches, given.ndim > 0)
 
 
 def _of_plane(seen: Seen, z: float) -> Floats:
@@ -200,9 +230,10 @@ def _of_plane(seen: Seen, z: float) -> Floats:
     return seen.rays.to_sensor / behind
 
 
-def _samples(seen: Seen, disparity: Floats, chosen: NDArray[np.bool_], everywhere: bool, spacing: float) -> Splats:
-    """Rays as samples of a picture of everything in focus, or of one plane; nearness is nan where they do not count."""
+def samples_of(seen: Seen, focus: Focus, spacing: float) -> Samples:
+    """Rays as samples of pictures; where they fall, and how dense, depends on the viewpoint."""
     camera, array, pupil, planes, rays = seen
+    disparity, everywhere = focus
     pixel, depth = camera.sensor.pixel_pitch, surface_depth(pupil, spacing)
     light = rays.at(planes.white)
     radiance, weight = rays.at(planes.shot) / light, light.mean(axis=1) / planes.least
@@ -215,19 +246,19 @@ def _samples(seen: Seen, disparity: Floats, chosen: NDArray[np.bool_], everywher
     foot = footprints(array, rays, pupil, nearness, pixel, camera.wavelength)
     if everywhere:
         weight = (weight * foot.pixel / (foot.pixel + foot.lens)) ** 2 * unmixed(rays, nearness, foot.blur(), depth)
-    lit = np.bincount(rays.lens, chosen)[rays.lens]
-    return Splats(
+    splats = Splats(
         first=np.empty(0, dtype=np.int64),
         place=np.empty((0, 2)),
-        nearness=np.where(chosen, nearness, np.nan),
+        nearness=nearness,
         disparity=disparity * min(array.pitches) / pixel,
         weight=weight,
-        area=array.cell_area / np.maximum(lit, 1) / spacing**2,
+        area=np.empty(0),
         pixel=foot.pixel / spacing**2,
         spread=(foot.pixel + foot.lens) / spacing**2,
         radiance=radiance,
         variance=_variance(planes, rays, radiance, light),
     )
+    return Samples(seen, splats, grid_of(rays, spacing), _QUADRATIC if everywhere else _LINEAR)
 
 
 def _variance(planes: RawPlanes, rays: PixelRays, radiance: Floats, light: Floats) -> Floats | None:
