@@ -5,6 +5,7 @@ from plenoptic.lightfield.decode import decode
 from plenoptic.lightfield.depth import DepthMap, depth
 from plenoptic.lightfield.focused.rendering import render_view
 from plenoptic.lightfield.focused.view import View
+from plenoptic.lightfield.focused.views import render_views
 from plenoptic.lightfield.reading import read_eslf, read_hci, read_views
 from plenoptic.lightfield.refocus import refocus
 from plenoptic.lightfield.scores import DisparityScores, disparity_scores
@@ -25,4 +26,5 @@ __all__ = [
     "read_views",
     "refocus",
     "render_view",
+    "render_views",
 ]

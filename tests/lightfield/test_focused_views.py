@@ -8,7 +8,7 @@ import pytest
 
 import plenoptic as pl
 from plenoptic.errors import InvalidValueError
-from plenoptic.lightfield import render_view
+from plenoptic.lightfield import refocus, render_view, render_views
 from plenoptic.optics.lens.placement import rotation_about_axes
 from plenoptic.truth.channels import Truth
 
@@ -183,6 +183,28 @@ def test_one_plane_is_sharp_where_it_is_refocused(hidden, white):
     assert between[0] < between[2] < between[1] and between[0] <= 2
     again = render_view(shot, white, 0.217 / (7.0 * 0.01)).picture[..., 0]
     assert np.allclose(again, sharp, atol=1e-5, equal_nan=True)
+
+
+def test_a_light_field_of_views_is_one_like_others():
+    """Its rays are those of views at its places of the pupil, and its disparities bring views of a plane together."""
+    z = plane_at(GALILEAN, 4.0)
+    magnified = abs(z / (GALILEAN.stop_to_microlenses + 4.0 * 1.7))
+    scene, _ = waves(z, 8 * 6 * 0.217 * magnified, 6 * 0.217 * magnified)
+    shot, white = shot_of(scene, GALILEAN), white_of(GALILEAN)
+    field = render_views(shot, white, shot.truth.chord_disparity, views=3)
+    assert field.views.shape[:2] == (3, 3) and np.allclose(field.pupil[2, 0], (0.6, 0.6), rtol=0, atol=1e-12)
+    view = render_view(shot, white, shot.truth.chord_disparity, viewpoint=(0.6, 0.6))
+    assert np.array_equal(field.view(1, -1), view.picture, equal_nan=True)
+    assert np.array_equal(field.standard_error[2, 0], view.standard_error, equal_nan=True)
+    rays, expected = (found.position for found in (field.truth(scene, 1, -1), view.truth(scene)))
+    # A nanometre of chief rays' places on the sensor, 250 times as far at the plane.
+    assert np.allclose(rays, expected, rtol=0, atol=1e-6)
+    again = refocus(field, z=z)
+    off = (again - field.centre)[8:-8, 8:-8]
+    # Cubic convolution of waves of 36 pixels: third order, 0.2 (2 pi / 36)^3 / 8.
+    assert np.abs(off).max() < 3e-4 + 4 * np.nanmax(field.standard_error[1, 1, 8:-8, 8:-8])
+    with pytest.raises(InvalidValueError, match="odd"):
+        render_views(shot, white, shot.truth.chord_disparity, views=4)
 
 
 # ---- errors, bits ----

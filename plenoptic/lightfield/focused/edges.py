@@ -34,11 +34,25 @@ class Cells(NamedTuple):
     lens: NDArray[np.int64]
 
 
-def corrected(rays: PixelRays, nearness: Floats, light: Floats, spacing: float, depth: float) -> Floats:
+class Light(NamedTuple):
+    """Radiance of n pixels, the mean of its channels, and its standard error."""
+
+    value: Floats
+    error: Floats
+
+
+def light_of(radiance: Floats, variance: Floats | None) -> Light:
+    """Of radiance (n, C) and its variance."""
+    value, channels = radiance.mean(axis=1), radiance.shape[1]
+    spread = np.zeros_like(value) if variance is None else np.sqrt(variance.sum(axis=1)) / channels
+    return Light(value, spread)
+
+
+def corrected(rays: PixelRays, nearness: Floats, light: Light, spacing: float, depth: float) -> Floats:
     """Nearness (n,) of pixels, where estimated surfaces are wider than their edges that of what is behind them.
 
-    Which surface a pixel shows is judged by what other microlenses see at its places on both: `light` (n,) against
-    theirs. Surfaces differ by more than `depth`.
+    Which surface a pixel shows is judged by what other microlenses see at its places on both: its light is nearer to
+    theirs, by more than its error. Surfaces differ by more than `depth`.
     """
     from plenoptic.lightfield.kernels.depth_edges import fill_behind, fill_misfits
 
@@ -50,11 +64,11 @@ def corrected(rays: PixelRays, nearness: Floats, light: Floats, spacing: float, 
         k = np.flatnonzero(np.isfinite(other))
         if not len(k):
             break
-        cells = _in_cells(rays, nearness, light, spacing)
+        cells = _in_cells(rays, nearness, light.value, spacing)
         here, there = np.empty(len(k)), np.empty(len(k))
-        fill_misfits(here, cells, depth, (cells.place[k], nearness[k], light[k], rays.lens[k]))
-        fill_misfits(there, cells, depth, (_places(rays, other, spacing)[k], other[k], light[k], rays.lens[k]))
-        wrong = k[there < here]
+        fill_misfits(here, cells, depth, (cells.place[k], nearness[k], light.value[k], rays.lens[k]))
+        fill_misfits(there, cells, depth, (_places(rays, other, spacing)[k], other[k], light.value[k], rays.lens[k]))
+        wrong = k[there + light.error[k] < here]
         nearness = nearness.copy()
         nearness[wrong] = other[wrong]
     return nearness
