@@ -107,8 +107,8 @@ def test_a_constant_scene_gives_the_constant_whatever_the_depth(white, viewpoint
 def test_a_texture_lies_where_it_is(name):
     """In focus or not, from the middle of the pupil and beside it, upright.
 
-    Waves of 6 pitches are 36 pixels long: a quadratic fit over a window of variance w^2 = 0.16, of samples whose
-    footprints have variances up to s = 0.5, misses terms of fourth order: 0.2 (2 pi / 36)^4 (w^2 + s)^2 = 1e-4, and of
+    Waves of 6 pitches are 36 pixels long: a quadratic fit over a window of variance w^2 = 0.36, of samples whose
+    footprints have variances up to s = 0.5, misses terms of fourth order: 0.2 (2 pi / 36)^4 (w^2 + s)^2 = 1.4e-4, and of
     third order, where samples lie to one side, ten times that. The rest is noise.
     """
     camera = CAMERAS[name]
@@ -176,7 +176,7 @@ def test_one_plane_is_sharp_where_it_is_refocused(hidden, white):
     _, shot = hidden
     sharp, blurred, stopped = (
         render_view(shot, white, z=plane_at(GALILEAN, v), aperture=aperture).picture[..., 0]
-        for v, aperture in ((7.0, None), (3.5, None), (3.5, 0.3))
+        for v, aperture in ((7.0, None), (3.5, None), (3.5, 0.5))
     )
     # Columns between dark and bright, right of the square's middle.
     between = [np.count_nonzero(np.abs(p[13:21].mean(axis=0)[17:] - 0.6) < 0.25) for p in (sharp, blurred, stopped)]

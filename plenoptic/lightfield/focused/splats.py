@@ -14,7 +14,7 @@ from plenoptic.core.values import Floats
 from plenoptic.lightfield.focused.pixel_rays import PixelRays, Pupil
 from plenoptic.optics.microlens.array import MicrolensArray
 
-_WIDTH = 0.4
+_WIDTH = 0.6
 """Of a window: the standard deviation of its weights, in pixels of the picture."""
 _SAMPLES = 1.2
 """The same in roots of the area of the picture that a sample has, where that is more."""
