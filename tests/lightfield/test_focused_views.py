@@ -108,8 +108,8 @@ def test_a_texture_lies_where_it_is(name):
     """In focus or not, from the middle of the pupil and beside it, upright.
 
     Waves of 6 pitches are 36 pixels long: a quadratic fit over a window of variance w^2 = 0.36, of samples whose
-    footprints have variances up to s = 0.5, misses terms of fourth order: 0.2 (2 pi / 36)^4 (w^2 + s)^2 = 1.4e-4, and of
-    third order, where samples lie to one side, ten times that. The rest is noise.
+    footprints have variances up to s = 0.5, misses terms of fourth order, 0.2 (2 pi / 36)^4 (w^2 + s)^2 = 1.4e-4,
+    and of third order, where samples lie to one side, ten times that. The rest is noise.
     """
     camera = CAMERAS[name]
     v = 4.0 if camera.microlenses_to_sensor < 2 else -4.0
