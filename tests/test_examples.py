@@ -44,6 +44,7 @@ FILES = {
     "file_gallery": {"card.png", "card.gltf", "card.exr", "file_gallery.png"},
     "targets": {"edge.exr", "star.exr", "bars.exr", "targets.png"},
     "fine_structure": {"star_2.0.exr", "star_1.0.exr", "fine_structure.png"},
+    "focused_views": {"raw.exr", "focused_views.png"},
     "sub_aperture": {"raw.exr", "white.exr", "sub_aperture.png", "views.png"},
     "chromatic": {
         *(

@@ -2,6 +2,9 @@
 
 from plenoptic.lightfield.decode import decode
 from plenoptic.lightfield.depth import DepthMap, depth
+from plenoptic.lightfield.focused.rendering import render_view
+from plenoptic.lightfield.focused.view import View
+from plenoptic.lightfield.focused.views import render_views
 from plenoptic.lightfield.reading import read_eslf, read_hci, read_views
 from plenoptic.lightfield.refocus import refocus
 from plenoptic.lightfield.scores import DisparityScores, disparity_scores
@@ -11,6 +14,7 @@ __all__ = [
     "DepthMap",
     "DisparityScores",
     "LightField",
+    "View",
     "decode",
     "depth",
     "disparity_scores",
@@ -18,4 +22,6 @@ __all__ = [
     "read_hci",
     "read_views",
     "refocus",
+    "render_view",
+    "render_views",
 ]

@@ -125,7 +125,8 @@ def decode(
     errors = planes.variance is not None
     grid = resampling(array, index, apart, places=axes.local(on_array), turn=turn, origin=origin, errors=errors)
     seen, error = _sampled(planes, pixel, offsets, grid, _in_own_image(camera, array, offsets))
-    return _field(camera, seen, error, offsets, grid, grid.mixed(np.column_stack([pixel, on_array])))
+    places = grid.mixed(np.column_stack([pixel, on_array]))
+    return field_of(camera, seen, error, offsets, grid.origin, grid.spacing, places)
 
 
 def _checked_camera(
@@ -154,12 +155,17 @@ def _warn_of_focused(camera: PlenopticCamera) -> None:
         )
 
 
+def odd_count(views: int) -> int:
+    """`views`, or an error."""
+    if whole(views, "views", at_least=1, at_most=_MOST_VIEWS) % 2 == 0:
+        raise InvalidValueError(f"views is {views}; it must be odd, so that one is central: take {views + 1}")
+    return int(views)
+
+
 def _offsets(camera: PlenopticCamera, array: MicrolensArray, views: int | None, step: float) -> Floats:
     """Offsets of the views in pixels, from -m step to m step."""
     if views is not None:
-        if whole(views, "views", at_least=1, at_most=_MOST_VIEWS) % 2 == 0:
-            raise InvalidValueError(f"views is {views}; it must be odd, so that one is central: take {views + 1}")
-        half = views // 2
+        half = odd_count(views) // 2
     else:
         z, size = model_pupil(camera)
         gap = camera.stop_to_microlenses - z
@@ -211,14 +217,16 @@ def _sampled(
     return seen, error
 
 
-def _field(
+def field_of(
     camera: PlenopticCamera,
     seen: NDArray[np.float32],
     error: NDArray[np.float32] | None,
     offsets: Floats,
-    grid: Resampling,
+    origin: Floats,
+    spacing: tuple[float, float],
     places: Floats,
 ) -> LightField:
+    """The light field of views and their errors, whose pixels have places (rows, columns, 4): `pixel`, `on_array`."""
     z, size = model_pupil(camera)
     gap = camera.stop_to_microlenses - z
     with np.errstate(invalid="ignore"):
@@ -226,8 +234,8 @@ def _field(
         right = offsets * camera.sensor.pixel_pitch * gap / camera.microlenses_to_sensor
         at_pupil = np.stack(np.broadcast_arrays(right[:, None], -right[None, :]), axis=-1)
         pupil = at_pupil / (size * camera.lens.stop.semi_diameter)
-    focus, larger = _focus(camera)
-    across, down = grid.spacing
+    focus, larger = plane_in_focus(camera)
+    across, down = spacing
     return LightField(
         views=seen,
         standard_error=error,
@@ -237,15 +245,15 @@ def _field(
         on_array=places[..., 2:],
         exit_pupil=at_pupil,
         pupil=pupil if math.isfinite(gap) else np.full(at_pupil.shape, np.nan),
-        origin=grid.origin,
-        spacing=grid.spacing,
+        origin=origin,
+        spacing=spacing,
         object_spacing=(across * larger, down * larger),
         z_focus=focus,
         camera=camera,
     )
 
 
-def _focus(camera: PlenopticCamera) -> tuple[float, float]:
+def plane_in_focus(camera: PlenopticCamera) -> tuple[float, float]:
     """The plane in focus, and how much larger it is than its image; nan without one in front of the lens."""
     z = object_plane(camera.lens, camera.stop_to_microlenses, camera.wavelength)
     if camera.lens.model is LensModel.NONE or not z < float(camera.lens.vertices[0]):

@@ -1,0 +1,1 @@
+"""Pictures from the raw images of focused cameras."""

@@ -1,0 +1,86 @@
+"""A picture that a focused camera has seen from one place of its pupil."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.camera.assembly import array_axes
+from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.core.values import Floats, result
+from plenoptic.lightfield.focused.pixel_rays import seen_pupil
+from plenoptic.scene.scene import Scene
+from plenoptic.truth.channels import GroundTruth, Truth
+
+
+@result
+class View:
+    """A picture of the scene from one place of the pupil. See `render_view`, which makes it.
+
+    Attributes
+    ----------
+    picture : (rows, columns, C) array of float32
+        Radiance; nan where nothing is seen.
+    standard_error : (rows, columns, C) array of float32, or None
+        One standard deviation, from that of the raw image; None where the shot has none.
+    disparity : (rows, columns) array
+        Of what is seen, in pixels, as given.
+    coverage : (rows, columns) array
+        How dense pixels of the raw image lie that show it: 1 where the whole pupil sees it, less beside what hides it.
+    on_array : (rows, columns, 2) array
+        x and y, in mm, where the light of the pixels passes the array.
+    spacing : float
+        Distance of the pixels on the array, in mm.
+    viewpoint : (float, float)
+        Where all of it passes the pupil, in semi-diameters of the iris.
+    camera : PlenopticCamera
+    """
+
+    picture: NDArray[np.float32]
+    standard_error: NDArray[np.float32] | None
+    disparity: Floats
+    coverage: Floats
+    on_array: Floats
+    spacing: float
+    viewpoint: tuple[float, float]
+    camera: PlenopticCamera
+
+    def truth(self, scene: Scene, *, truth: Truth = Truth.ALL) -> GroundTruth:
+        """What the pixels show, traced along the rays through their places on the array and the viewpoint.
+
+        Parameters
+        ----------
+        scene : Scene
+        truth : Truth, optional
+            What is wanted; rays between microlenses have no MICROLENS, OBJECT_SHARE and CHORD_DISPARITY.
+
+        Returns
+        -------
+        GroundTruth
+            Of (rows, columns) pixels.
+
+        Examples
+        --------
+        >>> import numpy as np, plenoptic as pl
+        >>> camera = pl.PlenopticCamera(
+        ...     lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=5.0)),
+        ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
+        ...     sensor=pl.Sensor(shape=(96, 96), pixel_pitch=0.01),
+        ...     stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
+        >>> white = pl.render_white(camera, samples=16, progress=False)
+        >>> view = pl.lightfield.render_view(white, white, z=-404.0)
+        >>> view.truth(pl.shapes.white_plane()).depth[9, 9].round(6).item()
+        404.0
+        """
+        from plenoptic.truth.view_truth import truth_along
+
+        axes = array_axes(self.camera)
+        pupil = seen_pupil(self.camera)
+        local = axes.local(self.on_array.reshape(-1, 2))
+        slopes = local * pupil.vergence - np.array(self.viewpoint) * pupil.slope
+        on_sensor = axes.on_sensor(local, slopes).reshape(self.on_array.shape)
+        return truth_along(scene, self.camera, on_sensor, self.on_array, truth=truth)
+
+    def __repr__(self) -> str:
+        rows, columns, channels = self.picture.shape
+        return f"View({rows} x {columns} x {channels} from {self.viewpoint})"

@@ -1,0 +1,87 @@
+"""A light field of a focused camera: its views from a grid of places of the pupil."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from plenoptic.camera.assembly import array_axes
+from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.core.parallel import thread_count
+from plenoptic.lightfield.decode import field_of, odd_count
+from plenoptic.lightfield.focused.rendering import focus_of, rendered, samples_of, seen_by
+from plenoptic.lightfield.views import LightField
+from plenoptic.rendering.exposure import Exposure
+
+_WIDTH = 0.6
+"""Of the grid of viewpoints: half a side, in semi-diameters of the iris. Its corners lie at 0.85."""
+
+
+def render_views(
+    shot: Exposure,
+    white: Exposure,
+    disparity: ArrayLike,
+    *,
+    views: int = 5,
+    spacing: float | None = None,
+    camera: PlenopticCamera | None = None,
+    threads: int | None = None,
+) -> LightField:
+    """Views of a focused plenoptic camera (2.0) from a grid of places of the pupil, as those of a 1.0 camera.
+
+    Parameters
+    ----------
+    shot, white, disparity, spacing, camera, threads
+        As in `render_view`; the disparity of each pixel.
+    views : int, optional
+        Along u, and along v; odd. The outermost lie at 0.6 of the iris's semi-diameter to the right and left, above and
+        below.
+
+    Returns
+    -------
+    LightField
+        Its `u` and `v` are offsets from the chief rays' places on the sensor, as `decode` has them, so that
+        `LightField.disparity_at`, `LightField.truth`, `refocus` and exports hold for it. Everything is sharp in all
+        views.
+
+    Raises
+    ------
+    InvalidValueError
+        As `render_view` does, and for an even number of views.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> camera = pl.PlenopticCamera(
+    ...     lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=5.0)),
+    ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
+    ...     sensor=pl.Sensor(shape=(96, 96), pixel_pitch=0.01), stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
+    >>> shot = pl.render(pl.check_scene(), camera, samples=16, progress=False, truth=pl.Truth.CHORD_DISPARITY)
+    >>> white = pl.render_white(camera, samples=16, progress=False)
+    >>> field = pl.lightfield.render_views(shot, white, shot.truth.chord_disparity, views=3)
+    >>> field, field.pupil[2, 2].round(6).tolist()
+    (LightField(3 x 3 views of 31 x 31 x 1), [0.6, -0.6])
+    """
+    count = odd_count(views)
+    seen = seen_by(shot, white, camera)
+    samples = samples_of(seen, focus_of(seen, disparity), spacing)
+    places = np.linspace(-_WIDTH, _WIDTH, count) if count > 1 else np.zeros(1)
+    # Offsets grow to the right in the image and in the pupil, where that is not turned over.
+    scale = seen.pupil.slope * seen.camera.microlenses_to_sensor / seen.camera.sensor.pixel_pitch
+    sign, workers = math.copysign(1.0, scale), thread_count(threads)
+    made = [[rendered(samples, (sign * x, -sign * y), math.inf, workers) for y in places] for x in places]
+    axes, local = array_axes(seen.camera), samples.grid.places()
+    chief = axes.on_sensor(local.reshape(-1, 2), local.reshape(-1, 2) * seen.pupil.vergence)
+    pixel = seen.camera.sensor.pixel_of(chief).reshape(local.shape)
+    errors = [[view.standard_error for view in column] for column in made]
+    return field_of(
+        seen.camera,
+        np.array([[view.picture for view in column] for column in made]),
+        None if seen.planes.variance is None else np.array(errors),
+        abs(scale) * places,
+        local[0, 0],
+        (samples.grid.spacing, samples.grid.spacing),
+        np.concatenate([pixel, made[0][0].on_array], axis=-1),
+    )

@@ -1,0 +1,180 @@
+"""Views of focused cameras against exact pictures, beside those that take one patch of each microlens."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from table import Table
+
+import plenoptic as pl
+from plenoptic.camera.report.optics import lateral_magnification, object_plane
+from plenoptic.lightfield.planes import raw_planes
+from plenoptic.truth.channels import Truth
+
+Floats = NDArray[np.float64]
+
+_LENS = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(5.0))
+_THREE = (1.85, 2.0, 2.3)
+"""In focus at virtual depths of 12.3, 6.7 and 3.8."""
+_TEXELS, _SIDE = 1024, 0.05
+"""Of a texture, and of a texel in its image, mm: five pixels of the sensor."""
+_FINE = 3
+"""Points a side at which the exact picture is looked at in each pixel."""
+_MARGIN = 18
+"""Pixels of views that do not count: beyond the border, microlenses are missing."""
+
+
+class Card(NamedTuple):
+    """A square with a texture of 1/f noise that glows, at a virtual depth."""
+
+    virtual_depth: float
+    texels: int = _TEXELS
+    centre: tuple[float, float] = (0.0, 0.0)
+    """In its image, mm."""
+
+    def texture(self) -> Floats:
+        rng = np.random.default_rng(int(100 * self.virtual_depth))
+        frequency = np.hypot(*np.meshgrid(*[np.fft.fftfreq(_TEXELS)] * 2))
+        frequency[0, 0] = 1.0
+        noise = np.fft.ifft2(np.fft.fft2(rng.normal(size=(_TEXELS, _TEXELS))) / frequency).real
+        noise = 0.5 + 0.2 * (noise - noise.mean()) / noise.std()
+        return np.clip(noise, 0.02, 1.0)[: self.texels, : self.texels]
+
+    def placed(self, camera: pl.PlenopticCamera) -> tuple[float, float, float, float]:
+        """Its lower left corner and side, mm."""
+        image = camera.stop_to_microlenses + self.virtual_depth * camera.microlenses_to_sensor
+        z = object_plane(camera.lens, image, camera.wavelength)
+        larger = 1.0 / abs(lateral_magnification(camera.lens, z, camera.wavelength))
+        side = self.texels * _SIDE * larger
+        return self.centre[0] * larger - side / 2, self.centre[1] * larger - side / 2, z, side
+
+    def mesh(self, camera: pl.PlenopticCamera) -> pl.Mesh:
+        x, y, z, side = self.placed(camera)
+        shine = pl.Emissive(pl.Texture(self.texture()[..., None].astype(np.float32)))
+        return pl.quad((x, y, z), (side, 0, 0), (0, side, 0), material=shine)
+
+    def radiance(self, camera: pl.PlenopticCamera, position: Floats) -> Floats:
+        """At points (..., 3) of it, between the middles of texels."""
+        x, y, _, side = self.placed(camera)
+        texture = self.texture()
+        at = np.stack([y + side - position[..., 1], position[..., 0] - x], axis=-1) * (self.texels / side) - 0.5
+        low = np.floor(np.nan_to_num(at)).astype(np.int64)
+        (row, column), (down, along) = np.moveaxis(low, -1, 0), np.moveaxis(at - low, -1, 0)
+
+        def texel(i: int, j: int) -> Floats:
+            return texture[np.clip(row + i, 0, self.texels - 1), np.clip(column + j, 0, self.texels - 1)]
+
+        upper, lower = ((1 - along) * texel(i, 0) + along * texel(i, 1) for i in (0, 1))
+        return np.asarray((1 - down) * upper + down * lower)
+
+
+class Case(NamedTuple):
+    title: str
+    types: tuple[float, ...]
+    cards: tuple[Card, ...]
+
+
+_HIDING = (Card(8.0, 40, (0.3, 0.2)), Card(4.0))
+CASES = (
+    Case("three types, one in focus", _THREE, (Card(6.667),)),
+    Case("one type, in focus", (2.0,), (Card(6.667),)),
+    Case("three types, none in focus", _THREE, (Card(3.0),)),
+    Case("three types, occlusion", _THREE, _HIDING),
+    Case("one type, occlusion", (2.0,), _HIDING),
+)
+
+
+def tables(*, quick: bool) -> Iterator[Table]:
+    shape, samples = ((120, 120), 16) if quick else ((330, 330), 256)
+    margin = 6 if quick else _MARGIN
+    rows = [row for case in (CASES[-1:] if quick else CASES) for row in _rows(case, shape, samples, margin)]
+    yield Table(
+        "Views of focused cameras: PSNR in dB over a peak of 1",
+        ("scene", "depth", "viewpoint", "one patch a microlens", "render_view", "gain", "us per raw pixel"),
+        rows,
+        [
+            f"{shape[0]} x {shape[1]} pixels, {samples} samples. The exact picture is the mean of {_FINE} x {_FINE} "
+            f"lookups in each pixel along its rays; {margin} pixels at each border do not count. Patches have the "
+            "median disparity of their microlens's middle. One thread."
+        ],
+    )
+
+
+def _rows(case: Case, shape: tuple[int, int], samples: int, margin: int) -> Iterator[tuple[object, ...]]:
+    camera = pl.PlenopticCamera(
+        lens=_LENS,
+        microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=case.types),
+        sensor=pl.Sensor(shape=shape, pixel_pitch=0.01),
+        stop_to_microlenses=123.3,
+        microlenses_to_sensor=1.7,
+    )
+    scene = pl.Scene([card.mesh(camera) for card in case.cards])
+    shot = pl.render(scene, camera, samples=samples, max_bounces=0, truth=Truth.CHORD_DISPARITY, progress=False)
+    white = pl.render_white(camera, samples=samples, seed=5, progress=False)
+    assert shot.truth is not None and shot.truth.chord_disparity is not None
+    maps = {"true": shot.truth.chord_disparity, "estimated": pl.lightfield.depth(shot, white).disparity}
+    for viewpoint in ((0.0, 0.0), (0.5, 0.0)):
+        for name, disparity in maps.items():
+            pl.lightfield.render_view(shot, white, disparity, viewpoint=viewpoint, threads=1)
+            begin = time.perf_counter()
+            view = pl.lightfield.render_view(shot, white, disparity, viewpoint=viewpoint, threads=1)
+            spent = 1e6 * (time.perf_counter() - begin) / shot.image[..., 0].size
+            exact = _exact(case, scene, view)
+            ours, patches = (
+                _psnr(picture - exact, margin)
+                for picture in (view.picture[..., 0], _patches(shot, white, disparity, view))
+            )
+            yield case.title, name, str(viewpoint), f"{patches:.1f}", f"{ours:.1f}", f"{ours - patches:.1f}", spent
+
+
+def _exact(case: Case, scene: pl.Scene, view: pl.lightfield.View) -> Floats:
+    """The mean radiance of a view's pixels."""
+    steps = (np.arange(_FINE) - (_FINE - 1) / 2) / _FINE * view.spacing
+    total = np.zeros(view.disparity.shape)
+    for step in np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2):
+        moved = dataclasses.replace(view, on_array=view.on_array + step)
+        found = moved.truth(scene, truth=Truth.POSITION | Truth.OBJECT)
+        assert found.position is not None and found.object is not None
+        for number, card in enumerate(case.cards):
+            total += np.where(found.object == number, card.radiance(view.camera, found.position), 0.0)
+    return total / len(steps) ** 2
+
+
+def _psnr(off: Floats, margin: int) -> float:
+    inner = off[margin:-margin, margin:-margin]
+    return float(-10 * np.log10(np.nanmean(inner**2)))
+
+
+def _patches(shot: pl.Exposure, white: pl.Exposure, disparity: Floats, view: pl.lightfield.View) -> Floats:
+    """A view of which each microlens fills its own cell, magnified by one disparity: T. Georgiev and A. Lumsdaine.
+
+    For cameras without parts out of place: local axes are those of the array.
+    """
+    camera, planes = view.camera, raw_planes(shot, white, 0.1)
+    assert camera.microlenses is not None
+    b, pixel = camera.microlenses_to_sensor, camera.sensor.pixel_pitch
+    points = pl.paraxial.cardinal_points(camera.lens, wavelength=camera.wavelength)
+    distance = camera.stop_to_microlenses - points.exit_pupil
+    pupil = np.array(view.viewpoint) * points.pupil_magnification * camera.lens.stop.semi_diameter
+    centres = pl.microlens_centres(camera)
+    near = np.rint(centres.pixel).astype(np.int64)[:, None] + np.stack(np.mgrid[-4:5, -4:5], axis=-1).reshape(-1, 2)
+    inside = ((near >= 0) & (near < disparity.shape)).all(axis=-1)
+    row, column = np.moveaxis(np.where(inside[..., None], near, 0), -1, 0)
+    found = np.where(inside, disparity[row, column], np.nan)
+    usable = np.isfinite(found).any(axis=1)
+    behind = b * min(camera.microlenses.pitches) / (np.nanmedian(found[usable], axis=1) * pixel)
+    middles = centres.on_array[usable]
+    places = view.on_array.reshape(-1, 2)
+    own = np.concatenate(
+        [((part[:, None] - middles) ** 2).sum(axis=-1).argmin(axis=1) for part in np.array_split(places, 64)]
+    )
+    # The image of the point that the ray from the pupil shows, seen through the microlens.
+    image = places + (places - pupil) * (behind[own] / distance)[:, None]
+    on_sensor = middles[own] + (image - middles[own]) * (b / behind[own])[:, None]
+    radiance, _ = planes.read(camera.sensor.pixel_of(on_sensor))
+    return np.asarray(radiance[:, 0].reshape(view.disparity.shape))

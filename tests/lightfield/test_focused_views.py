@@ -1,0 +1,281 @@
+"""Views of focused cameras: constants stay, textures lie where they are, what is nearer hides what is behind it."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+import plenoptic as pl
+from plenoptic.errors import InvalidValueError
+from plenoptic.lightfield import refocus, render_view, render_views
+from plenoptic.optics.lens.placement import rotation_about_axes
+from plenoptic.truth.channels import Truth
+
+LENS = pl.load_lens("double-gauss-100mm-f2").with_model(pl.LensModel.THIN)
+HEXAGONAL, SQUARE = pl.Lattice.HEXAGONAL, pl.Lattice.SQUARE
+TURNED = pl.optics.Placement(rotation=rotation_about_axes((0.003, -0.004, 0.2)), shift=(0.03, -0.02, 0.01))
+
+
+def the_camera(b=1.7, stop=5.0, types=(2.0,), lattice=HEXAGONAL, shape=(120, 120), **more):
+    return pl.PlenopticCamera(
+        lens=LENS.with_stop(pl.CircularStop(stop)),
+        microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=types, lattice=lattice),
+        sensor=pl.Sensor(shape=shape, pixel_pitch=0.01),
+        stop_to_microlenses=123.3,
+        microlenses_to_sensor=b,
+        **more,
+    )
+
+
+GALILEAN, KEPLERIAN = the_camera(), the_camera(b=2.3, stop=3.7, types=(1.95, 2.05), lattice=SQUARE)
+CAMERAS = {
+    "one type": GALILEAN,
+    "three types": the_camera(types=(1.85, 2.0, 2.3)),
+    "Keplerian, square": KEPLERIAN,
+    "turned and tilted": the_camera(microlenses_placement=TURNED),
+}
+
+
+def plane_at(camera, v):
+    """z of the plane that the lens images v times b behind the array."""
+    points = pl.paraxial.cardinal_points(camera.lens, wavelength=camera.wavelength)
+    image = camera.stop_to_microlenses + v * camera.microlenses_to_sensor - points.rear_principal
+    return points.rear_principal - 1.0 / (1.0 / points.efl - 1.0 / image)
+
+
+def glowing(z, side, radiance, centre=(0.0, 0.0)):
+    x, y = centre
+    return pl.quad((x - side / 2, y - side / 2, z), (side, 0, 0), (0, side, 0), material=pl.Emissive(radiance))
+
+
+def waves(z, side, period):
+    """A plane whose radiance is a product of waves, of 64 texels a period; and what it is at points."""
+    at = 2 * np.pi * (np.arange(512) + 0.5) / 64
+    texels = 0.5 + 0.2 * np.sin(at)[None, :] * np.cos(at)[::-1, None]
+    texture = pl.Texture(texels[..., None].astype(np.float32))
+
+    def radiance(position):
+        x, y = (2 * np.pi * (position[..., k] + 4 * period) / period for k in range(2))
+        return 0.5 + 0.2 * np.sin(x) * np.cos(y)
+
+    assert math.isclose(side, 8 * period)
+    return pl.Scene([glowing(z, side, texture)]), radiance
+
+
+def white_of(camera, **more):
+    return pl.render_white(camera, samples=64, seed=9, progress=False, **more)
+
+
+def shot_of(scene, camera, samples=64, **more):
+    truth = Truth.CHORD_DISPARITY
+    return pl.render(scene, camera, samples=samples, seed=3, max_bounces=0, truth=truth, progress=False, **more)
+
+
+@pytest.fixture(scope="module")
+def white():
+    return white_of(GALILEAN)
+
+
+@pytest.fixture(scope="module")
+def hidden():
+    """A dark square before a bright plane."""
+    near, far = plane_at(GALILEAN, 7.0), plane_at(GALILEAN, 3.5)
+    scene = pl.Scene([glowing(near, 2.0, 0.2, (0.3, 0.2)), glowing(far, 60.0, 1.0)])
+    return scene, shot_of(scene, GALILEAN)
+
+
+# ---- laws ----
+
+
+@pytest.mark.parametrize("viewpoint", [(0.0, 0.0), (-0.6, 0.5)])
+def test_a_constant_scene_gives_the_constant_whatever_the_depth(white, viewpoint):
+    """Fits reproduce constants: what is left is rounding, of float32."""
+    depth = np.where(np.arange(120) < 60, 3.0, 5.0) * np.ones((120, 1))
+    depth[:, :20] = np.nan
+    for disparity in (depth, 4.0):
+        view = render_view(white, white, disparity, viewpoint=viewpoint)
+        seen = np.isfinite(view.picture)
+        assert seen.any() and np.abs(view.picture[seen] - 1.0).max() < 1e-6
+        assert np.array_equal(np.isfinite(view.disparity), seen[..., 0])
+        assert np.array_equal(view.coverage > 0, seen[..., 0])
+    view = render_view(white, white, depth, viewpoint=viewpoint)
+    assert np.isnan(view.picture).any() and set(view.disparity[np.isfinite(view.disparity)].round(6)) == {3.0, 5.0}
+
+
+@pytest.mark.parametrize("name", CAMERAS)
+def test_a_texture_lies_where_it_is(name):
+    """In focus or not, from the middle of the pupil and beside it, upright.
+
+    Waves of 6 pitches are 36 pixels long: a quadratic fit over a window of variance w^2 = 0.36, of samples whose
+    footprints have variances up to s = 0.5, misses terms of fourth order, 0.2 (2 pi / 36)^4 (w^2 + s)^2 = 1.4e-4,
+    and of third order, where samples lie to one side, ten times that. The rest is noise.
+    """
+    camera = CAMERAS[name]
+    v = 4.0 if camera.microlenses_to_sensor < 2 else -4.0
+    z = plane_at(camera, v)
+    magnified = abs(z / (camera.stop_to_microlenses + v * camera.microlenses_to_sensor))
+    period = 6 * 0.217 * magnified
+    scene, radiance = waves(z, 8 * period, period)
+    shot, white = shot_of(scene, camera), white_of(camera)
+    for viewpoint in ((0.0, 0.0), (0.5, -0.4)):
+        view = render_view(shot, white, shot.truth.chord_disparity, viewpoint=viewpoint)
+        expected = radiance(view.truth(scene, truth=Truth.POSITION).position)
+        off = np.abs(view.picture - expected[..., None]) - 1e-3
+        seen = np.isfinite(off)
+        assert seen.mean() > 0.75
+        assert (off[seen] < 3 * view.standard_error[seen]).mean() > 0.97
+
+
+def test_the_rays_of_a_view_meet_at_the_viewpoint():
+    """In object space at the pupil, right of its middle and above it; of a thin lens, in its own plane, exactly."""
+    white = white_of(GALILEAN)
+    view = render_view(white, white, z=-400.0, viewpoint=(0.5, 0.25))
+    points = [view.truth(pl.Scene([glowing(z, 900.0, 1.0)])).position for z in (-300.0, -600.0)]
+    pupil = pl.paraxial.cardinal_points(GALILEAN.lens, wavelength=587.6)
+    share = (pupil.rear_principal - points[0][..., 2:]) / (points[1][..., 2:] - points[0][..., 2:])
+    met = (points[0] + share * (points[1] - points[0]))[..., :2] / pupil.entrance_pupil_semi_diameter
+    assert np.abs(met - (0.5, 0.25)).max() < 1e-6
+    # Upright.
+    assert (np.diff(points[0][..., 0], axis=1) > 0).all() and (np.diff(points[0][..., 1], axis=0) < 0).all()
+
+
+def _pure(view, scene, at_least=2):
+    """Which pixels see one object as far as two pixels around, and which."""
+    found = view.truth(scene, truth=Truth.OBJECT).object
+    same = np.ones(found.shape, dtype=bool)
+    for axis in (0, 1):
+        for step in range(1, at_least + 1):
+            for way in (step, -step):
+                same &= np.roll(found, way, axis) == found
+    same[:at_least], same[-at_least:], same[:, :at_least], same[:, -at_least:] = (False,) * 4
+    return found, same
+
+
+@pytest.mark.parametrize("fat", [0, 2])
+@pytest.mark.parametrize("viewpoint", [(0.0, 0.0), (0.5, 0.5)])
+def test_what_is_nearer_hides_what_is_behind(white, hidden, viewpoint, fat):
+    """Also where the map of disparity shows it wider than it is, as matching in windows does."""
+    scene, shot = hidden
+    disparity = shot.truth.chord_disparity.copy()
+    for _ in range(fat):
+        padded = np.pad(disparity, 1, mode="edge")
+        rows, columns = disparity.shape
+        disparity = np.min([padded[i : i + rows, j : j + columns] for i in range(3) for j in range(3)], axis=0)
+    view = render_view(shot, white, disparity, viewpoint=viewpoint)
+    found, pure = _pure(view, scene)
+    for mesh, radiance in enumerate((0.2, 1.0)):
+        shown = view.picture[pure & (found == mesh) & np.isfinite(view.disparity)]
+        assert len(shown) > 100
+        # Where pixels mix both, farther out than matters elsewhere, bright and dark differ by 0.8.
+        assert (np.abs(shown - radiance) < 0.1).mean() > 0.95
+
+
+def test_one_plane_is_sharp_where_it_is_refocused(hidden, white):
+    """The edge of the dark square: as sharp as the samples are, or blurred by the aperture."""
+    _, shot = hidden
+    sharp, blurred, stopped = (
+        render_view(shot, white, z=plane_at(GALILEAN, v), aperture=aperture).picture[..., 0]
+        for v, aperture in ((7.0, None), (3.5, None), (3.5, 0.5))
+    )
+    # Columns between dark and bright, right of the square's middle.
+    between = [np.count_nonzero(np.abs(p[13:21].mean(axis=0)[17:] - 0.6) < 0.25) for p in (sharp, blurred, stopped)]
+    assert between[0] < between[2] < between[1] and between[0] <= 2
+    again = render_view(shot, white, 0.217 / (7.0 * 0.01)).picture[..., 0]
+    assert np.allclose(again, sharp, atol=1e-5, equal_nan=True)
+
+
+def test_a_light_field_of_views_is_one_like_others():
+    """Its rays are those of views at its places of the pupil, and its disparities bring views of a plane together."""
+    z = plane_at(GALILEAN, 4.0)
+    magnified = abs(z / (GALILEAN.stop_to_microlenses + 4.0 * 1.7))
+    scene, _ = waves(z, 8 * 6 * 0.217 * magnified, 6 * 0.217 * magnified)
+    shot, white = shot_of(scene, GALILEAN), white_of(GALILEAN)
+    field = render_views(shot, white, shot.truth.chord_disparity, views=3)
+    assert field.views.shape[:2] == (3, 3) and np.allclose(field.pupil[2, 0], (0.6, 0.6), rtol=0, atol=1e-12)
+    view = render_view(shot, white, shot.truth.chord_disparity, viewpoint=(0.6, 0.6))
+    assert np.array_equal(field.view(1, -1), view.picture, equal_nan=True)
+    assert np.array_equal(field.standard_error[2, 0], view.standard_error, equal_nan=True)
+    rays, expected = (found.position for found in (field.truth(scene, 1, -1), view.truth(scene)))
+    # A nanometre of chief rays' places on the sensor, 250 times as far at the plane.
+    assert np.allclose(rays, expected, rtol=0, atol=1e-6)
+    again = refocus(field, z=z)
+    off = (again - field.centre)[8:-8, 8:-8]
+    # Cubic convolution of waves of 36 pixels: third order, 0.2 (2 pi / 36)^3 / 8.
+    assert np.abs(off).max() < 3e-4 + 4 * np.nanmax(field.standard_error[1, 1, 8:-8, 8:-8])
+    with pytest.raises(InvalidValueError, match="odd"):
+        render_views(shot, white, shot.truth.chord_disparity, views=4)
+
+
+# ---- errors, bits ----
+
+
+def test_errors_are_those_of_independent_pixels(white):
+    rng = np.random.default_rng(5)
+    shape = white.image.shape
+    spread = 0.03 * white.image
+    noisy = white.image + spread * rng.normal(size=shape)
+    exact = dataclasses.replace(white, standard_error=None)
+    shot = dataclasses.replace(exact, image=noisy.astype(np.float32), standard_error=spread.astype(np.float32))
+    for disparity in (np.full(shape[:2], 4.0), 4.0):
+        view = render_view(shot, exact, disparity)
+        off = (view.picture - 1.0) / view.standard_error
+        # Some 100 independent ones: 7 % of the deviation, times three.
+        assert np.nanstd(off) == pytest.approx(1.0, rel=0.2)
+        assert abs(np.nanmean(off)) < 0.3
+    assert render_view(exact, exact, 4.0).standard_error is None
+
+
+def test_the_view_of_a_region_is_part_of_the_whole_on_any_number_of_threads():
+    """Inside, where no pixel beyond the region shows: 2.5 (1 + 0.5) pitches from its border."""
+    camera = the_camera(shape=(250, 250))
+    scene = pl.Scene([glowing(plane_at(camera, 2.5), 60.0, 1.0)])
+    white = white_of(camera)
+    whole = render_view(shot := shot_of(scene, camera, 16), white, shot.truth.chord_disparity, threads=2)
+    part = np.s_[20:230, 30:240]
+    cut = shot_of(scene, camera, 16, region=part)
+    view = render_view(cut, white, cut.truth.chord_disparity, threads=1)
+    offset = np.rint((view.on_array[0, 0] - whole.on_array[0, 0]) / whole.spacing).astype(int)
+    down, along = int(offset[1]), -int(offset[0])
+    rows, columns = view.picture.shape[:2]
+    inner = np.s_[18:-18, 18:-18]
+    for name in ("picture", "standard_error", "disparity", "coverage"):
+        larger = getattr(whole, name)[down : down + rows, along : along + columns]
+        assert np.array_equal(getattr(view, name)[inner], larger[inner], equal_nan=True)
+        assert getattr(view, name)[inner].size > 200
+
+
+def test_spacing_and_colour():
+    camera = GALILEAN
+    scene = pl.Scene([glowing(plane_at(camera, 4.0), 60.0, (0.9, 0.5, 0.1))])
+    shot = shot_of(scene, camera, 16)
+    view = render_view(shot, white_of(camera), shot.truth.chord_disparity, spacing=0.1)
+    assert view.picture.shape[2] == 3 and view.spacing == 0.1
+    assert np.abs(np.diff(view.on_array[:, 0, 1]) - 0.1).max() < 1e-12
+    middle = view.picture[2:-2, 2:-2]
+    assert np.abs(middle - (0.9, 0.5, 0.1)).max() < 8 * np.nanmax(view.standard_error[2:-2, 2:-2])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({}, "give either disparity"),
+        ({"disparity": 3.0, "z": -400.0}, "give either disparity"),
+        ({"disparity": np.zeros((3, 3))}, "disparity has shape"),
+        ({"disparity": math.nan}, "nowhere finite"),
+        ({"z": 10.0}, "in front of the camera"),
+        ({"disparity": 3.0, "viewpoint": 0.5}, "viewpoint has shape"),
+        ({"disparity": 3.0, "aperture": 0.0}, "aperture is 0"),
+        ({"disparity": 3.0, "spacing": -1.0}, "spacing is -1"),
+    ],
+)
+def test_mistakes_are_named(white, arguments, message):
+    with pytest.raises(InvalidValueError, match=message):
+        render_view(white, white, **arguments)
+
+
+def test_unfocused_cameras_are_refused():
+    camera = the_camera(b=2.0)
+    white = white_of(camera)
+    with pytest.raises(InvalidValueError, match="decode"):
+        render_view(white, white, 3.0)
