@@ -1,0 +1,182 @@
+"""The rays of one point that pass a lens: a convex outline around them, found by tracing grids of rays.
+
+Whoever asks where light passes, before the lens or behind it, asks here. Light may pass in several parts: between two
+neighbours on a grid that are lost in different ways, one at the stop and one by total reflection, a part may lie that is
+thinner than the grid is wide, and it is looked for there.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.core.values import Floats
+from plenoptic.optics.lens.record import LensRecord
+
+SIDES = 16
+"""Sides of an outline: a circle's circumscribed 16-gon is 1.3 % larger than the circle."""
+
+_HALVINGS = 10
+"""Between neighbours on a grid parts are found that are wider than a thousandth of its step."""
+_LINES = 4
+"""Of a grid that looks for light at all, every fourth line is looked at so closely."""
+_HOLES = 0.05
+"""Dark points between lit ones, in parts of the lit ones, from which on light passes in several parts."""
+
+
+def normals_of(sides: int) -> Floats:
+    """Unit vectors (sides, 2) in evenly spaced directions, +x first: outward normals of a polygon."""
+    angle = 2 * math.pi * np.arange(sides) / sides
+    return np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
+def polygon_around(support: Floats) -> Floats:
+    """Corners (..., n, 2) of polygons whose sides have the normals `normals_of(n)` and distances (..., n) from 0."""
+    normals = normals_of(support.shape[-1])
+    # A corner is where a side meets the next one.
+    after, next_support = np.roll(normals, -1, axis=0), np.roll(support, -1, axis=-1)
+    turn = normals[:, 0] * after[:, 1] - normals[:, 1] * after[:, 0]
+    x = (support * after[:, 1] - next_support * normals[:, 1]) / turn
+    y = (next_support * normals[:, 0] - support * after[:, 0]) / turn
+    return np.stack([x, y], axis=-1)
+
+
+class Sight(NamedTuple):
+    """Rays of one point."""
+
+    lens: LensRecord
+    origin: Floats
+    """(3,) in mm."""
+    z: float
+    """The plane on which they are told apart by their points, in mm."""
+
+    def fates(self, points: Floats) -> Floats:
+        """What becomes of the rays through points (n, 2): 0 for those that pass, see `ray_blocks`."""
+        from plenoptic.core.kernels.ray_blocks import BLOCK
+        from plenoptic.optics.lens.kernels.trace import fill_traced
+
+        n = len(points)
+        count = -(-n // BLOCK)
+        x, y = np.zeros((2, count * BLOCK))
+        x[:n], y[:n] = points[:, 0] - self.origin[0], points[:, 1] - self.origin[1]
+        dz = float(self.z - self.origin[2])
+        per_length = 1.0 / np.sqrt(x * x + y * y + dz * dz)
+        blocks = np.empty((count, 8, BLOCK))
+        blocks[:, :3] = self.origin[:, None]
+        blocks[:, 3] = (x * per_length).reshape(count, BLOCK)
+        blocks[:, 4] = (y * per_length).reshape(count, BLOCK)
+        blocks[:, 5] = (dz * per_length).reshape(count, BLOCK)
+        blocks[:, 6:] = 0.0
+        fill_traced(blocks.reshape(-1), self.lens, None)
+        return np.asarray(blocks[:, 7].reshape(-1)[:n])
+
+
+class Guess(NamedTuple):
+    """Where light may pass: a box, and rays along a side of the grid that looks for it there."""
+
+    low: Floats
+    high: Floats
+    rays: int
+
+
+class Outline(NamedTuple):
+    """A convex polygon that holds all points through which light passes."""
+
+    support: Floats
+    """(SIDES,) distances of its sides from 0; -inf in the dark."""
+    parted: bool
+    """Whether light passes in several parts."""
+
+
+DARK = Outline(np.full(SIDES, -np.inf), False)
+
+
+class _Lit(NamedTuple):
+    """What of a grid passes."""
+
+    points: Floats
+    """(m, 2): the ends of its rows, and what lies between neighbours."""
+    mesh: float
+    """The diagonal of a mesh of the grid."""
+    parted: bool
+
+
+def outlined(sight: Sight, guesses: list[Guess], rim: Guess, fine: int) -> Outline:
+    """The outline of what passes, wider by a step of a grid of `fine` x `fine` rays over the light.
+
+    The guesses are looked at one after the other, and after the first light only those whose middle is outside of it:
+    a small part may lie between the rays of a grid over the whole `rim`.
+    """
+    found, normals = DARK, normals_of(SIDES)
+    for guess in guesses:
+        if np.all(normals @ (0.5 * (guess.low + guess.high)) <= found.support):
+            continue
+        lit = _grown(sight, guess, rim)
+        if not (len(lit.points) and (lit.points @ normals.T > found.support).any()):
+            continue
+        low, high = lit.points.min(axis=0) - lit.mesh, lit.points.max(axis=0) + lit.mesh
+        inside = _lit(sight, Guess(low, high, fine), 1 if lit.parted else _LINES)
+        points, mesh = inside.points, inside.mesh
+        if not len(points):
+            points, mesh = np.array([low, [low[0], high[1]], high, [high[0], low[1]]]), 0.0
+        support = np.maximum(found.support, (points @ normals.T).max(axis=0) + mesh)
+        found = Outline(support, lit.parted or inside.parted or found is not DARK)
+    return found
+
+
+def _grown(sight: Sight, guess: Guess, rim: Guess) -> _Lit:
+    """What passes of a grid that grows where light reaches its border, at most up to the box `rim`."""
+    low, high = guess.low, guess.high
+    while True:
+        lit = _lit(sight, Guess(low, high, guess.rays), _LINES)
+        if not len(lit.points):
+            return lit
+        left, right = lit.points.min(axis=0) - lit.mesh, lit.points.max(axis=0) + lit.mesh
+        grow_low, grow_high = (left < low) & (low > rim.low), (right > high) & (high < rim.high)
+        if not (grow_low.any() or grow_high.any()):
+            return lit
+        width = high - low
+        low = np.where(grow_low, np.maximum(low - width, rim.low), low)
+        high = np.where(grow_high, np.minimum(high + width, rim.high), high)
+
+
+def _lit(sight: Sight, box: Guess, lines: int) -> _Lit:
+    """What passes of a grid over a box, and between its neighbours on every so many lines."""
+    n = box.rays
+    x, y = (np.linspace(box.low[k], box.high[k], n) for k in range(2))
+    points = np.stack(np.meshgrid(x, y), axis=-1)
+    fates = sight.fates(points.reshape(-1, 2)).reshape(n, n)
+    passes = fates == 0
+    pairs = []
+    for axis in range(2):
+        place, line = np.swapaxes(points, 0, axis)[:, ::lines], np.swapaxes(fates, 0, axis)[:, ::lines]
+        apart = (line[1:] != line[:-1]) & (line[1:] != 0) & (line[:-1] != 0)
+        pairs.append((place[:-1][apart], place[1:][apart], line[:-1][apart]))
+    between = _between(sight, *(np.concatenate(parts) for parts in zip(*pairs, strict=True)))
+    ends = passes.copy()
+    ends[:, 1:-1] &= ~(passes[:, :-2] & passes[:, 2:])
+    count = np.count_nonzero(passes)
+    parted = len(between) > 0 or max(_spanned(passes), _spanned(passes.T)) > (1.0 + _HOLES) * count
+    mesh = float(np.hypot(*((box.high - box.low) / (n - 1))))
+    return _Lit(np.concatenate([points[ends], between]), mesh, parted)
+
+
+def _spanned(passes: NDArray[np.bool_]) -> int:
+    """How many points of a grid lie between the first and the last of their row that passes, these included."""
+    lit = passes[passes.any(axis=1)]
+    return int((lit.shape[1] - lit.argmax(axis=1) - lit[:, ::-1].argmax(axis=1)).sum())
+
+
+def _between(sight: Sight, first: Floats, last: Floats, fate: Floats) -> Floats:
+    """Points (m, 2) that pass between pairs of points (n, 2), of which the first ones have the fates (n,)."""
+    lit = [np.empty((0, 2))]
+    for _ in range(_HALVINGS if len(first) else 0):
+        middle = 0.5 * (first + last)
+        met = sight.fates(middle)
+        lit.append(middle[met == 0])
+        alike = (met == fate)[:, None]
+        first, last = np.where(alike, middle, first), np.where(alike, last, middle)
+    return np.concatenate(lit)
