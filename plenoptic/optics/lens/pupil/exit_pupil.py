@@ -32,6 +32,15 @@ _BISECTIONS = 12
 _LARGEST_FRACTION = 10.0
 _AZIMUTHS = 16
 
+def _rings() -> Floats:
+    """Points (n, 2) near the rim of the unit disc, denser outwards: grazing light passes in crescents."""
+    radius = 1.0 - np.geomspace(1e-3, 0.6, 32)
+    angle = 2 * math.pi * (np.arange(160) + 0.5) / 160
+    return np.stack([np.outer(radius, np.cos(angle)), np.outer(radius, np.sin(angle))], axis=-1).reshape(-1, 2)
+
+
+_GRAZING = _rings()
+
 Place: TypeAlias = tuple[float, float, float]
 """Where light may pass the plane of the outlines: x, y and half the width of a square."""
 
@@ -212,7 +221,9 @@ def _followed_outlines(
     exit_pupil, semi_diameter, *across = pupil
 
     def seen(radius: float, heading: Place | None) -> Outline:
-        rim = _around((0.0, 0.0, 1.02 * (rear[0] + rear[1] * radius)), _WHOLE)
+        reach = 1.02 * (rear[0] + rear[1] * radius)
+        sight, grazing = Sight(lens, np.array([radius, 0.0, z_plane]), z), reach * _GRAZING
+        rim = _around((0.0, 0.0, reach), _WHOLE)
         guesses = [rim]
         if math.isfinite(exit_pupil) and exit_pupil != z_plane:
             # The paraxial pupil as seen from the cell, on the plane of the last vertex.
@@ -221,7 +232,7 @@ def _followed_outlines(
             guesses.append(_around((radius * (1 - fraction) + x, y, 1.5 * abs(fraction) * semi_diameter), _COARSE))
         if heading is not None:
             guesses.append(_around(heading, _COARSE))
-        return outlined(Sight(lens, np.array([radius, 0.0, z_plane]), z), guesses, rim, _FINE)
+        return outlined(sight._replace(known=grazing[sight.fates(grazing) == 0]), guesses, rim, _FINE)
 
     found = []
     centre, heading = None, None

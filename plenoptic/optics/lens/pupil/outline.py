@@ -23,7 +23,9 @@ _HALVINGS = 10
 """Between neighbours on a grid parts are found that are wider than a thousandth of its step."""
 _LINES = 4
 """Of a grid that looks for light at all, every fourth line is looked at so closely."""
-_HOLES = 0.05
+_TIP = 2.0
+"""Steps of a grid by which the pointed end of a part may lie outside of what the grid finds of it."""
+_HOLES = 0.02
 """Dark points between lit ones, in parts of the lit ones, from which on light passes in several parts."""
 
 
@@ -52,6 +54,8 @@ class Sight(NamedTuple):
     """(3,) in mm."""
     z: float
     """The plane on which they are told apart by their points, in mm."""
+    known: Floats = np.empty((0, 2))
+    """(k, 2) points through which light is known to pass."""
 
     def fates(self, points: Floats) -> Floats:
         """What becomes of the rays through points (n, 2): 0 for those that pass, see `ray_blocks`."""
@@ -101,7 +105,10 @@ class _Lit(NamedTuple):
     """(m, 2): the ends of its rows, and what lies between neighbours."""
     mesh: float
     """The diagonal of a mesh of the grid."""
+    thin: bool
+    """Whether light passes between neighbours on the grid that are lost."""
     parted: bool
+    """Whether light passes in several parts."""
 
 
 def outlined(sight: Sight, guesses: list[Guess], rim: Guess, fine: int) -> Outline:
@@ -117,8 +124,10 @@ def outlined(sight: Sight, guesses: list[Guess], rim: Guess, fine: int) -> Outli
         lit = _grown(sight, guess, rim)
         if not (len(lit.points) and (lit.points @ normals.T > found.support).any()):
             continue
-        low, high = lit.points.min(axis=0) - lit.mesh, lit.points.max(axis=0) + lit.mesh
-        inside = _lit(sight, Guess(low, high, fine), 1 if lit.parted else _LINES)
+        # Ends of a thin part may lie between the lines that were looked at closely.
+        lines, beside = (1, _LINES * lit.mesh) if lit.thin or lit.parted else (_LINES, lit.mesh)
+        low, high = lit.points.min(axis=0) - beside, lit.points.max(axis=0) + beside
+        inside = _lit(sight, Guess(low, high, fine), lines)
         points, mesh = inside.points, inside.mesh
         if not len(points):
             points, mesh = np.array([low, [low[0], high[1]], high, [high[0], low[1]]]), 0.0
@@ -155,13 +164,24 @@ def _lit(sight: Sight, box: Guess, lines: int) -> _Lit:
         place, line = np.swapaxes(points, 0, axis)[:, ::lines], np.swapaxes(fates, 0, axis)[:, ::lines]
         apart = (line[1:] != line[:-1]) & (line[1:] != 0) & (line[:-1] != 0)
         pairs.append((place[:-1][apart], place[1:][apart], line[:-1][apart]))
-    between = _between(sight, *(np.concatenate(parts) for parts in zip(*pairs, strict=True)))
+    beside = _between(sight, *(np.concatenate(parts) for parts in zip(*pairs, strict=True)))
+    thin = len(beside) > 0
+    if thin or passes.any():
+        beside = np.concatenate([beside, sight.known])
+    mesh = float(np.hypot(*((box.high - box.low) / (n - 1))))
     ends = passes.copy()
     ends[:, 1:-1] &= ~(passes[:, :-2] & passes[:, 2:])
     count = np.count_nonzero(passes)
-    parted = len(between) > 0 or max(_spanned(passes), _spanned(passes.T)) > (1.0 + _HOLES) * count
-    mesh = float(np.hypot(*((box.high - box.low) / (n - 1))))
-    return _Lit(np.concatenate([points[ends], between]), mesh, parted)
+    parted = max(_spanned(passes), _spanned(passes.T)) > (1.0 + _HOLES) * count
+    return _Lit(np.concatenate([points[ends], beside]), mesh, thin, parted or _is_apart(beside, points[ends], mesh))
+
+
+def _is_apart(points: Floats, lit: Floats, mesh: float) -> bool:
+    """Whether points (n, 2) are more than the pointed ends of what a grid has found, (m, 2)."""
+    if not len(points) or not len(lit):
+        return len(points) > 0
+    normals = normals_of(SIDES)
+    return bool((points @ normals.T > (lit @ normals.T).max(axis=0) + _TIP * mesh).any())
 
 
 def _spanned(passes: NDArray[np.bool_]) -> int:
