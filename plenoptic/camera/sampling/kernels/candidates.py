@@ -19,12 +19,12 @@ _MOST_CORNERS = 64
 
 
 @device
-def _store(found, corners, used, polygon, n, lens, parted):
-    """Append a candidate, where there is room; `used` counts candidates and corners. `lens` are cell and optical axis."""
+def _store(found, corners, used, polygon, n, places, parted):
+    """Append a candidate with a cell and an optical axis, where there is room; `used` counts candidates and corners."""
     at, end = used
     if at < found.rows.size and end + n <= corners.shape[1]:
         candidate = found.rows[at]
-        (candidate.cell_x, candidate.cell_y), (candidate.axis_x, candidate.axis_y) = lens
+        (candidate.cell_x, candidate.cell_y), (candidate.axis_x, candidate.axis_y) = places
         candidate.first_corner, candidate.corners, candidate.parted = end, n, 1 if parted else 0
         candidate.first_view, candidate.views, candidate.certain, candidate.slack = 0, 0, 0, math.inf
         for q in range(n):

@@ -32,6 +32,7 @@ _BISECTIONS = 12
 _LARGEST_FRACTION = 10.0
 _AZIMUTHS = 16
 
+
 def _rings() -> Floats:
     """Points (n, 2) near the rim of the unit disc, denser outwards: grazing light passes in crescents."""
     radius = 1.0 - np.geomspace(1e-3, 0.6, 32)
@@ -173,7 +174,7 @@ def _largest_step(support: Floats) -> float:
 def _all_round(
     lens: LensRecord, rho: Floats, pupil: tuple[float, ...], z: float, z_plane: float, rear: tuple[float, float]
 ) -> tuple[Floats, NDArray[np.bool_]]:
-    """Outlines, as support distances, of all points at the distances rho, in axes turned with them, and which are parted.
+    """Support distances of all points at the distances rho, in axes turned with them, and which outlines are parted.
 
     A centred lens looks the same from everywhere on a circle. Of a lens with elements out of place, the union of
     outlines from several azimuths is taken, and widened by what may lie between them.
@@ -213,7 +214,7 @@ def _turned_pupil(pupil: tuple[float, ...], angle: float) -> tuple[float, ...]:
 def _followed_outlines(
     lens: LensRecord, rho: Floats, pupil: tuple[float, ...], z: float, z_plane: float, rear: tuple[float, float]
 ) -> tuple[Floats, NDArray[np.bool_]]:
-    """Outlines, as support distances (n, SIDES), of points at the distances rho from the axis, and which are parted.
+    """Support distances (n, SIDES) of points at the distances rho from the axis, and which outlines are parted.
 
     A small pupil that a grid over the whole rim would miss is looked for where the paraxial pupil lies and where it
     was heading. Beside a dark point, the outline from the end of the light is taken instead of none.
@@ -269,12 +270,7 @@ def _middle(support: Floats) -> Place:
 
 
 def _widened(
-    rho: Floats,
-    support: Floats,
-    parted: NDArray[np.bool_],
-    cell_radius: float,
-    largest_radius: float,
-    z: float,
+    rho: Floats, support: Floats, parted: NDArray[np.bool_], cell_radius: float, largest_radius: float, z: float
 ) -> PupilBounds:
     """Union of the outlines of all points of a cell, for intervals of the distance of its centre."""
     normals = normals_of(SIDES)

@@ -1,8 +1,8 @@
 """The rays of one point that pass a lens: a convex outline around them, found by tracing grids of rays.
 
-Whoever asks where light passes, before the lens or behind it, asks here. Light may pass in several parts: between two
-neighbours on a grid that are lost in different ways, one at the stop and one by total reflection, a part may lie that is
-thinner than the grid is wide, and it is looked for there.
+Whoever asks where light passes, before the lens or behind it, asks here. Light may pass in several parts. One that is
+thinner than the grid is wide lies between neighbours that are lost in different ways, such as at the stop and by total
+reflection: there it is looked for.
 """
 
 from __future__ import annotations
