@@ -19,7 +19,17 @@ from numpy.typing import NDArray
 from plenoptic.core.values import Floats, read_only
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
-from plenoptic.optics.lens.pupil.outline import DARK, SIDES, Guess, Outline, Sight, normals_of, outlined, polygon_around
+from plenoptic.optics.lens.pupil.outline import (
+    DARK,
+    SIDES,
+    Guess,
+    Outline,
+    Sight,
+    normals_of,
+    outlined,
+    polygon_around,
+    up_to_stops,
+)
 from plenoptic.optics.lens.record import FRAME, MOVED, LensRecord, lens_record
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.record import CIRCLE, FREEFORM
@@ -220,10 +230,11 @@ def _followed_outlines(
     was heading. Beside a dark point, the outline from the end of the light is taken instead of none.
     """
     exit_pupil, semi_diameter, *across = pupil
+    parts = up_to_stops(lens)
 
     def seen(radius: float, heading: Place | None) -> Outline:
         reach = 1.02 * (rear[0] + rear[1] * radius)
-        sight, grazing = Sight(lens, np.array([radius, 0.0, z_plane]), z), reach * _GRAZING
+        sight, grazing = Sight(parts, np.array([radius, 0.0, z_plane]), z), reach * _GRAZING
         rim = _around((0.0, 0.0, reach), _WHOLE)
         guesses = [rim]
         if math.isfinite(exit_pupil) and exit_pupil != z_plane:
@@ -233,7 +244,7 @@ def _followed_outlines(
             guesses.append(_around((radius * (1 - fraction) + x, y, 1.5 * abs(fraction) * semi_diameter), _COARSE))
         if heading is not None:
             guesses.append(_around(heading, _COARSE))
-        return outlined(sight._replace(known=grazing[sight.fates(grazing) == 0]), guesses, rim, _FINE)
+        return outlined(sight._replace(known=grazing[sight.fates(grazing).code == 0]), guesses, rim, _FINE)
 
     found = []
     centre, heading = None, None

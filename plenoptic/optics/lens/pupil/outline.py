@@ -7,20 +7,22 @@ reflection: there it is looked for.
 
 from __future__ import annotations
 
+import itertools
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.core.values import Floats
 from plenoptic.optics.lens.record import LensRecord
+from plenoptic.optics.record import CIRCLE
 
 SIDES = 16
 """Sides of an outline: a circle's circumscribed 16-gon is 1.3 % larger than the circle."""
 
-_HALVINGS = 10
-"""Between neighbours on a grid parts are found that are wider than a thousandth of its step."""
+_HALVINGS = 8
+"""Between neighbours on a grid parts are found that are wider than a 250th of its step."""
 _LINES = 4
 """Of a grid that looks for light at all, every fourth line is looked at so closely."""
 _TIP = 2.0
@@ -46,10 +48,48 @@ def polygon_around(support: Floats) -> Floats:
     return np.stack([x, y], axis=-1)
 
 
+class Fates(NamedTuple):
+    """What becomes of rays; of arrays of any shape."""
+
+    code: Floats
+    """0 for those that pass, see `ray_blocks`."""
+    met: Floats
+    """(..., 2) where a stop ends others, from its centre, in its semi-diameter; 0 for all else."""
+
+    def of(self, chosen: Any) -> Fates:
+        """Some of them."""
+        return Fates(self.code[chosen], self.met[chosen])
+
+    def apart(self, others: Fates) -> NDArray[np.bool_]:
+        """Whether light may pass between rays that are lost: by different causes, or on two sides of a stop."""
+        lost = (self.code != 0) & (others.code != 0)
+        found = np.asarray(lost & (self.code != others.code))
+        both = np.nonzero(lost & ~found & (self.met[..., 0] != 0.0))
+        here, step = self.met[both], others.met[both] - self.met[both]
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            # The nearest that the straight line between both comes to the centre.
+            share = np.clip(-_dot(here, step) / _dot(step, step), 0.0, 1.0)
+            nearest = here + share[:, None] * step
+            found[both] = _dot(nearest, nearest) < 1.0
+        return found
+
+
+def _dot(a: Floats, b: Floats) -> Floats:
+    return a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1]
+
+
+def up_to_stops(lens: LensRecord) -> tuple[LensRecord, ...]:
+    """A lens with round stops in parts, each but the last one up to a stop."""
+    ends = np.flatnonzero(lens.rows["kind"] == CIRCLE) + 1
+    ends = np.unique([0, *ends, len(lens.rows)]).tolist()
+    return tuple(lens.part(first, end) for first, end in itertools.pairwise(ends))
+
+
 class Sight(NamedTuple):
     """Rays of one point."""
 
-    lens: LensRecord
+    lens: tuple[LensRecord, ...]
+    """See `up_to_stops`."""
     origin: Floats
     """(3,) in mm."""
     z: float
@@ -57,9 +97,9 @@ class Sight(NamedTuple):
     known: Floats = np.empty((0, 2))
     """(k, 2) points through which light is known to pass."""
 
-    def fates(self, points: Floats) -> Floats:
-        """What becomes of the rays through points (n, 2): 0 for those that pass, see `ray_blocks`."""
-        from plenoptic.core.kernels.ray_blocks import BLOCK
+    def fates(self, points: Floats) -> Fates:
+        """What becomes of the rays through points (n, 2)."""
+        from plenoptic.core.kernels.ray_blocks import BLOCK, CAUSES, CLIPPED
         from plenoptic.optics.lens.kernels.trace import fill_traced
 
         n = len(points)
@@ -68,14 +108,22 @@ class Sight(NamedTuple):
         x[:n], y[:n] = points[:, 0] - self.origin[0], points[:, 1] - self.origin[1]
         dz = float(self.z - self.origin[2])
         per_length = 1.0 / np.sqrt(x * x + y * y + dz * dz)
-        blocks = np.empty((count, 8, BLOCK))
+        blocks, met = np.empty((count, 8, BLOCK)), np.zeros((n, 2))
         blocks[:, :3] = self.origin[:, None]
         blocks[:, 3] = (x * per_length).reshape(count, BLOCK)
         blocks[:, 4] = (y * per_length).reshape(count, BLOCK)
         blocks[:, 5] = (dz * per_length).reshape(count, BLOCK)
         blocks[:, 6:] = 0.0
-        fill_traced(blocks.reshape(-1), self.lens, None)
-        return np.asarray(blocks[:, 7].reshape(-1)[:n])
+        for part in self.lens:
+            fill_traced(blocks.reshape(-1), part, None)
+            last, centre = part.rows[-1], (0.0, 0.0) if part.frames is None else part.frames[-1, 9:11]
+            if last["kind"] == CIRCLE:
+                code = CAUSES * (last["surface_index"] + 1.0) + CLIPPED
+                here = np.flatnonzero(blocks[:, 7].reshape(-1)[:n] == code)
+                for k in range(2):
+                    place = blocks[here // BLOCK, k, here % BLOCK]
+                    met[here, k] = (place - centre[k]) / math.sqrt(last["semi_diameter2"])
+        return Fates(np.array(blocks[:, 7].reshape(-1)[:n]), met)
 
 
 class Guess(NamedTuple):
@@ -102,38 +150,56 @@ class _Lit(NamedTuple):
     """What of a grid passes."""
 
     points: Floats
-    """(m, 2): the ends of its rows, and what lies between neighbours."""
+    """(m, 2): the ends of its rows."""
+    beside: Floats
+    """(k, 2): what lies between its rays, and what is known."""
     mesh: float
     """The diagonal of a mesh of the grid."""
     thin: bool
-    """Whether light passes between neighbours on the grid that are lost."""
+    """Whether light passes between neighbours that are lost."""
     parted: bool
     """Whether light passes in several parts."""
+
+    @property
+    def all(self) -> Floats:
+        return np.concatenate([self.points, self.beside])
 
 
 def outlined(sight: Sight, guesses: list[Guess], rim: Guess, fine: int) -> Outline:
     """The outline of what passes, wider by a step of a grid of `fine` x `fine` rays over the light.
 
-    The guesses are looked at one after the other, and after the first light only those whose middle is outside of it:
-    a small part may lie between the rays of a grid over the whole `rim`.
+    The guesses are looked at one after the other, and after the first light only those whose middle is outside of it: a
+    small part may lie between the rays of a grid over the whole `rim`. What a grid has between its rays alone comes
+    last, since a smaller grid may have more of it.
     """
-    found, normals = DARK, normals_of(SIDES)
+    found, late = DARK, []
     for guess in guesses:
-        if np.all(normals @ (0.5 * (guess.low + guess.high)) <= found.support):
+        if np.all(normals_of(SIDES) @ (0.5 * (guess.low + guess.high)) <= found.support):
             continue
         lit = _grown(sight, guess, rim)
-        if not (len(lit.points) and (lit.points @ normals.T > found.support).any()):
-            continue
-        # Ends of a thin part may lie between the lines that were looked at closely.
-        lines, beside = (1, _LINES * lit.mesh) if lit.thin or lit.parted else (_LINES, lit.mesh)
-        low, high = lit.points.min(axis=0) - beside, lit.points.max(axis=0) + beside
-        inside = _lit(sight, Guess(low, high, fine), lines)
-        points, mesh = inside.points, inside.mesh
-        if not len(points):
-            points, mesh = np.array([low, [low[0], high[1]], high, [high[0], low[1]]]), 0.0
-        support = np.maximum(found.support, (points @ normals.T).max(axis=0) + mesh)
-        found = Outline(support, lit.parted or inside.parted or found is not DARK)
+        if len(lit.points):
+            found = _with(found, sight, lit, fine)
+        elif lit.thin:
+            late.append(lit)
+    for lit in late:
+        found = _with(found, sight, lit, fine)
     return found
+
+
+def _with(found: Outline, sight: Sight, lit: _Lit, fine: int) -> Outline:
+    """An outline that holds what a grid has found as well."""
+    normals = normals_of(SIDES)
+    if not (lit.all @ normals.T > found.support).any():
+        return found
+    # Ends of a thin part may lie between the lines that were looked at closely.
+    lines, beside = (1, _LINES * lit.mesh) if lit.thin or lit.parted else (None, lit.mesh)
+    low, high = lit.all.min(axis=0) - beside, lit.all.max(axis=0) + beside
+    inside = _lit(sight, Guess(low, high, fine), lines)
+    points, mesh = inside.all, inside.mesh
+    if not len(points):
+        points, mesh = np.array([low, [low[0], high[1]], high, [high[0], low[1]]]), 0.0
+    support = np.maximum(found.support, (points @ normals.T).max(axis=0) + mesh)
+    return Outline(support, lit.parted or inside.parted or found is not DARK)
 
 
 def _grown(sight: Sight, guess: Guess, rim: Guess) -> _Lit:
@@ -141,9 +207,9 @@ def _grown(sight: Sight, guess: Guess, rim: Guess) -> _Lit:
     low, high = guess.low, guess.high
     while True:
         lit = _lit(sight, Guess(low, high, guess.rays), _LINES)
-        if not len(lit.points):
+        if not len(lit.all):
             return lit
-        left, right = lit.points.min(axis=0) - lit.mesh, lit.points.max(axis=0) + lit.mesh
+        left, right = lit.all.min(axis=0) - lit.mesh, lit.all.max(axis=0) + lit.mesh
         grow_low, grow_high = (left < low) & (low > rim.low), (right > high) & (high < rim.high)
         if not (grow_low.any() or grow_high.any()):
             return lit
@@ -152,36 +218,32 @@ def _grown(sight: Sight, guess: Guess, rim: Guess) -> _Lit:
         high = np.where(grow_high, np.minimum(high + width, rim.high), high)
 
 
-def _lit(sight: Sight, box: Guess, lines: int) -> _Lit:
-    """What passes of a grid over a box, and between its neighbours on every so many lines."""
+def _lit(sight: Sight, box: Guess, lines: int | None) -> _Lit:
+    """What passes of a grid over a box, and between its neighbours on every so many lines; None: on no line."""
     n = box.rays
     x, y = (np.linspace(box.low[k], box.high[k], n) for k in range(2))
     points = np.stack(np.meshgrid(x, y), axis=-1)
-    fates = sight.fates(points.reshape(-1, 2)).reshape(n, n)
-    passes = fates == 0
-    pairs = []
-    for axis in range(2):
-        place, line = np.swapaxes(points, 0, axis)[:, ::lines], np.swapaxes(fates, 0, axis)[:, ::lines]
-        apart = (line[1:] != line[:-1]) & (line[1:] != 0) & (line[:-1] != 0)
-        pairs.append((place[:-1][apart], place[1:][apart], line[:-1][apart]))
-    beside = _between(sight, *(np.concatenate(parts) for parts in zip(*pairs, strict=True)))
-    thin = len(beside) > 0
-    if thin or passes.any():
-        beside = np.concatenate([beside, sight.known])
+    found = sight.fates(points.reshape(-1, 2))
+    fates = Fates(found.code.reshape(n, n), found.met.reshape(n, n, 2))
+    passes = fates.code == 0
     mesh = float(np.hypot(*((box.high - box.low) / (n - 1))))
     ends = passes.copy()
     ends[:, 1:-1] &= ~(passes[:, :-2] & passes[:, 2:])
-    count = np.count_nonzero(passes)
-    parted = max(_spanned(passes), _spanned(passes.T)) > (1.0 + _HOLES) * count
-    return _Lit(np.concatenate([points[ends], beside]), mesh, thin, parted or _is_apart(beside, points[ends], mesh))
+    lit, beside = points[ends], np.empty((0, 2)) if lines is None else _between(sight, points, fates, lines)
+    beside = beside[_beyond(beside, lit, mesh)]
+    thin = len(beside) > 0
+    if thin or len(lit):
+        beside = np.concatenate([beside, sight.known])
+    parted = max(_spanned(passes), _spanned(passes.T)) > (1.0 + _HOLES) * np.count_nonzero(passes)
+    return _Lit(lit, beside, mesh, thin, parted or bool(_beyond(beside, lit, _TIP * mesh).any()))
 
 
-def _is_apart(points: Floats, lit: Floats, mesh: float) -> bool:
-    """Whether points (n, 2) are more than the pointed ends of what a grid has found, (m, 2)."""
+def _beyond(points: Floats, lit: Floats, by: float) -> NDArray[np.bool_]:
+    """Which points (n, 2) are outside of others (m, 2) by more than a distance."""
     if not len(points) or not len(lit):
-        return len(points) > 0
+        return np.ones(len(points), dtype=np.bool_)
     normals = normals_of(SIDES)
-    return bool((points @ normals.T > (lit @ normals.T).max(axis=0) + _TIP * mesh).any())
+    return np.asarray((points @ normals.T > (lit @ normals.T).max(axis=0) + by).any(axis=1))
 
 
 def _spanned(passes: NDArray[np.bool_]) -> int:
@@ -190,13 +252,19 @@ def _spanned(passes: NDArray[np.bool_]) -> int:
     return int((lit.shape[1] - lit.argmax(axis=1) - lit[:, ::-1].argmax(axis=1)).sum())
 
 
-def _between(sight: Sight, first: Floats, last: Floats, fate: Floats) -> Floats:
-    """Points (m, 2) that pass between pairs of points (n, 2), of which the first ones have the fates (n,)."""
+def _between(sight: Sight, points: Floats, fates: Fates, lines: int) -> Floats:
+    """Points (m, 2) that pass between neighbours on every so many lines of a grid of points (n, n, 2)."""
+    pairs = []
+    for before, after in ((np.s_[:-1, ::lines], np.s_[1:, ::lines]), (np.s_[::lines, :-1], np.s_[::lines, 1:])):
+        apart = fates.of(before).apart(fates.of(after))
+        pairs.append((points[before][apart], points[after][apart], *(part[before][apart] for part in fates)))
+    first, last, code, met = (np.concatenate(parts) for parts in zip(*pairs, strict=True))
     lit = [np.empty((0, 2))]
     for _ in range(_HALVINGS if len(first) else 0):
         middle = 0.5 * (first + last)
-        met = sight.fates(middle)
-        lit.append(middle[met == 0])
-        alike = (met == fate)[:, None]
-        first, last = np.where(alike, middle, first), np.where(alike, last, middle)
+        here = sight.fates(middle)
+        lit.append(middle[here.code == 0])
+        nearer = ((here.code == 0) | Fates(code, met).apart(here))[:, None]
+        first, last = np.where(nearer, first, middle), np.where(nearer, middle, last)
+        code, met = np.where(nearer[:, 0], code, here.code), np.where(nearer, met, here.met)
     return np.concatenate(lit)
