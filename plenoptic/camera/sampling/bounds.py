@@ -171,5 +171,5 @@ def _united(
     lit = np.isfinite(support[:, 0])
     outline = polygon_around(np.where(lit[:, None], support, 0.0))
     reach = np.where(lit, np.linalg.norm(outline, axis=-1).max(axis=-1), 0.0)
-    made = {"support": support, "corners": outline, "reach": reach, "parted": parted}
-    return finest._replace(**{name: read_only(column) for name, column in made.items()})
+    finest = finest._replace(support=read_only(support), corners=read_only(outline))
+    return finest._replace(reach=read_only(reach), parted=read_only(parted))

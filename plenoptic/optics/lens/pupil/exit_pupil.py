@@ -246,7 +246,7 @@ def _followed_outlines(
             guesses.append(_around(heading, _COARSE))
         return outlined(sight._replace(known=grazing[sight.fates(grazing).code == 0]), guesses, rim, _FINE)
 
-    found = []
+    found: list[Outline] = []
     centre, heading = None, None
     for i, radius in enumerate(rho):
         here = seen(radius, heading)
@@ -303,5 +303,5 @@ def _widened(
             wide[b] = np.maximum(wide[b], reached.max(axis=0))
     outline = polygon_around(np.where(np.isfinite(wide), wide, 0.0))
     reach = np.where(np.isfinite(wide[:, 0]), np.linalg.norm(outline, axis=-1).max(axis=-1), 0.0)
-    columns = (read_only(column) for column in (normals, wide, outline, reach, several))
-    return PupilBounds(*columns, step, z)
+    kept = read_only(normals), read_only(wide), read_only(outline), read_only(reach), read_only(several)
+    return PupilBounds(*kept, step, z)

@@ -235,7 +235,7 @@ def _lit(sight: Sight, box: Guess, lines: int | None) -> _Lit:
     if thin or len(lit):
         beside = np.concatenate([beside, sight.known])
     parted = max(_spanned(passes), _spanned(passes.T)) > (1.0 + _HOLES) * np.count_nonzero(passes)
-    return _Lit(lit, beside, mesh, thin, parted or bool(_beyond(beside, lit, _TIP * mesh).any()))
+    return _Lit(lit, beside, mesh, thin, bool(parted or _beyond(beside, lit, _TIP * mesh).any()))
 
 
 def _beyond(points: Floats, lit: Floats, by: float) -> NDArray[np.bool_]:
