@@ -53,29 +53,23 @@ class Fates(NamedTuple):
 
     code: Floats
     """0 for those that pass, see `ray_blocks`."""
-    met: Floats
-    """(..., 2) where a stop ends others, from its centre, in its semi-diameter; 0 for all else."""
+    x: Floats
+    y: Floats
+    """Where a stop ends others, from its centre, in its semi-diameter; 0 for all else."""
 
     def of(self, chosen: Any) -> Fates:
         """Some of them."""
-        return Fates(self.code[chosen], self.met[chosen])
+        return Fates(self.code[chosen], self.x[chosen], self.y[chosen])
 
     def apart(self, others: Fates) -> NDArray[np.bool_]:
         """Whether light may pass between rays that are lost: by different causes, or on two sides of a stop."""
-        lost = (self.code != 0) & (others.code != 0)
-        found = np.asarray(lost & (self.code != others.code))
-        both = np.nonzero(lost & ~found & (self.met[..., 0] != 0.0))
-        here, step = self.met[both], others.met[both] - self.met[both]
+        x, y, dx, dy = self.x, self.y, others.x - self.x, others.y - self.y
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             # The nearest that the straight line between both comes to the centre.
-            share = np.clip(-_dot(here, step) / _dot(step, step), 0.0, 1.0)
-            nearest = here + share[:, None] * step
-            found[both] = _dot(nearest, nearest) < 1.0
-        return found
-
-
-def _dot(a: Floats, b: Floats) -> Floats:
-    return a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1]
+            share = np.clip(-(x * dx + y * dy) / (dx * dx + dy * dy), 0.0, 1.0)
+            across = (x != 0.0) & ((x + share * dx) ** 2 + (y + share * dy) ** 2 < 1.0)
+        lost = (self.code != 0) & (others.code != 0)
+        return np.asarray(lost & ((self.code != others.code) | across))
 
 
 def up_to_stops(lens: LensRecord) -> tuple[LensRecord, ...]:
@@ -108,7 +102,7 @@ class Sight(NamedTuple):
         x[:n], y[:n] = points[:, 0] - self.origin[0], points[:, 1] - self.origin[1]
         dz = float(self.z - self.origin[2])
         per_length = 1.0 / np.sqrt(x * x + y * y + dz * dz)
-        blocks, met = np.empty((count, 8, BLOCK)), np.zeros((n, 2))
+        blocks, met = np.empty((count, 8, BLOCK)), np.zeros((2, n))
         blocks[:, :3] = self.origin[:, None]
         blocks[:, 3] = (x * per_length).reshape(count, BLOCK)
         blocks[:, 4] = (y * per_length).reshape(count, BLOCK)
@@ -119,11 +113,11 @@ class Sight(NamedTuple):
             last, centre = part.rows[-1], (0.0, 0.0) if part.frames is None else part.frames[-1, 9:11]
             if last["kind"] == CIRCLE:
                 code = CAUSES * (last["surface_index"] + 1.0) + CLIPPED
-                here = np.flatnonzero(blocks[:, 7].reshape(-1)[:n] == code)
+                here = blocks[:, 7].reshape(-1)[:n] == code
                 for k in range(2):
-                    place = blocks[here // BLOCK, k, here % BLOCK]
-                    met[here, k] = (place - centre[k]) / math.sqrt(last["semi_diameter2"])
-        return Fates(np.array(blocks[:, 7].reshape(-1)[:n]), met)
+                    place = (blocks[:, k].reshape(-1)[:n] - centre[k]) / math.sqrt(last["semi_diameter2"])
+                    met[k] = np.where(here, place, met[k])
+        return Fates(blocks[:, 7].reshape(-1)[:n], *met)
 
 
 class Guess(NamedTuple):
@@ -224,7 +218,7 @@ def _lit(sight: Sight, box: Guess, lines: int | None) -> _Lit:
     x, y = (np.linspace(box.low[k], box.high[k], n) for k in range(2))
     points = np.stack(np.meshgrid(x, y), axis=-1)
     found = sight.fates(points.reshape(-1, 2))
-    fates = Fates(found.code.reshape(n, n), found.met.reshape(n, n, 2))
+    fates = Fates(*(column.reshape(n, n) for column in found))
     passes = fates.code == 0
     mesh = float(np.hypot(*((box.high - box.low) / (n - 1))))
     ends = passes.copy()
@@ -258,13 +252,14 @@ def _between(sight: Sight, points: Floats, fates: Fates, lines: int) -> Floats:
     for before, after in ((np.s_[:-1, ::lines], np.s_[1:, ::lines]), (np.s_[::lines, :-1], np.s_[::lines, 1:])):
         apart = fates.of(before).apart(fates.of(after))
         pairs.append((points[before][apart], points[after][apart], *(part[before][apart] for part in fates)))
-    first, last, code, met = (np.concatenate(parts) for parts in zip(*pairs, strict=True))
+    first, last, *begin = (np.concatenate(parts) for parts in zip(*pairs, strict=True))
+    fates = Fates(*begin)
     lit = [np.empty((0, 2))]
     for _ in range(_HALVINGS if len(first) else 0):
         middle = 0.5 * (first + last)
         here = sight.fates(middle)
         lit.append(middle[here.code == 0])
-        nearer = ((here.code == 0) | Fates(code, met).apart(here))[:, None]
-        first, last = np.where(nearer, first, middle), np.where(nearer, middle, last)
-        code, met = np.where(nearer[:, 0], code, here.code), np.where(nearer, met, here.met)
+        nearer = (here.code == 0) | fates.apart(here)
+        first, last = np.where(nearer[:, None], first, middle), np.where(nearer[:, None], middle, last)
+        fates = Fates(*(np.where(nearer, before, new) for before, new in zip(fates, here, strict=True)))
     return np.concatenate(lit)
