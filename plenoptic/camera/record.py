@@ -72,6 +72,7 @@ class PupilRecord(NamedTuple):
     support: Floats
     corners: Floats
     reach: Floats
+    parted: NDArray[np.bool_]
     step: float
     z: float
     plane: OutlinePlane

@@ -273,3 +273,54 @@ def test_little_room_is_not_overrun() -> None:
     one_by_one = [regions_of(tables, pixels[p : p + 1]) for p in range(16)]
     assert np.array_equal(areas, np.concatenate([one.pieces["area"][: one.first[-1]] for one in one_by_one]))
     assert len(areas) > 2 * 16
+
+
+def biconvex(stop, before, radii, thickness, index, semi_diameters):
+    front = pl.Surface(radii[0], thickness, pl.ConstantMedium(index), semi_diameter=semi_diameters[0])
+    back = pl.Surface(-radii[1], semi_diameter=semi_diameters[1])
+    return pl.LensStack([pl.CircularStop(stop, before), front, back])
+
+
+def cut_ball(stop, before, thickness, index, semi_diameter):
+    """More than half a ball of radius 10, its flat side towards the scene."""
+    front = pl.Surface(math.inf, thickness, pl.ConstantMedium(index), semi_diameter=semi_diameter)
+    return pl.LensStack([pl.CircularStop(stop, before), front, pl.Surface(-10.0, semi_diameter=10.0, depth=thickness)])
+
+
+PARTED = {
+    # Lens, distance of the sensor from its last vertex, pixel pitch, distance of pixels from the axis.
+    "small pupil close to the sensor": (cut_ball(1.815, 2.216, 18.39, 1.841, 5.445), 0.528, 0.25, (0.0, 1.75, 5.75)),
+    "crescent far from the rest": (cut_ball(0.514, 3.329, 11.12, 1.589, 9.937), 8.607, 0.2, (6.2, 8.2)),
+    "steep between two parts": (
+        biconvex(0.641, 2.614, (7.48, 8.76), 14.348, 1.987, (6.6, 6.685)),
+        1.08,
+        0.02,
+        (0.84, 1.8),
+    ),
+    "ball": (biconvex(1.391, 5.829, (10.0, 10.0), 20.0, 1.5315, (8.774, 8.774)), 1.447, 0.02, (2.32, 3.56, 4.12)),
+    "two crescents": (biconvex(0.526, 3.422, (12.66, 12.0), 22.0, 1.638, (9.178, 11.86)), 6.787, 0.01, (1.2, 5.0)),
+    "horns": (cut_ball(2.454, 3.91, 13.795, 1.479, 9.25), 9.0, 0.02, (8.62,)),
+}
+
+
+@pytest.mark.parametrize("name", list(PARTED))
+def test_pupils_in_several_parts_lose_no_ray(name: str) -> None:
+    lens, gap, pitch, places = PARTED[name]
+    columns = 2 * round(max(places) / pitch) + 3
+    last = float(lens.vertices[-1])
+    sensor = pl.Sensor(shape=(1, columns), pixel_pitch=pitch)
+    camera = pl.PlenopticCamera(lens=lens, sensor=sensor, stop_to_microlenses=last + gap)
+    tables = camera_record(camera)
+    pixels = sensor.centre_of(np.zeros(len(places)), np.rint(columns / 2 - 0.5 - np.array(places) / pitch))
+    regions = regions_of(tables, pixels)
+    rng, n = np.random.default_rng(41), 1 << 16
+    for p, pixel in enumerate(pixels):
+        offsets = rng.uniform(-0.5, 0.5, (n, 2)) * pitch
+        start = np.column_stack([pixel + offsets, np.full(n, last + gap)])
+        # All directions, as a Lambertian patch of the pixel sends light.
+        sine, azimuth = np.sqrt(rng.uniform(size=n)), rng.uniform(0, 2 * math.pi, n)
+        along = np.column_stack([sine * np.cos(azimuth), sine * np.sin(azimuth), -np.sqrt(1 - sine * sine)])
+        passed = camera.lens.trace_reverse(pl.RayBundle(start, along)).status == 0
+        aim = start[passed, :2] - (gap / along[passed, 2])[:, None] * along[passed, :2]
+        assert np.count_nonzero(passed) > 50
+        assert np.all(holds(regions, p, np.zeros((len(aim), 2)), aim, offsets[passed]))

@@ -10,7 +10,8 @@ from plenoptic.camera.assembly import Assembly, sensor_corners
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.sampling.record import SIDE
 from plenoptic.core.values import Floats, read_only
-from plenoptic.optics.lens.pupil.exit_pupil import PupilBounds, outline_corners, pupil_bounds, rear_reach
+from plenoptic.optics.lens.pupil.exit_pupil import PupilBounds, pupil_bounds, rear_reach
+from plenoptic.optics.lens.pupil.outline import polygon_around
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.imperfections import largest_offset
 from plenoptic.optics.microlens.model_rules import Crossing
@@ -159,13 +160,16 @@ def _united(
         return found[0]
     finest = max(found, key=lambda bounds: len(bounds.support))
     support = np.full_like(np.asarray(finest.support), -np.inf)
+    parted = np.zeros(len(support), dtype=np.bool_)
     for bounds in found:
         # An interval of the finest division lies in one or two of a coarser one.
         first = np.floor(np.arange(len(support)) * finest.step / bounds.step + 1e-9).astype(int)
         last = np.floor(np.arange(1, len(support) + 1) * finest.step / bounds.step - 1e-9).astype(int)
         for rows in (first, last):
-            support = np.maximum(support, bounds.support[np.clip(rows, 0, len(bounds.support) - 1)])
+            rows = np.clip(rows, 0, len(bounds.support) - 1)
+            support, parted = np.maximum(support, bounds.support[rows]), parted | bounds.parted[rows]
     lit = np.isfinite(support[:, 0])
-    outline = outline_corners(np.where(lit[:, None], support, 0.0))
+    outline = polygon_around(np.where(lit[:, None], support, 0.0))
     reach = np.where(lit, np.linalg.norm(outline, axis=-1).max(axis=-1), 0.0)
-    return finest._replace(support=read_only(support), corners=read_only(outline), reach=read_only(reach))
+    finest = finest._replace(support=read_only(support), corners=read_only(outline))
+    return finest._replace(reach=read_only(reach), parted=read_only(parted))

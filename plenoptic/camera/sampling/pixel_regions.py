@@ -134,7 +134,7 @@ def _views(camera: CameraRecord, found: Candidates, corners: Floats, centres: Fl
     from plenoptic.camera.sampling.kernels.pixel_regions import MOST_PIECES, fill_boxes
 
     group, openings = np.repeat(np.arange(len(centres)), np.diff(found.first)), camera.openings
-    left = np.flatnonzero(np.diff(found.first)[group] <= MOST_PIECES)
+    left = np.flatnonzero((np.diff(found.first)[group] <= MOST_PIECES) & (found.rows["parted"] == 0))
     views, used = np.empty(4 * len(centres) + 64, VIEW), 0
     for _ in range(_PASSES):
         again = [left[:0]]

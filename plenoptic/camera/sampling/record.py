@@ -16,14 +16,15 @@ SIDE = 4
 CANDIDATE = np.dtype(
     [
         *((name, "f8") for name in ("cell_x", "cell_y", "axis_x", "axis_y", "x", "y", "half_x", "half_y", "slack")),
-        *((name, "i8") for name in ("first_corner", "corners", "first_view", "views", "certain")),
+        *((name, "i8") for name in ("first_corner", "corners", "parted", "first_view", "views", "certain")),
     ],
     align=True,
 )
 """A microlens that may feed a group of pixels: centre of its cell, optical axis, the box in which light may pass (its
 middle and half sides, from the cell's centre), how large the margins of its planes are beside what they bound; first
-and number of the corners of a polygon that holds all its light, and of its views of elements, -1 where it is dark; 1
-where nothing but what the views show stops light in that polygon."""
+and number of the corners of a polygon that holds all its light; 1 where that light comes in several parts, which views
+do not show; first and number of its views of elements, -1 where it is dark; 1 where nothing but what the views show
+stops light in that polygon."""
 
 VIEW = np.dtype(
     [

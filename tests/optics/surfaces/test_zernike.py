@@ -16,7 +16,8 @@ from plenoptic.optics.lens.files.lens_json import json_of_lens, lens_from_json
 from plenoptic.optics.lens.files.zemax import lens_from_zmx
 from plenoptic.optics.lens.files.zemax_writing import zmx_of_lens
 from plenoptic.optics.lens.kernels.trace import fill_traced
-from plenoptic.optics.lens.pupil.exit_pupil import pupil_bounds, unvignetted
+from plenoptic.optics.lens.pupil.exit_pupil import pupil_bounds
+from plenoptic.optics.lens.pupil.outline import Sight, up_to_stops
 from plenoptic.optics.lens.record import lens_record
 from plenoptic.optics.lens.trace import traced_part
 from plenoptic.optics.surfaces.zernike import ZernikeSag
@@ -346,7 +347,8 @@ def test_bounds_on_the_pupil_hold_all_round(azimuth):
     for rho in (0.0, 4.0, 9.5):
         side = np.linspace(-7, 7, 101)
         grid = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
-        passing = grid[unvignetted(record, np.array([rho * cos, rho * sin, z_plane]), grid, bounds.z)]
+        sight = Sight(up_to_stops(record), np.array([rho * cos, rho * sin, z_plane]), bounds.z)
+        passing = grid[sight.fates(grid).code == 0]
         assert len(passing) > 100
         turned = passing @ np.array([[cos, -sin], [sin, cos]])
         row = min(int(rho / bounds.step), len(bounds.support) - 1)

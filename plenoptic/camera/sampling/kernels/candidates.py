@@ -19,14 +19,13 @@ _MOST_CORNERS = 64
 
 
 @device
-def _store(found, corners, used, polygon, n, cell, axis):
-    """Append a candidate, where there is room; `used` counts candidates and corners."""
+def _store(found, corners, used, polygon, n, places, parted):
+    """Append a candidate with a cell and an optical axis, where there is room; `used` counts candidates and corners."""
     at, end = used
     if at < found.rows.size and end + n <= corners.shape[1]:
         candidate = found.rows[at]
-        candidate.cell_x, candidate.cell_y = cell
-        candidate.axis_x, candidate.axis_y = axis
-        candidate.first_corner, candidate.corners = end, n
+        (candidate.cell_x, candidate.cell_y), (candidate.axis_x, candidate.axis_y) = places
+        candidate.first_corner, candidate.corners, candidate.parted = end, n, 1 if parted else 0
         candidate.first_view, candidate.views, candidate.certain, candidate.slack = 0, 0, 0, math.inf
         for q in range(n):
             corners[0, end + q], corners[1, end + q] = polygon[0, q], polygon[1, q]
@@ -156,6 +155,7 @@ def fill_cells(found, corners, used, pixels, pixel_margin, sensor, array, pupil)
     origin, basis, inverse = array.lattice.origin, array.lattice.basis, array.lattice.inverse
     powers, radius, plane, pinhole = array.lattice.powers, array.opening.radius, pupil.plane, pupil.pinhole
     normals, support, reach, step = pupil.normals, pupil.support, pupil.reach, pupil.step
+    parted = pupil.parted
     polygon = np.empty((3, _MOST_CORNERS))
     largest = 0.0
     for i in range(reach.size):
@@ -262,7 +262,7 @@ def fill_cells(found, corners, used, pixels, pixel_margin, sensor, array, pupil)
                                 details[used[0]] = listed.lenses[row]
                             detail.power = power
                             detail.clip = array.opening.clip if part == 0 else -1.0
-                        _store(found, corners, used, polygon, n, (cx, cy), (ox, oy))
+                        _store(found, corners, used, polygon, n, ((cx, cy), (ox, oy)), parted[interval])
     first[pixels.shape[0]] = used[0]
 
 
@@ -270,7 +270,7 @@ def fill_cells(found, corners, used, pixels, pixel_margin, sensor, array, pupil)
 def fill_pupil(found, corners, used, pixels, pupil):
     """Without microlenses: the bounds on the pupil itself, seen from each group."""
     first = found.first
-    outlines, reach, step = pupil.corners, pupil.reach, pupil.step
+    outlines, reach, parted, step = pupil.corners, pupil.reach, pupil.parted, pupil.step
     sides = outlines.shape[1]
     polygon = np.empty((3, sides))
     used[:] = 0
@@ -284,5 +284,5 @@ def fill_pupil(found, corners, used, pixels, pupil):
         for k in range(sides):
             polygon[0, k] = cos * outlines[interval, k, 0] - sin * outlines[interval, k, 1]
             polygon[1, k] = sin * outlines[interval, k, 0] + cos * outlines[interval, k, 1]
-        _store(found, corners, used, polygon, sides, (0.0, 0.0), (0.0, 0.0))
+        _store(found, corners, used, polygon, sides, ((0.0, 0.0), (0.0, 0.0)), parted[interval])
     first[pixels.shape[0]] = used[0]

@@ -20,7 +20,7 @@ from plenoptic.core.sampling import sobol_points
 from plenoptic.core.values import MOST_POINTS, Floats, check_kind, finite, number, seed_number, wavelength_in_nm, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.models import LensModel
-from plenoptic.optics.lens.pupil.exit_pupil import normals_of, polygon_around
+from plenoptic.optics.lens.pupil.outline import normals_of, polygon_around
 from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.lens.trace import traced_part

@@ -13,7 +13,7 @@ import numpy as np
 from plenoptic.core.values import Floats
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
-from plenoptic.optics.lens.pupil.exit_pupil import SIDES, grid, lit_box, normals_of, polygon_around, unvignetted
+from plenoptic.optics.lens.pupil.outline import DARK, Guess, Sight, outlined, polygon_around, up_to_stops
 from plenoptic.optics.lens.record import LensRecord, lens_record
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.record import IDEAL
@@ -42,6 +42,8 @@ class Entrance(NamedTuple):
     """Position, semi-diameter and middle (2,) of the paraxial entrance pupil in mm."""
     lens: LensRecord
     """The lens forwards, its stops round."""
+    parts: tuple[LensRecord, ...]
+    """The same, see `up_to_stops`."""
 
 
 def entrance(lens: LensStack, wavelength: float) -> Entrance:
@@ -53,7 +55,9 @@ def entrance(lens: LensStack, wavelength: float) -> Entrance:
     pupil = (points.entrance_pupil, size, shift)
     z, axis = float(record.rows[0]["z"]), np.zeros(2)
     if lens.model is not LensModel.EXACT:
-        return Entrance(z, 0.0, axis, math.sqrt(float(record.rows[0]["semi_diameter2"])), pupil, record)
+        return Entrance(
+            z, 0.0, axis, math.sqrt(float(record.rows[0]["semi_diameter2"])), pupil, record, up_to_stops(record)
+        )
     first = lens.elements[0]
     reach, sag = first.semi_diameter, np.zeros(1)
     if isinstance(first, Surface):
@@ -69,30 +73,19 @@ def entrance(lens: LensStack, wavelength: float) -> Entrance:
         sine = float(np.hypot(turn[2, 0], turn[2, 1]))
         low, high = low + float(shift[2]) - sine * reach, high + float(shift[2]) + sine * reach
         axis, reach = shift[:2], reach + sine * float(np.abs(sag).max())
-    return Entrance(z + low, high - low, axis, reach, pupil, record)
+    return Entrance(z + low, high - low, axis, reach, pupil, record, up_to_stops(record))
 
 
 def entering_polygon(where: Entrance, point: Floats) -> Floats | None:
-    """Corners (SIDES, 2) of a polygon on the plane of the entrance that all rays from a point pass; None if dark.
-
-    It lies around the points of a grid that pass, widened by one step of the grid.
-    """
-
-    def passing(points: Floats) -> Floats:
-        return points[unvignetted(where.lens, point, points, where.z)]
-
+    """Corners (SIDES, 2) of a polygon on the plane of the entrance that all rays from a point pass; None if dark."""
+    sight = Sight(where.parts, point, where.z)
     with np.errstate(all="ignore"):  # a point too far away for its squares is out of sight
-        rim, seen = _rim_box(where, point), _pupil_box(where, point)
-        for near, far, n in [(*rim, _COARSE), *([] if seen is None else [(*seen, _COARSE)]), (*rim, _DENSE)]:
-            box = lit_box(passing, near, far, n, rim)
-            if box is not None:
-                low, high = np.maximum(box[0], rim[0]), np.minimum(box[1], rim[1])
-                points, mesh = grid(low, high, _FINE)
-                lit = passing(points)
-                if not len(lit):
-                    lit = np.array([low, [low[0], high[1]], high, [high[0], low[1]]])
-                return polygon_around((lit @ normals_of(SIDES).T).max(axis=0) + mesh)
-    return None
+        low, high = _rim_box(where, point)
+        rim, seen = Guess(low, high, _COARSE), _pupil_box(where, point)
+        found = outlined(sight, [rim] if seen is None else [rim, Guess(*seen, _COARSE)], rim, _FINE)
+        if found is DARK:
+            found = outlined(sight, [rim._replace(rays=_DENSE)], rim, _FINE)
+    return None if found is DARK else polygon_around(found.support)
 
 
 def _rim_box(where: Entrance, point: Floats) -> tuple[Floats, Floats]:

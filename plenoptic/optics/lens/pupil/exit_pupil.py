@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -20,22 +19,28 @@ from numpy.typing import NDArray
 from plenoptic.core.values import Floats, read_only
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
+from plenoptic.optics.lens.pupil.outline import (
+    DARK,
+    SIDES,
+    Guess,
+    Outline,
+    Sight,
+    normals_of,
+    outlined,
+    polygon_around,
+    up_to_stops,
+)
 from plenoptic.optics.lens.record import FRAME, MOVED, LensRecord, lens_record
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.record import CIRCLE, FREEFORM
 from plenoptic.optics.surfaces.surface import Surface
-
-SIDES = 16
-"""Sides of an outline: a circle's circumscribed 16-gon is 1.3 % larger than the circle."""
 
 _WHOLE, _COARSE, _FINE = 128, 64, 128
 _RADII = 25
 _MOST_RADII = 225
 _BISECTIONS = 12
 _LARGEST_FRACTION = 10.0
-
-Guess: TypeAlias = tuple[float, float, float]
-"""Where light may pass the plane of the outlines: x, y and half the width of a square."""
+_AZIMUTHS = 16
 
 
 def _rings() -> Floats:
@@ -46,7 +51,9 @@ def _rings() -> Floats:
 
 
 _GRAZING = _rings()
-_AZIMUTHS = 16
+
+Place: TypeAlias = tuple[float, float, float]
+"""Where light may pass the plane of the outlines: x, y and half the width of a square."""
 
 
 class PupilBounds(NamedTuple):
@@ -64,109 +71,12 @@ class PupilBounds(NamedTuple):
     """(n, SIDES, 2) corners in mm, counter-clockwise."""
     reach: Floats
     """(n,) largest distance of an outline from the axis in mm."""
+    parted: NDArray[np.bool_]
+    """(n,) whether light passes in several parts, of which the outline is one hull."""
     step: float
     """Width of an interval in mm."""
     z: float
     """Plane of the outlines in the lens frame in mm."""
-
-
-def normals_of(sides: int) -> Floats:
-    """Unit vectors (sides, 2) in evenly spaced directions, +x first: outward normals of a polygon."""
-    angle = 2 * math.pi * np.arange(sides) / sides
-    return np.stack([np.cos(angle), np.sin(angle)], axis=1)
-
-
-def polygon_around(support: Floats) -> Floats:
-    """Corners (n, 2) of a polygon whose sides have the normals `normals_of(n)` and these distances (n,) from 0."""
-    normals, turn = normals_of(len(support)), 2 * math.pi / len(support)
-    # A corner is where a side meets the next one, turned by `turn`: along the side from its foot.
-    after, along = np.roll(support, -1), np.stack([-normals[:, 1], normals[:, 0]], axis=1)
-    foot = support[:, None] * normals
-    return np.asarray(foot + ((after - support * math.cos(turn)) / math.sin(turn))[:, None] * along)
-
-
-def unvignetted(lens: LensRecord, origin: Floats, points: Floats, z: float) -> NDArray[np.bool_]:
-    """Which of the rays from `origin` (3,) through `points` (n, 2) of the plane z leave the lens."""
-    from plenoptic.core.kernels.ray_blocks import BLOCK
-    from plenoptic.optics.lens.kernels.trace import fill_traced
-
-    n = len(points)
-    count = -(-n // BLOCK)
-    x, y = np.zeros((2, count * BLOCK))
-    x[:n], y[:n] = points[:, 0] - origin[0], points[:, 1] - origin[1]
-    dz = float(z - origin[2])
-    per_length = 1.0 / np.sqrt(x * x + y * y + dz * dz)
-    blocks = np.empty((count, 8, BLOCK))
-    blocks[:, :3] = origin[:, None]
-    blocks[:, 3] = (x * per_length).reshape(count, BLOCK)
-    blocks[:, 4] = (y * per_length).reshape(count, BLOCK)
-    blocks[:, 5] = (dz * per_length).reshape(count, BLOCK)
-    blocks[:, 6:] = 0.0
-    fill_traced(blocks.reshape(-1), lens, None)
-    return np.asarray(blocks[:, 7].reshape(-1)[:n] == 0)
-
-
-def grid(low: Floats, high: Floats, n: int) -> tuple[Floats, float]:
-    """Points of an n x n grid over a box and the diagonal of its mesh."""
-    x, y = (np.linspace(low[k], high[k], n) for k in range(2))
-    points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    return points, float(np.hypot(*((high - low) / (n - 1))))
-
-
-def lit_box(
-    passing: Callable[[Floats], Floats], low: Floats, high: Floats, n: int, rim: tuple[Floats, Floats]
-) -> tuple[Floats, Floats] | None:
-    """A box around those of an n x n grid's points that `passing` keeps, wider by one step of the grid; None if dark.
-
-    Where light reaches the border of the grid, from `low` to `high`, that grows, at most up to the box `rim`.
-    """
-    while True:
-        points, mesh = grid(low, high, n)
-        lit = passing(points)
-        if not len(lit):
-            return None
-        found_low, found_high = lit.min(axis=0) - mesh, lit.max(axis=0) + mesh
-        grow_low, grow_high = (found_low < low) & (low > rim[0]), (found_high > high) & (high < rim[1])
-        if not (grow_low.any() or grow_high.any()):
-            return found_low, found_high
-        width = high - low
-        low = np.where(grow_low, np.maximum(low - width, rim[0]), low)
-        high = np.where(grow_high, np.minimum(high + width, rim[1]), high)
-
-
-def _outline(lens: LensRecord, origin: Floats, z: float, guesses: list[Guess], rim: float) -> Floats:
-    """Support distances of the passing points as seen from one origin, (SIDES,): -inf where all guesses are dark."""
-
-    def passing(points: Floats) -> Floats:
-        return points[unvignetted(lens, origin, points, z)]
-
-    def passing_with_grazing(points: Floats) -> Floats:
-        lit = passing(points)
-        return np.concatenate([lit, grazing]) if len(lit) else lit
-
-    grazing, corner = passing(rim * _GRAZING), np.full(2, rim)
-    for x, y, half_width in guesses:
-        low, high = np.array([x - half_width, y - half_width]), np.array([x + half_width, y + half_width])
-        n = _WHOLE if half_width >= rim else _COARSE
-        box = lit_box(passing_with_grazing, low, high, n, (-corner, corner))
-        if box is not None:
-            points, mesh = grid(*box, _FINE)
-            lit = np.concatenate([passing(points), grazing])
-            if not len(lit):
-                lit, mesh = np.array(box), 0.0
-            return np.asarray((lit @ normals_of(SIDES).T).max(axis=0) + mesh)
-    return np.full(SIDES, -np.inf)
-
-
-def outline_corners(support: Floats) -> Floats:
-    """Corners (n, SIDES, 2) of polygons given by (n, SIDES) support distances: neighbouring sides intersected."""
-    normals = normals_of(SIDES)
-    after = np.roll(normals, -1, axis=0)
-    turn = normals[:, 0] * after[:, 1] - normals[:, 1] * after[:, 0]
-    next_support = np.roll(support, -1, axis=-1)
-    x = (support * after[:, 1] - next_support * normals[:, 1]) / turn
-    y = (next_support * normals[:, 0] - support * after[:, 0]) / turn
-    return np.stack([x, y], axis=-1)
 
 
 def pupil_bounds(
@@ -255,9 +165,9 @@ def _traced_bounds(
     radii = _RADII
     while True:
         rho = np.linspace(0.0, largest_radius + cell_radius, radii)
-        support = _all_round(content.lens, rho, pupil, z, z_plane, rear)
+        support, parted = _all_round(content.lens, rho, pupil, z, z_plane, rear)
         if radii >= _MOST_RADII or _largest_step(support) < 0.5:
-            return _widened(rho, support, cell_radius, largest_radius, z)
+            return _widened(rho, support, parted, cell_radius, largest_radius, z)
         radii *= 3
 
 
@@ -273,8 +183,8 @@ def _largest_step(support: Floats) -> float:
 
 def _all_round(
     lens: LensRecord, rho: Floats, pupil: tuple[float, ...], z: float, z_plane: float, rear: tuple[float, float]
-) -> Floats:
-    """Support distances as seen from all points at the distances rho, in axes turned with them.
+) -> tuple[Floats, NDArray[np.bool_]]:
+    """Support distances of all points at the distances rho, in axes turned with them, and which outlines are parted.
 
     A centred lens looks the same from everywhere on a circle. Of a lens with elements out of place, the union of
     outlines from several azimuths is taken, and widened by what may lie between them.
@@ -283,12 +193,13 @@ def _all_round(
         return _followed_outlines(lens, rho, pupil, z, z_plane, rear)
     angles = 2 * math.pi * np.arange(_AZIMUTHS) / _AZIMUTHS
     outlines = [_followed_outlines(_turned(lens, a), rho, _turned_pupil(pupil, a), z, z_plane, rear) for a in angles]
-    found = np.array(outlines)
+    found = np.array([support for support, _ in outlines])
     largest = found.max(axis=0)
     smallest = np.where(np.isfinite(found), found, np.inf).min(axis=0)
     # A change like cos(azimuth) reaches at most (1 - cos(pi / n)) of its amplitude beyond the samples.
     spread = np.where(np.isfinite(largest), largest - smallest, 0.0)
-    return np.asarray(largest + (1.0 - math.cos(math.pi / _AZIMUTHS)) * spread)
+    parted = np.any([parts for _, parts in outlines], axis=0)
+    return np.asarray(largest + (1.0 - math.cos(math.pi / _AZIMUTHS)) * spread), parted
 
 
 def _turned(lens: LensRecord, angle: float) -> LensRecord:
@@ -312,73 +223,85 @@ def _turned_pupil(pupil: tuple[float, ...], angle: float) -> tuple[float, ...]:
 
 def _followed_outlines(
     lens: LensRecord, rho: Floats, pupil: tuple[float, ...], z: float, z_plane: float, rear: tuple[float, float]
-) -> Floats:
-    """Support distances (n, SIDES) as seen from points at the distances rho from the axis; -inf where it is dark.
+) -> tuple[Floats, NDArray[np.bool_]]:
+    """Support distances (n, SIDES) of points at the distances rho from the axis, and which outlines are parted.
 
     A small pupil that a grid over the whole rim would miss is looked for where the paraxial pupil lies and where it
     was heading. Beside a dark point, the outline from the end of the light is taken instead of none.
     """
     exit_pupil, semi_diameter, *across = pupil
+    parts = up_to_stops(lens)
 
-    def outline(radius: float, heading: Guess | None) -> Floats:
-        rim = 1.02 * (rear[0] + rear[1] * radius)
-        guesses = [(0.0, 0.0, rim)]
-        if math.isfinite(exit_pupil) and exit_pupil < z_plane:
+    def seen(radius: float, heading: Place | None) -> Outline:
+        reach = 1.02 * (rear[0] + rear[1] * radius)
+        sight, grazing = Sight(parts, np.array([radius, 0.0, z_plane]), z), reach * _GRAZING
+        rim = _around((0.0, 0.0, reach), _WHOLE)
+        guesses = [rim]
+        if math.isfinite(exit_pupil) and exit_pupil != z_plane:
             # The paraxial pupil as seen from the cell, on the plane of the last vertex.
             fraction = (z_plane - z) / (z_plane - exit_pupil)
             x, y = (fraction * shift for shift in across)
-            guesses.append((radius * (1 - fraction) + x, y, 1.5 * fraction * semi_diameter))
+            guesses.append(_around((radius * (1 - fraction) + x, y, 1.5 * abs(fraction) * semi_diameter), _COARSE))
         if heading is not None:
-            guesses.append(heading)
-        return _outline(lens, np.array([radius, 0.0, z_plane]), z, guesses, rim)
+            guesses.append(_around(heading, _COARSE))
+        return outlined(sight._replace(known=grazing[sight.fates(grazing).code == 0]), guesses, rim, _FINE)
 
-    support = np.empty((len(rho), SIDES))
+    found: list[Outline] = []
     centre, heading = None, None
     for i, radius in enumerate(rho):
-        support[i] = outline(radius, heading)
-        if np.isfinite(support[i, 0]):
-            x, y, half_width = _middle(support[i])
+        here = seen(radius, heading)
+        if here is not DARK:
+            x, y, half_width = _middle(here.support)
             step = 0.0 if centre is None else x - centre
             centre, heading = x, (x + step, y, 3 * half_width + abs(step))
         elif centre is not None:
-            lit, dark = rho[i - 1], radius
-            support[i] = support[i - 1]
+            here, lit, dark = found[-1], rho[i - 1], radius
             for _ in range(_BISECTIONS):
                 between = 0.5 * (lit + dark)
-                x, y, half_width = _middle(support[i])
-                found = outline(between, (x, y, 4 * half_width))
-                if np.isfinite(found[0]):
-                    lit, support[i] = between, found
-                else:
+                x, y, half_width = _middle(here.support)
+                nearer = seen(between, (x, y, 4 * half_width))
+                if nearer is DARK:
                     dark = between
+                else:
+                    lit, here = between, nearer
             centre, heading = None, None
-    return support
+        found.append(here)
+    return np.array([here.support for here in found]), np.array([here.parted for here in found])
 
 
-def _middle(support: Floats) -> Guess:
+def _around(place: Place, rays: int) -> Guess:
+    x, y, half_width = place
+    return Guess(np.array([x - half_width, y - half_width]), np.array([x + half_width, y + half_width]), rays)
+
+
+def _middle(support: Floats) -> Place:
     """Middle and half width of an outline."""
     left, right, up, down = -support[SIDES // 2], support[0], support[SIDES // 4], -support[3 * SIDES // 4]
     return 0.5 * float(left + right), 0.5 * float(up + down), 0.5 * float(max(right - left, up - down))
 
 
-def _widened(rho: Floats, support: Floats, cell_radius: float, largest_radius: float, z: float) -> PupilBounds:
+def _widened(
+    rho: Floats, support: Floats, parted: NDArray[np.bool_], cell_radius: float, largest_radius: float, z: float
+) -> PupilBounds:
     """Union of the outlines of all points of a cell, for intervals of the distance of its centre."""
     normals = normals_of(SIDES)
     bins, spacing = len(rho) - 1, rho[1] - rho[0]
     step = largest_radius / bins if largest_radius > 0 else 1.0
     lit = np.isfinite(support[:, 0])
-    corners = outline_corners(np.where(lit[:, None], support, 0.0))
-    wide = np.full((bins, SIDES), -np.inf)
+    corners = polygon_around(np.where(lit[:, None], support, 0.0))
+    wide, several = np.full((bins, SIDES), -np.inf), np.zeros(bins, dtype=np.bool_)
     for b in range(bins):
         low, high = b * step - cell_radius, (b + 1) * step + cell_radius
         near = lit & (rho >= low - spacing) & (rho <= high + spacing)
         if not near.any():
             continue
+        several[b] = parted[near].any()
         turn = math.pi if b * step <= cell_radius else math.asin(cell_radius / (b * step))
         for angle in np.linspace(-turn, turn, 16 if turn > 0.3 else 3):
             rotation = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
             reached = corners[near].reshape(-1, 2) @ rotation.T @ normals.T
             wide[b] = np.maximum(wide[b], reached.max(axis=0))
-    outline = outline_corners(np.where(np.isfinite(wide), wide, 0.0))
+    outline = polygon_around(np.where(np.isfinite(wide), wide, 0.0))
     reach = np.where(np.isfinite(wide[:, 0]), np.linalg.norm(outline, axis=-1).max(axis=-1), 0.0)
-    return PupilBounds(read_only(normals), read_only(wide), read_only(outline), read_only(reach), step, z)
+    kept = read_only(normals), read_only(wide), read_only(outline), read_only(reach), read_only(several)
+    return PupilBounds(*kept, step, z)

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.optics.lens.pupil.exit_pupil import SIDES, PupilBounds, pupil_bounds, unvignetted
+from plenoptic.optics.lens.pupil.exit_pupil import PupilBounds, pupil_bounds
+from plenoptic.optics.lens.pupil.outline import SIDES, Sight, up_to_stops
 from plenoptic.optics.lens.record import lens_record
 
 
@@ -98,7 +99,7 @@ def test_outlines_waste_little_on_the_axis(name: str, stop: float | None) -> Non
     x = (np.arange(side) + 0.5) / side * 2 * half - half
     grid = np.stack(np.meshgrid(x, x), axis=-1).reshape(-1, 2)
     record = lens_record(lens, 587.6, reverse=True)
-    passing = unvignetted(record, np.array([0, 0, behind(lens)]), grid, z)
+    passing = Sight(up_to_stops(record), np.array([0, 0, behind(lens)]), z).fates(grid).code == 0
     area = np.count_nonzero(passing) * (2 * half / side) ** 2
     # The circle's 16-gon (1.013), one step of the grid of 128 (about 1.05), and what the cell and the interval of
     # 0.8 mm move: with a stop of 1 mm that is most of it. Counting cells of the grid is good to 2 / 400.
