@@ -36,6 +36,8 @@ class _Remembering:
         return getattr(self._context, name)
 
     def resolve_function_type(self, function: Any, args: Any, kws: Any) -> Any:
+        if isinstance(function, types.Dispatcher) and not kws:
+            args = tuple(types.unliteral(one) if isinstance(one, types.IntegerLiteral) else one for one in args)
         if kws or (isinstance(function, types.Type) and not isinstance(function, types.Function)):
             return self._context.resolve_function_type(function, args, kws)
         key = function, tuple(args)
@@ -54,7 +56,11 @@ class _Library(codegen.JITCodeLibrary):
         """As Numba does, but without passes for functions that are only declared."""
         module.data_layout = self._codegen._data_layout
         for function in module.functions:
-            if not function.is_declaration:
+            if module.name == "wrapper":
+                if not function.is_declaration:
+                    for one in ("noinline", "optnone"):
+                        function.add_function_attribute(one)
+            elif not function.is_declaration:
                 passes, builder = self._codegen._function_pass_manager()
                 passes.run(function, builder)
 
