@@ -27,6 +27,18 @@ import plenoptic as pl
 MIDDLE, BALL = np.s_[224:288, 224:288], np.s_[256:384, 192:320]
 
 
+class Wanted(NamedTuple):
+    """An error in per cent (RMS of white images, the median of `objects`), and numbers of samples before and now.
+
+    Between these the time at that error is interpolated; where it is beyond them, the last one is printed.
+    """
+
+    name: str
+    error: float
+    before: tuple[int, ...]
+    now: tuple[int, ...]
+
+
 class Case(NamedTuple):
     """What is rendered, where, and which pixels count: those above a share of the 99th percentile."""
 
@@ -39,19 +51,20 @@ class Case(NamedTuple):
 
 
 CASES = {
-    "white, round": Case(lit=0.5),
-    "white, six blades": Case(stop=pl.PolygonStop(blades=6, semi_diameter=5.0), lit=0.5),
+    "white, round": Case(lit=0.5, converged=1024),
+    "white, six blades": Case(stop=pl.PolygonStop(blades=6, semi_diameter=5.0), lit=0.5, converged=1024),
     "white, 1 mm": Case(stop=pl.CircularStop(1.0)),
     "white, 0.1 mm": Case(stop=pl.CircularStop(0.1)),
     "white, 20 mm": Case(stop=pl.CircularStop(20.0)),
     "`check`": Case(scene=pl.check_scene),
     "still life, 1 bounce": Case(scene=pl.still_life, bounces=1),
-    "`objects`": Case(scene=pl.objects_scene, region=BALL, bounces=128, converged=2048),
+    "`objects`": Case(scene=pl.objects_scene, region=BALL, bounces=128, converged=1024),
 }
-AT_ERROR = (("white, round", 1.0), ("white, six blades", 1.0), ("`objects`", 18.0))
-"""Per cent: RMS of white images, the median of `objects`."""
-NUMBERS = (8, 16, 32, 64)
-"""Of samples, between which the time at an error is interpolated; the present version also takes fewer."""
+AT_ERROR = (
+    Wanted("white, round", 1.0, (128, 256, 512, 1024), (2, 4, 8, 16, 32)),
+    Wanted("white, six blades", 1.0, (128, 256, 512, 1024), (2, 4, 8, 16, 32)),
+    Wanted("`objects`", 18.0, (8, 16, 32), (2, 4, 8, 16)),
+)
 
 
 def tables(*, quick: bool) -> Iterator[Table]:
@@ -60,13 +73,13 @@ def tables(*, quick: bool) -> Iterator[Table]:
     before, now, rounds = _Version(other, own=other == here), _Version(here, own=True), 2 if quick else 7
     remark = f"One thread, whole warm calls in turns, each with its own camera; CPU ms a pixel, medians of {rounds}."
     at_error = AT_ERROR[:1] if quick else AT_ERROR
-    names = [name for name in CASES if name not in dict(AT_ERROR)][: 1 if quick else None]
-    chosen = {name: CASES[name] for name in (*dict(at_error), *names)}
-    truths = {name: _Truth(now, case, 64 if quick else case.converged) for name, case in chosen.items()}
-    rows = [_at_error(name, error, truths[name], (before, now), rounds) for name, error in at_error]
-    yield Table(
-        "CPU time at an error", ("image", "error %", "before, 8 replicates", "now, 2", "less by"), rows, [remark]
-    )
+    named = {row.name for row in AT_ERROR}
+    names = [name for name in CASES if name not in named][: 1 if quick else None]
+    chosen = [row.name for row in at_error] + names
+    truths = {name: _Truth(now, CASES[name], 64 if quick else CASES[name].converged) for name in chosen}
+    rows = [_at_error(row, truths[row.name], (before, now), rounds) for row in at_error]
+    columns = ("image", "error %", "before, 8 replicates", "samples", "now, 2", "samples", "less by")
+    yield Table("CPU time at an error", columns, rows, [remark])
     rows = [_variance_times_cpu(name, truths[name], (before, now), rounds) for name in names]
     columns = ("image", "before, 8 replicates", "now, 2", "less by", "before, 1", "now, 1", "less by")
     yield Table("Relative variance (%^2) times CPU time, 64 samples", columns, rows, [remark])
@@ -90,6 +103,9 @@ class _Version:
         self._process.stdin.flush()
         answer: tuple[float, Any, Any] = pickle.load(self._process.stdout)
         return answer
+
+
+_Pair = tuple[_Version, _Version]
 
 
 def serve() -> None:
@@ -136,44 +152,38 @@ class _Truth:
 def _measured(
     truth: _Truth, versions: tuple[_Version, ...], tasks: list[dict[str, int]], rounds: int
 ) -> list[tuple[float, Any]]:
-    """Median CPU ms a pixel and mean squared errors of each task of each version; the first round only warms up."""
+    """Median CPU ms a pixel and squared errors (rounds, pixels) of each task; the first round only warms up."""
     found: list[list[tuple[float, Any]]] = [[] for _ in tasks]
     for seed in range(rounds + 1):
         for of_task, version, task in zip(found, versions, tasks, strict=True):
             cpu, image, _ = version(truth.case, seed=seed, **task)
             of_task.append((cpu, truth.relative(image)))
     return [
-        (1e3 * statistics.median(cpu for cpu, _ in one[1:]) / truth.pixels(), np.mean([e for _, e in one[1:]], axis=0))
+        (1e3 * statistics.median(cpu for cpu, _ in one[1:]) / truth.pixels(), np.stack([e for _, e in one[1:]]))
         for one in found
     ]
 
 
-def _at_error(name: str, wanted: float, truth: _Truth, versions: tuple[_Version, _Version], rounds: int) -> Any:
-    before, now = versions
-    tasks = [{"samples": n, "replicates": 8} for n in NUMBERS] + [
-        {"samples": n, "replicates": 2} for n in (2, 4, *NUMBERS)
-    ]
-    of = tuple([before] * len(NUMBERS) + [now] * (2 + len(NUMBERS)))
+def _at_error(wanted: Wanted, truth: _Truth, versions: _Pair, rounds: int) -> tuple[object, ...]:
+    name, error, before, now = wanted
     middle = np.median if truth.case.scene() is not None else np.mean
-    cpu, errors = zip(*((cpu, 100 * _root(middle(e))) for cpu, e in _measured(truth, of, tasks, rounds)), strict=True)
-    split = len(NUMBERS)
-    times = [
-        math.exp(np.interp(-math.log(wanted), -np.log(errors[one]), np.log(cpu[one])))
-        for one in (slice(0, split), slice(split, None))
-    ]
-    return name, wanted, *times, times[0] / times[1]
+    row: list[float] = []
+    of = (versions[0],) * len(before) + (versions[1],) * len(now)
+    tasks = [{"samples": n, "replicates": k} for numbers, k in ((before, 8), (now, 2)) for n in numbers]
+    measured = _measured(truth, of, tasks, rounds)
+    for numbers, found in ((before, measured[: len(before)]), (now, measured[len(before) :])):
+        errors = [100 * math.sqrt(max(float(middle(squares)), 1e-12)) for _, squares in found]
+        for values in ([cpu for cpu, _ in found], numbers):
+            row.append(math.exp(np.interp(-math.log(error), -np.log(errors), np.log(values))))
+    return name, error, *row, row[0] / row[2]
 
 
-def _variance_times_cpu(name: str, truth: _Truth, versions: tuple[_Version, _Version], rounds: int) -> Any:
+def _variance_times_cpu(name: str, truth: _Truth, versions: _Pair, rounds: int) -> tuple[object, ...]:
     before, now = versions
     tasks = [{"samples": 64, "replicates": n} for n in (8, 2, 1, 1)]
     products = [cpu * 1e4 * float(e.mean()) for cpu, e in _measured(truth, (before, now, before, now), tasks, rounds)]
     many, few, one, single = products
     return name, many, few, many / few, one, single, one / single
-
-
-def _root(value: Any) -> float:
-    return math.sqrt(max(float(value), 1e-12))
 
 
 if __name__ == "__main__":
