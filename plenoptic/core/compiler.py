@@ -1,8 +1,9 @@
 """How Numba compiles functions of the package: less work for the same bits.
 
 What a call of Numba's own functions returns is looked up once for the types of its arguments, passes that find nothing
-are left out, and no garbage is collected meanwhile. Functions that only kernels call get no wrappers for Python. They
-do get machine code, which nobody calls: making it changes the code that is linked into kernels, to what is faster.
+are left out, and no garbage is collected meanwhile. A number that is written in a call makes no variant of what is
+called. What unpacks a kernel's records is not optimised. Functions that only kernels call get no wrappers for Python.
+They do get machine code, which nobody calls: making it changes the code that is linked into kernels, to what is faster.
 """
 
 from __future__ import annotations
@@ -36,6 +37,9 @@ class _Remembering:
         return getattr(self._context, name)
 
     def resolve_function_type(self, function: Any, args: Any, kws: Any) -> Any:
+        if isinstance(function, types.Dispatcher):
+            # A number that is written in the call has a type of its own, and would have code of its own.
+            args = tuple(types.unliteral(one) if isinstance(one, types.IntegerLiteral) else one for one in args)
         if kws or (isinstance(function, types.Type) and not isinstance(function, types.Function)):
             return self._context.resolve_function_type(function, args, kws)
         key = function, tuple(args)
@@ -51,10 +55,15 @@ class _Library(codegen.JITCodeLibrary):
     """The code of a function and of all that it calls."""
 
     def _optimize_functions(self, module: Any) -> None:
-        """As Numba does, but without passes for functions that are only declared."""
+        """As Numba does, but without passes for functions that are only declared, and for what unpacks arguments."""
         module.data_layout = self._codegen._data_layout
         for function in module.functions:
-            if not function.is_declaration:
+            if function.is_declaration:
+                continue
+            if module.name == "wrapper":  # what unpacks the records of a call from Python, once for a whole bundle
+                function.add_function_attribute("noinline")
+                function.add_function_attribute("optnone")
+            else:
                 passes, builder = self._codegen._function_pass_manager()
                 passes.run(function, builder)
 

@@ -11,7 +11,8 @@ import time
 
 BENCHMARKS = (
     *("tracing", "analysis", "fidelity", "images", "threads", "error_time", "starting", "memory", "omissions"),
-    *("transport", "large_scenes", "peers", "honesty", "budgets", "adaptive", "sub_aperture", "depth", "focused_views"),
+    *("transport", "large_scenes", "peers", "honesty", "budgets", "adaptive"),
+    *("sub_aperture", "depth", "focused_views", "versions"),
 )
 PROGRAMS = ("plenoptic", "numpy", "numba", "embreex", "trimesh", "OpenImageIO", "batoid", "mitsuba", "bpy")
 

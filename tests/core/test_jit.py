@@ -7,6 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import plenoptic
@@ -111,6 +112,23 @@ def test_kernels_release_the_gil_divide_as_ieee_and_contract():
     assert ratio.targetoptions["nogil"] is True
     assert ratio.targetoptions["fastmath"] == {"contract"}
     assert ratio(1.0, 0.0) == float("inf")
+
+
+def test_a_number_that_is_written_in_a_call_makes_no_variant():
+    from plenoptic.core.jit import device, kernel
+
+    @device
+    def picked(values, i):
+        return values[i]
+
+    @kernel
+    def fill_sum(values, i):
+        values[0] = picked(values, 1) + picked(values, 2) + picked(values, i)
+
+    values = np.array([0.0, 1.0, 2.0])
+    fill_sum(values, 2)
+    assert values[0] == 5.0
+    assert len(picked.signatures) == 1
 
 
 def test_vectors_are_as_wide_as_registers_where_that_pays():

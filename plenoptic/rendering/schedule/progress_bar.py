@@ -69,7 +69,7 @@ class ProgressBar:
             shares.append((time.perf_counter() - self._begin) / budget.time_limit)
         if budget.target_error is not None:
             begun, closed = float((progress.done > 0).mean()), 1 - float(progress.open.any(axis=1).mean())
-            # Errors fall about as n^-0.6 to n^-0.7; see docs/benchmarks.md.
+            # Errors fall about as n^-0.6 to n^-0.7; see docs/error_and_time.md.
             reached = min((budget.target_error / self._error) ** 1.5, 0.99) if self._error else 0.0
             shares.append(max(closed, reached) if begun == 1 else begun * reached)
         return min(max(shares), 1.0)

@@ -187,8 +187,8 @@ def test_huge_triangles(half, name):
     seen = radiance(pl.Scene([ground], background=1.0), pinhole())
     np.testing.assert_allclose(seen, 1.0, rtol=3e-6)
     seen = radiance(pl.Scene([ground, block], background=1.0), pinhole(), max_bounces=100)
-    # Between block and ground light goes to and fro: Russian roulette only. Paths start 0.45 mm off a triangle of 1e12 mm,
-    # and as far from its edge: those that meet the diagonal of the ground beside the block may start inside it, 1 of 64.
+    # Between block and ground light goes to and fro: Russian roulette only. Paths start 0.45 mm off a triangle of
+    # 1e12 mm, and as far from its edge: one that meets the ground's diagonal beside the block may start inside it.
     np.testing.assert_allclose(seen, 1.0, rtol=1e-2 if half < 1e12 else 2.5 / 64)
     assert abs(seen.mean() - 1.0) < 1e-3
 
