@@ -1,7 +1,7 @@
 """Light fields: raw images of plenoptic cameras taken apart into views, and put together again."""
 
 from plenoptic.lightfield.decode import decode
-from plenoptic.lightfield.depth import DepthMap, depth
+from plenoptic.lightfield.depth_map import DepthMap, depth
 from plenoptic.lightfield.focused.rendering import render_view
 from plenoptic.lightfield.focused.view import View
 from plenoptic.lightfield.focused.views import render_views
