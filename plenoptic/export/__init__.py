@@ -2,8 +2,25 @@
 
 from plenoptic.export.to_compote import compote
 from plenoptic.export.to_hci import hci
+from plenoptic.export.to_jpeg_pleno import jpeg_pleno
+from plenoptic.export.to_lftoolbox import lftoolbox
+from plenoptic.export.to_microscopy import napari_lf, pyolaf
 from plenoptic.export.to_plenoptic_toolbox import plenoptic_toolbox
 from plenoptic.export.to_plenopticam import plenopticam
+from plenoptic.export.to_plenoptomos import VoxFile, plenoptomos, read_plenoptomos
 from plenoptic.export.to_plenpy import plenpy
 
-__all__ = ["compote", "hci", "plenopticam", "plenoptic_toolbox", "plenpy"]
+__all__ = [
+    "VoxFile",
+    "compote",
+    "hci",
+    "jpeg_pleno",
+    "lftoolbox",
+    "napari_lf",
+    "plenopticam",
+    "plenoptic_toolbox",
+    "plenoptomos",
+    "plenpy",
+    "pyolaf",
+    "read_plenoptomos",
+]

@@ -5,7 +5,7 @@ from plenoptic.lightfield.depth_map import DepthMap, depth
 from plenoptic.lightfield.focused.rendering import render_view
 from plenoptic.lightfield.focused.view import View
 from plenoptic.lightfield.focused.views import render_views
-from plenoptic.lightfield.reading import read_eslf, read_hci, read_views
+from plenoptic.lightfield.reading import read_eslf, read_hci, read_lftoolbox, read_views
 from plenoptic.lightfield.refocus import refocus
 from plenoptic.lightfield.scores import DisparityScores, disparity_scores
 from plenoptic.lightfield.views import LightField
@@ -20,6 +20,7 @@ __all__ = [
     "disparity_scores",
     "read_eslf",
     "read_hci",
+    "read_lftoolbox",
     "read_views",
     "refocus",
     "render_view",

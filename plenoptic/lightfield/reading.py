@@ -170,6 +170,55 @@ def read_eslf(
     return _light_field(np.ascontiguousarray(split.transpose(3, 1, 0, 2, 4)), math.nan, math.nan, math.nan)
 
 
+def read_lftoolbox(path: str | os.PathLike[str], *, limits: FileLimits = DEFAULT) -> LightField:
+    """The light field `LF` of a decoded file of the Light Field Toolbox for MATLAB, of version 7.3.
+
+    Needs h5py: ``pip install "plenoptic[export]"``.
+
+    Parameters
+    ----------
+    path : path-like
+        Such as `IMG_0001__Decoded.mat`: `LF` has indices [j, i, l, k, c]; a fourth channel is the weight.
+    limits : FileLimits
+        The size of the file, and of all views.
+
+    Returns
+    -------
+    LightField
+        Whole numbers are divided by their largest; nan where the weight is 0. Colours are taken as linear. Without
+        camera, standard error and places: refocus it by disparity.
+
+    Raises
+    ------
+    FileError
+        Where it holds no such array.
+
+    Examples
+    --------
+    See `pl.export.lftoolbox`.
+    """
+    from plenoptic.core.files.matlab import matlab_array
+
+    target = file_path(path)
+    content = read_file(target, limits)
+    try:
+        found = matlab_array(content, "LF")
+    except (KeyError, ValueError) as error:
+        raise FileError(f"{str(target)!r} holds no light field LF: {error}") from None
+    if found.ndim == 4:
+        found = found[..., np.newaxis]
+    if found.ndim != 5 or found.dtype.kind not in "uf" or found.shape[4] not in (1, 3, 4):
+        raise FileError(
+            f"{str(target)!r} has an LF of {found.dtype.name} {found.shape}; it must be (T, S, V, U, 1, 3 or 4)"
+        )
+    check_memory(4 * found.size, f"the views of {str(target)!r}", len(content), limits)
+    largest = float(np.iinfo(found.dtype).max) if found.dtype.kind == "u" else 1.0
+    views = (found[..., :3].transpose(1, 0, 2, 3, 4) / largest).astype(np.float32)
+    if found.shape[4] == 4:
+        views[found[..., 3].transpose(1, 0, 2, 3) == 0] = np.nan
+    return _light_field(np.ascontiguousarray(views), math.nan, math.nan, math.nan)
+
+
 def _pair(shape: tuple[int, int]) -> tuple[int, int]:
     if not isinstance(shape, tuple | list) or len(shape) != 2:
         raise InvalidValueError(f"shape is {shape!r}; it must be (rows of views, columns of views)")

@@ -1,0 +1,69 @@
+"""MATLAB's .mat files of version 7.3, by h5py. Octave reads them too."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.errors import PlenopticError
+
+_HEADER = 512
+"""Bytes before HDF5's own."""
+
+
+class _MissingPackageError(PlenopticError, ImportError):
+    """h5py is not installed."""
+
+
+def matlab_7_3(content: Mapping[str, Any]) -> bytes:
+    """A .mat file of version 7.3: HDF5 behind a header, axes in reverse order, classes as attributes."""
+    file = io.BytesIO()
+    with hdf5().File(file, "w", userblock_size=_HEADER, libver=("earliest", "v108")) as opened:
+        for name, value in content.items():
+            _put(opened, name, value)
+    head = b"MATLAB 7.3 MAT-file, Platform: GLNXA64, written by plenoptic HDF5 schema 1.00 ."
+    block = head.ljust(116) + bytes(8) + (0x0200).to_bytes(2, "little") + b"IM"
+    return block.ljust(_HEADER, b"\0") + file.getvalue()[_HEADER:]
+
+
+def _put(group: Any, name: str, value: Any) -> None:
+    if isinstance(value, Mapping):
+        made = group.create_group(name)
+        made.attrs["MATLAB_class"] = np.bytes_("struct")
+        for key, part in value.items():
+            _put(made, key, part)
+    elif isinstance(value, str):
+        made = group.create_dataset(name, data=np.frombuffer(value.encode("utf-16-le"), np.uint16)[:, None])
+        made.attrs["MATLAB_class"] = np.bytes_("char")
+        made.attrs["MATLAB_int_decode"] = np.int32(2)
+    else:
+        array = np.atleast_2d(np.asarray(value))
+        compressed = {"compression": "gzip"} if array.size > 1000 else {}
+        made = group.create_dataset(name, data=np.ascontiguousarray(array.T), **compressed)
+        kind = "double" if array.dtype == np.float64 else "single" if array.dtype == np.float32 else array.dtype.name
+        made.attrs["MATLAB_class"] = np.bytes_(kind)
+
+
+def matlab_array(content: bytes, name: str) -> NDArray[Any]:
+    """One array of a .mat file; KeyError where it has none, ValueError where it is no such file."""
+    if content[_HEADER : _HEADER + 8] != b"\x89HDF\r\n\x1a\n":
+        raise ValueError("it is not of version 7.3; save it so: save(..., '-v7.3')")
+    try:
+        with hdf5().File(io.BytesIO(content), "r") as opened:
+            return np.asarray(opened[name][()]).T
+    except (OSError, TypeError, AttributeError, RuntimeError) as error:
+        raise ValueError(str(error)) from None
+
+
+def hdf5() -> ModuleType:
+    """The package h5py, or an error that says how to install it."""
+    try:
+        import h5py
+    except ImportError:
+        raise _MissingPackageError('this file needs h5py: pip install "plenoptic[export]"') from None
+    return h5py  # type: ignore[no-any-return]

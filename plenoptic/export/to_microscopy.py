@@ -1,0 +1,205 @@
+"""For programs of light-field microscopy: napari-LF and pyolaf (after oLaF, A. Stefanoiu et al., 2019)."""
+
+from __future__ import annotations
+
+import math
+import os
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from plenoptic.camera.report.optics import object_plane
+from plenoptic.core.files.atomic_file import write_file, write_json
+from plenoptic.core.files.codes import brightest
+from plenoptic.errors import InvalidValueError
+from plenoptic.export.lattice import LensRows, lens_rows
+from plenoptic.export.pictures import folder_at, write_picture, write_readme
+from plenoptic.lightfield.planes import on_white
+from plenoptic.optics.lens.gaussian.paraxial import cardinal_points, magnification
+from plenoptic.rendering.exposure import Exposure
+
+
+class _Microscope(NamedTuple):
+    """The camera in a microscope's words; lengths in micrometres."""
+
+    lens: LensRows
+    magnification: float
+    aperture: float
+    """NA, in air."""
+    tube: float
+    """Focal length of a tube lens, at which the array lies, that has this magnification with an objective."""
+    pitch: float
+    focal_length: float
+    to_sensor: float
+    pixel: float
+    wavelength: float
+
+
+def napari_lf(folder: str | os.PathLike[str], shot: Exposure, white: Exposure) -> None:
+    """Write a project folder of napari-LF: light field, radiometry and dark frame, and `metadata.txt`.
+
+    Parameters
+    ----------
+    folder : path-like
+        Is made where it is missing; files of the same name are replaced.
+    shot, white : Exposure
+        Of the same pixels, `shot` with its camera: one focal length, a square lattice, a plane in focus.
+
+    Raises
+    ------
+    InvalidValueError
+        For other lattices, several focal lengths, or without a plane in focus.
+    FileError
+        Where a file cannot be written.
+
+    Notes
+    -----
+    Images are 16 bits, linear. The main lens becomes an objective with a tube lens of 200 mm; the program knows whole
+    magnifications only, and README.txt says what it is.
+
+    What it cannot express: errors, truth, colour of points, other lattices, a main lens that is no microscope.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile, plenoptic as pl
+    >>> lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=4.25))
+    >>> camera = pl.PlenopticCamera(lens=lens,
+    ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,), lattice=pl.Lattice.SQUARE),
+    ...     sensor=pl.Sensor(shape=(110, 154), pixel_pitch=0.01), stop_to_microlenses=123.3, microlenses_to_sensor=2.0)
+    >>> white = pl.render_white(camera, samples=16, progress=False)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     pl.export.napari_lf(folder, white, white)
+    ...     sorted(path.name for path in pathlib.Path(folder).iterdir())
+    ['README.txt', 'dark_frame.tif', 'light_field.tif', 'metadata.txt', 'radiometry_frame.tif']
+    """
+    seen = _microscope(shot)
+    target, scales = (
+        folder_at(folder),
+        _pictures(folder, shot, white, ("light_field", "radiometry_frame", "dark_frame")),
+    )
+    array = seen.lens.camera.microlenses
+    assert array is not None
+    said = {
+        "main": {"comments": "rendered by plenoptic"},
+        "calibrate": {
+            "ulens_pitch": seen.pitch,
+            "pixel_size": seen.pixel,
+            "ulens_focal_length": seen.focal_length,
+            "ulens_focal_distance": seen.to_sensor,
+            "objective_magnification": max(1, round(seen.magnification)),
+            "objective_na": seen.aperture,
+            "tubelens_focal_length": 1e-3 * seen.tube,
+            "center_wavelength": 1e3 * seen.wavelength,
+            "medium_index": 1.0,
+            "ulens_fill_factor": 1.0,
+            "pixel_fill_factor": 1.0,
+            "ulens_profile": "rect",
+        },
+    }
+    write_json(target / "metadata.txt", said)
+    how = "Open the folder as a project; lengths in metadata.txt are um, mm for the tube lens, nm for the wavelength."
+    write_readme(
+        target,
+        "napari-LF",
+        how,
+        "errors, truth, several focal lengths.",
+        scales | {"magnification": seen.magnification},
+    )
+
+
+def pyolaf(folder: str | os.PathLike[str], shot: Exposure, white: Exposure) -> None:
+    """Write a folder of pyolaf: `example.tif`, the white image `calib.tif`, and `config.yaml`.
+
+    Parameters
+    ----------
+    folder : path-like
+        Is made where it is missing; files of the same name are replaced.
+    shot, white : Exposure
+        As in `napari_lf`.
+
+    Raises
+    ------
+    InvalidValueError
+        For other lattices, several focal lengths, or without a plane in focus.
+    FileError
+        Where a file cannot be written.
+
+    Notes
+    -----
+    Lengths in `config.yaml` are micrometres. `plenoptic` is 1 where the sensor lies in the focal plane of the
+    microlenses.
+
+    What it cannot express: errors, truth, other lattices, a main lens that is no microscope.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile, plenoptic as pl
+    >>> lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=4.25))
+    >>> camera = pl.PlenopticCamera(lens=lens,
+    ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,), lattice=pl.Lattice.SQUARE),
+    ...     sensor=pl.Sensor(shape=(110, 154), pixel_pitch=0.01), stop_to_microlenses=123.3, microlenses_to_sensor=2.0)
+    >>> white = pl.render_white(camera, samples=16, progress=False)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     pl.export.pyolaf(folder, white, white)
+    ...     print((pathlib.Path(folder) / "config.yaml").read_text().splitlines()[0])
+    gridType: reg
+    """
+    seen = _microscope(shot)
+    target, scales = folder_at(folder), _pictures(folder, shot, white, ("example", "calib"))
+    focused = math.isclose(seen.to_sensor, seen.focal_length, rel_tol=1e-3)
+    said = {
+        "gridType": "reg",
+        "focus": "single",
+        "plenoptic": 1 if focused else 2,
+        "uLensMask": 1,
+        "M": seen.magnification,
+        "NA": seen.aperture,
+        "ftl": seen.tube,
+        "fm": seen.focal_length,
+        "tube2mla": seen.tube,
+        "mla2sensor": seen.to_sensor,
+        "lensPitch": seen.pitch,
+        "pixelPitch": seen.pixel,
+        "WaveLength": seen.wavelength,
+        "n": 1.0,
+    }
+    write_file(target / "config.yaml", "".join(f"{name}: {value}\n" for name, value in said.items()).encode("ascii"))
+    how = "config.yaml: lengths in um. calib.tif: white image; example.tif: raw image."
+    write_readme(target, "pyolaf", how, "errors, truth, several focal lengths.", scales)
+
+
+def _pictures(
+    folder: str | os.PathLike[str], shot: Exposure, white: Exposure, names: tuple[str, ...]
+) -> dict[str, float]:
+    """Write raw, white and dark image; what their full codes are."""
+    target, light = folder_at(folder), white.image[on_white(shot, white)[0]]
+    pictures = dict(zip(names, (shot.image, light, np.zeros_like(light)), strict=False))
+    scales = {f"full code of {name}.tif, in its units": brightest(image) for name, image in pictures.items()}
+    for (name, image), scale in zip(pictures.items(), scales.values(), strict=True):
+        write_picture(Path(target) / f"{name}.tif", image, scale=scale)
+    return scales
+
+
+def _microscope(shot: Exposure) -> _Microscope:
+    lens = lens_rows(shot, turn=False)
+    camera, array = lens.camera, lens.camera.microlenses
+    assert array is not None
+    if lens.hexagonal or len(array.focal_lengths) > 1 or not math.isclose(*lens.pitch, rel_tol=1e-3):
+        raise InvalidValueError("this program knows square lattices of one focal length; use pl.package")
+    z = object_plane(camera.lens, camera.stop_to_microlenses, camera.wavelength)
+    points = cardinal_points(camera.lens, camera.wavelength)
+    if not (math.isfinite(z) and z < points.entrance_pupil):
+        raise InvalidValueError("no plane is in focus on the array, which a microscope has; see camera.focused_at")
+    sine = math.sin(math.atan(points.entrance_pupil_semi_diameter / (points.entrance_pupil - z)))
+    return _Microscope(
+        lens=lens,
+        magnification=abs(magnification(camera.lens, z, camera.wavelength)),
+        aperture=sine,
+        tube=200e3,
+        pitch=1e3 * min(array.pitches),
+        focal_length=1e3 * array.focal_lengths[0],
+        to_sensor=1e3 * camera.microlenses_to_sensor,
+        pixel=1e3 * camera.sensor.pixel_pitch,
+        wavelength=1e-3 * camera.wavelength,
+    )

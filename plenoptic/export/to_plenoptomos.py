@@ -1,0 +1,184 @@
+"""For plenoptomos (N. Vigano et al., Optics Express 26 (2018), 22574): .vox files, HDF5 with images and optics."""
+
+from __future__ import annotations
+
+import io
+import os
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.core.files.atomic_file import write_file
+from plenoptic.core.files.codes import brightest, codes
+from plenoptic.core.files.matlab import hdf5
+from plenoptic.core.files.reading import DEFAULT, FileLimits, read_file
+from plenoptic.core.values import file_path
+from plenoptic.errors import FileError, InvalidValueError
+from plenoptic.export.lattice import lens_rows
+from plenoptic.lightfield.planes import on_white
+from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
+from plenoptic.rendering.exposure import Exposure
+
+_ABOUT = {"units": "counts", "axes": "tau:sigma", "mode": "raw"}
+_LARGEST_ANGLE = 1e-3
+"""Of the array against the sensor, in radians: the format has no place for it."""
+
+
+class VoxFile(NamedTuple):
+    """What a .vox file holds. See `read_plenoptomos`."""
+
+    image: NDArray[Any]
+    """(rows, columns) counts, or as its `mode` says."""
+    white: NDArray[Any] | None
+    dark: NDArray[Any] | None
+    mode: str
+    """raw, micro-image or sub-aperture."""
+    numbers: dict[str, Any]
+    """Of the camera, by path: `micro_lens/f2`, `sensor/pixel_size`, ... as arrays or floats, in mm and pixels."""
+
+
+def plenoptomos(path: str | os.PathLike[str], shot: Exposure, white: Exposure) -> None:
+    """Write a raw image with its white image and optics as a .vox file of plenoptomos, version v0.
+
+    Needs h5py: ``pip install "plenoptic[export]"``.
+
+    Parameters
+    ----------
+    path : path-like
+        Ends in .vox.
+    shot, white : Exposure
+        Of the same pixels, `shot` with its camera, whose microlenses lie on a square or rectangular lattice along the
+        sensor.
+
+    Raises
+    ------
+    InvalidValueError
+        For hexagonal, free and turned lattices, or where the white image has other pixels.
+    FileError
+        Where the file cannot be written.
+
+    Notes
+    -----
+    Counts are 16 bits, linear, the mean of the channels. The corner of the array that the program needs,
+    (sensor position - array position) / pixel size, rows first, is that of the first whole microlens image, and
+    `physical_size` of a microlens is the distance of their images, as its own calibration finds them. Structure:
+    data_format.py of the program.
+
+    What it cannot express: errors, truth, colour, hexagonal or turned lattices, more than one focal length, the lens
+    but for focal length and f-number.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile, plenoptic as pl
+    >>> lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=4.25))
+    >>> camera = pl.PlenopticCamera(lens=lens,
+    ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,), lattice=pl.Lattice.SQUARE),
+    ...     sensor=pl.Sensor(shape=(110, 154), pixel_pitch=0.01), stop_to_microlenses=123.3, microlenses_to_sensor=2.0)
+    >>> white = pl.render_white(camera, samples=16, progress=False)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     pl.export.plenoptomos(pathlib.Path(folder) / "shot.vox", white, white)
+    ...     found = pl.export.read_plenoptomos(pathlib.Path(folder) / "shot.vox")
+    >>> found.image.shape, found.mode, round(found.numbers["micro_lens/f2"], 6)
+    ((110, 154), 'raw', 2.0)
+    """
+    target, light = file_path(path), white.image[on_white(shot, white)[0]]
+    if target.suffix.lower() != ".vox":
+        raise InvalidValueError(f"path is {str(target)!r}; it must end in .vox")
+    numbers = _numbers(shot)
+    pictures = {"image": shot.image, "white": light}
+    file = io.BytesIO()
+    with hdf5().File(file, "w") as opened:
+        opened.attrs["description"], opened.attrs["version"] = "VoxelDataFormat", "v0"
+        data, camera = opened.create_group("data"), opened.create_group("instrument/camera")
+        for name, picture in pictures.items():
+            counts = codes(picture.mean(axis=2), scale=brightest(picture), encoded=False)
+            data.create_dataset(name, data=counts, compression="gzip").attrs.update(_ABOUT)
+        camera.attrs["manufacturer"] = "plenoptic"
+        for name, (value, about) in numbers.items():
+            camera.create_dataset(name, data=value).attrs.update(about)
+        opened.create_dataset("acquisition/type", data="reflection")
+        opened.create_dataset("acquisition/exposure_time", data=1.0).attrs["units"] = "s"
+    write_file(target, file.getvalue())
+
+
+def _numbers(shot: Exposure) -> dict[str, tuple[Any, dict[str, str]]]:
+    """Of the camera, by path below instrument/camera, with units and axes."""
+    lens = lens_rows(shot, turn=False)
+    if lens.hexagonal or abs(lens.angle) > _LARGEST_ANGLE:
+        raise InvalidValueError(
+            f"this format holds square and rectangular lattices along the sensor; the microlenses are "
+            f"{'hexagonal' if lens.hexagonal else f'turned by {lens.angle:.3g} rad'}; use pl.package"
+        )
+    lens, camera = lens.whole(shot.image.shape[:2]).rectangle(), lens.camera
+    array, sensor = camera.microlenses, camera.sensor
+    assert array is not None
+    across, apart = lens.pitch
+    points = cardinal_points(camera.lens, camera.wavelength)
+    corner = lens.centre.min(axis=0) + 0.5 - 0.5 * np.array([apart, across])
+    z, pixel = camera.stop_to_microlenses - points.rear_principal, sensor.pixel_pitch
+    mm = {"units": "mm"}
+    return {
+        "micro_lens/size": (np.rint([apart, across]).astype(np.int32), {"axes": "tau:sigma", "units": "pixels"}),
+        "micro_lens/physical_size": (np.array([apart, across]) * pixel, {"axes": "t:s", **mm}),
+        "micro_lens/micro_image_size": (np.array([apart, across]), {"axes": "tau:sigma", "units": "pixels"}),
+        "micro_lens/f2": (float(array.focal_lengths[0]), mm),
+        "micro_lens/aperture": (float(array.focal_lengths[0] / min(array.pitches)), {}),
+        "micro_lenses_array/size": (
+            np.array([lens.row.max() + 1, lens.place.max() + 1], np.int32),
+            {"axes": "tau:sigma"},
+        ),
+        "micro_lenses_array/position": (np.array([0.0, 0.0, z]), {"axes": "x:y:z", **mm}),
+        "main_lens/pixel_size": (np.full(2, pixel * z / camera.microlenses_to_sensor), {"axes": "v:u", **mm}),
+        "main_lens/f1": (float(points.efl), mm),
+        "main_lens/aperture": (float(points.f_number), {}),
+        "sensor/size": (np.array(shot.image.shape[:2], np.int32), {"axes": "tau:sigma", "units": "pixels"}),
+        "sensor/pixel_size": (np.full(2, pixel), {"axes": "tau:sigma", **mm}),
+        # The program takes its first two numbers for the corner along rows and columns.
+        "sensor/position": (np.array([*(corner * pixel), z + camera.microlenses_to_sensor]), {"axes": "x:y:z", **mm}),
+    }
+
+
+def read_plenoptomos(path: str | os.PathLike[str], *, limits: FileLimits = DEFAULT) -> VoxFile:
+    """Read a .vox file of plenoptomos. Needs h5py: ``pip install "plenoptic[export]"``.
+
+    Parameters
+    ----------
+    path : path-like
+    limits : FileLimits
+        The size of the file.
+
+    Returns
+    -------
+    VoxFile
+
+    Raises
+    ------
+    FileError
+        Where it is no such file.
+
+    Examples
+    --------
+    See `plenoptomos`.
+    """
+    target = file_path(path)
+    content = read_file(target, limits)
+    try:
+        with hdf5().File(io.BytesIO(content), "r") as opened:
+            if opened.attrs.get("description") not in ("VoxelDataFormat", b"VoxelDataFormat"):
+                raise ValueError("its description is not VoxelDataFormat")
+            white, dark = (
+                opened[f"data/{name}"][()] if f"data/{name}" in opened else None for name in ("white", "dark")
+            )
+            numbers: dict[str, Any] = {}
+
+            def note(name: str, item: Any) -> None:
+                if hasattr(item, "dtype") and item.dtype.kind in "iuf":
+                    found = item[()]
+                    numbers[name] = found if np.ndim(found) else float(found)
+
+            opened["instrument/camera"].visititems(note)
+            image, mode = opened["data/image"][()], opened["data/image"].attrs["mode"]
+    except (OSError, KeyError, ValueError, RuntimeError) as error:
+        raise FileError(f"{str(target)!r} is no .vox file: {error}") from None
+    return VoxFile(image, white, dark, mode.decode() if isinstance(mode, bytes) else str(mode), numbers)

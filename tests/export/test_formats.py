@@ -1,0 +1,202 @@
+"""What the Light Field Toolbox, plenoptomos, light-field microscopy and JPEG Pleno read, by readers of their own."""
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import plenoptic as pl
+from plenoptic.errors import FileError, InvalidValueError
+
+sys.path.insert(0, str(Path(__file__).parent))
+from raws import camera, shots  # noqa: E402
+
+h5py = pytest.importorskip("h5py")
+
+
+@pytest.fixture(scope="module")
+def hexagonal(tmp_path_factory):
+    """A turned hexagonal array: camera, shot, white and a folder for the Toolbox."""
+    taken_by = camera(pl.Lattice.HEXAGONAL, turned=0.004)
+    shot, white = shots(taken_by)
+    folder = tmp_path_factory.mktemp("toolbox")
+    pl.export.lftoolbox(folder, shot, white, views=5)
+    return taken_by, shot, white, folder
+
+
+@pytest.fixture(scope="module")
+def square():
+    taken_by = camera(pl.Lattice.SQUARE)
+    return taken_by, *shots(taken_by)
+
+
+# ---- Light Field Toolbox ----
+
+
+def test_matlab_sees_the_views_and_their_weights(hexagonal):
+    _, shot, white, folder = hexagonal
+    field = pl.lightfield.decode(shot, white, views=5)
+    with h5py.File(folder / "shot__Decoded.mat", "r") as file:
+        # MATLAB's axes are HDF5's in reverse order: (T, S, V, U, 4) there.
+        found = file["LF"][()].transpose()
+        assert file["LF"].attrs["MATLAB_class"] == b"uint16"
+        assert file["LensletGridModel"].attrs["MATLAB_class"] == b"struct"
+        text = file["LensletGridModel/Orientation"]
+        assert bytes(text[()].tobytes()).decode("utf-16-le") == "horz" and text.attrs["MATLAB_class"] == b"char"
+    assert (folder / "shot__Decoded.mat").read_bytes()[:10] == b"MATLAB 7.3"
+    expected = field.views.transpose(1, 0, 2, 3, 4)
+    known = np.isfinite(expected[..., 0])
+    np.testing.assert_array_equal(found[..., 3] == 65535, known)
+    scale = np.nanmax(field.views)
+    np.testing.assert_allclose(found[..., 0][known] / 65535 * scale, expected[..., 0][known], atol=scale / 65535)
+    again = pl.lightfield.read_lftoolbox(folder / "shot__Decoded.mat")
+    np.testing.assert_allclose(again.views[..., :1] * scale, field.views, atol=scale / 65535)
+    np.testing.assert_array_equal(np.isnan(again.views[..., :1]), np.isnan(field.views))
+
+
+def lenslets(model):
+    """The Toolbox's grid of lenslets from its model, (VMax, UMax, 2), x and y from 1."""
+    v, u = np.mgrid[0 : int(model["VMax"]), 0 : int(model["UMax"])]
+    along = model["HSpacing"] * u.astype(float)
+    along[int(model["FirstPosShiftRow"]) - 1 :: 2] += 0.5 * model["HSpacing"]
+    c, s = np.cos(model["Rot"]), np.sin(model["Rot"])
+    down = model["VSpacing"] * v
+    return np.stack([model["HOffset"] + c * along - s * down, model["VOffset"] + s * along + c * down], axis=-1)
+
+
+def test_the_grid_model_finds_our_centres(hexagonal):
+    taken_by, shot, _, folder = hexagonal
+    model = json.loads((folder / "CalInfo.json").read_text())["LensletGridModel"]
+    found = lenslets(model).reshape(-1, 2) - 1.0
+    # The raw image is turned by a quarter: (row, column) to (columns - 1 - column, row).
+    known = pl.microlens_centres(taken_by).pixel
+    known = np.column_stack([known[:, 0], shot.image.shape[1] - 1 - known[:, 1]])
+    off = np.sqrt(((found[:, None] - known[None]) ** 2).sum(axis=2)).min(axis=1)
+    assert len(found) > 80
+    # Chief rays of a real lens are no lattice to some thousandths of a pixel.
+    assert np.sqrt(np.mean(off**2)) < 0.01
+
+
+def test_the_matrix_holds_the_rays_of_the_views():
+    """Points that pixels show lie on the rays that H has for their indices, if the lens is Gaussian."""
+    taken_by = camera(pl.Lattice.SQUARE)
+    taken_by = pl.PlenopticCamera(
+        lens=taken_by.lens.with_model(pl.LensModel.PARAXIAL),
+        microlenses=taken_by.microlenses,
+        sensor=taken_by.sensor,
+        stop_to_microlenses=taken_by.stop_to_microlenses,
+        microlenses_to_sensor=taken_by.microlenses_to_sensor,
+    )
+    white = pl.render_white(taken_by, samples=16, progress=False)
+    field = pl.lightfield.decode(white, white, views=5)
+    matrix = pl.export.to_lftoolbox.intrinsics(field)
+    pupil = pl.paraxial.cardinal_points(taken_by.lens).entrance_pupil
+    scene = pl.Scene([pl.quad((-200, -200, -330.0), (400, 0, 0), (0, 400, 0))])
+    for u, v in ((0, 0), (2, -1), (-2, 2)):
+        truth = field.truth(scene, u, v, truth=pl.Truth.POSITION | pl.Truth.STATE)
+        rows, columns = np.nonzero(truth.state == pl.images.PixelState.SEEN)
+        place = np.stack([np.full(len(rows), u + 3), np.full(len(rows), v + 3), columns + 1, rows + 1, 1 + 0 * rows])
+        s, t, across, down, _ = matrix @ place
+        seen = truth.position[rows, columns]
+        depth = pupil - seen[:, 2]
+        assert len(rows) > 50
+        # Views look from between the pixels of the raw image at chief rays, which the closed form has in the middle.
+        np.testing.assert_allclose(1e3 * s + depth * across, seen[:, 0], atol=0.05 * field.object_spacing[0])
+        np.testing.assert_allclose(1e3 * t + depth * down, -seen[:, 1], atol=0.05 * field.object_spacing[1])
+
+
+@pytest.mark.validation
+def test_octave_loads_the_light_field(hexagonal):
+    if shutil.which("octave-cli") is None:
+        pytest.skip("Octave is not installed")
+    folder = hexagonal[-1]
+    script = (
+        "load('shot__Decoded.mat'); printf('%s %s', class(LF), mat2str(size(LF))); "
+        "printf(' %d %d %.9g', LF(2,3,4,5,1), LF(2,3,4,5,4), LensletGridModel.HSpacing);"
+    )
+    done = subprocess.run(["octave-cli", "--eval", script], cwd=folder, capture_output=True, text=True, timeout=120)
+    with h5py.File(folder / "shot__Decoded.mat", "r") as file:
+        held = file["LF"][()].transpose()
+        spacing = float(file["LensletGridModel/HSpacing"][0, 0])
+    size = "[" + " ".join(map(str, held.shape)) + "]"
+    said = f"uint16 {size} {held[1, 2, 3, 4, 0]} {held[1, 2, 3, 4, 3]} {spacing:.9g}"
+    assert said in done.stdout, done.stdout + done.stderr
+
+
+def test_broken_files_of_the_toolbox_are_refused(tmp_path, hexagonal):
+    content = (hexagonal[-1] / "shot__Decoded.mat").read_bytes()
+    for number, wrong in enumerate((b"", b"MATLAB 5.0", content[:600], content[:-2000])):
+        (tmp_path / f"{number}.mat").write_bytes(wrong)
+        with pytest.raises(FileError, match="holds no light field LF"):
+            pl.lightfield.read_lftoolbox(tmp_path / f"{number}.mat")
+
+
+# ---- plenoptomos ----
+
+
+def test_plenoptomos_cuts_microlens_images_where_they_are(tmp_path, square):
+    taken_by, shot, white = square
+    pl.export.plenoptomos(tmp_path / "a.vox", shot, white)
+    found = pl.export.read_plenoptomos(tmp_path / "a.vox")
+    numbers = found.numbers
+    pixel = numbers["sensor/pixel_size"]
+    # As its reader finds them: rows first.
+    corner = (numbers["sensor/position"][:2] - numbers["micro_lenses_array/position"][:2]) / pixel
+    pitch = numbers["micro_lens/physical_size"] / pixel
+    rows, columns = (int(n) for n in numbers["micro_lenses_array/size"])
+    row, column = np.mgrid[0:rows, 0:columns].reshape(2, -1)
+    middle = corner + (np.column_stack([row, column]) + 0.5) * pitch - 0.5
+    known = pl.microlens_centres(taken_by).pixel
+    off = np.sqrt(((middle[:, None] - known[None]) ** 2).sum(axis=2)).min(axis=1)
+    assert rows * columns > 80 and off.max() < 0.1
+    np.testing.assert_allclose(found.white / 65535, white.image[..., 0] / white.image.max(), atol=1e-5)
+    assert found.mode == "raw" and found.dark is None
+    assert numbers["main_lens/f1"] == pytest.approx(pl.paraxial.cardinal_points(taken_by.lens).efl)
+
+
+def test_lattices_that_formats_do_not_know_are_refused(tmp_path, hexagonal):
+    _, shot, white, _ = hexagonal
+    for write in (pl.export.napari_lf, pl.export.pyolaf):
+        with pytest.raises(InvalidValueError, match="square lattices"):
+            write(tmp_path / "a", shot, white)
+    with pytest.raises(InvalidValueError, match="hexagonal"):
+        pl.export.plenoptomos(tmp_path / "a.vox", shot, white)
+    (tmp_path / "b.vox").write_bytes(b"no file")
+    with pytest.raises(FileError, match=r"no \.vox file"):
+        pl.export.read_plenoptomos(tmp_path / "b.vox")
+
+
+# ---- microscopy, JPEG Pleno ----
+
+
+def test_microscopes_get_micrometres(tmp_path, square):
+    taken_by, shot, white = square
+    pl.export.napari_lf(tmp_path / "napari", shot, white)
+    pl.export.pyolaf(tmp_path / "pyolaf", shot, white)
+    said = json.loads((tmp_path / "napari" / "metadata.txt").read_text())["calibrate"]
+    read = dict(line.split(": ") for line in (tmp_path / "pyolaf" / "config.yaml").read_text().splitlines())
+    assert said["ulens_pitch"] == pytest.approx(147.0) == float(read["lensPitch"])
+    assert said["pixel_size"] == pytest.approx(10.0) == float(read["pixelPitch"])
+    assert (read["gridType"], read["focus"], read["plenoptic"]) == ("reg", "single", "1")
+    larger = abs(pl.paraxial.magnification(taken_by.lens, float(taken_by.report().array_plane)))
+    assert float(read["M"]) == pytest.approx(larger, rel=1e-6)
+    raw = pl.images.read_linear(tmp_path / "napari" / "light_field.tif")
+    np.testing.assert_allclose(raw[..., 0], shot.image[..., 0] / shot.image.max(), atol=1e-4)
+    assert pl.images.read_linear(tmp_path / "napari" / "dark_frame.tif").max() == 0.0
+
+
+def test_jpeg_pleno_gets_columns_and_rows_of_views(tmp_path, square):
+    _, shot, white = square
+    field = pl.lightfield.decode(shot, white, views=3)
+    pl.export.jpeg_pleno(tmp_path, field)
+    kind, size, largest, data = (tmp_path / "002_000.ppm").read_bytes().split(b"\n", 3)
+    columns, rows = map(int, size.split())
+    assert kind == b"P6" and largest == b"1023" and (rows, columns) == field.views.shape[2:4]
+    seen = np.frombuffer(data, ">u2").reshape(rows, columns, 3)[..., 0] / 1023
+    linear = np.where(seen <= 0.04045, seen / 12.92, ((seen + 0.055) / 1.055) ** 2.4)
+    view = np.clip(np.nan_to_num(field.view(1, -1)[..., 0]) / np.nanpercentile(field.views, 99.9), 0, 1)
+    np.testing.assert_allclose(linear, view, atol=0.002)
