@@ -1,0 +1,100 @@
+"""What finds disparities: functions from a package to an array, which `FOCUSED` and `VIEWS` list by their names.
+
+Of a focused camera, disparities are those of the raw image's pixels, as `GroundTruth.chord_disparity`. Of a plenoptic
+1.0 camera they are those of the central view of `views(package)`: pixels by which it moves from view to view, positive
+for what is near. nan stands for what is not known. An algorithm may look at all of a package but its exposure, which
+has no noise, and its truth.
+"""
+
+import functools
+import json
+import os
+import subprocess
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+import plenoptic as pl
+
+
+class Algorithm(NamedTuple):
+    """How disparities are found; `scaled`: only up to a straight line, which the judge then fits to the truth."""
+
+    find: Callable[[pl.package.Package], np.ndarray]
+    scaled: bool = False
+
+
+def is_focused(camera):
+    return camera.report().focus[0].kind is not pl.CameraKind.PLENOPTIC_1
+
+
+def picture(package):
+    """What the sensor saw, in colour."""
+    return package.raw.demosaic(pl.DemosaicMethod.MHC)
+
+
+def views(package):
+    """The light field of a plenoptic 1.0 camera."""
+    return pl.lightfield.decode(picture(package), package.white)
+
+
+def plane_in_focus(package):
+    """Does not look: says everywhere what the camera is focused on."""
+    disparity = np.median([focus.disparity for focus in package.camera.report().focus])
+    seen = picture(package).image if is_focused(package.camera) else views(package).centre
+    return np.full(seen.shape[:2], disparity)
+
+
+@functools.lru_cache(maxsize=1)
+def calibration(camera):
+    return pl.lightfield.calibrate_depth(camera)
+
+
+def plenoptic_focused(package):
+    """This library, calibrated on planes that the camera is shown."""
+    return pl.lightfield.depth(picture(package), package.white, calibration=calibration(package.camera)).disparity
+
+
+def plenopticam(package, *, programs):
+    """The epipolar depth of PlenoptiCam, whose command is in the folder `programs`; it is given the exact centres.
+
+    It makes a pixel of every microlens wholly in the picture, and disparities from 0 to 1.
+    """
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        pl.export.plenopticam(folder, picture(package), package.white)
+        said = (folder / "README.txt").read_text().splitlines()
+        command = next(line.split(":")[1].split() for line in said if line.startswith("with these centres"))
+        arguments = [Path(programs, command[0]), *command[1:], "--dpth"]
+        surroundings = {**os.environ, "MPLBACKEND": "Agg"}
+        done = subprocess.run(arguments, cwd=folder, env=surroundings, capture_output=True, text=True)
+        if not (folder / "shot" / "depth.pfm").exists():
+            raise RuntimeError(f"PlenoptiCam found no depth: {done.stderr[-500:]}")
+        found = read_pfm(folder / "shot" / "depth.pfm")
+        lenses = np.array(json.loads((folder / "shot_centres.json").read_text())["mic_list"])
+    field = views(package)
+    apart = np.linalg.norm(field.pixel[:, :, None] - lenses[:, :2], axis=-1)
+    row, place = lenses[apart.argmin(axis=-1), 2:].astype(int).transpose(2, 0, 1)
+    return np.where(apart.min(axis=-1) < 1.0, found[row, place], np.nan)
+
+
+def read_pfm(path):
+    _, size, scale, data = path.read_bytes().split(b"\n", 3)
+    columns, rows = map(int, size.split())
+    return np.frombuffer(data, "<f4" if float(scale) < 0 else ">f4").reshape(rows, columns)[::-1]
+
+
+FOCUSED = {"plane in focus": Algorithm(plane_in_focus), "plenoptic": Algorithm(plenoptic_focused)}
+VIEWS = {"plane in focus": Algorithm(plane_in_focus)}
+ELSEWHERE = "PlenoptiCam"  # in a Python of its own, and only where the command is told where that is
+
+
+def algorithms(camera, programs=None):
+    """Those for a camera, by name; None for one that is not there."""
+    if is_focused(camera):
+        return FOCUSED
+    there = programs and Algorithm(functools.partial(plenopticam, programs=programs), scaled=True)
+    return {**VIEWS, ELSEWHERE: there}

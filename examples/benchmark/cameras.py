@@ -1,0 +1,65 @@
+"""The three cameras: ``python examples/benchmark/cameras.py`` writes their files anew, from which the benchmark reads.
+
+All look through the same lens from some 330 to 450 mm away, where the focused ones have virtual depths of 14 to 2.2.
+"""
+
+import dataclasses
+from pathlib import Path
+
+import plenoptic as pl
+
+FILES = Path(__file__).parent / "cameras"
+LENS = pl.load_lens("double-gauss-100mm-f2")
+PIXEL = 0.009
+TYPES = (3.0, 4.0, 6.5)  # virtual depths that the three types of microlenses see sharply: no gap between them
+
+
+def views_camera():
+    """Plenoptic 1.0: 60 x 60 microlenses focused at infinity over 10 x 10 pixels each; z = -385 mm is in focus."""
+    return pl.design_camera(
+        LENS,
+        sensor=pl.Sensor((600, 600), PIXEL),
+        kind=pl.CameraKind.PLENOPTIC_1,
+        z=-385.0,
+        pitch=10 * PIXEL,
+        focal_length=0.75,
+        lattice=pl.Lattice.SQUARE,
+        image_fill=0.95,
+    ).camera
+
+
+def focused_camera():
+    """Plenoptic 2.0: microlenses of one focal length over 20 x 20 pixels, which see z = -404 mm sharply, at v = 5."""
+    return pl.design_camera(
+        LENS,
+        sensor=pl.Sensor((400, 400), PIXEL),
+        kind=pl.CameraKind.GALILEAN,
+        z=-404.0,
+        pitch=20 * PIXEL,
+        focal_length=1.875,
+        virtual_depth=5.0,
+        image_fill=0.9,
+    ).camera
+
+
+def three_types_camera():
+    """The same with three focal lengths side by side, which see different planes sharply."""
+    camera = focused_camera()
+    lengths = tuple(camera.microlenses_to_sensor / (1 - 1 / v) for v in TYPES)
+    return dataclasses.replace(camera, microlenses=dataclasses.replace(camera.microlenses, focal_lengths=lengths))
+
+
+MADE = {"views": views_camera, "focused": focused_camera, "three-types": three_types_camera}
+
+
+def load(name, side=None):
+    """A camera from its file, with a smaller sensor if wanted."""
+    camera = pl.package.load_value(FILES / f"{name}.json")
+    return camera if side is None else dataclasses.replace(camera, sensor=pl.Sensor((side, side), PIXEL))
+
+
+if __name__ == "__main__":
+    FILES.mkdir(exist_ok=True)
+    for name, make in MADE.items():
+        pl.package.save_value(make(), FILES / f"{name}.json", about={"about": make.__doc__})
+        print(FILES / f"{name}.json")

@@ -1,0 +1,106 @@
+"""How good disparities are: `pl.lightfield.disparity_scores` against the truth, and the tables of it."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from algorithms import is_focused, views
+
+import plenoptic as pl
+
+INSIDE = 0.35  # pitches from the middle of a microlens image, within which its pixels count
+BORDER = 1.5  # pitches from the border of the picture
+VIEW_BORDER = 3  # pixels of a view
+
+
+class Reference(NamedTuple):
+    """The truth about a package: disparities, the types of the microlenses (None: no matter), and which pixels count."""
+
+    disparity: np.ndarray
+    types: np.ndarray | None
+    where: np.ndarray
+
+
+def reference(package, scene):
+    return raw_reference(package) if is_focused(package.camera) else view_reference(package, scene)
+
+
+def raw_reference(package):
+    """Of the pixels in the middle of microlens images, by the chord between chief rays."""
+    truth, centres = package.exposure.truth, package.centres[pl.CentreMethod.CHIEF_RAY]
+    first = centres.index.min(axis=0)
+    table = np.full((*(np.ptp(centres.index, axis=0) + 1), 2), np.nan)
+    table[tuple((centres.index - first).T)] = centres.pixel
+    known = truth.microlens_type >= 0
+    middle = table[tuple(np.moveaxis(np.where(known[..., None], truth.microlens - first, 0), -1, 0))]
+    place = np.stack(np.indices(known.shape), axis=-1)
+    pitch = package.camera.microlenses.pitch / package.camera.sensor.pixel_pitch
+    edge = np.minimum(place, np.array(known.shape) - 1 - place).min(axis=-1)
+    where = known & (np.linalg.norm(place - middle, axis=-1) < INSIDE * pitch) & (edge > BORDER * pitch)
+    return Reference(truth.chord_disparity, truth.microlens_type, where)
+
+
+def view_reference(package, scene):
+    """Of the central view: the depth that its own rays meet, as the disparity of a plane there."""
+    field = views(package)
+    depth = field.truth(scene, truth=pl.Truth.DEPTH).depth
+    planes = np.geomspace(100.0, 2000.0, 2000)
+    disparity = np.interp(depth, planes, [field.disparity_at(-z)[0] for z in planes])
+    where = np.zeros(depth.shape, dtype=bool)
+    where[VIEW_BORDER:-VIEW_BORDER, VIEW_BORDER:-VIEW_BORDER] = True
+    return Reference(np.where(np.isfinite(depth), disparity, np.nan), None, where)
+
+
+def on_scale(estimate, truth):
+    """The estimate by the straight line that brings it nearest to the truth."""
+    both = truth.where & np.isfinite(estimate) & np.isfinite(truth.disparity)
+    return np.polyval(np.polyfit(estimate[both], truth.disparity[both], 1), estimate)
+
+
+def scores(estimate, truth):
+    return pl.lightfield.disparity_scores(estimate, truth.disparity, where=truth.where, types=truth.types)
+
+
+class Row(NamedTuple):
+    """One line of a table; scores are None where the algorithm is not there."""
+
+    scene: str
+    algorithm: str
+    scores: pl.lightfield.DisparityScores | None
+    seconds: float
+    error: float
+
+
+COMMON = ("scene", "error %", "algorithm", "kept %")
+IN_PIXELS = ("MSE", "Bad 0.07", "Bad 0.03", "Bad 0.01", "Q25")
+RELATIVE = ("Rel7", "Rel3", "Rel1", "bias %")
+
+
+def table(camera, rows):
+    """Scores of one camera as Markdown."""
+    focused, types = is_focused(camera), len(camera.microlenses.focal_lengths)
+    columns = [*COMMON, *(RELATIVE if focused else ()), *IN_PIXELS]
+    columns += ["Rel3 of types"] if types > 1 else []
+    cells = [columns + ["s"]] + [_cells(row, columns) + [f"{row.seconds:.1f}"] for row in rows]
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    lines = [" | ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)) for line in cells]
+    lines.insert(1, " | ".join("-" * width for width in widths))
+    return "".join(f"| {line} |\n" for line in lines)
+
+
+def _cells(row, columns):
+    known = {"scene": row.scene, "error %": f"{100 * row.error:.1f}", "algorithm": row.algorithm}
+    found = row.scores
+    if found is None:
+        return [known.get(column, "not there" if column == "kept %" else "") for column in columns]
+    numbers = [100 * found.kept, *found.relative, 100 * found.bias, found.mse, *found.bad, found.q25]
+    known |= zip(("kept %", *RELATIVE, *IN_PIXELS), map(_short, numbers), strict=True)
+    known["Rel3 of types"] = ", ".join(_short(alone.relative[1]) for alone in found.of_types)
+    return [known[column] for column in columns]
+
+
+def _short(number):
+    """Three digits, and never an exponent."""
+    if not math.isfinite(number) or number == 0:
+        return f"{number:.0f}"
+    return f"{number:.{min(max(2 - math.floor(math.log10(abs(number))), 0), 2)}f}"
