@@ -56,7 +56,8 @@ def tables(options, camera_names, case_names):
                 print(f"{camera_name}, {name}, {algorithm}, {row.seconds:.1f} s\n{row.scores or 'not there'}", flush=True)
                 rows.append(row)
                 if estimate is not None:
-                    shown.setdefault(algorithm, {})[name] = pictures.panels(package, truth, estimate)
+                    parts = pictures.panels(package, truth, estimate)
+                    shown.setdefault(algorithm, {})[name] = [pictures.overview(CASES[name].make, camera), *parts]
         for algorithm, columns in shown.items():
             largest = 0.5 if is_focused(camera) else 0.2
             pictures.figure(options.folder / f"{camera_name} {algorithm}.png", columns, largest=largest)

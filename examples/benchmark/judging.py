@@ -27,16 +27,15 @@ def reference(package, scene):
 
 def raw_reference(package):
     """Of the pixels in the middle of microlens images, by the chord between chief rays."""
-    truth, centres = package.exposure.truth, package.centres[pl.CentreMethod.CHIEF_RAY]
-    first = centres.index.min(axis=0)
-    table = np.full((*(np.ptp(centres.index, axis=0) + 1), 2), np.nan)
-    table[tuple((centres.index - first).T)] = centres.pixel
-    known = truth.microlens_type >= 0
-    middle = table[tuple(np.moveaxis(np.where(known[..., None], truth.microlens - first, 0), -1, 0))]
-    place = np.stack(np.indices(known.shape), axis=-1)
-    pitch = package.camera.microlenses.pitch / package.camera.sensor.pixel_pitch
-    edge = np.minimum(place, np.array(known.shape) - 1 - place).min(axis=-1)
-    where = known & (np.linalg.norm(place - middle, axis=-1) < INSIDE * pitch) & (edge > BORDER * pitch)
+    truth, camera = package.exposure.truth, package.camera
+    pitch = camera.microlenses.pitch / camera.sensor.pixel_pitch
+    rows, columns = np.indices(truth.shape)
+    inside = np.zeros(truth.shape, dtype=bool)
+    for row, column in package.centres[pl.CentreMethod.CHIEF_RAY].pixel:
+        inside |= np.hypot(rows - row, columns - column) < INSIDE * pitch
+    edge = int(np.ceil(BORDER * pitch))
+    where = np.zeros(truth.shape, dtype=bool)
+    where[edge:-edge, edge:-edge] = inside[edge:-edge, edge:-edge]
     return Reference(truth.chord_disparity, truth.microlens_type, where)
 
 
@@ -54,6 +53,8 @@ def view_reference(package, scene):
 def on_scale(estimate, truth):
     """The estimate by the straight line that brings it nearest to the truth."""
     both = truth.where & np.isfinite(estimate) & np.isfinite(truth.disparity)
+    if not both.any():
+        return estimate
     return np.polyval(np.polyfit(estimate[both], truth.disparity[both], 1), estimate)
 
 

@@ -130,6 +130,6 @@ class Case(NamedTuple):
 CASES = {
     **{make.__name__.replace("_", " "): Case(make) for make in (planes, slanted, occlusions, thin_structures, low_texture, gloss, glass)},
     "still life": Case(pl.still_life),
-    "noise": Case(pl.still_life, Sensor(electrons=1000.0)),
+    "noise": Case(pl.still_life, Sensor(electrons=200.0)),
     "colour filter": Case(pl.still_life, Sensor(electrons=10000.0, filters=pl.BayerPattern.RGGB)),
 }
