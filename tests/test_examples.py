@@ -2,6 +2,7 @@
 
 import os
 import re
+import runpy
 import subprocess
 import sys
 from pathlib import Path
@@ -71,11 +72,16 @@ FILES = {
 }
 
 
-def _run(script, folder):
-    """Run a script in a folder; returns what it printed."""
+def _run(script, folder, *options):
+    """Run a script, or a folder of them, in a folder; returns what it printed."""
     surroundings = {**os.environ, "PLENOPTIC_EXAMPLE_SIZE": "small", "MPLBACKEND": "Agg"}
     process = subprocess.run(
-        [sys.executable, str(script)], cwd=folder, env=surroundings, capture_output=True, text=True, timeout=300
+        [sys.executable, str(script), *options],
+        cwd=folder,
+        env=surroundings,
+        capture_output=True,
+        text=True,
+        timeout=300,
     )
     assert process.returncode == 0, process.stderr
     return process.stdout
@@ -246,3 +252,40 @@ def test_detected_corners_lie_where_projected(ran):
     count = int(re.search(r"(\d+) detected", said).group(1))
     assert count >= 5 and max(row_spread, column_spread) < 0.2
     assert abs(rows) < 4 * row_spread / np.sqrt(count) and abs(columns) < 4 * column_spread / np.sqrt(count)
+
+
+@SLOW
+def test_files_of_the_benchmark_s_cameras_are_those_that_its_code_makes():
+    module = runpy.run_path(str(EXAMPLES / "benchmark" / "cameras.py"))
+    for name, make in module["MADE"].items():
+        camera = module["load"](name)
+        # Designs are searched, to 1e-8: other processors round differently.
+        assert camera.stop_to_microlenses == pytest.approx(make().stop_to_microlenses, rel=1e-7)
+        assert camera.report().focus[0].kind == make().report().focus[0].kind
+    assert {path.stem for path in module["FILES"].glob("*.json")} == set(module["MADE"])
+
+
+@SLOW
+def test_benchmark_scores_depth_against_the_truth(tmp_path):
+    said = _run(EXAMPLES / "benchmark", tmp_path, "--quick", "--only", "occlusions,still life,noise")
+    folder = tmp_path / "output" / "benchmark"
+    table = (folder / "table.md").read_text(encoding="utf-8")
+    assert table in said and str(folder / "table.md") in said.replace("output/", f"{tmp_path}/output/")
+    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in table.splitlines() if line.startswith("| ")]
+    heads, (views, focused, three) = _sections(rows)
+    assert all(len(lines) == 6 for lines in (views, focused, three))
+    assert [line[heads[0].index("kept %")] for line in views if line[2] == "PlenoptiCam"] == ["not there"] * 3
+    for head, lines in zip(heads[1:], (focused, three), strict=True):
+        rel7, bias = head.index("Rel7"), head.index("bias %")
+        blind, seeing = (lines[k::2] for k in (0, 1))
+        assert all(float(one[rel7]) < 0.5 * float(other[rel7]) for one, other in zip(seeing, blind, strict=True))
+        assert all(abs(float(line[bias])) < 3 for line in seeing)
+    assert len(list(folder.glob("*/*.zip"))) == 9 and len(list(folder.glob("*.png"))) == 5
+    package = pl.package.read(next(folder.glob("focused*/noise.zip")))
+    assert package.raw.model.read_noise == 3 and package.exposure.truth.chord_disparity is not None
+
+
+def _sections(rows):
+    """Heads of tables, and their lines."""
+    starts = [k for k, row in enumerate(rows) if row[0] == "scene"]
+    return [rows[k] for k in starts], [rows[k + 2 : end] for k, end in zip(starts, [*starts[1:], None], strict=True)]

@@ -22,7 +22,9 @@ def main():
     parser.add_argument("--only", default=",".join(CASES), help=f"some of {', '.join(CASES)}")
     parser.add_argument("--error", type=float, default=0.02, help="relative error of the pictures")
     parser.add_argument("--side", type=int, help="pixels along the sensors; as designed, if not told")
-    parser.add_argument("--quick", action="store_true", help="--side 160 --error 0.2: shows that all works, not how well")
+    parser.add_argument(
+        "--quick", action="store_true", help="--side 160 --error 0.2: shows that all works, not how well"
+    )
     parser.add_argument("--programs", help="folder with the command plenopticam; without it, its lines are empty")
     options = parser.parse_args()
     if options.quick:
@@ -53,7 +55,9 @@ def tables(options, camera_names, case_names):
             truth = judging.reference(package, CASES[name].make())
             for algorithm, how in algorithms(camera, options.programs).items():
                 row, estimate = judged(name, algorithm, how, package, truth)
-                print(f"{camera_name}, {name}, {algorithm}, {row.seconds:.1f} s\n{row.scores or 'not there'}", flush=True)
+                print(
+                    f"{camera_name}, {name}, {algorithm}, {row.seconds:.1f} s\n{row.scores or 'not there'}", flush=True
+                )
                 rows.append(row)
                 if estimate is not None:
                     parts = pictures.panels(package, truth, estimate)

@@ -60,7 +60,12 @@ def slanted():
 def occlusions():
     """Cards and balls at six distances, one before the other."""
     meshes = [board(pl.Lambertian(pattern(20, STONE)), -445.0)]
-    cards = [(-3.4, 2.6, -428, 20, SEA), (3.0, 2.0, -415, -35, BRICK), (-1.2, -1.6, -398, 65, MOSS), (3.6, -3.0, -380, 10, WOOD)]
+    cards = [
+        (-3.4, 2.6, -428, 20, SEA),
+        (3.0, 2.0, -415, -35, BRICK),
+        (-1.2, -1.6, -398, 65, MOSS),
+        (3.6, -3.0, -380, 10, WOOD),
+    ]
     for number, (x, y, z, turn, colours) in enumerate(cards):
         card = board(pl.Lambertian(pattern(21 + number, colours)), 0.0, size=4.4)
         meshes.append(card.rotated_deg((0, 0, 1), turn).translated(x, y, z))
@@ -86,7 +91,9 @@ def low_texture():
     weak = {"contrast": 0.03}
     wall, ball, block = (pl.Lambertian(pattern(50 + n, c, **weak)) for n, c in enumerate((STONE, BRICK, SEA)))
     cube = pl.box(3.6, material=block).rotated_deg((0, 1, 0), 35).rotated_deg((1, 0, 0), 20)
-    return lit(board(wall, -435.0), pl.sphere(2.2, center=(-2.4, -1.0, -392), material=ball), cube.translated(2.8, 1.2, -405))
+    return lit(
+        board(wall, -435.0), pl.sphere(2.2, center=(-2.4, -1.0, -392), material=ball), cube.translated(2.8, 1.2, -405)
+    )
 
 
 def gloss():
@@ -96,7 +103,9 @@ def gloss():
     things = {
         (-3.0, 2.0, -415.0): pl.MetallicRoughness(pattern(61, SEA), roughness=0.15),
         (2.8, 2.4, -400.0): pl.Conductor(index=gold, alpha=0.15),
-        (-2.6, -2.6, -385.0): pl.MetallicRoughness(pattern(62, WOOD), roughness=0.5, clearcoat=1.0, clearcoat_roughness=0.05),
+        (-2.6, -2.6, -385.0): pl.MetallicRoughness(
+            pattern(62, WOOD), roughness=0.5, clearcoat=1.0, clearcoat_roughness=0.05
+        ),
         (2.4, -2.2, -375.0): pl.Conductor(0.9),
     }
     return lit(board(wall, -440.0), *(pl.sphere(1.9, center=place, material=made) for place, made in things.items()))
@@ -110,7 +119,14 @@ def glass():
     frame = pl.Lambertian(pattern(71, WOOD, 4.0))
     bar = pl.box((24.0, 0.5, 0.5), material=frame).translated(0, 0, -420)
     window = board(pane, -420.0, size=12.0, x=6.25, y=-6.25)
-    return lit(board(pl.Lambertian(pattern(70, BRICK)), -440.0), window, bar, bar.translated(z=420).rotated_deg((0, 0, 1), 90).translated(z=-420), cube, ball)
+    return lit(
+        board(pl.Lambertian(pattern(70, BRICK)), -440.0),
+        window,
+        bar,
+        bar.translated(z=420).rotated_deg((0, 0, 1), 90).translated(z=-420),
+        cube,
+        ball,
+    )
 
 
 class Sensor(NamedTuple):
@@ -128,7 +144,10 @@ class Case(NamedTuple):
 
 
 CASES = {
-    **{make.__name__.replace("_", " "): Case(make) for make in (planes, slanted, occlusions, thin_structures, low_texture, gloss, glass)},
+    **{
+        make.__name__.replace("_", " "): Case(make)
+        for make in (planes, slanted, occlusions, thin_structures, low_texture, gloss, glass)
+    },
     "still life": Case(pl.still_life),
     "noise": Case(pl.still_life, Sensor(electrons=200.0)),
     "colour filter": Case(pl.still_life, Sensor(electrons=10000.0, filters=pl.BayerPattern.RGGB)),
