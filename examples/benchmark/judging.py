@@ -14,7 +14,7 @@ VIEW_BORDER = 3  # pixels of a view
 
 
 class Reference(NamedTuple):
-    """The truth about a package: disparities, the types of the microlenses (None: no matter), and which pixels count."""
+    """The truth about a package: disparities, types of the microlenses where they matter, and which pixels count."""
 
     disparity: np.ndarray
     types: np.ndarray | None
@@ -82,7 +82,7 @@ def table(camera, rows):
     focused, types = is_focused(camera), len(camera.microlenses.focal_lengths)
     columns = [*COMMON, *(RELATIVE if focused else ()), *IN_PIXELS]
     columns += ["Rel3 of types"] if types > 1 else []
-    cells = [columns + ["s"]] + [_cells(row, columns) + [f"{row.seconds:.1f}"] for row in rows]
+    cells = [[*columns, "s"], *([*_cells(row, columns), f"{row.seconds:.1f}"] for row in rows)]
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     lines = [" | ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)) for line in cells]
     lines.insert(1, " | ".join("-" * width for width in widths))

@@ -1,5 +1,6 @@
 """The scenes, each with one difficulty, between 330 and 450 mm before the camera and some 12 mm wide there."""
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -58,7 +59,7 @@ def slanted():
 
 
 def occlusions():
-    """Cards and balls at six distances, one before the other."""
+    """Cards and balls at six distances before a wall."""
     meshes = [board(pl.Lambertian(pattern(20, STONE)), -445.0)]
     cards = [
         (-3.4, 2.6, -428, 20, SEA),
@@ -91,13 +92,12 @@ def low_texture():
     weak = {"contrast": 0.03}
     wall, ball, block = (pl.Lambertian(pattern(50 + n, c, **weak)) for n, c in enumerate((STONE, BRICK, SEA)))
     cube = pl.box(3.6, material=block).rotated_deg((0, 1, 0), 35).rotated_deg((1, 0, 0), 20)
-    return lit(
-        board(wall, -435.0), pl.sphere(2.2, center=(-2.4, -1.0, -392), material=ball), cube.translated(2.8, 1.2, -405)
-    )
+    ball = pl.sphere(2.2, center=(-2.4, -1.0, -392), material=ball)
+    return lit(board(wall, -435.0), ball, cube.translated(2.8, 1.2, -405))
 
 
 def gloss():
-    """A glazed and a varnished ball, brushed and polished metal: highlights and reflections lie at depths of their own."""
+    """Balls with glaze and varnish, of brushed and of polished metal: reflections lie at depths of their own."""
     gold = (0.18 + 3.42j, 0.42 + 2.35j, 1.37 + 1.77j)
     wall = pl.MetallicRoughness(pattern(60, STONE), roughness=0.35)
     things = {
@@ -116,17 +116,10 @@ def glass():
     pane, clear = pl.materials.ThinGlass(1.5), pl.Dielectric(1.5)
     cube = pl.box((3.0, 3.0, 2.0), material=clear).rotated_deg((0, 1, 0), 25).translated(2.6, 2.0, -400)
     ball = pl.sphere(1.6, center=(-2.6, -2.0, -385), material=clear)
-    frame = pl.Lambertian(pattern(71, WOOD, 4.0))
-    bar = pl.box((24.0, 0.5, 0.5), material=frame).translated(0, 0, -420)
+    bar = pl.box((24.0, 0.5, 0.5), material=pl.Lambertian(pattern(71, WOOD, 4.0)))
+    bars = [bar.rotated_deg((0, 0, 1), turn).translated(z=-420) for turn in (0, 90)]
     window = board(pane, -420.0, size=12.0, x=6.25, y=-6.25)
-    return lit(
-        board(pl.Lambertian(pattern(70, BRICK)), -440.0),
-        window,
-        bar,
-        bar.translated(z=420).rotated_deg((0, 0, 1), 90).translated(z=-420),
-        cube,
-        ball,
-    )
+    return lit(board(pl.Lambertian(pattern(70, BRICK)), -440.0), *bars, window, cube, ball)
 
 
 class Sensor(NamedTuple):
@@ -139,16 +132,13 @@ class Sensor(NamedTuple):
 class Case(NamedTuple):
     """A scene and what reads it out; those of one scene share its exposure."""
 
-    make: object
+    make: Callable[[], pl.Scene]
     sensor: Sensor = Sensor()
 
 
+SCENES = (planes, slanted, occlusions, thin_structures, low_texture, gloss, glass, pl.still_life)
 CASES = {
-    **{
-        make.__name__.replace("_", " "): Case(make)
-        for make in (planes, slanted, occlusions, thin_structures, low_texture, gloss, glass)
-    },
-    "still life": Case(pl.still_life),
+    **{make.__name__.replace("_", " "): Case(make) for make in SCENES},
     "noise": Case(pl.still_life, Sensor(electrons=200.0)),
     "colour filter": Case(pl.still_life, Sensor(electrons=10000.0, filters=pl.BayerPattern.RGGB)),
 }
