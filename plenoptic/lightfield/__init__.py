@@ -1,6 +1,5 @@
 """Light fields: raw images of plenoptic cameras taken apart into views, and put together again."""
 
-from plenoptic.lightfield.calibration import DepthCalibration, calibrate_depth
 from plenoptic.lightfield.decode import decode
 from plenoptic.lightfield.depth import DepthMap, depth
 from plenoptic.lightfield.reading import read_eslf, read_hci, read_views
@@ -9,11 +8,9 @@ from plenoptic.lightfield.scores import DisparityScores, disparity_scores
 from plenoptic.lightfield.views import LightField
 
 __all__ = [
-    "DepthCalibration",
     "DepthMap",
     "DisparityScores",
     "LightField",
-    "calibrate_depth",
     "decode",
     "depth",
     "disparity_scores",

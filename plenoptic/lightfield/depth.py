@@ -1,4 +1,4 @@
-"""Depth from a raw image of a focused camera: the images of microlenses are matched against each other."""
+"""Depth from what a plenoptic camera took: from a raw image of a focused one, or from the views of any other."""
 
 from __future__ import annotations
 
@@ -11,32 +11,36 @@ from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.core.parallel import thread_count
 from plenoptic.core.values import Floats, check_kind, numbers, result, whole
 from plenoptic.errors import InvalidValueError
-from plenoptic.lightfield.calibration import DepthCalibration
-from plenoptic.lightfield.estimation import Estimate, agreed, estimated, focused_array
-from plenoptic.lightfield.planes import camera_of, raw_planes, share_of_light
-from plenoptic.lightfield.triangulation import object_depths
-from plenoptic.optics.microlens.array import MicrolensArray
+from plenoptic.lightfield.epipolar import view_depths, view_disparities
+from plenoptic.lightfield.estimation import agreed, estimated
+from plenoptic.lightfield.ideal import chords, depths_of
+from plenoptic.lightfield.planes import RawPlanes, camera_of, raw_planes, share_of_light
+from plenoptic.lightfield.views import LightField
 from plenoptic.rendering.exposure import Exposure
+
+_VIRTUAL_DEPTHS = (1.8, 25.0)
+_VIEW_DISPARITIES = (-2.0, 2.0)
 
 
 @result
 class DepthMap:
-    """Depth of each pixel of a raw image, found from it alone. See `depth`, which makes it.
+    """Depth of each pixel. See `depth`, which makes it.
 
     Attributes
     ----------
     disparity : (H, W) array
-        Pixels by which the image of a point moves between neighbouring microlenses, as `GroundTruth.chord_disparity`;
-        nan where no microlens image is.
+        Of a raw image: pixels by which the image of a point moves between neighbouring microlenses, as
+        `GroundTruth.chord_disparity`. Of views: pixels along columns by which it moves for each pixel of u, as
+        `LightField.disparity_at`. nan where nothing was found.
     standard_error : (H, W) array
-        Of the disparity, pixels, by the residuals of the match; inf where nothing was matched.
+        Of the disparity, pixels, by the residuals of the match; large where there is no texture.
     confidence : (H, W) array
-        Share of the neighbouring microlenses in sight of the point that see it at the same depth, 0 to 1.
+        Share of the microlenses or views compared whose windows resemble that of the pixel, 0 to 1; of a raw image, times
+        the share of the neighbouring microlenses that find the same depth where they see the point.
     virtual_depth : (H, W) array
-        Pitch / (disparity pixel pitch); negative for images in front of the array.
+        Pitch / (disparity pixel pitch), negative for images in front of the array; nan of views.
     depth : (H, W) array
-        -z in the camera's frame, mm: where the rays of the matched pixels meet, traced through the lens; nan where they
-        do not in front of it.
+        -z in the camera's frame, mm; nan where it does not lie in front of the lens, or is not known.
     """
 
     disparity: Floats
@@ -51,58 +55,67 @@ class DepthMap:
 
 
 def depth(
-    shot: Exposure,
-    white: Exposure,
+    seen: Exposure | LightField,
+    white: Exposure | None = None,
     *,
-    virtual_depths: tuple[float, float] = (1.8, 25.0),
+    between: tuple[float, float] | None = None,
     radius: int = 2,
-    calibration: DepthCalibration | None = None,
     least_light: float = 0.1,
     camera: PlenopticCamera | None = None,
     threads: int | None = None,
 ) -> DepthMap:
-    """Find depth in the raw image of a focused plenoptic camera (2.0), by matching the images of its microlenses.
+    """Find depth by matching: images of microlenses of a focused camera (2.0), or views (1.0).
 
     Parameters
     ----------
-    shot, white : Exposure
-        As in `decode`.
-    virtual_depths : (float, float), optional
-        The least and the greatest |v| that are looked for, above 1.
+    seen : Exposure or LightField
+        The raw image of a camera with focused microlenses, of one or several focal lengths; or views, of which the
+        central one gets depth.
+    white : Exposure, optional
+        The white image, as in `decode`; views have none.
+    between : (float, float), optional
+        What is looked for. Of a raw image, the least and the greatest |virtual depth|, above 1: 1.8 to 25 by default. Of
+        views, the least and the greatest disparity: -2 to 2 pixels.
     radius : int, optional
         Of the windows that are compared, in pixels: 2 r + 1 on a side.
-    calibration : DepthCalibration, optional
-        From `calibrate_depth`, of the same camera and radius. None: what vignetting and defocus displace stays in the
-        disparities, some percent where images of points are large.
     least_light : float, optional
-        Pixels count where the white image has this part of its 99th percentile.
+        Pixels of a raw image count where the white image has this part of its 99th percentile.
     camera : PlenopticCamera, optional
-        Where the shot names none.
+        Where the raw image names none.
     threads : int, optional
-        None: one for each processor, at most NUMBA_NUM_THREADS. The result does not depend on it.
+        None: one for each processor, at most NUMBA_NUM_THREADS. The result does not depend on it. Views take one.
 
     Returns
     -------
     DepthMap
-        Of the pixels of the shot.
+        Of the pixels of the raw image, or of a view.
 
     Raises
     ------
     InvalidValueError
-        Without microlenses on a lattice, for a camera whose microlenses are focused at infinity, or for a number out of
-        range.
+        Without microlenses on a lattice, for the raw image of a camera whose microlenses are focused at infinity, or for
+        a number out of range.
 
     Notes
     -----
-    Some 45 planes of constant disparity, 6 % of virtual depth apart, are compared with up to 18 microlenses within
-    three pitches, of any focal length: by normalised correlation, of which the better half counts, since the others may
-    see something else behind an edge. Paths in four directions through each image make neighbouring pixels agree (H.
-    Hirschmueller, IEEE Trans. PAMI 30 (2008), doi:10.1109/TPAMI.2007.1166); least squares find the disparity between
-    the planes. Where most microlenses in sight agree on another depth than the pixel's own, it takes theirs.
+    A raw image: planes of constant depth, 6 % of virtual depth apart, are compared with up to 18 microlenses within
+    three pitches, of any focal length, by normalised correlation, of which the better half counts, since the others may
+    see something else behind an edge; of all windows that hold a pixel, the best one counts. Of two microlenses the
+    sharper one is blurred by what the camera blurs a point of that plane more in the other. Paths in four directions
+    through each image make neighbouring pixels agree (H. Hirschmueller, IEEE Trans. PAMI 30 (2008),
+    doi:10.1109/TPAMI.2007.1166); least squares over the pixels of one depth find the disparity between the planes. Where
+    most microlenses in sight agree on another depth than the pixel's own, it takes theirs.
+
+    Nothing is calibrated: rays through the openings of the microlenses and the real lens tell how far aberrations and
+    vignetting displace what each pixel shows of a plane. In views it is the slopes of epipolar lines that are matched,
+    in the same way.
+
+    Docs/depth.md has figures and limits.
 
     References
     ----------
-    C. Perwass and L. Wietzke, Proc. SPIE 8291, 829108 (2012), doi:10.1117/12.909882.
+    C. Perwass and L. Wietzke, Proc. SPIE 8291, 829108 (2012), doi:10.1117/12.909882. S. Wanner and B. Goldluecke, IEEE
+    Trans. PAMI 36 (2014), doi:10.1109/TPAMI.2013.147: views.
 
     Examples
     --------
@@ -113,53 +126,54 @@ def depth(
     ...     sensor=pl.Sensor(shape=(96, 96), pixel_pitch=0.01), stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
     >>> shot = pl.render(pl.check_scene(), camera, samples=64, progress=False)
     >>> found = pl.lightfield.depth(shot, pl.render_white(camera, samples=16, progress=False))
-    >>> found, bool(abs(np.nanmedian(found.depth) - 404) < 4)
+    >>> found, bool(abs(np.nanmedian(found.depth) - 404) < 2)
     (DepthMap(96 x 96), True)
     """
-    planes = raw_planes(shot, white, share_of_light(least_light))
-    seen_by = camera_of(shot, camera)
-    array = focused_array(seen_by)
-    low, high = _checked_range(virtual_depths)
-    found = estimated(
-        seen_by, planes, (low, high), whole(radius, "radius", at_least=1, at_most=8), thread_count(threads)
-    )
-    if calibration is not None:
-        check_kind(calibration, "calibration", DepthCalibration, "pl.lightfield.calibrate_depth(camera)")
-        factor = calibration.factor(found.disparity, found.lenses.type, found.lenses.radius())
-        found = found._replace(disparity=found.disparity * factor, error=found.error * factor)
-    shape = (planes.shot.shape[0], planes.shot.shape[1])
-    disparity, error, confidence = agreed(found, shape)
-    with np.errstate(divide="ignore"):
-        virtual = found.lenses.pitch / disparity
+    reach = whole(radius, "radius", at_least=1, at_most=8)
+    if isinstance(seen, LightField):
+        if white is not None or camera is not None:
+            raise InvalidValueError("a light field needs neither white nor camera; leave them out")
+        return _of_views(seen, _range(between, _VIEW_DISPARITIES, -math.inf), reach)
+    check_kind(seen, "seen", Exposure, "pl.render(scene, camera), or a LightField")
+    if white is None:
+        raise InvalidValueError("a raw image needs its white image; give white=pl.render_white(camera)")
+    planes = raw_planes(seen, white, share_of_light(least_light))
+    return _of_raw(camera_of(seen, camera), planes, _range(between, _VIRTUAL_DEPTHS, 1.0), reach, thread_count(threads))
+
+
+def _of_views(field: LightField, between: tuple[float, float], radius: int) -> DepthMap:
+    disparity, error, confidence = view_disparities(field, between, radius)
     return DepthMap(
-        disparity, error, confidence, virtual, _object_depths(seen_by, array, found, disparity, planes.first)
+        disparity, error, confidence, np.full(disparity.shape, np.nan), view_depths(field, disparity)
     )
 
 
-def _object_depths(
-    camera: PlenopticCamera, array: MicrolensArray, found: Estimate, disparity: Floats, first: tuple[int, int]
-) -> Floats:
-    """Depth of the pixels of a raw image (H, W) that starts at a pixel of the sensor."""
-    lenses = found.lenses
+def _of_raw(
+    camera: PlenopticCamera, planes: RawPlanes, between: tuple[float, float], radius: int, threads: int
+) -> DepthMap:
+    """What is matched in the ideal camera, as the chord's disparity and as depth."""
+    axes = array_axes(camera)
+    found = estimated(axes, planes, between, radius, threads)
+    lenses, array, ideal = found.lenses, axes.camera.microlenses, found.ideal
+    assert array is not None
+    disparity, error, confidence = agreed(found, planes.shot.shape)
     rows, columns = lenses.rows_and_columns()
     lens, y, x = np.nonzero(lenses.images.known)
     row, column = rows[lens, y, 0], columns[lens, 0, x]
-    depths = np.full(disparity.shape, np.nan)
-    depths[row, column] = object_depths(
-        array_axes(camera),
-        array,
-        lenses,
-        lens,
-        np.column_stack([row, column]) + np.array(first),
-        disparity[row, column],
-    )
-    return depths
+    pixel, near = np.column_stack([row, column]) + np.array(planes.first), disparity[row, column] / lenses.pitch
+    depths = np.full_like(disparity, np.nan)
+    depths[row, column] = depths_of(axes, array, pixel, lenses.on_array[lens], near, ideal, threads)
+    chord = chords(axes, array, pixel, lenses.index[lens], lenses.steps, near, ideal, threads)
+    disparity[row, column] = chord * lenses.pitch
+    with np.errstate(divide="ignore"):
+        return DepthMap(disparity, error, confidence, lenses.pitch / disparity, depths)
 
 
-def _checked_range(virtual_depths: tuple[float, float]) -> tuple[float, float]:
-    low, high = numbers(virtual_depths, "virtual_depths").tolist() if np.shape(virtual_depths) == (2,) else (0.0, 0.0)
-    if not 1.0 < low < high < math.inf:
-        raise InvalidValueError(
-            f"virtual_depths is {virtual_depths!r}; give two numbers above 1, the smaller one first"
-        )
+def _range(given: tuple[float, float] | None, default: tuple[float, float], above: float) -> tuple[float, float]:
+    if given is None:
+        return default
+    low, high = numbers(given, "between").tolist() if np.shape(given) == (2,) else (0.0, 0.0)
+    if not above < low < high < math.inf:
+        limit = f" above {above:g}" if math.isfinite(above) else ""
+        raise InvalidValueError(f"between is {given!r}; give two numbers{limit}, the smaller one first")
     return low, high

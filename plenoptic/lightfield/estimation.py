@@ -6,28 +6,31 @@ from typing import NamedTuple
 
 import numpy as np
 
+from plenoptic.camera.assembly import ArrayAxes
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.report.focus import CameraKind, kind_of
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
+from plenoptic.lightfield.ideal import Planes, displacement, ideal_planes
 from plenoptic.lightfield.lens_images import LensImages, lens_images
-from plenoptic.lightfield.matching import Sweep, matched
+from plenoptic.lightfield.matching import Images, Sweep, blurred, continued, matched
+from plenoptic.lightfield.outward_rays import opening_variance
 from plenoptic.lightfield.planes import RawPlanes
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.lattice import Lattice
 
 _RATIO = 1.06
 """Of the virtual depths of neighbouring planes."""
+_COMPARED = 18
+"""Microlenses with which one is compared at most: two rings of a hexagonal lattice."""
 _FARTHEST = 0.6
 """Parts of the pitch by which the images of a point lie apart at most in two that are compared."""
-_LEAST_NOISE = 1e-3
-"""Standard deviation over the mean radiance below which differences do not count as texture."""
+_OWN = 0.7
+"""Part of the light of the best lit pixels below which another microlens lights a pixel too."""
+_LEVEL, _LEVELS = 0.5, 5
+"""Steps of the variance of blur that is added, pixel^2, and how many there are."""
 _ERRORS = 2.0
 """Errors found over what independent residuals give: neighbouring pixels are blurred alike."""
-_SMALL, _LARGE = 0.03, 0.3
-"""Correlation that a step to the next plane costs, and one to any other."""
-_WORST = 0.3
-"""Correlation that counts at least."""
 _AGREES = 0.03
 """Relative difference, beside three standard errors, up to which microlenses see the same."""
 
@@ -36,33 +39,39 @@ class Estimate(NamedTuple):
     """Of the pixels of microlens images, (k, n, n); nan where none is."""
 
     lenses: LensImages
+    ideal: Planes
     disparity: Floats
+    """Of the ideal camera."""
     error: Floats
+    share: Floats
+    """Of the microlenses compared, those that show the same."""
 
 
 def estimated(
-    camera: PlenopticCamera, planes: RawPlanes, virtual_depths: tuple[float, float], radius: int, threads: int
+    axes: ArrayAxes, planes: RawPlanes, virtual_depths: tuple[float, float], radius: int, threads: int
 ) -> Estimate:
     """Match the images of a raw image."""
+    camera = axes.camera
     array = focused_array(camera)
+    sign = 1.0 if kind_of(camera, array.focal_length) is CameraKind.GALILEAN else -1.0
+    ideal = ideal_planes(camera, virtual_depths, sign)
     lenses = lens_images(camera, array, planes)
     low, high = virtual_depths
     count = 2 + int(np.log(high / low) / np.log(_RATIO))
-    known = lenses.images.known > 0
-    mean = float(lenses.images.values[known].mean()) if known.any() else 0.0
     sweep = Sweep(
-        disparities=depth_sign(camera) * lenses.pitch / np.geomspace(high, low, count),
+        disparities=sign * lenses.pitch / np.geomspace(high, low, count),
         radius=radius,
+        compared=_COMPARED,
         farthest=_FARTHEST * lenses.pitch,
-        floor=max(lenses.noise, (_LEAST_NOISE * mean) ** 2, 1e-30),
-        small=_SMALL,
-        large=_LARGE,
-        worst=_WORST,
         reach=_RATIO - 1.0,
         least_reach=0.0,
+        pitch=lenses.pitch,
+        opening=opening_variance(array) / camera.sensor.pixel_pitch**2,
+        level=_LEVEL,
     )
-    disparity, error, _ = matched(lenses.images, lenses.pairs, sweep, threads)
-    return Estimate(lenses, disparity, _ERRORS * error)
+    images = _beside_ideal(axes, array, lenses, ideal, planes.first, threads)
+    disparity, error, share = matched(images, lenses.pairs, sweep, threads)
+    return Estimate(lenses, ideal, disparity, _ERRORS * error, share)
 
 
 def focused_array(camera: PlenopticCamera) -> MicrolensArray:
@@ -74,23 +83,41 @@ def focused_array(camera: PlenopticCamera) -> MicrolensArray:
         raise InvalidValueError("the microlenses lie on no lattice, and it is not known which are neighbours")
     if array.model.focuses and kind_of(camera, array.focal_length) is CameraKind.PLENOPTIC_1:
         raise InvalidValueError(
-            "the microlenses are focused at infinity: their images show no scene to match; decode the views and give "
-            "the light field"
+            "the microlenses are focused at infinity: their images show no scene to match; give the light field, "
+            "pl.lightfield.decode(shot, white)"
         )
     return array
 
 
-def depth_sign(camera: PlenopticCamera) -> float:
-    """1 where the main lens's images lie behind the array, -1 where they lie in front of it."""
-    array = focused_array(camera)
-    return 1.0 if kind_of(camera, array.focal_length) is CameraKind.GALILEAN else -1.0
+def _beside_ideal(
+    axes: ArrayAxes, array: MicrolensArray, lenses: LensImages, ideal: Planes, first: tuple[int, int], threads: int
+) -> Images:
+    """The images without what neighbours light too, and what they show beside the ideal camera."""
+    images = lenses.images
+    rows, columns = lenses.rows_and_columns()
+    lens, y, x = np.nonzero(images.known)
+    pixel = np.column_stack([rows[lens, y, 0], columns[lens, 0, x]]) + np.array(first)
+    found = displacement(axes, array, pixel, lenses.on_array[lens], lenses.type[lens], ideal, threads)
+    share, shift = np.zeros(images.known.shape), np.full((*images.known.shape, 2, 2), np.nan)
+    share[lens, y, x], shift[lens, y, x] = found.share, found.shift
+    known = (images.known > 0) & (share >= _OWN * share.max(axis=(1, 2), keepdims=True))
+    values = images.values.astype(np.float64)
+    images = Images(continued(values, known), known.astype(np.uint8), images.floor, shift)
+    if not array.model.focuses or len(set(array.focal_lengths)) == 1:
+        return images
+    focal_lengths = np.array(array.focal_lengths_at(axes.camera.wavelength))[lenses.type]
+    return images._replace(
+        blurred=blurred(values, known, _LEVEL * np.arange(_LEVELS)),
+        bent=1.0 - axes.camera.microlenses_to_sensor / focal_lengths,
+    )
 
 
-def agreed(found: Estimate, shape: tuple[int, int]) -> tuple[Floats, Floats, Floats]:
+def agreed(found: Estimate, shape: tuple[int, ...]) -> tuple[Floats, Floats, Floats]:
     """Disparity, standard error and confidence on the raw image (H, W); nan where no microlens image is.
 
     What a microlens sees its neighbours see too: each pixel gets their estimates where they fall on it, and takes the
-    mean of those that agree with the weighted median. The share of these is the confidence.
+    mean of those that agree with the weighted median. The share of these, times that of microlenses that show the same, is
+    the confidence.
     """
     lenses, size = found.lenses, shape[0] * shape[1]
     rows, columns = lenses.rows_and_columns()
@@ -105,14 +132,17 @@ def agreed(found: Estimate, shape: tuple[int, int]) -> tuple[Floats, Floats, Flo
     for k, other in enumerate(lenses.neighbours(lens).T):
         apart = (lenses.straight[other] - lenses.straight[lens]) * (1.0 - value / lenses.pitch)[:, None]
         there = np.rint(np.column_stack([row, column]) + np.nan_to_num(apart, nan=1e9)).astype(np.int64)
-        falls = usable & (other >= 0) & ((there >= 0) & (there < shape)).all(axis=1)
+        falls = usable & (other >= 0) & ((there >= 0) & (there < shape[:2])).all(axis=1)
         place = np.where(falls, there[:, 0] * shape[1] + there[:, 1], 0)
         falls &= owner[place] == other
         slots[k + 1][:, place[falls]] = value[falls], error[falls]
-    disparity, spread, confidence = (np.full(size, np.nan) for _ in range(3))
+    known = np.full((3, size), np.nan)
     seen = np.flatnonzero(owner >= 0)
-    disparity[seen], spread[seen], confidence[seen] = _consensus(slots[:, 0, seen], slots[:, 1, seen])
-    return disparity.reshape(shape), spread.reshape(shape), confidence.reshape(shape)
+    known[:, seen] = _consensus(slots[:, 0, seen], slots[:, 1, seen])
+    disparity, spread, confidence = known.reshape(3, *shape[:2])
+    shown = found.share[lens, y, x]
+    confidence[row, column] *= np.where(np.isfinite(shown), shown, 1.0)
+    return disparity, spread, confidence
 
 
 def _consensus(values: Floats, errors: Floats) -> tuple[Floats, Floats, Floats]:
@@ -121,15 +151,17 @@ def _consensus(values: Floats, errors: Floats) -> tuple[Floats, Floats, Floats]:
         order = np.argsort(values, axis=0)
         ordered = np.take_along_axis(values, order, axis=0)
         spread = np.maximum(np.take_along_axis(errors, order, axis=0), 1e-12)
+        known = np.isfinite(ordered)
         # Errors of a hundredth of the value and less are as good as each other.
-        weight = np.where(np.isfinite(ordered), 1.0 / np.maximum(spread, 0.01 * np.abs(ordered)), 0.0)
+        weight = np.where(known, 1.0 / np.maximum(spread, 0.01 * np.abs(ordered)), 0.0)
         half = np.cumsum(weight, axis=0) >= 0.5 * weight.sum(axis=0)
         middle = np.take_along_axis(ordered, half.argmax(axis=0)[None], axis=0)[0]
         agrees = np.abs(ordered - middle) <= _AGREES * np.abs(middle) + 3.0 * spread * (spread < 0.1 * np.abs(middle))
         precise = np.where(agrees, weight**2, 0.0)
-        total = precise.sum(axis=0)
-        mean = np.where(agrees, precise * ordered, 0.0).sum(axis=0) / total
-        # Estimates of neighbours rest on the same pixels: their mean is no better than the best of them.
+        mean = np.where(agrees, precise * ordered, 0.0).sum(axis=0) / precise.sum(axis=0)
+        # Estimates of neighbours rest on the same pixels: their mean is no better than the best of them. Others may be
+        # right after all.
         least = np.where(agrees, spread, np.inf).min(axis=0)
-        share = agrees.sum(axis=0) / np.isfinite(ordered).sum(axis=0)
-    return mean, np.where(np.isfinite(mean), least, np.nan), share
+        doubt = np.where(known & ~agrees, weight * (ordered - mean) ** 2, 0.0).sum(axis=0) / weight.sum(axis=0)
+        share = agrees.sum(axis=0) / known.sum(axis=0)
+    return mean, np.where(np.isfinite(mean), np.sqrt(least**2 + doubt), np.nan), share

@@ -22,6 +22,8 @@ _RINGS = 3.05
 """Pitches up to which microlenses are compared."""
 _ROOM = 2
 """Pixels around the image of a microlens, for reading between pixels."""
+_LEAST_NOISE = 1e-3
+"""Standard deviation over the mean radiance below which differences do not count as texture."""
 
 
 class LensImages(NamedTuple):
@@ -46,7 +48,7 @@ class LensImages(NamedTuple):
     pitch: float
     """Of the microlenses, the smaller one, over that of the pixels."""
     noise: float
-    """Variance of a pixel; 0 where it is not known."""
+    """Variance of a pixel, the median of microlenses; 0 where it is not known."""
 
     def neighbours(self, lens: NDArray[np.int64]) -> NDArray[np.int64]:
         """(n, 4 or 6): the microlenses around some (n,); -1 where one is missing."""
@@ -71,24 +73,41 @@ def lens_images(camera: PlenopticCamera, array: MicrolensArray, planes: RawPlane
     near = ((centres.pixel >= first) & (centres.pixel <= first + np.array(shape) - 1)).all(axis=1)
     if np.count_nonzero(near) < 3:
         raise InvalidValueError("the image holds fewer than three microlens images; take a larger region")
-    centre, index = centres.pixel[near] - first, centres.index[near]
-    straight = _straight(camera, index) - first
+    index = centres.index[near]
+    # In pixels of the sensor, so that a region has the bits of the whole.
+    centre, straight = centres.pixel[near], _straight(camera, index)
     half = math.ceil(0.5 * pitch) + _ROOM
     corner = np.rint(centre).astype(np.int64) - half
-    values, noise = _radiance(planes)
-    rows, columns = (
-        corner[:, :1, None] + np.arange(2 * half + 1)[:, None],
-        corner[:, 1:, None] + np.arange(2 * half + 1),
-    )
-    inside = (rows >= 0) & (rows < shape[0]) & (columns >= 0) & (columns < shape[1])
-    found = values[np.clip(rows, 0, shape[0] - 1), np.clip(columns, 0, shape[1] - 1)]
+    side = np.arange(2 * half + 1)
+    rows, columns = corner[:, :1, None] + side[:, None], corner[:, 1:, None] + side
     within = np.hypot(rows - centre[:, :1, None], columns - centre[:, 1:, None]) < 0.5 * pitch
-    known = inside & within & np.isfinite(found)
-    images = Images(continued(found, known), known.astype(np.uint8))
     pairs = _pairs(array, index, straight, corner, pitch)
-    steps = neighbour_steps(array.lattice)
-    places, types = centres.on_array[near], centres.type[near]
-    return LensImages(images, pairs, corner, centre, straight, places, index, types, steps, pitch, noise)
+    rows, columns = rows - first[0], columns - first[1]
+    inside = (rows >= 0) & (rows < shape[0]) & (columns >= 0) & (columns < shape[1])
+    place = np.clip(rows, 0, shape[0] - 1), np.clip(columns, 0, shape[1] - 1)
+    values, variance = _radiance(planes)
+    found = values[place]
+    known = inside & within & np.isfinite(found)
+    noise, least = _mean_of(variance[place], known), (_LEAST_NOISE * _mean_of(found, known)) ** 2
+    images = Images(continued(found, known), known.astype(np.uint8), np.maximum(np.maximum(noise, least), 1e-30))
+    return LensImages(
+        images=images,
+        pairs=pairs,
+        corner=corner - first,
+        centre=centre - first,
+        straight=straight - first,
+        on_array=centres.on_array[near],
+        index=index,
+        type=centres.type[near],
+        steps=neighbour_steps(array.lattice),
+        pitch=pitch,
+        noise=float(np.median(noise)),
+    )
+
+
+def _mean_of(values: Floats, known: NDArray[np.bool_]) -> Floats:
+    """(k,): the mean of what is known of pictures (k, rows, columns); 0 of nothing."""
+    return np.asarray(np.where(known, values, 0.0).sum(axis=(1, 2)) / np.maximum(known.sum(axis=(1, 2)), 1))
 
 
 def _straight(camera: PlenopticCamera, index: NDArray[np.int64]) -> Floats:
@@ -107,15 +126,14 @@ def _lookup(listed: NDArray[np.int64], wanted: NDArray[np.int64]) -> NDArray[np.
     return np.where(inside, table[place[:, 0], place[:, 1]], -1)
 
 
-def _radiance(planes: RawPlanes) -> tuple[Floats, float]:
-    """Radiance of pixels, the mean over channels, nan in the dark; and the median variance of its errors."""
+def _radiance(planes: RawPlanes) -> tuple[Floats, Floats]:
+    """Radiance of pixels, the mean over channels, and the variance of its error or 0; nan in the dark."""
     with np.errstate(invalid="ignore", divide="ignore"):
         light = np.where(planes.white >= planes.least, planes.white, np.nan)
         radiance = (planes.shot / light).mean(axis=2)
         if planes.variance is None:
-            return radiance, 0.0
-        variance = (planes.variance / light**2).mean(axis=2) / planes.shot.shape[2]
-    return radiance, float(np.nanmedian(variance)) if np.isfinite(variance).any() else 0.0
+            return radiance, np.zeros_like(radiance)
+        return radiance, (planes.variance / light**2).mean(axis=2) / planes.shot.shape[2]
 
 
 def _pairs(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +18,16 @@ class Images(NamedTuple):
     values: NDArray[np.float32]
     known: NDArray[np.uint8]
     """1 where a pixel belongs to the picture. Around them, values go on for two pixels."""
+    floor: Floats
+    """(k,): variance up to which differences are no texture."""
+    shift: Floats | None = None
+    """(k, rows, columns, 2, 2): how far beside where they should pixels show points, in rows and columns: what 1 and
+    disparity / pitch multiply; nan where it is not known. None: not at all."""
+    blurred: NDArray[np.float32] | None = None
+    """(k, levels, rows, columns): the pictures blurred by Gaussian functions of variances in steps of `Sweep.level`; None
+    where all are equally blurred."""
+    bent: Floats | None = None
+    """(k,): 1 - b / f of their microlenses: less disparity / pitch, the size of a point's image over the opening."""
 
 
 class Pairs(NamedTuple):
@@ -36,18 +47,19 @@ class Sweep(NamedTuple):
     """Of the planes, in order."""
     radius: int
     """Of windows, in pixels."""
+    compared: int
+    """Pictures with which one is compared at most on each plane: the nearest."""
     farthest: float
     """Pixels by which pictures are moved at most."""
-    floor: float
-    """Variance of noise."""
-    small: float
-    large: float
-    """Costs of steps between neighbouring pixels: of one plane, and of more."""
-    worst: float
-    """Correlations below it do not count in the refinement."""
     reach: float
     least_reach: float
     """How far the refinement goes from a plane, as a part of the disparity and in pixels."""
+    pitch: float = 1.0
+    """Of microlenses over that of pixels."""
+    opening: float = 0.0
+    """Variance of places in the opening of a microlens along one axis, pixel^2."""
+    level: float = 1.0
+    """Variance from one level of blur to the next, pixel^2."""
 
 
 class Work(NamedTuple):
@@ -61,20 +73,21 @@ class Work(NamedTuple):
     total: NDArray[np.float32]
     before: NDArray[np.float32]
     now: NDArray[np.float32]
+    start: Floats
     slopes: Floats
     common: Floats
 
 
-_COMPARED = 18
-"""Pictures with which one is compared on each plane."""
-
-
 def matched(images: Images, pairs: Pairs, sweep: Sweep, threads: int) -> tuple[Floats, Floats, Floats]:
-    """Disparity, its standard error and the correlation, (k, rows, columns); nan where a pixel is not known."""
+    """Disparity, its standard error by independent residuals, and the share of pictures that show it, each (k, n, n).
+
+    Of as many pictures as `pairs` lists; nan where a pixel is not known, inf the error where nothing was matched.
+    """
     from plenoptic.lightfield.kernels.matching import fill_disparities
 
-    disparity, error, score = (np.full(images.values.shape, np.nan) for _ in range(3))
+    count = len(pairs.first) - 1
     _, rows, columns = images.values.shape
+    disparity, error, share = (np.full((count, rows, columns), np.nan) for _ in range(3))
     planes, window = len(sweep.disparities), (2 * sweep.radius + 1) ** 2
 
     def work(first: int) -> None:
@@ -82,21 +95,22 @@ def matched(images: Images, pairs: Pairs, sweep: Sweep, threads: int) -> tuple[F
             np.empty((rows, columns), np.float32),
             np.empty((rows, columns), np.uint8),
             np.empty((6, rows + 1, columns)),
-            np.empty((_COMPARED, rows, columns), np.float32),
+            np.empty((sweep.compared, rows, columns), np.float32),
             np.empty((rows, columns, planes), np.float32),
             np.empty((rows, columns, planes), np.float32),
             np.empty(planes, np.float32),
             np.empty(planes, np.float32),
+            np.empty((rows, columns)),
             np.empty(window),
             np.empty(window),
         )
-        fill_disparities(disparity, error, score, images, pairs, sweep, room, first, min(first + together, count))
+        end = min(first + together, count)
+        fill_disparities(disparity, error, share, images, pairs, sweep, room, (first, end))
 
-    count = len(images.values)
     together = max(1, 1 << 14 >> (rows * columns).bit_length())
     for _ in run_in_order(work, range(0, count, together), threads=threads):
         pass
-    return disparity, error, score
+    return disparity, error, share
 
 
 def continued(values: Floats, known: NDArray[np.bool_]) -> NDArray[np.float32]:
@@ -111,3 +125,20 @@ def continued(values: Floats, known: NDArray[np.bool_]) -> NDArray[np.float32]:
         new = ~there & (count > 0)
         found, there = np.where(new, total / np.maximum(count, 1), found), there | new
     return found.astype(np.float32)
+
+
+def blurred(values: Floats, known: NDArray[np.bool_], variances: Floats) -> NDArray[np.float32]:
+    """Pictures (k, rows, columns) blurred by Gaussian functions, over what is known: (k, variances, rows, columns)."""
+    levels = []
+    for variance in variances.tolist():
+        reach = math.ceil(3.0 * math.sqrt(variance))
+        offsets = range(-reach, reach + 1)
+        weights = np.exp(-0.5 * np.square(offsets) / max(variance, 1e-9))
+        total, share = np.where(known, values, 0.0), known.astype(np.float64)
+        for axis in (1, 2):
+            total, share = (
+                np.sum([w * np.roll(part, k, axis=axis) for w, k in zip(weights, offsets, strict=True)], axis=0)
+                for part in (total, share)
+            )
+        levels.append(continued(total / np.maximum(share, 1e-9), known))
+    return np.stack(levels, axis=1)
