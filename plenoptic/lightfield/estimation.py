@@ -25,8 +25,11 @@ _COMPARED = 18
 """Microlenses with which one is compared at most: two rings of a hexagonal lattice."""
 _FARTHEST = 0.6
 """Parts of the pitch by which the images of a point lie apart at most in two that are compared."""
-_OWN = 0.7
-"""Part of the light of the best lit pixels below which another microlens lights a pixel too."""
+_LIT, _OWN = 0.7, 0.9
+"""Of the light that the best lit pixels get of their microlens, and of all light that falls on a pixel: the least parts
+that a pixel that is compared gets of its microlens."""
+_MIDDLE = 0.25
+"""Pitches from the middle of a microlens image within which no other one lights it."""
 _LEVEL, _LEVELS = 0.5, 5
 """Steps of the variance of blur that is added, pixel^2, and how many there are."""
 _ERRORS = 2.0
@@ -69,7 +72,7 @@ def estimated(
         opening=opening_variance(array) / camera.sensor.pixel_pitch**2,
         level=_LEVEL,
     )
-    images = _beside_ideal(axes, array, lenses, ideal, planes.first, threads)
+    images = _beside_ideal(axes, lenses, ideal, planes, threads)
     disparity, error, share = matched(images, lenses.pairs, sweep, threads)
     return Estimate(lenses, ideal, disparity, _ERRORS * error, share)
 
@@ -89,18 +92,22 @@ def focused_array(camera: PlenopticCamera) -> MicrolensArray:
     return array
 
 
-def _beside_ideal(
-    axes: ArrayAxes, array: MicrolensArray, lenses: LensImages, ideal: Planes, first: tuple[int, int], threads: int
-) -> Images:
+def _beside_ideal(axes: ArrayAxes, lenses: LensImages, ideal: Planes, planes: RawPlanes, threads: int) -> Images:
     """The images without what neighbours light too, and what they show beside the ideal camera."""
-    images = lenses.images
+    images, array = lenses.images, focused_array(axes.camera)
     rows, columns = lenses.rows_and_columns()
     lens, y, x = np.nonzero(images.known)
-    pixel = np.column_stack([rows[lens, y, 0], columns[lens, 0, x]]) + np.array(first)
+    row, column = rows[lens, y, 0], columns[lens, 0, x]
+    pixel = np.column_stack([row, column]) + np.array(planes.first)
     found = displacement(axes, array, pixel, lenses.on_array[lens], lenses.type[lens], ideal, threads)
-    share, shift = np.zeros(images.known.shape), np.full((*images.known.shape, 2, 2), np.nan)
-    share[lens, y, x], shift[lens, y, x] = found.share, found.shift
-    known = (images.known > 0) & (share >= _OWN * share.max(axis=(1, 2), keepdims=True))
+    share, light = (np.zeros(images.known.shape) for _ in range(2))
+    shift = np.full((*images.known.shape, 2, 2), np.nan)
+    share[lens, y, x], light[lens, y, x] = found.share, planes.white[row, column].mean(axis=1)
+    shift[lens, y, x] = found.shift
+    middle = (images.known > 0) & (lenses.radius() < _MIDDLE)
+    full = np.where(middle, light, 0.0).sum(axis=(1, 2)) / np.maximum(np.where(middle, share, 0.0).sum(axis=(1, 2)), 1e-9)
+    own = share * full[:, None, None]
+    known = (images.known > 0) & (own >= _OWN * light) & (share >= _LIT * share.max(axis=(1, 2), keepdims=True))
     values = images.values.astype(np.float64)
     images = Images(continued(values, known), known.astype(np.uint8), images.floor, shift)
     if not array.model.focuses or len(set(array.focal_lengths)) == 1:
