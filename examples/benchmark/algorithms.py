@@ -1,4 +1,4 @@
-"""What finds disparities: functions from a package to an array, which `FOCUSED` and `VIEWS` list by their names.
+"""What finds disparities: functions from a package to an array, which `algorithms` lists by their names.
 
 Of a focused camera, disparities are those of the raw image's pixels, as `GroundTruth.chord_disparity`. Of a plenoptic
 1.0 camera they are those of the central view of `views(package)`: pixels by which it moves from view to view, positive
@@ -19,6 +19,8 @@ from typing import NamedTuple
 import numpy as np
 
 import plenoptic as pl
+
+SURE = 0.5  # confidence
 
 
 class Algorithm(NamedTuple):
@@ -49,14 +51,22 @@ def plane_in_focus(package):
     return np.full(seen.shape[:2], disparity)
 
 
-@functools.lru_cache(maxsize=1)
-def calibration(camera):
-    return pl.lightfield.calibrate_depth(camera)
+def depth_map(package):
+    """This library's, by matching the images of microlenses or views."""
+    if is_focused(package.camera):
+        return pl.lightfield.depth(picture(package), package.white)
+    return pl.lightfield.depth(views(package))
 
 
-def plenoptic_focused(package):
-    """This library, calibrated on planes that the camera is shown."""
-    return pl.lightfield.depth(picture(package), package.white, calibration=calibration(package.camera)).disparity
+def matched(package):
+    """All that it finds."""
+    return depth_map(package).disparity
+
+
+def sure(package):
+    """What it finds where it is confident."""
+    found = depth_map(package)
+    return np.where(found.confidence > SURE, found.disparity, np.nan)
 
 
 def plenopticam(package, *, programs):
@@ -90,14 +100,16 @@ def read_pfm(path):
     return np.frombuffer(data, "<f4" if float(scale) < 0 else ">f4").reshape(rows, columns)[::-1]
 
 
-FOCUSED = {"plane in focus": Algorithm(plane_in_focus), "plenoptic": Algorithm(plenoptic_focused)}
-VIEWS = {"plane in focus": Algorithm(plane_in_focus)}
-ELSEWHERE = "PlenoptiCam"  # in a Python of its own, and only where the command is told where that is
+OURS = {
+    "plane in focus": Algorithm(plane_in_focus),
+    "plenoptic": Algorithm(matched),
+    "plenoptic, sure": Algorithm(sure),
+}
 
 
 def algorithms(camera, programs=None):
     """Those for a camera, by name; None for one that is not there."""
     if is_focused(camera):
-        return FOCUSED
+        return OURS
     there = programs and Algorithm(functools.partial(plenopticam, programs=programs), scaled=True)
-    return {**VIEWS, ELSEWHERE: there}
+    return {**OURS, "PlenoptiCam": there}

@@ -52,10 +52,11 @@ def three_types_camera():
 MADE = {"views": views_camera, "focused": focused_camera, "three-types": three_types_camera}
 
 
-def load(name, side=None):
-    """A camera from its file, with a smaller sensor if wanted."""
+def load(name, size=1.0):
+    """A camera from its file, with a part of its sensor if wanted."""
     camera = pl.package.load_value(FILES / f"{name}.json")
-    return camera if side is None else dataclasses.replace(camera, sensor=pl.Sensor((side, side), PIXEL))
+    sensor = pl.Sensor(tuple(round(size * side) for side in camera.sensor.shape), PIXEL)
+    return dataclasses.replace(camera, sensor=sensor)
 
 
 if __name__ == "__main__":

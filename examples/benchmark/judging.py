@@ -11,6 +11,8 @@ import plenoptic as pl
 INSIDE = 0.35  # pitches from the middle of a microlens image, within which its pixels count
 BORDER = 1.5  # pitches from the border of the picture
 VIEW_BORDER = 3  # pixels of a view
+FLAT = 2  # pixels around one in which there is no edge, so that it counts as flat
+STEP = 0.05  # what is an edge: part of a raw disparity, or pixels of a view
 
 
 class Reference(NamedTuple):
@@ -19,6 +21,7 @@ class Reference(NamedTuple):
     disparity: np.ndarray
     types: np.ndarray | None
     where: np.ndarray
+    flat: np.ndarray  # those of them away from edges
 
 
 def reference(package, scene):
@@ -36,7 +39,8 @@ def raw_reference(package):
     edge = int(np.ceil(BORDER * pitch))
     where = np.zeros(truth.shape, dtype=bool)
     where[edge:-edge, edge:-edge] = inside[edge:-edge, edge:-edge]
-    return Reference(truth.chord_disparity, truth.microlens_type, where)
+    flat = where & away_from_edges(truth.chord_disparity, STEP * np.abs(truth.chord_disparity))
+    return Reference(truth.chord_disparity, truth.microlens_type, where, flat)
 
 
 def view_reference(package, scene):
@@ -47,7 +51,14 @@ def view_reference(package, scene):
     disparity = np.interp(depth, planes, [field.disparity_at(-z)[0] for z in planes])
     where = np.zeros(depth.shape, dtype=bool)
     where[VIEW_BORDER:-VIEW_BORDER, VIEW_BORDER:-VIEW_BORDER] = True
-    return Reference(np.where(np.isfinite(depth), disparity, np.nan), None, where)
+    disparity = np.where(np.isfinite(depth), disparity, np.nan)
+    return Reference(disparity, None, where, where & away_from_edges(disparity, STEP))
+
+
+def away_from_edges(disparity, step):
+    """Pixels from which nothing within `FLAT` pixels along rows and columns differs by more than a step."""
+    shifts = [(shift, axis) for axis in (0, 1) for shift in range(-FLAT, FLAT + 1) if shift]
+    return np.all([np.abs(np.roll(disparity, *shift) - disparity) < step for shift in shifts], axis=0)
 
 
 def on_scale(estimate, truth):
@@ -59,7 +70,11 @@ def on_scale(estimate, truth):
 
 
 def scores(estimate, truth):
-    return pl.lightfield.disparity_scores(estimate, truth.disparity, where=truth.where, types=truth.types)
+    """Of all pixels that count, and of those away from edges."""
+    return [
+        pl.lightfield.disparity_scores(estimate, truth.disparity, where=where, types=truth.types)
+        for where in (truth.where, truth.flat)
+    ]
 
 
 class Row(NamedTuple):
@@ -68,6 +83,7 @@ class Row(NamedTuple):
     scene: str
     algorithm: str
     scores: pl.lightfield.DisparityScores | None
+    flat: pl.lightfield.DisparityScores | None
     seconds: float
     error: float
 
@@ -80,7 +96,7 @@ RELATIVE = ("Rel7", "Rel3", "Rel1", "bias %")
 def table(camera, rows):
     """Scores of one camera as Markdown."""
     focused, types = is_focused(camera), len(camera.microlenses.focal_lengths)
-    columns = [*COMMON, *(RELATIVE if focused else ()), *IN_PIXELS]
+    columns = [*COMMON, *((*RELATIVE, *IN_PIXELS, "Rel3 flat") if focused else (*IN_PIXELS, "Bad 0.03 flat"))]
     columns += ["Rel3 of types"] if types > 1 else []
     cells = [[*columns, "s"], *([*_cells(row, columns), f"{row.seconds:.1f}"] for row in rows)]
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
@@ -96,6 +112,7 @@ def _cells(row, columns):
         return [known.get(column, "not there" if column == "kept %" else "") for column in columns]
     numbers = [100 * found.kept, *found.relative, 100 * found.bias, found.mse, *found.bad, found.q25]
     known |= zip(("kept %", *RELATIVE, *IN_PIXELS), map(_short, numbers), strict=True)
+    known["Rel3 flat"], known["Bad 0.03 flat"] = _short(row.flat.relative[1]), _short(row.flat.bad[1])
     known["Rel3 of types"] = ", ".join(_short(alone.relative[1]) for alone in found.of_types)
     return [known[column] for column in columns]
 
