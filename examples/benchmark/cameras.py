@@ -14,32 +14,21 @@ PIXEL = 0.009
 TYPES = (3.0, 4.0, 6.5)  # virtual depths that the three types of microlenses see sharply: no gap between them
 
 
+def designed(side, pixels, **wishes):
+    """A camera of so many pixels along each side, and microlenses so many pixels apart."""
+    return pl.design_camera(LENS, sensor=pl.Sensor((side, side), PIXEL), pitch=pixels * PIXEL, **wishes).camera
+
+
 def views_camera():
     """Plenoptic 1.0: 60 x 60 microlenses focused at infinity over 10 x 10 pixels each; z = -385 mm is in focus."""
-    return pl.design_camera(
-        LENS,
-        sensor=pl.Sensor((600, 600), PIXEL),
-        kind=pl.CameraKind.PLENOPTIC_1,
-        z=-385.0,
-        pitch=10 * PIXEL,
-        focal_length=0.75,
-        lattice=pl.Lattice.SQUARE,
-        image_fill=0.95,
-    ).camera
+    kind, lattice = pl.CameraKind.PLENOPTIC_1, pl.Lattice.SQUARE
+    return designed(600, 10, kind=kind, lattice=lattice, z=-385.0, focal_length=0.75, image_fill=0.95)
 
 
 def focused_camera():
     """Plenoptic 2.0: microlenses of one focal length over 20 x 20 pixels, which see z = -404 mm sharply, at v = 5."""
-    return pl.design_camera(
-        LENS,
-        sensor=pl.Sensor((400, 400), PIXEL),
-        kind=pl.CameraKind.GALILEAN,
-        z=-404.0,
-        pitch=20 * PIXEL,
-        focal_length=1.875,
-        virtual_depth=5.0,
-        image_fill=0.9,
-    ).camera
+    kind = pl.CameraKind.GALILEAN
+    return designed(400, 20, kind=kind, z=-404.0, focal_length=1.875, virtual_depth=5.0, image_fill=0.9)
 
 
 def three_types_camera():
