@@ -49,7 +49,7 @@ def tables(options, camera_names, case_names):
         folder = options.folder / f"{camera_name}-{camera.sensor.shape[0]}-{options.error:g}"
         rows, shown = [], {}
         for name in case_names:
-            package = packages.package(folder / f"{name}.zip", CASES[name], camera, error=options.error)
+            package = packages.package(folder / f"{plain(name)}.zip", CASES[name], camera, error=options.error)
             truth = judging.reference(package, CASES[name].make())
             for algorithm, how in algorithms(camera, options.programs).items():
                 row, estimate = judged(name, algorithm, how, package, truth)
@@ -60,8 +60,13 @@ def tables(options, camera_names, case_names):
                     shown.setdefault(algorithm, {})[name] = [pictures.overview(CASES[name].make, camera), *parts]
         for algorithm, columns in shown.items():
             largest = 0.5 if is_focused(camera) else 0.2
-            pictures.figure(options.folder / f"{camera_name} {algorithm}.png", columns, largest=largest)
+            pictures.figure(options.folder / f"{camera_name}_{plain(algorithm)}.png", columns, largest=largest)
         yield camera_name, judging.table(camera, rows)
+
+
+def plain(name):
+    """For files."""
+    return name.replace(",", "").replace(" ", "_")
 
 
 def judged(name, algorithm, how, package, truth):

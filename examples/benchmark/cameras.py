@@ -1,6 +1,6 @@
 """The three cameras: ``python examples/benchmark/cameras.py`` writes their files anew, from which the benchmark reads.
 
-All look through the same lens from some 330 to 450 mm away, where the focused ones have virtual depths of 14 to 2.2.
+All look through the same lens at what is some 330 to 450 mm away, at virtual depths of 12 to 2.3 of the focused ones.
 """
 
 import dataclasses
