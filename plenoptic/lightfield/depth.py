@@ -35,8 +35,8 @@ class DepthMap:
     standard_error : (H, W) array
         Of the disparity, pixels, by the residuals of the match; large where there is no texture.
     confidence : (H, W) array
-        Share of the microlenses or views compared whose windows resemble that of the pixel, 0 to 1; of a raw image, times
-        the share of the neighbouring microlenses that find the same depth where they see the point.
+        Share of the microlenses or views compared whose windows resemble that of the pixel, 0 to 1; of a raw image,
+        times the share of the neighbouring microlenses that find the same depth where they see the point.
     virtual_depth : (H, W) array
         Pitch / (disparity pixel pitch), negative for images in front of the array; nan of views.
     depth : (H, W) array
@@ -74,8 +74,8 @@ def depth(
     white : Exposure, optional
         The white image, as in `decode`; views have none.
     between : (float, float), optional
-        What is looked for. Of a raw image, the least and the greatest |virtual depth|, above 1: 1.8 to 25 by default. Of
-        views, the least and the greatest disparity: -2 to 2 pixels.
+        What is looked for. Of a raw image, the least and the greatest |virtual depth|, above 1: 1.8 to 25 by default.
+        Of views, the least and the greatest disparity: -2 to 2 pixels.
     radius : int, optional
         Of the windows that are compared, in pixels: 2 r + 1 on a side.
     least_light : float, optional
@@ -93,8 +93,8 @@ def depth(
     Raises
     ------
     InvalidValueError
-        Without microlenses on a lattice, for the raw image of a camera whose microlenses are focused at infinity, or for
-        a number out of range.
+        Without microlenses on a lattice, for the raw image of a camera whose microlenses are focused at infinity, or
+        for a number out of range.
 
     Notes
     -----
@@ -103,14 +103,14 @@ def depth(
     see something else behind an edge; of all windows that hold a pixel, the best one counts. Of two microlenses the
     sharper one is blurred by what the camera blurs a point of that plane more in the other. Paths in four directions
     through each image make neighbouring pixels agree (H. Hirschmueller, IEEE Trans. PAMI 30 (2008),
-    doi:10.1109/TPAMI.2007.1166); least squares over the pixels of one depth find the disparity between the planes. Where
-    most microlenses in sight agree on another depth than the pixel's own, it takes theirs.
+    doi:10.1109/TPAMI.2007.1166); least squares over the pixels of one depth find the disparity between the planes.
+    Where most microlenses in sight agree on another depth than the pixel's own, it takes theirs.
 
     Nothing is calibrated: rays through the openings of the microlenses and the real lens tell how far aberrations and
     vignetting displace what each pixel shows of a plane. In views it is the slopes of epipolar lines that are matched,
     in the same way.
 
-    Docs/depth.md has figures and limits.
+    The page docs/depth.md has figures and limits.
 
     References
     ----------
@@ -143,9 +143,7 @@ def depth(
 
 def _of_views(field: LightField, between: tuple[float, float], radius: int) -> DepthMap:
     disparity, error, confidence = view_disparities(field, between, radius)
-    return DepthMap(
-        disparity, error, confidence, np.full(disparity.shape, np.nan), view_depths(field, disparity)
-    )
+    return DepthMap(disparity, error, confidence, np.full(disparity.shape, np.nan), view_depths(field, disparity))
 
 
 def _of_raw(

@@ -14,8 +14,8 @@ from plenoptic.lightfield.ideal import front_of, planes_in_front, z_at
 from plenoptic.lightfield.matching import Images, Pairs, Sweep, continued, matched
 from plenoptic.lightfield.views import LightField
 
-_MOST = 48
-"""Views with which the central one is compared: those in four directions from it, the nearest first."""
+_MOST = 24
+"""Views with which the central one is compared, less than twice as many, of those in four directions from it."""
 _APART = 1.0
 """Pixels by which neighbouring planes move the farthest view."""
 _MOST_PLANES = 512
@@ -58,7 +58,7 @@ def view_disparities(field: LightField, between: tuple[float, float], radius: in
 
 def _in_four_directions(field: LightField) -> tuple[NDArray[np.int64], Floats]:
     """Numbers (n, 2) of views along u, v and both diagonals, and how a point moves there at disparity 1, in pixels."""
-    there = np.isfinite(field.views).any(axis=(2, 3, 4))
+    there = np.asarray(np.isfinite(field.views).any(axis=(2, 3, 4)))
     u, v = (np.arange(len(part)) - len(part) // 2 for part in (field.u, field.v))
     right, down = np.meshgrid(u, v, indexing="ij")
     straight = (right == 0) | (down == 0) | (np.abs(right) == np.abs(down))
@@ -66,7 +66,9 @@ def _in_four_directions(field: LightField) -> tuple[NDArray[np.int64], Floats]:
     if not len(numbers) or not there[len(u) // 2, len(v) // 2]:
         raise InvalidValueError("the light field has no views beside its central one; decode more of them")
     offsets = np.column_stack([field.v[numbers[:, 1]] * _down_over_across(field), field.u[numbers[:, 0]]])
-    order = np.argsort(np.hypot(*offsets.T), kind="stable")[:_MOST]
+    # An odd step keeps all directions.
+    step = 2 * (len(numbers) // (2 * _MOST)) + 1
+    order = np.argsort(np.hypot(*offsets.T), kind="stable")[::step]
     return numbers[order], offsets[order]
 
 

@@ -105,16 +105,16 @@ def _beside_ideal(axes: ArrayAxes, lenses: LensImages, ideal: Planes, planes: Ra
     share[lens, y, x], light[lens, y, x] = found.share, planes.white[row, column].mean(axis=1)
     shift[lens, y, x] = found.shift
     middle = (images.known > 0) & (lenses.radius() < _MIDDLE)
-    full = np.where(middle, light, 0.0).sum(axis=(1, 2)) / np.maximum(np.where(middle, share, 0.0).sum(axis=(1, 2)), 1e-9)
-    own = share * full[:, None, None]
+    full, whole = (np.where(middle, part, 0.0).sum(axis=(1, 2), keepdims=True) for part in (light, share))
+    own = share * full / np.maximum(whole, 1e-9)
     known = (images.known > 0) & (own >= _OWN * light) & (share >= _LIT * share.max(axis=(1, 2), keepdims=True))
-    values = images.values.astype(np.float64)
+    values: Floats = np.asarray(images.values, dtype=np.float64)
     images = Images(continued(values, known), known.astype(np.uint8), images.floor, shift)
     if not array.model.focuses or len(set(array.focal_lengths)) == 1:
         return images
     focal_lengths = np.array(array.focal_lengths_at(axes.camera.wavelength))[lenses.type]
     return images._replace(
-        blurred=blurred(values, known, _LEVEL * np.arange(_LEVELS)),
+        blurred=blurred(values, known, _LEVEL * np.arange(_LEVELS, dtype=np.float64)),
         bent=1.0 - axes.camera.microlenses_to_sensor / focal_lengths,
     )
 
@@ -123,8 +123,8 @@ def agreed(found: Estimate, shape: tuple[int, ...]) -> tuple[Floats, Floats, Flo
     """Disparity, standard error and confidence on the raw image (H, W); nan where no microlens image is.
 
     What a microlens sees its neighbours see too: each pixel gets their estimates where they fall on it, and takes the
-    mean of those that agree with the weighted median. The share of these, times that of microlenses that show the same, is
-    the confidence.
+    mean of those that agree with the weighted median. The share of these, times that of microlenses that show the same,
+    is the confidence.
     """
     lenses, size = found.lenses, shape[0] * shape[1]
     rows, columns = lenses.rows_and_columns()

@@ -116,22 +116,6 @@ def straight_pixels(axes: ArrayAxes, on_array: Floats) -> Floats:
     return np.asarray(axes.camera.sensor.pixel_of(axes.on_sensor(local, np.zeros_like(local))))
 
 
-def _fitted(z: float, places: Floats, pixel: Floats, straight: Floats) -> IdealPlane:
-    """By least squares: places are a linear function of pixels and microlenses, of the latter in one ratio alone."""
-    known = np.isfinite(places).all(axis=1)
-    one, target = np.ones((np.count_nonzero(known), 1)), places[known]
-    free = np.linalg.lstsq(np.hstack([one, pixel[known], straight[known]]), target, rcond=None)[0]
-    near = 1.0 + 0.5 * float(np.trace(free[3:] @ np.linalg.inv(free[1:3])))
-    found = np.linalg.lstsq(np.hstack([one, pixel[known] - (1.0 - near) * straight[known]]), target, rcond=None)[0]
-    return IdealPlane(z, near, found[0], np.linalg.inv(found[1:]))
-
-
-def parabola(planes: tuple[IdealPlane, ...], values: Floats) -> Floats:
-    """Coefficients (3, ...) of 1, u and u^2, with u = disparity / pitch, of what has values (3, ...) on the planes."""
-    powers = np.vander([plane.near for plane in planes], increasing=True)
-    return np.asarray(np.tensordot(np.linalg.inv(powers), values, axes=1))
-
-
 def displacement(
     axes: ArrayAxes,
     array: MicrolensArray,
@@ -189,7 +173,7 @@ def chords(
 def depths_of(
     axes: ArrayAxes, array: MicrolensArray, pixel: Floats, on_array: Floats, near: Floats, planes: Planes, threads: int
 ) -> Floats:
-    """-z in the camera's frame (n,), mm, of what pixels (n, 2) show through microlenses; nan behind the lens's front."""
+    """-z in the camera's frame (n,), mm, of what pixels (n, 2) show; nan behind the lens's front."""
     camera, placed = axes.camera, axes.parts.lens_to_camera
     with np.errstate(divide="ignore"):
         z = z_at(planes, camera.microlenses_to_sensor / near)

@@ -39,7 +39,7 @@ class LensImages(NamedTuple):
     """(k, 2): the microlens itself, straight onto the sensor."""
     on_array: Floats
     """(k, 2): its optical centre on the array, mm."""
-    index: NDArray[np.int64]
+    index: NDArray[np.int64]  # type: ignore[assignment]
     """(k, 2): lattice indices."""
     type: NDArray[np.int64]
     """(k,)"""

@@ -24,14 +24,14 @@ class Images(NamedTuple):
     """(k, rows, columns, 2, 2): how far beside where they should pixels show points, in rows and columns: what 1 and
     disparity / pitch multiply; nan where it is not known. None: not at all."""
     blurred: NDArray[np.float32] | None = None
-    """(k, levels, rows, columns): the pictures blurred by Gaussian functions of variances in steps of `Sweep.level`; None
-    where all are equally blurred."""
+    """(k, levels, rows, columns): the pictures blurred by Gaussian functions of variances in steps of `Sweep.level`;
+    None where all are equally blurred."""
     bent: Floats | None = None
     """(k,): 1 - b / f of their microlenses: less disparity / pitch, the size of a point's image over the opening."""
 
 
 class Pairs(NamedTuple):
-    """Which pictures are compared: row j of picture m, from first[m] to first[m + 1], with `other[j]`, nearest first."""
+    """Which are compared: picture m with `other[j]` of the rows j from first[m] to first[m + 1], nearest first."""
 
     first: NDArray[np.int64]
     other: NDArray[np.int64]
@@ -114,7 +114,7 @@ def matched(images: Images, pairs: Pairs, sweep: Sweep, threads: int) -> tuple[F
 
 
 def continued(values: Floats, known: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Values (k, rows, columns) that go on for two pixels around what is known, as means of their neighbours; then 0."""
+    """Values (k, rows, columns) that go on for two pixels around what is known, as means of neighbours; then 0."""
     found, there = np.where(known, values, 0.0), known.copy()
     for _ in range(2):
         total, count = np.zeros_like(found), np.zeros(found.shape)
@@ -129,7 +129,7 @@ def continued(values: Floats, known: NDArray[np.bool_]) -> NDArray[np.float32]:
 
 def blurred(values: Floats, known: NDArray[np.bool_], variances: Floats) -> NDArray[np.float32]:
     """Pictures (k, rows, columns) blurred by Gaussian functions, over what is known: (k, variances, rows, columns)."""
-    levels = []
+    found = []
     for variance in variances.tolist():
         reach = math.ceil(3.0 * math.sqrt(variance))
         offsets = range(-reach, reach + 1)
@@ -140,5 +140,5 @@ def blurred(values: Floats, known: NDArray[np.bool_], variances: Floats) -> NDAr
                 np.sum([w * np.roll(part, k, axis=axis) for w, k in zip(weights, offsets, strict=True)], axis=0)
                 for part in (total, share)
             )
-        levels.append(continued(total / np.maximum(share, 1e-9), known))
-    return np.stack(levels, axis=1)
+        found.append(continued(total / np.maximum(share, 1e-9), known))
+    return np.stack(found, axis=1)

@@ -25,12 +25,7 @@ def chief_rays(axes: ArrayAxes, array: MicrolensArray, pixel: Floats, on_array: 
 
 
 def rays_of_openings(
-    axes: ArrayAxes,
-    array: MicrolensArray,
-    pixel: Floats,
-    on_array: Floats,
-    types: NDArray[np.int64],
-    threads: int,
+    axes: ArrayAxes, array: MicrolensArray, pixel: Floats, on_array: Floats, types: NDArray[np.int64], threads: int
 ) -> RayBundle:
     """Rays from pixels (n, 2) through m points of the openings of microlenses at (n, 2), of types (n,): m n rays.
 
@@ -49,7 +44,7 @@ def rays_of_openings(
 
 
 def met(rays: RayBundle, z: float | Floats) -> Floats:
-    """x and y (n, 2) where rays, or the lines along them, meet a plane."""
+    """Where rays, or the lines along them, meet a plane: x and y (n, 2)."""
     along = (z - rays.origin[:, 2]) / rays.direction[:, 2]
     return np.asarray(rays.origin[:, :2] + along[:, None] * rays.direction[:, :2])
 
@@ -62,7 +57,8 @@ def opening_variance(array: MicrolensArray) -> float:
 def _leaving(axes: ArrayAxes, array: MicrolensArray, pixel: Floats, on_array: Floats) -> tuple[Floats, Floats]:
     """Where rays through optical centres leave the array for the lens, and their slopes; local, (n, 2)."""
     camera, parts, passed = axes.camera, axes.parts, axes.local(on_array)
-    on_sensor = camera.sensor.centre_of(pixel[:, 0], pixel[:, 1])
+    # Places between pixels too.
+    on_sensor = camera.sensor.centre_of(pixel[:, 0], pixel[:, 1])  # type: ignore[arg-type]
     start = parts.sensor_to_local.points(np.column_stack([on_sensor, np.zeros(len(pixel))]))
     slopes, rules = np.zeros_like(passed), array.model.rules
     # Plates displace rays by what depends on their slope, which depends on the displacement.

@@ -11,7 +11,7 @@ import time
 
 BENCHMARKS = (
     *("tracing", "analysis", "fidelity", "images", "threads", "error_time", "starting", "memory", "omissions"),
-    *("transport", "large_scenes", "peers", "honesty", "budgets", "adaptive"),
+    *("transport", "large_scenes", "peers", "honesty", "budgets", "adaptive", "depth"),
 )
 PROGRAMS = ("plenoptic", "numpy", "numba", "embreex", "trimesh", "OpenImageIO", "batoid", "mitsuba", "bpy")
 

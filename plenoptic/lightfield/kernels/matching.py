@@ -1,9 +1,9 @@
 """Disparity by matching: each picture against others, whose shift against it is proportional to disparity.
 
-Pictures are the images of microlenses or sub-aperture views; a point at p of one is seen at p + base - disparity step in
-another. Planes of constant disparity are compared first, by normalised correlation in a window and over the better half
-of the other pictures; paths through the picture make neighbouring pixels agree (H. Hirschmueller, IEEE Trans. PAMI 30
-(2008), doi:10.1109/TPAMI.2007.1166). `refining` finds what lies between planes.
+Pictures are the images of microlenses or sub-aperture views; a point at p of one is seen at p + base - disparity step
+in another. Planes of constant disparity are compared first, by normalised correlation in a window and over the better
+half of the other pictures; paths through the picture make neighbouring pixels agree (H. Hirschmueller, IEEE Trans.
+PAMI 30 (2008), doi:10.1109/TPAMI.2007.1166). `refining` finds what lies between planes.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def _fill_moved(moved, there, values, known, down, right, shape):
 
 @device
 def _fill_correlation(score, values, known, work, floor, other_floor, radius, shape):
-    """Normalised correlation of a picture and a moved one in windows of what both know; floors are added to variances."""
+    """Normalised correlation of a picture and a moved one in windows of what both know, over variances and floors."""
     rows, columns = shape
     moved, there, sums = work.moved, work.there, work.sums
     for y in range(rows):

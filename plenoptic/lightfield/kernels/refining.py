@@ -25,7 +25,7 @@ def levels(images, sweep, m, other, d):
     here, there = images.bent[m] - d / sweep.pitch, images.bent[other] - d / sweep.pitch
     blurrier = sweep.opening * (there * there - here * here) / sweep.level
     last = images.blurred.shape[1] - 1
-    return min(int(max(blurrier, 0.0) + 0.5), last), min(int(max(-blurrier, 0.0) + 0.5), last)
+    return min(math.floor(max(blurrier, 0.0) + 0.5), last), min(math.floor(max(-blurrier, 0.0) + 0.5), last)
 
 
 @device
@@ -35,11 +35,11 @@ def _reach(sweep, disparity):
 
 
 @device
-def _displaced(images, pairs, sweep, m, j, y, x, d):
+def _displaced(images, pairs, sweep, m, j, place, d):
     """How much farther a point is seen in another picture than it should: rows, columns, and how both grow with d."""
-    other, near = pairs.other[j], d / sweep.pitch
-    yy = int(round(y + pairs.base[j, 0] - d * pairs.step[j, 0]))
-    xx = int(round(x + pairs.base[j, 1] - d * pairs.step[j, 1]))
+    (y, x), other, near = place, pairs.other[j], d / sweep.pitch
+    yy = math.floor(y + pairs.base[j, 0] - d * pairs.step[j, 0] + 0.5)
+    xx = math.floor(x + pairs.base[j, 1] - d * pairs.step[j, 1] + 0.5)
     if not (0 <= yy < images.values.shape[1] and 0 <= xx < images.values.shape[2]):
         return math.nan, math.nan, math.nan, math.nan
     here, there = images.shift[m, y, x], images.shift[other, yy, xx]
@@ -53,19 +53,19 @@ def _displaced(images, pairs, sweep, m, j, y, x, d):
 
 
 @device
-def _window(images, pairs, sweep, work, m, j, y, x, d):
+def _window(images, pairs, sweep, work, m, j, place, d):
     """Comparison of a window with another picture: (count, correlation, sum of residual slope, slope^2, residual^2).
 
-    Brightness and contrast of the other picture are fitted. The slopes stay in `work.slopes`, less their mean; nan where
-    a pixel is not known.
+    Brightness and contrast of the other picture are fitted. The slopes stay in `work.slopes`, less their mean; nan
+    where a pixel is not known.
     """
     rows, columns, radius = images.values.shape[1], images.values.shape[2], sweep.radius
-    other = pairs.other[j]
+    (y, x), other = place, pairs.other[j]
     sy, sx = pairs.step[j, 0], pairs.step[j, 1]
     down, right = pairs.base[j, 0] - d * sy, pairs.base[j, 1] - d * sx
     if images.shift is not None:
-        more_down, more_right, by_down, by_right = _displaced(images, pairs, sweep, m, j, y, x, d)
-        if not more_down == more_down:
+        more_down, more_right, by_down, by_right = _displaced(images, pairs, sweep, m, j, place, d)
+        if math.isnan(more_down):
             return 0.0, 0.0, 0.0, 0.0, 0.0
         down, right, sy, sx = down + more_down, right + more_right, sy - by_down, sx - by_right
     top, left = math.floor(down), math.floor(right)
@@ -77,11 +77,11 @@ def _window(images, pairs, sweep, work, m, j, y, x, d):
     if images.blurred is not None:
         own, theirs = levels(images, sweep, m, other, d)
         mine, values = images.blurred[m, own], images.blurred[other, theirs]
-    same, floor, place = _SAME * _reach(sweep, work.start[y, x]), images.floor[m], 0
+    same, floor, slot = _SAME * _reach(sweep, work.start[y, x]), images.floor[m], 0
     for yy in range(y - radius, y + radius + 1):
         for xx in range(x - radius, x + radius + 1):
-            work.slopes[place] = math.nan
-            place += 1
+            work.slopes[slot] = math.nan
+            slot += 1
             r, c = yy + top, xx + left
             if not (1 <= r < rows - 2 and 1 <= c < columns - 2):
                 continue
@@ -104,7 +104,7 @@ def _window(images, pairs, sweep, work, m, j, y, x, d):
                 vy += e * along
                 vx += w * (f0 * g0 + f1 * g1 + f2 * g2 + f3 * g3)
             here, slope = mine[yy, xx], -(sy * vy + sx * vx)
-            work.slopes[place - 1] = slope
+            work.slopes[slot - 1] = slope
             n += 1.0
             p += here
             q += v
@@ -115,20 +115,20 @@ def _window(images, pairs, sweep, work, m, j, y, x, d):
             ps += here * slope
             qs += v * slope
             ss += slope * slope
-    if n < _LEAST * place:
+    if n < _LEAST * slot:
         return 0.0, 0.0, 0.0, 0.0, 0.0
     pp, qq, pq = pp - p * p / n, qq - q * q / n, pq - p * q / n
     ps, qs, ss = ps - p * s / n, qs - q * s / n, ss - s * s / n
     correlation = pq / math.sqrt((pp + n * floor) * (qq + n * images.floor[other]))
     gain = pq / qq if qq > 0.0 and pq > 0.0 else 0.0
-    for i in range(place):
+    for i in range(slot):
         work.slopes[i] = gain * (work.slopes[i] - s / n)
     return n, correlation, gain * (ps - gain * qs), gain * gain * ss, pp - 2.0 * gain * pq + gain * gain * qq
 
 
 @device
 def refined(images, pairs, sweep, work, m, y, x):
-    """Disparity near the best plane's with the least residuals, its standard error, and the share of pictures that show it."""
+    """Disparity near the best plane's with the least residuals, its error, and the share of pictures that show it."""
     start, spread, share = work.start[y, x], math.inf, 0.0
     d, reach = start, _reach(sweep, start)
     for _ in range(_STEPS):
@@ -141,7 +141,7 @@ def refined(images, pairs, sweep, work, m, y, x):
             if down * down + right * right > sweep.farthest * sweep.farthest or compared == sweep.compared:
                 continue
             compared += 1
-            n, correlation, residual, slopes, left = _window(images, pairs, sweep, work, m, j, y, x, d)
+            n, correlation, residual, slopes, left = _window(images, pairs, sweep, work, m, j, (y, x), d)
             seen += n > 0.0
             if n == 0.0 or correlation <= _WORST:
                 continue
@@ -164,4 +164,6 @@ def refined(images, pairs, sweep, work, m, y, x):
         spread = math.sqrt(0.5 * max(rest, 0.0) / counted * own) / stiff
         d = min(max(d + pull / stiff, start - reach), start + reach)
     # At the end of its reach nothing was found.
-    return d, spread if abs(d - start) < reach else max(spread, reach), share
+    if abs(d - start) >= reach:
+        spread = max(spread, reach)
+    return d, spread, share

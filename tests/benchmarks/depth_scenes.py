@@ -1,0 +1,96 @@
+"""Scenes and cameras for depth: textured planes at known virtual depths before cameras of one and of three types."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import reference
+
+import plenoptic as pl
+from plenoptic.camera.report.optics import lateral_magnification, object_plane
+
+SEEN_BY_THREE = (-345.0, -404.0, -470.0)
+"""Planes in focus of three types of microlenses, mm."""
+_TEXELS = 512
+
+
+def focused(
+    *,
+    focal_lengths: tuple[float, ...] = (2.0,),
+    lattice: pl.Lattice = pl.Lattice.HEXAGONAL,
+    pitch: float = 0.217,
+    b: float = 1.7,
+    z: float = 123.3,
+    **more: object,
+) -> pl.PlenopticCamera:
+    """The reference camera, changed."""
+    return pl.PlenopticCamera(
+        lens=reference.camera().lens,
+        microlenses=pl.MicrolensArray(pitch=pitch, focal_lengths=focal_lengths, lattice=lattice),
+        sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.010),
+        stop_to_microlenses=z,
+        microlenses_to_sensor=b,
+        **more,
+    )
+
+
+def three_types() -> pl.PlenopticCamera:
+    """As in examples/multi_focus.py."""
+    behind = [pl.paraxial.image_position(reference.camera().lens, z) - 123.3 for z in SEEN_BY_THREE]
+    return focused(focal_lengths=tuple(1 / (1 / 1.7 - 1 / s) for s in behind))
+
+
+def turned() -> pl.PlenopticCamera:
+    """A smaller pitch, turned by 13 degrees and out of place."""
+    c, s = math.cos(math.radians(13.0)), math.sin(math.radians(13.0))
+    placement = pl.optics.Placement(rotation=[[c, -s, 0], [s, c, 0], [0, 0, 1]], shift=(0.02, 0.03, 0.0))
+    return focused(focal_lengths=(1.4,), pitch=0.15, b=1.2, microlenses_placement=placement)
+
+
+def plane(
+    camera: pl.PlenopticCamera,
+    v: float,
+    seed: int,
+    *,
+    contrast: float = 0.2,
+    tilt: float = 0.0,
+    right: bool = False,
+    colours: int = 1,
+) -> pl.Mesh:
+    """1/f noise that glows, of texels as large as pixels, on a plane whose image lies v b behind the array.
+
+    `contrast` is the standard deviation, of a mean of 0.5; `tilt` is in degrees; `right` leaves its left half out.
+    """
+    z = object_plane(camera.lens, camera.stop_to_microlenses + v * camera.microlenses_to_sensor, camera.wavelength)
+    scale = abs(v * camera.sensor.pixel_pitch / lateral_magnification(camera.lens, z, camera.wavelength))
+    side, slope = scale * _TEXELS, math.tan(math.radians(tilt))
+    common = noise(seed)
+    picture = np.stack([0.5 * (common + noise(seed + 100 * k)) if colours > 1 else common for k in range(colours)], -1)
+    texture = pl.Texture(np.clip(0.5 + contrast * picture, 0.02, 1.0).astype(np.float32))
+    left = 0.3 * scale if right else -0.5 * side
+    corner = (left, -0.5 * side, z - 0.5 * slope * side)
+    return pl.quad(corner, (side, 0.0, slope * side), (0.0, side, 0.0), material=pl.Emissive(texture))
+
+
+def noise(seed: int, size: int = _TEXELS) -> np.ndarray:
+    """Noise (size, size) whose amplitudes fall as 1 / frequency, of mean 0 and standard deviation 1."""
+    frequency = np.hypot(*np.meshgrid(*[np.fft.fftfreq(size)] * 2))
+    frequency[0, 0] = 1.0
+    found = np.fft.ifft2(np.fft.fft2(np.random.default_rng(seed).normal(size=(size, size))) / frequency).real
+    return (found - found.mean()) / found.std()
+
+
+def near_centres(camera: pl.PlenopticCamera, shot: pl.Exposure, part: float = 7.0 / 22.0) -> np.ndarray:
+    """Pixels of a shot within a part of the pitch of the centre of a microlens image, a pitch from its border."""
+    centres = pl.microlens_centres(camera, pl.CentreMethod.CHIEF_RAY).pixel - np.array(shot.region)[[0, 2]]
+    pitch = min(camera.microlenses.pitches) / camera.sensor.pixel_pitch
+    rows, columns = shot.image.shape[:2]
+    amid = ((centres > pitch) & (centres < np.array([rows, columns]) - 1 - pitch)).all(axis=1)
+    found, reach = np.zeros((rows, columns), dtype=bool), math.ceil(pitch * part)
+    for centre in centres[amid]:
+        first = np.maximum(np.rint(centre).astype(int) - reach, 0)
+        end = np.minimum(first + 2 * reach + 1, (rows, columns))
+        y, x = np.mgrid[first[0] : end[0], first[1] : end[1]]
+        found[y, x] |= np.hypot(y - centre[0], x - centre[1]) <= part * pitch
+    return found
