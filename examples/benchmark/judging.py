@@ -118,7 +118,7 @@ def _cells(row, columns):
 
 
 def _short(number):
-    """Three digits, and never an exponent."""
-    if not math.isfinite(number) or number == 0:
-        return f"{number:.0f}"
+    """Three digits, of which at most two are decimals."""
+    if not math.isfinite(number) or abs(number) < 0.005:
+        return f"{abs(number):.0f}"
     return f"{number:.{min(max(2 - math.floor(math.log10(abs(number))), 0), 2)}f}"
