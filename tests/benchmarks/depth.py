@@ -17,10 +17,11 @@ _TRUTH = pl.Truth.CHORD_DISPARITY | pl.Truth.DEPTH | pl.Truth.MICROLENS
 _COLUMNS = ("camera", "scene", "kept %", "bias %", "Rel7 %", "Rel3 %", "Rel1 %")
 _COLUMNS += ("error / stated", "confidence", "depth error %", "ms a pixel")
 _REMARKS = (
-    "Pixels within 7/22 of a pitch of the centres of microlens images. Bias: median of disparity over the chord's, less "
-    "1; Rel: pixels whose relative error is larger; error / stated: RMS of error over standard error, of pixels whose "
-    "error is below 7 %; confidence: median; depth error: median of |depth / truth - 1|; one thread, warm. The sensor "
-    "collects some 4000 electrons at radiance 1, with 3 electrons of read noise.",
+    "Pixels within 7/22 of a pitch of the centres of microlens images. Bias: median of disparity over the "
+    "chord's, less 1; Rel: pixels whose relative error is larger; error / stated: RMS of error over standard "
+    "error, of pixels whose error is below 7 %; confidence: median; depth error: median of |depth / truth - "
+    "1|; one thread, warm. The sensor collects some 4000 electrons at radiance 1, with 3 electrons of read "
+    "noise.",
 )
 _SENSOR = {"photon_rate": 2.9e5, "exposure_time": 1.0, "gain": 0.25, "bits": 12, "read_noise": 3.0, "prnu": 0.005}
 
