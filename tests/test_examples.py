@@ -2,6 +2,7 @@
 
 import os
 import re
+import runpy
 import subprocess
 import sys
 from pathlib import Path
@@ -72,11 +73,16 @@ FILES = {
 }
 
 
-def _run(script, folder):
-    """Run a script in a folder; returns what it printed."""
+def _run(script, folder, *options):
+    """Run a script, or a folder of them, in a folder; returns what it printed."""
     surroundings = {**os.environ, "PLENOPTIC_EXAMPLE_SIZE": "small", "MPLBACKEND": "Agg"}
     process = subprocess.run(
-        [sys.executable, str(script)], cwd=folder, env=surroundings, capture_output=True, text=True, timeout=300
+        [sys.executable, str(script), *options],
+        cwd=folder,
+        env=surroundings,
+        capture_output=True,
+        text=True,
+        timeout=300,
     )
     assert process.returncode == 0, process.stderr
     return process.stdout
@@ -247,3 +253,35 @@ def test_detected_corners_lie_where_projected(ran):
     count = int(re.search(r"(\d+) detected", said).group(1))
     assert count >= 5 and max(row_spread, column_spread) < 0.2
     assert abs(rows) < 4 * row_spread / np.sqrt(count) and abs(columns) < 4 * column_spread / np.sqrt(count)
+
+
+@SLOW
+def test_files_of_the_benchmark_s_cameras_are_those_that_its_code_makes():
+    module = runpy.run_path(str(EXAMPLES / "benchmark" / "cameras.py"))
+    for name, make in module["MADE"].items():
+        camera = module["load"](name)
+        # Designs are searched, to 1e-8: other processors round differently.
+        assert camera.stop_to_microlenses == pytest.approx(make().stop_to_microlenses, rel=1e-7)
+        assert camera.report().focus[0].kind == make().report().focus[0].kind
+    assert {path.stem for path in module["FILES"].glob("*.json")} == set(module["MADE"])
+
+
+@SLOW
+def test_benchmark_scores_depth_against_the_truth(tmp_path):
+    said = _run(EXAMPLES / "benchmark", tmp_path, "--quick", "--only", "noise", "--cameras", "views,three-types")
+    folder = tmp_path / "output" / "benchmark"
+    table = (folder / "table.md").read_text(encoding="utf-8")
+    assert table in said
+    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in table.splitlines() if line.startswith("| ")]
+    views, focused = (
+        [dict(zip(rows[k], row, strict=True)) for row in rows[k + 2 : k + n]] for k, n in ((0, 6), (6, 5))
+    )
+    assert views[-1]["algorithm"] == "PlenoptiCam" and views[-1]["kept %"] == "not there"
+    blind, found, sure = focused
+    # The blind one is far off almost everywhere.
+    assert float(sure["Rel7"]) < float(found["Rel7"]) < 0.5 * float(blind["Rel7"])
+    assert float(sure["kept %"]) < float(found["kept %"]) <= float(blind["kept %"]) == 100
+    assert abs(float(found["bias %"])) < 3 and len(found["Rel3 of types"].split(",")) == 3
+    assert len(list(folder.glob("*.png"))) == 6
+    package = pl.package.read(next(folder.glob("three-types*/noise.zip")))
+    assert package.raw.model.read_noise == 3 and package.exposure.truth.chord_disparity is not None

@@ -7,6 +7,7 @@ import json
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,20 +16,9 @@ import plenoptic as pl
 
 pytestmark = [pytest.mark.validation, pytest.mark.timeout(1200)]
 
-# PlenoptiCam asks for an old pyinstaller, which it does not need, and plenpy for torch, of which a stub is enough.
+# Of torch, which plenpy asks for, a stub is enough.
 PROGRAMS = ["plenopticam==0.9.3", "plenpy==0.9.2"]
-LIBRARIES = [
-    *(
-        "numpy==1.23.5",
-        "scipy==1.11.4",
-        "scikit-image==0.20.0",
-        "Pillow==9.5.0",
-        "matplotlib==3.8.4",
-        "imageio==2.31.6",
-    ),
-    *("tifffile==2023.12.9", "h5py", "jsmin", "joblib", "tqdm", "colour-science==0.4.4", "colour-demosaicing==0.2.5"),
-    *("color-matcher==0.4.0", "color-space-converter==0.1.4", "depthy==0.4.0", "colour", "docutils", "requests"),
-]
+LIBRARIES = Path(__file__).resolve().parents[2] / "examples" / "benchmark" / "programs.txt"
 STUBS = """
 import sys, types
 class Stub(types.ModuleType):
@@ -47,7 +37,7 @@ def programs(tmp_path_factory):
     folder = tmp_path_factory.mktemp("programs") / "env"
     steps = [[sys.executable, "-m", "venv", str(folder)]]
     pip = [str(folder / "bin" / "python"), "-m", "pip", "install", "-q"]
-    steps += [[*pip, "--no-deps", *PROGRAMS], [*pip, *LIBRARIES]]
+    steps += [[*pip, "--no-deps", *PROGRAMS], [*pip, "-r", str(LIBRARIES)]]
     for step in steps:
         done = subprocess.run(step, capture_output=True, text=True)
         if done.returncode:
