@@ -21,7 +21,7 @@ _POINTS = 64
 def chief_rays(axes: ArrayAxes, array: MicrolensArray, pixel: Floats, on_array: Floats, threads: int) -> RayBundle:
     """Rays from pixels (n, 2) through optical centres (n, 2), traced out of the lens past all rims, in its axes."""
     reverse = lens_record(axes.camera.lens, axes.camera.wavelength, reverse=True, clipping=False)
-    return traced_by(reverse, _towards_scene(axes, *_leaving(axes, array, pixel, on_array)), threads=threads)
+    return traced_by(reverse, _towards_scene(axes, *leaving(axes, array, pixel, on_array)[:2]), threads=threads)
 
 
 def rays_of_openings(
@@ -34,10 +34,10 @@ def rays_of_openings(
     camera = axes.camera
     bending = 1.0 / np.array(array.focal_lengths_at(camera.wavelength))[types] - 1.0 / camera.microlenses_to_sensor
     beside = _opening_points(array) @ axes.parts.array_turn.T
-    leaving, slopes = _leaving(axes, array, pixel, on_array)
+    front, slopes, _ = leaving(axes, array, pixel, on_array)
     rays = _towards_scene(
         axes,
-        (leaving[:, None] + beside).reshape(-1, 2),
+        (front[:, None] + beside).reshape(-1, 2),
         (slopes[:, None] + bending[:, None, None] * beside).reshape(-1, 2),
     )
     return traced_by(lens_record(camera.lens, camera.wavelength, reverse=True), rays, threads=threads)
@@ -54,8 +54,11 @@ def opening_variance(array: MicrolensArray) -> float:
     return float(0.5 * (_opening_points(array) ** 2).sum(axis=1).mean())
 
 
-def _leaving(axes: ArrayAxes, array: MicrolensArray, pixel: Floats, on_array: Floats) -> tuple[Floats, Floats]:
-    """Where rays through optical centres leave the array for the lens, and their slopes; local, (n, 2)."""
+def leaving(axes: ArrayAxes, array: MicrolensArray, pixel: Floats, on_array: Floats) -> tuple[Floats, Floats, Floats]:
+    """Where rays through optical centres leave the array for the lens, their slopes (n, 2), and z of the sensor (n,).
+
+    All in the local axes of the array.
+    """
     camera, parts, passed = axes.camera, axes.parts, axes.local(on_array)
     # Places between pixels too.
     on_sensor = camera.sensor.centre_of(pixel[:, 0], pixel[:, 1])  # type: ignore[arg-type]
@@ -65,7 +68,7 @@ def _leaving(axes: ArrayAxes, array: MicrolensArray, pixel: Floats, on_array: Fl
     for _ in range(3):
         rear = rules.displaced(array, passed, slopes, camera.wavelength, True)
         slopes = (start[:, :2] - rear) / start[:, 2:]
-    return 2.0 * passed - rules.displaced(array, passed, slopes, camera.wavelength, False), slopes
+    return 2.0 * passed - rules.displaced(array, passed, slopes, camera.wavelength, False), slopes, start[:, 2]
 
 
 def _towards_scene(axes: ArrayAxes, leaving: Floats, slopes: Floats) -> RayBundle:

@@ -15,6 +15,7 @@ from plenoptic.camera.points.centres import CentreMethod, microlens_centres
 from plenoptic.camera.report.optics import opening_width, paraxial_cone
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
+from plenoptic.lightfield.outward_rays import leaving
 from plenoptic.lightfield.planes import RawPlanes
 from plenoptic.optics.microlens.array import MicrolensArray
 
@@ -88,8 +89,8 @@ def pixel_rays(axes: ArrayAxes, array: MicrolensArray, planes: RawPlanes, pupil:
     if not known.any():
         raise InvalidValueError("the image holds no lit microlens image; take a larger region, or a lower least_light")
     lens = np.nonzero(known)[0]
-    through, slopes, to_sensor = _straight(
-        axes, array, centres.on_array[near][lens], row[known] + first[0], column[known] + first[1]
+    through, slopes, to_sensor = leaving(
+        axes, array, np.column_stack([row[known], column[known]]) + first, centres.on_array[near][lens]
     )
     return PixelRays(
         (int(shape[0]), int(shape[1])),
@@ -113,18 +114,3 @@ def _radius(camera: PlenopticCamera, array: MicrolensArray, pupil: Pupil) -> flo
     blur = 0.5 * opening_width(array) * float(np.abs(pupil.vergence + 1.0 / b - 1.0 / focal).max())
     free = apart - b * (abs(pupil.slope) + blur)
     return min(max(free, _LEAST * apart), 0.5 * apart) / camera.sensor.pixel_pitch
-
-
-def _straight(
-    axes: ArrayAxes, array: MicrolensArray, on_array: Floats, row: NDArray[np.int64], column: NDArray[np.int64]
-) -> tuple[Floats, Floats, Floats]:
-    """Where rays from pixels pass the front of the array, their slopes (n, 2), and how far the sensor is (n,)."""
-    camera, rules = axes.camera, array.model.rules
-    centre, places = axes.local(on_array), camera.sensor.centre_of(row, column)
-    start = axes.parts.sensor_to_local.points(np.column_stack([places, np.zeros(len(places))]))
-    slopes = np.zeros_like(centre)
-    # Plates displace rays by what depends on their slope, which depends on the displacement.
-    for _ in range(3):
-        rear = rules.displaced(array, centre, slopes, camera.wavelength, True)
-        slopes = (start[:, :2] - rear) / start[:, 2:]
-    return 2.0 * centre - rules.displaced(array, centre, slopes, camera.wavelength, False), slopes, start[:, 2]
