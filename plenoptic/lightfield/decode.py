@@ -15,7 +15,7 @@ from plenoptic.camera.report.optics import lateral_magnification, object_plane
 from plenoptic.core.values import Floats, choice, length_in_mm, positive, whole
 from plenoptic.core.warn import warn
 from plenoptic.errors import InvalidValueError
-from plenoptic.lightfield.planes import RawPlanes, camera_of, on_white, raw_planes, share_of_light
+from plenoptic.lightfield.planes import RawPlanes, camera_of, checked_viewpoint, on_white, raw_planes, share_of_light
 from plenoptic.lightfield.resample import Resampling, resampling
 from plenoptic.lightfield.views import LightField
 from plenoptic.optics.lens.models import LensModel
@@ -30,12 +30,13 @@ _FOCUSED = 0.05
 """Relative difference of b and f from which microlenses are not meant to be focused at infinity."""
 
 
-def decode(
+def decode(  # noqa: PLR0913
     shot: Exposure,
     white: Exposure,
     *,
     views: int | None = None,
     step: float = 1.0,
+    viewpoint: tuple[float, float] = (0.0, 0.0),
     spacing: float | None = None,
     least_light: float = 0.05,
     method: CentreMethod = CentreMethod.CHIEF_RAY,
@@ -58,6 +59,9 @@ def decode(
         Views along u, and along v; odd. None: as many as fit into a microlens image.
     step : float, optional
         Pixels of the raw image between neighbouring views.
+    viewpoint : (float, float), optional
+        Where the central view's light passes the pupil: x to the right and y up, in semi-diameters of the iris. With
+        `views=1`, one view from any place, also between pixels.
     spacing : float, optional
         Between the pixels of a view on the array, in mm. None: that of square and rectangular lattices along the
         sensor; otherwise the root of the area of a cell, so that there are as many pixels as microlenses.
@@ -90,9 +94,8 @@ def decode(
 
     Between microlenses, 24 neighbours are interpolated by cubic radial functions and a linear one, which leaves less
     than a tenth of the error of linear interpolation in what the lattice resolves. Where neighbours are missing, at
-    borders, it is linear. What
-    the lattice does not resolve is estimated from how well each microlens is foretold by its neighbours, and is part of
-    the standard error.
+    borders, it is linear. What the lattice does not resolve is estimated from how well each microlens is foretold by
+    its neighbours, and is part of the standard error.
 
     Sub-aperture views after R. Ng et al., Stanford Tech Report CTSR 2005-02, section 3.
 
@@ -117,9 +120,9 @@ def decode(
     _warn_of_focused(camera)
     step, least = positive(step, "step", "pixels"), share_of_light(least_light)
     apart = None if spacing is None else length_in_mm(spacing, "spacing")
-    offsets = _offsets(camera, array, views, step)
-    planes = raw_planes(shot, white, least)
-    index, on_array, pixel = _centres_in(camera, choice(method, CentreMethod, "method"), planes, float(offsets[-1]))
+    offsets = _offsets(camera, array, views, step, checked_viewpoint(viewpoint))
+    planes, largest = raw_planes(shot, white, least), float(np.abs(offsets).max())
+    index, on_array, pixel = _centres_in(camera, choice(method, CentreMethod, "method"), planes, largest)
     axes = array_axes(camera)
     turn, origin = axes.parts.array_turn, axes.parts.array_origin
     errors = planes.variance is not None
@@ -162,18 +165,32 @@ def odd_count(views: int) -> int:
     return int(views)
 
 
-def _offsets(camera: PlenopticCamera, array: MicrolensArray, views: int | None, step: float) -> Floats:
-    """Offsets of the views in pixels, from -m step to m step."""
+def _offsets(
+    camera: PlenopticCamera, array: MicrolensArray, views: int | None, step: float, viewpoint: tuple[float, float]
+) -> Floats:
+    """Offsets (2, views) of the views along u and v in pixels, `step` apart, around that of a viewpoint."""
+    z, size = model_pupil(camera)
+    gap, iris = camera.stop_to_microlenses - z, size * camera.lens.stop.semi_diameter
+    pitch, b = camera.sensor.pixel_pitch, camera.microlenses_to_sensor
     if views is not None:
         half = odd_count(views) // 2
     else:
-        z, size = model_pupil(camera)
-        gap = camera.stop_to_microlenses - z
         # Half an image of the pupil, or half the distance between images where they overlap.
-        pitch, b = camera.sensor.pixel_pitch, camera.microlenses_to_sensor
-        image = abs(size) * camera.lens.stop.semi_diameter * b / abs(gap) if math.isfinite(gap) else math.inf
+        image = abs(iris) * b / abs(gap) if math.isfinite(gap) else math.inf
         half = int(min(image, 0.5 * max(array.pitches)) / (pitch * step))
-    return step * np.arange(-half, half + 1, dtype=np.float64)
+    middle = np.zeros(2)
+    if any(viewpoint):
+        if not math.isfinite(gap):
+            raise InvalidValueError(
+                "viewpoint is a place in the exit pupil, which this lens has at infinity; leave it out"
+            )
+        middle = np.array([viewpoint[0], -viewpoint[1]]) * iris * b / (gap * pitch)
+        if np.abs(middle).max() * pitch > max(array.pitches):
+            raise InvalidValueError(
+                f"viewpoint is {viewpoint}, {np.abs(middle).max():.3g} pixels beside the centres of microlens images, "
+                f"which are {max(array.pitches) / pitch:.3g} pixels apart; give a place in the pupil, within -1 to 1"
+            )
+    return middle[:, None] + step * np.arange(-half, half + 1, dtype=np.float64)
 
 
 def _centres_in(
@@ -193,7 +210,7 @@ def _in_own_image(camera: PlenopticCamera, array: MicrolensArray, offsets: Float
     axes = array_axes(camera)
     z, _ = model_pupil(camera)
     apart = 1.0 + camera.microlenses_to_sensor / (camera.stop_to_microlenses - z)
-    u, v = np.meshgrid(offsets, offsets, indexing="ij")
+    u, v = np.meshgrid(*offsets, indexing="ij")
     # Columns of the image run towards -x of the sensor.
     turn = axes.parts.sensor_to_local.turn[:2, :2].T @ axes.parts.array_turn
     offset = np.stack([-u, v], axis=-1) * camera.sensor.pixel_pitch @ turn / apart
@@ -204,11 +221,11 @@ def _sampled(
     planes: RawPlanes, centres: Floats, offsets: Floats, grid: Resampling, own: NDArray[np.bool_]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:
     """Views and their standard errors (U, V, rows, columns, C), one view after the other."""
-    shape = (len(offsets), len(offsets), grid.rows, grid.columns, planes.shot.shape[2])
+    shape = (*own.shape, grid.rows, grid.columns, planes.shot.shape[2])
     seen = np.full(shape, np.nan, dtype=np.float32)
     error = None if planes.variance is None else np.full(shape, np.nan, dtype=np.float32)
     for i, j in np.argwhere(own):
-        radiance, variance = planes.read(centres + np.array([offsets[j], offsets[i]]))
+        radiance, variance = planes.read(centres + np.array([offsets[1, j], offsets[0, i]]))
         # Beside bright edges interpolation swings below 0, where no light can be.
         lowest = min(0.0, np.nanmin(radiance, initial=0.0))
         seen[i, j] = np.maximum(grid.mixed(radiance), lowest)
@@ -226,28 +243,27 @@ def field_of(
     spacing: tuple[float, float],
     places: Floats,
 ) -> LightField:
-    """The light field of views and their errors, whose pixels have places (rows, columns, 4): `pixel`, `on_array`."""
+    """The light field of views and their errors, of pixels at places (rows, columns, 4): `pixel`, `on_array`."""
     z, size = model_pupil(camera)
     gap = camera.stop_to_microlenses - z
     with np.errstate(invalid="ignore"):
         # To the right in the image is towards -x on the sensor, and light from there passes the pupil at +x.
-        right = offsets * camera.sensor.pixel_pitch * gap / camera.microlenses_to_sensor
-        at_pupil = np.stack(np.broadcast_arrays(right[:, None], -right[None, :]), axis=-1)
+        right, down = offsets * camera.sensor.pixel_pitch * gap / camera.microlenses_to_sensor
+        at_pupil = np.stack(np.broadcast_arrays(right[:, None], -down[None, :]), axis=-1)
         pupil = at_pupil / (size * camera.lens.stop.semi_diameter)
     focus, larger = plane_in_focus(camera)
-    across, down = spacing
     return LightField(
         views=seen,
         standard_error=error,
-        u=offsets,
-        v=offsets,
+        u=offsets[0],
+        v=offsets[1],
         pixel=places[..., :2],
         on_array=places[..., 2:],
         exit_pupil=at_pupil,
         pupil=pupil if math.isfinite(gap) else np.full(at_pupil.shape, np.nan),
         origin=origin,
         spacing=spacing,
-        object_spacing=(across * larger, down * larger),
+        object_spacing=(spacing[0] * larger, spacing[1] * larger),
         z_focus=focus,
         camera=camera,
     )

@@ -65,7 +65,8 @@ def _in_four_directions(field: LightField) -> tuple[NDArray[np.int64], Floats]:
     numbers = np.argwhere(there & straight & ((right != 0) | (down != 0)))
     if not len(numbers) or not there[len(u) // 2, len(v) // 2]:
         raise InvalidValueError("the light field has no views beside its central one; decode more of them")
-    offsets = np.column_stack([field.v[numbers[:, 1]] * _down_over_across(field), field.u[numbers[:, 0]]])
+    apart = [part - part[len(part) // 2] for part in (field.u, field.v)]
+    offsets = np.column_stack([apart[1][numbers[:, 1]] * _down_over_across(field), apart[0][numbers[:, 0]]])
     # An odd step keeps all directions.
     step = 2 * (len(numbers) // (2 * _MOST)) + 1
     order = np.argsort(np.hypot(*offsets.T), kind="stable")[::step]

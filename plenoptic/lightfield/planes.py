@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.core.values import Floats, check_kind, finite, value
+from plenoptic.core.values import Floats, check_kind, coordinate, finite, numbers, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.exposure import Exposure
 
@@ -99,6 +99,14 @@ def camera_of(shot: Exposure, camera: PlenopticCamera | None) -> PlenopticCamera
     if not isinstance(found, PlenopticCamera):
         raise InvalidValueError("the shot names no camera that took it; give camera=")
     return found
+
+
+def checked_viewpoint(viewpoint: tuple[float, float]) -> tuple[float, float]:
+    """A place in the pupil, or an error."""
+    place = numbers(viewpoint, "viewpoint")
+    if place.shape != (2,):
+        raise InvalidValueError(f"viewpoint has shape {place.shape}; it must be (x, y), in semi-diameters of the iris")
+    return coordinate(place[0], "viewpoint[0]"), coordinate(place[1], "viewpoint[1]")
 
 
 def on_white(shot: Exposure, white: Exposure) -> tuple[tuple[slice, slice], tuple[int, int]]:

@@ -364,6 +364,30 @@ def test_pupil_coordinates_and_object_space_follow_gaussian_optics():
     assert field.disparity_at(-404.0) == pytest.approx((0.0, 0.0), abs=1e-9)
 
 
+@pytest.mark.parametrize("lattice", [HEXAGONAL, SQUARE])
+def test_a_view_from_a_chosen_place_is_that_of_a_light_field_there(lattice):
+    camera = the_camera((110, 110), lattice=lattice)
+    white, scene = white_of(camera, 8), pl.Scene([pl.sphere(12.0, center=(3, 2, -404), material=pl.Emissive(2.0))])
+    shot = shot_of(scene, camera, 8)
+    many = decode(shot, white, views=9, step=0.5)
+    place = many.pupil[7, 2]
+    one = decode(shot, white, views=1, viewpoint=(float(place[0]), float(place[1])))
+    np.testing.assert_allclose(one.pupil[0, 0], place, atol=1e-12)
+    assert (one.u[0], one.v[0]) == pytest.approx((1.5, -1.0))
+    # Other lenses at the border may be in reach of the larger light field: the grids have the axis in common.
+    down = round((one.origin[1] - many.origin[1]) / many.spacing[1])
+    right = round((many.origin[0] - one.origin[0]) / many.spacing[0])
+    rows, columns = one.views.shape[2:4]
+    there = many.views[7, 2][max(down, 0) : down + rows, max(right, 0) : right + columns]
+    part = one.views[0, 0][max(-down, 0) :, max(-right, 0) :][: there.shape[0], : there.shape[1]]
+    both = np.isfinite(part) & np.isfinite(there)
+    assert both.mean() > 0.5
+    np.testing.assert_allclose(part[both], there[both], atol=2e-6)
+    for wrong, message in (((9.0, 0.0), "within -1 to 1"), ((0.1,), "must be"), ((math.nan, 0.0), "viewpoint")):
+        with pytest.raises(pl.errors.InvalidValueError, match=message):
+            decode(shot, white, views=1, viewpoint=wrong)
+
+
 def test_light_fields_are_values():
     camera = the_camera((70, 70))
     white = white_of(camera, 8)

@@ -12,7 +12,7 @@ from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.report.optics import image_plane
 from plenoptic.core.parallel import thread_count
-from plenoptic.core.values import Floats, coordinate, finite, length_in_mm, numbers, positive
+from plenoptic.core.values import Floats, finite, length_in_mm, numbers, positive
 from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield.estimation import focused_array
 from plenoptic.lightfield.focused.edges import corrected, light_of, unmixed
@@ -28,7 +28,7 @@ from plenoptic.lightfield.focused.splats import (
     surface_depth,
 )
 from plenoptic.lightfield.focused.view import View
-from plenoptic.lightfield.planes import RawPlanes, camera_of, raw_planes, share_of_light
+from plenoptic.lightfield.planes import RawPlanes, camera_of, checked_viewpoint, raw_planes, share_of_light
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.rendering.exposure import Exposure
 
@@ -156,7 +156,7 @@ def render_view(  # noqa: PLR0913
     """
     seen = seen_by(shot, white, camera, share_of_light(least_light))
     wide = math.inf if aperture is None else positive(aperture, "aperture")
-    place = _checked_viewpoint(viewpoint)
+    place = checked_viewpoint(viewpoint)
     samples = samples_of(seen, focus_of(seen, disparity, z), spacing)
     return rendered(samples, place, wide, thread_count(threads))
 
@@ -191,13 +191,6 @@ def seen_by(shot: Exposure, white: Exposure, camera: PlenopticCamera | None, lea
     planes, found = raw_planes(shot, white, least_light), camera_of(shot, camera)
     array, pupil = focused_array(found), seen_pupil(found)
     return Seen(found, array, pupil, planes, pixel_rays(array_axes(found), array, planes, pupil))
-
-
-def _checked_viewpoint(viewpoint: tuple[float, float]) -> tuple[float, float]:
-    place = numbers(viewpoint, "viewpoint")
-    if place.shape != (2,):
-        raise InvalidValueError(f"viewpoint has shape {place.shape}; it must be (x, y), in semi-diameters of the iris")
-    return coordinate(place[0], "viewpoint[0]"), coordinate(place[1], "viewpoint[1]")
 
 
 def focus_of(seen: Seen, disparity: ArrayLike | None, z: float | None = None) -> Focus:

@@ -80,7 +80,7 @@ def render_views(
         seen.camera,
         np.array([[view.picture for view in column] for column in made]),
         None if seen.planes.variance is None else np.array(errors),
-        abs(scale) * places,
+        np.tile(abs(scale) * places, (2, 1)),
         local[0, 0],
         (samples.grid.spacing, samples.grid.spacing),
         np.concatenate([pixel, made[0][0].on_array], axis=-1),
