@@ -29,7 +29,7 @@ def lftoolbox(
 ) -> None:
     """Write the decoded light field of a plenoptic 1.0 camera, raw image and grid model for the Light Field Toolbox.
 
-    Needs h5py: ``pip install "plenoptic[export]"``.
+    Needs the package h5py.
 
     Parameters
     ----------

@@ -78,8 +78,7 @@ def napari_lf(folder: str | os.PathLike[str], shot: Exposure, white: Exposure) -
         folder_at(folder),
         _pictures(folder, shot, white, ("light_field", "radiometry_frame", "dark_frame")),
     )
-    array = seen.lens.camera.microlenses
-    assert array is not None
+    whole_number = max(1, round(seen.magnification))
     said = {
         "main": {"comments": "rendered by plenoptic"},
         "calibrate": {
@@ -87,7 +86,7 @@ def napari_lf(folder: str | os.PathLike[str], shot: Exposure, white: Exposure) -
             "pixel_size": seen.pixel,
             "ulens_focal_length": seen.focal_length,
             "ulens_focal_distance": seen.to_sensor,
-            "objective_magnification": max(1, round(seen.magnification)),
+            "objective_magnification": whole_number,
             "objective_na": seen.aperture,
             "tubelens_focal_length": 1e-3 * seen.tube,
             "center_wavelength": 1e3 * seen.wavelength,
@@ -103,8 +102,9 @@ def napari_lf(folder: str | os.PathLike[str], shot: Exposure, white: Exposure) -
         target,
         "napari-LF",
         how,
-        "errors, truth, several focal lengths.",
-        scales | {"magnification": seen.magnification},
+        "errors, truth, several focal lengths; a magnification that is no whole number: metadata.txt has the nearest "
+        "one from 1, which is wrong by the factor below.",
+        scales | {"magnification over that of metadata.txt": seen.magnification / whole_number},
     )
 
 
@@ -186,7 +186,10 @@ def _microscope(shot: Exposure) -> _Microscope:
     camera, array = lens.camera, lens.camera.microlenses
     assert array is not None
     if lens.hexagonal or len(array.focal_lengths) > 1 or not math.isclose(*lens.pitch, rel_tol=1e-3):
-        raise InvalidValueError("this program knows square lattices of one focal length; use pl.package")
+        raise InvalidValueError(
+            f"napari-LF and pyolaf know square lattices of one focal length; this camera has {array.lattice.name} and "
+            f"{len(array.focal_lengths)} focal lengths; use pl.package"
+        )
     z = object_plane(camera.lens, camera.stop_to_microlenses, camera.wavelength)
     points = cardinal_points(camera.lens, camera.wavelength)
     if not (math.isfinite(z) and z < points.entrance_pupil):

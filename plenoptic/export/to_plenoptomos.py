@@ -41,7 +41,7 @@ class VoxFile(NamedTuple):
 def plenoptomos(path: str | os.PathLike[str], shot: Exposure, white: Exposure) -> None:
     """Write a raw image with its white image and optics as a .vox file of plenoptomos, version v0.
 
-    Needs h5py: ``pip install "plenoptic[export]"``.
+    Needs the package h5py.
 
     Parameters
     ----------
@@ -140,7 +140,7 @@ def _numbers(shot: Exposure) -> dict[str, tuple[Any, dict[str, str]]]:
 
 
 def read_plenoptomos(path: str | os.PathLike[str], *, limits: FileLimits = DEFAULT) -> VoxFile:
-    """Read a .vox file of plenoptomos. Needs h5py: ``pip install "plenoptic[export]"``.
+    """Read a .vox file of plenoptomos. Needs the package h5py.
 
     Parameters
     ----------

@@ -86,8 +86,8 @@ def focused_array(camera: PlenopticCamera) -> MicrolensArray:
         raise InvalidValueError("the microlenses lie on no lattice, and it is not known which are neighbours")
     if array.model.focuses and kind_of(camera, array.focal_length) is CameraKind.PLENOPTIC_1:
         raise InvalidValueError(
-            "the microlenses are focused at infinity: their images show no scene to match; give the light field, "
-            "pl.lightfield.decode(shot, white)"
+            "the microlenses are focused at infinity: their images show no scene to match; take views by "
+            "pl.lightfield.decode(shot, white), and depth or refocus of those"
         )
     return array
 

@@ -115,6 +115,7 @@ def on_white(shot: Exposure, white: Exposure) -> tuple[tuple[slice, slice], tupl
     check_kind(white, "white", Exposure, "pl.render_white(camera)")
     if white.white is False:
         raise InvalidValueError("the white image shows a scene; give what pl.render_white(camera) made")
+    _check_same_camera(shot.camera, white.camera)
     rows, columns, channels = shot.image.shape
     first = (0, 0) if shot.region is None else (shot.region[0], shot.region[2])
     start = (0, 0) if white.region is None else (white.region[0], white.region[2])
@@ -131,3 +132,16 @@ def on_white(shot: Exposure, white: Exposure) -> tuple[tuple[slice, slice], tupl
             f"{channels}"
         )
     return (slice(top, top + rows), slice(left, left + columns)), first
+
+
+_SAME = ("microlenses", "sensor", "stop_to_microlenses", "microlenses_to_sensor", "microlenses_placement")
+"""What images of a camera at several stops have in common, by its names in `PlenopticCamera`."""
+
+
+def _check_same_camera(shot: PlenopticCamera | None, white: PlenopticCamera | None) -> None:
+    if isinstance(shot, PlenopticCamera) and isinstance(white, PlenopticCamera):
+        for name in (*_SAME, "sensor_placement"):
+            if getattr(shot, name) != getattr(white, name):
+                raise InvalidValueError(
+                    f"the white image is of another camera than the shot: their {name} differ; render it with the same"
+                )

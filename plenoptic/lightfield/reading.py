@@ -5,6 +5,7 @@ from __future__ import annotations
 import configparser
 import math
 import os
+import re
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,8 @@ from plenoptic.lightfield.views import LightField
 
 _PICTURES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".exr", ".ppm", ".bmp")
 _MOST_VIEWS = 10_000
+_COLUMN_FIRST = re.compile(r"\d{3}_\d{3}")
+"""Names of JPEG Pleno: column and row of the view."""
 
 
 def read_hci(folder: str | os.PathLike[str], *, limits: FileLimits = DEFAULT) -> LightField:
@@ -26,7 +29,7 @@ def read_hci(folder: str | os.PathLike[str], *, limits: FileLimits = DEFAULT) ->
     Parameters
     ----------
     folder : path-like
-        With `input_Cam000.png`, ... and `parameters.cfg`.
+        With `input_Cam000.png`, ... and `parameters.cfg`; what `valid_mask.png` leaves out, if it is there, is nan.
     limits : FileLimits
         The size of each file, and of all views.
 
@@ -78,6 +81,9 @@ def read_hci(folder: str | os.PathLike[str], *, limits: FileLimits = DEFAULT) ->
         raise FileError(f"{str(path)!r} holds {across} x {down} cameras at {focus:g} mm, which cannot be")
     files = [source / f"input_Cam{number:03d}.png" for number in range(across * down)]
     views = _stacked(files, (down, across), limits)
+    mask = source / "valid_mask.png"
+    if mask.is_file() and (lit := read_linear(mask, limits=limits)).shape[:2] == views.shape[2:4]:
+        views[:, :, lit.max(axis=2) == 0] = np.nan
     spacing = sensor * focus / (focal_length * max(views.shape[2:4]))
     return _light_field(views, baseline, -focus, spacing)
 
@@ -85,8 +91,9 @@ def read_hci(folder: str | os.PathLike[str], *, limits: FileLimits = DEFAULT) ->
 def read_views(folder: str | os.PathLike[str], shape: tuple[int, int], *, limits: FileLimits = DEFAULT) -> LightField:
     """The light field of a folder of views, in the order of their names row by row from the upper left.
 
-    Such are the light fields of the Stanford archives and most others. Where the order of rows is another one, turn
-    `views` of the result around.
+    Such are the light fields of the Stanford archives and most others. Names of three digits, `_` and three digits are
+    those of JPEG Pleno, which count columns first. Where the order of rows is another one, turn `views` of the result
+    around.
 
     Parameters
     ----------
@@ -122,6 +129,8 @@ def read_views(folder: str | os.PathLike[str], shape: tuple[int, int], *, limits
     if not source.is_dir():
         raise FileError(f"{str(source)!r} is no folder; give the one that holds the views")
     files = sorted(path for path in source.iterdir() if path.suffix.lower() in _PICTURES)
+    if all(_COLUMN_FIRST.fullmatch(path.stem) for path in files):
+        files.sort(key=lambda path: path.stem[-3:] + path.stem[:3])
     if len(files) != rows * columns:
         raise FileError(f"{str(source)!r} holds {len(files)} pictures; {rows} x {columns} views are {rows * columns}")
     return _light_field(_stacked(files, (rows, columns), limits), math.nan, math.nan, math.nan)
@@ -173,7 +182,7 @@ def read_eslf(
 def read_lftoolbox(path: str | os.PathLike[str], *, limits: FileLimits = DEFAULT) -> LightField:
     """The light field `LF` of a decoded file of the Light Field Toolbox for MATLAB, of version 7.3.
 
-    Needs h5py: ``pip install "plenoptic[export]"``.
+    Needs the package h5py.
 
     Parameters
     ----------

@@ -109,6 +109,8 @@ def write(
     zipped = target.suffix.lower() == ".zip"
     if target.suffix.lower() in _OF_FILES:
         raise FileError(f"{str(target)!r} ends in {target.suffix}; a package is a folder, or a file that ends in .zip")
+    if zipped and target.is_file() and not _holds_package(target):
+        raise FileError(f"the file {str(target)!r} is something else than a package; choose a new name")
     if not zipped:
         _check_replaceable(target)
     with tempfile.TemporaryDirectory() if zipped else replaced_folder(target) as made:
@@ -287,6 +289,14 @@ def _check_replaceable(folder: Path) -> None:
         raise FileError(f"{str(folder)!r} is no folder; choose another name, or one that ends in .zip")
     if not (folder / PROVENANCE).is_file() and any(folder.iterdir()):
         raise FileError(f"the folder {str(folder)!r} holds something else than a package; choose a new one")
+
+
+def _holds_package(file: Path) -> bool:
+    try:
+        with zipfile.ZipFile(file) as archive:
+            return PROVENANCE in archive.namelist()
+    except (OSError, zipfile.BadZipFile):
+        return False
 
 
 def _zip(folder: Path, target: Path) -> None:

@@ -161,7 +161,7 @@ def test_plenoptomos_cuts_microlens_images_where_they_are(tmp_path, square):
 def test_lattices_that_formats_do_not_know_are_refused(tmp_path, hexagonal):
     _, shot, white, _ = hexagonal
     for write in (pl.export.napari_lf, pl.export.pyolaf):
-        with pytest.raises(InvalidValueError, match="square lattices"):
+        with pytest.raises(InvalidValueError, match="square lattices of one focal length; this camera has HEXAGONAL"):
             write(tmp_path / "a", shot, white)
     with pytest.raises(InvalidValueError, match="hexagonal"):
         pl.export.plenoptomos(tmp_path / "a.vox", shot, white)
@@ -200,3 +200,5 @@ def test_jpeg_pleno_gets_columns_and_rows_of_views(tmp_path, square):
     linear = np.where(seen <= 0.04045, seen / 12.92, ((seen + 0.055) / 1.055) ** 2.4)
     view = np.clip(np.nan_to_num(field.view(1, -1)[..., 0]) / np.nanpercentile(field.views, 99.9), 0, 1)
     np.testing.assert_allclose(linear, view, atol=0.002)
+    again = pl.lightfield.read_views(tmp_path, (3, 3))
+    np.testing.assert_allclose(again.view(1, -1)[..., 0], view, atol=0.002)

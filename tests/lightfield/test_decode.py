@@ -409,6 +409,7 @@ def test_impossible_calls_say_what_to_do():
     for call, message in (
         (lambda: decode(white, small), "render it of the same region"),
         (lambda: decode(white, white, views=4), "take 5"),
+        (lambda: decode(white, white_of(the_camera((70, 70), lattice=HEXAGONAL), 8)), "their microlenses differ"),
         (lambda: decode(white, white, least_light=0.0), "above 0"),
         (lambda: decode(dataclasses.replace(white, camera=None), white), "give camera="),
         (lambda: decode(white.image, white), "shot is an ndarray"),

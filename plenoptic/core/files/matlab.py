@@ -52,7 +52,7 @@ def _put(group: Any, name: str, value: Any) -> None:
 def matlab_array(content: bytes, name: str) -> NDArray[Any]:
     """One array of a .mat file; KeyError where it has none, ValueError where it is no such file."""
     if content[_HEADER : _HEADER + 8] != b"\x89HDF\r\n\x1a\n":
-        raise ValueError("it is not of version 7.3; save it so: save(..., '-v7.3')")
+        raise ValueError("it is no .mat file of version 7.3, which save(..., '-v7.3') makes")
     try:
         with hdf5().File(io.BytesIO(content), "r") as opened:
             return np.asarray(opened[name][()]).T
@@ -65,5 +65,5 @@ def hdf5() -> ModuleType:
     try:
         import h5py
     except ImportError:
-        raise _MissingPackageError('this file needs h5py: pip install "plenoptic[export]"') from None
+        raise _MissingPackageError("this file needs the package h5py: pip install h5py") from None
     return h5py  # type: ignore[no-any-return]

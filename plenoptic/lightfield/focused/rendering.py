@@ -198,7 +198,10 @@ def focus_of(seen: Seen, disparity: ArrayLike | None, z: float | None = None) ->
     if z is not None and disparity is None:
         return Focus(_of_plane(seen, finite(z, "z")), False)
     if z is not None or disparity is None:
-        raise InvalidValueError("give either disparity, of each pixel or one, or z=, the plane in mm")
+        raise InvalidValueError(
+            "give either disparity, of each pixel or one, or z=, the plane in mm; a truth has chord_disparity where "
+            "render got truth=pl.Truth.CHORD_DISPARITY"
+        )
     given, shape = numbers(disparity, "disparity"), seen.rays.shape
     if given.shape not in ((), shape):
         raise InvalidValueError(
@@ -207,6 +210,12 @@ def focus_of(seen: Seen, disparity: ArrayLike | None, z: float | None = None) ->
     if not np.isfinite(given).any():
         raise InvalidValueError("disparity is nowhere finite; give that of the pixels, such as truth.chord_disparity")
     in_pitches = seen.camera.sensor.pixel_pitch / min(seen.array.pitches)
+    usual = abs(float(np.median(given[np.isfinite(given)])))
+    if not 0.0 < usual * in_pitches < 1.0:
+        raise InvalidValueError(
+            f"disparity is {usual:.3g} pixels in the median, and must lie between 0 and the pitch of "
+            f"{1.0 / in_pitches:.3g}; give found.disparity of what depth found, or a plane in mm as z="
+        )
     return Focus(seen.rays.at(np.broadcast_to(given, shape)) * in_pitches, given.ndim > 0)
 
 
