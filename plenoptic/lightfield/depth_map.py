@@ -11,15 +11,15 @@ from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.core.parallel import thread_count
 from plenoptic.core.values import Floats, check_kind, numbers, result, whole
 from plenoptic.errors import InvalidValueError
-from plenoptic.lightfield.epipolar import view_depths, view_disparities
-from plenoptic.lightfield.estimation import agreed, estimated
+from plenoptic.lightfield.epipolar import default_range, view_depths, view_disparities
+from plenoptic.lightfield.estimation import agreed, estimated, side_of_images
 from plenoptic.lightfield.ideal import chords, depths_of
 from plenoptic.lightfield.planes import RawPlanes, camera_of, raw_planes, share_of_light
 from plenoptic.lightfield.views import LightField
 from plenoptic.rendering.exposure import Exposure
 
 _VIRTUAL_DEPTHS = (1.8, 25.0)
-_VIEW_DISPARITIES = (-2.0, 2.0)
+_FARTHEST = 1000.0
 
 
 @result
@@ -74,8 +74,10 @@ def depth(
     white : Exposure, optional
         The white image, as in `decode`; views have none.
     between : (float, float), optional
-        What is looked for. Of a raw image, the least and the greatest |virtual depth|, above 1: 1.8 to 25 by default.
-        Of views, the least and the greatest disparity: -2 to 2 pixels.
+        What is looked for. Of a raw image, virtual depths from 1 to 1000, or from -1000 to -1 for images in front of
+        the array: 1.8 to 25 by default where microlenses of any type are focused on what lies behind it, else -25 to
+        -1.8. Of views, the least and the greatest disparity: -2 to 2 pixels, less where views would move by half of
+        their size.
     radius : int, optional
         Of the windows that are compared, in pixels: 2 r + 1 on a side.
     least_light : float, optional
@@ -133,12 +135,12 @@ def depth(
     if isinstance(seen, LightField):
         if white is not None or camera is not None:
             raise InvalidValueError("a light field needs neither white nor camera; leave them out")
-        return _of_views(seen, _range(between, _VIEW_DISPARITIES, -math.inf), reach)
+        return _of_views(seen, default_range(seen) if between is None else _range(between), reach)
     check_kind(seen, "seen", Exposure, "pl.render(scene, camera), or a LightField")
     if white is None:
         raise InvalidValueError("a raw image needs its white image; give white=pl.render_white(camera)")
-    planes = raw_planes(seen, white, share_of_light(least_light))
-    return _of_raw(camera_of(seen, camera), planes, _range(between, _VIRTUAL_DEPTHS, 1.0), reach, thread_count(threads))
+    planes, found = raw_planes(seen, white, share_of_light(least_light)), camera_of(seen, camera)
+    return _of_raw(found, planes, _virtual_depths(found, between), reach, thread_count(threads))
 
 
 def _of_views(field: LightField, between: tuple[float, float], radius: int) -> DepthMap:
@@ -167,11 +169,22 @@ def _of_raw(
         return DepthMap(disparity, error, confidence, lenses.pitch / disparity, depths)
 
 
-def _range(given: tuple[float, float] | None, default: tuple[float, float], above: float) -> tuple[float, float]:
+def _virtual_depths(camera: PlenopticCamera, given: tuple[float, float] | None) -> tuple[float, float]:
+    """What is looked for in a raw image, of one sign."""
+    low, high = _VIRTUAL_DEPTHS
     if given is None:
-        return default
+        return (low, high) if side_of_images(camera) > 0 else (-high, -low)
+    low, high = _range(given)
+    if not (1.0 < low < high <= _FARTHEST or -_FARTHEST <= low < high < -1.0):
+        raise InvalidValueError(
+            f"between is {given!r}; give virtual depths from 1 to {_FARTHEST:g}, or from {-_FARTHEST:g} to -1 for "
+            "images in front of the array"
+        )
+    return low, high
+
+
+def _range(given: tuple[float, float]) -> tuple[float, float]:
     low, high = numbers(given, "between").tolist() if np.shape(given) == (2,) else (0.0, 0.0)
-    if not above < low < high < math.inf:
-        limit = f" above {above:g}" if math.isfinite(above) else ""
-        raise InvalidValueError(f"between is {given!r}; give two numbers{limit}, the smaller one first")
+    if not -math.inf < low < high < math.inf:
+        raise InvalidValueError(f"between is {given!r}; give two numbers, the smaller one first")
     return low, high

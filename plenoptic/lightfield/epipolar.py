@@ -19,6 +19,8 @@ _MOST = 24
 _APART = 1.0
 """Pixels by which neighbouring planes move the farthest view."""
 _MOST_PLANES = 512
+_USUAL, _PART = 2.0, 0.5
+"""Disparities that are looked for, in pixels, and by which part of its size a view moves then at most."""
 _ERRORS = 2.0
 """Errors found over what independent residuals give: pixels of views are interpolated, and share their noise."""
 _LEAST_NOISE = 1e-3
@@ -26,6 +28,13 @@ _LEAST_NOISE = 1e-3
 _TRIED = 24
 """Distances behind the array at which a plane is looked for in front of the lens, up to a part of it."""
 _REACH = 0.1
+
+
+def default_range(field: LightField) -> tuple[float, float]:
+    """Disparities that are looked for: up to 2 pixels, less where views would move by half of their size."""
+    _, offsets = _in_four_directions(field)
+    farthest = min(_USUAL, _PART * min(field.views.shape[2:4]) / float(np.abs(offsets).max()))
+    return -farthest, farthest
 
 
 def view_disparities(field: LightField, between: tuple[float, float], radius: int) -> tuple[Floats, Floats, Floats]:

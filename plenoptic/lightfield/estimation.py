@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -56,10 +57,9 @@ def estimated(
     """Match the images of a raw image."""
     camera = axes.camera
     array = focused_array(camera)
-    sign = 1.0 if kind_of(camera, array.focal_length) is CameraKind.GALILEAN else -1.0
-    ideal = ideal_planes(camera, virtual_depths, sign)
+    sign, (low, high) = math.copysign(1.0, virtual_depths[0]), sorted(map(abs, virtual_depths))
+    ideal = ideal_planes(camera, (low, high), sign)
     lenses = lens_images(camera, array, planes)
-    low, high = virtual_depths
     count = 2 + int(np.log(high / low) / np.log(_RATIO))
     sweep = Sweep(
         disparities=sign * lenses.pitch / np.geomspace(high, low, count),
@@ -84,12 +84,21 @@ def focused_array(camera: PlenopticCamera) -> MicrolensArray:
         raise InvalidValueError("the camera has no microlenses, and nothing to match; use one with a MicrolensArray")
     if array.lattice is Lattice.FREE:
         raise InvalidValueError("the microlenses lie on no lattice, and it is not known which are neighbours")
-    if array.model.focuses and kind_of(camera, array.focal_length) is CameraKind.PLENOPTIC_1:
+    if array.model.focuses and _kinds(camera, array) == {CameraKind.PLENOPTIC_1}:
         raise InvalidValueError(
             "the microlenses are focused at infinity: their images show no scene to match; take views by "
             "pl.lightfield.decode(shot, white), and depth or refocus of those"
         )
     return array
+
+
+def side_of_images(camera: PlenopticCamera) -> float:
+    """1 where microlenses of any type are focused on what lies behind the array, -1 where all look before it."""
+    return 1.0 if CameraKind.GALILEAN in _kinds(camera, focused_array(camera)) else -1.0
+
+
+def _kinds(camera: PlenopticCamera, array: MicrolensArray) -> set[CameraKind]:
+    return {kind_of(camera, focal_length) for focal_length in array.focal_lengths}
 
 
 def _beside_ideal(axes: ArrayAxes, lenses: LensImages, ideal: Planes, planes: RawPlanes, threads: int) -> Images:

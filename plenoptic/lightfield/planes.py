@@ -72,7 +72,8 @@ def raw_planes(shot: Exposure, white: Exposure, least_light: float) -> RawPlanes
     def plane(image: NDArray[np.float32]) -> Floats:
         return np.asarray(np.broadcast_to(image[cut].astype(np.float64), shot.image.shape))
 
-    bright = float(np.percentile(white.image, _BRIGHT))
+    known = white.image[np.isfinite(white.image)]
+    bright = float(np.percentile(known, _BRIGHT)) if known.size else 0.0
     if not bright > 0:
         raise InvalidValueError("the white image is black; render it with render_white(camera, samples=...)")
     return RawPlanes(

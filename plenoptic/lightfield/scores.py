@@ -11,6 +11,7 @@ from plenoptic.core.values import Floats, frozen_array, plain_array, result
 from plenoptic.errors import InvalidValueError
 
 _PIXELS = (0.07, 0.03, 0.01)
+_MOST_TYPES = 1024
 _RELATIVE = (0.07, 0.03, 0.01)
 
 
@@ -107,7 +108,10 @@ def disparity_scores(
     scores = _scores(found, known, counted)
     if kinds is None:
         return scores
-    apart = tuple(_scores(found, known, counted & (kinds == kind)) for kind in range(int(kinds.max(initial=-1)) + 1))
+    count = int(kinds.max(initial=-1)) + 1
+    if count > _MOST_TYPES:
+        raise InvalidValueError(f"types has {count - 1}; types are counted from 0, {_MOST_TYPES} at most")
+    apart = tuple(_scores(found, known, counted & (kinds == kind)) for kind in range(count))
     return dataclasses.replace(scores, of_types=apart)
 
 

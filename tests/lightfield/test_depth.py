@@ -115,7 +115,7 @@ def test_what_cannot_be_matched_is_refused(edge, white):
         ({"camera": dataclasses.replace(CAMERA, microlenses=free)}, "on no lattice"),
         ({"camera": dataclasses.replace(CAMERA, microlenses_to_sensor=2.0)}, "focused at infinity"),
         ({"between": (3.0, 2.0)}, "smaller one first"),
-        ({"between": (0.5, 2.0)}, "above 1"),
+        ({"between": (0.5, 2.0)}, "virtual depths from 1 to"),
         ({"radius": 0}, "radius"),
         ({"least_light": 0.0}, "least_light"),
         ({"white": None}, "its white image"),
@@ -223,3 +223,21 @@ def test_edges_are_wrong_in_few_pixels(white):
     meshes = scenes.plane(CAMERA, 3.5, 5), scenes.plane(CAMERA, 6.0, 6, right=True)
     shot = shown(CAMERA, *meshes, samples=128, region=region)
     assert scored(CAMERA, shot, depth(shot, white_of(CAMERA, region))).relative[0] <= 4.4
+
+
+@pytest.mark.parametrize("focal_lengths", [(1.6, 2.0, 2.6), (1.7, 2.0, 2.6)])
+def test_the_order_of_focal_lengths_does_not_say_on_which_side_images_are(focal_lengths):
+    # One type is focused before the array or at infinity; the card's image lies behind it.
+    camera = pl.PlenopticCamera(
+        lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=5.0)),
+        microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=focal_lengths),
+        sensor=pl.Sensor(shape=(130, 130), pixel_pitch=0.01),
+        stop_to_microlenses=123.3,
+        microlenses_to_sensor=1.7,
+    )
+    shot = pl.render(pl.check_scene(), camera, samples=24, progress=False, truth=pl.Truth.CHORD_DISPARITY)
+    white = pl.render_white(camera, samples=16, progress=False)
+    found = depth(shot, white)
+    assert np.nanmedian(found.disparity) == pytest.approx(np.nanmedian(shot.truth.chord_disparity), rel=0.03)
+    other = depth(shot, white, between=(-25.0, -1.8))
+    assert not np.nanmax(other.disparity, initial=-1.0) > 0

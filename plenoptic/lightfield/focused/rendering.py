@@ -33,6 +33,10 @@ from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.rendering.exposure import Exposure
 
 LEAST_LIGHT = 0.1
+_FINEST = 0.01
+"""Parts of a pitch that pixels of a picture are wide at least."""
+_OVERSHOOT = 0.25
+"""By which part of their range a picture exceeds its samples at most: what takes blur back may, and noise does."""
 _PARTS = 6
 """Pixels of a view to a pitch."""
 _QUADRATIC, _LINEAR = 6, 3
@@ -174,8 +178,12 @@ def rendered(samples: Samples, viewpoint: tuple[float, float], aperture: float, 
     area = _area(samples.seen, aperture) / grid.spacing**2
     surfaces = Surfaces(surface_depth(pupil, grid.spacing), area, terms)
     canvas = splatted(sorted_splats(grid, on_array, splats), grid, surfaces, threads)
+    # Where all samples lie on one side of a pixel, what is fitted to them may run away.
+    low, high = (
+        edge(splats.radiance, axis=0, where=np.isfinite(splats.radiance), initial=0.0) for edge in (np.min, np.max)
+    )
     return View(
-        picture=canvas.picture.astype(np.float32),
+        picture=np.clip(canvas.picture, low, high + _OVERSHOOT * (high - low)).astype(np.float32),
         standard_error=None if canvas.variance is None else np.sqrt(canvas.variance).astype(np.float32),
         disparity=canvas.disparity,
         coverage=canvas.coverage,
@@ -239,6 +247,11 @@ def samples_of(seen: Seen, focus: Focus, given_spacing: float | None) -> Samples
     camera, array, pupil, planes, rays = seen
     disparity, everywhere = focus
     spacing = min(array.pitches) / _PARTS if given_spacing is None else length_in_mm(given_spacing, "spacing")
+    if not _FINEST * min(array.pitches) <= spacing <= min(array.pitches):
+        raise InvalidValueError(
+            f"spacing is {spacing:g} mm; it must lie between {_FINEST * min(array.pitches):.3g} and the pitch of the "
+            f"microlenses, {min(array.pitches):g}"
+        )
     pixel, depth = camera.sensor.pixel_pitch, surface_depth(pupil, spacing)
     light = rays.at(planes.white)
     radiance, weight = rays.at(planes.shot) / light, light.mean(axis=1) / planes.least
