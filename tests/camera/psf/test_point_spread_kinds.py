@@ -270,7 +270,7 @@ def test_without_microlenses_what_dims_is_what_is_rendered(model):
         microlenses_to_sensor=0.0,
         blemishes=tuple(grains for grains in DUSTY.values() if grains.site is not BlemishSite.ARRAY),
     )
-    assert_agrees(camera.moved(SENSOR, shift=(0.3, -0.2, 0.05), tilt=(0.03, -0.05, 0.2)), samples=320, precision=0.005)
+    assert_agrees(camera.moved(SENSOR, shift=(0.3, -0.2, 0.05), tilt=(0.03, -0.05, 0.2)), samples=512, precision=0.005)
 
 
 def test_all_that_dims_together_is_what_is_rendered():
