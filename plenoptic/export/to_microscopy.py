@@ -11,10 +11,11 @@ import numpy as np
 
 from plenoptic.camera.report.optics import object_plane
 from plenoptic.core.files.atomic_file import write_file, write_json
-from plenoptic.core.files.codes import brightest
+from plenoptic.core.files.codes import brightest, codes
+from plenoptic.core.files.images import COLOR_SPACE, LINEAR, write_codes
 from plenoptic.errors import InvalidValueError
 from plenoptic.export.lattice import LensRows, lens_rows
-from plenoptic.export.pictures import folder_at, write_picture, write_readme
+from plenoptic.export.pictures import folder_at, write_readme
 from plenoptic.lightfield.planes import on_white
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points, magnification
 from plenoptic.rendering.exposure import Exposure
@@ -116,7 +117,7 @@ def pyolaf(folder: str | os.PathLike[str], shot: Exposure, white: Exposure) -> N
     folder : path-like
         Is made where it is missing; files of the same name are replaced.
     shot, white : Exposure
-        As in `napari_lf`.
+        As in `napari_lf`, with the sensor in the focal plane of the microlenses.
 
     Raises
     ------
@@ -127,10 +128,10 @@ def pyolaf(folder: str | os.PathLike[str], shot: Exposure, white: Exposure) -> N
 
     Notes
     -----
-    Lengths in `config.yaml` are micrometres. `plenoptic` is 1 where the sensor lies in the focal plane of the
-    microlenses.
+    Images are 16 bits, linear, of one channel. Lengths in `config.yaml` are micrometres.
 
-    What it cannot express: errors, truth, other lattices, a main lens that is no microscope.
+    What it cannot express: errors, truth, colour, other lattices, focused (2.0) cameras, a main lens that is
+    no microscope.
 
     Examples
     --------
@@ -146,12 +147,16 @@ def pyolaf(folder: str | os.PathLike[str], shot: Exposure, white: Exposure) -> N
     gridType: reg
     """
     seen = _microscope(shot)
+    if not math.isclose(seen.to_sensor, seen.focal_length, rel_tol=1e-3):
+        raise InvalidValueError(
+            f"the sensor is {1e-3 * seen.to_sensor:g} mm behind microlenses of {1e-3 * seen.focal_length:g} mm; "
+            "pyolaf's focused cameras need the distances of a tube lens, which this camera does not have; use pl.package"
+        )
     target, scales = folder_at(folder), _pictures(folder, shot, white, ("example", "calib"))
-    focused = math.isclose(seen.to_sensor, seen.focal_length, rel_tol=1e-3)
     said = {
         "gridType": "reg",
         "focus": "single",
-        "plenoptic": 1 if focused else 2,
+        "plenoptic": 1,
         "uLensMask": 1,
         "M": seen.magnification,
         "NA": seen.aperture,
@@ -177,7 +182,9 @@ def _pictures(
     pictures = dict(zip(names, (shot.image, light, np.zeros_like(light)), strict=False))
     scales = {f"full code of {name}.tif, in its units": brightest(image) for name, image in pictures.items()}
     for (name, image), scale in zip(pictures.items(), scales.values(), strict=True):
-        write_picture(Path(target) / f"{name}.tif", image, scale=scale)
+        # Of one channel: pyolaf cannot read three.
+        grey = codes(image.mean(axis=2, keepdims=True), scale=scale, encoded=False)
+        write_codes(Path(target) / f"{name}.tif", grey, {COLOR_SPACE: LINEAR})
     return scales
 
 

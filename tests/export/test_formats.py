@@ -1,5 +1,6 @@
 """What the Light Field Toolbox, plenoptomos, light-field microscopy and JPEG Pleno read, by readers of their own."""
 
+import dataclasses
 import json
 import shutil
 import subprocess
@@ -187,6 +188,13 @@ def test_microscopes_get_micrometres(tmp_path, square):
     raw = pl.images.read_linear(tmp_path / "napari" / "light_field.tif")
     np.testing.assert_allclose(raw[..., 0], shot.image[..., 0] / shot.image.max(), atol=1e-4)
     assert pl.images.read_linear(tmp_path / "napari" / "dark_frame.tif").max() == 0.0
+    # pyolaf reads TIFFs as they are, and cannot work with three channels.
+    assert pl.images.read_linear(tmp_path / "pyolaf" / "calib.tif").shape == (*white.image.shape[:2], 1)
+    focused = dataclasses.replace(taken_by, microlenses_to_sensor=1.1)
+    with pytest.raises(InvalidValueError, match="tube lens"):
+        pl.export.pyolaf(
+            tmp_path / "b", dataclasses.replace(shot, camera=focused), dataclasses.replace(white, camera=focused)
+        )
 
 
 def test_jpeg_pleno_gets_columns_and_rows_of_views(tmp_path, square):
