@@ -150,7 +150,7 @@ def pyolaf(folder: str | os.PathLike[str], shot: Exposure, white: Exposure) -> N
     if not math.isclose(seen.to_sensor, seen.focal_length, rel_tol=1e-3):
         raise InvalidValueError(
             f"the sensor is {1e-3 * seen.to_sensor:g} mm behind microlenses of {1e-3 * seen.focal_length:g} mm; "
-            "pyolaf's focused cameras need the distances of a tube lens, which this camera does not have; use pl.package"
+            "pyolaf's focused cameras need the distances of a tube lens, which this one does not have; use pl.package"
         )
     target, scales = folder_at(folder), _pictures(folder, shot, white, ("example", "calib"))
     said = {
