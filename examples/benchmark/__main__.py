@@ -73,7 +73,7 @@ def judged(name, algorithm, how, package, truth):
     """A line of the table, and the disparities."""
     error = package.exposure.relative_error
     if how is None:
-        return judging.Row(name, algorithm, None, None, 0.0, error), None
+        return judging.Row(name, algorithm, None, None, None, 0.0, error), None
     begin = time.perf_counter()
     estimate = how.find(package)
     seconds = time.perf_counter() - begin

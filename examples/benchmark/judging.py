@@ -11,8 +11,6 @@ import plenoptic as pl
 INSIDE = 0.35  # pitches from the middle of a microlens image, within which its pixels count
 BORDER = 1.5  # pitches from the border of the picture
 VIEW_BORDER = 3  # pixels of a view
-FLAT = 2  # pixels around one in which there is no edge, so that it counts as flat
-STEP = 0.05  # what is an edge: part of a raw disparity, or pixels of a view
 
 
 class Reference(NamedTuple):
@@ -21,7 +19,7 @@ class Reference(NamedTuple):
     disparity: np.ndarray
     types: np.ndarray | None
     where: np.ndarray
-    flat: np.ndarray  # those of them away from edges
+    edges: np.ndarray  # where it steps
 
 
 def reference(package, scene):
@@ -39,8 +37,8 @@ def raw_reference(package):
     edge = int(np.ceil(BORDER * pitch))
     where = np.zeros(truth.shape, dtype=bool)
     where[edge:-edge, edge:-edge] = inside[edge:-edge, edge:-edge]
-    flat = where & away_from_edges(truth.chord_disparity, STEP * np.abs(truth.chord_disparity))
-    return Reference(truth.chord_disparity, truth.microlens_type, where, flat)
+    edges = pl.lightfield.disparity_edges(truth.chord_disparity)
+    return Reference(truth.chord_disparity, truth.microlens_type, where, edges)
 
 
 def view_reference(package, scene):
@@ -52,13 +50,7 @@ def view_reference(package, scene):
     where = np.zeros(depth.shape, dtype=bool)
     where[VIEW_BORDER:-VIEW_BORDER, VIEW_BORDER:-VIEW_BORDER] = True
     disparity = np.where(np.isfinite(depth), disparity, np.nan)
-    return Reference(disparity, None, where, where & away_from_edges(disparity, STEP))
-
-
-def away_from_edges(disparity, step):
-    """Pixels from which nothing within `FLAT` pixels along rows and columns differs by more than a step."""
-    shifts = [(shift, axis) for axis in (0, 1) for shift in range(-FLAT, FLAT + 1) if shift]
-    return np.all([np.abs(np.roll(disparity, *shift) - disparity) < step for shift in shifts], axis=0)
+    return Reference(disparity, None, where, pl.lightfield.disparity_edges(disparity))
 
 
 def on_scale(estimate, truth):
@@ -70,10 +62,10 @@ def on_scale(estimate, truth):
 
 
 def scores(estimate, truth):
-    """Of all pixels that count, and of those away from edges."""
+    """Of all pixels that count, of those away from edges, and of those at them."""
     return [
         pl.lightfield.disparity_scores(estimate, truth.disparity, where=where, types=truth.types)
-        for where in (truth.where, truth.flat)
+        for where in (truth.where, truth.where & ~truth.edges, truth.where & truth.edges)
     ]
 
 
@@ -84,19 +76,21 @@ class Row(NamedTuple):
     algorithm: str
     scores: pl.lightfield.DisparityScores | None
     flat: pl.lightfield.DisparityScores | None
+    edges: pl.lightfield.DisparityScores | None
     seconds: float
     error: float
 
 
 COMMON = ("scene", "error %", "algorithm", "kept %")
 IN_PIXELS = ("MSE", "Bad 0.07", "Bad 0.03", "Bad 0.01", "Q25")
+REGIONS = ("Planes", "Discont.")
 RELATIVE = ("Rel7", "Rel3", "Rel1", "bias %")
 
 
 def table(camera, rows):
     """Scores of one camera as Markdown."""
     focused, types = is_focused(camera), len(camera.microlenses.focal_lengths)
-    columns = [*COMMON, *((*RELATIVE, *IN_PIXELS, "Rel3 flat") if focused else (*IN_PIXELS, "Bad 0.03 flat"))]
+    columns = [*COMMON, *((*RELATIVE, *IN_PIXELS, "Rel3 flat") if focused else (*IN_PIXELS, "Bad 0.03 flat")), *REGIONS]
     columns += ["Rel3 of types"] if types > 1 else []
     cells = [[*columns, "s"], *([*_cells(row, columns), f"{row.seconds:.1f}"] for row in rows)]
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
@@ -113,6 +107,7 @@ def _cells(row, columns):
     numbers = [100 * found.kept, *found.relative, 100 * found.bias, found.mse, *found.bad, found.q25]
     known |= zip(("kept %", *RELATIVE, *IN_PIXELS), map(_short, numbers), strict=True)
     known["Rel3 flat"], known["Bad 0.03 flat"] = _short(row.flat.relative[1]), _short(row.flat.bad[1])
+    known["Planes"], known["Discont."] = _short(row.flat.bumpiness), _short(row.edges.bad[0])
     known["Rel3 of types"] = ", ".join(_short(alone.relative[1]) for alone in found.of_types)
     return [known[column] for column in columns]
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +27,16 @@ def folder_at(path: str | os.PathLike[str], *below: str) -> Path:
     if not folder.is_dir():
         raise FileError(f"{str(folder)!r} is no folder; choose another name")
     return folder
+
+
+def check_no_others(folder: Path, pattern: str, names: Collection[str]) -> None:
+    """An error where a folder holds files that match a pattern and are not among those that are to be written."""
+    others = sorted(path.name for path in folder.glob(pattern) if path.name not in names)
+    if others:
+        raise FileError(
+            f"the folder {str(folder)!r} holds {len(others)} views of another light field, such as {others[0]}; choose "
+            "a new one, or delete them"
+        )
 
 
 def plain_name(name: str) -> str:

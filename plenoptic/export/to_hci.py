@@ -16,7 +16,7 @@ from plenoptic.core.files.atomic_file import write_file
 from plenoptic.core.files.codes import white_point
 from plenoptic.core.values import Floats, check_kind
 from plenoptic.errors import InvalidValueError
-from plenoptic.export.pictures import folder_at, write_pfm, write_picture, write_readme
+from plenoptic.export.pictures import check_no_others, folder_at, write_pfm, write_picture, write_readme
 from plenoptic.lightfield.views import LightField
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
@@ -43,7 +43,7 @@ def hci(folder: str | os.PathLike[str], field: LightField, *, scene: Scene | Non
     InvalidValueError
         Where the light field has other views, no plane in focus, or no pupil at a finite distance.
     FileError
-        Where a file cannot be written.
+        Where a file cannot be written, or the folder holds views of another light field.
 
     Notes
     -----
@@ -80,11 +80,12 @@ def hci(folder: str | os.PathLike[str], field: LightField, *, scene: Scene | Non
         )
     numbers = _thin_lens(field)
     target = folder_at(folder)
-    scale = white_point(field.views)
+    scale, names = white_point(field.views), [f"input_Cam{number:03d}.png" for number in range(across * down)]
+    check_no_others(target, "input_Cam*.png", names)
     for v in range(down):
         for u in range(across):
             view = field.views[u, v]
-            write_picture(target / f"input_Cam{v * across + u:03d}.png", view, scale=scale, bits=8, encoded=True)
+            write_picture(target / names[v * across + u], view, scale=scale, bits=8, encoded=True)
     valid = np.asarray(np.isfinite(field.views).all(axis=(0, 1, 4)))
     write_picture(target / "valid_mask.png", valid[:, :, np.newaxis].astype(float), scale=1.0, bits=8)
     disparities = np.zeros(1) if scene is None else _write_truth(target, field, scene, numbers)

@@ -10,7 +10,7 @@ from plenoptic.core.color.srgb import linear_to_srgb
 from plenoptic.core.files.atomic_file import write_file
 from plenoptic.core.files.codes import white_point
 from plenoptic.core.values import check_kind
-from plenoptic.export.pictures import folder_at, write_readme
+from plenoptic.export.pictures import check_no_others, folder_at, write_readme
 from plenoptic.lightfield.views import LightField
 
 _LARGEST = 1023
@@ -30,7 +30,7 @@ def jpeg_pleno(folder: str | os.PathLike[str], field: LightField) -> None:
     Raises
     ------
     FileError
-        Where a file cannot be written.
+        Where a file cannot be written, or the folder holds views of another light field.
 
     Notes
     -----
@@ -55,6 +55,7 @@ def jpeg_pleno(folder: str | os.PathLike[str], field: LightField) -> None:
     check_kind(field, "field", LightField, "pl.lightfield.decode(shot, white)")
     target, scale = folder_at(folder), white_point(field.views)
     across, down, rows, columns = field.views.shape[:4]
+    check_no_others(target, "*_*.ppm", {f"{u:03d}_{v:03d}.ppm" for u in range(across) for v in range(down)})
     head = f"P6\n{columns} {rows}\n{_LARGEST}\n".encode("ascii")
     for u in range(across):
         for v in range(down):

@@ -75,10 +75,8 @@ def napari_lf(folder: str | os.PathLike[str], shot: Exposure, white: Exposure) -
     ['README.txt', 'dark_frame.tif', 'light_field.tif', 'metadata.txt', 'radiometry_frame.tif']
     """
     seen = _microscope(shot)
-    target, scales = (
-        folder_at(folder),
-        _pictures(folder, shot, white, ("light_field", "radiometry_frame", "dark_frame")),
-    )
+    target = folder_at(folder)
+    scales = _pictures(target, shot, white, ("light_field", "radiometry_frame", "dark_frame"))
     whole_number = max(1, round(seen.magnification))
     said = {
         "main": {"comments": "rendered by plenoptic"},
@@ -152,7 +150,8 @@ def pyolaf(folder: str | os.PathLike[str], shot: Exposure, white: Exposure) -> N
             f"the sensor is {1e-3 * seen.to_sensor:g} mm behind microlenses of {1e-3 * seen.focal_length:g} mm; "
             "pyolaf's focused cameras need the distances of a tube lens, which this one does not have; use pl.package"
         )
-    target, scales = folder_at(folder), _pictures(folder, shot, white, ("example", "calib"))
+    target = folder_at(folder)
+    scales = _pictures(target, shot, white, ("example", "calib"))
     said = {
         "gridType": "reg",
         "focus": "single",
@@ -174,17 +173,15 @@ def pyolaf(folder: str | os.PathLike[str], shot: Exposure, white: Exposure) -> N
     write_readme(target, "pyolaf", how, "errors, truth, several focal lengths.", scales)
 
 
-def _pictures(
-    folder: str | os.PathLike[str], shot: Exposure, white: Exposure, names: tuple[str, ...]
-) -> dict[str, float]:
+def _pictures(target: Path, shot: Exposure, white: Exposure, names: tuple[str, ...]) -> dict[str, float]:
     """Write raw, white and dark image; what their full codes are."""
-    target, light = folder_at(folder), white.image[on_white(shot, white)[0]]
+    light = white.image[on_white(shot, white)[0]]
     pictures = dict(zip(names, (shot.image, light, np.zeros_like(light)), strict=False))
     scales = {f"full code of {name}.tif, in its units": brightest(image) for name, image in pictures.items()}
     for (name, image), scale in zip(pictures.items(), scales.values(), strict=True):
         # Of one channel: pyolaf cannot read three.
         grey = codes(image.mean(axis=2, keepdims=True), scale=scale, encoded=False)
-        write_codes(Path(target) / f"{name}.tif", grey, {COLOR_SPACE: LINEAR})
+        write_codes(target / f"{name}.tif", grey, {COLOR_SPACE: LINEAR})
     return scales
 
 

@@ -7,7 +7,7 @@ from plenoptic.lightfield.focused.view import View
 from plenoptic.lightfield.focused.views import render_views
 from plenoptic.lightfield.reading import read_eslf, read_hci, read_lftoolbox, read_views
 from plenoptic.lightfield.refocus import refocus
-from plenoptic.lightfield.scores import DisparityScores, disparity_scores
+from plenoptic.lightfield.scores import DisparityScores, disparity_edges, disparity_scores
 from plenoptic.lightfield.views import LightField
 
 __all__ = [
@@ -17,6 +17,7 @@ __all__ = [
     "View",
     "decode",
     "depth",
+    "disparity_edges",
     "disparity_scores",
     "read_eslf",
     "read_hci",

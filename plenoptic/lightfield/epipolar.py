@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from plenoptic.camera.model_pupil import model_pupil
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
-from plenoptic.lightfield.ideal import front_of, planes_in_front, z_at
-from plenoptic.lightfield.matching import Images, Pairs, Sweep, continued, matched
+from plenoptic.lightfield.ideal import planes_in_front, z_at
+from plenoptic.lightfield.matching import Images, Pairs, Sweep, continued, matched, texture_floor
+from plenoptic.lightfield.object_planes import front_of
 from plenoptic.lightfield.views import LightField
 
 _MOST = 24
@@ -23,8 +24,6 @@ _USUAL, _PART = 2.0, 0.5
 """Disparities that are looked for, in pixels, and by which part of its size a view moves then at most."""
 _ERRORS = 2.0
 """Errors found over what independent residuals give: pixels of views are interpolated, and share their noise."""
-_LEAST_NOISE = 1e-3
-"""Standard deviation over the mean radiance below which differences do not count as texture."""
 _TRIED = 24
 """Distances behind the array at which a plane is looked for in front of the lens, up to a part of it."""
 _REACH = 0.1
@@ -102,13 +101,11 @@ def _pictures(field: LightField, numbers: NDArray[np.int64]) -> Images:
     """The views of some numbers (n, 2), the mean over channels."""
     values = np.stack([field.views[u, v] for u, v in numbers]).mean(axis=-1, dtype=np.float64)
     known = np.isfinite(values)
-    count = np.maximum(known.sum(axis=(1, 2)), 1)
-    floor = (_LEAST_NOISE * np.where(known, values, 0.0).sum(axis=(1, 2)) / count) ** 2
+    variance = np.zeros_like(values)
     if field.standard_error is not None:
         error = np.stack([field.standard_error[u, v] for u, v in numbers]).astype(np.float64)
-        variance = (error**2).mean(axis=-1) / error.shape[-1]
-        floor = np.maximum(floor, np.where(np.isfinite(variance), variance, 0.0).sum(axis=(1, 2)) / count)
-    return Images(continued(values, known), known.astype(np.uint8), np.maximum(floor, 1e-30))
+        variance = np.nan_to_num((error**2).mean(axis=-1) / error.shape[-1], nan=0.0, posinf=0.0)
+    return Images(continued(values, known), known.astype(np.uint8), texture_floor(values, variance, known))
 
 
 def view_depths(field: LightField, disparity: Floats) -> Floats:

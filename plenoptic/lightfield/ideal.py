@@ -20,6 +20,7 @@ from plenoptic.camera.points.projection_rows import lenses_with
 from plenoptic.camera.report.optics import lateral_magnification, object_plane
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
+from plenoptic.lightfield.object_planes import front_of
 from plenoptic.lightfield.outward_rays import chief_rays, met, rays_of_openings
 from plenoptic.optics.microlens.array import MicrolensArray
 
@@ -82,11 +83,6 @@ def planes_in_front(camera: PlenopticCamera, behind: Floats) -> list[IdealPlane]
             larger = lateral_magnification(camera.lens, z, camera.wavelength)
             found.append(IdealPlane(z, z_image, camera.microlenses_to_sensor / distance, distance, larger))
     return found
-
-
-def front_of(camera: PlenopticCamera) -> float:
-    """Where the lens begins, in its axes."""
-    return min(0.0, float(camera.lens.vertices[0]))
 
 
 def z_at(planes: Planes, behind: Floats) -> Floats:

@@ -13,17 +13,15 @@ from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.points.centres import CentreMethod, microlens_centres
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
-from plenoptic.lightfield.matching import Images, Pairs, continued
+from plenoptic.lightfield.matching import Images, Pairs, continued, texture_floor
 from plenoptic.lightfield.planes import RawPlanes
 from plenoptic.optics.microlens.array import MicrolensArray
-from plenoptic.optics.microlens.lattice import neighbour_steps
+from plenoptic.optics.microlens.lattice import neighbour_steps, rows_of
 
 _RINGS = 3.05
 """Pitches up to which microlenses are compared."""
 _ROOM = 2
 """Pixels around the image of a microlens, for reading between pixels."""
-_LEAST_NOISE = 1e-3
-"""Standard deviation over the mean radiance below which differences do not count as texture."""
 
 
 class LensImages(NamedTuple):
@@ -47,12 +45,10 @@ class LensImages(NamedTuple):
     """From a microlens to its neighbours, in lattice indices."""
     pitch: float
     """Of the microlenses, the smaller one, over that of the pixels."""
-    noise: float
-    """Variance of a pixel, the median of microlenses; 0 where it is not known."""
 
     def neighbours(self, lens: NDArray[np.int64]) -> NDArray[np.int64]:
         """(n, 4 or 6): the microlenses around some (n,); -1 where one is missing."""
-        return np.stack([_lookup(self.index, self.index[lens] + step) for step in self.steps], axis=1)
+        return np.stack([rows_of(self.index, self.index[lens] + step) for step in self.steps], axis=1)
 
     def rows_and_columns(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Of all pixels in the raw image, (k, n, 1) and (k, 1, n)."""
@@ -88,8 +84,7 @@ def lens_images(camera: PlenopticCamera, array: MicrolensArray, planes: RawPlane
     values, variance = _radiance(planes)
     found = values[place]
     known = inside & within & np.isfinite(found)
-    noise, least = _mean_of(variance[place], known), (_LEAST_NOISE * _mean_of(found, known)) ** 2
-    images = Images(continued(found, known), known.astype(np.uint8), np.maximum(np.maximum(noise, least), 1e-30))
+    images = Images(continued(found, known), known.astype(np.uint8), texture_floor(found, variance[place], known))
     return LensImages(
         images=images,
         pairs=pairs,
@@ -101,29 +96,13 @@ def lens_images(camera: PlenopticCamera, array: MicrolensArray, planes: RawPlane
         type=centres.type[near],
         steps=neighbour_steps(array.lattice),
         pitch=pitch,
-        noise=float(np.median(noise)),
     )
-
-
-def _mean_of(values: Floats, known: NDArray[np.bool_]) -> Floats:
-    """(k,): the mean of what is known of pictures (k, rows, columns); 0 of nothing."""
-    return np.asarray(np.where(known, values, 0.0).sum(axis=(1, 2)) / np.maximum(known.sum(axis=(1, 2)), 1))
 
 
 def _straight(camera: PlenopticCamera, index: NDArray[np.int64]) -> Floats:
     """Where microlenses lie straight behind the array, in pixels of the sensor."""
     found = microlens_centres(camera, CentreMethod.ORTHOGONAL, margin=0.5 * max(camera.sensor.size))
-    return np.asarray(found.pixel[_lookup(found.index, index)])
-
-
-def _lookup(listed: NDArray[np.int64], wanted: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Rows of lattice indices (n, 2) among the listed ones (k, 2), -1 where they are missing."""
-    low, high = listed.min(axis=0), listed.max(axis=0)
-    table = np.full(high - low + 1, -1, dtype=np.int64)
-    table[tuple((listed - low).T)] = np.arange(len(listed))
-    inside = ((wanted >= low) & (wanted <= high)).all(axis=1)
-    place = np.where(inside[:, None], wanted - low, 0)
-    return np.where(inside, table[place[:, 0], place[:, 1]], -1)
+    return np.asarray(found.pixel[rows_of(found.index, index)])
 
 
 def _radiance(planes: RawPlanes) -> tuple[Floats, Floats]:
@@ -144,7 +123,7 @@ def _pairs(
     apart = np.hypot(*(steps @ array.basis).T)
     order = np.argsort(apart, kind="stable")
     steps = steps[order][apart[order] <= _RINGS * min(array.pitches)]
-    other = np.stack([_lookup(index, index + step) for step in steps], axis=1)
+    other = np.stack([rows_of(index, index + step) for step in steps], axis=1)
     lens, place = np.nonzero(other >= 0)
     chosen = other[lens, place]
     between = straight[chosen] - straight[lens]

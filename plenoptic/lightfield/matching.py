@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 from plenoptic.core.parallel import run_in_order
 from plenoptic.core.values import Floats
 
+_LEAST_NOISE = 1e-3
+"""Standard deviation over the mean radiance below which differences do not count as texture."""
+
 
 class Images(NamedTuple):
     """Pictures of one size, (k, rows, columns)."""
@@ -111,6 +114,13 @@ def matched(images: Images, pairs: Pairs, sweep: Sweep, threads: int) -> tuple[F
     for _ in run_in_order(work, range(0, count, together), threads=threads):
         pass
     return disparity, error, share
+
+
+def texture_floor(values: Floats, variance: Floats, known: NDArray[np.bool_]) -> Floats:
+    """(k,): variance up to which differences within pictures (k, rows, columns) are no texture: that of their noise."""
+    count = np.maximum(known.sum(axis=(1, 2)), 1)
+    mean, noise = (np.where(known, part, 0.0).sum(axis=(1, 2)) / count for part in (values, variance))
+    return np.asarray(np.maximum(np.maximum(noise, (_LEAST_NOISE * mean) ** 2), 1e-30))
 
 
 def continued(values: Floats, known: NDArray[np.bool_]) -> NDArray[np.float32]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from plenoptic.core.values import Floats, value
 from plenoptic.optics.microlens.array import MicrolensArray
-from plenoptic.optics.microlens.lattice import Lattice
+from plenoptic.optics.microlens.lattice import Lattice, rows_of
 
 _ROUNDING = 1e-9
 """Weights below it count as 0: a pixel that lies on a microlens depends on no other."""
@@ -167,7 +167,7 @@ class Lenses(NamedTuple):
 
 def _linear(lenses: Lenses, points: Floats, nodes: NDArray[np.int64], weight: Floats) -> Weights:
     """Weights of the corners of a mesh, changed so little that linear functions are right where lenses stand."""
-    rows = _rows_of(lenses.lens, nodes)
+    rows = rows_of(lenses.lens, nodes)
     place = np.where(rows[..., None] >= 0, lenses.built[rows], nodes @ lenses.basis) - points[:, None]
     scale = float(np.abs(lenses.basis).max())
     table = np.concatenate([np.ones((*rows.shape, 1)), place / scale], axis=2)
@@ -195,7 +195,7 @@ def _cubic(lenses: Lenses, points: Floats, on_lattice: Floats, *, own: bool) -> 
 def _cubic_block(lenses: Lenses, points: Floats, on_lattice: Floats, own: bool) -> Weights:
     steps = np.stack(np.meshgrid(*[np.arange(-_REACH, _REACH + 1)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
     nodes = np.rint(on_lattice).astype(np.int64)[:, None] + steps
-    rows = _rows_of(lenses.lens, nodes)
+    rows = rows_of(lenses.lens, nodes)
     scale = float(np.sqrt(abs(np.linalg.det(lenses.basis))))
     beside = (np.where(rows[..., None] >= 0, lenses.built[rows], nodes @ lenses.basis) - points[:, None]) / scale
     far = (beside**2).sum(axis=2)
@@ -246,13 +246,3 @@ def _split(place: Floats) -> tuple[NDArray[np.int64], Floats]:
 def _cleaned(weight: Floats) -> Floats:
     kept = np.where(weight > _ROUNDING, weight, 0.0)
     return np.asarray(kept / kept.sum(axis=1, keepdims=True))
-
-
-def _rows_of(index: NDArray[np.int64], nodes: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Rows in `index` (n, 2) of lattice points (..., 2); -1 where it has none."""
-    low, high = index.min(axis=0), index.max(axis=0)
-    table = np.full(tuple(high - low + 1), -1, dtype=np.int64)
-    table[tuple((index - low).T)] = np.arange(len(index))
-    inside = ((nodes >= low) & (nodes <= high)).all(axis=-1)
-    i, j = np.moveaxis(np.clip(nodes, low, high) - low, -1, 0)
-    return np.where(inside, table[i, j], -1)

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.camera.model_pupil import model_pupil
-from plenoptic.camera.report.optics import image_plane
 from plenoptic.core.values import Floats, number, result
 from plenoptic.errors import InvalidValueError
+from plenoptic.lightfield.object_planes import behind_array
 from plenoptic.truth.channels import GroundTruth, Truth
 
 if TYPE_CHECKING:
@@ -173,12 +173,7 @@ class LightField:
         camera = self.camera
         if camera is None:
             return self._between_cameras(place)
-        front = min(0.0, float(camera.lens.vertices[0]))
-        if not place < front:
-            raise InvalidValueError(
-                f"z is {place:g} mm; the plane must lie in front of the camera, beyond its lens at z = {front:g} mm"
-            )
-        behind = image_plane(camera.lens, place, camera.wavelength) - camera.stop_to_microlenses
+        behind = behind_array(camera, place)
         pupil, _ = model_pupil(camera)
         gap = camera.stop_to_microlenses - pupil
         # e / (D + e) times D, with both at any distance.

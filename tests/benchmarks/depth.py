@@ -113,7 +113,7 @@ def _views(quick: bool) -> Table:
         white = pl.render_white(camera, samples=64, progress=False)
         for z in (-470.0,) if quick else (-420.0, -470.0, -560.0, -700.0):
             side = abs(0.217 / pl.paraxial.magnification(camera.lens, z)) * 256
-            texture = pl.Texture(np.clip(0.5 + 0.2 * scenes.noise(3), 0.02, 1.0)[..., None].astype(np.float32))
+            texture = pl.Texture(np.clip(0.5 + 0.2 * reference.noise(3, 512), 0.02, 1.0)[..., None].astype(np.float32))
             corner, right, up = (-side / 2, -side / 2, z), (side, 0, 0), (0, side, 0)
             scene = pl.Scene([pl.quad(corner, right, up, material=pl.Emissive(texture))])
             field = pl.lightfield.decode(pl.render(scene, camera, samples=64, progress=False), white)

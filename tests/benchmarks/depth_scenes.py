@@ -65,20 +65,15 @@ def plane(
     z = object_plane(camera.lens, camera.stop_to_microlenses + v * camera.microlenses_to_sensor, camera.wavelength)
     scale = abs(v * camera.sensor.pixel_pitch / lateral_magnification(camera.lens, z, camera.wavelength))
     side, slope = scale * _TEXELS, math.tan(math.radians(tilt))
-    common = noise(seed)
-    picture = np.stack([0.5 * (common + noise(seed + 100 * k)) if colours > 1 else common for k in range(colours)], -1)
+    common = reference.noise(seed, _TEXELS)
+    own = (
+        [0.5 * (common + reference.noise(seed + 100 * k, _TEXELS)) for k in range(colours)] if colours > 1 else [common]
+    )
+    picture = np.stack(own, -1)
     texture = pl.Texture(np.clip(0.5 + contrast * picture, 0.02, 1.0).astype(np.float32))
     left = 0.3 * scale if right else -0.5 * side
     corner = (left, -0.5 * side, z - 0.5 * slope * side)
     return pl.quad(corner, (side, 0.0, slope * side), (0.0, side, 0.0), material=pl.Emissive(texture))
-
-
-def noise(seed: int, size: int = _TEXELS) -> np.ndarray:
-    """Noise (size, size) whose amplitudes fall as 1 / frequency, of mean 0 and standard deviation 1."""
-    frequency = np.hypot(*np.meshgrid(*[np.fft.fftfreq(size)] * 2))
-    frequency[0, 0] = 1.0
-    found = np.fft.ifft2(np.fft.fft2(np.random.default_rng(seed).normal(size=(size, size))) / frequency).real
-    return (found - found.mean()) / found.std()
 
 
 def near_centres(camera: pl.PlenopticCamera, shot: pl.Exposure, part: float = 7.0 / 22.0) -> np.ndarray:

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
+import reference
 from numpy.typing import NDArray
 from table import Table
 
@@ -38,11 +39,7 @@ class Card(NamedTuple):
     """In its image, mm."""
 
     def texture(self) -> Floats:
-        rng = np.random.default_rng(int(100 * self.virtual_depth))
-        frequency = np.hypot(*np.meshgrid(*[np.fft.fftfreq(_TEXELS)] * 2))
-        frequency[0, 0] = 1.0
-        noise = np.fft.ifft2(np.fft.fft2(rng.normal(size=(_TEXELS, _TEXELS))) / frequency).real
-        noise = 0.5 + 0.2 * (noise - noise.mean()) / noise.std()
+        noise = 0.5 + 0.2 * reference.noise(int(100 * self.virtual_depth), _TEXELS)
         return np.clip(noise, 0.02, 1.0)[: self.texels, : self.texels]
 
     def placed(self, camera: pl.PlenopticCamera) -> tuple[float, float, float, float]:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import enum
 
+import numpy as np
+
 import plenoptic as pl
 
 
@@ -37,3 +39,16 @@ def exposed(scene: pl.Scene | None, camera: pl.PlenopticCamera, **settings: obje
         settings.pop("truth", None)
         return pl.render_white(camera, progress=False, **settings)
     return pl.render(scene, camera, progress=False, **settings)
+
+
+def noise(seed: int, size: int, *, sides: tuple[float, float] = (1.0, 1.0), shortest: float = 0.0) -> np.ndarray:
+    """(size, size): noise whose amplitudes fall as 1 / frequency, of mean 0 and standard deviation 1.
+
+    On a rectangle of some height and width; waves shorter than `shortest` are left out.
+    """
+    down, right = np.meshgrid(*(np.fft.fftfreq(size, side / size) for side in sides), indexing="ij")
+    frequency = np.hypot(down, right)
+    passed = frequency * shortest < 1.0
+    frequency[0, 0] = np.inf
+    found = np.fft.ifft2(np.fft.fft2(np.random.default_rng(seed).normal(size=(size, size))) / frequency * passed).real
+    return found / found.std()

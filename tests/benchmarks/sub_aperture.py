@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+import reference
 from matplotlib.tri import LinearTriInterpolator, Triangulation
 from table import Table
 
@@ -76,20 +77,11 @@ def planes(z: float, shortest: float) -> pl.Scene:
     quads = []
     for number, (left, width, part) in enumerate(places):
         height = max(width, 40)
-        texture = pl.Texture(noise(np.random.default_rng(number), width, height, shortest))
+        grey = 0.5 + 0.2 * reference.noise(number, 1024, sides=(height, width), shortest=shortest)
+        texture = pl.Texture(np.clip(grey, 0.02, 1.0)[..., None].astype(np.float32))
         corner = (left, -height / 2, part * z)
         quads.append(pl.quad(corner, (width, 0, 0), (0, height, 0), material=pl.Emissive(texture)))
     return pl.Scene(quads)
-
-
-def noise(rng: np.random.Generator, width: float, height: float, shortest: float, size: int = 1024) -> np.ndarray:
-    """(size, size, 1): amplitudes that fall as 1/f, as seen on a rectangle in mm."""
-    down, right = np.meshgrid(np.fft.fftfreq(size, height / size), np.fft.fftfreq(size, width / size), indexing="ij")
-    frequency = np.hypot(down, right)
-    frequency[0, 0] = np.inf
-    passed = frequency * shortest < 1.0 if shortest else 1.0
-    found = np.fft.ifft2(np.fft.fft2(rng.normal(size=(size, size))) / frequency * passed).real
-    return np.clip(0.5 + 0.2 * found / found.std(), 0.02, 1.0)[..., None].astype(np.float32)
 
 
 def through_pinhole(

@@ -208,5 +208,7 @@ def test_jpeg_pleno_gets_columns_and_rows_of_views(tmp_path, square):
     linear = np.where(seen <= 0.04045, seen / 12.92, ((seen + 0.055) / 1.055) ** 2.4)
     view = np.clip(np.nan_to_num(field.view(1, -1)[..., 0]) / np.nanpercentile(field.views, 99.9), 0, 1)
     np.testing.assert_allclose(linear, view, atol=0.002)
+    with pytest.raises(FileError, match="8 views of another light field"):
+        pl.export.jpeg_pleno(tmp_path, pl.lightfield.decode(shot, white, views=1))
     again = pl.lightfield.read_views(tmp_path, (3, 3))
     np.testing.assert_allclose(again.view(1, -1)[..., 0], view, atol=0.002)

@@ -14,6 +14,7 @@ from plenoptic.lightfield import depth, disparity_scores
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
 
 import depth_scenes as scenes
+import reference
 
 TRUTH = pl.Truth.CHORD_DISPARITY | pl.Truth.DEPTH
 CAMERA = scenes.focused()
@@ -184,7 +185,7 @@ def test_decoded_views_have_the_disparity_of_their_plane():
     sensor = pl.Sensor(shape=(286, 286), pixel_pitch=0.01)
     camera = dataclasses.replace(CAMERA, lens=lens, sensor=sensor, microlenses_to_sensor=2.0)
     side = abs(0.217 / pl.paraxial.magnification(lens, -470.0)) * 256
-    texture = pl.Texture(np.clip(0.5 + 0.2 * scenes.noise(3), 0.02, 1.0)[..., None].astype(np.float32))
+    texture = pl.Texture(np.clip(0.5 + 0.2 * reference.noise(3, 512), 0.02, 1.0)[..., None].astype(np.float32))
     corner = (-side / 2, -side / 2, -470.0)
     scene = pl.Scene([pl.quad(corner, (side, 0, 0), (0, side, 0), material=pl.Emissive(texture))])
     shot = pl.render(scene, camera, samples=16, progress=False)

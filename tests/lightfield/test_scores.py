@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 import plenoptic as pl
 from plenoptic.errors import InvalidValueError
-from plenoptic.lightfield import disparity_scores
+from plenoptic.lightfield import disparity_edges, disparity_scores
 
 
 def test_uniform_errors_have_closed_forms():
@@ -49,6 +49,30 @@ def test_what_is_not_known_does_not_count_and_types_add_up():
     assert str(scores).splitlines()[0].split()[:3] == ["pixels", "kept", "%"] and len(str(scores).splitlines()) == 5
     nothing = disparity_scores(np.full((2, 2), np.nan), np.ones((2, 2)))
     assert nothing.pixels == 0 and nothing.kept == 0 and np.isnan(nothing.mse)
+
+
+def test_bumpiness_is_the_norm_of_second_derivatives():
+    """Of the error a (x^2 + 2 x y): Hessian (2 a, 2 a; 2 a, 0), norm 2 a sqrt(3), exact by central differences."""
+    y, x = np.mgrid[0:20, 0:30].astype(float)
+    truth = np.full(x.shape, 3.0)
+    for a in (1e-3, 0.1):
+        found = disparity_scores(truth + a * (x**2 + 2 * x * y), truth)
+        assert found.bumpiness == pytest.approx(100 * min(2 * a * np.sqrt(3), 0.05), rel=1e-9)
+    slanted = disparity_scores(truth + 0.3 * x - 0.2 * y, truth, where=x < 15)
+    assert slanted.bumpiness == pytest.approx(0.0, abs=1e-9)
+    assert np.isnan(disparity_scores(truth[:4], truth[:4]).bumpiness)
+
+
+def test_edges_are_where_the_truth_steps():
+    truth = np.full((9, 9), 4.0)
+    truth[4, 4], truth[0, 0] = 4.3, np.nan
+    edges = disparity_edges(truth)
+    expected = np.zeros((9, 9), dtype=bool)
+    expected[4, 2:7] = expected[2:7, 4] = expected[0, :3] = expected[:3, 0] = True
+    np.testing.assert_array_equal(edges, expected)
+    assert not disparity_edges(np.full((5, 5), 4.0) + 0.04 * np.eye(5)).any()
+    with pytest.raises(InvalidValueError, match="step"):
+        disparity_edges(truth, step=-1.0)
 
 
 def test_impossible_maps_are_refused():

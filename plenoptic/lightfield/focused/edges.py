@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from plenoptic.core.values import Floats
 from plenoptic.lightfield.focused.pixel_rays import PixelRays
+from plenoptic.lightfield.focused.splats import by_cell
 
 _FAT = 4
 """Pixels by which surfaces reach beyond their edges in estimated maps, at most."""
@@ -81,14 +82,11 @@ def _places(rays: PixelRays, nearness: Floats, spacing: float) -> Floats:
 
 def _in_cells(rays: PixelRays, nearness: Floats, light: Floats, spacing: float) -> Cells:
     place = _places(rays, nearness, spacing)
-    number = np.flatnonzero(np.isfinite(place).all(axis=1))
-    cell = np.rint(place[number]).astype(np.int64)
-    low = cell.min(axis=0, initial=0)
-    rows, columns = (cell.max(axis=0, initial=0) - low + 1).tolist()
-    flat = (cell - low) @ (columns, 1)
-    first = np.concatenate([[0], np.cumsum(np.bincount(flat, minlength=rows * columns))])
-    number = number[np.argsort(flat, kind="stable")]
-    return Cells(first, number, (int(low[0]), int(low[1])), (rows, columns), place, nearness, light, rays.lens)
+    known, cell = np.asarray(np.isfinite(place).all(axis=1)), np.rint(place)
+    low, high = cell[known].min(axis=0, initial=0), cell[known].max(axis=0, initial=0)
+    shape = (int(high[0] - low[0]) + 1, int(high[1] - low[1]) + 1)
+    first, number = by_cell(cell - low, known, shape)
+    return Cells(first, number, (int(low[0]), int(low[1])), shape, place, nearness, light, rays.lens)
 
 
 def unmixed(rays: PixelRays, nearness: Floats, blur: Floats, depth: float) -> Floats:

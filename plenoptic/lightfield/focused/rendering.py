@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike
 
 from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.camera.report.optics import image_plane
 from plenoptic.core.parallel import thread_count
 from plenoptic.core.values import Floats, finite, length_in_mm, numbers, positive
+from plenoptic.core.warn import warn
 from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield.estimation import focused_array
 from plenoptic.lightfield.focused.edges import corrected, light_of, unmixed
@@ -28,6 +28,7 @@ from plenoptic.lightfield.focused.splats import (
     surface_depth,
 )
 from plenoptic.lightfield.focused.view import View
+from plenoptic.lightfield.object_planes import behind_array
 from plenoptic.lightfield.planes import RawPlanes, camera_of, checked_viewpoint, raw_planes, share_of_light
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.rendering.exposure import Exposure
@@ -178,6 +179,11 @@ def rendered(samples: Samples, viewpoint: tuple[float, float], aperture: float, 
     area = _area(samples.seen, aperture) / grid.spacing**2
     surfaces = Surfaces(surface_depth(pupil, grid.spacing), area, terms)
     canvas = splatted(sorted_splats(grid, on_array, splats), grid, surfaces, threads)
+    if not np.isfinite(canvas.picture).any():
+        warn(
+            f"the picture from viewpoint {viewpoint} is empty: no pixel's light passes there, or nowhere do they lie "
+            "dense enough; take a place within the iris, -1 to 1, and no smaller aperture than a pixel sees"
+        )
     # Where all samples lie on one side of a pixel, what is fitted to them may run away.
     low, high = (
         edge(splats.radiance, axis=0, where=np.isfinite(splats.radiance), initial=0.0) for edge in (np.min, np.max)
@@ -228,13 +234,7 @@ def focus_of(seen: Seen, disparity: ArrayLike | None, z: float | None = None) ->
 
 
 def _of_plane(seen: Seen, z: float) -> Floats:
-    camera = seen.camera
-    front = min(0.0, float(camera.lens.vertices[0]))
-    if not z < front:
-        raise InvalidValueError(
-            f"z is {z:g} mm; the plane must lie in front of the camera, beyond its lens at z = {front:g} mm"
-        )
-    behind = image_plane(camera.lens, z, camera.wavelength) - camera.stop_to_microlenses
+    behind = behind_array(seen.camera, z)
     if behind == 0:
         raise InvalidValueError(
             f"z is {z:g} mm, which the lens images onto the microlenses: they do not show it; take another plane"

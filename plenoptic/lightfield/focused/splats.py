@@ -157,13 +157,19 @@ def sorted_splats(grid: Grid, on_array: Floats, samples: Splats) -> Splats:
         nearest = np.rint(places)
         cell = nearest - grid.first
         inside = ((cell >= 0) & (cell < grid.shape)).all(axis=1) & np.isfinite(samples.nearness)
-    kept = np.flatnonzero(inside)
-    number = cell[kept].astype(np.int64) @ (grid.shape[1], 1)
-    kept = kept[np.argsort(number, kind="stable")]
-    counts = np.bincount(number, minlength=math.prod(grid.shape))
+    first, kept = by_cell(cell, inside, grid.shape)
     chosen = [None if part is None else np.ascontiguousarray(part[kept]) for part in samples[2:]]
-    first = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
     return Splats(first, np.ascontiguousarray((places - nearest)[kept]), *chosen)  # type: ignore[arg-type]
+
+
+def by_cell(
+    cell: Floats, inside: NDArray[np.bool_], shape: tuple[int, int]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Samples in cells (n, 2) that are inside, cell by cell: where those of each begin, and last end; their numbers."""
+    kept = np.flatnonzero(inside)
+    flat = cell[kept].astype(np.int64) @ (shape[1], 1)
+    first = np.concatenate([[0], np.cumsum(np.bincount(flat, minlength=math.prod(shape)))]).astype(np.int64)
+    return first, kept[np.argsort(flat, kind="stable")]
 
 
 def splatted(splats: Splats, grid: Grid, surfaces: Surfaces, threads: int) -> Canvas:

@@ -100,3 +100,13 @@ def default_pattern(types: int) -> NDArray[np.int64]:
     """
     i, j = np.meshgrid(np.arange(types), np.arange(types), indexing="ij")
     return np.asarray((i - j) % types, dtype=np.int64)
+
+
+def rows_of(index: NDArray[np.int64], nodes: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Rows in `index` (n, 2) of lattice points (..., 2); -1 where it has none."""
+    low, high = index.min(axis=0), index.max(axis=0)
+    table = np.full(tuple(high - low + 1), -1, dtype=np.int64)
+    table[tuple((index - low).T)] = np.arange(len(index))
+    inside = ((nodes >= low) & (nodes <= high)).all(axis=-1)
+    i, j = np.moveaxis(np.clip(nodes, low, high) - low, -1, 0)
+    return np.where(inside, table[i, j], -1)
