@@ -169,7 +169,10 @@ def pyolaf(folder: str | os.PathLike[str], shot: Exposure, white: Exposure) -> N
         "n": 1.0,
     }
     write_file(target / "config.yaml", "".join(f"{name}: {value}\n" for name, value in said.items()).encode("ascii"))
-    how = "config.yaml: lengths in um. calib.tif: white image; example.tif: raw image."
+    how = (
+        "config.yaml: lengths in um. calib.tif: white image; example.tif: raw image.\n"
+        "Its search for lenses wants images of less than 0.7 of their distance: stop the lens of calib.tif down."
+    )
     write_readme(target, "pyolaf", how, "errors, truth, several focal lengths.", scales)
 
 

@@ -34,11 +34,14 @@ for name in ("torch", "torchvision", "torchvision.transforms"):
 @pytest.fixture(scope="module")
 def programs(tmp_path_factory):
     """The folder with their Python and commands."""
-    folder = tmp_path_factory.mktemp("programs") / "env"
-    steps = [[sys.executable, "-m", "venv", str(folder)]]
+    return installed(tmp_path_factory.mktemp("programs"), ["--no-deps", *PROGRAMS], ["-r", str(LIBRARIES)])
+
+
+def installed(folder, *wanted):
+    """The commands of a new environment with what pip is to install, step by step."""
+    folder = folder / "env"
     pip = [str(folder / "bin" / "python"), "-m", "pip", "install", "-q"]
-    steps += [[*pip, "--no-deps", *PROGRAMS], [*pip, "-r", str(LIBRARIES)]]
-    for step in steps:
+    for step in ([sys.executable, "-m", "venv", str(folder)], *([*pip, *part] for part in wanted)):
         done = subprocess.run(step, capture_output=True, text=True)
         if done.returncode:
             pytest.skip(f"cannot be installed: {done.stderr[-300:]}")
@@ -125,3 +128,35 @@ print("FOUND", json.dumps([list(camera.get_decoded_image(0).shape), points.tolis
     # Its grid ends before the border.
     inside = off < 3.0
     assert inside.mean() > 0.9 and np.sqrt(np.mean(off[inside] ** 2)) < 0.1
+
+
+def test_pyolaf_loads_our_microscope_and_finds_its_lenses(tmp_path):
+    camera = pl.PlenopticCamera(
+        lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=3.5)),
+        microlenses=pl.MicrolensArray(pitch=0.147, focal_lengths=(1.2,), lattice=pl.Lattice.SQUARE),
+        sensor=pl.Sensor(shape=(500, 600), pixel_pitch=0.01),
+        stop_to_microlenses=134.6,
+        microlenses_to_sensor=1.2,
+    )
+    white = pl.render_white(camera, samples=16, progress=False)
+    pl.export.pyolaf(tmp_path, white, white)
+    script = """
+import json, numpy as np, tifffile
+from pyolaf.geometry import LFM_processWhiteImage, LFM_setCameraParams
+camera = LFM_setCameraParams("config.yaml", 15)
+pitch = camera["lensPitch"] / camera["pixelPitch"]
+model, centres = LFM_processWhiteImage(tifffile.imread("calib.tif"), pitch, "reg", False)
+print("FOUND", json.dumps([camera["M"], float(model["HSpacing"]), np.asarray(centres).reshape(-1, 2).tolist()]))
+"""
+    bin_folder = installed(tmp_path, ["pyolaf==0.2.1"])
+    said = run(tmp_path, [str(bin_folder / "python"), "-c", script])
+    lines = [line for line in said.splitlines() if line.startswith("FOUND")]
+    assert lines, said[-3000:]
+    larger, spacing, centres = json.loads(lines[0][6:])
+    known, found = pl.microlens_centres(camera).pixel, np.array(centres)[:, ::-1]
+    inside = ((found > 15) & (found < np.array(camera.sensor.shape) - 15)).all(axis=1)
+    assert larger == pytest.approx(abs(pl.paraxial.magnification(camera.lens, float(camera.report().array_plane))))
+    # It looks for whole pixels, and needs images that do not touch: where they fill 0.95 of their distance, it is 2 px
+    # off.
+    assert spacing == pytest.approx(np.abs(np.diff(np.unique(known[:, 1].round(3)))).max(), rel=1e-3)
+    assert inside.sum() > 1000 and np.sqrt(np.mean(distances(found[inside], known) ** 2)) < 0.2
