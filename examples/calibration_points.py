@@ -1,17 +1,16 @@
-# %% [markdown]
-# # Corners of a checkerboard, exactly
-#
-# Calibration looks for the corners of a checkerboard in raw images, where every microlens image shows some of them.
-# `pl.project` says where each corner lies in each, by tracing rays, so that what a detector finds has an exact answer.
-# Here that is a detector of the simplest kind: it moves to where all gradients around it point past it.
+"""
+Corners of a checkerboard, exactly
+==================================
+
+Calibration looks for the corners of a checkerboard in raw images, where every microlens image shows some of them.
+``pl.project`` says where each corner lies in each, by tracing rays, so that what a detector finds has an exact answer.
+Here that is a detector of the simplest kind: it moves to where all gradients around it point past it.
+"""
 
 # %%
 import os
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use("Agg")  # pictures go to files; leave this out in a notebook
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -24,12 +23,12 @@ SIDE = 64 if SMALL else 192  # pixels along the rendered crop
 output = Path("output/calibration_points")
 output.mkdir(parents=True, exist_ok=True)
 
-# %% [markdown]
-# ## Camera and board
+# %%
+# Camera and board
+# ----------------
 #
 # The focused camera before a board of 2 mm squares that leans by 25 degrees, from 390 mm to 418 mm away.
 
-# %%
 camera = pl.PlenopticCamera(
     lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=5.0)),
     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
@@ -59,19 +58,19 @@ corners = on_board(SQUARE * np.stack(np.meshgrid(np.arange(-7, 8), np.arange(-7,
 first = 256 - SIDE // 2
 crop = np.s_[first : first + SIDE, first : first + SIDE]
 shot = pl.render(scene, camera, samples=SAMPLES, region=crop, progress=False)
-white = pl.render_white(camera, samples=SAMPLES, region=crop, seed=1, progress=False)
+white = pl.render_white(camera, samples=SAMPLES // 2, region=crop, seed=1, progress=False)
 shot.save(output / "board.exr")
 projected = pl.project(camera, corners, scene=scene)
 print(projected)
 
-# %% [markdown]
-# ## Detected and true
+# %%
+# Detected and true
+# -----------------
 #
 # Corners that lie well within their microlens image are looked for in a window of 7 x 7 pixels, from a start that is
 # beside the truth by up to half a pixel. In the window, radiance is raw over white image. The point q that is nearest
 # to lying on all edges solves sum g g^T (q - p) = 0 over pixels p of gradient g.
 
-# %%
 seen = projected.selected(projected.visible & projected.passes)
 centres = pl.microlens_centres(camera)
 middle_of = {tuple(i): pixel for i, pixel in zip(centres.index.tolist(), centres.pixel, strict=True)}
@@ -109,20 +108,29 @@ mean, spread = error.mean(axis=0), error.std(axis=0)
 print(f"{len(truth)} corners in microlens images, {kept.sum()} detected")
 print("detected minus true / pixels: mean (rows, columns) ", np.round(mean, 4), ", spread", np.round(spread, 4))
 
-# %% [markdown]
-# ## Picture
+# %%
+# Picture
+# -------
 #
 # Circles are the truth and crosses what the detector finds, in a part of the raw image; the same for the depth of each
 # pixel's ray, which the renderer gives with the image.
 
-# %%
 figure, axes = plt.subplots(1, 3, figsize=(15, 4.6), layout="constrained")
 extent = (crop[1].start - 0.5, crop[1].stop - 0.5, crop[0].stop - 0.5, crop[0].start - 0.5)
 near = min(33, SIDE // 2)
 axes[0].imshow(shot.image[:, :, 0], cmap="gray", extent=extent, interpolation="nearest")
-axes[0].plot(seen.pixel[:, 1], seen.pixel[:, 0], ".", color="tab:orange", markersize=3, label="all that are visible")
-axes[0].plot(truth[:, 1], truth[:, 0], "o", color="lime", fillstyle="none", label="true, used")
-axes[0].plot(found[:, 1], found[:, 0], "x", color="red", label="detected")
+axes[0].plot(seen.pixel[:, 1], seen.pixel[:, 0], ".", color="#e69f00", markersize=3, label="all that are visible")
+axes[0].plot(
+    truth[:, 1],
+    truth[:, 0],
+    "o",
+    color="#56b4e9",
+    fillstyle="none",
+    markersize=9,
+    markeredgewidth=2,
+    label="true, used",
+)
+axes[0].plot(found[:, 1], found[:, 0], "x", color="#d55e00", markersize=7, label="detected")
 axes[0].set(xlim=(255.5 - near, 255.5 + near), ylim=(255.5 + near, 255.5 - near), title="raw image and corners")
 axes[0].legend(loc="upper right", fontsize=8)
 drawn = axes[1].imshow(np.ma.masked_invalid(shot.depth), extent=extent, interpolation="nearest")

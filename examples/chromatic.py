@@ -1,19 +1,18 @@
-# %% [markdown]
-# # Colour aberrations in one rendering
-#
-# Glass refracts blue more than red, and images of different colours have different sizes: lateral colour. T. Michels et
-# al., "Simulation of Plenoptic Cameras" (2018) name it as future work. Here every path draws a wavelength, is refracted
-# by the real glasses at it, and counts as the sensor's channels see it. The lens is a fisheye at 100 mm with much of
-# it; what is rendered is compared with chief rays that are traced wavelength by wavelength.
+"""
+Colour aberrations in one rendering
+===================================
+
+Glass refracts blue more than red, and images of different colours have different sizes: lateral colour. T. Michels et
+al., "Simulation of Plenoptic Cameras" (2018) name it as future work. Here every path draws a wavelength, is refracted
+by the real glasses at it, and counts as the sensor's channels see it. The lens is a fisheye at 100 mm with much of
+it; what is rendered is compared with chief rays that are traced wavelength by wavelength.
+"""
 
 # %%
 import dataclasses
 import os
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use("Agg")  # pictures go to files; leave this out in a notebook
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -27,13 +26,13 @@ Z = -1500.0
 output = Path("output/chromatic")
 output.mkdir(parents=True, exist_ok=True)
 
-# %% [markdown]
-# ## The camera
+# %%
+# The camera
+# ----------
 #
 # A focused plenoptic camera with an array designed for this lens, and a sensor with the sensitivities of a typical
-# colour camera. Without `sensitivity` it is traced at one wavelength, and colours are channels that go the same ways.
+# colour camera. Without ``sensitivity`` it is traced at one wavelength, and colours are channels that go the same ways.
 
-# %%
 lens = pl.load_lens("fisheye-100mm-f8")
 sensor = pl.Sensor(shape=(3200, 3200), pixel_pitch=0.010)
 one_colour = pl.design_camera(
@@ -44,12 +43,12 @@ seen = pl.sensitivities.colour_camera()
 spectral = dataclasses.replace(one_colour, sensitivity=seen)
 print(f"b = {spectral.microlenses_to_sensor:.3f} mm, virtual depth {spectral.report().focus[0].virtual_depth:.2f}")
 
-# %% [markdown]
-# ## Fringes
+# %%
+# Fringes
+# -------
 #
 # A checkerboard in black and white, on the axis and at the left border of the sensor. Both cameras spend as many paths.
 
-# %%
 board = pl.Scene(
     [mesh.translated(z=Z) for mesh in pl.checkerboard((900, 900), 12.0, even=pl.Emissive(1.0), odd=pl.Emissive(0.02))]
 )
@@ -63,13 +62,13 @@ for name, camera in (("one wavelength", one_colour), ("spectral", spectral)):
         shot.save(written[-1])
         print(f"{name}, {place}: relative error {100 * shot.relative_error:.2f} %, {shot.stats.seconds:.1f} s")
 
-# %% [markdown]
-# ## Lateral colour
+# %%
+# Lateral colour
+# --------------
 #
 # A white square of half a millimetre, seen by the main lens alone. Its image in each channel is a small spectrum, whose
 # centroid is the mean of where chief rays of all wavelengths arrive, weighted by the channel.
 
-# %%
 alone = pl.PlenopticCamera(
     lens=lens.with_stop(pl.CircularStop(0.4 * lens.stop.semi_diameter)), sensor=sensor, stop_to_microlenses=550.0
 ).focused_at(z=Z)

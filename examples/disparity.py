@@ -1,21 +1,20 @@
-# %% [markdown]
-# # Disparity between microlens images
-#
-# In a focused plenoptic camera (2.0) neighbouring microlenses see a point of the scene in different places. With
-# the main-lens image a distance a behind the array, microlenses p apart and the sensor b behind them, a point
-# moves, relative to the centres of the microlenses, by
-#
-#     p b / a
-#
-# from one microlens to the next. Here the edges in rendered microlens images are compared with that.
+"""
+Disparity between microlens images
+==================================
+
+In a focused plenoptic camera (2.0) neighbouring microlenses see a point of the scene in different places. With
+the main-lens image a distance a behind the array, microlenses p apart and the sensor b behind them, a point
+moves, relative to the centres of the microlenses, by::
+
+    p b / a
+
+from one microlens to the next. Here the edges in rendered microlens images are compared with that.
+"""
 
 # %%
 import os
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use("Agg")  # pictures go to files; leave this out in a notebook
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -27,13 +26,13 @@ SAMPLES = 64 if SMALL else 1024
 output = Path("output/disparity")
 output.mkdir(parents=True, exist_ok=True)
 
-# %% [markdown]
-# ## Camera and scene
+# %%
+# Camera and scene
+# ----------------
 #
 # The sensor has an odd number of pixels, so that one column lies on the axis; microlenses follow each other along
 # it. The scene is a half plane that shines below the axis.
 
-# %%
 camera = pl.PlenopticCamera(
     lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=5.0)),
     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,), lattice=pl.Lattice.HEXAGONAL),
@@ -51,14 +50,14 @@ def half_plane(z):
     return pl.Scene([pl.Mesh(corners, [[0, 1, 2], [0, 2, 3]], pl.Emissive(1.0))])
 
 
-# %% [markdown]
-# ## Where the edges are
+# %%
+# Where the edges are
+# -------------------
 #
 # The raw image divided by the white image is radiance: 0 above the edge and 1 below it. Around the centre of
 # each microlens, the number of bright pixels tells the place of the edge to a fraction of a pixel.
 
 
-# %%
 def edge_in(radiance, centre, reach=8.0):
     """Place of the edge, in pixels below the middle of the crop, within `reach` of a microlens's centre."""
     place = np.arange(len(radiance)) - len(radiance) // 2
@@ -82,13 +81,13 @@ for z in (-380.0, -404.0, -430.0):
     if z == -404.0:
         shot.save(output / "disparity.exr")
 
-# %% [markdown]
-# ## Profiles
+# %%
+# Profiles
+# --------
 #
 # The edge in the middle stays; those in the neighbours move with the distance of the half plane. What lies between
 # two microlens images is where both feed a pixel.
 
-# %%
 figure, ax = plt.subplots(figsize=(8, 4), layout="constrained")
 for z, radiance in profiles.items():
     ax.plot(np.arange(len(radiance)) - len(radiance) // 2, radiance, marker=".", label=f"{-z:.0f} mm")

@@ -1,11 +1,13 @@
-# %% [markdown]
-# # Scenes from files
-#
-# `load_file` reads meshes, materials, lights and cameras; glTF files have all of them. This script writes such a file
-# and renders it through its own camera. Then it shows well-known meshes, where they are there: the folder that the
-# environment variable PLENOPTIC_SHARED names should hold `assets/Duck.glb`, `assets/BoxTextured.glb` (both from
-# Khronos' sample assets), `assets/spot_triangulated.obj` with `assets/spot_texture.png` (Keenan Crane) and
-# `assets/stanford-bunny.obj` (Stanford Computer Graphics Laboratory).
+"""
+Scenes from files
+=================
+
+``load_file`` reads meshes, materials, lights and cameras; glTF files have all of them. This script writes such a file
+and renders it through its own camera. Then it shows well-known meshes, where they are there: the folder that the
+environment variable PLENOPTIC_SHARED names should hold ``assets/Duck.glb``, ``assets/BoxTextured.glb`` (both from
+Khronos' sample assets), ``assets/spot_triangulated.obj`` with ``assets/spot_texture.png`` (Keenan Crane) and
+``assets/stanford-bunny.obj`` (Stanford Computer Graphics Laboratory).
+"""
 
 # %%
 import base64
@@ -14,9 +16,6 @@ import math
 import os
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use("Agg")  # pictures go to files; leave this out in a notebook
 import matplotlib.pyplot as plt
 import numpy as np
 from PIL import Image, ImageDraw
@@ -30,13 +29,13 @@ SAMPLES = 8 if SMALL else 64
 output = Path("output/file_gallery")
 output.mkdir(parents=True, exist_ok=True)
 
-# %% [markdown]
-# ## A file with everything
+# %%
+# A file with everything
+# ----------------------
 #
 # A card of 20 x 12 cm stands on the ground, a point light hangs above on the left, and a camera looks at it. Lengths
 # are in metres. The origin of texture coordinates is the upper left corner of the image, as glTF has it.
 
-# %%
 label = Image.new("RGB", (80, 48), (240, 235, 220))
 draw = ImageDraw.Draw(label)
 draw.rectangle((0, 0, 79, 7), fill=(30, 90, 170))  # blue above
@@ -99,11 +98,10 @@ file = {
 contents = pl.load_file(output / "card.gltf")
 print(*contents.meshes, *contents.lights, *contents.views, sep="\n")
 
-# %% [markdown]
+# %%
 # A view says where the camera stands and how much it sees. A camera with a small hole sees as much if the sensor is
 # 2 b tan(angle / 2) high at the distance b behind it.
 
-# %%
 (view,) = contents.views
 height = 2 * 50.0 * math.tan(view.vertical_field_of_view / 2)
 camera = pl.PlenopticCamera(
@@ -116,14 +114,14 @@ shot = pl.render(scene, camera, samples=SAMPLES, progress=False)
 shot.save(output / "card.exr")
 pictures = {"card.gltf": shot.image}
 
-# %% [markdown]
-# ## Well-known meshes
+# %%
+# Well-known meshes
+# -----------------
 #
 # Files rarely have lights. These get a square lamp above on the left, and a dim world. The camera stands where the mesh
-# fills the picture; `towards` is the direction from the mesh to the camera. It sees the box from behind: on its front
+# fills the picture; ``towards`` is the direction from the mesh to the camera. It sees the box from behind: on its front
 # and right sides the file itself mirrors the picture.
 
-# %%
 shared = os.environ.get("PLENOPTIC_SHARED")
 assets = None if shared is None else Path(shared) / "assets"
 wanted = [

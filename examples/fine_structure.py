@@ -1,32 +1,31 @@
-# %% [markdown]
-# # Fine structure in both modes
-#
-# What the figure of T. Michels et al., "Simulation of Plenoptic Cameras" (2018) shows on a scene, here on a star whose
-# spokes get finer towards its middle, and in numbers: the contrast of gratings within a microlens image.
-#
-# With the main lens's image a distance a behind the array, the light of a point that a microlens of focal length f
-# takes up is spread, on a sensor at b, over a picture of the microlens's opening that is smaller by
-#
-#     1 - b / a - b / f
-#
-# which is 0 in the focused camera (2.0) and b / a with b = f (1.0). Contrast is then the Fourier transform of the
-# opening, at that size, times that of the pixel.
+"""
+Fine structure in both modes
+============================
+
+What the figure of T. Michels et al., "Simulation of Plenoptic Cameras" (2018) shows on a scene, here on a star whose
+spokes get finer towards its middle, and in numbers: the contrast of gratings within a microlens image.
+
+With the main lens's image a distance a behind the array, the light of a point that a microlens of focal length f
+takes up is spread, on a sensor at b, over a picture of the microlens's opening that is smaller by
+
+    1 - b / a - b / f
+
+which is 0 in the focused camera (2.0) and b / a with b = f (1.0). Contrast is then the Fourier transform of the
+opening, at that size, times that of the pixel.
+"""
 
 # %%
 import dataclasses
 import os
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use("Agg")  # pictures go to files; leave this out in a notebook
 import matplotlib.pyplot as plt
 import numpy as np
 
 import plenoptic as pl
 
 SMALL = os.environ.get("PLENOPTIC_EXAMPLE_SIZE") == "small"
-SAMPLES = 8 if SMALL else 128
+SAMPLES = 8 if SMALL else 512
 SIDE = 48 if SMALL else 256  # pixels along the rendered middle of the sensor
 FREQUENCIES = np.linspace(0.4, 2.1, 3 if SMALL else 13)  # line pairs per mm in the scene
 Z = -404.0
@@ -48,14 +47,14 @@ afocal = dataclasses.replace(
 )
 cameras = {"2.0": focused, "1.0": afocal}
 
-# %% [markdown]
-# ## Two kinds of scene
+# %%
+# Two kinds of scene
+# ------------------
 #
 # A star of 18 shining spokes of 7 mm, and gratings of bars. Both are geometry, so their edges are exact. The bars lean
 # by 15 degrees, so that rows of pixels see them at all phases.
 
 
-# %%
 def star(spokes=18, radius=7.0):
     """Shining triangles around the axis."""
     angle = 2 * np.pi * (np.arange(2 * spokes) + 0.5) / (2 * spokes)
@@ -78,10 +77,10 @@ def grating(frequency, half_size=12.0):
     return pl.Scene([bar.rotated_deg((0, 0, 1), np.degrees(LEAN)) for bar in bars])
 
 
-# %% [markdown]
-# ## The star
-
 # %%
+# The star
+# --------
+
 middle = slice(256 - SIDE // 2, 256 + SIDE // 2)
 stars, written = {}, []
 for mode, camera in cameras.items():
@@ -91,14 +90,14 @@ for mode, camera in cameras.items():
     written.append(path)
     print(f"star, {mode}: relative error {100 * shot.relative_error:.2f} %, {shot.stats.seconds:.1f} s")
 
-# %% [markdown]
-# ## Contrast
+# %%
+# Contrast
+# --------
 #
 # Raw over white image is radiance. In the middle of the microlens image on the axis, a constant, a wave of the
 # grating's frequency and one of three times that are fitted to it. The first wave of bars that are black and white has
 # the contrast 4 / pi where nothing is lost.
 
-# %%
 window = np.s_[250:262, 249:263]
 row, column = np.meshgrid(np.arange(250, 262) - 255.5, np.arange(249, 263) - 255.5, indexing="ij")
 
@@ -150,14 +149,14 @@ for mode, camera in cameras.items():
         found[mode].append(value)
         print(f"  {frequency:13.2f}  {cycles:13.3f}  {value[1]:9.3f}  {value[2]:9.3f} +- {value[3]:.3f}")
 
-# %% [markdown]
-# ## Both
+# %%
+# Both
+# ----
 #
 # The same part of the sensor in both modes: in mode 2.0 the spokes can be told apart nearly to the middle, in mode 1.0
 # they run together in an even grey where the blur is as wide as their distance; farther in, contrast comes back with
 # black and white exchanged, since the transform of the opening is negative there.
 
-# %%
 figure, axes = plt.subplots(2, 2, figsize=(10, 9.4), layout="constrained")
 detail = min(88, SIDE)
 low, high = 256 - detail // 2 - 0.5, 256 + detail // 2 - 0.5

@@ -1,19 +1,18 @@
-# %% [markdown]
-# # Imperfections in the white image
-#
-# Real arrays of microlenses are not what their drawing says: lenses stand a little beside their places, focal lengths
-# scatter, some lenses are dark, dust and scratches lie on array and sensor, and array and sensor are not quite
-# parallel. T. Michels et al. (2018) name this as future work. White images show all of it; here each flaw by itself,
-# larger than in a good camera, beside the design.
+"""
+Imperfections in the white image
+================================
+
+Real arrays of microlenses are not what their drawing says: lenses stand a little beside their places, focal lengths
+scatter, some lenses are dark, dust and scratches lie on array and sensor, and array and sensor are not quite
+parallel. T. Michels et al. (2018) name this as future work. White images show all of it; here each flaw by itself,
+larger than in a good camera, beside the design.
+"""
 
 # %%
 import dataclasses
 import os
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use("Agg")  # pictures go to files; leave this out in a notebook
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -26,13 +25,13 @@ SIDE = 64 if SMALL else 160  # pixels along the rendered crop
 output = Path("output/imperfections")
 output.mkdir(parents=True, exist_ok=True)
 
-# %% [markdown]
-# ## The design
+# %%
+# The design
+# ----------
 #
 # The camera of that paper in plenoptic mode 1.0, with a sensor of 20 mm x 20 mm. The crop lies at the right border of
 # the sensor, where tilts show.
 
-# %%
 design = pl.PlenopticCamera(
     lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=4.25)),
     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
@@ -55,10 +54,10 @@ def with_blemishes(site, **what):
     return dataclasses.replace(design, blemishes=(scattered,))
 
 
-# %% [markdown]
-# ## The flaws
-
 # %%
+# The flaws
+# ---------
+
 JITTER, DARK, TILT, GRAINS = 0.005, 0.1, np.radians(0.5), 12.0
 SENSOR, ARRAY = pl.BlemishSite.SENSOR, pl.BlemishSite.ARRAY
 cameras = {
@@ -81,8 +80,9 @@ for name, camera in cameras.items():
     share = white.image.mean() / whites["design"].image.mean()
     print(f"{name:30s} {100 * share:7.2f} % of the design's light; {white.stats.seconds:.2f} s")
 
-# %% [markdown]
-# ## What the numbers should be
+# %%
+# What the numbers should be
+# --------------------------
 #
 # Dark lenses take their share of the light, and dust on the pixels that of what it covers. Of a large sensor that is
 # the fraction of dark lenses and 1 - exp(-c), where grains of a mean coverage c lie at random: n pi r0^2 exp(2 s^2) for
@@ -90,7 +90,6 @@ for name, camera in cameras.items():
 # Jitter loses light too, since openings are cut where they are pushed into their neighbours' cells.
 
 
-# %%
 def lost(name):
     """Part of the light of the design that is missing."""
     return 1 - whites[name].image.mean() / whites["design"].image.mean()
@@ -125,12 +124,11 @@ print(f"light lost to dust on pixels   {lost('the same dust on the pixels'):8.4f
 jittered = moved("places jitter by 5 um")
 print(f"jitter / pixel                 {jittered.std():8.3f}   {'':12s}   {JITTER / 0.010:16.3f}")
 
-# %% [markdown]
+# %%
 # A tilted array comes nearer to the sensor on one side. The chief ray of a microlens at x goes on at the slope
 # x / (z of the array - exit pupil), so that its image moves by the slope times what is missing of the distance.
 # Nearer images are smaller and brighter, too.
 
-# %%
 pupil = pl.paraxial.cardinal_points(design.lens).exit_pupil
 at = np.array([x for x, _ in lenses.on_array[in_crop]]).mean()
 nearer = -at * np.sin(TILT)  # about y, points at negative x are turned towards the sensor
@@ -138,10 +136,10 @@ shift = at * (np.cos(TILT) - 1) - nearer * at / (design.stop_to_microlenses - pu
 tilted = moved("array tilted by 0.5 degrees")[:, 1]
 print(f"tilt: columns / pixel          {tilted.mean():8.3f}   {-shift / 0.010:12.3f}")
 
-# %% [markdown]
-# ## Pictures
-
 # %%
+# Pictures
+# --------
+
 figure, axes = plt.subplots(3, 6, figsize=(15.5, 8.4), layout="constrained", sharex=True, sharey=True)
 extent = (columns[0] - 0.5, columns[-1] + 0.5, rows[-1] + 0.5, rows[0] - 0.5)
 top = np.percentile(whites["design"].image, 99.8)

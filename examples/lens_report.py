@@ -1,17 +1,18 @@
-# %% [markdown]
-# # What a lens does
-#
-# The questions that a lens design program answers, asked of a double Gauss: where rays go, which surfaces cause
-# which aberrations, how large spots are, how the field bends, how much light reaches the corners and what contrast
-# is left. Then the same with one element a little out of place.
+"""
+What a lens does
+================
+
+The questions that a lens design program answers, asked of a double Gauss: where rays go, which surfaces cause
+which aberrations, how large spots are, how the field bends, how much light reaches the corners and what contrast
+is left. Then the same with one element a little out of place.
+"""
+
+# sphinx_gallery_thumbnail_number = 3
 
 # %%
 import os
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use("Agg")  # pictures go to files; leave this out in a notebook
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -24,24 +25,24 @@ POINTS = 5 if SMALL else 25
 output = Path("output/lens_report")
 output.mkdir(parents=True, exist_ok=True)
 
-# %% [markdown]
-# ## The lens
-#
-# `check` lists what looks wrong with a prescription: nothing, here. Half of the field of 43.6 degrees is 21.8.
-
 # %%
+# The lens
+# --------
+#
+# ``check`` lists what looks wrong with a prescription: nothing, here. Half of the field of 43.6 degrees is 21.8.
+
 lens = pl.load_lens("double-gauss-100mm-f2")
 fields = np.radians([0.0, 10.0, 18.0])
 print(pl.paraxial.cardinal_points(lens))
 print(*(lens.check() or ("nothing looks wrong",)), sep="\n")
 lens.layout(fields=fields).figure.savefig(output / "layout.png", dpi=120)
 
-# %% [markdown]
-# ## Third-order aberrations
+# %%
+# Third-order aberrations
+# -----------------------
 #
 # Every surface bends light wrongly by much more than the lens as a whole: they balance each other.
 
-# %%
 sums = pl.aberrations.seidel_sums(lens, field=fields[-1])
 print(sums)
 lines = np.linspace(430.0, 700.0, 28)
@@ -50,12 +51,12 @@ pl.plots.plot_seidel(sums, left)
 pl.plots.plot_chromatic_shift(pl.aberrations.chromatic_shift(lens, wavelengths=lines, reference=lines[16]), right)
 figure.savefig(output / "third_order.png", dpi=120)
 
-# %% [markdown]
-# ## Spots and fans, by exact rays
+# %%
+# Spots and fans, by exact rays
+# -----------------------------
 #
 # At the best focus on the axis. Each radius comes with its standard error.
 
-# %%
 focus = pl.aberrations.best_focus(lens, criterion=pl.FocusCriterion.RMS_SPOT)
 spots = [
     pl.aberrations.spot_diagram(lens, field=(0.0, field), z_image=focus, wavelength=(486.1, 587.6, 656.3), rays=RAYS)
@@ -69,10 +70,10 @@ for field, spot in zip(fields, spots, strict=True):
 pl.plots.plot_spots(spots).savefig(output / "spots.png", dpi=120)
 pl.plots.plot_ray_fan(pl.aberrations.ray_fan(lens, field=(0.0, fields[1]))).savefig(output / "fans.png", dpi=120)
 
-# %% [markdown]
-# ## Over the field
-
 # %%
+# Over the field
+# --------------
+
 field = np.linspace(0.0, fields[-1], POINTS)
 figure, axes = plt.subplots(2, 2, figsize=(11, 9), layout="constrained")
 pl.plots.plot_field_curvature(pl.aberrations.field_curvature(lens, field), axes[0, 0])
@@ -81,13 +82,13 @@ pl.plots.plot_vignetting(pl.aberrations.vignetting(lens, field), axes[1, 0])
 pl.plots.plot_relative_illumination(pl.aberrations.relative_illumination(lens, field), axes[1, 1])
 figure.savefig(output / "field.png", dpi=120)
 
-# %% [markdown]
-# ## Contrast, and what a tilted element does to it
+# %%
+# Contrast, and what a tilted element does to it
+# ----------------------------------------------
 #
 # The geometric modulation transfer function on the axis, of the lens stopped down to f/4 as it is designed and with
 # its first element tilted by a quarter of a degree. Diffraction is drawn for comparison and not part of it.
 
-# %%
 frequencies = np.linspace(0.0, 100.0, 51)
 stopped = lens.with_stop(pl.CircularStop(0.5 * lens.stop.semi_diameter))
 tilted = stopped.moved(slice(0, 2), tilt=(np.radians(0.25), 0.0, 0.0))

@@ -1,25 +1,25 @@
-# %% [markdown]
-# # Other main lenses
-#
-# The same lattice of microlenses behind every lens that comes with the package, at its full aperture and focused on the
-# same plane. What a plenoptic camera 1.0 needs to go with a lens is designed from traced rays: microlenses of its
-# f-number, so that their images fill the sensor. The exit pupil then decides how far apart these lie, how many of them
-# a sensor holds, and how they are cut off in its corner.
+"""
+Other main lenses
+=================
+
+The same lattice of microlenses behind lenses of five kinds that come with the package, each at its full aperture and
+focused on the same plane. What a plenoptic camera 1.0 needs to go with a lens is designed from traced rays: microlenses
+of its f-number, so that their images fill the sensor. The exit pupil then decides how far apart these lie, how many of
+them a sensor holds, and how they are cut off in its corner.
+"""
 
 # %%
 import os
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use("Agg")  # pictures go to files; leave this out in a notebook
 import matplotlib.pyplot as plt
 import numpy as np
 
 import plenoptic as pl
 
 SMALL = os.environ.get("PLENOPTIC_EXAMPLE_SIZE") == "small"
-NAMES = pl.lens_names()[:2] if SMALL else pl.lens_names()
+KINDS = ("achromat-100mm-f4.4", "double-gauss-100mm-f2", "telephoto-100mm-f2.8", "topogon-100mm-f6.3")
+NAMES = KINDS[:2] if SMALL else (*KINDS, "fisheye-100mm-f8")
 SAMPLES = 16 if SMALL else 128
 SIDE = 24 if SMALL else 66  # pixels along a crop: three microlens images
 PIXELS = 2800  # along the sensor of 28 mm
@@ -27,14 +27,14 @@ PIXELS = 2800  # along the sensor of 28 mm
 output = Path("output/main_lenses")
 output.mkdir(parents=True, exist_ok=True)
 
-# %% [markdown]
-# ## The cameras
+# %%
+# The cameras
+# -----------
 #
 # Microlens images are as wide as the microlens's distance from the sensor over the working f-number of the main lens.
 # Here they are to fill 95 % of their distance.
 
 
-# %%
 def behind(lens):
     """A plenoptic 1.0 camera with this main lens: focal length and distance of its microlenses are solved for."""
     return pl.design_camera(
@@ -55,12 +55,12 @@ def apart(camera):
     return float(np.linalg.norm(at[1, 0] - at[-1, 0]) / 2)
 
 
-# %% [markdown]
-# ## White images
+# %%
+# White images
+# ------------
 #
 # On the axis and in the upper left corner of the sensor. A microlens turns what it sees round.
 
-# %%
 middle = PIXELS // 2 - SIDE // 2
 places = {"axis": np.s_[middle : middle + SIDE, middle : middle + SIDE], "corner": np.s_[0:SIDE, 0:SIDE]}
 written = []

@@ -1,38 +1,37 @@
-# %% [markdown]
-# # Three kinds of microlenses
-#
-# Focused plenoptic cameras extend their depth of field by microlenses of several focal lengths side by side (C.
-# Perwass and L. Wietzke, "Single lens 3D-camera with extended depth-of-field", Proc. SPIE 8291, 2012,
-# doi:10.1117/12.909882): on a hexagonal lattice three types can alternate so that no two neighbours are equal. Here
-# each type looks at another plane, and the contrast of gratings shows which.
+"""
+Three kinds of microlenses
+==========================
+
+Focused plenoptic cameras extend their depth of field by microlenses of several focal lengths side by side (C.
+Perwass and L. Wietzke, "Single lens 3D-camera with extended depth-of-field", Proc. SPIE 8291, 2012,
+doi:10.1117/12.909882): on a hexagonal lattice three types can alternate so that no two neighbours are equal. Here
+each type looks at another plane, and the contrast of gratings shows which.
+"""
 
 # %%
 import os
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use("Agg")  # pictures go to files; leave this out in a notebook
 import matplotlib.pyplot as plt
 import numpy as np
 
 import plenoptic as pl
 
 SMALL = os.environ.get("PLENOPTIC_EXAMPLE_SIZE") == "small"
-SAMPLES = 16 if SMALL else 512
+SAMPLES = 16 if SMALL else 256
 PLANES = (-345.0, -404.0, -470.0)  # what the three types look at, mm
 Z = np.linspace(-330, -490, 3 if SMALL else 17)
 
 output = Path("output/multi_focus")
 output.mkdir(parents=True, exist_ok=True)
 
-# %% [markdown]
-# ## The camera
+# %%
+# The camera
+# ----------
 #
 # With the main lens's image of a plane a distance a behind the array and the sensor at b, a microlens sees it sharply
 # if 1 / f = 1 / b - 1 / a. What the camera then sees it reports itself.
 
-# %%
 lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=5.0))
 ARRAY, B = 123.3, 1.7
 
@@ -52,13 +51,13 @@ camera = pl.PlenopticCamera(
 report = camera.report()
 print(report)
 
-# %% [markdown]
-# ## What they see
+# %%
+# What they see
+# -------------
 #
 # A checkerboard in each of the three planes, with squares of three pixels. In each picture the microlenses of one
 # type are sharp.
 
-# %%
 crop = np.s_[256 - 36 : 256 + 36, 256 - 36 : 256 + 36]
 white = pl.render_white(camera, samples=SAMPLES, region=crop, progress=False)
 written, shots = [], {}
@@ -78,15 +77,15 @@ for z in PLANES:
     written.append(output / f"plane_{-z:.0f}.exr")
     shots[z].save(written[-1])
 
-# %% [markdown]
-# ## Contrast
+# %%
+# Contrast
+# --------
 #
 # Gratings of 0.2 cycles per pixel, in planes from near to far. In the images of one microlens of each type next to
 # the axis, the wave of that frequency is fitted to radiance, which is raw over white image. Expected is 4 / pi, for
 # bars, times the transform of the pixel and of the opening of the microlens, which the light of a point fills on the
 # sensor at the size 1 - b / a - b / f.
 
-# %%
 CYCLES, LEAN = 0.2, np.radians(15.0)
 wave = CYCLES * np.array([np.cos(LEAN), -np.sin(LEAN)])
 centres = pl.microlens_centres(camera)
@@ -143,7 +142,7 @@ for n, z in enumerate(Z):
 figure = plt.figure(figsize=(11, 8), layout="constrained")
 top, bottom = figure.subfigures(2, 1, height_ratios=(1, 0.95))
 extent = (crop[1].start - 0.5, crop[1].stop - 0.5, crop[0].stop - 0.5, crop[0].start - 0.5)
-colours = ("tab:blue", "tab:orange", "tab:green")
+colours = ("#0072b2", "#e69f00", "#009e73")  # which the colour-blind can tell apart
 for ax, z in zip(top.subplots(1, 3, sharey=True), PLANES, strict=True):
     ax.imshow(shots[z].image[:, :, 0], cmap="gray", extent=extent, interpolation="nearest")
     for kind, (row, column) in zip(centres.type, centres.pixel, strict=True):

@@ -1,19 +1,18 @@
-# %% [markdown]
-# # One exposure, many sensors
-#
-# A rendering is light; what a sensor makes of it comes afterwards and costs little. Here one exposure of the still
-# life is developed by sensors with three layers and with colour filters, in bright and in dim light. Demosaicing
-# invents colours where brightness changes from pixel to pixel: at edges of the scene, which microlenses repeat, and
-# at the rims of the microlens images.
+"""
+One exposure, many sensors
+==========================
+
+A rendering is light; what a sensor makes of it comes afterwards and costs little. Here one exposure of the still
+life is developed by sensors with three layers and with colour filters, in bright and in dim light. Demosaicing
+invents colours where brightness changes from pixel to pixel: at edges of the scene, which microlenses repeat, and
+at the rims of the microlens images.
+"""
 
 # %%
 import dataclasses
 import os
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use("Agg")  # pictures go to files; leave this out in a notebook
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -39,13 +38,13 @@ crop = np.s_[first : first + SIDE, first : first + SIDE]
 shot = pl.render(pl.still_life(), camera, samples=SAMPLES, region=crop, progress=False)
 print(f"exposure: relative error {100 * shot.relative_error:.2f} %, {shot.stats.seconds:.1f} s")
 
-# %% [markdown]
-# ## Sensors
+# %%
+# Sensors
+# -------
 #
 # The brightest pixels nearly fill the wells of the first. In dim light there is a hundredth of it, and gain makes up
 # for that.
 
-# %%
 WELL = 12000.0  # electrons
 brightest = float(shot.image.max())
 ideal = pl.SensorModel(photon_rate=0.95 * WELL / brightest, shot_noise=pl.ShotNoise.NONE, bits=None)
@@ -72,8 +71,9 @@ for name, model in (("layers", layers), ("bayer", bayer), ("dim", dim)):
     raw.save(written[-1])
     print(raw)
 
-# %% [markdown]
-# ## False colour
+# %%
+# False colour
+# ------------
 #
 # What is false is the part of red minus green and blue minus green that the exposure does not have. Linear
 # interpolation blurs; the method of Malvar, He and Cutler corrects by the gradient of the pixel's own channel. In the
@@ -81,7 +81,6 @@ for name, model in (("layers", layers), ("bayer", bayer), ("dim", dim)):
 # colour is that of their rims.
 
 
-# %%
 def false_colour(picture, exposure):
     """Chroma minus that of the exposure, over the exposure's brightest value, in per cent."""
     chroma = [p.image[:, :, [0, 2]] - p.image[:, :, [1]] for p in (picture, exposure)]
@@ -92,7 +91,7 @@ def rms(values):
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-white = pl.render_white(camera, samples=SAMPLES, region=crop, progress=False)
+white = pl.render_white(camera, samples=SAMPLES // 4, region=crop, progress=False)
 grey = pl.Exposure(np.repeat(white.image, 3, axis=2), region=white.region)
 slope = np.hypot(*np.gradient(white.image[:, :, 0]))
 rims, inside = slope > np.percentile(slope, 70), slope < np.percentile(slope, 30)
@@ -105,13 +104,13 @@ for method, picture in white_pictures.items():
     wrong = false_colour(picture, grey)
     print(f"colour filters, no noise, {method.name:10s} {rms(wrong[rims]):12.2f}   {rms(wrong[inside]):8.2f}")
 
-# %% [markdown]
-# ## Photon transfer
+# %%
+# Photon transfer
+# ---------------
 #
 # Variance against mean over even exposures tells gain and noise of a sensor: shot noise has the slope 1 on
 # logarithmic axes, read noise ends it below and the spread of pixels above, until wells are full.
 
-# %%
 levels = np.append(0.0, brightest * np.geomspace(3e-5, 1.3, 8 if SMALL else 25))
 transfer = pl.sensor.photon_transfer(layers, levels, shape=(64, 64) if SMALL else (512, 512))
 print(f"\ngain from photon transfer {transfer.gain:.4f} DN per electron; the sensor has {layers.gain:.4f}")
@@ -128,7 +127,7 @@ near = (
 )
 for ax, (name, picture) in zip(above.subplots(2, 3, sharex=True, sharey=True).flat, pictures.items(), strict=True):
     ax.imshow(
-        pl.images.linear_to_srgb(np.clip(picture.image / np.percentile(shot.image, 99.8), 0, 1)),
+        pl.images.linear_to_srgb(np.clip(picture.image / np.percentile(shot.image, 98), 0, 1)),
         extent=extent,
         interpolation="nearest",
     )

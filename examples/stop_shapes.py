@@ -1,20 +1,19 @@
-# %% [markdown]
-# # Stop shapes in the white image
-#
-# Every microlens forms a small picture of what stands before it: the exit pupil of the main lens. In an image
-# of an evenly bright scene, the *white image*, each microlens image therefore has the shape of the iris. A
-# second stop behind the lens limits the pupil as seen from off the axis, and cuts the microlens images off to
-# one side towards the corners of the sensor. T. Michels et al., "Simulation of Plenoptic Cameras" (2018) show this for
-# 12 blades, 6 blades and a star.
+"""
+Stop shapes in the white image
+==============================
+
+Every microlens forms a small picture of what stands before it: the exit pupil of the main lens. In an image
+of an evenly bright scene, the *white image*, each microlens image therefore has the shape of the iris. A
+second stop behind the lens limits the pupil as seen from off the axis, and cuts the microlens images off to
+one side towards the corners of the sensor. T. Michels et al., "Simulation of Plenoptic Cameras" (2018) show this for
+12 blades, 6 blades and a star.
+"""
 
 # %%
 import dataclasses
 import os
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use("Agg")  # pictures go to files; leave this out in a notebook
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -27,13 +26,13 @@ SIDE = 24 if SMALL else 88  # pixels along a crop: four microlens images
 output = Path("output/stop_shapes")
 output.mkdir(parents=True, exist_ok=True)
 
-# %% [markdown]
-# ## The camera
+# %%
+# The camera
+# ----------
 #
 # The reference camera with microlenses focused at infinity (plenoptic 1.0), which show the stop with sharp
 # edges, and a sensor of 30 mm x 30 mm. Only crops of it are rendered.
 
-# %%
 lens = pl.load_lens("double-gauss-100mm-f2")
 camera = pl.PlenopticCamera(
     lens=lens.with_stop(pl.CircularStop(semi_diameter=4.25)),
@@ -43,14 +42,14 @@ camera = pl.PlenopticCamera(
     microlenses_to_sensor=2.0,
 )
 
-# %% [markdown]
-# ## Openings
+# %%
+# Openings
+# --------
 #
 # The corners of a polygonal stop, and the tips of a star, lie on a circle of its semi-diameter, so that they pass less
 # light than the round one. The second stop stands 0.7 mm behind the last vertex. On the axis its hole of 14 mm is wider
 # than the light that passes the iris; seen from the corner of the sensor it is not.
 
-# %%
 irises = {
     "circle": camera.lens.stop,
     "12 blades": pl.PolygonStop(blades=12, semi_diameter=4.25),
@@ -91,22 +90,21 @@ path = output / "stop_shapes.png"
 figure.savefig(path, dpi=100)
 written.append(path)
 
-# %% [markdown]
-# ## Light
+# %%
+# Light
+# -----
 #
 # On the axis all light of the iris arrives, in proportion to its area; the crop holds parts of microlens images, which
 # makes its mean differ a little.
 
-# %%
 print("                         over that of the open circle: area, light on the axis, halfway, in the corner")
 for name in stops:
     area = irises.get(name, camera.lens.stop).area / camera.lens.stop.area
     light = [mean[name, place] / mean["circle, nothing behind", place] for place in places]
     print(f"{name:24s} {area:42.3f}" + "".join(f" {share:14.3f}" for share in light))
 
-# %% [markdown]
+# %%
 # In the corner at the upper left, the second stop hides the outer side of the pupil. A microlens turns what it
 # sees round, and the microlens images miss the side that faces the middle of the sensor.
 
-# %%
 print("written:", *written, sep="\n  ")

@@ -1,18 +1,17 @@
-# %% [markdown]
-# # Three charts, one curve
-#
-# `pl.targets` makes calibration targets whose points are known exactly. A slanted edge, a Siemens star and the bars of
-# the USAF chart of 1951 measure the same thing: the contrast that a camera leaves at each frequency. They must agree
-# with each other, and with what pixels and lens are computed to do. Where a chart lies in the image needs no detection:
-# `camera.project` traces its known points to the sensor.
+"""
+Three charts, one curve
+=======================
+
+``pl.targets`` makes calibration targets whose points are known exactly. A slanted edge, a Siemens star and the bars of
+the USAF chart of 1951 measure the same thing: the contrast that a camera leaves at each frequency. They must agree
+with each other, and with what pixels and lens are computed to do. Where a chart lies in the image needs no detection:
+``camera.project`` traces its known points to the sensor.
+"""
 
 # %%
 import os
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use("Agg")  # pictures go to files; leave this out in a notebook
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -25,12 +24,12 @@ SAMPLES = 64 if SMALL else 256
 output = Path("output/targets")
 output.mkdir(parents=True, exist_ok=True)
 
-# %% [markdown]
-# ## All targets
+# %%
+# All targets
+# -----------
 #
 # They are made in the plane z = 0, centred on the origin. Meshes and points move together.
 
-# %%
 wall = [
     pl.targets.checkerboard(9, 7, square=0.5, margin=0.25),
     pl.targets.siemens_star(2.0, 36, margin=0.1),
@@ -54,14 +53,14 @@ def conventional(rows, columns, pitch):
 
 overview = conventional(2 * SIDE, 3 * SIDE, 1.7 / SIDE)
 meshes = [mesh for target in wall for mesh in target.meshes]
-photograph = pl.render(pl.Scene(meshes, background=1.0), overview, samples=max(8, SAMPLES // 8), progress=False)
+photograph = pl.render(pl.Scene(meshes, background=1.0), overview, samples=max(8, SAMPLES // 4), progress=False)
 
-# %% [markdown]
-# ## Three charts
+# %%
+# Three charts
+# ------------
 #
 # Each is rendered by itself. Bright and dark parts shine, so that no lamp has to be evened out.
 
-# %%
 camera = conventional(SIDE, SIDE, 0.010 * 128 / SIDE)
 DARK, BRIGHT = 0.1, 1.0
 parts = {"dark": pl.Emissive(DARK), "bright": pl.Emissive(BRIGHT)}
@@ -79,11 +78,10 @@ for name, chart in charts.items():
     shot.save(output / f"{name}.exr")
     radiance[name] = (shot.image / white.image)[:, :, 0]
 
-# %% [markdown]
+# %%
 # Points that are known on the star and, by projection, on the sensor give the map from pixels to the plane of the
 # charts. So near the axis the lens hardly distorts, and a linear map is enough.
 
-# %%
 known = camera.project(charts["star"].points)
 with_one = np.column_stack([known.pixel, np.ones(len(known))])
 truth = known.points[known.point, :2]
@@ -94,14 +92,14 @@ rows, columns = np.indices((SIDE, SIDE))
 place = np.stack([rows, columns, np.ones((SIDE, SIDE))], axis=-1) @ to_chart  # mm on the chart
 print(f"a pixel sees {1000 * pixel_in_mm:.2f} um; the map is within {left:.4f} pixels of projected points")
 
-# %% [markdown]
-# ## Contrast from the edge
+# %%
+# Contrast from the edge
+# ----------------------
 #
 # As in ISO 12233: pixels are sorted by their distance from the edge into bins of 1/4 pixel, which draw it finer than
 # pixels do, and the Fourier transform of its slope is the contrast. The mean over a bin and the difference of two
 # bins are divided out, a sinc each.
 
-# %%
 BIN, REACH = 0.25, 24.0  # pixels
 upper, lower = charts["edge"].points[:, :2]
 normal = np.array([upper[1] - lower[1], lower[0] - upper[0]]) / np.linalg.norm(upper - lower)
@@ -116,14 +114,14 @@ print(f"the edge lies {offset:+.4f} pixels beside the line between its projected
 edge_frequency = np.fft.rfftfreq(bins - 1, BIN)  # per pixel
 edge = np.abs(np.fft.rfft(slope)) / slope.sum() / np.sinc(BIN * edge_frequency) ** 2
 
-# %% [markdown]
-# ## Contrast from spokes and bars
+# %%
+# Contrast from spokes and bars
+# -----------------------------
 #
 # In a ring of the star, and across each set of three bars, the wave of the chart's own frequency is compared with that
 # of the chart itself: wedges and bars as wide as their gaps have 2 / pi times the difference of bright and dark. A set
 # of bars covers few pixels, which tell phase from amplitude below half a line per pixel only.
 
-# %%
 FULL = 2 / np.pi * (BRIGHT - DARK)
 
 
@@ -151,13 +149,13 @@ for middle, frequency in zip(charts["bars"].points[:, :2], charts["bars"].freque
 star, bars = np.array(star), np.array(bars)
 bars = np.column_stack([bars[::2, 0], bars[::2, 1], bars[1::2, 1]])
 
-# %% [markdown]
-# ## What optics says
+# %%
+# What optics says
+# ----------------
 #
 # Pixels of width p leave sinc(f p) of a wave that runs along a row or column. What the lens leaves comes from traced
 # rays, without diffraction, as in the rendering.
 
-# %%
 pitch = camera.sensor.pixel_pitch
 frequency = np.linspace(0.02, 0.95, 200)  # per pixel
 lens = pl.aberrations.mtf(camera.lens, frequency / pitch, z_object=-404.0, z_image=camera.stop_to_microlenses)
@@ -187,8 +185,8 @@ shown = edge_frequency < 1.0
 ax.plot(frequency, computed, color="0.6", linewidth=5, label="pixel and lens, computed")
 ax.plot(edge_frequency[shown], edge[shown], color="tab:blue", label="slanted edge")
 ax.plot(star[:, 0] * pixel_in_mm, star[:, 1], "o", color="tab:orange", label="rings of the star")
-ax.plot(bars[:, 0] * pixel_in_mm, bars[:, 1], "|", color="tab:green", markersize=10, label="vertical bars")
-ax.plot(bars[:, 0] * pixel_in_mm, bars[:, 2], "_", color="tab:red", markersize=10, label="horizontal bars")
+ax.plot(bars[:, 0] * pixel_in_mm, bars[:, 1], "|", color="#009e73", markersize=10, label="vertical bars")
+ax.plot(bars[:, 0] * pixel_in_mm, bars[:, 2], "_", color="#cc79a7", markersize=10, label="horizontal bars")
 ax.set(xlabel="lines per pixel", ylabel="contrast", ylim=(0, 1.1), title="one curve")
 ax.grid(alpha=0.3)
 ax.legend()

@@ -1,22 +1,21 @@
-# %% [markdown]
-# # A textured mesh from a file
-#
-# `pl.Scene.load` reads OBJ, glTF, PLY and STL files with vertex normals, texture coordinates and image textures. This
-# script writes a small labelled tin as an OBJ file and renders it; another file can be named on the command line:
-#
-#     python examples/textured_mesh.py spot.obj cm
-#     python examples/textured_mesh.py spot.obj cm spot.png
-#
-# The unit is that of the file; the image replaces the materials of the file.
+"""
+A textured mesh from a file
+===========================
+
+``pl.Scene.load`` reads OBJ, glTF, PLY and STL files with vertex normals, texture coordinates and image textures. This
+script writes a small labelled tin as an OBJ file and renders it; another file can be named on the command line::
+
+    python examples/textured_mesh.py spot.obj cm
+    python examples/textured_mesh.py spot.obj cm spot.png
+
+The unit is that of the file; the image replaces the materials of the file.
+"""
 
 # %%
 import os
 import sys
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use("Agg")  # pictures go to files; leave this out in a notebook
 import numpy as np
 from PIL import Image, ImageDraw
 
@@ -29,13 +28,13 @@ SAMPLES = 8 if SMALL else 128
 output = Path("output/textured_mesh")
 output.mkdir(parents=True, exist_ok=True)
 
-# %% [markdown]
-# ## A tin with a label
+# %%
+# A tin with a label
+# ------------------
 #
 # The label goes round the tin once; its middle faces +z. Texture coordinates count from the lower left corner
 # of the image.
 
-# %%
 label = Image.new("RGB", (96, 40), (200, 190, 160))
 draw = ImageDraw.Draw(label)
 draw.rectangle((0, 0, 95, 5), fill=(170, 30, 30))  # red above
@@ -65,13 +64,13 @@ named = sys.argv[1:] if len(sys.argv) > 2 and not sys.argv[1].startswith("-") el
 path, unit = named[:2]
 material = pl.Lambertian(pl.Texture.load(named[2])) if len(named) > 2 else None
 
-# %% [markdown]
-# ## The scene
+# %%
+# The scene
+# ---------
 #
 # A file says nothing about its unit, so that has to be said. There is no light unless it is given: here a square
 # lamp above on the left, and a dim world.
 
-# %%
 meshes = pl.load_meshes(path, unit=unit, material=material)
 low, high = pl.Scene(meshes).bounds
 middle, size = (low + high) / 2, float((high - low).max())
@@ -79,13 +78,13 @@ lamp = pl.QuadLight.facing(middle + size * np.array([-1.5, 2.0, 2.0]), middle, (
 scene = pl.Scene.load(path, unit=unit, material=material, lights=[lamp], background=(0.10, 0.12, 0.15))
 print(scene, f"size {size:.1f} mm")
 
-# %% [markdown]
-# ## The camera
+# %%
+# The camera
+# ----------
 #
 # It stands where the mesh fills the sensor, a little above it, and is focused on its middle. The farther the mesh,
 # the closer the array moves to the lens; a stop of 8 mm keeps the microlens images from overlapping there.
 
-# %%
 camera = pl.PlenopticCamera(
     lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=4.0)),
     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
@@ -103,12 +102,12 @@ print(f"camera {distance:.0f} mm away, microlenses {camera.stop_to_microlenses:.
 shot = pl.render(scene, camera, samples=SAMPLES, progress=False)
 print(shot)
 
-# %% [markdown]
-# ## The same through a conventional camera
+# %%
+# The same through a conventional camera
+# --------------------------------------
 #
 # Without microlenses, the sensor stands where the main lens forms the image.
 
-# %%
 conventional = pl.PlenopticCamera(
     lens=camera.lens, sensor=camera.sensor, stop_to_microlenses=camera.stop_to_microlenses, pose=camera.pose
 ).focused_at(z=-distance)

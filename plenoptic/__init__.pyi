@@ -18,6 +18,7 @@ from . import sampling as sampling
 from . import scene as scene
 from . import sensitivities as sensitivities
 from . import sensor as sensor
+from . import sequences as sequences
 from . import shapes as shapes
 from . import study as study
 from . import targets as targets
@@ -27,14 +28,15 @@ from .camera.design.design import design_camera as design_camera
 from .camera.points.centres import CentreMethod as CentreMethod
 from .camera.points.centres import microlens_centres as microlens_centres
 from .camera.points.projection import project as project
-from .camera.pose import Pose as Pose
 from .camera.psf.point_spread import point_spread as point_spread
 from .camera.report.focus import CameraKind as CameraKind
+from .core.motions.motion import Motion as Motion
+from .core.motions.pose import Pose as Pose
 from .core.rays import RayBundle as RayBundle
 from .core.rays import RayStatus as RayStatus
 from .core.relative_error import lit_pixels as lit_pixels
 from .errors import PlenopticError as PlenopticError
-from .optics.glass.catalogue import glass as glass
+from .optics.glass.bundled import glass as glass
 from .optics.glass.media import ConstantMedium as ConstantMedium
 from .optics.glass.media import ModelGlass as ModelGlass
 from .optics.glass.media import Sellmeier as Sellmeier
@@ -59,10 +61,12 @@ from .optics.stops.circle import CircularStop as CircularStop
 from .optics.stops.polygon import PolygonStop as PolygonStop
 from .optics.stops.star import StarStop as StarStop
 from .optics.surfaces.surface import Surface as Surface
+from .rendering.estimation.estimate import estimate as estimate
 from .rendering.exposure import Exposure as Exposure
 from .rendering.plan.plan import plan as plan
 from .rendering.render import render as render
 from .rendering.render import render_white as render_white
+from .rendering.warm_up import warm_up as warm_up
 from .replaying.retracing import replay as replay
 from .replaying.retracing import replay_all as replay_all
 from .scene.files.load import load_file as load_file
@@ -85,6 +89,7 @@ from .scene.shapes.procedural import quad as quad
 from .scene.shapes.procedural import sphere as sphere
 from .scene.shapes.still_life import still_life as still_life
 from .scene.textures.texture import Texture as Texture
+from .sequences.sequence import Sequence as Sequence
 from .truth.channels import GroundTruth as GroundTruth
 from .truth.channels import Truth as Truth
 from .truth.ground_truth import ground_truth as ground_truth

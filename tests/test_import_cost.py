@@ -14,6 +14,11 @@ HEAVY = {
     "tqdm",
     "scipy",
     "batoid",
+    "zarr",
+    "xarray",
+    "pandas",
+    "dask",
+    "distributed",
 }
 
 

@@ -40,6 +40,11 @@ def white(camera=CAMERA, **settings):
     return pl.render_white(camera, **({"samples": 8, "progress": False, "threads": 1} | settings))
 
 
+def decode(**settings):
+    seen = white(camera(microlenses_to_sensor=2.0))
+    return pl.lightfield.decode(seen, seen, **settings)
+
+
 def file(name, text="hello"):
     pathlib.Path(name).write_text(text, encoding="utf-8")
     return name
@@ -111,7 +116,8 @@ ARRAYS_AND_SENSORS = [
     ("pl.Sensor(shape=(32, 32), pixel_pitch=0.01, pixel_aperture=80)", INVALID, "(width, height) over the pitch"),
 ]
 ASSEMBLY = [
-    ("camera(stop_to_microlenses=0.1233)", INVALID, "so it must be above 30.31"),
+    ("camera(stop_to_microlenses=0.1233)", INVALID, "so it must be above 30.31; 0.1233 looks like metres: give 123.3"),
+    ("camera(stop_to_microlenses=3.1)", INVALID, "so it must be above 30.31"),
     ("camera(stop_to_microlenses=1.7, microlenses_to_sensor=123.3)", INVALID, "so it must be above 30.31"),
     ("camera(microlenses_to_sensor=-1.7)", INVALID, "where the sensor touches the array"),
     ("camera(microlenses=None)", INVALID, "give the distance from stop to sensor as stop_to_microlenses"),
@@ -124,7 +130,8 @@ ASSEMBLY = [
     ("CAMERA.moved(pl.CameraPart.SENSOR, tilt=(2, 0, 0))", LENS_ERROR, "give radians, such as math.radians(2.0)"),
     ("CAMERA.moved(pl.CameraPart.SENSOR, tilt=(0, 0, 90))", INVALID, "give radians, such as math.radians(90)"),
     ("CAMERA.focused_at(404.0)", INVALID, "the plane must lie in front of the camera, at z below 0"),
-    ("CAMERA.focused_at(-0.404)", INVALID, "it must lie beyond the front focus at z = -88"),
+    ("CAMERA.focused_at(-0.404)", INVALID, "front focus at z = -88.015 mm; -0.404 looks like metres: give -404"),
+    ("CAMERA.focused_at(-80)", INVALID, "it must lie beyond the front focus at z = -88.015 mm"),
     ("CAMERA.posed((0, 0, 0), (0, 0, 0))", INVALID, "give distinct finite points"),
     ("CAMERA.posed((0, 500, 0), (0, 0, 0))", INVALID, "lies along the view; choose another direction"),
     ("pl.Pose(np.diag([1, 1, -1]), (0, 0, 0))", INVALID, "scaling and mirroring belong to the scene"),
@@ -159,6 +166,7 @@ SCENES = [
     ('pl.Lambertian("#ff0000")', INVALID, "it must be a number"),
     ("pl.Lambertian((0.8, 0.1, 0.1, 1.0))", INVALID, "it must be one number or (red, green, blue)"),
     ('pl.Texture("wood.png")', INVALID, "use Texture.load for files"),
+    ("pl.Texture(np.ones((4, 4)))", INVALID, "(rows, columns, channels): give texels[..., np.newaxis], which has one"),
     ("pl.Texture(np.full((4, 4, 3), 128, dtype=np.uint8))", INVALID, "use Texture.from_image for image codes"),
     ('pl.Conductor("gold")', INVALID, "reflectance is 'gold'; it must be a number"),
     ("pl.MetallicRoughness(0.5, roughness=50)", SCENE_ERROR, "it must be within 0 and 1"),
@@ -201,13 +209,15 @@ RENDERS = [
     ('render(checkpoint="nowhere/state.ckpt")', FILE, "does not exist; make it first"),
     ("pl.ground_truth(CAMERA, SCENE)", INVALID, "scene is a PlenopticCamera; it must be a Scene"),
     ("CAMERA.project([(0, 0, 404)])", INVALID, "points must lie in front of it, at smaller z"),
+    ("CAMERA.project([(0, 0, -0.404)])", INVALID, "-0.404 looks like metres: give -404, and all other lengths in mm"),
+    ("CAMERA.posed((0, 0, 0.404), (0, 0, 0)).project([(0, 0, 0)])", INVALID, "-0.404 looks like metres: give -404"),
     ("CAMERA.project([(0, 0)])", INVALID, "it must have shape (n, 3)"),
     ("pl.point_spread(CAMERA, (0, 0, 404))", INVALID, "points must lie in front of it, at smaller z"),
     ("pl.microlens_centres(camera(microlenses=None, microlenses_to_sensor=0))", INVALID, "give it a MicrolensArray"),
     ("pl.replay(SHOT, (0, 0, 0))", TypeError, "'pixel' and 'sample'"),
 ]
 FILES_AND_READOUT = [
-    ('SHOT.save("shot.jpg")', FILE, "it must end in .exr, .tif, .tiff or .png"),
+    ('SHOT.save("shot.jpg")', FILE, "it must end in .exr, .zarr, .tif, .tiff or .png"),
     ('SHOT.save("nowhere/shot.exr")', FILE, "make it first"),
     ('SHOT.save("shot.exr", scale=2.0)', INVALID, "leave it out"),
     ('pl.Exposure.load("missing.exr")', FILE, "does not exist; check the path"),
@@ -226,7 +236,9 @@ FILES_AND_READOUT = [
     ("SHOT.develop(1000)", INVALID, "give a SensorModel, such as pl.SensorModel(photon_rate=1e6)"),
     ("pl.Exposure(np.ones((4, 4)))", INVALID, "it must have shape (rows, columns, channels)"),
     ("pl.lightfield.decode(SHOT, SHOT)", INVALID, "give camera="),
-    ("pl.lightfield.decode(white(), white(), views=4)", INVALID, "it must be odd, so that one is central: take 5"),
+    ("pl.lightfield.decode(white(), white())", INVALID, "use pl.lightfield.render_view(shot, white, disparity), or a"),
+    ("decode(views=4)", INVALID, "it must be odd, so that one is central: take 5"),
+    ("decode(views=99)", pl.errors.PlenopticWarning, "views is 99, and microlens images hold 25 at this step"),
     ("pl.lightfield.decode(white(), SHOT)", INVALID, "render it of the same region"),
     ("pl.lightfield.refocus(SHOT, -404.0)", INVALID, "give a LightField"),
     ("pl.study.error_against_time(SCENE, CAMERA, samples=64)", INVALID, "give a sequence of whole numbers"),

@@ -3,6 +3,7 @@ from .as_built_values import BuiltValue as BuiltValue
 from .as_built_values import as_built as as_built
 from .camera import CameraPart as CameraPart
 from .camera import PlenopticCamera as PlenopticCamera
+from .camera import Pose as Pose
 from .design.design import design_camera as design_camera
 from .design.search import CameraDesign as CameraDesign
 from .design.search import DesignStep as DesignStep
@@ -11,7 +12,6 @@ from .points.centres import MicrolensCentres as MicrolensCentres
 from .points.centres import microlens_centres as microlens_centres
 from .points.projection import Projection as Projection
 from .points.projection import project as project
-from .pose import Pose as Pose
 from .psf.point_spread import landing_points as landing_points
 from .psf.point_spread import point_spread as point_spread
 from .psf.spread import CameraSpread as CameraSpread

@@ -77,9 +77,10 @@ def as_built(camera: PlenopticCamera) -> AsBuilt:
     Returns
     -------
     AsBuilt
-        For each part that stands elsewhere its shift, its tilt (the angles of its axis towards x and y) and its turn
-        about the axis; the distance between array and sensor, or last lens vertex and sensor, in the middle and its
-        least and largest over the sensor's corners, measured along the array's normal.
+        For each part that stands elsewhere its shift, its tilt about x and about y (signs as in
+        `PlenopticCamera.moved`) and its turn about the axis, in thousandths of a radian: 1 degree is 17.5 mrad; the
+        distance between array and sensor, or last lens vertex and sensor, in the middle and its least and largest over
+        the sensor's corners, measured along the array's normal.
 
     Examples
     --------
@@ -89,7 +90,7 @@ def as_built(camera: PlenopticCamera) -> AsBuilt:
     ...     sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.01), stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
     >>> print(pl.camera.as_built(camera.moved(pl.CameraPart.SENSOR, tilt=(0.0, 0.01, 0.0))))
                                                       design    as built
-    sensor: tilt towards x, mrad                           0          10
+    sensor: tilt about y, mrad                             0          10
     array to sensor, mm                                  1.7         1.7
     array to sensor, least at a corner, mm               1.7      1.6744
     array to sensor, largest at a corner, mm             1.7      1.7256
@@ -110,8 +111,8 @@ def _moves(name: str, placement: Placement) -> list[BuiltValue]:
     shift, turn = np.asarray(placement.shift), np.asarray(placement.rotation)
     given = [(f"{name}: shift {axis}", float(step), "mm") for axis, step in zip("xyz", shift, strict=True)]
     # The axis of the part is the third column; the turn about it is read off what is left of x.
-    given.append((f"{name}: tilt towards x", 1e3 * math.atan2(turn[0, 2], turn[2, 2]), "mrad"))
-    given.append((f"{name}: tilt towards y", 1e3 * math.atan2(turn[1, 2], turn[2, 2]), "mrad"))
+    given.append((f"{name}: tilt about x", 1e3 * math.atan2(-turn[1, 2], turn[2, 2]), "mrad"))
+    given.append((f"{name}: tilt about y", 1e3 * math.atan2(turn[0, 2], turn[2, 2]), "mrad"))
     given.append((f"{name}: turn about the axis", 1e3 * math.atan2(turn[1, 0], turn[0, 0]), "mrad"))
     return [BuiltValue(what, 0.0, amount, unit) for what, amount, unit in given if abs(amount) > 1e-12]
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import copy
+import dataclasses
+import operator
 from collections.abc import Hashable
 from typing import Protocol
 
@@ -9,11 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.camera.record import CameraRecord, camera_record
+from plenoptic.camera.record import CameraRecord, camera_record, world_of
 from plenoptic.camera.sampling.pixel_regions import fed_pixels
 from plenoptic.camera.sampling.record import FedPixels, Regions
 from plenoptic.core.last_made import LastMade
 from plenoptic.core.values import Floats
+from plenoptic.optics.sensor.sensor import Sensor
 
 MOST_BYTES = 1 << 28
 """Of what feeds pixels, some 500 bytes each: what has no room is found again whenever it is needed."""
@@ -46,6 +50,19 @@ class PreparedCamera:
         self._fed: dict[tuple[Pixels, bool], FedPixels] = {}
         self._bytes = 0
 
+    @property
+    def kept_bytes(self) -> int:
+        """Of what feeds pixels."""
+        return self._bytes
+
+    def posed(self, camera: PlenopticCamera) -> PreparedCamera:
+        """The same for a camera that differs in its pose: what feeds pixels is theirs together."""
+        other, world = copy.copy(self), world_of(camera, self.record.parts)
+        other.record = self.record._replace(
+            rotation=None if world is None else world.turn, position=None if world is None else world.shift
+        )
+        return other
+
     def cut_into(self, tiles: tuple[Pixels, ...], *, steps: bool) -> None:
         """Let go of what feeds the pixels of other tiles than these, which are rendered in several steps or at once."""
         self._keeps = steps or self._tiles == tiles
@@ -76,10 +93,35 @@ def _fitted(fed: FedPixels) -> FedPixels:
     return fed._replace(regions=Regions(*fitted))
 
 
+class _Kept:
+    """What cameras of a sensor share that differ in their pose: what the last one was compiled into."""
+
+    def __init__(self, sensor: Sensor) -> None:
+        self._parts: tuple[object, ...] = ()
+        self._prepared: PreparedCamera | None = None
+
+    def prepared(self, camera: PlenopticCamera) -> PreparedCamera:
+        """A camera of the parts of the last one stands elsewhere; any other is compiled."""
+        parts = tuple(getattr(camera, field.name) for field in dataclasses.fields(camera) if field.name not in _APART)
+        if self._prepared is not None and all(map(operator.is_, parts, self._parts)):
+            self._prepared = self._prepared.posed(camera)
+        else:
+            self._parts, self._prepared = parts, PreparedCamera(camera_record(camera))
+        return self._prepared
+
+
+_APART = ("sensor", "pose", "shutter")
+"""Fields of a camera that are not compared: that of which what is kept is kept, and what may differ."""
+
+
 def prepared_camera(camera: PlenopticCamera) -> PreparedCamera:
-    """Compile a camera, unless it is the very one that was compiled last and still exists: cameras do not change."""
+    """Compile a camera, unless it is the very one that was compiled last and still exists: cameras do not change.
+
+    Of one with the same parts and another pose only the pose is compiled.
+    """
     return _last(camera)
 
 
-_last: LastMade[PlenopticCamera, PreparedCamera] = LastMade(lambda camera: PreparedCamera(camera_record(camera)))
+_kept: LastMade[Sensor, _Kept] = LastMade(_Kept)
+_last: LastMade[PlenopticCamera, PreparedCamera] = LastMade(lambda camera: _kept(camera.sensor).prepared(camera))
 """Of one camera only."""

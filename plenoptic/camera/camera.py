@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Any
 from numpy.typing import ArrayLike
 
 from plenoptic.camera.assembly import assembly, sensor_corners
-from plenoptic.camera.pose import Pose
+from plenoptic.camera.shutter import Shutter
+from plenoptic.camera.units import metres_guess
 from plenoptic.core.color.spectra import Sensitivity
+from plenoptic.core.motions.pose import Pose as Pose  # public there too
 from plenoptic.core.values import SMALLEST_LENGTH, choice, coordinate, set_field, value, wavelength_in_nm
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.models import FocusCriterion
@@ -21,8 +23,11 @@ from plenoptic.optics.microlens.dust import Blemishes, BlemishSite
 from plenoptic.optics.sensor.sensor import Sensor
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from plenoptic.camera.points.projection import Projection
     from plenoptic.camera.report.report import CameraReport
+    from plenoptic.core.rays import Frustum
     from plenoptic.scene.scene import Scene
 
 
@@ -72,6 +77,8 @@ class PlenopticCamera:
     sensitivity : Sensitivity, optional
         What the sensor's channels see, traced wavelength by wavelength; None: everything at `wavelength`, and the
         channels are those of the scene.
+    shutter : Shutter, optional
+        How long an exposure takes, where things move meanwhile; None: an instant.
 
     Raises
     ------
@@ -101,10 +108,12 @@ class PlenopticCamera:
     sensor_placement: Placement | None = dataclasses.field(default=None, kw_only=True)
     blemishes: tuple[Blemishes, ...] = dataclasses.field(default=(), kw_only=True)
     sensitivity: Sensitivity | None = dataclasses.field(default=None, kw_only=True)
+    shutter: Shutter | None = dataclasses.field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         parts = {"lens": LensStack, "sensor": Sensor}
-        for name, kind in (parts | {"microlenses": MicrolensArray, "pose": Pose, "sensitivity": Sensitivity}).items():
+        absent = {"microlenses": MicrolensArray, "pose": Pose, "sensitivity": Sensitivity, "shutter": Shutter}
+        for name, kind in (parts | absent).items():
             given, other = getattr(self, name), "" if name in parts else " or None"
             if not isinstance(given, kind) and not (other and given is None):
                 raise InvalidValueError(f"{name} is {given!r}; it must be a {kind.__name__}{other}")
@@ -144,9 +153,10 @@ class PlenopticCamera:
                     f"{nearest:g} mm, where the sensor touches the array"
                 )
         if not front > behind:
+            least = self.stop_to_microlenses - front + behind
             raise InvalidValueError(
                 f"stop_to_microlenses is {self.stop_to_microlenses:g} mm; the last lens vertex is at z = {behind:g}, "
-                f"so it must be above {self.stop_to_microlenses - front + behind:g}"
+                f"so it must be above {least:g}{metres_guess(self.stop_to_microlenses, least)}"
             )
 
     def _check_assembly(self) -> None:
@@ -211,8 +221,7 @@ class PlenopticCamera:
         Returns
         -------
         PlenopticCamera
-            `design` is as before; movements add up. An InvalidValueError where the part is missing, or would touch
-            another one.
+            `design` is as before; movements add up. An InvalidValueError where the part is missing or touches another.
 
         Examples
         --------
@@ -228,8 +237,7 @@ class PlenopticCamera:
         name = f"{choice(part, CameraPart, 'part').name.lower()}_placement"
         before: Any = getattr(self, name) or Placement()
         moved = Placement(before.shift + Placement(shift=shift).shift, rotation_about_axes(tilt) @ before.rotation)
-        changes: dict[str, Any] = {name: moved}
-        return dataclasses.replace(self, **changes)
+        return dataclasses.replace(self, **dict[str, Any]({name: moved}))
 
     @property
     def z_sensor(self) -> float:
@@ -259,7 +267,7 @@ class PlenopticCamera:
         """
         return dataclasses.replace(self, pose=Pose.look_at(position, look_at, up))
 
-    def project(self, points: ArrayLike, scene: Scene | None = None) -> Projection:
+    def project(self, points: ArrayLike, scene: Scene | None = None, *, progress: bool = True) -> Projection:
         """Where world points appear on the sensor, in the image of every microlens that sees them; see `project`.
 
         Parameters
@@ -268,10 +276,64 @@ class PlenopticCamera:
             World positions in mm.
         scene : Scene, optional
             What may stand in the way; None: nothing.
+        progress : bool, optional
+            As there.
         """
         from plenoptic.camera.points.projection import project  # knows this class
 
-        return project(self, points, scene=scene)
+        return project(self, points, scene=scene, progress=progress)
+
+    @property
+    def frustum(self) -> Frustum:
+        """What the camera sees of the world: the rays from the corners of the sensor, for pictures of scenes.
+
+        (4, 3) arrays in the world, mm; `Frustum` has an example.
+        """
+        from plenoptic.camera.report.layout import camera_frustum  # knows this class
+
+        return camera_frustum(self)
+
+    def tiles(self, rows: int, columns: int) -> tuple[tuple[slice, slice], ...]:
+        """The sensor cut into rows x columns regions, row by row, for renders on several machines.
+
+        Their edges are multiples of 8 pixels. Give one as `region=`, and all that comes to `Exposure.merged`.
+        """
+        from plenoptic.camera.checks import sensor_tiles  # knows this class
+
+        return sensor_tiles(self.sensor.shape, rows, columns)
+
+    def layout(self, *, figure: Figure | None = None) -> Figure:
+        """Draw the camera in section, true to scale, with the rays of one pixel through its microlens.
+
+        Parameters
+        ----------
+        figure : matplotlib.figure.Figure, optional
+            Where to draw; a new figure if it is left out.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            In the lens's frame; parts stand as they are built. Beside it the microlenses around those rays and the
+            pixels, at a scale of their own; `pl.plots.plot_camera` compares f-numbers there.
+
+        Examples
+        --------
+        >>> import plenoptic as pl
+        >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(5.0)),
+        ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
+        ...     sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.010),
+        ...     stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
+        >>> [ax.get_xlabel() for ax in camera.layout().axes]
+        ['z / mm (scene on the left, iris at 0)', 'distance behind the array / mm']
+        """
+        from plenoptic.camera.report.layout import camera_layout  # knows this class
+
+        return camera_layout(self, figure)
+
+    def _repr_html_(self) -> str:
+        from plenoptic.camera.report.html import camera_html  # knows this class
+
+        return camera_html(self)
 
     def report(self) -> CameraReport:
         """What the camera is and does, as numbers, and what users of such cameras trip over; see `camera_report`.

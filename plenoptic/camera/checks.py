@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.core.values import whole
 from plenoptic.errors import InvalidValueError
 
 if TYPE_CHECKING:
     from plenoptic.scene.scene import Scene
+
+BLOCK = 8
+"""Rows and columns of a block of pixels, over which errors of few replicates are pooled."""
 
 
 def check_scene_and_camera(scene: Scene | None, camera: PlenopticCamera) -> None:
@@ -40,3 +45,19 @@ def sensor_region(shape: tuple[int, int], region: tuple[slice, slice] | None) ->
             )
         bounds += [first, end]
     return bounds[0], bounds[1], bounds[2], bounds[3]
+
+
+def sensor_tiles(shape: tuple[int, int], rows: int, columns: int) -> tuple[tuple[slice, slice], ...]:
+    """See `PlenopticCamera.tiles`: cut between blocks, so that nothing is rendered twice."""
+    cuts = []
+    for length, name, n in zip(shape, ("rows", "columns"), (rows, columns), strict=True):
+        blocks = -(-length // BLOCK)
+        parts = whole(n, name, at_least=1)
+        if parts > blocks:
+            raise InvalidValueError(
+                f"{name} is {parts}; the sensor has {length} {name} of pixels, in {blocks} blocks of {BLOCK} that are "
+                f"not cut: give at most {blocks}"
+            )
+        ends = [min(blocks * i // parts * BLOCK, length) for i in range(parts + 1)]
+        cuts.append([slice(first, end) for first, end in pairwise(ends)])
+    return tuple((row, column) for row in cuts[0] for column in cuts[1])

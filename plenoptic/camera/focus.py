@@ -6,6 +6,7 @@ import math
 
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.report.focus import sharp_image
+from plenoptic.camera.units import metres_guess
 from plenoptic.core.values import number, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.analysis.focus import best_focus, front_focus
@@ -23,7 +24,7 @@ def focused_stop_to_microlenses(
     if z >= focus:
         raise InvalidValueError(
             f"the plane z = {z:g} mm has no real image behind the lens; it must lie beyond the front focus "
-            f"at z = {focus:g} mm"
+            f"at z = {focus:g} mm{metres_guess(z, focus)}"
         )
     image = best_focus(camera.lens, z_object=z, wavelength=camera.wavelength, criterion=criterion)
     if not math.isfinite(image):

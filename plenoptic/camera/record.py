@@ -144,10 +144,7 @@ def camera_record(camera: PlenopticCamera) -> CameraRecord:
         )
     plane = OutlinePlane(z_last if parts.frame is not None else parts.z_plane - z_last, parts.frame)
     pinhole = array is not None and not array.model.focuses
-    world = parts.lens_to_camera
-    if camera.pose is not None:
-        pose = Rigid(np.asarray(camera.pose.rotation), np.asarray(camera.pose.position))
-        world = pose if world is None else pose.of(world)
+    world = world_of(camera, parts)
     return CameraRecord(
         sensor=_sensor_record(camera, parts),
         array=compiled,
@@ -166,6 +163,14 @@ def camera_record(camera: PlenopticCamera) -> CameraRecord:
         elements=len(lens.elements),
         convex=all(is_convex(element) for element in lens.elements if isinstance(element, Stop)),
     )
+
+
+def world_of(camera: PlenopticCamera, parts: Assembly) -> Rigid | None:
+    """From the lens's axes to the world; None where they are the same."""
+    if camera.pose is None:
+        return parts.lens_to_camera
+    pose = Rigid(np.asarray(camera.pose.rotation), np.asarray(camera.pose.position))
+    return pose if parts.lens_to_camera is None else pose.of(parts.lens_to_camera)
 
 
 def _sensor_record(camera: PlenopticCamera, parts: Assembly) -> SensorRecord:

@@ -9,6 +9,7 @@ none can be started, or it dies, all is compiled here.
 from __future__ import annotations
 
 import importlib
+import inspect
 import os
 import pickle
 import signal
@@ -23,11 +24,18 @@ from typing import Any
 
 from numba.core.registry import CPUDispatcher
 
+from plenoptic.core.parallel import check_wanted
+from plenoptic.core.waiting.compiling import compiling
+from plenoptic.core.waiting.deferring import interrupts_deferred
+
 _MOST_HELPERS = 3
 """Each compiles again what several kernels have in common, and takes 200 MB."""
 
 _FEWEST_KERNELS = 4
 """As many as a helper compiles in the time that it needs to start, and then some."""
+
+_PATIENCE = 0.1
+"""Seconds after which it is asked whether what a helper compiles is still wanted."""
 
 _Task = tuple["Kernel", tuple[Any, ...]]
 
@@ -46,7 +54,9 @@ class _Tasks:
             self.waiting.pop(task, None)
             begun = self.begun.get(task)
         if begun is not None:
-            begun.wait()
+            with compiling.noted(None):
+                while not begun.wait(_PATIENCE):
+                    check_wanted()
 
     def begin(self) -> _Task | None:
         """The last one that nobody has begun, for a helper."""
@@ -60,6 +70,7 @@ class _Tasks:
         """A helper has compiled it, or never will."""
         with self.lock:
             self.begun.pop(task).set()
+        compiling.left.pop(task[0].py_func.__name__, None)
 
 
 _tasks, _listing = _Tasks(), threading.local()
@@ -92,31 +103,49 @@ class Kernel(CPUDispatcher):
         return lambda *_: 0
 
     def compile(self, signature: Any) -> Any:
-        """Compile for types of arguments, or load what is compiled."""
+        """Compile for types of arguments, or load what is compiled; GivenUp where nobody waits for it any longer."""
+        check_wanted()
         _tasks.claim((self, signature))
-        return super().compile(signature)
+        with interrupts_deferred():
+            return super().compile(signature)
 
 
 @contextmanager
-def compiled_ahead(run: Callable[[], object], *, threads: int) -> Iterator[None]:
-    """While it is entered, up to threads - 1 helpers compile kernels that `run`, a run without data, calls."""
-    tasks = _listed(run) if threads > 1 else []
+def compiled_ahead(run: Callable[[], object], *, threads: int, shown: bool = False) -> Iterator[None]:
+    """While it is entered, up to threads - 1 helpers compile kernels that `run`, a run without data, calls.
+
+    `shown`: somebody is told how long that takes.
+    """
+    tasks = _listed(run) if shown or threads > 1 else []
     helpers: list[subprocess.Popen[bytes]] = []
-    if len(tasks) >= _FEWEST_KERNELS:
+    compiling.left = {kernel.py_func.__name__: _bytes_of(kernel, set()) for kernel, _ in tasks}
+    if threads > 1 and len(tasks) >= _FEWEST_KERNELS:
         with _tasks.lock:
             _tasks.waiting |= dict.fromkeys(tasks)
         with suppress(OSError, ValueError):
             for _ in range(min(threads - 1, _MOST_HELPERS, len(tasks) // _FEWEST_KERNELS)):
                 helpers.append(_started())
                 threading.Thread(target=_keep_busy, args=(helpers[-1],), daemon=True).start()
+    compiling.workers = 1 + len(helpers)
     try:
         yield
     finally:
+        compiling.left, compiling.workers = {}, 1
         with _tasks.lock:
             for task in tasks:
                 _tasks.waiting.pop(task, None)
         for helper in helpers:
             helper.kill()
+
+
+def _bytes_of(function: CPUDispatcher, known: set[CPUDispatcher]) -> int:
+    """Length of the Python code of a function and of those that it calls, each once: compiling takes as long."""
+    known.add(function)
+    code, there = function.py_func.__code__, function.py_func.__globals__
+    named = [there.get(name) for name in code.co_names]
+    named += [getattr(module, name, None) for module in named if inspect.ismodule(module) for name in code.co_names]
+    called = {one for one in named if isinstance(one, CPUDispatcher)} - known
+    return len(code.co_code) + sum(_bytes_of(one, known) for one in called if one not in known)
 
 
 def _listed(run: Callable[[], object]) -> list[_Task]:

@@ -19,6 +19,7 @@ from numba.core.untyped_passes import InlineClosureLikes, IRProcessing, WithLift
 
 from plenoptic.core.absent_fields import AbsentFields
 from plenoptic.core.borrowed_arrays import BorrowedArrays
+from plenoptic.core.waiting.compiling import compiling
 from plenoptic.core.wide_vectors import WideLowering
 
 _UNUSED = (WithLifting, InlineClosureLikes, NopythonRewrites)
@@ -76,7 +77,8 @@ class KernelCompiler(CompilerBase):
         collecting = gc.isenabled()
         gc.disable()
         try:
-            return super().compile_extra(function)
+            with compiling.noted(function.__name__):
+                return super().compile_extra(function)
         finally:
             if collecting:
                 gc.enable()

@@ -28,7 +28,8 @@ from plenoptic.core.compiler import Device, KernelCompiler
 
 
 @functools.cache
-def _sources_hash() -> str:
+def sources_hash() -> str:
+    """Of all that kernels are compiled from."""
     digest = hashlib.sha256()
     root = Path(__file__).parents[1]
     patterns = ("**/kernels/*.py", "**/record.py", "**/registry.py", "core/*.py", "optics/surfaces/*.py")
@@ -61,7 +62,7 @@ def cache_folder() -> Path | None:
     else:
         base = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA") or str(Path.home() / ".cache")
         folder = Path(base) / "plenoptic" / "kernels"
-    folder /= _sources_hash()
+    folder /= sources_hash()
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import operator
 import os
+import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import TypeVar
 
 from plenoptic.core.values import whole
+from plenoptic.core.waiting.bar import waiting_here
 
 _Task = TypeVar("_Task")
 _Result = TypeVar("_Result")
@@ -28,26 +31,64 @@ def thread_count(threads: int | None) -> int:
     return min(there, max(int(chosen), 1)) if chosen.isdecimal() else there
 
 
+class GivenUp(Exception):  # noqa: N818
+    """Raised where work can be ended whose result is no longer wanted: before a kernel is compiled."""
+
+
+_here = threading.local()
+
+
+def check_wanted() -> None:
+    """GivenUp where the result of what this thread does for `run_in_order` is no longer wanted."""
+    given_up: Callable[[], bool] | None = getattr(_here, "given_up", None)
+    if given_up is not None and given_up():
+        raise GivenUp
+
+
 def run_in_order(
-    function: Callable[[_Task], _Result], tasks: Iterable[_Task], *, threads: int, ahead: int = 4
+    function: Callable[[_Task], _Result],
+    tasks: Iterable[_Task],
+    *,
+    threads: int,
+    ahead: int = 4,
+    given_up: Callable[[], bool] = lambda: False,
 ) -> Iterator[_Result]:
     """Results of `function` for all tasks, in their order, computed by a number of threads.
 
     Only `ahead` tasks for each thread are taken before their results are, however many tasks there are. The first
-    exception ends the iteration; tasks that have not begun then never begin.
+    exception ends the iteration; tasks that have not begun then never begin, and those that have may raise GivenUp, as
+    they may where `given_up` says so.
     """
-    if threads <= 1:
-        yield from map(function, tasks)
-        return
+    ended, waiting, total = threading.Event(), waiting_here(), operator.length_hint(tasks)
+
+    def work(task: _Task) -> _Result:
+        before = getattr(_here, "given_up", None)
+        _here.given_up = lambda: ended.is_set() or given_up() or (before is not None and before())
+        try:
+            return function(task)
+        finally:
+            _here.given_up = before
+
+    results = map(work, tasks) if threads <= 1 else _results_of_threads(work, tasks, threads, ahead, ended)
+    for done, result in enumerate(results, start=1):
+        if waiting is not None:
+            waiting.step(done, total)
+        yield result
+
+
+def _results_of_threads(
+    work: Callable[[_Task], _Result], tasks: Iterable[_Task], threads: int, ahead: int, ended: threading.Event
+) -> Iterator[_Result]:
     with ThreadPoolExecutor(max_workers=threads) as pool:
         waiting: deque[Future[_Result]] = deque()
         try:
             for task in tasks:
-                waiting.append(pool.submit(function, task))
+                waiting.append(pool.submit(work, task))
                 if len(waiting) >= ahead * threads:
                     yield waiting.popleft().result()
             while waiting:
                 yield waiting.popleft().result()
         finally:
+            ended.set()
             for future in waiting:
                 future.cancel()

@@ -15,6 +15,7 @@ from plenoptic.core.values import (
     numbers,
     plain_array,
     read_only,
+    result,
     set_field,
     value,
     wavelength_in_nm,
@@ -216,3 +217,30 @@ def _normalised(direction: Floats) -> Floats:
     largest = np.max(np.abs(direction), axis=1, keepdims=True)
     scaled = direction / largest
     return np.asarray(scaled / np.sqrt(np.einsum("ij,ij->i", scaled, scaled))[:, None])
+
+
+@result
+class Frustum:
+    """Four rays around what a camera sees, in the world: of a `PlenopticCamera`, or of a `View` of a scene's file.
+
+    Attributes
+    ----------
+    origins : (4, 3) array
+        Where they leave the camera, in mm, around the picture in turn.
+    directions : (4, 3) array
+        Of unit length, into the scene.
+    in_focus : (4, 3) array or None
+        Where they meet the plane in focus, in mm; None where none lies in front of the camera, or it is not known.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
+    ...     sensor=pl.Sensor(shape=(16, 16), pixel_pitch=0.1), stop_to_microlenses=134.6)
+    >>> camera.frustum.in_focus.round(1).tolist()
+    [[2.5, 2.5, -404.2], [-2.5, 2.5, -404.2], [-2.5, -2.5, -404.2], [2.5, -2.5, -404.2]]
+    """
+
+    origins: Floats
+    directions: Floats
+    in_focus: Floats | None = None

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from plenoptic.core.color.percentile import HighPercentile
 from plenoptic.core.values import AnyFloats, Floats, frozen_array
 from plenoptic.errors import InvalidValueError
 
@@ -14,11 +19,29 @@ _PERCENTILE = 99
 _FEW = 8
 _MOST_UNCERTAIN = 0.1
 _MOST_LIFTED = 2.5
+_STRIP = 1 << 15
+"""Pixels at a time: some twenty arrays of them stay in a processor's cache."""
+_ROWS = 16
+"""Rows at a time, at least: of two more the moments are found twice."""
 
 
 def brightness(image: AnyFloats) -> Floats:
     """(..., C) to (...): the mean over the channels."""
-    return np.asarray(np.mean(image, axis=-1, dtype=np.float64))
+    total = image[..., 0].astype(np.float64)
+    for channel in range(1, image.shape[-1]):
+        total += image[..., channel]
+    total /= image.shape[-1]
+    return np.asarray(total)
+
+
+def mean_square(error: AnyFloats) -> Floats:
+    """(..., C) to (...): the mean over the channels of the squares."""
+    with np.errstate(over="ignore"):  # inf is what it is then
+        total = np.square(error[..., 0], dtype=np.float64)
+        for channel in range(1, error.shape[-1]):
+            total += np.square(error[..., channel], dtype=np.float64)
+        total /= error.shape[-1]
+    return np.asarray(total)
 
 
 def lit_level(bright: Floats) -> float:
@@ -87,11 +110,11 @@ def expected_brightness(bright: Floats, variance: Floats) -> Floats:
 
 def diagonal_sums(values: Floats) -> Floats:
     """Sums (rows, columns) over the four diagonal neighbours: those of a pixel's own colour of a checkerboard."""
-    beside, found = np.zeros_like(values), np.zeros_like(values)
+    beside, found = np.empty_like(values), np.empty_like(values)
+    beside[:-1], beside[-1:] = values[1:], 0.0
     beside[1:] += values[:-1]
-    beside[:-1] += values[1:]
+    found[:, :-1], found[:, -1:] = beside[:, 1:], 0.0
     found[:, 1:] += beside[:, :-1]
-    found[:, :-1] += beside[:, 1:]
     return found
 
 
@@ -101,28 +124,6 @@ def relative_squares(expected: Floats, variance: Floats) -> Floats:
         return np.divide(variance, np.square(expected), out=np.zeros_like(expected), where=expected > 0)
 
 
-def lit_squares(image: AnyFloats, error: AnyFloats) -> Floats:
-    """(n,): squared relative errors of the lit pixels of an image (rows, columns, C). Not finite: unknown pixels."""
-    with np.errstate(over="ignore"):
-        variance = np.mean(np.square(error, dtype=np.float64), axis=-1)
-        expected = expected_brightness(brightness(image), variance)
-    lit = (expected > lit_level(expected)) & ~np.isnan(variance)
-    return relative_squares(expected[lit], variance[lit])
-
-
-def relative_error(image: AnyFloats, error: AnyFloats) -> float:
-    """Root mean square of the relative errors of lit pixels; nan where there are neither lit pixels nor errors.
-
-    inf where the error of any pixel is, since it may be lit. Pixels whose error is nan do not count.
-    """
-    if np.isinf(error).any():
-        return float("inf")
-    squares = lit_squares(image, error)
-    if squares.size:
-        return float(np.sqrt(np.mean(squares)))
-    return float("inf") if np.nansum(error) > 0 else float("nan")
-
-
 def rests_on_few(squares: Floats) -> bool:
     """Whether the mean of squared relative errors (n,) is that of few pixels: fewer than 8, and than one of 16.
 
@@ -130,8 +131,12 @@ def rests_on_few(squares: Floats) -> bool:
     square is known to 1 / (2 sqrt(8)), some 18 %. White images have n / 6, `objects` n / 50 at 32 samples.
     """
     with np.errstate(over="ignore", invalid="ignore"):
-        total, scatter = np.sum(squares), np.sum(np.square(squares))
-        return bool(total * total < min(_FEW, squares.size / (2 * _FEW)) * scatter)
+        return _sum_rests_on_few(float(np.sum(squares)), float(np.sum(np.square(squares))), squares.size)
+
+
+def _sum_rests_on_few(total: float, scatter: float, number: int) -> bool:
+    """The same, from the sum of the squared errors, the sum of their squares, and how many they are."""
+    return total * total < min(_FEW, number / (2 * _FEW)) * scatter
 
 
 def level_is_known(bright: Floats, variance: Floats) -> bool:
@@ -140,12 +145,101 @@ def level_is_known(bright: Floats, variance: Floats) -> bool:
     Where more than a hundredth of the pixels have met a rare bright path, these make all others dark. Scenes whose
     light is not rare have at most 1.8, with 16 samples.
     """
+    return _level_is_near(lit_level(bright), lit_level(_less_error(bright, variance)))
+
+
+def _less_error(bright: Floats, variance: Floats) -> Floats:
+    """Brightness less its standard error, at least 0; 0 where the error is not known."""
     error = np.sqrt(np.where(np.isfinite(variance), variance, np.inf))
-    return lit_level(bright) <= _MOST_LIFTED * lit_level(np.maximum(bright - error, 0.0))
+    return np.maximum(bright - error, 0.0)
+
+
+def _level_is_near(level: float, lower: float) -> bool:
+    """Whether the level above which pixels are lit is near that of the pixels less their errors."""
+    return level <= _MOST_LIFTED * lower
+
+
+class ImageError(NamedTuple):
+    """The error of an image."""
+
+    relative: float
+    """Root mean square of the relative errors of lit pixels; nan where there are neither lit pixels nor errors.
+
+    inf where the error of any pixel is, since it may be lit. Pixels whose error is nan do not count.
+    """
+    rare: bool
+    """Whether light is too rare to know that: it is that of few pixels, or which are lit is not known."""
+
+
+def relative_error(image: AnyFloats, error: AnyFloats) -> float:
+    """The first number of `image_error`."""
+    return image_error(image, error).relative
 
 
 def light_is_rare(image: AnyFloats, error: AnyFloats) -> bool:
-    """Whether light is too rare to know the relative error: it is that of few pixels, or which are lit is not known."""
-    with np.errstate(over="ignore"):
-        variance = np.mean(np.square(error, dtype=np.float64), axis=-1)
-    return rests_on_few(lit_squares(image, error)) or not level_is_known(brightness(image), variance)
+    """The second one."""
+    return image_error(image, error).rare
+
+
+def image_error(image: AnyFloats, error: AnyFloats) -> ImageError:
+    """The error of an image (rows, columns, C) whose standard errors are as many."""
+    expected, bright, lower = (HighPercentile(_PERCENTILE, most=image[..., 0].size) for _ in range(3))
+    for here in _strips(image, error):
+        for level, values in ((expected, here.expected), (bright, here.bright), (lower, _less_error(*here[:2]))):
+            level.add(values[values > 0])
+    sums = _sums_above(_lit_level(expected), image, error)
+    rare = _sum_rests_on_few(*sums) or not _level_is_near(_lit_level(bright), _lit_level(lower))
+    return ImageError(_relative(sums, error), rare)
+
+
+class _Strip(NamedTuple):
+    """Of the pixels of some rows: (rows, columns) each."""
+
+    bright: Floats
+    variance: Floats
+    expected: Floats
+
+
+def _strips(image: AnyFloats, error: AnyFloats) -> Iterator[_Strip]:
+    """All rows, some at a time."""
+    rows, columns = image.shape[:2]
+    high = max(_STRIP // columns, _ROWS)
+    for top in range(0, rows, high):
+        # Pixels see their diagonal neighbours.
+        seen, end = max(top - 1, 0), min(top + high, rows)
+        moments = brightness(image[seen : end + 1]), mean_square(error[seen : end + 1])
+        yield _Strip(*(values[top - seen : end - seen] for values in (*moments, expected_brightness(*moments))))
+
+
+def _lit_level(level: HighPercentile) -> float:
+    """As `lit_level` of all numbers that were added."""
+    return LIT * level.found() if level.added else 0.0
+
+
+class _Sums(NamedTuple):
+    """Of squared relative errors."""
+
+    total: float
+    scatter: float
+    """Of their squares."""
+    number: int
+
+
+def _sums_above(level: float, image: AnyFloats, error: AnyFloats) -> _Sums:
+    """Over the pixels that are lit and known."""
+    total, scatter, number = 0.0, 0.0, 0
+    for here in _strips(image, error):
+        lit = (here.expected > level) & ~np.isnan(here.variance)
+        squares = relative_squares(here.expected[lit], here.variance[lit])
+        with np.errstate(over="ignore"):
+            total, scatter = total + float(np.sum(squares)), scatter + float(np.sum(np.square(squares)))
+        number += squares.size
+    return _Sums(total, scatter, number)
+
+
+def _relative(sums: _Sums, error: AnyFloats) -> float:
+    if any(np.isinf(row).any() for row in error):
+        return math.inf
+    if sums.number:
+        return math.sqrt(sums.total / sums.number)
+    return math.inf if sum(float(np.nansum(row)) for row in error) > 0 else math.nan

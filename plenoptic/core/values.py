@@ -114,10 +114,14 @@ def alike(**arrays: ArrayLike) -> tuple[Floats, ...]:
 def frozen_array(
     values: ArrayLike, *, name: str, shape: tuple[int | str | None, ...], dtype: Any = np.float64
 ) -> NDArray[Any]:
-    """A read-only copy of `values`, of the given shape (None, or a name for the message: any length)."""
+    """A read-only copy of `values`, of the given shape (None, or a name for the message: any length).
+
+    What is such an array already, read-only and no view of another one, is taken as it is.
+    """
     given = plain_array(values, name)
+    frozen = not given.flags.writeable and given.flags.owndata and given.flags.c_contiguous
     with np.errstate(invalid="ignore", over="ignore"):
-        array = given.astype(dtype, order="C")
+        array = given.astype(dtype, order="C", copy=not frozen)
     if array.dtype.kind in "iu" and array.dtype != given.dtype and not np.array_equal(given, array):
         raise InvalidValueError(f"{name} must hold whole numbers, from {np.iinfo(dtype).min} to {np.iinfo(dtype).max}")
     fits = array.ndim == len(shape) and all(
@@ -125,7 +129,9 @@ def frozen_array(
     )
     if not fits:
         wanted = "(" + ", ".join("n" if n is None else str(n) for n in shape) + ("," if len(shape) == 1 else "") + ")"
-        raise InvalidValueError(f"{name} has shape {array.shape}; it must have shape {wanted}")
+        flat = shape[-1] == "channels" and array.ndim == len(shape) - 1
+        hint = f": give {name}[..., np.newaxis], which has one channel" if flat else ""
+        raise InvalidValueError(f"{name} has shape {array.shape}; it must have shape {wanted}{hint}")
     array.flags.writeable = False
     return array
 

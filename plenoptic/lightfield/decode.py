@@ -11,6 +11,7 @@ from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.model_pupil import model_pupil
 from plenoptic.camera.points.centres import CentreMethod, microlens_centres
+from plenoptic.camera.report.focus import kind_of
 from plenoptic.camera.report.optics import lateral_magnification, object_plane
 from plenoptic.core.values import Floats, choice, length_in_mm, positive, whole
 from plenoptic.core.warn import warn
@@ -27,7 +28,8 @@ _MOST_VIEWS = 4095
 """Along u: more pixels than any microlens image has."""
 
 _FOCUSED = 0.05
-"""Relative difference of b and f from which microlenses are not meant to be focused at infinity."""
+"""Relative distance of the sensor from where infinity or the pupil is sharp, up to which microlenses are meant to show
+the pupil: another wavelength makes some 2 % of it."""
 
 
 def decode(  # noqa: PLR0913
@@ -51,8 +53,8 @@ def decode(  # noqa: PLR0913
     Parameters
     ----------
     shot : Exposure
-        Of a camera whose microlenses are focused on infinity: b = f. Others can be decoded, but their views are no
-        sharp pictures.
+        Of a camera whose microlenses are focused on infinity: b = f to within 5 %, or what that blurs is less than a
+        pixel. Raw images of others are put together by `render_view`.
     white : Exposure
         The white image of the same camera, of the whole sensor or of a region that holds that of the shot.
     views : int, optional
@@ -82,8 +84,9 @@ def decode(  # noqa: PLR0913
     Raises
     ------
     InvalidValueError
-        Without a camera, microlenses, or a lattice (FREE ones have no neighbours to interpolate between); for a number
-        out of range, a white image that does not cover the shot, or a region without microlens images.
+        Without a camera, microlenses, or a lattice (FREE ones have no neighbours to interpolate between); for a focused
+        camera (2.0), a number out of range, a white image that does not cover the shot, or a region without microlens
+        images.
 
     Notes
     -----
@@ -117,17 +120,24 @@ def decode(  # noqa: PLR0913
     (0.42, [0.33, 0.33])
     """
     camera, array = _checked_camera(shot, white, camera)
-    _warn_of_focused(camera)
+    _check_unfocused(camera, array)
     step, least = positive(step, "step", "pixels"), share_of_light(least_light)
     apart = None if spacing is None else length_in_mm(spacing, "spacing")
-    offsets = _offsets(camera, array, views, step, checked_viewpoint(viewpoint))
+    place = checked_viewpoint(viewpoint)
+    offsets = _offsets(camera, array, views, step, place)
     planes, largest = raw_planes(shot, white, least), float(np.abs(offsets).max())
     index, on_array, pixel = _centres_in(camera, choice(method, CentreMethod, "method"), planes, largest)
     axes = array_axes(camera)
     turn, origin = axes.parts.array_turn, axes.parts.array_origin
     errors = planes.variance is not None
     grid = resampling(array, index, apart, places=axes.local(on_array), turn=turn, origin=origin, errors=errors)
-    seen, error = _sampled(planes, pixel, offsets, grid, _in_own_image(camera, array, offsets))
+    own = _in_own_image(camera, array, offsets)
+    seen, error = _sampled(planes, pixel, offsets, grid, own)
+    if any(place) and not np.isfinite(seen[len(own) // 2, len(own) // 2]).any():
+        warn(f"the view from viewpoint {place} is empty: no light passes there; take a place within the iris, -1 to 1")
+    elif views is not None and not (own[0].any() or own[-1].any() or own[:, 0].any() or own[:, -1].any()):
+        held = max(own.any(axis=0).sum(), own.any(axis=1).sum())
+        warn(f"views is {views}, and microlens images hold {held} at this step: the others are empty; take fewer")
     places = grid.mixed(np.column_stack([pixel, on_array]))
     return field_of(camera, seen, error, offsets, grid.origin, grid.spacing, places)
 
@@ -148,14 +158,22 @@ def _checked_camera(
     return found, array
 
 
-def _warn_of_focused(camera: PlenopticCamera) -> None:
-    b, array = camera.microlenses_to_sensor, camera.microlenses
-    assert array is not None
-    if array.model.focuses and any(abs(b / f - 1.0) > _FOCUSED for f in array.focal_lengths_at(camera.wavelength)):
-        warn(
-            f"the sensor is {b:g} mm behind microlenses of focal lengths {array.focal_lengths} mm: a focused camera, "
-            "whose views are no sharp pictures; views need microlenses focused at infinity"
-        )
+def _check_unfocused(camera: PlenopticCamera, array: MicrolensArray) -> None:
+    """Refuse microlenses that show pictures: light of one place of the pupil would fall on pixels of several views."""
+    b, pixel = camera.microlenses_to_sensor, camera.sensor.pixel_pitch
+    if not array.model.focuses:
+        return
+    gap = camera.stop_to_microlenses - model_pupil(camera)[0]
+    for f in array.focal_lengths_at(camera.wavelength):
+        # Between the sharp image of what is far and that of the pupil, which views are pictures of.
+        low, high = sorted((b / f - 1.0, b / f - (b / gap if gap else math.inf) - 1.0))
+        off = max(low, -high, 0.0)
+        if off > _FOCUSED and off * max(array.pitches) > pixel:
+            raise InvalidValueError(
+                f"the sensor is {b:g} mm behind microlenses of focal length {f:.4g} mm: a focused camera (2.0, "
+                f"{kind_of(camera, f).name}), whose microlens images are pictures and no views; use "
+                f"pl.lightfield.render_view(shot, white, disparity), or a camera with microlenses_to_sensor={f:.4g}"
+            )
 
 
 def odd_count(views: int) -> int:

@@ -10,6 +10,7 @@ from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.core.parallel import thread_count
 from plenoptic.core.values import Floats, check_kind, numbers, result, whole
+from plenoptic.core.waiting.bar import Waiting
 from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield.epipolar import default_range, view_depths, view_disparities
 from plenoptic.lightfield.estimation import agreed, estimated, side_of_images
@@ -31,7 +32,8 @@ class DepthMap:
     disparity : (H, W) array
         Of a raw image: pixels by which the image of a point moves between neighbouring microlenses, as
         `GroundTruth.chord_disparity`. Of views: pixels along columns by which it moves for each pixel of u, as
-        `LightField.disparity_at`. nan where nothing was found.
+        `LightField.disparity_at`; of a single column of views without camera, along rows for each pixel of v. nan where
+        nothing was found.
     standard_error : (H, W) array
         Of the disparity, pixels, by the residuals of the match; large where there is no texture.
     confidence : (H, W) array
@@ -53,8 +55,13 @@ class DepthMap:
         rows, columns = self.disparity.shape
         return f"DepthMap({rows} x {columns})"
 
+    def _repr_html_(self) -> str:
+        from plenoptic.plots.notebook.pictures import depth_map_html
 
-def depth(
+        return depth_map_html(self)
+
+
+def depth(  # noqa: PLR0913
     seen: Exposure | LightField,
     white: Exposure | None = None,
     *,
@@ -63,6 +70,7 @@ def depth(
     least_light: float = 0.1,
     camera: PlenopticCamera | None = None,
     threads: int | None = None,
+    progress: bool = True,
 ) -> DepthMap:
     """Find depth by matching: images of microlenses of a focused camera (2.0), or views (1.0).
 
@@ -86,6 +94,8 @@ def depth(
         Where the raw image names none.
     threads : int, optional
         None: one for each processor, at most NUMBA_NUM_THREADS. The result does not depend on it. Views take one.
+    progress : bool, optional
+        Whether to show, from the second second on, how far it is or that something is compiled.
 
     Returns
     -------
@@ -135,12 +145,14 @@ def depth(
     if isinstance(seen, LightField):
         if white is not None or camera is not None:
             raise InvalidValueError("a light field needs neither white nor camera; leave them out")
-        return _of_views(seen, default_range(seen) if between is None else _range(between), reach)
+        with Waiting("matching", kind="light field", show=progress):
+            return _of_views(seen, default_range(seen) if between is None else _range(between), reach)
     check_kind(seen, "seen", Exposure, "pl.render(scene, camera), or a LightField")
     if white is None:
         raise InvalidValueError("a raw image needs its white image; give white=pl.render_white(camera)")
     planes, found = raw_planes(seen, white, share_of_light(least_light)), camera_of(seen, camera)
-    return _of_raw(found, planes, _virtual_depths(found, between), reach, thread_count(threads))
+    with Waiting("matching", kind="camera", show=progress):
+        return _of_raw(found, planes, _virtual_depths(found, between), reach, thread_count(threads))
 
 
 def _of_views(field: LightField, between: tuple[float, float], radius: int) -> DepthMap:

@@ -74,15 +74,15 @@ def _in_four_directions(field: LightField) -> tuple[NDArray[np.int64], Floats]:
     if not len(numbers) or not there[len(u) // 2, len(v) // 2]:
         raise InvalidValueError("the light field has no views beside its central one; decode more of them")
     apart = [part - part[len(part) // 2] for part in (field.u, field.v)]
-    offsets = np.column_stack([apart[1][numbers[:, 1]] * _down_over_across(field), apart[0][numbers[:, 0]]])
+    offsets = np.column_stack([apart[1][numbers[:, 1]] * down_over_across(field), apart[0][numbers[:, 0]]])
     # An odd step keeps all directions.
     step = 2 * (len(numbers) // (2 * _MOST)) + 1
     order = np.argsort(np.hypot(*offsets.T), kind="stable")[::step]
     return numbers[order], offsets[order]
 
 
-def _down_over_across(field: LightField) -> float:
-    """Disparity along rows for a pixel of v, over that along columns for a pixel of u."""
+def down_over_across(field: LightField) -> float:
+    """Disparity along rows for a pixel of v, over that along columns for a pixel of u; 1 where it is not known."""
     if field.camera is not None:
         return field.spacing[0] / field.spacing[1]
     across, down = _between_cameras(field)
@@ -113,7 +113,9 @@ def view_depths(field: LightField, disparity: Floats) -> Floats:
     camera = field.camera
     if camera is None:
         with np.errstate(divide="ignore", invalid="ignore"):
-            z = field.z_focus / (1.0 + disparity / _between_cameras(field)[0])
+            across, down = _between_cameras(field)
+            # Of a single column of views, disparity is that along rows.
+            z = field.z_focus / (1.0 + disparity / (down if math.isnan(across) else across))
         return np.asarray(np.where(z < 0, -z, np.nan))
     lever = disparity * field.spacing[0] * camera.microlenses_to_sensor / camera.sensor.pixel_pitch
     gap = camera.stop_to_microlenses - model_pupil(camera)[0]

@@ -18,9 +18,14 @@ _POINTS = 64
 """Of an opening at which light is looked for; their centroid is good to a hundredth of its radius."""
 
 
-def chief_rays(axes: ArrayAxes, array: MicrolensArray, pixel: Floats, on_array: Floats, threads: int) -> RayBundle:
-    """Rays from pixels (n, 2) through optical centres (n, 2), traced out of the lens past all rims, in its axes."""
-    reverse = lens_record(axes.camera.lens, axes.camera.wavelength, reverse=True, clipping=False)
+def chief_rays(
+    axes: ArrayAxes, array: MicrolensArray, pixel: Floats, on_array: Floats, threads: int, *, clipping: bool = False
+) -> RayBundle:
+    """Rays from pixels (n, 2) through optical centres (n, 2), traced out of the lens, in its axes.
+
+    Past all rims, or with `clipping` as far as these let them.
+    """
+    reverse = lens_record(axes.camera.lens, axes.camera.wavelength, reverse=True, clipping=clipping)
     return traced_by(reverse, _towards_scene(axes, *leaving(axes, array, pixel, on_array)[:2]), threads=threads)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -42,12 +44,16 @@ class RawPlanes:
         with np.errstate(invalid="ignore"):
             light = np.where(light >= self.least, light, np.nan)
         radiance = between(self.shot, weight) / light
+        return radiance, self.variance_of(radiance, light, lambda plane: between(plane, weight**2))
+
+    def variance_of(self, radiance: Floats, light: Floats, read: Callable[[Floats], Floats]) -> Floats | None:
+        """Of shot over white, where `read` gives a plane's values, and `light` is the white image there."""
         if self.variance is None:
-            return radiance, None
-        spread = between(self.variance, weight**2)
+            return None
+        spread = read(self.variance)
         if self.white_variance is not None:
-            spread = spread + radiance**2 * between(self.white_variance, weight**2)
-        return radiance, spread / light**2
+            spread = spread + radiance**2 * read(self.white_variance)
+        return np.asarray(spread / light**2)
 
 
 def _corners(place: Floats, shape: tuple[int, ...]) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats]:

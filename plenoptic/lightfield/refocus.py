@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from plenoptic.core.values import Floats, check_kind, finite
 from plenoptic.errors import InvalidValueError
+from plenoptic.lightfield.epipolar import down_over_across
 from plenoptic.lightfield.views import LightField
 
 
@@ -19,8 +20,9 @@ def refocus(field: LightField, z: float | None = None, *, disparity: float | Non
     z : float, optional
         The plane in the camera's frame in mm, negative: in front of the camera.
     disparity : float, optional
-        In place of a plane: pixels by which what is to be sharp moves for each unit of `field.u` and `v`, positive
-        against the step. For light fields that know no distances.
+        In place of a plane: pixels by which what is to be sharp moves along columns for each unit of `field.u`,
+        positive against the step, as `DepthMap.disparity`; along rows as many more as pixels are narrower or steps of
+        views wider there, where the light field knows both. For light fields that know no distances.
 
     Returns
     -------
@@ -49,18 +51,28 @@ def refocus(field: LightField, z: float | None = None, *, disparity: float | Non
     # A positive disparity goes against the step from view to view.
     if (z is None) == (disparity is None):
         raise InvalidValueError("give either z, the plane in mm, or disparity=, in pixels from view to view")
-    moves = field.disparity_at(z) if z is not None else (finite(disparity, "disparity"),) * 2  # type: ignore[arg-type]
-    across, down = (-move for move in moves)
+    across, down = (-move for move in _moves(field, z, disparity))
     total = np.zeros(field.views.shape[2:])
     count = np.zeros(field.views.shape[2:])
     for i, u in enumerate(field.u):
         for j, v in enumerate(field.v):
-            moved = _moved(field.views[i, j].astype(np.float64), down * float(v), across * float(u))
+            # A single row or column of views does not move, and its disparity may not be known.
+            moved = _moved(
+                field.views[i, j].astype(np.float64), down * float(v) if v else 0.0, across * float(u) if u else 0.0
+            )
             known = np.isfinite(moved)
             total += np.where(known, moved, 0.0)
             count += known
     with np.errstate(invalid="ignore"):
         return np.asarray(total / np.where(count > 0, count, np.nan), dtype=np.float32)
+
+
+def _moves(field: LightField, z: float | None, disparity: float | None) -> tuple[float, float]:
+    """Along columns for each pixel of u, and along rows for each pixel of v."""
+    if z is not None:
+        return field.disparity_at(z)
+    across = finite(disparity, "disparity")  # type: ignore[arg-type]
+    return across, across * down_over_across(field)
 
 
 def _moved(view: Floats, down: float, right: float) -> Floats:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,7 +17,9 @@ from plenoptic.truth.channels import GroundTruth, Truth
 
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera
+    from plenoptic.lightfield.depth_map import DepthMap
     from plenoptic.scene.scene import Scene
+    from plenoptic.viewer.page import Viewer
 
 
 @result
@@ -139,6 +142,55 @@ class LightField:
         """The view through the middle of the pupil: (rows, columns, C)."""
         return self.view(0, 0)
 
+    def viewer(self, *, depth: DepthMap | None = None) -> Viewer:
+        """A page in which the viewpoint, the focus and the aperture are moved by hand, as notebooks show it.
+
+        Parameters
+        ----------
+        depth : DepthMap, optional
+            What `pl.lightfield.depth` finds: is shown, and says what a click focuses on. None: the page matches the
+            views around the click itself, and shows no depth.
+
+        Returns
+        -------
+        Viewer
+            Notebooks show it, and `save(path)` writes it, as `save_html` does, which has an example.
+
+        Raises
+        ------
+        InvalidValueError
+            Where no view holds light, or the depth is of another size.
+
+        Notes
+        -----
+        docs/viewer.md says what is stored: views in 8 bits, at most 24 million pixels of them.
+        """
+        from plenoptic.viewer.light_field import light_field_page  # knows this class
+
+        return light_field_page(self, depth=depth)
+
+    def save_html(self, path: str | os.PathLike[str], *, depth: DepthMap | None = None) -> None:
+        """Write the page of `viewer`, which has the argument, to one file, which any browser opens from the disk.
+
+        A FileError where it cannot be written.
+
+        Examples
+        --------
+        >>> import pathlib, tempfile, plenoptic as pl
+        >>> lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=4.25))
+        >>> camera = pl.PlenopticCamera(lens=lens,
+        ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
+        ...     sensor=pl.Sensor(shape=(80, 80), pixel_pitch=0.01),
+        ...     stop_to_microlenses=134.6, microlenses_to_sensor=2.0)
+        >>> white = pl.render_white(camera, samples=16, progress=False)
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     path = pathlib.Path(folder) / "views.html"
+        ...     pl.lightfield.decode(white, white, views=5).save_html(path)
+        ...     path.stat().st_size < 1e5
+        True
+        """
+        self.viewer(depth=depth).save(path)
+
     @staticmethod
     def _row_of(which: int, count: int, name: str) -> int:
         first, last = -(count // 2), (count - 1) // 2
@@ -203,3 +255,8 @@ class LightField:
     def __repr__(self) -> str:
         across, down, rows, columns, channels = self.views.shape
         return f"LightField({across} x {down} views of {rows} x {columns} x {channels})"
+
+    def _repr_html_(self) -> str:
+        from plenoptic.plots.notebook.pictures import light_field_html
+
+        return light_field_html(self)

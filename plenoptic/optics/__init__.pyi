@@ -1,8 +1,9 @@
 from .glass.air import Absolute as Absolute
 from .glass.air import Air as Air
 from .glass.air import AirFormula as AirFormula
+from .glass.bundled import bundled_glasses as bundled_glasses
+from .glass.bundled import glass_names as glass_names
 from .glass.catalogue import GlassCatalogue as GlassCatalogue
-from .glass.catalogue import glass_names as glass_names
 from .glass.catalogue import load_glasses as load_glasses
 from .glass.dispersion import DispersionFormula as DispersionFormula
 from .glass.dispersion import Formula as Formula
@@ -46,6 +47,9 @@ from .microlens.plano_convex import ConvexSide as ConvexSide
 from .stops.circle import CircularStop as CircularStop
 from .stops.mask import MaskStop as MaskStop
 from .stops.polygon import PolygonStop as PolygonStop
+from .stops.ring import RingStop as RingStop
 from .stops.star import StarStop as StarStop
+from .surfaces.mirror import MIRROR as MIRROR
+from .surfaces.mirror import Mirror as Mirror
 from .surfaces.surface import Surface as Surface
 from .surfaces.zernike import ZernikeSag as ZernikeSag

@@ -27,9 +27,10 @@ class ElementKind(enum.IntEnum):
     STAR_STOP = 7
     MASK_STOP = 8
     FREEFORM = 9
+    RING_STOP = 10
 
 
-SPHERE, CIRCLE, POLYGON, CONIC, ASPHERE, IDEAL, ARCS, STAR, MASK, FREEFORM = map(int, ElementKind)
+SPHERE, CIRCLE, POLYGON, CONIC, ASPHERE, IDEAL, ARCS, STAR, MASK, FREEFORM, RING = map(int, ElementKind)
 """The same numbers for kernels. SPHERE stands for planes too."""
 
 
@@ -52,6 +53,7 @@ class ElementRow(NamedTuple):
     surface_index: int = 0
     index_ratio: float = 1.0
     frame: tuple[float, ...] = ()
+    mirror: tuple[float, ...] = ()
 
     @property
     def opened(self) -> ElementRow:

@@ -5,6 +5,7 @@ from .contrast import plot_point_spread as plot_point_spread
 from .error_time import plot_error_against_time as plot_error_against_time
 from .error_time import plot_error_studies as plot_error_studies
 from .exposure import plot_exposure as plot_exposure
+from .exposure import plot_raw as plot_raw
 from .fields import plot_coma as plot_coma
 from .fields import plot_depth_distortion as plot_depth_distortion
 from .fields import plot_distortion as plot_distortion
@@ -13,7 +14,13 @@ from .fields import plot_relative_illumination as plot_relative_illumination
 from .fields import plot_vignetting as plot_vignetting
 from .lens import plot_lens as plot_lens
 from .lens import plot_stop as plot_stop
+from .lightfield import plot_depth_map as plot_depth_map
+from .lightfield import plot_light_field as plot_light_field
+from .lightfield import plot_view as plot_view
 from .lightfield import plot_views as plot_views
+from .points import plot_centres as plot_centres
+from .points import plot_projection as plot_projection
+from .scene import plot_scene as plot_scene
 from .seidel import plot_chromatic_shift as plot_chromatic_shift
 from .seidel import plot_seidel as plot_seidel
 from .sensor import plot_photon_transfer as plot_photon_transfer

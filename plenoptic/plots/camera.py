@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from plenoptic.core.values import Floats, check_has
-from plenoptic.plots.canvas import axes_or_new, figure_or_new, pixel_extent
+from plenoptic.plots.canvas import COLOURS, axes_or_new, figure_or_new, pixel_extent
 from plenoptic.plots.lens import plot_lens
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from plenoptic.camera.psf.spread import CameraSpread
     from plenoptic.camera.report.report import CameraReport
 
-_ARRAY, _SENSOR, _LIGHT = "#2c8a3d", "#222222", "#c23b2c"
+_ARRAY, _SENSOR, _LIGHT = COLOURS[2], "#222222", COLOURS[1]
 _COLOURS = ("#1f5fbf", "#b07a00")
 _NEIGHBOURS = 2
 _BULGE = 0.06
@@ -141,7 +141,7 @@ def plot_camera_spread(spread: CameraSpread, ax: Axes | None = None) -> Axes:
     drawn = ax.imshow(
         image, interpolation="nearest", cmap="inferno", norm=scale, extent=pixel_extent(row, column, image.shape)
     )
-    ax.figure.colorbar(drawn, ax=ax, label="sr/mm²", shrink=0.8)
+    ax.figure.colorbar(drawn, ax=ax, label="light per area / (sr/mm²)", shrink=0.8)
     if not image.any():
         ax.text(0.5, 0.5, "no light", transform=ax.transAxes, ha="center", va="center", color="white")
     ax.locator_params(integer=True, min_n_ticks=1)

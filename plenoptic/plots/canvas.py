@@ -2,13 +2,37 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from plenoptic.errors import PlenopticError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+NOTHING = (0.72, 0.80, 0.90)
+"""Pale blue, where pictures hold nothing: neither black nor a grey of an image."""
+
+COLOURS = ("#1f5fbf", "#d55e00", "#009e73", "#cc79a7", "#444444", "#56b4e9", "#d9b500")
+"""Of curves, in this order, told apart by the colour-blind (M. Okabe and K. Ito 2008, some of them darker)."""
+_WARMEST = 0.78
+"""Part of the colour map `plasma` that stands out against white: from blue over purple to orange."""
+
+
+def wavelength_colours(wavelengths: Sequence[float]) -> list[Any]:
+    """One colour a wavelength, evenly from blue for the shortest to orange for the longest, the lighter the longer.
+
+    Not the hues of the spectrum, whose red and green are one to many.
+    """
+    if len(wavelengths) == 1:
+        return ["#1f4e79"]
+    from matplotlib import colormaps
+
+    places = np.argsort(np.argsort(wavelengths)) / (len(wavelengths) - 1)
+    return [tuple(colour) for colour in colormaps["plasma"](_WARMEST * places)[:, :3].tolist()]
 
 
 class _MissingMatplotlibError(PlenopticError, ImportError):
@@ -21,7 +45,7 @@ def pyplot() -> Any:
         import matplotlib.pyplot as plt
     except ImportError as error:
         raise _MissingMatplotlibError(
-            f'figures need matplotlib, which cannot be imported ({error}); pip install "plenoptic[plot]"'
+            f"figures need matplotlib, which cannot be imported ({error}); pip install matplotlib"
         ) from error
     return plt
 
@@ -30,7 +54,7 @@ def axes_or_new(ax: Axes | None, size: tuple[float, float]) -> Axes:
     """The axes given, or those of a new figure of a width and height in inches."""
     if ax is not None:
         return ax
-    made: Axes = pyplot().subplots(figsize=size, layout="constrained")[1]
+    made: Axes = figure_or_new(None, size).subplots()
     return made
 
 
@@ -38,7 +62,10 @@ def figure_or_new(figure: Figure | None, size: tuple[float, float]) -> Figure:
     """The figure given, or a new one of a width and height in inches."""
     if figure is not None:
         return figure
-    made: Figure = pyplot().figure(figsize=size, layout="constrained")
+    plt = pyplot()
+    from plenoptic.plots.notebook.shown_once import ShownOnce
+
+    made: Figure = plt.figure(figsize=size, layout="constrained", FigureClass=ShownOnce)
     return made
 
 

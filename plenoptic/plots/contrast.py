@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from plenoptic.core.values import check_has, wrong_kind
-from plenoptic.plots.canvas import axes_or_new
+from plenoptic.plots.canvas import COLOURS, axes_or_new
 from plenoptic.plots.spots import LIMIT, MICROMETRES, field_label
 
 if TYPE_CHECKING:
@@ -95,7 +95,7 @@ def plot_mtf(mtfs: Mtf | Sequence[Mtf], ax: Axes | None = None) -> Axes:
         raise wrong_kind(mtfs, "mtfs", "Mtf or a sequence", "pl.aberrations.mtf(lens, [10, 20])")
     ax = axes_or_new(ax, (6.4, 4.2))
     for i, curve in enumerate(curves):
-        colour = f"C{i % 10}"
+        colour = COLOURS[i % len(COLOURS)]
         label = field_label(curve.field, curve.z_object)
         for values, error, line, name in (
             (curve.tangential, curve.tangential_error, "-", f"{label}, tangential"),

@@ -1,48 +1,126 @@
-"""Image, standard error and depth of an exposure, side by side."""
+"""Image, standard error and truth of an exposure, and raw images, side by side with a detail."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+import dataclasses
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.core.color.srgb import linear_to_srgb
-from plenoptic.core.files.codes import white_point
-from plenoptic.core.relative_error import lit_pixels
+from plenoptic.core.files.codes import block_means, white_point
+from plenoptic.core.relative_error import lit_pixels, mean_square
 from plenoptic.core.values import check_has
-from plenoptic.plots.canvas import figure_or_new, pixel_extent
+from plenoptic.plots.canvas import NOTHING, figure_or_new, pixel_extent
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from plenoptic.readout.raw import RawImage
     from plenoptic.rendering.exposure import Exposure
 
 _IRRADIANCE = "scene radiance x sr"
 
-_NOT_RENDERED = (0.72, 0.80, 0.90)
-"""Pale blue: neither black nor a grey of the image."""
+_MOST = 2048
+"""Pixels along a side that are drawn; of larger images, means over blocks."""
+_DETAIL, _TIMES, _TRIED = 48, 3, 20
+"""Pixels along a side of the detail, how many times as large an image must be for one, and places along a side."""
+_STRIP = 16
+"""Rows that are drawn, of errors that are found at a time."""
+_ENOUGH = 0.7
+"""Part of the greatest contrast that the detail has at least."""
+_FRAME = "#ff6b00"
+_BRIGHTENED = 1 / 2.2
+"""Power with which raw images are shown, as photographs are."""
+PANEL = (3.2, 3.3)
+"""Inches, in notebooks."""
+
+
+class _Frame(NamedTuple):
+    """What of the sensor is drawn."""
+
+    row: int
+    column: int
+    block: int
+
+    @classmethod
+    def of(cls, image: NDArray[Any], region: tuple[int, ...] | None) -> _Frame:
+        """Of an image of a region of the sensor; None: of all of it."""
+        row, column = (0, 0) if region is None else (region[0], region[2])
+        return cls(row, column, min(-(-max(image.shape[:2]) // _MOST), *image.shape[:2]))
+
+    def reduced(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Means over blocks, where an image is large."""
+        return block_means(values, self.block)
+
+    def extent(self, shape: tuple[int, ...]) -> tuple[float, float, float, float]:
+        """Where reduced values lie."""
+        return pixel_extent(self.row, self.column, (shape[0] * self.block, shape[1] * self.block))
 
 
 def _panel(figure: Figure, ax: Axes, values: NDArray[Any], title: str, unit: str, **shown: Any) -> None:
-    drawn = ax.imshow(values, interpolation="nearest", **shown)
+    drawn = ax.imshow(values, interpolation="antialiased", **shown)
     figure.colorbar(drawn, ax=ax, label=unit, extend="max" if "vmax" in shown else "neither", shrink=0.8)
-    ax.set_title(title)
+    ax.set_title(title, fontsize="medium")
 
 
 def _colour_picture(
-    ax: Axes, image: NDArray[np.float32], unseen: NDArray[np.bool_], extent: tuple[float, float, float, float]
+    ax: Axes, image: NDArray[Any], unseen: NDArray[np.bool_], extent: tuple[float, float, float, float], white: float
 ) -> None:
-    white = white_point(image)
     encoded = linear_to_srgb(np.clip(np.nan_to_num(image / white), 0.0, 1.0))
-    encoded[unseen] = _NOT_RENDERED
-    ax.imshow(encoded, interpolation="nearest", extent=extent)
-    ax.set_title(f"image (white: {white:.3g} {_IRRADIANCE})")
+    encoded[unseen] = NOTHING
+    ax.imshow(encoded, interpolation="antialiased", extent=extent)
+
+
+def _detail_of(image: NDArray[Any]) -> tuple[slice, slice] | None:
+    """Where an image has much contrast, near its middle; None for a small one, which is seen as it is."""
+    if min(image.shape[:2]) < _TIMES * _DETAIL:
+        return None
+    starts = [
+        np.linspace(0, length - _DETAIL, min(length // _DETAIL, _TRIED)).astype(int) for length in image.shape[:2]
+    ]
+    windows = [(slice(r, r + _DETAIL), slice(c, c + _DETAIL)) for r in starts[0] for c in starts[1]]
+    middle = np.array(image.shape[:2]) / 2
+    windows.sort(key=lambda window: np.hypot(*(middle - [part.start + _DETAIL / 2 for part in window])))
+    contrast = [float(np.nan_to_num(image[w], posinf=0.0, neginf=0.0).std(dtype=np.float64)) for w in windows]
+    return windows[int(np.argmax(np.array(contrast) >= _ENOUGH * max(contrast)))]
+
+
+def _draw_detail(
+    ax: Axes, whole: Axes, window: tuple[slice, slice], frame: _Frame
+) -> tuple[float, float, float, float]:
+    """Frame a part of an image and name it; where it lies on the sensor."""
+    from matplotlib.patches import Rectangle
+
+    rows, columns = window
+    extent = pixel_extent(frame.row + rows.start, frame.column + columns.start, (_DETAIL, _DETAIL))
+    whole.add_patch(Rectangle((extent[0], extent[3]), _DETAIL, _DETAIL, fill=False, edgecolor=_FRAME, linewidth=1.5))
+    for spine in ax.spines.values():
+        spine.set(edgecolor=_FRAME, linewidth=1.5)
+    ax.set_title("detail", fontsize="medium")
+    ax.set_xlabel("column / pixel")
+    return extent
+
+
+def _truth(exposure: Exposure) -> tuple[str, NDArray[Any], str] | None:
+    """Depth, or else the first truth that is one number a pixel: its name, its values and their unit."""
+    if exposure.truth is None:
+        return None
+    units = {field.name: field.metadata["channel"].unit for field in dataclasses.fields(exposure.truth)}
+    plain = {name: array for name, array in exposure.truth.arrays().items() if array.ndim == 2}
+    name = "depth" if "depth" in plain else next(iter(plain), None)
+    return None if name is None else (name.replace("_", " "), plain[name], units[name])
+
+
+def panels_of(exposure: Exposure) -> int:
+    """How many panels `plot_exposure` draws."""
+    return 1 + sum(part is not None for part in (_detail_of(exposure.image), exposure.standard_error, _truth(exposure)))
 
 
 def plot_exposure(exposure: Exposure, *, figure: Figure | None = None) -> Figure:
-    """Draw an exposure's image, standard error and depth side by side; what it lacks is left out.
+    """Draw an exposure's image, a detail, its standard error and depth side by side; what it lacks is left out.
 
     Parameters
     ----------
@@ -54,10 +132,12 @@ def plot_exposure(exposure: Exposure, *, figure: Figure | None = None) -> Figure
     -------
     matplotlib.figure.Figure
         One panel each, with rows and columns of the sensor as axes (pixel centres are whole numbers). A grey
-        image is shown linearly from 0; a coloured one is encoded for the screen (sRGB). Scales end at the 99.8th
-        percentile, that of the error over lit pixels (`lit_pixels`). The error of a coloured image is the root mean
-        square over its channels. Depth is in mm and blank where nothing is met. Pixels that were not rendered are pale
-        blue.
+        image is shown linearly from 0; a coloured one is encoded for the screen (sRGB). Scales end at the 99.9th
+        percentile, that of the error over what is lit of the drawn image (`lit_pixels`). The error of a coloured
+        image is the root mean square over its channels. Depth is in mm and blank where nothing is met; without depth,
+        the first truth of one number a pixel stands there. The detail has 48 x 48 pixels where there is much contrast,
+        of images three times as large. Pixels that were not rendered are pale blue. Beyond 2048 pixels along a side,
+        means over blocks are drawn.
 
     Examples
     --------
@@ -68,37 +148,129 @@ def plot_exposure(exposure: Exposure, *, figure: Figure | None = None) -> Figure
     ['image', 'standard error']
     """
     check_has(exposure, "exposure", "Exposure", "pl.Exposure(image)", "standard_error")
-    rows, columns, channels = exposure.image.shape
-    panels = 1 + (exposure.standard_error is not None) + (exposure.depth is not None)
-    figure = figure_or_new(figure, (5.4 * panels, 4.6))
-    axes = list(figure.subplots(1, panels, sharex=True, sharey=True, squeeze=False)[0])
-    row, column = (exposure.region[0], exposure.region[2]) if exposure.region is not None else (0, 0)
-    extent = pixel_extent(row, column, exposure.image.shape)
-    for ax in axes:
-        ax.set_xlabel("column / pixel")
-    axes[0].set_ylabel("row / pixel")
+    image, counts = exposure.image, exposure.sample_counts
+    window, truth, panels = _detail_of(image), _truth(exposure), panels_of(exposure)
+    figure = figure_or_new(figure, (4.6 * panels, 4.2))
+    frame = _Frame.of(image, exposure.region)
+    full = figure.add_subplot(1, panels, 1, xlabel="column / pixel", ylabel="row / pixel")
+    axes = [figure.add_subplot(1, panels, k + 2) for k in range(panels - 1)]
 
-    unseen = np.zeros((rows, columns), dtype=bool) if exposure.sample_counts is None else exposure.sample_counts == 0
-    if unseen.any():
-        for ax in axes:
-            ax.set_facecolor(_NOT_RENDERED)
-        axes[0].annotate("pale blue: not rendered", (0, 1), (2, 2), "axes fraction", "offset points", fontsize="small")
-    ax = axes.pop(0)
-    if channels == 1:
-        top = white_point(exposure.image)
-        grey = np.ma.array(exposure.image[:, :, 0], mask=unseen)
-        _panel(figure, ax, grey, "image", _IRRADIANCE, extent=extent, cmap="gray", vmin=0.0, vmax=top)
-    else:
-        _colour_picture(ax, exposure.image, unseen, extent)
+    missing = np.zeros(image.shape[:2], dtype=bool) if counts is None else counts == 0
+    if missing.any():
+        box = {"facecolor": "white", "edgecolor": "none", "pad": 1.5}
+        text = "pale blue: not rendered"
+        full.annotate(text, (0, 0), (4, 4), "axes fraction", "offset points", fontsize="small", bbox=box)
+    white = white_point(image)
+    _draw_image(figure, full, image, missing, frame, white)
+    if window is not None:
+        ax = axes.pop(0)
+        part, extent = image[window], _draw_detail(ax, full, window, frame)
+        _draw_part(ax, part, missing[window], extent, white)
+    for ax in axes:
+        ax.sharex(full)
+        ax.sharey(full)
+        ax.set_xlabel("column / pixel")
+        ax.tick_params(labelleft=False)
+    if missing.any():
+        for ax in (full, *axes):
+            ax.set_facecolor(NOTHING)
     if exposure.standard_error is not None:
-        error = np.sqrt(np.mean(np.square(exposure.standard_error, dtype=np.float64), axis=2))
-        lit = lit_pixels(np.nan_to_num(exposure.image, posinf=0.0, neginf=0.0))
-        top = white_point(error[lit] if lit.any() else error)
-        seen = np.ma.array(error, mask=unseen)
-        _panel(
-            figure, axes.pop(0), seen, "standard error", _IRRADIANCE, extent=extent, cmap="magma", vmin=0.0, vmax=top
-        )
-    if exposure.depth is not None:
-        depth = np.ma.masked_invalid(exposure.depth)
-        _panel(figure, axes.pop(0), depth, "depth", "mm", extent=extent, cmap="viridis")
+        _draw_error(figure, axes.pop(0), exposure, missing, frame)
+    if truth is not None:
+        name, values, unit = truth
+        drawn = np.ma.masked_invalid(values[:: frame.block, :: frame.block])
+        _panel(figure, axes.pop(0), drawn, name, unit, extent=frame.extent(drawn.shape), cmap="viridis")
+    return figure
+
+
+def _draw_image(
+    figure: Figure, ax: Axes, image: NDArray[Any], missing: NDArray[np.bool_], frame: _Frame, white: float
+) -> None:
+    small, unseen = frame.reduced(image), frame.reduced(missing) == 1
+    extent = frame.extent(small.shape)
+    if image.shape[2] == 1:
+        grey = np.ma.array(small[:, :, 0], mask=unseen)
+        _panel(figure, ax, grey, "image", _IRRADIANCE, extent=extent, cmap="gray", vmin=0.0, vmax=white)
+        return
+    _colour_picture(ax, small, unseen, extent, white)
+    ax.set_title(f"image (white: {white:.3g} {_IRRADIANCE})", fontsize="small")
+
+
+def _draw_part(
+    ax: Axes,
+    part: NDArray[Any],
+    missing: NDArray[np.bool_],
+    extent: tuple[float, float, float, float],
+    white: float,
+    norm: Any = None,
+) -> None:
+    """A part of an image, as bright as in the whole; `norm` is how a grey one is shown, None: linearly from 0."""
+    from matplotlib.colors import Normalize
+
+    if part.shape[2] == 3:
+        _colour_picture(ax, part, missing, extent, white)
+        return
+    grey = np.ma.array(part[:, :, 0], mask=missing)
+    norm = Normalize(0.0, white) if norm is None else norm
+    ax.set_facecolor(NOTHING)
+    ax.imshow(grey, interpolation="nearest", extent=extent, cmap="gray", norm=norm)
+
+
+def _draw_error(figure: Figure, ax: Axes, exposure: Exposure, missing: NDArray[np.bool_], frame: _Frame) -> None:
+    assert exposure.standard_error is not None
+    # Some rows of blocks at a time: the errors of all pixels together are larger than the image.
+    whole = exposure.standard_error.shape[0] // frame.block * frame.block
+    steps = range(0, whole, _STRIP * frame.block)
+    strips = (exposure.standard_error[top : min(top + _STRIP * frame.block, whole)] for top in steps)
+    error = np.concatenate([frame.reduced(np.sqrt(mean_square(strip))) for strip in strips])
+    lit = lit_pixels(np.nan_to_num(frame.reduced(exposure.image), posinf=0.0, neginf=0.0))
+    vmax = white_point(error[lit] if lit.any() else error)
+    small = np.ma.array(error, mask=frame.reduced(missing) == 1)
+    extent = frame.extent(small.shape)
+    _panel(figure, ax, small, "standard error", _IRRADIANCE, extent=extent, cmap="magma", vmin=0.0, vmax=vmax)
+
+
+def plot_raw(raw: RawImage, *, figure: Figure | None = None) -> Figure:
+    """Draw the numbers of a raw image and a detail of them.
+
+    Parameters
+    ----------
+    raw : RawImage
+    figure : matplotlib.figure.Figure, optional
+        Where to draw; a new figure if it is left out.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Electrons above the black level, from 0 to the 99.9th percentile and brightened as photographs are, with rows
+        and columns of the sensor as axes; behind colour filters the mosaic itself. For the detail see `plot_exposure`.
+
+    Examples
+    --------
+    >>> import numpy as np, plenoptic as pl
+    >>> raw = pl.Exposure(np.ones((4, 6, 1))).develop(pl.SensorModel(photon_rate=100.0))
+    >>> pl.plots.plot_raw(raw).axes[0].get_title()
+    'raw image'
+    """
+    check_has(raw, "raw", "RawImage", "shot.develop(model)", "electrons")
+    light = np.maximum(raw.electrons(), 0.0)
+    image = light.reshape(*light.shape[:2], -1)
+    window = _detail_of(image)
+    figure = figure_or_new(figure, (5.4 * (1 + (window is not None)), 4.6))
+    frame = _Frame.of(image, raw.region)
+    ax = figure.add_subplot(1, 1 + (window is not None), 1, xlabel="column / pixel", ylabel="row / pixel")
+    from matplotlib.colors import PowerNorm
+
+    small, top = frame.reduced(image), white_point(image)
+    norm = PowerNorm(_BRIGHTENED, 0.0, top)
+    shown: dict[str, Any] = {"extent": frame.extent(small.shape)}
+    if image.shape[2] == 1:
+        _panel(figure, ax, small[:, :, 0], "raw image", "electrons", cmap="gray", norm=norm, **shown)
+    else:
+        _colour_picture(ax, small, np.zeros(small.shape[:2], dtype=bool), shown["extent"], top)
+        ax.set_title(f"raw image (white: {top:.3g} electrons)", fontsize="medium")
+    if window is not None:
+        part = figure.add_subplot(1, 2, 2)
+        extent = _draw_detail(part, ax, window, frame)
+        _draw_part(part, image[window], np.zeros((_DETAIL, _DETAIL), bool), extent, top, norm)
     return figure

@@ -137,24 +137,33 @@ def plot_vignetting(result: Vignetting, ax: Axes | None = None) -> Axes:
     Returns
     -------
     matplotlib.axes.Axes
-        The field to the right. The rim rays are y on the iris in units of its semi-diameter.
+        The field to the right, the part of the iris that is filled upwards. A second axis on the right has the rim
+        rays: y on the iris over its semi-diameter, between which light passes.
 
     Examples
     --------
     >>> import plenoptic as pl
     >>> found = pl.aberrations.vignetting(pl.load_lens("double-gauss-100mm-f2"), [0.0, 0.2, 0.35])
     >>> ax = pl.plots.plot_vignetting(found)
-    >>> [text.get_text() for text in ax.get_legend().get_texts()]
-    ['part of the iris filled', 'rim rays']
+    >>> [part.get_ylabel() for part in ax.figure.axes]
+    ['part of the iris filled', 'y of the rim rays / semi-diameter of the iris']
     """
     _check(result, "fraction", "Vignetting", "vignetting")
     ax = axes_or_new(ax, (5.4, 4.0))
     fields, field_label = _field_axis(result)
-    ax.fill_between(fields, result.lower, result.upper, color=_OTHER, alpha=0.2, linewidth=0, label="rim rays")
-    (line,) = ax.plot(fields, result.fraction, color=_SAGITTAL, label="part of the iris filled")
-    ax.legend(handles=[line, ax.collections[-1]], frameon=False, fontsize="small")
-    ax.set_ylim(-1.05, 1.05)
-    ax.set(xlabel=field_label, ylabel="part, or y / semi-diameter of the iris", title="vignetting")
+    rims = ax.twinx()
+    rims.fill_between(fields, result.lower, result.upper, color=_TANGENTIAL, alpha=0.15, linewidth=0)
+    for rim in (result.lower, result.upper):
+        rims.plot(fields, rim, color=_TANGENTIAL, linewidth=0.8, linestyle="--")
+    ax.plot(fields, result.fraction, color=_SAGITTAL, linewidth=1.8)
+    ax.set(ylim=(0.0, 1.05), xlabel=field_label, title="vignetting")
+    rims.set_ylim(-1.05, 1.05)
+    for part, label, colour in (
+        (ax, "part of the iris filled", _SAGITTAL),
+        (rims, "y of the rim rays / semi-diameter of the iris", _TANGENTIAL),
+    ):
+        part.set_ylabel(label, color=colour)
+        part.tick_params(axis="y", colors=colour)
     return ax
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from plenoptic.core.values import Floats, check_has
 from plenoptic.errors import InvalidValueError
-from plenoptic.plots.canvas import axes_or_new
+from plenoptic.plots.canvas import COLOURS, axes_or_new
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 _GLASS = "#cfe3f3"
 _EDGE = "#31566f"
 _IMAGE = "#222222"
-_FIELDS = ("#1f5fbf", "#2c8a3d", "#c23b2c", "#b07a00", "#7c4fa8", "#008b8b")
+_MIRROR = "#8a6d3b"
 _STOP = "#222222"
 _OTHER_STOP = "#888888"
 
@@ -38,6 +38,24 @@ def _bars(lens: LensStack) -> dict[int, tuple[float, float, float]]:
         for i, element in enumerate(lens.elements)
         if not hasattr(element, "medium")
     }
+
+
+def _discs(lens: LensStack) -> list[tuple[float, float]]:
+    """Places z and radii of the opaque discs in the middle of stops."""
+    return [
+        (float(z), element.inner_semi_diameter)
+        for z, element in zip(lens.vertices, lens.elements, strict=True)
+        if hasattr(element, "inner_semi_diameter") and not element.contains(0.0, 0.0)  # type: ignore[union-attr]
+    ]
+
+
+def unfolded(lens: LensStack) -> str:
+    """What a picture says of a lens with mirrors; empty for others."""
+    return ", unfolded at its mirrors" if _mirrors(lens) else ""
+
+
+def _mirrors(lens: LensStack) -> list[int]:
+    return [i for i, element in enumerate(lens.elements) if hasattr(getattr(element, "medium", None), "fold")]
 
 
 def _path(points: Floats, close: str = "") -> str:
@@ -57,7 +75,8 @@ def lens_svg(lens: LensStack, width: int = 480) -> str:
     scale = min(1.0, width / height)
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{width * scale:.0f}" height="{height * scale:.0f}" '
-        f'viewBox="{box[0]:.5g} {box[1]:.5g} {box[2]:.5g} {box[3]:.5g}" fill="none" stroke-width="{line:.4g}">',
+        f'viewBox="{box[0]:.5g} {box[1]:.5g} {box[2]:.5g} {box[3]:.5g}" fill="none" stroke-width="{line:.4g}" '
+        'style="background:white">',
         f"<title>{html.escape(lens.name or 'lens')}</title>",
         f'<path d="M{box[0]:.5g},0 h{box[2]:.5g}" stroke="{_OTHER_STOP}" stroke-dasharray="{6 * line:.4g}"/>',
     ]
@@ -67,11 +86,14 @@ def lens_svg(lens: LensStack, width: int = 480) -> str:
         colour = _STOP if i == lens.iris_index else _OTHER_STOP
         bar = f"M{z:.5g},{-outer:.5g} V{-inner:.5g} M{z:.5g},{inner:.5g} V{outer:.5g}"
         parts.append(f'<path d="{bar}" stroke="{colour}" stroke-width="{3 * line:.4g}"/>')
+    thick = [(_path(profiles[i]), _MIRROR) for i in _mirrors(lens)]
+    thick += [(f"M{z:.5g},{-r:.5g} V{r:.5g}", _STOP) for z, r in _discs(lens)]
+    parts += [f'<path d="{path}" stroke="{colour}" stroke-width="{3 * line:.4g}"/>' for path, colour in thick]
     return "".join([*parts, "</svg>"])
 
 
 def plot_lens(lens: LensStack, ax: Axes | None = None) -> Axes:
-    """Draw the section of a lens, true to scale.
+    """Draw the section of a lens, true to scale; mirrors are brown, and what is behind them is as seen in them.
 
     Parameters
     ----------
@@ -102,9 +124,13 @@ def plot_lens(lens: LensStack, ax: Axes | None = None) -> Axes:
     for i, (z, inner, outer) in bars.items():
         colour = _STOP if i == lens.iris_index else _OTHER_STOP
         ax.plot([z, z, np.nan, z, z], [-outer, -inner, np.nan, inner, outer], color=colour, linewidth=2.5)
+    for i in _mirrors(lens):
+        ax.plot(profiles[i][:, 0], profiles[i][:, 1], color=_MIRROR, linewidth=2.5)
+    for z, radius in _discs(lens):
+        ax.plot([z, z], [-radius, radius], color=_STOP, linewidth=2.5)
     ax.axhline(0.0, color=_OTHER_STOP, linewidth=0.6, linestyle="--")
     ax.set_aspect("equal")
-    ax.set(xlabel="z / mm", ylabel="y / mm", title=lens.name or "lens")
+    ax.set(xlabel="z / mm", ylabel="y / mm", title=(lens.name or "lens") + unfolded(lens))
     return ax
 
 
@@ -140,6 +166,9 @@ def plot_stop(stop: Stop, ax: Axes | None = None) -> Axes:
         ax.imshow(stop.transmission, cmap="gray", vmin=0.0, vmax=1.0, extent=(-x, x, -y, y), interpolation="nearest")
     else:
         ax.fill(*stop.outline(256).T, facecolor="white", edgecolor="none")
+        if hasattr(stop, "inner_semi_diameter") and not stop.contains(0.0, 0.0):
+            inner = stop.inner_semi_diameter / stop.semi_diameter
+            ax.fill(*(inner * stop.outline(256)).T, facecolor=_STOP, edgecolor="none")
     angle = np.linspace(0.0, 2 * np.pi, 129)
     circle = stop.semi_diameter * np.stack([np.cos(angle), np.sin(angle)])
     ax.plot(*circle, color=_OTHER_STOP, linewidth=0.8, linestyle="--")
@@ -155,7 +184,7 @@ def _joined(paths: Floats) -> tuple[Floats, Floats]:
     return points[:, 2], points[:, 1]
 
 
-def _fill_glass(lens: LensStack, ax: Axes) -> None:
+def fill_glass(lens: LensStack, ax: Axes) -> None:
     """Glass with closed outlines: from rim to rim along the axis and, where these differ in height, across."""
     profiles = lens.profiles()
     for i, j in lens.glasses:
@@ -187,8 +216,8 @@ def plot_layout(
     for k, field in enumerate(paths):
         label = labels[k] if labels else None
         z, y = _joined(np.asarray(field, dtype=np.float64))
-        ax.plot(z, y, color=_FIELDS[k % len(_FIELDS)], linewidth=0.7, label=label, zorder=1.5)
-    _fill_glass(lens, ax)
+        ax.plot(z, y, color=COLOURS[k % len(COLOURS)], linewidth=0.7, label=label, zorder=1.5)
+    fill_glass(lens, ax)
     plot_lens(lens, ax)
     if z_image is not None:
         heights = [np.abs(field[:, -1, 1]) for field in paths]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from plenoptic.core.values import check_has
-from plenoptic.plots.canvas import axes_or_new
+from plenoptic.plots.canvas import COLOURS, axes_or_new
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from plenoptic.optics.lens.analysis.seidel import ChromaticShift, SeidelSums
 
 _NAMES = ("spherical", "coma", "astigmatism", "Petzval", "distortion")
-_COLOURS = ("#31566f", "#c8553d", "#5b8e7d", "#8f8f8f", "#d9a441")
 _RULE = "#888888"
 
 
@@ -46,7 +45,7 @@ def plot_seidel(sums: SeidelSums, ax: Axes | None = None) -> Axes:
     rows = [i for i, row in enumerate(sums.table) if row.any()]
     table = np.vstack([sums.table[rows], sums.total])
     place, width = np.arange(len(table)), 0.16
-    for k, (name, colour) in enumerate(zip(_NAMES, _COLOURS, strict=True)):
+    for k, (name, colour) in enumerate(zip(_NAMES, COLOURS[: len(_NAMES)], strict=True)):
         ax.bar(place + (k - 2) * width, table[:, k], width, color=colour, label=name)
     for i in range(1, len(rows), 2):
         ax.axvspan(i - 0.5, i + 0.5, color="#f1f1f1", linewidth=0, zorder=0)
@@ -73,7 +72,7 @@ def plot_chromatic_shift(shift: ChromaticShift, ax: Axes | None = None) -> Axes:
     -------
     matplotlib.axes.Axes
         Shifts against the reference wavelength in mm to the right, wavelength in nm upwards. The height is drawn if
-        `shift` was made with a field.
+        `shift` was made with a field, dashed and with an axis of its own above.
 
     Examples
     --------
@@ -87,17 +86,18 @@ def plot_chromatic_shift(shift: ChromaticShift, ax: Axes | None = None) -> Axes:
     ax = axes_or_new(ax, (5.0, 4.0))
     order = np.argsort(shift.wavelengths)
     middle = int(np.flatnonzero(shift.wavelengths == shift.reference)[0])
-    lateral = bool(shift.height.any())
-    curves = [("focus", shift.focus, "-"), *([("height of the image", shift.height, "--")] if lateral else [])]
-    for (name, values, style), colour in zip(curves, _COLOURS, strict=False):
+    places = [(ax, shift.focus, "shift of the focus / mm", "-")]
+    if shift.height.any():
+        places.append((ax.twiny(), shift.height, "shift of the height of the image / mm", "--"))
+    for (part, values, label, style), colour in zip(places, COLOURS, strict=False):
         moved = (values - values[middle])[order]
-        ax.plot(moved, shift.wavelengths[order], style, color=colour, marker=".", label=name)
+        part.plot(moved, shift.wavelengths[order], style, color=colour, marker=".")
+        part.set_xlabel(label, color="black" if len(places) == 1 else colour)
+        if len(places) > 1:  # two scales have one zero
+            reach = 1.1 * float(np.nanmax(np.abs(moved))) or 1.0
+            part.set_xlim(-reach, reach)
+            part.locator_params(axis="x", nbins=5)
     ax.axvline(0.0, color=_RULE, linewidth=0.8, linestyle="--", zorder=0)
-    ax.set(
-        xlabel="shift / mm" if lateral else "shift of the focus / mm",
-        ylabel="wavelength / nm",
-        title=f"{'Colour' if lateral else 'Axial colour'}, against {shift.reference:.5g} nm",
-    )
-    if lateral:
-        ax.legend(frameon=False, fontsize="small")
+    title = f"{'Axial colour' if len(places) == 1 else 'Colour'}, against {shift.reference:.5g} nm"
+    ax.set(ylabel="wavelength / nm", title=title)
     return ax

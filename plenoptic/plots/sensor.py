@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from plenoptic.core.values import check_has
-from plenoptic.plots.canvas import axes_or_new
+from plenoptic.plots.canvas import COLOURS, axes_or_new
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -41,7 +41,7 @@ def plot_sensitivity(sensitivity: Sensitivity, ax: Axes | None = None) -> Axes:
     """
     check_has(sensitivity, "sensitivity", "Sensitivity", "sensitivities.colour_camera()", "normalised")
     ax = axes_or_new(ax, (6.0, 3.6))
-    colours = ("#c8553d", "#5b8e7d", "#31566f") if sensitivity.channels == 3 else ("black",)
+    colours = (COLOURS[1], COLOURS[2], COLOURS[0]) if sensitivity.channels == 3 else ("black",)
     response = sensitivity.normalised.response
     for channel, colour in enumerate(colours):
         name = f"channel {channel}"

@@ -10,7 +10,7 @@ import numpy as np
 
 from plenoptic.core.values import Floats, check_has, wrong_kind
 from plenoptic.errors import InvalidValueError
-from plenoptic.plots.canvas import axes_or_new, figure_or_new
+from plenoptic.plots.canvas import axes_or_new, figure_or_new, wavelength_colours
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -23,20 +23,8 @@ MICROMETRES = 1e3
 _MOST_DOTS = 3000
 """Dots of one panel: more of them are one blot, and a slow file."""
 LIMIT = "#777777"
-_BLUE = 0.61
-"""Hue; red is 0."""
 _SMALLEST_SPOT = 0.1
 """um; a panel of a perfect image still needs an extent."""
-
-
-def _colours(wavelengths: Sequence[float]) -> list[Any]:
-    """One colour a wavelength, evenly from blue for the shortest to red for the longest."""
-    if len(wavelengths) == 1:
-        return ["#1f4e79"]
-    from matplotlib.colors import hsv_to_rgb
-
-    place = np.argsort(np.argsort(wavelengths)) / (len(wavelengths) - 1)
-    return [tuple(hsv_to_rgb((_BLUE * (1.0 - share), 0.9, 0.75))) for share in place]
 
 
 def field_label(field: Floats, z_object: float) -> str:
@@ -79,7 +67,7 @@ def _draw_spot(ax: Axes, spot: SpotDiagram, half: float, *, airy: bool) -> None:
         centre = spot.centroid
         # In an order that lets no wavelength lie on top of the others.
         shown = np.random.default_rng(0).permutation(np.arange(0, len(spot.x), -(-len(spot.x) // _MOST_DOTS)))
-        colours = to_rgba_array(_colours(spot.wavelengths))
+        colours = to_rgba_array(wavelength_colours(spot.wavelengths))
         x, y = spot.x[shown] - centre[0], spot.y[shown] - centre[1]
         size = 5.0 if len(shown) < 1000 else 2.0
         ax.scatter(
@@ -103,7 +91,7 @@ def _wavelength_legend(figure: Figure, wavelengths: Sequence[float], **shown: An
 
     handles = [
         Line2D([], [], color=colour, label=f"{w:g} nm", **shown)
-        for w, colour in zip(wavelengths, _colours(wavelengths), strict=True)
+        for w, colour in zip(wavelengths, wavelength_colours(wavelengths), strict=True)
     ]
     figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), frameon=False)
 
@@ -204,16 +192,16 @@ def plot_ray_fan(fan: RayFan, *, figure: Figure | None = None) -> Figure:
     check_has(fan, "fan", "RayFan", "pl.aberrations.ray_fan(lens)", "tangential", "pupil")
     figure = figure_or_new(figure, (7.6, 3.6))
     axes = figure.subplots(1, 2, sharex=True, sharey=True)
-    for ax, curves, title in (
-        (axes[0], fan.tangential[:, :, 1], "tangential fan"),
-        (axes[1], fan.sagittal[:, :, 0], "sagittal fan"),
+    for ax, curves, title, name in (
+        (axes[0], fan.tangential[:, :, 1], "tangential fan", "y"),
+        (axes[1], fan.sagittal[:, :, 0], "sagittal fan", "x"),
     ):
         ax.axhline(0.0, color=LIMIT, linewidth=0.6)
         ax.axvline(0.0, color=LIMIT, linewidth=0.6)
-        for curve, colour in zip(curves, _colours(fan.wavelengths), strict=True):
+        for curve, colour in zip(curves, wavelength_colours(fan.wavelengths), strict=True):
             ax.plot(fan.pupil, MICROMETRES * curve, color=colour, linewidth=1.3)
         ax.set_title(title)
-        ax.set_xlabel("coordinate in the iris")
+        ax.set_xlabel(f"{name} in the iris / its semi-diameter")
         ax.set_xlim(-1.0, 1.0)
     axes[0].set_ylabel("transverse aberration / µm")
     figure.suptitle(f"{field_label(fan.field, fan.z_object)}, z = {fan.z_image:.6g} mm", fontsize="medium")

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.files import images
-from plenoptic.core.files.preview import html_figure
 from plenoptic.core.files.reading import DEFAULT, FileLimits
 from plenoptic.core.files.serialization import described_fields, restored_fields
 from plenoptic.core.values import (
@@ -28,7 +27,8 @@ from plenoptic.errors import FileError, InvalidValueError
 from plenoptic.optics.sensor.color_filter import BayerPattern, Filters, channels_of
 from plenoptic.optics.sensor.demosaic import DemosaicMethod, demosaiced
 from plenoptic.optics.sensor.model import SensorModel
-from plenoptic.rendering.exposure import Exposure, checked_region, region_text
+from plenoptic.rendering.exposure import Exposure
+from plenoptic.rendering.frame import checked_region, region_text
 
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera
@@ -259,9 +259,10 @@ class RawImage:
         return ", ".join(facts)
 
     def _repr_html_(self) -> str:
-        """The numbers above the black level as a grey picture, with one line of facts, for notebooks."""
-        light = np.maximum(self.electrons(), 0.0).astype(np.float32)
-        return html_figure(light.reshape(*light.shape[:2], -1), self._facts())
+        """The numbers above the black level and a detail of them, with one line of facts, for notebooks."""
+        from plenoptic.plots.notebook.pictures import raw_html
+
+        return raw_html(self)
 
 
 def _checked_data(given: Any, model: SensorModel) -> NDArray[Any]:

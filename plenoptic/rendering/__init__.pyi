@@ -1,3 +1,5 @@
+from .estimation.estimate import Estimate as Estimate
+from .estimation.estimate import Estimated as Estimated
 from .exposure import Exposure as Exposure
 from .film import Film as Film
 from .plan.stages import Decision as Decision
@@ -9,3 +11,4 @@ from .settings import RenderSettings as RenderSettings
 from .settings import Sampler as Sampler
 from .stats import RenderStats as RenderStats
 from .stats import StopReason as StopReason
+from .warm_up import WarmUp as WarmUp

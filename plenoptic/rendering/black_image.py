@@ -167,10 +167,13 @@ class _Probe:
             radiance = PathIntegrator(context, n).radiance(bundle, 0, n, batch, fed.number, ways.waves, witness=self)
             self.bright = bool(radiance.any())
 
+    def left(self, rays: Floats) -> None:
+        """Keep the rays that leave the camera."""
+        self.rays = rays.copy()
+
     def saw(self, rays: Floats, hits: Hits, radiance: Floats) -> None:
-        """Keep the rays that leave the camera, and the numbers of the meshes that they meet."""
-        if not len(self.rays) and self.intersector is not None:
-            self.rays = rays.copy()
+        """Keep the numbers of the meshes that are met first."""
+        if not len(self.meshes) and self.intersector is not None:
             self.meshes = np.unique(self.record.triangle_mesh[hits.triangle[hits.triangle >= 0]])
 
     def lit(self, *_: object) -> None:

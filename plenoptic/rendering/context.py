@@ -9,7 +9,8 @@ import numpy as np
 from plenoptic.camera.cache import PreparedCamera, prepared_camera
 from plenoptic.camera.record import CameraRecord
 from plenoptic.rendering.plan.plan import plan_stages
-from plenoptic.rendering.plan.stages import Plan, Subject
+from plenoptic.rendering.plan.shutter import OpenShutter, open_shutter
+from plenoptic.rendering.plan.stages import Plan, Stage, Subject
 from plenoptic.rendering.settings import RenderSettings
 
 if TYPE_CHECKING:
@@ -29,6 +30,8 @@ class RenderContext(NamedTuple):
     settings: RenderSettings
     replicates: int
     seed: np.uint64
+    shutter: OpenShutter | None
+    """None where nothing moves in an exposure."""
 
     @property
     def camera(self) -> CameraRecord:
@@ -48,4 +51,6 @@ def render_context(subject: Subject, seed: int) -> RenderContext:
     prepared = subject.prepared
     record, intersector = (None, None) if prepared is None else (prepared.record, prepared.intersector)
     camera, plan = prepared_camera(subject.camera), plan_stages(record, subject)
-    return RenderContext(camera, record, intersector, plan, subject.settings, subject.replicates, np.uint64(seed))
+    shutter = open_shutter(subject.camera, record) if plan.runs(Stage.SHUTTER) else None
+    settings, replicates = subject.settings, subject.replicates
+    return RenderContext(camera, record, intersector, plan, settings, replicates, np.uint64(seed), shutter)

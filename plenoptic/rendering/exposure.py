@@ -3,45 +3,33 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import KW_ONLY
-from typing import TYPE_CHECKING, Any
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic import __version__
 from plenoptic.core.files.reading import DEFAULT, FileLimits
-from plenoptic.core.files.serialization import describe, described_fields, restore, restored_fields
-from plenoptic.core.relative_error import light_is_rare, relative_error
-from plenoptic.core.values import (
-    Floats,
-    Given,
-    check_kind,
-    file_path,
-    frozen_array,
-    positive,
-    seed_number,
-    set_field,
-    value,
-    whole,
-)
+from plenoptic.core.relative_error import ImageError, image_error
+from plenoptic.core.values import Floats, Given, check_kind, file_path, frozen_array, seed_number, set_field, value
 from plenoptic.errors import FileError, InvalidValueError
+from plenoptic.rendering.frame import checked_region, region_text, samples_text
 from plenoptic.rendering.settings import RenderSettings
 from plenoptic.rendering.stats import RenderStats, StopReason
-from plenoptic.truth.arrays import file_note, file_planes, truth_in
 from plenoptic.truth.channels import GroundTruth, truth_names
 
 if TYPE_CHECKING:
+    import xarray
+
     from plenoptic.camera.camera import PlenopticCamera
     from plenoptic.optics.sensor.model import SensorModel
     from plenoptic.readout.raw import RawImage
+    from plenoptic.viewer.page import Viewer
 
-_NAMES = {1: ("Y",), 3: ("R", "G", "B")}
-_KEPT_AS_TEXT = ("samples", "replicates", "seed", "region", "camera", "stats", "settings", "white", "object_names")
 MOST_NAMES = 10_000
 """Objects of a scene whose names are kept: at most a megabyte in the head of a file."""
-_SAMPLES = "samples"
 
 
 @value
@@ -110,7 +98,7 @@ class Exposure:
 
     def __post_init__(self) -> None:
         image = frozen_array(self.image, name="image", shape=("rows", "columns", "channels"), dtype=np.float32)
-        if image.shape[2] not in _NAMES or 0 in image.shape:
+        if image.shape[2] not in (1, 3) or 0 in image.shape:
             raise InvalidValueError(f"image has shape {image.shape}; it must be (H, W, 1) or (H, W, 3), not empty")
         set_field(self, "image", image)
         for name, dtype, axes in (("standard_error", np.float32, 3), ("sample_counts", np.int32, 2)):
@@ -119,20 +107,16 @@ class Exposure:
         if self.truth is not None:
             check_kind(self.truth, "truth", GroundTruth, "pl.GroundTruth(depth=...)")
             if self.truth.shape != image.shape[:2]:
-                raise InvalidValueError(
-                    f"truth has {self.truth.shape[0]} x {self.truth.shape[1]} pixels; "
-                    f"it must have the image's {image.shape[0]} x {image.shape[1]}"
-                )
+                has, must = (f"{shape[0]} x {shape[1]}" for shape in (self.truth.shape, image.shape))
+                raise InvalidValueError(f"truth has {has} pixels; it must have the image's {must}")
         for name in ("samples", "replicates", "seed"):
             number = getattr(self, name)
             if number is not None:
                 set_field(self, name, seed_number(number, name))
         counts = self.sample_counts
         if counts is not None and (counts.min() < 0 or (self.samples is not None and counts.max() > self.samples)):
-            raise InvalidValueError(
-                f"sample_counts go from {counts.min()} to {counts.max()}; they must be within 0 and samples, "
-                f"{self.samples}"
-            )
+            found = f"sample_counts go from {counts.min()} to {counts.max()}"
+            raise InvalidValueError(f"{found}; they must be within 0 and samples, {self.samples}")
         if self.region is not None:
             set_field(self, "region", checked_region(self.region, image.shape[:2]))
         for name, kind in (("stats", RenderStats), ("settings", RenderSettings)):
@@ -164,7 +148,7 @@ class Exposure:
         nan for an image without light or error, inf for one that has error only, or pixels without samples. With
         `rare_light` it may be far too small.
         """
-        return None if self.standard_error is None else relative_error(self.image, self.standard_error)
+        return None if self._error is None else self._error.relative
 
     @property
     def rare_light(self) -> bool | None:
@@ -183,7 +167,33 @@ class Exposure:
         >>> pl.Exposure(np.ones((32, 32, 1)), standard_error=error).rare_light
         True
         """
-        return None if self.standard_error is None else light_is_rare(self.image, self.standard_error)
+        return None if self._error is None else self._error.rare
+
+    @cached_property
+    def _error(self) -> ImageError | None:
+        """The error of the image, found when it is first asked for."""
+        return None if self.standard_error is None else image_error(self.image, self.standard_error)
+
+    @classmethod
+    def merged(cls, parts: Iterable[Exposure]) -> Exposure:
+        """One exposure of several: regions beside each other, and the same region with other seeds.
+
+        Regions of a render of given samples have the bits of the whole. Exposures of the same region are weighed by
+        their samples, and so are the squares of their errors; those with a single replicate each get their error from
+        their differences, which is right on average over pixels and crude for each while they are few. An
+        InvalidValueError where parts overlap, leave pixels out, share random numbers, or are of other cameras or
+        settings. That they show the same scene is for the caller to know.
+
+        Examples
+        --------
+        >>> import numpy as np, plenoptic as pl
+        >>> halves = [pl.Exposure(np.ones((8, 8, 1)), samples=4, region=(0, 8, x, x + 8)) for x in (0, 8)]
+        >>> pl.Exposure.merged(halves)
+        Exposure(8 x 16 x 1, 4 samples per pixel, rows 0:8, columns 0:16)
+        """
+        from plenoptic.rendering.merging import merged  # knows this class
+
+        return merged(parts)
 
     def develop(self, sensor: SensorModel, *, seed: int = 0) -> RawImage:
         """What a sensor reads out when exposed to this image: electrons, noise and digital numbers.
@@ -212,15 +222,17 @@ class Exposure:
         return develop(self, sensor, seed=seed)
 
     def save(self, path: str | os.PathLike[str], *, scale: float | None = None) -> None:
-        """Write the exposure to a file, in the format that the path's ending names.
+        """Write the exposure to a file, or for `.zarr` to a folder, in the format that the path's ending names.
 
-        The file appears whole or not at all.
+        It appears whole or not at all.
 
         Parameters
         ----------
         path : path-like
             `.exr` keeps everything, as float32: ground truth is rounded from float64, and its whole
-            numbers are exact up to 2^24. `.tif`, `.tiff` (linear) and `.png` (sRGB-encoded) keep
+            numbers are exact up to 2^24. `.zarr` keeps every bit of everything, in a folder of many
+            files that is opened a part at a time, and takes the place of one exposure only; it needs the
+            package zarr. `.tif`, `.tiff` (linear) and `.png` (sRGB-encoded) keep
             the image in 16 bits, with the scale, samples, seed and region, and neither error, truth,
             camera nor statistics.
         scale : float, optional
@@ -244,25 +256,25 @@ class Exposure:
         ...     pl.Exposure.load(path) == shot
         True
         """
-        from plenoptic.core.files import images
+        from plenoptic.rendering import dataset, exposure_files
 
-        ending = file_path(path).suffix.lower()
-        if ending == ".exr":
+        ending = exposure_files.checked_ending(path)
+        if ending in (".exr", ".zarr"):
             if scale is not None:
-                raise InvalidValueError(f"scale is {scale:g}, but EXR files keep the values as they are; leave it out")
-            images.write_channels(path, self._channels(), self._texts(_KEPT_AS_TEXT))
-        elif ending in (".tif", ".tiff", ".png"):
-            self._save_16bit(path, images.SRGB if ending == ".png" else images.LINEAR, scale)
+                raise InvalidValueError(
+                    f"scale is {scale:g}, but {ending} files keep the values as they are; leave it out"
+                )
+            (dataset.save_store if ending == ".zarr" else exposure_files.save_exr)(self, path)
         else:
-            raise FileError(f"{os.fspath(path)!r} ends in {ending!r}; it must end in .exr, .tif, .tiff or .png")
+            exposure_files.save_16bit(self, path, scale, linear=ending != ".png")
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], *, limits: FileLimits = DEFAULT) -> Exposure:
         """Read an exposure that `save` wrote, or the image of any other file.
 
-        An EXR file gives back everything; truth returns as float64 of float32 precision. Another image file gives the
-        linear image, times its scale if it has one. A file from elsewhere gives what it holds. `limits` is as of
-        `images.read_linear`.
+        A zarr store gives back the same exposure, and so does an EXR file, whose truth is float64 of float32 precision.
+        Another image file gives the linear image, times its scale if it has one. A file from elsewhere gives what it
+        holds. `limits` is as of `images.read_linear`; a store counts with all its files.
 
         Raises
         ------
@@ -273,51 +285,82 @@ class Exposure:
         --------
         See `save`.
         """
-        from plenoptic.core.files import images
+        from plenoptic.rendering import dataset, exposure_files
 
-        image, channels, metadata = images.read_picture(path, limits=limits)
-        kept = restored_fields(metadata, _KEPT_AS_TEXT)
-        planes = [channels.get(f"error.{name}") for name in _NAMES[image.shape[2]]]
-        errors = [plane for plane in planes if plane is not None]
+        stored = file_path(path).suffix.lower() == ".zarr"
         try:
-            if "plenoptic:scale" in metadata:
-                image = image * np.float32(positive(restore(metadata["plenoptic:scale"]), "scale"))
-            return cls(
-                image,
-                standard_error=np.stack(errors, axis=-1) if len(errors) == len(planes) else None,
-                truth=truth_in(channels),
-                sample_counts=_counts_in(channels.get(_SAMPLES), kept.get("samples")),
-                **kept,
-            )
+            return cls(**(dataset.fields_of_store if stored else exposure_files.fields_of_image)(path, limits))
         except InvalidValueError as error:
             raise FileError(f"{os.fspath(path)!r} holds no possible exposure: {error}") from error
 
-    def _channels(self) -> Mapping[str, NDArray[Any]]:
-        names = _NAMES[self.image.shape[2]]
-        channels: dict[str, NDArray[Any]] = {name: self.image[:, :, i] for i, name in enumerate(names)}
-        if self.standard_error is not None:
-            channels |= {f"error.{name}": self.standard_error[:, :, i] for i, name in enumerate(names)}
-        if self.sample_counts is not None:
-            channels[_SAMPLES] = self.sample_counts.astype(np.float32)
-        if self.truth is not None:
-            channels |= file_planes(self.truth)
-        return channels
+    def to_xarray(self) -> xarray.Dataset:
+        """The same as an xarray dataset, with units and coordinates: rows and columns, mm on the sensor, channels.
 
-    def _texts(self, names: tuple[str, ...]) -> dict[str, str]:
-        texts = {"Software": f"plenoptic {__version__}"}
-        texts |= described_fields(self, names)
-        if "camera" in names and self.truth is not None:
-            texts["plenoptic:note"] = file_note(self.truth)
-        return texts
+        Nothing is copied: the arrays are the exposure's own, which cannot be written to. Of what `save` writes to
+        `.zarr`, ``xarray.open_zarr(path)`` makes the same dataset, and reads only the parts that are used. Needs the
+        package xarray.
 
-    def _save_16bit(self, path: str | os.PathLike[str], encoding: str, scale: float | None) -> None:
-        from plenoptic.core.files import images
-        from plenoptic.core.files.codes import brightest, codes
+        Examples
+        --------
+        >>> import numpy as np, plenoptic as pl
+        >>> shot = pl.Exposure(np.ones((2, 3, 3)), truth=pl.GroundTruth(depth=np.full((2, 3), 400.0)))
+        >>> data = shot.to_xarray()
+        >>> dict(data.sizes), data.depth.units
+        ({'row': 2, 'column': 3, 'channel': 3}, 'mm')
+        >>> float(data.image.sel(row=1, column=2, channel="R"))
+        1.0
+        """
+        from plenoptic.rendering.dataset import dataset_of
 
-        scale = positive(brightest(self.image) if scale is None else scale, "scale")
-        texts = self._texts(("samples", "replicates", "seed", "region"))
-        texts |= {"plenoptic:scale": describe(scale), images.COLOR_SPACE: encoding}
-        images.write_16bit(path, codes(self.image, scale=scale, encoded=encoding == images.SRGB), texts)
+        return dataset_of(self)
+
+    def viewer(self, *, white: Exposure | None = None, region: tuple[slice, slice] | None = None) -> Viewer:
+        """A page that is zoomed to single pixels and says all that is known of each, as notebooks show it.
+
+        Parameters
+        ----------
+        white : Exposure, optional
+            The white image of the camera: what is shown is divided by it, and so is radiance.
+        region : (slice, slice), optional
+            Rows and columns of the sensor, as ``np.s_[0:64, 0:64]``; None: all.
+
+        Returns
+        -------
+        Viewer
+            Notebooks show it, and `save(path)` writes it, as `save_html` does, which has an example.
+
+        Raises
+        ------
+        InvalidValueError
+            Where the region does not lie in the exposure, or the white image does not fit.
+
+        Notes
+        -----
+        What the exposure lacks is not there: render with ``truth=pl.Truth.ALL`` for all of it. A click lights up all
+        images of the point that a pixel shows, where there are a camera with microlenses and depth. Beyond 2^20 pixels
+        blocks of them are averaged; docs/viewer.md says what is stored.
+        """
+        from plenoptic.viewer.raw import exposure_page  # knows this class
+
+        return exposure_page(self, white=white, region=region)
+
+    def save_html(
+        self, path: str | os.PathLike[str], *, white: Exposure | None = None, region: tuple[slice, slice] | None = None
+    ) -> None:
+        """Write the page of `viewer`, which has the arguments, to one file, which any browser opens from the disk.
+
+        A FileError where it cannot be written.
+
+        Examples
+        --------
+        >>> import pathlib, tempfile, numpy as np, plenoptic as pl
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     path = pathlib.Path(folder) / "raw.html"
+        ...     pl.Exposure(np.ones((2, 3, 1))).save_html(path)
+        ...     path.stat().st_size < 1e5
+        True
+        """
+        self.viewer(white=white, region=region).save(path)
 
     def __repr__(self) -> str:
         return f"Exposure({self._facts()})"
@@ -326,14 +369,14 @@ class Exposure:
         facts = [" x ".join(map(str, self.image.shape))]
         if self.interrupted:
             facts.append("interrupted")
-        if self.samples is not None:
+        if (most := self.samples) is not None:
             counts = self.sample_counts
-            facts.append(f"{self.samples} samples per pixel" if counts is None else samples_text(counts))
+            facts.append(f"{most} sample{'s' * (most > 1)} per pixel" if counts is None else samples_text(counts))
         if not self.image.any():
             facts.append("black")
-        elif self.relative_error is not None and self.relative_error < np.inf:
+        elif (error := self.relative_error) is not None and error < np.inf:
             more = " or more: light is rare" if self.rare_light else ""
-            facts.append(f"relative error {100 * self.relative_error:.3g} %{more}")
+            facts.append(f"relative error {100 * error:.3g} %{more}")
         if self.truth is not None:
             facts.append(f"with {truth_names(self.truth.kinds)}")
         if self.region is not None:
@@ -343,45 +386,7 @@ class Exposure:
         return ", ".join(facts)
 
     def _repr_html_(self) -> str:
-        """The picture, its brightest 0.1 % cut, with one line of facts, for notebooks."""
-        from plenoptic.core.files.preview import html_figure
+        """Image, a detail, error and truth, with one line of facts, for notebooks."""
+        from plenoptic.plots.notebook.pictures import exposure_html
 
-        return html_figure(self.image, self._facts())
-
-
-def _counts_in(plane: NDArray[Any] | None, samples: Any) -> NDArray[Any] | None:
-    """Counts of samples of a file, which are rounded beyond 2^24."""
-    return plane if plane is None or not isinstance(samples, int) else np.minimum(plane.astype(np.float64), samples)
-
-
-def samples_text(counts: NDArray[Any]) -> str:
-    """How much of the frame has what: 64 samples in 40 % of the pixels, 8 to 56 in 35 %, none in 25 %."""
-    most, between = int(counts.max()), counts[(counts > 0) & (counts < counts.max())]
-    parts = [f"{most or 'no'} samples in {100 * np.mean(counts == most):.3g} % of the pixels"]
-    if between.size:
-        low, high = int(between.min()), int(between.max())
-        parts.append(f"{low} to {high}" if low < high else f"{low}")
-        parts[-1] += f" in {100 * between.size / counts.size:.3g} %"
-    if most and not counts.all():
-        parts.append(f"none in {100 * np.mean(counts == 0):.3g} %")
-    return ", ".join(parts)
-
-
-def region_text(region: tuple[int, int, int, int]) -> str:
-    """For a line of facts: rows 0:4, columns 2:6."""
-    first_row, end_row, first_column, end_column = region
-    return f"rows {first_row}:{end_row}, columns {first_column}:{end_column}"
-
-
-def checked_region(region: tuple[int, ...], shape: tuple[int, ...]) -> tuple[int, ...]:
-    """First row, end row, first column and end column of an image of this shape, or an error."""
-    if not isinstance(region, tuple | list) or len(region) != 4:
-        raise InvalidValueError(f"region is {region!r}; it must be (first row, end row, first column, end column)")
-    checked = tuple(whole(number, "region", at_least=0) for number in region)
-    first_row, end_row, first_column, end_column = checked
-    if (end_row - first_row, end_column - first_column) != shape:
-        raise InvalidValueError(
-            f"region {checked} has {end_row - first_row} x {end_column - first_column} pixels; "
-            f"it must have the image's {shape[0]} x {shape[1]}"
-        )
-    return checked
+        return exposure_html(self)

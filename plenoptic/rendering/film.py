@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.relative_error import brightness, diagonal_sums
+from plenoptic.camera.checks import BLOCK
+from plenoptic.core.relative_error import brightness
 from plenoptic.core.values import MOST_PIXELS, AnyFloats, Floats, checked_shape, frozen_array
 from plenoptic.errors import InvalidValueError
 
@@ -22,14 +23,11 @@ def replicate_counts(samples: int, replicates: int) -> NDArray[np.int64]:
 
 OWN_ERRORS = 8
 """Replicates from which on the error of a pixel is its own; with fewer, what they say is pooled over blocks."""
-BLOCK = 8
-"""Rows and columns of a block of pixels."""
 _SHARED = 0.1
 """Of what is pooled over a block, the part that is the same for all of its pixels: even points save less in smooth
 pixels than in others, which have more to save."""
-_STRIP = 32 * BLOCK
-_REACH = 2
-"""Rows and columns from which it is known what one sample brings."""
+_STRIP = 1 << 16
+"""Pixels that are finished together, in float64: large images take no more memory for that than small ones."""
 _LARGEST = float(np.finfo(np.float32).max)
 _EPS = np.finfo(np.float64).eps
 
@@ -50,6 +48,9 @@ class Film:
     scatter / (n - 1) / n, with a tenth of its mean beside it, times what even points make of it: the sums of both go
     over the pixels of the same colour of a checkerboard in a block of 8 x 8, counted from the upper left pixel.
 
+    Mean and the roots of squares and scatter are kept in float32, 12 bytes a pixel of each and three channels: what
+    leaves the film is no finer, and sums of which more is to be made are kept elsewhere.
+
     Parameters
     ----------
     shape : (int, int, int)
@@ -63,7 +64,7 @@ class Film:
     >>> film = pl.rendering.Film((1, 1, 1), counts=np.array([2, 2]))
     >>> moments = film.add(0, 0, np.array([[[[2.0], [6.0]]]]))      # sums of two replicates of two samples
     >>> film.mean[0, 0, 0], film.standard_error()[0, 0, 0]
-    (np.float64(2.0), np.float32(1.0))
+    (np.float32(2.0), np.float32(1.0))
     """
 
     def __init__(self, shape: tuple[int, int, int], *, counts: ArrayLike) -> None:
@@ -78,10 +79,11 @@ class Film:
         """(rows, columns), once a tile was put in with its counts; None while pixels have `samples` or nothing."""
         self.processors: tuple[str, ...] = (processor(),)
         """Kinds of processors on which its parts were made: the bits are those of none where there are several."""
-        self.mean: Floats = np.zeros((rows, columns, channels))
-        self.squares: Floats | None = np.zeros((rows, columns, channels)) if self.replicates >= 2 else None
-        self.scatter: Floats | None = None
-        """(rows, columns, channels), once a tile was put in with its powers."""
+        self.mean: NDArray[np.float32] = np.zeros((rows, columns, channels), dtype=np.float32)
+        self.between: NDArray[np.float32] | None = np.zeros_like(self.mean) if self.replicates >= 2 else None
+        """The root of `squares`."""
+        self.within: NDArray[np.float32] | None = None
+        """The root of `scatter`, once a tile was put in with its powers."""
 
     def add(
         self,
@@ -116,13 +118,13 @@ class Film:
         chosen = ... if where is None else where
         used = self._counts if counts is None else np.asarray(counts, dtype=np.float64)
         found = moments(sums, used, powers)
-        self.mean[at][chosen] = found.mean[chosen]
-        if self.squares is not None:
-            self.squares[at][chosen] = found.squares[chosen]
+        self.mean[at][chosen] = _kept(found.mean[chosen])
+        if self.between is not None:
+            self.between[at][chosen] = _kept(np.sqrt(found.squares[chosen]))
         if found.scatter is not None:
-            if self.scatter is None:
-                self.scatter = np.zeros_like(self.mean)
-            self.scatter[at][chosen] = found.scatter[chosen]
+            if self.within is None:
+                self.within = np.zeros_like(self.mean)
+            self.within[at][chosen] = _kept(np.sqrt(found.scatter[chosen]))
         if counts is not None:
             if self.sample_counts is None:
                 self.sample_counts = np.zeros(self.mean.shape[:2], dtype=np.int32)
@@ -131,12 +133,13 @@ class Film:
 
     def _moments(self, rows: slice) -> Moments:
         """Of all pixels of some rows; there are two replicates or more."""
-        assert self.squares is not None
-        scatter = None if self.scatter is None else self.scatter[rows]
+        assert self.between is not None
+        mean, squares = self.mean[rows].astype(np.float64), np.square(self.between[rows], dtype=np.float64)
+        scatter = None if self.within is None else np.square(self.within[rows], dtype=np.float64)
         samples: float | NDArray[np.int32] = np.float64(self.samples)
         if self.sample_counts is not None:
             samples = self.sample_counts[rows, :, None]
-        return Moments(self.mean[rows], self.squares[rows], scatter, samples, self.replicates)
+        return Moments(mean, squares, scatter, samples, self.replicates)
 
     def merged(self, other: Film) -> Film:
         """Both films as one, as if their independent replicates had been rendered together (other seeds).
@@ -155,54 +158,59 @@ class Film:
         both = Film(self.mean.shape, counts=np.concatenate([self._counts, other._counts]).astype(np.int64))
         both.processors = tuple(dict.fromkeys(self.processors + other.processors))
         share = other.samples / both.samples
-        step = other.mean - self.mean
-        both.mean = self.mean + share * step
-        none = np.zeros_like(step)
-        within = (none if self.squares is None else self.squares) + (none if other.squares is None else other.squares)
-        both.squares = within + step * step * (self.samples * share)
-        if self.scatter is not None and other.scatter is not None:
-            both.scatter = self.scatter + other.scatter + step * step * (self.samples * share)
+        step = other.mean.astype(np.float64) - self.mean
+        both.mean = _kept(self.mean + share * step)
+        apart = step * np.sqrt(self.samples * share)
+        parts = [part for part in (self.between, other.between) if part is not None]
+        both.between = _kept(_root_sum_squares(apart, *parts))
+        if self.within is not None and other.within is not None:
+            both.within = _kept(_root_sum_squares(apart, self.within, other.within))
         return both
 
     def agreeing(self) -> NDArray[np.bool_] | None:
         """(rows, columns): pixels whose replicates are all the same; None with fewer than two replicates."""
-        if self.squares is None:
+        if self.between is None:
             return None
         found = np.empty(self.mean.shape[:2], dtype=bool)
         for rows in self._strips():
-            found[rows] = agree(self.mean[rows], variance(self._moments(rows))).all(axis=-1)
+            known = self._moments(rows)
+            found[rows] = agree(known.mean, variance(known)).all(axis=-1)
         return found
 
     def _strips(self) -> Iterator[slice]:
         """Rows that are taken together: large images are finished piece by piece, without large temporary arrays."""
-        for first in range(0, len(self.mean), _STRIP):
-            yield slice(first, first + _STRIP)
+        height = max(_STRIP // self.mean.shape[1] // BLOCK, 1) * BLOCK
+        for first in range(0, len(self.mean), height):
+            yield slice(first, first + height)
 
-    def image(self) -> NDArray[np.float32]:
-        """The mean, (rows, columns, channels) float32, at most the largest of these numbers."""
-        image = np.empty(self.mean.shape, dtype=np.float32)
-        for rows in self._strips():
-            image[rows] = np.clip(self.mean[rows], -_LARGEST, _LARGEST)
-        return image
-
-    def standard_error(self, one_sample: AnyFloats | None = None) -> NDArray[np.float32] | None:
+    def standard_error(
+        self, one_sample: AnyFloats | None = None, *, out: NDArray[np.float32] | None = None
+    ) -> NDArray[np.float32] | None:
         """Standard error of the mean, (rows, columns, channels) float32; None with fewer than two replicates.
 
         Where all replicates agree, it is what one sample brings (see `brought_by_one`), at most `one_sample` (rows,
         columns), over the number of samples: a single sample could have been another.
+
+        `out` may be `between` itself, if the film is no longer needed.
         """
-        if self.squares is None:
+        if self.between is None:
             return None
-        error = np.empty(self.mean.shape, dtype=np.float32)
+        error = np.empty(self.mean.shape, dtype=np.float32) if out is None else out
         for rows in self._strips():
-            most = None
-            if one_sample is not None:
-                wide = slice(max(rows.start - _REACH, 0), rows.stop + _REACH)
-                brought = brought_by_one(self._moments(wide), one_sample[wide])
-                most = brought[rows.start - wide.start :][: len(error[rows])]
-            found = spread(self._moments(rows), most)
+            known = self._moments(rows)
+            found = spread(known, None if one_sample is None else brought_by_one(known, one_sample[rows]))
             error[rows] = np.where(np.isinf(found), found, np.minimum(found, _LARGEST))
         return error
+
+
+def _kept(numbers: Floats) -> NDArray[np.float32]:
+    """As float32, at most the largest of these."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        return np.clip(numbers, -_LARGEST, _LARGEST).astype(np.float32)
+
+
+def _root_sum_squares(*parts: AnyFloats) -> Floats:
+    return np.asarray(np.sqrt(sum(np.square(part, dtype=np.float64) for part in parts)))
 
 
 class Moments(NamedTuple):
@@ -281,16 +289,15 @@ def agree(mean: Floats, squared_error: Floats) -> NDArray[np.bool_]:
 def brought_by_one(known: Moments, one_sample: AnyFloats) -> Floats:
     """What one sample that brings light brings (rows, columns): as around, and at most `one_sample`.
 
-    The mean of x weighed by light, E[x^2] / E[x], over samples x of the pixels of the same colour of a checkerboard
-    that are up to two away, where x is in units of what their samples bring at most. `one_sample` where all are dark.
+    The mean of x weighed by light, E[x^2] / E[x], over samples x of the pixels of the same colour of a checkerboard in
+    its block, where x is in units of what their samples bring at most. `one_sample` where all are dark.
     """
     light = brightness(known.mean)
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
         each = known.squares / known.freedom if known.scatter is None else known.scatter / known.samples
         second = light * light + np.where(np.asarray(known.freedom) > 0, each, 0.0).mean(axis=-1)
         second = np.divide(second, one_sample, out=np.zeros_like(light), where=one_sample > 0)
-        for _ in range(2):
-            light, second = light + diagonal_sums(light), second + diagonal_sums(second)
+        light, second = block_sums(light), block_sums(second)
         return np.asarray(one_sample * np.where(light > 0, np.fmin(second / light, 1.0), 1.0))
 
 

@@ -17,6 +17,8 @@ from plenoptic.rendering.settings import Caustics, RenderSettings, Sampler
 from plenoptic.truth.channels import Truth
 
 if TYPE_CHECKING:
+    import distributed
+
     from plenoptic.scene.scene import Scene
 
 
@@ -39,6 +41,7 @@ def render(  # noqa: PLR0913
     checkpoint: str | os.PathLike[str] | None = None,
     checkpoint_interval: float = 30.0,
     threads: int | None = None,
+    client: distributed.Client | None = None,
     tile_side: int | None = None,
     progress: bool = True,
 ) -> Exposure:
@@ -69,7 +72,8 @@ def render(  # noqa: PLR0913
     replicates : int
         Independent scramblings of the sampling points among which the samples are divided; the standard
         error comes from their spread, with fewer than 8 pooled over 8 x 8 pixels (those of the sensor, so that the
-        rest of a block that a `region` cuts is rendered too), and is None with fewer than 2. At equal error 2
+        rest of a block that a `region` cuts is rendered too), and is None with fewer than 2. With 8 and more, the error
+        of dark pixels in a block that is cut is that of the part of it that is rendered. At equal error 2
         replicates cost up to 1.4 times the time of one, 8 up to 2.8 times (docs/standard_error.md).
     sampler : Sampler
         ``Sampler.RANDOM`` makes all samples independent, to compare with.
@@ -90,15 +94,21 @@ def render(  # noqa: PLR0913
         Of how many paths, such as 1024, `shot.stats.conditioning` tells how much each surface of the lens magnifies
         rounding errors, and how many steps aspheres took. See `Conditioning`.
     checkpoint : path-like, optional
-        A file in which the state is kept while rendering. Called again with the same arguments, the render goes on
-        from there and gives the same bits as without a break (with a `time_limit` it goes on for that long again).
-        Files of other renders, and damaged ones, are refused and stay as they are. On another kind of processor it
-        goes on too, with a warning, since bits depend on instructions: `shot.stats.processors` names the kinds.
+        A file to which is added what tiles bring. Called again, the render goes on from there, also with more samples
+        or a lower target, and gives the same bits as without a break (with a `time_limit` it goes on for that long
+        again). Sums of tiles that go on are in the file and not in memory. Files of other renders are refused and stay
+        as they are; what is damaged in one is rendered again, with a warning. On another kind of processor it goes on
+        too, with a warning, since bits depend on instructions: `shot.stats.processors` names the kinds.
     checkpoint_interval : float
-        Seconds between two savings: what is lost at most, besides the tiles in work, when the program is killed.
+        Seconds between two times that the file is flushed to the disk: what is lost at most when the machine goes down.
+        Where only the program is killed the tiles in work are lost.
     threads : int, optional
         None: one for each processor, at most NUMBA_NUM_THREADS. The image does not depend on it, unless there is a
         time limit.
+    client : distributed.Client, optional
+        Of a dask cluster (extra `cluster`), on whose workers tiles are rendered; None: on threads of this process. The
+        bits are the same, unless there is a time limit or processors are of other kinds, of which there is a warning.
+        Workers with other versions are refused, and lost ones survived: see docs/how_to/cluster_dask.md.
     tile_side : int, optional
         Pixels along a tile; None: chosen by the number of samples. The image does not depend on it, unless there is a
         time limit or a target error: what ends is a tile, of 64 x 64 pixels if not told otherwise.
@@ -116,7 +126,7 @@ def render(  # noqa: PLR0913
     InvalidValueError
         Where an argument is impossible; nothing has been rendered then.
     FileError
-        Where the checkpoint is damaged or that of another render, or cannot be written.
+        Where the checkpoint is that of another render, is none, or cannot be written.
 
     Warns
     -----
@@ -145,7 +155,7 @@ def render(  # noqa: PLR0913
     budget = checked_budget(samples, time_limit, target_error, replicates)
     settings = RenderSettings(max_bounces, caustics, clamp, sampler)
     subject = Subject(scene, camera, budget.max_samples, budget.replicates, truth, settings)
-    work = Work(region, seed, threads, tile_side, progress, conditioning, checkpoint, checkpoint_interval)
+    work = Work(region, seed, threads, tile_side, progress, conditioning, checkpoint, checkpoint_interval, client)
     return run(subject, budget, work)
 
 
@@ -163,6 +173,7 @@ def render_white(  # noqa: PLR0913
     checkpoint: str | os.PathLike[str] | None = None,
     checkpoint_interval: float = 30.0,
     threads: int | None = None,
+    client: distributed.Client | None = None,
     tile_side: int | None = None,
     progress: bool = True,
 ) -> Exposure:
@@ -195,5 +206,5 @@ def render_white(  # noqa: PLR0913
     warn_where_implausible(camera)
     budget, settings = checked_budget(samples, time_limit, target_error, replicates), RenderSettings(0, sampler=sampler)
     subject = Subject(None, camera, budget.max_samples, budget.replicates, Truth.NONE, settings)
-    work = Work(region, seed, threads, tile_side, progress, conditioning, checkpoint, checkpoint_interval)
+    work = Work(region, seed, threads, tile_side, progress, conditioning, checkpoint, checkpoint_interval, client)
     return run(subject, budget, work)

@@ -17,6 +17,8 @@ _GROWING_SIDE, _DECIDING_SIDE, _FEWEST = 32, 64, 2
 agree), and the least that these may have."""
 _FIRST_PATHS = 1 << 15
 """Paths of a tile with one sample of each replicate, where tiles grow step by step."""
+_MOST_BITS = 20
+"""Of the number of tiles along a side."""
 _CELLS_PER_TILE = 1 << 18
 """Microlenses that feed the pixels of a tile, all pixels together: some 70 MB of triangles."""
 
@@ -24,7 +26,7 @@ _CELLS_PER_TILE = 1 << 18
 def cut_into_tiles(
     region: tuple[int, int, int, int], budget: Budget, side: int | None, cells: float
 ) -> tuple[int, list[Tile]]:
-    """The side of tiles, and those of a region of rows and columns; see `render` for `side`.
+    """The side of tiles, and those of a region of rows and columns in their order; see `render` for `side`.
 
     Tiles have no more pixels than `cells`, the microlenses that feed a pixel, leave room for.
     """
@@ -43,11 +45,24 @@ def cut_into_tiles(
         )
     fitting = max(least, min(wanted, int(math.sqrt(_CELLS_PER_TILE / cells))))
     rows, columns = _cuts(first_row, end_row, fitting, least), _cuts(first_column, end_column, fitting, least)
-    return fitting, [
-        Tile(row, column, next_row - row, next_column - column)
-        for row, next_row in pairwise(rows)
-        for column, next_column in pairwise(columns)
-    ]
+    tiles = {
+        (i, j): Tile(row, column, next_row - row, next_column - column)
+        for i, (row, next_row) in enumerate(pairwise(rows))
+        for j, (column, next_column) in enumerate(pairwise(columns))
+    }
+    return fitting, [tiles[place] for place in sorted(tiles, key=_turn)]
+
+
+def _turn(place: tuple[int, int]) -> int:
+    """When it is a tile's turn, so that those before are spread over the whole region, however many there are.
+
+    The bits of its row and column among the tiles, alternately, the lowest first: the radical inverse of both.
+    """
+    turn = 0
+    for bit in range(_MOST_BITS):
+        for number in place:
+            turn = turn << 1 | number >> bit & 1
+    return turn
 
 
 def _chosen_side(budget: Budget) -> int:
@@ -55,7 +70,7 @@ def _chosen_side(budget: Budget) -> int:
         side = int(math.sqrt(_FIRST_PATHS / budget.replicates))
         least, most = (1, _GROWING_SIDE) if budget.target_error is None else (_FEWEST, _DECIDING_SIDE)
         return max(least, min(most if budget.time_limit is None else _GROWING_SIDE, side))
-    return min(max(int(math.sqrt(PATHS_PER_TILE / budget.max_samples)), _SMALLEST_SIDE), _LARGEST_SIDE)
+    return min(max(int(math.sqrt(PATHS_PER_TILE / budget.following(0))), _SMALLEST_SIDE), _LARGEST_SIDE)
 
 
 def _cuts(first: int, end: int, side: int, least: int) -> list[int]:

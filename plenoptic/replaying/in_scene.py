@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.core.values import Floats
+from plenoptic.rendering.integrator.path import PathIntegrator
 from plenoptic.rendering.integrator.record import RayQueue, ShadowRays
 from plenoptic.rendering.plan.stages import Plan, Stage
 from plenoptic.replaying.events import DirectLight, DrawnKind, Escape, Meeting, PathEnding, Place
@@ -20,16 +21,26 @@ from plenoptic.scene.lights.registry import AreaLight, DistantLight, PositionalL
 from plenoptic.scene.materials.registry import Material
 from plenoptic.scene.scene import Scene
 
+if TYPE_CHECKING:
+    from plenoptic.rendering.integrator.moving import MovingPaths
+
 
 class Recorder:
     """A `path.Witness` of a bundle of one path."""
 
-    def __init__(self, scene: Scene, record: SceneRecord, plan: Plan, max_bounces: int) -> None:
-        self._names, self._record, self._plan = _SceneNames(scene, record), record, plan
+    def __init__(self, scene: Scene, integrator: PathIntegrator, plan: Plan, max_bounces: int) -> None:
+        self._record, self._plan = integrator.scene, plan
+        self._names = _SceneNames(scene, self._record, integrator.moving)
         self._max_bounces = max_bounces
         self._collected: Floats | None = None
+        self.start: Floats | None = None
+        """(6,): the ray that leaves the camera; None for a path that does not."""
         self.events: list[Meeting | Escape] = []
         self.ending = PathEnding.LEFT_SCENE
+
+    def left(self, rays: Floats) -> None:
+        """See `Witness`."""
+        self.start = rays[0].copy() if len(rays) else None
 
     def saw(self, rays: Floats, hits: Hits, radiance: Floats) -> None:
         """See `Witness`."""
@@ -116,8 +127,9 @@ class Recorder:
 class _SceneNames:
     """Which mesh, instance, material and light of a scene the rows of its record are."""
 
-    def __init__(self, scene: Scene, record: SceneRecord) -> None:
+    def __init__(self, scene: Scene, record: SceneRecord, moving: MovingPaths | None) -> None:
         self._scene, self._record = scene, record
+        self._instance_of = None if moving is None else moving.instance_of
         self._shapes = [light.mesh() for light in scene.lights if isinstance(light, AreaLight)]
         self._points = [i for i, light in enumerate(scene.lights) if isinstance(light, PositionalLight)]
         self._suns = [i for i, light in enumerate(scene.lights) if isinstance(light, DistantLight)]
@@ -125,12 +137,13 @@ class _SceneNames:
         self._repeated = np.array(repeated, dtype=np.int64).reshape(-1, 2)
 
     def place(self, triangle: int, placed: int) -> Place:
-        """Of a row of the triangles and one of the instances, -1 for plain triangles."""
+        """Of a row of the triangles and one of the places, -1 for plain triangles."""
         record = self._record
         assert record.triangle_mesh is not None
         number = int(record.triangle_mesh[triangle])
         if placed < 0 or record.instances is None:
             return Place(number, triangle - int(np.argmax(record.triangle_mesh == number)), None)
+        placed = placed if self._instance_of is None else int(self._instance_of[placed])
         ends = np.cumsum(self._repeated[:, 1])
         which = int(np.searchsorted(ends, placed, side="right"))
         instance = placed - int(ends[which] - self._repeated[which, 1])
@@ -150,9 +163,9 @@ class _SceneNames:
         geometry = record.geometry
         assert geometry is not None
         points = np.asarray(geometry.vertices[geometry.triangles[triangle]])
-        if placed < 0 or record.instances is None:
+        if placed < 0 or geometry.instance_to_world is None:
             return points
-        matrix = record.instances.matrices[placed].reshape(3, 4)
+        matrix = geometry.instance_to_world[placed, :12].reshape(3, 4)
         return np.asarray(points @ matrix[:, :3].T + matrix[:, 3])
 
     def light(self, number: float) -> tuple[DrawnKind, Place | None, int | None]:

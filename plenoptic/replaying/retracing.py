@@ -213,12 +213,16 @@ def _through_scene(
     from plenoptic.core.kernels.bundles import fill_world_rays
 
     camera = context.camera
-    rays, lanes = np.empty((1, 6)), np.empty(1, dtype=np.int64)
-    left = fill_world_rays(rays, lanes, way.bundle, 1, camera.rotation, camera.position)
-    ray = (WorldRay(rays[0, :3], rays[0, 3:], way.weight),) if left else ()
     if scene is None or context.scene is None:
-        escape = (Escape(rays[0, 3:], np.ones(1)),) if left else ()
-        return ray + escape, None, PathEnding.LEFT_SCENE if left else PathEnding.LOST
-    recorder = Recorder(scene, context.scene, context.plan, context.settings.max_bounces)
-    radiance = PathIntegrator(context, 1).radiance(way.bundle, 0, 1, batch, way.fed.number, way.waves, recorder)
-    return ray + tuple(recorder.events), radiance, recorder.ending if left else PathEnding.LOST
+        rays, lanes = np.empty((1, 6)), np.empty(1, dtype=np.int64)
+        if not fill_world_rays(rays, lanes, way.bundle, 1, camera.rotation, camera.position):
+            return (), None, PathEnding.LOST
+        escape = Escape(rays[0, 3:], np.ones(1))
+        return (WorldRay(rays[0, :3], rays[0, 3:], way.weight), escape), None, PathEnding.LEFT_SCENE
+    integrator = PathIntegrator(context, 1)
+    recorder = Recorder(scene, integrator, context.plan, context.settings.max_bounces)
+    radiance = integrator.radiance(way.bundle, 0, 1, batch, way.fed.number, way.waves, recorder)
+    if recorder.start is None:
+        return (), radiance, PathEnding.LOST
+    ray = WorldRay(recorder.start[:3], recorder.start[3:], way.weight)
+    return (ray, *recorder.events), radiance, recorder.ending

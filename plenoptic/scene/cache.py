@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from plenoptic.core.last_made import LastMade
-from plenoptic.scene.compile import SceneRecord
+from plenoptic.scene.compile import SceneRecord, Surfaces, build_record
 from plenoptic.scene.geometry.accel import Intersector, build_intersector
+from plenoptic.scene.geometry.instance import Instances
+from plenoptic.scene.geometry.mesh import Mesh
+from plenoptic.scene.geometry.moving import MovingTriangles
 from plenoptic.scene.scene import Scene
 
 
@@ -14,17 +17,48 @@ class PreparedScene:
     There is no lock, for which a process that is forked off meanwhile would wait for ever: two threads may both build.
     """
 
-    def __init__(self, record: SceneRecord) -> None:
+    def __init__(self, record: SceneRecord, kept: _Kept | None = None) -> None:
         self.record = record
         self._built: tuple[Intersector | None] | None = None
+        self._kept = kept
 
     @property
     def intersector(self) -> Intersector | None:
         """Built when it is asked for; None where there are no triangles to meet."""
         if self._built is None:
-            geometry = self.record.geometry
-            self._built = (None if geometry is None else build_intersector(geometry, self.record.instances),)
+            self._built = (self._intersector(),)
         return self._built[0]
+
+    def _intersector(self) -> Intersector | None:
+        geometry, instances = self.record.geometry, self.record.instances
+        if geometry is None:
+            return None
+        if instances is None or instances.moving is None:
+            return build_intersector(geometry, instances)
+        found = MovingTriangles(geometry, instances, None if self._kept is None else self._kept.trees)
+        if self._kept is not None:
+            self._kept.trees = found
+        return found
+
+
+class _Kept:
+    """What scenes with a mesh share that differ in lights and in the places of what moves: that of the last one."""
+
+    def __init__(self, mesh: Mesh) -> None:
+        self.surfaces: Surfaces | None = None
+        self.trees: MovingTriangles | None = None
+
+
+def _prepare(scene: Scene) -> PreparedScene:
+    kept = known = None
+    if scene.meshes:
+        first = scene.meshes[0]
+        kept = _kept(first.mesh if isinstance(first, Instances) else first)
+        known = kept.surfaces
+    record, surfaces = build_record(scene.meshes, scene.lights, scene.background, known)
+    if kept is not None:
+        kept.surfaces = surfaces
+    return PreparedScene(record, kept)
 
 
 def prepared_scene(scene: Scene) -> PreparedScene:
@@ -32,5 +66,6 @@ def prepared_scene(scene: Scene) -> PreparedScene:
     return _last(scene)
 
 
-_last: LastMade[Scene, PreparedScene] = LastMade(lambda scene: PreparedScene(scene.tables()))
+_last: LastMade[Scene, PreparedScene] = LastMade(_prepare)
 """Of one scene only: trees take as much memory as scenes do."""
+_kept: LastMade[Mesh, _Kept] = LastMade(_Kept)

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
+import weakref
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic.core.motions.motion import Motion
 from plenoptic.core.values import Floats, contiguous
 from plenoptic.errors import SceneError
-from plenoptic.scene.geometry.compile import geometry_record
+from plenoptic.scene.geometry.compile import geometry_record, placed
 from plenoptic.scene.geometry.instance import Instances, instance_record
 from plenoptic.scene.geometry.mesh import Mesh
 from plenoptic.scene.geometry.record import Geometry, InstanceRecord
@@ -44,6 +46,8 @@ class SceneRecord(NamedTuple):
     """(nt,): which of the scene's meshes it belongs to; lights count on after the last one."""
     instances: InstanceRecord | None
     """Where instanced meshes stand. None where there are none."""
+    motions: tuple[Motion, ...] | None
+    """How those move that do, by the time from the middle of an exposure. None where nothing moves."""
     bsdf: Bsdf | None
     """None where nothing reflects."""
     textures: Textures | None
@@ -58,22 +62,46 @@ class SceneRecord(NamedTuple):
     """What is drawn directly, and the sky."""
 
 
-def build_record(
-    meshes: Sequence[Mesh | Instances], lights: Sequence[Light], background: Background | None
-) -> SceneRecord:
-    """Compile meshes, lights and a background (None: black) into a record."""
-    shapes = [light.mesh() for light in lights if isinstance(light, AreaLight)]
+class Surfaces(NamedTuple):
+    """What is compiled of meshes, wherever they stand: scenes that differ in places and lights share it."""
+
+    meshes: tuple[weakref.ref[Mesh], ...]
+    """Those of the scene, in their order; for `Instances`, what is repeated."""
+    repeated: tuple[bool, ...]
+    """Which of them are `Instances`."""
+    shapes: tuple[Mesh, ...]
+    """Of lights."""
+    first: tuple[int, ...]
+    """For each of the `Instances`, the row of `triangles` at which those of its mesh begin."""
+    geometry: Geometry | None
+    """Without places."""
+    triangle_mesh: NDArray[np.int32] | None
+    materials: tuple[Material, ...]
+    textures: TextureColumns
+
+    def are(self, meshes: Sequence[Mesh | Instances], shapes: Sequence[Mesh]) -> bool:
+        """Whether they are those of these meshes and lights: the very same meshes, and equal lights."""
+        return (
+            len(meshes) == len(self.meshes)
+            and all(known() is _mesh_of(mesh) for known, mesh in zip(self.meshes, meshes, strict=True))
+            and self.repeated == tuple(isinstance(mesh, Instances) for mesh in meshes)
+            and self.shapes == tuple(shapes)
+        )
+
+
+def _mesh_of(part: Mesh | Instances) -> Mesh:
+    return part.mesh if isinstance(part, Instances) else part
+
+
+def build_surfaces(meshes: Sequence[Mesh | Instances], shapes: Sequence[Mesh]) -> Surfaces:
+    """Compile meshes and the shapes of lights."""
     parts, first_of, numbers = _ordered(meshes, shapes)
     index: dict[Material, int] = {}
     mesh_material = [index.setdefault(part.material, len(index)) for part in parts]
-    rows = [material.row() for material in index]
-    channels = 1 if all(row.is_grey for row in rows) and _all_grey(lights, background) else 3
     counts = [len(part.faces) for part in parts]
-    columns = _TextureColumns(rows)
-    instanced = [mesh for mesh in meshes if isinstance(mesh, Instances)]
+    columns = TextureColumns([material.row() for material in index])
     starts = np.cumsum([0, *counts])
-    instances = instance_record(instanced, [int(starts[first_of[mesh.mesh]]) for mesh in instanced])
-    geometry = None
+    geometry = triangle_mesh = None
     if parts:
         geometry = geometry_record(
             contiguous(np.concatenate([part.vertices for part in parts])),
@@ -81,9 +109,36 @@ def build_record(
             contiguous(np.repeat(np.array(mesh_material, dtype=np.int32), counts)),
             uv=_per_vertex(parts, "uv", 2) if columns.any else None,
             normals=_per_vertex(parts, "normals", 3),
-            instances=instances,
         )
-    bsdf = bsdf_record(list(index), channels)
+        triangle_mesh = contiguous(np.repeat(np.array(numbers, dtype=np.int32), counts))
+    return Surfaces(
+        meshes=tuple(weakref.ref(_mesh_of(mesh)) for mesh in meshes),
+        repeated=tuple(isinstance(mesh, Instances) for mesh in meshes),
+        shapes=tuple(shapes),
+        first=tuple(int(starts[first_of[mesh.mesh]]) for mesh in meshes if isinstance(mesh, Instances)),
+        geometry=geometry,
+        triangle_mesh=triangle_mesh,
+        materials=tuple(index),
+        textures=columns,
+    )
+
+
+def build_record(
+    meshes: Sequence[Mesh | Instances],
+    lights: Sequence[Light],
+    background: Background | None,
+    known: Surfaces | None = None,
+) -> tuple[SceneRecord, Surfaces]:
+    """Compile meshes, lights and a background (None: black), with what is `known` where it is of the same meshes."""
+    shapes = [light.mesh() for light in lights if isinstance(light, AreaLight)]
+    surfaces = known if known is not None and known.are(meshes, shapes) else build_surfaces(meshes, shapes)
+    rows, columns = surfaces.textures.rows, surfaces.textures
+    channels = 1 if all(row.is_grey for row in rows) and _all_grey(lights, background) else 3
+    instanced = [mesh for mesh in meshes if isinstance(mesh, Instances)]
+    instances, geometry = instance_record(instanced, surfaces.first), surfaces.geometry
+    if geometry is not None and instances is not None:
+        geometry = placed(geometry, instances)
+    bsdf = bsdf_record(surfaces.materials, channels)
     absorption = color_rows([row.absorption for row in rows], channels)
     radiance = color_rows([mean_colour(row.emission) for row in rows], channels)
     two_sided = np.array([row.two_sided for row in rows], dtype=np.uint8)
@@ -100,11 +155,12 @@ def build_record(
     emission = None
     if emitters is not None:
         emission = Emission(radiance, contiguous(two_sided), pdf, columns.column("emission"))
-    return SceneRecord(
+    record = SceneRecord(
         channels=channels,
         geometry=geometry,
-        triangle_mesh=contiguous(np.repeat(np.array(numbers, dtype=np.int32), counts)) if parts else None,
+        triangle_mesh=surfaces.triangle_mesh,
         instances=instances,
+        motions=tuple(one.motion for one in instanced if one.motion is not None) or None,
         bsdf=bsdf,
         textures=columns.of_surfaces(),
         absorption=absorption if np.any(absorption) else None,
@@ -112,6 +168,7 @@ def build_record(
         emission=emission,
         lights=found,
     )
+    return record, surfaces
 
 
 def brightest_radiance(record: SceneRecord) -> float:
@@ -163,18 +220,18 @@ def atlas(textures: Sequence[Texture]) -> tuple[NDArray[np.float32] | None, NDAr
     return texels, rows
 
 
-class _TextureColumns:
+class TextureColumns:
     """Which textures give the properties of materials."""
 
     def __init__(self, rows: Sequence[MaterialRow]) -> None:
         textures = list(dict.fromkeys(texture for row in rows for texture in row.textures))
-        self._rows, self.any = rows, bool(textures)
+        self.rows, self.any = rows, bool(textures)
         self._texels, self._textures = atlas(textures)
         self._numbers = {texture: number for number, texture in enumerate(textures)}
 
     def column(self, *names: str) -> TextureColumn | None:
         """Textures that a property is, or (materials, properties) those that several are; None where none is one."""
-        found = [[getattr(row, name) for name in names] for row in self._rows]
+        found = [[getattr(row, name) for name in names] for row in self.rows]
         numbers = [[self._numbers[f] if isinstance(f, Texture) else -1 for f in row] for row in found]
         column = np.array([row[0] for row in numbers] if len(names) == 1 else numbers, dtype=np.int32)
         if self._texels is None or self._textures is None or not np.any(column >= 0):

@@ -8,6 +8,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
+from plenoptic.core.rays import Frustum
 from plenoptic.core.values import Floats, Given, finite, frozen_array, positive, set_field, value
 from plenoptic.errors import InvalidValueError
 
@@ -78,6 +79,27 @@ class View:
             set_field(self, "vertical_field_of_view", angle)
         if self.aspect_ratio is not None:
             set_field(self, "aspect_ratio", positive(self.aspect_ratio, "aspect_ratio"))
+
+    @property
+    def frustum(self) -> Frustum:
+        """Its rays through the corners of the picture; parallel ones, one unit apart, of an orthographic view.
+
+        Examples
+        --------
+        >>> import plenoptic as pl
+        >>> pl.scene.View("front", (0, 0, 100), (0, 0, 0), vertical_field_of_view=1.0).frustum.directions[0].round(2)
+        array([-0.43, -0.43, -0.79])
+        """
+        ahead = (self.look_at - self.position) / np.linalg.norm(self.look_at - self.position)
+        right = np.cross(ahead, self.up)
+        right /= np.linalg.norm(right)
+        high, wide = np.array([-1, -1, 1, 1]), np.array([-1, 1, 1, -1]) * (self.aspect_ratio or 1.0)
+        aside = np.outer(wide, right) + np.outer(high, np.cross(right, ahead))
+        place = np.tile(self.position, (4, 1))
+        if self.vertical_field_of_view is None:
+            return Frustum(place + aside, np.tile(ahead, (4, 1)))
+        directions = ahead + math.tan(0.5 * self.vertical_field_of_view) * aside
+        return Frustum(place, directions / np.linalg.norm(directions, axis=1, keepdims=True))
 
     def moved(self, matrix: Floats) -> View:
         """The view from where a (4, 4) similarity puts it."""

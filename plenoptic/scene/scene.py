@@ -93,6 +93,11 @@ class Scene:
         ]
         return f"Scene({', '.join(part for part in shown if part)})"
 
+    def _repr_html_(self) -> str:
+        from plenoptic.plots.notebook.pictures import scene_html
+
+        return scene_html(self)
+
     @classmethod
     def load(
         cls,
@@ -247,7 +252,7 @@ class Scene:
         >>> record.lights.sky.background.tolist(), record.geometry is None
         ([0.5], True)
         """
-        return build_record(self.meshes, self.lights, self.background)
+        return build_record(self.meshes, self.lights, self.background)[0]
 
 
 def _tuple_of(items: Any, kinds: type | tuple[type, ...], name: str) -> tuple[Any, ...]:

@@ -1,4 +1,4 @@
-"""What the simulator can be trusted with: studies that print a table. ``python -m plenoptic.study`` runs them."""
+"""What the simulator can be trusted with: studies that print a table. ``plenoptic study`` runs them."""
 
 import lazy_loader
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +15,11 @@ from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.checks import check_scene_and_camera, sensor_region
 from plenoptic.camera.record import CameraRecord
 from plenoptic.camera.sampling.pixel_regions import cells_per_pixel, fed_pixels, pixel_centres
-from plenoptic.core.parallel import run_in_order, thread_count
+from plenoptic.core.engines.choice import cluster_of
+from plenoptic.core.engines.engine import Engine, ThreadEngine
+from plenoptic.core.parallel import thread_count
 from plenoptic.core.values import Floats
+from plenoptic.core.waiting.bar import Waiting
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.record import lens_record
 from plenoptic.truth.arrays import available_truth, checked_truth, empty_truth, what_needs
@@ -26,6 +30,9 @@ from plenoptic.truth.representative_rays import PixelRays, representative_rays
 from plenoptic.truth.stages import SLOPE_STEP, PixelStages, TruthRecord
 
 if TYPE_CHECKING:
+    import distributed
+
+    from plenoptic.core.engines.dask_engine import DaskCluster
     from plenoptic.scene.compile import SceneRecord
     from plenoptic.scene.geometry.accel import Intersector
     from plenoptic.scene.scene import Scene
@@ -90,6 +97,8 @@ def ground_truth(
     truth: Truth = Truth.ALL,
     region: tuple[slice, slice] | None = None,
     threads: int | None = None,
+    client: distributed.Client | None = None,
+    progress: bool = True,
 ) -> GroundTruth:
     """Find what the pixels of a raw image show, without rendering it; the same bits as those of `render`.
 
@@ -104,6 +113,10 @@ def ground_truth(
         Rows and columns of the sensor, such as ``np.s_[256:384, 192:320]``; the same bits as in the whole image.
     threads : int, optional
         None: one for each processor, at most NUMBA_NUM_THREADS. The result does not depend on it.
+    client : distributed.Client, optional
+        Of a dask cluster whose workers are to find it, as for `render`.
+    progress : bool, optional
+        Whether to show, from the second second on, how far it is or that something is compiled.
 
     Returns
     -------
@@ -134,36 +147,117 @@ def ground_truth(
     '6.66, 3.258 pixels'
     """
     check_scene_and_camera(scene, camera)
-    first_row, end_row, first_column, end_column = sensor_region(camera.sensor.shape, region)
-    workers = thread_count(threads)
-    prepared = None
-    if scene is not None:
-        from plenoptic.scene.cache import prepared_scene
+    bounds = sensor_region(camera.sensor.shape, region)
+    workers, asked, cluster = thread_count(threads), checked_truth(truth), cluster_of(client, threads)
+    with Waiting("ground truth", kind="scene", show=progress):
+        return _ground_truth(scene, camera, asked, bounds, workers, cluster)
 
-        prepared = prepared_scene(scene)
-    meshes = prepared is not None and prepared.record.geometry is not None
-    wanted = available_truth(checked_truth(truth), meshes=meshes, microlenses=camera.microlenses is not None)
-    record = prepared_camera(camera).record
-    cells_per_pixel(record)
-    finding = truth_record(camera, record, wanted)
-    if finding is None:
+
+def _ground_truth(
+    scene: Scene | None,
+    camera: PlenopticCamera,
+    truth: Truth,
+    region: tuple[int, int, int, int],
+    workers: int,
+    cluster: DaskCluster | None,
+) -> GroundTruth:
+    meshes = _has_meshes(scene)
+    wanted = available_truth(truth, meshes=meshes, microlenses=camera.microlenses is not None)
+    if not wanted:
         raise InvalidValueError(
             f"nothing of {truth!r} can be found: the scene has {'' if meshes else 'no '}meshes and the camera "
             f"{'' if camera.microlenses is not None else 'no '}microlenses; {what_needs(Needs.MICROLENSES)} need "
             f"microlenses, {what_needs(Needs.MESHES)} need meshes"
         )
-    surfaces = intersector = None
-    sources = [channel.source for channel in channels_of(wanted).values()]
-    if meshes and prepared is not None and any((source.needs | source.uses) & Needs.MESHES for source in sources):
-        surfaces, intersector = prepared.record, prepared.intersector
+    job = scene, camera, wanted
+    engine: Engine[Strip, Arrays]
+    with contextlib.ExitStack() as stack:
+        if cluster is None:
+            find = strip_finder(job)
+            engine = ThreadEngine(lambda strip, _: find(strip), workers)
+        else:
+            engine = stack.enter_context(cluster.engine(compiled_strip_finder, job))
+        return GroundTruth(**_put_together(engine, region))
+
+
+def in_strips(
+    record: CameraRecord, region: tuple[int, int, int, int], threads: int, work: Callable[[Floats, PixelRays], Arrays]
+) -> Arrays:
+    """Arrays (rows, columns, ...) of a region, made in strips from local centres of pixels and the rays for them."""
+    return _put_together(ThreadEngine(lambda strip, _: _of_strip(record, strip, work), threads), region)
+
+
+def _put_together(engine: Engine[Strip, Arrays], region: tuple[int, int, int, int]) -> Arrays:
+    """Arrays (rows, columns, ...) of a region from those of its strips."""
+    first_row, end_row, first_column, end_column = region
     rows = max(1, _STRIP // (end_column - first_column))
-
-    def work(row: int) -> Arrays:
-        pixels = pixel_centres(record, (row, min(row + rows, end_row)), (first_column, end_column))
-        fed = fed_pixels(record, pixels, np.arange(len(pixels)))
-        return truth_of(record, surfaces, intersector, finding, pixels, representative_rays(record, pixels, fed))
-
-    strips = list(run_in_order(work, range(first_row, end_row, rows), threads=workers))
+    strips = [Strip(row, min(row + rows, end_row), first_column, end_column) for row in range(first_row, end_row, rows)]
+    done = {one.order: one.result for one in engine.results(strips, left=len(strips), given_up=lambda: False)}
     shape = (end_row - first_row, end_column - first_column)
-    arrays = {name: np.concatenate([strip[name] for strip in strips]) for name in strips[0]}
-    return GroundTruth(**{name: array.reshape(*shape, *array.shape[1:]) for name, array in arrays.items()})
+    found = [done[strip] for strip in strips]
+    arrays = {name: np.concatenate([part[name] for part in found]) for name in found[0]}
+    return {name: array.reshape(*shape, *array.shape[1:]) for name, array in arrays.items()}
+
+
+def _of_strip(record: CameraRecord, strip: Strip, work: Callable[[Floats, PixelRays], Arrays]) -> Arrays:
+    pixels = pixel_centres(record, (strip.row, strip.end_row), (strip.column, strip.end_column))
+    fed = fed_pixels(record, pixels, np.arange(len(pixels)))
+    return work(pixels, representative_rays(record, pixels, fed))
+
+
+class Strip(NamedTuple):
+    """Rows of a part of the sensor, from the first one to the end."""
+
+    row: int
+    end_row: int
+    column: int
+    end_column: int
+
+    @property
+    def size(self) -> int:
+        """Pixels."""
+        return (self.end_row - self.row) * (self.end_column - self.column)
+
+    @property
+    def nbytes(self) -> int:
+        """Of ground truth, with all that there can be."""
+        return 8 * 2 * len(CHANNELS) * self.size
+
+
+def strip_finder(job: tuple[Scene | None, PlenopticCamera, Truth]) -> Callable[[Strip], Arrays]:
+    """What finds the ground truth of strips, of a scene before a camera."""
+    scene, camera, wanted = job
+    record, surfaces, intersector = prepared_camera(camera).record, None, None
+    cells_per_pixel(record)
+    finding = truth_record(camera, record, wanted)
+    assert finding is not None
+    sources = [channel.source for channel in channels_of(wanted).values()]
+    if _has_meshes(scene) and any((source.needs | source.uses) & Needs.MESHES for source in sources):
+        from plenoptic.scene.cache import prepared_scene
+
+        assert scene is not None
+        prepared = prepared_scene(scene)
+        surfaces, intersector = prepared.record, prepared.intersector
+
+    def work(pixels: Floats, rays: PixelRays) -> Arrays:
+        return truth_of(record, surfaces, intersector, finding, pixels, rays)
+
+    return lambda strip: _of_strip(record, strip, work)
+
+
+def compiled_strip_finder(job: tuple[Scene | None, PlenopticCamera, Truth], threads: int) -> Callable[[Strip], Arrays]:
+    """The same in another process, compiled with so many processes."""
+    from plenoptic.core.ahead import compiled_ahead
+
+    find, empty = strip_finder(job), Strip(0, 0, 0, 0)
+    with compiled_ahead(lambda: find(empty), threads=threads):
+        find(empty)
+    return find
+
+
+def _has_meshes(scene: Scene | None) -> bool:
+    if scene is None:
+        return False
+    from plenoptic.scene.cache import prepared_scene
+
+    return prepared_scene(scene).record.geometry is not None

@@ -242,6 +242,14 @@ class PixelStages:
         point_kernels.fill_hit_points(points, self.rays.blocks, hits.lanes, hits.reached)
         return HitPoints(hits.lanes, points, self._truth.frame, camera.rotation, camera.position)
 
+    def world_points(self) -> Floats:
+        """(n, 3): the same in the world; nan where nothing is met."""
+        from plenoptic.truth.kernels.depth import fill_position
+
+        positions = np.full((len(self._pixels), 3), np.nan)
+        fill_position(positions, self.points)
+        return positions
+
     @cached_property
     def images(self) -> ImagePoints:
         """Where the main lens images these points: by eight rays around each pixel's."""
@@ -263,15 +271,25 @@ class PixelStages:
     @cached_property
     def chords(self) -> Chords:
         """How far the points' images move between neighbouring microlenses."""
-        from plenoptic.core.kernels.ray_blocks import BLOCK
         from plenoptic.truth.chords import chord_disparities
 
         record, hit = self._truth.chords, self.points
         if record is None:
             return Chords(np.empty(0, dtype=np.int64), np.empty(0))
+        lenses, entering = self.lenses[hit.lanes], self.entering(record.entrance.z)
+        return Chords(hit.lanes, chord_disparities(record, hit.points[hit.lanes], lenses, entering))
+
+    @cached_property
+    def lenses(self) -> NDArray[np.int64]:
+        """(n, 2): lattice indices of the pixels' microlenses; 0 where they have none."""
         lenses = np.zeros((len(self._pixels), 2), dtype=np.int64)
         lenses[self.cells.lit] = self.cells.indices()
-        rays = self.rays.blocks.reshape(-1, 8, BLOCK).swapaxes(1, 2).reshape(-1, 8)[hit.lanes]
-        ahead = (record.entrance.z - rays[:, 2]) / rays[:, 5]
-        entering = rays[:, :2] + ahead[:, np.newaxis] * rays[:, 3:5]
-        return Chords(hit.lanes, chord_disparities(record, hit.points[hit.lanes], lenses[hit.lanes], entering))
+        return lenses
+
+    def entering(self, z: float) -> Floats:
+        """(m, 2): where the rays that meet something cross a plane before the lens, in the lens's axes."""
+        from plenoptic.core.kernels.ray_blocks import BLOCK
+
+        rays = self.rays.blocks.reshape(-1, 8, BLOCK).swapaxes(1, 2).reshape(-1, 8)[self.hits.lanes]
+        ahead = (z - rays[:, 2]) / rays[:, 5]
+        return np.asarray(rays[:, :2] + ahead[:, np.newaxis] * rays[:, 3:5])

@@ -11,10 +11,11 @@ import time
 
 BENCHMARKS = (
     *("tracing", "analysis", "fidelity", "images", "threads", "error_time", "starting", "memory", "omissions"),
-    *("transport", "large_scenes", "peers", "honesty", "budgets", "adaptive"),
-    *("sub_aperture", "depth", "focused_views", "versions"),
+    *("transport", "large_scenes", "peers", "honesty", "budgets", "adaptive", "figures"),
+    *("sub_aperture", "depth", "focused_views", "versions", "viewer", "large_files", "checkpoints", "sequences"),
+    "cluster",
 )
-PROGRAMS = ("plenoptic", "numpy", "numba", "embreex", "trimesh", "OpenImageIO", "batoid", "mitsuba", "bpy")
+PROGRAMS = ("plenoptic-camera", "numpy", "numba", "embreex", "trimesh", "OpenImageIO", "batoid", "mitsuba", "bpy")
 
 
 def main() -> None:

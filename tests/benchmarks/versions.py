@@ -123,7 +123,7 @@ def serve() -> None:
         scene, camera = known[name]
         if scene is not None:
             settings |= {"max_bounces": case.bounces, "truth": pl.Truth.NONE}
-        new = dataclasses.replace(camera)
+        new = dataclasses.replace(camera, sensor=dataclasses.replace(camera.sensor))
         cpu = time.process_time()
         shot = reference.exposed(scene, new, region=case.region, threads=1, **settings)
         cpu = time.process_time() - cpu

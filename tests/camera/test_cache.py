@@ -49,11 +49,28 @@ def test_a_camera_is_compiled_once(found, monkeypatch):
     assert same(rendered(camera), first) and sum(found) == 2 * 24 * 24
     pl.ground_truth(SCENE, camera, region=REGION)
     assert len(compiled) == 1
-    # One that is equal is another one.
-    other = dataclasses.replace(camera)
+    # One of equal parts is another one.
+    other = reference_camera()
     assert other == camera
     assert same(rendered(other), first)
     assert len(compiled) == 2 and sum(found) == 3 * 24 * 24
+
+
+def test_a_camera_that_stands_elsewhere_is_not_compiled_again(found, monkeypatch):
+    compiled, compile_it = [], cache.camera_record
+    monkeypatch.setattr(cache, "camera_record", lambda camera: compiled.append(camera) or compile_it(camera))
+    camera = reference_camera()
+    poses = [pl.Pose.look_at((x, 3.0, 5.0), (0, 0, -404)) for x in (0.0, 2.0, 4.0, 6.0)]
+    shots = []
+    for pose in poses:
+        posed = dataclasses.replace(camera, pose=pose)
+        shots.append(rendered(posed))
+        del posed  # as in a loop over frames: what they share stays with the sensor
+    assert len(compiled) == 1
+    assert sum(found) == 2 * 24 * 24  # kept from the second time on
+    for shot, pose in zip(shots, poses, strict=True):
+        assert same(shot, rendered(dataclasses.replace(reference_camera(), pose=pose)))
+    assert len(compiled) == 5
 
 
 def test_what_feeds_pixels_is_found_once_for_all_steps(found):
@@ -74,7 +91,7 @@ def test_no_more_is_kept_than_there_is_room_for(most, found, monkeypatch):
     assert sum(found) == 24 * 24
     monkeypatch.setattr(cache, "MOST_BYTES", most)
     found.clear()
-    other = dataclasses.replace(camera)
+    other = reference_camera()
     assert same(rendered(other, **budget), whole)
     assert sum(found) > 24 * 24  # in each step those for which there was no room
     kept = prepared_camera(other)._fed.values()

@@ -29,9 +29,8 @@ import numpy as np
 import OpenImageIO  # noqa: F401  An interrupt while it is loaded aborts the process.
 
 import plenoptic as pl
+from plenoptic.command.study import draw
 from plenoptic.errors import FileError
-from plenoptic.rendering.schedule.checkpoint import save_checkpoint
-from plenoptic.study.__main__ import _draw
 
 LENS = pl.load_lens("double-gauss-100mm-f2")
 SEED = 7
@@ -66,17 +65,13 @@ def table(path, n):
 
 
 def figure(path, n):
-    _draw(tables(n), str(path))
+    draw(tables(n), str(path))
     plt.close("all")
-
-
-def state(path, n):
-    save_checkpoint(path, {"seed": "1"}, {"a": np.full(50_000, n)}, {"n": n})
 
 
 KINDS = {
     **{"lens.json": lens, "lens.zmx": lens, "shot.exr": shot, "shot.tif": shot, "shot.png": shot},
-    **{"raw.tif": raw, "raw.png": raw, "table.csv": table, "figure.png": figure, "state": state},
+    **{"raw.tif": raw, "raw.png": raw, "table.csv": table, "figure.png": figure},
 }
 
 

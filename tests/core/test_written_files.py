@@ -27,7 +27,7 @@ def run(*arguments, within=()):
     done = subprocess.run(command, capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done.stderr
     found = {kind: (int(met), int(tried)) for kind, met, tried in map(str.split, done.stdout.splitlines())}
-    assert len(found) == 10
+    assert len(found) == 9
     return found
 
 
@@ -118,4 +118,4 @@ def test_all_that_is_written_goes_through_one_writer():
                     found.add(path.relative_to(ROOT).as_posix())
                 if name in ("savefig", "savez_compressed"):
                     assert isinstance(node.args[0], ast.Name) and node.args[0].id == "file", path
-    assert found == {"core/files/atomic_file.py"}
+    assert found == {"core/files/atomic_file.py", "core/files/record_log.py"}  # logs grow in place

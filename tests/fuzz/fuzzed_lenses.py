@@ -99,8 +99,8 @@ def a_lens(rnd, *, features=Glass.PLAIN):
         scale = 10.0 ** uniform(rnd, -6, 6)
         return pl.no_lens(scale), scale
     if kind == 1 and features in (Glass.PLAIN, Glass.MASKED):
-        # Both fisheye and asphere-free: no bundled lens brings a kernel of its own.
-        lens = pl.load_lens(rnd.choice(pl.lens_names()))
+        # A fisheye is among them, and no asphere: none brings a kernel of its own.
+        lens = pl.load_lens(rnd.choice([name for name in pl.lens_names() if "-100mm-" in name]))
         lens = lens.with_stop(a_stop(rnd, length(rnd, 5.0), masked=Glass.MASKED in features))
         scale = 100.0
     else:

@@ -17,8 +17,8 @@ sys.path.insert(0, str(Path(__file__).parent))
 from fuzzed_calls import findings  # noqa: E402
 from valid_calls import calls, camera, lens, shot  # noqa: E402
 
-RENDERING = ("render", "render.target", "render_white", "ground_truth", "replay", "replay_all", "project")
-RENDERING += ("point_spread", "landing_points", "microlens_centres", "design_camera", "decode", "report")
+RENDERING = ("render", "render.target", "render_white", "ground_truth", "warm_up", "replay", "replay_all", "project")
+RENDERING += ("estimate", "point_spread", "landing_points", "microlens_centres", "design_camera", "decode", "report")
 
 
 def test_400_random_calls_end_or_are_refused():

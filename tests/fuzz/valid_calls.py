@@ -265,6 +265,13 @@ def calls():
             pl.ground_truth,
             {"scene": scene(), "camera": camera(), "truth": pl.Truth.DEPTH, "region": quick["region"], "threads": 1},
         ),
+        "warm_up": (pl.warm_up, {"scene": None, "camera": camera(), "truth": pl.Truth.DEPTH, "progress": False}),
+        "estimate": (
+            pl.estimate,
+            {"scene": scene(), "camera": camera(), "samples": 4, "target_error": 0.5, "threads": 1, "progress": False},
+        ),
+        "Motion": (pl.Motion, {"times": (0.0, 1.0), "poses": [pl.Pose(np.eye(3), (x, 0.0, 0.0)) for x in (0.0, 1.0)]}),
+        "Sequence": (pl.Sequence, {"scene": scene(), "camera": camera(), "times": (0.0, 1.0)}),
         "plan": (
             pl.plan,
             {"scene": scene(), "camera": camera(), "samples": 4, "replicates": 2, "max_bounces": 2, "clamp": 1.0},

@@ -3,6 +3,7 @@
 import hashlib
 import json
 import os
+import struct
 from pathlib import Path
 
 CORNERS = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
@@ -47,12 +48,17 @@ def named_pipe(folder):
     return textured("pipe.png")(folder)
 
 
-def checkpoint(arrays, content=b""):
-    described = {"identity": {}, "facts": {}, "arrays": arrays, "sha256": hashlib.sha256(content).hexdigest()}
-    header = json.dumps(described).encode()
-    digest = hashlib.sha256(header).hexdigest().encode()
-    start = b"plenoptic checkpoint 1\n%s %016d\n" % (digest, len(header))
-    return written("a.checkpoint", start + header + content)
+def checkpoint(records, header=b'{"identity": {}, "tile_side": 8}', version=2):
+    """A checkpoint whose digests are right, whatever it says."""
+    start = b"plenoptic checkpoint %d\n%s %016d\n" % (version, hashlib.sha256(header).hexdigest().encode(), len(header))
+    return written("a.checkpoint", start + header + records)
+
+
+def checkpoint_record(arrays, length, body=b""):
+    head, digest = json.dumps({"facts": {}, "arrays": arrays}).encode(), hashlib.blake2b(body, digest_size=16).digest()
+    sizes = struct.pack("<IQ", len(head), length)
+    of_head = hashlib.blake2b(sizes + digest + head, digest_size=16).digest()
+    return b"\x93plenoptic rec\r\n" + sizes + of_head + digest + head + body
 
 
 def large(name, loader):
@@ -85,9 +91,17 @@ def load_glasses():
 
 
 def load_checkpoint():
-    from plenoptic.rendering.schedule import checkpoint as module
+    from plenoptic.core.files.record_log import RecordLog
+    from plenoptic.rendering.schedule.checkpoint import KIND
 
-    return lambda path: module.load_checkpoint(path, {})
+    def load(path):
+        log = RecordLog(path, KIND)
+        try:
+            return [log.read(entry) for entry in log.entries]
+        finally:
+            log.close()
+
+    return load
 
 
 ZMX = "MODE SEQ\nUNIT MM\n"
@@ -170,14 +184,14 @@ TEXTS = {
     "glasses: a pipe": (pipe("a.agf", load_glasses), "a.agf' is no file"),
     "glasses: 1e5 names": (written("a.agf", "NM A 2 517642 1.5168 64.17\n" * 100_000), None),
     "glasses: a number of 1e5 digits": (written("a.agf", f"NM A {'9' * 100_000} 517642 1.5 64\n"), "a.agf"),
-    "checkpoint: 1e18 numbers": (
-        checkpoint([{"name": "a", "dtype": "<f8", "shape": [10**9, 10**9]}]),
-        "damaged checkpoint",
-    ),
+    "checkpoint: 1e18 numbers": (checkpoint(checkpoint_record([("a", "<f8", (10**9, 10**9))], 8 * 10**18)), None),
     "checkpoint: no number, in rows of 1e18": (
-        checkpoint([{"name": "a", "dtype": "<f8", "shape": [0, 10**18, 10**18]}]),
+        checkpoint(checkpoint_record([("a", "<f8", (0, 10**18, 10**18))], 0)),
         "cannot be read",
     ),
-    "checkpoint: objects": (checkpoint([{"name": "a", "dtype": "|O", "shape": [1]}], bytes(8)), "damaged checkpoint"),
+    "checkpoint: objects": (checkpoint(checkpoint_record([("a", "|O", (1,))], 8, bytes(8))), None),
+    "checkpoint: a thousand marks": (checkpoint(1000 * b"\x93plenoptic rec\r\n"), None),
+    "checkpoint: brackets": (checkpoint(b"", b"[" * 10**6), "cannot be understood"),
+    "checkpoint: of another version": (checkpoint(b"", version=1), "has version 1 of the format, not 2"),
     "checkpoint: a pipe": (pipe("a.checkpoint", load_checkpoint), "is no file"),
 }

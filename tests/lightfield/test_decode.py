@@ -3,6 +3,7 @@
 import dataclasses
 import math
 import pickle
+import warnings
 
 import numpy as np
 import pytest
@@ -426,6 +427,17 @@ def test_impossible_calls_say_what_to_do():
         decode(white, white, camera=free)
 
 
+@pytest.mark.parametrize(("viewpoint", "empty"), [((0.8, 0.0), False), ((1.4, 0.0), True), ((0.9, 0.9), True)])
+def test_a_view_from_outside_the_pupil_says_that_it_is_empty(viewpoint, empty):
+    white = white_of(the_camera((110, 110)), 8)
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        field = decode(white, white, views=1, viewpoint=viewpoint)
+    assert np.isnan(field.views).all() == empty
+    assert [f"viewpoint {viewpoint} is empty" in str(one.message) for one in said] == [True] * empty
+    assert all("within the iris, -1 to 1" in str(one.message) for one in said)
+
+
 def test_views_are_drawn_as_they_lie_in_the_pupil():
     matplotlib = pytest.importorskip("matplotlib")
     matplotlib.use("Agg")
@@ -448,3 +460,22 @@ def test_views_are_drawn_as_they_lie_in_the_pupil():
     with pytest.raises(pl.errors.InvalidValueError, match="LightField"):
         plot_views(white)
     plt.close("all")
+
+
+def test_sensors_where_a_near_pupil_is_sharp_are_unfocused():
+    """1 / b = 1 / f - 1 / distance of the pupil: 7 % behind the focal plane of microlenses close to the pupil."""
+    f, gap = 3.0, 47.0
+    lens = pl.load_lens("telephoto-100mm-f2.8")
+    camera = pl.PlenopticCamera(
+        lens=lens,
+        microlenses=pl.MicrolensArray(pitch=1.0, focal_lengths=(f,), lattice=pl.Lattice.SQUARE),
+        sensor=pl.Sensor(shape=(100, 100), pixel_pitch=0.02),
+        stop_to_microlenses=pl.paraxial.cardinal_points(lens).exit_pupil + gap,
+        microlenses_to_sensor=1 / (1 / f - 1 / gap),
+    )
+    white = pl.render_white(camera, samples=4, progress=False)
+    assert pl.lightfield.decode(white, white, views=3).views.shape[:2] == (3, 3)
+    focused = dataclasses.replace(camera, microlenses_to_sensor=1.15 * camera.microlenses_to_sensor)
+    white = pl.render_white(focused, samples=4, progress=False)
+    with pytest.raises(pl.errors.InvalidValueError, match="render_view"):
+        pl.lightfield.decode(white, white, views=3)

@@ -154,7 +154,8 @@ def test_blur_is_that_of_the_traced_spot(z):
 def test_what_has_been_changed_is_refused(written, tmp_path, name):
     shutil.copytree(written, tmp_path / "a")
     content = bytearray((tmp_path / "a" / name).read_bytes())
-    content[len(content) // 2] ^= 1
+    # What is told in the provenance, such as the plan, has no digest: there it is the form that breaks.
+    content[0 if name == PROVENANCE else len(content) // 2] ^= 1
     (tmp_path / "a" / name).write_bytes(content)
     with pytest.raises(FileError, match=name):
         pl.package.read(tmp_path / "a")

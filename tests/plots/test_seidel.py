@@ -53,8 +53,10 @@ def test_the_focus_is_drawn_against_the_reference() -> None:
 def test_the_height_is_drawn_where_there_is_a_field() -> None:
     shift = pl.aberrations.chromatic_shift(LENS, wavelengths=np.arange(440.0, 681.0, 40.0), field=0.2)
     ax = plot_chromatic_shift(shift)
-    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["focus", "height of the image"]
-    height = next(line for line in ax.lines if line.get_label() == "height of the image")
+    names = ["shift of the focus / mm", "shift of the height of the image / mm"]
+    assert [part.get_xlabel() for part in ax.figure.axes] == names
+    assert all(sum(part.get_xlim()) == 0 for part in ax.figure.axes)
+    height = ax.figure.axes[1].lines[0]
     assert height.get_xdata() == pytest.approx(shift.height - shift.height[3])
 
 

@@ -32,13 +32,16 @@ def test_mean_and_squares_are_those_of_numpy(counts: list[int], seed: int) -> No
     mean = np.average(means, axis=2, weights=n)
     # Sums of at most 8 terms.
     scale = np.abs(means).max()
-    assert film.mean == pytest.approx(mean, abs=16 * EPS * scale)
+    # What is kept is rounded to float32, by half of its eps.
+    assert film.mean == pytest.approx(mean, rel=0.5 * EPS32, abs=16 * EPS * scale)
     assert (film.samples, film.replicates) == (n.sum(), len(counts))
     if len(counts) == 1:
-        assert film.squares is None and film.standard_error() is None
+        assert film.between is None and film.standard_error() is None
         return
     squares = np.einsum("hwrc,r->hwc", (means - mean[:, :, None]) ** 2, n)
-    assert film.squares == pytest.approx(squares, abs=64 * EPS * scale**2 * n.sum())
+    # The root of what is good to 64 eps.
+    worst = math.sqrt(64 * EPS * n.sum()) * scale
+    assert film.between == pytest.approx(np.sqrt(squares), rel=EPS32, abs=worst)
     error = np.sqrt(squares / (len(counts) - 1) / n.sum())
     assert film.standard_error() == pytest.approx(error, rel=1e-6, abs=4 * EPS32 * scale)
 
@@ -60,8 +63,7 @@ def test_the_error_is_unbiased_with_unequal_counts() -> None:
     sums = rng.normal(size=(trials, 1, 5, 1)) * np.sqrt(counts)[:, None]
     film = pl.rendering.Film((trials, 1, 1), counts=counts)
     film.add(0, 0, sums)
-    assert film.squares is not None
-    squared = film.squares / 4 / counts.sum()
+    squared = np.square(film.between, dtype=float) / 4 / counts.sum()
     spread = squared.std(ddof=1) / math.sqrt(trials)
     assert squared.mean() == pytest.approx(1 / counts.sum(), abs=4 * spread)
     # And it is the error of the mean: 20 000 means have a variance good to sqrt(2 / trials).
@@ -76,11 +78,14 @@ def test_merged_films_are_one_film_of_all(first: list[int], second: list[int], s
     both = film_of(samples[: len(first)]).merged(film_of(samples[len(first) :]))
     whole = film_of(samples)
     assert (both.samples, both.replicates) == (whole.samples, whole.replicates)
-    assert both.mean == pytest.approx(whole.mean, rel=32 * EPS)
-    # Squares are differences of terms of size n mean^2, mean about 5.
-    assert both.squares == pytest.approx(whole.squares, abs=64 * EPS * 36 * whole.samples)
-    # A root of what is good to 64 eps of 36 n, divided by n.
-    assert both.standard_error() == pytest.approx(whole.standard_error(), rel=1e-5, abs=math.sqrt(64 * EPS * 36))
+    # Each of the three means is rounded to float32, by half of its eps.
+    assert both.mean == pytest.approx(whole.mean, rel=2 * EPS32)
+    # What lies between both is known as well as their means, which are up to 10 or so; roots of sums of squares are as
+    # good as their terms.
+    worst = 10 * EPS32 * math.sqrt(whole.samples)
+    assert both.between == pytest.approx(whole.between, rel=4 * EPS32, abs=worst)
+    error = worst / math.sqrt((whole.replicates - 1) * whole.samples)
+    assert both.standard_error() == pytest.approx(whole.standard_error(), rel=5 * EPS32, abs=error)
 
 
 def drawn(rng: np.random.Generator, spread: np.ndarray, counts: list[int]) -> pl.rendering.Film:
@@ -110,7 +115,7 @@ def test_few_replicates_are_pooled_over_a_block(counts: list[int]) -> None:
     assert np.all(np.abs(np.log(squared / expected)) < 2.0)
     assert np.mean(np.abs(np.log(squared / expected))) < 0.35  # of replicates alone: 1.3
     # Over the pixels of a block and colour, squares are those of the replicates.
-    own = (film.squares / (len(counts) - 1) / sum(counts))[..., 0]
+    own = (np.square(film.between, dtype=float) / (len(counts) - 1) / sum(counts))[..., 0]
     colour = np.add.outer(np.arange(8), np.arange(8)) % 2 == 1
     for block in (np.s_[:8, :8], np.s_[24:32, 56:64]):
         for part in (colour, ~colour):
@@ -128,7 +133,7 @@ def test_what_one_colour_of_a_block_shows_changes_no_other_pixel() -> None:
 
 def test_with_eight_replicates_a_pixel_has_an_error_of_its_own() -> None:
     film = drawn(np.random.default_rng(4), np.ones((8, 8)), [4] * 8)
-    own = np.sqrt(film.squares / 7 / 32)
+    own = film.between / math.sqrt(7 * 32)
     np.testing.assert_allclose(film.standard_error(), own, rtol=4 * EPS32)
 
 
@@ -136,9 +141,15 @@ def test_the_scatter_of_merged_films_is_that_of_all_samples() -> None:
     rng = np.random.default_rng(5)
     one, other = (drawn(rng, np.ones((4, 4)), counts) for counts in ([8, 8], [20]))
     both = one.merged(other)
-    assert both.scatter is not None
-    total = sum(film.scatter + film.samples * film.mean**2 for film in (one, other))
-    assert both.scatter == pytest.approx(total - both.samples * both.mean**2, rel=1e-10)
+    means, scatters = (
+        [np.square(part, dtype=float) for part in parts]
+        for parts in zip(*((film.mean, film.within) for film in (one, other, both)), strict=True)
+    )
+    total = sum(
+        scatter + film.samples * mean for scatter, film, mean in zip(scatters, (one, other), means, strict=False)
+    )
+    # Squares of means are twice as far off as the means, 36 samples of about 25, three of them.
+    assert scatters[2] == pytest.approx(total - both.samples * means[2], abs=6 * EPS32 * 36 * 25, rel=4 * EPS32)
 
 
 @settings(max_examples=40)
@@ -148,7 +159,7 @@ def test_sums_of_equal_samples_have_no_scatter(value: float, n: int) -> None:
     sums = [np.cumsum(np.full(k, value))[-1] for k in (n - n // 2, n // 2)]  # one after the other, as kernels add
     power = np.cumsum(np.full(n, value * value))[-1]
     film.add(0, 0, np.reshape(sums, (1, 1, 2, 1)), powers=np.full((1, 1, 1), power))
-    assert film.scatter[0, 0, 0] == 0.0 and film.agreeing().all()
+    assert film.within[0, 0, 0] == 0.0 and film.agreeing().all()
 
 
 def test_merged_films_name_all_kinds_of_processors(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -174,7 +185,7 @@ def test_tiles_go_where_they_belong() -> None:
     expected = np.zeros((4, 5))
     expected[1:3, 2:5] = 3.0
     assert np.array_equal(film.mean[:, :, 0], expected)
-    assert film.image().dtype == np.float32 and film.standard_error().dtype == np.float32
+    assert film.mean.dtype == film.between.dtype == film.standard_error().dtype == np.float32
 
 
 def test_replicates_without_samples_do_not_count() -> None:
@@ -219,8 +230,9 @@ def test_agreement_is_no_certainty(value: float, counts: list[int]) -> None:
     film = pl.rendering.Film((1, 1, 1), counts=np.array(counts))
     film.add(0, 0, (value * np.array(counts)).reshape(1, 1, -1, 1))
     assert film.agreeing().all()
-    # A sample of a pixel that has light brings what the others did; of one that has none, what it brings at most.
-    brought = min(value, 3.0) if value > 0 else 3.0
+    # A sample of a pixel that has light brings what the others did; of one that has none that float32 can hold, what it
+    # brings at most.
+    brought = min(value, 3.0) if np.float32(value) > 0 else 3.0
     assert film.standard_error(np.full((1, 1), 3.0))[0, 0, 0] == pytest.approx(brought / sum(counts))
 
 

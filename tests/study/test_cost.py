@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
+from plenoptic.command.main import main
 from plenoptic.rendering.plan.stages import Plan, Stage
-from plenoptic.study.__main__ import main
 from plenoptic.study.cameras import furnished_camera, reference_camera
 from plenoptic.study.cost import ablation, camera_ablation, measurement, scene_ablation
 from plenoptic.study.cost.ablation import Ablation, Inseparable, ablations
@@ -257,7 +257,7 @@ def test_meshes_are_the_dear_part_of_a_checkerboard():
 @pytest.mark.slow
 def test_the_command_line_prints_the_plan_and_the_table(capsys, tmp_path):
     chosen = ["cost", "--case", "white", "--quick", "--plan", "--markdown", "--csv", str(tmp_path / "white.csv")]
-    assert main(chosen) == 0
+    assert main(["study", *chosen]) == 0
     shown = capsys.readouterr().out
     assert "left out  wavelengths" in shown and "| microlenses" in shown
     assert "MICROLENSES" in (tmp_path / "white.csv").read_text(encoding="utf-8")

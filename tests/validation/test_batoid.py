@@ -41,7 +41,8 @@ def coordinates(element, z):
 def shape_of(surface):
     if surface.aspheric:
         assert surface.aspheric[0] == 0, "batoid's coefficients begin with r^4"
-        return batoid.Asphere(surface.radius, surface.conic, np.array(surface.aspheric[1:]))
+        conic = surface.conic if surface.conic != -1 else -1 + 1e-12  # it begins at the conic, and divides by 1 + k
+        return batoid.Asphere(surface.radius, conic, np.array(surface.aspheric[1:]))
     if surface.conic == -1:  # batoid's Quadric divides by 1 + k
         return batoid.Paraboloid(surface.radius)
     if surface.conic:
@@ -79,7 +80,8 @@ def assert_same(lens):
     np.testing.assert_allclose(ours.direction[both], velocity, atol=TOLERANCE / 10, rtol=0)
 
 
-@pytest.mark.parametrize("name", pl.lens_names())
+# batoid turns the axis at mirrors, which are unfolded here: these are held against optiland in test_zemax_files.
+@pytest.mark.parametrize("name", [name for name in pl.lens_names() if not name.startswith("mirror")])
 def test_the_same_rays_arrive_at_the_same_points(name):
     assert_same(pl.load_lens(name))
 

@@ -35,7 +35,7 @@ ASPHERIC = pl.LensStack(
 )
 # All in air: rayoptics 0.9.8 finds the entrance pupil elsewhere if the object is in another medium, dividing by its
 # index where it should multiply.
-LENSES = [*map(pl.load_lens, pl.lens_names()), ASPHERIC]
+LENSES = [*(pl.load_lens(name) for name in pl.lens_names() if not name.startswith("mirror")), ASPHERIC]
 
 pytestmark = [pytest.mark.validation, pytest.mark.parametrize("lens", LENSES, ids=lambda lens: lens.name)]
 
@@ -82,8 +82,9 @@ def test_seidel_sums_by_surface(lens, z_object):
     table = np.zeros_like(ours.table)
     for name, row in theirs.iloc[:-1].iterrows():
         table[int(str(name).split(".")[0]) - 1] += row.to_numpy()
-    # 100 / FAR and 2e-7 / 10, times up to the fourth power; from nearer objects rounding only.
-    tolerance = 1e-6 if math.isinf(z_object) else 1e-10
+    # 100 / FAR and 2e-7 / 10, times up to the fourth power, and distortion divides by the marginal ray's angle of
+    # incidence, which is small on some surfaces: there it is 1.6e-6. From nearer objects rounding only.
+    tolerance = 5e-6 if math.isinf(z_object) else 1e-10
     scale = np.abs(ours.table).max(axis=0)
     assert np.all(np.abs(table - ours.table) <= tolerance * scale)
     assert np.all(np.abs(theirs.iloc[-1].to_numpy() - ours.total) <= tolerance * scale)

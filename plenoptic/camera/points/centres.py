@@ -17,6 +17,7 @@ from plenoptic.camera.points.centroids import lit_centroids
 from plenoptic.camera.points.chief_rays import chief_slopes
 from plenoptic.camera.points.white_centroids import white_centroids
 from plenoptic.core.values import Floats, check_kind, choice, coordinate, result
+from plenoptic.core.waiting.bar import Waiting
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.microlens.aperture import Walls
 from plenoptic.optics.microlens.array import MicrolensArray
@@ -82,6 +83,11 @@ class MicrolensCentres:
     def __repr__(self) -> str:
         return f"MicrolensCentres({len(self)} microlenses, {self.method.name})"
 
+    def _repr_html_(self) -> str:
+        from plenoptic.plots.notebook.pictures import centres_html
+
+        return centres_html(self)
+
 
 def microlens_centres(
     camera: PlenopticCamera,
@@ -89,6 +95,7 @@ def microlens_centres(
     *,
     white: Exposure | None = None,
     margin: float = 0.0,
+    progress: bool = True,
 ) -> MicrolensCentres:
     """Find the centres of the images of all microlenses that fall onto the sensor.
 
@@ -105,6 +112,8 @@ def microlens_centres(
         that of neighbouring images that overlap with it does, that of its own beyond, as of a missing lens, does not.
     margin : float, optional
         How far outside the sensor centres may lie, in mm; negative: how far inside they must.
+    progress : bool, optional
+        Whether to show, from the second second on, how far it is or that something is compiled.
 
     Returns
     -------
@@ -163,6 +172,13 @@ def microlens_centres(
             "walls end the image of each microlens at its cell, and centroids are not defined for them; take "
             "CentreMethod.CHIEF_RAY"
         )
+    with Waiting("finding centres", kind="camera", show=progress):
+        return _centres(camera, array, method, white, margin)
+
+
+def _centres(
+    camera: PlenopticCamera, array: MicrolensArray, method: CentreMethod, white: Exposure | None, margin: float
+) -> MicrolensCentres:
     axes = array_axes(camera)
     lenses = _lenses_near_sensor(axes, array, margin)
     if array.model.focuses:

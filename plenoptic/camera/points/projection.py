@@ -15,8 +15,10 @@ from plenoptic.camera.psf.point_spread import world_points
 from plenoptic.camera.psf.sensor_hits import ForwardRecord, forward_record, in_lens_axes
 from plenoptic.core.parallel import thread_count
 from plenoptic.core.values import Floats, check_kind, result, whole
+from plenoptic.core.waiting.bar import Waiting
 
 if TYPE_CHECKING:
+    from plenoptic.scene.cache import PreparedScene
     from plenoptic.scene.scene import Scene
 
 
@@ -82,8 +84,13 @@ class Projection:
         return dataclasses.replace(self, **{name: array[np.asarray(rows)] for name, array in given.items()})
 
     def __repr__(self) -> str:
-        seen = int(np.count_nonzero(self.visible))
-        return f"Projection({len(self.points)} points, {len(self)} rows, {seen} of them visible)"
+        seen, points = int(np.count_nonzero(self.visible)), len(self.points)
+        return f"Projection({points} point{'s' * (points != 1)}, {len(self)} rows, {seen} of them visible)"
+
+    def _repr_html_(self) -> str:
+        from plenoptic.plots.notebook.pictures import projection_html
+
+        return projection_html(self)
 
 
 def project(
@@ -93,6 +100,7 @@ def project(
     scene: Scene | None = None,
     rays: int = 1 << 12,
     threads: int | None = None,
+    progress: bool = True,
 ) -> Projection:
     """Find where points of the world appear on the sensor, in every microlens image that sees them.
 
@@ -108,6 +116,8 @@ def project(
         Rays of each point for `light` and `centroid`, rounded up to a multiple of 8. They do not change `position`.
     threads : int, optional
         None: one for each processor, at most NUMBA_NUM_THREADS. The result does not depend on it.
+    progress : bool, optional
+        Whether to show, from the second second on, how far it is or that something is compiled.
 
     Returns
     -------
@@ -143,7 +153,7 @@ def project(
     ...     sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.01), stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
     >>> seen = pl.project(camera, (0.0, 0.0, -404.0))
     >>> seen
-    Projection(1 points, 37 rows, 37 of them visible)
+    Projection(1 point, 37 rows, 37 of them visible)
     >>> middle = seen.selected((seen.index == 0).all(axis=1))
     >>> middle.pixel.round(6).tolist(), bool(np.abs(middle.centroid_pixel - middle.pixel).max() < 1e-3)
     ([[255.5, 255.5]], True)
@@ -152,10 +162,11 @@ def project(
     given, _ = world_points(points)
     each = -(-whole(rays, "rays", at_least=1) // REPLICATES)
     workers = thread_count(threads)
-    tables = forward_record(camera)
-    rows = rows_of(tables, in_lens_axes(tables, given), each, workers)
-    projection = _assembled(tables, given, rows)
-    return projection if scene is None else _unhidden(tables, projection, rows.entering, scene)
+    with Waiting("projecting", kind="camera", show=progress):
+        tables = forward_record(camera)
+        rows = rows_of(tables, in_lens_axes(tables, given), each, workers)
+        projection = _assembled(tables, given, rows)
+        return projection if scene is None else _unhidden(tables, projection, rows.entering, scene)
 
 
 def _assembled(tables: ForwardRecord, given: Floats, rows: Rows) -> Projection:
@@ -197,28 +208,32 @@ def _assembled(tables: ForwardRecord, given: Floats, rows: Rows) -> Projection:
 def _unhidden(tables: ForwardRecord, found: Projection, entering: Floats, scene: Scene) -> Projection:
     """Rows whose points are hidden from the place (k, 2) where their rays enter the lens are no longer visible."""
     from plenoptic.scene.cache import prepared_scene
-    from plenoptic.scene.materials.alpha_mask import attenuate_shadows
     from plenoptic.scene.scene import Scene
 
     check_kind(scene, "scene", Scene, "pl.Scene(...)")
-    prepared = prepared_scene(scene)
+    rows, visible = np.flatnonzero(found.visible), found.visible.copy()
+    points = found.points[found.point[rows]]
+    visible[rows] = ~are_hidden(tables, points, entering[rows], prepared_scene(scene))
+    return dataclasses.replace(found, visible=visible)
+
+
+def are_hidden(tables: ForwardRecord, points: Floats, entering: Floats, prepared: PreparedScene) -> NDArray[np.bool_]:
+    """(n,): whether something lies between world points (n, 3) and places (n, 2) of the plane where rays enter."""
+    from plenoptic.scene.materials.alpha_mask import attenuate_shadows
+
     record, intersector = prepared.record, prepared.intersector
     if intersector is None:
-        return found
-    rows = np.flatnonzero(found.visible)
+        return np.zeros(len(points), dtype=bool)
     placed, pose = tables.array.parts.lens_to_camera, tables.camera.pose
-    through = np.column_stack([entering[rows], np.full(len(rows), tables.entrance.z)])
+    through = np.column_stack([entering, np.full(len(points), tables.entrance.z)])
     through = through if placed is None else placed.points(through)
     through = through if pose is None else pose.to_world(through)
-    start = found.points[found.point[rows]]
-    way = through - start
-    rays = np.ascontiguousarray(np.column_stack([start + _CLEAR * way, (1.0 - _CLEAR) * way]))
-    blocked = np.zeros(len(rows), dtype=np.uint8)
-    left = np.ones((len(rows), 1))
+    way = through - points
+    rays = np.ascontiguousarray(np.column_stack([points + _CLEAR * way, (1.0 - _CLEAR) * way]))
+    blocked = np.zeros(len(points), dtype=np.uint8)
+    left = np.ones((len(points), 1))
     if record.alpha is None:
         intersector.fill_blocked(blocked, rays)
     else:
         attenuate_shadows(record, intersector, rays, blocked, left)
-    visible = found.visible.copy()
-    visible[rows] = (blocked == 0) & (left[:, 0] > 0.5)
-    return dataclasses.replace(found, visible=visible)
+    return np.asarray((blocked != 0) | (left[:, 0] <= 0.5))

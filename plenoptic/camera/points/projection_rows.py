@@ -12,6 +12,7 @@ from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.points.projection_rays import Aim, EntranceRays, ThroughArray, aimed, entrance_rays, through_iris
 from plenoptic.camera.psf.sensor_hits import ForwardRecord, Task, landed, tasks_of
 from plenoptic.core.parallel import run_in_order
+from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats
 from plenoptic.optics.lens.trace import traced_by
 from plenoptic.optics.microlens.array import MicrolensArray
@@ -106,11 +107,17 @@ def _rows_through_iris(tables: ForwardRecord, seen: Floats, light: Light) -> Row
     rays = entrance.through(seen, entering)
     moments = np.zeros((n, REPLICATES, 3))
     moments[light.keys[:, 0]] = light.moments
-    behind, to_sensor = traced_by(entrance.bare, rays), tables.array.parts.sensor_to_local.inverse()
-    origin = to_sensor.points(behind.origin - np.array([0.0, 0.0, tables.array.parts.z_plane]))
-    direction = to_sensor.directions(behind.direction)
-    position = origin[:, :2] - origin[:, 2:] / direction[:, 2:] * direction[:, :2]
+    position = straight_to_sensor(tables, traced_by(entrance.bare, rays))
     return Rows(np.arange(n), None, position, traced_by(entrance.lens, rays).status == 0, moments, entering)
+
+
+def straight_to_sensor(tables: ForwardRecord, behind: RayBundle) -> Floats:
+    """(n, 2): where rays behind the lens of a camera without microlenses meet the sensor, in its own axes."""
+    parts = tables.array.parts
+    to_sensor = parts.sensor_to_local.inverse()
+    origin = to_sensor.points(behind.origin - np.array([0.0, 0.0, parts.z_plane]))
+    direction = to_sensor.directions(behind.direction)
+    return np.asarray(origin[:, :2] - origin[:, 2:] / direction[:, 2:] * direction[:, :2])
 
 
 def _rows_through_microlenses(
@@ -127,12 +134,18 @@ def _rows_through_microlenses(
     moments = np.zeros((len(keys), REPLICATES, 3))
     moments[row[: len(light.keys)]] = light.moments
     number, centres = keys[:, 0], axes.local(lenses_with(array, keys[:, 1:]).axis)
-    start = _nearest_rays(prints, number, centres, passing=False)
-    entering = aimed(entrance, Aim(entrance.bare, through.places), seen[number], centres, start)
-    rays = entrance.through(seen[number], entering)
-    passes = traced_by(entrance.lens, rays).status == 0
-    kept = passes | (moments[:, :, 0] > 0).any(axis=1)
-    shadow = np.where(passes[:, None], entering, _nearest_rays(prints, number, centres, passing=True))
+    aim = Aim(entrance.bare, through.places)
+    entering = aimed(entrance, aim, seen[number], centres, _nearest_rays(prints, number, centres, passing=False))
+    passes = traced_by(entrance.lens, entrance.through(seen[number], entering)).status == 0
+    lit, inside = (moments[:, :, 0] > 0).any(axis=1), _nearest_rays(prints, number, centres, passing=True)
+    # Strong lenses have several rays from a point to a microlens: where there is light, one that passes is wanted.
+    again = np.flatnonzero(lit & ~passes & np.isfinite(inside).all(axis=1))
+    if len(again):
+        other = aimed(entrance, aim, seen[number[again]], centres[again], inside[again])
+        found = traced_by(entrance.lens, entrance.through(seen[number[again]], other)).status == 0
+        entering[again[found]], passes[again[found]] = other[found], True
+    rays, kept = entrance.through(seen[number], entering), passes | lit
+    shadow = np.where(passes[:, None], entering, inside)
     return Rows(
         point=number[kept],
         lens=keys[kept, 1:],

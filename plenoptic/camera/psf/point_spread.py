@@ -21,6 +21,7 @@ from plenoptic.camera.psf.sensor_hits import HIT, in_lens_axes, landed, measurin
 from plenoptic.camera.psf.spread import CameraSpread, LandingPoints
 from plenoptic.core.parallel import run_in_order, thread_count
 from plenoptic.core.values import MOST_POINTS, Floats, check_kind, frozen_array, seed_number, whole
+from plenoptic.core.waiting.bar import Waiting
 from plenoptic.errors import InvalidValueError
 
 
@@ -32,6 +33,7 @@ def point_spread(
     seed: int = 0,
     replicates: int = 32,
     threads: int | None = None,
+    progress: bool = True,
 ) -> CameraSpread:
     """Trace the light of points through lens and microlenses and see where it lands on the sensor.
 
@@ -53,6 +55,8 @@ def point_spread(
         Independent scramblings of the sampling points, at least 1; errors come from their spread.
     threads : int, optional
         None: one for each processor, at most NUMBA_NUM_THREADS. The result does not depend on it.
+    progress : bool, optional
+        Whether to show, from the second second on, how far it is or that something is compiled.
 
     Returns
     -------
@@ -79,10 +83,11 @@ def point_spread(
     replicates = whole(replicates, "replicates", at_least=1)
     each = -(-whole(rays, "rays", at_least=1) // replicates)
     scrambling, workers = np.uint64(seed_number(seed)), thread_count(threads)
-    record = measuring_record(camera)
-    tasks = tasks_of(record, in_lens_axes(record, given), replicates, each)
-    spots = dict(spots_of(record, tasks, each, scrambling, workers))
-    spread = assembled(camera, given, spots, replicates, each)
+    with Waiting("tracing points", kind="camera", show=progress):
+        record = measuring_record(camera)
+        tasks = tasks_of(record, in_lens_axes(record, given), replicates, each)
+        spots = dict(spots_of(record, tasks, each, scrambling, workers))
+        spread = assembled(camera, given, spots, replicates, each)
     return spread if several else spread.of(0)
 
 

@@ -17,6 +17,7 @@ from plenoptic.camera.dust import BETWEEN, PlacedDust, fill_dimmed_at_lens, plac
 from plenoptic.camera.paths import fill_dimmed_before_array
 from plenoptic.camera.psf.forward_array import ForwardArray, fill_through_array_forward, forward_array
 from plenoptic.camera.record import response_record
+from plenoptic.camera.units import metres_guess
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.models import LensModel
@@ -128,9 +129,10 @@ def in_lens_axes(record: ForwardRecord, points: Floats) -> Floats:
     seen = seen if placed is None else placed.inverse().points(seen)
     behind = np.flatnonzero(~(seen[:, 2] < record.entrance.z))
     if len(behind):
+        z, limit = float(seen[behind[0], 2]), record.entrance.z
         raise InvalidValueError(
-            f"point {behind[0]} lies at z = {seen[behind[0], 2]:g} mm of the lens's axes, and the lens begins at "
-            f"z = {record.entrance.z:g} mm; points must lie in front of it, at smaller z"
+            f"point {behind[0]} lies at z = {z:g} mm of the lens's axes, and the lens begins at z = {limit:g} mm; "
+            f"points must lie in front of it, at smaller z{metres_guess(z, limit)}"
         )
     return seen
 

@@ -153,7 +153,7 @@ def _images(camera: PlenopticCamera, report: CameraReport) -> Iterator[CameraFin
     if not walls and (fill > 1.0 + OVERLAPPING or report.overlap_fraction > OVERLAPPING):
         yield CameraFinding(
             CameraFindingKind.OVERLAP,
-            f"{100 * report.overlap_fraction:.0f} % of the sensor get light through several microlenses (images are "
+            f"{100 * report.overlap_fraction:.0f} % of the sensor gets light through several microlenses (images are "
             f"{fill:.2f} as wide as their distance, with a border of {report.image_border_pixels:.1f} pixels); stop "
             "down to avoid it",
         )

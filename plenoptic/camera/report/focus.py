@@ -59,12 +59,12 @@ class MicrolensFocus:
     from array to sensor, f the focal length and d the opening of a microlens, p their pitch and q that of the pixels:
 
     - sharp: 1/s = 1/b - 1/f, and s = 0 for a plenoptic 1.0;
-    - virtual depth v = |s| / b;
-    - depth of field: light of a point is spread on the sensor over d b |1/s - 1/b + 1/f|, at most q. In a plenoptic
-      1.0 a point moves between the views of neighbouring pixels by at most one microlens: |s| <= p b / q. Without
+    - virtual depth v = ``|s| / b``;
+    - depth of field: light of a point is spread on the sensor over ``d b |1/s - 1/b + 1/f|``, at most q. In a plenoptic
+      1.0 a point moves between the views of neighbouring pixels by at most one microlens: ``|s| <= p b / q``. Without
       microlenses it is spread over at most q by the exit pupil;
-    - disparity: p b / |s| / q pixels between the images of neighbouring microlenses, relative to their centres; in a
-      plenoptic 1.0, s q / (b p) microlenses between the views of neighbouring pixels, positive for near objects;
+    - disparity: ``p b / |s| / q`` pixels between the images of neighbouring microlenses, relative to their centres; in
+      a plenoptic 1.0, s q / (b p) microlenses between the views of neighbouring pixels, positive for near objects;
     - effective resolution: 1 / max(v, 1) of the sensor's pixels along each axis; in a plenoptic 1.0, microlenses.
 
     Attributes

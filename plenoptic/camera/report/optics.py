@@ -22,6 +22,7 @@ from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.pupil.iris_points import hexapolar, square_grid
 from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays_reverse
 from plenoptic.optics.lens.stack import LensStack
+from plenoptic.optics.microlens.aperture import Walls
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.lattice import Lattice
 from plenoptic.optics.stops.circle import CircularStop
@@ -65,6 +66,15 @@ def paraxial_cone(lens: LensStack, z: float, wavelength: float) -> Cone:
     (_, b), (_, d) = transfer_matrix(lens, wavelength, lens.iris_index, last).tolist()
     across = float(lens.indices(wavelength)[0]) * b + (z - float(lens.vertices[-1])) * d
     return Cone(d / across, abs(lens.stop.semi_diameter / across))
+
+
+def camera_cone(camera: PlenopticCamera) -> Cone:
+    """The cone at the array, without microlenses at the sensor; between walls, that of a microlens's own field."""
+    array = camera.microlenses
+    if array is not None and array.walls is Walls.OPAQUE:
+        # Each microlens is a camera of its own, whose field ends at the walls.
+        return Cone(0.0, neighbour_distance(array) / (2 * camera.microlenses_to_sensor))
+    return paraxial_cone(camera.lens, camera.stop_to_microlenses, camera.wavelength)
 
 
 def traced_slope(lens: LensStack, z: float, wavelength: float) -> float:

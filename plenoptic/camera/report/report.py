@@ -105,6 +105,11 @@ class CameraReport:
 
         return report_text(self)
 
+    def _repr_html_(self) -> str:
+        from plenoptic.camera.report.html import report_html
+
+        return report_html(self)
+
 
 def camera_report(camera: PlenopticCamera) -> CameraReport:
     """What a camera is and does in numbers, and what its user may trip over.
@@ -140,16 +145,12 @@ def camera_report(camera: PlenopticCamera) -> CameraReport:
     check_kind(camera, "camera", PlenopticCamera, "pl.PlenopticCamera(...)")
     lens, array, wavelength = camera.lens, camera.microlenses, camera.wavelength
     z = camera.stop_to_microlenses
-    cone = optics.paraxial_cone(lens, z, wavelength)
-    slope = optics.traced_slope(lens, z, wavelength)
-    if array is not None and array.walls is Walls.OPAQUE:
-        # Each microlens is a camera of its own, whose field ends at the walls.
-        cone = optics.Cone(0.0, optics.neighbour_distance(array) / (2 * camera.microlenses_to_sensor))
-        slope = cone.slope
+    cone, walls = optics.camera_cone(camera), array is not None and array.walls is Walls.OPAQUE
+    slope = cone.slope if walls else optics.traced_slope(lens, z, wavelength)
     stretch = 1.0 if array is None else 1.0 + camera.microlenses_to_sensor * cone.vergence
     corner = (camera.sensor.size[1] / (2 * stretch), camera.sensor.size[0] / (2 * stretch))
     light = optics.corner_light(lens, corner, z, wavelength)
-    if array is not None and array.walls is Walls.OPAQUE:
+    if walls:
         light = light._replace(pupil_fraction=1.0, chief_angle=0.0)
     points = None if lens.model is LensModel.NONE else cardinal_points(lens, wavelength)
     types = (0,) if array is None else range(len(array.focal_lengths))

@@ -55,8 +55,8 @@ def cie_1931() -> Sensitivity:
 
     Examples
     --------
-    >>> from plenoptic import sensitivities
-    >>> sensitivities.cie_1931().at([555.0]).round(2).tolist()
+    >>> import plenoptic as pl
+    >>> pl.sensitivities.cie_1931().at([555.0]).round(2).tolist()
     [[0.52, 1.0, 0.01]]
     """
     wavelengths = np.arange(380.0, 781.0)
@@ -86,8 +86,8 @@ def linear_srgb() -> Sensitivity:
 
     Examples
     --------
-    >>> from plenoptic import sensitivities
-    >>> sensitivities.linear_srgb().at([500.0, 600.0]).round(4)
+    >>> import plenoptic as pl
+    >>> pl.sensitivities.linear_srgb().at([500.0, 600.0]).round(4)
     array([[-0.0063,  0.0061,  0.0023],
            [ 0.0213,  0.0017, -0.0006]])
     """
@@ -136,8 +136,8 @@ def colour_camera(
 
     Examples
     --------
-    >>> from plenoptic import sensitivities
-    >>> sensitivities.colour_camera().wavelength_range
+    >>> import plenoptic as pl
+    >>> pl.sensitivities.colour_camera().wavelength_range
     (390.0, 710.0)
     """
     wavelengths, transmitted = _cut_filter(band)
@@ -174,8 +174,8 @@ def silicon(*, depth: float = 0.005, band: tuple[float, float] = (400.0, 700.0))
 
     Examples
     --------
-    >>> from plenoptic import sensitivities
-    >>> sensitivities.silicon(band=(400.0, 1000.0)).wavelength_range
+    >>> import plenoptic as pl
+    >>> pl.sensitivities.silicon(band=(400.0, 1000.0)).wavelength_range
     (390.0, 1010.0)
     """
     depth = length_in_mm(depth, "depth")

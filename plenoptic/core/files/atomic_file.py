@@ -1,8 +1,9 @@
 """How all files are written: as a whole, in the place of those before. Temporary files, their locks, errors in words.
 
-Until the new file is complete and on the disk it is a temporary one in the same folder, ``.<digits>-<digits>.part``.
-Whoever writes one holds a lock on it, which ends with its process, however that ends; what is found without a lock has
-been left behind, and goes when the same file is written again, or after a day when any other one in the folder is.
+Until the new file is complete and on the disk it is a temporary one in the same folder, ``.<digits>-<digits>.part``; a
+folder that is replaced is ``.<digits>-<digits>.old`` until it is gone. Whoever writes one holds a lock on it, which
+ends with its process, however that ends; what is found without a lock has been left behind, and goes when the same file
+is written again, or after a day when any other one in the folder is.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import shutil
 import stat
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -31,7 +32,7 @@ except ImportError:  # Windows, where what has been left behind stays
 
 _CANNOT_SYNC = (errno.EINVAL, errno.ENOTSUP, errno.EACCES, errno.EPERM, errno.EBADF)
 """What file systems say that cannot flush a folder; the file itself is on the disk then."""
-_TEMPORARY = re.compile(r"\.[0-9a-f]{16}-[0-9a-f]{16}\.part")
+_TEMPORARY = re.compile(r"\.[0-9a-f]{16}-[0-9a-f]{16}\.(part|old)")
 _FORGOTTEN = 86400.0
 """Seconds after which a temporary file of another target goes too. Locks may not reach other machines."""
 _ROOM = 1 << 16
@@ -46,9 +47,7 @@ def replaced(path: str | os.PathLike[str], *, check: Callable[[], None] = lambda
     not take the place of what is there; it is called before anything is written and once more at the end.
     """
     target = real_path(path)
-    if is_there(target) and not os.access(target, os.W_OK):
-        raise FileError(f"{str(target)!r} is write-protected; choose another name, or change its rights")
-    check_folder(target)
+    check_replaceable(target)
     check()
     with explained(target, "written"):
         _remove_left_behind(target)
@@ -81,12 +80,17 @@ def replaced_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
     check_folder(target)
     new, old = (target.with_name(f"{_beginning(target)}{secrets.token_hex(8)}.{kind}") for kind in ("part", "old"))
     with explained(target, "written"):
+        _remove_left_behind(target)
         new.mkdir()
         try:
-            yield new
-            if target.exists():
-                os.replace(target, old)
-            os.replace(new, target)
+            with ExitStack() as held:
+                with suppress(OSError):  # there are file systems without locks: what is left behind stays
+                    held.enter_context(_locked_folder(new))
+                yield new
+                _sync_files(new)
+                if target.exists():
+                    os.replace(target, old)
+                os.replace(new, target)
         finally:
             for folder in (new, old):
                 shutil.rmtree(folder, ignore_errors=True)
@@ -99,6 +103,16 @@ def check_room(file: BinaryIO) -> None:
     file.write(bytes(_ROOM))
     file.flush()
     file.truncate(size)
+
+
+def utf8_path(path: str | os.PathLike[str]) -> Path:
+    """A path, or an error where it is not UTF-8, which libraries and terminals ask for."""
+    given = file_path(path)
+    try:
+        str(given).encode("utf-8")
+    except UnicodeEncodeError:
+        raise FileError(f"{str(given)!a} is not UTF-8; rename the file or folder") from None
+    return given
 
 
 def real_path(path: str | os.PathLike[str]) -> Path:
@@ -120,6 +134,13 @@ def is_there(target: Path) -> bool:
             f"{str(target)!r} is {'a folder' if stat.S_ISDIR(mode) else 'no file'}; give the path of a file"
         )
     return True
+
+
+def check_replaceable(target: Path) -> None:
+    """An error where no file could be put at `target`."""
+    if is_there(target) and not os.access(target, os.W_OK):
+        raise FileError(f"{str(target)!r} is write-protected; choose another name, or change its rights")
+    check_folder(target)
 
 
 def check_folder(target: Path) -> None:
@@ -180,10 +201,43 @@ def _remove_left_behind(target: Path) -> None:
     ours, forgotten = _beginning(target), time.time() - _FORGOTTEN
     with suppress(PermissionError):  # a folder that may be written but not read
         for found in filter(_TEMPORARY.fullmatch, os.listdir(target.parent)):
-            with suppress(OSError), open(target.with_name(found), "r+b") as file:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)  # fails while the process that writes it lives
-                if found.startswith(ours) or os.fstat(file.fileno()).st_mtime < forgotten:
-                    os.unlink(file.name)
+            path = target.with_name(found)
+            with suppress(OSError), _locked_folder(path) if path.is_dir() else _locked_file(path):
+                if found.endswith("old"):  # a folder that has been replaced, or was to be when its process ended
+                    wanted = not (found.startswith(ours) and target.exists())
+                else:
+                    wanted = not found.startswith(ours) and path.stat().st_mtime >= forgotten
+                if not wanted:
+                    shutil.rmtree(path) if path.is_dir() else path.unlink()
+
+
+@contextmanager
+def _locked_file(path: Path) -> Iterator[None]:
+    """Hold the lock on a file; an OSError while the process that writes it lives."""
+    with open(path, "r+b") as file:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        yield
+
+
+@contextmanager
+def _locked_folder(path: Path) -> Iterator[None]:
+    """The same for a folder, which is opened otherwise."""
+    descriptor = None if fcntl is None else os.open(path, os.O_RDONLY)
+    try:
+        if descriptor is not None:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        yield
+    finally:
+        if descriptor is not None:
+            os.close(descriptor)
+
+
+def _sync_files(folder: Path) -> None:
+    """Put all files of a folder on the disk: libraries that write them may not."""
+    for path in folder.rglob("*"):
+        if path.is_file():
+            with open(path, "r+b") as file:
+                os.fsync(file.fileno())
 
 
 def _sync_folder(folder: Path) -> None:

@@ -7,10 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic.core.color.percentile import HighPercentile
 from plenoptic.core.color.srgb import linear_to_srgb
 
 SHOWN = 99.9
 """Percentile of an image above which pictures to be looked at are cut, so that a highlight does not darken the rest."""
+_PART = 1 << 18
+"""Numbers at a time: large images take no memory beside."""
 
 
 def brightest(image: NDArray[np.floating[Any]]) -> float:
@@ -20,8 +23,24 @@ def brightest(image: NDArray[np.floating[Any]]) -> float:
 
 def white_point(image: NDArray[np.floating[Any]]) -> float:
     """What is white in pictures to be looked at: the percentile, the maximum, or 1, whichever is first above 0."""
-    known = image[np.isfinite(image)]
-    return (float(np.percentile(known, SHOWN)) if known.size else 0.0) or brightest(known)
+    level, numbers = HighPercentile(SHOWN, most=image.size), image.reshape(-1)
+    for start in range(0, image.size, _PART):
+        part = numbers[start : start + _PART]
+        level.add(part[np.isfinite(part)])
+    return (level.found() if level.added else 0.0) or brightest(image)
+
+
+def block_means(values: NDArray[Any], block: int) -> NDArray[Any]:
+    """Means over blocks of so many pixels along each side, without the rest at the end; nan where one is nan.
+
+    Shape (rows, columns, ...); where a side is shorter than a block, it is one.
+    """
+    if block == 1:
+        return values
+    rows, columns = (max(length // block, 1) for length in values.shape[:2])
+    high, wide = (min(length, block) for length in values.shape[:2])
+    cut = values[: rows * high, : columns * wide].reshape(rows, high, columns, wide, *values.shape[2:])
+    return np.asarray(cut.mean(axis=(1, 3), dtype=np.float64))
 
 
 def codes(image: NDArray[np.floating[Any]], *, scale: float, encoded: bool, bits: int = 16) -> NDArray[Any]:

@@ -19,9 +19,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.color.srgb import Encoding, srgb_to_linear
-from plenoptic.core.files.atomic_file import check_room, explained, replaced
+from plenoptic.core.files.atomic_file import check_room, explained, replaced, utf8_path
 from plenoptic.core.files.reading import DEFAULT, FileLimits, allowed_memory, check_file, check_memory, check_scans
-from plenoptic.core.values import AnyFloats, choice, file_path, whole
+from plenoptic.core.values import AnyFloats, choice, whole
 from plenoptic.errors import FileError, InvalidValueError
 
 COLOR_SPACE = "oiio:ColorSpace"  # the metadata key under which OpenImageIO keeps the encoding
@@ -253,7 +253,7 @@ def bayer_to_rgb(mosaic: AnyFloats, *, layout: str, algorithm: str) -> NDArray[n
     made = oiio.ImageBufAlgo.demosaic(source, pattern="bayer", algorithm=algorithm, layout=layout)
     if made.has_error:
         raise InvalidValueError(
-            f"the mosaic cannot be demosaiced: {_said(made)}; check layout {layout} and {algorithm}"
+            f"the mosaic cannot be demosaiced: {_reason(made)}; check layout {layout} and {algorithm}"
         )
     return np.asarray(made.get_pixels(oiio.FLOAT), dtype=np.float32)
 
@@ -291,7 +291,7 @@ def _decoded(image: NDArray[np.float32], content: _Content) -> NDArray[np.float3
 def _read(path: str | os.PathLike[str], limits: FileLimits, max_pixels: int | None = None) -> _Content:
     import OpenImageIO as oiio
 
-    name = os.fspath(file_path(path))
+    name = str(utf8_path(path))
     size = check_file(Path(name), limits)
     with explained(Path(name), "read"), open(name, "rb") as file:
         start = file.read(2)
@@ -307,7 +307,7 @@ def _read(path: str | os.PathLike[str], limits: FileLimits, max_pixels: int | No
         finally:
             oiio.attribute(_LIMIT, before)
     if source is None:
-        reason = _said(oiio)
+        reason = _reason(oiio) or "no reason given"
         if _LIMIT in reason:
             reason = f"{reason.partition('. Image')[0]}; if you trust it, give limits=pl.images.FileLimits(memory=...)"
         raise FileError(f"{name!r} cannot be read as an image: {reason}; give an image file")
@@ -322,12 +322,14 @@ def _read(path: str | os.PathLike[str], limits: FileLimits, max_pixels: int | No
         check_memory(8 * max(spec.image_pixels(), spec.tile_pixels()) * spec.nchannels, repr(name), size, limits)
         pixels = source.read_image(oiio.FLOAT)
         trouble = _reason(source)
+        metadata: dict[str, Any] = {item.name: item.value for item in spec.extra_attribs}
+    except UnicodeDecodeError as error:
+        raise FileError(f"{name!r} is damaged: it holds a text that is none; restore it from its origin") from error
     finally:
         source.close()
     if pixels is None:
         raise FileError(f"{name!r} is damaged: {trouble}; restore it from its origin")
     pixels = pixels.reshape(spec.height, spec.width, spec.nchannels)
-    metadata: dict[str, Any] = {item.name: item.value for item in spec.extra_attribs}
     with suppress(ValueError, RecursionError):  # any other description stays a plain text
         described = json.loads(metadata.get("ImageDescription", ""))
         metadata |= described if isinstance(described, dict) else {}
@@ -335,7 +337,7 @@ def _read(path: str | os.PathLike[str], limits: FileLimits, max_pixels: int | No
 
 
 def _writable(path: str | os.PathLike[str], endings: tuple[str, ...]) -> Path:
-    target = file_path(path)
+    target = utf8_path(path)
     if target.suffix.lower() not in endings:
         raise FileError(f"{str(target)!r} ends in {target.suffix!r}; it must end in {' or '.join(endings)}")
     return target
@@ -352,7 +354,7 @@ def _write(target: Path, pixels: NDArray[Any], names: tuple[str, ...], metadata:
         spec.attribute(name, text)
     sink = oiio.ImageOutput.create(str(target))
     if sink is None:
-        raise FileError(f"{str(target)!r} cannot be written: {_said(oiio)}; choose another ending")
+        raise FileError(f"{str(target)!r} cannot be written: {_reason(oiio)}; choose another ending")
     with replaced(target) as file:
         name = str(file.name)
         written = sink.open(name, spec) and sink.write_image(np.ascontiguousarray(pixels))
@@ -385,10 +387,6 @@ def _comes_back(name: str, pixels: NDArray[Any], names: tuple[str, ...]) -> bool
     finally:
         source.close()
     return True
-
-
-def _said(oiio: Any) -> str:
-    return _reason(oiio) or "no reason given"
 
 
 def _reason(speaker: Any) -> str:

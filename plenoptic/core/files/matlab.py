@@ -10,14 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.errors import PlenopticError
+from plenoptic.core.files.extras import extra_package
 
 _HEADER = 512
 """Bytes before HDF5's own."""
-
-
-class _MissingPackageError(PlenopticError, ImportError):
-    """h5py is not installed."""
 
 
 def matlab_7_3(content: Mapping[str, Any]) -> bytes:
@@ -62,8 +58,4 @@ def matlab_array(content: bytes, name: str) -> NDArray[Any]:
 
 def hdf5() -> ModuleType:
     """The package h5py, or an error that says how to install it."""
-    try:
-        import h5py
-    except ImportError:
-        raise _MissingPackageError("this file needs the package h5py: pip install h5py") from None
-    return h5py  # type: ignore[no-any-return]
+    return extra_package("h5py", "this file", "h5py")

@@ -12,6 +12,7 @@ from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.core.parallel import thread_count
 from plenoptic.core.values import Floats, finite, length_in_mm, numbers, positive
+from plenoptic.core.waiting.bar import Waiting
 from plenoptic.core.warn import warn
 from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield.estimation import focused_array
@@ -85,6 +86,7 @@ def render_view(  # noqa: PLR0913
     least_light: float = LEAST_LIGHT,
     camera: PlenopticCamera | None = None,
     threads: int | None = None,
+    progress: bool = True,
 ) -> View:
     """Put the raw image of a focused plenoptic camera (2.0) together to a picture, sharp everywhere or on one plane.
 
@@ -112,6 +114,8 @@ def render_view(  # noqa: PLR0913
         Where the shot names none.
     threads : int, optional
         None: one for each processor, at most NUMBA_NUM_THREADS. The result does not depend on it.
+    progress : bool, optional
+        Whether to show, from the second second on, how far it is or that something is compiled.
 
     Returns
     -------
@@ -162,8 +166,9 @@ def render_view(  # noqa: PLR0913
     seen = seen_by(shot, white, camera, share_of_light(least_light))
     wide = math.inf if aperture is None else positive(aperture, "aperture")
     place = checked_viewpoint(viewpoint)
-    samples = samples_of(seen, focus_of(seen, disparity, z), spacing)
-    return rendered(samples, place, wide, thread_count(threads))
+    with Waiting("rendering the view", kind="camera", show=progress):
+        samples = samples_of(seen, focus_of(seen, disparity, z), spacing)
+        return rendered(samples, place, wide, thread_count(threads))
 
 
 def rendered(samples: Samples, viewpoint: tuple[float, float], aperture: float, threads: int) -> View:
@@ -255,7 +260,7 @@ def samples_of(seen: Seen, focus: Focus, given_spacing: float | None) -> Samples
     pixel, depth = camera.sensor.pixel_pitch, surface_depth(pupil, spacing)
     light = rays.at(planes.white)
     radiance, weight = rays.at(planes.shot) / light, light.mean(axis=1) / planes.least
-    variance = _variance(planes, rays, radiance, light)
+    variance = planes.variance_of(radiance, light, rays.at)
     # a / (1 + a V) of the image a behind the array, as the Notes of `render_view` have it.
     with np.errstate(divide="ignore", invalid="ignore"):
         nearness = rays.to_sensor / (disparity + rays.to_sensor * pupil.vergence)
@@ -278,15 +283,6 @@ def samples_of(seen: Seen, focus: Focus, given_spacing: float | None) -> Samples
         variance=variance,
     )
     return Samples(seen, splats, grid_of(rays, spacing), _QUADRATIC if everywhere else _LINEAR)
-
-
-def _variance(planes: RawPlanes, rays: PixelRays, radiance: Floats, light: Floats) -> Floats | None:
-    if planes.variance is None:
-        return None
-    spread = rays.at(planes.variance)
-    if planes.white_variance is not None:
-        spread = spread + radiance**2 * rays.at(planes.white_variance)
-    return np.asarray(spread / light**2)
 
 
 def _area(seen: Seen, aperture: float) -> float:

@@ -84,3 +84,8 @@ class View:
     def __repr__(self) -> str:
         rows, columns, channels = self.picture.shape
         return f"View({rows} x {columns} x {channels} from {self.viewpoint})"
+
+    def _repr_html_(self) -> str:
+        from plenoptic.plots.notebook.pictures import view_html
+
+        return view_html(self)

@@ -1,11 +1,9 @@
-"""Glasses by name: the bundled table, and makers' catalogues in AGF files."""
+"""Catalogues of glasses, and the AGF files in which makers publish them."""
 
 from __future__ import annotations
 
 import dataclasses
 import difflib
-import functools
-import importlib.resources
 import os
 import re
 from collections.abc import Iterator, Sequence
@@ -19,7 +17,7 @@ from plenoptic.optics.glass.dispersion import COEFFICIENT_COUNTS, DispersionForm
 from plenoptic.optics.glass.media import D_LINE, Medium, ModelGlass, Schott, Sellmeier
 
 _MODEL_GLASS = 0
-"""The formula number, of the bundled table only, of a glass of which no more than n_d and V_d are known."""
+"""The formula number, of bundled tables only, of a glass of which no more than n_d and V_d are known."""
 
 _LARGEST_DISAGREEMENT = 1e-3
 """Between the n_d that an entry states and the one of its formula: what rounding never makes, and misprints do."""
@@ -44,7 +42,7 @@ class GlassEntry:
     wavelength_range: Sequence[float] = ()
     """nm; empty where the file does not state it."""
     source: str = ""
-    """The comment on the glass: its source, in the bundled table."""
+    """The comment on the glass: its source, in bundled catalogues."""
     line: int = 0
     """Where the entry begins in the file."""
 
@@ -67,10 +65,10 @@ class GlassCatalogue:
 
     Examples
     --------
-    >>> from plenoptic.optics.glass.catalogue import bundled_glasses
-    >>> glasses = bundled_glasses()
-    >>> "n bk7" in glasses, "BK7" in glasses, glasses["n bk7"] == glasses["BK7"]
-    (True, True, False)
+    >>> import plenoptic as pl
+    >>> glasses = pl.optics.bundled_glasses("SCHOTT")
+    >>> "n bk7" in glasses, "BK7" in glasses
+    (True, False)
     """
 
     name: str
@@ -85,7 +83,7 @@ class GlassCatalogue:
             check_kind(entry, "an entry", GlassEntry, "those of pl.optics.load_glasses(path).entries")
         places: dict[str, list[int]] = {}
         for i, entry in enumerate(self.entries):
-            places.setdefault(_key(entry.name), []).append(i)
+            places.setdefault(glass_key(entry.name), []).append(i)
         set_field(self, "_places", {key: tuple(found) for key, found in places.items()})
 
     @property
@@ -98,16 +96,17 @@ class GlassCatalogue:
 
         Examples
         --------
-        >>> from plenoptic.optics.glass.catalogue import bundled_glasses
-        >>> entry = bundled_glasses().entry("n bk7")
-        >>> entry.nd, entry.vd, entry.wavelength_range, entry.source
-        (1.5168, 64.17, (300.0, 2500.0), 'Schott catalogue, 2017-01-20')
+        >>> import plenoptic as pl
+        >>> entry = pl.optics.bundled_glasses("SCHOTT").entry("n bk7")
+        >>> entry.nd, entry.vd, entry.wavelength_range, entry.source[:6]
+        (1.5168, 64.17, (300.0, 2500.0), 'Schott')
         """
         if not isinstance(name, str):
             raise InvalidValueError(f"the name of a glass is {name!r:.40}; it must be a text, such as 'N-BK7'")
-        found = [self.entries[i] for i in self._places.get(_key(name), ())]
+        found = [self.entries[i] for i in self._places.get(glass_key(name), ())]
         if not found:
-            raise InvalidValueError(f"there is no glass {name[:40]!r} in {self.name}{self._close_to(name)}")
+            near = f"; near to it are {', '.join(close)}" if (close := self.close_to(name)) else ""
+            raise InvalidValueError(f"there is no glass {name[:40]!r} in {self.name}{near}")
         # Names that differ in their signs only are told apart by these.
         exact = [entry for entry in found if entry.name.upper() == name.strip().upper()] or found
         if any(dataclasses.replace(entry, line=0) != dataclasses.replace(exact[0], line=0) for entry in exact):
@@ -123,7 +122,7 @@ class GlassCatalogue:
             raise PrescriptionError(f"{self.name}, line {entry.line}, glass {entry.name}: {error}") from None
 
     def __contains__(self, name: object) -> bool:
-        return isinstance(name, str) and _key(name) in self._places
+        return isinstance(name, str) and glass_key(name) in self._places
 
     def __len__(self) -> int:
         return len(self.entries)
@@ -134,66 +133,10 @@ class GlassCatalogue:
     def __repr__(self) -> str:
         return f"<GlassCatalogue {self.name!r}: {len(self)} glass{'' if len(self) == 1 else 'es'}>"
 
-    def _close_to(self, name: str) -> str:
-        keys = difflib.get_close_matches(_key(name)[:40], self._places, n=4, cutoff=0.5)
-        close = [self.entries[self._places[key][0]].name for key in keys]
-        return f"; near to it are {', '.join(close)}" if close else ""
-
-
-def glass(name: str) -> Medium:
-    """A glass of the bundled table, by its catalogue name.
-
-    The table has the glasses of the bundled lenses and some thirty common ones, with their makers' coefficients and the
-    wavelengths these hold for; `bundled_glasses().entry(name).source` says whose. Where lens tables name a glass whose
-    coefficients were not found it is a `ModelGlass`, and its source begins with MODEL. Indices are relative to air at
-    20 deg C.
-
-    Parameters
-    ----------
-    name : str
-        Case, '-', '_' and spaces make no difference, but N-BK7 and BK7 are two glasses.
-
-    Raises
-    ------
-    InvalidValueError
-        If there is none of that name; the message has those that are near.
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> round(pl.glass("N-SF11").index(587.5618), 5)
-    1.78472
-    >>> pl.glass("BAF10").name
-    'BAF10'
-    """
-    try:
-        return bundled_glasses()[name]
-    except PrescriptionError:
-        raise
-    except InvalidValueError as error:
-        raise InvalidValueError(
-            f"{error}; pl.optics.glass_names() lists all, pl.optics.load_glasses(path)[name] takes it from a "
-            "maker's AGF file"
-        ) from None
-
-
-def glass_names() -> tuple[str, ...]:
-    """Names of the bundled glasses, in alphabetical order, for `glass`.
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> "SF10" in pl.optics.glass_names()
-    True
-    """
-    return tuple(sorted(bundled_glasses().names))
-
-
-@functools.cache
-def bundled_glasses() -> GlassCatalogue:
-    """The bundled table as a catalogue."""
-    file = importlib.resources.files("plenoptic.optics.glass") / "data" / "glasses.agf"
-    return _from_agf(file.read_text(encoding="utf-8"), "the bundled table")
+    def close_to(self, name: str) -> list[str]:
+        """Names that are near to one that may be misspelt, the nearest first."""
+        keys = difflib.get_close_matches(glass_key(name)[:40], self._places, n=4, cutoff=0.5)
+        return [self.entries[self._places[key][0]].name for key in keys]
 
 
 def load_glasses(path: str | os.PathLike[str], *, limits: FileLimits = TEXT) -> GlassCatalogue:
@@ -241,17 +184,19 @@ def load_glasses(path: str | os.PathLike[str], *, limits: FileLimits = TEXT) -> 
         text = decoded(read_file(file, limits))
     except ValueError as error:
         raise FileError(f"cannot read {file}: {error}; give the path of an AGF file") from None
-    return _from_agf(text, file.name)
+    return glasses_from_agf(text, file.name)
 
 
-def _key(name: str) -> str:
+def glass_key(name: str) -> str:
+    """A name without what makes no difference in it."""
     return re.sub(r"[-_\s]", "", name).upper()
 
 
 # ---- reading ----
 
 
-def _from_agf(text: str, file: str) -> GlassCatalogue:
+def glasses_from_agf(text: str, file: str, *, source: str = "") -> GlassCatalogue:
+    """The catalogue in the text of an AGF file; `source` is that of glasses without a comment (GC)."""
     entries: list[dict[str, Any]] = []
     for number, line in enumerate(re.split(r"\r\n|\r|\n", text), start=1):
         keyword, rest = (*line.split(maxsplit=1), "", "")[:2]
@@ -264,7 +209,7 @@ def _from_agf(text: str, file: str) -> GlassCatalogue:
                 _detail_line(entries[-1], keyword, rest)
     if not entries:
         raise PrescriptionError(f"{file} has no line NM, so no glass; give an AGF file")
-    return GlassCatalogue(file, [GlassEntry(**entry) for entry in entries])
+    return GlassCatalogue(file, [GlassEntry(**{"source": source, **entry}) for entry in entries])
 
 
 def _name_line(words: list[str]) -> dict[str, Any]:

@@ -16,21 +16,21 @@ class Formula(enum.IntEnum):
 
     The wavelength is in micrometres. `a` to `j` are the coefficients in the order of the file.
 
-    =================== ==== ==============================================================================
-    SCHOTT              6    n^2 = a + b w^2 + c w^-2 + d w^-4 + e w^-6 + f w^-8
-    SELLMEIER_1         6    n^2 = 1 + a w^2 / (w^2 - b) + c w^2 / (w^2 - d) + e w^2 / (w^2 - f)
-    HERZBERGER          6    n = a + b L + c L^2 + d w^2 + e w^4 + f w^6, L = 1 / (w^2 - 0.028)
-    SELLMEIER_2         5    n^2 = 1 + a + b w^2 / (w^2 - c^2) + d / (w^2 - e^2)
-    CONRADY             3    n = a + b / w + c / w^3.5
-    SELLMEIER_3         8    as SELLMEIER_1, with four terms
-    HANDBOOK_OF_OPTICS_1 4   n^2 = a + b / (w^2 - c) - d w^2
-    HANDBOOK_OF_OPTICS_2 4   n^2 = a + b w^2 / (w^2 - c) - d w^2
-    SELLMEIER_4         5    n^2 = a + b w^2 / (w^2 - c) + d w^2 / (w^2 - e)
-    EXTENDED            8    as SCHOTT, then g w^-10 + h w^-12
-    SELLMEIER_5         10   as SELLMEIER_1, with five terms
-    EXTENDED_2          8    as SCHOTT, then g w^4 + h w^6
-    EXTENDED_3          9    n^2 = a + b w^2 + c w^4 + d w^-2 + e w^-4 + f w^-6 + g w^-8 + h w^-10 + i w^-12
-    =================== ==== ==============================================================================
+    ==================== ==== ==============================================================================
+    SCHOTT               6    n^2 = a + b w^2 + c w^-2 + d w^-4 + e w^-6 + f w^-8
+    SELLMEIER_1          6    n^2 = 1 + a w^2 / (w^2 - b) + c w^2 / (w^2 - d) + e w^2 / (w^2 - f)
+    HERZBERGER           6    n = a + b L + c L^2 + d w^2 + e w^4 + f w^6, L = 1 / (w^2 - 0.028)
+    SELLMEIER_2          5    n^2 = 1 + a + b w^2 / (w^2 - c^2) + d / (w^2 - e^2)
+    CONRADY              3    n = a + b / w + c / w^3.5
+    SELLMEIER_3          8    as SELLMEIER_1, with four terms
+    HANDBOOK_OF_OPTICS_1 4    n^2 = a + b / (w^2 - c) - d w^2
+    HANDBOOK_OF_OPTICS_2 4    n^2 = a + b w^2 / (w^2 - c) - d w^2
+    SELLMEIER_4          5    n^2 = a + b w^2 / (w^2 - c) + d w^2 / (w^2 - e)
+    EXTENDED             8    as SCHOTT, then g w^-10 + h w^-12
+    SELLMEIER_5          10   as SELLMEIER_1, with five terms
+    EXTENDED_2           8    as SCHOTT, then g w^4 + h w^6
+    EXTENDED_3           9    n^2 = a + b w^2 + c w^4 + d w^-2 + e w^-4 + f w^-6 + g w^-8 + h w^-10 + i w^-12
+    ==================== ==== ==============================================================================
 
     The second number of a row is how many coefficients the formula has. See `DispersionFormula`.
     """

@@ -15,11 +15,8 @@ D_LINE = 587.5618
 """Yellow helium line, nm: the index n_d and the Abbe number V_d refer to it."""
 C_LINE = 656.2725
 """Red hydrogen line, nm."""
-G_LINE = 435.8343
-"""Blue mercury line, nm."""
-
 MODEL_GLASS_RANGE = (360.0, 1100.0)
-"""Wavelengths, nm, within which Conrady's formula follows real glasses to a few units of the fourth decimal."""
+"""Wavelengths, nm, within which a `ModelGlass` follows real glasses."""
 
 # No glass is beyond these, which have 1.4 to 2.2 and 15 to 100; nd and vd in the wrong order are.
 _LARGEST_ND = 4.0
@@ -169,16 +166,34 @@ VACUUM = ConstantMedium(1.0)
 """Vacuum, around a lens whose glasses are `Absolute`. By value it is `AIR`, and equal to it: the name says which."""
 
 
+_SECOND = (-3.47727, 198.428, -1571.87)
+_THIRD = (-2.01370, 154.268, -2431.02)
+"""Of 1, 1 / V_d and 1 / V_d^2; by docs/fit_model_glass.py, from the 1618 glasses of the bundled catalogues."""
+_FITTED_VD = (15.0, 100.0)
+"""Beyond these, where there are no glasses, the shape of the dispersion stays as it is there."""
+
+
+def chromatic_coordinate(wavelength: float) -> float:
+    """Buchdahl's chromatic coordinate of a wavelength in nm: 0 at the line d, with his constant 2.5."""
+    difference = (wavelength - D_LINE) * 1e-3
+    return difference / (1.0 + 2.5 * difference)
+
+
 @value
 class ModelGlass:
     r"""A glass known by its index n_d and its Abbe number V_d only, as in most old prescriptions.
 
-    Conrady's formula, fixed by n_d, by V_d = (n_d - 1) / (n_F - n_C) and by the normal line of the partial dispersion:
+    Buchdahl's formula in his chromatic coordinate :math:`\omega`, with
 
-    .. math:: n = a + b / \lambda + c / \lambda^{3.5}, \qquad
-              P_{gF} = \frac{n_g - n_F}{n_F - n_C} = 0.6438 - 0.001682\, V_d
+    .. math:: n = n_d + \frac{n_d - 1}{V_d} \left[ \frac{\omega}{\omega_F - \omega_C}
+              + q_2 (\omega^2 - s_2\, \omega) + q_3 (\omega^3 - s_3\, \omega) \right], \qquad
+              \omega = \frac{\lambda - \lambda_d}{1 + 2.5 (\lambda - \lambda_d)}
 
-    Glasses of anomalous partial dispersion (fluor crowns, short flints, fluorite) leave that line.
+    where :math:`s_k = (\omega_F^k - \omega_C^k) / (\omega_F - \omega_C)`, so that n_d and V_d are exact. q_2 and q_3
+    are parabolas in 1 / V_d, fitted to the 1618 glasses of the makers' catalogues that are bundled. Against these the
+    largest error of a glass within 365 to 1014 nm has the median 3.5e-4, is below 9.9e-4 for 95 % of them and 9.7e-3 at
+    worst (L-BBH1, at 365 nm); within 400 to 700 nm 1.1e-4, 3.8e-4 and 1.8e-3. What remains is that glasses of the same
+    n_d and V_d differ, those of anomalous partial dispersion above all: where a glass is known by name use `glass`.
 
     Parameters
     ----------
@@ -197,8 +212,8 @@ class ModelGlass:
 
     References
     ----------
-    A. E. Conrady, Applied Optics and Optical Design, part 2, 1960, p. 659; Schott, TIE-29 Refractive Index and
-    Dispersion, normal line through K7 and F2.
+    P. N. Robb and R. I. Mercado, Calculation of refractive indices using Buchdahl's chromatic coordinate, Appl. Opt.
+    22, 1198 (1983), doi:10.1364/AO.22.001198. The fit is docs/fit_model_glass.py.
 
     Examples
     --------
@@ -237,15 +252,13 @@ class ModelGlass:
     def index(self, wavelength: float) -> float:
         """Refractive index at a wavelength of 360 to 1100 nm; an InvalidValueError outside."""
         lam = wavelength_within(wavelength, MODEL_GLASS_RANGE, self.name or "this model glass")
-        # Differences of the two basis functions over F - C and g - F; two equations for b and c.
-        dispersion = (self.nd - 1.0) / self.vd
-        partial = (0.6438 - 0.001682 * self.vd) * dispersion
-        b1, c1 = 1 / F_LINE - 1 / C_LINE, F_LINE**-3.5 - C_LINE**-3.5
-        b2, c2 = 1 / G_LINE - 1 / F_LINE, G_LINE**-3.5 - F_LINE**-3.5
-        determinant = b1 * c2 - b2 * c1
-        b = (dispersion * c2 - partial * c1) / determinant
-        c = (b1 * partial - b2 * dispersion) / determinant
-        index = self.nd + b * (1 / lam - 1 / D_LINE) + c * (lam**-3.5 - D_LINE**-3.5)
+        w, f, c = (chromatic_coordinate(wave) for wave in (lam, F_LINE, C_LINE))
+        x = 1.0 / min(max(self.vd, _FITTED_VD[0]), _FITTED_VD[1])
+        shape = w / (f - c)
+        for power, (a0, a1, a2) in ((2, _SECOND), (3, _THIRD)):
+            # Without its part between F and C, which V_d gives.
+            shape += (a0 + a1 * x + a2 * x * x) * (w**power - w * (f**power - c**power) / (f - c))
+        index = self.nd + (self.nd - 1.0) / self.vd * shape
         return checked_index(index, lam, self.name or f"the model glass nd={self.nd:g}, vd={self.vd:g}")
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import TypeAlias
 
 import numpy as np
@@ -11,7 +11,10 @@ import numpy as np
 from plenoptic.core.values import Floats
 from plenoptic.errors import PrescriptionError
 from plenoptic.optics.glass.media import AIR, Medium, check_medium
-from plenoptic.optics.stops.registry import STOPS, Stop
+from plenoptic.optics.stops.mask import MaskStop
+from plenoptic.optics.stops.registry import STOPS, Stop, circle_around
+from plenoptic.optics.stops.ring import RingStop
+from plenoptic.optics.surfaces.mirror import Mirror, medium_behind
 from plenoptic.optics.surfaces.surface import Surface
 
 Element: TypeAlias = Surface | Stop
@@ -21,6 +24,11 @@ Element: TypeAlias = Surface | Stop
 def is_centred(element: Element) -> bool:
     """Whether an element looks the same from all sides, about the lens's axis."""
     return element.placement is None and not (isinstance(element, Surface) and element.departure is not None)
+
+
+def opened(elements: Sequence[Element]) -> list[Element]:
+    """Elements with circles around their masks and rings, of whose holes rays in one plane say little."""
+    return [circle_around(element) if isinstance(element, MaskStop | RingStop) else element for element in elements]
 
 
 MOST_ELEMENTS = 10_000
@@ -57,14 +65,27 @@ def checked_elements(elements: Sequence[Element], ambient: Medium) -> tuple[Elem
         raise PrescriptionError(
             f"the lens has {len(stack)} surfaces and no stop; add one, such as a CircularStop, where the iris stands"
         )
-    last = stack[surfaces[-1]]
-    if isinstance(last, Surface) and last.medium != ambient:
+    behind = ambient
+    for element in stack:
+        behind = medium_behind(element.medium, behind) if isinstance(element, Surface) else behind
+    if behind != ambient:
         around = "air: its medium must be pl.optics.AIR" if ambient == AIR else f"{ambient!r}: give it that medium"
         raise PrescriptionError(
-            f"element {surfaces[-1]}, the last surface, is followed by {last.medium!r}; the sensor is in {around}"
+            f"element {surfaces[-1]}, the last surface, is followed by {behind!r}; the sensor is in {around}"
         )
     # The gap behind the last element belongs to the camera.
     return (*stack[:-1], dataclasses.replace(stack[-1], thickness=0.0))
+
+
+def check_one_space(elements: Sequence[Element], group: Collection[int]) -> None:
+    """Refuse a rigid group that reaches through a mirror, behind which the frame of the lens shows places mirrored."""
+    for i in range(min(group), max(group)):
+        element = elements[i]
+        if isinstance(element, Surface) and isinstance(element.medium, Mirror):
+            raise PrescriptionError(
+                f"elements {min(group)} and {max(group)} stand before and behind the mirror {i}, which shows what is "
+                "behind it mirrored; move what is before it, with the mirror, and what is behind it one after the other"
+            )
 
 
 def profile_of(element: Element, z: float, points: int) -> Floats:

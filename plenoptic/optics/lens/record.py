@@ -12,9 +12,11 @@ from plenoptic.core.values import Floats
 from plenoptic.errors import PrescriptionError
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
+from plenoptic.optics.lens.placement import Placement
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.record import ASPHERE, CONIC, FREEFORM, IDEAL, ElementRow
 from plenoptic.optics.stops.registry import Stop
+from plenoptic.optics.surfaces.mirror import Mirror
 from plenoptic.optics.surfaces.surface import Surface
 
 ROW = np.dtype(
@@ -69,6 +71,9 @@ class LensRecord(NamedTuple):
     sag, the kind of departure, and its own numbers; None without them."""
     frames: Floats | None
     """(n, FRAME) placements; None where all elements are centred."""
+    mirrors: Floats | None
+    """(n, FRAME): what takes rays from the space before a mirror to the one behind it and back, in the axes of the
+    mirror, and 1; None without mirrors."""
     masks: Floats | None
     """MASK_HEAD numbers for each element, then the cells of all masks, row by row; None without masks."""
     index_ratios: Floats | None
@@ -78,7 +83,7 @@ class LensRecord(NamedTuple):
 
     def part(self, begin: int, end: int) -> LensRecord:
         """Elements begin ... end - 1; where the lens has masks, from the first one on."""
-        by_element = ("rows", "conic", "aspheric", "departure", "frames", "index_ratios")
+        by_element = ("rows", "conic", "aspheric", "departure", "frames", "mirrors", "index_ratios")
         cut = {name: column[begin:end] for name in by_element if (column := getattr(self, name)) is not None}
         return self._replace(first_edge=self.first_edge[begin : end + 1], **cut)
 
@@ -135,6 +140,7 @@ def _columns(rows: list[ElementRow], direction: float) -> LensRecord:
         aspheric=_padded([row.aspheric for row in rows]),
         departure=_padded([row.departure for row in rows]),
         frames=np.array([row.frame or still for row in rows]) if any(row.frame for row in rows) else None,
+        mirrors=np.array([row.mirror or still for row in rows]) if any(row.mirror for row in rows) else None,
         masks=_masks(rows),
         index_ratios=None,
         direction=direction,
@@ -168,8 +174,22 @@ def _exact_rows(lens: LensStack, wavelength: float, first: int, last: int, *, re
             row = row._replace(frame=(*turn, *shift, 1.0))
         if isinstance(element, Surface):
             row = row._replace(index_ratio=float(index[i + 1] / index[i] if reverse else index[i] / index[i + 1]))
+            if isinstance(element.medium, Mirror):
+                row = row._replace(mirror=_between_spaces(element.placement, element.medium))
         rows.append(row)
     return rows
+
+
+def _between_spaces(placement: Placement | None, mirror: Mirror) -> tuple[float, ...]:
+    """From the space before a mirror to the one behind it, seen in the plane of its fold: numbers of a frame.
+
+    A point p of the mirror's axes lies at t + R p from its place on the axis, and is seen at U (t + R p), which is
+    t + R q for q = R' U R p + R' (U t - t). The inverse of that reflection is itself.
+    """
+    where = Placement() if placement is None else placement
+    turn, shift = np.asarray(where.rotation), np.asarray(where.shift)
+    linear, offset = turn.T @ mirror.unfolding @ turn, turn.T @ (mirror.unfolding @ shift - shift)
+    return (*linear.ravel().tolist(), *offset.tolist(), 1.0)
 
 
 def _ideal_rows(lens: LensStack, wavelength: float, *, reverse: bool) -> list[ElementRow]:

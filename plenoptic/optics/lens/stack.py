@@ -14,11 +14,12 @@ from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import MOST_POINTS, Floats, check_kind, choice, finite, read_only, set_field, value, whole
 from plenoptic.errors import PrescriptionError
 from plenoptic.optics.glass.media import AIR, Medium
-from plenoptic.optics.lens.elements import Element, checked_elements, profile_of
+from plenoptic.optics.lens.elements import Element, check_one_space, checked_elements, profile_of
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.placement import Placement, rotation_about_axes
 from plenoptic.optics.lens.specification import Specification
 from plenoptic.optics.stops.registry import Stop
+from plenoptic.optics.surfaces.mirror import medium_behind
 from plenoptic.optics.surfaces.surface import Surface
 
 if TYPE_CHECKING:
@@ -36,7 +37,7 @@ class LensStack:
 
     Parameters
     ----------
-    elements : sequence of Surface and stops: CircularStop, PolygonStop, StarStop, MaskStop
+    elements : sequence of Surface and stops: CircularStop, PolygonStop, StarStop, MaskStop, RingStop
         From the scene (-z) to the sensor (+z); at least one surface and one stop. Each one's `thickness` is the gap
         to the next. Kept as a tuple; the gap behind the last one belongs to the camera and is set to 0.
     iris : int, optional
@@ -56,8 +57,7 @@ class LensStack:
     Raises
     ------
     PrescriptionError
-        If there is no surface or no stop, an element is neither, `iris` is not a stop, the gaps add up to no finite
-        length, or the last medium is not the ambient one.
+        For no surface or stop, an `iris` that is none, no finite length, or another medium at the end than `ambient`.
 
     Examples
     --------
@@ -108,7 +108,6 @@ class LensStack:
         """Position z of each element in mm, (n,), never decreasing; exactly 0 at the iris."""
         gaps = [element.thickness for element in self.elements]
         iris = self.iris_index
-        # Summed outwards from the iris, as prescriptions are read.
         before = -np.cumsum([0.0, *gaps[:iris][::-1]])[::-1]
         after = np.cumsum([0.0, *gaps[iris:-1]])
         return read_only(np.concatenate([before[:-1], after]))
@@ -123,7 +122,7 @@ class LensStack:
         """The medium before the first element and behind each of them, n + 1 in all."""
         media: list[Medium] = [self.ambient]
         for element in self.elements:
-            media.append(element.medium if isinstance(element, Surface) else media[-1])
+            media.append(medium_behind(element.medium, media[-1]) if isinstance(element, Surface) else media[-1])
         return tuple(media)
 
     def indices(self, wavelength: float = 587.6) -> Floats:
@@ -188,7 +187,7 @@ class LensStack:
         Raises
         ------
         PrescriptionError
-            If `which` names no element.
+            If `which` names no element, or some before and behind a mirror.
 
         Examples
         --------
@@ -204,6 +203,7 @@ class LensStack:
             chosen = []
         if not chosen:
             raise PrescriptionError(f"which is {which!r}; it must name elements, from 0 to {len(elements) - 1}")
+        check_one_space(elements, chosen)
         turn, along = rotation_about_axes(tilt), np.asarray(Placement(shift=shift).shift)
         vertices = np.zeros((len(elements), 3))
         vertices[:, 2] = self.vertices
@@ -264,7 +264,7 @@ class LensStack:
     def profiles(self, points: int = 41) -> tuple[Floats, ...]:
         """The section of each element in the plane x = 0, up to its rim: (points, 2) arrays of z, y in mm.
 
-        Of an element that is tilted out of that plane, the projection of its own section.
+        Of an element that is tilted out of that plane, the projection; a mirror as light that comes meets it.
         """
         count = whole(points, "points", at_least=2, at_most=MOST_POINTS)
         return tuple(profile_of(*at, count) for at in zip(self.elements, self.vertices.tolist(), strict=True))

@@ -11,12 +11,19 @@ from typing import TypeAlias
 from plenoptic.optics.stops.circle import CircularStop
 from plenoptic.optics.stops.mask import MaskStop
 from plenoptic.optics.stops.polygon import PolygonStop
+from plenoptic.optics.stops.ring import RingStop
 from plenoptic.optics.stops.star import StarStop
 
-Stop: TypeAlias = CircularStop | PolygonStop | StarStop | MaskStop
+Stop: TypeAlias = CircularStop | PolygonStop | StarStop | MaskStop | RingStop
 """Any stop."""
 
-STOPS: dict[str, type[Stop]] = {"circle": CircularStop, "polygon": PolygonStop, "star": StarStop, "mask": MaskStop}
+STOPS: dict[str, type[Stop]] = {
+    "circle": CircularStop,
+    "polygon": PolygonStop,
+    "star": StarStop,
+    "mask": MaskStop,
+    "ring": RingStop,
+}
 """Stops by their names in files."""
 
 
@@ -28,5 +35,5 @@ def circle_around(stop: Stop) -> CircularStop:
 
 
 def is_convex(stop: Stop) -> bool:
-    """Whether the hole is a convex body: those of stars and masks need not be."""
+    """Whether the hole is a convex body: those of stars and masks need not be, rings are not."""
     return isinstance(stop, CircularStop | PolygonStop)

@@ -14,6 +14,7 @@ from plenoptic.errors import InvalidValueError, PrescriptionError
 from plenoptic.optics.glass.media import AIR, Medium, check_medium
 from plenoptic.optics.lens.placement import Placement, set_place
 from plenoptic.optics.record import ASPHERE, CONIC, FREEFORM, SPHERE, ElementRow
+from plenoptic.optics.surfaces.mirror import Mirror
 from plenoptic.optics.surfaces.registry import DEPARTURES, Departure
 from plenoptic.optics.surfaces.sag_bounds import asphere_bounds
 
@@ -38,7 +39,7 @@ class Surface:
     thickness : float, optional
         Axial gap to the next element in mm, at least 0.
     medium : Medium, optional
-        What fills that gap.
+        What fills that gap; `optics.MIRROR`: the surface reflects, see `optics.Mirror`.
     semi_diameter : float
         Half of the free diameter in mm, above 0 and not beyond the equator of the sphere or ellipsoid. Keyword only,
         required.
@@ -165,6 +166,28 @@ class Surface:
         """
         added = 0.0 if self.departure is None else self.departure.vertex.curvature
         return self.curvature + (2.0 * self.aspheric[0] if self.aspheric else 0.0) + added
+
+    def signed_index(self, behind: float) -> float:
+        """The index behind it as formulas of refraction have it: of a mirror, in a medium of that index, negative."""
+        return -behind if isinstance(self.medium, Mirror) else behind
+
+    @property
+    def from_behind(self) -> Surface:
+        """The surface as what follows sees it: a mirror in its own plane, any other as it is."""
+        if not isinstance(self.medium, Mirror):
+            return self
+        added, place = self.departure, self.placement
+        if place is not None:
+            unfolding, flip = self.medium.unfolding, np.diag([1.0, 1.0, -1.0])
+            shift, rotation = np.asarray(place.shift), np.asarray(place.rotation)
+            place = Placement(unfolding @ shift, unfolding @ rotation @ flip)
+        return dataclasses.replace(
+            self,
+            radius=-self.radius,
+            aspheric=tuple(-a for a in self.aspheric),
+            departure=None if added is None else added.inverted,
+            placement=place,
+        )
 
     def row(self) -> ElementRow:
         """The numbers that kernels read."""

@@ -102,6 +102,11 @@ class ZernikeSag:
         """The sum of the a_j Z_j(0) in mm, which is left out."""
         return self._harmonics.offset
 
+    @property
+    def inverted(self) -> ZernikeSag:
+        """Hills for valleys."""
+        return ZernikeSag(tuple(-a for a in self.coefficients), self.norm_radius)
+
     def sag(self, x: ArrayLike, y: ArrayLike) -> Floats:
         """Added height in mm at points (x, y), mm."""
         zeta, u = self._zeta(x, y)

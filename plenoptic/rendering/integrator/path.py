@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,9 +23,15 @@ from plenoptic.scene.geometry.record import Hits, Interactions, PathKeys
 from plenoptic.scene.lights.record import DELTA, DrawnLights
 from plenoptic.scene.materials.alpha_mask import NESTED, SALTS, attenuate_shadows, media_at, no_hits, skip_transparent
 
+if TYPE_CHECKING:
+    from plenoptic.rendering.integrator.moving import MovingPaths
+
 
 class Witness(Protocol):
     """Is told what the paths of a bundle go through. What it is handed is used again: it copies what it keeps."""
+
+    def left(self, rays: Floats) -> None:
+        """Rays have left the camera."""
 
     def saw(self, rays: Floats, hits: Hits, radiance: Floats) -> None:
         """Rays have met triangles, and paths have collected what shines there."""
@@ -45,7 +51,14 @@ class PathIntegrator:
     def __init__(self, context: RenderContext, capacity: int) -> None:
         assert context.scene is not None
         camera, scene, intersector, plan = context.camera, context.scene, context.intersector, context.plan
-        self._camera, self._scene, self._intersector, self._settings = camera, scene, intersector, context.settings
+        self.moving: MovingPaths | None = None
+        """What differs from path to path; None where nothing moves in the exposure."""
+        if context.shutter is not None:
+            from plenoptic.rendering.integrator.moving import MovingPaths
+
+            self.moving = MovingPaths(context.shutter, scene, intersector, capacity)
+            scene = self.moving.scene
+        self._camera, self.scene, self._intersector, self._settings = camera, scene, intersector, context.settings
         self._basis = None if camera.colour is None else camera.colour.basis
         self._channels = channels = scene.channels if camera.colour is None else 1
         self._scatters, self._lights = plan.runs(Stage.SCATTERING), plan.runs(Stage.DIRECT_LIGHT)
@@ -58,7 +71,8 @@ class PathIntegrator:
         self._now, self._next = queues[0], queues[-1]
         if scene.absorption is not None and intersector is not None:
             self._media = media_at(scene, intersector, np.zeros(3) if camera.position is None else camera.position)
-        if self._scatters or scene.alpha is not None:
+        self._random = self._scatters or scene.alpha is not None or self.moving is not None
+        if self._random:
             self._keys, self._indices = np.empty(capacity, dtype=np.uint64), np.empty(capacity, dtype=np.uint32)
         if self._scatters:
             self._stage = InteractionStage(scene, capacity, channels, lights=self._lights)
@@ -70,7 +84,7 @@ class PathIntegrator:
 
     def _ray_queue(self, capacity: int) -> RayQueue:
         """Room for rays and what belongs to them."""
-        absorbs = self._scene.absorption is not None
+        absorbs = self.scene.absorption is not None
         return RayQueue(
             rays=np.empty((capacity, 6)),
             path=np.empty(capacity, dtype=np.int64),
@@ -98,6 +112,8 @@ class PathIntegrator:
         radiance = self._radiance[:n]
         radiance[:] = 0.0
         found = self._start(blocks, start, n, batch, number)
+        if witness is not None:
+            witness.left(self._now.rays[:found])
         for bounce in range(max_bounces + 1):
             hits = self._meet(found, bounce)
             if bounce == 0:
@@ -117,8 +133,11 @@ class PathIntegrator:
         """Rays from the camera; returns how many there are."""
         now = self._now
         found = int(fill_world_rays(now.rays, now.path, blocks, n, self._camera.rotation, self._camera.position))
-        if self._scatters or self._scene.alpha is not None:
+        if self._random:
             fill_path_keys(self._keys[:n], self._indices[:n], start, batch, number)
+        if self.moving is not None:
+            keys = self._keys[:n], self._indices[:n]
+            self.moving.begin(now.rays[:found], now.path[:found], keys, start, batch, number)
         for column, value in ((now.throughput, 1.0), (now.pdf, DELTA), (now.rough, 0)):
             if column is not None:
                 column[:found] = value
@@ -131,16 +150,19 @@ class PathIntegrator:
 
     def _meet(self, found: int, bounce: int) -> Hits:
         """Find what rays meet, through surfaces that are not there for their paths."""
-        hits, rays = self._hits.first(found), self._now.rays[:found]
-        if self._intersector is not None:
-            self._intersector.fill_closest(hits, rays)
-            if self._scene.alpha is not None:
-                skip_transparent(self._scene, self._intersector, rays, hits, self._path_keys(), bounce * SALTS)
+        hits, rays, path = self._hits.first(found), self._now.rays[:found], self._now.path[:found]
+        intersector = self._intersector if self.moving is None else self.moving.along(path)
+        if intersector is not None:
+            intersector.fill_closest(hits, rays)
+            if self.scene.alpha is not None:
+                skip_transparent(self.scene, intersector, rays, hits, self._path_keys(), bounce * SALTS)
+            if self.moving is not None:
+                self.moving.place(hits, path)
         return hits
 
     def _see(self, radiance: Floats, hits: Hits, wavelengths: Wavelengths) -> None:
         """Add what rays meet that shines, and weaken them by what they have come through."""
-        scene, now = self._scene, self._now
+        scene, now = self.scene, self._now
         if scene.absorption is not None and scene.bsdf is not None:
             from plenoptic.scene.materials.kernels.absorption import fill_absorbed
 
@@ -173,21 +195,22 @@ class PathIntegrator:
         self, radiance: Floats, interactions: Interactions, drawn: DrawnLights, wavelengths: Wavelengths
     ) -> tuple[ShadowRays, NDArray[np.uint8]]:
         """Add the drawn lights that nothing hides; returns the shadow rays that were sent, and which were blocked."""
-        assert self._intersector is not None
-        scene = self._scene
+        scene = self.scene
         count = eval_direct(self._shadow, interactions, drawn, self._now, scene.bsdf, wavelengths)
         shadow, blocked = self._shadow.first(count), self._blocked[:count]
         if count:
+            intersector = self._intersector if self.moving is None else self.moving.along(shadow.path)
+            assert intersector is not None
             if scene.alpha is None:
-                self._intersector.fill_blocked(blocked, shadow.rays)
+                intersector.fill_blocked(blocked, shadow.rays)
             else:
-                attenuate_shadows(scene, self._intersector, shadow.rays, blocked, shadow.radiance)
+                attenuate_shadows(scene, intersector, shadow.rays, blocked, shadow.radiance)
             add_direct(radiance, blocked, shadow)
         return shadow, blocked
 
     def _send_on(self, interactions: Interactions, wavelengths: Wavelengths, *, russian_roulette: bool) -> int:
         """Draw the rays onwards; returns how many there are."""
-        scene, now, then = self._scene, self._now, self._next
+        scene, now, then = self.scene, self._now, self._next
         onwards = int(sample_bsdf(then, self._source, interactions, now, scene.bsdf, wavelengths, russian_roulette))
         if self._source is not None:
             self._hand_on(self._source[:onwards], interactions)
@@ -195,7 +218,7 @@ class PathIntegrator:
 
     def _hand_on(self, source: NDArray[np.int64], interactions: Interactions) -> None:
         """Tell rays onwards what they are in and what they come from."""
-        now, then, scene = self._now, self._next, self._scene
+        now, then, scene = self._now, self._next, self.scene
         if scene.absorption is not None and scene.bsdf is not None:
             from plenoptic.scene.materials.kernels.absorption import fill_next_media
 

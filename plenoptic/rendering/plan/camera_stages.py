@@ -10,6 +10,7 @@ from plenoptic.optics.microlens.aperture import ApertureShape, Gaps, Walls
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.lattice import Lattice
 from plenoptic.optics.stops.registry import circle_around
+from plenoptic.optics.surfaces.mirror import Mirror
 from plenoptic.optics.surfaces.surface import Surface
 from plenoptic.rendering.plan.stages import Decision, Stage, decide, left_out
 
@@ -109,7 +110,9 @@ def _lens(camera: PlenopticCamera) -> list[Decision]:
     shaped = sum(1 for e in surfaces if e.aspheric or e.conic or e.departure is not None)
     moved = sum(1 for e in lens.elements if e.placement is not None)
     ideal = f"{lens.model.name} stands for the lens"
-    elements = f"{len(lens.elements)} elements, {len(surfaces)} of them refracting"
+    mirrors = sum(isinstance(e.medium, Mirror) for e in surfaces)
+    elements = f"{len(lens.elements)} elements, {len(surfaces) - mirrors} of them refracting"
+    elements += f", {mirrors} reflecting" if mirrors else ""
     spheres, aspheres = "all surfaces are spheres or planes", _counted(shaped, "conic or aspheric surface")
     odd_stops = f"{_counted(len(stops), 'stop')} that {'is' if len(stops) == 1 else 'are'} not round"
     centred, displaced = "all elements are centred", f"{_counted(moved, 'element')} out of place"

@@ -9,6 +9,7 @@ from plenoptic.camera.checks import check_scene_and_camera
 from plenoptic.core.values import whole
 from plenoptic.rendering.plan.camera_stages import camera_decisions
 from plenoptic.rendering.plan.scene_stages import WHITE, scene_decisions
+from plenoptic.rendering.plan.shutter import open_shutter
 from plenoptic.rendering.plan.stages import Plan, Stage, Subject, decide
 from plenoptic.rendering.settings import Caustics, RenderSettings, Sampler
 from plenoptic.truth.arrays import available_truth, checked_truth
@@ -86,6 +87,13 @@ def plan_stages(record: SceneRecord | None, subject: Subject) -> Plan:
         (
             decide(Stage.INDEPENDENT_SAMPLES, settings.sampler is Sampler.RANDOM, points, single),
             *camera_decisions(camera, white=subject.scene is None),
+            decide(
+                Stage.SHUTTER,
+                *(record, WHITE),
+                *(camera.shutter is not None, "an exposure is an instant"),
+                *(open_shutter(camera, record), "nothing moves while it is open"),
+                "what moves while it is open is blurred",
+            ),
             *scene_decisions(record, settings.max_bounces),
             decide(Stage.CAUSTICS_APART, record, WHITE, apart, everything, "caustics are left out"),
             decide(Stage.CLAMPING, record, WHITE, clamp is not None, as_it_is, f"radiance above {clamp}"),

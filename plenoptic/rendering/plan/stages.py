@@ -47,25 +47,26 @@ class Stage(enum.IntEnum):
     SHAPED_STOPS = 18
     DISPLACED_LENS = 19
     POSE = 20
-    INTERSECTION = 21
-    INSTANCES = 22
-    OPACITY = 23
-    EMISSION = 24
-    BACKGROUND = 25
-    SCATTERING = 26
-    MATERIALS = 27
-    ABSORPTION = 28
-    DIRECT_LIGHT = 29
-    ONWARD_RAYS = 30
-    RUSSIAN_ROULETTE = 31
-    VERTEX_NORMALS = 32
-    NORMAL_MAPS = 33
-    TEXTURES = 34
-    COLOUR = 35
-    CAUSTICS_APART = 36
-    CLAMPING = 37
-    TRUTH = 38
-    STANDARD_ERROR = 39
+    SHUTTER = 21
+    INTERSECTION = 22
+    INSTANCES = 23
+    OPACITY = 24
+    EMISSION = 25
+    BACKGROUND = 26
+    SCATTERING = 27
+    MATERIALS = 28
+    ABSORPTION = 29
+    DIRECT_LIGHT = 30
+    ONWARD_RAYS = 31
+    RUSSIAN_ROULETTE = 32
+    VERTEX_NORMALS = 33
+    NORMAL_MAPS = 34
+    TEXTURES = 35
+    COLOUR = 36
+    CAUSTICS_APART = 37
+    CLAMPING = 38
+    TRUTH = 39
+    STANDARD_ERROR = 40
 
 
 @value
@@ -82,6 +83,11 @@ class Decision:
     stage: Stage
     runs: bool
     reason: str
+
+    @property
+    def name(self) -> str:
+        """The stage in words."""
+        return self.stage.name.lower().replace("_", " ")
 
 
 @value
@@ -128,11 +134,19 @@ class Plan:
         return any(decision.runs for decision in self.decisions if decision.stage is stage)
 
     def __repr__(self) -> str:
-        rows = [
-            f"{'runs    ' if d.runs else 'left out'}  {d.stage.name.lower().replace('_', ' '):<22} {d.reason}"
-            for d in self.decisions
-        ]
+        rows = [f"{'runs    ' if d.runs else 'left out'}  {d.name:<22} {d.reason}" for d in self.decisions]
         return "\n".join(rows)
+
+    def _repr_html_(self) -> str:
+        """What is rendered, from three sides, and two tables: of the stages that run, and of those that do not."""
+        from plenoptic.plots.notebook.html import table_html
+        from plenoptic.plots.notebook.pictures import plan_picture
+
+        parts = [plan_picture(self)]
+        for runs, caption in ((True, "runs"), (False, "left out")):
+            rows = [(d.name, d.reason) for d in self.decisions if d.runs is runs]
+            parts.append(table_html(("stage", "because"), rows, caption=f"{caption}: {len(rows)}"))
+        return "".join(parts)
 
 
 def decide(stage: Stage, *table: object) -> Decision:

@@ -20,6 +20,9 @@ _USUAL, _NEXT = 0.6, 4
 lost."""
 _NEAR = 1.05
 """Error over the one wanted up to which tiles end: another step would take a quarter more samples for as little."""
+_COARSE, _PASSES = 16, 256
+"""A given number of samples is rendered in two passes from the second number on: a part of them everywhere, and then
+the rest, so that what is interrupted has all regions. Each pass finds anew what feeds the pixels of large frames."""
 _PART = 0.6
 """Of what fits into a time limit: how fast the rest will go is not known exactly."""
 ENOUGH_OF_RARE = 1 << 12
@@ -41,6 +44,11 @@ class Budget(NamedTuple):
     def steps(self) -> bool:
         """Whether samples are added step by step, because it is not known beforehand how many it will be."""
         return self.time_limit is not None or self.target_error is not None
+
+    @property
+    def passes(self) -> bool:
+        """Whether tiles are rendered more than once."""
+        return self.following(0) < self.max_samples
 
     @property
     def max_samples(self) -> int:
@@ -69,7 +77,8 @@ class Budget(NamedTuple):
         has about 32 samples. With a time limit powers of 2 come before, so that all pixels have something soon.
         """
         if not self.steps:
-            return self.max_samples
+            coarse = self.max_samples // _COARSE // self.replicates * self.replicates
+            return coarse if not done and coarse and self.max_samples >= _PASSES else self.max_samples
         each = done // self.replicates
         if each < self._start:
             first = max(2 * each, 1) if self.time_limit is not None else self._start

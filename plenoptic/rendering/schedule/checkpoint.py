@@ -1,242 +1,179 @@
-"""Checkpoints: the file in which a render keeps what it has so far, whole at any moment and never another's.
+"""Checkpoints: the file in which a render keeps what its tiles have brought.
 
-    plenoptic checkpoint 1
-    <SHA-256 of the header> <length of the header, 16 digits>
-    <header: JSON in one line; identity, facts, names, types and shapes of the arrays, the SHA-256 of their bytes>
-    <bytes of the arrays, one after the other, in C order, low byte first>
-
-Where two processes save to the same path at once, the file is always a whole one, and the last one wins if both render
-the same. If they do not, the one that comes first stays, and the other process gets an error.
+Each record is what some samples of a tile have brought, with the sums of all its samples until then. Tiles are pure
+functions, so that a render that goes on takes from the file what it would have rendered next, and renders the rest:
+with more samples or a smaller error than last time, too. Sums live in the file, and not in memory.
 """
 
 from __future__ import annotations
 
-import hashlib
-import json
-import math
 import os
-import re
 import time
 from collections.abc import Mapping
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.core.files.atomic_file import check_folder, explained, is_there, real_path, replaced
-from plenoptic.core.files.digest import bytes_of, little_endian
-from plenoptic.core.values import file_path, positive
+from plenoptic.core.files.record_log import Entry, LogKind, RecordLog, begin_log, log_is_there
+from plenoptic.core.values import Floats, file_path, positive
 from plenoptic.core.warn import warn
-from plenoptic.errors import FileError, FileWarning, InvalidValueError
-from plenoptic.rendering.schedule.identity import differences, identity
+from plenoptic.errors import FileError, FileWarning
+from plenoptic.rendering.context import RenderContext
+from plenoptic.rendering.schedule.identity import differences
 from plenoptic.rendering.schedule.progress import Progress
+from plenoptic.rendering.schedule.sums import SumsInMemory
+from plenoptic.rendering.tile import Tile, TileResult, batch_of
 
-if TYPE_CHECKING:
-    from plenoptic.scene.compile import SceneRecord
-
-_PREAMBLE = re.compile(rb"plenoptic checkpoint 1\n([0-9a-f]{64}) ([0-9]{16})\n")
-_PREAMBLE_BYTES = 105
-_ANY_VERSION = re.compile(rb"plenoptic checkpoint ([0-9]{1,9})\n")
-_TYPES = {
-    np.dtype(name).newbyteorder("<").str
-    for name in ("?", *("i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8"), *("f2", "f4", "f8", "c8", "c16"))
-}
 _ELSEWHERE = "give checkpoint= another path, or remove the file"
-
-
-class _Layout(NamedTuple):
-    """An array of a file."""
-
-    name: str
-    dtype: np.dtype[Any]
-    shape: tuple[int, ...]
-
-    @property
-    def nbytes(self) -> int:
-        return math.prod(self.shape) * self.dtype.itemsize
-
-
-class _Header(NamedTuple):
-    identity: dict[str, str]
-    facts: dict[str, Any]
-    arrays: list[_Layout]
-    sha256: str
-    """Of the bytes of all arrays."""
+KIND = LogKind("checkpoint", 2, _ELSEWHERE)
+_NUMBERS = ("paths", "nonfinite", "met", "light", "clamped")
+_TRUTH = "truth."
 
 
 class Checkpoint:
-    """Keeps the state of a render in a file, every so often."""
+    """Keeps what tiles bring in a file."""
 
-    def __init__(self, path: str | os.PathLike[str], interval: float) -> None:
+    def __init__(self, path: str | os.PathLike[str], interval: float, identity: Mapping[str, str]) -> None:
+        """Look at the file, if there is one: a FileError where it is another render's, or none could be written."""
         self._path = file_path(path)
         self._interval = positive(interval, "checkpoint_interval", "s")
-        self._identity: dict[str, str] = {}
-        self._saved = time.perf_counter()
-        self._kept = -1
-        """Samples of all tiles in the file."""
+        self._identity = dict(identity)
+        self._log: RecordLog | None = None
+        self._flushed = time.perf_counter()
+        self._tiles: dict[Tile, int] = {}
+        self._found: dict[tuple[int, int], list[Entry]] = {}
+        """Records by tile and first sample."""
+        self._last: dict[int, Entry] = {}
+        self._unwritten = SumsInMemory()
+        if log_is_there(self._path):
+            self._open()
 
-    def resume(
-        self, progress: Progress, scene: SceneRecord | None, camera: PlenopticCamera, facts: Mapping[str, object]
-    ) -> None:
-        """Put into `progress` what the file holds, if there is one of a render with the same facts."""
-        self._identity = identity(scene, camera, **facts)
-        found = load_checkpoint(self._path, self._identity)
-        if found is not None:
-            progress.restore(*found)
-            self._kept = int(progress.done.sum())
-            *others, here = progress.film.processors
-            if others:
-                warn(
-                    f"{str(self._path)!r} was begun on another kind of processor, {' and '.join(others)}; this is "
-                    f"{here}: the image is as good, but its bits are those of neither; stats.processors names both"
-                )
+    @property
+    def tile_side(self) -> int | None:
+        """That of the tiles in the file; None where there is none yet."""
+        return None if self._log is None else int(self._log.header["tile_side"])
+
+    @property
+    def holds(self) -> bool:
+        """Whether there is something in it."""
+        return self._log is not None and bool(self._log.entries)
+
+    def begin(self, progress: Progress, side: int) -> None:
+        """Begin the file if there is none, and find what it has of the tiles of a render."""
+        if self._log is None:
+            begin_log(self._path, KIND, {"identity": self._identity, "tile_side": side})
+            self._open()
+        assert self._log is not None
+        self._tiles = {tile: i for i, tile in enumerate(progress.tiles)}
+        processors: dict[str, None] = {}
+        for entry in self._log.entries:
+            facts = entry.facts
+            i = self._tiles.get(Tile(*facts["tile"]))
+            if i is not None:
+                self._found.setdefault((i, facts["first"]), []).append(entry)
+                processors[facts["processor"]] = None
+                progress.before = facts["seconds"], facts["cpu_seconds"]
+        here = progress.film.processors[0]
+        if others := [kind for kind in processors if kind != here]:
+            progress.film.processors = (*others, here)
+            warn(
+                f"{str(self._path)!r} was begun on another kind of processor, {' and '.join(others)}; this is {here}: "
+                "the image is as good, but its bits are those of neither; stats.processors names both"
+            )
+
+    def recorded(self, i: int, done: int, most: int, replicates: int) -> Entry | None:
+        """The record that takes a tile furthest from `done` samples, by `most` more at most; None without one.
+
+        What falls short of that has as many samples of each replicate, or no batch could follow it.
+        """
+        here = [(int(entry.facts["samples"]), entry) for entry in self._found.get((i, done), ())]
+        fitting = [(n, entry) for n, entry in here if n == most or (n < most and n % replicates == 0)]
+        return max(fitting, key=lambda found: found[0], default=(0, None))[1]
+
+    def result(self, i: int, entry: Entry, context: RenderContext) -> TileResult | None:
+        """What a record holds; None where it is damaged, and then it is as if it had never been."""
+        assert self._log is not None
+        facts, arrays = entry.facts, self._log.read(entry)
+        if arrays is None:
+            self._found[i, facts["first"]].remove(entry)
+            warn(f"a record of {str(self._path)!r} is damaged, and what it held is rendered again", FileWarning)
+            return None
+        truth = {name.removeprefix(_TRUTH): array for name, array in arrays.items() if name.startswith(_TRUTH)}
+        return TileResult(
+            tile=Tile(*facts["tile"]),
+            batch=batch_of(context, facts["first"], facts["samples"]),
+            sums=arrays["sums"],
+            weights=arrays.get("weights"),
+            counts=arrays["counts"],
+            truth=truth or None,
+            lost_paths=tuple((row, column, sample) for row, column, sample in facts["lost_paths"]),
+            **{name: facts[name] for name in _NUMBERS},
+        )
+
+    def keep(self, i: int, result: TileResult, progress: Progress, entry: Entry | None) -> None:
+        """Write what a tile has brought, unless it is there. Where that fails, the render goes on, with a warning."""
+        if entry is None:
+            try:
+                entry = self._written(result, progress)
+            except FileError as error:
+                warn(f"the checkpoint has not been written: {error}", FileWarning)
+        if entry is None:
+            self._last.pop(i, None)
+            self._unwritten.keep(i, result, progress, None)
         else:
-            self._write(progress)  # a file that cannot be written is better known now
+            self._last[i] = entry
+            self._unwritten.drop(i)
 
-    def save_if_due(self, progress: Progress) -> None:
-        """Write the file if it is time. Where that fails, the render goes on, with a warning."""
-        if time.perf_counter() - self._saved >= self._interval:
-            self.save(progress)
+    def of(self, i: int) -> Floats | None:
+        """See `Sums`."""
+        entry = self._last.get(i)
+        if entry is None:
+            return self._unwritten.of(i)
+        assert self._log is not None
+        arrays = self._log.read(entry)
+        if arrays is None:
+            raise FileError(f"{str(self._path)!r} has been damaged while it was used; {_ELSEWHERE}")
+        return np.asarray(arrays["sums"])
 
-    def save(self, progress: Progress) -> None:
-        """Write the file unless it is up to date; a failure is a warning, since what is rendered is still there."""
-        if self._kept == progress.done.sum():
+    def flush(self, *, at_once: bool = False) -> None:
+        """Put the file on the disk, if it is time."""
+        if self._log is None or not (at_once or time.perf_counter() - self._flushed >= self._interval):
             return
         try:
-            self._write(progress)
+            self._log.flush()
         except FileError as error:
-            self._saved = time.perf_counter()
             warn(f"the checkpoint has not been written: {error}", FileWarning)
+        self._flushed = time.perf_counter()
 
-    def _write(self, progress: Progress) -> None:
+    def close(self) -> None:
+        """Let go of the file."""
+        if self._log is not None:
+            self._log.close()
+
+    def _open(self) -> None:
+        log = RecordLog(self._path, KIND)
+        theirs = log.header.get("identity")
+        if theirs != self._identity:
+            log.close()
+            what = list(differences(theirs if isinstance(theirs, dict) else {}, self._identity))
+            raise FileError(f"{str(self._path)!r} belongs to another render, with {', '.join(what)}; {_ELSEWHERE}")
+        if log.damaged:
+            warn(
+                f"{log.damaged} bytes of {str(self._path)!r} are damaged, or were being written when the program "
+                "ended; what they held is rendered again",
+                FileWarning,
+            )
+        self._log = log
+
+    def _written(self, result: TileResult, progress: Progress) -> Entry:
+        assert self._log is not None
         progress.note_time()
-        save_checkpoint(self._path, self._identity, progress.arrays(), progress.facts())
-        self._kept, self._saved = int(progress.done.sum()), time.perf_counter()
-
-
-def save_checkpoint(
-    path: str | os.PathLike[str],
-    identity: Mapping[str, str],
-    arrays: Mapping[str, NDArray[Any]],
-    facts: Mapping[str, Any],
-) -> None:
-    """Save the state of a render, in place of the state that the file had: one of the same identity, or none.
-
-    Arrays hold booleans or numbers, of which every bit is kept, and must not change meanwhile; facts are numbers, texts
-    and lists of them. Of the old file only the header is looked at, twice: before writing and when the new one is
-    complete. Where something else is there, or writing fails, the file stays as it was and nothing is left beside it.
-    """
-    target = real_path(path)
-    kept = {name: _storable(name, array) for name, array in arrays.items()}
-    start = _start_of_file(identity, kept, facts)
-    with replaced(target, check=lambda: _refuse_others(target, identity)) as file:
-        file.write(start)
-        for array in kept.values():
-            file.write(bytes_of(array))
-
-
-def load_checkpoint(
-    path: str | os.PathLike[str], identity: Mapping[str, str]
-) -> tuple[dict[str, NDArray[Any]], dict[str, Any]] | None:
-    """Arrays, which may be written to, and facts of a render of this identity; None where there is no file but can be.
-
-    A FileError for a file that is no checkpoint, damaged, cut off, of another version of the format or of another
-    render, and where there is no folder to save it in.
-    """
-    target = real_path(path)
-    if not is_there(target):
-        check_folder(target)
-        return None
-    with explained(target, "read"), open(target, "rb") as file:
-        header = _read_header(file, target)
-        _check_identity(header, identity, target)
-        found, sha = {}, hashlib.sha256()
-        for layout in header.arrays:
-            array = np.empty(layout.shape, dtype=layout.dtype)
-            if file.readinto(bytes_of(array)) != layout.nbytes:
-                raise _damaged(target, "it was cut off just now")
-            sha.update(bytes_of(array))
-            found[layout.name] = array.astype(layout.dtype.newbyteorder("="), copy=False)
-    if sha.hexdigest() != header.sha256:
-        raise _damaged(target, "its data have changed since they were written")
-    return found, header.facts
-
-
-def _storable(name: str, array: NDArray[Any]) -> NDArray[Any]:
-    plain = little_endian(np.asarray(array))
-    if plain.dtype.str not in _TYPES:
-        raise InvalidValueError(f"{name} is an array of {plain.dtype}; a checkpoint keeps booleans and numbers only")
-    return plain
-
-
-def _start_of_file(identity: Mapping[str, str], arrays: Mapping[str, NDArray[Any]], facts: Mapping[str, Any]) -> bytes:
-    sha = hashlib.sha256()
-    for array in arrays.values():
-        sha.update(bytes_of(array))
-    layouts = [{"name": name, "dtype": array.dtype.str, "shape": array.shape} for name, array in arrays.items()]
-    described = {"identity": dict(identity), "facts": dict(facts), "arrays": layouts, "sha256": sha.hexdigest()}
-    header = json.dumps(described, default=np.generic.item).encode() + b"\n"
-    return b"plenoptic checkpoint 1\n%s %016d\n%s" % (hashlib.sha256(header).hexdigest().encode(), len(header), header)
-
-
-def _read_header(file: BinaryIO, target: Path) -> _Header:
-    """The header, checked against its digest and the size of the file: no number in it asks for more than there is."""
-    size = os.fstat(file.fileno()).st_size
-    start = file.read(_PREAMBLE_BYTES)
-    found = _PREAMBLE.fullmatch(start)
-    if found is None:
-        raise _foreign(start, target)
-    if int(found[2]) > size - len(start):
-        raise _damaged(target, f"it is cut off after {size} bytes")
-    text = file.read(int(found[2]))
-    if hashlib.sha256(text).hexdigest().encode() != found[1]:
-        raise _damaged(target, "its header has changed since it was written")
-    try:
-        header = _parsed(json.loads(text))
-    except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
-        raise _damaged(target, "its header cannot be understood") from error
-    whole = len(start) + len(text) + sum(layout.nbytes for layout in header.arrays)
-    if size != whole:
-        raise _damaged(target, f"it has {size} bytes and should have {whole}")
-    return header
-
-
-def _parsed(tree: Any) -> _Header:
-    layouts = []
-    for described in tree["arrays"]:
-        shape, dtype = described["shape"], described["dtype"]
-        if dtype not in _TYPES or not all(type(n) is int and 0 <= n < 1 << 62 for n in shape):
-            raise ValueError("no array")
-        layouts.append(_Layout(str(described["name"]), np.dtype(dtype), tuple(shape)))
-    return _Header(dict(tree["identity"]), dict(tree["facts"]), layouts, str(tree["sha256"]))
-
-
-def _foreign(start: bytes, target: Path) -> FileError:
-    version = _ANY_VERSION.match(start)
-    if version is None:
-        return FileError(f"{str(target)!r} is {'not a checkpoint' if start else 'an empty file'}; {_ELSEWHERE}")
-    if version[1] == b"1":
-        return _damaged(target, "its first lines have changed, or it is cut off")
-    other = f"version {int(version[1])} of the format, not 1, of another plenoptic"
-    return FileError(f"{str(target)!r} has {other}; {_ELSEWHERE}")
-
-
-def _damaged(target: Path, how: str) -> FileError:
-    return FileError(f"{str(target)!r} is a damaged checkpoint, {how}; remove it to begin anew")
-
-
-def _check_identity(header: _Header, identity: Mapping[str, str], target: Path) -> None:
-    if header.identity != dict(identity):
-        found = list(differences(header.identity, identity))
-        # The side of tiles mostly follows from something else.
-        what = [one for one in found if not one.startswith("tile_side")] or found
-        raise FileError(f"{str(target)!r} belongs to another render, with {', '.join(what)}; {_ELSEWHERE}")
-
-
-def _refuse_others(target: Path, identity: Mapping[str, str]) -> None:
-    """An error where something else than a checkpoint of this identity is in the way."""
-    if is_there(target):
-        with explained(target, "read"), open(target, "rb") as file:
-            _check_identity(_read_header(file, target), identity, target)
+        batch = result.batch
+        facts: dict[str, Any] = {"tile": result.tile, "first": int(batch.first), "samples": int(batch.samples)}
+        facts |= {name: getattr(result, name) for name in (*_NUMBERS, "lost_paths")}
+        facts |= {"seconds": progress.seconds, "cpu_seconds": progress.cpu_seconds}
+        facts["processor"] = progress.film.processors[-1]
+        optional = {"weights": result.weights}
+        optional |= {f"{_TRUTH}{name}": array for name, array in (result.truth or {}).items()}
+        arrays = {"sums": result.sums, "counts": result.counts}
+        return self._log.append(facts, arrays | {name: array for name, array in optional.items() if array is not None})

@@ -12,7 +12,6 @@ from plenoptic.core.relative_error import (
     brightness,
     expected_brightness,
     level_is_known,
-    light_is_rare,
     lit_level,
     relative_error,
     relative_squares,
@@ -22,8 +21,6 @@ from plenoptic.core.values import Floats
 from plenoptic.rendering.film import Film, Moments, replicate_counts, spread
 from plenoptic.rendering.schedule.budget import MAX_SAMPLES, Budget
 from plenoptic.rendering.tile import NAMED, Tile, TileResult
-
-_COUNTED = ("paths", "nonfinite", "met", "light", "clamped", "seconds", "cpu_seconds")
 
 
 class FilmRegion(NamedTuple):
@@ -65,21 +62,18 @@ class Progress:
         truth: dict[str, NDArray[Any]],
         codes: int,
         *,
-        batches: bool,
+        counted: bool,
         begin: tuple[float, float],
     ) -> None:
-        """`begin`: of the render, on the clock and in processor time."""
+        """`counted`: whether pixels may have different numbers of samples; `begin`: on the clock, in processor time."""
         self.tiles, self.budget, self.region, self.truth = tiles, budget, region, truth
         replicates = budget.replicates
         self.film = Film(shape, counts=replicate_counts(budget.max_samples, replicates))
-        if self.film.squares is not None:
-            self.film.scatter = np.zeros(shape)
-        self.sums = None
-        """Of all samples of unfinished tiles; None where each tile is done in one batch."""
-        if budget.steps or batches:
-            self.sums = np.zeros((*shape[:2], replicates + 1, shape[2]))
+        if self.film.between is not None:
+            self.film.within = np.zeros(shape, dtype=np.float32)
+        if counted:
             self.film.sample_counts = np.zeros(shape[:2], dtype=np.int32)
-        self.one_sample = None if self.film.squares is None else np.zeros(shape[:2], dtype=np.float32)
+        self.one_sample = None if self.film.between is None else np.zeros(shape[:2], dtype=np.float32)
         """What one sample brings, at most; None without standard errors."""
         self.counts = np.zeros(codes, dtype=np.int64)
         self.done = np.zeros(len(tiles), dtype=np.int64)
@@ -97,7 +91,9 @@ class Progress:
         self.nonfinite_paths: list[tuple[int, int, int]] = []
         self.paths = self.nonfinite = self.met = 0
         self.light = self.clamped = self.seconds = self.cpu_seconds = 0.0
-        self._begin, self._before = begin, (0.0, 0.0)
+        self._begin = begin
+        self.before = (0.0, 0.0)
+        """What had passed, on the clock and in processor time, in the process before."""
 
     def pending(self) -> list[int]:
         """Tiles that need further samples, in order. Those that wait for a decision are not among them."""
@@ -105,31 +101,30 @@ class Progress:
 
     def next_samples(self, i: int) -> int:
         """How many samples a tile may be given next."""
-        return int(self._next()[i] - self.done[i])
+        return int(np.where(self.open[i], self.goal[i], MAX_SAMPLES).min() - self.done[i])
 
     def _next(self) -> NDArray[np.int64]:
         """(tiles,): samples at which a colour of each is decided upon next."""
         return np.asarray(np.where(self.open, self.goal, MAX_SAMPLES).min(axis=1))
 
-    def sums_of(self, i: int) -> Floats | None:
-        """Sums of a tile's samples until now; None where there are none."""
-        return None if self.sums is None or not self.done[i] else self.sums[self._places(i)]
+    def goes_on(self, i: int) -> bool:
+        """Whether a tile may be given further samples, now or after a decision."""
+        return bool(self.open[i].any())
 
     def take(self, i: int, result: TileResult) -> None:
         """Put in what a batch of a tile has brought."""
         at = self._places(i)
         first = not self.done[i]
         self.done[i] += result.batch.samples
-        done, tile = int(self.done[i]), result.tile
-        # Without sums, one batch must hold all.
-        assert self.sums is not None or done == result.batch.samples == self.budget.max_samples
-        if self.sums is not None:
-            self.sums[at] = result.sums
+        done, tile, counts = int(self.done[i]), result.tile, None
         where = None if self.open[i].all() else self.open[i][_colours(tile)]
-        counts = None if self.sums is None else replicate_counts(done, self.budget.replicates)
+        if self.film.sample_counts is None:
+            assert done == self.budget.max_samples
+        else:
+            counts = replicate_counts(done, self.budget.replicates)
         fill_factor = self.region.fill_factor
         sums, powers = fill_factor * result.sums[..., :-1, :], fill_factor**2 * result.sums[..., -1, :]
-        known = None if self.film.scatter is None else powers
+        known = None if self.film.within is None else powers
         found = self.film.add(at[0].start, at[1].start, sums, powers=known, counts=counts, where=where)
         if first:
             if self.one_sample is not None and result.weights is not None:
@@ -205,11 +200,6 @@ class Progress:
         errors = self._errors()
         return None if errors is None else relative_error(self.film.mean[self.region.asked], errors)
 
-    def light_is_rare(self) -> bool:
-        """Whether light is too rare to know this error."""
-        errors = self._errors()
-        return errors is not None and light_is_rare(self.film.mean[self.region.asked], errors)
-
     def _errors(self) -> NDArray[np.float32] | None:
         """Standard errors, nan where a tile is to come; None where there are none."""
         errors = self.film.standard_error(self.one_sample)
@@ -229,34 +219,8 @@ class Progress:
 
     def note_time(self) -> None:
         """What has passed until now, with what had passed in the process before."""
-        self.seconds = self._before[0] + time.perf_counter() - self._begin[0]
-        self.cpu_seconds = self._before[1] + time.process_time() - self._begin[1]
-
-    def arrays(self) -> dict[str, NDArray[Any]]:
-        """What a checkpoint keeps, by name: views that `restore` fills."""
-        named = {"mean": self.film.mean, "counts": self.counts, "done": self.done, "goal": self.goal, "open": self.open}
-        named["found"] = self.found
-        optional: dict[str, NDArray[Any] | None] = {"squares": self.film.squares, "scatter": self.film.scatter}
-        optional |= {"one_sample": self.one_sample, "sums": self.sums}
-        optional |= {"sample_counts": self.film.sample_counts, "seen": self.seen}
-        named |= {name: array for name, array in optional.items() if array is not None}
-        return named | {f"truth.{name}": array for name, array in self.truth.items()}
-
-    def facts(self) -> dict[str, Any]:
-        """What else a checkpoint keeps."""
-        counted = {name: getattr(self, name) for name in (*_COUNTED, "capped", "nonfinite_paths")}
-        return counted | {"processors": self.film.processors}
-
-    def restore(self, arrays: dict[str, NDArray[Any]], facts: dict[str, Any]) -> None:
-        """Go on from what `arrays` and `facts` once gave."""
-        for name, array in self.arrays().items():
-            array[...] = arrays[name]
-        for name in _COUNTED:
-            setattr(self, name, facts[name])
-        self._before, self.capped = (self.seconds, self.cpu_seconds), bool(facts["capped"])
-        self.nonfinite_paths = [tuple(path) for path in facts["nonfinite_paths"]]
-        self.film.processors = tuple(dict.fromkeys([*facts.get("processors", ()), *self.film.processors]))
-        self.decide()  # it may have been kept just before
+        self.seconds = self.before[0] + time.perf_counter() - self._begin[0]
+        self.cpu_seconds = self.before[1] + time.process_time() - self._begin[1]
 
     def _places(self, i: int) -> tuple[slice, slice]:
         tile = self.tiles[i]

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import threading
 import time
+from types import TracebackType
 from typing import Any
 
+from plenoptic.core.waiting.bar import DELAY, Watch, load_tqdm
+from plenoptic.core.waiting.compiling import ENDING, compiling, compiling_text
 from plenoptic.rendering.schedule.progress import Progress
 
 _INTERVAL = 0.5
@@ -13,27 +17,49 @@ _SHARE = 50
 
 
 class ProgressBar:
-    """Shown with tqdm, in terminals and notebooks. Its position is that of the nearest end: samples, time or error."""
+    """Shown with tqdm, in terminals and notebooks. Its position is that of the nearest end: samples, time or error.
 
-    def __init__(self, progress: Progress, begin: float, *, show: bool) -> None:
-        self._progress, self._begin = progress, begin
+    It is entered before anything is prepared, shows itself from `start` on, or sooner where something is compiled for a
+    second, and vanishes where an error is raised.
+    """
+
+    def __init__(self, begin: float, *, show: bool) -> None:
+        self._begin, self._watch = begin, Watch(self._look) if show else None
+        self._progress: Progress | None = None
         self._error: float | None = None
         self._from: tuple[float, float] | None = None
         """When the first batch was there, after all compiling, and the share that was done then."""
-        self._shown = self._measured = time.perf_counter()
+        self._shown = self._measured = self._moved = time.perf_counter()
         self._took = 0.0
         self._ending = False
         self._bar: Any = None
-        if show:
-            from tqdm.auto import tqdm
+        self._drawing = threading.RLock()
+        """Held by whoever draws: the render, the watch, and within these what hears Ctrl-C."""
 
-            self._bar = tqdm(total=100.0, bar_format="{percentage:3.0f}%|{bar}| {elapsed}{postfix}")
-            self._bar.start_t -= time.perf_counter() - begin
+    def __enter__(self) -> ProgressBar:
+        if self._watch is not None:
+            self._watch.__enter__()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._watch is not None:
+            self._watch.__exit__(kind, error, trace)
+        if self._bar is not None:
+            self._bar.leave = kind is None
+            self._bar.close()
+
+    def start(self, progress: Progress) -> None:
+        """All is prepared, and this is what will be rendered."""
+        self._progress = progress
+        if self._watch is not None:
+            self._show()
 
     def update(self) -> None:
         """Show what has changed, twice a second at most."""
-        now = time.perf_counter()
-        if self._bar is None:
+        now = self._moved = time.perf_counter()
+        if self._bar is None or self._progress is None:
             return
         if self._from is None:
             self._from = (now, self._share())
@@ -53,15 +79,22 @@ class ProgressBar:
 
     def close(self, *, finished: bool) -> None:
         """Show the end."""
-        if self._bar is None:
+        if self._bar is None or self._progress is None:
             return
         self._error = self._progress.error()
         self._show(1.0 if finished else None)
-        self._bar.close()
+
+    def _look(self) -> None:
+        """What the watch does while something is compiled, and after that."""
+        if self._bar is not None or time.perf_counter() - self._begin > DELAY:
+            self._show()
 
     def _share(self) -> float:
         """The part of the work that is done, by what will end it first."""
-        progress, budget = self._progress, self._progress.budget
+        progress = self._progress
+        if progress is None:
+            return 0.0
+        budget = progress.budget
         shares = [0.0]
         if budget.samples is not None:
             shares.append(float((progress.done / budget.samples).mean()))
@@ -76,24 +109,36 @@ class ProgressBar:
 
     def _left(self, share: float) -> float | None:
         """Seconds until the end at the pace since the first batch; None where nothing has been gained since."""
-        if self._from is None or not self._from[1] < share < 1:
+        if self._progress is None or self._from is None or not self._from[1] < share < 1:
             return None
         now, limit = time.perf_counter(), self._progress.budget.time_limit
         left = (now - self._from[0]) * (1 - share) / (share - self._from[1])
         return left if limit is None else max(min(left, self._begin + limit - now), 0.0)
 
     def _show(self, share: float | None = None) -> None:
-        share = self._share() if share is None else share
-        facts = ["interrupted, ending"] if self._ending else []
-        left = self._left(share)
-        if not self._ending and left is not None:
+        with self._drawing:
+            if self._bar is None:
+                self._bar = load_tqdm()(total=100.0, bar_format="{percentage:3.0f}%|{bar}| {elapsed}{postfix}")
+                if not self._bar.disable:  # by the variable TQDM_DISABLE
+                    self._bar.start_t -= time.perf_counter() - self._begin
+            share = self._share() if share is None else share
+            self._bar.n = 100 * share
+            self._bar.set_postfix_str(", ".join(self._facts(share)), refresh=False)
+            self._bar.refresh()
+
+    def _facts(self, share: float) -> list[str]:
+        """What is said beside the bar."""
+        facts, left = [], self._left(share)
+        if self._ending:
+            facts.append("interrupted, ending" if compiling.since() is None else ENDING)
+        elif time.perf_counter() - self._moved > DELAY and (text := compiling_text("scene", after=DELAY)):
+            facts.append(text)
+        elif left is not None:
             facts.append(f"{_duration(left)} left")
-        if self._error is not None and self._error == self._error:
+        if self._progress is not None and self._error is not None and self._error == self._error:
             partly = "" if (self._progress.done > 0).all() else " of what is there"
             facts.append(f"error {100 * self._error:.2g} %{partly}")
-        self._bar.n = 100 * share
-        self._bar.set_postfix_str(", ".join(facts), refresh=False)
-        self._bar.refresh()
+        return facts
 
 
 def _duration(seconds: float) -> str:

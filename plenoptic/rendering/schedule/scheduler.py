@@ -1,47 +1,62 @@
-"""The one driver loop: tiles over threads, batch after batch, until there is enough."""
+"""The one driver loop: tiles over threads or a cluster, batch after batch, until there is enough."""
 
 from __future__ import annotations
 
+import contextlib
+import functools
 import math
 import os
 import time
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.camera.checks import sensor_region
 from plenoptic.camera.sampling.pixel_regions import cells_per_pixel
-from plenoptic.camera.sampling.record import Batch
 from plenoptic.core.ahead import compiled_ahead
+from plenoptic.core.engines.choice import cluster_of
+from plenoptic.core.engines.engine import Engine
 from plenoptic.core.lost_rays import lost_rays
 from plenoptic.core.parallel import run_in_order, thread_count
+from plenoptic.core.relative_error import light_is_rare, relative_error
 from plenoptic.core.values import flag, seed_number, whole
 from plenoptic.core.warn import warn
 from plenoptic.errors import BlackImageWarning, BudgetWarning
 from plenoptic.rendering.context import RenderContext, render_context
-from plenoptic.rendering.exposure import MOST_NAMES, Exposure, samples_text
+from plenoptic.rendering.exposure import MOST_NAMES, Exposure
 from plenoptic.rendering.film import OWN_ERRORS, in_whole_blocks
+from plenoptic.rendering.frame import samples_text
 from plenoptic.rendering.plan.scene_stages import is_dark
 from plenoptic.rendering.plan.stages import Subject
 from plenoptic.rendering.schedule.budget import Budget
 from plenoptic.rendering.schedule.clock import Clock
 from plenoptic.rendering.schedule.interrupts import Interrupts
+from plenoptic.rendering.schedule.orders import (
+    RenderJob,
+    TileOrder,
+    compile_tiles,
+    thread_engine,
+    tile_order,
+    tile_renderer,
+)
 from plenoptic.rendering.schedule.progress import FilmRegion, Progress
 from plenoptic.rendering.schedule.progress_bar import ProgressBar
+from plenoptic.rendering.schedule.sums import Sums, SumsInMemory
 from plenoptic.rendering.stats import RenderStats, StopReason
-from plenoptic.rendering.tile import Tile, TileResult, batch_of, render_tile, status_codes
+from plenoptic.rendering.tile import Tile, TileResult, status_codes
 from plenoptic.rendering.tiling import cut_into_tiles
 from plenoptic.truth.arrays import available_truth, empty_truth, forget_truth
 from plenoptic.truth.channels import GroundTruth, Truth
 from plenoptic.truth.ground_truth import truth_record
-from plenoptic.truth.stages import TruthRecord
 
 if TYPE_CHECKING:
+    from plenoptic.core.files.record_log import Entry
     from plenoptic.optics.lens.analysis.conditioning import Conditioning
     from plenoptic.rendering.schedule.checkpoint import Checkpoint
 
+Image = NDArray[Any]
 _MISSED = 1.25
 """Ratio of the error reached to the one wanted that is worth a warning."""
 _LATE, _LATE_SECONDS = 0.1, 0.5
@@ -59,18 +74,20 @@ class Work(NamedTuple):
     conditioning: int | None
     checkpoint: str | os.PathLike[str] | None
     checkpoint_interval: float
+    client: Any = None
 
 
 def run(subject: Subject, budget: Budget, work: Work) -> Exposure:
     """Render; see `render`."""
     begin = time.perf_counter(), time.process_time()
-    camera, checkpoint = subject.camera, None
-    if work.checkpoint is not None:
-        from plenoptic.rendering.schedule.checkpoint import Checkpoint
+    with ProgressBar(begin[0], show=flag(work.progress, "progress")) as bar:
+        return _run(subject, budget, work, begin, bar)
 
-        checkpoint = Checkpoint(work.checkpoint, work.checkpoint_interval)
-    seed = seed_number(work.seed)
-    workers, show = thread_count(work.threads), flag(work.progress, "progress")
+
+def _run(subject: Subject, budget: Budget, work: Work, begin: tuple[float, float], bar: ProgressBar) -> Exposure:
+    camera = subject.camera
+    seed, cluster = seed_number(work.seed), cluster_of(work.client, work.threads)
+    workers = thread_count(work.threads) if cluster is None else cluster.threads
     region = asked = sensor_region(camera.sensor.shape, work.region)
     if 2 <= budget.replicates < OWN_ERRORS:  # errors, or their bits would be others at the rim of a region
         region = in_whole_blocks(asked, camera.sensor.shape)
@@ -83,36 +100,41 @@ def run(subject: Subject, budget: Budget, work: Work) -> Exposure:
         warn(f"{dull} and the image will be black; give it lights=[...] above 0 or a background=", BlackImageWarning)
     meshes = context.intersector is not None
     kept = available_truth(subject.truth, meshes=meshes, microlenses=camera.microlenses is not None)
-    side, tiles = cut_into_tiles(region, budget, work.tile_side, cells_per_pixel(context.camera))
-    context.prepared.cut_into(tuple(tiles), steps=budget.steps)
-    clock = Clock(begin[0], budget.time_limit, sum(tile.pixels for tile in tiles) * context.channels)
+    checkpoint = _checkpoint(subject, budget, work, context, region, kept)
+    wanted = work.tile_side if checkpoint is None or work.tile_side is not None else checkpoint.tile_side
+    side, tiles = cut_into_tiles(region, budget, wanted, cells_per_pixel(context.camera))
+    steps = budget.steps or budget.passes
+    context.prepared.cut_into(tuple(tiles), steps=steps)
     here = slice(asked[0] - region[0], asked[1] - region[0]), slice(asked[2] - region[2], asked[3] - region[2])
-    progress = _progress(context, budget, region, here, tiles, kept, clock, begin)
-    if checkpoint is not None:
-        facts: dict[str, object] = {"seed": seed, "samples": budget.samples, "target_error": budget.target_error}
-        if budget.target_error is not None:
-            # What is kept for decisions, and how they are made.
-            facts["decided by"] = "errors over expected brightness, up to a twentieth, in predicted steps"
-        facts |= {"time_limit": None if budget.time_limit is None else "given", "replicates": budget.replicates}
-        facts |= {
-            "errors from": "samples and replicates",
-            "region": region,
-            "truth": kept,
-            "settings": subject.settings,
-            "tile_side": side,
-        }
-        checkpoint.resume(progress, context.scene, camera, facts)
+    clock = Clock(begin[0], budget.time_limit, sum(tile.pixels for tile in tiles) * context.channels)
+    counted = steps or (checkpoint is not None and checkpoint.holds)
+    counted |= any(clock.samples_per_batch(tile.pixels, budget.replicates) < budget.max_samples for tile in tiles)
+    progress = progress_of(context, budget, region, here, tiles, kept, begin, counted=counted)
+    if cluster is not None:
+        progress.film.processors = cluster.processors
     found = None
     if work.conditioning is not None:
         from plenoptic.camera.conditioning import camera_conditioning
 
         found = camera_conditioning(context.camera, asked, seed=seed, rays=work.conditioning)
-    bar = ProgressBar(progress, begin[0], show=show)
-    truth, batch = truth_record(camera, context.camera, kept), batch_of(context, 0, 1)
-    with compiled_ahead(lambda: render_tile(context, Tile(0, 0, 0, 0), batch, truth), threads=workers):
-        interrupted = _drive(progress, context, truth, clock, workers, checkpoint, bar)
-    reason = _reason(progress, interrupted=interrupted)
-    shot = _exposure(progress, reason, subject, work, workers, found)
+    if checkpoint is not None:
+        checkpoint.begin(progress, side)
+    bar.start(progress)
+    engine: Engine[TileOrder, TileResult | None]
+    with contextlib.ExitStack() as stack:
+        if cluster is None:
+            truth = truth_record(camera, context.camera, kept)
+            ahead = compiled_ahead(lambda: compile_tiles(context, truth), threads=workers, shown=work.progress)
+            stack.enter_context(ahead)
+            engine = thread_engine(context, truth, clock, workers)
+        else:
+            job = RenderJob(subject, seed, kept, steps)
+            late = None if budget.time_limit is None else clock.late
+            engine = stack.enter_context(cluster.engine(tile_renderer, job, late=late))
+        interrupted = drive(progress, context, engine, clock, checkpoint, bar)
+    if cluster is not None:
+        progress.film.processors = tuple(dict.fromkeys(progress.film.processors + cluster.processors))
+    shot = exposure_of(progress, subject, work, workers, found, interrupted=interrupted)
     if interrupted:
         counts = np.array([shot.samples]) if shot.sample_counts is None else shot.sample_counts
         left = "" if counts.all() else "; pixels without samples are black, with infinite errors"
@@ -127,15 +149,30 @@ def run(subject: Subject, budget: Budget, work: Work) -> Exposure:
     return shot
 
 
-def _progress(
+def _checkpoint(
+    subject: Subject, budget: Budget, work: Work, context: RenderContext, region: tuple[int, ...], kept: Truth
+) -> Checkpoint | None:
+    """The checkpoint of a render, if it is to have one: that of any other with the same paths."""
+    if work.checkpoint is None:
+        return None
+    from plenoptic.rendering.schedule.checkpoint import Checkpoint
+    from plenoptic.rendering.schedule.identity import identity
+
+    facts = {"seed": work.seed, "replicates": budget.replicates, "region": region, "truth": kept}
+    facts["settings"] = subject.settings
+    return Checkpoint(work.checkpoint, work.checkpoint_interval, identity(context.scene, subject.camera, **facts))
+
+
+def progress_of(
     context: RenderContext,
     budget: Budget,
     region: tuple[int, int, int, int],
     asked: tuple[slice, slice],
     tiles: list[Tile],
     kept: Truth,
-    clock: Clock,
     begin: tuple[float, float],
+    *,
+    counted: bool,
 ) -> Progress:
     """Nothing is rendered yet."""
     first_row, end_row, first_column, end_column = region
@@ -145,7 +182,6 @@ def _progress(
         from plenoptic.scene.compile import brightest_radiance
 
         radiance = brightest_radiance(context.scene)
-    batch = min(clock.samples_per_batch(tile.pixels, budget.replicates) for tile in tiles)
     return Progress(
         tiles,
         (*shape, context.channels),
@@ -153,56 +189,77 @@ def _progress(
         FilmRegion(first_row, first_column, context.camera.sensor.fill_factor, radiance, asked),
         empty_truth(kept, shape),
         status_codes(context.camera),
-        batches=batch < budget.max_samples,
+        counted=counted,
         begin=begin,
     )
 
 
-def _drive(
+def drive(
     progress: Progress,
     context: RenderContext,
-    truth: TruthRecord | None,
+    engine: Engine[TileOrder, TileResult | None],
     clock: Clock,
-    workers: int,
     checkpoint: Checkpoint | None,
     bar: ProgressBar,
 ) -> bool:
     """Render batches until nothing is pending, time is over or somebody interrupts, which is returned."""
     replicates, interrupts = context.replicates, Interrupts(bar.end)
     kept, pixels = progress.paths, sum(tile.pixels for tile in progress.tiles)
+    sums: Sums = SumsInMemory() if checkpoint is None else checkpoint
 
-    def batches() -> Iterator[tuple[int, Batch]]:
+    def recorded() -> Iterator[tuple[int, Entry]]:
+        assert checkpoint is not None
         for i in progress.pending():
-            tile = progress.tiles[i]
+            done, most = int(progress.done[i]), progress.next_samples(i)
+            # Where no decision rests on how many samples there are, more of them do no harm.
+            further = most if progress.budget.target_error is not None else progress.budget.max_samples - done
+            if (entry := checkpoint.recorded(i, done, further, replicates)) is not None:
+                yield i, entry
+
+    def orders() -> Iterator[TileOrder]:
+        for i in progress.pending():
+            tile, done = progress.tiles[i], int(progress.done[i])
             samples = min(progress.next_samples(i), clock.samples_per_batch(tile.pixels, replicates))
             if not clock.has_time(samples * tile.pixels):
                 return
-            yield i, batch_of(context, int(progress.done[i]), samples)
+            yield tile_order(context, i, tile, (done, samples), sums.of(i) if done else None)
 
-    def work(task: tuple[int, Batch]) -> tuple[int, TileResult | None]:
-        i, batch = task
-        tile, begin = progress.tiles[i], time.perf_counter()
-        wanted = truth if batch.first == 0 else None  # is found once
-        before = progress.sums_of(i)
-        result = render_tile(context, tile, batch, wanted, before, stopped=lambda: interrupts.asked or clock.late())
-        clock.note(batch.samples * tile.pixels, time.perf_counter() - begin)
-        return i, result
+    def found() -> Iterator[tuple[int, TileResult | None, Entry | None]]:
+        """What the checkpoint has of tiles that are pending, and then what is rendered of the others."""
+        while checkpoint is not None and (entries := list(recorded())):
+            read = functools.partial(_read, checkpoint, context)
+            yield from run_in_order(read, entries, threads=min(engine.threads, thread_count(None)))
+        left, stopped = len(progress.pending()), lambda: interrupts.asked
+        for done in engine.results(orders(), left=left, given_up=stopped) if left else ():
+            if done.result is not None:
+                clock.note(int(done.order.size), done.seconds)
+                progress.before = progress.before[0], progress.before[1] + done.elsewhere
+            yield done.order.i, done.result, None
 
     with interrupts:
-        while (left := len(progress.pending())) and not clock.over and not interrupts.asked:
-            for i, result in run_in_order(work, batches(), threads=min(workers, left), ahead=clock.ahead):
+        while progress.pending() and not clock.over and not interrupts.asked:
+            for i, result, entry in found():
                 if result is not None:
                     progress.take(i, result)
+                    sums.keep(i, result, progress, entry)
                 if checkpoint is not None:
-                    checkpoint.save_if_due(progress)
+                    checkpoint.flush()
                 bar.update()
                 if interrupts.asked:
                     break
             progress.decide(clock.affordable(progress.paths - kept) / pixels)
         if checkpoint is not None:
-            checkpoint.save(progress)
+            checkpoint.flush(at_once=True)
+            checkpoint.close()
         bar.close(finished=not interrupts.asked)
         return interrupts.asked
+
+
+def _read(
+    checkpoint: Checkpoint, context: RenderContext, task: tuple[int, Entry]
+) -> tuple[int, TileResult | None, Entry | None]:
+    """What the checkpoint has of a tile."""
+    return task[0], checkpoint.result(*task, context), task[1]
 
 
 def _warn_where_late(progress: Progress, limit: float, took: float) -> None:
@@ -220,7 +277,7 @@ def _warn_where_late(progress: Progress, limit: float, took: float) -> None:
         warn(f"rendering took {took:.3g} s instead of {limit:g} s: {why}", BudgetWarning)
 
 
-def _reason(progress: Progress, *, interrupted: bool) -> StopReason:
+def _reason(progress: Progress, image: Image, errors: Image | None, *, interrupted: bool) -> StopReason:
     """Why it has ended; a warning where that is not the error that was wanted."""
     target = progress.budget.target_error
     if interrupted:  # also where all was done at that moment: loops of renders are to hear of it
@@ -229,8 +286,9 @@ def _reason(progress: Progress, *, interrupted: bool) -> StopReason:
         return StopReason.TIME_LIMIT
     if progress.capped or target is None:
         return StopReason.SAMPLES
-    reached, rare = progress.error(), progress.light_is_rare()
-    if reached is None or not (rare or _MISSED * target < reached):  # nan where nothing can be lit
+    assert errors is not None
+    reached, rare = relative_error(image, errors), light_is_rare(image, errors)
+    if not (rare or _MISSED * target < reached):  # nan where nothing can be lit
         return StopReason.TARGET_ERROR
     wanted = f"{100 * target:.2g} %"
     if rare:
@@ -248,24 +306,25 @@ def _reason(progress: Progress, *, interrupted: bool) -> StopReason:
     return StopReason.TARGET_MISSED
 
 
-def _exposure(
+def exposure_of(
     progress: Progress,
-    reason: StopReason,
     subject: Subject,
     work: Work,
     workers: int,
     conditioning: Conditioning | None,
+    *,
+    interrupted: bool,
 ) -> Exposure:
-    """What has been found, of the region that was asked for."""
-    film, counts = progress.film, progress.sample_counts()
+    """What has been found, of the region that was asked for. The film is used up: its arrays are those of the shot."""
+    film, counts, here = progress.film, progress.sample_counts(), progress.region.asked
     if counts is not None:
         forget_truth(progress.truth, counts == 0)
-    error, agreeing = film.standard_error(progress.one_sample), _agreeing(progress, counts)
-    here = progress.region.asked
-    truth, counts = (
-        {name: array[here] for name, array in progress.truth.items()},
-        None if counts is None else counts[here],
-    )
+    agreeing = _agreeing(progress, counts)
+    error = film.standard_error(progress.one_sample, out=film.between)
+    film.between = film.within = None
+    image, errors = _part(film.mean, here), None if error is None else _part(error, here)
+    truth = {name: _part(array, here) for name, array in progress.truth.items()}
+    counts = None if counts is None else counts[here]
     most = progress.budget.max_samples if counts is None else int(counts.max())
     names = subject.scene.object_names if subject.scene is not None and "object" in progress.truth else None
     progress.note_time()
@@ -280,13 +339,13 @@ def _exposure(
         clamped=progress.clamped / progress.light if progress.light > 0 else 0.0,
         nonfinite_paths=tuple(progress.nonfinite_paths),
         zero_variance=int(np.count_nonzero(agreeing[here])),
-        stopped_by=reason,
+        stopped_by=_reason(progress, image, errors, interrupted=interrupted),
         conditioning=conditioning,
         processors=film.processors,
     )
     return Exposure(
-        image=film.image()[here],
-        standard_error=None if error is None else error[here],
+        image=image,
+        standard_error=errors,
         truth=GroundTruth(**truth) if truth else None,
         samples=most,
         replicates=min(progress.budget.replicates, max(most, 1)),
@@ -299,6 +358,14 @@ def _exposure(
         white=subject.scene is None,
         object_names=names if names is None or len(names) <= MOST_NAMES else None,
     )
+
+
+def _part(array: Image, here: tuple[slice, slice]) -> Image:
+    """The part of an array that was asked for; read-only, so that the exposure need not copy it where that is all."""
+    part = array[here]
+    part = array if part.shape == array.shape else part.copy()
+    part.flags.writeable = False
+    return part
 
 
 def _agreeing(progress: Progress, counts: NDArray[np.int32] | None) -> NDArray[np.bool_]:

@@ -28,13 +28,18 @@ def geometry_record(
     instances: InstanceRecord | None = None,
 ) -> Geometry:
     """The record of triangles; see `Geometry` for shapes."""
-    middle, rows = middle_of(vertices, triangles, instances), None
-    if instances is not None:
-        rows = np.column_stack([instances.matrices, np.zeros(len(instances.matrices))])
-        for child in child_meshes(vertices, triangles, instances, middle):
-            rows[child.instances, INSTANCE_DISTANCE] = np.abs(child.matrices[:, :, 3]).sum(axis=1)
-        rows = read_only(rows)
-    return Geometry(vertices, triangles, triangle_material, uv, normals, rows, read_only(middle))
+    middle = read_only(middle_of(vertices, triangles))
+    geometry = Geometry(vertices, triangles, triangle_material, uv, normals, None, middle)
+    return geometry if instances is None else placed(geometry, instances)
+
+
+def placed(geometry: Geometry, instances: InstanceRecord) -> Geometry:
+    """The same triangles with instances of some of them."""
+    middle = middle_of(geometry.vertices, geometry.triangles, instances)
+    rows = np.column_stack([instances.matrices, np.zeros(len(instances.matrices))])
+    for child in child_meshes(geometry.vertices, geometry.triangles, instances, middle):
+        rows[child.instances, INSTANCE_DISTANCE] = np.abs(child.matrices[:, :, 3]).sum(axis=1)
+    return geometry._replace(instance_to_world=read_only(rows), middle=read_only(middle))
 
 
 class ChildMesh(NamedTuple):
@@ -83,10 +88,16 @@ def part_of(vertices: Floats, triangles: NDArray[np.int32]) -> tuple[Floats, NDA
 def middle_of(vertices: Floats, triangles: NDArray[np.int32], instances: InstanceRecord | None = None) -> Floats:
     """Median of the vertices: where the details are, whatever large surfaces lie around them.
 
-    An instance counts as two opposite corners of the box around its mesh.
+    An instance counts as two opposite corners of the box around its mesh; where others stand still, those that move do
+    not count, so that the coordinates of what stands still are the same at all times.
     """
     if instances is None:
         return np.asarray(np.median(vertices, axis=0))
+    if instances.moving is not None and (instances.plain or np.any(instances.moving < 0)):
+        still = instances.some(instances.moving < 0)
+        if still is None:
+            return np.asarray(np.median(part_of(vertices, triangles[: instances.plain])[0], axis=0))
+        instances = still
     points = [part_of(vertices, triangles[: instances.plain])[0]] if instances.plain else []
     matrices = instances.matrices.reshape(-1, 3, 4)
     for first, count, places in distinct_meshes(instances):

@@ -4,11 +4,23 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic.core.values import LARGEST_LENGTH, Floats, Given, check_kind, contiguous, frozen_array, set_field, value
+from plenoptic.core.motions.motion import Motion
+from plenoptic.core.values import (
+    LARGEST_LENGTH,
+    Floats,
+    Given,
+    check_kind,
+    contiguous,
+    frozen_array,
+    read_only,
+    set_field,
+    value,
+)
 from plenoptic.errors import SceneError
 from plenoptic.scene.geometry import moves
 from plenoptic.scene.geometry.mesh import Mesh, affine_determinants
@@ -30,11 +42,14 @@ class Instances:
     matrices : (n, 4, 4) array
         From the mesh's frame to the world, for column vectors: p' = M p, lengths in mm. Where a matrix mirrors, the
         front of the mesh stays the front.
+    motion : Motion, optional
+        How all of them move from there, by the time in s from the middle of an exposure: what a `Sequence` gives to
+        what moves. It shows where the camera has a `Shutter`. None: they stand still.
 
     Raises
     ------
     InvalidValueError
-        Something that is not a mesh, or an array of another shape.
+        Something that is not a mesh or a motion, or an array of another shape.
     SceneError
         No place; a matrix that is not finite, projective, flattening (determinant 0), or leads beyond 1e15 mm.
 
@@ -52,9 +67,12 @@ class Instances:
 
     mesh: Mesh
     matrices: Given[Floats, ArrayLike]
+    motion: Motion | None = None
 
     def __post_init__(self) -> None:
         check_kind(self.mesh, "mesh", Mesh, "pl.box(4)")
+        if self.motion is not None:
+            check_kind(self.motion, "motion", Motion, "pl.Motion.screw((0, 1), axis=(0, 1, 0), angle_deg=90)")
         set_field(self, "matrices", frozen_array(self.matrices, name="matrices", shape=(None, 4, 4)))
         if not len(self.matrices):
             raise SceneError("matrices has no rows; give at least one place, or leave the instances out")
@@ -71,9 +89,9 @@ class Instances:
         return len(self.matrices)
 
     def __repr__(self) -> str:
-        return f"Instances({len(self)} of {self.mesh!r})"
+        return f"Instances({len(self)} of {self.mesh!r}{'' if self.motion is None else ', moving'})"
 
-    @property
+    @cached_property
     def bounds(self) -> Floats:
         """(2, 3), mm: the lowest and the highest corner of all triangles in the world.
 
@@ -84,11 +102,13 @@ class Instances:
         [1.0, 4.0, 9.0]
         """
         points = self.mesh.vertices[np.unique(self.mesh.faces)]
-        bounds = [[-_farthest(points, -self.matrices[:, k]) for k in range(3)]]
-        return np.array([*bounds, [_farthest(points, self.matrices[:, k]) for k in range(3)]])
+        lowest = [-_farthest(points, -self.matrices[:, k]) for k in range(3)]
+        return read_only(np.array([lowest, [_farthest(points, self.matrices[:, k]) for k in range(3)]]))
 
     def transformed(self, matrix: ArrayLike) -> Instances:
         """All of them moved by an affine map of the world, p' = M p; what `Mesh.transformed` may do is allowed.
+
+        With a motion, the map must turn, shift and scale equally in all directions.
 
         Examples
         --------
@@ -98,7 +118,11 @@ class Instances:
         """
         full = frozen_array(matrix, name="matrix", shape=(4, 4))
         affine_determinants(full[None])
-        return dataclasses.replace(self, matrices=full @ self.matrices)
+        motion = self.motion
+        if motion is not None:
+            full, scale = moves.similarity(full)
+            motion = motion.carried(full[:3, :3] / scale, full[:3, 3], scale)
+        return dataclasses.replace(self, matrices=full @ self.matrices, motion=motion)
 
     translated, rotated, rotated_deg, scaled = moves.translated, moves.rotated, moves.rotated_deg, moves.scaled
 
@@ -134,11 +158,14 @@ def instance_record(instances: Sequence[Instances], first: Sequence[int]) -> Ins
         return None
     matrices = np.concatenate([one.matrices for one in instances])
     lengths = [len(one) for one in instances]
+    numbers = np.cumsum([one.motion is not None for one in instances]) - 1
+    moving = np.array([-1 if one.motion is None else k for one, k in zip(instances, numbers, strict=True)], np.int32)
     return InstanceRecord(
         matrices=contiguous(matrices[:, :3].reshape(-1, 12)),
         first=contiguous(np.repeat(np.asarray(first, dtype=np.int32), lengths)),
         faces=contiguous(np.repeat(np.array([len(one.mesh.faces) for one in instances], dtype=np.int32), lengths)),
         plain=int(min(first)),
+        moving=contiguous(np.repeat(moving, lengths)) if np.any(moving >= 0) else None,
     )
 
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import LARGEST_LENGTH, Floats, Given, frozen_array, set_field, value
+from plenoptic.core.values import LARGEST_LENGTH, Floats, Given, frozen_array, read_only, set_field, value
 from plenoptic.errors import InvalidValueError, SceneError
 from plenoptic.scene.geometry import moves
 from plenoptic.scene.materials.diffuse import Lambertian
@@ -86,7 +87,7 @@ class Mesh:
         triangles = f"{len(self.faces)} triangle{'' if len(self.faces) == 1 else 's'}"
         return f"Mesh({name}{len(self.vertices)} vertices, {triangles}, {self.material!r})"
 
-    @property
+    @cached_property
     def bounds(self) -> Floats:
         """(2, 3), mm: the lowest and the highest corner of its triangles.
 
@@ -99,7 +100,7 @@ class Mesh:
         used = np.zeros(len(self.vertices), dtype=bool)
         used[self.faces.ravel()] = True
         points = self.vertices[used]
-        return np.array([points.min(axis=0), points.max(axis=0)])
+        return read_only(np.array([points.min(axis=0), points.max(axis=0)]))
 
     def transformed(self, matrix: ArrayLike) -> Mesh:
         """The mesh moved by an affine map, p' = M p; normals by the inverse transpose of its 3 x 3 part.

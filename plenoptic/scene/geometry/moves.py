@@ -8,7 +8,7 @@ from typing import Protocol, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic.core.rotation import rotation_about
+from plenoptic.core.motions.rotation import rotation_about
 from plenoptic.core.values import Floats, finite, frozen_array, positive
 from plenoptic.errors import SceneError
 

@@ -60,6 +60,14 @@ class InstanceRecord(NamedTuple):
     """(ni,): number of its triangles."""
     plain: int
     """Number of triangles that stand in the world as they are: the first rows of `triangles`."""
+    moving: NDArray[np.int32] | None
+    """(ni,): which of the scene's motions each follows, -1 for those that stand still. None where nothing moves."""
+
+    def some(self, which: NDArray[np.bool_]) -> InstanceRecord | None:
+        """Those of a mask (ni,), still ones, with the plain triangles; None where it is none of them."""
+        if not which.any():
+            return None
+        return InstanceRecord(self.matrices[which], self.first[which], self.faces[which], self.plain, None)
 
 
 class Hits(NamedTuple):

@@ -79,12 +79,15 @@ def _settings(**changes: Any) -> _Change:
 
 def _into_the_cameras_frame(subject: Subject) -> Subject:
     """The world moved so that the camera needs no pose and sees the same."""
-    pose, scene = subject.camera.pose, subject.scene
+    pose, scene, shutter = subject.camera.pose, subject.scene, subject.camera.shutter
     assert pose is not None
+    turn, shift = pose.rotation.T, -pose.rotation.T @ pose.position
     if scene is not None:
-        to_camera = pose.rotation.T
-        scene = scene.transformed(np.vstack([np.column_stack([to_camera, -to_camera @ pose.position]), [0, 0, 0, 1]]))
-    return dataclasses.replace(subject, scene=scene, camera=dataclasses.replace(subject.camera, pose=None))
+        scene = scene.transformed(np.vstack([np.column_stack([turn, shift]), [0, 0, 0, 1]]))
+    if shutter is not None and shutter.motion is not None:
+        shutter = dataclasses.replace(shutter, motion=shutter.motion.carried(turn, shift))
+    camera = dataclasses.replace(subject.camera, pose=None, shutter=shutter)
+    return dataclasses.replace(subject, scene=scene, camera=camera)
 
 
 def _one_bounce(subject: Subject) -> Subject:
@@ -131,6 +134,7 @@ _WAYS: dict[Stage, tuple[str, _Change]] = {
     Stage.SHAPED_STOPS: ("round stops", _camera(camera_ablation.with_round_stops)),
     Stage.DISPLACED_LENS: ("the lens as designed", _camera(dataclasses.replace, lens_placement=None)),
     Stage.POSE: ("the scene in the camera's frame", _into_the_cameras_frame),
+    Stage.SHUTTER: ("an instant", _camera(dataclasses.replace, shutter=None)),
     Stage.INTERSECTION: ("a scene without surfaces", _scene(scene_ablation.without_meshes)),
     Stage.INSTANCES: ("copies", _scene(scene_ablation.without_instances)),
     Stage.OPACITY: ("opaque surfaces", _materials(scene_ablation.with_fields, opacity=1.0, cutoff=None)),

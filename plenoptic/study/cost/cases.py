@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.camera.shutter import Shutter
+from plenoptic.core.motions.motion import Motion
 from plenoptic.rendering.plan.plan import plan
 from plenoptic.rendering.plan.stages import Plan
 from plenoptic.rendering.settings import Caustics, Sampler
@@ -60,7 +63,8 @@ def _curtain(rng: np.random.Generator) -> Material:
 
 
 def _furnished() -> Plan:
-    camera = furnished_camera()
+    shake = Motion.screw((-1.0, 1.0), axis=(1.0, 2.0, 3.0), angle_deg=0.1, advance=0.5)
+    camera = dataclasses.replace(furnished_camera(), shutter=Shutter(0.02, row_time=1e-5, motion=shake))
     settings: dict[str, Any] = {"caustics": Caustics.LEFT_OUT, "clamp": 100.0, "sampler": Sampler.RANDOM}
     return plan(_furnished_scene(camera), camera, truth=Truth.ALL, **settings)
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.core.values import Floats, check_kind, seed_number, whole
+from plenoptic.core.waiting.bar import load_tqdm
 from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.plan.stages import Plan, Subject
 from plenoptic.study.cost.ablation import Ablation, Inseparable, ablations
@@ -173,8 +174,6 @@ def _turns(subject: Subject, out: list[Ablation], run: _Run, rounds: int, progre
 
     Only two cameras take turns at a time, so that what is remembered of cameras used last stays.
     """
-    from tqdm.auto import tqdm
-
     n, set_ups = len(out), min(rounds, _SET_UPS)
     pictures = [Picture() for _ in range(n + 1)]
     times = _Times(
@@ -182,7 +181,7 @@ def _turns(subject: Subject, out: list[Ablation], run: _Run, rounds: int, progre
     )
     one_path = run._replace(samples=1, region=central_pixel(run.region))
     numbers = itertools.count(1)
-    with tqdm(total=n * (2 * rounds + 3 + 2 * set_ups), disable=not progress) as bar:
+    with load_tqdm()(total=n * (2 * rounds + 3 + 2 * set_ups), disable=not progress) as bar:
 
         def seconds(one: Subject, run: _Run, picture: int | None = None) -> float:
             shot = complete(_exposed(one, run, next(numbers)))

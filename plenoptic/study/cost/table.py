@@ -153,6 +153,9 @@ class CostTable:
         rows += [(stage.name, *[""] * 8, reason) for stage, reason in self.kept]
         return comma_separated(rows, path)
 
+    def _repr_markdown_(self) -> str:
+        return self.to_markdown()
+
     def __str__(self) -> str:
         return "\n".join([plain_table(_COLUMNS, [row.cells for row in self.dearest]), *self._remarks()])
 

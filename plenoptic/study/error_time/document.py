@@ -1,4 +1,4 @@
-"""The document on error and time, written by ``python -m plenoptic.study error-against-time --document``."""
+"""The document on error and time, written by ``plenoptic study error-against-time --document``."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def error_document(
     names = " ".join(case.name for case, _ in studies)
     parts = [
         "# Error against time",
-        f"Written by `python -m plenoptic.study error-against-time --case {names} --document"
+        f"Written by `plenoptic study error-against-time --case {names} --document"
         f"{'' if figure is None else ' --plot ' + figure.rpartition('/')[2]}` on {datetime.date.today().isoformat()}.",
         _WORDS,
         "## The machine",

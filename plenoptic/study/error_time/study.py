@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from plenoptic.camera.checks import check_scene_and_camera
 from plenoptic.core.parallel import thread_count
 from plenoptic.core.values import seed_number, whole, wrong_kind
+from plenoptic.core.waiting.bar import load_tqdm
 from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.exposure import Exposure
 from plenoptic.study.error_time.measurement import Runs, measured_rows
@@ -117,8 +118,6 @@ def error_against_time(  # noqa: PLR0913
     >>> table.recommend(0.02).variant in table.variants
     True
     """
-    from tqdm.auto import tqdm
-
     check_scene_and_camera(scene, camera)
     numbers, first, workers = _checked_numbers(samples), seed_number(seed), thread_count(threads)
     count, rounds = whole(seeds, "seeds", at_least=2), whole(repeats, "repeats", at_least=1)
@@ -140,7 +139,7 @@ def error_against_time(  # noqa: PLR0913
     converged = REFERENCE_FACTOR * numbers[-1] if reference_samples is None else reference_samples
     whole(converged, "reference_samples", at_least=2)
     total = converged + len(chosen) * sum(numbers) * count * rounds
-    with tqdm(total=total, bar_format=_BAR, disable=not progress) as bar:
+    with load_tqdm()(total=total, bar_format=_BAR, disable=not progress) as bar:
         if not isinstance(reference, Exposure):
             variant = Variant() if reference is None else reference
             there, other = variant.camera_from(camera), first + REFERENCE_SEED

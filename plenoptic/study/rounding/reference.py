@@ -17,6 +17,7 @@ from plenoptic.errors import PlenopticError, PrescriptionError
 from plenoptic.optics.lens.elements import Element, is_centred
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.stops.circle import CircularStop
+from plenoptic.optics.surfaces.mirror import Mirror
 from plenoptic.optics.surfaces.surface import Surface
 from plenoptic.study.rounding.exact_asphere import (
     Number,
@@ -45,8 +46,7 @@ def mpmath_context() -> Any:
         import mpmath
     except ImportError as error:
         raise _MissingMpmathError(
-            f"the trace with {DIGITS} digits needs mpmath, which cannot be imported ({error}); "
-            'pip install "plenoptic[study]"'
+            f"the trace with {DIGITS} digits needs mpmath, which cannot be imported ({error}); pip install mpmath"
         ) from error
     return mpmath.mp
 
@@ -116,10 +116,11 @@ def exact_rays(
 
 
 def _checked(element: Element, number: int) -> Surface | CircularStop:
-    if not isinstance(element, Surface | CircularStop) or not is_centred(element):
+    reflects = isinstance(element, Surface) and isinstance(element.medium, Mirror)
+    if not isinstance(element, Surface | CircularStop) or not is_centred(element) or reflects:
         raise PrescriptionError(
             f"element {number} is {element!r}; the exact trace knows centred surfaces of revolution and circular stops "
-            "only"
+            "only, and no mirrors"
         )
     return element
 

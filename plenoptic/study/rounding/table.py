@@ -117,6 +117,9 @@ class StabilityTable:
         """The table in Markdown."""
         return with_note(markdown_table(_COLUMNS, [row.cells for row in self.rows]), interrupted=self.interrupted)
 
+    def _repr_markdown_(self) -> str:
+        return self.to_markdown()
+
     def __str__(self) -> str:
         return with_note(plain_table(_COLUMNS, [row.cells for row in self.rows]), interrupted=self.interrupted)
 

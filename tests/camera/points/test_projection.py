@@ -400,6 +400,23 @@ def test_results_do_not_depend_on_threads_and_are_values():
     np.testing.assert_array_equal(project(camera, points[0]).position, one.position[one.point == 0])
 
 
+def test_of_several_chief_rays_the_one_that_passes_is_found():
+    """Behind a strong retrofocus lens a point and a microlens have two rays: one vignetted, and one that is seen."""
+    camera = pl.PlenopticCamera(
+        lens=pl.load_lens("retrofocus-100mm-f1.9"),
+        microlenses=pl.MicrolensArray(pitch=3.0, focal_lengths=(10.0,)),
+        sensor=pl.Sensor(shape=(300, 400), pixel_pitch=0.2),
+        stop_to_microlenses=318.18947573,
+        microlenses_to_sensor=8.0,
+    )
+    found = camera.project([9.35, 29.43, -446.0])
+    (row,) = np.flatnonzero((found.index == (-3, -1)).all(axis=1))
+    assert found.passes[row]
+    # Pixels are 0.2 mm: the blur of the light is some of them wide, and its middle is on the ray that passes.
+    np.testing.assert_allclose(found.pixel[row], [110.0, 231.0], atol=0.01)
+    np.testing.assert_allclose(found.pixel[row], found.centroid_pixel[row], atol=0.2)
+
+
 def test_more_rays_leave_chief_rays_as_they_are():
     camera = reference_camera()
     few, many = (project(camera, (3, 2, -390), rays=n) for n in (64, 1 << 14))

@@ -5,8 +5,6 @@
 
 from pathlib import Path
 
-import numpy as np
-
 import plenoptic as pl
 
 FOLDER = Path(__file__).parent
@@ -32,7 +30,5 @@ if __name__ == "__main__":
     settings = {"samples": 16, "progress": False, "threads": 1}
     shot = pl.render(scene(), camera(), truth=pl.Truth.ALL, clamp=9.0, **settings)
     shot.save(FOLDER / "shot.exr")
-    pl.render(scene(), camera(), region=np.s_[0:4, 0:4], checkpoint=FOLDER / "scene.checkpoint", **settings)
-    white = pl.render_white(camera(), checkpoint=FOLDER / "white.checkpoint", **settings)
-    np.save(FOLDER / "white.npy", white.image)
+    pl.render_white(camera(), checkpoint=FOLDER / "white.checkpoint", **settings)
     shot.develop(pl.SensorModel(photon_rate=1e6), seed=1).save(FOLDER / "raw.tif")

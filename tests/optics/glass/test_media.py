@@ -12,7 +12,6 @@ from plenoptic.optics.glass.media import (
     C_LINE,
     D_LINE,
     F_LINE,
-    G_LINE,
     MODEL_GLASS_RANGE,
     VACUUM,
     ConstantMedium,
@@ -30,12 +29,11 @@ REAL_GLASSES = {"nd": st.floats(1.43, 2.05), "vd": st.floats(17.0, 95.0)}
 @given(**REAL_GLASSES)
 def test_model_glass_has_the_index_and_the_dispersion_it_was_made_from(nd: float, vd: float) -> None:
     glass = ModelGlass(nd, vd)
-    f, c, g = glass.index(F_LINE), glass.index(C_LINE), glass.index(G_LINE)
+    f, c = glass.index(F_LINE), glass.index(C_LINE)
     assert glass.index(D_LINE) == nd
     # Differences of numbers below 4, each good to 4 eps, that are themselves above 0.43 / 95 / 3:
     # 16 * 2.2e-16 * 2 / 1.5e-3 = 5e-12.
     assert (nd - 1) / (f - c) == pytest.approx(vd, rel=5e-12)
-    assert (g - f) / (f - c) == pytest.approx(0.6438 - 0.001682 * vd, rel=5e-12)
 
 
 @given(**REAL_GLASSES, pair=st.tuples(st.floats(*MODEL_GLASS_RANGE), st.floats(*MODEL_GLASS_RANGE)))
@@ -47,11 +45,11 @@ def test_the_index_of_a_model_glass_falls_with_the_wavelength(nd: float, vd: flo
 
 def test_sellmeier_gives_the_indices_of_the_data_sheet() -> None:
     # Schott's data sheet of N-BK7, given to five decimals.
-    for line, index in {G_LINE: 1.52668, F_LINE: 1.52238, D_LINE: 1.51680, C_LINE: 1.51432, 1014.0: 1.50731}.items():
+    for line, index in {435.8343: 1.52668, F_LINE: 1.52238, D_LINE: 1.51680, C_LINE: 1.51432, 1014.0: 1.50731}.items():
         assert N_BK7.index(line) == pytest.approx(index, abs=0.5e-5)
 
 
-@pytest.mark.parametrize("wavelength", [G_LINE, F_LINE, D_LINE, C_LINE, 852.1])
+@pytest.mark.parametrize("wavelength", [435.8343, F_LINE, D_LINE, C_LINE, 852.1])
 def test_two_formulas_of_one_glass_agree(wavelength: float) -> None:
     # Fits to different melts; the catalogues state both to 1e-5.
     assert BK7.index(wavelength) == pytest.approx(N_BK7.index(wavelength), abs=2e-5)
@@ -59,8 +57,8 @@ def test_two_formulas_of_one_glass_agree(wavelength: float) -> None:
 
 @pytest.mark.parametrize("wavelength", range(400, 801, 50))
 def test_a_model_glass_follows_the_real_one(wavelength: int) -> None:
-    # BK7 lies close to the normal line: within a unit of the fourth decimal in the visible.
-    assert ModelGlass(1.51680, 64.17).index(wavelength) == pytest.approx(N_BK7.index(wavelength), abs=3e-4)
+    # What docs/fit_model_glass.py finds for 95 % of all glasses in the visible.
+    assert ModelGlass(1.51680, 64.17).index(wavelength) == pytest.approx(N_BK7.index(wavelength), abs=3.8e-4)
 
 
 def test_a_constant_medium_is_constant() -> None:

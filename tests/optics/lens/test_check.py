@@ -39,7 +39,7 @@ def kinds(lens: LensStack) -> list[tuple[str, tuple[int, ...]]]:
 # ---- clean lenses ----
 
 
-@pytest.mark.parametrize("name", [name for name in lens_names() if "fisheye" not in name])
+@pytest.mark.parametrize("name", [name for name in lens_names() if name[:7] not in ("fisheye", "asphere")])
 def test_most_bundled_lenses_are_clean(name: str) -> None:
     assert findings(load_lens(name)) == ()
 
@@ -75,7 +75,7 @@ PUBLISHED = {
     "p166": [("EQUATOR", (1,)), ("EQUATOR", (3,))],
     "p268": [("EQUATOR", (1,))],  # Asoma
     "p316": [("GLASS", (3, 6))],  # Altman: F4 twice, once with 1.817
-    "p338": [("GLASS", (4,))],  # Hopkins: V-numbers of another range of wavelengths
+    "p338": [("GLASS", (4,)), ("GLASS", (8,))],  # Hopkins: V-numbers of another range of wavelengths
 }
 
 

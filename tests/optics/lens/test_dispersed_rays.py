@@ -21,10 +21,20 @@ def shaped() -> pl.LensStack:
     return dataclasses.replace(GAUSS, elements=tuple(elements))
 
 
+MANGIN = pl.LensStack(
+    [
+        pl.CircularStop(12.0, thickness=5.0),
+        pl.Surface(-120.0, 8.0, pl.glass("N-BK7"), semi_diameter=16.0),
+        pl.Surface(-180.0, 8.0, pl.optics.MIRROR, semi_diameter=16.0),
+        pl.Surface(120.0, semi_diameter=16.0),
+    ]
+)
+
 LENSES = {
     "double gauss": GAUSS,
     "fisheye": pl.load_lens(next(name for name in pl.lens_names() if "fisheye" in name)),
     "conic and asphere": shaped(),
+    "Mangin mirror": MANGIN,
     "moved": shaped().moved(2, shift=(0.1, 0.0, 0.0), tilt=(0.0, 0.01, 0.0)),
     "paraxial": GAUSS.with_model(pl.LensModel.PARAXIAL),
     "thin": GAUSS.with_model(pl.LensModel.THIN),

@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import plenoptic as pl
+from plenoptic.optics.lens.elements import opened
 from plenoptic.optics.lens.record import ROW, LensRecord, lens_record
 from plenoptic.optics.lens.trace import traced_by
 from plenoptic.optics.record import SPHERE
@@ -29,6 +30,7 @@ def surface_record(curvatures, ratios, vertices, *, s=1.0):
         aspheric=None,
         departure=None,
         frames=None,
+        mirrors=None,
         masks=None,
         index_ratios=None,
         direction=s,
@@ -145,7 +147,7 @@ def test_the_way_back_is_the_way_there(name: str) -> None:
     points = pl.paraxial.cardinal_points(lens)
     semi_diameter = points.entrance_pupil_semi_diameter
     aim = np.column_stack([rng.uniform(-semi_diameter, semi_diameter, (3000, 2)), np.full(3000, points.entrance_pupil)])
-    d = random_directions(rng, 3000, 0.5)
+    d = random_directions(rng, 3000, 0.05 if name.startswith("mirror") else 0.5)
     rays = pl.RayBundle(aim - 3 * lens.length * d, d)
     there = lens.trace(rays)
     kept = there.status == OK
@@ -338,6 +340,7 @@ def test_threads_and_neighbours_do_not_change_a_bit() -> None:
 @pytest.mark.parametrize("name", pl.lens_names())
 def test_the_focus_tends_to_the_paraxial_one_with_order_2(name: str, reverse: bool) -> None:
     lens = pl.load_lens(name)
+    lens = dataclasses.replace(lens, elements=opened(lens.elements))  # a secondary mirror shades the middle
     points = pl.paraxial.cardinal_points(lens)
     # Zero- and fourth-order terms: longitudinal aberration is a h^2 + b h^4 with b h^2 / a some (h / semi-diameter)^2,
     # below 0.01 here even for lenses that are corrected well.

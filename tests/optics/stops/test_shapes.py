@@ -357,7 +357,7 @@ def test_files_keep_every_bit(stop: Stop) -> None:
 @pytest.mark.parametrize(
     "change, message",
     [
-        ({"stop": "oval"}, 'stop is \'oval\'; it must be "circle", "polygon", "star" or "mask"'),
+        ({"stop": "oval"}, 'stop is \'oval\'; it must be "circle", "polygon", "star", "mask" or "ring"'),
         ({"stop": "mask"}, "it must have semi_diameter, stop, thickness, transmission"),
         ({"stop": "mask", "transmission": [1.0]}, "transmission is 1.0; it must be a list of numbers"),
         ({"stop": "mask", "transmission": 1.0}, "transmission is 1.0; it must be a list of lists of numbers"),

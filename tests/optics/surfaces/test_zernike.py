@@ -495,7 +495,7 @@ def test_zemax_files_are_read():
         ("XDAT 1 6.0", "XDAT 1 5.5", "XDAT 1, the number of Zernike terms, is missing or no such number"),
         ("XDAT 1 6.0", "XDAT 1 -6.0", "XDAT 1, the number of Zernike terms, is missing or no such number"),
         ("XDAT 1 6.0", "XDAT 90 6.0", "XDAT 1, the number of Zernike terms, is missing or no such number"),
-        ("SZERNSAG", "FZERNSAG", "only STANDARD, EVENASPH and SZERNSAG surfaces can be read"),
+        ("SZERNSAG", "FZERNSAG", "only STANDARD, EVENASPH, COORDBRK and SZERNSAG surfaces can be read"),
     ],
 )
 def test_zemax_files_that_cannot_be_read(old, new, message):

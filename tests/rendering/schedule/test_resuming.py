@@ -1,8 +1,8 @@
 """A render that ends before its time goes on from its checkpoint, and gives the bits of one that never ended."""
 
 import dataclasses
+import errno
 import functools
-import json
 import os
 import pickle
 import random
@@ -11,14 +11,17 @@ import subprocess
 import sys
 import tempfile
 import time
+import warnings
 
 import numpy as np
 import pytest
 
 import plenoptic as pl
 from plenoptic.camera.record import camera_record
-from plenoptic.rendering.schedule import checkpoint as checkpoints
-from plenoptic.rendering.schedule import scheduler
+from plenoptic.core.files.record_log import RecordLog
+from plenoptic.rendering.schedule import budget as budgets
+from plenoptic.rendering.schedule import orders
+from plenoptic.rendering.schedule.checkpoint import KIND
 from plenoptic.study.cameras import reference_camera
 
 
@@ -30,8 +33,6 @@ def ctrl_c_is_heard():
     signal.signal(signal.SIGINT, before)
 
 
-EVERY = 1e-9
-"""Seconds between two savings: one after each tile."""
 BITS = ("image", "standard_error", "depth", "sample_counts")
 COUNTS = ("paths", "paths_through_lens", "lost", "nonfinite", "nonfinite_paths", "zero_variance", "stopped_by")
 
@@ -67,17 +68,21 @@ def assert_same(one, other):
 
 
 @pytest.fixture
-def after_saving(monkeypatch):
-    """Calls a function with the number of a save and the path, whenever a checkpoint has been saved."""
+def after_tiles(monkeypatch):
+    """Calls a function with the number of a tile whenever one is to be rendered; and counts them."""
+    original = orders.render_tile
 
-    def listen(function):
-        save, numbers = checkpoints.save_checkpoint, iter(range(1 << 30))
+    def listen(function=lambda number: None):
+        numbers = []
 
-        def watched(path, *state):
-            save(path, *state)
-            function(next(numbers), path)
+        def watched(context, tile, *others, **named):
+            if tile.pixels:  # others are compiled ahead with
+                numbers.append((tile, others[0].first, others[0].samples))
+                function(len(numbers) - 1)
+            return original(context, tile, *others, **named)
 
-        monkeypatch.setattr(checkpoints, "save_checkpoint", watched)
+        monkeypatch.setattr(orders, "render_tile", watched)
+        return numbers
 
     return listen
 
@@ -89,7 +94,7 @@ def rendering_nothing(monkeypatch):
     def refuse(*_, **__):
         raise AssertionError("a tile has been rendered")
 
-    return lambda: monkeypatch.setattr(scheduler, "render_tile", refuse)
+    return lambda: monkeypatch.setattr(orders, "render_tile", refuse)
 
 
 BUDGETS = {
@@ -101,64 +106,206 @@ BUDGETS = {
 }
 
 
+@functools.cache
+def unbroken(name):
+    return render(**BUDGETS[name])
+
+
+def entries_of(path):
+    """The records of a file, as facts and the place where each ends."""
+    log = RecordLog(path, KIND)
+    log.close()
+    return [(entry.facts, entry.place + entry.length) for entry in log.entries]
+
+
+def header_of(content):
+    return content.index(b"\x93plenoptic rec\r\n")
+
+
+DAMAGED = pytest.mark.filterwarnings("ignore:.* bytes of .* are damaged:plenoptic.errors.FileWarning")
+
+
+@DAMAGED
 @pytest.mark.usefixtures("quick")
 @pytest.mark.parametrize("budget", BUDGETS)
-def test_every_state_that_was_saved_leads_to_the_same_bits(tmp_path, after_saving, budget):
-    path, states = tmp_path / "state", []
-    unbroken = render(**BUDGETS[budget])
-    after_saving(lambda _, path: states.append(path.read_bytes()))
-    assert_same(render(checkpoint=path, checkpoint_interval=EVERY, **BUDGETS[budget]), unbroken)
-    assert len(states) >= 10  # at the beginning and after each of nine tiles
+def test_every_beginning_of_a_file_leads_to_the_same_bits(tmp_path, after_tiles, budget):
+    path = tmp_path / "state"
+    assert_same(render(checkpoint=path, **BUDGETS[budget]), unbroken(budget))
+    content, found = path.read_bytes(), entries_of(path)
+    ends = [header_of(content), *(end for _, end in found)]
+    assert len(found) >= 9 and ends[-1] == len(content)
     # All of the first round, after which tiles are decided upon for the first time, and some of the others.
-    chosen = sorted({*range(12), *range(12, len(states), max(1, len(states) // 8)), len(states) - 1} - {len(states)})
-    for number in chosen[:-1] if len(states) == 10 else chosen:
-        path.write_bytes(states[number])
-        assert_same(render(checkpoint=path, threads=1 + number % 2, **BUDGETS[budget]), unbroken)
+    chosen = sorted({*range(11), *range(11, len(ends), max(1, len(ends) // 6))} & {*range(len(ends))})
+    numbers = after_tiles()
+    for whole in chosen:
+        length = ends[whole]
+        if whole % 2 and whole + 1 < len(ends):  # within the next record
+            length += (ends[whole + 1] - length) * whole // len(ends)
+        path.write_bytes(content[:length])
+        numbers.clear()
+        assert_same(render(checkpoint=path, threads=1 + whole % 2, **BUDGETS[budget]), unbroken(budget))
+        assert len(numbers) == len(found) - whole  # what is there is not rendered again
+        assert len(entries_of(path)) == len(found)
 
 
 @pytest.mark.usefixtures("quick")
-def test_batches_of_a_tile_go_on_too(tmp_path, after_saving, monkeypatch):
+def test_batches_of_a_tile_go_on_too(tmp_path, after_tiles, monkeypatch):
     # A tile with more paths than a batch may have is rendered in several.
     monkeypatch.setattr("plenoptic.rendering.schedule.clock.PATHS_PER_BATCH", 1024)
-    path, states = tmp_path / "state", []
-    unbroken = render(samples=50)
-    after_saving(lambda _, path: states.append(path.read_bytes()))
-    assert_same(render(samples=50, checkpoint=path, checkpoint_interval=EVERY), unbroken)
-    assert len(states) == 1 + 9 * 4  # 64 pixels, 16 samples at a time
-    for number in (3, 9, 14, 30):
-        path.write_bytes(states[number])
-        assert_same(render(samples=50, checkpoint=path, threads=2), unbroken)
+    path, whole = tmp_path / "state", render(samples=50)
+    assert_same(render(samples=50, checkpoint=path), whole)
+    content, ends = path.read_bytes(), [end for _, end in entries_of(path)]
+    assert len(ends) == 9 * 4  # 64 pixels, 16 samples at a time
+    numbers = after_tiles()
+    for number in (2, 8, 13, 29):
+        path.write_bytes(content[: ends[number]])
+        numbers.clear()
+        assert_same(render(samples=50, checkpoint=path, threads=2), whole)
+        assert len(numbers) == 35 - number
+
+
+CHANGES = {
+    "more samples": ({"samples": 16}, {"samples": 24}, 9),
+    "more independent samples": ({"samples": 16, "sampler": pl.rendering.Sampler.RANDOM}, {"samples": 24}, 9),
+    "from a number of samples that others cannot follow": ({"samples": 17}, {"samples": 24}, 9),
+    "fewer samples, where no step ends": ({"samples": 24}, {"samples": 16}, 9),
+    "one sample of one replicate": ({"samples": 3, "replicates": 1}, {"samples": 5}, 9),
+    "a smaller error": ({"target_error": 0.06}, {"target_error": 0.03}, None),
+    "a larger error": ({"target_error": 0.03}, {"target_error": 0.06}, None),
+    "an error after samples": ({"samples": 32}, {"target_error": 0.06}, None),
+    "samples after an error": ({"target_error": 0.06}, {"samples": 64}, 9),
+}
+
+
+@pytest.mark.usefixtures("quick")
+@pytest.mark.parametrize("what", CHANGES)
+def test_other_samples_and_errors_go_on_from_what_is_there(tmp_path, after_tiles, what):
+    before, now, rendered = CHANGES[what]
+    now = {**before, "samples": None, "target_error": None, **now}
+    path, numbers = tmp_path / "state", after_tiles()
+    render(checkpoint=path, **before)
+    there = set(numbers)
+    numbers.clear()
+    fresh = render(**now)
+    alone = set(numbers)
+    numbers.clear()
+    assert_same(render(checkpoint=path, **now), fresh)
+    assert not there & set(numbers)
+    if rendered is None:  # fewer than without the file
+        assert 0 < len(numbers) < len(alone)
+    else:
+        assert len(numbers) == rendered
+    numbers.clear()
+    assert_same(render(checkpoint=path, **now), fresh)
+    assert not numbers
+
+
+@pytest.mark.usefixtures("quick")
+def test_a_file_has_the_tiles_of_its_first_render(tmp_path, after_tiles):
+    path, numbers = tmp_path / "state", after_tiles()
+    render(samples=8, checkpoint=path, tile_side=12)
+    numbers.clear()
+    shot = render(samples=16, checkpoint=path, tile_side=None)
+    assert {(tile.rows, tile.columns) for tile, *_ in numbers} == {(12, 12)} and {n[1:] for n in numbers} == {(8, 8)}
+    assert_same(shot, render(samples=16, tile_side=12))
+
+
+@pytest.mark.usefixtures("quick")
+@pytest.mark.parametrize("budget", ["samples", "target"])
+def test_a_damaged_record_is_rendered_again(tmp_path, after_tiles, budget):
+    path = tmp_path / "state"
+    render(checkpoint=path, **BUDGETS[budget])
+    content, ends = bytearray(path.read_bytes()), [end for _, end in entries_of(path)]
+    numbers = after_tiles()
+    for place, said in ((ends[3] - 9, "a record of .* is damaged"), (ends[3] + 20, r"bytes of .* are damaged")):
+        changed = content.copy()
+        changed[place] ^= 4
+        path.write_bytes(changed)
+        numbers.clear()
+        with pytest.warns(pl.errors.FileWarning, match=said + ".*rendered again"):
+            assert_same(render(checkpoint=path, threads=2, **BUDGETS[budget]), unbroken(budget))
+        assert len(numbers) == 1
+
+
+@pytest.mark.usefixtures("quick")
+@pytest.mark.parametrize("budget", ["samples", "target"])
+def test_what_cannot_be_written_is_rendered_all_the_same(tmp_path, monkeypatch, budget):
+    path, append, calls = tmp_path / "state", RecordLog.append, []
+
+    def failing(log, *record):
+        calls.append(0)
+        if len(calls) % 3:
+            raise pl.errors.FileError("no room")
+        return append(log, *record)
+
+    with monkeypatch.context() as full:
+        full.setattr(RecordLog, "append", failing)
+        with pytest.warns(pl.errors.FileWarning, match="the checkpoint has not been written: no room"):
+            assert_same(render(checkpoint=path, **BUDGETS[budget]), unbroken(budget))
+    assert len(entries_of(path)) == len(calls) // 3
+    assert_same(render(checkpoint=path, **BUDGETS[budget]), unbroken(budget))
+
+
+@pytest.mark.usefixtures("quick")
+def test_two_renders_may_use_one_file_at_a_time(tmp_path, after_tiles):
+    path, inner = tmp_path / "state", []
+    render(samples=2, checkpoint=path)
+
+    def other(number):
+        if number == 4:
+            inner.append(render(checkpoint=path, **BUDGETS["target"]))
+
+    numbers = after_tiles(other)
+    assert_same(render(checkpoint=path, **BUDGETS["target"]), unbroken("target"))
+    assert_same(inner[0], unbroken("target"))
+    numbers.clear()
+    assert_same(render(checkpoint=path, **BUDGETS["target"]), unbroken("target"))
+    assert not numbers
 
 
 @pytest.mark.usefixtures("quick")
 @pytest.mark.parametrize(("budget", "moments"), [("samples", (3, 8)), ("target", (3, 8, 12, 17))])
-def test_interrupted_renderings_go_on_to_the_same_bits(tmp_path, after_saving, budget, moments):
-    path, unbroken = tmp_path / "state", render(**BUDGETS[budget])
-
-    def interrupt(number, _):
-        if number in moments:
-            signal.raise_signal(signal.SIGINT)
-
-    after_saving(interrupt)
-    shots = [render(checkpoint=path, checkpoint_interval=EVERY, threads=2, **BUDGETS[budget])]
-    while shots[-1].interrupted:
-        assert shots[-1].stats.stopped_by is pl.rendering.StopReason.INTERRUPTED
-        shots.append(render(checkpoint=path, checkpoint_interval=EVERY, threads=2, **BUDGETS[budget]))
+def test_interrupted_renderings_go_on_to_the_same_bits(tmp_path, after_tiles, budget, moments):
+    path = tmp_path / "state"
+    numbers = after_tiles(lambda number: signal.raise_signal(signal.SIGINT) if number in moments else None)
+    shots = []
+    while not shots or shots[-1].interrupted:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", pl.errors.BudgetWarning)
+            shots.append(render(checkpoint=path, **BUDGETS[budget]))
     assert len(shots) == 1 + len(moments)
+    assert len(numbers) <= len({*numbers}) + len(moments)  # what is at work is given up
+    assert {shot.stats.stopped_by for shot in shots[:-1]} == {pl.rendering.StopReason.INTERRUPTED}
     # What is returned is what there is.
-    first = shots[0].image
-    assert np.any(first) and np.count_nonzero(first) < np.count_nonzero(unbroken.image)
-    assert_same(shots[-1], unbroken)
+    first, whole = shots[0].image, unbroken(budget)
+    assert np.any(first) and np.count_nonzero(first) < np.count_nonzero(whole.image)
+    assert_same(shots[-1], whole)
+    assert [shot.stats.seconds for shot in shots] == sorted(shot.stats.seconds for shot in shots)
 
 
 @pytest.mark.usefixtures("quick")
-def test_white_images_go_on_to_the_same_bits(tmp_path, after_saving):
+def test_white_images_go_on_to_the_same_bits(tmp_path, after_tiles):
     arguments = {"samples": 16, "region": np.s_[240:264, 240:264], "tile_side": 8, "progress": False}
-    unbroken, path = pl.render_white(reference_camera(), **arguments), tmp_path / "state"
-    after_saving(lambda number, _: signal.raise_signal(signal.SIGINT) if number == 4 else None)
-    broken = pl.render_white(reference_camera(), checkpoint=path, checkpoint_interval=EVERY, **arguments)
-    assert broken.interrupted
-    assert_same(pl.render_white(reference_camera(), checkpoint=path, **arguments), unbroken)
+    whole, path = pl.render_white(reference_camera(), **arguments), tmp_path / "state"
+    after_tiles(lambda number: signal.raise_signal(signal.SIGINT) if number == 4 else None)
+    with pytest.warns(pl.errors.BudgetWarning):
+        assert pl.render_white(reference_camera(), checkpoint=path, **arguments).interrupted
+    assert_same(pl.render_white(reference_camera(), checkpoint=path, **arguments), whole)
+
+
+@pytest.mark.usefixtures("quick")
+def test_a_first_pass_goes_over_all_tiles_and_leaves_the_bits(tmp_path, after_tiles, monkeypatch):
+    whole = render(samples=48)
+    monkeypatch.setattr(budgets, "_PASSES", 48)
+    numbers = after_tiles()
+    assert_same(render(samples=48), whole)
+    assert [n[1:] for n in numbers] == 9 * [(0, 2)] + 9 * [(2, 46)]
+    numbers.clear()
+    numbers = after_tiles(lambda number: signal.raise_signal(signal.SIGINT) if number == 10 else None)
+    with pytest.warns(pl.errors.BudgetWarning, match="interrupted"):
+        shot = render(samples=48, checkpoint=tmp_path / "state")
+    assert shot.interrupted and set(np.unique(shot.sample_counts)) == {2, 48}
+    assert_same(render(samples=48, checkpoint=tmp_path / "state"), whole)
 
 
 @pytest.mark.usefixtures("quick")
@@ -170,28 +317,24 @@ def test_an_interrupted_rendering_with_a_time_limit_gets_further_each_time(tmp_p
 
 
 @pytest.mark.usefixtures("quick")
-@pytest.mark.parametrize("budget", ["samples", "target"])
-def test_what_is_finished_is_returned_without_rendering(tmp_path, rendering_nothing, budget):
-    path = tmp_path / "state"
-    first = render(checkpoint=path, **BUDGETS[budget])
-    rendering_nothing()
-    assert_same(render(checkpoint=path, **BUDGETS[budget]), first)
+@pytest.mark.parametrize(("interval", "often"), [(1e9, False), (1e-9, True)])
+def test_it_is_put_on_the_disk_at_the_interval_and_at_the_end(tmp_path, monkeypatch, interval, often):
+    path, seen = tmp_path / "state", []
+    render(samples=2, checkpoint=path)
+    monkeypatch.setattr(RecordLog, "flush", lambda log: seen.append(len(entries_of(path))))
+    render(samples=8, checkpoint=path, checkpoint_interval=interval)
+    assert seen == ([*[9] * 9, *range(10, 19), 18] if often else [18])  # records are in the file before
 
+    def failing(log):
+        raise pl.errors.FileError(os.strerror(errno.EIO))
 
-@pytest.mark.usefixtures("quick")
-@pytest.mark.parametrize(("interval", "saves"), [(1e9, 2), (EVERY, 10)])
-def test_it_is_saved_at_the_interval_and_at_both_ends(tmp_path, after_saving, interval, saves):
-    seen = []
-    after_saving(lambda number, _: seen.append(number))
-    render(samples=8, checkpoint=tmp_path / "state", checkpoint_interval=interval)
-    assert len(seen) == saves
+    monkeypatch.setattr(RecordLog, "flush", failing)
+    with pytest.warns(pl.errors.FileWarning, match="the checkpoint has not been written"):
+        render(samples=8, checkpoint=path)
 
 
 OTHERS = {
     "seed": ({"seed": 1}, "seed 0, not 1"),
-    "samples": ({"samples": 9}, "samples 8, not 9"),
-    "no samples": ({"samples": None, "target_error": 0.1}, "samples 8, not None"),
-    "target": ({"target_error": 0.1}, "target_error None, not 0.1"),
     "replicates": ({"replicates": 4}, "replicates 2, not 4"),
     "sampler": ({"sampler": pl.rendering.Sampler.RANDOM}, "sampler SOBOL, not RANDOM"),
     "bounces": ({"max_bounces": 2}, "max_bounces 8, not 2"),
@@ -242,14 +385,10 @@ def refuses(path, content, rendering_nothing, message, arguments):
 
 @pytest.mark.usefixtures("quick")
 def test_damaged_and_foreign_files_are_refused_before_anything_is_rendered(tmp_path, finished, rendering_nothing):
-    flipped = bytearray(finished)
-    flipped[-9] ^= 4
     for content, message in (
-        (bytes(flipped), "damaged checkpoint, its data have changed"),
-        (finished[:-1], "damaged checkpoint"),
         (finished[:50], "damaged checkpoint"),
         (b"", "empty file"),
-        (b"my diary", "is not a checkpoint"),
+        (b"my diary", "is not a checkpoint; give checkpoint= another path, or remove the file"),
     ):
         refuses(tmp_path / "state", content, rendering_nothing, message, {"samples": 8})
 
@@ -261,14 +400,6 @@ def test_places_that_cannot_be_written_are_refused_before_anything_is_rendered(t
         with pytest.raises(pl.errors.FileError, match=message):
             render(samples=8, checkpoint=path)
     assert not os.listdir(tmp_path)
-
-
-@pytest.mark.usefixtures("quick")
-def test_threads_do_not_matter(tmp_path, after_saving):
-    path, unbroken = tmp_path / "state", render(samples=8)
-    after_saving(lambda number, _: signal.raise_signal(signal.SIGINT) if number == 4 else None)
-    assert render(samples=8, checkpoint=path, checkpoint_interval=EVERY, threads=3).interrupted
-    assert_same(render(samples=8, checkpoint=path, threads=1), unbroken)
 
 
 # ---- killed from outside ----
@@ -303,7 +434,7 @@ class Child:
         self._process.stdin = None
 
     def wait_for_progress(self):
-        """Wait until it has saved, which it does while it renders; False if it ends before."""
+        """Wait until the file has grown, which it does while it renders; False if it ends before."""
         begun = self._saved()
         while self._saved() == begun:
             if self._process.poll() is not None:
@@ -312,7 +443,7 @@ class Child:
         return True
 
     def _saved(self):
-        return self._path.stat().st_ino if self._path.exists() else None
+        return self._path.stat().st_size if self._path.exists() else None
 
     def kill(self):
         """Whether it was still at work."""
@@ -342,8 +473,8 @@ def test_a_rendering_that_is_killed_again_and_again_gives_the_same_bits(tmp_path
         assert child.wait_for_progress(), f"it ended after {hit} kills: {child.result()['stats']}"
         time.sleep(moments.uniform(0.0, 0.2))
         hit += child.kill()
-        # Whatever it was doing: the file is whole, and not behind what it was.
-        paths.append(paths_in(path))
+        # Whatever it was doing: the file is not behind what it was.
+        paths.append(sum(facts["paths"] for facts, _ in entries_of(path)))
         assert len(os.listdir(tmp_path)) <= 2 and paths == sorted(paths)
     assert paths[0] < paths[-1]
     found = Child(path, arguments).result()
@@ -356,13 +487,6 @@ def test_a_rendering_that_is_killed_again_and_again_gives_the_same_bits(tmp_path
         assert one is None or one.tobytes() == other.tobytes(), f"bits of {name}"
     for name in COUNTS:
         assert getattr(found["stats"], name) == getattr(unbroken.stats, name), name
-
-
-def paths_in(path):
-    """Paths in a checkpoint, which must be whole."""
-    header = json.loads(path.read_bytes().split(b"\n", 3)[2])
-    _, facts = checkpoints.load_checkpoint(path, header["identity"])
-    return facts["paths"]
 
 
 def test_a_checkpoint_of_another_kind_of_processor_goes_on_with_a_warning(tmp_path, monkeypatch):

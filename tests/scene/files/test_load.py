@@ -505,6 +505,8 @@ def test_what_hangs_on_a_camera_stays_in_its_place(tmp_path):
 def test_instances_share_a_material_and_have_their_own_places(tmp_path):
     def twice(header):
         mesh = next(number for number, node in enumerate(header["nodes"]) if "mesh" in node)
+        for node in header["nodes"]:  # some versions of trimesh hang the mesh on a node of its own
+            node.pop("children", None)
         header["nodes"].append({**header["nodes"][mesh], "name": "second", "translation": [0, 0, 3]})
         header["scenes"][0]["nodes"] = [mesh, len(header["nodes"]) - 1]
 

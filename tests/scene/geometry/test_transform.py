@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.core.rotation import rotation_about
+from plenoptic.core.motions.rotation import rotation_about
 
 
 def similar(scale=2.5, angle=0.7, shift=(30.0, -20.0, 50.0)):

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.rendering.schedule import scheduler
+from plenoptic.command.main import main
+from plenoptic.rendering.schedule import orders
 from plenoptic.study import ErrorRow, ErrorTable, Variant, default_variants
-from plenoptic.study import __main__ as study_command
-from plenoptic.study.__main__ import main
 from plenoptic.study.cameras import reference_camera, smooth_camera
+from plenoptic.study.error_time import cases as cases_of_errors
 from plenoptic.study.error_time.measurement import Runs, measured_rows
 from plenoptic.study.error_time.split import reference_of
 
@@ -67,7 +67,7 @@ def test_rows_find_what_was_put_in():
 
 
 def test_an_interrupted_study_keeps_the_rows_it_has(monkeypatch):
-    original, settings = scheduler.render_tile, {"seeds": 2, "reference_samples": 64, "progress": False}
+    original, settings = orders.render_tile, {"seeds": 2, "reference_samples": 64, "progress": False}
 
     def interrupted(context, tile, batch, *arguments, **named):
         if batch.samples == 32:
@@ -75,7 +75,7 @@ def test_an_interrupted_study_keeps_the_rows_it_has(monkeypatch):
         return original(context, tile, batch, *arguments, **named)
 
     whole = pl.study.error_against_time(None, conventional(5.0, side=8), samples=(8, 16), **settings)
-    monkeypatch.setattr(scheduler, "render_tile", interrupted)
+    monkeypatch.setattr(orders, "render_tile", interrupted)
     with pytest.warns(pl.errors.BudgetWarning, match="interrupted"):
         table = pl.study.error_against_time(None, conventional(5.0, side=8), samples=(8, 16, 32), **settings)
     assert table.interrupted and "interrupted" in repr(table)
@@ -327,15 +327,15 @@ def test_a_reference_that_was_rendered_before_is_used():
 
 def test_the_command_prints_writes_and_draws(tmp_path, capsys):
     drawn, written = tmp_path / "white.png", tmp_path / "white.csv"
-    arguments = ["error-against-time", "--case", "white", "--quick", "--target", "0.1", "--target", "0.001"]
+    arguments = ["study", "error-against-time", "--case", "white", "--quick", "--target", "0.1", "--target", "0.001"]
     assert main([*arguments, "--csv", str(written), "--plot", str(drawn)]) == 0
     shown = capsys.readouterr().out
     assert "| THIN lens " in shown and "For 10 %: " in shown and "extrapolated" in shown
     assert drawn.read_bytes().startswith(b"\x89PNG")
     assert ErrorTable.from_csv(written).title == "white"
-    assert main(["error-against-time", "--case", "white", "--target", "0"]) == 2
+    assert main(["study", "error-against-time", "--case", "white", "--target", "0"]) == 1
     assert "--target is 0" in capsys.readouterr().err
-    assert main(["error-against-time", "--csv", str(tmp_path / "nowhere" / "a.csv")]) == 2
+    assert main(["study", "error-against-time", "--csv", str(tmp_path / "nowhere" / "a.csv")]) == 1
     assert "does not exist; make it first" in capsys.readouterr().err
 
 
@@ -347,21 +347,21 @@ def test_the_command_writes_what_it_has_when_interrupted(tmp_path, capsys, monke
             raise KeyboardInterrupt
         return ErrorTable(case.name, [row], 1, 1, 2, 1, 1, 0.1, interrupted=case.name == "check")
 
-    monkeypatch.setattr(study_command, "case_table", made_up)
+    monkeypatch.setattr(cases_of_errors, "case_table", made_up)
     written, cases = tmp_path / "all.csv", ["white", "check", "objects"]
-    assert main(["error-against-time", "--csv", str(written), "--case", *cases]) == 130
+    assert main(["study", "error-against-time", "--csv", str(written), "--case", *cases]) == 130
     shown = capsys.readouterr()
     assert shown.err == "interrupted\n" and "white: 1 pixels" in shown.out and "objects" not in shown.out
     assert not ErrorTable.from_csv(written, title="white").interrupted
     if when == "between rows":
         assert ErrorTable.from_csv(written, title="check").interrupted and "check: 1 pixels" in shown.out
-    monkeypatch.setattr(study_command, "case_table", lambda case, **_: made_up(case._replace(name="white")))
-    assert main(["error-against-time", "--case", *cases]) == 0
+    monkeypatch.setattr(cases_of_errors, "case_table", lambda case, **_: made_up(case._replace(name="white")))
+    assert main(["study", "error-against-time", "--case", *cases]) == 0
 
 
 @pytest.mark.slow
 def test_the_document_is_whole():
-    command = [sys.executable, "-m", "plenoptic.study", "error-against-time", "--quick", "--document"]
+    command = [sys.executable, "-m", "plenoptic", "study", "error-against-time", "--quick", "--document"]
     done = subprocess.run(command, capture_output=True, text=True, check=True).stdout
     heads = [line for line in done.splitlines() if line.startswith("#")]
     assert heads == [

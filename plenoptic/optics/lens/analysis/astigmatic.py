@@ -18,6 +18,7 @@ from plenoptic.optics.lens.elements import is_centred
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.lens.trace import traced_part
+from plenoptic.optics.surfaces.mirror import Mirror
 from plenoptic.optics.surfaces.surface import Surface
 
 
@@ -95,12 +96,19 @@ def foci(lens: LensStack, rays: RayBundle, *, parallel: bool, reverse: bool = Fa
     for k in reversed(order) if reverse else order:
         before, after = (index[k + 1], index[k]) if reverse else (index[k], index[k + 1])
         there = traced_part(lens, here, k, k, reverse=reverse, clipping=False)
-        h = h + w / before * np.einsum("ij,ij->i", there.origin - here.origin, here.direction)
-        element = lens.elements[k]
+        element, vertex = lens.elements[k], np.array([0.0, 0.0, lens.vertices[k]])
+        reflects = isinstance(element, Surface) and isinstance(element.medium, Mirror)
+        # A mirror's points are seen in its plane from behind, in front of it as they are.
+        met = (there.origin - vertex) * (1.0, 1.0, -1.0) + vertex if reflects else there.origin
+        h = h + w / before * np.einsum("ij,ij->i", met - here.origin, here.direction)
         if isinstance(element, Surface):
-            normal, *curvature = _bending(element, there.origin - [0.0, 0.0, lens.vertices[k]])
-            cos_i, cos_t = (np.abs(np.einsum("ij,ij->i", ray.direction, normal)) for ray in (here, there))
-            power = sign * (after * cos_t - before * cos_i) * np.array(curvature)
+            in_front = there if reflects and reverse else here
+            normal, *curvature = _bending(element, (there.origin if in_front is there else met) - vertex)
+            cos_i, cos_t = (np.abs(np.einsum("ij,ij->i", ray.direction, normal)) for ray in (in_front, there))
+            if reflects:
+                cos_t, power = cos_i, -2.0 * after * cos_i * np.array(curvature)
+            else:
+                power = sign * (after * cos_t - before * cos_i) * np.array(curvature)
             # The width across the ray changes in the plane of incidence only.
             widen = np.stack([np.ones(n), cos_t / cos_i])
             h, w = h * widen, (w - power * h / np.stack([np.ones(n), cos_i**2])) / widen

@@ -6,6 +6,7 @@ z_object.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Callable
 
@@ -16,6 +17,7 @@ from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats, check_kind, number, result, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.analysis.fields import checked_fields, chief_rays, image_plane, unclipped
+from plenoptic.optics.lens.elements import opened
 from plenoptic.optics.lens.pupil.iris_points import INSIDE, MOST_ACROSS, hexapolar
 from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays, aimed_rays_reverse
 from plenoptic.optics.lens.stack import LensStack
@@ -37,7 +39,8 @@ Microsc. 147, 229, 1987). So its relative standard error is this over N^(3/4).""
 def largest_field(lens: LensStack, *, z_object: float = -math.inf, wavelength: float = 587.6) -> float:
     """The field up to which chief rays pass all rims.
 
-    Found by a fan of rays from the centre of the iris, both ways, up to the first that meets a rim.
+    Found by a fan of rays from the centre of the iris, both ways, up to the first that meets a rim; masks and rings
+    count with the circles around them.
 
     Parameters
     ----------
@@ -60,6 +63,7 @@ def largest_field(lens: LensStack, *, z_object: float = -math.inf, wavelength: f
     check_kind(lens, "lens", LensStack, "camera.lens")
     z_object = number(z_object, "z_object")
     iris, last = lens.iris_index, len(lens.elements) - 1
+    lens = dataclasses.replace(lens, elements=opened(lens.elements))
     low, high, field = 0.0, math.radians(89.9), 0.0
     centre = np.zeros(3) if lens.stop.placement is None else np.asarray(lens.stop.placement.shift)
     for _ in range(_ZOOMS):

@@ -209,7 +209,7 @@ def mtf(
 
     Notes
     -----
-    |sum_i w_i exp(-2 pi i nu s_i)| with the light w_i of the rays and their positions s_i along one direction.
+    ``|sum_i w_i exp(-2 pi i nu s_i)|`` with the light w_i of the rays and their positions s_i along one direction.
 
     References
     ----------

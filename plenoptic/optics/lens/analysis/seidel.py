@@ -141,20 +141,21 @@ def seidel_sums(lens: LensStack, *, field: float, z_object: float = -math.inf, w
     table = np.zeros((len(lens.elements), len(_SUMS)))
     for i, element in enumerate(lens.elements):
         if isinstance(element, Surface):
-            table[i] = _spherical_part(element.vertex_curvature, marginal, chief, invariant, i)
+            table[i] = _spherical_part(element, marginal, chief, invariant, i)
             table[i] += _aspheric_part(element, marginal, chief, i)
     spherical, coma, astigmatism, petzval, distortion = table.T
     aperture = leaving_aperture(lens, marginal, wavelength)
     return SeidelSums(spherical, coma, astigmatism, petzval, distortion, aperture, float(wavelength))
 
 
-def _spherical_part(c: float, marginal: ParaxialRay, chief: ParaxialRay, invariant: float, i: int) -> Floats:
-    n, n_behind = marginal.index[i], marginal.index[i + 1]
+def _spherical_part(surface: Surface, marginal: ParaxialRay, chief: ParaxialRay, invariant: float, i: int) -> Floats:
+    c, n, n_behind = surface.vertex_curvature, marginal.index[i], marginal.index[i + 1]
+    signed = surface.signed_index(n_behind)
     y, y_bar = marginal.height[i], chief.height[i]
     a = n * (marginal.angle[i] + y * c)
     a_bar = n * (chief.angle[i] + y_bar * c)
     slope_step = marginal.angle[i + 1] / n_behind - marginal.angle[i] / n
-    inverse_step, inverse_square_step = 1 / n_behind - 1 / n, 1 / n_behind**2 - 1 / n**2
+    inverse_step, inverse_square_step = 1 / signed - 1 / n, 1 / n_behind**2 - 1 / n**2
     distortion = a_bar * (a_bar**2 * inverse_square_step * y + (invariant - a_bar * y) * y_bar * c * inverse_step)
     bent, petzval = y * slope_step, invariant**2 * c * inverse_step
     return -np.array([a * a * bent, a * a_bar * bent, a_bar**2 * bent, petzval, distortion])
@@ -169,7 +170,7 @@ def _aspheric_part(surface: Surface, marginal: ParaxialRay, chief: ParaxialRay, 
         )
     fourth = surface.aspheric[1] if len(surface.aspheric) > 1 else 0.0
     excess = ((1.0 + surface.conic) * surface.curvature**3 - surface.vertex_curvature**3) / 8.0 + fourth
-    strength = 8.0 * excess * (marginal.index[i + 1] - marginal.index[i])
+    strength = 8.0 * excess * (surface.signed_index(marginal.index[i + 1]) - marginal.index[i])
     y, y_bar = marginal.height[i], chief.height[i]
     return np.asarray(strength * np.array([y**4, y**3 * y_bar, y**2 * y_bar**2, 0.0, y * y_bar**3]))
 

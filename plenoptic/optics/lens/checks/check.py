@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from plenoptic.core.values import Floats, check_kind, positive
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.glass.catalogue import glass
+from plenoptic.optics.glass.bundled import glass
 from plenoptic.optics.glass.media import D_LINE, Medium, abbe_number
 from plenoptic.optics.lens.checks.finding import Finding, FindingKind
 from plenoptic.optics.lens.checks.rays import condition_findings, ray_findings
@@ -82,11 +82,11 @@ def _edges(lens: LensStack) -> Iterator[Finding]:
     z = lens.vertices
     for (i, front), (j, rear) in pairwise(_surfaces(lens)):
         between = "air" if lens.gap_media[i + 1] == lens.ambient else "glass"
-        if front.placement != rear.placement:
+        if front.from_behind.placement != rear.placement:
             continue  # seen by _collisions
         gap = float(z[j] - z[i])
         r = np.linspace(0.0, min(front.semi_diameter, rear.semi_diameter), _PLACES)
-        room = (gap + _sag_around(rear, r) - _sag_around(front, r)).min(axis=0)
+        room = (gap + _sag_around(rear, r) - _sag_around(front.from_behind, r)).min(axis=0)
         closes = room < -1e-9 * (gap + r[-1])  # surfaces may touch
         if closes.any():
             k = int(np.argmax(closes))
@@ -98,7 +98,7 @@ def _edges(lens: LensStack) -> Iterator[Finding]:
             )
             yield Finding(FindingKind.OVERLAP, (i, j), message)
         elif between == "glass":
-            yield from _thin_edge(i, front, j, rear, gap)
+            yield from _thin_edge(i, front.from_behind, j, rear, gap)
 
 
 def _thin_edge(i: int, front: Surface, j: int, rear: Surface, gap: float) -> Iterator[Finding]:
@@ -123,7 +123,8 @@ def _collisions(lens: LensStack) -> Iterator[Finding]:
         first, second = lens.elements[i], lens.elements[j]
         if first.placement == second.placement:
             continue
-        points = _points_on(first) + np.array([0.0, 0.0, lens.vertices[i]])
+        seen = first.from_behind if isinstance(first, Surface) else first
+        points = _points_on(seen) + np.array([0.0, 0.0, lens.vertices[i]])
         local = _axes_of(second, points, float(lens.vertices[j]))
         r = np.hypot(local[:, 0], local[:, 1])
         inside = r <= (second.semi_diameter if isinstance(second, Surface) else math.inf)
@@ -183,6 +184,7 @@ def _stop_planes(lens: LensStack) -> Iterator[Finding]:
         stop, surface, side = (second, first, -1.0) if isinstance(first, Surface) else (first, second, 1.0)
         if not isinstance(surface, Surface) or surface.semi_diameter <= stop.semi_diameter:
             continue
+        surface = surface.from_behind if side < 0 else surface
         r = np.linspace(stop.semi_diameter, surface.semi_diameter, _PLACES)
         room = (float(z[j] - z[i]) + side * _sag_around(surface, r)).min(axis=0)
         if room.min() < 0:
@@ -290,7 +292,7 @@ def _places(lens: LensStack, wavelength: float) -> Iterator[Finding]:
             f"long and than its focal length, {points.efl:.4g} mm; check the gap"
         )
         yield Finding(FindingKind.IRIS_FAR, (lens.iris_index,), message)
-    rim = float(_rim_depth(rear).max())
+    rim = float(_rim_depth(rear.from_behind).max())
     if 0 < points.bfl < rim:
         message = (
             f"the image of a far object lies {points.bfl:.4g} mm behind the vertex of the last surface, {last}, whose "

@@ -12,14 +12,13 @@ from plenoptic.core.rays import RayBundle, RayStatus
 from plenoptic.core.values import Floats
 from plenoptic.optics.lens.analysis.conditioning_rows import blocks_of, noted, sizes
 from plenoptic.optics.lens.checks.finding import Finding, FindingKind
+from plenoptic.optics.lens.elements import opened
 from plenoptic.optics.lens.files.infer_stop import basis_rays
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.record import lens_record
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.lens.trace import traced_part
-from plenoptic.optics.stops.mask import MaskStop
-from plenoptic.optics.stops.registry import circle_around
 from plenoptic.optics.surfaces.surface import Surface
 
 _FILLED = 0.95
@@ -96,9 +95,9 @@ def _axial_beam(lens: LensStack, wavelength: float) -> tuple[RayBundle | None, s
 
 
 def _exact_without_masks(lens: LensStack) -> LensStack:
-    """The lens with circles around its masks: rays in one plane say little of the holes of a mask."""
+    """The lens with circles around its masks and rings."""
     exact = lens if lens.model is LensModel.EXACT else lens.with_model(LensModel.EXACT)
-    elements = [circle_around(e) if isinstance(e, MaskStop) else e for e in exact.elements]
+    elements = opened(exact.elements)
     return exact if elements == list(exact.elements) else dataclasses.replace(exact, elements=elements)
 
 

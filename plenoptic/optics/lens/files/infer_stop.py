@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
+from typing import cast
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from plenoptic.core.values import Floats
 from plenoptic.optics.glass.media import AIR, D_LINE, Medium
 from plenoptic.optics.lens.elements import Element
 from plenoptic.optics.stops.circle import CircularStop
+from plenoptic.optics.surfaces.mirror import Mirror, medium_behind
 from plenoptic.optics.surfaces.surface import Surface
 
 
@@ -27,8 +29,8 @@ def basis_rays(
     for element in elements:
         heights.append(height)
         if isinstance(element, Surface):
-            behind = element.medium.index(wavelength)
-            angle = angle + (index - behind) * element.vertex_curvature * height
+            behind = index if isinstance(element.medium, Mirror) else element.medium.index(wavelength)
+            angle = angle + (index - element.signed_index(behind)) * element.vertex_curvature * height
             index = behind
         height = height + angle * (element.thickness / index)
     return np.array(heights), np.array([heights[-1], angle])
@@ -49,7 +51,10 @@ def with_inferred_stop(surfaces: list[Surface]) -> list[Element]:
     # A surface that the ray crosses on the axis limits nothing.
     limits = [s.semi_diameter / height for s, height in zip(surfaces, heights, strict=True) if height > 0]
     beam = min(limits, default=math.nan)
-    gaps = [surface.thickness if surface.medium == AIR else -1.0 for surface in surfaces[:-1]]
+    gaps, medium = list[float](), cast(Medium, AIR)
+    for surface in surfaces[:-1]:
+        medium = medium_behind(surface.medium, medium)
+        gaps.append(surface.thickness if medium == AIR else -1.0)
     longest = max(gaps, default=-1.0)
     if longest < 0:
         return [CircularStop(beam * heights[0], 0.0), *surfaces]

@@ -6,12 +6,13 @@ import math
 
 from plenoptic.core.files.text_lines import naming_line, written_number
 from plenoptic.errors import InvalidValueError, PrescriptionError
-from plenoptic.optics.glass.catalogue import glass
+from plenoptic.optics.glass.bundled import glass
 from plenoptic.optics.glass.media import AIR, ConstantMedium, Medium, ModelGlass
 from plenoptic.optics.lens.elements import Element, check_count
 from plenoptic.optics.lens.files.infer_stop import with_inferred_stop
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.stops.circle import CircularStop
+from plenoptic.optics.surfaces.mirror import MIRROR, medium_behind
 from plenoptic.optics.surfaces.surface import Surface
 
 _HEADER = ["radius", "thickness", "material", "index", "v-no", "sa"]
@@ -23,7 +24,7 @@ def lens_from_csv(text: str, where: str) -> LensStack:
     header = [cell.strip().lower() for cell in rows[0][1].split(";")] if rows else []
     if header != _HEADER:
         first = rows[0][0] if rows else 1
-        raise PrescriptionError(f"{where}, line {first}: the first line must be {';'.join(_HEADER)}")
+        raise PrescriptionError(f"{where}, line {first}: the first line must be {';'.join(_HEADER)}, with semicolons")
     with naming_line(where, rows[-1][0]):
         check_count(len(rows) - 1)
     elements: list[Element] = []
@@ -31,7 +32,7 @@ def lens_from_csv(text: str, where: str) -> LensStack:
     for number, line in rows[1:]:
         with naming_line(where, number):
             elements.append(_element(line, before=before, last=number == rows[-1][0]))
-        before = elements[-1].medium if isinstance(elements[-1], Surface) else before
+        before = medium_behind(elements[-1].medium, before) if isinstance(elements[-1], Surface) else before
     surfaces = [element for element in elements if isinstance(element, Surface)]
     source = where
     with naming_line(where, rows[-1][0]):
@@ -42,16 +43,21 @@ def lens_from_csv(text: str, where: str) -> LensStack:
 
 
 def _medium(material: str, index: str, abbe: str) -> Medium:
+    if not (material or index or abbe):
+        return AIR
     if material.lower() == "air":
         if index or abbe:
             raise PrescriptionError(f"air has index {index[:40]!r} and V-number {abbe[:40]!r}; leave both empty")
         return AIR
+    if material.lower() == "mirror" and not (index or abbe):
+        return MIRROR
     if not index and not abbe:
         try:
             return glass(material)
         except InvalidValueError:
             raise PrescriptionError(
-                f"material {material[:40]!r} has no index and is no bundled glass; give its index, or write air"
+                f"material {material[:40]!r} has no index and is no bundled glass; give its index, or leave the cell "
+                "empty for air"
             ) from None
     if not index:
         raise PrescriptionError(f"material {material[:40]!r} has a V-number and no index; give it, or leave both empty")
@@ -66,8 +72,10 @@ def _element(line: str, *, before: Medium, last: bool) -> Element:
     radius, thickness, material, index, abbe, semi_diameter = cells
     gap = written_number(thickness, "thickness")
     medium = _medium(material, index, abbe)
-    if last and medium != AIR:
-        raise PrescriptionError(f"the last material is {material[:40]!r}; the sensor is in air: it must be air")
+    if last and medium_behind(medium, before) != AIR:
+        raise PrescriptionError(
+            f"the last material is {material[:40]!r}; the sensor is in air: it must be air, or empty"
+        )
     size, gap = written_number(semi_diameter, "sa"), 0.0 if last else gap
     if not radius and before == medium == AIR:
         return CircularStop(size, gap)

@@ -2,10 +2,11 @@
 
 A file is an object with `format`, `name`, `source`, `iris` (index of the element that is the iris), and `elements`.
 What is at its default is left out, so `ambient`, `model`, `specification`, `conic`, `aspheric`, `depth`, `departure`,
-`blade_radius` and `placement` stand only where they say something. Stops are circle, polygon, star or mask; the
+`blade_radius` and `placement` stand only where they say something. Stops are circle, polygon, star, mask or ring; the
 `transmission` of a mask is a list of its rows. A medium is one of
 
     "air"
+    "mirror"                                       of a surface that reflects; one that folds the axis by its fields
     {"index": 1.5}
     {"name": "BAF10", "nd": 1.67, "vd": 47.1}
     {"name": "N-BK7", "sellmeier": {"b": [...], "c": [...]}, "wavelength_range": [300.0, 2500.0]}
@@ -31,6 +32,7 @@ from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.placement import Placement
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.stops.registry import STOPS, Stop
+from plenoptic.optics.surfaces.mirror import MIRROR
 from plenoptic.optics.surfaces.surface import Surface
 
 _FORMAT = "plenoptic-lens-1"
@@ -141,10 +143,13 @@ def _fields(data: Any, name: str, wanted: str, allowed: str = "") -> Mapping[str
 
 # ---- media ----
 
+_NAMED: dict[str, Medium] = {"air": AIR, "mirror": MIRROR}
+
 
 def _medium_to_json(medium: Medium, where: str) -> Any:
-    if medium == AIR:
-        return "air"
+    for name, known in _NAMED.items():
+        if medium == known:
+            return name
     if isinstance(medium, ConstantMedium):
         return {"index": medium.refractive_index}
     if isinstance(medium, ModelGlass):
@@ -164,8 +169,8 @@ def _medium_to_json(medium: Medium, where: str) -> Any:
 
 
 def _medium_from_json(data: Any) -> Medium:
-    if data == "air":
-        return AIR
+    if isinstance(data, str) and data in _NAMED:
+        return _NAMED[data]
     kinds = set(data) if isinstance(data, dict) else set()
     if "index" in kinds:
         return ConstantMedium(_number(_fields(data, "medium", "index")["index"], "index"))
@@ -186,7 +191,9 @@ def _medium_from_json(data: Any) -> Medium:
         if not isinstance(medium, Medium):
             raise PrescriptionError(f"medium is a {type(medium).__name__}; it must have a refractive index")
         return medium
-    raise PrescriptionError(f'medium is {data!r:.40}; it must be "air" or have index, nd and vd, sellmeier, or schott')
+    raise PrescriptionError(
+        f'medium is {data!r:.40}; it must be "air" or "mirror", or have index, nd and vd, sellmeier, or schott'
+    )
 
 
 def _value(data: Any, name: str) -> Any:

@@ -49,9 +49,10 @@ def load_lens(
     - `.zmx`: a sequential Zemax file; what is read of it, and how, stands in `plenoptic.optics.lens.files.zemax`. Its
       fields, wavelengths, object and image are the lens's `specification`; what is left out is named in a warning.
     - `.csv`: a table with the columns `radius;thickness;material;index;v-no;sa`, mm, one row per element from the scene
-      to the sensor. An empty radius is a plane, and a plane with air on both sides is a stop: the first is the iris. A
-      row with index and V-number is a `ModelGlass`, one with an index only a `ConstantMedium`, one with neither one of
-      `glass_names`; the thickness of the last row, the distance to the image, is not part of the lens.
+      to the sensor. An empty radius is a plane, and a plane with air on both sides is a stop: the first is the iris. An
+      empty material is air. A row with index and V-number is a `ModelGlass`, one with an index only a `ConstantMedium`,
+      one with neither one of `glass_names`; the thickness of the last row, the distance to the image, is not part of
+      the lens.
 
     A file that does not mark its stop gets one by a rule, which is not the designer's choice and is named in
     `source`: a round stop in the middle of the longest air gap between two surfaces (of a lens without one: at its
@@ -109,7 +110,8 @@ def load_lens(
         text = decoded(read_file(path, limits), errors="replace")
         return lens_from_zmx(text, path.name, glasses=glasses, stop_size=stop_size)
     if not isinstance(name_or_path, str) or path.parent != Path() or path.is_file():
-        raise FileError(f"{name} ends in {ending!r}; the lens files that can be read are {_ENDINGS}")
+        what = "is a folder" if path.is_dir() else f"ends in {ending!r}"
+        raise FileError(f"{name} {what}; the lens files that can be read are {_ENDINGS}")
     close = difflib.get_close_matches(name, lens_names(), n=3, cutoff=0.4) or lens_names()
     raise FileError(
         f"there is no lens {name!r}; pl.lens_names() lists them, among them {', '.join(close)}; "

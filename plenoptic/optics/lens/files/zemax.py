@@ -6,10 +6,13 @@ the lens, nor are the gaps next to them. A glass on the object is the medium aro
 - TYPE STANDARD, EVENASPH and SZERNSAG, with CURV, CONI, PARM 1 to 8 (r^2 to r^16), DISZ and GLAS; lengths are converted
   from UNIT to mm. SZERNSAG adds Noll's Zernike terms, of mean square 1 over the disc of the norm radius: XDAT 1 is
   their number, XDAT 2 the norm radius, XDAT 3 and on the terms; their sag at the vertex moves the surface. All other
-  types are refused, and so are mirrors, coordinate breaks, tilts, obscurations, and apertures that are not round.
-  Solves and pickups count with the value that the file holds, several configurations as the one that it was saved in.
-- GLAS: a name is looked up in the catalogue that the caller gives, then among the bundled glasses; ___BLANK is a model
-  glass of n_d and V_d (a V_d of 0: no dispersion; the deviation of the partial dispersion is left out).
+  types are refused, and so are tilted surfaces (SCBD), and apertures and obscurations that are not round.
+- COORDBRK: the elements that follow are placed as it says (`Placement`). Mirrors (GLAS MIRROR) are unfolded: plane ones
+  vanish, curved ones reflect (`Mirror`). See `zemax_folds`.
+- Solves and pickups count with the value that the file holds, several configurations as the one that it was saved in.
+- GLAS: a name is looked up in the catalogue that the caller gives, then in the bundled ones, first in those that the
+  file names (GCAT); ___BLANK is a model glass of n_d and V_d (a V_d of 0: no dispersion; the deviation of the partial
+  dispersion is left out).
 - The stop is as large as the system aperture asks for, by the paraxial marginal ray: entrance pupil diameter (ENPD),
   f-number (FNUM; its second number is 1 for the working one) or numerical aperture in object space (OBNA; with a 1,
   half the angle of the cone in degrees), and not larger than its aperture, if it has one. Where the system floats by
@@ -17,7 +20,9 @@ the lens, nor are the gaps next to them. A glass on the object is the medium aro
   smaller. See `StopSize`.
 - Semi-diameters: the radius of a round aperture (CLAP, FLAP) if there is one, otherwise DIAM; of the stop's own surface
   at least that of the stop. Where DIAM is 0 or missing: the sum of the paraxial heights of the marginal ray and of the
-  chief ray of the largest field (XFLN, YFLN).
+  chief ray of the largest field (XFLN, YFLN), and not more than the radius of a sphere.
+- What stops light in the middle, the inner radius of CLAP or FLAP and the disc of OBSC, is a `RingStop` in the plane of
+  the vertex, in front of the surface.
 - STOP on a surface between equal media is the iris. On a refracting surface it becomes a stop of the same size in the
   plane of the vertex, in front of it.
 - Other surfaces between equal media vanish, and their gaps are added to the one before. With an aperture they stay:
@@ -26,7 +31,7 @@ the lens, nor are the gaps next to them. A glass on the object is the medium aro
   the places of object and image, and the curvature of the image are the lens's `Specification`.
 - Left out, with a warning where they say something: vignetting factors, temperature and pressure (ENVD), coatings
   (COAT), further configurations (MNUM), telecentric object space, fields of other types, other shapes of the image. All
-  other lines are passed over; glass catalogues (GCAT) serve messages only.
+  other lines are passed over.
 """
 
 from __future__ import annotations
@@ -39,9 +44,11 @@ from plenoptic.core.files.text_lines import naming_line, written_number
 from plenoptic.core.values import wrong_kind
 from plenoptic.core.warn import warn
 from plenoptic.errors import FileWarning, InvalidValueError, PrescriptionError
-from plenoptic.optics.glass.catalogue import GlassCatalogue, glass
+from plenoptic.optics.glass.bundled import bundled_glass
+from plenoptic.optics.glass.catalogue import GlassCatalogue
 from plenoptic.optics.glass.media import ConstantMedium, Medium, ModelGlass
 from plenoptic.optics.lens.elements import check_count
+from plenoptic.optics.lens.files.zemax_folds import is_folded, unfolded
 from plenoptic.optics.lens.files.zemax_stack import Row, stacked
 from plenoptic.optics.lens.files.zemax_system import KEYWORDS, Line, read_system
 from plenoptic.optics.lens.specification import StopSize
@@ -50,8 +57,20 @@ from plenoptic.optics.surfaces.registry import ZEMAX
 
 _UNITS = {"MM": 1.0, "CM": 10.0, "IN": 25.4, "M": 1000.0, "METER": 1000.0, "METERS": 1000.0}
 _TERMS = 8
+_BREAK = "COORDBRK"
+_TYPES = {
+    "DGRATING": "a grating",
+    "TOROIDAL": "a toroid",
+    "BICONICX": "a biconic surface",
+    "QED_TYPE": "an asphere in Forbes's polynomials",
+    "ODDASPHE": "an asphere with odd powers",
+    "XASPHERE": "an extended asphere",
+    "PARAXIAL": "an ideal lens",
+    "USERSURF": "a user's own surface",
+}
+"""What surfaces are that cannot be read."""
 _REFUSED = {
-    **dict.fromkeys(("OBSC", "SQOB", "ELOB", "USOB"), "obscurations"),
+    **dict.fromkeys(("SQOB", "ELOB", "USOB"), "obscurations that are not round"),
     **dict.fromkeys(("USAP", "UDAD"), "user-defined apertures"),
     "SPID": "spiders",
     "SQAP": "rectangular apertures",
@@ -78,13 +97,15 @@ def lens_from_zmx(
     media = _Glasses(glasses, " ".join(line.rest for line in head if line.keyword == "GCAT"))
     left_out = _left_out(blocks)
     blocks[-1] = [line for line in blocks[-1] if line.keyword in ("SURF", "STOP", "CURV")]
-    rows = [_row(number, block, where, unit, media) for number, block in enumerate(blocks)]
+    rows, turned = [_row(number, block, where, unit, media) for number, block in enumerate(blocks)], False
+    if is_folded(rows):
+        rows, turned = unfolded(rows, where)
     names = [line.rest for line in head if line.keyword == "NAME" and line.rest]
     notes = [line.rest.partition(" ")[2].strip() for line in head if line.keyword == "NOTE"]
     source = "; ".join([where, *filter(None, notes)])
     system = read_system(head, where, unit)
     lens = stacked(rows, system, where, (names or [where.rpartition(".")[0]])[0], source, stop_size=stop_size)
-    left_out = [*system.left_out, *left_out]
+    left_out = [*system.left_out, *left_out, *(["tilt and decentre of the image (COORDBRK)"] * turned)]
     if len(system.fields) and lens.specification is not None and not len(lens.specification.fields):
         left_out.append(f"fields of type {system.field_type} (FTYP)")
     if left_out:
@@ -147,8 +168,6 @@ class _Glasses:
     def medium(self, line: Line) -> Medium:
         """The medium of a GLAS line."""
         name = line.word(0)
-        if name.upper() == "MIRROR":
-            raise PrescriptionError("the surface is a mirror; only lenses can be read: leave it out")
         if name.upper() == "___BLANK":
             nd, vd = line.real(3), line.real(4) if len(line.words) > 4 else 0.0
             return ModelGlass(nd, vd) if vd != 0 else ConstantMedium(nd)
@@ -158,7 +177,7 @@ class _Glasses:
 
     def _bundled(self, name: str) -> Medium:
         try:
-            return glass(name)
+            return bundled_glass(name, self._catalogues.split())
         except PrescriptionError:
             raise
         except InvalidValueError as error:
@@ -177,6 +196,8 @@ def _row(number: int, block: list[Line], where: str, unit: float, glasses: _Glas
         with naming_line(where, line.number):
             if line.keyword == "TYPE":
                 kind = _type(line, number)
+            elif line.keyword == "PARM" and kind == _BREAK:
+                extra[int(line.real(0))] = line.real(1)
             elif line.keyword == "PARM" and kind != "STANDARD":
                 _set_term(terms, line)
             elif line.keyword == "XDAT" and kind in ZEMAX:
@@ -187,15 +208,18 @@ def _row(number: int, block: list[Line], where: str, unit: float, glasses: _Glas
         with naming_line(where, row.lines.get("XDAT", row.lines["SURF"])):
             departure, offset = ZEMAX[kind](extra, unit)
             row = row._replace(departure=departure, offset=offset)
+    if kind == _BREAK:
+        decentre = (extra.get(i, 0.0) * unit for i in (1, 2))
+        return row._replace(turn=(*decentre, *(extra.get(i, 0.0) for i in (3, 4, 5, 6))))
     # z and r scale alike: a_i of r^(2 i) is in unit^(1 - 2 i).
     return row._replace(aspheric=tuple(a * unit ** (1 - 2 * i) for i, a in enumerate(terms, start=1)))
 
 
 def _type(line: Line, number: int) -> str:
     kind = line.word(0).upper()
-    known = ("STANDARD", "EVENASPH", *ZEMAX)
+    known = ("STANDARD", "EVENASPH", _BREAK, *ZEMAX)
     if kind not in known:
-        what = "a coordinate break" if kind == "COORDBRK" else f"of type {kind[:40]}"
+        what = f"{_TYPES[kind]} ({kind})" if kind in _TYPES else f"of type {kind[:40]}"
         listed = " and ".join([", ".join(known[:-1]), known[-1]])
         raise PrescriptionError(f"surface {number} is {what}; only {listed} surfaces can be read")
     return kind
@@ -219,14 +243,24 @@ def _with_line(row: Row, line: Line, unit: float, glasses: _Glasses) -> Row:
         case "DISZ":
             endless = line.word(0).upper() == "INFINITY"
             return row._replace(gap=math.inf if endless else line.real(0) * unit)
+        case "GLAS" if line.word(0).upper() == "MIRROR":
+            return row._replace(is_mirror=True)
         case "GLAS":
             return row._replace(medium=glasses.medium(line))
         case "DIAM":
             return row._replace(diameter=line.real(0) * unit)
         case "CLAP" | "FLAP":
+            inner, outer = line.real(0), line.real(1)
+            if inner > 0 and not inner < outer:
+                raise PrescriptionError(f"{line.keyword} passes light from {inner:g} to {outer:g}, which is none")
+            return row._replace(obscured=max(row.obscured, inner * unit), aperture=outer * unit)
+        case "OBSC":
             if line.real(0) != 0:
-                raise PrescriptionError(f"{line.keyword} has an inner radius of {line.word(0)}; rings cannot be read")
-            return row._replace(aperture=line.real(1) * unit)
+                raise PrescriptionError(
+                    f"OBSC stops light from {line.word(0)} to {line.word(1)} and none nearer to the axis; only discs "
+                    "in the middle can be read: set the first number to 0, or remove the line"
+                )
+            return row._replace(obscured=max(row.obscured, line.real(1) * unit))
         case "STOP":
             return row._replace(is_stop=True)
         case "OBDC" if any(written_number(word, "OBDC") != 0 for word in line.words[:2]):

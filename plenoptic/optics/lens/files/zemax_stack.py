@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import enum
 import math
 from typing import NamedTuple
 
@@ -16,9 +17,12 @@ from plenoptic.optics.glass.media import AIR, Medium
 from plenoptic.optics.lens.elements import Element
 from plenoptic.optics.lens.files.infer_stop import basis_rays, with_inferred_stop
 from plenoptic.optics.lens.files.zemax_system import Aperture, System
+from plenoptic.optics.lens.placement import Placement
 from plenoptic.optics.lens.specification import Specification, StopSize
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.stops.circle import CircularStop
+from plenoptic.optics.stops.ring import RingStop
+from plenoptic.optics.surfaces.mirror import medium_behind
 from plenoptic.optics.surfaces.registry import Departure
 from plenoptic.optics.surfaces.surface import Surface
 
@@ -26,6 +30,9 @@ _ROUNDING = 1e-12
 
 _UNKNOWN_SIZE = 1e-9
 """Stands for a semi-diameter, in mm, until it is known; relative to the radius of curvature where that is smaller."""
+
+_BEYOND = 1.1
+"""Outer radius of a ring over the semi-diameter of its surface."""
 
 _INFINITE = 1e10
 """mm; an object so far away is infinitely far."""
@@ -49,7 +56,13 @@ class Row(NamedTuple):
     """DIAM, which is a semi-diameter; 0 where it is unknown."""
     aperture: float | None = None
     """Radius of a round aperture."""
+    obscured: float = 0.0
+    """Radius of a round part in the middle that stops light."""
     is_stop: bool = False
+    is_mirror: bool = False
+    turn: tuple[float, ...] | None = None
+    """Of a coordinate break: decentre along x and y in mm, turn about x, y and z in degrees, and which comes first."""
+    placement: Placement | None = None
 
     @property
     def stop_size(self) -> float:
@@ -60,6 +73,14 @@ class Row(NamedTuple):
     def is_plane(self) -> bool:
         """Whether it has no curvature at all."""
         return self.curvature == 0 and not any(self.aspheric) and self.departure is None
+
+
+class _As(enum.Enum):
+    """What a row of the file becomes."""
+
+    SURFACE = 0
+    STOP = 1
+    RING = 2
 
 
 class _Piece(NamedTuple):
@@ -117,48 +138,66 @@ def _error(where: str, row: Row, keyword: str, message: str) -> PrescriptionErro
 
 def _pieces(rows: list[Row], ambient: Medium, where: str) -> tuple[list[_Piece], float, float]:
     """The elements, and the distances in mm from the object to the first of them, and from the last to the image."""
-    kept: list[tuple[Row, bool, float]] = []  # row, whether a stop or a surface, gap
+    kept: list[tuple[Row, _As, float]] = []  # row, as what, gap
     before, distance = ambient, rows[0].gap
     for row in rows[1:-1]:
         refracts, gap = row.medium != before, row.gap
+        if row.obscured > 0:
+            kept.append((row._replace(is_stop=False), _As.RING, 0.0))
         if row.is_stop:
-            kept.append((row, True, 0.0 if refracts else gap))
+            kept.append((row, _As.STOP, 0.0 if refracts else gap))
         if refracts or (row.aperture is not None and not row.is_plane and not row.is_stop):
-            kept.append((row, False, gap))
+            kept.append((row, _As.SURFACE, gap))
         elif row.aperture is not None and not row.is_stop:
-            kept.append((row, True, gap))
+            kept.append((row, _As.STOP, gap))
         elif not row.is_stop and kept:
             kept[-1] = (*kept[-1][:2], kept[-1][2] + gap)
         elif not row.is_stop:
             distance += gap
-        before = row.medium
+        before = medium_behind(row.medium, before)
     last = len(kept) - 1
-    pieces = [_piece(row, stop, 0.0 if i == last else gap, where) for i, (row, stop, gap) in enumerate(kept)]
+    pieces = [_piece(row, kind, 0.0 if i == last else gap, where) for i, (row, kind, gap) in enumerate(kept)]
     return pieces, distance, kept[-1][2] if kept else 0.0
 
 
-def _piece(row: Row, as_stop: bool, gap: float, where: str) -> _Piece:
+def _piece(row: Row, kind: _As, gap: float, where: str) -> _Piece:
     size = row.aperture if row.aperture is not None else row.diameter
-    size = row.stop_size if as_stop and row.is_stop else size
+    size = row.stop_size if kind is _As.STOP and row.is_stop else size
     known = size != 0 or row.aperture is not None
     radius = 1.0 / row.curvature if row.curvature else math.inf
     if not known:
         size = _UNKNOWN_SIZE * min(1.0, abs(radius))
     try:
-        if as_stop:
-            return _Piece(CircularStop(size, gap), row, known)
-        equator = abs(radius) / math.sqrt(1.0 + row.conic) if row.conic > -1 else 0.0
-        if size <= equator * (1.0 + _ROUNDING):
+        if kind is _As.RING:
+            # The rim of the surface itself limits light; that of the ring lies beyond it.
+            ring = RingStop(_BEYOND * max(size, row.obscured), row.obscured, gap, placement=row.placement)
+            return _Piece(ring, row, True)
+        if kind is _As.STOP:
+            return _Piece(CircularStop(size, gap, placement=row.placement), row, known)
+        equator = _equator(row)
+        if equator < size <= equator * (1.0 + _ROUNDING):
             # A curvature that was written from a radius gives it back to rounding only.
-            size = min(size, equator)
+            size = equator
         surface = Surface(
-            radius, gap, row.medium, semi_diameter=size, conic=row.conic, aspheric=row.aspheric, departure=row.departure
+            radius,
+            gap,
+            row.medium,
+            semi_diameter=size,
+            conic=row.conic,
+            aspheric=row.aspheric,
+            departure=row.departure,
+            placement=row.placement,
         )
         return _Piece(surface, row, known)
     except InvalidValueError as error:
         size_from = next((keyword for keyword in ("CLAP", "FLAP") if keyword in row.lines), "DIAM")
         keyword = "DISZ" if "thickness" in str(error) else size_from if "semi_diameter" in str(error) else "CURV"
         raise _error(where, row, keyword, str(error)) from None
+
+
+def _equator(row: Row) -> float:
+    """How far a conic reaches from the axis; inf for planes, paraboloids and hyperboloids."""
+    return 1.0 / (abs(row.curvature) * math.sqrt(1.0 + row.conic)) if row.curvature and row.conic > -1 else math.inf
 
 
 class _Beam(NamedTuple):
@@ -264,7 +303,7 @@ def _with_sizes(
     with np.errstate(all="ignore"):
         sizes = np.abs(beam.heights @ beam.marginal) * scale + np.abs(beam.heights @ chief)
     return [
-        piece if piece.size_is_known else _resized(piece, float(size), where)
+        piece if piece.size_is_known else _resized(piece, min(float(size), _equator(piece.row)), where)
         for piece, size in zip(pieces, sizes, strict=True)
     ]
 

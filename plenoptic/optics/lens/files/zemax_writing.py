@@ -6,12 +6,13 @@ import codecs
 import math
 
 from plenoptic.errors import InvalidValueError, PrescriptionError
-from plenoptic.optics.glass.catalogue import glass
+from plenoptic.optics.glass.bundled import glass
 from plenoptic.optics.glass.media import AIR, C_LINE, D_LINE, F_LINE, Medium, ModelGlass, abbe_number
 from plenoptic.optics.lens.elements import Element
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.stops.circle import CircularStop
+from plenoptic.optics.surfaces.mirror import Mirror
 from plenoptic.optics.surfaces.surface import Surface
 
 _TERMS = 8
@@ -61,6 +62,7 @@ def _element_lines(element: Element, i: int, *, is_iris: bool) -> list[str]:
     if not isinstance(element, Surface):
         raise PrescriptionError(f"element {i} is {element!r}; only round stops can be written as .zmx: use .json")
     refused = {
+        "is a mirror": isinstance(element.medium, Mirror),
         "goes beyond its equator": element.depth is not None,
         f"has more than {_TERMS} coefficients": len(element.aspheric) > _TERMS,
         "has no rotational symmetry": element.departure is not None,

@@ -8,7 +8,7 @@ import numpy as np
 
 from plenoptic.core.values import Floats, finite, frozen_array, number, set_field, value
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.lens.gaussian.matrices import element_curvature, end_surfaces, transfer_matrix, without_rounding
+from plenoptic.optics.lens.gaussian.matrices import bending, end_surfaces, transfer_matrix, without_rounding
 from plenoptic.optics.lens.stack import LensStack
 
 
@@ -66,7 +66,8 @@ def paraxial_ray(lens: LensStack, *, height: float, angle: float, wavelength: fl
     heights, angles = [], [u]
     for i, element in enumerate(lens.elements):
         heights.append(y)
-        u = (n[i] * u - y * (n[i + 1] - n[i]) * element_curvature(lens, i)) / n[i + 1]
+        step, curvature = bending(lens, n, i)
+        u = (n[i] * u - y * step * curvature) / n[i + 1]
         angles.append(u)
         y = y + element.thickness * u
     return ParaxialRay(np.array(heights), np.array(angles), n)

@@ -35,10 +35,15 @@ def position(z: float, name: str) -> float:
     return place
 
 
-def element_curvature(lens: LensStack, i: int) -> float:
-    """Curvature in 1/mm that paraxial rays meet at element i; 0 for a stop."""
-    element = lens.elements[i]
-    return element.vertex_curvature if isinstance(element, Surface) else 0.0
+def bending(lens: LensStack, indices: Floats, i: int) -> tuple[float, float]:
+    """Step of the index and curvature in 1/mm that paraxial rays meet at element i; 0 for a stop.
+
+    `indices` as `LensStack.indices` has them. At a mirror the index comes to have the other sign.
+    """
+    element, before, behind = lens.elements[i], float(indices[i]), float(indices[i + 1])
+    if not isinstance(element, Surface):
+        return behind - before, 0.0
+    return element.signed_index(behind) - before, element.vertex_curvature
 
 
 def end_surfaces(lens: LensStack) -> tuple[int, int]:
@@ -57,7 +62,8 @@ def transfer_matrix(lens: LensStack, wavelength: float, first: int, last: int) -
     matrix, magnitude = np.eye(2), np.eye(2)
     for i in range(first, last + 1):
         gap = lens.elements[i].thickness if i < last else 0.0
-        refraction = np.array([[1.0, 0.0], [(n[i] - n[i + 1]) * element_curvature(lens, i), 1.0]])
+        step_of_index, curvature = bending(lens, n, i)
+        refraction = np.array([[1.0, 0.0], [-step_of_index * curvature, 1.0]])
         transfer = np.array([[1.0, gap / n[i + 1]], [0.0, 1.0]])
         step = transfer @ refraction
         matrix, magnitude = step @ matrix, np.abs(transfer) @ np.abs(refraction) @ magnitude

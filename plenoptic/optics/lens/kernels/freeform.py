@@ -65,13 +65,13 @@ def _is_first(point, direction, conic, aspheric, departure, semi_diameter2, s):
 
 
 @device
-def refract_freeform(ray, lens, k, index_ratios, code, log):
+def refract_freeform(ray, lens, k, index_ratios, s, code, log):
     """Through the surface in row k; with `log` (elements, LOG, BLOCK), steps are counted.
 
     As for aspheres: of a ray steeper than the surface is anywhere, Newton's method finds the only crossing; all others
     are searched for their first crossing inside the semi-diameter, by steps that surely pass none.
     """
-    row, s, aspheric, departure = lens.rows[k], lens.direction, lens.aspheric[k], lens.departure[k]
+    row, aspheric, departure = lens.rows[k], lens.aspheric[k], lens.departure[k]
     conic, semi_diameter2 = (row.curvature, 1.0 + lens.conic[k]), row.semi_diameter2
     nearest = np.empty((5, BLOCK))
     to_conic_of_asphere(ray, nearest, conic)

@@ -10,7 +10,7 @@ import math
 from plenoptic.core.jit import device
 from plenoptic.core.kernels.ray_blocks import BLOCK, CLIPPED, NOT_FINITE, STATUS, WEIGHT, X, Y
 from plenoptic.optics.lens.record import MASK_HEAD
-from plenoptic.optics.record import ARCS, MASK, POLYGON, STAR
+from plenoptic.optics.record import ARCS, MASK, POLYGON, RING, STAR
 
 
 @device
@@ -35,7 +35,7 @@ def _clip_edge(ray, nx, ny, apothem, code):
 
 @device
 def _clip_arc(ray, a, b, limit, bend, code):
-    """At one edge of curved blades; see `PolygonStop.edges`."""
+    """At one edge of curved blades, or the inner one of a ring; see `PolygonStop.edges`."""
     for i in range(BLOCK):
         x, y = ray[X + i], ray[Y + i]
         inside = a * x + b * y + bend * (x * x + y * y) <= limit
@@ -78,7 +78,7 @@ def clip_shape(ray, lens, k, code):
     if kind == POLYGON:
         for j in range(edges.shape[0]):
             _clip_edge(ray, edges[j, 0], edges[j, 1], edges[j, 2], code)
-    elif kind == ARCS:
+    elif kind in (ARCS, RING):
         for j in range(edges.shape[0]):
             _clip_arc(ray, edges[j, 0], edges[j, 1], edges[j, 2], edges[j, 3], code)
     elif kind == STAR:

@@ -12,6 +12,7 @@ from plenoptic.optics.lens.kernels.conic_asphere import refract_asphere, refract
 from plenoptic.optics.lens.kernels.frames import into_frame, out_of_frame
 from plenoptic.optics.lens.kernels.freeform import note_freeform, refract_freeform
 from plenoptic.optics.lens.kernels.ideal import refract_ideal, to_plane
+from plenoptic.optics.lens.kernels.mirror import reflect
 from plenoptic.optics.lens.kernels.notes import (
     ARRIVAL,
     begin_arrival,
@@ -91,6 +92,11 @@ def trace_block(ray, lens, waves, first, index_ratios, log):
         if lens.frames is not None:  # noqa: SIM102 - alone, so that it is pruned
             if lens.frames[k, MOVED] != 0.0:
                 into_frame(ray, lens.frames[k])
+        if lens.mirrors is not None:
+            # Rays meet a mirror as they come from the scene, whichever way they go through the lens.
+            s = 1.0 if lens.mirrors[k, MOVED] != 0.0 else lens.direction
+            if s != lens.direction:
+                out_of_frame(ray, lens.mirrors[k])
         if log is not None:
             keep_arrival(arrival, log[k], ray)
         row, code = rows[k], CAUSES * (rows[k].surface_index + 1.0)
@@ -112,9 +118,15 @@ def trace_block(ray, lens, waves, first, index_ratios, log):
                     steps = None if log is None else log[k]
                     refract_asphere(ray, row, lens.conic[k], lens.aspheric[k], index_ratios, s, code, steps)
                 elif lens.departure is not None:
-                    refract_freeform(ray, lens, k, index_ratios, code, log)
+                    refract_freeform(ray, lens, k, index_ratios, s, code, log)
+        if lens.mirrors is not None:  # noqa: SIM102 - alone, so that it is pruned
+            if lens.mirrors[k, MOVED] != 0.0:
+                reflect(ray, lens, k)
         if log is not None:
             _note(log, arrival, ray, lens, k, index_ratios)
+        if lens.mirrors is not None:  # noqa: SIM102 - alone, so that it is pruned
+            if lens.mirrors[k, MOVED] != 0.0 and lens.direction > 0.0:
+                out_of_frame(ray, lens.mirrors[k])
         if lens.frames is not None:  # noqa: SIM102 - alone, so that it is pruned
             if lens.frames[k, MOVED] != 0.0:
                 out_of_frame(ray, lens.frames[k])

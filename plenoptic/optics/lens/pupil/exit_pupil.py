@@ -113,6 +113,7 @@ def rear_reach(lens: LensStack, z_plane: float, wavelength: float) -> tuple[floa
         return _projected(gap, float(stop["z"]) - z_last, math.sqrt(stop["semi_diameter2"]))
     depth, reach, tilted = 0.0, last.semi_diameter, 0.0
     if isinstance(last, Surface):
+        last = last.from_behind
         depth = float(last.sag(reach)) if last.depth is None else math.copysign(last.depth, last.radius)
         tilted += 0.0 if last.departure is None else 2.0 * last.departure.bounds(reach).height
     if last.placement is not None:

@@ -205,7 +205,7 @@ def test_no_light_is_no_error(field) -> None:
     assert len(spot.x) == 0 and spot.fraction == 0.0
     assert math.isnan(spot.rms_radius) and math.isnan(spot.geometric_radius) and np.isnan(spot.centroid).all()
     assert math.isnan(spot.rms_radius_error)
-    assert repr(spot) == f"<SpotDiagram: 0 rays from (0, {field[1]:g}) rad on z = 102.472 mm, RMS radius nan um>"
+    assert repr(spot) == f"<SpotDiagram: 0 rays from (0, {field[1]:g}) rad on z = 102.473 mm, RMS radius nan um>"
 
 
 def test_few_rays() -> None:

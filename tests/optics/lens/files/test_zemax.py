@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from plenoptic.errors import FileError, InvalidValueError, PlenopticError, PrescriptionError
-from plenoptic.optics.glass.catalogue import glass, load_glasses
+from plenoptic.optics.glass.bundled import glass
+from plenoptic.optics.glass.catalogue import load_glasses
 from plenoptic.optics.glass.media import AIR, C_LINE, D_LINE, F_LINE, ConstantMedium, ModelGlass, Sellmeier
 from plenoptic.optics.lens.files.library import lens_names, load_lens, save_lens
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
@@ -314,9 +315,8 @@ def test_missing_diameters_without_a_beam_are_named(tmp_path: Path, old: str, ne
 @pytest.mark.parametrize(
     ("surface", "message"),
     [
-        (("TYPE COORDBRK", "DISZ 1", "PARM 3 5.0"), "surface 2 is a coordinate break"),
-        (("TYPE TOROIDAL", "CURV 0.02", "DISZ 1", "DIAM 5"), "surface 2 is of type TOROIDAL"),
-        (("CURV -0.001", "DISZ 5", "GLAS MIRROR 0 0", "DIAM 5"), "the surface is a mirror"),
+        (("TYPE TOROIDAL", "CURV 0.02", "DISZ 1", "DIAM 5"), "surface 2 is a toroid"),
+        (("CURV -0.001", "DISZ 5", "GLAS MIRROR 0 0", "DIAM 5"), "thickness is -5 mm"),
         (("CURV 0.02", "DISZ 1", "GLAS UNOBTAINIUM 0 0", "DIAM 5"), "no glass 'UNOBTAINIUM'"),
         (("CURV 0.02", "DISZ 1", "GLAS ___BLANK 1 0", "DIAM 5"), "GLAS has 3 entries; it must have at least 4"),
         (("CURV 0.02", "DISZ 1", blank(0.5), "DIAM 5"), "refractive_index is 0.5"),
@@ -326,9 +326,9 @@ def test_missing_diameters_without_a_beam_are_named(tmp_path: Path, old: str, ne
         ((blank(1.5), "CURV 0.02", "DISZ 1", "DIAM 51"), "semi_diameter 51 mm exceeds the radius"),
         ((blank(1.5), "CURV 0.02", "DISZ 1", "DIAM -5"), "semi_diameter is -5"),
         ((blank(1.5), "CURV 0.02", "DISZ 1", "DIAM 5", "CLAP 0 0 0"), "semi_diameter is 0"),
-        (("DISZ 1", "DIAM 5", "OBSC 0 2 0"), "OBSC: obscurations cannot be read"),
+        (("DISZ 1", "DIAM 5", "OBSC 1 2 0"), "OBSC stops light from 1 to 2"),
         (("DISZ 1", "DIAM 5", "SQAP 2 3 0"), "SQAP: rectangular apertures"),
-        (("DISZ 1", "DIAM 5", "CLAP 1 2 0"), "CLAP has an inner radius of 1"),
+        (("DISZ 1", "DIAM 5", "CLAP 2 1 0"), "CLAP passes light from 2 to 1"),
         (("DISZ 1", "DIAM 5", "OBDC 0 0.5"), "the aperture is decentred"),
         (("DISZ 1", "DIAM 5", "SCBD 1 0 0.0 0.0 5.0 0.0 0.0"), "the surface is decentred or tilted"),
         (("DISZ 1", "DIAM 5", "CURV 0,02"), "CURV is '0,02'"),
@@ -348,10 +348,10 @@ def test_what_cannot_be_is_refused_by_name_and_line(tmp_path: Path, surface: tup
 
 
 def test_the_line_of_an_error_is_right(tmp_path: Path) -> None:
-    text = zmx(STOP, ("TYPE COORDBRK", "DISZ 1"), FRONT, BACK)
-    refused(tmp_path, text, "coordinate break", "TYPE COORDBRK")
-    refused(tmp_path, text.replace("\n", "\r\n"), "coordinate break", "TYPE COORDBRK")
-    refused(tmp_path, zmx(STOP, (*FRONT, "GLAS MIRROR 0 0"), BACK), "mirror", "GLAS MIRROR")
+    text = zmx(STOP, ("TYPE DGRATING", "DISZ 1"), FRONT, BACK)
+    refused(tmp_path, text, "a grating", "TYPE DGRATING")
+    refused(tmp_path, text.replace("\n", "\r\n"), "a grating", "TYPE DGRATING")
+    refused(tmp_path, zmx(STOP, (*FRONT, "SQAP 2 3 0"), BACK), "rectangular", "SQAP 2 3")
 
 
 @pytest.mark.parametrize(
@@ -454,7 +454,7 @@ def test_bytes_are_no_lens(tmp_path_factory: pytest.TempPathFactory, data: bytes
 # ---- what is written ----
 
 
-@pytest.mark.parametrize("name", lens_names())
+@pytest.mark.parametrize("name", [name for name in lens_names() if not name.startswith("mirror")])
 def test_a_written_lens_is_read_back(tmp_path: Path, name: str) -> None:
     lens = load_lens(name)
     save_lens(lens, tmp_path / "lens.zmx")

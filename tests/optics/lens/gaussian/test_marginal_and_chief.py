@@ -159,7 +159,8 @@ def test_apertures_of_near_objects(lens, z_object) -> None:
     assert before == pytest.approx(n * slope, rel=1e-11)
     # N (1 - m / p) with the pupils' magnification p (Smith, Modern Optical Engineering, 4th ed., section 9.7).
     pupils = paraxial.magnification(lens, points.entrance_pupil)
-    expected = points.f_number / n * (1 - m / pupils)
+    # It is negative for objects within the front focal length, whose images are virtual.
+    expected = abs(points.f_number / n * (1 - m / pupils))
     assert paraxial.working_f_number(lens, z_object) == pytest.approx(expected, rel=1e-10)
 
 

@@ -1,0 +1,103 @@
+"""A camera and the report on it, for notebooks."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from plenoptic.camera.report.findings import CameraFindingKind
+from plenoptic.camera.report.focus import kind_of
+from plenoptic.camera.report.layout import camera_layout, plane_of_focus
+from plenoptic.camera.report.optics import camera_cone
+from plenoptic.camera.report.text import KIND_NAMES, report_sections, report_title
+from plenoptic.core.last_made import LastMade
+from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
+from plenoptic.optics.lens.models import LensModel
+from plenoptic.plots.camera_layout import SIZES
+from plenoptic.plots.notebook.html import heading_html, list_html, picture_html, table_html
+
+if TYPE_CHECKING:
+    from plenoptic.camera.camera import PlenopticCamera
+    from plenoptic.camera.report.report import CameraReport
+    from plenoptic.optics.microlens.array import MicrolensArray
+
+_Row = tuple[str, str]
+
+_GRAVEST = (
+    CameraFindingKind.INSIDE_LENS,
+    CameraFindingKind.FOCUS_OUT_OF_REACH,
+    CameraFindingKind.OUT_OF_PLACE,
+    CameraFindingKind.FEW_VIEWS,
+    CameraFindingKind.FEW_PIXELS,
+    CameraFindingKind.OVERLAP,
+    CameraFindingKind.DARK_GAPS,
+    CameraFindingKind.CUT_OFF_IMAGES,
+)
+"""What spoils a camera before what wastes a part of it; the others follow in the order of their kinds."""
+
+
+def _camera_html(camera: PlenopticCamera) -> str:
+    title = _title(camera)
+    alt = f"Section of a camera with the rays of one pixel: {title}"
+    size = SIZES[camera.microlenses is not None]
+    picture = picture_html(lambda figure: camera_layout(camera, figure), size=size, alt=alt, text="")
+    return heading_html(title) + picture + table_html((), _key_numbers(camera))
+
+
+camera_html = LastMade(_camera_html)
+"""Picture and key numbers of a camera, by Gaussian optics: nothing is compiled for them."""
+
+
+def _title(camera: PlenopticCamera) -> str:
+    kind = kind_of(camera, None if camera.microlenses is None else camera.microlenses.focal_length)
+    return f"{KIND_NAMES[kind]}, {camera.lens.name or 'unnamed lens'}"
+
+
+def _key_numbers(camera: PlenopticCamera) -> Iterator[_Row]:
+    array, sensor, place = camera.microlenses, camera.sensor, "sensor" if camera.microlenses is None else "array"
+    if camera.lens.model is not LensModel.NONE:
+        points = cardinal_points(camera.lens, camera.wavelength)
+        yield "focal length", f"{points.efl:.5g} mm, f/{points.f_number:.3g} for infinity"
+    yield f"iris to {place}", f"{camera.stop_to_microlenses:.6g} mm, f/{0.5 / camera_cone(camera).slope:.3g} there"
+    if array is not None:
+        yield from _array_numbers(camera, array)
+    height, width = sensor.size
+    yield "sensor", f"{sensor.shape[0]} x {sensor.shape[1]} pixels, {height:.4g} x {width:.4g} mm"
+    yield "pixel pitch", f"{1e3 * sensor.pixel_pitch:.4g} µm"
+    yield "plane in focus", _focus(camera)
+    seen = camera.sensitivity
+    yield "wavelength", f"{camera.wavelength:g} nm" + ("" if seen is None else ", and those of its sensitivity")
+    if camera.pose is not None:
+        yield "position", f"({', '.join(f'{x:.5g}' for x in camera.pose.position)}) mm in the world"
+    moved = [n for n in ("lens", "microlenses", "sensor") if getattr(camera, f"{n}_placement") is not None]
+    if moved:
+        yield "out of place", ", ".join(moved)
+
+
+def _array_numbers(camera: PlenopticCamera, array: MicrolensArray) -> Iterator[_Row]:
+    pitch = " x ".join(f"{p:g}" for p in dict.fromkeys(array.pitches))
+    yield "microlenses", f"{array.lattice.name.lower()}, pitch {pitch} mm, {array.model.name.lower().replace('_', ' ')}"
+    yield "their focal lengths", f"{', '.join(f'{f:g}' for f in array.focal_lengths)} mm"
+    yield "array to sensor", f"{camera.microlenses_to_sensor:.5g} mm"
+
+
+def _focus(camera: PlenopticCamera) -> str:
+    """Of each type of microlens."""
+    array, planes = camera.microlenses, []
+    for f in (None,) if array is None else dict.fromkeys(array.focal_lengths_at(camera.wavelength)):
+        z = plane_of_focus(camera, f)
+        planes.append("none" if math.isnan(z) else "at infinity" if math.isinf(z) else f"{-z:.5g} mm before the iris")
+    return "; ".join(planes)
+
+
+def report_html(report: CameraReport) -> str:
+    """Findings, the gravest first, then all numbers."""
+    order = [*_GRAVEST, *(kind for kind in CameraFindingKind if kind not in _GRAVEST)]
+    found = sorted(report.warnings, key=lambda finding: order.index(finding.kind))
+    parts = [heading_html(report_title(report))]
+    parts.append(list_html((f"{finding.kind.name}: {finding}" for finding in found), title="warnings"))
+    for title, rows in report_sections(report):
+        shown = [(label, " ".join(part for part in rest if part)) for label, *rest in rows]
+        parts.append(table_html((), shown, caption=title))
+    return "".join(parts)

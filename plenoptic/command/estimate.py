@@ -1,0 +1,32 @@
+"""Say what a render would take in time, memory and files."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from typing import Any
+
+from plenoptic.command.render_options import fill_render_options, request_of
+
+
+def fill_parser(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments, those of `render`."""
+    fill_render_options(parser)
+    parser.add_argument("-o", "--output", metavar="OUT", help="nothing is written")
+    parser.add_argument("--json", action="store_true", help="print JSON: value, low and high of each, in s and bytes")
+    parser.epilog = "Arguments are those of `render`; time limit, seed, checkpoint and output change nothing here."
+
+
+def run(options: argparse.Namespace) -> None:
+    """Print it."""
+    from plenoptic.rendering.estimation.estimate import Estimated, estimate
+
+    request = request_of(options)
+    given = request.arguments("samples", "target_error", "replicates", "threads", "progress")
+    found = estimate(request.scene, request.camera, **given)
+    if not options.json:
+        print(found)
+        return
+    fields: dict[str, Any] = {name: getattr(found, name) for name in found.__dataclass_fields__}
+    numbers = {name: number._asdict() for name, number in fields.items() if isinstance(number, Estimated)}
+    print(json.dumps(numbers, indent=1))

@@ -1,0 +1,134 @@
+"""Say what a file is, or, without one, which versions and processors there are."""
+
+from __future__ import annotations
+
+import argparse
+import importlib.metadata
+import platform
+from pathlib import Path
+from typing import Any
+
+from plenoptic import __version__
+from plenoptic.command.files import opened
+
+_LIBRARIES = ("numpy", "numba", "llvmlite", "embreex", "OpenImageIO", "trimesh", "pillow", "matplotlib")
+
+
+def fill_parser(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
+    text = "image (EXR, TIFF, PNG, zarr), package (folder, zip), camera (JSON), lens (JSON, CSV, Zemax, or the name of "
+    text += "a bundled one), scene (glTF, OBJ, PLY, STL) or folder of a light field"
+    parser.add_argument("file", metavar="FILE", nargs="?", help=text)
+
+
+def run(options: argparse.Namespace) -> None:
+    """Print it."""
+    if options.file is None:
+        print("\n".join(_here()))
+        return
+    found = opened(options.file)
+    print(f"{options.file}: {found.kind}")
+    print("\n".join(_lines(found.content)))
+
+
+def _here() -> list[str]:
+    from plenoptic.core.jit import cache_folder, processor
+    from plenoptic.core.parallel import thread_count
+    from plenoptic.optics.lens.files.library import lens_names
+
+    versions = []
+    for name in _LIBRARIES:
+        try:
+            versions.append(f"{name} {importlib.metadata.version(name)}")
+        except importlib.metadata.PackageNotFoundError:
+            versions.append(f"no {name}")
+    folder = cache_folder()
+    kept = [] if folder is None else list(folder.glob("**/*.nbc"))
+    size = sum(file.stat().st_size for file in kept)
+    held = "nowhere: it cannot be written" if folder is None else f"{folder} ({len(kept)} kernels, {size / 1e6:.0f} MB)"
+    return [
+        f"plenoptic {__version__}, Python {platform.python_version()}, {platform.platform()}",
+        ", ".join(versions),
+        f"processor: {processor()}, {thread_count(None)} threads",
+        f"compiled code: {held}",
+        f"lenses: {', '.join(lens_names())}",
+    ]
+
+
+def _lines(content: Any) -> list[str]:
+    """The text representation, and key numbers."""
+    from plenoptic.camera.camera import PlenopticCamera
+    from plenoptic.lightfield.views import LightField
+    from plenoptic.optics.lens.stack import LensStack
+    from plenoptic.package.contents import Package
+    from plenoptic.rendering.exposure import Exposure
+    from plenoptic.scene.files.load import FileContents
+
+    if isinstance(content, PlenopticCamera):
+        return [str(content.report())]
+    if isinstance(content, LensStack):
+        return _lens_lines(content)
+    if isinstance(content, FileContents):
+        return _scene_lines(content)
+    if isinstance(content, Package):
+        return [str(content), "", *_image_lines(content.exposure), "", str(content.camera.report())]
+    if isinstance(content, Exposure):
+        camera = [] if content.camera is None else ["", str(content.camera.report())]
+        return [*_image_lines(content), *camera]
+    if isinstance(content, Path):
+        return _store_lines(content)
+    if isinstance(content, LightField):
+        return [str(content), f"disparity 0 at z = {content.z_focus:.6g} mm"]
+    return [str(content)]
+
+
+def _store_lines(path: Path) -> list[str]:
+    """What its arrays are, and what is known of all of it; no pixel is read."""
+    from plenoptic.core.files.serialization import restored_fields
+    from plenoptic.core.files.zarr_reading import attributes_of, described
+
+    arrays, size = described(path)
+    known = restored_fields(attributes_of(path) or {}, ("samples", "replicates", "seed", "region", "camera"))
+    camera = known.pop("camera", None)
+    facts = [f"{size / 1e6:.3g} MB", *(f"{name} {fact}" for name, fact in known.items())]
+    report = [] if camera is None else ["", str(camera.report())]
+    return [", ".join(facts), *(f"{name} {said}" for name, said in arrays.items()), *report]
+
+
+def _image_lines(shot: Any) -> list[str]:
+    import numpy as np
+
+    low, middle, high = np.nanpercentile(shot.image, [0, 50, 100])
+    return [str(shot), f"values {low:.4g} to {high:.4g}, median {middle:.4g}"]
+
+
+def _lens_lines(lens: Any) -> list[str]:
+    from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
+
+    points = cardinal_points(lens)
+    return [
+        str(lens),
+        f"focal length {points.efl:.6g} mm, f/{points.f_number:.3g}, back focal length {points.bfl:.6g} mm at "
+        f"{points.wavelength:g} nm",
+        *(f"{finding}" for finding in lens.check()),
+    ]
+
+
+def _scene_lines(contents: Any) -> list[str]:
+    from plenoptic.scene.geometry.instance import Instances
+    from plenoptic.scene.scene import Scene
+
+    if not (contents.meshes or contents.lights):
+        return ["no meshes and no lights"]
+    scene = Scene(contents.meshes, contents.lights)
+    lines = [str(scene)]
+    if scene.bounds is not None:
+        low, high = scene.bounds
+        size = " x ".join(f"{length:.4g}" for length in high - low)
+        lines.append(
+            f"{size} mm, from ({low[0]:.4g}, {low[1]:.4g}, {low[2]:.4g}) to "
+            f"({high[0]:.4g}, {high[1]:.4g}, {high[2]:.4g})"
+        )
+    parts = [part.mesh if isinstance(part, Instances) else part for part in scene.meshes]
+    kinds = {type(part.material).__name__ for part in parts}
+    return [*lines, *([f"materials: {', '.join(sorted(kinds))}"] if kinds else []), *map(str, contents.views)]

@@ -1,0 +1,70 @@
+"""Parts of the sensor for jobs on several machines: the third of 16."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import re
+from collections.abc import Collection
+from typing import TYPE_CHECKING, NamedTuple
+
+from plenoptic.errors import InvalidValueError
+
+if TYPE_CHECKING:
+    from plenoptic.rendering.merging import Region
+
+_MORE = 8
+"""How many times the parts that are there it is tried how many there may be."""
+
+
+class Tile(NamedTuple):
+    """The k-th of n parts of the sensor, counted from 1."""
+
+    k: int
+    n: int
+
+
+def tile_of(text: str) -> Tile:
+    """What was typed, for argparse."""
+    found = re.fullmatch(r"(\d+)/(\d+)", text)
+    if found is None:
+        raise argparse.ArgumentTypeError(f"{text!r} is no part of the sensor; give one such as 3/16, the third of 16")
+    tile = Tile(*map(int, found.groups()))
+    if not 1 <= tile.k <= tile.n:
+        raise argparse.ArgumentTypeError(f"{text!r} is no part of {tile.n}; they are counted from 1/{tile.n}")
+    return tile
+
+
+def tile_region(shape: tuple[int, int], tile: Tile) -> tuple[slice, slice]:
+    """Its rows and columns."""
+    from plenoptic.camera.checks import BLOCK, sensor_tiles
+
+    grid = tile_grid(shape, tile.n)
+    if grid is None:
+        raise InvalidValueError(
+            f"--tile is {tile.k}/{tile.n}, and a sensor of {shape[0]} x {shape[1]} pixels cannot be cut into {tile.n} "
+            f"equal rows and columns of whole {BLOCK} x {BLOCK} blocks; give another number, such as 16, 60 or 64"
+        )
+    return sensor_tiles(shape, *grid)[tile.k - 1]
+
+
+def tile_grid(shape: tuple[int, int], n: int) -> tuple[int, int] | None:
+    """Rows and columns of n parts that are as square as can be; None where there are too few pixels for n."""
+    from plenoptic.camera.checks import BLOCK
+
+    high, wide = (-(-length // BLOCK) for length in shape)
+    pairs = [(rows, n // rows) for rows in range(1, min(n, high) + 1) if n % rows == 0 and n // rows <= wide]
+    return min(pairs, key=lambda pair: abs(math.log(shape[0] * pair[1] / (shape[1] * pair[0]))), default=None)
+
+
+def missing_tiles(shape: tuple[int, int], regions: Collection[Region]) -> list[Tile]:
+    """Tiles that are not among regions, if these are some of the least number of tiles; otherwise none."""
+    from plenoptic.camera.checks import sensor_tiles
+
+    there = set(regions)
+    for n in range(len(there) + 1, _MORE * len(there) + 2):
+        if (grid := tile_grid(shape, n)) is not None:
+            tiles = [(row.start, row.stop, column.start, column.stop) for row, column in sensor_tiles(shape, *grid)]
+            if there <= set(tiles):
+                return [Tile(k, n) for k, tile in enumerate(tiles, start=1) if tile not in there]
+    return []

@@ -1,0 +1,244 @@
+"""Arrays of pixels in zarr stores: written chunk by chunk by threads or processes, and opened by xarray as they are.
+
+A store is a group of version 3 of the format. Its arrays name their dimensions, and its attributes say which are
+coordinates, so that `xarray.open_zarr` shows all of it. Chunks are compressed without loss (Blosc: bytes of equal rank
+together, then zstd), and each has a checksum.
+"""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from plenoptic.core.files.atomic_file import check_folder, explained
+from plenoptic.core.files.extras import extra_package
+from plenoptic.core.parallel import run_in_order, thread_count
+from plenoptic.core.values import file_path, frozen_array, plain_array, whole
+from plenoptic.errors import FileError, InvalidValueError, PlenopticError
+
+CHUNK = 512
+"""Rows and columns of a chunk: one number of four bytes a pixel makes 1 MiB, three colours 3 MiB."""
+EXTRA = "zarr xarray"
+"""What `pip install` is given."""
+FRAME, ROW, COLUMN = "frame", "row", "column"
+_LEVEL = 3
+"""Of zstd: beyond it, images get hardly smaller."""
+Region = tuple[int, int, int, int]
+"""First row, end row, first column, end column."""
+
+
+class Variable(NamedTuple):
+    """One array of a store."""
+
+    dimensions: tuple[str, ...]
+    shape: tuple[int, ...]
+    dtype: Any
+    fill: float
+    """What stands for a number that has not been written."""
+    meaning: str
+    unit: str = "1"
+    more: Mapping[str, Any] = {}
+    """Further attributes."""
+    values: NDArray[Any] | None = None
+    """Of a coordinate, which is written when the store is made; None: pixels, which are put in later."""
+
+    @property
+    def attributes(self) -> dict[str, Any]:
+        """As xarray and others know them."""
+        return {"long_name": self.meaning, **({"units": self.unit} if self.unit else {}), **self.more}
+
+
+class Store:
+    """A store that is filled region by region; other processes open the same one by `Store(path)`.
+
+    Regions consist of whole chunks, so that each chunk is written by one worker, and no worker waits for another. In
+    memory there are the chunks that are being packed, two for each thread or so.
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        self.path = file_path(path)
+        self._open()
+
+    def _open(self) -> None:
+        with understood(self.path, "written"):
+            self._group = zarr_module().open_group(self.path, mode="r+", zarr_format=3, use_consolidated=False)
+            arrays = dict(self._group.arrays())
+        self._arrays = {name: array for name, array in arrays.items() if {ROW, COLUMN} <= {*dimensions_of(array)}}
+        if not self._arrays:
+            raise FileError(f"{str(self.path)!r} holds no pixels; make a new store")
+
+    @classmethod
+    def create(
+        cls,
+        path: str | os.PathLike[str],
+        variables: Mapping[str, Variable],
+        attributes: Mapping[str, Any],
+        *,
+        frames: int | None = None,
+    ) -> Store:
+        """A new store, in which nothing is written but coordinates.
+
+        With `frames`, the length of a sequence so far, pixels have a dimension `frame` before the others, one frame a
+        chunk. A FileError where there is something at `path` already, other than an empty folder.
+        """
+        target = file_path(path)
+        check_folder(target)
+        if target.exists() and not (target.is_dir() and not any(target.iterdir())):
+            raise FileError(f"{str(target)!r} exists; choose a new name, or remove it first")
+        pixels = {name for name, variable in variables.items() if variable.values is None}
+        named = {dimension for variable in variables.values() for dimension in variable.dimensions}
+        others = [name for name in variables if name not in pixels | named]
+        with understood(target, "written"):
+            noted = dict(attributes) if not others else {**attributes, "coordinates": " ".join(others)}
+            group = zarr_module().create_group(target, zarr_format=3, attributes=noted)
+            for name, variable in variables.items():
+                _make(group, name, variable, frames if name in pixels else None)
+            _note_all(group)
+        return cls(target)
+
+    @property
+    def frames(self) -> int | None:
+        """Of a sequence; None for a single one."""
+        found = next(iter(self._arrays.values()))
+        return int(found.shape[0]) if dimensions_of(found)[0] == FRAME else None
+
+    def extend(self, frames: int) -> None:
+        """Let a sequence have so many frames in all; one worker does it, and others see it."""
+        if self.frames is None or whole(frames, "frames", at_least=0) < self.frames:
+            have = "is no sequence" if self.frames is None else f"has {self.frames} frames already"
+            raise InvalidValueError(f"{str(self.path)!r} {have}; it cannot be given {frames}")
+        with understood(self.path, "written"):
+            for array in self._arrays.values():
+                array.resize((frames, *array.shape[1:]))
+            _note_all(self._group)
+
+    def put(self, region: Region, arrays: Mapping[str, ArrayLike], *, frame: int | None = None) -> None:
+        """Write the pixels of a region, of all arrays or of some, into chunks that nobody else writes.
+
+        The region counts from the store's first row and column. It begins and ends at multiples of 512 or where the
+        store ends, else an InvalidValueError says so, as it does for arrays of other shapes and types. `frame` counts
+        from 0.
+        """
+        given = {name: self._checked(name, values, region) for name, values in arrays.items()}
+        self._check_frame(frame)
+        leading = () if frame is None else (frame,)
+        blocks = [(name, block) for name in given for block in _blocks(region)]
+
+        def write(task: tuple[str, Region]) -> None:
+            name, (row, end_row, column, end_column) = task
+            target = self._arrays[name]
+            part = given[name][row - region[0] : end_row - region[0], column - region[2] : end_column - region[2]]
+            kept = frozen_array(part, name=name, shape=part.shape, dtype=target.dtype)
+            target[(*leading, slice(row, end_row), slice(column, end_column))] = kept
+
+        with understood(self.path, "written"):
+            for _ in run_in_order(write, blocks, threads=min(thread_count(None), len(blocks))):
+                pass
+
+    def _checked(self, name: str, values: ArrayLike, region: Region) -> NDArray[Any]:
+        """An array of pixels that belongs here."""
+        if name not in self._arrays:
+            raise InvalidValueError(f"{str(self.path)!r} has no array {name}; it has {', '.join(sorted(self._arrays))}")
+        array, given = self._arrays[name], plain_array(values, name)
+        rows, columns, *rest = array.shape[dimensions_of(array).index(ROW) :]
+        _check_aligned(region, (rows, columns))
+        wanted = (region[1] - region[0], region[3] - region[2], *rest)
+        if given.shape != wanted:
+            raise InvalidValueError(f"{name} has shape {given.shape}; in the region {region} it must have {wanted}")
+        return given
+
+    def _check_frame(self, frame: int | None) -> None:
+        there = self.frames
+        if frame is None or there is None:
+            if frame is not None or there is not None:
+                is_one = "no sequence" if there is None else "a sequence"
+                raise InvalidValueError(f"frame is {frame}, and {str(self.path)!r} is {is_one}")
+            return
+        if whole(frame, "frame", at_least=0) >= there:
+            self._open()  # another worker may have extended it
+            if frame >= (self.frames or 0):
+                raise InvalidValueError(f"frame is {frame}; the sequence has {self.frames} frames: extend it first")
+
+
+def _make(group: Any, name: str, variable: Variable, frames: int | None) -> None:
+    """Make an array, and write its values if it is a coordinate."""
+    leading = () if frames is None else (FRAME,)
+    shape = variable.shape if frames is None else (frames, *variable.shape)
+    dimensions = (*leading, *variable.dimensions)
+    longest = {FRAME: 1, ROW: CHUNK, COLUMN: CHUNK} if variable.values is None else {}
+    text = np.dtype(variable.dtype).kind == "U"
+    codecs = zarr_module("zarr.codecs")
+    array = group.create_array(
+        name,
+        shape=shape,
+        chunks=tuple(max(1, min(longest.get(side, n), n)) for side, n in zip(dimensions, shape, strict=True)),
+        dtype=str if text else variable.dtype,
+        fill_value="" if text else variable.fill,
+        dimension_names=dimensions,
+        attributes=variable.attributes,
+        compressors="auto"
+        if text
+        else [codecs.BloscCodec(cname="zstd", clevel=_LEVEL, shuffle="shuffle"), codecs.Crc32cCodec()],
+        config={"write_empty_chunks": True},  # a chunk is there if and only if it has been written
+    )
+    if variable.values is not None:
+        array[...] = variable.values
+
+
+def _note_all(group: Any) -> None:
+    """Note what the arrays are in the group too, where xarray looks for it first."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # it is an extension of the format, which others pass over
+        zarr_module().consolidate_metadata(group.store)
+
+
+def dimensions_of(array: Any) -> tuple[str, ...]:
+    """The names of an array's dimensions, where it has any."""
+    return tuple(array.metadata.dimension_names or ())
+
+
+def _blocks(region: Region) -> Iterator[Region]:
+    """The chunks of a region."""
+    first_row, end_row, first_column, end_column = region
+    for row in range(first_row, end_row, CHUNK):
+        for column in range(first_column, end_column, CHUNK):
+            yield row, min(row + CHUNK, end_row), column, min(column + CHUNK, end_column)
+
+
+def _check_aligned(region: Region, shape: tuple[int, int]) -> None:
+    for first, end, most, what in ((*region[:2], shape[0], "rows"), (*region[2:], shape[1], "columns")):
+        if not 0 <= first < end <= most:
+            raise InvalidValueError(f"region has {what} {first}:{end}; the store has {what} 0:{most}")
+        if first % CHUNK or (end % CHUNK and end != most):
+            raise InvalidValueError(
+                f"region has {what} {first}:{end} of {most}; it must begin and end at multiples of {CHUNK} or at the "
+                "end, since a chunk is written as a whole"
+            )
+
+
+@contextmanager
+def understood(folder: Path, what: str) -> Iterator[None]:
+    """Errors of the system and of zarr in this package's words."""
+    with explained(folder, what):
+        try:
+            yield
+        except (PlenopticError, OSError):
+            raise
+        except Exception as error:  # zarr and its codecs raise errors of many kinds
+            reason = " ".join(str(error).split()) or type(error).__name__
+            raise FileError(
+                f"{str(folder)!r} cannot be {what} as a zarr store: {reason}; restore it from its origin, should it be "
+                "damaged"
+            ) from error
+
+
+def zarr_module(name: str = "zarr") -> Any:
+    """The package zarr or a part of it, or an error that says how to install it."""
+    return extra_package(name, "a store that ends in .zarr", EXTRA)

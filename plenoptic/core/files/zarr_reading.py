@@ -1,0 +1,100 @@
+"""Zarr stores that are read whole, or looked at: their attributes, what their arrays are, and the arrays themselves.
+
+A part at a time they are read by xarray. A store may come from anywhere: what it holds is checked as files are.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import stat
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.core.files.atomic_file import explained
+from plenoptic.core.files.reading import DEFAULT, FileLimits, check_memory, read_file
+from plenoptic.core.files.zarr_files import dimensions_of, understood, zarr_module
+from plenoptic.core.values import file_path
+from plenoptic.errors import FileError
+
+METADATA = "zarr.json"
+"""The file by which a folder is known as a store, and which holds its attributes."""
+_CODECS = {"bytes", "transpose", "blosc", "zstd", "gzip", "crc32c"}
+"""What arrays that are read may be packed with: what the format itself describes."""
+_ANY_SIZE = FileLimits(file_size=1 << 62)
+_AT_ONCE = 10
+"""Chunks that zarr reads at a time."""
+
+
+def attributes_of(path: str | os.PathLike[str]) -> dict[str, Any] | None:
+    """The attributes of a store, of any origin; None where a folder or file is none."""
+    file = file_path(path) / METADATA
+    if not file.is_file():
+        return None
+    try:
+        content = json.loads(read_file(file))
+        return dict(content["attributes"]) if content["node_type"] == "group" else None
+    except (ValueError, LookupError, TypeError, RecursionError):
+        return None
+
+
+def described(path: str | os.PathLike[str]) -> tuple[dict[str, str], int]:
+    """Of each array of pixels what it is in one line, by their names, and the bytes of the whole on the disk."""
+    folder = file_path(path)
+    size, lines = _size(folder, _ANY_SIZE), {}
+    for name, array in _opened(folder).items():
+        if array.ndim > 1:  # others are coordinates
+            sides = ", ".join(f"{side} {n}" for side, n in zip(dimensions_of(array), array.shape, strict=True))
+            about = ", ".join(str(array.attrs[key]) for key in ("units", "long_name") if key in array.attrs)
+            lines[name] = f"({sides}) {array.dtype}{about and ', ' + about.removeprefix('1, ')}"
+    return lines, size
+
+
+def read_arrays(
+    path: str | os.PathLike[str], names: tuple[str, ...], limits: FileLimits = DEFAULT
+) -> dict[str, NDArray[Any]]:
+    """Those of the named arrays that a store has, whole; a FileError where they are not what can be read."""
+    folder = file_path(path)
+    size = _size(folder, limits)
+    found = {name: array for name, array in _opened(folder).items() if name in names}
+    wanted = 0
+    with understood(folder, "read"):
+        for name, array in found.items():
+            used = {codec["name"] for codec in array.metadata.to_dict()["codecs"]}
+            if not used <= _CODECS or array.dtype.kind not in "iuf":
+                raise FileError(f"{str(folder / name)!r} is packed by {', '.join(sorted(used))}; that is not read here")
+            chunk = math.prod(array.chunks) * array.dtype.itemsize
+            wanted += array.nbytes + chunk * _AT_ONCE
+        check_memory(2 * wanted, repr(str(folder)), size, limits)  # an exposure copies what it is given
+        return {name: np.asarray(array[...]) for name, array in found.items()}
+
+
+def _opened(folder: Path) -> dict[str, Any]:
+    """The arrays of a store that is read; an error where one is none, which zarr passes over."""
+    with understood(folder, "read"):
+        group = zarr_module().open_group(folder, mode="r", zarr_format=3, use_consolidated=False)
+        named = sorted(entry.name for entry in folder.iterdir() if (entry / METADATA).is_file())
+        found = {name: group[name] for name in named}
+        return {name: item for name, item in found.items() if isinstance(item, zarr_module().Array)}
+
+
+def _size(folder: Path, limits: FileLimits) -> int:
+    """Bytes of all files; an error where one is no ordinary file, or they are too large together."""
+    total = 0
+    with explained(folder, "read"):
+        for place, folders, files in os.walk(folder):
+            for name in (*folders, *files):
+                found = os.lstat(os.path.join(place, name))
+                if not (stat.S_ISREG(found.st_mode) or stat.S_ISDIR(found.st_mode)):
+                    raise FileError(f"{os.path.join(place, name)!r} is no ordinary file; a store holds no links")
+                total += found.st_size if stat.S_ISREG(found.st_mode) else 0
+    if total > limits.file_size:
+        raise FileError(
+            f"{str(folder)!r} has {total} bytes; the limit is {limits.file_size}: raise it by "
+            "limits=pl.images.FileLimits(file_size=...), or open it a part at a time by xarray.open_zarr"
+        )
+    return total

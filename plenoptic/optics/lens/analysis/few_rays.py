@@ -1,0 +1,80 @@
+"""A few rays from behind through a lens, by its kernels run as Python: pictures do not wait for a compiler."""
+
+from __future__ import annotations
+
+import types
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from plenoptic.core.values import Floats
+from plenoptic.optics.lens.record import lens_record
+from plenoptic.optics.lens.stack import LensStack
+
+
+def few_reverse_rays(
+    lens: LensStack, origin: Floats, direction: Floats, wavelength: float, *, clipping: bool = True
+) -> tuple[Floats, Floats]:
+    """Trace some hundred rays at most from behind a lens into the scene, as LensModel.EXACT.
+
+    Parameters
+    ----------
+    lens : LensStack
+    origin, direction : (n, 3) arrays
+        In the lens's frame, mm; the directions of any length.
+    wavelength : float
+        nm.
+    clipping : bool, optional
+        Whether rims and stops end rays; their last point lies on what ends them.
+
+    Returns
+    -------
+    points : (n, k + 1, 3) array
+        The origins and the points on the k elements, the last one first; nan from where a ray is lost.
+    direction : (n, 3) array
+        Of unit length, in front of the lens; nan for lost rays.
+    """
+    from plenoptic.core.kernels.ray_blocks import CAUSES, CLIPPED
+    from plenoptic.optics.lens.kernels.trace import trace_block
+
+    n = len(origin)
+    trace = _as_python(trace_block.py_func, _block_of(n), {})
+    rays = np.zeros((8, n))
+    rays[:3], rays[3:6] = origin.T, (direction / np.linalg.norm(direction, axis=1, keepdims=True)).T
+    status, points = rays[7], [rays[:3].T.copy()]
+    for i in reversed(range(len(lens.elements))):
+        record = lens_record(lens, wavelength, reverse=True, first=i, last=i, clipping=clipping)
+        going = status == 0
+        with np.errstate(all="ignore"):  # lost rays are numbers without meaning
+            trace(rays.reshape(-1), record._replace(rows=record.rows.view(np.recarray)), None, 0, None, None)
+        met = going & ((status == 0) | (status % CAUSES == CLIPPED))
+        points.append(np.where(met[:, None], rays[:3].T, np.nan))
+    return np.stack(points, axis=1), np.where(status[:, None] == 0, rays[3:6].T, np.nan)
+
+
+def _block_of(n: int) -> dict[str, int]:
+    """The names of `ray_blocks` for blocks of n rays."""
+    from plenoptic.core.kernels import ray_blocks
+
+    names = ("X", "Y", "Z", "L", "M", "N", "WEIGHT", "STATUS", "BLOCK", "RAY")
+    return {name: getattr(ray_blocks, name) // ray_blocks.BLOCK * n for name in names}
+
+
+def _as_python(
+    function: Callable[..., Any], block: dict[str, int], made: dict[Callable[..., Any], Callable[..., Any]]
+) -> Callable[..., Any]:
+    """A kernel's function and all that it calls, as Python for blocks of another length; `made` has what is there.
+
+    NumPy's mathematics is as compiled code has it: the root of a negative number is nan, and no error.
+    """
+    from plenoptic.core.compiler import Device
+
+    if function not in made:
+        there = {**function.__globals__, "math": np}
+        there |= {name: number for name, number in block.items() if name in there}
+        made[function] = types.FunctionType(function.__code__, there)
+        for name in function.__code__.co_names:
+            if isinstance(called := there.get(name), Device):
+                there[name] = _as_python(called.py_func, block, made)
+    return made[function]

@@ -1,0 +1,92 @@
+"""Stops with an opaque disc in the middle of a round hole."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from plenoptic.core.values import MOST_POINTS, Floats, alike, finite, length_in_mm, set_field, value, whole
+from plenoptic.errors import InvalidValueError
+from plenoptic.optics.lens.placement import Placement, set_place
+from plenoptic.optics.record import RING, ElementRow
+
+
+@value
+class RingStop:
+    """A stop whose hole is a ring: what a secondary mirror, or the hole of a primary, leaves of a round opening.
+
+    Parameters
+    ----------
+    semi_diameter : float
+        Outer radius of the ring in mm.
+    inner_semi_diameter : float
+        Its inner radius in mm, that of the disc that stops light; above 0 and below the outer one.
+    thickness, placement
+        As of `CircularStop`.
+
+    Raises
+    ------
+    InvalidValueError
+        If a number is out of range.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> behind_secondary = pl.optics.RingStop(50.0, 15.0)
+    >>> behind_secondary.contains([0.0, 20.0, 51.0], 0.0).tolist()
+    [False, True, False]
+    """
+
+    semi_diameter: float
+    inner_semi_diameter: float
+    thickness: float = 0.0
+    placement: Placement | None = dataclasses.field(default=None, kw_only=True)
+
+    def __post_init__(self) -> None:
+        set_place(self)
+        set_field(self, "inner_semi_diameter", length_in_mm(self.inner_semi_diameter, "inner_semi_diameter"))
+        if not self.inner_semi_diameter < self.semi_diameter:
+            raise InvalidValueError(
+                f"inner_semi_diameter is {self.inner_semi_diameter:g} mm, and no light passes within a semi_diameter "
+                f"of {self.semi_diameter:g} mm; reduce it"
+            )
+
+    @property
+    def area(self) -> float:
+        """Of the ring in mm^2."""
+        outer, inner = self.semi_diameter, self.inner_semi_diameter
+        return math.pi * (outer - inner) * (outer + inner)
+
+    def contains(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.bool_]:
+        """Whether points (x, y), mm, lie in the ring or on its edges; the shape is that of x and y broadcast."""
+        x, y = alike(x=x, y=y)
+        r2 = x * x + y * y
+        return np.asarray((r2 <= self.semi_diameter**2) & (r2 >= self.inner_semi_diameter**2))
+
+    def outline(self, n: int = 64) -> Floats:
+        """Points on the outer edge, counter-clockwise from +x: an (n, 2) array in mm, not closed; n at least 3."""
+        angle = 2 * math.pi * np.arange(whole(n, "n", at_least=3, at_most=MOST_POINTS)) / n
+        return self.semi_diameter * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+    def row(self) -> ElementRow:
+        """The numbers that kernels read."""
+        # Its edge is one of `PolygonStop.edges` whose blade bends the other way: -(x^2 + y^2) <= -r^2.
+        edge = (0.0, 0.0, -self.inner_semi_diameter * self.inner_semi_diameter, -1.0)
+        return ElementRow(RING, self.semi_diameter * self.semi_diameter, edges=(edge,))
+
+    def image(self, scale: float) -> RingStop:
+        """The stop as a lens shows it: `scale` times as large."""
+        size = abs(finite(scale, "scale"))
+        return RingStop(size * self.semi_diameter, size * self.inner_semi_diameter)
+
+    @property
+    def inner_radius(self) -> float:
+        """That of the outer edge in mm: no circle about the axis passes."""
+        return self.semi_diameter
+
+    def transmission_at(self, x: ArrayLike, y: ArrayLike) -> Floats:
+        """1 in the ring, 0 beside it, at points (x, y), mm; the shape is that of x and y broadcast."""
+        return np.asarray(self.contains(x, y), dtype=np.float64)

@@ -1,0 +1,1 @@
+"""How figures and results show in notebooks."""

@@ -1,0 +1,160 @@
+"""Points on the sensor: centres of microlens images, and where points of the world appear."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.core.values import Floats, check_has
+from plenoptic.plots.canvas import COLOURS, axes_or_new, figure_or_new
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from plenoptic.camera.points.centres import MicrolensCentres
+    from plenoptic.camera.points.projection import Projection
+
+_MARKS = "osD^vP*"
+_ARROWS = 15
+"""Along a side."""
+_NEAR = 3.5
+"""The detail reaches this many distances of microlenses from the middle."""
+_MOST = 4000
+"""Rows that are drawn, evenly chosen of more."""
+
+
+def plot_centres(centres: MicrolensCentres, *, figure: Figure | None = None) -> Figure:
+    """Draw how centres of microlens images are displaced over the sensor, and those around its middle.
+
+    Parameters
+    ----------
+    centres : MicrolensCentres
+    figure : matplotlib.figure.Figure, optional
+        Where to draw; a new figure if it is left out.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Left, arrows from the microlenses (their place on the array) to the centres of their images on the sensor, some
+        15 along a side, drawn longer as the title says; right, each type of microlens around the middle with its own
+        mark, with rows and columns as axes.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
+    ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
+    ...     sensor=pl.Sensor(shape=(64, 64), pixel_pitch=0.01), stop_to_microlenses=134.6, microlenses_to_sensor=2.0)
+    >>> figure = pl.plots.plot_centres(pl.microlens_centres(camera))
+    >>> [ax.get_xlabel() for ax in figure.axes]
+    ['x / mm', 'column / pixel']
+    """
+    check_has(centres, "centres", "MicrolensCentres", "pl.microlens_centres(camera)", "on_array", "pixel")
+    figure = figure_or_new(figure, (9.6, 4.4))
+    left, right = figure.subplots(1, 2)
+    for ax in (left, right):
+        ax.set_aspect("equal")
+    left.set(xlabel="x / mm", ylabel="y / mm")
+    right.set(xlabel="column / pixel", ylabel="row / pixel")
+    left.set_title("no microlens has its image on the sensor", fontsize="medium")
+    right.set_title("around the middle, with lattice indices", fontsize="medium")
+    if len(centres):
+        _draw_displacements(centres, left)
+        _draw_middle(centres, right)
+    return figure
+
+
+def _draw_displacements(centres: MicrolensCentres, ax: Axes) -> None:
+    places, moved = centres.on_array, centres.position - centres.on_array
+    low, high = places.min(axis=0), places.max(axis=0)
+    span = float((high - low).max()) or 1.0
+    cells = np.floor((places - low) / span * (_ARROWS - 1e-9)).astype(int)
+    chosen = np.unique(cells, axis=0, return_index=True)[1]
+    longest = float(np.hypot(*moved[chosen].T).max())
+    times = 0.8 * span / _ARROWS / longest if longest else 1.0
+    times = float(f"{times:.1g}") if times < 1e6 else 1.0
+    ax.quiver(
+        *places[chosen].T,
+        *(times * moved[chosen]).T,
+        angles="xy",
+        scale_units="xy",
+        scale=1.0,
+        color=COLOURS[0],
+        width=0.004,
+    )
+    ax.plot(*places[chosen].T, ".", color=COLOURS[0], markersize=3)
+    ax.set_title(f"from microlens to image, {times:g} times as long", fontsize="medium")
+    ax.margins(0.1)
+
+
+def _draw_middle(centres: MicrolensCentres, ax: Axes) -> None:
+    pixel = centres.pixel
+    middle = 0.5 * (pixel.min(axis=0) + pixel.max(axis=0))
+    away = np.hypot(*(pixel - middle).T)
+    first = pixel[int(np.argmin(away))]
+    others = np.sort(np.hypot(*(pixel - first).T))
+    reach = _NEAR * float(others[1] if len(others) > 1 and others[1] > 0 else 1.0)
+    near = np.abs(pixel - first).max(axis=1) <= 0.97 * reach
+    for kind in np.unique(centres.type[near]).tolist():
+        of_kind = pixel[near & (centres.type == kind)]
+        colour, mark = COLOURS[kind % len(COLOURS)], _MARKS[kind % len(_MARKS)]
+        ax.plot(of_kind[:, 1], of_kind[:, 0], mark, color=colour, markersize=5, label=f"type {kind}")
+    for place, (i, j) in zip(pixel[near], centres.index[near].tolist(), strict=True):
+        ax.annotate(f"{i}, {j}", place[::-1], (3, 3), textcoords="offset points", fontsize="xx-small", color="#555555")
+    ax.set(xlim=(first[1] - reach, first[1] + reach), ylim=(first[0] + reach, first[0] - reach))
+    if np.ptp(centres.type):
+        ax.legend(fontsize="small", frameon=False, loc="upper left", bbox_to_anchor=(1.0, 1.0))
+
+
+def plot_projection(projection: Projection, ax: Axes | None = None) -> Axes:
+    """Draw where points of the world appear in the images of all microlenses.
+
+    Parameters
+    ----------
+    projection : Projection
+    ax : matplotlib.axes.Axes, optional
+        Where to draw; a new figure if it is left out.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        Rows and columns of the sensor, row 0 at the top: centroids of the light, or chief rays where none is known; a
+        colour and a mark for each point, which repeat after the seventh. What nothing sees is hollow.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
+    ...     sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.01), stop_to_microlenses=134.6)
+    >>> pl.plots.plot_projection(camera.project([(5.0, 0.0, -404.0)])).get_title()
+    '1 point, seen 1 time'
+    """
+    check_has(projection, "projection", "Projection", "camera.project(points)", "centroid_pixel", "visible")
+    ax = axes_or_new(ax, (6.0, 5.0))
+    lit = np.asarray(np.isfinite(projection.centroid_pixel).all(axis=1))
+    place = np.where(lit[:, None], projection.centroid_pixel, projection.pixel)
+    rows = np.flatnonzero(np.isfinite(place).all(axis=1))
+    rows = rows[:: -(-len(rows) // _MOST) or 1]
+    for k in range(min(len(COLOURS), len(projection.points))):
+        own = rows[projection.point[rows] % len(COLOURS) == k]
+        _draw_marks(ax, place[own], projection.visible[own], k)
+    ax.set(xlabel="column / pixel", ylabel="row / pixel")
+    count, seen = len(projection.points), int(np.count_nonzero(projection.visible))
+    ax.set_title(f"{count} point{'s' * (count != 1)}, seen {seen} time{'s' * (seen != 1)}", fontsize="medium")
+    ax.set_aspect("equal", adjustable="datalim")
+    ax.margins(0.08)
+    if len(rows):
+        ax.invert_yaxis()
+    if 0 < count <= len(COLOURS):
+        ax.legend(fontsize="small", frameon=False, loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    return ax
+
+
+def _draw_marks(ax: Axes, place: Floats, visible: NDArray[np.bool_], k: int) -> None:
+    for seen, filled in ((True, COLOURS[k]), (False, "none")):
+        part = place[visible == seen]
+        label = f"point {k}" if seen else None
+        ax.plot(part[:, 1], part[:, 0], _MARKS[k], color=COLOURS[k], markerfacecolor=filled, markersize=5, label=label)

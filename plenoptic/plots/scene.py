@@ -1,0 +1,178 @@
+"""A scene from three sides, with the camera that sees it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from plenoptic.core.values import Floats, check_has
+from plenoptic.plots.canvas import figure_or_new
+from plenoptic.plots.silhouettes import Shape, around, painted, shapes_of
+
+if TYPE_CHECKING:
+    from typing import Any
+
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from plenoptic.camera.camera import PlenopticCamera
+    from plenoptic.core.rays import Frustum
+    from plenoptic.scene.scene import Scene
+
+SIZE = (10.0, 4.4)
+"""Inches."""
+_X, _Y, _Z = np.eye(3)
+
+
+class _Side(NamedTuple):
+    title: str
+    right: Floats
+    up: Floats
+    across: str
+    along: str
+    place: tuple[slice, int]
+    """In a grid of two rows and columns."""
+
+
+_SIDES = (
+    _Side("from the front", _X, _Y, "x", "y", (slice(0, 2), 0)),
+    _Side("from the right", -_Z, _Y, "z", "y", (slice(0, 1), 1)),
+    _Side("from above", -_Z, -_X, "z", "x", (slice(1, 2), 1)),
+)
+_CAMERA, _FOCUS, _LAMP = "#1f5fbf", "#d1495b", "#b07a00"
+_GROUND = "#eef1f4"
+"""On which white and black things can be seen."""
+_PIXELS = 480
+_ROOM = 0.06
+"""Around what is shown, over its size."""
+_HUGE, _FLAT = 10.0, 20
+"""What is larger than all the rest by more, and has few triangles, is cut: grounds, backdrops, skies."""
+_AROUND = 0.75
+"""Around the field of a camera in the plane in focus, over its size: what the front view shows."""
+_UNITS = ((1e6, "km"), (1e4, "m"), (0.05, "mm"), (0.0, "µm"))
+_MILLIMETRES = {"km": 1e6, "m": 1e3, "mm": 1.0, "µm": 1e-3}
+
+
+def plot_scene(scene: Scene, camera: PlenopticCamera | None = None, *, figure: Figure | None = None) -> Figure:
+    """Draw a scene from three sides, with what cameras see of it.
+
+    Parameters
+    ----------
+    scene : Scene
+        Meshes in the colours of their materials, glass pale, lights yellow; the smaller is drawn over the larger, and
+        everything shines through. Of very many triangles the largest are drawn, and points of the others.
+    camera : PlenopticCamera, optional
+        Its field is drawn to the plane in focus, which is red; those of the scene's `views` always.
+    figure : matplotlib.figure.Figure, optional
+        Where to draw; a new figure if it is left out.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Three panels in the world's axes: from the front, where a camera is given around its field in the plane in
+        focus, from the right and from above. Grounds and backdrops ten times as large as all the rest are cut.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> [ax.get_title() for ax in pl.plots.plot_scene(pl.check_scene()).axes]
+    ['from the front', 'from the right', 'from above']
+    """
+    check_has(scene, "scene", "Scene", "pl.Scene([...])", "meshes", "lights", "views")
+    if camera is not None:
+        check_has(camera, "camera", "PlenopticCamera", "pl.PlenopticCamera(...)", "frustum")
+    figure = figure_or_new(figure, SIZE)
+    shapes = shapes_of(scene)
+    seen = [view.frustum for view in scene.views] + ([] if camera is None else [camera.frustum])
+    lamps = [light for light in scene.lights if hasattr(light, "position")]
+    box = _shown(shapes, seen, lamps)
+    middle = (around([shape.bounds for shape in shapes]) if shapes else box).mean(axis=0)
+    fields = [_ends(frustum, middle) for frustum in seen]
+    box = around([box, *fields])
+    grid = figure.add_gridspec(2, 2, width_ratios=(1.0, 1.35), hspace=0.1)
+    for side in _SIDES:
+        ax, part, drawn = figure.add_subplot(grid[side.place]), box, shapes
+        if camera is not None and side.across == "x":
+            part = _around_field(seen[-1], box)
+            drawn = shapes if part is box else shapes_of(scene, part[:, :2])
+        unit = next(name for least, name in _UNITS if np.ptp(part, axis=0).max() >= least)
+        scale = _MILLIMETRES[unit]
+        _draw_side(ax, side, drawn, part, scale)
+        for frustum, ends in zip(seen, fields, strict=True):
+            _draw_frustum(ax, side, frustum, ends, scale)
+        places = np.array([lamp.position for lamp in lamps]).reshape(-1, 3) / scale
+        ax.plot(places @ side.right, places @ side.up, "*", color=_LAMP, markersize=9, markeredgecolor="white")
+        _name_axes(ax, side, unit)
+    return figure
+
+
+def _shown(shapes: list[Shape], seen: list[Frustum], lamps: list[Any]) -> Floats:
+    """(2, 3): what is shown of the world, without the fields of cameras."""
+    boxes = [shape.bounds for shape in shapes]
+    sizes = np.array([np.ptp(box, axis=0).max() for box in boxes])
+    order = np.argsort(sizes, kind="stable").tolist()
+    while (
+        len(order) > 1
+        and sizes[order[-1]] > _HUGE * sizes[order[-2]] > 0
+        and len(shapes[order[-1]].triangles) + len(shapes[order[-1]].points) <= _FLAT
+    ):
+        del order[-1]
+    points = [corner for frustum in seen for corner in (frustum.origins, frustum.in_focus) if corner is not None]
+    points += [np.asarray(lamp.position)[None] for lamp in lamps] + [boxes[k] for k in order]
+    low, high = around(points or [np.array([-np.ones(3), np.ones(3)])])
+    room = _ROOM * (high - low).max() or 1.0
+    return np.stack([low - room, high + room])
+
+
+def _around_field(frustum: Frustum, box: Floats) -> Floats:
+    """The box around the field of a camera in the plane in focus, or all of it where that is larger or unknown."""
+    if frustum.in_focus is None:
+        return box
+    low, high = frustum.in_focus.min(axis=0), frustum.in_focus.max(axis=0)
+    half = (0.5 + _AROUND) * (high - low).max()
+    middle = 0.5 * (low + high)
+    return np.stack([middle - half, middle + half]) if half < 0.5 * np.ptp(box, axis=0).max() else box
+
+
+def _ends(frustum: Frustum, middle: Floats) -> Floats:
+    """(4, 3): where rays of a frustum end in the picture: in focus, or as far away as the middle of the scene."""
+    if frustum.in_focus is not None:
+        return frustum.in_focus
+    far = np.linalg.norm(middle - frustum.origins.mean(axis=0)) or 1.0
+    return np.asarray(frustum.origins + far * frustum.directions)
+
+
+def _draw_side(ax: Axes, side: _Side, shapes: list[Shape], box: Floats, unit: float) -> None:
+    ends = np.sort(np.stack([box @ side.right, box @ side.up]), axis=1)
+    lengths = np.ptp(ends, axis=1)
+    columns, rows = np.maximum(np.ceil(_PIXELS * lengths / lengths.max()), 2).astype(int).tolist()
+    picture = painted(shapes, side.right, side.up, ends, (rows, columns))
+    ax.set_facecolor(_GROUND)
+    left, right, bottom, top = (ends / unit).ravel().tolist()
+    ax.imshow(picture, extent=(left, right, bottom, top), interpolation="nearest", aspect="equal")
+    ax.set(xlim=ends[0] / unit, ylim=ends[1] / unit)
+
+
+def _draw_frustum(ax: Axes, side: _Side, frustum: Frustum, far: Floats, unit: float) -> None:
+    """Its edges up to where they end, the plane in focus, and where the camera is."""
+    across = np.stack([side.right, side.up], axis=1)
+    start, end = (corners @ across / unit for corners in (frustum.origins, far))
+    edges = np.stack([start, end], axis=1)
+    ax.plot(edges[:, :, 0].T, edges[:, :, 1].T, color=_CAMERA, linewidth=0.9)
+    if frustum.in_focus is not None:
+        ax.fill(*end.T, facecolor=_FOCUS, alpha=0.1, linewidth=0)
+        ax.plot(*np.vstack([end, end[:1]]).T, color=_FOCUS, linewidth=1.4)
+    ax.plot(*start.mean(axis=0), "s", color=_CAMERA, markersize=6, markeredgecolor="white")
+
+
+def _name_axes(ax: Axes, side: _Side, unit: str) -> None:
+    """Coordinates of the world at the ticks, where an axis runs against them too."""
+    from matplotlib.ticker import FuncFormatter, MaxNLocator
+
+    for axis, direction, name in ((ax.xaxis, side.right, side.across), (ax.yaxis, side.up, side.along)):
+        sign = float(direction.sum())
+        axis.set_major_locator(MaxNLocator(3 if axis is ax.yaxis else 4))
+        axis.set_major_formatter(FuncFormatter(lambda number, _, sign=sign: f"{sign * number + 0.0:g}"))
+        axis.set_label_text(f"{name} / {unit}")
+    ax.set_title(side.title, fontsize="medium")

@@ -1,0 +1,1 @@
+"""What a render will take, from a few of its pixels."""

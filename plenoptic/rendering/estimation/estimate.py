@@ -1,0 +1,400 @@
+"""What a render will take: time, memory and files, from pilots."""
+
+from __future__ import annotations
+
+import math
+import statistics
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.camera.cache import MOST_BYTES
+from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.camera.checks import check_scene_and_camera, sensor_region
+from plenoptic.camera.sampling.pixel_regions import cells_per_pixel
+from plenoptic.core.parallel import thread_count
+from plenoptic.core.values import seed_number, value
+from plenoptic.core.waiting.bar import Waiting
+from plenoptic.errors import InvalidValueError
+from plenoptic.rendering.context import RenderContext, render_context
+from plenoptic.rendering.estimation.memory import resident_bytes
+from plenoptic.rendering.estimation.pilot import PilotRun, Region, pilot_tiles, run_pilot
+from plenoptic.rendering.exposure_files import texts_of
+from plenoptic.rendering.film import OWN_ERRORS, in_whole_blocks
+from plenoptic.rendering.plan.stages import Plan, Subject
+from plenoptic.rendering.schedule.budget import Budget, checked_budget
+from plenoptic.rendering.schedule.clock import Clock
+from plenoptic.rendering.settings import Caustics, RenderSettings, Sampler
+from plenoptic.rendering.tile import status_codes
+from plenoptic.rendering.tiling import cut_into_tiles
+from plenoptic.truth.arrays import available_truth
+from plenoptic.truth.channels import CHANNELS, Truth, channels_of
+
+if TYPE_CHECKING:
+    from plenoptic.scene.scene import Scene
+
+_SIDE, _DECIDING = 16, 64
+"""Of squares of pixels: where samples are given, and where tiles of this side decide how many there will be."""
+_ALONG = 12
+"""Squares along the side of a pilot's tile, at most: larger tiles cost less a pixel."""
+_RUNS = 4
+"""Pilots of the same kind, whose differences tell the uncertainty."""
+_PATHS, _FEWEST, _MOST, _MOST_TILES = 1 << 18, 1 << 12, 1 << 15, 64
+"""Of a pilot: paths, the pixels that it has at least and at most, since what feeds them takes time too, and the tiles
+that it has at most, should these be small."""
+_MOST_SAMPLES = 256
+"""Of pilots; with more a pixel costs as much more."""
+_DECIDED_BYTES = 100
+"""Of a pixel while tiles are decided upon."""
+_DECIDED = 8
+"""Tiles of pilots that look for the number of samples, in each of two."""
+_DECIDED_SECONDS = 20.0
+"""Processor time of each thread that these tiles may take, about, unless twice the samples of the first decision do."""
+_UNKNOWN = 0.08
+"""Part of a time by which pilots are wrong beyond their differences: caches, other programs, the end of a render."""
+_FED_BYTES, _WORK_BYTES = 500, 1200
+"""Of what feeds a pixel, and of a pixel of a tile that is rendered."""
+_HEAD_BYTES, _LOG_BYTES, _RECORD_BYTES = 500, 950, 650
+"""Of an EXR file beside its texts, of a checkpoint beside its records, and of a record beside its arrays."""
+_KEPT_PIXELS = MOST_BYTES // _FED_BYTES
+"""Of frames for which it is kept what feeds them, about."""
+_FALLS = (0.5, 0.62, 0.75)
+"""Exponents with which errors fall: that of independent samples, the usual one, and a steep one."""
+
+
+class Estimated(NamedTuple):
+    """A number that is not known exactly.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> pl.rendering.Estimated(10.0, 8.0, 13.0).value
+    10.0
+    """
+
+    value: float
+    low: float
+    high: float
+    """Between which it lies in most cases."""
+
+
+@value
+class Estimate:
+    """What a render will take.
+
+    Parameters
+    ----------
+    cpu_seconds, seconds : Estimated
+        Processor time and wall-clock time, s, once kernels are compiled.
+    peak_memory : Estimated
+        Of the process, bytes.
+    file_size, checkpoint_size : Estimated
+        Of the exposure as EXR, and of a checkpoint, bytes.
+    samples : Estimated
+        Mean paths of a pixel.
+    plan : Plan
+        What will run.
+
+    Examples
+    --------
+    See `estimate`.
+    """
+
+    cpu_seconds: Estimated
+    seconds: Estimated
+    peak_memory: Estimated
+    file_size: Estimated
+    checkpoint_size: Estimated
+    samples: Estimated
+    plan: Plan
+
+    def __repr__(self) -> str:
+        rows = [
+            ("processor time", _text(self.cpu_seconds, *_time_unit(self.cpu_seconds.value))),
+            ("time", _text(self.seconds, *_time_unit(self.seconds.value))),
+            ("samples per pixel", _text(self.samples, 1.0, "")),
+            ("peak memory", _text(self.peak_memory, 1e6, "MB")),
+            ("EXR file", _text(self.file_size, 1e6, "MB")),
+            ("checkpoint", _text(self.checkpoint_size, 1e6, "MB")),
+        ]
+        return "\n".join([repr(self.plan), *(f"{name:<18} {text}" for name, text in rows)])
+
+
+def estimate(  # noqa: PLR0913
+    scene: Scene | None,
+    camera: PlenopticCamera,
+    *,
+    samples: int | None = None,
+    target_error: float | None = None,
+    region: tuple[slice, slice] | None = None,
+    replicates: int = 2,
+    sampler: Sampler = Sampler.SOBOL,
+    max_bounces: int = 8,
+    caustics: Caustics = Caustics.KEPT,
+    clamp: float | None = None,
+    truth: Truth = Truth.DEPTH,
+    threads: int | None = None,
+    progress: bool = True,
+) -> Estimate:
+    """What `render` would take in time, memory and files, found in a few seconds by pilots from all over the frame.
+
+    Parameters
+    ----------
+    scene : Scene or None
+        None: a white image, as `render_white` makes it.
+    camera : PlenopticCamera
+    samples, target_error
+        As for `render`; one of them, or both: whichever comes first.
+    region, replicates, sampler, max_bounces, caustics, clamp, truth, threads
+        As for `render`.
+    progress : bool, optional
+        Whether to show that something is compiled; that takes its time before, and is not in the estimate.
+
+    Returns
+    -------
+    Estimate
+        Printing it shows the plan too. Times are those of this machine as busy as it is now.
+
+    Raises
+    ------
+    InvalidValueError
+        Where an argument is impossible.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
+    ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
+    ...     sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.01), stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
+    >>> found = pl.estimate(pl.check_scene(), camera, samples=64, progress=False)
+    >>> 0 < found.seconds.low <= found.seconds.value <= found.seconds.high
+    True
+    """
+    check_scene_and_camera(scene, camera)
+    if samples is None and target_error is None:
+        raise InvalidValueError("samples and target_error are both None; give what the render is to end by")
+    budget = checked_budget(samples, None, target_error, replicates)
+    settings = RenderSettings(0 if scene is None else max_bounces, caustics, clamp, sampler)
+    asked = Truth.NONE if scene is None else truth
+    subject = Subject(scene, camera, budget.max_samples, budget.replicates, asked, settings)
+    workers = thread_count(threads)
+    with Waiting("estimating", kind="scene", show=progress):
+        context = render_context(subject, seed_number(0))
+        kept = available_truth(
+            asked, meshes=context.intersector is not None, microlenses=camera.microlenses is not None
+        )
+        wanted = Subject(scene, camera, budget.max_samples, budget.replicates, kept, settings)
+        pilots = _Pilots(context, wanted, budget, sensor_region(camera.sensor.shape, region), workers)
+        decided = target_error is not None and budget.enough < budget.max_samples
+        found = _by_error(pilots) if decided else _by_samples(pilots)
+    return _estimate(pilots, found)
+
+
+class _Found(NamedTuple):
+    """Of a pixel."""
+
+    cpu_seconds: Estimated
+    samples: Estimated
+    steps: float
+    """How often a tile is rendered."""
+    busy: float
+    """The part of its threads' time in which a pilot was at work."""
+    head_bytes: float
+    exposure_bytes: float
+    kept_bytes: float
+
+
+class _Pilots:
+    """Pilots of one render."""
+
+    def __init__(self, context: RenderContext, subject: Subject, budget: Budget, asked: Region, threads: int) -> None:
+        self.context, self.subject, self.budget, self.threads = context, subject, budget, threads
+        self.asked_pixels = (asked[1] - asked[0]) * (asked[3] - asked[2])
+        pooled = 2 <= budget.replicates < OWN_ERRORS
+        self.frame = frame = in_whole_blocks(asked, subject.camera.sensor.shape) if pooled else asked
+        self.pixels = (frame[1] - frame[0]) * (frame[3] - frame[2])
+        self.side, self.tiles = cut_into_tiles(frame, budget, None, cells_per_pixel(context.camera))
+
+    def run(self, samples: int, seed: int) -> PilotRun:
+        """A pilot with a number of samples, in as large tiles as the render has, and no more pixels than a frame."""
+        side = self._fitting(_SIDE if self.side >= _SIDE else self.side)
+        room = math.isqrt(self.pixels // (2 * self.threads * side**2))
+        squares = max(min(self.side // _SIDE, _ALONG, room), 1) ** 2
+        wanted = min(max(_PATHS // samples, _FEWEST), _MOST)
+        n = max(min(-(-wanted // (squares * side * side)), _MOST_TILES), 2 * self.threads)
+        budget = Budget(samples, None, None, min(self.budget.replicates, samples))
+        return self._run(budget, n, squares, side, seed)
+
+    def samples_to_decide(self, per_sample: float) -> int:
+        """With how many samples, of so many seconds each, tiles are left that are decided upon."""
+        once = 2 * _DECIDED * self._fitting(_DECIDING) ** 2 * max(per_sample, 1e-12)
+        return int(min(max(_DECIDED_SECONDS * self.threads / once, 2 * self.budget.enough), _MOST_SAMPLES))
+
+    def run_deciding(self, samples: int, seed: int) -> PilotRun:
+        """A pilot whose tiles end at the target error, or with a number of samples."""
+        budget = self.budget._replace(samples=min(samples, self.budget.max_samples))
+        return self._run(budget, _DECIDED, 1, self._fitting(_DECIDING), seed)
+
+    def _run(self, budget: Budget, n: int, squares: int, side: int, seed: int) -> PilotRun:
+        keeps = (self.budget.steps or self.budget.passes) and self.pixels < _KEPT_PIXELS
+        tiles = pilot_tiles(self.frame, n, squares, side, seed)
+        return run_pilot(self.context, self.subject, budget, tiles, self.threads, keeps=keeps)
+
+    def _fitting(self, side: int) -> int:
+        """At most the sides of the frame."""
+        return max(min(side, self.frame[1] - self.frame[0], self.frame[3] - self.frame[2]), 1)
+
+
+def _by_samples(pilots: _Pilots) -> _Found:
+    """Where the number of samples is given."""
+    samples = pilots.budget.max_samples
+    few = min(samples, _MOST_SAMPLES)
+    pilots.run(min(few, 4), 0)  # what is compiled or read for the first time
+    runs = [pilots.run(few, seed) for seed in range(_RUNS)]
+    each = [run.cpu_seconds / run.pixels for run in runs]
+    if samples > few:
+        less = [pilots.run(few // 4, seed) for seed in range(_RUNS)]
+        slopes = [(a - b.cpu_seconds / b.pixels) / (few - few // 4) for a, b in zip(each, less, strict=True)]
+        each = [a + max(slope, a / (2 * few)) * (samples - few) for a, slope in zip(each, slopes, strict=True)]
+    found, steps = Estimated(samples, samples, samples), 2.0 if pilots.budget.passes else 1.0
+    return _Found(_interval(each), found, steps, _busy(runs, pilots), *_bytes(runs[0]))
+
+
+def _by_error(pilots: _Pilots) -> _Found:
+    """Where tiles end at an error."""
+    few = min(pilots.budget.enough, _MOST_SAMPLES)
+    pilots.run(4, 0)
+    pairs = [(pilots.run(few // 4, seed), pilots.run(few, seed)) for seed in (0, 1)]
+    costs = [(a.cpu_seconds / a.pixels, b.cpu_seconds / b.pixels) for a, b in pairs]
+    per_sample = max(statistics.mean(b - a for a, b in costs) / (few - few // 4), 0.25 * costs[0][1] / few)
+    once = max(statistics.mean(b for _, b in costs) - per_sample * few, 0.0)
+    runs = [pilots.run_deciding(pilots.samples_to_decide(per_sample), seed) for seed in (0, 1)]
+    low, usual, high = (np.concatenate([_predicted(run, fall) for run in runs]) for fall in reversed(_FALLS))
+    done = np.concatenate([run.progress.done for run in runs])
+    steps = _steps(pilots.budget, usual)
+    pilot_steps, pilot_pixels = _steps(pilots.budget, done), sum(run.pixels for run in runs)
+    took = sum(run.cpu_seconds for run in runs) / pilot_pixels
+    each_step = max((took - once - per_sample * float(done.mean())) / max(pilot_steps - 1.0, 1.0), 0.0)
+    spread = 1.5 * float(usual.std(ddof=1)) / math.sqrt(usual.size)
+    means = [float(low.mean()) - spread, float(usual.mean()), float(high.mean()) + spread]
+    means[0] = max(means[0], float(min(pilots.budget.enough, pilots.budget.max_samples)))
+    means = [min(mean, float(pilots.budget.max_samples)) for mean in means]
+    cost = [once + per_sample * mean + each_step * (steps - 1.0) for mean in means]
+    each = Estimated(cost[1], cost[0] * (1 - 2 * _UNKNOWN), cost[2] * (1 + 2 * _UNKNOWN))
+    return _Found(each, Estimated(means[1], means[0], means[2]), steps, _busy(runs, pilots), *_bytes(runs[0]))
+
+
+def _predicted(run: PilotRun, falls: float) -> NDArray[np.float64]:
+    """(tiles,): samples with which they will end."""
+    progress, budget = run.progress, run.progress.budget
+    assert budget.target_error is not None
+    found = np.empty(len(progress.tiles))
+    for i, done in enumerate(progress.done):
+        at, error = progress.found[i].T
+        over = np.where(np.isfinite(error), error, 0.0) / budget.target_error
+        goes_on = (over > 1.05) & (at > 0)
+        wanted = np.where(goes_on, at * np.maximum(over, 1.0) ** (1 / falls), float(done))
+        found[i] = max(float(wanted.max()), float(done))
+    return found
+
+
+def _steps(budget: Budget, samples: NDArray[np.float64] | NDArray[np.int64]) -> float:
+    """How often tiles are rendered that end with numbers of samples, on average.
+
+    Errors are predicted from step to step, so that each takes up to four times the samples.
+    """
+    more = np.log(np.maximum(samples / max(budget.enough, 1), 1.0)) / math.log(4.0)
+    return float(np.mean(1.0 + np.ceil(more - 1e-9)))
+
+
+def _interval(numbers: list[float]) -> Estimated:
+    """Their mean, and between what it lies."""
+    mean = statistics.mean(numbers)
+    off = 2 * statistics.stdev(numbers) / math.sqrt(len(numbers)) + 2 * _UNKNOWN * mean
+    return Estimated(mean, max(mean - off, 0.0), mean + off)
+
+
+def _busy(runs: list[PilotRun], pilots: _Pilots) -> float:
+    most = max(run.cpu_seconds / (run.seconds * pilots.threads) for run in runs)
+    return min(max(most, 0.1), 1.0)
+
+
+def _bytes(run: PilotRun) -> tuple[float, float, float]:
+    """Of an EXR file's head, of a pixel in it, since noise can hardly be compressed, and of what feeds a pixel."""
+    texts = texts_of(run.exposure)
+    head = _HEAD_BYTES + sum(len(name) + len(text) for name, text in texts.items())
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "pilot.exr"
+        run.exposure.save(path)
+        return head, max(path.stat().st_size - head, 0) / run.pixels, run.kept_bytes / run.pixels
+
+
+def _estimate(pilots: _Pilots, found: _Found) -> Estimate:
+    n, budget, channels = pilots.pixels, pilots.budget, pilots.context.channels
+    cpu = Estimated(*(n * part for part in found.cpu_seconds))
+    quick, slow = 1.0 / pilots.threads, 1.0 / (pilots.threads * found.busy)
+    wall = Estimated(cpu.value * math.sqrt(quick * slow), cpu.low * quick, cpu.high * slow)
+    film = _film_bytes(pilots)
+    once = 8 + _truth_bytes(pilots.subject.truth)
+    state = 8 * channels * (budget.replicates + 1)
+    waiting = 4 * pilots.threads * min(pilots.side**2, n) * (state + once)  # results that are to be taken
+    waiting += pilots.threads * min(pilots.side**2, n) * _WORK_BYTES
+    fed = (found.kept_bytes or _FED_BYTES) * n if budget.steps or budget.passes else 0
+    memory = resident_bytes() + film * n + waiting + min(fed, MOST_BYTES)
+    record = _RECORD_BYTES + 8 * status_codes(pilots.context.camera)
+    often = [found.steps if budget.steps else _records(tile.pixels, budget) for tile in pilots.tiles]
+    log = sum((tile.pixels * state + record) * k for tile, k in zip(pilots.tiles, often, strict=True))
+    return Estimate(
+        cpu_seconds=cpu,
+        seconds=wall,
+        peak_memory=_about(memory, 0.1),
+        file_size=_about(found.head_bytes + pilots.asked_pixels * found.exposure_bytes, 0.15),
+        checkpoint_size=_about(_LOG_BYTES + once * n + log, 0.3 if budget.steps else 0.02),
+        samples=found.samples,
+        plan=pilots.context.plan,
+    )
+
+
+def _records(pixels: int, budget: Budget) -> int:
+    """Batches of a tile of a render of given samples, each of which is a record."""
+    done, found, most = 0, 0, Clock(0.0, None).samples_per_batch(pixels, budget.replicates)
+    while done < budget.max_samples:
+        done = min(done + most, budget.following(done))
+        found += 1
+    return found
+
+
+def _film_bytes(pilots: _Pilots) -> float:
+    """Bytes of a pixel while it is rendered and when it is finished."""
+    budget, channels = pilots.budget, pilots.context.channels
+    found = 4 * channels + _truth_bytes(pilots.subject.truth)
+    if budget.replicates >= 2:
+        found += 2 * 4 * channels + 4
+    if budget.steps or budget.passes:
+        found += 4 + 8 * channels * (budget.replicates + 1)
+    if budget.target_error is not None:
+        found += 2 * 8 + _DECIDED_BYTES
+    return found
+
+
+def _truth_bytes(truth: Truth) -> int:
+    return sum(np.dtype(CHANNELS[name].dtype).itemsize * math.prod(CHANNELS[name].shape) for name in channels_of(truth))
+
+
+def _about(number: float, part: float) -> Estimated:
+    return Estimated(number, number * (1 - part), number * (1 + part))
+
+
+def _time_unit(seconds: float) -> tuple[float, str]:
+    if seconds < 100:
+        return 1.0, "s"
+    return (60.0, "min") if seconds < 6000 else (3600.0, "h")
+
+
+def _text(number: Estimated, unit: float, name: str) -> str:
+    value, low, high = (f"{part / unit:.3g}" for part in number)
+    between = f" ({low} to {high})" if low != high else ""
+    return f"{value} {name}{between}".replace("  ", " ").rstrip()

@@ -1,0 +1,119 @@
+"""Pilots: a few pixels from everywhere on a frame, rendered as the frame would be."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.camera.cache import PreparedCamera
+from plenoptic.camera.checks import BLOCK
+from plenoptic.camera.record import CameraRecord
+from plenoptic.camera.sampling.pixel_regions import pixel_centres
+from plenoptic.core.values import Floats
+from plenoptic.rendering.context import RenderContext
+from plenoptic.rendering.exposure import Exposure
+from plenoptic.rendering.plan.stages import Subject
+from plenoptic.rendering.schedule.budget import Budget
+from plenoptic.rendering.schedule.clock import Clock
+from plenoptic.rendering.schedule.orders import thread_engine
+from plenoptic.rendering.schedule.progress import Progress
+from plenoptic.rendering.schedule.progress_bar import ProgressBar
+from plenoptic.rendering.schedule.scheduler import Work, drive, exposure_of, progress_of
+from plenoptic.rendering.tile import Tile
+from plenoptic.truth.ground_truth import truth_record
+
+Region = tuple[int, int, int, int]
+
+
+class PilotTile(NamedTuple):
+    """A tile whose pixels are those of squares from different places of the sensor."""
+
+    row: int
+    column: int
+    """On the film of the pilot."""
+    rows: int
+    columns: int
+    side: int
+    """Of a square, which divides rows and columns."""
+    places: tuple[tuple[int, int], ...]
+    """Row and column of each square on the sensor, in their order in the tile, row by row."""
+
+    @property
+    def pixels(self) -> int:
+        """How many it has."""
+        return self.rows * self.columns
+
+    def centres(self, camera: CameraRecord) -> Floats:
+        """(rows * columns, 2): see `pixel_centres`."""
+        return self._in_order([pixel_centres(camera, (r, r + self.side), (c, c + self.side)) for r, c in self.places])
+
+    def numbers(self, camera: CameraRecord) -> NDArray[np.int64]:
+        """(rows * columns,): numbers of the pixels on the whole sensor."""
+        found = [Tile(r, c, self.side, self.side).numbers(camera) for r, c in self.places]
+        return self._in_order(found)
+
+    def _in_order(self, squares: Sequence[NDArray[Any]]) -> NDArray[Any]:
+        """Pixels of squares (side * side, ...) as those of the tile's rows."""
+        high, wide, side = self.rows // self.side, self.columns // self.side, self.side
+        rest = squares[0].shape[1:]
+        grid = np.stack(squares).reshape(high, wide, side, side, *rest)
+        return np.ascontiguousarray(np.swapaxes(grid, 1, 2)).reshape(self.pixels, *rest)
+
+
+def pilot_tiles(region: Region, n: int, per_tile: int, side: int, seed: int) -> list[PilotTile]:
+    """Tiles of `per_tile` (a square number) squares of a side, one below the other, each from all over a region.
+
+    The region is cut into as many cells as there are squares, each of which lies at a random place in its cell.
+    """
+    first_row, end_row, first_column, end_column = region
+    high, wide = (end_row - first_row - side) // BLOCK + 1, (end_column - first_column - side) // BLOCK + 1
+    squares, across = n * per_tile, max(1, round(math.sqrt(n * per_tile * wide / high)))
+    down = -(-squares // across)
+    rng = np.random.default_rng(seed)
+    cells = rng.permutation(down * across)[:squares]
+    row = first_row + BLOCK * np.floor((cells // across + rng.random(squares)) * high / down).astype(int)
+    column = first_column + BLOCK * np.floor((cells % across + rng.random(squares)) * wide / across).astype(int)
+    places = [(int(r), int(c)) for r, c in zip(row, column, strict=True)]
+    whole = side * math.isqrt(per_tile)
+    return [PilotTile(whole * i, 0, whole, whole, side, tuple(places[i::n])) for i in range(n)]
+
+
+class PilotRun(NamedTuple):
+    """What the render of pilots took."""
+
+    pixels: int
+    seconds: float
+    cpu_seconds: float
+    progress: Progress
+    exposure: Exposure
+    kept_bytes: int
+    """Of what feeds its pixels, where that is kept."""
+
+
+def run_pilot(
+    context: RenderContext, subject: Subject, budget: Budget, tiles: list[PilotTile], threads: int, *, keeps: bool
+) -> PilotRun:
+    """Render pilots; `keeps`: what feeds their pixels is kept from step to step, as that of a small frame is."""
+    context = context._replace(prepared=PreparedCamera(context.camera))
+    if keeps:
+        context.prepared.cut_into(tuple(tiles), steps=True)
+    begin = time.perf_counter(), time.process_time()
+    rows, columns = tiles[-1].row + tiles[-1].rows, tiles[0].columns
+    clock = Clock(begin[0], None)
+    counted = budget.steps or budget.passes
+    counted |= any(clock.samples_per_batch(tile.pixels, budget.replicates) < budget.max_samples for tile in tiles)
+    whole, everything, alike = (0, rows, 0, columns), (slice(None), slice(None)), cast("list[Tile]", tiles)
+    progress = progress_of(context, budget, whole, everything, alike, subject.truth, begin, counted=counted)
+    truth = truth_record(subject.camera, context.camera, subject.truth)
+    engine = thread_engine(context, truth, clock, threads)
+    if drive(progress, context, engine, clock, None, ProgressBar(begin[0], show=False)):
+        raise KeyboardInterrupt
+    work = Work(None, 0, threads, None, False, None, None, 1.0)
+    exposure = exposure_of(progress, subject, work, threads, None, interrupted=True)
+    took = time.perf_counter() - begin[0], time.process_time() - begin[1]
+    return PilotRun(rows * columns, *took, progress, exposure, context.prepared.kept_bytes)

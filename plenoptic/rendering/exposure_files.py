@@ -1,0 +1,95 @@
+"""Exposures in image files: EXR keeps everything, 16 bits keep the picture."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic import __version__
+from plenoptic.core.files import images
+from plenoptic.core.files.atomic_file import check_replaceable, real_path
+from plenoptic.core.files.codes import brightest, codes
+from plenoptic.core.files.reading import FileLimits
+from plenoptic.core.files.serialization import describe, described_fields, restore, restored_fields
+from plenoptic.core.values import file_path, positive
+from plenoptic.errors import FileError
+from plenoptic.rendering.frame import counts_in
+from plenoptic.truth.arrays import file_note, file_planes, truth_in
+
+if TYPE_CHECKING:
+    from plenoptic.rendering.exposure import Exposure
+
+CHANNEL_NAMES = {1: ("Y",), 3: ("R", "G", "B")}
+KEPT_AS_TEXT = ("samples", "replicates", "seed", "region", "camera", "stats", "settings", "white", "object_names")
+_SAMPLES = "samples"
+
+
+def texts_of(exposure: Exposure, names: tuple[str, ...] = KEPT_AS_TEXT) -> dict[str, str]:
+    """What files say about an exposure, beside its arrays."""
+    return {"Software": f"plenoptic {__version__}", **described_fields(exposure, names)}
+
+
+def checked_ending(path: str | os.PathLike[str]) -> str:
+    """That of a file to which `Exposure.save` can write, in small letters."""
+    ending = file_path(path).suffix.lower()
+    if ending not in (".exr", ".zarr", ".tif", ".tiff", ".png"):
+        raise FileError(f"{os.fspath(path)!r} ends in {ending!r}; it must end in .exr, .zarr, .tif, .tiff or .png")
+    return ending
+
+
+def check_target(path: str | os.PathLike[str]) -> None:
+    """An error where `Exposure.save` could not write, before hours are spent."""
+    if checked_ending(path) == ".zarr":
+        from plenoptic.rendering.dataset import check_store  # knows this module
+
+        check_store(real_path(path))
+    else:
+        check_replaceable(real_path(path))
+
+
+def save_exr(exposure: Exposure, path: str | os.PathLike[str]) -> None:
+    """Write everything, as float32."""
+    note = {} if exposure.truth is None else {"plenoptic:note": file_note(exposure.truth)}
+    images.write_channels(path, _channels(exposure), texts_of(exposure) | note)
+
+
+def save_16bit(exposure: Exposure, path: str | os.PathLike[str], scale: float | None, *, linear: bool) -> None:
+    """Write the picture, linear or sRGB-encoded; `scale` becomes 65535."""
+    scale = positive(brightest(exposure.image) if scale is None else scale, "scale")
+    encoding = images.LINEAR if linear else images.SRGB
+    texts = texts_of(exposure, ("samples", "replicates", "seed", "region"))
+    texts |= {"plenoptic:scale": describe(scale), images.COLOR_SPACE: encoding}
+    images.write_16bit(path, codes(exposure.image, scale=scale, encoded=not linear), texts)
+
+
+def fields_of_image(path: str | os.PathLike[str], limits: FileLimits) -> dict[str, Any]:
+    """The fields of the exposure that an image file holds."""
+    image, channels, metadata = images.read_picture(path, limits=limits)
+    kept = restored_fields(metadata, KEPT_AS_TEXT)
+    planes = [channels.get(f"error.{name}") for name in CHANNEL_NAMES[image.shape[2]]]
+    errors = [plane for plane in planes if plane is not None]
+    if "plenoptic:scale" in metadata:
+        image = image * np.float32(positive(restore(metadata["plenoptic:scale"]), "scale"))
+    return {
+        "image": image,
+        "standard_error": np.stack(errors, axis=-1) if len(errors) == len(planes) else None,
+        "truth": truth_in(channels),
+        "sample_counts": counts_in(channels.get(_SAMPLES), kept.get("samples")),
+        **kept,
+    }
+
+
+def _channels(exposure: Exposure) -> Mapping[str, NDArray[Any]]:
+    names = CHANNEL_NAMES[exposure.image.shape[2]]
+    channels: dict[str, NDArray[Any]] = {name: exposure.image[:, :, i] for i, name in enumerate(names)}
+    if exposure.standard_error is not None:
+        channels |= {f"error.{name}": exposure.standard_error[:, :, i] for i, name in enumerate(names)}
+    if exposure.sample_counts is not None:
+        channels[_SAMPLES] = exposure.sample_counts.astype(np.float32)
+    if exposure.truth is not None:
+        channels |= file_planes(exposure.truth)
+    return channels

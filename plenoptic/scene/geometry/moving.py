@@ -1,0 +1,120 @@
+"""Triangles of which some move: each mesh that does is met in a frame of its own, so that no tree is built anew."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.core.values import Floats, contiguous
+from plenoptic.scene.geometry.accel import Intersector, build_intersector
+from plenoptic.scene.geometry.compile import geometry_record, part_of
+from plenoptic.scene.geometry.record import Geometry, Hits, InstanceRecord
+
+
+class MovingMesh(NamedTuple):
+    """A mesh at a place that moves."""
+
+    row: int
+    """Of the instances."""
+    first: int
+    """The row of `triangles` at which its triangles begin."""
+    motion: int
+    """Which of the scene's motions it follows."""
+    tree: Intersector
+    """Of the mesh, in its own frame."""
+    middle: Floats
+    """(3,): its float32 coordinates count from here, in its own frame."""
+    places: Floats
+    """(m, 12): rows of matrices, as those of `InstanceRecord`: one, or one for each path."""
+
+
+class MovingTriangles:
+    """An `Intersector` of a scene in which instances move. Where rays have times of their own, see `along`."""
+
+    def __init__(self, geometry: Geometry, instances: InstanceRecord, known: MovingTriangles | None = None) -> None:
+        """Build trees, or take those of a scene `known` that differs in the places of what moves."""
+        assert instances.moving is not None
+        still = instances.moving < 0
+        self._geometry, self._record, self._plain = geometry, instances.some(still), instances.plain
+        self._rows = np.flatnonzero(still).astype(np.int32)
+        self._path: NDArray[np.int64] | None = None
+        if known is not None and not known.shares(self):
+            known = None
+        self._still: Intersector | None = self._tree_of_rest() if known is None else known._still
+        trees = {} if known is None else {mesh.first: (mesh.tree, mesh.middle) for mesh in known.meshes}
+        meshes = []
+        for row in np.flatnonzero(~still).tolist():
+            first, motion = int(instances.first[row]), int(instances.moving[row])
+            if first not in trees:
+                trees[first] = _own_tree(geometry, first, int(instances.faces[row]))
+            meshes.append(MovingMesh(row, first, motion, *trees[first], instances.matrices[row : row + 1]))
+        self.meshes: tuple[MovingMesh, ...] = tuple(meshes)
+        """What moves, in the order of the rows."""
+
+    def fill_closest(self, hits: Hits, rays: Floats) -> None:
+        """Triangle that each ray (origin and direction, (n, 6)) meets first, or -1; and its instance, or -1."""
+        from plenoptic.scene.geometry.kernels import interaction, moving
+
+        assert hits.instance is not None
+        hits.triangle[:] = hits.instance[:] = -1
+        reached, local = np.empty(len(rays)), np.empty((len(rays), 6))
+        if self._still is not None:
+            self._still.fill_closest(hits, rays)
+            placed = hits.instance >= 0
+            hits.instance[placed] = self._rows[hits.instance[placed]]
+        interaction.fill_distances(reached, hits, rays, self._geometry)
+        found = np.empty(len(rays), dtype=np.int32)
+        for mesh in self.meshes:
+            moving.fill_in_frame(local, rays, mesh.places, self._path if len(mesh.places) > 1 else None)
+            mesh.tree.fill_closest(Hits(found, None, None), local)
+            moving.fill_nearer(hits, reached, found, local, self._geometry, mesh.first, mesh.row)
+
+    def fill_blocked(self, blocked: NDArray[np.uint8], rays: Floats) -> None:
+        """1 where something lies between a ray's origin and origin + direction, else 0."""
+        from plenoptic.scene.geometry.kernels import moving
+
+        blocked[:] = 0
+        if self._still is not None:
+            self._still.fill_blocked(blocked, rays)
+        local, more = np.empty((len(rays), 6)), np.empty_like(blocked)
+        for mesh in self.meshes:
+            moving.fill_in_frame(local, rays, mesh.places, self._path if len(mesh.places) > 1 else None)
+            mesh.tree.fill_blocked(more, local)
+            blocked |= more
+
+    def along(self, path: NDArray[np.int64], meshes: tuple[MovingMesh, ...]) -> MovingTriangles:
+        """The same for rays of paths (n,), with other places of what moves, by paths."""
+        other = object.__new__(MovingTriangles)
+        other.__dict__.update(self.__dict__, _path=path, meshes=meshes)
+        return other
+
+    def shares(self, other: MovingTriangles) -> bool:
+        """Whether both have the same triangles, and the same stand still."""
+        mine, theirs = self._record, other._record
+        one, two = self._geometry, other._geometry
+        if self._plain != other._plain:
+            return False
+        pairs: list[tuple[Any, Any]] = [
+            (one.vertices, two.vertices),
+            (one.triangles, two.triangles),
+            (one.middle, two.middle),
+        ]
+        if mine is not None and theirs is not None:
+            pairs += [(mine.matrices, theirs.matrices), (mine.first, theirs.first)]
+        return (mine is None) == (theirs is None) and all(a is b or np.array_equal(a, b) for a, b in pairs)
+
+    def _tree_of_rest(self) -> Intersector | None:
+        """Of what stands still; None where nothing does."""
+        geometry, plain = self._geometry, self._plain
+        if self._record is not None:
+            return build_intersector(geometry, self._record)
+        return build_intersector(geometry._replace(triangles=geometry.triangles[:plain])) if plain else None
+
+
+def _own_tree(geometry: Geometry, first: int, faces: int) -> tuple[Intersector, Floats]:
+    """Of a mesh in its own frame, and its middle, from which float32 coordinates count."""
+    corners, triangles = part_of(geometry.vertices, geometry.triangles[first : first + faces])
+    own = geometry_record(corners, contiguous(triangles), np.zeros(faces, dtype=np.int32))
+    return build_intersector(own), own.middle

@@ -1,0 +1,178 @@
+"""Frames of a scene in which things move: before a camera that moves, under lights that change."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable, Iterator, Mapping
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.camera.checks import check_scene_and_camera
+from plenoptic.core.motions.motion import Motion, ascending
+from plenoptic.core.motions.pose import Pose
+from plenoptic.core.values import Floats, Given, check_kind, set_field, value, whole
+from plenoptic.errors import InvalidValueError
+from plenoptic.scene.geometry.instance import Instances
+from plenoptic.scene.lights.registry import Light
+from plenoptic.scene.scene import Scene
+
+
+@value
+class Frame:
+    """What `render`, `ground_truth` and `motion_truth` take of one time of a sequence.
+
+    Parameters
+    ----------
+    scene : Scene
+    camera : PlenopticCamera
+    time : float
+        Seconds, as in `Sequence.times`.
+
+    Examples
+    --------
+    See `Sequence`.
+    """
+
+    scene: Scene
+    camera: PlenopticCamera
+    time: float
+
+    def __post_init__(self) -> None:
+        check_scene_and_camera(self.scene, self.camera)
+
+
+@value
+class Sequence:
+    """Frames of a scene: objects and the camera move rigidly, lights change.
+
+    A frame is made when it is asked for. What moves becomes an `Instances` of its mesh, so that frames share all
+    triangles, and rendering the next one neither compiles nor builds trees again for what was there before. Where the
+    camera has a `Shutter`, the times of frames are the middles of their exposures, and what moves meanwhile is blurred.
+
+    Parameters
+    ----------
+    scene : Scene
+        Where everything stands before it moves.
+    camera : PlenopticCamera
+    times : (n,) array
+        Of the frames, in s, ascending.
+    motions : mapping from str to Motion, optional
+        Of objects, by their names in `scene.object_names`, from where they stand in the scene.
+    camera_motion : Motion, optional
+        Of the camera, from where it stands: of one without a pose, its poses in the world.
+    lights : sequence of n sequences of lights, optional
+        Those of each frame, in place of `scene.lights`. None: the scene's, in all frames.
+
+    Raises
+    ------
+    InvalidValueError
+        A name that no mesh has or several have, another number of lights than of times, or something else that is no
+        sequence.
+
+    Examples
+    --------
+    A camera flies past a box that turns once about its own axis:
+
+    >>> import numpy as np, plenoptic as pl
+    >>> scene = pl.Scene([pl.box(8).translated(z=-404)], background=1.0)
+    >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
+    ...     sensor=pl.Sensor(shape=(16, 16), pixel_pitch=0.5), stop_to_microlenses=130.0)
+    >>> past = [pl.Pose.look_at((x, 0, 0), target=(0, 0, -404)) for x in (-50, 50)]
+    >>> sequence = pl.Sequence(scene, camera, np.linspace(0, 2, 200),
+    ...     motions={"Mesh 0": pl.Motion.screw((0, 2), axis=(0, 1, 0), through=(0, 0, -404), angle_deg=360)},
+    ...     camera_motion=pl.Motion((0, 2), past))
+    >>> len(sequence), sequence[0].camera.pose.position.tolist(), sequence[-1].time
+    (200, [-50.0, 0.0, 0.0], 2.0)
+    >>> shot = pl.render(sequence[0].scene, sequence[0].camera, samples=2, progress=False)
+    """
+
+    scene: Scene
+    camera: PlenopticCamera
+    times: Given[Floats, ArrayLike]
+    _: dataclasses.KW_ONLY
+    motions: Given[tuple[tuple[str, Motion], ...], Mapping[str, Motion]] = Given(default=())
+    camera_motion: Motion | None = None
+    lights: Given[tuple[tuple[Light, ...], ...] | None, Iterable[Iterable[Light]] | None] = Given(default=None)
+
+    def __post_init__(self) -> None:
+        check_kind(self.scene, "scene", Scene, "pl.Scene([pl.box(4)])")
+        check_kind(self.camera, "camera", PlenopticCamera, "pl.PlenopticCamera(...)")
+        set_field(self, "times", ascending(self.times, "times"))
+        set_field(self, "motions", self._checked(self.motions))
+        if self.camera_motion is not None:
+            check_kind(self.camera_motion, "camera_motion", Motion, "pl.Motion((0, 1), [first_pose, last_pose])")
+        if self.lights is not None:
+            lights = tuple(self.scene.with_lights(each).lights for each in self.lights)
+            if len(lights) != len(self.times):
+                raise InvalidValueError(f"there are lights for {len(lights)} frames of {len(self.times)}")
+            set_field(self, "lights", lights)
+
+    def _checked(self, motions: object) -> tuple[tuple[str, Motion], ...]:
+        """Motions by names that a single mesh has."""
+        pairs = tuple(motions.items()) if isinstance(motions, Mapping) else motions
+        if not isinstance(pairs, tuple) or not all(isinstance(pair, tuple) and len(pair) == 2 for pair in pairs):
+            raise InvalidValueError(f'motions is {motions!r:.80}; give a mapping, such as {{"Mesh 0": pl.Motion(...)}}')
+        names = self.scene.object_names[: len(self.scene.meshes)]
+        for name, motion in pairs:
+            check_kind(motion, f"the motion of {name!r}", Motion, "pl.Motion.screw((0, 1), axis=(0, 1, 0))")
+            if names.count(name) != 1:
+                raise InvalidValueError(
+                    f"motions names {name!r}, which {names.count(name)} meshes of the scene have; it must be one of "
+                    f"scene.object_names, {', '.join(names)[:200]}: name meshes apart, and move lights by `lights`"
+                )
+        return tuple(sorted(pairs, key=lambda pair: names.index(pair[0])))
+
+    def __len__(self) -> int:
+        return len(self.times)
+
+    def __iter__(self) -> Iterator[Frame]:
+        return (self[k] for k in range(len(self)))
+
+    def __getitem__(self, number: int) -> Frame:
+        """A frame, the first one being 0 and the last one -1."""
+        k = whole(number, "the number of a frame", at_least=-len(self)) % (len(self) or 1)
+        if number >= len(self):
+            raise IndexError(f"frame {number} of {len(self)}")
+        time = float(self.times[k])
+        return Frame(self._scene_at(k, time), self._camera_at(time), time)
+
+    def __repr__(self) -> str:
+        moving = [name for name, _ in self.motions] + ["the camera"] * (self.camera_motion is not None)
+        what = ", ".join(moving) or "nothing"
+        return f"Sequence({len(self)} frames from {self.times[0]:g} to {self.times[-1]:g} s, moving: {what})"
+
+    @cached_property
+    def _objects(self) -> dict[int, tuple[Instances, Motion]]:
+        """What moves, by its place in `scene.meshes`: as instances where it stands, named as the mesh is."""
+        names, found = self.scene.object_names, {}
+        for name, motion in self.motions:
+            k = names.index(name)
+            part = self.scene.meshes[k]
+            if not isinstance(part, Instances):
+                part = Instances(dataclasses.replace(part, name=name), np.eye(4)[None])
+            found[k] = part, motion
+        return found
+
+    def _scene_at(self, k: int, time: float) -> Scene:
+        if not self.motions and self.lights is None:
+            return self.scene
+        meshes = list(self.scene.meshes)
+        for place, (part, motion) in self._objects.items():
+            matrix = np.concatenate([motion.matrices([time])[0], [[0.0, 0.0, 0.0, 1.0]]])
+            meshes[place] = Instances(part.mesh, matrix @ part.matrices, motion.seen_from(time))
+        lights = self.scene.lights if self.lights is None else self.lights[k]
+        return dataclasses.replace(self.scene, meshes=tuple(meshes), lights=lights)
+
+    def _camera_at(self, time: float) -> PlenopticCamera:
+        camera, motion = self.camera, self.camera_motion
+        if motion is None:
+            return camera
+        pose, stands, shutter = motion.at(time), camera.pose, camera.shutter
+        if stands is not None:
+            pose = Pose(pose.rotation @ stands.rotation, pose.to_world(stands.position))
+        if shutter is not None:
+            shutter = dataclasses.replace(shutter, motion=motion.seen_from(time))
+        return dataclasses.replace(camera, pose=pose, shutter=shutter)

@@ -1,0 +1,46 @@
+"""What a checkpoint costs: bytes written, and time with and without one."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import reference
+from table import Table
+from timing import Cost, Task, median, taking_turns
+
+import plenoptic as pl
+
+FULL, SMALL = (2048, 2048), (256, 256)
+PIXEL_PITCH = 0.0055  # mm
+SAMPLES = 4
+
+
+def tables(*, quick: bool) -> Iterator[Table]:
+    shape, rounds = (SMALL, 1) if quick else (FULL, 3)
+    camera = reference.camera(sensor=pl.Sensor(shape=shape, pixel_pitch=PIXEL_PITCH))
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "state"
+
+        def rendered(checkpoint: Path | None) -> pl.Exposure:
+            return reference.exposed(None, camera, samples=SAMPLES, threads=2, checkpoint=checkpoint)
+
+        tasks = {
+            "none": Task(lambda _: rendered(None)),
+            "new": Task(lambda _: rendered(file), lambda: file.unlink(missing_ok=True)),
+            "finished": Task(lambda _: rendered(file)),
+        }
+        costs = {name: median(found) for name, found in taking_turns(tasks, rounds=rounds).items()}
+        size = file.stat().st_size
+    pixels = shape[0] * shape[1]
+    yield Table(
+        f"Checkpoints: white image of {shape[0]} x {shape[1]} pixels, {SAMPLES} samples, medians of {rounds}",
+        ("checkpoint", "wall s", "CPU s", "CPU of none", "MB written", "bytes per pixel", "MB/s"),
+        [_row(name, cost, costs["none"], size if name == "new" else 0, pixels) for name, cost in costs.items()],
+        ["A finished one has all tiles: they are read, and not rendered."],
+    )
+
+
+def _row(name: str, cost: Cost, without: Cost, size: int, pixels: int) -> tuple[object, ...]:
+    return name, cost.wall, cost.cpu, cost.cpu / without.cpu, size / 1e6, size / pixels, size / 1e6 / cost.wall

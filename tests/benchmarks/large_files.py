@@ -1,0 +1,69 @@
+"""A large exposure to the disk and back: zarr and EXR, and one chunk of it by xarray."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+from starting import in_new_process
+from table import Table
+
+FULL, SMALL = (5120, 7840), (520, 700)
+"""40 megapixels; two by two chunks."""
+
+# Each step has a process of its own. Linux begins to count the peak anew where it is told so.
+CODE = """
+import json, sys, time
+from pathlib import Path
+import numpy as np, OpenImageIO, plenoptic as pl, xarray, zarr
+
+def memory(name):
+    found = [line.split() for line in open("/proc/self/status") if line.startswith(name)] if LINUX else []
+    return int(found[0][1]) / 1e3 if found else 0.0
+
+def exposure(rows, columns):
+    # Gradients, with noise of 5 % as of some hundred paths; a step in depth.
+    random = np.random.default_rng(1)
+    y, x = (np.arange(n, dtype=np.float32) / n for n in (rows, columns))
+    light = (1 + np.sin(40 * x) * np.cos(30 * y)[:, None])[:, :, None] * np.array([1.0, 0.8, 0.6], np.float32)
+    error = (0.05 * np.sqrt(light)).astype(np.float32)
+    image = light + error * random.standard_normal(light.shape, dtype=np.float32)
+    depth = 400 + 30 * np.sin(5 * x.astype(float)) + np.where(y > 0.5, 100.0, 0.0)[:, None]
+    depth += 1e-3 * random.random(depth.shape)
+    return pl.Exposure(image, standard_error=error, truth=pl.GroundTruth(depth=depth), samples=64, seed=1)
+
+LINUX = sys.platform == "linux"
+step, path, shape = sys.argv[1], Path(sys.argv[2]), {shape}
+shot = exposure(*shape) if step == "write" else None
+if LINUX:
+    Path("/proc/self/clear_refs").write_text("5")
+before, wall, cpu = memory("VmRSS"), time.perf_counter(), time.process_time()
+if step == "write":
+    shot.save(path)
+elif step == "read":
+    pl.Exposure.load(path, limits=pl.images.FileLimits(file_size=1 << 34, memory=1 << 36))
+else:
+    assert xarray.open_zarr(path).image[:512, :512].values.any()
+spent = time.perf_counter() - wall, time.process_time() - cpu
+arrays = np.prod(shape) * 32 / 1e6
+size = sum(file.stat().st_size for file in [path, *path.rglob("*")] if file.is_file()) / 1e6
+print(json.dumps([*spent, size, arrays, max(memory("VmHWM") - before, 0.0)]))
+"""
+
+
+def tables(*, quick: bool) -> Iterator[Table]:
+    shape = SMALL if quick else FULL
+    rows = []
+    with tempfile.TemporaryDirectory() as folder:
+        for ending, steps in (("zarr", ("write", "read", "one chunk")), ("exr", ("write", "read"))):
+            for step in steps:
+                code = CODE.replace("{shape}", str(shape)).replace("sys.argv[1]", repr(step))
+                path = Path(folder) / f"shot.{ending}"
+                wall, cpu, size, arrays, peak = in_new_process(code.replace("sys.argv[2]", repr(str(path))))
+                rows.append((ending, step, wall, cpu, size, arrays, peak))
+    yield Table(
+        f"An exposure of {shape[0]} x {shape[1]} pixels, three channels, standard error and depth",
+        ("format", "step", "wall s", "CPU s", "on the disk MB", "arrays MB", "memory beside what was there before MB"),
+        rows,
+    )

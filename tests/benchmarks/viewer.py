@@ -1,0 +1,139 @@
+"""Pages of the viewer: how large they are, how soon they show something, and how many pictures a second they make."""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from table import Table
+
+import plenoptic as pl
+from plenoptic.lightfield.depth_map import DepthMap
+from plenoptic.viewer import Viewer
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "viewer"))
+from looking import FLAGS, SOFTWARE, chromium_path, field_of
+
+DISCS = ((-0.3, 0.3, 0.35, 0.18), (0.2, 0.65, 0.4, 0.16), (0.7, 0.48, 0.72, 0.2))
+"""Disparity, place and radius in parts of the picture, before a background at -0.8."""
+FRAMES = """async (count) => {
+  const [focus, aperture] = ["focus", "aperture"].map((id) => document.getElementById(id));
+  const gl = document.getElementById("picture").getContext("webgl2");
+  aperture.value = aperture.max;
+  aperture.dispatchEvent(new Event("input"));
+  const one = new Uint8Array(4);
+  const frame = async (k) => {
+    focus.value = -0.8 + (1.5 * k) / count;
+    focus.dispatchEvent(new Event("input"));
+    await new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)));
+    gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, one);  // which is there when all is drawn
+  };
+  await frame(0);
+  const begin = performance.now();
+  for (let k = 1; k <= count; k++) await frame(k);
+  return (1000 * count) / (performance.now() - begin);
+}"""
+
+
+def tables(*, quick: bool) -> Iterator[Table]:
+    views, side, pixels = (3, 64, 64) if quick else (9, 512, 1024)
+    field, depth = light_field(views, side)
+    shot, rows, missing = raw_image(pixels), [], None
+    for name, make in (
+        (f"{views} x {views} views of {side} x {side}", lambda: field.viewer(depth=depth)),
+        (f"raw image of {pixels} x {pixels}, all truth", shot.viewer),
+    ):
+        begin = time.perf_counter()
+        page = make()
+        took = time.perf_counter() - begin
+        seen, missing = looked_at(page, frames=(3 if quick else 12) if "views" in name else 0)
+        rows.append((name, len(page.document.encode()) / 1e6, took, *seen))
+    yield Table(
+        "Pages of the viewer",
+        ("page", "size: MB", "made in: s", "first picture: s", "all there: s", "pictures / s"),
+        rows,
+        [
+            "In Chromium, WebGL2 in software: from opening the file to the first picture on the canvas and to all data "
+            "unpacked, and pictures of all views summed, each at a new focus. Views are 1/f texture, 0.25 e^N(0, 0.6), "
+            "a hard case for their size; the raw image is rendered with 4 samples a pixel, and noise hardly shrinks."
+            + (f" {missing}." if missing else "")
+        ],
+    )
+
+
+def looked_at(page: Viewer, *, frames: int) -> tuple[tuple[float | None, ...], str | None]:
+    """Seconds to the first picture and to all, pictures a second; why there are none."""
+    program = chromium_path()
+    try:
+        from playwright.sync_api import sync_playwright
+    except ImportError:
+        return (None, None, None), "Without playwright (the extra `browser`) nothing is opened"
+    if program is None:
+        return (None, None, None), "Without Chromium nothing is opened"
+    with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
+        path = Path(folder) / "page.html"
+        page.save(path)
+        browser = playwright.chromium.launch(executable_path=program, args=[*FLAGS, *SOFTWARE])
+        tab = browser.new_page(viewport={"width": 1280, "height": 800})
+        begin = time.perf_counter()
+        tab.goto(path.as_uri())
+        tab.wait_for_selector("#stage.live", timeout=120_000)
+        first = time.perf_counter() - begin
+        tab.wait_for_selector("#stage[data-ready]", state="attached", timeout=120_000)
+        ready = time.perf_counter() - begin
+        rate = tab.evaluate(FRAMES, frames) if frames else None
+        browser.close()
+    return (first, ready, rate), None
+
+
+def texture(rng: np.random.Generator, side: int) -> np.ndarray:
+    """(side, side, 3): amplitudes fall with the frequency; channels resemble each other."""
+    frequency = np.hypot(*np.meshgrid(np.fft.fftfreq(side), np.fft.rfftfreq(side), indexing="ij"))
+    frequency[0, 0] = 1.0
+    common, planes = rng.normal(size=(side, side)), []
+    for _ in range(3):
+        noise = np.fft.rfft2(0.7 * common + 0.5 * rng.normal(size=(side, side)))
+        plane = np.fft.irfft2(noise / frequency**1.1, (side, side))
+        planes.append((plane - plane.mean()) / plane.std())
+    return 0.25 * np.exp(0.6 * np.stack(planes, axis=-1))
+
+
+def light_field(count: int, side: int) -> tuple[pl.lightfield.LightField, DepthMap]:
+    """Textured discs at several depths before a textured wall, and their depth."""
+    rng = np.random.default_rng(3)
+    y, x = np.mgrid[:side, :side]
+    offsets = np.arange(count) - float(count // 2)
+    views, disparity = np.zeros((count, count, side, side, 3), np.float32), np.full((side, side), -0.8)
+    layers = [(-0.8, None, texture(rng, 2 * side)), *((d, disc, texture(rng, 2 * side)) for d, *disc in DISCS)]
+    for moves, disc, paint in layers:
+        for i, u in enumerate(offsets):
+            for j, v in enumerate(offsets):
+                (down, t), (right, s) = ((int(np.floor(moves * o)), moves * o % 1.0) for o in (v, u))
+                top, left = side // 2 + down, side // 2 + right
+                part = paint[top : top + side + 1, left : left + side + 1]
+                moved = (1 - t) * part[:-1] + t * part[1:]
+                shown = (1 - s) * moved[:, :-1] + s * moved[:, 1:]
+                inside = np.ones((side, side), dtype=bool)
+                if disc is not None:
+                    inside = np.hypot(x + moves * u - disc[0] * side, y + moves * v - disc[1] * side) < disc[2] * side
+                views[i, j][inside] = shown[inside]
+                if u == v == 0:
+                    disparity[inside] = moves
+    field = field_of(views, (0.01 * np.sqrt(views)).astype(np.float32))
+    sure, unknown = np.ones((side, side)), np.full((side, side), np.nan)
+    return field, DepthMap(disparity, 0.01 * sure, sure, unknown, unknown)
+
+
+def raw_image(side: int) -> pl.Exposure:
+    camera = pl.PlenopticCamera(
+        lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=5.0)),
+        microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(1.9, 2.0, 2.1)),
+        sensor=pl.Sensor(shape=(side, side), pixel_pitch=0.01),
+        stop_to_microlenses=123.3,
+        microlenses_to_sensor=1.7,
+    )
+    return pl.render(pl.still_life(), camera, samples=4, truth=pl.Truth.ALL, progress=False)

@@ -1,0 +1,119 @@
+"""The picture of a camera: rays of one pixel, what the camera sees, key numbers."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+import plenoptic as pl
+from plenoptic.camera.report.html import report_html
+from plenoptic.camera.report.layout import camera_frustum, pixel_rays
+
+LENS = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(5.0))
+SENSOR = pl.Sensor(shape=(512, 512), pixel_pitch=0.010)
+ARRAY = pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,))
+GALILEAN = pl.PlenopticCamera(LENS, SENSOR, 123.3, ARRAY, 1.7)
+ONE = pl.PlenopticCamera(LENS, SENSOR, 134.6, ARRAY, 2.0)
+CONVENTIONAL = pl.PlenopticCamera(LENS, SENSOR, 134.6)
+TILTED = GALILEAN.moved(pl.CameraPart.SENSOR, tilt=(0.03, 0.0, 0.0)).moved(pl.CameraPart.LENS, tilt=(0.02, 0.0, 0.0))
+WALLED = pl.PlenopticCamera(
+    pl.no_lens(25.0),
+    pl.Sensor(shape=(300, 300), pixel_pitch=0.1),
+    1.0,
+    pl.MicrolensArray(pitch=10.0, focal_lengths=(8.0,), lattice=pl.Lattice.SQUARE, walls=pl.optics.Walls.OPAQUE,
+        aperture=pl.optics.MicrolensAperture(pl.optics.ApertureShape.CIRCLE, fill_factor=0.01)),
+    8.1,
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("camera", [GALILEAN, ONE, TILTED])
+def test_rays_lie_on_the_pixel_and_in_its_microlens(camera):
+    rays = pixel_rays(camera)
+    at = rays.sensor.inverse().points(rays.paths[:, 0])
+    np.testing.assert_allclose(at, np.tile([*SENSOR.centre_of(*rays.pixel), 0.0], (len(at), 1)), atol=1e-12)
+    in_array = rays.array.inverse().points(rays.paths[:, 1])
+    assert np.abs(in_array[:, 2]).max() < 1e-12
+    assert np.hypot(*(in_array[:, :2] - in_array[:, :2].mean(axis=0)).T).max() <= 0.217 / 2 + 1e-12
+    assert np.isfinite(rays.onwards).all()
+
+
+def test_rays_of_a_pixel_meet_where_it_is_in_focus():
+    """In a camera 2.0 the rays of a pixel through a microlens meet in the plane in focus, to the lens's aberrations."""
+    rays, focus = pixel_rays(GALILEAN), GALILEAN.report().focus[0]
+    along = (focus.z - rays.paths[:, -1, 2]) / rays.onwards[:, 2]
+    met = rays.paths[:, -1] + along[:, None] * rays.onwards
+    # The pixel's image is m times its size, and the double Gauss blurs by some 20 um at the array (f/8).
+    assert np.ptp(met[:, 1]) < 0.2 * abs(0.217 / focus.magnification)
+
+
+def test_rays_of_a_pixel_are_parallel_from_its_place_in_the_pupil_in_a_camera_1():
+    """In a camera 1.0 they come through one place of the iris: microlenses image the exit pupil onto the sensor."""
+    rays = pixel_rays(ONE)
+    at_iris = rays.paths[:, 1 + len(LENS.elements) - LENS.iris_index, :2]
+    # A microlens of 0.217 mm at f/9.2 images the pupil, which is 130 mm away and not infinitely far.
+    assert np.ptp(at_iris[:, 1]) < 0.25
+
+
+def test_the_frustum_meets_the_plane_in_focus_in_the_field():
+    frustum, report = GALILEAN.frustum, GALILEAN.report()
+    focus = report.focus[0]
+    np.testing.assert_allclose(frustum.in_focus[:, 2], focus.z)
+    stretch = 1 + 1.7 / report.exit_pupil_distance
+    half = 0.5 * SENSOR.size[0] / stretch
+    # The chief ray meets that plane at the height of the array's image as seen from the entrance pupil: within 5 %.
+    z_array = report.array_plane
+    points = pl.paraxial.cardinal_points(LENS)
+    seen = half * abs(pl.paraxial.magnification(LENS, z_array)) ** -1
+    expected = seen * (points.entrance_pupil - focus.z) / (points.entrance_pupil - z_array)
+    np.testing.assert_allclose(np.abs(frustum.in_focus[:, :2]), expected, rtol=0.02)
+
+
+def test_the_frustum_moves_with_the_camera():
+    posed = GALILEAN.posed(position=(100.0, 0.0, 0.0), look_at=(0.0, 0.0, 0.0))
+    np.testing.assert_allclose(
+        posed.frustum.in_focus.mean(axis=0), [100.0 + GALILEAN.frustum.in_focus[0, 2], 0, 0], atol=1e-6
+    )
+    np.testing.assert_allclose(np.linalg.norm(posed.frustum.directions, axis=1), 1.0)
+
+
+def test_corners_that_no_light_reaches_are_left_out():
+    fisheye = pl.load_lens("fisheye-100mm-f8")
+    camera = pl.PlenopticCamera(fisheye, pl.Sensor((3000, 3000), 0.1), float(fisheye.vertices[-1]) + 150.0)
+    assert np.isfinite(camera_frustum(camera).directions).all()
+
+
+def test_a_view_of_a_file_has_a_frustum():
+    view = pl.scene.View("front", (0, 0, 400), (0, 0, 0), vertical_field_of_view=0.4, aspect_ratio=1.5)
+    slopes = view.frustum.directions[:, :2] / -view.frustum.directions[:, 2:]
+    np.testing.assert_allclose(np.abs(slopes), np.tile([1.5 * math.tan(0.2), math.tan(0.2)], (4, 1)))
+    assert view.frustum.in_focus is None
+    flat = dataclasses.replace(view, vertical_field_of_view=None)
+    np.testing.assert_allclose(flat.frustum.directions, np.tile([0, 0, -1.0], (4, 1)))
+
+
+@pytest.mark.parametrize("camera", [GALILEAN, ONE, TILTED, CONVENTIONAL, WALLED])
+def test_figures_have_a_section_and_a_detail(camera):
+    from matplotlib.figure import Figure
+
+    figure = camera.layout(figure=Figure())
+    assert len(figure.axes) == (1 if camera.microlenses is None else 2)
+    figure.canvas.draw()
+
+
+def test_key_numbers_are_those_of_the_report():
+    html = GALILEAN._repr_html_()
+    for text in ("Galilean", "100.72 mm, f/6.94", "pitch 0.217 mm", "512 x 512 pixels", "403.91 mm before the iris"):
+        assert text in html
+    assert (
+        "at infinity"
+        in dataclasses.replace(CONVENTIONAL, stop_to_microlenses=102.2).focused_at(-math.inf)._repr_html_()
+    )
+
+
+def test_reports_begin_with_the_gravest():
+    kinds = pl.camera.CameraFindingKind
+    found = [pl.camera.CameraFinding(kind, f"about <{kind.name}>") for kind in (kinds.DARK_GAPS, kinds.INSIDE_LENS)]
+    html = report_html(dataclasses.replace(GALILEAN.report(), warnings=tuple(found)))
+    assert html.index("INSIDE_LENS") < html.index("DARK_GAPS") < html.index("focal length")
+    assert "about &lt;DARK_GAPS&gt;" in html

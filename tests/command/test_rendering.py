@@ -1,0 +1,255 @@
+"""`plenoptic render`, `merge` and `estimate`: the bits of the library, parts of frames, what is refused and when."""
+
+import dataclasses
+import json
+import os
+import signal
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import plenoptic as pl
+from plenoptic.command.main import main
+from plenoptic.command.tiles import missing_tiles, tile_grid
+from plenoptic.rendering.schedule import orders
+
+CAMERA = pl.PlenopticCamera(
+    lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(5.0)),
+    microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
+    sensor=pl.Sensor(shape=(21, 27), pixel_pitch=0.01),
+    stop_to_microlenses=123.3,
+    microlenses_to_sensor=1.7,
+)
+SETTINGS = pl.rendering.RenderSettings(max_bounces=2, sampler=pl.rendering.Sampler.RANDOM)
+WALL = "o wall\nv -300 -300 -900\nv 300 -300 -900\nv 0 300 -900\nf 1 2 3\n"
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    """The current folder, with a camera, settings and a scene."""
+    monkeypatch.chdir(tmp_path)
+    pl.package.save_value(CAMERA, "camera.json")
+    pl.package.save_value(SETTINGS, "settings.json")
+    (tmp_path / "wall.obj").write_text(WALL)
+    return tmp_path
+
+
+@pytest.fixture
+def nothing_rendered(monkeypatch):
+    """Where anything would be, the test fails."""
+
+    def rendered(*arguments, **named):
+        raise AssertionError("rendered")
+
+    monkeypatch.setattr(orders, "render_tile", rendered)
+
+
+def run(typed):
+    assert main(typed.split()) == 0
+
+
+def same(one, other):
+    assert np.array_equal(one.image, other.image) and np.array_equal(one.standard_error, other.standard_error)
+    assert one.truth == other.truth and one.samples == other.samples and one.seed == other.seed
+    assert one.region == other.region and one.camera == other.camera and one.settings == other.settings
+
+
+def test_tiles_that_are_merged_have_the_bits_of_the_whole(capsys):
+    run("render wall.obj camera.json --samples 8 -o whole.exr --truth depth,normal --seed 3")
+    out, err = capsys.readouterr()
+    assert out.startswith("whole.exr: Exposure(21 x 27 x 1, 8 samples per pixel") and "RenderStats(" in out and not err
+    for k in range(1, 7):
+        run(f"render wall.obj camera.json --samples 8 --truth depth,normal --seed 3 --tile {k}/6 -o part{k}.exr")
+    capsys.readouterr()
+    parts = [f"part{k}.exr" for k in (4, 1, 6, 2, 5, 3)]
+    assert main(["merge", *parts, "-o", "merged.exr"]) == 0
+    assert capsys.readouterr().out.startswith("merged.exr: Exposure(21 x 27 x 1, 8 samples per pixel")
+    whole = pl.Exposure.load("whole.exr")
+    same(pl.Exposure.load("merged.exr"), whole)
+    scene = pl.Scene(pl.load_file("wall.obj").meshes, background=1.0)
+    wanted = pl.Truth.DEPTH | pl.Truth.NORMAL
+    direct = pl.render(scene, CAMERA, samples=8, seed=3, truth=wanted, progress=False)
+    assert np.array_equal(direct.image, whole.image)
+
+    assert main(["merge", *parts[:-1], "-o", "less.exr"]) == 1
+    assert capsys.readouterr().err.startswith("plenoptic merge: tile 3/6 is missing; ")
+    assert main(["merge", *(f"part{k}.exr" for k in (1, 2, 3)), "-o", "less.exr"]) == 1
+    assert "tile 4/6; 5/6; 6/6 are missing" in capsys.readouterr().err
+    assert main(["merge", *(f"part{k}.exr" for k in (1, 2, 3)), "-o", "top.exr", "--region", "0:8,0:27"]) == 0
+    assert np.array_equal(pl.Exposure.load("top.exr").image, whole.image[:8])
+    capsys.readouterr()
+    assert main(["merge", "part1.exr", "part2.exr", "part1.exr", "-o", "less.exr"]) == 1
+    assert not os.path.exists("less.exr")
+
+
+def test_tiles_in_stores_come_to_the_same():
+    pytest.importorskip("zarr", reason="the extra `zarr` installs it")
+    run("render --white camera.json --samples 4 -o whole.zarr")
+    for k in (1, 2):
+        run(f"render --white camera.json --samples 4 --tile {k}/2 -o part{k}.zarr")
+    run("merge part1.zarr part2.zarr -o merged.zarr")
+    same(pl.Exposure.load("merged.zarr"), pl.Exposure.load("whole.zarr"))
+    run("render --white merged.zarr --samples 4 -o again.exr")  # with the camera of a store
+    assert np.array_equal(pl.Exposure.load("again.exr").image, pl.Exposure.load("whole.zarr").image)
+
+
+def test_other_seeds_on_top_are_weighed_by_their_samples(capsys):
+    for seed, samples in ((1, 8), (2, 16)):
+        run(f"render wall.obj camera.json --samples {samples} --seed {seed} --region 0:8,8:24 -o seed{seed}.exr")
+    run("merge seed1.exr seed2.exr -o both.exr")
+    one, two, both = (pl.Exposure.load(f"{name}.exr") for name in ("seed1", "seed2", "both"))
+    assert (both.samples, both.replicates, both.seed, both.region) == (24, 4, None, (0, 8, 8, 24))
+    mean = (8 * one.image.astype(float) + 16 * two.image) / 24
+    np.testing.assert_allclose(both.image, mean, rtol=2**-24)  # rounded once
+    squares = np.square(8 * one.standard_error.astype(float)) + np.square(16 * two.standard_error)
+    np.testing.assert_allclose(both.standard_error, np.sqrt(squares) / 24, rtol=2**-23)
+    capsys.readouterr()
+    assert main(["merge", "seed1.exr", "seed1.exr", "-o", "both.exr"]) == 1
+    assert "the same random numbers would count twice" in capsys.readouterr().err
+
+
+def test_settings_come_from_files_and_options():
+    common = "render wall.obj camera.json --samples 2 --region 0:8,:8 --truth none"
+    run(f"{common} --settings settings.json --clamp 5 --caustics left-out -o a.exr")
+    wanted = dataclasses.replace(SETTINGS, clamp=5.0, caustics=pl.rendering.Caustics.LEFT_OUT)
+    shot = pl.Exposure.load("a.exr")
+    assert (shot.settings, shot.truth, shot.region) == (wanted, None, (0, 8, 0, 8))
+    run(f"{common} --background 2 --max-bounces 0 --replicates 1 --threads 1 -o b.exr")
+    shot = pl.Exposure.load("b.exr")
+    assert (shot.settings.max_bounces, shot.replicates, shot.standard_error) == (0, 1, None)
+    run("render --white a.exr --samples 2 --region 0:8,0:8 -o white.exr")  # with the camera of an image
+    assert pl.Exposure.load("white.exr").white and pl.Exposure.load("white.exr").camera == CAMERA
+
+
+@pytest.mark.parametrize(
+    ("typed", "said"),
+    [
+        ("wall.obj camera.json --samples 4 -o nowhere/a.exr", "does not exist; make it first"),
+        ("wall.obj camera.json --samples 4 -o a.jpg", "it must end in .exr, .zarr"),
+        ("wall.obj camera.json --samples 4 -o folder.exr", "is a folder; give the path of a file"),
+        ("wall.obj camera.json --samples 4 -o a.exr --tile 3/1000", "cannot be cut into 1000 equal rows and columns"),
+        ("wall.obj camera.json --samples 4 -o a.exr --region 30:40,0:8", "it must take at least one"),
+        ("wall.obj camera.json --samples 4 -o a.exr --truth depth,nrmal", "--truth has 'nrmal'; it must be one"),
+        ("wall.obj camera.json --samples 4 -o a.exr --settings camera.json", "give RenderSettings"),
+        ("wall.obj camera.json --samples 4 -o a.exr --checkpoint nowhere/c", "does not exist; make it first"),
+        ("wall.obj camera.json --samples 4 -o a.exr --clamp -1", "clamp is -1"),
+        ("wall.obj camera.json -o a.exr", "give one of them, such as samples=64"),
+        ("camera.json --samples 4 -o a.exr", "give SCENE and CAMERA, or --white and CAMERA"),
+        ("--white wall.obj camera.json --samples 4 -o a.exr", "'wall.obj' is one too many"),
+        ("--white camera.json --samples 4 -o a.exr --max-bounces 3", "--max-bounces is about a scene"),
+        ("camera.json wall.obj --samples 4 -o a.exr", "holds no camera"),
+    ],
+)
+def test_what_is_refused_is_told_in_one_line_and_before(folder, capsys, nothing_rendered, typed, said):
+    (folder / "folder.exr").mkdir()
+    assert main(["render", *typed.split()]) == 1
+    out, err = capsys.readouterr()
+    assert out == "" and said in err and err.count("\n") == 1 and err.startswith("plenoptic render: ")
+
+
+@pytest.mark.parametrize(
+    "wrong", ["--tile 5/4", "--tile 0/4", "--tile a/b", "--tile 3", "--region 0:8", "--tile 1/2 --region 0:8,0:8", ""]
+)
+def test_wrong_usage_ends_with_2(capsys, nothing_rendered, wrong):
+    output = "-o a.exr" if wrong else ""
+    with pytest.raises(SystemExit) as ended:
+        main(f"render wall.obj camera.json --samples 4 {output} {wrong}".split())
+    assert ended.value.code == 2
+    assert "usage: plenoptic render" in capsys.readouterr().err
+
+
+def test_what_is_no_part_is_named(capsys):
+    run("render --white camera.json --samples 4 --tile 1/2 -o a.exr")
+    nearer = dataclasses.replace(CAMERA, stop_to_microlenses=120.0)
+    dataclasses.replace(pl.Exposure.load("a.exr"), camera=nearer).save("b.exr")
+    capsys.readouterr()
+    for parts, said in (
+        ("a.exr wall.obj", "'wall.obj' is a scene; give an image"),
+        ("a.exr missing.exr", "'missing.exr' does not exist"),
+        ("a.exr b.exr", "b.exr has another camera than a.exr"),
+    ):
+        assert main(["merge", *parts.split(), "-o", "c.exr"]) == 1
+        err = capsys.readouterr().err
+        assert said in err and err.count("\n") == 1
+
+
+def test_an_interrupted_render_is_saved_and_goes_on_from_its_checkpoint(capsys, monkeypatch):
+    run("render wall.obj camera.json --samples 600 -o whole.exr")
+    typed = "render wall.obj camera.json --samples 600 --threads 1 --checkpoint state -o part.exr"
+    original, calls = orders.render_tile, []
+
+    def interrupted(*arguments, **named):
+        result = original(*arguments, **named)
+        if arguments[1].pixels:
+            calls.append(0)
+            if len(calls) == 2:
+                signal.raise_signal(signal.SIGINT)
+        return result
+
+    with monkeypatch.context() as patched:
+        patched.setattr(orders, "render_tile", interrupted)
+        assert main(typed.split()) == 130
+    out, err = capsys.readouterr()
+    assert (
+        "part.exr: Exposure(" in out and err.endswith("interrupted\n") and "warning: the render was interrupted" in err
+    )
+    assert pl.Exposure.load("part.exr").interrupted
+    run(typed)
+    same(pl.Exposure.load("part.exr"), pl.Exposure.load("whole.exr"))
+
+
+@pytest.mark.slow
+def test_a_killed_render_goes_on_from_its_checkpoint(folder):
+    typed = ["render", "wall.obj", "camera.json", "--samples", "20000", "--checkpoint", "state", "-o", "part.exr"]
+    once = subprocess.Popen([sys.executable, "-m", "plenoptic", *typed], stderr=subprocess.DEVNULL)
+    try:
+        while not (folder / "state").exists() or (folder / "state").stat().st_size < 10_000:
+            assert once.poll() is None
+            with pytest.raises(subprocess.TimeoutExpired):
+                once.wait(0.05)
+    finally:
+        once.kill()
+        once.wait()
+    assert not (folder / "part.exr").exists()
+    run(" ".join(typed))
+    run("render wall.obj camera.json --samples 20000 -o whole.exr")
+    same(pl.Exposure.load("part.exr"), pl.Exposure.load("whole.exr"))
+
+
+def test_estimates_are_printed_for_people_and_for_programs(capsys):
+    typed = "wall.obj camera.json --samples 8 --seed 2 --tile 1/2 --time-limit 9 -o nowhere/a.exr"
+    run(f"estimate {typed}")
+    out = capsys.readouterr().out
+    for word in ("runs      intersection", "processor time ", "samples per pixel  8", "peak memory ", "checkpoint "):
+        assert word in out
+    run("estimate --white camera.json --samples 8 --json")
+    found = json.loads(capsys.readouterr().out)
+    assert set(found) == {"cpu_seconds", "seconds", "peak_memory", "file_size", "checkpoint_size", "samples"}
+    assert found["samples"] == {"value": 8, "low": 8, "high": 8}
+    assert all(0 < one["low"] <= one["value"] <= one["high"] for one in found.values())
+    assert main(["estimate", "wall.obj", "camera.json", "--time-limit", "4"]) == 1
+    assert "samples and target_error are both None" in capsys.readouterr().err
+
+
+def test_tiles_are_as_square_as_can_be():
+    assert tile_grid((512, 512), 16) == (4, 4)
+    assert tile_grid((512, 1024), 8) == (2, 4) and tile_grid((1024, 512), 8) == (4, 2)
+    assert tile_grid((5368, 7716), 64) == (8, 8)
+    assert tile_grid((512, 512), 7) in ((1, 7), (7, 1))
+    assert tile_grid((16, 16), 5) is None and tile_grid((16, 16), 1 << 40) is None
+
+
+@pytest.mark.parametrize("n", [2, 6, 16, 64])
+def test_the_missing_tiles_are_found(n):
+    shape = (517, 389)
+    regions = [
+        (r.start, r.stop, c.start, c.stop)
+        for r, c in dataclasses.replace(CAMERA, sensor=pl.Sensor(shape=shape, pixel_pitch=0.01)).tiles(
+            *tile_grid(shape, n)
+        )
+    ]
+    assert missing_tiles(shape, regions[:-1]) == [(n, n)]
+    assert missing_tiles(shape, regions[1::2]) == [(k, n) for k in range(1, n + 1, 2)]
+    assert missing_tiles(shape, [(1, 9, 0, 16)]) == []

@@ -1,0 +1,410 @@
+"""Logs: every bit comes back, and what is damaged is lost alone."""
+
+import errno
+import hashlib
+import itertools
+import json
+import multiprocessing
+import os
+import pickle
+import struct
+import threading
+import time
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays_of
+
+import plenoptic as pl
+from plenoptic.core.files import record_log
+from plenoptic.core.files.record_log import LogKind, RecordLog, begin_log, log_is_there
+
+KIND = LogKind("diary", 2, "give another path")
+PREAMBLE = len(KIND.first_line) + 64 + 1 + 16 + 1
+MARK = b"\x93plenoptic rec\r\n"
+TYPES = ["?", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8", "f2", "f4", "f8", "c8", "c16"]
+
+
+@contextmanager
+def opened(path, kind=KIND):
+    log = RecordLog(path, kind)
+    try:
+        yield log
+    finally:
+        log.close()
+
+
+def same_bits(one, other):
+    return one.dtype == other.dtype and one.shape == other.shape and one.tobytes() == other.tobytes()
+
+
+def numbers_in(path):
+    """The facts of records, with what `read` gives; and how many bytes belong to none."""
+    with opened(path) as log:
+        found = {}
+        for entry in log.entries:
+            arrays = log.read(entry)
+            found[entry.facts["n"]] = None if arrays is None else arrays["a"].tolist()
+        return found, log.damaged
+
+
+def record(n):
+    return {"n": n}, {"a": np.full(4 + n, n)}
+
+
+WHOLE = {n: [n] * (4 + n) for n in range(3)}
+
+
+@pytest.fixture
+def path(tmp_path):
+    """A log of three records."""
+    begin_log(tmp_path / "log", KIND, {"owner": "me"})
+    with opened(tmp_path / "log") as log:
+        for n in range(3):
+            log.append(*record(n))
+    return tmp_path / "log"
+
+
+@pytest.fixture
+def ends(path):
+    """Where the header and each record end."""
+    with opened(path) as log:
+        starts = path.read_bytes().index(MARK)
+        return [starts, *(entry.place + entry.length for entry in log.entries)]
+
+
+# ---- what is written comes back ----
+
+
+@settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.lists(arrays_of.arrays(st.sampled_from(TYPES), arrays_of.array_shapes(min_dims=0, min_side=0)), max_size=4))
+def test_arrays_come_back_bit_by_bit(tmp_path, given_arrays):
+    path, named = tmp_path / "log", {f"array {i}": a for i, a in enumerate(given_arrays)}
+    path.unlink(missing_ok=True)
+    begin_log(path, KIND, {})
+    with opened(path) as log:
+        written = log.append({}, named)
+        assert log.entries == []  # those that were there
+    with opened(path) as log:
+        assert log.entries == [written] and log.damaged == 0 and written.names == list(named)
+        found = log.read(log.entries[0])
+    assert list(found) == list(named)
+    assert all(same_bits(found[name], array) and found[name].flags.writeable for name, array in named.items())
+
+
+def test_every_nan_and_zero_keeps_its_bits(path):
+    # Quiet and signalling nans with payloads, infinities, zeros of both signs, subnormals.
+    bits = np.array([0x7FF8000000000123, 0xFFF0000000000001, 0x7FF << 52, 0xFFF << 52, 1 << 63, 0, 1], dtype=np.uint64)
+    with opened(path) as log:
+        np.testing.assert_array_equal(log.read(log.append({}, {"a": bits.view(float)}))["a"].view(np.uint64), bits)
+
+
+@pytest.mark.parametrize("make", [lambda a: a.astype(">f8"), lambda a: a.T, lambda a: a[:, ::-2], np.asfortranarray])
+def test_how_numbers_lie_in_memory_does_not_matter(path, make):
+    array = make(np.random.default_rng(1).normal(size=(5, 7)))
+    with opened(path) as log:
+        assert same_bits(log.read(log.append({}, {"a": array}))["a"], np.ascontiguousarray(array, dtype=float))
+
+
+def test_header_and_facts_come_back(tmp_path):
+    facts = {"n": 1 << 70, "x": 0.1, "far": np.inf, "text": 'é"\n\ud800', "lost": [["vignetted", None, 3]], "on": True}
+    begin_log(tmp_path / "log", KIND, facts)
+    with opened(tmp_path / "log") as log:
+        assert log.header == facts
+        log.append(facts, {})
+        log.append({"n": np.int64(3), "x": np.float32(0.5), "on": np.bool_(True), "pair": (1, 2)}, {})
+    with opened(tmp_path / "log") as log:
+        assert [entry.facts for entry in log.entries] == [facts, {"n": 3, "x": 0.5, "on": True, "pair": [1, 2]}]
+
+
+@pytest.mark.parametrize("array", [np.array([None]), np.array(["a"]), np.array([1.0], dtype=np.longdouble)])
+def test_what_is_no_array_of_numbers_or_no_fact_is_refused(path, array):
+    if array.dtype == np.float64:
+        pytest.skip("long doubles are doubles here")
+    content = path.read_bytes()
+    with opened(path) as log:
+        with pytest.raises(pl.errors.InvalidValueError, match="a is an array of .* booleans and numbers only"):
+            log.append({}, {"a": array})
+        with pytest.raises(TypeError):
+            log.append({"camera": object()}, {})
+    assert path.read_bytes() == content
+
+
+def test_a_file_is_text_that_says_what_it_is_before_its_records(path):
+    first, second, header, rest = path.read_bytes().split(b"\n", 3)
+    assert first == b"plenoptic diary 2" and json.loads(header) == {"owner": "me"} and rest.startswith(MARK)
+    assert second == b"%s %016d" % (hashlib.sha256(header + b"\n").hexdigest().encode(), len(header) + 1)
+
+
+# ---- what is damaged is lost alone ----
+
+
+def test_files_cut_off_at_any_byte_lose_that_record_only_and_grow_again(path, ends):
+    content = path.read_bytes()
+    for length in range(ends[0], len(content)):
+        path.write_bytes(content[:length])
+        whole = sum(end <= length for end in ends) - 1
+        assert numbers_in(path) == ({n: WHOLE[n] for n in range(whole)}, length - ends[whole])
+        # The body that is missing is not taken from what is written after it.
+        with opened(path) as log:
+            for n in (7, 8):
+                log.append(*record(n))
+        after = {n: [n] * (4 + n) for n in (7, 8)}
+        assert numbers_in(path)[0] == {n: WHOLE[n] for n in range(whole)} | after, length
+
+
+def test_flipped_bits_lose_their_record_only(path, ends):
+    content = path.read_bytes()
+    for place in range(ends[0], len(content)):
+        changed = bytearray(content)
+        changed[place] ^= 1 << place % 8
+        path.write_bytes(changed)
+        hit = sum(end <= place for end in ends) - 1
+        found, damaged = numbers_in(path)
+        # Bodies are looked at when they are read.
+        in_body = ends[hit + 1] - place <= 8 * len(WHOLE[hit])
+        assert found == {**WHOLE, hit: None} if in_body else found == {n: WHOLE[n] for n in WHOLE if n != hit}
+        assert damaged == (0 if in_body else ends[hit + 1] - ends[hit])
+
+
+@settings(max_examples=50, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(garbage=st.lists(st.binary(max_size=40) | st.just(MARK) | st.just(MARK[:9]), min_size=4, max_size=4))
+def test_garbage_between_records_is_passed_over(path, ends, garbage):
+    content, damaged = path.read_bytes(), path.with_name("damaged")
+    parts = [content[: ends[0]], *(content[begin:end] for begin, end in itertools.pairwise(ends))]
+    damaged.write_bytes(b"".join(part + more for part, more in zip(parts, garbage, strict=True)))
+    assert numbers_in(damaged) == (WHOLE, sum(map(len, garbage)))
+
+
+def test_a_body_that_changes_while_the_file_is_open_is_not_read(path, ends):
+    with opened(path) as log:
+        with open(path, "r+b") as file:
+            file.seek(ends[2] - 1)
+            file.write(b"?")
+            file.truncate(ends[3] - 1)
+        assert [log.read(entry) is None for entry in log.entries] == [False, True, True]
+
+
+def framed(head, length, body=b""):
+    """A record whose head is as it should be by its digest, whatever it says."""
+    digest = hashlib.blake2b(body, digest_size=16).digest()
+    sizes = struct.pack("<IQ", len(head), length)
+    return MARK + sizes + hashlib.blake2b(sizes + digest + head, digest_size=16).digest() + digest + head + body
+
+
+@pytest.mark.parametrize(
+    "array",
+    [
+        ["a", "<f8", [1 << 45]],
+        ["a", "<f8", [1 << 61, 1 << 61]],
+        ["a", "<f8", [10**400]],
+        ["a", "<f8", [-1, -1]],
+        ["a", "<f8", [False]],
+        ["a", "<f8", 3],
+        ["a", "|O", [0]],
+        ["a", [["f", "|O"]], [0]],
+        ["a", "<f8"],
+        None,
+    ],
+)
+def test_heads_that_lie_are_passed_over_before_any_memory_is_taken(path, array):
+    # 2^45 numbers would be 280 TB: numpy could not allocate them.
+    head = json.dumps({"facts": {"n": 9}, "arrays": [array]}).encode()
+    lies = framed(head, 0) + framed(head, 8 << 45)
+    with path.open("ab") as file:
+        file.write(lies)
+    assert numbers_in(path) == (WHOLE, len(lies))
+
+
+@pytest.mark.parametrize("head", [b"[]", b"{}", b"7", b"[" * 100_000, b'{"facts": ', b"\xff\xfe", b"9" * 5000])
+def test_heads_that_are_none_are_passed_over(path, head):
+    with path.open("ab") as file:
+        file.write(framed(head, 0))
+    assert numbers_in(path)[0] == WHOLE
+
+
+def test_an_array_of_nothing_in_impossible_rows_is_refused_in_words(path):
+    head = json.dumps({"facts": {}, "arrays": [["a", "<f8", [0, 1 << 61, 1 << 61]]]}).encode()
+    with path.open("ab") as file:
+        file.write(framed(head, 0))
+    with opened(path) as log, pytest.raises(pl.errors.FileError, match="cannot be read"):
+        log.read(log.entries[-1])
+
+
+# ---- other files are refused ----
+
+
+def refused(path, content):
+    """What is said where `content` is opened, which must stay as it is."""
+    path.write_bytes(content)
+    with pytest.raises(pl.errors.FileError) as caught:
+        RecordLog(path, KIND)
+    assert path.read_bytes() == content
+    return str(caught.value)
+
+
+def test_every_damage_to_the_header_is_refused(path, ends):
+    content = path.read_bytes()
+    for length in range(1, ends[0]):
+        assert ("damaged diary" in refused(path, content[:length])) == (length >= len(KIND.first_line))
+    assert "is an empty file; give another path" in refused(path, b"")
+    for place in range(ends[0]):
+        changed = bytearray(content)
+        changed[place] ^= 1 << place % 8
+        refused(path, bytes(changed))
+    assert "cut off" in refused(path, content[: PREAMBLE - 17] + b"9" * 16 + b"\n" + content[PREAMBLE:])
+    assert "remove it to begin anew" in refused(path, content[: PREAMBLE + 3])
+
+
+@pytest.mark.parametrize("header", [b"[]", b"7", b"null", b"[" * 100_000, b'{"owner": ', b"\xff\xfe", b"9" * 5000])
+def test_headers_that_are_none_are_refused(tmp_path, header):
+    start = KIND.first_line + b"%s %016d\n" % (hashlib.sha256(header).hexdigest().encode(), len(header))
+    assert "its header cannot be understood" in refused(tmp_path / "log", start + header)
+
+
+def test_other_kinds_and_versions_are_told_apart(path):
+    content = path.read_bytes()
+    for number in (1, 12):
+        other = content.replace(b"diary 2\n", b"diary %d\n" % number, 1)
+        assert f"has version {number} of the format, not 2, of another plenoptic; give" in refused(path, other)
+    for foreign in (b"plenoptic diaries are elsewhere\n" * 9, pickle.dumps(KIND), content.replace(b"diary", b"novel")):
+        assert "log' is not a diary; give another path" in refused(path, foreign)
+
+
+def test_what_is_no_file_is_refused(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "file").touch()
+    for path, message in (
+        (tmp_path, "is a folder; give the path of a file"),
+        (tmp_path / "pipe", "is no file"),
+        (tmp_path / "file" / "log", "cannot be read .Not a directory"),
+        (tmp_path / "none" / "log", "does not exist; make it first"),
+        (tmp_path / ("n" * 300), "cannot be read .File name too long"),
+        (tmp_path / "zero\0byte", "null byte"),
+        (7, "is not a path"),
+    ):
+        for action in (log_is_there, lambda path: begin_log(path, KIND, {}), lambda path: RecordLog(path, KIND)):
+            with pytest.raises(pl.errors.FileError, match=message):
+                action(path)
+    assert sorted(os.listdir(tmp_path)) == ["file", "pipe"]
+
+
+def test_a_log_is_begun_once_and_under_the_longest_name(tmp_path):
+    path = tmp_path / ("n" * 255)
+    assert not log_is_there(path) and not os.listdir(tmp_path)
+    with pytest.raises(pl.errors.FileError, match="has been removed just now"):
+        RecordLog(path, KIND)
+    begin_log(path, KIND, {})
+    assert log_is_there(path)
+    with pytest.raises(pl.errors.FileError, match="has been made by another program just now; try again"):
+        begin_log(path, KIND, {"other": 1})
+    with opened(path) as log:
+        assert log.header == {} and log.entries == []
+
+
+def test_a_link_stays_a_link(path):
+    link = path.with_name("link")
+    link.symlink_to(path)
+    with opened(link) as log:
+        log.append(*record(5))
+    assert link.is_symlink() and numbers_in(path)[0] == numbers_in(link)[0] == {**WHOLE, 5: [5] * 9}
+
+
+# ---- while it is written ----
+
+
+def full(monkeypatch, room):
+    """The disk has room for so many bytes more; the function returned makes it large again."""
+    write_all = record_log._write_all
+
+    def limited(file, part):
+        nonlocal room
+        write_all(file, memoryview(part)[:room])
+        room -= len(part)
+        if room < 0:
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(record_log, "_write_all", limited)
+    return lambda: monkeypatch.setattr(record_log, "_write_all", write_all)
+
+
+@pytest.mark.parametrize("room", [0, 20, 60, 400])
+def test_a_write_that_fails_leaves_the_file_as_it_was(path, monkeypatch, room):
+    content = path.read_bytes()
+    with opened(path) as log:
+        again = full(monkeypatch, room)
+        with pytest.raises(pl.errors.FileError, match=r"cannot be written .No space left on device.; check .* space"):
+            log.append({"n": 9}, {"a": np.zeros(900)})
+        assert path.read_bytes() == content
+        again()
+        log.append(*record(6))
+    assert numbers_in(path) == ({**WHOLE, 6: [6] * 10}, 0)
+
+
+def test_a_file_that_has_been_replaced_or_removed_gets_nothing_more(path):
+    other = path.with_name("other")
+    begin_log(other, KIND, {})
+    content = other.read_bytes()
+    with opened(path) as log:
+        os.replace(other, path)
+        with pytest.raises(pl.errors.FileError, match="has been replaced just now"):
+            log.append(*record(6))
+        assert path.read_bytes() == content
+        path.unlink()
+        with pytest.raises(pl.errors.FileError, match="has been removed just now"):
+            log.append(*record(6))
+
+
+def append_many(path, first):
+    with opened(path) as log:
+        for n in range(first, first + 20):
+            log.append(*record(n))
+
+
+def test_two_processes_lose_nothing(path, monkeypatch):
+    pytest.importorskip("fcntl")
+    write_all = record_log._write_all
+
+    def slow(file, part):
+        time.sleep(0.001)  # without locks the other process writes into this record
+        write_all(file, part)
+
+    monkeypatch.setattr(record_log, "_write_all", slow)
+    other = multiprocessing.get_context("fork").Process(target=append_many, args=(path, 100))
+    other.start()
+    append_many(path, 200)
+    other.join()
+    assert other.exitcode == 0
+    found, damaged = numbers_in(path)
+    assert found == {n: [n] * (4 + n) for n in (*range(3), *range(100, 120), *range(200, 220))} and damaged == 0
+
+
+def test_threads_write_and_read_one_log(path):
+    found = []
+    with opened(path) as log:
+
+        def work(first):
+            for n in range(first, first + 40):
+                found.append(log.read(log.append(*record(n)))["a"].tolist() == [n] * (4 + n))
+
+        threads = [threading.Thread(target=work, args=(first,)) for first in (100, 200)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+    assert found == [True] * 80 and len(numbers_in(path)[0]) == 83
+
+
+def test_file_systems_without_locks_will_do(path, monkeypatch):
+    fcntl = pytest.importorskip("fcntl")
+
+    def without(*_):
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr(fcntl, "flock", without)
+    with opened(path) as log:
+        log.append(*record(5))
+    assert numbers_in(path)[0] == {**WHOLE, 5: [5] * 9}

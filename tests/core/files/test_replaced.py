@@ -1,0 +1,157 @@
+"""Files are replaced as a whole, or not at all, whatever happens meanwhile."""
+
+import errno
+import hashlib
+import os
+import threading
+
+import pytest
+
+import plenoptic as pl
+from plenoptic.core.files.atomic_file import _temporary, replaced, write_file
+
+
+@pytest.fixture
+def state(tmp_path):
+    """A small file."""
+    path = tmp_path / "state"
+    write_file(path, b"old")
+    return path
+
+
+def fails(monkeypatch, name, error):
+    def failing(*_):
+        raise error
+
+    monkeypatch.setattr(os, name, failing)
+
+
+@pytest.mark.parametrize("name", ["fsync", "replace"])
+@pytest.mark.parametrize("there", [True, False])
+def test_a_save_that_fails_changes_nothing(state, monkeypatch, name, there):
+    content = state.read_bytes()
+    path = state if there else state.with_name("new")
+    fails(monkeypatch, name, OSError(errno.ENOSPC, "No space left on device"))
+    with pytest.raises(
+        pl.errors.FileError, match=r"cannot be written .No space left on device.; check .* the free space"
+    ):
+        write_file(path, b"new")
+    assert state.read_bytes() == content and os.listdir(state.parent) == ["state"]
+
+
+@pytest.mark.parametrize("name", ["fsync", "replace"])
+def test_an_interrupt_changes_nothing(state, monkeypatch, name):
+    content = state.read_bytes()
+    fails(monkeypatch, name, KeyboardInterrupt())
+    with pytest.raises(KeyboardInterrupt):
+        write_file(state, b"new")
+    assert state.read_bytes() == content and os.listdir(state.parent) == ["state"]
+
+
+@pytest.mark.parametrize("code", [errno.EINVAL, errno.EIO])
+def test_folders_that_cannot_be_flushed(state, monkeypatch, code):
+    # Some file systems cannot: then the file is as safe as can be. A failing disk is an error.
+    fsync, calls = os.fsync, []
+
+    def for_files(descriptor):
+        calls.append(descriptor)
+        if len(calls) == 2:
+            raise OSError(code, os.strerror(code))
+        fsync(descriptor)
+
+    monkeypatch.setattr(os, "fsync", for_files)
+    if code == errno.EIO:
+        with pytest.raises(pl.errors.FileError, match="error"):
+            write_file(state, b"new")
+    else:
+        write_file(state, b"new")
+    assert len(calls) == 2 and state.read_bytes() == b"new"
+
+
+def test_it_is_flushed_before_it_is_renamed(state, monkeypatch):
+    done, fsync, replace = [], os.fsync, os.replace
+    monkeypatch.setattr(os, "fsync", lambda descriptor: (done.append("fsync"), fsync(descriptor)))
+    monkeypatch.setattr(os, "replace", lambda one, other: (done.append("replace"), replace(one, other)))
+    write_file(state, b"new")
+    assert done == ["fsync", "replace", "fsync"]
+
+
+def test_left_over_files_go_and_those_that_are_being_written_stay(state):
+    with _temporary(state) as (living, _):
+        dead = living.with_name(living.name[:-10] + "00000.part")  # another one of the same target
+        others = [living.with_name(f".{'0' * 16}-{'0' * 16}.part"), state.with_name("mine.part")]
+        for path in (dead, *others):
+            path.touch()
+        write_file(state, b"new")
+        assert living.exists() and not dead.exists() and all(path.exists() for path in others)
+    assert not living.exists()
+
+
+def test_a_temporary_file_that_is_taken_for_left_behind_is_made_again(state, monkeypatch):
+    # Between its creation and its lock, another process may remove it.
+    import fcntl
+
+    flock, removed = fcntl.flock, []
+
+    def late(file, how):
+        if not removed:
+            removed.append(file.name)
+            os.unlink(file.name)
+        flock(file, how)
+
+    monkeypatch.setattr(fcntl, "flock", late)
+    write_file(state, b"new")
+    assert removed and state.read_bytes() == b"new" and os.listdir(state.parent) == ["state"]
+
+
+def test_file_systems_without_locks_will_do(state, monkeypatch):
+    import fcntl
+
+    def without(*_):
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr(fcntl, "flock", without)
+    left = state.with_name(f".{hashlib.sha256(b'state').hexdigest()[:16]}-{'0' * 16}.part")
+    left.touch()
+    write_file(state, b"new")
+    # Without locks nobody knows whether it lives.
+    assert state.read_bytes() == b"new" and left.exists()
+
+
+def test_two_writers_and_a_reader_always_see_whole_files(state):
+    ends, trouble = threading.Event(), []
+    write_file(state, bytes(40_000))
+
+    def writer(first):
+        try:
+            for n in range(first, 40, 2):
+                write_file(state, bytes([n]) * 40_000)
+        except BaseException as error:
+            trouble.append(error)
+
+    def reader():
+        try:
+            while not ends.is_set():
+                found = state.read_bytes()
+                assert found == found[:1] * 40_000
+        except BaseException as error:
+            trouble.append(error)
+
+    threads = [threading.Thread(target=writer, args=(first,)) for first in (0, 1)]
+    watching = threading.Thread(target=reader)
+    for thread in (watching, *threads):
+        thread.start()
+    for thread in threads:
+        thread.join()
+    ends.set()
+    watching.join()
+    assert not trouble and state.read_bytes()[0] in (38, 39) and os.listdir(state.parent) == ["state"]
+
+
+def test_the_block_of_a_replaced_file_may_fail(tmp_path):
+    path = tmp_path / "text"
+    path.write_text("old")
+    with pytest.raises(KeyError), replaced(path, check=lambda: None) as file:
+        file.write(b"new")
+        raise KeyError
+    assert path.read_text() == "old" and os.listdir(tmp_path) == ["text"]

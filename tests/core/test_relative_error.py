@@ -1,0 +1,52 @@
+"""The error of an image is found some rows at a time, and is what all of it at once would give."""
+
+import math
+
+import numpy as np
+import pytest
+
+import plenoptic as pl
+from plenoptic.core import relative_error as module
+from plenoptic.core.color.percentile import HighPercentile
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.float64])
+@pytest.mark.parametrize("percentile, count", [(99, 1), (99, 2), (99, 101), (99.9, 50_000), (50, 999), (100, 40)])
+def test_a_percentile_of_parts_is_that_of_all(percentile, count, kind):
+    numbers = np.random.default_rng(1).normal(size=count).astype(kind)
+    level = HighPercentile(percentile, most=count + 1000)  # fewer may come
+    for part in np.array_split(numbers, 7):
+        level.add(part)
+    # In float64 the place between two numbers is exact; between 32-bit ones there are a few roundings.
+    assert level.found() == pytest.approx(
+        np.percentile(numbers.astype(float), percentile), rel=4 * float(np.finfo(kind).eps)
+    )
+
+
+def test_a_percentile_of_nothing_is_not_known():
+    assert math.isnan(HighPercentile(99, most=5).found())
+
+
+@pytest.mark.parametrize("shape", [(37, 23, 3), (1, 90, 1), (90, 1, 3)])
+def test_rows_are_taken_some_at_a_time(shape, monkeypatch):
+    rng = np.random.default_rng(2)
+    image = rng.gamma(1.0, size=shape).astype(np.float32)
+    error = (image * rng.uniform(0.0, 1.0, shape)).astype(np.float32)
+    error[rng.random(shape) < 0.05] = np.nan
+    found = []
+    for rows in (1, 2, 16, 1000):
+        monkeypatch.setattr(module, "_STRIP", 1)
+        monkeypatch.setattr(module, "_ROWS", rows)
+        found.append(module.image_error(image, error))
+    # Sums of some thousand numbers above 0 in another order.
+    assert {known.rare for known in found} == {found[0].rare}
+    np.testing.assert_allclose([known.relative for known in found], found[0].relative, rtol=image.size * 2.3e-16)
+
+
+def test_the_error_of_an_exposure_is_found_once(monkeypatch):
+    calls = []
+    monkeypatch.setattr(
+        "plenoptic.rendering.exposure.image_error", lambda *_: calls.append(1) or module.ImageError(0.25, True)
+    )
+    shot = pl.Exposure(np.ones((2, 3, 1)), standard_error=np.ones((2, 3, 1)))
+    assert "25 % or more" in repr(shot) and shot.relative_error == 0.25 and shot.rare_light and len(calls) == 1

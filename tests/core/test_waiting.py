@@ -1,0 +1,212 @@
+"""What is shown while a call takes long, what Ctrl-C does meanwhile, and that nothing happens where it does not."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import pytest
+
+from plenoptic.core.parallel import GivenUp, check_wanted, run_in_order
+from plenoptic.core.waiting import bar
+from plenoptic.core.waiting import compiling as module
+from plenoptic.core.waiting.bar import Waiting, Watch, waiting_here
+from plenoptic.core.waiting.compiling import ENDING, Compiling, compiling, compiling_text
+from plenoptic.core.waiting.deferring import interrupts_deferred
+
+
+@pytest.fixture(autouse=True)
+def ctrl_c_is_heard():
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    """Everything ten times as soon."""
+    monkeypatch.setattr(bar, "DELAY", 0.1)
+    monkeypatch.setattr(bar, "_INTERVAL", 0.02)
+
+
+def test_what_is_quick_shows_nothing(capsys):
+    with Waiting("waiting", kind="camera", show=True):
+        assert list(run_in_order(abs, range(-3, 0), threads=2)) == [3, 2, 1]
+    assert capsys.readouterr() == ("", "")
+
+
+def test_what_takes_long_shows_how_far_it_is_and_vanishes(capsys, quick):
+    with Waiting("waiting", kind="camera", show=True):
+        list(run_in_order(time.sleep, [0.05] * 8, threads=1))
+        for _ in range(20):  # short steps do not move the bar back
+            list(run_in_order(time.sleep, [0.01, 0.0], threads=1))
+    shown = capsys.readouterr().err
+    *before, after = re.findall(r"(\d+)%", shown)
+    assert after == "100" and sorted(before, key=int) == before
+    assert "waiting: " in shown and "50%" in shown and shown.endswith("\r")
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_compiling_is_told_by_a_thread_of_its_own(capsys, quick, threads):
+    def work(seconds):
+        with compiling.noted("some_kernel"):
+            time.sleep(seconds)
+
+    with Waiting("waiting", kind="camera", show=True):
+        list(run_in_order(work, [0.4], threads=threads))
+    assert "compiling, first time for this kind of camera" in capsys.readouterr().err
+    assert compiling.since() is None
+
+
+def test_nothing_is_shown_where_it_is_not_wanted(capsys, quick):
+    with Waiting("waiting", kind="camera", show=False):
+        list(run_in_order(time.sleep, [0.05] * 4, threads=1))
+        with Waiting("inside", kind="camera", show=True):  # the outermost decides
+            list(run_in_order(time.sleep, [0.05] * 4, threads=1))
+    thread = threading.Thread(target=lambda: test_nothing_is_shown_there(quick))
+    thread.start()
+    thread.join()
+    assert capsys.readouterr().err == ""
+    assert waiting_here() is None
+
+
+def test_nothing_is_shown_there(quick):
+    """Called by the one above in another thread."""
+    show = threading.current_thread() is not threading.main_thread()
+    with Waiting("elsewhere", kind="camera", show=show):
+        list(run_in_order(time.sleep, [0.05] * 4, threads=1))
+
+
+def test_a_watch_starts_no_thread_without_compiling():
+    before = threading.active_count()
+    with Watch(lambda: None):
+        assert threading.active_count() == before
+        with compiling.noted(None):
+            assert threading.active_count() == before + 1
+    assert threading.active_count() == before
+
+
+def test_what_is_left_is_told_by_the_bytes_of_code_and_the_pace(monkeypatch):
+    now = [100.0]
+    monkeypatch.setattr(module.time, "perf_counter", lambda: now[0])
+    one = Compiling()
+    assert one.seconds_left() is None
+    one.left, one.workers = {"first": 10_000, "second": 20_000, "third": 10_000}, 2
+    assert one.seconds_left() == pytest.approx(40_000 * 1.7e-4 / 2)
+    with one.noted("first"):
+        with one.noted("a device function"):
+            pass
+        now[0] += 5.1  # three times as slow as expected
+    # Of 15 000 bytes, 5000 count as expected: (5000 p + 5.1) / 15000.
+    pace = (5000 * 1.7e-4 + 5.1) / 15_000
+    assert one.names == ["first"] and one.seconds_left() == pytest.approx(30_000 * pace / 2)
+    with one.noted("second"):
+        now[0] += 10_000 * pace
+        assert one.seconds_left() == pytest.approx(20_000 * pace / 2)
+        now[0] += 90_000 * pace  # far beyond what was expected: the others take longer, too
+        assert one.seconds_left() > 10_000 * pace / 2
+
+
+def test_the_text_is_as_exact_as_what_is_known(monkeypatch):
+    now = [100.0]
+    monkeypatch.setattr(module.time, "perf_counter", lambda: now[0])
+    monkeypatch.setattr(module, "compiling", one := Compiling())
+    assert compiling_text("scene", after=1.0) == ""
+    with one.noted("kernel"):
+        assert compiling_text("scene", after=1.0) == ""
+        now[0] += 2.0
+        assert compiling_text("scene", after=1.0).endswith("kind of scene, a few seconds")
+        one.left = {"others": 100_000}
+        assert compiling_text("scene", after=1.0).endswith("about 15 s")
+        one.left = {}
+        now[0] += 20.0
+        assert compiling_text("scene", after=1.0).endswith("kind of scene")
+        one.interrupted = True
+        assert compiling_text("scene", after=1.0) == ENDING
+
+
+# ---- Ctrl-C ----
+
+
+def test_ctrl_c_while_compiling_is_obeyed_afterwards():
+    done = False
+    with pytest.raises(KeyboardInterrupt), interrupts_deferred():
+        signal.raise_signal(signal.SIGINT)
+        assert compiling.interrupted
+        done = True
+    assert done and not compiling.interrupted
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_handlers_of_others_hear_it_at_once():
+    heard = []
+    signal.signal(signal.SIGINT, lambda *_: heard.append(1))
+    with interrupts_deferred():
+        signal.raise_signal(signal.SIGINT)
+        assert heard == [1]
+
+
+def test_what_nobody_waits_for_gives_up():
+    ended, begun = [], threading.Event()
+
+    def work(task):
+        if task == 0:
+            return begun.wait()
+        begun.set()
+        while True:
+            try:
+                check_wanted()
+            except GivenUp:
+                ended.append(task)
+                raise
+            time.sleep(0.01)
+
+    results = run_in_order(work, [0, 1], threads=2)
+    assert next(results)
+    results.close()  # waits for the other one
+    assert ended == [1]
+    with pytest.raises(GivenUp):
+        list(run_in_order(work, [1], threads=1, given_up=lambda: True))
+    check_wanted()  # nothing is given up here
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name == "nt", reason="sends SIGINT")
+@pytest.mark.parametrize("what", ["render", "ground_truth", "project"])
+def test_ctrl_c_in_a_cold_process_ends_it_soon(tmp_path, what):
+    code = """
+import os, signal, sys, threading, time
+import plenoptic as pl
+from plenoptic.core.waiting.compiling import compiling
+signal.signal(signal.SIGINT, signal.default_int_handler)
+camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(5.0)),
+    microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
+    sensor=pl.Sensor(shape=(48, 48), pixel_pitch=0.01), stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
+scene, what = pl.objects_scene(), sys.argv[1]
+after = {"render": "fill_cells", "ground_truth": "fill_cells", "project": "fill_traced"}[what]
+
+def interrupt():
+    while after not in (compiling._now or ("",)):
+        time.sleep(0.001)
+    time.sleep(0.05)
+    os.kill(os.getpid(), signal.SIGINT)
+
+threading.Thread(target=interrupt, daemon=True).start()
+calls = {"render": lambda: pl.render(scene, camera, samples=4096).interrupted,
+         "ground_truth": lambda: pl.ground_truth(scene, camera), "project": lambda: camera.project((0, 0, -404))}
+try:
+    print(calls[what]())
+except KeyboardInterrupt:
+    print("KeyboardInterrupt")
+print(len(compiling.names))
+print(pl.render(scene, camera, samples=2, progress=False).samples)
+"""
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    done = subprocess.run([sys.executable, "-c", code, what], capture_output=True, text=True, env=environment)
+    assert done.returncode == 0, done.stderr
+    said, compiled, samples = done.stdout.split()
+    assert said == ("True" if what == "render" else "KeyboardInterrupt")
+    assert int(compiled) <= 6 and samples == "2"

@@ -1,0 +1,189 @@
+"""Pictures in notebooks: small, well-formed, the same twice, aside from pyplot; texts where there is no matplotlib."""
+
+import base64
+import io
+import os
+import re
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from html.parser import HTMLParser
+from xml.etree import ElementTree
+
+import matplotlib
+import numpy as np
+import pytest
+from PIL import Image
+
+import plenoptic as pl
+from plenoptic.camera.points.centres import MicrolensCentres
+from plenoptic.camera.points.projection import Projection
+from plenoptic.plots.notebook.html import list_html, picture_html, table_html
+
+matplotlib.use("Agg")
+
+import matplotlib.pyplot as plt  # noqa: E402
+
+LENS = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(5.0))
+CAMERA = pl.PlenopticCamera(
+    LENS, pl.Sensor(shape=(64, 64), pixel_pitch=0.010), 123.3, pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)), 1.7
+)
+LIMIT = 200_000
+
+
+def _noise(*shape):
+    return np.random.default_rng(5).uniform(0.0, 1.0, shape)
+
+
+def _field(channels=3):
+    ones = np.ones((3, 3))
+    return pl.lightfield.LightField(
+        views=_noise(3, 3, 200, 300, channels).astype(np.float32), standard_error=None, u=np.arange(-1.0, 2.0),
+        v=np.arange(-1.0, 2.0), pixel=np.zeros((200, 300, 2)), on_array=np.zeros((200, 300, 2)),
+        exit_pupil=np.zeros((3, 3, 2)), pupil=np.zeros((3, 3, 2)), origin=ones, spacing=(20.0, 20.0),
+        object_spacing=(0.1, 0.1), z_focus=-400.0, camera=None,
+    )  # fmt: skip
+
+
+def _view():
+    shape = (150, 200)
+    return pl.lightfield.View(
+        _noise(*shape, 3).astype(np.float32), None, _noise(*shape), _noise(*shape), np.zeros((*shape, 2)), 0.1,
+        (0.0, 0.0), CAMERA,
+    )  # fmt: skip
+
+
+def _centres(count=400):
+    i, j = np.meshgrid(np.arange(20), np.arange(20))
+    index = np.stack([i.ravel(), j.ravel()], axis=1)[:count]
+    place, kind = 0.2 * index, (index[:, 0] - index[:, 1]) % 3
+    return MicrolensCentres(index, kind, place, 1.02 * place, 20.0 * index, pl.CentreMethod.CHIEF_RAY)
+
+
+def _projection():
+    pixel, two = np.array([[3.0, 4.0], [9.0, 4.0], [np.nan, np.nan]]), np.zeros((3, 2))
+    yes = np.array([True, False, True])
+    return Projection(
+        np.zeros((2, 3)), np.array([0, 1, 1]), None, None, two, pixel, two, pixel, two, np.ones(3), np.ones(3), yes, yes
+    )
+
+
+VALUES = {
+    "camera": lambda: CAMERA,
+    "report": CAMERA.report,
+    "scene": lambda: pl.Scene([pl.box(4).translated(0, 0, -400)], [pl.lights.PointLight((0, 50, -400))]),
+    "empty scene": lambda: pl.Scene(background=0.5),
+    "plan": lambda: pl.plan(pl.Scene([pl.box(4).translated(0, 0, -400)], background=1.0), CAMERA),
+    "white plan": lambda: pl.plan(None, CAMERA),
+    "noise": lambda: pl.Exposure(_noise(700, 900, 3), standard_error=_noise(700, 900, 3)),
+    "strip": lambda: pl.Exposure(_noise(2, 5000, 1)),
+    "no light": lambda: pl.Exposure(np.zeros((200, 200, 1)), standard_error=np.zeros((200, 200, 1))),
+    "nan": lambda: pl.Exposure(np.full((150, 150, 3), np.nan)),
+    "raw": lambda: pl.Exposure(_noise(300, 400, 1)).develop(pl.SensorModel(photon_rate=1000.0)),
+    "field": _field,
+    "spectral field": lambda: _field(31),
+    "view": _view,
+    "depth": lambda: pl.lightfield.DepthMap(*[_noise(200, 300) for _ in range(5)]),
+    "nothing known": lambda: pl.lightfield.DepthMap(*[np.full((20, 30), np.nan) for _ in range(5)]),
+    "centres": _centres,
+    "no centres": lambda: _centres(0),
+    "projection": _projection,
+}
+
+
+@pytest.fixture(scope="module")
+def shown():
+    before = (plt.get_fignums(), dict(matplotlib.rcParams), dict(sys.modules.get("matplotlib._pylab_helpers").Gcf.figs))
+    made = {name: make() for name, make in VALUES.items()}
+    html = {name: value._repr_html_() for name, value in made.items()}
+    after = (plt.get_fignums(), dict(matplotlib.rcParams), dict(sys.modules.get("matplotlib._pylab_helpers").Gcf.figs))
+    assert before == after
+    return made, html
+
+
+@pytest.mark.parametrize("name", VALUES)
+def test_html_is_small_and_well_formed_and_has_alternatives(shown, name):
+    html = shown[1][name]
+    assert len(html.encode()) < LIMIT
+    root = ElementTree.fromstring(f"<div>{html}</div>")
+    for image in root.iter("img"):
+        assert len(image.get("alt")) > 10
+        picture = Image.open(io.BytesIO(base64.b64decode(image.get("src").split(",")[1])))
+        assert picture.mode == "RGB" and image.get("src").startswith(f"data:image/{picture.format.lower()};")
+    HTMLParser().feed(html)
+    assert "\x00" not in html and "nan mm" not in html
+
+
+@pytest.mark.parametrize("name", ["camera", "scene", "noise", "field", "centres"])
+def test_they_are_made_once_and_alike(shown, name):
+    value, html = shown[0][name], shown[1][name]
+    first = value._repr_html_()
+    assert value._repr_html_() is first and first == html
+
+
+def test_they_are_alike_in_threads(shown):
+    html = shown[1]
+    names = ["scene", "strip", "centres"] * 2
+    with ThreadPoolExecutor(3) as pool:
+        found = list(pool.map(lambda name: VALUES[name]()._repr_html_(), names))
+    assert found == [html[name] for name in names]
+
+
+def _hide_matplotlib(monkeypatch):
+    for name in [name for name in sys.modules if name.split(".")[0] == "matplotlib"]:
+        monkeypatch.setitem(sys.modules, name, None)
+
+
+@pytest.mark.parametrize("name", ["scene", "noise", "raw", "field", "view", "depth", "centres", "projection"])
+def test_without_matplotlib_a_text_stays(shown, name, monkeypatch):
+    _hide_matplotlib(monkeypatch)
+    made = VALUES[name]()
+    assert made._repr_html_() == f"<pre>{repr(made).replace('<', '&lt;').replace('>', '&gt;')}</pre>"
+
+
+def test_without_matplotlib_key_numbers_stay(monkeypatch):
+    _hide_matplotlib(monkeypatch)
+    camera = CAMERA.posed((0, 0, 1), (0, 0, 0))
+    html = camera._repr_html_()
+    assert "img" not in html and "pitch 0.217 mm" in html
+
+
+def test_texts_are_escaped():
+    assert "<b>" not in table_html(("<b>",), [("<b>", "<b>")], caption="<b>") + list_html(["<b>"], title="<b>")
+    assert "<b>" not in picture_html(lambda figure: None, size=(1, 1), alt='"<b>', text="<b>")
+    scene = pl.Scene([pl.box(4).with_material(pl.Lambertian(0.5))], views=[pl.scene.View("<i>", (0, 0, 9), (0, 0, 0))])
+    assert "<i>" not in scene._repr_html_()
+
+
+def test_plans_begin_with_what_runs(shown):
+    html = shown[1]["plan"]
+    assert html.index("intersection") < html.index("left out") < html.index("wavelengths")
+
+
+def test_pyplot_stays_out_and_nothing_is_compiled(tmp_path):
+    code = """
+import sys, plenoptic as pl
+from plenoptic.core.waiting.compiling import compiling
+lens = pl.load_lens("double-gauss-100mm-f2")
+camera = pl.PlenopticCamera(lens, pl.Sensor((64, 64), 0.01), 123.3, pl.MicrolensArray(0.217, (2.0,)), 1.7)
+assert "data:image" in camera._repr_html_() and "data:image" in pl.Scene([pl.box(4)])._repr_html_()
+print("matplotlib.pyplot" in sys.modules, compiling.names)
+"""
+    empty = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=empty)
+    assert done.stdout == "False []\n"
+
+
+def test_figures_leave_pyplot_when_a_notebook_shows_them(monkeypatch):
+    figure = pl.plots.plot_depth_map(VALUES["depth"]())
+    assert figure.number in plt.get_fignums()
+    assert figure._repr_mimebundle_() == {} and figure.number in plt.get_fignums()
+    monkeypatch.setattr(matplotlib, "get_backend", lambda: "module://matplotlib_inline.backend_inline")
+    assert figure._repr_mimebundle_(include=None, exclude=None) == {}
+    assert figure.number not in plt.get_fignums()
+    plt.close("all")
+
+
+@pytest.mark.parametrize("name", [name for name in pl.plots.__all__ if re.search("scene|depth_map|light_field", name)])
+def test_new_figures_are_public(name):
+    assert callable(getattr(pl.plots, name))

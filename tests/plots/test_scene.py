@@ -1,0 +1,97 @@
+"""Scenes from three sides."""
+
+import time
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+import plenoptic as pl
+from plenoptic.plots.silhouettes import painted, shapes_of
+
+CAMERA = pl.PlenopticCamera(pl.load_lens("double-gauss-100mm-f2"), pl.Sensor((64, 64), 0.1), 134.6)
+X, Y, Z = np.eye(3)
+
+
+def drawn(scene, camera=None):
+    figure = pl.plots.plot_scene(scene, camera, figure=Figure())
+    figure.canvas.draw()
+    return figure
+
+
+@pytest.mark.parametrize("right,up,size", [(X, Y, (20, 40)), (-Z, Y, (20, 30)), (-Z, -X, (40, 30))])
+def test_silhouettes_have_the_area_of_what_they_show(right, up, size):
+    shapes = shapes_of(pl.Scene([pl.box((40, 20, 30))]))
+    box = np.array([[-50.0, 50.0], [-50.0, 50.0]])
+    picture = painted(shapes, right, up, box, (400, 400))
+    # Four pixels are 1 mm; the rim is one pixel wide.
+    rows, columns = np.ptp(np.argwhere(picture[..., 3] > 0), axis=0) + 1
+    assert rows / 4 == pytest.approx(size[0], abs=0.6) and columns / 4 == pytest.approx(size[1], abs=0.6)
+
+
+def test_up_is_up_and_right_is_right():
+    shapes = shapes_of(pl.Scene([pl.box(10).translated(30, 20, 0)]))
+    picture = painted(shapes, X, Y, np.array([[-50.0, 50.0], [-50.0, 50.0]]), (100, 100))
+    row, column = np.argwhere(picture[..., 3] > 0).mean(axis=0)
+    assert row == pytest.approx(29.5, abs=1) and column == pytest.approx(79.5, abs=1)
+
+
+def test_fine_meshes_are_as_full_as_coarse_ones():
+    ball = pl.sphere(40.0)
+    assert len(ball.faces) > 6000
+    picture = painted(shapes_of(pl.Scene([ball])), X, Y, np.array([[-50.0, 50.0], [-50.0, 50.0]]), (300, 300))
+    assert (picture[..., 3] > 0).sum() == pytest.approx(np.pi * 120**2, rel=0.03)
+
+
+def test_instances_stand_in_their_places():
+    places = np.tile(np.eye(4), (3, 1, 1))
+    places[:, 0, 3] = -30.0, 0.0, 30.0
+    (shape,) = shapes_of(pl.Scene([pl.scene.Instances(pl.box(4), places)]))
+    assert shape.bounds[:, 0].tolist() == [-32.0, 32.0]
+    many = np.tile(np.eye(4), (5000, 1, 1))
+    assert len(shapes_of(pl.Scene([pl.scene.Instances(pl.sphere(1.0), many)]))[0].triangles) <= 12 * 400
+
+
+def test_units_go_with_the_size():
+    small, large = (drawn(pl.Scene([pl.box(size)])) for size in (4.0, 4e6))
+    assert small.axes[0].get_xlabel() == "x / mm" and large.axes[0].get_xlabel() == "x / km"
+
+
+def test_the_front_shows_the_field_of_a_camera():
+    scene = pl.Scene([pl.box(600).translated(0, 0, -800)], background=1.0)
+    front, right, _ = drawn(scene, CAMERA).axes
+    field = np.ptp(CAMERA.frustum.in_focus[:, 0])
+    assert np.ptp(front.get_xlim()) == pytest.approx(2.5 * field)
+    low, high = right.get_ylim()
+    assert high - low > 600
+
+
+def test_grounds_are_cut_and_groups_are_not():
+    ground = pl.Mesh([[-1e4, 0, -1e4], [1e4, 0, -1e4], [0, 0, 1e4]], [[0, 1, 2]])
+    assert np.ptp(drawn(pl.Scene([ground, pl.box(10), pl.box(20)])).axes[0].get_xlim()) < 50
+    assert np.ptp(drawn(pl.Scene([pl.sphere(1000), pl.box(10)])).axes[0].get_xlim()) > 2000
+
+
+def test_a_scene_with_nothing_in_it_still_has_axes():
+    assert len(drawn(pl.Scene(background=0.5)).axes) == 3
+    assert len(drawn(pl.Scene(background=0.5), CAMERA).axes) == 3
+
+
+def test_a_million_triangles_are_quick():
+    n = 708
+    i = np.arange(n * n).reshape(n, n)
+    corners = [i[:-1, :-1], i[:-1, 1:], i[1:, 1:], i[:-1, :-1], i[1:, 1:], i[1:, :-1]]
+    faces = np.stack(corners, axis=-1).reshape(-1, 3)
+    x, y = np.meshgrid(np.linspace(-1, 1, n), np.linspace(-1, 1, n))
+    scene = pl.Scene([pl.Mesh(np.stack([x, y, x * y], axis=-1).reshape(-1, 3), faces)])
+    before = time.thread_time()
+    drawn(scene)
+    # About 0.5 s on an idle processor; rendering all triangles would take minutes.
+    assert time.thread_time() - before < 10.0
+
+
+def test_what_is_no_scene_or_camera():
+    with pytest.raises(pl.errors.InvalidValueError, match="scene"):
+        pl.plots.plot_scene(CAMERA)
+    with pytest.raises(pl.errors.InvalidValueError, match="camera"):
+        pl.plots.plot_scene(pl.Scene(background=1.0), "front")

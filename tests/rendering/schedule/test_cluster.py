@@ -1,0 +1,207 @@
+"""Renders on a cluster have the bits of threads, whatever is killed on the way."""
+
+import os
+import random
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import plenoptic as pl
+from plenoptic.rendering.schedule.progress import Progress
+from plenoptic.study.cameras import reference_camera
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "core" / "engines"))
+import fake_client
+
+WAYS = ({"samples": 16}, {"target_error": 0.2}, {"samples": 512, "replicates": 8})
+BITS = ("image", "standard_error", "depth", "sample_counts")
+COUNTS = ("paths", "paths_through_lens", "lost", "nonfinite", "zero_variance", "stopped_by", "processors")
+
+
+def assert_same(one, other):
+    for name in BITS:
+        a, b = getattr(one, name), getattr(other, name)
+        assert (a is None) == (b is None), name
+        assert a is None or (a.dtype == b.dtype and a.tobytes() == b.tobytes()), f"bits of {name}"
+    for name in COUNTS:
+        assert getattr(one.stats, name) == getattr(other.stats, name), name
+    assert one.stats.clamped == pytest.approx(other.stats.clamped, rel=1e-12)
+
+
+@pytest.fixture
+def fake():
+    client = fake_client.FakeClient(seed=3)
+    yield client
+    client.close()
+
+
+def board(radiance=1.0):
+    even, odd = pl.checkerboard((40, 40), 1.0, even=pl.Emissive(radiance), odd=pl.Emissive(0.0), offset=(-0.05, 0.1))
+    return pl.Scene([even.translated(z=-404), odd.translated(z=-404)])
+
+
+def small(client=None, scene=None, **arguments):
+    given = {"region": np.s_[240:264, 240:264], "tile_side": 8, "progress": False, "client": client, **arguments}
+    return pl.render(scene or board(), reference_camera(), **given)
+
+
+@pytest.mark.parametrize("way", WAYS, ids=str)
+def test_any_order_of_results_gives_the_same_bits(fake, way):
+    one, other = small(**way), small(fake, **way)
+    assert_same(one, other)
+    assert other.stats.threads == 2 and fake.calls.count("carry_out") >= 3
+
+
+def test_white_images_do_too(fake):
+    given = {"samples": 16, "region": np.s_[240:264, 240:264], "tile_side": 8, "progress": False}
+    one = pl.render_white(reference_camera(), **given)
+    other = pl.render_white(reference_camera(), client=fake, **given)
+    assert one.image.tobytes() == other.image.tobytes()
+
+
+def test_checkpoints_are_those_of_threads(fake, tmp_path):
+    small(fake, samples=16, checkpoint=tmp_path / "state")
+    calls = len(fake.calls)
+    more = small(fake, samples=32, checkpoint=tmp_path / "state")
+    assert len(fake.calls) > calls
+    assert_same(small(samples=32), more)
+    assert_same(small(samples=32, checkpoint=tmp_path / "state"), more)
+
+
+def test_a_time_limit_ends_it(fake):
+    shot = small(fake, time_limit=1.0)
+    assert shot.stats.stopped_by is pl.rendering.StopReason.TIME_LIMIT and shot.samples >= 2
+    assert shot.stats.seconds < 5  # roughly
+
+
+def test_an_interrupt_ends_it(fake, monkeypatch):
+    before, take = signal.signal(signal.SIGINT, signal.default_int_handler), Progress.take
+
+    def interrupting(self, i, result):
+        take(self, i, result)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    monkeypatch.setattr(Progress, "take", interrupting)
+    try:
+        with pytest.warns(pl.errors.BudgetWarning, match="interrupted"):
+            shot = small(fake, samples=16)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert shot.stats.stopped_by is pl.rendering.StopReason.INTERRUPTED
+    assert 0 < (shot.image[..., 0] > 0).sum() < shot.image[..., 0].size / 2
+    assert fake.cancelled
+
+
+def test_ground_truth_has_the_same_bits(fake, monkeypatch):
+    monkeypatch.setattr("plenoptic.truth.ground_truth._STRIP", 64)  # two rows and a bit
+    given = {"region": np.s_[240:264, 240:264], "progress": False}
+    one = pl.ground_truth(pl.objects_scene(), reference_camera(), **given)
+    other = pl.ground_truth(pl.objects_scene(), reference_camera(), client=fake, **given)
+    assert fake.calls.count("carry_out") >= 3
+    for name in one.__dataclass_fields__:
+        a, b = getattr(one, name), getattr(other, name)
+        assert (a is None and b is None) or a.tobytes() == b.tobytes(), name
+
+
+def test_threads_are_those_of_workers(fake):
+    with pytest.raises(pl.errors.InvalidValueError, match="threads is 2 and client is given"):
+        small(fake, samples=16, threads=2)
+
+
+# ---- real workers ----
+
+
+@pytest.fixture(scope="module")
+def client():
+    distributed = pytest.importorskip("distributed", reason="the extra `cluster` installs it")
+    import dask
+
+    with (
+        # A LocalCluster does without a worker that is not back within 15 s, which a busy machine may need.
+        dask.config.set({"distributed.deploy.lost-worker-timeout": "600s"}),
+        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0") as cluster,
+        distributed.Client(cluster) as made,
+    ):
+        yield made
+
+
+def objects(client=None, **arguments):
+    """96 x 96 pixels, 36 tiles."""
+    given = {"region": np.s_[208:304, 208:304], "tile_side": 16, "progress": False, "client": client, **arguments}
+    return pl.render(pl.objects_scene(), reference_camera(), **given)
+
+
+@pytest.fixture(scope="module")
+def of_threads():
+    return {name: objects(**way) for name, way in OBJECTS.items()}
+
+
+OBJECTS = {"samples": {"samples": 256}, "target_error": {"target_error": 0.08}}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("way", OBJECTS)
+def test_processes_give_the_bits_of_threads(client, of_threads, way):
+    assert_same(of_threads[way], objects(client, **OBJECTS[way]))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("turn", range(10))
+def test_two_workers_may_be_killed(client, of_threads, monkeypatch, turn):
+    way, chance, take, killed = ("samples", "target_error")[turn % 2], random.Random(turn), Progress.take, []
+    client.wait_for_workers(2)
+    moments = {chance.randrange(1, 12), chance.randrange(12, 24)}  # of 36 tiles and more
+    taken = iter(range(1 << 20))
+
+    def killing(self, i, result):
+        take(self, i, result)
+        if next(taken) in moments:
+            there = sorted(set(client.run(os.getpid, on_error="ignore").values()) - set(killed))
+            killed.append(chance.choice(there))
+            os.kill(killed[-1], signal.SIGKILL)
+
+    monkeypatch.setattr(Progress, "take", killing)
+    shot = objects(client, **OBJECTS[way])
+    assert len(killed) == 2
+    assert_same(of_threads[way], shot)
+
+
+KILLED_CLIENT = """
+import os, signal, sys
+sys.path.insert(0, {folder!r})
+import test_cluster
+from distributed import Client
+from plenoptic.rendering.schedule.progress import Progress
+take, left = Progress.take, [9]
+def dying(self, i, result):
+    take(self, i, result)
+    left[0] -= 1
+    if not left[0]:
+        os.kill(os.getpid(), signal.SIGKILL)
+if __name__ == "__main__":
+    Progress.take = dying
+    test_cluster.objects(Client({address!r}), checkpoint={path!r}, **test_cluster.OBJECTS[{way!r}])
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("way", OBJECTS)
+def test_a_client_that_was_killed_goes_on_from_its_checkpoint(client, of_threads, tmp_path, way):
+    client.wait_for_workers(2)
+    path, folder = str(tmp_path / "state"), str(Path(__file__).parent)
+    code = KILLED_CLIENT.format(folder=folder, address=client.scheduler.address, path=path, way=way)
+    done = subprocess.run([sys.executable, "-c", code], check=False, capture_output=True, text=True)
+    assert done.returncode == -signal.SIGKILL, done.stderr
+    assert Path(path).stat().st_size > 8 * 16 * 16 * 3 * 3 * 8  # eight tiles
+    assert_same(of_threads[way], objects(client, checkpoint=path, **OBJECTS[way]))
+
+
+@pytest.mark.slow
+def test_real_workers_with_other_kernels_are_refused(client, monkeypatch):
+    monkeypatch.setattr("plenoptic.core.engines.dask_worker.sources_hash", lambda: "others")
+    with pytest.raises(pl.errors.InvalidValueError, match=r"the worker tcp://.* with other kernels; install there"):
+        objects(client, samples=16)

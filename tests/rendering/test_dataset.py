@@ -1,0 +1,181 @@
+"""Exposures as xarray datasets and zarr stores: every bit, with names, units and coordinates."""
+
+import os
+import sys
+
+import numpy as np
+import pytest
+
+import plenoptic as pl
+from plenoptic.rendering.dataset import Layout, create_store
+from plenoptic.truth.arrays import empty_truth
+from plenoptic.truth.channels import CHANNELS, GroundTruth, Truth
+
+xarray = pytest.importorskip("xarray", reason="the extra `zarr` installs it")
+pytest.importorskip("zarr", reason="the extra `zarr` installs it")
+
+SHAPE = (5, 7)
+CAMERA = pl.PlenopticCamera(
+    pl.load_lens("double-gauss-100mm-f2"), sensor=pl.Sensor(shape=(40, 60), pixel_pitch=0.01), stop_to_microlenses=123.3
+)
+
+
+def truth():
+    """All channels, with numbers that float32 does not hold, nan and what stands for nothing."""
+    random = np.random.default_rng(5)
+    arrays = empty_truth(Truth.ALL | Truth.OBJECT_SHARE | Truth.CHORD_DISPARITY, SHAPE)
+    for array in arrays.values():
+        seen = random.random(array.shape) < 0.7
+        drawn = (
+            random.integers(-(2**31), 2**31 - 1, array.shape) if array.dtype.kind == "i" else random.random(array.shape)
+        )
+        array[seen] = drawn[seen]
+    return GroundTruth(**arrays)
+
+
+@pytest.fixture(scope="module", params=[1, 3], ids=["grey", "colour"])
+def shot(request):
+    random = np.random.default_rng(3)
+    shape = (*SHAPE, request.param)
+    return pl.Exposure(
+        random.uniform(-1, 2, shape),
+        standard_error=random.uniform(0, 0.1, shape),
+        truth=truth(),
+        samples=2**30,
+        replicates=8,
+        seed=5,
+        camera=CAMERA,
+        region=(10, 15, 20, 27),
+        stats=pl.rendering.RenderStats(seconds=1.5, lost=(("clipped", 3, 300),)),
+        sample_counts=random.integers(0, 2**30, SHAPE),
+        white=False,
+        object_names=("wall", ""),
+    )
+
+
+def test_a_store_gives_back_every_bit(shot, tmp_path):
+    path = tmp_path / "shot.zarr"
+    shot.save(path)
+    again = pl.Exposure.load(path)
+    assert again == shot and hash(again) == hash(shot)
+    pl.Exposure(np.full((2, 2, 1), np.nan)).save(path)  # takes the place of the one before, with all its files
+    assert pl.Exposure.load(path) == pl.Exposure(np.full((2, 2, 1), np.nan))
+    assert {entry for entry in os.listdir(path) if not entry.endswith(".json")} == {"image", "row", "column", "channel"}
+
+
+@pytest.mark.filterwarnings("error")
+def test_xarray_opens_a_store_as_what_to_xarray_gives(shot, tmp_path):
+    shot.save(tmp_path / "shot.zarr")
+    for data in (xarray.open_zarr(tmp_path / "shot.zarr"), xarray.open_dataset(tmp_path / "shot.zarr", engine="zarr")):
+        xarray.testing.assert_identical(data.load(), shot.to_xarray())
+        assert data.channel.values.tolist() == (["Y"] if shot.image.shape[2] == 1 else ["R", "G", "B"])
+
+
+def test_what_xarray_writes_of_a_dataset_is_an_exposure(shot, tmp_path):
+    shot.to_xarray().to_zarr(tmp_path / "shot.zarr")
+    assert pl.Exposure.load(tmp_path / "shot.zarr") == shot
+
+
+def test_dimensions_coordinates_units_and_types(shot):
+    data = shot.to_xarray()
+    assert data.image.dims == ("row", "column", "channel") and data.sample_counts.dims == ("row", "column")
+    assert np.shares_memory(data.image.values, shot.image)
+    # Row and column count from the sensor's corner, and x and y are those of the conventions: rotated by 180 degrees.
+    assert data.row.values.tolist() == [10, 11, 12, 13, 14] and data.column.values[[0, -1]].tolist() == [20, 26]
+    for row, column in ((0, 0), (4, 2)):
+        x, y = CAMERA.sensor.centre_of(10 + row, 20 + column)
+        assert (data.x.values[column], data.y.values[row]) == (x, y)
+    assert data.x.units == data.y.units == "mm" and data.x.values[0] > data.x.values[-1]
+    for name, channel in CHANNELS.items():
+        array = data[name]
+        assert array.dtype == channel.dtype and array.long_name == channel.meaning
+        assert array.units == (channel.unit or "1")
+        assert float(array.nothing_there) == channel.void or np.isnan(channel.void)
+        assert array.dims[2:] == tuple([channel.numbers.lower()] if channel.numbers else [])
+    assert data.position.sel(xyz="Z").shape == SHAPE and data.microlens.sel(ij="I").shape == SHAPE
+    assert float(data.depth.sel(row=12, column=22)) == shot.depth[2, 2]
+
+
+def test_without_a_camera_there_are_no_places_in_mm():
+    data = pl.Exposure(np.ones((2, 3, 1))).to_xarray()
+    assert set(data.variables) == {"image", "row", "column", "channel"} and data.row.values.tolist() == [0, 1]
+
+
+def test_what_is_something_else_is_not_replaced(shot, tmp_path):
+    sequence = create_store(tmp_path / "many.zarr", Layout(SHAPE, 1, ("image", "depth")), {}, frames=1)
+    folder = tmp_path / "mine.zarr"
+    folder.mkdir()
+    (folder / "notes.txt").write_text("mine")
+    (tmp_path / "file.zarr").write_text("mine")
+    for path in (sequence.path, folder, tmp_path / "file.zarr"):
+        with pytest.raises(pl.errors.FileError, match="is there and holds no exposure; choose a new name"):
+            shot.save(path)
+        with pytest.raises(pl.errors.FileError, match="xarray.open_zarr"):
+            pl.Exposure.load(path)
+    assert (folder / "notes.txt").read_text() == (tmp_path / "file.zarr").read_text() == "mine"
+    with pytest.raises(pl.errors.FileError, match="holds a sequence; open it with xarray.open_zarr"):
+        pl.Exposure.load(sequence.path)
+    with pytest.raises(pl.errors.FileError, match="does not exist; check the path"):
+        pl.Exposure.load(tmp_path / "none.zarr")
+    with pytest.raises(pl.errors.InvalidValueError, match="zarr files keep the values as they are"):
+        shot.save(tmp_path / "a.zarr", scale=2.0)
+    (tmp_path / "empty.zarr").mkdir()
+    shot.save(tmp_path / "empty.zarr")
+    assert pl.Exposure.load(tmp_path / "empty.zarr") == shot
+
+
+def test_a_link_stays_one(shot, tmp_path):
+    (tmp_path / "far").mkdir()
+    (tmp_path / "shot.zarr").symlink_to(tmp_path / "far" / "real.zarr")
+    for _ in range(2):
+        shot.save(tmp_path / "shot.zarr")
+        assert (tmp_path / "shot.zarr").is_symlink() and pl.Exposure.load(tmp_path / "shot.zarr") == shot
+
+
+def test_a_store_that_is_filled_part_by_part_is_an_exposure(tmp_path):
+    names = ("image", "standard_error", "depth", "object")
+    store = create_store(
+        tmp_path / "a.zarr", Layout((600, 520), 3, names, (100, 200), CAMERA.sensor), {"plenoptic:seed": "4"}
+    )
+    random = np.random.default_rng(2)
+    image, depth = random.random((600, 520, 3), dtype=np.float32), random.random((600, 520))
+    whole = {"image": image, "standard_error": image, "depth": depth, "object": np.full((600, 520), 2)}
+    for first, end in ((0, 512), (512, 600)):
+        store.put((first, end, 0, 520), {name: array[first:end] for name, array in whole.items()})
+    expected = pl.Exposure(image, standard_error=image, truth=GroundTruth(depth=depth, object=whole["object"]), seed=4)
+    assert pl.Exposure.load(store.path) == expected
+
+
+def test_a_store_that_holds_no_possible_exposure_is_refused(tmp_path):
+    shot = pl.Exposure(np.ones((2, 3, 1)), samples=4, sample_counts=np.full((2, 3), 4))
+    data = shot.to_xarray()
+    for number, (changed, sentence) in enumerate(
+        [
+            (data.drop_vars("image"), "has no array image; restore it"),
+            (data.transpose("channel", "row", "column"), "holds no possible exposure: "),
+            (
+                data.assign(sample_counts=data.sample_counts + 1),
+                "holds no possible exposure: sample_counts go from 5 to 5",
+            ),
+            (data.assign_attrs({"plenoptic:samples": "{"}), "a description cannot be understood"),
+            (data.assign_attrs({"plenoptic:kind": "other"}), "holds no exposure; open it with xarray.open_zarr"),
+        ]
+    ):
+        changed.to_zarr(tmp_path / f"{number}.zarr")
+        with pytest.raises(pl.errors.FileError, match=sentence):
+            pl.Exposure.load(tmp_path / f"{number}.zarr")
+
+
+def test_without_the_packages_it_says_how_to_get_them(shot, tmp_path, monkeypatch):
+    shot.save(tmp_path / "there.zarr")
+    for name in ("zarr", "xarray"):
+        monkeypatch.setitem(sys.modules, name, None)  # as if it were not installed
+    for call, package in (
+        (lambda: shot.save(tmp_path / "a.zarr"), "zarr"),
+        (lambda: pl.Exposure.load(tmp_path / "there.zarr"), "zarr"),
+        (shot.to_xarray, "xarray"),
+    ):
+        with pytest.raises(ImportError, match=f"needs the package {package}: pip install zarr xarray") as caught:
+            call()
+        assert isinstance(caught.value, pl.PlenopticError)
+    assert os.listdir(tmp_path) == ["there.zarr"]

@@ -1,0 +1,235 @@
+"""`pl.estimate`: pilots from the whole frame, and numbers that are in order. Times are not held to any clock."""
+
+import dataclasses
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import plenoptic as pl
+from plenoptic.rendering.estimation import estimate as estimating
+from plenoptic.rendering.estimation.pilot import pilot_tiles
+
+CAMERA = pl.PlenopticCamera(
+    lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(5.0)),
+    microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
+    sensor=pl.Sensor(shape=(72, 208), pixel_pitch=0.01),
+    stop_to_microlenses=123.3,
+    microlenses_to_sensor=1.7,
+)
+SCENE = pl.check_scene()
+NUMBERS = ("cpu_seconds", "seconds", "peak_memory", "file_size", "checkpoint_size", "samples")
+
+
+@pytest.fixture(autouse=True)
+def few(monkeypatch):
+    """Pilots with a sixteenth of the paths: what is tested here is no matter of their precision."""
+    monkeypatch.setattr(estimating, "_PATHS", 1 << 14)
+    monkeypatch.setattr(estimating, "_FEWEST", 1 << 10)
+
+
+def estimate(scene=SCENE, camera=CAMERA, **given):
+    return pl.estimate(scene, camera, progress=False, **given)
+
+
+def check(found):
+    for name in NUMBERS:
+        number = getattr(found, name)
+        assert 0 < number.low <= number.value <= number.high < np.inf, name
+    assert found.seconds.low <= found.cpu_seconds.high  # several threads are no slower than one
+
+
+# ---- where pilots are ----
+
+
+@given(data=st.data(), seed=st.integers(0, 1000))
+@settings(max_examples=80)
+def test_squares_of_pilots_are_in_the_region_on_its_grid_of_8(data, seed):
+    side = data.draw(st.sampled_from([1, 3, 8, 16, 64]))
+    row, column = data.draw(st.tuples(st.integers(0, 50), st.integers(0, 50)))
+    rows, columns = data.draw(st.tuples(st.integers(side, 300), st.integers(side, 300)))
+    n, across = data.draw(st.integers(1, 20)), data.draw(st.integers(1, 4))
+    tiles = pilot_tiles((row, row + rows, column, column + columns), n, across**2, side, seed)
+    assert len(tiles) == n and {tile.side for tile in tiles} == {side}
+    for i, tile in enumerate(tiles):
+        assert (tile.row, tile.column, tile.rows, tile.columns) == (i * side * across, 0, side * across, side * across)
+        assert len(tile.places) == across**2
+        for r, c in tile.places:
+            assert row <= r <= row + rows - side and column <= c <= column + columns - side
+            assert (r - row) % 8 == 0 and (c - column) % 8 == 0
+
+
+def test_pilots_are_spread_evenly_over_the_frame():
+    """64 squares in 8 x 8 cells of 16 x 16 places: one in each, whatever the seed, and in each tile from all over."""
+    length = 8 * (8 * 16 - 1) + 16
+    for seed in range(20):
+        places = np.array([tile.places for tile in pilot_tiles((0, length, 0, length), 4, 16, 16, seed)])
+        cells = places.reshape(-1, 2) // 8 // 16
+        assert {tuple(cell) for cell in cells.tolist()} == set(itertools.product(range(8), repeat=2))
+        assert (places.std(axis=1) > 150).all()  # of 16 even ones: 290 +- 50
+
+
+def test_no_place_is_preferred():
+    """Of all seeds, each of the 9 x 13 places is taken as often: chi-square within four standard deviations."""
+    counts, seeds = np.zeros((9, 13)), 400
+    for seed in range(seeds):
+        for tile in pilot_tiles((8, 8 + 72, 16, 16 + 104), 7, 4, 8, seed):
+            np.add.at(counts, tuple((np.array(tile.places) - (8, 16)).T // 8), 1)
+    expected = 28 * seeds / counts.size
+    chi = ((counts - expected) ** 2 / expected).sum()
+    assert counts.sum() == 28 * seeds
+    assert chi < counts.size - 1 + 4 * np.sqrt(2 * (counts.size - 1))
+
+
+def test_all_corners_are_seen():
+    """Of a sensor of 41 megapixels."""
+    places = np.concatenate([tile.places for tile in pilot_tiles((0, 6400, 0, 6400), 16, 4, 16, 0)])
+    for corner in itertools.product((0, 6400 - 16), repeat=2):
+        assert np.abs(places - corner).max(axis=1).min() < 6400 / 8  # in its cell of 8 x 8
+
+
+# ---- what is told ----
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"samples": 8},
+        {"samples": 8, "replicates": 1},
+        {"samples": 8, "replicates": 8, "truth": pl.Truth.ALL},
+        {"samples": 3000},
+        {"samples": 1},
+        {"samples": 8, "threads": 1, "max_bounces": 1, "clamp": 4.0, "caustics": pl.rendering.Caustics.LEFT_OUT},
+    ],
+    ids=str,
+)
+def test_samples_that_are_given_are_given_back(given):
+    found = estimate(**given)
+    check(found)
+    assert set(found.samples) == {given["samples"]}
+
+
+@pytest.mark.parametrize("region", [np.s_[3:4, 5:6], np.s_[3:6, 8:13], np.s_[8:16, 4:204]], ids=["1", "15", "1600"])
+@pytest.mark.parametrize("replicates", [1, 2])
+def test_regions_smaller_than_pilots(region, replicates):
+    found = estimate(samples=4, region=region, replicates=replicates)
+    check(found)
+    pixels = (region[0].stop - region[0].start) * (region[1].stop - region[1].start)
+    assert found.file_size.value < 20_000 + 20 * pixels  # what describes the camera, and three numbers a pixel
+
+
+def test_white_images():
+    found = estimate(None, samples=4)
+    check(found)
+    assert "certain light" in repr(found) and "processor time" in repr(found)
+    check(estimate(None, samples=4, region=np.s_[3:6, 8:13]))
+
+
+@pytest.mark.parametrize("scene", [SCENE, None], ids=["scene", "white"])
+def test_a_target_ends_with_the_samples_that_are_given(scene):
+    check(found := estimate(scene, target_error=0.0005, samples=24))
+    assert found.samples.high <= 24 and found.samples.value == 24
+    free = estimate(scene, target_error=0.2, samples=1 << 20)
+    check(free)
+    assert free.samples.value < 1000
+
+
+def test_what_is_impossible_is_refused():
+    for wrong, said in (
+        ({}, "samples and target_error are both None"),
+        ({"samples": 0}, "samples is 0"),
+        ({"target_error": 0.1, "replicates": 1}, "it must be at least 2"),
+        ({"samples": 4, "region": np.s_[80:90, :]}, "it must take at least one"),
+        ({"samples": 4, "max_bounces": -1}, "max_bounces is -1"),
+    ):
+        with pytest.raises(pl.errors.InvalidValueError, match=said):
+            estimate(**wrong)
+    with pytest.raises(pl.errors.InvalidValueError, match="it must be a Scene"):
+        estimate(3, samples=4)
+
+
+@pytest.mark.parametrize(
+    ("scene", "given"),
+    [
+        (SCENE, {"samples": 64}),
+        (SCENE, {"samples": 64, "truth": pl.Truth.DEPTH | pl.Truth.NORMAL, "replicates": 8}),
+        pytest.param(SCENE, {"samples": 300}, marks=pytest.mark.slow),
+        (None, {"samples": 64}),
+        (SCENE, {"samples": 64, "region": np.s_[3:6, 8:13]}),
+    ],
+    ids=["depth", "normals", "passes", "white", "small"],
+)
+def test_files_have_the_sizes_told(scene, given, tmp_path):
+    """Within the intervals, which are meant to hold mostly: seeds are fixed, and sizes are no matter of time."""
+    found = estimate(scene, **given)
+    checkpoint, kept = tmp_path / "state", {"checkpoint": tmp_path / "state", "progress": False}
+    shot = pl.render_white(CAMERA, **given, **kept) if scene is None else pl.render(scene, CAMERA, **given, **kept)
+    shot.save(tmp_path / "shot.exr")
+    for number, path in ((found.file_size, tmp_path / "shot.exr"), (found.checkpoint_size, checkpoint)):
+        assert number.low <= path.stat().st_size <= number.high, path.name
+
+
+# ---- corners that differ ----
+
+
+@pytest.mark.slow
+def test_a_corner_that_is_noisy_counts_as_much_as_it_is_large():
+    """A matt plate under a lamp in a quarter of the picture; the rest shines by itself, and ends early."""
+    camera = dataclasses.replace(
+        CAMERA, microlenses=None, microlenses_to_sensor=0.0, sensor=pl.Sensor(shape=(128, 128), pixel_pitch=0.1)
+    )
+    wall = pl.quad((-400, -400, -1000), (800, 0, 0), (0, 800, 0), material=pl.Emissive(1.0, two_sided=True))
+    plate = pl.quad((0, 0, -990), (400, 0, 0), (0, 400, 0), material=pl.Lambertian(0.8))
+    lamp = pl.QuadLight((-100, -100, -300), (200, 0, 0), (0, 200, 0), radiance=5.0, two_sided=True)
+    scene, given = pl.Scene([wall, plate], lights=[lamp]), {"target_error": 0.03}
+    halves = slice(0, 64), slice(64, 128)
+    quarters = [estimate(scene, camera, region=region, **given).samples for region in itertools.product(halves, halves)]
+    whole = estimate(scene, camera, **given)
+    check(whole)
+    least, most = min(quarters), max(quarters)
+    assert least.value < 0.5 * most.value
+    assert least.value < whole.samples.value < most.value
+    mean = np.mean([quarter.value for quarter in quarters])
+    assert whole.samples.low <= mean <= whole.samples.high
+
+
+# ---- at the ends of what can be asked for ----
+
+
+@pytest.mark.parametrize("samples", [2, 3])
+def test_samples_too_few_to_decide_by_are_all_rendered(samples):
+    found = estimate(None, samples=samples, target_error=0.02, threads=1)
+    check(found)
+    assert found.samples == (samples, samples, samples)
+
+
+def counted(monkeypatch):
+    """The budget of each pilot, and how many pixels it had."""
+    pilots, run = [], estimating.run_pilot
+
+    def listening(*arguments, **named):
+        pilots.append((arguments[2], sum(tile.pixels for tile in arguments[3])))
+        return run(*arguments, **named)
+
+    monkeypatch.setattr(estimating, "run_pilot", listening)
+    return pilots
+
+
+def test_pilots_with_few_samples_have_no_more_pixels(monkeypatch):
+    pilots = counted(monkeypatch)
+    monkeypatch.setattr(estimating, "_PATHS", 1 << 18)
+    monkeypatch.setattr(estimating, "_MOST", 1 << 11)
+    check(estimate(None, samples=1, threads=1))
+    # At least two tiles, of one square or more; 2^18 pixels would take half a minute.
+    assert max(pixels for _, pixels in pilots) <= 72 * 208
+
+
+def test_decisions_are_tried_with_fewer_samples_where_a_sample_takes_long(monkeypatch):
+    pilots = counted(monkeypatch)
+    monkeypatch.setattr(estimating, "_DECIDED_SECONDS", 0.0)
+    found = estimate(None, region=np.s_[32:40, 96:112], target_error=1e-4, threads=1)
+    check(found)
+    # Twice the 32 of the first decision are the least from which it is known how an error falls.
+    assert [budget.samples for budget, _ in pilots if budget.target_error is not None] == [64, 64]

@@ -1,0 +1,338 @@
+"""`Exposure.merged` and `camera.tiles`: parts have the bits of the whole, seeds the errors of their mean."""
+
+import dataclasses
+import itertools
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import plenoptic as pl
+from plenoptic.rendering import RenderStats, StopReason
+from plenoptic.rendering.merging import left_out, region_in
+
+CAMERA = pl.PlenopticCamera(
+    lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(5.0)),
+    microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
+    sensor=pl.Sensor(shape=(29, 43), pixel_pitch=0.01),
+    stop_to_microlenses=123.3,
+    microlenses_to_sensor=1.7,
+)
+SCENE = pl.check_scene()
+merged = pl.Exposure.merged
+
+
+def cuts_of(rng, region, n, *, block=1):
+    """A region, cut n times along a row or a column between blocks, wherever that can be."""
+    regions = [region]
+    for _ in range(n):
+        row, end_row, column, end_column = whole = regions.pop(int(rng.integers(len(regions))))
+        rows = np.arange(-(-(row + 1) // block) * block, end_row, block)
+        columns = np.arange(-(-(column + 1) // block) * block, end_column, block)
+        if rows.size and (rng.random() < 0.5 or not columns.size):
+            at = int(rng.choice(rows))
+            regions += [(row, at, column, end_column), (at, end_row, column, end_column)]
+        elif columns.size:
+            at = int(rng.choice(columns))
+            regions += [(row, end_row, column, at), (row, end_row, at, end_column)]
+        else:
+            regions.append(whole)
+    return regions
+
+
+def made_up(rng, region):
+    """An exposure of random numbers, with all that there may be."""
+    shape = region[1] - region[0], region[3] - region[2]
+    counts = rng.integers(0, 9, shape)
+    return pl.Exposure(
+        rng.random((*shape, 3)),
+        standard_error=rng.random((*shape, 3)),
+        truth=pl.GroundTruth(depth=rng.random(shape), normal=rng.random((*shape, 3))),
+        samples=8,
+        replicates=2,
+        seed=5,
+        region=region,
+        sample_counts=counts,
+        settings=pl.rendering.RenderSettings(),
+        white=False,
+        object_names=("a", ""),
+    )
+
+
+def part_of(whole, region):
+    """What of an exposure lies in a region."""
+    first_row, _, first_column, _ = region_in(whole)
+    rows = slice(region[0] - first_row, region[1] - first_row)
+    columns = slice(region[2] - first_column, region[3] - first_column)
+    changes = {name: getattr(whole, name)[rows, columns] for name in ("image", "standard_error", "sample_counts")}
+    truth = {name: array[rows, columns] for name, array in whole.truth.arrays().items()}
+    return dataclasses.replace(whole, region=region, truth=pl.GroundTruth(**truth), **changes)
+
+
+# ---- regions ----
+
+
+@given(seed=st.integers(0, 2**32 - 1), n=st.integers(1, 12))
+@settings(max_examples=60)
+def test_any_cuts_come_together_and_what_is_left_out_is_named(seed, n):
+    rng = np.random.default_rng(seed)
+    row, column, rows, columns = (int(k) for k in rng.integers((0, 0, 1, 2), (20, 20, 20, 20)))
+    region = (row, row + rows, column, column + columns)
+    whole = made_up(rng, region)
+    regions = cuts_of(rng, region, n)
+    parts = [part_of(whole, regions[i]) for i in rng.permutation(len(regions))]
+    together = merged(parts)
+    assert np.array_equal(together.image, whole.image) and together.truth == whole.truth
+    assert np.array_equal(together.standard_error, whole.standard_error)
+    found = np.full(whole.image.shape[:2], together.samples)
+    assert np.array_equal(found if together.sample_counts is None else together.sample_counts, whole.sample_counts)
+    assert (together.region, together.seed, together.replicates) == (region, 5, 2)
+    assert together.object_names == ("a", "")
+    missing = int(rng.integers(len(regions)))
+    rest = regions[:missing] + regions[missing + 1 :]
+    assert left_out(region, regions) == [] and left_out(region, rest) == [regions[missing]]
+
+
+@pytest.mark.parametrize("replicates", [1, 2, 8])
+def test_tiles_have_the_bits_of_the_whole(replicates):
+    given = {"samples": 16, "replicates": replicates, "seed": 7, "progress": False}
+    given["truth"] = pl.Truth.DEPTH | pl.Truth.OBJECT
+    whole = pl.render(SCENE, CAMERA, **given)
+    rng = np.random.default_rng(replicates)
+    random = [np.s_[r[0] : r[1], r[2] : r[3]] for r in cuts_of(rng, (0, 29, 0, 43), 5, block=8)]
+    for regions in (CAMERA.tiles(2, 3), random):
+        parts = [pl.render(SCENE, CAMERA, region=region, **given) for region in regions]
+        together = merged(parts)
+        assert np.array_equal(together.image, whole.image) and together.truth == whole.truth
+        if replicates == 1:
+            assert together.standard_error is None
+        else:
+            assert np.array_equal(together.standard_error, whole.standard_error)
+        for name in ("samples", "replicates", "seed", "region", "camera", "settings", "white", "object_names"):
+            assert getattr(together, name) == getattr(whole, name), name
+        assert together.sample_counts is None
+        for name in ("paths", "paths_through_lens", "nonfinite", "zero_variance", "stopped_by", "processors"):
+            assert getattr(together.stats, name) == getattr(whole.stats, name), name
+        assert sorted(together.stats.lost) == sorted(whole.stats.lost)
+        assert together.stats.seconds == pytest.approx(sum(part.stats.seconds for part in parts))
+
+
+def test_white_tiles_have_the_bits_of_the_whole():
+    whole = pl.render_white(CAMERA, samples=4, progress=False)
+    together = merged(pl.render_white(CAMERA, samples=4, region=r, progress=False) for r in CAMERA.tiles(2, 2))
+    assert np.array_equal(together.image, whole.image) and together.white
+    assert np.array_equal(together.standard_error, whole.standard_error)
+
+
+# ---- seeds ----
+
+
+def seeds(n, **given):
+    region = np.s_[0:24, 8:40]
+    return [
+        pl.render(SCENE, CAMERA, region=region, seed=k, truth=pl.Truth.NONE, progress=False, **given) for k in range(n)
+    ]
+
+
+@pytest.fixture(scope="module")
+def reference():
+    """Its error is a tenth of those it is held against."""
+    region = np.s_[0:24, 8:40]
+    given = {"region": region, "seed": 99, "replicates": 16, "truth": pl.Truth.NONE, "progress": False}
+    return pl.render(SCENE, CAMERA, samples=4096, **given)
+
+
+def true_and_told(together, reference):
+    """Errors of lit pixels against the reference, and those that are told, with the reference's own."""
+    lit = reference.image[..., 0] > 0.1 * np.percentile(reference.image, 99)
+    off = (together.image.astype(float) - reference.image)[lit]
+    return off, np.hypot(together.standard_error, reference.standard_error)[lit]
+
+
+@pytest.mark.parametrize(("replicates", "freedom"), [(2, 400), (8, 56)])
+def test_errors_of_merged_seeds_are_right(reference, replicates, freedom):
+    """z-scores have the standard deviation of Student's t: sqrt(f / (f - 2)), with f degrees of freedom.
+
+    Pooled errors, of 2 replicates, have many. The standard deviation of n numbers is known to about
+    sqrt((kurtosis - 1) / (4 n)), with a kurtosis of 3 + 6 / (f - 4); four times that is allowed, and beside it a tenth
+    where errors are pooled over pixels of different noise, and right on average over blocks only.
+    """
+    together = merged(seeds(8, samples=8 * replicates, replicates=replicates))
+    assert (together.samples, together.replicates, together.seed) == (64 * replicates, 8 * replicates, None)
+    off, error = true_and_told(together, reference)
+    z = off / error
+    wanted = np.sqrt(freedom / (freedom - 2))
+    known = np.sqrt((2 + 6 / (freedom - 4)) / (4 * z.size))
+    assert z.size > 400
+    assert abs(z.mean()) < 4 * wanted / np.sqrt(z.size)
+    assert abs(z.std() / wanted - 1) < 4 * known + (0.1 if replicates == 2 else 0.0)
+
+
+@pytest.mark.parametrize("n", [2, 4, 8])
+def test_single_replicates_get_their_errors_from_each_other(reference, n):
+    """Right on average: squares of true errors and of those told have sums within four standard errors of each other.
+
+    That of a sum of independent differences is the root of the sum of their squares.
+    """
+    shots = seeds(n, samples=8, replicates=1)
+    assert shots[0].standard_error is None
+    together = merged(shots)
+    assert (together.samples, together.replicates) == (8 * n, n)
+    off, error = true_and_told(together, reference)
+    gap = off**2 - error**2
+    assert abs(gap.sum()) < 4 * np.sqrt((gap**2).sum())
+    assert gap.size > 400 and np.sqrt((gap**2).sum()) < 0.2 * (error**2).sum()  # sharp enough to tell
+
+
+def test_seeds_are_weighed_by_their_samples():
+    one, two = seeds(1, samples=8)[0], seeds(2, samples=32)[1]
+    together = merged([one, two])
+    mean = (8 * one.image.astype(float) + 32 * two.image) / 40
+    np.testing.assert_allclose(together.image, mean, rtol=2**-24)
+    squares = np.square(8 * one.standard_error.astype(float)) + np.square(32 * two.standard_error)
+    np.testing.assert_allclose(together.standard_error, np.sqrt(squares) / 40, rtol=2**-23)
+    assert np.array_equal(merged([two, one]).image, together.image)
+    assert together.samples == 40 and together.sample_counts is None
+
+
+def test_pixels_without_samples_count_nothing():
+    rng = np.random.default_rng(3)
+    one = made_up(rng, (0, 4, 0, 6))
+    two = dataclasses.replace(made_up(rng, (0, 4, 0, 6)), seed=6)
+    together = merged([one, two])
+    counts = one.sample_counts + two.sample_counts
+    found = np.full((4, 6), together.samples) if together.sample_counts is None else together.sample_counts
+    assert np.array_equal(found, counts)
+    only = (one.sample_counts > 0) & (two.sample_counts == 0)
+    np.testing.assert_allclose(together.image[only], one.image[only], rtol=2**-23)
+    np.testing.assert_allclose(together.standard_error[only], one.standard_error[only], rtol=2**-23)
+    none = counts == 0
+    assert (together.image[none] == 0).all() and np.isinf(together.standard_error[none]).all()
+
+
+def test_tiles_of_several_seeds_come_together_whatever_the_order():
+    parts = [
+        pl.render(SCENE, CAMERA, samples=4, seed=seed, region=region, progress=False)
+        for seed, region in itertools.product((0, 1), CAMERA.tiles(1, 2))
+    ]
+    together = merged(parts)
+    whole = merged(pl.render(SCENE, CAMERA, samples=4, seed=seed, progress=False) for seed in (0, 1))
+    for order in ((3, 0, 2, 1), (1, 2, 0, 3)):
+        assert np.array_equal(merged(parts[i] for i in order).image, together.image)
+    assert np.array_equal(together.image, whole.image)
+    assert np.array_equal(together.standard_error, whole.standard_error)
+    assert (together.samples, together.replicates, together.region) == (8, 4, None)
+
+
+# ---- what is known of the whole ----
+
+
+def alike(region=(0, 2, 0, 4), **changes):
+    shape = region[1] - region[0], region[3] - region[2]
+    return pl.Exposure(np.ones((*shape, 1)), **{"samples": 4, "seed": 0, "region": region, **changes})
+
+
+def test_what_one_part_lacks_the_whole_lacks():
+    error, truth = np.ones((2, 4, 1)), pl.GroundTruth(depth=np.ones((2, 4)))
+    both = pl.GroundTruth(depth=np.full((2, 4), 2.0), distance=np.ones((2, 4)))
+    one = alike(standard_error=error, truth=truth, replicates=2, stats=RenderStats(), object_names=("a", ""))
+    two = alike((2, 4, 0, 4), truth=both)
+    together = merged([one, two])
+    assert together.standard_error is None and together.replicates is None and together.stats is None
+    assert np.array_equal(together.depth, np.repeat([1.0, 2.0], 2)[:, None] * np.ones((4, 4)))
+    assert together.truth.distance is None and together.object_names == ("a", "")
+    assert merged([one, alike((2, 4, 0, 4))]).truth is None
+    assert merged([one]).standard_error is not None and merged([one]).region == (0, 2, 0, 4)
+
+
+def test_statistics_are_those_of_all():
+    one = RenderStats(2.0, 3.0, 100, 80, (("clipped", 0, 15), ("missed", None, 5)), 1, 2, 0.0, ((1, 2, 3),), 4)
+    two = RenderStats(
+        1.0, 1.5, 50, 30, (("clipped", 0, 20),), 2, 4, 0.5, ((7, 8, 9),), 6, StopReason.INTERRUPTED, None, ("x",)
+    )
+    together = merged([alike(stats=one), alike((2, 4, 0, 4), stats=two)]).stats
+    assert (together.seconds, together.cpu_seconds) == (3.0, 4.5)
+    assert (together.paths, together.paths_through_lens, together.nonfinite) == (150, 110, 3)
+    assert together.lost_by_cause == {"clipped": 35, "missed": 5} and together.threads == 4
+    assert together.nonfinite_paths == ((1, 2, 3), (7, 8, 9)) and together.zero_variance == 10
+    assert together.stopped_by is StopReason.INTERRUPTED and together.processors == ("x",)
+    # Both kept as much light, and the second one lost as much again: 1 of 3.
+    assert together.clamped == pytest.approx(1 / 3)
+    stacked = merged([alike(stats=one), alike(seed=1, stats=two)]).stats
+    assert stacked.zero_variance == 4
+
+
+@pytest.mark.parametrize(
+    ("parts", "said"),
+    [
+        ([], "parts is empty"),
+        ([3], "an item of parts is"),
+        ([alike(), alike((1, 3, 0, 4))], "rows 0:2, columns 0:4 and rows 1:3, columns 0:4; regions must be the same"),
+        ([alike(), alike((0, 2, 8, 9))], "parts of rows 0:2, columns 0:9 leave rows 0:2, columns 4:8 out"),
+        (
+            [alike(), alike((2, 4, 0, 2)), alike((0, 1, 4, 5))],
+            "rows 1:4, columns 4:5; rows 2:4, columns 2:4 out|rows 2:4, columns 2:4; rows 1:2, columns 4:5|out; give",
+        ),
+        ([alike(), alike()], "2 parts of rows 0:2, columns 0:4 have the seed 0"),
+        ([alike(), alike(seed=None)], "one does not know its seed"),
+        ([alike(), alike((2, 4, 0, 4), samples=None)], "part 1 does not know its samples"),
+        ([alike(samples=None)], "part 0 does not know its samples"),
+        ([alike(), alike((2, 4, 0, 4), camera=CAMERA)], "part 1 has another camera than part 0"),
+        ([alike(), alike((2, 4, 0, 4), white=True)], "part 1 has another subject than part 0"),
+        (
+            [
+                alike(settings=pl.rendering.RenderSettings()),
+                alike((2, 4, 0, 4), settings=pl.rendering.RenderSettings(3)),
+            ],
+            "part 1 has other settings than part 0",
+        ),
+        (
+            [alike(), pl.Exposure(np.ones((2, 4, 3)), samples=4, region=(2, 4, 0, 4))],
+            "part 1 has 3 channels and part 0",
+        ),
+    ],
+)
+def test_what_does_not_fit_is_refused(parts, said):
+    with pytest.raises(pl.errors.InvalidValueError, match=said if "|" in said else re.escape(said)):
+        merged(parts)
+
+
+# ---- tiles of cameras ----
+
+
+@given(shape=st.tuples(st.integers(1, 90), st.integers(1, 90)), data=st.data())
+@settings(max_examples=60)
+def test_tiles_are_whole_blocks_and_cover_the_sensor_once(shape, data):
+    blocks = [-(-length // 8) for length in shape]
+    rows, columns = (data.draw(st.integers(1, n)) for n in blocks)
+    sensor = pl.Sensor(shape=shape, pixel_pitch=0.01)
+    tiles = dataclasses.replace(CAMERA, sensor=sensor).tiles(rows, columns)
+    assert len(tiles) == rows * columns and list(tiles) == sorted(tiles, key=lambda t: (t[0].start, t[1].start))
+    covered = np.zeros(shape, dtype=int)
+    for tile in tiles:
+        covered[tile] += 1
+        assert tile[0].start % 8 == 0 and tile[1].start % 8 == 0
+    assert (covered == 1).all()
+    high = {-(-(tile[0].stop - tile[0].start) // 8) for tile in tiles}
+    assert max(high) - min(high) <= 1  # alike, to a block
+
+
+def test_more_tiles_than_blocks_are_refused():
+    with pytest.raises(pl.errors.InvalidValueError, match="29 rows of pixels, in 4 blocks of 8 .* give at most 4"):
+        CAMERA.tiles(5, 1)
+    with pytest.raises(pl.errors.InvalidValueError, match="columns is 0"):
+        CAMERA.tiles(1, 0)
+
+
+@pytest.mark.parametrize("samples", [[(1 << 31) - 1, 1], [1 << 40], [1 << 30, 1 << 30]])
+def test_more_samples_than_can_be_counted_are_refused(samples):
+    parts = [pl.Exposure(np.ones((2, 2, 1)), samples=n, seed=seed) for seed, n in enumerate(samples)]
+    with pytest.raises(pl.errors.InvalidValueError, match=f"have {sum(samples)} samples together; "):
+        merged(parts)
+
+
+def test_the_most_samples_that_can_be_counted_are_kept():
+    parts = [pl.Exposure(np.full((2, 2, 1), n), samples=n, seed=n) for n in ((1 << 31) - 2, 1)]
+    assert merged(parts).samples == (1 << 31) - 1

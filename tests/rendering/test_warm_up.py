@@ -1,0 +1,71 @@
+"""What is compiled ahead is what is needed then: nothing is compiled twice, and nothing is forgotten."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+import plenoptic as pl
+from plenoptic.core.waiting.compiling import compiling
+
+CAMERA = pl.PlenopticCamera(
+    lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(5.0)),
+    microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
+    sensor=pl.Sensor(shape=(48, 48), pixel_pitch=0.01),
+    stop_to_microlenses=123.3,
+    microlenses_to_sensor=1.7,
+)
+
+
+def test_then_nothing_is_compiled():
+    scene = pl.check_scene()
+    pl.warm_up(scene, CAMERA, progress=False)
+    before = list(compiling.names)
+    again = pl.warm_up(scene, CAMERA, progress=False)
+    assert again.kernels == () and again.seconds < 5.0 and "nothing" in repr(again)
+    pl.render(scene, CAMERA, samples=4, truth=pl.Truth.ALL, progress=False)
+    pl.render(scene, CAMERA, target_error=0.5, samples=16, progress=False)
+    pl.render_white(CAMERA, samples=4, progress=False)
+    pl.ground_truth(scene, CAMERA)
+    CAMERA.project([(0, 0, -404), (1, 2, -404)], scene)
+    pl.point_spread(CAMERA, (0, 0, -404), rays=64)
+    pl.microlens_centres(CAMERA)
+    assert compiling.names == before
+
+
+@pytest.mark.parametrize(
+    "camera",
+    [
+        CAMERA.posed((0, 0, 100), (0, 0, 0)),
+        pl.PlenopticCamera(lens=CAMERA.lens, sensor=CAMERA.sensor, stop_to_microlenses=134.6),
+    ],
+)
+def test_cameras_of_all_kinds_and_no_scene(camera):
+    pl.warm_up(None, camera, progress=False)
+    assert pl.warm_up(None, camera, progress=False).kernels == ()
+
+
+def test_something_else_is_refused():
+    with pytest.raises(pl.errors.InvalidValueError, match="scene is a PlenopticCamera"):
+        pl.warm_up(CAMERA, CAMERA)
+
+
+@pytest.mark.slow
+def test_another_process_finds_it_compiled(tmp_path):
+    code = (
+        "import plenoptic as pl\nfrom plenoptic.core.waiting.compiling import compiling\n"
+        "camera = pl.PlenopticCamera(lens=pl.load_lens('double-gauss-100mm-f2').with_stop(pl.CircularStop(5.0)),"
+        "microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),"
+        "sensor=pl.Sensor(shape=(48, 48), pixel_pitch=0.01), stop_to_microlenses=123.3, microlenses_to_sensor=1.7)\n"
+    )
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+
+    def run(what):
+        done = subprocess.run([sys.executable, "-c", code + what], capture_output=True, text=True, env=environment)
+        assert done.returncode == 0, done.stderr
+        return done.stdout.strip()
+
+    assert run("print(pl.warm_up(pl.check_scene(), camera, progress=False))").startswith("compiled in")
+    render = "pl.render(pl.check_scene(), camera, samples=4, progress=False); print(compiling.names)"
+    assert run(render) == "[]"

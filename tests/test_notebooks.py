@@ -1,0 +1,45 @@
+"""The notebooks of the tutorials run from top to bottom, at small size, and show each figure once."""
+
+import importlib.util
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+TUTORIALS = sorted((ROOT / "examples" / "tutorials").glob("*.py"))
+MISSING = [name for name in ("ipykernel", "nbclient", "sphinx_gallery") if importlib.util.find_spec(name) is None]
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(bool(MISSING), reason=f"{', '.join(MISSING)} missing: pip install '.[notebook]'"),
+]
+
+
+def test_there_is_one_for_each_user():
+    assert [path.stem for path in TUTORIALS] == [
+        *("blender_scene", "calibration", "camera_design", "data_set", "large_sensor", "own_lens")
+    ]
+
+
+@pytest.mark.parametrize("script", TUTORIALS, ids=lambda path: path.stem)
+def test_notebook_runs_and_shows_each_figure_once(script, tmp_path):
+    import nbformat
+
+    command = [sys.executable, str(ROOT / "docs" / "make_notebooks.py"), str(script)]
+    surroundings = {**os.environ, "PLENOPTIC_EXAMPLE_SIZE": "small", "MPLBACKEND": "Agg"}
+    process = subprocess.run(command, cwd=tmp_path, env=surroundings, capture_output=True, text=True, timeout=600)
+    assert process.returncode == 0, process.stderr
+    made = nbformat.read(tmp_path / "output" / "notebooks" / f"{script.stem}.ipynb", as_version=4)
+    cells = [cell for cell in made.cells if cell.cell_type == "code"]
+    outputs = [output for cell in cells for output in cell.outputs]
+    said = "".join(output.text for output in outputs if output.get("name") == "stderr")
+    # A busy machine does little in a short time, and waits so long that bars are shown.
+    assert set(re.findall(r"\w+Warning", said)) <= {"BudgetWarning", "TqdmWarning"}, said
+    figures = sum("image/png" in output.get("data", {}) for output in outputs)
+    assert figures == sum(cell.source.count(".savefig(") for cell in cells) > 0
+    # Nothing is shown that is not a figure: no representation of what a cell happens to end with.
+    assert not [output for output in outputs if output.output_type == "execute_result"]

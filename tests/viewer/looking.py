@@ -1,0 +1,91 @@
+"""Light fields to look at, the browser that shows them, and what pages say."""
+
+import base64
+import json
+import os
+import re
+import shutil
+
+import numpy as np
+
+import plenoptic as pl
+
+FLAGS = (
+    *("--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking"),
+    *("--disable-component-update", "--disable-sync"),
+)
+SOFTWARE = ("--use-gl=angle", "--use-angle=swiftshader")
+"""WebGL2 without a graphics card."""
+
+
+def chromium_path():
+    """The program, or None."""
+    return os.environ.get("PLENOPTIC_CHROMIUM") or shutil.which("chromium") or shutil.which("chromium-browser")
+
+
+def facts_of(viewer):
+    """What the page's scripts read, and its bytes."""
+    text = re.search(r'id="facts">(.*?)</script>', viewer.document, re.DOTALL)[1]
+    data = re.search(r'id="data">(.*?)</script>', viewer.document, re.DOTALL)[1]
+    (facts,) = json.loads(text).values()
+    return facts, base64.b64decode(data)
+
+
+def readout(page):
+    """Names and values beside the picture."""
+    names, values = page.locator("#readout dt").all_inner_texts(), page.locator("#readout dd").all_inner_texts()
+    return {name: value.replace("−", "-") for name, value in zip(names, values, strict=True) if name}
+
+
+def moved(page, slider, value):
+    """Set a slider as a hand does."""
+    page.evaluate(
+        "([id, value]) => { const range = document.getElementById(id); range.value = value;"
+        " range.dispatchEvent(new Event('input')); }",
+        [slider, value],
+    )
+
+
+def painted(page):
+    """After the next frame."""
+    page.evaluate("() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
+
+def views_of(across=5, down=5, rows=40, columns=56, channels=3, *, seed=1):
+    """A light field of smooth random views without a camera; a corner of one view holds nothing."""
+    rng = np.random.default_rng(seed)
+    y, x = np.mgrid[:rows, :columns]
+    views = np.zeros((across, down, rows, columns, channels), np.float32)
+    waves = [(*rng.uniform(0.1, 0.9, 2), *rng.uniform(0, 6, channels)) for _ in range(6)]
+    for i in range(across):
+        for j in range(down):
+            for a, b, *phases in waves:
+                moved_x, moved_y = x + 0.7 * (i - across // 2), y + 0.7 * (j - down // 2)
+                for k, phase in enumerate(phases):
+                    views[i, j, :, :, k] += np.exp(2 * np.sin(a * moved_x + b * moved_y + phase))
+    views *= rng.uniform(0.7, 1.3, (across, down, 1, 1, 1)).astype(np.float32)
+    if views.shape[:2] != (1, 1):
+        views[0, 0, :7, :9] = np.nan
+    return field_of(views)
+
+
+def field_of(views, error=None):
+    across, down = views.shape[:2]
+    u, v = (np.arange(count) - float(count // 2) for count in (across, down))
+    places = np.stack(np.meshgrid(u, -v, indexing="ij"), axis=-1)
+    nowhere = np.full((*views.shape[2:4], 2), np.nan)
+    return pl.lightfield.LightField(
+        views=np.asarray(views, np.float32),
+        standard_error=error,
+        u=u,
+        v=v,
+        pixel=nowhere,
+        on_array=nowhere,
+        exit_pupil=places,
+        pupil=np.full((across, down, 2), np.nan),
+        origin=np.full(2, np.nan),
+        spacing=(np.nan, np.nan),
+        object_spacing=(1.0, 1.0),
+        z_focus=-400.0,
+        camera=None,
+    )

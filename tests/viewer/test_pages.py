@@ -1,0 +1,271 @@
+"""Pages as files: what is in them, that they load nothing, and light fields and images of all kinds."""
+
+import base64
+import dataclasses
+import hashlib
+import html
+import io
+import re
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import plenoptic as pl
+from plenoptic.core.color.srgb import srgb_to_linear
+from plenoptic.errors import FileError, InvalidValueError
+from plenoptic.lightfield.depth_map import DepthMap
+from plenoptic.viewer import Viewer
+from plenoptic.viewer.pictures import rgba, within
+
+sys.path.insert(0, str(Path(__file__).parent))
+from looking import facts_of, field_of, views_of
+
+
+def depth_of(disparity, error=0.01):
+    shape = disparity.shape
+    return DepthMap(disparity, np.full(shape, error), np.ones(shape), np.full(shape, np.nan), np.full(shape, np.nan))
+
+
+def hashed(text):
+    return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
+
+
+@pytest.fixture(scope="module")
+def pages():
+    rng = np.random.default_rng(0)
+    return {"views": views_of(3, 3).viewer(), "raw": pl.Exposure(rng.uniform(0, 1, (12, 16, 3))).viewer()}
+
+
+@pytest.mark.parametrize("kind", ["views", "raw"])
+def test_pages_load_nothing_and_run_only_what_their_policy_names(pages, kind):
+    document = pages[kind].document
+    policy = re.search(r'http-equiv="Content-Security-Policy" content="(.*?)"', document)[1]
+    (script,) = re.findall(r'<script type="module">(.*?)</script>', document, re.DOTALL)
+    (style,) = re.findall(r"<style>(.*?)</style>", document, re.DOTALL)
+    assert policy.startswith("default-src 'none'; ") and "unsafe" not in policy and "http" not in policy
+    assert hashed(script) in policy and hashed(style) in policy
+    assert not re.search(r"^\s*(import|export)\b", script, re.MULTILINE)
+    assert not re.search(r"https?://|//cdn|fetch\(|XMLHttpRequest|WebSocket|innerHTML|eval\(", document)
+    assert "{{" not in document.replace(script, "")
+
+
+def test_names_that_joined_modules_declare_differ(pages):
+    for page in pages.values():
+        (script,) = re.findall(r'<script type="module">(.*?)</script>', page.document, re.DOTALL)
+        names = re.findall(r"^(?:async )?(?:function|const|let|class) (\w+)", script, re.MULTILINE)
+        assert len(names) > 20 and len(set(names)) == len(names)
+
+
+def test_a_notebook_gets_the_same_document_in_a_frame_of_its_own(pages):
+    shown = pages["raw"]._repr_html_()
+    assert html.unescape(re.search(r'srcdoc="(.*?)"', shown, re.DOTALL)[1]) == pages["raw"].document
+    assert 'sandbox="allow-scripts"' in shown
+
+
+def test_viewers_are_saved_whole_or_not_at_all(tmp_path, pages):
+    views_of(3, 3).save_html(tmp_path / "views.html")
+    assert (tmp_path / "views.html").read_text("utf-8") == pages["views"].document
+    with pytest.raises(FileError, match="does not exist"):
+        Viewer("x").save(tmp_path / "none" / "views.html")
+
+
+def test_what_could_end_an_element_cannot():
+    from plenoptic.viewer.page import page
+
+    made = page("</title><script>", facts={"x": "</script>{{data}}"}, data=b"", still=b"", modules=(), shaders=())
+    assert "<title>&lt;/title&gt;" in made.document and made.document.count("</script>") == 3
+    assert "\\u003c/script>{{data}}" in made.document
+
+
+# ---- light fields ----
+
+
+def decoded(facts, data, number):
+    from PIL import Image
+
+    start, size = facts["views"][number]
+    return np.asarray(Image.open(io.BytesIO(data[start : start + size])).convert("RGBA"))
+
+
+def test_views_are_kept_in_8_bits_and_their_gaps_as_clear_pixels():
+    field = views_of(3, 3)
+    facts, data = facts_of(field.viewer())
+    assert facts["quality"] == 100 and facts["whole"] == [3, 3, 40, 56, 3] and facts["middle"] == [1, 1]
+    for number, view in enumerate(field.views.reshape(9, 40, 56, 3)):
+        codes = decoded(facts, data, number)
+        known = np.isfinite(view).all(axis=2)
+        assert np.array_equal(codes[..., 3] == 255, known)
+        found = facts["top"] * srgb_to_linear(codes[..., :3] / 255)
+        clipped = np.minimum(view, facts["top"])
+        # Half a step of the steepest part of the curve, at white: d linear / d code = 2.4 / 1.055.
+        assert np.abs(found - clipped)[known].max() < 0.51 / 255 * 2.28 * facts["top"]
+    assert facts["top"] <= 2 * facts["white"] and facts["cut"] < 1e-3
+
+
+def test_nine_by_nine_views_keep_within_their_size_by_the_quality():
+    rng = np.random.default_rng(3)
+    pictures = [rgba(rng.uniform(0, 1, (64, 64, 3)), 1.0) for _ in range(4)]
+    files, quality = within(pictures, 1e6)
+    assert quality == 100
+    smaller, lossy = within(pictures, 0.5 * sum(map(len, files)))
+    assert lossy < 100 and sum(map(len, smaller)) <= 0.5 * sum(map(len, files))
+
+
+@pytest.mark.parametrize(
+    ("across", "down", "channels"), [(1, 1, 3), (3, 1, 1), (1, 2, 3), (2, 4, 1), (3, 3, 5)], ids=str
+)
+def test_light_fields_of_all_shapes_have_pages(across, down, channels):
+    facts, _ = facts_of(views_of(across, down, 12, 14, channels).viewer())
+    assert len(facts["views"]) == across * down and facts["middle"] == [across // 2, down // 2]
+    assert (facts["focus"] is None) == (across * down == 1)
+
+
+def test_distances_of_the_slider_are_those_of_the_light_field():
+    field = views_of(3, 3)
+    facts, _ = facts_of(field.viewer())
+    focus = facts["focus"]
+    table = np.linspace(focus["low"], focus["high"], len(focus["closeness"]))
+    for disparity, closeness in zip(table, focus["closeness"], strict=True):
+        if closeness:  # 0 is infinitely far
+            assert field.disparity_at(-1 / closeness)[0] == pytest.approx(disparity, abs=1e-9)
+    assert sum(each is not None for each in focus["closeness"]) > 20
+
+
+def test_depth_and_error_are_kept_with_their_range():
+    rng = np.random.default_rng(5)
+    disparity = rng.uniform(-0.3, 0.9, (40, 56))
+    disparity[0, 0] = np.nan
+    field = dataclasses.replace(views_of(3, 3), standard_error=np.full((3, 3, 40, 56, 3), 0.02, np.float32))
+    facts, _ = facts_of(field.viewer(depth=depth_of(disparity)))
+    assert facts["focus"]["low"] < -0.3 < 0.9 < facts["focus"]["high"]
+    assert facts["disparity"]["step"] == pytest.approx(1.2 / 65533, rel=0.01)
+    assert facts["error"] is not None and facts["disparity_error"] is not None
+
+
+def test_many_views_are_thinned_out_and_large_ones_reduced(monkeypatch):
+    from plenoptic.viewer import light_field
+
+    monkeypatch.setattr(light_field, "_MOST_VIEWS", 9)
+    monkeypatch.setattr(light_field, "_MOST_PIXELS", 9 * 40 * 56 / 3)
+    field = field_of(np.random.default_rng(1).uniform(0.2, 1, (5, 5, 40, 56, 3)))
+    facts, data = facts_of(field.viewer(depth=depth_of(np.full((40, 56), 0.5))))
+    assert facts["u"] == [-2, 0, 2] and facts["middle"] == [1, 1] and (facts["rows"], facts["columns"]) == (20, 28)
+    # Half as many pixels: disparities are half as large, and so is the range of focus.
+    assert facts["disparity"]["low"] == pytest.approx(0.25) and facts["focus"]["high"] == pytest.approx(0.3)
+    mean = field.views[0, 0].reshape(20, 2, 28, 2, 3).mean(axis=(1, 3))
+    found = facts["top"] * srgb_to_linear(decoded(facts, data, 0)[..., :3] / 255)
+    assert np.abs(found - mean).max() < 0.51 / 255 * 2.28 * facts["top"]
+
+
+def test_light_fields_without_light_or_with_another_depth_are_refused():
+    with pytest.raises(InvalidValueError, match="holds any light"):
+        field_of(np.full((3, 3, 4, 4, 3), np.nan)).viewer()
+    with pytest.raises(InvalidValueError, match=r"depth has shape \(4, 4\)"):
+        views_of(3, 3).viewer(depth=depth_of(np.zeros((4, 4))))
+
+
+# ---- raw images ----
+
+
+@pytest.mark.parametrize("shape", [(1, 1, 1), (4, 4, 3), (3, 50, 1)], ids=str)
+def test_images_of_all_shapes_have_pages(shape):
+    for value in (0.0, 1e-20, 3.0, 1e12, -2.0):
+        facts, _ = facts_of(pl.Exposure(np.full(shape, value)).viewer())
+        assert facts["planes"] == {} and facts["lenses"] is None and facts["sight"] is None
+        assert len(facts["image"]) == shape[2]
+
+
+def test_values_that_are_none_stay_so():
+    image = np.random.default_rng(1).normal(size=(5, 6, 3))
+    image[0, 0], image[1, 1, 0] = np.nan, np.inf
+    facts, _ = facts_of(pl.Exposure(image, standard_error=np.full((5, 6, 3), np.inf)).viewer())
+    assert facts["white"] > 0 and "error" in facts["planes"]
+
+
+def test_a_region_is_cut_and_must_lie_in_the_image():
+    shot = pl.Exposure(np.ones((8, 9, 1)), region=(10, 18, 20, 29))
+    facts, _ = facts_of(shot.viewer(region=np.s_[12:15, 21:27]))
+    assert (facts["rows"], facts["columns"], facts["first"]) == (3, 6, [12, 21])
+    for wrong in (np.s_[0:3, 0:3], np.s_[12:12, 21:27], (1, 2), 5):
+        with pytest.raises(InvalidValueError, match="region"):
+            shot.viewer(region=wrong)
+
+
+def test_sides_that_no_texture_has_become_shorter():
+    facts, _ = facts_of(pl.Exposure(np.ones((2, 20_000, 1)), standard_error=np.ones((2, 20_000, 1))).viewer())
+    assert (facts["rows"], facts["columns"], facts["block"]) == (1, 6666, 3)
+
+
+def test_more_than_a_megapixel_becomes_a_smaller_copy():
+    rng = np.random.default_rng(7)
+    image = rng.uniform(0.5, 1, (1100, 1100, 1)).astype(np.float32)
+    depth = rng.uniform(300, 500, (1100, 1100))
+    shot = pl.Exposure(image, standard_error=0.1 * image, truth=pl.GroundTruth(depth=depth))
+    facts, _ = facts_of(shot.viewer())
+    assert (facts["block"], facts["rows"], facts["columns"]) == (2, 550, 550)
+
+
+@pytest.fixture(scope="module")
+def camera():
+    return pl.PlenopticCamera(
+        lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=5.0)),
+        microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(1.9, 2.0, 2.1)),
+        sensor=pl.Sensor(shape=(90, 120), pixel_pitch=0.01),
+        stop_to_microlenses=123.3,
+        microlenses_to_sensor=1.7,
+    )
+
+
+def test_what_is_left_out_is_said(camera, monkeypatch):
+    shot = pl.Exposure(np.ones((90, 120, 1)), camera=camera, truth=pl.GroundTruth(depth=np.full((90, 120), 404.0)))
+    facts, _ = facts_of(shot.viewer())
+    assert facts["left_out"] == [] and facts["sight"] is not None
+    monkeypatch.setattr("plenoptic.viewer.sight.ENOUGH", 0.0)
+    facts, _ = facts_of(shot.viewer())
+    assert facts["sight"] is None and facts["lenses"] is not None and "Images of a point" in facts["left_out"][0]
+    monkeypatch.setattr("plenoptic.viewer.raw._MOST_LENSES", 5)
+    facts, _ = facts_of(shot.viewer())
+    assert facts["lenses"] is None and "microlenses are more" in facts["left_out"][0]
+
+
+def test_the_cell_of_the_lattice_fits_the_centres(camera):
+    facts, _ = facts_of(pl.Exposure(np.ones((90, 120, 1)), camera=camera).viewer())
+    corners = np.array(facts["lenses"]["cell"])
+    centres = pl.microlens_centres(camera)
+    apart = np.linalg.norm(centres.pixel[:, None] - centres.pixel, axis=2)
+    # In a hexagon the corners lie 1 / sqrt(3) of the distance between neighbours away; images differ by aberrations.
+    expected = np.min(apart[apart > 0]) / np.sqrt(3)
+    assert len(corners) == 6 and np.linalg.norm(corners, axis=1) == pytest.approx(expected, rel=1e-3)
+
+
+def test_cameras_without_microlenses_have_no_lattice(camera):
+    bare = dataclasses.replace(camera, microlenses=None, microlenses_to_sensor=0.0)
+    facts, _ = facts_of(pl.Exposure(np.ones((90, 120, 1)), camera=bare).viewer())
+    assert facts["lenses"] is None
+
+
+def test_a_free_array_has_centres_and_no_cells():
+    lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=5.0))
+    places = np.random.default_rng(3).uniform(-0.5, 0.5, (12, 2))
+    array = pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,), lattice=pl.Lattice.FREE, centres=places)
+    camera = pl.PlenopticCamera(
+        lens=lens,
+        microlenses=array,
+        sensor=pl.Sensor(shape=(80, 80), pixel_pitch=0.01),
+        stop_to_microlenses=123.3,
+        microlenses_to_sensor=1.7,
+    )
+    facts, _ = facts_of(pl.Exposure(np.ones((80, 80, 1)), camera=camera).viewer())
+    assert facts["lenses"]["cell"] is None and facts["lenses"]["free"] and facts["lenses"]["count"] > 3
+
+
+def test_division_by_the_white_image_takes_the_lattice_away(camera):
+    white = pl.Exposure(np.full((90, 120, 1), 0.25), standard_error=np.full((90, 120, 1), 0.0025), camera=camera)
+    shot = pl.Exposure(np.full((90, 120, 3), 0.5), standard_error=np.full((90, 120, 3), 0.01), camera=camera)
+    facts, _ = facts_of(shot.viewer(white=white))
+    assert facts["white"] == pytest.approx(2.0) and facts["unit"] == "radiance"
+    # 1 / 50 and 1 / 100 in quadrature, of 2.
+    error = facts["planes"]["error"]
+    assert error["unit"] * np.sinh(error["low"]) == pytest.approx(2 * np.hypot(0.02, 0.01), rel=1e-4)
