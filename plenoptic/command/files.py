@@ -101,7 +101,7 @@ def exposure_of(found: Opened) -> Exposure | None:
 def _folder(path: Path) -> Opened:
     from plenoptic.core.files.zarr_reading import METADATA, attributes_of
     from plenoptic.package.contents import PROVENANCE
-    from plenoptic.rendering.dataset import EXPOSURE, KIND, SEQUENCE
+    from plenoptic.rendering.stores import EXPOSURE, KIND, SEQUENCE
 
     kinds = {EXPOSURE: "an exposure in a zarr store", SEQUENCE: "a sequence of exposures in a zarr store"}
     if (attributes := attributes_of(path)) is not None:

@@ -256,7 +256,7 @@ class Exposure:
         ...     pl.Exposure.load(path) == shot
         True
         """
-        from plenoptic.rendering import dataset, exposure_files
+        from plenoptic.rendering import exposure_files, stores
 
         ending = exposure_files.checked_ending(path)
         if ending in (".exr", ".zarr"):
@@ -264,7 +264,7 @@ class Exposure:
                 raise InvalidValueError(
                     f"scale is {scale:g}, but {ending} files keep the values as they are; leave it out"
                 )
-            (dataset.save_store if ending == ".zarr" else exposure_files.save_exr)(self, path)
+            (stores.save_store if ending == ".zarr" else exposure_files.save_exr)(self, path)
         else:
             exposure_files.save_16bit(self, path, scale, linear=ending != ".png")
 
@@ -285,11 +285,11 @@ class Exposure:
         --------
         See `save`.
         """
-        from plenoptic.rendering import dataset, exposure_files
+        from plenoptic.rendering import exposure_files, stores
 
         stored = file_path(path).suffix.lower() == ".zarr"
         try:
-            return cls(**(dataset.fields_of_store if stored else exposure_files.fields_of_image)(path, limits))
+            return cls(**(stores.fields_of_store if stored else exposure_files.fields_of_image)(path, limits))
         except InvalidValueError as error:
             raise FileError(f"{os.fspath(path)!r} holds no possible exposure: {error}") from error
 
@@ -310,7 +310,7 @@ class Exposure:
         >>> float(data.image.sel(row=1, column=2, channel="R"))
         1.0
         """
-        from plenoptic.rendering.dataset import dataset_of
+        from plenoptic.rendering.stores import dataset_of
 
         return dataset_of(self)
 

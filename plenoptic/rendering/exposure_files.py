@@ -44,7 +44,7 @@ def checked_ending(path: str | os.PathLike[str]) -> str:
 def check_target(path: str | os.PathLike[str]) -> None:
     """An error where `Exposure.save` could not write, before hours are spent."""
     if checked_ending(path) == ".zarr":
-        from plenoptic.rendering.dataset import check_store  # knows this module
+        from plenoptic.rendering.stores import check_store  # knows this module
 
         check_store(real_path(path))
     else:

@@ -10,7 +10,7 @@ import pytest
 import plenoptic as pl
 from plenoptic.command.main import COMMANDS, main
 from plenoptic.rendering import warm_up as warming
-from plenoptic.rendering.dataset import Layout, create_store
+from plenoptic.rendering.stores import Layout, create_store
 
 LENS = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(5.0))
 CAMERA = pl.PlenopticCamera(

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.rendering.dataset import Layout, create_store
+from plenoptic.rendering.stores import Layout, create_store
 from plenoptic.truth.arrays import empty_truth
 from plenoptic.truth.channels import CHANNELS, GroundTruth, Truth
 
