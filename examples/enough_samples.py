@@ -86,7 +86,7 @@ print("the same bits from the file:", np.array_equal(first.image, again.image))
 
 error = np.where(lit, first.standard_error.mean(axis=2) / np.maximum(first.image.mean(axis=2), 1e-9), 0.0)
 row, column = (int(k) + middle.start for k in np.unravel_index(np.argmax(error), error.shape))
-paths = pl.replay_all(first, scene, [(row, column, sample) for sample in range(64)])
+paths = pl.replaying.replay_all(first, scene, [(row, column, sample) for sample in range(64)])
 brightest = max(paths, key=lambda path: float(path.contribution.sum()))
 share = brightest.contribution.sum() / sum(path.contribution.sum() for path in paths)
 print(f"pixel ({row}, {column}): one path of 64 brings {100 * share:.0f} % of its light\n\n{brightest}")

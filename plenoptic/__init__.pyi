@@ -2,6 +2,7 @@ from . import aberrations as aberrations
 from . import aiming as aiming
 from . import bsdf as bsdf
 from . import camera as camera
+from . import dataset as dataset
 from . import errors as errors
 from . import export as export
 from . import images as images
@@ -68,7 +69,6 @@ from .rendering.render import render as render
 from .rendering.render import render_white as render_white
 from .rendering.warm_up import warm_up as warm_up
 from .replaying.retracing import replay as replay
-from .replaying.retracing import replay_all as replay_all
 from .scene.files.load import load_file as load_file
 from .scene.files.load import load_meshes as load_meshes
 from .scene.geometry.mesh import Mesh as Mesh

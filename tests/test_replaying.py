@@ -510,7 +510,7 @@ def test_what_cannot_be_replayed_says_why():
         (3, "paths is an int; give a sequence of"),
     ):
         with pytest.raises(pl.errors.InvalidValueError, match=message):
-            pl.replay_all(shot, scene, paths)
+            pl.replaying.replay_all(shot, scene, paths)
     with pytest.raises(pl.errors.InvalidValueError, match="scene is a float"):
         replay(shot, 1.0, pixel=(300, 199), sample=0)
     with pytest.raises(pl.errors.InvalidValueError, match="the image has 1 channels, and this scene gives 3"):

@@ -100,6 +100,8 @@ def exposure_of(found: Opened) -> Exposure | None:
 
 def _folder(path: Path) -> Opened:
     from plenoptic.core.files.zarr_reading import METADATA, attributes_of
+    from plenoptic.dataset.contents import MANIFEST
+    from plenoptic.dataset.reading import read
     from plenoptic.package.contents import PROVENANCE
     from plenoptic.rendering.stores import EXPOSURE, KIND, SEQUENCE
 
@@ -112,9 +114,12 @@ def _folder(path: Path) -> Opened:
         return Opened("a light field of the HCI benchmark's form", read_hci(path))
     if (path / PROVENANCE).is_file():
         return _package(path)
+    if (path / MANIFEST).is_file():
+        return Opened("a data set", read(path))
     raise FileError(
-        f"{str(path)!r} is no folder that can be opened: a package has a {PROVENANCE}, a light field of the HCI "
-        f"benchmark's form has parameters.cfg, a zarr store {METADATA}; give one of them, or a file"
+        f"{str(path)!r} is no folder that can be opened: a package has a {PROVENANCE}, a data set a {MANIFEST}, a "
+        "light field of the HCI benchmark's form has parameters.cfg, a zarr store "
+        f"{METADATA}; give one of them, or a file"
     )
 
 

@@ -16,8 +16,8 @@ _LIBRARIES = ("numpy", "numba", "llvmlite", "embreex", "OpenImageIO", "trimesh",
 
 def fill_parser(parser: argparse.ArgumentParser) -> None:
     """Add the arguments."""
-    text = "image (EXR, TIFF, PNG, zarr), package (folder, zip), camera (JSON), lens (JSON, CSV, Zemax, or the name of "
-    text += "a bundled one), scene (glTF, OBJ, PLY, STL) or folder of a light field"
+    text = "image (EXR, TIFF, PNG, zarr), package (folder, zip), data set (folder), camera (JSON), lens (JSON, CSV, "
+    text += "Zemax, or the name of a bundled one), scene (glTF, OBJ, PLY, STL) or folder of a light field"
     parser.add_argument("file", metavar="FILE", nargs="?", help=text)
 
 

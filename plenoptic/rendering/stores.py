@@ -14,12 +14,14 @@ from plenoptic.core.files.atomic_file import check_folder, real_path, replaced_f
 from plenoptic.core.files.extras import extra_package
 from plenoptic.core.files.reading import FileLimits
 from plenoptic.core.files.serialization import restored_fields
-from plenoptic.core.files.zarr_files import COLUMN, EXTRA, ROW, Store, Variable, zarr_module
+from plenoptic.core.files.zarr_files import COLUMN, EXTRA, FRAME, ROW, Store, Variable, zarr_module
 from plenoptic.core.files.zarr_reading import attributes_of, read_arrays
+from plenoptic.core.values import Floats
 from plenoptic.errors import FileError
 from plenoptic.optics.sensor.sensor import Sensor
 from plenoptic.rendering.exposure_files import CHANNEL_NAMES, KEPT_AS_TEXT, texts_of
-from plenoptic.truth.channels import CHANNELS, GroundTruth
+from plenoptic.truth.arrays import available_truth, empty_truth
+from plenoptic.truth.channels import CHANNELS, GroundTruth, Truth
 
 if TYPE_CHECKING:
     import xarray
@@ -28,7 +30,7 @@ if TYPE_CHECKING:
 
 KIND, EXPOSURE, SEQUENCE = "plenoptic:kind", "exposure", "sequence"
 """The attribute that says what a store holds, and what it says."""
-CHANNEL = "channel"
+CHANNEL, TIME = "channel", "time"
 _PIXEL = (ROW, COLUMN)
 _OWN = {
     "image": Variable(
@@ -40,6 +42,23 @@ _OWN = {
     "sample_counts": Variable(_PIXEL, (), np.int32, 0, "paths of the pixel"),
 }
 """The arrays of an exposure beside the truth; shapes are those of the exposure."""
+_MOTION = {
+    "motion_position": Variable(
+        (*_PIXEL, "xyz"), (), np.float64, np.nan, "place in the next frame of the scene point, in the world", "mm"
+    ),
+    "motion_shift": Variable(
+        (*_PIXEL, "along"),
+        (),
+        np.float64,
+        np.nan,
+        "shift of its image behind the same microlens in the next frame",
+        "px",
+    ),
+    "motion_visible": Variable(_PIXEL, (), np.bool_, False, "whether it is seen in the next frame"),
+}
+_LABELS = {"xyz": ("X", "Y", "Z"), "along": ("columns", "rows")}
+EXPOSURE_NAMES, MOTION_NAMES = tuple(_OWN), tuple(_MOTION)
+"""The arrays of an exposure beside the truth, and those of a `MotionTruth` in the order of its fields."""
 
 
 class Layout(NamedTuple):
@@ -50,7 +69,7 @@ class Layout(NamedTuple):
     channels: int
     """Of the image, 1 or 3."""
     names: tuple[str, ...]
-    """Of the arrays: image, standard_error, sample_counts, and fields of `GroundTruth`."""
+    """Of the arrays: image, standard_error, sample_counts, fields of `GroundTruth`, and those of motions."""
     corner: tuple[int, int] = (0, 0)
     """The first row and column on the sensor."""
     sensor: Sensor | None = None
@@ -58,11 +77,13 @@ class Layout(NamedTuple):
 
 
 def create_store(
-    path: str | os.PathLike[str], layout: Layout, texts: Mapping[str, str], *, frames: int | None = None
+    path: str | os.PathLike[str], layout: Layout, texts: Mapping[str, str], *, times: Floats | None = None
 ) -> Store:
-    """A store for an exposure of this layout, or with `frames` for a sequence, whose pixels are put in later."""
-    kind = {KIND: EXPOSURE if frames is None else SEQUENCE}
-    return Store.create(path, _variables(layout), {**kind, **texts}, frames=frames)
+    """A store for an exposure of this layout, or with `times` (s) for a sequence, whose pixels are put in later."""
+    kind, variables = {KIND: EXPOSURE if times is None else SEQUENCE}, _variables(layout)
+    if times is not None:
+        variables[TIME] = Variable((FRAME,), times.shape, times.dtype, 0, "time of the frame", "s", {}, times)
+    return Store.create(path, variables, {**kind, **texts}, frames=None if times is None else len(times))
 
 
 def save_store(exposure: Exposure, path: str | os.PathLike[str]) -> None:
@@ -71,8 +92,8 @@ def save_store(exposure: Exposure, path: str | os.PathLike[str]) -> None:
     check_store(target)
     with replaced_folder(target) as folder:
         rows, columns, _ = exposure.image.shape
-        store = create_store(folder, _layout(exposure), texts_of(exposure))
-        store.put((0, rows, 0, columns), _arrays(exposure))
+        store = create_store(folder, layout_of(exposure), texts_of(exposure))
+        store.put((0, rows, 0, columns), pixels_of(exposure))
 
 
 def fields_of_store(path: str | os.PathLike[str], limits: FileLimits) -> dict[str, Any]:
@@ -83,7 +104,7 @@ def fields_of_store(path: str | os.PathLike[str], limits: FileLimits) -> dict[st
             raise FileError(f"{os.fspath(path)!r} does not exist; check the path")
         found = "a sequence" if attributes is not None and attributes.get(KIND) == SEQUENCE else "no exposure"
         raise FileError(f"{os.fspath(path)!r} holds {found}; open it with xarray.open_zarr")
-    arrays = read_arrays(path, (*_OWN, *CHANNELS), limits)
+    arrays = read_arrays(path, (*EXPOSURE_NAMES, *CHANNELS), limits)
     if "image" not in arrays:
         raise FileError(f"{os.fspath(path)!r} has no array image; restore it from its origin")
     truth = {name: arrays.pop(name) for name in CHANNELS if name in arrays}
@@ -92,7 +113,7 @@ def fields_of_store(path: str | os.PathLike[str], limits: FileLimits) -> dict[st
 
 def dataset_of(exposure: Exposure) -> xarray.Dataset:
     """An exposure as xarray takes it; its arrays are not copied."""
-    arrays, variables = _arrays(exposure), _variables(_layout(exposure))
+    arrays, variables = pixels_of(exposure), _variables(layout_of(exposure))
     made = {
         name: (one.dimensions, arrays[name] if one.values is None else one.values, one.attributes)
         for name, one in variables.items()
@@ -102,24 +123,29 @@ def dataset_of(exposure: Exposure) -> xarray.Dataset:
     return module.Dataset(made, coords=coordinates, attrs={KIND: EXPOSURE, **texts_of(exposure)})
 
 
-def _arrays(exposure: Exposure) -> dict[str, NDArray[Any]]:
+def pixels_of(exposure: Exposure) -> dict[str, NDArray[Any]]:
+    """The arrays of an exposure, by their names in a store."""
     own = {name: found for name in _OWN if (found := getattr(exposure, name)) is not None}
     return own | dict({} if exposure.truth is None else exposure.truth.arrays())
 
 
-def _layout(exposure: Exposure) -> Layout:
+def layout_of(exposure: Exposure, truth: Truth = Truth.NONE) -> Layout:
+    """What an exposure has, and the channels of `truth` that others of its camera may have."""
     rows, columns, channels = exposure.image.shape
     first_row, _, first_column, _ = exposure.region or (0, rows, 0, columns)
     sensor = None if exposure.camera is None else exposure.camera.sensor
-    return Layout((rows, columns), channels, tuple(_arrays(exposure)), (first_row, first_column), sensor)
+    array = exposure.camera is not None and exposure.camera.microlenses is not None
+    known = tuple(empty_truth(available_truth(truth, meshes=True, microlenses=array), (0, 0)))
+    names = tuple(dict.fromkeys((*pixels_of(exposure), *known)))
+    return Layout((rows, columns), channels, names, (first_row, first_column), sensor)
 
 
 def _variables(layout: Layout) -> dict[str, Variable]:
     """What the arrays are, and their coordinates."""
     made: dict[str, Variable] = {}
-    labels = {CHANNEL: CHANNEL_NAMES[layout.channels]}
+    known, labels = _OWN | _MOTION, {CHANNEL: CHANNEL_NAMES[layout.channels], **_LABELS}
     for name in layout.names:
-        found = _OWN[name] if name in _OWN else _of_truth(name)
+        found = known[name] if name in known else _of_truth(name)
         if name in CHANNELS and (numbers := CHANNELS[name].numbers):
             labels[numbers.lower()] = tuple(numbers)
         shape = (*layout.shape, *(len(labels[dimension]) for dimension in found.dimensions[2:]))

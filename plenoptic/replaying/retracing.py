@@ -84,7 +84,7 @@ def replay(exposure: Exposure, scene: Scene | None, *, pixel: tuple[int, int], s
     ends       absorbed
     brings     radiance (1), times 0.01... sr
     adds       (0.01...)
-    >>> ways = pl.replay_all(shot, scene, [(256, 256, sample) for sample in range(16)])
+    >>> ways = pl.replaying.replay_all(shot, scene, [(256, 256, sample) for sample in range(16)])
     >>> bool(abs(np.mean([way.contribution for way in ways]) / shot.image[0, 0, 0] - 1) < 1e-7)
     True
     """
@@ -112,7 +112,7 @@ def replay_all(exposure: Exposure, scene: Scene | None, paths: Iterable[tuple[in
     ...     stop_to_microlenses=10.0)
     >>> sky = pl.Scene(background=1.0)
     >>> shot = pl.render(sky, camera, samples=8, progress=False)
-    >>> [way.ending.name for way in pl.replay_all(shot, sky, [(0, 0, 0), (3, 1, 7)])]
+    >>> [way.ending.name for way in pl.replaying.replay_all(shot, sky, [(0, 0, 0), (3, 1, 7)])]
     ['LEFT_SCENE', 'LEFT_SCENE']
     """
     context = _context(exposure, scene)

@@ -80,7 +80,7 @@ def test_info_without_a_file_names_versions_threads_and_the_cache(capsys):
 def test_info_says_what_a_store_holds_and_view_opens_it(files, capsys):
     pytest.importorskip("zarr", reason="the extra `zarr` installs it")
     SHOT.save("shot.zarr")
-    create_store("many.zarr", Layout((4, 6), 1, ("image", "depth")), {}, frames=5)
+    create_store("many.zarr", Layout((4, 6), 1, ("image", "depth")), {}, times=np.arange(5.0))
     for name, said in (
         ("shot", "an exposure in a zarr store\n"),
         ("shot", "image (row 4, column 6, channel 1) float32, scene units sr, irradiance"),

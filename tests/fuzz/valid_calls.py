@@ -277,7 +277,7 @@ def calls():
             {"scene": scene(), "camera": camera(), "samples": 4, "replicates": 2, "max_bounces": 2, "clamp": 1.0},
         ),
         "replay": (pl.replay, {"exposure": shot(), "scene": None, "pixel": (3, 4), "sample": 2}),
-        "replay_all": (pl.replay_all, {"exposure": shot(), "scene": None, "paths": [(3, 4, 2)]}),
+        "replay_all": (pl.replaying.replay_all, {"exposure": shot(), "scene": None, "paths": [(3, 4, 2)]}),
         "Exposure": (
             pl.Exposure,
             {

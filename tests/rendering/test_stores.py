@@ -102,7 +102,7 @@ def test_without_a_camera_there_are_no_places_in_mm():
 
 
 def test_what_is_something_else_is_not_replaced(shot, tmp_path):
-    sequence = create_store(tmp_path / "many.zarr", Layout(SHAPE, 1, ("image", "depth")), {}, frames=1)
+    sequence = create_store(tmp_path / "many.zarr", Layout(SHAPE, 1, ("image", "depth")), {}, times=np.zeros(1))
     folder = tmp_path / "mine.zarr"
     folder.mkdir()
     (folder / "notes.txt").write_text("mine")

@@ -85,9 +85,9 @@ def replaced_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
         try:
             with ExitStack() as held:
                 with suppress(OSError):  # there are file systems without locks: what is left behind stays
-                    held.enter_context(_locked_folder(new))
+                    held.enter_context(locked_folder(new))
                 yield new
-                _sync_files(new)
+                sync_files(new)
                 if target.exists():
                     os.replace(target, old)
                 os.replace(new, target)
@@ -202,7 +202,7 @@ def _remove_left_behind(target: Path) -> None:
     with suppress(PermissionError):  # a folder that may be written but not read
         for found in filter(_TEMPORARY.fullmatch, os.listdir(target.parent)):
             path = target.with_name(found)
-            with suppress(OSError), _locked_folder(path) if path.is_dir() else _locked_file(path):
+            with suppress(OSError), locked_folder(path) if path.is_dir() else _locked_file(path):
                 if found.endswith("old"):  # a folder that has been replaced, or was to be when its process ended
                     wanted = not (found.startswith(ours) and target.exists())
                 else:
@@ -220,8 +220,8 @@ def _locked_file(path: Path) -> Iterator[None]:
 
 
 @contextmanager
-def _locked_folder(path: Path) -> Iterator[None]:
-    """The same for a folder, which is opened otherwise."""
+def locked_folder(path: Path) -> Iterator[None]:
+    """The same for a folder, which is opened otherwise; nothing where there are no locks."""
     descriptor = None if fcntl is None else os.open(path, os.O_RDONLY)
     try:
         if descriptor is not None:
@@ -232,12 +232,25 @@ def _locked_folder(path: Path) -> Iterator[None]:
             os.close(descriptor)
 
 
-def _sync_files(folder: Path) -> None:
+def sync_files(folder: Path) -> None:
     """Put all files of a folder on the disk: libraries that write them may not."""
     for path in folder.rglob("*"):
         if path.is_file():
             with open(path, "r+b") as file:
                 os.fsync(file.fileno())
+
+
+@contextmanager
+def held_folder(folder: Path) -> Iterator[None]:
+    """Hold a folder to which one program writes at a time; an error where another one holds it."""
+    with ExitStack() as held:
+        try:
+            held.enter_context(locked_folder(folder))
+        except BlockingIOError:
+            raise FileError(f"another program is writing to {str(folder)!r}; wait until it ends") from None
+        except OSError:
+            pass
+        yield
 
 
 def _sync_folder(folder: Path) -> None:

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.files.atomic_file import check_folder, explained
+from plenoptic.core.files.atomic_file import check_folder, explained, sync_files
 from plenoptic.core.files.extras import extra_package
 from plenoptic.core.parallel import run_in_order, thread_count
 from plenoptic.core.values import file_path, frozen_array, plain_array, whole
@@ -109,15 +109,32 @@ class Store:
         found = next(iter(self._arrays.values()))
         return int(found.shape[0]) if dimensions_of(found)[0] == FRAME else None
 
-    def extend(self, frames: int) -> None:
-        """Let a sequence have so many frames in all; one worker does it, and others see it."""
+    def sizes(self, name: str) -> tuple[int, ...]:
+        """The shape of an array."""
+        return tuple(self._arrays[name].shape)
+
+    def extend(self, frames: int, coordinates: Mapping[str, ArrayLike] | None = None) -> None:
+        """Let a sequence have so many frames in all; one worker does it, and others see it.
+
+        `coordinates` (frames,) are those of frames, by name.
+        """
         if self.frames is None or whole(frames, "frames", at_least=0) < self.frames:
             have = "is no sequence" if self.frames is None else f"has {self.frames} frames already"
             raise InvalidValueError(f"{str(self.path)!r} {have}; it cannot be given {frames}")
         with understood(self.path, "written"):
             for array in self._arrays.values():
                 array.resize((frames, *array.shape[1:]))
+            for name, values in (coordinates or {}).items():
+                self._group[name].resize((frames,))
+                self._group[name][...] = np.asarray(values)
             _note_all(self._group)
+
+    def flush(self, frame: int) -> None:
+        """Put on the disk what has been written of a frame."""
+        with explained(self.path, "written"):
+            for name in self._arrays:
+                if (folder := self.path / name / "c" / str(frame)).is_dir():
+                    sync_files(folder)
 
     def put(self, region: Region, arrays: Mapping[str, ArrayLike], *, frame: int | None = None) -> None:
         """Write the pixels of a region, of all arrays or of some, into chunks that nobody else writes.

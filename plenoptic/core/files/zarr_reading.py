@@ -55,22 +55,23 @@ def described(path: str | os.PathLike[str]) -> tuple[dict[str, str], int]:
 
 
 def read_arrays(
-    path: str | os.PathLike[str], names: tuple[str, ...], limits: FileLimits = DEFAULT
+    path: str | os.PathLike[str], names: tuple[str, ...], limits: FileLimits = DEFAULT, *, frame: int | None = None
 ) -> dict[str, NDArray[Any]]:
-    """Those of the named arrays that a store has, whole; a FileError where they are not what can be read."""
+    """Those of the named arrays that a store has, whole or of a frame; a FileError where they cannot be read."""
     folder = file_path(path)
-    size = _size(folder, limits)
     found = {name: array for name, array in _opened(folder).items() if name in names}
+    parts = [folder] if frame is None else [folder / name / "c" / str(frame) for name in found]
+    size = sum(_size(part, limits) for part in parts)
     wanted = 0
     with understood(folder, "read"):
         for name, array in found.items():
             used = {codec["name"] for codec in array.metadata.to_dict()["codecs"]}
-            if not used <= _CODECS or array.dtype.kind not in "iuf":
+            if not used <= _CODECS or array.dtype.kind not in "biuf":
                 raise FileError(f"{str(folder / name)!r} is packed by {', '.join(sorted(used))}; that is not read here")
             chunk = math.prod(array.chunks) * array.dtype.itemsize
-            wanted += array.nbytes + chunk * _AT_ONCE
+            wanted += array.nbytes // (1 if frame is None else max(array.shape[0], 1)) + chunk * _AT_ONCE
         check_memory(2 * wanted, repr(str(folder)), size, limits)  # an exposure copies what it is given
-        return {name: np.asarray(array[...]) for name, array in found.items()}
+        return {name: np.asarray(array[... if frame is None else frame]) for name, array in found.items()}
 
 
 def _opened(folder: Path) -> dict[str, Any]:

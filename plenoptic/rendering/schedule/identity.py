@@ -71,7 +71,8 @@ def _by_index(camera: PlenopticCamera) -> Callable[[Any], Any]:
     def seen(medium: Any) -> Any:
         if not callable(getattr(medium, "index", None)):
             raise InvalidValueError(
-                f"a {type(medium).__name__} cannot be told from another one in a later run; leave out checkpoint="
+                f"a {type(medium).__name__} cannot be told from another one in a later run; "
+                "take a medium of this package, or leave out checkpoint="
             )
         waves = [camera.wavelength]
         if camera.sensitivity is not None:

@@ -1,0 +1,142 @@
+"""What a data set is: its folder, and what is read of it."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.core.files.extras import extra_package
+from plenoptic.core.files.reading import DEFAULT, FileLimits
+from plenoptic.core.files.serialization import restored
+from plenoptic.core.files.zarr_files import EXTRA
+from plenoptic.core.files.zarr_reading import read_arrays
+from plenoptic.core.values import result, whole
+from plenoptic.errors import FileError, InvalidValueError
+from plenoptic.rendering.exposure import Exposure
+from plenoptic.rendering.stores import EXPOSURE_NAMES, MOTION_NAMES
+from plenoptic.sequences.point_motion import MotionTruth
+from plenoptic.truth.channels import CHANNELS, GroundTruth
+
+if TYPE_CHECKING:
+    import xarray
+
+FORMAT = "plenoptic-dataset-1"
+MANIFEST, STATISTICS, CONTACT_SHEET, LOG = "manifest.json", "statistics.csv", "contact_sheet.png", "frames.log"
+
+
+@result
+class DataSet:
+    """The frames of a sequence as one camera or several see them. See `write`, which makes it, and `read`.
+
+    Attributes
+    ----------
+    path : Path
+        The folder.
+    manifest : mapping
+        What `manifest.json` holds.
+    """
+
+    path: Path
+    manifest: Mapping[str, Any]
+
+    def __len__(self) -> int:
+        return int(self.manifest["frames"])
+
+    def __repr__(self) -> str:
+        there = "" if self.complete else f", {len(self.manifest['images'])} of {len(self) * len(self.cameras)} images"
+        return f"DataSet({len(self)} frames{there}, camera{'s' * (len(self.cameras) > 1)} {', '.join(self.cameras)})"
+
+    @property
+    def cameras(self) -> tuple[str, ...]:
+        """Their names."""
+        return tuple(self.manifest["cameras"])
+
+    @property
+    def complete(self) -> bool:
+        """Whether all is there; `write` goes on where it is not."""
+        return bool(self.manifest["complete"])
+
+    def open(self, camera: str | None = None) -> xarray.Dataset:
+        """All frames of a camera as xarray opens them: with dimensions, units and coordinates, read as they are used.
+
+        `camera` is its name; None: the only one. Needs the package xarray.
+        """
+        module: Any = extra_package("xarray", "DataSet.open", EXTRA)
+        found: xarray.Dataset = module.open_zarr(self._store(self._named(camera)))
+        return found
+
+    def frame(self, number: int, camera: str | None = None, *, limits: FileLimits = DEFAULT) -> Exposure:
+        """A frame as `render` gave it, without its statistics.
+
+        Parameters
+        ----------
+        number : int
+            Of the frame, the first one being 0 and the last one -1.
+        camera : str, optional
+            Its name; None: the only one.
+        limits : FileLimits
+            The memory that it may take.
+
+        Raises
+        ------
+        InvalidValueError
+            Where there is no such frame or camera.
+        FileError
+            Where what is there cannot be read.
+        """
+        name, k = self._named(camera), self._numbered(number)
+        about = self._about(name, k)
+        fields: dict[str, Any] = dict(read_arrays(self._store(name), _NAMES, limits, frame=k))
+        truth = {key: fields.pop(key) for key in CHANNELS if key in fields}
+        return Exposure(
+            **fields,
+            truth=GroundTruth(**truth) if truth else None,
+            samples=about["samples"],
+            replicates=about["replicates"],
+            seed=about["seed"],
+            camera=self._camera(about),
+            settings=restored(self.manifest["made_with"]["settings"]),
+            white=False,
+            object_names=self.manifest["object_names"][about["object_names"]] if "object" in truth else None,
+        )
+
+    def motion(self, number: int, camera: str | None = None, *, limits: FileLimits = DEFAULT) -> MotionTruth:
+        """Where what a frame shows is in the next one, as `motion_truth` found it; for parameters see `frame`."""
+        name, k = self._named(camera), self._numbered(number)
+        if not self._about(name, k)["motion"]:
+            raise InvalidValueError(f"frame {k} of {name!r} has no motion: it is the last one, or none was asked for")
+        arrays = read_arrays(self._store(name), MOTION_NAMES, limits, frame=k)
+        return MotionTruth(*(arrays[key] for key in MOTION_NAMES))
+
+    def _named(self, camera: str | None) -> str:
+        if camera is None and len(self.cameras) == 1:
+            return self.cameras[0]
+        if camera not in self.cameras:
+            raise InvalidValueError(f"camera is {camera!r}; it must be one of {', '.join(self.cameras)}")
+        return camera
+
+    def _numbered(self, number: int) -> int:
+        n = len(self)
+        return whole(number, "the number of a frame", at_least=-n, at_most=n - 1) % n
+
+    def _store(self, name: str) -> Path:
+        return self.path / f"{name}.zarr"
+
+    def _about(self, name: str, k: int) -> Mapping[str, Any]:
+        for image in self.manifest["images"]:
+            if (image["camera"], image["frame"]) == (name, k):
+                found: Mapping[str, Any] = image
+                return found
+        raise InvalidValueError(f"frame {k} of {name!r} is not there yet; `write` goes on with what is missing")
+
+    def _camera(self, about: Mapping[str, Any]) -> PlenopticCamera:
+        camera = restored(self.manifest["cameras"][about["camera"]][about["camera_value"]])
+        if not isinstance(camera, PlenopticCamera):
+            raise FileError(f"{str(self.path / MANIFEST)!r} holds a {type(camera).__name__} where a camera must be")
+        return dataclasses.replace(camera, pose=restored(about["pose"]), shutter=restored(about["shutter"]))
+
+
+_NAMES = (*EXPOSURE_NAMES, *CHANNELS)

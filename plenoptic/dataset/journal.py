@@ -1,0 +1,86 @@
+"""What is done of a data set: a record for each piece of work, noted when it is on the disk."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from plenoptic.core.files.record_log import LogKind, RecordLog, begin_log, log_is_there
+from plenoptic.core.warn import warn
+from plenoptic.dataset.task import Task
+from plenoptic.errors import FileError, FileWarning
+from plenoptic.rendering.schedule.identity import differences
+
+_ELSEWHERE = "give another folder, or remove it"
+_KIND = LogKind("data set", 1, _ELSEWHERE)
+
+
+class Journal:
+    """The log of a data set, which is begun if there is none; a FileError where it is that of another one."""
+
+    def __init__(self, path: Path, identity: Mapping[str, str]) -> None:
+        if not log_is_there(path):
+            begin_log(path, _KIND, {"identity": dict(identity)})
+        self._path, self._log = path, RecordLog(path, _KIND)
+        try:
+            self._check(identity)
+        except BaseException:
+            self._log.close()
+            raise
+        facts = [entry.facts for entry in self._log.entries]
+        self.done = {task: of for of in facts if (task := _task(of))}
+        """What is noted of each task."""
+        self.items = {of["item"]: of["value"] for of in facts if {"item", "value"} <= of.keys()}
+        """What `kept` has kept."""
+
+    def _check(self, identity: Mapping[str, str]) -> None:
+        theirs = self._log.header.get("identity")
+        if theirs != identity:
+            what = ", ".join(differences(theirs if isinstance(theirs, dict) else {}, identity))
+            raise FileError(f"{str(self._path.parent)!r} holds another data set, with {what}; {_ELSEWHERE}")
+        if self._log.damaged:
+            warn(
+                f"{self._log.damaged} bytes of {str(self._path)!r} are damaged; what they noted is rendered again",
+                FileWarning,
+            )
+
+    def of(self, task: Task, inputs: str) -> dict[str, Any] | None:
+        """What is noted of a task; None where it is not done, and an error where it was done with other inputs."""
+        found = self.done.get(task)
+        if found is not None and found["inputs"] != inputs:
+            raise FileError(
+                f"frame {task.frame} in {str(self._path.parent)!r} was rendered with another scene or camera than "
+                f"frame {task.frame} of {task.camera!r} has now; {_ELSEWHERE}"
+            )
+        return found
+
+    def note(self, task: Task, facts: Mapping[str, Any]) -> None:
+        """A task is done, and all that it made is on the disk."""
+        self._log.append({**task._asdict(), **facts}, {})
+        self._log.flush()
+        self.done[task] = {**task._asdict(), **facts}
+
+    def kept(self, value: Any) -> str:
+        """Keep a value, as JSON, that is the same for many tasks, which name it by what is returned."""
+        name = hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()
+        if name not in self.items:
+            self._log.append({"item": name, "value": value}, {})
+            self.items[name] = value
+        return name
+
+    def close(self) -> None:
+        """Let go of the file."""
+        self._log.close()
+
+
+def _task(facts: Mapping[str, Any]) -> Task | None:
+    """The task of a record; None where it is that of none."""
+    try:
+        first, end = facts["rows"]
+        task = Task(facts["camera"], facts["frame"], (first, end), facts["image"])
+        return task if isinstance(facts["inputs"], str) and hash(task) else None
+    except (KeyError, TypeError, ValueError):
+        return None

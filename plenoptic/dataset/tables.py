@@ -1,0 +1,125 @@
+"""What a data set says about itself: the manifest, and a table of what each image took and brought."""
+
+from __future__ import annotations
+
+import csv
+import io
+import platform
+from collections.abc import Mapping
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from plenoptic import __version__
+from plenoptic.core.color.percentile import HighPercentile
+from plenoptic.core.files.atomic_file import write_file, write_json
+from plenoptic.dataset.contents import FORMAT, MANIFEST, STATISTICS
+from plenoptic.dataset.journal import Journal
+from plenoptic.dataset.task import Frames, Taking, Task, tasks_of
+from plenoptic.rendering.exposure import Exposure
+
+_COLUMNS = (
+    *(
+        "camera",
+        "frame",
+        "time_s",
+        "first_row",
+        "end_row",
+        "seed",
+        "samples",
+        "relative_error",
+        "mean",
+        "percentile_99",
+    ),
+    *("maximum", "paths", "paths_through_lens", "nonfinite", "stopped_by", "seconds", "cpu_seconds", "motion_visible"),
+)
+_PACKAGES = ("numpy", "numba", "embreex", "zarr")
+
+
+def statistics_of(shot: Exposure) -> dict[str, Any]:
+    """What the table says about an image; the same bits give the same numbers, but for the times."""
+    level, stats = HighPercentile(99.0, most=shot.image.size), shot.stats
+    for row in shot.image:
+        level.add(row[np.isfinite(row)])
+    assert stats is not None
+    error = shot.relative_error
+    return {
+        "relative_error": None if error is None or not np.isfinite(error) else error,
+        "mean": float(shot.image.mean(dtype=np.float64)),
+        "percentile_99": level.found(),
+        "maximum": float(shot.image.max()),
+        "paths": stats.paths,
+        "paths_through_lens": stats.paths_through_lens,
+        "nonfinite": stats.nonfinite,
+        "stopped_by": stats.stopped_by.name,
+        "seconds": round(stats.seconds, 3),
+        "cpu_seconds": round(stats.cpu_seconds, 3),
+        "processors": list(stats.processors),
+    }
+
+
+def write_statistics(folder: Path, done: Mapping[Task, Mapping[str, Any]]) -> None:
+    """A row for each image, or for each band of a large one."""
+    text = io.StringIO()
+    table = csv.DictWriter(text, _COLUMNS, restval="", extrasaction="ignore", lineterminator="\n")
+    table.writeheader()
+    for task, facts in sorted(done.items(), key=lambda item: (item[0].frame, item[0].camera, item[0].rows)):
+        if task.image:
+            moved = done.get(task._replace(image=False), {})
+            places = {"time_s": facts["time"], "first_row": task.rows[0], "end_row": task.rows[1]}
+            table.writerow({**facts, **places, "motion_visible": moved.get("visible", "")})
+    write_file(folder / STATISTICS, text.getvalue().encode())
+
+
+def write_manifest(folder: Path, sequences: Mapping[str, Frames], taking: Taking, journal: Journal) -> dict[str, Any]:
+    """What is there, with the inputs of each image and the hashes of what came of it."""
+    tasks = list(tasks_of(sequences, motion=taking.motion))
+    of_image: dict[tuple[int, str], list[Task]] = {}
+    for task in tasks:
+        of_image.setdefault((task.frame, task.camera), []).append(task)
+    done, images = journal.done, []
+    cameras: dict[str, dict[str, int]] = {name: {} for name in sequences}
+    names: dict[str, int] = {}
+    for (frame, camera), parts in of_image.items():
+        bands, motions = ([task for task in parts if task.image is image] for image in (True, False))
+        if not all(task in done for task in bands):
+            continue
+        facts = done[bands[0]]
+        images.append(
+            {
+                **{"camera": camera, "frame": frame},
+                **{name: facts[name] for name in ("time", "pose", "shutter", "object_to_world", "seed", "replicates")},
+                "camera_value": _number(facts["camera_value"], cameras[camera]),
+                "object_names": _number(facts["object_names"], names),
+                "samples": max(done[task]["samples"] for task in bands),
+                "motion": bool(motions) and all(task in done for task in motions),
+                "inputs": facts["inputs"],
+                "processors": sorted({kind for task in bands for kind in done[task]["processors"]}),
+                "parts": [
+                    {"rows": list(task.rows), "of": "image" if task.image else "motion", "sha256": done[task]["sha256"]}
+                    for task in parts
+                    if task in done
+                ],
+            }
+        )
+    manifest = {
+        "format": FORMAT,
+        "software": f"plenoptic {__version__}",
+        "versions": {"python": platform.python_version(), **{name: metadata.version(name) for name in _PACKAGES}},
+        "units": "lengths mm, times s, angles rad; pose: world = rotation @ camera + position, object_to_world 3 x 4",
+        "complete": all(task in done for task in tasks),
+        "frames": len(next(iter(sequences.values()))),
+        "made_with": taking.described(),
+        "cameras": {name: [journal.items[key] for key in found] for name, found in cameras.items()},
+        "object_names": [journal.items[key] for key in names],
+        "images": images,
+    }
+    write_json(folder / MANIFEST, manifest)
+    return manifest
+
+
+def _number(key: str, numbers: dict[str, int]) -> int:
+    """The number of an item, the next one if it is new."""
+    return numbers.setdefault(key, len(numbers))

@@ -1,0 +1,272 @@
+"""Writing data sets: frame by frame, each noted when it is on the disk."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.core.files.atomic_file import check_folder, explained, held_folder, real_path, replaced_folder
+from plenoptic.core.files.digest import bytes_of
+from plenoptic.core.files.zarr_files import Store, zarr_module
+from plenoptic.core.values import check_kind, flag
+from plenoptic.dataset.bar import FrameBar
+from plenoptic.dataset.contents import LOG, DataSet
+from plenoptic.dataset.journal import Journal
+from plenoptic.dataset.sheet import write_contact_sheet
+from plenoptic.dataset.tables import statistics_of, write_manifest, write_statistics
+from plenoptic.dataset.task import (
+    Frames,
+    Taking,
+    Task,
+    described_frame,
+    frame_seed,
+    inputs_of,
+    named_cameras,
+    tasks_of,
+    times_of,
+)
+from plenoptic.errors import FileError, InvalidValueError
+from plenoptic.rendering.render import render
+from plenoptic.rendering.schedule.budget import checked_budget
+from plenoptic.rendering.settings import RenderSettings
+from plenoptic.rendering.stores import MOTION_NAMES, create_store, layout_of, pixels_of
+from plenoptic.sequences.point_motion import motion_truth
+from plenoptic.sequences.sequence import Frame, Sequence
+from plenoptic.truth.channels import Truth
+
+if TYPE_CHECKING:
+    import distributed
+
+    from plenoptic.rendering.exposure import Exposure
+
+_LONG = 1 << 20
+"""Pixels from which on what is rendered at once has a checkpoint."""
+
+
+def write(  # noqa: PLR0913
+    folder: str | os.PathLike[str],
+    sequence: Sequence | list[Frame] | tuple[Frame, ...],
+    *,
+    cameras: Mapping[str, PlenopticCamera] | None = None,
+    samples: int | None = None,
+    target_error: float | None = None,
+    truth: Truth = Truth.DEPTH,
+    motion: bool = False,
+    seed: int = 0,
+    replicates: int = 2,
+    settings: RenderSettings | None = None,
+    threads: int | None = None,
+    client: distributed.Client | None = None,
+    progress: bool = True,
+) -> DataSet:
+    """Render all frames of a sequence into a folder, and go on where an earlier call ended.
+
+    It may be killed at any time: what was rendered stays, and called again with the same arguments it renders the rest,
+    with the same bits as without a break. A sequence may have become longer meanwhile. Ctrl-C ends it
+    too, and what is there is returned: `complete` is False then.
+
+    Parameters
+    ----------
+    folder : path-like
+        A new or empty folder, or that of the same data set.
+    sequence : Sequence, or list of Frame
+        Frames in a list may have scenes and cameras of their own; of cameras the sensors have the same shape.
+    cameras : mapping from str to PlenopticCamera, optional
+        Those that see the frames of a `Sequence`, each in place of its camera: posed as it is, and moved by
+        `camera_motion`. Names are letters, digits, - and _. None: the one of the sequence, called "camera".
+    samples, target_error, replicates, truth, threads, client
+        As for `render`, of each frame.
+    motion : bool
+        Whether to find where what pixels show is in the next frame: see `motion_truth`.
+    seed : int
+        From which the seeds of all images are drawn; the manifest names them.
+    settings : RenderSettings, optional
+        What else `render` is told.
+    progress : bool
+        Whether to show a progress bar.
+
+    Returns
+    -------
+    DataSet
+
+    Raises
+    ------
+    InvalidValueError
+        Where an argument is impossible, or a frame does not fit those before: colours after grey ones.
+    FileError
+        Where the folder holds something else, or data of other inputs, or another program is writing to it.
+
+    Notes
+    -----
+    docs/how_to/data_sets.md says what is in which file. Frames of more than 16 megapixels are rendered in bands of some
+    multiple of 512 rows, so that memory is bounded, also by their numbers of bytes; with a `target_error` each band
+    reaches it by itself. Needs the package zarr.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile, numpy as np, plenoptic as pl
+    >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
+    ...     sensor=pl.Sensor(shape=(16, 16), pixel_pitch=0.5), stop_to_microlenses=130.0)
+    >>> turn = pl.Motion.screw((0, 1), axis=(0, 1, 0), through=(0, 0, -404), angle_deg=90)
+    >>> scene = pl.Scene([pl.box(8).translated(z=-404)], background=1.0)
+    >>> sequence = pl.Sequence(scene, camera, np.linspace(0, 1, 3), motions={"Mesh 0": turn})
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     made = pl.dataset.write(pathlib.Path(folder) / "turn", sequence, samples=4, motion=True, progress=False)
+    ...     again = pl.dataset.read(made.path)
+    ...     print(again, again.frame(1).image.shape, again.motion(0).shift.shape)
+    DataSet(3 frames, camera camera) (16, 16, 1) (16, 16, 2)
+    """
+    zarr_module()
+    if samples is None and target_error is None:
+        raise InvalidValueError("samples and target_error are both None; give one of them, such as samples=64")
+    budget = checked_budget(samples, None, target_error, replicates)
+    settings = RenderSettings() if settings is None else settings
+    check_kind(settings, "settings", RenderSettings, "pl.rendering.RenderSettings(max_bounces=2)")
+    taking = Taking(samples, target_error, budget.replicates, Truth(truth), flag(motion, "motion"), seed, settings)
+    sequences, shown = named_cameras(sequence, cameras), flag(progress, "progress")
+    target = _folder(folder)
+    with held_folder(target):
+        journal = Journal(target / LOG, taking.identity(sequences))
+        try:
+            _Writer(target, sequences, taking, journal, {"threads": threads, "client": client}).run(show=shown)
+        finally:
+            journal.close()
+        write_statistics(target, journal.done)
+        manifest = write_manifest(target, sequences, taking, journal)
+        write_contact_sheet(target, manifest["images"])
+    return DataSet(target, MappingProxyType(manifest))
+
+
+def _folder(folder: str | os.PathLike[str]) -> Path:
+    """A folder that is made if there is none; an error where it holds something else than a data set."""
+    target = real_path(folder)
+    check_folder(target)
+    with explained(target, "used"):
+        target.mkdir(exist_ok=True)
+        if any(target.iterdir()) and not (target / LOG).is_file():
+            raise FileError(f"{str(target)!r} is there and holds no data set; choose a new name, or remove it first")
+    return target
+
+
+class _Writer:
+    """Writes what is missing."""
+
+    def __init__(
+        self, folder: Path, sequences: Mapping[str, Frames], taking: Taking, journal: Journal, workers: dict[str, Any]
+    ) -> None:
+        self._folder, self._sequences, self._taking = folder, sequences, taking
+        self._journal, self._workers = journal, workers
+        self._stores: dict[str, Store] = {}
+
+    def run(self, *, show: bool) -> None:
+        """Until all is there, or Ctrl-C."""
+        tasks = list(tasks_of(self._sequences, motion=self._taking.motion))
+        frames: dict[int, dict[str, Frame]] = {}
+        with FrameBar(len(tasks), show=show) as bar:
+            for task in tasks:
+                frames = {k: frames.get(k) or self._frames(k) for k in task.frames}
+                here = [frames[k][task.camera] for k in task.frames]
+                inputs = inputs_of(*here)
+                if self._journal.of(task, inputs) is not None:
+                    bar.kept()
+                    continue
+                found = self._image(task, *here) if task.image else self._motion(task, *here)
+                if found is None:
+                    break
+                self._keep(task, inputs, *found)
+                bar.done()
+
+    def _frames(self, k: int) -> dict[str, Frame]:
+        """Of all cameras at a time, with one scene, which is compiled once."""
+        found = {name: sequence[k] for name, sequence in self._sequences.items()}
+        scene = next(iter(found.values())).scene
+        return {name: Frame(scene, frame.camera, frame.time) for name, frame in found.items()}
+
+    def _keep(self, task: Task, inputs: str, facts: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> None:
+        """Put arrays on the disk, and then note that they are there."""
+        store, sha = self._stores[task.camera], hashlib.sha256()
+        columns = next(iter(arrays.values())).shape[1]
+        store.put((*task.rows, 0, columns), arrays, frame=task.frame)
+        store.flush(task.frame)
+        for name in sorted(arrays):
+            sha.update(name.encode() + bytes_of(np.ascontiguousarray(arrays[name])))
+        self._journal.note(task, {**facts, "inputs": inputs, "sha256": sha.hexdigest()})
+        if task.image:
+            self._checkpoint(task).unlink(missing_ok=True)
+
+    def _image(self, task: Task, frame: Frame) -> tuple[dict[str, Any], dict[str, NDArray[Any]]] | None:
+        """Render; None where that was interrupted."""
+        taking, (rows, columns), (first, end) = self._taking, frame.camera.sensor.shape, task.rows
+        about, settings = described_frame(frame), taking.settings
+        seed = frame_seed(taking.seed, task.frame, list(self._sequences).index(task.camera))
+        shot = render(
+            frame.scene,
+            frame.camera,
+            samples=taking.samples,
+            target_error=taking.target_error,
+            region=None if (first, end) == (0, rows) else np.s_[first:end, :],
+            seed=seed,
+            replicates=taking.replicates,
+            sampler=settings.sampler,
+            max_bounces=settings.max_bounces,
+            caustics=settings.caustics,
+            clamp=settings.clamp,
+            truth=taking.truth,
+            checkpoint=self._checkpoint(task) if (end - first) * columns >= _LONG else None,
+            progress=False,
+            **self._workers,
+        )
+        if shot.interrupted:
+            return None
+        facts = {"seed": seed, "replicates": shot.replicates, "samples": shot.samples, **statistics_of(shot), **about}
+        facts |= {name: self._journal.kept(about[name]) for name in ("camera_value", "object_names")}
+        return facts, self._fitting(task, frame, shot)
+
+    def _fitting(self, task: Task, frame: Frame, shot: Exposure) -> dict[str, NDArray[Any]]:
+        """The arrays of an image as the store of its camera has them; it is made with the first one."""
+        arrays = pixels_of(shot)
+        if self._taking.target_error is not None:
+            arrays.setdefault("sample_counts", np.full(shot.image.shape[:2], shot.samples, dtype=np.int32))
+        path = self._folder / f"{task.camera}.zarr"
+        if not path.exists():
+            layout = layout_of(shot, self._taking.truth)._replace(shape=frame.camera.sensor.shape, corner=(0, 0))
+            names = (*dict.fromkeys((*layout.names, *arrays)), *(MOTION_NAMES if self._taking.motion else ()))
+            with replaced_folder(path) as new:
+                create_store(new, layout._replace(names=names), {}, times=times_of(self._sequences[task.camera]))
+        channels = self._store(task).sizes("image")[-1]
+        for name in ("image", "standard_error"):
+            if name in arrays and arrays[name].shape[2] < channels:
+                arrays[name] = np.repeat(arrays[name], channels, axis=2)
+        if shot.image.shape[2] > channels:
+            raise InvalidValueError(
+                f"frame {task.frame} of {task.camera!r} has colours, and the data set began with grey frames; "
+                "begin with one that has something of a colour, however dark"
+            )
+        return arrays
+
+    def _motion(self, task: Task, now: Frame, following: Frame) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+        first, end = task.rows
+        threads = self._workers["threads"]
+        found = motion_truth(now, following, region=np.s_[first:end, :], threads=threads, progress=False)
+        self._store(task)
+        arrays = dict(zip(MOTION_NAMES, (found.position, found.shift, found.visible), strict=True))
+        return {"visible": float(found.visible.mean())}, arrays
+
+    def _store(self, task: Task) -> Store:
+        """The store of a camera, with room for all frames."""
+        if task.camera not in self._stores:
+            times = times_of(self._sequences[task.camera])
+            self._stores[task.camera] = Store(self._folder / f"{task.camera}.zarr")
+            self._stores[task.camera].extend(len(times), {"time": times})
+        return self._stores[task.camera]
+
+    def _checkpoint(self, task: Task) -> Path:
+        return self._folder / f"{task.camera}-{task.frame}-{task.rows[0]}.checkpoint"

@@ -1,0 +1,105 @@
+"""Data sets: what a frame costs beside its rendering, and a run that is killed again and again."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from table import Table
+
+import plenoptic as pl
+from plenoptic.study.cameras import reference_camera
+
+DIE = pl.Mesh(pl.box(2.4).vertices, pl.box(2.4).faces, name="die").translated(z=-404)
+WALL = pl.quad((-80, -80, -420), (160, 0, 0), (0, 160, 0))
+
+
+def sequence(frames: int) -> pl.Sequence:
+    turn = pl.Motion.screw((0, 1), axis=(1, 2, 0.5), through=(0, 0, -404), angle_deg=90, advance=1.5)
+    camera = dataclasses.replace(reference_camera(), sensor=pl.Sensor(shape=(64, 64), pixel_pitch=0.05))
+    return pl.Sequence(pl.Scene([WALL, DIE], background=0.3), camera, np.linspace(0, 1, frames), motions={"die": turn})
+
+
+HOW = {"samples": 16, "truth": pl.Truth.DEPTH | pl.Truth.OBJECT, "progress": False}
+
+
+def tables(*, quick: bool) -> Iterator[Table]:
+    frames, kills = (8, 2) if quick else (200, 20)
+    with tempfile.TemporaryDirectory() as folder:
+        yield Table(
+            f"{frames} frames of 64 x 64 pixels, 16 samples, with motion",
+            ("what", "wall s", "CPU-s", "CPU-ms a frame", "MB"),
+            list(costs(Path(folder), frames)),
+            ["In one process, kernels compiled, on all processors."],
+        )
+        yield Table(
+            "The same, killed by SIGKILL at random moments and called again",
+            ("kills", "frames there at each", "hashes of all arrays, and the manifest"),
+            [killed(Path(folder), frames, kills)],
+        )
+
+
+def costs(folder: Path, frames: int) -> Iterator[tuple[object, ...]]:
+    pl.dataset.write(folder / "warm", sequence(2), motion=True, **HOW)
+
+    def timed(what: str, work: object) -> tuple[object, ...]:
+        begin, cpu = time.perf_counter(), time.process_time()
+        work()  # type: ignore[operator]
+        took, cpu = time.perf_counter() - begin, time.process_time() - cpu
+        return what, took, cpu, 1e3 * cpu / frames
+
+    def rendered() -> None:
+        found = list(sequence(frames))
+        for k, frame in enumerate(found):
+            pl.render(frame.scene, frame.camera, seed=k, **HOW)
+            if k:
+                pl.sequences.motion_truth(found[k - 1], frame, progress=False)
+
+    yield *timed("`render` and `motion_truth`", rendered), None
+    whole = folder / "whole"
+    facts = timed("`dataset.write`", lambda: pl.dataset.write(whole, sequence(frames), motion=True, **HOW))
+    yield *facts, sum(path.stat().st_size for path in whole.rglob("*") if path.is_file()) / 1e6
+    yield *timed("called again", lambda: pl.dataset.write(whole, sequence(frames), motion=True, **HOW)), None
+
+
+def killed(folder: Path, frames: int, kills: int) -> tuple[object, ...]:
+    program = "import sys, pathlib, data_sets, plenoptic as pl; pl.dataset.write(pathlib.Path(sys.argv[1]), "
+    program += "data_sets.sequence(int(sys.argv[2])), motion=True, **data_sets.HOW)"
+    broken, random, there = folder / "broken", np.random.default_rng(3), []
+    log = broken / "frames.log"
+    surroundings = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    while len(there) < kills:
+        process = subprocess.Popen([sys.executable, "-c", program, broken, str(frames)], env=surroundings)
+        before = images_in(log)
+        while process.poll() is None and images_in(log) <= before:
+            time.sleep(0.01)
+        time.sleep(random.uniform(0, 0.5 * frames / kills * 0.1))
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        there.append(images_in(log))
+    subprocess.run([sys.executable, "-c", program, broken, str(frames)], env=surroundings, check=True)
+    equal = digest(folder / "whole") == digest(broken)
+    return kills, ", ".join(map(str, there)), "equal" if equal else "DIFFERENT"
+
+
+def images_in(log: Path) -> int:
+    return log.read_bytes().count(b'"image": true') if log.exists() else 0
+
+
+def digest(folder: Path) -> tuple[str, object]:
+    """Of all files of the stores, and the manifest."""
+    sha = hashlib.sha256()
+    for path in sorted(folder.glob("*.zarr/**/*")):
+        if path.is_file():
+            sha.update(str(path.relative_to(folder)).encode() + path.read_bytes())
+    return sha.hexdigest(), json.loads((folder / "manifest.json").read_text())

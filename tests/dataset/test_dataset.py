@@ -1,0 +1,398 @@
+"""Data sets: frames are what `render` gives, and the same bits however often writing was stopped."""
+
+import csv
+import dataclasses
+import json
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import plenoptic as pl
+from plenoptic.core.files.atomic_file import held_folder
+from plenoptic.dataset import task, writing
+from plenoptic.errors import FileError, FileWarning, InvalidValueError
+
+pytest.importorskip("zarr", reason="the extra `zarr` installs it")
+
+CAMERA = pl.PlenopticCamera(
+    lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=5.0)),
+    microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
+    sensor=pl.Sensor(shape=(12, 16), pixel_pitch=0.2),
+    stop_to_microlenses=123.3,
+    microlenses_to_sensor=1.7,
+)
+RIGHT = dataclasses.replace(CAMERA, pose=pl.Pose.look_at((10, 0, 0), target=(0, 0, -404)))
+DIE = dataclasses.replace(pl.box(2.4).translated(z=-404), name="die")
+SCENE = pl.Scene([pl.quad((-80, -80, -420), (160, 0, 0), (0, 160, 0)), DIE], background=0.3)
+TURN = pl.Motion.screw((0, 1), axis=(1, 2, 0.5), through=(0, 0, -404), angle_deg=60, advance=1.5)
+TRUTH = pl.Truth.DEPTH | pl.Truth.OBJECT
+HOW = {"samples": 8, "truth": TRUTH, "progress": False}
+
+
+def sequence(frames=3, **changes):
+    return pl.Sequence(SCENE, CAMERA, np.arange(frames) / 4, motions={"die": TURN}, **changes)
+
+
+def contents(folder):
+    """All arrays of all stores, and the manifest without the hashes of inputs."""
+    found = {}
+    for store in sorted(folder.glob("*.zarr")):
+        data = pl.dataset.read(folder).open(store.stem)
+        found |= {(store.stem, name): data[name].values for name in data.variables}
+    return found, json.loads((folder / "manifest.json").read_text())
+
+
+def assert_same(one, other):
+    (arrays, manifest), (others, theirs) = contents(one), contents(other)
+    assert arrays.keys() == others.keys() and manifest == theirs
+    for name, array in arrays.items():
+        np.testing.assert_array_equal(array, others[name], err_msg=str(name))
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("sets") / "pair"
+    cameras = {"left": CAMERA, "right": RIGHT}
+    return pl.dataset.write(folder, sequence(), cameras=cameras, motion=True, seed=5, **HOW)
+
+
+def test_frames_are_what_render_gives(made):
+    assert repr(made) == "DataSet(3 frames, cameras left, right)" and made.complete
+    seeds = set()
+    for name, camera in (("left", CAMERA), ("right", RIGHT)):
+        for k, frame in enumerate(sequence()):
+            got = made.frame(k, name)
+            seen = sequence_frame(k, camera)
+            shot = pl.render(seen.scene, seen.camera, seed=got.seed, **HOW)
+            assert got == dataclasses.replace(shot, stats=None)
+            assert got.camera == seen.camera and frame.time == k / 4
+            seeds.add(got.seed)
+    assert len(seeds) == 6 and made.frame(-1, "left") == made.frame(2, "left")
+
+
+def sequence_frame(k, camera):
+    return dataclasses.replace(sequence(), camera=camera)[k]
+
+
+def test_motions_are_those_of_motion_truth(made):
+    for name, camera in (("left", CAMERA), ("right", RIGHT)):
+        now, following = sequence_frame(1, camera), sequence_frame(2, camera)
+        wanted, got = pl.sequences.motion_truth(now, following, progress=False), made.motion(1, name)
+        for field in ("position", "shift", "visible"):
+            np.testing.assert_array_equal(getattr(got, field), getattr(wanted, field))
+    with pytest.raises(InvalidValueError, match="frame 2 of 'left' has no motion: it is the last one"):
+        made.motion(2, "left")
+
+
+def test_the_manifest_says_where_things_are(made):
+    again = pl.dataset.read(made.path)
+    assert again.manifest == made.manifest and len(again) == 3
+    images = made.manifest["images"]
+    assert [(image["frame"], image["camera"]) for image in images[:3]] == [(0, "left"), (0, "right"), (1, "left")]
+    for image in images:
+        matrix = np.array(image["object_to_world"]["die"])
+        np.testing.assert_allclose(matrix, TURN.matrices([image["time"]])[0], atol=1e-12)
+        names = made.manifest["object_names"][image["object_names"]]
+        assert names == ["Mesh 0", "die", ""]
+    assert len(made.manifest["cameras"]["left"]) == 1  # poses are said of each image
+    assert len({image["inputs"] for image in images}) == len({image["parts"][0]["sha256"] for image in images}) == 6
+
+
+def test_statistics_are_those_of_the_images(made):
+    with open(made.path / "statistics.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 6
+    for row in rows:
+        shot = made.frame(int(row["frame"]), row["camera"])
+        assert float(row["mean"]) == pytest.approx(shot.image.mean(dtype=np.float64), rel=1e-12)
+        assert float(row["percentile_99"]) == pytest.approx(np.percentile(shot.image, 99), rel=1e-6)
+        assert float(row["relative_error"]) == shot.relative_error
+        assert float(row["cpu_seconds"]) >= 0 and int(row["paths"]) == 12 * 16 * 8
+        assert (row["motion_visible"] == "") == (row["frame"] == "2")
+
+
+def test_the_contact_sheet_shows_all_frames(made):
+    sheet = np.asarray(Image.open(made.path / "contact_sheet.png").convert("L"))
+    assert sheet.shape[1] > 3 * 80 and sheet.min() < 100 and sheet.max() == 255
+
+
+def test_xarray_knows_times_and_units(made):
+    data = made.open("right")
+    assert data.sizes["frame"] == 3 and data.time.values.tolist() == [0.0, 0.25, 0.5] and data.time.units == "s"
+    assert data.motion_shift.units == "px" and data.along.values.tolist() == ["columns", "rows"]
+    with pytest.raises(InvalidValueError, match="camera is None; it must be one of left, right"):
+        made.open()
+
+
+STEPS = ["render", "motion_truth", "put", "flush", "note", "write_manifest", "write_contact_sheet"]
+
+
+class Killed(BaseException):
+    pass
+
+
+@pytest.mark.parametrize("after", [False, True], ids=["before", "after"])
+@pytest.mark.parametrize("step", STEPS)
+def test_stopped_at_any_step_it_goes_on_with_the_same_bits(step, after, tmp_path, monkeypatch):
+    whole, broken = tmp_path / "whole", tmp_path / "broken"
+    how = {**HOW, "motion": True}
+    pl.dataset.write(whole, sequence(), **how)
+    owner = {"put": writing.Store, "flush": writing.Store, "note": writing.Journal}.get(step, writing)
+    real, calls = getattr(owner, step), [0]
+
+    def killing(*given, **named):
+        calls[0] += 1
+        if calls[0] == (2 if not step.startswith("write") and step != "motion_truth" else 1):
+            if after:
+                real(*given, **named)
+            raise Killed
+        return real(*given, **named)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(owner, step, killing)
+        with pytest.raises(Killed):
+            pl.dataset.write(broken, sequence(), **how)
+    assert pl.dataset.write(broken, sequence(), **how).complete
+    assert_same(whole, broken)
+
+
+def test_a_sequence_may_become_longer(tmp_path):
+    how = {**HOW, "motion": True}
+    short = pl.dataset.write(tmp_path / "grown", sequence(2), **how)
+    assert len(short) == 2
+    long = pl.dataset.write(tmp_path / "grown", sequence(4), **how)
+    pl.dataset.write(tmp_path / "whole", sequence(4), **how)
+    assert_same(tmp_path / "whole", long.path)
+    assert np.isfinite(long.motion(1).shift).any()
+
+
+def test_nothing_is_rendered_twice(made, monkeypatch):
+    def render(*_, **__):
+        raise AssertionError("rendered again")
+
+    monkeypatch.setattr(writing, "render", render)
+    cameras = {"left": CAMERA, "right": RIGHT}
+    again = pl.dataset.write(made.path, sequence(), cameras=cameras, motion=True, seed=5, **HOW)
+    assert again.manifest == made.manifest
+
+
+def test_an_interrupted_frame_is_not_kept(tmp_path, monkeypatch):
+    real, calls = writing.render, [0]
+
+    def interrupting(*given, **named):
+        calls[0] += 1
+        shot = real(*given, **named)
+        stopped = dataclasses.replace(shot.stats, stopped_by=pl.rendering.StopReason.INTERRUPTED)
+        return shot if calls[0] < 2 else dataclasses.replace(shot, stats=stopped)
+
+    monkeypatch.setattr(writing, "render", interrupting)
+    partly = pl.dataset.write(tmp_path / "set", sequence(), **HOW)
+    assert not partly.complete and repr(partly) == "DataSet(3 frames, 1 of 3 images, camera camera)"
+    assert partly.frame(0).image.any()
+    with pytest.raises(InvalidValueError, match="frame 1 of 'camera' is not there yet"):
+        partly.frame(1)
+
+
+def test_bands_have_the_bits_of_whole_frames(tmp_path, monkeypatch):
+    """A frame of three bands, with truth, motions and errors of pixels at the rims."""
+    tall = dataclasses.replace(CAMERA, sensor=pl.Sensor(shape=(1030, 4), pixel_pitch=0.01))
+    frames = pl.Sequence(SCENE, tall, (0.0, 0.2), motions={"die": TURN})
+    how = {**HOW, "samples": 2, "motion": True}
+    one = pl.dataset.write(tmp_path / "one", frames, **how)
+    monkeypatch.setattr(task, "_PART", 1)
+    monkeypatch.setattr(writing, "_LONG", 1)  # with checkpoints
+    other = pl.dataset.write(tmp_path / "other", frames, **how)
+    assert [part["rows"] for part in other.manifest["images"][0]["parts"]][:3] == [[0, 512], [512, 1024], [1024, 1030]]
+    for k in range(2):
+        assert one.frame(k) == other.frame(k)
+    np.testing.assert_array_equal(one.motion(0).shift, other.motion(0).shift)
+    assert not list(other.path.glob("*.checkpoint"))
+
+
+def test_frames_may_have_scenes_and_cameras_of_their_own(tmp_path):
+    wide = dataclasses.replace(CAMERA, stop_to_microlenses=125.0, pose=pl.Pose.look_at((1, 2, 3), target=(0, 0, -404)))
+    lit = pl.Scene(SCENE.meshes, [pl.QuadLight.facing((0, 60, -300), (0, 0, -404), (40, 40), radiance=10)])
+    frames = [pl.sequences.Frame(lit, CAMERA, 0.0), pl.sequences.Frame(SCENE, wide, 1.0)]
+    found = pl.dataset.write(tmp_path / "list", frames, **HOW)
+    assert len(found.manifest["cameras"]["camera"]) == 2 and len(found.manifest["object_names"]) == 2
+    for k, frame in enumerate(frames):
+        got = found.frame(k)
+        shot = pl.render(frame.scene, frame.camera, seed=got.seed, **HOW)
+        assert got == dataclasses.replace(shot, stats=None) and got.camera == frame.camera
+
+
+def test_grey_frames_fit_among_coloured_ones(tmp_path):
+    colour = pl.Scene(SCENE.meshes, background=(0.3, 0.2, 0.1))
+    frames = [pl.sequences.Frame(scene, CAMERA, time) for time, scene in enumerate((colour, SCENE))]
+    found = pl.dataset.write(tmp_path / "set", frames, **HOW)
+    grey = found.frame(1).image
+    assert grey.shape[2] == 3 and (grey == grey[:, :, :1]).all() and grey.any()
+    with pytest.raises(InvalidValueError, match="frame 1 of 'camera' has colours, and the data set began with grey"):
+        pl.dataset.write(tmp_path / "other", frames[::-1], **HOW)
+
+
+def test_a_target_error_is_reached_in_each_frame(tmp_path):
+    how = {"target_error": 0.1, "progress": False}
+    found = pl.dataset.write(tmp_path / "set", sequence(2), **how)
+    for k, frame in enumerate(sequence(2)):
+        got = found.frame(k)
+        shot = pl.render(frame.scene, frame.camera, seed=got.seed, **how)
+        np.testing.assert_array_equal(got.image, shot.image)
+        assert got.relative_error < 0.13 and got.samples == shot.samples
+
+
+def test_a_moving_camera_with_a_shutter(tmp_path):
+    camera = dataclasses.replace(CAMERA, shutter=pl.sequences.Shutter(duration=0.02, row_time=1e-4))
+    past = pl.Motion((0, 1), [pl.Pose.look_at((x, 0, 0), target=(0, 0, -404)) for x in (-5, 5)])
+    frames = pl.Sequence(SCENE, camera, (0.2, 0.4), camera_motion=past)
+    found = pl.dataset.write(tmp_path / "set", frames, **HOW)
+    got = found.frame(1)
+    assert got.camera == frames[1].camera
+    assert got == dataclasses.replace(pl.render(SCENE, frames[1].camera, seed=got.seed, **HOW), stats=None)
+
+
+REFUSED = {
+    "another seed": ({"seed": 1}, "holds another data set, with seed 0, not 1; give another folder"),
+    "more samples": ({"samples": 16}, "with samples 8, not 16"),
+    "other settings": ({"settings": pl.rendering.RenderSettings(max_bounces=1)}, "max_bounces 8, not 1"),
+    "other truth": ({"truth": pl.Truth.DEPTH}, "truth DEPTH|OBJECT, not DEPTH"),
+    "other cameras": ({"cameras": {"other": CAMERA}}, "cameras camera, not other"),
+}
+
+
+@pytest.fixture(scope="module")
+def single(tmp_path_factory):
+    return pl.dataset.write(tmp_path_factory.mktemp("sets") / "single", sequence(2), **HOW)
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_another_data_set_is_not_mixed_with_it(single, name):
+    changes, message = REFUSED[name]
+    before = contents(single.path)[1]
+    with pytest.raises(FileError) as error:
+        pl.dataset.write(single.path, sequence(2), **{**HOW, **changes})
+    assert message in str(error.value)
+    assert contents(single.path)[1] == before
+
+
+def test_other_inputs_are_refused(single):
+    scene = pl.Scene(SCENE.meshes, background=0.4)
+    other = pl.Sequence(scene, CAMERA, (0.0, 0.25), motions={"die": TURN})
+    with pytest.raises(FileError, match="frame 0 in .* was rendered with another scene or camera than frame 0"):
+        pl.dataset.write(single.path, other, **HOW)
+
+
+def test_folders_of_something_else_are_refused(tmp_path):
+    (tmp_path / "letters.txt").write_text("mine")
+    with pytest.raises(FileError, match="is there and holds no data set"):
+        pl.dataset.write(tmp_path, sequence(), **HOW)
+    with pytest.raises(FileError, match="does not exist; make it first"):
+        pl.dataset.write(tmp_path / "no" / "such", sequence(), **HOW)
+    with pytest.raises(FileError, match="is no data set"):
+        pl.dataset.read(tmp_path)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="no locks")
+def test_one_program_at_a_time_writes(single):
+    with held_folder(single.path), pytest.raises(FileError, match="another program is writing to"):
+        pl.dataset.write(single.path, sequence(2), **HOW)
+
+
+BAD_CALLS = {
+    "nothing ends it": (dict(samples=None), "samples and target_error are both None"),
+    "no sequence": (dict(sequence=SCENE), "sequence is a Scene"),
+    "no frames": (dict(sequence=[]), "sequence is empty"),
+    "cameras of a list": (
+        dict(sequence=list(sequence(2)), cameras={"a": CAMERA}),
+        "the frames of a list have their own",
+    ),
+    "a path as name": (dict(cameras={"../a": CAMERA}), "'../a' is no name of a camera"),
+    "no camera": (dict(cameras={"a": SCENE}), r"cameras\['a'\] is a Scene"),
+    "names alike": (dict(cameras={"a": CAMERA, "A": CAMERA}), "differ in capital letters only"),
+    "no settings": (dict(settings=3), "settings is"),
+}
+
+
+@pytest.mark.parametrize("name", BAD_CALLS)
+def test_impossible_calls_make_no_folder(name, tmp_path):
+    changes, message = BAD_CALLS[name]
+    how = {"sequence": sequence(2), **HOW, **changes}
+    with pytest.raises(InvalidValueError, match=message):
+        pl.dataset.write(tmp_path / "set", **how)
+    assert not (tmp_path / "set").exists()
+
+
+def test_what_is_damaged_in_the_log_is_rendered_again(tmp_path):
+    folder = tmp_path / "set"
+    pl.dataset.write(folder, sequence(2), **HOW)
+    before = contents(folder)
+    log = folder / "frames.log"
+    log.write_bytes(log.read_bytes()[:-20])
+    with pytest.warns(FileWarning, match="are damaged; what they noted is rendered again"):
+        pl.dataset.write(folder, sequence(2), **HOW)
+    after = contents(folder)
+    assert before[1] == after[1] and all((before[0][name] == after[0][name]).all() for name in before[0])
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda m: m.update(format="other-1"),
+        lambda m: m.update(frames="3"),
+        lambda m: m.pop("made_with"),
+        lambda m: m["cameras"].update({"../x": []}),
+        lambda m: m["images"][0].pop("pose"),
+        lambda m: m["images"][0].update(camera_value=7),
+    ],
+)
+def test_made_up_manifests_are_refused(single, change, tmp_path):
+    manifest = json.loads((single.path / "manifest.json").read_text())
+    change(manifest)
+    (tmp_path / "manifest.json").write_text(json.dumps(manifest))
+    with pytest.raises(FileError, match="is no manifest of a data set"):
+        pl.dataset.read(tmp_path)
+
+
+def images_in(folder):
+    log = folder / "frames.log"
+    return log.read_bytes().count(b'"image": true') if log.exists() else 0
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name == "nt", reason="no SIGKILL")
+def test_killed_at_random_it_makes_the_same_bits(tmp_path):
+    program = textwrap.dedent(
+        """
+        import sys, pathlib, plenoptic as pl
+        sys.path.insert(0, sys.argv[2])
+        from test_dataset import HOW, sequence
+        pl.dataset.write(pathlib.Path(sys.argv[1]), sequence(24), motion=True, **HOW)
+        """
+    )
+    command = [sys.executable, "-c", program]
+    here = os.path.dirname(__file__)
+    whole, broken = tmp_path / "whole", tmp_path / "broken"
+    subprocess.run([*command, whole, here], check=True)
+    random, kills = np.random.default_rng(1), 0
+    while True:
+        process = subprocess.Popen([*command, broken, here])
+        before = images_in(broken)
+        # Once something new is noted, at a random moment of the following frames.
+        while process.poll() is None and images_in(broken) <= before:
+            time.sleep(0.01)
+        time.sleep(random.uniform(0, 0.4))
+        if process.poll() is not None or kills == 4:
+            assert process.wait() == 0
+            break
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        kills += 1
+    assert kills >= 3
+    assert_same(whole, broken)
