@@ -10,7 +10,9 @@ from plenoptic.rendering.plan.stages import Subject
 from plenoptic.rendering.render import render, render_white
 
 
-def expose(subject: Subject, *, seed: int, region: tuple[slice, slice] | None, threads: int | None) -> Exposure:
+def expose(
+    subject: Subject, *, seed: int, region: tuple[slice, slice] | None, threads: int | None, client: Any = None
+) -> Exposure:
     """Render a subject, without a progress bar."""
     common: dict[str, Any] = {
         "samples": subject.samples,
@@ -18,6 +20,7 @@ def expose(subject: Subject, *, seed: int, region: tuple[slice, slice] | None, t
         "seed": seed,
         "replicates": subject.replicates,
         "threads": threads,
+        "client": client,
         "progress": False,
     }
     if subject.scene is None:

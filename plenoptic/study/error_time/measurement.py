@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import statistics
 import time
-from collections.abc import Callable, Sequence
-from typing import NamedTuple, TypeVar
+from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple
 
+from plenoptic.core.engines.engine import Engine
 from plenoptic.rendering.exposure import Exposure
 from plenoptic.study.error_time.rows import ErrorRow
 from plenoptic.study.error_time.split import Reference, split_error
 from plenoptic.study.interruption import until_interrupted
 
-T = TypeVar("T")
-
 _SETUPS = 5
 """Calls of one path each, of which the median is what setting up costs."""
+_PIXEL_BYTES = 32
+"""Of an exposure without truth, at most."""
 
 Expose = Callable[[str, int, int], Exposure]
 """From the name of a variant, the number of samples and the seed."""
@@ -37,50 +38,92 @@ class Runs(NamedTuple):
     """How often each render is timed."""
 
 
+class Call(NamedTuple):
+    """A render that is timed, as engines are given it."""
+
+    variant: str
+    samples: int
+    """0: next to nothing is rendered, which tells what setting up costs."""
+    seed: int
+    kept: bool
+    """Whether its exposure is wanted, and not only how long it took."""
+    pixels: int
+
+    @property
+    def size(self) -> float:
+        """Paths."""
+        return (self.samples or 1) * self.pixels
+
+    @property
+    def nbytes(self) -> int:
+        """Of its exposure."""
+        return _PIXEL_BYTES * self.pixels if self.kept else 0
+
+
+Timed = tuple[Exposure | None, Cost]
+
+
+def timed(expose: Expose, set_up: Callable[[str], object], call: Call, clock: Callable[[], float]) -> Timed:
+    """Carry out a call; `clock` tells the time of processors."""
+    wall, cpu = time.perf_counter(), clock()
+    shot = expose(call.variant, call.samples, call.seed) if call.samples else None
+    if not call.samples:
+        set_up(call.variant)
+    cost = clock() - cpu, time.perf_counter() - wall
+    return shot if call.kept else None, cost
+
+
 def measured_rows(
-    expose: Expose,
+    engine: Engine[Call, Timed],
     variants: Sequence[str],
     runs: Runs,
     reference: Reference,
     *,
-    set_up: Callable[[str], object] = lambda name: None,
     done: Callable[[int], object] = lambda samples: None,
 ) -> list[ErrorRow]:
     """Expose each variant with each number of samples and several seeds, and split its error.
 
     Variants take turns, so that what disturbs the machine disturbs all of them. Rows of different numbers of samples
-    have seeds of their own, so that their errors are independent. `set_up` renders next to nothing in a variant, and
-    `done` is called after each render, with its samples. An interrupt ends it with the rows that are done.
+    have seeds of their own, so that their errors are independent. `done` is called after each render, with its samples.
+    An interrupt ends it with the rows that are done.
     """
-    samples, seeds, seed, repeats = runs
-    for name in variants:  # compiles, and traces pupils, which are kept
-        expose(name, samples[0], seed)
-    starting = {name: _median([_timed(set_up, name)[1] for _ in range(_SETUPS)]) for name in variants}
+    pixels, (samples, seeds, seed, repeats) = int(reference.lit.size), runs
+
+    def carried_out(calls: list[Call]) -> Iterator[tuple[Call, Exposure | None, Cost]]:
+        for each in engine.results(iter(calls), left=len(calls), given_up=lambda: False):
+            yield each.order, *each.result
+
+    starting: dict[str, list[Cost]] = {name: [] for name in variants}
+    for call, _, cost in carried_out([Call(name, 0, seed, False, 1) for name in variants for _ in range(_SETUPS)]):
+        starting[call.variant].append(cost)
 
     def measure(place: int) -> list[ErrorRow]:
-        n = samples[place]
-        shots: dict[str, list[Exposure]] = {name: [] for name in variants}
+        n, first = samples[place], seed + place * seeds
+        calls = [
+            Call(name, n, number, repeat == 0, pixels)
+            for number in range(first, first + seeds)
+            for repeat in range(repeats)
+            for name in variants
+        ]
+        shots: dict[str, dict[int, Exposure]] = {name: {} for name in variants}
         costs: dict[str, list[Cost]] = {name: [] for name in variants}
-        for number in range(seed + place * seeds, seed + (place + 1) * seeds):
-            for repeat in range(repeats):
-                for name in variants:
-                    shot, cost = _timed(expose, name, n, number)
-                    costs[name].append(cost)
-                    if repeat == 0:
-                        shots[name].append(shot)
-                    done(n)
+        for call, shot, cost in carried_out(calls):
+            costs[call.variant].append(cost)
+            if shot is not None:
+                shots[call.variant][call.seed] = shot
+            done(n)
         return [
-            ErrorRow(name, n, *_median(costs[name]), *starting[name], **split_error(shots[name], reference)._asdict())
+            ErrorRow(
+                name,
+                n,
+                *_median(costs[name]),
+                *_median(starting[name]),
+                **split_error([shot for _, shot in sorted(shots[name].items())], reference)._asdict(),
+            )
             for name in variants
         ]
 
     return [row for rows in until_interrupted(measure, range(len(samples))) for row in rows]
-
-
-def _timed(call: Callable[..., T], *arguments: object) -> tuple[T, Cost]:
-    wall, cpu = time.perf_counter(), time.process_time()
-    result = call(*arguments)
-    return result, (time.process_time() - cpu, time.perf_counter() - wall)
 
 
 def _median(costs: Sequence[Cost]) -> Cost:

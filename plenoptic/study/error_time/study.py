@@ -2,24 +2,30 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
-from collections.abc import Mapping, Sequence
+import time
+from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from plenoptic.camera.checks import check_scene_and_camera
+from plenoptic.core.engines.choice import cluster_of
+from plenoptic.core.engines.engine import Engine, ThreadEngine
 from plenoptic.core.parallel import thread_count
 from plenoptic.core.values import seed_number, whole, wrong_kind
 from plenoptic.core.waiting.bar import load_tqdm
 from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.exposure import Exposure
-from plenoptic.study.error_time.measurement import Runs, measured_rows
+from plenoptic.study.error_time.measurement import Call, Runs, Timed, measured_rows, timed
 from plenoptic.study.error_time.split import reference_of
 from plenoptic.study.error_time.table import ErrorTable
 from plenoptic.study.error_time.variants import Variant, checked_variants, default_variants
 from plenoptic.study.exposures import central_pixel, complete, studied_region
 
 if TYPE_CHECKING:
+    import distributed
+
     from plenoptic.camera.camera import PlenopticCamera
     from plenoptic.scene.scene import Scene
 
@@ -48,6 +54,7 @@ def error_against_time(  # noqa: PLR0913
     reference: Variant | Exposure | None = None,
     reference_samples: int | None = None,
     threads: int = 1,
+    client: distributed.Client | None = None,
     title: str | None = None,
     progress: bool = True,
 ) -> ErrorTable:
@@ -82,6 +89,9 @@ def error_against_time(  # noqa: PLR0913
         Paths per pixel of the reference; None: 16 times the largest number in `samples`.
     threads : int, optional
         Of the renders that are timed.
+    client : distributed.Client, optional
+        Of a dask cluster (extra `cluster`) on whose workers all is rendered, with one thread each: times are then those
+        of its processors, which should be alike and not shared. None: here.
     title : str, optional
         Of the table.
     progress : bool, optional
@@ -124,31 +134,32 @@ def error_against_time(  # noqa: PLR0913
     chosen = default_variants(scene, camera) if variants is None else checked_variants(variants)
     cameras = {name: variant.camera_from(camera) for name, variant in chosen.items()}
     window = studied_region(camera.sensor.shape, region, SIDE)
-    middle = central_pixel(window)
     if isinstance(reference, Exposure):
         _check_place(reference, window)
     elif reference is not None and not isinstance(reference, Variant):
         raise wrong_kind(reference, "reference", "Variant or an Exposure", "Variant(max_bounces=32)")
 
-    def expose(name: str, n: int, seed: int) -> Exposure:
-        return complete(chosen[name].render(scene, cameras[name], samples=n, seed=seed, region=window, threads=workers))
-
-    def set_up(name: str) -> None:
-        complete(chosen[name].render(scene, cameras[name], samples=1, seed=0, region=middle, threads=workers))
-
+    cluster = cluster_of(client, None if threads == 1 else threads)
     converged = REFERENCE_FACTOR * numbers[-1] if reference_samples is None else reference_samples
     whole(converged, "reference_samples", at_least=2)
     total = converged + len(chosen) * sum(numbers) * count * rounds
-    with load_tqdm()(total=total, bar_format=_BAR, disable=not progress) as bar:
+    with load_tqdm()(total=total, bar_format=_BAR, disable=not progress) as bar, contextlib.ExitStack() as stack:
         if not isinstance(reference, Exposure):
             variant = Variant() if reference is None else reference
             there, other = variant.camera_from(camera), first + REFERENCE_SEED
             # On all processors: it is not timed, and its bits do not depend on them.
-            reference = complete(variant.render(scene, there, samples=converged, seed=other, region=window))
+            shot = variant.render(scene, there, samples=converged, seed=other, region=window, client=client)
+            reference = complete(shot)
         known = reference_of(reference)
         bar.update(converged)
-        runs = Runs(numbers, count, first, rounds)
-        found = measured_rows(expose, list(chosen), runs, known, set_up=set_up, done=bar.update)
+        job = _Job(scene, cameras, chosen, window, workers, numbers[0], first)
+        engine: Engine[Call, Timed]
+        if cluster is None:
+            work = _timed_renders(job)
+            engine = ThreadEngine(lambda call, _: work(call), 1)
+        else:
+            engine = stack.enter_context(cluster.engine(_timed_renders, job))
+        found = measured_rows(engine, list(chosen), Runs(numbers, count, first, rounds), known, done=bar.update)
     return ErrorTable(
         title=title or ("white image" if scene is None else repr(scene)),
         rows=found,
@@ -160,6 +171,33 @@ def error_against_time(  # noqa: PLR0913
         reference_error=math.sqrt(known.squared_error),
         interrupted=len(found) < len(chosen) * len(numbers),
     )
+
+
+class _Job(NamedTuple):
+    """What all renders of a study have in common, as values that pickle."""
+
+    scene: Scene | None
+    cameras: dict[str, PlenopticCamera]
+    variants: dict[str, Variant]
+    window: tuple[slice, slice]
+    threads: int
+    samples: int
+    seed: int
+
+
+def _timed_renders(job: _Job, processes: int = 1) -> Callable[[Call], Timed]:
+    """What carries out the calls of a study: here, or in another process. All is compiled, and pupils are known."""
+    middle = central_pixel(job.window)
+
+    def expose(name: str, n: int, seed: int, region: tuple[slice, slice] = job.window) -> Exposure:
+        variant, camera = job.variants[name], job.cameras[name]
+        return complete(variant.render(job.scene, camera, samples=n, seed=seed, region=region, threads=job.threads))
+
+    for name in job.variants:
+        expose(name, job.samples, job.seed)
+    # With one thread it is this one that renders, whatever others of the process do meanwhile.
+    clock = time.thread_time if job.threads == 1 else time.process_time
+    return lambda call: timed(expose, lambda name: expose(name, 1, 0, middle), call, clock)
 
 
 def _checked_numbers(samples: Sequence[int]) -> list[int]:

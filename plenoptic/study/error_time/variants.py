@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.core.values import check_kind, choice, set_field, value, whole, wrong_kind
@@ -17,6 +18,9 @@ from plenoptic.rendering.settings import Caustics, RenderSettings, Sampler
 from plenoptic.scene.scene import Scene
 from plenoptic.study.exposures import expose
 from plenoptic.truth.channels import Truth
+
+if TYPE_CHECKING:
+    import distributed
 
 _FEW_BOUNCES = 2
 """Depth limit of the default variant with fewer bounces: light that was scattered once more after direct light."""
@@ -124,6 +128,7 @@ class Variant:
         seed: int,
         region: tuple[slice, slice] | None = None,
         threads: int | None = None,
+        client: distributed.Client | None = None,
     ) -> Exposure:
         """Render a scene, or the white image where it is None, in this way and without ground truth.
 
@@ -132,7 +137,7 @@ class Variant:
         scene : Scene or None
         camera : PlenopticCamera
             As `camera_from` has made it.
-        samples, seed, region, threads
+        samples, seed, region, threads, client
             As for `render`.
 
         Returns
@@ -140,7 +145,7 @@ class Variant:
         Exposure
         """
         subject = Subject(scene, camera, samples, self.replicates, Truth.NONE, self._settings)
-        return expose(subject, seed=seed, region=region, threads=threads)
+        return expose(subject, seed=seed, region=region, threads=threads, client=client)
 
 
 def default_variants(scene: Scene | None, camera: PlenopticCamera) -> dict[str, Variant]:

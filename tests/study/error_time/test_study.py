@@ -6,18 +6,25 @@ import signal
 import statistics
 import subprocess
 import sys
+import time
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import plenoptic as pl
 from plenoptic.command.main import main
+from plenoptic.core.engines.engine import ThreadEngine
+from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.schedule import orders
 from plenoptic.study import ErrorRow, ErrorTable, Variant, default_variants
 from plenoptic.study.cameras import reference_camera, smooth_camera
 from plenoptic.study.error_time import cases as cases_of_errors
-from plenoptic.study.error_time.measurement import Runs, measured_rows
+from plenoptic.study.error_time.measurement import Runs, measured_rows, timed
 from plenoptic.study.error_time.split import reference_of
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "core" / "engines"))
+import fake_client
 
 RANDOM, ONE = Variant(sampler=pl.rendering.Sampler.RANDOM), Variant(replicates=1)
 SIGMAS = 4
@@ -44,6 +51,11 @@ def made_up(name, n, seed):
     return pl.Exposure(image, standard_error=truth * n**-0.5)
 
 
+def here(expose, set_up=lambda name: None):
+    """Calls in this thread."""
+    return ThreadEngine(lambda call, _: timed(expose, set_up, call, time.process_time), 1)
+
+
 def test_rows_find_what_was_put_in():
     calls = []
 
@@ -52,7 +64,7 @@ def test_rows_find_what_was_put_in():
         return made_up(name, n, seed)
 
     reference = reference_of(made_up("plain", 1 << 14, 10**6))
-    rows = measured_rows(expose, ["plain", "biased"], Runs([64, 256, 1024], seeds=6, repeats=2), reference)
+    rows = measured_rows(here(expose), ["plain", "biased"], Runs([64, 256, 1024], seeds=6, repeats=2), reference)
     for one in rows:
         assert abs(one.variance - 1 / one.samples) < SIGMAS * one.variance_error
         bias = 0.02 if one.variant == "biased" else 0.0
@@ -61,9 +73,9 @@ def test_rows_find_what_was_put_in():
         assert one.true_over_reported == pytest.approx(1.0, abs=SIGMAS / math.sqrt(2 * 5 * 4096))
     assert rows[-1].bias_is_found and not any(one.bias_is_found for one in rows if one.variant == "plain")
     # Every row has seeds of its own, all variants the same; repeats are renderings of the same seed.
-    seeds = {(name, n): {s for a, b, s in calls[2:] if (a, b) == (name, n)} for name, n, _ in calls}
+    seeds = {(name, n): {s for a, b, s in calls if (a, b) == (name, n)} for name, n, _ in calls}
     assert seeds["plain", 64] == seeds["biased", 64] == set(range(6))
-    assert seeds["plain", 256] == set(range(6, 12)) and len(calls) == 2 + 2 * 3 * 6 * 2
+    assert seeds["plain", 256] == set(range(6, 12)) and len(calls) == 2 * 3 * 6 * 2
 
 
 def test_an_interrupted_study_keeps_the_rows_it_has(monkeypatch):
@@ -87,19 +99,38 @@ def test_an_interrupted_study_keeps_the_rows_it_has(monkeypatch):
 
 
 def test_times_are_medians_and_setting_up_is_measured_by_itself():
-    import time
-
     def expose(name, n, seed):
         time.sleep(0.05 if seed == 1 else 0.004)  # one rendering is disturbed
         return made_up(name, n, seed)
 
     reference = reference_of(made_up("plain", 4096, 99))
-    one = measured_rows(expose, ["a"], Runs([16], seeds=5), reference, set_up=lambda name: time.sleep(0.002))[0]
+    engine = here(expose, set_up=lambda name: time.sleep(0.002))
+    one = measured_rows(engine, ["a"], Runs([16], seeds=5), reference)[0]
     assert 0.004 <= one.wall_seconds < 0.05 and one.cpu_seconds < one.wall_seconds
     assert 0.002 <= one.setup_wall_seconds < 0.05
 
 
 # Renderings
+
+
+def test_a_cluster_finds_the_same_errors():
+    """Any order of results; times are those of the workers, which are here."""
+    client = fake_client.FakeClient(seed=4)
+    how = {"samples": (8, 16), "seeds": 3, "repeats": 2, "reference_samples": 64, "progress": False}
+    variants = {"plain": Variant(), "thin": Variant(lens=pl.LensModel.THIN)}
+    one, other = (
+        pl.study.error_against_time(None, conventional(5.0, side=8), variants, client=c, **how) for c in (None, client)
+    )
+    client.close()
+    assert client.calls.count("carry_out") > 3
+    times = ("cpu_seconds", "wall_seconds", "setup_cpu_seconds", "setup_wall_seconds")
+    for row, same in zip(one.rows, other.rows, strict=True):
+        assert dataclasses.replace(row, **dict.fromkeys(times, 0.0)) == dataclasses.replace(
+            same, **dict.fromkeys(times, 0.0)
+        )
+        assert all(0 < getattr(same, name) < 5 for name in times)
+    with pytest.raises(InvalidValueError, match="threads is 2 and client is given"):
+        pl.study.error_against_time(None, conventional(5.0, side=8), client=client, threads=2, progress=False)
 
 
 @pytest.mark.slow
