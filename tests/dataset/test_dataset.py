@@ -9,6 +9,7 @@ import subprocess
 import sys
 import textwrap
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,6 +19,9 @@ import plenoptic as pl
 from plenoptic.core.files.atomic_file import held_folder
 from plenoptic.dataset import task, writing
 from plenoptic.errors import FileError, FileWarning, InvalidValueError
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "core" / "engines"))
+import fake_client
 
 pytest.importorskip("zarr", reason="the extra `zarr` installs it")
 
@@ -256,6 +260,14 @@ def test_a_moving_camera_with_a_shutter(tmp_path):
     got = found.frame(1)
     assert got.camera == frames[1].camera
     assert got == dataclasses.replace(pl.render(SCENE, frames[1].camera, seed=got.seed, **HOW), stats=None)
+
+
+def test_tiles_of_frames_may_be_rendered_elsewhere(single, tmp_path):
+    client = fake_client.FakeClient(seed=2)
+    pl.dataset.write(tmp_path / "set", sequence(2), client=client, **HOW)
+    client.close()
+    assert client.calls.count("carry_out") >= 2
+    assert_same(single.path, tmp_path / "set")
 
 
 REFUSED = {
