@@ -47,8 +47,10 @@ if TYPE_CHECKING:
 
     from plenoptic.rendering.exposure import Exposure
 
-_LONG = 1 << 20
-"""Pixels from which on what is rendered at once has a checkpoint."""
+_LONG = 1 << 28
+"""Paths from which on what is rendered at once has a checkpoint: some minutes."""
+_USUAL = 64
+"""Samples that a target error takes, about."""
 
 
 def write(  # noqa: PLR0913
@@ -182,6 +184,7 @@ class _Writer:
                 if found is None:
                     break
                 self._keep(task, inputs, *found)
+                del found  # before the next one takes memory
                 bar.done()
 
     def _frames(self, k: int) -> dict[str, Frame]:
@@ -206,6 +209,7 @@ class _Writer:
         """Render; None where that was interrupted."""
         taking, (rows, columns), (first, end) = self._taking, frame.camera.sensor.shape, task.rows
         about, settings = described_frame(frame), taking.settings
+        paths = (end - first) * columns * (taking.samples or _USUAL)
         seed = frame_seed(taking.seed, task.frame, list(self._sequences).index(task.camera))
         shot = render(
             frame.scene,
@@ -220,7 +224,7 @@ class _Writer:
             caustics=settings.caustics,
             clamp=settings.clamp,
             truth=taking.truth,
-            checkpoint=self._checkpoint(task) if (end - first) * columns >= _LONG else None,
+            checkpoint=self._checkpoint(task) if paths >= _LONG else None,
             progress=False,
             **self._workers,
         )
